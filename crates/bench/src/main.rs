@@ -1,0 +1,2 @@
+//! The corf command.
+fn main() {}

@@ -1,0 +1,39 @@
+use std::path::PathBuf;
+
+/// What can go wrong in a reconstruction.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A file could not be read or written.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// The attempted action, as a verb.
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What the operating system answered.
+        source: std::io::Error,
+    },
+    /// An input cannot be used: `place` says where, `help` what to do.
+    #[error("{place}: {what}\n  help: {help}")]
+    Invalid {
+        /// File, key, index.
+        place: String,
+        /// What is wrong.
+        what: String,
+        /// What to do about it.
+        help: String,
+    },
+    /// A keyframe or dataset error.
+    #[error(transparent)]
+    Scene(#[from] corf_scene::Error),
+}
+
+/// The result of this crate's fallible functions.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+impl Error {
+    /// An [`Error::Invalid`].
+    pub fn invalid(place: impl Into<String>, what: impl Into<String>, help: impl Into<String>) -> Self {
+        Self::Invalid { place: place.into(), what: what.into(), help: help.into() }
+    }
+}

@@ -1,0 +1,84 @@
+//! The coupled representation: one geometry, one opacity and colour per modality.
+
+/// Degree-0 real spherical harmonic, `1 / (2√π)`.
+pub const SH_C0: f32 = 0.282_094_8;
+
+/// N coupled Gaussians as structure of arrays (paper Eq. (12): `{μ, Σ, o_opt, c_opt, o_rf, c_rf}`).
+///
+/// `Σ = R(q) diag(exp(2·log_scale)) R(q)ᵀ`, world frame, metres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gaussians {
+    /// Means μ, metres, world frame; N.
+    pub position: Vec<[f32; 3]>,
+    /// Rotations as quaternions `(w, x, y, z)`, not necessarily normalised; N.
+    pub rotation: Vec<[f32; 4]>,
+    /// ln of the standard deviations in metres; N.
+    pub log_scale: Vec<[f32; 3]>,
+    /// Opacity and colour in light: 3 channels, sRGB-encoded `[0, 1]`.
+    pub optical: Appearance,
+    /// Opacity and colour at 60 GHz: 3 channels (Jet RGB) or 1 (scalar dB in `[0, 1]`).
+    pub rf: Appearance,
+}
+
+/// One modality's opacity and view-dependent colour of N Gaussians.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Appearance {
+    /// Colour channels C.
+    pub channels: usize,
+    /// Spherical-harmonic degree L; K = (L+1)² coefficients.
+    pub sh_degree: usize,
+    /// Opacity before the logistic function; N.
+    pub opacity_logit: Vec<f32>,
+    /// Coefficients, `[gaussian][coefficient][channel]`; N·K·C. Colour = max(0, 0.5 + Σ_k sh_k Y_k(d)), d from camera to Gaussian in world axes.
+    pub sh: Vec<f32>,
+}
+
+impl Appearance {
+    /// No Gaussians yet.
+    pub fn empty(channels: usize, sh_degree: usize) -> Self {
+        Self { channels, sh_degree, opacity_logit: Vec::new(), sh: Vec::new() }
+    }
+
+    /// Coefficients per channel, K = (L+1)².
+    pub fn coefficients(&self) -> usize {
+        (self.sh_degree + 1) * (self.sh_degree + 1)
+    }
+
+    /// Numbers per Gaussian in `sh`, K·C.
+    pub fn stride(&self) -> usize {
+        self.coefficients() * self.channels
+    }
+}
+
+impl Gaussians {
+    /// No Gaussians yet; `rf_channels` is 3 (Jet) or 1 (dB).
+    pub fn empty(rf_channels: usize, sh_degree: usize) -> Self {
+        Self {
+            position: Vec::new(),
+            rotation: Vec::new(),
+            log_scale: Vec::new(),
+            optical: Appearance::empty(3, sh_degree),
+            rf: Appearance::empty(rf_channels, sh_degree),
+        }
+    }
+
+    /// How many Gaussians there are.
+    pub fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.position.is_empty()
+    }
+}
+
+/// The logistic function.
+pub fn sigmoid(x: f32) -> f32 {
+    1.0 / (1.0 + (-x).exp())
+}
+
+/// The inverse of [`sigmoid`], for a probability strictly between 0 and 1.
+pub fn logit(p: f32) -> f32 {
+    (p / (1.0 - p)).ln()
+}

@@ -1,0 +1,89 @@
+//! Colour: the sRGB transfer function and the Jet map in which RF spectra are published.
+
+/// sRGB encoding of linear light (IEC 61966-2-1), both in `[0, 1]`; values outside are clamped.
+pub fn srgb_from_linear(linear: f32) -> f32 {
+    let l = linear.clamp(0.0, 1.0);
+    if l <= 0.003_130_8 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Linear light of an sRGB value in `[0, 1]` (IEC 61966-2-1).
+pub fn linear_from_srgb(srgb: f32) -> f32 {
+    let s = srgb.clamp(0.0, 1.0);
+    if s <= 0.040_45 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
+}
+
+/// `[0, 1]` to 8 bits, rounding to nearest.
+pub fn quantize8(value: f32) -> u8 {
+    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+}
+
+/// Piecewise-linear interpolation through `(x, y)` knots, constant outside.
+fn through(knots: &[(f32, f32)], x: f32) -> f32 {
+    let after = knots.partition_point(|k| k.0 <= x);
+    if after == 0 {
+        return knots[0].1;
+    }
+    if after == knots.len() {
+        return knots[after - 1].1;
+    }
+    let (a, b) = (knots[after - 1], knots[after]);
+    a.1 + (b.1 - a.1) * (x - a.0) / (b.0 - a.0)
+}
+
+/// The Jet colour of a scalar in `[0, 1]` (matplotlib's breakpoints, continuous rather than tabulated), RGB in `[0, 1]`.
+pub fn jet(scalar: f32) -> [f32; 3] {
+    let s = scalar.clamp(0.0, 1.0);
+    [
+        through(&[(0.35, 0.0), (0.66, 1.0), (0.89, 1.0), (1.0, 0.5)], s),
+        through(&[(0.125, 0.0), (0.375, 1.0), (0.64, 1.0), (0.91, 0.0)], s),
+        through(&[(0.0, 0.5), (0.11, 1.0), (0.34, 1.0), (0.65, 0.0)], s),
+    ]
+}
+
+/// The scalar in `[0, 1]` whose Jet colour is nearest to `rgb` in the Euclidean sense: exact on the curve, the projection off it.
+pub fn scalar_from_jet(rgb: [f32; 3]) -> f32 {
+    // Jet is piecewise linear between these scalars, so the nearest point is found segment by segment.
+    const KNOTS: [f32; 12] = [0.0, 0.11, 0.125, 0.34, 0.35, 0.375, 0.64, 0.65, 0.66, 0.89, 0.91, 1.0];
+    let mut best = (f32::INFINITY, 0.0);
+    for pair in KNOTS.windows(2) {
+        let (a, b) = (jet(pair[0]), jet(pair[1]));
+        let (mut along, mut length2) = (0.0, 0.0);
+        for c in 0..3 {
+            along += (rgb[c] - a[c]) * (b[c] - a[c]);
+            length2 += (b[c] - a[c]) * (b[c] - a[c]);
+        }
+        let t = (along / length2).clamp(0.0, 1.0);
+        let distance2: f32 = (0..3).map(|c| (a[c] + t * (b[c] - a[c]) - rgb[c]).powi(2)).sum();
+        if distance2 < best.0 {
+            best = (distance2, pair[0] + t * (pair[1] - pair[0]));
+        }
+    }
+    best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn jet_is_inverted_within_half_an_8_bit_step() {
+        for i in 0..=1000 {
+            let s = i as f32 / 1000.0;
+            let c = jet(s).map(|v| f32::from(quantize8(v)) / 255.0);
+            assert!((scalar_from_jet(c) - s).abs() < 0.5 / 255.0, "{s}");
+        }
+    }
+
+    #[test]
+    fn jet_floor_is_half_blue() {
+        assert_eq!(jet(0.0), [0.0, 0.0, 0.5]);
+    }
+
+    #[test]
+    fn srgb_round_trips() {
+        for i in 0..=255u8 {
+            let v = f32::from(i) / 255.0;
+            assert!((srgb_from_linear(linear_from_srgb(v)) - v).abs() < 1e-5);
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! The keyframe `K_t = {I_t, S_t, P_t}`: all that passes from the world to a reconstruction.
+
+use crate::{Raster, Rigid3};
+use serde::{Deserialize, Serialize};
+
+/// One keyframe: an image, an angular power spectrum and the pose they share.
+#[derive(Clone, Debug)]
+pub struct Keyframe {
+    /// Index along the trajectory, from 0.
+    pub index: usize,
+    /// Time, seconds.
+    pub time_s: f64,
+    /// Pose `P_t` (OpenCV camera axes).
+    pub world_from_camera: Rigid3,
+    /// Image `I_t`: 8-bit sRGB.
+    pub image: Raster<[u8; 3]>,
+    /// Spectrum `S_t`: linear power per steradian relative to 1 W transmitted (1/sr), one value a pixel of the RF camera.
+    pub spectrum: Raster<f32>,
+    /// z-depth in metres from the ray tracer, `0` or infinite where nothing was hit; only the `Simulated` prior and reports read it.
+    pub depth_m: Option<Raster<f32>>,
+    /// Object index per pixel, `u32::MAX` where nothing was hit; only the `Simulated` prior reads it.
+    pub surface: Option<Raster<u32>>,
+}
+
+/// The one dB range of a whole dataset: `scalar = (10·log10(S) − min_db) / (max_db − min_db)`, clamped to `[0, 1]`.
+///
+/// `max_db` is at or above the dataset's peak, so a peak is never clipped; bins at or under `min_db`, empty ones included, are 0.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DbRange {
+    /// Level of scalar 0, dB (10·log10 of linear power per steradian).
+    pub min_db: f64,
+    /// Level of scalar 1, dB.
+    pub max_db: f64,
+}
+
+impl DbRange {
+    /// Scalar in `[0, 1]` of a linear power.
+    pub fn scalar(&self, linear: f32) -> f32 {
+        if linear <= 0.0 {
+            return 0.0;
+        }
+        ((10.0 * f64::from(linear).log10() - self.min_db) / (self.max_db - self.min_db)).clamp(0.0, 1.0) as f32
+    }
+
+    /// Level in dB of a scalar.
+    pub fn db(&self, scalar: f32) -> f64 {
+        self.min_db + f64::from(scalar) * (self.max_db - self.min_db)
+    }
+
+    /// Linear power of a scalar.
+    pub fn linear(&self, scalar: f32) -> f64 {
+        10f64.powf(self.db(scalar) / 10.0)
+    }
+}

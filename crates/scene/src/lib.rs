@@ -1,0 +1,22 @@
+//! What the world is: geometry, optical and radio materials, cameras, trajectories, the lobby builder,
+//! glTF/OBJ import and the keyframe dataset on disk.
+//!
+//! World frame: right-handed, z up, metres. Camera frame: OpenCV axes (x right, y down, z forward).
+//! Transforms are named `target_from_source`.
+
+pub mod camera;
+pub mod color;
+mod error;
+pub mod keyframe;
+pub mod model;
+pub mod raster;
+pub mod rng;
+pub mod transform;
+
+pub use camera::Pinhole;
+pub use error::{Error, Result};
+pub use keyframe::Keyframe;
+pub use model::Scene;
+pub use raster::Raster;
+pub use rng::Rng;
+pub use transform::Rigid3;

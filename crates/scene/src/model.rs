@@ -1,0 +1,264 @@
+//! A scene in memory: world-space triangles with optical and radio materials. Every importer makes one; both tracers read it.
+
+use crate::{Raster, Rigid3};
+use glam::{Affine2, DVec3, Vec3};
+
+/// A scene: one flat list of world-space triangles (z up, metres) with materials, textures and lights.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// A name for messages: the file stem, as a rule.
+    pub name: String,
+    /// Named things (a sofa, a wall); a triangle's surface id is an index into this list.
+    pub objects: Vec<Object>,
+    /// Materials, optical and radio.
+    pub materials: Vec<Material>,
+    /// Decoded textures.
+    pub textures: Vec<Texture>,
+    /// Vertices: world positions, metres.
+    pub positions: Vec<Vec3>,
+    /// Per vertex: unit shading normal.
+    pub normals: Vec<Vec3>,
+    /// Per vertex: texture coordinates (glTF convention, v down).
+    pub uvs: Vec<[f32; 2]>,
+    /// Triangles.
+    pub triangles: Vec<Triangle>,
+    /// Point, spot and directional lights (`KHR_lights_punctual`); emissive triangles are found through their materials.
+    pub lights: Vec<PunctualLight>,
+}
+
+/// One triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Triangle {
+    /// Indices of its vertices, counter-clockwise seen from the outside.
+    pub vertices: [u32; 3],
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+    /// Index into [`Scene::objects`].
+    pub object: u32,
+}
+
+/// A named part of the scene.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Object {
+    /// The node's name in the file.
+    pub name: String,
+}
+
+/// An optical material and, where the file or the TOML gives one, its radio properties.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// Name in the file.
+    pub name: String,
+    /// What light sees.
+    pub optical: OpticalMaterial,
+    /// What 60 GHz sees; `None` is an error the moment radio is traced over it.
+    pub radio: Option<RadioMaterial>,
+}
+
+/// glTF metallic-roughness (the model of glTF 2.0, appendix B), linear colour.
+#[derive(Clone, Debug)]
+pub struct OpticalMaterial {
+    /// Linear base colour factor.
+    pub base_color: [f32; 3],
+    /// Base colour texture (sRGB).
+    pub base_color_texture: Option<TextureRef>,
+    /// Opacity of the base colour: below `alpha_cutoff` a texel is a hole (glTF alphaMode MASK).
+    pub alpha_cutoff: Option<f32>,
+    /// 0 dielectric … 1 metal.
+    pub metallic: f32,
+    /// Perceptual roughness, `alpha = roughness²`.
+    pub roughness: f32,
+    /// G = roughness, B = metallic (linear).
+    pub metallic_roughness_texture: Option<TextureRef>,
+    /// Tangent-space normals (linear).
+    pub normal_texture: Option<TextureRef>,
+    /// Scale of the normal texture's x and y.
+    pub normal_scale: f32,
+    /// Linear emitted radiance (factor × `KHR_materials_emissive_strength`), W/(m²·sr) up to exposure.
+    pub emissive: [f32; 3],
+    /// Emissive texture (sRGB).
+    pub emissive_texture: Option<TextureRef>,
+    /// `KHR_materials_transmission`: 0 opaque … 1 thin glass.
+    pub transmission: f32,
+    /// `KHR_materials_ior`.
+    pub ior: f32,
+    /// Seen from both sides.
+    pub double_sided: bool,
+}
+
+impl Default for OpticalMaterial {
+    fn default() -> Self {
+        Self {
+            base_color: [0.8; 3],
+            base_color_texture: None,
+            alpha_cutoff: None,
+            metallic: 0.0,
+            roughness: 1.0,
+            metallic_roughness_texture: None,
+            normal_texture: None,
+            normal_scale: 1.0,
+            emissive: [0.0; 3],
+            emissive_texture: None,
+            transmission: 0.0,
+            ior: 1.5,
+            double_sided: true,
+        }
+    }
+}
+
+/// A texture as a material uses it.
+#[derive(Clone, Copy, Debug)]
+pub struct TextureRef {
+    /// Index into [`Scene::textures`].
+    pub texture: u32,
+    /// `KHR_texture_transform`: texture coordinates → texture coordinates.
+    pub uv_from_uv: Affine2,
+}
+
+/// A decoded image with its sampler.
+#[derive(Clone, Debug)]
+pub struct Texture {
+    /// Name for messages.
+    pub name: String,
+    /// 8-bit RGBA as stored (sRGB or linear according to its use).
+    pub texels: Raster<[u8; 4]>,
+    /// How coordinates outside `[0, 1)` map, along u and v.
+    pub wrap: [Wrap; 2],
+}
+
+/// A glTF sampler's wrap mode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wrap {
+    /// Repeat (the default).
+    Repeat,
+    /// Mirrored repeat.
+    Mirror,
+    /// Clamp to edge.
+    Clamp,
+}
+
+/// `KHR_lights_punctual`, in world space.
+#[derive(Clone, Copy, Debug)]
+pub struct PunctualLight {
+    /// What kind, with its own quantities.
+    pub kind: PunctualKind,
+    /// Position, metres (unused by a directional light).
+    pub position: Vec3,
+    /// Unit direction the light shines along (unused by a point light).
+    pub direction: Vec3,
+    /// Linear colour × intensity (candela for point and spot, lux for directional).
+    pub intensity: [f32; 3],
+    /// Distance at which the light is cut off, metres.
+    pub range_m: Option<f32>,
+}
+
+/// The three kinds of punctual light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PunctualKind {
+    /// All directions.
+    Point,
+    /// A cone: half angles in radians.
+    Spot {
+        /// Full intensity inside.
+        inner_rad: f32,
+        /// Nothing outside.
+        outer_rad: f32,
+    },
+    /// Parallel light.
+    Directional,
+}
+
+/// What 60 GHz sees of a surface: a slab of a uniform dielectric with an effective-roughness scattering lobe.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RadioMaterial {
+    /// Identifier, e.g. `concrete` (ITU-R P.2040-3 name) or the user's own.
+    pub id: String,
+    /// Electrical properties.
+    pub permittivity: Permittivity,
+    /// Slab thickness, metres. There is no default.
+    pub thickness_m: f64,
+    /// Diffuse scattering.
+    pub scattering: Scattering,
+}
+
+/// Where a slab's complex relative permittivity comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Permittivity {
+    /// A row of the ITU-R P.2040-3 table by name, e.g. `concrete`, evaluated at the carrier (an error outside its validity range).
+    Itu(String),
+    /// Given at the carrier frequency.
+    Constant {
+        /// Real relative permittivity.
+        relative_permittivity: f64,
+        /// Conductivity, S/m.
+        conductivity_s_per_m: f64,
+    },
+}
+
+/// Effective-roughness scattering (Degli-Esposti 2007).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Scattering {
+    /// Scattering coefficient S in `[0, 1]`: S² of the reflected power is diffuse.
+    pub coefficient: f64,
+    /// Cross-polarisation K_x in `[0, 1]`: the share of scattered power in the orthogonal polarisation.
+    pub xpd: f64,
+    /// Shape of the lobe.
+    pub pattern: ScatteringPattern,
+}
+
+/// The lobe of diffuse scattering.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ScatteringPattern {
+    /// cosθ_s / π.
+    #[default]
+    Lambertian,
+    /// A lobe around the specular direction.
+    Directive {
+        /// Exponent α_r ≥ 1.
+        alpha_r: u32,
+    },
+}
+
+/// One axis-aligned box in world space, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Smallest corner.
+    pub min: Vec3,
+    /// Largest corner.
+    pub max: Vec3,
+}
+
+impl Scene {
+    /// The three world-space corners of triangle `i`, metres.
+    pub fn corners(&self, i: usize) -> [Vec3; 3] {
+        self.triangles[i].vertices.map(|v| self.positions[v as usize])
+    }
+
+    /// The three corners in f64; positions are float32 in the file, so this is exact.
+    pub fn corners_f64(&self, i: usize) -> [DVec3; 3] {
+        self.corners(i).map(Vec3::as_dvec3)
+    }
+
+    /// The box of all vertices; `None` without any.
+    pub fn bounds(&self) -> Option<Bounds> {
+        let first = *self.positions.first()?;
+        Some(
+            self.positions
+                .iter()
+                .fold(Bounds { min: first, max: first }, |b, p| Bounds { min: b.min.min(*p), max: b.max.max(*p) }),
+        )
+    }
+
+    /// Names of the materials used by triangles that have no radio properties.
+    pub fn materials_without_radio(&self) -> Vec<&str> {
+        let mut used = vec![false; self.materials.len()];
+        self.triangles.iter().for_each(|t| used[t.material as usize] = true);
+        self.materials.iter().zip(used).filter(|(m, used)| *used && m.radio.is_none()).map(|(m, _)| m.name.as_str()).collect()
+    }
+}
+
+/// The platform's array and camera share one frame up to axes: array x (boresight) is camera z, array y is −camera x, array z is −camera y.
+pub const ARRAY_FROM_CAMERA: Rigid3 = Rigid3 {
+    rotation: glam::DMat3::from_cols(DVec3::new(0.0, -1.0, 0.0), DVec3::new(0.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 0.0)),
+    translation: DVec3::ZERO,
+};
