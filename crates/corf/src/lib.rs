@@ -6,7 +6,9 @@
 pub mod device;
 mod error;
 pub mod gaussians;
+pub mod optimizer;
 
 pub use device::Device;
 pub use error::{Error, Result};
 pub use gaussians::{Appearance, Gaussians};
+pub use optimizer::{Antialias, AppearanceRates, OptimizerConfig, RasterConfig};

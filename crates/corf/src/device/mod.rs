@@ -157,7 +157,13 @@ pub trait Device: Send {
     /// Replaces the RF appearance of all Gaussians and resets its optimiser state: the start of a second stage.
     fn reset_rf(&mut self, rf: &crate::Appearance);
 
+    /// Sets the rate of positions in metres per step (see [`OptimizerConfig`](crate::OptimizerConfig)).
+    fn set_position_rate_m(&mut self, rate_m: f32);
+
     /// Renders a view of the current field.
+    ///
+    /// # Errors
+    /// A camera without pixels, or a main contributor asked for without an optical view.
     fn render(&mut self, request: &RenderRequest) -> Result<Rendering>;
 
     /// Runs training steps in order and reports the last. Steps name views uploaded to this device.

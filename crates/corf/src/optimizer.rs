@@ -1,0 +1,169 @@
+//! The constants of rasterisation and optimisation; every device honours the same ones.
+
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// How the pixel's own extent enters the projected covariance (`S = S₂ + h·I`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Antialias {
+    /// h = 0.3 px², opacity as it is: a Gaussian thinner than a pixel grows brighter as it is seen from further away.
+    Off,
+    /// h = 0.1 px², opacity times `ρ = sqrt(det S₂ / det S)`, and ρ differentiated (Mip-Splatting's compensation).
+    #[default]
+    On,
+    /// As [`Antialias::On`], with ρ held constant in the gradient.
+    Detached,
+}
+
+impl Antialias {
+    /// h in px².
+    pub fn dilation(self) -> f32 {
+        match self {
+            Self::Off => 0.3,
+            Self::On | Self::Detached => 0.1,
+        }
+    }
+}
+
+/// How Gaussians become pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RasterConfig {
+    /// Pixel filter.
+    pub antialias: Antialias,
+    /// Gaussians whose centre is nearer than this to the image plane are not drawn, metres.
+    pub near_m: f32,
+}
+
+impl Default for RasterConfig {
+    fn default() -> Self {
+        Self { antialias: Antialias::On, near_m: 0.1 }
+    }
+}
+
+/// One modality's learning rates.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AppearanceRates {
+    /// Degree-0 spherical-harmonic coefficients, per step.
+    pub sh_dc: f32,
+    /// Higher bands learn this many times slower.
+    pub sh_rest_divisor: f32,
+    /// Opacity logit, per step.
+    pub opacity: f32,
+    /// Opacities are not pushed below this by the optimiser. Below 1/255 a Gaussian is not drawn and so has no gradient to come back
+    /// with; a floor just above keeps it alive while it covers next to nothing (at 0.005 it is drawn only where exp(−σ) > 0.78).
+    /// 0 switches the floor off.
+    pub opacity_floor: f32,
+}
+
+impl Default for AppearanceRates {
+    fn default() -> Self {
+        Self { sh_dc: 5e-3, sh_rest_divisor: 20.0, opacity: 0.1, opacity_floor: 0.0 }
+    }
+}
+
+/// Sparse Adam without bias correction over the Gaussians a step sees, and the weights inside the image loss.
+///
+/// The defaults are those of on-the-fly novel-view synthesis (Meuleman et al. 2025), which CORF-GS builds on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OptimizerConfig {
+    /// Position rate in metres per step. The published 5e-5 holds in a world where the mean of the first five camera baselines is 0.1:
+    /// in metres it is 5e-5 · baseline_m / 0.1, which the reconstructor sets once it knows the baselines
+    /// ([`Device::set_position_rate_m`](crate::Device::set_position_rate_m)).
+    pub position_rate_m: f32,
+    /// A Gaussian's position rate loses this fraction each step it is seen …
+    pub position_decay: f32,
+    /// … down to this fraction of the full rate.
+    pub position_rate_floor: f32,
+    /// ln-scale, per step.
+    pub log_scale_rate: f32,
+    /// Quaternion components, per step.
+    pub rotation_rate: f32,
+    /// Rates of the appearance in light.
+    pub optical: AppearanceRates,
+    /// Rates of the appearance at 60 GHz. Its opacity floor is on by default: in a scene mostly dark to radio most RF opacities
+    /// would otherwise sink below 1/255 and stay there.
+    pub rf: AppearanceRates,
+    /// Adam's β₁.
+    pub beta1: f32,
+    /// Adam's β₂.
+    pub beta2: f32,
+    /// Adam's ε.
+    pub epsilon: f32,
+    /// γ: loss = (1 − γ)·L1 + γ·(1 − SSIM) (paper Eqs. (19), (20)).
+    pub ssim_weight: f32,
+}
+
+impl Default for OptimizerConfig {
+    fn default() -> Self {
+        Self {
+            position_rate_m: 5e-5,
+            position_decay: 2e-5,
+            position_rate_floor: 0.1,
+            log_scale_rate: 0.01,
+            rotation_rate: 0.002,
+            optical: AppearanceRates::default(),
+            rf: AppearanceRates { opacity_floor: 0.005, ..AppearanceRates::default() },
+            beta1: 0.5,
+            beta2: 0.99,
+            epsilon: 1e-15,
+            ssim_weight: 0.2,
+        }
+    }
+}
+
+impl OptimizerConfig {
+    /// # Errors
+    /// A rate that is negative or not finite, a β outside `[0, 1)`, a floor or weight outside `[0, 1]`; the error names the key.
+    pub fn validate(&self) -> Result<()> {
+        let rate = |key: &str, value: f32| {
+            if value.is_finite() && value >= 0.0 {
+                return Ok(());
+            }
+            Err(Error::invalid(format!("optimizer.{key}"), format!("{value} is no learning rate"), "give a finite number ≥ 0"))
+        };
+        let unit = |key: &str, value: f32, open: bool| {
+            if (0.0..=1.0).contains(&value) && !(open && value >= 1.0) {
+                return Ok(());
+            }
+            let range = if open { "[0, 1)" } else { "[0, 1]" };
+            Err(Error::invalid(
+                format!("optimizer.{key}"),
+                format!("{value} is out of range"),
+                format!("give a number in {range}"),
+            ))
+        };
+        rate("position_rate_m", self.position_rate_m)?;
+        rate("log_scale_rate", self.log_scale_rate)?;
+        rate("rotation_rate", self.rotation_rate)?;
+        rate("epsilon", self.epsilon)?;
+        for (name, a) in [("optical", &self.optical), ("rf", &self.rf)] {
+            rate(&format!("{name}.sh_dc"), a.sh_dc)?;
+            rate(&format!("{name}.opacity"), a.opacity)?;
+            unit(&format!("{name}.opacity_floor"), a.opacity_floor, true)?;
+            if !(a.sh_rest_divisor.is_finite() && a.sh_rest_divisor > 0.0) {
+                let key = format!("optimizer.{name}.sh_rest_divisor");
+                return Err(Error::invalid(key, format!("{} divides nothing", a.sh_rest_divisor), "give a finite number > 0"));
+            }
+        }
+        unit("position_decay", self.position_decay, true)?;
+        unit("position_rate_floor", self.position_rate_floor, false)?;
+        unit("beta1", self.beta1, true)?;
+        unit("beta2", self.beta2, true)?;
+        unit("ssim_weight", self.ssim_weight, false)
+    }
+}
+
+impl RasterConfig {
+    /// # Errors
+    /// A near plane that is not a positive finite distance.
+    pub fn validate(&self) -> Result<()> {
+        if self.near_m.is_finite() && self.near_m > 0.0 {
+            return Ok(());
+        }
+        Err(Error::invalid("raster.near_m", format!("{} is no distance in front of the camera", self.near_m), "give metres > 0"))
+    }
+}
