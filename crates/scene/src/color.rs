@@ -70,7 +70,9 @@ mod tests {
         for i in 0..=1000 {
             let s = i as f32 / 1000.0;
             let c = jet(s).map(|v| f32::from(quantize8(v)) / 255.0);
-            assert!((scalar_from_jet(c) - s).abs() < 0.5 / 255.0, "{s}");
+            // Between 0.11 and 0.125 the map is one colour, pure blue: there the scalar is known to that interval only.
+            let tolerance = if (0.11..=0.125).contains(&s) { 0.015 + 0.5 / 255.0 } else { 0.5 / 255.0 };
+            assert!((scalar_from_jet(c) - s).abs() < tolerance, "{s}");
         }
     }
 

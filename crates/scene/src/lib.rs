@@ -6,11 +6,15 @@
 
 pub mod camera;
 pub mod color;
+pub mod config;
 mod error;
+pub mod itu;
 pub mod keyframe;
 pub mod model;
+pub mod radio_spec;
 pub mod raster;
 pub mod rng;
+pub mod trajectory;
 pub mod transform;
 
 pub use camera::Pinhole;

@@ -1,0 +1,332 @@
+//! `scenes/lobby-mini.toml` and its like: how many keyframes, which images, which spectrum, which split.
+
+use super::{SceneConfig, read_toml};
+use crate::{Error, Pinhole, Result};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// What `corf dataset generate` makes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DatasetConfig {
+    /// Name of the dataset, e.g. `lobby-mini`.
+    pub name: String,
+    /// Scene file (TOML), relative to this file.
+    pub scene: PathBuf,
+    /// Number of keyframes along the trajectory.
+    pub keyframes: usize,
+    /// Seed of everything drawn at random. Default 0.
+    #[serde(default)]
+    pub seed: u64,
+    /// The camera's images.
+    pub optical: OpticalConfig,
+    /// The RF images.
+    pub rf: RfConfig,
+    /// Training and test keyframes.
+    #[serde(default)]
+    pub split: SplitConfig,
+    /// Where the file was read from (its folder resolves `scene`).
+    #[serde(skip)]
+    pub source: PathBuf,
+}
+
+/// `[optical]`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OpticalConfig {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Full horizontal field of view, degrees. Default 90.
+    #[serde(default = "ninety")]
+    pub horizontal_fov_deg: f64,
+    /// Light paths a pixel. Default 64.
+    #[serde(default = "samples")]
+    pub samples_per_pixel: u32,
+    /// Longest light path, in bounces. Default 6.
+    #[serde(default = "bounces")]
+    pub max_bounces: u32,
+    /// Exposure, EV (radiance × 2^EV); without it one exposure for the whole trajectory is metered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure_ev: Option<f64>,
+    /// Filter Monte Carlo noise, guided by albedo, normals and depth. Default true.
+    #[serde(default = "yes")]
+    pub denoise: bool,
+    /// Also write linear radiance as EXR. Default false.
+    #[serde(default)]
+    pub write_linear: bool,
+}
+
+/// `[rf]`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RfConfig {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Full horizontal field of view, degrees. Default 90.
+    #[serde(default = "ninety")]
+    pub horizontal_fov_deg: f64,
+    /// Longest specular chain, in interactions. Default 3.
+    #[serde(default = "three")]
+    pub max_reflections: usize,
+    /// Straight-through transmission. Default true.
+    #[serde(default = "yes")]
+    pub transmission: bool,
+    /// Diffuse scattering. Default true.
+    #[serde(default = "yes")]
+    pub diffuse: bool,
+    /// Edge of the world-fixed surface patches of the diffuse integral, metres. Default 0.1.
+    #[serde(default = "patch")]
+    pub patch_size_m: f64,
+    /// What is formed from the paths. Default `mpc`.
+    #[serde(default)]
+    pub spectrum: SpectrumKind,
+    /// Standard deviation of an `mpc` lobe along each axis, degrees. Default 1.
+    #[serde(default = "one")]
+    pub lobe_width_deg: f64,
+    /// Width of the one dB range below the dataset's peak, dB. Default 60.
+    #[serde(default = "sixty")]
+    pub dynamic_range_db: f64,
+    /// Also write the propagation paths of every keyframe. Default false.
+    #[serde(default)]
+    pub write_paths: bool,
+}
+
+/// Which spectrum is formed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SpectrumKind {
+    /// Each path as a narrow Gaussian lobe at its angle of arrival: power per steradian.
+    #[default]
+    Mpc,
+    /// The array's noncoherent conventional beamformer.
+    Bartlett,
+}
+
+/// `[split]`: which keyframes are kept from training.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SplitConfig {
+    /// A keyframe with index % `test_every` == 0 is a test one. Default 8.
+    pub test_every: usize,
+    /// `[start, length]` of a contiguous segment, the second split. Default: an eighth of the keyframes from the middle on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub held_out_segment: Option<[usize; 2]>,
+}
+
+impl Default for SplitConfig {
+    fn default() -> Self {
+        Self { test_every: 8, held_out_segment: None }
+    }
+}
+
+impl SplitConfig {
+    /// The contiguous held-out segment of `count` keyframes, as `start..end`.
+    pub fn held_out(&self, count: usize) -> std::ops::Range<usize> {
+        let [start, length] = self.held_out_segment.unwrap_or([count / 2, (count / 8).max(1)]);
+        start.min(count)..start.saturating_add(length).min(count)
+    }
+
+    /// Test keyframes of the interleaved split.
+    pub fn test(&self, count: usize) -> Vec<usize> {
+        (0..count).step_by(self.test_every.max(1)).collect()
+    }
+
+    /// Training keyframes of the interleaved split.
+    pub fn train(&self, count: usize) -> Vec<usize> {
+        (0..count).filter(|i| i % self.test_every.max(1) != 0).collect()
+    }
+}
+
+fn ninety() -> f64 {
+    90.0
+}
+fn sixty() -> f64 {
+    60.0
+}
+fn one() -> f64 {
+    1.0
+}
+fn patch() -> f64 {
+    0.1
+}
+fn three() -> usize {
+    3
+}
+fn samples() -> u32 {
+    64
+}
+fn bounces() -> u32 {
+    6
+}
+fn yes() -> bool {
+    true
+}
+
+/// No image is wider or higher.
+const MAX_IMAGE_SIDE: usize = 16_384;
+
+impl DatasetConfig {
+    /// Reads and checks a dataset file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or a value in it cannot be used; the message names the key.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let mut config: Self = read_toml(path)?;
+        config.source = path.to_path_buf();
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// The scene file's path, resolved against this file's folder.
+    pub fn scene_path(&self) -> PathBuf {
+        self.source.parent().unwrap_or(Path::new("")).join(&self.scene)
+    }
+
+    /// Reads the scene file this one refers to.
+    ///
+    /// # Errors
+    /// As [`SceneConfig::load`].
+    pub fn load_scene_config(&self) -> Result<SceneConfig> {
+        SceneConfig::load(self.scene_path())
+    }
+
+    /// The camera of the optical images.
+    pub fn optical_camera(&self) -> Pinhole {
+        Pinhole::from_horizontal_fov(self.optical.width, self.optical.height, self.optical.horizontal_fov_deg)
+    }
+
+    /// The camera of the RF images.
+    pub fn rf_camera(&self) -> Pinhole {
+        Pinhole::from_horizontal_fov(self.rf.width, self.rf.height, self.rf.horizontal_fov_deg)
+    }
+
+    /// The resolved configuration, defaults spelt out, as TOML.
+    ///
+    /// # Errors
+    /// A number TOML cannot hold (a seed above 2⁶³ − 1).
+    pub fn to_toml(&self) -> Result<String> {
+        toml::to_string(self).map_err(|e| {
+            Error::invalid(self.source.display().to_string(), format!("cannot be written as TOML: {e}"), "use a seed below 2^63")
+        })
+    }
+
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value out of range, by key.
+    pub fn validate(&self) -> Result<()> {
+        let fail =
+            |key: &str, what: String, help: &str| Err(Error::invalid(format!("{}: {key}", self.source.display()), what, help));
+        if self.name.is_empty() || self.name.contains(['/', '\\']) {
+            return fail("name", format!("\"{}\" is no name", self.name), "give a short name, e.g. \"lobby-mini\"");
+        }
+        if self.keyframes == 0 {
+            return fail("keyframes", "a dataset needs at least one keyframe".into(), "give a count, e.g. 40");
+        }
+        if self.seed > i64::MAX as u64 {
+            return fail("seed", format!("{} is above 2^63 - 1", self.seed), "use a smaller seed");
+        }
+        for (table, w, h, fov) in [
+            ("optical", self.optical.width, self.optical.height, self.optical.horizontal_fov_deg),
+            ("rf", self.rf.width, self.rf.height, self.rf.horizontal_fov_deg),
+        ] {
+            if !(1..=MAX_IMAGE_SIDE).contains(&w) || !(1..=MAX_IMAGE_SIDE).contains(&h) {
+                return fail(table, format!("an image of {w}x{h} pixels"), "give 1 to 16384 pixels a side");
+            }
+            if !(fov > 0.0 && fov < 180.0) {
+                return fail(
+                    &format!("{table}.horizontal_fov_deg"),
+                    format!("{fov} degrees is no pinhole's field of view"),
+                    "give more than 0 and less than 180 degrees",
+                );
+            }
+        }
+        if self.optical.samples_per_pixel == 0 || self.optical.max_bounces == 0 {
+            return fail("optical", "samples_per_pixel and max_bounces must be at least 1".into(), "e.g. 64 and 6");
+        }
+        if self.optical.exposure_ev.is_some_and(|e| !e.is_finite()) {
+            return fail("optical.exposure_ev", "not a finite number".into(), "give EV, e.g. 0.0, or leave it out");
+        }
+        let rf = &self.rf;
+        for (key, value) in [
+            ("rf.patch_size_m", rf.patch_size_m),
+            ("rf.lobe_width_deg", rf.lobe_width_deg),
+            ("rf.dynamic_range_db", rf.dynamic_range_db),
+        ] {
+            if !(value.is_finite() && value > 0.0) {
+                return fail(key, format!("{value} is not a positive number"), "give a value above 0");
+            }
+        }
+        if rf.max_reflections > 5 {
+            return fail("rf.max_reflections", format!("{} is above 5", rf.max_reflections), "give 0 to 5");
+        }
+        if self.split.test_every < 2 && self.keyframes > 1 {
+            return fail("split.test_every", "leaves nothing to train on".into(), "give 2 or more (8 is usual)");
+        }
+        if let Some([start, length]) = self.split.held_out_segment
+            && (length == 0 || start.checked_add(length).is_none_or(|end| end > self.keyframes))
+        {
+            return fail(
+                "split.held_out_segment",
+                format!("[{start}, {length}] is not inside 0..{}", self.keyframes),
+                "give [start, length] with length >= 1 and start + length <= keyframes",
+            );
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::from_toml;
+
+    const TEXT: &str = r#"
+name = "mini"
+scene = "lobby.toml"
+keyframes = 147
+[optical]
+width = 192
+height = 108
+[rf]
+width = 96
+height = 64
+"#;
+
+    #[test]
+    fn the_resolved_configuration_spells_out_its_defaults() {
+        let c: DatasetConfig = from_toml(TEXT, "d.toml").unwrap();
+        c.validate().unwrap();
+        let text = c.to_toml().unwrap();
+        assert!(text.contains("lobe_width_deg = 1.0") && text.contains("test_every = 8"), "{text}");
+        assert_eq!(from_toml::<DatasetConfig>(&text, "d.toml").unwrap(), c);
+    }
+
+    #[test]
+    fn every_eighth_of_147_is_19_test_and_128_training_keyframes() {
+        let split = SplitConfig::default();
+        assert_eq!((split.test(147).len(), split.train(147).len()), (19, 128));
+        assert_eq!(split.held_out(147), 73..91);
+        assert_eq!(SplitConfig { held_out_segment: Some([140, 20]), ..split }.held_out(147), 140..147);
+    }
+
+    #[test]
+    fn values_out_of_range_name_their_key() {
+        for (from, to, key) in [
+            ("keyframes = 147", "keyframes = 0", "keyframes"),
+            ("width = 96", "width = 0", "rf"),
+            ("height = 64", "height = 64\ndynamic_range_db = -3", "rf.dynamic_range_db"),
+            ("height = 108", "height = 108\nhorizontal_fov_deg = 180", "optical.horizontal_fov_deg"),
+            ("[rf]", "[split]\nheld_out_segment = [140, 8]\n[rf]", "split.held_out_segment"),
+        ] {
+            let c: DatasetConfig = from_toml(&TEXT.replace(from, to), "d.toml").unwrap();
+            let message = c.validate().unwrap_err().to_string();
+            assert!(message.contains(key), "{message}");
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Reading a TOML file with complaints a person can act on.
+
+use crate::{Error, Result};
+use serde::de::DeserializeOwned;
+use std::path::Path;
+
+/// Reads a TOML file into `T`.
+///
+/// # Errors
+/// The file cannot be read, is no TOML, or has an unknown, missing or mistyped key; the message names file, line and column.
+pub fn read_toml<T: DeserializeOwned>(path: impl AsRef<Path>) -> Result<T> {
+    let path = path.as_ref();
+    let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+    from_toml(&text, &path.display().to_string())
+}
+
+/// Reads TOML text into `T`; `file` names it in messages.
+///
+/// # Errors
+/// As [`read_toml`].
+pub fn from_toml<T: DeserializeOwned>(text: &str, file: &str) -> Result<T> {
+    toml::from_str(text).map_err(|e| {
+        let message = e.message().trim().to_string();
+        let place = e.span().map_or_else(
+            || file.to_string(),
+            |span| {
+                let (line, column) = line_column(text, span.start);
+                let source = text.lines().nth(line - 1).unwrap_or("").trim();
+                format!("{file}:{line}:{column} (`{source}`)")
+            },
+        );
+        let help = help_for(&message);
+        Error::invalid(place, message, help)
+    })
+}
+
+/// 1-based line and column (in characters) of byte `at`.
+fn line_column(text: &str, at: usize) -> (usize, usize) {
+    let before = text.get(..at).unwrap_or(text);
+    let start = before.rfind('\n').map_or(0, |i| i + 1);
+    (before.matches('\n').count() + 1, before[start..].chars().count() + 1)
+}
+
+/// What to do about one of serde's messages.
+fn help_for(message: &str) -> String {
+    // serde writes: unknown field `a`, expected one of `b`, `c` / unknown variant `a`, expected `b` or `c`.
+    if message.starts_with("unknown field") || message.starts_with("unknown variant") {
+        let mut names = message.split('`').skip(1).step_by(2);
+        let given = names.next().unwrap_or("");
+        let known: Vec<&str> = names.collect();
+        return match nearest(given, known.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None if known.is_empty() => "remove it".to_string(),
+            None => format!("use one of: {}", known.join(", ")),
+        };
+    }
+    if let Some(rest) = message.strip_prefix("missing field ") {
+        return format!("add {rest} to this table");
+    }
+    "see the documented keys of this file".to_string()
+}
+
+/// The candidate nearest to `given` in edit distance, if it is near enough to be a misspelling.
+pub fn nearest<'a>(given: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let given = given.to_lowercase();
+    candidates
+        .into_iter()
+        .map(|c| (edit_distance(&given, &c.to_lowercase()), c))
+        .min_by_key(|(distance, _)| *distance)
+        .filter(|(distance, c)| *distance <= 1 + given.len().max(c.len()) / 3)
+        .map(|(_, c)| c)
+}
+
+/// Levenshtein distance over characters.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(ca != *cb);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edit_distance_of_textbook_words() {
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        assert_eq!(edit_distance("", "abc"), 3);
+        assert_eq!(edit_distance("same", "same"), 0);
+    }
+
+    #[test]
+    fn nearest_refuses_what_is_no_misspelling() {
+        assert_eq!(nearest("keyframe", ["keyframes", "seed"]), Some("keyframes"));
+        assert_eq!(nearest("zzzzzz", ["keyframes", "seed"]), None);
+    }
+}

@@ -1,0 +1,13 @@
+//! The TOML files a user writes: a scene's ([`SceneConfig`]) and a dataset's ([`DatasetConfig`]).
+//!
+//! Every table refuses unknown keys, and every complaint names file, line and key, with the nearest known spelling.
+
+mod dataset;
+mod load;
+mod scene;
+
+pub use dataset::{DatasetConfig, OpticalConfig, RfConfig, SpectrumKind, SplitConfig};
+pub use load::{from_toml, nearest, read_toml};
+pub use scene::{
+    AntennaPattern, Orientation, Polarization, RadioConfig, ReceiverConfig, SceneConfig, SceneFile, TransmitterConfig, UpAxis,
+};

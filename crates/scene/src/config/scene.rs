@@ -1,0 +1,343 @@
+//! `scenes/*.toml`: which mesh, which carrier, where the transmitter stands, what the receiver is, how the platform moves.
+
+use super::{nearest, read_toml};
+use crate::radio_spec::RadioSpec;
+use crate::trajectory::TrajectoryConfig;
+use crate::{Error, Result, Scene};
+use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A scene file: geometry and everything about it that is not geometry.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneConfig {
+    /// The mesh.
+    pub scene: SceneFile,
+    /// The carrier.
+    #[serde(default)]
+    pub radio: RadioConfig,
+    /// The one fixed transmitter.
+    pub transmitter: TransmitterConfig,
+    /// The platform's receiver array.
+    #[serde(default)]
+    pub receiver: ReceiverConfig,
+    /// Radio properties by exact name of a material in the mesh file; an entry replaces what the mesh file says.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub radio_materials: BTreeMap<String, RadioSpec>,
+    /// The platform's way; a scene used for single paths needs none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trajectory: Option<TrajectoryConfig>,
+    /// Where the file was read from (its folder resolves `scene.file`).
+    #[serde(skip)]
+    pub source: PathBuf,
+}
+
+/// `[scene]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneFile {
+    /// Mesh file (.glb, .gltf, .obj), relative to the TOML file.
+    pub file: PathBuf,
+    /// The file's up axis. glTF is `y` by its standard, so only OBJ heeds this; without it an OBJ is taken as `z` up.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up: Option<UpAxis>,
+}
+
+/// Which axis of a mesh file points up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum UpAxis {
+    /// +y: world (x, −z, y).
+    Y,
+    /// +z: world (x, y, z).
+    Z,
+}
+
+/// `[radio]`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RadioConfig {
+    /// Carrier frequency, Hz. Default 60 GHz.
+    pub frequency_hz: f64,
+}
+
+impl Default for RadioConfig {
+    fn default() -> Self {
+        Self { frequency_hz: 60e9 }
+    }
+}
+
+/// `[transmitter]`: one antenna, 1 W.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TransmitterConfig {
+    /// World position, metres.
+    pub position_m: [f64; 3],
+    /// Where its +x (boresight) and +z point.
+    #[serde(default)]
+    pub orientation: Orientation,
+    /// Element pattern.
+    #[serde(default)]
+    pub pattern: AntennaPattern,
+    /// Polarisation.
+    #[serde(default)]
+    pub polarization: Polarization,
+}
+
+/// `[receiver]`: a planar array in its own y–z plane, boresight +x, which is the platform camera's optical axis.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ReceiverConfig {
+    /// Elements along array z. Default 8.
+    pub rows: usize,
+    /// Elements along array y. Default 8.
+    pub cols: usize,
+    /// Element spacing in wavelengths. Default 0.5.
+    pub spacing_wavelengths: f64,
+    /// Element pattern.
+    pub pattern: AntennaPattern,
+    /// Polarisation.
+    pub polarization: Polarization,
+}
+
+impl Default for ReceiverConfig {
+    fn default() -> Self {
+        Self { rows: 8, cols: 8, spacing_wavelengths: 0.5, pattern: AntennaPattern::Iso, polarization: Polarization::V }
+    }
+}
+
+/// An antenna element's pattern, in its own frame (boresight +x, zenith +z).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AntennaPattern {
+    /// Isotropic: C_θ = 1.
+    #[default]
+    Iso,
+    /// Short dipole along z: √1.5·|sinθ|.
+    Dipole,
+    /// 3GPP TR 38.901, Table 7.3-1.
+    Tr38901,
+}
+
+/// The polarisation of an antenna in its own frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Polarization {
+    /// Along θ̂.
+    #[default]
+    V,
+    /// Along φ̂.
+    H,
+}
+
+/// Intrinsic yaw, pitch, roll, degrees: `world_from_array = R_z(yaw)·R_y(pitch)·R_x(roll)`, so a positive pitch lowers the boresight.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Orientation {
+    /// Counter-clockwise about world z, degrees; 0 looks along +x, 180 along −x (west).
+    pub yaw_deg: f64,
+    /// About the turned y axis, degrees; positive looks down.
+    pub pitch_deg: f64,
+    /// About the boresight, degrees.
+    pub roll_deg: f64,
+}
+
+impl Orientation {
+    /// `rotation_world_from_array` (array frame: boresight +x, zenith +z).
+    pub fn world_from_array(&self) -> DMat3 {
+        DMat3::from_rotation_z(self.yaw_deg.to_radians())
+            * DMat3::from_rotation_y(self.pitch_deg.to_radians())
+            * DMat3::from_rotation_x(self.roll_deg.to_radians())
+    }
+}
+
+impl TransmitterConfig {
+    /// World position, metres.
+    pub fn position(&self) -> DVec3 {
+        DVec3::from_array(self.position_m)
+    }
+}
+
+impl SceneConfig {
+    /// Reads and checks a scene file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or a value in it cannot be used; the message names the key.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let mut config: Self = read_toml(path)?;
+        config.source = path.to_path_buf();
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// Checks every value against what the tracer can use.
+    ///
+    /// # Errors
+    /// The first value out of range, by key.
+    pub fn validate(&self) -> Result<()> {
+        let place = |key: &str| format!("{}: {key}", self.source.display());
+        let f = self.radio.frequency_hz;
+        if !(f.is_finite() && f > 0.0) {
+            return Err(Error::invalid(place("radio.frequency_hz"), format!("{f} is no frequency"), "give hertz, e.g. 60e9"));
+        }
+        if f < 1e6 {
+            return Err(Error::invalid(
+                place("radio.frequency_hz"),
+                format!("{f} Hz is under 1 MHz"),
+                format!("frequencies are in hertz: for {f} GHz write {f}e9"),
+            ));
+        }
+        let tx = &self.transmitter;
+        let angles = [tx.orientation.yaw_deg, tx.orientation.pitch_deg, tx.orientation.roll_deg];
+        if tx.position_m.iter().chain(&angles).any(|v| !v.is_finite()) {
+            return Err(Error::invalid(place("transmitter"), "position or orientation is not finite", "give metres and degrees"));
+        }
+        let rx = &self.receiver;
+        if rx.rows == 0 || rx.cols == 0 || !(rx.spacing_wavelengths.is_finite() && rx.spacing_wavelengths > 0.0) {
+            return Err(Error::invalid(
+                place("receiver"),
+                format!("{}x{} elements {} wavelengths apart is no array", rx.rows, rx.cols, rx.spacing_wavelengths),
+                "give rows >= 1, cols >= 1 and a spacing above 0",
+            ));
+        }
+        if let Some(t) = &self.trajectory {
+            t.validate(&place("trajectory"))?;
+        }
+        for (name, spec) in &self.radio_materials {
+            spec.to_material(name, &place(&format!("radio_materials.\"{name}\"")))?;
+        }
+        Ok(())
+    }
+
+    /// The mesh file's path, resolved against the TOML file's folder.
+    pub fn mesh_path(&self) -> PathBuf {
+        self.source.parent().unwrap_or(Path::new("")).join(&self.scene.file)
+    }
+
+    /// Gives materials the radio properties of `[radio_materials]`, by exact name.
+    ///
+    /// # Errors
+    /// A name no material of the scene has, or properties out of range.
+    pub fn apply_radio_materials(&self, scene: &mut Scene) -> Result<()> {
+        for (name, spec) in &self.radio_materials {
+            let place = format!("{}: radio_materials.\"{name}\"", self.source.display());
+            let radio = spec.to_material(name, &place)?;
+            let mut found = false;
+            for material in scene.materials.iter_mut().filter(|m| m.name == *name) {
+                material.radio = Some(radio.clone());
+                found = true;
+            }
+            if !found {
+                let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
+                let help = nearest(name, names.iter().copied()).map_or_else(
+                    || format!("names are exact; the scene has: {}", names.join(", ")),
+                    |near| format!("did you mean \"{near}\"?"),
+                );
+                return Err(Error::invalid(place, format!("{} has no material of this name", scene.name), help));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks that every material a triangle uses has radio properties valid at the carrier.
+    ///
+    /// # Errors
+    /// All materials without radio properties by name, or the first whose properties cannot be used at this frequency.
+    pub fn check_radio(&self, scene: &Scene) -> Result<()> {
+        let missing = scene.materials_without_radio();
+        if !missing.is_empty() {
+            return Err(Error::invalid(
+                self.source.display().to_string(),
+                format!(
+                    "{} of {} materials have no radio properties: {}",
+                    missing.len(),
+                    scene.materials.len(),
+                    missing.join(", ")
+                ),
+                format!(
+                    "add [radio_materials.\"{}\"] (and so on) here, or extras.corf_radio to the material in the mesh file",
+                    missing[0]
+                ),
+            ));
+        }
+        for radio in scene.materials.iter().filter_map(|m| m.radio.as_ref()) {
+            radio.complex_permittivity(self.radio.frequency_hz)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::from_toml;
+    use crate::model::Material;
+
+    const TEXT: &str = r#"
+[scene]
+file = "room.glb"
+[transmitter]
+position_m = [12.4, 5, 2.0]
+orientation = { yaw_deg = 180 }
+pattern = "tr38901"
+[receiver]
+rows = 4
+[radio_materials."Wall"]
+itu = "concrete"
+thickness_m = 0.2
+[trajectory]
+waypoints_m = [[1, 1], [4, 1], [4, 3]]
+"#;
+
+    #[test]
+    fn defaults_fill_what_is_left_out() {
+        let c: SceneConfig = from_toml(TEXT, "t.toml").unwrap();
+        c.validate().unwrap();
+        assert_eq!(c.radio.frequency_hz, 60e9);
+        assert_eq!((c.receiver.rows, c.receiver.cols, c.receiver.spacing_wavelengths), (4, 8, 0.5));
+        assert_eq!(c.trajectory.as_ref().unwrap().height_m, 1.6);
+        let again: SceneConfig = from_toml(&toml::to_string(&c).unwrap(), "t.toml").unwrap();
+        assert_eq!(again, c);
+    }
+
+    #[test]
+    fn yaw_180_faces_west() {
+        let o = Orientation { yaw_deg: 180.0, ..Default::default() };
+        assert!((o.world_from_array() * DVec3::X + DVec3::X).length() < 1e-12);
+        let down = Orientation { pitch_deg: 30.0, ..Default::default() };
+        assert!(((down.world_from_array() * DVec3::X).z + 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_misspelt_key_is_placed_and_corrected() {
+        let bad = TEXT.replace("rows = 4", "row = 4");
+        let message = from_toml::<SceneConfig>(&bad, "t.toml").unwrap_err().to_string();
+        assert!(message.contains("t.toml:9:1") && message.contains("did you mean `rows`"), "{message}");
+        let bad = TEXT.replace("tr38901", "tr38.901");
+        let message = from_toml::<SceneConfig>(&bad, "t.toml").unwrap_err().to_string();
+        assert!(message.contains("t.toml:7:") && message.contains("did you mean `tr38901`"), "{message}");
+        let message = from_toml::<SceneConfig>("[scene]\nfile = 3\n", "t.toml").unwrap_err().to_string();
+        assert!(message.contains("t.toml:2:8"), "{message}");
+    }
+
+    #[test]
+    fn frequencies_in_gigahertz_are_caught() {
+        let mut c: SceneConfig = from_toml(TEXT, "t.toml").unwrap();
+        c.radio.frequency_hz = 60.0;
+        assert!(c.validate().unwrap_err().to_string().contains("60e9"));
+    }
+
+    #[test]
+    fn radio_materials_apply_by_exact_name() {
+        let c: SceneConfig = from_toml(TEXT, "t.toml").unwrap();
+        let material = |name: &str| Material { name: name.into(), optical: Default::default(), radio: None };
+        let mut scene = Scene { materials: vec![material("Wall"), material("Floor")], ..Default::default() };
+        c.apply_radio_materials(&mut scene).unwrap();
+        assert_eq!(scene.materials[0].radio.as_ref().unwrap().id, "concrete");
+        assert!(scene.materials[1].radio.is_none());
+        scene.materials[0].name = "Walls".into();
+        assert!(c.apply_radio_materials(&mut scene).unwrap_err().to_string().contains("did you mean \"Walls\""));
+    }
+}
