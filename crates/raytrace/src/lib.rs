@@ -1,1 +1,8 @@
-//! (in progress)
+//! What a sensor sees from a pose: a bounding volume hierarchy over the scene's triangles, light (RGB, depth), 60 GHz paths and
+//! angular spectra.
+//!
+//! World frame: z up, metres. Nothing in this crate knows how a field is reconstructed; it hands over images, spectra and depth.
+
+pub mod bvh;
+
+pub use bvh::{Bvh, Hit, Ray};

@@ -1,0 +1,241 @@
+//! The hierarchy against brute force, and against leaks.
+
+use super::traverse::Choice;
+use super::*;
+use corf_scene::Rng;
+use corf_scene::model::Triangle;
+use proptest::prelude::*;
+
+fn scene_of(triangles: &[[Vec3; 3]]) -> Scene {
+    Scene {
+        positions: triangles.iter().flatten().copied().collect(),
+        triangles: (0..triangles.len() as u32)
+            .map(|i| Triangle { vertices: [3 * i, 3 * i + 1, 3 * i + 2], material: 0, object: 0 })
+            .collect(),
+        ..Scene::default()
+    }
+}
+
+fn point(rng: &mut Rng, scale: f32) -> Vec3 {
+    Vec3::new(rng.uniform() - 0.5, rng.uniform() - 0.5, rng.uniform() - 0.5) * (2.0 * scale)
+}
+
+/// Random triangles of many sizes, some flat in an axis, some degenerate.
+fn soup(rng: &mut Rng, n: usize) -> Vec<[Vec3; 3]> {
+    (0..n)
+        .map(|i| {
+            let centre = point(rng, 10.0);
+            let size = 10f32.powf(rng.uniform() * 3.0 - 2.0);
+            let mut t = [0; 3].map(|_| centre + point(rng, size));
+            match i % 7 {
+                0 => t.iter_mut().for_each(|p| p.z = centre.z),
+                1 => t.iter_mut().for_each(|p| p.x = centre.x),
+                2 if i % 5 == 0 => t[2] = t[1],
+                _ => {}
+            }
+            t
+        })
+        .collect()
+}
+
+/// Möller–Trumbore in f64: (t, how far inside the triangle, the smallest of the three weights).
+fn brute(triangle: &[Vec3; 3], ray: &Ray) -> Option<(f64, f64)> {
+    let [a, b, c] = triangle.map(Vec3::as_dvec3);
+    let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let (e1, e2) = (b - a, c - a);
+    let p = d.cross(e2);
+    let determinant = e1.dot(p);
+    if determinant.abs() < 1e-14 {
+        return None;
+    }
+    let s = o - a;
+    let (u, q) = (s.dot(p) / determinant, s.cross(e1));
+    let v = d.dot(q) / determinant;
+    Some((e2.dot(q) / determinant, u.min(v).min(1.0 - u - v)))
+}
+
+/// Hits nearer than this to an edge (in barycentric weight) may be decided either way by f32 rounding.
+const EDGE_DOUBT: f64 = 1e-4;
+/// Relative error of `t` in f32 for well-conditioned triangles; slivers seen edge-on are worse and are given way by the check itself.
+const T_TOLERANCE: f64 = 2e-4;
+
+fn check_against_brute_force(triangles: &[[Vec3; 3]], bvh: &Bvh, ray: &Ray) {
+    let hit = bvh.intersect(ray);
+    let clear = |t: f64| t > f64::from(ray.t_min) + 1e-3 && t < f64::from(ray.t_max) - 1e-3;
+    let certain = triangles
+        .iter()
+        .filter_map(|t| brute(t, ray))
+        .filter(|(t, inside)| clear(*t) && *inside > EDGE_DOUBT)
+        .map(|(t, _)| t)
+        .fold(f64::INFINITY, f64::min);
+    match hit {
+        None => assert!(certain.is_infinite(), "missed a hit at {certain} of {ray:?}"),
+        Some(hit) => {
+            let t = f64::from(hit.t);
+            assert!(t <= certain * (1.0 + T_TOLERANCE), "{t} is behind {certain}");
+            let corners = triangles[hit.triangle as usize].map(Vec3::as_dvec3);
+            let there = (ray.origin + ray.direction * hit.t).as_dvec3();
+            let weights =
+                corners[0] * f64::from(1.0 - hit.u - hit.v) + corners[1] * f64::from(hit.u) + corners[2] * f64::from(hit.v);
+            assert!((there - weights).length() < 1e-3 * (1.0 + t), "the hit is not on its triangle: {there} {weights}");
+        }
+    }
+    assert_eq!(bvh.occluded(ray), hit.is_some());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn agrees_with_brute_force(seed in any::<u64>(), n in 1usize..300) {
+        let mut rng = Rng::keyed(seed, 1, 0);
+        let triangles = soup(&mut rng, n);
+        let bvh = Bvh::build(&scene_of(&triangles));
+        for i in 0..60 {
+            let origin = point(&mut rng, 12.0);
+            let mut direction = point(&mut rng, 1.0);
+            if i % 4 == 0 {
+                direction = [Vec3::X, Vec3::NEG_Y, Vec3::Z, Vec3::new(0.0, 1.0, -1.0)][(i / 4) % 4];
+            }
+            let mut ray = Ray { origin, direction: direction.normalize(), t_min: 0.0, t_max: f32::INFINITY };
+            if i % 3 == 0 {
+                ray.t_max = rng.uniform() * 15.0;
+            }
+            check_against_brute_force(&triangles, &bvh, &ray);
+        }
+    }
+
+    #[test]
+    fn candidates_hold_every_triangle_the_segment_touches(seed in any::<u64>(), n in 1usize..300) {
+        let mut rng = Rng::keyed(seed, 2, 0);
+        let triangles = soup(&mut rng, n);
+        let bvh = Bvh::build(&scene_of(&triangles));
+        for _ in 0..40 {
+            let (a, b) = (point(&mut rng, 12.0), point(&mut rng, 12.0));
+            let ray = Ray::segment(a, b);
+            let mut seen = vec![0; n];
+            let flow = bvh.visit_candidates(a.as_dvec3(), (b - a).as_dvec3(), 1.0, |t| {
+                seen[t as usize] += 1;
+                ControlFlow::Continue(())
+            });
+            prop_assert!(flow.is_continue());
+            prop_assert!(seen.iter().all(|s| *s <= 1));
+            for (i, t) in triangles.iter().enumerate() {
+                if brute(t, &ray).is_some_and(|(t, inside)| (0.0..=1.0).contains(&t) && inside >= 0.0) {
+                    prop_assert!(seen[i] == 1, "triangle {i} was not visited");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn both_kernels_return_the_same_bits(seed in any::<u64>(), n in 1usize..200) {
+        let mut rng = Rng::keyed(seed, 3, 0);
+        let bvh = Bvh::build(&scene_of(&soup(&mut rng, n)));
+        let portable = Bvh { kernel: Choice::Portable, ..bvh.clone() };
+        for _ in 0..60 {
+            let ray = Ray::new(point(&mut rng, 12.0), point(&mut rng, 1.0));
+            let bits = |h: Option<Hit>| h.map(|h| (h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.triangle));
+            prop_assert_eq!(bits(bvh.intersect(&ray)), bits(portable.intersect(&ray)));
+            prop_assert_eq!(bvh.occluded(&ray), portable.occluded(&ray));
+        }
+    }
+}
+
+/// A closed box whose faces are grids of triangles with jittered inner vertices, away from the origin so that rounding shows.
+fn closed_box(cells: usize, offset: Vec3) -> (Vec<[Vec3; 3]>, Vec<Vec3>) {
+    let half = Vec3::new(3.3, 2.7, 1.9);
+    let mut rng = Rng::keyed(5, 5, 5);
+    let (mut triangles, mut aims) = (Vec::new(), Vec::new());
+    for face in 0..6 {
+        let (axis, sign) = (face / 2, if face % 2 == 0 { 1.0 } else { -1.0 });
+        let grid: Vec<Vec3> = (0..(cells + 1) * (cells + 1))
+            .map(|i| {
+                let (a, b) = (i % (cells + 1), i / (cells + 1));
+                let inner = |k: usize| if k == 0 || k == cells { 0.0 } else { 0.6f32 };
+                let coordinate = |k: usize, jitter: f32| 2.0 * (k as f32 + jitter) / cells as f32 - 1.0;
+                // Rims stay on a regular grid, shared by the neighbouring faces; the inside is jittered.
+                let move_both = inner(a).min(inner(b));
+                let mut p = Vec3::ZERO;
+                p[axis] = sign;
+                p[(axis + 1) % 3] = coordinate(a, (rng.uniform() - 0.5) * move_both);
+                p[(axis + 2) % 3] = coordinate(b, (rng.uniform() - 0.5) * move_both);
+                offset + p * half
+            })
+            .collect();
+        for b in 0..cells {
+            for a in 0..cells {
+                let at = |i, j| grid[(b + j) * (cells + 1) + a + i];
+                for t in [[at(0, 0), at(1, 0), at(1, 1)], [at(0, 0), at(1, 1), at(0, 1)]] {
+                    for k in 0..3 {
+                        aims.push(t[k]);
+                        aims.push(t[k].lerp(t[(k + 1) % 3], rng.uniform()));
+                    }
+                    triangles.push(t);
+                }
+            }
+        }
+    }
+    (triangles, aims)
+}
+
+#[test]
+fn no_ray_leaks_through_shared_edges_and_corners() {
+    const RAYS: usize = 400_000;
+    for offset in [Vec3::ZERO, Vec3::new(11.3, -7.9, 1.7)] {
+        let (triangles, aims) = closed_box(9, offset);
+        let bvh = Bvh::build(&scene_of(&triangles));
+        let portable = Bvh { kernel: Choice::Portable, ..bvh.clone() };
+        let mut rng = Rng::keyed(1, 2, 3);
+        let mut leaks = 0;
+        for i in 0..RAYS {
+            let mut origin = offset + point(&mut rng, 1.8);
+            let aim = aims[rng.below(aims.len())];
+            if i % 5 == 0 {
+                // Along an axis: the aimed edge lies in the ray's own slab plane.
+                let axis = i % 3;
+                (origin[(axis + 1) % 3], origin[(axis + 2) % 3]) = (aim[(axis + 1) % 3], aim[(axis + 2) % 3]);
+            }
+            let bvh = if i % 8 == 7 { &portable } else { &bvh };
+            let direction = aim - origin;
+            if direction.length() < 1e-3 || (origin - offset).abs().cmpge(Vec3::new(3.29, 2.69, 1.89)).any() {
+                continue;
+            }
+            leaks += usize::from(bvh.intersect(&Ray::new(origin, direction)).is_none());
+        }
+        assert_eq!(leaks, 0, "of {RAYS} rays at {offset}");
+    }
+}
+
+#[test]
+fn t_min_and_t_max_are_exclusive_and_refused_hits_are_skipped() {
+    let quad = |z: f32| [Vec3::new(-1.0, -1.0, z), Vec3::new(3.0, -1.0, z), Vec3::new(-1.0, 3.0, z)];
+    let bvh = Bvh::build(&scene_of(&[quad(1.0), quad(2.0), quad(3.0)]));
+    let ray = |t_min, t_max| Ray { origin: Vec3::ZERO, direction: Vec3::Z, t_min, t_max };
+    assert_eq!(bvh.intersect(&ray(0.0, 9.0)).unwrap().triangle, 0);
+    assert_eq!(bvh.intersect(&ray(1.0, 9.0)).unwrap().triangle, 1);
+    assert_eq!(bvh.intersect(&ray(1.0, 2.0)), None);
+    assert_eq!(bvh.intersect_where(&ray(0.0, 9.0), |h| h.triangle == 2).unwrap().triangle, 2);
+    assert!(!bvh.occluded_where(&ray(0.0, 9.0), |_| false));
+}
+
+#[test]
+fn empty_and_non_finite_scenes_are_never_hit() {
+    let nothing = Bvh::build(&Scene::default());
+    assert_eq!(nothing.intersect(&Ray::new(Vec3::ZERO, Vec3::X)), None);
+    assert!(!nothing.occluded(&Ray::new(Vec3::ZERO, Vec3::X)));
+    let broken = Bvh::build(&scene_of(&[[Vec3::splat(f32::NAN), Vec3::X, Vec3::Y]]));
+    assert_eq!(broken.intersect(&Ray::new(Vec3::splat(0.2), Vec3::NEG_Z)), None);
+}
+
+#[test]
+fn a_thousand_coincident_triangles_are_all_visited() {
+    let n = 1000;
+    let bvh = Bvh::build(&scene_of(&vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; n]));
+    let mut seen = 0;
+    let _ = bvh.visit_candidates(DVec3::new(0.2, 0.2, 1.0), DVec3::NEG_Z, 2.0, |_| {
+        seen += 1;
+        ControlFlow::Continue(())
+    });
+    assert_eq!(seen, n);
+    assert!(bvh.occluded(&Ray::new(Vec3::new(0.2, 0.2, 1.0), Vec3::NEG_Z)));
+}

@@ -1,0 +1,304 @@
+//! Walks through the tree: closest hit, any hit, all candidates.
+
+use super::kernel::{Kernel, LEAF, Node, PACKET, PacketHits, Portable, Prepared, WIDTH};
+use super::{Bvh, Hit, Ray};
+use glam::DVec3;
+use std::mem::MaybeUninit;
+use std::ops::ControlFlow;
+
+/// Which kernel this processor runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Choice {
+    /// Plain Rust.
+    Portable,
+    /// AVX2.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+}
+
+impl Choice {
+    pub fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            return Self::Avx2;
+        }
+        Self::Portable
+    }
+}
+
+/// Entries held without allocating: 36 levels of eight children.
+const INLINE_STACK: usize = 256;
+
+/// Pending children with their entry distances. Trees of any depth are walked: what does not fit inline spills.
+struct Stack {
+    inline: [MaybeUninit<(u32, f32)>; INLINE_STACK],
+    len: usize,
+    spill: Vec<(u32, f32)>,
+}
+
+impl Stack {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { inline: [const { MaybeUninit::uninit() }; INLINE_STACK], len: 0, spill: Vec::new() }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, child: u32, near: f32) {
+        if self.len < INLINE_STACK {
+            self.inline[self.len].write((child, near));
+            self.len += 1;
+        } else {
+            self.spill.push((child, near));
+        }
+    }
+
+    #[inline(always)]
+    fn pop(&mut self) -> Option<(u32, f32)> {
+        if self.len == INLINE_STACK
+            && let Some(entry) = self.spill.pop()
+        {
+            return Some(entry);
+        }
+        self.len = self.len.checked_sub(1)?;
+        // SAFETY: `push` wrote every entry below the former `len`.
+        Some(unsafe { self.inline[self.len].assume_init() })
+    }
+}
+
+impl Bvh {
+    pub(super) fn closest(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        match self.kernel {
+            // SAFETY: the portable kernel needs no features.
+            Choice::Portable => unsafe { self.walk::<Portable, false>(ray, accept) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `Choice::detect` found AVX2.
+            Choice::Avx2 => unsafe { self.closest_avx2(ray, accept) },
+        }
+    }
+
+    pub(super) fn any(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool {
+        match self.kernel {
+            // SAFETY: the portable kernel needs no features.
+            Choice::Portable => unsafe { self.walk::<Portable, true>(ray, accept).is_some() },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `Choice::detect` found AVX2.
+            Choice::Avx2 => unsafe { self.any_avx2(ray, accept) },
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    unsafe fn closest_avx2(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        // SAFETY: this function has AVX2.
+        unsafe { self.walk::<super::kernel::Avx2, false>(ray, accept) }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    unsafe fn any_avx2(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool {
+        // SAFETY: this function has AVX2.
+        unsafe { self.walk::<super::kernel::Avx2, true>(ray, accept).is_some() }
+    }
+
+    /// The closest accepted hit or, with `ANY`, the first accepted hit that is found.
+    ///
+    /// # Safety
+    /// The processor has what kernel `K` needs.
+    #[inline(always)]
+    unsafe fn walk<K: Kernel, const ANY: bool>(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        if self.nodes.is_empty() {
+            return None;
+        }
+        let prepared = Prepared::new(ray);
+        // SAFETY (this block and the kernel calls below): the caller's promise.
+        let state = unsafe { K::state(&prepared) };
+        let mut best: Option<Hit> = None;
+        let mut t_max = ray.t_max;
+        let mut stack = Stack::new();
+        let mut near = [0.0f32; WIDTH];
+        let mut hits = PacketHits { t: [0.0; PACKET], u: [0.0; PACKET], v: [0.0; PACKET] };
+        let mut current = 0u32;
+        loop {
+            if current & LEAF == 0 {
+                let node = &self.nodes[current as usize];
+                let mut mask = unsafe { K::boxes(node, &prepared, &state, t_max, &mut near) };
+                if mask != 0 {
+                    let first = mask.trailing_zeros() as usize;
+                    mask &= mask - 1;
+                    if mask == 0 {
+                        current = node.children[first];
+                        continue;
+                    }
+                    if ANY {
+                        while mask != 0 {
+                            let slot = mask.trailing_zeros() as usize;
+                            mask &= mask - 1;
+                            stack.push(node.children[slot & 7], 0.0);
+                        }
+                        current = node.children[first];
+                        continue;
+                    }
+                    current = push_sorted(node, &near, first, mask, &mut stack);
+                    continue;
+                }
+            } else {
+                let packet = &self.packets[(current & !LEAF) as usize];
+                let mut mask = unsafe { K::triangles(packet, &prepared, &state, t_max, &mut hits) };
+                while mask != 0 {
+                    let lane = mask.trailing_zeros() as usize & (PACKET - 1);
+                    mask &= mask - 1;
+                    if hits.t[lane] < t_max {
+                        let hit = Hit { t: hits.t[lane], u: hits.u[lane], v: hits.v[lane], triangle: packet.triangles[lane] };
+                        if accept(&hit) {
+                            if ANY {
+                                return Some(hit);
+                            }
+                            t_max = hit.t;
+                            best = Some(hit);
+                        }
+                    }
+                }
+            }
+            loop {
+                let Some((child, entry)) = stack.pop() else { return best };
+                if ANY || entry < t_max {
+                    current = child;
+                    break;
+                }
+            }
+        }
+    }
+
+    pub(super) fn candidates(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        t_max: f64,
+        mut visit: impl FnMut(u32) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        if self.nodes.is_empty() {
+            return ControlFlow::Continue(());
+        }
+        let segment = Segment::new(origin, direction, t_max);
+        let mut stack = Stack::new();
+        let mut current = 0u32;
+        loop {
+            if current & LEAF == 0 {
+                let node = &self.nodes[current as usize];
+                let mut mask = self.segment_boxes(node, &segment);
+                while mask != 0 {
+                    let slot = mask.trailing_zeros() as usize;
+                    mask &= mask - 1;
+                    stack.push(node.children[slot & 7], 0.0);
+                }
+            } else {
+                let packet = &self.packets[(current & !LEAF) as usize];
+                for triangle in packet.triangles {
+                    if triangle != u32::MAX {
+                        visit(triangle)?;
+                    }
+                }
+            }
+            match stack.pop() {
+                Some((child, _)) => current = child,
+                None => return ControlFlow::Continue(()),
+            }
+        }
+    }
+
+    #[inline]
+    fn segment_boxes(&self, node: &Node, segment: &Segment) -> u32 {
+        match self.kernel {
+            Choice::Portable => segment.boxes(node),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `Choice::detect` found AVX2.
+            Choice::Avx2 => unsafe { segment.boxes_avx2(node) },
+        }
+    }
+}
+
+/// Pushes the hit children of a node, farthest first, and returns the nearest. Ties keep the order of the slots.
+#[inline(always)]
+fn push_sorted(node: &Node, near: &[f32; WIDTH], first: usize, mut rest: u32, stack: &mut Stack) -> u32 {
+    let second = rest.trailing_zeros() as usize & 7;
+    rest &= rest - 1;
+    if rest == 0 {
+        let (a, b) = if near[second] < near[first & 7] { (second, first & 7) } else { (first & 7, second) };
+        stack.push(node.children[b], near[b]);
+        return node.children[a];
+    }
+    let mut order = [(0u32, 0.0f32); WIDTH];
+    let mut count = 0;
+    let mut insert = |slot: usize| {
+        let entry = (node.children[slot], near[slot]);
+        let mut at = count;
+        while at > 0 && order[at - 1].1 > entry.1 {
+            order[at] = order[at - 1];
+            at -= 1;
+        }
+        order[at] = entry;
+        count += 1;
+    };
+    insert(first & 7);
+    insert(second);
+    while rest != 0 {
+        insert(rest.trailing_zeros() as usize & 7);
+        rest &= rest - 1;
+    }
+    for entry in order[1..count].iter().rev() {
+        stack.push(entry.0, entry.1);
+    }
+    order[0].0
+}
+
+/// A segment in f64 against the f32 boxes.
+struct Segment {
+    origin: [f64; 3],
+    reciprocal: [f64; 3],
+    near: [usize; 3],
+    far: [usize; 3],
+    t_max: f64,
+}
+
+/// Slack of the f64 slab test: four roundings, as in f32. The boxes' own padding is a billion times larger.
+const SEGMENT_SLACK: f64 = 1.0 + 4.0 * f64::EPSILON;
+
+impl Segment {
+    fn new(origin: DVec3, direction: DVec3, t_max: f64) -> Self {
+        let d = direction.to_array();
+        let negative = d.map(|c| usize::from(c.is_sign_negative()));
+        Self {
+            origin: origin.to_array(),
+            // Finite reciprocals: no 0 · ∞ for a ray within a slab's plane.
+            reciprocal: d.map(|c| 1.0 / if c.abs() < 1e-100 { 1e-100f64.copysign(c) } else { c }),
+            near: [3 * negative[0], 1 + 3 * negative[1], 2 + 3 * negative[2]],
+            far: [3 - 3 * negative[0], 4 - 3 * negative[1], 5 - 3 * negative[2]],
+            t_max,
+        }
+    }
+
+    #[inline(always)]
+    fn boxes(&self, node: &Node) -> u32 {
+        let (mut near, mut far) = ([0.0f64; WIDTH], [self.t_max; WIDTH]);
+        for axis in 0..3 {
+            let (front, back) = (&node.bounds[self.near[axis]], &node.bounds[self.far[axis]]);
+            for i in 0..WIDTH {
+                let n = (f64::from(front[i]) - self.origin[axis]) * self.reciprocal[axis];
+                let f = (f64::from(back[i]) - self.origin[axis]) * self.reciprocal[axis] * SEGMENT_SLACK;
+                near[i] = if n > near[i] { n } else { near[i] };
+                far[i] = if f < far[i] { f } else { far[i] };
+            }
+        }
+        let mut mask = 0;
+        for i in 0..WIDTH {
+            mask |= u32::from(near[i] <= far[i]) << i;
+        }
+        mask
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    unsafe fn boxes_avx2(&self, node: &Node) -> u32 {
+        self.boxes(node)
+    }
+}
