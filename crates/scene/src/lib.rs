@@ -7,7 +7,10 @@
 pub mod camera;
 pub mod color;
 pub mod config;
+pub mod dataset;
 mod error;
+pub mod finding;
+pub mod io;
 pub mod itu;
 pub mod keyframe;
 pub mod model;
@@ -19,6 +22,7 @@ pub mod transform;
 
 pub use camera::Pinhole;
 pub use error::{Error, Result};
+pub use finding::{Finding, Severity};
 pub use keyframe::Keyframe;
 pub use model::Scene;
 pub use raster::Raster;

@@ -1,0 +1,165 @@
+//! What other tools read in each modality's folder: COLMAP text, transforms.json, split lists.
+
+use super::header::{DatasetHeader, SplitLists, to_json};
+use super::layout;
+use crate::trajectory::TrajectoryPose;
+use crate::{Pinhole, Raster, Result, Rng, io};
+use glam::{DQuat, DVec3};
+use serde_json::json;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// A point with a colour, to seed other tools with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColoredPoint {
+    /// World position, metres.
+    pub position: DVec3,
+    /// sRGB.
+    pub color: [u8; 3],
+}
+
+/// `optical` or `rf`: a folder other tools open directly.
+pub(super) struct Modality {
+    pub root: &'static str,
+    pub camera: Pinhole,
+}
+
+/// Points sampled over all training keyframes: enough to start a splat, few enough to read in no time.
+const POINTS: usize = 20_000;
+/// Random stream of the point samples.
+const STAGE_POINTS: u64 = 0x706f_696e_7473;
+
+/// Surface points seen by the training keyframes, coloured by image and by RF image, in this order.
+pub(super) fn sample_points(
+    dir: &Path,
+    header: &DatasetHeader,
+    train: &[usize],
+    rf_images: &[Raster<[u8; 3]>],
+) -> Result<[Vec<ColoredPoint>; 2]> {
+    let (optical, rf) = (&header.optical_camera, &header.rf_camera);
+    let mut points = [Vec::new(), Vec::new()];
+    // A dataset of one keyframe has no training ones; its own depth is all there is.
+    let frames: &[usize] = if train.is_empty() { &[0] } else { train };
+    for &index in frames {
+        let path = dir.join(layout::depth(index));
+        if !path.exists() {
+            continue;
+        }
+        let (depth, image) = (io::read_exr_f32(&path)?, io::read_png(dir.join(layout::image(index)))?);
+        let pose = header.poses[index].world_from_camera;
+        let mut rng = Rng::keyed(header.seed, STAGE_POINTS, index as u64);
+        for _ in 0..POINTS.div_ceil(frames.len()) {
+            let (x, y) = (rng.below(optical.width), rng.below(optical.height));
+            let z = f64::from(depth[(x, y)]);
+            if !(z > 0.0 && z.is_finite()) {
+                continue;
+            }
+            let in_camera = optical.unproject(x as f64 + 0.5, y as f64 + 0.5) * z;
+            let position = pose.transform_point(in_camera);
+            points[0].push(ColoredPoint { position, color: image[(x, y)] });
+            if let Some(p) = rf.project(in_camera)
+                && (0.0..rf.width as f64).contains(&p.x)
+                && (0.0..rf.height as f64).contains(&p.y)
+            {
+                points[1].push(ColoredPoint { position, color: rf_images[index][(p.x as usize, p.y as usize)] });
+            }
+        }
+    }
+    for list in &mut points {
+        if list.is_empty() {
+            // Readers insist on one point: the camera centres' mean says at least where the scene is.
+            let mean = header.poses.iter().map(|p| p.world_from_camera.translation).sum::<DVec3>() / header.poses.len() as f64;
+            list.push(ColoredPoint { position: mean, color: [128; 3] });
+        }
+    }
+    Ok(points)
+}
+
+/// The text files of one modality: path below its root, content.
+pub(super) fn files(
+    modality: &Modality,
+    poses: &[TrajectoryPose],
+    split: &SplitLists,
+    points: &[ColoredPoint],
+) -> Result<Vec<(&'static str, String)>> {
+    let stems = |list: &[usize]| list.iter().map(|i| layout::stem(*i) + "\n").collect::<String>();
+    Ok(vec![
+        ("sparse/0/cameras.txt", cameras_txt(&modality.camera)),
+        ("sparse/0/images.txt", images_txt(poses)),
+        ("sparse/0/points3D.txt", points_txt(points)),
+        ("transforms.json", transforms_json(&modality.camera, poses, split)?),
+        ("train_index.txt", stems(&split.train)),
+        ("test_index.txt", stems(&split.test)),
+    ])
+}
+
+/// COLMAP's `cameras.txt`: `ID PINHOLE W H fx fy cx cy`.
+fn cameras_txt(c: &Pinhole) -> String {
+    format!(
+        "# CAMERA_ID MODEL WIDTH HEIGHT FX FY CX CY\n1 PINHOLE {} {} {} {} {} {}\n",
+        c.width, c.height, c.fx, c.fy, c.cx, c.cy
+    )
+}
+
+/// COLMAP's `images.txt`: `ID qw qx qy qz tx ty tz CAMERA NAME`, camera_from_world, OpenCV axes; the line of 2-D points is empty.
+fn images_txt(poses: &[TrajectoryPose]) -> String {
+    let mut text = "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME (camera_from_world), then POINTS2D\n".to_string();
+    for p in poses {
+        let camera_from_world = p.world_from_camera.inverse();
+        let q = DQuat::from_mat3(&camera_from_world.rotation).normalize();
+        let t = camera_from_world.translation;
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            text,
+            "{} {} {} {} {} {} {} {} 1 {}.png\n",
+            p.index + 1,
+            q.w,
+            q.x,
+            q.y,
+            q.z,
+            t.x,
+            t.y,
+            t.z,
+            layout::stem(p.index)
+        );
+    }
+    text
+}
+
+/// COLMAP's `points3D.txt`: `ID X Y Z R G B ERROR TRACK[]`, with empty tracks.
+fn points_txt(points: &[ColoredPoint]) -> String {
+    let mut text = "# POINT3D_ID X Y Z R G B ERROR TRACK[]\n".to_string();
+    for (i, p) in points.iter().enumerate() {
+        let ([r, g, b], x) = (p.color, p.position);
+        let _ = writeln!(text, "{} {:.6} {:.6} {:.6} {r} {g} {b} 0", i + 1, x.x, x.y, x.z);
+    }
+    text
+}
+
+/// transforms.json: world_from_camera in OpenGL axes (y up, z backward: columns 1 and 2 negated); no `camera_model`, whose names no
+/// two readers agree on, and no reorientation of a world that is z-up already.
+fn transforms_json(c: &Pinhole, poses: &[TrajectoryPose], split: &SplitLists) -> Result<String> {
+    let name = |i: usize| format!("images/{}.png", layout::stem(i));
+    let frames: Vec<serde_json::Value> = poses
+        .iter()
+        .map(|p| {
+            let rows = p.world_from_camera.to_rows().map(|[a, b, c, d]| [a, -b, -c, d]);
+            json!({ "file_path": name(p.index), "transform_matrix": rows })
+        })
+        .collect();
+    let names = |list: &[usize]| list.iter().map(|i| name(*i)).collect::<Vec<String>>();
+    let test = names(&split.test);
+    to_json(&json!({
+        "w": c.width,
+        "h": c.height,
+        "fl_x": c.fx,
+        "fl_y": c.fy,
+        "cx": c.cx,
+        "cy": c.cy,
+        "orientation_override": "none",
+        "frames": frames,
+        "train_filenames": names(&split.train),
+        "val_filenames": test,
+        "test_filenames": test,
+    }))
+}

@@ -1,0 +1,323 @@
+//! What a dataset says about itself: `dataset.json` and `trajectory.json`.
+
+use crate::config::{DatasetConfig, ReceiverConfig, SceneConfig, SpectrumKind, SplitConfig, TransmitterConfig};
+use crate::keyframe::DbRange;
+use crate::trajectory::{TrajectoryPose, generate};
+use crate::{Error, Pinhole, Result, Rigid3, Scene, io};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The version of the layout this crate writes and reads.
+pub const DATASET_SCHEMA: &str = "corf-dataset/1";
+/// The version of `trajectory.json`.
+const TRAJECTORY_SCHEMA: &str = "corf-trajectory/1";
+
+/// What a dataset is, known before its first keyframe is made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DatasetHeader {
+    /// Name, e.g. `lobby-mini`.
+    pub name: String,
+    /// Seed of everything drawn at random.
+    pub seed: u64,
+    /// Camera of `optical/`.
+    pub optical_camera: Pinhole,
+    /// Camera of `rf/`.
+    pub rf_camera: Pinhole,
+    /// Exposure the images were developed with, EV.
+    pub exposure_ev: f64,
+    /// Carrier, Hz.
+    pub frequency_hz: f64,
+    /// The fixed transmitter, if known.
+    pub transmitter: Option<TransmitterConfig>,
+    /// The platform's array.
+    pub receiver: ReceiverConfig,
+    /// How the spectrum was formed.
+    pub spectrum: SpectrumKind,
+    /// What a spectrum's value is.
+    pub quantity: Quantity,
+    /// Width of the one dB range below the dataset's peak, dB.
+    pub dynamic_range_db: f64,
+    /// Training and test keyframes.
+    pub split: SplitConfig,
+    /// Names by surface index.
+    pub objects: Vec<String>,
+    /// SHA-256 of the mesh file.
+    pub scene_sha256: Option<String>,
+    /// The resolved dataset configuration it was generated from.
+    pub config: Option<DatasetConfig>,
+    /// The resolved scene configuration it was generated from.
+    pub scene: Option<SceneConfig>,
+    /// The trajectory (written to `trajectory.json`).
+    #[serde(skip)]
+    pub poses: Vec<TrajectoryPose>,
+}
+
+/// What one value of a spectrum is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quantity {
+    /// Linear received power per steradian, relative to 1 W transmitted (1/sr).
+    PowerPerSteradian,
+    /// Linear output power of a beam steered at the pixel, relative to 1 W transmitted.
+    BeamPower,
+}
+
+impl DatasetHeader {
+    /// The header of a dataset about to be generated; `exposure_ev` is the metered exposure, used where the configuration gives none.
+    ///
+    /// # Errors
+    /// The scene file has no `[trajectory]`, or the mesh file cannot be read for its hash.
+    pub fn from_configs(config: &DatasetConfig, scene_config: &SceneConfig, scene: &Scene, exposure_ev: f64) -> Result<Self> {
+        let Some(trajectory) = &scene_config.trajectory else {
+            return Err(Error::invalid(
+                scene_config.source.display().to_string(),
+                "there is no [trajectory] to place keyframes on",
+                "add [trajectory] with waypoints_m = [[x, y], ...]",
+            ));
+        };
+        Ok(Self {
+            name: config.name.clone(),
+            seed: config.seed,
+            optical_camera: config.optical_camera(),
+            rf_camera: config.rf_camera(),
+            exposure_ev: config.optical.exposure_ev.unwrap_or(exposure_ev),
+            frequency_hz: scene_config.radio.frequency_hz,
+            transmitter: Some(scene_config.transmitter),
+            receiver: scene_config.receiver,
+            spectrum: config.rf.spectrum,
+            quantity: match config.rf.spectrum {
+                SpectrumKind::Mpc => Quantity::PowerPerSteradian,
+                SpectrumKind::Bartlett => Quantity::BeamPower,
+            },
+            dynamic_range_db: config.rf.dynamic_range_db,
+            split: config.split,
+            objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
+            scene_sha256: Some(io::sha256_hex(&io::read(scene_config.mesh_path())?)),
+            config: Some(config.clone()),
+            scene: Some(scene_config.clone()),
+            poses: generate(trajectory, config.keyframes)?,
+        })
+    }
+
+    /// SHA-256 over header and trajectory as written: two headers with the same hash make the same dataset.
+    ///
+    /// # Errors
+    /// A pose that is not finite.
+    pub fn hash(&self) -> Result<String> {
+        let text = to_json(self)? + &trajectory_json(&self.poses)?;
+        Ok(io::sha256_hex(text.as_bytes()))
+    }
+}
+
+/// The frames, units and rules everything in the folder keeps, in words.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Conventions {
+    /// World frame.
+    pub world: String,
+    /// Camera frame.
+    pub camera: String,
+    /// Array frame.
+    pub array: String,
+    /// What a pose is.
+    pub pose: String,
+    /// Projection of both cameras.
+    pub projection: String,
+    /// `optical/images`.
+    pub image: String,
+    /// `optical/depth`.
+    pub depth: String,
+    /// `optical/surfaces`.
+    pub surface: String,
+    /// `rf/spectra`.
+    pub spectrum: String,
+    /// `rf/images`.
+    pub rf_image: String,
+    /// Bins without power.
+    pub empty_bin: String,
+    /// Colour map of `rf/images`.
+    pub colormap: String,
+}
+
+impl Conventions {
+    pub(super) fn of(quantity: Quantity) -> Self {
+        let spectrum = match quantity {
+            Quantity::PowerPerSteradian => "linear power per steradian relative to 1 W transmitted (1/sr), float32, channel Y",
+            Quantity::BeamPower => "linear beam output power relative to 1 W transmitted, float32, channel Y",
+        };
+        Self {
+            world: "right-handed, z up, metres".into(),
+            camera: "OpenCV: x right, y down, z forward".into(),
+            array: "boresight x = camera z, y = -camera x, z = -camera y".into(),
+            pose: "world_from_camera, 4x4 by rows, seconds and metres".into(),
+            projection: "pinhole without distortion, u = fx x/z + cx, v = fy y/z + cy, pixel centres at +0.5".into(),
+            image: "8-bit sRGB".into(),
+            depth: "z-depth in metres, float32, channel Z; 0 where nothing was hit".into(),
+            surface: "index into header.objects, uint32, channel id; 4294967295 where nothing was hit".into(),
+            spectrum: spectrum.into(),
+            rf_image: "scalar = (10 log10 S - min_db) / (max_db - min_db) clamped to [0, 1], colour map, 8 bit".into(),
+            empty_bin: "0 in the spectrum, scalar 0 in the image".into(),
+            colormap: "jet: R 0-1 over .35-.66, hold to .89, .5 at 1; G 0-1 over .125-.375, hold to .64, 0 at .91; B .5-1 by .11, hold to .34, 0 at .65".into(),
+        }
+    }
+}
+
+/// Which keyframes are for what; indices from 0.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SplitLists {
+    pub train: Vec<usize>,
+    pub test: Vec<usize>,
+    /// Contiguous segment of the second split.
+    pub held_out_segment: Vec<usize>,
+}
+
+impl SplitLists {
+    pub(super) fn of(split: &SplitConfig, count: usize) -> Self {
+        Self { train: split.train(count), test: split.test(count), held_out_segment: split.held_out(count).collect() }
+    }
+}
+
+/// One file of the dataset.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FileRecord {
+    pub bytes: u64,
+    pub sha256: String,
+}
+
+impl FileRecord {
+    pub(super) fn of(bytes: &[u8]) -> Self {
+        Self { bytes: bytes.len() as u64, sha256: io::sha256_hex(bytes) }
+    }
+}
+
+/// `dataset.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DatasetFile {
+    pub schema: String,
+    pub generator: String,
+    pub keyframes: usize,
+    pub conventions: Conventions,
+    pub db_range: DbRange,
+    /// Largest spectrum value of all keyframes, dB.
+    pub peak_db: f64,
+    pub split: SplitLists,
+    pub header: DatasetHeader,
+    /// Relative path (forward slashes) → size and SHA-256, of every file but this one.
+    pub files: BTreeMap<String, FileRecord>,
+}
+
+/// Who wrote a dataset.
+pub(super) fn generator() -> String {
+    format!("corf {}", env!("CARGO_PKG_VERSION"))
+}
+
+#[derive(Serialize)]
+struct PoseOut {
+    index: usize,
+    file: String,
+    time_s: f64,
+    world_from_camera: [[f64; 4]; 4],
+}
+
+#[derive(Serialize)]
+struct TrajectoryOut {
+    schema: &'static str,
+    frame: &'static str,
+    keyframes: Vec<PoseOut>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PoseIn {
+    index: usize,
+    #[serde(rename = "file")]
+    _file: Option<String>,
+    time_s: Option<f64>,
+    world_from_camera: [[Option<f64>; 4]; 4],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TrajectoryIn {
+    schema: String,
+    #[serde(rename = "frame")]
+    _frame: Option<String>,
+    keyframes: Vec<PoseIn>,
+}
+
+/// Pretty JSON with a final newline.
+pub(super) fn to_json<T: Serialize>(value: &T) -> Result<String> {
+    serde_json::to_string_pretty(value)
+        .map(|s| s + "\n")
+        .map_err(|e| Error::invalid("JSON", format!("cannot be written: {e}"), "report this as a defect"))
+}
+
+/// Parses JSON; `path` names it in messages.
+pub(super) fn from_json<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T> {
+    serde_json::from_str(text).map_err(|e| {
+        Error::invalid(
+            format!("{}:{}:{}", path.display(), e.line(), e.column()),
+            format!("not as expected: {e}"),
+            "the file is damaged or from another version; generate the dataset again",
+        )
+    })
+}
+
+/// `trajectory.json` of these poses.
+pub(super) fn trajectory_json(poses: &[TrajectoryPose]) -> Result<String> {
+    for p in poses {
+        // JSON has no NaN: what cannot be read back is not written.
+        Rigid3::from_rows(&p.world_from_camera.to_rows(), &format!("keyframe {}", p.index))?;
+    }
+    to_json(&TrajectoryOut {
+        schema: TRAJECTORY_SCHEMA,
+        frame: "world_from_camera: 4x4 by rows, OpenCV camera axes, metres, z-up world; time in seconds",
+        keyframes: poses
+            .iter()
+            .map(|p| PoseOut {
+                index: p.index,
+                file: super::layout::stem(p.index),
+                time_s: p.time_s,
+                world_from_camera: p.world_from_camera.to_rows(),
+            })
+            .collect(),
+    })
+}
+
+/// Reads `trajectory.json`; numbers that are not finite (some writers put `NaN` into JSON) are named with their keyframe.
+pub(super) fn read_trajectory(path: &Path) -> Result<Vec<TrajectoryPose>> {
+    let text = io::read_text(path)?;
+    let repaired = if text.contains("NaN") || text.contains("Infinity") {
+        ["-Infinity", "Infinity", "-NaN", "NaN"].iter().fold(text, |t, word| t.replace(word, "null"))
+    } else {
+        text
+    };
+    let trajectory: TrajectoryIn = from_json(&repaired, path)?;
+    if trajectory.schema != TRAJECTORY_SCHEMA {
+        return Err(Error::invalid(
+            path.display().to_string(),
+            format!("schema is \"{}\"", trajectory.schema),
+            format!("this version reads \"{TRAJECTORY_SCHEMA}\""),
+        ));
+    }
+    let mut poses = Vec::with_capacity(trajectory.keyframes.len());
+    for (i, k) in trajectory.keyframes.iter().enumerate() {
+        let place = format!("{}: keyframe {i}", path.display());
+        if k.index != i {
+            return Err(Error::invalid(place, format!("its index is {}", k.index), "indices count 0, 1, 2 ... without gaps"));
+        }
+        let rows = k.world_from_camera.map(|row| row.map(|v| v.unwrap_or(f64::NAN)));
+        let world_from_camera = Rigid3::from_rows(&rows, &place)?;
+        let Some(time_s) = k.time_s.filter(|t| t.is_finite()) else {
+            return Err(Error::invalid(place, "time_s is not a finite number", "give seconds"));
+        };
+        poses.push(TrajectoryPose { index: i, time_s, world_from_camera });
+    }
+    Ok(poses)
+}

@@ -1,0 +1,38 @@
+//! Which file is where, relative to the dataset's folder.
+
+/// The file stem of keyframe `index`: counted from 1, five digits.
+pub(super) fn stem(index: usize) -> String {
+    format!("{:05}", index + 1)
+}
+
+pub(super) const DATASET_JSON: &str = "dataset.json";
+pub(super) const TRAJECTORY_JSON: &str = "trajectory.json";
+/// Header of a dataset in the making; gone once `dataset.json` is there.
+pub(super) const PARTIAL_JSON: &str = "dataset.partial.json";
+/// One record a finished keyframe; gone once `dataset.json` is there.
+pub(super) const PROGRESS_DIR: &str = "progress";
+
+pub(super) fn image(index: usize) -> String {
+    format!("optical/images/{}.png", stem(index))
+}
+pub(super) fn linear(index: usize) -> String {
+    format!("optical/linear/{}.exr", stem(index))
+}
+pub(super) fn depth(index: usize) -> String {
+    format!("optical/depth/{}.exr", stem(index))
+}
+pub(super) fn surface(index: usize) -> String {
+    format!("optical/surfaces/{}.exr", stem(index))
+}
+pub(super) fn spectrum(index: usize) -> String {
+    format!("rf/spectra/{}.exr", stem(index))
+}
+pub(super) fn rf_image(index: usize) -> String {
+    format!("rf/images/{}.png", stem(index))
+}
+pub(super) fn paths(index: usize) -> String {
+    format!("rf/paths/{}.jsonl", stem(index))
+}
+pub(super) fn progress(index: usize) -> String {
+    format!("{PROGRESS_DIR}/{}.json", stem(index))
+}

@@ -1,0 +1,196 @@
+//! Reading a dataset.
+
+use super::header::{DATASET_SCHEMA, DatasetFile, DatasetHeader, from_json, read_trajectory};
+use super::{layout, writer};
+use crate::keyframe::DbRange;
+use crate::trajectory::TrajectoryPose;
+use crate::{Error, Keyframe, Pinhole, Raster, Result, io};
+use std::path::{Path, PathBuf};
+
+/// A finished dataset on disk. Keyframes are read one at a time.
+#[derive(Clone, Debug)]
+pub struct Dataset {
+    dir: PathBuf,
+    file: DatasetFile,
+    hash: String,
+}
+
+impl Dataset {
+    /// Opens a dataset's folder: `dataset.json` and `trajectory.json` are read and checked, images when they are asked for.
+    ///
+    /// # Errors
+    /// The folder holds no finished dataset, one of another version, or a pose that is none.
+    pub fn open(dir: impl AsRef<Path>) -> Result<Self> {
+        let dir = dir.as_ref();
+        let path = dir.join(layout::DATASET_JSON);
+        if !path.exists() {
+            let (what, help) = if dir.join(layout::PARTIAL_JSON).exists() {
+                ("its generation was not finished", "go on with `corf dataset generate ... --resume`")
+            } else {
+                ("there is no dataset.json in it", "give the folder `corf dataset generate` wrote")
+            };
+            return Err(Error::invalid(dir.display().to_string(), what, help));
+        }
+        let text = io::read_text(&path)?;
+        let hash = io::sha256_hex(text.as_bytes());
+        // The schema first: a file of another version should say so, not complain about its keys.
+        let value: serde_json::Value = from_json(&text, &path)?;
+        let schema = value.get("schema").and_then(|s| s.as_str()).unwrap_or("(none)");
+        if schema != DATASET_SCHEMA {
+            return Err(Error::invalid(
+                path.display().to_string(),
+                format!("schema is \"{schema}\""),
+                format!("this version reads \"{DATASET_SCHEMA}\"; generate the dataset again"),
+            ));
+        }
+        let mut file: DatasetFile = from_json(&text, &path)?;
+        let trajectory = dir.join(layout::TRAJECTORY_JSON);
+        file.header.poses = read_trajectory(&trajectory)?;
+        if file.header.poses.len() != file.keyframes {
+            return Err(Error::invalid(
+                trajectory.display().to_string(),
+                format!("has {} keyframes where dataset.json says {}", file.header.poses.len(), file.keyframes),
+                "the files do not belong together; restore the original or generate the dataset again",
+            ));
+        }
+        let all = file.split.train.iter().chain(&file.split.test).chain(&file.split.held_out_segment);
+        if let Some(i) = all.copied().find(|i| *i >= file.keyframes) {
+            return Err(Error::invalid(
+                path.display().to_string(),
+                format!("the split names keyframe {i} of {}", file.keyframes),
+                "indices count from 0; restore the original or generate the dataset again",
+            ));
+        }
+        if file.db_range.max_db <= file.db_range.min_db {
+            return Err(Error::invalid(path.display().to_string(), "db_range is empty", "max_db must be above min_db"));
+        }
+        Ok(Self { dir: dir.to_path_buf(), file, hash })
+    }
+
+    /// The folder.
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
+    /// What the dataset says about itself.
+    pub fn header(&self) -> &DatasetHeader {
+        &self.file.header
+    }
+
+    /// Number of keyframes.
+    pub fn len(&self) -> usize {
+        self.file.keyframes
+    }
+
+    /// Whether there is no keyframe.
+    pub fn is_empty(&self) -> bool {
+        self.file.keyframes == 0
+    }
+
+    /// The one dB range of the dataset.
+    pub fn db_range(&self) -> DbRange {
+        self.file.db_range
+    }
+
+    /// The camera of the optical images.
+    pub fn optical_camera(&self) -> Pinhole {
+        self.file.header.optical_camera
+    }
+
+    /// The camera of the spectra.
+    pub fn rf_camera(&self) -> Pinhole {
+        self.file.header.rf_camera
+    }
+
+    /// All poses, in order.
+    pub fn poses(&self) -> &[TrajectoryPose] {
+        &self.file.header.poses
+    }
+
+    /// Training keyframes of the interleaved split.
+    pub fn train_indices(&self) -> &[usize] {
+        &self.file.split.train
+    }
+
+    /// Test keyframes of the interleaved split.
+    pub fn test_indices(&self) -> &[usize] {
+        &self.file.split.test
+    }
+
+    /// The contiguous segment of the second split: all other keyframes train.
+    pub fn held_out_segment(&self) -> &[usize] {
+        &self.file.split.held_out_segment
+    }
+
+    /// SHA-256 of `dataset.json`, which holds that of every other file.
+    pub fn hash(&self) -> &str {
+        &self.hash
+    }
+
+    pub(super) fn file(&self) -> &DatasetFile {
+        &self.file
+    }
+
+    /// Reads keyframe `index`.
+    ///
+    /// # Errors
+    /// An index outside the dataset; a file that is missing, cut short, of the wrong size, or with values that are no measurements.
+    /// The message names file and keyframe.
+    pub fn keyframe(&self, index: usize) -> Result<Keyframe> {
+        let Some(pose) = self.poses().get(index) else {
+            return Err(Error::invalid(
+                format!("{}: keyframe {index}", self.dir.display()),
+                format!("the dataset has {} keyframes", self.len()),
+                "indices count from 0",
+            ));
+        };
+        let has = |path: &str| self.file.files.contains_key(path);
+        let (o, r) = (self.optical_camera(), self.rf_camera());
+        let path = |relative: &str| self.dir.join(relative);
+        let image = self.sized(index, &layout::image(index), &o, io::read_png(path(&layout::image(index))))?;
+        let spectrum = self.sized(index, &layout::spectrum(index), &r, io::read_exr_f32(path(&layout::spectrum(index))))?;
+        writer::check_spectrum(&spectrum, &format!("{}: keyframe {index}", path(&layout::spectrum(index)).display()))?;
+        let (depth, surface) = (layout::depth(index), layout::surface(index));
+        let depth_m = has(&depth).then(|| self.sized(index, &depth, &o, io::read_exr_f32(path(&depth)))).transpose()?;
+        let surface = has(&surface).then(|| self.sized(index, &surface, &o, io::read_exr_u32(path(&surface)))).transpose()?;
+        Ok(Keyframe { index, time_s: pose.time_s, world_from_camera: pose.world_from_camera, image, spectrum, depth_m, surface })
+    }
+
+    /// The linear radiance of keyframe `index`, where the dataset keeps it.
+    ///
+    /// # Errors
+    /// As [`Dataset::keyframe`].
+    pub fn linear(&self, index: usize) -> Result<Option<Raster<[f32; 3]>>> {
+        let name = layout::linear(index);
+        if !self.file.files.contains_key(&name) {
+            return Ok(None);
+        }
+        self.sized(index, &name, &self.optical_camera(), io::read_exr_rgb(self.dir.join(&name))).map(Some)
+    }
+
+    /// Gives a raster of the camera's size on, and names the keyframe in what went wrong otherwise.
+    fn sized<T>(&self, index: usize, name: &str, camera: &Pinhole, raster: Result<Raster<T>>) -> Result<Raster<T>> {
+        let place = format!("{}: keyframe {index}", self.dir.join(name).display());
+        let raster = raster.map_err(|e| match e {
+            Error::Invalid { what, help, .. } => Error::Invalid { place: place.clone(), what, help },
+            Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                Error::invalid(place.clone(), "the file is missing", "restore it, or generate the dataset again")
+            }
+            other => other,
+        })?;
+        if (raster.width(), raster.height()) != (camera.width, camera.height) {
+            return Err(Error::invalid(
+                place,
+                format!(
+                    "is {}x{} pixels where the camera has {}x{}",
+                    raster.width(),
+                    raster.height(),
+                    camera.width,
+                    camera.height
+                ),
+                "the file does not belong to this dataset; restore the original or generate it again",
+            ));
+        }
+        Ok(raster)
+    }
+}

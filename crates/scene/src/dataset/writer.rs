@@ -1,0 +1,329 @@
+//! Writing a dataset keyframe by keyframe, so that an interrupted run can go on where it stopped.
+
+use super::export::{self, ColoredPoint, Modality};
+use super::header::{Conventions, DATASET_SCHEMA, DatasetFile, DatasetHeader, FileRecord, SplitLists};
+use super::header::{from_json, generator, to_json, trajectory_json};
+use super::layout;
+use crate::keyframe::DbRange;
+use crate::{Error, Raster, Result, color, io};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// What one keyframe adds to a dataset.
+#[derive(Clone, Debug)]
+pub struct FrameData {
+    /// 8-bit sRGB image of the optical camera.
+    pub image: Raster<[u8; 3]>,
+    /// Linear radiance, if it is to be kept.
+    pub linear: Option<Raster<[f32; 3]>>,
+    /// z-depth, metres; 0 or infinite where nothing was hit (0 is written).
+    pub depth_m: Option<Raster<f32>>,
+    /// Object index, `u32::MAX` where nothing was hit.
+    pub surface: Option<Raster<u32>>,
+    /// Spectrum of the RF camera: linear, finite, at least 0.
+    pub spectrum: Raster<f32>,
+    /// Propagation paths, one JSON object a line.
+    pub paths_jsonl: Option<String>,
+}
+
+/// What is remembered of a finished keyframe until the dataset is.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FrameRecord {
+    peak: f32,
+    files: BTreeMap<String, FileRecord>,
+}
+
+/// The header of a dataset in the making.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Partial {
+    schema: String,
+    generator: String,
+    header_sha256: String,
+    header: DatasetHeader,
+}
+
+/// Writes a dataset. Keyframes may come in any order and from several threads; [`DatasetWriter::finish`] makes it a whole.
+#[derive(Debug)]
+pub struct DatasetWriter {
+    dir: PathBuf,
+    header: DatasetHeader,
+    points: Option<Vec<ColoredPoint>>,
+    finished: bool,
+}
+
+impl DatasetWriter {
+    /// Starts a dataset in `dir`, or goes on with the same one there if `resume`.
+    ///
+    /// # Errors
+    /// The folder is not empty and `resume` is false, or what is there was made from another header or by another version; or it
+    /// cannot be written.
+    pub fn create(dir: impl AsRef<Path>, header: &DatasetHeader, resume: bool) -> Result<Self> {
+        let dir = dir.as_ref();
+        if header.poses.is_empty() {
+            return Err(Error::invalid(dir.display().to_string(), "a dataset without keyframes", "give at least one pose"));
+        }
+        std::fs::create_dir_all(dir).map_err(Error::io("create", dir))?;
+        let mut entries = std::fs::read_dir(dir).map_err(Error::io("read", dir))?;
+        let occupied = entries.next().transpose().map_err(Error::io("read", dir))?.is_some();
+        let mut writer = Self { dir: dir.to_path_buf(), header: header.clone(), points: None, finished: false };
+        if occupied && !resume {
+            return Err(Error::invalid(
+                dir.display().to_string(),
+                "the folder is not empty",
+                "give a new folder, or --resume to go on with the same dataset",
+            ));
+        }
+        let sha = header.hash()?;
+        let finished = dir.join(layout::DATASET_JSON);
+        let partial = dir.join(layout::PARTIAL_JSON);
+        let previous = if finished.exists() {
+            let file: DatasetFile = from_json(&io::read_text(&finished)?, &finished)?;
+            let header =
+                DatasetHeader { poses: super::header::read_trajectory(&dir.join(layout::TRAJECTORY_JSON))?, ..file.header };
+            writer.finished = true;
+            Some((file.generator, header.hash()?))
+        } else if partial.exists() {
+            let file: Partial = from_json(&io::read_text(&partial)?, &partial)?;
+            Some((file.generator, file.header_sha256))
+        } else {
+            None
+        };
+        match previous {
+            Some((by, there)) if there != sha || by != generator() => {
+                let what =
+                    if by == generator() { "another configuration".to_string() } else { format!("another version ({by})") };
+                return Err(Error::invalid(
+                    dir.display().to_string(),
+                    format!("the dataset there was begun with {what}"),
+                    "give a new folder, or the configuration and version it was begun with",
+                ));
+            }
+            None if occupied => {
+                return Err(Error::invalid(
+                    dir.display().to_string(),
+                    "the folder is not empty and holds no dataset to resume",
+                    "give a new folder",
+                ));
+            }
+            _ => {}
+        }
+        if !writer.finished {
+            io::write_atomic(dir.join(layout::TRAJECTORY_JSON), trajectory_json(&header.poses)?.as_bytes())?;
+            let file =
+                Partial { schema: DATASET_SCHEMA.into(), generator: generator(), header_sha256: sha, header: header.clone() };
+            io::write_atomic(partial, to_json(&file)?.as_bytes())?;
+        }
+        Ok(writer)
+    }
+
+    /// Number of keyframes the dataset will have.
+    pub fn len(&self) -> usize {
+        self.header.poses.len()
+    }
+
+    /// Never: a dataset has at least one keyframe.
+    pub fn is_empty(&self) -> bool {
+        self.header.poses.is_empty()
+    }
+
+    /// Whether keyframe `index` is on disk, whole.
+    pub fn is_complete(&self, index: usize) -> bool {
+        self.finished || self.record(index).is_ok_and(|r| self.present(&r))
+    }
+
+    fn record(&self, index: usize) -> Result<FrameRecord> {
+        let path = self.dir.join(layout::progress(index));
+        from_json(&io::read_text(&path)?, &path)
+    }
+
+    fn present(&self, record: &FrameRecord) -> bool {
+        record.files.iter().all(|(path, f)| std::fs::metadata(self.dir.join(path)).is_ok_and(|m| m.len() == f.bytes))
+    }
+
+    /// Points to seed other tools with; without them they are sampled from the training keyframes' depth.
+    pub fn set_points(&mut self, points: Vec<ColoredPoint>) {
+        self.points = Some(points);
+    }
+
+    /// Writes keyframe `index`. It counts only once all its files are there.
+    ///
+    /// # Errors
+    /// An index outside the trajectory, an image of the wrong size, a value that is not finite, or a file that cannot be written.
+    pub fn write_frame(&self, index: usize, frame: &FrameData) -> Result<()> {
+        let place = format!("keyframe {index}");
+        if index >= self.len() {
+            return Err(Error::invalid(place, format!("the dataset has {} keyframes", self.len()), "indices count from 0"));
+        }
+        if self.finished {
+            return Ok(());
+        }
+        self.check(&place, frame)?;
+        let mut files = BTreeMap::new();
+        let mut put = |path: String, bytes: Vec<u8>| -> Result<()> {
+            io::write_atomic(self.dir.join(&path), &bytes)?;
+            files.insert(path, FileRecord::of(&bytes));
+            Ok(())
+        };
+        put(layout::image(index), io::encode_png(&frame.image)?)?;
+        if let Some(linear) = &frame.linear {
+            put(layout::linear(index), io::encode_exr_rgb(linear)?)?;
+        }
+        if let Some(depth) = &frame.depth_m {
+            put(layout::depth(index), io::encode_exr_f32(&depth.map(|d| if d.is_finite() { *d } else { 0.0 }), "Z")?)?;
+        }
+        if let Some(surface) = &frame.surface {
+            put(layout::surface(index), io::encode_exr_u32(surface)?)?;
+        }
+        put(layout::spectrum(index), io::encode_exr_f32(&frame.spectrum, "Y")?)?;
+        if let Some(paths) = &frame.paths_jsonl {
+            put(layout::paths(index), paths.clone().into_bytes())?;
+        }
+        let peak = frame.spectrum.pixels().iter().copied().fold(0.0, f32::max);
+        let record = FrameRecord { peak, files };
+        io::write_atomic(self.dir.join(layout::progress(index)), to_json(&record)?.as_bytes())
+    }
+
+    fn check(&self, place: &str, frame: &FrameData) -> Result<()> {
+        let (o, r) = (&self.header.optical_camera, &self.header.rf_camera);
+        let optical = [
+            ("image", Some((frame.image.width(), frame.image.height()))),
+            ("linear", frame.linear.as_ref().map(|l| (l.width(), l.height()))),
+            ("depth_m", frame.depth_m.as_ref().map(|d| (d.width(), d.height()))),
+            ("surface", frame.surface.as_ref().map(|s| (s.width(), s.height()))),
+        ];
+        let optical = optical.into_iter().map(|(n, s)| (n, s, (o.width, o.height)));
+        let rf = [("spectrum", Some((frame.spectrum.width(), frame.spectrum.height())), (r.width, r.height))];
+        for (name, size, expected) in optical.chain(rf) {
+            if let Some(size) = size.filter(|s| *s != expected) {
+                return Err(Error::invalid(
+                    format!("{place}: {name}"),
+                    format!("is {}x{} pixels where the camera has {}x{}", size.0, size.1, expected.0, expected.1),
+                    "render it with the dataset's own camera",
+                ));
+            }
+        }
+        check_spectrum(&frame.spectrum, &format!("{place}: spectrum"))?;
+        if let Some(linear) = &frame.linear
+            && linear.pixels().iter().flatten().any(|v| !v.is_finite())
+        {
+            return Err(Error::invalid(format!("{place}: linear"), "a value is not finite", "this is a defect of the renderer"));
+        }
+        if let Some(i) = frame.depth_m.as_ref().and_then(|d| d.pixels().iter().position(|v| v.is_nan() || *v < 0.0)) {
+            return Err(Error::invalid(
+                format!("{place}: depth_m"),
+                format!("pixel ({}, {}) is no depth", i % o.width, i / o.width),
+                "depths are metres, at least 0",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Makes the dataset a whole: the one dB range, RF images, COLMAP and transforms.json files, split lists, and `dataset.json` last.
+    ///
+    /// # Errors
+    /// A keyframe is missing, no keyframe received any power, or a file cannot be read or written.
+    pub fn finish(&self) -> Result<()> {
+        if self.finished {
+            return self.forget_progress();
+        }
+        let missing: Vec<usize> = (0..self.len()).filter(|i| !self.is_complete(*i)).collect();
+        if let Some(first) = missing.first() {
+            return Err(Error::invalid(
+                self.dir.display().to_string(),
+                format!("{} of {} keyframes are not there, the first is {first}", missing.len(), self.len()),
+                "generate them with --resume",
+            ));
+        }
+        let records: Vec<FrameRecord> = (0..self.len()).map(|i| self.record(i)).collect::<Result<_>>()?;
+        let peak = records.iter().map(|r| r.peak).fold(0.0, f32::max);
+        if peak <= 0.0 {
+            return Err(Error::invalid(
+                self.dir.display().to_string(),
+                "no keyframe received any power",
+                "check the transmitter's position (inside the room, not inside furniture) and the radio materials",
+            ));
+        }
+        let peak_db = 10.0 * f64::from(peak).log10();
+        let max_db = peak_db.ceil();
+        let db_range = DbRange { min_db: max_db - self.header.dynamic_range_db, max_db };
+
+        let mut files: BTreeMap<String, FileRecord> = BTreeMap::new();
+        for record in records {
+            files.extend(record.files);
+        }
+        let mut put = |path: String, bytes: &[u8]| -> Result<()> {
+            io::write_atomic(self.dir.join(&path), bytes)?;
+            files.insert(path, FileRecord::of(bytes));
+            Ok(())
+        };
+        let rf_images: Vec<Raster<[u8; 3]>> = (0..self.len())
+            .into_par_iter()
+            .map(|i| Ok(jet_image(&io::read_exr_f32(self.dir.join(layout::spectrum(i)))?, &db_range)))
+            .collect::<Result<_>>()?;
+        for (i, image) in rf_images.iter().enumerate() {
+            put(layout::rf_image(i), &io::encode_png(image)?)?;
+        }
+        let split = SplitLists::of(&self.header.split, self.len());
+        let points = match &self.points {
+            Some(points) => [points.clone(), points.clone()],
+            None => export::sample_points(&self.dir, &self.header, &split.train, &rf_images)?,
+        };
+        let modalities = [
+            (Modality { root: "optical", camera: self.header.optical_camera }, &points[0]),
+            (Modality { root: "rf", camera: self.header.rf_camera }, &points[1]),
+        ];
+        for (modality, points) in modalities {
+            for (name, text) in export::files(&modality, &self.header.poses, &split, points)? {
+                put(format!("{}/{name}", modality.root), text.as_bytes())?;
+            }
+        }
+        put(layout::TRAJECTORY_JSON.into(), trajectory_json(&self.header.poses)?.as_bytes())?;
+        let file = DatasetFile {
+            schema: DATASET_SCHEMA.into(),
+            generator: generator(),
+            keyframes: self.len(),
+            conventions: Conventions::of(self.header.quantity),
+            db_range,
+            peak_db,
+            split,
+            header: self.header.clone(),
+            files,
+        };
+        io::write_atomic(self.dir.join(layout::DATASET_JSON), to_json(&file)?.as_bytes())?;
+        self.forget_progress()
+    }
+
+    /// Removes what recorded the making of a dataset that is now whole.
+    fn forget_progress(&self) -> Result<()> {
+        let progress = self.dir.join(layout::PROGRESS_DIR);
+        if progress.exists() {
+            std::fs::remove_dir_all(&progress).map_err(Error::io("remove", &progress))?;
+        }
+        let partial = self.dir.join(layout::PARTIAL_JSON);
+        if partial.exists() {
+            std::fs::remove_file(&partial).map_err(Error::io("remove", &partial))?;
+        }
+        Ok(())
+    }
+}
+
+/// The published view of a spectrum: one dB range, Jet, 8 bit.
+pub(super) fn jet_image(spectrum: &Raster<f32>, range: &DbRange) -> Raster<[u8; 3]> {
+    spectrum.map(|s| color::jet(range.scalar(*s)).map(color::quantize8))
+}
+
+/// Every value finite and at least 0.
+pub(super) fn check_spectrum(spectrum: &Raster<f32>, place: &str) -> Result<()> {
+    match spectrum.pixels().iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
+        None => Ok(()),
+        Some(i) => Err(Error::invalid(
+            place,
+            format!("pixel ({}, {}) is {}", i % spectrum.width(), i / spectrum.width(), spectrum.pixels()[i]),
+            "a spectrum is linear power: finite and at least 0",
+        )),
+    }
+}

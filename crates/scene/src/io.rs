@@ -1,0 +1,296 @@
+//! Files: whole or not at all. PNG and EXR in and out; every write goes to a temporary name beside the target, then is renamed.
+
+use crate::{Error, Raster, Result};
+use exr::prelude as ex;
+use sha2::{Digest, Sha256};
+use std::io::{Cursor, Write};
+use std::path::Path;
+
+/// Writes `bytes` to `path` (its folder is created): a reader sees the old file or the whole new one, never a part.
+///
+/// # Errors
+/// The folder or the file cannot be written.
+pub fn write_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
+    let path = path.as_ref();
+    let dir = match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    std::fs::create_dir_all(dir).map_err(Error::io("create", dir))?;
+    let mut file = tempfile::Builder::new()
+        .prefix(".corf-")
+        .suffix(".tmp")
+        .permissions_if_unix()
+        .tempfile_in(dir)
+        .map_err(Error::io("create a file in", dir))?;
+    file.write_all(bytes).map_err(Error::io("write", path))?;
+    file.persist(path).map_err(|e| Error::io("write", path)(e.error))?;
+    Ok(())
+}
+
+/// Temporary files are private by default; what is published follows the umask like any other file.
+trait PublicPermissions {
+    fn permissions_if_unix(&mut self) -> &mut Self;
+}
+
+impl PublicPermissions for tempfile::Builder<'_, '_> {
+    #[cfg(unix)]
+    fn permissions_if_unix(&mut self) -> &mut Self {
+        use std::os::unix::fs::PermissionsExt;
+        self.permissions(std::fs::Permissions::from_mode(0o666))
+    }
+    #[cfg(not(unix))]
+    fn permissions_if_unix(&mut self) -> &mut Self {
+        self
+    }
+}
+
+/// Reads a whole file.
+///
+/// # Errors
+/// The file cannot be read; the message names it.
+pub fn read(path: impl AsRef<Path>) -> Result<Vec<u8>> {
+    std::fs::read(path.as_ref()).map_err(Error::io("read", path.as_ref()))
+}
+
+/// Reads a whole text file.
+///
+/// # Errors
+/// The file cannot be read, or is no UTF-8.
+pub fn read_text(path: impl AsRef<Path>) -> Result<String> {
+    std::fs::read_to_string(path.as_ref()).map_err(Error::io("read", path.as_ref()))
+}
+
+/// SHA-256 in lower-case hexadecimal.
+pub fn sha256_hex(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().fold(String::with_capacity(64), |mut s, b| {
+        use std::fmt::Write as _;
+        // Writing to a String cannot fail.
+        let _ = write!(s, "{b:02x}");
+        s
+    })
+}
+
+fn corrupt(path: &Path, kind: &str, e: impl std::fmt::Display) -> Error {
+    Error::invalid(
+        path.display().to_string(),
+        format!("not a readable {kind}: {e}"),
+        "the file is damaged or cut short; restore it, or delete it and generate it again",
+    )
+}
+
+/// Encodes 8-bit RGB as PNG.
+///
+/// # Errors
+/// An image without pixels.
+pub fn encode_png(image: &Raster<[u8; 3]>) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    image::write_buffer_with_format(
+        &mut Cursor::new(&mut bytes),
+        image.pixels().as_flattened(),
+        image.width() as u32,
+        image.height() as u32,
+        image::ColorType::Rgb8,
+        image::ImageFormat::Png,
+    )
+    .map_err(|e| {
+        Error::invalid("PNG", format!("cannot encode {}x{}: {e}", image.width(), image.height()), "give an image with pixels")
+    })?;
+    Ok(bytes)
+}
+
+/// Writes 8-bit RGB as PNG, atomically.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_png(path: impl AsRef<Path>, image: &Raster<[u8; 3]>) -> Result<()> {
+    write_atomic(path, &encode_png(image)?)
+}
+
+/// Decodes an image file's bytes (PNG or JPEG) to 8-bit RGBA; `path` names it in messages.
+///
+/// # Errors
+/// The bytes are no complete image.
+pub fn decode_rgba(bytes: &[u8], path: impl AsRef<Path>) -> Result<Raster<[u8; 4]>> {
+    let path = path.as_ref();
+    let reader =
+        image::ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| corrupt(path, "PNG or JPEG", e))?;
+    let rgba = reader.decode().map_err(|e| corrupt(path, "PNG or JPEG", e))?.into_rgba8();
+    let (width, height) = (rgba.width() as usize, rgba.height() as usize);
+    Ok(Raster::from_vec(width, height, rgba.pixels().map(|p| p.0).collect()))
+}
+
+/// Reads a PNG (or JPEG) as 8-bit RGB; alpha is dropped.
+///
+/// # Errors
+/// The file cannot be read or is no complete image.
+pub fn read_png(path: impl AsRef<Path>) -> Result<Raster<[u8; 3]>> {
+    let bytes = read(path.as_ref())?;
+    Ok(decode_rgba(&bytes, path)?.map(|p| [p[0], p[1], p[2]]))
+}
+
+/// Encodes named channels as a losslessly compressed EXR of one layer.
+fn encode_exr(width: usize, height: usize, channels: Vec<(&str, ex::FlatSamples)>) -> Result<Vec<u8>> {
+    let list = channels.into_iter().map(|(name, samples)| ex::AnyChannel::new(name, samples)).collect();
+    // Blocks are compressed in file order on this thread: the same pixels give the same bytes.
+    let encoding = ex::Encoding {
+        compression: ex::Compression::ZIP16,
+        blocks: ex::Blocks::ScanLines,
+        line_order: ex::LineOrder::Increasing,
+    };
+    let layer = ex::Layer::new((width, height), ex::LayerAttributes::default(), encoding, ex::AnyChannels::sort(list));
+    let mut bytes = Cursor::new(Vec::new());
+    use ex::WritableImage as _;
+    ex::Image::from_layer(layer)
+        .write()
+        .non_parallel()
+        .to_buffered(&mut bytes)
+        .map_err(|e| Error::invalid("EXR", format!("cannot encode {width}x{height}: {e}"), "give an image with pixels"))?;
+    Ok(bytes.into_inner())
+}
+
+/// Encodes one float channel (`name`: `Y` for power, `Z` for depth) as EXR.
+///
+/// # Errors
+/// An image without pixels.
+pub fn encode_exr_f32(image: &Raster<f32>, name: &str) -> Result<Vec<u8>> {
+    encode_exr(image.width(), image.height(), vec![(name, ex::FlatSamples::F32(image.pixels().to_vec()))])
+}
+
+/// Encodes one unsigned integer channel `id` as EXR.
+///
+/// # Errors
+/// An image without pixels.
+pub fn encode_exr_u32(image: &Raster<u32>) -> Result<Vec<u8>> {
+    encode_exr(image.width(), image.height(), vec![("id", ex::FlatSamples::U32(image.pixels().to_vec()))])
+}
+
+/// Encodes linear RGB as EXR (float32).
+///
+/// # Errors
+/// An image without pixels.
+pub fn encode_exr_rgb(image: &Raster<[f32; 3]>) -> Result<Vec<u8>> {
+    let channel = |c: usize| ex::FlatSamples::F32(image.pixels().iter().map(|p| p[c]).collect());
+    encode_exr(image.width(), image.height(), vec![("R", channel(0)), ("G", channel(1)), ("B", channel(2))])
+}
+
+type Channels = Vec<(String, ex::FlatSamples)>;
+
+/// All channels of the first layer of an EXR.
+fn decode_exr(bytes: &[u8], path: &Path) -> Result<(usize, usize, Channels)> {
+    use ex::{ReadChannels as _, ReadLayers as _};
+    let image = ex::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|e| corrupt(path, "EXR", e))?;
+    let layer = image.layer_data;
+    let channels: Channels = layer.channel_data.list.into_iter().map(|c| (c.name.to_string(), c.sample_data)).collect();
+    let (width, height) = (layer.size.width(), layer.size.height());
+    if channels.iter().any(|(_, s)| s.len() != width * height) {
+        return Err(corrupt(path, "EXR", "a subsampled channel"));
+    }
+    Ok((width, height, channels))
+}
+
+fn floats(samples: &ex::FlatSamples) -> Vec<f32> {
+    samples.values_as_f32().collect()
+}
+
+/// Reads a one-channel EXR as float32.
+///
+/// # Errors
+/// The file cannot be read, is no complete EXR, or has not exactly one channel.
+pub fn read_exr_f32(path: impl AsRef<Path>) -> Result<Raster<f32>> {
+    let path = path.as_ref();
+    let (width, height, channels) = decode_exr(&read(path)?, path)?;
+    match channels.as_slice() {
+        [(_, samples)] => Ok(Raster::from_vec(width, height, floats(samples))),
+        _ => Err(wrong_channels(path, &channels, "one float channel")),
+    }
+}
+
+/// Reads a one-channel EXR of unsigned integers.
+///
+/// # Errors
+/// As [`read_exr_f32`], or the channel is not of unsigned integers.
+pub fn read_exr_u32(path: impl AsRef<Path>) -> Result<Raster<u32>> {
+    let path = path.as_ref();
+    let (width, height, mut channels) = decode_exr(&read(path)?, path)?;
+    match (channels.len(), channels.pop()) {
+        (1, Some((_, ex::FlatSamples::U32(ids)))) => Ok(Raster::from_vec(width, height, ids)),
+        (_, last) => {
+            channels.extend(last);
+            Err(wrong_channels(path, &channels, "one unsigned integer channel"))
+        }
+    }
+}
+
+/// Reads an EXR's channels R, G, B as float32.
+///
+/// # Errors
+/// As [`read_exr_f32`], or a channel is missing.
+pub fn read_exr_rgb(path: impl AsRef<Path>) -> Result<Raster<[f32; 3]>> {
+    let path = path.as_ref();
+    let (width, height, channels) = decode_exr(&read(path)?, path)?;
+    let find = |name: &str| channels.iter().find(|(n, _)| n == name).map(|(_, s)| floats(s));
+    let (Some(r), Some(g), Some(b)) = (find("R"), find("G"), find("B")) else {
+        return Err(wrong_channels(path, &channels, "channels R, G and B"));
+    };
+    Ok(Raster::from_vec(width, height, (0..width * height).map(|i| [r[i], g[i], b[i]]).collect()))
+}
+
+fn wrong_channels(path: &Path, channels: &Channels, wanted: &str) -> Error {
+    let names: Vec<&str> = channels.iter().map(|(n, _)| n.as_str()).collect();
+    Error::invalid(path.display().to_string(), format!("has channels [{}]", names.join(", ")), format!("expected {wanted}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_round_trip_bit_by_bit() {
+        let dir = tempfile::tempdir().unwrap();
+        let rgb = Raster::from_fn(7, 5, |x, y| [x as u8 * 30, y as u8 * 50, (x * y) as u8]);
+        write_png(dir.path().join("a/b.png"), &rgb).unwrap();
+        assert_eq!(read_png(dir.path().join("a/b.png")).unwrap(), rgb);
+        let power = Raster::from_fn(9, 4, |x, y| 1e-12_f32.powf(1.0 + x as f32 / 3.0) * (y as f32));
+        let path = dir.path().join("p.exr");
+        write_atomic(&path, &encode_exr_f32(&power, "Y").unwrap()).unwrap();
+        assert_eq!(read_exr_f32(&path).unwrap(), power);
+        let ids = Raster::from_fn(9, 4, |x, y| if x == 0 { u32::MAX } else { (x * 70_000 + y) as u32 });
+        write_atomic(&path, &encode_exr_u32(&ids).unwrap()).unwrap();
+        assert_eq!(read_exr_u32(&path).unwrap(), ids);
+        assert!(read_exr_rgb(&path).unwrap_err().to_string().contains("channels R, G and B"));
+        let linear = Raster::from_fn(3, 2, |x, y| [x as f32, y as f32 + 0.25, 1e6]);
+        write_atomic(&path, &encode_exr_rgb(&linear).unwrap()).unwrap();
+        assert_eq!(read_exr_rgb(&path).unwrap(), linear);
+        assert!(read_exr_f32(&path).is_err());
+    }
+
+    #[test]
+    fn files_cut_short_are_errors_that_name_the_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("cut.bin");
+        let png = encode_png(&Raster::from_fn(40, 30, |x, y| [x as u8, y as u8, (x ^ y) as u8])).unwrap();
+        let exr = encode_exr_f32(&Raster::from_fn(40, 30, |x, y| (x * y) as f32), "Y").unwrap();
+        for cut in [0, 1, 8, 30, png.len() / 2, png.len() - 20] {
+            std::fs::write(&path, &png[..cut]).unwrap();
+            assert!(read_png(&path).unwrap_err().to_string().contains("cut.bin"), "{cut}");
+        }
+        for cut in [0, 4, 100, exr.len() / 2, exr.len() - 3] {
+            std::fs::write(&path, &exr[..cut]).unwrap();
+            assert!(read_exr_f32(&path).unwrap_err().to_string().contains("cut.bin"), "{cut}");
+        }
+    }
+
+    #[test]
+    fn sha256_of_abc() {
+        assert_eq!(sha256_hex(b"abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+    }
+}
