@@ -6,3 +6,6 @@
 pub mod bvh;
 
 pub use bvh::{Bvh, Hit, Ray};
+pub mod radio;
+pub mod sionna;
+pub mod spectrum;

@@ -1,0 +1,325 @@
+//! The scene as the image method sees it: f64 triangles gathered into planar faces of one object and one material.
+
+use super::{Slab, planar::PlanarIndex};
+use crate::bvh::{Bvh, Ray};
+use corf_scene::{Error, Result, Scene};
+use glam::DVec3;
+use std::collections::HashMap;
+use std::ops::ControlFlow;
+
+/// Triangles belong to one face when their corners lie this close to its plane, metres (float32 corners at 10 m are off by 1e-6).
+const COPLANAR_DISTANCE_M: f64 = 5e-6;
+/// … and their normals are this parallel: 1 − cos of 1e-3 rad.
+const COPLANAR_NORMAL: f64 = 5e-7;
+/// A crossing this close to a segment's end belongs to the end itself, metres.
+const END_CLEARANCE_M: f64 = 1e-9;
+/// Two crossings of one object and material this close are one: an edge between two of its faces was hit, metres.
+const SAME_CROSSING_M: f64 = 1e-9;
+/// Up to this many triangles all of them are tried; the list is exact and needs no bounding boxes.
+const BRUTE_FORCE_TRIANGLES: usize = 64;
+
+/// A planar patch: every triangle of one plane, object and material.
+#[derive(Clone, Debug)]
+pub struct Face {
+    /// Unit normal of the plane n·x = `offset_m`.
+    pub normal: DVec3,
+    /// Plane offset, metres.
+    pub offset_m: f64,
+    /// Index into [`Geometry::slabs`] (and the scene's materials).
+    pub material: u32,
+    /// Index into the scene's objects.
+    pub object: u32,
+    /// Total area, m².
+    pub area_m2: f64,
+    index: PlanarIndex,
+}
+
+impl Face {
+    /// Signed distance of a point from the plane, metres.
+    pub fn distance(&self, point: DVec3) -> f64 {
+        self.normal.dot(point) - self.offset_m
+    }
+
+    /// The mirror image of a point.
+    pub fn mirror(&self, point: DVec3) -> DVec3 {
+        point - self.normal * (2.0 * self.distance(point))
+    }
+
+    /// Whether a point of the plane lies on one of the triangles (edges belong to the face).
+    pub fn contains(&self, point: DVec3) -> bool {
+        self.index.contains(point)
+    }
+}
+
+/// A straight segment's crossing of a face.
+#[derive(Clone, Copy, Debug)]
+pub struct Crossing {
+    /// Distance from the segment's start, metres.
+    pub distance_m: f64,
+    /// Index into [`Geometry::faces`].
+    pub face: u32,
+}
+
+/// How blockers of a segment are found.
+enum Occluders<'a> {
+    Brute,
+    Bvh(&'a Bvh),
+}
+
+/// Triangles, faces and slabs of one scene at one frequency.
+pub struct Geometry<'a> {
+    /// Planar faces.
+    pub faces: Vec<Face>,
+    /// Radio materials by the scene's material index; `None` for one no triangle uses.
+    pub slabs: Vec<Option<Slab>>,
+    corners: Vec<[DVec3; 3]>,
+    face_of_triangle: Vec<u32>,
+    occluders: Occluders<'a>,
+}
+
+impl<'a> Geometry<'a> {
+    /// Gathers the scene's triangles into faces; with `bvh` absent every triangle is tried against every segment.
+    ///
+    /// # Errors
+    /// A material without radio properties, or one outside its validity range.
+    pub fn new(scene: &Scene, bvh: Option<&'a Bvh>, frequency_hz: f64) -> Result<Self> {
+        let missing = scene.materials_without_radio();
+        if !missing.is_empty() {
+            return Err(Error::invalid(
+                format!("scene `{}`", scene.name),
+                format!("no radio properties for the material(s) {}", missing.join(", ")),
+                "give each one in the scene's TOML under [radio_materials.\"name\"] or in the glTF material's extras.corf_radio",
+            ));
+        }
+        let mut used = vec![false; scene.materials.len()];
+        scene.triangles.iter().for_each(|t| used[t.material as usize] = true);
+        let mut slabs = Vec::with_capacity(used.len());
+        for (material, used) in scene.materials.iter().zip(&used) {
+            slabs.push(match &material.radio {
+                Some(radio) if *used => Some(Slab::from_radio(radio, frequency_hz)?),
+                _ => None,
+            });
+        }
+        let corners: Vec<[DVec3; 3]> = (0..scene.triangles.len()).map(|i| scene.corners_f64(i)).collect();
+        let (faces, face_of_triangle) = gather_faces(scene, &corners);
+        let occluders = match bvh {
+            Some(bvh) if corners.len() > BRUTE_FORCE_TRIANGLES => Occluders::Bvh(bvh),
+            _ => Occluders::Brute,
+        };
+        Ok(Self { faces, slabs, corners, face_of_triangle, occluders })
+    }
+
+    /// The slab of a face. Faces exist only for triangles, whose materials were all resolved.
+    pub fn slab(&self, face: u32) -> &Slab {
+        match &self.slabs[self.faces[face as usize].material as usize] {
+            Some(slab) => slab,
+            None => unreachable!("a face's material is used by its triangles"),
+        }
+    }
+
+    /// The face of a triangle.
+    pub fn face_of_triangle(&self, triangle: u32) -> u32 {
+        self.face_of_triangle[triangle as usize]
+    }
+
+    /// Exact corners of a triangle.
+    pub fn corners(&self, triangle: u32) -> &[DVec3; 3] {
+        &self.corners[triangle as usize]
+    }
+
+    /// Number of triangles.
+    pub fn triangle_count(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// Every face that the open segment `from → to` crosses, in order, `skip` aside; `None` once there are more than `limit`.
+    pub fn crossings(&self, from: DVec3, to: DVec3, skip: [Option<u32>; 2], limit: usize) -> Option<Vec<Crossing>> {
+        let length = from.distance(to);
+        if length <= 2.0 * END_CLEARANCE_M {
+            return Some(Vec::new());
+        }
+        let direction = (to - from) / length;
+        let mut found: Vec<Crossing> = Vec::new();
+        let mut visit = |triangle: usize| {
+            let face = self.face_of_triangle[triangle];
+            if skip.contains(&Some(face)) {
+                return ControlFlow::Continue(());
+            }
+            let Some(t) = line_meets_triangle(from, direction, &self.corners[triangle]) else { return ControlFlow::Continue(()) };
+            if t <= END_CLEARANCE_M || t >= length - END_CLEARANCE_M {
+                return ControlFlow::Continue(());
+            }
+            let same = |c: &Crossing| {
+                let (a, b) = (&self.faces[c.face as usize], &self.faces[face as usize]);
+                c.face == face || ((c.distance_m - t).abs() < SAME_CROSSING_M && a.object == b.object && a.material == b.material)
+            };
+            if !found.iter().any(same) {
+                found.push(Crossing { distance_m: t, face });
+            }
+            if found.len() > limit { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        match self.occluders {
+            Occluders::Brute => {
+                for triangle in 0..self.corners.len() {
+                    if visit(triangle).is_break() {
+                        break;
+                    }
+                }
+            }
+            Occluders::Bvh(bvh) => {
+                // Whether it broke off shows in the number of crossings.
+                let _ = bvh.visit_candidates(from, direction, length, |triangle| visit(triangle as usize));
+            }
+        }
+        if found.len() > limit {
+            return None;
+        }
+        // Faces, not visiting order, break ties: the answer does not depend on the search structure.
+        found.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.face.cmp(&b.face)));
+        Some(found)
+    }
+
+    /// The first triangle along a ray beyond `clearance_m`: (distance, triangle).
+    pub fn closest(&self, origin: DVec3, direction: DVec3, clearance_m: f64) -> Option<(f64, u32)> {
+        match self.occluders {
+            Occluders::Brute => {
+                let mut best: Option<(f64, u32)> = None;
+                for (i, corners) in self.corners.iter().enumerate() {
+                    if let Some(t) = line_meets_triangle(origin, direction, corners)
+                        && t > clearance_m
+                        && best.is_none_or(|b| t < b.0)
+                    {
+                        best = Some((t, i as u32));
+                    }
+                }
+                best
+            }
+            Occluders::Bvh(bvh) => {
+                let ray = Ray {
+                    origin: origin.as_vec3(),
+                    direction: direction.as_vec3(),
+                    t_min: clearance_m as f32,
+                    t_max: f32::INFINITY,
+                };
+                bvh.intersect(&ray).map(|hit| (f64::from(hit.t), hit.triangle))
+            }
+        }
+    }
+
+    /// Whether anything lies between two points, both pulled in by `clearance_m` (single precision is enough for diffuse power).
+    pub fn occluded(&self, from: DVec3, to: DVec3, clearance_m: f64) -> bool {
+        let length = from.distance(to);
+        if length <= 2.0 * clearance_m {
+            return false;
+        }
+        let direction = (to - from) / length;
+        match self.occluders {
+            Occluders::Brute => self.corners.iter().any(|corners| {
+                line_meets_triangle(from, direction, corners).is_some_and(|t| t > clearance_m && t < length - clearance_m)
+            }),
+            Occluders::Bvh(bvh) => bvh.occluded(&Ray {
+                origin: from.as_vec3(),
+                direction: direction.as_vec3(),
+                t_min: clearance_m as f32,
+                t_max: (length - clearance_m) as f32,
+            }),
+        }
+    }
+}
+
+/// Groups triangles by object, material and plane; larger triangles first, so that they define the planes.
+fn gather_faces(scene: &Scene, corners: &[[DVec3; 3]]) -> (Vec<Face>, Vec<u32>) {
+    struct Group {
+        normal: DVec3,
+        offset_m: f64,
+        area_m2: f64,
+        triangles: Vec<u32>,
+        material: u32,
+        object: u32,
+    }
+    let doubled_area = |c: &[DVec3; 3]| (c[1] - c[0]).cross(c[2] - c[0]);
+    let mut order: Vec<usize> = (0..corners.len()).collect();
+    order.sort_by(|&a, &b| doubled_area(&corners[b]).length().total_cmp(&doubled_area(&corners[a]).length()).then(a.cmp(&b)));
+    let mut groups: Vec<Group> = Vec::new();
+    let mut by_part: HashMap<(u32, u32), Vec<usize>> = HashMap::new();
+    for i in order {
+        let triangle = &scene.triangles[i];
+        let cross = doubled_area(&corners[i]);
+        let area_m2 = 0.5 * cross.length();
+        let part = by_part.entry((triangle.object, triangle.material)).or_default();
+        let normal = if area_m2 > 0.0 { cross / (2.0 * area_m2) } else { DVec3::Z };
+        let home = part.iter().copied().find(|&g| {
+            let group = &groups[g];
+            group.normal.dot(normal).abs() > 1.0 - COPLANAR_NORMAL
+                && corners[i].iter().all(|p| (group.normal.dot(*p) - group.offset_m).abs() < COPLANAR_DISTANCE_M)
+        });
+        let home = home.unwrap_or_else(|| {
+            groups.push(Group {
+                normal,
+                offset_m: normal.dot(corners[i][0]),
+                area_m2: 0.0,
+                triangles: Vec::new(),
+                material: triangle.material,
+                object: triangle.object,
+            });
+            part.push(groups.len() - 1);
+            groups.len() - 1
+        });
+        groups[home].area_m2 += area_m2;
+        groups[home].triangles.push(i as u32);
+    }
+    let mut face_of_triangle = vec![0; corners.len()];
+    let mut faces = Vec::with_capacity(groups.len());
+    for (face, group) in groups.into_iter().enumerate() {
+        group.triangles.iter().for_each(|&t| face_of_triangle[t as usize] = face as u32);
+        faces.push(Face {
+            normal: group.normal,
+            offset_m: group.offset_m,
+            material: group.material,
+            object: group.object,
+            area_m2: group.area_m2,
+            index: PlanarIndex::new(group.normal, group.triangles.iter().map(|&t| corners[t as usize])),
+        });
+    }
+    (faces, face_of_triangle)
+}
+
+/// Where a line meets a triangle, as a signed distance along the unit `direction`.
+///
+/// The edge functions of a shared edge are exact negatives of one another in the two triangles, so that no line slips through a mesh.
+fn line_meets_triangle(origin: DVec3, direction: DVec3, corners: &[DVec3; 3]) -> Option<f64> {
+    let [a, b, c] = corners.map(|p| p - origin);
+    let (u, v, w) = (direction.dot(c.cross(b)), direction.dot(a.cross(c)), direction.dot(b.cross(a)));
+    if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+        return None;
+    }
+    let determinant = u + v + w;
+    if determinant == 0.0 {
+        return None;
+    }
+    let normal = (b - a).cross(c - a);
+    Some(a.dot(normal) / direction.dot(normal))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_through_a_shared_edge_meets_one_of_the_two_triangles() {
+        let mut rng = corf_scene::Rng::keyed(5, 0, 0);
+        let mut point = || DVec3::new(rng.uniform_f64(), rng.uniform_f64(), rng.uniform_f64()) * 7.0 - 3.0;
+        for _ in 0..20_000 {
+            let (a, b, c, d) = (point(), point(), point(), point());
+            let target = a.lerp(b, 0.37);
+            let origin = point();
+            let direction = (target - origin).normalize();
+            // Seen along the ray the two triangles lie on either side of their edge, so that aiming at it cannot miss both.
+            let opposite = direction.dot((b - a).cross(c - a)) * direction.dot((b - a).cross(d - a)) < 0.0;
+            if opposite {
+                let hits = [[a, b, c], [b, a, d]].iter().filter(|t| line_meets_triangle(origin, direction, t).is_some()).count();
+                assert!(hits >= 1, "leak at {target}");
+            }
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! 60 GHz: materials, paths, the diffuse field.
+//!
+//! Conventions: world z up; θ zenith, φ = atan2(y, x); the angle of arrival points from the receiver towards the last interaction;
+//! time convention e^{+jωt}; `a` carries no propagation phase.
+
+pub mod antenna;
+mod chains;
+mod complex;
+mod field;
+pub mod fresnel;
+mod geometry;
+pub mod json;
+pub mod lattice;
+pub mod materials;
+mod paths;
+mod planar;
+
+pub use antenna::{Angles, Antenna, Pattern, PlanarArray};
+pub use complex::Complex;
+pub use geometry::{Face, Geometry};
+pub use materials::Slab;
+pub use paths::{Interaction, InteractionKind, Path, RadioTracer, Transmitter};
+
+use corf_scene::{Error, Result};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// Speed of light in vacuum, m/s.
+pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
+
+/// The largest number of interactions the tracer supports.
+pub const MAX_DEPTH: usize = 5;
+
+/// How chains of faces are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "kind")]
+pub enum Search {
+    /// All chains where there are few enough, a lattice of this many rays otherwise.
+    Auto {
+        /// Rays shot from the transmitter.
+        rays: usize,
+    },
+    /// All chains: cost grows as faces^depth.
+    Exhaustive,
+    /// All single faces, and longer chains from a lattice of rays.
+    Lattice {
+        /// Rays shot from the transmitter.
+        rays: usize,
+    },
+}
+
+/// What is traced and how.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RadioSettings {
+    /// Carrier, Hz.
+    pub frequency_hz: f64,
+    /// Interactions per path, reflections and transmissions together; at most [`MAX_DEPTH`].
+    pub max_depth: usize,
+    /// Trace the direct ray (through slabs, where transmission is on).
+    pub line_of_sight: bool,
+    /// Trace specular reflections.
+    pub reflection: bool,
+    /// Let rays pass straight through slabs; every crossing counts as an interaction. Off: everything is opaque.
+    pub transmission: bool,
+    /// How candidate chains are found.
+    pub search: Search,
+    /// Faces smaller than this do not reflect specularly, m². The tessellation of a curved object yields flashes from facets far
+    /// smaller than the first Fresnel zone (0.04 m² half way along 5 m at 60 GHz), where the image method has no meaning; 0 keeps all.
+    pub min_face_area_m2: f64,
+    /// Paths weaker than this are dropped, dB relative to 1 W transmitted.
+    pub min_gain_db: f64,
+    /// Transmit antenna.
+    pub tx_antenna: Antenna,
+    /// Receive element; one path set serves every view at a position, so it does not turn with the platform.
+    pub rx_antenna: Antenna,
+}
+
+impl Default for RadioSettings {
+    fn default() -> Self {
+        Self {
+            frequency_hz: 60e9,
+            max_depth: 3,
+            line_of_sight: true,
+            reflection: true,
+            transmission: true,
+            search: Search::Auto { rays: 200_000 },
+            min_face_area_m2: 0.0,
+            min_gain_db: -300.0,
+            tx_antenna: Antenna::default(),
+            rx_antenna: Antenna::default(),
+        }
+    }
+}
+
+impl RadioSettings {
+    /// Free-space wavelength, metres.
+    pub fn wavelength_m(&self) -> f64 {
+        SPEED_OF_LIGHT / self.frequency_hz
+    }
+
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// The first setting out of range, by name.
+    pub fn validate(&self) -> Result<()> {
+        let fault = |key: &str, what: String, help: &str| Err(Error::invalid(format!("radio settings, `{key}`"), what, help));
+        if !(self.frequency_hz.is_finite() && self.frequency_hz > 0.0) {
+            return fault("frequency_hz", format!("{}", self.frequency_hz), "give the carrier in Hz, e.g. 60e9");
+        }
+        if self.max_depth > MAX_DEPTH {
+            return fault("max_depth", format!("{}", self.max_depth), "at most 5 interactions are supported");
+        }
+        if !(self.min_face_area_m2.is_finite() && self.min_face_area_m2 >= 0.0) {
+            return fault("min_face_area_m2", format!("{}", self.min_face_area_m2), "give an area of at least 0");
+        }
+        Ok(())
+    }
+}
+
+/// Power arriving at a receiver from one direction: a specular path or a piece of the diffuse field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrival {
+    /// Unit, world frame, from the receiver towards the last interaction.
+    pub direction: DVec3,
+    /// |a|², linear, relative to 1 W transmitted.
+    pub power: f64,
+    /// Delay, seconds.
+    pub delay_s: f64,
+    /// The scene object of the last interaction; `u32::MAX` for the line of sight.
+    pub object: u32,
+}
+
+impl From<&Path> for Arrival {
+    fn from(path: &Path) -> Self {
+        let object = path.interactions.last().map_or(u32::MAX, |i| i.object);
+        Self { direction: path.arrival, power: path.power(), delay_s: path.delay_s, object }
+    }
+}

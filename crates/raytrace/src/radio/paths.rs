@@ -1,0 +1,296 @@
+//! Line-of-sight, specular and straight-through paths by the exact image method in f64.
+
+use super::antenna::Angles;
+use super::chains::{self, Chain};
+use super::field::{self, Field};
+use super::geometry::{Crossing, Geometry};
+use super::{Complex, MAX_DEPTH, RadioSettings, SPEED_OF_LIGHT};
+use crate::bvh::Bvh;
+use corf_scene::{Error, Result, Scene};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Transmitter and receiver may not be closer than this, metres: the far-field law has no meaning there.
+const MIN_SEPARATION_M: f64 = 1e-6;
+/// Chains a task of [`Transmitter::paths`] tries.
+const CHAINS_PER_TASK: usize = 8192;
+
+/// What happens at a vertex of a path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InteractionKind {
+    /// Specular reflection, `S`.
+    Specular,
+    /// Straight transmission through a slab, `R` (Sionna's refraction).
+    Refraction,
+}
+
+impl InteractionKind {
+    /// The letter used in path types.
+    pub fn letter(self) -> char {
+        match self {
+            Self::Specular => 'S',
+            Self::Refraction => 'R',
+        }
+    }
+
+    /// Sionna's interaction flag.
+    pub fn flag(self) -> u32 {
+        match self {
+            Self::Specular => 1,
+            Self::Refraction => 4,
+        }
+    }
+}
+
+/// One vertex of a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interaction {
+    /// What happens there.
+    pub kind: InteractionKind,
+    /// Index into the scene's objects.
+    pub object: u32,
+    /// Where, world frame, metres.
+    pub vertex: DVec3,
+}
+
+/// A multipath component.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Path {
+    /// Interactions in TX → RX order; none for the line of sight.
+    pub interactions: Vec<Interaction>,
+    /// Unfolded length, metres.
+    pub length_m: f64,
+    /// Delay, seconds.
+    pub delay_s: f64,
+    /// Passband coefficient λ/(4πL) × polarisation × Fresnel, without the propagation phase e^{−j2πfτ}.
+    pub a: Complex,
+    /// Unit direction from the receiver towards the last interaction, world frame.
+    pub arrival: DVec3,
+    /// Unit direction along which the path leaves the transmitter, world frame.
+    pub departure: DVec3,
+}
+
+impl Path {
+    /// Interaction letters in TX → RX order; empty for the line of sight.
+    pub fn types(&self) -> String {
+        self.interactions.iter().map(|i| i.kind.letter()).collect()
+    }
+
+    /// |a|², linear, relative to 1 W transmitted.
+    pub fn power(&self) -> f64 {
+        self.a.norm_squared()
+    }
+
+    /// Angle of arrival: from the receiver towards the last interaction.
+    pub fn aoa(&self) -> Angles {
+        Angles::of(self.arrival)
+    }
+
+    /// Angle of departure: along propagation.
+    pub fn aod(&self) -> Angles {
+        Angles::of(self.departure)
+    }
+}
+
+/// Traces one scene at one carrier.
+pub struct RadioTracer<'a> {
+    pub(super) geometry: Geometry<'a>,
+    pub(super) settings: RadioSettings,
+}
+
+impl<'a> RadioTracer<'a> {
+    /// Prepares a scene; every material in use must have radio properties.
+    ///
+    /// # Errors
+    /// Materials without radio properties (all are named), a material outside its validity range, settings out of range.
+    pub fn new(scene: &Scene, bvh: &'a Bvh, settings: RadioSettings) -> Result<Self> {
+        settings.validate()?;
+        Ok(Self { geometry: Geometry::new(scene, Some(bvh), settings.frequency_hz)?, settings })
+    }
+
+    /// As [`RadioTracer::new`], but every triangle is tried against every segment: right by construction, for small scenes.
+    ///
+    /// # Errors
+    /// As [`RadioTracer::new`].
+    pub fn without_bvh(scene: &Scene, settings: RadioSettings) -> Result<Self> {
+        settings.validate()?;
+        Ok(Self { geometry: Geometry::new(scene, None, settings.frequency_hz)?, settings })
+    }
+
+    /// The settings in use.
+    pub fn settings(&self) -> &RadioSettings {
+        &self.settings
+    }
+
+    /// The planar faces, slabs and triangles being traced.
+    pub fn geometry(&self) -> &Geometry<'a> {
+        &self.geometry
+    }
+
+    /// Finds everything about a transmitter that does not depend on the receiver; reuse it for all receivers.
+    ///
+    /// # Errors
+    /// A position that is not finite.
+    pub fn transmitter(&self, tx: DVec3) -> Result<Transmitter<'_, 'a>> {
+        if !tx.is_finite() {
+            return Err(Error::invalid("transmitter", format!("position is {tx}"), "give three finite coordinates in metres"));
+        }
+        Ok(Transmitter { tracer: self, tx, chains: chains::candidates(&self.geometry, tx, &self.settings) })
+    }
+
+    /// All paths between two points: [`RadioTracer::transmitter`] and [`Transmitter::paths`] in one.
+    ///
+    /// # Errors
+    /// Positions that are not finite or coincide.
+    pub fn paths(&self, tx: DVec3, rx: DVec3) -> Result<Vec<Path>> {
+        self.transmitter(tx)?.paths(rx)
+    }
+}
+
+/// A transmitter with its candidate chains.
+pub struct Transmitter<'t, 'a> {
+    pub(super) tracer: &'t RadioTracer<'a>,
+    tx: DVec3,
+    chains: Vec<Chain>,
+}
+
+impl<'t, 'a> Transmitter<'t, 'a> {
+    /// World position, metres.
+    pub fn position(&self) -> DVec3 {
+        self.tx
+    }
+
+    /// Specular candidates, for reports.
+    pub fn candidate_count(&self) -> usize {
+        self.chains.len()
+    }
+
+    /// All paths to a receiver (world frame, metres), sorted by length.
+    ///
+    /// # Errors
+    /// A receiver that is not finite or coincides with the transmitter.
+    pub fn paths(&self, rx: DVec3) -> Result<Vec<Path>> {
+        if !rx.is_finite() {
+            return Err(Error::invalid("receiver", format!("position is {rx}"), "give three finite coordinates in metres"));
+        }
+        if rx.distance(self.tx) < MIN_SEPARATION_M {
+            return Err(Error::invalid(
+                "receiver",
+                format!("it coincides with the transmitter at {rx}"),
+                "move one of them; the free-space law diverges at distance 0",
+            ));
+        }
+        let mut paths: Vec<Path> = Vec::new();
+        if self.tracer.settings.line_of_sight {
+            paths.extend(self.tracer.trace(self.tx, rx, &Chain::line_of_sight(self.tx)));
+        }
+        let traced: Vec<Vec<Path>> = self
+            .chains
+            .par_chunks(CHAINS_PER_TASK)
+            .map(|chunk| chunk.iter().filter_map(|chain| self.tracer.trace(self.tx, rx, chain)).collect())
+            .collect();
+        paths.extend(traced.into_iter().flatten());
+        paths.sort_by(|a, b| a.length_m.total_cmp(&b.length_m));
+        Ok(paths)
+    }
+}
+
+impl RadioTracer<'_> {
+    /// The one path that runs through a chain of faces, if there is one.
+    fn trace(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<Path> {
+        let faces = chain.faces();
+        let vertices = self.specular_vertices(tx, rx, chain)?;
+        let corners: &[DVec3] = &vertices[..faces.len()];
+        // Visibility, leg by leg; transmissions share the budget of interactions.
+        let mut budget = if self.settings.transmission { self.settings.max_depth - faces.len() } else { 0 };
+        let leg = |i: usize| {
+            let from = if i == 0 { tx } else { corners[i - 1] };
+            let to = if i == faces.len() { rx } else { corners[i] };
+            let skip = [(i > 0).then(|| faces[i - 1]), (i < faces.len()).then(|| faces[i])];
+            (from, to, skip)
+        };
+        let mut crossed: [Vec<Crossing>; MAX_DEPTH + 1] = Default::default();
+        for i in 0..=faces.len() {
+            let (from, to, skip) = leg(i);
+            crossed[i] = self.geometry.crossings(from, to, skip, budget)?;
+            budget -= crossed[i].len();
+        }
+        self.assemble(tx, rx, faces, corners, &crossed)
+    }
+
+    /// The image method: reflection points from the receiver back to the transmitter, each on its face.
+    fn specular_vertices(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<[DVec3; MAX_DEPTH]> {
+        let faces = chain.faces();
+        let mut vertices = [DVec3::ZERO; MAX_DEPTH];
+        let Some((&last, _)) = faces.split_last() else { return Some(vertices) };
+        // Most candidates end here, at the last face, before the other images are needed.
+        vertices[faces.len() - 1] = self.bounce(last, rx, chain.image)?;
+        let mut images = [tx; MAX_DEPTH];
+        for i in 1..faces.len() {
+            images[i] = self.geometry.faces[faces[i - 1] as usize].mirror(images[i - 1]);
+        }
+        for i in (0..faces.len() - 1).rev() {
+            vertices[i] = self.bounce(faces[i], vertices[i + 1], images[i + 1])?;
+        }
+        Some(vertices)
+    }
+
+    /// Where the line from `target` to an `image` behind the face meets the face.
+    fn bounce(&self, face: u32, target: DVec3, image: DVec3) -> Option<DVec3> {
+        let face = &self.geometry.faces[face as usize];
+        let (here, behind) = (face.distance(target), face.distance(image));
+        if here * behind >= 0.0 {
+            return None;
+        }
+        let point = target + (image - target) * (here / (here - behind));
+        face.contains(point).then_some(point)
+    }
+
+    /// Carries the field along the path.
+    fn assemble(
+        &self,
+        tx: DVec3,
+        rx: DVec3,
+        faces: &[u32],
+        corners: &[DVec3],
+        crossed: &[Vec<Crossing>; MAX_DEPTH + 1],
+    ) -> Option<Path> {
+        let mut interactions = Vec::new();
+        let (mut length_m, mut from) = (0.0, tx);
+        let first = corners.first().copied().unwrap_or(rx);
+        let departure = (first - tx).normalize();
+        let mut direction = departure;
+        let mut e = Field::real(self.settings.tx_antenna.field(departure));
+        for i in 0..=faces.len() {
+            let to = corners.get(i).copied().unwrap_or(rx);
+            let leg_m = from.distance(to);
+            // A leg of no length (a bounce exactly in a corner) has the direction the mirror gives it.
+            if leg_m > 0.0 {
+                direction = (to - from) / leg_m;
+            }
+            for crossing in &crossed[i] {
+                let face = &self.geometry.faces[crossing.face as usize];
+                e = field::transmit(&e, direction, face.normal, self.geometry.slab(crossing.face));
+                let vertex = from + direction * crossing.distance_m;
+                interactions.push(Interaction { kind: InteractionKind::Refraction, object: face.object, vertex });
+            }
+            if let Some(&index) = faces.get(i) {
+                let face = &self.geometry.faces[index as usize];
+                e = field::reflect(&e, direction, face.normal, self.geometry.slab(index));
+                direction = field::mirrored(direction, face.normal);
+                interactions.push(Interaction { kind: InteractionKind::Specular, object: face.object, vertex: to });
+            }
+            length_m += leg_m;
+            from = to;
+        }
+        let last = corners.last().copied().unwrap_or(tx);
+        let arrival = (last - rx).normalize();
+        let received = e.along(self.settings.rx_antenna.field(arrival));
+        // a = λ/(4πL)·C_RX·E
+        let a = received * (self.settings.wavelength_m() / (4.0 * std::f64::consts::PI * length_m));
+        if a.norm_squared() < 10f64.powf(self.settings.min_gain_db / 10.0) {
+            return None;
+        }
+        Some(Path { interactions, length_m, delay_s: length_m / SPEED_OF_LIGHT, a, arrival, departure })
+    }
+}

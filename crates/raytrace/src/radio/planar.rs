@@ -1,0 +1,130 @@
+//! Which triangle of a planar face a point of its plane lies on.
+
+use glam::{DVec2, DVec3};
+
+/// Faces of more triangles than this get a grid.
+const LINEAR_LIMIT: usize = 12;
+
+/// Triangles projected along the dominant axis of their plane's normal, with a uniform grid when there are many.
+#[derive(Clone, Debug)]
+pub struct PlanarIndex {
+    drop: usize,
+    min: DVec2,
+    max: DVec2,
+    triangles: Vec<[DVec2; 3]>,
+    grid: Option<Grid>,
+}
+
+/// Cells in row-major order; the triangles of cell `i` are `items[starts[i]..starts[i + 1]]`.
+#[derive(Clone, Debug)]
+struct Grid {
+    side: usize,
+    starts: Vec<u32>,
+    items: Vec<u32>,
+}
+
+impl PlanarIndex {
+    /// Indexes coplanar triangles whose plane has the given normal.
+    pub fn new(normal: DVec3, triangles: impl Iterator<Item = [DVec3; 3]>) -> Self {
+        let n = normal.abs();
+        let drop = if n.x >= n.y && n.x >= n.z { 0 } else { 1 + usize::from(n.z >= n.y) };
+        let triangles: Vec<[DVec2; 3]> = triangles.map(|t| t.map(|p| project(drop, p))).collect();
+        let (mut min, mut max) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        for p in triangles.iter().flatten() {
+            (min, max) = (min.min(*p), max.max(*p));
+        }
+        let mut index = Self { drop, min, max, triangles, grid: None };
+        if index.triangles.len() > LINEAR_LIMIT {
+            index.grid = Some(index.build_grid());
+        }
+        index
+    }
+
+    /// Whether a point of the plane lies on one of the triangles; edges belong to them.
+    pub fn contains(&self, point: DVec3) -> bool {
+        let p = project(self.drop, point);
+        if p.cmplt(self.min).any() || p.cmpgt(self.max).any() {
+            return false;
+        }
+        match &self.grid {
+            None => self.triangles.iter().any(|t| inside(t, p)),
+            Some(grid) => {
+                let (x, y) = self.cell(grid.side, p);
+                let cell = y * grid.side + x;
+                let range = grid.starts[cell] as usize..grid.starts[cell + 1] as usize;
+                grid.items[range].iter().any(|&t| inside(&self.triangles[t as usize], p))
+            }
+        }
+    }
+
+    fn cell(&self, side: usize, p: DVec2) -> (usize, usize) {
+        let at = (p - self.min) / (self.max - self.min).max(DVec2::splat(f64::MIN_POSITIVE)) * side as f64;
+        // `as` saturates: a point just outside falls into the border cell.
+        ((at.x as usize).min(side - 1), (at.y as usize).min(side - 1))
+    }
+
+    fn build_grid(&self) -> Grid {
+        let side = ((self.triangles.len() as f64).sqrt() as usize).clamp(2, 256);
+        let mut cells: Vec<Vec<u32>> = vec![Vec::new(); side * side];
+        for (i, t) in self.triangles.iter().enumerate() {
+            let (x0, y0) = self.cell(side, t[0].min(t[1]).min(t[2]));
+            let (x1, y1) = self.cell(side, t[0].max(t[1]).max(t[2]));
+            for y in y0..=y1 {
+                for x in x0..=x1 {
+                    cells[y * side + x].push(i as u32);
+                }
+            }
+        }
+        let mut starts = vec![0u32];
+        let mut items = Vec::new();
+        for cell in cells {
+            items.extend(cell);
+            starts.push(items.len() as u32);
+        }
+        Grid { side, starts, items }
+    }
+}
+
+fn project(drop: usize, p: DVec3) -> DVec2 {
+    match drop {
+        0 => DVec2::new(p.y, p.z),
+        1 => DVec2::new(p.z, p.x),
+        _ => DVec2::new(p.x, p.y),
+    }
+}
+
+/// Closed point-in-triangle test of either orientation; a shared edge's function is an exact negative in the neighbour.
+fn inside(t: &[DVec2; 3], p: DVec2) -> bool {
+    let [a, b, c] = t.map(|q| q - p);
+    let (u, v, w) = (b.perp_dot(c), c.perp_dot(a), a.perp_dot(b));
+    let area = (t[1] - t[0]).perp_dot(t[2] - t[0]);
+    area != 0.0 && ((u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_grid_answers_as_the_list_does() {
+        // A 20 × 20 floor of quads with every seventh one missing.
+        let mut triangles = Vec::new();
+        for i in 0..400usize {
+            if i % 7 == 3 {
+                continue;
+            }
+            let o = DVec3::new((i % 20) as f64 * 0.3, (i / 20) as f64 * 0.3, 1.0);
+            let (x, y) = (DVec3::X * 0.3, DVec3::Y * 0.3);
+            triangles.push([o, o + x, o + x + y]);
+            triangles.push([o, o + x + y, o + y]);
+        }
+        let index = PlanarIndex::new(DVec3::Z, triangles.iter().copied());
+        assert!(index.grid.is_some());
+        let mut rng = corf_scene::Rng::keyed(1, 1, 1);
+        for _ in 0..20_000 {
+            let p = DVec3::new(rng.uniform_f64() * 6.4 - 0.2, rng.uniform_f64() * 6.4 - 0.2, 1.0);
+            let expected = index.triangles.iter().any(|t| inside(t, project(index.drop, p)));
+            assert_eq!(index.contains(p), expected, "{p}");
+        }
+    }
+}

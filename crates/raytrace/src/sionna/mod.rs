@@ -1,0 +1,33 @@
+//! The reference check: trace the scene of a reference file made with sionna-rt and compare, path by path.
+//!
+//! Two schemas are read: `corf-sionna-ref/1` (specular and transmitted paths, with a float64 column that this tracer must meet to
+//! rounding) and `corf-sionna-diffuse-ref/1` (diffuse power per object and a Bartlett map).
+
+mod paths;
+mod reference;
+mod report;
+
+pub use reference::{Reference, SpecularReference};
+pub use report::{CheckReport, Comparison};
+
+use corf_scene::Result;
+use std::path::Path;
+
+/// Reads a reference file, traces its scene and compares.
+///
+/// # Errors
+/// A file that cannot be read, is no reference file, or asks for what the tracer does not do. A difference is not an error: see
+/// [`CheckReport::passed`].
+pub fn check(path: &Path) -> Result<CheckReport> {
+    match Reference::load(path)? {
+        Reference::Specular(reference) => paths::check(&reference),
+    }
+}
+
+/// Compares a reference already in memory.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_specular(reference: &SpecularReference) -> Result<CheckReport> {
+    paths::check(reference)
+}

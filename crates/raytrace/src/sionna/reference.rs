@@ -1,0 +1,275 @@
+//! Reference files as they are on disk, and as a scene with exact corners.
+
+use corf_scene::model::{
+    Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
+};
+use corf_scene::{Error, Result};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A reference file of either schema.
+pub enum Reference {
+    /// `corf-sionna-ref/1`.
+    Specular(SpecularReference),
+}
+
+/// A triangle's corners as the file gives them, metres.
+type Corners = [[f64; 3]; 3];
+
+/// A material of the file.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ReferenceMaterial {
+    /// Real relative permittivity.
+    pub eps_r: f64,
+    /// Loss: η = ε_r − j·ε_im.
+    pub eps_im: f64,
+    /// Slab thickness, metres.
+    pub thickness: f64,
+    /// Scattering coefficient.
+    #[serde(rename = "S")]
+    pub scattering_coefficient: f64,
+    /// Cross-polarisation.
+    #[serde(rename = "Kx")]
+    pub xpd: f64,
+    /// `lambertian` or `directive`.
+    pub pattern: String,
+    /// The directive lobe's exponent.
+    #[serde(default)]
+    pub alpha_r: Option<u32>,
+}
+
+/// An object of the file.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ReferenceObject {
+    /// Name.
+    pub name: String,
+    /// Key into the materials.
+    pub material: String,
+    /// Triangles.
+    pub triangles: Vec<Corners>,
+}
+
+/// Specular and transmitted paths (`corf-sionna-ref/1`).
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SpecularReference {
+    /// Scene name.
+    pub scene: String,
+    /// Carrier, Hz.
+    pub frequency_hz: f64,
+    /// Materials by name.
+    pub materials: BTreeMap<String, ReferenceMaterial>,
+    /// Objects.
+    pub objects: Vec<ReferenceObject>,
+    /// Transmitter, metres.
+    pub tx: [f64; 3],
+    /// Receivers, metres.
+    pub rx: Vec<[f64; 3]>,
+    /// What was traced.
+    pub configs: Vec<ReferenceConfig>,
+}
+
+/// One configuration of the library.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ReferenceConfig {
+    /// Name.
+    pub name: String,
+    /// The library's arguments.
+    pub args: ReferenceArgs,
+    /// Results per receiver.
+    pub rx_results: Vec<ReferencePaths>,
+}
+
+/// The library's arguments that matter to the physics.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ReferenceArgs {
+    /// Interactions per path.
+    pub max_depth: usize,
+    /// Straight transmission.
+    pub refraction: bool,
+    /// Line of sight.
+    #[serde(default = "yes")]
+    pub los: bool,
+    /// Specular reflection.
+    #[serde(default = "yes")]
+    pub specular_reflection: bool,
+    /// Diffuse reflection.
+    #[serde(default)]
+    pub diffuse_reflection: bool,
+    /// Diffraction.
+    #[serde(default)]
+    pub diffraction: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// The paths of one receiver.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ReferencePaths {
+    /// Index into the receivers.
+    pub rx_index: usize,
+    /// 10·log10 Σ|a|² over `paths`, dB.
+    #[serde(default)]
+    pub total_power_db: Option<f64>,
+    /// Paths the library found.
+    pub paths: Vec<ReferencePath>,
+    /// Valid paths the library drops: a segment under 1 cm.
+    #[serde(default)]
+    pub not_found_by_sionna: Vec<ReferencePath>,
+}
+
+/// One path.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ReferencePath {
+    /// Interaction letters, TX → RX.
+    pub types: String,
+    /// Objects, TX → RX.
+    pub objects: Vec<String>,
+    /// Vertices, metres.
+    pub vertices: Vec<[f64; 3]>,
+    /// Unfolded length, metres.
+    pub length_m: f64,
+    /// Delay, seconds.
+    #[serde(default)]
+    pub delay_s: Option<f64>,
+    /// Coefficient in f64, `[re, im]`.
+    pub a_f64: [f64; 2],
+    /// Angle of arrival.
+    #[serde(default)]
+    pub aoa: Option<ReferenceAngles>,
+    /// Angle of departure.
+    #[serde(default)]
+    pub aod: Option<ReferenceAngles>,
+}
+
+/// Zenith and azimuth, radians.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct ReferenceAngles {
+    /// Zenith.
+    pub theta: f64,
+    /// Azimuth.
+    pub phi: f64,
+}
+
+impl Reference {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// A file that cannot be read or whose schema is not known.
+    pub fn load(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+        let place = path.display().to_string();
+        let help = "reference files are JSON of schema corf-sionna-ref/1 or corf-sionna-diffuse-ref/1";
+        let unreadable = |e: serde_json::Error| Error::invalid(place.clone(), format!("not a reference file: {e}"), help);
+        #[derive(Deserialize)]
+        struct Schema {
+            schema: String,
+        }
+        let schema: Schema = serde_json::from_str(&text).map_err(unreadable)?;
+        match schema.schema.as_str() {
+            "corf-sionna-ref/1" => {
+                let reference: SpecularReference = serde_json::from_str(&text).map_err(unreadable)?;
+                reference.validate(&place)?;
+                Ok(Self::Specular(reference))
+            }
+            other => Err(Error::invalid(place, format!("unknown schema `{other}`"), help)),
+        }
+    }
+}
+
+impl SpecularReference {
+    fn validate(&self, place: &str) -> Result<()> {
+        for config in &self.configs {
+            if config.args.diffuse_reflection || config.args.diffraction {
+                return Err(Error::invalid(
+                    format!("{place}: config `{}`", config.name),
+                    "it was traced with diffuse reflection or diffraction, which have no per-path float64 column",
+                    "compare specular and transmitted paths here, diffuse power with a corf-sionna-diffuse-ref/1 file",
+                ));
+            }
+            for result in &config.rx_results {
+                if result.rx_index >= self.rx.len() {
+                    return Err(Error::invalid(
+                        format!("{place}: config `{}`", config.name),
+                        format!("rx_index {} of {} receivers", result.rx_index, self.rx.len()),
+                        "rx_index counts from 0",
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The scene, its corners rounded to float32 as the library holds them.
+    ///
+    /// # Errors
+    /// An object whose material is not listed, or an unknown scattering pattern.
+    pub fn scene(&self) -> Result<Scene> {
+        build_scene(&self.scene, self.frequency_hz, &self.materials, &self.objects)
+    }
+}
+
+/// Builds a scene whose positions are the file's, rounded to float32.
+pub(super) fn build_scene(
+    name: &str,
+    frequency_hz: f64,
+    materials: &BTreeMap<String, ReferenceMaterial>,
+    objects: &[ReferenceObject],
+) -> Result<Scene> {
+    let mut scene = Scene { name: name.to_string(), ..Scene::default() };
+    let mut index = BTreeMap::new();
+    for (id, material) in materials {
+        let pattern = match (material.pattern.as_str(), material.alpha_r) {
+            ("lambertian", _) => ScatteringPattern::Lambertian,
+            ("directive", Some(alpha_r)) => ScatteringPattern::Directive { alpha_r },
+            (other, alpha) => {
+                return Err(Error::invalid(
+                    format!("material `{id}`"),
+                    format!("scattering pattern `{other}` with alpha_r {alpha:?}"),
+                    "use lambertian, or directive with alpha_r",
+                ));
+            }
+        };
+        let omega_eps0 = std::f64::consts::TAU * frequency_hz * crate::radio::materials::VACUUM_PERMITTIVITY;
+        let radio = RadioMaterial {
+            id: id.clone(),
+            permittivity: Permittivity::Constant {
+                relative_permittivity: material.eps_r,
+                conductivity_s_per_m: material.eps_im * omega_eps0,
+            },
+            thickness_m: material.thickness,
+            scattering: Scattering { coefficient: material.scattering_coefficient, xpd: material.xpd, pattern },
+        };
+        index.insert(id.clone(), scene.materials.len() as u32);
+        scene.materials.push(Material { name: id.clone(), optical: OpticalMaterial::default(), radio: Some(radio) });
+    }
+    for object in objects {
+        let &material = index.get(&object.material).ok_or_else(|| {
+            Error::invalid(
+                format!("object `{}`", object.name),
+                format!("material `{}` is not listed", object.material),
+                "add it under materials",
+            )
+        })?;
+        let number = scene.objects.len() as u32;
+        scene.objects.push(Object { name: object.name.clone() });
+        for triangle in &object.triangles {
+            let exact = triangle.map(DVec3::from_array);
+            let normal = (exact[1] - exact[0]).cross(exact[2] - exact[0]).normalize_or_zero().as_vec3();
+            let first = scene.positions.len() as u32;
+            scene.positions.extend(exact.iter().map(|p| p.as_vec3()));
+            scene.normals.extend([normal; 3]);
+            scene.uvs.extend([[0.0; 2]; 3]);
+            scene.triangles.push(Triangle { vertices: [first, first + 1, first + 2], material, object: number });
+        }
+    }
+    Ok(scene)
+}
+
+/// A position as the library holds it: the file's decimals rounded to float32, then exact.
+pub(super) fn single(position: [f64; 3]) -> DVec3 {
+    DVec3::from_array(position.map(|x| f64::from(x as f32)))
+}

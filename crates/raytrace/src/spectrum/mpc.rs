@@ -1,0 +1,151 @@
+//! The multipath-component spectrum: each arrival splatted at its angle with a narrow lobe.
+
+use super::pixel_directions;
+use crate::radio::Arrival;
+use corf_scene::{Pinhole, Raster, Rigid3};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// Where the lobe is cut off: 80 dB under its peak. Its tail is part of the picture wherever the dataset's range is wide.
+const CUTOFF_DB: f64 = 80.0;
+/// Rows a task fills.
+const ROWS_PER_TASK: usize = 4;
+
+/// An arrival as a task needs it.
+struct Splat {
+    direction: Vec3,
+    /// Peak of the lobe times the arrival's power, 1/sr.
+    peak: f32,
+    columns: (u32, u32),
+    rows: (u32, u32),
+}
+
+/// Power per steradian (1/sr, relative to 1 W transmitted) at every pixel's centre.
+///
+/// The lobe is the Gaussian of the sphere (von Mises–Fisher, κ = 1/σ²) of standard deviation `lobe_width_deg` per axis, whose integral
+/// over solid angle is exactly 1. Deterministic for any thread count.
+pub fn mpc(arrivals: &[Arrival], camera: &Pinhole, world_from_camera: &Rigid3, lobe_width_deg: f64) -> Raster<f32> {
+    let sigma = lobe_width_deg.to_radians();
+    let kappa = 1.0 / (sigma * sigma);
+    // κ / (2π(1 − e^{−2κ})): the lobe's value at its centre, 1/sr.
+    let lobe_peak = kappa / (std::f64::consts::TAU * (1.0 - (-2.0 * kappa).exp()));
+    // κ(1 − cosγ) = κ·chord²/2 reaches the cut-off at:
+    let cutoff_chord2 = (2.0 * CUTOFF_DB / 10.0 * std::f64::consts::LN_10 / kappa).min(4.0);
+    let radius = 2.0 * (0.5 * cutoff_chord2.sqrt()).min(1.0).asin();
+    let camera_from_world = world_from_camera.rotation.transpose();
+    let splats: Vec<Splat> = arrivals
+        .iter()
+        .filter(|a| a.power > 0.0)
+        .filter_map(|a| {
+            let direction = camera_from_world * a.direction;
+            let columns = extent(direction.x, direction.z, radius, camera.fx, camera.cx, camera.width)?;
+            let rows = extent(direction.y, direction.z, radius, camera.fy, camera.cy, camera.height)?;
+            Some(Splat { direction: direction.as_vec3(), peak: (a.power * lobe_peak) as f32, columns, rows })
+        })
+        .collect();
+    let directions: Vec<Vec3> = pixel_directions(camera).into_iter().map(DVec3::as_vec3).collect();
+    let (cutoff, half_kappa) = (cutoff_chord2 as f32, (0.5 * kappa) as f32);
+    let mut pixels = vec![0f32; camera.width * camera.height];
+    pixels.par_chunks_mut(camera.width * ROWS_PER_TASK).enumerate().for_each(|(task, band)| {
+        let first_row = (task * ROWS_PER_TASK) as u32;
+        let last_row = first_row + (band.len() / camera.width) as u32 - 1;
+        // Sums in f64: thousands of faint arrivals beside a strong one.
+        let mut sums = vec![0f64; band.len()];
+        for splat in splats.iter().filter(|s| s.rows.0 <= last_row && s.rows.1 >= first_row) {
+            for row in splat.rows.0.max(first_row)..=splat.rows.1.min(last_row) {
+                let base = row as usize * camera.width;
+                let offset = (row - first_row) as usize * camera.width;
+                for column in splat.columns.0 as usize..=splat.columns.1 as usize {
+                    let chord2 = (directions[base + column] - splat.direction).length_squared();
+                    if chord2 < cutoff {
+                        sums[offset + column] += f64::from(splat.peak * (-half_kappa * chord2).exp());
+                    }
+                }
+            }
+        }
+        band.iter_mut().zip(sums).for_each(|(pixel, sum)| *pixel = sum as f32);
+    });
+    Raster::from_vec(camera.width, camera.height, pixels)
+}
+
+/// The columns (or rows) that a cone of half angle `radius` around a direction touches; `x` is the direction's component along them.
+fn extent(x: f64, z: f64, radius: f64, focal: f64, centre: f64, count: usize) -> Option<(u32, u32)> {
+    // Seen along the other axis the cone's axis has length h ≤ 1 and its tangent planes make asin(sin r / h) with it.
+    let h = x.hypot(z);
+    let (low, high) = if h <= radius.sin() || radius >= std::f64::consts::FRAC_PI_2 {
+        (f64::NEG_INFINITY, f64::INFINITY)
+    } else {
+        let half = (radius.sin() / h).asin();
+        let angle = x.atan2(z);
+        let edge = |a: f64| {
+            if a <= -std::f64::consts::FRAC_PI_2 {
+                f64::NEG_INFINITY
+            } else if a >= std::f64::consts::FRAC_PI_2 {
+                f64::INFINITY
+            } else {
+                focal * a.tan() + centre - 0.5
+            }
+        };
+        // Wholly behind the camera.
+        if angle - half >= std::f64::consts::FRAC_PI_2 || angle + half <= -std::f64::consts::FRAC_PI_2 {
+            return None;
+        }
+        (edge(angle - half), edge(angle + half))
+    };
+    let last = count as f64 - 1.0;
+    if high < 0.0 || low > last {
+        return None;
+    }
+    Some((low.max(0.0).floor() as u32, high.min(last).ceil() as u32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The pixel sum over a lobe of 1.7 pixels' standard deviation approximates its integral this well.
+    const QUADRATURE_TOLERANCE: f64 = 2e-3;
+
+    fn arrival(direction: DVec3, power: f64) -> Arrival {
+        Arrival { direction: direction.normalize(), power, delay_s: 0.0, object: 0 }
+    }
+
+    #[test]
+    fn the_solid_angle_integral_is_the_power() {
+        let camera = Pinhole::from_horizontal_fov(192, 128, 90.0);
+        for direction in [DVec3::Z, DVec3::new(0.6, -0.2, 1.0)] {
+            let s = mpc(&[arrival(direction, 3e-9)], &camera, &Rigid3::IDENTITY, 1.0);
+            let sum: f64 = (0..192 * 128).map(|i| f64::from(s.pixels()[i]) * camera.pixel_solid_angle_sr(i % 192, i / 192)).sum();
+            assert!((sum / 3e-9 - 1.0).abs() < QUADRATURE_TOLERANCE, "{sum}");
+        }
+    }
+
+    #[test]
+    fn pruning_loses_nothing_inside_the_cutoff() {
+        let camera = Pinhole::from_horizontal_fov(48, 32, 90.0);
+        let mut rng = corf_scene::Rng::keyed(3, 0, 0);
+        for _ in 0..200 {
+            let d = DVec3::new(rng.normal(), rng.normal(), rng.normal()).normalize();
+            let s = mpc(&[arrival(d, 1.0)], &camera, &Rigid3::IDENTITY, 4.0);
+            let kappa = 1.0 / 4f64.to_radians().powi(2);
+            for (i, u) in pixel_directions(&camera).into_iter().enumerate() {
+                let exponent = kappa * (1.0 - u.dot(d));
+                if exponent < 18.0 {
+                    let expected = kappa / std::f64::consts::TAU * (-exponent).exp();
+                    assert!((f64::from(s.pixels()[i]) / expected - 1.0).abs() < 2e-3, "{d} pixel {i}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_peak_is_at_the_arrival_and_turns_with_the_camera() {
+        let camera = Pinhole::from_horizontal_fov(96, 64, 90.0);
+        let pose = Rigid3::looking_at(DVec3::new(1.0, 2.0, 1.6), DVec3::new(4.0, 3.0, 1.5), DVec3::Z);
+        let towards = DVec3::new(3.0, 2.0, 0.4).normalize();
+        let s = mpc(&[arrival(towards, 1.0)], &camera, &pose, 1.0);
+        let peak = (0..96 * 64).max_by(|&a, &b| s.pixels()[a].total_cmp(&s.pixels()[b])).unwrap();
+        let seen = camera.project(pose.rotation.transpose() * towards).unwrap();
+        assert_eq!((peak % 96, peak / 96), (seen.x as usize, seen.y as usize));
+    }
+}

@@ -1,0 +1,212 @@
+//! Truths about paths that need no reference data.
+
+#![allow(clippy::unwrap_used)]
+
+use corf_raytrace::Bvh;
+use corf_raytrace::radio::{Path, RadioSettings, RadioTracer, SPEED_OF_LIGHT, Search};
+use corf_scene::Rng;
+use corf_scene::model::{
+    Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
+};
+use glam::{DVec3, Vec3};
+
+/// Rounding of λ/(4πL) and of mirrored coordinates in f64.
+const ROUNDING: f64 = 1e-12;
+
+/// Adds an axis-aligned box as one object per side, so that coplanar triangles form six faces.
+fn add_box(scene: &mut Scene, name: &str, material: u32, min: Vec3, max: Vec3) {
+    for axis in 0..3 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        for (side, at) in [("min", min[axis]), ("max", max[axis])] {
+            let object = scene.objects.len() as u32;
+            scene.objects.push(Object { name: format!("{name}_{}{side}", ["x", "y", "z"][axis]) });
+            let corner = |a: f32, b: f32| {
+                let mut p = Vec3::ZERO;
+                (p[axis], p[u], p[v]) = (at, a, b);
+                p
+            };
+            let first = scene.positions.len() as u32;
+            scene.positions.extend([
+                corner(min[u], min[v]),
+                corner(max[u], min[v]),
+                corner(max[u], max[v]),
+                corner(min[u], max[v]),
+            ]);
+            scene.normals.extend([Vec3::Z; 4]);
+            scene.uvs.extend([[0.0; 2]; 4]);
+            for [a, b, c] in [[0, 1, 2], [0, 2, 3]] {
+                scene.triangles.push(Triangle { vertices: [first + a, first + b, first + c], material, object });
+            }
+        }
+    }
+}
+
+fn material(name: &str, itu: &str, thickness_m: f64) -> Material {
+    let radio = RadioMaterial {
+        id: itu.into(),
+        permittivity: Permittivity::Itu(itu.into()),
+        thickness_m,
+        scattering: Scattering { coefficient: 0.3, xpd: 0.0, pattern: ScatteringPattern::Lambertian },
+    };
+    Material { name: name.into(), optical: OpticalMaterial::default(), radio: Some(radio) }
+}
+
+/// A 6 × 5 × 3 m room of plasterboard with a wooden box and a glass screen inside.
+fn room() -> Scene {
+    let mut scene = Scene { name: "room".into(), ..Scene::default() };
+    scene.materials =
+        vec![material("walls", "plasterboard", 0.013), material("box", "wood", 0.04), material("screen", "glass", 0.008)];
+    add_box(&mut scene, "room", 0, Vec3::ZERO, Vec3::new(6.0, 5.0, 3.0));
+    add_box(&mut scene, "box", 1, Vec3::new(2.5, 1.0, 0.0), Vec3::new(3.25, 2.0, 1.25));
+    add_box(&mut scene, "screen", 2, Vec3::new(4.0, 3.0, 0.0), Vec3::new(4.01, 4.5, 2.0));
+    scene
+}
+
+fn empty() -> Scene {
+    Scene { name: "empty".into(), ..Scene::default() }
+}
+
+fn settings(search: Search) -> RadioSettings {
+    RadioSettings { search, ..RadioSettings::default() }
+}
+
+fn total(paths: &[Path]) -> f64 {
+    paths.iter().map(Path::power).sum()
+}
+
+#[test]
+fn free_space_follows_friis() {
+    let scene = empty();
+    let tracer = RadioTracer::without_bvh(&scene, RadioSettings::default()).unwrap();
+    let mut previous = f64::INFINITY;
+    for d in [1.0, 2.0, 4.0, 8.0] {
+        let paths = tracer.paths(DVec3::ZERO, DVec3::new(d, 0.0, 0.0)).unwrap();
+        assert_eq!(paths.len(), 1);
+        let expected = SPEED_OF_LIGHT / 60e9 / (4.0 * std::f64::consts::PI * d);
+        assert!((paths[0].a.re / expected - 1.0).abs() < ROUNDING && paths[0].a.im == 0.0);
+        assert!((paths[0].delay_s * SPEED_OF_LIGHT - d).abs() < ROUNDING);
+        if previous.is_finite() {
+            // Doubling the distance costs 20·log10(2) dB.
+            assert!((previous - 10.0 * paths[0].power().log10() - 20.0 * 2f64.log10()).abs() < 1e-9);
+        }
+        previous = 10.0 * paths[0].power().log10();
+    }
+}
+
+#[test]
+fn a_bounce_is_as_long_as_the_way_to_the_image_source() {
+    let scene = room();
+    let bvh = Bvh::build(&scene);
+    let tracer = RadioTracer::new(&scene, &bvh, RadioSettings { transmission: false, ..settings(Search::Exhaustive) }).unwrap();
+    let (tx, rx) = (DVec3::new(1.0, 1.5, 2.0), DVec3::new(1.5, 4.0, 1.0));
+    let paths = tracer.paths(tx, rx).unwrap();
+    let named = |name: &str| {
+        paths
+            .iter()
+            .find(|p| p.types() == "S" && scene.objects[p.interactions[0].object as usize].name == name)
+            .unwrap_or_else(|| panic!("{name}"))
+    };
+    for (name, image) in [
+        ("room_zmin", DVec3::new(1.0, 1.5, -2.0)),
+        ("room_zmax", DVec3::new(1.0, 1.5, 4.0)),
+        ("room_xmin", DVec3::new(-1.0, 1.5, 2.0)),
+        ("room_ymax", DVec3::new(1.0, 8.5, 2.0)),
+    ] {
+        let path = named(name);
+        assert!((path.length_m - image.distance(rx)).abs() < ROUNDING * 10.0, "{name}");
+        assert!((path.arrival - (image - rx).normalize()).length() < ROUNDING * 10.0);
+    }
+}
+
+#[test]
+fn exchanging_transmitter_and_receiver_changes_no_path_gain() {
+    let scene = room();
+    let bvh = Bvh::build(&scene);
+    let tracer = RadioTracer::new(&scene, &bvh, settings(Search::Auto { rays: 0 })).unwrap();
+    let (a, b) = (DVec3::new(1.0, 1.5, 2.0), DVec3::new(4.7, 3.9, 1.1));
+    let (there, back) = (tracer.paths(a, b).unwrap(), tracer.paths(b, a).unwrap());
+    assert!(there.len() > 40, "{}", there.len());
+    assert_eq!(there.len(), back.len());
+    for path in &there {
+        let reversed: String = path.types().chars().rev().collect();
+        let twin = back
+            .iter()
+            .find(|p| {
+                p.types() == reversed
+                    && p.interactions.iter().rev().zip(&path.interactions).all(|(p, q)| p.vertex.distance(q.vertex) < 1e-9)
+            })
+            .unwrap_or_else(|| panic!("no twin of {}", path.types()));
+        assert!((twin.a.norm() / path.a.norm() - 1.0).abs() < 1e-9, "{} {:?} {:?}", path.types(), path.a, twin.a);
+    }
+}
+
+#[test]
+fn the_lattice_and_the_hierarchy_find_what_the_exhaustive_search_finds() {
+    let scene = room();
+    let bvh = Bvh::build(&scene);
+    let oracle = RadioTracer::without_bvh(&scene, settings(Search::Exhaustive)).unwrap();
+    let lattice = RadioTracer::new(&scene, &bvh, settings(Search::Lattice { rays: 400_000 })).unwrap();
+    let tx = DVec3::new(1.0, 1.5, 2.0);
+    let (oracle, lattice) = (oracle.transmitter(tx).unwrap(), lattice.transmitter(tx).unwrap());
+    assert!(lattice.candidate_count() < oracle.candidate_count());
+    for i in 0..12 {
+        let mut rng = Rng::keyed(21, 0, i);
+        let rx = DVec3::new(0.2 + 5.6 * rng.uniform_f64(), 0.2 + 4.6 * rng.uniform_f64(), 1.4 + 1.4 * rng.uniform_f64());
+        let (all, found) = (oracle.paths(rx).unwrap(), lattice.paths(rx).unwrap());
+        // What a lattice misses are chains through slivers seen from the transmitter under less than its spacing.
+        assert!((total(&found) / total(&all) - 1.0).abs() < 1e-9, "power at {rx}: {} of {}", total(&found), total(&all));
+        assert_eq!(all, found, "{rx}");
+    }
+}
+
+#[test]
+fn more_than_64_triangles_take_the_hierarchy_and_change_nothing() {
+    let mut scene = room();
+    for i in 0..5 {
+        let at = Vec3::new(0.5 + i as f32, 4.2, 0.0);
+        add_box(&mut scene, &format!("crate{i}"), 1, at, at + Vec3::new(0.4, 0.4, 0.7));
+    }
+    let bvh = Bvh::build(&scene);
+    let setup = RadioSettings { max_depth: 2, ..settings(Search::Exhaustive) };
+    let (brute, fast) = (RadioTracer::without_bvh(&scene, setup).unwrap(), RadioTracer::new(&scene, &bvh, setup).unwrap());
+    let (tx, rx) = (DVec3::new(1.0, 1.5, 2.0), DVec3::new(4.7, 3.9, 1.1));
+    assert_eq!(brute.paths(tx, rx).unwrap(), fast.paths(tx, rx).unwrap());
+}
+
+#[test]
+fn a_thin_lossless_screen_takes_nothing_and_a_metal_one_everything() {
+    let screen = |material: Material| {
+        let mut scene = empty();
+        scene.materials = vec![material];
+        scene.objects = vec![Object { name: "screen".into() }];
+        scene.positions = vec![Vec3::new(2.0, -9.0, -9.0), Vec3::new(2.0, 9.0, -9.0), Vec3::new(2.0, 0.0, 9.0)];
+        scene.triangles = vec![Triangle { vertices: [0, 1, 2], material: 0, object: 0 }];
+        scene
+    };
+    let mut film = material("film", "glass", 1e-9);
+    if let Some(radio) = &mut film.radio {
+        radio.permittivity = Permittivity::Constant { relative_permittivity: 2.0, conductivity_s_per_m: 0.0 };
+    }
+    let (tx, rx) = (DVec3::ZERO, DVec3::new(5.0, 0.0, 0.0));
+    let film = screen(film);
+    let paths = RadioTracer::without_bvh(&film, RadioSettings::default()).unwrap().paths(tx, rx).unwrap();
+    assert_eq!((paths.len(), paths[0].types().as_str()), (1, "R"));
+    let free = SPEED_OF_LIGHT / 60e9 / (4.0 * std::f64::consts::PI * 5.0);
+    assert!((paths[0].a.norm() / free - 1.0).abs() < 1e-6);
+    let metal = screen(material("metal", "metal", 0.001));
+    assert!(RadioTracer::without_bvh(&metal, RadioSettings::default()).unwrap().paths(tx, rx).unwrap().is_empty());
+}
+
+#[test]
+fn errors_say_what_is_wrong() {
+    let mut scene = room();
+    let tracer = RadioTracer::without_bvh(&scene, RadioSettings::default()).unwrap();
+    let p = DVec3::ONE;
+    assert!(tracer.paths(p, p).unwrap_err().to_string().contains("coincides"));
+    assert!(tracer.paths(p, DVec3::NAN).is_err());
+    scene.materials[1].radio = None;
+    let message = RadioTracer::without_bvh(&scene, RadioSettings::default()).err().unwrap().to_string();
+    assert!(message.contains("box") && message.contains("radio_materials"), "{message}");
+    let deep = RadioSettings { max_depth: 6, ..RadioSettings::default() };
+    assert!(RadioTracer::without_bvh(&empty(), deep).err().unwrap().to_string().contains("max_depth"));
+}

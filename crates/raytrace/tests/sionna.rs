@@ -1,0 +1,52 @@
+//! The tracer against reference paths in f64, and proof that the comparison can fail.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::shared;
+use corf_raytrace::sionna::{self, Reference, SpecularReference};
+
+fn specular(name: &str) -> Option<SpecularReference> {
+    let path = shared(&format!("sionna/{name}.json"))?;
+    match Reference::load(&path).unwrap() {
+        Reference::Specular(reference) => Some(reference),
+        #[allow(unreachable_patterns)]
+        _ => panic!("{name} is not a specular reference"),
+    }
+}
+
+#[test]
+fn every_reference_path_is_found_and_nothing_else() {
+    for (name, comparisons) in [("box_room", 3), ("metal_obstacles", 3), ("glass_partition", 6)] {
+        let Some(path) = shared(&format!("sionna/{name}.json")) else { continue };
+        let report = sionna::check(&path).unwrap();
+        println!("{report}");
+        assert_eq!(report.comparisons.len(), comparisons);
+        assert!(report.passed, "{report}");
+    }
+}
+
+#[test]
+fn two_percent_more_permittivity_in_the_glass_fails() {
+    for name in ["box_room", "metal_obstacles", "glass_partition"] {
+        let Some(mut reference) = specular(name) else { continue };
+        reference.materials.get_mut("m_glass").unwrap().eps_r *= 1.02;
+        assert!(!sionna::check_specular(&reference).unwrap().passed, "{name}");
+    }
+}
+
+#[test]
+fn a_path_too_few_or_too_many_fails() {
+    let Some(reference) = specular("box_room") else { return };
+    let mut fewer = reference.clone();
+    fewer.configs[0].rx_results[1].paths.remove(20);
+    let report = sionna::check_specular(&fewer).unwrap();
+    assert!(!report.passed && report.comparisons[1].extra.len() == 1);
+    let mut more = reference.clone();
+    let mut invented = more.configs[0].rx_results[1].paths[20].clone();
+    invented.vertices[0][0] += 0.1;
+    more.configs[0].rx_results[1].paths.push(invented);
+    let report = sionna::check_specular(&more).unwrap();
+    assert!(!report.passed && report.comparisons[1].missing.len() == 1);
+}
