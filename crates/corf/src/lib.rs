@@ -3,12 +3,27 @@
 //!
 //! `Reconstructor::push(K_t)` is the paper's update operator U; a [`device::Device`] does the arithmetic.
 
+pub mod config;
+pub mod depth;
 pub mod device;
 mod error;
+pub mod expansion;
+pub mod field;
 pub mod gaussians;
 pub mod optimizer;
+pub mod reconstructor;
+pub mod schedule;
+pub mod sensor;
+pub mod stage;
+#[cfg(test)]
+mod synthetic;
+pub mod target;
 
+pub use config::{Coupling, ReconstructionConfig, Sampling};
 pub use device::Device;
 pub use error::{Error, Result};
+pub use field::{Field, FieldMeta, Prediction};
 pub use gaussians::{Appearance, Gaussians};
 pub use optimizer::{Antialias, AppearanceRates, OptimizerConfig, RasterConfig};
+pub use reconstructor::{KeyframeReport, Reconstructor};
+pub use target::RfTarget;

@@ -145,10 +145,6 @@ pub trait Device: Send {
         self.len() == 0
     }
 
-    /// Sets the learning rate of the positions, metres per step before any decay; the policy derives it from the spacing of the
-    /// keyframes (the published rate is given in a world whose mean baseline is 0.1).
-    fn set_position_rate(&mut self, rate_m: f32);
-
     /// Adds Gaussians behind those held, with fresh optimiser state.
     ///
     /// # Errors

@@ -1,0 +1,301 @@
+//! What a reconstruction can be told to do. Every default is the paper's value where it gives one.
+
+use crate::{Error, Result, target::RfTarget};
+use serde::{Deserialize, Serialize};
+
+/// Where new Gaussians are sampled in a keyframe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampling {
+    /// With the probability `max(P − P̃, 0)` of paper Eqs. (13)–(15).
+    Log,
+    /// With the same probability at every pixel: the paper's ablation "w/o optical-guided expansion".
+    Uniform,
+}
+
+/// How the two modalities meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Coupling {
+    /// Both losses shape the shared geometry in every step (paper Eq. (21)).
+    Joint,
+    /// Two stages: light alone online, then radio on the frozen geometry.
+    Frozen,
+    /// Two stages: light alone online, then radio, which may still move the geometry.
+    RfTuned,
+}
+
+/// The RF opacity a second stage starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SecondStageOpacity {
+    /// The opacity light has learnt, as RF-3DGS does.
+    Optical,
+    /// The opacity every Gaussian was born with.
+    Initial,
+}
+
+/// Where dense depth comes from before it is aligned and refined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum DepthPriorKind {
+    /// The ray tracer's depth seen through a monocular network's error model. Consumes ground truth, and every result says so.
+    Simulated,
+    /// No dense prior: triangulated and matched depths alone.
+    None,
+}
+
+/// How wrong the simulated prior is (γ, λ and κ of `depth::prior`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PriorPreset {
+    /// AbsRel about 0.04 after alignment.
+    Mild,
+    /// AbsRel about 0.065: a small monocular network, zero-shot, indoors.
+    Default,
+    /// AbsRel about 0.095.
+    Hard,
+}
+
+/// How the prior is aligned to the triangulated depths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Alignment {
+    /// Median and median absolute deviation, as published.
+    Mad,
+    /// Iteratively reweighted least squares with Huber's weights and a cut at 6 σ.
+    Huber,
+    /// 200 two-point hypotheses, then least squares on the inliers.
+    Ransac,
+}
+
+/// The configuration of a [`crate::Reconstructor`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ReconstructionConfig {
+    /// Joint, or one of the two-stage pipelines. Default `joint`.
+    pub coupling: Coupling,
+    /// The RF opacity a two-stage pipeline's second stage starts from. Default `optical`, the stronger of the two.
+    pub second_stage_opacity: SecondStageOpacity,
+    /// Where Gaussians are spawned. Default `log`.
+    pub sampling: Sampling,
+    /// Spawn probability of `uniform` sampling (paper: 0.1).
+    pub uniform_probability: f32,
+    /// What the RF field is trained on. Default `jet`, as the paper.
+    pub rf_target: RfTarget,
+    /// Optimisation steps per keyframe (paper: 75).
+    pub iterations_per_keyframe: usize,
+    /// Pyramid levels (paper: 3).
+    pub pyramid_levels: u32,
+    /// A keyframe moves one pyramid level finer after this many of its own visits (5).
+    pub visits_per_level: usize,
+    /// Probability that a step visits the latest keyframe (paper: 0.2).
+    pub latest_probability: f32,
+    /// λ_rf (paper: 0.1).
+    pub rf_weight: f32,
+    /// η at a keyframe's first visit (paper: 0.01), in a world whose mean baseline is 0.1.
+    pub depth_weight: f32,
+    /// η's decay per visit of a keyframe (paper: 0.9).
+    pub depth_weight_decay: f32,
+    /// Spherical-harmonic degree of the optical colour, 0–3. Default 2.
+    pub optical_sh_degree: usize,
+    /// Spherical-harmonic degree of the RF colour, 0–3. Default 3: at 60 GHz lower degrees lose 1.3 dB and more (public study).
+    pub rf_sh_degree: usize,
+    /// σ of the Laplacian of Gaussian, pixels.
+    pub log_sigma_px: f32,
+    /// Smallest and largest pixel distance of a new Gaussian; the largest as a fraction of the image width.
+    pub scale_clamp: [f32; 2],
+    /// Initial opacity of both modalities at an accurate multi-view match, at a depth of the prior alone, and at a triangulated corner.
+    pub initial_opacity: [f32; 3],
+    /// A Gaussian that is the main contributor at this many accurate new samples is replaced by them (10).
+    pub replace_at_samples: usize,
+    /// A sample further away than the rendered depth by more than this fraction is behind a surface and dropped.
+    pub behind_tolerance: f32,
+    /// Coverage 1 − T above which the rendered depth is believed.
+    pub behind_coverage: f32,
+    /// Old Gaussians at or below this opacity are pruned (0.05).
+    pub prune_opacity: f32,
+    /// A Gaussian is old this many keyframes after its birth.
+    pub prune_age_keyframes: usize,
+    /// A Gaussian whose standard deviation exceeds this fraction of the image is pruned (half).
+    pub prune_image_fraction: f32,
+    /// Position rate in a world whose mean baseline is 0.1 (5e-5).
+    pub position_rate: f32,
+    /// How many baselines define the world's scale (5).
+    pub scale_baselines: usize,
+    /// Keyframes collected before the first expansion, so that the first ones have neighbours to be matched with (2 to 8).
+    pub bootstrap_keyframes: usize,
+    /// Depth settings.
+    pub depth: DepthConfig,
+}
+
+/// Settings of depth estimation (`corf::depth`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DepthConfig {
+    /// Dense prior. Default `simulated`.
+    pub prior: DepthPriorKind,
+    /// Its error level. Default `default`.
+    pub preset: PriorPreset,
+    /// Its alignment. Default `mad`, as published.
+    pub alignment: Alignment,
+    /// Nearest depth considered, metres.
+    pub near_m: f64,
+    /// Furthest depth considered, metres.
+    pub far_m: f64,
+    /// Neighbouring keyframes matched with (6).
+    pub neighbours: usize,
+    /// Most corners triangulated in a keyframe (2000; small images get one per 20 pixels).
+    pub corners: usize,
+    /// Inverse depths of the coarse epipolar sweep (64).
+    pub sweep_candidates: usize,
+    /// Candidates of the guided matching (16).
+    pub match_candidates: usize,
+    /// Half range of the guided matching, relative to the aligned inverse depth (0.225).
+    pub match_range: f64,
+    /// Shortest epipolar segment worth searching, pixels of a 640-pixel-wide image; scales with the width (10).
+    pub min_segment_px: f64,
+    /// The worst candidate's cost must exceed the best one's by this factor (1.1).
+    pub cost_ratio: f64,
+    /// Lowest mean ZNCC of an accurate match.
+    pub min_zncc: f32,
+}
+
+impl Default for DepthConfig {
+    fn default() -> Self {
+        Self {
+            prior: DepthPriorKind::Simulated,
+            preset: PriorPreset::Default,
+            alignment: Alignment::Mad,
+            near_m: 0.4,
+            far_m: 30.0,
+            neighbours: 6,
+            corners: 2000,
+            sweep_candidates: 64,
+            match_candidates: 16,
+            match_range: 0.225,
+            min_segment_px: 10.0,
+            cost_ratio: 1.1,
+            min_zncc: 0.7,
+        }
+    }
+}
+
+impl Default for ReconstructionConfig {
+    fn default() -> Self {
+        Self {
+            coupling: Coupling::Joint,
+            second_stage_opacity: SecondStageOpacity::Optical,
+            sampling: Sampling::Log,
+            uniform_probability: 0.1,
+            rf_target: RfTarget::Jet,
+            iterations_per_keyframe: 75,
+            pyramid_levels: 3,
+            visits_per_level: 5,
+            latest_probability: 0.2,
+            rf_weight: 0.1,
+            depth_weight: 0.01,
+            depth_weight_decay: 0.9,
+            optical_sh_degree: 2,
+            rf_sh_degree: 3,
+            log_sigma_px: 0.7,
+            scale_clamp: [0.5, 0.1],
+            initial_opacity: [0.07, 0.02, 0.2],
+            replace_at_samples: 10,
+            behind_tolerance: 0.1,
+            behind_coverage: 0.9,
+            prune_opacity: 0.05,
+            prune_age_keyframes: 3,
+            prune_image_fraction: 0.5,
+            position_rate: 5e-5,
+            scale_baselines: 5,
+            bootstrap_keyframes: 3,
+            depth: DepthConfig::default(),
+        }
+    }
+}
+
+impl ReconstructionConfig {
+    /// Checks every number against the range in which it means something.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] naming the key.
+    pub fn validate(&self) -> Result<()> {
+        let probability = |x: f32| (0.0..=1.0).contains(&x);
+        let positive = |x: f32| x.is_finite() && x > 0.0;
+        let d = &self.depth;
+        let checks: [(&str, bool, &str); 26] = [
+            ("uniform_probability", probability(self.uniform_probability), "a probability between 0 and 1"),
+            ("iterations_per_keyframe", self.iterations_per_keyframe >= 1, "at least 1 (paper: 75)"),
+            ("pyramid_levels", (1..=6).contains(&self.pyramid_levels), "between 1 and 6 (paper: 3)"),
+            ("visits_per_level", self.visits_per_level >= 1, "at least 1"),
+            ("latest_probability", probability(self.latest_probability), "a probability between 0 and 1"),
+            ("rf_weight", self.rf_weight.is_finite() && self.rf_weight >= 0.0, "not negative (paper: 0.1)"),
+            ("depth_weight", self.depth_weight.is_finite() && self.depth_weight >= 0.0, "not negative (paper: 0.01)"),
+            ("depth_weight_decay", probability(self.depth_weight_decay), "between 0 and 1 (paper: 0.9)"),
+            ("optical_sh_degree", self.optical_sh_degree <= 3, "0 to 3"),
+            ("rf_sh_degree", self.rf_sh_degree <= 3, "0 to 3"),
+            ("log_sigma_px", positive(self.log_sigma_px) && self.log_sigma_px <= 20.0, "between 0 and 20 pixels"),
+            (
+                "scale_clamp",
+                self.scale_clamp.iter().all(|&x| positive(x)),
+                "[smallest pixel distance, largest fraction of the width]",
+            ),
+            (
+                "initial_opacity",
+                self.initial_opacity.iter().all(|&o| o > 0.0 && o < 1.0),
+                "three numbers strictly between 0 and 1",
+            ),
+            ("replace_at_samples", self.replace_at_samples >= 1, "at least 1"),
+            ("behind_tolerance", self.behind_tolerance >= 0.0, "not negative"),
+            ("behind_coverage", probability(self.behind_coverage), "between 0 and 1"),
+            ("prune_opacity", probability(self.prune_opacity), "between 0 and 1"),
+            ("prune_image_fraction", positive(self.prune_image_fraction), "positive"),
+            ("position_rate", positive(self.position_rate), "positive"),
+            ("bootstrap_keyframes", (2..=8).contains(&self.bootstrap_keyframes), "2 to 8"),
+            ("depth.near_m", d.near_m > 0.0 && d.near_m < d.far_m, "positive and below depth.far_m"),
+            ("depth.far_m", d.far_m.is_finite(), "a finite distance in metres"),
+            ("depth.neighbours", (1..=32).contains(&d.neighbours), "1 to 32"),
+            ("depth.sweep_candidates", (8..=1024).contains(&d.sweep_candidates), "8 to 1024"),
+            ("depth.match_candidates", (4..=256).contains(&d.match_candidates), "4 to 256"),
+            ("depth.match_range", d.match_range > 0.0 && d.match_range < 1.0, "between 0 and 1"),
+        ];
+        match checks.iter().find(|c| !c.1) {
+            None => Ok(()),
+            Some((key, _, range)) => Err(Error::invalid(
+                format!("reconstruction config, key `{key}`"),
+                "the value is out of range",
+                format!("give {range}"),
+            )),
+        }
+    }
+
+    /// Whether the dense prior reads the ray tracer's depth: every result made with it says so.
+    pub fn consumes_ground_truth_depth(&self) -> bool {
+        self.depth.prior == DepthPriorKind::Simulated
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_are_the_papers_and_valid() {
+        let config = ReconstructionConfig::default();
+        config.validate().unwrap();
+        assert_eq!((config.iterations_per_keyframe, config.pyramid_levels, config.rf_weight), (75, 3, 0.1));
+    }
+
+    #[test]
+    fn a_typo_is_named_and_a_bad_value_is_located() {
+        let error = serde_json::from_str::<ReconstructionConfig>(r#"{"rf_wieght": 0.1}"#).unwrap_err().to_string();
+        assert!(error.contains("rf_wieght"), "{error}");
+        let config: ReconstructionConfig =
+            serde_json::from_str(r#"{"depth": {"near_m": -1.0}, "coupling": "rf-tuned"}"#).unwrap();
+        assert_eq!(config.coupling, Coupling::RfTuned);
+        let error = config.validate().unwrap_err().to_string();
+        assert!(error.contains("depth.near_m"), "{error}");
+    }
+}

@@ -1,0 +1,158 @@
+//! Robust alignment of an affine-invariant inverse depth to triangulated ones, and a confidence for every pixel.
+
+use super::SparseDepth;
+use crate::config::{Alignment, DepthConfig};
+use corf_scene::{Raster, Rng};
+
+/// A dense prior in metric inverse depth.
+#[derive(Clone, Debug)]
+pub struct AlignedPrior {
+    /// 1/z, 1/m, at least 1/far.
+    pub inverse_depth: Raster<f32>,
+    /// `exp(−|Sobel|²/0.2)` of the median/MAD-normalised map; 0 where that is 0.5 or less (a depth edge) or the aligned value was beyond far.
+    pub confidence: Raster<f32>,
+    /// `aligned = scale · mono + offset`.
+    pub scale: f32,
+    /// 1/m.
+    pub offset: f32,
+}
+
+/// Fewest triangulated depths that define an alignment.
+pub const LEAST_ANCHORS: usize = 12;
+
+/// Aligns a prior to triangulated depths; `None` where there are fewer than [`LEAST_ANCHORS`] or they do not define a positive scale.
+///
+/// `seed` and `stage` key the hypotheses of [`Alignment::Ransac`].
+pub fn align(mono: &Raster<f32>, anchors: &[SparseDepth], config: &DepthConfig, seed: u64, stage: u64) -> Option<AlignedPrior> {
+    let pairs: Vec<(f64, f64)> =
+        anchors.iter().map(|a| (f64::from(mono[(a.x, a.y)]), f64::from(a.inverse_depth))).filter(|p| p.0.is_finite()).collect();
+    if pairs.len() < LEAST_ANCHORS {
+        return None;
+    }
+    let (scale, offset) = match config.alignment {
+        Alignment::Mad => by_mad(&pairs),
+        Alignment::Huber => by_huber(&pairs),
+        Alignment::Ransac => by_ransac(&pairs, seed, stage),
+    }?;
+    let far = (1.0 / config.far_m) as f32;
+    let near = (1.0 / config.near_m) as f32;
+    let (scale, offset) = (scale as f32, offset as f32);
+    let raw = mono.map(|&m| scale * m + offset);
+    let mut confidence = edge_confidence(mono);
+    confidence.pixels_mut().iter_mut().zip(raw.pixels()).filter(|(_, r)| **r < far).for_each(|(c, _)| *c = 0.0);
+    Some(AlignedPrior { inverse_depth: raw.map(|r| r.clamp(far, near)), confidence, scale, offset })
+}
+
+/// The middle value (the upper one of an even count); `values` is not empty.
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Median and median absolute deviation.
+fn location_and_spread(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+    let mut all: Vec<f64> = values.clone().collect();
+    let t = median(&mut all);
+    let mut deviations: Vec<f64> = values.map(|v| (v - t).abs()).collect();
+    (t, median(&mut deviations))
+}
+
+/// t = median, s = median|d − t|; scale = s_tri/s_mono, offset = t_tri − scale·t_mono; errors of 5× the median error and more are dropped and
+/// it is fitted once again.
+fn by_mad(pairs: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let fit = |pairs: &[(f64, f64)]| {
+        let (t_mono, s_mono) = location_and_spread(pairs.iter().map(|p| p.0));
+        let (t_tri, s_tri) = location_and_spread(pairs.iter().map(|p| p.1));
+        let scale = s_tri / s_mono;
+        (scale.is_finite() && scale > 0.0).then_some((scale, t_tri - scale * t_mono))
+    };
+    let (scale, offset) = fit(pairs)?;
+    let error = |p: &(f64, f64)| (scale * p.0 + offset - p.1).abs();
+    let mut errors: Vec<f64> = pairs.iter().map(error).collect();
+    let limit = 5.0 * median(&mut errors);
+    let kept: Vec<(f64, f64)> = pairs.iter().copied().filter(|p| error(p) < limit).collect();
+    if kept.len() < LEAST_ANCHORS { Some((scale, offset)) } else { fit(&kept) }
+}
+
+/// Weighted least squares of `y = scale·x + offset`.
+fn least_squares(points: impl Iterator<Item = (f64, f64, f64)>) -> Option<(f64, f64)> {
+    let (mut w, mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for (px, py, weight) in points {
+        w += weight;
+        x += weight * px;
+        y += weight * py;
+        xx += weight * px * px;
+        xy += weight * px * py;
+    }
+    let determinant = w * xx - x * x;
+    if determinant <= 1e-12 * w * xx {
+        return None;
+    }
+    let scale = (w * xy - x * y) / determinant;
+    (scale.is_finite() && scale > 0.0).then_some((scale, (y - scale * x) / w))
+}
+
+/// Iteratively reweighted least squares: Huber's weights at 1.345 σ, nothing beyond 6 σ, σ from the median absolute residual.
+fn by_huber(pairs: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let (mut scale, mut offset) = by_mad(pairs)?;
+    for _ in 0..20 {
+        let mut residuals: Vec<f64> = pairs.iter().map(|p| (scale * p.0 + offset - p.1).abs()).collect();
+        // 1.4826 turns a median absolute deviation into the σ of a normal distribution.
+        let sigma = (1.4826 * median(&mut residuals)).max(1e-9);
+        let weight = |p: &(f64, f64)| {
+            let r = (scale * p.0 + offset - p.1).abs() / sigma;
+            if r > 6.0 { 0.0 } else { (1.345 / r).min(1.0) }
+        };
+        let (next_scale, next_offset) = least_squares(pairs.iter().map(|p| (p.0, p.1, weight(p))))?;
+        let change = (next_scale / scale - 1.0).abs();
+        (scale, offset) = (next_scale, next_offset);
+        if change < 1e-6 {
+            break;
+        }
+    }
+    Some((scale, offset))
+}
+
+/// 200 two-point hypotheses judged by their count of inliers within 8 % of the depth, then least squares on the best one's inliers.
+fn by_ransac(pairs: &[(f64, f64)], seed: u64, stage: u64) -> Option<(f64, f64)> {
+    const HYPOTHESES: u64 = 200;
+    const INLIER: f64 = 0.08;
+    let is_inlier = |p: &(f64, f64), (scale, offset): (f64, f64)| (scale * p.0 + offset - p.1).abs() < INLIER * p.1.abs();
+    let mut best: (usize, Option<(f64, f64)>) = (0, None);
+    for i in 0..HYPOTHESES {
+        let mut rng = Rng::keyed(seed, stage, i);
+        let (a, b) = (pairs[rng.below(pairs.len())], pairs[rng.below(pairs.len())]);
+        let scale = (a.1 - b.1) / (a.0 - b.0);
+        if !(scale.is_finite() && scale > 0.0) {
+            continue;
+        }
+        let hypothesis = (scale, a.1 - scale * a.0);
+        let count = pairs.iter().filter(|p| is_inlier(p, hypothesis)).count();
+        if count > best.0 {
+            best = (count, Some(hypothesis));
+        }
+    }
+    let hypothesis = best.1?;
+    least_squares(pairs.iter().filter(|p| is_inlier(p, hypothesis)).map(|p| (p.0, p.1, 1.0))).or(Some(hypothesis))
+}
+
+/// `exp(−|Sobel|²/0.2)` of the map normalised by its median and median absolute deviation, 0 where it is 0.5 or less.
+fn edge_confidence(mono: &Raster<f32>) -> Raster<f32> {
+    let (w, h) = (mono.width(), mono.height());
+    let (t, s) = location_and_spread(mono.pixels().iter().map(|&m| f64::from(m)));
+    let s = if s > 0.0 { s } else { 1.0 };
+    let at = |x: isize, y: isize| {
+        let m = mono[(x.clamp(0, w as isize - 1) as usize, y.clamp(0, h as isize - 1) as usize)];
+        ((f64::from(m) - t) / s) as f32
+    };
+    Raster::from_fn(w, h, |x, y| {
+        let (x, y) = (x as isize, y as isize);
+        // Sobel's kernels divided by 8, so that a ramp of slope 1 per pixel gives 1.
+        let gx = (at(x + 1, y - 1) + 2.0 * at(x + 1, y) + at(x + 1, y + 1))
+            - (at(x - 1, y - 1) + 2.0 * at(x - 1, y) + at(x - 1, y + 1));
+        let gy = (at(x - 1, y + 1) + 2.0 * at(x, y + 1) + at(x + 1, y + 1))
+            - (at(x - 1, y - 1) + 2.0 * at(x, y - 1) + at(x + 1, y - 1));
+        let c = (-(gx * gx + gy * gy) / 64.0 / 0.2).exp();
+        if c > 0.5 { c } else { 0.0 }
+    })
+}

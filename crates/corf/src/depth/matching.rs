@@ -1,0 +1,151 @@
+//! Guided multi-view matching: a few candidates around the aligned prior, ZNCC over the neighbours, a gate, a parabola.
+
+use super::{
+    AlignedPrior, PixelDepth, Reliability,
+    triangulate::sweep,
+    view::{GreyView, Neighbour, Patch, parabola_offset},
+};
+use crate::config::DepthConfig;
+use glam::Vec2;
+use rayon::prelude::*;
+
+/// Radius of the matching window: 5×5 in images of 400 pixels' width and more, 7×7 in smaller ones, whose patches hold less texture.
+fn radius(width: usize) -> usize {
+    if width >= 400 { 2 } else { 3 }
+}
+
+/// The shortest epipolar segment worth searching in an image of this width: 10 pixels at 640, in proportion elsewhere, 1.5 at least (the
+/// candidates of anything shorter see the same pixels).
+fn least_segment_px(config: &DepthConfig, width: usize) -> f32 {
+    (config.min_segment_px * width as f64 / 640.0).max(1.5) as f32
+}
+
+/// Depths of sampled pixels around an aligned prior, in the pixels' order. A pixel whose match passes the gate is `Accurate`; one whose match
+/// fails falls back to the `Prior` where that is confident; otherwise it is left out.
+pub fn match_guided(
+    reference: &GreyView,
+    neighbours: &[Neighbour<'_>],
+    prior: &AlignedPrior,
+    pixels: &[(usize, usize)],
+    config: &DepthConfig,
+) -> Vec<PixelDepth> {
+    let found: Vec<Option<PixelDepth>> = pixels
+        .par_iter()
+        .map(|&(x, y)| {
+            let guess = prior.inverse_depth[(x, y)];
+            let slope = slope(prior, x, y);
+            if let Some(inverse_depth) = match_pixel(reference, neighbours, x, y, guess, slope, config) {
+                return Some(PixelDepth { x, y, inverse_depth, reliability: Reliability::Accurate });
+            }
+            (prior.confidence[(x, y)] > 0.0).then_some(PixelDepth { x, y, inverse_depth: guess, reliability: Reliability::Prior })
+        })
+        .collect();
+    found.into_iter().flatten().collect()
+}
+
+/// Depths of sampled pixels without a prior, in the pixels' order: the coarse sweep of the triangulation finds a unique match over the whole
+/// range of depths, and the guided matching confirms and refines it. Everything else is left out.
+pub fn match_wide(
+    reference: &GreyView,
+    neighbours: &[Neighbour<'_>],
+    pixels: &[(usize, usize)],
+    config: &DepthConfig,
+) -> Vec<PixelDepth> {
+    let found: Vec<Option<PixelDepth>> = pixels
+        .par_iter()
+        .map(|&(x, y)| {
+            let (cx, cy) = (x >> reference.coarse_level, y >> reference.coarse_level);
+            let (guess, _) = sweep(reference, neighbours, cx, cy, config, true)?;
+            let inverse_depth = match_pixel(reference, neighbours, x, y, guess, Vec2::ZERO, config)?;
+            Some(PixelDepth { x, y, inverse_depth, reliability: Reliability::Accurate })
+        })
+        .collect();
+    found.into_iter().flatten().collect()
+}
+
+/// The prior's change of inverse depth per pixel, from differences across the matching window; none where it is not trusted.
+fn slope(prior: &AlignedPrior, x: usize, y: usize) -> Vec2 {
+    const REACH: usize = 2;
+    let w = &prior.inverse_depth;
+    if x < REACH || y < REACH || x + REACH >= w.width() || y + REACH >= w.height() {
+        return Vec2::ZERO;
+    }
+    let ends = [(x - REACH, y), (x + REACH, y), (x, y - REACH), (x, y + REACH)];
+    if ends.iter().any(|&e| prior.confidence[e] <= 0.0) {
+        return Vec2::ZERO;
+    }
+    Vec2::new(w[ends[1]] - w[ends[0]], w[ends[3]] - w[ends[2]]) / (2 * REACH) as f32
+}
+
+/// The parabola is fitted over steps of at most this many pixels.
+const FINEST_STEP_PX: f32 = 0.5;
+
+/// The matched inverse depth of one pixel near `guess`, or `None` where the gate refuses it.
+fn match_pixel(
+    reference: &GreyView,
+    neighbours: &[Neighbour<'_>],
+    x: usize,
+    y: usize,
+    guess: f32,
+    slope: Vec2,
+    config: &DepthConfig,
+) -> Option<f32> {
+    let camera = &reference.fine_camera;
+    let patch = Patch::new(&reference.fine, x, y, radius(camera.width))?;
+    let (u, v) = (x as f32 + 0.5, y as f32 + 0.5);
+    let (low, high) = (guess * (1.0 - config.match_range as f32), guess * (1.0 + config.match_range as f32));
+    let shortest = least_segment_px(config, camera.width);
+    // A neighbour takes part where both ends of the range land inside it, far enough apart.
+    let useful: Vec<&Neighbour<'_>> = neighbours
+        .iter()
+        .filter(|n| {
+            let to = &n.view.fine_camera;
+            let end = |w| n.warp_slanted(camera, to, u, v, w, slope * (w / guess));
+            let ends = (end(low), end(high));
+            let (Some(a), Some(b)) = ends else { return false };
+            patch.zncc(&n.view.fine, &a).is_some()
+                && patch.zncc(&n.view.fine, &b).is_some()
+                && (a.center - b.center).length() > shortest
+        })
+        .collect();
+    if useful.is_empty() {
+        return None;
+    }
+    let count = config.match_candidates;
+    let step = (high - low) / (count - 1) as f32;
+    let score = |w: f32| {
+        let sum: f32 =
+            useful.iter().filter_map(|n| patch.zncc(&n.view.fine, &n.warp(camera, &n.view.fine_camera, u, v, w)?)).sum();
+        sum / useful.len() as f32
+    };
+    let scores: Vec<f32> = (0..count).map(|k| score(low + step * k as f32)).collect();
+    let (best, &best_score) = scores.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+    // At an end of the range the true minimum may lie outside.
+    if best == 0 || best == count - 1 {
+        return None;
+    }
+    let worst = scores.iter().copied().fold(f32::INFINITY, f32::min);
+    let (worst_cost, best_cost) = (1.0 - worst, 1.0 - best_score);
+    // The published gate asks only for a cost that varies; a lowest correlation is asked for too, or blank walls pass by chance.
+    if best_score < config.min_zncc || f64::from(worst_cost) <= config.cost_ratio * f64::from(best_cost) {
+        return None;
+    }
+    // The published refinement is one parabola through the candidates, ± half a step. Where a step is more than a pixel the peak is narrower
+    // than that, so the step is halved towards the best correlation first.
+    let (mut center, mut peak, mut step) = (low + step * best as f32, best_score, step);
+    let longest = useful.iter().filter_map(|n| {
+        let to = &n.view.fine_camera;
+        Some((n.warp(camera, to, u, v, center)?.center - n.warp(camera, to, u, v, center + step)?.center).length())
+    });
+    let mut step_px = longest.fold(0.0, f32::max);
+    while step_px > FINEST_STEP_PX {
+        (step, step_px) = (0.5 * step, 0.5 * step_px);
+        for candidate in [center - step, center + step] {
+            let s = score(candidate);
+            if s > peak {
+                (center, peak) = (candidate, s);
+            }
+        }
+    }
+    Some(center + step * parabola_offset(score(center - step), peak, score(center + step)))
+}

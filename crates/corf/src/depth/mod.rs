@@ -1,0 +1,43 @@
+//! Depth for new Gaussians: a dense prior, its robust alignment to triangulated depths, and guided multi-view matching.
+//!
+//! Poses are known, so matching is a search along epipolar lines with zero-mean normalised cross-correlation (ZNCC). Everything
+//! works in inverse z-depth (1/m). Neighbours are training keyframes only; the caller passes no others.
+
+pub mod align;
+pub mod matching;
+pub mod prior;
+pub mod triangulate;
+pub mod view;
+
+pub use align::{AlignedPrior, align};
+pub use matching::{match_guided, match_wide};
+pub use prior::DepthPrior;
+pub use triangulate::{SparseDepth, triangulate};
+pub use view::{GreyView, Neighbour, select_neighbours};
+
+/// How far a depth can be trusted; the initial opacity follows from it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reliability {
+    /// An accurate multi-view match.
+    Accurate,
+    /// The aligned prior alone.
+    Prior,
+    /// A triangulated corner.
+    Triangulated,
+}
+
+/// The depth of one optical pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelDepth {
+    /// Column.
+    pub x: usize,
+    /// Row.
+    pub y: usize,
+    /// 1/z, 1/m.
+    pub inverse_depth: f32,
+    /// Where it comes from.
+    pub reliability: Reliability,
+}
+
+#[cfg(test)]
+mod tests;

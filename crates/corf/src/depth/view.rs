@@ -1,0 +1,229 @@
+//! A keyframe as matching sees it, the warp between two of them, and ZNCC.
+
+use corf_scene::{Pinhole, Raster, Rigid3};
+use glam::{DVec3, Mat2, Mat3, Vec2, Vec3};
+
+/// Widest image the coarse sweep works on, pixels; larger images are averaged over 2^l blocks first.
+const COARSE_WIDTH: usize = 320;
+
+/// A grey image, its camera and pose, at full and at sweep resolution.
+#[derive(Clone, Debug)]
+pub struct GreyView {
+    /// Trajectory index of the keyframe.
+    pub index: usize,
+    /// Pose.
+    pub world_from_camera: Rigid3,
+    /// Luma in `[0, 1]`, sRGB-encoded.
+    pub fine: Raster<f32>,
+    /// Intrinsics of `fine`.
+    pub fine_camera: Pinhole,
+    /// The image the coarse sweep uses: at most 320 pixels wide; `fine` itself where that is small enough.
+    pub coarse: Raster<f32>,
+    /// Intrinsics of `coarse`.
+    pub coarse_camera: Pinhole,
+    /// `coarse` averages over 2^this blocks of `fine`.
+    pub coarse_level: u32,
+}
+
+impl GreyView {
+    /// Builds the view of an sRGB image.
+    pub fn new(index: usize, image: &Raster<[u8; 3]>, camera: Pinhole, world_from_camera: Rigid3) -> Self {
+        let fine = image.map(|c| (0.299 * f32::from(c[0]) + 0.587 * f32::from(c[1]) + 0.114 * f32::from(c[2])) / 255.0);
+        let mut coarse_level = 0;
+        while camera.width >> coarse_level > COARSE_WIDTH {
+            coarse_level += 1;
+        }
+        let coarse_camera = camera.downsampled(coarse_level);
+        let block = 1usize << coarse_level;
+        let coarse = Raster::from_fn(coarse_camera.width, coarse_camera.height, |x, y| {
+            let sum: f32 = (0..block * block).map(|i| fine[(x * block + i % block, y * block + i / block)]).sum();
+            sum / (block * block) as f32
+        });
+        Self { index, world_from_camera, fine, fine_camera: camera, coarse, coarse_camera, coarse_level }
+    }
+}
+
+/// A neighbour seen from a reference view: where a reference pixel at an inverse depth lands in it.
+#[derive(Clone, Copy, Debug)]
+pub struct Neighbour<'a> {
+    /// The neighbouring view.
+    pub view: &'a GreyView,
+    /// `R` of `p_neighbour = R p_reference + t`.
+    rotation: Mat3,
+    translation: Vec3,
+    /// Distance between the two centres, metres.
+    pub baseline_m: f64,
+}
+
+/// The local affine map of a planar patch into a neighbour.
+#[derive(Clone, Copy, Debug)]
+pub struct Warp {
+    /// Where the patch centre lands, pixels.
+    pub center: Vec2,
+    /// Its derivative by the reference pixel position.
+    pub jacobian: Mat2,
+}
+
+impl<'a> Neighbour<'a> {
+    /// `view` seen from `reference`.
+    pub fn new(reference: &GreyView, view: &'a GreyView) -> Self {
+        let relative = view.world_from_camera.inverse().compose(&reference.world_from_camera);
+        Self {
+            view,
+            rotation: relative.rotation.as_mat3(),
+            translation: relative.translation.as_vec3(),
+            baseline_m: relative.translation.length(),
+        }
+    }
+
+    /// Warps reference position `(u, v)` of `from` at `inverse_depth` into `to`, a camera of the neighbour, as a patch parallel to the
+    /// reference image; `None` behind the neighbour.
+    pub fn warp(&self, from: &Pinhole, to: &Pinhole, u: f32, v: f32, inverse_depth: f32) -> Option<Warp> {
+        self.warp_slanted(from, to, u, v, inverse_depth, Vec2::ZERO)
+    }
+
+    /// As [`Self::warp`], for a plane whose inverse depth changes by `slope` per reference pixel (a plane is affine in inverse depth).
+    pub fn warp_slanted(&self, from: &Pinhole, to: &Pinhole, u: f32, v: f32, inverse_depth: f32, slope: Vec2) -> Option<Warp> {
+        let ray = Vec3::new((u - from.cx as f32) / from.fx as f32, (v - from.cy as f32) / from.fy as f32, 1.0);
+        // The point is ray/w; w·(R ray/w + t) has the same image.
+        let p = self.rotation * ray + self.translation * inverse_depth;
+        if p.z <= 1e-3 {
+            return None;
+        }
+        let (x, y) = (p.x / p.z, p.y / p.z);
+        let du = self.rotation.x_axis / from.fx as f32 + self.translation * slope.x;
+        let dv = self.rotation.y_axis / from.fy as f32 + self.translation * slope.y;
+        let (fx, fy) = (to.fx as f32 / p.z, to.fy as f32 / p.z);
+        Some(Warp {
+            center: Vec2::new(to.fx as f32 * x + to.cx as f32, to.fy as f32 * y + to.cy as f32),
+            jacobian: Mat2::from_cols(
+                Vec2::new(fx * (du.x - x * du.z), fy * (du.y - y * du.z)),
+                Vec2::new(fx * (dv.x - x * dv.z), fy * (dv.y - y * dv.z)),
+            ),
+        })
+    }
+
+    /// Reference inverse depth to neighbour inverse depth of the same point; `None` behind it.
+    pub fn inverse_depth_there(&self, from: &Pinhole, u: f32, v: f32, inverse_depth: f32) -> Option<f32> {
+        let ray = Vec3::new((u - from.cx as f32) / from.fx as f32, (v - from.cy as f32) / from.fy as f32, 1.0);
+        let p = self.rotation * ray + self.translation * inverse_depth;
+        (p.z > 1e-3).then(|| inverse_depth / p.z)
+    }
+}
+
+/// The neighbours worth matching with, best first: those that see most of the reference's view at a typical depth, with a baseline that is
+/// long enough to triangulate there.
+pub fn select_neighbours<'a>(
+    reference: &GreyView,
+    candidates: impl IntoIterator<Item = &'a GreyView>,
+    typical_depth_m: f64,
+    count: usize,
+) -> Vec<Neighbour<'a>> {
+    /// A baseline of this fraction of the typical depth is as good as a longer one.
+    const GOOD_BASELINE: f64 = 0.1;
+    /// Below this fraction nothing can be triangulated.
+    const LEAST_BASELINE: f64 = 0.005;
+    /// Least share of the reference's view that a neighbour must see.
+    const LEAST_OVERLAP: f64 = 0.25;
+    const GRID: usize = 6;
+    let camera = &reference.fine_camera;
+    let mut scored: Vec<(f64, Neighbour<'a>)> = candidates
+        .into_iter()
+        .filter_map(|view| {
+            let pair = Neighbour::new(reference, view);
+            let from_reference = view.world_from_camera.inverse().compose(&reference.world_from_camera);
+            let seen = (0..GRID * GRID)
+                .filter(|i| {
+                    let u = (0.5 + (i % GRID) as f64) / GRID as f64 * camera.width as f64;
+                    let v = (0.5 + (i / GRID) as f64) / GRID as f64 * camera.height as f64;
+                    let p: DVec3 = from_reference.transform_point(camera.unproject(u, v) * typical_depth_m);
+                    view.fine_camera.project(p).is_some_and(|q| {
+                        q.x >= 0.0 && q.y >= 0.0 && q.x < view.fine_camera.width as f64 && q.y < view.fine_camera.height as f64
+                    })
+                })
+                .count();
+            let overlap = seen as f64 / (GRID * GRID) as f64;
+            let relative = pair.baseline_m / typical_depth_m;
+            (overlap >= LEAST_OVERLAP && relative >= LEAST_BASELINE)
+                .then(|| (overlap * (relative / GOOD_BASELINE).min(1.0), pair))
+        })
+        .collect();
+    // Stable: equal scores keep the candidates' order.
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    scored.into_iter().take(count).map(|s| s.1).collect()
+}
+
+/// A zero-mean, unit-norm square patch of the reference.
+#[derive(Clone, Debug)]
+pub struct Patch {
+    radius: i32,
+    values: Vec<f32>,
+}
+
+/// Smallest standard deviation of a patch's grey values that can be matched: under it there is noise and 8-bit rounding only.
+const LEAST_CONTRAST: f32 = 1.5 / 255.0;
+
+impl Patch {
+    /// The `(2·radius+1)²` patch around pixel `(x, y)`; `None` where it leaves the image or has no texture.
+    pub fn new(image: &Raster<f32>, x: usize, y: usize, radius: usize) -> Option<Self> {
+        if x < radius || y < radius || x + radius >= image.width() || y + radius >= image.height() {
+            return None;
+        }
+        let side = 2 * radius + 1;
+        let mut values = Vec::with_capacity(side * side);
+        for yy in y - radius..=y + radius {
+            let row = yy * image.width();
+            values.extend_from_slice(&image.pixels()[row + x - radius..=row + x + radius]);
+        }
+        let mean = values.iter().sum::<f32>() / values.len() as f32;
+        values.iter_mut().for_each(|v| *v -= mean);
+        let norm = values.iter().map(|v| v * v).sum::<f32>().sqrt();
+        if norm < LEAST_CONTRAST * side as f32 {
+            return None;
+        }
+        values.iter_mut().for_each(|v| *v /= norm);
+        Some(Self { radius: radius as i32, values })
+    }
+
+    /// ZNCC in `[-1, 1]` of the patch with `image` under a warp; `None` where the warped patch leaves the image.
+    pub fn zncc(&self, image: &Raster<f32>, warp: &Warp) -> Option<f32> {
+        let r = self.radius as f32;
+        let j = warp.jacobian;
+        let reach = Vec2::new(r * (j.x_axis.x.abs() + j.y_axis.x.abs()), r * (j.x_axis.y.abs() + j.y_axis.y.abs()));
+        let (w, h) = (image.width(), image.height());
+        // Positions are pixel centres at +0.5: index space is shifted by half a pixel.
+        let c = warp.center - Vec2::splat(0.5);
+        let (low, high) = (c - reach, c + reach);
+        if !(low.x >= 0.0 && low.y >= 0.0 && high.x < (w - 1) as f32 && high.y < (h - 1) as f32) {
+            return None;
+        }
+        let pixels = image.pixels();
+        let (mut sum, mut square, mut cross) = (0.0f32, 0.0f32, 0.0f32);
+        let mut k = 0;
+        for dy in -self.radius..=self.radius {
+            let row = c + j.y_axis * dy as f32;
+            for dx in -self.radius..=self.radius {
+                let p = row + j.x_axis * dx as f32;
+                let (x0, y0) = (p.x as usize, p.y as usize);
+                let (fx, fy) = (p.x - x0 as f32, p.y - y0 as f32);
+                let i = y0 * w + x0;
+                let top = pixels[i] + (pixels[i + 1] - pixels[i]) * fx;
+                let bottom = pixels[i + w] + (pixels[i + w + 1] - pixels[i + w]) * fx;
+                let s = top + (bottom - top) * fy;
+                sum += s;
+                square += s * s;
+                cross += s * self.values[k];
+                k += 1;
+            }
+        }
+        let n = self.values.len() as f32;
+        let variance = square - sum * sum / n;
+        Some(if variance < n * LEAST_CONTRAST * LEAST_CONTRAST { 0.0 } else { cross / variance.sqrt() })
+    }
+}
+
+/// The vertex of the parabola through three equally spaced values, relative to the middle one in steps, clamped to ± 0.5.
+pub fn parabola_offset(before: f32, middle: f32, after: f32) -> f32 {
+    let curvature = before - 2.0 * middle + after;
+    if curvature.abs() < 1e-12 { 0.0 } else { (0.5 * (before - after) / curvature).clamp(-0.5, 0.5) }
+}

@@ -1,0 +1,138 @@
+//! A finished reconstruction: renders both modalities at any pose (paper Eq. (11)).
+
+use crate::{
+    Device, Error, Gaussians, Result,
+    device::{Layer, Planes, RenderRequest, View},
+    sensor::RfSensor,
+    target::{RfTarget, linear_from_scalar},
+};
+use corf_scene::{Pinhole, Raster, Rigid3, keyframe::DbRange};
+use serde::{Deserialize, Serialize};
+
+/// Everything beside the Gaussians that a field needs to be rendered; saved beside them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FieldMeta {
+    /// What the RF field's colours mean.
+    pub rf_target: RfTarget,
+    /// The dB range of scalar 0 and 1.
+    pub db_range: DbRange,
+    /// Intrinsics of the optical images.
+    pub optical_camera: Pinhole,
+    /// Intrinsics of the RF images.
+    pub rf_camera: Pinhole,
+    /// How the receiver forms its spectrum.
+    #[serde(default)]
+    pub sensor: RfSensor,
+}
+
+/// The coupled field: `(F_opt, F_rf)` and how to look at it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// The coupled Gaussians.
+    pub gaussians: Gaussians,
+    /// Cameras, target and range.
+    pub meta: FieldMeta,
+}
+
+/// What a pose sees.
+#[derive(Clone, Debug)]
+pub struct Prediction {
+    /// Light: sRGB-encoded `[0, 1]`.
+    pub image: Raster<[f32; 3]>,
+    /// The RF image as rendered, C_rf channels.
+    pub rf: Planes,
+    /// Scalar dB level in `[0, 1]`.
+    pub scalar: Raster<f32>,
+    /// Linear power per steradian, 1/sr.
+    pub spectrum: Raster<f32>,
+    /// 1/z of the optical pixels, 1/m: the composited inverse depth over its coverage; 0 where nothing is.
+    pub inverse_depth: Raster<f32>,
+}
+
+impl FieldMeta {
+    /// # Errors
+    /// A camera without pixels or focal length, or an empty dB range.
+    pub fn validate(&self) -> Result<()> {
+        for (name, c) in [("optical_camera", &self.optical_camera), ("rf_camera", &self.rf_camera)] {
+            let focal = |f: f64| f.is_finite() && f > 0.0;
+            if c.width == 0 || c.height == 0 || !focal(c.fx) || !focal(c.fy) || !c.cx.is_finite() || !c.cy.is_finite() {
+                let what = format!("{}x{} pixels, fx {}, fy {}", c.width, c.height, c.fx, c.fy);
+                return Err(Error::invalid(name, what, "give a pinhole camera with pixels and positive focal lengths"));
+            }
+        }
+        let DbRange { min_db, max_db } = self.db_range;
+        if !(min_db.is_finite() && max_db.is_finite() && min_db < max_db) {
+            return Err(Error::invalid("db_range", format!("{min_db} to {max_db} dB is empty"), "give min_db < max_db, finite"));
+        }
+        Ok(())
+    }
+
+    /// Renders the Gaussians that `device` holds at a pose, both cameras at once.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn render(&self, device: &mut dyn Device, world_from_camera: Rigid3) -> Result<Prediction> {
+        let view = |camera| View { camera, world_from_camera };
+        let rendering = device.render(&RenderRequest {
+            optical: Some((view(self.optical_camera), [0.0; 3])),
+            rf: Some((view(self.sensor.field_camera(&self.rf_camera)), self.rf_target.floor_color())),
+            main_contributor: false,
+        })?;
+        let missing = || {
+            Error::invalid(device.name(), "the device left out a modality that was asked for", "this is a defect of the device")
+        };
+        let (optical, rf) = (rendering.optical.ok_or_else(missing)?, rendering.rf.ok_or_else(missing)?);
+        let image = optical.color.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
+        let rf = self.sensor.observe(rf.color);
+        let scalar = self.rf_target.scalar(&rf);
+        Ok(Prediction {
+            image: Raster::from_vec(optical.color.width, optical.color.height, image),
+            spectrum: linear_from_scalar(&scalar, &self.db_range),
+            scalar,
+            rf,
+            inverse_depth: normalised_inverse_depth(&optical),
+        })
+    }
+}
+
+impl Field {
+    /// Makes `device` hold this field's Gaussians and nothing else.
+    ///
+    /// # Errors
+    /// The device's, when it has no memory for them.
+    pub fn load(&self, device: &mut dyn Device) -> Result<()> {
+        if !device.is_empty() {
+            let none = vec![false; device.len()];
+            device.retain(&none);
+        }
+        device.append(&self.gaussians)
+    }
+
+    /// Renders a pose on a device this field was [loaded](Self::load) to.
+    ///
+    /// # Errors
+    /// When the device holds another number of Gaussians, or fails.
+    pub fn render(&self, device: &mut dyn Device, world_from_camera: Rigid3) -> Result<Prediction> {
+        if device.len() != self.gaussians.len() {
+            return Err(Error::invalid(
+                device.name(),
+                format!("the device holds {} Gaussians and the field has {}", device.len(), self.gaussians.len()),
+                "call Field::load on this device first",
+            ));
+        }
+        self.meta.render(device, world_from_camera)
+    }
+}
+
+/// `(Σ α T / z) / (1 − T_N)`, 0 where next to nothing covers a pixel.
+pub(crate) fn normalised_inverse_depth(layer: &Layer) -> Raster<f32> {
+    let pixels = layer
+        .inverse_depth
+        .pixels()
+        .iter()
+        .zip(layer.transmittance.pixels())
+        .map(|(i, t)| if 1.0 - t > 1e-3 { i / (1.0 - t) } else { 0.0 })
+        .collect();
+    Raster::from_vec(layer.inverse_depth.width(), layer.inverse_depth.height(), pixels)
+}

@@ -1,0 +1,168 @@
+//! Which keyframe a step visits, at which pyramid level, with which depth weight (paper, Training Strategy).
+
+use crate::{
+    config::ReconstructionConfig,
+    device::{Step, ViewId},
+    stage,
+};
+use corf_scene::Rng;
+
+/// What one stage of the optimisation trains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StageWeights {
+    /// Weight of the optical loss.
+    pub optical: f32,
+    /// Weight of the RF loss.
+    pub rf: f32,
+    /// Whether the inverse-depth term takes part.
+    pub depth: bool,
+    /// Whether geometry is updated.
+    pub geometry: bool,
+}
+
+/// The state from which steps are drawn: the buffer of keyframes with their visits, and a counter of steps that keys the random numbers.
+#[derive(Clone, Debug)]
+pub struct Schedule {
+    seed: u64,
+    steps_drawn: u64,
+    views: Vec<(ViewId, usize)>,
+    rf_floor: [f32; 3],
+    /// η at the first visit, in this world's units.
+    depth_weight: f32,
+}
+
+impl Schedule {
+    /// An empty buffer.
+    pub fn new(seed: u64, rf_floor: [f32; 3]) -> Self {
+        Self { seed, steps_drawn: 0, views: Vec::new(), rf_floor, depth_weight: 0.0 }
+    }
+
+    /// Adds the latest keyframe.
+    pub fn push(&mut self, view: ViewId) {
+        self.views.push((view, 0));
+    }
+
+    /// Sets η of a first visit; it is given in the published world's units and depends on the metric scale.
+    pub fn set_depth_weight(&mut self, weight: f32) {
+        self.depth_weight = weight;
+    }
+
+    /// Forgets all visits: a second stage begins coarse again.
+    pub fn restart(&mut self) {
+        self.views.iter_mut().for_each(|v| v.1 = 0);
+    }
+
+    /// Keyframes in the buffer.
+    pub fn len(&self) -> usize {
+        self.views.len()
+    }
+
+    /// Whether the buffer is empty.
+    pub fn is_empty(&self) -> bool {
+        self.views.is_empty()
+    }
+
+    /// The next `count` online steps: the latest keyframe with probability `latest_probability`, otherwise any of the buffer. None while it is empty.
+    pub fn online(
+        &mut self,
+        count: usize,
+        latest_probability: f32,
+        weights: StageWeights,
+        config: &ReconstructionConfig,
+    ) -> Vec<Step> {
+        if self.views.is_empty() {
+            return Vec::new();
+        }
+        (0..count)
+            .map(|_| {
+                let mut rng = Rng::keyed(self.seed, stage::STEPS, self.steps_drawn);
+                let latest = self.views.len() - 1;
+                let which = if rng.uniform() < latest_probability { latest } else { rng.below(self.views.len()) };
+                self.visit(which, weights, config, &mut rng)
+            })
+            .collect()
+    }
+
+    /// One epoch: every keyframe once, in a random order.
+    pub fn epoch(&mut self, weights: StageWeights, config: &ReconstructionConfig) -> Vec<Step> {
+        let mut rng = Rng::keyed(self.seed, stage::EPOCHS, self.steps_drawn);
+        let mut order: Vec<usize> = (0..self.views.len()).collect();
+        // Fisher–Yates.
+        for i in (1..order.len()).rev() {
+            order.swap(i, rng.below(i + 1));
+        }
+        order
+            .into_iter()
+            .map(|which| {
+                let mut rng = Rng::keyed(self.seed, stage::STEPS, self.steps_drawn);
+                self.visit(which, weights, config, &mut rng)
+            })
+            .collect()
+    }
+
+    fn visit(&mut self, which: usize, weights: StageWeights, config: &ReconstructionConfig, rng: &mut Rng) -> Step {
+        self.steps_drawn += 1;
+        let (view, visits) = &mut self.views[which];
+        // A keyframe moves one level finer after every `visits_per_level` of its own visits.
+        let level = (config.pyramid_levels - 1).saturating_sub((*visits / config.visits_per_level) as u32);
+        let depth_weight =
+            if weights.depth { self.depth_weight * config.depth_weight_decay.powi((*visits).min(10_000) as i32) } else { 0.0 };
+        *visits += 1;
+        Step {
+            view: *view,
+            level,
+            optical_weight: weights.optical,
+            rf_weight: weights.rf,
+            depth_weight,
+            train_geometry: weights.geometry,
+            optical_background: [rng.uniform(), rng.uniform(), rng.uniform()],
+            rf_background: self.rf_floor,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const JOINT: StageWeights = StageWeights { optical: 1.0, rf: 0.1, depth: true, geometry: true };
+
+    fn schedule(views: usize, seed: u64) -> Schedule {
+        let mut s = Schedule::new(seed, [0.0, 0.0, 0.5]);
+        (0..views).for_each(|i| s.push(ViewId(i)));
+        s.set_depth_weight(0.01);
+        s
+    }
+
+    #[test]
+    fn the_latest_keyframe_gets_its_share_and_the_rest_is_even() {
+        let n = 20_000;
+        let steps = schedule(10, 3).online(n, 0.2, JOINT, &ReconstructionConfig::default());
+        let share = |v| steps.iter().filter(|s| s.view == ViewId(v)).count() as f64 / n as f64;
+        // Binomial: 5σ of 0.28 over 20 000 draws is 0.016; 0.2 + 0.8/10 is the latest's share.
+        assert!((share(9) - 0.28).abs() < 0.016, "{}", share(9));
+        assert!((share(4) - 0.08).abs() < 0.0096, "{}", share(4));
+    }
+
+    #[test]
+    fn a_keyframe_gets_finer_and_trusts_depth_less_with_its_own_visits() {
+        let config = ReconstructionConfig::default();
+        let steps = schedule(1, 1).online(17, 0.2, JOINT, &config);
+        let levels: Vec<u32> = steps.iter().map(|s| s.level).collect();
+        assert_eq!(levels, [2, 2, 2, 2, 2, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0]);
+        assert!((steps[3].depth_weight - 0.01 * 0.9f32.powi(3)).abs() < 1e-9);
+        assert_ne!(steps[0].optical_background, steps[1].optical_background);
+        assert_eq!(steps[0].rf_background, [0.0, 0.0, 0.5]);
+    }
+
+    #[test]
+    fn an_epoch_visits_everyone_once_in_an_order_the_seed_decides() {
+        let config = ReconstructionConfig::default();
+        let order = |seed| schedule(12, seed).epoch(JOINT, &config).iter().map(|s| s.view.0).collect::<Vec<_>>();
+        let mut sorted = order(1);
+        sorted.sort_unstable();
+        assert_eq!(sorted, (0..12).collect::<Vec<_>>());
+        assert_ne!(order(1), order(2));
+        assert_eq!(order(1), order(1));
+    }
+}
