@@ -3,11 +3,13 @@
 use crate::{
     Device, Error, Gaussians, Result,
     device::{Layer, Planes, RenderRequest, View},
+    ply,
     sensor::RfSensor,
     target::{RfTarget, linear_from_scalar},
 };
 use corf_scene::{Pinhole, Raster, Rigid3, keyframe::DbRange};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// Everything beside the Gaussians that a field needs to be rendered; saved beside them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -97,6 +99,48 @@ impl FieldMeta {
 }
 
 impl Field {
+    /// Writes `optical.ply`, `rf.ply`, `coupled.ply` and `field.json` (the [`FieldMeta`]) into an existing folder, each whole or not at all.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        ply::write_optical(&folder.join("optical.ply"), &self.gaussians)?;
+        ply::write_rf(&folder.join("rf.ply"), &self.gaussians)?;
+        ply::write_coupled(&folder.join("coupled.ply"), &self.gaussians)?;
+        let path = folder.join("field.json");
+        let io = |action| {
+            let path = path.clone();
+            move |source| Error::Io { action, path, source }
+        };
+        let text = serde_json::to_vec_pretty(&self.meta).map_err(|e| io("write")(e.into()))?;
+        let part = folder.join(".field.json.part");
+        std::fs::write(&part, text).map_err(io("write"))?;
+        std::fs::rename(&part, &path).map_err(io("write"))
+    }
+
+    /// Reads `coupled.ply` and `field.json` back.
+    ///
+    /// # Errors
+    /// A file that is missing, damaged, or does not fit the other.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let path = folder.join("field.json");
+        let text = std::fs::read(&path).map_err(|source| Error::Io { action: "read", path: path.clone(), source })?;
+        let meta: FieldMeta = serde_json::from_slice(&text).map_err(|e| {
+            Error::invalid(path.display().to_string(), e.to_string(), "this file is written beside coupled.ply; do not edit it")
+        })?;
+        meta.validate()?;
+        let model = folder.join("coupled.ply");
+        let gaussians = ply::read_coupled(&model)?;
+        if gaussians.rf.channels != meta.rf_target.channels() {
+            return Err(Error::invalid(
+                model.display().to_string(),
+                format!("the RF colour has {} channel(s) and field.json says {:?}", gaussians.rf.channels, meta.rf_target),
+                "the two files belong to different reconstructions",
+            ));
+        }
+        Ok(Self { gaussians, meta })
+    }
+
     /// Makes `device` hold this field's Gaussians and nothing else.
     ///
     /// # Errors

@@ -11,6 +11,7 @@ pub mod expansion;
 pub mod field;
 pub mod gaussians;
 pub mod optimizer;
+pub mod ply;
 pub mod reconstructor;
 pub mod schedule;
 pub mod sensor;
