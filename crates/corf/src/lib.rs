@@ -10,18 +10,20 @@ mod error;
 pub mod expansion;
 pub mod field;
 pub mod gaussians;
+pub mod loss;
 pub mod optimizer;
 pub mod ply;
 pub mod reconstructor;
 pub mod schedule;
 pub mod sensor;
+mod sh;
 pub mod stage;
 #[cfg(test)]
 mod synthetic;
 pub mod target;
 
 pub use config::{Coupling, ReconstructionConfig, Sampling};
-pub use device::Device;
+pub use device::{Device, cpu::CpuDevice};
 pub use error::{Error, Result};
 pub use field::{Field, FieldMeta, Prediction};
 pub use gaussians::{Appearance, Gaussians};

@@ -1,6 +1,8 @@
 //! Where the arithmetic runs. The online policy (which keyframe, which level, when to expand or prune, random numbers) lives above
 //! this seam, once; a device stores keyframe pyramids and Gaussians, renders, and runs training steps.
 
+pub mod cpu;
+
 use crate::{Gaussians, Result};
 use corf_scene::{Pinhole, Raster, Rigid3};
 

@@ -1,0 +1,153 @@
+//! Keyframes as training targets: each level averages 2×2 blocks of the one before, odd remainders dropped.
+
+use super::{geometry::Grid, simd::Isa};
+use crate::{
+    Error, Result,
+    device::{Planes, TrainingView},
+    loss::fused::{DepthTarget, Target},
+};
+use corf_scene::{Pinhole, Rigid3};
+
+/// One level of one modality.
+pub(crate) struct Level {
+    pub camera: Pinhole,
+    pub target: Target,
+}
+
+/// One uploaded keyframe.
+pub(crate) struct Pyramid {
+    pub world_from_camera: Rigid3,
+    /// Per level: optical, RF.
+    pub levels: Vec<[Level; 2]>,
+    /// Per level, if the keyframe has inverse depths.
+    pub depth: Option<Vec<DepthTarget>>,
+}
+
+impl Pyramid {
+    pub fn new(isa: Isa, view: &TrainingView, levels: u32) -> Result<Self> {
+        let mut images = [(view.optical_camera, view.optical.clone(), "optical"), (view.rf_camera, view.rf.clone(), "rf")];
+        for (camera, image, name) in &images {
+            check(camera, image, name)?;
+        }
+        let mut depth = match &view.inverse_depth {
+            None => None,
+            Some(d) => {
+                let size = (view.optical_camera.width, view.optical_camera.height);
+                if [&d.value, &d.confidence].iter().any(|r| (r.width(), r.height()) != size) {
+                    let what =
+                        format!("{}x{} pixels against an image of {}x{}", d.value.width(), d.value.height(), size.0, size.1);
+                    return Err(Error::invalid(
+                        "training view, inverse_depth",
+                        what,
+                        "give it and its confidence in the optical image's size",
+                    ));
+                }
+                Some(usable(DepthTarget {
+                    width: size.0,
+                    height: size.1,
+                    value: d.value.pixels().to_vec(),
+                    confidence: d.confidence.pixels().to_vec(),
+                }))
+            }
+        };
+        let mut out = Vec::new();
+        let mut depths = Vec::new();
+        for level in 0..levels.max(1) {
+            if level > 0 {
+                for (camera, image, _) in &mut images {
+                    *camera = camera.downsampled(1);
+                    *image = halve(image);
+                }
+                depth = depth.as_ref().map(halve_depth);
+            }
+            if let Some((_, image, name)) = images.iter().find(|(_, image, _)| image.width == 0 || image.height == 0) {
+                let what = format!("level {level} of the pyramid has {}x{} pixels", image.width, image.height);
+                return Err(Error::invalid(format!("training view, {name}"), what, "use fewer pyramid levels or larger images"));
+            }
+            out.push([0, 1].map(|i| Level { camera: images[i].0, target: Target::new(isa, &images[i].1) }));
+            depths.extend(depth.as_ref().map(|d| DepthTarget {
+                width: d.width,
+                height: d.height,
+                value: d.value.clone(),
+                confidence: d.confidence.clone(),
+            }));
+        }
+        let depth = view.inverse_depth.as_ref().map(|_| depths);
+        Ok(Self { world_from_camera: view.world_from_camera, levels: out, depth })
+    }
+
+    /// The images to render at one level.
+    pub fn grids(&self, level: usize, antialias: crate::Antialias) -> [Grid; 2] {
+        [0, 1].map(|i| Grid::new(&self.levels[level][i].camera, antialias))
+    }
+}
+
+fn check(camera: &Pinhole, image: &Planes, name: &str) -> Result<()> {
+    let place = format!("training view, {name}");
+    if (camera.width, camera.height) != (image.width, image.height)
+        || image.pixels.len() != image.width * image.height * image.channels
+    {
+        let what = format!(
+            "{} numbers for {}x{} pixels of {} channels, with a camera of {}x{}",
+            image.pixels.len(),
+            image.width,
+            image.height,
+            image.channels,
+            camera.width,
+            camera.height
+        );
+        return Err(Error::invalid(place, what, "give an image of the camera's size"));
+    }
+    if let Some(i) = image.pixels.iter().position(|v| !v.is_finite()) {
+        let (x, y) = (i / image.channels % image.width, i / image.channels / image.width);
+        return Err(Error::invalid(
+            place,
+            format!("pixel ({x}, {y}) is {}", image.pixels[i]),
+            "every value must be a finite number",
+        ));
+    }
+    Ok(())
+}
+
+fn halve(image: &Planes) -> Planes {
+    let (width, height, n) = (image.width / 2, image.height / 2, image.channels);
+    let mut pixels = Vec::with_capacity(width * height * n);
+    for y in 0..height {
+        for x in 0..width {
+            for c in 0..n {
+                let at = |dx: usize, dy: usize| image.pixels[((2 * y + dy) * image.width + 2 * x + dx) * n + c];
+                pixels.push(0.25 * ((at(0, 0) + at(1, 0)) + (at(0, 1) + at(1, 1))));
+            }
+        }
+    }
+    Planes { width, height, channels: n, pixels }
+}
+
+/// A pixel without a finite value and a positive confidence is left out, whatever it holds.
+fn usable(mut d: DepthTarget) -> DepthTarget {
+    for (value, confidence) in d.value.iter_mut().zip(&mut d.confidence) {
+        if !(value.is_finite() && confidence.is_finite() && *confidence > 0.0) {
+            (*value, *confidence) = (0.0, 0.0);
+        }
+    }
+    d
+}
+
+/// Inverse depths weighted by their confidences; the confidence of a block is the mean of its four.
+fn halve_depth(d: &DepthTarget) -> DepthTarget {
+    let (width, height) = (d.width / 2, d.height / 2);
+    let (mut value, mut confidence) = (Vec::with_capacity(width * height), Vec::with_capacity(width * height));
+    for y in 0..height {
+        for x in 0..width {
+            let (mut sum, mut weight) = (0.0, 0.0);
+            for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                let i = (2 * y + dy) * d.width + 2 * x + dx;
+                sum += d.confidence[i] * d.value[i];
+                weight += d.confidence[i];
+            }
+            value.push(if weight > 0.0 { sum / weight } else { 0.0 });
+            confidence.push(0.25 * weight);
+        }
+    }
+    DepthTarget { width, height, value, confidence }
+}

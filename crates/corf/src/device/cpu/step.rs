@@ -1,0 +1,240 @@
+//! One training step, stage by stage.
+
+use super::{
+    CpuDevice,
+    blend::{AREA, Backward, Record},
+    geometry::{Grid, Scene},
+    project::Splat,
+    render::{Image, tile_at},
+    simd::Isa,
+    tiles::tile_count,
+    update::{Mode, Update},
+};
+use crate::{
+    Error, Gaussians, Result,
+    device::{Step, StepReport, TrainingView},
+    loss::fused::{DepthLoss, ImageLoss, stride_of},
+};
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// Seconds per stage, summed over steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StageTimes {
+    /// Steps taken.
+    pub steps: usize,
+    /// Projection, colours, tiles of each Gaussian.
+    pub project_s: f64,
+    /// Depth order and tile lists.
+    pub sort_s: f64,
+    /// Blending.
+    pub forward_s: f64,
+    /// Image and depth losses with their gradients.
+    pub loss_s: f64,
+    /// Blending backwards.
+    pub backward_s: f64,
+    /// Gathering, projection backwards, Adam.
+    pub update_s: f64,
+}
+
+impl StageTimes {
+    /// All stages, seconds.
+    pub fn total_s(&self) -> f64 {
+        self.project_s + self.sort_s + self.forward_s + self.loss_s + self.backward_s + self.update_s
+    }
+}
+
+/// Scratch of the gradient, kept between steps for its memory.
+#[derive(Default)]
+pub(crate) struct Scratch {
+    losses: [ImageLoss; 2],
+    depth: DepthLoss,
+    /// Per image, one record per tile-list entry.
+    records: [Vec<Record>; 2],
+}
+
+impl CpuDevice {
+    pub(super) fn check_channels(&self, view: &TrainingView) -> Result<()> {
+        for (name, image, h) in [("optical", &view.optical, &self.store.harmonics[0]), ("rf", &view.rf, &self.store.harmonics[1])]
+        {
+            if image.channels != h.channels {
+                let what = format!("{} channels against {} of the Gaussians", image.channels, h.channels);
+                return Err(Error::invalid(
+                    format!("training view, {name}"),
+                    what,
+                    "light has 3 channels; RF has 3 (Jet) or 1 (dB)",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn scene_of_step(&self, step: &Step) -> Result<Scene> {
+        let place = || format!("training step for view {}", step.view.0);
+        let Some(pyramid) = self.pyramids.get(step.view.0) else {
+            let what = format!("this device holds {} views", self.pyramids.len());
+            return Err(Error::invalid(place(), what, "upload the view to the device that trains on it"));
+        };
+        if step.level as usize >= pyramid.levels.len() {
+            let what = format!("level {} of a pyramid of {}", step.level, pyramid.levels.len());
+            return Err(Error::invalid(place(), what, "upload the view with more levels, or train on a lower one"));
+        }
+        let weights = [step.optical_weight, step.rf_weight, step.depth_weight];
+        if weights.iter().any(|w| !(w.is_finite() && *w >= 0.0)) {
+            return Err(Error::invalid(place(), format!("loss weights {weights:?}"), "give finite weights ≥ 0"));
+        }
+        let mut grids = pyramid.grids(step.level as usize, self.raster.antialias).map(Some);
+        if step.optical_weight == 0.0 {
+            grids[0] = None;
+        }
+        if step.rf_weight == 0.0 {
+            grids[1] = None;
+        }
+        Ok(Scene::new(&pyramid.world_from_camera, grids))
+    }
+
+    /// Forward, loss and backward: fills the frame and the records.
+    fn differentiate(&mut self, step: &Step, scene: &Scene) -> StepReport {
+        let isa = self.isa;
+        let pyramid = &self.pyramids[step.view.0];
+        let level = step.level as usize;
+        let depth_target = match &pyramid.depth {
+            Some(levels) if step.depth_weight > 0.0 && scene.grids[0].is_some() => Some(&levels[level]),
+            _ => None,
+        };
+        let channels = [self.store.harmonics[0].channels, self.store.harmonics[1].channels];
+        let weights = [step.optical_weight, step.rf_weight];
+        let with_depth = [depth_target.is_some(), false];
+        let mut report = StepReport::default();
+
+        let mut clock = Clock(Instant::now());
+        self.frame.project(isa, &self.store, scene, self.raster.near_m);
+        report.visible = self.frame.projection.visible();
+        clock.lap(&mut self.times.project_s);
+
+        self.frame.sort(scene);
+        clock.lap(&mut self.times.sort_s);
+
+        self.frame.blend(isa, scene, channels, [step.optical_background, step.rf_background], with_depth);
+        clock.lap(&mut self.times.forward_s);
+
+        let scratch = &mut self.scratch;
+        let [optical_loss, rf_loss] = &mut scratch.losses;
+        let (depth_loss, images, gamma) = (&mut scratch.depth, &self.frame.images, self.optimizer.ssim_weight);
+        let run = |g: usize, loss: &mut ImageLoss| match scene.grids[g] {
+            Some(_) => loss.run(isa, &images[g].color, &pyramid.levels[level][g].target, weights[g], gamma),
+            None => 0.0,
+        };
+        (report.optical_loss, report.rf_loss) = rayon::join(|| run(0, optical_loss), || run(1, rf_loss));
+        if let Some(target) = depth_target {
+            // η multiplies the depth term inside L_opt (paper Eq. (19)).
+            report.depth_loss = depth_loss.run(&images[0].inverse_depth, target, step.depth_weight);
+        }
+        clock.lap(&mut self.times.loss_s);
+
+        let [optical, rf] = &mut scratch.records;
+        let splats = &self.frame.projection.splats;
+        let backward = |g: usize, records: &mut Vec<Record>, loss: &ImageLoss| {
+            let Some(grid) = &scene.grids[g] else { return };
+            let job = Backwards {
+                isa,
+                grid,
+                image: &images[g],
+                splats: &splats[g],
+                color_gradient: &loss.gradient,
+                depth_gradient: &depth_loss.gradient,
+            };
+            match (channels[g], with_depth[g]) {
+                (1, false) => job.run::<1, false>(records),
+                (1, true) => job.run::<1, true>(records),
+                (_, false) => job.run::<3, false>(records),
+                (_, true) => job.run::<3, true>(records),
+            }
+        };
+        rayon::join(|| backward(0, optical, optical_loss), || backward(1, rf, rf_loss));
+        clock.lap(&mut self.times.backward_s);
+        report
+    }
+
+    fn update<'a>(&'a self, scene: &'a Scene, mode: Mode<'a>) -> Update<'a> {
+        Update {
+            isa: self.isa,
+            scene,
+            projection: &self.frame.projection,
+            records: [&self.scratch.records[0], &self.scratch.records[1]],
+            places: [&self.frame.images[0].places, &self.frame.images[1].places],
+            mode,
+        }
+    }
+
+    pub(super) fn step(&mut self, step: &Step) -> Result<StepReport> {
+        let scene = self.scene_of_step(step)?;
+        let report = self.differentiate(step, &scene);
+        let mut clock = Clock(Instant::now());
+        let mut store = std::mem::replace(&mut self.store, super::store::Store::hollow());
+        self.update(&scene, Mode::Adam { config: &self.optimizer, geometry: step.train_geometry }).run(&mut store);
+        self.store = store;
+        clock.lap(&mut self.times.update_s);
+        self.times.steps += 1;
+        Ok(report)
+    }
+
+    /// The gradient of a step's loss with respect to every parameter, in the shape of the parameters, without taking the step.
+    ///
+    /// # Errors
+    /// As [`Device::train`](crate::Device::train).
+    pub fn gradients(&mut self, step: &Step) -> Result<(StepReport, Gaussians)> {
+        let scene = self.scene_of_step(step)?;
+        let report = self.differentiate(step, &scene);
+        let mut gradient = self.store.clone();
+        self.update(&scene, Mode::Write).run(&mut gradient);
+        gradient.clear_unless(&self.frame.projection.seen(self.store.len()));
+        Ok((report, gradient.to_gaussians()))
+    }
+}
+
+struct Clock(Instant);
+
+impl Clock {
+    fn lap(&mut self, sum: &mut f64) {
+        let now = Instant::now();
+        *sum += (now - self.0).as_secs_f64();
+        self.0 = now;
+    }
+}
+
+/// The backward pass of one image.
+struct Backwards<'a> {
+    isa: Isa,
+    grid: &'a Grid,
+    image: &'a Image,
+    splats: &'a [Splat],
+    color_gradient: &'a [f32],
+    depth_gradient: &'a [f32],
+}
+
+impl Backwards<'_> {
+    fn run<const C: usize, const DEPTH: bool>(&self, records: &mut Vec<Record>) {
+        let lists = &self.image.lists;
+        records.resize(lists.entries.len(), [0.0; 12]);
+        let mut rest: &mut [Record] = records;
+        let mut parts = Vec::with_capacity(tile_count(self.grid));
+        for range in lists.start.windows(2) {
+            let (part, tail) = std::mem::take(&mut rest).split_at_mut((range[1] - range[0]) as usize);
+            parts.push(part);
+            rest = tail;
+        }
+        parts.into_par_iter().enumerate().filter(|(_, records)| !records.is_empty()).for_each(|(index, records)| {
+            let color = &self.image.color[index * C * AREA..(index + 1) * C * AREA];
+            self.isa.dispatch(Backward::<C, DEPTH> {
+                tile: tile_at(self.grid, lists, self.splats, index),
+                color,
+                inverse_depth: &self.image.inverse_depth[index * AREA..(index + 1) * AREA],
+                color_gradient: self.color_gradient,
+                depth_gradient: self.depth_gradient,
+                stride: stride_of(self.grid.width),
+                records,
+            });
+        });
+    }
+}

@@ -1,0 +1,211 @@
+//! Gaussians and their optimiser state in memory.
+//!
+//! Geometry and both opacities of one Gaussian are twelve consecutive numbers ([`Core`]), its harmonics one consecutive run per
+//! modality, channel by channel: a step touches the Gaussians it sees, one after the other, and nothing else.
+
+use crate::{Appearance, Error, Gaussians, Result};
+
+/// Offsets in a Gaussian's twelve numbers.
+pub(crate) const POSITION: usize = 0;
+pub(crate) const ROTATION: usize = 3;
+pub(crate) const LOG_SCALE: usize = 7;
+pub(crate) const OPTICAL_OPACITY: usize = 10;
+pub(crate) const RF_OPACITY: usize = 11;
+/// Position (3), quaternion (4), ln scale (3), opacity logits (optical, RF).
+pub(crate) type Core = [f32; 12];
+
+/// One modality's harmonics: `[gaussian][channel][coefficient]`.
+#[derive(Clone, Debug)]
+pub(crate) struct Harmonics {
+    pub channels: usize,
+    pub degree: usize,
+    pub value: Vec<f32>,
+    pub moment1: Vec<f32>,
+    pub moment2: Vec<f32>,
+}
+
+/// All Gaussians with Adam's moments.
+#[derive(Clone, Debug)]
+pub(crate) struct Store {
+    pub value: Vec<Core>,
+    pub moment1: Vec<Core>,
+    pub moment2: Vec<Core>,
+    /// What is left of the position rate, in `[floor, 1]`.
+    pub position_rate: Vec<f32>,
+    /// Optical, RF.
+    pub harmonics: [Harmonics; 2],
+}
+
+impl Harmonics {
+    fn empty(like: &Appearance) -> Self {
+        Self { channels: like.channels, degree: like.sh_degree, value: vec![], moment1: vec![], moment2: vec![] }
+    }
+
+    pub fn coefficients(&self) -> usize {
+        (self.degree + 1) * (self.degree + 1)
+    }
+
+    pub fn stride(&self) -> usize {
+        self.coefficients() * self.channels
+    }
+
+    fn append(&mut self, from: &Appearance) {
+        let (k, c) = (self.coefficients(), self.channels);
+        for one in from.sh.chunks_exact(k * c) {
+            for channel in 0..c {
+                self.value.extend((0..k).map(|coefficient| one[coefficient * c + channel]));
+            }
+        }
+        self.moment1.resize(self.value.len(), 0.0);
+        self.moment2.resize(self.value.len(), 0.0);
+    }
+
+    fn to_sh(&self) -> Vec<f32> {
+        let (k, c) = (self.coefficients(), self.channels);
+        let mut out = Vec::with_capacity(self.value.len());
+        for one in self.value.chunks_exact(k * c) {
+            for coefficient in 0..k {
+                out.extend((0..c).map(|channel| one[channel * k + coefficient]));
+            }
+        }
+        out
+    }
+}
+
+/// Keeps the runs of `stride` numbers whose flag is true.
+fn retain_runs<T: Copy>(data: &mut Vec<T>, stride: usize, keep: &[bool]) {
+    let mut to = 0;
+    for (i, _) in keep.iter().enumerate().filter(|(_, keep)| **keep) {
+        data.copy_within(i * stride..(i + 1) * stride, to);
+        to += stride;
+    }
+    data.truncate(to);
+}
+
+impl Store {
+    /// No Gaussians yet, with the channels and degrees of `like`.
+    pub fn new(like: &Gaussians) -> Result<Self> {
+        for (name, a) in [("optical", &like.optical), ("rf", &like.rf)] {
+            if a.sh_degree > 3 {
+                let what = format!("spherical harmonics of degree {}", a.sh_degree);
+                return Err(Error::invalid(format!("{name}.sh_degree"), what, "degrees 0 to 3 are supported"));
+            }
+            if !(a.channels == 3 || (name == "rf" && a.channels == 1)) {
+                let what = format!("{} colour channels", a.channels);
+                return Err(Error::invalid(format!("{name}.channels"), what, "light has 3 channels; RF has 3 (Jet) or 1 (dB)"));
+            }
+        }
+        let harmonics = [Harmonics::empty(&like.optical), Harmonics::empty(&like.rf)];
+        Ok(Self { value: vec![], moment1: vec![], moment2: vec![], position_rate: vec![], harmonics })
+    }
+
+    /// Holds nothing and allocates nothing: stands in while the real store is being updated.
+    pub fn hollow() -> Self {
+        let harmonics = || Harmonics { channels: 0, degree: 0, value: vec![], moment1: vec![], moment2: vec![] };
+        Self { value: vec![], moment1: vec![], moment2: vec![], position_rate: vec![], harmonics: [harmonics(), harmonics()] }
+    }
+
+    pub fn len(&self) -> usize {
+        self.value.len()
+    }
+
+    /// Sets to zero what a modality has not seen, and the geometry of what neither has.
+    pub fn clear_unless(&mut self, seen: &[[bool; 2]]) {
+        for (i, seen) in seen.iter().enumerate() {
+            if !seen[0] && !seen[1] {
+                self.value[i] = [0.0; 12];
+            }
+            for (h, seen) in self.harmonics.iter_mut().zip(seen) {
+                let stride = h.stride();
+                if !seen {
+                    h.value[i * stride..(i + 1) * stride].fill(0.0);
+                }
+            }
+        }
+    }
+
+    fn check(&self, place: &str, n: usize, a: &Appearance, index: usize) -> Result<()> {
+        let h = &self.harmonics[index];
+        let complete = a.opacity_logit.len() == n && a.sh.len() == n * a.stride();
+        if a.channels == h.channels && a.sh_degree == h.degree && complete {
+            return Ok(());
+        }
+        Err(Error::invalid(
+            place,
+            format!(
+                "{} channels of degree {} with {} opacities and {} coefficients for {n} Gaussians; the device holds {} channels of degree {}",
+                a.channels,
+                a.sh_degree,
+                a.opacity_logit.len(),
+                a.sh.len(),
+                h.channels,
+                h.degree
+            ),
+            "give every Gaussian one opacity and (degree+1)² coefficients per channel, of the device's own channels and degree",
+        ))
+    }
+
+    pub fn append(&mut self, new: &Gaussians) -> Result<()> {
+        let n = new.len();
+        if new.rotation.len() != n || new.log_scale.len() != n {
+            let what = format!("{n} positions, {} rotations, {} scales", new.rotation.len(), new.log_scale.len());
+            return Err(Error::invalid("appended Gaussians", what, "give one of each per Gaussian"));
+        }
+        self.check("appended Gaussians, optical", n, &new.optical, 0)?;
+        self.check("appended Gaussians, rf", n, &new.rf, 1)?;
+        for i in 0..n {
+            let ([x, y, z], [qw, qx, qy, qz], [a, b, c]) = (new.position[i], new.rotation[i], new.log_scale[i]);
+            self.value.push([x, y, z, qw, qx, qy, qz, a, b, c, new.optical.opacity_logit[i], new.rf.opacity_logit[i]]);
+        }
+        let total = self.value.len();
+        self.moment1.resize(total, [0.0; 12]);
+        self.moment2.resize(total, [0.0; 12]);
+        self.position_rate.resize(total, 1.0);
+        self.harmonics[0].append(&new.optical);
+        self.harmonics[1].append(&new.rf);
+        Ok(())
+    }
+
+    pub fn retain(&mut self, keep: &[bool]) {
+        assert_eq!(keep.len(), self.len(), "one flag per Gaussian");
+        retain_runs(&mut self.value, 1, keep);
+        retain_runs(&mut self.moment1, 1, keep);
+        retain_runs(&mut self.moment2, 1, keep);
+        retain_runs(&mut self.position_rate, 1, keep);
+        for h in &mut self.harmonics {
+            let stride = h.stride();
+            retain_runs(&mut h.value, stride, keep);
+            retain_runs(&mut h.moment1, stride, keep);
+            retain_runs(&mut h.moment2, stride, keep);
+        }
+    }
+
+    pub fn reset_rf(&mut self, rf: &Appearance) {
+        assert_eq!(rf.opacity_logit.len(), self.len(), "one RF opacity per Gaussian");
+        assert_eq!(rf.sh.len(), self.len() * rf.stride(), "(degree+1)² RF coefficients per Gaussian and channel");
+        for (i, logit) in rf.opacity_logit.iter().enumerate() {
+            self.value[i][RF_OPACITY] = *logit;
+            self.moment1[i][RF_OPACITY] = 0.0;
+            self.moment2[i][RF_OPACITY] = 0.0;
+        }
+        self.harmonics[1] = Harmonics::empty(rf);
+        self.harmonics[1].append(rf);
+    }
+
+    /// The numbers of `core` and `sh` (parameters or their gradients) in the shape of the public structure.
+    pub fn to_gaussians(&self) -> Gaussians {
+        let appearance = |h: &Harmonics, offset: usize| Appearance {
+            channels: h.channels,
+            sh_degree: h.degree,
+            opacity_logit: self.value.iter().map(|c| c[offset]).collect(),
+            sh: h.to_sh(),
+        };
+        Gaussians {
+            position: self.value.iter().map(|c| [c[0], c[1], c[2]]).collect(),
+            rotation: self.value.iter().map(|c| [c[3], c[4], c[5], c[6]]).collect(),
+            log_scale: self.value.iter().map(|c| [c[7], c[8], c[9]]).collect(),
+            optical: appearance(&self.harmonics[0], OPTICAL_OPACITY),
+            rf: appearance(&self.harmonics[1], RF_OPACITY),
+        }
+    }
+}

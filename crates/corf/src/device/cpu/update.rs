@@ -1,0 +1,306 @@
+//! From the tiles' records to parameter gradients, and sparse Adam, in one visit to each visible Gaussian.
+
+use super::{
+    blend::{COLOR, FIRST, INVERSE_Z, MOMENTS, OPACITY, Record},
+    geometry::{EllipseGradient, Scene, ellipse, ellipse_backward, shape, shape_backward, to_camera},
+    project::{CHUNK, Projection, VisibleChunk, direction, gather3, gather4},
+    simd::{Isa, Kernel, Lanes},
+    store::{Core, LOG_SCALE, OPTICAL_OPACITY, POSITION, ROTATION, Store},
+};
+use crate::{AppearanceRates, OptimizerConfig, gaussians::logit, sh};
+use rayon::prelude::*;
+
+/// What becomes of the gradients.
+pub(crate) enum Mode<'a> {
+    /// One step of Adam; geometry only if `geometry`.
+    Adam { config: &'a OptimizerConfig, geometry: bool },
+    /// Written over the parameters of a copy of the store.
+    Write,
+}
+
+/// Per chunk, a modality's harmonics and its moments.
+struct HarmonicsPart<'a> {
+    value: &'a mut [f32],
+    moment1: &'a mut [f32],
+    moment2: &'a mut [f32],
+    channels: usize,
+    degree: usize,
+}
+
+/// One chunk of the store.
+struct Part<'a> {
+    value: &'a mut [Core],
+    moment1: &'a mut [Core],
+    moment2: &'a mut [Core],
+    position_rate: &'a mut [f32],
+    harmonics: [HarmonicsPart<'a>; 2],
+}
+
+/// Everything a step of the visible Gaussians needs.
+pub(crate) struct Update<'a> {
+    pub isa: Isa,
+    pub scene: &'a Scene,
+    pub projection: &'a Projection,
+    /// Per image: the records in tile order, and where each (Gaussian, tile) pair of each chunk landed in them.
+    pub records: [&'a [Record]; 2],
+    pub places: [&'a [Vec<u32>]; 2],
+    pub mode: Mode<'a>,
+}
+
+impl Update<'_> {
+    /// Updates (or overwrites by gradients) every visible Gaussian of the store.
+    pub fn run(&self, store: &mut Store) {
+        let strides = [store.harmonics[0].stride(), store.harmonics[1].stride()];
+        let [optical, rf] = &mut store.harmonics;
+        let mut parts = Vec::with_capacity(self.projection.chunks.len());
+        let mut cores = store
+            .value
+            .chunks_mut(CHUNK)
+            .zip(store.moment1.chunks_mut(CHUNK))
+            .zip(store.moment2.chunks_mut(CHUNK))
+            .zip(store.position_rate.chunks_mut(CHUNK));
+        let mut sh = [optical, rf].map(|h| {
+            let n = CHUNK * (h.degree + 1) * (h.degree + 1) * h.channels;
+            let (channels, degree) = (h.channels, h.degree);
+            h.value
+                .chunks_mut(n)
+                .zip(h.moment1.chunks_mut(n))
+                .zip(h.moment2.chunks_mut(n))
+                .map(move |((value, moment1), moment2)| HarmonicsPart { value, moment1, moment2, channels, degree })
+        });
+        while let (Some((((value, moment1), moment2), position_rate)), Some(optical), Some(rf)) =
+            (cores.next(), sh[0].next(), sh[1].next())
+        {
+            parts.push(Part { value, moment1, moment2, position_rate, harmonics: [optical, rf] });
+        }
+        let rates = [0, 1].map(|g| match &self.mode {
+            Mode::Adam { config, .. } => {
+                let r = [&config.optical, &config.rf][g];
+                let k = strides[g] / if g == 0 { 3 } else { parts.first().map_or(1, |p| p.harmonics[1].channels) };
+                harmonic_rates(r, k)
+            }
+            Mode::Write => [0.0; sh::MAX_COEFFICIENTS],
+        });
+        parts.into_par_iter().enumerate().for_each(|(chunk, part)| {
+            self.isa.dispatch(UpdateChunk { update: self, chunk, rates: &rates, part });
+        });
+    }
+}
+
+/// Rates along one channel's coefficients.
+fn harmonic_rates(r: &AppearanceRates, coefficients: usize) -> [f32; sh::MAX_COEFFICIENTS] {
+    let mut out = [r.sh_dc / r.sh_rest_divisor; sh::MAX_COEFFICIENTS];
+    out[0] = r.sh_dc;
+    out[coefficients..].fill(0.0);
+    out
+}
+
+struct UpdateChunk<'a, 'b> {
+    update: &'a Update<'a>,
+    chunk: usize,
+    rates: &'a [[f32; sh::MAX_COEFFICIENTS]; 2],
+    part: Part<'b>,
+}
+
+impl Kernel for UpdateChunk<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(mut self) {
+        let visible = &self.update.projection.chunks[self.chunk];
+        let first = self.chunk * CHUNK;
+        let mut at = 0;
+        while at < visible.ids.len() {
+            let lanes = L::WIDTH.min(visible.ids.len() - at);
+            let mut ids = [visible.ids[at] - first as u32; 16];
+            for lane in 0..lanes {
+                ids[lane] = visible.ids[at + lane] - first as u32;
+            }
+            self.group::<L>(visible, at, &ids, lanes);
+            at += lanes;
+        }
+    }
+}
+
+impl UpdateChunk<'_, '_> {
+    /// One lane group: the visible Gaussians `at .. at + lanes` of the chunk.
+    #[inline(always)]
+    fn group<L: Lanes>(&mut self, visible: &VisibleChunk, at: usize, ids: &[u32; 16], lanes: usize) {
+        let update = self.update;
+        let scene = update.scene;
+        let zero = L::splat(0.0);
+        let mean = gather3::<L>(self.part.value, ids, POSITION);
+        let p = to_camera(&scene.pose, mean);
+        let s = shape(&scene.pose, gather4::<L>(self.part.value, ids, ROTATION), gather3(self.part.value, ids, LOG_SCALE));
+        let mut dp = [zero; 3];
+        let mut dv = [zero; 6];
+        let mut d_logit = [[0.0_f32; 16]; 2];
+        let mut d_direction = [[0.0_f32; 16]; 3];
+        let mut seen = [[false; 16]; 2];
+        for (g, grid) in scene.grids.iter().enumerate() {
+            let Some(grid) = grid else { continue };
+            // Records of each lane's Gaussian, summed in tile order, then one array per quantity.
+            let mut sums = [[0.0_f32; 16]; 12];
+            for lane in 0..lanes {
+                let mut sum: Record = [0.0; 12];
+                let run = visible.tiles[g].run(at + lane);
+                seen[g][lane] = !run.is_empty();
+                for place in &update.places[g][self.chunk][run] {
+                    let record = &update.records[g][*place as usize];
+                    for k in 0..12 {
+                        sum[k] += record[k];
+                    }
+                }
+                for k in 0..12 {
+                    sums[k][lane] = sum[k];
+                }
+            }
+            let e = ellipse(grid, p, s.covariance);
+            let opacity =
+                L::splat(1.0) / (L::splat(1.0) + (-super::project::gather::<L>(self.part.value, ids, OPTICAL_OPACITY + g)).exp());
+            let d_opacity = L::load(&sums[OPACITY]);
+            (d_opacity * e.rho * opacity * (L::splat(1.0) - opacity)).store(&mut d_logit[g]);
+            let gradient = EllipseGradient {
+                moments: [L::load(&sums[MOMENTS]), L::load(&sums[MOMENTS + 1]), L::load(&sums[MOMENTS + 2])],
+                first: [L::load(&sums[FIRST]), L::load(&sums[FIRST + 1])],
+                inverse_z: L::load(&sums[INVERSE_Z]),
+                rho: d_opacity * opacity,
+            };
+            ellipse_backward(grid, &e, &gradient, &mut dp, &mut dv);
+            for lane in 0..lanes {
+                if !seen[g][lane] {
+                    continue;
+                }
+                let id = ids[lane] as usize;
+                let splat = &update.projection.splats[g][self.chunk * CHUNK + at + lane];
+                let mut d_color = [0.0; 3];
+                for c in 0..3 {
+                    // The clamp at 0 passes no gradient.
+                    d_color[c] = if splat.color[c] > 0.0 { sums[COLOR + c][lane] } else { 0.0 };
+                }
+                let d = direction(&self.part.value[id], &scene.pose.eye);
+                let d_mean = self.harmonics(g, id, d, d_color);
+                for k in 0..3 {
+                    d_direction[k][lane] += d_mean[k];
+                }
+            }
+        }
+        let (d_rotation, d_log_scale) = shape_backward(&scene.pose, &s, &dv);
+        let mut gradient = [[0.0_f32; 16]; 12];
+        for k in 0..3 {
+            // dL/dμ = Wᵀ dL/dp, and the way through the viewing direction.
+            let w =
+                [L::splat(scene.pose.rotation[0][k]), L::splat(scene.pose.rotation[1][k]), L::splat(scene.pose.rotation[2][k])];
+            (super::geometry::dot(w, dp) + L::load(&d_direction[k])).store(&mut gradient[POSITION + k]);
+            d_log_scale[k].store(&mut gradient[LOG_SCALE + k]);
+        }
+        for k in 0..4 {
+            d_rotation[k].store(&mut gradient[ROTATION + k]);
+        }
+        gradient[OPTICAL_OPACITY] = d_logit[0];
+        gradient[OPTICAL_OPACITY + 1] = d_logit[1];
+        for lane in 0..lanes {
+            let mut one: Core = [0.0; 12];
+            for k in 0..12 {
+                one[k] = gradient[k][lane];
+            }
+            self.core(ids[lane] as usize, &one, [seen[0][lane], seen[1][lane]]);
+        }
+    }
+
+    /// Geometry and opacities of one Gaussian.
+    #[inline(always)]
+    fn core(&mut self, id: usize, gradient: &Core, seen: [bool; 2]) {
+        let Mode::Adam { config, geometry } = &self.update.mode else {
+            self.part.value[id] = *gradient;
+            return;
+        };
+        let rate = &mut self.part.position_rate[id];
+        let mut rates: Core = [0.0; 12];
+        if *geometry {
+            rates[POSITION..ROTATION].fill(config.position_rate_m * *rate);
+            rates[ROTATION..LOG_SCALE].fill(config.rotation_rate);
+            rates[LOG_SCALE..OPTICAL_OPACITY].fill(config.log_scale_rate);
+            *rate = (*rate * (1.0 - config.position_decay)).max(config.position_rate_floor);
+        }
+        let mut touched = [*geometry; 12];
+        for (g, r) in [&config.optical, &config.rf].into_iter().enumerate() {
+            rates[OPTICAL_OPACITY + g] = r.opacity;
+            touched[OPTICAL_OPACITY + g] = seen[g];
+        }
+        let (value, m, v) = (&mut self.part.value[id], &mut self.part.moment1[id], &mut self.part.moment2[id]);
+        for k in 0..12 {
+            let (new_value, new_m, new_v) = adam(config, rates[k], gradient[k], value[k], m[k], v[k]);
+            value[k] = if touched[k] { new_value } else { value[k] };
+            m[k] = if touched[k] { new_m } else { m[k] };
+            v[k] = if touched[k] { new_v } else { v[k] };
+        }
+        for (g, r) in [&config.optical, &config.rf].into_iter().enumerate() {
+            if seen[g] && r.opacity_floor > 0.0 {
+                let opacity = &mut value[OPTICAL_OPACITY + g];
+                *opacity = opacity.max(logit(r.opacity_floor));
+            }
+        }
+    }
+
+    /// Harmonics of one Gaussian in one modality; returns what the viewing direction adds to dL/dμ.
+    #[inline(always)]
+    fn harmonics(&mut self, g: usize, id: usize, d: ([f32; 3], f32), d_color: [f32; 3]) -> [f32; 3] {
+        match self.part.harmonics[g].degree {
+            0 => self.harmonics_of::<1>(g, id, d, d_color),
+            1 => self.harmonics_of::<4>(g, id, d, d_color),
+            2 => self.harmonics_of::<9>(g, id, d, d_color),
+            _ => self.harmonics_of::<16>(g, id, d, d_color),
+        }
+    }
+
+    #[inline(always)]
+    fn harmonics_of<const K: usize>(&mut self, g: usize, id: usize, d: ([f32; 3], f32), d_color: [f32; 3]) -> [f32; 3] {
+        let rates = &self.rates[g];
+        let mode = &self.update.mode;
+        let h = &mut self.part.harmonics[g];
+        let (direction, inverse_distance) = d;
+        let y = sh::basis::<K>(direction);
+        // Σ_c dL/dc_c sh_c,k: the weights of ∇Y_k.
+        let mut weights = [0.0_f32; sh::MAX_COEFFICIENTS];
+        for c in 0..h.channels {
+            let run = (id * h.channels + c) * K..(id * h.channels + c + 1) * K;
+            let value = &mut h.value[run.clone()];
+            for k in 0..K {
+                weights[k] += d_color[c] * value[k];
+            }
+            match mode {
+                Mode::Write => {
+                    for k in 0..K {
+                        value[k] = d_color[c] * y[k];
+                    }
+                }
+                Mode::Adam { config, .. } => {
+                    let (m, v) = (&mut h.moment1[run.clone()], &mut h.moment2[run]);
+                    for k in 0..K {
+                        (value[k], m[k], v[k]) = adam(config, rates[k], d_color[c] * y[k], value[k], m[k], v[k]);
+                    }
+                }
+            }
+        }
+        if K == 1 {
+            return [0.0; 3];
+        }
+        let gd = sh::direction_gradient::<K>(direction, &weights);
+        // d = (μ − eye)/|μ − eye|: dL/dμ = (I − d dᵀ) dL/dd / distance.
+        let along = gd[0] * direction[0] + gd[1] * direction[1] + gd[2] * direction[2];
+        [
+            (gd[0] - along * direction[0]) * inverse_distance,
+            (gd[1] - along * direction[1]) * inverse_distance,
+            (gd[2] - along * direction[2]) * inverse_distance,
+        ]
+    }
+}
+
+/// Adam without bias correction: (value, first moment, second moment) after one gradient.
+#[inline(always)]
+fn adam(config: &OptimizerConfig, rate: f32, gradient: f32, value: f32, m: f32, v: f32) -> (f32, f32, f32) {
+    let m = config.beta1 * m + (1.0 - config.beta1) * gradient;
+    let v = config.beta2 * v + (1.0 - config.beta2) * gradient * gradient;
+    (value - rate * m / (v.sqrt() + config.epsilon), m, v)
+}

@@ -1,0 +1,259 @@
+//! The CPU device against the f64 oracle: images, losses, and every class of gradient by central differences of the complete loss.
+//!
+//! The blending rule has jumps (weights below 1/255 are skipped, a pixel ends below T = 1e-4), the loss has kinks (L1 where render and
+//! target agree, colours clamped at 0). A difference quotient across one of them is meaningless, and f32 and f64 may stand on different
+//! sides of it. The scenes are therefore chosen so that no pixel lies near one (`MARGIN`, asserted), with targets well away from the
+//! render. What happens at the clamps is tested separately, where it can be stated exactly.
+
+#![allow(clippy::unwrap_used)]
+
+mod reference;
+
+use corf::{
+    Antialias, Appearance, CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig,
+    device::{InverseDepth, Planes, RenderRequest, Step, TrainingView, View, ViewId},
+};
+use corf_scene::{Pinhole, Raster, Rigid3, Rng};
+use glam::DVec3;
+use rayon::prelude::*;
+use reference::{CLASS_NAMES, Field};
+
+/// How near to a threshold a weight may come: a hundred times what a difference step or f32 rounding moves it.
+const MARGIN: f64 = 2e-6;
+/// Step of the central differences in f64: rounding 1e-16/1e-6, truncation (1e-6)².
+const STEP: f64 = 1e-6;
+/// Rendered colours: a few dozen f32 roundings of numbers near 1, exp2 at 2e-7.
+const IMAGE_TOLERANCE: f64 = 3e-6;
+/// Gradients, relative to the largest of their class: sums of some hundred f32 products; 2e-6 is what is seen.
+const GRADIENT_TOLERANCE: f64 = 2e-5;
+
+const OPTICAL_BACKGROUND: [f32; 3] = [0.9, 0.2, 0.4];
+const RF_BACKGROUND: [f32; 3] = [0.1, 0.3, 0.6];
+
+fn appearance(rng: &mut Rng, n: usize, channels: usize, degree: usize) -> Appearance {
+    let mut a = Appearance::empty(channels, degree);
+    for _ in 0..n {
+        a.opacity_logit.push(rng.uniform() * 4.0 - 1.5);
+        for k in 0..a.coefficients() {
+            // Bases up to 1.5 on the sphere: 16 of them at ±0.04 keep colours off their clamp at 0.
+            let size = if k == 0 { 0.8 } else { 0.08 };
+            a.sh.extend((0..channels).map(|_| (rng.uniform() - 0.5) * size));
+        }
+    }
+    a
+}
+
+fn random_field(seed: u64, n: usize, rf_channels: usize, degree: usize) -> Gaussians {
+    let mut rng = Rng::keyed(seed, 0, 0);
+    let mut g = Gaussians::empty(rf_channels, degree);
+    for _ in 0..n {
+        let z = 2.0 + rng.uniform() * 3.0;
+        // Some centres lie outside the images, where J is clamped.
+        g.position.push([(rng.uniform() - 0.5) * 2.6 * z, (rng.uniform() - 0.5) * 1.9 * z, z]);
+        g.rotation.push([0; 4].map(|_| rng.normal() as f32));
+        g.log_scale.push([0; 3].map(|_| -2.6 + rng.uniform() * 2.0));
+    }
+    g.optical = appearance(&mut rng, n, 3, degree);
+    g.rf = appearance(&mut rng, n, rf_channels, degree);
+    g
+}
+
+fn noise(rng: &mut Rng, width: usize, height: usize, channels: usize) -> Planes {
+    // Renders lie in about [0.2, 0.9]; a target near 0 or 1 keeps away from the kink of L1.
+    let pixels = (0..width * height * channels)
+        .map(|_| if rng.uniform() < 0.5 { rng.uniform() * 0.04 } else { 1.0 - rng.uniform() * 0.04 });
+    Planes { width, height, channels, pixels: pixels.collect() }
+}
+
+struct Scenario {
+    gaussians: Gaussians,
+    view: TrainingView,
+    step: Step,
+    antialias: Antialias,
+}
+
+fn scenario(seed: u64, rf_channels: usize, degree: usize, antialias: Antialias) -> Scenario {
+    let mut rng = Rng::keyed(seed, 1, 0);
+    let eye = DVec3::new(0.3, -0.2, 0.1);
+    let pose = Rigid3::looking_at(eye, DVec3::new(0.1, 0.1, 3.0), DVec3::new(0.2, -1.0, 0.1));
+    // Neither a multiple of the tile, and principal points off the middle.
+    let optical_camera = Pinhole { width: 27, height: 18, fx: 14.0, fy: 15.0, cx: 12.2, cy: 9.7 };
+    let rf_camera = Pinhole { width: 17, height: 13, fx: 8.0, fy: 9.0, cx: 9.1, cy: 6.2 };
+    let gaussians = random_field(seed, 24, rf_channels, degree);
+    let inverse_depth = InverseDepth {
+        // Rendered inverse depths are below 1/2; these are not.
+        value: Raster::from_fn(27, 18, |_, _| 0.7 + 0.2 * rng.uniform()),
+        confidence: Raster::from_fn(27, 18, |_, _| if rng.uniform() < 0.3 { 0.0 } else { rng.uniform() }),
+    };
+    let view = TrainingView {
+        world_from_camera: pose,
+        optical: noise(&mut rng, 27, 18, 3),
+        optical_camera,
+        rf: noise(&mut rng, 17, 13, rf_channels),
+        rf_camera,
+        inverse_depth: Some(inverse_depth),
+    };
+    let step = Step {
+        view: ViewId(0),
+        level: 0,
+        optical_weight: 1.0,
+        rf_weight: 0.7,
+        depth_weight: 0.6,
+        train_geometry: true,
+        optical_background: OPTICAL_BACKGROUND,
+        rf_background: RF_BACKGROUND,
+    };
+    Scenario { gaussians, view, step, antialias }
+}
+
+impl Scenario {
+    fn device(&self) -> CpuDevice {
+        let raster = RasterConfig { antialias: self.antialias, ..RasterConfig::default() };
+        let mut device = CpuDevice::new(OptimizerConfig::default(), raster, &self.gaussians).unwrap();
+        assert_eq!(device.upload(&self.view, 1).unwrap(), ViewId(0));
+        device
+    }
+
+    fn render(&self, field: &Field, g: usize, rho: Option<&[f64]>) -> reference::Image {
+        let (camera, background) = [(self.view.optical_camera, OPTICAL_BACKGROUND), (self.view.rf_camera, RF_BACKGROUND)][g];
+        let near = f64::from(RasterConfig::default().near_m);
+        reference::render(field, g, &self.view.world_from_camera, &camera, background.map(f64::from), self.antialias, near, rho)
+    }
+
+    /// The complete loss; antialias factors are held if given.
+    fn loss(&self, field: &Field, rho: Option<&[Vec<f64>; 2]>) -> f64 {
+        let mut loss = 0.0;
+        if self.step.optical_weight > 0.0 {
+            let image = self.render(field, 0, rho.map(|r| &r[0][..]));
+            let depth = self.view.inverse_depth.as_ref().unwrap();
+            loss += f64::from(self.step.optical_weight) * reference::image_loss(&image, &self.view.optical);
+            loss += f64::from(self.step.depth_weight) * reference::depth_loss(&image, &depth.value, &depth.confidence);
+        }
+        if self.step.rf_weight > 0.0 {
+            let image = self.render(field, 1, rho.map(|r| &r[1][..]));
+            loss += f64::from(self.step.rf_weight) * reference::image_loss(&image, &self.view.rf);
+        }
+        loss
+    }
+
+    fn assert_far_from_thresholds(&self, field: &Field) {
+        for g in 0..2 {
+            let margin = self.render(field, g, None).margin;
+            assert!(margin > MARGIN, "modality {g} comes within {margin:.1e} of a threshold: choose another seed");
+        }
+    }
+
+    /// Every `stride[class]`-th parameter of every class against central differences.
+    fn check(&self, name: &str) {
+        let field = Field::new(&self.gaussians);
+        self.assert_far_from_thresholds(&field);
+        let rho = (self.antialias == Antialias::Detached).then(|| [0, 1].map(|g| self.render(&field, g, None).rho));
+        let (report, gradient) = self.device().gradients(&self.step).unwrap();
+        let total = f64::from(
+            self.step.optical_weight * report.optical_loss
+                + self.step.rf_weight * report.rf_loss
+                + self.step.depth_weight * report.depth_loss,
+        );
+        let truth = self.loss(&field, None);
+        assert!((total - truth).abs() < 1e-5, "{name}: loss {total} against {truth}");
+        let gradient = Field::new(&gradient);
+        for class in 0..7 {
+            // Harmonics are many and alike: one in seven, which meets every coefficient and channel.
+            let stride = if class < 5 { 1 } else { 7 };
+            let indices: Vec<usize> = (0..gradient.classes[class].len()).step_by(stride).collect();
+            let numeric: Vec<f64> = indices
+                .par_iter()
+                .map(|&i| {
+                    let side = |sign: f64| {
+                        let mut moved = field.clone();
+                        moved.classes[class][i] += sign * STEP;
+                        self.loss(&moved, rho.as_ref())
+                    };
+                    (side(1.0) - side(-1.0)) / (2.0 * STEP)
+                })
+                .collect();
+            let largest = numeric.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            let rendered = match class {
+                3 | 5 => self.step.optical_weight > 0.0,
+                4 | 6 => self.step.rf_weight > 0.0,
+                _ => true,
+            };
+            assert_eq!(largest > 1e-5, rendered, "{name}: {} has gradients up to {largest:.1e}", CLASS_NAMES[class]);
+            for (&i, n) in indices.iter().zip(&numeric) {
+                let a = gradient.classes[class][i];
+                assert!(
+                    (a - n).abs() <= GRADIENT_TOLERANCE * largest,
+                    "{name}: {} {i}: analytic {a:.6e}, differences {n:.6e}, largest {largest:.2e}",
+                    CLASS_NAMES[class]
+                );
+            }
+            let worst = indices.iter().zip(&numeric).fold(0.0_f64, |m, (&i, n)| m.max((gradient.classes[class][i] - n).abs()));
+            println!(
+                "{name}: {:16} largest {largest:.2e}, worst error {:.1e} of it",
+                CLASS_NAMES[class],
+                worst / largest.max(1e-300)
+            );
+        }
+    }
+}
+
+/// Seeds for which no pixel is near a threshold.
+const SEEDS: [u64; 2] = [1, 2];
+
+#[test]
+fn images_agree_with_the_oracle() {
+    for (rf_channels, antialias) in [(3, Antialias::On), (1, Antialias::Off)] {
+        let s = scenario(SEEDS[0], rf_channels, 3, antialias);
+        let field = Field::new(&s.gaussians);
+        s.assert_far_from_thresholds(&field);
+        let view = |camera| View { camera, world_from_camera: s.view.world_from_camera };
+        let request = RenderRequest {
+            optical: Some((view(s.view.optical_camera), OPTICAL_BACKGROUND)),
+            rf: Some((view(s.view.rf_camera), RF_BACKGROUND)),
+            main_contributor: true,
+        };
+        let rendering = s.device().render(&request).unwrap();
+        for (g, layer) in [rendering.optical.unwrap(), rendering.rf.unwrap()].iter().enumerate() {
+            let truth = s.render(&field, g, None);
+            let compare = |what: &str, ours: &[f32], truth: &[f64]| {
+                assert_eq!(ours.len(), truth.len());
+                for (i, (a, b)) in ours.iter().zip(truth).enumerate() {
+                    assert!((f64::from(*a) - b).abs() < IMAGE_TOLERANCE, "{what} of modality {g}, {i}: {a} {b}");
+                }
+            };
+            compare("colour", &layer.color.pixels, &truth.color);
+            compare("inverse depth", layer.inverse_depth.pixels(), &truth.inverse_depth);
+            compare("transmittance", layer.transmittance.pixels(), &truth.transmittance);
+            assert!(
+                truth.transmittance.iter().any(|t| *t < 0.3) && truth.transmittance.iter().any(|t| *t > 0.5),
+                "a varied scene"
+            );
+        }
+    }
+}
+
+#[test]
+fn gradients_of_both_modalities_with_depth_and_antialiasing() {
+    scenario(SEEDS[0], 3, 3, Antialias::On).check("coupled, Jet, antialias on");
+}
+
+#[test]
+fn gradients_with_the_antialias_factor_detached() {
+    scenario(SEEDS[0], 1, 1, Antialias::Detached).check("coupled, dB, antialias detached");
+}
+
+#[test]
+fn gradients_without_antialiasing() {
+    scenario(SEEDS[1], 1, 2, Antialias::Off).check("coupled, dB, antialias off");
+}
+
+#[test]
+fn gradients_of_one_modality_alone() {
+    let mut s = scenario(SEEDS[1], 3, 0, Antialias::On);
+    s.step.rf_weight = 0.0;
+    s.check("optical alone");
+    s.step.rf_weight = 0.7;
+    s.step.optical_weight = 0.0;
+    s.step.depth_weight = 0.0;
+    s.check("RF alone");
+}
