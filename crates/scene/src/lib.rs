@@ -10,6 +10,7 @@ pub mod config;
 pub mod dataset;
 mod error;
 pub mod finding;
+pub mod import;
 pub mod io;
 pub mod itu;
 pub mod keyframe;

@@ -216,6 +216,16 @@ impl SceneConfig {
         self.source.parent().unwrap_or(Path::new("")).join(&self.scene.file)
     }
 
+    /// Reads the mesh and gives its materials the radio properties of `[radio_materials]`.
+    ///
+    /// # Errors
+    /// The mesh cannot be read, or `[radio_materials]` names a material the mesh does not have.
+    pub fn load_scene(&self) -> Result<Scene> {
+        let mut scene = crate::import::load_with_up(self.mesh_path(), self.scene.up)?;
+        self.apply_radio_materials(&mut scene)?;
+        Ok(scene)
+    }
+
     /// Gives materials the radio properties of `[radio_materials]`, by exact name.
     ///
     /// # Errors
