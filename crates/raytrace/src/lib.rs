@@ -4,8 +4,10 @@
 //! World frame: z up, metres. Nothing in this crate knows how a field is reconstructed; it hands over images, spectra and depth.
 
 pub mod bvh;
-
-pub use bvh::{Bvh, Hit, Ray};
+pub mod light;
 pub mod radio;
 pub mod sionna;
 pub mod spectrum;
+
+pub use bvh::{Bvh, Hit, Ray};
+pub use light::{DenoiseSettings, LightFrame, LightSettings, LightTracer, denoise, develop};

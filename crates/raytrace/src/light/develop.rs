@@ -1,0 +1,47 @@
+//! From linear radiance to an 8-bit picture.
+
+use corf_scene::Raster;
+use corf_scene::color::{quantize8, srgb_from_linear};
+
+/// Up to this exposed value the response is linear, so that colours of well-exposed surfaces are true.
+const KNEE: f32 = 0.6;
+
+/// Exposes, rolls highlights off and encodes in sRGB.
+///
+/// With `x = 2^exposure_ev · radiance` per channel: `y = x` up to the knee `k = 0.6`, and `y = k + (1 − k)·(1 − exp(−(x − k)/(1 − k)))`
+/// above: slope 1 at the knee, white only at infinity. `y` is then sRGB-encoded (IEC 61966-2-1) and rounded to 8 bits. Values that are
+/// negative or not a number become black.
+pub fn develop(radiance: &Raster<[f32; 3]>, exposure_ev: f32) -> Raster<[u8; 3]> {
+    let gain = exposure_ev.exp2();
+    radiance.map(|rgb| rgb.map(|c| quantize8(srgb_from_linear(shoulder((c * gain).max(0.0))))))
+}
+
+fn shoulder(x: f32) -> f32 {
+    if x <= KNEE { x } else { KNEE + (1.0 - KNEE) * (1.0 - (-(x - KNEE) / (1.0 - KNEE)).exp()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn linear_below_the_knee_smooth_and_monotone_above() {
+        assert_eq!(shoulder(0.18), 0.18);
+        let h = 1e-3;
+        assert!(((shoulder(KNEE + h) - shoulder(KNEE - h)) / (2.0 * h) - 1.0).abs() < 2e-3, "slope 1 across the knee");
+        let mut last = 0.0;
+        for i in 0..400 {
+            let y = shoulder(i as f32 * 0.01);
+            assert!(y <= 1.0 && y >= last);
+            last = y;
+        }
+    }
+
+    #[test]
+    fn a_grey_card_lands_on_its_srgb_value_and_a_stop_doubles() {
+        let card = Raster::filled(1, 1, [0.18f32; 3]);
+        assert_eq!(develop(&card, 0.0)[(0, 0)], [118; 3]);
+        assert_eq!(develop(&card, 1.0), develop(&Raster::filled(1, 1, [0.36; 3]), 0.0));
+        assert_eq!(develop(&Raster::filled(1, 1, [f32::NAN, -1.0, 0.0]), 0.0)[(0, 0)], [0; 3]);
+    }
+}

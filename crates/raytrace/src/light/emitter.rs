@@ -1,0 +1,306 @@
+//! Emitters: every emissive triangle and punctual light, and which of them a point should ask.
+//!
+//! The scene's box is cut into cells; each cell holds a cumulative distribution over all emitters, proportional to power × cosine
+//! ÷ distance², times an estimate of how much of the emitter the cell sees. A shading point draws one emitter from its cell's
+//! distribution (O(log n), stratified in the random number) and the density of any choice is known exactly, as MIS needs.
+
+use super::surface::{Cover, covers, emission, offset};
+use super::texture::{Encoding, mean};
+use crate::bvh::{Bvh, Ray};
+use corf_scene::model::{PunctualKind, PunctualLight};
+use corf_scene::{Rng, Scene};
+use glam::{UVec3, Vec3};
+use rayon::prelude::*;
+
+/// Wished edge of a cell, metres.
+const CELL_M: f32 = 0.75;
+/// Cells × emitters held at most (4 bytes each); cells grow until it fits.
+const MAX_ENTRIES: usize = 4_000_000;
+/// Visibility rays per cell and emitter, and over the whole table at most.
+const VISIBILITY_RAYS: usize = 12;
+const MAX_VISIBILITY_RAYS: usize = 6_000_000;
+/// An emitter that no visibility ray saw keeps this share of its weight: unseen by a dozen rays is not invisible.
+const UNSEEN_SHARE: f32 = 0.04;
+/// The stage of [`Rng::keyed`] of the visibility estimate.
+const STAGE_VISIBILITY: u64 = 0xce11;
+
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Triangle { corners: [Vec3; 3], normal: Vec3, area: f32, double_sided: bool, triangle: u32 },
+    Punctual(PunctualLight),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Emitter {
+    kind: Kind,
+    /// Mean radiance (triangle), intensity (point, spot) or irradiance (directional), luminance.
+    luminance: f32,
+}
+
+/// Light arriving from a sampled point of an emitter.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LightSample {
+    /// From the shading point towards the light, not normalised: the light is at `t = 1`.
+    pub to_light: Vec3,
+    /// Radiance over the density (area lights), or irradiance over the choice's probability (punctual), before visibility.
+    pub weight: Vec3,
+    /// Density per steradian; infinite for punctual lights, which no reflection can hit.
+    pub pdf: f32,
+}
+
+/// All emitters of a scene, with the cells.
+#[derive(Debug)]
+pub(super) struct Emitters {
+    list: Vec<Emitter>,
+    /// Per triangle of the scene: its emitter, or `u32::MAX`.
+    of_triangle: Vec<u32>,
+    grid_min: Vec3,
+    cells_per_metre: Vec3,
+    cells: UVec3,
+    /// `cells × list.len()` cumulative probabilities, the last of every cell 1.
+    cumulative: Vec<f32>,
+}
+
+fn luminance(c: Vec3) -> f32 {
+    c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
+impl Emitters {
+    /// Gathers the emitters and fills the cells.
+    pub fn new(scene: &Scene, bvh: &Bvh) -> Self {
+        let mut of_triangle = vec![u32::MAX; scene.triangles.len()];
+        let mut list = Vec::new();
+        let radiance: Vec<f32> = scene
+            .materials
+            .iter()
+            .map(|m| {
+                let texture = m.optical.emissive_texture.as_ref().map_or([1.0; 3], |t| mean(&scene.textures, t, Encoding::Srgb));
+                luminance(Vec3::from(m.optical.emissive) * Vec3::from(texture))
+            })
+            .collect();
+        for (i, t) in scene.triangles.iter().enumerate() {
+            let luminance = radiance[t.material as usize];
+            let corners = scene.corners(i);
+            let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+            let area = 0.5 * cross.length();
+            if luminance > 0.0 && area > 0.0 && area.is_finite() {
+                of_triangle[i] = list.len() as u32;
+                let double_sided = scene.materials[t.material as usize].optical.double_sided;
+                let kind = Kind::Triangle { corners, normal: cross.normalize(), area, double_sided, triangle: i as u32 };
+                list.push(Emitter { kind, luminance });
+            }
+        }
+        for light in &scene.lights {
+            let luminance = luminance(Vec3::from(light.intensity));
+            if luminance > 0.0 {
+                list.push(Emitter { kind: Kind::Punctual(*light), luminance });
+            }
+        }
+        let mut emitters = Self {
+            list,
+            of_triangle,
+            grid_min: Vec3::ZERO,
+            cells_per_metre: Vec3::ONE,
+            cells: UVec3::ONE,
+            cumulative: Vec::new(),
+        };
+        emitters.fill_cells(scene, bvh);
+        emitters
+    }
+
+    /// Whether there is anything to sample.
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    fn fill_cells(&mut self, scene: &Scene, bvh: &Bvh) {
+        let (Some(bounds), n) = (scene.bounds(), self.list.len()) else { return };
+        if n == 0 {
+            return;
+        }
+        let size = (bounds.max - bounds.min).max(Vec3::splat(1e-3));
+        let mut edge = CELL_M;
+        loop {
+            self.cells = (size / edge).ceil().clamp(Vec3::ONE, Vec3::splat(1024.0)).as_uvec3();
+            if self.cells.as_u64vec3().element_product() * n as u64 <= MAX_ENTRIES as u64 || self.cells == UVec3::ONE {
+                break;
+            }
+            edge *= 1.26;
+        }
+        self.grid_min = bounds.min;
+        self.cells_per_metre = self.cells.as_vec3() / size;
+        let count = self.cells.element_product() as usize;
+        let rays = VISIBILITY_RAYS.min(MAX_VISIBILITY_RAYS / (count * n).max(1));
+        let covers = covers(scene);
+        let blocks = |triangle: u32| covers[scene.triangles[triangle as usize].material as usize] == Cover::Opaque;
+        let mut cumulative = vec![0.0f32; count * n];
+        cumulative.par_chunks_mut(n).enumerate().for_each(|(cell, row)| {
+            let index = UVec3::new(
+                cell as u32 % self.cells.x,
+                cell as u32 / self.cells.x % self.cells.y,
+                cell as u32 / (self.cells.x * self.cells.y),
+            );
+            let cell_size = size / self.cells.as_vec3();
+            let low = self.grid_min + index.as_vec3() * cell_size;
+            let mut rng = Rng::keyed(0, STAGE_VISIBILITY, cell as u64);
+            let mut total = 0.0f64;
+            for (emitter, slot) in self.list.iter().zip(row.iter_mut()) {
+                let mut weight = emitter.importance(low, low + cell_size);
+                if weight > 0.0 && rays > 0 {
+                    let seen = (0..rays).filter(|_| emitter.sees(bvh, &blocks, low, cell_size, &mut rng)).count();
+                    weight *= UNSEEN_SHARE + (1.0 - UNSEEN_SHARE) * seen as f32 / rays as f32;
+                }
+                total += f64::from(weight);
+                *slot = total as f32;
+            }
+            if total > 0.0 {
+                row.iter_mut().for_each(|c| *c = (f64::from(*c) / total) as f32);
+            }
+            // The last emitter of positive weight ends at exactly 1, and so do those after it.
+            let last = row.last().copied().unwrap_or(0.0);
+            row.iter_mut().filter(|c| **c >= last).for_each(|c| *c = if total > 0.0 { 1.0 } else { 0.0 });
+        });
+        self.cumulative = cumulative;
+    }
+
+    fn row(&self, point: Vec3) -> &[f32] {
+        let at = ((point - self.grid_min) * self.cells_per_metre).max(Vec3::ZERO).as_uvec3().min(self.cells - 1);
+        let cell = (at.x + self.cells.x * (at.y + self.cells.y * at.z)) as usize;
+        &self.cumulative[cell * self.list.len()..(cell + 1) * self.list.len()]
+    }
+
+    fn probability(row: &[f32], i: usize) -> f32 {
+        row[i] - if i == 0 { 0.0 } else { row[i - 1] }
+    }
+
+    /// Draws an emitter and a point on it for a shading point; `None` where none is worth asking.
+    pub fn sample(&self, scene: &Scene, point: Vec3, choice: f32, u: [f32; 2]) -> Option<LightSample> {
+        if self.list.is_empty() {
+            return None;
+        }
+        let row = self.row(point);
+        let i = row.partition_point(|c| *c <= choice);
+        if i >= row.len() {
+            return None;
+        }
+        let probability = Self::probability(row, i);
+        match &self.list[i].kind {
+            Kind::Triangle { corners, normal, area, double_sided, triangle } => {
+                let root = u[0].sqrt();
+                let (b1, b2) = (u[1] * root, 1.0 - root);
+                let on_light = corners[0] * (1.0 - b1 - b2) + corners[1] * b1 + corners[2] * b2;
+                let away = point - on_light;
+                let distance2 = away.length_squared();
+                let cos = normal.dot(away) / distance2.sqrt();
+                let cos = if *double_sided { cos.abs() } else { cos };
+                if cos <= 1e-6 || distance2 < 1e-10 {
+                    return None;
+                }
+                let pdf = probability * distance2 / (area * cos);
+                // The target is lifted off the light so that the light does not shadow itself.
+                let lift = *normal * (offset(on_light) * normal.dot(away).signum());
+                Some(LightSample { to_light: on_light + lift - point, weight: emission(scene, *triangle, b1, b2) / pdf, pdf })
+            }
+            Kind::Punctual(light) => {
+                let (to_light, irradiance) = punctual(light, point)?;
+                Some(LightSample { to_light, weight: irradiance / probability, pdf: f32::INFINITY })
+            }
+        }
+    }
+
+    /// Density per steradian with which [`Emitters::sample`] at `point` picks the direction of a hit on `triangle` at `distance`,
+    /// seen under cosine `cos` (absolute).
+    pub fn pdf(&self, point: Vec3, triangle: u32, distance: f32, cos: f32) -> f32 {
+        match self.of_triangle[triangle as usize] {
+            u32::MAX => 0.0,
+            i => {
+                let Kind::Triangle { area, .. } = self.list[i as usize].kind else { return 0.0 };
+                Self::probability(self.row(point), i as usize) * distance * distance / (area * cos).max(1e-20)
+            }
+        }
+    }
+}
+
+/// Vector to a punctual light and the irradiance it sends at normal incidence (`KHR_lights_punctual`).
+fn punctual(light: &PunctualLight, point: Vec3) -> Option<(Vec3, Vec3)> {
+    /// A directional light's shadow rays reach this far, metres.
+    const FAR_M: f32 = 1e4;
+    let intensity = Vec3::from(light.intensity);
+    if light.kind == PunctualKind::Directional {
+        return Some((-light.direction * FAR_M, intensity));
+    }
+    let to_light = light.position - point;
+    let distance2 = to_light.length_squared().max(1e-6);
+    let mut falloff = 1.0 / distance2;
+    if let Some(range) = light.range_m {
+        // The extension's recommended window: (1 − (d/range)⁴) clamped.
+        falloff *= (1.0 - (distance2 / (range * range)).powi(2)).clamp(0.0, 1.0);
+    }
+    if let PunctualKind::Spot { inner_rad, outer_rad } = light.kind {
+        let scale = 1.0 / (inner_rad.cos() - outer_rad.cos()).max(1e-3);
+        let cos = -light.direction.dot(to_light) / distance2.sqrt();
+        falloff *= ((cos - outer_rad.cos()) * scale).clamp(0.0, 1.0).powi(2);
+    }
+    (falloff > 0.0).then_some((to_light, intensity * falloff))
+}
+
+impl Emitter {
+    /// Expected unshadowed irradiance in a cell up to a common factor; zero only if no point of the cell can see the emitting side.
+    fn importance(&self, low: Vec3, high: Vec3) -> f32 {
+        let centre = 0.5 * (low + high);
+        let radius2 = 0.25 * (high - low).length_squared();
+        match &self.kind {
+            Kind::Triangle { corners, normal, area, double_sided, .. } => {
+                let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+                let extent = high - centre;
+                // Largest height of a point of the (slightly grown) cell above the emitter's plane.
+                let height = normal.dot(centre - corners[0]);
+                let reach = normal.abs().dot(extent) + 1e-3 * (1.0 + extent.max_element());
+                let (above, below) = (height + reach, reach - height);
+                if above <= 0.0 && !double_sided {
+                    return 0.0;
+                }
+                let distance2 = (centre - middle).length_squared().max(0.25 * radius2 + 0.1 * area);
+                let best = if *double_sided { above.max(below) } else { above };
+                // Cosine of the mean, no less than a tenth of the most favourable one: the bound stays positive over the cell.
+                let cos = if *double_sided { height.abs() } else { height.max(0.0) } / distance2.sqrt();
+                let most = (best / distance2.sqrt()).min(1.0);
+                self.luminance * area * cos.clamp(0.1 * most, 1.0) / distance2
+            }
+            Kind::Punctual(light) => match light.kind {
+                PunctualKind::Directional => self.luminance,
+                PunctualKind::Point | PunctualKind::Spot { .. } => {
+                    let distance2 = (centre - light.position).length_squared();
+                    if light.range_m.is_some_and(|r| distance2.sqrt() - radius2.sqrt() > r) {
+                        return 0.0;
+                    }
+                    let mut weight = self.luminance / distance2.max(radius2);
+                    if let PunctualKind::Spot { outer_rad, .. } = light.kind {
+                        let cos = light.direction.dot((centre - light.position).normalize_or_zero());
+                        let spread = (radius2 / distance2.max(1e-9)).sqrt().min(1.0).asin();
+                        if cos.clamp(-1.0, 1.0).acos() > outer_rad + spread && distance2 > radius2 {
+                            weight *= 0.01;
+                        }
+                    }
+                    weight
+                }
+            },
+        }
+    }
+
+    /// One visibility ray between random points of the cell and the emitter.
+    fn sees(&self, bvh: &Bvh, blocks: &impl Fn(u32) -> bool, low: Vec3, size: Vec3, rng: &mut Rng) -> bool {
+        let from = low + size * Vec3::new(rng.uniform(), rng.uniform(), rng.uniform());
+        let root = rng.uniform().sqrt();
+        let (b1, b2) = (rng.uniform() * root, 1.0 - root);
+        let to = match &self.kind {
+            Kind::Triangle { corners, normal, .. } => {
+                let p = corners[0] * (1.0 - b1 - b2) + corners[1] * b1 + corners[2] * b2;
+                p + *normal * (offset(p) * normal.dot(from - p).signum())
+            }
+            Kind::Punctual(light) if light.kind == PunctualKind::Directional => from - light.direction * 1e4,
+            Kind::Punctual(light) => light.position,
+        };
+        !bvh.occluded_where(&Ray::segment(from, to), |h| blocks(h.triangle))
+    }
+}

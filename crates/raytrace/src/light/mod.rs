@@ -1,0 +1,233 @@
+//! Light: a unidirectional path tracer, its denoiser and its developer.
+//!
+//! Camera paths with next-event estimation at every vertex, combined with reflection sampling by the power heuristic (Veach 1997).
+//! Emitters are chosen per cell of space ([`emitter`]), reflection is GGX over Lambert ([`bsdf`]), sample points are Owen-scrambled
+//! Sobol' ([`sampler`]). Radiance is linear, in the scene's own unit; every surface is seen from both sides, emission follows the
+//! material's `double_sided`.
+//!
+//! Glass (`transmission > 0`) is a thin pane without refraction: light is reflected with the pane's Fresnel reflectance, otherwise
+//! passes straight through, tinted. Straight passage is not a scattering event: shadow rays and multiple importance sampling look
+//! through panes, and so do depth, surface ids and the auxiliary images.
+
+mod bsdf;
+mod denoise;
+mod develop;
+mod emitter;
+mod path;
+mod sampler;
+mod surface;
+mod texture;
+
+#[cfg(test)]
+mod tests;
+
+pub use denoise::{DenoiseSettings, denoise};
+pub use develop::develop;
+
+use crate::bvh::{Bvh, Ray};
+use corf_scene::{Pinhole, Raster, Rigid3, Scene};
+use emitter::Emitters;
+use glam::Vec3;
+use rayon::prelude::*;
+use sampler::Sampler;
+use surface::{Cover, covers};
+
+/// How to render.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSettings {
+    /// Camera paths per pixel; powers of two are stratified best.
+    pub samples_per_pixel: u32,
+    /// Scattering events of a path at most; 0 shows emitters only, 1 direct light.
+    pub max_bounces: u32,
+    /// Paths may end at random (Russian roulette, unbiased) after this many scattering events.
+    pub roulette_after: u32,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Radiance of everything beyond the scene.
+    pub background: [f32; 3],
+    /// Upper limit of a path's contribution by light scattered twice or more, in units of radiance. Infinite is unbiased; a limit of a
+    /// few times the brightest diffuse surface removes rare bright specks at the cost of a little caustic light.
+    pub indirect_limit: f32,
+    /// Emitters are sampled at every vertex; without, light is found by chance alone (slow, the reference of the tests).
+    pub next_event_estimation: bool,
+}
+
+impl Default for LightSettings {
+    fn default() -> Self {
+        Self {
+            samples_per_pixel: 32,
+            max_bounces: 8,
+            roulette_after: 3,
+            seed: 0,
+            background: [0.0; 3],
+            indirect_limit: f32::INFINITY,
+            next_event_estimation: true,
+        }
+    }
+}
+
+/// Rays shot for a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RayCounts {
+    /// From the camera, depth rays included.
+    pub camera: u64,
+    /// Continuing a path.
+    pub bounce: u64,
+    /// Towards emitters.
+    pub shadow: u64,
+}
+
+/// A rendered view: radiance and what a denoiser or a reconstruction wants to know beside it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightFrame {
+    /// The camera that saw it.
+    pub camera: Pinhole,
+    /// Where it stood.
+    pub world_from_camera: Rigid3,
+    /// Linear radiance, mean over the pixel's area (box filter).
+    pub radiance: Raster<[f32; 3]>,
+    /// z-depth of the pixel centre in metres, by one exact ray (through holes and panes); infinite where nothing was hit.
+    pub depth_m: Raster<f32>,
+    /// Object index at the pixel centre, `u32::MAX` where nothing was hit.
+    pub surface: Raster<u32>,
+    /// Mean total reflectance of what the pixel sees first.
+    pub albedo: Raster<[f32; 3]>,
+    /// Mean shading normal (world frame) of what the pixel sees first; shorter than 1 across edges, 0 where nothing was hit.
+    pub normal: Raster<[f32; 3]>,
+    /// The part of `radiance` that comes straight from emitters or the background, free of Monte Carlo noise but for edges.
+    pub emitted: Raster<[f32; 3]>,
+    /// Variance of the pixel's mean of (scattered radiance ÷ albedo), luminance; an estimate from the samples' spread.
+    pub variance: Raster<f32>,
+    /// Rays shot.
+    pub rays: RayCounts,
+}
+
+/// A scene made ready for rendering.
+#[derive(Debug)]
+pub struct LightTracer<'a> {
+    scene: &'a Scene,
+    bvh: &'a Bvh,
+    emitters: Emitters,
+    covers: Vec<Cover>,
+    all_opaque: bool,
+}
+
+/// One pixel's results.
+#[derive(Clone, Copy, Default)]
+struct Pixel {
+    radiance: Vec3,
+    albedo: Vec3,
+    normal: Vec3,
+    emitted: Vec3,
+    variance: f32,
+    depth_m: f32,
+    surface: u32,
+}
+
+impl<'a> LightTracer<'a> {
+    /// Finds the emitters and estimates what each part of the scene sees of them (tenths of a second for a furnished room).
+    ///
+    /// # Panics
+    /// If a triangle, material or texture index of the scene is out of range; importers make none such.
+    pub fn new(scene: &'a Scene, bvh: &'a Bvh) -> Self {
+        let covers = covers(scene);
+        let all_opaque = covers.iter().all(|c| *c == Cover::Opaque);
+        Self { scene, bvh, emitters: Emitters::new(scene, bvh), covers, all_opaque }
+    }
+
+    /// Renders the view of a camera. `frame_key` (the keyframe's index) makes frames independent of each other; the same scene,
+    /// settings and key give the same bytes on any number of threads.
+    pub fn render(&self, camera: &Pinhole, world_from_camera: &Rigid3, settings: &LightSettings, frame_key: u64) -> LightFrame {
+        let (width, height) = (camera.width, camera.height);
+        let rows: Vec<(Vec<Pixel>, RayCounts)> = (0..height)
+            .into_par_iter()
+            .map(|y| {
+                let mut counts = RayCounts::default();
+                let row =
+                    (0..width).map(|x| self.pixel(camera, world_from_camera, settings, frame_key, x, y, &mut counts)).collect();
+                (row, counts)
+            })
+            .collect();
+        let mut rays = RayCounts::default();
+        for (_, counts) in &rows {
+            rays.camera += counts.camera;
+            rays.bounce += counts.bounce;
+            rays.shadow += counts.shadow;
+        }
+        let pixels = Raster::from_vec(width, height, rows.into_iter().flat_map(|(row, _)| row).collect());
+        LightFrame {
+            camera: *camera,
+            world_from_camera: *world_from_camera,
+            radiance: pixels.map(|p| p.radiance.to_array()),
+            depth_m: pixels.map(|p| p.depth_m),
+            surface: pixels.map(|p| p.surface),
+            albedo: pixels.map(|p| p.albedo.to_array()),
+            normal: pixels.map(|p| p.normal.to_array()),
+            emitted: pixels.map(|p| p.emitted.to_array()),
+            variance: pixels.map(|p| p.variance),
+            rays,
+        }
+    }
+
+    fn pixel(
+        &self,
+        camera: &Pinhole,
+        world_from_camera: &Rigid3,
+        settings: &LightSettings,
+        frame_key: u64,
+        x: usize,
+        y: usize,
+        counts: &mut RayCounts,
+    ) -> Pixel {
+        let origin = world_from_camera.translation.as_vec3();
+        let mut sampler = Sampler::new(settings.seed, frame_key, (y * camera.width + x) as u64);
+        let mut pixel = Pixel::default();
+        let n = settings.samples_per_pixel.max(1);
+        let (mut mean, mut squares) = (0.0f32, 0.0f32);
+        for i in 0..n {
+            sampler.start(i);
+            let [dx, dy] = sampler.pair(path::FILM);
+            let toward = camera.unproject(x as f64 + f64::from(dx), y as f64 + f64::from(dy));
+            let direction = world_from_camera.transform_vector(toward.normalize()).as_vec3();
+            let path = self.trace(Ray::new(origin, direction), &sampler, settings, counts);
+            pixel.radiance += path.emitted + path.scattered;
+            pixel.emitted += path.emitted;
+            pixel.albedo += path.albedo;
+            pixel.normal += path.normal;
+            // Welford's running variance of the demodulated luminance.
+            let value = luminance(path.scattered) / luminance(path.albedo).max(MIN_ALBEDO);
+            let step = value - mean;
+            mean += step / (i + 1) as f32;
+            squares += step * (value - mean);
+        }
+        let share = 1.0 / n as f32;
+        pixel.radiance *= share;
+        pixel.emitted *= share;
+        pixel.albedo *= share;
+        pixel.normal *= share;
+        pixel.variance = if n > 1 { squares / ((n - 1) as f32 * n as f32) } else { f32::INFINITY };
+        (pixel.depth_m, pixel.surface) = self.centre(camera, world_from_camera, x, y, counts);
+        pixel
+    }
+
+    /// z-depth and object index at a pixel's centre.
+    fn centre(&self, camera: &Pinhole, world_from_camera: &Rigid3, x: usize, y: usize, counts: &mut RayCounts) -> (f32, u32) {
+        // z = 1 in the camera frame, so t is the z-depth.
+        let toward = camera.unproject(x as f64 + 0.5, y as f64 + 0.5);
+        let direction = world_from_camera.transform_vector(toward);
+        let ray = Ray::new(world_from_camera.translation.as_vec3(), direction.as_vec3());
+        counts.camera += 1;
+        match self.closest_where(&ray, |cover| cover != Cover::Pane) {
+            Some(hit) => (hit.t, self.scene.triangles[hit.triangle as usize].object),
+            None => (f32::INFINITY, u32::MAX),
+        }
+    }
+}
+
+/// Reflectances below this are treated as this when light is divided by them.
+const MIN_ALBEDO: f32 = 0.01;
+
+/// Luminance of linear sRGB (Rec. 709 weights).
+fn luminance(c: Vec3) -> f32 {
+    c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}

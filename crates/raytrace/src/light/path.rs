@@ -1,0 +1,218 @@
+//! One camera path.
+
+use super::bsdf::{Bsdf, fresnel_pane};
+use super::sampler::Sampler;
+use super::surface::{Cover, Surface, is_hole, pane_transmittance};
+use super::{LightSettings, LightTracer, RayCounts};
+use crate::bvh::{Hit, Ray};
+use glam::{Mat3, Vec3};
+
+/// Pairs of the sampler: the place on the film, then a block per vertex.
+pub(super) const FILM: u32 = 0;
+const FIRST_VERTEX: u32 = 1;
+const PAIRS_PER_VERTEX: u32 = 4;
+const PAIR_CHOICES: u32 = 0;
+const PAIR_LIGHT: u32 = 1;
+const PAIR_DIRECTION: u32 = 2;
+const PAIR_FATE: u32 = 3;
+/// Panes and vertices of a path at most: a bound for rays caught between mirrors of glass.
+const MAX_EVENTS: u32 = 64;
+/// No path survives roulette with more than this probability.
+const MAX_SURVIVAL: f32 = 0.95;
+
+/// What one path brings to its pixel.
+#[derive(Clone, Copy, Default)]
+pub(super) struct PathSample {
+    /// Radiance straight from an emitter or the background.
+    pub emitted: Vec3,
+    /// Radiance scattered at least once.
+    pub scattered: Vec3,
+    /// Reflectance and normal of what was seen first.
+    pub albedo: Vec3,
+    pub normal: Vec3,
+}
+
+/// w = p² / (p² + q²); an infinite p means the other technique cannot make this path.
+fn power_heuristic(p: f32, q: f32) -> f32 {
+    if p.is_infinite() {
+        return 1.0;
+    }
+    let ratio = q / p;
+    1.0 / (1.0 + ratio * ratio)
+}
+
+impl LightTracer<'_> {
+    /// The closest hit that is no hole and whose cover is `wanted`.
+    pub(super) fn closest_where(&self, ray: &Ray, wanted: impl Fn(Cover) -> bool) -> Option<Hit> {
+        if self.all_opaque {
+            return self.bvh.intersect(ray);
+        }
+        self.bvh.intersect_where(ray, |hit| {
+            let cover = self.cover(hit);
+            wanted(cover) && (cover == Cover::Opaque || !is_hole(self.scene, hit))
+        })
+    }
+
+    fn cover(&self, hit: &Hit) -> Cover {
+        self.covers[self.scene.triangles[hit.triangle as usize].material as usize]
+    }
+
+    /// Share of light, per channel, that passes along a shadow ray.
+    fn transmittance(&self, ray: &Ray) -> Vec3 {
+        if self.all_opaque {
+            return if self.bvh.occluded(ray) { Vec3::ZERO } else { Vec3::ONE };
+        }
+        let mut share = Vec3::ONE;
+        let blocked = self.bvh.occluded_where(ray, |hit| match self.cover(hit) {
+            Cover::Opaque => true,
+            Cover::Cutout => !is_hole(self.scene, hit),
+            Cover::Pane => {
+                share *= pane_transmittance(self.scene, hit, ray.direction);
+                false
+            }
+        });
+        if blocked { Vec3::ZERO } else { share }
+    }
+
+    /// Follows a camera ray.
+    pub(super) fn trace(
+        &self,
+        camera_ray: Ray,
+        sampler: &Sampler,
+        settings: &LightSettings,
+        counts: &mut RayCounts,
+    ) -> PathSample {
+        let mut out = PathSample::default();
+        let mut ray = camera_ray;
+        let mut throughput = Vec3::ONE;
+        // Until the first surface that is no pane.
+        let mut straight = true;
+        let mut scattered = 0;
+        // Density of the last scattering direction; infinite after the camera and mirrors, where emitters cannot be sampled.
+        let mut pdf = f32::INFINITY;
+        for event in 0..MAX_EVENTS {
+            if event == 0 {
+                counts.camera += 1;
+            } else {
+                counts.bounce += 1;
+            }
+            let Some(hit) = self.closest_where(&ray, |_| true) else {
+                // The background is uniform and only ever found by chance: full weight.
+                self.add(&mut out, throughput * Vec3::from(settings.background), scattered, straight, settings);
+                if straight {
+                    out.albedo = Vec3::ONE;
+                }
+                return out;
+            };
+            let surface = Surface::at(self.scene, &ray, &hit);
+            if surface.emitted != Vec3::ZERO {
+                let weight = if pdf.is_infinite() || !settings.next_event_estimation {
+                    1.0
+                } else {
+                    // `ray.origin` is the last vertex even behind panes: straight passage moves t_min only.
+                    let cos = surface.geometric_normal.dot(ray.direction).abs();
+                    power_heuristic(pdf, self.emitters.pdf(ray.origin, hit.triangle, hit.t, cos))
+                };
+                self.add(&mut out, throughput * surface.emitted * weight, scattered, straight, settings);
+            }
+            let dimension = FIRST_VERTEX + PAIRS_PER_VERTEX * event;
+            let [fate, roulette] = sampler.pair(dimension + PAIR_FATE);
+            let mut base_only = false;
+            if surface.transmission > 0.0 {
+                let cos = surface.geometric_normal.dot(ray.direction).abs();
+                let reflectance = fresnel_pane(cos, surface.ior);
+                let through = (1.0 - reflectance) * surface.transmission;
+                if fate < through {
+                    throughput *= surface.base_color;
+                    ray.t_min = hit.t + super::surface::offset(surface.position);
+                    continue;
+                }
+                if fate < through + reflectance {
+                    if straight {
+                        (out.albedo, out.normal) = (Vec3::ONE, surface.geometric_normal);
+                    }
+                    straight = false;
+                    if scattered >= settings.max_bounces {
+                        return out;
+                    }
+                    scattered += 1;
+                    let n = surface.geometric_normal;
+                    let direction = ray.direction - n * (2.0 * n.dot(ray.direction));
+                    ray = Ray::new(surface.leave(direction), direction);
+                    pdf = f32::INFINITY;
+                    continue;
+                }
+                // What neither passes nor is mirrored meets the base alone.
+                base_only = true;
+            }
+            let to_local = Mat3::from_cols_array_2d(&frame(surface.normal)).transpose();
+            let v = to_local * -ray.direction;
+            let bsdf = if base_only {
+                Bsdf::new(surface.base_color, 0.0, 1.0, 1.0, v)
+            } else {
+                Bsdf::new(surface.base_color, surface.metallic, surface.roughness, surface.ior, v)
+            };
+            if straight {
+                out.albedo = bsdf.albedo * throughput;
+                out.normal = surface.normal;
+                straight = false;
+            }
+            if scattered >= settings.max_bounces {
+                return out;
+            }
+            scattered += 1;
+            let [choice, lobe] = sampler.pair(dimension + PAIR_CHOICES);
+            if settings.next_event_estimation && !self.emitters.is_empty() {
+                let light = self.emitters.sample(self.scene, surface.position, choice, sampler.pair(dimension + PAIR_LIGHT));
+                if let Some(light) = light {
+                    let direction = light.to_light.normalize();
+                    let (value, bsdf_pdf) = bsdf.evaluate(to_local * direction);
+                    let weight = throughput * value * light.weight * power_heuristic(light.pdf, bsdf_pdf);
+                    if weight != Vec3::ZERO && surface.geometric_normal.dot(direction) > 0.0 {
+                        let from = surface.leave(direction);
+                        counts.shadow += 1;
+                        let passed = self.transmittance(&Ray::segment(from, surface.position + light.to_light));
+                        self.add(&mut out, weight * passed, scattered, false, settings);
+                    }
+                }
+            }
+            let Some(next) = bsdf.sample(lobe, sampler.pair(dimension + PAIR_DIRECTION)) else { return out };
+            let direction = (to_local.transpose() * next.l).normalize();
+            if surface.geometric_normal.dot(direction) <= 0.0 {
+                return out;
+            }
+            throughput *= next.weight;
+            pdf = next.pdf;
+            if scattered > settings.roulette_after {
+                let survival = throughput.max_element().min(MAX_SURVIVAL);
+                if roulette >= survival {
+                    return out;
+                }
+                throughput /= survival;
+            }
+            ray = Ray::new(surface.leave(direction), direction);
+        }
+        out
+    }
+
+    fn add(&self, out: &mut PathSample, radiance: Vec3, scattered: u32, straight: bool, settings: &LightSettings) {
+        if !radiance.is_finite() {
+            return;
+        }
+        if straight {
+            out.emitted += radiance;
+        } else if scattered >= 2 {
+            let brightest = radiance.max_element();
+            out.scattered +=
+                if brightest > settings.indirect_limit { radiance * (settings.indirect_limit / brightest) } else { radiance };
+        } else {
+            out.scattered += radiance;
+        }
+    }
+}
+
+/// Columns of `world_from_shading`: tangent, bitangent, normal.
+fn frame(n: Vec3) -> [[f32; 3]; 3] {
+    let (t, b) = n.any_orthonormal_pair();
+    [t.to_array(), b.to_array(), n.to_array()]
+}

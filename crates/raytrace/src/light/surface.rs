@@ -1,0 +1,189 @@
+//! What a ray finds at a hit: position, normals and the material's values there.
+
+use super::texture::{Encoding, sample};
+use crate::bvh::{Hit, Ray};
+use corf_scene::Scene;
+use corf_scene::model::{OpticalMaterial, TextureRef};
+use glam::{Vec2, Vec3};
+
+/// Rays that leave a surface start this share of `1 + |position|` away from it: some hundred roundings of a position.
+const OFFSET: f32 = 1e-5;
+
+/// How a shadow ray treats a triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Cover {
+    /// Blocks.
+    Opaque,
+    /// Blocks where its texture is opaque.
+    Cutout,
+    /// Thin glass: lets part of the light through, straight.
+    Pane,
+}
+
+/// Per material: [`Cover`].
+pub(super) fn covers(scene: &Scene) -> Vec<Cover> {
+    scene
+        .materials
+        .iter()
+        .map(|m| {
+            if m.optical.transmission > 0.0 {
+                Cover::Pane
+            } else if m.optical.alpha_cutoff.is_some() && m.optical.base_color_texture.is_some() {
+                Cover::Cutout
+            } else {
+                Cover::Opaque
+            }
+        })
+        .collect()
+}
+
+/// The material at a hit and its frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Surface {
+    /// World position, interpolated from the corners (more accurate than `origin + t·direction`).
+    pub position: Vec3,
+    /// Geometric normal on the side the ray came from.
+    pub geometric_normal: Vec3,
+    /// Shading normal, on the same side.
+    pub normal: Vec3,
+    pub base_color: Vec3,
+    pub metallic: f32,
+    pub roughness: f32,
+    pub transmission: f32,
+    pub ior: f32,
+    /// Radiance emitted towards the ray's origin.
+    pub emitted: Vec3,
+}
+
+/// Texture coordinate at barycentric weights of a triangle; zero where the mesh has none.
+fn uv_at(scene: &Scene, triangle: u32, u: f32, v: f32) -> Vec2 {
+    let [a, b, c] =
+        scene.triangles[triangle as usize].vertices.map(|i| scene.uvs.get(i as usize).map_or(Vec2::ZERO, |t| Vec2::from(*t)));
+    a * (1.0 - u - v) + b * u + c * v
+}
+
+fn rgb(scene: &Scene, texture: &Option<TextureRef>, uv: Vec2, encoding: Encoding) -> Vec3 {
+    texture.as_ref().map_or(Vec3::ONE, |t| Vec3::from_slice(&sample(&scene.textures, t, uv, encoding)[..3]))
+}
+
+/// Emitted radiance of a material at a texture coordinate.
+fn emitted_at(scene: &Scene, material: &OpticalMaterial, uv: Vec2) -> Vec3 {
+    Vec3::from(material.emissive) * rgb(scene, &material.emissive_texture, uv, Encoding::Srgb)
+}
+
+/// Emitted radiance of a triangle at barycentric weights.
+pub(super) fn emission(scene: &Scene, triangle: u32, u: f32, v: f32) -> Vec3 {
+    let material = &scene.materials[scene.triangles[triangle as usize].material as usize].optical;
+    emitted_at(scene, material, uv_at(scene, triangle, u, v))
+}
+
+/// Whether a hit lies in a hole of an alpha-masked material.
+pub(super) fn is_hole(scene: &Scene, hit: &Hit) -> bool {
+    let material = &scene.materials[scene.triangles[hit.triangle as usize].material as usize].optical;
+    match (material.alpha_cutoff, &material.base_color_texture) {
+        (Some(cutoff), Some(texture)) => {
+            sample(&scene.textures, texture, uv_at(scene, hit.triangle, hit.u, hit.v), Encoding::Srgb)[3] < cutoff
+        }
+        _ => false,
+    }
+}
+
+/// Share of straight light that passes a pane, per channel.
+pub(super) fn pane_transmittance(scene: &Scene, hit: &Hit, direction: Vec3) -> Vec3 {
+    let material = &scene.materials[scene.triangles[hit.triangle as usize].material as usize].optical;
+    let [a, b, c] = scene.corners(hit.triangle as usize);
+    let cos = (b - a).cross(c - a).normalize_or_zero().dot(direction.normalize()).abs();
+    let tint = Vec3::from(material.base_color)
+        * rgb(scene, &material.base_color_texture, uv_at(scene, hit.triangle, hit.u, hit.v), Encoding::Srgb);
+    tint * (material.transmission * (1.0 - super::bsdf::fresnel_pane(cos, material.ior)))
+}
+
+impl Surface {
+    /// Looks a hit up.
+    pub fn at(scene: &Scene, ray: &Ray, hit: &Hit) -> Self {
+        let triangle = &scene.triangles[hit.triangle as usize];
+        let material = &scene.materials[triangle.material as usize].optical;
+        let [a, b, c] = triangle.vertices.map(|i| scene.positions[i as usize]);
+        let (u, v, w) = (hit.u, hit.v, 1.0 - hit.u - hit.v);
+        let facing = (b - a).cross(c - a).normalize_or(Vec3::Z);
+        let from_front = facing.dot(ray.direction) < 0.0;
+        let side = if from_front { 1.0 } else { -1.0 };
+        let uv = uv_at(scene, hit.triangle, u, v);
+        let textured = Vec3::from(material.base_color);
+        let base_color = (textured * rgb(scene, &material.base_color_texture, uv, Encoding::Srgb)).clamp(Vec3::ZERO, Vec3::ONE);
+        let data = rgb(scene, &material.metallic_roughness_texture, uv, Encoding::Linear);
+        Self {
+            position: a * w + b * u + c * v,
+            geometric_normal: facing * side,
+            normal: shading_normal(scene, hit, material, uv, facing, ray.direction, side),
+            base_color,
+            metallic: (material.metallic * data.z).clamp(0.0, 1.0),
+            roughness: (material.roughness * data.y).clamp(0.0, 1.0),
+            transmission: material.transmission.clamp(0.0, 1.0),
+            ior: material.ior.max(1.0),
+            emitted: if from_front || material.double_sided { emitted_at(scene, material, uv) } else { Vec3::ZERO },
+        }
+    }
+
+    /// A point off the surface on the side of `direction`, from which a ray does not hit it again.
+    pub fn leave(&self, direction: Vec3) -> Vec3 {
+        let side = if self.geometric_normal.dot(direction) < 0.0 { -1.0 } else { 1.0 };
+        self.position + self.geometric_normal * (side * offset(self.position))
+    }
+}
+
+/// How far off a surface rays start, metres.
+pub(super) fn offset(position: Vec3) -> f32 {
+    OFFSET * (1.0 + position.abs().max_element())
+}
+
+/// Interpolated and normal-mapped normal on the ray's side; the geometric one where the result would face away.
+fn shading_normal(
+    scene: &Scene,
+    hit: &Hit,
+    material: &OpticalMaterial,
+    uv: Vec2,
+    facing: Vec3,
+    direction: Vec3,
+    side: f32,
+) -> Vec3 {
+    let vertices = scene.triangles[hit.triangle as usize].vertices.map(|i| i as usize);
+    let (u, v, w) = (hit.u, hit.v, 1.0 - hit.u - hit.v);
+    let mut n = match (scene.normals.get(vertices[0]), scene.normals.get(vertices[1]), scene.normals.get(vertices[2])) {
+        (Some(a), Some(b), Some(c)) => (*a * w + *b * u + *c * v).normalize_or(facing),
+        _ => facing,
+    };
+    if n.dot(facing) < 0.0 {
+        n = -n;
+    }
+    if let Some(map) = &material.normal_texture {
+        let texel = sample(&scene.textures, map, uv, Encoding::Linear);
+        if let Some((t, b)) = tangents(scene, hit.triangle, map, n) {
+            let s = material.normal_scale;
+            let m = Vec3::new((2.0 * texel[0] - 1.0) * s, (2.0 * texel[1] - 1.0) * s, 2.0 * texel[2] - 1.0);
+            n = (t * m.x + b * m.y + n * m.z).normalize_or(n);
+        }
+    }
+    let n = n * side;
+    // A normal that faces away from the viewer would reflect from below; keep a sliver of visibility.
+    if n.dot(direction) < -1e-3 { n } else { facing * side }
+}
+
+/// Tangent and bitangent of a triangle's texture coordinates, orthogonal to `n`. glTF: +x along increasing u, +y along decreasing v
+/// (green up, v down).
+fn tangents(scene: &Scene, triangle: u32, map: &TextureRef, n: Vec3) -> Option<(Vec3, Vec3)> {
+    let vertices = scene.triangles[triangle as usize].vertices.map(|i| i as usize);
+    let uv = |k: usize| scene.uvs.get(vertices[k]).map(|t| map.uv_from_uv.transform_point2(Vec2::from(*t)));
+    let (uv0, uv1, uv2) = (uv(0)?, uv(1)?, uv(2)?);
+    let [p0, p1, p2] = scene.corners(triangle as usize);
+    let (d1, d2, e1, e2) = (uv1 - uv0, uv2 - uv0, p1 - p0, p2 - p0);
+    let determinant = d1.perp_dot(d2);
+    if determinant.abs() < 1e-20 {
+        return None;
+    }
+    let along_u = (e1 * d2.y - e2 * d1.y) / determinant;
+    let along_v = (e2 * d1.x - e1 * d2.x) / determinant;
+    let t = (along_u - n * n.dot(along_u)).try_normalize()?;
+    let handed = if n.cross(t).dot(along_v) < 0.0 { 1.0 } else { -1.0 };
+    Some((t, n.cross(t) * handed))
+}
