@@ -373,3 +373,6 @@ fn check_size(place: &str, what: &str, got: (usize, usize), camera: &Pinhole) ->
         "all keyframes of a sequence share the cameras it was opened with",
     ))
 }
+
+#[cfg(test)]
+mod tests;

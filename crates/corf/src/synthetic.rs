@@ -1,7 +1,7 @@
 //! A world that tests render themselves: the inside of a textured room with a textured block in it, exact depth, and a radio pattern whose
 //! structure is not light's (a transmitter, its image in a wall, and a smooth glow).
 
-use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, color};
+use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, color, keyframe::DbRange};
 use glam::DVec3;
 
 /// Half extents of the room, metres: x, y; the floor is z = 0.
@@ -11,6 +11,8 @@ const BLOCK: (DVec3, DVec3) = (DVec3::new(1.2, -0.8, 0.0), DVec3::new(2.2, 0.6, 
 const TRANSMITTER: DVec3 = DVec3::new(3.2, 1.5, 2.0);
 /// Rays per pixel and axis: textures are band-limited by averaging, as a camera's pixel does.
 const SUPERSAMPLES: usize = 3;
+
+pub const DB_RANGE: DbRange = DbRange { min_db: -120.0, max_db: -60.0 };
 
 /// What a ray meets: distance along the (unnormalised) ray, surface index, texture coordinates (metres).
 struct Hit {

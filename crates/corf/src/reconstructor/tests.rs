@@ -1,0 +1,296 @@
+//! The policy above a device that only records what it is told: nothing here depends on how pictures are made.
+
+use super::*;
+use crate::{
+    Appearance, Gaussians, ReconstructionConfig, RfTarget, Sampling,
+    config::{DepthConfig, DepthPriorKind},
+    device::{Layer, RenderRequest, Rendering, TrainingView, ViewId},
+    gaussians::sigmoid,
+    synthetic,
+};
+use std::sync::{Arc, Mutex};
+
+/// What a device was told.
+#[derive(Default)]
+struct Log {
+    steps: Vec<Step>,
+    views: Vec<TrainingView>,
+    resets: Vec<Appearance>,
+    position_rate_m: f32,
+    /// What a render answers: coverage and inverse depth everywhere, and the main contributor.
+    coverage: f32,
+    inverse_depth: f32,
+    main: u32,
+}
+
+#[derive(Clone)]
+struct Recorder {
+    log: Arc<Mutex<Log>>,
+    field: Gaussians,
+}
+
+impl Device for Recorder {
+    fn name(&self) -> String {
+        "recorder".into()
+    }
+    fn upload(&mut self, view: &TrainingView, _levels: u32) -> Result<ViewId> {
+        let mut log = self.log.lock().unwrap();
+        log.views.push(view.clone());
+        Ok(ViewId(log.views.len() - 1))
+    }
+    fn len(&self) -> usize {
+        self.field.len()
+    }
+    fn append(&mut self, new: &Gaussians) -> Result<()> {
+        if self.field.is_empty() {
+            self.field = new.clone();
+            return Ok(());
+        }
+        self.field.position.extend(&new.position);
+        self.field.rotation.extend(&new.rotation);
+        self.field.log_scale.extend(&new.log_scale);
+        for (a, b) in [(&mut self.field.optical, &new.optical), (&mut self.field.rf, &new.rf)] {
+            a.opacity_logit.extend(&b.opacity_logit);
+            a.sh.extend(&b.sh);
+        }
+        Ok(())
+    }
+    fn retain(&mut self, keep: &[bool]) {
+        fn filter<T: Clone>(values: &mut Vec<T>, keep: &[bool], stride: usize) {
+            *values = values.chunks(stride).zip(keep).filter(|c| *c.1).flat_map(|c| c.0.to_vec()).collect();
+        }
+        assert_eq!(keep.len(), self.field.len());
+        filter(&mut self.field.position, keep, 1);
+        filter(&mut self.field.rotation, keep, 1);
+        filter(&mut self.field.log_scale, keep, 1);
+        for a in [&mut self.field.optical, &mut self.field.rf] {
+            let stride = a.stride();
+            filter(&mut a.opacity_logit, keep, 1);
+            filter(&mut a.sh, keep, stride);
+        }
+    }
+    fn reset_rf(&mut self, rf: &Appearance) {
+        self.field.rf = rf.clone();
+        self.log.lock().unwrap().resets.push(rf.clone());
+    }
+    fn set_position_rate_m(&mut self, rate_m: f32) {
+        self.log.lock().unwrap().position_rate_m = rate_m;
+    }
+    fn render(&mut self, request: &RenderRequest) -> Result<Rendering> {
+        let log = self.log.lock().unwrap();
+        let layer = |camera: Pinhole, channels: usize, background: [f32; 3]| Layer {
+            color: Planes {
+                width: camera.width,
+                height: camera.height,
+                channels,
+                pixels: (0..camera.width * camera.height * channels).map(|i| background[i % channels]).collect(),
+            },
+            inverse_depth: Raster::filled(camera.width, camera.height, log.coverage * log.inverse_depth),
+            transmittance: Raster::filled(camera.width, camera.height, 1.0 - log.coverage),
+        };
+        Ok(Rendering {
+            optical: request.optical.map(|(v, b)| layer(v.camera, 3, b)),
+            rf: request.rf.map(|(v, b)| layer(v.camera, self.field.rf.channels, b)),
+            main_contributor: request.optical.map(|(v, _)| Raster::filled(v.camera.width, v.camera.height, log.main)),
+        })
+    }
+    fn train(&mut self, steps: &[Step]) -> Result<StepReport> {
+        self.log.lock().unwrap().steps.extend(steps);
+        // Something an optimiser might do to the opacity, so that stages can be told apart.
+        self.field.optical.opacity_logit.iter_mut().for_each(|o| *o += 0.01);
+        Ok(StepReport { optical_loss: 0.5, rf_loss: 0.25, depth_loss: 0.125, visible: self.field.len() })
+    }
+    fn gaussians(&mut self) -> Gaussians {
+        self.field.clone()
+    }
+}
+
+fn cameras() -> (Pinhole, Pinhole) {
+    (Pinhole::from_horizontal_fov(96, 64, 90.0), Pinhole::from_horizontal_fov(48, 32, 90.0))
+}
+
+fn keyframes(count: usize) -> Vec<Keyframe> {
+    let (optical, rf) = cameras();
+    (0..count).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.5), &optical, &rf, true)).collect()
+}
+
+fn reconstructor(config: ReconstructionConfig, seed: u64) -> (Reconstructor, Arc<Mutex<Log>>) {
+    let log = Arc::new(Mutex::new(Log { main: u32::MAX, inverse_depth: 0.2, ..Log::default() }));
+    let device = Recorder { log: log.clone(), field: Gaussians::empty(1, 0) };
+    let (optical, rf) = cameras();
+    (Reconstructor::new(Box::new(device), config, optical, rf, synthetic::DB_RANGE, seed).unwrap(), log)
+}
+
+fn run(config: ReconstructionConfig, seed: u64, keyframes: &[Keyframe]) -> (Reconstructor, Arc<Mutex<Log>>, Vec<KeyframeReport>) {
+    let (mut r, log) = reconstructor(config, seed);
+    let mut reports: Vec<KeyframeReport> = keyframes.iter().map(|k| r.push(k).unwrap()).collect();
+    reports.push(r.finish(&mut |_, _| {}).unwrap());
+    (r, log, reports)
+}
+
+#[test]
+fn every_keyframe_is_expanded_once_and_gets_its_iterations() {
+    let frames = keyframes(5);
+    let (mut r, log, reports) = run(ReconstructionConfig::default(), 1, &frames);
+    let expanded: Vec<usize> = reports.iter().map(|r| r.keyframes_expanded).collect();
+    assert_eq!(expanded, [0, 0, 3, 1, 1, 0], "the first three wait for each other");
+    let log = log.lock().unwrap();
+    assert_eq!(log.steps.len(), 5 * 75);
+    assert_eq!(log.views.len(), 5);
+    assert!(log.views.iter().all(|v| v.inverse_depth.is_some()), "the aligned prior is uploaded");
+    let spawned: usize = reports.iter().map(|r| r.spawned).sum();
+    let gone: usize = reports.iter().map(|r| r.replaced + r.pruned).sum();
+    assert_eq!(r.gaussian_count(), spawned - gone);
+    assert_eq!(r.born.len(), r.gaussian_count());
+    assert!(spawned > 500, "{spawned}");
+    assert!(reports[3].accurate_share > 0.5 && reports[2].ground_truth_depth_used && reports[2].prior_aligned);
+    // Steps of the published method: joint, λ = 0.1, every background its own, radio on its floor.
+    assert!(log.steps.iter().all(|s| s.optical_weight == 1.0 && s.rf_weight == 0.1 && s.train_geometry));
+    assert!(log.steps.iter().all(|s| s.rf_background == RfTarget::Jet.floor_color()));
+    // The world scale is that of the first baselines: 0.36 m on this walk.
+    let field = r.field().gaussians;
+    let mean = (1..5)
+        .map(|i| (frames[i].world_from_camera.translation - frames[i - 1].world_from_camera.translation).length())
+        .sum::<f64>()
+        / 4.0;
+    assert!((f64::from(log.position_rate_m) / (5e-5 * mean / 0.1) - 1.0).abs() < 1e-5);
+    // New Gaussians lie in the room: exact depth is to be had from the prior to 10 % and from matching better.
+    let inside = field.position.iter().filter(|p| p[0].abs() < 4.5 && p[1].abs() < 3.5 && p[2] > -0.5 && p[2] < 3.3).count();
+    assert!(inside as f32 > 0.95 * field.len() as f32);
+}
+
+#[test]
+fn two_stage_couplings_take_as_many_radio_steps_on_a_geometry_that_light_made() {
+    let frames = keyframes(4);
+    for (coupling, geometry) in [(Coupling::Frozen, false), (Coupling::RfTuned, true)] {
+        let config = ReconstructionConfig { coupling, rf_target: RfTarget::Db, ..Default::default() };
+        let (mut r, log) = reconstructor(config, 1);
+        frames.iter().for_each(|k| assert!(r.push(k).is_ok()));
+        let before = r.field().gaussians;
+        let mut progress = Vec::new();
+        r.finish(&mut |done, total| progress.push((done, total))).unwrap();
+        assert_eq!(progress.last(), Some(&(300, 300)));
+        let log = log.lock().unwrap();
+        let (first, second) = log.steps.split_at(300);
+        assert!(first.iter().all(|s| s.rf_weight == 0.0 && s.optical_weight == 1.0 && s.train_geometry));
+        assert_eq!(second.len(), 300);
+        assert!(second.iter().all(|s| s.optical_weight == 0.0 && s.rf_weight > 0.0 && s.depth_weight == 0.0));
+        assert!(second.iter().all(|s| s.train_geometry == geometry));
+        assert_eq!(second[0].level, 2, "the second stage begins coarse");
+        assert_eq!(log.resets.len(), 1);
+        assert_eq!(log.resets[0].sh, before.rf.sh, "colours as sampled from the spectra");
+        assert_eq!(log.resets[0].opacity_logit, before.optical.opacity_logit, "the opacity light has learnt");
+    }
+}
+
+#[test]
+fn uniform_sampling_draws_a_tenth_of_the_pixels_and_more_than_structure_does() {
+    let frames = keyframes(3);
+    let uniform = ReconstructionConfig { sampling: Sampling::Uniform, ..Default::default() };
+    let (_, _, reports) = run(uniform, 1, &frames);
+    let expected = 3.0 * 96.0 * 64.0 * 0.1;
+    // Binomial, five standard deviations.
+    assert!((reports[2].sampled as f64 - expected).abs() < 5.0 * (expected * 0.9f64).sqrt(), "{}", reports[2].sampled);
+}
+
+#[test]
+fn without_a_prior_depths_come_from_matching_alone() {
+    let depth = DepthConfig { prior: DepthPriorKind::None, ..Default::default() };
+    let mut frames = keyframes(4);
+    for k in &mut frames {
+        k.depth_m = None;
+        k.surface = None;
+    }
+    let (_, log, reports) = run(ReconstructionConfig { depth, ..Default::default() }, 1, &frames);
+    assert!(reports.iter().all(|r| !r.ground_truth_depth_used && !r.prior_aligned));
+    assert!(reports[2].spawned > 150 && reports[2].accurate_share == 1.0, "{:?}", reports[2]);
+    assert!(log.lock().unwrap().views.iter().all(|v| v.inverse_depth.is_none()));
+    // The simulated prior cannot do that.
+    let (mut r, _) = reconstructor(ReconstructionConfig::default(), 1);
+    let error = r.push(&frames[0]).unwrap_err().to_string();
+    assert!(error.contains("keyframe 0") && error.contains("no depth"), "{error}");
+}
+
+#[test]
+fn an_opaque_near_field_lets_nothing_be_spawned_behind_it_and_gives_way_where_it_is_in_the_way() {
+    let frames = keyframes(4);
+    let (mut r, log) = reconstructor(ReconstructionConfig::default(), 1);
+    frames[..3].iter().for_each(|k| assert!(r.push(k).is_ok()));
+    log.lock().unwrap().coverage = 1.0;
+    log.lock().unwrap().inverse_depth = 10.0;
+    assert_eq!(r.push(&frames[3]).unwrap().spawned, 0, "everything is behind 0.1 m");
+    let (mut r, log) = reconstructor(ReconstructionConfig::default(), 1);
+    frames[..3].iter().for_each(|k| assert!(r.push(k).is_ok()));
+    log.lock().unwrap().main = 7;
+    let before = r.field().gaussians;
+    let report = r.push(&frames[3]).unwrap();
+    assert_eq!(report.replaced, 1);
+    let after = r.field().gaussians;
+    assert!(before.position.contains(&before.position[7]) && !after.position.contains(&before.position[7]));
+}
+
+#[test]
+fn new_gaussians_are_born_with_the_same_opacity_in_both_modalities() {
+    let (mut r, _, _) = run(ReconstructionConfig { iterations_per_keyframe: 1, ..Default::default() }, 1, &keyframes(3));
+    let rf = r.field().gaussians.rf.opacity_logit;
+    let born: std::collections::BTreeSet<u32> = rf.iter().map(|&o| (sigmoid(o) * 1000.0).round() as u32).collect();
+    assert!(born.is_subset(&[70, 20, 200].into()), "{born:?}");
+    assert!(born.contains(&70) && born.contains(&20));
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_with_any_number_of_threads() {
+    let frames = keyframes(4);
+    let with = |threads, seed| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap()
+            .install(|| run(ReconstructionConfig::default(), seed, &frames).0.field().gaussians)
+    };
+    let one = with(1, 7);
+    assert_eq!(one, with(3, 7));
+    assert_ne!(one, with(1, 8));
+}
+
+#[test]
+fn bad_keyframes_are_refused_with_their_index_and_leave_the_field_alone() {
+    let frames = keyframes(4);
+    let (mut r, _) = reconstructor(ReconstructionConfig::default(), 1);
+    frames[..3].iter().for_each(|k| assert!(r.push(k).is_ok()));
+    let before = r.field().gaussians;
+    let mut refused = |k: &Keyframe, word: &str| {
+        let error = r.push(k).unwrap_err().to_string();
+        assert!(error.contains(&format!("keyframe {}", k.index)) && error.contains(word), "{error}");
+    };
+    refused(&frames[1], "order");
+    let mut nan = frames[3].clone();
+    nan.world_from_camera.translation.x = f64::NAN;
+    refused(&nan, "pose");
+    let mut small = frames[3].clone();
+    small.spectrum = Raster::filled(4, 4, 0.0);
+    refused(&small, "spectrum");
+    let mut bad = frames[3].clone();
+    bad.spectrum[(5, 2)] = f32::NAN;
+    refused(&bad, "row 2, column 5");
+    assert_eq!(r.field().gaussians, before);
+    r.push(&frames[3]).unwrap();
+    assert!(r.fine_tune(1, &mut |_, _| {}).is_err(), "fine-tuning comes after the end");
+    r.finish(&mut |_, _| {}).unwrap();
+    assert!(r.push(&keyframes(5)[4]).is_err());
+}
+
+#[test]
+fn fine_tuning_counts_in_epochs() {
+    let frames = keyframes(4);
+    let (mut r, log, _) = run(ReconstructionConfig::default(), 1, &frames);
+    let before = log.lock().unwrap().steps.len();
+    r.fine_tune(3, &mut |_, _| {}).unwrap();
+    let log = log.lock().unwrap();
+    let tuned = &log.steps[before..];
+    assert_eq!(tuned.len(), 3 * 4);
+    assert!(tuned.iter().all(|s| s.level == 0));
+    for epoch in tuned.chunks(4) {
+        assert_eq!(epoch.iter().map(|s| s.view.0).collect::<std::collections::BTreeSet<_>>().len(), 4);
+    }
+}
