@@ -59,6 +59,13 @@ fn bench_scene(c: &mut Criterion, name: &str, scene: &Scene) {
 
 fn all(c: &mut Criterion) {
     bench_scene(c, "test room", &test_room::test_room());
+    let lobby = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/lobby.glb");
+    if lobby.exists() {
+        match corf_scene::import::load(&lobby) {
+            Ok(scene) => bench_scene(c, "lobby", &scene),
+            Err(error) => eprintln!("the lobby is left out: {error}"),
+        }
+    }
 }
 
 criterion_group!(benches, all);

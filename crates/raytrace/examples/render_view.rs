@@ -11,7 +11,7 @@
 mod test_room;
 
 use corf_raytrace::{Bvh, DenoiseSettings, LightSettings, LightTracer, denoise, develop};
-use corf_scene::{Error, Pinhole, Raster, Result, Rigid3, io};
+use corf_scene::{Error, Pinhole, Raster, Result, Rigid3, import, io};
 use glam::DVec3;
 use std::time::Instant;
 
@@ -87,7 +87,7 @@ fn options() -> Result<Options> {
 
 fn run() -> Result<()> {
     let o = options()?;
-    let scene = if o.scene == "room" { test_room::test_room() } else { load(&o.scene)? };
+    let scene = if o.scene == "room" { test_room::test_room() } else { import::load(&o.scene)? };
     let start = Instant::now();
     let bvh = Bvh::build(&scene);
     let built = start.elapsed();
@@ -125,10 +125,6 @@ fn run() -> Result<()> {
         o.out
     );
     Ok(())
-}
-
-fn load(path: &str) -> Result<corf_scene::Scene> {
-    Err(Error::invalid(path, "reading scene files has not landed yet", "use `room`"))
 }
 
 fn main() -> std::process::ExitCode {
