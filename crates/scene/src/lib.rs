@@ -11,6 +11,7 @@ pub mod dataset;
 mod error;
 pub mod finding;
 pub mod import;
+pub mod info;
 pub mod io;
 pub mod itu;
 pub mod keyframe;

@@ -24,3 +24,6 @@ pub use header::{Conventions, DATASET_SCHEMA, DatasetHeader, Quantity};
 pub use reader::Dataset;
 pub use validate::validate;
 pub use writer::{DatasetWriter, FrameData};
+
+#[cfg(test)]
+mod tests;
