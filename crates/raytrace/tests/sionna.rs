@@ -11,8 +11,7 @@ fn specular(name: &str) -> Option<SpecularReference> {
     let path = shared(&format!("sionna/{name}.json"))?;
     match Reference::load(&path).unwrap() {
         Reference::Specular(reference) => Some(reference),
-        #[allow(unreachable_patterns)]
-        _ => panic!("{name} is not a specular reference"),
+        Reference::Diffuse(_) => panic!("{name} is not a specular reference"),
     }
 }
 
@@ -49,4 +48,24 @@ fn a_path_too_few_or_too_many_fails() {
     more.configs[0].rx_results[1].paths.push(invented);
     let report = sionna::check_specular(&more).unwrap();
     assert!(!report.passed && report.comparisons[1].missing.len() == 1);
+}
+
+#[test]
+fn diffuse_power_and_the_bartlett_map_agree() {
+    let Some(path) = shared("sionna/box_room_diffuse.json") else { return };
+    let report = sionna::check(&path).unwrap();
+    println!("{report}");
+    assert_eq!(report.comparisons.len(), 6);
+    assert!(report.passed, "{report}");
+}
+
+#[test]
+fn one_percent_more_scattering_fails() {
+    let Some(path) = shared("sionna/box_room_diffuse.json") else { return };
+    let Reference::Diffuse(mut reference) = Reference::load(&path).unwrap() else { panic!("not a diffuse reference") };
+    reference.cases.truncate(1);
+    reference.cases[0].rx_results.truncate(1);
+    reference.materials.get_mut("m_concrete").unwrap().scattering_coefficient *= 1.01;
+    let report = sionna::check_diffuse(&reference).unwrap();
+    assert!(!report.passed, "{report}");
 }

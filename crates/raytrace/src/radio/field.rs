@@ -1,6 +1,6 @@
 //! The polarised field along a ray and what an interaction does to it.
 
-use super::{Complex, Slab, antenna, fresnel};
+use super::{Complex, antenna, fresnel::SlabResponse};
 use glam::DVec3;
 
 /// A complex electric field vector in world axes, perpendicular to its ray.
@@ -23,7 +23,8 @@ impl Field {
         Complex::new(self.re.dot(axis), self.im.dot(axis))
     }
 
-    fn of_components(a: Complex, axis_a: DVec3, b: Complex, axis_b: DVec3) -> Self {
+    /// `a·axis_a + b·axis_b`.
+    pub fn of_components(a: Complex, axis_a: DVec3, b: Complex, axis_b: DVec3) -> Self {
         Self { re: axis_a * a.re + axis_b * b.re, im: axis_a * a.im + axis_b * b.im }
     }
 }
@@ -41,24 +42,29 @@ pub fn mirrored(direction: DVec3, normal: DVec3) -> DVec3 {
 }
 
 /// Specular reflection: E_r = √(1−S²)·[R_TE(E·e_s)e_s + R_TM(E·p_i)p_r], p = k × e_s.
-pub fn reflect(field: &Field, direction: DVec3, normal: DVec3, slab: &Slab) -> Field {
-    let reflected = reflect_unscaled(field, direction, normal, slab);
-    let scale = slab.specular_amplitude();
-    Field { re: reflected.re * scale, im: reflected.im * scale }
-}
-
-/// The Fresnel reflection alone, before any of it is scattered.
-pub fn reflect_unscaled(field: &Field, direction: DVec3, normal: DVec3, slab: &Slab) -> Field {
+pub fn reflect(field: &Field, direction: DVec3, normal: DVec3, response: &SlabResponse, specular_amplitude: f64) -> Field {
     let e_s = perpendicular(direction, normal);
     let (p_i, p_r) = (direction.cross(e_s), mirrored(direction, normal).cross(e_s));
-    let response = fresnel::slab_response(slab, direction.dot(normal).abs().min(1.0));
-    Field::of_components(response.r_te * field.along(e_s), e_s, response.r_tm * field.along(p_i), p_r)
+    let (r_te, r_tm) = (response.r_te * specular_amplitude, response.r_tm * specular_amplitude);
+    Field::of_components(r_te * field.along(e_s), e_s, r_tm * field.along(p_i), p_r)
 }
 
 /// Straight through a slab: T_TE and T_TM on the same axes, not scaled by the scattering coefficient.
-pub fn transmit(field: &Field, direction: DVec3, normal: DVec3, slab: &Slab) -> Field {
+pub fn transmit(field: &Field, direction: DVec3, normal: DVec3, response: &SlabResponse) -> Field {
     let e_s = perpendicular(direction, normal);
     let p = direction.cross(e_s);
-    let response = fresnel::slab_response(slab, direction.dot(normal).abs().min(1.0));
     Field::of_components(response.t_te * field.along(e_s), e_s, response.t_tm * field.along(p), p)
+}
+
+/// Γ² = ‖E_r‖²/‖E_i‖² of the Fresnel reflection: the share of a field's power that is reflected, before any of it is scattered.
+pub fn reflectivity(field: &Field, direction: DVec3, normal: DVec3, response: &SlabResponse) -> f64 {
+    let e_s = perpendicular(direction, normal);
+    let p_i = direction.cross(e_s);
+    let (te, tm) = (field.along(e_s).norm_squared(), field.along(p_i).norm_squared());
+    (response.r_te.norm_squared() * te + response.r_tm.norm_squared() * tm) / (te + tm)
+}
+
+/// cosθ_i of a unit direction on a plane, in [0, 1].
+pub fn cos_incidence(direction: DVec3, normal: DVec3) -> f64 {
+    direction.dot(normal).abs().min(1.0)
 }

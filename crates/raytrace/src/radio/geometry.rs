@@ -206,23 +206,27 @@ impl<'a> Geometry<'a> {
         }
     }
 
-    /// Whether anything lies between two points, both pulled in by `clearance_m` (single precision is enough for diffuse power).
-    pub fn occluded(&self, from: DVec3, to: DVec3, clearance_m: f64) -> bool {
+    /// Whether anything but the faces `skip` lies between two points pulled in by `clearance_m` (single precision is enough for power).
+    pub fn occluded(&self, from: DVec3, to: DVec3, skip: [Option<u32>; 2], clearance_m: f64) -> bool {
         let length = from.distance(to);
         if length <= 2.0 * clearance_m {
             return false;
         }
         let direction = (to - from) / length;
         match self.occluders {
-            Occluders::Brute => self.corners.iter().any(|corners| {
-                line_meets_triangle(from, direction, corners).is_some_and(|t| t > clearance_m && t < length - clearance_m)
+            Occluders::Brute => self.corners.iter().zip(&self.face_of_triangle).any(|(corners, face)| {
+                !skip.contains(&Some(*face))
+                    && line_meets_triangle(from, direction, corners).is_some_and(|t| t > clearance_m && t < length - clearance_m)
             }),
-            Occluders::Bvh(bvh) => bvh.occluded(&Ray {
-                origin: from.as_vec3(),
-                direction: direction.as_vec3(),
-                t_min: clearance_m as f32,
-                t_max: (length - clearance_m) as f32,
-            }),
+            Occluders::Bvh(bvh) => {
+                let ray = Ray {
+                    origin: from.as_vec3(),
+                    direction: direction.as_vec3(),
+                    t_min: clearance_m as f32,
+                    t_max: (length - clearance_m) as f32,
+                };
+                bvh.occluded_where(&ray, |hit| !skip.contains(&Some(self.face_of_triangle[hit.triangle as usize])))
+            }
         }
     }
 }

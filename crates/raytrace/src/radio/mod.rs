@@ -6,6 +6,7 @@
 pub mod antenna;
 mod chains;
 mod complex;
+pub mod diffuse;
 mod field;
 pub mod fresnel;
 mod geometry;
@@ -14,9 +15,12 @@ pub mod lattice;
 pub mod materials;
 mod paths;
 mod planar;
+pub mod scattering;
+mod tables;
 
 pub use antenna::{Angles, Antenna, Pattern, PlanarArray};
 pub use complex::Complex;
+pub use diffuse::{DiffuseField, DiffuseSettings};
 pub use geometry::{Face, Geometry};
 pub use materials::Slab;
 pub use paths::{Interaction, InteractionKind, Path, RadioTracer, Transmitter};

@@ -3,6 +3,7 @@
 use super::antenna::Angles;
 use super::chains::{self, Chain};
 use super::field::{self, Field};
+use super::fresnel::{self, SlabResponse};
 use super::geometry::{Crossing, Geometry};
 use super::{Complex, MAX_DEPTH, RadioSettings, SPEED_OF_LIGHT};
 use crate::bvh::Bvh;
@@ -236,7 +237,7 @@ impl RadioTracer<'_> {
     }
 
     /// Where the line from `target` to an `image` behind the face meets the face.
-    fn bounce(&self, face: u32, target: DVec3, image: DVec3) -> Option<DVec3> {
+    pub(super) fn bounce(&self, face: u32, target: DVec3, image: DVec3) -> Option<DVec3> {
         let face = &self.geometry.faces[face as usize];
         let (here, behind) = (face.distance(target), face.distance(image));
         if here * behind >= 0.0 {
@@ -244,6 +245,12 @@ impl RadioTracer<'_> {
         }
         let point = target + (image - target) * (here / (here - behind));
         face.contains(point).then_some(point)
+    }
+
+    /// The slab's coefficients for a ray on a face.
+    fn response(&self, face: u32, direction: DVec3) -> SlabResponse {
+        let cos_incidence = field::cos_incidence(direction, self.geometry.faces[face as usize].normal);
+        fresnel::slab_response(self.geometry.slab(face), cos_incidence)
     }
 
     /// Carries the field along the path.
@@ -270,13 +277,15 @@ impl RadioTracer<'_> {
             }
             for crossing in &crossed[i] {
                 let face = &self.geometry.faces[crossing.face as usize];
-                e = field::transmit(&e, direction, face.normal, self.geometry.slab(crossing.face));
+                let response = self.response(crossing.face, direction);
+                e = field::transmit(&e, direction, face.normal, &response);
                 let vertex = from + direction * crossing.distance_m;
                 interactions.push(Interaction { kind: InteractionKind::Refraction, object: face.object, vertex });
             }
             if let Some(&index) = faces.get(i) {
                 let face = &self.geometry.faces[index as usize];
-                e = field::reflect(&e, direction, face.normal, self.geometry.slab(index));
+                let amplitude = self.geometry.slab(index).specular_amplitude();
+                e = field::reflect(&e, direction, face.normal, &self.response(index, direction), amplitude);
                 direction = field::mirrored(direction, face.normal);
                 interactions.push(Interaction { kind: InteractionKind::Specular, object: face.object, vertex: to });
             }

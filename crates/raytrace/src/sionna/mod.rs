@@ -3,11 +3,12 @@
 //! Two schemas are read: `corf-sionna-ref/1` (specular and transmitted paths, with a float64 column that this tracer must meet to
 //! rounding) and `corf-sionna-diffuse-ref/1` (diffuse power per object and a Bartlett map).
 
+mod diffuse;
 mod paths;
 mod reference;
 mod report;
 
-pub use reference::{Reference, SpecularReference};
+pub use reference::{DiffuseReference, Reference, SpecularReference};
 pub use report::{CheckReport, Comparison};
 
 use corf_scene::Result;
@@ -21,10 +22,19 @@ use std::path::Path;
 pub fn check(path: &Path) -> Result<CheckReport> {
     match Reference::load(path)? {
         Reference::Specular(reference) => paths::check(&reference),
+        Reference::Diffuse(reference) => diffuse::check(&reference),
     }
 }
 
-/// Compares a reference already in memory.
+/// Compares a diffuse reference already in memory.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_diffuse(reference: &DiffuseReference) -> Result<CheckReport> {
+    diffuse::check(reference)
+}
+
+/// Compares a specular reference already in memory.
 ///
 /// # Errors
 /// As [`check`].

@@ -13,6 +13,91 @@ use std::path::Path;
 pub enum Reference {
     /// `corf-sionna-ref/1`.
     Specular(SpecularReference),
+    /// `corf-sionna-diffuse-ref/1`.
+    Diffuse(DiffuseReference),
+}
+
+/// Diffuse power and Bartlett maps (`corf-sionna-diffuse-ref/1`).
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct DiffuseReference {
+    /// Scene name.
+    pub scene: String,
+    /// Carrier, Hz.
+    pub frequency_hz: f64,
+    /// The array of the maps.
+    pub array: ReferenceArray,
+    /// Materials by name; the scattering pattern is the case's.
+    pub materials: BTreeMap<String, ReferenceMaterial>,
+    /// Objects.
+    pub objects: Vec<ReferenceObject>,
+    /// Transmitter, metres.
+    pub tx: [f64; 3],
+    /// Receivers, metres.
+    pub rx: Vec<[f64; 3]>,
+    /// One per scattering pattern.
+    pub cases: Vec<DiffuseCase>,
+}
+
+/// The grid of a Bartlett map.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ReferenceArray {
+    /// Azimuths in the array frame, degrees.
+    pub az_deg: Vec<f64>,
+    /// Elevations, degrees.
+    pub el_deg: Vec<f64>,
+    /// Heading of the array at each receiver, radians.
+    pub rx_yaw_rad: Vec<f64>,
+}
+
+/// One scattering pattern.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct DiffuseCase {
+    /// Name.
+    pub name: String,
+    /// Pattern of every material.
+    pub pattern: String,
+    /// The directive lobe's exponent.
+    #[serde(default)]
+    pub alpha_r: Option<u32>,
+    /// The library's arguments.
+    pub args: ReferenceArgs,
+    /// Results per receiver.
+    pub rx_results: Vec<DiffuseResult>,
+}
+
+/// What one receiver gets.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct DiffuseResult {
+    /// Index into the receivers.
+    pub rx_index: usize,
+    /// Power by interaction types.
+    pub power_by_type: BTreeMap<String, Estimate>,
+    /// Power of DS paths: that of SD paths with the ends exchanged.
+    #[serde(rename = "DS_by_reciprocity", default)]
+    pub ds_by_reciprocity: Option<Estimate>,
+    /// Power of D paths by object.
+    #[serde(rename = "D_power_by_object")]
+    pub power_by_object: BTreeMap<String, ObjectPower>,
+    /// Map in dB, azimuth by elevation.
+    pub bartlett_noncoherent_db: Vec<Vec<f64>>,
+}
+
+/// A Monte Carlo mean and its standard error.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Estimate {
+    /// Mean over seeds.
+    pub mean: f64,
+    /// Standard error of the mean.
+    pub sem: f64,
+}
+
+/// One object's diffuse power.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct ObjectPower {
+    /// The library's.
+    pub sionna: Estimate,
+    /// By float64 quadrature.
+    pub quadrature_f64: f64,
 }
 
 /// A triangle's corners as the file gives them, metres.
@@ -175,8 +260,46 @@ impl Reference {
                 reference.validate(&place)?;
                 Ok(Self::Specular(reference))
             }
+            "corf-sionna-diffuse-ref/1" => {
+                let reference: DiffuseReference = serde_json::from_str(&text).map_err(unreadable)?;
+                reference.validate(&place)?;
+                Ok(Self::Diffuse(reference))
+            }
             other => Err(Error::invalid(place, format!("unknown schema `{other}`"), help)),
         }
+    }
+}
+
+impl DiffuseReference {
+    fn validate(&self, place: &str) -> Result<()> {
+        let receivers = self.rx.len().min(self.array.rx_yaw_rad.len());
+        for case in &self.cases {
+            for result in &case.rx_results {
+                let map = &result.bartlett_noncoherent_db;
+                let fits = map.len() == self.array.az_deg.len() && map.iter().all(|row| row.len() == self.array.el_deg.len());
+                if result.rx_index >= receivers || !fits {
+                    return Err(Error::invalid(
+                        format!("{place}: case `{}`, rx_index {}", case.name, result.rx_index),
+                        "no such receiver, or a Bartlett map that does not fit az_deg by el_deg",
+                        "rx_index counts from 0; the map has a row per azimuth and a column per elevation",
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The scene with a case's scattering pattern on every material.
+    ///
+    /// # Errors
+    /// An object whose material is not listed, or an unknown scattering pattern.
+    pub fn scene(&self, case: &DiffuseCase) -> Result<Scene> {
+        let mut materials = self.materials.clone();
+        for material in materials.values_mut() {
+            material.pattern.clone_from(&case.pattern);
+            material.alpha_r = case.alpha_r;
+        }
+        build_scene(&self.scene, self.frequency_hz, &materials, &self.objects)
     }
 }
 

@@ -1,0 +1,174 @@
+//! What lights a point: the transmitter itself and its mirror images, straight through slabs where they let power pass.
+
+use crate::radio::field::{self, Field};
+use crate::radio::geometry::Geometry;
+use crate::radio::tables::SlabTable;
+use crate::radio::{RadioTracer, lattice};
+use glam::DVec3;
+
+/// Rays that find out how large every face is in the transmitter's view.
+const MIRROR_RAYS: usize = 40_000;
+/// Slabs that pass less than this share of power at normal incidence are opaque to the diffuse field (−60 dB).
+const OPAQUE_POWER: f64 = 1e-6;
+/// Distance from the ends of a shadow ray within which nothing is looked for, metres: float32 resolves 1e-6 at 10 m.
+const CLEARANCE_M: f64 = 5e-5;
+
+/// The transmitter, or its image in a face.
+#[derive(Clone, Copy, Debug)]
+pub struct Source {
+    /// Where the field seems to come from.
+    pub image: DVec3,
+    /// The mirror; `None` for the transmitter itself.
+    pub mirror: Option<u32>,
+}
+
+/// Whether and how a source lights a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lighting {
+    /// Something opaque is in between, or the mirror does not reach there.
+    Dark,
+    /// The way is free.
+    Free,
+    /// Slabs that let power pass are in between.
+    ThroughSlabs,
+}
+
+/// The field that a source sends to a point.
+#[derive(Clone, Copy, Debug)]
+pub struct Incident {
+    /// Unit direction of propagation at the point.
+    pub direction: DVec3,
+    /// Field, without spreading and phase.
+    pub field: Field,
+    /// Unfolded distance from the transmitter, metres.
+    pub distance_m: f64,
+}
+
+/// The sources of one transmitter.
+pub struct Illumination<'t, 'a> {
+    tracer: &'t RadioTracer<'a>,
+    /// One per scene material.
+    pub(super) tables: Vec<Option<SlabTable>>,
+    tx: DVec3,
+    /// The transmitter first, then its images.
+    pub(super) sources: Vec<Source>,
+}
+
+impl<'t, 'a> Illumination<'t, 'a> {
+    /// Finds the faces that take at least `min_mirror_sr` of the transmitter's view.
+    pub fn new(tracer: &'t RadioTracer<'a>, tx: DVec3, min_mirror_sr: f64) -> Self {
+        let geometry = &tracer.geometry;
+        let tables = geometry.slabs.iter().map(|slab| slab.as_ref().map(SlabTable::new)).collect();
+        let mut sources = Vec::new();
+        if tracer.settings.line_of_sight {
+            sources.push(Source { image: tx, mirror: None });
+        }
+        // One interaction before the scattering and the scattering itself.
+        if tracer.settings.reflection && tracer.settings.max_depth >= 2 {
+            let mut seen = vec![0usize; geometry.faces.len()];
+            for i in 0..MIRROR_RAYS {
+                if let Some((_, triangle)) = geometry.closest(tx, lattice::fibonacci(i, MIRROR_RAYS), 0.0) {
+                    seen[geometry.face_of_triangle(triangle) as usize] += 1;
+                }
+            }
+            let enough = (min_mirror_sr * MIRROR_RAYS as f64 / (4.0 * std::f64::consts::PI)).max(1.0);
+            for (face, count) in seen.into_iter().enumerate() {
+                if count as f64 >= enough {
+                    sources.push(Source { image: geometry.faces[face].mirror(tx), mirror: Some(face as u32) });
+                }
+            }
+        }
+        Self { tracer, tables, tx, sources }
+    }
+
+    pub(super) fn geometry(&self) -> &Geometry<'a> {
+        &self.tracer.geometry
+    }
+
+    pub(super) fn table(&self, face: u32) -> &SlabTable {
+        match &self.tables[self.geometry().faces[face as usize].material as usize] {
+            Some(table) => table,
+            None => unreachable!("a face's material is used by its triangles"),
+        }
+    }
+
+    /// Interactions a source's legs may still spend on slabs, after its mirror, the scattering itself and `after` more behind it.
+    fn slab_budget(&self, source: Source, after: usize) -> Option<usize> {
+        let spent = 1 + after + usize::from(source.mirror.is_some());
+        let left = self.tracer.settings.max_depth.checked_sub(spent)?;
+        Some(if self.tracer.settings.transmission { left } else { 0 })
+    }
+
+    /// How a source lights a point of a face.
+    pub fn lighting(&self, source: Source, point: DVec3, face: u32) -> Lighting {
+        let leg = |from: DVec3, to: DVec3, skip: [Option<u32>; 2]| -> Lighting {
+            if !self.geometry().occluded(from, to, skip, CLEARANCE_M) {
+                return Lighting::Free;
+            }
+            let Some(budget) = self.slab_budget(source, 0).filter(|b| *b > 0) else { return Lighting::Dark };
+            match self.geometry().crossings(from, to, skip, budget) {
+                Some(crossed) if crossed.iter().all(|c| self.table(c.face).transmitted_power > OPAQUE_POWER) => {
+                    Lighting::ThroughSlabs
+                }
+                _ => Lighting::Dark,
+            }
+        };
+        let Some(mirror) = source.mirror else { return leg(self.tx, point, [Some(face), None]) };
+        if mirror == face {
+            return Lighting::Dark;
+        }
+        let Some(at) = self.tracer.bounce(mirror, point, source.image) else { return Lighting::Dark };
+        match (leg(at, point, [Some(mirror), Some(face)]), leg(self.tx, at, [Some(mirror), None])) {
+            (Lighting::Dark, _) | (_, Lighting::Dark) => Lighting::Dark,
+            (Lighting::Free, Lighting::Free) => Lighting::Free,
+            _ => Lighting::ThroughSlabs,
+        }
+    }
+
+    /// The field of a source at a point it lights, slabs included; `after` interactions follow the scattering.
+    pub fn incident(&self, source: Source, lighting: Lighting, point: DVec3, face: u32, after: usize) -> Option<Incident> {
+        let budget = self.slab_budget(source, after)?;
+        if lighting == Lighting::Dark || (lighting == Lighting::ThroughSlabs && budget == 0) {
+            return None;
+        }
+        let distance_m = source.image.distance(point);
+        if distance_m == 0.0 {
+            return None;
+        }
+        let direction = (point - source.image) / distance_m;
+        let mut left = budget;
+        let mut through = |e: Field, from: DVec3, to: DVec3, skip: [Option<u32>; 2], direction: DVec3| -> Option<Field> {
+            if lighting == Lighting::Free {
+                return Some(e);
+            }
+            let crossed = self.geometry().crossings(from, to, skip, left)?;
+            left -= crossed.len();
+            Some(crossed.iter().fold(e, |e, c| self.pass(&e, c.face, direction)))
+        };
+        let Some(mirror) = source.mirror else {
+            let e = Field::real(self.tracer.settings.tx_antenna.field(direction));
+            let field = through(e, self.tx, point, [Some(face), None], direction)?;
+            return Some(Incident { direction, field, distance_m });
+        };
+        let at = self.tracer.bounce(mirror, point, source.image)?;
+        let departure = field::mirrored(direction, self.geometry().faces[mirror as usize].normal);
+        let e = Field::real(self.tracer.settings.tx_antenna.field(departure));
+        let e = through(e, self.tx, at, [Some(mirror), None], departure)?;
+        let e = self.bounce_field(&e, mirror, departure);
+        let field = through(e, at, point, [Some(mirror), Some(face)], direction)?;
+        Some(Incident { direction, field, distance_m })
+    }
+
+    /// The field behind a slab.
+    pub(super) fn pass(&self, e: &Field, face: u32, direction: DVec3) -> Field {
+        let normal = self.geometry().faces[face as usize].normal;
+        field::transmit(e, direction, normal, &self.table(face).response(field::cos_incidence(direction, normal)))
+    }
+
+    /// The specularly reflected field.
+    pub(super) fn bounce_field(&self, e: &Field, face: u32, direction: DVec3) -> Field {
+        let normal = self.geometry().faces[face as usize].normal;
+        let response = self.table(face).response(field::cos_incidence(direction, normal));
+        field::reflect(e, direction, normal, &response, self.geometry().slab(face).specular_amplitude())
+    }
+}
