@@ -15,6 +15,7 @@ pub mod info;
 pub mod io;
 pub mod itu;
 pub mod keyframe;
+pub mod lobby;
 pub mod model;
 pub mod radio_spec;
 pub mod raster;
