@@ -224,7 +224,7 @@ fn entrance_leaves() -> Object {
         o.add(Mat::DoorGlass, sheet(v(x0, 0.12, 0.0), v(x1 - x0, 0.0, 0.0), v(0.0, 1.96, 0.0)));
         let x = if side == 0.0 { x1 - 0.09 } else { x0 + 0.09 };
         let pull = [v(x, 0.85, 0.004), v(x, 0.85, 0.06), v(x, 0.87, 0.07), v(x, 1.53, 0.07), v(x, 1.55, 0.06), v(x, 1.55, 0.004)];
-        o.add(Mat::Chrome, tube(&pull, 0.015, 14));
+        o.add(Mat::Chrome, tube(&pull, 0.015, 12));
     }
     Wall::SOUTH.hang(o, ENTRANCE[0], 0.0)
 }
@@ -271,9 +271,9 @@ fn pillars(all: &mut Vec<Object>) {
     ];
     for (name, material, x, y) in places {
         let radius = 0.24;
-        let shaft = lathe(&[[radius, 0.0], [radius, 1.2], [radius, 2.4], [radius, HEIGHT]], 48);
-        let foot = lathe(&[[radius + 0.004, 0.0], [radius + 0.03, 0.0], [radius + 0.03, 0.1], [radius + 0.02, 0.12], [radius + 0.004, 0.12]], 48);
-        let head = lathe(&[[radius + 0.004, HEIGHT - 0.06], [radius + 0.05, HEIGHT - 0.03], [radius + 0.05, HEIGHT - 0.001]], 48);
+        let shaft = lathe(&[[radius, 0.0], [radius, 1.2], [radius, 2.4], [radius, HEIGHT]], 40);
+        let foot = lathe(&[[radius + 0.004, 0.0], [radius + 0.03, 0.0], [radius + 0.03, 0.1], [radius + 0.02, 0.12], [radius + 0.004, 0.12]], 40);
+        let head = lathe(&[[radius + 0.004, HEIGHT - 0.06], [radius + 0.05, HEIGHT - 0.03], [radius + 0.05, HEIGHT - 0.001]], 40);
         let o = Object::new(name).with(material, shaft).with(Mat::Brushed, foot).with(Mat::WhiteMetal, head);
         all.push(o.placed(&Frame::at(x, y, 0.0)));
     }
@@ -297,7 +297,7 @@ fn railing() -> Object {
     let top = |x: f64| if x < 12.5 { 1.4 - 0.5 * (12.5 - x) } else { 1.4 };
     for i in 0..19 {
         let x = 11.97 + 0.11 * f64::from(i);
-        o.add(Mat::DarkMetal, rod(v(x, y, floor(x)), v(x, y, top(x) - 0.01), 0.009, 8));
+        o.add(Mat::DarkMetal, rod(v(x, y, floor(x)), v(x, y, top(x) - 0.01), 0.009, 6));
     }
     o.add(Mat::Oak, tube(&[v(11.85, y, top(11.85)), v(12.5, y, top(12.5)), v(13.98, y, 1.4)], 0.024, 16));
     o.add(Mat::DarkMetal, cylinder(0.022, 0.15, top(11.97) - 0.01, 16).shifted(11.97, y - 0.02, 0.0));

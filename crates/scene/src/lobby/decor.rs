@@ -17,7 +17,7 @@ fn pot(material: Mat, radius: f64, height: f64) -> Object {
     let profile = [
         [0.0, 0.0], [0.72 * r, 0.0], [0.78 * r, 0.02], [r, height - 0.02], [r, height], [0.92 * r, height], [0.88 * r, height - 0.07], [0.0, height - 0.07],
     ];
-    Object::new("").with(material, lathe(&profile, 40)).with(Mat::Soil, disc(0.87 * r, height - 0.06, height - 0.05, 32))
+    Object::new("").with(material, lathe(&profile, 28)).with(Mat::Soil, disc(0.87 * r, height - 0.06, height - 0.05, 20))
 }
 
 /// A plant of arching leaves from one crown (a fern, a dracaena): `count` leaves of about `length` metres.
@@ -37,7 +37,7 @@ pub fn crown_plant(name: &str, seed: u64, pot_material: Mat, leaf_material: Mat,
         let size = length * (0.75 + 0.4 * rng.uniform_f64());
         let droop = 0.45 + 0.35 * rng.uniform_f64();
         let root = crown + v(0.015 * c, 0.015 * s, -0.04 + 0.05 * rng.uniform_f64());
-        o.add(leaf_material, leaf(root, v(c, s, rise), size, 0.1 * size + 0.02, droop, 6));
+        o.add(leaf_material, leaf(root, v(c, s, rise), size, 0.1 * size + 0.02, droop, 4));
     }
     o
 }
@@ -59,7 +59,7 @@ pub fn tree(name: &str, seed: u64, pot_material: Mat, height: f64, leaves: usize
         }
         let (dc, ds) = trig::on_circle(rng.uniform_f64());
         let direction = v(c + 0.7 * dc, s + 0.7 * ds, 0.5 * rng.uniform_f64() - 0.1);
-        o.add(Mat::Leaf, leaf(tip, direction, 0.17 + 0.06 * rng.uniform_f64(), 0.085, 0.35, 3));
+        o.add(Mat::Leaf, leaf(tip, direction, 0.17 + 0.06 * rng.uniform_f64(), 0.085, 0.35, 2));
     }
     o
 }
@@ -76,7 +76,7 @@ pub fn planter(name: &str, seed: u64, length: f64) -> Object {
         let (c, s) = trig::on_circle(rng.uniform_f64());
         let lean = 0.18 * rng.uniform_f64();
         let material = if k % 3 == 0 { Mat::LeafPale } else { Mat::Leaf };
-        o.add(material, leaf(v(x, y, 0.5), v(lean * c + 0.01, lean * s, 1.0), 0.3 + 0.32 * rng.uniform_f64(), 0.06, 0.02, 5));
+        o.add(material, leaf(v(x, y, 0.5), v(lean * c + 0.01, lean * s, 1.0), 0.3 + 0.32 * rng.uniform_f64(), 0.06, 0.02, 3));
     }
     o
 }
@@ -136,7 +136,7 @@ pub fn bookcase(name: &str, seed: u64, length: f64, height: f64) -> Object {
                 if x1 - end > 0.2 {
                     let vase = [[0.0, 0.0], [0.05, 0.0], [0.075, 0.06], [0.06, 0.14], [0.03, 0.18], [0.04, 0.21], [0.0, 0.2]];
                     let material = [Mat::Clay, Mat::ConcretePot, Mat::Brass][rng.below(3)];
-                    o.add(material, lathe(&vase, 24).shifted(0.5 * (x1 + end), -0.17, z + t));
+                    o.add(material, lathe(&vase, 16).shifted(0.5 * (x1 + end), -0.17, z + t));
                 }
             }
         }
@@ -155,29 +155,29 @@ pub fn floor_lamp() -> Object {
 /// A waste bin with a swing lid.
 pub fn bin(body: Mat) -> Object {
     let profile = [[0.0, 0.0], [0.15, 0.0], [0.16, 0.01], [0.17, 0.6], [0.17, 0.62], [0.15, 0.64], [0.11, 0.7], [0.0, 0.72]];
-    Object::new("").with(body, lathe(&profile, 36)).with(Mat::BlackPlastic, lathe(&[[0.172, 0.56], [0.176, 0.565], [0.176, 0.6], [0.172, 0.605]], 36))
+    Object::new("").with(body, lathe(&profile, 28)).with(Mat::BlackPlastic, lathe(&[[0.172, 0.56], [0.176, 0.565], [0.176, 0.6], [0.172, 0.605]], 28))
 }
 
 /// An extinguisher on its bracket: stands on local z = 0, the wall behind at +y.
 pub fn extinguisher() -> Object {
     let body = [[0.0, 0.0], [0.07, 0.0], [0.078, 0.015], [0.078, 0.4], [0.06, 0.45], [0.025, 0.475], [0.022, 0.5], [0.0, 0.5]];
-    let mut o = Object::new("").with(Mat::RedMetal, lathe(&body, 32)).with(Mat::BlackPlastic, cylinder(0.024, 0.5, 0.54, 16));
+    let mut o = Object::new("").with(Mat::RedMetal, lathe(&body, 20)).with(Mat::BlackPlastic, cylinder(0.024, 0.5, 0.54, 16));
     o.add(Mat::BlackPlastic, cuboid(v(-0.012, -0.11, 0.53), v(0.012, 0.03, 0.548)));
     o.add(Mat::BlackPlastic, cuboid(v(-0.012, -0.12, 0.56), v(0.012, 0.02, 0.578)));
     o.add(Mat::BlackPlastic, tube(&[v(0.03, 0.0, 0.52), v(0.1, -0.02, 0.48), v(0.11, -0.03, 0.35), v(0.1, -0.03, 0.15)], 0.012, 10));
-    o.add(Mat::WhitePlastic, lathe(&[[0.0785, 0.16], [0.0795, 0.165], [0.0795, 0.3], [0.0785, 0.305]], 32));
+    o.add(Mat::WhitePlastic, lathe(&[[0.0785, 0.16], [0.0795, 0.165], [0.0795, 0.3], [0.0785, 0.305]], 20));
     o
 }
 
 /// A water cooler with a bottle.
 pub fn water_cooler() -> Object {
-    let mut o = Object::new("").with(Mat::WhitePlastic, rounded_box(v(-0.16, -0.16, 0.0), v(0.16, 0.16, 0.98), 0.025, 3, 1));
+    let mut o = Object::new("").with(Mat::WhitePlastic, rounded_box(v(-0.16, -0.16, 0.0), v(0.16, 0.16, 0.98), 0.025, 2, 1));
     o.add(Mat::GreyMetal, cuboid(v(-0.11, -0.19, 0.62), v(0.11, -0.16, 0.66)));
     for (x, tap) in [(-0.05, Mat::BluePlastic), (0.05, Mat::RedMetal)] {
         o.add(tap, rod(v(x, -0.16, 0.82), v(x, -0.2, 0.82), 0.015, 12));
     }
     let bottle = [[0.0, 0.98], [0.05, 0.98], [0.055, 1.03], [0.13, 1.1], [0.135, 1.14], [0.13, 1.2], [0.135, 1.26], [0.13, 1.34], [0.1, 1.38], [0.0, 1.385]];
-    o.add(Mat::Water, lathe(&bottle, 36));
+    o.add(Mat::Water, lathe(&bottle, 24));
     o
 }
 
@@ -197,7 +197,7 @@ pub fn vending_machine() -> Object {
 /// An umbrella stand with three umbrellas.
 pub fn umbrella_stand() -> Object {
     let wall = [[0.0, 0.0], [0.13, 0.0], [0.14, 0.02], [0.14, 0.5], [0.13, 0.5], [0.13, 0.03], [0.0, 0.03]];
-    let mut o = Object::new("Umbrella stand").with(Mat::Brushed, lathe(&wall, 36));
+    let mut o = Object::new("Umbrella stand").with(Mat::Brushed, lathe(&wall, 24));
     for (k, cloth) in [Mat::ClothRust, Mat::BlackPlastic, Mat::ClothTeal].into_iter().enumerate() {
         let (c, s) = trig::on_circle(k as f64 / 3.0 + 0.1);
         let (foot, head) = (v(0.04 * c, 0.04 * s, 0.03), v(0.11 * c, 0.11 * s, 0.72));
@@ -221,7 +221,7 @@ pub fn stanchions(at: &[[f64; 2]]) -> Object {
     let mut o = Object::new("Stanchions");
     for [x, y] in at {
         let post = [[0.0, 0.0], [0.16, 0.0], [0.16, 0.012], [0.05, 0.03], [0.024, 0.05], [0.024, 0.93], [0.03, 0.94], [0.03, 0.98], [0.0, 0.985]];
-        o.add(Mat::Chrome, lathe(&post, 32).shifted(*x, *y, 0.0));
+        o.add(Mat::Chrome, lathe(&post, 20).shifted(*x, *y, 0.0));
     }
     for pair in at.windows(2) {
         let (a, b) = (DVec2::from(pair[0]), DVec2::from(pair[1]));

@@ -59,16 +59,16 @@ fn lights(all: &mut Vec<Object>) {
     }
     for (i, [x, y]) in DOWNLIGHTS.into_iter().enumerate() {
         let ring = [[0.075, HEIGHT - 0.012], [0.095, HEIGHT - 0.012], [0.1, HEIGHT - 0.004], [0.1, HEIGHT - 0.001], [0.075, HEIGHT - 0.001], [0.075, HEIGHT - 0.012]];
-        let o = Object::new(format!("Downlight {}", i + 1)).with(Mat::WhiteMetal, lathe(&ring, 24).shifted(x, y, 0.0));
+        let o = Object::new(format!("Downlight {}", i + 1)).with(Mat::WhiteMetal, lathe(&ring, 16).shifted(x, y, 0.0));
         all.push(o.with(Mat::Downlight, lamp_face(x, y, HEIGHT - 0.006, 0.075, 8)));
     }
     for (i, [x, y, z]) in PENDANTS.into_iter().enumerate() {
         let shade = [[0.15, 0.0], [0.154, 0.002], [0.142, 0.06], [0.1, 0.13], [0.04, 0.175], [0.02, 0.2], [0.0, 0.2]];
         let inner = [[0.0, 0.17], [0.038, 0.168], [0.096, 0.125], [0.138, 0.058], [0.15, 0.0]];
         let mut o = Object::new(format!("Pendant lamp {}", i + 1));
-        o.add(Mat::DarkMetal, lathe(&shade, 36).shifted(x, y, z));
+        o.add(Mat::DarkMetal, lathe(&shade, 28).shifted(x, y, z));
         // The inside is the same profile run the other way: its normals point to the axis.
-        o.add(Mat::Brass, lathe(&inner, 36).shifted(x, y, z));
+        o.add(Mat::Brass, lathe(&inner, 28).shifted(x, y, z));
         o.add(Mat::PendantGlow, lamp_face(x, y, z + 0.045, 0.105, 10));
         o.add(Mat::BlackPlastic, rod(v(x, y, z + 0.2), v(x, y, HEIGHT - 0.025), 0.004, 8));
         o.add(Mat::DarkMetal, cylinder(0.05, HEIGHT - 0.025, HEIGHT - 0.001, 20).shifted(x, y, 0.0));
@@ -134,7 +134,7 @@ fn letters(text: &str) -> Object {
             o.add(Mat::Brass, bar.placed(&Frame::along(d, pair[0])));
         }
         for p in points {
-            o.add(Mat::Brass, cylinder(pen, z0, z1 + 0.0004, 20).shifted(p.x, p.y, 0.0));
+            o.add(Mat::Brass, cylinder(pen, z0, z1 + 0.0004, 14).shifted(p.x, p.y, 0.0));
         }
     }
     for x in [0.1, 1.2, 2.3] {
@@ -192,9 +192,9 @@ fn screens_and_signs(all: &mut Vec<Object>) {
     all.push(Wall::WEST.hang(call, 11.5, 1.1));
     let mut switches = Object::new("Switches and sockets");
     for (wall, x, y) in [(Wall::NORTH, 5.4, 1.1), (Wall::EAST, 7.2, 1.15), (Wall::NICHE, 0.3, 0.3), (Wall::NICHE, 4.7, 0.3), (Wall::INNER, 2.1, 0.3), (Wall::WEST, 5.15, 0.3)] {
-        let plate = rounded_box(v(-0.042, -0.042, 0.0), v(0.042, 0.042, 0.009), 0.004, 2, 1);
+        let plate = cuboid(v(-0.042, -0.042, 0.0), v(0.042, 0.042, 0.009));
         switches.add(Mat::WhitePlastic, plate.placed(&wall.frame(x, y)));
-        switches.add(Mat::WhitePlastic, rounded_box(v(-0.028, -0.028, 0.008), v(0.028, 0.028, 0.014), 0.004, 1, 1).placed(&wall.frame(x, y)));
+        switches.add(Mat::WhitePlastic, cuboid(v(-0.028, -0.028, 0.009), v(0.028, 0.028, 0.013)).placed(&wall.frame(x, y)));
     }
     all.push(switches);
 }
@@ -208,7 +208,7 @@ fn radiators(all: &mut Vec<Object>) {
         let ribs = (length / 0.06) as usize;
         for k in 0..ribs {
             let rx = 0.03 + (length - 0.06) * (k as f64 + 0.5) / ribs as f64;
-            o.add(Mat::WhiteMetal, rounded_box(v(rx - 0.02, 0.18, 0.088), v(rx + 0.02, 0.67, 0.1), 0.006, 1, 1));
+            o.add(Mat::WhiteMetal, cuboid(v(rx - 0.02, 0.18, 0.09), v(rx + 0.02, 0.67, 0.1)));
         }
         o.add(Mat::Chrome, tube(&[v(length + 0.03, 0.0, 0.06), v(length + 0.03, 0.2, 0.06), v(length - 0.01, 0.2, 0.06)], 0.011, 10));
         o.add(Mat::WhitePlastic, rod(v(length + 0.03, 0.2, 0.06), v(length + 0.03, 0.2, 0.12), 0.022, 16));

@@ -17,12 +17,12 @@ pub fn sofa(seats: usize, cover: Mat, pillow: Mat) -> Object {
             o.add(Mat::DarkMetal, lathe(&[[0.0, 0.0], [0.014, 0.0], [0.022, 0.13], [0.0, 0.13]], 12).shifted(x, y, 0.0));
         }
     }
-    o.add(cover, rounded_box(v(-hw + 0.02, -hd + 0.03, 0.13), v(hw - 0.02, hd - 0.02, 0.28), 0.03, 2, 3));
+    o.add(cover, rounded_box(v(-hw + 0.02, -hd + 0.03, 0.13), v(hw - 0.02, hd - 0.02, 0.28), 0.03, 1, 1));
     for side in [-1.0, 1.0] {
         let x = side * (hw - 0.5 * arm);
-        o.add(cover, rounded_box(v(x - 0.5 * arm, -hd, 0.14), v(x + 0.5 * arm, hd - 0.04, 0.6), 0.06, 3, 3));
+        o.add(cover, rounded_box(v(x - 0.5 * arm, -hd, 0.14), v(x + 0.5 * arm, hd - 0.04, 0.6), 0.06, 2, 1));
     }
-    o.add(cover, rounded_box(v(-hw + 0.03, hd - 0.2, 0.14), v(hw - 0.03, hd, 0.8), 0.07, 3, 4));
+    o.add(cover, rounded_box(v(-hw + 0.03, hd - 0.2, 0.14), v(hw - 0.03, hd, 0.8), 0.07, 2, 1));
     for i in 0..seats {
         let x = (i as f64 + 0.5) * seat_w - 0.5 * seat_w * seats as f64;
         let half = 0.5 * seat_w - 0.006;
@@ -42,7 +42,7 @@ pub fn sofa(seats: usize, cover: Mat, pillow: Mat) -> Object {
 pub fn coffee_table(length: f64, width: f64, top: Mat) -> Object {
     let mut o = Object::new("");
     let (hl, hw) = (0.5 * length, 0.5 * width);
-    o.add(top, rounded_box(v(-hl, -hw, 0.38), v(hl, hw, 0.41), 0.008, 2, 1));
+    o.add(top, rounded_box(v(-hl, -hw, 0.38), v(hl, hw, 0.41), 0.008, 1, 1));
     for x in [-hl + 0.12, hl - 0.12] {
         let (y, r) = (hw - 0.06, 0.012);
         o.add(Mat::Brass, tube(&[v(x, -y, r), v(x, y, r)], r, 12));
@@ -54,25 +54,25 @@ pub fn coffee_table(length: f64, width: f64, top: Mat) -> Object {
         o.add([Mat::Books, Mat::BluePlastic][k], block(0.0, 0.0, z, [0.3, 0.22, 0.028]).turned(turn, x * length * 0.8, y, 0.0));
     }
     let bowl = [[0.0, 0.0], [0.05, 0.0], [0.1, 0.03], [0.13, 0.075], [0.122, 0.075], [0.094, 0.036], [0.046, 0.008], [0.0, 0.008]];
-    o.add(Mat::Clay, lathe(&bowl, 32).shifted(-0.25 * length, 0.0, 0.41));
+    o.add(Mat::Clay, lathe(&bowl, 24).shifted(-0.25 * length, 0.0, 0.41));
     o
 }
 
 /// A round table on a trumpet foot; 0.74 m for a café, 1.06 m for a bar.
 pub fn round_table(radius: f64, height: f64, top: Mat) -> Object {
     let foot = [[0.0, 0.0], [0.26, 0.0], [0.26, 0.012], [0.12, 0.03], [0.05, 0.09], [0.032, 0.2], [0.032, height - 0.04], [0.09, height - 0.025], [0.0, height - 0.025]];
-    Object::new("").with(top, disc(radius, height - 0.025, height, 48)).with(Mat::Brushed, lathe(&foot, 32))
+    Object::new("").with(top, disc(radius, height - 0.025, height, 36)).with(Mat::Brushed, lathe(&foot, 24))
 }
 
 /// A bar stool: round cushion, four splayed legs, a foot ring.
 pub fn stool(cover: Mat) -> Object {
-    let mut o = Object::new("").with(cover, disc(0.18, 0.68, 0.76, 32)).with(Mat::DarkMetal, cylinder(0.15, 0.665, 0.68, 24));
+    let mut o = Object::new("").with(cover, disc(0.18, 0.68, 0.76, 24)).with(Mat::DarkMetal, cylinder(0.15, 0.665, 0.68, 24));
     for k in 0..4 {
         let (x, y) = trig::on_circle(0.125 + 0.25 * f64::from(k));
         o.add(Mat::DarkMetal, rod(v(0.22 * x, 0.22 * y, 0.0), v(0.12 * x, 0.12 * y, 0.665), 0.011, 10));
     }
-    let ring: Vec<_> = (0..=32).map(|k| trig::on_circle(f64::from(k) / 32.0)).map(|(x, y)| v(0.178 * x, 0.178 * y, 0.28)).collect();
-    o.add(Mat::Brass, tube(&ring, 0.008, 8));
+    let ring: Vec<_> = (0..=20).map(|k| trig::on_circle(f64::from(k) / 20.0)).map(|(x, y)| v(0.178 * x, 0.178 * y, 0.28)).collect();
+    o.add(Mat::Brass, tube(&ring, 0.008, 6));
     o
 }
 
@@ -84,7 +84,7 @@ pub fn chair(cover: Mat) -> Object {
     }
     o.add(cover, cushion(v(-0.23, -0.23, 0.43), v(0.23, 0.23, 0.48), 0.02, 0.012));
     let bend = |p: glam::DVec3| v(p.x, p.y - 0.9 * p.x * p.x + 0.12 * (p.z - 0.48), p.z);
-    o.add(cover, rounded_box(v(-0.21, 0.2, 0.56), v(0.21, 0.235, 0.84), 0.016, 2, 6).deformed(bend));
+    o.add(cover, rounded_box(v(-0.21, 0.2, 0.56), v(0.21, 0.235, 0.84), 0.016, 1, 5).deformed(bend));
     for x in [-0.12, 0.12] {
         o.add(Mat::Oak, rod(v(x, 0.18, 0.44), v(x, 0.216, 0.62), 0.011, 10));
     }
@@ -102,7 +102,7 @@ pub fn office_chair(cover: Mat) -> Object {
     o.add(cover, cushion(v(-0.25, -0.25, 0.44), v(0.25, 0.25, 0.52), 0.035, 0.015));
     o.add(Mat::DarkMetal, rod(v(0.0, 0.2, 0.45), v(0.0, 0.29, 0.7), 0.016, 10));
     let bend = |p: glam::DVec3| v(p.x, p.y - 0.7 * p.x * p.x, p.z);
-    o.add(cover, rounded_box(v(-0.22, 0.26, 0.6), v(0.22, 0.31, 1.06), 0.024, 2, 6).deformed(bend));
+    o.add(cover, rounded_box(v(-0.22, 0.26, 0.6), v(0.22, 0.31, 1.06), 0.024, 1, 5).deformed(bend));
     for x in [-0.27, 0.27] {
         let arm = [v(x, 0.12, 0.46), v(x, 0.14, 0.66), v(x, 0.12, 0.69), v(x, -0.12, 0.69)];
         o.add(Mat::BlackPlastic, tube(&arm, 0.017, 10));
@@ -131,7 +131,7 @@ pub fn reception_desk() -> Object {
         let pad = cushion(v(-0.5 * w + 0.003, -0.21, -0.02), v(0.5 * w - 0.003, 0.21, 0.02), 0.018, 0.018).placed(&Frame::tilt(90.0));
         o.add(Mat::LeatherTan, pad.shifted(x0 + 0.5 * w, -0.3, 0.58));
     }
-    o.add(Mat::MarbleWhite, rounded_box(v(-hl, -0.4, 1.06), v(hl, 0.02, 1.1), 0.012, 2, 1));
+    o.add(Mat::MarbleWhite, rounded_box(v(-hl, -0.4, 1.06), v(hl, 0.02, 1.1), 0.012, 1, 1));
     for side in [-1.0, 1.0] {
         let x = side * (hl - 0.03);
         o.add(Mat::MarbleWhite, cuboid(v(x - 0.03, -0.34, 0.0), v(x + 0.03, 0.5 * d + 0.1, 1.06)));

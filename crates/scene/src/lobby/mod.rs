@@ -21,7 +21,7 @@ mod shapes_round;
 mod textures;
 mod trig;
 
-use crate::{Error, Result};
+use crate::Result;
 use mesh_builder::Object;
 use std::path::Path;
 
@@ -43,8 +43,5 @@ pub fn build() -> Vec<u8> {
 /// # Errors
 /// The folder is not writable.
 pub fn write(path: impl AsRef<Path>) -> Result<()> {
-    let path = path.as_ref();
-    let temporary = path.with_extension("glb.tmp");
-    std::fs::write(&temporary, build()).map_err(Error::io("write", &temporary))?;
-    std::fs::rename(&temporary, path).map_err(Error::io("rename to", path))
+    crate::io::write_atomic(path, &build())
 }

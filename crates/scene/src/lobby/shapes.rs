@@ -50,6 +50,8 @@ pub fn rounded_box(min: DVec3, max: DVec3, radius: f64, steps: usize, inner: usi
                 h + r * s / c
             })
             .collect();
+        // A thin side has no flat middle worth dividing.
+        let inner = if h > 0.06 { inner } else { 1 };
         let middle = (1..inner).map(|i| h * (2.0 * i as f64 / inner as f64 - 1.0));
         let mut all: Vec<f64> = side.iter().rev().map(|x| -x).chain(middle).collect();
         all.append(&mut side);
@@ -82,7 +84,7 @@ pub fn rounded_box(min: DVec3, max: DVec3, radius: f64, steps: usize, inner: usi
 /// A stuffed cushion: a rounded box whose large faces swell by `swell` metres along z (thin axis up).
 pub fn cushion(min: DVec3, max: DVec3, radius: f64, swell: f64) -> Mesh {
     let (centre, half) = (0.5 * (min + max), 0.5 * (max - min));
-    rounded_box(min, max, radius, 2, 5).deformed(|p| {
+    rounded_box(min, max, radius, 1, 4).deformed(|p| {
         let q = (p - centre) / half;
         let bulge = (1.0 - q.x * q.x) * (1.0 - q.y * q.y);
         p + v(0.0, 0.0, swell * bulge * q.z)
@@ -140,24 +142,6 @@ pub fn sheet_with_holes(width: f64, height: f64, holes: &[[f64; 4]]) -> Mesh {
             if !holes.iter().any(|h| h[0] < cx && cx < h[2] && h[1] < cy && cy < h[3]) {
                 mesh.quad(v(x[0], y[0], 0.0), v(x[1] - x[0], 0.0, 0.0), v(0.0, y[1] - y[0], 0.0), DVec2::new(x[0], -y[0]));
             }
-        }
-    }
-    mesh
-}
-
-/// A closed prism: a counter-clockwise convex or star-shaped outline (seen from +z, star-shaped about its centroid), from z0 to z1.
-pub fn prism(outline: &[DVec2], z0: f64, z1: f64) -> Mesh {
-    let mut mesh = Mesh::default();
-    let centre = outline.iter().sum::<DVec2>() / outline.len() as f64;
-    let mut run = 0.0;
-    for i in 0..outline.len() {
-        let (a, b) = (outline[i], outline[(i + 1) % outline.len()]);
-        let along = (b - a).extend(0.0);
-        mesh.quad(a.extend(z0), along, v(0.0, 0.0, z1 - z0), DVec2::new(run, -z0));
-        run += along.length();
-        for (z, n, order) in [(z1, DVec3::Z, [0, 1, 2]), (z0, DVec3::NEG_Z, [0, 2, 1])] {
-            let ids = [centre, a, b].map(|p| mesh.vertex(p.extend(z), n, DVec2::new(p.x, -p.y)));
-            mesh.triangle(ids[order[0]], ids[order[1]], ids[order[2]]);
         }
     }
     mesh

@@ -29,11 +29,6 @@ pub fn sin(x: f64) -> f64 {
     sin_cos(x).0
 }
 
-/// Cosine.
-pub fn cos(x: f64) -> f64 {
-    sin_cos(x).1
-}
-
 /// The point at `turn` whole turns on the unit circle.
 pub fn on_circle(turn: f64) -> (f64, f64) {
     let (s, c) = sin_cos(2.0 * PI * turn);

@@ -69,16 +69,6 @@ impl Canvas {
         Self { pixels: Raster::from_fn(width, height, slope) }
     }
 
-    /// Columns, as a float.
-    pub fn width(&self) -> f32 {
-        self.pixels.width() as f32
-    }
-
-    /// Rows, as a float.
-    pub fn height(&self) -> f32 {
-        self.pixels.height() as f32
-    }
-
     /// Paints `colour` wherever the signed distance `f(x, y)` (pixels, negative inside) says, within a box `[x0, y0, x1, y1]`.
     pub fn fill(&mut self, bounds: [f32; 4], colour: Rgb, f: impl Fn(f32, f32) -> f32) {
         let (w, h) = (self.pixels.width(), self.pixels.height());
@@ -160,7 +150,7 @@ impl Canvas {
         let written = match format {
             Format::Png => codecs::png::PngEncoder::new_with_quality(
                 &mut bytes,
-                codecs::png::CompressionType::Best,
+                codecs::png::CompressionType::Default,
                 codecs::png::FilterType::Adaptive,
             )
             .write_image(&rgb, w, h, ExtendedColorType::Rgb8),

@@ -58,7 +58,7 @@ pub fn weave_normal() -> Canvas {
 pub fn rug() -> Canvas {
     let (cream, blue, teal, rust, ochre): (Rgb, Rgb, Rgb, Rgb, Rgb) =
         (hex(0xd9cfba), hex(0x24415c), hex(0x3f7377), hex(0xa6492f), hex(0xc99a3f));
-    Canvas::shaded(1024, 768, |u, v| {
+    Canvas::shaded(896, 672, |u, v| {
         let edge = (u.min(1.0 - u) * 4.0).min(v.min(1.0 - v) * 3.0);
         let (x, y) = (u * 8.0, v * 6.0);
         let d = (x - x.floor() - 0.5).abs() + (y - y.floor() - 0.5).abs();
@@ -79,7 +79,7 @@ pub fn rug() -> Canvas {
             8 => blue,
             _ => field,
         };
-        let pile = 0.8 + 0.12 * (0.5 + 0.5 * wave(v * 192.0)) + 0.14 * lattice((u * 1024.0) as i64, (v * 768.0) as i64, 221);
+        let pile = 0.83 + 0.1 * (0.5 + 0.5 * wave(v * 168.0)) + 0.09 * lattice((u * 896.0) as i64, (v * 672.0) as i64, 221);
         scale(colour, pile * (1.0 + 0.06 * fbm(u, v, 4, 3, 4, 222)))
     })
 }

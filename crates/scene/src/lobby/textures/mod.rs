@@ -59,7 +59,7 @@ textures! {
     OakNormal => "wood_normal", Format::Jpeg(90), wood::wood_normal();
     Walnut => "walnut", PHOTO, wood::walnut();
     Leather => "leather", PHOTO, fabrics::leather();
-    LeatherNormal => "leather_normal", Format::Jpeg(90), fabrics::leather_normal();
+    LeatherNormal => "leather_normal", Format::Jpeg(82), fabrics::leather_normal();
     Weave => "weave", PHOTO, fabrics::weave();
     WeaveNormal => "weave_normal", Format::Jpeg(90), fabrics::weave_normal();
     Rug => "rug", PHOTO, fabrics::rug();
@@ -67,14 +67,14 @@ textures! {
     Brushed => "brushed_metal", PHOTO, fabrics::brushed();
     Leaf => "leaf", PHOTO, fabrics::leaf();
     PosterExpo => "poster_expo", Format::Png, posters::expo();
-    PosterWaves => "poster_waves", Format::Png, posters::waves();
+    PosterWaves => "poster_waves", PHOTO, posters::waves();
     PosterChart => "poster_chart", Format::Png, posters::chart();
     PosterMap => "poster_map", Format::Png, posters::map();
     PosterGrid => "poster_grid", Format::Png, posters::grid();
     PosterHills => "poster_hills", Format::Png, posters::hills();
     Painting => "painting", PHOTO, posters::painting();
     Notices => "notice_board", PHOTO, posters::notices();
-    ScreenWelcome => "screen_welcome", Format::Png, signs::screen_welcome();
+    ScreenWelcome => "screen_welcome", PHOTO, signs::screen_welcome();
     ScreenDepartures => "screen_schedule", Format::Png, signs::screen_schedule();
     ScreenDesk => "screen_desk", Format::Png, signs::screen_desk();
     Clock => "clock", Format::Png, signs::clock();
