@@ -1,6 +1,6 @@
 //! What a reconstruction can be told to do. Every default is the paper's value where it gives one.
 
-use crate::{Error, Result, target::RfTarget};
+use crate::{Appearance, Error, Gaussians, Result, target::RfTarget};
 use serde::{Deserialize, Serialize};
 
 /// Where new Gaussians are sampled in a keyframe.
@@ -269,6 +269,13 @@ impl ReconstructionConfig {
                 format!("give {range}"),
             )),
         }
+    }
+
+    /// No Gaussians yet, with the channels and harmonic degrees this configuration asks for: what a device is made with.
+    pub fn empty_field(&self) -> Gaussians {
+        let mut field = Gaussians::empty(self.rf_target.channels(), self.optical_sh_degree);
+        field.rf = Appearance::empty(self.rf_target.channels(), self.rf_sh_degree);
+        field
     }
 
     /// Whether the dense prior reads the ray tracer's depth: every result made with it says so.

@@ -93,9 +93,10 @@ impl Reconstructor {
     /// An empty field. The cameras are those of every keyframe to come, `db_range` the whole dataset's.
     ///
     /// # Errors
-    /// A configuration out of range, cameras without pixels, an empty dB range, or a device that already holds Gaussians.
+    /// A configuration out of range, cameras without pixels, an empty dB range, or a device that already holds Gaussians or was not made with
+    /// [`ReconstructionConfig::empty_field`].
     pub fn new(
-        device: Box<dyn Device>,
+        mut device: Box<dyn Device>,
         config: ReconstructionConfig,
         optical_camera: Pinhole,
         rf_camera: Pinhole,
@@ -110,6 +111,13 @@ impl Reconstructor {
                 device.name(),
                 "the device already holds Gaussians",
                 "start every reconstruction on a fresh device",
+            ));
+        }
+        if device.gaussians() != config.empty_field() {
+            return Err(Error::invalid(
+                device.name(),
+                "the device was made for other channels or harmonic degrees than the configuration's",
+                "make it with ReconstructionConfig::empty_field",
             ));
         }
         // The smallest pyramid level must still be an image.
@@ -374,5 +382,7 @@ fn check_size(place: &str, what: &str, got: (usize, usize), camera: &Pinhole) ->
     ))
 }
 
+#[cfg(test)]
+mod end_to_end;
 #[cfg(test)]
 mod tests;

@@ -56,8 +56,7 @@ pub struct SpawnSource<'a> {
 /// New Gaussians at the given pixels and depths: back-projected means (Eq. (16)), isotropic scale `z·s'/f` (Eq. (18)), identity rotation,
 /// both opacities by reliability, optical colour of the pixel, RF colour of the RF image in the same direction.
 pub fn spawn(source: &SpawnSource<'_>, samples: &[PixelDepth], config: &ReconstructionConfig) -> Gaussians {
-    let mut new = crate::gaussians::Gaussians::empty(source.rf.channels, config.optical_sh_degree);
-    new.rf = crate::Appearance::empty(source.rf.channels, config.rf_sh_degree);
+    let mut new = config.empty_field();
     let camera = &source.view.camera;
     let focal_px = (camera.fx * camera.fy).sqrt();
     for s in samples {
@@ -122,7 +121,7 @@ mod tests {
         // Linear in u, so bilinear interpolation is exact.
         let rf = Planes { width: 30, height: 24, channels: 1, pixels: (0..30 * 24).map(|i| (i % 30) as f32 / 30.0).collect() };
         let probability = Raster::filled(64, 48, 0.25);
-        let config = ReconstructionConfig::default();
+        let config = ReconstructionConfig { rf_target: crate::RfTarget::Db, ..Default::default() };
         let source = SpawnSource {
             view: View { camera, world_from_camera: pose },
             optical: &optical,

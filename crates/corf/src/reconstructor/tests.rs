@@ -116,7 +116,7 @@ fn keyframes(count: usize) -> Vec<Keyframe> {
 
 fn reconstructor(config: ReconstructionConfig, seed: u64) -> (Reconstructor, Arc<Mutex<Log>>) {
     let log = Arc::new(Mutex::new(Log { main: u32::MAX, inverse_depth: 0.2, ..Log::default() }));
-    let device = Recorder { log: log.clone(), field: Gaussians::empty(1, 0) };
+    let device = Recorder { log: log.clone(), field: config.empty_field() };
     let (optical, rf) = cameras();
     (Reconstructor::new(Box::new(device), config, optical, rf, synthetic::DB_RANGE, seed).unwrap(), log)
 }

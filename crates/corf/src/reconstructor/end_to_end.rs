@@ -1,0 +1,117 @@
+//! From keyframes to a field on the CPU device: the whole way, small.
+
+use super::*;
+use crate::{
+    CpuDevice, OptimizerConfig, RasterConfig, ReconstructionConfig, RfTarget,
+    device::Planes,
+    loss::psnr_8bit,
+    synthetic::{self, DB_RANGE},
+};
+use rayon::prelude::*;
+
+/// The keyframe held out of every run.
+const HELD_OUT: usize = 4;
+
+fn cameras() -> (Pinhole, Pinhole) {
+    (Pinhole::from_horizontal_fov(72, 48, 90.0), Pinhole::from_horizontal_fov(48, 32, 90.0))
+}
+
+fn keyframes() -> Vec<Keyframe> {
+    let (optical, rf) = cameras();
+    (0..8).into_par_iter().map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.2), &optical, &rf, true)).collect()
+}
+
+fn reconstruct(config: &ReconstructionConfig, seed: u64, frames: &[Keyframe]) -> Reconstructor {
+    let device = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &config.empty_field()).unwrap();
+    let (optical, rf) = cameras();
+    let mut r = Reconstructor::new(Box::new(device), config.clone(), optical, rf, DB_RANGE, seed).unwrap();
+    frames.iter().filter(|k| k.index != HELD_OUT).for_each(|k| assert!(r.push(k).is_ok()));
+    r.finish(&mut |_, _| {}).unwrap();
+    r
+}
+
+/// PSNR of light and of the RF image at a keyframe, dB.
+fn psnr(r: &mut Reconstructor, k: &Keyframe) -> (f64, f64) {
+    let p = r.render(k.world_from_camera).unwrap();
+    let planes = |pixels: Vec<f32>| Planes { width: k.image.width(), height: k.image.height(), channels: 3, pixels };
+    let image = planes(p.image.pixels().iter().flatten().copied().collect());
+    let truth = planes(k.image.pixels().iter().flatten().map(|&v| f32::from(v) / 255.0).collect());
+    (psnr_8bit(&image, &truth), psnr_8bit(&p.rf, &r.meta().rf_target.encode(&k.spectrum, &DB_RANGE)))
+}
+
+/// PSNR of light when every pixel is the image's mean grey, dB.
+fn flat_psnr(k: &Keyframe) -> f64 {
+    let pixels: Vec<f32> = k.image.pixels().iter().flatten().map(|&v| f32::from(v) / 255.0).collect();
+    let mean = pixels.iter().sum::<f32>() / pixels.len() as f32;
+    let planes = |pixels| Planes { width: k.image.width(), height: k.image.height(), channels: 3, pixels };
+    psnr_8bit(&planes(vec![mean; pixels.len()]), &planes(pixels))
+}
+
+#[test]
+fn quality_rises_with_iterations_in_both_modalities_and_holds_at_a_pose_never_seen() {
+    let frames = keyframes();
+    let quality = |iterations_per_keyframe| {
+        let config = ReconstructionConfig { iterations_per_keyframe, ..Default::default() };
+        let mut r = reconstruct(&config, 1, &frames);
+        (psnr(&mut r, &frames[6]), psnr(&mut r, &frames[HELD_OUT]))
+    };
+    let (few, few_held) = quality(5);
+    let (many, many_held) = quality(60);
+    eprintln!("5: {few:?} {few_held:?}, 60: {many:?} {many_held:?}");
+    assert!(many.0 > few.0 + 2.0 && many.1 > few.1 + 2.0, "{few:?} {many:?}");
+    assert!(many_held.0 > few_held.0 + 1.0 && many_held.1 > few_held.1 + 1.0, "{few_held:?} {many_held:?}");
+    // Against the image's own mean colour, the best guess that knows no structure.
+    let flat = flat_psnr(&frames[HELD_OUT]);
+    assert!(many_held.0 > flat + 4.0, "{many_held:?} {flat}");
+}
+
+#[test]
+fn coupling_beats_a_frozen_geometry_in_radio_and_keeps_light() {
+    let frames = keyframes();
+    let run = |coupling| {
+        let config = ReconstructionConfig { coupling, iterations_per_keyframe: 40, ..Default::default() };
+        let mut r = reconstruct(&config, 1, &frames);
+        let (mut light, mut radio) = (0.0, 0.0);
+        for k in &frames {
+            let (l, s) = psnr(&mut r, k);
+            light += l / frames.len() as f64;
+            radio += s / frames.len() as f64;
+        }
+        (light, radio)
+    };
+    let (joint, frozen) = (run(Coupling::Joint), run(Coupling::Frozen));
+    eprintln!("joint {joint:?}, frozen {frozen:?}");
+    assert!(joint.1 > frozen.1 + 0.5, "radio: {joint:?} {frozen:?}");
+    assert!(joint.0 > frozen.0 - 1.0, "light: {joint:?} {frozen:?}");
+}
+
+#[test]
+fn fields_are_the_same_bytes_for_a_seed_whatever_the_threads_and_survive_the_disk() {
+    let frames = keyframes();
+    let config = ReconstructionConfig { iterations_per_keyframe: 10, rf_target: RfTarget::Db, ..Default::default() };
+    let with = |threads, seed| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| reconstruct(&config, seed, &frames).field())
+    };
+    let field = with(1, 5);
+    let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    field.write(one.path()).unwrap();
+    with(2, 5).write(two.path()).unwrap();
+    for name in ["optical.ply", "rf.ply", "coupled.ply", "field.json"] {
+        let bytes = |d: &tempfile::TempDir| std::fs::read(d.path().join(name)).unwrap();
+        assert!(bytes(&one) == bytes(&two), "{name} depends on the number of threads");
+    }
+    assert_ne!(field.gaussians, with(2, 6).gaussians, "another seed is another field");
+
+    // A field read back renders the same picture on a fresh device.
+    let back = Field::read(one.path()).unwrap();
+    assert_eq!(back, field);
+    let render = |f: &Field| {
+        let mut device = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &config.empty_field()).unwrap();
+        f.load(&mut device).unwrap();
+        f.render(&mut device, frames[2].world_from_camera).unwrap()
+    };
+    assert_eq!(render(&back).image, render(&field).image);
+    let mut empty = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &config.empty_field()).unwrap();
+    assert!(field.render(&mut empty, frames[2].world_from_camera).is_err(), "a device without the field is noticed");
+}
