@@ -9,6 +9,9 @@ use glam::{Vec2, Vec3};
 /// Rays that leave a surface start this share of `1 + |position|` away from it: some hundred roundings of a position.
 const OFFSET: f32 = 1e-5;
 
+/// Shading normals are at least this visible from where the ray came.
+const MIN_VISIBLE_COS: f32 = 0.01;
+
 /// How a shadow ray treats a triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cover {
@@ -137,7 +140,7 @@ pub(super) fn offset(position: Vec3) -> f32 {
     OFFSET * (1.0 + position.abs().max_element())
 }
 
-/// Interpolated and normal-mapped normal on the ray's side; the geometric one where the result would face away.
+/// Interpolated and normal-mapped normal on the ray's side, bent towards the viewer where it would face away.
 fn shading_normal(
     scene: &Scene,
     hit: &Hit,
@@ -165,8 +168,9 @@ fn shading_normal(
         }
     }
     let n = n * side;
-    // A normal that faces away from the viewer would reflect from below; keep a sliver of visibility.
-    if n.dot(direction) < -1e-3 { n } else { facing * side }
+    // A normal that faces away from the viewer would reflect from below: bend it until it is just seen.
+    let seen = -n.dot(direction);
+    if seen >= MIN_VISIBLE_COS { n } else { (n + direction * (seen - MIN_VISIBLE_COS)).normalize_or(facing * side) }
 }
 
 /// Tangent and bitangent of a triangle's texture coordinates, orthogonal to `n`. glTF: +x along increasing u, +y along decreasing v

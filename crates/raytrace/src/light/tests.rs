@@ -1,5 +1,7 @@
 //! Truths of the light tracer.
 
+mod materials;
+
 use super::*;
 use corf_scene::model::{Material, Object, OpticalMaterial, Triangle};
 use glam::DVec3;
@@ -177,14 +179,17 @@ const SIGNIFICANT_ERRORS: f64 = 4.0;
 
 #[test]
 fn next_event_estimation_agrees_with_plain_path_tracing() {
-    let scene = lit_box(1.2);
     let camera = view(12, 9, 70.0, DVec3::new(0.3, 0.4, 1.3), DVec3::new(2.2, 2.0, 0.9));
+    agree(&lit_box(1.2), &camera, 5);
+}
+
+/// Asserts that images with and without next-event estimation have the same mean.
+fn agree(scene: &Scene, camera: &(Pinhole, Rigid3), max_bounces: u32) {
+    let bvh = Bvh::build(scene);
+    let tracer = LightTracer::new(scene, &bvh);
     // The error comes from repeating the whole image under independent keys.
-    let bvh = Bvh::build(&scene);
-    let tracer = LightTracer::new(&scene, &bvh);
     let estimate = |next_event_estimation: bool, spp: u32| {
-        let settings =
-            LightSettings { samples_per_pixel: spp, max_bounces: 5, next_event_estimation, ..LightSettings::default() };
+        let settings = LightSettings { samples_per_pixel: spp, max_bounces, next_event_estimation, ..LightSettings::default() };
         let means: Vec<f64> = (0..24).map(|key| statistics(&tracer.render(&camera.0, &camera.1, &settings, key)).0).collect();
         let n = means.len() as f64;
         let mean = means.iter().sum::<f64>() / n;
