@@ -24,7 +24,7 @@ pub struct DenoiseSettings {
 
 impl Default for DenoiseSettings {
     fn default() -> Self {
-        Self { passes: 4, luminance_sigmas: 3.0, normal_power: 64.0, plane_footprints: 1.5 }
+        Self { passes: 3, luminance_sigmas: 3.0, normal_power: 64.0, plane_footprints: 1.5 }
     }
 }
 
@@ -65,6 +65,10 @@ pub fn denoise(frame: &LightFrame, settings: &DenoiseSettings) -> Raster<[f32; 3
             Light { color, variance: frame.variance.pixels()[i].min(1e12) }
         })
         .collect();
+    light = (0..width * height)
+        .into_par_iter()
+        .map(|i| despeckle((i % width) as isize, (i / width) as isize, &light, width, height))
+        .collect();
     for pass in 0..settings.passes {
         let step = 1isize << pass;
         light = (0..width * height)
@@ -99,6 +103,31 @@ fn guides(frame: &LightFrame, settings: &DenoiseSettings) -> Vec<Guide> {
             }
         })
         .collect()
+}
+
+/// Standard errors above this share of the luminance make a pixel doubtful.
+const DOUBTFUL_RELATIVE_ERROR: f32 = 0.05;
+
+/// A doubtful pixel brighter or darker than all its neighbours is brought to the nearest of them: a rare bright path would otherwise
+/// survive where geometry isolates a pixel, as along edges.
+fn despeckle(x: isize, y: isize, light: &[Light], width: usize, height: usize) -> Light {
+    let here = light[y as usize * width + x as usize];
+    let value = luminance(here.color);
+    if here.variance.sqrt() <= DOUBTFUL_RELATIVE_ERROR * value {
+        return here;
+    }
+    let (mut low, mut high) = (f32::INFINITY, 0.0f32);
+    for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
+        let (qx, qy) = (x + dx, y + dy);
+        if (dx, dy) != (0, 0) && (0..width as isize).contains(&qx) && (0..height as isize).contains(&qy) {
+            let neighbour = luminance(light[qy as usize * width + qx as usize].color);
+            low = low.min(neighbour);
+            high = high.max(neighbour);
+        }
+    }
+    let target = if low <= high { value.clamp(low, high) } else { value };
+    let scale = if value > 0.0 { target / value } else { 1.0 };
+    Light { color: here.color * scale, variance: here.variance * scale * scale }
 }
 
 /// One pixel of one pass.

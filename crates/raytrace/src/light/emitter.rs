@@ -4,7 +4,7 @@
 //! ÷ distance², times an estimate of how much of the emitter the cell sees. A shading point draws one emitter from its cell's
 //! distribution (O(log n), stratified in the random number) and the density of any choice is known exactly, as MIS needs.
 
-use super::surface::{Cover, covers, emission, offset};
+use super::surface::{Cover, emission, offset};
 use super::texture::{Encoding, mean};
 use crate::bvh::{Bvh, Ray};
 use corf_scene::model::{PunctualKind, PunctualLight};
@@ -19,6 +19,8 @@ const MAX_ENTRIES: usize = 4_000_000;
 /// Visibility rays per cell and emitter, and over the whole table at most.
 const VISIBILITY_RAYS: usize = 12;
 const MAX_VISIBILITY_RAYS: usize = 6_000_000;
+/// Emitters with less than this share of a cell's weight are not tested for visibility: they are rarely asked as it is.
+const WORTH_A_LOOK: f32 = 1e-3;
 /// An emitter that no visibility ray saw keeps this share of its weight: unseen by a dozen rays is not invisible.
 const UNSEEN_SHARE: f32 = 0.04;
 /// The stage of [`Rng::keyed`] of the visibility estimate.
@@ -59,7 +61,12 @@ pub(super) struct Emitters {
     cells: UVec3,
     /// `cells × list.len()` cumulative probabilities, the last of every cell 1.
     cumulative: Vec<f32>,
+    /// Per cell, where the search for a random number in each of [`BUCKETS`] equal intervals begins, and where the last one ends.
+    guides: Vec<[u32; BUCKETS + 1]>,
 }
+
+/// Intervals of a cell's guide: with the end, one cache line.
+const BUCKETS: usize = 15;
 
 fn luminance(c: Vec3) -> f32 {
     c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
@@ -67,7 +74,7 @@ fn luminance(c: Vec3) -> f32 {
 
 impl Emitters {
     /// Gathers the emitters and fills the cells.
-    pub fn new(scene: &Scene, bvh: &Bvh) -> Self {
+    pub fn new(scene: &Scene, bvh: &Bvh, covers: &[Cover]) -> Self {
         let mut of_triangle = vec![u32::MAX; scene.triangles.len()];
         let mut list = Vec::new();
         let radiance: Vec<f32> = scene
@@ -103,8 +110,9 @@ impl Emitters {
             cells_per_metre: Vec3::ONE,
             cells: UVec3::ONE,
             cumulative: Vec::new(),
+            guides: Vec::new(),
         };
-        emitters.fill_cells(scene, bvh);
+        emitters.fill_cells(scene, bvh, covers);
         emitters
     }
 
@@ -113,7 +121,7 @@ impl Emitters {
         self.list.is_empty()
     }
 
-    fn fill_cells(&mut self, scene: &Scene, bvh: &Bvh) {
+    fn fill_cells(&mut self, scene: &Scene, bvh: &Bvh, covers: &[Cover]) {
         let (Some(bounds), n) = (scene.bounds(), self.list.len()) else { return };
         if n == 0 {
             return;
@@ -131,8 +139,7 @@ impl Emitters {
         self.cells_per_metre = self.cells.as_vec3() / size;
         let count = self.cells.element_product() as usize;
         let rays = VISIBILITY_RAYS.min(MAX_VISIBILITY_RAYS / (count * n).max(1));
-        let covers = covers(scene);
-        let blocks = |triangle: u32| covers[scene.triangles[triangle as usize].material as usize] == Cover::Opaque;
+        let blocks = |triangle: u32| covers[triangle as usize] == Cover::Opaque;
         let mut cumulative = vec![0.0f32; count * n];
         cumulative.par_chunks_mut(n).enumerate().for_each(|(cell, row)| {
             let index = UVec3::new(
@@ -143,10 +150,11 @@ impl Emitters {
             let cell_size = size / self.cells.as_vec3();
             let low = self.grid_min + index.as_vec3() * cell_size;
             let mut rng = Rng::keyed(0, STAGE_VISIBILITY, cell as u64);
+            let weights: Vec<f32> = self.list.iter().map(|emitter| emitter.importance(low, low + cell_size)).collect();
+            let worth_a_look = WORTH_A_LOOK * weights.iter().sum::<f32>();
             let mut total = 0.0f64;
-            for (emitter, slot) in self.list.iter().zip(row.iter_mut()) {
-                let mut weight = emitter.importance(low, low + cell_size);
-                if weight > 0.0 && rays > 0 {
+            for ((emitter, mut weight), slot) in self.list.iter().zip(weights).zip(row.iter_mut()) {
+                if weight > worth_a_look && rays > 0 {
                     let seen = (0..rays).filter(|_| emitter.sees(bvh, &blocks, low, cell_size, &mut rng)).count();
                     weight *= UNSEEN_SHARE + (1.0 - UNSEEN_SHARE) * seen as f32 / rays as f32;
                 }
@@ -160,13 +168,33 @@ impl Emitters {
             let last = row.last().copied().unwrap_or(0.0);
             row.iter_mut().filter(|c| **c >= last).for_each(|c| *c = if total > 0.0 { 1.0 } else { 0.0 });
         });
+        self.guides = cumulative
+            .par_chunks(n)
+            .map(|row| {
+                std::array::from_fn(|k| {
+                    if k == BUCKETS { n as u32 } else { row.partition_point(|c| *c <= k as f32 / BUCKETS as f32) as u32 }
+                })
+            })
+            .collect();
         self.cumulative = cumulative;
     }
 
-    fn row(&self, point: Vec3) -> &[f32] {
+    fn cell(&self, point: Vec3) -> usize {
         let at = ((point - self.grid_min) * self.cells_per_metre).max(Vec3::ZERO).as_uvec3().min(self.cells - 1);
-        let cell = (at.x + self.cells.x * (at.y + self.cells.y * at.z)) as usize;
+        (at.x + self.cells.x * (at.y + self.cells.y * at.z)) as usize
+    }
+
+    fn row(&self, cell: usize) -> &[f32] {
         &self.cumulative[cell * self.list.len()..(cell + 1) * self.list.len()]
+    }
+
+    /// The emitter whose interval of a cell's distribution holds `choice`, or the list's length if there is none.
+    fn find(&self, cell: usize, choice: f32) -> usize {
+        let bucket = ((choice * BUCKETS as f32) as usize).min(BUCKETS - 1);
+        let row = self.row(cell);
+        // Rounding may put a choice at a bucket's very edge on the wrong side: widen by one at the end.
+        let (first, last) = (self.guides[cell][bucket] as usize, (self.guides[cell][bucket + 1] as usize + 1).min(row.len()));
+        first + row[first..last].partition_point(|c| *c <= choice)
     }
 
     fn probability(row: &[f32], i: usize) -> f32 {
@@ -178,8 +206,9 @@ impl Emitters {
         if self.list.is_empty() {
             return None;
         }
-        let row = self.row(point);
-        let i = row.partition_point(|c| *c <= choice);
+        let cell = self.cell(point);
+        let row = self.row(cell);
+        let i = self.find(cell, choice);
         if i >= row.len() {
             return None;
         }
@@ -215,7 +244,7 @@ impl Emitters {
             u32::MAX => 0.0,
             i => {
                 let Kind::Triangle { area, .. } = self.list[i as usize].kind else { return 0.0 };
-                Self::probability(self.row(point), i as usize) * distance * distance / (area * cos).max(1e-20)
+                Self::probability(self.row(self.cell(point)), i as usize) * distance * distance / (area * cos).max(1e-20)
             }
         }
     }

@@ -8,6 +8,9 @@
 //! Glass (`transmission > 0`) is a thin pane without refraction: light is reflected with the pane's Fresnel reflectance, otherwise
 //! passes straight through, tinted. Straight passage is not a scattering event: shadow rays and multiple importance sampling look
 //! through panes, and so do depth, surface ids and the auxiliary images.
+//!
+//! One approximation is made for speed: after a rough reflection, surfaces are looked up in textures averaged to 64 texels a side and
+//! without normal maps; mirrors and highlights see full detail.
 
 mod bsdf;
 mod denoise;
@@ -25,6 +28,7 @@ pub use denoise::{DenoiseSettings, denoise};
 pub use develop::develop;
 
 use crate::bvh::{Bvh, Ray};
+use corf_scene::model::Texture;
 use corf_scene::{Pinhole, Raster, Rigid3, Scene};
 use emitter::Emitters;
 use glam::Vec3;
@@ -109,6 +113,8 @@ pub struct LightTracer<'a> {
     bvh: &'a Bvh,
     emitters: Emitters,
     covers: Vec<Cover>,
+    /// The scene's textures at low resolution.
+    coarse: Vec<Texture>,
     all_opaque: bool,
 }
 
@@ -132,7 +138,14 @@ impl<'a> LightTracer<'a> {
     pub fn new(scene: &'a Scene, bvh: &'a Bvh) -> Self {
         let covers = covers(scene);
         let all_opaque = covers.iter().all(|c| *c == Cover::Opaque);
-        Self { scene, bvh, emitters: Emitters::new(scene, bvh), covers, all_opaque }
+        Self {
+            scene,
+            bvh,
+            emitters: Emitters::new(scene, bvh, &covers),
+            covers,
+            coarse: texture::coarse(&scene.textures),
+            all_opaque,
+        }
     }
 
     /// Renders the view of a camera. `frame_key` (the keyframe's index) makes frames independent of each other; the same scene,

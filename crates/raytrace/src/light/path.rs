@@ -20,6 +20,9 @@ const MAX_EVENTS: u32 = 64;
 /// No path survives roulette with more than this probability.
 const MAX_SURVIVAL: f32 = 0.95;
 
+/// A ray whose direction was drawn with a lower density (1/sr) stands for a wide cone: what it meets is looked up coarsely.
+const WIDE_RAY_PDF: f32 = 10.0;
+
 /// What one path brings to its pixel.
 #[derive(Clone, Copy, Default)]
 pub(super) struct PathSample {
@@ -54,7 +57,7 @@ impl LightTracer<'_> {
     }
 
     fn cover(&self, hit: &Hit) -> Cover {
-        self.covers[self.scene.triangles[hit.triangle as usize].material as usize]
+        self.covers[hit.triangle as usize]
     }
 
     /// Share of light, per channel, that passes along a shadow ray.
@@ -104,7 +107,7 @@ impl LightTracer<'_> {
                 }
                 return out;
             };
-            let surface = Surface::at(self.scene, &ray, &hit);
+            let surface = Surface::at(self.scene, &ray, &hit, (pdf < WIDE_RAY_PDF).then_some(&self.coarse));
             if surface.emitted != Vec3::ZERO {
                 let weight = if pdf.is_infinite() || !settings.next_event_estimation {
                     1.0

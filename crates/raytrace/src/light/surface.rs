@@ -3,7 +3,7 @@
 use super::texture::{Encoding, sample};
 use crate::bvh::{Hit, Ray};
 use corf_scene::Scene;
-use corf_scene::model::{OpticalMaterial, TextureRef};
+use corf_scene::model::{OpticalMaterial, Texture, TextureRef};
 use glam::{Vec2, Vec3};
 
 /// Rays that leave a surface start this share of `1 + |position|` away from it: some hundred roundings of a position.
@@ -23,9 +23,9 @@ pub(super) enum Cover {
     Pane,
 }
 
-/// Per material: [`Cover`].
+/// Per triangle: [`Cover`].
 pub(super) fn covers(scene: &Scene) -> Vec<Cover> {
-    scene
+    let of_material: Vec<Cover> = scene
         .materials
         .iter()
         .map(|m| {
@@ -37,7 +37,8 @@ pub(super) fn covers(scene: &Scene) -> Vec<Cover> {
                 Cover::Opaque
             }
         })
-        .collect()
+        .collect();
+    scene.triangles.iter().map(|t| of_material[t.material as usize]).collect()
 }
 
 /// The material at a hit and its frame.
@@ -65,13 +66,13 @@ fn uv_at(scene: &Scene, triangle: u32, u: f32, v: f32) -> Vec2 {
     a * (1.0 - u - v) + b * u + c * v
 }
 
-fn rgb(scene: &Scene, texture: &Option<TextureRef>, uv: Vec2, encoding: Encoding) -> Vec3 {
-    texture.as_ref().map_or(Vec3::ONE, |t| Vec3::from_slice(&sample(&scene.textures, t, uv, encoding)[..3]))
+fn rgb(textures: &[Texture], texture: &Option<TextureRef>, uv: Vec2, encoding: Encoding) -> Vec3 {
+    texture.as_ref().map_or(Vec3::ONE, |t| Vec3::from_slice(&sample(textures, t, uv, encoding)[..3]))
 }
 
 /// Emitted radiance of a material at a texture coordinate.
 fn emitted_at(scene: &Scene, material: &OpticalMaterial, uv: Vec2) -> Vec3 {
-    Vec3::from(material.emissive) * rgb(scene, &material.emissive_texture, uv, Encoding::Srgb)
+    Vec3::from(material.emissive) * rgb(&scene.textures, &material.emissive_texture, uv, Encoding::Srgb)
 }
 
 /// Emitted radiance of a triangle at barycentric weights.
@@ -97,13 +98,13 @@ pub(super) fn pane_transmittance(scene: &Scene, hit: &Hit, direction: Vec3) -> V
     let [a, b, c] = scene.corners(hit.triangle as usize);
     let cos = (b - a).cross(c - a).normalize_or_zero().dot(direction.normalize()).abs();
     let tint = Vec3::from(material.base_color)
-        * rgb(scene, &material.base_color_texture, uv_at(scene, hit.triangle, hit.u, hit.v), Encoding::Srgb);
+        * rgb(&scene.textures, &material.base_color_texture, uv_at(scene, hit.triangle, hit.u, hit.v), Encoding::Srgb);
     tint * (material.transmission * (1.0 - super::bsdf::fresnel_pane(cos, material.ior)))
 }
 
 impl Surface {
-    /// Looks a hit up.
-    pub fn at(scene: &Scene, ray: &Ray, hit: &Hit) -> Self {
+    /// Looks a hit up. With `coarse` textures, colour comes from them and normal maps are left out.
+    pub fn at(scene: &Scene, ray: &Ray, hit: &Hit, coarse: Option<&[Texture]>) -> Self {
         let triangle = &scene.triangles[hit.triangle as usize];
         let material = &scene.materials[triangle.material as usize].optical;
         let [a, b, c] = triangle.vertices.map(|i| scene.positions[i as usize]);
@@ -112,13 +113,13 @@ impl Surface {
         let from_front = facing.dot(ray.direction) < 0.0;
         let side = if from_front { 1.0 } else { -1.0 };
         let uv = uv_at(scene, hit.triangle, u, v);
-        let textured = Vec3::from(material.base_color);
-        let base_color = (textured * rgb(scene, &material.base_color_texture, uv, Encoding::Srgb)).clamp(Vec3::ZERO, Vec3::ONE);
-        let data = rgb(scene, &material.metallic_roughness_texture, uv, Encoding::Linear);
+        let texel = rgb(coarse.unwrap_or(&scene.textures), &material.base_color_texture, uv, Encoding::Srgb);
+        let base_color = (Vec3::from(material.base_color) * texel).clamp(Vec3::ZERO, Vec3::ONE);
+        let data = rgb(&scene.textures, &material.metallic_roughness_texture, uv, Encoding::Linear);
         Self {
             position: a * w + b * u + c * v,
             geometric_normal: facing * side,
-            normal: shading_normal(scene, hit, material, uv, facing, ray.direction, side),
+            normal: shading_normal(scene, hit, material, coarse.is_none(), uv, facing, ray.direction, side),
             base_color,
             metallic: (material.metallic * data.z).clamp(0.0, 1.0),
             roughness: (material.roughness * data.y).clamp(0.0, 1.0),
@@ -145,6 +146,7 @@ fn shading_normal(
     scene: &Scene,
     hit: &Hit,
     material: &OpticalMaterial,
+    mapped: bool,
     uv: Vec2,
     facing: Vec3,
     direction: Vec3,
@@ -159,7 +161,7 @@ fn shading_normal(
     if n.dot(facing) < 0.0 {
         n = -n;
     }
-    if let Some(map) = &material.normal_texture {
+    if let Some(map) = material.normal_texture.as_ref().filter(|_| mapped) {
         let texel = sample(&scene.textures, map, uv, Encoding::Linear);
         if let Some((t, b)) = tangents(scene, hit.triangle, map, n) {
             let s = material.normal_scale;

@@ -1,8 +1,10 @@
 //! Texture look-ups: bilinear, with wrap modes and decoding through tables.
 
-use corf_scene::color::linear_from_srgb;
+use corf_scene::Raster;
+use corf_scene::color::{linear_from_srgb, quantize8, srgb_from_linear};
 use corf_scene::model::{Texture, TextureRef, Wrap};
 use glam::Vec2;
+use rayon::prelude::*;
 use std::sync::OnceLock;
 
 /// How the stored bytes mean colour.
@@ -23,33 +25,43 @@ fn table(encoding: Encoding) -> &'static [f32; 256] {
     &tables[usize::from(encoding == Encoding::Linear)]
 }
 
-/// Texel index of an integer coordinate under a wrap mode.
+/// The two texel indices around a coordinate along one axis of `n` texels, and the second one's weight.
 #[inline(always)]
-fn wrapped(i: i64, n: i64, wrap: Wrap) -> usize {
-    (match wrap {
-        Wrap::Repeat => i.rem_euclid(n),
-        Wrap::Clamp => i.clamp(0, n - 1),
-        Wrap::Mirror => {
-            let k = i.rem_euclid(2 * n);
-            if k < n { k } else { 2 * n - 1 - k }
-        }
-    }) as usize
+fn neighbours(coordinate: f32, n: usize, wrap: Wrap) -> ([usize; 2], f32) {
+    let coordinate = match wrap {
+        Wrap::Repeat => coordinate - coordinate.floor(),
+        // Far outside, a clamped coordinate is no different from just outside.
+        Wrap::Clamp => coordinate.clamp(-1.0, 2.0),
+        Wrap::Mirror => coordinate - 2.0 * (0.5 * coordinate).floor(),
+    };
+    // Texel centres are at half-integers.
+    let x = coordinate * n as f32 - 0.5;
+    let floor = x.floor();
+    let first = floor as i32;
+    let last = n as i32 - 1;
+    let index = |i: i32| match wrap {
+        // The coordinate is in [0, 1], so i is in [−1, n].
+        Wrap::Repeat if i < 0 => last,
+        Wrap::Repeat if i > last => 0,
+        Wrap::Repeat => i,
+        Wrap::Clamp => i.clamp(0, last),
+        // In [0, 2], so i is in [−1, 2n].
+        Wrap::Mirror if i < 0 || i > 2 * last + 1 => 0,
+        Wrap::Mirror if i > last => 2 * last + 1 - i,
+        Wrap::Mirror => i,
+    };
+    ([index(first) as usize, index(first + 1) as usize], x - floor)
 }
 
 /// The four texels around a texture coordinate and their weights; `None` for an empty texture.
 #[inline]
 fn footprint(texture: &Texture, uv: Vec2) -> Option<[([u8; 4], f32); 4]> {
-    let (w, h) = (texture.texels.width() as i64, texture.texels.height() as i64);
+    let (w, h) = (texture.texels.width(), texture.texels.height());
     if w == 0 || h == 0 || !uv.is_finite() {
         return None;
     }
-    // Texel centres are at half-integers.
-    let (x, y) = (uv.x * w as f32 - 0.5, uv.y * h as f32 - 0.5);
-    let (x0, y0) = (x.floor(), y.floor());
-    let (fx, fy) = (x - x0, y - y0);
-    let (x0, y0) = (x0 as i64, y0 as i64);
-    let columns = [wrapped(x0, w, texture.wrap[0]), wrapped(x0 + 1, w, texture.wrap[0])];
-    let rows = [wrapped(y0, h, texture.wrap[1]), wrapped(y0 + 1, h, texture.wrap[1])];
+    let (columns, fx) = neighbours(uv.x, w, texture.wrap[0]);
+    let (rows, fy) = neighbours(uv.y, h, texture.wrap[1]);
     let texel = |i: usize, j: usize| texture.texels[(columns[i], rows[j])];
     Some([
         (texel(0, 0), (1.0 - fx) * (1.0 - fy)),
@@ -91,10 +103,46 @@ pub(super) fn mean(textures: &[Texture], reference: &TextureRef, encoding: Encod
     sum.map(|s| (s / texels.len() as f64) as f32)
 }
 
+/// Longest side of a coarse texture.
+const COARSE_TEXELS: usize = 64;
+
+/// Colour textures averaged (in linear light) to at most 64 texels a side, for look-ups whose footprint is wide.
+pub(super) fn coarse(textures: &[Texture]) -> Vec<Texture> {
+    textures.par_iter().map(coarsened).collect()
+}
+
+fn coarsened(texture: &Texture) -> Texture {
+    let (w, h) = (texture.texels.width(), texture.texels.height());
+    let shrink = w.max(h).div_ceil(COARSE_TEXELS);
+    if shrink <= 1 {
+        return texture.clone();
+    }
+    let (cw, ch) = ((w / shrink).max(1), (h / shrink).max(1));
+    let decode = table(Encoding::Srgb);
+    let texels = Raster::from_fn(cw, ch, |x, y| {
+        let (columns, rows) = (x * w / cw..(x + 1) * w / cw, y * h / ch..(y + 1) * h / ch);
+        let count = (columns.len() * rows.len()) as f32;
+        let mut sum = [0.0f32; 4];
+        for row in rows {
+            for texel in &texture.texels.pixels()[row * w..][columns.clone()] {
+                (0..3).for_each(|c| sum[c] += decode[texel[c] as usize]);
+                sum[3] += f32::from(texel[3]) / 255.0;
+            }
+        }
+        let mean = sum.map(|v| v / count);
+        [
+            quantize8(srgb_from_linear(mean[0])),
+            quantize8(srgb_from_linear(mean[1])),
+            quantize8(srgb_from_linear(mean[2])),
+            quantize8(mean[3]),
+        ]
+    });
+    Texture { name: texture.name.clone(), texels, wrap: texture.wrap }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use corf_scene::Raster;
     use glam::Affine2;
 
     fn ramp(wrap: Wrap) -> (Vec<Texture>, TextureRef) {
@@ -120,6 +168,13 @@ mod tests {
         assert!((red(Wrap::Clamp, 7.0) - 150.0).abs() < 1e-3);
         assert!((red(Wrap::Mirror, 1.125) - 150.0).abs() < 1e-3, "mirrored: the last texel again");
         assert!((red(Wrap::Mirror, 1.375) - 100.0).abs() < 1e-3);
+        assert!((red(Wrap::Mirror, -0.375) - 50.0).abs() < 1e-3 && (red(Wrap::Mirror, 2.375) - 50.0).abs() < 1e-3);
+        assert!((red(Wrap::Mirror, 2.0)).abs() < 1e-3 && (red(Wrap::Mirror, 0.0)).abs() < 1e-3);
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for u in [-1e9, -7.3, -1e-9, 0.0, 1.0, 0.999_999_9, 1.999_999_9, 2.0, 33.3, 1e9] {
+                assert!((0.0..=150.0).contains(&red(wrap, u)), "{wrap:?} {u}");
+            }
+        }
     }
 
     #[test]
@@ -136,5 +191,25 @@ mod tests {
         reference.uv_from_uv = Affine2::from_scale(Vec2::new(2.0, 1.0));
         let v = sample(&textures, &reference, Vec2::new(0.1875, 0.5), Encoding::Linear);
         assert!((v[0] * 255.0 - 50.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn coarse_textures_keep_the_mean_colour_and_the_layout() {
+        let texels =
+            Raster::from_fn(500, 128, |x, y| if x < 250 { [255, (y % 2 * 255) as u8, 0, 255] } else { [0, 80, 200, 255] });
+        let fine = vec![Texture { name: "halves".into(), texels, wrap: [Wrap::Clamp; 2] }];
+        let coarse = coarse(&fine);
+        assert!(coarse[0].texels.width() <= 64 && coarse[0].texels.height() <= 64);
+        let reference = TextureRef { texture: 0, uv_from_uv: Affine2::IDENTITY };
+        let (a, b) = (mean(&fine, &reference, Encoding::Srgb), mean(&coarse, &reference, Encoding::Srgb));
+        for c in 0..3 {
+            // Eight-bit rounding of every coarse texel, and a column that straddles the halves.
+            assert!((a[c] - b[c]).abs() < 0.01, "{a:?} {b:?}");
+        }
+        let left = sample(&coarse, &reference, Vec2::new(0.25, 0.5), Encoding::Srgb);
+        assert!(
+            left[0] > 0.99 && (left[1] - 0.5).abs() < 0.01 && left[2] < 0.01,
+            "averaged as light, not as code values: {left:?}"
+        );
     }
 }
