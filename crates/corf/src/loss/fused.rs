@@ -9,7 +9,7 @@ use crate::device::{
     Planes,
     cpu::{
         blend::AREA,
-        project::TILE,
+        project::{TILE_HEIGHT, TILE_WIDTH},
         simd::{Isa, Kernel, Lanes},
     },
 };
@@ -203,7 +203,7 @@ impl Kernel for AlongRows<'_> {
     fn run<L: Lanes>(self) {
         let t = self.target;
         let (stride, width) = (t.stride, t.width);
-        let columns = width.div_ceil(TILE);
+        let columns = width.div_ceil(TILE_WIDTH);
         let mut buffers = vec![0.0_f32; 3 * (stride + 2 * MARGIN)];
         let (x_row, rest) = buffers.split_at_mut(stride + 2 * MARGIN);
         let (xx_row, xy_row) = rest.split_at_mut(stride + 2 * MARGIN);
@@ -212,9 +212,10 @@ impl Kernel for AlongRows<'_> {
             let row = self.first + k;
             let (channel, y) = (row / t.height, row % t.height);
             for tile in 0..columns {
-                let from = (((y / TILE) * columns + tile) * t.channels + channel) * AREA + (y % TILE) * TILE;
-                let n = TILE.min(width - tile * TILE);
-                image[tile * TILE..tile * TILE + n].copy_from_slice(&self.tiles[from..from + n]);
+                let from = (((y / TILE_HEIGHT) * columns + tile) * t.channels + channel) * AREA + (y % TILE_HEIGHT) * TILE_WIDTH;
+                let x = tile * TILE_WIDTH;
+                let n = TILE_WIDTH.min(width - x);
+                image[x..x + n].copy_from_slice(&self.tiles[from..from + n]);
             }
             let truth = &t.pixels[row * stride..(row + 1) * stride];
             for i in 0..width {
@@ -344,7 +345,7 @@ impl DepthLoss {
     /// Mean of confidence·|I − target| (1/m); `self.gradient` becomes `weight` times its gradient.
     pub fn run(&mut self, tiles: &[f32], target: &DepthTarget, weight: f32) -> f32 {
         let (width, stride) = (target.width, stride_of(target.width));
-        let columns = width.div_ceil(TILE);
+        let columns = width.div_ceil(TILE_WIDTH);
         self.gradient.resize(target.height * stride, 0.0);
         self.sums.resize(target.height, 0.0);
         let n = (width * target.height) as f32;
@@ -353,7 +354,8 @@ impl DepthLoss {
             |(y, (gradient, sum))| {
                 *sum = 0.0;
                 for x in 0..width {
-                    let rendered = tiles[((y / TILE) * columns + x / TILE) * AREA + (y % TILE) * TILE + x % TILE];
+                    let rendered = tiles
+                        [((y / TILE_HEIGHT) * columns + x / TILE_WIDTH) * AREA + (y % TILE_HEIGHT) * TILE_WIDTH + x % TILE_WIDTH];
                     let d = rendered - target.value[y * width + x];
                     let confidence = target.confidence[y * width + x];
                     let sign = f32::from(i8::from(d > 0.0) - i8::from(d < 0.0));

@@ -1,16 +1,16 @@
-//! Alpha blending of one 8×8 tile, front to back, and its gradient.
+//! Alpha blending of one tile, front to back, and its gradient.
 //!
-//! Images live tile by tile: `[tile][channel][64]`. A tile is one unit of parallel work and owns its part of every buffer, so nothing
+//! Images live tile by tile: `[tile][channel][AREA]`. A tile is one unit of parallel work and owns its part of every buffer, so nothing
 //! is shared and nothing is atomic. The gradient walks front to back like the forward pass and recomputes the same weights bit by
 //! bit; what lies behind Gaussian i follows from the finished image.
 
 use super::{
-    project::{MIN_ALPHA, Splat, TILE},
+    project::{MIN_ALPHA, Splat, TILE_HEIGHT, TILE_WIDTH},
     simd::{Kernel, Lanes},
 };
 
 /// Pixels per tile.
-pub(crate) const AREA: usize = TILE * TILE;
+pub(crate) const AREA: usize = TILE_WIDTH * TILE_HEIGHT;
 /// A pixel ends when less than this remains.
 const MIN_TRANSMITTANCE: f32 = 1e-4;
 /// No Gaussian hides more than this.
@@ -23,7 +23,7 @@ static PIXEL_X: [f32; AREA] = {
     let mut out = [0.0; AREA];
     let mut i = 0;
     while i < AREA {
-        out[i] = (i % TILE) as f32 + 0.5;
+        out[i] = (i % TILE_WIDTH) as f32 + 0.5;
         i += 1;
     }
     out
@@ -32,7 +32,7 @@ static PIXEL_Y: [f32; AREA] = {
     let mut out = [0.0; AREA];
     let mut i = 0;
     while i < AREA {
-        out[i] = (i / TILE) as f32 + 0.5;
+        out[i] = (i / TILE_WIDTH) as f32 + 0.5;
         i += 1;
     }
     out
@@ -57,7 +57,7 @@ impl Tile<'_> {
     fn initial_transmittance(&self) -> [f32; AREA] {
         let mut out = [0.0; AREA];
         for (i, t) in out.iter_mut().enumerate() {
-            if self.x + i % TILE < self.width && self.y + i / TILE < self.height {
+            if self.x + i % TILE_WIDTH < self.width && self.y + i / TILE_WIDTH < self.height {
                 *t = 1.0;
             }
         }
@@ -70,8 +70,8 @@ impl Tile<'_> {
         let v = s.v - self.y as f32;
         // Row r is reached if |v − (r + ½)| ≤ half_height.
         let first = (v - s.half_height - 0.5).ceil().max(0.0) as usize;
-        let end = ((v + s.half_height + 0.5).floor().max(0.0) as usize).min(TILE);
-        (first * TILE / width)..(end * TILE).div_ceil(width)
+        let end = ((v + s.half_height + 0.5).floor().max(0.0) as usize).min(TILE_HEIGHT);
+        (first * TILE_WIDTH / width)..(end * TILE_WIDTH).div_ceil(width)
     }
 }
 
@@ -85,11 +85,11 @@ fn weight<L: Lanes>(power: [L; 3], dx: L, dy: L) -> L {
 pub(crate) struct Forward<'a, const C: usize, const DEPTH: bool> {
     pub tile: Tile<'a>,
     pub background: [f32; 3],
-    /// C·64.
+    /// C·AREA.
     pub color: &'a mut [f32],
-    /// 64; left alone unless DEPTH.
+    /// AREA; left alone unless DEPTH.
     pub inverse_depth: &'a mut [f32],
-    /// 64.
+    /// AREA.
     pub transmittance: &'a mut [f32],
 }
 
@@ -163,7 +163,7 @@ pub(crate) const FIRST: usize = 8;
 /// Differentiates a tile.
 pub(crate) struct Backward<'a, const C: usize, const DEPTH: bool> {
     pub tile: Tile<'a>,
-    /// The finished image with its background, C·64.
+    /// The finished image with its background, C·AREA.
     pub color: &'a [f32],
     pub inverse_depth: &'a [f32],
     /// dL/dimage, row by row: `[channel][row][stride]`.
@@ -180,10 +180,10 @@ impl<const C: usize, const DEPTH: bool> Backward<'_, C, DEPTH> {
     #[inline(always)]
     fn tile_of(&self, plane: &[f32]) -> [f32; AREA] {
         let mut out = [0.0; AREA];
-        let columns = TILE.min(self.tile.width - self.tile.x);
-        for row in 0..TILE.min(self.tile.height - self.tile.y) {
+        let columns = TILE_WIDTH.min(self.tile.width - self.tile.x);
+        for row in 0..TILE_HEIGHT.min(self.tile.height - self.tile.y) {
             let at = (self.tile.y + row) * self.stride + self.tile.x;
-            out[row * TILE..row * TILE + columns].copy_from_slice(&plane[at..at + columns]);
+            out[row * TILE_WIDTH..row * TILE_WIDTH + columns].copy_from_slice(&plane[at..at + columns]);
         }
         out
     }
@@ -266,21 +266,13 @@ impl<const C: usize, const DEPTH: bool> Kernel for Backward<'_, C, DEPTH> {
                     sum_xy = gx.mul_add(dy, sum_xy);
                     sum_yy = gy.mul_add(dy, sum_yy);
                 }
+                let [r, g, b] = if C == 3 { [d_color[0], d_color[C / 2], d_color[C - 1]] } else { [d_color[0], zero, zero] };
                 let record = &mut self.records[done];
-                *record = [0.0; 12];
-                for c in 0..C {
-                    record[COLOR + c] = d_color[c].sum();
-                }
-                if DEPTH {
-                    record[INVERSE_Z] = d_inverse_z.sum();
-                }
+                record[..4].copy_from_slice(&L::sum4([r, g, b, d_inverse_z]));
+                record[4..8].copy_from_slice(&L::sum4([sum, sum_xx, sum_xy, sum_yy]));
+                record[8..].copy_from_slice(&L::sum4([sum_x, sum_y, zero, zero]));
                 // α = oρ·G: Σ G dL/dα = −Σ dL/dσ / (oρ).
-                record[OPACITY] = -sum.sum() / s.opacity;
-                record[MOMENTS] = sum_xx.sum();
-                record[MOMENTS + 1] = sum_xy.sum();
-                record[MOMENTS + 2] = sum_yy.sum();
-                record[FIRST] = sum_x.sum();
-                record[FIRST + 1] = sum_y.sum();
+                record[OPACITY] = -record[OPACITY] / s.opacity;
                 done += 1;
             }
             let mut open = false;
@@ -298,7 +290,7 @@ impl<const C: usize, const DEPTH: bool> Kernel for Backward<'_, C, DEPTH> {
 /// Finds, per pixel, the list entry of the largest blending weight α·T.
 pub(crate) struct MainContributor<'a> {
     pub tile: Tile<'a>,
-    /// 64 names as in the tile's list; `u32::MAX` where nothing is drawn.
+    /// AREA names as in the tile's list; `u32::MAX` where nothing is drawn.
     pub out: &'a mut [u32],
 }
 

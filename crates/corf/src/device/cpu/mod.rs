@@ -61,6 +61,15 @@ impl CpuDevice {
     pub fn take_stage_times(&mut self) -> StageTimes {
         std::mem::take(&mut self.times)
     }
+
+    /// Splats listed per pixel in the last image of each modality: tile-list entries times the tile's pixels over all pixels, an upper
+    /// bound of what is blended.
+    pub fn overdraw(&self) -> [f64; 2] {
+        [0, 1].map(|g| {
+            let lists = &self.frame.images[g].lists;
+            lists.entries.len() as f64 / lists.start.len().saturating_sub(1).max(1) as f64
+        })
+    }
 }
 
 impl Device for CpuDevice {

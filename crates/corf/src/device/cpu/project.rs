@@ -10,8 +10,10 @@ use rayon::prelude::*;
 
 /// Gaussians per unit of parallel work; fixed, so that results do not depend on the number of threads.
 pub(crate) const CHUNK: usize = 256;
-/// Tiles are this many pixels wide and high.
-pub(crate) const TILE: usize = 8;
+/// Tiles are this many pixels wide and high. Rows a Gaussian does not reach are skipped, so a tall tile wastes no more than a short one
+/// and needs fewer lists; a wide one would.
+pub(crate) const TILE_WIDTH: usize = 8;
+pub(crate) const TILE_HEIGHT: usize = 16;
 /// Blending weights below this are not drawn.
 pub(crate) const MIN_ALPHA: f32 = 1.0 / 255.0;
 /// τ = ln(255·o·ρ) bounds σ; the margin covers the rounding of our logarithm and of σ itself.
@@ -323,7 +325,7 @@ fn color_of<const K: usize>(h: &Harmonics, id: usize, d: [f32; 3]) -> [f32; 3] {
     out
 }
 
-/// Appends the tiles in which some point has σ ≤ τ; false if there is none.
+/// Appends the tiles in which some point has σ ≤ τ, row by row; false if there is none.
 #[inline(always)]
 fn emit_tiles(grid: &Grid, [u, v]: [f32; 2], q: [f32; 3], tau: f32, [width, height]: [f32; 2], out: &mut Vec<u32>) -> bool {
     /// Farther than this from the image nothing is drawn; keeps conversions to integers exact.
@@ -332,44 +334,35 @@ fn emit_tiles(grid: &Grid, [u, v]: [f32; 2], q: [f32; 3], tau: f32, [width, heig
     if !(tau > 0.0 && u.abs() < FAR && v.abs() < FAR && width < FAR && height < FAR) {
         return false;
     }
-    let (columns, rows) = (grid.width.div_ceil(TILE) as i32, grid.height.div_ceil(TILE) as i32);
-    let tile = TILE as f32;
-    // Pixel centres of tile t span [8t + ½, 8t + 7½].
-    let first = |centre: f32, half: f32| (((centre - half + 0.5) / tile).ceil() as i32 - 1).max(0);
-    let last = |centre: f32, half: f32, n: i32| (((centre + half - 0.5) / tile).floor() as i32).min(n - 1);
-    let (x0, x1) = (first(u, width), last(u, width, columns));
-    let (y0, y1) = (first(v, height), last(v, height, rows));
+    let (columns, rows) = (grid.width.div_ceil(TILE_WIDTH) as i32, grid.height.div_ceil(TILE_HEIGHT) as i32);
     let before = out.len();
     let [qa, qb, qc] = q;
-    let (b_over_a, b_over_c) = (qb / qa, qb / qc);
+    let determinant = qa * qc - qb * qb;
+    let (slope, inverse_a) = (-qb / qa, 1.0 / qa);
+    // Height, relative to the mean, at which the ellipse reaches farthest to the right; to the left it is the opposite.
+    let rightmost = -qb / qc * width;
+    let (y0, y1) = span(v - height, v + height, TILE_HEIGHT, rows);
     for ty in y0..=y1 {
-        let (low_y, high_y) = (ty as f32 * tile + 0.5, ty as f32 * tile + (tile - 0.5));
+        // The ellipse between the first and the last pixel row of the tiles is convex: it meets a tile if its extent in x does.
+        let low = (ty as f32 * TILE_HEIGHT as f32 + 0.5 - v).max(-height);
+        let high = (ty as f32 * TILE_HEIGHT as f32 + (TILE_HEIGHT as f32 - 0.5) - v).min(height);
+        let (right_at, left_at) = (rightmost.max(low).min(high), (-rightmost).max(low).min(high));
+        // At height y the border lies at x = −(b/a) y ± sqrt(2τ a − det y²) / a.
+        let right = slope * right_at + (2.0 * tau * qa - determinant * right_at * right_at).max(0.0).sqrt() * inverse_a;
+        let left = slope * left_at - (2.0 * tau * qa - determinant * left_at * left_at).max(0.0).sqrt() * inverse_a;
+        let (x0, x1) = span(u + left, u + right, TILE_WIDTH, columns);
         for tx in x0..=x1 {
-            let (low_x, high_x) = (tx as f32 * tile + 0.5, tx as f32 * tile + (tile - 0.5));
-            // The point of the rectangle nearest the mean in each axis; σ is least on one of the edges facing the mean.
-            let near_x = u.max(low_x).min(high_x);
-            let near_y = v.max(low_y).min(high_y);
-            let (dx, dy) = (u - near_x, v - near_y);
-            let sigma = |dx: f32, dy: f32| 0.5 * (qa * dx * dx + qc * dy * dy) + qb * dx * dy;
-            let inside_x = dx == 0.0;
-            let inside_y = dy == 0.0;
-            let mut least = f32::INFINITY;
-            if inside_x && inside_y {
-                least = 0.0;
-            }
-            if !inside_x {
-                // Along the vertical edge dy* = −(b/c) dx, held inside the tile.
-                let y = (v + b_over_c * dx).max(low_y).min(high_y);
-                least = least.min(sigma(dx, v - y));
-            }
-            if !inside_y {
-                let x = (u + b_over_a * dy).max(low_x).min(high_x);
-                least = least.min(sigma(u - x, dy));
-            }
-            if least <= tau {
-                out.push((ty * columns + tx) as u32);
-            }
+            out.push((ty * columns + tx) as u32);
         }
     }
     out.len() > before
+}
+
+/// First and last of `count` tiles with a pixel centre in `[low, high]`; the centres of tile t span `[t·size + ½, (t+1)·size − ½]`.
+#[inline(always)]
+fn span(low: f32, high: f32, size: usize, count: i32) -> (i32, i32) {
+    let inverse = 1.0 / size as f32;
+    let first = ((low + 0.5) * inverse).ceil() as i32 - 1;
+    let last = ((high - 0.5) * inverse).floor() as i32;
+    (first.max(0), last.min(count - 1))
 }

@@ -4,7 +4,7 @@ use super::{
     CpuDevice,
     blend::{AREA, Forward, MainContributor, Tile},
     geometry::{Grid, Scene},
-    project::{CHUNK, Projection, Splat, TILE},
+    project::{CHUNK, Projection, Splat, TILE_HEIGHT, TILE_WIDTH},
     simd::Isa,
     store::Store,
     tiles::{DepthOrder, TileLists, tile_count},
@@ -22,11 +22,11 @@ pub(crate) struct Image {
     pub lists: TileLists,
     /// Where each (Gaussian, tile) pair of each chunk landed in the lists.
     pub places: Vec<Vec<u32>>,
-    /// `[tile][channel][64]`, background included.
+    /// `[tile][channel][128]`, background included.
     pub color: Vec<f32>,
-    /// `[tile][64]`; written only where asked for.
+    /// `[tile][128]`; written only where asked for.
     pub inverse_depth: Vec<f32>,
-    /// `[tile][64]`.
+    /// `[tile][128]`.
     pub transmittance: Vec<f32>,
 }
 
@@ -41,10 +41,10 @@ pub(crate) struct Frame {
 
 /// The tile at place `index` of an image.
 pub(crate) fn tile_at<'a>(grid: &Grid, lists: &'a TileLists, splats: &'a [Splat], index: usize) -> Tile<'a> {
-    let columns = grid.width.div_ceil(TILE);
+    let columns = grid.width.div_ceil(TILE_WIDTH);
     Tile {
-        x: index % columns * TILE,
-        y: index / columns * TILE,
+        x: index % columns * TILE_WIDTH,
+        y: index / columns * TILE_HEIGHT,
         width: grid.width,
         height: grid.height,
         list: lists.of(index),
@@ -132,9 +132,10 @@ impl Image {
 
 /// One channel of a tile-major image, row by row.
 fn untile<T: Copy>(grid: &Grid, channels: usize, channel: usize, tiles: &[T]) -> Raster<T> {
-    let columns = grid.width.div_ceil(TILE);
+    let columns = grid.width.div_ceil(TILE_WIDTH);
     Raster::from_fn(grid.width, grid.height, |x, y| {
-        tiles[(((y / TILE) * columns + x / TILE) * channels + channel) * AREA + (y % TILE) * TILE + x % TILE]
+        let tile = (y / TILE_HEIGHT) * columns + x / TILE_WIDTH;
+        tiles[(tile * channels + channel) * AREA + (y % TILE_HEIGHT) * TILE_WIDTH + x % TILE_WIDTH]
     })
 }
 

@@ -37,6 +37,11 @@ pub(crate) trait Lanes:
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
     /// Sum of the lanes, in a fixed order.
     fn sum(self) -> f32;
+    /// The sums of four at once, which costs about half of four single sums where the hardware adds neighbours.
+    #[inline(always)]
+    fn sum4(v: [Self; 4]) -> [f32; 4] {
+        [v[0].sum(), v[1].sum(), v[2].sum(), v[3].sum()]
+    }
 
     /// `2^x`; relative error below 2e-7 for x in [-125, 127], clamped below.
     #[inline(always)]
@@ -432,6 +437,25 @@ mod x86 {
                 _mm_cvtss_f32(_mm_add_ss(two, _mm_shuffle_ps::<1>(two, two)))
             }
         }
+        #[inline(always)]
+        fn sum4(v: [Self; 4]) -> [f32; 4] {
+            let mut out = [0.0; 4];
+            unsafe {
+                let pairs = [_mm256_hadd_ps(v[0].0, v[1].0), _mm256_hadd_ps(v[2].0, v[3].0)];
+                let fours = _mm256_hadd_ps(pairs[0], pairs[1]);
+                let sums = _mm_add_ps(_mm256_castps256_ps128(fours), _mm256_extractf128_ps::<1>(fours));
+                _mm_storeu_ps(out.as_mut_ptr(), sums);
+            }
+            out
+        }
+    }
+
+    impl Avx512 {
+        /// The lower and the upper half, added.
+        #[inline(always)]
+        fn halves(self) -> Avx2 {
+            Avx2(unsafe { _mm256_add_ps(_mm512_castps512_ps256(self.0), _mm512_extractf32x8_ps::<1>(self.0)) })
+        }
     }
 
     impl Lanes for Avx512 {
@@ -504,7 +528,11 @@ mod x86 {
         }
         #[inline(always)]
         fn sum(self) -> f32 {
-            Avx2(unsafe { _mm256_add_ps(_mm512_castps512_ps256(self.0), _mm512_extractf32x8_ps::<1>(self.0)) }).sum()
+            self.halves().sum()
+        }
+        #[inline(always)]
+        fn sum4(v: [Self; 4]) -> [f32; 4] {
+            Avx2::sum4([v[0].halves(), v[1].halves(), v[2].halves(), v[3].halves()])
         }
     }
 }
@@ -542,6 +570,8 @@ mod tests {
             let numbers: Vec<f32> = (0..16).map(|i| (i * i) as f32).collect();
             let expected: f32 = numbers[..L::WIDTH].iter().sum();
             assert_eq!(L::load(&numbers).sum(), expected);
+            let n = L::load(&numbers);
+            assert_eq!(L::sum4([n, n + n, -n, L::splat(0.0)]), [expected, 2.0 * expected, -expected, 0.0]);
             let big = L::load(&numbers).gt(L::splat(10.0));
             assert!(L::any(big));
             L::select(big, L::splat(1.0), L::splat(-1.0)).store(&mut out);

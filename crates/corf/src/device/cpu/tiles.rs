@@ -2,7 +2,7 @@
 
 use super::{
     geometry::Grid,
-    project::{CHUNK, Projection, TILE},
+    project::{CHUNK, Projection, TILE_HEIGHT, TILE_WIDTH},
 };
 
 /// Visible Gaussians from near to far, named by `chunk·CHUNK + local`; equal depths stay in order.
@@ -96,5 +96,5 @@ impl TileLists {
 
 /// Tiles that cover an image.
 pub(crate) fn tile_count(grid: &Grid) -> usize {
-    grid.width.div_ceil(TILE) * grid.height.div_ceil(TILE)
+    grid.width.div_ceil(TILE_WIDTH) * grid.height.div_ceil(TILE_HEIGHT)
 }

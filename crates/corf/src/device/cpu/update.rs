@@ -5,7 +5,7 @@ use super::{
     geometry::{EllipseGradient, Scene, ellipse, ellipse_backward, shape, shape_backward, to_camera},
     project::{CHUNK, Projection, VisibleChunk, direction, gather3, gather4},
     simd::{Isa, Kernel, Lanes},
-    store::{Core, LOG_SCALE, OPTICAL_OPACITY, POSITION, ROTATION, Store},
+    store::{Core, LOG_SCALE, OPTICAL_OPACITY, POSITION, RF_OPACITY, ROTATION, Store},
 };
 use crate::{AppearanceRates, OptimizerConfig, gaussians::logit, sh};
 use rayon::prelude::*;
@@ -50,7 +50,7 @@ pub(crate) struct Update<'a> {
 impl Update<'_> {
     /// Updates (or overwrites by gradients) every visible Gaussian of the store.
     pub fn run(&self, store: &mut Store) {
-        let strides = [store.harmonics[0].stride(), store.harmonics[1].stride()];
+        let coefficients = [store.harmonics[0].coefficients(), store.harmonics[1].coefficients()];
         let [optical, rf] = &mut store.harmonics;
         let mut parts = Vec::with_capacity(self.projection.chunks.len());
         let mut cores = store
@@ -74,12 +74,8 @@ impl Update<'_> {
             parts.push(Part { value, moment1, moment2, position_rate, harmonics: [optical, rf] });
         }
         let rates = [0, 1].map(|g| match &self.mode {
-            Mode::Adam { config, .. } => {
-                let r = [&config.optical, &config.rf][g];
-                let k = strides[g] / if g == 0 { 3 } else { parts.first().map_or(1, |p| p.harmonics[1].channels) };
-                harmonic_rates(r, k)
-            }
-            Mode::Write => [0.0; sh::MAX_COEFFICIENTS],
+            Mode::Adam { config, .. } => harmonic_rates([&config.optical, &config.rf][g], coefficients[g]),
+            Mode::Write => [0.0; MAX_STRIDE],
         });
         parts.into_par_iter().enumerate().for_each(|(chunk, part)| {
             self.isa.dispatch(UpdateChunk { update: self, chunk, rates: &rates, part });
@@ -87,18 +83,20 @@ impl Update<'_> {
     }
 }
 
-/// Rates along one channel's coefficients.
-fn harmonic_rates(r: &AppearanceRates, coefficients: usize) -> [f32; sh::MAX_COEFFICIENTS] {
-    let mut out = [r.sh_dc / r.sh_rest_divisor; sh::MAX_COEFFICIENTS];
-    out[0] = r.sh_dc;
-    out[coefficients..].fill(0.0);
+/// Most harmonics of one Gaussian in one modality: three channels of sixteen.
+const MAX_STRIDE: usize = 3 * sh::MAX_COEFFICIENTS;
+
+/// Rates along one Gaussian's harmonics.
+fn harmonic_rates(r: &AppearanceRates, coefficients: usize) -> [f32; MAX_STRIDE] {
+    let mut out = [r.sh_dc / r.sh_rest_divisor; MAX_STRIDE];
+    out.iter_mut().step_by(coefficients).for_each(|rate| *rate = r.sh_dc);
     out
 }
 
 struct UpdateChunk<'a, 'b> {
     update: &'a Update<'a>,
     chunk: usize,
-    rates: &'a [[f32; sh::MAX_COEFFICIENTS]; 2],
+    rates: &'a [[f32; MAX_STRIDE]; 2],
     part: Part<'b>,
 }
 
@@ -179,7 +177,7 @@ impl UpdateChunk<'_, '_> {
                     d_color[c] = if splat.color[c] > 0.0 { sums[COLOR + c][lane] } else { 0.0 };
                 }
                 let d = direction(&self.part.value[id], &scene.pose.eye);
-                let d_mean = self.harmonics(g, id, d, d_color);
+                let d_mean = self.harmonics::<L>(g, id, d, d_color);
                 for k in 0..3 {
                     d_direction[k][lane] += d_mean[k];
                 }
@@ -198,42 +196,45 @@ impl UpdateChunk<'_, '_> {
             d_rotation[k].store(&mut gradient[ROTATION + k]);
         }
         gradient[OPTICAL_OPACITY] = d_logit[0];
-        gradient[OPTICAL_OPACITY + 1] = d_logit[1];
+        gradient[RF_OPACITY] = d_logit[1];
         for lane in 0..lanes {
             let mut one: Core = [0.0; 12];
             for k in 0..12 {
                 one[k] = gradient[k][lane];
             }
-            self.core(ids[lane] as usize, &one, [seen[0][lane], seen[1][lane]]);
+            self.core::<L>(ids[lane] as usize, &one, [seen[0][lane], seen[1][lane]]);
         }
     }
 
     /// Geometry and opacities of one Gaussian.
     #[inline(always)]
-    fn core(&mut self, id: usize, gradient: &Core, seen: [bool; 2]) {
+    fn core<L: Lanes>(&mut self, id: usize, gradient: &Core, seen: [bool; 2]) {
         let Mode::Adam { config, geometry } = &self.update.mode else {
             self.part.value[id] = *gradient;
             return;
         };
         let rate = &mut self.part.position_rate[id];
-        let mut rates: Core = [0.0; 12];
+        let mut rates = [0.0_f32; 16];
         if *geometry {
             rates[POSITION..ROTATION].fill(config.position_rate_m * *rate);
             rates[ROTATION..LOG_SCALE].fill(config.rotation_rate);
             rates[LOG_SCALE..OPTICAL_OPACITY].fill(config.log_scale_rate);
             *rate = (*rate * (1.0 - config.position_decay)).max(config.position_rate_floor);
         }
-        let mut touched = [*geometry; 12];
-        for (g, r) in [&config.optical, &config.rf].into_iter().enumerate() {
-            rates[OPTICAL_OPACITY + g] = r.opacity;
-            touched[OPTICAL_OPACITY + g] = seen[g];
-        }
+        rates[OPTICAL_OPACITY] = config.optical.opacity;
+        rates[RF_OPACITY] = config.rf.opacity;
         let (value, m, v) = (&mut self.part.value[id], &mut self.part.moment1[id], &mut self.part.moment2[id]);
-        for k in 0..12 {
-            let (new_value, new_m, new_v) = adam(config, rates[k], gradient[k], value[k], m[k], v[k]);
-            value[k] = if touched[k] { new_value } else { value[k] };
-            m[k] = if touched[k] { new_m } else { m[k] };
-            v[k] = if touched[k] { new_v } else { v[k] };
+        let mut state = [[0.0_f32; 16]; 3];
+        let mut padded = [0.0_f32; 16];
+        state[0][..12].copy_from_slice(value);
+        state[1][..12].copy_from_slice(m);
+        state[2][..12].copy_from_slice(v);
+        padded[..12].copy_from_slice(gradient);
+        adam::<L, 16>(config, &rates, &padded, &mut state, 12);
+        // Only what this step trains and sees is written back.
+        let first = if *geometry { POSITION } else { OPTICAL_OPACITY };
+        for k in (first..OPTICAL_OPACITY).chain((0..2).filter(|g| seen[*g]).map(|g| OPTICAL_OPACITY + g)) {
+            (value[k], m[k], v[k]) = (state[0][k], state[1][k], state[2][k]);
         }
         for (g, r) in [&config.optical, &config.rf].into_iter().enumerate() {
             if seen[g] && r.opacity_floor > 0.0 {
@@ -245,17 +246,28 @@ impl UpdateChunk<'_, '_> {
 
     /// Harmonics of one Gaussian in one modality; returns what the viewing direction adds to dL/dμ.
     #[inline(always)]
-    fn harmonics(&mut self, g: usize, id: usize, d: ([f32; 3], f32), d_color: [f32; 3]) -> [f32; 3] {
-        match self.part.harmonics[g].degree {
-            0 => self.harmonics_of::<1>(g, id, d, d_color),
-            1 => self.harmonics_of::<4>(g, id, d, d_color),
-            2 => self.harmonics_of::<9>(g, id, d, d_color),
-            _ => self.harmonics_of::<16>(g, id, d, d_color),
+    fn harmonics<L: Lanes>(&mut self, g: usize, id: usize, d: ([f32; 3], f32), d_color: [f32; 3]) -> [f32; 3] {
+        let h = &self.part.harmonics[g];
+        match (h.degree, h.channels) {
+            (0, 1) => self.harmonics_of::<L, 1, 1>(g, id, d, d_color),
+            (1, 1) => self.harmonics_of::<L, 4, 1>(g, id, d, d_color),
+            (2, 1) => self.harmonics_of::<L, 9, 1>(g, id, d, d_color),
+            (_, 1) => self.harmonics_of::<L, 16, 1>(g, id, d, d_color),
+            (0, _) => self.harmonics_of::<L, 1, 3>(g, id, d, d_color),
+            (1, _) => self.harmonics_of::<L, 4, 3>(g, id, d, d_color),
+            (2, _) => self.harmonics_of::<L, 9, 3>(g, id, d, d_color),
+            _ => self.harmonics_of::<L, 16, 3>(g, id, d, d_color),
         }
     }
 
     #[inline(always)]
-    fn harmonics_of<const K: usize>(&mut self, g: usize, id: usize, d: ([f32; 3], f32), d_color: [f32; 3]) -> [f32; 3] {
+    fn harmonics_of<L: Lanes, const K: usize, const C: usize>(
+        &mut self,
+        g: usize,
+        id: usize,
+        d: ([f32; 3], f32),
+        d_color: [f32; 3],
+    ) -> [f32; 3] {
         let rates = &self.rates[g];
         let mode = &self.update.mode;
         let h = &mut self.part.harmonics[g];
@@ -263,24 +275,27 @@ impl UpdateChunk<'_, '_> {
         let y = sh::basis::<K>(direction);
         // Σ_c dL/dc_c sh_c,k: the weights of ∇Y_k.
         let mut weights = [0.0_f32; sh::MAX_COEFFICIENTS];
-        for c in 0..h.channels {
-            let run = (id * h.channels + c) * K..(id * h.channels + c + 1) * K;
-            let value = &mut h.value[run.clone()];
+        let run = id * K * C..(id + 1) * K * C;
+        let value = &mut h.value[run.clone()];
+        let mut gradient = [0.0_f32; MAX_STRIDE];
+        for c in 0..C {
             for k in 0..K {
-                weights[k] += d_color[c] * value[k];
+                weights[k] += d_color[c] * value[c * K + k];
+                gradient[c * K + k] = d_color[c] * y[k];
             }
-            match mode {
-                Mode::Write => {
-                    for k in 0..K {
-                        value[k] = d_color[c] * y[k];
-                    }
-                }
-                Mode::Adam { config, .. } => {
-                    let (m, v) = (&mut h.moment1[run.clone()], &mut h.moment2[run]);
-                    for k in 0..K {
-                        (value[k], m[k], v[k]) = adam(config, rates[k], d_color[c] * y[k], value[k], m[k], v[k]);
-                    }
-                }
+        }
+        match mode {
+            Mode::Write => value.copy_from_slice(&gradient[..K * C]),
+            Mode::Adam { config, .. } => {
+                let (m, v) = (&mut h.moment1[run.clone()], &mut h.moment2[run]);
+                let mut local = [[0.0_f32; MAX_STRIDE]; 3];
+                local[0][..K * C].copy_from_slice(value);
+                local[1][..K * C].copy_from_slice(m);
+                local[2][..K * C].copy_from_slice(v);
+                adam::<L, MAX_STRIDE>(config, rates, &gradient, &mut local, K * C);
+                value.copy_from_slice(&local[0][..K * C]);
+                m.copy_from_slice(&local[1][..K * C]);
+                v.copy_from_slice(&local[2][..K * C]);
             }
         }
         if K == 1 {
@@ -297,10 +312,26 @@ impl UpdateChunk<'_, '_> {
     }
 }
 
-/// Adam without bias correction: (value, first moment, second moment) after one gradient.
+/// Adam without bias correction on the first `count` of (value, first moment, second moment), rounded up to whole lanes.
 #[inline(always)]
-fn adam(config: &OptimizerConfig, rate: f32, gradient: f32, value: f32, m: f32, v: f32) -> (f32, f32, f32) {
-    let m = config.beta1 * m + (1.0 - config.beta1) * gradient;
-    let v = config.beta2 * v + (1.0 - config.beta2) * gradient * gradient;
-    (value - rate * m / (v.sqrt() + config.epsilon), m, v)
+fn adam<L: Lanes, const N: usize>(
+    config: &OptimizerConfig,
+    rates: &[f32; N],
+    gradient: &[f32; N],
+    state: &mut [[f32; N]; 3],
+    count: usize,
+) {
+    let (beta1, rest1) = (L::splat(config.beta1), L::splat(1.0 - config.beta1));
+    let (beta2, rest2) = (L::splat(config.beta2), L::splat(1.0 - config.beta2));
+    let epsilon = L::splat(config.epsilon);
+    for at in (0..count).step_by(L::WIDTH) {
+        let lanes = at..at + L::WIDTH;
+        let g = L::load(&gradient[lanes.clone()]);
+        let m = beta1 * L::load(&state[1][lanes.clone()]) + rest1 * g;
+        let v = beta2 * L::load(&state[2][lanes.clone()]) + rest2 * g * g;
+        let value = L::load(&state[0][lanes.clone()]) - L::load(&rates[lanes.clone()]) * m / (v.sqrt() + epsilon);
+        value.store(&mut state[0][lanes.clone()]);
+        m.store(&mut state[1][lanes.clone()]);
+        v.store(&mut state[2][lanes]);
+    }
 }
