@@ -1,1 +1,20 @@
-//! (in progress)
+//! The harness and the `corf` command: methods, metrics, plans, cells, tables, report.
+
+pub mod commands;
+pub mod demo;
+pub mod generate;
+pub mod harness;
+pub mod interrupt;
+pub mod method;
+pub mod methods;
+pub mod metrics;
+pub mod plan;
+pub mod predictions;
+pub mod progress;
+pub mod provenance;
+pub mod record;
+pub mod report;
+pub mod run;
+pub mod stats;
+pub mod suite;
+pub mod table;

@@ -1,2 +1,44 @@
-//! The corf command.
-fn main() {}
+//! The `corf` command. Exit codes: 0 done, 1 a check failed, 2 the input was bad, 130 interrupted.
+
+use clap::Parser;
+use corf_bench::commands::{Command, Verdict};
+use corf_bench::interrupt;
+use std::process::ExitCode;
+
+/// Reconstruct what a room looks like to a radio at 60 GHz, from keyframes of a camera and an 8×8 array.
+#[derive(Parser)]
+#[command(name = "corf", version, arg_required_else_help = true)]
+struct Arguments {
+    /// Print results as JSON on standard output (progress stays on standard error).
+    #[arg(long, global = true)]
+    json: bool,
+    /// Worker threads (default: one per core).
+    #[arg(long, global = true, value_name = "N")]
+    threads: Option<usize>,
+    #[command(subcommand)]
+    command: Command,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    match run(arguments) {
+        Ok(Verdict::Done) => ExitCode::SUCCESS,
+        Ok(Verdict::CheckFailed) => ExitCode::from(1),
+        Err(error) if error.is::<interrupt::Interrupted>() => {
+            eprintln!("{error}");
+            ExitCode::from(interrupt::EXIT_CODE)
+        }
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(arguments: Arguments) -> anyhow::Result<Verdict> {
+    interrupt::listen()?;
+    if let Some(threads) = arguments.threads {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+    }
+    arguments.command.run(arguments.json)
+}

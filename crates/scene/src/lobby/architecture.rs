@@ -90,7 +90,13 @@ const POSTER: [f64; 2] = [0.84, 1.2];
 
 /// Every print in the room.
 fn prints() -> Vec<Print> {
-    let poster = |wall, name, material, x: f64, y: f64, frame| Print { wall, name, material, area: [x, y, x + POSTER[0], y + POSTER[1]], frame };
+    let poster = |wall, name, material, x: f64, y: f64, frame| Print {
+        wall,
+        name,
+        material,
+        area: [x, y, x + POSTER[0], y + POSTER[1]],
+        frame,
+    };
     vec![
         poster(Wall::WEST, "Poster expo", Mat::PosterExpo, 0.95, 0.95, Some(Mat::DarkMetal)),
         poster(Wall::WEST, "Poster waves", Mat::PosterWaves, 2.35, 0.95, None),
@@ -105,10 +111,12 @@ fn prints() -> Vec<Print> {
 pub fn objects() -> Vec<Object> {
     let mut all = vec![
         Object::new("Floor of the hall").with(Mat::FloorTiles, sheet(v(0.0, 0.0, 0.0), v(14.0, 0.0, 0.0), v(0.0, 9.0, 0.0))),
-        Object::new("Floor of the north arm").with(Mat::FloorBoards, sheet(v(0.0, 9.0, 0.0), v(8.5, 0.0, 0.0), v(0.0, 6.0, 0.0)).grain_turned()),
+        Object::new("Floor of the north arm")
+            .with(Mat::FloorBoards, sheet(v(0.0, 9.0, 0.0), v(8.5, 0.0, 0.0), v(0.0, 6.0, 0.0)).grain_turned()),
         Object::new("Threshold strip").with(Mat::Brass, cuboid(v(LINING, 8.97, 0.0), v(8.5, 9.03, 0.004))),
         Object::new("Ceiling of the hall").with(Mat::Ceiling, sheet(v(0.0, 9.0, HEIGHT), v(14.0, 0.0, 0.0), v(0.0, -9.0, 0.0))),
-        Object::new("Ceiling of the north arm").with(Mat::Ceiling, sheet(v(0.0, 15.0, HEIGHT), v(8.5, 0.0, 0.0), v(0.0, -6.0, 0.0))),
+        Object::new("Ceiling of the north arm")
+            .with(Mat::Ceiling, sheet(v(0.0, 15.0, HEIGHT), v(8.5, 0.0, 0.0), v(0.0, -6.0, 0.0))),
     ];
     walls(&mut all);
     all.push(glazing());
@@ -158,7 +166,8 @@ fn walls(all: &mut Vec<Object>) {
     }
     all.push(studs);
     let mut skirting = Object::new("Skirting");
-    Wall::WEST.skirting(&mut skirting, &[[0.0, LIFTS[0][0] - 0.1], [LIFTS[0][1] + 0.1, LIFTS[1][0] - 0.1], [LIFTS[1][1] + 0.1, 15.0]]);
+    Wall::WEST
+        .skirting(&mut skirting, &[[0.0, LIFTS[0][0] - 0.1], [LIFTS[0][1] + 0.1, LIFTS[1][0] - 0.1], [LIFTS[1][1] + 0.1, 15.0]]);
     Wall::SOUTH.skirting(&mut skirting, &[[2.15, ENTRANCE[0] - 0.06], [ENTRANCE[1] + 0.06, 13.92]]);
     Wall::NICHE.skirting(&mut skirting, &[[0.0, 5.5]]);
     Wall::INNER.skirting(&mut skirting, &[[0.0, 6.0]]);
@@ -239,7 +248,19 @@ fn door(name: &str, width: f64, height: f64) -> Object {
     o.add(Mat::GreyMetal, cuboid(v(0.0, height, -0.04), v(width, height + 0.07, 0.03)));
     o.add(Mat::Brushed, cuboid(v(0.0, 0.02, 0.01), v(width, 0.22, 0.013)));
     o.add(Mat::Chrome, cuboid(v(width - 0.1, 0.93, 0.01), v(width - 0.06, 1.15, 0.016)));
-    o.add(Mat::Chrome, tube(&[v(width - 0.08, 1.06, 0.016), v(width - 0.08, 1.06, 0.06), v(width - 0.1, 1.06, 0.068), v(width - 0.21, 1.06, 0.068)], 0.01, 12));
+    o.add(
+        Mat::Chrome,
+        tube(
+            &[
+                v(width - 0.08, 1.06, 0.016),
+                v(width - 0.08, 1.06, 0.06),
+                v(width - 0.1, 1.06, 0.068),
+                v(width - 0.21, 1.06, 0.068),
+            ],
+            0.01,
+            12,
+        ),
+    );
     o
 }
 
@@ -272,7 +293,10 @@ fn pillars(all: &mut Vec<Object>) {
     for (name, material, x, y) in places {
         let radius = 0.24;
         let shaft = lathe(&[[radius, 0.0], [radius, 1.2], [radius, 2.4], [radius, HEIGHT]], 40);
-        let foot = lathe(&[[radius + 0.004, 0.0], [radius + 0.03, 0.0], [radius + 0.03, 0.1], [radius + 0.02, 0.12], [radius + 0.004, 0.12]], 40);
+        let foot = lathe(
+            &[[radius + 0.004, 0.0], [radius + 0.03, 0.0], [radius + 0.03, 0.1], [radius + 0.02, 0.12], [radius + 0.004, 0.12]],
+            40,
+        );
         let head = lathe(&[[radius + 0.004, HEIGHT - 0.06], [radius + 0.05, HEIGHT - 0.03], [radius + 0.05, HEIGHT - 0.001]], 40);
         let o = Object::new(name).with(material, shaft).with(Mat::Brushed, foot).with(Mat::WhiteMetal, head);
         all.push(o.placed(&Frame::at(x, y, 0.0)));
@@ -293,7 +317,15 @@ fn steps() -> Object {
 fn railing() -> Object {
     let mut o = Object::new("Railing");
     let y = 1.62;
-    let floor = |x: f64| if x < 12.2 { 0.15 } else if x < 12.5 { 0.3 } else { 0.45 };
+    let floor = |x: f64| {
+        if x < 12.2 {
+            0.15
+        } else if x < 12.5 {
+            0.3
+        } else {
+            0.45
+        }
+    };
     let top = |x: f64| if x < 12.5 { 1.4 - 0.5 * (12.5 - x) } else { 1.4 };
     for i in 0..19 {
         let x = 11.97 + 0.11 * f64::from(i);

@@ -15,7 +15,14 @@ const STAGE_DECOR: u64 = 0xdec0;
 fn pot(material: Mat, radius: f64, height: f64) -> Object {
     let r = radius;
     let profile = [
-        [0.0, 0.0], [0.72 * r, 0.0], [0.78 * r, 0.02], [r, height - 0.02], [r, height], [0.92 * r, height], [0.88 * r, height - 0.07], [0.0, height - 0.07],
+        [0.0, 0.0],
+        [0.72 * r, 0.0],
+        [0.78 * r, 0.02],
+        [r, height - 0.02],
+        [r, height],
+        [0.92 * r, height],
+        [0.88 * r, height - 0.07],
+        [0.0, height - 0.07],
     ];
     Object::new("").with(material, lathe(&profile, 28)).with(Mat::Soil, disc(0.87 * r, height - 0.06, height - 0.05, 20))
 }
@@ -102,7 +109,11 @@ fn books(o: &mut Object, seed: u64, from: f64, to: f64, y: f64, z: f64) {
         for (i, uv) in book.uvs_m.iter_mut().enumerate() {
             let corner = [[0.05, 0.99], [0.95, 0.99], [0.95, 0.01], [0.05, 0.01]][i % 4];
             let on_spine = i / 4 == 3;
-            *uv = if on_spine { DVec2::new(column + corner[0] * width, corner[1]) } else { DVec2::new(column + 0.5 * width, 0.96 + 0.03 * corner[1]) };
+            *uv = if on_spine {
+                DVec2::new(column + corner[0] * width, corner[1])
+            } else {
+                DVec2::new(column + 0.5 * width, 0.96 + 0.03 * corner[1])
+            };
         }
         // The top shows paper.
         let top = Mesh { triangles: book.triangles.drain(8..10).collect(), ..book.clone() };
@@ -146,7 +157,8 @@ pub fn bookcase(name: &str, seed: u64, length: f64, height: f64) -> Object {
 
 /// A floor lamp: marble foot, brass rod, cloth drum that glows.
 pub fn floor_lamp() -> Object {
-    let mut o = Object::new("").with(Mat::MarbleWhite, disc(0.15, 0.0, 0.04, 32)).with(Mat::Brass, cylinder(0.011, 0.04, 1.42, 12));
+    let mut o =
+        Object::new("").with(Mat::MarbleWhite, disc(0.15, 0.0, 0.04, 32)).with(Mat::Brass, cylinder(0.011, 0.04, 1.42, 12));
     o.add(Mat::LampShade, lathe(&[[0.2, 1.3], [0.17, 1.58]], 20));
     o.add(Mat::Brass, rod(v(-0.185, 0.0, 1.42), v(0.185, 0.0, 1.42), 0.005, 6));
     o
@@ -155,7 +167,9 @@ pub fn floor_lamp() -> Object {
 /// A waste bin with a swing lid.
 pub fn bin(body: Mat) -> Object {
     let profile = [[0.0, 0.0], [0.15, 0.0], [0.16, 0.01], [0.17, 0.6], [0.17, 0.62], [0.15, 0.64], [0.11, 0.7], [0.0, 0.72]];
-    Object::new("").with(body, lathe(&profile, 28)).with(Mat::BlackPlastic, lathe(&[[0.172, 0.56], [0.176, 0.565], [0.176, 0.6], [0.172, 0.605]], 28))
+    Object::new("")
+        .with(body, lathe(&profile, 28))
+        .with(Mat::BlackPlastic, lathe(&[[0.172, 0.56], [0.176, 0.565], [0.176, 0.6], [0.172, 0.605]], 28))
 }
 
 /// An extinguisher on its bracket: stands on local z = 0, the wall behind at +y.
@@ -164,7 +178,10 @@ pub fn extinguisher() -> Object {
     let mut o = Object::new("").with(Mat::RedMetal, lathe(&body, 20)).with(Mat::BlackPlastic, cylinder(0.024, 0.5, 0.54, 16));
     o.add(Mat::BlackPlastic, cuboid(v(-0.012, -0.11, 0.53), v(0.012, 0.03, 0.548)));
     o.add(Mat::BlackPlastic, cuboid(v(-0.012, -0.12, 0.56), v(0.012, 0.02, 0.578)));
-    o.add(Mat::BlackPlastic, tube(&[v(0.03, 0.0, 0.52), v(0.1, -0.02, 0.48), v(0.11, -0.03, 0.35), v(0.1, -0.03, 0.15)], 0.012, 10));
+    o.add(
+        Mat::BlackPlastic,
+        tube(&[v(0.03, 0.0, 0.52), v(0.1, -0.02, 0.48), v(0.11, -0.03, 0.35), v(0.1, -0.03, 0.15)], 0.012, 10),
+    );
     o.add(Mat::WhitePlastic, lathe(&[[0.0785, 0.16], [0.0795, 0.165], [0.0795, 0.3], [0.0785, 0.305]], 20));
     o
 }
@@ -176,7 +193,18 @@ pub fn water_cooler() -> Object {
     for (x, tap) in [(-0.05, Mat::BluePlastic), (0.05, Mat::RedMetal)] {
         o.add(tap, rod(v(x, -0.16, 0.82), v(x, -0.2, 0.82), 0.015, 12));
     }
-    let bottle = [[0.0, 0.98], [0.05, 0.98], [0.055, 1.03], [0.13, 1.1], [0.135, 1.14], [0.13, 1.2], [0.135, 1.26], [0.13, 1.34], [0.1, 1.38], [0.0, 1.385]];
+    let bottle = [
+        [0.0, 0.98],
+        [0.05, 0.98],
+        [0.055, 1.03],
+        [0.13, 1.1],
+        [0.135, 1.14],
+        [0.13, 1.2],
+        [0.135, 1.26],
+        [0.13, 1.34],
+        [0.1, 1.38],
+        [0.0, 1.385],
+    ];
     o.add(Mat::Water, lathe(&bottle, 24));
     o
 }
@@ -220,7 +248,17 @@ pub fn umbrella_stand() -> Object {
 pub fn stanchions(at: &[[f64; 2]]) -> Object {
     let mut o = Object::new("Stanchions");
     for [x, y] in at {
-        let post = [[0.0, 0.0], [0.16, 0.0], [0.16, 0.012], [0.05, 0.03], [0.024, 0.05], [0.024, 0.93], [0.03, 0.94], [0.03, 0.98], [0.0, 0.985]];
+        let post = [
+            [0.0, 0.0],
+            [0.16, 0.0],
+            [0.16, 0.012],
+            [0.05, 0.03],
+            [0.024, 0.05],
+            [0.024, 0.93],
+            [0.03, 0.94],
+            [0.03, 0.98],
+            [0.0, 0.985],
+        ];
         o.add(Mat::Chrome, lathe(&post, 20).shifted(*x, *y, 0.0));
     }
     for pair in at.windows(2) {
@@ -256,20 +294,42 @@ pub fn desk_things() -> Vec<Object> {
         o.add(Mat::Keyboard, printed_box(v(-0.22, -0.075, 0.0), v(0.22, 0.075, 0.018)).turned(180.0, 0.0, 0.22, 0.74));
         all.push(o.placed(&super::mesh_builder::Frame::yaw(0.0, x, -0.02, 0.0)));
     }
-    let mut phone = Object::new("Telephone").with(Mat::BlackPlastic, rounded_box(v(-0.1, -0.1, 0.74), v(0.1, 0.1, 0.78), 0.015, 2, 1));
-    phone.add(Mat::BlackPlastic, tube(&[v(-0.07, -0.09, 0.79), v(-0.08, -0.04, 0.805), v(-0.08, 0.04, 0.805), v(-0.07, 0.09, 0.79)], 0.02, 12));
+    let mut phone =
+        Object::new("Telephone").with(Mat::BlackPlastic, rounded_box(v(-0.1, -0.1, 0.74), v(0.1, 0.1, 0.78), 0.015, 2, 1));
+    phone.add(
+        Mat::BlackPlastic,
+        tube(&[v(-0.07, -0.09, 0.79), v(-0.08, -0.04, 0.805), v(-0.08, 0.04, 0.805), v(-0.07, 0.09, 0.79)], 0.02, 12),
+    );
     all.push(phone.placed(&super::mesh_builder::Frame::at(0.0, 0.2, 0.0)));
     let mut vase = Object::new("Vase on the counter");
-    vase.add(Mat::Clay, lathe(&[[0.0, 0.0], [0.05, 0.0], [0.08, 0.08], [0.07, 0.16], [0.035, 0.22], [0.045, 0.26], [0.0, 0.25]], 32).shifted(0.0, 0.0, 1.1));
+    vase.add(
+        Mat::Clay,
+        lathe(&[[0.0, 0.0], [0.05, 0.0], [0.08, 0.08], [0.07, 0.16], [0.035, 0.22], [0.045, 0.26], [0.0, 0.25]], 32)
+            .shifted(0.0, 0.0, 1.1),
+    );
     for k in 0..16 {
         let mut rng = Rng::keyed(77, STAGE_DECOR, k);
         let (c, s) = trig::on_circle(0.381_966 * k as f64);
         vase.add(Mat::Leaf, leaf(v(0.01 * c, 0.01 * s, 1.34), v(c, s, 1.2 + rng.uniform_f64()), 0.26, 0.045, 0.5, 5));
     }
     all.push(vase.placed(&super::mesh_builder::Frame::at(1.5, -0.2, 0.0)));
-    let bell = [[0.0, 0.0], [0.045, 0.0], [0.045, 0.012], [0.04, 0.015], [0.034, 0.034], [0.016, 0.046], [0.005, 0.048], [0.005, 0.056], [0.0, 0.058]];
+    let bell = [
+        [0.0, 0.0],
+        [0.045, 0.0],
+        [0.045, 0.012],
+        [0.04, 0.015],
+        [0.034, 0.034],
+        [0.016, 0.046],
+        [0.005, 0.048],
+        [0.005, 0.056],
+        [0.0, 0.058],
+    ];
     all.push(Object::new("Bell").with(Mat::Brass, lathe(&bell, 28).shifted(-0.2, -0.25, 1.1)));
-    all.push(Object::new("Leaflets").with(Mat::BluePlastic, block(-1.4, -0.2, 1.1, [0.21, 0.15, 0.04])).with(Mat::WhitePlastic, block(-1.14, -0.2, 1.1, [0.21, 0.15, 0.03])));
+    all.push(
+        Object::new("Leaflets")
+            .with(Mat::BluePlastic, block(-1.4, -0.2, 1.1, [0.21, 0.15, 0.04]))
+            .with(Mat::WhitePlastic, block(-1.14, -0.2, 1.1, [0.21, 0.15, 0.03])),
+    );
     all
 }
 

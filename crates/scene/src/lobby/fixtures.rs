@@ -10,14 +10,34 @@ use glam::DVec2;
 
 /// Lower corners in plan of the 1.2 × 0.6 m ceiling panels, on the ceiling's 0.6 m grid.
 const PANELS: [[f64; 2]; 14] = [
-    [1.2, 2.4], [4.2, 2.4], [7.2, 2.4], [10.8, 2.4],
-    [1.2, 6.0], [4.2, 6.0], [7.2, 6.0], [10.8, 6.0],
-    [1.2, 9.6], [5.4, 9.6], [1.2, 11.4], [5.4, 11.4], [1.2, 13.2], [5.4, 13.2],
+    [1.2, 2.4],
+    [4.2, 2.4],
+    [7.2, 2.4],
+    [10.8, 2.4],
+    [1.2, 6.0],
+    [4.2, 6.0],
+    [7.2, 6.0],
+    [10.8, 6.0],
+    [1.2, 9.6],
+    [5.4, 9.6],
+    [1.2, 11.4],
+    [5.4, 11.4],
+    [1.2, 13.2],
+    [5.4, 13.2],
 ];
 
 /// Where the round downlights sit, plan.
 const DOWNLIGHTS: [[f64; 2]; 10] = [
-    [0.9, 0.9], [0.9, 4.5], [0.9, 8.1], [9.3, 8.3], [11.1, 8.3], [12.9, 8.3], [13.5, 4.5], [13.2, 0.9], [7.7, 12.3], [4.5, 14.3],
+    [0.9, 0.9],
+    [0.9, 4.5],
+    [0.9, 8.1],
+    [9.3, 8.3],
+    [11.1, 8.3],
+    [12.9, 8.3],
+    [13.5, 4.5],
+    [13.2, 0.9],
+    [7.7, 12.3],
+    [4.5, 14.3],
 ];
 
 /// Pendants: plan position, and the height of the shade's rim.
@@ -58,7 +78,14 @@ fn lights(all: &mut Vec<Object>) {
         all.push(o);
     }
     for (i, [x, y]) in DOWNLIGHTS.into_iter().enumerate() {
-        let ring = [[0.075, HEIGHT - 0.012], [0.095, HEIGHT - 0.012], [0.1, HEIGHT - 0.004], [0.1, HEIGHT - 0.001], [0.075, HEIGHT - 0.001], [0.075, HEIGHT - 0.012]];
+        let ring = [
+            [0.075, HEIGHT - 0.012],
+            [0.095, HEIGHT - 0.012],
+            [0.1, HEIGHT - 0.004],
+            [0.1, HEIGHT - 0.001],
+            [0.075, HEIGHT - 0.001],
+            [0.075, HEIGHT - 0.012],
+        ];
         let o = Object::new(format!("Downlight {}", i + 1)).with(Mat::WhiteMetal, lathe(&ring, 16).shifted(x, y, 0.0));
         all.push(o.with(Mat::Downlight, lamp_face(x, y, HEIGHT - 0.006, 0.075, 8)));
     }
@@ -88,7 +115,8 @@ fn ceiling_fittings(all: &mut Vec<Object>) {
     }
     let mut detectors = Object::new("Smoke detectors");
     for [x, y] in [[6.3, 4.5], [12.3, 5.1], [3.3, 11.1]] {
-        let body = [[0.0, HEIGHT - 0.05], [0.03, HEIGHT - 0.048], [0.05, HEIGHT - 0.03], [0.055, HEIGHT - 0.001], [0.0, HEIGHT - 0.001]];
+        let body =
+            [[0.0, HEIGHT - 0.05], [0.03, HEIGHT - 0.048], [0.05, HEIGHT - 0.03], [0.055, HEIGHT - 0.001], [0.0, HEIGHT - 0.001]];
         detectors.add(Mat::WhitePlastic, lathe(&body, 24).shifted(x, y, 0.0));
     }
     all.push(detectors);
@@ -167,7 +195,10 @@ fn screens_and_signs(all: &mut Vec<Object>) {
     all.push(Wall::NICHE.hang(painting, 3.05, 1.25));
     let mut clock = Object::new("Clock");
     // The lathe's axis is the wall's normal: local z.
-    clock.add(Mat::DarkMetal, lathe(&[[0.0, 0.0], [0.2, 0.0], [0.205, 0.01], [0.205, 0.045], [0.19, 0.045], [0.19, 0.03], [0.0, 0.03]], 48));
+    clock.add(
+        Mat::DarkMetal,
+        lathe(&[[0.0, 0.0], [0.2, 0.0], [0.205, 0.01], [0.205, 0.045], [0.19, 0.045], [0.19, 0.03], [0.0, 0.03]], 48),
+    );
     let mut face = lamp_face(0.0, 0.0, 0.032, 0.188, 40).placed(&Frame::tilt(180.0)).shifted(0.0, 0.0, 0.064);
     for (p, uv) in face.positions.iter().zip(&mut face.uvs_m) {
         *uv = DVec2::new(0.5 + 0.5 * p.x / 0.19, 0.5 - 0.5 * p.y / 0.19);
@@ -191,7 +222,14 @@ fn screens_and_signs(all: &mut Vec<Object>) {
     }
     all.push(Wall::WEST.hang(call, 11.5, 1.1));
     let mut switches = Object::new("Switches and sockets");
-    for (wall, x, y) in [(Wall::NORTH, 5.4, 1.1), (Wall::EAST, 7.2, 1.15), (Wall::NICHE, 0.3, 0.3), (Wall::NICHE, 4.7, 0.3), (Wall::INNER, 2.1, 0.3), (Wall::WEST, 5.15, 0.3)] {
+    for (wall, x, y) in [
+        (Wall::NORTH, 5.4, 1.1),
+        (Wall::EAST, 7.2, 1.15),
+        (Wall::NICHE, 0.3, 0.3),
+        (Wall::NICHE, 4.7, 0.3),
+        (Wall::INNER, 2.1, 0.3),
+        (Wall::WEST, 5.15, 0.3),
+    ] {
         let plate = cuboid(v(-0.042, -0.042, 0.0), v(0.042, 0.042, 0.009));
         switches.add(Mat::WhitePlastic, plate.placed(&wall.frame(x, y)));
         switches.add(Mat::WhitePlastic, cuboid(v(-0.028, -0.028, 0.009), v(0.028, 0.028, 0.013)).placed(&wall.frame(x, y)));
@@ -210,7 +248,10 @@ fn radiators(all: &mut Vec<Object>) {
             let rx = 0.03 + (length - 0.06) * (k as f64 + 0.5) / ribs as f64;
             o.add(Mat::WhiteMetal, cuboid(v(rx - 0.02, 0.18, 0.09), v(rx + 0.02, 0.67, 0.1)));
         }
-        o.add(Mat::Chrome, tube(&[v(length + 0.03, 0.0, 0.06), v(length + 0.03, 0.2, 0.06), v(length - 0.01, 0.2, 0.06)], 0.011, 10));
+        o.add(
+            Mat::Chrome,
+            tube(&[v(length + 0.03, 0.0, 0.06), v(length + 0.03, 0.2, 0.06), v(length - 0.01, 0.2, 0.06)], 0.011, 10),
+        );
         o.add(Mat::WhitePlastic, rod(v(length + 0.03, 0.2, 0.06), v(length + 0.03, 0.2, 0.12), 0.022, 16));
         all.push(wall.hang(o, x, 0.0));
     }

@@ -33,7 +33,15 @@ pub fn sofa(seats: usize, cover: Mat, pillow: Mat) -> Object {
     }
     for (i, side) in [-1.0, 1.0].into_iter().enumerate().take(seats.min(2)) {
         let lean = cushion(v(-0.2, -0.2, -0.05), v(0.2, 0.2, 0.05), 0.045, 0.05).placed(&Frame::tilt(68.0));
-        o.add(pillow, lean.turned(side * 14.0, side * (0.5 * seat_w * seats as f64 - 0.26) * if seats == 1 { 0.0 } else { 1.0 }, hd - 0.4, 0.61 + 0.01 * i as f64));
+        o.add(
+            pillow,
+            lean.turned(
+                side * 14.0,
+                side * (0.5 * seat_w * seats as f64 - 0.26) * if seats == 1 { 0.0 } else { 1.0 },
+                hd - 0.4,
+                0.61 + 0.01 * i as f64,
+            ),
+        );
     }
     o
 }
@@ -53,14 +61,25 @@ pub fn coffee_table(length: f64, width: f64, top: Mat) -> Object {
         let z = 0.41 + 0.028 * k as f64;
         o.add([Mat::Books, Mat::BluePlastic][k], block(0.0, 0.0, z, [0.3, 0.22, 0.028]).turned(turn, x * length * 0.8, y, 0.0));
     }
-    let bowl = [[0.0, 0.0], [0.05, 0.0], [0.1, 0.03], [0.13, 0.075], [0.122, 0.075], [0.094, 0.036], [0.046, 0.008], [0.0, 0.008]];
+    let bowl =
+        [[0.0, 0.0], [0.05, 0.0], [0.1, 0.03], [0.13, 0.075], [0.122, 0.075], [0.094, 0.036], [0.046, 0.008], [0.0, 0.008]];
     o.add(Mat::Clay, lathe(&bowl, 24).shifted(-0.25 * length, 0.0, 0.41));
     o
 }
 
 /// A round table on a trumpet foot; 0.74 m for a café, 1.06 m for a bar.
 pub fn round_table(radius: f64, height: f64, top: Mat) -> Object {
-    let foot = [[0.0, 0.0], [0.26, 0.0], [0.26, 0.012], [0.12, 0.03], [0.05, 0.09], [0.032, 0.2], [0.032, height - 0.04], [0.09, height - 0.025], [0.0, height - 0.025]];
+    let foot = [
+        [0.0, 0.0],
+        [0.26, 0.0],
+        [0.26, 0.012],
+        [0.12, 0.03],
+        [0.05, 0.09],
+        [0.032, 0.2],
+        [0.032, height - 0.04],
+        [0.09, height - 0.025],
+        [0.0, height - 0.025],
+    ];
     Object::new("").with(top, disc(radius, height - 0.025, height, 36)).with(Mat::Brushed, lathe(&foot, 24))
 }
 
@@ -71,7 +90,8 @@ pub fn stool(cover: Mat) -> Object {
         let (x, y) = trig::on_circle(0.125 + 0.25 * f64::from(k));
         o.add(Mat::DarkMetal, rod(v(0.22 * x, 0.22 * y, 0.0), v(0.12 * x, 0.12 * y, 0.665), 0.011, 10));
     }
-    let ring: Vec<_> = (0..=20).map(|k| trig::on_circle(f64::from(k) / 20.0)).map(|(x, y)| v(0.178 * x, 0.178 * y, 0.28)).collect();
+    let ring: Vec<_> =
+        (0..=20).map(|k| trig::on_circle(f64::from(k) / 20.0)).map(|(x, y)| v(0.178 * x, 0.178 * y, 0.28)).collect();
     o.add(Mat::Brass, tube(&ring, 0.008, 6));
     o
 }
@@ -97,7 +117,15 @@ pub fn office_chair(cover: Mat) -> Object {
     for k in 0..5 {
         let (x, y) = trig::on_circle(0.2 * f64::from(k) + 0.05);
         o.add(Mat::DarkMetal, rod(v(0.02 * x, 0.02 * y, 0.1), v(0.29 * x, 0.29 * y, 0.075), 0.02, 10));
-        o.add(Mat::BlackPlastic, rod(v(0.29 * x - 0.025 * y, 0.29 * y + 0.025 * x, 0.03), v(0.29 * x + 0.025 * y, 0.29 * y - 0.025 * x, 0.03), 0.03, 14));
+        o.add(
+            Mat::BlackPlastic,
+            rod(
+                v(0.29 * x - 0.025 * y, 0.29 * y + 0.025 * x, 0.03),
+                v(0.29 * x + 0.025 * y, 0.29 * y - 0.025 * x, 0.03),
+                0.03,
+                14,
+            ),
+        );
     }
     o.add(cover, cushion(v(-0.25, -0.25, 0.44), v(0.25, 0.25, 0.52), 0.035, 0.015));
     o.add(Mat::DarkMetal, rod(v(0.0, 0.2, 0.45), v(0.0, 0.29, 0.7), 0.016, 10));
@@ -121,14 +149,17 @@ pub fn reception_desk() -> Object {
         let x0 = -hl + 0.06 + (2.0 * hl - 0.12) * f64::from(i) / 19.0;
         let x1 = -hl + 0.06 + (2.0 * hl - 0.12) * f64::from(i + 1) / 19.0 - 0.006;
         for (low, high) in [(0.08, 0.36), (0.8, 1.05)] {
-            let plank = cuboid(v(x0, -0.31, low), v(x1, -0.28, high)).grain_turned().grain_shifted(0.13 * f64::from(i * i % 7), 0.21 * f64::from(i));
+            let plank = cuboid(v(x0, -0.31, low), v(x1, -0.28, high))
+                .grain_turned()
+                .grain_shifted(0.13 * f64::from(i * i % 7), 0.21 * f64::from(i));
             o.add(Mat::Oak, plank);
         }
     }
     for i in 0..8 {
         let w = (2.0 * hl - 0.12) / 8.0;
         let x0 = -hl + 0.06 + w * f64::from(i);
-        let pad = cushion(v(-0.5 * w + 0.003, -0.21, -0.02), v(0.5 * w - 0.003, 0.21, 0.02), 0.018, 0.018).placed(&Frame::tilt(90.0));
+        let pad =
+            cushion(v(-0.5 * w + 0.003, -0.21, -0.02), v(0.5 * w - 0.003, 0.21, 0.02), 0.018, 0.018).placed(&Frame::tilt(90.0));
         o.add(Mat::LeatherTan, pad.shifted(x0 + 0.5 * w, -0.3, 0.58));
     }
     o.add(Mat::MarbleWhite, rounded_box(v(-hl, -0.4, 1.06), v(hl, 0.02, 1.1), 0.012, 1, 1));

@@ -203,7 +203,15 @@ pub fn write(objects: &[Object]) -> Vec<u8> {
             }
             let component_type = if wide { UNSIGNED_INT } else { UNSIGNED_SHORT };
             let count = 3 * mesh.triangles.len();
-            accessors.push(Accessor { buffer_view: 3, byte_offset: offset, component_type, count, kind: "SCALAR", min: None, max: None });
+            accessors.push(Accessor {
+                buffer_view: 3,
+                byte_offset: offset,
+                component_type,
+                count,
+                kind: "SCALAR",
+                min: None,
+                max: None,
+            });
             let attributes = [("NORMAL", json!(first + 1)), ("POSITION", json!(first)), ("TEXCOORD_0", json!(first + 2))];
             let material = materials.binary_search(mat).unwrap_or_default();
             primitives.push(nested(vec![
@@ -266,7 +274,12 @@ pub fn write(objects: &[Object]) -> Vec<u8> {
             })
             .collect(),
         // Linear, trilinear, repeat.
-        samplers: vec![Ordered(vec![("magFilter", json!(9729)), ("minFilter", json!(9987)), ("wrapS", json!(10497)), ("wrapT", json!(10497))])],
+        samplers: vec![Ordered(vec![
+            ("magFilter", json!(9729)),
+            ("minFilter", json!(9987)),
+            ("wrapS", json!(10497)),
+            ("wrapT", json!(10497)),
+        ])],
         accessors,
         buffer_views: views,
         buffers: vec![Ordered(vec![("byteLength", json!(binary.len()))])],

@@ -20,7 +20,9 @@ pub fn objects() -> Vec<Object> {
 /// Sofas round a marble table on a rug, in the middle of the hall.
 fn lounge(all: &mut Vec<Object>) {
     let (x, y) = (5.65, 5.1);
-    all.push(Object::new("Rug in the lounge").with(Mat::Rug, printed_box(v(x - 2.1, y - 1.55, 0.001), v(x + 2.1, y + 1.55, 0.013))));
+    all.push(
+        Object::new("Rug in the lounge").with(Mat::Rug, printed_box(v(x - 2.1, y - 1.55, 0.001), v(x + 2.1, y + 1.55, 0.013))),
+    );
     let leather = sofa(3, Mat::LeatherTan, Mat::ClothTeal);
     all.push(leather.copy("Sofa south", 180.0, x, y - 1.3, 0.012));
     all.push(leather.copy("Sofa north", 0.0, x, y + 1.3, 0.012));
@@ -48,11 +50,17 @@ fn reception(all: &mut Vec<Object>) {
         for z in [0.16, 0.45, 0.74] {
             o.add(Mat::Chrome, block(0.0, -0.22, z, [0.16, 0.02, 0.018]));
         }
-        o.add(Mat::DarkMetal, block(0.0, -0.212, 0.29, [0.88, 0.004, 0.006])).add(Mat::DarkMetal, block(0.0, -0.212, 0.58, [0.88, 0.004, 0.006]));
+        o.add(Mat::DarkMetal, block(0.0, -0.212, 0.29, [0.88, 0.004, 0.006]))
+            .add(Mat::DarkMetal, block(0.0, -0.212, 0.58, [0.88, 0.004, 0.006]));
         all.push(o.copy(format!("Steel cabinet {}", i + 1), -90.0, 13.74, y, 0.0));
     }
-    all.push(decor::crown_plant("Fern on the cabinets", 21, Mat::Clay, Mat::Leaf, 0.0, 0.55, 46).placed(&Frame::at(13.72, 2.95, 0.88)));
-    all.push(decor::crown_plant("Dracaena at the desk", 22, Mat::ConcretePot, Mat::LeafPale, 0.7, 0.7, 44).placed(&Frame::at(11.3, 7.65, 0.0)));
+    all.push(
+        decor::crown_plant("Fern on the cabinets", 21, Mat::Clay, Mat::Leaf, 0.0, 0.55, 46).placed(&Frame::at(13.72, 2.95, 0.88)),
+    );
+    all.push(
+        decor::crown_plant("Dracaena at the desk", 22, Mat::ConcretePot, Mat::LeafPale, 0.7, 0.7, 44)
+            .placed(&Frame::at(11.3, 7.65, 0.0)),
+    );
     all.push(decor::stanchions(&[[10.95, 2.55], [12.35, 2.55], [13.6, 2.4]]));
 }
 
@@ -62,7 +70,10 @@ fn along_the_window(all: &mut Vec<Object>) {
     all.push(sofa(1, Mat::ClothGrey, Mat::ClothRust).copy("Armchair at the window 1", 150.0, 3.1, 0.75, 0.0));
     all.push(sofa(1, Mat::ClothGrey, Mat::ClothMustard).copy("Armchair at the window 2", 205.0, 4.9, 0.75, 0.0));
     all.push(round_table(0.28, 0.5, Mat::Oak).copy("Table at the window", 0.0, 4.0, 0.7, 0.0));
-    all.push(decor::crown_plant("Palm at the window", 31, Mat::ConcretePot, Mat::Leaf, 0.5, 0.9, 40).placed(&Frame::at(0.75, 0.62, 0.0)));
+    all.push(
+        decor::crown_plant("Palm at the window", 31, Mat::ConcretePot, Mat::Leaf, 0.5, 0.9, 40)
+            .placed(&Frame::at(0.75, 0.62, 0.0)),
+    );
     all.push(decor::planter("Planter at the window", 32, 1.8).placed(&Frame::at(7.2, 0.45, 0.0)));
     all.push(bench(1.6, Mat::LeatherBlack).copy("Bench under the posters", 90.0, 0.42, 3.1, 0.0));
     all.push(decor::bin(Mat::Brushed).copy("Bin at the entrance", 0.0, 11.62, 0.32, 0.0));
@@ -90,14 +101,19 @@ fn north_arm(all: &mut Vec<Object>) {
     all.push(decor::planter("Planter in the north arm", 41, 1.6).placed(&Frame::at(4.3, 9.75, 0.0)));
     all.push(round_table(0.4, 0.74, Mat::MarbleGreen).copy("Café table", 0.0, 5.2, 8.5, 0.0));
     for (i, (turn, x, y, cover)) in
-        [(200.0, 5.0, 7.8, Mat::ClothRust), (80.0, 4.5, 8.55, Mat::ClothGrey), (-95.0, 5.9, 8.5, Mat::ClothMustard)].into_iter().enumerate()
+        [(200.0, 5.0, 7.8, Mat::ClothRust), (80.0, 4.5, 8.55, Mat::ClothGrey), (-95.0, 5.9, 8.5, Mat::ClothMustard)]
+            .into_iter()
+            .enumerate()
     {
         all.push(chair(cover).copy(format!("Chair {}", i + 1), turn + if i == 0 { -20.0 } else { 0.0 }, x, y, 0.0));
     }
     let case = decor::bookcase("Bookcase", 51, 3.0, 2.2);
     all.push(case.placed(&Frame::at(1.75, 14.998, 0.0)));
     all.push(sofa(2, Mat::LeatherBlack, Mat::ClothMustard).copy("Sofa at the screen", -90.0, 7.95, 12.0, 0.0));
-    all.push(decor::crown_plant("Palm in the corner", 42, Mat::ConcretePot, Mat::Leaf, 0.8, 0.95, 42).placed(&Frame::at(7.9, 14.4, 0.0)));
+    all.push(
+        decor::crown_plant("Palm in the corner", 42, Mat::ConcretePot, Mat::Leaf, 0.8, 0.95, 42)
+            .placed(&Frame::at(7.9, 14.4, 0.0)),
+    );
     all.push(decor::tree("Ficus at the lifts", 43, Mat::ConcretePot, 2.0, 170).placed(&Frame::at(0.62, 13.85, 0.0)));
     all.push(decor::bin(Mat::Brushed).copy("Bin at the lifts", 0.0, 0.38, 11.5, 0.0));
 }

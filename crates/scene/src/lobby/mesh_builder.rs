@@ -134,7 +134,10 @@ impl Frame {
     /// A turn about z by `degrees` (counter-clockwise seen from above), then a shift.
     pub fn yaw(degrees: f64, x: f64, y: f64, z: f64) -> Self {
         let (s, c) = trig::sin_cos(degrees.to_radians());
-        Self { rotation: DMat3::from_cols(DVec3::new(c, s, 0.0), DVec3::new(-s, c, 0.0), DVec3::Z), translation: DVec3::new(x, y, z) }
+        Self {
+            rotation: DMat3::from_cols(DVec3::new(c, s, 0.0), DVec3::new(-s, c, 0.0), DVec3::Z),
+            translation: DVec3::new(x, y, z),
+        }
     }
 
     /// A turn about z that takes x to the direction `d`, then a shift in plan.

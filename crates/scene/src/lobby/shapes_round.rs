@@ -25,7 +25,10 @@ pub fn lathe(profile: &[[f64; 2]], segments: usize) -> Mesh {
     };
     let mut run = 0.0;
     for leg in 0..legs.len() {
-        let ends = [(profile[leg], smooth(leg, leg.checked_sub(1)), run), (profile[leg + 1], smooth(leg, Some(leg + 1)), run + legs[leg].length())];
+        let ends = [
+            (profile[leg], smooth(leg, leg.checked_sub(1)), run),
+            (profile[leg + 1], smooth(leg, Some(leg + 1)), run + legs[leg].length()),
+        ];
         run += legs[leg].length();
         let base = mesh.positions.len() as u32;
         for i in 0..=segments {
@@ -57,7 +60,16 @@ pub fn disc(radius: f64, z0: f64, z1: f64, segments: usize) -> Mesh {
     let b = (0.35 * (z1 - z0)).min(0.5 * radius);
     let c = 0.3 * b;
     lathe(
-        &[[0.0, z0], [radius - b, z0], [radius - c, z0 + c], [radius, z0 + b], [radius, z1 - b], [radius - c, z1 - c], [radius - b, z1], [0.0, z1]],
+        &[
+            [0.0, z0],
+            [radius - b, z0],
+            [radius - c, z0 + c],
+            [radius, z0 + b],
+            [radius, z1 - b],
+            [radius - c, z1 - c],
+            [radius - b, z1],
+            [0.0, z1],
+        ],
         segments,
     )
 }
@@ -133,7 +145,11 @@ pub fn leaf(root: DVec3, direction: DVec3, length: f64, width: f64, droop: f64, 
         let rib = root + d * (length * t) - DVec3::Z * (droop * length * t * t);
         let fold = DVec3::Z * (0.25 * w);
         for (side, u) in [(1.0, 0.0), (0.0, 0.5), (-1.0, 1.0)] {
-            mesh.vertex(rib + across * (side * w) + if side == 0.0 { DVec3::ZERO } else { fold }, DVec3::Z, DVec2::new(u, 1.0 - t));
+            mesh.vertex(
+                rib + across * (side * w) + if side == 0.0 { DVec3::ZERO } else { fold },
+                DVec3::Z,
+                DVec2::new(u, 1.0 - t),
+            );
         }
         if i > 0 {
             let a = 3 * (i as u32 - 1);

@@ -65,16 +65,34 @@ pub fn rug() -> Canvas {
         let odd = (x.floor() as i64 + y.floor() as i64).rem_euclid(2) == 0;
         let field = match (d * 10.0) as i32 {
             0 => ochre,
-            1 => if odd { rust } else { blue },
+            1 => {
+                if odd {
+                    rust
+                } else {
+                    blue
+                }
+            }
             2 => cream,
-            3 => if odd { teal } else { rust },
+            3 => {
+                if odd {
+                    teal
+                } else {
+                    rust
+                }
+            }
             4 => cream,
             _ => blue,
         };
         let colour = match (edge * 40.0) as i32 {
             0..=2 => blue,
             3 => cream,
-            4..=6 => if ((u + v) * 60.0).fract() < 0.5 { rust } else { ochre },
+            4..=6 => {
+                if ((u + v) * 60.0).fract() < 0.5 {
+                    rust
+                } else {
+                    ochre
+                }
+            }
             7 => cream,
             8 => blue,
             _ => field,

@@ -68,7 +68,9 @@ pub fn layout(text: &str) -> (Vec<Vec<[f32; 2]>>, f32) {
     let (mut pen, mut all) = (0.0, Vec::new());
     for character in text.chars() {
         let narrow = if advance(character) < 5.0 && character != ' ' { -0.8 } else { 0.0 };
-        all.extend(strokes(character).into_iter().map(|s| s.into_iter().map(|p| [(p[0] + pen + narrow) / 6.0, p[1] / 6.0]).collect()));
+        all.extend(
+            strokes(character).into_iter().map(|s| s.into_iter().map(|p| [(p[0] + pen + narrow) / 6.0, p[1] / 6.0]).collect()),
+        );
         pen += advance(character);
     }
     (all, (pen - 1.6) / 6.0)

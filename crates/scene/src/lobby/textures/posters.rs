@@ -140,7 +140,11 @@ pub fn hills() -> Canvas {
 pub fn painting() -> Canvas {
     let mut c = Canvas::shaded(768, 512, |u, v| {
         let flow = fbm(u + 0.3 * fbm(u, v, 3, 3, 4, 331), v + 0.3 * fbm(u, v, 3, 3, 4, 335), 4, 3, 5, 339);
-        let base = if flow > 0.0 { mix(hex(0xe8d9c0), hex(0x1f6f78), flow * 2.2) } else { mix(hex(0xe8d9c0), hex(0xc75d3a), -flow * 2.4) };
+        let base = if flow > 0.0 {
+            mix(hex(0xe8d9c0), hex(0x1f6f78), flow * 2.2)
+        } else {
+            mix(hex(0xe8d9c0), hex(0xc75d3a), -flow * 2.4)
+        };
         let gold = vein(u, v, 3, 0.05, 344);
         scale(mix(base, hex(0xcaa24a), gold * 0.8), 0.95 + 0.09 * fbm(u, v, 90, 14, 2, 349))
     });
@@ -161,13 +165,36 @@ pub fn notices() -> Canvas {
         let x = 24.0 + (k % 7) as f32 * 141.0 + 22.0 * r(363);
         let y = 16.0 + (k / 7) as f32 * 165.0 + 14.0 * r(364);
         let lean = 10.0 * (r(365) - 0.5);
-        c.polygon(&[[x + 5.0, y + 6.0], [x + w + 5.0, y + lean + 6.0], [x + w + 5.0 - lean, y + h + lean + 6.0], [x + 5.0 - lean, y + h + 6.0]], hex(0x6b4a2a));
-        c.polygon(&[[x, y], [x + w, y + lean], [x + w - lean, y + h + lean], [x - lean, y + h]], papers[(r(366) * 5.999) as usize]);
+        c.polygon(
+            &[
+                [x + 5.0, y + 6.0],
+                [x + w + 5.0, y + lean + 6.0],
+                [x + w + 5.0 - lean, y + h + lean + 6.0],
+                [x + 5.0 - lean, y + h + 6.0],
+            ],
+            hex(0x6b4a2a),
+        );
+        c.polygon(
+            &[[x, y], [x + w, y + lean], [x + w - lean, y + h + lean], [x - lean, y + h]],
+            papers[(r(366) * 5.999) as usize],
+        );
         let ink = [hex(0x2b2d42), hex(0xb23a48), hex(0x1d5c63)][(r(367) * 2.999) as usize];
-        c.text(["TALK", "ROOM", "SALE", "CHOIR", "YOGA", "LOST"][(r(368) * 5.999) as usize], x + 12.0, y + 34.0 + 0.2 * lean, 17.0, 3.2, ink);
+        c.text(
+            ["TALK", "ROOM", "SALE", "CHOIR", "YOGA", "LOST"][(r(368) * 5.999) as usize],
+            x + 12.0,
+            y + 34.0 + 0.2 * lean,
+            17.0,
+            3.2,
+            ink,
+        );
         for line in 0..((h - 60.0) / 11.0) as i64 {
             let yy = y + 50.0 + 11.0 * line as f32;
-            c.line([x + 12.0, yy], [x + 12.0 + (w - 28.0) * (0.5 + 0.5 * lattice(k, line, 369)), yy + 0.5 * lean], 2.2, hex(0x77777f));
+            c.line(
+                [x + 12.0, yy],
+                [x + 12.0 + (w - 28.0) * (0.5 + 0.5 * lattice(k, line, 369)), yy + 0.5 * lean],
+                2.2,
+                hex(0x77777f),
+            );
         }
         c.disc(x + 0.5 * w, y + 9.0 + 0.5 * lean, 5.5, [hex(0xd62828), hex(0x1d7874), hex(0xf7b801)][(r(370) * 2.999) as usize]);
     }

@@ -62,7 +62,13 @@ pub fn screen_desk() -> Canvas {
     }
     for i in 0..12 {
         let h = 20.0 + 60.0 * lattice(i, 1, 411);
-        c.rect(100.0 + 22.0 * i as f32, 205.0 - h, 116.0 + 22.0 * i as f32, 205.0, [hex(0x2980b9), hex(0xe67e22)][i as usize % 2]);
+        c.rect(
+            100.0 + 22.0 * i as f32,
+            205.0 - h,
+            116.0 + 22.0 * i as f32,
+            205.0,
+            [hex(0x2980b9), hex(0xe67e22)][i as usize % 2],
+        );
     }
     c
 }
@@ -157,7 +163,8 @@ pub const SPINES: usize = 32;
 
 /// Book spines side by side, top of the book at v = 0.
 pub fn books() -> Canvas {
-    let cloth = [0x8c2f39, 0x1d3557, 0x2a6f5e, 0xd9b44a, 0x4a4e69, 0xb5651d, 0xe8e0d0, 0x22223b, 0x6b8f71, 0x9d4edd, 0xc8553d, 0x3d5a80];
+    let cloth =
+        [0x8c2f39, 0x1d3557, 0x2a6f5e, 0xd9b44a, 0x4a4e69, 0xb5651d, 0xe8e0d0, 0x22223b, 0x6b8f71, 0x9d4edd, 0xc8553d, 0x3d5a80];
     let mut c = Canvas::filled(1024, 384, hex(0x000000));
     for k in 0..SPINES as i64 {
         let r = |s| lattice(k, 0, s);
@@ -194,7 +201,8 @@ pub fn street() -> Canvas {
     while x < 1280.0 {
         let r = |s| lattice(k, 0, s);
         let (w, top) = (90.0 + 130.0 * r(442), 70.0 + 190.0 * r(443));
-        let face = scale([hex(0xc9b8a3), hex(0x9aa5ad), hex(0xb98a6e), hex(0xd8d2c6), hex(0x8797a3)][(r(444) * 4.999) as usize], 0.95);
+        let face =
+            scale([hex(0xc9b8a3), hex(0x9aa5ad), hex(0xb98a6e), hex(0xd8d2c6), hex(0x8797a3)][(r(444) * 4.999) as usize], 0.95);
         c.rect(x, top, x + w, 420.0, face);
         c.rect(x, top, x + w, top + 6.0, scale(face, 0.8));
         let (nx, ny) = ((w / 24.0) as i64, ((410.0 - top) / 30.0) as i64);

@@ -1,0 +1,126 @@
+//! `corf bench`: plans to tables.
+
+use super::{Verdict, print, show};
+use crate::plan::Plan;
+use crate::record::Outcome;
+use crate::run::claim_output;
+use crate::{suite, table};
+use anyhow::Result;
+use clap::{Args, Subcommand};
+use corf_scene::dataset::Dataset;
+use std::path::PathBuf;
+
+/// Run plans, write tables and reports.
+#[derive(Subcommand)]
+pub enum Bench {
+    /// Run every cell of a plan, then write tables and report.
+    Run(Run),
+    /// Print a finished comparison's table.
+    Table(Table),
+    /// Write a finished comparison's tables and report again.
+    Report(Report),
+}
+
+/// `corf bench run`.
+#[derive(Args)]
+pub struct Run {
+    /// Plan file (TOML): dataset, seeds, rows.
+    plan: PathBuf,
+    /// Output folder.
+    #[arg(long)]
+    out: PathBuf,
+    /// Go on with a folder that holds finished cells.
+    #[arg(long)]
+    resume: bool,
+}
+
+/// `corf bench table`.
+#[derive(Args)]
+pub struct Table {
+    /// Folder of `corf bench run` or `corf demo`.
+    folder: PathBuf,
+    /// Which notation.
+    #[arg(long, value_enum, default_value_t = Notation::Markdown)]
+    format: Notation,
+}
+
+/// Notations of a table.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Notation {
+    Markdown,
+    Csv,
+    Latex,
+    Plain,
+}
+
+/// `corf bench report`.
+#[derive(Args)]
+pub struct Report {
+    /// Folder of `corf bench run` or `corf demo`.
+    folder: PathBuf,
+}
+
+impl Bench {
+    /// Runs the sub-command.
+    ///
+    /// # Errors
+    /// Bad plans, unreadable datasets or folders, an interrupt.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        match self {
+            Self::Run(c) => c.run(json),
+            Self::Table(c) => c.run(json),
+            Self::Report(c) => c.run(json),
+        }
+    }
+}
+
+/// A finished comparison is done when no cell failed.
+fn verdict(records: &[crate::record::Record]) -> Verdict {
+    let failed = records.iter().any(|r| matches!(r.outcome, Outcome::Failed { .. }));
+    if failed { Verdict::CheckFailed } else { Verdict::Done }
+}
+
+impl Run {
+    fn run(self, json: bool) -> Result<Verdict> {
+        let mut plan = Plan::load(&self.plan)?;
+        let dataset = Dataset::open(&plan.dataset)?;
+        claim_output(&self.out, self.resume)?;
+        plan.dataset = std::path::absolute(&plan.dataset)?;
+        let written = suite::run(&plan, &dataset, &self.out)?;
+        let text = format!("{}\nreport: {}", table::plain(&table::rows(&written.records)), written.report.display());
+        show(json, &written.records, &text)?;
+        Ok(verdict(&written.records))
+    }
+}
+
+impl Table {
+    fn run(self, json: bool) -> Result<Verdict> {
+        let (_, records) = suite::load(&self.folder)?;
+        let rows = table::rows(&records);
+        if json {
+            show(true, &records, "")?;
+        } else {
+            print(&match self.format {
+                Notation::Markdown => table::markdown(&rows),
+                Notation::Csv => table::csv(&records),
+                Notation::Latex => table::latex(&rows),
+                Notation::Plain => table::plain(&rows),
+            })?;
+        }
+        Ok(verdict(&records))
+    }
+}
+
+impl Report {
+    fn run(self, json: bool) -> Result<Verdict> {
+        let (plan, records) = suite::load(&self.folder)?;
+        let dataset = Dataset::open(&plan.dataset)?;
+        let written = suite::write_results(&plan, &dataset, records, &self.folder)?;
+        show(
+            json,
+            &serde_json::json!({ "report": written.report, "table": written.table }),
+            &written.report.display().to_string(),
+        )?;
+        Ok(Verdict::Done)
+    }
+}

@@ -1,0 +1,74 @@
+//! `corf dataset`: generate and check keyframe datasets.
+
+use super::{Verdict, show};
+use crate::generate;
+use anyhow::Result;
+use clap::{Args, Subcommand};
+use corf_scene::config::DatasetConfig;
+use corf_scene::dataset;
+use std::path::PathBuf;
+
+/// Generate or check a keyframe dataset.
+#[derive(Subcommand)]
+pub enum DatasetCommand {
+    /// Trace a scene in light and at 60 GHz at every pose of its trajectory.
+    Generate(Generate),
+    /// Check a dataset: hashes, sizes, poses, and the rules of the tools that read it; exit 1 when one is broken.
+    Validate {
+        /// Dataset folder.
+        folder: PathBuf,
+    },
+}
+
+/// `corf dataset generate`.
+#[derive(Args)]
+pub struct Generate {
+    /// Dataset configuration (TOML), e.g. scenes/lobby-mini.toml.
+    config: PathBuf,
+    /// Output folder.
+    #[arg(long)]
+    out: PathBuf,
+    /// Number of keyframes, instead of the configuration's.
+    #[arg(long)]
+    keyframes: Option<usize>,
+    /// Seed, instead of the configuration's.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Go on with a folder that holds finished keyframes of the same configuration.
+    #[arg(long)]
+    resume: bool,
+}
+
+impl DatasetCommand {
+    /// Runs the sub-command.
+    ///
+    /// # Errors
+    /// Bad configuration or scene, an occupied output folder, an interrupt.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        match self {
+            Self::Generate(c) => c.run(json),
+            Self::Validate { folder } => super::findings(json, &dataset::validate(&folder)?),
+        }
+    }
+}
+
+impl Generate {
+    fn run(self, json: bool) -> Result<Verdict> {
+        let mut config = DatasetConfig::load(&self.config)?;
+        config.keyframes = self.keyframes.unwrap_or(config.keyframes);
+        config.seed = self.seed.unwrap_or(config.seed);
+        config.validate()?;
+        let made = generate::generate(&config, &self.out, self.resume)?;
+        let range = made.db_range();
+        let text = format!(
+            "{}: {} keyframes, spectra from {:.0} to {:.0} dB, hash {}",
+            self.out.display(),
+            made.len(),
+            range.min_db,
+            range.max_db,
+            made.hash()
+        );
+        show(json, made.header(), &text)?;
+        Ok(Verdict::Done)
+    }
+}

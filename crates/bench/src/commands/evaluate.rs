@@ -1,0 +1,40 @@
+//! `corf evaluate`: a run's field against the held-out keyframes.
+
+use super::{Verdict, show};
+use crate::methods::open;
+use crate::record::{Numbers, Outcome};
+use crate::run::write_json;
+use crate::{harness, table};
+use anyhow::Result;
+use clap::Args;
+use std::path::PathBuf;
+
+/// `corf evaluate`.
+#[derive(Args)]
+pub struct Evaluate {
+    /// Run folder of `corf reconstruct`.
+    run: PathBuf,
+    /// Dataset folder, if it has moved since.
+    #[arg(long)]
+    dataset: Option<PathBuf>,
+}
+
+impl Evaluate {
+    /// Runs the command; writes `metrics.json` into the run folder.
+    ///
+    /// # Errors
+    /// A run or dataset that cannot be read.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let mut run = open::open(&self.run, self.dataset.as_deref())?;
+        let frames = harness::evaluate(run.predictor.as_mut(), &run.dataset, |_, _| Ok(()))?;
+        let info = &run.info;
+        let numbers = Numbers::of(frames, info.seconds, info.gaussians, info.peak_memory_bytes, info.curve.clone());
+        let outcome = Outcome::Done(Box::new(numbers));
+        let mut record = harness::record(&info.method, run.method.as_ref(), &run.dataset, info.seed, outcome);
+        record.provenance = info.provenance.clone();
+        write_json(&self.run.join("metrics.json"), &record)?;
+        let records = [record];
+        show(json, &records[0], &table::plain(&table::rows(&records)))?;
+        Ok(Verdict::Done)
+    }
+}

@@ -1,0 +1,103 @@
+//! One file a sub-command: arguments in, library calls, a verdict out.
+
+mod bench;
+mod check;
+mod dataset;
+mod evaluate;
+mod paths;
+mod reconstruct;
+mod render;
+mod scene;
+
+use anyhow::Result;
+use clap::Subcommand;
+use corf_scene::Severity;
+use serde::Serialize;
+use std::io::Write;
+
+/// How a command ended, when it ended well enough to say so.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Exit code 0.
+    Done,
+    /// Exit code 1: the command worked, and what it checked is not so.
+    CheckFailed,
+}
+
+/// The sub-commands of `corf`.
+#[derive(Subcommand)]
+pub enum Command {
+    /// The small lobby end to end: keyframes, all ablations, table and report (a couple of minutes on 2 cores).
+    Demo(crate::demo::Demo),
+    /// Build, describe or check a scene.
+    #[command(subcommand)]
+    Scene(scene::Scene),
+    /// Generate or check a keyframe dataset.
+    #[command(subcommand)]
+    Dataset(dataset::DatasetCommand),
+    /// Trace the propagation paths between two points; JSON with Sionna's field names.
+    Paths(paths::Paths),
+    /// Compare with references.
+    #[command(subcommand)]
+    Check(check::Check),
+    /// Reconstruct a field from a dataset's training keyframes.
+    Reconstruct(reconstruct::Reconstruct),
+    /// Render a reconstructed field at any poses: image, spectrum, depth.
+    Render(render::Render),
+    /// Evaluate a reconstructed field on the held-out keyframes.
+    Evaluate(evaluate::Evaluate),
+    /// Run plans, write tables and reports.
+    #[command(subcommand)]
+    Bench(bench::Bench),
+}
+
+impl Command {
+    /// Runs the command; `json` asks for machine-readable results.
+    ///
+    /// # Errors
+    /// Bad input, an interrupt, or a device that gives up.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        match self {
+            Self::Demo(c) => c.run(json),
+            Self::Scene(c) => c.run(json),
+            Self::Dataset(c) => c.run(json),
+            Self::Paths(c) => c.run(),
+            Self::Check(c) => c.run(json),
+            Self::Reconstruct(c) => c.run(json),
+            Self::Render(c) => c.run(json),
+            Self::Evaluate(c) => c.run(json),
+            Self::Bench(c) => c.run(json),
+        }
+    }
+}
+
+/// Writes a result to standard output; a reader that has gone away is no error.
+///
+/// # Errors
+/// When standard output cannot be written for another reason.
+pub(crate) fn print(text: &str) -> Result<()> {
+    match writeln!(std::io::stdout(), "{}", text.trim_end()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
+}
+
+/// Prints a value as JSON or as text.
+///
+/// # Errors
+/// As [`print`].
+pub(crate) fn show(json: bool, value: &impl Serialize, text: &str) -> Result<()> {
+    if json { print(&serde_json::to_string_pretty(value)?) } else { print(text) }
+}
+
+/// Prints findings; the verdict is that of the gravest.
+///
+/// # Errors
+/// As [`print`].
+pub(crate) fn findings(json: bool, findings: &[corf_scene::Finding]) -> Result<Verdict> {
+    let text: Vec<String> = findings.iter().map(ToString::to_string).collect();
+    let failed = findings.iter().any(|f| f.severity == Severity::Error);
+    let verdict = if failed { "failed" } else { "passed" };
+    show(json, &findings, &[text.join("\n"), verdict.to_owned()].join("\n"))?;
+    Ok(if failed { Verdict::CheckFailed } else { Verdict::Done })
+}

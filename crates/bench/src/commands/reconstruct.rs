@@ -1,0 +1,136 @@
+//! `corf reconstruct`: a dataset's training keyframes to a field on disk.
+
+use super::{Verdict, show};
+use crate::method::Advance;
+use crate::progress::Progress;
+use crate::provenance::Provenance;
+use crate::run::{RunInfo, SCHEMA, claim_output, write_json};
+use crate::{harness, interrupt, methods};
+use anyhow::{Context, Result};
+use clap::Args;
+use corf_scene::dataset::Dataset;
+use corf_scene::io::write_atomic;
+use std::path::PathBuf;
+
+/// `corf reconstruct`.
+#[derive(Args)]
+pub struct Reconstruct {
+    /// Dataset folder.
+    dataset: PathBuf,
+    /// Output folder of the run.
+    #[arg(long)]
+    out: PathBuf,
+    /// Method: corf-gs, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, nearest, inverse-distance.
+    #[arg(long, default_value = "corf-gs")]
+    method: String,
+    /// TOML file with keys of the method's configuration.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// One key of the configuration, `key=value` in TOML notation; may be repeated and wins over --config.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    /// Seed of everything drawn at random.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Epochs of offline fine-tuning over all training keyframes after the last one.
+    #[arg(long)]
+    fine_tune: Option<usize>,
+    /// Go on in a folder that holds an unfinished run of the same command; a finished one is left as it is.
+    #[arg(long)]
+    resume: bool,
+}
+
+impl Reconstruct {
+    /// The overrides of file and command line as one table.
+    fn overrides(&self) -> Result<toml::Table> {
+        let mut table = match &self.config {
+            None => toml::Table::new(),
+            Some(path) => {
+                let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+                text.parse().with_context(|| format!("{} is no TOML", path.display()))?
+            }
+        };
+        for line in &self.overrides {
+            let parsed: toml::Table = line.parse().with_context(|| {
+                format!(
+                    "--set {line} is not KEY=VALUE in TOML notation\n  help: strings need quotes, e.g. --set 'rf_target=\"db\"'"
+                )
+            })?;
+            merge(&mut table, parsed);
+        }
+        if let Some(epochs) = self.fine_tune {
+            table.insert("fine_tune_epochs".to_owned(), toml::Value::Integer(i64::try_from(epochs)?));
+        }
+        Ok(table)
+    }
+
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// Bad input, an occupied output folder, an interrupt.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let overrides = self.overrides()?;
+        let method = methods::create(&self.method, &overrides)?;
+        let dataset = Dataset::open(&self.dataset)?;
+        claim_output(&self.out, self.resume)?;
+        let info_path = self.out.join("run.json");
+        if self.resume && info_path.exists() {
+            let info: RunInfo = crate::run::read_json(&info_path)?;
+            anyhow::ensure!(
+                info.method == self.method
+                    && info.seed == self.seed
+                    && info.config == method.config()
+                    && info.dataset_hash == dataset.hash(),
+                "{} holds a finished run of another method, configuration, seed or dataset\n  help: choose another --out",
+                self.out.display()
+            );
+            eprintln!("{} is finished already", self.out.display());
+            show(json, &info, &summary(&info))?;
+            return Ok(Verdict::Done);
+        }
+        write_atomic(&self.out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
+        let mut progress =
+            Progress::start(format!("{} on {}", self.method, dataset.header().name), dataset.train_indices().len(), "keyframes");
+        let result = harness::reconstruct(method.as_ref(), &dataset, self.seed, &mut |advance: Advance| {
+            progress.set(advance.done, advance.total);
+            interrupt::check()
+        })?;
+        progress.finish();
+        result.predictor.save(&self.out)?;
+        let info = RunInfo {
+            schema: SCHEMA.to_owned(),
+            method: self.method,
+            overrides,
+            config: method.config(),
+            seed: self.seed,
+            dataset: std::path::absolute(&self.dataset)?,
+            dataset_hash: dataset.hash().to_owned(),
+            device: method.device(),
+            provenance: Provenance::here(),
+            seconds: result.seconds,
+            gaussians: result.predictor.gaussians(),
+            peak_memory_bytes: result.peak_memory_bytes,
+            curve: result.curve,
+        };
+        write_json(&info_path, &info)?;
+        show(json, &info, &summary(&info))?;
+        Ok(Verdict::Done)
+    }
+}
+
+fn summary(info: &RunInfo) -> String {
+    let gaussians = info.gaussians.map_or(String::new(), |g| format!(", {g} Gaussians"));
+    format!("{} in {:.2} s on {}{gaussians}", info.method, info.seconds, info.device)
+}
+
+/// Puts `from` over `into`, table by table.
+fn merge(into: &mut toml::Table, from: toml::Table) {
+    for (key, value) in from {
+        match (into.get_mut(&key), value) {
+            (Some(toml::Value::Table(old)), toml::Value::Table(new)) => merge(old, new),
+            (_, value) => {
+                into.insert(key, value);
+            }
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! `corf render`: a reconstructed field at any poses.
+
+use super::{Verdict, show};
+use crate::methods::open;
+use crate::progress::Progress;
+use crate::run::claim_output;
+use crate::{interrupt, run};
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use corf_scene::color::quantize8;
+use corf_scene::{Raster, Rigid3, io};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// `corf render`.
+#[derive(Args)]
+pub struct Render {
+    /// Run folder of `corf reconstruct`.
+    run: PathBuf,
+    /// Poses: a `trajectory.json` of a dataset, or a JSON array of 4×4 `world_from_camera` matrices by rows.
+    #[arg(long)]
+    poses: PathBuf,
+    /// Output folder.
+    #[arg(long)]
+    out: PathBuf,
+    /// Dataset folder, if it has moved since.
+    #[arg(long)]
+    dataset: Option<PathBuf>,
+    /// Write into a folder that holds renderings already; poses rendered before are skipped.
+    #[arg(long)]
+    resume: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Poses {
+    Matrices(Vec<[[f64; 4]; 4]>),
+    Trajectory { keyframes: Vec<TrajectoryEntry> },
+}
+
+#[derive(Deserialize)]
+struct TrajectoryEntry {
+    world_from_camera: [[f64; 4]; 4],
+}
+
+fn read_poses(path: &Path) -> Result<Vec<Rigid3>> {
+    let poses: Poses = run::read_json(path)
+        .context("a pose file is a dataset's trajectory.json or a JSON array of 4x4 world_from_camera matrices by rows")?;
+    let rows: Vec<[[f64; 4]; 4]> = match poses {
+        Poses::Matrices(rows) => rows,
+        Poses::Trajectory { keyframes } => keyframes.into_iter().map(|k| k.world_from_camera).collect(),
+    };
+    ensure!(!rows.is_empty(), "{} names no pose", path.display());
+    rows.iter().enumerate().map(|(i, rows)| Ok(Rigid3::from_rows(rows, &format!("{}: pose {i}", path.display()))?)).collect()
+}
+
+impl Render {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// Bad poses, a run that cannot be read, an occupied output folder.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let poses = read_poses(&self.poses)?;
+        let mut run = open::open(&self.run, self.dataset.as_deref())?;
+        claim_output(&self.out, self.resume)?;
+        let range = run.dataset.db_range();
+        for folder in ["images", "jet", "db", "linear", "depth"] {
+            std::fs::create_dir_all(self.out.join(folder))
+                .with_context(|| format!("cannot create {}/{folder}", self.out.display()))?;
+        }
+        let mut progress = Progress::start("rendering", poses.len(), "views");
+        for (i, pose) in poses.iter().enumerate() {
+            interrupt::check()?;
+            // The image is written last: with it a pose is finished.
+            let file = |folder: &str, ending: &str| self.out.join(folder).join(format!("{:05}.{ending}", i + 1));
+            let image = file("images", "png");
+            if !image.exists() {
+                let p = run.predictor.render(pose)?;
+                write_exr(&file("db", "exr"), &p.rf_scalar.map(|&s| range.db(s) as f32))?;
+                write_exr(&file("linear", "exr"), &p.rf_scalar.map(|&s| if s > 0.0 { range.linear(s) as f32 } else { 0.0 }))?;
+                io::write_png(file("jet", "png"), &p.rf_jet.map(|c| c.map(quantize8)))?;
+                if let Some(depth) = &p.depth_m {
+                    write_exr(&file("depth", "exr"), depth)?;
+                }
+                io::write_png(&image, &p.image.map(|c| c.map(quantize8)))?;
+            }
+            progress.set(i + 1, poses.len());
+        }
+        progress.finish();
+        show(
+            json,
+            &serde_json::json!({ "rendered": poses.len(), "out": self.out }),
+            &format!("{} views in {}", poses.len(), self.out.display()),
+        )?;
+        Ok(Verdict::Done)
+    }
+}
+
+/// One f32 channel as EXR.
+fn write_exr(path: &Path, image: &Raster<f32>) -> Result<()> {
+    Ok(io::write_atomic(path, &io::encode_exr_f32(image, "Y")?)?)
+}

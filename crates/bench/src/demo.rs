@@ -1,0 +1,65 @@
+//! `corf demo`: the small lobby end to end.
+
+use crate::commands::Verdict;
+use crate::plan::Plan;
+use crate::record::Outcome;
+use crate::run::claim_output;
+use crate::{commands, generate, interrupt, suite, table};
+use anyhow::{Context, Result};
+use clap::Args;
+use corf_scene::config::DatasetConfig;
+use corf_scene::io::write_atomic;
+use corf_scene::lobby;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// The files the demo writes into its own `scene` folder before it starts: the ones of this repository.
+const SCENE_TOML: &str = include_str!("../../../scenes/lobby.toml");
+const DATASET_TOML: &str = include_str!("../../../scenes/lobby-mini.toml");
+const PLAN_TOML: &str = include_str!("../../../scenes/demo.toml");
+
+/// `corf demo`.
+#[derive(Args)]
+pub struct Demo {
+    /// Output folder.
+    #[arg(long, default_value = "corf-demo")]
+    out: PathBuf,
+    /// Go on in a folder that an earlier demo has begun.
+    #[arg(long)]
+    resume: bool,
+}
+
+impl Demo {
+    /// Builds the lobby, traces its keyframes, reconstructs with every method, prints the table and the report's path.
+    ///
+    /// # Errors
+    /// An occupied or unwritable output folder, an interrupt.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let start = Instant::now();
+        claim_output(&self.out, self.resume)?;
+        let scene = self.out.join("scene");
+        std::fs::create_dir_all(&scene).with_context(|| format!("cannot create {}", scene.display()))?;
+        build_scene(&scene)?;
+        interrupt::check()?;
+        let config = DatasetConfig::load(scene.join("lobby-mini.toml"))?;
+        let dataset = generate::generate(&config, &self.out.join("dataset"), true)?;
+        let plan = Plan::parse(PLAN_TOML)?;
+        let written = suite::run(&plan, &dataset, &self.out)?;
+        let text = format!(
+            "\n{}\ntable:  {}\nreport: {}\nall of it in {:.0} s",
+            table::plain(&table::rows(&written.records)),
+            written.table.display(),
+            written.report.display(),
+            start.elapsed().as_secs_f64()
+        );
+        commands::show(json, &written.records, &text)?;
+        let failed = written.records.iter().any(|r| matches!(r.outcome, Outcome::Failed { .. }));
+        Ok(if failed { Verdict::CheckFailed } else { Verdict::Done })
+    }
+}
+
+fn build_scene(folder: &Path) -> Result<()> {
+    lobby::write(folder.join("lobby.glb"))?;
+    write_atomic(&folder.join("lobby.toml"), SCENE_TOML.as_bytes())?;
+    Ok(write_atomic(folder.join("lobby-mini.toml"), DATASET_TOML.as_bytes())?)
+}

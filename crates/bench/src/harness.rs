@@ -1,0 +1,119 @@
+//! Runs one cell: a method on a dataset with a seed. Keeps the clock, evaluates the held-out keyframes, writes the record.
+
+use crate::interrupt::Interrupted;
+use crate::method::{Advance, Method, Predictor, TrainingSet};
+use crate::metrics::{self, FrameMetrics, Prediction};
+use crate::provenance::{Provenance, peak_memory_bytes, reset_peak_memory};
+use crate::record::{CLOCK, CurvePoint, Numbers, Outcome, PROTOCOL, Record, SCHEMA};
+use anyhow::{Context, Result, bail};
+use corf_scene::Keyframe;
+use corf_scene::dataset::Dataset;
+use std::time::Instant;
+
+/// A finished reconstruction and what the clock says of it.
+pub struct Reconstruction {
+    /// The field.
+    pub predictor: Box<dyn Predictor>,
+    /// Seconds on the record's clock.
+    pub seconds: f64,
+    /// Growth over time.
+    pub curve: Vec<CurvePoint>,
+    /// Peak resident memory of the process during it, bytes.
+    pub peak_memory_bytes: Option<u64>,
+}
+
+/// Runs a method on the training split, on the harness's clock.
+///
+/// # Errors
+/// Whatever the method answers; a dataset without training keyframes.
+pub fn reconstruct(
+    method: &dyn Method,
+    dataset: &Dataset,
+    seed: u64,
+    watch: &mut dyn FnMut(Advance) -> Result<()>,
+) -> Result<Reconstruction> {
+    let training = TrainingSet::new(dataset);
+    if training.is_empty() {
+        bail!("the dataset has no training keyframes\n  help: test_every must be 2 or more");
+    }
+    reset_peak_memory();
+    let mut curve = Vec::new();
+    let start = Instant::now();
+    let predictor = method.reconstruct(&training, seed, &mut |advance: Advance| {
+        let seconds = (start.elapsed().saturating_sub(training.loading_time())).as_secs_f64();
+        curve.push(CurvePoint {
+            seconds,
+            progress: advance.done as f64 / advance.total.max(1) as f64,
+            gaussians: advance.gaussians,
+        });
+        watch(advance)
+    })?;
+    let seconds = (start.elapsed().saturating_sub(training.loading_time())).as_secs_f64();
+    Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes: peak_memory_bytes() })
+}
+
+/// Evaluates a predictor on the held-out keyframes; `look` sees every prediction beside its truth.
+///
+/// # Errors
+/// Unreadable keyframes, or a predictor that answers with an error.
+pub fn evaluate(
+    predictor: &mut dyn Predictor,
+    dataset: &Dataset,
+    mut look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
+) -> Result<Vec<FrameMetrics>> {
+    let (range, camera) = (dataset.db_range(), dataset.rf_camera());
+    let mut frames = Vec::new();
+    for &index in dataset.test_indices() {
+        let truth = dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"))?;
+        let prediction = predictor.render(&truth.world_from_camera)?;
+        frames.push(metrics::compare(&prediction, &truth, &camera, &range));
+        look(&truth, &prediction)?;
+    }
+    if frames.is_empty() {
+        bail!("the dataset has no held-out keyframes\n  help: a split with test_every = 8 needs at least one keyframe");
+    }
+    Ok(frames)
+}
+
+/// A cell's record around its outcome.
+pub fn record(row: &str, method: &dyn Method, dataset: &Dataset, seed: u64, outcome: Outcome) -> Record {
+    Record {
+        schema: SCHEMA.to_owned(),
+        protocol: PROTOCOL.to_owned(),
+        row: row.to_owned(),
+        method: method.id().to_owned(),
+        config: method.config(),
+        dataset: dataset.header().name.clone(),
+        dataset_hash: dataset.hash().to_owned(),
+        seed,
+        provenance: Provenance::here(),
+        device: method.device(),
+        uses_ground_truth_depth: method.uses_ground_truth_depth(),
+        clock: CLOCK.to_owned(),
+        outcome,
+    }
+}
+
+/// Runs a whole cell; a method that fails gives a record that says so.
+///
+/// # Errors
+/// An interrupt; a failing method is an outcome.
+pub fn run_cell(
+    row: &str,
+    method: &dyn Method,
+    dataset: &Dataset,
+    seed: u64,
+    watch: &mut dyn FnMut(Advance) -> Result<()>,
+    look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
+) -> Result<Record> {
+    let outcome = reconstruct(method, dataset, seed, watch).and_then(|mut r| {
+        let frames = evaluate(r.predictor.as_mut(), dataset, look)?;
+        let numbers = Numbers::of(frames, r.seconds, r.predictor.gaussians(), r.peak_memory_bytes, r.curve);
+        Ok(Outcome::Done(Box::new(numbers)))
+    });
+    let outcome = match outcome {
+        Err(error) if error.is::<Interrupted>() => return Err(error),
+        other => other.unwrap_or_else(|error| Outcome::Failed { error: format!("{error:#}") }),
+    };
+    Ok(record(row, method, dataset, seed, outcome))
+}

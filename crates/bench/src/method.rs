@@ -1,0 +1,116 @@
+//! What every row of every table is: training keyframes in, a predictor out. The clock and the metrics are the harness's.
+
+use crate::metrics::Prediction;
+use anyhow::{Context, Result};
+use corf_scene::dataset::Dataset;
+use corf_scene::{Keyframe, Rigid3};
+use std::cell::Cell;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// The training keyframes of one cell, in the order of the trajectory. Held-out keyframes cannot be reached through it.
+pub struct TrainingSet<'a> {
+    dataset: &'a Dataset,
+    indices: Vec<usize>,
+    loading: Cell<Duration>,
+}
+
+impl<'a> TrainingSet<'a> {
+    /// The dataset's training split.
+    pub fn new(dataset: &'a Dataset) -> Self {
+        Self { dataset, indices: dataset.train_indices().to_vec(), loading: Cell::default() }
+    }
+
+    /// How many keyframes there are.
+    pub fn len(&self) -> usize {
+        self.indices.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.indices.is_empty()
+    }
+
+    /// Reads training keyframe `k` (0 … len−1). The harness takes the time this needs off its clock.
+    ///
+    /// # Errors
+    /// A file that is missing, damaged or of the wrong size.
+    pub fn keyframe(&self, k: usize) -> Result<Keyframe> {
+        let start = Instant::now();
+        let index = self.indices[k];
+        let keyframe = self.dataset.keyframe(index).with_context(|| format!("while reading training keyframe {index}"))?;
+        self.loading.set(self.loading.get() + start.elapsed());
+        Ok(keyframe)
+    }
+
+    /// The dataset these keyframes come from: cameras, dB range, poses of the training split.
+    pub fn dataset(&self) -> &Dataset {
+        self.dataset
+    }
+
+    /// Time spent in [`Self::keyframe`] so far.
+    pub fn loading_time(&self) -> Duration {
+        self.loading.get()
+    }
+}
+
+/// What a method tells while it works; the harness stamps the time.
+#[derive(Clone, Copy, Debug)]
+pub struct Advance {
+    /// Units of work done.
+    pub done: usize,
+    /// Units in all.
+    pub total: usize,
+    /// Gaussians now, for methods that have them.
+    pub gaussians: Option<usize>,
+}
+
+/// A way to reconstruct.
+pub trait Method {
+    /// The name on the command line and in records: `corf-gs`.
+    fn id(&self) -> &str;
+
+    /// The resolved configuration, for the record.
+    fn config(&self) -> serde_json::Value;
+
+    /// Whether the method reads ground-truth depth (through the simulated monocular prior).
+    fn uses_ground_truth_depth(&self) -> bool {
+        false
+    }
+
+    /// The device it runs on, for the record.
+    fn device(&self) -> String {
+        format!("cpu ({} threads)", rayon::current_num_threads())
+    }
+
+    /// Reconstructs from the training keyframes. The same seed gives the same bytes.
+    ///
+    /// # Errors
+    /// Unreadable keyframes, a device that gives up, or whatever `advance` answers (an interrupt).
+    fn reconstruct(
+        &self,
+        training: &TrainingSet<'_>,
+        seed: u64,
+        advance: &mut dyn FnMut(Advance) -> Result<()>,
+    ) -> Result<Box<dyn Predictor>>;
+}
+
+/// A reconstructed field, to be asked for any pose.
+pub trait Predictor {
+    /// Predicts image and spectrum at a pose, at the dataset's resolutions.
+    ///
+    /// # Errors
+    /// When the device gives up.
+    fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction>;
+
+    /// Gaussians in the field, for methods that have them.
+    fn gaussians(&self) -> Option<usize> {
+        None
+    }
+
+    /// Writes the field into a run folder, for `corf render` and `corf evaluate`.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    fn save(&self, run: &Path) -> Result<()>;
+}

@@ -1,0 +1,182 @@
+//! CORF-GS and its ablations.
+
+use crate::method::{Advance, Method, Predictor, TrainingSet};
+use crate::metrics::Prediction;
+use anyhow::{Context, Result};
+use corf::config::{Coupling, DepthPriorKind, ReconstructionConfig, Sampling};
+use corf::optimizer::{OptimizerConfig, RasterConfig};
+use corf::target::RfTarget;
+use corf::{CpuDevice, Device, Field, Gaussians, Reconstructor};
+use corf_scene::dataset::Dataset;
+use corf_scene::{Raster, Rigid3, color};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Configuration of the four CORF-GS rows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CorfGsConfig {
+    /// Epochs of offline fine-tuning after the last keyframe (paper: "iterations" of the fine-tuning table).
+    pub fine_tune_epochs: usize,
+    /// Rates and constants of the optimiser; table `optimizer` of the overrides.
+    pub optimizer: OptimizerConfig,
+    /// Constants of the rasteriser; table `raster` of the overrides.
+    pub raster: RasterConfig,
+    /// Everything else, at the top level of the overrides.
+    pub reconstruction: ReconstructionConfig,
+}
+
+impl CorfGsConfig {
+    fn parse(overrides: &toml::Table) -> Result<Self> {
+        fn take<T: serde::de::DeserializeOwned + Default>(table: &mut toml::Table, key: &str) -> Result<T> {
+            table.remove(key).map_or_else(|| Ok(T::default()), |v| v.try_into().with_context(|| format!("in key {key}")))
+        }
+        let mut rest = overrides.clone();
+        let config = Self {
+            fine_tune_epochs: take(&mut rest, "fine_tune_epochs")?,
+            optimizer: take(&mut rest, "optimizer")?,
+            raster: take(&mut rest, "raster")?,
+            reconstruction: rest.try_into()?,
+        };
+        config.reconstruction.validate()?;
+        config.optimizer.validate()?;
+        config.raster.validate()?;
+        Ok(config)
+    }
+
+    /// A fresh CPU device.
+    fn device(&self) -> Result<Box<dyn Device>> {
+        let r = &self.reconstruction;
+        let mut none = Gaussians::empty(r.rf_target.channels(), r.optical_sh_degree);
+        none.rf.sh_degree = r.rf_sh_degree;
+        Ok(Box::new(CpuDevice::new(self.optimizer, self.raster, &none)?))
+    }
+}
+
+/// `corf-gs`, `corf-gs-uniform`, `corf-gs-frozen`, `corf-gs-rf-tuned`.
+pub struct CorfGs {
+    id: String,
+    config: CorfGsConfig,
+}
+
+impl CorfGs {
+    /// The row of that name; `overrides` are keys of [`ReconstructionConfig`], or `fine_tune_epochs`.
+    ///
+    /// # Errors
+    /// A key that does not exist, or a value out of range.
+    pub fn new(id: &str, overrides: &toml::Table) -> Result<Self> {
+        let mut config = CorfGsConfig::parse(overrides).with_context(|| format!("in the configuration of {id}"))?;
+        let reconstruction = &mut config.reconstruction;
+        match id {
+            "corf-gs-uniform" => reconstruction.sampling = Sampling::Uniform,
+            "corf-gs-frozen" => reconstruction.coupling = Coupling::Frozen,
+            "corf-gs-rf-tuned" => reconstruction.coupling = Coupling::RfTuned,
+            _ => {}
+        }
+        Ok(Self { id: id.to_owned(), config })
+    }
+}
+
+impl Method for CorfGs {
+    fn id(&self) -> &str {
+        &self.id
+    }
+
+    fn config(&self) -> serde_json::Value {
+        serde_json::json!(self.config)
+    }
+
+    fn uses_ground_truth_depth(&self) -> bool {
+        self.config.reconstruction.depth.prior == DepthPriorKind::Simulated
+    }
+
+    fn reconstruct(
+        &self,
+        training: &TrainingSet<'_>,
+        seed: u64,
+        advance: &mut dyn FnMut(Advance) -> Result<()>,
+    ) -> Result<Box<dyn Predictor>> {
+        let dataset = training.dataset();
+        let config = &self.config.reconstruction;
+        let device = self.config.device()?;
+        let (optical, rf) = (dataset.optical_camera(), dataset.rf_camera());
+        let mut reconstructor = Reconstructor::new(device, config.clone(), optical, rf, dataset.db_range(), seed)?;
+        let stages = if config.coupling == Coupling::Joint { 1 } else { 2 };
+        let total = training.len() * stages + self.config.fine_tune_epochs;
+        for k in 0..training.len() {
+            let report = reconstructor.push(&training.keyframe(k)?)?;
+            advance(Advance { done: k + 1, total, gaussians: Some(report.gaussians) })?;
+        }
+        // The second stage counts as many units as the first had keyframes.
+        let mut interrupted = Ok(());
+        reconstructor.finish(&mut |done, of| {
+            let units = training.len() + (stages - 1) * training.len() * done / of.max(1);
+            if interrupted.is_ok() {
+                interrupted = advance(Advance { done: units, total, gaussians: None });
+            }
+        })?;
+        interrupted?;
+        let mut interrupted = Ok(());
+        let before = training.len() * stages;
+        reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| {
+            if interrupted.is_ok() {
+                interrupted = advance(Advance { done: before + done, total, gaussians: None });
+            }
+        })?;
+        interrupted?;
+        advance(Advance { done: total, total, gaussians: Some(reconstructor.gaussian_count()) })?;
+        Ok(Box::new(CorfField::new(reconstructor.field(), &self.config)?))
+    }
+}
+
+/// A finished field on a device of its own.
+pub struct CorfField {
+    field: Field,
+    device: Box<dyn Device>,
+}
+
+impl CorfField {
+    fn new(field: Field, config: &CorfGsConfig) -> Result<Self> {
+        let mut device = config.device()?;
+        field.load(device.as_mut())?;
+        Ok(Self { field, device })
+    }
+
+    /// Reads the field of a run folder.
+    ///
+    /// # Errors
+    /// A missing or damaged file, or a field of another dataset's cameras.
+    pub fn load(run: &Path, config: &serde_json::Value, dataset: &Dataset) -> Result<Self> {
+        let config: CorfGsConfig = serde_json::from_value(config.clone())
+            .with_context(|| format!("{}: the configuration is not of this version", run.join("run.json").display()))?;
+        let field = Field::read(run)?;
+        anyhow::ensure!(
+            field.meta.optical_camera == dataset.optical_camera() && field.meta.rf_camera == dataset.rf_camera(),
+            "{}: the field's cameras are not the dataset's",
+            run.display()
+        );
+        Self::new(field, &config)
+    }
+}
+
+impl Predictor for CorfField {
+    fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
+        let p = self.field.render(self.device.as_mut(), *world_from_camera)?;
+        let rf_jet = match self.field.meta.rf_target {
+            RfTarget::Jet => {
+                let colours = p.rf.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
+                Raster::from_vec(p.rf.width, p.rf.height, colours)
+            }
+            RfTarget::Db => p.scalar.map(|&s| color::jet(s)),
+        };
+        let depth_m = p.inverse_depth.map(|&i| if i > 0.0 { 1.0 / i } else { 0.0 });
+        Ok(Prediction { image: p.image, rf_jet, rf_scalar: p.scalar, depth_m: Some(depth_m) })
+    }
+
+    fn gaussians(&self) -> Option<usize> {
+        Some(self.field.gaussians.len())
+    }
+
+    fn save(&self, run: &Path) -> Result<()> {
+        Ok(self.field.write(run)?)
+    }
+}

@@ -1,0 +1,126 @@
+//! Lookups: what a table must be beaten by to mean anything.
+
+use crate::method::{Advance, Method, Predictor, TrainingSet};
+use crate::metrics::Prediction;
+use crate::run::write_json;
+use anyhow::{Context, Result};
+use corf_scene::{Keyframe, Raster, Rigid3};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// How far apart two headings must be to count as much as one metre, radians.
+const METRES_PER_RADIAN: f64 = 1.0;
+/// Keyframes blended by `inverse-distance`.
+const BLENDED: usize = 4;
+/// Added to a distance before it is inverted, metres.
+const SOFTENING_M: f64 = 1e-3;
+
+/// Configuration of a lookup.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LookupConfig {
+    /// How many keyframes are blended (1: the nearest alone).
+    pub keyframes: usize,
+    /// Metres that one radian of rotation counts.
+    pub metres_per_radian: f64,
+}
+
+impl Default for LookupConfig {
+    fn default() -> Self {
+        Self { keyframes: BLENDED, metres_per_radian: METRES_PER_RADIAN }
+    }
+}
+
+/// `nearest` and `inverse-distance`.
+pub struct Lookup {
+    id: String,
+    config: LookupConfig,
+}
+
+impl Lookup {
+    /// The lookup of that name.
+    ///
+    /// # Errors
+    /// An override that is no key of [`LookupConfig`].
+    pub fn new(id: &str, overrides: &toml::Table) -> Result<Self> {
+        let mut config: LookupConfig = overrides.clone().try_into().with_context(|| format!("in the configuration of {id}"))?;
+        if id == "nearest" {
+            config.keyframes = 1;
+        }
+        Ok(Self { id: id.to_owned(), config })
+    }
+}
+
+impl Method for Lookup {
+    fn id(&self) -> &str {
+        &self.id
+    }
+
+    fn config(&self) -> serde_json::Value {
+        serde_json::json!(self.config)
+    }
+
+    fn reconstruct(
+        &self,
+        training: &TrainingSet<'_>,
+        _seed: u64,
+        advance: &mut dyn FnMut(Advance) -> Result<()>,
+    ) -> Result<Box<dyn Predictor>> {
+        let range = training.dataset().db_range();
+        let mut observed = Vec::with_capacity(training.len());
+        for k in 0..training.len() {
+            let Keyframe { world_from_camera, image, spectrum, .. } = training.keyframe(k)?;
+            let image = image.map(|p| p.map(|v| f32::from(v) / 255.0));
+            observed.push(Observed { world_from_camera, image, scalar: spectrum.map(|&s| range.scalar(s)) });
+            advance(Advance { done: k + 1, total: training.len(), gaussians: None })?;
+        }
+        Ok(Box::new(Table { config: self.config, observed }))
+    }
+}
+
+struct Observed {
+    world_from_camera: Rigid3,
+    image: Raster<[f32; 3]>,
+    scalar: Raster<f32>,
+}
+
+struct Table {
+    config: LookupConfig,
+    observed: Vec<Observed>,
+}
+
+impl Table {
+    /// The blended keyframes with their weights, which sum to 1.
+    fn neighbours(&self, world_from_camera: &Rigid3) -> Vec<(f32, &Observed)> {
+        let distance = |o: &Observed| {
+            let d = o.world_from_camera.inverse().compose(world_from_camera);
+            let angle_rad =
+                (0.5 * (d.rotation.x_axis.x + d.rotation.y_axis.y + d.rotation.z_axis.z - 1.0)).clamp(-1.0, 1.0).acos();
+            d.translation.length() + self.config.metres_per_radian * angle_rad
+        };
+        let mut near: Vec<(f64, &Observed)> = self.observed.iter().map(|o| (distance(o), o)).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        near.truncate(self.config.keyframes.max(1));
+        let total: f64 = near.iter().map(|(d, _)| 1.0 / (d + SOFTENING_M)).sum();
+        near.into_iter().map(|(d, o)| ((1.0 / (d + SOFTENING_M) / total) as f32, o)).collect()
+    }
+}
+
+impl Predictor for Table {
+    fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
+        let near = self.neighbours(world_from_camera);
+        let first = near.first().context("a lookup needs at least one training keyframe")?.1;
+        let image = Raster::from_fn(first.image.width(), first.image.height(), |x, y| {
+            near.iter().fold([0.0; 3], |sum: [f32; 3], (w, o)| std::array::from_fn(|c| sum[c] + w * o.image[(x, y)][c]))
+        });
+        let scalar = Raster::from_fn(first.scalar.width(), first.scalar.height(), |x, y| {
+            near.iter().map(|(w, o)| w * o.scalar[(x, y)]).sum()
+        });
+        Ok(Prediction::from_scalar(image, scalar))
+    }
+
+    fn save(&self, run: &Path) -> Result<()> {
+        // The table is the dataset itself; run.json names it.
+        write_json(&run.join("lookup.json"), &self.config)
+    }
+}

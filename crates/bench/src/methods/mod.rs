@@ -1,0 +1,35 @@
+//! The methods by name.
+
+pub mod corf_gs;
+pub mod lookup;
+pub mod open;
+
+use crate::method::Method;
+use anyhow::{Result, bail};
+
+/// All methods that `--method` and plans accept, with a line for `--help`.
+pub const METHODS: &[(&str, &str)] = &[
+    ("corf-gs", "coupled optimisation, optical-guided expansion: the paper's method"),
+    ("corf-gs-uniform", "ablation: every pixel spawns with probability 0.1 instead of optical-guided expansion"),
+    ("corf-gs-frozen", "ablation: two stages, optical geometry frozen in the RF stage"),
+    ("corf-gs-rf-tuned", "ablation: two stages, geometry refined by RF in the second"),
+    ("nearest", "the nearest training keyframe, as it was observed"),
+    ("inverse-distance", "training keyframes blended by inverse distance"),
+];
+
+/// Makes a method; `overrides` are TOML keys of its configuration.
+///
+/// # Errors
+/// An unknown name, or an override that is no key of the method's configuration.
+pub fn create(id: &str, overrides: &toml::Table) -> Result<Box<dyn Method>> {
+    match id {
+        "corf-gs" | "corf-gs-uniform" | "corf-gs-frozen" | "corf-gs-rf-tuned" => {
+            Ok(Box::new(corf_gs::CorfGs::new(id, overrides)?))
+        }
+        "nearest" | "inverse-distance" => Ok(Box::new(lookup::Lookup::new(id, overrides)?)),
+        _ => {
+            let known: Vec<&str> = METHODS.iter().map(|m| m.0).collect();
+            bail!("unknown method \"{id}\"\n  help: the methods are {}", known.join(", "))
+        }
+    }
+}

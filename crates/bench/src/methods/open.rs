@@ -1,0 +1,48 @@
+//! A run folder back to a predictor.
+
+use super::{corf_gs, create};
+use crate::method::{Method, Predictor, TrainingSet};
+use crate::run::{RunInfo, SCHEMA, read_json};
+use anyhow::{Context, Result, ensure};
+use corf_scene::dataset::Dataset;
+use std::path::Path;
+
+/// A run, ready to be asked.
+pub struct OpenRun {
+    /// `run.json`.
+    pub info: RunInfo,
+    /// The dataset it was made from.
+    pub dataset: Dataset,
+    /// The method, made again.
+    pub method: Box<dyn Method>,
+    /// The field.
+    pub predictor: Box<dyn Predictor>,
+}
+
+/// Opens a run folder; `dataset` says where the dataset is now, if it has moved.
+///
+/// # Errors
+/// A folder without `run.json` (not a run, or not finished), a changed dataset, a damaged field.
+pub fn open(folder: &Path, dataset: Option<&Path>) -> Result<OpenRun> {
+    let info: RunInfo = read_json(&folder.join("run.json")).with_context(|| {
+        format!("{} holds no finished run\n  help: run `corf reconstruct` with --out {0} first", folder.display())
+    })?;
+    ensure!(info.schema == SCHEMA, "{}: schema {} is not {SCHEMA}", folder.display(), info.schema);
+    let place = dataset.unwrap_or(&info.dataset);
+    let dataset = Dataset::open(place).with_context(|| "the run's dataset cannot be opened; name its place with --dataset")?;
+    ensure!(
+        dataset.hash() == info.dataset_hash,
+        "{} is not the dataset this run was made from (hash {} instead of {})\n  help: name the right one with --dataset",
+        place.display(),
+        dataset.hash(),
+        info.dataset_hash
+    );
+    let method = create(&info.method, &info.overrides)?;
+    let predictor: Box<dyn Predictor> = if info.method.starts_with("corf-gs") {
+        Box::new(corf_gs::CorfField::load(folder, &info.config, &dataset)?)
+    } else {
+        // A lookup is its dataset.
+        method.reconstruct(&TrainingSet::new(&dataset), info.seed, &mut |_| Ok(()))?
+    };
+    Ok(OpenRun { info, dataset, method, predictor })
+}

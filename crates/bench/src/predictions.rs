@@ -1,0 +1,66 @@
+//! Predictions kept beside a record, for the report: a few held-out frames of each row's first seed.
+
+use crate::metrics::Prediction;
+use anyhow::{Context, Result};
+use corf_scene::color::quantize8;
+use corf_scene::io::{encode_png, write_atomic};
+use corf_scene::{Keyframe, Raster};
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use std::path::{Path, PathBuf};
+
+/// How many held-out frames a report shows.
+pub const SHOWN: usize = 4;
+
+/// Which of the held-out frames a report shows: evenly spread, first and last included.
+pub fn shown(test_indices: &[usize]) -> Vec<usize> {
+    let n = test_indices.len();
+    if n <= SHOWN {
+        return test_indices.to_vec();
+    }
+    (0..SHOWN).map(|i| test_indices[i * (n - 1) / (SHOWN - 1)]).collect()
+}
+
+fn optical_path(folder: &Path, index: usize) -> PathBuf {
+    folder.join(format!("{:05}-optical.png", index + 1))
+}
+
+fn scalar_path(folder: &Path, index: usize) -> PathBuf {
+    folder.join(format!("{:05}-spectrum.png", index + 1))
+}
+
+/// Encodes a grey 8-bit image as PNG.
+fn encode_grey_png(image: &Raster<u8>) -> Result<Vec<u8>> {
+    let mut out = Vec::new();
+    PngEncoder::new(&mut out).write_image(image.pixels(), image.width() as u32, image.height() as u32, ExtendedColorType::L8)?;
+    Ok(out)
+}
+
+/// Keeps one prediction in `folder`.
+///
+/// # Errors
+/// When the folder cannot be written.
+pub fn keep(folder: &Path, truth: &Keyframe, prediction: &Prediction) -> Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    write_atomic(&optical_path(folder, truth.index), &encode_png(&prediction.image.map(|p| p.map(quantize8)))?)?;
+    Ok(write_atomic(scalar_path(folder, truth.index), &encode_grey_png(&prediction.rf_scalar.map(|&s| quantize8(s)))?)?)
+}
+
+/// A kept prediction: the image, and the spectrum as a scalar in `[0, 1]` on the dataset's dB range.
+pub struct Kept {
+    /// 8-bit sRGB.
+    pub image: Raster<[u8; 3]>,
+    /// Scalar spectrum.
+    pub scalar: Raster<f32>,
+}
+
+/// Reads a kept prediction; `None` where none was kept.
+pub fn load(folder: &Path, index: usize) -> Option<Kept> {
+    let optical = image::open(optical_path(folder, index)).ok()?.to_rgb8();
+    let grey = image::open(scalar_path(folder, index)).ok()?.to_luma8();
+    let pixels = optical.pixels().map(|p| p.0).collect();
+    let scalar = grey.pixels().map(|p| f32::from(p.0[0]) / 255.0).collect();
+    Some(Kept {
+        image: Raster::from_vec(optical.width() as usize, optical.height() as usize, pixels),
+        scalar: Raster::from_vec(grey.width() as usize, grey.height() as usize, scalar),
+    })
+}

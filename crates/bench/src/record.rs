@@ -1,0 +1,127 @@
+//! One run's record: `metrics.json`.
+
+use crate::metrics::{COLUMNS, FrameMetrics};
+use crate::provenance::Provenance;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Version of the record's layout.
+pub const SCHEMA: &str = "corf-metrics/1";
+/// The evaluation protocol these numbers follow: held-out keyframes by the dataset's split, metrics as the README defines them.
+pub const PROTOCOL: &str = "corf-heldout/1";
+/// What the clock of a record includes.
+pub const CLOCK: &str = "from the first decoded training keyframe in memory to the finished field; reading and decoding files, writing the field and evaluating are not included";
+
+/// Everything one cell (method × dataset × seed) has to say.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Record {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// [`PROTOCOL`].
+    pub protocol: String,
+    /// The row of the table this cell belongs to.
+    pub row: String,
+    /// Method id.
+    pub method: String,
+    /// Resolved configuration of the method.
+    pub config: serde_json::Value,
+    /// Name of the dataset.
+    pub dataset: String,
+    /// Hash of the dataset.
+    pub dataset_hash: String,
+    /// Seed.
+    pub seed: u64,
+    /// Source and machine.
+    pub provenance: Provenance,
+    /// Device the method ran on.
+    pub device: String,
+    /// Whether the method read ground-truth depth through the simulated monocular prior.
+    pub uses_ground_truth_depth: bool,
+    /// What the clock includes.
+    pub clock: String,
+    /// What came out, or why nothing did.
+    #[serde(flatten)]
+    pub outcome: Outcome,
+}
+
+/// A cell ends in numbers or in the reason why there are none; failed cells stay in the table.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+pub enum Outcome {
+    /// Numbers.
+    Done(Box<Numbers>),
+    /// The reason.
+    Failed {
+        /// The error.
+        error: String,
+    },
+}
+
+/// The numbers of a finished cell.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Numbers {
+    /// Reconstruction time, seconds (see `clock`).
+    pub seconds: f64,
+    /// Gaussians in the finished field.
+    pub gaussians: Option<usize>,
+    /// Peak resident memory of the process during the cell, bytes.
+    pub peak_memory_bytes: Option<u64>,
+    /// Means over the held-out frames, by column key.
+    pub means: BTreeMap<String, f64>,
+    /// Median and 90th percentile of the peak AoA error, degrees.
+    pub peak_error_median_p90_deg: [f64; 2],
+    /// Raw metrics of every held-out frame.
+    pub frames: Vec<FrameMetrics>,
+    /// Growth over time.
+    pub curve: Vec<CurvePoint>,
+}
+
+/// One point of the time and Gaussian-count curves.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Seconds on the record's clock.
+    pub seconds: f64,
+    /// Share of the work done, `[0, 1]`.
+    pub progress: f64,
+    /// Gaussians at that time.
+    pub gaussians: Option<usize>,
+}
+
+impl Numbers {
+    /// Means and percentiles from raw frames.
+    pub fn of(
+        frames: Vec<FrameMetrics>,
+        seconds: f64,
+        gaussians: Option<usize>,
+        peak_memory_bytes: Option<u64>,
+        curve: Vec<CurvePoint>,
+    ) -> Self {
+        let mean = |of: fn(&FrameMetrics) -> f64| frames.iter().map(of).sum::<f64>() / frames.len().max(1) as f64;
+        let means = COLUMNS.iter().map(|c| (c.key.to_owned(), mean(c.of))).collect();
+        let mut errors: Vec<f64> = frames.iter().map(|f| f.radio.peak_error_deg).collect();
+        errors.sort_by(f64::total_cmp);
+        let peak_error_median_p90_deg = [quantile(&errors, 0.5), quantile(&errors, 0.9)];
+        Self { seconds, gaussians, peak_memory_bytes, means, peak_error_median_p90_deg, frames, curve }
+    }
+}
+
+/// A quantile of sorted values by linear interpolation; 0 without any.
+fn quantile(sorted: &[f64], q: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
+    let at = q * last as f64;
+    let (low, high) = (at.floor() as usize, at.ceil() as usize);
+    sorted[low] + (sorted[high] - sorted[low]) * (at - low as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_interpolate() {
+        let values = [0.0, 1.0, 2.0, 3.0, 10.0];
+        assert_eq!(quantile(&values, 0.5), 2.0);
+        assert!((quantile(&values, 0.9) - 7.2).abs() < 1e-12);
+        assert_eq!(quantile(&[], 0.5), 0.0);
+    }
+}

@@ -1,0 +1,112 @@
+//! Charts as inline SVG.
+
+use crate::record::{Numbers, Outcome, Record};
+use anyhow::{Result, anyhow};
+use plotters::prelude::*;
+
+const PALETTE: [RGBColor; 8] = [
+    RGBColor(10, 90, 208),
+    RGBColor(232, 89, 12),
+    RGBColor(43, 138, 62),
+    RGBColor(194, 37, 92),
+    RGBColor(103, 65, 217),
+    RGBColor(90, 100, 115),
+    RGBColor(12, 133, 153),
+    RGBColor(150, 110, 20),
+];
+
+struct Line<'a> {
+    label: &'a str,
+    points: Vec<(f64, f64)>,
+}
+
+/// The first finished cell of every row.
+fn first_cells(records: &[Record]) -> Vec<(&str, &Numbers)> {
+    let mut cells: Vec<(&str, &Numbers)> = Vec::new();
+    for record in records {
+        if let Outcome::Done(numbers) = &record.outcome
+            && !cells.iter().any(|c| c.0 == record.row)
+        {
+            cells.push((&record.row, numbers));
+        }
+    }
+    cells
+}
+
+fn bounds(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    let pad = (0.05 * (high - low)).max(1e-3);
+    (low - pad, high + pad)
+}
+
+fn chart(title: &str, x: &str, y: &str, lines: &[Line<'_>], from_zero: bool) -> Result<String> {
+    let points = || lines.iter().flat_map(|l| l.points.iter().copied());
+    if points().next().is_none() {
+        return Ok(String::new());
+    }
+    let (x_range, mut y_range) = (bounds(points().map(|p| p.0)), bounds(points().map(|p| p.1)));
+    if from_zero {
+        y_range.0 = 0.0;
+    }
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, (640, 380)).into_drawing_area();
+        let wrong = |e: &dyn std::fmt::Display| anyhow!("cannot draw the chart \"{title}\": {e}");
+        root.fill(&WHITE).map_err(|e| wrong(&e))?;
+        let mut chart = ChartBuilder::on(&root)
+            .caption(title, ("sans-serif", 17))
+            .margin(10)
+            .x_label_area_size(38)
+            .y_label_area_size(58)
+            .build_cartesian_2d(x_range.0.max(0.0)..x_range.1, y_range.0..y_range.1)
+            .map_err(|e| wrong(&e))?;
+        chart
+            .configure_mesh()
+            .x_desc(x)
+            .y_desc(y)
+            .light_line_style(RGBColor(240, 242, 245))
+            .bold_line_style(RGBColor(223, 228, 234))
+            .draw()
+            .map_err(|e| wrong(&e))?;
+        for (i, line) in lines.iter().enumerate() {
+            let colour = PALETTE[i % PALETTE.len()];
+            let style = colour.stroke_width(if i == 0 { 3 } else { 2 });
+            chart
+                .draw_series(LineSeries::new(line.points.iter().copied(), style))
+                .map_err(|e| wrong(&e))?
+                .label(line.label)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(3)));
+        }
+        let mut legend = chart.configure_series_labels();
+        legend.background_style(WHITE.mix(0.85)).border_style(RGBColor(223, 228, 234)).label_font(("sans-serif", 12));
+        legend.draw().map_err(|e| wrong(&e))?;
+        root.present().map_err(|e| wrong(&e))?;
+    }
+    // A fixed size would not shrink with the page.
+    Ok(svg.replacen("width=\"640\" height=\"380\"", "", 1))
+}
+
+/// PSNR of every held-out keyframe, both modalities.
+pub(super) fn per_frame(records: &[Record]) -> Result<String> {
+    let cells = first_cells(records);
+    let lines = |of: fn(&crate::metrics::FrameMetrics) -> f64| -> Vec<Line<'_>> {
+        let points = |n: &Numbers| n.frames.iter().map(|f| ((f.index + 1) as f64, of(f))).collect();
+        cells.iter().map(|(label, n)| Line { label, points: points(n) }).collect()
+    };
+    let rf = chart("PSNR of the Jet spectrum", "keyframe", "dB", &lines(|f| f.psnr_rf_jet), false)?;
+    let optical = chart("PSNR of the image", "keyframe", "dB", &lines(|f| f.psnr_opt), false)?;
+    Ok(format!("<div class=\"charts\">{rf}{optical}</div>"))
+}
+
+/// Gaussians and progress over time.
+pub(super) fn growth(records: &[Record]) -> Result<String> {
+    let cells = first_cells(records);
+    let lines = |of: fn(&crate::record::CurvePoint) -> Option<f64>| -> Vec<Line<'_>> {
+        let points = |n: &Numbers| n.curve.iter().filter_map(|p| Some((p.seconds, of(p)?))).collect::<Vec<_>>();
+        cells.iter().map(|(label, n)| Line { label, points: points(n) }).filter(|l| !l.points.is_empty()).collect()
+    };
+    let count = chart("Gaussians", "time, s", "count", &lines(|p| p.gaussians.map(|g| g as f64)), true)?;
+    let with_gaussians: Vec<Line<'_>> = lines(|p| p.gaussians.map(|_| 100.0 * p.progress));
+    let progress = chart("Work done", "time, s", "%", &with_gaussians, true)?;
+    Ok(format!("<div class=\"charts\">{count}{progress}</div>"))
+}

@@ -1,0 +1,152 @@
+//! `report.html`: one self-contained file beside `table.md`.
+
+mod charts;
+mod pictures;
+mod plan_view;
+
+use crate::metrics::COLUMNS;
+use crate::plan::{Plan, slug};
+use crate::predictions;
+use crate::provenance::Provenance;
+use crate::record::{Outcome, Record};
+use crate::table;
+use anyhow::Result;
+use corf_scene::dataset::Dataset;
+use corf_scene::io::write_atomic;
+use std::fmt::Write;
+use std::path::Path;
+
+const STYLE: &str = include_str!("style.css");
+
+/// Everything a report is made of.
+pub struct Report<'a> {
+    /// The comparison.
+    pub plan: &'a Plan,
+    /// Its dataset.
+    pub dataset: &'a Dataset,
+    /// Transmitter position in the world, metres.
+    pub transmitter_m: Option<[f64; 3]>,
+    /// All cells.
+    pub records: &'a [Record],
+    /// Folder of the kept predictions, one sub-folder a row.
+    pub predictions: &'a Path,
+}
+
+/// Text as HTML.
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// Writes the report atomically.
+///
+/// # Errors
+/// Unreadable keyframes, or a folder that cannot be written.
+pub fn write(report: &Report<'_>, path: &Path) -> Result<()> {
+    Ok(write_atomic(path, html(report)?.as_bytes())?)
+}
+
+fn html(report: &Report<'_>) -> Result<String> {
+    let rows = table::rows(report.records);
+    let mut out = String::new();
+    let title = escape(&report.plan.name);
+    write!(
+        out,
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+         <title>corf: {title}</title><style>{STYLE}</style></head><body><main><h1>{title}</h1>"
+    )?;
+    write!(out, "<p class=\"lede\">{}</p>", escape(&report.plan.analysis))?;
+    write!(out, "<h2>Comparison</h2>{}", html_table(&rows))?;
+    write!(out, "<h2>Where it was</h2>{}", plan_view::figure(report)?)?;
+    write!(out, "<h2>What was there, what was predicted</h2>")?;
+    if let Some(first) = report.plan.rows.first() {
+        out.push_str(&pictures::triptychs(report, &first.label)?);
+    }
+    write!(out, "<h2>All methods on one held-out keyframe</h2>{}", pictures::gallery(report)?)?;
+    write!(out, "<h2>Frame by frame</h2>{}", charts::per_frame(report.records)?)?;
+    write!(out, "<h2>Time and Gaussians</h2>{}", charts::growth(report.records)?)?;
+    write!(out, "<h2>All metrics</h2>{}", all_metrics(report.records))?;
+    write!(out, "<h2>Provenance</h2>{}</main></body></html>\n", provenance(report))?;
+    Ok(out)
+}
+
+/// The Markdown table as HTML: one source for both.
+fn html_table(rows: &[table::Row<'_>]) -> String {
+    let markdown = table::markdown(rows);
+    let mut out = String::from("<div class=\"scroll\"><table>");
+    let mut note = String::new();
+    for (i, line) in markdown.lines().enumerate() {
+        if let Some(inner) = line.strip_prefix('|') {
+            if i == 1 {
+                continue;
+            }
+            let tag = if i == 0 { "th" } else { "td" };
+            let cells = inner.trim_end_matches('|').split('|').map(str::trim);
+            out.push_str("<tr>");
+            for cell in cells {
+                let bold = cell.strip_prefix("**").and_then(|c| c.strip_suffix("**"));
+                let text = bold.map_or_else(|| escape(cell), |b| format!("<b>{}</b>", escape(b)));
+                let _ = write!(out, "<{tag}>{text}</{tag}>");
+            }
+            out.push_str("</tr>");
+        } else {
+            note.push_str(line);
+        }
+    }
+    let _ = write!(out, "</table></div><p class=\"note\">{}</p>", escape(&note));
+    out
+}
+
+fn all_metrics(records: &[Record]) -> String {
+    let mut out = String::from("<div class=\"scroll\"><table><tr><th>cell</th>");
+    COLUMNS.iter().for_each(|c| out.push_str(&format!("<th>{}</th>", escape(c.heading))));
+    out.push_str("</tr>");
+    for record in records {
+        let _ = write!(out, "<tr><td>{}, seed {}</td>", escape(&record.row), record.seed);
+        match &record.outcome {
+            Outcome::Done(n) => {
+                for c in COLUMNS {
+                    let value = n.means.get(c.key).copied().unwrap_or(f64::NAN);
+                    let _ = write!(out, "<td>{value:.*}</td>", c.digits);
+                }
+            }
+            Outcome::Failed { error } => {
+                let _ = write!(out, "<td colspan=\"{}\">failed: {}</td>", COLUMNS.len(), escape(error));
+            }
+        }
+        out.push_str("</tr>");
+    }
+    out + "</table></div>"
+}
+
+fn provenance(report: &Report<'_>) -> String {
+    let p = Provenance::here();
+    let header = report.dataset.header();
+    let mut lines = vec![
+        ("dataset", format!("{} · {} keyframes · hash {}", header.name, report.dataset.len(), report.dataset.hash())),
+        ("source", format!("corf {} · commit {}{}", p.version, p.commit, if p.dirty { " (changed)" } else { "" })),
+        ("machine", format!("{} · {} threads", p.processor, p.threads)),
+        ("clock", crate::record::CLOCK.to_owned()),
+        ("Cargo.lock", format!("sha256 {}", p.lockfile_sha256)),
+    ];
+    let peak = report.records.iter().filter_map(|r| match &r.outcome {
+        Outcome::Done(n) => n.peak_memory_bytes,
+        Outcome::Failed { .. } => None,
+    });
+    if let Some(bytes) = peak.max() {
+        lines.push(("peak memory", format!("{:.0} MB, the whole process, largest cell", bytes as f64 / 1e6)));
+    }
+    let mut out = String::from("<table class=\"facts\">");
+    lines.iter().for_each(|(k, v)| out.push_str(&format!("<tr><th>{k}</th><td>{}</td></tr>", escape(v))));
+    out + "</table>"
+}
+
+/// Folder of a row's kept predictions.
+pub fn row_folder(predictions: &Path, label: &str) -> std::path::PathBuf {
+    predictions.join(slug(label))
+}
+
+/// Labels of the rows that kept a prediction of a keyframe, in the plan's order.
+fn kept<'a>(report: &'a Report<'_>, index: usize) -> Vec<(&'a str, predictions::Kept)> {
+    let load = |label| predictions::load(&row_folder(report.predictions, label), index);
+    report.plan.rows.iter().filter_map(|r| Some((r.label.as_str(), load(&r.label)?))).collect()
+}

@@ -1,0 +1,122 @@
+//! Runs a plan's cells and writes its tables and report.
+//!
+//! ```text
+//! OUT/plan.toml          the plan as it was run
+//! OUT/cells/*.json       one record a cell: what is there is not run again
+//! OUT/predictions/*/     a few predicted frames of every row's first seed
+//! OUT/table.md|csv|tex   OUT/report.html
+//! ```
+
+use crate::harness;
+use crate::interrupt;
+use crate::methods;
+use crate::plan::Plan;
+use crate::predictions;
+use crate::progress::Progress;
+use crate::record::{Outcome, Record};
+use crate::report::{self, Report, row_folder};
+use crate::run::{read_json, write_json};
+use crate::table;
+use anyhow::{Context, Result, bail};
+use corf_scene::dataset::Dataset;
+use corf_scene::io::write_atomic;
+use std::path::{Path, PathBuf};
+
+/// What a suite leaves.
+pub struct Written {
+    /// All records, in the plan's order.
+    pub records: Vec<Record>,
+    /// Path of `report.html`.
+    pub report: PathBuf,
+    /// Path of `table.md`.
+    pub table: PathBuf,
+}
+
+/// Runs every cell of a plan that has no record yet, then writes tables and report.
+///
+/// # Errors
+/// A dataset that cannot be read, an interrupt, or a folder that cannot be written.
+pub fn run(plan: &Plan, dataset: &Dataset, out: &Path) -> Result<Written> {
+    let cells = out.join("cells");
+    std::fs::create_dir_all(&cells).with_context(|| format!("cannot create {}", cells.display()))?;
+    write_atomic(&out.join("plan.toml"), toml::to_string(plan)?.as_bytes())?;
+    let shown = predictions::shown(dataset.test_indices());
+    let mut records = Vec::new();
+    for cell in plan.cells() {
+        interrupt::check()?;
+        let path = cells.join(format!("{}.json", cell.stem()));
+        if let Some(record) = finished(&path, &cell.row.method, dataset)? {
+            eprintln!("{}, seed {}: already there", cell.row.label, cell.seed);
+            records.push(record);
+            continue;
+        }
+        let method = methods::create(&cell.row.method, &cell.row.config)?;
+        let label = format!("{}, seed {}", cell.row.label, cell.seed);
+        let mut progress = Progress::start(label, dataset.train_indices().len(), "keyframes");
+        let mut watch = |advance: crate::method::Advance| {
+            progress.set(advance.done, advance.total);
+            interrupt::check()
+        };
+        let keep = cell.seed == plan.seeds[0];
+        let folder = row_folder(&out.join("predictions"), &cell.row.label);
+        let look = |truth: &corf_scene::Keyframe, prediction: &crate::metrics::Prediction| {
+            if keep && shown.contains(&truth.index) { predictions::keep(&folder, truth, prediction) } else { Ok(()) }
+        };
+        let record = harness::run_cell(&cell.row.label, method.as_ref(), dataset, cell.seed, &mut watch, look)?;
+        progress.finish();
+        if let Outcome::Failed { error } = &record.outcome {
+            eprintln!("{}, seed {}: FAILED: {error}", cell.row.label, cell.seed);
+        }
+        write_json(&path, &record)?;
+        records.push(record);
+    }
+    write_results(plan, dataset, records, out)
+}
+
+/// The record of a cell that is finished already; a failed one is tried again.
+fn finished(path: &Path, method: &str, dataset: &Dataset) -> Result<Option<Record>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let record: Record = read_json(path)?;
+    if record.dataset_hash != dataset.hash() || record.method != method {
+        bail!("{} belongs to another dataset or method\n  help: choose another --out, or remove that file", path.display());
+    }
+    Ok(matches!(record.outcome, Outcome::Done(_)).then_some(record))
+}
+
+/// Reads the records of a suite's folder in the plan's order.
+///
+/// # Errors
+/// A record that is missing or damaged.
+pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
+    let path = out.join("plan.toml");
+    let text = std::fs::read_to_string(&path)
+        .with_context(|| format!("cannot read {}: is this a folder of `corf bench run`?", path.display()))?;
+    let mut plan = Plan::parse(&text).with_context(|| format!("in {}", path.display()))?;
+    plan.dataset = out.join(&plan.dataset);
+    let records =
+        plan.cells().map(|cell| read_json(&out.join("cells").join(format!("{}.json", cell.stem())))).collect::<Result<_>>()?;
+    Ok((plan, records))
+}
+
+/// Writes `table.md`, `table.csv`, `table.tex` and `report.html`.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: &Path) -> Result<Written> {
+    let rows = table::rows(&records);
+    let (table_path, report_path) = (out.join("table.md"), out.join("report.html"));
+    write_atomic(&table_path, format!("# {}\n\n{}\n\n{}", plan.name, plan.analysis, table::markdown(&rows)).as_bytes())?;
+    write_atomic(&out.join("table.csv"), table::csv(&records).as_bytes())?;
+    write_atomic(&out.join("table.tex"), table::latex(&rows).as_bytes())?;
+    let report = Report {
+        plan,
+        dataset,
+        transmitter_m: dataset.header().transmitter.map(|t| t.position_m),
+        records: &records,
+        predictions: &out.join("predictions"),
+    };
+    report::write(&report, &report_path)?;
+    Ok(Written { records, report: report_path, table: table_path })
+}

@@ -1,0 +1,249 @@
+//! Records to tables: Markdown, CSV and LaTeX. Rows keep the plan's order; failed cells stay in.
+
+use crate::metrics::{COLUMNS, Column};
+use crate::record::{Numbers, Outcome, Record};
+use crate::stats::{Summary, summarize};
+use std::fmt::Write;
+
+/// The columns of the short table (terminal, README): the paper's, then the physical ones that differ most.
+const SHORT: &[&str] =
+    &["psnr_opt", "ssim_opt", "psnr_rf_jet", "ssim_rf_jet", "psnr_rf_scalar", "rmse_db_30", "psp_similarity", "peak_error_deg"];
+
+/// The metric that ablation differences are taken of.
+const DIFFERENCE_KEY: &str = "psnr_rf_jet";
+
+/// One row: all seeds of one method with one configuration.
+pub struct Row<'a> {
+    /// The row's label.
+    pub label: &'a str,
+    /// Finished cells, by seed.
+    pub done: Vec<(u64, &'a Numbers)>,
+    /// Failed cells: seed and error.
+    pub failed: Vec<(u64, &'a str)>,
+    /// Whether any cell read ground-truth depth.
+    pub uses_ground_truth_depth: bool,
+}
+
+/// Records grouped into rows, in order of appearance.
+pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
+    let mut rows: Vec<Row<'_>> = Vec::new();
+    for record in records {
+        let row = match rows.iter_mut().position(|r| r.label == record.row) {
+            Some(at) => &mut rows[at],
+            None => {
+                rows.push(Row { label: &record.row, done: Vec::new(), failed: Vec::new(), uses_ground_truth_depth: false });
+                rows.last_mut().expect("just pushed")
+            }
+        };
+        row.uses_ground_truth_depth |= record.uses_ground_truth_depth;
+        match &record.outcome {
+            Outcome::Done(numbers) => row.done.push((record.seed, numbers)),
+            Outcome::Failed { error } => row.failed.push((record.seed, error)),
+        }
+    }
+    rows
+}
+
+impl Row<'_> {
+    fn summary(&self, of: impl Fn(&Numbers) -> Option<f64>) -> Option<Summary> {
+        summarize(&self.done.iter().filter_map(|(_, n)| of(n)).collect::<Vec<_>>())
+    }
+
+    fn metric(&self, column: &Column) -> Option<Summary> {
+        self.summary(|n| n.means.get(column.key).copied())
+    }
+
+    /// This row minus `reference` in PSNR_rf, paired by seed.
+    fn difference(&self, reference: &Row<'_>) -> Option<Summary> {
+        let value = |n: &Numbers| n.means.get(DIFFERENCE_KEY).copied();
+        let pairs: Vec<f64> = self
+            .done
+            .iter()
+            .filter_map(|(seed, mine)| {
+                let (_, theirs) = reference.done.iter().find(|(s, _)| s == seed)?;
+                Some(value(mine)? - value(theirs)?)
+            })
+            .collect();
+        summarize(&pairs)
+    }
+}
+
+fn text(summary: Option<Summary>, digits: usize, plus_minus: &str) -> String {
+    match summary {
+        None => "–".to_owned(),
+        Some(Summary { mean, half_width_95: Some(h), .. }) => format!("{mean:.digits$} {plus_minus} {h:.digits$}"),
+        Some(Summary { mean, .. }) => format!("{mean:.digits$}"),
+    }
+}
+
+fn short_columns() -> impl Iterator<Item = &'static Column> {
+    SHORT.iter().filter_map(|key| COLUMNS.iter().find(|c| c.key == *key))
+}
+
+fn note(rows: &[Row<'_>]) -> String {
+    let seeds = rows.iter().map(|r| r.done.len() + r.failed.len()).max().unwrap_or(0);
+    let mut note = match seeds {
+        0 | 1 => "One seed: no confidence intervals.".to_owned(),
+        n => format!("Mean ± 95 % confidence interval (Student's t) over {n} seeds."),
+    };
+    let depth: Vec<&str> = rows.iter().filter(|r| r.uses_ground_truth_depth).map(|r| r.label).collect();
+    if !depth.is_empty() {
+        let _ =
+            write!(note, " Simulated monocular depth prior (made from the ray tracer's depth) used by: {}.", depth.join(", "));
+    }
+    for row in rows {
+        for (seed, error) in &row.failed {
+            let _ = write!(note, " FAILED: {}, seed {seed}: {error}.", row.label);
+        }
+    }
+    note
+}
+
+/// The short table in Markdown, with a note of what it rests on. A difference to the first row is bold where its interval excludes zero.
+pub fn markdown(rows: &[Row<'_>]) -> String {
+    let mut out = String::from("| method |");
+    short_columns().for_each(|c| out.push_str(&format!(" {} |", c.heading)));
+    out.push_str(" Δ PSNR rf to first row | Gaussians | time, s |\n|---|");
+    out.push_str(&"---:|".repeat(SHORT.len() + 3));
+    out.push('\n');
+    for row in rows {
+        let _ = write!(out, "| {}{} |", row.label, if row.failed.is_empty() { "" } else { " (failed cells)" });
+        short_columns().for_each(|c| out.push_str(&format!(" {} |", text(row.metric(c), c.digits, "±"))));
+        let difference = row.difference(&rows[0]);
+        let bold = difference.is_some_and(|d| d.excludes_zero());
+        let mark = if bold { "**" } else { "" };
+        let _ = write!(out, " {mark}{}{mark} |", text(difference, 2, "±"));
+        let gaussians = row.summary(|n| n.gaussians.map(|g| g as f64));
+        let _ = writeln!(out, " {} | {} |", text(gaussians, 0, "±"), text(row.summary(|n| Some(n.seconds)), 1, "±"));
+    }
+    let _ = write!(out, "\n{}\n", note(rows));
+    out
+}
+
+/// One line a cell, every metric, nothing aggregated.
+pub fn csv(records: &[Record]) -> String {
+    let mut out = String::from("row,method,dataset,dataset_hash,seed,status,seconds,gaussians,peak_memory_bytes");
+    COLUMNS.iter().for_each(|c| out.push_str(&format!(",{}", c.key)));
+    out.push_str(",peak_error_median_deg,peak_error_p90_deg,uses_ground_truth_depth,error\n");
+    let quote = |s: &str| format!("\"{}\"", s.replace('"', "\"\"").replace('\n', " "));
+    let optional = |v: Option<u64>| v.map(|v| v.to_string()).unwrap_or_default();
+    for r in records {
+        let _ = write!(out, "{},{},{},{},{}", quote(&r.row), r.method, quote(&r.dataset), r.dataset_hash, r.seed);
+        match &r.outcome {
+            Outcome::Done(n) => {
+                let gaussians = optional(n.gaussians.map(|g| g as u64));
+                let _ = write!(out, ",done,{:.3},{gaussians},{}", n.seconds, optional(n.peak_memory_bytes));
+                COLUMNS.iter().for_each(|c| out.push_str(&format!(",{:.6}", n.means.get(c.key).copied().unwrap_or(f64::NAN))));
+                let [median, p90] = n.peak_error_median_p90_deg;
+                let _ = writeln!(out, ",{median:.6},{p90:.6},{},", r.uses_ground_truth_depth);
+            }
+            Outcome::Failed { error } => {
+                let _ = writeln!(out, ",failed,,,{},,,{},{}", ",".repeat(COLUMNS.len()), r.uses_ground_truth_depth, quote(error));
+            }
+        }
+    }
+    out
+}
+
+/// The short table as a LaTeX tabular.
+pub fn latex(rows: &[Row<'_>]) -> String {
+    let escape = |s: &str| s.replace('&', r"\&").replace('%', r"\%").replace('_', r"\_");
+    let mut out = format!("\\begin{{tabular}}{{l|{}}}\n  \\toprule\n  Method", "c".repeat(SHORT.len() + 2));
+    short_columns().for_each(|c| out.push_str(&format!(" & {}", c.latex)));
+    out.push_str(" & Gaussians & Time (s) \\\\\n  \\midrule\n");
+    for row in rows {
+        let _ = write!(out, "  {}", escape(row.label));
+        short_columns().for_each(|c| out.push_str(&format!(" & ${}$", text(row.metric(c), c.digits, r"\pm").replace('–', "-"))));
+        let gaussians = row.summary(|n| n.gaussians.map(|g| g as f64));
+        let seconds = row.summary(|n| Some(n.seconds));
+        let cell = |s| text(s, 0, r"\pm").replace('–', "-");
+        let _ = writeln!(out, " & ${}$ & ${}$ \\\\", cell(gaussians), text(seconds, 1, r"\pm").replace('–', "-"));
+    }
+    let _ = write!(out, "  \\bottomrule\n\\end{{tabular}}\n% {}\n", note(rows).replace('\n', " "));
+    out
+}
+
+/// The short table for a terminal: aligned columns, no markup.
+pub fn plain(rows: &[Row<'_>]) -> String {
+    let mut lines = vec![vec!["method".to_owned()]];
+    lines[0].extend(short_columns().map(|c| c.heading.to_owned()));
+    lines[0].extend(["Gaussians".to_owned(), "time, s".to_owned()]);
+    for row in rows {
+        let mut line = vec![format!("{}{}", row.label, if row.failed.is_empty() { "" } else { " (FAILED)" })];
+        line.extend(short_columns().map(|c| text(row.metric(c), c.digits, "±")));
+        line.push(text(row.summary(|n| n.gaussians.map(|g| g as f64)), 0, "±"));
+        line.push(text(row.summary(|n| Some(n.seconds)), 1, "±"));
+        lines.push(line);
+    }
+    let width = |column: usize| lines.iter().map(|l| l[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..lines[0].len()).map(width).collect();
+    let mut out = String::new();
+    for line in &lines {
+        for (column, cell) in line.iter().enumerate() {
+            let pad = " ".repeat(widths[column] - cell.chars().count());
+            out.push_str(&if column == 0 { format!("{cell}{pad}") } else { format!("  {pad}{cell}") });
+        }
+        out.push('\n');
+    }
+    out + &note(rows) + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::provenance::Provenance;
+    use std::collections::BTreeMap;
+
+    fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
+        let mut means: BTreeMap<String, f64> = COLUMNS.iter().map(|c| (c.key.to_owned(), 1.0)).collect();
+        means.insert("psnr_rf_jet".to_owned(), psnr_rf);
+        let numbers = Numbers {
+            seconds: 2.0,
+            gaussians: Some(10),
+            peak_memory_bytes: None,
+            means,
+            peak_error_median_p90_deg: [0.0, 0.0],
+            frames: vec![],
+            curve: vec![],
+        };
+        Record {
+            schema: String::new(),
+            protocol: String::new(),
+            row: row.to_owned(),
+            method: "corf-gs".to_owned(),
+            config: serde_json::Value::Null,
+            dataset: "d".to_owned(),
+            dataset_hash: "h".to_owned(),
+            seed,
+            provenance: Provenance::here(),
+            device: String::new(),
+            uses_ground_truth_depth: row == "full",
+            clock: String::new(),
+            outcome: Outcome::Done(Box::new(numbers)),
+        }
+    }
+
+    #[test]
+    fn differences_are_paired_by_seed_and_bold_only_when_they_exclude_zero() {
+        // The seeds spread by 4 dB, the paired difference is steady at −1: pairing is what finds it.
+        let mut records = vec![record("full", 1, 18.0), record("full", 2, 20.0), record("full", 3, 22.0)];
+        records.extend([record("frozen", 1, 17.0), record("frozen", 2, 18.9), record("frozen", 3, 21.1)]);
+        records.extend([record("noisy", 1, 17.0), record("noisy", 2, 21.0), record("noisy", 3, 22.1)]);
+        let table = markdown(&rows(&records));
+        assert!(table.contains("**-1.00 ± 0.25**"), "{table}");
+        assert!(!table.lines().find(|l| l.contains("noisy")).unwrap().contains("**"), "{table}");
+        assert!(table.contains("used by: full."), "{table}");
+    }
+
+    #[test]
+    fn a_failed_cell_stays_in_every_table() {
+        let mut failed = record("frozen", 2, 0.0);
+        failed.outcome = Outcome::Failed { error: "out of memory".to_owned() };
+        let records = [record("full", 1, 18.0), failed];
+        assert!(markdown(&rows(&records)).contains("out of memory"));
+        assert!(latex(&rows(&records)).contains("frozen"));
+        let csv = csv(&records);
+        let columns: Vec<usize> = csv.lines().map(|l| l.matches(',').count()).collect();
+        assert!(columns.iter().all(|&n| n == columns[0]), "{csv}");
+    }
+}

@@ -1,0 +1,134 @@
+//! Bad input is answered with what, where and what to do; exit code 2; nothing half-written.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+use common::*;
+use std::fs;
+
+#[test]
+fn a_missing_scene_is_named() {
+    corf_refuses(&["scene", "info", "no/such/room.glb"], &["no/such/room.glb"]);
+    corf_refuses(&["paths", "no/such/room.toml", "--rx", "1,2,3"], &["no/such/room.toml"]);
+}
+
+#[test]
+fn a_truncated_glb_is_refused_at_any_length() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = fs::read(root().join("scenes/lobby.glb")).unwrap();
+    let path = folder.path().join("cut.glb");
+    for length in [0, 3, 11, 19, 500, whole.len() / 2, whole.len() - 1] {
+        fs::write(&path, &whole[..length]).unwrap();
+        corf_refuses(&["scene", "info", text(&path)], &["cut.glb", "help"]);
+    }
+}
+
+#[test]
+fn a_typo_in_a_configuration_is_named_with_its_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = tiny_config(folder.path(), 4);
+    let body = fs::read_to_string(&config).unwrap().replace("samples_per_pixel", "samples_per_pixle");
+    fs::write(&config, body).unwrap();
+    let out = folder.path().join("out");
+    let words = ["tiny.toml", "samples_per_pixle", "samples_per_pixel"];
+    corf_refuses(&["dataset", "generate", text(&config), "--out", text(&out)], &words);
+    assert!(!out.exists());
+}
+
+#[test]
+fn an_unknown_key_of_a_method_is_refused_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run");
+    let dataset = text(tiny_dataset());
+    let args = ["reconstruct", dataset, "--out", text(&out), "--set", "iterations=3"];
+    corf_refuses(&args, &["iterations", "iterations_per_keyframe"]);
+    assert!(!out.exists());
+    corf_refuses(&["reconstruct", dataset, "--out", text(&out), "--method", "corfgs"], &["corfgs", "corf-gs-frozen"]);
+}
+
+#[test]
+fn a_material_without_radio_properties_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("m.mtl"), "newmtl mystery_foam\nKd 0.5 0.5 0.5\n").unwrap();
+    let obj = "mtllib m.mtl\nusemtl mystery_foam\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    fs::write(folder.path().join("m.obj"), obj).unwrap();
+    let scene = folder.path().join("m.toml");
+    fs::write(&scene, "[scene]\nfile = \"m.obj\"\n[transmitter]\nposition_m = [0.0, 0.0, 2.0]\n").unwrap();
+    corf_refuses(&["paths", text(&scene), "--rx", "1,1,1"], &["mystery_foam", "radio_materials"]);
+    // Describing such a scene works, and says what is missing.
+    assert!(corf_ok(&["scene", "info", text(&scene)]).contains("mystery_foam"));
+    assert_eq!(corf(&["scene", "validate", text(&scene)]).status.code(), Some(1));
+    // An ITU name that does not exist, and one that is not defined at 60 GHz.
+    for (itu, words) in [("concreet", ["concreet", "concrete"]), ("brick", ["brick", "GHz"])] {
+        let mapped = format!(
+            "[scene]\nfile = \"m.obj\"\n[transmitter]\nposition_m = [0.0, 0.0, 2.0]\n\
+             [radio_materials.mystery_foam]\nid = \"foam\"\nitu = \"{itu}\"\nthickness_m = 0.1\nscattering_coefficient = 0.0\n"
+        );
+        fs::write(&scene, mapped).unwrap();
+        corf_refuses(&["paths", text(&scene), "--rx", "1,1,1"], &words);
+    }
+}
+
+#[test]
+fn an_output_folder_with_content_is_refused_and_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    fs::create_dir(&out).unwrap();
+    fs::write(out.join("precious.txt"), "mine").unwrap();
+    let config = tiny_config(folder.path(), 4);
+    corf_refuses(&["dataset", "generate", text(&config), "--out", text(&out)], &["--resume"]);
+    corf_refuses(&["reconstruct", text(tiny_dataset()), "--out", text(&out)], &["--resume"]);
+    corf_refuses(&["demo", "--out", text(&out)], &["--resume"]);
+    assert_eq!(fs::read_dir(&out).unwrap().count(), 1);
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_refused_before_the_work() {
+    let config = tempfile::tempdir().unwrap();
+    let tiny = tiny_config(config.path(), 4);
+    // A folder below a file can be made by nobody, not even by root.
+    let blocked = text(&tiny).to_owned() + "/out";
+    corf_refuses(&["dataset", "generate", text(&tiny), "--out", &blocked], &["out"]);
+    corf_refuses(&["reconstruct", text(tiny_dataset()), "--out", &blocked], &["out", "help"]);
+}
+
+#[test]
+fn a_nan_in_a_pose_is_located() {
+    let folder = tempfile::tempdir().unwrap();
+    let broken = folder.path().join("dataset");
+    copy_folder(tiny_dataset(), &broken);
+    let path = broken.join("trajectory.json");
+    let mut json: serde_json::Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    json["keyframes"][3]["world_from_camera"][1][3] = serde_json::json!("NaN");
+    // JSON has no NaN: writers that emit one produce this token, and readers must not take it for a number.
+    fs::write(&path, json.to_string().replace("\"NaN\"", "NaN")).unwrap();
+    corf_refuses(&["reconstruct", text(&broken), "--out", text(&folder.path().join("run"))], &["trajectory.json"]);
+    json["keyframes"][3]["world_from_camera"][1][3] = serde_json::json!(1e400);
+    fs::write(&path, json.to_string()).unwrap();
+    corf_refuses(&["reconstruct", text(&broken), "--out", text(&folder.path().join("run"))], &["trajectory.json"]);
+    let poses = folder.path().join("poses.json");
+    fs::write(&poses, "[[[1,0,0,0],[0,1,0,0],[0,0,2,0],[0,0,0,1]]]").unwrap();
+    let run = folder.path().join("nearest");
+    corf_ok(&["reconstruct", text(tiny_dataset()), "--out", text(&run), "--method", "nearest"]);
+    let out = folder.path().join("views");
+    corf_refuses(&["render", text(&run), "--poses", text(&poses), "--out", text(&out)], &["poses.json: pose 0", "rotation"]);
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_spectrum_of_the_wrong_size_and_a_truncated_image_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let broken = folder.path().join("dataset");
+    copy_folder(tiny_dataset(), &broken);
+    let spectrum = broken.join("rf/spectra/00003.exr");
+    corf_scene::io::write_exr_gray(&spectrum, &corf_scene::Raster::filled(10, 10, 1.0)).unwrap();
+    let run = folder.path().join("run");
+    corf_refuses(&["reconstruct", text(&broken), "--out", text(&run)], &["00003.exr", "10"]);
+    assert!(!run.join("run.json").exists());
+    copy_folder(&tiny_dataset().join("rf"), &broken.join("rf"));
+    let image = broken.join("optical/images/00005.png");
+    let bytes = fs::read(&image).unwrap();
+    fs::write(&image, &bytes[..bytes.len() / 2]).unwrap();
+    corf_refuses(&["reconstruct", text(&broken), "--out", text(&folder.path().join("run2"))], &["00005.png"]);
+    assert_eq!(corf(&["dataset", "validate", text(&broken)]).status.code(), Some(1));
+}

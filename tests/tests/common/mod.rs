@@ -1,0 +1,93 @@
+//! Runs the command as a user does, on a lobby small enough for a test.
+
+#![allow(dead_code, clippy::unwrap_used)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::OnceLock;
+
+/// The workspace's root.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The command with arguments, not started yet.
+pub fn command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_corf-under-test"));
+    command.args(arguments).current_dir(root()).stdin(Stdio::null());
+    command
+}
+
+/// Runs the command to its end.
+pub fn corf(arguments: &[&str]) -> Output {
+    command(arguments).output().unwrap()
+}
+
+/// Runs the command and insists on exit code 0; returns standard output.
+pub fn corf_ok(arguments: &[&str]) -> String {
+    let output = corf(arguments);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "corf {arguments:?}\n{stderr}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Runs the command and insists on exit code 2 and on words in the message.
+pub fn corf_refuses(arguments: &[&str], words: &[&str]) {
+    let output = corf(arguments);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "corf {arguments:?}\n{stderr}");
+    for word in words {
+        assert!(stderr.contains(word), "corf {arguments:?} does not say \"{word}\":\n{stderr}");
+    }
+    assert!(!stderr.contains("panicked"), "{stderr}");
+}
+
+/// Starts the command in the background, its messages thrown away.
+pub fn start(arguments: &[&str]) -> Child {
+    command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+}
+
+/// A path as an argument.
+pub fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A dataset configuration of the lobby in very small.
+pub fn tiny_config(folder: &Path, keyframes: usize) -> PathBuf {
+    let scene = root().join("scenes/lobby.toml").canonicalize().unwrap();
+    let path = folder.join("tiny.toml");
+    let body = format!(
+        "name = \"tiny\"\nscene = {scene:?}\nkeyframes = {keyframes}\nseed = 3\n\
+         [optical]\nwidth = 96\nheight = 54\nsamples_per_pixel = 2\nmax_bounces = 3\n\
+         [rf]\nwidth = 48\nheight = 32\npatch_size_m = 0.4\n"
+    );
+    std::fs::write(&path, body).unwrap();
+    path
+}
+
+/// A tiny dataset, generated once for all tests of a file.
+pub fn tiny_dataset() -> &'static Path {
+    static DATASET: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    let (_, path) = DATASET.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let config = tiny_config(folder.path(), 10);
+        let out = folder.path().join("dataset");
+        corf_ok(&["dataset", "generate", text(&config), "--out", text(&out)]);
+        (folder, out)
+    });
+    path
+}
+
+/// Copies a folder with everything in it.
+pub fn copy_folder(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            copy_folder(&entry.path(), &target);
+        } else {
+            std::fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! Ctrl-C in the middle of every long command, then `--resume`: nothing is lost, nothing is half-written, the result is the same.
+
+#![cfg(unix)]
+#![allow(clippy::unwrap_used)]
+
+mod common;
+use common::*;
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Longest wait for a command to come to the point where it is interrupted.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Starts a command, interrupts it when `ready` says so, and returns its exit code (`None` when it finished before).
+fn interrupt_when(arguments: &[&str], ready: impl Fn() -> bool) -> Option<i32> {
+    let mut child = start(arguments);
+    let begin = Instant::now();
+    while !ready() && child.try_wait().unwrap().is_none() {
+        assert!(begin.elapsed() < PATIENCE, "corf {arguments:?} did not come to the point");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let code = child.wait().unwrap().code();
+    if kill.success() { code } else { None }
+}
+
+fn files(folder: &Path) -> usize {
+    fs::read_dir(folder).map_or(0, Iterator::count)
+}
+
+#[test]
+fn dataset_generation_resumes_to_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = tiny_config(folder.path(), 8);
+    let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
+    corf_ok(&["dataset", "generate", text(&config), "--out", text(&whole)]);
+    let arguments = ["dataset", "generate", text(&config), "--out", text(&broken)];
+    let spectra = broken.join("rf/spectra");
+    assert_eq!(interrupt_when(&arguments, || files(&spectra) >= 2), Some(130));
+    assert!(!broken.join("dataset.json").exists(), "an unfinished dataset must not look finished");
+    corf_ok(&[&arguments[..], &["--resume"]].concat());
+    assert!(fs::read(whole.join("dataset.json")).unwrap() == fs::read(broken.join("dataset.json")).unwrap());
+    corf_ok(&["dataset", "validate", text(&broken)]);
+}
+
+#[test]
+fn reconstruction_resumes_to_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
+    let dataset = text(tiny_dataset());
+    let arguments = |out: &'static str| ["reconstruct", dataset, "--seed", "2", "--method", "corf-gs-frozen", "--out", out];
+    let (whole_out, broken_out) = (text(&whole).to_owned(), text(&broken).to_owned());
+    corf_ok(&arguments(Box::leak(whole_out.into_boxed_str())));
+    let arguments = arguments(Box::leak(broken_out.into_boxed_str()));
+    let code = interrupt_when(&arguments, || broken.join("config.json").exists());
+    assert_eq!(code, Some(130));
+    assert!(!broken.join("run.json").exists(), "an unfinished run must not look finished");
+    corf_ok(&[&arguments[..], &["--resume"]].concat());
+    assert!(fs::read(whole.join("coupled.ply")).unwrap() == fs::read(broken.join("coupled.ply")).unwrap());
+}
+
+#[test]
+fn a_comparison_resumes_behind_its_last_finished_cell() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = folder.path().join("plan.toml");
+    let rows = "[[row]]\nlabel = \"nearest\"\nmethod = \"nearest\"\n[[row]]\nlabel = \"full\"\nmethod = \"corf-gs\"\n";
+    fs::write(&plan, format!("name = \"t\"\ndataset = {:?}\nseeds = [1]\n{rows}", tiny_dataset())).unwrap();
+    let out = folder.path().join("out");
+    let arguments = ["bench", "run", text(&plan), "--out", text(&out)];
+    let first = out.join("cells/nearest-seed1.json");
+    assert_eq!(interrupt_when(&arguments, || first.exists()), Some(130));
+    let before = fs::metadata(&first).unwrap().modified().unwrap();
+    assert!(!out.join("table.md").exists());
+    corf_ok(&[&arguments[..], &["--resume"]].concat());
+    assert_eq!(fs::metadata(&first).unwrap().modified().unwrap(), before, "a finished cell was run again");
+    assert!(out.join("report.html").exists() && out.join("table.tex").exists());
+}
