@@ -3,11 +3,13 @@
 #![allow(clippy::unwrap_used)]
 
 use corf_raytrace::Bvh;
-use corf_raytrace::radio::{DiffuseField, DiffuseSettings, Path, RadioSettings, RadioTracer, SPEED_OF_LIGHT, Search};
-use corf_scene::Rng;
+use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Path, RadioSettings, RadioTracer, SPEED_OF_LIGHT, Search};
+use corf_raytrace::spectrum::{mpc, share_in_frame};
+use corf_scene::keyframe::DbRange;
 use corf_scene::model::{
     Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
 };
+use corf_scene::{Pinhole, Rigid3, Rng};
 use glam::{DVec3, Vec3};
 
 /// Rounding of λ/(4πL) and of mirrored coordinates in f64.
@@ -315,4 +317,56 @@ fn cross_polarisation_takes_its_share_of_the_vertical_power() {
     };
     // The transmitted field is vertical, the receiver takes the vertical component: 1 − K_x of the power.
     assert!((power(0.25) / power(0.0) - 0.75).abs() < 1e-9);
+}
+
+/// The pixel-wise criterion for a converged spectrum: scalar PSNR in a 60 dB range between two samplings.
+const CONVERGED_DB: f64 = 40.0;
+
+#[test]
+fn two_samplings_of_the_diffuse_field_give_the_same_spectrum() {
+    let scene = room();
+    let bvh = Bvh::build(&scene);
+    let tracer = RadioTracer::new(&scene, &bvh, RadioSettings::default()).unwrap();
+    let tx = DVec3::new(1.0, 1.5, 2.0);
+    let camera = Pinhole::from_horizontal_fov(96, 64, 90.0);
+    let pose = Rigid3::looking_at(DVec3::new(5.3, 3.1, 1.6), DVec3::new(2.0, 2.0, 1.2), DVec3::Z);
+    let transmitter = tracer.transmitter(tx).unwrap();
+    let specular: Vec<Arrival> = transmitter.paths(pose.translation).unwrap().iter().map(Arrival::from).collect();
+    let spectrum = |phase: u64| {
+        let field = DiffuseField::new(&tracer, tx, &DiffuseSettings { phase, ..DiffuseSettings::default() }).unwrap();
+        let mut arrivals = specular.clone();
+        arrivals.extend(field.gather_for_view(&camera, &pose).unwrap());
+        mpc(&arrivals, &camera, &pose, 1.0)
+    };
+    let (a, b) = (spectrum(0), spectrum(9));
+    let peak = a.pixels().iter().fold(0f32, |m, v| m.max(*v));
+    let max_db = 10.0 * f64::from(peak).log10();
+    let range = DbRange { min_db: max_db - 60.0, max_db };
+    let squares: f64 =
+        a.pixels().iter().zip(b.pixels()).map(|(a, b)| f64::from(range.scalar(*a) - range.scalar(*b)).powi(2)).sum();
+    let psnr = -10.0 * (squares / a.pixels().len() as f64).log10();
+    assert!(psnr >= CONVERGED_DB, "{psnr:.1} dB");
+    // Not because the picture is empty: most pixels are above the floor, and the two samplings do differ.
+    assert!(a.pixels().iter().filter(|v| range.scalar(**v) > 0.0).count() > 96 * 64 / 2);
+    assert!(psnr.is_finite());
+}
+
+#[test]
+fn a_view_keeps_the_power_of_the_whole_sphere() {
+    let scene = room();
+    let bvh = Bvh::build(&scene);
+    let tracer = RadioTracer::new(&scene, &bvh, RadioSettings::default()).unwrap();
+    let camera = Pinhole::from_horizontal_fov(96, 64, 90.0);
+    let pose = Rigid3::looking_at(DVec3::new(5.3, 3.1, 1.6), DVec3::new(2.0, 2.0, 1.2), DVec3::Z);
+    let sampling = DiffuseSettings { directions: 60_000, ..DiffuseSettings::default() };
+    let field = DiffuseField::new(&tracer, DVec3::new(1.0, 1.5, 2.0), &sampling).unwrap();
+    let power = |arrivals: &[Arrival]| -> f64 { arrivals.iter().map(|a| a.power).sum() };
+    let (all, view) = (field.gather(pose.translation).unwrap(), field.gather_for_view(&camera, &pose).unwrap());
+    assert!(view.len() < all.len() / 2);
+    // The outside is sampled 16 times sparser: some per cent.
+    assert!((power(&view) / power(&all) - 1.0).abs() < 0.03, "{} {}", power(&view), power(&all));
+    // Inside the frame nothing changed.
+    let (a, b) = (mpc(&all, &camera, &pose, 1.0), mpc(&view, &camera, &pose, 1.0));
+    assert!(a.pixels().iter().zip(b.pixels()).all(|(a, b)| (a - b).abs() <= 1e-3 * a.max(*b)));
+    assert!(share_in_frame(&all, &camera, &pose) > 0.0);
 }

@@ -206,8 +206,9 @@ impl<'a> Geometry<'a> {
         }
     }
 
-    /// Whether anything but the faces `skip` lies between two points pulled in by `clearance_m` (single precision is enough for power).
-    pub fn occluded(&self, from: DVec3, to: DVec3, skip: [Option<u32>; 2], clearance_m: f64) -> bool {
+    /// Asks `blocks` about the faces between two points pulled in by `clearance_m`, in any order, some more than once, until it says
+    /// yes; returns whether it did (single precision is enough for power).
+    pub fn occluded(&self, from: DVec3, to: DVec3, clearance_m: f64, mut blocks: impl FnMut(u32) -> bool) -> bool {
         let length = from.distance(to);
         if length <= 2.0 * clearance_m {
             return false;
@@ -215,8 +216,8 @@ impl<'a> Geometry<'a> {
         let direction = (to - from) / length;
         match self.occluders {
             Occluders::Brute => self.corners.iter().zip(&self.face_of_triangle).any(|(corners, face)| {
-                !skip.contains(&Some(*face))
-                    && line_meets_triangle(from, direction, corners).is_some_and(|t| t > clearance_m && t < length - clearance_m)
+                line_meets_triangle(from, direction, corners).is_some_and(|t| t > clearance_m && t < length - clearance_m)
+                    && blocks(*face)
             }),
             Occluders::Bvh(bvh) => {
                 let ray = Ray {
@@ -225,7 +226,7 @@ impl<'a> Geometry<'a> {
                     t_min: clearance_m as f32,
                     t_max: (length - clearance_m) as f32,
                 };
-                bvh.occluded_where(&ray, |hit| !skip.contains(&Some(self.face_of_triangle[hit.triangle as usize])))
+                bvh.occluded_where(&ray, |hit| blocks(self.face_of_triangle[hit.triangle as usize]))
             }
         }
     }

@@ -8,8 +8,8 @@ use glam::DVec3;
 
 /// Rays that find out how large every face is in the transmitter's view.
 const MIRROR_RAYS: usize = 40_000;
-/// Slabs that pass less than this share of power at normal incidence are opaque to the diffuse field (−60 dB).
-const OPAQUE_POWER: f64 = 1e-6;
+/// Slabs that pass less than this share of power at normal incidence are opaque to the diffuse field (−30 dB).
+const OPAQUE_POWER: f64 = 1e-3;
 /// Distance from the ends of a shadow ray within which nothing is looked for, metres: float32 resolves 1e-6 at 10 m.
 const CLEARANCE_M: f64 = 5e-5;
 
@@ -29,7 +29,7 @@ pub enum Lighting {
     Dark,
     /// The way is free.
     Free,
-    /// Slabs that let power pass are in between.
+    /// Slabs that let power pass are in between; more of them than interactions allow make it dark after all.
     ThroughSlabs,
 }
 
@@ -101,16 +101,18 @@ impl<'t, 'a> Illumination<'t, 'a> {
 
     /// How a source lights a point of a face.
     pub fn lighting(&self, source: Source, point: DVec3, face: u32) -> Lighting {
+        let Some(slab_budget) = self.slab_budget(source, 0) else { return Lighting::Dark };
         let leg = |from: DVec3, to: DVec3, skip: [Option<u32>; 2]| -> Lighting {
-            if !self.geometry().occluded(from, to, skip, CLEARANCE_M) {
-                return Lighting::Free;
-            }
-            let Some(budget) = self.slab_budget(source, 0).filter(|b| *b > 0) else { return Lighting::Dark };
-            match self.geometry().crossings(from, to, skip, budget) {
-                Some(crossed) if crossed.iter().all(|c| self.table(c.face).transmitted_power > OPAQUE_POWER) => {
-                    Lighting::ThroughSlabs
-                }
-                _ => Lighting::Dark,
+            let mut slabs = false;
+            let blocked = self.geometry().occluded(from, to, CLEARANCE_M, |f| {
+                let between = !skip.contains(&Some(f));
+                slabs |= between;
+                between && (slab_budget == 0 || self.table(f).transmitted_power < OPAQUE_POWER)
+            });
+            match (blocked, slabs) {
+                (true, _) => Lighting::Dark,
+                (false, true) => Lighting::ThroughSlabs,
+                (false, false) => Lighting::Free,
             }
         };
         let Some(mirror) = source.mirror else { return leg(self.tx, point, [Some(face), None]) };
@@ -118,10 +120,12 @@ impl<'t, 'a> Illumination<'t, 'a> {
             return Lighting::Dark;
         }
         let Some(at) = self.tracer.bounce(mirror, point, source.image) else { return Lighting::Dark };
-        match (leg(at, point, [Some(mirror), Some(face)]), leg(self.tx, at, [Some(mirror), None])) {
-            (Lighting::Dark, _) | (_, Lighting::Dark) => Lighting::Dark,
-            (Lighting::Free, Lighting::Free) => Lighting::Free,
-            _ => Lighting::ThroughSlabs,
+        match leg(at, point, [Some(mirror), Some(face)]) {
+            Lighting::Dark => Lighting::Dark,
+            beyond => match leg(self.tx, at, [Some(mirror), None]) {
+                Lighting::Free => beyond,
+                before => before,
+            },
         }
     }
 

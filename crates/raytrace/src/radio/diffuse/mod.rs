@@ -1,7 +1,7 @@
 //! The diffuse field: one scattering bounce, with a mirror or slabs before it and one more behind it.
 //!
 //! The power that a surface element sends to the receiver is (λ/4π)² S²Γ² f_s cosθ_i dA / (r₁² r₂²). What lights the surface, shadows
-//! and mirror images included, is found once per transmitter on world-fixed patches. At a receiver the integral runs over solid angle,
+//! and mirror images included, is found once per transmitter on world-fixed patches, when a receiver first sees them. At a receiver the integral runs over solid angle,
 //! dA = r₂² dΩ / cosθ_s, on a lattice of directions: near surfaces are resolved as finely as far ones, every direction sees exactly what
 //! is visible along it, and nothing is random. A point of a patch that a shadow's edge crosses asks for its own shadow rays.
 
@@ -12,7 +12,7 @@ use super::antenna::{phi_hat, theta_hat};
 use super::field::{self, Field};
 use super::scattering;
 use super::{Arrival, MAX_DEPTH, RadioTracer, SPEED_OF_LIGHT, lattice};
-use corf_scene::{Error, Result, Rng};
+use corf_scene::{Error, Pinhole, Result, Rigid3, Rng};
 use glam::{DMat3, DVec2, DVec3};
 use illumination::{Illumination, Incident};
 use patches::Patches;
@@ -23,8 +23,12 @@ use serde::{Deserialize, Serialize};
 const CLEARANCE_M: f64 = 5e-5;
 /// Surfaces are not seen at angles flatter than this: cosθ_s, 0.6°. dΩ/cosθ_s has an integrable pole there that no lattice samples well.
 const MIN_COS_SCATTER: f64 = 0.01;
-/// A continued ray that keeps less than this share of power is dropped (−50 dB).
-const MIN_THROUGHPUT: f64 = 1e-5;
+/// A continued ray that keeps less than this share of power is dropped (−30 dB).
+const MIN_THROUGHPUT: f64 = 1e-3;
+/// How much sparser [`DiffuseField::gather_for_view`] samples what is out of view.
+pub const OUTSIDE_SPARSITY: usize = 16;
+/// Margin of a view, degrees: beyond it a 1° lobe has fallen by 80 dB.
+const VIEW_MARGIN_DEG: f64 = 6.1;
 /// Directions a task gathers.
 const DIRECTIONS_PER_TASK: usize = 1024;
 
@@ -34,7 +38,7 @@ const DIRECTIONS_PER_TASK: usize = 1024;
 pub struct DiffuseSettings {
     /// Side of the world-fixed patches on which lighting is found, metres. Smaller objects than a quarter of it may lose their shadow.
     pub patch_size_m: f64,
-    /// Directions over the whole sphere in which a receiver gathers; 60 000 are 0.83° apart.
+    /// Directions over the whole sphere in which a receiver gathers; 120 000 are 0.59° apart.
     pub directions: usize,
     /// Interactions after the scattering (a mirror or a slab between the surface and the receiver): 0 or 1.
     pub after: usize,
@@ -46,7 +50,7 @@ pub struct DiffuseSettings {
 
 impl Default for DiffuseSettings {
     fn default() -> Self {
-        Self { patch_size_m: 0.25, directions: 60_000, after: 1, min_mirror_sr: 0.01, phase: 0 }
+        Self { patch_size_m: 0.25, directions: 120_000, after: 1, min_mirror_sr: 0.03, phase: 0 }
     }
 }
 
@@ -61,7 +65,7 @@ impl DiffuseSettings {
             return fault("patch_size_m", format!("{}", self.patch_size_m), "give at least 0.01 m; 0.25 suits a lobby");
         }
         if !(100..=50_000_000).contains(&self.directions) {
-            return fault("directions", format!("{}", self.directions), "give 100 to 50 000 000; 60 000 suits a 1 degree lobe");
+            return fault("directions", format!("{}", self.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
         }
         if self.after > 1 {
             return fault("after", format!("{}", self.after), "0 or 1");
@@ -107,7 +111,8 @@ struct Hop {
 }
 
 impl<'t, 'a> DiffuseField<'t, 'a> {
-    /// Finds what the transmitter lights. Its cost grows with the scene's area; [`DiffuseField::gather`] is then cheap.
+    /// Finds the transmitter's mirrors and lays out the patches. What lights a patch is found when the first receiver sees it, so that
+    /// the first of many [`DiffuseField::gather`]s cost the most.
     ///
     /// # Errors
     /// A position that is not finite, or settings out of range.
@@ -125,7 +130,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             (DVec2::new(rng.uniform_f64(), rng.uniform_f64()), turn)
         };
         let illumination = Illumination::new(tracer, tx, settings.min_mirror_sr);
-        let patches = Patches::new(&illumination, settings.patch_size_m, phase);
+        let patches = Patches::new(&tracer.geometry, settings.patch_size_m, phase);
         Ok(Self { tracer, illumination, patches, settings: *settings, world_from_lattice })
     }
 
@@ -146,16 +151,47 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// A position that is not finite.
     pub fn gather(&self, rx: DVec3) -> Result<Vec<Arrival>> {
         check_receiver(rx)?;
-        let tasks = self.settings.directions.div_ceil(DIRECTIONS_PER_TASK);
-        let per_task: Vec<Vec<Arrival>> = (0..tasks)
+        Ok(self.arrivals(rx, self.settings.directions, |_| true))
+    }
+
+    /// As [`DiffuseField::gather`] for one view: all directions inside the camera's frame and a margin around it, and outside of it a
+    /// lattice [`OUTSIDE_SPARSITY`] times sparser, which keeps the total power and what side lobes see of it.
+    ///
+    /// # Errors
+    /// A position that is not finite.
+    pub fn gather_for_view(&self, camera: &Pinhole, world_from_camera: &Rigid3) -> Result<Vec<Arrival>> {
+        let rx = world_from_camera.translation;
+        check_receiver(rx)?;
+        let camera_from_world = world_from_camera.rotation.transpose();
+        let margin = VIEW_MARGIN_DEG.to_radians();
+        let inside = |direction: DVec3| {
+            let d = camera_from_world * direction;
+            let (across, down) = (d.x.atan2(d.z), d.y.atan2(d.x.hypot(d.z)));
+            let left = (-camera.cx / camera.fx).atan() - margin;
+            let right = ((camera.width as f64 - camera.cx) / camera.fx).atan() + margin;
+            // Rows are highest above the optical axis, where their elevation is that of the frame's edge.
+            let top = (-camera.cy / camera.fy).atan() - margin;
+            let bottom = ((camera.height as f64 - camera.cy) / camera.fy).atan() + margin;
+            (left..right).contains(&across) && (top..bottom).contains(&down)
+        };
+        let mut arrivals = self.arrivals(rx, self.settings.directions, inside);
+        arrivals.extend(self.arrivals(rx, self.settings.directions.div_ceil(OUTSIDE_SPARSITY), |d| !inside(d)));
+        Ok(arrivals)
+    }
+
+    /// The arrivals of those of `count` lattice directions that are `wanted`.
+    fn arrivals(&self, rx: DVec3, count: usize, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+        let per_task: Vec<Vec<Arrival>> = (0..count.div_ceil(DIRECTIONS_PER_TASK))
             .into_par_iter()
             .map(|task| {
-                let range = task * DIRECTIONS_PER_TASK..((task + 1) * DIRECTIONS_PER_TASK).min(self.settings.directions);
                 let mut arrivals = Vec::new();
-                for i in range {
-                    let direction = self.direction(i);
+                for i in task * DIRECTIONS_PER_TASK..((task + 1) * DIRECTIONS_PER_TASK).min(count) {
+                    let direction = self.direction(i, count);
+                    if !wanted(direction) {
+                        continue;
+                    }
                     let (mut power, mut weighted_delay) = (0.0, 0.0);
-                    let seen = self.look(rx, direction, &mut |c| {
+                    let seen = self.look(rx, direction, count, &mut |c| {
                         power += c.power;
                         weighted_delay += c.power * c.delay_s;
                     });
@@ -166,7 +202,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
                 arrivals
             })
             .collect();
-        Ok(per_task.into_iter().flatten().collect())
+        per_task.into_iter().flatten().collect()
     }
 
     /// Every contribution on its own with the direction it arrives from, in the order of the lattice: for studies and checks.
@@ -175,14 +211,14 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// A position that is not finite.
     pub fn contributions(&self, rx: DVec3) -> Result<Vec<(DVec3, Contribution)>> {
         check_receiver(rx)?;
-        let tasks = self.settings.directions.div_ceil(DIRECTIONS_PER_TASK);
-        let per_task: Vec<Vec<(DVec3, Contribution)>> = (0..tasks)
+        let count = self.settings.directions;
+        let per_task: Vec<Vec<(DVec3, Contribution)>> = (0..count.div_ceil(DIRECTIONS_PER_TASK))
             .into_par_iter()
             .map(|task| {
                 let mut found = Vec::new();
-                for i in task * DIRECTIONS_PER_TASK..((task + 1) * DIRECTIONS_PER_TASK).min(self.settings.directions) {
-                    let direction = self.direction(i);
-                    self.look(rx, direction, &mut |c| found.push((direction, c)));
+                for i in task * DIRECTIONS_PER_TASK..((task + 1) * DIRECTIONS_PER_TASK).min(count) {
+                    let direction = self.direction(i, count);
+                    self.look(rx, direction, count, &mut |c| found.push((direction, c)));
                 }
                 found
             })
@@ -190,13 +226,14 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         Ok(per_task.into_iter().flatten().collect())
     }
 
-    fn direction(&self, i: usize) -> DVec3 {
-        self.world_from_lattice * lattice::fibonacci(i, self.settings.directions)
+    fn direction(&self, i: usize, count: usize) -> DVec3 {
+        self.world_from_lattice * lattice::fibonacci(i, count)
     }
 
-    /// Follows one direction from the receiver and reports what is scattered back along it; returns the object seen.
-    fn look(&self, rx: DVec3, direction: DVec3, report: &mut impl FnMut(Contribution)) -> Option<u32> {
+    /// Follows one of `count` directions from the receiver and reports what is scattered back along it; returns the object seen.
+    fn look(&self, rx: DVec3, direction: DVec3, count: usize, report: &mut impl FnMut(Contribution)) -> Option<u32> {
         let geometry = &self.tracer.geometry;
+        let solid_angle_sr = 4.0 * std::f64::consts::PI / count as f64;
         let deepest = self.settings.after.min(self.tracer.settings.max_depth.saturating_sub(1)).min(MAX_DEPTH);
         let hit = |origin: DVec3, direction: DVec3| -> Option<(u32, DVec3, f64)> {
             let (t, triangle) = geometry.closest(origin, direction, CLEARANCE_M)?;
@@ -207,7 +244,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             Some((face, point - plane.normal * plane.distance(point), t))
         };
         let (face, point, t) = hit(rx, direction)?;
-        self.scattered(direction, &[], direction, face, point, t, report);
+        self.scattered(direction, solid_angle_sr, &[], direction, face, point, t, report);
         if deepest >= 1 {
             let plane = &geometry.faces[face as usize];
             let response = self.illumination.table(face).response(field::cos_incidence(direction, plane.normal));
@@ -223,7 +260,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
                 let beyond = if mirrored { field::mirrored(direction, plane.normal) } else { direction };
                 if let Some((next_face, next_point, next_t)) = hit(point, beyond) {
                     let hops = [Hop { face, mirrored, beyond }];
-                    self.scattered(direction, &hops, beyond, next_face, next_point, t + next_t, report);
+                    self.scattered(direction, solid_angle_sr, &hops, beyond, next_face, next_point, t + next_t, report);
                 }
             }
         }
@@ -234,6 +271,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     fn scattered(
         &self,
         direction: DVec3,
+        solid_angle_sr: f64,
         hops: &[Hop],
         last: DVec3,
         face: u32,
@@ -247,7 +285,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         if s == 0.0 {
             return;
         }
-        let sources = self.patches.sources_at(face, point);
+        let sources = self.patches.sources_at(&self.illumination, face, point);
         if sources.is_empty() {
             return;
         }
@@ -271,9 +309,8 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         };
         let (from_theta, from_phi) = (received(theta_out), received(phi_out));
         let wavelength_m = self.tracer.settings.wavelength_m();
-        let solid_angle = 4.0 * std::f64::consts::PI / self.settings.directions as f64;
         let scale =
-            (wavelength_m / (4.0 * std::f64::consts::PI)).powi(2) * s * s * solid_angle / cos_scatter.max(MIN_COS_SCATTER);
+            (wavelength_m / (4.0 * std::f64::consts::PI)).powi(2) * s * s * solid_angle_sr / cos_scatter.max(MIN_COS_SCATTER);
         let (co, cross) = ((1.0 - slab.scattering.xpd).sqrt(), slab.scattering.xpd.sqrt());
         let table = self.illumination.table(face);
         for patch_source in sources {

@@ -1,13 +1,16 @@
 //! World-fixed surface patches and which sources light them.
 
 use super::illumination::{Illumination, Lighting};
+use crate::radio::geometry::Geometry;
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
+use std::sync::OnceLock;
 
-/// Probes per patch and axis, on its border and inside: a shadow's edge must pass between all of them to be missed.
-const PROBES_PER_AXIS: usize = 4;
-/// Patches smaller than this are probed at their corners and centre only, metres.
-const SMALL_PATCH_M: f64 = 0.1;
+/// Probes of a patch, in units of its sides: a shadow's edge must pass between all of them to be missed. Corners and centre come first;
+/// they alone are asked about mirror images, which are 10 dB and more fainter than the transmitter.
+const PROBES: [(f64, f64); 9] =
+    [(0.01, 0.01), (0.99, 0.01), (0.99, 0.99), (0.01, 0.99), (0.5, 0.5), (0.5, 0.01), (0.99, 0.5), (0.5, 0.99), (0.01, 0.5)];
+/// How many of them mirror images are asked at.
+const MIRROR_PROBES: usize = 5;
 
 /// A source as a patch sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,63 +30,47 @@ struct PatchGrid {
     first: usize,
 }
 
-/// All patches of a scene with the sources that light each of them.
+/// All patches of a scene with the sources that light each of them, found when a patch is first asked for.
 pub struct Patches {
     grids: Vec<PatchGrid>,
-    /// Sources of patch `i`: `sources[starts[i]..starts[i + 1]]`.
-    starts: Vec<u32>,
-    sources: Vec<PatchSource>,
+    /// Sources by patch. A patch's content does not depend on who asks first.
+    sources: Vec<OnceLock<Box<[PatchSource]>>>,
 }
 
 impl Patches {
-    /// Cuts every face into patches of at most `patch_m` and probes which sources light them; `phase` ∈ [0, 1)² shifts the grids.
-    pub fn new(illumination: &Illumination<'_, '_>, patch_m: f64, phase: DVec2) -> Self {
-        let geometry = illumination.geometry();
-        let mut triangles_of_face: Vec<Vec<u32>> = vec![Vec::new(); geometry.faces.len()];
+    /// Cuts every face into patches of at most `patch_m`; `phase` ∈ [0, 1)² shifts the grids.
+    pub fn new(geometry: &Geometry<'_>, patch_m: f64, phase: DVec2) -> Self {
+        let mut triangles_of_face: Vec<Vec<[DVec3; 3]>> = vec![Vec::new(); geometry.faces.len()];
         for t in 0..geometry.triangle_count() as u32 {
-            triangles_of_face[geometry.face_of_triangle(t) as usize].push(t);
+            triangles_of_face[geometry.face_of_triangle(t) as usize].push(*geometry.corners(t));
         }
+        let mut count = 0;
         let mut grids = Vec::with_capacity(geometry.faces.len());
-        let mut owners: Vec<(u32, u32)> = Vec::new(); // (face, cell within it)
-        for (face, triangles) in triangles_of_face.iter().enumerate() {
-            let mut grid = PatchGrid::new(
-                geometry.faces[face].normal,
-                triangles.iter().map(|&t| *geometry.corners(t)).collect::<Vec<_>>().as_slice(),
-                patch_m,
-                phase,
-            );
-            grid.first = owners.len();
-            owners.extend((0..grid.counts[0] * grid.counts[1]).map(|cell| (face as u32, cell as u32)));
+        for (face, triangles) in geometry.faces.iter().zip(&triangles_of_face) {
+            let mut grid = PatchGrid::new(face.normal, triangles, patch_m, phase);
+            grid.first = count;
+            count += grid.counts[0] * grid.counts[1];
             grids.push(grid);
         }
-        let per_patch: Vec<Vec<PatchSource>> =
-            owners.par_iter().map(|&(face, cell)| grids[face as usize].probe(illumination, face, cell as usize)).collect();
-        let mut starts = Vec::with_capacity(per_patch.len() + 1);
-        let mut sources = Vec::new();
-        starts.push(0);
-        for list in per_patch {
-            sources.extend(list);
-            starts.push(sources.len() as u32);
-        }
-        Self { grids, starts, sources }
+        Self { grids, sources: (0..count).map(|_| OnceLock::new()).collect() }
     }
 
     /// The sources of the patch that a point of a face lies on.
-    pub fn sources_at(&self, face: u32, point: DVec3) -> &[PatchSource] {
+    pub fn sources_at(&self, illumination: &Illumination<'_, '_>, face: u32, point: DVec3) -> &[PatchSource] {
         let grid = &self.grids[face as usize];
-        let patch = grid.first + grid.cell(point);
-        &self.sources[self.starts[patch] as usize..self.starts[patch + 1] as usize]
+        let cell = grid.cell(point);
+        self.sources[grid.first + cell].get_or_init(|| grid.probe(illumination, face, cell))
     }
 
     /// Number of patches.
     pub fn len(&self) -> usize {
-        self.starts.len() - 1
+        self.sources.len()
     }
 }
 
 impl PatchGrid {
     fn new(normal: DVec3, triangles: &[[DVec3; 3]], patch_m: f64, phase: DVec2) -> Self {
-        // Along the longest edge of the first triangle (the largest of its face comes first nowhere in particular; any edge will do).
+        // Along the longest edge, so that a strip is cut across.
         let edges = triangles.iter().flat_map(|t| [t[1] - t[0], t[2] - t[1], t[0] - t[2]]);
         let longest = edges.fold(DVec3::ZERO, |best, e| if e.length_squared() > best.length_squared() { e } else { best });
         let u = (longest - normal * longest.dot(normal)).normalize_or(normal.any_orthonormal_vector());
@@ -116,45 +103,27 @@ impl PatchGrid {
 
     /// Asks for the lighting at the probes of one patch. Probes beyond the face's outline are as good as any: where they disagree the
     /// patch is left open and its points are asked one by one.
-    fn probe(&self, illumination: &Illumination<'_, '_>, face: u32, cell: usize) -> Vec<PatchSource> {
+    fn probe(&self, illumination: &Illumination<'_, '_>, face: u32, cell: usize) -> Box<[PatchSource]> {
         let at = DVec2::new((cell % self.counts[0]) as f64, (cell / self.counts[0]) as f64);
-        let mut probes: [DVec2; PROBES_PER_AXIS * PROBES_PER_AXIS] = [DVec2::ZERO; PROBES_PER_AXIS * PROBES_PER_AXIS];
-        let count = if self.patch_m.max_element() < SMALL_PATCH_M {
-            for (i, p) in [(0.02, 0.02), (0.98, 0.02), (0.98, 0.98), (0.02, 0.98), (0.5, 0.5)].into_iter().enumerate() {
-                probes[i] = DVec2::new(p.0, p.1);
-            }
-            5
-        } else {
-            let step = 0.98 / (PROBES_PER_AXIS - 1) as f64;
-            for (i, probe) in probes.iter_mut().enumerate() {
-                *probe = DVec2::new((i % PROBES_PER_AXIS) as f64, (i / PROBES_PER_AXIS) as f64) * step + 0.01;
-            }
-            probes.len()
-        };
-        let points: Vec<DVec3> = probes[..count]
-            .iter()
-            .map(|p| {
-                let q = (at + *p) * self.patch_m;
-                self.origin + self.along[0] * q.x + self.along[1] * q.y
-            })
-            .collect();
+        let points = PROBES.map(|p| {
+            let q = (at + DVec2::from(p)) * self.patch_m;
+            self.origin + self.along[0] * q.x + self.along[1] * q.y
+        });
         let mut lit = Vec::new();
         for (index, source) in illumination.sources.iter().enumerate() {
-            let first = illumination.lighting(*source, points[0], face);
+            let probes = if source.mirror.is_some() { &points[..MIRROR_PROBES] } else { &points };
+            let first = illumination.lighting(*source, probes[0], face);
             let mut agree = true;
-            let mut any = first != Lighting::Dark;
-            for point in &points[1..] {
-                let lighting = illumination.lighting(*source, *point, face);
-                agree &= lighting == first;
-                any |= lighting != Lighting::Dark;
-                if any && !agree {
+            for point in &probes[1..] {
+                agree &= illumination.lighting(*source, *point, face) == first;
+                if !agree {
                     break;
                 }
             }
-            if any {
+            if !agree || first != Lighting::Dark {
                 lit.push(PatchSource { source: index as u32, lighting: agree.then_some(first) });
             }
         }
-        lit
+        lit.into_boxed_slice()
     }
 }
