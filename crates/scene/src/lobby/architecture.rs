@@ -141,7 +141,7 @@ fn walls(all: &mut Vec<Object>) {
     let openings = [[ENTRANCE[0], 0.0, ENTRANCE[1], ENTRANCE[2]], WINDOW_HOLE];
     all.push(Wall::WEST.with_holes("West lining", Mat::Plaster, &holes("west", &lifts)));
     all.push(Wall::SOUTH.with_holes("South wall", Mat::Concrete, &openings));
-    all.push(Wall::EAST.with_holes("East wall", Mat::PlasterTeal, &[EAST_DOOR]));
+    all.push(Wall::EAST.with_holes("East wall", Mat::PlasterTeal, &[[EAST_DOOR[0], EAST_DOOR[2], EAST_DOOR[1], EAST_DOOR[3]]]));
     all.push(Wall::NICHE.with_holes("Niche wall", Mat::PlasterSand, &holes("niche", &[])));
     all.push(Wall::INNER.with_holes("Inner concrete wall", Mat::Concrete, &[]));
     all.push(Wall::NORTH.with_holes("North wall", Mat::PlasterTeal, &holes("north", &[north_door])));
@@ -287,7 +287,7 @@ fn pillars(all: &mut Vec<Object>) {
     let places = [
         ("Concrete pillar west", Mat::Concrete, 3.15, 8.3),
         ("Concrete pillar east", Mat::Concrete, 8.55, 5.1),
-        ("Marble pillar south", Mat::MarbleGreen, 3.3, 3.25),
+        ("Marble pillar south", Mat::MarbleGreen, 3.45, 3.4),
         ("Marble pillar north", Mat::MarbleGreen, 8.0, 9.75),
     ];
     for (name, material, x, y) in places {

@@ -43,6 +43,12 @@ const DOWNLIGHTS: [[f64; 2]; 10] = [
 /// Pendants: plan position, and the height of the shade's rim.
 const PENDANTS: [[f64; 3]; 5] = [[11.25, 4.1, 2.3], [11.25, 5.3, 2.3], [11.25, 6.5, 2.3], [3.7, 11.3, 2.15], [4.7, 11.3, 2.15]];
 
+/// Suspended linear lights along x, 2.4 m long: centre in plan. They light the ceiling and the floor.
+const LINEAR: [[f64; 2]; 6] = [[3.6, 4.4], [9.2, 3.6], [12.2, 4.9], [9.9, 6.9], [4.2, 12.5], [3.6, 8.6]];
+
+/// Height of their lower face, metres.
+const LINEAR_HEIGHT: f64 = 2.86;
+
 /// A horizontal regular polygon facing down: the fewest triangles that look round enough to be a lamp.
 fn lamp_face(x: f64, y: f64, z: f64, radius: f64, corners: usize) -> Mesh {
     let mut mesh = Mesh::default();
@@ -88,6 +94,23 @@ fn lights(all: &mut Vec<Object>) {
         ];
         let o = Object::new(format!("Downlight {}", i + 1)).with(Mat::WhiteMetal, lathe(&ring, 16).shifted(x, y, 0.0));
         all.push(o.with(Mat::Downlight, lamp_face(x, y, HEIGHT - 0.006, 0.075, 8)));
+    }
+    for (i, [x, y]) in LINEAR.into_iter().enumerate() {
+        let (l, w, z, h) = (1.2, 0.055, LINEAR_HEIGHT, 0.07);
+        let mut o = Object::new(format!("Suspended light {}", i + 1));
+        o.add(Mat::DarkMetal, cuboid(v(x - l, y - w, z), v(x + l, y + w, z + h)));
+        o.add(
+            Mat::UpLight,
+            picture(v(x - l + 0.01, y - w + 0.01, z + h + 0.001), v(2.0 * l - 0.02, 0.0, 0.0), v(0.0, 2.0 * w - 0.02, 0.0)),
+        );
+        o.add(
+            Mat::UpLight,
+            picture(v(x - l + 0.01, y + w - 0.01, z - 0.001), v(2.0 * l - 0.02, 0.0, 0.0), v(0.0, 0.02 - 2.0 * w, 0.0)),
+        );
+        for end in [-1.05, 1.05] {
+            o.add(Mat::Chrome, rod(v(x + end, y, z + h + 0.002), v(x + end, y, HEIGHT - 0.001), 0.003, 6));
+        }
+        all.push(o);
     }
     for (i, [x, y, z]) in PENDANTS.into_iter().enumerate() {
         let shade = [[0.15, 0.0], [0.154, 0.002], [0.142, 0.06], [0.1, 0.13], [0.04, 0.175], [0.02, 0.2], [0.0, 0.2]];
@@ -143,7 +166,7 @@ fn cladding() -> Vec<Object> {
         for (k, (low, high)) in [(0.06, 1.13), (1.14, 2.26), (2.27, 3.41)].into_iter().enumerate() {
             let x = 0.06 + 1.08 * f64::from(i);
             let panel = rounded_box(v(x, low, 0.01), v(x + 1.07, high, 0.03), 0.003, 1, 1);
-            panels.add(Mat::Walnut, panel.grain_shifted(0.31 * f64::from(i), 0.17 * k as f64));
+            panels.add(Mat::Walnut, panel.grain_turned().grain_shifted(0.31 * f64::from(i), 0.17 * k as f64));
         }
     }
     vec![Wall::WEST.hang(slats, 0.0, 0.0), Wall::EAST.hang(panels, 0.0, 0.0), Wall::EAST.hang(letters("HALL 60"), 2.0, 2.05)]

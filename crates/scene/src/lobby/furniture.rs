@@ -88,7 +88,7 @@ pub fn stool(cover: Mat) -> Object {
     let mut o = Object::new("").with(cover, disc(0.18, 0.68, 0.76, 24)).with(Mat::DarkMetal, cylinder(0.15, 0.665, 0.68, 24));
     for k in 0..4 {
         let (x, y) = trig::on_circle(0.125 + 0.25 * f64::from(k));
-        o.add(Mat::DarkMetal, rod(v(0.22 * x, 0.22 * y, 0.0), v(0.12 * x, 0.12 * y, 0.665), 0.011, 10));
+        o.add(Mat::DarkMetal, rod(v(0.22 * x, 0.22 * y, 0.002), v(0.12 * x, 0.12 * y, 0.665), 0.011, 10));
     }
     let ring: Vec<_> =
         (0..=20).map(|k| trig::on_circle(f64::from(k) / 20.0)).map(|(x, y)| v(0.178 * x, 0.178 * y, 0.28)).collect();
@@ -100,7 +100,7 @@ pub fn stool(cover: Mat) -> Object {
 pub fn chair(cover: Mat) -> Object {
     let mut o = Object::new("");
     for (x, y) in [(-0.2, -0.2), (0.2, -0.2), (-0.2, 0.2), (0.2, 0.2)] {
-        o.add(Mat::Oak, rod(v(x, y, 0.0), v(0.82 * x, 0.82 * y, 0.43), 0.014, 12));
+        o.add(Mat::Oak, rod(v(x, y, 0.002), v(0.82 * x, 0.82 * y, 0.43), 0.014, 12));
     }
     o.add(cover, cushion(v(-0.23, -0.23, 0.43), v(0.23, 0.23, 0.48), 0.02, 0.012));
     let bend = |p: glam::DVec3| v(p.x, p.y - 0.9 * p.x * p.x + 0.12 * (p.z - 0.48), p.z);

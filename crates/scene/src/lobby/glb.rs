@@ -127,7 +127,8 @@ fn material_json(mat: Mat, texture: impl Fn(Tex) -> usize) -> Ordered {
         extensions.push(("KHR_materials_transmission", nested(vec![("transmissionFactor", number(spec.transmission))])));
         extensions.push(("KHR_materials_ior", nested(vec![("ior", number(1.52))])));
     }
-    fields.push(("doubleSided", json!(true)));
+    // Lamps shine to their outside only: their housings behind them are closed. A lamp shade shines to both.
+    fields.push(("doubleSided", json!(!emits || mat == Mat::LampShade)));
     if !extensions.is_empty() {
         fields.push(("extensions", nested(extensions)));
     }

@@ -55,7 +55,7 @@ fn reception(all: &mut Vec<Object>) {
         all.push(o.copy(format!("Steel cabinet {}", i + 1), -90.0, 13.74, y, 0.0));
     }
     all.push(
-        decor::crown_plant("Fern on the cabinets", 21, Mat::Clay, Mat::Leaf, 0.0, 0.55, 46).placed(&Frame::at(13.72, 2.95, 0.88)),
+        decor::crown_plant("Fern on the cabinets", 21, Mat::Clay, Mat::Leaf, 0.0, 0.3, 40).placed(&Frame::at(13.6, 2.95, 0.88)),
     );
     all.push(
         decor::crown_plant("Dracaena at the desk", 22, Mat::ConcretePot, Mat::LeafPale, 0.7, 0.7, 44)
@@ -71,13 +71,13 @@ fn along_the_window(all: &mut Vec<Object>) {
     all.push(sofa(1, Mat::ClothGrey, Mat::ClothMustard).copy("Armchair at the window 2", 205.0, 4.9, 0.75, 0.0));
     all.push(round_table(0.28, 0.5, Mat::Oak).copy("Table at the window", 0.0, 4.0, 0.7, 0.0));
     all.push(
-        decor::crown_plant("Palm at the window", 31, Mat::ConcretePot, Mat::Leaf, 0.5, 0.9, 40)
-            .placed(&Frame::at(0.75, 0.62, 0.0)),
+        decor::crown_plant("Palm at the window", 31, Mat::ConcretePot, Mat::Leaf, 0.5, 0.72, 40)
+            .placed(&Frame::at(0.98, 0.95, 0.0)),
     );
     all.push(decor::planter("Planter at the window", 32, 1.8).placed(&Frame::at(7.2, 0.45, 0.0)));
     all.push(bench(1.6, Mat::LeatherBlack).copy("Bench under the posters", 90.0, 0.42, 3.1, 0.0));
     all.push(decor::bin(Mat::Brushed).copy("Bin at the entrance", 0.0, 11.62, 0.32, 0.0));
-    all.push(decor::tree("Ficus on the landing", 33, Mat::Clay, 1.75, 150).placed(&Frame::at(13.5, 0.42, 0.45)));
+    all.push(decor::tree("Ficus on the landing", 33, Mat::Clay, 1.75, 150).placed(&Frame::at(13.35, 0.65, 0.45)));
     let extinguisher = decor::extinguisher().placed(&Frame::at(0.19, 9.45, 0.6));
     all.push(Object { name: "Fire extinguisher".into(), ..extinguisher });
 }
@@ -111,9 +111,9 @@ fn north_arm(all: &mut Vec<Object>) {
     all.push(case.placed(&Frame::at(1.75, 14.998, 0.0)));
     all.push(sofa(2, Mat::LeatherBlack, Mat::ClothMustard).copy("Sofa at the screen", -90.0, 7.95, 12.0, 0.0));
     all.push(
-        decor::crown_plant("Palm in the corner", 42, Mat::ConcretePot, Mat::Leaf, 0.8, 0.95, 42)
-            .placed(&Frame::at(7.9, 14.4, 0.0)),
+        decor::crown_plant("Palm in the corner", 42, Mat::ConcretePot, Mat::Leaf, 0.8, 0.66, 42)
+            .placed(&Frame::at(7.7, 14.2, 0.0)),
     );
-    all.push(decor::tree("Ficus at the lifts", 43, Mat::ConcretePot, 2.0, 170).placed(&Frame::at(0.62, 13.85, 0.0)));
+    all.push(decor::tree("Ficus at the lifts", 43, Mat::ConcretePot, 2.0, 170).placed(&Frame::at(0.72, 13.85, 0.0)));
     all.push(decor::bin(Mat::Brushed).copy("Bin at the lifts", 0.0, 0.38, 11.5, 0.0));
 }

@@ -94,10 +94,10 @@ const DEFAULT: MaterialSpec = MaterialSpec {
     transmission: 0.0,
 };
 
-/// Radiance of the ceiling panels: with the room's 14 of them a mid-grey wall shows about 0.4 at exposure 0.
-const PANEL: f32 = 17.0;
+/// Radiance of the ceiling panels: with the room's 14 of them and the suspended lights a mid-grey wall shows about 0.4 at exposure 0.
+const PANEL: f32 = 20.0;
 /// Radiance of the street's whitest texel.
-const DAYLIGHT: f32 = 2.6;
+const DAYLIGHT: f32 = 2.0;
 
 macro_rules! materials {
     ($($variant:ident $name:literal $radio:ident $thickness:literal { $($field:ident : $value:expr),* $(,)? })*) => {
@@ -131,7 +131,7 @@ materials! {
     ConcreteBacking "Concrete behind the lining" CONCRETE 0.2 { base: [0.35; 3], roughness: 0.9 }
     ConcretePot "Concrete planter" CONCRETE 0.03 { texture: Some(Tex::Terrazzo), base: [0.95; 3], texture_size_m: [0.7, 0.7], roughness: 0.5 }
     Clay "Glazed clay" CONCRETE 0.015 { base: [0.42, 0.13, 0.06], roughness: 0.35 }
-    Ceiling "Ceiling boards" CEILING 0.02 { texture: Some(Tex::Ceiling), base: [0.93; 3], texture_size_m: [1.2, 1.2], roughness: 0.95 }
+    Ceiling "Ceiling boards" CEILING 0.02 { texture: Some(Tex::Ceiling), base: [1.0; 3], texture_size_m: [1.2, 1.2], roughness: 0.95 }
     MarbleWhite "White marble" MARBLE 0.03 { texture: Some(Tex::MarbleWhite), base: [0.95; 3], texture_size_m: [1.3, 1.3], roughness: 0.16 }
     MarbleGreen "Green marble" MARBLE 0.03 { texture: Some(Tex::MarbleGreen), base: [1.0; 3], texture_size_m: [0.9, 0.9], roughness: 0.14 }
     Oak "Oak" WOOD 0.02 { texture: Some(Tex::Oak), normal: Some(Tex::OakNormal), base: [0.95; 3], texture_size_m: [1.1, 1.1], roughness: 0.45 }
@@ -184,6 +184,7 @@ materials! {
     LiftSign "Lift indicator" GLASS 0.004 { texture: Some(Tex::LiftSign), base: [0.02; 3], emissive: [1.5; 3], roughness: 0.25 }
     Exit "Exit sign" PLASTIC 0.004 { texture: Some(Tex::Exit), base: [0.1; 3], emissive: [1.8; 3], roughness: 0.4 }
     LightPanel "Light panel" PLASTIC 0.004 { emissive: [PANEL, PANEL * 0.965, PANEL * 0.9], roughness: 0.6 }
+    UpLight "Suspended light" PLASTIC 0.004 { emissive: [PANEL * 1.3, PANEL * 1.22, PANEL * 1.08], roughness: 0.6 }
     Downlight "Downlight" GLASS 0.003 { emissive: [24.0, 19.5, 14.0], roughness: 0.5 }
     PendantGlow "Pendant glass" GLASS 0.003 { emissive: [9.0, 6.2, 3.4], roughness: 0.5 }
     LampShade "Lamp shade" CLOTH 0.001 { base: [0.8, 0.7, 0.5], emissive: [1.5, 1.05, 0.55], roughness: 1.0 }

@@ -45,3 +45,6 @@ pub fn build() -> Vec<u8> {
 pub fn write(path: impl AsRef<Path>) -> Result<()> {
     crate::io::write_atomic(path, &build())
 }
+
+#[cfg(test)]
+mod tests;

@@ -90,7 +90,13 @@ pub fn sphere(centre: DVec3, radius: f64, segments: usize) -> Mesh {
 pub fn tube(path: &[DVec3], radius: f64, segments: usize) -> Mesh {
     let mut mesh = Mesh::default();
     let last = path.len() - 1;
-    let heading = |i: usize| (path[(i + 1).min(last)] - path[i.saturating_sub(1)]).normalize();
+    let leg = |i: usize| (path[i + 1] - path[i]).normalize();
+    // At a bend the ring lies in the mitre plane between the two legs.
+    let heading = |i: usize| match i {
+        0 => leg(0),
+        i if i == last => leg(last - 1),
+        i => (leg(i - 1) + leg(i)).normalize(),
+    };
     let mut side = heading(0).any_orthonormal_vector();
     let mut run = 0.0;
     let ring = segments as u32 + 1;
@@ -104,7 +110,14 @@ pub fn tube(path: &[DVec3], radius: f64, segments: usize) -> Mesh {
         for k in 0..=segments {
             let (c, s) = trig::on_circle(if k == segments { 0.0 } else { k as f64 / segments as f64 });
             let n = side * c + other * s;
-            mesh.vertex(path[i] + radius * n, n, DVec2::new(k as f64 / segments as f64 * std::f64::consts::TAU * radius, -run));
+            // The mitre's ring is an ellipse, longer across the bend by 1 / cos(half the turn).
+            let turn = if i == 0 || i == last { DVec3::ZERO } else { (leg(i) - leg(i - 1)).normalize_or_zero() };
+            let stretch = 1.0 / d.dot(leg(i.min(last - 1))) - 1.0;
+            mesh.vertex(
+                path[i] + radius * (n + turn * (n.dot(turn) * stretch)),
+                n,
+                DVec2::new(k as f64 / segments as f64 * std::f64::consts::TAU * radius, -run),
+            );
         }
         if i > 0 {
             for k in 0..segments as u32 {

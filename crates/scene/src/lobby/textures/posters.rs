@@ -65,7 +65,7 @@ pub fn chart() -> Canvas {
         c.rect(126.0, 436.0, 126.0 + 92.0, 524.0 - 22.0 * (2.0 - i as f32), hex(0xf4f1ea));
     }
     for (i, word) in ["+18% VISITS", "42 ROOMS", "7 LABS"].into_iter().enumerate() {
-        c.text(word, 246.0, 488.0 + 44.0 * i as f32, 22.0, 4.0, ink);
+        c.text(word, 246.0, 488.0 + 44.0 * i as f32, 20.0, 3.8, ink);
     }
     c
 }

@@ -230,7 +230,7 @@ pub fn street() -> Canvas {
             let q = |s| lattice(k * 64 + b, 5, s);
             let (dx, dy) = (2.0 * q(453) - 1.0, 2.0 * q(454) - 1.0);
             if dx * dx + dy * dy < 1.0 {
-                let green = mix(hex(0x2f5a2a), hex(0x86ad57), 0.55 * q(455) + 0.35 * (0.5 - 0.5 * dy));
+                let green = mix(hex(0x3b5636), hex(0x8c9f68), 0.55 * q(455) + 0.35 * (0.5 - 0.5 * dy));
                 c.disc(x + 40.0 * dx, y - 12.0 + 44.0 * dy, 6.0 + 8.0 * q(456), green);
             }
         }

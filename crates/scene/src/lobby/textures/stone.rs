@@ -67,12 +67,12 @@ pub fn concrete() -> Canvas {
             1.0 - smoothstep(0.001, 0.004, d)
         };
         let k = 0.93 + 0.1 * panel + stain + grain - 0.22 * seam(u).max(seam(v));
-        scale(hex(0xa9a7a2), k)
+        scale(hex(0xb9b7b2), k)
     });
     for j in 0..4 {
         for i in 0..4 {
             let (x, y) = ((i as f32 + 0.5) * 256.0, (j as f32 + 0.5) * 256.0);
-            canvas.disc(x, y, 8.0, hex(0x8b8984));
+            canvas.disc(x, y, 8.0, hex(0x9a9893));
             canvas.disc(x + 0.8, y + 1.0, 6.4, hex(0x58564f));
         }
     }

@@ -6,7 +6,7 @@ use crate::lobby::trig;
 
 /// Growth rings cut lengthwise with a wandering centre: brightness in `[0, 1]`, fine pores included.
 fn grain(u: f32, v: f32, rings: f32, seed: u64) -> f32 {
-    let wander = 0.16 * fbm(u, v, 2, 3, 4, seed) + 0.02 * fbm(u, v, 6, 40, 2, seed + 9);
+    let wander = 0.1 * fbm(u, v, 2, 3, 4, seed) + 0.02 * fbm(u, v, 6, 40, 2, seed + 9);
     let ring = trig::sin(f64::from((v + wander) * rings * std::f32::consts::TAU)) as f32;
     let pores = fbm(u, v, 10, 220, 2, seed + 20);
     (0.5 + 0.28 * ring + 0.26 * pores + 0.18 * fbm(u, v, 3, 14, 3, seed + 30)).clamp(0.0, 1.0)
