@@ -65,7 +65,7 @@ fn reception(all: &mut Vec<Object>) {
 }
 
 fn along_the_window(all: &mut Vec<Object>) {
-    all.push(Object::new("Entrance mat").with(Mat::EntranceMat, block(10.4, 0.75, 0.001, [2.0, 1.3, 0.011])));
+    all.push(Object::new("Entrance mat").with(Mat::RibbedCloth, block(10.4, 0.75, 0.001, [2.0, 1.3, 0.011])));
     all.push(decor::umbrella_stand().placed(&Frame::at(9.0, 0.3, 0.0)));
     all.push(sofa(1, Mat::ClothGrey, Mat::ClothRust).copy("Armchair at the window 1", 150.0, 3.1, 0.75, 0.0));
     all.push(sofa(1, Mat::ClothGrey, Mat::ClothMustard).copy("Armchair at the window 2", 205.0, 4.9, 0.75, 0.0));

@@ -123,7 +123,7 @@ materials! {
     FloorTiles "Floor tiles" MARBLE 0.02 { base: [0.92; 3], texture: Some(Tex::FloorTiles), normal: Some(Tex::FloorTilesNormal), texture_size_m: [2.4, 2.4], roughness: 0.28 }
     FloorBoards "Floor boards" FLOORBOARD 0.02 { texture: Some(Tex::FloorBoards), texture_size_m: [1.6, 1.6], base: [0.95; 3], roughness: 0.38 }
     Rug "Rug" CLOTH 0.012 { texture: Some(Tex::Rug), base: [0.95; 3], roughness: 1.0 }
-    EntranceMat "Entrance mat" CLOTH 0.01 { texture: Some(Tex::Mat), base: [0.9; 3], texture_size_m: [0.32, 0.32], roughness: 1.0 }
+    RibbedCloth "Entrance mat" CLOTH 0.01 { texture: Some(Tex::Mat), base: [0.9; 3], texture_size_m: [0.32, 0.32], roughness: 1.0 }
     Plaster "Painted plaster" PLASTERBOARD 0.0125 { texture: Some(Tex::Plaster), base: [0.93, 0.92, 0.9], texture_size_m: [1.5, 1.5], roughness: 0.9 }
     PlasterTeal "Teal plaster" PLASTERBOARD 0.0125 { texture: Some(Tex::Plaster), base: [0.055, 0.18, 0.2], texture_size_m: [1.5, 1.5], roughness: 0.85 }
     PlasterSand "Sand plaster" PLASTERBOARD 0.0125 { texture: Some(Tex::Plaster), base: [0.76, 0.62, 0.46], texture_size_m: [1.5, 1.5], roughness: 0.9 }

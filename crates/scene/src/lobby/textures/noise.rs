@@ -15,9 +15,11 @@ pub fn value(x: f32, y: f32, px: i64, py: i64, seed: u64) -> f32 {
     let (ix, iy) = (x.floor(), y.floor());
     let fade = |t: f32| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
     let (fx, fy) = (fade(x - ix), fade(y - iy));
-    let at = |dx: i64, dy: i64| lattice((ix as i64 + dx).rem_euclid(px), (iy as i64 + dy).rem_euclid(py), seed);
-    let low = at(0, 0) + (at(1, 0) - at(0, 0)) * fx;
-    let high = at(0, 1) + (at(1, 1) - at(0, 1)) * fx;
+    let (x0, y0) = ((ix as i64).rem_euclid(px), (iy as i64).rem_euclid(py));
+    let (x1, y1) = ((x0 + 1) % px, (y0 + 1) % py);
+    let between = |a: f32, b: f32| a + (b - a) * fx;
+    let low = between(lattice(x0, y0, seed), lattice(x1, y0, seed));
+    let high = between(lattice(x0, y1, seed), lattice(x1, y1, seed));
     low + (high - low) * fy
 }
 
