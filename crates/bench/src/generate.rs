@@ -7,10 +7,10 @@ use anyhow::Result;
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::{self, DenoiseSettings, LightFrame, LightSettings, LightTracer};
 use corf_raytrace::radio::{
-    Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, Pattern, RadioSettings, RadioTracer, Transmitter, json,
+    Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, RadioSettings, RadioTracer, Transmitter, json,
 };
 use corf_raytrace::spectrum::{self, Bartlett, RearHalfSpace};
-use corf_scene::config::{AntennaPattern, DatasetConfig, SceneConfig, SpectrumKind};
+use corf_scene::config::{DatasetConfig, SceneConfig, SpectrumKind};
 use corf_scene::dataset::{Dataset, DatasetHeader, DatasetWriter, FrameData};
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Pinhole, Raster, Rigid3, Scene};
@@ -155,18 +155,13 @@ fn radio_settings(config: &DatasetConfig, scene: &SceneConfig) -> RadioSettings 
         max_depth: config.rf.max_reflections,
         transmission: config.rf.transmission,
         tx_antenna: Antenna {
-            pattern: pattern(scene.transmitter.pattern),
+            pattern: scene.transmitter.pattern,
+            polarization: scene.transmitter.polarization,
             world_from_antenna: scene.transmitter.orientation.world_from_array(),
         },
+        // The array's element keeps its own frame in the world: one path set serves every view at a position.
+        rx_antenna: Antenna { polarization: scene.receiver.polarization, ..Antenna::default() },
         ..RadioSettings::default()
-    }
-}
-
-fn pattern(pattern: AntennaPattern) -> Pattern {
-    match pattern {
-        AntennaPattern::Iso => Pattern::Iso,
-        AntennaPattern::Dipole => Pattern::Dipole,
-        AntennaPattern::Tr38901 => Pattern::Tr38901,
     }
 }
 
@@ -204,7 +199,7 @@ impl<'a> RadioSensor<'a> {
         let paths = self.transmitter.paths(rx)?;
         let mut arrivals: Vec<Arrival> = paths.iter().map(Arrival::from).collect();
         if let Some(diffuse) = &self.diffuse {
-            arrivals.extend(diffuse.gather(rx)?);
+            arrivals.extend(diffuse.gather_for_view(&self.intrinsics, world_from_camera)?);
         }
         let spectrum = match self.kind {
             SpectrumKind::Mpc => spectrum::mpc(&arrivals, &self.intrinsics, world_from_camera, self.lobe_width_deg),
