@@ -309,6 +309,27 @@ fn rf_opacities_stop_at_their_floor() {
 }
 
 #[test]
+fn clamps_pass_no_gradient() {
+    // Red is clamped at 0; the weight is capped at 0.999 over the whole image, so neither opacity nor shape can change it.
+    let mut g = field(&[([0.0, 0.0, 3.0], 200.0, 0.99999, [-0.4, 0.3, 0.6])]);
+    g.optical.opacity_logit[0] = 12.0;
+    let mut d = device(&g);
+    let view = TrainingView { inverse_depth: None, ..training_view(3, 4) };
+    d.upload(&view, 1).unwrap();
+    let (_, gradient) = d.gradients(&Step { rf_weight: 0.0, depth_weight: 0.0, ..step(0) }).unwrap();
+    assert_eq!(gradient.optical.sh[0], 0.0);
+    assert!(gradient.optical.sh[1] != 0.0 && gradient.optical.sh[2] != 0.0);
+    assert_eq!(gradient.optical.opacity_logit, [0.0]);
+    assert_eq!((gradient.position[0], gradient.log_scale[0]), ([0.0; 3], [0.0; 3]));
+    // Below the cap the same Gaussian's opacity matters.
+    g.optical.opacity_logit[0] = 2.0;
+    let mut d = device(&g);
+    d.upload(&view, 1).unwrap();
+    let (_, gradient) = d.gradients(&step(0)).unwrap();
+    assert_ne!(gradient.optical.opacity_logit, [0.0]);
+}
+
+#[test]
 fn retained_gaussians_keep_their_optimiser_state_and_appended_ones_start_fresh() {
     let both = wall(600, 3, 1);
     let keep: Vec<bool> = (0..600).map(|i| i % 3 != 1).collect();

@@ -120,3 +120,92 @@ impl Device for CpuDevice {
         self.store.to_gaussians()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::{device::Planes, gaussians::logit};
+    use corf_scene::{Pinhole, Rigid3, Rng};
+
+    /// Rounding of sums of a few hundred products, relative to the largest gradient of a class.
+    const TOLERANCE: f32 = 1e-4;
+
+    fn largest(v: &[f32]) -> f32 {
+        v.iter().fold(0.0, |m, v| m.max(v.abs()))
+    }
+
+    #[test]
+    fn every_instruction_set_finds_the_same_gradients() {
+        let mut rng = Rng::keyed(3, 0, 0);
+        let mut g = Gaussians::empty(1, 2);
+        for _ in 0..400 {
+            g.position.push([(rng.uniform() - 0.5) * 6.0, (rng.uniform() - 0.5) * 4.0, 2.0 + rng.uniform()]);
+            g.rotation.push([0; 4].map(|_| rng.normal() as f32));
+            g.log_scale.push([0; 3].map(|_| -3.0 + rng.uniform()));
+            for a in [&mut g.optical, &mut g.rf] {
+                a.opacity_logit.push(logit(0.4));
+                a.sh.extend((0..a.stride()).map(|_| (rng.uniform() - 0.5) * 0.2));
+            }
+        }
+        let mut image = |camera: &Pinhole, channels: usize| Planes {
+            width: camera.width,
+            height: camera.height,
+            channels,
+            pixels: (0..camera.width * camera.height * channels).map(|_| rng.uniform()).collect(),
+        };
+        let (optical_camera, rf_camera) =
+            (Pinhole::from_horizontal_fov(50, 37, 90.0), Pinhole::from_horizontal_fov(23, 19, 90.0));
+        let view = TrainingView {
+            world_from_camera: Rigid3::IDENTITY,
+            optical: image(&optical_camera, 3),
+            optical_camera,
+            rf: image(&rf_camera, 1),
+            rf_camera,
+            inverse_depth: None,
+        };
+        let step = Step {
+            view: ViewId(0),
+            level: 0,
+            optical_weight: 1.0,
+            rf_weight: 0.5,
+            depth_weight: 0.0,
+            train_geometry: true,
+            optical_background: [0.2, 0.4, 0.6],
+            rf_background: [0.0; 3],
+        };
+        let found: Vec<_> = Isa::available()
+            .into_iter()
+            .map(|isa| {
+                let mut d = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &g).unwrap();
+                d.isa = isa;
+                d.upload(&view, 1).unwrap();
+                let (report, gradient) = d.gradients(&step).unwrap();
+                let flat = |v: &[[f32; 3]]| v.as_flattened().to_vec();
+                let classes = [
+                    flat(&gradient.position),
+                    gradient.rotation.as_flattened().to_vec(),
+                    flat(&gradient.log_scale),
+                    gradient.optical.opacity_logit,
+                    gradient.rf.opacity_logit,
+                    gradient.optical.sh,
+                    gradient.rf.sh,
+                ];
+                (isa, report, classes)
+            })
+            .collect();
+        let (_, portable, truth) = &found[0];
+        assert!(truth.iter().all(|class| largest(class) > 0.0));
+        for (isa, report, classes) in &found[1..] {
+            assert_eq!(report.visible, portable.visible);
+            assert!(
+                (report.optical_loss - portable.optical_loss).abs() < 1e-6 && (report.rf_loss - portable.rf_loss).abs() < 1e-6
+            );
+            for (class, (ours, truth)) in classes.iter().zip(truth).enumerate() {
+                let worst = ours.iter().zip(truth).fold(0.0_f32, |m, (a, b)| m.max((a - b).abs()));
+                assert!(worst < TOLERANCE * largest(truth), "{isa:?}, class {class}: {worst:.1e} of {:.1e}", largest(truth));
+            }
+        }
+    }
+}
