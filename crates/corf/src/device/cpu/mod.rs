@@ -62,8 +62,7 @@ impl CpuDevice {
         std::mem::take(&mut self.times)
     }
 
-    /// Splats listed per pixel in the last image of each modality: tile-list entries times the tile's pixels over all pixels, an upper
-    /// bound of what is blended.
+    /// Mean length of a tile's list in the last image of each modality: an upper bound of the Gaussians blended per pixel.
     pub fn overdraw(&self) -> [f64; 2] {
         [0, 1].map(|g| {
             let lists = &self.frame.images[g].lists;
