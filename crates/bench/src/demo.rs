@@ -9,11 +9,11 @@ use anyhow::{Context, Result};
 use clap::Args;
 use corf_scene::config::DatasetConfig;
 use corf_scene::io::write_atomic;
-use corf_scene::lobby;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// The files the demo writes into its own `scene` folder before it starts: the ones of this repository.
+const LOBBY_GLB: &[u8] = include_bytes!("../../../scenes/lobby.glb");
 const SCENE_TOML: &str = include_str!("../../../scenes/lobby.toml");
 const DATASET_TOML: &str = include_str!("../../../scenes/lobby-mini.toml");
 const PLAN_TOML: &str = include_str!("../../../scenes/demo.toml");
@@ -30,7 +30,7 @@ pub struct Demo {
 }
 
 impl Demo {
-    /// Builds the lobby, traces its keyframes, reconstructs with every method, prints the table and the report's path.
+    /// Unpacks the lobby, traces its keyframes, reconstructs with every method, prints the table and the report's path.
     ///
     /// # Errors
     /// An occupied or unwritable output folder, an interrupt.
@@ -59,7 +59,7 @@ impl Demo {
 }
 
 fn build_scene(folder: &Path) -> Result<()> {
-    lobby::write(folder.join("lobby.glb"))?;
+    write_atomic(folder.join("lobby.glb"), LOBBY_GLB)?;
     write_atomic(&folder.join("lobby.toml"), SCENE_TOML.as_bytes())?;
     Ok(write_atomic(folder.join("lobby-mini.toml"), DATASET_TOML.as_bytes())?)
 }

@@ -3,7 +3,7 @@
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::run::claim_output;
-use anyhow::Result;
+use anyhow::{Result, bail};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::{self, DenoiseSettings, LightFrame, LightSettings, LightTracer};
 use corf_raytrace::radio::{
@@ -39,6 +39,13 @@ pub fn generate_from(
     resume: bool,
 ) -> Result<Dataset> {
     scene_config.check_radio(scene)?;
+    if scene_config.receiver.pattern != AntennaPattern::Iso {
+        bail!(
+            "{}: receiver.pattern: the spectrum of one path set serves every view at a position, so its elements must be \"iso\"\n  \
+             help: remove the key",
+            scene_config.source.display()
+        );
+    }
     claim_output(out, resume)?;
     let bvh = Bvh::build(scene);
     let mut camera = Camera::new(config, scene, &bvh);

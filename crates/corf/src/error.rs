@@ -23,6 +23,9 @@ pub enum Error {
         /// What to do about it.
         help: String,
     },
+    /// The caller's progress callback asked for the work to end.
+    #[error("stopped by the caller")]
+    Stopped,
     /// A keyframe or dataset error.
     #[error(transparent)]
     Scene(#[from] corf_scene::Error),

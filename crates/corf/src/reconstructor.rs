@@ -12,6 +12,7 @@ use crate::{
 };
 use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, keyframe::DbRange};
 use std::collections::VecDeque;
+use std::ops::ControlFlow;
 
 /// How many of the latest keyframes are kept for matching; older ones hardly overlap, and a 1600×900 keyframe is 6 MB of grey values.
 const MATCHING_WINDOW: usize = 32;
@@ -164,11 +165,11 @@ impl Reconstructor {
     }
 
     /// Ends the sequence: expands keyframes still waiting and runs the second stage of a two-stage coupling, which takes as many RF steps as a joint
-    /// reconstruction has taken. `progress(done, total)` is called as steps complete.
+    /// reconstruction has taken. `progress(done, total)` is called as steps complete and may end the work.
     ///
     /// # Errors
-    /// When nothing was pushed; the device's errors.
-    pub fn finish(&mut self, progress: &mut dyn FnMut(usize, usize)) -> Result<KeyframeReport> {
+    /// When nothing was pushed; the device's errors; [`Error::Stopped`] when `progress` breaks.
+    pub fn finish(&mut self, progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>) -> Result<KeyframeReport> {
         let Some((index, _)) = self.last_pose else {
             return Err(Error::invalid("the reconstruction", "no keyframe was pushed", "push at least two training keyframes"));
         };
@@ -188,8 +189,8 @@ impl Reconstructor {
     /// fine-tuning table). A two-stage coupling fine-tunes what its second stage trains.
     ///
     /// # Errors
-    /// Before [`Self::finish`]; the device's errors.
-    pub fn fine_tune(&mut self, epochs: usize, progress: &mut dyn FnMut(usize, usize)) -> Result<StepReport> {
+    /// Before [`Self::finish`]; the device's errors; [`Error::Stopped`] when `progress` breaks.
+    pub fn fine_tune(&mut self, epochs: usize, progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>) -> Result<StepReport> {
         if !self.finished {
             return Err(Error::invalid("fine-tuning", "the sequence has not ended", "call Reconstructor::finish first"));
         }
@@ -198,7 +199,9 @@ impl Reconstructor {
         for epoch in 0..epochs {
             let steps = self.schedule.epoch(weights, &self.config);
             last = self.device.train(&steps)?;
-            progress(epoch + 1, epochs);
+            if progress(epoch + 1, epochs).is_break() {
+                return Err(Error::Stopped);
+            }
         }
         Ok(last)
     }
@@ -342,7 +345,11 @@ impl Reconstructor {
     }
 
     /// Radio on a geometry learnt from light.
-    fn second_stage(&mut self, report: &mut KeyframeReport, progress: &mut dyn FnMut(usize, usize)) -> Result<()> {
+    fn second_stage(
+        &mut self,
+        report: &mut KeyframeReport,
+        progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
+    ) -> Result<()> {
         // No step has touched the RF appearance: colour and opacity are those the Gaussians were born with.
         let field = self.device.gaussians();
         let mut rf = field.rf;
@@ -358,7 +365,9 @@ impl Reconstructor {
             let steps = self.schedule.online(BATCH.min(total - done), 0.0, weights, &self.config);
             self.train(&steps, report)?;
             done += steps.len();
-            progress(done, total);
+            if progress(done, total).is_break() {
+                return Err(Error::Stopped);
+            }
         }
         Ok(())
     }

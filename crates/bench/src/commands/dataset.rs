@@ -55,7 +55,11 @@ impl DatasetCommand {
 impl Generate {
     fn run(self, json: bool) -> Result<Verdict> {
         let mut config = DatasetConfig::load(&self.config)?;
-        config.keyframes = self.keyframes.unwrap_or(config.keyframes);
+        if let Some(keyframes) = self.keyframes {
+            config.keyframes = keyframes;
+            // A segment chosen for another length means nothing here; the default follows the length.
+            config.split.held_out_segment = None;
+        }
         config.seed = self.seed.unwrap_or(config.seed);
         config.validate()?;
         let made = generate::generate(&config, &self.out, self.resume)?;

@@ -10,6 +10,7 @@ use corf::{CpuDevice, Device, Field, Gaussians, Reconstructor};
 use corf_scene::dataset::Dataset;
 use corf_scene::{Raster, Rigid3, color};
 use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Configuration of the four CORF-GS rows.
@@ -107,24 +108,41 @@ impl Method for CorfGs {
             advance(Advance { done: k + 1, total, gaussians: Some(report.gaussians) })?;
         }
         // The second stage counts as many units as the first had keyframes.
-        let mut interrupted = Ok(());
-        reconstructor.finish(&mut |done, of| {
-            let units = training.len() + (stages - 1) * training.len() * done / of.max(1);
-            if interrupted.is_ok() {
-                interrupted = advance(Advance { done: units, total, gaussians: None });
-            }
-        })?;
-        interrupted?;
-        let mut interrupted = Ok(());
+        let mut relay = Relay { advance, failure: None };
+        let second = (stages - 1) * training.len();
+        let ended = reconstructor.finish(&mut |done, of| relay.tell(training.len() + second * done / of.max(1), total));
+        relay.settle(ended)?;
         let before = training.len() * stages;
-        reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| {
-            if interrupted.is_ok() {
-                interrupted = advance(Advance { done: before + done, total, gaussians: None });
-            }
-        })?;
-        interrupted?;
-        advance(Advance { done: total, total, gaussians: Some(reconstructor.gaussian_count()) })?;
+        let ended = reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| relay.tell(before + done, total));
+        relay.settle(ended)?;
+        (relay.advance)(Advance { done: total, total, gaussians: Some(reconstructor.gaussian_count()) })?;
         Ok(Box::new(CorfField::new(reconstructor.field(), &self.config)?))
+    }
+}
+
+/// Passes progress on to the harness, and what the harness answers back through the reconstruction.
+struct Relay<'a> {
+    advance: &'a mut dyn FnMut(Advance) -> Result<()>,
+    failure: Option<anyhow::Error>,
+}
+
+impl Relay<'_> {
+    fn tell(&mut self, done: usize, total: usize) -> ControlFlow<()> {
+        match (self.advance)(Advance { done, total, gaussians: None }) {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(error) => {
+                self.failure = Some(error);
+                ControlFlow::Break(())
+            }
+        }
+    }
+
+    /// What stopped the reconstruction, if anything did: the harness's own error before the echo of it.
+    fn settle<T>(&mut self, ended: corf::Result<T>) -> Result<T> {
+        match self.failure.take() {
+            Some(error) => Err(error),
+            None => Ok(ended?),
+        }
     }
 }
 

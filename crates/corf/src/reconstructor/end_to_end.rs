@@ -26,7 +26,7 @@ fn reconstruct(config: &ReconstructionConfig, seed: u64, frames: &[Keyframe]) ->
     let (optical, rf) = cameras();
     let mut r = Reconstructor::new(Box::new(device), config.clone(), optical, rf, DB_RANGE, seed).unwrap();
     frames.iter().filter(|k| k.index != HELD_OUT).for_each(|k| assert!(r.push(k).is_ok()));
-    r.finish(&mut |_, _| {}).unwrap();
+    r.finish(&mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
     r
 }
 

@@ -124,7 +124,7 @@ fn reconstructor(config: ReconstructionConfig, seed: u64) -> (Reconstructor, Arc
 fn run(config: ReconstructionConfig, seed: u64, keyframes: &[Keyframe]) -> (Reconstructor, Arc<Mutex<Log>>, Vec<KeyframeReport>) {
     let (mut r, log) = reconstructor(config, seed);
     let mut reports: Vec<KeyframeReport> = keyframes.iter().map(|k| r.push(k).unwrap()).collect();
-    reports.push(r.finish(&mut |_, _| {}).unwrap());
+    reports.push(r.finish(&mut |_, _| std::ops::ControlFlow::Continue(())).unwrap());
     (r, log, reports)
 }
 
@@ -168,7 +168,11 @@ fn two_stage_couplings_take_as_many_radio_steps_on_a_geometry_that_light_made() 
         frames.iter().for_each(|k| assert!(r.push(k).is_ok()));
         let before = r.field().gaussians;
         let mut progress = Vec::new();
-        r.finish(&mut |done, total| progress.push((done, total))).unwrap();
+        r.finish(&mut |done, total| {
+            progress.push((done, total));
+            std::ops::ControlFlow::Continue(())
+        })
+        .unwrap();
         assert_eq!(progress.last(), Some(&(300, 300)));
         let log = log.lock().unwrap();
         let (first, second) = log.steps.split_at(300);
@@ -275,8 +279,8 @@ fn bad_keyframes_are_refused_with_their_index_and_leave_the_field_alone() {
     refused(&bad, "row 2, column 5");
     assert_eq!(r.field().gaussians, before);
     r.push(&frames[3]).unwrap();
-    assert!(r.fine_tune(1, &mut |_, _| {}).is_err(), "fine-tuning comes after the end");
-    r.finish(&mut |_, _| {}).unwrap();
+    assert!(r.fine_tune(1, &mut |_, _| std::ops::ControlFlow::Continue(())).is_err(), "fine-tuning comes after the end");
+    r.finish(&mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
     assert!(r.push(&keyframes(5)[4]).is_err());
 }
 
@@ -285,7 +289,7 @@ fn fine_tuning_counts_in_epochs() {
     let frames = keyframes(4);
     let (mut r, log, _) = run(ReconstructionConfig::default(), 1, &frames);
     let before = log.lock().unwrap().steps.len();
-    r.fine_tune(3, &mut |_, _| {}).unwrap();
+    r.fine_tune(3, &mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
     let log = log.lock().unwrap();
     let tuned = &log.steps[before..];
     assert_eq!(tuned.len(), 3 * 4);
