@@ -10,7 +10,7 @@ use corf_raytrace::radio::{
     Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, RadioSettings, RadioTracer, Transmitter, json,
 };
 use corf_raytrace::spectrum::{self, Bartlett, RearHalfSpace};
-use corf_scene::config::{DatasetConfig, SceneConfig, SpectrumKind};
+use corf_scene::config::{AntennaPattern, DatasetConfig, SceneConfig, SpectrumKind};
 use corf_scene::dataset::{Dataset, DatasetHeader, DatasetWriter, FrameData};
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Pinhole, Raster, Rigid3, Scene};
@@ -187,7 +187,11 @@ struct RadioSensor<'a> {
 impl<'a> RadioSensor<'a> {
     fn new(config: &DatasetConfig, scene_config: &SceneConfig, scene: &'a Scene, tracer: &'a RadioTracer<'a>) -> Result<Self> {
         let tx = scene_config.transmitter.position();
-        let settings = DiffuseSettings { patch_size_m: config.rf.patch_size_m, ..DiffuseSettings::default() };
+        let settings = DiffuseSettings {
+            patch_size_m: config.rf.patch_size_m,
+            directions: config.rf.directions,
+            ..DiffuseSettings::default()
+        };
         Ok(Self {
             scene,
             transmitter: tracer.transmitter(tx)?,

@@ -78,17 +78,20 @@ pub struct RfConfig {
     /// Diffuse scattering. Default true.
     #[serde(default = "yes")]
     pub diffuse: bool,
-    /// Edge of the world-fixed surface patches of the diffuse integral, metres. Default 0.1.
+    /// Edge of the world-fixed surface patches of the diffuse integral, metres. Default 0.2.
     #[serde(default = "patch")]
     pub patch_size_m: f64,
+    /// Directions over the whole sphere in which the diffuse field is gathered. Default 120 000: 0.6° apart, for a lobe of 1°.
+    #[serde(default = "directions")]
+    pub directions: usize,
     /// What is formed from the paths. Default `mpc`.
     #[serde(default)]
     pub spectrum: SpectrumKind,
     /// Standard deviation of an `mpc` lobe along each axis, degrees. Default 1.
     #[serde(default = "one")]
     pub lobe_width_deg: f64,
-    /// Width of the one dB range below the dataset's peak, dB. Default 60.
-    #[serde(default = "sixty")]
+    /// Width of the one dB range below the dataset's peak, dB. Default 70.
+    #[serde(default = "seventy")]
     pub dynamic_range_db: f64,
     /// Also write the propagation paths of every keyframe. Default false.
     #[serde(default)]
@@ -144,14 +147,17 @@ impl SplitConfig {
 fn ninety() -> f64 {
     90.0
 }
-fn sixty() -> f64 {
-    60.0
+fn seventy() -> f64 {
+    70.0
 }
 fn one() -> f64 {
     1.0
 }
 fn patch() -> f64 {
-    0.1
+    0.2
+}
+fn directions() -> usize {
+    120_000
 }
 fn three() -> usize {
     3
