@@ -6,12 +6,16 @@
 
 use super::surface::{Cover, emission, offset};
 use super::texture::{Encoding, mean};
-use crate::bvh::{Bvh, Ray};
+use crate::bvh::{Bvh, Hit, Ray};
 use corf_scene::model::{PunctualKind, PunctualLight};
 use corf_scene::{Rng, Scene};
-use glam::{UVec3, Vec3};
+use glam::{UVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
+/// Emitting triangles are divided into patches with edges of at most this length, metres: of a street seen through a window, each cell
+/// asks the patches it sees.
+const PATCH_EDGE_M: f32 = 2.0;
+const MAX_PARTS: u32 = 16;
 /// Wished edge of a cell, metres.
 const CELL_M: f32 = 0.75;
 /// Cells × emitters held at most (4 bytes each); cells grow until it fits.
@@ -28,7 +32,15 @@ const STAGE_VISIBILITY: u64 = 0xce11;
 
 #[derive(Clone, Copy, Debug)]
 enum Kind {
-    Triangle { corners: [Vec3; 3], normal: Vec3, area: f32, double_sided: bool, triangle: u32 },
+    /// A triangle or a patch of one; `weights` are the corners' barycentric coordinates in the whole.
+    Patch {
+        corners: [Vec3; 3],
+        weights: [Vec2; 3],
+        normal: Vec3,
+        area: f32,
+        double_sided: bool,
+        triangle: u32,
+    },
     Punctual(PunctualLight),
 }
 
@@ -54,8 +66,8 @@ pub(super) struct LightSample {
 #[derive(Debug)]
 pub(super) struct Emitters {
     list: Vec<Emitter>,
-    /// Per triangle of the scene: its emitter, or `u32::MAX`.
-    of_triangle: Vec<u32>,
+    /// Per triangle of the scene: its first patch, or `u32::MAX`, and into how many parts its edges are divided.
+    of_triangle: Vec<(u32, u32)>,
     grid_min: Vec3,
     cells_per_metre: Vec3,
     cells: UVec3,
@@ -75,7 +87,7 @@ fn luminance(c: Vec3) -> f32 {
 impl Emitters {
     /// Gathers the emitters and fills the cells.
     pub fn new(scene: &Scene, bvh: &Bvh, covers: &[Cover]) -> Self {
-        let mut of_triangle = vec![u32::MAX; scene.triangles.len()];
+        let mut of_triangle = vec![(u32::MAX, 0); scene.triangles.len()];
         let mut list = Vec::new();
         let radiance: Vec<f32> = scene
             .materials
@@ -91,10 +103,20 @@ impl Emitters {
             let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
             let area = 0.5 * cross.length();
             if luminance > 0.0 && area > 0.0 && area.is_finite() {
-                of_triangle[i] = list.len() as u32;
-                let double_sided = scene.materials[t.material as usize].optical.double_sided;
-                let kind = Kind::Triangle { corners, normal: cross.normalize(), area, double_sided, triangle: i as u32 };
-                list.push(Emitter { kind, luminance });
+                let longest = (0..3).map(|k| corners[k].distance(corners[(k + 1) % 3])).fold(0.0, f32::max);
+                let parts = ((longest / PATCH_EDGE_M).ceil() as u32).clamp(1, MAX_PARTS);
+                of_triangle[i] = (list.len() as u32, parts);
+                for weights in patches(parts) {
+                    let kind = Kind::Patch {
+                        corners: weights.map(|w| corners[0] * (1.0 - w.x - w.y) + corners[1] * w.x + corners[2] * w.y),
+                        weights,
+                        normal: cross.normalize(),
+                        area: area / (parts * parts) as f32,
+                        double_sided: scene.materials[t.material as usize].optical.double_sided,
+                        triangle: i as u32,
+                    };
+                    list.push(Emitter { kind, luminance });
+                }
             }
         }
         for light in &scene.lights {
@@ -214,7 +236,7 @@ impl Emitters {
         }
         let probability = Self::probability(row, i);
         match &self.list[i].kind {
-            Kind::Triangle { corners, normal, area, double_sided, triangle } => {
+            Kind::Patch { corners, weights, normal, area, double_sided, triangle } => {
                 let root = u[0].sqrt();
                 let (b1, b2) = (u[1] * root, 1.0 - root);
                 let on_light = corners[0] * (1.0 - b1 - b2) + corners[1] * b1 + corners[2] * b2;
@@ -228,7 +250,8 @@ impl Emitters {
                 let pdf = probability * distance2 / (area * cos);
                 // The target is lifted off the light so that the light does not shadow itself.
                 let lift = *normal * (offset(on_light) * normal.dot(away).signum());
-                Some(LightSample { to_light: on_light + lift - point, weight: emission(scene, *triangle, b1, b2) / pdf, pdf })
+                let at = weights[0] * (1.0 - b1 - b2) + weights[1] * b1 + weights[2] * b2;
+                Some(LightSample { to_light: on_light + lift - point, weight: emission(scene, *triangle, at.x, at.y) / pdf, pdf })
             }
             Kind::Punctual(light) => {
                 let (to_light, irradiance) = punctual(light, point)?;
@@ -237,17 +260,39 @@ impl Emitters {
         }
     }
 
-    /// Density per steradian with which [`Emitters::sample`] at `point` picks the direction of a hit on `triangle` at `distance`,
-    /// seen under cosine `cos` (absolute).
-    pub fn pdf(&self, point: Vec3, triangle: u32, distance: f32, cos: f32) -> f32 {
-        match self.of_triangle[triangle as usize] {
-            u32::MAX => 0.0,
-            i => {
-                let Kind::Triangle { area, .. } = self.list[i as usize].kind else { return 0.0 };
-                Self::probability(self.row(self.cell(point)), i as usize) * distance * distance / (area * cos).max(1e-20)
-            }
+    /// Density per steradian with which [`Emitters::sample`] at `point` picks the direction of a hit at `distance`, seen under cosine
+    /// `cos` (absolute).
+    pub fn pdf(&self, point: Vec3, hit: &Hit, distance: f32, cos: f32) -> f32 {
+        let (first, parts) = self.of_triangle[hit.triangle as usize];
+        if first == u32::MAX {
+            return 0.0;
         }
+        let i = first as usize + patch_index(parts, hit.u, hit.v);
+        let Kind::Patch { area, .. } = self.list[i].kind else { return 0.0 };
+        Self::probability(self.row(self.cell(point)), i) * distance * distance / (area * cos).max(1e-20)
     }
+}
+
+/// The patches of a triangle whose edges are divided into `parts`: `parts²` congruent triangles as corners in barycentric coordinates
+/// (of the second and third vertex), row by row along the first coordinate.
+fn patches(parts: u32) -> impl Iterator<Item = [Vec2; 3]> {
+    let at = move |i: u32, j: u32| Vec2::new(i as f32, j as f32) / parts as f32;
+    (0..parts).flat_map(move |i| {
+        (0..2 * (parts - i) - 1).map(move |k| {
+            let j = k / 2;
+            if k % 2 == 0 { [at(i, j), at(i + 1, j), at(i, j + 1)] } else { [at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)] }
+        })
+    })
+}
+
+/// The number of the patch that holds a point.
+fn patch_index(parts: u32, u: f32, v: f32) -> usize {
+    let (x, y) = (u.clamp(0.0, 1.0) * parts as f32, v.clamp(0.0, 1.0) * parts as f32);
+    let i = (x as u32).min(parts - 1);
+    let j = (y as u32).min(parts - 1 - i);
+    let turned = (x - i as f32) + (y - j as f32) > 1.0 && i + j + 1 < parts;
+    // Row i begins after Σ (2(parts − k) − 1), k < i.
+    (2 * parts * i - i * i + 2 * j + u32::from(turned)) as usize
 }
 
 /// Vector to a punctual light and the irradiance it sends at normal incidence (`KHR_lights_punctual`).
@@ -279,7 +324,7 @@ impl Emitter {
         let centre = 0.5 * (low + high);
         let radius2 = 0.25 * (high - low).length_squared();
         match &self.kind {
-            Kind::Triangle { corners, normal, area, double_sided, .. } => {
+            Kind::Patch { corners, normal, area, double_sided, .. } => {
                 let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
                 let extent = high - centre;
                 // Largest height of a point of the (slightly grown) cell above the emitter's plane.
@@ -323,7 +368,7 @@ impl Emitter {
         let root = rng.uniform().sqrt();
         let (b1, b2) = (rng.uniform() * root, 1.0 - root);
         let to = match &self.kind {
-            Kind::Triangle { corners, normal, .. } => {
+            Kind::Patch { corners, normal, .. } => {
                 let p = corners[0] * (1.0 - b1 - b2) + corners[1] * b1 + corners[2] * b2;
                 p + *normal * (offset(p) * normal.dot(from - p).signum())
             }
@@ -331,5 +376,30 @@ impl Emitter {
             Kind::Punctual(light) => light.position,
         };
         !bvh.occluded_where(&Ray::segment(from, to), |h| blocks(h.triangle))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patches_tile_a_triangle_and_are_found_again() {
+        let mut rng = Rng::keyed(1, 1, 1);
+        for parts in [1, 2, 3, 7, 16] {
+            let all: Vec<[Vec2; 3]> = patches(parts).collect();
+            assert_eq!(all.len() as u32, parts * parts);
+            let area: f32 = all.iter().map(|[a, b, c]| 0.5 * (b - a).perp_dot(c - a)).sum();
+            assert!((area - 0.5).abs() < 1e-5, "{area}");
+            for (i, [a, b, c]) in all.iter().enumerate() {
+                for _ in 0..20 {
+                    let root = rng.uniform().sqrt();
+                    // Away from the edges, where rounding may decide for the neighbour.
+                    let (x, y) = (0.01 + 0.97 * rng.uniform() * root, 0.01 + 0.97 * (1.0 - root));
+                    let p = *a * (1.0 - x - y) + *b * x + *c * y;
+                    assert_eq!(patch_index(parts, p.x, p.y), i, "{parts} {p}");
+                }
+            }
+        }
     }
 }

@@ -114,7 +114,7 @@ impl LightTracer<'_> {
                 } else {
                     // `ray.origin` is the last vertex even behind panes: straight passage moves t_min only.
                     let cos = surface.geometric_normal.dot(ray.direction).abs();
-                    power_heuristic(pdf, self.emitters.pdf(ray.origin, hit.triangle, hit.t, cos))
+                    power_heuristic(pdf, self.emitters.pdf(ray.origin, &hit, hit.t, cos))
                 };
                 self.add(&mut out, throughput * surface.emitted * weight, scattered, straight, settings);
             }
