@@ -102,7 +102,8 @@ pub struct ReconstructionConfig {
     pub optical_sh_degree: usize,
     /// Spherical-harmonic degree of the RF colour, 0–3. Default 3: at 60 GHz lower degrees lose 1.3 dB and more (public study).
     pub rf_sh_degree: usize,
-    /// σ of the Laplacian of Gaussian, pixels.
+    /// σ of the Laplacian of Gaussian, pixels. Default 1.2: at 0.7 the noise of a path-traced image draws as many Gaussians as its structure
+    /// (lobby-mini: 24 500 against 9 700, and 1.2 dB less RF PSNR on the held-out keyframes).
     pub log_sigma_px: f32,
     /// Smallest and largest pixel distance of a new Gaussian; the largest as a fraction of the image width.
     pub scale_clamp: [f32; 2],
@@ -199,7 +200,7 @@ impl Default for ReconstructionConfig {
             depth_weight_decay: 0.9,
             optical_sh_degree: 2,
             rf_sh_degree: 3,
-            log_sigma_px: 0.7,
+            log_sigma_px: 1.2,
             scale_clamp: [0.5, 0.1],
             initial_opacity: [0.07, 0.02, 0.2],
             replace_at_samples: 10,
