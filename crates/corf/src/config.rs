@@ -139,7 +139,8 @@ pub struct DepthConfig {
     pub prior: DepthPriorKind,
     /// Its error level. Default `default`.
     pub preset: PriorPreset,
-    /// Its alignment. Default `mad`, as published.
+    /// Its alignment. Default `huber`: with few triangulated corners the published `mad` is far less steady (lobby-mini, one seed: 1.7 dB of RF PSNR
+    /// and a third of the accurate matches).
     pub alignment: Alignment,
     /// Nearest depth considered, metres.
     pub near_m: f64,
@@ -168,7 +169,7 @@ impl Default for DepthConfig {
         Self {
             prior: DepthPriorKind::Simulated,
             preset: PriorPreset::Default,
-            alignment: Alignment::Mad,
+            alignment: Alignment::Huber,
             near_m: 0.4,
             far_m: 30.0,
             neighbours: 6,
