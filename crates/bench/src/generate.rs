@@ -94,7 +94,7 @@ const METERED_SAMPLES: u32 = 16;
 /// room whose walls are light.
 const MIDDLE_GREY: f32 = 0.24;
 /// A path's indirect light is limited to this radiance: a few times what the brightest diffuse surface of a lit room has.
-const INDIRECT_LIMIT: f32 = 6.0;
+const INDIRECT_LIMIT: f32 = 8.0;
 
 impl<'a> Camera<'a> {
     fn new(config: &DatasetConfig, scene: &'a Scene, bvh: &'a Bvh) -> Self {

@@ -48,6 +48,8 @@ fn chart(title: &str, x: &str, y: &str, lines: &[Line<'_>], from_zero: bool) -> 
     if from_zero {
         y_range.0 = 0.0;
     }
+    // Head room for the legend, a share of the height for each line of it.
+    y_range.1 += 0.075 * (lines.len() as f64) * (y_range.1 - y_range.0);
     let mut svg = String::new();
     {
         let root = SVGBackend::with_string(&mut svg, (640, 380)).into_drawing_area();
@@ -78,6 +80,7 @@ fn chart(title: &str, x: &str, y: &str, lines: &[Line<'_>], from_zero: bool) -> 
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(3)));
         }
         let mut legend = chart.configure_series_labels();
+        legend.position(SeriesLabelPosition::UpperLeft);
         legend.background_style(WHITE.mix(0.85)).border_style(RGBColor(223, 228, 234)).label_font(("sans-serif", 12));
         legend.draw().map_err(|e| wrong(&e))?;
         root.present().map_err(|e| wrong(&e))?;

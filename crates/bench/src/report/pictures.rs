@@ -115,9 +115,11 @@ pub(super) fn triptychs(report: &Report<'_>, label: &str) -> Result<String> {
 /// One held-out keyframe as every row predicts its spectrum.
 pub(super) fn gallery(report: &Report<'_>) -> Result<String> {
     let shown = predictions::shown(report.dataset.test_indices());
-    let Some(&index) = shown.get(shown.len() / 2) else { return Ok(String::new()) };
-    let range = report.dataset.db_range();
-    let truth = report.dataset.keyframe(index)?;
+    let keyframes = shown.into_iter().map(|index| report.dataset.keyframe(index)).collect::<corf_scene::Result<Vec<_>>>()?;
+    // The one that receives the most: there is the most to get wrong.
+    let power = |k: &Keyframe| k.spectrum.pixels().iter().map(|&s| f64::from(s)).sum::<f64>();
+    let Some(truth) = keyframes.into_iter().max_by(|a, b| power(a).total_cmp(&power(b))) else { return Ok(String::new()) };
+    let (range, index) = (report.dataset.db_range(), truth.index);
     let mut out = format!("<p class=\"note\">Keyframe {}.</p><div class=\"row gallery\">", index + 1);
     out.push_str(&figure(&jet_image(&scalar_truth(&truth, &range)), "observed")?);
     for (label, prediction) in kept(report, index) {

@@ -11,6 +11,8 @@ use std::fmt::Write;
 const CELL_M: f64 = 0.05;
 /// Space around what was seen, metres.
 const MARGIN_M: f64 = 0.4;
+/// Nothing farther than this from the trajectory's own box is drawn: a street seen through a window is not the room.
+const REACH_M: f64 = 4.6;
 /// Nothing above this share of the seen height is drawn: the ceiling would hide the room.
 const CUT_SHARE: f64 = 0.8;
 /// SVG units per metre.
@@ -43,7 +45,11 @@ fn look_down(report: &Report<'_>) -> Result<Option<Plan>> {
     if points.is_empty() {
         return Ok(None);
     }
-    let (min, max) = extent(&points);
+    let (mut min, mut max) = extent(&points);
+    let positions = || report.dataset.poses().iter().map(|p| p.world_from_camera.translation);
+    let reach = DVec3::new(REACH_M, REACH_M, f64::INFINITY);
+    min = min.max(positions().fold(DVec3::INFINITY, DVec3::min) - reach);
+    max = max.min(positions().fold(DVec3::NEG_INFINITY, DVec3::max) + reach);
     let cut_m = min.z + CUT_SHARE * (max.z - min.z);
     let (min, max) = (min - DVec3::splat(MARGIN_M), max + DVec3::splat(MARGIN_M));
     let (width, height) = (((max.x - min.x) / CELL_M).ceil() as usize, ((max.y - min.y) / CELL_M).ceil() as usize);
