@@ -195,13 +195,33 @@ pub fn loop_length_m(config: &TrajectoryConfig) -> Result<f64> {
 /// # Errors
 /// As [`TrajectoryConfig::validate`], or `count == 0`.
 pub fn generate(config: &TrajectoryConfig, count: usize) -> Result<Vec<TrajectoryPose>> {
+    generate_between(config, count, [0.0, 1.0])
+}
+
+/// As [`generate`] for a part of the loop: `way` is where it starts and where it ends, in loops (`[0.75, 1.25]` crosses the first
+/// waypoint). The last pose stands one step before the end, so that a whole loop meets its first pose again.
+///
+/// # Errors
+/// As [`generate`], or a part that is empty, runs backwards or is longer than one loop.
+pub fn generate_between(config: &TrajectoryConfig, count: usize, way: [f64; 2]) -> Result<Vec<TrajectoryPose>> {
     config.validate("trajectory")?;
     if count == 0 {
         return Err(Error::invalid("keyframes", "a trajectory of no poses", "ask for at least one"));
     }
+    let [start, end] = way;
+    if !(start >= 0.0 && end > start && end - start <= 1.0) {
+        let help = "give [start, end] in loops, e.g. [0.0, 1.0] for a whole one";
+        return Err(Error::invalid("way", format!("[{start}, {end}] is no part of a loop"), help));
+    }
     let curve = curve(config);
-    let step = curve.length() / count as f64;
-    Ok((0..count).map(|index| pose(config, &curve, index, index as f64 * step)).collect())
+    let step = (end - start) * curve.length() / count as f64;
+    let first = start * curve.length();
+    Ok((0..count)
+        .map(|index| {
+            let travelled = index as f64 * step;
+            TrajectoryPose { time_s: travelled / config.speed_m_per_s, ..pose(config, &curve, index, first + travelled) }
+        })
+        .collect())
 }
 
 fn curve(config: &TrajectoryConfig) -> Loop {
@@ -236,6 +256,19 @@ mod tests {
             pitch_amplitude_deg: 6.0,
             yaw_amplitude_deg: 20.0,
             speed_m_per_s: 0.5,
+        }
+    }
+
+    #[test]
+    fn a_part_of_the_way_is_the_same_way() {
+        let c = config();
+        let (whole, part) = (generate(&c, 40).unwrap(), generate_between(&c, 20, [0.5, 1.0]).unwrap());
+        for (a, b) in whole[20..].iter().zip(&part) {
+            assert!((a.world_from_camera.translation - b.world_from_camera.translation).length() < 1e-9);
+        }
+        assert_eq!(part[0].time_s, 0.0);
+        for wrong in [[0.5, 0.5], [0.5, 0.2], [-0.1, 0.5], [0.0, 1.1], [f64::NAN, 1.0]] {
+            assert!(generate_between(&c, 20, wrong).is_err());
         }
     }
 

@@ -15,6 +15,9 @@ pub struct DatasetConfig {
     pub scene: PathBuf,
     /// Number of keyframes along the trajectory.
     pub keyframes: usize,
+    /// The part of the scene's trajectory that is travelled, in loops. Default `[0.0, 1.0]`: once around.
+    #[serde(default = "once_around")]
+    pub way: [f64; 2],
     /// Seed of everything drawn at random. Default 0.
     #[serde(default)]
     pub seed: u64,
@@ -144,6 +147,9 @@ impl SplitConfig {
     }
 }
 
+fn once_around() -> [f64; 2] {
+    [0.0, 1.0]
+}
 fn ninety() -> f64 {
     90.0
 }

@@ -2,7 +2,7 @@
 
 use crate::config::{DatasetConfig, ReceiverConfig, SceneConfig, SpectrumKind, SplitConfig, TransmitterConfig};
 use crate::keyframe::DbRange;
-use crate::trajectory::{TrajectoryPose, generate};
+use crate::trajectory::{TrajectoryPose, generate_between};
 use crate::{Error, Pinhole, Result, Rigid3, Scene, io};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -98,7 +98,7 @@ impl DatasetHeader {
             scene_sha256: Some(io::sha256_hex(&io::read(scene_config.mesh_path())?)),
             config: Some(config.clone()),
             scene: Some(scene_config.clone()),
-            poses: generate(trajectory, config.keyframes)?,
+            poses: generate_between(trajectory, config.keyframes, config.way)?,
         })
     }
 
