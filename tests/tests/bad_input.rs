@@ -121,7 +121,8 @@ fn a_spectrum_of_the_wrong_size_and_a_truncated_image_are_named() {
     let broken = folder.path().join("dataset");
     copy_folder(tiny_dataset(), &broken);
     let spectrum = broken.join("rf/spectra/00003.exr");
-    corf_scene::io::write_exr_gray(&spectrum, &corf_scene::Raster::filled(10, 10, 1.0)).unwrap();
+    let wrong = corf_scene::io::encode_exr_f32(&corf_scene::Raster::filled(10, 10, 1.0), "Y").unwrap();
+    fs::write(&spectrum, wrong).unwrap();
     let run = folder.path().join("run");
     corf_refuses(&["reconstruct", text(&broken), "--out", text(&run)], &["00003.exr", "10"]);
     assert!(!run.join("run.json").exists());

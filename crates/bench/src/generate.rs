@@ -11,9 +11,9 @@ use corf_raytrace::radio::{
 };
 use corf_raytrace::spectrum::{self, Bartlett, RearHalfSpace};
 use corf_scene::config::{AntennaPattern, DatasetConfig, SceneConfig, SpectrumKind};
-use corf_scene::dataset::{Dataset, DatasetHeader, DatasetWriter, FrameData};
+use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, FrameData};
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Pinhole, Raster, Rigid3, Scene};
+use corf_scene::{Pinhole, Raster, Rigid3, Scene, Severity};
 use glam::DVec3;
 use std::path::Path;
 
@@ -39,15 +39,23 @@ pub fn generate_from(
     resume: bool,
 ) -> Result<Dataset> {
     scene_config.check_radio(scene)?;
-    if scene_config.receiver.pattern != AntennaPattern::Iso {
-        bail!(
-            "{}: receiver.pattern: the spectrum of one path set serves every view at a position, so its elements must be \"iso\"\n  \
-             help: remove the key",
-            scene_config.source.display()
-        );
-    }
-    claim_output(out, resume)?;
     let bvh = Bvh::build(scene);
+    // Whatever can be refused is refused before the first file.
+    let settings = RadioSettings {
+        max_depth: config.rf.max_reflections,
+        transmission: config.rf.transmission,
+        ..radio_settings(scene_config)?
+    };
+    let tracer = RadioTracer::new(scene, &bvh, settings)?;
+    let ear = RadioSensor::new(config, scene_config, scene, &tracer)?;
+    claim_output(out, resume)?;
+    if out.join("dataset.json").exists() {
+        let broken = dataset::validate(out)?.into_iter().find(|f| f.severity == Severity::Error);
+        if let Some(finding) = broken {
+            bail!("{finding}\n  help: the finished dataset in {} is damaged: generate it anew elsewhere", out.display());
+        }
+        return Ok(Dataset::open(out)?);
+    }
     let mut camera = Camera::new(config, scene, &bvh);
     let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;
     if config.optical.exposure_ev.is_none() {
@@ -58,8 +66,6 @@ pub fn generate_from(
     let poses = &header.poses;
     let missing: Vec<&TrajectoryPose> = poses.iter().filter(|p| !writer.is_complete(p.index)).collect();
     if !missing.is_empty() {
-        let tracer = RadioTracer::new(scene, &bvh, radio_settings(config, scene_config))?;
-        let ear = RadioSensor::new(config, scene_config, scene, &tracer)?;
         let mut progress = Progress::start(format!("keyframes of {}", config.name), poses.len(), "keyframes");
         let done_before = poses.len() - missing.len();
         for (i, pose) in missing.iter().enumerate() {
@@ -156,20 +162,33 @@ fn frame_key(pose: &TrajectoryPose) -> u64 {
     pose.index as u64
 }
 
-fn radio_settings(config: &DatasetConfig, scene: &SceneConfig) -> RadioSettings {
-    RadioSettings {
+/// Carrier and antennas of a scene; everything else as by default.
+///
+/// # Errors
+/// A receiver other than the 8×8 half-wavelength array of isotropic elements that the spectra are formed with.
+pub fn radio_settings(scene: &SceneConfig) -> Result<RadioSettings> {
+    let receiver = &scene.receiver;
+    // One path set serves every view at a position, so the element's gain may not turn with the platform.
+    if receiver.pattern != AntennaPattern::Iso {
+        bail!("{}: receiver.pattern: only \"iso\" elements are traced\n  help: remove the key", scene.source.display());
+    }
+    if (receiver.rows, receiver.cols, receiver.spacing_wavelengths) != (8, 8, 0.5) {
+        bail!(
+            "{}: [receiver]: spectra are formed with 8 x 8 elements half a wavelength apart\n  help: remove rows, cols and spacing_wavelengths",
+            scene.source.display()
+        );
+    }
+    Ok(RadioSettings {
         frequency_hz: scene.radio.frequency_hz,
-        max_depth: config.rf.max_reflections,
-        transmission: config.rf.transmission,
         tx_antenna: Antenna {
             pattern: scene.transmitter.pattern,
             polarization: scene.transmitter.polarization,
             world_from_antenna: scene.transmitter.orientation.world_from_array(),
         },
-        // The array's element keeps its own frame in the world: one path set serves every view at a position.
-        rx_antenna: Antenna { polarization: scene.receiver.polarization, ..Antenna::default() },
+        // The element keeps its own frame in the world, for the same reason.
+        rx_antenna: Antenna { polarization: receiver.polarization, ..Antenna::default() },
         ..RadioSettings::default()
-    }
+    })
 }
 
 /// The RF half of a keyframe.

@@ -3,12 +3,13 @@
 use crate::metrics::Prediction;
 use anyhow::{Context, Result};
 use corf_scene::dataset::Dataset;
-use corf_scene::{Keyframe, Rigid3};
+use corf_scene::keyframe::DbRange;
+use corf_scene::{Keyframe, Pinhole, Rigid3};
 use std::cell::Cell;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// The training keyframes of one cell, in the order of the trajectory. Held-out keyframes cannot be reached through it.
+/// The training keyframes of one cell, in the order of the trajectory, and what of the dataset a method may know besides.
 pub struct TrainingSet<'a> {
     dataset: &'a Dataset,
     indices: Vec<usize>,
@@ -43,9 +44,19 @@ impl<'a> TrainingSet<'a> {
         Ok(keyframe)
     }
 
-    /// The dataset these keyframes come from: cameras, dB range, poses of the training split.
-    pub fn dataset(&self) -> &Dataset {
-        self.dataset
+    /// Intrinsics of the optical images.
+    pub fn optical_camera(&self) -> Pinhole {
+        self.dataset.optical_camera()
+    }
+
+    /// Intrinsics of the RF images.
+    pub fn rf_camera(&self) -> Pinhole {
+        self.dataset.rf_camera()
+    }
+
+    /// The dataset's one dB range (its upper end is the peak over all keyframes).
+    pub fn db_range(&self) -> DbRange {
+        self.dataset.db_range()
     }
 
     /// Time spent in [`Self::keyframe`] so far.

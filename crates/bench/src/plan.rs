@@ -67,7 +67,13 @@ impl Plan {
         if plan.seeds.is_empty() || plan.rows.is_empty() {
             bail!("a plan needs at least one seed and one [[row]]");
         }
+        if let Some(seed) = plan.seeds.iter().enumerate().find_map(|(i, s)| plan.seeds[..i].contains(s).then_some(s)) {
+            bail!("seed {seed} is listed twice\n  help: a seed run twice is one value, not two");
+        }
         for (i, row) in plan.rows.iter().enumerate() {
+            if slug(&row.label).is_empty() || row.label.contains(['|', '\n']) {
+                bail!("the label \"{}\" cannot name files and table rows\n  help: use letters or digits, and no |", row.label);
+            }
             if plan.rows[..i].iter().any(|r| slug(&r.label) == slug(&row.label)) {
                 bail!("two rows have the label \"{}\"\n  help: labels name files and must differ", row.label);
             }

@@ -9,8 +9,9 @@
 
 use crate::harness;
 use crate::interrupt;
+use crate::method::Method;
 use crate::methods;
-use crate::plan::Plan;
+use crate::plan::{Cell, Plan};
 use crate::predictions;
 use crate::progress::Progress;
 use crate::record::{Outcome, Record};
@@ -45,12 +46,12 @@ pub fn run(plan: &Plan, dataset: &Dataset, out: &Path) -> Result<Written> {
     for cell in plan.cells() {
         interrupt::check()?;
         let path = cells.join(format!("{}.json", cell.stem()));
-        if let Some(record) = finished(&path, &cell.row.method, dataset)? {
+        let method = methods::create(&cell.row.method, &cell.row.config)?;
+        if let Some(record) = finished(&path, cell, method.as_ref(), dataset)? {
             eprintln!("{}, seed {}: already there", cell.row.label, cell.seed);
             records.push(record);
             continue;
         }
-        let method = methods::create(&cell.row.method, &cell.row.config)?;
         let label = format!("{}, seed {}", cell.row.label, cell.seed);
         let mut progress = Progress::start(label, dataset.train_indices().len(), "keyframes");
         let mut watch = |advance: crate::method::Advance| {
@@ -74,13 +75,21 @@ pub fn run(plan: &Plan, dataset: &Dataset, out: &Path) -> Result<Written> {
 }
 
 /// The record of a cell that is finished already; a failed one is tried again.
-fn finished(path: &Path, method: &str, dataset: &Dataset) -> Result<Option<Record>> {
+fn finished(path: &Path, cell: Cell<'_>, method: &dyn Method, dataset: &Dataset) -> Result<Option<Record>> {
     if !path.exists() {
         return Ok(None);
     }
     let record: Record = read_json(path)?;
-    if record.dataset_hash != dataset.hash() || record.method != method {
-        bail!("{} belongs to another dataset or method\n  help: choose another --out, or remove that file", path.display());
+    let same = record.dataset_hash == dataset.hash()
+        && record.method == method.id()
+        && record.config == method.config()
+        && record.row == cell.row.label
+        && record.seed == cell.seed;
+    if !same {
+        bail!(
+            "{} is of another dataset, method, configuration or seed\n  help: choose another --out, or remove that file",
+            path.display()
+        );
     }
     Ok(matches!(record.outcome, Outcome::Done(_)).then_some(record))
 }

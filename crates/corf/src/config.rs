@@ -227,7 +227,7 @@ impl ReconstructionConfig {
         let probability = |x: f32| (0.0..=1.0).contains(&x);
         let positive = |x: f32| x.is_finite() && x > 0.0;
         let d = &self.depth;
-        let checks: [(&str, bool, &str); 26] = [
+        let checks: [(&str, bool, &str); 31] = [
             ("uniform_probability", probability(self.uniform_probability), "a probability between 0 and 1"),
             ("iterations_per_keyframe", self.iterations_per_keyframe >= 1, "at least 1 (paper: 75)"),
             ("pyramid_levels", (1..=6).contains(&self.pyramid_levels), "between 1 and 6 (paper: 3)"),
@@ -255,6 +255,11 @@ impl ReconstructionConfig {
             ("prune_opacity", probability(self.prune_opacity), "between 0 and 1"),
             ("prune_image_fraction", positive(self.prune_image_fraction), "positive"),
             ("position_rate", positive(self.position_rate), "positive"),
+            ("scale_baselines", self.scale_baselines >= 1, "at least 1 (5)"),
+            ("depth.corners", d.corners >= 1, "at least 1"),
+            ("depth.min_segment_px", d.min_segment_px.is_finite() && d.min_segment_px >= 0.0, "not negative"),
+            ("depth.cost_ratio", d.cost_ratio.is_finite() && d.cost_ratio >= 1.0, "at least 1"),
+            ("depth.min_zncc", (-1.0..=1.0).contains(&d.min_zncc), "between -1 and 1"),
             ("bootstrap_keyframes", (2..=8).contains(&self.bootstrap_keyframes), "2 to 8"),
             ("depth.near_m", d.near_m > 0.0 && d.near_m < d.far_m, "positive and below depth.far_m"),
             ("depth.far_m", d.far_m.is_finite(), "a finite distance in metres"),

@@ -86,7 +86,6 @@ pub struct Reconstructor {
     last_pose: Option<(usize, Rigid3)>,
     baselines_m: Vec<f64>,
     typical_depth_m: f64,
-    online_steps: usize,
     finished: bool,
 }
 
@@ -146,7 +145,6 @@ impl Reconstructor {
             keyframes_expanded: 0,
             last_pose: None,
             baselines_m: Vec::new(),
-            online_steps: 0,
             finished: false,
         })
     }
@@ -164,8 +162,8 @@ impl Reconstructor {
         Ok(report)
     }
 
-    /// Ends the sequence: expands keyframes still waiting and runs the second stage of a two-stage coupling, which takes as many RF steps as a joint
-    /// reconstruction has taken. `progress(done, total)` is called as steps complete and may end the work.
+    /// Ends the sequence: expands keyframes still waiting and runs the second stage of a two-stage coupling, which repeats the
+    /// first one's steps with the RF loss. `progress(done, total)` is called as steps complete and may end the work.
     ///
     /// # Errors
     /// When nothing was pushed; the device's errors; [`Error::Stopped`] when `progress` breaks.
@@ -313,7 +311,6 @@ impl Reconstructor {
             report.keyframes_expanded += 1;
             let count = self.config.iterations_per_keyframe;
             let steps = self.schedule.online(count, self.config.latest_probability, self.online_weights(), &self.config);
-            self.online_steps += steps.len();
             self.train(&steps, report)?;
         }
         report.spawned += spawned;
@@ -357,12 +354,10 @@ impl Reconstructor {
             rf.opacity_logit = field.optical.opacity_logit;
         }
         self.device.reset_rf(&rf);
-        self.schedule.restart();
-        let total = self.online_steps;
+        let (weights, total) = (self.second_stage_weights(), self.schedule.online_steps());
         let mut done = 0;
         while done < total {
-            let weights = self.second_stage_weights();
-            let steps = self.schedule.online(BATCH.min(total - done), 0.0, weights, &self.config);
+            let steps = self.schedule.replay(done..(done + BATCH).min(total), weights);
             self.train(&steps, report)?;
             done += steps.len();
             if progress(done, total).is_break() {

@@ -29,12 +29,14 @@ pub struct Schedule {
     rf_floor: [f32; 3],
     /// η at the first visit, in this world's units.
     depth_weight: f32,
+    /// Keyframe and pyramid level of every online step, in order: what a second stage repeats.
+    online: Vec<(ViewId, u32)>,
 }
 
 impl Schedule {
     /// An empty buffer.
     pub fn new(seed: u64, rf_floor: [f32; 3]) -> Self {
-        Self { seed, steps_drawn: 0, views: Vec::new(), rf_floor, depth_weight: 0.0 }
+        Self { seed, steps_drawn: 0, views: Vec::new(), rf_floor, depth_weight: 0.0, online: Vec::new() }
     }
 
     /// Adds the latest keyframe.
@@ -47,9 +49,25 @@ impl Schedule {
         self.depth_weight = weight;
     }
 
-    /// Forgets all visits: a second stage begins coarse again.
-    pub fn restart(&mut self) {
-        self.views.iter_mut().for_each(|v| v.1 = 0);
+    /// How many online steps there have been.
+    pub fn online_steps(&self) -> usize {
+        self.online.len()
+    }
+
+    /// Online steps `range` once more with other weights: a second stage sees the same keyframes at the same pyramid levels in the same
+    /// order as the first, so that the stages differ in what they train and in nothing else.
+    pub fn replay(&self, range: std::ops::Range<usize>, weights: StageWeights) -> Vec<Step> {
+        let step = |&(view, level): &(ViewId, u32)| Step {
+            view,
+            level,
+            optical_weight: weights.optical,
+            rf_weight: weights.rf,
+            depth_weight: 0.0,
+            train_geometry: weights.geometry,
+            optical_background: [0.0; 3],
+            rf_background: self.rf_floor,
+        };
+        self.online[range].iter().map(step).collect()
     }
 
     /// Keyframes in the buffer.
@@ -78,12 +96,14 @@ impl Schedule {
                 let mut rng = Rng::keyed(self.seed, stage::STEPS, self.steps_drawn);
                 let latest = self.views.len() - 1;
                 let which = if rng.uniform() < latest_probability { latest } else { rng.below(self.views.len()) };
-                self.visit(which, weights, config, &mut rng)
+                let step = self.visit(which, weights, config, &mut rng);
+                self.online.push((step.view, step.level));
+                step
             })
             .collect()
     }
 
-    /// One epoch: every keyframe once, in a random order.
+    /// One epoch: every keyframe once at full resolution, in a random order.
     pub fn epoch(&mut self, weights: StageWeights, config: &ReconstructionConfig) -> Vec<Step> {
         let mut rng = Rng::keyed(self.seed, stage::EPOCHS, self.steps_drawn);
         let mut order: Vec<usize> = (0..self.views.len()).collect();
@@ -95,7 +115,7 @@ impl Schedule {
             .into_iter()
             .map(|which| {
                 let mut rng = Rng::keyed(self.seed, stage::STEPS, self.steps_drawn);
-                self.visit(which, weights, config, &mut rng)
+                Step { level: 0, ..self.visit(which, weights, config, &mut rng) }
             })
             .collect()
     }

@@ -137,6 +137,14 @@ impl std::fmt::Display for SceneInfo {
             let radio = m.radio.as_deref().unwrap_or("none");
             writeln!(f, "  {:width$} {:>9} {:>10.2}  {radio}{emits}", m.name, m.triangles, m.area_m2)?;
         }
+        let missing = self.materials_without_radio();
+        if !missing.is_empty() {
+            writeln!(
+                f,
+                "  without radio properties, to be mapped under [radio_materials] of a scene file: {}",
+                missing.join(", ")
+            )?;
+        }
         Ok(())
     }
 }

@@ -31,7 +31,10 @@ impl Evaluate {
         let numbers = Numbers::of(frames, info.seconds, info.gaussians, info.peak_memory_bytes, info.curve.clone());
         let outcome = Outcome::Done(Box::new(numbers));
         let mut record = harness::record(&info.method, run.method.as_ref(), &run.dataset, info.seed, outcome);
+        // The record is the run's, whoever evaluates it.
         record.provenance = info.provenance.clone();
+        record.config = info.config.clone();
+        record.device = info.device.clone();
         write_json(&self.run.join("metrics.json"), &record)?;
         let records = [record];
         show(json, &records[0], &table::plain(&table::rows(&records)))?;

@@ -1,6 +1,7 @@
 //! `corf paths`: propagation paths between two points.
 
 use super::{Verdict, print};
+use crate::generate;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -56,12 +57,8 @@ impl Paths {
         config.check_radio(&scene)?;
         let tx = self.tx.map_or(DVec3::from_array(config.transmitter.position_m), |p| p.0);
         let bvh = Bvh::build(&scene);
-        let settings = RadioSettings {
-            frequency_hz: config.radio.frequency_hz,
-            max_depth: self.depth,
-            transmission: !self.no_transmission,
-            ..RadioSettings::default()
-        };
+        let settings =
+            RadioSettings { max_depth: self.depth, transmission: !self.no_transmission, ..generate::radio_settings(&config)? };
         let tracer = RadioTracer::new(&scene, &bvh, settings)?;
         let paths = tracer.paths(tx, self.rx.0)?;
         print(&serde_json::to_string_pretty(&json::paths_to_json(&scene, config.radio.frequency_hz, tx, self.rx.0, &paths))?)?;

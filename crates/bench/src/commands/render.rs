@@ -8,8 +8,9 @@ use crate::{interrupt, run};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use corf_scene::color::quantize8;
+use corf_scene::io::sha256_hex;
 use corf_scene::{Raster, Rigid3, io};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// `corf render`.
@@ -29,6 +30,15 @@ pub struct Render {
     /// Write into a folder that holds renderings already; poses rendered before are skipped.
     #[arg(long)]
     resume: bool,
+}
+
+/// `render.json`: what the pictures in a folder are of.
+#[derive(PartialEq, Serialize, Deserialize)]
+struct Source {
+    /// SHA-256 of the run's `run.json`.
+    run: String,
+    /// SHA-256 of the pose file.
+    poses: String,
 }
 
 #[derive(Deserialize)]
@@ -63,6 +73,18 @@ impl Render {
         let poses = read_poses(&self.poses)?;
         let mut run = open::open(&self.run, self.dataset.as_deref())?;
         claim_output(&self.out, self.resume)?;
+        let source =
+            Source { run: sha256_hex(&io::read(self.run.join("run.json"))?), poses: sha256_hex(&io::read(&self.poses)?) };
+        let source_path = self.out.join("render.json");
+        if source_path.exists() {
+            let before: Source = run::read_json(&source_path)?;
+            ensure!(
+                before == source,
+                "{} holds renderings of another run or other poses\n  help: choose another --out",
+                self.out.display()
+            );
+        }
+        run::write_json(&source_path, &source)?;
         let range = run.dataset.db_range();
         for folder in ["images", "jet", "db", "linear", "depth"] {
             std::fs::create_dir_all(self.out.join(folder))

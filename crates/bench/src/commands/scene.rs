@@ -5,7 +5,7 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use corf_scene::config::SceneConfig;
 use corf_scene::info::{SceneInfo, validate_scene};
-use corf_scene::{Scene as Model, import, lobby};
+use corf_scene::{Finding, Scene as Model, Severity, import, lobby};
 use std::path::{Path, PathBuf};
 
 /// Frequency a mesh file without a scene file is checked at, Hz.
@@ -41,12 +41,29 @@ pub struct File {
     file: PathBuf,
 }
 
-fn load(path: &Path) -> Result<(Model, f64)> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
-        let config = SceneConfig::load(path)?;
-        return Ok((config.load_scene()?, config.radio.frequency_hz));
+/// A scene, the frequency to check it at, and what its import left out or changed.
+fn load(path: &Path) -> Result<(Model, f64, Vec<Finding>)> {
+    let is_config = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+    let config = if is_config { Some(SceneConfig::load(path)?) } else { None };
+    let mesh = config.as_ref().map_or(path.to_path_buf(), SceneConfig::mesh_path);
+    let (mut scene, report) = import::load_with_report(&mesh, config.as_ref().and_then(|c| c.scene.up))?;
+    if let Some(config) = &config {
+        config.apply_radio_materials(&mut scene)?;
     }
-    Ok((import::load(path)?, DEFAULT_FREQUENCY_HZ))
+    let place = mesh.display().to_string();
+    let mut left_out = Vec::new();
+    for (count, what) in [
+        (report.degenerate_triangles, "triangles without area were dropped"),
+        (report.skipped_primitives, "primitives of points or lines were skipped"),
+        (report.computed_normals, "vertices without a normal were given their triangle's"),
+    ] {
+        if count > 0 {
+            left_out.push(Finding::new(Severity::Note, &place, format!("{count} {what}"), ""));
+        }
+    }
+    left_out.extend(report.notes.into_iter().map(|note| Finding::new(Severity::Warning, &place, note, "")));
+    let frequency_hz = config.map_or(DEFAULT_FREQUENCY_HZ, |c| c.radio.frequency_hz);
+    Ok((scene, frequency_hz, left_out))
 }
 
 impl Scene {
@@ -63,14 +80,16 @@ impl Scene {
                 Ok(Verdict::Done)
             }
             Self::Info(File { file }) => {
-                let (scene, _) = load(&file)?;
+                let (scene, _, left_out) = load(&file)?;
                 let info = SceneInfo::of(&scene);
-                show(json, &info, &info.to_string())?;
+                let notes: Vec<String> = left_out.iter().map(ToString::to_string).collect();
+                show(json, &serde_json::json!({ "scene": info, "import": left_out }), &format!("{info}{}", notes.join("\n")))?;
                 Ok(Verdict::Done)
             }
             Self::Validate(File { file }) => {
-                let (scene, frequency_hz) = load(&file)?;
-                super::findings(json, &validate_scene(&scene, frequency_hz))
+                let (scene, frequency_hz, mut findings) = load(&file)?;
+                findings.extend(validate_scene(&scene, frequency_hz));
+                super::findings(json, &findings)
             }
         }
     }

@@ -3,10 +3,10 @@
 use crate::method::{Advance, Method, Predictor, TrainingSet};
 use crate::metrics::Prediction;
 use anyhow::{Context, Result};
-use corf::config::{Coupling, DepthPriorKind, ReconstructionConfig, Sampling};
+use corf::config::{Coupling, ReconstructionConfig, Sampling};
 use corf::optimizer::{OptimizerConfig, RasterConfig};
 use corf::target::RfTarget;
-use corf::{CpuDevice, Device, Field, Gaussians, Reconstructor};
+use corf::{CpuDevice, Device, Field, Reconstructor};
 use corf_scene::dataset::Dataset;
 use corf_scene::{Raster, Rigid3, color};
 use serde::{Deserialize, Serialize};
@@ -46,10 +46,7 @@ impl CorfGsConfig {
 
     /// A fresh CPU device.
     fn device(&self) -> Result<Box<dyn Device>> {
-        let r = &self.reconstruction;
-        let mut none = Gaussians::empty(r.rf_target.channels(), r.optical_sh_degree);
-        none.rf.sh_degree = r.rf_sh_degree;
-        Ok(Box::new(CpuDevice::new(self.optimizer, self.raster, &none)?))
+        Ok(Box::new(CpuDevice::new(self.optimizer, self.raster, &self.reconstruction.empty_field())?))
     }
 }
 
@@ -67,6 +64,13 @@ impl CorfGs {
     pub fn new(id: &str, overrides: &toml::Table) -> Result<Self> {
         let mut config = CorfGsConfig::parse(overrides).with_context(|| format!("in the configuration of {id}"))?;
         let reconstruction = &mut config.reconstruction;
+        for key in ["coupling", "sampling"] {
+            // The ids name these two: a record must not say one thing and do another.
+            anyhow::ensure!(
+                !overrides.contains_key(key),
+                "{id}: the key {key} is set by the method's name\n  help: choose corf-gs, corf-gs-uniform, corf-gs-frozen or corf-gs-rf-tuned"
+            );
+        }
         match id {
             "corf-gs-uniform" => reconstruction.sampling = Sampling::Uniform,
             "corf-gs-frozen" => reconstruction.coupling = Coupling::Frozen,
@@ -87,7 +91,7 @@ impl Method for CorfGs {
     }
 
     fn uses_ground_truth_depth(&self) -> bool {
-        self.config.reconstruction.depth.prior == DepthPriorKind::Simulated
+        self.config.reconstruction.consumes_ground_truth_depth()
     }
 
     fn reconstruct(
@@ -96,11 +100,10 @@ impl Method for CorfGs {
         seed: u64,
         advance: &mut dyn FnMut(Advance) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
-        let dataset = training.dataset();
         let config = &self.config.reconstruction;
         let device = self.config.device()?;
-        let (optical, rf) = (dataset.optical_camera(), dataset.rf_camera());
-        let mut reconstructor = Reconstructor::new(device, config.clone(), optical, rf, dataset.db_range(), seed)?;
+        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
+        let mut reconstructor = Reconstructor::new(device, config.clone(), optical, rf, range, seed)?;
         let stages = if config.coupling == Coupling::Joint { 1 } else { 2 };
         let total = training.len() * stages + self.config.fine_tune_epochs;
         for k in 0..training.len() {

@@ -66,7 +66,7 @@ impl Method for Lookup {
         _seed: u64,
         advance: &mut dyn FnMut(Advance) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
-        let range = training.dataset().db_range();
+        let range = training.db_range();
         let mut observed = Vec::with_capacity(training.len());
         for k in 0..training.len() {
             let Keyframe { world_from_camera, image, spectrum, .. } = training.keyframe(k)?;

@@ -38,6 +38,11 @@ pub fn open(folder: &Path, dataset: Option<&Path>) -> Result<OpenRun> {
         info.dataset_hash
     );
     let method = create(&info.method, &info.overrides)?;
+    ensure!(
+        info.method.starts_with("corf-gs") || method.config() == info.config,
+        "{}: this version resolves the run's configuration differently\n  help: reconstruct again",
+        folder.display()
+    );
     let predictor: Box<dyn Predictor> = if info.method.starts_with("corf-gs") {
         Box::new(corf_gs::CorfField::load(folder, &info.config, &dataset)?)
     } else {

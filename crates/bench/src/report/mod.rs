@@ -119,15 +119,27 @@ fn all_metrics(records: &[Record]) -> String {
 }
 
 fn provenance(report: &Report<'_>) -> String {
-    let p = Provenance::here();
     let header = report.dataset.header();
-    let mut lines = vec![
-        ("dataset", format!("{} · {} keyframes · hash {}", header.name, report.dataset.len(), report.dataset.hash())),
-        ("source", format!("corf {} · commit {}{}", p.version, p.commit, if p.dirty { " (changed)" } else { "" })),
-        ("machine", format!("{} · {} threads", p.processor, p.threads)),
-        ("clock", crate::record::CLOCK.to_owned()),
-        ("Cargo.lock", format!("sha256 {}", p.lockfile_sha256)),
-    ];
+    let mut lines =
+        vec![("dataset", format!("{} · {} keyframes · hash {}", header.name, report.dataset.len(), report.dataset.hash()))];
+    // What the cells were made with, not what writes this page; more than one line means they are not all from one build.
+    let mut made_with: Vec<&Provenance> = Vec::new();
+    for record in report.records {
+        if !made_with.contains(&&record.provenance) {
+            made_with.push(&record.provenance);
+        }
+    }
+    for p in made_with {
+        let changed = if p.dirty { " (changed)" } else { "" };
+        lines.push((
+            "source",
+            format!("corf {} · commit {}{changed} · Cargo.lock sha256 {}", p.version, p.commit, p.lockfile_sha256),
+        ));
+        lines.push(("machine", format!("{} · {} threads", p.processor, p.threads)));
+    }
+    if let Some(record) = report.records.first() {
+        lines.push(("clock", record.clock.clone()));
+    }
     let peak = report.records.iter().filter_map(|r| match &r.outcome {
         Outcome::Done(n) => n.peak_memory_bytes,
         Outcome::Failed { .. } => None,

@@ -95,14 +95,13 @@ fn match_pixel(
     let (u, v) = (x as f32 + 0.5, y as f32 + 0.5);
     let (low, high) = (guess * (1.0 - config.match_range as f32), guess * (1.0 + config.match_range as f32));
     let shortest = least_segment_px(config, camera.width);
+    // The patch leans as the prior does, in proportion to the inverse depth tried.
+    let at = |n: &Neighbour<'_>, w: f32| n.warp_slanted(camera, &n.view.fine_camera, u, v, w, slope * (w / guess));
     // A neighbour takes part where both ends of the range land inside it, far enough apart.
     let useful: Vec<&Neighbour<'_>> = neighbours
         .iter()
         .filter(|n| {
-            let to = &n.view.fine_camera;
-            let end = |w| n.warp_slanted(camera, to, u, v, w, slope * (w / guess));
-            let ends = (end(low), end(high));
-            let (Some(a), Some(b)) = ends else { return false };
+            let (Some(a), Some(b)) = (at(n, low), at(n, high)) else { return false };
             patch.zncc(&n.view.fine, &a).is_some()
                 && patch.zncc(&n.view.fine, &b).is_some()
                 && (a.center - b.center).length() > shortest
@@ -114,8 +113,7 @@ fn match_pixel(
     let count = config.match_candidates;
     let step = (high - low) / (count - 1) as f32;
     let score = |w: f32| {
-        let sum: f32 =
-            useful.iter().filter_map(|n| patch.zncc(&n.view.fine, &n.warp(camera, &n.view.fine_camera, u, v, w)?)).sum();
+        let sum: f32 = useful.iter().filter_map(|n| patch.zncc(&n.view.fine, &at(n, w)?)).sum();
         sum / useful.len() as f32
     };
     let scores: Vec<f32> = (0..count).map(|k| score(low + step * k as f32)).collect();
@@ -133,10 +131,7 @@ fn match_pixel(
     // The published refinement is one parabola through the candidates, ± half a step. Where a step is more than a pixel the peak is narrower
     // than that, so the step is halved towards the best correlation first.
     let (mut center, mut peak, mut step) = (low + step * best as f32, best_score, step);
-    let longest = useful.iter().filter_map(|n| {
-        let to = &n.view.fine_camera;
-        Some((n.warp(camera, to, u, v, center)?.center - n.warp(camera, to, u, v, center + step)?.center).length())
-    });
+    let longest = useful.iter().filter_map(|n| Some((at(n, center)?.center - at(n, center + step)?.center).length()));
     let mut step_px = longest.fold(0.0, f32::max);
     while step_px > FINEST_STEP_PX {
         (step, step_px) = (0.5 * step, 0.5 * step_px);

@@ -217,6 +217,8 @@ impl Kernel for AlongRows<'_> {
                 let n = TILE_WIDTH.min(width - x);
                 image[x..x + n].copy_from_slice(&self.tiles[from..from + n]);
             }
+            // The buffer may hold a larger level's image; pass 3 counts on zeros here.
+            image[width..].fill(0.0);
             let truth = &t.pixels[row * stride..(row + 1) * stride];
             for i in 0..width {
                 let x = image[i];

@@ -274,6 +274,32 @@ impl DatasetConfig {
                 return fail(key, format!("{value} is not a positive number"), "give a value above 0");
             }
         }
+        if rf.patch_size_m < 0.01 {
+            return fail("rf.patch_size_m", format!("{}", rf.patch_size_m), "give at least 0.01 m");
+        }
+        if !(100..=50_000_000).contains(&rf.directions) {
+            return fail("rf.directions", format!("{}", rf.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
+        }
+        // Directions stand sqrt(4 pi / n) apart; a narrower lobe would show the lattice as dots. The gathering keeps 6.1 degrees around the
+        // frame at full density, which is where a lobe of 1 degree has fallen by 80 dB.
+        let spacing_deg = (4.0 * std::f64::consts::PI / rf.directions as f64).sqrt().to_degrees();
+        if rf.spectrum == SpectrumKind::Mpc && rf.diffuse && !(1.5 * spacing_deg..=1.0).contains(&rf.lobe_width_deg) {
+            return fail(
+                "rf.lobe_width_deg",
+                format!(
+                    "{} degrees does not fit {} directions, {spacing_deg:.2} degrees apart",
+                    rf.lobe_width_deg, rf.directions
+                ),
+                "give 1.5 spacings to 1 degree; more directions allow a narrower lobe",
+            );
+        }
+        if rf.dynamic_range_db > 80.0 {
+            return fail(
+                "rf.dynamic_range_db",
+                format!("{} dB", rf.dynamic_range_db),
+                "lobes are traced down to 80 dB: give at most 80",
+            );
+        }
         if rf.max_reflections > 5 {
             return fail("rf.max_reflections", format!("{} is above 5", rf.max_reflections), "give 0 to 5");
         }

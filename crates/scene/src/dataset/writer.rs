@@ -112,10 +112,11 @@ impl DatasetWriter {
             _ => {}
         }
         if !writer.finished {
-            io::write_atomic(dir.join(layout::TRAJECTORY_JSON), trajectory_json(&header.poses)?.as_bytes())?;
+            // First what --resume knows the folder by.
             let file =
                 Partial { schema: DATASET_SCHEMA.into(), generator: generator(), header_sha256: sha, header: header.clone() };
             io::write_atomic(partial, to_json(&file)?.as_bytes())?;
+            io::write_atomic(dir.join(layout::TRAJECTORY_JSON), trajectory_json(&header.poses)?.as_bytes())?;
         }
         Ok(writer)
     }

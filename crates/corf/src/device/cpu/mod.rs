@@ -17,6 +17,7 @@ mod tiles;
 mod update;
 
 use super::{Device, RenderRequest, Rendering, Step, StepReport, TrainingView, ViewId};
+use crate::gaussians::logit;
 use crate::{Appearance, Gaussians, OptimizerConfig, RasterConfig, Result};
 pub use step::StageTimes;
 use {pyramid::Pyramid, render::Frame, simd::Isa, step::Scratch, store::Store};
@@ -96,7 +97,14 @@ impl Device for CpuDevice {
     }
 
     fn reset_rf(&mut self, rf: &Appearance) {
-        self.store.reset_rf(rf);
+        let mut rf = rf.clone();
+        let floor = self.optimizer.rf.opacity_floor;
+        if floor > 0.0 {
+            // What starts below the floor would have no gradient to come back with.
+            let lowest = logit(floor);
+            rf.opacity_logit.iter_mut().for_each(|o| *o = o.max(lowest));
+        }
+        self.store.reset_rf(&rf);
     }
 
     fn set_position_rate_m(&mut self, rate_m: f32) {
