@@ -103,8 +103,7 @@ fn a_nan_in_a_pose_is_located() {
     // JSON has no NaN: writers that emit one produce this token, and readers must not take it for a number.
     fs::write(&path, json.to_string().replace("\"NaN\"", "NaN")).unwrap();
     corf_refuses(&["reconstruct", text(&broken), "--out", text(&folder.path().join("run"))], &["trajectory.json"]);
-    json["keyframes"][3]["world_from_camera"][1][3] = serde_json::json!(1e400);
-    fs::write(&path, json.to_string()).unwrap();
+    fs::write(&path, json.to_string().replace("\"NaN\"", "1e400")).unwrap();
     corf_refuses(&["reconstruct", text(&broken), "--out", text(&folder.path().join("run"))], &["trajectory.json"]);
     let poses = folder.path().join("poses.json");
     fs::write(&poses, "[[[1,0,0,0],[0,1,0,0],[0,0,2,0],[0,0,0,1]]]").unwrap();

@@ -7,7 +7,7 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// The user asked to stop.
 #[derive(Debug, thiserror::Error)]
-#[error("interrupted; what is finished is kept: run the same command with --resume to go on")]
+#[error("interrupted; finished keyframes, cells and views are kept: run the same command with --resume to go on")]
 pub struct Interrupted;
 
 /// Exit code after an interrupt (128 + SIGINT), as shells expect.

@@ -35,7 +35,8 @@ pub struct Reconstruct {
     /// Epochs of offline fine-tuning over all training keyframes after the last one.
     #[arg(long)]
     fine_tune: Option<usize>,
-    /// Go on in a folder that holds an unfinished run of the same command; a finished one is left as it is.
+    /// Use a folder that holds an unfinished run: a field is not kept half-way, so it is made anew (the same seed gives the same bytes).
+    /// A finished run of the same command is left as it is.
     #[arg(long)]
     resume: bool,
 }
