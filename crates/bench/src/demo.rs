@@ -60,6 +60,6 @@ impl Demo {
 
 fn build_scene(folder: &Path) -> Result<()> {
     write_atomic(folder.join("lobby.glb"), LOBBY_GLB)?;
-    write_atomic(&folder.join("lobby.toml"), SCENE_TOML.as_bytes())?;
+    write_atomic(folder.join("lobby.toml"), SCENE_TOML.as_bytes())?;
     Ok(write_atomic(folder.join("lobby-mini.toml"), DATASET_TOML.as_bytes())?)
 }

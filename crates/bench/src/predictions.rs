@@ -41,7 +41,7 @@ fn encode_grey_png(image: &Raster<u8>) -> Result<Vec<u8>> {
 /// When the folder cannot be written.
 pub fn keep(folder: &Path, truth: &Keyframe, prediction: &Prediction) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    write_atomic(&optical_path(folder, truth.index), &encode_png(&prediction.image.map(|p| p.map(quantize8)))?)?;
+    write_atomic(optical_path(folder, truth.index), &encode_png(&prediction.image.map(|p| p.map(quantize8)))?)?;
     Ok(write_atomic(scalar_path(folder, truth.index), &encode_grey_png(&prediction.rf_scalar.map(|&s| quantize8(s)))?)?)
 }
 

@@ -40,7 +40,7 @@ pub struct Written {
 pub fn run(plan: &Plan, dataset: &Dataset, out: &Path) -> Result<Written> {
     let cells = out.join("cells");
     std::fs::create_dir_all(&cells).with_context(|| format!("cannot create {}", cells.display()))?;
-    write_atomic(&out.join("plan.toml"), toml::to_string(plan)?.as_bytes())?;
+    write_atomic(out.join("plan.toml"), toml::to_string(plan)?.as_bytes())?;
     let shown = predictions::shown(dataset.test_indices());
     let mut records = Vec::new();
     for cell in plan.cells() {
@@ -117,8 +117,8 @@ pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: 
     let rows = table::rows(&records);
     let (table_path, report_path) = (out.join("table.md"), out.join("report.html"));
     write_atomic(&table_path, format!("# {}\n\n{}\n\n{}", plan.name, plan.analysis, table::markdown(&rows)).as_bytes())?;
-    write_atomic(&out.join("table.csv"), table::csv(&records).as_bytes())?;
-    write_atomic(&out.join("table.tex"), table::latex(&rows).as_bytes())?;
+    write_atomic(out.join("table.csv"), table::csv(&records).as_bytes())?;
+    write_atomic(out.join("table.tex"), table::latex(&rows).as_bytes())?;
     let report = Report {
         plan,
         dataset,

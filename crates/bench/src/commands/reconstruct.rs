@@ -89,7 +89,7 @@ impl Reconstruct {
             show(json, &info, &summary(&info))?;
             return Ok(Verdict::Done);
         }
-        write_atomic(&self.out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
+        write_atomic(self.out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
         let mut progress =
             Progress::start(format!("{} on {}", self.method, dataset.header().name), dataset.train_indices().len(), "keyframes");
         let result = harness::reconstruct(method.as_ref(), &dataset, self.seed, &mut |advance: Advance| {

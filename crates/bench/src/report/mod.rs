@@ -65,7 +65,7 @@ fn html(report: &Report<'_>) -> Result<String> {
     write!(out, "<h2>Frame by frame</h2>{}", charts::per_frame(report.records)?)?;
     write!(out, "<h2>Time and Gaussians</h2>{}", charts::growth(report.records)?)?;
     write!(out, "<h2>All metrics</h2>{}", all_metrics(report.records))?;
-    write!(out, "<h2>Provenance</h2>{}</main></body></html>\n", provenance(report))?;
+    writeln!(out, "<h2>Provenance</h2>{}</main></body></html>", provenance(report))?;
     Ok(out)
 }
 
