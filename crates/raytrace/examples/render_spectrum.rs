@@ -106,7 +106,7 @@ fn main() -> Result<()> {
     let Some(loop_config) = &scene_config.trajectory else {
         return Err(Error::invalid(config.scene_path().display().to_string(), "no [trajectory]", "give one"));
     };
-    let poses = trajectory::generate(loop_config, config.keyframes)?;
+    let poses = trajectory::generate_between(loop_config, config.keyframes, config.way)?;
     let camera = match o.size {
         Some((w, h)) => Pinhole::from_horizontal_fov(w, h, config.rf.horizontal_fov_deg),
         None => config.rf_camera(),
