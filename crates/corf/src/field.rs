@@ -7,7 +7,7 @@ use crate::{
     sensor::RfSensor,
     target::{RfTarget, linear_from_scalar},
 };
-use corf_scene::{Pinhole, Raster, Rigid3, keyframe::DbRange};
+use corf_scene::{Pinhole, Raster, Rigid3, io::write_atomic, keyframe::DbRange};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -108,14 +108,12 @@ impl Field {
         ply::write_rf(&folder.join("rf.ply"), &self.gaussians)?;
         ply::write_coupled(&folder.join("coupled.ply"), &self.gaussians)?;
         let path = folder.join("field.json");
-        let io = |action| {
-            let path = path.clone();
-            move |source| Error::Io { action, path, source }
-        };
-        let text = serde_json::to_vec_pretty(&self.meta).map_err(|e| io("write")(e.into()))?;
-        let part = folder.join(".field.json.part");
-        std::fs::write(&part, text).map_err(io("write"))?;
-        std::fs::rename(&part, &path).map_err(io("write"))
+        let text = serde_json::to_vec_pretty(&self.meta).map_err(|e| Error::Io {
+            action: "write",
+            path: path.clone(),
+            source: e.into(),
+        })?;
+        Ok(write_atomic(path, &text)?)
     }
 
     /// Reads `coupled.ply` and `field.json` back.

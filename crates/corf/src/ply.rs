@@ -8,11 +8,8 @@
 //! Colour is `max(0, 0.5 + Σ sh·Y)`, world frame, metres, z up.
 
 use crate::{Appearance, Error, Gaussians, Result};
-use std::{
-    collections::HashMap,
-    io::{BufWriter, Write},
-    path::Path,
-};
+use corf_scene::io::write_atomic;
+use std::{collections::HashMap, path::Path};
 
 /// Geometry and one appearance, as one modality's PLY holds them.
 #[derive(Clone, Debug, PartialEq)]
@@ -103,49 +100,27 @@ fn write(path: &Path, g: &Gaussians, appearances: &[(&str, &Appearance)]) -> Res
         columns.push(format!("{prefix}opacity"));
         columns.extend(color_columns(prefix, a));
     }
-    let io = |action| move |source| Error::Io { action, path: path.to_path_buf(), source };
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // Written under a temporary name in the same folder, then renamed: a reader sees the whole file or none.
-    let file = tempfile::NamedTempFile::new_in(folder).map_err(io("create"))?;
-    let mut out = BufWriter::new(file);
-    let mut emit = || -> std::io::Result<()> {
-        writeln!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {}", g.len())?;
-        columns.iter().try_for_each(|c| writeln!(out, "property float {c}"))?;
-        writeln!(out, "end_header")?;
-        let mut row: Vec<f32> = Vec::with_capacity(columns.len());
-        for i in 0..g.len() {
-            row.clear();
-            row.extend(g.position[i]);
-            row.extend([0.0; 3]);
-            standard.iter().for_each(|(_, a)| push_color(&mut row, a, i));
-            row.push(appearances[0].1.opacity_logit[i]);
-            row.extend(g.log_scale[i]);
-            row.extend(g.rotation[i]);
-            for (_, a) in extra {
-                row.push(a.opacity_logit[i]);
-                push_color(&mut row, a, i);
-            }
-            row.iter().try_for_each(|v| out.write_all(&v.to_le_bytes()))?;
+    let mut out = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", g.len());
+    columns.iter().for_each(|c| out.push_str(&format!("property float {c}\n")));
+    out.push_str("end_header\n");
+    let mut out = out.into_bytes();
+    out.reserve(4 * columns.len() * g.len());
+    let mut row: Vec<f32> = Vec::with_capacity(columns.len());
+    for i in 0..g.len() {
+        row.clear();
+        row.extend(g.position[i]);
+        row.extend([0.0; 3]);
+        standard.iter().for_each(|(_, a)| push_color(&mut row, a, i));
+        row.push(appearances[0].1.opacity_logit[i]);
+        row.extend(g.log_scale[i]);
+        row.extend(g.rotation[i]);
+        for (_, a) in extra {
+            row.push(a.opacity_logit[i]);
+            push_color(&mut row, a, i);
         }
-        out.flush()
-    };
-    emit().map_err(io("write"))?;
-    let file = out.into_inner().map_err(|e| io("write")(e.into_error()))?;
-    make_readable(file.as_file()).map_err(io("write"))?;
-    file.persist(path).map_err(|e| io("write")(e.error))?;
-    Ok(())
-}
-
-/// A temporary file is private to its owner; a result is not.
-#[cfg(unix)]
-fn make_readable(file: &std::fs::File) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(std::fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn make_readable(_: &std::fs::File) -> std::io::Result<()> {
-    Ok(())
+        row.iter().for_each(|v| out.extend(v.to_le_bytes()));
+    }
+    Ok(write_atomic(path, &out)?)
 }
 
 /// The float columns of a PLY's vertex element.

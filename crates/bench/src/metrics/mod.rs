@@ -71,7 +71,7 @@ pub fn compare(prediction: &Prediction, truth: &Keyframe, rf_camera: &Pinhole, r
     }
 }
 
-/// One column of the tables: where it is found, how it is written, which way is better.
+/// One column of the tables: where it is found and how it is written (the arrow in a heading says which way is better).
 #[derive(Clone, Copy, Debug)]
 pub struct Column {
     /// Key in records and CSV.
@@ -82,36 +82,19 @@ pub struct Column {
     pub latex: &'static str,
     /// Digits after the point.
     pub digits: usize,
-    /// Whether larger is better.
-    pub higher_is_better: bool,
     /// Reads it off a frame.
     pub of: fn(&FrameMetrics) -> f64,
 }
 
 /// Every metric, in the order of the tables; the first six are the paper's.
 pub const COLUMNS: &[Column] = &[
-    Column {
-        key: "psnr_opt",
-        heading: "PSNR opt ↑",
-        latex: r"PSNR$_\mathrm{opt}^\uparrow$",
-        digits: 2,
-        higher_is_better: true,
-        of: |m| m.psnr_opt,
-    },
-    Column {
-        key: "ssim_opt",
-        heading: "SSIM opt ↑",
-        latex: r"SSIM$_\mathrm{opt}^\uparrow$",
-        digits: 3,
-        higher_is_better: true,
-        of: |m| m.ssim_opt,
-    },
+    Column { key: "psnr_opt", heading: "PSNR opt ↑", latex: r"PSNR$_\mathrm{opt}^\uparrow$", digits: 2, of: |m| m.psnr_opt },
+    Column { key: "ssim_opt", heading: "SSIM opt ↑", latex: r"SSIM$_\mathrm{opt}^\uparrow$", digits: 3, of: |m| m.ssim_opt },
     Column {
         key: "psnr_rf_jet",
         heading: "PSNR rf (Jet) ↑",
         latex: r"PSNR$_\mathrm{rf}^\uparrow$",
         digits: 2,
-        higher_is_better: true,
         of: |m| m.psnr_rf_jet,
     },
     Column {
@@ -119,7 +102,6 @@ pub const COLUMNS: &[Column] = &[
         heading: "SSIM rf (Jet) ↑",
         latex: r"SSIM$_\mathrm{rf}^\uparrow$",
         digits: 3,
-        higher_is_better: true,
         of: |m| m.ssim_rf_jet,
     },
     Column {
@@ -127,7 +109,6 @@ pub const COLUMNS: &[Column] = &[
         heading: "PSNR rf (dB) ↑",
         latex: r"PSNR$_\mathrm{rf,dB}^\uparrow$",
         digits: 2,
-        higher_is_better: true,
         of: |m| m.psnr_rf_scalar,
     },
     Column {
@@ -135,7 +116,6 @@ pub const COLUMNS: &[Column] = &[
         heading: "SSIM rf (dB) ↑",
         latex: r"SSIM$_\mathrm{rf,dB}^\uparrow$",
         digits: 3,
-        higher_is_better: true,
         of: |m| m.ssim_rf_scalar,
     },
     Column {
@@ -143,23 +123,14 @@ pub const COLUMNS: &[Column] = &[
         heading: "RMSE within 30 dB, dB ↓",
         latex: r"RMSE$_{30}^\downarrow$ (dB)",
         digits: 2,
-        higher_is_better: false,
         of: |m| m.radio.rmse_db_30,
     },
-    Column {
-        key: "rmse_db",
-        heading: "RMSE, dB ↓",
-        latex: r"RMSE$^\downarrow$ (dB)",
-        digits: 2,
-        higher_is_better: false,
-        of: |m| m.radio.rmse_db,
-    },
+    Column { key: "rmse_db", heading: "RMSE, dB ↓", latex: r"RMSE$^\downarrow$ (dB)", digits: 2, of: |m| m.radio.rmse_db },
     Column {
         key: "psp_similarity",
         heading: "PSP similarity ↑",
         latex: r"PSP$^\uparrow$",
         digits: 3,
-        higher_is_better: true,
         of: |m| m.radio.psp_similarity,
     },
     Column {
@@ -167,7 +138,6 @@ pub const COLUMNS: &[Column] = &[
         heading: "total power error, dB ↓",
         latex: r"$|\Delta P|^\downarrow$ (dB)",
         digits: 2,
-        higher_is_better: false,
         of: |m| m.radio.total_power_error_db,
     },
     Column {
@@ -175,7 +145,6 @@ pub const COLUMNS: &[Column] = &[
         heading: "peak AoA error, ° ↓",
         latex: r"AoA$^\downarrow$ ($^\circ$)",
         digits: 1,
-        higher_is_better: false,
         of: |m| m.radio.peak_error_deg,
     },
     Column {
@@ -183,7 +152,6 @@ pub const COLUMNS: &[Column] = &[
         heading: "beam loss, dB ↓",
         latex: r"beam loss$^\downarrow$ (dB)",
         digits: 2,
-        higher_is_better: false,
         of: |m| m.radio.beam_loss_db,
     },
     Column {
@@ -191,7 +159,6 @@ pub const COLUMNS: &[Column] = &[
         heading: "energy in best 1 % ↑",
         latex: r"$E_{1\%}^\uparrow$",
         digits: 3,
-        higher_is_better: true,
         of: |m| m.radio.energy_capture_1,
     },
     Column {
@@ -199,7 +166,6 @@ pub const COLUMNS: &[Column] = &[
         heading: "energy in best 5 % ↑",
         latex: r"$E_{5\%}^\uparrow$",
         digits: 3,
-        higher_is_better: true,
         of: |m| m.radio.energy_capture_5,
     },
     Column {
@@ -207,7 +173,6 @@ pub const COLUMNS: &[Column] = &[
         heading: "azimuth spread error, ° ↓",
         latex: r"$|\Delta\mathrm{ASA}|^\downarrow$ ($^\circ$)",
         digits: 2,
-        higher_is_better: false,
         of: |m| m.radio.azimuth_spread_error_deg,
     },
 ];

@@ -55,7 +55,7 @@ pub fn match_wide(
         .par_iter()
         .map(|&(x, y)| {
             let (cx, cy) = (x >> reference.coarse_level, y >> reference.coarse_level);
-            let (guess, _) = sweep(reference, neighbours, cx, cy, config, true)?;
+            let guess = sweep(reference, neighbours, cx, cy, config)?;
             let inverse_depth = match_pixel(reference, neighbours, x, y, guess, Vec2::ZERO, config)?;
             Some(PixelDepth { x, y, inverse_depth, reliability: Reliability::Accurate })
         })

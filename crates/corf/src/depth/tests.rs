@@ -135,7 +135,7 @@ fn the_simulated_prior_errs_as_much_as_it_should_after_alignment() {
                     .map(|i| {
                         let (x, y) = ((i * 37) % 192, (i * 53) % 108);
                         let factor = if i % 10 == 0 { 1.6 } else { 1.0 };
-                        SparseDepth { x, y, inverse_depth: factor / exact[(x, y)], zncc: 1.0 }
+                        SparseDepth { x, y, inverse_depth: factor / exact[(x, y)] }
                     })
                     .collect();
                 let aligned = align(&mono, &anchors, &config, seed, 1).unwrap();

@@ -14,8 +14,6 @@ pub struct SparseDepth {
     pub y: usize,
     /// 1/z, 1/m.
     pub inverse_depth: f32,
-    /// Mean ZNCC over the neighbours that see it.
-    pub zncc: f32,
 }
 
 /// Radius of the 7×7 window of the coarse sweep.
@@ -41,24 +39,17 @@ pub fn triangulate(reference: &GreyView, neighbours: &[Neighbour<'_>], config: &
     let found: Vec<Option<SparseDepth>> = corners(&reference.coarse, wanted)
         .into_par_iter()
         .map(|(x, y)| {
-            let (inverse_depth, zncc) = sweep(reference, neighbours, x, y, config, true)?;
+            let inverse_depth = sweep(reference, neighbours, x, y, config)?;
             let half = (1usize << reference.coarse_level) / 2;
             let at = |c: usize| (c << reference.coarse_level) + half;
-            Some(SparseDepth { x: at(x), y: at(y), inverse_depth, zncc })
+            Some(SparseDepth { x: at(x), y: at(y), inverse_depth })
         })
         .collect();
     found.into_iter().flatten().collect()
 }
 
-/// The unique best inverse depth of a pixel of the sweep's image with its mean ZNCC, or `None` where there is none.
-pub(super) fn sweep(
-    reference: &GreyView,
-    neighbours: &[Neighbour<'_>],
-    x: usize,
-    y: usize,
-    config: &DepthConfig,
-    check_back: bool,
-) -> Option<(f32, f32)> {
+/// The unique best inverse depth of a pixel of the sweep's image that leads back to it, or `None` where there is none.
+pub(super) fn sweep(reference: &GreyView, neighbours: &[Neighbour<'_>], x: usize, y: usize, config: &DepthConfig) -> Option<f32> {
     let patch = Patch::new(&reference.coarse, x, y, RADIUS)?;
     let camera = &reference.coarse_camera;
     let (u, v) = (x as f32 + 0.5, y as f32 + 0.5);
@@ -89,8 +80,7 @@ pub(super) fn sweep(
     if zncc < config.min_zncc || 1.0 - zncc > UNIQUENESS * (1.0 - rival) {
         return None;
     }
-    let back = !check_back || leads_back(reference, neighbours, u, v, inverse_depth, config);
-    back.then_some((inverse_depth, zncc))
+    leads_back(reference, neighbours, u, v, inverse_depth, config).then_some(inverse_depth)
 }
 
 /// Smallest inverse depth and step of the sweep, 1/m.

@@ -192,6 +192,6 @@ fn rendered_anchors(rendered: &Layer, least_coverage: f32) -> Vec<SparseDepth> {
     let (w, h) = (inverse_depth.width(), inverse_depth.height());
     let grid = (0..h).step_by(RENDERED_ANCHOR_STRIDE).flat_map(|y| (0..w).step_by(RENDERED_ANCHOR_STRIDE).map(move |x| (x, y)));
     grid.filter(|&at| 1.0 - rendered.transmittance[at] >= least_coverage)
-        .map(|(x, y)| SparseDepth { x, y, inverse_depth: inverse_depth[(x, y)], zncc: 0.0 })
+        .map(|(x, y)| SparseDepth { x, y, inverse_depth: inverse_depth[(x, y)] })
         .collect()
 }

@@ -19,6 +19,10 @@ pub struct SlabResponse {
 pub fn half_space(eta: Complex, cos_incidence: f64) -> (Complex, Complex) {
     let c = Complex::real(cos_incidence);
     let s = root(eta, cos_incidence);
+    if (c + s).norm_squared() == 0.0 {
+        // η = 1 at grazing incidence: air to air reflects nothing, at any angle.
+        return (Complex::ZERO, Complex::ZERO);
+    }
     ((c - s) / (c + s), (eta * c - s) / (eta * c + s))
 }
 
