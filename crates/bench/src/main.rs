@@ -29,7 +29,7 @@ fn main() -> ExitCode {
             ExitCode::from(interrupt::EXIT_CODE)
         }
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", message(&error));
             ExitCode::from(2)
         }
     }
@@ -41,4 +41,17 @@ fn run(arguments: Arguments) -> anyhow::Result<Verdict> {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }
     arguments.command.run(arguments.json)
+}
+
+/// The error with its causes, each said once: some errors quote theirs.
+fn message(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
 }
