@@ -109,7 +109,7 @@ pub fn markdown(rows: &[Row<'_>]) -> String {
     for row in rows {
         let _ = write!(out, "| {}{} |", row.label, if row.failed.is_empty() { "" } else { " (failed cells)" });
         short_columns().for_each(|c| out.push_str(&format!(" {} |", text(row.metric(c), c.digits, "±"))));
-        let difference = row.difference(&rows[0]);
+        let difference = if row.label == rows[0].label { None } else { row.difference(&rows[0]) };
         let bold = difference.is_some_and(|d| d.excludes_zero());
         let mark = if bold { "**" } else { "" };
         let _ = write!(out, " {mark}{}{mark} |", text(difference, 2, "±"));

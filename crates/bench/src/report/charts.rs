@@ -49,7 +49,7 @@ fn chart(title: &str, x: &str, y: &str, lines: &[Line<'_>], from_zero: bool) -> 
         y_range.0 = 0.0;
     }
     // Head room for the legend, a share of the height for each line of it.
-    y_range.1 += 0.075 * (lines.len() as f64) * (y_range.1 - y_range.0);
+    y_range.1 += 0.095 * (lines.len() as f64) * (y_range.1 - y_range.0);
     let mut svg = String::new();
     {
         let root = SVGBackend::with_string(&mut svg, (640, 380)).into_drawing_area();
