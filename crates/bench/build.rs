@@ -1,6 +1,5 @@
-//! Records which source the binary was built from: the commit, whether the tree was changed, and the hash of Cargo.lock.
+//! Records which source the binary was built from: the commit, and whether the tree was changed.
 
-use std::path::Path;
 use std::process::Command;
 
 fn git(arguments: &[&str]) -> Option<String> {
@@ -13,11 +12,8 @@ fn main() {
     let dirty = git(&["status", "--porcelain", "--untracked-files=no"]).is_some_and(|s| !s.is_empty());
     println!("cargo::rustc-env=CORF_COMMIT={commit}");
     println!("cargo::rustc-env=CORF_DIRTY={dirty}");
-    let lock = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../Cargo.lock");
-    println!("cargo::rustc-env=CORF_LOCKFILE={}", lock.display());
     if let Some(head) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
         println!("cargo::rerun-if-changed={head}");
     }
     println!("cargo::rerun-if-changed=src");
-    println!("cargo::rerun-if-changed=../../Cargo.lock");
 }

@@ -132,9 +132,8 @@ impl<'a> Camera<'a> {
         let (mut sum, mut n) = (0.0_f64, 0usize);
         for pose in poses.iter().step_by((poses.len() / METERED_POSES).max(1)) {
             let frame = self.tracer.render(&small, &pose.world_from_camera, &settings, frame_key(pose));
-            for [r, g, b] in frame.radiance.pixels() {
-                let luminance: f32 = 0.2126 * r + 0.7152 * g + 0.0722 * b;
-                sum += f64::from(luminance.max(1e-4).ln());
+            for &rgb in frame.radiance.pixels() {
+                sum += f64::from(light::luminance(rgb.into()).max(1e-4).ln());
                 n += 1;
             }
         }

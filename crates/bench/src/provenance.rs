@@ -22,7 +22,7 @@ pub struct Provenance {
 }
 
 /// The lock file this binary was built with.
-const LOCKFILE: &[u8] = include_bytes!(env!("CORF_LOCKFILE"));
+const LOCKFILE: &[u8] = include_bytes!("../../../Cargo.lock");
 
 impl Provenance {
     /// Of this binary on this machine.

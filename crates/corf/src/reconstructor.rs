@@ -222,19 +222,9 @@ impl Reconstructor {
         self.device.len()
     }
 
-    /// The configuration in force.
-    pub fn config(&self) -> &ReconstructionConfig {
-        &self.config
-    }
-
     /// Cameras, target and dB range.
     pub fn meta(&self) -> &FieldMeta {
         &self.meta
-    }
-
-    /// For records: the device's name.
-    pub fn device_name(&self) -> String {
-        self.device.name()
     }
 
     fn report(&self, index: usize) -> KeyframeReport {

@@ -205,7 +205,7 @@ fn main() -> Result<()> {
     let range = DbRange { min_db: max_db - o.range_db.unwrap_or(config.rf.dynamic_range_db), max_db };
     let mut images = Vec::new();
     for (pose, _, image) in &frames {
-        images.push(spectrum::jet_image(image, &range));
+        images.push(range.jet_image(image));
         io::write_png(o.out.join(format!("{:05}.png", pose.index + 1)), &images[images.len() - 1])?;
     }
     io::write_png(o.out.join("sheet.png"), &contact_sheet(&images))?;

@@ -1,6 +1,6 @@
 //! The keyframe `K_t = {I_t, S_t, P_t}`: all that passes from the world to a reconstruction.
 
-use crate::{Raster, Rigid3};
+use crate::{Raster, Rigid3, color};
 use serde::{Deserialize, Serialize};
 
 /// One keyframe: an image, an angular power spectrum and the pose they share.
@@ -41,6 +41,11 @@ impl DbRange {
             return 0.0;
         }
         ((10.0 * f64::from(linear).log10() - self.min_db) / (self.max_db - self.min_db)).clamp(0.0, 1.0) as f32
+    }
+
+    /// A linear spectrum as the 8-bit Jet image in which it is published.
+    pub fn jet_image(&self, spectrum: &Raster<f32>) -> Raster<[u8; 3]> {
+        spectrum.map(|&linear| color::jet(self.scalar(linear)).map(color::quantize8))
     }
 
     /// Level in dB of a scalar.

@@ -9,14 +9,7 @@ pub const PSNR_OF_EQUAL_DB: f64 = 100.0;
 
 /// Peak signal-to-noise ratio of two 8-bit images over all pixels and channels, dB, at most [`PSNR_OF_EQUAL_DB`].
 pub fn psnr<const C: usize>(a: &Raster<[u8; C]>, b: &Raster<[u8; C]>) -> f64 {
-    let squared: f64 = a
-        .pixels()
-        .iter()
-        .zip(b.pixels())
-        .flat_map(|(p, q)| (0..C).map(move |c| (f64::from(p[c]) - f64::from(q[c])).powi(2)))
-        .sum();
-    let mse = squared / (a.pixels().len() * C) as f64;
-    (10.0 * (255.0_f64 * 255.0 / mse).log10()).min(PSNR_OF_EQUAL_DB)
+    corf::loss::psnr_8bit(&unit(a), &unit(b)).min(PSNR_OF_EQUAL_DB)
 }
 
 /// Structural similarity: 11×11 Gaussian window, σ = 1.5, zero padding, per channel, mean over channels and pixels (the 3DGS definition).

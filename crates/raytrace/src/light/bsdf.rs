@@ -9,6 +9,7 @@
 //! where `E` is the specular lobe's directional albedo and `Ē` its cosine-weighted mean. Appendix B's own mix, `(1 − F(v·h))·c_diff/π`,
 //! reflects more than it receives at grazing angles (up to 1.9×) and would make light.
 
+use super::luminance;
 use glam::{Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, TAU};
 use std::sync::OnceLock;
@@ -43,10 +44,6 @@ pub(super) struct BsdfSample {
     pub weight: Vec3,
     /// Per steradian.
     pub pdf: f32,
-}
-
-fn luminance(c: Vec3) -> f32 {
-    c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
 impl Bsdf {

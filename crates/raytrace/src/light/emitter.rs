@@ -4,6 +4,7 @@
 //! ÷ distance², times an estimate of how much of the emitter the cell sees. A shading point draws one emitter from its cell's
 //! distribution (O(log n), stratified in the random number) and the density of any choice is known exactly, as MIS needs.
 
+use super::luminance;
 use super::surface::{Cover, emission, offset};
 use super::texture::{Encoding, mean};
 use crate::bvh::{Bvh, Hit, Ray};
@@ -79,10 +80,6 @@ pub(super) struct Emitters {
 
 /// Intervals of a cell's guide: with the end, one cache line.
 const BUCKETS: usize = 15;
-
-fn luminance(c: Vec3) -> f32 {
-    c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
-}
 
 impl Emitters {
     /// Gathers the emitters and fills the cells.

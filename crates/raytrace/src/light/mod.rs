@@ -241,6 +241,6 @@ impl<'a> LightTracer<'a> {
 const MIN_ALBEDO: f32 = 0.01;
 
 /// Luminance of linear sRGB (Rec. 709 weights).
-fn luminance(c: Vec3) -> f32 {
+pub fn luminance(c: Vec3) -> f32 {
     c.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }

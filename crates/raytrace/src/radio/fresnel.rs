@@ -96,7 +96,7 @@ mod tests {
         for (eps_r, sigma, expected) in
             [(5.24, 1.13635, 0.393), (6.31, 0.86688, 0.431), (1.99, 0.37837, 0.171), (1.0, 1e7, 0.999)]
         {
-            let eps_im = sigma / (std::f64::consts::TAU * FREQUENCY_HZ * super::super::materials::VACUUM_PERMITTIVITY);
+            let eps_im = sigma / (std::f64::consts::TAU * FREQUENCY_HZ * corf_scene::itu::VACUUM_PERMITTIVITY_F_PER_M);
             let (te, tm) = half_space(Complex::new(eps_r, -eps_im), 1.0);
             assert!((te.norm() - expected).abs() < 6e-4 && (te + tm).norm() < 1e-12, "{eps_r} {}", te.norm());
         }

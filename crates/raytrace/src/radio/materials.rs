@@ -4,9 +4,6 @@ use super::{Complex, SPEED_OF_LIGHT};
 use corf_scene::model::{RadioMaterial, Scattering};
 use corf_scene::{Error, Result};
 
-/// Vacuum permittivity, F/m (CODATA 2018).
-pub const VACUUM_PERMITTIVITY: f64 = 8.854_187_812_8e-12;
-
 /// A material at one frequency: a uniform dielectric slab.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slab {

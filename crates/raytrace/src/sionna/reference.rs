@@ -356,7 +356,7 @@ pub(super) fn build_scene(
                 ));
             }
         };
-        let omega_eps0 = std::f64::consts::TAU * frequency_hz * crate::radio::materials::VACUUM_PERMITTIVITY;
+        let omega_eps0 = std::f64::consts::TAU * frequency_hz * corf_scene::itu::VACUUM_PERMITTIVITY_F_PER_M;
         let radio = RadioMaterial {
             id: id.clone(),
             permittivity: Permittivity::Constant {

@@ -10,8 +10,7 @@ pub use bartlett::{Bartlett, RearHalfSpace};
 pub use mpc::mpc;
 
 use crate::radio::Arrival;
-use corf_scene::keyframe::DbRange;
-use corf_scene::{Pinhole, Raster, Rigid3, color};
+use corf_scene::{Pinhole, Rigid3};
 
 /// The share of the arriving power whose direction falls inside the camera's frame, in `[0, 1]`; 0 without any power.
 pub fn share_in_frame(arrivals: &[Arrival], camera: &Pinhole, world_from_camera: &Rigid3) -> f64 {
@@ -25,11 +24,6 @@ pub fn share_in_frame(arrivals: &[Arrival], camera: &Pinhole, world_from_camera:
         }
     }
     if total > 0.0 { inside / total } else { 0.0 }
-}
-
-/// A spectrum as the 8-bit Jet image in which it is published.
-pub fn jet_image(spectrum: &Raster<f32>, range: &DbRange) -> Raster<[u8; 3]> {
-    spectrum.map(|&linear| color::jet(range.scalar(linear)).map(color::quantize8))
 }
 
 /// The direction of every pixel's centre, camera frame, row-major.

@@ -1,6 +1,6 @@
 //! Replays the rules of the tools that read a dataset, and its own.
 
-use super::{Dataset, layout, writer};
+use super::{Dataset, layout};
 use crate::finding::Finding;
 use crate::{Error, Pinhole, Result, Rigid3, io};
 use glam::{DMat3, DQuat, DVec3};
@@ -108,7 +108,7 @@ fn check_keyframe(dataset: &Dataset, index: usize) -> Vec<Finding> {
     }
     match io::read_png(dataset.dir().join(layout::rf_image(index))) {
         Err(e) => return findings.into_iter().chain([of_error(e)]).collect(),
-        Ok(image) if image != writer::jet_image(&keyframe.spectrum, &range) => {
+        Ok(image) if image != range.jet_image(&keyframe.spectrum) => {
             fail(layout::rf_image(index), "is not the Jet image of the spectrum", "generate the dataset again");
         }
         Ok(_) => {}

@@ -1,11 +1,11 @@
 //! Writing a dataset keyframe by keyframe, so that an interrupted run can go on where it stopped.
 
-use super::export::{self, ColoredPoint, Modality};
+use super::export::{self, Modality};
 use super::header::{Conventions, DATASET_SCHEMA, DatasetFile, DatasetHeader, FileRecord, SplitLists};
 use super::header::{from_json, generator, to_json, trajectory_json};
 use super::layout;
 use crate::keyframe::DbRange;
-use crate::{Error, Raster, Result, color, io};
+use crate::{Error, Raster, Result, io};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -51,7 +51,6 @@ struct Partial {
 pub struct DatasetWriter {
     dir: PathBuf,
     header: DatasetHeader,
-    points: Option<Vec<ColoredPoint>>,
     finished: bool,
 }
 
@@ -69,7 +68,7 @@ impl DatasetWriter {
         std::fs::create_dir_all(dir).map_err(Error::io("create", dir))?;
         let mut entries = std::fs::read_dir(dir).map_err(Error::io("read", dir))?;
         let occupied = entries.next().transpose().map_err(Error::io("read", dir))?.is_some();
-        let mut writer = Self { dir: dir.to_path_buf(), header: header.clone(), points: None, finished: false };
+        let mut writer = Self { dir: dir.to_path_buf(), header: header.clone(), finished: false };
         if occupied && !resume {
             return Err(Error::invalid(
                 dir.display().to_string(),
@@ -143,11 +142,6 @@ impl DatasetWriter {
 
     fn present(&self, record: &FrameRecord) -> bool {
         record.files.iter().all(|(path, f)| std::fs::metadata(self.dir.join(path)).is_ok_and(|m| m.len() == f.bytes))
-    }
-
-    /// Points to seed other tools with; without them they are sampled from the training keyframes' depth.
-    pub fn set_points(&mut self, points: Vec<ColoredPoint>) {
-        self.points = Some(points);
     }
 
     /// Writes keyframe `index`. It counts only once all its files are there.
@@ -263,16 +257,13 @@ impl DatasetWriter {
         };
         let rf_images: Vec<Raster<[u8; 3]>> = (0..self.len())
             .into_par_iter()
-            .map(|i| Ok(jet_image(&io::read_exr_f32(self.dir.join(layout::spectrum(i)))?, &db_range)))
+            .map(|i| Ok(db_range.jet_image(&io::read_exr_f32(self.dir.join(layout::spectrum(i)))?)))
             .collect::<Result<_>>()?;
         for (i, image) in rf_images.iter().enumerate() {
             put(layout::rf_image(i), &io::encode_png(image)?)?;
         }
         let split = SplitLists::of(&self.header.split, self.len());
-        let points = match &self.points {
-            Some(points) => [points.clone(), points.clone()],
-            None => export::sample_points(&self.dir, &self.header, &split.train, &rf_images)?,
-        };
+        let points = export::sample_points(&self.dir, &self.header, &split.train, &rf_images)?;
         let modalities = [
             (Modality { root: "optical", camera: self.header.optical_camera }, &points[0]),
             (Modality { root: "rf", camera: self.header.rf_camera }, &points[1]),
@@ -310,11 +301,6 @@ impl DatasetWriter {
         }
         Ok(())
     }
-}
-
-/// The published view of a spectrum: one dB range, Jet, 8 bit.
-pub(super) fn jet_image(spectrum: &Raster<f32>, range: &DbRange) -> Raster<[u8; 3]> {
-    spectrum.map(|s| color::jet(range.scalar(*s)).map(color::quantize8))
 }
 
 /// Every value finite and at least 0.

@@ -195,7 +195,7 @@ impl MaterialSpec {
     /// Conductivity at 60 GHz of a loss tangent: σ = ε_r tanδ ωε₀, S/m.
     pub fn conductivity_s_per_m(relative_permittivity: f64, loss_tangent: f64) -> f64 {
         /// ωε₀ at 60 GHz, S/m.
-        const OMEGA_EPSILON_0: f64 = std::f64::consts::TAU * 60e9 * 8.854_187_812_8e-12;
+        const OMEGA_EPSILON_0: f64 = std::f64::consts::TAU * 60e9 * crate::itu::VACUUM_PERMITTIVITY_F_PER_M;
         // Four digits: more would claim a knowledge nobody has.
         (relative_permittivity * loss_tangent * OMEGA_EPSILON_0 * 1e4).round() / 1e4
     }
