@@ -226,7 +226,7 @@ impl<'a> RadioSensor<'a> {
     fn hear(&self, world_from_camera: &Rigid3) -> Result<(Raster<f32>, Option<String>)> {
         let rx = world_from_camera.translation;
         let paths = self.transmitter.paths(rx)?;
-        let mut arrivals: Vec<Arrival> = paths.iter().map(Arrival::from).collect();
+        let mut arrivals: Vec<Arrival> = paths.iter().map(|p| Arrival::from_path(p, self.frequency_hz)).collect();
         if let Some(diffuse) = &self.diffuse {
             arrivals.extend(diffuse.gather_for_view(&self.intrinsics, world_from_camera)?);
         }

@@ -163,7 +163,7 @@ fn main() -> Result<()> {
         let clock = Instant::now();
         let paths = transmitter.paths(rx)?;
         paths_s += clock.elapsed().as_secs_f64();
-        let specular: Vec<Arrival> = paths.iter().map(Arrival::from).collect();
+        let specular: Vec<Arrival> = paths.iter().map(|p| Arrival::from_path(p, 60e9)).collect();
         let clock = Instant::now();
         let scattered = field.gather_for_view(&camera, &pose.world_from_camera)?;
         diffuse_s += clock.elapsed().as_secs_f64();

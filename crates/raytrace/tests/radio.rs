@@ -350,7 +350,8 @@ fn lobby_mini_is_converged_with_its_own_settings() {
     let poses = trajectory::generate_between(scene_config.trajectory.as_ref().unwrap(), config.keyframes, config.way).unwrap();
     for index in [4, 20, 36] {
         let pose = &poses[index].world_from_camera;
-        let specular: Vec<Arrival> = transmitter.paths(pose.translation).unwrap().iter().map(Arrival::from).collect();
+        let specular: Vec<Arrival> =
+            transmitter.paths(pose.translation).unwrap().iter().map(|p| Arrival::from_path(p, 60e9)).collect();
         let [a, b] = fields.each_ref().map(|field| {
             let mut arrivals = specular.clone();
             arrivals.extend(field.gather_for_view(&camera, pose).unwrap());
@@ -370,7 +371,8 @@ fn two_samplings_of_the_diffuse_field_give_the_same_spectrum() {
     let camera = Pinhole::from_horizontal_fov(96, 64, 90.0);
     let pose = Rigid3::looking_at(DVec3::new(5.3, 3.1, 1.6), DVec3::new(2.0, 2.0, 1.2), DVec3::Z);
     let transmitter = tracer.transmitter(tx).unwrap();
-    let specular: Vec<Arrival> = transmitter.paths(pose.translation).unwrap().iter().map(Arrival::from).collect();
+    let specular: Vec<Arrival> =
+        transmitter.paths(pose.translation).unwrap().iter().map(|p| Arrival::from_path(p, 60e9)).collect();
     let spectrum = |phase: u64| {
         let field = DiffuseField::new(&tracer, tx, &DiffuseSettings { phase, ..DiffuseSettings::default() }).unwrap();
         let mut arrivals = specular.clone();

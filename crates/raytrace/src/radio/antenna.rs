@@ -30,7 +30,7 @@ pub fn amplitude(pattern: AntennaPattern, local: DVec3) -> f64 {
 pub struct Antenna {
     /// Element pattern.
     pub pattern: AntennaPattern,
-    /// Along θ̂ or φ̂ of the antenna's own frame.
+    /// In the antenna's own frame.
     pub polarization: Polarization,
     /// Rotation; identity has boresight along world +x and z up.
     pub world_from_antenna: DMat3,
@@ -43,15 +43,30 @@ impl Default for Antenna {
 }
 
 impl Antenna {
-    /// The real field vector C(u) (world frame, perpendicular to `direction`) radiated towards the unit `direction`,
-    /// which is as well what the antenna picks up from there.
-    pub fn field(&self, direction: DVec3) -> DVec3 {
+    /// The real field vector C(u) (world frame, perpendicular to `direction`) that a port radiates towards the unit `direction`,
+    /// which is as well what it picks up from there.
+    pub fn port_field(&self, port: usize, direction: DVec3) -> DVec3 {
         let local = self.world_from_antenna.transpose() * direction;
         let axis = match self.polarization {
+            // Exact, where the cosine of a right angle is not.
             Polarization::V => theta_hat(local),
             Polarization::H => phi_hat(local),
+            _ => {
+                let (sin, cos) = self.polarization.slants_rad()[port].sin_cos();
+                theta_hat(local) * cos + phi_hat(local) * sin
+            }
         };
         self.world_from_antenna * (axis * amplitude(self.pattern, local))
+    }
+
+    /// [`Antenna::port_field`] of the first port.
+    pub fn field(&self, direction: DVec3) -> DVec3 {
+        self.port_field(0, direction)
+    }
+
+    /// Number of ports.
+    pub fn ports(&self) -> usize {
+        self.polarization.slants_rad().len()
     }
 }
 

@@ -133,11 +133,15 @@ pub struct Arrival {
     pub delay_s: f64,
     /// The scene object of the last interaction; `u32::MAX` for the line of sight.
     pub object: u32,
+    /// The phase of the coefficient, propagation included, radians; `None` for power scattered without a definite phase.
+    pub phase_rad: Option<f64>,
 }
 
-impl From<&Path> for Arrival {
-    fn from(path: &Path) -> Self {
+impl Arrival {
+    /// A path as the first ports of both antennas see it.
+    pub fn from_path(path: &Path, frequency_hz: f64) -> Self {
         let object = path.interactions.last().map_or(u32::MAX, |i| i.object);
-        Self { direction: path.arrival, power: path.power(), delay_s: path.delay_s, object }
+        let phase_rad = path.a.im.atan2(path.a.re) - std::f64::consts::TAU * (frequency_hz * path.delay_s).fract();
+        Self { direction: path.arrival, power: path.power(), delay_s: path.delay_s, object, phase_rad: Some(phase_rad) }
     }
 }

@@ -1,6 +1,6 @@
 //! Line-of-sight, specular and straight-through paths by the exact image method in f64.
 
-use super::antenna::Angles;
+use super::antenna::{Angles, Antenna, phi_hat, theta_hat};
 use super::chains::{self, Chain};
 use super::field::{self, Field};
 use super::fresnel::{self, SlabResponse};
@@ -63,8 +63,11 @@ pub struct Path {
     pub length_m: f64,
     /// Delay, seconds.
     pub delay_s: f64,
-    /// Passband coefficient λ/(4πL) × polarisation × Fresnel, without the propagation phase e^{−j2πfτ}.
+    /// Passband coefficient between the first ports of the two antennas, without the propagation phase e^{−j2πfτ}.
     pub a: Complex,
+    /// The channel itself, antennas aside: `transfer[i][j]` takes the field component j (0 θ̂, 1 φ̂ of the departure, world frame) of the
+    /// transmitter to component i (θ̂, φ̂ of the arrival) at the receiver: λ/(4πL) × Fresnel, without the propagation phase.
+    pub transfer: [[Complex; 2]; 2],
     /// Unit direction from the receiver towards the last interaction, world frame.
     pub arrival: DVec3,
     /// Unit direction along which the path leaves the transmitter, world frame.
@@ -77,9 +80,20 @@ impl Path {
         self.interactions.iter().map(|i| i.kind.letter()).collect()
     }
 
-    /// |a|², linear, relative to 1 W transmitted.
+    /// |a|², linear, relative to 1 W transmitted; the first ports' when an antenna has two.
     pub fn power(&self) -> f64 {
         self.a.norm_squared()
+    }
+
+    /// The coefficient between a port of one antenna and a port of another, without the propagation phase: C_RXᵀ·transfer·C_TX.
+    pub fn coefficient(&self, tx: &Antenna, tx_port: usize, rx: &Antenna, rx_port: usize) -> Complex {
+        let components = |antenna: &Antenna, port: usize, direction: DVec3| {
+            let c = antenna.port_field(port, direction);
+            [c.dot(theta_hat(direction)), c.dot(phi_hat(direction))]
+        };
+        let (t, r) = (components(tx, tx_port, self.departure), components(rx, rx_port, self.arrival));
+        let row = |i: usize| (self.transfer[i][0] * t[0] + self.transfer[i][1] * t[1]) * r[i];
+        row(0) + row(1)
     }
 
     /// Angle of arrival: from the receiver towards the last interaction.
@@ -267,7 +281,7 @@ impl RadioTracer<'_> {
         let first = corners.first().copied().unwrap_or(rx);
         let departure = (first - tx).normalize();
         let mut direction = departure;
-        let mut e = Field::real(self.settings.tx_antenna.field(departure));
+        let mut e = [Field::real(theta_hat(departure)), Field::real(phi_hat(departure))];
         for i in 0..=faces.len() {
             let to = corners.get(i).copied().unwrap_or(rx);
             let leg_m = from.distance(to);
@@ -278,14 +292,15 @@ impl RadioTracer<'_> {
             for crossing in &crossed[i] {
                 let face = &self.geometry.faces[crossing.face as usize];
                 let response = self.response(crossing.face, direction);
-                e = field::transmit(&e, direction, face.normal, &response);
+                e = e.map(|e| field::transmit(&e, direction, face.normal, &response));
                 let vertex = from + direction * crossing.distance_m;
                 interactions.push(Interaction { kind: InteractionKind::Refraction, object: face.object, vertex });
             }
             if let Some(&index) = faces.get(i) {
                 let face = &self.geometry.faces[index as usize];
                 let amplitude = self.geometry.slab(index).specular_amplitude();
-                e = field::reflect(&e, direction, face.normal, &self.response(index, direction), amplitude);
+                let response = self.response(index, direction);
+                e = e.map(|e| field::reflect(&e, direction, face.normal, &response, amplitude));
                 direction = field::mirrored(direction, face.normal);
                 interactions.push(Interaction { kind: InteractionKind::Specular, object: face.object, vertex: to });
             }
@@ -294,12 +309,12 @@ impl RadioTracer<'_> {
         }
         let last = corners.last().copied().unwrap_or(tx);
         let arrival = (last - rx).normalize();
-        let received = e.along(self.settings.rx_antenna.field(arrival));
         // a = λ/(4πL)·C_RX·E
-        let a = received * (self.settings.wavelength_m() / (4.0 * std::f64::consts::PI * length_m));
-        if a.norm_squared() < 10f64.powf(self.settings.min_gain_db / 10.0) {
-            return None;
-        }
-        Some(Path { interactions, length_m, delay_s: length_m / SPEED_OF_LIGHT, a, arrival, departure })
+        let spreading = self.settings.wavelength_m() / (4.0 * std::f64::consts::PI * length_m);
+        let transfer = [theta_hat(arrival), phi_hat(arrival)].map(|axis| e.map(|e| e.along(axis) * spreading));
+        let mut path =
+            Path { interactions, length_m, delay_s: length_m / SPEED_OF_LIGHT, a: Complex::ZERO, transfer, arrival, departure };
+        path.a = path.coefficient(&self.settings.tx_antenna, 0, &self.settings.rx_antenna, 0);
+        (path.power() >= 10f64.powf(self.settings.min_gain_db / 10.0)).then_some(path)
     }
 }

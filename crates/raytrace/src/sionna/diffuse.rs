@@ -92,12 +92,13 @@ fn compare(
         require(&mut c, &format!("D from {name}, Monte Carlo"), found, expected.sionna.mean, allowed);
     }
     // The map holds what the library found: everything but DS.
-    let mut arrivals: Vec<Arrival> = paths.iter().map(Arrival::from).collect();
+    let mut arrivals: Vec<Arrival> = paths.iter().map(|p| Arrival::from_path(p, reference.frequency_hz)).collect();
     arrivals.extend(contributions.iter().filter(|(_, c)| c.after == 0).map(|(direction, c)| Arrival {
         direction: *direction,
         power: c.power,
         delay_s: c.delay_s,
         object: c.object,
+        phase_rad: None,
     }));
     compare_map(&mut c, reference, result, &arrivals);
     Ok(c)

@@ -120,7 +120,7 @@ mod tests {
             .map(|i| {
                 let mut rng = corf_scene::Rng::keyed(11, 0, i);
                 let direction = DVec3::new(rng.normal(), rng.normal(), rng.normal()).normalize();
-                Arrival { direction, power: 10f64.powf(-6.0 - 4.0 * rng.uniform_f64()), delay_s: 0.0, object: 0 }
+                Arrival { direction, power: 10f64.powf(-6.0 - 4.0 * rng.uniform_f64()), delay_s: 0.0, object: 0, phase_rad: None }
             })
             .collect()
     }
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn one_path_gives_its_power_a_known_beam_width_and_nothing_behind() {
-        let at = |direction| Arrival { direction, power: 2e-9, delay_s: 0.0, object: 0 };
+        let at = |direction| Arrival { direction, power: 2e-9, delay_s: 0.0, object: 0, phase_rad: None };
         let bartlett = Bartlett::new(&[at(DVec3::X)], PlanarArray::default(), DMat3::IDENTITY, RearHalfSpace::Gated);
         assert!((bartlett.power(DVec3::X) / 2e-9 - 1.0).abs() < 1e-12);
         // Eight half-wavelength elements: half power 6.40° off boresight (12.8° across).
@@ -165,7 +165,7 @@ mod tests {
         let camera = Pinhole::from_horizontal_fov(96, 64, 90.0);
         let pose = Rigid3::looking_at(DVec3::new(1.0, 2.0, 1.6), DVec3::new(4.0, 3.0, 1.5), DVec3::Z);
         let direction = DVec3::new(3.0, 2.0, 0.4).normalize();
-        let arrivals = [Arrival { direction, power: 1.0, delay_s: 0.0, object: 0 }];
+        let arrivals = [Arrival { direction, power: 1.0, delay_s: 0.0, object: 0, phase_rad: None }];
         let image = Bartlett::image(&arrivals, &camera, &pose, RearHalfSpace::Gated);
         let peak = (0..96 * 64).max_by(|&a, &b| image.pixels()[a].total_cmp(&image.pixels()[b])).unwrap();
         let seen = camera.project(pose.rotation.transpose() * direction).unwrap();

@@ -107,7 +107,7 @@ mod tests {
     const QUADRATURE_TOLERANCE: f64 = 2e-3;
 
     fn arrival(direction: DVec3, power: f64) -> Arrival {
-        Arrival { direction: direction.normalize(), power, delay_s: 0.0, object: 0 }
+        Arrival { direction: direction.normalize(), power, delay_s: 0.0, object: 0, phase_rad: None }
     }
 
     #[test]

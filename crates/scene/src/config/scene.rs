@@ -121,14 +121,34 @@ pub enum AntennaPattern {
     Tr38901,
 }
 
-/// The polarisation of an antenna in its own frame.
+/// The polarisation of an antenna element: one port, or two that share a place.
+///
+/// A port of slant ζ radiates F_θ = √G·cosζ, F_φ = √G·sinζ of the element's gain G (3GPP TR 38.901 §7.3.2, model 2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Polarization {
-    /// Along θ̂.
+    /// One port along θ̂.
     #[default]
     V,
-    /// Along φ̂.
+    /// One port along φ̂.
     H,
+    /// Two ports, along θ̂ and along φ̂.
+    VH,
+    /// Two ports, slanted by −45° and +45°.
+    #[serde(rename = "cross")]
+    Cross,
+}
+
+impl Polarization {
+    /// The slant angle of every port from θ̂ towards φ̂, radians.
+    pub fn slants_rad(self) -> &'static [f64] {
+        use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+        match self {
+            Self::V => &[0.0],
+            Self::H => &[FRAC_PI_2],
+            Self::VH => &[0.0, FRAC_PI_2],
+            Self::Cross => &[-FRAC_PI_4, FRAC_PI_4],
+        }
+    }
 }
 
 /// Intrinsic yaw, pitch, roll, degrees: `world_from_array = R_z(yaw)·R_y(pitch)·R_x(roll)`, so a positive pitch lowers the boresight.

@@ -196,7 +196,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
                         weighted_delay += c.power * c.delay_s;
                     });
                     if let Some(object) = seen.filter(|_| power > 0.0) {
-                        arrivals.push(Arrival { direction, power, delay_s: weighted_delay / power, object });
+                        arrivals.push(Arrival { direction, power, delay_s: weighted_delay / power, object, phase_rad: None });
                     }
                 }
                 arrivals
