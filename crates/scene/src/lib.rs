@@ -9,6 +9,7 @@ pub mod color;
 pub mod config;
 pub mod dataset;
 mod error;
+pub mod export;
 pub mod finding;
 pub mod import;
 pub mod info;

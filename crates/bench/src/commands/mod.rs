@@ -29,7 +29,7 @@ pub enum Verdict {
 pub enum Command {
     /// The small lobby end to end: keyframes, all ablations, table and report (a couple of minutes on 2 cores).
     Demo(crate::demo::Demo),
-    /// Build, describe or check a scene.
+    /// Build, describe, check or export a scene.
     #[command(subcommand)]
     Scene(scene::Scene),
     /// Generate or check a keyframe dataset.

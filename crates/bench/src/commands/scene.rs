@@ -1,9 +1,10 @@
-//! `corf scene`: build the lobby, describe and check scenes.
+//! `corf scene`: build the lobby, describe, check and export scenes.
 
 use super::{Verdict, show};
 use anyhow::Result;
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 use corf_scene::config::SceneConfig;
+use corf_scene::export::sionna;
 use corf_scene::info::{SceneInfo, validate_scene};
 use corf_scene::{Finding, Scene as Model, Severity, import, lobby};
 use std::path::{Path, PathBuf};
@@ -11,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Frequency a mesh file without a scene file is checked at, Hz.
 const DEFAULT_FREQUENCY_HZ: f64 = 60e9;
 
-/// Build, describe or check a scene.
+/// Build, describe, check or export a scene.
 #[derive(Subcommand)]
 pub enum Scene {
     /// Build a scene in code.
@@ -21,6 +22,31 @@ pub enum Scene {
     Info(File),
     /// Check a scene; exit 1 when something in it cannot be traced.
     Validate(File),
+    /// Write a scene for another simulator.
+    Export(Export),
+}
+
+/// `corf scene export`.
+#[derive(Args)]
+pub struct Export {
+    /// Scene file (.toml).
+    file: PathBuf,
+    /// Whose format.
+    #[arg(long, value_enum)]
+    to: Format,
+    /// Folder to write into; files of the same name are replaced.
+    #[arg(long)]
+    out: PathBuf,
+    /// Evenly spaced poses of the trajectory to write beside the scene.
+    #[arg(long, default_value_t = 0)]
+    poses: usize,
+}
+
+/// Formats a scene can be written in.
+#[derive(Clone, Copy, ValueEnum)]
+enum Format {
+    /// Sionna RT: scene.xml, a PLY for every object and material, radio.json.
+    Sionna,
 }
 
 /// Scenes built in code.
@@ -90,6 +116,21 @@ impl Scene {
                 let (scene, frequency_hz, mut findings) = load(&file)?;
                 findings.extend(validate_scene(&scene, frequency_hz));
                 super::findings(json, &findings)
+            }
+            Self::Export(Export { file, to: Format::Sionna, out, poses }) => {
+                let config = SceneConfig::load(&file)?;
+                let summary = sionna::write(&config.load_scene()?, &config, poses, &out)?;
+                let text = format!(
+                    "{}: {} shapes, {} materials, {} triangles, {} vertices, {} poses",
+                    out.display(),
+                    summary.shapes,
+                    summary.materials,
+                    summary.triangles,
+                    summary.vertices,
+                    summary.poses
+                );
+                show(json, &summary, &text)?;
+                Ok(Verdict::Done)
             }
         }
     }

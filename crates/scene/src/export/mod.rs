@@ -1,0 +1,4 @@
+//! Scenes as other simulators read them.
+
+mod ply;
+pub mod sionna;
