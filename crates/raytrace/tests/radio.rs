@@ -3,7 +3,10 @@
 #![allow(clippy::unwrap_used)]
 
 use corf_raytrace::Bvh;
-use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Path, RadioSettings, RadioTracer, SPEED_OF_LIGHT, Search};
+use corf_raytrace::radio::{
+    Antenna, AntennaArray, Arrival, Complex, DiffuseField, DiffuseSettings, Path, PlanarArray, Polarization, RadioSettings,
+    RadioTracer, SPEED_OF_LIGHT, Search,
+};
 use corf_raytrace::spectrum::{mpc, share_in_frame};
 use corf_scene::config::DatasetConfig;
 use corf_scene::keyframe::DbRange;
@@ -11,7 +14,7 @@ use corf_scene::model::{
     Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
 };
 use corf_scene::{Pinhole, Raster, Rigid3, Rng, trajectory};
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 
 /// Rounding of λ/(4πL) and of mirrored coordinates in f64.
 const ROUNDING: f64 = 1e-12;
@@ -140,6 +143,48 @@ fn exchanging_transmitter_and_receiver_changes_no_path_gain() {
             })
             .unwrap_or_else(|| panic!("no twin of {}", path.types()));
         assert!((twin.a.norm() / path.a.norm() - 1.0).abs() < 1e-9, "{} {:?} {:?}", path.types(), path.a, twin.a);
+    }
+}
+
+/// Half a wavelength of aperture at 5 m: the curvature d²/(2R) a plane wave leaves out, as a phase, stays below this, radians.
+const PLANE_WAVE_PHASE_RAD: f64 = 2e-3;
+
+#[test]
+fn array_elements_see_the_phase_of_their_own_way() {
+    // Against paths traced to the elements' own positions: h_rt = a·exp(−j2π(L_rt − L)/λ).
+    let scene = room();
+    let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_depth: 1, ..settings(Search::Exhaustive) }).unwrap();
+    let wavelength_m = tracer.settings().wavelength_m();
+    let turned = |yaw: f64, pitch: f64| Antenna {
+        polarization: Polarization::VH,
+        world_from_antenna: DMat3::from_rotation_z(yaw) * DMat3::from_rotation_y(pitch),
+        ..Antenna::default()
+    };
+    let tx_array =
+        AntennaArray { element: turned(0.4, 0.2), grid: PlanarArray { rows: 1, columns: 2, spacing_wavelengths: 0.5 } };
+    let rx_array =
+        AntennaArray { element: turned(-2.0, -0.3), grid: PlanarArray { rows: 3, columns: 2, spacing_wavelengths: 0.5 } };
+    let (tx, rx) = (DVec3::new(1.0, 3.0, 2.3), DVec3::new(5.0, 1.0, 1.4));
+    let centre = tracer.paths(tx, rx).unwrap();
+    assert!(centre.len() >= 4, "{}", centre.len());
+    let place = |array: &AntennaArray, i: usize| array.element.world_from_antenna * array.grid.positions()[i] * wavelength_m;
+    for path in &centre {
+        let h = path.array_response(&tx_array, &rx_array);
+        assert_eq!(h.len(), tx_array.ports() * rx_array.ports());
+        for (r, t) in [(0, 0), (2, 1), (5, 0)] {
+            let own = tracer.paths(tx + place(&tx_array, t), rx + place(&rx_array, r)).unwrap();
+            let same = |p: &&Path| {
+                p.types() == path.types() && p.interactions.iter().zip(&path.interactions).all(|(p, q)| p.object == q.object)
+            };
+            let own = own.iter().find(same).unwrap();
+            for (rx_port, tx_port) in [(0, 0), (1, 0), (1, 1)] {
+                let a = path.coefficient(&tx_array.element, tx_port, &rx_array.element, rx_port);
+                let phase = -std::f64::consts::TAU * (own.length_m - path.length_m) / wavelength_m;
+                let expected = a * Complex::new(0.0, phase).exp();
+                let found = h[(rx_port * 6 + r) * tx_array.ports() + tx_port * 2 + t];
+                assert!((found - expected).norm() <= PLANE_WAVE_PHASE_RAD * a.norm(), "{} {found:?} {expected:?}", path.types());
+            }
+        }
     }
 }
 

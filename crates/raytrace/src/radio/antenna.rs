@@ -133,6 +133,34 @@ impl PlanarArray {
     }
 }
 
+/// An array in the world: a grid of equal elements that turns with its elements.
+///
+/// Its ports are numbered port by port of the element: `index = element_port·N + grid element`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AntennaArray {
+    /// The element; its `world_from_antenna` turns the grid as well.
+    pub element: Antenna,
+    /// Where the elements are.
+    pub grid: PlanarArray,
+}
+
+impl AntennaArray {
+    /// One element at the array's position.
+    pub fn single(element: Antenna) -> Self {
+        Self { element, grid: PlanarArray { rows: 1, columns: 1, spacing_wavelengths: 0.0 } }
+    }
+
+    /// Number of ports: the element's times the grid's elements.
+    pub fn ports(&self) -> usize {
+        self.element.ports() * self.grid.rows * self.grid.columns
+    }
+
+    /// The steering vector of the grid for a unit direction in the world frame.
+    pub fn steering(&self, direction: DVec3) -> Vec<Complex> {
+        self.grid.steering(self.element.world_from_antenna.transpose() * direction)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

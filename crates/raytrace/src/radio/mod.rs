@@ -18,7 +18,7 @@ mod planar;
 pub mod scattering;
 mod tables;
 
-pub use antenna::{Angles, Antenna, AntennaPattern, PlanarArray, Polarization};
+pub use antenna::{Angles, Antenna, AntennaArray, AntennaPattern, PlanarArray, Polarization};
 pub use complex::Complex;
 pub use diffuse::{DiffuseField, DiffuseSettings};
 pub use geometry::{Face, Geometry};

@@ -1,6 +1,6 @@
 //! Line-of-sight, specular and straight-through paths by the exact image method in f64.
 
-use super::antenna::{Angles, Antenna, phi_hat, theta_hat};
+use super::antenna::{Angles, Antenna, AntennaArray, phi_hat, theta_hat};
 use super::chains::{self, Chain};
 use super::field::{self, Field};
 use super::fresnel::{self, SlabResponse};
@@ -94,6 +94,22 @@ impl Path {
         let (t, r) = (components(tx, tx_port, self.departure), components(rx, rx_port, self.arrival));
         let row = |i: usize| (self.transfer[i][0] * t[0] + self.transfer[i][1] * t[1]) * r[i];
         row(0) + row(1)
+    }
+
+    /// The channel matrix of this path between two arrays, without the propagation phase: row r·columns + t, r a port of `rx`, t one of
+    /// `tx`, numbered as [`AntennaArray`] does. The path is a plane wave across both arrays (far field, as Sionna's synthetic arrays):
+    /// h = v_r(u_arrival)·a·v_t(u_departure), v_m(u) = exp(j2π p_m·u).
+    pub fn array_response(&self, tx: &AntennaArray, rx: &AntennaArray) -> Vec<Complex> {
+        let (steer_tx, steer_rx) = (tx.steering(self.departure), rx.steering(self.arrival));
+        let mut h = Vec::with_capacity(tx.ports() * rx.ports());
+        for rx_port in 0..rx.element.ports() {
+            let a: Vec<Complex> =
+                (0..tx.element.ports()).map(|port| self.coefficient(&tx.element, port, &rx.element, rx_port)).collect();
+            for v_r in &steer_rx {
+                h.extend(a.iter().flat_map(|a| steer_tx.iter().map(move |v_t| *v_r * *a * *v_t)));
+            }
+        }
+        h
     }
 
     /// Angle of arrival: from the receiver towards the last interaction.
