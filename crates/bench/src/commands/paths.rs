@@ -5,7 +5,7 @@ use crate::generate;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
-use corf_raytrace::radio::{RadioSettings, RadioTracer, json};
+use corf_raytrace::radio::{RadioSettings, RadioTracer, Search, json};
 use corf_scene::config::SceneConfig;
 use glam::DVec3;
 use std::path::PathBuf;
@@ -25,6 +25,9 @@ pub struct Paths {
     /// Largest number of interactions on a path.
     #[arg(long, default_value_t = 3)]
     depth: usize,
+    /// Rays that look for chains of faces where there are too many to try them all.
+    #[arg(long, default_value_t = 200_000)]
+    rays: usize,
     /// Leave out transmission through slabs.
     #[arg(long)]
     no_transmission: bool,
@@ -32,7 +35,7 @@ pub struct Paths {
 
 /// A point on the command line.
 #[derive(Clone, Copy, Debug)]
-struct Point(DVec3);
+pub(super) struct Point(pub(super) DVec3);
 
 impl FromStr for Point {
     type Err = String;
@@ -57,8 +60,12 @@ impl Paths {
         config.check_radio(&scene)?;
         let tx = self.tx.map_or(DVec3::from_array(config.transmitter.position_m), |p| p.0);
         let bvh = Bvh::build(&scene);
-        let settings =
-            RadioSettings { max_depth: self.depth, transmission: !self.no_transmission, ..generate::radio_settings(&config)? };
+        let settings = RadioSettings {
+            max_depth: self.depth,
+            transmission: !self.no_transmission,
+            search: Search::Auto { rays: self.rays },
+            ..generate::radio_settings(&config)?
+        };
         let tracer = RadioTracer::new(&scene, &bvh, settings)?;
         let paths = tracer.paths(tx, self.rx.0)?;
         print(&serde_json::to_string_pretty(&json::paths_to_json(&scene, config.radio.frequency_hz, tx, self.rx.0, &paths))?)?;
