@@ -5,6 +5,7 @@
 
 pub mod antenna;
 mod chains;
+pub mod channel;
 mod complex;
 pub mod diffuse;
 mod field;
