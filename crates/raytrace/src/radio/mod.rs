@@ -17,6 +17,7 @@ pub mod materials;
 mod paths;
 mod planar;
 pub mod scattering;
+mod solids;
 mod tables;
 
 pub use antenna::{Angles, Antenna, AntennaArray, AntennaPattern, PlanarArray, Polarization};
@@ -25,6 +26,7 @@ pub use diffuse::{DiffuseField, DiffuseSettings};
 pub use geometry::{Face, Geometry};
 pub use materials::Slab;
 pub use paths::{Interaction, InteractionKind, Path, RadioTracer, Transmitter};
+pub use solids::{Parting, Solids};
 
 use corf_scene::{Error, Result};
 use glam::DVec3;

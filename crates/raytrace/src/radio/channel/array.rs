@@ -4,43 +4,9 @@
 //! at the carrier and u the direction in which the path leaves or from which it arrives. Right where the array is small against the
 //! path's distances; it is what Sionna RT does by default.
 
-use super::super::{Antenna, Arrival, Complex, Path, PlanarArray};
+use super::super::{AntennaArray, Arrival, Complex, Path};
 use super::random_phase_rad;
-use glam::DVec3;
 use std::f64::consts::TAU;
-
-/// A planar array in the world: every element the same antenna, at the place its index gives it in the antenna's own y–z plane.
-///
-/// Ports come first: the index of an element's port is `port·elements + element`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct AntennaArray {
-    /// The element, its orientation and its ports.
-    pub antenna: Antenna,
-    /// Where the elements are.
-    pub array: PlanarArray,
-}
-
-impl AntennaArray {
-    /// One element at the centre.
-    pub fn single(antenna: Antenna) -> Self {
-        Self { antenna, array: PlanarArray { rows: 1, columns: 1, ..PlanarArray::default() } }
-    }
-
-    /// Elements times ports.
-    pub fn ports(&self) -> usize {
-        self.elements() * self.antenna.ports()
-    }
-
-    /// Elements.
-    pub fn elements(&self) -> usize {
-        self.array.rows * self.array.columns
-    }
-
-    /// v_m(u) of every element for a unit world direction.
-    pub fn steering(&self, direction: DVec3) -> Vec<Complex> {
-        self.array.steering(self.antenna.world_from_antenna.transpose() * direction)
-    }
-}
 
 /// A matrix between the ports of two arrays: one row a receive port, one column a transmit port.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,26 +36,8 @@ impl ChannelMatrix {
     }
 }
 
-/// One path between all ports, without the propagation phase e^{−j2πfτ}: C_RXᵀ·transfer·C_TX times both steering vectors.
-pub fn path_matrix(path: &Path, tx: &AntennaArray, rx: &AntennaArray) -> ChannelMatrix {
-    let mut matrix = ChannelMatrix::zero(rx, tx);
-    let (v_rx, v_tx) = (rx.steering(path.arrival), tx.steering(path.departure));
-    for rx_port in 0..rx.antenna.ports() {
-        for tx_port in 0..tx.antenna.ports() {
-            let a = path.coefficient(&tx.antenna, tx_port, &rx.antenna, rx_port);
-            for (m, v_m) in v_rx.iter().enumerate() {
-                let row = (rx_port * v_rx.len() + m) * matrix.columns + tx_port * v_tx.len();
-                for (n, v_n) in v_tx.iter().enumerate() {
-                    matrix.values[row + n] = a * *v_m * *v_n;
-                }
-            }
-        }
-    }
-    matrix
-}
-
-/// The channel matrix at `frequency_hz`, Σ_i path_matrix_i·e^{−j2πfτ_i}; the elements' places stay those of the carrier the wavelength of
-/// which `array` counts in.
+/// The channel matrix at `frequency_hz`, the sum of [`Path::array_response`]·e^{−j2πfτ} over the paths; the elements' places are in wavelengths of the
+/// carrier and stay there.
 ///
 /// Diffuse arrivals know from where they come, not to where they left, nor how their polarisation was turned: they get the receive
 /// array's steering vector and an independent phase for every transmit port and receive polarisation, their power shared equally by the
@@ -105,8 +53,7 @@ pub fn channel_matrix(
     let mut sum = ChannelMatrix::zero(rx, tx);
     for path in paths {
         let turn = Complex::new(0.0, -TAU * (frequency_hz * path.delay_s).fract()).exp();
-        let matrix = path_matrix(path, tx, rx);
-        sum.values.iter_mut().zip(&matrix.values).for_each(|(s, v)| *s = *s + *v * turn);
+        sum.values.iter_mut().zip(path.array_response(tx, rx)).for_each(|(s, v)| *s = *s + v * turn);
     }
     for (i, arrival) in diffuse.iter().enumerate() {
         add_diffuse(&mut sum, arrival, i as u64, tx, rx, frequency_hz, seed);
@@ -125,9 +72,9 @@ fn add_diffuse(
     seed: u64,
 ) {
     let v_rx = rx.steering(arrival.direction);
-    let amplitude = (arrival.power / rx.antenna.ports() as f64).sqrt();
+    let amplitude = (arrival.power / rx.element.ports() as f64).sqrt();
     let carried = -TAU * (frequency_hz * arrival.delay_s).fract();
-    for rx_port in 0..rx.antenna.ports() {
+    for rx_port in 0..rx.element.ports() {
         for column in 0..tx.ports() {
             let link = (rx_port * tx.ports() + column) as u64;
             let phase = arrival.phase_rad.unwrap_or_else(|| random_phase_rad(seed, index, link) + carried);
@@ -143,9 +90,9 @@ fn add_diffuse(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::radio::{Polarization, RadioSettings, RadioTracer, SPEED_OF_LIGHT};
+    use crate::radio::{Antenna, PlanarArray, Polarization, RadioSettings, RadioTracer, SPEED_OF_LIGHT};
     use corf_scene::Scene;
-    use glam::DMat3;
+    use glam::{DMat3, DVec3};
 
     /// Rounding of 2πfτ at 60 GHz over metres.
     const ROUNDING: f64 = 1e-9;
@@ -153,8 +100,8 @@ mod tests {
 
     fn array(rows: usize, columns: usize, yaw_deg: f64) -> AntennaArray {
         AntennaArray {
-            antenna: Antenna { world_from_antenna: DMat3::from_rotation_z(yaw_deg.to_radians()), ..Antenna::default() },
-            array: PlanarArray { rows, columns, ..PlanarArray::default() },
+            element: Antenna { world_from_antenna: DMat3::from_rotation_z(yaw_deg.to_radians()), ..Antenna::default() },
+            grid: PlanarArray { rows, columns, ..PlanarArray::default() },
         }
     }
 
@@ -172,7 +119,7 @@ mod tests {
         let h = channel_matrix(&free_space(tx_at, rx_at), &[], &tx, &rx, F, 0);
         let wavelength_m = SPEED_OF_LIGHT / F;
         let place = |a: &AntennaArray, centre: DVec3, i: usize| {
-            centre + a.antenna.world_from_antenna * a.array.positions()[i] * wavelength_m
+            centre + a.element.world_from_antenna * a.grid.positions()[i] * wavelength_m
         };
         let exact = |m: usize, n: usize| {
             let d = place(&rx, rx_at, m).distance(place(&tx, tx_at, n));
@@ -216,7 +163,7 @@ mod tests {
     fn aligned_polarisations_do_not_mix_in_free_space() {
         let dual = |yaw: f64| {
             let mut a = array(1, 1, yaw);
-            a.antenna.polarization = Polarization::VH;
+            a.element.polarization = Polarization::VH;
             a
         };
         let paths = free_space(DVec3::new(5.0, 0.0, 0.0), DVec3::ZERO);

@@ -7,7 +7,7 @@ mod array;
 mod response;
 mod statistics;
 
-pub use array::{AntennaArray, ChannelMatrix, channel_matrix, path_matrix};
+pub use array::{ChannelMatrix, channel_matrix};
 pub use response::{Subcarriers, TapFilter, frequency_response, impulse_response};
 pub use statistics::{LinkStatistics, circular_spread_deg};
 
