@@ -3,6 +3,7 @@
 mod bench;
 mod check;
 mod dataset;
+mod diffuse;
 mod evaluate;
 mod paths;
 mod reconstruct;
@@ -37,6 +38,8 @@ pub enum Command {
     Dataset(dataset::DatasetCommand),
     /// Trace the propagation paths between two points; JSON with Sionna's field names.
     Paths(paths::Paths),
+    /// Trace what surfaces scatter towards receivers, and which of them; JSON.
+    Diffuse(diffuse::Diffuse),
     /// Compare with references.
     #[command(subcommand)]
     Check(check::Check),
@@ -62,6 +65,7 @@ impl Command {
             Self::Scene(c) => c.run(json),
             Self::Dataset(c) => c.run(json),
             Self::Paths(c) => c.run(),
+            Self::Diffuse(c) => c.run(),
             Self::Check(c) => c.run(json),
             Self::Reconstruct(c) => c.run(json),
             Self::Render(c) => c.run(json),

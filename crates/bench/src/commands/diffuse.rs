@@ -1,0 +1,186 @@
+//! `corf diffuse`: what surfaces scatter towards receivers, and which of them.
+
+use super::paths::Point;
+use super::{Verdict, print};
+use crate::generate;
+use crate::progress::Progress;
+use anyhow::Result;
+use clap::Args;
+use corf_raytrace::bvh::Bvh;
+use corf_raytrace::radio::diffuse::Contribution;
+use corf_raytrace::radio::{DiffuseField, DiffuseSettings, RadioSettings, RadioTracer};
+use corf_scene::config::SceneConfig;
+use corf_scene::{Scene, io};
+use glam::DVec3;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// `corf diffuse`.
+#[derive(Args)]
+pub struct Diffuse {
+    /// Scene file (.toml).
+    scene: PathBuf,
+    /// Transmitter, world metres `x,y,z`; without it the scene's own.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    tx: Option<Point>,
+    /// Receiver, world metres `x,y,z`; any number of times.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, required = true)]
+    rx: Vec<Point>,
+    /// Largest number of interactions on a path, the scattering among them.
+    #[arg(long, default_value_t = 3)]
+    depth: usize,
+    /// Directions in which a receiver gathers.
+    #[arg(long, default_value_t = 250_000)]
+    directions: usize,
+    /// Independent samplings; two or more give a standard error.
+    #[arg(long, default_value_t = 4)]
+    replicas: u64,
+    /// Leave out specular reflection.
+    #[arg(long)]
+    no_reflection: bool,
+    /// Leave out transmission through slabs.
+    #[arg(long)]
+    no_transmission: bool,
+    /// Folder for the arrivals of the first sampling, one `NNNNN.npy` a receiver: float64 rows of direction x, y, z (world, from the
+    /// receiver), power (linear, relative to 1 W transmitted) and mean delay (s).
+    #[arg(long, value_name = "DIR")]
+    arrivals: Option<PathBuf>,
+}
+
+/// Power by the object that scattered it, and by the number of interactions behind it.
+#[derive(Clone, Default)]
+struct Sums {
+    by_object: BTreeMap<u32, f64>,
+    by_hops_after: BTreeMap<usize, f64>,
+    /// Power of paths that end with the scattering, by object.
+    ending_by_object: BTreeMap<u32, f64>,
+}
+
+impl Sums {
+    fn of(contributions: &[(DVec3, Contribution)]) -> Self {
+        let mut sums = Self::default();
+        for (_, c) in contributions {
+            *sums.by_object.entry(c.object).or_default() += c.power;
+            *sums.by_hops_after.entry(c.after).or_default() += c.power;
+            if c.after == 0 {
+                *sums.ending_by_object.entry(c.object).or_default() += c.power;
+            }
+        }
+        sums
+    }
+
+    fn total(&self) -> f64 {
+        self.by_object.values().sum()
+    }
+}
+
+/// Mean and standard error of the mean over samplings; without a second one there is no error.
+fn estimate(values: &[f64]) -> Value {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    json!({ "power": mean, "standard_error": (values.len() > 1).then(|| (variance / n).sqrt()) })
+}
+
+impl Diffuse {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A scene that cannot be read or traced, settings out of range, files that cannot be written.
+    pub fn run(self) -> Result<Verdict> {
+        let config = SceneConfig::load(&self.scene)?;
+        let scene = config.load_scene()?;
+        config.check_radio(&scene)?;
+        let tx = self.tx.map_or(config.transmitter.position(), |p| p.0);
+        let bvh = Bvh::build(&scene);
+        let settings = RadioSettings {
+            max_depth: self.depth,
+            reflection: !self.no_reflection,
+            transmission: !self.no_transmission,
+            ..generate::radio_settings(&config)?
+        };
+        let tracer = RadioTracer::new(&scene, &bvh, settings)?;
+        let replicas = self.replicas.max(1);
+        let mut sums = vec![Vec::new(); self.rx.len()];
+        let mut progress = Progress::start("diffuse", self.rx.len() * replicas as usize, "receivers/s");
+        for phase in 0..replicas {
+            let field = DiffuseField::new(
+                &tracer,
+                tx,
+                &DiffuseSettings { directions: self.directions, phase, ..DiffuseSettings::default() },
+            )?;
+            for (i, rx) in self.rx.iter().enumerate() {
+                let contributions = field.contributions(rx.0)?;
+                if let (0, Some(folder)) = (phase, &self.arrivals) {
+                    write_arrivals(&folder.join(format!("{i:05}.npy")), &contributions)?;
+                }
+                sums[i].push(Sums::of(&contributions));
+                progress.set(phase as usize * self.rx.len() + i + 1, self.rx.len() * replicas as usize);
+            }
+        }
+        progress.finish();
+        let receivers: Vec<Value> = self.rx.iter().zip(&sums).map(|(rx, sums)| receiver(&scene, rx.0, sums)).collect();
+        let report = json!({
+            "schema": "corf-diffuse/1",
+            "scene": scene.name,
+            "frequency_hz": config.radio.frequency_hz,
+            "depth": self.depth,
+            "directions": self.directions,
+            "replicas": replicas,
+            "tx": tx.to_array(),
+            "receivers": receivers,
+        });
+        print(&serde_json::to_string_pretty(&report)?)?;
+        Ok(Verdict::Done)
+    }
+}
+
+/// One receiver's powers: linear, relative to 1 W transmitted.
+fn receiver(scene: &Scene, rx: DVec3, samplings: &[Sums]) -> Value {
+    let over = |part: &dyn Fn(&Sums) -> f64| estimate(&samplings.iter().map(part).collect::<Vec<f64>>());
+    let by_object = |part: fn(&Sums) -> &BTreeMap<u32, f64>| -> BTreeMap<&str, Value> {
+        let objects = samplings.iter().flat_map(|s| part(s).keys().copied());
+        objects
+            .map(|o| {
+                let name = scene.objects.get(o as usize).map_or("", |object| object.name.as_str());
+                (name, over(&|s| part(s).get(&o).copied().unwrap_or(0.0)))
+            })
+            .collect()
+    };
+    let hops: BTreeMap<usize, Value> = samplings
+        .iter()
+        .flat_map(|s| s.by_hops_after.keys().copied())
+        .map(|h| (h, over(&|s| s.by_hops_after.get(&h).copied().unwrap_or(0.0))))
+        .collect();
+    json!({
+        "rx": rx.to_array(),
+        "total": over(&Sums::total),
+        "by_interactions_after_the_scattering": hops,
+        "by_object": by_object(|s| &s.by_object),
+        "ending_with_the_scattering_by_object": by_object(|s| &s.ending_by_object),
+    })
+}
+
+/// Writes arrivals, one a direction, as NumPy's format 1.0: a float64 table of five columns.
+fn write_arrivals(path: &Path, contributions: &[(DVec3, Contribution)]) -> Result<()> {
+    let rows: Vec<[f64; 5]> = contributions
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|of_one| {
+            let power: f64 = of_one.iter().map(|(_, c)| c.power).sum();
+            let delay_s = of_one.iter().map(|(_, c)| c.power * c.delay_s).sum::<f64>() / power;
+            let direction = of_one[0].0;
+            [direction.x, direction.y, direction.z, power, delay_s]
+        })
+        .collect();
+    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, 5), }}", rows.len());
+    // Magic, version, length and header together fill a multiple of 64 bytes, the last of them a newline.
+    let padding = 63 - (10 + header.len()) % 64;
+    header.extend(std::iter::repeat_n(' ', padding));
+    header.push('\n');
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    rows.as_flattened().iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+    Ok(io::write_atomic(path, &bytes)?)
+}
