@@ -7,14 +7,15 @@ use anyhow::{Result, bail};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::{self, DenoiseSettings, LightFrame, LightSettings, LightTracer};
 use corf_raytrace::radio::{
-    Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, RadioSettings, RadioTracer, Transmitter, json,
+    Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, PlanarArray, RadioSettings, RadioTracer, Transmitter,
+    json,
 };
 use corf_raytrace::spectrum::{self, Bartlett, RearHalfSpace};
 use corf_scene::config::{AntennaPattern, DatasetConfig, SceneConfig, SpectrumKind};
 use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, FrameData};
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Pinhole, Raster, Rigid3, Scene, Severity};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use std::path::Path;
 
 /// Generates a dataset, or what is missing of one.
@@ -44,7 +45,7 @@ pub fn generate_from(
     let settings = RadioSettings {
         max_depth: config.rf.max_reflections,
         transmission: config.rf.transmission,
-        ..radio_settings(scene_config)?
+        ..radio_settings(scene_config)
     };
     let tracer = RadioTracer::new(scene, &bvh, settings)?;
     let ear = RadioSensor::new(config, scene_config, scene, &tracer)?;
@@ -161,33 +162,15 @@ fn frame_key(pose: &TrajectoryPose) -> u64 {
     pose.index as u64
 }
 
-/// Carrier and antennas of a scene; everything else as by default.
-///
-/// # Errors
-/// A receiver other than the 8×8 half-wavelength array of isotropic elements that the spectra are formed with.
-pub fn radio_settings(scene: &SceneConfig) -> Result<RadioSettings> {
-    let receiver = &scene.receiver;
-    // One path set serves every view at a position, so the element's gain may not turn with the platform.
-    if receiver.pattern != AntennaPattern::Iso {
-        bail!("{}: receiver.pattern: only \"iso\" elements are traced\n  help: remove the key", scene.source.display());
-    }
-    if (receiver.rows, receiver.cols, receiver.spacing_wavelengths) != (8, 8, 0.5) {
-        bail!(
-            "{}: [receiver]: spectra are formed with 8 x 8 elements half a wavelength apart\n  help: remove rows, cols and spacing_wavelengths",
-            scene.source.display()
-        );
-    }
-    Ok(RadioSettings {
+/// Carrier and antennas of a scene; everything else as by default. The receive element stands in the world's own axes: what turns with
+/// the platform is asked for where the platform is.
+pub fn radio_settings(scene: &SceneConfig) -> RadioSettings {
+    RadioSettings {
         frequency_hz: scene.radio.frequency_hz,
-        tx_antenna: Antenna {
-            pattern: scene.transmitter.pattern,
-            polarization: scene.transmitter.polarization,
-            world_from_antenna: scene.transmitter.orientation.world_from_array(),
-        },
-        // The element keeps its own frame in the world, for the same reason.
-        rx_antenna: Antenna { polarization: receiver.polarization, ..Antenna::default() },
+        tx_antenna: Antenna::from(&scene.transmitter),
+        rx_antenna: Antenna::element_of(&scene.receiver, DMat3::IDENTITY),
         ..RadioSettings::default()
-    })
+    }
 }
 
 /// The RF half of a keyframe.
@@ -204,6 +187,13 @@ struct RadioSensor<'a> {
 
 impl<'a> RadioSensor<'a> {
     fn new(config: &DatasetConfig, scene_config: &SceneConfig, scene: &'a Scene, tracer: &'a RadioTracer<'a>) -> Result<Self> {
+        let receiver = &scene_config.receiver;
+        if receiver.pattern != AntennaPattern::Iso || PlanarArray::from(receiver) != PlanarArray::default() {
+            bail!(
+                "{}: [receiver]: spectra are formed with 8 x 8 isotropic elements half a wavelength apart\n  help: remove its keys",
+                scene_config.source.display()
+            );
+        }
         let tx = scene_config.transmitter.position();
         let settings = DiffuseSettings {
             patch_size_m: config.rf.patch_size_m,

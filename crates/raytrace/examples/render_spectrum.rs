@@ -117,11 +117,7 @@ fn main() -> Result<()> {
         max_depth: config.rf.max_reflections,
         transmission: config.rf.transmission,
         min_face_area_m2: o.min_face_m2.unwrap_or(RadioSettings::default().min_face_area_m2),
-        tx_antenna: Antenna {
-            pattern: scene_config.transmitter.pattern,
-            polarization: scene_config.transmitter.polarization,
-            world_from_antenna: scene_config.transmitter.orientation.world_from_array(),
-        },
+        tx_antenna: Antenna::from(&scene_config.transmitter),
         rx_antenna: Antenna {
             pattern: scene_config.receiver.pattern,
             polarization: scene_config.receiver.polarization,

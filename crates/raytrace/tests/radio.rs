@@ -161,9 +161,9 @@ fn array_elements_see_the_phase_of_their_own_way() {
         ..Antenna::default()
     };
     let tx_array =
-        AntennaArray { element: turned(0.4, 0.2), grid: PlanarArray { rows: 1, columns: 2, spacing_wavelengths: 0.5 } };
+        AntennaArray { element: turned(0.4, 0.2), grid: PlanarArray { rows: 1, columns: 2, spacing_wavelengths: [0.5, 0.5] } };
     let rx_array =
-        AntennaArray { element: turned(-2.0, -0.3), grid: PlanarArray { rows: 3, columns: 2, spacing_wavelengths: 0.5 } };
+        AntennaArray { element: turned(-2.0, -0.3), grid: PlanarArray { rows: 3, columns: 2, spacing_wavelengths: [0.5, 0.5] } };
     let (tx, rx) = (DVec3::new(1.0, 3.0, 2.3), DVec3::new(5.0, 1.0, 1.4));
     let centre = tracer.paths(tx, rx).unwrap();
     assert!(centre.len() >= 4, "{}", centre.len());

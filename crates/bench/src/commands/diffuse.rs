@@ -98,7 +98,7 @@ impl Diffuse {
             max_depth: self.depth,
             reflection: !self.no_reflection,
             transmission: !self.no_transmission,
-            ..generate::radio_settings(&config)?
+            ..generate::radio_settings(&config)
         };
         let tracer = RadioTracer::new(&scene, &bvh, settings)?;
         let replicas = self.replicas.max(1);

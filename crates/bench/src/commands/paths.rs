@@ -64,7 +64,7 @@ impl Paths {
             max_depth: self.depth,
             transmission: !self.no_transmission,
             search: Search::Auto { rays: self.rays },
-            ..generate::radio_settings(&config)?
+            ..generate::radio_settings(&config)
         };
         let tracer = RadioTracer::new(&scene, &bvh, settings)?;
         let paths = tracer.paths(tx, self.rx.0)?;

@@ -4,6 +4,7 @@
 
 use super::Complex;
 pub use corf_scene::config::{AntennaPattern, Polarization};
+use corf_scene::config::{ReceiverConfig, TransmitterConfig};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -34,15 +35,35 @@ pub struct Antenna {
     pub polarization: Polarization,
     /// Rotation; identity has boresight along world +x and z up.
     pub world_from_antenna: DMat3,
+    /// The beam of an array of such elements; `None` for one element.
+    pub beam: Option<Beam>,
 }
 
 impl Default for Antenna {
     fn default() -> Self {
-        Self { pattern: AntennaPattern::Iso, polarization: Polarization::V, world_from_antenna: DMat3::IDENTITY }
+        Self { pattern: AntennaPattern::Iso, polarization: Polarization::V, world_from_antenna: DMat3::IDENTITY, beam: None }
+    }
+}
+
+impl From<&TransmitterConfig> for Antenna {
+    /// Pattern, polarisation, orientation and, of several elements, the beam.
+    fn from(c: &TransmitterConfig) -> Self {
+        let array = PlanarArray { rows: c.rows, columns: c.cols, spacing_wavelengths: c.spacing_wavelengths };
+        Self {
+            pattern: c.pattern,
+            polarization: c.polarization,
+            world_from_antenna: c.orientation.world_from_array(),
+            beam: (array.elements() > 1).then(|| Beam { array, towards: c.beam.unwrap_or_default().direction() }),
+        }
     }
 }
 
 impl Antenna {
+    /// An element of a platform's array whose frame is turned by `world_from_array`.
+    pub fn element_of(receiver: &ReceiverConfig, world_from_array: DMat3) -> Self {
+        Self { pattern: receiver.pattern, polarization: receiver.polarization, world_from_antenna: world_from_array, beam: None }
+    }
+
     /// The real field vector C(u) (world frame, perpendicular to `direction`) that a port radiates towards the unit `direction`,
     /// which is as well what it picks up from there.
     pub fn port_field(&self, port: usize, direction: DVec3) -> DVec3 {
@@ -56,7 +77,8 @@ impl Antenna {
                 theta_hat(local) * cos + phi_hat(local) * sin
             }
         };
-        self.world_from_antenna * (axis * amplitude(self.pattern, local))
+        let factor = self.beam.map_or(1.0, |beam| beam.factor(local));
+        self.world_from_antenna * (axis * (amplitude(self.pattern, local) * factor))
     }
 
     /// [`Antenna::port_field`] of the first port.
@@ -107,23 +129,42 @@ pub struct PlanarArray {
     pub rows: usize,
     /// Columns (along +y).
     pub columns: usize,
-    /// Element spacing, wavelengths.
-    pub spacing_wavelengths: f64,
+    /// Element spacing, wavelengths: between columns (along y), between rows (along z).
+    pub spacing_wavelengths: [f64; 2],
 }
 
 impl Default for PlanarArray {
     /// The 8 × 8 half-wavelength array.
     fn default() -> Self {
-        Self { rows: 8, columns: 8, spacing_wavelengths: 0.5 }
+        Self { rows: 8, columns: 8, spacing_wavelengths: [0.5, 0.5] }
+    }
+}
+
+impl From<&ReceiverConfig> for PlanarArray {
+    fn from(c: &ReceiverConfig) -> Self {
+        Self { rows: c.rows, columns: c.cols, spacing_wavelengths: c.spacing_wavelengths }
     }
 }
 
 impl PlanarArray {
+    /// Number of elements.
+    pub fn elements(&self) -> usize {
+        self.rows * self.columns
+    }
+
+    /// The phase steps between neighbouring columns and between neighbouring rows (upwards) for a unit direction of the array frame,
+    /// radians.
+    pub fn phase_steps(&self, direction: DVec3) -> [f64; 2] {
+        let [across, down] = self.spacing_wavelengths;
+        [std::f64::consts::TAU * across * direction.y, std::f64::consts::TAU * down * direction.z]
+    }
+
     /// Element positions in wavelengths, array frame, in element order.
     pub fn positions(&self) -> Vec<DVec3> {
-        let centred = |i: usize, n: usize| (i as f64 - 0.5 * (n as f64 - 1.0)) * self.spacing_wavelengths;
-        (0..self.rows * self.columns)
-            .map(|i| DVec3::new(0.0, centred(i / self.rows, self.columns), -centred(i % self.rows, self.rows)))
+        let [across, down] = self.spacing_wavelengths;
+        let centred = |i: usize, n: usize, spacing: f64| (i as f64 - 0.5 * (n as f64 - 1.0)) * spacing;
+        (0..self.elements())
+            .map(|i| DVec3::new(0.0, centred(i / self.rows, self.columns, across), -centred(i % self.rows, self.rows, down)))
             .collect()
     }
 
@@ -147,12 +188,12 @@ pub struct AntennaArray {
 impl AntennaArray {
     /// One element at the array's position.
     pub fn single(element: Antenna) -> Self {
-        Self { element, grid: PlanarArray { rows: 1, columns: 1, spacing_wavelengths: 0.0 } }
+        Self { element, grid: PlanarArray { rows: 1, columns: 1, spacing_wavelengths: [0.0, 0.0] } }
     }
 
     /// Number of ports: the element's times the grid's elements.
     pub fn ports(&self) -> usize {
-        self.element.ports() * self.grid.rows * self.grid.columns
+        self.element.ports() * self.grid.elements()
     }
 
     /// The steering vector of the grid for a unit direction in the world frame.
@@ -161,9 +202,55 @@ impl AntennaArray {
     }
 }
 
+/// All elements of an array fed with equal amplitudes, and with phases that make them add up towards one direction. The 1 W is shared
+/// between the elements, whose coupling is neglected.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Beam {
+    /// The elements.
+    pub array: PlanarArray,
+    /// Unit, antenna frame.
+    pub towards: DVec3,
+}
+
+impl Beam {
+    /// Σ_m exp(j2π p_m·(u − u₀)) / √M towards the unit direction u of the antenna frame; real, because the elements lie symmetrically
+    /// about their centre. Its square is M towards u₀.
+    pub fn factor(&self, local: DVec3) -> f64 {
+        let (here, steered) = (self.array.phase_steps(local), self.array.phase_steps(self.towards));
+        dirichlet(self.array.columns, here[0] - steered[0]) * dirichlet(self.array.rows, here[1] - steered[1])
+            / (self.array.elements() as f64).sqrt()
+    }
+}
+
+/// Σ exp(j·x·(i − (n−1)/2)) over i = 0..n: sin(n·x/2) / sin(x/2).
+fn dirichlet(n: usize, x: f64) -> f64 {
+    /// Under this sine the quotient's limit is more exact than the quotient.
+    const LIMIT: f64 = 1e-9;
+    let (count, half) = (n as f64, 0.5 * x);
+    if half.sin().abs() < LIMIT { count * (count * half).cos() / half.cos() } else { (count * half).sin() / half.sin() }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_beam_is_the_sum_over_its_elements() {
+        let array = PlanarArray { rows: 3, columns: 4, spacing_wavelengths: [0.5, 0.7] };
+        let towards = DVec3::new(0.8, 0.3, -0.4).normalize();
+        let beam = Beam { array, towards };
+        for u in [towards, DVec3::X, DVec3::new(-0.2, 0.9, 0.1).normalize(), DVec3::Z] {
+            let sum = array
+                .steering(u)
+                .iter()
+                .zip(array.steering(towards))
+                .fold(Complex::ZERO, |s, (v, w)| s + *v * Complex::new(w.re, -w.im));
+            assert!((sum * (1.0 / 12f64.sqrt()) - Complex::real(beam.factor(u))).norm() < 1e-12, "{u}");
+        }
+        assert!((beam.factor(towards).powi(2) - 12.0).abs() < 1e-9);
+        let antenna = Antenna { beam: Some(beam), ..Antenna::default() };
+        assert!((antenna.field(towards).length_squared() - 12.0).abs() < 1e-9);
+    }
 
     #[test]
     fn patterns_radiate_their_stated_power() {

@@ -20,7 +20,7 @@ pub mod scattering;
 mod solids;
 mod tables;
 
-pub use antenna::{Angles, Antenna, AntennaArray, AntennaPattern, PlanarArray, Polarization};
+pub use antenna::{Angles, Antenna, AntennaArray, AntennaPattern, Beam, PlanarArray, Polarization};
 pub use complex::Complex;
 pub use diffuse::{DiffuseField, DiffuseSettings};
 pub use geometry::{Face, Geometry};

@@ -2,20 +2,11 @@
 
 use super::pixel_directions;
 use crate::radio::{Arrival, Complex, PlanarArray};
+pub use corf_scene::config::RearHalfSpace;
 use corf_scene::model::ARRAY_FROM_CAMERA;
 use corf_scene::{Pinhole, Raster, Rigid3};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
-
-/// What a planar array, which cannot tell front from back, is told about the rear half-space.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum RearHalfSpace {
-    /// Arrivals from behind the array's plane are left out: the platform's body shields it.
-    #[default]
-    Gated,
-    /// They alias to the front, as they do for bare isotropic elements.
-    Aliased,
-}
 
 /// The noncoherent Bartlett spectrum P(u) = Σ_i |a_i|²·|w(u)ᴴv(u_i)|² / N², v_m(u) = exp(j2π p_m·u), w = v.
 ///
@@ -46,7 +37,7 @@ impl Bartlett {
                     if rear == RearHalfSpace::Gated && u.x <= 0.0 {
                         continue;
                     }
-                    let (y, z) = (array.turn(u.y), array.turn(u.z));
+                    let [y, z] = array.phase_steps(u);
                     // Σ p·e^{−j(l_y·y + l_z·z)}
                     let step_z = Complex::new(z.cos(), -z.sin());
                     let start_z = Complex::new(0.0, z * (rows as f64 - 1.0)).exp();
@@ -79,7 +70,7 @@ impl Bartlett {
     pub fn power(&self, direction: DVec3) -> f64 {
         let (columns, rows) = (self.array.columns, self.array.rows);
         let width = 2 * rows - 1;
-        let (y, z) = (self.array.turn(direction.y), self.array.turn(direction.z));
+        let [y, z] = self.array.phase_steps(direction);
         let step_z = Complex::new(z.cos(), z.sin());
         let start_z = Complex::new(0.0, -z * (rows as f64 - 1.0)).exp();
         let mut sum = 0.0;
@@ -101,13 +92,6 @@ impl Bartlett {
         let bartlett = Self::new(arrivals, PlanarArray::default(), world_from_array, rear);
         let pixels = pixel_directions(camera).into_par_iter().map(|d| bartlett.power(array_from_camera * d) as f32).collect();
         Raster::from_vec(camera.width, camera.height, pixels)
-    }
-}
-
-impl PlanarArray {
-    /// The phase step between neighbouring elements for a direction cosine, radians.
-    fn turn(&self, direction_cosine: f64) -> f64 {
-        std::f64::consts::TAU * self.spacing_wavelengths * direction_cosine
     }
 }
 

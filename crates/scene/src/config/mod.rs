@@ -2,12 +2,12 @@
 //!
 //! Every table refuses unknown keys, and every complaint names file, line and key, with the nearest known spelling.
 
+mod antenna;
 mod dataset;
 mod load;
 mod scene;
 
+pub use antenna::{AntennaPattern, BeamConfig, Orientation, Polarization, RearHalfSpace, ReceiverConfig, TransmitterConfig};
 pub use dataset::{DatasetConfig, OpticalConfig, RfConfig, SpectrumKind, SplitConfig};
 pub use load::{from_toml, nearest, read_toml};
-pub use scene::{
-    AntennaPattern, Orientation, Polarization, RadioConfig, ReceiverConfig, SceneConfig, SceneFile, TransmitterConfig, UpAxis,
-};
+pub use scene::{RadioConfig, SceneConfig, SceneFile, UpAxis};

@@ -1,10 +1,9 @@
 //! `scenes/*.toml`: which mesh, which carrier, where the transmitter stands, what the receiver is, how the platform moves.
 
-use super::{nearest, read_toml};
+use super::{ReceiverConfig, TransmitterConfig, nearest, read_toml};
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::TrajectoryConfig;
 use crate::{Error, Result, Scene};
-use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,8 +17,11 @@ pub struct SceneConfig {
     /// The carrier.
     #[serde(default)]
     pub radio: RadioConfig,
-    /// The one fixed transmitter.
+    /// The fixed transmitter.
     pub transmitter: TransmitterConfig,
+    /// More of them by name, `[transmitters.east]`; a dataset is of one, which `rf.transmitter` picks.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub transmitters: BTreeMap<String, TransmitterConfig>,
     /// The platform's receiver array.
     #[serde(default)]
     pub receiver: ReceiverConfig,
@@ -69,116 +71,6 @@ impl Default for RadioConfig {
     }
 }
 
-/// `[transmitter]`: one antenna, 1 W.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TransmitterConfig {
-    /// World position, metres.
-    pub position_m: [f64; 3],
-    /// Where its +x (boresight) and +z point.
-    #[serde(default)]
-    pub orientation: Orientation,
-    /// Element pattern.
-    #[serde(default)]
-    pub pattern: AntennaPattern,
-    /// Polarisation.
-    #[serde(default)]
-    pub polarization: Polarization,
-}
-
-/// `[receiver]`: a planar array in its own y–z plane, boresight +x, which is the platform camera's optical axis.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ReceiverConfig {
-    /// Elements along array z. Default 8.
-    pub rows: usize,
-    /// Elements along array y. Default 8.
-    pub cols: usize,
-    /// Element spacing in wavelengths. Default 0.5.
-    pub spacing_wavelengths: f64,
-    /// Element pattern.
-    pub pattern: AntennaPattern,
-    /// Polarisation.
-    pub polarization: Polarization,
-}
-
-impl Default for ReceiverConfig {
-    fn default() -> Self {
-        Self { rows: 8, cols: 8, spacing_wavelengths: 0.5, pattern: AntennaPattern::Iso, polarization: Polarization::V }
-    }
-}
-
-/// An antenna element's pattern, in its own frame (boresight +x, zenith +z).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum AntennaPattern {
-    /// Isotropic: C_θ = 1.
-    #[default]
-    Iso,
-    /// Short dipole along z: √1.5·|sinθ|.
-    Dipole,
-    /// 3GPP TR 38.901, Table 7.3-1.
-    Tr38901,
-}
-
-/// The polarisation of an antenna element: one port, or two that share a place.
-///
-/// A port of slant ζ radiates F_θ = √G·cosζ, F_φ = √G·sinζ of the element's gain G (3GPP TR 38.901 §7.3.2, model 2).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Polarization {
-    /// One port along θ̂.
-    #[default]
-    V,
-    /// One port along φ̂.
-    H,
-    /// Two ports, along θ̂ and along φ̂.
-    VH,
-    /// Two ports, slanted by −45° and +45°.
-    #[serde(rename = "cross")]
-    Cross,
-}
-
-impl Polarization {
-    /// The slant angle of every port from θ̂ towards φ̂, radians.
-    pub fn slants_rad(self) -> &'static [f64] {
-        use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
-        match self {
-            Self::V => &[0.0],
-            Self::H => &[FRAC_PI_2],
-            Self::VH => &[0.0, FRAC_PI_2],
-            Self::Cross => &[-FRAC_PI_4, FRAC_PI_4],
-        }
-    }
-}
-
-/// Intrinsic yaw, pitch, roll, degrees: `world_from_array = R_z(yaw)·R_y(pitch)·R_x(roll)`, so a positive pitch lowers the boresight.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Orientation {
-    /// Counter-clockwise about world z, degrees; 0 looks along +x, 180 along −x (west).
-    pub yaw_deg: f64,
-    /// About the turned y axis, degrees; positive looks down.
-    pub pitch_deg: f64,
-    /// About the boresight, degrees.
-    pub roll_deg: f64,
-}
-
-impl Orientation {
-    /// `rotation_world_from_array` (array frame: boresight +x, zenith +z).
-    pub fn world_from_array(&self) -> DMat3 {
-        DMat3::from_rotation_z(self.yaw_deg.to_radians())
-            * DMat3::from_rotation_y(self.pitch_deg.to_radians())
-            * DMat3::from_rotation_x(self.roll_deg.to_radians())
-    }
-}
-
-impl TransmitterConfig {
-    /// World position, metres.
-    pub fn position(&self) -> DVec3 {
-        DVec3::from_array(self.position_m)
-    }
-}
-
 impl SceneConfig {
     /// Reads and checks a scene file.
     ///
@@ -209,19 +101,11 @@ impl SceneConfig {
                 format!("frequencies are in hertz: for {f} GHz write {f}e9"),
             ));
         }
-        let tx = &self.transmitter;
-        let angles = [tx.orientation.yaw_deg, tx.orientation.pitch_deg, tx.orientation.roll_deg];
-        if tx.position_m.iter().chain(&angles).any(|v| !v.is_finite()) {
-            return Err(Error::invalid(place("transmitter"), "position or orientation is not finite", "give metres and degrees"));
+        self.transmitter.validate(&place("transmitter"))?;
+        for (name, transmitter) in &self.transmitters {
+            transmitter.validate(&place(&format!("transmitters.{name}")))?;
         }
-        let rx = &self.receiver;
-        if rx.rows == 0 || rx.cols == 0 || !(rx.spacing_wavelengths.is_finite() && rx.spacing_wavelengths > 0.0) {
-            return Err(Error::invalid(
-                place("receiver"),
-                format!("{}x{} elements {} wavelengths apart is no array", rx.rows, rx.cols, rx.spacing_wavelengths),
-                "give rows >= 1, cols >= 1 and a spacing above 0",
-            ));
-        }
+        self.receiver.validate(&place("receiver"))?;
         if let Some(t) = &self.trajectory {
             t.validate(&place("trajectory"))?;
         }
@@ -229,6 +113,22 @@ impl SceneConfig {
             spec.to_material(name, &place(&format!("radio_materials.\"{name}\"")))?;
         }
         Ok(())
+    }
+
+    /// The transmitter of this name in `[transmitters]`, or `[transmitter]` without one.
+    ///
+    /// # Errors
+    /// A name that is not there; `place` says where it was asked for.
+    pub fn transmitter_named(&self, name: Option<&str>, place: &str) -> Result<&TransmitterConfig> {
+        let Some(name) = name else { return Ok(&self.transmitter) };
+        self.transmitters.get(name).ok_or_else(|| {
+            let help = match nearest(name, self.transmitters.keys().map(String::as_str)) {
+                Some(near) => format!("did you mean \"{near}\"?"),
+                None if self.transmitters.is_empty() => format!("add [transmitters.{name}] to the scene file, or remove the key"),
+                None => format!("it has: {}", self.transmitters.keys().cloned().collect::<Vec<_>>().join(", ")),
+            };
+            Error::invalid(place, format!("{} has no transmitter \"{name}\"", self.source.display()), help)
+        })
     }
 
     /// The mesh file's path, resolved against the TOML file's folder.
@@ -326,18 +226,10 @@ waypoints_m = [[1, 1], [4, 1], [4, 3]]
         let c: SceneConfig = from_toml(TEXT, "t.toml").unwrap();
         c.validate().unwrap();
         assert_eq!(c.radio.frequency_hz, 60e9);
-        assert_eq!((c.receiver.rows, c.receiver.cols, c.receiver.spacing_wavelengths), (4, 8, 0.5));
+        assert_eq!((c.receiver.rows, c.receiver.cols, c.receiver.spacing_wavelengths), (4, 8, [0.5, 0.5]));
         assert_eq!(c.trajectory.as_ref().unwrap().height_m, 1.6);
         let again: SceneConfig = from_toml(&toml::to_string(&c).unwrap(), "t.toml").unwrap();
         assert_eq!(again, c);
-    }
-
-    #[test]
-    fn yaw_180_faces_west() {
-        let o = Orientation { yaw_deg: 180.0, ..Default::default() };
-        assert!((o.world_from_array() * DVec3::X + DVec3::X).length() < 1e-12);
-        let down = Orientation { pitch_deg: 30.0, ..Default::default() };
-        assert!(((down.world_from_array() * DVec3::X).z + 0.5).abs() < 1e-12);
     }
 
     #[test]
