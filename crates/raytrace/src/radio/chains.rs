@@ -1,5 +1,6 @@
 //! Which faces a specular path may bounce off, in order: candidates for the exact image method.
 
+use super::diffraction::Wedges;
 use super::geometry::Geometry;
 use super::{MAX_DEPTH, RadioSettings, Search, field, fresnel, lattice};
 use glam::DVec3;
@@ -92,6 +93,46 @@ fn exhaustive(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: us
 
 /// The chains that a lattice of rays from the transmitter runs through, reflected and, when enabled, transmitted at every hit.
 fn from_lattice(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: usize) -> Vec<Chain> {
+    let mut found = walk_lattice(geometry, tx, settings, rays, |found, chain, triangle| {
+        let face = geometry.face_of_triangle(triangle);
+        if reflects(geometry, settings, chain, face) {
+            found.push(chain.pushed(face, geometry));
+        }
+    });
+    found.sort_by_key(Chain::key);
+    found.dedup_by_key(|c| c.key());
+    found
+}
+
+/// The wedges that a lattice of rays from a point comes by, each with the chain it bounced off before, sorted and without repeats.
+pub fn wedges_from_lattice(
+    geometry: &Geometry<'_>,
+    wedges: &Wedges,
+    from: DVec3,
+    settings: &RadioSettings,
+    rays: usize,
+) -> Vec<(u32, Chain)> {
+    let key = |(wedge, chain): &(u32, Chain)| (*wedge, chain.key());
+    let mut found = walk_lattice(geometry, from, settings, rays, |found, chain, triangle| {
+        found.extend(wedges.of_triangle(triangle).map(|wedge| (wedge, *chain)));
+    });
+    found.sort_by_key(key);
+    found.dedup_by_key(|f| key(f));
+    found
+}
+
+fn reflects(geometry: &Geometry<'_>, settings: &RadioSettings, chain: &Chain, face: u32) -> bool {
+    geometry.faces[face as usize].area_m2 >= settings.min_face_area_m2 && chain.faces().last() != Some(&face)
+}
+
+/// Shoots the lattice; `visit` gets every hit, with the chain of faces bounced off before, and adds to the findings of its task.
+fn walk_lattice<T: Send>(
+    geometry: &Geometry<'_>,
+    from: DVec3,
+    settings: &RadioSettings,
+    rays: usize,
+    visit: impl Fn(&mut Vec<T>, &Chain, u32) + Sync,
+) -> Vec<T> {
     let transparent: Vec<bool> = geometry
         .slabs
         .iter()
@@ -101,33 +142,31 @@ fn from_lattice(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, ra
         })
         .collect();
     let tasks = rays.div_ceil(RAYS_PER_TASK);
-    let per_task: Vec<Vec<Chain>> = (0..tasks)
+    let per_task: Vec<Vec<T>> = (0..tasks)
         .into_par_iter()
         .map(|task| {
             let mut found = Vec::new();
             let mut stack: Vec<(DVec3, DVec3, Chain, usize)> = Vec::new();
             for i in task * RAYS_PER_TASK..((task + 1) * RAYS_PER_TASK).min(rays) {
-                stack.push((tx, lattice::fibonacci(i, rays), Chain::line_of_sight(tx), 0));
+                stack.push((from, lattice::fibonacci(i, rays), Chain::line_of_sight(from), 0));
                 while let Some((origin, direction, chain, interactions)) = stack.pop() {
                     let Some((t, triangle)) = geometry.closest(origin, direction, CLEARANCE_M) else { continue };
                     let face_index = geometry.face_of_triangle(triangle);
                     let face = &geometry.faces[face_index as usize];
                     let point = origin + direction * t;
-                    let more = interactions + 1 < settings.max_depth;
-                    if transparent[face.material as usize] && more {
+                    visit(&mut found, &chain, triangle);
+                    if interactions + 1 >= settings.max_depth {
+                        continue;
+                    }
+                    if transparent[face.material as usize] {
                         stack.push((point, direction, chain, interactions + 1));
                     }
-                    if face.area_m2 >= settings.min_face_area_m2 && chain.faces().last() != Some(&face_index) {
+                    if settings.reflection && reflects(geometry, settings, &chain, face_index) {
                         let next = chain.pushed(face_index, geometry);
-                        found.push(next);
-                        if more {
-                            stack.push((point, field::mirrored(direction, face.normal), next, interactions + 1));
-                        }
+                        stack.push((point, field::mirrored(direction, face.normal), next, interactions + 1));
                     }
                 }
             }
-            found.sort_by_key(Chain::key);
-            found.dedup_by_key(|c| c.key());
             found
         })
         .collect();

@@ -133,7 +133,13 @@ impl<'a> Geometry<'a> {
     }
 
     /// Every face that the open segment `from → to` crosses, in order, `skip` aside; `None` once there are more than `limit`.
-    pub fn crossings(&self, from: DVec3, to: DVec3, skip: [Option<u32>; 2], limit: usize) -> Option<Vec<Crossing>> {
+    pub fn crossings<const N: usize>(
+        &self,
+        from: DVec3,
+        to: DVec3,
+        skip: [Option<u32>; N],
+        limit: usize,
+    ) -> Option<Vec<Crossing>> {
         let length = from.distance(to);
         if length <= 2.0 * END_CLEARANCE_M {
             return Some(Vec::new());

@@ -7,6 +7,7 @@ pub mod antenna;
 mod chains;
 pub mod channel;
 mod complex;
+mod diffraction;
 pub mod diffuse;
 mod field;
 pub mod fresnel;
@@ -16,12 +17,14 @@ pub mod lattice;
 pub mod materials;
 mod paths;
 mod planar;
+mod route;
 pub mod scattering;
 mod solids;
 mod tables;
 
 pub use antenna::{Angles, Antenna, AntennaArray, AntennaPattern, Beam, PlanarArray, Polarization};
 pub use complex::Complex;
+pub use diffraction::{DiffractionModel, Wedge, transition};
 pub use diffuse::{DiffuseField, DiffuseSettings};
 pub use geometry::{Face, Geometry};
 pub use materials::Slab;
@@ -70,6 +73,14 @@ pub struct RadioSettings {
     pub reflection: bool,
     /// Let rays pass straight through slabs; every crossing counts as an interaction. Off: everything is opaque.
     pub transmission: bool,
+    /// Trace paths that diffract once at an edge of a mesh, reflected and transmitted before and after as the other switches say.
+    pub diffraction: bool,
+    /// … at open edges of single sheets as well.
+    pub edge_diffraction: bool,
+    /// … into the region that the edge does not shadow as well, where the total field needs it to be continuous.
+    pub diffraction_lit_region: bool,
+    /// … with the faces' reflections in this model.
+    pub diffraction_model: DiffractionModel,
     /// How candidate chains are found.
     pub search: Search,
     /// Faces smaller than this do not reflect specularly, m². The tessellation of a curved object yields flashes from facets far
@@ -91,6 +102,10 @@ impl Default for RadioSettings {
             line_of_sight: true,
             reflection: true,
             transmission: true,
+            diffraction: false,
+            edge_diffraction: false,
+            diffraction_lit_region: true,
+            diffraction_model: DiffractionModel::default(),
             search: Search::Auto { rays: 200_000 },
             min_face_area_m2: 0.0,
             min_gain_db: -300.0,

@@ -1,11 +1,10 @@
-//! Line-of-sight, specular and straight-through paths by the exact image method in f64.
+//! Multipath components and the tracer that finds them.
 
 use super::antenna::{Angles, Antenna, AntennaArray, phi_hat, theta_hat};
 use super::chains::{self, Chain};
-use super::field::{self, Field};
-use super::fresnel::{self, SlabResponse};
-use super::geometry::{Crossing, Geometry};
-use super::{Complex, MAX_DEPTH, RadioSettings, SPEED_OF_LIGHT};
+use super::diffraction::{self, EdgeChains, Wedge, Wedges};
+use super::geometry::Geometry;
+use super::{Complex, RadioSettings};
 use crate::bvh::Bvh;
 use corf_scene::{Error, Result, Scene};
 use glam::DVec3;
@@ -23,6 +22,8 @@ pub enum InteractionKind {
     Specular,
     /// Straight transmission through a slab, `R` (Sionna's refraction).
     Refraction,
+    /// Diffraction at an edge, `X`.
+    Diffraction,
 }
 
 impl InteractionKind {
@@ -31,6 +32,7 @@ impl InteractionKind {
         match self {
             Self::Specular => 'S',
             Self::Refraction => 'R',
+            Self::Diffraction => 'X',
         }
     }
 
@@ -39,6 +41,7 @@ impl InteractionKind {
         match self {
             Self::Specular => 1,
             Self::Refraction => 4,
+            Self::Diffraction => 8,
         }
     }
 }
@@ -127,6 +130,7 @@ impl Path {
 pub struct RadioTracer<'a> {
     pub(super) geometry: Geometry<'a>,
     pub(super) settings: RadioSettings,
+    pub(super) wedges: Wedges,
 }
 
 impl<'a> RadioTracer<'a> {
@@ -135,8 +139,7 @@ impl<'a> RadioTracer<'a> {
     /// # Errors
     /// Materials without radio properties (all are named), a material outside its validity range, settings out of range.
     pub fn new(scene: &Scene, bvh: &'a Bvh, settings: RadioSettings) -> Result<Self> {
-        settings.validate()?;
-        Ok(Self { geometry: Geometry::new(scene, Some(bvh), settings.frequency_hz)?, settings })
+        Self::over(scene, Some(bvh), settings)
     }
 
     /// As [`RadioTracer::new`], but every triangle is tried against every segment: right by construction, for small scenes.
@@ -144,8 +147,19 @@ impl<'a> RadioTracer<'a> {
     /// # Errors
     /// As [`RadioTracer::new`].
     pub fn without_bvh(scene: &Scene, settings: RadioSettings) -> Result<Self> {
+        Self::over(scene, None, settings)
+    }
+
+    fn over(scene: &Scene, bvh: Option<&'a Bvh>, settings: RadioSettings) -> Result<Self> {
         settings.validate()?;
-        Ok(Self { geometry: Geometry::new(scene, None, settings.frequency_hz)?, settings })
+        let geometry = Geometry::new(scene, bvh, settings.frequency_hz)?;
+        let wedges = if settings.diffraction { Wedges::new(&geometry, settings.edge_diffraction) } else { Wedges::default() };
+        Ok(Self { geometry, settings, wedges })
+    }
+
+    /// The edges that diffract; none unless diffraction is on.
+    pub fn wedges(&self) -> &[Wedge] {
+        &self.wedges.wedges
     }
 
     /// The settings in use.
@@ -166,7 +180,9 @@ impl<'a> RadioTracer<'a> {
         if !tx.is_finite() {
             return Err(Error::invalid("transmitter", format!("position is {tx}"), "give three finite coordinates in metres"));
         }
-        Ok(Transmitter { tracer: self, tx, chains: chains::candidates(&self.geometry, tx, &self.settings) })
+        let chains = chains::candidates(&self.geometry, tx, &self.settings);
+        let edge_chains = EdgeChains::from_point(self, tx);
+        Ok(Transmitter { tracer: self, tx, chains, edge_chains })
     }
 
     /// All paths between two points: [`RadioTracer::transmitter`] and [`Transmitter::paths`] in one.
@@ -183,6 +199,7 @@ pub struct Transmitter<'t, 'a> {
     pub(super) tracer: &'t RadioTracer<'a>,
     tx: DVec3,
     chains: Vec<Chain>,
+    edge_chains: EdgeChains,
 }
 
 impl<'t, 'a> Transmitter<'t, 'a> {
@@ -221,116 +238,8 @@ impl<'t, 'a> Transmitter<'t, 'a> {
             .map(|chunk| chunk.iter().filter_map(|chain| self.tracer.trace(self.tx, rx, chain)).collect())
             .collect();
         paths.extend(traced.into_iter().flatten());
+        paths.extend(diffraction::paths(self.tracer, self.tx, &self.edge_chains, rx));
         paths.sort_by(|a, b| a.length_m.total_cmp(&b.length_m));
         Ok(paths)
-    }
-}
-
-impl RadioTracer<'_> {
-    /// The one path that runs through a chain of faces, if there is one.
-    fn trace(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<Path> {
-        let faces = chain.faces();
-        let vertices = self.specular_vertices(tx, rx, chain)?;
-        let corners: &[DVec3] = &vertices[..faces.len()];
-        // Visibility, leg by leg; transmissions share the budget of interactions.
-        let mut budget = if self.settings.transmission { self.settings.max_depth - faces.len() } else { 0 };
-        let leg = |i: usize| {
-            let from = if i == 0 { tx } else { corners[i - 1] };
-            let to = if i == faces.len() { rx } else { corners[i] };
-            let skip = [(i > 0).then(|| faces[i - 1]), (i < faces.len()).then(|| faces[i])];
-            (from, to, skip)
-        };
-        let mut crossed: [Vec<Crossing>; MAX_DEPTH + 1] = Default::default();
-        for i in 0..=faces.len() {
-            let (from, to, skip) = leg(i);
-            crossed[i] = self.geometry.crossings(from, to, skip, budget)?;
-            budget -= crossed[i].len();
-        }
-        self.assemble(tx, rx, faces, corners, &crossed)
-    }
-
-    /// The image method: reflection points from the receiver back to the transmitter, each on its face.
-    fn specular_vertices(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<[DVec3; MAX_DEPTH]> {
-        let faces = chain.faces();
-        let mut vertices = [DVec3::ZERO; MAX_DEPTH];
-        let Some((&last, _)) = faces.split_last() else { return Some(vertices) };
-        // Most candidates end here, at the last face, before the other images are needed.
-        vertices[faces.len() - 1] = self.bounce(last, rx, chain.image)?;
-        let mut images = [tx; MAX_DEPTH];
-        for i in 1..faces.len() {
-            images[i] = self.geometry.faces[faces[i - 1] as usize].mirror(images[i - 1]);
-        }
-        for i in (0..faces.len() - 1).rev() {
-            vertices[i] = self.bounce(faces[i], vertices[i + 1], images[i + 1])?;
-        }
-        Some(vertices)
-    }
-
-    /// Where the line from `target` to an `image` behind the face meets the face.
-    pub(super) fn bounce(&self, face: u32, target: DVec3, image: DVec3) -> Option<DVec3> {
-        let face = &self.geometry.faces[face as usize];
-        let (here, behind) = (face.distance(target), face.distance(image));
-        if here * behind >= 0.0 {
-            return None;
-        }
-        let point = target + (image - target) * (here / (here - behind));
-        face.contains(point).then_some(point)
-    }
-
-    /// The slab's coefficients for a ray on a face.
-    fn response(&self, face: u32, direction: DVec3) -> SlabResponse {
-        let cos_incidence = field::cos_incidence(direction, self.geometry.faces[face as usize].normal);
-        fresnel::slab_response(self.geometry.slab(face), cos_incidence)
-    }
-
-    /// Carries the field along the path.
-    fn assemble(
-        &self,
-        tx: DVec3,
-        rx: DVec3,
-        faces: &[u32],
-        corners: &[DVec3],
-        crossed: &[Vec<Crossing>; MAX_DEPTH + 1],
-    ) -> Option<Path> {
-        let mut interactions = Vec::new();
-        let (mut length_m, mut from) = (0.0, tx);
-        let first = corners.first().copied().unwrap_or(rx);
-        let departure = (first - tx).normalize();
-        let mut direction = departure;
-        let mut e = [Field::real(theta_hat(departure)), Field::real(phi_hat(departure))];
-        for i in 0..=faces.len() {
-            let to = corners.get(i).copied().unwrap_or(rx);
-            let leg_m = from.distance(to);
-            // A leg of no length (a bounce exactly in a corner) has the direction the mirror gives it.
-            if leg_m > 0.0 {
-                direction = (to - from) / leg_m;
-            }
-            for crossing in &crossed[i] {
-                let face = &self.geometry.faces[crossing.face as usize];
-                let response = self.response(crossing.face, direction);
-                e = e.map(|e| field::transmit(&e, direction, face.normal, &response));
-                let vertex = from + direction * crossing.distance_m;
-                interactions.push(Interaction { kind: InteractionKind::Refraction, object: face.object, vertex });
-            }
-            if let Some(&index) = faces.get(i) {
-                let face = &self.geometry.faces[index as usize];
-                let amplitude = self.geometry.slab(index).specular_amplitude();
-                let response = self.response(index, direction);
-                e = e.map(|e| field::reflect(&e, direction, face.normal, &response, amplitude));
-                direction = field::mirrored(direction, face.normal);
-                interactions.push(Interaction { kind: InteractionKind::Specular, object: face.object, vertex: to });
-            }
-            length_m += leg_m;
-            from = to;
-        }
-        let last = corners.last().copied().unwrap_or(tx);
-        let arrival = (last - rx).normalize();
-        // a = λ/(4πL)·C_RX·E
-        let spreading = self.settings.wavelength_m() / (4.0 * std::f64::consts::PI * length_m);
-        let transfer = [theta_hat(arrival), phi_hat(arrival)].map(|axis| e.map(|e| e.along(axis) * spreading));
-        let mut path =
-            Path { interactions, length_m, delay_s: length_m / SPEED_OF_LIGHT, a: Complex::ZERO, transfer, arrival, departure };
-        path.a = path.coefficient(&self.settings.tx_antenna, 0, &self.settings.rx_antenna, 0);
-        (path.power() >= 10f64.powf(self.settings.min_gain_db / 10.0)).then_some(path)
     }
 }

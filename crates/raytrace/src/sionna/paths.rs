@@ -1,8 +1,9 @@
 //! Specular and transmitted paths, one by one.
 
-use super::reference::{ReferencePath, SpecularReference, single};
+use super::reference::{ReferenceAngles, ReferencePath, SpecularReference, single};
 use super::{CheckReport, Comparison};
-use crate::radio::{Angles, Complex, Path, RadioSettings, RadioTracer, Search};
+use crate::Bvh;
+use crate::radio::{Angles, Complex, DiffractionModel, Path, RadioSettings, RadioTracer, SPEED_OF_LIGHT, Search};
 use corf_scene::{Result, Scene};
 use glam::DVec3;
 
@@ -21,6 +22,7 @@ const LATTICE_RAYS: usize = 2_000_000;
 
 pub(super) fn check(reference: &SpecularReference) -> Result<CheckReport> {
     let scene = reference.scene()?;
+    let bvh = Bvh::build(&scene);
     let tx = single(reference.tx);
     let mut comparisons = Vec::new();
     for config in &reference.configs {
@@ -30,10 +32,14 @@ pub(super) fn check(reference: &SpecularReference) -> Result<CheckReport> {
             line_of_sight: config.args.los,
             reflection: config.args.specular_reflection,
             transmission: config.args.refraction,
+            diffraction: config.args.diffraction,
+            edge_diffraction: config.args.edge_diffraction,
+            diffraction_lit_region: config.args.diffraction_lit_region,
+            diffraction_model: DiffractionModel::Sionna,
             search: Search::Auto { rays: LATTICE_RAYS },
             ..RadioSettings::default()
         };
-        let tracer = RadioTracer::without_bvh(&scene, settings)?;
+        let tracer = RadioTracer::new(&scene, &bvh, settings)?;
         let transmitter = tracer.transmitter(tx)?;
         for result in &config.rx_results {
             let found = transmitter.paths(single(reference.rx[result.rx_index]))?;
@@ -49,6 +55,7 @@ pub(super) fn check(reference: &SpecularReference) -> Result<CheckReport> {
 fn compare(scene: &Scene, found: &[Path], expected: &[&ReferencePath]) -> Comparison {
     let mut c = Comparison::default();
     let mut taken = vec![false; found.len()];
+    let mut absent = [0; 3];
     for reference in expected {
         let label = label(&reference.types, reference.objects.iter().map(String::as_str));
         // The same path: same interactions, objects and places. Nearest first, where two share all of the names.
@@ -66,15 +73,21 @@ fn compare(scene: &Scene, found: &[Path], expected: &[&ReferencePath]) -> Compar
         let a = Complex::new(reference.a_f64[0], reference.a_f64[1]);
         let relative_a = (path.a - a).norm() / a.norm();
         let length_m = (path.length_m - reference.length_m).abs();
-        let mut angle_rad: f64 = 0.0;
-        for (ours, theirs) in [(path.aoa(), reference.aoa), (path.aod(), reference.aod)] {
-            if let Some(theirs) = theirs {
-                angle_rad = angle_rad.max(angle_between(ours, Angles { theta: theirs.theta, phi: theirs.phi }));
-            }
-        }
-        for (what, value, limit) in
-            [("|da|/|a|", relative_a, RELATIVE_A), ("length", length_m, LENGTH_M), ("angle", angle_rad, ANGLE_RAD)]
-        {
+        let angle = |ours: Angles, theirs: ReferenceAngles| angle_between(ours, Angles { theta: theirs.theta, phi: theirs.phi });
+        let columns = [
+            reference.aoa.map(|theirs| angle(path.aoa(), theirs)),
+            reference.aod.map(|theirs| angle(path.aod(), theirs)),
+            reference.delay_s.map(|theirs| (path.delay_s - theirs).abs() * SPEED_OF_LIGHT),
+        ];
+        columns.iter().zip(&mut absent).filter(|(column, _)| column.is_none()).for_each(|(_, absent)| *absent += 1);
+        let [aoa_rad, aod_rad, delay_m] = columns.map(|column| column.unwrap_or(0.0));
+        let angle_rad = aoa_rad.max(aod_rad);
+        for (what, value, limit) in [
+            ("|da|/|a|", relative_a, RELATIVE_A),
+            ("length", length_m, LENGTH_M),
+            ("delay times c", delay_m, LENGTH_M),
+            ("angle", angle_rad, ANGLE_RAD),
+        ] {
             if !within(value, limit) {
                 c.faults.push(format!("{label}: {what} is off by {value:.2e}, {limit:.0e} is allowed"));
             }
@@ -83,6 +96,13 @@ fn compare(scene: &Scene, found: &[Path], expected: &[&ReferencePath]) -> Compar
         c.max_length_m = c.max_length_m.max(length_m);
         c.max_angle_rad = c.max_angle_rad.max(angle_rad);
         c.max_vertex_m = c.max_vertex_m.max(vertex_m);
+    }
+    for (column, count) in ["angle of arrival", "angle of departure", "delay"].iter().zip(absent).filter(|(_, count)| *count > 0)
+    {
+        c.notes.push(format!("{count} of {} paths have no {column} in the reference: not compared", c.matched));
+    }
+    if expected.is_empty() {
+        c.notes.push("the reference has no path to this receiver".into());
     }
     let name = |o: u32| scene.objects[o as usize].name.as_str();
     for (path, _) in found.iter().zip(&taken).filter(|(_, taken)| !**taken) {

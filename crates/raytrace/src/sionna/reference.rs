@@ -185,6 +185,12 @@ pub struct ReferenceArgs {
     /// Diffraction.
     #[serde(default)]
     pub diffraction: bool,
+    /// … at open edges as well; the library's default is no.
+    #[serde(default)]
+    pub edge_diffraction: bool,
+    /// … into the region the edge does not shadow; the library's default is yes.
+    #[serde(default = "yes")]
+    pub diffraction_lit_region: bool,
 }
 
 fn yes() -> bool {
@@ -305,13 +311,23 @@ impl DiffuseReference {
 
 impl SpecularReference {
     fn validate(&self, place: &str) -> Result<()> {
+        if self.configs.is_empty() {
+            return Err(Error::invalid(
+                place,
+                "configs is empty",
+                "give at least one configuration of the library to compare with",
+            ));
+        }
         for config in &self.configs {
-            if config.args.diffuse_reflection || config.args.diffraction {
-                return Err(Error::invalid(
-                    format!("{place}: config `{}`", config.name),
-                    "it was traced with diffuse reflection or diffraction, which have no per-path float64 column",
-                    "compare specular and transmitted paths here, diffuse power with a corf-sionna-diffuse-ref/1 file",
-                ));
+            let fault = |what: &str, help: &str| Err(Error::invalid(format!("{place}: config `{}`", config.name), what, help));
+            if config.args.diffuse_reflection {
+                return fault(
+                    "it was traced with diffuse reflection, which has no per-path float64 column",
+                    "compare diffuse power with a corf-sionna-diffuse-ref/1 file",
+                );
+            }
+            if config.rx_results.is_empty() {
+                return fault("rx_results is empty", "give the paths of at least one receiver, or leave the configuration out");
             }
             for result in &config.rx_results {
                 if result.rx_index >= self.rx.len() {

@@ -37,6 +37,8 @@ pub struct Comparison {
     pub power_difference_db: f64,
     /// Further numbers of diffuse checks: name, found, expected, tolerance.
     pub quantities: Vec<Quantity>,
+    /// What could not be compared, and why.
+    pub notes: Vec<String>,
     /// What fell outside its tolerance; empty is a pass.
     pub faults: Vec<String>,
 }
@@ -94,6 +96,9 @@ impl fmt::Display for CheckReport {
                     (q.found - q.expected).abs(),
                     q.tolerance
                 )?;
+            }
+            for note in &c.notes {
+                writeln!(f, "    note: {note}")?;
             }
             for fault in &c.faults {
                 writeln!(f, "    fault: {fault}")?;

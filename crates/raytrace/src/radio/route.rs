@@ -1,0 +1,191 @@
+//! One way through the scene: where it turns, whether it is open, and what it does to the field.
+
+use super::antenna::{phi_hat, theta_hat};
+use super::chains::Chain;
+use super::diffraction::{EdgeFace, EdgeRay, Wedge, diffract};
+use super::field::{self, Field};
+use super::fresnel::{self, SlabResponse};
+use super::geometry::Crossing;
+use super::paths::{Interaction, InteractionKind, Path, RadioTracer};
+use super::{Complex, MAX_DEPTH, SPEED_OF_LIGHT};
+use glam::DVec3;
+
+/// Just off a wedge, metres: where it is tested whether its edge stands in the open or is flush with another surface.
+const EDGE_CLEARANCE_M: f64 = 1e-3;
+
+/// Where a path changes direction.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Turn<'w> {
+    /// Bounces off a face.
+    Mirror(u32),
+    /// Diffracts at an edge, lit on `wedge.faces[lit]`.
+    Edge { wedge: &'w Wedge, lit: usize },
+}
+
+impl Turn<'_> {
+    /// The faces the turn lies on.
+    fn faces(&self) -> [Option<u32>; 2] {
+        match self {
+            Self::Mirror(face) => [Some(*face), None],
+            Self::Edge { wedge, .. } => wedge.faces.map(Some),
+        }
+    }
+}
+
+/// Turns and the points where they happen, TX → RX.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Route<'r> {
+    pub tx: DVec3,
+    pub rx: DVec3,
+    pub turns: &'r [Turn<'r>],
+    pub corners: &'r [DVec3],
+}
+
+impl Route<'_> {
+    /// Leg `i`: from, to, and the faces its ends lie on.
+    fn leg(&self, i: usize) -> (DVec3, DVec3, [Option<u32>; 4]) {
+        let from = if i == 0 { self.tx } else { self.corners[i - 1] };
+        let to = self.corners.get(i).copied().unwrap_or(self.rx);
+        let before = if i == 0 { [None; 2] } else { self.turns[i - 1].faces() };
+        let after = self.turns.get(i).map_or([None; 2], Turn::faces);
+        (from, to, [before[0], before[1], after[0], after[1]])
+    }
+}
+
+impl RadioTracer<'_> {
+    /// The one path that bounces off a chain of faces, if there is one.
+    pub(super) fn trace(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<Path> {
+        let faces = chain.faces();
+        let vertices = self.specular_vertices(tx, rx, chain)?;
+        let mut turns = [Turn::Mirror(u32::MAX); MAX_DEPTH];
+        turns.iter_mut().zip(faces).for_each(|(turn, face)| *turn = Turn::Mirror(*face));
+        self.follow(&Route { tx, rx, turns: &turns[..faces.len()], corners: &vertices[..faces.len()] })
+    }
+
+    /// The path along a route, slabs crossed on the way included; `None` when something blocks it.
+    pub(super) fn follow(&self, route: &Route<'_>) -> Option<Path> {
+        // Visibility, leg by leg; transmissions share the budget of interactions.
+        let turns = route.turns.len();
+        let mut budget = if self.settings.transmission { self.settings.max_depth - turns } else { 0 };
+        let mut crossed: [Vec<Crossing>; MAX_DEPTH + 1] = Default::default();
+        for i in 0..=turns {
+            let (from, to, skip) = route.leg(i);
+            crossed[i] = self.geometry.crossings(from, to, skip, budget)?;
+            budget -= crossed[i].len();
+        }
+        self.edges_are_open(route, &crossed).then(|| self.assemble(route, &crossed)).flatten()
+    }
+
+    /// Whether the legs to points just off the route's wedges cross the same faces: an edge that is flush with another surface is none.
+    fn edges_are_open(&self, route: &Route<'_>, crossed: &[Vec<Crossing>; MAX_DEPTH + 1]) -> bool {
+        route.turns.iter().enumerate().all(|(i, turn)| {
+            let Turn::Edge { wedge, .. } = turn else { return true };
+            let off = wedge.outward() * EDGE_CLEARANCE_M;
+            [i, i + 1].into_iter().all(|leg| {
+                let (from, to, skip) = route.leg(leg);
+                let (from, to) = if leg == i { (from, to + off) } else { (from + off, to) };
+                let again = self.geometry.crossings(from, to, skip, crossed[leg].len());
+                again.is_some_and(|again| again.iter().map(|c| c.face).eq(crossed[leg].iter().map(|c| c.face)))
+            })
+        })
+    }
+
+    /// The image method: reflection points from the receiver back to the transmitter, each on its face.
+    pub(super) fn specular_vertices(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<[DVec3; MAX_DEPTH]> {
+        let faces = chain.faces();
+        let mut vertices = [DVec3::ZERO; MAX_DEPTH];
+        let Some((&last, _)) = faces.split_last() else { return Some(vertices) };
+        // Most candidates end here, at the last face, before the other images are needed.
+        vertices[faces.len() - 1] = self.bounce(last, rx, chain.image)?;
+        let mut images = [tx; MAX_DEPTH];
+        for i in 1..faces.len() {
+            images[i] = self.geometry.faces[faces[i - 1] as usize].mirror(images[i - 1]);
+        }
+        for i in (0..faces.len() - 1).rev() {
+            vertices[i] = self.bounce(faces[i], vertices[i + 1], images[i + 1])?;
+        }
+        Some(vertices)
+    }
+
+    /// Where the line from `target` to an `image` behind the face meets the face.
+    pub(super) fn bounce(&self, face: u32, target: DVec3, image: DVec3) -> Option<DVec3> {
+        let face = &self.geometry.faces[face as usize];
+        let (here, behind) = (face.distance(target), face.distance(image));
+        if here * behind >= 0.0 {
+            return None;
+        }
+        let point = target + (image - target) * (here / (here - behind));
+        face.contains(point).then_some(point)
+    }
+
+    /// The slab's coefficients for a ray on a face.
+    fn response(&self, face: u32, direction: DVec3) -> SlabResponse {
+        let cos_incidence = field::cos_incidence(direction, self.geometry.faces[face as usize].normal);
+        fresnel::slab_response(self.geometry.slab(face), cos_incidence)
+    }
+
+    /// Carries the field along the route.
+    fn assemble(&self, route: &Route<'_>, crossed: &[Vec<Crossing>; MAX_DEPTH + 1]) -> Option<Path> {
+        let Route { tx, rx, turns, corners } = *route;
+        let mut interactions = Vec::new();
+        let length_m: f64 = (0..=turns.len()).map(|i| route.leg(i)).map(|(from, to, _)| from.distance(to)).sum();
+        // 1/L, but 1/√(s s′(s + s′)) for a path with an edge.
+        let mut spreading_per_m = 1.0 / length_m;
+        let departure = (corners.first().copied().unwrap_or(rx) - tx).normalize();
+        let (mut travelled_m, mut direction) = (0.0, departure);
+        let mut e = [Field::real(theta_hat(departure)), Field::real(phi_hat(departure))];
+        for i in 0..=turns.len() {
+            let (from, to, _) = route.leg(i);
+            let leg_m = from.distance(to);
+            // A leg of no length (a bounce exactly in a corner) has the direction the mirror gives it.
+            if leg_m > 0.0 {
+                direction = (to - from) / leg_m;
+            }
+            for crossing in &crossed[i] {
+                let face = &self.geometry.faces[crossing.face as usize];
+                let response = self.response(crossing.face, direction);
+                e = e.map(|e| field::transmit(&e, direction, face.normal, &response));
+                let vertex = from + direction * crossing.distance_m;
+                interactions.push(Interaction { kind: InteractionKind::Refraction, object: face.object, vertex });
+            }
+            travelled_m += leg_m;
+            match turns.get(i) {
+                None => {}
+                Some(Turn::Mirror(index)) => {
+                    let face = &self.geometry.faces[*index as usize];
+                    let amplitude = self.geometry.slab(*index).specular_amplitude();
+                    let response = self.response(*index, direction);
+                    e = e.map(|e| field::reflect(&e, direction, face.normal, &response, amplitude));
+                    direction = field::mirrored(direction, face.normal);
+                    interactions.push(Interaction { kind: InteractionKind::Specular, object: face.object, vertex: to });
+                }
+                Some(Turn::Edge { wedge, lit }) => {
+                    let (source_m, target_m) = (travelled_m, length_m - travelled_m);
+                    spreading_per_m = 1.0 / (source_m * target_m * length_m).sqrt();
+                    let ray = EdgeRay {
+                        // The other face's view of the same edge runs the other way.
+                        edge: if *lit == 0 { wedge.edge } else { -wedge.edge },
+                        exterior_angle_rad: wedge.exterior_angle_rad,
+                        incident: direction,
+                        diffracted: (route.leg(i + 1).1 - to).normalize(),
+                        source_m,
+                        target_m,
+                    };
+                    let faces =
+                        [*lit, 1 - lit].map(|i| EdgeFace { slab: self.geometry.slab(wedge.faces[i]), normal: wedge.normals[i] });
+                    let (wavelength_m, model) = (self.settings.wavelength_m(), self.settings.diffraction_model);
+                    e = e.map(|e| diffract(&e, &ray, &faces, wavelength_m, model));
+                    interactions.push(Interaction { kind: InteractionKind::Diffraction, object: wedge.object, vertex: to });
+                }
+            }
+        }
+        let arrival = (corners.last().copied().unwrap_or(tx) - rx).normalize();
+        // a = λ/(4πL)·C_RX·E
+        let spreading = self.settings.wavelength_m() / (4.0 * std::f64::consts::PI) * spreading_per_m;
+        let transfer = [theta_hat(arrival), phi_hat(arrival)].map(|axis| e.map(|e| e.along(axis) * spreading));
+        let mut path =
+            Path { interactions, length_m, delay_s: length_m / SPEED_OF_LIGHT, a: Complex::ZERO, transfer, arrival, departure };
+        path.a = path.coefficient(&self.settings.tx_antenna, 0, &self.settings.rx_antenna, 0);
+        (path.power() >= 10f64.powf(self.settings.min_gain_db / 10.0)).then_some(path)
+    }
+}

@@ -1,0 +1,304 @@
+//! Diffraction against exact solutions and the truths that any diffracted field obeys.
+
+#![allow(clippy::unwrap_used)]
+
+use corf_raytrace::Bvh;
+use corf_raytrace::radio::{Complex, Path, RadioSettings, RadioTracer, Search};
+use corf_scene::model::{Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, Scene, Triangle};
+use glam::{DVec3, Vec3};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
+
+/// Conductivity of the tests' conductor, S/m: |1 + r_TE| and |1 − r_TM| stay below 1e-6.
+const CONDUCTOR_S_PER_M: f64 = 1e16;
+
+fn slab(name: &str, relative_permittivity: f64, conductivity_s_per_m: f64) -> Material {
+    let radio = RadioMaterial {
+        id: name.into(),
+        permittivity: Permittivity::Constant { relative_permittivity, conductivity_s_per_m },
+        thickness_m: 0.1,
+        scattering: Scattering::default(),
+    };
+    Material { name: name.into(), optical: OpticalMaterial::default(), radio: Some(radio) }
+}
+
+fn conductor() -> Material {
+    slab("conductor", 1.0, CONDUCTOR_S_PER_M)
+}
+
+/// Adds an object of quads with shared corners.
+fn add_quads(scene: &mut Scene, name: &str, material: u32, quads: &[[Vec3; 4]]) {
+    let object = scene.objects.len() as u32;
+    scene.objects.push(Object { name: name.into() });
+    for quad in quads {
+        let first = scene.positions.len() as u32;
+        scene.positions.extend(quad);
+        scene.normals.extend([Vec3::Z; 4]);
+        scene.uvs.extend([[0.0; 2]; 4]);
+        for t in [[0, 1, 2], [0, 2, 3]] {
+            scene.triangles.push(Triangle { vertices: t.map(|v: u32| first + v), material, object });
+        }
+    }
+}
+
+/// The six sides of a box.
+fn box_quads(min: Vec3, max: Vec3) -> Vec<[Vec3; 4]> {
+    let mut quads = Vec::new();
+    for axis in 0..3 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        for at in [min[axis], max[axis]] {
+            quads.push([[min[u], min[v]], [max[u], min[v]], [max[u], max[v]], [min[u], max[v]]].map(|[a, b]| {
+                let mut p = Vec3::ZERO;
+                (p[axis], p[u], p[v]) = (at, a, b);
+                p
+            }));
+        }
+    }
+    quads
+}
+
+fn scene_of(material: Material, quads: &[[Vec3; 4]]) -> Scene {
+    let mut scene = Scene { name: "test".into(), materials: vec![material], ..Scene::default() };
+    add_quads(&mut scene, "body", 0, quads);
+    scene
+}
+
+/// The half-plane y = 0, x > 0; its edge is the z axis.
+fn half_plane(material: Material) -> Scene {
+    let (x, z) = (60.0, 30.0);
+    let quad = [Vec3::new(0.0, 0.0, -z), Vec3::new(x, 0.0, -z), Vec3::new(x, 0.0, z), Vec3::new(0.0, 0.0, z)];
+    scene_of(material, &[quad])
+}
+
+fn settings() -> RadioSettings {
+    RadioSettings {
+        max_depth: 1,
+        transmission: false,
+        diffraction: true,
+        edge_diffraction: true,
+        search: Search::Exhaustive,
+        ..RadioSettings::default()
+    }
+}
+
+/// In the plane z = 0 at an azimuth about the z axis.
+fn polar(radius_m: f64, azimuth_rad: f64) -> DVec3 {
+    DVec3::new(radius_m * azimuth_rad.cos(), radius_m * azimuth_rad.sin(), 0.0)
+}
+
+/// Whether a path comes by the z axis or has no edge at all.
+fn by_the_axis(path: &Path) -> bool {
+    path.interactions.iter().all(|i| i.kind.letter() != 'X' || i.vertex.x.hypot(i.vertex.y) < 1e-9)
+}
+
+/// Total scalar field: E_z for polarisation 0, H_z (in units of E) for 1; for horizontal rays θ̂ is −ẑ and φ̂ of the arrival is the
+/// negative of that of propagation.
+fn total(paths: &[Path], polarization: usize, frequency_hz: f64) -> Complex {
+    let sign = [1.0, -1.0][polarization];
+    paths.iter().filter(|p| by_the_axis(p)).fold(Complex::ZERO, |sum, p| {
+        let phase = -TAU * (frequency_hz * p.delay_s).fract();
+        sum + p.transfer[polarization][polarization] * Complex::new(0.0, phase).exp() * sign
+    })
+}
+
+/// ∫_{−a}^∞ e^{−jτ²}dτ by Simpson's rule up to 0 and the known value from there.
+fn fresnel_from(minus_a: f64) -> Complex {
+    let f = |t: f64| Complex::new(0.0, -t * t).exp();
+    let n = 40_000;
+    let h = -minus_a / n as f64;
+    let mut sum = f(minus_a) + f(0.0);
+    for i in 1..n {
+        sum = sum + f(minus_a + h * i as f64) * if i % 2 == 1 { 4.0 } else { 2.0 };
+    }
+    sum * (h / 3.0) + Complex::new(0.0, -FRAC_PI_4).exp() * (0.5 * PI.sqrt())
+}
+
+/// Sommerfeld's exact field behind and before a conducting half-plane for a plane wave of unit amplitude at the edge.
+fn sommerfeld(wavenumber: f64, rho: f64, phi: f64, phi_in: f64, hard: bool) -> Complex {
+    let wave = |angle: f64| {
+        let a = (2.0 * wavenumber * rho).sqrt() * (0.5 * angle).cos();
+        let carrier = Complex::new(0.0, wavenumber * rho * angle.cos()).exp();
+        carrier * fresnel_from(-a) * (Complex::new(0.0, FRAC_PI_4).exp() * (1.0 / PI.sqrt()))
+    };
+    let reflected = wave(phi + phi_in);
+    wave(phi - phi_in) + if hard { reflected } else { -reflected }
+}
+
+/// A source at 1e7 m is plane to a phase of kρ²/2s′ = 6e-5 at 1 m, twice with the reflected wave; the conductor, Simpson's rule and f64 delays leave less.
+const PLANE_WAVE: f64 = 2e-4;
+
+#[test]
+fn a_conducting_half_plane_has_the_exact_field() {
+    let scene = half_plane(conductor());
+    let tracer = RadioTracer::without_bvh(&scene, settings()).unwrap();
+    let (frequency_hz, wavelength_m) = (tracer.settings().frequency_hz, tracer.settings().wavelength_m());
+    let source_m = 1e7;
+    for phi_in in [0.4, 1.1, 2.3] {
+        let tx = polar(source_m, phi_in);
+        let transmitter = tracer.transmitter(tx).unwrap();
+        let amplitude = wavelength_m / (4.0 * PI * source_m);
+        let at_edge = Complex::new(0.0, -TAU * (frequency_hz * source_m / 299_792_458.0).fract()).exp() * amplitude;
+        for rho in [0.02, 0.3, 1.0] {
+            for step in 0..40 {
+                let phi = 0.03 + (TAU - 0.06) * step as f64 / 39.0;
+                let paths = transmitter.paths(polar(rho, phi)).unwrap();
+                for (polarization, hard) in [(0, false), (1, true)] {
+                    let found = total(&paths, polarization, frequency_hz) / at_edge;
+                    let exact = sommerfeld(TAU / wavelength_m, rho, phi, phi_in, hard);
+                    assert!(
+                        (found - exact).norm() < PLANE_WAVE,
+                        "phi' {phi_in}, rho {rho}, phi {phi}, hard {hard}: {found:?} {exact:?}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Step over a boundary, radians; a continuous field changes by about k·L·step over it.
+const STEP_RAD: f64 = 1e-7;
+/// The field's own change over a step at 3 m is 1e-3 of it; a boundary that is not compensated jumps by some tenths.
+const CONTINUOUS: f64 = 5e-3;
+
+#[test]
+fn the_field_is_continuous_across_shadow_and_reflection_boundaries() {
+    // A long bar, x > 0 and y < 0, whose edge is the z axis.
+    let bar = box_quads(Vec3::new(0.0, -20.0, -40.0), Vec3::new(20.0, 0.0, 40.0));
+    for material in [conductor(), slab("wood", 1.99, 0.378), slab("glass", 6.31, 0.867)] {
+        let scene = scene_of(material, &bar);
+        let tracer = RadioTracer::without_bvh(&scene, settings()).unwrap();
+        let frequency_hz = tracer.settings().frequency_hz;
+        // Azimuths from the top face y = 0; the other face is at 3π/2. One source lights the top alone, the other both faces.
+        for (phi_in, boundaries) in [(1.0, vec![PI - 1.0, PI + 1.0]), (2.2, vec![PI - 2.2, 3.0 * PI - PI - 2.2])] {
+            let transmitter = tracer.transmitter(polar(5.0, phi_in)).unwrap();
+            for boundary in boundaries {
+                for height in [0.0, 1.7] {
+                    let field = |phi: f64| {
+                        let paths = transmitter.paths(polar(3.0, phi) + DVec3::Z * height).unwrap();
+                        assert!(paths.iter().any(|p| p.types() == "X"));
+                        let kinds = paths.iter().filter(|p| by_the_axis(p)).count();
+                        ([0, 1].map(|polarization| total(&paths, polarization, frequency_hz)), kinds)
+                    };
+                    let ((before, n), (after, m)) = (field(boundary - STEP_RAD), field(boundary + STEP_RAD));
+                    assert_ne!(n, m, "no path ends at {boundary}");
+                    for i in 0..2 {
+                        let scale = tracer.settings().wavelength_m() / (4.0 * PI * 8.0);
+                        assert!((before[i] - after[i]).norm() < CONTINUOUS * scale, "{boundary} {:?} {:?}", before[i], after[i]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn conducting_edges_are_reciprocal() {
+    for scene in
+        [half_plane(conductor()), scene_of(conductor(), &box_quads(Vec3::new(0.0, -2.0, -4.0), Vec3::new(2.0, 0.0, 4.0)))]
+    {
+        let tracer = RadioTracer::without_bvh(&scene, settings()).unwrap();
+        let (a, b) = (DVec3::new(1.2, 1.5, 0.7), DVec3::new(-0.8, -1.9, -1.1));
+        let (there, back) = (tracer.paths(a, b).unwrap(), tracer.paths(b, a).unwrap());
+        assert!(there.iter().any(|p| p.types() == "X") && there.len() == back.len());
+        for (p, q) in there.iter().zip(&back) {
+            // φ̂ of a direction is minus that of its reverse: the off-diagonal entries change sign when both ends are exchanged once.
+            for i in 0..2 {
+                for j in 0..2 {
+                    assert!((p.transfer[i][j] - q.transfer[j][i]).norm() < 1e-6 * p.a.norm(), "{} {p:?} {q:?}", p.types());
+                }
+            }
+        }
+    }
+}
+
+/// ITU-R P.526's approximation of the knife edge is good to about this, dB; a conducting screen departs from it off grazing.
+const KNIFE_EDGE_DB: f64 = 0.4;
+
+#[test]
+fn a_screen_at_grazing_angles_is_the_knife_edge_of_p526() {
+    let scene = half_plane(conductor());
+    let tracer = RadioTracer::without_bvh(&scene, settings()).unwrap();
+    let wavelength_m = tracer.settings().wavelength_m();
+    let (d1, d2) = (20.0f64, 15.0f64);
+    for v in [-0.5, 0.0, 0.5, 1.0, 2.0] {
+        // Both ends h below the edge's level would see it at v = h·√(2(d₁ + d₂)/(λd₁d₂)).
+        let h: f64 = v / (2.0 * (d1 + d2) / (wavelength_m * d1 * d2)).sqrt();
+        let (tx, rx) = (DVec3::new(h, d1, 0.0), DVec3::new(h, -d2, 0.0));
+        let paths = tracer.paths(tx, rx).unwrap();
+        let free = wavelength_m / (4.0 * PI * tx.distance(rx));
+        let loss_db = -20.0 * (total(&paths, 0, tracer.settings().frequency_hz).norm() / free).log10();
+        let shifted: f64 = v - 0.1;
+        let p526_db = 6.9 + 20.0 * ((shifted * shifted + 1.0).sqrt() + shifted).log10();
+        assert!((loss_db - p526_db).abs() < KNIFE_EDGE_DB, "v = {v}: {loss_db:.2} dB, P.526 {p526_db:.2} dB");
+    }
+}
+
+#[test]
+fn a_box_has_twelve_wedges_and_a_room_diffracts_nothing() {
+    let quads = box_quads(Vec3::ZERO, Vec3::new(2.0, 1.0, 0.5));
+    let closed = scene_of(conductor(), &quads);
+    let tracer = RadioTracer::without_bvh(&closed, settings()).unwrap();
+    assert_eq!(tracer.wedges().len(), 12);
+    assert!(tracer.wedges().iter().all(|w| (w.exterior_angle_rad - 1.5 * PI).abs() < 1e-12 && !w.is_screen()));
+    // From inside all edges are concave.
+    let inside = tracer.paths(DVec3::new(0.3, 0.3, 0.2), DVec3::new(1.7, 0.8, 0.3)).unwrap();
+    assert!(inside.len() == 7 && inside.iter().all(|p| !p.types().contains('X')));
+    // Without its lid four of the wedges are gone and four open edges there instead.
+    let open = scene_of(conductor(), &quads[..5]);
+    let count = |edge_diffraction: bool| {
+        let settings = RadioSettings { edge_diffraction, ..settings() };
+        RadioTracer::without_bvh(&open, settings).unwrap().wedges().len()
+    };
+    assert_eq!((count(false), count(true)), (8, 12));
+    // Diffraction off: no edges at all.
+    let off = RadioSettings { diffraction: false, ..settings() };
+    assert!(RadioTracer::without_bvh(&closed, off).unwrap().wedges().is_empty());
+}
+
+/// A crate on the floor of a room.
+fn furnished(material: Material) -> Scene {
+    let mut scene = Scene { name: "furnished".into(), materials: vec![slab("wall", 2.73, 0.398), material], ..Scene::default() };
+    for (i, quad) in box_quads(Vec3::ZERO, Vec3::new(6.0, 5.0, 3.0)).into_iter().enumerate() {
+        add_quads(&mut scene, &format!("wall{i}"), 0, &[quad]);
+    }
+    add_quads(&mut scene, "crate", 1, &box_quads(Vec3::new(2.0, 2.0, 0.0), Vec3::new(3.0, 3.0, 1.5)));
+    add_quads(&mut scene, "shelf", 1, &box_quads(Vec3::new(4.0, 0.5, 1.0), Vec3::new(5.0, 0.75, 2.5)));
+    scene
+}
+
+#[test]
+fn edges_flush_with_the_floor_do_not_diffract() {
+    let scene = furnished(conductor());
+    let tracer = RadioTracer::without_bvh(&scene, settings()).unwrap();
+    let paths = tracer.paths(DVec3::new(1.0, 1.1, 1.2), DVec3::new(4.2, 3.9, 0.8)).unwrap();
+    let edges: Vec<DVec3> =
+        paths.iter().flat_map(|p| &p.interactions).filter(|i| i.kind.letter() == 'X').map(|i| i.vertex).collect();
+    assert!(!edges.is_empty() && edges.iter().all(|v| v.z > 0.0), "{edges:?}");
+}
+
+#[test]
+fn the_lattice_finds_the_diffracted_paths_of_the_exhaustive_search() {
+    let scene = furnished(slab("wood", 1.99, 0.378));
+    let bvh = Bvh::build(&scene);
+    let deep = RadioSettings { max_depth: 3, transmission: true, edge_diffraction: false, ..settings() };
+    let oracle = RadioTracer::without_bvh(&scene, deep).unwrap();
+    let lattice = RadioSettings { search: Search::Lattice { rays: 200_000 }, ..deep };
+    let lattice = RadioTracer::new(&scene, &bvh, lattice).unwrap();
+    let (tx, rx) = (DVec3::new(1.0, 1.1, 1.2), DVec3::new(4.2, 3.9, 0.8));
+    let (all, found) = (oracle.paths(tx, rx).unwrap(), lattice.paths(tx, rx).unwrap());
+    let diffracted = |paths: &[Path]| paths.iter().filter(|p| p.types().contains('X')).map(Path::power).sum::<f64>();
+    assert!(all.iter().filter(|p| p.types().contains('X')).count() > 50);
+    assert!(all.iter().any(|p| p.types() == "SXS"));
+    // Exact where it finds a path, and what it misses is seen through slivers.
+    assert!(found.iter().all(|p| all.contains(p)));
+    assert!((diffracted(&found) / diffracted(&all) - 1.0).abs() < 1e-3, "{:e} of {:e}", diffracted(&found), diffracted(&all));
+}
+
+#[test]
+fn the_shadow_alone_on_request() {
+    let scene = half_plane(conductor());
+    let only = RadioSettings { diffraction_lit_region: false, ..settings() };
+    let tracer = RadioTracer::without_bvh(&scene, only).unwrap();
+    let transmitter = tracer.transmitter(polar(4.0, FRAC_PI_2)).unwrap();
+    let has_edge = |phi: f64| transmitter.paths(polar(2.0, phi)).unwrap().iter().any(|p| p.types() == "X" && by_the_axis(p));
+    assert!(!has_edge(PI) && !has_edge(1.49 * PI) && has_edge(1.51 * PI));
+}
