@@ -10,8 +10,8 @@ use corf_raytrace::radio::{
     Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, PlanarArray, RadioSettings, RadioTracer, Transmitter,
     json,
 };
-use corf_raytrace::spectrum::{self, Bartlett, RearHalfSpace};
-use corf_scene::config::{AntennaPattern, DatasetConfig, SceneConfig, SpectrumKind};
+use corf_raytrace::spectrum::SpectrumSettings;
+use corf_scene::config::{AntennaPattern, DatasetConfig, SceneConfig};
 use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, FrameData};
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Pinhole, Raster, Rigid3, Scene, Severity};
@@ -179,8 +179,7 @@ struct RadioSensor<'a> {
     transmitter: Transmitter<'a, 'a>,
     diffuse: Option<DiffuseField<'a, 'a>>,
     intrinsics: Pinhole,
-    kind: SpectrumKind,
-    lobe_width_deg: f64,
+    spectrum: SpectrumSettings,
     frequency_hz: f64,
     write_paths: bool,
 }
@@ -205,8 +204,7 @@ impl<'a> RadioSensor<'a> {
             transmitter: tracer.transmitter(tx)?,
             diffuse: config.rf.diffuse.then(|| DiffuseField::new(tracer, tx, &settings)).transpose()?,
             intrinsics: config.rf_camera(),
-            kind: config.rf.spectrum,
-            lobe_width_deg: config.rf.lobe_width_deg,
+            spectrum: SpectrumSettings::new(&config.rf, receiver, config.seed),
             frequency_hz: scene_config.radio.frequency_hz,
             write_paths: config.rf.write_paths,
         })
@@ -220,10 +218,7 @@ impl<'a> RadioSensor<'a> {
         if let Some(diffuse) = &self.diffuse {
             arrivals.extend(diffuse.gather_for_view(&self.intrinsics, world_from_camera)?);
         }
-        let spectrum = match self.kind {
-            SpectrumKind::Mpc => spectrum::mpc(&arrivals, &self.intrinsics, world_from_camera, self.lobe_width_deg),
-            SpectrumKind::Bartlett => Bartlett::image(&arrivals, &self.intrinsics, world_from_camera, RearHalfSpace::Gated),
-        };
+        let spectrum = self.spectrum.form(&[arrivals], &self.intrinsics, world_from_camera);
         let lines = self.write_paths.then(|| json_lines(self.scene, self.transmitter.position(), rx, self.frequency_hz, &paths));
         Ok((spectrum, lines))
     }

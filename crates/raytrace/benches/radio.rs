@@ -5,8 +5,8 @@
 
 use corf_raytrace::Bvh;
 use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, RadioSettings, RadioTracer};
-use corf_raytrace::spectrum::{self, Bartlett, RearHalfSpace};
-use corf_scene::config::DatasetConfig;
+use corf_raytrace::spectrum::{self, SpectrumSettings};
+use corf_scene::config::{DatasetConfig, SpectrumKind};
 use corf_scene::trajectory;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -48,13 +48,20 @@ fn radio(c: &mut Criterion) {
             poses.iter().zip(&arrivals).for_each(|(p, a)| drop(black_box(spectrum::mpc(a, &camera, &p.world_from_camera, 1.0))));
         });
     });
-    group.bench_function("bartlett spectrum", |b| {
-        b.iter(|| {
-            poses.iter().zip(&arrivals).for_each(|(p, a)| {
-                drop(black_box(Bartlett::image(a, &camera, &p.world_from_camera, RearHalfSpace::Gated)));
+    let beams = [
+        ("bartlett", SpectrumKind::Bartlett),
+        ("bartlett-coherent", SpectrumKind::BartlettCoherent),
+        ("mvdr", SpectrumKind::Mvdr),
+    ];
+    let looks: Vec<Vec<Vec<Arrival>>> = arrivals.into_iter().map(|a| vec![a]).collect();
+    for (name, kind) in beams {
+        let settings = SpectrumSettings { kind, ..SpectrumSettings::new(&config.rf, &scene_config.receiver, config.seed) };
+        group.bench_function(format!("{name} spectrum"), |b| {
+            b.iter(|| {
+                poses.iter().zip(&looks).for_each(|(p, l)| drop(black_box(settings.form(l, &camera, &p.world_from_camera))));
             });
         });
-    });
+    }
     group.finish();
 }
 

@@ -3,13 +3,13 @@
 //! ```text
 //! cargo run --release -p corf-raytrace --example render_spectrum -- scenes/lobby-mini.toml --out spectra --every 4
 //! ```
-//! `--kind mpc|bartlett`, `--directions N`, `--patch M`, `--lobe DEG`, `--range DB`, `--min-face M2`, `--mirror SR`, `--after 0|1`, `--size WxH`;
+//! `--kind mpc|bartlett|bartlett-coherent|mvdr`, `--directions N`, `--patch M`, `--lobe DEG`, `--range DB`, `--min-face M2`, `--mirror SR`, `--after 0|1`, `--size WxH`;
 //! `--converge` gathers everything a second time on other patches and directions and prints the scalar PSNR between the two.
 
 use corf_raytrace::Bvh;
 use corf_raytrace::radio::{Antenna, Arrival, DiffuseField, DiffuseSettings, RadioSettings, RadioTracer};
-use corf_raytrace::spectrum::{self, Bartlett, RearHalfSpace};
-use corf_scene::config::DatasetConfig;
+use corf_raytrace::spectrum::{self, SpectrumSettings};
+use corf_scene::config::{DatasetConfig, SpectrumKind};
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Error, Pinhole, Raster, Result, Rigid3, io, trajectory};
 use glam::DVec3;
@@ -20,7 +20,7 @@ struct Options {
     config: PathBuf,
     out: PathBuf,
     every: usize,
-    bartlett: bool,
+    kind: SpectrumKind,
     converge: bool,
     range_db: Option<f64>,
     lobe_deg: Option<f64>,
@@ -35,7 +35,7 @@ fn options() -> Result<Options> {
         config: PathBuf::from("scenes/lobby-mini.toml"),
         out: PathBuf::from("spectra"),
         every: 1,
-        bartlett: false,
+        kind: SpectrumKind::Mpc,
         converge: false,
         range_db: None,
         lobe_deg: None,
@@ -60,7 +60,15 @@ fn options() -> Result<Options> {
         match flag.as_str() {
             "--out" => o.out = value.clone().into(),
             "--every" => o.every = (number()? as usize).max(1),
-            "--kind" => o.bartlett = value == "bartlett",
+            "--kind" => {
+                o.kind = match value.as_str() {
+                    "mpc" => SpectrumKind::Mpc,
+                    "bartlett" => SpectrumKind::Bartlett,
+                    "bartlett-coherent" => SpectrumKind::BartlettCoherent,
+                    "mvdr" => SpectrumKind::Mvdr,
+                    _ => return Err(wrong()),
+                }
+            }
             "--directions" => o.diffuse.directions = number()? as usize,
             "--patch" => o.patch_m = Some(number()?),
             "--mirror" => o.diffuse.min_mirror_sr = number()?,
@@ -144,13 +152,12 @@ fn main() -> Result<()> {
     let field = DiffuseField::new(&tracer, tx, &diffuse)?;
     println!("{} patches, {} sources, {:.2} s", field.patch_count(), field.source_count(), clock.elapsed().as_secs_f64());
 
-    let form = |arrivals: &[Arrival], pose: &Rigid3| {
-        if o.bartlett {
-            Bartlett::image(arrivals, &camera, pose, RearHalfSpace::Gated)
-        } else {
-            spectrum::mpc(arrivals, &camera, pose, lobe_deg)
-        }
+    let spectrum_settings = SpectrumSettings {
+        kind: o.kind,
+        lobe_width_deg: lobe_deg,
+        ..SpectrumSettings::new(&config.rf, &scene_config.receiver, config.seed)
     };
+    let form = |arrivals: &[Arrival], pose: &Rigid3| spectrum_settings.form(&[arrivals.to_vec()], &camera, pose);
     let chosen: Vec<_> = poses.iter().step_by(o.every).collect();
     let mut frames = Vec::new();
     let (mut paths_s, mut diffuse_s, mut spectrum_s) = (0.0, 0.0, 0.0);

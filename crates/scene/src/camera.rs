@@ -1,7 +1,8 @@
-//! The pinhole camera, for light and for the RF image alike.
+//! The pinhole camera, for light and for the RF image alike, and the image of the whole sphere.
 
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// A pinhole camera without distortion: `u = fx·x/z + cx`, `v = fy·y/z + cy`; pixels, pixel centres at +0.5, OpenCV axes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,9 +64,57 @@ impl Pinhole {
     }
 }
 
+/// The whole sphere as an equirectangular image, in the array frame (boresight +x in its middle, +y left of it, +z up): columns run from
+/// azimuth +180° at the left edge to −180° at the right, rows from elevation +90° at the top to −90°; pixel centres at +0.5.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Equirectangular {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl Equirectangular {
+    /// The unit direction of pixel `(x, y)`'s centre in the array frame.
+    pub fn pixel_direction(&self, x: usize, y: usize) -> DVec3 {
+        let azimuth = PI - TAU * (x as f64 + 0.5) / self.width as f64;
+        let elevation = FRAC_PI_2 - PI * (y as f64 + 0.5) / self.height as f64;
+        DVec3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin())
+    }
+
+    /// The image position (pixels) of a unit direction of the array frame.
+    pub fn project(&self, direction: DVec3) -> DVec2 {
+        let azimuth = direction.y.atan2(direction.x);
+        let elevation = direction.z.atan2(direction.x.hypot(direction.y));
+        DVec2::new((PI - azimuth) / TAU * self.width as f64, (FRAC_PI_2 - elevation) / PI * self.height as f64)
+    }
+
+    /// The solid angle of every pixel of row `y` in steradians, exactly.
+    pub fn pixel_solid_angle_sr(&self, y: usize) -> f64 {
+        let sine_of_edge = |row: usize| (FRAC_PI_2 - PI * row as f64 / self.height as f64).sin();
+        TAU / self.width as f64 * (sine_of_edge(y) - sine_of_edge(y + 1))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_sphere_is_whole_and_looks_ahead_in_its_middle() {
+        let sphere = Equirectangular { width: 36, height: 18 };
+        let sum: f64 = (0..18).map(|y| 36.0 * sphere.pixel_solid_angle_sr(y)).sum();
+        assert!((sum - 4.0 * PI).abs() < 1e-12);
+        assert!((sphere.project(DVec3::X) - DVec2::new(18.0, 9.0)).length() < 1e-12);
+        // What is to the left and up is drawn to the left and up.
+        let seen = sphere.project(DVec3::new(1.0, 0.3, 0.2).normalize());
+        assert!(seen.x < 18.0 && seen.y < 9.0, "{seen}");
+        for (x, y) in [(0, 0), (35, 17), (7, 11)] {
+            let seen = sphere.project(sphere.pixel_direction(x, y));
+            assert!((seen - DVec2::new(x as f64 + 0.5, y as f64 + 0.5)).length() < 1e-9, "{seen}");
+        }
+    }
 
     #[test]
     fn pixel_solid_angles_sum_to_that_of_the_image_rectangle() {

@@ -24,7 +24,7 @@ pub mod rng;
 pub mod trajectory;
 pub mod transform;
 
-pub use camera::Pinhole;
+pub use camera::{Equirectangular, Pinhole};
 pub use error::{Error, Result};
 pub use finding::{Finding, Severity};
 pub use keyframe::Keyframe;

@@ -1,12 +1,31 @@
-//! Angular power spectra, evaluated at each pixel's own direction of a pinhole camera.
+//! Angular power spectra over the pixels of a pinhole camera or over the whole sphere.
 //!
-//! `mpc` splats every arrival with a narrow lobe and gives power per steradian; `bartlett` is what an 8 × 8 array measures by
-//! noncoherent beamforming. Both are linear power relative to 1 W transmitted; decibels and Jet are views of it.
+//! | kind | value | resolution |
+//! |---|---|---|
+//! | `mpc` | power per steradian: every arrival splatted with a narrow lobe of unit integral | the lobe's |
+//! | `bartlett` | a steered beam's output, noncoherent: the mean over the arrivals' phases | the array's |
+//! | `bartlett-coherent` | the same, coherent within a delay tap, with speckle | the array's |
+//! | `mvdr` | Capon's estimate from the covariance over delay taps | finer than the array's |
+//!
+//! All are linear power relative to 1 W transmitted; decibels and Jet are views of it. An arrival from an element's direction u brings the
+//! element's own gain along; steering vectors are those of isotropic elements, so that a lone path reads as its |a|² in every beam kind.
 
 mod bartlett;
+mod form;
+mod grid;
+mod hermitian;
+mod lags;
+mod looks;
 mod mpc;
+mod mvdr;
+mod snapshots;
+#[cfg(test)]
+mod tests;
 
 pub use bartlett::{Bartlett, RearHalfSpace};
+pub use form::SpectrumSettings;
+pub use grid::Grid;
+pub use looks::looks;
 pub use mpc::mpc;
 
 use crate::radio::Arrival;
@@ -15,18 +34,13 @@ use corf_scene::{Pinhole, Rigid3};
 /// The share of the arriving power whose direction falls inside the camera's frame, in `[0, 1]`; 0 without any power.
 pub fn share_in_frame(arrivals: &[Arrival], camera: &Pinhole, world_from_camera: &Rigid3) -> f64 {
     let camera_from_world = world_from_camera.rotation.transpose();
+    let grid = Grid::from(camera);
     let (mut inside, mut total) = (0.0, 0.0);
     for arrival in arrivals {
         total += arrival.power;
-        let seen = camera.project(camera_from_world * arrival.direction);
-        if seen.is_some_and(|p| p.x >= 0.0 && p.y >= 0.0 && p.x < camera.width as f64 && p.y < camera.height as f64) {
+        if grid.contains(camera_from_world * arrival.direction) {
             inside += arrival.power;
         }
     }
     if total > 0.0 { inside / total } else { 0.0 }
-}
-
-/// The direction of every pixel's centre, camera frame, row-major.
-fn pixel_directions(camera: &Pinhole) -> Vec<glam::DVec3> {
-    (0..camera.width * camera.height).map(|i| camera.pixel_direction(i % camera.width, i / camera.width)).collect()
 }

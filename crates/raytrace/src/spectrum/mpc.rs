@@ -1,8 +1,9 @@
 //! The multipath-component spectrum: each arrival splatted at its angle with a narrow lobe.
 
-use super::pixel_directions;
+use super::Grid;
 use crate::radio::Arrival;
-use corf_scene::{Pinhole, Raster, Rigid3};
+use corf_scene::model::ARRAY_FROM_CAMERA;
+use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -16,15 +17,22 @@ struct Splat {
     direction: Vec3,
     /// Peak of the lobe times the arrival's power, 1/sr.
     peak: f32,
-    columns: (u32, u32),
-    rows: (u32, u32),
+    pixels: Footprint,
 }
 
-/// Power per steradian (1/sr, relative to 1 W transmitted) at every pixel's centre.
+/// The pixels that a lobe touches: a band of rows, and in it one run of columns or, across the seam of the sphere, two.
+struct Footprint {
+    rows: (u32, u32),
+    columns: [Option<(u32, u32)>; 2],
+}
+
+/// Power per steradian (1/sr, relative to 1 W transmitted) at every pixel's centre of a pinhole camera or of the whole sphere.
 ///
 /// The lobe is the Gaussian of the sphere (von Mises–Fisher, κ = 1/σ²) of standard deviation `lobe_width_deg` per axis, whose integral
 /// over solid angle is exactly 1. Deterministic for any thread count.
-pub fn mpc(arrivals: &[Arrival], camera: &Pinhole, world_from_camera: &Rigid3, lobe_width_deg: f64) -> Raster<f32> {
+pub fn mpc(arrivals: &[Arrival], grid: impl Into<Grid>, world_from_camera: &Rigid3, lobe_width_deg: f64) -> Raster<f32> {
+    let grid: Grid = grid.into();
+    let (width, height) = (grid.width(), grid.height());
     let sigma = lobe_width_deg.to_radians();
     let kappa = 1.0 / (sigma * sigma);
     // κ / (2π(1 − e^{−2κ})): the lobe's value at its centre, 1/sr.
@@ -38,34 +46,76 @@ pub fn mpc(arrivals: &[Arrival], camera: &Pinhole, world_from_camera: &Rigid3, l
         .filter(|a| a.power > 0.0)
         .filter_map(|a| {
             let direction = camera_from_world * a.direction;
-            let columns = extent(direction.x, direction.z, radius, camera.fx, camera.cx, camera.width)?;
-            let rows = extent(direction.y, direction.z, radius, camera.fy, camera.cy, camera.height)?;
-            Some(Splat { direction: direction.as_vec3(), peak: (a.power * lobe_peak) as f32, columns, rows })
+            let pixels = match &grid {
+                Grid::Pinhole(camera) => pinhole_footprint(camera, direction, radius)?,
+                Grid::Sphere(sphere) => sphere_footprint(sphere, direction, radius),
+            };
+            Some(Splat { direction: direction.as_vec3(), peak: (a.power * lobe_peak) as f32, pixels })
         })
         .collect();
-    let directions: Vec<Vec3> = pixel_directions(camera).into_iter().map(DVec3::as_vec3).collect();
+    let directions: Vec<Vec3> = grid.directions().into_iter().map(DVec3::as_vec3).collect();
     let (cutoff, half_kappa) = (cutoff_chord2 as f32, (0.5 * kappa) as f32);
-    let mut pixels = vec![0f32; camera.width * camera.height];
-    pixels.par_chunks_mut(camera.width * ROWS_PER_TASK).enumerate().for_each(|(task, band)| {
+    let mut pixels = vec![0f32; width * height];
+    pixels.par_chunks_mut(width * ROWS_PER_TASK).enumerate().for_each(|(task, band)| {
         let first_row = (task * ROWS_PER_TASK) as u32;
-        let last_row = first_row + (band.len() / camera.width) as u32 - 1;
+        let last_row = first_row + (band.len() / width) as u32 - 1;
         // Sums in f64: thousands of faint arrivals beside a strong one.
         let mut sums = vec![0f64; band.len()];
-        for splat in splats.iter().filter(|s| s.rows.0 <= last_row && s.rows.1 >= first_row) {
-            for row in splat.rows.0.max(first_row)..=splat.rows.1.min(last_row) {
-                let base = row as usize * camera.width;
-                let offset = (row - first_row) as usize * camera.width;
-                for column in splat.columns.0 as usize..=splat.columns.1 as usize {
-                    let chord2 = (directions[base + column] - splat.direction).length_squared();
-                    if chord2 < cutoff {
-                        sums[offset + column] += f64::from(splat.peak * (-half_kappa * chord2).exp());
+        for splat in splats.iter().filter(|s| s.pixels.rows.0 <= last_row && s.pixels.rows.1 >= first_row) {
+            for row in splat.pixels.rows.0.max(first_row)..=splat.pixels.rows.1.min(last_row) {
+                let base = row as usize * width;
+                let offset = (row - first_row) as usize * width;
+                for &(first, last) in splat.pixels.columns.iter().flatten() {
+                    for column in first as usize..=last as usize {
+                        let chord2 = (directions[base + column] - splat.direction).length_squared();
+                        if chord2 < cutoff {
+                            sums[offset + column] += f64::from(splat.peak * (-half_kappa * chord2).exp());
+                        }
                     }
                 }
             }
         }
         band.iter_mut().zip(sums).for_each(|(pixel, sum)| *pixel = sum as f32);
     });
-    Raster::from_vec(camera.width, camera.height, pixels)
+    Raster::from_vec(width, height, pixels)
+}
+
+/// What a cone of half angle `radius` around a direction of the camera frame touches; `None` outside the frame.
+fn pinhole_footprint(camera: &Pinhole, direction: DVec3, radius: f64) -> Option<Footprint> {
+    let columns = extent(direction.x, direction.z, radius, camera.fx, camera.cx, camera.width)?;
+    let rows = extent(direction.y, direction.z, radius, camera.fy, camera.cy, camera.height)?;
+    Some(Footprint { rows, columns: [Some(columns), None] })
+}
+
+/// As [`pinhole_footprint`] on the sphere, whose columns wrap around.
+fn sphere_footprint(sphere: &Equirectangular, direction: DVec3, radius: f64) -> Footprint {
+    let at = sphere.project(ARRAY_FROM_CAMERA.rotation * direction);
+    let last = |count: usize| count as i64 - 1;
+    // Pixel centres are at +0.5: this rounds outwards.
+    let range = |centre: f64, half: f64| ((centre - half - 0.5).floor() as i64, (centre + half - 0.5).ceil() as i64);
+    let row_half = radius / std::f64::consts::PI * sphere.height as f64;
+    let (top, bottom) = range(at.y, row_half);
+    let rows = (top.clamp(0, last(sphere.height)) as u32, bottom.clamp(0, last(sphere.height)) as u32);
+    let all = [Some((0, sphere.width as u32 - 1)), None];
+    // The meridians that touch the cone make asin(sin r / cos el) with its axis; none does when it holds a pole.
+    let cos_elevation = direction.x.hypot(direction.z);
+    if radius >= std::f64::consts::FRAC_PI_2 || cos_elevation <= radius.sin() {
+        return Footprint { rows, columns: all };
+    }
+    let half = (radius.sin() / cos_elevation).asin() / std::f64::consts::TAU * sphere.width as f64;
+    let (left, right) = range(at.x, half);
+    let width = sphere.width as i64;
+    let run = |a: i64, b: i64| Some((a as u32, b as u32));
+    let columns = if right - left + 1 >= width {
+        all
+    } else if left < 0 {
+        [run(left + width, width - 1), run(0, right)]
+    } else if right >= width {
+        [run(left, width - 1), run(0, right - width)]
+    } else {
+        [run(left, right), None]
+    };
+    Footprint { rows, columns }
 }
 
 /// The columns (or rows) that a cone of half angle `radius` around a direction touches; `x` is the direction's component along them.
@@ -106,6 +156,9 @@ mod tests {
     /// The pixel sum over a lobe of 1.7 pixels' standard deviation approximates its integral this well.
     const QUADRATURE_TOLERANCE: f64 = 2e-3;
 
+    /// The midpoint rule over rings of 0.5° around a pole is off by (0.5° / 2°)² / 24 for a lobe of 2°.
+    const POLAR_QUADRATURE_TOLERANCE: f64 = 3e-3;
+
     fn arrival(direction: DVec3, power: f64) -> Arrival {
         Arrival { direction: direction.normalize(), power, delay_s: 0.0, object: 0, phase_rad: None }
     }
@@ -128,13 +181,49 @@ mod tests {
             let d = DVec3::new(rng.normal(), rng.normal(), rng.normal()).normalize();
             let s = mpc(&[arrival(d, 1.0)], &camera, &Rigid3::IDENTITY, 4.0);
             let kappa = 1.0 / 4f64.to_radians().powi(2);
-            for (i, u) in pixel_directions(&camera).into_iter().enumerate() {
+            for (i, u) in Grid::from(&camera).directions().into_iter().enumerate() {
                 let exponent = kappa * (1.0 - u.dot(d));
                 if exponent < 18.0 {
                     let expected = kappa / std::f64::consts::TAU * (-exponent).exp();
                     assert!((f64::from(s.pixels()[i]) / expected - 1.0).abs() < 2e-3, "{d} pixel {i}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn the_sphere_holds_all_power_wherever_it_comes_from() {
+        let sphere = Equirectangular { width: 720, height: 360 };
+        let mut rng = corf_scene::Rng::keyed(4, 0, 0);
+        let mut directions: Vec<DVec3> = (0..12).map(|_| DVec3::new(rng.normal(), rng.normal(), rng.normal())).collect();
+        // Both poles, beside one, the seam.
+        directions.extend([DVec3::Y, DVec3::NEG_Y, DVec3::new(0.02, -1.0, 0.01), DVec3::NEG_Z, DVec3::new(0.001, 0.3, -1.0)]);
+        for direction in directions {
+            let s = mpc(&[arrival(direction, 3e-9)], &sphere, &Rigid3::IDENTITY, 2.0);
+            let sum: f64 = (0..720 * 360).map(|i| f64::from(s.pixels()[i]) * sphere.pixel_solid_angle_sr(i / 720)).sum();
+            assert!((sum / 3e-9 - 1.0).abs() < POLAR_QUADRATURE_TOLERANCE, "{direction}: {sum}");
+        }
+    }
+
+    #[test]
+    fn both_projections_show_the_same_spectrum() {
+        // A camera of one pixel looks where a pixel of the sphere is.
+        let sphere = Equirectangular { width: 72, height: 36 };
+        let arrivals: Vec<Arrival> = (0..200)
+            .map(|i| {
+                let mut rng = corf_scene::Rng::keyed(6, 0, i);
+                arrival(DVec3::new(rng.normal(), rng.normal(), rng.normal()), rng.uniform_f64())
+            })
+            .collect();
+        let pose = Rigid3::looking_at(DVec3::ZERO, DVec3::new(0.4, -1.0, 0.2), DVec3::Z);
+        let whole = mpc(&arrivals, &sphere, &pose, 3.0);
+        let pixel = Pinhole::from_horizontal_fov(1, 1, 10.0);
+        for (x, y) in [(0, 0), (71, 35), (36, 18), (10, 7), (55, 30)] {
+            let direction = pose.rotation * Grid::from(&sphere).directions()[y * 72 + x];
+            let up = if direction.z.abs() > 0.9 { DVec3::X } else { DVec3::Z };
+            let view = Rigid3::looking_at(DVec3::ZERO, direction, up);
+            let single = mpc(&arrivals, &pixel, &view, 3.0)[(0, 0)];
+            assert!((single / whole[(x, y)] - 1.0).abs() < 1e-4, "({x}, {y}): {single} {}", whole[(x, y)]);
         }
     }
 

@@ -13,6 +13,9 @@ pub struct DatasetConfig {
     pub name: String,
     /// Scene file (TOML), relative to this file.
     pub scene: PathBuf,
+    /// Which of the scene's `[transmitters]` is on. Default: its `[transmitter]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transmitter: Option<String>,
     /// Number of keyframes along the trajectory.
     pub keyframes: usize,
     /// The part of the scene's trajectory that is travelled, in loops. Default `[0.0, 1.0]`: once around.
@@ -93,23 +96,42 @@ pub struct RfConfig {
     /// Standard deviation of an `mpc` lobe along each axis, degrees. Default 1.
     #[serde(default = "one")]
     pub lobe_width_deg: f64,
+    /// Delays are told apart to its inverse by `bartlett-coherent` and `mvdr`, Hz. Default 1e9: taps of 1 ns.
+    #[serde(default = "one_gigahertz")]
+    pub bandwidth_hz: f64,
+    /// Diagonal loading of `mvdr` in units of the covariance's mean eigenvalue. Default 1e-3.
+    #[serde(default = "loading")]
+    pub mvdr_loading: f64,
     /// Width of the one dB range below the dataset's peak, dB. Default 70.
     #[serde(default = "seventy")]
     pub dynamic_range_db: f64,
     /// Also write the propagation paths of every keyframe. Default false.
     #[serde(default)]
     pub write_paths: bool,
+    /// Also write every spectrum in dB as EXR. Default false: it is 10 log10 of the linear one.
+    #[serde(default)]
+    pub write_db: bool,
+    /// `[columns, rows]`: also write the spectrum over the whole sphere, equirectangular. Default: not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sphere: Option<[usize; 2]>,
+    /// Also write RF images by the recipe of published sets (see [`crate::tutorial`]), which loses what the others keep. Default false.
+    #[serde(default)]
+    pub tutorial_compat: bool,
 }
 
 /// Which spectrum is formed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum SpectrumKind {
     /// Each path as a narrow Gaussian lobe at its angle of arrival: power per steradian.
     #[default]
     Mpc,
-    /// The array's noncoherent conventional beamformer.
+    /// The array's conventional beamformer, noncoherent over paths.
     Bartlett,
+    /// The array's conventional beamformer, coherent within a delay tap.
+    BartlettCoherent,
+    /// Minimum variance (Capon) over delay taps.
+    Mvdr,
 }
 
 /// `[split]`: which keyframes are kept from training.
@@ -164,6 +186,12 @@ fn patch() -> f64 {
 }
 fn directions() -> usize {
     120_000
+}
+fn one_gigahertz() -> f64 {
+    1e9
+}
+fn loading() -> f64 {
+    1e-3
 }
 fn three() -> usize {
     3
@@ -269,6 +297,7 @@ impl DatasetConfig {
             ("rf.patch_size_m", rf.patch_size_m),
             ("rf.lobe_width_deg", rf.lobe_width_deg),
             ("rf.dynamic_range_db", rf.dynamic_range_db),
+            ("rf.bandwidth_hz", rf.bandwidth_hz),
         ] {
             if !(value.is_finite() && value > 0.0) {
                 return fail(key, format!("{value} is not a positive number"), "give a value above 0");
@@ -292,6 +321,21 @@ impl DatasetConfig {
                 ),
                 "give 1.5 spacings to 1 degree; more directions allow a narrower lobe",
             );
+        }
+        if rf.bandwidth_hz < 1e6 {
+            return fail(
+                "rf.bandwidth_hz",
+                format!("{} Hz is under 1 MHz", rf.bandwidth_hz),
+                "bandwidths are in hertz: for 1 GHz write 1e9",
+            );
+        }
+        if !(1e-9..=1.0).contains(&rf.mvdr_loading) {
+            return fail("rf.mvdr_loading", format!("{}", rf.mvdr_loading), "give 1e-9 to 1, e.g. 1e-3");
+        }
+        if let Some([columns, rows]) = rf.sphere
+            && !((1..=MAX_IMAGE_SIDE).contains(&columns) && (1..=MAX_IMAGE_SIDE).contains(&rows))
+        {
+            return fail("rf.sphere", format!("{columns}x{rows} pixels"), "give [columns, rows], e.g. [360, 180]");
         }
         if rf.dynamic_range_db > 80.0 {
             return fail(

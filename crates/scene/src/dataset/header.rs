@@ -63,6 +63,27 @@ pub enum Quantity {
     PowerPerSteradian,
     /// Linear output power of a beam steered at the pixel, relative to 1 W transmitted.
     BeamPower,
+    /// Capon's estimate of the linear power from the pixel's direction, relative to 1 W transmitted.
+    CaponPower,
+}
+
+impl Quantity {
+    /// What a kind of spectrum measures.
+    pub fn of(kind: SpectrumKind) -> Self {
+        match kind {
+            SpectrumKind::Mpc => Self::PowerPerSteradian,
+            SpectrumKind::Bartlett | SpectrumKind::BartlettCoherent => Self::BeamPower,
+            SpectrumKind::Mvdr => Self::CaponPower,
+        }
+    }
+
+    /// Its unit.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::PowerPerSteradian => "1/sr",
+            Self::BeamPower | Self::CaponPower => "1",
+        }
+    }
 }
 
 impl DatasetHeader {
@@ -88,10 +109,7 @@ impl DatasetHeader {
             transmitter: Some(scene_config.transmitter),
             receiver: scene_config.receiver,
             spectrum: config.rf.spectrum,
-            quantity: match config.rf.spectrum {
-                SpectrumKind::Mpc => Quantity::PowerPerSteradian,
-                SpectrumKind::Bartlett => Quantity::BeamPower,
-            },
+            quantity: Quantity::of(config.rf.spectrum),
             dynamic_range_db: config.rf.dynamic_range_db,
             split: config.split,
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
@@ -147,6 +165,7 @@ impl Conventions {
         let spectrum = match quantity {
             Quantity::PowerPerSteradian => "linear power per steradian relative to 1 W transmitted (1/sr), float32, channel Y",
             Quantity::BeamPower => "linear beam output power relative to 1 W transmitted, float32, channel Y",
+            Quantity::CaponPower => "linear Capon power estimate relative to 1 W transmitted, float32, channel Y",
         };
         Self {
             world: "right-handed, z up, metres".into(),
