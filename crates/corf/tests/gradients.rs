@@ -1,4 +1,4 @@
-//! The CPU device against the f64 oracle: images, losses, and every class of gradient by central differences of the complete loss.
+//! The devices against the f64 oracle: images, losses, and every class of gradient by central differences of the complete loss.
 //!
 //! The blending rule has jumps (weights below 1/255 are skipped, a pixel ends below T = 1e-4), the loss has kinks (L1 where render and
 //! target agree, colours clamped at 0). A difference quotient across one of them is meaningless, and f32 and f64 may stand on different
@@ -11,7 +11,7 @@ mod reference;
 
 use corf::{
     Antialias, Appearance, CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig,
-    device::{InverseDepth, Planes, RenderRequest, Step, TrainingView, View, ViewId},
+    device::{InverseDepth, Planes, RenderRequest, Step, StepReport, TrainingView, View, ViewId},
 };
 use corf_scene::{Pinhole, Raster, Rigid3, Rng};
 use glam::DVec3;
@@ -65,6 +65,37 @@ fn noise(rng: &mut Rng, width: usize, height: usize, channels: usize) -> Planes 
     Planes { width, height, channels, pixels: pixels.collect() }
 }
 
+/// A device that can be asked for gradients.
+trait Differentiable: Device {
+    fn differentiate(&mut self, step: &Step) -> corf::Result<(StepReport, Gaussians)>;
+}
+
+impl Differentiable for CpuDevice {
+    fn differentiate(&mut self, step: &Step) -> corf::Result<(StepReport, Gaussians)> {
+        self.gradients(step)
+    }
+}
+
+#[cfg(feature = "gpu")]
+impl Differentiable for corf::device::gpu::GpuDevice {
+    fn differentiate(&mut self, step: &Step) -> corf::Result<(StepReport, Gaussians)> {
+        self.gradients(step)
+    }
+}
+
+/// A GPU device on any adapter, or none and a line that says so; a failure under `CORF_REQUIRE_GPU=1`.
+#[cfg(feature = "gpu")]
+fn gpu(raster: RasterConfig, gaussians: &Gaussians) -> Option<corf::device::gpu::GpuDevice> {
+    use corf::device::gpu::{GpuDevice, GpuOptions, adapter_name};
+    let options = GpuOptions { software: true, poison: Some(0xffc0_ffee), ..GpuOptions::default() };
+    if adapter_name(&options).is_some() {
+        return Some(GpuDevice::new(&options, OptimizerConfig::default(), raster, gaussians).unwrap());
+    }
+    assert!(std::env::var_os("CORF_REQUIRE_GPU").is_none_or(|v| v != "1"), "no adapter");
+    println!("skipped on the GPU: no adapter");
+    None
+}
+
 struct Scenario {
     gaussians: Gaussians,
     view: TrainingView,
@@ -107,11 +138,17 @@ fn scenario(seed: u64, rf_channels: usize, degree: usize, antialias: Antialias) 
 }
 
 impl Scenario {
-    fn device(&self) -> CpuDevice {
+    /// The devices there are, with their names.
+    fn devices(&self) -> Vec<(&'static str, Box<dyn Differentiable>)> {
         let raster = RasterConfig { antialias: self.antialias, ..RasterConfig::default() };
-        let mut device = CpuDevice::new(OptimizerConfig::default(), raster, &self.gaussians).unwrap();
-        assert_eq!(device.upload(&self.view, 1).unwrap(), ViewId(0));
-        device
+        let cpu = CpuDevice::new(OptimizerConfig::default(), raster, &self.gaussians).unwrap();
+        let mut devices: Vec<(&'static str, Box<dyn Differentiable>)> = vec![("cpu", Box::new(cpu))];
+        #[cfg(feature = "gpu")]
+        devices.extend(gpu(raster, &self.gaussians).map(|d| ("gpu", Box::new(d) as Box<dyn Differentiable>)));
+        for (_, device) in &mut devices {
+            assert_eq!(device.upload(&self.view, 1).unwrap(), ViewId(0));
+        }
+        devices
     }
 
     fn render(&self, field: &Field, g: usize, rho: Option<&[f64]>) -> reference::Image {
@@ -148,19 +185,25 @@ impl Scenario {
         let field = Field::new(&self.gaussians);
         self.assert_far_from_thresholds(&field);
         let rho = (self.antialias == Antialias::Detached).then(|| [0, 1].map(|g| self.render(&field, g, None).rho));
-        let (report, gradient) = self.device().gradients(&self.step).unwrap();
-        let total = f64::from(
-            self.step.optical_weight * report.optical_loss
-                + self.step.rf_weight * report.rf_loss
-                + self.step.depth_weight * report.depth_loss,
-        );
         let truth = self.loss(&field, None);
-        assert!((total - truth).abs() < 1e-5, "{name}: loss {total} against {truth}");
-        let gradient = Field::new(&gradient);
+        let gradients: Vec<(&str, Field)> = self
+            .devices()
+            .into_iter()
+            .map(|(device, mut d)| {
+                let (report, gradient) = d.differentiate(&self.step).unwrap();
+                let total = f64::from(
+                    self.step.optical_weight * report.optical_loss
+                        + self.step.rf_weight * report.rf_loss
+                        + self.step.depth_weight * report.depth_loss,
+                );
+                assert!((total - truth).abs() < 1e-5, "{name} on {device}: loss {total} against {truth}");
+                (device, Field::new(&gradient))
+            })
+            .collect();
         for class in 0..7 {
             // Harmonics are many and alike: one in seven, which meets every coefficient and channel.
             let stride = if class < 5 { 1 } else { 7 };
-            let indices: Vec<usize> = (0..gradient.classes[class].len()).step_by(stride).collect();
+            let indices: Vec<usize> = (0..field.classes[class].len()).step_by(stride).collect();
             let numeric: Vec<f64> = indices
                 .par_iter()
                 .map(|&i| {
@@ -179,20 +222,22 @@ impl Scenario {
                 _ => true,
             };
             assert_eq!(largest > 1e-5, rendered, "{name}: {} has gradients up to {largest:.1e}", CLASS_NAMES[class]);
-            for (&i, n) in indices.iter().zip(&numeric) {
-                let a = gradient.classes[class][i];
-                assert!(
-                    (a - n).abs() <= GRADIENT_TOLERANCE * largest,
-                    "{name}: {} {i}: analytic {a:.6e}, differences {n:.6e}, largest {largest:.2e}",
-                    CLASS_NAMES[class]
+            for (device, gradient) in &gradients {
+                for (&i, n) in indices.iter().zip(&numeric) {
+                    let a = gradient.classes[class][i];
+                    assert!(
+                        (a - n).abs() <= GRADIENT_TOLERANCE * largest,
+                        "{name} on {device}: {} {i}: analytic {a:.6e}, differences {n:.6e}, largest {largest:.2e}",
+                        CLASS_NAMES[class]
+                    );
+                }
+                let errors = indices.iter().zip(&numeric).map(|(&i, n)| (gradient.classes[class][i] - n).abs());
+                println!(
+                    "{name} on {device}: {:16} largest {largest:.2e}, worst error {:.1e} of it",
+                    CLASS_NAMES[class],
+                    errors.fold(0.0_f64, f64::max) / largest.max(1e-300)
                 );
             }
-            let worst = indices.iter().zip(&numeric).fold(0.0_f64, |m, (&i, n)| m.max((gradient.classes[class][i] - n).abs()));
-            println!(
-                "{name}: {:16} largest {largest:.2e}, worst error {:.1e} of it",
-                CLASS_NAMES[class],
-                worst / largest.max(1e-300)
-            );
         }
     }
 }
@@ -212,22 +257,24 @@ fn images_agree_with_the_oracle() {
             rf: Some((view(s.view.rf_camera), RF_BACKGROUND)),
             main_contributor: true,
         };
-        let rendering = s.device().render(&request).unwrap();
-        for (g, layer) in [rendering.optical.unwrap(), rendering.rf.unwrap()].iter().enumerate() {
-            let truth = s.render(&field, g, None);
-            let compare = |what: &str, ours: &[f32], truth: &[f64]| {
-                assert_eq!(ours.len(), truth.len());
-                for (i, (a, b)) in ours.iter().zip(truth).enumerate() {
-                    assert!((f64::from(*a) - b).abs() < IMAGE_TOLERANCE, "{what} of modality {g}, {i}: {a} {b}");
-                }
-            };
-            compare("colour", &layer.color.pixels, &truth.color);
-            compare("inverse depth", layer.inverse_depth.pixels(), &truth.inverse_depth);
-            compare("transmittance", layer.transmittance.pixels(), &truth.transmittance);
-            assert!(
-                truth.transmittance.iter().any(|t| *t < 0.3) && truth.transmittance.iter().any(|t| *t > 0.5),
-                "a varied scene"
-            );
+        for (device, mut d) in s.devices() {
+            let rendering = d.render(&request).unwrap();
+            for (g, layer) in [rendering.optical.unwrap(), rendering.rf.unwrap()].iter().enumerate() {
+                let truth = s.render(&field, g, None);
+                let compare = |what: &str, ours: &[f32], truth: &[f64]| {
+                    assert_eq!(ours.len(), truth.len());
+                    for (i, (a, b)) in ours.iter().zip(truth).enumerate() {
+                        assert!((f64::from(*a) - b).abs() < IMAGE_TOLERANCE, "{what} of modality {g} on {device}, {i}: {a} {b}");
+                    }
+                };
+                compare("colour", &layer.color.pixels, &truth.color);
+                compare("inverse depth", layer.inverse_depth.pixels(), &truth.inverse_depth);
+                compare("transmittance", layer.transmittance.pixels(), &truth.transmittance);
+                assert!(
+                    truth.transmittance.iter().any(|t| *t < 0.3) && truth.transmittance.iter().any(|t| *t > 0.5),
+                    "a varied scene"
+                );
+            }
         }
     }
 }

@@ -2,6 +2,8 @@
 //! this seam, once; a device stores keyframe pyramids and Gaussians, renders, and runs training steps.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 
 use crate::{Gaussians, Result};
 use corf_scene::{Pinhole, Raster, Rigid3};

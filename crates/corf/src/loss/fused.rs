@@ -336,6 +336,7 @@ pub(crate) struct DepthLoss {
 }
 
 /// An inverse-depth target, row-major, with its confidences.
+#[derive(Clone)]
 pub(crate) struct DepthTarget {
     pub width: usize,
     pub height: usize,

@@ -6,9 +6,9 @@
 //! result do not depend on the number of threads.
 
 pub(crate) mod blend;
-mod geometry;
+pub(crate) mod geometry;
 pub(crate) mod project;
-mod pyramid;
+pub(crate) mod pyramid;
 mod render;
 pub(crate) mod simd;
 mod step;

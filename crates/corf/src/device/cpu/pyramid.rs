@@ -23,57 +23,66 @@ pub(crate) struct Pyramid {
     pub depth: Option<Vec<DepthTarget>>,
 }
 
+/// A keyframe's images level by level, checked and averaged.
+pub(crate) struct Levels {
+    /// Per level: optical, RF.
+    pub images: Vec<[(Pinhole, Planes); 2]>,
+    /// Per level, if the keyframe has inverse depths.
+    pub depth: Option<Vec<DepthTarget>>,
+}
+
+/// Checks a training view and builds its levels.
+pub(crate) fn levels_of(view: &TrainingView, levels: u32) -> Result<Levels> {
+    let mut images = [(view.optical_camera, view.optical.clone()), (view.rf_camera, view.rf.clone())];
+    const NAMES: [&str; 2] = ["optical", "rf"];
+    for ((camera, image), name) in images.iter().zip(NAMES) {
+        check(camera, image, name)?;
+    }
+    let mut depth = match &view.inverse_depth {
+        None => None,
+        Some(d) => {
+            let size = (view.optical_camera.width, view.optical_camera.height);
+            if [&d.value, &d.confidence].iter().any(|r| (r.width(), r.height()) != size) {
+                let what = format!("{}x{} pixels against an image of {}x{}", d.value.width(), d.value.height(), size.0, size.1);
+                return Err(Error::invalid(
+                    "training view, inverse_depth",
+                    what,
+                    "give it and its confidence in the optical image's size",
+                ));
+            }
+            Some(usable(DepthTarget {
+                width: size.0,
+                height: size.1,
+                value: d.value.pixels().to_vec(),
+                confidence: d.confidence.pixels().to_vec(),
+            }))
+        }
+    };
+    let (mut out, mut depths) = (vec![], vec![]);
+    for level in 0..levels.max(1) {
+        if level > 0 {
+            for (camera, image) in &mut images {
+                *camera = camera.downsampled(1);
+                *image = halve(image);
+            }
+            depth = depth.as_ref().map(halve_depth);
+        }
+        if let Some(((_, image), name)) = images.iter().zip(NAMES).find(|((_, i), _)| i.width == 0 || i.height == 0) {
+            let what = format!("level {level} of the pyramid has {}x{} pixels", image.width, image.height);
+            return Err(Error::invalid(format!("training view, {name}"), what, "use fewer pyramid levels or larger images"));
+        }
+        out.push(images.clone());
+        depths.extend(depth.clone());
+    }
+    Ok(Levels { images: out, depth: view.inverse_depth.as_ref().map(|_| depths) })
+}
+
 impl Pyramid {
     pub fn new(isa: Isa, view: &TrainingView, levels: u32) -> Result<Self> {
-        let mut images = [(view.optical_camera, view.optical.clone(), "optical"), (view.rf_camera, view.rf.clone(), "rf")];
-        for (camera, image, name) in &images {
-            check(camera, image, name)?;
-        }
-        let mut depth = match &view.inverse_depth {
-            None => None,
-            Some(d) => {
-                let size = (view.optical_camera.width, view.optical_camera.height);
-                if [&d.value, &d.confidence].iter().any(|r| (r.width(), r.height()) != size) {
-                    let what =
-                        format!("{}x{} pixels against an image of {}x{}", d.value.width(), d.value.height(), size.0, size.1);
-                    return Err(Error::invalid(
-                        "training view, inverse_depth",
-                        what,
-                        "give it and its confidence in the optical image's size",
-                    ));
-                }
-                Some(usable(DepthTarget {
-                    width: size.0,
-                    height: size.1,
-                    value: d.value.pixels().to_vec(),
-                    confidence: d.confidence.pixels().to_vec(),
-                }))
-            }
-        };
-        let mut out = Vec::new();
-        let mut depths = Vec::new();
-        for level in 0..levels.max(1) {
-            if level > 0 {
-                for (camera, image, _) in &mut images {
-                    *camera = camera.downsampled(1);
-                    *image = halve(image);
-                }
-                depth = depth.as_ref().map(halve_depth);
-            }
-            if let Some((_, image, name)) = images.iter().find(|(_, image, _)| image.width == 0 || image.height == 0) {
-                let what = format!("level {level} of the pyramid has {}x{} pixels", image.width, image.height);
-                return Err(Error::invalid(format!("training view, {name}"), what, "use fewer pyramid levels or larger images"));
-            }
-            out.push([0, 1].map(|i| Level { camera: images[i].0, target: Target::new(isa, &images[i].1) }));
-            depths.extend(depth.as_ref().map(|d| DepthTarget {
-                width: d.width,
-                height: d.height,
-                value: d.value.clone(),
-                confidence: d.confidence.clone(),
-            }));
-        }
-        let depth = view.inverse_depth.as_ref().map(|_| depths);
-        Ok(Self { world_from_camera: view.world_from_camera, levels: out, depth })
+        let Levels { images, depth } = levels_of(view, levels)?;
+        let level =
+            |level: &[(Pinhole, Planes); 2]| [0, 1].map(|g| Level { camera: level[g].0, target: Target::new(isa, &level[g].1) });
+        Ok(Self { world_from_camera: view.world_from_camera, levels: images.iter().map(level).collect(), depth })
     }
 
     /// The images to render at one level.

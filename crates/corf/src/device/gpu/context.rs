@@ -1,0 +1,269 @@
+//! The adapter, and the smallest runtime over it: buffers, submissions, readback, and errors that say what happened.
+
+use crate::{Error, Result};
+use std::{
+    future::Future,
+    pin::pin,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    task::{Context as TaskContext, Poll, Waker},
+};
+
+/// Which adapter to take and what to use of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GpuOptions {
+    /// Whether a software adapter will do. A reconstruction is faster on the CPU device than on one; tests run on it.
+    pub software: bool,
+    /// Whether subgroup operations are used where the adapter has them.
+    pub subgroups: bool,
+    /// Whether timestamps are taken between the stages of a training step ([`GpuDevice::stage_times`](super::GpuDevice::stage_times)).
+    pub timestamps: bool,
+    /// Fills new working memory with this pattern, so that a test sees what reads before it writes.
+    pub poison: Option<u32>,
+}
+
+impl Default for GpuOptions {
+    fn default() -> Self {
+        Self { software: false, subgroups: true, timestamps: false, poison: None }
+    }
+}
+
+/// What went wrong on the device since it was last asked; later errors are mostly consequences.
+#[derive(Default)]
+struct Failure {
+    first: Option<String>,
+    out_of_memory: bool,
+    lost: bool,
+}
+
+/// An open adapter.
+pub(crate) struct Context {
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+    pub info: wgpu::AdapterInfo,
+    pub limits: wgpu::Limits,
+    /// Smallest and largest subgroup, where subgroup operations are used.
+    pub subgroups: Option<(u32, u32)>,
+    /// Whether timestamps may be written inside a pass.
+    pub timestamps: bool,
+    pub poison: Option<u32>,
+    failure: Arc<Mutex<Failure>>,
+}
+
+fn locked(failure: &Mutex<Failure>) -> MutexGuard<'_, Failure> {
+    failure.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Native adapters answer at once: their futures are ready when first asked.
+fn ready<T>(future: impl Future<Output = T>) -> T {
+    let mut future = pin!(future);
+    let mut context = TaskContext::from_waker(Waker::noop());
+    loop {
+        if let Poll::Ready(value) = future.as_mut().poll(&mut context) {
+            return value;
+        }
+        std::thread::yield_now();
+    }
+}
+
+fn is_software(info: &wgpu::AdapterInfo) -> bool {
+    info.device_type == wgpu::DeviceType::Cpu
+}
+
+/// Better adapters first.
+fn rank(info: &wgpu::AdapterInfo) -> u32 {
+    match info.device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+/// Storage buffers the widest kernel binds.
+const STORAGE_BUFFERS: u32 = 24;
+
+/// The adapters that will do, the best first.
+fn adapters(options: &GpuOptions) -> Vec<wgpu::Adapter> {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
+    // Indirect arguments are written by our own kernels within the limits; checking them costs a pass each.
+    descriptor.flags = wgpu::InstanceFlags::empty();
+    let backends = descriptor.backends;
+    let instance = wgpu::Instance::new(descriptor);
+    let mut adapters = ready(instance.enumerate_adapters(backends));
+    adapters.retain(|a| options.software || !is_software(&a.get_info()));
+    adapters.sort_by_key(|a| rank(&a.get_info()));
+    adapters
+}
+
+/// The adapter that these options choose, if there is one.
+pub fn adapter_name(options: &GpuOptions) -> Option<String> {
+    adapters(options).first().map(|a| a.get_info().name)
+}
+
+impl Context {
+    pub fn open(options: &GpuOptions) -> Result<Self> {
+        let adapters = adapters(options);
+        let Some(adapter) = adapters.first() else {
+            let what = if options.software { "no adapter was found" } else { "no GPU was found" };
+            return Err(Error::invalid(
+                "gpu",
+                what,
+                "install a Vulkan driver (or use Metal, DirectX 12), or choose --device cpu",
+            ));
+        };
+        let info = adapter.get_info();
+        let limits = adapter.limits();
+        let (have, need) = (limits.max_storage_buffers_per_shader_stage, STORAGE_BUFFERS);
+        if have < need {
+            let what = format!("{} binds {have} storage buffers at once and {need} are needed", info.name);
+            return Err(Error::invalid("gpu", what, "choose another adapter or --device cpu"));
+        }
+        let stamps = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES;
+        let mut wanted = wgpu::Features::SUBGROUP;
+        if options.timestamps {
+            wanted |= stamps;
+        }
+        let features = adapter.features() & wanted;
+        let opened = ready(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("corf"),
+            required_features: features,
+            required_limits: limits.clone(),
+            experimental_features: wgpu::ExperimentalFeatures::disabled(),
+            memory_hints: wgpu::MemoryHints::Performance,
+            trace: wgpu::Trace::Off,
+        }));
+        let (device, queue) = opened.map_err(|e| {
+            Error::invalid("gpu", format!("{} could not be opened: {e}", info.name), "close what uses it, or choose --device cpu")
+        })?;
+        let failure = Arc::new(Mutex::new(Failure::default()));
+        let on_error = Arc::clone(&failure);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            let mut failure = locked(&on_error);
+            failure.out_of_memory |= matches!(error, wgpu::Error::OutOfMemory { .. });
+            failure.first.get_or_insert_with(|| error.to_string());
+        }));
+        let on_loss = Arc::clone(&failure);
+        device.set_device_lost_callback(move |reason, text| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                let mut failure = locked(&on_loss);
+                failure.lost = true;
+                failure.first.get_or_insert(text);
+            }
+        });
+        // Ballots are read as one word.
+        let usable = options.subgroups && features.contains(wgpu::Features::SUBGROUP) && info.subgroup_max_size <= 32;
+        let subgroups = (usable && info.subgroup_min_size >= 4).then_some((info.subgroup_min_size, info.subgroup_max_size));
+        Ok(Self {
+            timestamps: features.contains(stamps),
+            poison: options.poison,
+            device,
+            queue,
+            info,
+            limits,
+            subgroups,
+            failure,
+        })
+    }
+
+    pub fn is_software(&self) -> bool {
+        is_software(&self.info)
+    }
+
+    /// What has gone wrong, if anything, as an error of this crate.
+    pub fn check(&self, doing: &str) -> Result<()> {
+        let mut failure = locked(&self.failure);
+        let Some(text) = failure.first.clone() else { return Ok(()) };
+        let place = format!("gpu ({}), {doing}", self.info.name);
+        if failure.lost {
+            // Stays: nothing will work on this device again.
+            return Err(Error::invalid(
+                place,
+                format!("the device was lost: {text}"),
+                "start again; --resume keeps what is finished",
+            ));
+        }
+        let out_of_memory = failure.out_of_memory;
+        *failure = Failure::default();
+        if out_of_memory {
+            return Err(Error::invalid(place, "out of memory", "use fewer Gaussians or smaller images, or choose --device cpu"));
+        }
+        Err(Error::invalid(place, text, "this is a defect of the device or its driver; --device cpu avoids it"))
+    }
+
+    /// Memory of at least `bytes`, its contents undefined.
+    pub fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
+        let size = bytes.max(16).next_multiple_of(16);
+        let largest = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
+        if size > largest {
+            let what = format!("{label} needs {} MiB and the adapter binds at most {} MiB at once", size >> 20, largest >> 20);
+            let place = format!("gpu ({})", self.info.name);
+            return Err(Error::invalid(place, what, "use fewer Gaussians or smaller images, or choose --device cpu"));
+        }
+        let usage = usage | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        let buffer =
+            self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false });
+        self.check(label)?;
+        if let Some(pattern) = self.poison {
+            self.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&vec![pattern; size as usize / 4]));
+        }
+        Ok(buffer)
+    }
+
+    /// A storage buffer.
+    pub fn storage(&self, label: &str, bytes: u64) -> Result<wgpu::Buffer> {
+        self.buffer(label, bytes, wgpu::BufferUsages::STORAGE)
+    }
+
+    pub fn encoder(&self) -> wgpu::CommandEncoder {
+        self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: None })
+    }
+
+    pub fn submit(&self, encoder: wgpu::CommandEncoder) {
+        self.queue.submit([encoder.finish()]);
+    }
+
+    /// Waits for everything submitted.
+    pub fn wait(&self, doing: &str) -> Result<()> {
+        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.check(doing)?;
+        waited.map(|_| ()).map_err(|e| {
+            Error::invalid(format!("gpu ({}), {doing}", self.info.name), e.to_string(), "start again, or choose --device cpu")
+        })
+    }
+
+    /// Reads the first `count` numbers of several buffers back in one go, after all that was submitted.
+    pub fn read<T: bytemuck::Pod>(&self, doing: &str, sources: &[(&wgpu::Buffer, usize)]) -> Result<Vec<Vec<T>>> {
+        let bytes: Vec<u64> = sources.iter().map(|(_, n)| (n * size_of::<T>()) as u64).collect();
+        let mut encoder = self.encoder();
+        let mut staging = vec![];
+        for ((buffer, _), bytes) in sources.iter().zip(&bytes) {
+            let size = bytes.max(&4).next_multiple_of(4);
+            let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+            let target = self.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("readback"),
+                size,
+                usage,
+                mapped_at_creation: false,
+            });
+            encoder.copy_buffer_to_buffer(buffer, 0, &target, 0, size);
+            staging.push(target);
+        }
+        self.check(doing)?;
+        self.submit(encoder);
+        for target in &staging {
+            // A mapping that fails is found again when the range is asked for.
+            target.map_async(wgpu::MapMode::Read, .., |_| {});
+        }
+        self.wait(doing)?;
+        let mut out = vec![];
+        for (target, bytes) in staging.iter().zip(&bytes) {
+            let range = target.get_mapped_range(..*bytes.max(&4)).map_err(|e| {
+                Error::invalid(format!("gpu ({}), {doing}", self.info.name), e.to_string(), "start again, or choose --device cpu")
+            })?;
+            out.push(bytemuck::pod_collect_to_vec(&range[..*bytes as usize]));
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,175 @@
+//! The GPU device: hand-written WGSL through wgpu (Vulkan, Metal, DirectX 12).
+//!
+//! A step is one run of kernels without a look back at the host: projection of all Gaussians for both modalities (`project`), depth
+//! order, exact tile lists of both images in one list of (Gaussian, tile) pairs (`frame`, `sort`), one blend over both images' tiles,
+//! the loss with its gradient, the blend backwards into one record per pair, and the sums of each visible Gaussian's records with
+//! the projection's gradient and sparse Adam (`train`). Counts stay on the device; a step that finds no room for its pairs changes
+//! nothing, and it and those after it are run again with more room.
+//!
+//! No floating-point atomics: every sum has a fixed order, and a result has the same bytes each time on the same adapter and driver.
+//! Between adapters, and against the CPU device, results differ by rounding (exp2, sqrt and division are not correctly rounded).
+
+mod context;
+mod frame;
+mod kernel;
+mod params;
+mod pyramid;
+mod render;
+mod shaders;
+mod sort;
+mod store;
+#[cfg(test)]
+mod testing;
+mod train;
+
+use super::{Device, RenderRequest, Rendering, Step, StepReport, TrainingView, ViewId};
+use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result, gaussians::logit};
+use context::Context;
+use frame::{Forward, Memory};
+use pyramid::Pyramid;
+use shaders::Fixed;
+use store::Store;
+use train::Training;
+
+pub use context::{GpuOptions, adapter_name};
+pub use train::{GpuStageTimes, STAGES};
+
+/// Renders and trains on a GPU.
+pub struct GpuDevice {
+    context: Context,
+    optimizer: OptimizerConfig,
+    raster: RasterConfig,
+    store: Store,
+    forward: Forward,
+    training: Training,
+    memory: Memory,
+    pyramids: Vec<Pyramid>,
+    times: GpuStageTimes,
+    /// What a call that cannot answer with an error met; the next one that can does.
+    deferred: Option<Error>,
+}
+
+impl GpuDevice {
+    /// A device that holds `initial`, whose channels and harmonic degrees all later Gaussians share.
+    ///
+    /// # Errors
+    /// No adapter that will do, one that lacks memory or bindings, a constant out of range, harmonics above degree 3, an appearance of
+    /// other than 3 (or, for RF, 1) channels.
+    pub fn new(options: &GpuOptions, optimizer: OptimizerConfig, raster: RasterConfig, initial: &Gaussians) -> Result<Self> {
+        optimizer.validate()?;
+        raster.validate()?;
+        let context = Context::open(options)?;
+        let mut store = Store::new(&context, initial)?;
+        store.append(&context, initial)?;
+        let sort = sort::RadixSort::new(&context)?;
+        let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, sort_block: sort.block };
+        let forward = Forward::new(&context, sort, &fixed)?;
+        let training = Training::new(&context, &fixed)?;
+        let memory = Memory::new(&context)?;
+        Ok(Self {
+            context,
+            optimizer,
+            raster,
+            store,
+            forward,
+            training,
+            memory,
+            pyramids: vec![],
+            times: GpuStageTimes::default(),
+            deferred: None,
+        })
+    }
+
+    /// The adapter: its name and the driver's.
+    pub fn adapter(&self) -> String {
+        let info = &self.context.info;
+        let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ");
+        format!("{} ({:?}, {})", info.name, info.backend, driver.trim())
+    }
+
+    /// Whether the adapter computes on the processor.
+    pub fn is_software(&self) -> bool {
+        self.context.is_software()
+    }
+
+    /// How many (Gaussian, tile) pairs of one frame there is room for; grows when a frame has more.
+    pub fn pair_capacity(&self) -> usize {
+        self.memory.pair_capacity
+    }
+
+    fn raise_deferred(&mut self) -> Result<()> {
+        self.deferred.take().map_or(Ok(()), Err)
+    }
+}
+
+impl Device for GpuDevice {
+    fn name(&self) -> String {
+        format!("gpu ({})", self.context.info.name)
+    }
+
+    fn upload(&mut self, view: &TrainingView, levels: u32) -> Result<ViewId> {
+        self.raise_deferred()?;
+        for (name, image, h) in [("optical", &view.optical, self.store.harmonics[0]), ("rf", &view.rf, self.store.harmonics[1])] {
+            if image.channels != h.channels {
+                let what = format!("{} channels against {} of the Gaussians", image.channels, h.channels);
+                let help = "light has 3 channels; RF has 3 (Jet) or 1 (dB)";
+                return Err(Error::invalid(format!("training view, {name}"), what, help));
+            }
+        }
+        self.pyramids.push(Pyramid::new(&self.context, view, levels, self.raster.antialias)?);
+        Ok(ViewId(self.pyramids.len() - 1))
+    }
+
+    fn len(&self) -> usize {
+        self.store.len()
+    }
+
+    fn append(&mut self, new: &Gaussians) -> Result<()> {
+        self.raise_deferred()?;
+        self.store.append(&self.context, new)
+    }
+
+    fn retain(&mut self, keep: &[bool]) {
+        assert_eq!(keep.len(), self.len(), "one flag per Gaussian");
+        if let Err(error) = self.store.retain(&self.context, keep) {
+            self.deferred.get_or_insert(error);
+        }
+    }
+
+    fn reset_rf(&mut self, rf: &Appearance) {
+        let mut rf = rf.clone();
+        let floor = self.optimizer.rf.opacity_floor;
+        if floor > 0.0 {
+            // What starts below the floor would have no gradient to come back with.
+            let lowest = logit(floor);
+            rf.opacity_logit.iter_mut().for_each(|o| *o = o.max(lowest));
+        }
+        if let Err(error) = self.store.reset_rf(&self.context, &rf) {
+            self.deferred.get_or_insert(error);
+        }
+    }
+
+    fn set_position_rate_m(&mut self, rate_m: f32) {
+        self.optimizer.position_rate_m = rate_m;
+    }
+
+    fn render(&mut self, request: &RenderRequest) -> Result<Rendering> {
+        self.raise_deferred()?;
+        self.render_request(request)
+    }
+
+    fn train(&mut self, steps: &[Step]) -> Result<StepReport> {
+        self.raise_deferred()?;
+        self.run_steps(steps)
+    }
+
+    fn gaussians(&mut self) -> Gaussians {
+        let shape = self.store.harmonics;
+        self.store.to_gaussians(&self.context).unwrap_or_else(|error| {
+            self.deferred.get_or_insert(error);
+            let mut none = Gaussians::empty(shape[1].channels, shape[0].degree);
+            none.rf = Appearance::empty(shape[1].channels, shape[1].degree);
+            none
+        })
+    }
+}

@@ -1,0 +1,138 @@
+//! The constants of one frame as the shaders read them (`shaders/params.wgsl`).
+
+use super::shaders::{LOSS_BLOCK, TILE};
+use crate::{
+    OptimizerConfig,
+    device::cpu::geometry::{Grid, Pose},
+    gaussians::logit,
+};
+use bytemuck::{Pod, Zeroable};
+
+/// Widest σ at which opacity 1 still gives 1/255: sqrt(2 ln 255) standard deviations.
+const MAX_DEVIATIONS: f32 = 3.33;
+
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct GridParams {
+    focal: [f32; 2],
+    centre: [f32; 2],
+    x_limits: [f32; 2],
+    y_limits: [f32; 2],
+    reach: [f32; 2],
+    pub size: [u32; 2],
+    tiles: [u32; 2],
+    first_tile: u32,
+    pub first_pixel: u32,
+    background: [f32; 4],
+    pub target_at: u32,
+    pub channels: u32,
+    pub first_block: u32,
+    blocks: u32,
+    pub scale: f32,
+    pub depth_scale: f32,
+    pub depth_at: u32,
+    padding: u32,
+}
+
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+struct RateParams {
+    sh_dc: f32,
+    sh_rest: f32,
+    opacity: f32,
+    lowest_logit: f32,
+}
+
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct Params {
+    camera_from_world: [[f32; 4]; 3],
+    eye: [f32; 4],
+    pub grids: [GridParams; 2],
+    rates: [RateParams; 2],
+    position_rate: f32,
+    position_decay: f32,
+    position_floor: f32,
+    log_scale_rate: f32,
+    rotation_rate: f32,
+    beta1: f32,
+    beta2: f32,
+    epsilon: f32,
+    ssim_weight: f32,
+    pub train_geometry: u32,
+    gaussians: u32,
+    pub pair_capacity: u32,
+    pub tile_total: u32,
+    pub pixel_total: u32,
+    pub blocks_total: u32,
+    spare: u32,
+}
+
+/// Bytes of one frame's constants.
+pub(crate) const SIZE: u64 = size_of::<Params>() as u64;
+
+/// Half extent in pixels per (standard deviation / z): |row of J| ≤ f/z · sqrt(1 + x̂²) with |x̂| at most the larger limit.
+fn reach(f: f32, limits: [f32; 2]) -> f32 {
+    let x = limits[0].abs().max(limits[1].abs());
+    MAX_DEVIATIONS * f * (1.0 + x * x).sqrt()
+}
+
+impl Params {
+    /// Where a frame is taken from, what is rendered (optical, RF), and before which colours.
+    pub fn new(
+        pose: &Pose,
+        grids: &[Option<Grid>; 2],
+        backgrounds: [[f32; 3]; 2],
+        near_m: f32,
+        gaussians: usize,
+        optimizer: &OptimizerConfig,
+    ) -> Self {
+        let mut p = Self::zeroed();
+        for (row, out) in p.camera_from_world.iter_mut().enumerate() {
+            let [a, b, c] = pose.rotation[row];
+            *out = [a, b, c, pose.translation[row]];
+        }
+        let [x, y, z] = pose.eye;
+        p.eye = [x, y, z, near_m];
+        p.gaussians = gaussians as u32;
+        for (g, grid) in grids.iter().enumerate() {
+            let out = &mut p.grids[g];
+            (out.first_tile, out.first_pixel, out.first_block) = (p.tile_total, p.pixel_total, p.blocks_total);
+            let Some(grid) = grid else { continue };
+            let size = [grid.width as u32, grid.height as u32];
+            out.focal = [grid.fx, grid.fy];
+            out.centre = [grid.cx, grid.cy];
+            (out.x_limits, out.y_limits) = (grid.x_limits, grid.y_limits);
+            out.reach = [reach(grid.fx, grid.x_limits), reach(grid.fy, grid.y_limits)];
+            out.size = size;
+            out.tiles = [size[0].div_ceil(TILE[0]), size[1].div_ceil(TILE[1])];
+            out.blocks = size[0].div_ceil(LOSS_BLOCK);
+            let [r, gr, b] = backgrounds[g];
+            out.background = [r, gr, b, 0.0];
+            p.tile_total += out.tiles[0] * out.tiles[1];
+            p.pixel_total += size[0] * size[1];
+            p.blocks_total += out.blocks * size[1].div_ceil(LOSS_BLOCK);
+        }
+        for (out, r) in p.rates.iter_mut().zip([&optimizer.optical, &optimizer.rf]) {
+            *out = RateParams {
+                sh_dc: r.sh_dc,
+                sh_rest: r.sh_dc / r.sh_rest_divisor,
+                opacity: r.opacity,
+                lowest_logit: if r.opacity_floor > 0.0 { logit(r.opacity_floor) } else { -3e38 },
+            };
+        }
+        p.position_rate = optimizer.position_rate_m;
+        p.position_decay = optimizer.position_decay;
+        p.position_floor = optimizer.position_rate_floor;
+        p.log_scale_rate = optimizer.log_scale_rate;
+        p.rotation_rate = optimizer.rotation_rate;
+        (p.beta1, p.beta2, p.epsilon) = (optimizer.beta1, optimizer.beta2, optimizer.epsilon);
+        p.ssim_weight = optimizer.ssim_weight;
+        p
+    }
+
+    /// Radix passes that order the pairs by tile; the number of tiles itself is a key (of pairs that belong to none).
+    pub fn tile_passes(&self) -> u32 {
+        (u32::BITS - self.tile_total.leading_zeros()).div_ceil(8).max(1)
+    }
+}

@@ -1,0 +1,11 @@
+const ARGS_DEPTH_SORT = 0u;
+const ARGS_VISIBLE_256 = 1u;
+const ARGS_VISIBLE_64 = 2u;
+const ARGS_PAIR_SORT = 3u;
+const ARGS_PAIRS_256 = 4u;
+
+// Workgroups in rows of 32768; never none, so that what runs once per dispatch runs.
+fn folded(groups: u32) -> vec4<u32> {
+    let n = max(groups, 1u);
+    return vec4(min(n, 32768u), (n + 32767u) / 32768u, 1u, 0u);
+}

@@ -1,0 +1,63 @@
+// One frame: where it is taken from, what is rendered, how it is trained. Laid out as `params.rs` writes it.
+struct Grid {
+    focal: vec2<f32>,
+    centre: vec2<f32>,
+    // Bounds of x/z and y/z inside J.
+    x_limits: vec2<f32>,
+    y_limits: vec2<f32>,
+    // Half extent in pixels per (standard deviation / z), for culling.
+    reach: vec2<f32>,
+    // Pixels; 0 where the modality is not rendered.
+    size: vec2<u32>,
+    // Tiles across and down.
+    tiles: vec2<u32>,
+    first_tile: u32,
+    first_pixel: u32,
+    background: vec4<f32>,
+    // First word of the target, channels, first loss block and loss blocks across.
+    target_at: u32,
+    channels: u32,
+    first_block: u32,
+    blocks: u32,
+    // Weight of the loss over its number of values.
+    scale: f32,
+    // dL/d(inverse depth) per unit of confidence; 0 without a depth target.
+    depth_scale: f32,
+    depth_at: u32,
+    padding: u32,
+}
+
+struct Rates {
+    sh_dc: f32,
+    sh_rest: f32,
+    opacity: f32,
+    // Lowest logit, or −∞ (as −3e38).
+    lowest_logit: f32,
+}
+
+struct Params {
+    // Rows of R, with t.
+    camera_from_world: array<vec4<f32>, 3>,
+    // The camera's centre in the world; w: the near plane.
+    eye: vec4<f32>,
+    grids: array<Grid, 2>,
+    rates: array<Rates, 2>,
+    position_rate: f32,
+    position_decay: f32,
+    position_floor: f32,
+    log_scale_rate: f32,
+    rotation_rate: f32,
+    beta1: f32,
+    beta2: f32,
+    epsilon: f32,
+    ssim_weight: f32,
+    train_geometry: u32,
+    gaussians: u32,
+    pair_capacity: u32,
+    tile_total: u32,
+    pixel_total: u32,
+    blocks_total: u32,
+    spare: u32,
+}
+
+fn is_finite(x: f32) -> bool { return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u; }

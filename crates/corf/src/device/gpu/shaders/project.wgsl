@@ -1,0 +1,74 @@
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> core: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> sh_0: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> sh_1: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> keys: array<u32>;
+@group(0) @binding(5) var<storage, read_write> tile_counts: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read_write> splats: array<Splat>;
+
+// τ = ln(255·o·ρ) bounds σ; the margin covers the rounding of the logarithm and of σ itself.
+const TAU_MARGIN = 1e-3;
+// Widest σ at which opacity 1 still gives 1/255: sqrt(2 ln 255) standard deviations.
+const MAX_DEVIATIONS = 3.33;
+
+// A cheap, generous test against the borders of an image; the exact one follows.
+fn may_be_seen(grid: Grid, p: vec3<f32>, largest: f32) -> bool {
+    let inverse_z = 1.0 / p.z;
+    let r = fma(grid.reach, vec2(largest * inverse_z), vec2(MAX_DEVIATIONS * sqrt(DILATION)));
+    let mean = fma(grid.focal, p.xy * inverse_z, grid.centre);
+    return all(mean + r > vec2(0.0)) && all(mean - r < vec2<f32>(grid.size));
+}
+
+fn project_to(g: u32, i: u32, p: vec3<f32>, s: Symmetric, logit: f32, direction: vec3<f32>) -> u32 {
+    let grid = params.grids[g];
+    let e = ellipse_of(grid, p, s);
+    if (!(e.determinant > 0.0)) { return 0u; }
+    let opacity = e.rho / (1.0 + exp(-logit));
+    // Bound of σ: o ρ exp(−σ) ≥ 1/255.
+    let tau = log(max(opacity * 255.0, 1e-30)) + TAU_MARGIN;
+    let q = conic_of(e);
+    let r = reach_of(grid.tiles, e.mean, q, tau);
+    var count = 0u;
+    for (var row = r.rows.x; row <= r.rows.y; row++) {
+        let columns = columns_of(r, grid.tiles, row);
+        count += u32(max(columns.y - columns.x + 1, 0));
+    }
+    if (count > 0u) {
+        var color: vec3<f32>;
+        if (g == 0u) { color = color_0(i, direction); } else { color = color_1(i, direction); }
+        splats[g * params.gaussians + i] =
+            Splat(vec4(e.mean, opacity, e.inverse_z), vec4(q, tau), vec4(color, 0.0));
+    }
+    return count;
+}
+
+@compute @workgroup_size(256)
+fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    let i = group_number(id) * 256u + thread;
+    if (i >= params.gaussians) { return; }
+    let first = core[3u * i];
+    let mean = first.xyz;
+    let p = to_camera(mean);
+    let second = core[3u * i + 1u];
+    let third = core[3u * i + 2u];
+    let log_scale = vec3(second.w, third.xy);
+    let largest = exp(max(log_scale.x, max(log_scale.y, log_scale.z)));
+    var key = 0xffffffffu;
+    var counts = vec2(0u);
+    if (p.z > params.eye.w && is_finite(p.z)) {
+        let wanted = vec2(
+            params.grids[0].size.x > 0u && may_be_seen(params.grids[0], p, largest),
+            params.grids[1].size.x > 0u && may_be_seen(params.grids[1], p, largest),
+        );
+        if (any(wanted)) {
+            let s = shape_of(vec4(first.w, second.xyz), log_scale);
+            let direction = direction_of(mean).xyz;
+            if (wanted.x) { counts.x = project_to(0u, i, p, s.covariance, third.z, direction); }
+            if (wanted.y) { counts.y = project_to(1u, i, p, s.covariance, third.w, direction); }
+            // The bits of positive numbers order like the numbers.
+            if (any(counts > vec2(0u))) { key = bitcast<u32>(p.z); }
+        }
+    }
+    keys[i] = key;
+    tile_counts[i] = counts;
+}

@@ -1,0 +1,43 @@
+// A workgroup is a tile, a thread is a pixel.
+struct Tile {
+    // 0 optical, 1 RF.
+    modality: u32,
+    // Corner and this thread's pixel.
+    corner: vec2<u32>,
+    pixel: vec2<u32>,
+    inside: bool,
+    // Place of the pixel in the images.
+    at: u32,
+}
+
+fn tile_of(index: u32, thread: u32) -> Tile {
+    var t: Tile;
+    t.modality = u32(index >= params.grids[1].first_tile && params.grids[1].size.x > 0u);
+    let grid = params.grids[t.modality];
+    let local = index - grid.first_tile;
+    t.corner = vec2(local % grid.tiles.x, local / grid.tiles.x) * vec2(TILE_WIDTH, TILE_HEIGHT);
+    t.pixel = t.corner + vec2(thread % TILE_WIDTH, thread / TILE_WIDTH);
+    t.inside = all(t.pixel < grid.size);
+    t.at = grid.first_pixel + t.pixel.y * grid.size.x + t.pixel.x;
+    return t;
+}
+
+// A splat as the blend reads it, relative to the tile's corner.
+var<workgroup> batch_place: array<vec4<f32>, BATCH>;   // u, v, o·ρ, 1/z
+var<workgroup> batch_power: array<vec4<f32>, BATCH>;   // −½ log₂e Q_xx, −log₂e Q_xy, −½ log₂e Q_yy
+var<workgroup> batch_color: array<vec4<f32>, BATCH>;   // r, g, b, 1/z
+
+fn load(slot: u32, splat: Splat, corner: vec2<u32>) {
+    batch_place[slot] = vec4(splat.place.xy - vec2<f32>(corner), splat.place.zw);
+    batch_power[slot] = vec4(splat.conic.xyz * vec3(-0.5 * LOG2E, -LOG2E, -0.5 * LOG2E), 0.0);
+    batch_color[slot] = vec4(splat.color.rgb, splat.place.w);
+}
+
+// o·ρ·exp(−σ), d = mean − pixel.
+fn free_alpha(slot: u32, centre: vec2<f32>) -> f32 {
+    let place = batch_place[slot];
+    let power = batch_power[slot];
+    let d = place.xy - centre;
+    let exponent = d.x * (power.x * d.x + power.y * d.y) + power.z * d.y * d.y;
+    return place.z * exp2(min(exponent, 0.0));
+}

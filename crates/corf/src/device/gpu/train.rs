@@ -1,0 +1,324 @@
+//! Training steps: loss, backward, update; many to a submission.
+
+use super::{
+    GpuDevice,
+    context::Context,
+    frame::{ARGS_VISIBLE_64, Extent, FAILED, NEEDED, STATE_WORDS, STEPS, VISIBLE},
+    kernel::{Bound, Kernel},
+    params::{self, Params},
+    shaders::Fixed,
+};
+use crate::{
+    Error, Gaussians, Result,
+    device::{Step, StepReport, ViewId},
+};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Names of a step's stages, in order.
+pub const STAGES: [&str; 6] = ["project", "sort", "forward", "loss", "backward", "update"];
+
+/// Steps recorded into one submission.
+const STEPS_PER_SUBMISSION: usize = 32;
+
+/// Time spent on the device, by its own timestamps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GpuStageTimes {
+    /// Steps measured.
+    pub steps: usize,
+    /// Seconds of each of [`STAGES`], summed over steps.
+    pub seconds: [f64; STAGES.len()],
+}
+
+/// The kernels of a step beyond the forward pass.
+pub(crate) struct Training {
+    similarity: Kernel,
+    gradient: Kernel,
+    backward: Kernel,
+    update: Kernel,
+    write_gradients: Kernel,
+}
+
+impl Training {
+    pub fn new(context: &Context, fixed: &Fixed) -> Result<Self> {
+        let kernel = |label, source: String| Kernel::new(context, label, &source);
+        Ok(Self {
+            similarity: kernel("similarity", fixed.similarity())?,
+            gradient: kernel("loss gradient", fixed.gradient())?,
+            backward: kernel("blend backwards", fixed.backward())?,
+            update: kernel("update", fixed.update(false))?,
+            write_gradients: kernel("gradients", fixed.update(true))?,
+        })
+    }
+}
+
+/// Where the update writes: first moments, or gradients in their place (geometry, optical and RF harmonics).
+type Destination<'a> = Option<[&'a wgpu::Buffer; 3]>;
+
+/// The kernels of a batch of steps with their memory.
+struct BoundTraining {
+    losses: BTreeMap<usize, [Bound; 2]>,
+    /// By the parity of the tile passes.
+    backward: [Bound; 2],
+    update: Bound,
+}
+
+/// One step's constants and place among the uniforms.
+struct Planned {
+    params: Params,
+    view: ViewId,
+}
+
+impl GpuDevice {
+    fn plan_step(&self, step: &Step) -> Result<Planned> {
+        let place = || format!("training step for view {}", step.view.0);
+        let Some(pyramid) = self.pyramids.get(step.view.0) else {
+            let what = format!("this device holds {} views", self.pyramids.len());
+            return Err(Error::invalid(place(), what, "upload the view to the device that trains on it"));
+        };
+        let level = step.level as usize;
+        if level >= pyramid.levels() {
+            let what = format!("level {} of a pyramid of {}", step.level, pyramid.levels());
+            return Err(Error::invalid(place(), what, "upload the view with more levels, or train on a lower one"));
+        }
+        let weights = [step.optical_weight, step.rf_weight];
+        if [weights[0], weights[1], step.depth_weight].iter().any(|w| !(w.is_finite() && *w >= 0.0)) {
+            let what = format!("loss weights {:?}", [weights[0], weights[1], step.depth_weight]);
+            return Err(Error::invalid(place(), what, "give finite weights ≥ 0"));
+        }
+        let mut grids = pyramid.grids(level).map(Some);
+        for (grid, weight) in grids.iter_mut().zip(weights) {
+            if weight == 0.0 {
+                *grid = None;
+            }
+        }
+        let backgrounds = [step.optical_background, step.rf_background];
+        let mut params = Params::new(&pyramid.pose, &grids, backgrounds, self.raster.near_m, self.store.len(), &self.optimizer);
+        params.train_geometry = u32::from(step.train_geometry);
+        pyramid.target(level, weights, self.store.harmonics.map(|h| h.channels), step.depth_weight, &mut params);
+        Ok(Planned { params, view: step.view })
+    }
+
+    fn bind_training(&self, uniform: &wgpu::Buffer, steps: &[Planned], destination: Destination<'_>) -> Result<BoundTraining> {
+        let (m, s, t, context) = (&self.memory, &self.store, &self.training, &self.context);
+        let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
+        let (image, derivatives, gradient) = (&m.image.buffer, &m.derivatives.buffer, &m.gradient.buffer);
+        let losses = &m.block_losses.buffer;
+        let mut by_view = BTreeMap::new();
+        for view in steps.iter().map(|s| s.view.0).collect::<BTreeSet<_>>() {
+            let target = &self.pyramids[view].buffer;
+            let similarity = bind(&t.similarity, &[uniform, image, target, derivatives, losses])?;
+            by_view.insert(view, [similarity, bind(&t.gradient, &[uniform, image, target, derivatives, gradient, losses])?]);
+        }
+        let backward = |passes: u32| {
+            let buffers = [
+                uniform,
+                &m.starts.buffer,
+                m.sorted_pairs(passes),
+                &m.owners.buffer,
+                &m.splats.buffer,
+                image,
+                gradient,
+                &m.records.buffer,
+            ];
+            bind(&t.backward, &buffers)
+        };
+        let (kernel, firsts) = match destination {
+            None => (&t.update, [&s.core.moment1.buffer, &s.sh[0].moment1.buffer, &s.sh[1].moment1.buffer]),
+            Some(gradients) => (&t.write_gradients, gradients),
+        };
+        let buffers = [
+            uniform,
+            &m.state,
+            &m.order[0].buffer,
+            &m.offsets.buffer,
+            &m.tile_counts.buffer,
+            &m.records.buffer,
+            &m.splats.buffer,
+            &s.core.value.buffer,
+            firsts[0],
+            &s.core.moment2.buffer,
+            &s.position_rate.buffer,
+            &s.sh[0].value.buffer,
+            firsts[1],
+            &s.sh[0].moment2.buffer,
+            &s.sh[1].value.buffer,
+            firsts[2],
+            &s.sh[1].moment2.buffer,
+        ];
+        Ok(BoundTraining { losses: by_view, backward: [backward(0)?, backward(1)?], update: bind(kernel, &buffers)? })
+    }
+
+    /// Runs steps in order, however often room has to be made, and reports the last.
+    pub(super) fn run_steps(&mut self, steps: &[Step]) -> Result<StepReport> {
+        self.run(steps, None)
+    }
+
+    fn run(&mut self, steps: &[Step], destination: Destination<'_>) -> Result<StepReport> {
+        let mut planned = steps.iter().map(|s| self.plan_step(s)).collect::<Result<Vec<_>>>()?;
+        let n = self.store.len();
+        let mut extent = Extent { gaussians: n, training: true, ..Extent::default() };
+        planned.iter().for_each(|p| extent.include(&p.params));
+        let (mut pairs, mut done) = (2 * n, 0);
+        let mut report = StepReport::default();
+        while done < planned.len() {
+            self.memory.reserve(&self.context, &self.forward.sort, &extent, pairs)?;
+            let capacity = self.memory.pair_capacity as u32;
+            planned.iter_mut().for_each(|p| p.params.pair_capacity = capacity);
+            self.submit(&planned[done..], destination)?;
+            let last = &planned[planned.len() - 1].params;
+            let sources = [(&self.memory.state, STATE_WORDS), (&self.memory.block_losses.buffer, 4 * last.blocks_total as usize)];
+            let read = self.context.read::<u32>("training", &sources)?;
+            let state = &read[0];
+            if state[FAILED] != 0 {
+                pairs = state[NEEDED] as usize + state[NEEDED] as usize / 4;
+            } else {
+                report = report_of(last, state[VISIBLE] as usize, &read[1], self.optimizer.ssim_weight);
+            }
+            done += state[STEPS] as usize;
+            if state[STEPS] == 0 && state[FAILED] == 0 {
+                return Err(Error::invalid("gpu, training", "a step neither ran nor failed", "this is a defect of the driver"));
+            }
+        }
+        Ok(report)
+    }
+
+    /// Records and submits steps.
+    fn submit(&mut self, steps: &[Planned], destination: Destination<'_>) -> Result<()> {
+        let context = &self.context;
+        let stride = params::SIZE.next_multiple_of(u64::from(context.limits.min_uniform_buffer_offset_alignment));
+        let uniform = context.buffer("step constants", stride * steps.len() as u64, wgpu::BufferUsages::UNIFORM)?;
+        let mut bytes = vec![0_u8; stride as usize * steps.len()];
+        for (step, chunk) in steps.iter().zip(bytes.chunks_exact_mut(stride as usize)) {
+            chunk[..params::SIZE as usize].copy_from_slice(bytemuck::bytes_of(&step.params));
+        }
+        context.queue.write_buffer(&uniform, 0, &bytes);
+        let (n, m) = (self.store.len(), &self.memory);
+        m.reset(context, n);
+        let forward = self.forward.bind(context, &uniform, &self.store, m, false)?;
+        let training = self.bind_training(&uniform, steps, destination)?;
+        for (batch, some) in steps.chunks(STEPS_PER_SUBMISSION).enumerate() {
+            let clock = if context.timestamps { Some(Clock::new(context, some.len())?) } else { None };
+            let mut encoder = context.encoder();
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                let mut stamped = 0;
+                let mut mark = |pass: &mut wgpu::ComputePass<'_>| {
+                    if let Some(clock) = &clock {
+                        pass.write_timestamp(&clock.queries, stamped);
+                        stamped += 1;
+                    }
+                };
+                for (k, step) in some.iter().enumerate() {
+                    let p = &step.params;
+                    let offset = (stride * (batch * STEPS_PER_SUBMISSION + k) as u64) as u32;
+                    let last = (p.tile_passes() % 2) as usize;
+                    mark(&mut pass);
+                    forward.record(&mut pass, p, offset, n, m, &mut mark);
+                    if let Some([similarity, gradient]) = training.losses.get(&step.view.0) {
+                        similarity.run(&mut pass, offset, p.blocks_total);
+                        gradient.run(&mut pass, offset, p.blocks_total);
+                    }
+                    mark(&mut pass);
+                    training.backward[last].run(&mut pass, offset, p.tile_total);
+                    mark(&mut pass);
+                    training.update.run_indirect(&mut pass, offset, &m.args, ARGS_VISIBLE_64);
+                    mark(&mut pass);
+                }
+            }
+            if let Some(clock) = &clock {
+                clock.resolve(&mut encoder);
+            }
+            context.submit(encoder);
+            if let Some(clock) = clock {
+                clock.read(context, &mut self.times)?;
+            }
+        }
+        context.check("training")
+    }
+
+    /// The gradient of a step's loss with respect to every parameter, in the shape of the parameters, without taking the step.
+    ///
+    /// # Errors
+    /// As [`Device::train`](crate::Device::train).
+    pub fn gradients(&mut self, step: &Step) -> Result<(StepReport, Gaussians)> {
+        let values = [&self.store.core.value.buffer, &self.store.sh[0].value.buffer, &self.store.sh[1].value.buffer];
+        let sizes = values.map(wgpu::Buffer::size);
+        let mut gradients = vec![];
+        let mut encoder = self.context.encoder();
+        for size in sizes {
+            let buffer = self.context.storage("gradients", size)?;
+            encoder.clear_buffer(&buffer, 0, None);
+            gradients.push(buffer);
+        }
+        self.context.submit(encoder);
+        let buffers = [&gradients[0], &gradients[1], &gradients[2]];
+        let report = self.run(std::slice::from_ref(step), Some(buffers))?;
+        Ok((report, self.store.read(&self.context, buffers)?))
+    }
+
+    /// Time on the device since it was made or this was last called; nothing unless it was made with
+    /// [`GpuOptions::timestamps`](super::GpuOptions) and the adapter has them.
+    pub fn take_stage_times(&mut self) -> Option<GpuStageTimes> {
+        self.context.timestamps.then(|| std::mem::take(&mut self.times))
+    }
+}
+
+/// Losses from the sums of S, |x − y| and confidence·|I − target| over blocks.
+fn report_of(p: &Params, visible: usize, blocks: &[u32], ssim_weight: f32) -> StepReport {
+    let mut sums = [[0.0_f64; 3]; 2];
+    for (block, words) in blocks.chunks_exact(4).enumerate() {
+        let g = usize::from(p.grids[1].size[0] > 0 && block >= p.grids[1].first_block as usize);
+        for (sum, word) in sums[g].iter_mut().zip(words) {
+            *sum += f64::from(f32::from_bits(*word));
+        }
+    }
+    let gamma = f64::from(ssim_weight);
+    let loss = |g: usize| {
+        let grid = &p.grids[g];
+        let values = f64::from(grid.size[0]) * f64::from(grid.size[1]) * f64::from(grid.channels);
+        if values == 0.0 {
+            return 0.0;
+        }
+        let [similarity, difference, _] = sums[g];
+        ((1.0 - gamma) * difference / values + gamma * (1.0 - similarity / values)) as f32
+    };
+    let optical_pixels = f64::from(p.grids[0].size[0]) * f64::from(p.grids[0].size[1]);
+    let depth_loss = if p.grids[0].depth_scale > 0.0 { (sums[0][2] / optical_pixels) as f32 } else { 0.0 };
+    StepReport { optical_loss: loss(0), rf_loss: loss(1), depth_loss, visible }
+}
+
+/// Timestamps around the stages of some steps.
+struct Clock {
+    queries: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    count: u32,
+}
+
+impl Clock {
+    fn new(context: &Context, steps: usize) -> Result<Self> {
+        let count = (steps * (STAGES.len() + 1)) as u32;
+        let queries = context.device.create_query_set(&wgpu::QuerySetDescriptor {
+            label: Some("stages"),
+            ty: wgpu::QueryType::Timestamp,
+            count,
+        });
+        let resolved = context.buffer("timestamps", u64::from(count) * 8, wgpu::BufferUsages::QUERY_RESOLVE)?;
+        Ok(Self { queries, resolved, count })
+    }
+
+    fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.resolve_query_set(&self.queries, 0..self.count, &self.resolved, 0);
+    }
+
+    fn read(&self, context: &Context, times: &mut GpuStageTimes) -> Result<()> {
+        let stamps = context.read::<u64>("timestamps", &[(&self.resolved, self.count as usize)])?;
+        let period = f64::from(context.queue.get_timestamp_period()) * 1e-9;
+        for step in stamps[0].chunks_exact(STAGES.len() + 1) {
+            times.steps += 1;
+            for (sum, pair) in times.seconds.iter_mut().zip(step.windows(2)) {
+                *sum += pair[1].saturating_sub(pair[0]) as f64 * period;
+            }
+        }
+        Ok(())
+    }
+}

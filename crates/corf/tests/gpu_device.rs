@@ -1,0 +1,407 @@
+//! The GPU device against the CPU device: images, losses, gradients, steps, bookkeeping, on memory poisoned with NaN. Needs an adapter, a
+//! software one will do; without any the tests say so and pass, unless `CORF_REQUIRE_GPU=1`.
+
+#![allow(clippy::unwrap_used)]
+
+use corf::{
+    Antialias, CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig,
+    device::{
+        InverseDepth, Planes, RenderRequest, Rendering, Step, TrainingView, View, ViewId,
+        gpu::{GpuDevice, GpuOptions, adapter_name},
+    },
+    gaussians::logit,
+};
+use corf_scene::{Pinhole, Raster, Rigid3, Rng};
+use glam::DVec3;
+
+const OPTIONS: GpuOptions = GpuOptions { software: true, subgroups: true, timestamps: false, poison: Some(0xffc0_ffee) };
+
+/// Rendered values: a few hundred f32 roundings of numbers near 1, in exp2 and division of some ulp.
+const IMAGE_TOLERANCE: f32 = 2e-5;
+/// Where a weight lies within rounding of 1/255, or a pixel's end within rounding of T = 1e-4, one device draws a Gaussian and the other
+/// does not: such a pixel is off by up to 1/255. This share of pixels may be.
+const THRESHOLD_SHARE: f64 = 1e-3;
+const THRESHOLD_STEP: f32 = 1.0 / 255.0 + IMAGE_TOLERANCE;
+/// Gradients relative to the largest of their class, in the norm over Gaussians: the pixels of [`THRESHOLD_SHARE`] are in them.
+const GRADIENT_TOLERANCE: f64 = 1e-3;
+
+/// Tiles differ in size between the devices: an ellipse between two rows of pixel centres is within one's tile and in neither of the
+/// other's. It is drawn nowhere, but counts as visible.
+const UNDRAWN_SHARE: f64 = 0.03;
+
+fn open(options: &GpuOptions, optimizer: OptimizerConfig, raster: RasterConfig, g: &Gaussians) -> Option<GpuDevice> {
+    if adapter_name(options).is_some() {
+        return Some(GpuDevice::new(options, optimizer, raster, g).unwrap());
+    }
+    let required = std::env::var_os("CORF_REQUIRE_GPU").is_some_and(|v| v == "1");
+    assert!(!required, "no adapter");
+    println!("skipped: no adapter");
+    None
+}
+
+/// Both devices holding the same Gaussians.
+fn pair(optimizer: OptimizerConfig, raster: RasterConfig, g: &Gaussians) -> Option<(CpuDevice, GpuDevice)> {
+    let gpu = open(&OPTIONS, optimizer, raster, g)?;
+    Some((CpuDevice::new(optimizer, raster, g).unwrap(), gpu))
+}
+
+/// Gaussians on the walls of a room around the origin, some wide, some thin, some behind any camera.
+fn room(seed: u64, n: usize, rf_channels: usize, degrees: [usize; 2]) -> Gaussians {
+    let mut rng = Rng::keyed(seed, 0, 0);
+    let mut g = Gaussians::empty(rf_channels, degrees[0]);
+    g.rf.sh_degree = degrees[1];
+    let half = [4.0_f32, 3.0, 1.5];
+    for _ in 0..n {
+        let mut p = [0, 1, 2].map(|k| (rng.uniform() * 2.0 - 1.0) * half[k]);
+        let axis = rng.below(3);
+        p[axis] = half[axis].copysign(p[axis]);
+        g.position.push(p);
+        g.rotation.push([0; 4].map(|_| rng.normal() as f32));
+        g.log_scale.push([0; 3].map(|_| -3.5 + 2.5 * rng.uniform()));
+        for a in [&mut g.optical, &mut g.rf] {
+            a.opacity_logit.push(logit(0.02 + 0.9 * rng.uniform()));
+            let stride = a.stride();
+            a.sh.extend((0..stride).map(|i| (rng.uniform() - 0.5) * if i < a.channels { 1.6 } else { 0.2 }));
+        }
+    }
+    g
+}
+
+fn cameras() -> (Pinhole, Pinhole) {
+    // Neither a multiple of a tile, and principal points off the middle.
+    let optical = Pinhole { width: 149, height: 83, fx: 80.0, fy: 82.0, cx: 72.2, cy: 44.7 };
+    (optical, Pinhole { width: 53, height: 41, fx: 25.0, fy: 26.0, cx: 27.1, cy: 19.2 })
+}
+
+fn pose(k: usize) -> Rigid3 {
+    let angle = 0.7 * k as f64;
+    let eye = DVec3::new(0.5 * angle.cos(), 0.4 * angle.sin(), 0.1);
+    Rigid3::looking_at(eye, eye + DVec3::new(angle.cos(), angle.sin(), -0.1), DVec3::Z)
+}
+
+fn noise(rng: &mut Rng, camera: &Pinhole, channels: usize) -> Planes {
+    let pixels = (0..camera.width * camera.height * channels).map(|_| rng.uniform()).collect();
+    Planes { width: camera.width, height: camera.height, channels, pixels }
+}
+
+fn training_view(k: usize, rf_channels: usize, depth: bool) -> TrainingView {
+    let mut rng = Rng::keyed(77, k as u64, 0);
+    let (optical_camera, rf_camera) = cameras();
+    let inverse_depth = depth.then(|| InverseDepth {
+        value: Raster::from_fn(optical_camera.width, optical_camera.height, |_, _| 0.6 + 0.2 * rng.uniform()),
+        confidence: Raster::from_fn(optical_camera.width, optical_camera.height, |x, _| if x % 3 == 0 { 0.0 } else { 0.7 }),
+    });
+    TrainingView {
+        world_from_camera: pose(k),
+        optical: noise(&mut rng, &optical_camera, 3),
+        optical_camera,
+        rf: noise(&mut rng, &rf_camera, rf_channels),
+        rf_camera,
+        inverse_depth,
+    }
+}
+
+fn step(view: usize, level: u32) -> Step {
+    Step {
+        view: ViewId(view),
+        level,
+        optical_weight: 1.0,
+        rf_weight: 0.3,
+        depth_weight: 0.5,
+        train_geometry: true,
+        optical_background: [0.3, 0.6, 0.1],
+        rf_background: [0.0, 0.1, 0.5],
+    }
+}
+
+fn both(k: usize) -> RenderRequest {
+    let (optical, rf) = cameras();
+    let view = |camera| View { camera, world_from_camera: pose(k) };
+    RenderRequest {
+        optical: Some((view(optical), [0.9, 0.2, 0.4])),
+        rf: Some((view(rf), [0.1, 0.3, 0.6])),
+        main_contributor: true,
+    }
+}
+
+/// Compares value by value and returns the share beyond rounding; none may be beyond a threshold's step.
+fn compare(what: &str, a: &[f32], b: &[f32]) {
+    assert_eq!(a.len(), b.len(), "{what}");
+    let mut beyond = 0;
+    for (i, (a, b)) in a.iter().zip(b).enumerate() {
+        let error = (a - b).abs();
+        assert!(error <= THRESHOLD_STEP, "{what}, {i}: {a} against {b}");
+        beyond += usize::from(error > IMAGE_TOLERANCE);
+    }
+    assert!(beyond as f64 <= THRESHOLD_SHARE * a.len() as f64, "{what}: {beyond} of {} beyond rounding", a.len());
+}
+
+fn compare_renderings(a: &Rendering, b: &Rendering) {
+    for (what, a, b) in [("optical", &a.optical, &b.optical), ("rf", &a.rf, &b.rf)] {
+        assert_eq!(a.is_some(), b.is_some());
+        let (Some(a), Some(b)) = (a, b) else { continue };
+        assert_eq!((a.color.width, a.color.height, a.color.channels), (b.color.width, b.color.height, b.color.channels));
+        compare(&format!("{what} colour"), &a.color.pixels, &b.color.pixels);
+        compare(&format!("{what} inverse depth"), a.inverse_depth.pixels(), b.inverse_depth.pixels());
+        compare(&format!("{what} transmittance"), a.transmittance.pixels(), b.transmittance.pixels());
+        assert!(a.transmittance.pixels().iter().any(|t| *t < 0.2) && a.transmittance.pixels().iter().any(|t| *t > 0.5));
+    }
+}
+
+#[test]
+fn pictures_agree() {
+    for (rf_channels, degrees, antialias) in
+        [(3, [1, 3], Antialias::On), (1, [2, 0], Antialias::Off), (3, [0, 2], Antialias::Detached), (1, [3, 1], Antialias::On)]
+    {
+        let raster = RasterConfig { antialias, ..RasterConfig::default() };
+        let g = room(1, 3000, rf_channels, degrees);
+        let Some((mut cpu, mut gpu)) = pair(OptimizerConfig::default(), raster, &g) else { return };
+        for k in 0..3 {
+            let (a, b) = (cpu.render(&both(k)).unwrap(), gpu.render(&both(k)).unwrap());
+            compare_renderings(&a, &b);
+            let (a, b) = (a.main_contributor.unwrap(), b.main_contributor.unwrap());
+            let differ = a.pixels().iter().zip(b.pixels()).filter(|(a, b)| a != b).count();
+            // Two weights within rounding of each other.
+            assert!(differ as f64 <= THRESHOLD_SHARE * a.pixels().len() as f64, "{differ} main contributors differ");
+        }
+    }
+}
+
+fn classes(g: &Gaussians) -> [Vec<f32>; 7] {
+    [
+        g.position.as_flattened().to_vec(),
+        g.rotation.as_flattened().to_vec(),
+        g.log_scale.as_flattened().to_vec(),
+        g.optical.opacity_logit.clone(),
+        g.rf.opacity_logit.clone(),
+        g.optical.sh.clone(),
+        g.rf.sh.clone(),
+    ]
+}
+
+fn norm(v: impl Iterator<Item = f64>) -> f64 {
+    v.map(|v| v * v).sum::<f64>().sqrt()
+}
+
+#[test]
+fn gradients_agree() {
+    for (rf_channels, degrees, antialias, depth) in
+        [(3, [1, 3], Antialias::On, true), (1, [2, 0], Antialias::Off, false), (1, [3, 1], Antialias::Detached, true)]
+    {
+        let raster = RasterConfig { antialias, ..RasterConfig::default() };
+        let g = room(2, 2500, rf_channels, degrees);
+        let Some((mut cpu, mut gpu)) = pair(OptimizerConfig::default(), raster, &g) else { return };
+        for k in 0..2 {
+            let view = training_view(k, rf_channels, depth);
+            assert_eq!(cpu.upload(&view, 3).unwrap(), gpu.upload(&view, 3).unwrap());
+        }
+        let alone = [Step { rf_weight: 0.0, ..step(1, 0) }, Step { optical_weight: 0.0, depth_weight: 0.0, ..step(1, 0) }];
+        for s in [step(0, 0), step(1, 1), step(0, 2)].into_iter().chain(alone) {
+            let (a_report, a) = cpu.gradients(&s).unwrap();
+            let (b_report, b) = gpu.gradients(&s).unwrap();
+            for (a, b) in [
+                (a_report.optical_loss, b_report.optical_loss),
+                (a_report.rf_loss, b_report.rf_loss),
+                (a_report.depth_loss, b_report.depth_loss),
+            ] {
+                assert!((a - b).abs() < 1e-5, "loss {a} against {b}");
+            }
+            let (a_seen, b_seen) = (a_report.visible, b_report.visible);
+            assert!(a_seen.abs_diff(b_seen) as f64 <= UNDRAWN_SHARE * a_seen as f64, "{a_seen} visible against {b_seen}");
+            for (class, (a, b)) in classes(&a).iter().zip(classes(&b)).enumerate() {
+                let size = norm(a.iter().map(|v| f64::from(*v)));
+                let error = norm(a.iter().zip(&b).map(|(a, b)| f64::from(a - b)));
+                assert!(error <= GRADIENT_TOLERANCE * size, "class {class} of {s:?}: {error:.2e} of {size:.2e}");
+            }
+        }
+    }
+}
+
+/// The walls as seen by rates in metres.
+fn metric_rates() -> OptimizerConfig {
+    OptimizerConfig { position_rate_m: 1e-3, ..OptimizerConfig::default() }
+}
+
+fn bits(g: &Gaussians) -> Vec<u32> {
+    classes(g).iter().flatten().map(|v| v.to_bits()).collect()
+}
+
+fn schedule(count: usize) -> Vec<Step> {
+    (0..count).map(|i| step(i % 2, (i % 3) as u32)).collect()
+}
+
+#[test]
+fn training_follows_the_cpu_and_ends_at_the_same_losses() {
+    let g = room(3, 2000, 3, [1, 2]);
+    let Some((mut cpu, mut gpu)) = pair(metric_rates(), RasterConfig::default(), &g) else { return };
+    for k in 0..2 {
+        cpu.upload(&training_view(k, 3, true), 3).unwrap();
+        gpu.upload(&training_view(k, 3, true), 3).unwrap();
+    }
+    // The first step is rate·(1−β₁)/sqrt(1−β₂) against the gradient's sign, whatever its size: where a gradient is rounding, so is its sign.
+    cpu.train(&schedule(1)).unwrap();
+    gpu.train(&schedule(1)).unwrap();
+    let (a, b) = (classes(&cpu.gaussians()), classes(&gpu.gaussians()));
+    for (class, (a, b)) in a.iter().zip(&b).enumerate() {
+        let differ = a.iter().zip(b).filter(|(a, b)| (**a - **b).abs() > 1e-5).count();
+        assert!(differ as f64 <= 0.01 * a.len() as f64, "class {class}: {differ} of {} differ after a step", a.len());
+    }
+    // Later steps amplify such differences (Adam divides by the gradient's size): the losses, not the parameters, stay together.
+    let steps = schedule(60);
+    let (a, b) = (cpu.train(&steps).unwrap(), gpu.train(&steps).unwrap());
+    assert!((a.optical_loss - b.optical_loss).abs() < 0.01 * a.optical_loss, "{a:?} {b:?}");
+    assert!((a.rf_loss - b.rf_loss).abs() < 0.01 * a.rf_loss, "{a:?} {b:?}");
+}
+
+#[test]
+fn the_same_bytes_every_time_however_steps_are_batched() {
+    let g = room(4, 1500, 1, [1, 1]);
+    let run = |batch: usize| {
+        let mut d = open(&OPTIONS, metric_rates(), RasterConfig::default(), &g)?;
+        for k in 0..2 {
+            d.upload(&training_view(k, 1, true), 3).unwrap();
+        }
+        let mut report = d.train(&[]).unwrap();
+        for steps in schedule(40).chunks(batch) {
+            report = d.train(steps).unwrap();
+        }
+        Some((report, bits(&d.gaussians())))
+    };
+    let Some(whole) = run(40) else { return };
+    assert!(whole.1 != bits(&g), "the steps change something");
+    assert!(run(40).unwrap() == whole, "twice the same steps");
+    assert!(run(7).unwrap() == whole, "in several batches");
+}
+
+#[test]
+fn without_subgroups_the_same_bytes() {
+    let g = room(5, 1500, 3, [1, 1]);
+    let run = |subgroups: bool| {
+        let mut d = open(&GpuOptions { subgroups, ..OPTIONS }, metric_rates(), RasterConfig::default(), &g)?;
+        d.upload(&training_view(0, 3, false), 1).unwrap();
+        d.train(&[step(0, 0); 5]).unwrap();
+        Some(bits(&d.gaussians()))
+    };
+    let Some(with) = run(true) else { return };
+    assert!(run(false).unwrap() == with);
+}
+
+#[test]
+fn steps_that_find_no_room_are_run_again() {
+    // 3000 Gaussians of half a metre and more reach over a hundred thousand tiles between them, more than there is room for at first.
+    let mut g = room(6, 3000, 3, [0, 0]);
+    g.log_scale.iter_mut().for_each(|s| *s = s.map(|v| v + 1.5));
+    let Some((mut cpu, mut gpu)) = pair(metric_rates(), RasterConfig::default(), &g) else { return };
+    let (optical_camera, rf_camera) = (Pinhole::from_horizontal_fov(320, 180, 90.0), Pinhole::from_horizontal_fov(96, 64, 90.0));
+    let mut rng = Rng::keyed(1, 2, 3);
+    let view = TrainingView {
+        optical: noise(&mut rng, &optical_camera, 3),
+        optical_camera,
+        rf: noise(&mut rng, &rf_camera, 3),
+        rf_camera,
+        ..training_view(0, 3, false)
+    };
+    cpu.upload(&view, 1).unwrap();
+    gpu.upload(&view, 1).unwrap();
+    let before = gpu.pair_capacity();
+    let (a, b) = (cpu.train(&[step(0, 0); 3]).unwrap(), gpu.train(&[step(0, 0); 3]).unwrap());
+    assert!(gpu.pair_capacity() > 2 * before.max(1 << 16), "{} pairs: there was room all along", gpu.pair_capacity());
+    assert!((a.optical_loss - b.optical_loss).abs() < 1e-4 && (a.rf_loss - b.rf_loss).abs() < 1e-4, "{a:?} {b:?}");
+}
+
+#[test]
+fn gaussians_come_go_and_keep_their_moments() {
+    let g = room(7, 900, 1, [2, 1]);
+    let more = room(8, 333, 1, [2, 1]);
+    let Some((mut cpu, mut gpu)) = pair(metric_rates(), RasterConfig::default(), &g) else { return };
+    let view = training_view(0, 1, false);
+    cpu.upload(&view, 1).unwrap();
+    gpu.upload(&view, 1).unwrap();
+    assert_eq!(bits(&gpu.gaussians()), bits(&g));
+    let keep: Vec<bool> = (0..900 + 333).map(|i| i % 7 != 3).collect();
+    for d in [&mut cpu as &mut dyn Device, &mut gpu] {
+        d.train(&[step(0, 0); 2]).unwrap();
+        d.append(&more).unwrap();
+        assert_eq!(d.len(), 1233);
+    }
+    let before = gpu.gaussians();
+    cpu.retain(&keep);
+    gpu.retain(&keep);
+    assert_eq!((cpu.len(), gpu.len()), (1057, 1057));
+    let mut kept = (0..1233).filter(|i| keep[*i]);
+    let after = gpu.gaussians();
+    assert!(after.position.iter().all(|p| *p == before.position[kept.next().unwrap()]));
+    assert_eq!(after.rf.sh[..4], before.rf.sh[..4]);
+    // With its moments in the wrong rows the next steps would go elsewhere.
+    let (a, b) = (cpu.train(&[step(0, 0); 3]).unwrap(), gpu.train(&[step(0, 0); 3]).unwrap());
+    assert!((a.optical_loss - b.optical_loss).abs() < 1e-3 * a.optical_loss, "{a:?} {b:?}");
+    let (a, b) = (classes(&cpu.gaussians()), classes(&gpu.gaussians()));
+    for (class, (a, b)) in a.iter().zip(&b).enumerate() {
+        let size = norm(a.iter().map(|v| f64::from(*v)));
+        let error = norm(a.iter().zip(b).map(|(a, b)| f64::from(a - b)));
+        assert!(error < 1e-2 * size, "class {class}: {error:.1e} of {size:.1e}");
+    }
+    // A second stage: new RF appearance, no memory of the old one's moments.
+    let rf = room(9, 1057, 1, [2, 1]).rf;
+    for d in [&mut cpu as &mut dyn Device, &mut gpu] {
+        d.reset_rf(&rf);
+    }
+    assert_eq!(gpu.gaussians().rf.sh, rf.sh);
+    let frozen = Step { train_geometry: false, optical_weight: 0.0, depth_weight: 0.0, ..step(0, 0) };
+    let geometry = gpu.gaussians();
+    let (a, b) = (cpu.train(&[frozen; 3]).unwrap(), gpu.train(&[frozen; 3]).unwrap());
+    assert!((a.rf_loss - b.rf_loss).abs() < 1e-3 * a.rf_loss, "{a:?} {b:?}");
+    let after = gpu.gaussians();
+    assert_eq!(
+        (&after.position, &after.rotation, &after.log_scale, &after.optical),
+        (&geometry.position, &geometry.rotation, &geometry.log_scale, &geometry.optical)
+    );
+    assert_ne!(after.rf, geometry.rf);
+    // Nothing left, and from nothing again.
+    gpu.retain(&vec![false; 1057]);
+    assert!(gpu.is_empty());
+    let layer = gpu.render(&both(0)).unwrap().optical.unwrap();
+    assert!(layer.color.pixels.chunks_exact(3).all(|p| p == [0.9, 0.2, 0.4]));
+    gpu.train(&[step(0, 0)]).unwrap();
+    gpu.append(&g).unwrap();
+    assert_eq!(bits(&gpu.gaussians()), bits(&g));
+}
+
+#[test]
+fn numbers_that_are_none_hurt_no_other_gaussian() {
+    let g = room(10, 600, 3, [1, 1]);
+    let mut hurt = g.clone();
+    let strange = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30, f32::MIN_POSITIVE];
+    for k in 0..60 {
+        let value = strange[k % strange.len()];
+        match k % 5 {
+            0 => hurt.position[k][k % 3] = value,
+            1 => hurt.rotation[k] = [value; 4],
+            2 => hurt.log_scale[k][k % 3] = value,
+            3 => hurt.optical.opacity_logit[k] = value,
+            _ => hurt.position[k] = [value; 3],
+        }
+    }
+    let Some(mut d) = open(&OPTIONS, metric_rates(), RasterConfig::default(), &hurt) else { return };
+    d.upload(&training_view(0, 3, true), 2).unwrap();
+    d.train(&[step(0, 0), step(0, 1), step(0, 0)]).unwrap();
+    let after = d.gaussians();
+    let rows = |g: &Gaussians| (60..600).flat_map(|i| g.position[i].into_iter().chain(g.log_scale[i])).collect::<Vec<f32>>();
+    let (before, after) = (rows(&g), rows(&after));
+    assert!(after.iter().all(|v| v.is_finite()), "a number that is none has spread");
+    assert!(before != after);
+}
+
+#[test]
+fn bad_requests_are_refused() {
+    let g = room(11, 10, 3, [0, 0]);
+    let Some(mut d) = open(&OPTIONS, OptimizerConfig::default(), RasterConfig::default(), &g) else { return };
+    assert!(d.train(&[step(0, 0)]).is_err(), "a view that was not uploaded");
+    assert!(d.upload(&training_view(0, 1, false), 1).is_err(), "channels of another field");
+    d.upload(&training_view(0, 3, false), 2).unwrap();
+    assert!(d.train(&[step(0, 2)]).is_err(), "a level that is not there");
+    assert!(d.train(&[Step { rf_weight: f32::NAN, ..step(0, 0) }]).is_err());
+    assert!(d.render(&RenderRequest { main_contributor: true, ..RenderRequest::default() }).is_err());
+    assert!(d.append(&room(1, 3, 1, [0, 0])).is_err(), "other channels");
+    assert!(d.train(&[step(0, 0)]).is_ok(), "and the device still works");
+}
