@@ -43,7 +43,7 @@ pub struct Diffuse {
     #[arg(long)]
     no_transmission: bool,
     /// Folder for the arrivals of the first sampling, one `NNNNN.npy` a receiver: float64 rows of direction x, y, z (world, from the
-    /// receiver), power (linear, relative to 1 W transmitted) and mean delay (s).
+    /// receiver), power (linear, relative to 1 W transmitted), mean delay (s) and the number of interactions behind the scattering.
     #[arg(long, value_name = "DIR")]
     arrivals: Option<PathBuf>,
 }
@@ -162,18 +162,18 @@ fn receiver(scene: &Scene, rx: DVec3, samplings: &[Sums]) -> Value {
     })
 }
 
-/// Writes arrivals, one a direction, as NumPy's format 1.0: a float64 table of five columns.
+/// Writes arrivals, one for every direction and number of interactions behind the scattering, as NumPy's format 1.0: a float64 table.
 fn write_arrivals(path: &Path, contributions: &[(DVec3, Contribution)]) -> Result<()> {
-    let rows: Vec<[f64; 5]> = contributions
-        .chunk_by(|a, b| a.0 == b.0)
+    let rows: Vec<[f64; 6]> = contributions
+        .chunk_by(|a, b| a.0 == b.0 && a.1.after == b.1.after)
         .map(|of_one| {
             let power: f64 = of_one.iter().map(|(_, c)| c.power).sum();
             let delay_s = of_one.iter().map(|(_, c)| c.power * c.delay_s).sum::<f64>() / power;
-            let direction = of_one[0].0;
-            [direction.x, direction.y, direction.z, power, delay_s]
+            let (direction, first) = &of_one[0];
+            [direction.x, direction.y, direction.z, power, delay_s, first.after as f64]
         })
         .collect();
-    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, 5), }}", rows.len());
+    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, 6), }}", rows.len());
     // Magic, version, length and header together fill a multiple of 64 bytes, the last of them a newline.
     let padding = 63 - (10 + header.len()) % 64;
     header.extend(std::iter::repeat_n(' ', padding));
