@@ -1,0 +1,1 @@
+"""corf and Sionna RT on the same scene: export, trace, compare, report."""

@@ -1,0 +1,60 @@
+"""corf's side: the command, run as a user runs it."""
+
+import json
+import os
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+
+from .environment import ROOT, refuse
+
+
+def point(position):
+    """A float32 position as the command takes it, exactly."""
+    return ",".join(repr(float(c)) for c in position)
+
+
+class Corf:
+    """The `corf` command."""
+
+    def __init__(self, binary=None, threads=2):
+        if binary is None:
+            subprocess.run(["cargo", "build", "--release", "--quiet", "-p", "corf-bench"], cwd=ROOT, check=True)
+            binary = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release/corf"
+        self.binary, self.threads = Path(binary), threads
+        if not self.binary.exists():
+            refuse(f"{self.binary} does not exist\n  help: build it with cargo build --release, or give --corf PATH")
+
+    def run(self, *arguments):
+        """Runs the command; returns standard output."""
+        call = [str(self.binary), *map(str, arguments), "--threads", str(self.threads)]
+        done = subprocess.run(call, capture_output=True, text=True)
+        if done.returncode != 0:
+            refuse(f"{' '.join(call)}\n{done.stderr.strip()}")
+        return done.stdout
+
+    def export(self, scene, folder, poses):
+        """`corf scene export --to sionna`; returns radio.json."""
+        self.run("scene", "export", scene, "--to", "sionna", "--out", folder, "--poses", poses)
+        return json.loads((Path(folder) / "radio.json").read_text())
+
+    def paths(self, scene, tx, receivers, depth, *options):
+        """`corf paths` at every receiver: lists of paths, vertices as arrays, `a` as complex numbers."""
+        lists = []
+        for rx in receivers:
+            text = self.run("paths", scene, "--tx", point(tx), "--rx", point(rx), "--depth", depth, *options)
+            paths = json.loads(text)["paths"]
+            for path in paths:
+                path["a"] = complex(*path["a"])
+                path["vertices"] = np.array(path["vertices"], dtype=float).reshape(-1, 3)
+            lists.append(paths)
+        return lists
+
+    def diffuse(self, scene, tx, receivers, depth, *options):
+        """`corf diffuse` at all receivers: its report, and the seconds it took."""
+        begin = time.perf_counter()
+        places = [word for rx in receivers for word in ("--rx", point(rx))]
+        text = self.run("diffuse", scene, "--tx", point(tx), *places, "--depth", depth, *options)
+        return json.loads(text), time.perf_counter() - begin

@@ -1,0 +1,60 @@
+"""Time and error of both sides at the same receivers."""
+
+import json
+import resource
+import time
+from contextlib import contextmanager
+
+import numpy as np
+
+
+@contextmanager
+def stopwatch(children=False):
+    """Seconds on the wall and seconds of CPU (all threads; of child processes where asked)."""
+    cpu = (lambda: sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])) if children else time.process_time
+    taken = {}
+    wall, busy = time.perf_counter(), cpu()
+    yield taken
+    taken["wall_s"], taken["cpu_s"] = time.perf_counter() - wall, cpu() - busy
+
+
+def theirs_totals(library, tx, receivers, depth, samples, seed):
+    """One run with everything on: linear power at every receiver (all paths; diffuse ones), and its time."""
+    from .theirs import diffuse_cap
+
+    with stopwatch() as taken:
+        s = library.solve(
+            [tx],
+            receivers,
+            max_depth=depth,
+            samples_per_src=int(samples),
+            max_num_paths_per_src=diffuse_cap(samples, receivers),
+            diffuse_reflection=True,
+            seed=seed,
+        )
+    power = np.where(s["valid"], np.abs(s["a"].astype(np.complex128)) ** 2, 0.0)[:, 0]
+    scattered = (s["interactions"] == 2).any(0)[:, 0]
+    return {"total": power.sum(1), "diffuse": (power * scattered).sum(1), **taken, "arrivals": s, "power": power}
+
+
+def error_db(samples):
+    """Standard deviation of one run relative to the mean, in dB, by receiver: samples (runs, receivers)."""
+    samples = np.asarray(samples)
+    return 10 / np.log(10) * samples.std(0, ddof=1) / samples.mean(0)
+
+
+def lobes(directions, power, pixels, width_deg):
+    """Power per steradian at pixel directions: every arrival a Gaussian of this width (mpc)."""
+    kappa = 1.0 / np.radians(width_deg) ** 2
+    total = np.zeros(len(pixels))
+    for begin in range(0, len(directions), 4000):
+        cosine = np.clip(directions[begin : begin + 4000] @ pixels.T, -1, 1)
+        total += power[begin : begin + 4000] @ np.exp(-0.5 * kappa * np.arccos(cosine) ** 2)
+    return total * kappa / (2 * np.pi)
+
+
+def run_bench(corf, config, *options):
+    """`corf bench radio`: its JSON, and the time of the whole process."""
+    with stopwatch(children=True) as taken:
+        text = corf.run("bench", "radio", config, "--json", *options)
+    return json.loads(text), taken

@@ -1,0 +1,173 @@
+"""What both sides cost at equal error: Markdown, CSV, pictures."""
+
+import csv
+import datetime
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from . import speed
+from .pictures import CORF, INK, THEIRS, save
+from .report import table
+
+KINDS = {
+    "total_db": "total power, worst position",
+    "diffuse_db": "diffuse power, worst position",
+    "pixel_median_db": "spectrum pixels within 30 dB of the peak, median",
+    "pixel_p99_db": "the same, 99 % of them better than",
+}
+
+
+def laws(result):
+    """Per number of rays: errors of one run, and mean seconds of a call; and per kind the exponent of error ∝ rays^exponent."""
+    theirs = result["theirs"]
+    counts = sorted({run["samples"] for run in theirs["runs"]})
+    rows = []
+    for samples in counts:
+        runs = [run for run in theirs["runs"] if run["samples"] == samples]
+        pixel = theirs["pixels"].get(samples) or theirs["pixels"][str(samples)]
+        rows.append(
+            {
+                "samples": samples,
+                "total_db": float(speed.error_db([r["total"] for r in runs]).max()),
+                "total_median_db": float(np.median(speed.error_db([r["total"] for r in runs]))),
+                "diffuse_db": float(speed.error_db([r["diffuse"] for r in runs]).max()),
+                "pixel_median_db": pixel["median_db"],
+                "pixel_p99_db": pixel["p99_db"],
+                "wall_s": float(np.median([r["wall_s"] for r in runs])),
+                "cpu_s": float(np.median([r["cpu_s"] for r in runs])),
+            }
+        )
+    exponent = {kind: float(np.polyfit(np.log(counts), np.log([row[kind] for row in rows]), 1)[0]) for kind in KINDS}
+    return rows, exponent
+
+
+def equal_error(result):
+    """For every kind of error: the rays with which Sionna RT would have corf's, and both sides' seconds for all positions."""
+    rows, exponent = laws(result)
+    ours = result["ours"]["report"]
+    error = ours["standard_error"]
+    own = {
+        "total_db": error["total_worst_db"],
+        "diffuse_db": error["diffuse_worst_db"],
+        "pixel_median_db": error["pixel_median_db"],
+        "pixel_p99_db": error["pixel_p99_db"],
+    }
+    spent, calls = ours["seconds"]["total"], result["positions"] / len(result["traced"])
+    most = rows[-1]
+    slope = {
+        clock: max(np.polyfit([r["samples"] for r in rows], [r[clock] for r in rows], 1)[0], 0.0) for clock in ("wall_s", "cpu_s")
+    }
+    lines = []
+    for kind, label in KINDS.items():
+        # σ² ∝ 1/rays: the most favourable law for a sampler, used also where the measured one is slower.
+        needed = most["samples"] * (most[kind] / own[kind]) ** 2
+        seconds = {clock: calls * (most[clock] + slope[clock] * (needed - most["samples"])) for clock in slope}
+        least = {clock: calls * rows[0][clock] for clock in slope}
+        seconds = {clock: max(seconds[clock], least[clock]) for clock in slope}
+        lines.append(
+            {
+                "kind": kind,
+                "label": label,
+                "corf_db": own[kind],
+                "rays": float(needed),
+                "exponent": exponent[kind],
+                "sionna_cpu_s": seconds["cpu_s"],
+                "sionna_s": seconds["wall_s"],
+                "corf_cpu_s": spent["cpu_s"],
+                "corf_s": spent["wall_s"],
+                "ratio_cpu": seconds["cpu_s"] / spent["cpu_s"],
+                "ratio_wall": seconds["wall_s"] / spent["wall_s"],
+            }
+        )
+    return lines
+
+
+def write(out, args, result):
+    rows, exponent = laws(result)
+    lines = equal_error(result)
+    ours, machine = result["ours"]["report"], result["machine"]
+    stages = "; ".join(f"{name.replace('_', ' ')} {s['wall_s']:.2f} ({s['cpu_s']:.2f})" for name, s in ours["seconds"].items())
+    text = f"""# Speed against Sionna RT ({datetime.date.today().isoformat()})
+
+`python tools/compare_speed.py`: {ours["config"].split("/")[-1]}, {ours["triangles"]} triangles, {result["positions"]} positions, depth {ours["depth"]}, specular + transmitted + diffuse, one transmitter.
+
+- corf {machine["corf"]}; sionna-rt {machine["sionna-rt"]}, mitsuba {machine["mitsuba"]}, drjit {machine["drjit"]}, {machine["llvm"]}; {machine["cpu"]}, {machine["threads"]} threads each, one after the other in one run
+- seconds on the wall; in brackets CPU seconds of all threads. Reading the scene and, for Sionna RT, compiling its kernels are left out on both sides.
+
+## corf, all positions
+
+{stages}. Spectra (300×200, 1° lobes) are in corf's time, not in Sionna RT's.
+
+## Sionna RT, {len(result["traced"])} positions a call
+
+Error: standard deviation of one run over {args.seeds} seeds, dB.
+
+"""
+    text += table(
+        ["rays", "seconds a call (CPU)", "total, worst", "total, median", "diffuse, worst", "pixels, median", "pixels, 99 %"],
+        [
+            [
+                f"{r['samples']:.3g}",
+                f"{r['wall_s']:.1f} ({r['cpu_s']:.1f})",
+                *[f"{r[k]:.3f}" for k in ("total_db", "total_median_db", "diffuse_db", "pixel_median_db", "pixel_p99_db")],
+            ]
+            for r in rows
+        ],
+    )
+    text += (
+        "\n\nMeasured laws, error ∝ rays^x: "
+        + ", ".join(f"{KINDS[k]} x = {x:.2f}" for k, x in exponent.items())
+        + ". Where x is far from −0.5 the run's spread is not that of a sum of random paths: specular paths off small facets are found by some runs and not by others.\n"
+    )
+    text += f"\n## At equal error, all {result['positions']} positions\n\nThe rays that bring Sionna RT's error of each kind down to corf's by σ² ∝ 1/rays, the law most favourable to it, and the seconds they cost.\n\n"
+    text += table(
+        ["error", "corf's, dB", "rays needed", "Sionna RT, s (CPU)", "corf, s (CPU)", "ratio (CPU)"],
+        [
+            [
+                x["label"],
+                f"{x['corf_db']:.3f}",
+                f"{x['rays']:.2g}",
+                f"{x['sionna_s']:.0f} ({x['sionna_cpu_s']:.0f})",
+                f"{x['corf_s']:.0f} ({x['corf_cpu_s']:.0f})",
+                f"{x['ratio_wall']:.1f} ({x['ratio_cpu']:.1f})",
+            ]
+            for x in lines
+        ],
+    )
+    if "scaling" in result:
+        text += scaling(out, result["scaling"], ours["triangles"])
+    (out / "README.md").write_text(text + "\n")
+
+
+def scaling(out, scaling_result, triangles):
+    """CSV and picture of cost against triangles, depth and receivers."""
+    rows = scaling_result["rows"]
+    with open(out / "scaling.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    figure, axes = plt.subplots(1, 3, figsize=(11, 3.3), layout="constrained")
+    for axis, what in zip(axes, ("triangles", "depth", "receivers")):
+        own = [r for r in rows if r["against"] == what]
+        both = [r for r in own if r["sionna_cpu_s"] is not None]
+        axis.plot([r["x"] for r in own], [r["corf_cpu_s"] for r in own], "o-", color=CORF, label="corf, with 300×200 spectra")
+        axis.plot(
+            [r["x"] for r in both],
+            [r["sionna_cpu_s"] for r in both],
+            "s-",
+            color=THEIRS,
+            label=f"Sionna RT, {scaling_result['rays']:.0e} rays",
+        )
+        axis.set(xlabel=what, ylabel="CPU seconds", yscale="log", xscale="linear" if what == "depth" else "log")
+        axis.grid(color=INK, alpha=0.12, lw=0.5)
+    axes[0].legend(frameon=False)
+    save(figure, out / "scaling.png")
+    return f"""
+
+## Cost against triangles, depth and receivers
+
+![scaling](scaling.png)
+
+CPU seconds of everything at 7 positions (where not varied), depth 3; corf at its own error, Sionna RT at {scaling_result["rays"]:.0e} rays, which is not
+the same error: the shapes of the curves compare, not their heights. Triangle counts under the scene's own {triangles} are its largest surfaces, counts above it the same surfaces cut finer. Numbers in [scaling.csv](scaling.csv)."""
