@@ -46,7 +46,7 @@ pub(super) fn check(reference: &DiffuseReference) -> Result<CheckReport> {
                 // Not this scene's DS: the scattering model is not reciprocal (Γ and the lobe belong to the incident side).
                 let exchanged = DiffuseField::new(&tracer, rx, &DiffuseSettings { directions: COARSE_DIRECTIONS, ..sampling })?
                     .contributions(tx)?;
-                let found = total(&exchanged, |c| c.mirrored_before && c.after == 0);
+                let found = total(&exchanged, |c| direct(c) && c.mirrored_before);
                 require_db(&mut comparison, "power of SD with the ends exchanged", found, expected.mean);
             }
             comparison.name = format!("{}, rx {}", case.name, result.rx_index);
@@ -70,8 +70,8 @@ fn compare(
     // Totals per type. The library's own DS is not compared: it keeps one such path per plane.
     for (name, expected) in &result.power_by_type {
         let found = match name.as_str() {
-            "D" => total(&contributions, |c| !c.mirrored_before && c.after == 0),
-            "SD" => total(&contributions, |c| c.mirrored_before && c.after == 0),
+            "D" => total(&contributions, |c| direct(c) && !c.mirrored_before),
+            "SD" => total(&contributions, |c| direct(c) && c.mirrored_before),
             "LOS" => specular_power(paths, ""),
             types if types.bytes().all(|b| b == b'S') && types.len() <= case.args.max_depth => specular_power(paths, types),
             _ => continue,
@@ -79,7 +79,7 @@ fn compare(
         require_db(&mut c, &format!("power of {name}"), found, expected.mean);
     }
     for (name, expected) in &result.power_by_object {
-        let from_it = |c: &Contribution| !c.mirrored_before && c.after == 0 && scene.objects[c.object as usize].name == *name;
+        let from_it = |c: &Contribution| direct(c) && !c.mirrored_before && scene.objects[c.object as usize].name == *name;
         let found = total(&contributions, from_it);
         require(
             &mut c,
@@ -126,6 +126,11 @@ fn compare_map(c: &mut Comparison, reference: &DiffuseReference, result: &Diffus
         c.faults.push("the Bartlett map is empty".into());
     }
     require(c, &format!("Bartlett map, worst of {compared}, dB"), worst, 0.0, MAP_DB);
+}
+
+/// Lit by the transmitter or one mirror, seen without any.
+fn direct(c: &Contribution) -> bool {
+    !c.indirect && c.after == 0
 }
 
 /// The power of the contributions that `belongs` picks.
