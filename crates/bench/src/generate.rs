@@ -7,11 +7,11 @@ use anyhow::{Result, bail};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::{self, DenoiseSettings, LightFrame, LightSettings, LightTracer};
 use corf_raytrace::radio::{
-    Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, PlanarArray, RadioSettings, RadioTracer, Transmitter,
-    json,
+    Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, PlanarArray, RadioSettings, RadioTracer, Search,
+    Transmitter, json,
 };
 use corf_raytrace::spectrum::SpectrumSettings;
-use corf_scene::config::{AntennaPattern, DatasetConfig, SceneConfig};
+use corf_scene::config::{AntennaPattern, DatasetConfig, RfConfig, SceneConfig};
 use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, FrameData};
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Pinhole, Raster, Rigid3, Scene, Severity};
@@ -44,6 +44,7 @@ pub fn generate_from(
     // Whatever can be refused is refused before the first file.
     let settings = RadioSettings {
         max_depth: config.rf.max_reflections,
+        search: Search::Auto { rays: config.rf.rays },
         transmission: config.rf.transmission,
         ..radio_settings(scene_config)
     };
@@ -173,6 +174,16 @@ pub fn radio_settings(scene: &SceneConfig) -> RadioSettings {
     }
 }
 
+/// How a dataset samples the diffuse field.
+pub fn diffuse_settings(rf: &RfConfig) -> DiffuseSettings {
+    DiffuseSettings {
+        patch_size_m: rf.patch_size_m,
+        directions: rf.directions,
+        photons: rf.photons,
+        ..DiffuseSettings::default()
+    }
+}
+
 /// The RF half of a keyframe.
 struct RadioSensor<'a> {
     scene: &'a Scene,
@@ -194,11 +205,7 @@ impl<'a> RadioSensor<'a> {
             );
         }
         let tx = scene_config.transmitter.position();
-        let settings = DiffuseSettings {
-            patch_size_m: config.rf.patch_size_m,
-            directions: config.rf.directions,
-            ..DiffuseSettings::default()
-        };
+        let settings = diffuse_settings(&config.rf);
         Ok(Self {
             scene,
             transmitter: tracer.transmitter(tx)?,

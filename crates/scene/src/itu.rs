@@ -1,6 +1,6 @@
 //! ITU-R P.2040-3, Table 3: electrical properties of building materials, `ε_r = a·f^b`, `σ = c·f^d` with f in GHz.
 
-use crate::model::{Permittivity, RadioMaterial, ScatteringPattern};
+use crate::model::{Permittivity, RadioMaterial};
 use crate::{Error, Result};
 
 /// Vacuum permittivity, F/m (CODATA 2018).
@@ -129,20 +129,10 @@ impl RadioMaterial {
                 }
             }
         }
-        let s = &self.scattering;
-        if !(0.0..=1.0).contains(&s.coefficient) {
-            return fail(format!("scattering_coefficient = {}", s.coefficient), "S is an amplitude share in [0, 1]");
+        match self.scattering.out_of_range() {
+            Some((what, help)) => fail(what, help),
+            None => Ok(()),
         }
-        if !(0.0..=1.0).contains(&s.xpd) {
-            return fail(format!("xpd = {}", s.xpd), "K_x is a power share in [0, 1], not dB");
-        }
-        if let ScatteringPattern::Directive { alpha_r } = s.pattern {
-            // F_α sums binomials C(α, j): beyond this they leave f64's exact integers.
-            if !(1..=50).contains(&alpha_r) {
-                return fail(format!("alpha_r = {alpha_r}"), "give an integer from 1 to 50");
-            }
-        }
-        Ok(())
     }
 }
 

@@ -214,9 +214,50 @@ pub enum ScatteringPattern {
     Lambertian,
     /// A lobe around the specular direction.
     Directive {
-        /// Exponent α_r ≥ 1.
+        /// Exponent α_r, 1 to [`MAX_LOBE_EXPONENT`].
         alpha_r: u32,
     },
+    /// A lobe around the specular direction and one back towards where the wave came from:
+    /// Λ((1 + cosψ_r)/2)^α_r + (1 − Λ)((1 + cosψ_i)/2)^α_i, normalised over the hemisphere (Degli-Esposti et al. 2007).
+    Backscatter {
+        /// Exponent α_r of the lobe around the specular direction, 1 to [`MAX_LOBE_EXPONENT`].
+        alpha_r: u32,
+        /// Exponent α_i of the lobe around the direction of arrival, 1 to [`MAX_LOBE_EXPONENT`].
+        alpha_i: u32,
+        /// Λ in `[0, 1]`: weight of the lobe around the specular direction.
+        lambda: f64,
+    },
+}
+
+/// The largest exponent of a scattering lobe: its half-power half-width is 14° there, and what is narrower is a mirror in practice.
+pub const MAX_LOBE_EXPONENT: u32 = 50;
+
+impl Scattering {
+    /// The first property out of range: what it is and what to do about it.
+    pub fn out_of_range(&self) -> Option<(String, &'static str)> {
+        if !(0.0..=1.0).contains(&self.coefficient) {
+            return Some((format!("scattering_coefficient = {}", self.coefficient), "S is an amplitude share in [0, 1]"));
+        }
+        if !(0.0..=1.0).contains(&self.xpd) {
+            return Some((format!("xpd = {}", self.xpd), "K_x is a power share in [0, 1], not dB"));
+        }
+        let exponents = match self.pattern {
+            ScatteringPattern::Lambertian => [None, None],
+            ScatteringPattern::Directive { alpha_r } => [Some(("alpha_r", alpha_r)), None],
+            ScatteringPattern::Backscatter { alpha_r, alpha_i, .. } => [Some(("alpha_r", alpha_r)), Some(("alpha_i", alpha_i))],
+        };
+        for (name, alpha) in exponents.into_iter().flatten() {
+            if !(1..=MAX_LOBE_EXPONENT).contains(&alpha) {
+                return Some((format!("{name} = {alpha}"), "give an integer from 1 to 50"));
+            }
+        }
+        match self.pattern {
+            ScatteringPattern::Backscatter { lambda, .. } if !(0.0..=1.0).contains(&lambda) => {
+                Some((format!("lambda = {lambda}"), "it is the weight of the specular lobe, in [0, 1]"))
+            }
+            _ => None,
+        }
+    }
 }
 
 /// One axis-aligned box in world space, metres.

@@ -37,12 +37,18 @@ pub struct RadioSpec {
     /// K_x in `[0, 1]`. Default 0.
     #[serde(default)]
     pub xpd: f64,
-    /// `lambertian` (default) or `directive`.
+    /// `lambertian` (default), `directive` or `backscatter`.
     #[serde(default)]
     pub scattering_pattern: PatternName,
-    /// Exponent of a directive lobe.
+    /// Exponent α_r of the lobe around the specular direction (`directive`, `backscatter`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub alpha_r: Option<u32>,
+    /// Exponent α_i of the lobe back towards the source (`backscatter`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alpha_i: Option<u32>,
+    /// Λ in `[0, 1]`: weight of the lobe around the specular direction (`backscatter`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lambda: Option<f64>,
 }
 
 /// The name of a scattering lobe.
@@ -54,6 +60,8 @@ pub enum PatternName {
     Lambertian,
     /// Around the specular direction, with `alpha_r`.
     Directive,
+    /// Around the specular direction and back towards the source, with `alpha_r`, `alpha_i` and `lambda`.
+    Backscatter,
 }
 
 impl RadioSpec {
@@ -80,12 +88,24 @@ impl RadioSpec {
             }
             _ => return fail("relative_permittivity and conductivity_s_per_m go together", "give the missing one"),
         };
-        let pattern = match (self.scattering_pattern, self.alpha_r) {
-            (PatternName::Lambertian, None) => ScatteringPattern::Lambertian,
-            (PatternName::Directive, Some(alpha_r)) => ScatteringPattern::Directive { alpha_r },
-            (PatternName::Directive, None) => return fail("a directive lobe without alpha_r", "add alpha_r, e.g. 5"),
-            (PatternName::Lambertian, Some(_)) => {
-                return fail("alpha_r with a lambertian lobe", "write scattering_pattern = \"directive\", or drop alpha_r");
+        let pattern = match (self.scattering_pattern, self.alpha_r, self.alpha_i, self.lambda) {
+            (PatternName::Lambertian, None, None, None) => ScatteringPattern::Lambertian,
+            (PatternName::Lambertian, ..) => {
+                return fail("lobe parameters with a lambertian lobe", "write scattering_pattern = \"directive\", or drop them");
+            }
+            (PatternName::Directive, Some(alpha_r), None, None) => ScatteringPattern::Directive { alpha_r },
+            (PatternName::Directive, None, ..) => return fail("a directive lobe without alpha_r", "add alpha_r, e.g. 5"),
+            (PatternName::Directive, ..) => {
+                return fail(
+                    "alpha_i or lambda with a directive lobe",
+                    "write scattering_pattern = \"backscatter\", or drop them",
+                );
+            }
+            (PatternName::Backscatter, Some(alpha_r), Some(alpha_i), Some(lambda)) => {
+                ScatteringPattern::Backscatter { alpha_r, alpha_i, lambda }
+            }
+            (PatternName::Backscatter, ..) => {
+                return fail("a backscatter lobe lacks a parameter", "give alpha_r, alpha_i and lambda, e.g. 5, 5 and 0.8");
             }
         };
         let material = RadioMaterial {
@@ -107,9 +127,12 @@ impl From<&RadioMaterial> for RadioSpec {
                 (None, Some(*relative_permittivity), Some(*conductivity_s_per_m))
             }
         };
-        let (scattering_pattern, alpha_r) = match m.scattering.pattern {
-            ScatteringPattern::Lambertian => (PatternName::Lambertian, None),
-            ScatteringPattern::Directive { alpha_r } => (PatternName::Directive, Some(alpha_r)),
+        let (scattering_pattern, alpha_r, alpha_i, lambda) = match m.scattering.pattern {
+            ScatteringPattern::Lambertian => (PatternName::Lambertian, None, None, None),
+            ScatteringPattern::Directive { alpha_r } => (PatternName::Directive, Some(alpha_r), None, None),
+            ScatteringPattern::Backscatter { alpha_r, alpha_i, lambda } => {
+                (PatternName::Backscatter, Some(alpha_r), Some(alpha_i), Some(lambda))
+            }
         };
         Self {
             id: Some(m.id.clone()),
@@ -121,6 +144,8 @@ impl From<&RadioMaterial> for RadioSpec {
             xpd: m.scattering.xpd,
             scattering_pattern,
             alpha_r,
+            alpha_i,
+            lambda,
         }
     }
 }
@@ -137,6 +162,7 @@ mod tests {
     fn the_written_form_round_trips() {
         for text in [
             "itu = 'glass'\nthickness_m = 0.01\nscattering_coefficient = 0.1\nscattering_pattern = 'directive'\nalpha_r = 10\nxpd = 0.2",
+            "itu = 'concrete'\nthickness_m = 0.2\nscattering_pattern = 'backscatter'\nalpha_r = 5\nalpha_i = 3\nlambda = 0.75",
             "id = 'leather'\nrelative_permittivity = 1.8\nconductivity_s_per_m = 0.05\nthickness_m = 0.003",
         ] {
             let material = spec(text).unwrap();
@@ -156,6 +182,16 @@ mod tests {
             ("thickness_m = 0.01", "no permittivity"),
             ("itu = 'glass'\nthickness_m = 0.01\nscattering_pattern = 'directive'", "alpha_r"),
             ("itu = 'glass'\nthickness_m = 0.01\nalpha_r = 3", "directive"),
+            ("itu = 'glass'\nthickness_m = 0.01\nscattering_pattern = 'directive'\nalpha_r = 3\nlambda = 0.5", "backscatter"),
+            ("itu = 'glass'\nthickness_m = 0.01\nscattering_pattern = 'backscatter'\nalpha_r = 3", "alpha_i"),
+            (
+                "itu = 'glass'\nthickness_m = 0.01\nscattering_pattern = 'backscatter'\nalpha_r = 3\nalpha_i = 51\nlambda = 1",
+                "alpha_i = 51",
+            ),
+            (
+                "itu = 'glass'\nthickness_m = 0.01\nscattering_pattern = 'backscatter'\nalpha_r = 3\nalpha_i = 5\nlambda = 1.5",
+                "lambda = 1.5",
+            ),
             ("itu = 'glass'\nthickness_m = 0.01\nscattering_coeficient = 0.3", "did you mean `scattering_coefficient`"),
             ("itu = 'glass'\nthickness_m = 0.01\nscattering_coefficient = 1.5", "[0, 1]"),
         ] {

@@ -1,4 +1,4 @@
-//! `corf bench`: plans to tables.
+//! `corf bench`: plans to tables, and what the parts cost.
 
 use super::{Verdict, print, show};
 use crate::plan::Plan;
@@ -19,6 +19,8 @@ pub enum Bench {
     Table(Table),
     /// Write a finished comparison's tables and report again.
     Report(Report),
+    /// What tracing a dataset's radio half costs, stage by stage, and its sampling error.
+    Radio(super::bench_radio::Radio),
 }
 
 /// `corf bench run`.
@@ -70,6 +72,7 @@ impl Bench {
             Self::Run(c) => c.run(json),
             Self::Table(c) => c.run(json),
             Self::Report(c) => c.run(json),
+            Self::Radio(c) => c.run(json),
         }
     }
 }

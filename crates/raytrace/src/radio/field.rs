@@ -23,6 +23,17 @@ impl Field {
         Complex::new(self.re.dot(axis), self.im.dot(axis))
     }
 
+    /// ‖E‖².
+    #[inline]
+    pub fn norm_squared(&self) -> f64 {
+        self.re.length_squared() + self.im.length_squared()
+    }
+
+    /// The field times a real number.
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self { re: self.re * factor, im: self.im * factor }
+    }
+
     /// `a·axis_a + b·axis_b`.
     pub fn of_components(a: Complex, axis_a: DVec3, b: Complex, axis_b: DVec3) -> Self {
         Self { re: axis_a * a.re + axis_b * b.re, im: axis_a * a.im + axis_b * b.im }
@@ -56,12 +67,18 @@ pub fn transmit(field: &Field, direction: DVec3, normal: DVec3, response: &SlabR
     Field::of_components(response.t_te * field.along(e_s), e_s, response.t_tm * field.along(p), p)
 }
 
-/// Γ² = ‖E_r‖²/‖E_i‖² of the Fresnel reflection: the share of a field's power that is reflected, before any of it is scattered.
-pub fn reflectivity(field: &Field, direction: DVec3, normal: DVec3, response: &SlabResponse) -> f64 {
-    let e_s = perpendicular(direction, normal);
-    let p_i = direction.cross(e_s);
-    let (te, tm) = (field.along(e_s).norm_squared(), field.along(p_i).norm_squared());
-    (response.r_te.norm_squared() * te + response.r_tm.norm_squared() * tm) / (te + tm)
+/// Γ² = ‖E_r‖²/‖E_i‖² of the Fresnel reflection: the share of a field's power that is reflected, before any of it is scattered;
+/// `te` = |R_TE|², `tm` = |R_TM|².
+#[inline]
+pub fn reflectivity(field: &Field, direction: DVec3, normal: DVec3, te: f64, tm: f64) -> f64 {
+    let cross = direction.cross(normal);
+    let (length2, power) = (cross.length_squared(), field.norm_squared());
+    if length2 < 1e-24 || power == 0.0 {
+        return te;
+    }
+    // The share of the power that is perpendicular to the plane of incidence.
+    let share = field.along(cross).norm_squared() / (length2 * power);
+    tm + (te - tm) * share
 }
 
 /// cosθ_i of a unit direction on a plane, in [0, 1].

@@ -35,15 +35,8 @@ impl Slab {
         if !(thickness_m.is_finite() && thickness_m > 0.0) {
             return fault(format!("thickness is {thickness_m} m"), "give the slab's thickness in metres; there is no default");
         }
-        for (what, value) in [("scattering coefficient S", scattering.coefficient), ("cross-polarisation K_x", scattering.xpd)] {
-            if !(0.0..=1.0).contains(&value) {
-                return fault(format!("{what} is {value}"), "it lies between 0 and 1");
-            }
-        }
-        if let corf_scene::model::ScatteringPattern::Directive { alpha_r } = scattering.pattern
-            && !(1..=60).contains(&alpha_r)
-        {
-            return fault(format!("alpha_r is {alpha_r}"), "the directive lobe's exponent lies between 1 and 60");
+        if let Some((what, help)) = scattering.out_of_range() {
+            return fault(what, help);
         }
         let eta = Complex::new(eps_r, -eps_im);
         Ok(Self { name: name.to_string(), eta, thickness_m, scattering, wavelength_m: SPEED_OF_LIGHT / frequency_hz })

@@ -1,8 +1,7 @@
 //! A slab's coefficients and lobe normalisation tabulated over cosθ_i: the diffuse field asks for them millions of times.
 
-use super::scattering::directive_normalisation;
+use super::scattering;
 use super::{Complex, Slab, fresnel, fresnel::SlabResponse};
-use corf_scene::model::ScatteringPattern;
 
 /// Intervals of the tables: linear interpolation of fringes that turn by at most some ten radians over cosθ_i is then good to 1e-5.
 const INTERVALS: usize = 2048;
@@ -10,9 +9,20 @@ const INTERVALS: usize = 2048;
 /// Tables over cosθ_i = 0 … 1.
 pub struct SlabTable {
     responses: Vec<SlabResponse>,
-    normalisations: Vec<f64>,
+    scattering: Vec<ScatteringEntry>,
     /// Power let through at normal incidence.
     pub transmitted_power: f64,
+}
+
+/// What the scattering of a polarised wave needs, small enough to stay in the cache: single precision is 6e-8 of power.
+#[derive(Clone, Copy, Debug)]
+pub struct ScatteringEntry {
+    /// |R_TE|².
+    pub te: f32,
+    /// |R_TM|².
+    pub tm: f32,
+    /// 1/F of the slab's lobe.
+    pub inverse_normalisation: f32,
 }
 
 impl SlabTable {
@@ -20,11 +30,16 @@ impl SlabTable {
     pub fn new(slab: &Slab) -> Self {
         let cosines = (0..=INTERVALS).map(|i| i as f64 / INTERVALS as f64);
         let responses: Vec<SlabResponse> = cosines.clone().map(|c| fresnel::slab_response(slab, c)).collect();
-        let normalisations = match slab.scattering.pattern {
-            ScatteringPattern::Directive { alpha_r } => cosines.map(|c| directive_normalisation(alpha_r, c)).collect(),
-            ScatteringPattern::Lambertian => vec![1.0; INTERVALS + 1],
-        };
-        Self { transmitted_power: responses[INTERVALS].t_te.norm_squared(), responses, normalisations }
+        let scattering = responses
+            .iter()
+            .zip(cosines)
+            .map(|(r, c)| ScatteringEntry {
+                te: r.r_te.norm_squared() as f32,
+                tm: r.r_tm.norm_squared() as f32,
+                inverse_normalisation: (1.0 / scattering::normalisation(slab.scattering.pattern, c)) as f32,
+            })
+            .collect();
+        Self { transmitted_power: responses[INTERVALS].t_te.norm_squared(), responses, scattering }
     }
 
     fn position(cos_incidence: f64) -> (usize, f64) {
@@ -46,9 +61,14 @@ impl SlabTable {
         }
     }
 
-    /// F_α of the slab's lobe.
-    pub fn normalisation(&self, cos_incidence: f64) -> f64 {
+    /// Reflected powers and the lobe's normalisation.
+    pub fn scattering(&self, cos_incidence: f64) -> ScatteringEntry {
         let (i, t) = Self::position(cos_incidence);
-        self.normalisations[i] + (self.normalisations[i + 1] - self.normalisations[i]) * t
+        let (a, b, t) = (&self.scattering[i], &self.scattering[i + 1], t as f32);
+        ScatteringEntry {
+            te: a.te + (b.te - a.te) * t,
+            tm: a.tm + (b.tm - a.tm) * t,
+            inverse_normalisation: a.inverse_normalisation + (b.inverse_normalisation - a.inverse_normalisation) * t,
+        }
     }
 }

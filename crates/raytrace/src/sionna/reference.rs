@@ -56,9 +56,15 @@ pub struct DiffuseCase {
     pub name: String,
     /// Pattern of every material.
     pub pattern: String,
-    /// The directive lobe's exponent.
+    /// Exponent of the lobe around the specular direction.
     #[serde(default)]
     pub alpha_r: Option<u32>,
+    /// Exponent of the lobe back towards the source.
+    #[serde(default)]
+    pub alpha_i: Option<u32>,
+    /// Weight of the lobe around the specular direction beside the other.
+    #[serde(default, alias = "lambda_")]
+    pub lambda: Option<f64>,
     /// The library's arguments.
     pub args: ReferenceArgs,
     /// Results per receiver.
@@ -118,11 +124,17 @@ pub struct ReferenceMaterial {
     /// Cross-polarisation.
     #[serde(rename = "Kx")]
     pub xpd: f64,
-    /// `lambertian` or `directive`.
+    /// `lambertian`, `directive` or `backscattering`.
     pub pattern: String,
-    /// The directive lobe's exponent.
+    /// Exponent of the lobe around the specular direction.
     #[serde(default)]
     pub alpha_r: Option<u32>,
+    /// Exponent of the lobe back towards the source.
+    #[serde(default)]
+    pub alpha_i: Option<u32>,
+    /// Weight of the lobe around the specular direction beside the other.
+    #[serde(default, alias = "lambda_")]
+    pub lambda: Option<f64>,
 }
 
 /// An object of the file.
@@ -304,6 +316,8 @@ impl DiffuseReference {
         for material in materials.values_mut() {
             material.pattern.clone_from(&case.pattern);
             material.alpha_r = case.alpha_r;
+            material.alpha_i = case.alpha_i;
+            material.lambda = case.lambda;
         }
         build_scene(&self.scene, self.frequency_hz, &materials, &self.objects)
     }
@@ -361,14 +375,17 @@ pub(super) fn build_scene(
     let mut scene = Scene { name: name.to_string(), ..Scene::default() };
     let mut index = BTreeMap::new();
     for (id, material) in materials {
-        let pattern = match (material.pattern.as_str(), material.alpha_r) {
-            ("lambertian", _) => ScatteringPattern::Lambertian,
-            ("directive", Some(alpha_r)) => ScatteringPattern::Directive { alpha_r },
-            (other, alpha) => {
+        let pattern = match (material.pattern.as_str(), material.alpha_r, material.alpha_i, material.lambda) {
+            ("lambertian", ..) => ScatteringPattern::Lambertian,
+            ("directive", Some(alpha_r), ..) => ScatteringPattern::Directive { alpha_r },
+            ("backscattering" | "backscatter", Some(alpha_r), Some(alpha_i), Some(lambda)) => {
+                ScatteringPattern::Backscatter { alpha_r, alpha_i, lambda }
+            }
+            (other, alpha_r, alpha_i, lambda) => {
                 return Err(Error::invalid(
                     format!("material `{id}`"),
-                    format!("scattering pattern `{other}` with alpha_r {alpha:?}"),
-                    "use lambertian, or directive with alpha_r",
+                    format!("scattering pattern `{other}` with alpha_r {alpha_r:?}, alpha_i {alpha_i:?}, lambda {lambda:?}"),
+                    "use lambertian, directive with alpha_r, or backscattering with alpha_r, alpha_i and lambda",
                 ));
             }
         };

@@ -75,7 +75,7 @@ pub struct RfConfig {
     /// Full horizontal field of view, degrees. Default 90.
     #[serde(default = "ninety")]
     pub horizontal_fov_deg: f64,
-    /// Longest specular chain, in interactions. Default 3.
+    /// Interactions on a path, reflections, transmissions and scatterings together. Default 3.
     #[serde(default = "three")]
     pub max_reflections: usize,
     /// Straight-through transmission. Default true.
@@ -90,6 +90,12 @@ pub struct RfConfig {
     /// Directions over the whole sphere in which the diffuse field is gathered. Default 120 000: 0.6° apart, for a lobe of 1°.
     #[serde(default = "directions")]
     pub directions: usize,
+    /// Photons that bring the diffuse field's indirect light, once for all positions. Default 1 000 000.
+    #[serde(default = "million")]
+    pub photons: usize,
+    /// Rays from the transmitter that find chains of mirrors. Default 200 000.
+    #[serde(default = "rays")]
+    pub rays: usize,
     /// What is formed from the paths. Default `mpc`.
     #[serde(default)]
     pub spectrum: SpectrumKind,
@@ -183,6 +189,12 @@ fn one() -> f64 {
 }
 fn patch() -> f64 {
     0.2
+}
+fn million() -> usize {
+    1_000_000
+}
+fn rays() -> usize {
+    200_000
 }
 fn directions() -> usize {
     120_000
@@ -308,6 +320,11 @@ impl DatasetConfig {
         }
         if !(100..=50_000_000).contains(&rf.directions) {
             return fail("rf.directions", format!("{}", rf.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
+        }
+        for (key, value) in [("rf.photons", rf.photons), ("rf.rays", rf.rays)] {
+            if value > 100_000_000 {
+                return fail(key, format!("{value}"), "give at most 100 000 000");
+            }
         }
         // Directions stand sqrt(4 pi / n) apart; a narrower lobe would show the lattice as dots. The gathering keeps 6.1 degrees around the
         // frame at full density, which is where a lobe of 1 degree has fallen by 80 dB.

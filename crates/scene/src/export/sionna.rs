@@ -75,9 +75,15 @@ pub struct MaterialEntry {
     pub xpd_coefficient: f64,
     /// The lobe, which `scene.xml` cannot hold.
     pub scattering_pattern: PatternName,
-    /// Exponent of a directive lobe.
+    /// Exponent of the lobe around the specular direction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub alpha_r: Option<u32>,
+    /// Exponent of the lobe back towards the source.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alpha_i: Option<u32>,
+    /// Weight of the lobe around the specular direction beside the other.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lambda: Option<f64>,
 }
 
 /// A shape of `scene.xml`.
@@ -262,6 +268,8 @@ fn material_entry(name: &str, radio: &RadioMaterial, frequency_hz: f64) -> Resul
         xpd_coefficient: radio.scattering.xpd,
         scattering_pattern: spec.scattering_pattern,
         alpha_r: spec.alpha_r,
+        alpha_i: spec.alpha_i,
+        lambda: spec.lambda,
     })
 }
 

@@ -234,7 +234,7 @@ fn radio(material: &gltf::Material<'_>, name: &str, place: &str) -> Result<Optio
         .map_err(|e| Error::invalid(&place, format!("extras are no JSON: {e}"), "export the model again"))?;
     let Some(spec) = value.get("corf_radio") else { return Ok(None) };
     let spec: RadioSpec = serde_json::from_value(spec.clone()).map_err(|e| {
-        Error::invalid(&place, e.to_string(), "keys: id, itu or relative_permittivity and conductivity_s_per_m, thickness_m, scattering_coefficient, xpd, scattering_pattern, alpha_r")
+        Error::invalid(&place, e.to_string(), "keys: id, itu or relative_permittivity and conductivity_s_per_m, thickness_m, scattering_coefficient, xpd, scattering_pattern, alpha_r, alpha_i, lambda")
     })?;
     spec.to_material(name, &place).map(Some)
 }

@@ -11,7 +11,7 @@ const MIRROR_RAYS: usize = 40_000;
 /// Slabs that pass less than this share of power at normal incidence are opaque to the diffuse field (−30 dB).
 const OPAQUE_POWER: f64 = 1e-3;
 /// Distance from the ends of a shadow ray within which nothing is looked for, metres: float32 resolves 1e-6 at 10 m.
-const CLEARANCE_M: f64 = 5e-5;
+pub(super) const CLEARANCE_M: f64 = 5e-5;
 
 /// The transmitter, or its image in a face.
 #[derive(Clone, Copy, Debug)]
@@ -33,25 +33,30 @@ pub enum Lighting {
     ThroughSlabs,
 }
 
+/// Ports of an antenna, at most.
+pub const MAX_PORTS: usize = 2;
+
 /// The field that a source sends to a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Incident {
     /// Unit direction of propagation at the point.
     pub direction: DVec3,
-    /// Field, without spreading and phase.
-    pub field: Field,
+    /// Field of every port of the transmitter, without spreading and phase.
+    pub fields: [Field; MAX_PORTS],
     /// Unfolded distance from the transmitter, metres.
     pub distance_m: f64,
 }
 
 /// The sources of one transmitter.
 pub struct Illumination<'t, 'a> {
-    tracer: &'t RadioTracer<'a>,
+    pub(super) tracer: &'t RadioTracer<'a>,
     /// One per scene material.
     pub(super) tables: Vec<Option<SlabTable>>,
-    tx: DVec3,
+    pub(super) tx: DVec3,
     /// The transmitter first, then its images.
     pub(super) sources: Vec<Source>,
+    /// By face: whether its image of the transmitter is among the sources.
+    mirrors: Vec<bool>,
 }
 
 impl<'t, 'a> Illumination<'t, 'a> {
@@ -60,7 +65,7 @@ impl<'t, 'a> Illumination<'t, 'a> {
         let geometry = &tracer.geometry;
         let tables = geometry.slabs.iter().map(|slab| slab.as_ref().map(SlabTable::new)).collect();
         let mut sources = Vec::new();
-        if tracer.settings.line_of_sight {
+        if tracer.settings.max_depth >= 1 {
             sources.push(Source { image: tx, mirror: None });
         }
         // One interaction before the scattering and the scattering itself.
@@ -78,7 +83,9 @@ impl<'t, 'a> Illumination<'t, 'a> {
                 }
             }
         }
-        Self { tracer, tables, tx, sources }
+        let mut mirrors = vec![false; geometry.faces.len()];
+        sources.iter().filter_map(|s: &Source| s.mirror).for_each(|face| mirrors[face as usize] = true);
+        Self { tracer, tables, tx, sources, mirrors }
     }
 
     pub(super) fn geometry(&self) -> &Geometry<'a> {
@@ -129,6 +136,26 @@ impl<'t, 'a> Illumination<'t, 'a> {
         }
     }
 
+    /// Ports of the transmit antenna.
+    pub(super) fn ports(&self) -> usize {
+        self.tracer.settings.tx_antenna.ports().min(MAX_PORTS)
+    }
+
+    /// Whether the sources hold the transmitter's image in a face.
+    pub(super) fn is_mirror(&self, face: u32) -> bool {
+        self.mirrors[face as usize]
+    }
+
+    /// The fields that the transmitter's ports send along a direction.
+    fn emitted(&self, direction: DVec3) -> [Field; MAX_PORTS] {
+        let antenna = &self.tracer.settings.tx_antenna;
+        let mut fields = [Field::default(); MAX_PORTS];
+        for (port, field) in fields.iter_mut().enumerate().take(self.ports()) {
+            *field = Field::real(antenna.port_field(port, direction));
+        }
+        fields
+    }
+
     /// The field of a source at a point it lights, slabs included; `after` interactions follow the scattering.
     pub fn incident(&self, source: Source, lighting: Lighting, point: DVec3, face: u32, after: usize) -> Option<Incident> {
         let budget = self.slab_budget(source, after)?;
@@ -140,27 +167,35 @@ impl<'t, 'a> Illumination<'t, 'a> {
             return None;
         }
         let direction = (point - source.image) / distance_m;
+        let ports = self.ports();
         let mut left = budget;
-        let mut through = |e: Field, from: DVec3, to: DVec3, skip: [Option<u32>; 2], direction: DVec3| -> Option<Field> {
-            if lighting == Lighting::Free {
-                return Some(e);
-            }
-            let crossed = self.geometry().crossings(from, to, skip, left)?;
-            left -= crossed.len();
-            Some(crossed.iter().fold(e, |e, c| self.pass(&e, c.face, direction)))
-        };
+        let mut through =
+            |fields: &mut [Field], from: DVec3, to: DVec3, skip: [Option<u32>; 2], direction: DVec3| -> Option<()> {
+                if lighting == Lighting::ThroughSlabs {
+                    let crossed = self.geometry().crossings(from, to, skip, left)?;
+                    left -= crossed.len();
+                    for field in fields {
+                        *field = crossed.iter().fold(*field, |e, c| self.pass(&e, c.face, direction));
+                    }
+                }
+                Some(())
+            };
         let Some(mirror) = source.mirror else {
-            let e = Field::real(self.tracer.settings.tx_antenna.field(direction));
-            let field = through(e, self.tx, point, [Some(face), None], direction)?;
-            return Some(Incident { direction, field, distance_m });
+            let mut fields = self.emitted(direction);
+            through(&mut fields[..ports], self.tx, point, [Some(face), None], direction)?;
+            return Some(Incident { direction, fields, distance_m });
         };
-        let at = self.tracer.bounce(mirror, point, source.image)?;
-        let departure = field::mirrored(direction, self.geometry().faces[mirror as usize].normal);
-        let e = Field::real(self.tracer.settings.tx_antenna.field(departure));
-        let e = through(e, self.tx, at, [Some(mirror), None], departure)?;
-        let e = self.bounce_field(&e, mirror, departure);
-        let field = through(e, at, point, [Some(mirror), Some(face)], direction)?;
-        Some(Incident { direction, field, distance_m })
+        let plane = &self.geometry().faces[mirror as usize];
+        let departure = field::mirrored(direction, plane.normal);
+        let mut fields = self.emitted(departure);
+        // Where the way is free the point of reflection is not needed.
+        let at = if lighting == Lighting::Free { point } else { self.tracer.bounce(mirror, point, source.image)? };
+        through(&mut fields[..ports], self.tx, at, [Some(mirror), None], departure)?;
+        for field in &mut fields[..ports] {
+            *field = self.bounce_field(field, mirror, departure);
+        }
+        through(&mut fields[..ports], at, point, [Some(mirror), Some(face)], direction)?;
+        Some(Incident { direction, fields, distance_m })
     }
 
     /// The field behind a slab.

@@ -30,9 +30,20 @@ struct PatchGrid {
     first: usize,
 }
 
+/// The patches around a point of a face with their weights in bilinear interpolation; the last ones may repeat or weigh nothing.
+#[derive(Clone, Copy, Debug)]
+pub struct Around {
+    /// Patches, as indices below [`Patches::len`].
+    pub patches: [u32; 4],
+    /// Their weights; the sum is 1.
+    pub weights: [f32; 4],
+}
+
 /// All patches of a scene with the sources that light each of them, found when a patch is first asked for.
 pub struct Patches {
     grids: Vec<PatchGrid>,
+    /// The face's area in every patch, m².
+    areas_m2: Vec<f64>,
     /// Sources by patch. A patch's content does not depend on who asks first.
     sources: Vec<OnceLock<Box<[PatchSource]>>>,
 }
@@ -44,15 +55,42 @@ impl Patches {
         for t in 0..geometry.triangle_count() as u32 {
             triangles_of_face[geometry.face_of_triangle(t) as usize].push(*geometry.corners(t));
         }
-        let mut count = 0;
+        let mut areas_m2 = Vec::new();
         let mut grids = Vec::with_capacity(geometry.faces.len());
         for (face, triangles) in geometry.faces.iter().zip(&triangles_of_face) {
             let mut grid = PatchGrid::new(face.normal, triangles, patch_m, phase);
-            grid.first = count;
-            count += grid.counts[0] * grid.counts[1];
+            grid.first = areas_m2.len();
+            areas_m2.extend(grid.areas_m2(triangles));
             grids.push(grid);
         }
-        Self { grids, sources: (0..count).map(|_| OnceLock::new()).collect() }
+        Self { grids, sources: areas_m2.iter().map(|_| OnceLock::new()).collect(), areas_m2 }
+    }
+
+    /// The face's area in each patch, m².
+    pub fn areas_m2(&self) -> &[f64] {
+        &self.areas_m2
+    }
+
+    /// The patches of a face, with their centres.
+    pub fn of_face(&self, face: u32) -> impl Iterator<Item = (usize, DVec3)> + '_ {
+        let grid = &self.grids[face as usize];
+        (0..grid.counts[0] * grid.counts[1]).map(|cell| (grid.first + cell, grid.centre(cell)))
+    }
+
+    /// The frame of a face's grid: two axes of its plane.
+    pub fn axes(&self, face: u32) -> [DVec3; 2] {
+        self.grids[face as usize].along
+    }
+
+    /// The patch that a point of a face lies on.
+    pub fn at(&self, face: u32, point: DVec3) -> usize {
+        let grid = &self.grids[face as usize];
+        grid.first + grid.cell(point)
+    }
+
+    /// The patches whose centres surround a point of a face.
+    pub fn around(&self, face: u32, point: DVec3) -> Around {
+        self.grids[face as usize].around(point)
     }
 
     /// The sources of the patch that a point of a face lies on.
@@ -95,6 +133,49 @@ impl PatchGrid {
         Self { origin: anchor + u * corner.x + v * corner.y, along: [u, v], patch_m, counts, first: 0 }
     }
 
+    /// A patch's area is that of the triangles clipped to it.
+    fn areas_m2(&self, triangles: &[[DVec3; 3]]) -> Vec<f64> {
+        let mut areas = vec![0.0; self.counts[0] * self.counts[1]];
+        for triangle in triangles {
+            let corners =
+                triangle.map(|p| DVec2::new((p - self.origin).dot(self.along[0]), (p - self.origin).dot(self.along[1])));
+            let low = corners[0].min(corners[1]).min(corners[2]) / self.patch_m;
+            let high = corners[0].max(corners[1]).max(corners[2]) / self.patch_m;
+            let range = |low: f64, high: f64, count: usize| (low as usize).min(count - 1)..=(high as usize).min(count - 1);
+            for y in range(low.y, high.y, self.counts[1]) {
+                for x in range(low.x, high.x, self.counts[0]) {
+                    let corner = DVec2::new(x as f64, y as f64) * self.patch_m;
+                    areas[y * self.counts[0] + x] += clipped_area(&corners, corner, corner + self.patch_m);
+                }
+            }
+        }
+        areas
+    }
+
+    fn centre(&self, cell: usize) -> DVec3 {
+        let at = DVec2::new((cell % self.counts[0]) as f64 + 0.5, (cell / self.counts[0]) as f64 + 0.5) * self.patch_m;
+        self.origin + self.along[0] * at.x + self.along[1] * at.y
+    }
+
+    fn around(&self, point: DVec3) -> Around {
+        if self.counts == [1, 1] {
+            return Around { patches: [self.first as u32; 4], weights: [1.0, 0.0, 0.0, 0.0] };
+        }
+        let p = point - self.origin;
+        // Cell below the point and the share of the one above, along an axis.
+        let along = |i: usize, size: f64| -> ([usize; 2], f32) {
+            let at = (p.dot(self.along[i]) / size - 0.5).max(0.0);
+            let below = (at as usize).min(self.counts[i] - 1);
+            ([below, (below + 1).min(self.counts[i] - 1)], (at - below as f64).min(1.0) as f32)
+        };
+        let ((x, s), (y, t)) = (along(0, self.patch_m.x), along(1, self.patch_m.y));
+        let patch = |x: usize, y: usize| (self.first + y * self.counts[0] + x) as u32;
+        Around {
+            patches: [patch(x[0], y[0]), patch(x[1], y[0]), patch(x[0], y[1]), patch(x[1], y[1])],
+            weights: [(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t],
+        }
+    }
+
     fn cell(&self, point: DVec3) -> usize {
         let p = point - self.origin;
         let index = |i: usize, size: f64| ((p.dot(self.along[i]) / size) as usize).min(self.counts[i] - 1);
@@ -125,5 +206,52 @@ impl PatchGrid {
             }
         }
         lit.into_boxed_slice()
+    }
+}
+
+/// Area of a triangle inside a rectangle (Sutherland–Hodgman).
+fn clipped_area(triangle: &[DVec2; 3], low: DVec2, high: DVec2) -> f64 {
+    let mut polygon: Vec<DVec2> = triangle.to_vec();
+    for axis in 0..2 {
+        for (bound, sign) in [(low[axis], 1.0), (high[axis], -1.0)] {
+            let inside = |p: DVec2| (p[axis] - bound) * sign;
+            let mut next = Vec::with_capacity(polygon.len() + 1);
+            for (i, &b) in polygon.iter().enumerate() {
+                let a = polygon[(i + polygon.len() - 1) % polygon.len()];
+                let (da, db) = (inside(a), inside(b));
+                if (da >= 0.0) != (db >= 0.0) {
+                    next.push(a + (b - a) * (da / (da - db)));
+                }
+                if db >= 0.0 {
+                    next.push(b);
+                }
+            }
+            polygon = next;
+        }
+    }
+    let doubled: f64 =
+        polygon.iter().enumerate().map(|(i, &b)| polygon[(i + polygon.len() - 1) % polygon.len()].perp_dot(b)).sum();
+    0.5 * doubled.abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_areas_of_a_triangle_in_all_cells_sum_to_its_own() {
+        let mut rng = corf_scene::Rng::keyed(4, 0, 0);
+        for _ in 0..200 {
+            let triangle = [0; 3].map(|_| DVec2::new(rng.uniform_f64(), rng.uniform_f64()) * 4.0);
+            let whole = 0.5 * (triangle[1] - triangle[0]).perp_dot(triangle[2] - triangle[0]).abs();
+            let mut sum = 0.0;
+            for y in 0..4 {
+                for x in 0..4 {
+                    let low = DVec2::new(f64::from(x), f64::from(y));
+                    sum += clipped_area(&triangle, low, low + 1.0);
+                }
+            }
+            assert!((sum - whole).abs() < 1e-12, "{sum} {whole}");
+        }
     }
 }

@@ -1,0 +1,342 @@
+//! `corf bench radio`: what the radio half of a dataset costs, stage by stage, and how large its sampling error is.
+//!
+//! Times are those of this run: seconds that passed, and seconds of processor time over all threads where the system tells them, which
+//! other programs disturb far less. Errors come from replicas: whole diffuse fields of other patches, lattices and photons, whose
+//! spread at a few positions is the error of any one of them.
+
+use super::{Verdict, show};
+use crate::generate;
+use crate::progress::Progress;
+use anyhow::{Result, bail};
+use clap::Args;
+use corf_raytrace::bvh::Bvh;
+use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, RadioSettings, RadioTracer, Search};
+use corf_raytrace::spectrum;
+use corf_scene::Raster;
+use corf_scene::config::DatasetConfig;
+use corf_scene::trajectory::{self, TrajectoryPose};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Pixels further under the spectrum's peak are left out of the error, dB.
+const RANGE_DB: f64 = 30.0;
+
+/// `corf bench radio`.
+#[derive(Args)]
+pub struct Radio {
+    /// Dataset file (TOML).
+    config: PathBuf,
+    /// Positions along the trajectory; without it all keyframes of the dataset.
+    #[arg(long)]
+    positions: Option<usize>,
+    /// Interactions on a path instead of the dataset's.
+    #[arg(long)]
+    depth: Option<usize>,
+    /// Gathering directions instead of the dataset's.
+    #[arg(long)]
+    directions: Option<usize>,
+    /// Photons instead of the dataset's.
+    #[arg(long)]
+    photons: Option<usize>,
+    /// Patch side instead of the dataset's, metres.
+    #[arg(long)]
+    patch_size: Option<f64>,
+    /// Smallest mirror that is evaluated exactly, steradians.
+    #[arg(long)]
+    mirror_sr: Option<f64>,
+    /// Independent samplings that the error is taken from; fewer than 2 leave it out.
+    #[arg(long, default_value_t = 4)]
+    replicas: u64,
+    /// Positions at which it is taken.
+    #[arg(long, default_value_t = 3)]
+    error_positions: usize,
+}
+
+/// Time of one stage.
+#[derive(Clone, Copy, Default, Serialize)]
+struct Spent {
+    wall_s: f64,
+    /// Over all threads.
+    cpu_s: Option<f64>,
+}
+
+/// Seconds by stage, positions summed up.
+#[derive(Clone, Copy, Default, Serialize)]
+struct Stages {
+    hierarchy: Spent,
+    transmitter_chains: Spent,
+    /// Layout of the patches, mirrors, photons and their tables.
+    photons: Spent,
+    specular: Spent,
+    /// The patches' lighting included.
+    gather: Spent,
+    spectrum: Spent,
+    total: Spent,
+}
+
+/// Sampling errors (one standard error of a single sampling), dB.
+#[derive(Clone, Copy, Default, Serialize)]
+struct Errors {
+    replicas: u64,
+    positions: usize,
+    /// Of all arriving power, at the worst position.
+    total_worst_db: f64,
+    /// Of the diffuse power, at the worst position.
+    diffuse_worst_db: f64,
+    /// Pixels within [`RANGE_DB`] of their spectrum's peak.
+    pixels: usize,
+    pixel_median_db: f64,
+    pixel_p99_db: f64,
+    pixel_worst_db: f64,
+    /// Pixels of the whole dynamic range.
+    pixel_all_median_db: f64,
+}
+
+/// The whole answer.
+#[derive(Serialize)]
+struct Answer {
+    schema: &'static str,
+    config: String,
+    threads: usize,
+    triangles: usize,
+    positions: usize,
+    depth: usize,
+    directions: usize,
+    photons: usize,
+    patch_size_m: f64,
+    sources: usize,
+    patches: usize,
+    photon_tables_mb: f64,
+    seconds: Stages,
+    /// 10 log10 of the mean over positions, relative to 1 W transmitted.
+    mean_specular_db: f64,
+    mean_diffuse_db: f64,
+    standard_error: Option<Errors>,
+}
+
+/// Runs a stage and adds its time.
+fn timed<T>(spent: &mut Spent, stage: impl FnOnce() -> T) -> T {
+    let (start, cpu) = (Instant::now(), cpu_seconds());
+    let result = stage();
+    spent.wall_s += start.elapsed().as_secs_f64();
+    spent.cpu_s = cpu_seconds().zip(cpu).map(|(now, before)| spent.cpu_s.unwrap_or(0.0) + now - before);
+    result
+}
+
+/// Processor time of this process, all threads, in Linux's hundredths of a second.
+fn cpu_seconds() -> Option<f64> {
+    const TICKS_PER_SECOND: f64 = 100.0;
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // Fields 14 and 15 of proc(5); the second, the name in brackets, may hold blanks.
+    let mut fields = stat.rsplit_once(')')?.1.split_ascii_whitespace().skip(11);
+    let mut ticks = || fields.next()?.parse::<f64>().ok();
+    Some((ticks()? + ticks()?) / TICKS_PER_SECOND)
+}
+
+impl Radio {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A configuration or scene that cannot be read or traced.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let config = DatasetConfig::load(&self.config)?;
+        let scene_config = config.load_scene_config()?;
+        let Some(way) = scene_config.trajectory.as_ref() else {
+            bail!("{}: no [trajectory]\n  help: positions are taken along it", scene_config.source.display());
+        };
+        let poses = trajectory::generate_between(way, self.positions.unwrap_or(config.keyframes), config.way)?;
+        let scene = scene_config.load_scene()?;
+        scene_config.check_radio(&scene)?;
+        let mut seconds = Stages::default();
+        let bvh = timed(&mut seconds.hierarchy, || Bvh::build(&scene));
+        let settings = RadioSettings {
+            max_depth: self.depth.unwrap_or(config.rf.max_reflections),
+            transmission: config.rf.transmission,
+            search: Search::Auto { rays: config.rf.rays },
+            ..generate::radio_settings(&scene_config)
+        };
+        let mut sampling = generate::diffuse_settings(&config.rf);
+        sampling.directions = self.directions.unwrap_or(sampling.directions);
+        sampling.photons = self.photons.unwrap_or(sampling.photons);
+        sampling.patch_size_m = self.patch_size.unwrap_or(sampling.patch_size_m);
+        sampling.min_mirror_sr = self.mirror_sr.unwrap_or(sampling.min_mirror_sr);
+        let tx = scene_config.transmitter.position();
+        let tracer = timed(&mut seconds.hierarchy, || RadioTracer::new(&scene, &bvh, settings))?;
+        let transmitter = timed(&mut seconds.transmitter_chains, || tracer.transmitter(tx))?;
+        let field = timed(&mut seconds.photons, || DiffuseField::new(&tracer, tx, &sampling))?;
+        let camera = config.rf_camera();
+        let power = |arrivals: &[Arrival]| arrivals.iter().map(|a| a.power).sum::<f64>();
+        let (mut specular_power, mut diffuse_power) = (0.0, 0.0);
+        let mut progress = Progress::start("bench radio", poses.len(), "positions");
+        for (i, pose) in poses.iter().enumerate() {
+            let rx = pose.world_from_camera.translation;
+            let paths = timed(&mut seconds.specular, || transmitter.paths(rx))?;
+            let mut arrivals: Vec<Arrival> = paths.iter().map(|p| Arrival::from_path(p, settings.frequency_hz)).collect();
+            specular_power += power(&arrivals) / poses.len() as f64;
+            let diffuse = timed(&mut seconds.gather, || field.gather_for_view(&camera, &pose.world_from_camera))?;
+            diffuse_power += power(&diffuse) / poses.len() as f64;
+            arrivals.extend(diffuse);
+            let image = timed(&mut seconds.spectrum, || {
+                spectrum::mpc(&arrivals, &camera, &pose.world_from_camera, config.rf.lobe_width_deg)
+            });
+            std::hint::black_box(image);
+            progress.set(i + 1, poses.len());
+        }
+        progress.finish();
+        seconds.total = seconds.sum();
+        let standard_error = match self.replicas {
+            0 | 1 => None,
+            _ => Some(self.errors(&config, &tracer, &transmitter, &sampling, &poses)?),
+        };
+        let answer = Answer {
+            schema: "corf-bench-radio/1",
+            config: self.config.display().to_string(),
+            threads: rayon::current_num_threads(),
+            triangles: scene.triangles.len(),
+            positions: poses.len(),
+            depth: settings.max_depth,
+            directions: sampling.directions,
+            photons: sampling.photons,
+            patch_size_m: sampling.patch_size_m,
+            sources: field.source_count(),
+            patches: field.patch_count(),
+            photon_tables_mb: field.cache_megabytes(),
+            seconds,
+            mean_specular_db: 10.0 * specular_power.log10(),
+            mean_diffuse_db: 10.0 * diffuse_power.log10(),
+            standard_error,
+        };
+        show(json, &answer, &answer.text())?;
+        Ok(Verdict::Done)
+    }
+
+    /// Spread of independent samplings at some of the positions.
+    fn errors(
+        &self,
+        config: &DatasetConfig,
+        tracer: &RadioTracer<'_>,
+        transmitter: &corf_raytrace::radio::Transmitter<'_, '_>,
+        sampling: &DiffuseSettings,
+        poses: &[TrajectoryPose],
+    ) -> Result<Errors> {
+        let camera = config.rf_camera();
+        let count = self.error_positions.clamp(1, poses.len());
+        let chosen: Vec<&TrajectoryPose> = (0..count).map(|i| &poses[(2 * i + 1) * poses.len() / (2 * count)]).collect();
+        let mut diffuse = vec![Vec::new(); count];
+        let mut totals = vec![Vec::new(); count];
+        let mut images: Vec<Vec<Raster<f32>>> = vec![Vec::new(); count];
+        let mut progress = Progress::start("replicas", self.replicas as usize * count, "positions");
+        for phase in 0..self.replicas {
+            let settings = DiffuseSettings { phase: phase + 1, ..*sampling };
+            let field = DiffuseField::new(tracer, transmitter.position(), &settings)?;
+            for (i, pose) in chosen.iter().enumerate() {
+                let pose = &pose.world_from_camera;
+                let scattered = field.gather_for_view(&camera, pose)?;
+                let paths = transmitter.paths(pose.translation)?;
+                let mut arrivals: Vec<Arrival> =
+                    paths.iter().map(|p| Arrival::from_path(p, tracer.settings().frequency_hz)).collect();
+                diffuse[i].push(scattered.iter().map(|a| a.power).sum::<f64>());
+                arrivals.extend(scattered);
+                totals[i].push(arrivals.iter().map(|a| a.power).sum::<f64>());
+                images[i].push(spectrum::mpc(&arrivals, &camera, pose, config.rf.lobe_width_deg));
+                progress.set(phase as usize * count + i + 1, self.replicas as usize * count);
+            }
+        }
+        progress.finish();
+        let (mut near, mut all) = (Vec::new(), Vec::new());
+        for images in &images {
+            let pixels: Vec<(f64, f64)> = (0..images[0].pixels().len())
+                .map(|i| mean_and_error_db(&images.iter().map(|image| f64::from(image.pixels()[i])).collect::<Vec<f64>>()))
+                .collect();
+            let peak = pixels.iter().fold(0.0f64, |m, p| m.max(p.0));
+            let above = |range_db: f64| {
+                let floor = peak * 10f64.powf(-range_db / 10.0);
+                pixels.iter().filter(move |p| p.0 >= floor).map(|p| p.1)
+            };
+            near.extend(above(RANGE_DB));
+            all.extend(above(config.rf.dynamic_range_db));
+        }
+        near.sort_by(f64::total_cmp);
+        all.sort_by(f64::total_cmp);
+        let worst = |samples: &[Vec<f64>]| samples.iter().map(|s| mean_and_error_db(s).1).fold(0.0, f64::max);
+        let quantile = |sorted: &[f64], q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
+        Ok(Errors {
+            replicas: self.replicas,
+            positions: count,
+            total_worst_db: worst(&totals),
+            diffuse_worst_db: worst(&diffuse),
+            pixels: near.len(),
+            pixel_median_db: quantile(&near, 0.5),
+            pixel_p99_db: quantile(&near, 0.99),
+            pixel_worst_db: quantile(&near, 1.0),
+            pixel_all_median_db: quantile(&all, 0.5),
+        })
+    }
+}
+
+/// The mean of samples, and the standard error of one of them in dB (to first order); no error without a mean.
+fn mean_and_error_db(samples: &[f64]) -> (f64, f64) {
+    let n = samples.len() as f64;
+    let mean = samples.iter().sum::<f64>() / n;
+    if mean <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let variance = samples.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    (mean, 10.0 / std::f64::consts::LN_10 * variance.sqrt() / mean)
+}
+
+impl Stages {
+    fn named(&self) -> [(&'static str, Spent); 6] {
+        [
+            ("hierarchy and faces", self.hierarchy),
+            ("transmitter chains", self.transmitter_chains),
+            ("patches and photons", self.photons),
+            ("specular paths", self.specular),
+            ("gathering", self.gather),
+            ("spectra", self.spectrum),
+        ]
+    }
+
+    fn sum(&self) -> Spent {
+        self.named().iter().fold(Spent { wall_s: 0.0, cpu_s: Some(0.0) }, |sum, (_, s)| Spent {
+            wall_s: sum.wall_s + s.wall_s,
+            cpu_s: sum.cpu_s.zip(s.cpu_s).map(|(a, b)| a + b),
+        })
+    }
+}
+
+impl Answer {
+    fn text(&self) -> String {
+        let mut lines = vec![
+            format!(
+                "{}: {} positions, depth {}, {} triangles, {} threads",
+                self.config, self.positions, self.depth, self.triangles, self.threads
+            ),
+            format!(
+                "{} directions, {} photons on {} patches of {} m ({:.0} MB), {} exact sources",
+                self.directions, self.photons, self.patches, self.patch_size_m, self.photon_tables_mb, self.sources
+            ),
+            format!("{:<22} {:>9} {:>9}", "stage", "wall s", "cpu s"),
+        ];
+        for (name, spent) in self.seconds.named().into_iter().chain([("all", self.seconds.total)]) {
+            let cpu = spent.cpu_s.map_or("-".into(), |s| format!("{s:.2}"));
+            lines.push(format!("{name:<22} {:>9.2} {cpu:>9}", spent.wall_s));
+        }
+        lines.push(format!(
+            "mean power: specular {:.2} dB, diffuse {:.2} dB relative to 1 W transmitted",
+            self.mean_specular_db, self.mean_diffuse_db
+        ));
+        if let Some(e) = &self.standard_error {
+            lines.push(format!(
+                "standard error ({} samplings, {} positions): total {:.3} dB, diffuse {:.3} dB at worst",
+                e.replicas, e.positions, e.total_worst_db, e.diffuse_worst_db
+            ));
+            lines.push(format!(
+                "pixels within {RANGE_DB:.0} dB of the peak ({}): median {:.3} dB, 99 % under {:.3} dB, worst {:.3} dB; all: median {:.3} dB",
+                e.pixels, e.pixel_median_db, e.pixel_p99_db, e.pixel_worst_db, e.pixel_all_median_db
+            ));
+        }
+        lines.join("\n")
+    }
+}

@@ -1,0 +1,242 @@
+//! What the surfaces send out after all but the simplest lighting: outgoing power per patch, side, direction and polarisation.
+//!
+//! A photon that arrives at a surface leaves there its scattered power in all directions at once: F·f_s at every node of the patch's
+//! hemisphere times the coherency of the scattered field. Scattering leaves the field's (θ̂, φ̂) components the same in every direction,
+//! so that interpolating the four numbers between directions and between patches is meaningful. Photons are kept apart by the number
+//! of interactions that their chain leaves to the way towards the receiver.
+
+use super::illumination::Illumination;
+use super::nodes::{self, Nodes};
+use super::patches::Patches;
+use corf_scene::model::ScatteringPattern;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Patches with less of a face on them than this share of a full one are pooled with their neighbours of the same object and
+/// material that look the same way: a curved thing's facets are far smaller than what its lighting varies over.
+const POOLED_SHARE: f64 = 0.25;
+/// Numbers of a coherency matrix: ⟨|E_θ|²⟩, ⟨|E_φ|²⟩, Re⟨E_θE_φ*⟩, Im⟨E_θE_φ*⟩.
+const COMPONENTS: usize = 4;
+/// Slots a task fills.
+const SLOTS_PER_TASK: usize = 256;
+
+/// A share of a photon's power scattered at a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Deposit {
+    /// Where: [`RadianceCache::slot`].
+    pub slot: u32,
+    /// Interactions that may still follow.
+    pub left: u32,
+    /// Scattered coherency over F·f_s, watts.
+    pub coherency: [f32; COMPONENTS],
+    /// Unit normal of the facet, on the photon's side.
+    pub normal: Vec3,
+    /// Unit mirrored direction of the photon.
+    pub specular: Vec3,
+    /// Unit direction back to where the photon came from.
+    pub back: Vec3,
+    /// Unfolded length so far, metres.
+    pub length_m: f32,
+}
+
+/// One side of a patch, or of a pool of small ones.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    /// Two tangents and the normal on this side.
+    frame: [Vec3; 3],
+    area_m2: f32,
+    material: u32,
+}
+
+impl Slot {
+    fn local(&self, v: Vec3) -> Vec3 {
+        Vec3::new(v.dot(self.frame[0]), v.dot(self.frame[1]), v.dot(self.frame[2]))
+    }
+}
+
+/// What a patch sends out towards one direction.
+#[derive(Clone, Copy, Debug)]
+pub struct Outgoing {
+    /// Coherency of the scattered field per patch area, f_s included, W/(m²·sr).
+    pub coherency: [f64; COMPONENTS],
+    /// Mean unfolded length from the transmitter, metres.
+    pub length_m: f64,
+}
+
+/// Outgoing power of all patches.
+///
+/// Memory: 16 bytes per node and level of every lit slot; a slot has 81 nodes for α = 5, 169 for α = 10, and there is a level per
+/// interaction that may follow (two at depth 3).
+pub struct RadianceCache {
+    slots: Vec<Slot>,
+    /// By patch: the slots of its two sides, that of the face's normal first.
+    of_patch: Vec<[u32; 2]>,
+    /// By scene material.
+    nodes: Vec<Option<(Nodes, ScatteringPattern)>>,
+    levels: usize,
+    /// By slot: coherencies by level and node, then power and power × length by level; nothing where no photon came.
+    values: Vec<Option<Box<[f32]>>>,
+}
+
+impl RadianceCache {
+    /// An empty cache for chains that leave `0..levels` interactions to the way towards the receiver.
+    pub fn new(illumination: &Illumination<'_, '_>, patches: &Patches, patch_m: f64, levels: usize) -> Self {
+        let geometry = illumination.geometry();
+        let nodes = geometry
+            .slabs
+            .iter()
+            .map(|slab| slab.as_ref().map(|slab| (Nodes::new(slab.scattering.pattern), slab.scattering.pattern)));
+        let mut slots = Vec::new();
+        let mut of_patch = vec![[0; 2]; patches.len()];
+        let mut pools: HashMap<([i32; 3], [i32; 3], u32, u32), u32> = HashMap::new();
+        for (index, face) in geometry.faces.iter().enumerate() {
+            let [u, v] = patches.axes(index as u32);
+            for (patch, centre) in patches.of_face(index as u32) {
+                let area_m2 = patches.areas_m2()[patch];
+                for (side, sign) in [(0, 1.0), (1, -1.0)] {
+                    let normal = face.normal * sign;
+                    let slot = Slot {
+                        frame: [u.as_vec3(), (v * sign).as_vec3(), normal.as_vec3()],
+                        area_m2: 0.0,
+                        material: face.material,
+                    };
+                    let mut fresh = || {
+                        slots.push(slot);
+                        slots.len() as u32 - 1
+                    };
+                    let number = if area_m2 < POOLED_SHARE * patch_m * patch_m {
+                        let cell = (centre / patch_m).floor().as_ivec3().to_array();
+                        // Some 20° apart.
+                        let facing = (normal * 1.5).round().as_ivec3().to_array();
+                        *pools.entry((cell, facing, face.object, face.material)).or_insert_with(fresh)
+                    } else {
+                        fresh()
+                    };
+                    slots[number as usize].area_m2 += area_m2 as f32;
+                    of_patch[patch][side] = number;
+                }
+            }
+        }
+        let values = vec![None; slots.len()];
+        Self { nodes: nodes.collect(), slots, of_patch, levels, values }
+    }
+
+    /// The slot of a patch's side.
+    pub fn slot(&self, patch: usize, side: usize) -> u32 {
+        self.of_patch[patch][side]
+    }
+
+    /// Megabytes of tables.
+    pub fn megabytes(&self) -> f64 {
+        self.values.iter().flatten().map(|v| v.len() * size_of::<f32>()).sum::<usize>() as f64 / 1e6
+    }
+
+    /// The power that all photons scatter, in photons of unit power; of Lambertian surfaces only.
+    #[cfg(test)]
+    pub fn scattered_power(&self) -> f64 {
+        self.values.iter().flatten().map(|table| f64::from(table[table.len() - 2 * self.levels])).sum()
+    }
+
+    /// Adds batches of deposits, each sorted by slot; the batches' order, not the threads', decides the order of the sums.
+    pub fn add(&mut self, batches: &[Vec<Deposit>]) {
+        let Self { slots, nodes, levels, values, .. } = self;
+        let (slots, nodes, levels) = (&*slots, &*nodes, *levels);
+        values.par_chunks_mut(SLOTS_PER_TASK).enumerate().for_each(|(task, values)| {
+            let first = (task * SLOTS_PER_TASK) as u32;
+            let end = first + values.len() as u32;
+            let mut lobe = Vec::new();
+            for batch in batches {
+                let from = batch.partition_point(|d| d.slot < first);
+                for deposit in batch[from..].iter().take_while(|d| d.slot < end) {
+                    let slot = &slots[deposit.slot as usize];
+                    let Some((nodes, pattern)) = &nodes[slot.material as usize] else { continue };
+                    let table = values[(deposit.slot - first) as usize]
+                        .get_or_insert_with(|| vec![0.0; levels * (nodes.len() * COMPONENTS + 2)].into_boxed_slice());
+                    let [normal, specular, back] = [deposit.normal, deposit.specular, deposit.back].map(|v| slot.local(v));
+                    nodes.lobe(*pattern, normal, specular, back, &mut lobe);
+                    let level = deposit.left as usize;
+                    let base = level * nodes.len() * COMPONENTS;
+                    let (rows, _) = table[base..base + nodes.len() * COMPONENTS].as_chunks_mut::<COMPONENTS>();
+                    for (row, f) in rows.iter_mut().zip(&lobe) {
+                        for (sum, c) in row.iter_mut().zip(&deposit.coherency) {
+                            *sum += f * c;
+                        }
+                    }
+                    let power = deposit.coherency[0] + deposit.coherency[1];
+                    let means = levels * nodes.len() * COMPONENTS + 2 * level;
+                    table[means] += power;
+                    table[means + 1] += power * deposit.length_m;
+                }
+            }
+        });
+    }
+
+    /// Turns sums into totals: what may be read with `j` interactions behind includes all that leaves more than `j`.
+    pub fn finish(&mut self, photon_weight: f64) {
+        let (nodes, slots, levels) = (&self.nodes, &self.slots, self.levels);
+        self.values.par_iter_mut().zip(slots).for_each(|(table, slot)| {
+            let (Some(table), Some((nodes, _))) = (table, &nodes[slot.material as usize]) else { return };
+            let width = nodes.len() * COMPONENTS;
+            for v in &mut table[..levels * width] {
+                *v *= photon_weight as f32;
+            }
+            for (first, width) in [(0, width), (levels * width, 2)] {
+                for level in (0..levels - 1).rev() {
+                    let (lower, upper) = table[first + level * width..first + (level + 2) * width].split_at_mut(width);
+                    lower.iter_mut().zip(upper).for_each(|(l, u)| *l += *u);
+                }
+            }
+        });
+    }
+
+    /// What the face's side sends towards a unit direction, when `after` interactions follow; `None` where no photon came.
+    pub fn outgoing(
+        &self,
+        patches: &Patches,
+        face: u32,
+        point: DVec3,
+        side: usize,
+        towards: DVec3,
+        after: usize,
+    ) -> Option<Outgoing> {
+        if after >= self.levels {
+            return None;
+        }
+        let around = patches.around(face, point);
+        let towards = towards.as_vec3();
+        let (mut sum, mut area, mut power, mut moment) = ([0.0f32; COMPONENTS], 0.0f32, 0.0f32, 0.0f32);
+        let mut cos_scatter = 0.0;
+        let mut shape = ScatteringPattern::Lambertian;
+        for (&patch, weight) in around.patches.iter().zip(around.weights) {
+            if weight == 0.0 {
+                continue;
+            }
+            let number = self.of_patch[patch as usize][side] as usize;
+            let slot = &self.slots[number];
+            area += weight * slot.area_m2;
+            let (Some(table), Some((nodes, pattern))) = (&self.values[number], &self.nodes[slot.material as usize]) else {
+                continue;
+            };
+            let width = nodes.len() * COMPONENTS;
+            let local = slot.local(towards);
+            cos_scatter = local.z.max(0.0);
+            shape = *pattern;
+            let (at, node_weights) = nodes.around(local);
+            let (rows, _) = table[after * width..(after + 1) * width].as_chunks::<COMPONENTS>();
+            for (&i, node_weight) in at.iter().zip(node_weights) {
+                for (sum, c) in sum.iter_mut().zip(&rows[i]) {
+                    *sum += weight * node_weight * c;
+                }
+            }
+            let means = self.levels * width + 2 * after;
+            power += weight * table[means];
+            moment += weight * table[means + 1];
+        }
+        if power == 0.0 || area == 0.0 {
+            return None;
+        }
+        let scale = nodes::readout(shape, f64::from(cos_scatter)) / f64::from(area);
+        Some(Outgoing { coherency: sum.map(|c| f64::from(c) * scale), length_m: f64::from(moment / power) })
+    }
+}

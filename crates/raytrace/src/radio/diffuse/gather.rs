@@ -1,0 +1,217 @@
+//! From the receiver outwards: along every direction of its lattice, mirrored and straight through, to whatever scatters.
+//!
+//! A ray carries what the receiver's ports make of a field that comes in along it: the antenna's own field vector taken backwards
+//! through every mirror and slab, which by reciprocity is the forward way's transpose. What a surface scatters along the ray is then
+//! received as |c·E|².
+
+use super::illumination::{Incident, MAX_PORTS};
+use super::{Contribution, DiffuseField};
+use crate::radio::antenna::{Antenna, phi_hat, theta_hat};
+use crate::radio::field::{self, Field};
+use crate::radio::{Complex, MAX_DEPTH, SPEED_OF_LIGHT, scattering};
+use glam::DVec3;
+
+/// Clearance of a gathering ray from the face it leaves, metres.
+const CLEARANCE_M: f64 = 5e-5;
+/// Surfaces are not seen at angles flatter than this: cosθ_s, 0.6°. dΩ/cosθ_s has an integrable pole there that no lattice samples well.
+const MIN_COS_SCATTER: f64 = 0.01;
+/// A ray that keeps less than this share of power (−60 dB) ends.
+const MIN_THROUGHPUT: f64 = 1e-6;
+/// A ray that keeps less than this share goes on with that much less probability, and counts for more.
+const ROULETTE_THROUGHPUT: f64 = 0.05;
+/// Step of the low-discrepancy sequence that decides about a direction's rays: 1/g of the plastic number g.
+const ROULETTE_STEP: f64 = 0.754_877_666_246_692_7;
+
+/// What a receiver looks for along one direction.
+pub(super) struct Look<'f, 't, 'a> {
+    field: &'f DiffuseField<'t, 'a>,
+    antenna: Antenna,
+    rx: DVec3,
+    /// Directions of the lattice it belongs to.
+    count: usize,
+    /// Most interactions between a scattering surface and the receiver.
+    deepest: usize,
+    stack: Vec<Ray>,
+}
+
+/// A ray on its way from the receiver.
+#[derive(Clone, Copy)]
+struct Ray {
+    origin: DVec3,
+    direction: DVec3,
+    /// The receiver's port vectors, taken backwards to here.
+    ports: [Field; MAX_PORTS],
+    length_m: f64,
+    hops: usize,
+    /// 1 over the probability of having come this far.
+    weight: f64,
+}
+
+/// Where a ray meets a surface.
+struct Met {
+    face: u32,
+    point: DVec3,
+    /// On the ray's side.
+    normal: DVec3,
+    side: usize,
+    length_m: f64,
+}
+
+impl<'f, 't, 'a> Look<'f, 't, 'a> {
+    pub(super) fn new(field: &'f DiffuseField<'t, 'a>, rx: DVec3, antenna: &Antenna, count: usize) -> Self {
+        let deepest = field.settings.after.min(field.tracer.settings.max_depth.saturating_sub(1)).min(MAX_DEPTH);
+        Self { field, antenna: *antenna, rx, count, deepest, stack: Vec::new() }
+    }
+
+    /// Follows direction `index` of the lattice and reports what is scattered back along it; returns the object seen first.
+    pub(super) fn along(&mut self, index: usize, direction: DVec3, report: &mut impl FnMut(Contribution)) -> Option<u32> {
+        let geometry = &self.field.tracer.geometry;
+        let mut ports = [Field::default(); MAX_PORTS];
+        for (port, field) in ports.iter_mut().enumerate().take(self.antenna.ports()) {
+            *field = Field::real(self.antenna.port_field(port, direction));
+        }
+        let whole: f64 = ports.iter().map(Field::norm_squared).sum();
+        let mut sequence = (index as f64 * ROULETTE_STEP).fract();
+        let mut seen = None;
+        self.stack.clear();
+        self.stack.push(Ray { origin: self.rx, direction, ports, length_m: 0.0, hops: 0, weight: 1.0 });
+        while let Some(ray) = self.stack.pop() {
+            let Some((t, triangle)) = geometry.closest(ray.origin, ray.direction, CLEARANCE_M) else { continue };
+            let face = geometry.face_of_triangle(triangle);
+            let plane = &geometry.faces[face as usize];
+            if ray.hops == 0 {
+                seen = Some(plane.object);
+            }
+            // Exactly onto the plane, off which single precision left it.
+            let reached = ray.origin + ray.direction * t;
+            let side = usize::from(plane.normal.dot(ray.direction) > 0.0);
+            let met = Met {
+                face,
+                point: reached - plane.normal * plane.distance(reached),
+                normal: if side == 0 { plane.normal } else { -plane.normal },
+                side,
+                length_m: ray.length_m + t,
+            };
+            self.scattered(&ray, &met, report);
+            if ray.hops < self.deepest {
+                self.go_on(&ray, &met, whole, &mut sequence);
+            }
+        }
+        seen
+    }
+
+    /// Mirrors a ray and sends it straight through.
+    fn go_on(&mut self, ray: &Ray, met: &Met, whole: f64, sequence: &mut f64) {
+        let (settings, illumination) = (&self.field.tracer.settings, &self.field.illumination);
+        let response = illumination.table(met.face).response(field::cos_incidence(ray.direction, met.normal));
+        let amplitude = self.field.tracer.geometry.slab(met.face).specular_amplitude();
+        for mirrored in [true, false] {
+            if !(if mirrored { settings.reflection } else { settings.transmission }) {
+                continue;
+            }
+            let ports = ray.ports.map(|c| {
+                if mirrored {
+                    field::reflect(&c, ray.direction, met.normal, &response, amplitude)
+                } else {
+                    field::transmit(&c, ray.direction, met.normal, &response)
+                }
+            });
+            let share = ports.iter().map(Field::norm_squared).sum::<f64>() / whole;
+            if share.is_nan() || share * ray.weight < MIN_THROUGHPUT {
+                continue;
+            }
+            let kept = (share * ray.weight / ROULETTE_THROUGHPUT).min(1.0);
+            if kept < 1.0 {
+                *sequence = (*sequence + ROULETTE_STEP * ROULETTE_STEP).fract();
+                if *sequence >= kept {
+                    continue;
+                }
+            }
+            self.stack.push(Ray {
+                origin: met.point,
+                direction: if mirrored { field::mirrored(ray.direction, met.normal) } else { ray.direction },
+                ports,
+                length_m: met.length_m,
+                hops: ray.hops + 1,
+                weight: ray.weight / kept,
+            });
+        }
+    }
+
+    /// What the surface scatters towards the receiver.
+    fn scattered(&self, ray: &Ray, met: &Met, report: &mut impl FnMut(Contribution)) {
+        let (field, illumination) = (self.field, &self.field.illumination);
+        let geometry = &field.tracer.geometry;
+        let slab = geometry.slab(met.face);
+        let s = slab.scattering.coefficient;
+        if s == 0.0 {
+            return;
+        }
+        let towards_rx = -ray.direction;
+        let cos_scatter = met.normal.dot(towards_rx);
+        let (theta_out, phi_out) = (theta_hat(towards_rx), phi_hat(towards_rx));
+        // What each port makes of a unit field along θ̂ and along φ̂ that leaves the point.
+        let received = ray.ports.map(|c| (c.along(theta_out), c.along(phi_out)));
+        let received = &received[..self.antenna.ports().min(MAX_PORTS)];
+        let solid_angle_sr = 4.0 * std::f64::consts::PI / self.count as f64;
+        let wavelength_m = field.tracer.settings.wavelength_m();
+        let scale = (wavelength_m / (4.0 * std::f64::consts::PI)).powi(2) * solid_angle_sr * ray.weight
+            / cos_scatter.max(MIN_COS_SCATTER);
+        let object = geometry.faces[met.face as usize].object;
+        let contribution = |power: f64, length_m: f64, mirrored_before: bool, indirect: bool| Contribution {
+            power,
+            delay_s: (length_m + met.length_m) / SPEED_OF_LIGHT,
+            object,
+            mirrored_before,
+            indirect,
+            after: ray.hops,
+        };
+        if let Some(cache) = &field.cache
+            && let Some(out) = cache.outgoing(&field.patches, met.face, met.point, met.side, towards_rx, ray.hops)
+        {
+            let power = scale * received.iter().map(|r| coherent_power(*r, &out.coherency)).sum::<f64>();
+            if power > 0.0 {
+                report(contribution(power, out.length_m, false, true));
+            }
+        }
+        let (co, cross) = ((1.0 - slab.scattering.xpd).sqrt(), slab.scattering.xpd.sqrt());
+        let table = illumination.table(met.face);
+        let ports = illumination.ports();
+        let scale = scale * s * s / ports as f64;
+        for patch_source in field.patches.sources_at(illumination, met.face, met.point) {
+            let source = illumination.sources[patch_source.source as usize];
+            // Sources behind the face light its other side.
+            if (source.image - met.point).dot(met.normal) <= 0.0 {
+                continue;
+            }
+            let lighting = patch_source.lighting.unwrap_or_else(|| illumination.lighting(source, met.point, met.face));
+            let Some(incident) = illumination.incident(source, lighting, met.point, met.face, ray.hops) else { continue };
+            let Incident { direction: k, fields, distance_m: source_m } = incident;
+            let cos_incidence = field::cos_incidence(k, met.normal);
+            let entry = table.scattering(cos_incidence);
+            let cos_specular = towards_rx.dot(field::mirrored(k, met.normal));
+            let lobe = scattering::lobe(slab.scattering.pattern, cos_scatter, cos_specular, -towards_rx.dot(k))
+                * f64::from(entry.inverse_normalisation);
+            let (theta_in, phi_in) = (theta_hat(k), phi_hat(k));
+            let mut power = 0.0;
+            for e in &fields[..ports] {
+                let gamma2 = field::reflectivity(e, k, met.normal, f64::from(entry.te), f64::from(entry.tm));
+                // K_x: [[√(1−K), −√K], [√K, √(1−K)]] on the (θ̂, φ̂) components.
+                let (e_theta, e_phi) = (e.along(theta_in), e.along(phi_in));
+                let (out_theta, out_phi) = (e_theta * co - e_phi * cross, e_theta * cross + e_phi * co);
+                power += gamma2 * received.iter().map(|(t, p)| (*t * out_theta + *p * out_phi).norm_squared()).sum::<f64>();
+            }
+            power *= scale * lobe * cos_incidence / (source_m * source_m);
+            if power > 0.0 {
+                report(contribution(power, source_m, source.mirror.is_some(), false));
+            }
+        }
+    }
+}
+
+/// E|r_θ·E_θ + r_φ·E_φ|² of a field with the coherency [⟨|E_θ|²⟩, ⟨|E_φ|²⟩, Re⟨E_θE_φ*⟩, Im⟨E_θE_φ*⟩].
+fn coherent_power((theta, phi): (Complex, Complex), coherency: &[f64; 4]) -> f64 {
+    let (re, im) = (theta.re * phi.re + theta.im * phi.im, theta.im * phi.re - theta.re * phi.im);
+    let cross = 2.0 * (re * coherency[2] - im * coherency[3]);
+    (theta.norm_squared() * coherency[0] + phi.norm_squared() * coherency[1] + cross).max(0.0)
+}

@@ -1,0 +1,287 @@
+//! Truths about scattered power, against quadratures that share no code with the gathering.
+
+use super::photons::Event;
+use super::*;
+use crate::radio::{Polarization, RadioSettings, SPEED_OF_LIGHT, antenna, fresnel, scattering};
+use corf_scene::model::{
+    Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
+};
+use glam::Vec3;
+
+/// Metal is not quite a perfect mirror: |R_TM|² away from grazing is this close to 1.
+const METAL_MIRROR: f64 = 1e-2;
+/// Several thousand deposits and more bring a total this close.
+const PHOTON_TOTAL: f64 = 1e-2;
+/// … and single lobes, all of one width, are interpolated between the nodes of a table this well on average.
+const LOBE_TOTAL: f64 = 1.5e-2;
+
+fn material(itu: &str, thickness_m: f64, scattering: Scattering) -> Material {
+    let radio = RadioMaterial { id: itu.into(), permittivity: Permittivity::Itu(itu.into()), thickness_m, scattering };
+    Material { name: itu.into(), optical: OpticalMaterial::default(), radio: Some(radio) }
+}
+
+fn scatters(coefficient: f64, pattern: ScatteringPattern) -> Scattering {
+    Scattering { coefficient, xpd: 0.0, pattern }
+}
+
+/// A parallelogram as an object of its own.
+fn quad(scene: &mut Scene, material: u32, corner: Vec3, a: Vec3, b: Vec3) {
+    let (first, object) = (scene.positions.len() as u32, scene.objects.len() as u32);
+    scene.objects.push(Object { name: format!("quad {object}") });
+    scene.positions.extend([corner, corner + a, corner + a + b, corner + b]);
+    for [i, j, k] in [[0, 1, 2], [0, 2, 3]] {
+        scene.triangles.push(Triangle { vertices: [first + i, first + j, first + k], material, object });
+    }
+}
+
+/// A closed room from the origin.
+fn room(material: Material, size: Vec3) -> Scene {
+    let mut scene = Scene { materials: vec![material], ..Scene::default() };
+    let [x, y, z] = [Vec3::X * size.x, Vec3::Y * size.y, Vec3::Z * size.z];
+    for (corner, a, b) in [(Vec3::ZERO, x, y), (z, x, y), (Vec3::ZERO, y, z), (x, y, z), (Vec3::ZERO, z, x), (y, z, x)] {
+        quad(&mut scene, 0, corner, a, b);
+    }
+    scene
+}
+
+fn settings(max_depth: usize) -> RadioSettings {
+    RadioSettings { max_depth, ..RadioSettings::default() }
+}
+
+fn sampling() -> DiffuseSettings {
+    DiffuseSettings { directions: 100_000, patch_size_m: 0.1, min_mirror_sr: 0.0, photons: 500_000, ..DiffuseSettings::default() }
+}
+
+fn power(field: &DiffuseField<'_, '_>, rx: DVec3, belongs: impl Fn(&Contribution) -> bool) -> f64 {
+    field.contributions(rx).unwrap().iter().filter(|(_, c)| belongs(c)).map(|(_, c)| c.power).sum()
+}
+
+/// The scattered share of a linearly polarised wave: F·f_s/F × S²Γ² towards `out`, for a plate of unit `normal` on the wave's side.
+fn scattered(slab: &crate::radio::Slab, k: DVec3, axis: DVec3, normal: DVec3, out: DVec3) -> f64 {
+    let (cos_i, cos_s) = (-k.dot(normal), out.dot(normal));
+    if cos_i <= 0.0 || cos_s <= 0.0 {
+        return 0.0;
+    }
+    let response = fresnel::slab_response(slab, cos_i);
+    let te = axis.dot(k.cross(normal).normalize_or(axis)).powi(2);
+    let gamma2 = response.r_te.norm_squared() * te + response.r_tm.norm_squared() * (1.0 - te);
+    let pattern = slab.scattering.pattern;
+    let mirrored = k - normal * (2.0 * k.dot(normal));
+    slab.scattering.coefficient.powi(2) * gamma2 * scattering::lobe(pattern, cos_s, out.dot(mirrored), -out.dot(k)) * cos_i
+        / scattering::normalisation(pattern, cos_i)
+}
+
+#[test]
+fn light_scattered_twice_is_what_a_double_surface_integral_makes_of_it() {
+    // Two plates at a right angle; the receiver looks at plate B (in the plane y = 0, 1 m square), A is in x = 0.
+    let (tx, rx) = (DVec3::new(1.2, 0.9, 0.7), DVec3::new(0.9, 1.4, 0.3));
+    for pattern in [
+        ScatteringPattern::Lambertian,
+        ScatteringPattern::Directive { alpha_r: 4 },
+        ScatteringPattern::Backscatter { alpha_r: 3, alpha_i: 5, lambda: 0.6 },
+    ] {
+        let mut scene = Scene { materials: vec![material("concrete", 0.2, scatters(0.6, pattern))], ..Scene::default() };
+        quad(&mut scene, 0, Vec3::new(0.0, 0.2, 0.0), Vec3::Y, Vec3::Z);
+        quad(&mut scene, 0, Vec3::new(0.2, 0.0, 0.0), Vec3::X, Vec3::Z);
+        let tracer = RadioTracer::without_bvh(&scene, RadioSettings { reflection: false, ..settings(2) }).unwrap();
+        // One photon in two hundred hits both plates.
+        let field = DiffuseField::new(&tracer, tx, &DiffuseSettings { photons: 10_000_000, ..sampling() }).unwrap();
+        let found = power(&field, rx, |c| c.indirect && c.object == 1);
+        let slab = tracer.geometry().slabs[0].clone().unwrap();
+        let n = 24;
+        let at = |i: usize| (0.5 + i as f64) / n as f64;
+        let mut expected = 0.0;
+        for a in 0..n * n {
+            let p = DVec3::new(0.0, 0.2 + at(a % n), at(a / n));
+            for b in 0..n * n {
+                let q = DVec3::new(0.2 + at(b % n), 0.0, at(b / n));
+                let (k1, k2, k3) = ((p - tx).normalize(), (q - p).normalize(), (rx - q).normalize());
+                // The V antenna sends along θ̂, and without K_x the field stays there.
+                let first = scattered(&slab, k1, antenna::theta_hat(k1), DVec3::X, k2) / tx.distance_squared(p);
+                let second = scattered(&slab, k2, antenna::theta_hat(k2), DVec3::Y, k3) / p.distance_squared(q);
+                expected += first * second / q.distance_squared(rx);
+            }
+        }
+        expected *= (SPEED_OF_LIGHT / 60e9 / (4.0 * std::f64::consts::PI) / (n * n) as f64).powi(2);
+        assert!((found / expected - 1.0).abs() < PHOTON_TOTAL, "{pattern:?}: {found:e} {expected:e}");
+    }
+}
+
+#[test]
+fn photons_by_one_mirror_bring_what_the_mirror_image_does() {
+    let walls = material("plasterboard", 0.013, scatters(0.4, ScatteringPattern::Directive { alpha_r: 5 }));
+    let scene = room(walls, Vec3::new(5.0, 4.0, 3.0));
+    let tracer = RadioTracer::without_bvh(&scene, RadioSettings { transmission: false, ..settings(2) }).unwrap();
+    let (tx, rx) = (DVec3::new(1.0, 1.2, 2.1), DVec3::new(3.9, 2.9, 1.3));
+    let sampling = DiffuseSettings { directions: 20_000, patch_size_m: 0.25, ..sampling() };
+    let exact = DiffuseField::new(&tracer, tx, &DiffuseSettings { photons: 0, ..sampling }).unwrap();
+    let photons = DiffuseField::of_chain(&tracer, tx, &sampling, &[Event::Specular, Event::Scattered]).unwrap();
+    let expected = power(&exact, rx, |c| c.mirrored_before && c.after == 0);
+    let found = power(&photons, rx, |c| c.after == 0);
+    assert!((found / expected - 1.0).abs() < LOBE_TOTAL, "{found:e} {expected:e}");
+    // Small mirrors are brought by photons once they are not among the sources: the sum stays.
+    let all = |min_mirror_sr| {
+        let field = DiffuseField::new(&tracer, tx, &DiffuseSettings { min_mirror_sr, ..sampling }).unwrap();
+        (field.source_count(), power(&field, rx, |_| true))
+    };
+    let (many, few) = (all(0.0), all(2.0));
+    assert!(many.0 == 7 && few.0 < 7 && (few.1 / many.1 - 1.0).abs() < PHOTON_TOTAL, "{many:?} {few:?}");
+}
+
+#[test]
+fn every_class_of_chains_appears_when_the_depth_allows_it() {
+    // Glass mirrors well enough for its third and fourth mirror image to survive the roulette of weak rays.
+    let walls = material("glass", 0.02, scatters(0.4, ScatteringPattern::Lambertian));
+    let mut scene = room(walls, Vec3::new(5.0, 4.0, 3.0));
+    quad(&mut scene, 0, Vec3::new(2.5, 0.5, 0.0), Vec3::Y * 2.0, Vec3::Z * 2.0);
+    for depth in 1..=5 {
+        let tracer = RadioTracer::without_bvh(&scene, settings(depth)).unwrap();
+        let sampling = DiffuseSettings { directions: 2_000, photons: 20_000, ..sampling() };
+        let field = DiffuseField::new(&tracer, DVec3::new(1.0, 1.2, 2.1), &sampling).unwrap();
+        let contributions = field.contributions(DVec3::new(3.9, 2.9, 1.3)).unwrap();
+        for after in 0..6 {
+            let has = |mirrored: bool, indirect: bool| {
+                contributions.iter().any(|(_, c)| c.after == after && c.mirrored_before == mirrored && c.indirect == indirect)
+            };
+            assert_eq!(has(false, false), after < depth, "D, depth {depth}, {after} after");
+            assert_eq!(has(true, false), after + 1 < depth, "SD, depth {depth}, {after} after");
+            assert_eq!(has(false, true), after + 1 < depth, "indirect, depth {depth}, {after} after");
+        }
+    }
+}
+
+#[test]
+fn a_photon_takes_no_more_interactions_than_the_depth_less_those_behind_it() {
+    // SSD needs three interactions before the receiver's own: at depth 4 one more may follow, at depth 3 none.
+    let walls = material("plasterboard", 0.013, scatters(0.4, ScatteringPattern::Lambertian));
+    let scene = room(walls, Vec3::new(5.0, 4.0, 3.0));
+    for (depth, deepest) in [(2, None), (3, Some(0)), (4, Some(1)), (5, Some(2))] {
+        let tracer = RadioTracer::without_bvh(&scene, settings(depth)).unwrap();
+        let sampling = DiffuseSettings { directions: 2_000, photons: 20_000, ..sampling() };
+        let chain = [Event::Specular, Event::Specular, Event::Scattered];
+        let field = DiffuseField::of_chain(&tracer, DVec3::new(1.0, 1.2, 2.1), &sampling, &chain).unwrap();
+        let most = field.contributions(DVec3::new(3.9, 2.9, 1.3)).unwrap().iter().map(|(_, c)| c.after).max();
+        assert_eq!(most, deepest, "depth {depth}");
+    }
+}
+
+#[test]
+fn two_mirrors_behind_the_scattering_show_the_receiver_twice_mirrored() {
+    // A wall in y = 2 over a metal floor (z = 0) beside a metal wall (x = −2); DSS by both, in either order, is D of the receiver's
+    // image in the edge between them.
+    let mut scene = Scene {
+        materials: vec![
+            material("concrete", 0.2, scatters(0.5, ScatteringPattern::Lambertian)),
+            material("metal", 0.01, scatters(0.0, ScatteringPattern::Lambertian)),
+        ],
+        ..Scene::default()
+    };
+    quad(&mut scene, 0, Vec3::new(-1.0, 2.0, 0.5), Vec3::X * 2.0, Vec3::Z);
+    quad(&mut scene, 1, Vec3::new(-2.0, -20.0, 0.0), Vec3::X * 22.0, Vec3::Y * 40.0);
+    quad(&mut scene, 1, Vec3::new(-2.0, -20.0, 0.0), Vec3::Z * 20.0, Vec3::Y * 40.0);
+    let (tx, rx) = (DVec3::new(-0.6, -0.5, 1.3), DVec3::new(0.9, 0.2, 0.8));
+    let image = DVec3::new(-4.0 - rx.x, rx.y, -rx.z);
+    let tracer = RadioTracer::without_bvh(&scene, settings(3)).unwrap();
+    let sampling = DiffuseSettings { directions: 400_000, photons: 0, ..sampling() };
+    let found = power(&DiffuseField::new(&tracer, tx, &sampling).unwrap(), rx, |c| !c.mirrored_before && c.after == 2);
+    let slab = tracer.geometry().slabs[0].clone().unwrap();
+    let n = 200;
+    let mut expected = 0.0;
+    for i in 0..n * n {
+        let p = DVec3::new(-1.0 + 2.0 * (0.5 + (i % n) as f64) / n as f64, 2.0, 0.5 + (0.5 + (i / n) as f64) / n as f64);
+        let (k, out) = ((p - tx).normalize(), (image - p).normalize());
+        let share = scattered(&slab, k, antenna::theta_hat(k), DVec3::NEG_Y, out);
+        // The metal mirrors turn the vertical field; an element that takes all polarisations would see all of it.
+        expected += share / (tx.distance_squared(p) * image.distance_squared(p));
+    }
+    expected *= (SPEED_OF_LIGHT / 60e9 / (4.0 * std::f64::consts::PI)).powi(2) * 2.0 / (n * n) as f64;
+    assert!((found / expected - 1.0).abs() < 2.0 * METAL_MIRROR, "{found:e} {expected:e}");
+}
+
+#[test]
+fn a_slab_behind_the_scattering_takes_its_share() {
+    // A small wall seen through a pane; all at one height, so that the vertical field is perpendicular to the plane of incidence.
+    let scene = |pane: bool| {
+        let mut scene = Scene {
+            materials: vec![
+                material("concrete", 0.2, scatters(0.5, ScatteringPattern::Lambertian)),
+                material("glass", 0.006, scatters(0.0, ScatteringPattern::Lambertian)),
+            ],
+            ..Scene::default()
+        };
+        quad(&mut scene, 0, Vec3::new(-0.02, 2.0, -0.02), Vec3::X * 0.04, Vec3::Z * 0.04);
+        if pane {
+            quad(&mut scene, 1, Vec3::new(0.2, 1.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0);
+        }
+        scene
+    };
+    let (tx, rx) = (DVec3::new(-1.0, -0.5, 0.0), DVec3::new(1.4, 0.1, 0.0));
+    let sampling = DiffuseSettings { directions: 2_000_000, photons: 0, ..sampling() };
+    let total = |pane: bool| {
+        let scene = scene(pane);
+        let tracer = RadioTracer::without_bvh(&scene, settings(2)).unwrap();
+        let slab = tracer.geometry().slabs[1].clone();
+        (power(&DiffuseField::new(&tracer, tx, &sampling).unwrap(), rx, |c| c.after == usize::from(pane)), slab)
+    };
+    let (behind, pane) = total(true);
+    let cos = (DVec3::new(0.0, 2.0, 0.0) - rx).normalize().y;
+    let expected = fresnel::slab_response(&pane.unwrap(), cos).t_te.norm_squared();
+    // The wall subtends 1°, over which the glass fringe moves this much.
+    assert!((behind / total(false).0 / expected - 1.0).abs() < 2e-2, "{} {expected}", behind / total(false).0);
+}
+
+#[test]
+fn a_closed_room_of_perfect_scatterers_keeps_all_power_at_every_bounce() {
+    // Metal with S = 1 reflects nothing specularly and scatters all but the metal's own loss.
+    let scene = room(material("metal", 0.01, scatters(1.0, ScatteringPattern::Lambertian)), Vec3::new(3.0, 2.0, 2.5));
+    let tracer = RadioTracer::without_bvh(&scene, settings(5)).unwrap();
+    for bounces in 2..=5 {
+        let chain = vec![Event::Scattered; bounces];
+        let sampling = DiffuseSettings { photons: 20_000, ..sampling() };
+        let field = DiffuseField::of_chain(&tracer, DVec3::new(1.0, 0.8, 1.1), &sampling, &chain).unwrap();
+        let share = field.cache.as_ref().unwrap().scattered_power() / 20_000.0;
+        // Every photon arrives; a per cent of loss a bounce at most.
+        assert!(share < 1.0 + 1e-6 && share > 1.0 - METAL_MIRROR * bounces as f64, "{bounces}: {share}");
+    }
+}
+
+#[test]
+fn ports_of_a_receiver_add_and_those_of_a_transmitter_share() {
+    let walls =
+        material("wood", 0.04, Scattering { coefficient: 0.7, xpd: 0.3, pattern: ScatteringPattern::Directive { alpha_r: 4 } });
+    let scene = room(walls, Vec3::new(3.0, 2.5, 2.5));
+    let (tx, rx) = (DVec3::new(1.0, 1.2, 1.1), DVec3::new(2.2, 0.9, 1.3));
+    let total = |tx_polarization: Polarization, rx_polarization: Polarization| -> f64 {
+        let antenna = |polarization| Antenna { polarization, ..Antenna::default() };
+        let setup = RadioSettings { tx_antenna: antenna(tx_polarization), ..settings(2) };
+        let tracer = RadioTracer::without_bvh(&scene, setup).unwrap();
+        let sampling = DiffuseSettings { directions: 4_000, photons: 200_000, ..sampling() };
+        let field = DiffuseField::new(&tracer, tx, &sampling).unwrap();
+        field.gather_with(rx, &antenna(rx_polarization)).unwrap().iter().map(|a| a.power).sum()
+    };
+    use Polarization::{H, V, VH};
+    let [vv, vh, hv, hh] = [(V, V), (V, H), (H, V), (H, H)].map(|(t, r)| total(t, r));
+    assert!((total(V, VH) / (vv + vh) - 1.0).abs() < 1e-3);
+    assert!((total(VH, VH) / (0.5 * (vv + vh + hv + hh)) - 1.0).abs() < PHOTON_TOTAL);
+    assert!((total(VH, V) / (0.5 * (vv + hv)) - 1.0).abs() < PHOTON_TOTAL);
+}
+
+#[test]
+fn an_element_with_a_pattern_turns_with_its_platform() {
+    use crate::radio::AntennaPattern;
+    let scene = room(material("wood", 0.04, scatters(0.7, ScatteringPattern::Lambertian)), Vec3::new(3.0, 2.5, 2.5));
+    let tracer = RadioTracer::without_bvh(&scene, settings(1)).unwrap();
+    let sampling = DiffuseSettings { directions: 4_000, photons: 0, ..sampling() };
+    let field = DiffuseField::new(&tracer, DVec3::new(1.0, 1.2, 1.1), &sampling).unwrap();
+    let rx = DVec3::new(2.2, 0.9, 1.3);
+    let iso = field.gather(rx).unwrap();
+    for yaw in [0.0, 2.0] {
+        let world_from_antenna = DMat3::from_rotation_z(yaw);
+        let antenna = Antenna { pattern: AntennaPattern::Tr38901, world_from_antenna, ..Antenna::default() };
+        let seen = field.gather_with(rx, &antenna).unwrap();
+        for (a, b) in iso.iter().zip(&seen) {
+            let gain = antenna::amplitude(AntennaPattern::Tr38901, world_from_antenna.transpose() * a.direction).powi(2);
+            assert!((b.power / a.power / gain - 1.0).abs() < 1e-9);
+        }
+    }
+}
