@@ -5,6 +5,7 @@ use super::planar::PlanarIndex;
 use corf_scene::Scene;
 use glam::{DVec3, IVec3};
 use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
 
 /// Triangles belong to one face when their corners lie this close to its plane, metres (float32 corners at 10 m are off by 1e-6).
 const COPLANAR_DISTANCE_M: f64 = 5e-6;
@@ -27,9 +28,59 @@ struct Group {
     object: u32,
 }
 
-/// Where the planes of one part (an object's triangles of one material) may be found: by the cell of their normal, and within it by the
-/// bins along the cell's own direction that the plane reaches within the part.
-type Planes = HashMap<(u32, IVec3, i64), Vec<u32>>;
+/// Planes filed under keys; what a key finds are candidates, whatever else shares it.
+#[derive(Default)]
+struct Planes {
+    /// The entry filed last under a key, plus 1.
+    last: HashMap<u64, u32, BuildHasherDefault<KeyHasher>>,
+    /// (group, the entry before under the same key plus 1).
+    entries: Vec<(u32, u32)>,
+}
+
+impl Planes {
+    fn file(&mut self, key: u64, group: u32) {
+        let last = self.last.entry(key).or_default();
+        self.entries.push((group, *last));
+        *last = self.entries.len() as u32;
+    }
+
+    fn under(&self, key: u64) -> impl Iterator<Item = u32> + '_ {
+        let mut next = self.last.get(&key).copied().unwrap_or(0);
+        std::iter::from_fn(move || {
+            let (group, before) = *self.entries.get(next.checked_sub(1)? as usize)?;
+            next = before;
+            Some(group)
+        })
+    }
+}
+
+/// Keys are mixed when they are made.
+#[derive(Default)]
+struct KeyHasher(u64);
+
+impl Hasher for KeyHasher {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|b| self.write_u64(self.0.rotate_left(8) ^ u64::from(*b)));
+    }
+
+    fn write_u64(&mut self, key: u64) {
+        self.0 = key;
+    }
+}
+
+/// Where planes of a part may be found: by the cell of their normal, and within it by the bins along the cell's own direction that the
+/// plane reaches within the part.
+fn key(part: u32, cell: IVec3, bin: i64) -> u64 {
+    let words = [u64::from(part), cell.x as u64, cell.y as u64, cell.z as u64, bin as u64];
+    words.into_iter().fold(0, |key, word| {
+        let mixed = (key ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        mixed ^ (mixed >> 32)
+    })
+}
 
 /// One object's triangles of one material.
 struct Part {
@@ -44,17 +95,17 @@ impl Part {
     }
 
     /// The keys under which a plane is filed.
-    fn keys_of_plane(&self, normal: DVec3, point: DVec3) -> impl Iterator<Item = (u32, IVec3, i64)> + '_ {
+    fn keys_of_plane(&self, normal: DVec3, point: DVec3) -> impl Iterator<Item = u64> + '_ {
         let cell = (normal / NORMAL_CELL).round().as_ivec3();
         let direction = cell.as_dvec3() * NORMAL_CELL;
         // Points of the plane within the part differ along the cell's direction d by no more than |d − n|·2r.
         let reach_m = (direction - normal).length() * 2.0 * self.radius_m + COPLANAR_DISTANCE_M * 2.0;
         let at = direction.dot(point - self.centre);
-        (self.bin(at - reach_m)..=self.bin(at + reach_m)).map(move |bin| (self.number, cell, bin))
+        (self.bin(at - reach_m)..=self.bin(at + reach_m)).map(move |bin| key(self.number, cell, bin))
     }
 
     /// The keys under which planes that a triangle may lie in are filed: those of every cell near its normal, of either sign.
-    fn keys_of_triangle(&self, normal: DVec3, corner: DVec3) -> Vec<(u32, IVec3, i64)> {
+    fn keys_of_triangle(&self, normal: DVec3, corner: DVec3) -> Vec<u64> {
         let mut keys = Vec::new();
         for normal in [normal, -normal] {
             let low = ((normal - COPLANAR_RAD) / NORMAL_CELL).round().as_ivec3();
@@ -64,7 +115,7 @@ impl Part {
                     for z in low.z..=high.z {
                         let cell = IVec3::new(x, y, z);
                         let along_m = (cell.as_dvec3() * NORMAL_CELL).dot(corner - self.centre);
-                        keys.push((self.number, cell, self.bin(along_m)));
+                        keys.push(key(self.number, cell, self.bin(along_m)));
                     }
                 }
             }
@@ -82,7 +133,7 @@ pub fn gather(scene: &Scene, corners: &[[DVec3; 3]]) -> (Vec<Face>, Vec<u32>) {
     order.sort_by(|&a, &b| doubled_areas[b as usize].total_cmp(&doubled_areas[a as usize]).then(a.cmp(&b)));
     let parts = parts(scene, corners);
     let mut groups: Vec<Group> = Vec::new();
-    let mut planes: Planes = HashMap::new();
+    let mut planes = Planes::default();
     for i in order {
         let (triangle, corner) = (&scene.triangles[i as usize], &corners[i as usize]);
         let doubled = doubled_areas[i as usize];
@@ -93,12 +144,10 @@ pub fn gather(scene: &Scene, corners: &[[DVec3; 3]]) -> (Vec<Face>, Vec<u32>) {
                 && corner.iter().all(|p| (group.normal.dot(*p) - group.offset_m).abs() < COPLANAR_DISTANCE_M)
         };
         let keys = part.keys_of_triangle(normal, corner[0]);
-        let candidates = keys.iter().filter_map(|key| planes.get(key)).flatten().copied();
+        let candidates = keys.iter().flat_map(|key| planes.under(*key));
         let home = candidates.filter(|&g| in_plane(&groups[g as usize])).min().unwrap_or_else(|| {
             let number = groups.len() as u32;
-            for key in part.keys_of_plane(normal, corner[0]) {
-                planes.entry(key).or_default().push(number);
-            }
+            part.keys_of_plane(normal, corner[0]).for_each(|key| planes.file(key, number));
             let offset_m = normal.dot(corner[0]);
             let (material, object) = (triangle.material, triangle.object);
             groups.push(Group { normal, offset_m, area_m2: 0.0, triangles: Vec::new(), material, object });
