@@ -4,8 +4,8 @@
 
 use corf_raytrace::Bvh;
 use corf_raytrace::radio::{
-    Antenna, AntennaArray, Arrival, Complex, DiffuseField, DiffuseSettings, Path, PlanarArray, Polarization, RadioSettings,
-    RadioTracer, SPEED_OF_LIGHT, Search,
+    Antenna, AntennaArray, AntennaPattern, Arrival, Complex, DiffuseField, DiffuseSettings, Path, PlanarArray, Polarization,
+    RadioSettings, RadioTracer, SPEED_OF_LIGHT, Search,
 };
 use corf_raytrace::spectrum::{mpc, share_in_frame};
 use corf_scene::config::DatasetConfig;
@@ -205,6 +205,159 @@ fn the_lattice_and_the_hierarchy_find_what_the_exhaustive_search_finds() {
         assert!((total(&found) / total(&all) - 1.0).abs() < 1e-9, "power at {rx}: {} of {}", total(&found), total(&all));
         assert_eq!(all, found, "{rx}");
     }
+}
+
+/// A closed room with a few boxes at random places.
+fn random_room(seed: u64, boxes: usize) -> Scene {
+    let mut rng = Rng::keyed(77, 1, seed);
+    let mut number = |low: f64, high: f64| (low + (high - low) * rng.uniform_f64()) as f32;
+    let mut scene = Scene { name: format!("room{seed}"), ..Scene::default() };
+    scene.materials =
+        vec![material("walls", "plasterboard", 0.013), material("wood", "wood", 0.04), material("glass", "glass", 0.008)];
+    add_box(&mut scene, "room", 0, Vec3::ZERO, Vec3::new(6.0, 5.0, 3.0));
+    for i in 0..boxes {
+        let min = Vec3::new(number(0.5, 4.5), number(0.5, 3.5), number(0.1, 1.0));
+        let size = Vec3::new(number(0.02, 1.2), number(0.3, 1.2), number(0.3, 1.5));
+        add_box(&mut scene, &format!("box{i}"), 1 + i as u32 % 2, min, min + size);
+    }
+    scene
+}
+
+#[test]
+fn beams_lose_no_chain_and_the_hierarchy_no_path() {
+    // The oracle tries every sequence of faces and every triangle.
+    for (seed, boxes, max_depth) in [(0, 1, 4), (1, 1, 4), (2, 2, 4), (3, 0, 5), (4, 1, 5)] {
+        let scene = random_room(seed, boxes);
+        let bvh = Bvh::build(&scene);
+        let setup = |search| RadioSettings { max_depth, ..settings(search) };
+        let oracle = RadioTracer::without_bvh(&scene, setup(Search::Exhaustive)).unwrap();
+        let fast = RadioTracer::new(&scene, &bvh, setup(Search::Auto { rays: 0 })).unwrap();
+        let mut rng = Rng::keyed(78, 0, seed);
+        let mut place =
+            || DVec3::new(5.8 * rng.uniform_f64() + 0.1, 4.8 * rng.uniform_f64() + 0.1, 2.8 * rng.uniform_f64() + 0.1);
+        let tx = place();
+        let (oracle, fast) = (oracle.transmitter(tx).unwrap(), fast.transmitter(tx).unwrap());
+        assert!(fast.candidate_count() < oracle.candidate_count());
+        for _ in 0..2 {
+            let rx = place();
+            let (all, found) = (oracle.paths(rx).unwrap(), fast.paths(rx).unwrap());
+            assert!(all.iter().any(|p| p.interactions.len() == max_depth));
+            assert_eq!(all, found, "room {seed}, {tx} to {rx}");
+        }
+    }
+}
+
+#[test]
+fn the_transfer_of_a_path_is_the_transpose_of_its_reverse() {
+    // θ̂ and φ̂ of an end are those of one direction, whether the path leaves there or arrives.
+    let scene = random_room(5, 2);
+    let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_depth: 3, ..settings(Search::Exhaustive) }).unwrap();
+    let (a, b) = (DVec3::new(0.4, 0.6, 2.2), DVec3::new(5.2, 4.3, 0.9));
+    let (there, back) = (tracer.paths(a, b).unwrap(), tracer.paths(b, a).unwrap());
+    assert_eq!(there.len(), back.len());
+    for path in &there {
+        let reversed = |p: &&Path| {
+            p.interactions.len() == path.interactions.len()
+                && p.interactions
+                    .iter()
+                    .rev()
+                    .zip(&path.interactions)
+                    .all(|(p, q)| p.kind == q.kind && p.vertex.distance(q.vertex) < 1e-9)
+        };
+        let twin = back.iter().find(reversed).unwrap();
+        let scale = path.transfer.iter().flatten().fold(0.0f64, |m, t| m.max(t.norm()));
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            assert!((path.transfer[i][j] - twin.transfer[j][i]).norm() < 1e-9 * scale, "{} {i}{j}", path.types());
+        }
+    }
+}
+
+#[test]
+fn ports_and_patterns_weigh_a_path_as_their_fields_do() {
+    let scene = empty();
+    let tracer = RadioTracer::without_bvh(&scene, RadioSettings::default()).unwrap();
+    let (tx, rx) = (DVec3::new(0.3, -0.2, 1.0), DVec3::new(4.0, 2.5, 2.1));
+    let path = &tracer.paths(tx, rx).unwrap()[0];
+    let free = SPEED_OF_LIGHT / 60e9 / (4.0 * std::f64::consts::PI * tx.distance(rx));
+    let antenna =
+        |pattern, polarization, turn: DMat3| Antenna { pattern, polarization, world_from_antenna: turn, ..Antenna::default() };
+    let level = |polarization| antenna(AntennaPattern::Iso, polarization, DMat3::IDENTITY);
+    // V and H do not mix in free space; the rows of slanted pairs carry the power of both.
+    let (v, h) = (level(Polarization::V), level(Polarization::H));
+    assert!((path.coefficient(&v, 0, &v, 0).norm() / free - 1.0).abs() < ROUNDING);
+    assert!((path.coefficient(&h, 0, &h, 0).norm() / free - 1.0).abs() < ROUNDING);
+    assert!(path.coefficient(&v, 0, &h, 0).norm() < ROUNDING * free && path.coefficient(&h, 0, &v, 0).norm() < ROUNDING * free);
+    for polarization in [Polarization::VH, Polarization::Cross] {
+        let dual = level(polarization);
+        for port in 0..2 {
+            let received: f64 = (0..2).map(|p| path.coefficient(&dual, port, &dual, p).norm_squared()).sum();
+            assert!((received / (free * free) - 1.0).abs() < ROUNDING);
+        }
+    }
+    // A turned element: the pattern's amplitude towards the other end, in its own frame.
+    let turn = DMat3::from_rotation_z(0.7) * DMat3::from_rotation_y(-0.4) * DMat3::from_rotation_x(0.3);
+    for pattern in [AntennaPattern::Dipole, AntennaPattern::Tr38901] {
+        let dual = antenna(pattern, Polarization::VH, turn);
+        let power: f64 = (0..2)
+            .map(|p| path.coefficient(&dual, p, &v, 0).norm_squared() + path.coefficient(&dual, p, &h, 0).norm_squared())
+            .sum();
+        let local = turn.transpose() * (rx - tx).normalize();
+        let expected = 2.0 * corf_raytrace::radio::antenna::amplitude(pattern, local).powi(2);
+        assert!((power / (free * free) / expected - 1.0).abs() < 1e-9, "{pattern:?}");
+    }
+    // A dipole along the line between the ends radiates nothing there.
+    let along = DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::Z);
+    let up = tracer.paths(DVec3::ZERO, DVec3::Z).unwrap();
+    assert!(up[0].coefficient(&antenna(AntennaPattern::Dipole, Polarization::V, along), 0, &v, 0).norm() < 1e-15);
+}
+
+#[test]
+fn a_bounce_where_two_faces_meet_is_one_path() {
+    let quad = |scene: &mut Scene, name: &str, corners: [[f32; 3]; 4]| {
+        let (object, first) = (scene.objects.len() as u32, scene.positions.len() as u32);
+        scene.objects.push(Object { name: name.into() });
+        scene.positions.extend(corners.map(Vec3::from));
+        scene.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|t: [u32; 3]| Triangle {
+            vertices: t.map(|v| first + v),
+            material: 0,
+            object,
+        }));
+    };
+    // Two floor tiles that share the line x = 1, and the diagonal of a tile through the origin of its own.
+    let mut tiles = empty();
+    tiles.materials = vec![material("tile", "concrete", 0.1)];
+    quad(&mut tiles, "left", [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]);
+    quad(&mut tiles, "right", [[1.0, -1.0, 0.0], [3.0, -1.0, 0.0], [3.0, 1.0, 0.0], [1.0, 1.0, 0.0]]);
+    let tracer = RadioTracer::without_bvh(&tiles, RadioSettings::default()).unwrap();
+    for (tx, rx) in [((0.5, 0.25, 1.0), (1.5, -0.25, 1.0)), ((-0.5, -0.5, 1.0), (0.5, 0.5, 1.0))] {
+        let types: Vec<String> = tracer.paths(tx.into(), rx.into()).unwrap().iter().map(Path::types).collect();
+        assert_eq!(types, ["", "S"]);
+    }
+    // Straight back into a corner: wall then floor and floor then wall are one way.
+    let mut corner = empty();
+    corner.materials = vec![material("wall", "concrete", 0.1)];
+    quad(&mut corner, "floor", [[0.0, -2.0, 0.0], [4.0, -2.0, 0.0], [4.0, 2.0, 0.0], [0.0, 2.0, 0.0]]);
+    quad(&mut corner, "wall", [[0.0, -2.0, 0.0], [0.0, 2.0, 0.0], [0.0, 2.0, 4.0], [0.0, -2.0, 4.0]]);
+    let tracer = RadioTracer::without_bvh(&corner, RadioSettings::default()).unwrap();
+    let paths = tracer.paths(DVec3::new(1.0, -0.5, 1.0), DVec3::new(2.0, 0.5, 2.0)).unwrap();
+    assert_eq!(paths.iter().filter(|p| p.types() == "SS").count(), 1, "{paths:?}");
+}
+
+#[test]
+fn places_on_surfaces_are_refused_and_places_in_their_planes_are_not() {
+    let scene = room();
+    let tracer = RadioTracer::without_bvh(&scene, RadioSettings::default()).unwrap();
+    let free = DVec3::new(1.0, 1.5, 2.0);
+    let on_the_box = DVec3::new(2.75, 1.5, 1.25);
+    for error in [tracer.paths(on_the_box, free).unwrap_err(), tracer.paths(free, on_the_box).unwrap_err()] {
+        assert!(error.to_string().contains("box_zmax"), "{error}");
+    }
+    // At the height of the box's top but beside it: the top reflects nothing, the rest does.
+    let level = tracer.paths(DVec3::new(1.0, 3.0, 1.25), DVec3::new(1.5, 4.0, 1.0)).unwrap();
+    assert!(level.len() > 10 && level.iter().all(|p| p.a.norm().is_finite() && p.length_m.is_finite()));
+    // Half a millimetre before a wall: the bounce is there and finite, the direct way is hardly shorter.
+    let near = tracer.paths(DVec3::new(5e-4, 1.5, 2.0), free).unwrap();
+    assert!((near[1].length_m - near[0].length_m).abs() < 2e-3 && near[1].types() == "S");
 }
 
 #[test]

@@ -6,8 +6,10 @@ use super::{MAX_DEPTH, RadioSettings, Search, field, fresnel, lattice};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// With no more chains than this, all of them are tried.
-const EXHAUSTIVE_CHAINS: usize = 400_000;
+/// With no more sequences of faces than this, all that light can run through are tried.
+const BEAM_SEQUENCES: usize = 20_000_000;
+/// Beams are widened by this, metres: rounding loses no chain.
+const BEAM_MARGIN_M: f64 = 1e-6;
 /// A wall that lets less than this share of power through at normal incidence ends a lattice ray.
 const TRANSPARENT_POWER: f64 = 1e-9;
 /// Rays a task of the lattice search handles.
@@ -59,7 +61,7 @@ pub fn candidates(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings) 
     let count = (1..=settings.max_depth as u32).fold(0usize, |n, depth| n.saturating_add(allowed.len().saturating_pow(depth)));
     match settings.search {
         Search::Exhaustive => exhaustive(geometry, tx, &allowed, settings.max_depth),
-        Search::Auto { .. } if count <= EXHAUSTIVE_CHAINS => exhaustive(geometry, tx, &allowed, settings.max_depth),
+        Search::Auto { .. } if count <= BEAM_SEQUENCES => beams(geometry, tx, &allowed, settings.max_depth),
         Search::Auto { rays } | Search::Lattice { rays } => {
             let mut chains = exhaustive(geometry, tx, &allowed, 1);
             chains.extend(from_lattice(geometry, tx, settings, rays));
@@ -70,7 +72,7 @@ pub fn candidates(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings) 
     }
 }
 
-/// All sequences of distinct neighbours up to `max_depth`: the oracle.
+/// All sequences up to `max_depth` of faces in different planes, one to the next: the oracle.
 fn exhaustive(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: usize) -> Vec<Chain> {
     let mut chains = Vec::new();
     let mut frontier = vec![Chain::line_of_sight(tx)];
@@ -79,8 +81,8 @@ fn exhaustive(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: us
         for chain in &frontier {
             for &face in allowed {
                 let f = &geometry.faces[face as usize];
-                // A plane cannot be bounced off twice in a row, nor by a source in it.
-                if chain.faces().last() != Some(&face) && f.distance(chain.image) != 0.0 {
+                // A source in a plane does not bounce off it.
+                if f.distance(chain.image) != 0.0 && !repeats(geometry, chain, face) {
                     next.push(chain.pushed(face, geometry));
                 }
             }
@@ -89,6 +91,62 @@ fn exhaustive(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: us
         frontier = next;
     }
     chains
+}
+
+/// The chains of [`exhaustive`] in which every face lies, in part, in the beam that the image behind the face before sends through it.
+fn beams(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: usize) -> Vec<Chain> {
+    let hulls: Vec<(u32, [DVec3; 4])> = allowed.iter().map(|&face| (face, geometry.faces[face as usize].hull())).collect();
+    let direct = Chain::line_of_sight(tx);
+    let per_face: Vec<Vec<Chain>> = hulls
+        .par_iter()
+        .map(|first| {
+            let mut chains = Vec::new();
+            if geometry.faces[first.0 as usize].distance(tx) == 0.0 {
+                return chains;
+            }
+            let mut stack = vec![(direct.pushed(first.0, geometry), first.1)];
+            while let Some((chain, hull)) = stack.pop() {
+                chains.push(chain);
+                if chain.faces().len() == max_depth {
+                    continue;
+                }
+                let beam = Beam::new(chain.image, &hull);
+                for (face, hull) in &hulls {
+                    let lit = geometry.faces[*face as usize].distance(chain.image) != 0.0 && beam.meets(hull);
+                    if lit && !repeats(geometry, &chain, *face) {
+                        stack.push((chain.pushed(*face, geometry), *hull));
+                    }
+                }
+            }
+            chains
+        })
+        .collect();
+    per_face.into_iter().flatten().collect()
+}
+
+/// A pyramid with its tip in an image, cut off by the mirror that makes it: inside is where every n·x > offset.
+struct Beam {
+    planes: [(DVec3, f64); 5],
+}
+
+impl Beam {
+    /// The beam from `image` through a parallelogram.
+    fn new(image: DVec3, mirror: &[DVec3; 4]) -> Self {
+        let centre = (mirror[0] + mirror[2]) * 0.5;
+        let towards = |normal: DVec3, point: DVec3, inside: DVec3| {
+            let normal = normal.normalize_or_zero();
+            let normal = if normal.dot(inside - point) < 0.0 { -normal } else { normal };
+            (normal, normal.dot(point) - BEAM_MARGIN_M)
+        };
+        let front = towards((mirror[1] - mirror[0]).cross(mirror[3] - mirror[0]), centre, centre + (centre - image));
+        let side = |i: usize| towards((mirror[i] - image).cross(mirror[(i + 1) % 4] - image), image, centre);
+        Self { planes: [front, side(0), side(1), side(2), side(3)] }
+    }
+
+    /// Whether some of a parallelogram may lie in the beam: no plane has all of it outside.
+    fn meets(&self, hull: &[DVec3; 4]) -> bool {
+        self.planes.iter().all(|(normal, offset)| hull.iter().any(|p| normal.dot(*p) > *offset))
+    }
 }
 
 /// The chains that a lattice of rays from the transmitter runs through, reflected and, when enabled, transmitted at every hit.
@@ -122,7 +180,13 @@ pub fn wedges_from_lattice(
 }
 
 fn reflects(geometry: &Geometry<'_>, settings: &RadioSettings, chain: &Chain, face: u32) -> bool {
-    geometry.faces[face as usize].area_m2 >= settings.min_face_area_m2 && chain.faces().last() != Some(&face)
+    geometry.faces[face as usize].area_m2 >= settings.min_face_area_m2 && !repeats(geometry, chain, face)
+}
+
+/// Whether a face lies in the plane of the last bounce: nothing bounces off a plane twice in a row.
+fn repeats(geometry: &Geometry<'_>, chain: &Chain, face: u32) -> bool {
+    let Some(&last) = chain.faces().last() else { return false };
+    last == face || geometry.faces[last as usize].shares_plane(&geometry.faces[face as usize])
 }
 
 /// Shoots the lattice; `visit` gets every hit, with the chain of faces bounced off before, and adds to the findings of its task.

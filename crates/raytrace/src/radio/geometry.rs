@@ -1,16 +1,15 @@
 //! The scene as the image method sees it: f64 triangles gathered into planar faces of one object and one material.
 
-use super::{Slab, planar::PlanarIndex};
+use super::{Slab, faces, planar::PlanarIndex};
 use crate::bvh::{Bvh, Ray};
 use corf_scene::{Error, Result, Scene};
 use glam::DVec3;
-use std::collections::HashMap;
 use std::ops::ControlFlow;
 
-/// Triangles belong to one face when their corners lie this close to its plane, metres (float32 corners at 10 m are off by 1e-6).
-const COPLANAR_DISTANCE_M: f64 = 5e-6;
-/// … and their normals are this parallel: 1 − cos of 1e-3 rad.
-const COPLANAR_NORMAL: f64 = 5e-7;
+/// Two faces lie in one plane when their normals are this parallel (1 − cos of 4e-5 rad) …
+const SAME_PLANE_NORMAL: f64 = 1e-9;
+/// … and their offsets this close, metres.
+const SAME_PLANE_M: f64 = 1e-6;
 /// A crossing this close to a segment's end belongs to the end itself, metres.
 const END_CLEARANCE_M: f64 = 1e-9;
 /// Two crossings of one object and material this close are one: an edge between two of its faces was hit, metres.
@@ -31,7 +30,7 @@ pub struct Face {
     pub object: u32,
     /// Total area, m².
     pub area_m2: f64,
-    index: PlanarIndex,
+    pub(super) index: PlanarIndex,
 }
 
 impl Face {
@@ -43,6 +42,17 @@ impl Face {
     /// The mirror image of a point.
     pub fn mirror(&self, point: DVec3) -> DVec3 {
         point - self.normal * (2.0 * self.distance(point))
+    }
+
+    /// Whether both lie in one plane, to rounding.
+    pub fn shares_plane(&self, other: &Self) -> bool {
+        let cos = self.normal.dot(other.normal);
+        cos.abs() > 1.0 - SAME_PLANE_NORMAL && (self.offset_m - other.offset_m * cos.signum()).abs() < SAME_PLANE_M
+    }
+
+    /// Corners of a parallelogram of the plane that holds the face.
+    pub fn hull(&self) -> [DVec3; 4] {
+        self.index.hull(self.normal, self.offset_m)
     }
 
     /// Whether a point of the plane lies on one of the triangles (edges belong to the face).
@@ -101,7 +111,7 @@ impl<'a> Geometry<'a> {
             });
         }
         let corners: Vec<[DVec3; 3]> = (0..scene.triangles.len()).map(|i| scene.corners_f64(i)).collect();
-        let (faces, face_of_triangle) = gather_faces(scene, &corners);
+        let (faces, face_of_triangle) = faces::gather(scene, &corners);
         let occluders = match bvh {
             Some(bvh) if corners.len() > BRUTE_FORCE_TRIANGLES => Occluders::Bvh(bvh),
             _ => Occluders::Brute,
@@ -236,63 +246,6 @@ impl<'a> Geometry<'a> {
             }
         }
     }
-}
-
-/// Groups triangles by object, material and plane; larger triangles first, so that they define the planes.
-fn gather_faces(scene: &Scene, corners: &[[DVec3; 3]]) -> (Vec<Face>, Vec<u32>) {
-    struct Group {
-        normal: DVec3,
-        offset_m: f64,
-        area_m2: f64,
-        triangles: Vec<u32>,
-        material: u32,
-        object: u32,
-    }
-    let doubled_area = |c: &[DVec3; 3]| (c[1] - c[0]).cross(c[2] - c[0]);
-    let mut order: Vec<usize> = (0..corners.len()).collect();
-    order.sort_by(|&a, &b| doubled_area(&corners[b]).length().total_cmp(&doubled_area(&corners[a]).length()).then(a.cmp(&b)));
-    let mut groups: Vec<Group> = Vec::new();
-    let mut by_part: HashMap<(u32, u32), Vec<usize>> = HashMap::new();
-    for i in order {
-        let triangle = &scene.triangles[i];
-        let cross = doubled_area(&corners[i]);
-        let area_m2 = 0.5 * cross.length();
-        let part = by_part.entry((triangle.object, triangle.material)).or_default();
-        let normal = if area_m2 > 0.0 { cross / (2.0 * area_m2) } else { DVec3::Z };
-        let home = part.iter().copied().find(|&g| {
-            let group = &groups[g];
-            group.normal.dot(normal).abs() > 1.0 - COPLANAR_NORMAL
-                && corners[i].iter().all(|p| (group.normal.dot(*p) - group.offset_m).abs() < COPLANAR_DISTANCE_M)
-        });
-        let home = home.unwrap_or_else(|| {
-            groups.push(Group {
-                normal,
-                offset_m: normal.dot(corners[i][0]),
-                area_m2: 0.0,
-                triangles: Vec::new(),
-                material: triangle.material,
-                object: triangle.object,
-            });
-            part.push(groups.len() - 1);
-            groups.len() - 1
-        });
-        groups[home].area_m2 += area_m2;
-        groups[home].triangles.push(i as u32);
-    }
-    let mut face_of_triangle = vec![0; corners.len()];
-    let mut faces = Vec::with_capacity(groups.len());
-    for (face, group) in groups.into_iter().enumerate() {
-        group.triangles.iter().for_each(|&t| face_of_triangle[t as usize] = face as u32);
-        faces.push(Face {
-            normal: group.normal,
-            offset_m: group.offset_m,
-            material: group.material,
-            object: group.object,
-            area_m2: group.area_m2,
-            index: PlanarIndex::new(group.normal, group.triangles.iter().map(|&t| corners[t as usize])),
-        });
-    }
-    (faces, face_of_triangle)
 }
 
 /// Where a line meets a triangle, as a signed distance along the unit `direction`.

@@ -3,7 +3,7 @@
 use super::antenna::{Angles, Antenna, AntennaArray, phi_hat, theta_hat};
 use super::chains::{self, Chain};
 use super::diffraction::{self, EdgeChains, Wedge, Wedges};
-use super::geometry::Geometry;
+use super::geometry::{Face, Geometry};
 use super::{Complex, RadioSettings};
 use crate::bvh::Bvh;
 use corf_scene::{Error, Result, Scene};
@@ -12,6 +12,10 @@ use rayon::prelude::*;
 
 /// Transmitter and receiver may not be closer than this, metres: the far-field law has no meaning there.
 const MIN_SEPARATION_M: f64 = 1e-6;
+/// A point this close to a triangle is on the surface, metres: what it sees would be a matter of rounding.
+const ON_SURFACE_M: f64 = 1e-6;
+/// Paths whose corners all lie this close are one, metres: it bounces where two faces meet.
+const SAME_PATH_M: f64 = 1e-9;
 /// Chains a task of [`Transmitter::paths`] tries.
 const CHAINS_PER_TASK: usize = 8192;
 
@@ -83,6 +87,16 @@ impl Path {
         self.interactions.iter().map(|i| i.kind.letter()).collect()
     }
 
+    /// Whether both do the same at the same places.
+    fn coincides(&self, other: &Self) -> bool {
+        self.interactions.len() == other.interactions.len()
+            && self
+                .interactions
+                .iter()
+                .zip(&other.interactions)
+                .all(|(a, b)| a.kind == b.kind && a.vertex.distance(b.vertex) <= SAME_PATH_M)
+    }
+
     /// |a|², linear, relative to 1 W transmitted; the first ports' when an antenna has two.
     pub fn power(&self) -> f64 {
         self.a.norm_squared()
@@ -131,6 +145,8 @@ pub struct RadioTracer<'a> {
     pub(super) geometry: Geometry<'a>,
     pub(super) settings: RadioSettings,
     pub(super) wedges: Wedges,
+    /// Names, for messages.
+    objects: Vec<String>,
 }
 
 impl<'a> RadioTracer<'a> {
@@ -154,7 +170,8 @@ impl<'a> RadioTracer<'a> {
         settings.validate()?;
         let geometry = Geometry::new(scene, bvh, settings.frequency_hz)?;
         let wedges = if settings.diffraction { Wedges::new(&geometry, settings.edge_diffraction) } else { Wedges::default() };
-        Ok(Self { geometry, settings, wedges })
+        let objects = scene.objects.iter().map(|o| o.name.clone()).collect();
+        Ok(Self { geometry, settings, wedges, objects })
     }
 
     /// The edges that diffract; none unless diffraction is on.
@@ -175,14 +192,32 @@ impl<'a> RadioTracer<'a> {
     /// Finds everything about a transmitter that does not depend on the receiver; reuse it for all receivers.
     ///
     /// # Errors
-    /// A position that is not finite.
+    /// A position that is not finite, or on a surface.
     pub fn transmitter(&self, tx: DVec3) -> Result<Transmitter<'_, 'a>> {
-        if !tx.is_finite() {
-            return Err(Error::invalid("transmitter", format!("position is {tx}"), "give three finite coordinates in metres"));
-        }
+        self.check_position("transmitter", tx)?;
         let chains = chains::candidates(&self.geometry, tx, &self.settings);
         let edge_chains = EdgeChains::from_point(self, tx);
         Ok(Transmitter { tracer: self, tx, chains, edge_chains })
+    }
+
+    /// The face that a point lies on, to a micrometre.
+    pub fn face_at(&self, point: DVec3) -> Option<&Face> {
+        let on = |face: &&Face| face.distance(point).abs() <= ON_SURFACE_M && face.contains(point);
+        self.geometry.faces.iter().find(on)
+    }
+
+    fn check_position(&self, whose: &str, position: DVec3) -> Result<()> {
+        if !position.is_finite() {
+            return Err(Error::invalid(whose, format!("position is {position}"), "give three finite coordinates in metres"));
+        }
+        match self.face_at(position) {
+            None => Ok(()),
+            Some(face) => Err(Error::invalid(
+                whose,
+                format!("at {position} it lies on the surface of object `{}`", self.objects[face.object as usize]),
+                "which side it sees is undefined; move it off the surface",
+            )),
+        }
     }
 
     /// All paths between two points: [`RadioTracer::transmitter`] and [`Transmitter::paths`] in one.
@@ -216,11 +251,9 @@ impl<'t, 'a> Transmitter<'t, 'a> {
     /// All paths to a receiver (world frame, metres), sorted by length.
     ///
     /// # Errors
-    /// A receiver that is not finite or coincides with the transmitter.
+    /// A receiver that is not finite, on a surface, or coincides with the transmitter.
     pub fn paths(&self, rx: DVec3) -> Result<Vec<Path>> {
-        if !rx.is_finite() {
-            return Err(Error::invalid("receiver", format!("position is {rx}"), "give three finite coordinates in metres"));
-        }
+        self.tracer.check_position("receiver", rx)?;
         if rx.distance(self.tx) < MIN_SEPARATION_M {
             return Err(Error::invalid(
                 "receiver",
@@ -240,6 +273,14 @@ impl<'t, 'a> Transmitter<'t, 'a> {
         paths.extend(traced.into_iter().flatten());
         paths.extend(diffraction::paths(self.tracer, self.tx, &self.edge_chains, rx));
         paths.sort_by(|a, b| a.length_m.total_cmp(&b.length_m));
-        Ok(paths)
+        // A bounce where two faces meet belongs to both.
+        let mut distinct: Vec<Path> = Vec::with_capacity(paths.len());
+        for path in paths {
+            let as_long = distinct.iter().rev().take_while(|other| path.length_m - other.length_m <= SAME_PATH_M);
+            if !as_long.into_iter().any(|other| path.coincides(other)) {
+                distinct.push(path);
+            }
+        }
+        Ok(distinct)
     }
 }

@@ -12,7 +12,7 @@ pub struct PlanarIndex {
     min: DVec2,
     max: DVec2,
     triangles: Vec<[DVec2; 3]>,
-    grid: Option<Grid>,
+    grid: Option<Box<Grid>>,
 }
 
 /// Cells in row-major order; the triangles of cell `i` are `items[starts[i]..starts[i + 1]]`.
@@ -35,9 +35,20 @@ impl PlanarIndex {
         }
         let mut index = Self { drop, min, max, triangles, grid: None };
         if index.triangles.len() > LINEAR_LIMIT {
-            index.grid = Some(index.build_grid());
+            index.grid = Some(Box::new(index.build_grid()));
         }
         index
+    }
+
+    /// The corners, in order around it, of the bounding rectangle's preimage on the plane n·x = `offset_m`.
+    pub fn hull(&self, normal: DVec3, offset_m: f64) -> [DVec3; 4] {
+        let (u, v) = ((self.drop + 1) % 3, (self.drop + 2) % 3);
+        [(self.min.x, self.min.y), (self.max.x, self.min.y), (self.max.x, self.max.y), (self.min.x, self.max.y)].map(|(a, b)| {
+            let mut p = DVec3::ZERO;
+            (p[u], p[v]) = (a, b);
+            p[self.drop] = (offset_m - normal.dot(p)) / normal[self.drop];
+            p
+        })
     }
 
     /// Whether a point of the plane lies on one of the triangles; edges belong to them.

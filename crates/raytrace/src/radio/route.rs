@@ -13,6 +13,9 @@ use glam::DVec3;
 /// Just off a wedge, metres: where it is tested whether its edge stands in the open or is flush with another surface.
 const EDGE_CLEARANCE_M: f64 = 1e-3;
 
+/// Two bounces this close, metres, are in the corner where two faces meet; rounding puts them on either side.
+const MEETING_M: f64 = 1e-12;
+
 /// Where a path changes direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Turn<'w> {
@@ -111,10 +114,11 @@ impl RadioTracer<'_> {
     pub(super) fn bounce(&self, face: u32, target: DVec3, image: DVec3) -> Option<DVec3> {
         let face = &self.geometry.faces[face as usize];
         let (here, behind) = (face.distance(target), face.distance(image));
-        if here * behind >= 0.0 {
+        // A target on the face is the bounce before, where two faces meet.
+        if behind == 0.0 || (here * behind > 0.0 && here.abs() > MEETING_M) {
             return None;
         }
-        let point = target + (image - target) * (here / (here - behind));
+        let point = if here.abs() > MEETING_M { target + (image - target) * (here / (here - behind)) } else { target };
         face.contains(point).then_some(point)
     }
 

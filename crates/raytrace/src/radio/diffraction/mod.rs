@@ -52,9 +52,8 @@ impl EdgeChains {
                 Self::Found(chains::wedges_from_lattice(&tracer.geometry, &tracer.wedges, point, settings, rays))
             }
             _ => {
-                let search = if let Search::Auto { .. } = settings.search { Search::Exhaustive } else { settings.search };
                 let mut chains = vec![Chain::line_of_sight(point)];
-                chains.extend(chains::candidates(&tracer.geometry, point, &RadioSettings { search, ..before }));
+                chains.extend(chains::candidates(&tracer.geometry, point, &before));
                 Self::All(chains)
             }
         }
