@@ -5,6 +5,7 @@ pub mod demo;
 pub mod generate;
 pub mod harness;
 pub mod interrupt;
+pub mod link;
 pub mod method;
 pub mod methods;
 pub mod metrics;

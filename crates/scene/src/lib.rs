@@ -18,6 +18,7 @@ pub mod itu;
 pub mod keyframe;
 pub mod lobby;
 pub mod model;
+pub mod npz;
 pub mod radio_spec;
 pub mod raster;
 pub mod rng;

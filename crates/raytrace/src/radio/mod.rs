@@ -9,6 +9,7 @@ pub mod channel;
 mod complex;
 mod diffraction;
 pub mod diffuse;
+pub mod export;
 mod field;
 pub mod fresnel;
 mod geometry;
