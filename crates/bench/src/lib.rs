@@ -1,6 +1,7 @@
 //! The harness and the `corf` command: methods, metrics, plans, cells, tables, report.
 
 pub mod commands;
+pub mod coverage_picture;
 pub mod demo;
 pub mod generate;
 pub mod harness;

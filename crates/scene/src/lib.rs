@@ -8,6 +8,7 @@ pub mod camera;
 pub mod color;
 pub mod config;
 pub mod dataset;
+pub mod draw;
 mod error;
 pub mod export;
 pub mod finding;

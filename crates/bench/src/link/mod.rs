@@ -28,6 +28,10 @@ pub struct LinkConfig {
     pub reflection: bool,
     /// Trace through slabs.
     pub transmission: bool,
+    /// Trace paths that diffract once at an edge of a mesh.
+    pub diffraction: bool,
+    /// … at open edges of single sheets as well.
+    pub edge_diffraction: bool,
     /// Rays that look for chains of faces.
     pub rays: usize,
     /// Gather the diffuse field as well.
@@ -82,6 +86,8 @@ impl Default for LinkConfig {
             line_of_sight: true,
             reflection: true,
             transmission: true,
+            diffraction: false,
+            edge_diffraction: false,
             rays: 200_000,
             diffuse: false,
             directions: diffuse.directions,
@@ -112,6 +118,9 @@ pub struct LinkArgs {
     /// Leave out transmission through slabs.
     #[arg(long)]
     pub no_transmission: bool,
+    /// Trace paths that diffract once at an edge.
+    #[arg(long)]
+    pub diffraction: bool,
     /// Gather the diffuse field as well.
     #[arg(long)]
     pub diffuse: bool,
@@ -193,6 +202,7 @@ impl LinkSetup {
         link.max_depth = arguments.depth.unwrap_or(link.max_depth);
         link.rays = arguments.rays.unwrap_or(link.rays);
         link.transmission &= !arguments.no_transmission;
+        link.diffraction |= arguments.diffraction;
         link.diffuse |= arguments.diffuse;
         link.directions = arguments.directions.unwrap_or(link.directions);
         link.tx_power_dbm = arguments.tx_power_dbm.unwrap_or(link.tx_power_dbm);
@@ -220,6 +230,8 @@ impl LinkSetup {
             line_of_sight: self.link.line_of_sight,
             reflection: self.link.reflection,
             transmission: self.link.transmission,
+            diffraction: self.link.diffraction,
+            edge_diffraction: self.link.edge_diffraction,
             search: Search::Auto { rays: self.link.rays },
             min_gain_db: self.link.min_gain_db,
             tx_antenna: self.tx_array.element,
@@ -236,6 +248,14 @@ impl LinkSetup {
     /// The closed bodies of the scene.
     pub fn solids(&self) -> &Solids {
         &self.solids
+    }
+
+    /// Refuses a transmitter in a closed object smaller than the scene.
+    ///
+    /// # Errors
+    /// Where it is, and the object.
+    pub fn check_transmitter(&self, tx: DVec3) -> Result<()> {
+        Ok(self.solids.check_link(&self.scene, tx, tx)?)
     }
 
     /// Refuses a link one end of which lies in a closed object.

@@ -7,6 +7,7 @@ pub mod antenna;
 mod chains;
 pub mod channel;
 mod complex;
+pub mod coverage;
 mod diffraction;
 pub mod diffuse;
 pub mod export;
