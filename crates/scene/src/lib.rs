@@ -23,6 +23,7 @@ pub mod npz;
 pub mod radio_spec;
 pub mod raster;
 pub mod rng;
+pub mod solids;
 pub mod trajectory;
 pub mod transform;
 

@@ -21,7 +21,6 @@ mod paths;
 mod planar;
 mod route;
 pub mod scattering;
-mod solids;
 mod tables;
 
 pub use antenna::{Angles, Antenna, AntennaArray, AntennaPattern, Beam, PlanarArray, Polarization};
@@ -31,7 +30,7 @@ pub use diffuse::{DiffuseField, DiffuseSettings};
 pub use geometry::{Face, Geometry};
 pub use materials::Slab;
 pub use paths::{Interaction, InteractionKind, Path, RadioTracer, Transmitter};
-pub use solids::{Parting, Solids};
+pub use corf_scene::solids::{Parting, Solids};
 
 use corf_scene::{Error, Result};
 use glam::DVec3;
