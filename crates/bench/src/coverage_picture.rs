@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 /// Pixels of the map's longer side, about.
 const MAP_PIXELS: f64 = 900.0;
 /// Margins: left, top, right, bottom, pixels.
-const MARGIN: [usize; 4] = [64, 44, 130, 56];
+const MARGIN: [usize; 4] = [64, 66, 130, 56];
 /// The colours span this much at most, dB; what is weaker has the darkest one.
 const MAX_SPAN_DB: f64 = 70.0;
 /// The picture's range is a multiple of this, dB.
@@ -146,7 +146,7 @@ impl<'m> CoveragePicture<'m> {
         text(canvas, names[1], [left - 10.0, top - 12.0], Anchor::Right, CAP, INK);
         let height_of = if flat { format!(" AT z = {:.2} m", plane.corner.z) } else { String::new() };
         let title = format!("RSSI{height_of}, {} dBm TRANSMITTED", self.tx_power_dbm);
-        text(canvas, &title, [left, top - 14.0], Anchor::Left, CAP + 1.0, INK);
+        text(canvas, &title, [left, top - 38.0], Anchor::Left, CAP + 1.0, INK);
     }
 
     /// The colour scale right of the map.

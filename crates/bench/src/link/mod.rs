@@ -10,7 +10,7 @@ use corf_raytrace::radio::{
     Antenna, AntennaArray, AntennaPattern, DiffuseSettings, PlanarArray, Polarization, RadioSettings, Search, Solids,
 };
 use corf_scene::config::{Orientation, SceneConfig, read_toml};
-use corf_scene::{Error, Scene};
+use corf_scene::{Error, Scene, radio_check};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -218,6 +218,9 @@ impl LinkSetup {
         let rx_array = array(&link.receiver, rx_grid, rx_element, &place("receiver"))?;
         let scene = config.load_scene()?;
         config.check_radio(&scene)?;
+        if link.transmission {
+            radio_check::body_findings(&scene).iter().for_each(|finding| eprintln!("{finding}"));
+        }
         let solids = Solids::of(&scene);
         Ok(Self { config, scene, link, tx_array, rx_array, solids })
     }

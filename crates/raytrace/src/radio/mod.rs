@@ -25,12 +25,12 @@ mod tables;
 
 pub use antenna::{Angles, Antenna, AntennaArray, AntennaPattern, Beam, PlanarArray, Polarization};
 pub use complex::Complex;
+pub use corf_scene::solids::{Parting, Solids};
 pub use diffraction::{DiffractionModel, Wedge, transition};
 pub use diffuse::{DiffuseField, DiffuseSettings};
 pub use geometry::{Face, Geometry};
 pub use materials::Slab;
 pub use paths::{Interaction, InteractionKind, Path, RadioTracer, Transmitter};
-pub use corf_scene::solids::{Parting, Solids};
 
 use corf_scene::{Error, Result};
 use glam::DVec3;
