@@ -132,3 +132,78 @@ fn a_spectrum_of_the_wrong_size_and_a_truncated_image_are_named() {
     corf_refuses(&["reconstruct", text(&broken), "--out", text(&folder.path().join("run2"))], &["00005.png"]);
     assert_eq!(corf(&["dataset", "validate", text(&broken)]).status.code(), Some(1));
 }
+
+#[test]
+fn an_antenna_inside_of_a_body_is_located() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let around = "[trajectory]\nheight_m = 1.5\nwaypoints_m = [[1, 1], [5, 1], [5, 4], [1, 4]]\n";
+    let inside = room_with_pillar(folder.path(), [2.3, 2.3, 2.0], around);
+    corf_refuses(&["paths", text(&inside), "--rx", "5,4,1.5"], &["transmitter", "2.3", "\"pillar\""]);
+    corf_refuses(&["coverage", text(&inside), "--height", "1.5", "--out", text(&out)], &["transmitter", "\"pillar\""]);
+    let dataset = tiny_config(folder.path(), 4);
+    let body = fs::read_to_string(&dataset).unwrap();
+    let scene_line = body.lines().find(|l| l.starts_with("scene")).unwrap().to_owned();
+    fs::write(&dataset, body.replace(&scene_line, "scene = \"room.toml\"")).unwrap();
+    corf_refuses(&["dataset", "generate", text(&dataset), "--out", text(&out)], &["transmitter.position_m", "\"pillar\""]);
+    assert_eq!(corf(&["scene", "validate", text(&inside)]).status.code(), Some(1));
+    let sound = room_with_pillar(folder.path(), [1.0, 2.5, 2.0], around);
+    corf_refuses(&["paths", text(&sound), "--rx", "2.3,2.3,1.5"], &["receiver", "\"pillar\""]);
+    corf_refuses(&["paths", text(&sound), "--rx", "1,2.5,2"], &["receiver", "coincides"]);
+    corf_refuses(&["paths", text(&sound), "--rx", "9,2.5,2"], &["\"room\""]);
+    let through = around.replace("[5, 1], [5, 4]", "[2.3, 2.3], [5, 4]");
+    let through = room_with_pillar(folder.path(), [1.0, 2.5, 2.0], &through);
+    corf_refuses(&["dataset", "generate", text(&dataset), "--out", text(&out)], &["trajectory.waypoints_m", "\"pillar\""]);
+    assert_eq!(corf(&["scene", "validate", text(&through)]).status.code(), Some(1));
+    assert!(!out.exists());
+}
+
+#[test]
+fn all_radio_faults_of_a_scene_are_said_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = room_with_pillar(folder.path(), [1.0, 1.0, 2.0], "");
+    let sound = fs::read_to_string(&scene).unwrap();
+    let faulty = sound.replace("thickness_m = 0.013", "thickness_m = 0.0").replace("itu = \"concrete\"", "itu = \"brick\"");
+    fs::write(&scene, faulty).unwrap();
+    let validate = corf(&["scene", "validate", text(&scene)]);
+    let said = String::from_utf8_lossy(&validate.stdout).into_owned();
+    assert_eq!(validate.status.code(), Some(1), "{said}");
+    for words in ["thickness_m = 0", "1 to 40 GHz", "radio_materials.\"wall\"", "\"stone\""] {
+        assert!(said.contains(words), "{words}\n{said}");
+    }
+    corf_refuses(&["paths", text(&scene), "--rx", "5,4,1.5"], &["thickness_m = 0", "wall"]);
+    // Out of its range: an error where a triangle has it, and none where none has.
+    fs::write(&scene, sound.replace("itu = \"concrete\"", "itu = \"brick\"")).unwrap();
+    corf_refuses(&["paths", text(&scene), "--rx", "5,4,1.5"], &["stone", "brick", "1 to 40 GHz", "60 GHz"]);
+    fs::write(&scene, sound.replace("frequency_hz", "")).unwrap();
+    let obj = folder.path().join("room.obj");
+    let all_walls = fs::read_to_string(&obj).unwrap().replace("usemtl stone", "usemtl wall");
+    fs::write(&obj, all_walls).unwrap();
+    fs::write(&scene, sound.replace("itu = \"concrete\"", "itu = \"brick\"")).unwrap();
+    let output = corf(&["paths", text(&scene), "--rx", "5,4,1.5"]);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    // The importer may leave out a material that nothing uses; then its entry is refused by name.
+    assert!(output.status.code() == Some(0) || stderr.contains("no material of this name"), "{stderr}");
+}
+
+#[test]
+fn an_open_body_is_warned_of_and_refused_where_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let lidless = [true, true, true, true, true, false];
+    let boxes: Boxes<'_> = &[
+        ("room", "wall", [0.0; 3], [6.0, 5.0, 3.0], CLOSED),
+        ("crate", "stone", [3.0, 3.0, 0.5], [4.0, 4.0, 1.5], lidless),
+        ("screen", "pane", [2.0, 1.0, 0.0], [2.008, 3.0, 2.0], CLOSED),
+    ];
+    let scene = boxes_scene(folder.path(), boxes, [1.0, 1.0, 2.0], "");
+    let output = corf(&["paths", text(&scene), "--rx", "5,4,1.5"]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("\"crate\": a body of 5.00 m² with a hole: 4 open edges"));
+    // Where nothing is transmitted nothing depends on it.
+    let opaque = corf(&["paths", text(&scene), "--rx", "5,4,1.5", "--no-transmission"]);
+    assert!(!String::from_utf8_lossy(&opaque.stderr).contains("hole"));
+    let said = corf_ok(&["scene", "validate", text(&scene)]);
+    // Two panes of 4 mm make the screen's 8 mm.
+    assert!(said.contains("\"crate\"") && !said.contains("\"screen\""), "{said}");
+    assert_eq!(corf(&["scene", "validate", "--strict", text(&scene)]).status.code(), Some(1));
+}

@@ -40,6 +40,7 @@ pub fn generate_from(
     resume: bool,
 ) -> Result<Dataset> {
     scene_config.check_radio(scene)?;
+    scene_config.check_placement(scene)?;
     let bvh = Bvh::build(scene);
     // Whatever can be refused is refused before the first file.
     let settings = RadioSettings {

@@ -1,10 +1,12 @@
 //! The harness and the `corf` command: methods, metrics, plans, cells, tables, report.
 
 pub mod commands;
+pub mod coverage_picture;
 pub mod demo;
 pub mod generate;
 pub mod harness;
 pub mod interrupt;
+pub mod link;
 pub mod method;
 pub mod methods;
 pub mod metrics;

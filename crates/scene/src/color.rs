@@ -40,6 +40,25 @@ pub fn jet(scalar: f32) -> [f32; 3] {
     ]
 }
 
+/// The viridis colour of a scalar in `[0, 1]` (nine of matplotlib's points, linear between), RGB in `[0, 1]`: evenly rising lightness.
+pub fn viridis(scalar: f32) -> [f32; 3] {
+    const POINTS: [[f32; 3]; 9] = [
+        [68.0, 1.0, 84.0],
+        [71.0, 44.0, 122.0],
+        [59.0, 81.0, 139.0],
+        [44.0, 113.0, 142.0],
+        [33.0, 144.0, 141.0],
+        [39.0, 173.0, 129.0],
+        [92.0, 200.0, 99.0],
+        [170.0, 220.0, 50.0],
+        [253.0, 231.0, 37.0],
+    ];
+    let along = scalar.clamp(0.0, 1.0) * 8.0;
+    let i = (along as usize).min(7);
+    let t = along - i as f32;
+    std::array::from_fn(|c| (POINTS[i][c] + t * (POINTS[i + 1][c] - POINTS[i][c])) / 255.0)
+}
+
 /// The scalar in `[0, 1]` whose Jet colour is nearest to `rgb` in the Euclidean sense: exact on the curve, the projection off it.
 pub fn scalar_from_jet(rgb: [f32; 3]) -> f32 {
     // Jet is piecewise linear between these scalars, so the nearest point is found segment by segment.
@@ -74,6 +93,15 @@ mod tests {
             let tolerance = if (0.11..=0.125).contains(&s) { 0.015 + 0.5 / 255.0 } else { 0.5 / 255.0 };
             assert!((scalar_from_jet(c) - s).abs() < tolerance, "{s}");
         }
+    }
+
+    #[test]
+    fn viridis_grows_lighter_all_along() {
+        let lightness = |i: i32| {
+            let [r, g, b] = viridis(i as f32 / 100.0).map(linear_from_srgb);
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        };
+        assert!((1..=100).all(|i| lightness(i) > lightness(i - 1)));
     }
 
     #[test]

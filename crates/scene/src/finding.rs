@@ -39,6 +39,15 @@ impl Finding {
     }
 }
 
+impl From<crate::Error> for Finding {
+    fn from(error: crate::Error) -> Self {
+        match error {
+            crate::Error::Invalid { place, what, help } => Self::error(place, what, help),
+            other => Self::error("input", other.to_string(), ""),
+        }
+    }
+}
+
 impl std::fmt::Display for Finding {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let severity = match self.severity {

@@ -165,7 +165,7 @@ pub fn validate_scene(scene: &Scene, frequency_hz: f64) -> Vec<Finding> {
         return findings;
     }
     check_triangles(scene, &mut findings);
-    check_radio(scene, frequency_hz, &mut findings);
+    findings.extend(crate::radio_check::radio_findings(scene, frequency_hz));
     let info = SceneInfo::of(scene);
     if let Some(b) = scene.bounds() {
         let diagonal = (b.max - b.min).length();
@@ -290,26 +290,6 @@ fn check_triangles(scene: &Scene, findings: &mut Vec<Finding>) {
     }
 }
 
-/// Radio properties of every material in use, at the carrier.
-fn check_radio(scene: &Scene, frequency_hz: f64, findings: &mut Vec<Finding>) {
-    let name = scene.name.as_str();
-    for missing in scene.materials_without_radio() {
-        findings.push(Finding::error(
-            format!("{name}: material \"{missing}\""),
-            "it has no radio properties",
-            format!("add [radio_materials.\"{missing}\"] to the scene's TOML, or extras.corf_radio to the material"),
-        ));
-    }
-    for m in &scene.materials {
-        let Some(radio) = &m.radio else { continue };
-        let place = format!("{name}: material \"{}\"", m.name);
-        let problem = radio.validate(&place).and_then(|()| radio.complex_permittivity(frequency_hz).map(|_| ()));
-        if let Err(crate::Error::Invalid { what, help, .. }) = problem {
-            findings.push(Finding::error(place, what, help));
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -372,9 +352,12 @@ mod tests {
         with(&|s| s.positions[3].y = f32::NAN, "vertex 3");
         with(&|s| s.normals[2] = Vec3::ZERO, "normal");
         with(&|s| s.triangles[4].vertices[1] = 99, "triangle 4");
-        with(&|s| s.triangles.truncate(11), "open sheets");
+        with(&|s| s.triangles.truncate(2), "open sheets");
         with(&|s| s.positions.iter_mut().for_each(|p| *p *= 1000.0), "millimetres");
         with(&|s| s.triangles.clear(), "no triangle");
+        let mut holed = lit.clone();
+        holed.triangles.truncate(11);
+        assert!(findings(&holed).iter().any(|f| f.contains("\"box\": a body of 22.00 m² with a hole: 3 open edges")));
         let mut doubled = lit.clone();
         doubled.triangles.push(Triangle { vertices: [2, 3, 0], ..doubled.triangles[0] });
         assert!(findings(&doubled)[0].contains("1 triangles lie exactly on others"));

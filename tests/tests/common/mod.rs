@@ -91,3 +91,47 @@ pub fn copy_folder(from: &Path, to: &Path) {
         }
     }
 }
+
+/// Boxes of a Wavefront file: name, material, smallest and largest corner, and which faces there are (−x, +x, −y, +y, −z, +z).
+pub type Boxes<'b> = &'b [(&'b str, &'b str, [f64; 3], [f64; 3], [bool; 6])];
+
+/// All faces of a box.
+pub const CLOSED: [bool; 6] = [true; 6];
+
+/// Writes a scene of boxes with plasterboard, concrete (`pillar`) and glass (`pane`), and returns its scene file; `extra` goes behind.
+pub fn boxes_scene(folder: &Path, boxes: Boxes<'_>, tx: [f64; 3], extra: &str) -> PathBuf {
+    let (mut obj, mut first) = (String::from("mtllib room.mtl\n"), 1);
+    for (name, material, min, max, faces) in boxes {
+        obj += &format!("o {name}\nusemtl {material}\n");
+        for i in 0..8 {
+            let corner: Vec<f64> = (0..3).map(|k| if i >> k & 1 > 0 { max[k] } else { min[k] }).collect();
+            obj += &format!("v {} {} {}\n", corner[0], corner[1], corner[2]);
+        }
+        let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        for (q, _) in quads.iter().zip(faces).filter(|(_, on)| **on) {
+            obj += &format!("f {} {} {} {}\n", q[0] + first, q[1] + first, q[2] + first, q[3] + first);
+        }
+        first += 8;
+    }
+    std::fs::write(folder.join("room.obj"), obj).unwrap();
+    std::fs::write(folder.join("room.mtl"), "newmtl wall\nKd 1 1 1\nnewmtl stone\nKd 1 1 1\nnewmtl pane\nKd 1 1 1\n").unwrap();
+    let mut materials = String::new();
+    for (name, itu, thickness_m) in [("wall", "plasterboard", 0.013), ("stone", "concrete", 0.1), ("pane", "glass", 0.004)] {
+        if obj.contains(&format!("usemtl {name}\n")) {
+            materials += &format!(
+                "[radio_materials.{name}]\nid = \"{itu}\"\nitu = \"{itu}\"\nthickness_m = {thickness_m}\nscattering_coefficient = 0.3\n"
+            );
+        }
+    }
+    let path = folder.join("room.toml");
+    let text = format!("[scene]\nfile = \"room.obj\"\n[transmitter]\nposition_m = {tx:?}\n{materials}{extra}");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// A room of 6 × 5 × 3 m with a pillar.
+pub fn room_with_pillar(folder: &Path, tx: [f64; 3], extra: &str) -> PathBuf {
+    let boxes: Boxes<'_> =
+        &[("room", "wall", [0.0; 3], [6.0, 5.0, 3.0], CLOSED), ("pillar", "stone", [2.0, 2.0, 0.0], [2.6, 2.6, 3.0], CLOSED)];
+    boxes_scene(folder, boxes, tx, extra)
+}

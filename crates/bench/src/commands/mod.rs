@@ -3,6 +3,7 @@
 mod bench;
 mod bench_radio;
 mod check;
+mod coverage;
 mod dataset;
 mod diffuse;
 mod evaluate;
@@ -37,10 +38,12 @@ pub enum Command {
     /// Generate or check a keyframe dataset.
     #[command(subcommand)]
     Dataset(dataset::DatasetCommand),
-    /// Trace the propagation paths between two points; JSON with Sionna's field names.
+    /// Trace the propagation paths between points: JSON with Sionna's field names, link statistics, Sionna and DeepMIMO arrays.
     Paths(paths::Paths),
     /// Trace what surfaces scatter towards receivers, and which of them; JSON.
     Diffuse(diffuse::Diffuse),
+    /// Map what a transmitter reaches on a plane: EXR, PNG, JSON.
+    Coverage(coverage::Coverage),
     /// Compare with references.
     #[command(subcommand)]
     Check(check::Check),
@@ -67,6 +70,7 @@ impl Command {
             Self::Dataset(c) => c.run(json),
             Self::Paths(c) => c.run(),
             Self::Diffuse(c) => c.run(),
+            Self::Coverage(c) => c.run(json),
             Self::Check(c) => c.run(json),
             Self::Reconstruct(c) => c.run(json),
             Self::Render(c) => c.run(json),

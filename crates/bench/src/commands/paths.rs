@@ -1,74 +1,242 @@
-//! `corf paths`: propagation paths between two points.
+//! `corf paths`: propagation paths between points, what a link makes of them, and their export.
 
 use super::{Verdict, print};
-use crate::generate;
+use crate::interrupt;
+pub(super) use crate::link::Point;
+use crate::link::{Grid, LinkArgs, LinkSetup, receivers};
+use crate::progress::Progress;
 use anyhow::Result;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use corf_raytrace::bvh::Bvh;
-use corf_raytrace::radio::{RadioSettings, RadioTracer, Search, json};
-use corf_scene::config::SceneConfig;
+use corf_raytrace::radio::channel::{
+    LinkStatistics, Subcarriers, TapFilter, channel_matrix, frequency_response, impulse_response, rays,
+};
+use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
+use corf_raytrace::radio::{Arrival, Complex, DiffuseField, RadioTracer, json};
+use corf_scene::npz::{Array, Values, encode_npz};
+use corf_scene::{Error, io};
 use glam::DVec3;
+use serde_json::{Value, json};
 use std::path::PathBuf;
-use std::str::FromStr;
+
+/// Taps after the last path that an impulse response shows.
+const TAPS_AFTER: i64 = 4;
 
 /// `corf paths`.
 #[derive(Args)]
 pub struct Paths {
     /// Scene file (.toml).
     scene: PathBuf,
-    /// Transmitter, world metres `x,y,z`; without it the scene's own.
+    /// Transmitter, world metres; may be repeated. Without it the scene's own.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    tx: Option<Point>,
-    /// Receiver, world metres `x,y,z`.
+    tx: Vec<Point>,
+    /// Receiver, world metres; may be repeated.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    rx: Point,
-    /// Largest number of interactions on a path.
-    #[arg(long, default_value_t = 3)]
-    depth: usize,
-    /// Rays that look for chains of faces where there are too many to try them all.
-    #[arg(long, default_value_t = 200_000)]
-    rays: usize,
-    /// Leave out transmission through slabs.
-    #[arg(long)]
-    no_transmission: bool,
+    rx: Vec<Point>,
+    /// More receivers: x, y, z a line (.csv), or a NumPy array N x 3 (.npy).
+    #[arg(long, value_name = "FILE")]
+    rx_file: Option<PathBuf>,
+    /// More receivers: this many, equally spaced along the scene's trajectory.
+    #[arg(long, value_name = "N")]
+    rx_trajectory: Option<usize>,
+    /// Elements of the transmit array (default 1x1).
+    #[arg(long, value_name = "ROWSxCOLS")]
+    tx_array: Option<Grid>,
+    /// Elements of the receive array (default 1x1).
+    #[arg(long, value_name = "ROWSxCOLS")]
+    rx_array: Option<Grid>,
+    #[command(flatten)]
+    link: LinkArgs,
+    /// Bandwidth over which to give the channel's frequency and impulse response, Hz.
+    #[arg(long, value_name = "HZ")]
+    bandwidth: Option<f64>,
+    /// Subcarriers of the frequency response.
+    #[arg(long, value_name = "N", default_value_t = 64, requires = "bandwidth")]
+    subcarriers: usize,
+    /// What to write: paths with link statistics, Sionna RT's arrays, or DeepMIMO's matrices.
+    #[arg(long, value_enum, default_value_t = Format::Json)]
+    format: Format,
+    /// Where to write it; without it, standard output. `.npz` for `npz` and, if wished, `sionna`.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
 }
 
-/// A point on the command line.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Point(pub(super) DVec3);
+/// What `corf paths` writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// One object a link: paths under Sionna's names, link statistics, responses.
+    Json,
+    /// The arrays of Sionna RT's `Paths` object, in its shapes.
+    Sionna,
+    /// DeepMIMO's matrices, one archive.
+    Npz,
+}
 
-impl FromStr for Point {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let numbers: Vec<f64> = text.split(',').filter_map(|p| p.trim().parse().ok()).filter(|v: &f64| v.is_finite()).collect();
-        match (numbers.as_slice(), text.matches(',').count()) {
-            ([x, y, z], 2) => Ok(Self(DVec3::new(*x, *y, *z))),
-            _ => Err(format!("\"{text}\" is not three numbers x,y,z")),
-        }
-    }
+/// What was traced: paths and diffuse arrivals of each link.
+struct Traced<'s> {
+    set: PathSet<'s>,
+    diffuse: Vec<Vec<Arrival>>,
 }
 
 impl Paths {
     /// Runs the command.
     ///
     /// # Errors
-    /// A scene that cannot be read or traced, a transmitter at the receiver.
+    /// A scene that cannot be read or traced, a transmitter at the receiver, an end inside of a body.
     pub fn run(self) -> Result<Verdict> {
-        let config = SceneConfig::load(&self.scene)?;
-        let scene = config.load_scene()?;
-        config.check_radio(&scene)?;
-        let tx = self.tx.map_or(DVec3::from_array(config.transmitter.position_m), |p| p.0);
-        let bvh = Bvh::build(&scene);
-        let settings = RadioSettings {
-            max_depth: self.depth,
-            transmission: !self.no_transmission,
-            search: Search::Auto { rays: self.rays },
-            ..generate::radio_settings(&config)
+        let archive = self.out.as_ref().is_some_and(|p| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz")));
+        match (self.format, &self.out) {
+            (Format::Npz, Some(_)) if archive => {}
+            (Format::Npz, _) => return Err(Error::invalid("--out", "npz is a file", "give --out FILE.npz").into()),
+            (Format::Json, Some(path)) if archive => {
+                let help = "choose --format npz (DeepMIMO) or --format sionna, or a .json file";
+                return Err(Error::invalid(path.display().to_string(), "JSON does not go into an archive", help).into());
+            }
+            _ => {}
+        }
+        let setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
+        let subcarriers = self.bandwidth.map(|b| Subcarriers::of_band(b, self.subcarriers)).transpose()?;
+        let traced = self.trace(&setup)?;
+        let bytes = match self.format {
+            Format::Json => self.json(&setup, &traced, subcarriers)?.into_bytes(),
+            Format::Sionna if archive => encode_npz(&sionna_arrays(&traced.set))?,
+            Format::Sionna => serde_json::to_string(&sionna_json(&traced.set))?.into_bytes(),
+            Format::Npz => encode_npz(&self.deepmimo(&setup, &traced, subcarriers))?,
         };
-        let tracer = RadioTracer::new(&scene, &bvh, settings)?;
-        let paths = tracer.paths(tx, self.rx.0)?;
-        print(&serde_json::to_string_pretty(&json::paths_to_json(&scene, config.radio.frequency_hz, tx, self.rx.0, &paths))?)?;
+        match &self.out {
+            Some(path) => io::write_atomic(path, &bytes)?,
+            None => print(&String::from_utf8_lossy(&bytes))?,
+        }
         Ok(Verdict::Done)
     }
+
+    fn trace<'s>(&self, setup: &'s LinkSetup) -> Result<Traced<'s>> {
+        let mut transmitters: Vec<DVec3> = self.tx.iter().map(|p| p.0).collect();
+        if transmitters.is_empty() {
+            transmitters.push(setup.config.transmitter.position());
+        }
+        let receivers = receivers(&setup.config, &self.rx, self.rx_file.as_deref(), self.rx_trajectory)?;
+        for rx in &receivers {
+            transmitters.iter().try_for_each(|tx| setup.check_link(*tx, *rx))?;
+        }
+        let bvh = Bvh::build(&setup.scene);
+        let tracer = RadioTracer::new(&setup.scene, &bvh, setup.radio_settings())?;
+        let total = transmitters.len() * receivers.len();
+        let mut progress = (total > 1).then(|| Progress::start("paths", total, "links"));
+        let mut links = vec![Vec::new(); receivers.len()];
+        let mut diffuse = vec![Vec::new(); receivers.len()];
+        for (t, &tx) in transmitters.iter().enumerate() {
+            let transmitter = tracer.transmitter(tx)?;
+            let field = setup.link.diffuse.then(|| DiffuseField::new(&tracer, tx, &setup.diffuse_settings())).transpose()?;
+            for (r, &rx) in receivers.iter().enumerate() {
+                interrupt::check()?;
+                links[r].push(Link { tx, rx, paths: transmitter.paths(rx)? });
+                diffuse[r].push(field.as_ref().map_or_else(|| Ok(Vec::new()), |f| f.gather(rx))?);
+                if let Some(progress) = &mut progress {
+                    progress.set(t * receivers.len() + r + 1, total);
+                }
+            }
+        }
+        if let Some(progress) = progress {
+            progress.finish();
+        }
+        let set = PathSet {
+            transmitters,
+            receivers,
+            links: links.into_iter().flatten().collect(),
+            frequency_hz: setup.config.radio.frequency_hz,
+            tx_array: setup.tx_array,
+            rx_array: setup.rx_array,
+            object_names: setup.scene.objects.iter().map(|o| o.name.as_str()).collect(),
+        };
+        Ok(Traced { set, diffuse: diffuse.into_iter().flatten().collect() })
+    }
+
+    /// One link as it is, several as a list.
+    fn json(&self, setup: &LinkSetup, traced: &Traced<'_>, subcarriers: Option<Subcarriers>) -> Result<String> {
+        let link = |(link, diffuse): (&Link, &Vec<Arrival>)| self.link_json(setup, link, diffuse, subcarriers);
+        let mut links: Vec<Value> = traced.set.links.iter().zip(&traced.diffuse).map(link).collect();
+        let value = match links.len() {
+            1 => links.remove(0),
+            _ => json!({ "schema": "corf-links/1", "scene": setup.scene.name, "links": links }),
+        };
+        Ok(serde_json::to_string_pretty(&value)?)
+    }
+
+    fn link_json(&self, setup: &LinkSetup, link: &Link, diffuse: &[Arrival], subcarriers: Option<Subcarriers>) -> Value {
+        let (f, seed) = (setup.config.radio.frequency_hz, setup.link.seed);
+        let mut value = json::paths_to_json(&setup.scene, f, link.tx, link.rx, &link.paths);
+        value["tx_power_dbm"] = json!(setup.link.tx_power_dbm);
+        value["channel"] = json!(LinkStatistics::of(&link.paths, diffuse, f, setup.link.tx_power_dbm, seed));
+        if setup.link.diffuse {
+            let power: f64 = diffuse.iter().map(|a| a.power).sum();
+            value["diffuse"] = json!({ "power_db": decibels(power), "directions": diffuse.len(), "seed": seed });
+        }
+        let pairs = |list: &[Complex]| list.iter().map(|h| [h.re, h.im]).collect::<Vec<_>>();
+        if self.tx_array.is_some() || self.rx_array.is_some() || setup.tx_array.ports() * setup.rx_array.ports() > 1 {
+            let h = channel_matrix(&link.paths, diffuse, &setup.tx_array, &setup.rx_array, f, seed);
+            value["channel_matrix"] = json!({ "shape": [h.rows, h.columns], "h": pairs(&h.values) });
+        }
+        if let Some(subcarriers) = subcarriers {
+            let mut arrivals: Vec<Arrival> = link.paths.iter().map(|p| Arrival::from_path(p, f)).collect();
+            arrivals.extend_from_slice(diffuse);
+            let rays = rays(&arrivals, seed);
+            let offsets = subcarriers.offsets_hz();
+            let bandwidth_hz = subcarriers.spacing_hz * subcarriers.count as f64;
+            let last = rays.iter().map(|r| (r.delay_s * bandwidth_hz).round() as i64).max().unwrap_or(0);
+            let first = rays.iter().map(|r| (r.delay_s * bandwidth_hz).round() as i64).min().unwrap_or(0);
+            let taps = (first - TAPS_AFTER).max(0)..last + TAPS_AFTER + 1;
+            value["frequency_response"] = json!({
+                "offsets_hz": offsets,
+                "h": pairs(&frequency_response(&rays, &offsets)),
+            });
+            value["impulse_response"] = json!({
+                "bandwidth_hz": bandwidth_hz,
+                "first_tap": taps.start,
+                "h": pairs(&impulse_response(&rays, bandwidth_hz, taps, TapFilter::Sinc)),
+            });
+        }
+        value
+    }
+
+    /// DeepMIMO's matrices of the first transmitter under their names, of further ones with `_tx1`, `_tx2` … behind; with a bandwidth,
+    /// the channel (users, receive ports, transmit ports, subcarriers).
+    fn deepmimo(&self, setup: &LinkSetup, traced: &Traced<'_>, subcarriers: Option<Subcarriers>) -> Vec<Array> {
+        let set = &traced.set;
+        let (f, n_tx, users) = (set.frequency_hz, set.transmitters.len(), set.receivers.len());
+        let (rows, columns) = (set.rx_array.ports(), set.tx_array.ports());
+        let mut arrays = vec![Array::new("frequency", &[], Values::F64(vec![f]))];
+        for tx in 0..n_tx {
+            let suffix = if tx == 0 { String::new() } else { format!("_tx{tx}") };
+            let mut of_tx = deepmimo_arrays(set, tx);
+            if let Some(subcarriers) = subcarriers {
+                let offsets = subcarriers.offsets_hz();
+                let mut h = vec![[0.0; 2]; users * rows * columns * offsets.len()];
+                for user in 0..users {
+                    let at = user * n_tx + tx;
+                    for (k, offset_hz) in offsets.iter().enumerate() {
+                        let matrix = channel_matrix(
+                            &set.links[at].paths,
+                            &traced.diffuse[at],
+                            &set.tx_array,
+                            &set.rx_array,
+                            f + offset_hz,
+                            setup.link.seed,
+                        );
+                        for (i, v) in matrix.values.iter().enumerate() {
+                            h[(user * rows * columns + i) * offsets.len() + k] = [v.re, v.im];
+                        }
+                    }
+                }
+                of_tx.push(Array::new("channel", &[users, rows, columns, offsets.len()], Values::Complex(h)));
+                of_tx.push(Array::new("subcarrier_offsets", &[offsets.len()], Values::F64(offsets)));
+            }
+            arrays.extend(of_tx.into_iter().map(|array| Array { name: array.name.clone() + &suffix, ..array }));
+        }
+        arrays
+    }
+}
+
+fn decibels(power: f64) -> Option<f64> {
+    (power > 0.0).then(|| 10.0 * power.log10())
 }

@@ -3,10 +3,10 @@
 use super::{Verdict, show};
 use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
-use corf_scene::config::SceneConfig;
+use corf_scene::config::{SceneConfig, UpAxis, read_toml};
 use corf_scene::export::sionna;
 use corf_scene::info::{SceneInfo, validate_scene};
-use corf_scene::{Finding, Scene as Model, Severity, import, lobby};
+use corf_scene::{Finding, Scene as Model, Severity, import, lobby, radio_check};
 use std::path::{Path, PathBuf};
 
 /// Frequency a mesh file without a scene file is checked at, Hz.
@@ -21,7 +21,7 @@ pub enum Scene {
     /// Describe a scene: what it holds, which materials lack radio properties.
     Info(File),
     /// Check a scene; exit 1 when something in it cannot be traced.
-    Validate(File),
+    Validate(Validate),
     /// Write a scene for another simulator.
     Export(Export),
 }
@@ -60,6 +60,16 @@ pub enum Build {
     },
 }
 
+/// `corf scene validate`.
+#[derive(Args)]
+pub struct Validate {
+    #[command(flatten)]
+    file: File,
+    /// Fail on warnings as well.
+    #[arg(long)]
+    strict: bool,
+}
+
 /// A scene on disk.
 #[derive(Args)]
 pub struct File {
@@ -67,15 +77,58 @@ pub struct File {
     file: PathBuf,
 }
 
-/// A scene, the frequency to check it at, and what its import left out or changed.
-fn load(path: &Path) -> Result<(Model, f64, Vec<Finding>)> {
-    let is_config = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    let config = if is_config { Some(SceneConfig::load(path)?) } else { None };
-    let mesh = config.as_ref().map_or(path.to_path_buf(), SceneConfig::mesh_path);
-    let (mut scene, report) = import::load_with_report(&mesh, config.as_ref().and_then(|c| c.scene.up))?;
-    if let Some(config) = &config {
-        config.apply_radio_materials(&mut scene)?;
+/// Everything wrong with a scene: its file's values, its mesh, its materials, where antennas stand.
+fn validate(path: &Path) -> Result<Vec<Finding>> {
+    if !is_config(path) {
+        let (scene, mut findings) = import(path, None)?;
+        findings.extend(validate_scene(&scene, DEFAULT_FREQUENCY_HZ));
+        return Ok(findings);
     }
+    let mut config: SceneConfig = read_toml(path)?;
+    config.source = path.to_path_buf();
+    let faults = config.faults();
+    let sound = faults.is_empty();
+    let mut findings: Vec<Finding> = faults.into_iter().map(Finding::from).collect();
+    let (mut scene, imported) = import(&config.mesh_path(), config.scene.up)?;
+    findings.extend(imported);
+    let mut failed = Vec::new();
+    for name in config.radio_materials.keys() {
+        if let Err(error) = config.apply_radio_material(name, &mut scene) {
+            let finding = Finding::from(error);
+            failed.push(format!("material \"{name}\""));
+            if findings.iter().all(|f| f.place != finding.place) {
+                findings.push(finding);
+            }
+        }
+    }
+    // A material whose entry was refused has nothing else to be told.
+    let mut of_scene = validate_scene(&scene, config.radio.frequency_hz);
+    of_scene.retain(|f| !failed.iter().any(|material| f.place.ends_with(material)));
+    findings.extend(of_scene);
+    if sound && !scene.triangles.is_empty() {
+        findings.extend(radio_check::placement_findings(&config, &scene));
+    }
+    Ok(findings)
+}
+
+fn is_config(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+/// A scene, and what its import left out or changed.
+fn load(path: &Path) -> Result<(Model, Vec<Finding>)> {
+    if !is_config(path) {
+        return import(path, None);
+    }
+    let config = SceneConfig::load(path)?;
+    let (mut scene, findings) = import(&config.mesh_path(), config.scene.up)?;
+    config.apply_radio_materials(&mut scene)?;
+    Ok((scene, findings))
+}
+
+/// A mesh, and what its import left out or changed.
+fn import(mesh: &Path, up: Option<UpAxis>) -> Result<(Model, Vec<Finding>)> {
+    let (scene, report) = import::load_with_report(mesh, up)?;
     let place = mesh.display().to_string();
     let mut left_out = Vec::new();
     for (count, what) in [
@@ -88,8 +141,7 @@ fn load(path: &Path) -> Result<(Model, f64, Vec<Finding>)> {
         }
     }
     left_out.extend(report.notes.into_iter().map(|note| Finding::new(Severity::Warning, &place, note, "")));
-    let frequency_hz = config.map_or(DEFAULT_FREQUENCY_HZ, |c| c.radio.frequency_hz);
-    Ok((scene, frequency_hz, left_out))
+    Ok((scene, left_out))
 }
 
 impl Scene {
@@ -106,16 +158,19 @@ impl Scene {
                 Ok(Verdict::Done)
             }
             Self::Info(File { file }) => {
-                let (scene, _, left_out) = load(&file)?;
+                let (scene, left_out) = load(&file)?;
                 let info = SceneInfo::of(&scene);
                 let notes: Vec<String> = left_out.iter().map(ToString::to_string).collect();
                 show(json, &serde_json::json!({ "scene": info, "import": left_out }), &format!("{info}{}", notes.join("\n")))?;
                 Ok(Verdict::Done)
             }
-            Self::Validate(File { file }) => {
-                let (scene, frequency_hz, mut findings) = load(&file)?;
-                findings.extend(validate_scene(&scene, frequency_hz));
-                super::findings(json, &findings)
+            Self::Validate(Validate { file: File { file }, strict }) => {
+                let findings = validate(&file)?;
+                let warned = findings.iter().any(|f| f.severity == Severity::Warning);
+                match super::findings(json, &findings)? {
+                    Verdict::Done if strict && warned => Ok(Verdict::CheckFailed),
+                    verdict => Ok(verdict),
+                }
             }
             Self::Export(Export { file, to: Format::Sionna, out, poses }) => {
                 let config = SceneConfig::load(&file)?;

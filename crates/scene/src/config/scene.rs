@@ -3,7 +3,7 @@
 use super::{ReceiverConfig, TransmitterConfig, nearest, read_toml};
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::TrajectoryConfig;
-use crate::{Error, Result, Scene};
+use crate::{Error, Result, Scene, Severity, radio_check};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -89,30 +89,30 @@ impl SceneConfig {
     /// # Errors
     /// The first value out of range, by key.
     pub fn validate(&self) -> Result<()> {
+        self.faults().into_iter().next().map_or(Ok(()), Err)
+    }
+
+    /// Every value that the tracer cannot use, one error each.
+    pub fn faults(&self) -> Vec<Error> {
         let place = |key: &str| format!("{}: {key}", self.source.display());
         let f = self.radio.frequency_hz;
-        if !(f.is_finite() && f > 0.0) {
-            return Err(Error::invalid(place("radio.frequency_hz"), format!("{f} is no frequency"), "give hertz, e.g. 60e9"));
-        }
-        if f < 1e6 {
-            return Err(Error::invalid(
-                place("radio.frequency_hz"),
-                format!("{f} Hz is under 1 MHz"),
-                format!("frequencies are in hertz: for {f} GHz write {f}e9"),
-            ));
-        }
-        self.transmitter.validate(&place("transmitter"))?;
-        for (name, transmitter) in &self.transmitters {
-            transmitter.validate(&place(&format!("transmitters.{name}")))?;
-        }
-        self.receiver.validate(&place("receiver"))?;
-        if let Some(t) = &self.trajectory {
-            t.validate(&place("trajectory"))?;
-        }
-        for (name, spec) in &self.radio_materials {
-            spec.to_material(name, &place(&format!("radio_materials.\"{name}\"")))?;
-        }
-        Ok(())
+        let frequency = if !(f.is_finite() && f > 0.0) {
+            Err(Error::invalid(place("radio.frequency_hz"), format!("{f} is no frequency"), "give hertz, e.g. 60e9"))
+        } else if f < 1e6 {
+            let help = format!("frequencies are in hertz: for {f} GHz write {f}e9");
+            Err(Error::invalid(place("radio.frequency_hz"), format!("{f} Hz is under 1 MHz"), help))
+        } else {
+            Ok(())
+        };
+        let mut checks = vec![frequency, self.transmitter.validate(&place("transmitter"))];
+        checks.extend(self.transmitters.iter().map(|(name, t)| t.validate(&place(&format!("transmitters.{name}")))));
+        checks.push(self.receiver.validate(&place("receiver")));
+        checks.extend(self.trajectory.iter().map(|t| t.validate(&place("trajectory"))));
+        let material = |(name, spec): (&String, &RadioSpec)| {
+            spec.to_material(name, &place(&format!("radio_materials.\"{name}\""))).map(|_| ())
+        };
+        checks.extend(self.radio_materials.iter().map(material));
+        checks.into_iter().filter_map(Result::err).collect()
     }
 
     /// The transmitter of this name in `[transmitters]`, or `[transmitter]` without one.
@@ -151,30 +151,37 @@ impl SceneConfig {
     /// # Errors
     /// A name no material of the scene has, or properties out of range.
     pub fn apply_radio_materials(&self, scene: &mut Scene) -> Result<()> {
-        for (name, spec) in &self.radio_materials {
-            let place = format!("{}: radio_materials.\"{name}\"", self.source.display());
-            let radio = spec.to_material(name, &place)?;
-            let mut found = false;
-            for material in scene.materials.iter_mut().filter(|m| m.name == *name) {
-                material.radio = Some(radio.clone());
-                found = true;
-            }
-            if !found {
-                let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
-                let help = nearest(name, names.iter().copied()).map_or_else(
-                    || format!("names are exact; the scene has: {}", names.join(", ")),
-                    |near| format!("did you mean \"{near}\"?"),
-                );
-                return Err(Error::invalid(place, format!("{} has no material of this name", scene.name), help));
-            }
-        }
-        Ok(())
+        self.radio_materials.keys().try_for_each(|name| self.apply_radio_material(name, scene))
     }
 
-    /// Checks that every material a triangle uses has radio properties valid at the carrier.
+    /// [`SceneConfig::apply_radio_materials`] of one entry.
     ///
     /// # Errors
-    /// All materials without radio properties by name, or the first whose properties cannot be used at this frequency.
+    /// As there; a name that is not in `[radio_materials]` does nothing.
+    pub fn apply_radio_material(&self, name: &str, scene: &mut Scene) -> Result<()> {
+        let Some(spec) = self.radio_materials.get(name) else { return Ok(()) };
+        let place = format!("{}: radio_materials.\"{name}\"", self.source.display());
+        let radio = spec.to_material(name, &place)?;
+        let mut found = false;
+        for material in scene.materials.iter_mut().filter(|m| m.name == *name) {
+            material.radio = Some(radio.clone());
+            found = true;
+        }
+        if found {
+            return Ok(());
+        }
+        let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
+        let help = nearest(name, names.iter().copied()).map_or_else(
+            || format!("names are exact; the scene has: {}", names.join(", ")),
+            |near| format!("did you mean \"{near}\"?"),
+        );
+        Err(Error::invalid(place, format!("{} has no material of this name", scene.name), help))
+    }
+
+    /// Checks that every material a triangle uses has radio properties valid at the carrier; what no triangle uses does not matter.
+    ///
+    /// # Errors
+    /// All materials without radio properties by name, or all whose properties cannot be used at this frequency.
     pub fn check_radio(&self, scene: &Scene) -> Result<()> {
         let missing = scene.materials_without_radio();
         if !missing.is_empty() {
@@ -192,10 +199,27 @@ impl SceneConfig {
                 ),
             ));
         }
-        for radio in scene.materials.iter().filter_map(|m| m.radio.as_ref()) {
-            radio.complex_permittivity(self.radio.frequency_hz)?;
+        let mut errors = radio_check::material_findings(scene, self.radio.frequency_hz);
+        errors.retain(|f| f.severity == Severity::Error);
+        if errors.len() < 2 {
+            return radio_check::refuse(errors);
         }
-        Ok(())
+        let all: Vec<String> = errors.iter().map(|f| format!("{}: {}", f.place, f.what)).collect();
+        let what = format!(
+            "{} materials cannot be traced at {} GHz:\n    {}",
+            all.len(),
+            self.radio.frequency_hz / 1e9,
+            all.join("\n    ")
+        );
+        Err(Error::invalid(self.source.display().to_string(), what, errors[0].help.clone()))
+    }
+
+    /// Checks that no transmitter lies inside of a closed object, nor the platform's way, nor the one on the other.
+    ///
+    /// # Errors
+    /// The first that does, with the object's name.
+    pub fn check_placement(&self, scene: &Scene) -> Result<()> {
+        radio_check::refuse(radio_check::placement_findings(self, scene))
     }
 }
 

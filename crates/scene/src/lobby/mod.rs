@@ -18,7 +18,7 @@ mod materials;
 mod mesh_builder;
 mod shapes;
 mod shapes_round;
-mod textures;
+pub(crate) mod textures;
 mod trig;
 
 use crate::Result;

@@ -3,7 +3,7 @@
 //! A radio wave meets every triangle as a slab of its own; a body is two of them with air between. A mesh is a body where its surface closes
 //! around a volume and faces outward. What faces inward is a room seen from inside; what has an open edge has no inside.
 
-use corf_scene::{Error, Result, Scene};
+use crate::{Error, Result, Scene};
 use glam::DVec3;
 use std::collections::HashMap;
 
@@ -156,7 +156,7 @@ fn bounds<'t>(triangles: impl IntoIterator<Item = &'t [DVec3; 3]>) -> (DVec3, DV
 #[cfg(test)]
 mod tests {
     use super::*;
-    use corf_scene::model::{Object, Triangle};
+    use crate::model::{Object, Triangle};
     use glam::Vec3;
 
     /// Adds a box as one object; `inward` turns its faces.
@@ -223,7 +223,7 @@ mod tests {
         add_box(&mut scene, "far", Vec3::splat(20.0), Vec3::splat(21.0), false);
         let solids = Solids::of(&scene);
         for i in 0..5000 {
-            let mut rng = corf_scene::Rng::keyed(3, 0, i);
+            let mut rng = crate::Rng::keyed(3, 0, i);
             let p = DVec3::new(rng.uniform_f64(), rng.uniform_f64(), rng.uniform_f64()) * 4.0 - DVec3::new(2.0, 0.0, 0.0);
             let expected = p.cmpgt(min.as_dvec3()).all() && p.cmplt(max.as_dvec3()).all();
             assert_eq!(solids.containing(p) == Some(0), expected, "{p}");

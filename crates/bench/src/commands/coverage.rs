@@ -1,0 +1,145 @@
+//! `corf coverage`: what a transmitter reaches on a plane: EXR, picture, numbers.
+
+use super::{Verdict, show};
+use crate::coverage_picture::CoveragePicture;
+use crate::interrupt;
+use crate::link::{LinkArgs, LinkSetup, Point};
+use crate::progress::Progress;
+use crate::run::write_json;
+use anyhow::Result;
+use clap::Args;
+use corf_raytrace::bvh::Bvh;
+use corf_raytrace::radio::coverage::{CoveragePlane, coverage};
+use corf_raytrace::radio::{DiffuseField, DiffuseSettings, RadioTracer};
+use corf_scene::{Error, Raster, io};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Directions of the diffuse field at a cell: its total alone needs far fewer than a spectrum.
+const DIFFUSE_DIRECTIONS: usize = 10_000;
+
+/// `corf coverage`.
+#[derive(Args)]
+pub struct Coverage {
+    /// Scene file (.toml).
+    scene: PathBuf,
+    /// Height of a horizontal plane over the whole scene, metres (default: the trajectory's).
+    #[arg(long, value_name = "Z", allow_hyphen_values = true, conflicts_with = "plane")]
+    height: Option<f64>,
+    /// Another rectangle: a corner and the ends of the two sides that meet there.
+    #[arg(long, num_args = 3, value_names = ["CORNER", "END_U", "END_V"], allow_hyphen_values = true)]
+    plane: Option<Vec<Point>>,
+    /// Side of a cell, metres.
+    #[arg(long, value_name = "METRES", default_value_t = 0.25, allow_hyphen_values = true)]
+    cell: f64,
+    /// Transmitter, world metres; without it the scene's own.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    tx: Option<Point>,
+    #[command(flatten)]
+    link: LinkArgs,
+    /// Folder for coverage.exr (path gain, linear), coverage.png (dBm) and coverage.json.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+impl Coverage {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A scene that cannot be read or traced, a plane outside of it, a transmitter inside of a body.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let setup = LinkSetup::load(&self.scene, &self.link, None, None)?;
+        let plane = self.plane_of(&setup)?;
+        let tx = self.tx.map_or(setup.config.transmitter.position(), |p| p.0);
+        setup.check_transmitter(tx)?;
+        // Whatever can be refused is refused before the work.
+        std::fs::create_dir_all(&self.out).map_err(Error::io("create", &self.out))?;
+        let bvh = Bvh::build(&setup.scene);
+        let tracer = RadioTracer::new(&setup.scene, &bvh, setup.radio_settings())?;
+        let transmitter = tracer.transmitter(tx)?;
+        let directions = self.link.directions.unwrap_or(DIFFUSE_DIRECTIONS);
+        let settings = DiffuseSettings { directions, ..setup.diffuse_settings() };
+        let field = setup.link.diffuse.then(|| DiffuseField::new(&tracer, tx, &settings)).transpose()?;
+        let mut progress = Progress::start("coverage", plane.rows, "rows");
+        let gain = coverage(&transmitter, field.as_ref(), setup.solids(), &plane, |rows| {
+            progress.set(rows, plane.rows);
+            interrupt::check()
+        })?;
+        progress.finish();
+        let picture = CoveragePicture::new(&gain, &plane, setup.link.tx_power_dbm);
+        let report =
+            self.report(&setup, &plane, tx.to_array(), &gain, picture.range_dbm(), field.is_some().then_some(directions));
+        io::write_atomic(self.out.join("coverage.exr"), &io::encode_exr_f32(&gain, "Y")?)?;
+        io::write_atomic(self.out.join("coverage.png"), &picture.draw(&setup.scene, tx))?;
+        write_json(&self.out.join("coverage.json"), &report)?;
+        let text = format!(
+            "{} x {} cells of {} m, {} inside bodies\nRSSI at {} dBm: median {} dBm, 5 % below {} dBm, 5 % above {} dBm\n{}",
+            plane.columns,
+            plane.rows,
+            plane.cell_m,
+            report["cells_inside_bodies"],
+            setup.link.tx_power_dbm,
+            report["rssi_dbm"]["median"],
+            report["rssi_dbm"]["p5"],
+            report["rssi_dbm"]["p95"],
+            self.out.join("coverage.png").display(),
+        );
+        show(json, &report, &text)?;
+        Ok(Verdict::Done)
+    }
+
+    fn plane_of(&self, setup: &LinkSetup) -> Result<CoveragePlane> {
+        if let Some([corner, end_u, end_v]) = self.plane.as_deref() {
+            return Ok(CoveragePlane::new(corner.0, end_u.0, end_v.0, self.cell)?);
+        }
+        let of_trajectory = || setup.config.trajectory.as_ref().map(|t| t.height_m);
+        let Some(height_m) = self.height.or_else(of_trajectory) else {
+            let help = "give --height Z in metres, e.g. --height 1.6";
+            return Err(Error::invalid("coverage plane", "no height, and the scene has no trajectory", help).into());
+        };
+        Ok(CoveragePlane::horizontal(&setup.scene, height_m, self.cell)?)
+    }
+
+    /// `coverage.json`.
+    fn report(
+        &self,
+        setup: &LinkSetup,
+        plane: &CoveragePlane,
+        tx: [f64; 3],
+        gain: &Raster<f32>,
+        range_dbm: [f64; 2],
+        diffuse_directions: Option<usize>,
+    ) -> Value {
+        let mut reached: Vec<f64> = gain.pixels().iter().filter(|g| **g > 0.0).map(|g| f64::from(*g)).collect();
+        reached.sort_by(f64::total_cmp);
+        let dbm = |gain: f64| ((10.0 * gain.log10() + setup.link.tx_power_dbm) * 100.0).round() / 100.0;
+        let quantile = |q: f64| {
+            let i = (q * reached.len() as f64) as usize;
+            reached.get(i.min(reached.len().saturating_sub(1))).map(|g| dbm(*g))
+        };
+        json!({
+            "schema": "corf-coverage/1",
+            "scene": setup.scene.name,
+            "frequency_hz": setup.config.radio.frequency_hz,
+            "tx": tx,
+            "tx_power_dbm": setup.link.tx_power_dbm,
+            "quantity": "coverage.exr, channel Y: noncoherent path gain, the sum of |a|^2 over all paths, linear, relative to 1 W transmitted; NaN inside closed bodies",
+            "picture": "coverage.png: received power, dBm; what lies outside of the range has the colour of its end",
+            "range_dbm": range_dbm,
+            "plane": {
+                "frame": "world, metres, z up; the centre of (column, row) is corner + along_u*(column + 0.5)*cell_m + along_v*(rows - 0.5 - row)*cell_m: row 0 has the largest v",
+                "corner": plane.corner.to_array(),
+                "along_u": plane.along_u.to_array(),
+                "along_v": plane.along_v.to_array(),
+                "cell_m": plane.cell_m,
+                "columns": plane.columns,
+                "rows": plane.rows,
+            },
+            "cells_inside_bodies": gain.pixels().iter().filter(|g| g.is_nan()).count(),
+            "cells_not_reached": gain.pixels().iter().filter(|g| **g == 0.0).count(),
+            "rssi_dbm": { "min": quantile(0.0), "p5": quantile(0.05), "median": quantile(0.5), "p95": quantile(0.95), "max": quantile(1.0) },
+            "diffuse_directions": diffuse_directions,
+            "settings": setup.link,
+        })
+    }
+}

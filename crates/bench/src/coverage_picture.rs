@@ -1,0 +1,231 @@
+//! A coverage map as a picture: colours, walls, transmitter, axes in metres and a scale.
+
+use corf_raytrace::radio::coverage::CoveragePlane;
+use corf_scene::draw::{Anchor, Canvas, Format, hex, text};
+use corf_scene::{Raster, Scene, color};
+use glam::{DVec2, DVec3};
+
+/// Pixels of the map's longer side, about.
+const MAP_PIXELS: f64 = 900.0;
+/// Margins: left, top, right, bottom, pixels.
+const MARGIN: [usize; 4] = [64, 66, 130, 56];
+/// The colours span this much at most, dB; what is weaker has the darkest one.
+const MAX_SPAN_DB: f64 = 70.0;
+/// The picture's range is a multiple of this, dB.
+const STEP_DB: f64 = 5.0;
+/// Height of capitals, pixels.
+const CAP: f32 = 11.0;
+const INK: [f32; 3] = hex(0x1a1a1a);
+const BODY: [f32; 3] = hex(0xb4b4b4);
+const PAPER: [f32; 3] = hex(0xffffff);
+
+/// A map with the range of its colours.
+pub struct CoveragePicture<'m> {
+    gain: &'m Raster<f32>,
+    plane: &'m CoveragePlane,
+    tx_power_dbm: f64,
+    range_dbm: [f64; 2],
+}
+
+impl<'m> CoveragePicture<'m> {
+    /// Chooses the range: up to the strongest cell, down to the weakest one or [`MAX_SPAN_DB`] below.
+    pub fn new(gain: &'m Raster<f32>, plane: &'m CoveragePlane, tx_power_dbm: f64) -> Self {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for gain in gain.pixels().iter().filter(|g| **g > 0.0) {
+            let dbm = 10.0 * f64::from(*gain).log10() + tx_power_dbm;
+            (low, high) = (low.min(dbm), high.max(dbm));
+        }
+        let range_dbm = if high.is_finite() {
+            let top = (high / STEP_DB).ceil() * STEP_DB;
+            [(low / STEP_DB).floor() * STEP_DB, top]
+        } else {
+            [tx_power_dbm - MAX_SPAN_DB, tx_power_dbm]
+        };
+        let range_dbm = [range_dbm[0].max(range_dbm[1] - MAX_SPAN_DB).min(range_dbm[1] - STEP_DB), range_dbm[1]];
+        Self { gain, plane, tx_power_dbm, range_dbm }
+    }
+
+    /// Darkest and lightest colour, dBm.
+    pub fn range_dbm(&self) -> [f64; 2] {
+        self.range_dbm
+    }
+
+    /// The PNG's bytes.
+    pub fn draw(&self, scene: &Scene, tx: DVec3) -> Vec<u8> {
+        let plane = self.plane;
+        let scale = ((MAP_PIXELS / plane.columns.max(plane.rows) as f64).round()).max(1.0) as usize;
+        let (width, height) = (plane.columns * scale, plane.rows * scale);
+        let [left, top, right, bottom] = MARGIN;
+        let mut canvas = Canvas::filled(left + width + right, top + height + bottom, PAPER);
+        let size = [canvas_size(left + width + right), canvas_size(top + height + bottom)];
+        canvas.recolour(|u, v, paper| {
+            let (x, y) = ((u * size[0]) as usize, (v * size[1]) as usize);
+            if x < left || y < top || x >= left + width || y >= top + height {
+                return paper;
+            }
+            let (x, y) = (x - left, y - top);
+            match self.gain[(x / scale, y / scale)] {
+                // Hatched: the inside of a body.
+                gain if gain.is_nan() => {
+                    if (x + y) % 8 < 2 {
+                        INK
+                    } else {
+                        BODY
+                    }
+                }
+                gain => color::viridis(self.scalar(gain)),
+            }
+        });
+        let per_metre = scale as f64 / plane.cell_m;
+        let pixel = |p: DVec2| [(left as f64 + p.x * per_metre) as f32, (top + height) as f32 - (p.y * per_metre) as f32];
+        self.walls(&mut canvas, scene, &pixel);
+        let [x, y] = pixel(plane.project(tx));
+        canvas.disc(x, y, 8.0, INK);
+        canvas.disc(x, y, 6.0, hex(0xe8303a));
+        canvas.disc(x, y, 2.0, PAPER);
+        let inside = x > left as f32 && x < (left + width) as f32;
+        let (label_x, anchor) =
+            if inside && x + 60.0 > (left + width) as f32 { (x - 12.0, Anchor::Right) } else { (x + 12.0, Anchor::Left) };
+        text(&mut canvas, "TX", [label_x, y + 5.0], anchor, CAP, PAPER);
+        self.axes(&mut canvas, width, height, per_metre);
+        self.scale(&mut canvas, width, height);
+        canvas.encode(Format::Png)
+    }
+
+    /// Where a gain lies between the ends of the range.
+    fn scalar(&self, gain: f32) -> f32 {
+        let dbm = 10.0 * f64::from(gain.max(f32::MIN_POSITIVE)).log10() + self.tx_power_dbm;
+        ((dbm - self.range_dbm[0]) / (self.range_dbm[1] - self.range_dbm[0])) as f32
+    }
+
+    fn walls(&self, canvas: &mut Canvas, scene: &Scene, pixel: &impl Fn(DVec2) -> [f32; 2]) {
+        let plane = self.plane;
+        let size = DVec2::new(plane.columns as f64, plane.rows as f64) * plane.cell_m;
+        for [a, b] in plane.cut(scene) {
+            if let Some([a, b]) = clip(a, b, size) {
+                canvas.line(pixel(a), pixel(b), 2.2, INK);
+            }
+        }
+    }
+
+    /// Frame, ticks and a title.
+    fn axes(&self, canvas: &mut Canvas, width: usize, height: usize, per_metre: f64) {
+        let plane = self.plane;
+        let [left, top, ..] = MARGIN.map(|m| m as f32);
+        let (right, bottom) = (left + width as f32, top + height as f32);
+        for (a, b) in [
+            ([left, top], [right, top]),
+            ([left, bottom], [right, bottom]),
+            ([left, top], [left, bottom]),
+            ([right, top], [right, bottom]),
+        ] {
+            canvas.line(a, b, 1.2, INK);
+        }
+        // Horizontal planes are labelled in world coordinates, others from their corner.
+        let flat = plane.along_u == DVec3::X && plane.along_v == DVec3::Y;
+        let from = if flat { DVec2::new(plane.corner.x, plane.corner.y) } else { DVec2::ZERO };
+        let sides = [width as f64 / per_metre, height as f64 / per_metre];
+        let step = tick_step(sides[0].max(sides[1]));
+        for (axis, length) in sides.into_iter().enumerate() {
+            let first = (from[axis] / step).ceil() as i64;
+            for i in first..=((from[axis] + length) / step).floor() as i64 {
+                let value = i as f64 * step;
+                let along = ((value - from[axis]) * per_metre) as f32;
+                let label = format!("{}", (value * 1000.0).round() / 1000.0);
+                if axis == 0 {
+                    canvas.line([left + along, bottom], [left + along, bottom + 5.0], 1.2, INK);
+                    text(canvas, &label, [left + along, bottom + 21.0], Anchor::Middle, CAP, INK);
+                } else {
+                    canvas.line([left - 5.0, bottom - along], [left, bottom - along], 1.2, INK);
+                    text(canvas, &label, [left - 10.0, bottom - along + 0.5 * CAP], Anchor::Right, CAP, INK);
+                }
+            }
+        }
+        let names = if flat { ["X m", "Y m"] } else { ["U m", "V m"] };
+        text(canvas, names[0], [0.5 * (left + right), bottom + 44.0], Anchor::Middle, CAP, INK);
+        text(canvas, names[1], [left - 10.0, top - 12.0], Anchor::Right, CAP, INK);
+        let height_of = if flat { format!(" AT z = {:.2} m", plane.corner.z) } else { String::new() };
+        let title = format!("RSSI{height_of}, {} dBm TRANSMITTED", self.tx_power_dbm);
+        text(canvas, &title, [left, top - 38.0], Anchor::Left, CAP + 1.0, INK);
+    }
+
+    /// The colour scale right of the map.
+    fn scale(&self, canvas: &mut Canvas, width: usize, height: usize) {
+        let (left, top) = ((MARGIN[0] + width + 26) as f32, MARGIN[1] as f32);
+        let (bar, bottom) = (20.0, top + height as f32);
+        for y in 0..height {
+            let colour = color::viridis(1.0 - (y as f32 + 0.5) / height as f32);
+            canvas.rect(left, top + y as f32, left + bar, top + y as f32 + 1.0, colour);
+        }
+        let [low, high] = self.range_dbm;
+        let step = if high - low > 30.0 { 10.0 } else { 5.0 };
+        for i in (low / step).ceil() as i64..=(high / step).floor() as i64 {
+            let dbm = i as f64 * step;
+            let y = bottom - ((dbm - low) / (high - low)) as f32 * (bottom - top);
+            canvas.line([left + bar, y], [left + bar + 5.0, y], 1.2, INK);
+            text(canvas, &format!("{dbm}"), [left + bar + 10.0, y + 0.5 * CAP], Anchor::Left, CAP, INK);
+        }
+        text(canvas, "dBm", [left, top - 14.0], Anchor::Left, CAP, INK);
+    }
+}
+
+fn canvas_size(pixels: usize) -> f32 {
+    pixels as f32
+}
+
+/// 1, 2 or 5 times a power of ten that gives about eight ticks.
+fn tick_step(length_m: f64) -> f64 {
+    let rough = length_m / 8.0;
+    let decade = 10f64.powf(rough.log10().floor());
+    [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * decade).find(|s| *s >= rough).unwrap_or(10.0 * decade)
+}
+
+/// The part of a segment inside `[0, size]` (Liang and Barsky 1984).
+fn clip(a: DVec2, b: DVec2, size: DVec2) -> Option<[DVec2; 2]> {
+    let d = b - a;
+    let (mut from, mut to) = (0.0f64, 1.0f64);
+    for axis in 0..2 {
+        for (along, room) in [(-d[axis], a[axis]), (d[axis], size[axis] - a[axis])] {
+            if along == 0.0 {
+                if room < 0.0 {
+                    return None;
+                }
+            } else if along < 0.0 {
+                from = from.max(room / along);
+            } else {
+                to = to.min(room / along);
+            }
+        }
+    }
+    (from <= to).then(|| [a + d * from, a + d * to])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_few() {
+        for (length, step) in [(14.0, 2.0), (15.2, 2.0), (100.0, 20.0), (3.0, 0.5), (0.8, 0.1)] {
+            assert!((tick_step(length) - step).abs() < 1e-12, "{length}: {}", tick_step(length));
+        }
+    }
+
+    #[test]
+    fn segments_are_cut_at_the_frame() {
+        let size = DVec2::new(4.0, 2.0);
+        assert_eq!(clip(DVec2::new(-1.0, 1.0), DVec2::new(5.0, 1.0), size), Some([DVec2::new(0.0, 1.0), DVec2::new(4.0, 1.0)]));
+        assert_eq!(clip(DVec2::new(-1.0, 3.0), DVec2::new(5.0, 3.0), size), None);
+        assert_eq!(clip(DVec2::new(1.0, 1.0), DVec2::new(2.0, 0.5), size), Some([DVec2::new(1.0, 1.0), DVec2::new(2.0, 0.5)]));
+    }
+
+    #[test]
+    fn the_range_holds_the_strongest_cell_and_70_db_at_most() {
+        let plane = CoveragePlane::new(DVec3::ZERO, DVec3::X, DVec3::Y, 0.5).unwrap();
+        let range = |values: [f32; 4]| CoveragePicture::new(&Raster::from_vec(2, 2, values.to_vec()), &plane, 0.0).range_dbm();
+        assert_eq!(range([1.1e-6, 1e-8, f32::NAN, 2e-9]), [-90.0, -55.0]);
+        assert_eq!(range([1.1e-6, 1e-20, 0.0, f32::NAN]), [-125.0, -55.0]);
+        assert_eq!(range([0.0, 0.0, 0.0, f32::NAN]), [-70.0, 0.0]);
+        assert_eq!(range([1e-6; 4]), [-65.0, -60.0]);
+    }
+}

@@ -1,0 +1,316 @@
+//! What `corf paths` and `corf coverage` share: a scene, how its radio is traced, and between which antennas.
+
+mod receivers;
+
+pub use receivers::receivers;
+
+use anyhow::Result;
+use clap::Args;
+use corf_raytrace::radio::{
+    Antenna, AntennaArray, AntennaPattern, DiffuseSettings, PlanarArray, Polarization, RadioSettings, Search, Solids,
+};
+use corf_scene::config::{Orientation, SceneConfig, read_toml};
+use corf_scene::{Error, Scene, radio_check};
+use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// How a link is traced: the keys of `--config RF.toml`, with the defaults of what it leaves out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LinkConfig {
+    /// Largest number of interactions on a path.
+    pub max_depth: usize,
+    /// Trace the direct ray.
+    pub line_of_sight: bool,
+    /// Trace specular reflections.
+    pub reflection: bool,
+    /// Trace through slabs.
+    pub transmission: bool,
+    /// Trace paths that diffract once at an edge of a mesh.
+    pub diffraction: bool,
+    /// … at open edges of single sheets as well.
+    pub edge_diffraction: bool,
+    /// Rays that look for chains of faces.
+    pub rays: usize,
+    /// Gather the diffuse field as well.
+    pub diffuse: bool,
+    /// Directions of the diffuse field at a receiver.
+    pub directions: usize,
+    /// Paths weaker than this are dropped, dB relative to 1 W transmitted.
+    pub min_gain_db: f64,
+    /// Transmit power, dBm.
+    pub tx_power_dbm: f64,
+    /// Seed of the diffuse field's phases.
+    pub seed: u64,
+    /// The transmit array; what it leaves out is the scene's `[transmitter]`.
+    pub transmitter: ArrayConfig,
+    /// The receive array; what it leaves out is the scene's `[receiver]`.
+    pub receiver: ArrayConfig,
+}
+
+/// `[transmitter]` and `[receiver]` of a link file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ArrayConfig {
+    /// Elements along array −z. Default 1.
+    pub rows: Option<usize>,
+    /// Elements along array y. Default 1.
+    pub cols: Option<usize>,
+    /// Element spacing in wavelengths, `0.5` or `[between columns, between rows]`. Default 0.5.
+    pub spacing_wavelengths: Option<Spacing>,
+    /// Element pattern.
+    pub pattern: Option<AntennaPattern>,
+    /// Polarisation.
+    pub polarization: Option<Polarization>,
+    /// Where its boresight (+x) and zenith (+z) point.
+    pub orientation: Option<Orientation>,
+}
+
+/// Spacing of elements, wavelengths.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Spacing {
+    /// Along both axes.
+    Both(f64),
+    /// Between columns, between rows.
+    Each([f64; 2]),
+}
+
+impl Default for LinkConfig {
+    fn default() -> Self {
+        let (radio, diffuse) = (RadioSettings::default(), DiffuseSettings::default());
+        Self {
+            max_depth: radio.max_depth,
+            line_of_sight: true,
+            reflection: true,
+            transmission: true,
+            diffraction: false,
+            edge_diffraction: false,
+            rays: 200_000,
+            diffuse: false,
+            directions: diffuse.directions,
+            min_gain_db: radio.min_gain_db,
+            tx_power_dbm: 30.0,
+            seed: 0,
+            transmitter: ArrayConfig::default(),
+            receiver: ArrayConfig::default(),
+        }
+    }
+}
+
+/// Flags of every command that traces links.
+#[derive(Args, Clone, Debug)]
+pub struct LinkArgs {
+    /// Settings of the link (.toml): max_depth, transmission, diffuse, tx_power_dbm, [transmitter], [receiver] …; flags go before it.
+    #[arg(long, value_name = "RF.toml")]
+    pub config: Option<PathBuf>,
+    /// Transmitter of this name in the scene's [transmitters]; without it [transmitter].
+    #[arg(long, value_name = "NAME")]
+    pub transmitter: Option<String>,
+    /// Largest number of interactions on a path (default 3).
+    #[arg(long)]
+    pub depth: Option<usize>,
+    /// Rays that look for chains of faces where there are too many to try them all (default 200 000).
+    #[arg(long)]
+    pub rays: Option<usize>,
+    /// Leave out transmission through slabs.
+    #[arg(long)]
+    pub no_transmission: bool,
+    /// Trace paths that diffract once at an edge.
+    #[arg(long)]
+    pub diffraction: bool,
+    /// Gather the diffuse field as well.
+    #[arg(long)]
+    pub diffuse: bool,
+    /// Directions in which a receiver gathers the diffuse field.
+    #[arg(long)]
+    pub directions: Option<usize>,
+    /// Transmit power, dBm (default 30).
+    #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
+    pub tx_power_dbm: Option<f64>,
+    /// Seed of the diffuse field's random phases (default 0).
+    #[arg(long)]
+    pub seed: Option<u64>,
+}
+
+/// A point on the command line.
+#[derive(Clone, Copy, Debug)]
+pub struct Point(pub DVec3);
+
+impl FromStr for Point {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Vec<f64> = text.split(',').filter_map(|p| p.trim().parse().ok()).filter(|v: &f64| v.is_finite()).collect();
+        match (numbers.as_slice(), text.matches(',').count()) {
+            ([x, y, z], 2) => Ok(Self(DVec3::new(*x, *y, *z))),
+            _ => Err(format!("\"{text}\" is not three numbers x,y,z")),
+        }
+    }
+}
+
+/// The size of an array on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub columns: usize,
+}
+
+/// Arrays of more elements than this on a side are more likely a mistake.
+const MAX_SIDE: usize = 1024;
+
+impl FromStr for Grid {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let side = |s: &str| s.trim().parse().ok().filter(|n| (1..=MAX_SIDE).contains(n));
+        match text.split_once(['x', 'X', '×']).map(|(r, c)| (side(r), side(c))) {
+            Some((Some(rows), Some(columns))) => Ok(Self { rows, columns }),
+            _ => Err(format!("\"{text}\" is no array: give ROWSxCOLUMNS, e.g. 8x8")),
+        }
+    }
+}
+
+/// A scene ready to be traced.
+pub struct LinkSetup {
+    /// The scene file.
+    pub config: SceneConfig,
+    /// Its geometry and materials.
+    pub scene: Scene,
+    /// How links are traced.
+    pub link: LinkConfig,
+    /// Transmit array.
+    pub tx_array: AntennaArray,
+    /// Receive array.
+    pub rx_array: AntennaArray,
+    solids: Solids,
+}
+
+impl LinkSetup {
+    /// Reads the scene and the settings, flags over file over defaults.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a value out of range, a material that cannot be used.
+    pub fn load(scene: &Path, arguments: &LinkArgs, tx_grid: Option<Grid>, rx_grid: Option<Grid>) -> Result<Self> {
+        let mut config = SceneConfig::load(scene)?;
+        config.transmitter = *config.transmitter_named(arguments.transmitter.as_deref(), "--transmitter")?;
+        let mut link: LinkConfig = arguments.config.as_ref().map(read_toml).transpose()?.unwrap_or_default();
+        link.max_depth = arguments.depth.unwrap_or(link.max_depth);
+        link.rays = arguments.rays.unwrap_or(link.rays);
+        link.transmission &= !arguments.no_transmission;
+        link.diffraction |= arguments.diffraction;
+        link.diffuse |= arguments.diffuse;
+        link.directions = arguments.directions.unwrap_or(link.directions);
+        link.tx_power_dbm = arguments.tx_power_dbm.unwrap_or(link.tx_power_dbm);
+        link.seed = arguments.seed.unwrap_or(link.seed);
+        if !link.tx_power_dbm.is_finite() {
+            return Err(
+                Error::invalid("tx_power_dbm", format!("{}", link.tx_power_dbm), "give a finite power in dBm, e.g. 20").into()
+            );
+        }
+        let place = |end: &str| arguments.config.as_ref().map_or(end.to_owned(), |p| format!("{}: [{end}]", p.display()));
+        let tx_array = array(&link.transmitter, tx_grid, Antenna::from(&config.transmitter), &place("transmitter"))?;
+        let rx_element = Antenna::element_of(&config.receiver, DMat3::IDENTITY);
+        let rx_array = array(&link.receiver, rx_grid, rx_element, &place("receiver"))?;
+        let scene = config.load_scene()?;
+        config.check_radio(&scene)?;
+        if link.transmission {
+            radio_check::body_findings(&scene).iter().for_each(|finding| eprintln!("{finding}"));
+        }
+        let solids = Solids::of(&scene);
+        Ok(Self { config, scene, link, tx_array, rx_array, solids })
+    }
+
+    /// What the tracer is to do.
+    pub fn radio_settings(&self) -> RadioSettings {
+        RadioSettings {
+            frequency_hz: self.config.radio.frequency_hz,
+            max_depth: self.link.max_depth,
+            line_of_sight: self.link.line_of_sight,
+            reflection: self.link.reflection,
+            transmission: self.link.transmission,
+            diffraction: self.link.diffraction,
+            edge_diffraction: self.link.edge_diffraction,
+            search: Search::Auto { rays: self.link.rays },
+            min_gain_db: self.link.min_gain_db,
+            tx_antenna: self.tx_array.element,
+            rx_antenna: self.rx_array.element,
+            ..RadioSettings::default()
+        }
+    }
+
+    /// How the diffuse field is sampled.
+    pub fn diffuse_settings(&self) -> DiffuseSettings {
+        DiffuseSettings { directions: self.link.directions, ..DiffuseSettings::default() }
+    }
+
+    /// The closed bodies of the scene.
+    pub fn solids(&self) -> &Solids {
+        &self.solids
+    }
+
+    /// Refuses a transmitter in a closed object smaller than the scene.
+    ///
+    /// # Errors
+    /// Where it is, and the object.
+    pub fn check_transmitter(&self, tx: DVec3) -> Result<()> {
+        Ok(self.solids.check_link(&self.scene, tx, tx)?)
+    }
+
+    /// Refuses a link one end of which lies in a closed object.
+    ///
+    /// # Errors
+    /// The end, where it is, and the object.
+    pub fn check_link(&self, tx: DVec3, rx: DVec3) -> Result<()> {
+        Ok(self.solids.check_link(&self.scene, tx, rx)?)
+    }
+}
+
+/// The array asked for, of the scene's elements. One element keeps the scene's beam; the ports of several are no beam.
+fn array(given: &ArrayConfig, grid: Option<Grid>, scene: Antenna, place: &str) -> Result<AntennaArray> {
+    let rows = grid.map_or(given.rows.unwrap_or(1), |g| g.rows);
+    let columns = grid.map_or(given.cols.unwrap_or(1), |g| g.columns);
+    let spacing_wavelengths = match given.spacing_wavelengths {
+        Some(Spacing::Both(s)) => [s, s],
+        Some(Spacing::Each(pair)) => pair,
+        None => [0.5, 0.5],
+    };
+    let sides = 1..=MAX_SIDE;
+    let spaced = spacing_wavelengths.iter().all(|s| s.is_finite() && *s > 0.0);
+    if !(sides.contains(&rows) && sides.contains(&columns) && spaced) {
+        let what = format!("{rows}x{columns} elements {spacing_wavelengths:?} wavelengths apart is no array");
+        return Err(Error::invalid(place, what, "give rows and cols from 1 to 1024 and spacings above 0").into());
+    }
+    let several = grid.is_some() || given.rows.is_some() || given.cols.is_some();
+    let element = Antenna {
+        pattern: given.pattern.unwrap_or(scene.pattern),
+        polarization: given.polarization.unwrap_or(scene.polarization),
+        world_from_antenna: given.orientation.map_or(scene.world_from_antenna, |o| o.world_from_array()),
+        beam: scene.beam.filter(|_| !several),
+    };
+    if !element.world_from_antenna.is_finite() {
+        return Err(Error::invalid(place, "its orientation is not finite", "give yaw_deg, pitch_deg, roll_deg in degrees").into());
+    }
+    Ok(AntennaArray { element, grid: PlanarArray { rows, columns, spacing_wavelengths } })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_and_grids_are_read_or_refused() {
+        assert_eq!("1, -2.5,3".parse::<Point>().map(|p| p.0), Ok(DVec3::new(1.0, -2.5, 3.0)));
+        assert_eq!("4x8".parse(), Ok(Grid { rows: 4, columns: 8 }));
+        for bad in ["1,2", "1,2,nan", "1,2,3,4", "a,b,c"] {
+            assert!(bad.parse::<Point>().is_err(), "{bad}");
+        }
+        for bad in ["4", "0x8", "4x", "-1x3", "4x5000"] {
+            assert!(bad.parse::<Grid>().is_err(), "{bad}");
+        }
+    }
+}

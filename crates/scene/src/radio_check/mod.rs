@@ -1,0 +1,281 @@
+//! What a scene must be for radio to be traced through it: materials, bodies, and where transmitters and receivers stand.
+//!
+//! A triangle is a slab of its material's `thickness_m`. A sheet is therefore one slab and a closed body two, and both are sound. Three
+//! things are not, and are said here rather than traced: a body that lacks a part of its surface (rays through the hole cross one slab
+//! less than their neighbours), a closed plate thinner than its two slabs (a pane of 8 mm modelled with both faces and `thickness_m =
+//! 0.008` is 16 mm of glass), and an antenna inside of a body.
+
+mod parts;
+
+use crate::config::SceneConfig;
+use crate::finding::Finding;
+use crate::solids::Solids;
+use crate::{Error, Result, Scene, Severity, trajectory};
+use glam::DVec3;
+
+/// Poses at which a trajectory is looked at.
+const POSES: usize = 256;
+/// A transmitter and a receiver this close have no far field, metres.
+const COINCIDENT_M: f64 = 1e-6;
+
+/// Everything about a scene that radio at `frequency_hz` cannot be traced over (errors), or over which it likely means something else than
+/// was meant (warnings). Indices of the scene must be in range.
+pub fn radio_findings(scene: &Scene, frequency_hz: f64) -> Vec<Finding> {
+    let mut findings = material_findings(scene, frequency_hz);
+    findings.extend(body_findings(scene));
+    findings
+}
+
+/// Radio properties at the carrier: errors of materials in use, notes of others.
+pub fn material_findings(scene: &Scene, frequency_hz: f64) -> Vec<Finding> {
+    let name = scene.name.as_str();
+    let mut used = vec![false; scene.materials.len()];
+    scene.triangles.iter().for_each(|t| used[t.material as usize] = true);
+    let mut findings = Vec::new();
+    for (material, used) in scene.materials.iter().zip(used) {
+        let place = format!("{name}: material \"{}\"", material.name);
+        let Some(radio) = &material.radio else {
+            if used {
+                let help = format!(
+                    "add [radio_materials.\"{}\"] to the scene's TOML, or extras.corf_radio to the material",
+                    material.name
+                );
+                findings.push(Finding::error(place, "it has no radio properties", help));
+            }
+            continue;
+        };
+        let problem = radio.validate(&place).and_then(|()| radio.complex_permittivity(frequency_hz).map(|_| ()));
+        if let Err(Error::Invalid { what, help, .. }) = problem {
+            let (severity, what) = match used {
+                true => (Severity::Error, what),
+                false => (Severity::Note, format!("{what}; no triangle uses it")),
+            };
+            findings.push(Finding::new(severity, place, format!("radio material `{}`: {what}", radio.id), help));
+        }
+    }
+    findings
+}
+
+/// Bodies with holes, and plates thinner than their two slabs.
+pub fn body_findings(scene: &Scene) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for part in parts::parts(scene) {
+        let place = || format!("{}: object \"{}\"", scene.name, scene.objects[part.object as usize].name);
+        if let Some(rim) = part.hole(scene) {
+            findings.push(Finding::new(
+                Severity::Warning,
+                place(),
+                format!(
+                    "a body of {:.2} m² with a hole: {} open edges, one of them at ({:.3}, {:.3}, {:.3})",
+                    part.area_m2, part.rim.len(), rim.x, rim.y, rim.z
+                ),
+                "rays through the hole cross one slab less than others: close the surface; if its faces are meant as single sheets, nothing is wrong",
+            ));
+        }
+        if let Some((thickness_m, material)) = part.thinner_than_its_slabs(scene) {
+            let slab_m = scene.materials[material as usize].radio.as_ref().map_or(0.0, |r| r.thickness_m);
+            findings.push(Finding::new(
+                Severity::Warning,
+                place(),
+                format!(
+                    "a closed plate {:.1} mm thick of two slabs of \"{}\", {:.1} mm each",
+                    1e3 * thickness_m,
+                    scene.materials[material as usize].name,
+                    1e3 * slab_m
+                ),
+                "waves pass both faces: model the plate as one sheet, or give its material half the thickness",
+            ));
+        }
+    }
+    findings
+}
+
+/// Transmitters and trajectory poses inside of bodies or on top of one another.
+pub fn placement_findings(config: &SceneConfig, scene: &Scene) -> Vec<Finding> {
+    let solids = Solids::of(scene);
+    let poses: Vec<DVec3> = config
+        .trajectory
+        .as_ref()
+        .and_then(|t| trajectory::generate(t, POSES).ok())
+        .map_or(Vec::new(), |poses| poses.iter().map(|p| p.world_from_camera.translation).collect());
+    let named = config.transmitters.iter().map(|(name, t)| (format!("transmitters.{name}"), t));
+    let file = config.source.display();
+    let object = |index: u32| scene.objects[index as usize].name.as_str();
+    let help = "move it out; if the object is a room, let its faces look into the room (turn their winding)";
+    let mut findings = Vec::new();
+    for (key, transmitter) in std::iter::once(("transmitter".to_owned(), &config.transmitter)).chain(named) {
+        let tx = transmitter.position();
+        if let Some(at) = solids.parting(tx, tx) {
+            let what = format!("{tx} lies inside the closed object \"{}\"", object(at.object));
+            findings.push(Finding::error(format!("{file}: {key}.position_m"), what, help));
+            continue;
+        }
+        if let Some(i) = poses.iter().position(|p| p.distance(tx) < COINCIDENT_M) {
+            let what = format!("the platform passes through the transmitter at {}", poses[i]);
+            findings.push(Finding::error(format!("{file}: {key}.position_m"), what, "move the transmitter or the waypoints"));
+        }
+        let parted = |p: &DVec3| solids.parting(tx, *p).filter(|at| at.holds_second != at.holds_first);
+        if let Some((i, at)) = poses.iter().enumerate().find_map(|(i, p)| parted(p).map(|at| (i, at))) {
+            let what = match at.holds_second {
+                true => format!(
+                    "at {}, {} % of the way, the platform is inside the closed object \"{}\"",
+                    poses[i],
+                    100 * i / POSES,
+                    object(at.object)
+                ),
+                false => format!(
+                    "at {} the platform leaves the closed object \"{}\" that holds the {key}",
+                    poses[i],
+                    object(at.object)
+                ),
+            };
+            findings.push(Finding::error(format!("{file}: trajectory.waypoints_m"), what, help));
+        }
+    }
+    findings
+}
+
+/// The first error among findings, as one.
+///
+/// # Errors
+/// That one.
+pub fn refuse(findings: Vec<Finding>) -> Result<()> {
+    match findings.into_iter().find(|f| f.severity == Severity::Error) {
+        Some(Finding { place, what, help, .. }) => Err(Error::invalid(place, what, help)),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::from_toml;
+    use crate::model::{Material, Object, Permittivity, RadioMaterial, Triangle};
+    use glam::Vec3;
+
+    fn scene() -> Scene {
+        let radio = |itu: &str, thickness_m: f64| RadioMaterial {
+            id: itu.into(),
+            permittivity: Permittivity::Itu(itu.into()),
+            thickness_m,
+            scattering: Default::default(),
+        };
+        let material = |name: &str, radio| Material { name: name.into(), optical: Default::default(), radio: Some(radio) };
+        Scene {
+            name: "test".into(),
+            materials: vec![
+                material("wall", radio("concrete", 0.1)),
+                material("pane", radio("glass", 0.008)),
+                material("bricks", radio("brick", 0.1)),
+            ],
+            ..Scene::default()
+        }
+    }
+
+    /// Adds a box as one object; `faces` picks of −x, +x, −y, +y, −z, +z.
+    fn add_box(scene: &mut Scene, name: &str, material: u32, min: Vec3, max: Vec3, faces: [bool; 6]) {
+        let object = scene.objects.len() as u32;
+        scene.objects.push(Object { name: name.into() });
+        let first = scene.positions.len() as u32;
+        scene.positions.extend((0..8).map(|i| Vec3::select(glam::BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), max, min)));
+        let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        for (q, _) in quads.iter().zip(faces).filter(|(_, on)| *on) {
+            for corners in [[q[0], q[1], q[2]], [q[0], q[2], q[3]]] {
+                scene.triangles.push(Triangle { vertices: corners.map(|c| first + c), material, object });
+            }
+        }
+    }
+
+    const CLOSED: [bool; 6] = [true; 6];
+
+    #[test]
+    fn a_body_with_a_hole_is_named_and_sheets_are_not() {
+        let texts = |faces: [bool; 6]| {
+            let mut s = scene();
+            add_box(&mut s, "crate", 0, Vec3::ZERO, Vec3::ONE, faces);
+            body_findings(&s).iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        assert!(texts(CLOSED).is_empty());
+        let open = texts([true, true, true, true, true, false]);
+        assert!(open.len() == 1 && open[0].contains("\"crate\"") && open[0].contains("4 open edges"), "{open:?}");
+        assert_eq!(texts([true, true, true, true, false, false]).len(), 1);
+        // A sheet and a corner of two of them.
+        assert!(texts([true, false, false, false, false, false]).is_empty());
+        assert!(texts([true, false, true, false, false, false]).is_empty());
+    }
+
+    #[test]
+    fn a_hole_that_another_surface_closes_is_none() {
+        let mut s = scene();
+        add_box(&mut s, "house", 0, Vec3::ZERO, Vec3::ONE, [true, true, true, true, false, true]);
+        assert_eq!(body_findings(&s).len(), 1);
+        add_box(
+            &mut s,
+            "ground",
+            0,
+            Vec3::new(-5.0, -5.0, 0.0),
+            Vec3::new(5.0, 5.0, 0.5),
+            [false, false, false, false, true, false],
+        );
+        assert!(body_findings(&s).is_empty());
+    }
+
+    #[test]
+    fn a_plate_of_two_slabs_thicker_than_itself_is_named() {
+        let count = |depth: f32| {
+            let mut s = scene();
+            add_box(&mut s, "pane", 1, Vec3::ZERO, Vec3::new(depth, 1.0, 2.0), CLOSED);
+            body_findings(&s)
+                .iter()
+                .filter(|f| f.to_string().contains("\"pane\"") && f.to_string().contains("8.0 mm each"))
+                .count()
+        };
+        assert_eq!((count(0.008), count(0.0159), count(0.016), count(0.1)), (1, 1, 0, 0));
+    }
+
+    #[test]
+    fn only_materials_in_use_are_errors_and_all_of_them_are_said() {
+        let mut s = scene();
+        add_box(&mut s, "box", 0, Vec3::ZERO, Vec3::ONE, CLOSED);
+        let unused = material_findings(&s, 60e9);
+        assert!(
+            unused.len() == 1 && unused[0].severity == Severity::Note && unused[0].to_string().contains("bricks"),
+            "{unused:?}"
+        );
+        assert!(refuse(unused).is_ok());
+        s.materials[0].radio.as_mut().unwrap().thickness_m = 0.0;
+        s.triangles[0].material = 2;
+        s.triangles[1].material = 1;
+        s.materials[1].radio = None;
+        let all: Vec<String> = material_findings(&s, 60e9).iter().map(ToString::to_string).collect();
+        for (text, words) in all.iter().zip([["wall", "thickness_m"], ["pane", "no radio"], ["bricks", "40 GHz"]]) {
+            assert!(words.iter().all(|w| text.contains(w)), "{all:?}");
+        }
+        assert!(all.len() == 3 && refuse(material_findings(&s, 60e9)).is_err());
+    }
+
+    #[test]
+    fn antennas_inside_of_bodies_are_located() {
+        let mut s = scene();
+        add_box(&mut s, "room", 0, Vec3::ZERO, Vec3::new(8.0, 8.0, 3.0), CLOSED);
+        add_box(&mut s, "pillar", 0, Vec3::new(3.0, 3.0, 0.0), Vec3::new(4.0, 4.0, 3.0), CLOSED);
+        let texts = |tx: &str, waypoints: &str| {
+            let text = format!(
+                "[scene]\nfile = \"room.glb\"\n[transmitter]\nposition_m = {tx}\n[trajectory]\nheight_m = 1.5\nwaypoints_m = {waypoints}\n"
+            );
+            let config: SceneConfig = from_toml(&text, "t.toml").unwrap();
+            placement_findings(&config, &s).iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        let around = "[[1.5, 1.5], [6.5, 1.5], [6.5, 6.5], [1.5, 6.5]]";
+        assert!(texts("[1.0, 1.0, 2.0]", around).is_empty());
+        let inside = texts("[3.5, 3.5, 2.0]", around);
+        assert!(
+            inside.len() == 1 && inside[0].contains("\"pillar\"") && inside[0].contains("transmitter.position_m"),
+            "{inside:?}"
+        );
+        let through = texts("[1.0, 1.0, 2.0]", "[[1.5, 3.5], [6.5, 3.5], [6.5, 6.5], [1.5, 6.5]]");
+        assert!(through.len() == 1 && through[0].contains("waypoints_m") && through[0].contains("\"pillar\""), "{through:?}");
+        let outside = texts("[9.0, 1.0, 2.0]", around);
+        assert!(outside.len() == 1 && outside[0].contains("\"room\""), "{outside:?}");
+    }
+}

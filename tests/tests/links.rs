@@ -1,0 +1,109 @@
+//! `corf paths` and `corf coverage` as a user runs them.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+use common::*;
+use serde_json::Value;
+use std::fs;
+
+#[test]
+fn a_link_comes_with_its_statistics_responses_and_matrix() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = room_with_pillar(folder.path(), [1.0, 1.0, 2.0], "");
+    let args = [
+        "paths",
+        text(&scene),
+        "--rx",
+        "5,4,1.5",
+        "--bandwidth",
+        "400e6",
+        "--subcarriers",
+        "16",
+        "--rx-array",
+        "2x3",
+        "--tx-power-dbm",
+        "20",
+    ];
+    let link: Value = serde_json::from_str(&corf_ok(&args)).unwrap();
+    let (paths, channel) = (link["paths"].as_array().unwrap(), &link["channel"]);
+    assert!(paths.len() > 10);
+    let power: f64 = paths.iter().map(|p| p["a"][0].as_f64().unwrap().powi(2) + p["a"][1].as_f64().unwrap().powi(2)).sum();
+    assert!((channel["rssi_dbm"].as_f64().unwrap() - 20.0 - 10.0 * power.log10()).abs() < 1e-9);
+    assert_eq!(link["channel_matrix"]["shape"], serde_json::json!([6, 1]));
+    assert_eq!(link["frequency_response"]["h"].as_array().unwrap().len(), 16);
+    // Offset 0 of the band is the coherent gain at the carrier.
+    let h = &link["frequency_response"]["h"][8];
+    let coherent = 10.0 * (h[0].as_f64().unwrap().powi(2) + h[1].as_f64().unwrap().powi(2)).log10();
+    assert!((channel["path_gain_coherent_db"].as_f64().unwrap() - coherent).abs() < 1e-6);
+}
+
+#[test]
+fn several_receivers_come_from_points_and_files_and_leave_as_arrays() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = room_with_pillar(folder.path(), [1.0, 1.0, 2.0], "");
+    let file = folder.path().join("rx.csv");
+    fs::write(&file, "x,y,z\n5,4,1.5\n4,1,1\n").unwrap();
+    let receivers = ["paths", text(&scene), "--rx", "3,4,1", "--rx-file", text(&file), "--depth", "2"];
+    let links: Value = serde_json::from_str(&corf_ok(&receivers)).unwrap();
+    assert_eq!(links["links"].as_array().unwrap().len(), 3);
+    let sionna: Value = serde_json::from_str(&corf_ok(&[&receivers[..], &["--format", "sionna"]].concat())).unwrap();
+    for (rx, link) in links["links"].as_array().unwrap().iter().enumerate() {
+        let valid = sionna["valid"][rx][0].as_array().unwrap().iter().filter(|v| v.as_bool().unwrap()).count();
+        assert_eq!(valid, link["paths"].as_array().unwrap().len());
+        assert_eq!(sionna["tau"][rx][0][0], link["paths"][0]["tau"]);
+    }
+    let out = folder.path().join("a.npz");
+    corf_ok(&[&receivers[..], &["--format", "npz", "--out", text(&out)]].concat());
+    assert!(fs::read(&out).unwrap().starts_with(b"PK\x03\x04"));
+    corf_refuses(&[&receivers[..], &["--format", "npz"]].concat(), &["--out", "npz"]);
+    fs::write(&file, "1,2,3\n4,5\n").unwrap();
+    corf_refuses(&receivers, &["rx.csv:2", "three numbers"]);
+}
+
+#[test]
+fn a_coverage_map_says_what_single_links_say_whatever_the_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = room_with_pillar(folder.path(), [1.0, 1.0, 2.0], "");
+    let run = |name: &str, threads: &str| {
+        let out = folder.path().join(name);
+        corf_ok(&[
+            "--threads",
+            threads,
+            "coverage",
+            text(&scene),
+            "--height",
+            "1.5",
+            "--cell",
+            "0.5",
+            "--depth",
+            "2",
+            "--out",
+            text(&out),
+        ]);
+        out
+    };
+    let (one, two) = (run("one", "1"), run("two", "2"));
+    for file in ["coverage.exr", "coverage.png", "coverage.json"] {
+        assert_eq!(fs::read(one.join(file)).unwrap(), fs::read(two.join(file)).unwrap(), "{file}");
+    }
+    let report: Value = serde_json::from_str(&fs::read_to_string(one.join("coverage.json")).unwrap()).unwrap();
+    let map = corf_scene::io::read_exr_f32(one.join("coverage.exr")).unwrap();
+    assert_eq!((map.width(), map.height()), (12, 10));
+    // The pillar covers one cell's centre: column 4 (2.25 m), row 5 from the top (2.25 m).
+    assert_eq!(report["cells_inside_bodies"], 1);
+    assert!(map[(4, 5)].is_nan());
+    // Row 2 from the top lies at y = 3.75 m, column 9 at x = 4.75 m.
+    let link: Value = serde_json::from_str(&corf_ok(&["paths", text(&scene), "--rx", "4.75,3.75,1.5", "--depth", "2"])).unwrap();
+    let gain_db = 10.0 * f64::from(map[(9, 2)]).log10();
+    assert!((gain_db - link["total_power_db"].as_f64().unwrap()).abs() < 1e-5, "{gain_db}");
+    corf_refuses(
+        &["coverage", text(&scene), "--height", "7", "--out", text(&folder.path().join("x"))],
+        &["7", "0.00 m to 3.00 m"],
+    );
+    corf_refuses(
+        &["coverage", text(&scene), "--height", "1", "--cell", "0", "--out", text(&folder.path().join("x"))],
+        &["cell size"],
+    );
+    assert!(!folder.path().join("x").exists());
+}
