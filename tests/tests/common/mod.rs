@@ -113,7 +113,7 @@ pub fn boxes_scene(folder: &Path, boxes: Boxes<'_>, tx: [f64; 3], extra: &str) -
         }
         first += 8;
     }
-    std::fs::write(folder.join("room.obj"), obj).unwrap();
+    std::fs::write(folder.join("room.obj"), &obj).unwrap();
     std::fs::write(folder.join("room.mtl"), "newmtl wall\nKd 1 1 1\nnewmtl stone\nKd 1 1 1\nnewmtl pane\nKd 1 1 1\n").unwrap();
     let mut materials = String::new();
     for (name, itu, thickness_m) in [("wall", "plasterboard", 0.013), ("stone", "concrete", 0.1), ("pane", "glass", 0.004)] {
