@@ -2,7 +2,7 @@
 
 use super::diffraction::Wedges;
 use super::geometry::Geometry;
-use super::{MAX_DEPTH, RadioSettings, Search, field, fresnel, lattice};
+use super::{MAX_DEPTH, RadioSettings, Search, Slab, field, fresnel, lattice};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -14,6 +14,8 @@ const BEAM_MARGIN_M: f64 = 1e-6;
 const TRANSPARENT_POWER: f64 = 1e-9;
 /// Rays a task of the lattice search handles.
 const RAYS_PER_TASK: usize = 2048;
+/// Rays that continue a chain from its last face.
+const RAYS_PER_CHAIN: usize = 16;
 /// Clearance of a lattice ray from the face it leaves, metres.
 const CLEARANCE_M: f64 = 1e-4;
 
@@ -65,8 +67,12 @@ pub fn candidates(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings) 
         Search::Auto { rays } | Search::Lattice { rays } => {
             let mut chains = exhaustive(geometry, tx, &allowed, 1);
             chains.extend(from_lattice(geometry, tx, settings, rays));
-            chains.sort_by_key(Chain::key);
-            chains.dedup_by_key(|c| c.key());
+            distinct(&mut chains);
+            for length in 1..settings.max_depth {
+                let found: Vec<Chain> = chains.iter().filter(|c| c.faces().len() == length).copied().collect();
+                chains.extend(continued(geometry, tx, settings, &found));
+                distinct(&mut chains);
+            }
             chains
         }
     }
@@ -157,9 +163,87 @@ fn from_lattice(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, ra
             found.push(chain.pushed(face, geometry));
         }
     });
-    found.sort_by_key(Chain::key);
-    found.dedup_by_key(|c| c.key());
+    distinct(&mut found);
     found
+}
+
+fn distinct(chains: &mut Vec<Chain>) {
+    chains.sort_by_key(Chain::key);
+    chains.dedup_by_key(|c| c.key());
+}
+
+/// The chains by one face longer that light can run through from points spread over the last face of each chain: a lattice from the
+/// transmitter puts too few rays on small and narrow faces to see all that they mirror.
+fn continued(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, chains: &[Chain]) -> Vec<Chain> {
+    let transparent = transparent(geometry, settings);
+    let found: Vec<Vec<Chain>> = chains
+        .par_chunks(RAYS_PER_TASK / RAYS_PER_CHAIN)
+        .map(|chunk| {
+            let mut found = Vec::new();
+            for chain in chunk {
+                let Some(&last) = chain.faces().last() else { continue };
+                for point in geometry.faces[last as usize].spread(RAYS_PER_CHAIN) {
+                    let Some(direction) = (point - chain.image).try_normalize() else { continue };
+                    if !is_lit(geometry, tx, chain, point, &transparent) {
+                        continue;
+                    }
+                    let mut origin = point;
+                    for _ in chain.faces().len()..settings.max_depth {
+                        let Some((t, triangle)) = geometry.closest(origin, direction, CLEARANCE_M) else { break };
+                        let face = geometry.face_of_triangle(triangle);
+                        if reflects(geometry, settings, chain, face) {
+                            found.push(chain.pushed(face, geometry));
+                        }
+                        if !transparent[geometry.faces[face as usize].material as usize] {
+                            break;
+                        }
+                        origin += direction * t;
+                    }
+                }
+            }
+            distinct(&mut found);
+            found
+        })
+        .collect();
+    found.into_iter().flatten().collect()
+}
+
+/// Whether a ray from the transmitter reaches a point of a chain's last face by way of the chain.
+fn is_lit(geometry: &Geometry<'_>, tx: DVec3, chain: &Chain, point: DVec3, transparent: &[bool]) -> bool {
+    let faces = chain.faces();
+    let mut images = [tx; MAX_DEPTH];
+    for i in 1..faces.len() {
+        images[i] = geometry.faces[faces[i - 1] as usize].mirror(images[i - 1]);
+    }
+    let mut to = point;
+    for i in (0..faces.len()).rev() {
+        let from = if i == 0 {
+            tx
+        } else {
+            let face = &geometry.faces[faces[i - 1] as usize];
+            let (here, behind) = (face.distance(to), face.distance(images[i]));
+            if here * behind >= 0.0 {
+                return false;
+            }
+            let bounce = to + (images[i] - to) * (here / (here - behind));
+            if !face.contains(bounce) {
+                return false;
+            }
+            bounce
+        };
+        let opaque = |face: u32| !transparent[geometry.faces[face as usize].material as usize];
+        if geometry.occluded(from, to, CLEARANCE_M, opaque) {
+            return false;
+        }
+        to = from;
+    }
+    true
+}
+
+/// Which materials let a lattice ray through.
+fn transparent(geometry: &Geometry<'_>, settings: &RadioSettings) -> Vec<bool> {
+    let passes = |slab: &Slab| fresnel::slab_response(slab, 1.0).t_te.norm_squared() > TRANSPARENT_POWER;
+    geometry.slabs.iter().map(|slab| settings.transmission && slab.as_ref().is_some_and(passes)).collect()
 }
 
 /// The wedges that a lattice of rays from a point comes by, each with the chain it bounced off before, sorted and without repeats.
@@ -197,14 +281,7 @@ fn walk_lattice<T: Send>(
     rays: usize,
     visit: impl Fn(&mut Vec<T>, &Chain, u32) + Sync,
 ) -> Vec<T> {
-    let transparent: Vec<bool> = geometry
-        .slabs
-        .iter()
-        .map(|slab| {
-            settings.transmission
-                && slab.as_ref().is_some_and(|slab| fresnel::slab_response(slab, 1.0).t_te.norm_squared() > TRANSPARENT_POWER)
-        })
-        .collect();
+    let transparent = transparent(geometry, settings);
     let tasks = rays.div_ceil(RAYS_PER_TASK);
     let per_task: Vec<Vec<T>> = (0..tasks)
         .into_par_iter()

@@ -55,6 +55,11 @@ impl Face {
         self.index.hull(self.normal, self.offset_m)
     }
 
+    /// `count` points spread evenly over the face.
+    pub fn spread(&self, count: usize) -> Vec<DVec3> {
+        self.index.spread(self.normal, self.offset_m, count)
+    }
+
     /// Whether a point of the plane lies on one of the triangles (edges belong to the face).
     pub fn contains(&self, point: DVec3) -> bool {
         self.index.contains(point)

@@ -42,13 +42,40 @@ impl PlanarIndex {
 
     /// The corners, in order around it, of the bounding rectangle's preimage on the plane n·x = `offset_m`.
     pub fn hull(&self, normal: DVec3, offset_m: f64) -> [DVec3; 4] {
-        let (u, v) = ((self.drop + 1) % 3, (self.drop + 2) % 3);
-        [(self.min.x, self.min.y), (self.max.x, self.min.y), (self.max.x, self.max.y), (self.min.x, self.max.y)].map(|(a, b)| {
-            let mut p = DVec3::ZERO;
-            (p[u], p[v]) = (a, b);
-            p[self.drop] = (offset_m - normal.dot(p)) / normal[self.drop];
-            p
-        })
+        let (min, max) = (self.min, self.max);
+        [min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)].map(|at| self.lift(normal, offset_m, at))
+    }
+
+    /// `count` points of the plane n·x = `offset_m`, spread evenly over the triangles' area.
+    pub fn spread(&self, normal: DVec3, offset_m: f64, count: usize) -> Vec<DVec3> {
+        let area = |t: &[DVec2; 3]| (t[1] - t[0]).perp_dot(t[2] - t[0]).abs();
+        let total: f64 = self.triangles.iter().map(area).sum();
+        let (mut index, mut before) = (0, 0.0);
+        (0..count)
+            .map(|i| {
+                let target = total * (i as f64 + 0.5) / count as f64;
+                while index + 1 < self.triangles.len() && before + area(&self.triangles[index]) < target {
+                    before += area(&self.triangles[index]);
+                    index += 1;
+                }
+                // The R2 sequence (powers of the plastic number), folded into the triangle.
+                let (mut u, mut v) =
+                    ((0.5 + i as f64 * 0.754_877_666_246_692_7) % 1.0, (0.5 + i as f64 * 0.569_840_290_998_053_3) % 1.0);
+                if u + v > 1.0 {
+                    (u, v) = (1.0 - u, 1.0 - v);
+                }
+                let [a, b, c] = self.triangles[index];
+                self.lift(normal, offset_m, a + (b - a) * u + (c - a) * v)
+            })
+            .collect()
+    }
+
+    /// The point of the plane above a projected one.
+    fn lift(&self, normal: DVec3, offset_m: f64, at: DVec2) -> DVec3 {
+        let mut p = DVec3::ZERO;
+        (p[(self.drop + 1) % 3], p[(self.drop + 2) % 3]) = (at.x, at.y);
+        p[self.drop] = (offset_m - normal.dot(p)) / normal[self.drop];
+        p
     }
 
     /// Whether a point of the plane lies on one of the triangles; edges belong to them.
