@@ -16,6 +16,10 @@ const TRANSPARENT_POWER: f64 = 1e-9;
 const RAYS_PER_TASK: usize = 2048;
 /// Rays that continue a chain from its last face.
 const RAYS_PER_CHAIN: usize = 16;
+/// Every face lit by way of a face at least this large is looked for, m².
+const LARGE_FACE_M2: f64 = 0.1;
+/// … at this many points of it.
+const POINTS_PER_FACE: usize = 8;
 /// Clearance of a lattice ray from the face it leaves, metres.
 const CLEARANCE_M: f64 = 1e-4;
 
@@ -71,6 +75,10 @@ pub fn candidates(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings) 
             for length in 1..settings.max_depth {
                 let found: Vec<Chain> = chains.iter().filter(|c| c.faces().len() == length).copied().collect();
                 chains.extend(continued(geometry, tx, settings, &found));
+                distinct(&mut chains);
+            }
+            if settings.max_depth >= 2 {
+                chains.extend(by_large_faces(geometry, tx, settings, &allowed));
                 distinct(&mut chains);
             }
             chains
@@ -203,6 +211,30 @@ fn continued(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, chain
             }
             distinct(&mut found);
             found
+        })
+        .collect();
+    found.into_iter().flatten().collect()
+}
+
+/// The chains of two faces of which the first is large, and the second is lit by way of it at one of a few points.
+fn by_large_faces(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, allowed: &[u32]) -> Vec<Chain> {
+    let transparent = transparent(geometry, settings);
+    let hulls: Vec<(u32, [DVec3; 4])> = allowed.iter().map(|&face| (face, geometry.faces[face as usize].hull())).collect();
+    let found: Vec<Vec<Chain>> = hulls
+        .par_iter()
+        .filter(|(first, _)| {
+            let face = &geometry.faces[*first as usize];
+            face.area_m2 >= LARGE_FACE_M2 && face.distance(tx) != 0.0
+        })
+        .map(|(first, hull)| {
+            let chain = Chain::line_of_sight(tx).pushed(*first, geometry);
+            let beam = Beam::new(chain.image, hull);
+            let in_beam = hulls.iter().filter(|(second, hull)| beam.meets(hull) && !repeats(geometry, &chain, *second));
+            let lit = in_beam.map(|(second, _)| chain.pushed(*second, geometry)).filter(|chain| {
+                let points = chain.faces().last().map(|&last| geometry.faces[last as usize].spread(POINTS_PER_FACE));
+                points.into_iter().flatten().any(|point| is_lit(geometry, tx, chain, point, &transparent))
+            });
+            lit.collect()
         })
         .collect();
     found.into_iter().flatten().collect()
