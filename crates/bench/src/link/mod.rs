@@ -10,7 +10,7 @@ use corf_raytrace::radio::{
     Antenna, AntennaArray, AntennaPattern, DiffuseSettings, PlanarArray, Polarization, RadioSettings, Search, Solids,
 };
 use corf_scene::config::{Orientation, SceneConfig, read_toml};
-use corf_scene::{Error, Scene, radio_check};
+use corf_scene::{Error, Scene, Severity, radio_check};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -103,7 +103,7 @@ impl Default for LinkConfig {
 /// Flags of every command that traces links.
 #[derive(Args, Clone, Debug)]
 pub struct LinkArgs {
-    /// Settings of the link (.toml): max_depth, transmission, diffuse, tx_power_dbm, [transmitter], [receiver] …; flags go before it.
+    /// Settings of the link (.toml): max_depth, transmission, diffuse, tx_power_dbm, [transmitter], [receiver] …; flags take precedence.
     #[arg(long, value_name = "RF.toml")]
     pub config: Option<PathBuf>,
     /// Transmitter of this name in the scene's [transmitters]; without it [transmitter].
@@ -219,7 +219,8 @@ impl LinkSetup {
         let scene = config.load_scene()?;
         config.check_radio(&scene)?;
         if link.transmission {
-            radio_check::body_findings(&scene).iter().for_each(|finding| eprintln!("{finding}"));
+            let warnings = radio_check::body_findings(&scene).into_iter().filter(|f| f.severity == Severity::Warning);
+            warnings.for_each(|finding| eprintln!("{finding}"));
         }
         let solids = Solids::of(&scene);
         Ok(Self { config, scene, link, tx_array, rx_array, solids })

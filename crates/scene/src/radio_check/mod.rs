@@ -12,6 +12,8 @@ use crate::finding::Finding;
 use crate::solids::Solids;
 use crate::{Error, Result, Scene, Severity, trajectory};
 use glam::DVec3;
+use parts::Part;
+use std::collections::BTreeMap;
 
 /// Poses at which a trajectory is looked at.
 const POSES: usize = 256;
@@ -45,49 +47,64 @@ pub fn material_findings(scene: &Scene, frequency_hz: f64) -> Vec<Finding> {
             continue;
         };
         let problem = radio.validate(&place).and_then(|()| radio.complex_permittivity(frequency_hz).map(|_| ()));
-        if let Err(Error::Invalid { what, help, .. }) = problem {
-            let (severity, what) = match used {
-                true => (Severity::Error, what),
-                false => (Severity::Note, format!("{what}; no triangle uses it")),
-            };
-            findings.push(Finding::new(severity, place, format!("radio material `{}`: {what}", radio.id), help));
+        if let Err(Error::Invalid { place: inner, what, help }) = problem {
+            // The inner place names the radio material, behind this one's or alone.
+            let of_radio = inner.strip_prefix(&place).unwrap_or(&inner).trim_start_matches(": ");
+            let (severity, unused) = if used { (Severity::Error, "") } else { (Severity::Note, "; no triangle uses it") };
+            findings.push(Finding::new(severity, place.as_str(), format!("{of_radio}: {what}{unused}"), help));
         }
     }
     findings
 }
 
-/// Bodies with holes, and plates thinner than their two slabs.
+/// Bodies with holes: a warning for each object. Plates thinner than their two slabs: a note for all of them.
 pub fn body_findings(scene: &Scene) -> Vec<Finding> {
-    let mut findings = Vec::new();
-    for part in parts::parts(scene) {
-        let place = || format!("{}: object \"{}\"", scene.name, scene.objects[part.object as usize].name);
-        if let Some(rim) = part.hole(scene) {
-            findings.push(Finding::new(
-                Severity::Warning,
-                place(),
-                format!(
-                    "a body of {:.2} m² with a hole: {} open edges, one of them at ({:.3}, {:.3}, {:.3})",
-                    part.area_m2, part.rim.len(), rim.x, rim.y, rim.z
-                ),
-                "rays through the hole cross one slab less than others: close the surface; if its faces are meant as single sheets, nothing is wrong",
-            ));
-        }
-        if let Some((thickness_m, material)) = part.thinner_than_its_slabs(scene) {
-            let slab_m = scene.materials[material as usize].radio.as_ref().map_or(0.0, |r| r.thickness_m);
-            findings.push(Finding::new(
-                Severity::Warning,
-                place(),
-                format!(
-                    "a closed plate {:.1} mm thick of two slabs of \"{}\", {:.1} mm each",
-                    1e3 * thickness_m,
-                    scene.materials[material as usize].name,
-                    1e3 * slab_m
-                ),
-                "waves pass both faces: model the plate as one sheet, or give its material half the thickness",
-            ));
-        }
+    let object = |part: &Part| scene.objects[part.object as usize].name.as_str();
+    let parts = parts::parts(scene);
+    let mut findings = hole_findings(scene, &parts);
+    let plates: Vec<(&Part, f64, u32)> =
+        parts.iter().filter_map(|part| part.thinner_than_its_slabs(scene).map(|(t, material)| (part, t, material))).collect();
+    if let Some((part, thickness_m, material)) = plates.first() {
+        let slab = &scene.materials[*material as usize];
+        let what = format!(
+            "{} closed plates are thinner than their two slabs, as one of \"{}\": {:.1} mm thick, 2 x {:.1} mm of \"{}\"",
+            plates.len(),
+            object(part),
+            1e3 * thickness_m,
+            1e3 * slab.radio.as_ref().map_or(0.0, |r| r.thickness_m),
+            slab.name
+        );
+        let help = "waves pass both faces: model a plate as one sheet, or give its material half the thickness";
+        findings.push(Finding::new(Severity::Note, scene.name.as_str(), what, help));
     }
     findings
+}
+
+/// A warning for every object with a body that has a hole, about the largest of them.
+fn hole_findings(scene: &Scene, parts: &[Part]) -> Vec<Finding> {
+    let mut worst: BTreeMap<u32, (&Part, DVec3)> = BTreeMap::new();
+    for part in parts {
+        if let Some(at) = part.hole(scene) {
+            let known = worst.entry(part.object).or_insert((part, at));
+            if part.area_m2 > known.0.area_m2 {
+                *known = (part, at);
+            }
+        }
+    }
+    let finding = |(object, (part, at)): (u32, (&Part, DVec3))| {
+        let place = format!("{}: object \"{}\"", scene.name, scene.objects[object as usize].name);
+        let what = format!(
+            "a body of {:.2} m² with a hole: {} open edges, one of them at ({:.3}, {:.3}, {:.3})",
+            part.area_m2,
+            part.rim.len(),
+            at.x,
+            at.y,
+            at.z
+        );
+        let help = "rays through the hole cross one slab less than others: close the surface; where its faces are meant as single sheets, nothing is wrong";
+        Finding::new(Severity::Warning, place, what, help)
+    };
+    worst.into_iter().map(finding).collect()
 }
 
 /// Transmitters and trajectory poses inside of bodies or on top of one another.
@@ -227,7 +244,7 @@ mod tests {
             add_box(&mut s, "pane", 1, Vec3::ZERO, Vec3::new(depth, 1.0, 2.0), CLOSED);
             body_findings(&s)
                 .iter()
-                .filter(|f| f.to_string().contains("\"pane\"") && f.to_string().contains("8.0 mm each"))
+                .filter(|f| f.to_string().contains("\"pane\"") && f.to_string().contains("2 x 8.0 mm"))
                 .count()
         };
         assert_eq!((count(0.008), count(0.0159), count(0.016), count(0.1)), (1, 1, 0, 0));

@@ -9,7 +9,9 @@ const WELD_M: f64 = 2e-6;
 /// A surface whose oriented areas cancel to less than this share of their sum turns its faces towards one another: 0 closed, 0.2 a box
 /// without a lid, 0.33 three sides of a channel, 0.64 half a pipe, 0.71 a corner, 1 a plane.
 const BODY_BALANCE: f64 = 0.5;
-/// A rim this close to another object's surface is closed by it, metres.
+/// Bodies of less surface hardly matter to anything, m²: stems, knobs.
+const SMALLEST_BODY_M2: f64 = 0.1;
+/// A rim this close to another surface is closed by it, metres.
 const RESTING_M: f64 = 0.01;
 /// Rim edges that are looked at.
 const RIM_SAMPLES: usize = 64;
@@ -98,11 +100,11 @@ fn part(scene: &Scene, corners: &[[usize; 3]], triangles: Vec<u32>) -> Part {
 impl Part {
     /// A point of the rim of a hole that nothing else closes, where the part is a body rather than a sheet.
     pub fn hole(&self, scene: &Scene) -> Option<DVec3> {
-        if self.rim.is_empty() || self.balance >= BODY_BALANCE {
+        if self.rim.is_empty() || self.balance >= BODY_BALANCE || self.area_m2 < SMALLEST_BODY_M2 {
             return None;
         }
         let step = self.rim.len().div_ceil(RIM_SAMPLES);
-        self.rim.iter().step_by(step).map(|[a, b]| a.midpoint(*b)).find(|p| !rests(scene, self.object, *p))
+        self.rim.iter().step_by(step).map(|[a, b]| a.midpoint(*b)).find(|p| !self.rests(scene, *p))
     }
 
     /// The thickness of a closed plate whose two slabs are thicker than itself, metres, and the material of its largest face.
@@ -125,12 +127,13 @@ impl Part {
         // A film without thickness is a doubled sheet, which is said elsewhere.
         (thickness_m > WELD_M && thickness_m < 2.0 * slab_m * (1.0 - THICKNESS_ROUNDING)).then_some((thickness_m, material))
     }
-}
 
-/// Whether a point lies on another object's surface.
-fn rests(scene: &Scene, object: u32, point: DVec3) -> bool {
-    (0..scene.triangles.len())
-        .any(|i| scene.triangles[i].object != object && distance_to_triangle(point, &scene.corners_f64(i)) < RESTING_M)
+    /// Whether a point lies on the surface of something else.
+    fn rests(&self, scene: &Scene, point: DVec3) -> bool {
+        // The part's triangles are in ascending order.
+        let other = |i: &usize| self.triangles.binary_search(&(*i as u32)).is_err();
+        (0..scene.triangles.len()).filter(other).any(|i| distance_to_triangle(point, &scene.corners_f64(i)) < RESTING_M)
+    }
 }
 
 /// Distance of a point from a triangle, metres.
