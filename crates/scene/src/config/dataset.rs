@@ -1,6 +1,6 @@
 //! `scenes/lobby-mini.toml` and its like: how many keyframes, which images, which spectrum, which split.
 
-use super::{SceneConfig, read_toml};
+use super::{SceneConfig, TransmitterConfig, read_toml};
 use crate::{Error, Pinhole, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -120,7 +120,7 @@ pub struct RfConfig {
     /// `[columns, rows]`: also write the spectrum over the whole sphere, equirectangular. Default: not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sphere: Option<[usize; 2]>,
-    /// Also write RF images by the recipe of published sets (see [`crate::tutorial`]), which loses what the others keep. Default false.
+    /// Also write RF images by the recipe of published sets into `rf-tutorial/`, which loses what the others keep. Default false.
     #[serde(default)]
     pub tutorial_compat: bool,
 }
@@ -245,6 +245,14 @@ impl DatasetConfig {
     /// As [`SceneConfig::load`].
     pub fn load_scene_config(&self) -> Result<SceneConfig> {
         SceneConfig::load(self.scene_path())
+    }
+
+    /// The scene's transmitter that this dataset is of.
+    ///
+    /// # Errors
+    /// The scene has none of that name.
+    pub fn transmitter_of<'a>(&self, scene: &'a SceneConfig) -> Result<&'a TransmitterConfig> {
+        scene.transmitter_named(self.transmitter.as_deref(), &format!("{}: transmitter", self.source.display()))
     }
 
     /// The camera of the optical images.
