@@ -279,7 +279,11 @@ fn sampling(header: &DatasetHeader) -> Vec<(&'static str, String)> {
     if let Some(DatasetConfig { rf, .. }) = header.config.as_ref().filter(|c| c.rf.diffuse) {
         list.push((
             "diffuse",
-            format!("{} directions over the sphere at the receiver, surface patches of {} m", rf.directions, rf.patch_size_m),
+            format!(
+                "{} directions over the sphere at the receiver, surface patches of {} m, {} photons for light of more than one interaction \
+                 before the last scattering",
+                rf.directions, rf.patch_size_m, rf.photons
+            ),
         ));
     }
     if let Some(error) = &header.sampling_error {

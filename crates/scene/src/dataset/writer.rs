@@ -286,22 +286,16 @@ impl DatasetWriter {
             files.insert(path, FileRecord::of(bytes));
             Ok(())
         };
-        let write_db = self.header.config.as_ref().is_some_and(|c| c.rf.write_db);
-        let rf_images: Vec<(Raster<[u8; 3]>, Option<Vec<u8>>)> = (0..self.len())
-            .into_par_iter()
-            .map(|i| {
-                let spectrum = io::read_exr_f32(self.dir.join(layout::spectrum(i)))?;
-                let db = write_db.then(|| io::encode_exr_f32_in(&db_range.db_image(&spectrum), "Y", "dB")).transpose()?;
-                Ok((db_range.jet_image(&spectrum), db))
-            })
-            .collect::<Result<_>>()?;
-        for (i, (image, db)) in rf_images.iter().enumerate() {
+        let rf_images: Vec<Raster<[u8; 3]>> =
+            (0..self.len()).into_par_iter().map(|i| Ok(db_range.jet_image(&self.spectrum(i)?))).collect::<Result<_>>()?;
+        for (i, image) in rf_images.iter().enumerate() {
             put(layout::rf_image(i), &io::encode_png(image)?)?;
-            if let Some(db) = db {
-                put(layout::db(i), db)?;
+        }
+        if self.header.config.as_ref().is_some_and(|c| c.rf.write_db) {
+            for i in 0..self.len() {
+                put(layout::db(i), &io::encode_exr_f32_in(&db_range.db_image(&self.spectrum(i)?), "Y", "dB")?)?;
             }
         }
-        let rf_images: Vec<Raster<[u8; 3]>> = rf_images.into_iter().map(|(image, _)| image).collect();
         let split = SplitLists::of(&self.header.split, self.len());
         let points = export::sample_points(&self.dir, &self.header, &split.train, &rf_images)?;
         for modality in Modality::all(&self.header) {
@@ -325,6 +319,10 @@ impl DatasetWriter {
         };
         io::write_atomic(self.dir.join(layout::DATASET_JSON), to_json(&file)?.as_bytes())?;
         self.forget_progress()
+    }
+
+    fn spectrum(&self, index: usize) -> Result<Raster<f32>> {
+        io::read_exr_f32(self.dir.join(layout::spectrum(index)))
     }
 
     /// Removes what recorded the making of a dataset that is now whole.
