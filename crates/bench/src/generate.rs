@@ -2,20 +2,17 @@
 
 use crate::interrupt;
 use crate::progress::Progress;
+use crate::radio_sensor::{Outputs, RadioSensor, dataset_radio_settings};
+pub use crate::radio_sensor::{diffuse_settings, radio_settings};
 use crate::run::claim_output;
 use anyhow::{Result, bail};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::{self, DenoiseSettings, LightFrame, LightSettings, LightTracer};
-use corf_raytrace::radio::{
-    Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, PlanarArray, RadioSettings, RadioTracer, Search,
-    Transmitter, json,
-};
-use corf_raytrace::spectrum::SpectrumSettings;
-use corf_scene::config::{AntennaPattern, DatasetConfig, RfConfig, SceneConfig};
+use corf_raytrace::radio::RadioTracer;
+use corf_scene::config::{DatasetConfig, SceneConfig};
 use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, FrameData};
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Pinhole, Raster, Rigid3, Scene, Severity};
-use glam::{DMat3, DVec3};
+use corf_scene::{Pinhole, Raster, Scene, Severity};
 use std::path::Path;
 
 /// Generates a dataset, or what is missing of one.
@@ -43,14 +40,9 @@ pub fn generate_from(
     scene_config.check_placement(scene)?;
     let bvh = Bvh::build(scene);
     // Whatever can be refused is refused before the first file.
-    let settings = RadioSettings {
-        max_depth: config.rf.max_reflections,
-        search: Search::Auto { rays: config.rf.rays },
-        transmission: config.rf.transmission,
-        ..radio_settings(scene_config)
-    };
-    let tracer = RadioTracer::new(scene, &bvh, settings)?;
-    let ear = RadioSensor::new(config, scene_config, scene, &tracer)?;
+    let tracer = RadioTracer::new(scene, &bvh, dataset_radio_settings(config, scene_config)?)?;
+    let transmitter = config.transmitter_of(scene_config)?;
+    let ear = RadioSensor::new(&config.rf, config.seed, transmitter, &scene_config.receiver, scene, &tracer)?;
     claim_output(out, resume)?;
     if out.join("dataset.json").exists() {
         let broken = dataset::validate(out)?.into_iter().find(|f| f.severity == Severity::Error);
@@ -65,6 +57,16 @@ pub fn generate_from(
         header.exposure_ev = f64::from(camera.meter(&header.poses));
     }
     camera.exposure_ev = header.exposure_ev as f32;
+    header.sampling_error = ear.sampling_error(&header.rf_camera, &header.poses)?;
+    if config.rf.tutorial_compat {
+        header.tutorial_range = ear.tutorial_range(&header.poses)?;
+    }
+    let outputs = Outputs {
+        camera: header.rf_camera,
+        sphere: header.sphere,
+        tutorial: header.tutorial_range,
+        paths: config.rf.write_paths,
+    };
     let writer = DatasetWriter::create(out, &header, resume)?;
     let poses = &header.poses;
     let missing: Vec<&TrajectoryPose> = poses.iter().filter(|p| !writer.is_complete(p.index)).collect();
@@ -74,8 +76,15 @@ pub fn generate_from(
         for (i, pose) in missing.iter().enumerate() {
             interrupt::check()?;
             let seen = camera.see(pose);
-            let (spectrum, paths_jsonl) = ear.hear(&pose.world_from_camera)?;
-            let frame = FrameData { spectrum, paths_jsonl, ..seen };
+            let heard = ear.keyframe(&pose.world_from_camera, &outputs)?;
+            let frame = FrameData {
+                spectrum: heard.spectrum,
+                sphere: heard.sphere,
+                tutorial: heard.tutorial,
+                share_in_frame: Some(heard.share_in_frame),
+                paths_jsonl: heard.paths_jsonl,
+                ..seen
+            };
             writer.write_frame(pose.index, &frame)?;
             progress.set(done_before + i + 1, poses.len());
         }
@@ -155,6 +164,9 @@ impl<'a> Camera<'a> {
             depth_m: Some(frame.depth_m),
             surface: Some(frame.surface),
             spectrum: Raster::filled(0, 0, 0.0),
+            sphere: None,
+            tutorial: None,
+            share_in_frame: None,
             paths_jsonl: None,
         }
     }
@@ -162,79 +174,4 @@ impl<'a> Camera<'a> {
 
 fn frame_key(pose: &TrajectoryPose) -> u64 {
     pose.index as u64
-}
-
-/// Carrier and antennas of a scene; everything else as by default. The receive element stands in the world's own axes: what turns with
-/// the platform is asked for where the platform is.
-pub fn radio_settings(scene: &SceneConfig) -> RadioSettings {
-    RadioSettings {
-        frequency_hz: scene.radio.frequency_hz,
-        tx_antenna: Antenna::from(&scene.transmitter),
-        rx_antenna: Antenna::element_of(&scene.receiver, DMat3::IDENTITY),
-        ..RadioSettings::default()
-    }
-}
-
-/// How a dataset samples the diffuse field.
-pub fn diffuse_settings(rf: &RfConfig) -> DiffuseSettings {
-    DiffuseSettings {
-        patch_size_m: rf.patch_size_m,
-        directions: rf.directions,
-        photons: rf.photons,
-        ..DiffuseSettings::default()
-    }
-}
-
-/// The RF half of a keyframe.
-struct RadioSensor<'a> {
-    scene: &'a Scene,
-    transmitter: Transmitter<'a, 'a>,
-    diffuse: Option<DiffuseField<'a, 'a>>,
-    intrinsics: Pinhole,
-    spectrum: SpectrumSettings,
-    frequency_hz: f64,
-    write_paths: bool,
-}
-
-impl<'a> RadioSensor<'a> {
-    fn new(config: &DatasetConfig, scene_config: &SceneConfig, scene: &'a Scene, tracer: &'a RadioTracer<'a>) -> Result<Self> {
-        let receiver = &scene_config.receiver;
-        if receiver.pattern != AntennaPattern::Iso || PlanarArray::from(receiver) != PlanarArray::default() {
-            bail!(
-                "{}: [receiver]: spectra are formed with 8 x 8 isotropic elements half a wavelength apart\n  help: remove its keys",
-                scene_config.source.display()
-            );
-        }
-        let tx = scene_config.transmitter.position();
-        let settings = diffuse_settings(&config.rf);
-        Ok(Self {
-            scene,
-            transmitter: tracer.transmitter(tx)?,
-            diffuse: config.rf.diffuse.then(|| DiffuseField::new(tracer, tx, &settings)).transpose()?,
-            intrinsics: config.rf_camera(),
-            spectrum: SpectrumSettings::new(&config.rf, receiver, config.seed),
-            frequency_hz: scene_config.radio.frequency_hz,
-            write_paths: config.rf.write_paths,
-        })
-    }
-
-    /// The spectrum at a pose (one path set per position), and its paths as JSON lines where they are wanted.
-    fn hear(&self, world_from_camera: &Rigid3) -> Result<(Raster<f32>, Option<String>)> {
-        let rx = world_from_camera.translation;
-        let paths = self.transmitter.paths(rx)?;
-        let mut arrivals: Vec<Arrival> = paths.iter().map(|p| Arrival::from_path(p, self.frequency_hz)).collect();
-        if let Some(diffuse) = &self.diffuse {
-            arrivals.extend(diffuse.gather_for_view(&self.intrinsics, world_from_camera)?);
-        }
-        let spectrum = self.spectrum.form(&[arrivals], &self.intrinsics, world_from_camera);
-        let lines = self.write_paths.then(|| json_lines(self.scene, self.transmitter.position(), rx, self.frequency_hz, &paths));
-        Ok((spectrum, lines))
-    }
-}
-
-/// Every path as one JSON object a line.
-fn json_lines(scene: &Scene, tx: DVec3, rx: DVec3, frequency_hz: f64, paths: &[RadioPath]) -> String {
-    let all = json::paths_to_json(scene, frequency_hz, tx, rx, paths);
-    let list = all["paths"].as_array().map(Vec::as_slice).unwrap_or_default();
-    list.iter().map(|p| format!("{p}\n")).collect()
 }

@@ -14,6 +14,7 @@ pub mod plan;
 pub mod predictions;
 pub mod progress;
 pub mod provenance;
+pub mod radio_sensor;
 pub mod record;
 pub mod report;
 pub mod run;

@@ -61,6 +61,29 @@ pub fn read_text(path: impl AsRef<Path>) -> Result<String> {
     std::fs::read_to_string(path.as_ref()).map_err(Error::io("read", path.as_ref()))
 }
 
+/// Compresses as gzip; the same bytes give the same bytes.
+///
+/// # Errors
+/// None that a buffer in memory can have.
+pub fn gzip(bytes: &[u8]) -> Result<Vec<u8>> {
+    let mut encoder = flate2::GzBuilder::new().mtime(0).write(Vec::new(), flate2::Compression::best());
+    encoder.write_all(bytes).and_then(|()| encoder.finish()).map_err(Error::io("compress into", "memory"))
+}
+
+/// Reads a gzip-compressed text file.
+///
+/// # Errors
+/// The file cannot be read, is no whole gzip file, or holds no UTF-8.
+pub fn read_gzip_text(path: impl AsRef<Path>) -> Result<String> {
+    use std::io::Read as _;
+    let bytes = read(path.as_ref())?;
+    let mut text = String::new();
+    flate2::read::GzDecoder::new(bytes.as_slice())
+        .read_to_string(&mut text)
+        .map_err(|e| corrupt(path.as_ref(), "gzip text", e))?;
+    Ok(text)
+}
+
 /// SHA-256 in lower-case hexadecimal.
 pub fn sha256_hex(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().fold(String::with_capacity(64), |mut s, b| {
@@ -130,7 +153,7 @@ pub fn read_png(path: impl AsRef<Path>) -> Result<Raster<[u8; 3]>> {
 }
 
 /// Encodes named channels as a losslessly compressed EXR of one layer.
-fn encode_exr(width: usize, height: usize, channels: Vec<(&str, ex::FlatSamples)>) -> Result<Vec<u8>> {
+fn encode_exr(width: usize, height: usize, channels: Vec<(&str, ex::FlatSamples)>, unit: Option<&str>) -> Result<Vec<u8>> {
     let list = channels.into_iter().map(|(name, samples)| ex::AnyChannel::new(name, samples)).collect();
     // Blocks are compressed in file order on this thread: the same pixels give the same bytes.
     let encoding = ex::Encoding {
@@ -138,7 +161,11 @@ fn encode_exr(width: usize, height: usize, channels: Vec<(&str, ex::FlatSamples)
         blocks: ex::Blocks::ScanLines,
         line_order: ex::LineOrder::Increasing,
     };
-    let layer = ex::Layer::new((width, height), ex::LayerAttributes::default(), encoding, ex::AnyChannels::sort(list));
+    let mut attributes = ex::LayerAttributes::default();
+    if let Some(unit) = unit {
+        attributes.other.insert(ex::Text::from("unit"), ex::AttributeValue::Text(ex::Text::from(unit)));
+    }
+    let layer = ex::Layer::new((width, height), attributes, encoding, ex::AnyChannels::sort(list));
     let mut bytes = Cursor::new(Vec::new());
     use ex::WritableImage as _;
     ex::Image::from_layer(layer)
@@ -154,7 +181,16 @@ fn encode_exr(width: usize, height: usize, channels: Vec<(&str, ex::FlatSamples)
 /// # Errors
 /// An image without pixels.
 pub fn encode_exr_f32(image: &Raster<f32>, name: &str) -> Result<Vec<u8>> {
-    encode_exr(image.width(), image.height(), vec![(name, ex::FlatSamples::F32(image.pixels().to_vec()))])
+    encode_exr(image.width(), image.height(), vec![(name, ex::FlatSamples::F32(image.pixels().to_vec()))], None)
+}
+
+/// As [`encode_exr_f32`], with the values' unit as the file's attribute `unit`.
+///
+/// # Errors
+/// An image without pixels.
+pub fn encode_exr_f32_in(image: &Raster<f32>, name: &str, unit: &str) -> Result<Vec<u8>> {
+    let channels = vec![(name, ex::FlatSamples::F32(image.pixels().to_vec()))];
+    encode_exr(image.width(), image.height(), channels, Some(unit))
 }
 
 /// Encodes one unsigned integer channel `id` as EXR.
@@ -162,7 +198,7 @@ pub fn encode_exr_f32(image: &Raster<f32>, name: &str) -> Result<Vec<u8>> {
 /// # Errors
 /// An image without pixels.
 pub fn encode_exr_u32(image: &Raster<u32>) -> Result<Vec<u8>> {
-    encode_exr(image.width(), image.height(), vec![("id", ex::FlatSamples::U32(image.pixels().to_vec()))])
+    encode_exr(image.width(), image.height(), vec![("id", ex::FlatSamples::U32(image.pixels().to_vec()))], None)
 }
 
 /// Encodes linear RGB as EXR (float32).
@@ -171,7 +207,7 @@ pub fn encode_exr_u32(image: &Raster<u32>) -> Result<Vec<u8>> {
 /// An image without pixels.
 pub fn encode_exr_rgb(image: &Raster<[f32; 3]>) -> Result<Vec<u8>> {
     let channel = |c: usize| ex::FlatSamples::F32(image.pixels().iter().map(|p| p[c]).collect());
-    encode_exr(image.width(), image.height(), vec![("R", channel(0)), ("G", channel(1)), ("B", channel(2))])
+    encode_exr(image.width(), image.height(), vec![("R", channel(0)), ("G", channel(1)), ("B", channel(2))], None)
 }
 
 type Channels = Vec<(String, ex::FlatSamples)>;

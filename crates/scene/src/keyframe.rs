@@ -48,6 +48,11 @@ impl DbRange {
         spectrum.map(|&linear| color::jet(self.scalar(linear)).map(color::quantize8))
     }
 
+    /// A linear spectrum in dB; bins without power are at the range's lower end.
+    pub fn db_image(&self, spectrum: &Raster<f32>) -> Raster<f32> {
+        spectrum.map(|&linear| if linear > 0.0 { 10.0 * linear.log10() } else { self.min_db as f32 })
+    }
+
     /// Level in dB of a scalar.
     pub fn db(&self, scalar: f32) -> f64 {
         self.min_db + f64::from(scalar) * (self.max_db - self.min_db)

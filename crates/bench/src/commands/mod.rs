@@ -11,6 +11,7 @@ mod paths;
 mod reconstruct;
 mod render;
 mod scene;
+mod spectrum;
 
 use anyhow::Result;
 use clap::Subcommand;
@@ -44,6 +45,8 @@ pub enum Command {
     Diffuse(diffuse::Diffuse),
     /// Map what a transmitter reaches on a plane: EXR, PNG, JSON.
     Coverage(coverage::Coverage),
+    /// Angular spectra at one pose: linear and dB as EXR, Jet as PNG.
+    Spectrum(Box<spectrum::Spectrum>),
     /// Compare with references.
     #[command(subcommand)]
     Check(check::Check),
@@ -71,6 +74,7 @@ impl Command {
             Self::Paths(c) => c.run(),
             Self::Diffuse(c) => c.run(),
             Self::Coverage(c) => c.run(json),
+            Self::Spectrum(c) => c.run(json),
             Self::Check(c) => c.run(json),
             Self::Reconstruct(c) => c.run(json),
             Self::Render(c) => c.run(json),

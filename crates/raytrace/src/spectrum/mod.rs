@@ -21,12 +21,14 @@ mod mvdr;
 mod snapshots;
 #[cfg(test)]
 mod tests;
+mod tutorial;
 
 pub use bartlett::{Bartlett, RearHalfSpace};
 pub use form::SpectrumSettings;
 pub use grid::Grid;
 pub use looks::looks;
 pub use mpc::mpc;
+pub use tutorial::TutorialSphere;
 
 use crate::radio::Arrival;
 use corf_scene::{Pinhole, Rigid3};

@@ -1,6 +1,6 @@
 //! `scenes/lobby-mini.toml` and its like: how many keyframes, which images, which spectrum, which split.
 
-use super::{SceneConfig, read_toml};
+use super::{SceneConfig, TransmitterConfig, read_toml};
 use crate::{Error, Pinhole, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -120,9 +120,80 @@ pub struct RfConfig {
     /// `[columns, rows]`: also write the spectrum over the whole sphere, equirectangular. Default: not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sphere: Option<[usize; 2]>,
-    /// Also write RF images by the recipe of published sets (see [`crate::tutorial`]), which loses what the others keep. Default false.
+    /// Also write RF images by the recipe of published sets into `rf-tutorial/`, which loses what the others keep. Default false.
     #[serde(default)]
     pub tutorial_compat: bool,
+}
+
+impl RfConfig {
+    /// Checks every value but the image's; `place` says where they were given.
+    ///
+    /// # Errors
+    /// The first value out of range, by key.
+    pub fn validate(&self, place: &str) -> Result<()> {
+        let fail = |key: &str, what: String, help: &str| Err(Error::invalid(format!("{place}: {key}"), what, help));
+        let rf = self;
+        for (key, value) in [
+            ("rf.patch_size_m", rf.patch_size_m),
+            ("rf.lobe_width_deg", rf.lobe_width_deg),
+            ("rf.dynamic_range_db", rf.dynamic_range_db),
+            ("rf.bandwidth_hz", rf.bandwidth_hz),
+        ] {
+            if !(value.is_finite() && value > 0.0) {
+                return fail(key, format!("{value} is not a positive number"), "give a value above 0");
+            }
+        }
+        if rf.patch_size_m < 0.01 {
+            return fail("rf.patch_size_m", format!("{}", rf.patch_size_m), "give at least 0.01 m");
+        }
+        if !(100..=50_000_000).contains(&rf.directions) {
+            return fail("rf.directions", format!("{}", rf.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
+        }
+        for (key, value) in [("rf.photons", rf.photons), ("rf.rays", rf.rays)] {
+            if value > 100_000_000 {
+                return fail(key, format!("{value}"), "give at most 100 000 000");
+            }
+        }
+        // Directions stand sqrt(4 pi / n) apart; a narrower lobe would show the lattice as dots. The gathering keeps 6.1 degrees around the
+        // frame at full density, which is where a lobe of 1 degree has fallen by 80 dB.
+        let spacing_deg = (4.0 * std::f64::consts::PI / rf.directions as f64).sqrt().to_degrees();
+        if rf.spectrum == SpectrumKind::Mpc && rf.diffuse && !(1.5 * spacing_deg..=1.0).contains(&rf.lobe_width_deg) {
+            return fail(
+                "rf.lobe_width_deg",
+                format!(
+                    "{} degrees does not fit {} directions, {spacing_deg:.2} degrees apart",
+                    rf.lobe_width_deg, rf.directions
+                ),
+                "give 1.5 spacings to 1 degree; more directions allow a narrower lobe",
+            );
+        }
+        if rf.bandwidth_hz < 1e6 {
+            return fail(
+                "rf.bandwidth_hz",
+                format!("{} Hz is under 1 MHz", rf.bandwidth_hz),
+                "bandwidths are in hertz: for 1 GHz write 1e9",
+            );
+        }
+        if !(1e-9..=1.0).contains(&rf.mvdr_loading) {
+            return fail("rf.mvdr_loading", format!("{}", rf.mvdr_loading), "give 1e-9 to 1, e.g. 1e-3");
+        }
+        if let Some([columns, rows]) = rf.sphere
+            && !((1..=MAX_IMAGE_SIDE).contains(&columns) && (1..=MAX_IMAGE_SIDE).contains(&rows))
+        {
+            return fail("rf.sphere", format!("{columns}x{rows} pixels"), "give [columns, rows], e.g. [360, 180]");
+        }
+        if rf.dynamic_range_db > 80.0 {
+            return fail(
+                "rf.dynamic_range_db",
+                format!("{} dB", rf.dynamic_range_db),
+                "lobes are traced down to 80 dB: give at most 80",
+            );
+        }
+        if rf.max_reflections > 5 {
+            return fail("rf.max_reflections", format!("{} is above 5", rf.max_reflections), "give 0 to 5");
+        }
+        Ok(())
+    }
 }
 
 /// Which spectrum is formed.
@@ -247,6 +318,14 @@ impl DatasetConfig {
         SceneConfig::load(self.scene_path())
     }
 
+    /// The scene's transmitter that this dataset is of.
+    ///
+    /// # Errors
+    /// The scene has none of that name.
+    pub fn transmitter_of<'a>(&self, scene: &'a SceneConfig) -> Result<&'a TransmitterConfig> {
+        scene.transmitter_named(self.transmitter.as_deref(), &format!("{}: transmitter", self.source.display()))
+    }
+
     /// The camera of the optical images.
     pub fn optical_camera(&self) -> Pinhole {
         Pinhole::from_horizontal_fov(self.optical.width, self.optical.height, self.optical.horizontal_fov_deg)
@@ -304,66 +383,7 @@ impl DatasetConfig {
         if self.optical.exposure_ev.is_some_and(|e| !e.is_finite()) {
             return fail("optical.exposure_ev", "not a finite number".into(), "give EV, e.g. 0.0, or leave it out");
         }
-        let rf = &self.rf;
-        for (key, value) in [
-            ("rf.patch_size_m", rf.patch_size_m),
-            ("rf.lobe_width_deg", rf.lobe_width_deg),
-            ("rf.dynamic_range_db", rf.dynamic_range_db),
-            ("rf.bandwidth_hz", rf.bandwidth_hz),
-        ] {
-            if !(value.is_finite() && value > 0.0) {
-                return fail(key, format!("{value} is not a positive number"), "give a value above 0");
-            }
-        }
-        if rf.patch_size_m < 0.01 {
-            return fail("rf.patch_size_m", format!("{}", rf.patch_size_m), "give at least 0.01 m");
-        }
-        if !(100..=50_000_000).contains(&rf.directions) {
-            return fail("rf.directions", format!("{}", rf.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
-        }
-        for (key, value) in [("rf.photons", rf.photons), ("rf.rays", rf.rays)] {
-            if value > 100_000_000 {
-                return fail(key, format!("{value}"), "give at most 100 000 000");
-            }
-        }
-        // Directions stand sqrt(4 pi / n) apart; a narrower lobe would show the lattice as dots. The gathering keeps 6.1 degrees around the
-        // frame at full density, which is where a lobe of 1 degree has fallen by 80 dB.
-        let spacing_deg = (4.0 * std::f64::consts::PI / rf.directions as f64).sqrt().to_degrees();
-        if rf.spectrum == SpectrumKind::Mpc && rf.diffuse && !(1.5 * spacing_deg..=1.0).contains(&rf.lobe_width_deg) {
-            return fail(
-                "rf.lobe_width_deg",
-                format!(
-                    "{} degrees does not fit {} directions, {spacing_deg:.2} degrees apart",
-                    rf.lobe_width_deg, rf.directions
-                ),
-                "give 1.5 spacings to 1 degree; more directions allow a narrower lobe",
-            );
-        }
-        if rf.bandwidth_hz < 1e6 {
-            return fail(
-                "rf.bandwidth_hz",
-                format!("{} Hz is under 1 MHz", rf.bandwidth_hz),
-                "bandwidths are in hertz: for 1 GHz write 1e9",
-            );
-        }
-        if !(1e-9..=1.0).contains(&rf.mvdr_loading) {
-            return fail("rf.mvdr_loading", format!("{}", rf.mvdr_loading), "give 1e-9 to 1, e.g. 1e-3");
-        }
-        if let Some([columns, rows]) = rf.sphere
-            && !((1..=MAX_IMAGE_SIDE).contains(&columns) && (1..=MAX_IMAGE_SIDE).contains(&rows))
-        {
-            return fail("rf.sphere", format!("{columns}x{rows} pixels"), "give [columns, rows], e.g. [360, 180]");
-        }
-        if rf.dynamic_range_db > 80.0 {
-            return fail(
-                "rf.dynamic_range_db",
-                format!("{} dB", rf.dynamic_range_db),
-                "lobes are traced down to 80 dB: give at most 80",
-            );
-        }
-        if rf.max_reflections > 5 {
-            return fail("rf.max_reflections", format!("{} is above 5", rf.max_reflections), "give 0 to 5");
-        }
+        self.rf.validate(&self.source.display().to_string())?;
         if self.split.test_every < 2 && self.keyframes > 1 {
             return fail("split.test_every", "leaves nothing to train on".into(), "give 2 or more (8 is usual)");
         }
@@ -420,6 +440,11 @@ height = 64
             ("keyframes = 147", "keyframes = 0", "keyframes"),
             ("width = 96", "width = 0", "rf"),
             ("height = 64", "height = 64\ndynamic_range_db = -3", "rf.dynamic_range_db"),
+            ("height = 64", "height = 64\nbandwidth_hz = 1.0", "rf.bandwidth_hz: 1 Hz is under 1 MHz"),
+            ("height = 64", "height = 64\nbandwidth_hz = inf", "rf.bandwidth_hz"),
+            ("height = 64", "height = 64\nmvdr_loading = 0", "rf.mvdr_loading"),
+            ("height = 64", "height = 64\nsphere = [0, 180]", "rf.sphere"),
+            ("height = 64", "height = 64\nlobe_width_deg = 0.1", "rf.lobe_width_deg"),
             ("height = 108", "height = 108\nhorizontal_fov_deg = 180", "optical.horizontal_fov_deg"),
             ("[rf]", "[split]\nheld_out_segment = [140, 8]\n[rf]", "split.held_out_segment"),
         ] {
@@ -427,6 +452,20 @@ height = 64
             let message = c.validate().unwrap_err().to_string();
             assert!(message.contains(key), "{message}");
         }
+    }
+
+    #[test]
+    fn a_spectrum_or_a_transmitter_that_is_none_is_corrected() {
+        let message =
+            from_toml::<DatasetConfig>(&TEXT.replace("[rf]", "[rf]\nspectrum = \"mdvr\""), "d.toml").unwrap_err().to_string();
+        assert!(message.contains("d.toml:9:") && message.contains("did you mean `mvdr`"), "{message}");
+        let scene = "[scene]\nfile = \"r.glb\"\n[transmitter]\nposition_m = [0, 0, 2]\n[transmitters.east]\nposition_m = [3, 0, 2]\ncols = 4\n";
+        let scene: SceneConfig = from_toml(scene, "s.toml").unwrap();
+        scene.validate().unwrap();
+        let of = |name: &str| from_toml::<DatasetConfig>(&format!("transmitter = \"{name}\"\n{TEXT}"), "d.toml").unwrap();
+        assert_eq!(of("east").transmitter_of(&scene).unwrap().position_m, [3.0, 0.0, 2.0]);
+        let message = of("eest").transmitter_of(&scene).unwrap_err().to_string();
+        assert!(message.contains("did you mean \"east\""), "{message}");
     }
 
     #[test]

@@ -18,10 +18,22 @@ pub struct ColoredPoint {
     pub color: [u8; 3],
 }
 
-/// `optical` or `rf`: a folder other tools open directly.
+/// `optical`, `rf` or `rf-tutorial`: a folder other tools open directly.
 pub(super) struct Modality {
     pub root: &'static str,
     pub camera: Pinhole,
+}
+
+impl Modality {
+    /// The folders that a dataset has.
+    pub fn all(header: &DatasetHeader) -> Vec<Self> {
+        let mut list =
+            vec![Self { root: "optical", camera: header.optical_camera }, Self { root: "rf", camera: header.rf_camera }];
+        if header.tutorial_range.is_some() {
+            list.push(Self { root: layout::TUTORIAL_ROOT, camera: header.rf_camera });
+        }
+        list
+    }
 }
 
 /// Points sampled over all training keyframes: enough to start a splat, few enough to read in no time.

@@ -1,16 +1,19 @@
 //! What a dataset says about itself: `dataset.json` and `trajectory.json`.
 
+use super::conventions::Conventions;
 use crate::config::{DatasetConfig, ReceiverConfig, SceneConfig, SpectrumKind, SplitConfig, TransmitterConfig};
 use crate::keyframe::DbRange;
+use crate::model::Permittivity;
+use crate::radio_spec::RadioSpec;
 use crate::trajectory::{TrajectoryPose, generate_between};
-use crate::{Error, Pinhole, Result, Rigid3, Scene, io};
+use crate::{Equirectangular, Error, Pinhole, Result, Rigid3, Scene, io};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The version of the layout this crate writes and reads.
-pub const DATASET_SCHEMA: &str = "corf-dataset/1";
+pub const DATASET_SCHEMA: &str = "corf-dataset/2";
 /// The version of `trajectory.json`.
 const TRAJECTORY_SCHEMA: &str = "corf-trajectory/1";
 
@@ -26,6 +29,8 @@ pub struct DatasetHeader {
     pub optical_camera: Pinhole,
     /// Camera of `rf/`.
     pub rf_camera: Pinhole,
+    /// Image of `rf/sphere`, where it is written.
+    pub sphere: Option<Equirectangular>,
     /// Exposure the images were developed with, EV.
     pub exposure_ev: f64,
     /// Carrier, Hz.
@@ -40,6 +45,12 @@ pub struct DatasetHeader {
     pub quantity: Quantity,
     /// Width of the one dB range below the dataset's peak, dB.
     pub dynamic_range_db: f64,
+    /// The range that the images of `rf-tutorial/` are clipped to, where they are written.
+    pub tutorial_range: Option<DbRange>,
+    /// Radio materials in use.
+    pub materials: Vec<MaterialRecord>,
+    /// What the sampling of the diffuse field leaves uncertain, where it was measured.
+    pub sampling_error: Option<SamplingError>,
     /// Training and test keyframes.
     pub split: SplitConfig,
     /// Names by surface index.
@@ -53,6 +64,62 @@ pub struct DatasetHeader {
     /// The trajectory (written to `trajectory.json`).
     #[serde(skip)]
     pub poses: Vec<TrajectoryPose>,
+}
+
+/// A radio material as the tracer used it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialRecord {
+    /// Name in the mesh file.
+    pub name: String,
+    /// Where its permittivity comes from.
+    pub source: String,
+    /// Real relative permittivity at the carrier.
+    pub relative_permittivity: f64,
+    /// Conductivity at the carrier, S/m.
+    pub conductivity_s_per_m: f64,
+    /// As it was written, thickness and scattering included.
+    pub spec: RadioSpec,
+}
+
+impl MaterialRecord {
+    /// Every material that a triangle uses and that has radio properties, in the scene's order.
+    fn all(scene: &Scene, frequency_hz: f64) -> Result<Vec<Self>> {
+        let used: std::collections::BTreeSet<u32> = scene.triangles.iter().map(|t| t.material).collect();
+        let in_use = scene.materials.iter().enumerate().filter(|(i, _)| used.contains(&(*i as u32)));
+        in_use
+            .filter_map(|(_, material)| Some((material, material.radio.as_ref()?)))
+            .map(|(material, radio)| {
+                let (relative_permittivity, imaginary) = radio.complex_permittivity(frequency_hz)?;
+                let source = match &radio.permittivity {
+                    Permittivity::Itu(name) => format!("ITU-R P.2040-3, table 3, \"{name}\""),
+                    Permittivity::Constant { .. } => "constants given with the scene, at its carrier".into(),
+                };
+                Ok(Self {
+                    name: material.name.clone(),
+                    source,
+                    relative_permittivity,
+                    conductivity_s_per_m: imaginary
+                        * std::f64::consts::TAU
+                        * frequency_hz
+                        * crate::itu::VACUUM_PERMITTIVITY_F_PER_M,
+                    spec: RadioSpec::from(radio),
+                })
+            })
+            .collect()
+    }
+}
+
+/// Standard errors of the diffuse field's sampling.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SamplingError {
+    /// Keyframes at which two independent samplings were compared.
+    pub keyframes: usize,
+    /// Of the total received power, dB.
+    pub total_db: f64,
+    /// Root mean square over the pixels within 30 dB of a spectrum's peak, dB.
+    pub pixels_db: f64,
 }
 
 /// What one value of a spectrum is.
@@ -104,13 +171,17 @@ impl DatasetHeader {
             seed: config.seed,
             optical_camera: config.optical_camera(),
             rf_camera: config.rf_camera(),
+            sphere: config.rf.sphere.map(|[width, height]| Equirectangular { width, height }),
             exposure_ev: config.optical.exposure_ev.unwrap_or(exposure_ev),
             frequency_hz: scene_config.radio.frequency_hz,
-            transmitter: Some(scene_config.transmitter),
+            transmitter: Some(*config.transmitter_of(scene_config)?),
             receiver: scene_config.receiver,
             spectrum: config.rf.spectrum,
             quantity: Quantity::of(config.rf.spectrum),
             dynamic_range_db: config.rf.dynamic_range_db,
+            tutorial_range: None,
+            materials: MaterialRecord::all(scene, scene_config.radio.frequency_hz)?,
+            sampling_error: None,
             split: config.split,
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
             scene_sha256: Some(io::sha256_hex(&io::read(scene_config.mesh_path())?)),
@@ -127,60 +198,6 @@ impl DatasetHeader {
     pub fn hash(&self) -> Result<String> {
         let text = to_json(self)? + &trajectory_json(&self.poses)?;
         Ok(io::sha256_hex(text.as_bytes()))
-    }
-}
-
-/// The frames, units and rules everything in the folder keeps, in words.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Conventions {
-    /// World frame.
-    pub world: String,
-    /// Camera frame.
-    pub camera: String,
-    /// Array frame.
-    pub array: String,
-    /// What a pose is.
-    pub pose: String,
-    /// Projection of both cameras.
-    pub projection: String,
-    /// `optical/images`.
-    pub image: String,
-    /// `optical/depth`.
-    pub depth: String,
-    /// `optical/surfaces`.
-    pub surface: String,
-    /// `rf/spectra`.
-    pub spectrum: String,
-    /// `rf/images`.
-    pub rf_image: String,
-    /// Bins without power.
-    pub empty_bin: String,
-    /// Colour map of `rf/images`.
-    pub colormap: String,
-}
-
-impl Conventions {
-    pub(super) fn of(quantity: Quantity) -> Self {
-        let spectrum = match quantity {
-            Quantity::PowerPerSteradian => "linear power per steradian relative to 1 W transmitted (1/sr), float32, channel Y",
-            Quantity::BeamPower => "linear beam output power relative to 1 W transmitted, float32, channel Y",
-            Quantity::CaponPower => "linear Capon power estimate relative to 1 W transmitted, float32, channel Y",
-        };
-        Self {
-            world: "right-handed, z up, metres".into(),
-            camera: "OpenCV: x right, y down, z forward".into(),
-            array: "boresight x = camera z, y = -camera x, z = -camera y".into(),
-            pose: "world_from_camera, 4x4 by rows, seconds and metres".into(),
-            projection: "pinhole without distortion, u = fx x/z + cx, v = fy y/z + cy, pixel centres at +0.5".into(),
-            image: "8-bit sRGB".into(),
-            depth: "z-depth in metres, float32, channel Z; 0 where nothing was hit".into(),
-            surface: "index into header.objects, uint32, channel id; 4294967295 where nothing was hit".into(),
-            spectrum: spectrum.into(),
-            rf_image: "scalar = (10 log10 S - min_db) / (max_db - min_db) clamped to [0, 1], colour map, 8 bit".into(),
-            empty_bin: "0 in the spectrum, scalar 0 in the image".into(),
-            colormap: "jet: R 0-1 over .35-.66, hold to .89, .5 at 1; G 0-1 over .125-.375, hold to .64, 0 at .91; B .5-1 by .11, hold to .34, 0 at .65".into(),
-        }
     }
 }
 
@@ -225,10 +242,47 @@ pub(super) struct DatasetFile {
     pub db_range: DbRange,
     /// Largest spectrum value of all keyframes, dB.
     pub peak_db: f64,
+    pub rf_frames: RfFrames,
     pub split: SplitLists,
     pub header: DatasetHeader,
     /// Relative path (forward slashes) → size and SHA-256, of every file but this one.
     pub files: BTreeMap<String, FileRecord>,
+}
+
+/// What is known of the spectra, keyframe by keyframe.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RfFrames {
+    /// Largest spectrum value, dB; null without any power.
+    pub peak_db: Vec<Option<f64>>,
+    /// Share of the arriving power inside the RF frame.
+    pub share_in_frame: Vec<Option<f64>>,
+    /// Mean, smallest and largest of those.
+    pub share_in_frame_summary: Option<Summary>,
+}
+
+/// Of several numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Summary {
+    /// Arithmetic mean.
+    pub mean: f64,
+    /// Smallest.
+    pub min: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl Summary {
+    /// `None` of no numbers.
+    pub(super) fn of(values: impl Iterator<Item = f64> + Clone) -> Option<Self> {
+        let count = values.clone().count();
+        (count > 0).then(|| Self {
+            mean: values.clone().sum::<f64>() / count as f64,
+            min: values.clone().fold(f64::INFINITY, f64::min),
+            max: values.fold(f64::NEG_INFINITY, f64::max),
+        })
+    }
 }
 
 /// Who wrote a dataset.

@@ -9,6 +9,8 @@ pub(super) const DATASET_JSON: &str = "dataset.json";
 pub(super) const TRAJECTORY_JSON: &str = "trajectory.json";
 /// Header of a dataset in the making; gone once `dataset.json` is there.
 pub(super) const PARTIAL_JSON: &str = "dataset.partial.json";
+/// Folder of the RF images made by the recipe of published sets.
+pub(super) const TUTORIAL_ROOT: &str = "rf-tutorial";
 /// One record a finished keyframe; gone once `dataset.json` is there.
 pub(super) const PROGRESS_DIR: &str = "progress";
 
@@ -30,8 +32,17 @@ pub(super) fn spectrum(index: usize) -> String {
 pub(super) fn rf_image(index: usize) -> String {
     format!("rf/images/{}.png", stem(index))
 }
+pub(super) fn db(index: usize) -> String {
+    format!("rf/db/{}.exr", stem(index))
+}
+pub(super) fn sphere(index: usize) -> String {
+    format!("rf/sphere/{}.exr", stem(index))
+}
+pub(super) fn tutorial_image(index: usize) -> String {
+    format!("{TUTORIAL_ROOT}/images/{}.png", stem(index))
+}
 pub(super) fn paths(index: usize) -> String {
-    format!("rf/paths/{}.jsonl", stem(index))
+    format!("rf/paths/{}.jsonl.gz", stem(index))
 }
 pub(super) fn progress(index: usize) -> String {
     format!("{PROGRESS_DIR}/{}.json", stem(index))

@@ -5,13 +5,15 @@
 //!   dataset.json       what everything is: units, axes, cameras, carrier, dB range, split, SHA-256 of every file
 //!   trajectory.json    per keyframe: index, time, world_from_camera
 //!   optical/           images/00001.png  depth/00001.exr  surfaces/00001.exr  linear/00001.exr (optional)
-//!   rf/                images/00001.png  spectra/00001.exr  paths/00001.jsonl (optional)
-//!   optical/ and rf/   sparse/0/{cameras,images,points3D}.txt  transforms.json  train_index.txt  test_index.txt
+//!   rf/                images/00001.png  spectra/00001.exr  db/00001.exr  sphere/00001.exr  paths/00001.jsonl.gz (the last three optional)
+//!   rf-tutorial/       images/00001.png (optional: by the recipe of published sets)
+//!   each of the three  sparse/0/{cameras,images,points3D}.txt  transforms.json  train_index.txt  test_index.txt
 //! ```
 //!
 //! File stems count from 1, indices from 0. Each modality's folder is self-contained: COLMAP and transforms.json readers open it as it is.
 //! No file but `images/N.png` ends in `N.png`, because some readers match images by suffix.
 
+mod conventions;
 mod export;
 mod header;
 mod layout;
@@ -19,8 +21,9 @@ mod reader;
 mod validate;
 mod writer;
 
+pub use conventions::Conventions;
 pub use export::ColoredPoint;
-pub use header::{Conventions, DATASET_SCHEMA, DatasetHeader, Quantity};
+pub use header::{DATASET_SCHEMA, DatasetHeader, MaterialRecord, Quantity, SamplingError, Summary};
 pub use reader::Dataset;
 pub use validate::validate;
 pub use writer::{DatasetWriter, FrameData};

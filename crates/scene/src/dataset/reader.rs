@@ -1,6 +1,7 @@
 //! Reading a dataset.
 
-use super::header::{DATASET_SCHEMA, DatasetFile, DatasetHeader, from_json, read_trajectory};
+use super::conventions::Conventions;
+use super::header::{DATASET_SCHEMA, DatasetFile, DatasetHeader, Summary, from_json, read_trajectory};
 use super::{layout, writer};
 use crate::keyframe::DbRange;
 use crate::trajectory::TrajectoryPose;
@@ -120,6 +121,21 @@ impl Dataset {
     /// The contiguous segment of the second split: all other keyframes train.
     pub fn held_out_segment(&self) -> &[usize] {
         &self.file.split.held_out_segment
+    }
+
+    /// What everything in the folder means, in words.
+    pub fn conventions(&self) -> &Conventions {
+        &self.file.conventions
+    }
+
+    /// Per keyframe: of the power that arrived, the share from directions inside the RF frame.
+    pub fn share_in_frame(&self) -> &[Option<f64>] {
+        &self.file.rf_frames.share_in_frame
+    }
+
+    /// Mean, smallest and largest of [`Dataset::share_in_frame`].
+    pub fn share_in_frame_summary(&self) -> Option<Summary> {
+        self.file.rf_frames.share_in_frame_summary
     }
 
     /// SHA-256 of `dataset.json`, which holds that of every other file.

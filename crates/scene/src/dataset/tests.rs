@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::config::{ReceiverConfig, SpectrumKind, SplitConfig};
+use crate::keyframe::DbRange;
 use crate::trajectory::{TrajectoryConfig, TrajectoryPose, generate};
-use crate::{Error, Pinhole, Raster, Rigid3, Severity, io};
+use crate::{Equirectangular, Error, Pinhole, Raster, Rigid3, Severity, io};
 use glam::DVec3;
 use std::path::Path;
 
@@ -27,6 +28,7 @@ fn header() -> DatasetHeader {
         seed: 3,
         optical_camera: Pinhole::from_horizontal_fov(16, 9, 90.0),
         rf_camera: Pinhole::from_horizontal_fov(12, 8, 90.0),
+        sphere: Some(Equirectangular { width: 6, height: 3 }),
         exposure_ev: 0.5,
         frequency_hz: 60e9,
         transmitter: None,
@@ -34,6 +36,9 @@ fn header() -> DatasetHeader {
         spectrum: SpectrumKind::Mpc,
         quantity: Quantity::PowerPerSteradian,
         dynamic_range_db: 50.0,
+        tutorial_range: Some(DbRange { min_db: -90.0, max_db: -40.0 }),
+        materials: vec![],
+        sampling_error: None,
         split: SplitConfig { test_every: 4, held_out_segment: Some([5, 2]) },
         objects: vec!["floor".into(), "wall".into()],
         scene_sha256: None,
@@ -51,6 +56,9 @@ fn frame(index: usize) -> FrameData {
         surface: Some(Raster::from_fn(16, 9, |x, y| if y == 0 { u32::MAX } else { (x % 2) as u32 })),
         // Peak of the dataset: keyframe 7, 2e-6 = −56.99 dB.
         spectrum: Raster::from_fn(12, 8, |x, y| if (x, y) == (5, 4) && index == 7 { 2e-6 } else { 1e-9 * (x * y) as f32 }),
+        sphere: Some(Raster::from_fn(6, 3, |x, y| 1e-8 * (x + y) as f32)),
+        tutorial: Some(Raster::filled(12, 8, [index as u8, 1, 2])),
+        share_in_frame: Some(0.25 + 0.05 * index as f64),
         paths_jsonl: (index == 2).then(|| "{\"tau_s\":1e-8}\n".to_string()),
     }
 }
@@ -87,6 +95,44 @@ fn what_is_written_is_read() {
     assert!(findings.is_empty(), "{}", findings.iter().map(|f| f.to_string()).collect::<Vec<_>>().join("\n"));
     // Nothing of its making is left.
     assert!(!dir.path().join("progress").exists() && !dir.path().join("dataset.partial.json").exists());
+}
+
+#[test]
+fn what_a_user_would_have_to_ask_is_answered() {
+    let dir = tempfile::tempdir().unwrap();
+    let dataset = written(dir.path());
+    let asked = [
+        ("frames", &["world", "camera", "array", "pose", "colmap", "transforms_json"][..]),
+        ("angles", &["zenith", "azimuth", "arrival", "departure", "polarisation_basis"]),
+        ("cameras", &["projection", "intrinsics", "sphere"]),
+        ("optical", &["image", "exposure", "depth", "depth_empty", "surface"]),
+        ("spectrum", &["value", "unit", "formed", "phases", "evaluated", "empty_bin", "rear_half_space", "share_in_frame"]),
+        ("rf_image", &["scalar", "range", "colormap", "image", "tutorial"]),
+        ("antennas", &["receiver_array", "steering", "receiver_element", "transmit_power"]),
+        ("propagation", &["carrier", "time", "coefficient", "materials"]),
+        ("sampling", &["positions", "seeds", "specular", "split"]),
+        ("files", &["names", "written_by"]),
+    ];
+    for (topic, questions) in asked {
+        for question in questions {
+            let answer = dataset.conventions().get(topic).and_then(|t| t.get(*question));
+            assert!(answer.is_some_and(|a| !a.is_empty()), "{topic}.{question}");
+        }
+    }
+    // Answers are of this dataset.
+    let answer = |topic: &str, question: &str| dataset.conventions()[topic][question].clone();
+    assert!(answer("rf_image", "range").contains("-106 to -56 dB"), "{}", answer("rf_image", "range"));
+    assert!(answer("antennas", "receiver_array").contains("8 rows x 8 columns"));
+    assert!(answer("sampling", "split").contains("index % 4"));
+    assert!(answer("propagation", "carrier").contains("60000000000 Hz"));
+    let summary = dataset.share_in_frame_summary().unwrap();
+    assert_eq!(dataset.share_in_frame().len(), COUNT);
+    assert!((summary.mean - 0.475).abs() < 1e-12 && (summary.min, summary.max) == (0.25, 0.7));
+    // Paths unpack to what they were.
+    assert_eq!(io::read_gzip_text(dir.path().join("rf/paths/00003.jsonl.gz")).unwrap(), frame(2).paths_jsonl.unwrap());
+    let json: serde_json::Value = serde_json::from_str(&io::read_text(dir.path().join("dataset.json")).unwrap()).unwrap();
+    assert_eq!(json["generator"], format!("corf {}", env!("CARGO_PKG_VERSION")));
+    assert!((json["rf_frames"]["peak_db"][7].as_f64().unwrap() + 56.9897).abs() < 1e-3);
 }
 
 #[test]
@@ -228,7 +274,9 @@ fn the_validator_finds_tampering_and_what_would_mislead_other_readers() {
         }
     };
     let replace = |from: &'static str, to: &'static str| move |t: &str| t.replacen(from, to, 1);
-    tampered("rf/paths/00003.jsonl", &|t| t.to_string() + " ", "SHA-256");
+    tampered("rf/paths/00003.jsonl.gz", &|t| t.to_string() + " ", "SHA-256");
+    tampered("rf-tutorial/test_index.txt", &replace("00001\n", ""), "is not the split");
+    tampered("dataset.json", &replace("isotropic elements", "patch elements"), "conventions are not those of its header");
     tampered("optical/sparse/0/cameras.txt", &replace("PINHOLE", "SIMPLE_PINHOLE"), "PINHOLE camera");
     tampered("rf/sparse/0/images.txt", &replace("00002.png\n\n", "00002.png\n"), "two each");
     tampered("rf/sparse/0/images.txt", &replace("00002.png", "00003.png"), "names 00003.png");
@@ -292,7 +340,7 @@ fn points_lie_on_what_the_training_keyframes_see() {
     let dataset = written(dir.path());
     let train: Vec<Rigid3> = dataset.train_indices().iter().map(|i| dataset.poses()[*i].world_from_camera.inverse()).collect();
     let camera = dataset.optical_camera();
-    for root in ["optical", "rf"] {
+    for root in ["optical", "rf", "rf-tutorial"] {
         let text = io::read_text(dir.path().join(root).join("sparse/0/points3D.txt")).unwrap();
         let points: Vec<Vec<f64>> = text
             .lines()

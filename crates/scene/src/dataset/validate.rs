@@ -1,5 +1,6 @@
 //! Replays the rules of the tools that read a dataset, and its own.
 
+use super::export::Modality as Modalities;
 use super::{Dataset, layout};
 use crate::finding::Finding;
 use crate::{Error, Pinhole, Result, Rigid3, io};
@@ -21,7 +22,16 @@ pub fn validate(dir: impl AsRef<Path>) -> Result<Vec<Finding>> {
     let mut findings = check_files(&dataset)?;
     let of_frames: Vec<Vec<Finding>> = (0..dataset.len()).into_par_iter().map(|i| check_keyframe(&dataset, i)).collect();
     findings.extend(of_frames.into_iter().flatten());
-    for (root, camera) in [("optical", dataset.optical_camera()), ("rf", dataset.rf_camera())] {
+    let file = dataset.file();
+    if file.conventions != super::conventions::of(&file.header, &file.db_range) {
+        let place = dataset.dir().join(layout::DATASET_JSON).display().to_string();
+        findings.push(Finding::error(
+            place,
+            "its conventions are not those of its header",
+            "restore it, or generate the dataset again",
+        ));
+    }
+    for Modalities { root, camera } in Modalities::all(&file.header) {
         let modality = Modality { dataset: &dataset, root: dataset.dir().join(root), camera };
         for check in [Modality::colmap, Modality::transforms, Modality::split, Modality::suffixes] {
             if let Err(e) = check(&modality, &mut findings) {

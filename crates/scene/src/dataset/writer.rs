@@ -1,7 +1,8 @@
 //! Writing a dataset keyframe by keyframe, so that an interrupted run can go on where it stopped.
 
+use super::conventions;
 use super::export::{self, Modality};
-use super::header::{Conventions, DATASET_SCHEMA, DatasetFile, DatasetHeader, FileRecord, SplitLists};
+use super::header::{DATASET_SCHEMA, DatasetFile, DatasetHeader, FileRecord, RfFrames, SplitLists, Summary};
 use super::header::{from_json, generator, to_json, trajectory_json};
 use super::layout;
 use crate::keyframe::DbRange;
@@ -24,6 +25,12 @@ pub struct FrameData {
     pub surface: Option<Raster<u32>>,
     /// Spectrum of the RF camera: linear, finite, at least 0.
     pub spectrum: Raster<f32>,
+    /// Spectrum over the whole sphere, if it is to be kept: as `spectrum`.
+    pub sphere: Option<Raster<f32>>,
+    /// RF image by the recipe of published sets, if it is to be kept.
+    pub tutorial: Option<Raster<[u8; 3]>>,
+    /// Of the power that arrives, the share from directions inside the RF frame, in `[0, 1]`.
+    pub share_in_frame: Option<f64>,
     /// Propagation paths, one JSON object a line.
     pub paths_jsonl: Option<String>,
 }
@@ -33,6 +40,7 @@ pub struct FrameData {
 #[serde(deny_unknown_fields)]
 struct FrameRecord {
     peak: f32,
+    share_in_frame: Option<f64>,
     files: BTreeMap<String, FileRecord>,
 }
 
@@ -173,12 +181,18 @@ impl DatasetWriter {
         if let Some(surface) = &frame.surface {
             put(layout::surface(index), io::encode_exr_u32(surface)?)?;
         }
-        put(layout::spectrum(index), io::encode_exr_f32(&frame.spectrum, "Y")?)?;
-        if let Some(paths) = &frame.paths_jsonl {
-            put(layout::paths(index), paths.clone().into_bytes())?;
+        let unit = self.header.quantity.unit();
+        put(layout::spectrum(index), io::encode_exr_f32_in(&frame.spectrum, "Y", unit)?)?;
+        if let Some(sphere) = &frame.sphere {
+            put(layout::sphere(index), io::encode_exr_f32_in(sphere, "Y", unit)?)?;
         }
-        let peak = frame.spectrum.pixels().iter().copied().fold(0.0, f32::max);
-        let record = FrameRecord { peak, files };
+        if let Some(tutorial) = &frame.tutorial {
+            put(layout::tutorial_image(index), io::encode_png(tutorial)?)?;
+        }
+        if let Some(paths) = &frame.paths_jsonl {
+            put(layout::paths(index), io::gzip(paths.as_bytes())?)?;
+        }
+        let record = FrameRecord { peak: peak(&frame.spectrum), share_in_frame: frame.share_in_frame, files };
         io::write_atomic(self.dir.join(layout::progress(index)), to_json(&record)?.as_bytes())
     }
 
@@ -191,7 +205,12 @@ impl DatasetWriter {
             ("surface", frame.surface.as_ref().map(|s| (s.width(), s.height()))),
         ];
         let optical = optical.into_iter().map(|(n, s)| (n, s, (o.width, o.height)));
-        let rf = [("spectrum", Some((frame.spectrum.width(), frame.spectrum.height())), (r.width, r.height))];
+        let sphere = self.header.sphere.map_or((0, 0), |s| (s.width, s.height));
+        let rf = [
+            ("spectrum", Some((frame.spectrum.width(), frame.spectrum.height())), (r.width, r.height)),
+            ("sphere", frame.sphere.as_ref().map(|s| (s.width(), s.height())), sphere),
+            ("tutorial", frame.tutorial.as_ref().map(|t| (t.width(), t.height())), (r.width, r.height)),
+        ];
         for (name, size, expected) in optical.chain(rf) {
             if let Some(size) = size.filter(|s| *s != expected) {
                 return Err(Error::invalid(
@@ -202,6 +221,12 @@ impl DatasetWriter {
             }
         }
         check_spectrum(&frame.spectrum, &format!("{place}: spectrum"))?;
+        if let Some(sphere) = &frame.sphere {
+            check_spectrum(sphere, &format!("{place}: sphere"))?;
+        }
+        if let Some(share) = frame.share_in_frame.filter(|s| !(0.0..=1.0).contains(s)) {
+            return Err(Error::invalid(format!("{place}: share_in_frame"), format!("{share}"), "a share lies in 0 to 1"));
+        }
         if let Some(linear) = &frame.linear
             && linear.pixels().iter().flatten().any(|v| !v.is_finite())
         {
@@ -242,10 +267,16 @@ impl DatasetWriter {
                 "check the transmitter's position (inside the room, not inside furniture) and the radio materials",
             ));
         }
-        let peak_db = 10.0 * f64::from(peak).log10();
+        let peak_db = decibels(peak);
         let max_db = peak_db.ceil();
         let db_range = DbRange { min_db: max_db - self.header.dynamic_range_db, max_db };
 
+        let shares = records.iter().map(|r| r.share_in_frame);
+        let rf_frames = RfFrames {
+            peak_db: records.iter().map(|r| (r.peak > 0.0).then(|| decibels(r.peak))).collect(),
+            share_in_frame_summary: Summary::of(shares.clone().flatten()),
+            share_in_frame: shares.collect(),
+        };
         let mut files: BTreeMap<String, FileRecord> = BTreeMap::new();
         for record in records {
             files.extend(record.files);
@@ -255,20 +286,20 @@ impl DatasetWriter {
             files.insert(path, FileRecord::of(bytes));
             Ok(())
         };
-        let rf_images: Vec<Raster<[u8; 3]>> = (0..self.len())
-            .into_par_iter()
-            .map(|i| Ok(db_range.jet_image(&io::read_exr_f32(self.dir.join(layout::spectrum(i)))?)))
-            .collect::<Result<_>>()?;
+        let rf_images: Vec<Raster<[u8; 3]>> =
+            (0..self.len()).into_par_iter().map(|i| Ok(db_range.jet_image(&self.spectrum(i)?))).collect::<Result<_>>()?;
         for (i, image) in rf_images.iter().enumerate() {
             put(layout::rf_image(i), &io::encode_png(image)?)?;
         }
+        if self.header.config.as_ref().is_some_and(|c| c.rf.write_db) {
+            for i in 0..self.len() {
+                put(layout::db(i), &io::encode_exr_f32_in(&db_range.db_image(&self.spectrum(i)?), "Y", "dB")?)?;
+            }
+        }
         let split = SplitLists::of(&self.header.split, self.len());
         let points = export::sample_points(&self.dir, &self.header, &split.train, &rf_images)?;
-        let modalities = [
-            (Modality { root: "optical", camera: self.header.optical_camera }, &points[0]),
-            (Modality { root: "rf", camera: self.header.rf_camera }, &points[1]),
-        ];
-        for (modality, points) in modalities {
+        for modality in Modality::all(&self.header) {
+            let points = &points[usize::from(modality.root != "optical")];
             for (name, text) in export::files(&modality, &self.header.poses, &split, points)? {
                 put(format!("{}/{name}", modality.root), text.as_bytes())?;
             }
@@ -278,15 +309,20 @@ impl DatasetWriter {
             schema: DATASET_SCHEMA.into(),
             generator: generator(),
             keyframes: self.len(),
-            conventions: Conventions::of(self.header.quantity),
+            conventions: conventions::of(&self.header, &db_range),
             db_range,
             peak_db,
+            rf_frames,
             split,
             header: self.header.clone(),
             files,
         };
         io::write_atomic(self.dir.join(layout::DATASET_JSON), to_json(&file)?.as_bytes())?;
         self.forget_progress()
+    }
+
+    fn spectrum(&self, index: usize) -> Result<Raster<f32>> {
+        io::read_exr_f32(self.dir.join(layout::spectrum(index)))
     }
 
     /// Removes what recorded the making of a dataset that is now whole.
@@ -301,6 +337,14 @@ impl DatasetWriter {
         }
         Ok(())
     }
+}
+
+fn peak(spectrum: &Raster<f32>) -> f32 {
+    spectrum.pixels().iter().copied().fold(0.0, f32::max)
+}
+
+fn decibels(linear: f32) -> f64 {
+    10.0 * f64::from(linear).log10()
 }
 
 /// Every value finite and at least 0.

@@ -1,0 +1,233 @@
+//! `corf spectrum`: angular spectra at one pose, as numbers and as pictures.
+
+use super::{Verdict, show};
+use crate::link::Point;
+use crate::radio_sensor::{Extent, RadioSensor, radio_settings};
+use crate::run::{claim_output, write_json};
+use anyhow::{Result, ensure};
+use clap::{Args, ValueEnum};
+use corf_raytrace::bvh::Bvh;
+use corf_raytrace::radio::{Antenna, RadioSettings, RadioTracer, Search, Solids};
+use corf_raytrace::spectrum::{Grid, SpectrumSettings, share_in_frame};
+use corf_scene::config::{RfConfig, SceneConfig, SpectrumKind, from_toml};
+use corf_scene::dataset::Quantity;
+use corf_scene::keyframe::DbRange;
+use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3, io};
+use glam::DVec3;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// `corf spectrum`.
+#[derive(Args)]
+pub struct Spectrum {
+    /// Scene file (.toml).
+    scene: PathBuf,
+    /// Receiver, world metres `x,y,z`.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    rx: Point,
+    /// Where it looks, world metres `x,y,z`; without it the transmitter.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    towards: Option<Point>,
+    /// Output folder: for every kind KIND.exr (linear), KIND-db.exr and KIND-jet.png, and spectrum.json.
+    #[arg(long)]
+    out: PathBuf,
+    /// Which spectra; several may be given.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "mpc")]
+    kind: Vec<Kind>,
+    /// Directions: a pinhole camera's pixels, or the whole sphere (equirectangular).
+    #[arg(long, value_enum, default_value = "pinhole")]
+    grid: GridKind,
+    /// Pixels `WIDTHxHEIGHT`; without it 300x200, or 720x360 of the sphere.
+    #[arg(long, value_parser = size)]
+    size: Option<(usize, usize)>,
+    /// Full horizontal field of view of the pinhole camera, degrees.
+    #[arg(long, default_value_t = 90.0)]
+    fov_deg: f64,
+    /// One of the scene's [transmitters], instead of its [transmitter].
+    #[arg(long)]
+    transmitter: Option<String>,
+    /// Largest number of interactions on a path.
+    #[arg(long, default_value_t = 3)]
+    depth: usize,
+    /// Leave out transmission through slabs.
+    #[arg(long)]
+    no_transmission: bool,
+    /// Leave out diffuse scattering.
+    #[arg(long)]
+    no_diffuse: bool,
+    /// Directions over the sphere in which diffuse power is gathered.
+    #[arg(long, default_value_t = 250_000)]
+    directions: usize,
+    /// Standard deviation of an mpc lobe, degrees per axis.
+    #[arg(long, default_value_t = 1.0)]
+    lobe_deg: f64,
+    /// Bandwidth of the coherent kinds, Hz: delays are told apart to its inverse.
+    #[arg(long, default_value_t = 1e9)]
+    bandwidth: f64,
+    /// Diagonal loading of mvdr, in mean eigenvalues of the covariance.
+    #[arg(long, default_value_t = 1e-3)]
+    loading: f64,
+    /// Width of the pictures' range under each spectrum's peak, dB.
+    #[arg(long, default_value_t = 70.0)]
+    range_db: f64,
+    /// Seed of the phases that diffuse power is given in the coherent kinds.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// [`SpectrumKind`] on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Kind {
+    Mpc,
+    Bartlett,
+    BartlettCoherent,
+    Mvdr,
+}
+
+impl Kind {
+    fn spectrum(self) -> (&'static str, SpectrumKind) {
+        match self {
+            Self::Mpc => ("mpc", SpectrumKind::Mpc),
+            Self::Bartlett => ("bartlett", SpectrumKind::Bartlett),
+            Self::BartlettCoherent => ("bartlett-coherent", SpectrumKind::BartlettCoherent),
+            Self::Mvdr => ("mvdr", SpectrumKind::Mvdr),
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum GridKind {
+    Pinhole,
+    Sphere,
+}
+
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let wrong = || format!("\"{text}\" is not WIDTHxHEIGHT with 1 to 16384 pixels a side");
+    let (width, height) = text.split_once('x').ok_or_else(wrong)?;
+    let side = |t: &str| t.parse::<usize>().ok().filter(|n| (1..=16_384).contains(n)).ok_or_else(wrong);
+    Ok((side(width)?, side(height)?))
+}
+
+impl Spectrum {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A scene that cannot be read or traced, settings out of range, an occupied output folder.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let rf = self.rf()?;
+        let config = SceneConfig::load(&self.scene)?;
+        let transmitter = config.transmitter_named(self.transmitter.as_deref(), "--transmitter")?;
+        let scene = config.load_scene()?;
+        config.check_radio(&scene)?;
+        let rx = self.rx.0;
+        Solids::of(&scene).check_link(&scene, transmitter.position(), rx)?;
+        let towards = self.towards.map_or(transmitter.position(), |p| p.0);
+        ensure!(rx.distance(towards) > 0.0, "--towards: it is where the receiver is\n  help: give another point to look at");
+        let up = if (towards - rx).normalize().cross(DVec3::Z).length() > 1e-6 { DVec3::Z } else { DVec3::X };
+        let pose = Rigid3::looking_at(rx, towards, up);
+        let grid = self.grid_of(&rf);
+
+        let bvh = Bvh::build(&scene);
+        let settings = RadioSettings {
+            max_depth: rf.max_reflections,
+            transmission: rf.transmission,
+            search: Search::Auto { rays: rf.rays },
+            tx_antenna: Antenna::from(transmitter),
+            ..radio_settings(&config)
+        };
+        let tracer = RadioTracer::new(&scene, &bvh, settings)?;
+        let sensor = RadioSensor::new(&rf, self.seed, transmitter, &config.receiver, &scene, &tracer)?;
+        let extent = match grid {
+            Grid::Pinhole(camera) => Extent::View(camera),
+            Grid::Sphere(_) => Extent::Sphere,
+        };
+        let received = sensor.receive(&pose, extent)?;
+        claim_output(&self.out, false)?;
+        let all = received.looks.concat();
+        let power: f64 = all.iter().map(|a| a.power).sum();
+        let mut spectra = Vec::new();
+        for kind in &self.kind {
+            let (name, kind) = kind.spectrum();
+            let image = SpectrumSettings { kind, ..*sensor.settings() }.form(&received.looks, grid, &pose);
+            spectra.push(self.write(name, Quantity::of(kind), &image)?);
+        }
+        let share = match &grid {
+            Grid::Pinhole(camera) => share_in_frame(&all, camera, &pose),
+            Grid::Sphere(_) => 1.0,
+        };
+        let summary = json!({
+            "scene": self.scene,
+            "frequency_hz": config.radio.frequency_hz,
+            "transmitter": transmitter,
+            "receiver": config.receiver,
+            "world_from_camera": pose.to_rows(),
+            "grid": match grid {
+                Grid::Pinhole(camera) => json!({ "pinhole": camera }),
+                Grid::Sphere(sphere) => json!({ "equirectangular": sphere }),
+            },
+            "paths": received.paths.len(),
+            "diffuse_arrivals": received.diffuse.len(),
+            "received_power_db": (power > 0.0).then(|| 10.0 * power.log10()),
+            "share_in_frame": share,
+            "rf": rf,
+            "seed": self.seed,
+            "spectra": spectra,
+        });
+        write_json(&self.out.join("spectrum.json"), &summary)?;
+        let text = format!(
+            "{} paths and {} diffuse arrivals, {:.2} dB in all, {:.1} % of it in the frame; {} spectra in {}",
+            received.paths.len(),
+            received.diffuse.len(),
+            10.0 * power.log10(),
+            100.0 * share,
+            spectra.len(),
+            self.out.display()
+        );
+        show(json, &summary, &text)?;
+        Ok(Verdict::Done)
+    }
+
+    /// The options as a dataset's `[rf]` would have them.
+    fn rf(&self) -> Result<RfConfig> {
+        let (width, height) = self.size.unwrap_or((300, 200));
+        let rf = RfConfig {
+            horizontal_fov_deg: self.fov_deg,
+            max_reflections: self.depth,
+            transmission: !self.no_transmission,
+            diffuse: !self.no_diffuse,
+            directions: self.directions,
+            lobe_width_deg: self.lobe_deg,
+            bandwidth_hz: self.bandwidth,
+            mvdr_loading: self.loading,
+            dynamic_range_db: self.range_db,
+            ..from_toml(&format!("width = {width}\nheight = {height}"), "--size")?
+        };
+        rf.validate("corf spectrum")?;
+        Ok(rf)
+    }
+
+    fn grid_of(&self, rf: &RfConfig) -> Grid {
+        match (self.grid, self.size.unwrap_or((720, 360))) {
+            (GridKind::Pinhole, _) => Grid::Pinhole(Pinhole::from_horizontal_fov(rf.width, rf.height, rf.horizontal_fov_deg)),
+            (GridKind::Sphere, (width, height)) => Grid::Sphere(Equirectangular { width, height }),
+        }
+    }
+
+    /// The files of one spectrum and what is to be said about them.
+    fn write(&self, name: &str, quantity: Quantity, image: &Raster<f32>) -> Result<serde_json::Value> {
+        let peak = image.pixels().iter().copied().fold(0f32, f32::max);
+        let max_db = if peak > 0.0 { (10.0 * f64::from(peak).log10()).ceil() } else { 0.0 };
+        let range = DbRange { min_db: max_db - self.range_db, max_db };
+        let file = |ending: &str| self.out.join(format!("{name}{ending}"));
+        io::write_atomic(file(".exr"), &io::encode_exr_f32_in(image, "Y", quantity.unit())?)?;
+        io::write_atomic(file("-db.exr"), &io::encode_exr_f32_in(&range.db_image(image), "Y", "dB")?)?;
+        io::write_png(file("-jet.png"), &range.jet_image(image))?;
+        Ok(json!({
+            "kind": name,
+            "quantity": quantity,
+            "unit": quantity.unit(),
+            "peak_db": (peak > 0.0).then(|| 10.0 * f64::from(peak).log10()),
+            "picture_range_db": range,
+        }))
+    }
+}

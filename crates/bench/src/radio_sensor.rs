@@ -1,0 +1,280 @@
+//! The RF half of a keyframe: what a platform's array receives at a pose.
+
+use anyhow::Result;
+use corf_raytrace::radio::{
+    Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, RadioSettings, RadioTracer, Search, Transmitter, json,
+};
+use corf_raytrace::spectrum::{self, Grid, SpectrumSettings, TutorialSphere};
+use corf_scene::config::{DatasetConfig, ReceiverConfig, RfConfig, SceneConfig, TransmitterConfig};
+use corf_scene::dataset::SamplingError;
+use corf_scene::keyframe::DbRange;
+use corf_scene::model::ARRAY_FROM_CAMERA;
+use corf_scene::trajectory::TrajectoryPose;
+use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3, Scene};
+use glam::DMat3;
+use std::collections::BTreeMap;
+
+/// Carrier and antennas of a scene; everything else as by default. The receive element stands in the world's own axes: what turns with
+/// the platform is asked for where the platform is.
+pub fn radio_settings(scene: &SceneConfig) -> RadioSettings {
+    RadioSettings {
+        frequency_hz: scene.radio.frequency_hz,
+        tx_antenna: Antenna::from(&scene.transmitter),
+        rx_antenna: Antenna::element_of(&scene.receiver, DMat3::IDENTITY),
+        ..RadioSettings::default()
+    }
+}
+
+/// How a dataset samples the diffuse field.
+pub fn diffuse_settings(rf: &RfConfig) -> DiffuseSettings {
+    DiffuseSettings {
+        patch_size_m: rf.patch_size_m,
+        directions: rf.directions,
+        photons: rf.photons,
+        ..DiffuseSettings::default()
+    }
+}
+
+/// What a dataset's `[rf]` asks of the tracer.
+///
+/// # Errors
+/// The dataset names a transmitter that the scene does not have.
+pub fn dataset_radio_settings(config: &DatasetConfig, scene: &SceneConfig) -> Result<RadioSettings> {
+    Ok(RadioSettings {
+        max_depth: config.rf.max_reflections,
+        search: Search::Auto { rays: config.rf.rays },
+        transmission: config.rf.transmission,
+        tx_antenna: Antenna::from(config.transmitter_of(scene)?),
+        ..radio_settings(scene)
+    })
+}
+
+/// A platform's array in a scene with one transmitter.
+pub struct RadioSensor<'a> {
+    scene: &'a Scene,
+    tracer: &'a RadioTracer<'a>,
+    transmitter: Transmitter<'a, 'a>,
+    diffuse: Option<DiffuseField<'a, 'a>>,
+    receiver: ReceiverConfig,
+    settings: SpectrumSettings,
+    rf: RfConfig,
+}
+
+/// What arrives at a pose.
+pub struct Received {
+    /// Resolved paths, antennas at the platform's attitude.
+    pub paths: Vec<RadioPath>,
+    /// Diffuse arrivals, all ports together.
+    pub diffuse: Vec<Arrival>,
+    /// Arrivals of every pair of antenna ports; the diffuse ones are in the first.
+    pub looks: Vec<Vec<Arrival>>,
+}
+
+/// How much of the sphere around a receiver is gathered finely.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Extent {
+    /// A camera's frame and a margin; the rest sixteen times sparser.
+    View(Pinhole),
+    /// All of it.
+    Sphere,
+}
+
+impl<'a> RadioSensor<'a> {
+    /// Finds what does not depend on the receiver.
+    ///
+    /// # Errors
+    /// A transmitter that cannot be traced, or settings out of range.
+    pub fn new(
+        rf: &RfConfig,
+        seed: u64,
+        transmitter: &TransmitterConfig,
+        receiver: &ReceiverConfig,
+        scene: &'a Scene,
+        tracer: &'a RadioTracer<'a>,
+    ) -> Result<Self> {
+        let tx = transmitter.position();
+        Ok(Self {
+            scene,
+            tracer,
+            transmitter: tracer.transmitter(tx)?,
+            diffuse: rf.diffuse.then(|| DiffuseField::new(tracer, tx, &diffuse_settings(rf))).transpose()?,
+            receiver: *receiver,
+            settings: SpectrumSettings::new(rf, receiver, seed),
+            rf: *rf,
+        })
+    }
+
+    /// How its spectra are formed.
+    pub fn settings(&self) -> &SpectrumSettings {
+        &self.settings
+    }
+
+    /// Everything that arrives at a pose.
+    ///
+    /// # Errors
+    /// A receiver at the transmitter.
+    pub fn receive(&self, world_from_camera: &Rigid3, extent: Extent) -> Result<Received> {
+        self.receive_from(self.diffuse.as_ref(), world_from_camera, extent)
+    }
+
+    fn receive_from(&self, diffuse: Option<&DiffuseField<'_, '_>>, pose: &Rigid3, extent: Extent) -> Result<Received> {
+        let settings = self.tracer.settings();
+        let element = Antenna::element_of(&self.receiver, pose.rotation * ARRAY_FROM_CAMERA.rotation.transpose());
+        let mut paths = self.transmitter.paths(pose.translation)?;
+        for path in &mut paths {
+            path.a = path.coefficient(&settings.tx_antenna, 0, &element, 0);
+        }
+        let mut looks = spectrum::looks(&paths, &settings.tx_antenna, &element, settings.frequency_hz);
+        let diffuse = match (diffuse, extent) {
+            (None, _) => Vec::new(),
+            (Some(field), Extent::View(camera)) => field.gather_for_view_with(&camera, pose, &element)?,
+            (Some(field), Extent::Sphere) => field.gather_with(pose.translation, &element)?,
+        };
+        looks[0].extend(&diffuse);
+        Ok(Received { paths, diffuse, looks })
+    }
+
+    /// Every path at a pose as one JSON object a line, and in the last line the diffuse power, in total and by the object seen.
+    pub fn json_lines(&self, received: &Received, world_from_camera: &Rigid3) -> String {
+        let (tx, rx) = (self.transmitter.position(), world_from_camera.translation);
+        let all = json::paths_to_json(self.scene, self.tracer.settings().frequency_hz, tx, rx, &received.paths);
+        let list = all["paths"].as_array().map(Vec::as_slice).unwrap_or_default();
+        let lines: String = list.iter().map(|p| format!("{p}\n")).collect();
+        let mut by_object: BTreeMap<&str, f64> = BTreeMap::new();
+        for arrival in &received.diffuse {
+            let name = self.scene.objects.get(arrival.object as usize).map_or("", |o| o.name.as_str());
+            *by_object.entry(name).or_default() += arrival.power;
+        }
+        let power: f64 = received.diffuse.iter().map(|a| a.power).sum();
+        let delay_s: f64 = received.diffuse.iter().map(|a| a.power * a.delay_s).sum();
+        let mean_delay_s = (power > 0.0).then(|| delay_s / power);
+        let summary = serde_json::json!({
+            "diffuse": { "power": power, "mean_delay_s": mean_delay_s, "arrivals": received.diffuse.len(), "power_by_object": by_object }
+        });
+        lines + &format!("{summary}\n")
+    }
+
+    /// What two independent samplings of the diffuse field differ by at a few poses; `None` without a diffuse field.
+    ///
+    /// # Errors
+    /// A receiver at the transmitter.
+    pub fn sampling_error(&self, camera: &Pinhole, poses: &[TrajectoryPose]) -> Result<Option<SamplingError>> {
+        let Some(field) = &self.diffuse else { return Ok(None) };
+        let other = DiffuseField::new(
+            self.tracer,
+            self.transmitter.position(),
+            &DiffuseSettings { phase: 1, ..diffuse_settings(&self.rf) },
+        )?;
+        let noncoherent = SpectrumSettings { kind: noncoherent(self.settings.kind), ..self.settings };
+        let (mut totals, mut pixels) = (MeanSquare::default(), MeanSquare::default());
+        let probes = probes(poses);
+        for pose in &probes {
+            let seen = |field| -> Result<(f64, Raster<f32>)> {
+                let received = self.receive_from(Some(field), &pose.world_from_camera, Extent::View(*camera))?;
+                let power = received.looks.iter().flatten().map(|a| a.power).sum();
+                Ok((power, noncoherent.form(&received.looks, camera, &pose.world_from_camera)))
+            };
+            let ((power_a, a), (power_b, b)) = (seen(field)?, seen(&other)?);
+            totals.add(10.0 * (power_a / power_b).log10());
+            let peak = a.pixels().iter().copied().fold(0f32, f32::max);
+            let strong = a.pixels().iter().zip(b.pixels()).filter(|(a, b)| **a >= STRONG * peak && **b > 0.0);
+            strong.for_each(|(a, b)| pixels.add(10.0 * f64::from(a / b).log10()));
+        }
+        // Each difference is of two samplings.
+        let standard_error = |squares: &MeanSquare| squares.root() / std::f64::consts::SQRT_2;
+        Ok(Some(SamplingError { keyframes: probes.len(), total_db: standard_error(&totals), pixels_db: standard_error(&pixels) }))
+    }
+
+    /// The range of published recipes: what two probed keyframes show.
+    ///
+    /// # Errors
+    /// A receiver at the transmitter.
+    pub fn tutorial_range(&self, poses: &[TrajectoryPose]) -> Result<Option<DbRange>> {
+        let spheres = probes(poses)
+            .into_iter()
+            .map(|pose| {
+                let received = self.receive(&pose.world_from_camera, Extent::Sphere)?;
+                Ok(TutorialSphere::new(&received.looks.concat(), &pose.world_from_camera))
+            })
+            .collect::<Result<Vec<_>>>()?;
+        Ok(TutorialSphere::range(&spheres))
+    }
+
+    /// What a dataset keeps of a pose.
+    ///
+    /// # Errors
+    /// A receiver at the transmitter.
+    pub fn keyframe(&self, pose: &Rigid3, outputs: &Outputs) -> Result<RadioFrame> {
+        let whole = outputs.sphere.is_some() || outputs.tutorial.is_some();
+        let received = self.receive(pose, if whole { Extent::Sphere } else { Extent::View(outputs.camera) })?;
+        let form = |grid: Grid| self.settings.form(&received.looks, grid, pose);
+        let all = received.looks.concat();
+        Ok(RadioFrame {
+            spectrum: form(Grid::Pinhole(outputs.camera)),
+            sphere: outputs.sphere.map(|sphere| form(Grid::Sphere(sphere))),
+            tutorial: outputs.tutorial.map(|range| TutorialSphere::new(&all, pose).image(&range, &outputs.camera)),
+            share_in_frame: spectrum::share_in_frame(&all, &outputs.camera, pose),
+            paths_jsonl: outputs.paths.then(|| self.json_lines(&received, pose)),
+        })
+    }
+}
+
+/// What is made of every pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outputs {
+    /// Camera of the spectra.
+    pub camera: Pinhole,
+    /// Image of the whole sphere, if it is wanted.
+    pub sphere: Option<Equirectangular>,
+    /// Range of the tutorial images, if they are wanted.
+    pub tutorial: Option<DbRange>,
+    /// Whether paths are wanted.
+    pub paths: bool,
+}
+
+/// The RF half of a keyframe.
+pub struct RadioFrame {
+    /// Spectrum of the RF camera.
+    pub spectrum: Raster<f32>,
+    /// Spectrum over the whole sphere.
+    pub sphere: Option<Raster<f32>>,
+    /// Image by the recipe of published sets.
+    pub tutorial: Option<Raster<[u8; 3]>>,
+    /// Share of the arriving power inside the frame.
+    pub share_in_frame: f64,
+    /// Paths, one JSON object a line.
+    pub paths_jsonl: Option<String>,
+}
+
+/// Pixels within 30 dB of their spectrum's peak count.
+const STRONG: f32 = 1e-3;
+
+/// The first keyframe and the middle one.
+fn probes(poses: &[TrajectoryPose]) -> Vec<&TrajectoryPose> {
+    let mut indices = vec![0, poses.len() / 2];
+    indices.dedup();
+    indices.into_iter().filter_map(|i| poses.get(i)).collect()
+}
+
+/// Drawn phases would be compared with drawn phases: the sampling shows in the spectrum's mean over them.
+fn noncoherent(kind: corf_scene::config::SpectrumKind) -> corf_scene::config::SpectrumKind {
+    use corf_scene::config::SpectrumKind::{Bartlett, Mpc};
+    if kind == Mpc { Mpc } else { Bartlett }
+}
+
+#[derive(Default)]
+struct MeanSquare {
+    sum: f64,
+    count: usize,
+}
+
+impl MeanSquare {
+    fn add(&mut self, value: f64) {
+        self.sum += value * value;
+        self.count += 1;
+    }
+
+    fn root(&self) -> f64 {
+        (self.sum / self.count.max(1) as f64).sqrt()
+    }
+}
