@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use corf_raytrace::Bvh;
-use corf_raytrace::radio::{Complex, Path, RadioSettings, RadioTracer, Search};
+use corf_raytrace::radio::{Antenna, Complex, DiffractionModel, Path, Polarization, RadioSettings, RadioTracer, Search};
 use corf_scene::model::{Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, Scene, Triangle};
 use glam::{DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
@@ -301,4 +301,85 @@ fn the_shadow_alone_on_request() {
     let transmitter = tracer.transmitter(polar(4.0, FRAC_PI_2)).unwrap();
     let has_edge = |phi: f64| transmitter.paths(polar(2.0, phi)).unwrap().iter().any(|p| p.types() == "X" && by_the_axis(p));
     assert!(!has_edge(PI) && !has_edge(1.49 * PI) && has_edge(1.51 * PI));
+}
+
+/// float32 Fresnel and phase arithmetic at 60 GHz, relative to a path's strongest entry.
+const SIONNA_FLOAT32: f64 = 3e-4;
+
+#[test]
+fn sionnas_model_gives_sionnas_numbers() {
+    // sionna-rt 2.2.0, a crate of ITU wood 4 cm thick, VH to VH: per diffracted path its vertex and a[rx port][tx port].
+    type Expected = ([f64; 3], [[[f64; 2]; 2]; 2]);
+    let shadow: &[Expected] = &[
+        (
+            [0.0, 0.75, 0.762_417_9],
+            [
+                [[9.873_183_4e-6, -8.070_549_5e-6], [-7.473_450e-9, 8.111_792e-9]],
+                [[-7.473_455e-9, 8.111_797e-9], [-9.781_346_3e-6, 7.962_880_8e-6]],
+            ],
+        ),
+        (
+            [1.0, 0.0, 0.736_068_0],
+            [
+                [[2.825_758_0e-7, -2.854_593_2e-7], [3.218_844e-9, -3.289_804e-9]],
+                [[3.218_843e-9, -3.289_804e-9], [-2.549_336_7e-7, 2.538_332_4e-7]],
+            ],
+        ),
+    ];
+    let lit: &[Expected] = &[
+        (
+            [0.0, 0.0, 1.096_652_7],
+            [
+                [[-1.685_330_2e-5, 5.777_184_0e-6], [6.675_884e-7, -2.181_536e-7]],
+                [[6.675_885e-7, -2.181_536e-7], [6.410_996_3e-6, -1.805_853_2e-6]],
+            ],
+        ),
+        (
+            [0.284_441_8, 0.0, 1.5],
+            [
+                [[3.086_289_6e-7, -2.830_458_6e-7], [7.569_628_9e-7, -7.503_992_9e-7]],
+                [[1.125_739_5e-6, -1.172_925_6e-6], [-5.294_346_0e-7, 5.360_342_4e-7]],
+            ],
+        ),
+        (
+            [0.160_688_0, 0.0, 0.0],
+            [
+                [[2.536_167_5e-7, -2.578_307_8e-7], [-6.458_090e-8, 6.300_276e-8]],
+                [[-1.242_227_5e-7, 1.317_254_7e-7], [-2.318_791_3e-7, 2.327_834_4e-7]],
+            ],
+        ),
+        (
+            [1.0, 0.0, 1.162_092_8],
+            [
+                [[-2.774_888_1e-6, 2.824_079_3e-6], [3.911_415e-8, -3.960_932e-8]],
+                [[3.911_413e-8, -3.960_929e-8], [2.227_536_9e-6, -2.203_695_4e-6]],
+            ],
+        ),
+    ];
+    let mut wood = slab("wood", 1.99, 0.378_373_2);
+    if let Some(radio) = &mut wood.radio {
+        radio.thickness_m = 0.04;
+    }
+    let scene = scene_of(wood, &box_quads(Vec3::ZERO, Vec3::new(1.0, 0.75, 1.5)));
+    let sionna = RadioSettings { diffraction_model: DiffractionModel::Sionna, edge_diffraction: false, ..settings() };
+    let tracer = RadioTracer::without_bvh(&scene, sionna).unwrap();
+    let transmitter = tracer.transmitter(DVec3::new(-1.25, -0.5, 1.0)).unwrap();
+    let dual = Antenna { polarization: Polarization::VH, ..Antenna::default() };
+    for (rx, expected) in [([1.5, 2.0, 0.5], shadow), ([2.0, -0.75, 1.25], lit)] {
+        let paths = transmitter.paths(DVec3::from_array(rx)).unwrap();
+        let diffracted: Vec<&Path> = paths.iter().filter(|p| p.types() == "X").collect();
+        assert_eq!(diffracted.len(), expected.len());
+        for (vertex, a) in expected {
+            let near = |p: &&&Path| p.interactions[0].vertex.distance(DVec3::from_array(*vertex)) < 1e-4;
+            let path = diffracted.iter().find(near).unwrap();
+            let scale = a.iter().flatten().map(|[re, im]| re.hypot(*im)).fold(0.0, f64::max);
+            for (r, row) in a.iter().enumerate() {
+                for (t, [re, im]) in row.iter().enumerate() {
+                    let found = path.coefficient(&dual, t, &dual, r);
+                    let off = (found - Complex::new(*re, *im)).norm() / scale;
+                    assert!(off < SIONNA_FLOAT32, "{vertex:?} {r}{t}: {found:?}, off by {off:.1e}");
+                }
+            }
+        }
+    }
 }

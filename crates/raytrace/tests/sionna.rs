@@ -51,6 +51,40 @@ fn a_path_too_few_or_too_many_fails() {
 }
 
 #[test]
+fn what_cannot_be_compared_is_said() {
+    let Some(reference) = specular("metal_obstacles") else { return };
+    let mut without_angles = reference.clone();
+    for path in &mut without_angles.configs[0].rx_results[0].paths {
+        (path.aoa, path.delay_s) = (None, None);
+    }
+    let report = sionna::check_specular(&without_angles).unwrap();
+    assert!(report.passed, "{report}");
+    let notes = report.comparisons[0].notes.join("; ");
+    assert!(notes.contains("angle of arrival") && notes.contains("delay") && !notes.contains("departure"), "{notes}");
+    assert!(report.to_string().contains("not compared"));
+    let mut nothing = reference.clone();
+    nothing.configs[0].rx_results.clear();
+    let error = sionna::check_specular(&nothing).unwrap_err().to_string();
+    assert!(error.contains("rx_results is empty") && error.contains(&nothing.configs[0].name), "{error}");
+}
+
+#[test]
+fn diffraction_is_traced_where_the_reference_asks_for_it() {
+    // The cabinet as one body: its vertical edges and those of its top diffract; as loose quads it has open edges only.
+    let Some(mut reference) = specular("metal_obstacles") else { return };
+    reference.configs[0].args.diffraction = true;
+    assert!(sionna::check_specular(&reference).unwrap().passed, "quads by themselves have no edge between them");
+    let side = |o: &sionna::ReferenceObject| o.name.starts_with("cabinet");
+    let triangles = reference.objects.iter().filter(|o| side(o)).flat_map(|o| o.triangles.clone()).collect();
+    let material = reference.objects.iter().find(|o| side(o)).unwrap().material.clone();
+    reference.objects.retain(|o| !side(o));
+    reference.objects.push(sionna::ReferenceObject { name: "cabinet".into(), material, triangles });
+    let report = sionna::check_specular(&reference).unwrap();
+    let edges = report.comparisons[0].extra.iter().filter(|path| path.contains('X')).count();
+    assert!(!report.passed && edges > 20, "{edges}");
+}
+
+#[test]
 fn diffuse_power_and_the_bartlett_map_agree() {
     let Some(path) = shared("sionna/box_room_diffuse.json") else { return };
     let report = sionna::check(&path).unwrap();

@@ -8,7 +8,7 @@ mod paths;
 mod reference;
 mod report;
 
-pub use reference::{DiffuseReference, Reference, SpecularReference};
+pub use reference::{DiffuseReference, Reference, ReferenceObject, SpecularReference};
 pub use report::{CheckReport, Comparison};
 
 use corf_scene::Result;
@@ -39,5 +39,6 @@ pub fn check_diffuse(reference: &DiffuseReference) -> Result<CheckReport> {
 /// # Errors
 /// As [`check`].
 pub fn check_specular(reference: &SpecularReference) -> Result<CheckReport> {
+    reference.validate(&reference.scene)?;
     paths::check(reference)
 }

@@ -324,7 +324,7 @@ impl DiffuseReference {
 }
 
 impl SpecularReference {
-    fn validate(&self, place: &str) -> Result<()> {
+    pub(super) fn validate(&self, place: &str) -> Result<()> {
         if self.configs.is_empty() {
             return Err(Error::invalid(
                 place,
