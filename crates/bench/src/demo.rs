@@ -1,6 +1,7 @@
 //! `corf demo`: the small lobby end to end.
 
 use crate::commands::Verdict;
+use crate::device::DeviceChoice;
 use crate::plan::Plan;
 use crate::record::Outcome;
 use crate::run::claim_output;
@@ -27,6 +28,9 @@ pub struct Demo {
     /// Go on in a folder that an earlier demo has begun.
     #[arg(long)]
     resume: bool,
+    /// Where reconstructions run.
+    #[arg(long, value_enum, default_value_t)]
+    device: DeviceChoice,
 }
 
 impl Demo {
@@ -36,6 +40,7 @@ impl Demo {
     /// An occupied or unwritable output folder, an interrupt.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let start = Instant::now();
+        let backend = self.device.resolve()?;
         claim_output(&self.out, self.resume)?;
         let scene = self.out.join("scene");
         std::fs::create_dir_all(&scene).with_context(|| format!("cannot create {}", scene.display()))?;
@@ -44,7 +49,7 @@ impl Demo {
         let config = DatasetConfig::load(scene.join("lobby-mini.toml"))?;
         let dataset = generate::generate(&config, &self.out.join("dataset"), true)?;
         let plan = Plan::parse(PLAN_TOML)?;
-        let written = suite::run(&plan, &dataset, &self.out)?;
+        let written = suite::run(&plan, &dataset, &self.out, &backend)?;
         let text = format!(
             "\n{}\ntable:  {}\nreport: {}\nall of it in {:.0} s",
             table::plain(&table::rows(&written.records)),

@@ -3,6 +3,7 @@
 pub mod commands;
 pub mod coverage_picture;
 pub mod demo;
+pub mod device;
 pub mod generate;
 pub mod harness;
 pub mod interrupt;
@@ -21,3 +22,4 @@ pub mod run;
 pub mod stats;
 pub mod suite;
 pub mod table;
+pub mod workload;

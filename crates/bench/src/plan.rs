@@ -77,7 +77,8 @@ impl Plan {
             if plan.rows[..i].iter().any(|r| slug(&r.label) == slug(&row.label)) {
                 bail!("two rows have the label \"{}\"\n  help: labels name files and must differ", row.label);
             }
-            crate::methods::create(&row.method, &row.config).with_context(|| format!("row \"{}\"", row.label))?;
+            crate::methods::create(&row.method, &row.config, &crate::device::Backend::Cpu)
+                .with_context(|| format!("row \"{}\"", row.label))?;
         }
         Ok(plan)
     }

@@ -7,6 +7,7 @@
 //! OUT/table.md|csv|tex   OUT/report.html
 //! ```
 
+use crate::device::Backend;
 use crate::harness;
 use crate::interrupt;
 use crate::method::Method;
@@ -33,11 +34,11 @@ pub struct Written {
     pub table: PathBuf,
 }
 
-/// Runs every cell of a plan that has no record yet, then writes tables and report.
+/// Runs every cell of a plan that has no record yet on `backend`, then writes tables and report.
 ///
 /// # Errors
 /// A dataset that cannot be read, an interrupt, or a folder that cannot be written.
-pub fn run(plan: &Plan, dataset: &Dataset, out: &Path) -> Result<Written> {
+pub fn run(plan: &Plan, dataset: &Dataset, out: &Path, backend: &Backend) -> Result<Written> {
     let cells = out.join("cells");
     std::fs::create_dir_all(&cells).with_context(|| format!("cannot create {}", cells.display()))?;
     write_atomic(out.join("plan.toml"), toml::to_string(plan)?.as_bytes())?;
@@ -46,7 +47,7 @@ pub fn run(plan: &Plan, dataset: &Dataset, out: &Path) -> Result<Written> {
     for cell in plan.cells() {
         interrupt::check()?;
         let path = cells.join(format!("{}.json", cell.stem()));
-        let method = methods::create(&cell.row.method, &cell.row.config)?;
+        let method = methods::create(&cell.row.method, &cell.row.config, backend)?;
         if let Some(record) = finished(&path, cell, method.as_ref(), dataset)? {
             eprintln!("{}, seed {}: already there", cell.row.label, cell.seed);
             records.push(record);

@@ -14,7 +14,15 @@ use corf::{
 use corf_scene::{Pinhole, Raster, Rigid3, Rng};
 use glam::DVec3;
 
-const OPTIONS: GpuOptions = GpuOptions { software: true, subgroups: true, timestamps: false, poison: Some(0xffc0_ffee) };
+const OPTIONS: GpuOptions = GpuOptions {
+    software: true,
+    subgroups: true,
+    timestamps: false,
+    tile: [8, 8],
+    batch: 16,
+    fused: true,
+    poison: Some(0xffc0_ffee),
+};
 
 /// Rendered values: a few hundred f32 roundings of numbers near 1, in exp2 and division of some ulp.
 const IMAGE_TOLERANCE: f32 = 2e-5;
@@ -183,6 +191,26 @@ fn norm(v: impl Iterator<Item = f64>) -> f64 {
     v.map(|v| v * v).sum::<f64>().sqrt()
 }
 
+/// Gradients of a step on both devices.
+fn compare_gradients(cpu: &mut CpuDevice, gpu: &mut GpuDevice, s: &Step) {
+    let (a_report, a) = cpu.gradients(s).unwrap();
+    let (b_report, b) = gpu.gradients(s).unwrap();
+    for (a, b) in [
+        (a_report.optical_loss, b_report.optical_loss),
+        (a_report.rf_loss, b_report.rf_loss),
+        (a_report.depth_loss, b_report.depth_loss),
+    ] {
+        assert!((a - b).abs() < 1e-5, "loss {a} against {b}");
+    }
+    let (a_seen, b_seen) = (a_report.visible, b_report.visible);
+    assert!(a_seen.abs_diff(b_seen) as f64 <= UNDRAWN_SHARE * a_seen as f64, "{a_seen} visible against {b_seen}");
+    for (class, (a, b)) in classes(&a).iter().zip(classes(&b)).enumerate() {
+        let size = norm(a.iter().map(|v| f64::from(*v)));
+        let error = norm(a.iter().zip(&b).map(|(a, b)| f64::from(a - b)));
+        assert!(error <= GRADIENT_TOLERANCE * size, "class {class} of {s:?}: {error:.2e} of {size:.2e}");
+    }
+}
+
 #[test]
 fn gradients_agree() {
     for (rf_channels, degrees, antialias, depth) in
@@ -197,22 +225,48 @@ fn gradients_agree() {
         }
         let alone = [Step { rf_weight: 0.0, ..step(1, 0) }, Step { optical_weight: 0.0, depth_weight: 0.0, ..step(1, 0) }];
         for s in [step(0, 0), step(1, 1), step(0, 2)].into_iter().chain(alone) {
-            let (a_report, a) = cpu.gradients(&s).unwrap();
-            let (b_report, b) = gpu.gradients(&s).unwrap();
-            for (a, b) in [
-                (a_report.optical_loss, b_report.optical_loss),
-                (a_report.rf_loss, b_report.rf_loss),
-                (a_report.depth_loss, b_report.depth_loss),
-            ] {
-                assert!((a - b).abs() < 1e-5, "loss {a} against {b}");
+            compare_gradients(&mut cpu, &mut gpu, &s);
+        }
+    }
+}
+
+/// A training view whose images have one camera.
+fn one_camera(rf_channels: usize) -> TrainingView {
+    let view = training_view(0, rf_channels, true);
+    let mut rng = Rng::keyed(78, 0, 0);
+    TrainingView { rf_camera: view.optical_camera, rf: noise(&mut rng, &view.optical_camera, rf_channels), ..view }
+}
+
+#[test]
+fn both_images_at_once_give_what_each_gives_alone() {
+    for (rf_channels, antialias, tile) in
+        [(3, Antialias::On, [8, 8]), (1, Antialias::Off, [8, 8]), (3, Antialias::Detached, [16, 4])]
+    {
+        let raster = RasterConfig { antialias, ..RasterConfig::default() };
+        let mut g = room(12, 2500, rf_channels, [1, 1]);
+        // Gaussians that one modality draws and the other does not, both ways round.
+        for i in 0..g.len() {
+            match i % 3 {
+                0 => g.rf.opacity_logit[i] = logit(0.002),
+                1 => g.optical.opacity_logit[i] = logit(0.003),
+                _ => {}
             }
-            let (a_seen, b_seen) = (a_report.visible, b_report.visible);
-            assert!(a_seen.abs_diff(b_seen) as f64 <= UNDRAWN_SHARE * a_seen as f64, "{a_seen} visible against {b_seen}");
-            for (class, (a, b)) in classes(&a).iter().zip(classes(&b)).enumerate() {
-                let size = norm(a.iter().map(|v| f64::from(*v)));
-                let error = norm(a.iter().zip(&b).map(|(a, b)| f64::from(a - b)));
-                assert!(error <= GRADIENT_TOLERANCE * size, "class {class} of {s:?}: {error:.2e} of {size:.2e}");
+        }
+        let mut cpu = CpuDevice::new(OptimizerConfig::default(), raster, &g).unwrap();
+        for fused in [true, false] {
+            let options = GpuOptions { fused, tile, ..OPTIONS };
+            let Some(mut gpu) = open(&options, OptimizerConfig::default(), raster, &g) else { return };
+            cpu.upload(&one_camera(rf_channels), 2).unwrap();
+            gpu.upload(&one_camera(rf_channels), 2).unwrap();
+            for level in [0, 1] {
+                compare_gradients(&mut cpu, &mut gpu, &step(0, level));
             }
+            // A Gaussian of which a modality sees nothing keeps its appearance there.
+            gpu.train(&[step(0, 0); 2]).unwrap();
+            let after = gpu.gaussians();
+            assert!((0..g.len()).step_by(3).all(|i| after.rf.opacity_logit[i] == g.rf.opacity_logit[i]));
+            assert!((1..g.len()).step_by(3).all(|i| after.optical.opacity_logit[i] == g.optical.opacity_logit[i]));
+            assert_ne!(after.position, g.position);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! `corf bench`: plans to tables, and what the parts cost.
 
 use super::{Verdict, print, show};
+use crate::device::DeviceChoice;
 use crate::plan::Plan;
 use crate::record::Outcome;
 use crate::run::claim_output;
@@ -21,6 +22,8 @@ pub enum Bench {
     Report(Report),
     /// What tracing a dataset's radio half costs, stage by stage, and its sampling error.
     Radio(super::bench_radio::Radio),
+    /// Measure training steps, stage by stage, beside the least time their bytes and operations take.
+    Step(super::bench_step::Step),
 }
 
 /// `corf bench run`.
@@ -34,6 +37,9 @@ pub struct Run {
     /// Go on with a folder that holds finished cells.
     #[arg(long)]
     resume: bool,
+    /// Where reconstructions run.
+    #[arg(long, value_enum, default_value_t)]
+    device: DeviceChoice,
 }
 
 /// `corf bench table`.
@@ -73,6 +79,7 @@ impl Bench {
             Self::Table(c) => c.run(json),
             Self::Report(c) => c.run(json),
             Self::Radio(c) => c.run(json),
+            Self::Step(c) => c.run(json),
         }
     }
 }
@@ -87,9 +94,10 @@ impl Run {
     fn run(self, json: bool) -> Result<Verdict> {
         let mut plan = Plan::load(&self.plan)?;
         let dataset = Dataset::open(&plan.dataset)?;
+        let backend = self.device.resolve()?;
         claim_output(&self.out, self.resume)?;
         plan.dataset = std::path::absolute(&plan.dataset)?;
-        let written = suite::run(&plan, &dataset, &self.out)?;
+        let written = suite::run(&plan, &dataset, &self.out, &backend)?;
         let text = format!("{}\nreport: {}", table::plain(&table::rows(&written.records)), written.report.display());
         show(json, &written.records, &text)?;
         Ok(verdict(&written.records))

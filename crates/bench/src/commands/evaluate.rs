@@ -1,6 +1,7 @@
 //! `corf evaluate`: a run's field against the held-out keyframes.
 
 use super::{Verdict, show};
+use crate::device::DeviceChoice;
 use crate::methods::open;
 use crate::record::{Numbers, Outcome};
 use crate::run::write_json;
@@ -17,6 +18,9 @@ pub struct Evaluate {
     /// Dataset folder, if it has moved since.
     #[arg(long)]
     dataset: Option<PathBuf>,
+    /// What renders the field.
+    #[arg(long, value_enum, default_value_t)]
+    device: DeviceChoice,
 }
 
 impl Evaluate {
@@ -25,7 +29,7 @@ impl Evaluate {
     /// # Errors
     /// A run or dataset that cannot be read.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        let mut run = open::open(&self.run, self.dataset.as_deref())?;
+        let mut run = open::open(&self.run, self.dataset.as_deref(), &self.device.resolve()?)?;
         let frames = harness::evaluate(run.predictor.as_mut(), &run.dataset, |_, _| Ok(()))?;
         let info = &run.info;
         let numbers = Numbers::of(frames, info.seconds, info.gaussians, info.peak_memory_bytes, info.curve.clone());

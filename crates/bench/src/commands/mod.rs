@@ -2,6 +2,7 @@
 
 mod bench;
 mod bench_radio;
+mod bench_step;
 mod check;
 mod coverage;
 mod dataset;

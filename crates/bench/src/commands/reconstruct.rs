@@ -1,6 +1,7 @@
 //! `corf reconstruct`: a dataset's training keyframes to a field on disk.
 
 use super::{Verdict, show};
+use crate::device::DeviceChoice;
 use crate::method::Advance;
 use crate::progress::Progress;
 use crate::provenance::Provenance;
@@ -39,6 +40,9 @@ pub struct Reconstruct {
     /// A finished run of the same command is left as it is.
     #[arg(long)]
     resume: bool,
+    /// Where the reconstruction runs.
+    #[arg(long, value_enum, default_value_t)]
+    device: DeviceChoice,
 }
 
 impl Reconstruct {
@@ -71,7 +75,7 @@ impl Reconstruct {
     /// Bad input, an occupied output folder, an interrupt.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let overrides = self.overrides()?;
-        let method = methods::create(&self.method, &overrides)?;
+        let method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
         let dataset = Dataset::open(&self.dataset)?;
         claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");

@@ -1,6 +1,7 @@
 //! `corf render`: a reconstructed field at any poses.
 
 use super::{Verdict, show};
+use crate::device::DeviceChoice;
 use crate::methods::open;
 use crate::progress::Progress;
 use crate::run::claim_output;
@@ -30,6 +31,9 @@ pub struct Render {
     /// Write into a folder that holds renderings already; poses rendered before are skipped.
     #[arg(long)]
     resume: bool,
+    /// What renders the field.
+    #[arg(long, value_enum, default_value_t)]
+    device: DeviceChoice,
 }
 
 /// `render.json`: what the pictures in a folder are of.
@@ -71,7 +75,7 @@ impl Render {
     /// Bad poses, a run that cannot be read, an occupied output folder.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let poses = read_poses(&self.poses)?;
-        let mut run = open::open(&self.run, self.dataset.as_deref())?;
+        let mut run = open::open(&self.run, self.dataset.as_deref(), &self.device.resolve()?)?;
         claim_output(&self.out, self.resume)?;
         let source =
             Source { run: sha256_hex(&io::read(self.run.join("run.json"))?), poses: sha256_hex(&io::read(&self.poses)?) };

@@ -1,12 +1,13 @@
 //! CORF-GS and its ablations.
 
+use crate::device::Backend;
 use crate::method::{Advance, Method, Predictor, TrainingSet};
 use crate::metrics::Prediction;
 use anyhow::{Context, Result};
 use corf::config::{Coupling, ReconstructionConfig, Sampling};
 use corf::optimizer::{OptimizerConfig, RasterConfig};
 use corf::target::RfTarget;
-use corf::{CpuDevice, Device, Field, Reconstructor};
+use corf::{Device, Field, Reconstructor};
 use corf_scene::dataset::Dataset;
 use corf_scene::{Raster, Rigid3, color};
 use serde::{Deserialize, Serialize};
@@ -44,9 +45,9 @@ impl CorfGsConfig {
         Ok(config)
     }
 
-    /// A fresh CPU device.
-    fn device(&self) -> Result<Box<dyn Device>> {
-        Ok(Box::new(CpuDevice::new(self.optimizer, self.raster, &self.reconstruction.empty_field())?))
+    /// A fresh device.
+    fn device(&self, backend: &Backend) -> Result<Box<dyn Device>> {
+        backend.make(self.optimizer, self.raster, &self.reconstruction.empty_field())
     }
 }
 
@@ -54,6 +55,7 @@ impl CorfGsConfig {
 pub struct CorfGs {
     id: String,
     config: CorfGsConfig,
+    backend: Backend,
 }
 
 impl CorfGs {
@@ -61,7 +63,7 @@ impl CorfGs {
     ///
     /// # Errors
     /// A key that does not exist, or a value out of range.
-    pub fn new(id: &str, overrides: &toml::Table) -> Result<Self> {
+    pub fn new(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Self> {
         let mut config = CorfGsConfig::parse(overrides).with_context(|| format!("in the configuration of {id}"))?;
         let reconstruction = &mut config.reconstruction;
         for key in ["coupling", "sampling"] {
@@ -77,7 +79,7 @@ impl CorfGs {
             "corf-gs-rf-tuned" => reconstruction.coupling = Coupling::RfTuned,
             _ => {}
         }
-        Ok(Self { id: id.to_owned(), config })
+        Ok(Self { id: id.to_owned(), config, backend: backend.clone() })
     }
 }
 
@@ -88,6 +90,10 @@ impl Method for CorfGs {
 
     fn config(&self) -> serde_json::Value {
         serde_json::json!(self.config)
+    }
+
+    fn device(&self) -> String {
+        self.backend.name()
     }
 
     fn uses_ground_truth_depth(&self) -> bool {
@@ -101,7 +107,7 @@ impl Method for CorfGs {
         advance: &mut dyn FnMut(Advance) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
         let config = &self.config.reconstruction;
-        let device = self.config.device()?;
+        let device = self.config.device(&self.backend)?;
         let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
         let mut reconstructor = Reconstructor::new(device, config.clone(), optical, rf, range, seed)?;
         let stages = if config.coupling == Coupling::Joint { 1 } else { 2 };
@@ -119,7 +125,7 @@ impl Method for CorfGs {
         let ended = reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| relay.tell(before + done, total));
         relay.settle(ended)?;
         (relay.advance)(Advance { done: total, total, gaussians: Some(reconstructor.gaussian_count()) })?;
-        Ok(Box::new(CorfField::new(reconstructor.field(), &self.config)?))
+        Ok(Box::new(CorfField::new(reconstructor.field(), &self.config, &self.backend)?))
     }
 }
 
@@ -156,8 +162,8 @@ pub struct CorfField {
 }
 
 impl CorfField {
-    fn new(field: Field, config: &CorfGsConfig) -> Result<Self> {
-        let mut device = config.device()?;
+    fn new(field: Field, config: &CorfGsConfig, backend: &Backend) -> Result<Self> {
+        let mut device = config.device(backend)?;
         field.load(device.as_mut())?;
         Ok(Self { field, device })
     }
@@ -166,7 +172,7 @@ impl CorfField {
     ///
     /// # Errors
     /// A missing or damaged file, or a field of another dataset's cameras.
-    pub fn load(run: &Path, config: &serde_json::Value, dataset: &Dataset) -> Result<Self> {
+    pub fn load(run: &Path, config: &serde_json::Value, dataset: &Dataset, backend: &Backend) -> Result<Self> {
         let config: CorfGsConfig = serde_json::from_value(config.clone())
             .with_context(|| format!("{}: the configuration is not of this version", run.join("run.json").display()))?;
         let field = Field::read(run)?;
@@ -175,7 +181,7 @@ impl CorfField {
             "{}: the field's cameras are not the dataset's",
             run.display()
         );
-        Self::new(field, &config)
+        Self::new(field, &config, backend)
     }
 }
 

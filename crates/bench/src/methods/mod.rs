@@ -4,6 +4,7 @@ pub mod corf_gs;
 pub mod lookup;
 pub mod open;
 
+use crate::device::Backend;
 use crate::method::Method;
 use anyhow::{Result, bail};
 
@@ -17,14 +18,14 @@ pub const METHODS: &[(&str, &str)] = &[
     ("inverse-distance", "training keyframes blended by inverse distance"),
 ];
 
-/// Makes a method; `overrides` are TOML keys of its configuration.
+/// Makes a method; `overrides` are TOML keys of its configuration, `backend` is where it runs if it needs a device.
 ///
 /// # Errors
 /// An unknown name, or an override that is no key of the method's configuration.
-pub fn create(id: &str, overrides: &toml::Table) -> Result<Box<dyn Method>> {
+pub fn create(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Box<dyn Method>> {
     match id {
         "corf-gs" | "corf-gs-uniform" | "corf-gs-frozen" | "corf-gs-rf-tuned" => {
-            Ok(Box::new(corf_gs::CorfGs::new(id, overrides)?))
+            Ok(Box::new(corf_gs::CorfGs::new(id, overrides, backend)?))
         }
         "nearest" | "inverse-distance" => Ok(Box::new(lookup::Lookup::new(id, overrides)?)),
         _ => {

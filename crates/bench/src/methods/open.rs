@@ -1,6 +1,7 @@
 //! A run folder back to a predictor.
 
 use super::{corf_gs, create};
+use crate::device::Backend;
 use crate::method::{Method, Predictor, TrainingSet};
 use crate::run::{RunInfo, SCHEMA, read_json};
 use anyhow::{Context, Result, ensure};
@@ -19,11 +20,11 @@ pub struct OpenRun {
     pub predictor: Box<dyn Predictor>,
 }
 
-/// Opens a run folder; `dataset` says where the dataset is now, if it has moved.
+/// Opens a run folder; `dataset` says where the dataset is now, if it has moved, and `backend` what renders its field.
 ///
 /// # Errors
 /// A folder without `run.json` (not a run, or not finished), a changed dataset, a damaged field.
-pub fn open(folder: &Path, dataset: Option<&Path>) -> Result<OpenRun> {
+pub fn open(folder: &Path, dataset: Option<&Path>, backend: &Backend) -> Result<OpenRun> {
     let info: RunInfo = read_json(&folder.join("run.json")).with_context(|| {
         format!("{} holds no finished run\n  help: run `corf reconstruct` with --out {0} first", folder.display())
     })?;
@@ -37,14 +38,14 @@ pub fn open(folder: &Path, dataset: Option<&Path>) -> Result<OpenRun> {
         dataset.hash(),
         info.dataset_hash
     );
-    let method = create(&info.method, &info.overrides)?;
+    let method = create(&info.method, &info.overrides, backend)?;
     ensure!(
         info.method.starts_with("corf-gs") || method.config() == info.config,
         "{}: this version resolves the run's configuration differently\n  help: reconstruct again",
         folder.display()
     );
     let predictor: Box<dyn Predictor> = if info.method.starts_with("corf-gs") {
-        Box::new(corf_gs::CorfField::load(folder, &info.config, &dataset)?)
+        Box::new(corf_gs::CorfField::load(folder, &info.config, &dataset, backend)?)
     } else {
         // A lookup is its dataset.
         method.reconstruct(&TrainingSet::new(&dataset), info.seed, &mut |_| Ok(()))?

@@ -9,6 +9,9 @@ use std::{
 };
 
 /// Which adapter to take and what to use of it.
+///
+/// The tile and the batch decide how fast a step is, not what it computes: small tiles follow thin ellipses and fill a GPU with small
+/// images, large ones make fewer pairs to sort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpuOptions {
     /// Whether a software adapter will do. A reconstruction is faster on the CPU device than on one; tests run on it.
@@ -17,15 +20,40 @@ pub struct GpuOptions {
     pub subgroups: bool,
     /// Whether timestamps are taken between the stages of a training step ([`GpuDevice::stage_times`](super::GpuDevice::stage_times)).
     pub timestamps: bool,
+    /// Pixels across and down a tile.
+    pub tile: [u32; 2],
+    /// Splats that the backward pass takes at once.
+    pub batch: u32,
+    /// Whether two images with one camera are blended in one pass.
+    pub fused: bool,
     /// Fills new working memory with this pattern, so that a test sees what reads before it writes.
     pub poison: Option<u32>,
 }
 
 impl Default for GpuOptions {
     fn default() -> Self {
-        Self { software: false, subgroups: true, timestamps: false, poison: None }
+        Self { software: false, subgroups: true, timestamps: false, tile: [8, 8], batch: 16, fused: true, poison: None }
     }
 }
+
+impl GpuOptions {
+    /// # Errors
+    /// A tile or batch that the kernels are not written for.
+    pub fn validate(&self) -> Result<()> {
+        let ([width, height], batch) = (self.tile, self.batch);
+        let area = width * height;
+        // A thread is a pixel; a batch is whole rows of a tile, and its parts' sums fit where its weights were.
+        let fits = [8, 16].contains(&width) && [4, 8, 16].contains(&height) && batch % width == 0 && area % batch == 0;
+        if fits && batch >= 8 && (area / batch - 1) * RECORD_WORDS <= area + 1 {
+            return Ok(());
+        }
+        let what = format!("tiles of {width}x{height} with batches of {batch}");
+        Err(Error::invalid("gpu options", what, "tiles are 8 or 16 wide and 4, 8 or 16 high; a batch is some of their rows"))
+    }
+}
+
+/// Most numbers that a part of a tile finds for a splat.
+const RECORD_WORDS: u32 = 16;
 
 /// What went wrong on the device since it was last asked; later errors are mostly consequences.
 #[derive(Default)]

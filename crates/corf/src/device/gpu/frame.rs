@@ -155,7 +155,7 @@ impl Memory {
             (n.div_ceil(256).max(1), 4, &mut self.block_sums),
             (2 * n, 48, &mut self.splats),
             (pairs, 4, &mut self.owners),
-            (pairs, 48, &mut self.records),
+            (pairs, 64, &mut self.records),
             (extent.tiles + 1, 4, &mut self.starts),
             (extent.pixels, 16, &mut self.image),
             (extent.pixels, 4, &mut self.transmittance),
@@ -214,6 +214,7 @@ pub(crate) struct Forward {
     ranges: Kernel,
     blend: Kernel,
     blend_and_name: Kernel,
+    blend_fused: Kernel,
 }
 
 /// The same with their memory: good until the memory grows.
@@ -228,6 +229,7 @@ pub(crate) struct BoundForward {
     /// By the parity of the tile passes.
     ranges: [Bound; 2],
     blend: [Bound; 2],
+    blend_fused: [Bound; 2],
     sort_block: u32,
 }
 
@@ -244,6 +246,7 @@ impl Forward {
             ranges: kernel("tile lists", fixed.ranges())?,
             blend: kernel("blend", fixed.forward(false))?,
             blend_and_name: kernel("blend with main contributor", fixed.forward(true))?,
+            blend_fused: kernel("blend both", fixed.forward_fused())?,
         })
     }
 
@@ -278,7 +281,7 @@ impl Forward {
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
         let blend = if main_contributor { &self.blend_and_name } else { &self.blend };
         let ranges = |last: usize| bind(&self.ranges, &[params, &m.state, &m.tiles[last].buffer, &m.starts.buffer]);
-        let blended = |last: usize| {
+        let blended = |blend: &Kernel, last: usize| {
             bind(
                 blend,
                 &[
@@ -316,7 +319,8 @@ impl Forward {
             )?,
             tiles: passes(&m.tiles, &m.pairs, TILE_PASSES)?,
             ranges: [ranges(0)?, ranges(1)?],
-            blend: [blended(0)?, blended(1)?],
+            blend: [blended(blend, 0)?, blended(blend, 1)?],
+            blend_fused: [blended(&self.blend_fused, 0)?, blended(&self.blend_fused, 1)?],
             sort_block: self.sort.block,
         })
     }
@@ -354,7 +358,8 @@ impl BoundForward {
         let last = (passes % 2) as usize;
         self.ranges[last].run_indirect(pass, offset, &m.args, ARGS_PAIRS_256);
         mark(pass);
-        self.blend[last].run(pass, offset, p.tile_total);
+        let blend = if p.fused == 1 { &self.blend_fused } else { &self.blend };
+        blend[last].run(pass, offset, p.tile_total);
         mark(pass);
     }
 }

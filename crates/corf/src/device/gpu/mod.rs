@@ -19,8 +19,9 @@ mod shaders;
 mod sort;
 mod store;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 mod train;
+mod work;
 
 use super::{Device, RenderRequest, Rendering, Step, StepReport, TrainingView, ViewId};
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result, gaussians::logit};
@@ -29,10 +30,11 @@ use frame::{Forward, Memory};
 use pyramid::Pyramid;
 use shaders::Fixed;
 use store::Store;
-use train::Training;
+use train::{Counts, Training};
 
 pub use context::{GpuOptions, adapter_name};
 pub use train::{GpuStageTimes, STAGES};
+pub use work::StageWork;
 
 /// Renders and trains on a GPU.
 pub struct GpuDevice {
@@ -40,11 +42,15 @@ pub struct GpuDevice {
     optimizer: OptimizerConfig,
     raster: RasterConfig,
     store: Store,
+    fixed: Fixed,
+    /// Whether two images with one camera are blended in one pass.
+    fuse: bool,
     forward: Forward,
     training: Training,
     memory: Memory,
     pyramids: Vec<Pyramid>,
     times: GpuStageTimes,
+    last: Counts,
     /// What a call that cannot answer with an error met; the next one that can does.
     deferred: Option<Error>,
 }
@@ -56,13 +62,15 @@ impl GpuDevice {
     /// No adapter that will do, one that lacks memory or bindings, a constant out of range, harmonics above degree 3, an appearance of
     /// other than 3 (or, for RF, 1) channels.
     pub fn new(options: &GpuOptions, optimizer: OptimizerConfig, raster: RasterConfig, initial: &Gaussians) -> Result<Self> {
+        options.validate()?;
         optimizer.validate()?;
         raster.validate()?;
         let context = Context::open(options)?;
         let mut store = Store::new(&context, initial)?;
         store.append(&context, initial)?;
         let sort = sort::RadixSort::new(&context)?;
-        let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, sort_block: sort.block };
+        let (tile, batch) = (options.tile, options.batch);
+        let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, sort_block: sort.block, tile, batch };
         let forward = Forward::new(&context, sort, &fixed)?;
         let training = Training::new(&context, &fixed)?;
         let memory = Memory::new(&context)?;
@@ -71,11 +79,14 @@ impl GpuDevice {
             optimizer,
             raster,
             store,
+            fixed,
+            fuse: options.fused,
             forward,
             training,
             memory,
             pyramids: vec![],
             times: GpuStageTimes::default(),
+            last: Counts::default(),
             deferred: None,
         })
     }

@@ -1,6 +1,6 @@
 //! The constants of one frame as the shaders read them (`shaders/params.wgsl`).
 
-use super::shaders::{LOSS_BLOCK, TILE};
+use super::shaders::LOSS_BLOCK;
 use crate::{
     OptimizerConfig,
     device::cpu::geometry::{Grid, Pose},
@@ -65,7 +65,7 @@ pub(crate) struct Params {
     pub tile_total: u32,
     pub pixel_total: u32,
     pub blocks_total: u32,
-    spare: u32,
+    pub fused: u32,
 }
 
 /// Bytes of one frame's constants.
@@ -86,6 +86,7 @@ impl Params {
         near_m: f32,
         gaussians: usize,
         optimizer: &OptimizerConfig,
+        tile: [u32; 2],
     ) -> Self {
         let mut p = Self::zeroed();
         for (row, out) in p.camera_from_world.iter_mut().enumerate() {
@@ -105,7 +106,7 @@ impl Params {
             (out.x_limits, out.y_limits) = (grid.x_limits, grid.y_limits);
             out.reach = [reach(grid.fx, grid.x_limits), reach(grid.fy, grid.y_limits)];
             out.size = size;
-            out.tiles = [size[0].div_ceil(TILE[0]), size[1].div_ceil(TILE[1])];
+            out.tiles = [size[0].div_ceil(tile[0]), size[1].div_ceil(tile[1])];
             out.blocks = size[0].div_ceil(LOSS_BLOCK);
             let [r, gr, b] = backgrounds[g];
             out.background = [r, gr, b, 0.0];
@@ -129,6 +130,17 @@ impl Params {
         (p.beta1, p.beta2, p.epsilon) = (optimizer.beta1, optimizer.beta2, optimizer.epsilon);
         p.ssim_weight = optimizer.ssim_weight;
         p
+    }
+
+    /// One list of pairs for both images, if they have one camera; their tiles count once.
+    pub fn fuse(&mut self) {
+        let [a, b] = &self.grids;
+        let alike = |a: [f32; 2], b: [f32; 2]| a == b;
+        if a.size[0] > 0 && a.size == b.size && alike(a.focal, b.focal) && alike(a.centre, b.centre) {
+            self.fused = 1;
+            self.tile_total = a.tiles[0] * a.tiles[1];
+            self.grids[1].first_tile = self.tile_total;
+        }
     }
 
     /// Radix passes that order the pairs by tile; the number of tiles itself is a key (of pairs that belong to none).

@@ -61,7 +61,8 @@ impl GpuDevice {
         let Some(pose) = wanted.iter().flatten().map(|(v, _)| Pose::new(&v.world_from_camera)).next() else { return Ok(()) };
         let grids = wanted.map(|w| w.map(|(v, _)| Grid::new(&v.camera, self.raster.antialias)));
         let backgrounds = wanted.map(|w| w.map_or([0.0; 3], |(_, b)| b));
-        let params = Params::new(&pose, &grids, backgrounds, self.raster.near_m, self.store.len(), &self.optimizer);
+        let params =
+            Params::new(&pose, &grids, backgrounds, self.raster.near_m, self.store.len(), &self.optimizer, self.fixed.tile);
         let picture = self.picture(params, name)?;
         let mut first = 0;
         for (g, grid) in grids.iter().enumerate() {

@@ -3,11 +3,6 @@
 use crate::{Antialias, Appearance};
 use std::fmt::Write;
 
-/// Pixels across and down a tile.
-pub(crate) const TILE: [u32; 2] = [8, 8];
-/// Splats a tile blends between two looks at whether its pixels have ended, forward and backward.
-const FORWARD_BATCH: u32 = 64;
-const BACKWARD_BATCH: u32 = 32;
 /// Side of a block of the loss kernels, pixels.
 pub(crate) const LOSS_BLOCK: u32 = 16;
 
@@ -20,6 +15,7 @@ const SPLAT: &str = include_str!("shaders/splat.wgsl");
 const TILE_SOURCE: &str = include_str!("shaders/tile.wgsl");
 const SCAN: &str = include_str!("shaders/scan.wgsl");
 const ARGS: &str = include_str!("shaders/args.wgsl");
+const FUSED: &str = include_str!("shaders/fused.wgsl");
 const LOSS: &str = include_str!("shaders/loss.wgsl");
 
 /// What the kernels of one device have in common.
@@ -30,6 +26,10 @@ pub(crate) struct Fixed {
     pub harmonics: [HarmonicsShape; 2],
     /// Keys per workgroup of the sort.
     pub sort_block: u32,
+    /// Pixels across and down a tile.
+    pub tile: [u32; 2],
+    /// Splats that the backward pass takes at once.
+    pub batch: u32,
 }
 
 /// Channels and degree of one modality's colour.
@@ -68,7 +68,7 @@ impl Fixed {
             Antialias::On => 1,
             Antialias::Detached => 2,
         };
-        let [width, height] = TILE;
+        let [width, height] = self.tile;
         let degree = self.harmonics[0].degree.max(self.harmonics[1].degree);
         format!(
             "const TILE_WIDTH = {width}u;\nconst TILE_HEIGHT = {height}u;\nconst AREA = {}u;\nconst DILATION = {:?};\n\
@@ -179,9 +179,15 @@ fn step_sh_{g}(i: u32, y: array<f32, 16>, d: vec3<f32>, d_color: vec3<f32>) -> v
         self.head() + include_str!("shaders/ranges.wgsl")
     }
 
+    /// A batch of the forward pass is one splat a thread.
     pub fn forward(&self, main_contributor: bool) -> String {
-        let constants = format!("const BATCH = {FORWARD_BATCH}u;\nconst MAIN_CONTRIBUTOR = {main_contributor};\n");
+        let constants = format!("const BATCH = AREA;\nconst MAIN_CONTRIBUTOR = {main_contributor};\n");
         self.head() + &constants + SPLAT + TILE_SOURCE + include_str!("shaders/forward.wgsl")
+    }
+
+    /// Both modalities of one grid at once.
+    pub fn forward_fused(&self) -> String {
+        self.head() + "const BATCH = AREA;\n" + SPLAT + TILE_SOURCE + FUSED + include_str!("shaders/forward_fused.wgsl")
     }
 
     pub fn similarity(&self) -> String {
@@ -193,8 +199,14 @@ fn step_sh_{g}(i: u32, y: array<f32, 16>, d: vec3<f32>, d_color: vec3<f32>) -> v
     }
 
     pub fn backward(&self) -> String {
-        let constants = format!("const BATCH = {BACKWARD_BATCH}u;\n");
+        let constants = format!("const BATCH = {}u;\n", self.batch);
         self.head() + &constants + SPLAT + TILE_SOURCE + include_str!("shaders/backward.wgsl")
+    }
+
+    /// Both modalities of one grid at once.
+    pub fn backward_fused(&self) -> String {
+        let constants = format!("const BATCH = {}u;\n", self.batch);
+        self.head() + &constants + SPLAT + TILE_SOURCE + FUSED + include_str!("shaders/backward_fused.wgsl")
     }
 
     /// The update, or (`write_gradients`) the same with gradients written in place of the first moments.

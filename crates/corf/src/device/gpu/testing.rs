@@ -3,8 +3,15 @@
 use super::context::{Context, GpuOptions};
 
 /// Any adapter, subgroups if it has them, working memory full of NaN.
-pub(crate) const OPTIONS: GpuOptions =
-    GpuOptions { software: true, subgroups: true, timestamps: false, poison: Some(0xffc0_ffee) };
+pub(crate) const OPTIONS: GpuOptions = GpuOptions {
+    software: true,
+    subgroups: true,
+    timestamps: false,
+    tile: [8, 8],
+    batch: 16,
+    fused: true,
+    poison: Some(0xffc0_ffee),
+};
 
 /// An adapter, or `None` and a line that says so; a failure under `CORF_REQUIRE_GPU=1`.
 pub(crate) fn context(options: &GpuOptions) -> Option<Context> {

@@ -29,11 +29,22 @@ pub struct GpuStageTimes {
     pub seconds: [f64; STAGES.len()],
 }
 
+/// What the last step counted.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Counts {
+    pub visible: usize,
+    /// Of the largest frame of the call.
+    pub pairs: usize,
+    pub pixels: usize,
+    pub tile_passes: u32,
+}
+
 /// The kernels of a step beyond the forward pass.
 pub(crate) struct Training {
     similarity: Kernel,
     gradient: Kernel,
     backward: Kernel,
+    backward_fused: Kernel,
     update: Kernel,
     write_gradients: Kernel,
 }
@@ -45,6 +56,7 @@ impl Training {
             similarity: kernel("similarity", fixed.similarity())?,
             gradient: kernel("loss gradient", fixed.gradient())?,
             backward: kernel("blend backwards", fixed.backward())?,
+            backward_fused: kernel("blend both backwards", fixed.backward_fused())?,
             update: kernel("update", fixed.update(false))?,
             write_gradients: kernel("gradients", fixed.update(true))?,
         })
@@ -57,8 +69,8 @@ type Destination<'a> = Option<[&'a wgpu::Buffer; 3]>;
 /// The kernels of a batch of steps with their memory.
 struct BoundTraining {
     losses: BTreeMap<usize, [Bound; 2]>,
-    /// By the parity of the tile passes.
-    backward: [Bound; 2],
+    /// By the parity of the tile passes; apart, fused.
+    backward: [[Bound; 2]; 2],
     update: Bound,
 }
 
@@ -92,8 +104,19 @@ impl GpuDevice {
             }
         }
         let backgrounds = [step.optical_background, step.rf_background];
-        let mut params = Params::new(&pyramid.pose, &grids, backgrounds, self.raster.near_m, self.store.len(), &self.optimizer);
+        let mut params = Params::new(
+            &pyramid.pose,
+            &grids,
+            backgrounds,
+            self.raster.near_m,
+            self.store.len(),
+            &self.optimizer,
+            self.fixed.tile,
+        );
         params.train_geometry = u32::from(step.train_geometry);
+        if self.fuse {
+            params.fuse();
+        }
         pyramid.target(level, weights, self.store.harmonics.map(|h| h.channels), step.depth_weight, &mut params);
         Ok(Planned { params, view: step.view })
     }
@@ -109,7 +132,7 @@ impl GpuDevice {
             let similarity = bind(&t.similarity, &[uniform, image, target, derivatives, losses])?;
             by_view.insert(view, [similarity, bind(&t.gradient, &[uniform, image, target, derivatives, gradient, losses])?]);
         }
-        let backward = |passes: u32| {
+        let backward = |kernel: &Kernel, passes: u32| {
             let buffers = [
                 uniform,
                 &m.starts.buffer,
@@ -120,7 +143,7 @@ impl GpuDevice {
                 gradient,
                 &m.records.buffer,
             ];
-            bind(&t.backward, &buffers)
+            bind(kernel, &buffers)
         };
         let (kernel, firsts) = match destination {
             None => (&t.update, [&s.core.moment1.buffer, &s.sh[0].moment1.buffer, &s.sh[1].moment1.buffer]),
@@ -145,7 +168,14 @@ impl GpuDevice {
             firsts[2],
             &s.sh[1].moment2.buffer,
         ];
-        Ok(BoundTraining { losses: by_view, backward: [backward(0)?, backward(1)?], update: bind(kernel, &buffers)? })
+        Ok(BoundTraining {
+            losses: by_view,
+            backward: [
+                [backward(&t.backward, 0)?, backward(&t.backward, 1)?],
+                [backward(&t.backward_fused, 0)?, backward(&t.backward_fused, 1)?],
+            ],
+            update: bind(kernel, &buffers)?,
+        })
     }
 
     /// Runs steps in order, however often room has to be made, and reports the last.
@@ -172,6 +202,12 @@ impl GpuDevice {
             if state[FAILED] != 0 {
                 pairs = state[NEEDED] as usize + state[NEEDED] as usize / 4;
             } else {
+                self.last = Counts {
+                    visible: state[VISIBLE] as usize,
+                    pairs: state[NEEDED] as usize,
+                    pixels: last.pixel_total as usize,
+                    tile_passes: last.tile_passes(),
+                };
                 report = report_of(last, state[VISIBLE] as usize, &read[1], self.optimizer.ssim_weight);
             }
             done += state[STEPS] as usize;
@@ -219,7 +255,7 @@ impl GpuDevice {
                         gradient.run(&mut pass, offset, p.blocks_total);
                     }
                     mark(&mut pass);
-                    training.backward[last].run(&mut pass, offset, p.tile_total);
+                    training.backward[p.fused as usize][last].run(&mut pass, offset, p.tile_total);
                     mark(&mut pass);
                     training.update.run_indirect(&mut pass, offset, &m.args, ARGS_VISIBLE_64);
                     mark(&mut pass);

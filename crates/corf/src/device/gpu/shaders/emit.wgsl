@@ -30,9 +30,8 @@ fn emit(g: u32, i: u32, begin: u32, count: u32) {
     for (; at < end; at++) {
         pair_tiles[at] = params.tile_total;
         owners[at] = owner;
-        records[3u * at] = vec4(0.0);
-        records[3u * at + 1u] = vec4(0.0);
-        records[3u * at + 2u] = vec4(0.0);
+        let words = 3u + params.fused;
+        for (var k = 0u; k < words; k++) { records[words * at + k] = vec4(0.0); }
     }
 }
 

@@ -57,7 +57,8 @@ struct Params {
     tile_total: u32,
     pixel_total: u32,
     blocks_total: u32,
-    spare: u32,
+    // 1: both images have one camera and share one list of pairs.
+    fused: u32,
 }
 
 fn is_finite(x: f32) -> bool { return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u; }

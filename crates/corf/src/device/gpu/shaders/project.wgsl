@@ -42,6 +42,28 @@ fn project_to(g: u32, i: u32, p: vec3<f32>, s: Symmetric, logit: f32, direction:
     return count;
 }
 
+// Both images share the ellipse, and the pairs are those of the more opaque one.
+fn project_both(i: u32, p: vec3<f32>, s: Symmetric, logits: vec2<f32>, direction: vec3<f32>) -> u32 {
+    let grid = params.grids[0];
+    let e = ellipse_of(grid, p, s);
+    if (!(e.determinant > 0.0)) { return 0u; }
+    let opacity = vec2(e.rho) / (1.0 + exp(-logits));
+    let tau = log(max(max(opacity.x, opacity.y) * 255.0, 1e-30)) + TAU_MARGIN;
+    let q = conic_of(e);
+    let r = reach_of(grid.tiles, e.mean, q, tau);
+    var count = 0u;
+    for (var row = r.rows.x; row <= r.rows.y; row++) {
+        let columns = columns_of(r, grid.tiles, row);
+        count += u32(max(columns.y - columns.x + 1, 0));
+    }
+    if (count > 0u) {
+        splats[i] = Splat(vec4(e.mean, opacity.x, e.inverse_z), vec4(q, tau), vec4(color_0(i, direction), 0.0));
+        splats[params.gaussians + i] =
+            Splat(vec4(e.mean, opacity.y, e.inverse_z), vec4(q, tau), vec4(color_1(i, direction), 0.0));
+    }
+    return count;
+}
+
 @compute @workgroup_size(256)
 fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let i = group_number(id) * 256u + thread;
@@ -63,8 +85,12 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         if (any(wanted)) {
             let s = shape_of(vec4(first.w, second.xyz), log_scale);
             let direction = direction_of(mean).xyz;
-            if (wanted.x) { counts.x = project_to(0u, i, p, s.covariance, third.z, direction); }
-            if (wanted.y) { counts.y = project_to(1u, i, p, s.covariance, third.w, direction); }
+            if (params.fused != 0u) {
+                counts.x = project_both(i, p, s.covariance, third.zw, direction);
+            } else {
+                if (wanted.x) { counts.x = project_to(0u, i, p, s.covariance, third.z, direction); }
+                if (wanted.y) { counts.y = project_to(1u, i, p, s.covariance, third.w, direction); }
+            }
             // The bits of positive numbers order like the numbers.
             if (any(counts > vec2(0u))) { key = bitcast<u32>(p.z); }
         }

@@ -17,15 +17,18 @@
 @group(0) @binding(16) var<storage, read_write> sh_1_v: array<vec4<f32>>;
 
 // Sum of a Gaussian's records in one image: dL/dcolour, dL/d(1/z); dL/d(oρ), Σ dL/dσ (dx², dx dy, dy²); Σ dL/dσ (dx, dy).
-struct Found { a: vec4<f32>, b: vec4<f32>, c: vec4<f32> }
+// Where both images share their pairs, a record of both (`backward_fused.wgsl`).
+struct Found { a: vec4<f32>, b: vec4<f32>, c: vec4<f32>, d: vec4<f32> }
 
 fn sum_of(first: u32, count: u32, stride: u32) -> Found {
-    var f = Found(vec4(0.0), vec4(0.0), vec4(0.0));
+    var f = Found(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+    let words = 3u + params.fused;
     for (var k = 0u; k < count; k += stride) {
-        let at = 3u * (first + k);
+        let at = words * (first + k);
         f.a += records[at];
         f.b += records[at + 1u];
         f.c += records[at + 2u];
+        if (words == 4u) { f.d += records[at + 3u]; }
     }
     return f;
 }
@@ -83,7 +86,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     // Gather.
     if (thread == 0u) { atomicStore(&long_count, 0u); }
     workgroupBarrier();
-    var found_0 = Found(vec4(0.0), vec4(0.0), vec4(0.0));
+    var found_0 = Found(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
     var found_1 = found_0;
     var long_0 = 0xffffffffu;
     var long_1 = 0xffffffffu;
@@ -115,6 +118,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
                 partial[thread].a += partial[thread + step].a;
                 partial[thread].b += partial[thread + step].b;
                 partial[thread].c += partial[thread + step].c;
+                partial[thread].d += partial[thread + step].d;
             }
             workgroupBarrier();
         }
@@ -123,6 +127,18 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         workgroupBarrier();
     }
     if (!alive) { return; }
+    var seen = counts > vec2(0u);
+    if (params.fused != 0u) {
+        let both = found_0;
+        // The pairs are those of the more opaque one; the other is seen if it can be drawn at all.
+        let opacity = vec2(splats[i].place.z, splats[params.gaussians + i].place.z);
+        seen = (opacity >= vec2(MIN_ALPHA)) & vec2(counts.x > 0u);
+        // What the images say about the ellipse goes through one of them, once.
+        let of_light = f32(seen.x);
+        found_0 = Found(both.a, vec4(both.b.w, both.c.yzw), both.d, vec4(0.0));
+        let shape = vec4(both.c.x, both.c.yzw * (1.0 - of_light));
+        found_1 = Found(vec4(both.b.rgb, 0.0), shape, both.d * (1.0 - of_light), vec4(0.0));
+    }
 
     // Through the projection.
     let c0 = core[3u * i];
@@ -137,13 +153,13 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     var dv = Symmetric(vec3(0.0), vec3(0.0));
     var d_direction = vec3(0.0);
     var d_logit = vec2(0.0);
-    if (counts.x > 0u) {
+    if (seen.x) {
         d_logit.x = through(0u, p, s, c2.z, found_0, &dp, &dv);
         // The clamp at 0 passes no gradient.
         let color = splats[i].color.rgb;
         d_direction += step_sh_0(i, y, d.xyz, select(vec3(0.0), found_0.a.rgb, color > vec3(0.0)));
     }
-    if (counts.y > 0u) {
+    if (seen.y) {
         d_logit.y = through(1u, p, s, c2.w, found_1, &dp, &dv);
         let color = splats[params.gaussians + i].color.rgb;
         d_direction += step_sh_1(i, y, d.xyz, select(vec3(0.0), found_1.a.rgb, color > vec3(0.0)));
@@ -168,7 +184,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         3u * i + 2u,
         vec4(d_shape.log_scale.yz, d_logit),
         vec4(l, l, params.rates[0].opacity, params.rates[1].opacity),
-        vec4(geometry, geometry, counts.x > 0u, counts.y > 0u),
+        vec4(geometry, geometry, seen),
         vec4(free.xy, params.rates[0].lowest_logit, params.rates[1].lowest_logit),
     );
 }

@@ -1,0 +1,338 @@
+//! `corf bench step`: milliseconds of a coupled training step, stage by stage, beside the floor.
+
+use super::{Verdict, show};
+use crate::device::{Backend, DeviceChoice};
+use crate::interrupt;
+use crate::provenance::Provenance;
+use crate::workload::{self, Rig};
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+#[cfg(feature = "gpu")]
+use corf::device::gpu::{GpuDevice, GpuOptions};
+use corf::{Antialias, CpuDevice, Device, Gaussians, RasterConfig, ply};
+use serde::Serialize;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// `corf bench step`.
+#[derive(Args)]
+pub struct Step {
+    /// Gaussians as a coupled PLY file; with --table one file per size it needs, others are drawn. May be repeated.
+    #[arg(long)]
+    ply: Vec<PathBuf>,
+    /// Cameras as JSON: width, height, fx, fy, cx, cy, camera_from_world (4×4 by rows). Default: sixteen around a room.
+    #[arg(long, conflicts_with = "table")]
+    cameras: Option<PathBuf>,
+    /// Gaussians to draw where no file is given.
+    #[arg(long, default_value_t = 200_000)]
+    gaussians: usize,
+    /// Optical image, pixels.
+    #[arg(long, value_parser = size, default_value = "640x480", conflicts_with = "cameras")]
+    size: [usize; 2],
+    /// RF image, pixels (default: as the optical one).
+    #[arg(long, value_parser = size)]
+    rf: Option<[usize; 2]>,
+    /// Measure the six workloads that are published instead.
+    #[arg(long)]
+    table: bool,
+    /// Steps timed, in each of --repeats runs.
+    #[arg(long, default_value_t = 160)]
+    steps: usize,
+    /// Runs; the median is what counts.
+    #[arg(long, default_value_t = 5)]
+    repeats: usize,
+    /// Which pixel filter: off is what the peers measure with.
+    #[arg(long, value_enum, default_value_t = Filter::Off)]
+    antialias: Filter,
+    /// GPU: pixels across and down a tile.
+    #[arg(long, value_parser = size, default_value = "8x8")]
+    tile: [usize; 2],
+    /// GPU: splats that the backward pass takes at once.
+    #[arg(long, default_value_t = 16)]
+    batch: u32,
+    /// GPU: blend two images with one camera one after the other instead of at once.
+    #[arg(long)]
+    apart: bool,
+    /// Memory bandwidth for the floor, GB/s (default: measured on an H200).
+    #[arg(long, default_value_t = 2700.0)]
+    bandwidth_gb_s: f64,
+    /// Arithmetic for the floor, TFLOP/s (default: measured on an H200).
+    #[arg(long, default_value_t = 64.0)]
+    tflops: f64,
+    /// Where the steps run.
+    #[arg(long, value_enum, default_value_t)]
+    device: DeviceChoice,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Filter {
+    On,
+    Off,
+}
+
+/// `640x480`.
+fn size(text: &str) -> Result<[usize; 2], String> {
+    let parse = |t: &str| t.parse::<usize>().ok().filter(|n| (1..=16384).contains(n));
+    match text.split_once('x').map(|(w, h)| (parse(w), parse(h))) {
+        Some((Some(w), Some(h))) => Ok([w, h]),
+        _ => Err(format!("{text} is no size in pixels such as 640x480")),
+    }
+}
+
+/// What `--table` measures: Gaussians, optical and RF image.
+const TABLE: [(usize, [usize; 2], [usize; 2]); 6] = [
+    (200_000, [640, 480], [640, 480]),
+    (200_000, [160, 120], [160, 120]),
+    (200_000, [1280, 720], [1280, 720]),
+    (1_000_000, [640, 480], [640, 480]),
+    (200_000, [1600, 900], [300, 200]),
+    (1_000_000, [1600, 900], [300, 200]),
+];
+
+/// One stage of a step.
+#[derive(Clone, Debug, Serialize)]
+struct Stage {
+    name: &'static str,
+    /// Mean over steps; on a GPU by its own timestamps.
+    ms: f64,
+    /// The stage's bytes at full bandwidth or its operations at full rate, whichever takes longer.
+    floor_ms: Option<f64>,
+}
+
+/// One workload, measured.
+#[derive(Clone, Debug, Serialize)]
+struct Measured {
+    device: String,
+    gaussians: usize,
+    gaussians_from: String,
+    optical: [usize; 2],
+    rf: [usize; 2],
+    /// Gaussians that reach a tile, in the last step.
+    visible: usize,
+    /// (Gaussian, tile) pairs of both images, most of any step.
+    pairs: Option<usize>,
+    /// Wall clock of a step: median, least and greatest of the runs.
+    step_ms: f64,
+    step_ms_range: [f64; 2],
+    stages: Vec<Stage>,
+}
+
+/// All that a run of the command found.
+#[derive(Serialize)]
+struct Report {
+    provenance: Provenance,
+    steps: usize,
+    repeats: usize,
+    antialias: String,
+    tile: [usize; 2],
+    batch: u32,
+    fused: bool,
+    bandwidth_gb_s: f64,
+    tflops: f64,
+    workloads: Vec<Measured>,
+}
+
+impl Step {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// Files that cannot be read, a device without memory for the workload, an interrupt.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        ensure!(self.steps > 0 && self.repeats > 0, "--steps and --repeats: give at least 1");
+        let backend = self.device.resolve()?;
+        let files = self.ply.iter().map(|p| Ok((p.display().to_string(), ply::read_coupled(p)?))).collect::<Result<Vec<_>>>()?;
+        let mut workloads = vec![];
+        if self.table {
+            for (n, optical, rf) in TABLE {
+                let file = files.iter().find(|(_, g)| g.len() == n);
+                workloads.push(self.measure(&backend, file, n, &workload::rig(optical, rf))?);
+            }
+        } else {
+            let rig = match &self.cameras {
+                Some(path) => workload::read_rig(path, self.rf)?,
+                None => workload::rig(self.size, self.rf.unwrap_or(self.size)),
+            };
+            workloads.push(self.measure(&backend, files.first(), self.gaussians, &rig)?);
+        }
+        let text = text(&workloads);
+        let report = Report {
+            provenance: Provenance::here(),
+            steps: self.steps,
+            repeats: self.repeats,
+            antialias: format!("{:?}", self.antialias).to_lowercase(),
+            tile: self.tile,
+            batch: self.batch,
+            fused: !self.apart,
+            bandwidth_gb_s: self.bandwidth_gb_s,
+            tflops: self.tflops,
+            workloads,
+        };
+        show(json, &report, &text)?;
+        Ok(Verdict::Done)
+    }
+
+    #[cfg(feature = "gpu")]
+    fn gpu_options(&self) -> GpuOptions {
+        GpuOptions {
+            software: true,
+            tile: self.tile.map(|v| v as u32),
+            batch: self.batch,
+            fused: !self.apart,
+            ..GpuOptions::default()
+        }
+    }
+
+    fn measure(&self, backend: &Backend, file: Option<&(String, Gaussians)>, n: usize, rig: &Rig) -> Result<Measured> {
+        interrupt::check()?;
+        let drawn;
+        let (from, gaussians) = match file {
+            Some((name, g)) => (name.clone(), g),
+            None => {
+                drawn = workload::room(n, 1);
+                ("a room, drawn".to_owned(), &drawn)
+            }
+        };
+        let antialias = match self.antialias {
+            Filter::On => Antialias::On,
+            Filter::Off => Antialias::Off,
+        };
+        let raster = RasterConfig { antialias, ..RasterConfig::default() };
+        let mut run = Run {
+            steps: self.steps,
+            repeats: self.repeats,
+            floor: Floor { bytes_per_ms: self.bandwidth_gb_s * 1e6, operations_per_ms: self.tflops * 1e9 },
+            measured: Measured {
+                device: backend.name(),
+                gaussians: gaussians.len(),
+                gaussians_from: from,
+                optical: [rig.optical.width, rig.optical.height],
+                rf: [rig.rf.width, rig.rf.height],
+                visible: 0,
+                pairs: None,
+                step_ms: 0.0,
+                step_ms_range: [0.0; 2],
+                stages: vec![],
+            },
+        };
+        match backend {
+            Backend::Cpu => run.on_cpu(raster, gaussians, rig)?,
+            #[cfg(feature = "gpu")]
+            Backend::Gpu { .. } => run.on_gpu(raster, gaussians, rig, &self.gpu_options())?,
+        }
+        Ok(run.measured)
+    }
+}
+
+/// One measurement in the making.
+struct Run {
+    steps: usize,
+    repeats: usize,
+    floor: Floor,
+    measured: Measured,
+}
+
+/// The machine's limits.
+struct Floor {
+    bytes_per_ms: f64,
+    operations_per_ms: f64,
+}
+
+impl Run {
+    /// Uploads the views and times whole runs of steps, after one that warms up.
+    fn time(&mut self, device: &mut dyn Device, rig: &Rig) -> Result<()> {
+        for view in rig.views(3) {
+            device.upload(&view, 1).context("while uploading the views")?;
+        }
+        let steps = rig.steps(self.steps);
+        device.train(&steps[..steps.len().min(workload::CAMERAS)])?;
+        let mut ms = vec![];
+        for _ in 0..self.repeats {
+            interrupt::check()?;
+            let start = Instant::now();
+            let report = device.train(&steps)?;
+            ms.push(start.elapsed().as_secs_f64() * 1e3 / steps.len() as f64);
+            self.measured.visible = report.visible;
+        }
+        ms.sort_by(f64::total_cmp);
+        self.measured.step_ms = ms[ms.len() / 2];
+        self.measured.step_ms_range = [ms[0], ms[ms.len() - 1]];
+        Ok(())
+    }
+
+    fn on_cpu(&mut self, raster: RasterConfig, gaussians: &Gaussians, rig: &Rig) -> Result<()> {
+        let mut device = CpuDevice::new(workload::optimizer(), raster, gaussians)?;
+        self.time(&mut device, rig)?;
+        let t = device.take_stage_times();
+        let stages = [
+            ("project", t.project_s),
+            ("sort", t.sort_s),
+            ("forward", t.forward_s),
+            ("loss", t.loss_s),
+            ("backward", t.backward_s),
+            ("update", t.update_s),
+        ];
+        let stage = |(name, s): (&'static str, f64)| Stage { name, ms: s * 1e3 / t.steps as f64, floor_ms: None };
+        self.measured.stages = stages.map(stage).to_vec();
+        Ok(())
+    }
+
+    #[cfg(feature = "gpu")]
+    fn on_gpu(&mut self, raster: RasterConfig, gaussians: &Gaussians, rig: &Rig, options: &GpuOptions) -> Result<()> {
+        // The wall clock runs over steps without timestamps, the stages over others with them.
+        let mut device = GpuDevice::new(options, workload::optimizer(), raster, gaussians)?;
+        self.measured.device = device.adapter();
+        self.time(&mut device, rig)?;
+        self.measured.pairs = Some(device.pairs());
+        let work = device.work();
+        drop(device);
+        let timed = GpuOptions { timestamps: true, ..*options };
+        let mut device = GpuDevice::new(&timed, workload::optimizer(), raster, gaussians)?;
+        for view in rig.views(3) {
+            device.upload(&view, 1)?;
+        }
+        let steps = rig.steps(self.steps);
+        device.train(&steps[..steps.len().min(workload::CAMERAS)])?;
+        device.take_stage_times();
+        device.train(&steps)?;
+        let Some(t) = device.take_stage_times() else { return Ok(()) };
+        for (k, w) in work.iter().enumerate() {
+            let floor = (w.bytes / self.floor.bytes_per_ms).max(w.operations / self.floor.operations_per_ms);
+            self.measured.stages.push(Stage { name: w.name, ms: t.seconds[k] * 1e3 / t.steps as f64, floor_ms: Some(floor) });
+        }
+        Ok(())
+    }
+}
+
+/// A table of workloads, each with its stages.
+fn text(workloads: &[Measured]) -> String {
+    let mut out = String::new();
+    for m in workloads {
+        let [ow, oh] = m.optical;
+        let [rw, rh] = m.rf;
+        let _ = writeln!(
+            out,
+            "{} Gaussians ({}), {ow}x{oh} + {rw}x{rh} on {}: {:.3} ms a step (runs {:.3} to {:.3}), {} visible{}",
+            m.gaussians,
+            m.gaussians_from,
+            m.device,
+            m.step_ms,
+            m.step_ms_range[0],
+            m.step_ms_range[1],
+            m.visible,
+            m.pairs.map_or(String::new(), |p| format!(", {p} pairs")),
+        );
+        let row = |out: &mut String, name: &str, cells: &[String]| {
+            let _ = writeln!(out, "  {name:8}{}", cells.iter().map(|c| format!("{c:>10}")).collect::<String>());
+        };
+        let total: f64 = m.stages.iter().map(|s| s.ms).sum();
+        row(&mut out, "", &m.stages.iter().map(|s| s.name.to_owned()).chain(["all".to_owned()]).collect::<Vec<_>>());
+        row(&mut out, "ms", &m.stages.iter().map(|s| s.ms).chain([total]).map(|v| format!("{v:.3}")).collect::<Vec<_>>());
+        let floors: Option<Vec<f64>> = m.stages.iter().map(|s| s.floor_ms).collect();
+        if let Some(floors) = floors.filter(|f| !f.is_empty()) {
+            let total: f64 = floors.iter().sum();
+            row(&mut out, "floor", &floors.iter().chain([&total]).map(|v| format!("{v:.3}")).collect::<Vec<_>>());
+        }
+    }
+    out
+}
