@@ -201,7 +201,6 @@ impl Step {
         let mut run = Run {
             steps: self.steps,
             repeats: self.repeats,
-            floor: Floor { bytes_per_ms: self.bandwidth_gb_s * 1e6, operations_per_ms: self.tflops * 1e9 },
             measured: Measured {
                 device: backend.name(),
                 gaussians: gaussians.len(),
@@ -218,7 +217,7 @@ impl Step {
         match backend {
             Backend::Cpu => run.on_cpu(raster, gaussians, rig)?,
             #[cfg(feature = "gpu")]
-            Backend::Gpu { .. } => run.on_gpu(raster, gaussians, rig, &self.gpu_options())?,
+            Backend::Gpu { .. } => run.on_gpu(raster, gaussians, rig, self)?,
         }
         Ok(run.measured)
     }
@@ -228,14 +227,7 @@ impl Step {
 struct Run {
     steps: usize,
     repeats: usize,
-    floor: Floor,
     measured: Measured,
-}
-
-/// The machine's limits.
-struct Floor {
-    bytes_per_ms: f64,
-    operations_per_ms: f64,
 }
 
 impl Run {
@@ -278,7 +270,9 @@ impl Run {
     }
 
     #[cfg(feature = "gpu")]
-    fn on_gpu(&mut self, raster: RasterConfig, gaussians: &Gaussians, rig: &Rig, options: &GpuOptions) -> Result<()> {
+    fn on_gpu(&mut self, raster: RasterConfig, gaussians: &Gaussians, rig: &Rig, wanted: &Step) -> Result<()> {
+        let options = &wanted.gpu_options();
+        let (bytes_per_ms, operations_per_ms) = (wanted.bandwidth_gb_s * 1e6, wanted.tflops * 1e9);
         // The wall clock runs over steps without timestamps, the stages over others with them.
         let mut device = GpuDevice::new(options, workload::optimizer(), raster, gaussians)?;
         self.measured.device = device.adapter();
@@ -297,7 +291,7 @@ impl Run {
         device.train(&steps)?;
         let Some(t) = device.take_stage_times() else { return Ok(()) };
         for (k, w) in work.iter().enumerate() {
-            let floor = (w.bytes / self.floor.bytes_per_ms).max(w.operations / self.floor.operations_per_ms);
+            let floor = (w.bytes / bytes_per_ms).max(w.operations / operations_per_ms);
             self.measured.stages.push(Stage { name: w.name, ms: t.seconds[k] * 1e3 / t.steps as f64, floor_ms: Some(floor) });
         }
         Ok(())
