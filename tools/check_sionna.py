@@ -39,6 +39,7 @@ def arguments():
     parser.add_argument("--replicas", type=int, default=4, help="independent samplings of corf's diffuse field")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--corf", help="the corf binary (default: cargo builds it)")
+    parser.add_argument("--cache", help="folder in which Sionna RT's results are kept for the next run on the same scene")
     parser.add_argument("--out", help="folder of the report")
     parser.add_argument("--no-diffuse", action="store_true", help="specular and transmitted paths only")
     return parser.parse_args()
@@ -65,9 +66,7 @@ def main():
         scratch = Path(scratch)
         say("exporting the scene")
         radio = corf.export(args.scene, scratch / "scene", args.receivers)
-        mesh, library = meshes.Meshes(scratch / "scene", radio), theirs.Theirs(scratch / "scene")
-        by_id = {shape["id"]: i for i, shape in enumerate(radio["shapes"])}
-        index_of = {object_id: by_id[shape["id"]] for object_id, shape in library.shape_of.items()}
+        mesh, library = meshes.Meshes(scratch / "scene", radio), theirs.Theirs(scratch / "scene", args.cache)
         # Both sides start from the same float32 numbers.
         tx = np.float32(radio["transmitter"]["position_m"])
         receivers = np.float32([pose["position_m"] for pose in radio["poses"]])
@@ -78,8 +77,8 @@ def main():
         for seed in range(1, args.specular_runs + 1):
             say(f"Sionna RT: specular and transmitted paths, run {seed} of {args.specular_runs}")
             runs.append(library.specular([tx], receivers, args.depth, args.specular_samples, seed))
-        links = specular.links(paths, runs, tx, receivers, mesh, index_of, radio)
-        specular.tell(links, library, tx, receivers, mesh, index_of, args.depth)
+        links = specular.links(paths, runs, tx, receivers, mesh, radio)
+        specular.tell(links, library, tx, receivers, mesh, args.depth)
 
         say("negative controls: glass, a removed path")
         glassy = meshes.with_materials(
@@ -91,7 +90,7 @@ def main():
         controls = [
             control(
                 f"glass ε_r × {GLASS_CONTROL}",
-                specular.links(corf.paths(glassy, tx, receivers, args.depth, *rays), runs, tx, receivers, mesh, index_of, radio),
+                specular.links(corf.paths(glassy, tx, receivers, args.depth, *rays), runs, tx, receivers, mesh, radio),
                 links,
             ),
             control("one path of ours removed", [without_strongest_reflection(link, tx, mesh, radio) for link in links], links),
@@ -201,13 +200,14 @@ def spectra(spectrum, links, seeds, folder, poses):
         ending = arrivals[:, 5] == 0
         scattered = lambda chosen: spectrum.covariance(arrivals[chosen][:, :3], arrivals[chosen][:, 3], turn)
         told = [{**e["path"], "a": e["told"]} for e in link.ours_only if e["told"] is not None]
-        seen = [np.concatenate([run[link.index][key] for run in seeds]) for key in ("directions", "power")]
+        seen = [spectrum.covariance(run[link.index]["directions"], run[link.index]["power"], turn) for run in seeds]
         mine = of(link.ours) + scattered(ending)
-        yours = of(link.kept + told) + spectrum.covariance(seen[0], seen[1] / len(seeds), turn)
+        yours = [spectrum.bartlett(of(link.kept + told) + one) for one in seen]
         maps.append(
             {
                 "ours": spectrum.bartlett(mine),
-                "theirs": spectrum.bartlett(yours),
+                "theirs": np.mean(yours, 0),
+                "theirs_error": np.std(yours, 0, ddof=1) / np.sqrt(len(yours)),
                 "everything": spectrum.bartlett(mine + scattered(~ending)),
             }
         )

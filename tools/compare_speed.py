@@ -28,6 +28,9 @@ def arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("dataset", nargs="?", default=str(ROOT / "scenes/lobby147.toml"), help="dataset file (default: lobby147)")
     parser.add_argument("--positions", type=int, default=21, help="positions Sionna RT traces in one call")
+    parser.add_argument(
+        "--our-positions", type=int, help="positions corf traces (default: all); fewer are scaled up, and the report says so"
+    )
     parser.add_argument("--samples", default="125000,500000,2000000", help="rays of Sionna RT, comma-separated")
     parser.add_argument("--seeds", type=int, default=8)
     parser.add_argument("--depth", type=int, default=3)
@@ -62,7 +65,8 @@ def main():
         result = {"machine": machine, "positions": positions, "traced": chosen.tolist()}
         result["theirs"] = measure_theirs(args, library, tx, everywhere[chosen], [radio["poses"][i] for i in chosen])
         say("corf bench radio")
-        result["ours"] = measure_ours(corf, dataset)
+        fewer = ("--positions", args.our_positions) if args.our_positions else ()
+        result["ours"] = measure_ours(corf, dataset, *fewer)
         if not args.no_scaling:
             mesh = meshes.Meshes(scratch / "scene", radio)
             result["scaling"] = scaling(args, corf, dataset, scene, radio, mesh, library, tx, everywhere, scratch)

@@ -56,14 +56,14 @@ def vertex_distance(p, q):
     return float(np.linalg.norm(p["vertices"] - q["vertices"], axis=1).max()) if len(p["types"]) else 0.0
 
 
-def sort_out(runs, tx, rx, meshes, index_of):
+def sort_out(runs, tx, rx, meshes):
     """The library's paths of several runs (its search keeps what its rays meet first, which differs between runs): each path once, then
     what it returned beside them: repeats of a path found through another plane, and paths that no mirror makes.
 
     The library takes the place of a face for hit when the image in the plane that was hit lies within 1 cm of the image in its own, so that
     it returns one path of a floor and a second of a mat 4 mm above it, both off the floor.
     """
-    paths = [dict(p, mirror_error_m=mirror_error(p, tx, rx, meshes, index_of)) for run in runs for p in run]
+    paths = [dict(p, mirror_error_m=mirror_error(p, tx, rx, meshes)) for run in runs for p in run]
     kept, repeats, off_the_mirror = [], [], []
     for path in sorted(paths, key=lambda p: p["mirror_error_m"]):
         if any(
@@ -80,9 +80,9 @@ def sort_out(runs, tx, rx, meshes, index_of):
     return kept, repeats, off_the_mirror
 
 
-def mirror_error(path, tx, rx, meshes, index_of):
+def mirror_error(path, tx, rx, meshes):
     """How far the vertices lie from the exact image construction through the planes of the path's own triangles, metres."""
-    planes = [meshes.plane(index_of[object_id], triangle) for object_id, triangle in path["triangles"]]
+    planes = [meshes.plane(*place) for place in path["triangles"]]
     exact = referee.exact_corners(path["types"], planes, tx, rx)
     return float(np.nan_to_num(np.linalg.norm(exact - path["vertices"], axis=1), nan=np.inf).max(initial=0.0))
 

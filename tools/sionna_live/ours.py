@@ -42,14 +42,12 @@ class Corf:
 
     def paths(self, scene, tx, receivers, depth, *options):
         """`corf paths` at every receiver: lists of paths, vertices as arrays, `a` as complex numbers."""
-        lists = []
-        for rx in receivers:
-            text = self.run("paths", scene, "--tx", point(tx), "--rx", point(rx), "--depth", depth, *options)
-            paths = json.loads(text)["paths"]
-            for path in paths:
-                path["a"] = complex(*path["a"])
-                path["vertices"] = np.array(path["vertices"], dtype=float).reshape(-1, 3)
-            lists.append(paths)
+        places = [word for rx in receivers for word in ("--rx", point(rx))]
+        found = json.loads(self.run("paths", scene, "--tx", point(tx), *places, "--depth", depth, *options))
+        lists = [link["paths"] for link in found.get("links", [found])]
+        for path in (path for paths in lists for path in paths):
+            path["a"] = complex(*path["a"])
+            path["vertices"] = np.array(path["vertices"], dtype=float).reshape(-1, 3)
         return lists
 
     def diffuse(self, scene, tx, receivers, depth, *options):

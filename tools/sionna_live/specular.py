@@ -58,26 +58,25 @@ class Link:
         return not self.faulty_pairs() and not self.missing and not self.refused() and abs(mine - yours) <= compare.MAX_POWER_DB
 
 
-def links(ours, runs, tx, receivers, meshes, index_of, radio):
+def links(ours, runs, tx, receivers, meshes, radio):
     """Judged links from corf's lists and the library's runs `[run][receiver][transmitter]`."""
     made = []
     for r, rx in enumerate(receivers):
-        link = Link(r, rx, ours[r], *compare.sort_out([run[r][0] for run in runs], tx, rx, meshes, index_of))
+        link = Link(r, rx, ours[r], *compare.sort_out([run[r][0] for run in runs], tx, rx, meshes))
         link.judge(tx)
         link.ask_referee(tx, meshes, radio)
         made.append(link)
     return made
 
 
-def tell(made, library, tx, receivers, meshes, index_of, depth):
+def tell(made, library, tx, receivers, meshes, depth):
     """Hands the library every chain of ours that it did not find; what it then computes is compared like any other path."""
-    id_of = {index: object_id for object_id, index in index_of.items()}
     asked = [(link, entry) for link in made for entry in link.ours_only if entry["reason"] is None]
     chains = []
     for link, entry in asked:
         path = entry["path"]
         places = [meshes.triangles_at(name, vertex)[0] for name, vertex in zip(path["objects"], path["vertices"])]
-        chains.append((link.index, path["types"], path["vertices"], [(id_of[shape], triangle) for shape, triangle in places]))
+        chains.append((link.index, path["types"], path["vertices"], places))
     for (link, entry), a in zip(asked, library.told(tx, receivers, chains, depth)):
         if a is None:
             continue

@@ -18,6 +18,18 @@ KINDS = {
 }
 
 
+# Stages of `corf bench radio` that a transmitter costs once.
+ONCE = ("hierarchy", "transmitter_chains", "photons")
+
+
+def for_all(result):
+    """corf's seconds for all positions: as measured, or scaled up position by position from fewer."""
+    ours = result["ours"]["report"]
+    factor = result["positions"] / ours["positions"]
+    stages = {name: s for name, s in ours["seconds"].items() if name != "total"}
+    return {clock: sum(s[clock] * (1 if name in ONCE else factor) for name, s in stages.items()) for clock in ("wall_s", "cpu_s")}
+
+
 def laws(result):
     """Per number of rays: errors of one run, and mean seconds of a call; and per kind the exponent of error ∝ rays^exponent."""
     theirs = result["theirs"]
@@ -53,7 +65,7 @@ def equal_error(result):
         "pixel_median_db": error["pixel_median_db"],
         "pixel_p99_db": error["pixel_p99_db"],
     }
-    spent, calls = ours["seconds"]["total"], result["positions"] / len(result["traced"])
+    spent, calls = for_all(result), result["positions"] / len(result["traced"])
     most = rows[-1]
     slope = {
         clock: max(np.polyfit([r["samples"] for r in rows], [r[clock] for r in rows], 1)[0], 0.0) for clock in ("wall_s", "cpu_s")
@@ -88,6 +100,11 @@ def write(out, args, result):
     lines = equal_error(result)
     ours, machine = result["ours"]["report"], result["machine"]
     stages = "; ".join(f"{name.replace('_', ' ')} {s['wall_s']:.2f} ({s['cpu_s']:.2f})" for name, s in ours["seconds"].items())
+    scaled = (
+        ""
+        if ours["positions"] == result["positions"]
+        else f" All {result['positions']} positions, scaled from these: {for_all(result)['wall_s']:.0f} ({for_all(result)['cpu_s']:.0f})."
+    )
     text = f"""# Speed against Sionna RT ({datetime.date.today().isoformat()})
 
 `python tools/compare_speed.py`: {ours["config"].split("/")[-1]}, {ours["triangles"]} triangles, {result["positions"]} positions, depth {ours["depth"]}, specular + transmitted + diffuse, one transmitter.
@@ -95,9 +112,11 @@ def write(out, args, result):
 - corf {machine["corf"]}; sionna-rt {machine["sionna-rt"]}, mitsuba {machine["mitsuba"]}, drjit {machine["drjit"]}, {machine["llvm"]}; {machine["cpu"]}, {machine["threads"]} threads each, one after the other in one run
 - seconds on the wall; in brackets CPU seconds of all threads. Reading the scene and, for Sionna RT, compiling its kernels are left out on both sides.
 
-## corf, all positions
+## corf, {ours["positions"]} positions
 
-{stages}. Spectra (300×200, 1° lobes) are in corf's time, not in Sionna RT's.
+{stages}.{scaled} Spectra (300×200, 1° lobes) are in corf's time, not in Sionna RT's.
+
+Directions {ours["directions"]}, photons {ours["photons"]}, patches of {ours["patch_size_m"]} m.
 
 ## Sionna RT, {len(result["traced"])} positions a call
 

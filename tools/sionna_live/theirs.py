@@ -1,6 +1,8 @@
 """Sionna RT's side: the exported scene, its path solver, and the chains it is told."""
 
+import hashlib
 import json
+import pickle
 from pathlib import Path
 
 import drjit as dr
@@ -13,8 +15,19 @@ from sionna.rt.path_solvers.paths_buffer import PathsBuffer
 from sionna.rt.path_solvers.sample_data import SampleData
 from sionna.rt.utils import WedgeGeometry
 
+# Changes when what is remembered changes.
+CACHE_VERSION = "1"
 LETTER = {0: "", 1: "S", 2: "D", 4: "R", 8: "X"}
 FLAG = {letter: flag for flag, letter in LETTER.items()}
+
+
+def hash_of_folder(folder):
+    """Of everything in an exported scene but its receivers."""
+    radio = {k: v for k, v in json.loads((folder / "radio.json").read_text()).items() if k != "poses"}
+    digest = hashlib.sha256(json.dumps(radio, sort_keys=True).encode())
+    for file in sorted([folder / "scene.xml", *folder.glob("meshes/*.ply")]):
+        digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()
 
 
 def diffuse_cap(samples, receivers):
@@ -25,8 +38,10 @@ def diffuse_cap(samples, receivers):
 class Theirs:
     """A folder of `corf scene export --to sionna`, loaded, with one isotropic or other element at each end."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, cache=None):
         folder = Path(folder)
+        self.cache = Path(cache) if cache else None
+        self.scene_hash = hash_of_folder(folder)
         self.radio = json.loads((folder / "radio.json").read_text())
         self.scene = rt.load_scene(str(folder / "scene.xml"), merge_shapes=False)
         self.scene.frequency = self.radio["frequency_hz"]
@@ -39,11 +54,28 @@ class Theirs:
         for end, antenna in (("tx_array", self.radio["transmitter"]), ("rx_array", self.radio["receiver"])):
             array = rt.PlanarArray(num_rows=1, num_cols=1, pattern=antenna["pattern"], polarization=antenna["polarization"])
             setattr(self.scene, end, array)
-        by_id = {shape["id"]: shape for shape in self.radio["shapes"]}
-        self.object_of = {int(o.object_id): by_id[name]["object"] for name, o in self.scene.objects.items()}
+        by_id = {shape["id"]: index for index, shape in enumerate(self.radio["shapes"])}
+        # The library's numbers of shapes, which differ between processes, and ours.
         self.shape_of = {int(o.object_id): by_id[name] for name, o in self.scene.objects.items()}
+        self.number_of = {shape: number for number, shape in self.shape_of.items()}
+        self.object_of = {number: self.radio["shapes"][shape]["object"] for number, shape in self.shape_of.items()}
         self.solver = rt.PathSolver()
         self.devices = []
+
+    def remembered(self, compute, what):
+        """The result of an earlier run on the same scene with the same arguments, where a cache is kept."""
+        if self.cache is None:
+            return compute()
+        key = hashlib.sha256(f"{CACHE_VERSION} {self.scene_hash} {what}".encode()).hexdigest()
+        path = self.cache / f"{key[:24]}.pickle"
+        if path.exists():
+            return pickle.loads(path.read_bytes())
+        result = compute()
+        self.cache.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_suffix(".tmp")
+        unfinished.write_bytes(pickle.dumps(result))
+        unfinished.replace(path)
+        return result
 
     def place(self, transmitters, receivers):
         """Puts the ends of the links where they are wanted."""
@@ -82,16 +114,21 @@ class Theirs:
 
     def specular(self, transmitters, receivers, depth, samples, seed, cap=10_000_000):
         """Specular and transmitted paths, as lists `[receiver][transmitter]` of dictionaries like corf's."""
-        s = self.solve(
-            transmitters,
-            receivers,
-            max_depth=depth,
-            samples_per_src=int(samples),
-            max_num_paths_per_src=int(cap),
-            diffuse_reflection=False,
-            seed=seed,
-        )
-        return [[self._paths(s, r, t) for t in range(len(transmitters))] for r in range(len(receivers))]
+        what = ("specular", np.array(transmitters).tobytes(), np.array(receivers).tobytes(), depth, int(samples), seed, int(cap))
+
+        def compute():
+            s = self.solve(
+                transmitters,
+                receivers,
+                max_depth=depth,
+                samples_per_src=int(samples),
+                max_num_paths_per_src=int(cap),
+                diffuse_reflection=False,
+                seed=seed,
+            )
+            return [[self._paths(s, r, t) for t in range(len(transmitters))] for r in range(len(receivers))]
+
+        return self.remembered(compute, what)
 
     def _paths(self, s, r, t):
         paths = []
@@ -106,12 +143,19 @@ class Theirs:
                     "tau": float(s["tau"][r, t, i]),
                     **{key: float(s[key][r, t, i]) for key in ("theta_r", "phi_r", "theta_t", "phi_t")},
                     "objects": [self.object_of[int(o)] for o in s["objects"][:k, r, t, i]],
-                    "triangles": [(int(o), int(p)) for o, p in zip(s["objects"][:k, r, t, i], s["primitives"][:k, r, t, i])],
+                    "triangles": [
+                        (self.shape_of[int(o)], int(p)) for o, p in zip(s["objects"][:k, r, t, i], s["primitives"][:k, r, t, i])
+                    ],
                 }
             )
         return paths
 
     def diffuse(self, tx, receivers, depth, samples, seed):
+        """As `scattered`, from the cache where there is one."""
+        what = ("diffuse", np.array(tx).tobytes(), np.array(receivers).tobytes(), depth, int(samples), seed)
+        return self.remembered(lambda: self.scattered(tx, receivers, depth, samples, seed), what)
+
+    def scattered(self, tx, receivers, depth, samples, seed):
         """One run with diffuse reflection; per receiver: power by (types, object of the last scattering), and the arrivals of the diffuse
         paths that end with a scattering: directions (n, 3) and powers (n)."""
         s = self.solve(
@@ -151,7 +195,7 @@ class Theirs:
 
     def told(self, tx, receivers, chains, depth):
         """Hands chains of faces to the library's own image method and field computation, past its search for them: `chains` are
-        (receiver index, types, vertices, [(object id, triangle)]). Returns per chain its coefficient, or None where it is refused.
+        (receiver index, types, vertices, [(shape, triangle)]). Returns per chain its coefficient, or None where it is refused.
         """
         if not chains:
             return []
@@ -166,7 +210,7 @@ class Theirs:
         for d in range(1, depth + 1):
             has = [len(c[1]) >= d for c in chains]
             pick = lambda f, other: [f(c) if h else other for c, h in zip(chains, has)]
-            shapes = dr.reinterpret_array(mi.ShapePtr, mi.UInt(pick(lambda c: c[3][d - 1][0], 0)))
+            shapes = dr.reinterpret_array(mi.ShapePtr, mi.UInt(pick(lambda c: self.number_of[c[3][d - 1][0]], 0)))
             vertex = np.array(pick(lambda c: c[2][d - 1], np.zeros(3)), dtype=np.float32).T
             samples.insert(
                 mi.UInt(d),

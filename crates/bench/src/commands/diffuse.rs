@@ -13,7 +13,7 @@ use corf_scene::config::SceneConfig;
 use corf_scene::{Scene, io};
 use glam::DVec3;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// `corf diffuse`.
@@ -140,13 +140,13 @@ impl Diffuse {
 fn receiver(scene: &Scene, rx: DVec3, samplings: &[Sums]) -> Value {
     let over = |part: &dyn Fn(&Sums) -> f64| estimate(&samplings.iter().map(part).collect::<Vec<f64>>());
     let by_object = |part: fn(&Sums) -> &BTreeMap<u32, f64>| -> BTreeMap<&str, Value> {
-        let objects = samplings.iter().flat_map(|s| part(s).keys().copied());
-        objects
-            .map(|o| {
-                let name = scene.objects.get(o as usize).map_or("", |object| object.name.as_str());
-                (name, over(&|s| part(s).get(&o).copied().unwrap_or(0.0)))
-            })
-            .collect()
+        // Objects of one name are one entry.
+        let mut names: BTreeMap<&str, BTreeSet<u32>> = BTreeMap::new();
+        for &o in samplings.iter().flat_map(|s| part(s).keys()) {
+            names.entry(scene.objects.get(o as usize).map_or("", |object| object.name.as_str())).or_default().insert(o);
+        }
+        let power = |s: &Sums, of: &BTreeSet<u32>| of.iter().filter_map(|o| part(s).get(o)).sum::<f64>();
+        names.iter().map(|(name, of)| (*name, over(&|s| power(s, of)))).collect()
     };
     let hops: BTreeMap<usize, Value> = samplings
         .iter()
