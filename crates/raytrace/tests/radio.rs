@@ -538,8 +538,13 @@ fn lobby_mini_is_converged_with_its_own_settings() {
     let transmitter = tracer.transmitter(tx).unwrap();
     let field = |phase| {
         let rf = &config.rf;
-        let sampling =
-            DiffuseSettings { patch_size_m: rf.patch_size_m, directions: rf.directions, phase, ..DiffuseSettings::default() };
+        let sampling = DiffuseSettings {
+            patch_size_m: rf.patch_size_m,
+            directions: rf.directions,
+            photons: rf.photons,
+            phase,
+            ..DiffuseSettings::default()
+        };
         DiffuseField::new(&tracer, tx, &sampling).unwrap()
     };
     let fields = [field(0), field(1)];

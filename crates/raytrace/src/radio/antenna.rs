@@ -94,7 +94,7 @@ impl Antenna {
 
 /// θ̂ at a unit direction; at the poles φ is taken as 0.
 pub fn theta_hat(direction: DVec3) -> DVec3 {
-    let sin = direction.x.hypot(direction.y);
+    let sin = (direction.x * direction.x + direction.y * direction.y).sqrt();
     if sin == 0.0 {
         return DVec3::new(direction.z.signum(), 0.0, 0.0);
     }

@@ -120,7 +120,8 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             if share.is_nan() || share * ray.weight < MIN_THROUGHPUT {
                 continue;
             }
-            let kept = (share * ray.weight / ROULETTE_THROUGHPUT).min(1.0);
+            let density = if ray.hops == 0 { self.field.settings.look_on } else { 1.0 };
+            let kept = (share * ray.weight * density / ROULETTE_THROUGHPUT).min(1.0) * density;
             if kept < 1.0 {
                 *sequence = (*sequence + ROULETTE_STEP * ROULETTE_STEP).fract();
                 if *sequence >= kept {
@@ -167,7 +168,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             after: ray.hops,
         };
         if let Some(cache) = &field.cache
-            && let Some(out) = cache.outgoing(&field.patches, met.face, met.point, met.side, towards_rx, ray.hops)
+            && let Some(out) = cache.outgoing(&field.photon_patches, met.face, met.point, met.side, towards_rx, ray.hops)
         {
             let power = scale * received.iter().map(|r| coherent_power(*r, &out.coherency)).sum::<f64>();
             if power > 0.0 {

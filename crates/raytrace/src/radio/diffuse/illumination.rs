@@ -69,7 +69,7 @@ impl<'t, 'a> Illumination<'t, 'a> {
             sources.push(Source { image: tx, mirror: None });
         }
         // One interaction before the scattering and the scattering itself.
-        if tracer.settings.reflection && tracer.settings.max_depth >= 2 {
+        if tracer.settings.reflection && tracer.settings.max_depth >= 2 && min_mirror_sr < 4.0 * std::f64::consts::PI {
             let mut seen = vec![0usize; geometry.faces.len()];
             for i in 0..MIRROR_RAYS {
                 if let Some((_, triangle)) = geometry.closest(tx, lattice::fibonacci(i, MIRROR_RAYS), 0.0) {

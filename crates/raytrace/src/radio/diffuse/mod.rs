@@ -34,6 +34,8 @@ use serde::{Deserialize, Serialize};
 pub const OUTSIDE_SPARSITY: usize = 16;
 /// Margin of a view, degrees: beyond it a 1° lobe has fallen by 80 dB.
 const VIEW_MARGIN_DEG: f64 = 6.1;
+/// More than the whole sphere: no mirror is evaluated exactly.
+pub const NO_MIRRORS_SR: f64 = 13.0;
 /// More photons are a mistake.
 const MAX_PHOTONS: usize = 100_000_000;
 /// Directions a task gathers.
@@ -45,11 +47,16 @@ const DIRECTIONS_PER_TASK: usize = 1024;
 pub struct DiffuseSettings {
     /// Side of the world-fixed patches on which lighting is found, metres. Smaller objects than a quarter of it may lose their shadow.
     pub patch_size_m: f64,
+    /// Side of the patches on which photons are gathered, metres: indirect light is resolved as finely as this.
+    pub photon_patch_m: f64,
     /// Directions over the whole sphere in which a receiver gathers; 120 000 are 0.59° apart.
     pub directions: usize,
     /// Most interactions after the last scattering (mirrors and slabs between the surface and the receiver), within the tracer's depth.
     pub after: usize,
-    /// Faces that fill less of the transmitter's view than this mirror it onto surfaces by photons, not exactly, steradians.
+    /// Share of the directions that look on behind the first surface, mirrored and straight through; each then counts for more.
+    pub look_on: f64,
+    /// Faces that fill less of the transmitter's view than this mirror it onto surfaces by photons, not exactly, steradians. In the
+    /// lobby the seven that fill 0.3 sr and more cost as much as all else and do not change the sampling error; by default there are none.
     pub min_mirror_sr: f64,
     /// Photons that bring all indirect light; 0 leaves it out.
     pub photons: usize,
@@ -59,7 +66,16 @@ pub struct DiffuseSettings {
 
 impl Default for DiffuseSettings {
     fn default() -> Self {
-        Self { patch_size_m: 0.25, directions: 120_000, after: MAX_DEPTH, min_mirror_sr: 0.03, photons: 200_000, phase: 0 }
+        Self {
+            patch_size_m: 0.25,
+            photon_patch_m: 0.4,
+            directions: 120_000,
+            after: MAX_DEPTH,
+            look_on: 1.0,
+            min_mirror_sr: NO_MIRRORS_SR,
+            photons: 200_000,
+            phase: 0,
+        }
     }
 }
 
@@ -73,8 +89,14 @@ impl DiffuseSettings {
         if !(self.patch_size_m.is_finite() && self.patch_size_m >= 0.01) {
             return fault("patch_size_m", format!("{}", self.patch_size_m), "give at least 0.01 m; 0.25 suits a lobby");
         }
+        if !(self.photon_patch_m.is_finite() && self.photon_patch_m >= 0.02) {
+            return fault("photon_patch_m", format!("{}", self.photon_patch_m), "give at least 0.02 m; 0.4 suits a lobby");
+        }
         if !(100..=50_000_000).contains(&self.directions) {
             return fault("directions", format!("{}", self.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
+        }
+        if !(self.look_on > 0.0 && self.look_on <= 1.0) {
+            return fault("look_on", format!("{}", self.look_on), "a share above 0, up to 1");
         }
         if self.photons > MAX_PHOTONS {
             return fault("photons", format!("{}", self.photons), "give at most 100 000 000; a million suits a lobby");
@@ -108,6 +130,7 @@ pub struct DiffuseField<'t, 'a> {
     tracer: &'t RadioTracer<'a>,
     illumination: Illumination<'t, 'a>,
     patches: Patches,
+    photon_patches: Patches,
     cache: Option<RadianceCache>,
     settings: DiffuseSettings,
     world_from_lattice: DMat3,
@@ -146,16 +169,17 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             illumination.sources.clear();
         }
         let patches = Patches::new(&tracer.geometry, settings.patch_size_m, phase);
+        let photon_patches = Patches::new(&tracer.geometry, settings.photon_patch_m, phase);
         let photons = Photons {
             illumination: &illumination,
-            patches: &patches,
+            patches: &photon_patches,
             count: settings.photons,
             seed: settings.phase,
             world_from_lattice,
             only,
         };
-        let cache = photons.trace(settings.patch_size_m);
-        Ok(Self { tracer, illumination, patches, cache, settings: *settings, world_from_lattice })
+        let cache = photons.trace(settings.photon_patch_m);
+        Ok(Self { tracer, illumination, patches, photon_patches, cache, settings: *settings, world_from_lattice })
     }
 
     /// Megabytes of the tables that the photons filled.

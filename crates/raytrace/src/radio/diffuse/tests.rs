@@ -49,7 +49,13 @@ fn settings(max_depth: usize) -> RadioSettings {
 }
 
 fn sampling() -> DiffuseSettings {
-    DiffuseSettings { directions: 100_000, patch_size_m: 0.1, min_mirror_sr: 0.0, photons: 500_000, ..DiffuseSettings::default() }
+    DiffuseSettings {
+        directions: 100_000,
+        photon_patch_m: 0.1,
+        min_mirror_sr: 0.0,
+        photons: 500_000,
+        ..DiffuseSettings::default()
+    }
 }
 
 fn power(field: &DiffuseField<'_, '_>, rx: DVec3, belongs: impl Fn(&Contribution) -> bool) -> f64 {
@@ -113,7 +119,7 @@ fn photons_by_one_mirror_bring_what_the_mirror_image_does() {
     let scene = room(walls, Vec3::new(5.0, 4.0, 3.0));
     let tracer = RadioTracer::without_bvh(&scene, RadioSettings { transmission: false, ..settings(2) }).unwrap();
     let (tx, rx) = (DVec3::new(1.0, 1.2, 2.1), DVec3::new(3.9, 2.9, 1.3));
-    let sampling = DiffuseSettings { directions: 20_000, patch_size_m: 0.25, ..sampling() };
+    let sampling = DiffuseSettings { directions: 20_000, photon_patch_m: 0.25, ..sampling() };
     let exact = DiffuseField::new(&tracer, tx, &DiffuseSettings { photons: 0, ..sampling }).unwrap();
     let photons = DiffuseField::of_chain(&tracer, tx, &sampling, &[Event::Specular, Event::Scattered]).unwrap();
     let expected = power(&exact, rx, |c| c.mirrored_before && c.after == 0);
