@@ -44,6 +44,7 @@ pub fn dataset_radio_settings(config: &DatasetConfig, scene: &SceneConfig) -> Re
         max_depth: config.rf.max_reflections,
         search: Search::Auto { rays: config.rf.rays },
         transmission: config.rf.transmission,
+        diffraction: config.rf.diffraction,
         tx_antenna: Antenna::from(config.transmitter_of(scene)?),
         ..radio_settings(scene)
     })

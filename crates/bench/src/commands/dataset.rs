@@ -1,11 +1,11 @@
 //! `corf dataset`: generate and check keyframe datasets.
 
-use super::{Verdict, show};
+use super::{Verdict, print, show};
 use crate::generate;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use corf_scene::config::DatasetConfig;
-use corf_scene::dataset;
+use corf_scene::dataset::{self, Dataset};
 use std::path::PathBuf;
 
 /// Generate or check a keyframe dataset.
@@ -47,9 +47,32 @@ impl DatasetCommand {
     pub fn run(self, json: bool) -> Result<Verdict> {
         match self {
             Self::Generate(c) => c.run(json),
-            Self::Validate { folder } => super::findings(json, &dataset::validate(&folder)?),
+            Self::Validate { folder } => {
+                let findings = dataset::validate(&folder)?;
+                if !json {
+                    print(&summary(&Dataset::open(&folder)?))?;
+                }
+                super::findings(json, &findings)
+            }
         }
     }
+}
+
+/// What a dataset holds, in a line or two.
+fn summary(dataset: &Dataset) -> String {
+    let header = dataset.header();
+    let mut text = format!("{}: {} keyframes, {:?} spectra", header.name, dataset.len(), header.spectrum);
+    if let Some(share) = dataset.share_in_frame_summary() {
+        let [mean, min, max] = [share.mean, share.min, share.max].map(|s| 100.0 * s);
+        text += &format!("\nof the arriving power {mean:.1} % falls into the RF frame ({min:.1} to {max:.1} % a keyframe)");
+    }
+    if let Some(error) = header.sampling_error {
+        text += &format!(
+            "\nstandard error of the diffuse sampling: {:.4} dB of the total, {:.3} dB of the pixels within 30 dB of the peak",
+            error.total_db, error.pixels_db
+        );
+    }
+    text
 }
 
 impl Generate {

@@ -52,6 +52,9 @@ pub struct Spectrum {
     /// Leave out transmission through slabs.
     #[arg(long)]
     no_transmission: bool,
+    /// Trace paths that diffract once at an edge.
+    #[arg(long)]
+    diffraction: bool,
     /// Leave out diffuse scattering.
     #[arg(long)]
     no_diffuse: bool,
@@ -64,8 +67,8 @@ pub struct Spectrum {
     /// Bandwidth of the coherent kinds, Hz: delays are told apart to its inverse.
     #[arg(long, default_value_t = 1e9)]
     bandwidth: f64,
-    /// Diagonal loading of mvdr, in mean eigenvalues of the covariance.
-    #[arg(long, default_value_t = 1e-3)]
+    /// Diagonal loading of mvdr, in mean eigenvalues of the covariance: the less, the narrower its peaks.
+    #[arg(long, default_value_t = 0.1)]
     loading: f64,
     /// Width of the pictures' range under each spectrum's peak, dB.
     #[arg(long, default_value_t = 70.0)]
@@ -131,6 +134,7 @@ impl Spectrum {
         let settings = RadioSettings {
             max_depth: rf.max_reflections,
             transmission: rf.transmission,
+            diffraction: rf.diffraction,
             search: Search::Auto { rays: rf.rays },
             tx_antenna: Antenna::from(transmitter),
             ..radio_settings(&config)
@@ -194,6 +198,7 @@ impl Spectrum {
             horizontal_fov_deg: self.fov_deg,
             max_reflections: self.depth,
             transmission: !self.no_transmission,
+            diffraction: self.diffraction,
             diffuse: !self.no_diffuse,
             directions: self.directions,
             lobe_width_deg: self.lobe_deg,

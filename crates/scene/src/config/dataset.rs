@@ -81,6 +81,9 @@ pub struct RfConfig {
     /// Straight-through transmission. Default true.
     #[serde(default = "yes")]
     pub transmission: bool,
+    /// Paths that diffract once at an edge of a mesh. Default false.
+    #[serde(default)]
+    pub diffraction: bool,
     /// Diffuse scattering. Default true.
     #[serde(default = "yes")]
     pub diffuse: bool,
@@ -105,7 +108,9 @@ pub struct RfConfig {
     /// Delays are told apart to its inverse by `bartlett-coherent` and `mvdr`, Hz. Default 1e9: taps of 1 ns.
     #[serde(default = "one_gigahertz")]
     pub bandwidth_hz: f64,
-    /// Diagonal loading of `mvdr` in units of the covariance's mean eigenvalue. Default 1e-3.
+    /// Diagonal loading of `mvdr` in units of the covariance's mean eigenvalue: noise that far under the mean power of an element. A lone
+    /// path's peak on an 8×8 array is 0.31° from centre to half power at 0.1 and shrinks with its square root; pixels should not be
+    /// coarser. Default 0.1.
     #[serde(default = "loading")]
     pub mvdr_loading: f64,
     /// Width of the one dB range below the dataset's peak, dB. Default 70.
@@ -175,7 +180,7 @@ impl RfConfig {
             );
         }
         if !(1e-9..=1.0).contains(&rf.mvdr_loading) {
-            return fail("rf.mvdr_loading", format!("{}", rf.mvdr_loading), "give 1e-9 to 1, e.g. 1e-3");
+            return fail("rf.mvdr_loading", format!("{}", rf.mvdr_loading), "give 1e-9 to 1, e.g. 0.1");
         }
         if let Some([columns, rows]) = rf.sphere
             && !((1..=MAX_IMAGE_SIDE).contains(&columns) && (1..=MAX_IMAGE_SIDE).contains(&rows))
@@ -274,7 +279,7 @@ fn one_gigahertz() -> f64 {
     1e9
 }
 fn loading() -> f64 {
-    1e-3
+    0.1
 }
 fn three() -> usize {
     3

@@ -254,9 +254,10 @@ fn propagation(header: &DatasetHeader) -> Vec<(&'static str, String)> {
         list.push((
             "interactions",
             format!(
-                "line of sight: yes; specular reflection: yes; straight transmission through slabs: {}; diffuse scattering: {}; at most {} \
-                 interactions a path; header.config.rf has every setting",
+                "line of sight: yes; specular reflection: yes; straight transmission through slabs: {}; diffraction: {}; diffuse \
+                 scattering: {}; at most {} interactions a path; header.config.rf has every setting",
                 on(rf.transmission),
+                if rf.diffraction { "at most one a path" } else { "no" },
                 on(rf.diffuse),
                 rf.max_reflections
             ),
