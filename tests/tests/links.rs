@@ -91,12 +91,17 @@ fn a_coverage_map_says_what_single_links_say_whatever_the_threads() {
     let map = corf_scene::io::read_exr_f32(one.join("coverage.exr")).unwrap();
     assert_eq!((map.width(), map.height()), (12, 10));
     // The pillar covers one cell's centre: column 4 (2.25 m), row 5 from the top (2.25 m).
-    assert_eq!(report["cells_inside_bodies"], 1);
+    assert_eq!(report["cells_without_value"], 1);
     assert!(map[(4, 5)].is_nan());
     // Row 2 from the top lies at y = 3.75 m, column 9 at x = 4.75 m.
     let link: Value = serde_json::from_str(&corf_ok(&["paths", text(&scene), "--rx", "4.75,3.75,1.5", "--depth", "2"])).unwrap();
     let gain_db = 10.0 * f64::from(map[(9, 2)]).log10();
     assert!((gain_db - link["total_power_db"].as_f64().unwrap()).abs() < 1e-5, "{gain_db}");
+    // One cell, its centre on a face of the pillar.
+    let out = folder.path().join("face");
+    let corner = ["1.75,2,1.5", "2.25,2,1.5", "1.75,2.5,1.5"];
+    corf_ok(&["coverage", text(&scene), "--plane", corner[0], corner[1], corner[2], "--cell", "0.5", "--out", text(&out)]);
+    assert!(corf_scene::io::read_exr_f32(out.join("coverage.exr")).unwrap()[(0, 0)].is_nan());
     corf_refuses(
         &["coverage", text(&scene), "--height", "7", "--out", text(&folder.path().join("x"))],
         &["7", "0.00 m to 3.00 m"],

@@ -163,7 +163,7 @@ impl<'m> CoveragePicture<'m> {
             let dbm = i as f64 * step;
             let y = bottom - ((dbm - low) / (high - low)) as f32 * (bottom - top);
             canvas.line([left + bar, y], [left + bar + 5.0, y], 1.2, INK);
-            text(canvas, &format!("{dbm}"), [left + bar + 10.0, y + 0.5 * CAP], Anchor::Left, CAP, INK);
+            text(canvas, &format!("{dbm}"), [left + bar + 14.0, y + 0.5 * CAP], Anchor::Left, CAP, INK);
         }
         text(canvas, "dBm", [left, top - 14.0], Anchor::Left, CAP, INK);
     }

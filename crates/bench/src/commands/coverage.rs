@@ -73,11 +73,11 @@ impl Coverage {
         io::write_atomic(self.out.join("coverage.png"), &picture.draw(&setup.scene, tx))?;
         write_json(&self.out.join("coverage.json"), &report)?;
         let text = format!(
-            "{} x {} cells of {} m, {} inside bodies\nRSSI at {} dBm: median {} dBm, 5 % below {} dBm, 5 % above {} dBm\n{}",
+            "{} x {} cells of {} m, {} of them inside bodies or on surfaces\nRSSI at {} dBm: median {} dBm, 5 % below {} dBm, 5 % above {} dBm\n{}",
             plane.columns,
             plane.rows,
             plane.cell_m,
-            report["cells_inside_bodies"],
+            report["cells_without_value"],
             setup.link.tx_power_dbm,
             report["rssi_dbm"]["median"],
             report["rssi_dbm"]["p5"],
@@ -123,7 +123,7 @@ impl Coverage {
             "frequency_hz": setup.config.radio.frequency_hz,
             "tx": tx,
             "tx_power_dbm": setup.link.tx_power_dbm,
-            "quantity": "coverage.exr, channel Y: noncoherent path gain, the sum of |a|^2 over all paths, linear, relative to 1 W transmitted; NaN inside closed bodies",
+            "quantity": "coverage.exr, channel Y: noncoherent path gain, the sum of |a|^2 over all paths, linear, relative to 1 W transmitted; NaN where the cell's centre lies inside a closed body or on a surface",
             "picture": "coverage.png: received power, dBm; what lies outside of the range has the colour of its end",
             "range_dbm": range_dbm,
             "plane": {
@@ -135,7 +135,7 @@ impl Coverage {
                 "columns": plane.columns,
                 "rows": plane.rows,
             },
-            "cells_inside_bodies": gain.pixels().iter().filter(|g| g.is_nan()).count(),
+            "cells_without_value": gain.pixels().iter().filter(|g| g.is_nan()).count(),
             "cells_not_reached": gain.pixels().iter().filter(|g| **g == 0.0).count(),
             "rssi_dbm": { "min": quantile(0.0), "p5": quantile(0.05), "median": quantile(0.5), "p95": quantile(0.95), "max": quantile(1.0) },
             "diffuse_directions": diffuse_directions,

@@ -112,7 +112,7 @@ impl CoveragePlane {
 }
 
 /// Σ|a|² at the centre of every cell, linear, relative to 1 W transmitted; not a number where a closed body parts the cell from the
-/// transmitter. `progress` is told the rows done after each of them, and may end the work.
+/// transmitter, and where its centre lies on a surface. `progress` is told the rows done after each of them, and may end the work.
 ///
 /// # Errors
 /// What tracing or `progress` say.
@@ -128,7 +128,12 @@ pub fn coverage<E: From<Error>>(
         if rx.distance(tx) < MIN_SEPARATION_M || solids.parting(tx, rx).is_some() {
             return Ok(f32::NAN);
         }
-        let paths: f64 = transmitter.paths(rx)?.iter().map(Path::power).sum();
+        let paths: f64 = match transmitter.paths(rx) {
+            Ok(paths) => paths.iter().map(Path::power).sum(),
+            // A place where nothing can be received, such as a surface, is a cell without a value.
+            Err(Error::Invalid { .. }) => return Ok(f32::NAN),
+            Err(other) => return Err(other),
+        };
         let scattered: f64 = match diffuse {
             Some(field) => field.gather(rx)?.iter().map(|a: &Arrival| a.power).sum(),
             None => 0.0,
