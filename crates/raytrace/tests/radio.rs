@@ -533,7 +533,8 @@ fn lobby_mini_is_converged_with_its_own_settings() {
     let scene_config = config.load_scene_config().unwrap();
     let scene = scene_config.load_scene().unwrap();
     let bvh = Bvh::build(&scene);
-    let tracer = RadioTracer::new(&scene, &bvh, RadioSettings::default()).unwrap();
+    let setup = RadioSettings { max_depth: config.rf.max_reflections, ..settings(Search::Auto { rays: config.rf.rays }) };
+    let tracer = RadioTracer::new(&scene, &bvh, setup).unwrap();
     let (tx, camera) = (scene_config.transmitter.position(), config.rf_camera());
     let transmitter = tracer.transmitter(tx).unwrap();
     let field = |phase| {

@@ -125,7 +125,8 @@ pub fn coverage<E: From<Error>>(
 ) -> Result<Raster<f32>, E> {
     let tx = transmitter.position();
     let gain = |rx: DVec3| -> Result<f32> {
-        if rx.distance(tx) < MIN_SEPARATION_M || solids.parting(tx, rx).is_some() {
+        let nowhere = rx.distance(tx) < MIN_SEPARATION_M || transmitter.tracer.face_at(rx).is_some();
+        if nowhere || solids.parting(tx, rx).is_some() {
             return Ok(f32::NAN);
         }
         let paths: f64 = match transmitter.paths(rx) {
