@@ -71,6 +71,7 @@ at {radio["frequency_hz"] / 1e9:g} GHz from the transmitter at ({tx[0]:g}, {tx[1
 
 - corf {machine["corf"]}; sionna-rt {machine["sionna-rt"]}, mitsuba {machine["mitsuba"]}, drjit {machine["drjit"]}, {machine["llvm"]}; {machine["cpu"]}, {machine["threads"]} threads
 - Sionna RT: {args.specular_runs} runs × {args.specular_samples:.0e} rays for specular paths, {args.diffuse_seeds} seeds × {args.diffuse_samples:.0e} rays for diffuse ones
+- corf's diffuse field: {args.directions} directions, {args.replicas} samplings
 - receivers: {places}
 
 {verdict}
