@@ -67,8 +67,8 @@ def coefficients(path, links):
         )
     axis.axhline(MAX_RELATIVE_A, color=CORF, lw=1)
     axis.text(axis.get_xlim()[0], MAX_RELATIVE_A * 1.15, " tolerance", color=CORF, va="bottom")
-    axis.set(yscale="log", xlabel="gain of the path, dB", ylabel="|Δa| / |a|", ylim=(1e-7, 1))
-    axis.legend(frameon=False, ncol=2, fontsize=8, loc="upper right")
+    axis.set(yscale="log", xlabel="gain of the path, dB", ylabel="|Δa| / |a|", ylim=(1e-7, 1), xlim=(-180, None))
+    axis.legend(frameon=False, ncol=3, fontsize=8, loc="lower left")
     axis.set_title("Complex coefficients of the same paths: corf (double) against Sionna RT (single precision)", loc="left")
     save(figure, path)
 

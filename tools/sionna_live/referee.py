@@ -73,9 +73,10 @@ def coefficient(types, corners, normals, materials, tx, rx, frequency_hz):
 
 
 def judge(path, tx, rx, meshes, radio):
-    """How far a path of ours is from the third opinion: (vertices in metres, coefficient relative to its own magnitude)."""
+    """How far a path of ours is from the third opinion: (vertices in metres, coefficient relative to its own magnitude, and the coefficients
+    of every reading where surfaces of two materials are in one place)."""
     places = [meshes.triangles_at(name, vertex) for name, vertex in zip(path["objects"], path["vertices"])]
-    best = (np.inf, np.inf)
+    best, readings = (np.inf, np.inf), []
     # Where surfaces of two materials are in one place, either may be meant.
     for chosen in product(*places):
         planes = [meshes.plane(*place) for place in chosen]
@@ -83,5 +84,6 @@ def judge(path, tx, rx, meshes, radio):
         corners = exact_corners(path["types"], planes, tx, rx)
         a = coefficient(path["types"], corners, [n for n, _ in planes], materials, tx, rx, radio["frequency_hz"])
         off = float(np.linalg.norm(corners - path["vertices"], axis=1).max(initial=0.0))
+        readings.append(complex(a))
         best = min(best, (abs(a - path["a"]) / abs(path["a"]), off))
-    return best[1], float(best[0])
+    return best[1], float(best[0]), readings

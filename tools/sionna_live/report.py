@@ -202,7 +202,11 @@ strongest path, power {compare.MAX_POWER_DB:g} dB. Sionna RT computes in single 
                         " → ".join(l.ours[pair["ours"]]["objects"]),
                         ", ".join(f"{k} {pair[k]:.1e}" for k in why),
                         f"Δa/a {pair['referee_a']:.0e}",
-                        "single precision" if explained else "**corf**",
+                        (
+                            ("two surfaces in one place" if pair["other_surface"] else "single precision")
+                            if explained
+                            else "**corf**"
+                        ),
                     ]
                     for l, pair, why, explained in over
                 ],

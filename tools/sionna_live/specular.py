@@ -31,7 +31,13 @@ class Link:
     def ask_referee(self, tx, meshes, radio):
         """Notes in every pair how far our side of it is from the third opinion."""
         for pair in self.pairs:
-            pair["referee_vertex_m"], pair["referee_a"] = referee.judge(self.ours[pair["ours"]], tx, self.rx, meshes, radio)
+            pair["referee_vertex_m"], pair["referee_a"], readings = referee.judge(
+                self.ours[pair["ours"]], tx, self.rx, meshes, radio
+            )
+            theirs = self.kept[pair["theirs"]]["a"]
+            pair["other_surface"] = (
+                len(readings) > 1 and min(abs(theirs - a) / abs(a) for a in readings) <= compare.MAX_RELATIVE_A
+            )
 
     def pairs_over_limits(self):
         """(pair, broken tolerances, whether the referee takes our side)."""

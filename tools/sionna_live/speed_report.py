@@ -137,7 +137,7 @@ Error: standard deviation of one run over {args.seeds} seeds, dB.
     text += (
         "\n\nMeasured laws, error ∝ rays^x: "
         + ", ".join(f"{KINDS[k]} x = {x:.2f}" for k, x in exponent.items())
-        + ". Where x is far from −0.5 the run's spread is not that of a sum of random paths: specular paths off small facets are found by some runs and not by others.\n"
+        + ". Where x is far from −0.5 the run's spread is not that of a sum of random paths: specular paths off small facets are found by some runs and not by others, and the spread of pixels that few rays reach is bounded (√seeds × 4.3 dB at most). Both make the rays needed look fewer than they are.\n"
     )
     text += f"\n## At equal error, all {result['positions']} positions\n\nThe rays that bring Sionna RT's error of each kind down to corf's by σ² ∝ 1/rays, the law most favourable to it, and the seconds they cost.\n\n"
     text += table(
