@@ -14,12 +14,18 @@ const BEAM_MARGIN_M: f64 = 1e-6;
 const TRANSPARENT_POWER: f64 = 1e-9;
 /// Rays a task of the lattice search handles.
 const RAYS_PER_TASK: usize = 2048;
-/// Rays that continue a chain from its last face.
+/// Rays that continue a chain from its last face …
 const RAYS_PER_CHAIN: usize = 16;
+/// … as long as all chains of a length together take no more than this many times the lattice's; none have less than one.
+const CONTINUING_RAYS: usize = 8;
+/// Smaller faces are neither continued from nor looked for, m²: what they mirror is left to the lattice.
+const SMALL_FACE_M2: f64 = 1e-3;
 /// Every face lit by way of a face at least this large is looked for, m².
 const LARGE_FACE_M2: f64 = 0.1;
-/// … at this many points of it.
+/// … at this many points of it …
 const POINTS_PER_FACE: usize = 8;
+/// … by way of the largest ones, with no more pairs than this to look at.
+const LARGE_FACE_PAIRS: usize = 200_000_000;
 /// Clearance of a lattice ray from the face it leaves, metres.
 const CLEARANCE_M: f64 = 1e-4;
 
@@ -73,8 +79,10 @@ pub fn candidates(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings) 
             chains.extend(from_lattice(geometry, tx, settings, rays));
             distinct(&mut chains);
             for length in 1..settings.max_depth {
-                let found: Vec<Chain> = chains.iter().filter(|c| c.faces().len() == length).copied().collect();
-                chains.extend(continued(geometry, tx, settings, &found));
+                let wide = |c: &&Chain| c.faces().iter().all(|&f| geometry.faces[f as usize].area_m2 >= SMALL_FACE_M2);
+                let found: Vec<Chain> = chains.iter().filter(|c| c.faces().len() == length).filter(wide).copied().collect();
+                let per_chain = (CONTINUING_RAYS * rays / found.len().max(1)).clamp(1, RAYS_PER_CHAIN);
+                chains.extend(continued(geometry, tx, settings, &found, per_chain));
                 distinct(&mut chains);
             }
             if settings.max_depth >= 2 {
@@ -182,7 +190,13 @@ fn distinct(chains: &mut Vec<Chain>) {
 
 /// The chains by one face longer that light can run through from points spread over the last face of each chain: a lattice from the
 /// transmitter puts too few rays on small and narrow faces to see all that they mirror.
-fn continued(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, chains: &[Chain]) -> Vec<Chain> {
+fn continued(
+    geometry: &Geometry<'_>,
+    tx: DVec3,
+    settings: &RadioSettings,
+    chains: &[Chain],
+    rays_per_chain: usize,
+) -> Vec<Chain> {
     let transparent = transparent(geometry, settings);
     let found: Vec<Vec<Chain>> = chains
         .par_chunks(RAYS_PER_TASK / RAYS_PER_CHAIN)
@@ -190,7 +204,7 @@ fn continued(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, chain
             let mut found = Vec::new();
             for chain in chunk {
                 let Some(&last) = chain.faces().last() else { continue };
-                for point in geometry.faces[last as usize].spread(RAYS_PER_CHAIN) {
+                for point in geometry.faces[last as usize].spread(rays_per_chain) {
                     let Some(direction) = (point - chain.image).try_normalize() else { continue };
                     if !is_lit(geometry, tx, chain, point, &transparent) {
                         continue;
@@ -219,13 +233,20 @@ fn continued(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, chain
 /// The chains of two faces of which the first is large, and the second is lit by way of it at one of a few points.
 fn by_large_faces(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, allowed: &[u32]) -> Vec<Chain> {
     let transparent = transparent(geometry, settings);
-    let hulls: Vec<(u32, [DVec3; 4])> = allowed.iter().map(|&face| (face, geometry.faces[face as usize].hull())).collect();
-    let found: Vec<Vec<Chain>> = hulls
+    let area = |face: u32| geometry.faces[face as usize].area_m2;
+    let hulls: Vec<(u32, [DVec3; 4])> = allowed
+        .iter()
+        .filter(|&&face| area(face) >= SMALL_FACE_M2)
+        .map(|&face| (face, geometry.faces[face as usize].hull()))
+        .collect();
+    let mut large: Vec<&(u32, [DVec3; 4])> = hulls
+        .iter()
+        .filter(|(face, _)| area(*face) >= LARGE_FACE_M2 && geometry.faces[*face as usize].distance(tx) != 0.0)
+        .collect();
+    large.sort_by(|a, b| area(b.0).total_cmp(&area(a.0)).then(a.0.cmp(&b.0)));
+    large.truncate(LARGE_FACE_PAIRS / hulls.len().max(1));
+    let found: Vec<Vec<Chain>> = large
         .par_iter()
-        .filter(|(first, _)| {
-            let face = &geometry.faces[*first as usize];
-            face.area_m2 >= LARGE_FACE_M2 && face.distance(tx) != 0.0
-        })
         .map(|(first, hull)| {
             let chain = Chain::line_of_sight(tx).pushed(*first, geometry);
             let beam = Beam::new(chain.image, hull);
