@@ -54,6 +54,11 @@ impl Solids {
         self.bodies.iter().find(|body| body.contains(point)).map(|body| body.object)
     }
 
+    /// Whether an object closes around a volume, faces outward and is not the room that everything stands in.
+    pub fn is_body(&self, object: u32) -> bool {
+        self.bodies.iter().any(|body| body.object == object && !body.hull)
+    }
+
     /// The object that parts two points by holding one of them and not the other, or holds both and is no room: an object as large as
     /// the scene with both of them in it is the room they are in.
     pub fn parting(&self, a: DVec3, b: DVec3) -> Option<Parting> {

@@ -2,6 +2,7 @@
 
 use super::{Slab, faces, planar::PlanarIndex};
 use crate::bvh::{Bvh, Ray};
+use corf_scene::solids::Solids;
 use corf_scene::{Error, Result, Scene};
 use glam::DVec3;
 use std::ops::ControlFlow;
@@ -89,6 +90,8 @@ pub struct Geometry<'a> {
     pub slabs: Vec<Option<Slab>>,
     corners: Vec<[DVec3; 3]>,
     face_of_triangle: Vec<u32>,
+    /// By object: whether it closes around a volume and faces outward.
+    bodies: Vec<bool>,
     occluders: Occluders<'a>,
 }
 
@@ -121,7 +124,9 @@ impl<'a> Geometry<'a> {
             Some(bvh) if corners.len() > BRUTE_FORCE_TRIANGLES => Occluders::Bvh(bvh),
             _ => Occluders::Brute,
         };
-        Ok(Self { faces, slabs, corners, face_of_triangle, occluders })
+        let solids = Solids::of(scene);
+        let bodies = (0..scene.objects.len() as u32).map(|object| solids.is_body(object)).collect();
+        Ok(Self { faces, slabs, corners, face_of_triangle, bodies, occluders })
     }
 
     /// The slab of a face. Faces exist only for triangles, whose materials were all resolved.
@@ -140,6 +145,17 @@ impl<'a> Geometry<'a> {
     /// Exact corners of a triangle.
     pub fn corners(&self, triangle: u32) -> &[DVec3; 3] {
         &self.corners[triangle as usize]
+    }
+
+    /// Whether something stands on or against a surface at a point of it: looking along `normal`, the unit normal of the side in
+    /// question, one sees a face within `contact_m`, or a closed body from its inside.
+    pub fn covered(&self, point: DVec3, normal: DVec3, contact_m: f64, clearance_m: f64) -> bool {
+        self.closest(point, normal, clearance_m).is_some_and(|(distance_m, triangle)| {
+            let [a, b, c] = self.corners[triangle as usize];
+            let inside = (b - a).cross(c - a).dot(normal) > 0.0;
+            let object = self.faces[self.face_of_triangle[triangle as usize] as usize].object;
+            distance_m < contact_m || (inside && self.bodies[object as usize])
+        })
     }
 
     /// Number of triangles.

@@ -7,8 +7,11 @@ use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Where the lobe is cut off: 80 dB under its peak. Its tail is part of the picture wherever the dataset's range is wide.
+/// Where lobes are cut off: 80 dB under the peak of the strongest one. Its tail is part of the picture wherever the dataset's range is wide.
 const CUTOFF_DB: f64 = 80.0;
+/// … but no lobe less than this under its own peak, beyond which there is 1e-4 of its power. Most arrivals are faint: their lobes touch
+/// half as many pixels.
+const OWN_CUTOFF_DB: f64 = 40.0;
 /// Rows a task fills.
 const ROWS_PER_TASK: usize = 4;
 
@@ -17,6 +20,8 @@ struct Splat {
     direction: Vec3,
     /// Peak of the lobe times the arrival's power, 1/sr.
     peak: f32,
+    /// Squared chord beyond which nothing is added.
+    cutoff_chord2: f32,
     pixels: Footprint,
 }
 
@@ -27,29 +32,29 @@ struct Footprint {
 }
 
 /// Adds a lobe to a run of pixels. Every processor's version does the same operations and gives the same bits.
-fn add_run(sums: &mut [f64], directions: [&[f32]; 3], splat: &Splat, half_kappa: f32, cutoff: f32) {
+fn add_run(sums: &mut [f64], directions: [&[f32]; 3], splat: &Splat, half_kappa: f32) {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") {
         // SAFETY: the processor has AVX2.
-        return unsafe { add_run_avx2(sums, directions, splat, half_kappa, cutoff) };
+        return unsafe { add_run_avx2(sums, directions, splat, half_kappa) };
     }
-    add_run_portable(sums, directions, splat, half_kappa, cutoff);
+    add_run_portable(sums, directions, splat, half_kappa);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn add_run_avx2(sums: &mut [f64], directions: [&[f32]; 3], splat: &Splat, half_kappa: f32, cutoff: f32) {
-    add_run_portable(sums, directions, splat, half_kappa, cutoff);
+fn add_run_avx2(sums: &mut [f64], directions: [&[f32]; 3], splat: &Splat, half_kappa: f32) {
+    add_run_portable(sums, directions, splat, half_kappa);
 }
 
 /// One loop without branches: vector code, four or eight pixels at a time.
 #[inline(always)]
-fn add_run_portable(sums: &mut [f64], [xs, ys, zs]: [&[f32]; 3], splat: &Splat, half_kappa: f32, cutoff: f32) {
+fn add_run_portable(sums: &mut [f64], [xs, ys, zs]: [&[f32]; 3], splat: &Splat, half_kappa: f32) {
     for (sum, ((x, y), z)) in sums.iter_mut().zip(xs.iter().zip(ys).zip(zs)) {
         let (dx, dy, dz) = (x - splat.direction.x, y - splat.direction.y, z - splat.direction.z);
         let chord2 = dx * dx + dy * dy + dz * dz;
         let value = splat.peak * exp_of_negative(-half_kappa * chord2);
-        *sum += f64::from(if chord2 < cutoff { value } else { 0.0 });
+        *sum += f64::from(if chord2 < splat.cutoff_chord2 { value } else { 0.0 });
     }
 }
 
@@ -82,25 +87,32 @@ pub fn mpc(arrivals: &[Arrival], grid: impl Into<Grid>, world_from_camera: &Rigi
     let kappa = 1.0 / (sigma * sigma);
     // κ / (2π(1 − e^{−2κ})): the lobe's value at its centre, 1/sr.
     let lobe_peak = kappa / (std::f64::consts::TAU * (1.0 - (-2.0 * kappa).exp()));
-    // κ(1 − cosγ) = κ·chord²/2 reaches the cut-off at:
-    let cutoff_chord2 = (2.0 * CUTOFF_DB / 10.0 * std::f64::consts::LN_10 / kappa).min(4.0);
-    let radius = 2.0 * (0.5 * cutoff_chord2.sqrt()).min(1.0).asin();
+    let strongest = arrivals.iter().fold(0.0, |m: f64, a| m.max(a.power));
     let camera_from_world = world_from_camera.rotation.transpose();
     let splats: Vec<Splat> = arrivals
         .iter()
         .filter(|a| a.power > 0.0)
         .filter_map(|a| {
             let direction = camera_from_world * a.direction;
+            let cutoff_db = (CUTOFF_DB + 10.0 * (a.power / strongest).log10()).max(OWN_CUTOFF_DB);
+            // κ(1 − cosγ) = κ·chord²/2 reaches the cut-off at:
+            let cutoff_chord2 = (2.0 * cutoff_db / 10.0 * std::f64::consts::LN_10 / kappa).min(4.0);
+            let radius = 2.0 * (0.5 * cutoff_chord2.sqrt()).min(1.0).asin();
             let pixels = match &grid {
                 Grid::Pinhole(camera) => pinhole_footprint(camera, direction, radius)?,
                 Grid::Sphere(sphere) => sphere_footprint(sphere, direction, radius),
             };
-            Some(Splat { direction: direction.as_vec3(), peak: (a.power * lobe_peak) as f32, pixels })
+            Some(Splat {
+                direction: direction.as_vec3(),
+                peak: (a.power * lobe_peak) as f32,
+                cutoff_chord2: cutoff_chord2 as f32,
+                pixels,
+            })
         })
         .collect();
     let directions = grid.directions();
     let [xs, ys, zs] = [0, 1, 2].map(|axis| directions.iter().map(|d| d[axis] as f32).collect::<Vec<f32>>());
-    let (cutoff, half_kappa) = (cutoff_chord2 as f32, (0.5 * kappa) as f32);
+    let half_kappa = (0.5 * kappa) as f32;
     let mut pixels = vec![0f32; width * height];
     pixels.par_chunks_mut(width * ROWS_PER_TASK).enumerate().for_each(|(task, band)| {
         let first_row = (task * ROWS_PER_TASK) as u32;
@@ -115,7 +127,7 @@ pub fn mpc(arrivals: &[Arrival], grid: impl Into<Grid>, world_from_camera: &Rigi
                     let (first, last) = (first as usize, last as usize);
                     let at = base + first..=base + last;
                     let run = [&xs[at.clone()], &ys[at.clone()], &zs[at]];
-                    add_run(&mut sums[offset + first..=offset + last], run, splat, half_kappa, cutoff);
+                    add_run(&mut sums[offset + first..=offset + last], run, splat, half_kappa);
                 }
             }
         }

@@ -5,9 +5,10 @@
 //! so that interpolating the four numbers between directions and between patches is meaningful. Photons are kept apart by the number
 //! of interactions that their chain leaves to the way towards the receiver.
 
-use super::illumination::Illumination;
+use super::illumination::{CLEARANCE_M, Illumination};
 use super::nodes::{self, Nodes};
 use super::patches::Patches;
+use crate::radio::geometry::Geometry;
 use corf_scene::model::ScatteringPattern;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -16,6 +17,8 @@ use std::collections::HashMap;
 /// Patches with less of a face on them than this share of a full one are pooled with their neighbours of the same object and
 /// material that look the same way: a curved thing's facets are far smaller than what its lighting varies over.
 const POOLED_SHARE: f64 = 0.25;
+/// Surfaces closer together than this leave no way for light between them, metres.
+const CONTACT_M: f64 = 5e-3;
 /// Numbers of a coherency matrix: ⟨|E_θ|²⟩, ⟨|E_φ|²⟩, Re⟨E_θE_φ*⟩, Im⟨E_θE_φ*⟩.
 const COMPONENTS: usize = 4;
 /// Slots a task fills.
@@ -90,11 +93,12 @@ impl RadianceCache {
         let mut slots = Vec::new();
         let mut of_patch = vec![[0; 2]; patches.len()];
         let mut pools: HashMap<([i32; 3], [i32; 3], u32, u32), u32> = HashMap::new();
+        let exposed = exposed_areas(geometry, patches);
         for (index, face) in geometry.faces.iter().enumerate() {
             let [u, v] = patches.axes(index as u32);
             for (patch, centre) in patches.of_face(index as u32) {
-                let area_m2 = patches.areas_m2()[patch];
                 for (side, sign) in [(0, 1.0), (1, -1.0)] {
+                    let area_m2 = exposed[patch][side];
                     let normal = face.normal * sign;
                     let slot = Slot {
                         frame: [u.as_vec3(), (v * sign).as_vec3(), normal.as_vec3()],
@@ -105,7 +109,7 @@ impl RadianceCache {
                         slots.push(slot);
                         slots.len() as u32 - 1
                     };
-                    let number = if area_m2 < POOLED_SHARE * patch_m * patch_m {
+                    let number = if patches.areas_m2()[patch] < POOLED_SHARE * patch_m * patch_m {
                         let cell = (centre / patch_m).floor().as_ivec3().to_array();
                         // Some 20° apart.
                         let facing = (normal * 1.5).round().as_ivec3().to_array();
@@ -239,4 +243,33 @@ impl RadianceCache {
         let scale = nodes::readout(shape, f64::from(cos_scatter)) / f64::from(area);
         Some(Outgoing { coherency: sum.map(|c| f64::from(c) * scale), length_m: f64::from(moment / power) })
     }
+}
+
+/// Area of both sides of every patch, m², less what is covered: furniture stands on the floor, panels cover a wall, and no light that
+/// falls on the rest of the patch belongs to it.
+fn exposed_areas(geometry: &Geometry<'_>, patches: &Patches) -> Vec<[f64; 2]> {
+    let per_face: Vec<Vec<(usize, [f64; 2])>> = geometry
+        .faces
+        .par_iter()
+        .enumerate()
+        .map(|(index, face)| {
+            patches
+                .of_face(index as u32)
+                .map(|(patch, _)| {
+                    let points: Vec<DVec3> = patches.points(face, index as u32, patch).collect();
+                    let open = |sign: f64| {
+                        let normal = face.normal * sign;
+                        let open = points.iter().filter(|p| !geometry.covered(**p, normal, CONTACT_M, CLEARANCE_M)).count();
+                        // Where nothing is open nothing arrives, but for what passes through what covers it.
+                        if open == 0 { 1.0 } else { open as f64 / points.len() as f64 }
+                    };
+                    let area_m2 = patches.areas_m2()[patch];
+                    (patch, [1.0, -1.0].map(|sign| area_m2 * open(sign)))
+                })
+                .collect()
+        })
+        .collect();
+    let mut areas = vec![[0.0; 2]; patches.len()];
+    per_face.into_iter().flatten().for_each(|(patch, sides)| areas[patch] = sides);
+    areas
 }

@@ -68,7 +68,7 @@ impl Default for DiffuseSettings {
     fn default() -> Self {
         Self {
             patch_size_m: 0.25,
-            photon_patch_m: 0.4,
+            photon_patch_m: 0.25,
             directions: 120_000,
             after: MAX_DEPTH,
             look_on: 1.0,
@@ -90,7 +90,7 @@ impl DiffuseSettings {
             return fault("patch_size_m", format!("{}", self.patch_size_m), "give at least 0.01 m; 0.25 suits a lobby");
         }
         if !(self.photon_patch_m.is_finite() && self.photon_patch_m >= 0.02) {
-            return fault("photon_patch_m", format!("{}", self.photon_patch_m), "give at least 0.02 m; 0.4 suits a lobby");
+            return fault("photon_patch_m", format!("{}", self.photon_patch_m), "give at least 0.02 m; 0.25 suits a lobby");
         }
         if !(100..=50_000_000).contains(&self.directions) {
             return fault("directions", format!("{}", self.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");

@@ -1,7 +1,7 @@
 //! World-fixed surface patches and which sources light them.
 
 use super::illumination::{Illumination, Lighting};
-use crate::radio::geometry::Geometry;
+use crate::radio::geometry::{Face, Geometry};
 use glam::{DVec2, DVec3};
 use std::sync::OnceLock;
 
@@ -75,6 +75,19 @@ impl Patches {
     pub fn of_face(&self, face: u32) -> impl Iterator<Item = (usize, DVec3)> + '_ {
         let grid = &self.grids[face as usize];
         (0..grid.counts[0] * grid.counts[1]).map(|cell| (grid.first + cell, grid.centre(cell)))
+    }
+
+    /// Points of a face spread over one of its patches; few or none where little of the face lies on it.
+    pub fn points<'f>(&'f self, face: &'f Face, number: u32, patch: usize) -> impl Iterator<Item = DVec3> + 'f {
+        const SIDE: usize = 5;
+        let grid = &self.grids[number as usize];
+        let centre = grid.centre(patch - grid.first);
+        (0..SIDE * SIDE)
+            .map(move |i| {
+                let at = DVec2::new((i % SIDE) as f64 + 0.5, (i / SIDE) as f64 + 0.5) / SIDE as f64 - 0.5;
+                centre + grid.along[0] * (at.x * grid.patch_m.x) + grid.along[1] * (at.y * grid.patch_m.y)
+            })
+            .filter(|point| face.contains(*point))
     }
 
     /// The frame of a face's grid: two axes of its plane.
