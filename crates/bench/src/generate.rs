@@ -42,15 +42,16 @@ pub fn generate_from(
     // Whatever can be refused is refused before the first file.
     let tracer = RadioTracer::new(scene, &bvh, dataset_radio_settings(config, scene_config)?)?;
     let transmitter = config.transmitter_of(scene_config)?;
-    let ear = RadioSensor::new(&config.rf, config.seed, transmitter, &scene_config.receiver, scene, &tracer)?;
-    claim_output(out, resume)?;
     if out.join("dataset.json").exists() {
+        claim_output(out, resume)?;
         let broken = dataset::validate(out)?.into_iter().find(|f| f.severity == Severity::Error);
         if let Some(finding) = broken {
             bail!("{finding}\n  help: the finished dataset in {} is damaged: generate it anew elsewhere", out.display());
         }
         return Ok(Dataset::open(out)?);
     }
+    let ear = RadioSensor::new(&config.rf, config.seed, transmitter, &scene_config.receiver, scene, &tracer)?;
+    claim_output(out, resume)?;
     let mut camera = Camera::new(config, scene, &bvh);
     let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;
     if config.optical.exposure_ev.is_none() {

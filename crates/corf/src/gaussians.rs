@@ -1,5 +1,7 @@
 //! The coupled representation: one geometry, one opacity and colour per modality.
 
+use crate::{Error, Result};
+
 /// Degree-0 real spherical harmonic, `1 / (2√π)`.
 pub const SH_C0: f32 = 0.282_094_8;
 
@@ -48,6 +50,26 @@ impl Appearance {
     pub fn stride(&self) -> usize {
         self.coefficients() * self.channels
     }
+
+    /// Refuses an appearance of other than `n` Gaussians, or of other channels and degree than those `held`.
+    pub(crate) fn check_complete(&self, place: &str, n: usize, held: (usize, usize)) -> Result<()> {
+        let complete = self.opacity_logit.len() == n && self.sh.len() == n * self.stride();
+        if (self.channels, self.sh_degree) == held && complete {
+            return Ok(());
+        }
+        let what = format!(
+            "{} channels of degree {} with {} opacities and {} coefficients for {n} Gaussians; the device holds {} channels of degree {}",
+            self.channels,
+            self.sh_degree,
+            self.opacity_logit.len(),
+            self.sh.len(),
+            held.0,
+            held.1
+        );
+        let help =
+            "give every Gaussian one opacity and (degree+1)² coefficients per channel, of the device's own channels and degree";
+        Err(Error::invalid(place, what, help))
+    }
 }
 
 impl Gaussians {
@@ -70,6 +92,32 @@ impl Gaussians {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.position.is_empty()
+    }
+
+    /// Refuses colours that no device holds: harmonics above degree 3, light of other than 3 channels, RF of other than 3 or 1.
+    pub(crate) fn check_colours(&self) -> Result<()> {
+        for (name, a) in [("optical", &self.optical), ("rf", &self.rf)] {
+            if a.sh_degree > 3 {
+                let what = format!("spherical harmonics of degree {}", a.sh_degree);
+                return Err(Error::invalid(format!("{name}.sh_degree"), what, "degrees 0 to 3 are supported"));
+            }
+            if !(a.channels == 3 || (name == "rf" && a.channels == 1)) {
+                let what = format!("{} colour channels", a.channels);
+                return Err(Error::invalid(format!("{name}.channels"), what, "light has 3 channels; RF has 3 (Jet) or 1 (dB)"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses Gaussians that are incomplete, or not of the channels and harmonic degrees that a device holds in light and in RF.
+    pub(crate) fn check_appendable(&self, held: [(usize, usize); 2]) -> Result<()> {
+        let n = self.len();
+        if self.rotation.len() != n || self.log_scale.len() != n {
+            let what = format!("{n} positions, {} rotations, {} scales", self.rotation.len(), self.log_scale.len());
+            return Err(Error::invalid("appended Gaussians", what, "give one of each per Gaussian"));
+        }
+        self.optical.check_complete("appended Gaussians, optical", n, held[0])?;
+        self.rf.check_complete("appended Gaussians, rf", n, held[1])
     }
 }
 

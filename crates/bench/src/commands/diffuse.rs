@@ -10,6 +10,7 @@ use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::diffuse::Contribution;
 use corf_raytrace::radio::{DiffuseField, DiffuseSettings, RadioSettings, RadioTracer};
 use corf_scene::config::SceneConfig;
+use corf_scene::npz::{Array, Values};
 use corf_scene::{Scene, io};
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -162,7 +163,7 @@ fn receiver(scene: &Scene, rx: DVec3, samplings: &[Sums]) -> Value {
     })
 }
 
-/// Writes arrivals, one for every direction and number of interactions behind the scattering, as NumPy's format 1.0: a float64 table.
+/// Writes arrivals, one for every direction and number of interactions behind the scattering, as a float64 table.
 fn write_arrivals(path: &Path, contributions: &[(DVec3, Contribution)]) -> Result<()> {
     let rows: Vec<[f64; 6]> = contributions
         .chunk_by(|a, b| a.0 == b.0 && a.1.after == b.1.after)
@@ -173,14 +174,6 @@ fn write_arrivals(path: &Path, contributions: &[(DVec3, Contribution)]) -> Resul
             [direction.x, direction.y, direction.z, power, delay_s, first.after as f64]
         })
         .collect();
-    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, 6), }}", rows.len());
-    // Magic, version, length and header together fill a multiple of 64 bytes, the last of them a newline.
-    let padding = 63 - (10 + header.len()) % 64;
-    header.extend(std::iter::repeat_n(' ', padding));
-    header.push('\n');
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    bytes.extend((header.len() as u16).to_le_bytes());
-    bytes.extend(header.as_bytes());
-    rows.as_flattened().iter().for_each(|value| bytes.extend(value.to_le_bytes()));
-    Ok(io::write_atomic(path, &bytes)?)
+    let table = Array::new("arrivals", &[rows.len(), 6], Values::F64(rows.into_flattened()));
+    Ok(io::write_atomic(path, &table.to_npy())?)
 }

@@ -3,7 +3,7 @@
 //! Geometry and both opacities of one Gaussian are twelve consecutive numbers ([`Core`]), its harmonics one consecutive run per
 //! modality, channel by channel: a step touches the Gaussians it sees, one after the other, and nothing else.
 
-use crate::{Appearance, Error, Gaussians, Result};
+use crate::{Appearance, Gaussians, Result};
 
 /// Offsets in a Gaussian's twelve numbers.
 pub(crate) const POSITION: usize = 0;
@@ -85,16 +85,7 @@ fn retain_runs<T: Copy>(data: &mut Vec<T>, stride: usize, keep: &[bool]) {
 impl Store {
     /// No Gaussians yet, with the channels and degrees of `like`.
     pub fn new(like: &Gaussians) -> Result<Self> {
-        for (name, a) in [("optical", &like.optical), ("rf", &like.rf)] {
-            if a.sh_degree > 3 {
-                let what = format!("spherical harmonics of degree {}", a.sh_degree);
-                return Err(Error::invalid(format!("{name}.sh_degree"), what, "degrees 0 to 3 are supported"));
-            }
-            if !(a.channels == 3 || (name == "rf" && a.channels == 1)) {
-                let what = format!("{} colour channels", a.channels);
-                return Err(Error::invalid(format!("{name}.channels"), what, "light has 3 channels; RF has 3 (Jet) or 1 (dB)"));
-            }
-        }
+        like.check_colours()?;
         let harmonics = [Harmonics::empty(&like.optical), Harmonics::empty(&like.rf)];
         Ok(Self { value: vec![], moment1: vec![], moment2: vec![], position_rate: vec![], harmonics })
     }
@@ -124,35 +115,9 @@ impl Store {
         }
     }
 
-    fn check(&self, place: &str, n: usize, a: &Appearance, index: usize) -> Result<()> {
-        let h = &self.harmonics[index];
-        let complete = a.opacity_logit.len() == n && a.sh.len() == n * a.stride();
-        if a.channels == h.channels && a.sh_degree == h.degree && complete {
-            return Ok(());
-        }
-        Err(Error::invalid(
-            place,
-            format!(
-                "{} channels of degree {} with {} opacities and {} coefficients for {n} Gaussians; the device holds {} channels of degree {}",
-                a.channels,
-                a.sh_degree,
-                a.opacity_logit.len(),
-                a.sh.len(),
-                h.channels,
-                h.degree
-            ),
-            "give every Gaussian one opacity and (degree+1)² coefficients per channel, of the device's own channels and degree",
-        ))
-    }
-
     pub fn append(&mut self, new: &Gaussians) -> Result<()> {
         let n = new.len();
-        if new.rotation.len() != n || new.log_scale.len() != n {
-            let what = format!("{n} positions, {} rotations, {} scales", new.rotation.len(), new.log_scale.len());
-            return Err(Error::invalid("appended Gaussians", what, "give one of each per Gaussian"));
-        }
-        self.check("appended Gaussians, optical", n, &new.optical, 0)?;
-        self.check("appended Gaussians, rf", n, &new.rf, 1)?;
+        new.check_appendable([0, 1].map(|g| (self.harmonics[g].channels, self.harmonics[g].degree)))?;
         for i in 0..n {
             let ([x, y, z], [qw, qx, qy, qz], [a, b, c]) = (new.position[i], new.rotation[i], new.log_scale[i]);
             self.value.push([x, y, z, qw, qx, qy, qz, a, b, c, new.optical.opacity_logit[i], new.rf.opacity_logit[i]]);

@@ -5,7 +5,7 @@ use super::{
     kernel::Kernel,
     shaders::{self, HarmonicsShape},
 };
-use crate::{Appearance, Error, Gaussians, Result};
+use crate::{Appearance, Gaussians, Result};
 
 /// Position (3), quaternion (4), ln scale (3), opacity logits (optical, RF).
 const CORE: usize = 12;
@@ -69,19 +69,15 @@ fn transposed(a: &Appearance, shape: HarmonicsShape) -> Vec<f32> {
     out
 }
 
+/// Channels and degree.
+fn held(h: HarmonicsShape) -> (usize, usize) {
+    (h.channels, h.degree)
+}
+
 impl Store {
     /// No Gaussians yet, with the channels and degrees of `like`.
     pub fn new(context: &Context, like: &Gaussians) -> Result<Self> {
-        for (name, a) in [("optical", &like.optical), ("rf", &like.rf)] {
-            if a.sh_degree > 3 {
-                let what = format!("spherical harmonics of degree {}", a.sh_degree);
-                return Err(Error::invalid(format!("{name}.sh_degree"), what, "degrees 0 to 3 are supported"));
-            }
-            if !(a.channels == 3 || (name == "rf" && a.channels == 1)) {
-                let what = format!("{} colour channels", a.channels);
-                return Err(Error::invalid(format!("{name}.channels"), what, "light has 3 channels; RF has 3 (Jet) or 1 (dB)"));
-            }
-        }
+        like.check_colours()?;
         let harmonics = [HarmonicsShape::of(&like.optical), HarmonicsShape::of(&like.rf)];
         let capacity = 1;
         Ok(Self {
@@ -160,33 +156,9 @@ impl Store {
         context.check("growing")
     }
 
-    fn check(&self, place: &str, n: usize, a: &Appearance, g: usize) -> Result<()> {
-        let h = self.harmonics[g];
-        if HarmonicsShape::of(a) == h && a.opacity_logit.len() == n && a.sh.len() == n * h.numbers() {
-            return Ok(());
-        }
-        let what = format!(
-            "{} channels of degree {} with {} opacities and {} coefficients for {n} Gaussians; the device holds {} channels of degree {}",
-            a.channels,
-            a.sh_degree,
-            a.opacity_logit.len(),
-            a.sh.len(),
-            h.channels,
-            h.degree
-        );
-        let help =
-            "give every Gaussian one opacity and (degree+1)² coefficients per channel, of the device's own channels and degree";
-        Err(Error::invalid(place, what, help))
-    }
-
     pub fn append(&mut self, context: &Context, new: &Gaussians) -> Result<()> {
         let n = new.len();
-        if new.rotation.len() != n || new.log_scale.len() != n {
-            let what = format!("{n} positions, {} rotations, {} scales", new.rotation.len(), new.log_scale.len());
-            return Err(Error::invalid("appended Gaussians", what, "give one of each per Gaussian"));
-        }
-        self.check("appended Gaussians, optical", n, &new.optical, 0)?;
-        self.check("appended Gaussians, rf", n, &new.rf, 1)?;
+        new.check_appendable(self.harmonics.map(held))?;
         if n == 0 {
             return Ok(());
         }
@@ -248,7 +220,7 @@ impl Store {
 
     /// Replaces the RF appearance and its optimiser state, whose channels and degree stay as they are.
     pub fn reset_rf(&mut self, context: &Context, rf: &Appearance) -> Result<()> {
-        self.check("RF appearance", self.len, rf, 1)?;
+        rf.check_complete("RF appearance", self.len, held(self.harmonics[1]))?;
         let sh = transposed(rf, self.harmonics[1]);
         let zeros = vec![0.0_f32; sh.len()];
         for (rows, values) in [&self.sh[1].value, &self.sh[1].moment1, &self.sh[1].moment2].into_iter().zip([&sh, &zeros, &zeros])

@@ -115,20 +115,13 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
                 low += vec3(weights[at + 4u], weights[at + 5u], weights[at + 6u]);
                 high += vec3(weights[at + 7u], weights[at + 8u], weights[at + 9u]);
             }
-            // From the corner to the mean: d = mean − pixel.
             let place = batch_place[slot_2];
-            let u = place.x;
-            let v = place.y;
-            let moments = vec3(
-                u * u * low.x - 2.0 * u * low.y + high.x,
-                u * v * low.x - u * low.z - v * low.y + high.y,
-                v * v * low.x - 2.0 * v * low.z + high.z,
-            );
+            let moments = about_mean(place.xy, low, high);
             let at = 3u * pairs[begin + slot_2];
             records[at] = d_color;
             // α = oρ·G: Σ G dL/dα = −Σ dL/dσ / (oρ).
             records[at + 1u] = vec4(-low.x / place.z, moments);
-            records[at + 2u] = vec4(u * low.x - low.y, v * low.x - low.z, 0.0, 0.0);
+            records[at + 2u] = vec4(place.xy * low.x - low.yz, 0.0, 0.0);
         }
         workgroupBarrier();
     }

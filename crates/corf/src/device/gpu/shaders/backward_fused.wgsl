@@ -124,19 +124,13 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
                 high += vec3(weights[at + 11u], weights[at + 12u], weights[at + 13u]);
             }
             let place = batch_place[slot_2];
-            let u = place.x;
-            let v = place.y;
-            let moments = vec3(
-                u * u * low.x - 2.0 * u * low.y + high.x,
-                u * v * low.x - u * low.z - v * low.y + high.y,
-                v * v * low.x - 2.0 * v * low.z + high.z,
-            );
+            let moments = about_mean(place.xy, low, high);
             let at = 4u * pairs[begin + slot_2];
             records[at] = d_light;
             // α = oρ·G: Σ G dL/dα = −Σ dL/dσ / (oρ).
             records[at + 1u] = vec4(d_radio.rgb, -(low.x - d_radio.w) / max(place.z, 1e-30));
             records[at + 2u] = vec4(-d_radio.w / max(batch_rf[slot_2].w, 1e-30), moments);
-            records[at + 3u] = vec4(u * low.x - low.y, v * low.x - low.z, 0.0, 0.0);
+            records[at + 3u] = vec4(place.xy * low.x - low.yz, 0.0, 0.0);
         }
         workgroupBarrier();
     }

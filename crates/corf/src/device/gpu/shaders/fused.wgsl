@@ -6,10 +6,3 @@ fn load_both(slot: u32, owner: u32, corner: vec2<u32>) {
     let rf = splats[params.gaussians + owner];
     batch_rf[slot] = vec4(rf.color.rgb, rf.place.z);
 }
-
-// exp(−σ).
-fn falloff(slot: u32, centre: vec2<f32>) -> f32 {
-    let power = batch_power[slot];
-    let d = batch_place[slot].xy - centre;
-    return exp2(min(d.x * (power.x * d.x + power.y * d.y) + power.z * d.y * d.y, 0.0));
-}

@@ -33,11 +33,23 @@ fn load(slot: u32, splat: Splat, corner: vec2<u32>) {
     batch_color[slot] = vec4(splat.color.rgb, splat.place.w);
 }
 
-// o·ρ·exp(−σ), d = mean − pixel.
-fn free_alpha(slot: u32, centre: vec2<f32>) -> f32 {
-    let place = batch_place[slot];
+// exp(−σ), d = mean − pixel.
+fn falloff(slot: u32, centre: vec2<f32>) -> f32 {
     let power = batch_power[slot];
-    let d = place.xy - centre;
-    let exponent = d.x * (power.x * d.x + power.y * d.y) + power.z * d.y * d.y;
-    return place.z * exp2(min(exponent, 0.0));
+    let d = batch_place[slot].xy - centre;
+    return exp2(min(d.x * (power.x * d.x + power.y * d.y) + power.z * d.y * d.y, 0.0));
+}
+
+// o·ρ·exp(−σ).
+fn free_alpha(slot: u32, centre: vec2<f32>) -> f32 {
+    return batch_place[slot].z * falloff(slot, centre);
+}
+
+// Σ dL/dσ (dx², dx dy, dy²) from Σ dL/dσ · (1, x, y) and · (x², x y, y²) of pixels counted from the tile's corner, as is the mean.
+fn about_mean(mean: vec2<f32>, low: vec3<f32>, high: vec3<f32>) -> vec3<f32> {
+    return vec3(
+        mean.x * mean.x * low.x - 2.0 * mean.x * low.y + high.x,
+        mean.x * mean.y * low.x - mean.x * low.z - mean.y * low.y + high.y,
+        mean.y * mean.y * low.x - 2.0 * mean.y * low.z + high.z,
+    );
 }
