@@ -96,9 +96,11 @@ impl Array {
 
     /// The array as a `.npy` file.
     pub fn to_npy(&self) -> Vec<u8> {
-        let axes: Vec<String> = self.shape.iter().map(|n| format!("{n},")).collect();
+        // Python's tuples, as NumPy writes them: one axis alone keeps its comma.
+        let axes: Vec<String> = self.shape.iter().map(usize::to_string).collect();
+        let comma = if axes.len() == 1 { "," } else { "" };
         let dictionary =
-            format!("{{'descr': '{}', 'fortran_order': False, 'shape': ({}), }}", self.values.descr(), axes.join(" "));
+            format!("{{'descr': '{}', 'fortran_order': False, 'shape': ({}{comma}), }}", self.values.descr(), axes.join(", "));
         // Magic, version and length take 10 bytes; the header ends in a newline on a multiple of 64.
         let length = (10 + dictionary.len() + 1).div_ceil(64) * 64 - 10;
         let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
