@@ -16,13 +16,17 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Patches with less of a face on them than this share of a full one are pooled with their neighbours of the same object and
-/// material that look the same way: a curved thing's facets are far smaller than what its lighting varies over.
+/// material that look the same way, insides of bodies apart from their outsides: a curved thing's facets are far smaller than what its
+/// lighting varies over.
 const POOLED_SHARE: f64 = 0.25;
 /// Surfaces closer together than this leave no way for light between them, metres.
 const CONTACT_M: f64 = 5e-3;
 /// Numbers of a coherency matrix: ⟨|E_θ|²⟩, ⟨|E_φ|²⟩, Re⟨E_θE_φ*⟩, Im⟨E_θE_φ*⟩.
 const COMPONENTS: usize = 4;
-/// Sums of all photons of a level: power, power × length, power².
+/// Photons that only mirrors and slabs sent on are spread as evenly as the lattice they started from: their number varies less than by
+/// chance, in variance by some such factor at ten to a patch.
+const EVENNESS: f32 = 0.25;
+/// Sums of all photons of a level: power, power × length, power² as far as it is by chance.
 const MEANS: usize = 3;
 /// Patches along the side of a block, and blocks along that of a region, over which light is compared.
 const BLOCK: usize = 4;
@@ -46,6 +50,8 @@ pub struct Deposit {
     pub back: Vec3,
     /// Unfolded length so far, metres.
     pub length_m: f32,
+    /// Whether it was scattered before, into a random direction.
+    pub scattered: bool,
 }
 
 /// One side of a patch, or of a pool of small ones.
@@ -92,10 +98,10 @@ pub struct RadianceCache {
 }
 
 /// Where a slot's surroundings are kept: on a face's side, or among the pools of small facets that look the same way.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 enum Place {
     Grid { face: u32, side: usize, cell: [usize; 2] },
-    Pool { object: u32, material: u32, facing: [i32; 3], cell: [i32; 3] },
+    Pool { object: u32, material: u32, side: usize, facing: [i32; 3], cell: [i32; 3] },
 }
 
 impl Place {
@@ -103,8 +109,8 @@ impl Place {
     fn coarser(self) -> Self {
         match self {
             Self::Grid { face, side, cell } => Self::Grid { face, side, cell: cell.map(|c| c / BLOCK) },
-            Self::Pool { object, material, facing, cell } => {
-                Self::Pool { object, material, facing, cell: cell.map(|c| c.div_euclid(BLOCK as i32)) }
+            Self::Pool { object, material, side, facing, cell } => {
+                Self::Pool { object, material, side, facing, cell: cell.map(|c| c.div_euclid(BLOCK as i32)) }
             }
         }
     }
@@ -140,7 +146,7 @@ impl RadianceCache {
         let mut slots = Vec::new();
         let mut of_patch = vec![[0; 2]; patches.len()];
         let mut places = Vec::new();
-        let mut pools: HashMap<([i32; 3], [i32; 3], u32, u32), u32> = HashMap::new();
+        let mut pools: HashMap<Place, u32> = HashMap::new();
         let exposed = exposed_areas(geometry, patches);
         for (index, face) in geometry.faces.iter().enumerate() {
             let [u, v] = patches.axes(index as u32);
@@ -164,8 +170,8 @@ impl RadianceCache {
                         // Some 20° apart.
                         let facing = (normal * 1.5).round().as_ivec3().to_array();
                         let (object, material) = (face.object, face.material);
-                        let place = Place::Pool { object, material, facing, cell };
-                        *pools.entry((cell, facing, object, material)).or_insert_with(|| fresh(place))
+                        let place = Place::Pool { object, material, side, facing, cell };
+                        *pools.entry(place).or_insert_with(|| fresh(place))
                     } else {
                         fresh(Place::Grid { face: index as u32, side, cell: patches.cell_of(index as u32, patch) })
                     };
@@ -219,7 +225,7 @@ impl RadianceCache {
                     let means = levels * nodes.len() * COMPONENTS + MEANS * level;
                     table[means] += power;
                     table[means + 1] += power * deposit.length_m;
-                    table[means + 2] += power * power;
+                    table[means + 2] += power * power * if deposit.scattered { 1.0 } else { EVENNESS };
                 }
             }
         });
@@ -235,6 +241,8 @@ impl RadianceCache {
             for v in &mut table[..levels * width] {
                 *v *= photon_weight as f32;
             }
+            let mut before = Vec::new();
+            table[..levels * width].chunks_exact_mut(width).for_each(|rows| nodes.sharpen(rows, &mut before));
             for (first, width) in [(0, width), (levels * width, MEANS)] {
                 for level in (0..levels - 1).rev() {
                     let (lower, upper) = table[first + level * width..first + (level + 2) * width].split_at_mut(width);

@@ -4,7 +4,7 @@ use corf_scene::model::ScatteringPattern;
 use glam::Vec3;
 
 /// Spacing of the nodes over the standard deviation of the narrowest lobe. Linear interpolation then misses the peak of a single lobe
-/// by some (0.52)²/8 = 3 %, up to 7 % where the octahedral grid is widest, and less of a sum of several.
+/// by up to (0.52)²/8 = 3 % per axis, more where the octahedral grid is widest; [`Nodes::sharpen`] makes that right on average.
 const SPACING: f64 = 0.52;
 
 /// A grid of unit directions with z ≥ 0 (z along the surface's normal), octahedral: the square's edge is the horizon.
@@ -64,6 +64,33 @@ impl Nodes {
         let first = j * self.side + i;
         let weights = [(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t];
         ([first, first + 1, first + self.side, first + self.side + 1], weights)
+    }
+
+    /// Takes away in advance what linear interpolation adds: on average over a cell it is off by a twelfth of the second difference along
+    /// each axis, so that peaks come out too low. `rows` hold four numbers a node, the first two of them powers.
+    pub fn sharpen(&self, rows: &mut [f32], before: &mut Vec<f32>) {
+        let (side, width) = (self.side, 4);
+        if side < 3 {
+            return;
+        }
+        before.clear();
+        before.extend_from_slice(rows);
+        for (stride, inner) in [(1, 0), (side, 1)] {
+            for node in 0..side * side {
+                let along = if inner == 0 { node % side } else { node / side };
+                if along == 0 || along == side - 1 {
+                    continue;
+                }
+                for c in 0..width {
+                    let at = |node: usize| before[node * width + c];
+                    rows[node * width + c] -= (at(node - stride) - 2.0 * at(node) + at(node + stride)) / 12.0;
+                }
+            }
+        }
+        let (rows, _) = rows.as_chunks_mut::<4>();
+        for row in rows {
+            (row[0], row[1]) = (row[0].max(0.0), row[1].max(0.0));
+        }
     }
 
     /// F·f_s of a wave at every node, in their order: `specular` and `back` are its mirrored and its reversed direction, `normal` that
@@ -138,6 +165,35 @@ mod tests {
     use super::*;
     use crate::radio::{lattice, scattering};
     use glam::DVec3;
+
+    #[test]
+    fn sharpened_lobes_keep_their_peak_on_average() {
+        // Over directions within half a standard deviation of the peak; without sharpening the mean is off by some 4 %.
+        let tolerance = 0.012;
+        for alpha_r in [5, 10, 40] {
+            let pattern = ScatteringPattern::Directive { alpha_r };
+            let nodes = Nodes::new(pattern);
+            let (mut lobes, mut before) = (Lobes::default(), Vec::new());
+            let (mut found, mut expected) = (0.0, 0.0);
+            for i in 0..200 {
+                // Mirrored directions all over the inner hemisphere.
+                let specular = lattice::fibonacci(i, 400);
+                if specular.z < 0.4 {
+                    continue;
+                }
+                nodes.lobe(pattern, Vec3::Z, specular.as_vec3(), Vec3::Z, &mut lobes);
+                let mut rows: Vec<f32> = lobes.values.iter().flat_map(|v| [*v; 4]).collect();
+                nodes.sharpen(&mut rows, &mut before);
+                let near = 1.0 - 0.5 * (0.5 * 1.2 / f64::from(alpha_r).sqrt()).powi(2);
+                for d in (0..20_000).map(|i| lattice::fibonacci(i, 20_000)).filter(|d| d.dot(specular) > near) {
+                    let (at, weights) = nodes.around(d.as_vec3());
+                    found += f64::from(at.iter().zip(weights).map(|(&i, w)| w * rows[4 * i]).sum::<f32>());
+                    expected += scattering::lobe(pattern, d.z, d.dot(specular), 0.0);
+                }
+            }
+            assert!((found / expected - 1.0).abs() < tolerance, "{alpha_r}: {}", found / expected);
+        }
+    }
 
     #[test]
     fn lobes_are_interpolated_within_their_stated_error() {
