@@ -5,7 +5,7 @@ use corf_raytrace::radio::{
     Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, RadioSettings, RadioTracer, Search, Transmitter, json,
 };
 use corf_raytrace::spectrum::{self, Grid, SpectrumSettings, TutorialSphere};
-use corf_scene::config::{DatasetConfig, ReceiverConfig, RfConfig, SceneConfig, TransmitterConfig};
+use corf_scene::config::{DatasetConfig, ReceiverConfig, RfConfig, SceneConfig, SpectrumKind, TransmitterConfig};
 use corf_scene::dataset::SamplingError;
 use corf_scene::keyframe::DbRange;
 use corf_scene::model::ARRAY_FROM_CAMERA;
@@ -25,9 +25,13 @@ pub fn radio_settings(scene: &SceneConfig) -> RadioSettings {
     }
 }
 
+/// What an array's spectrum tells apart, degrees: a third of the 12.8° of eight elements. Finer light than that it only averages.
+const ARRAY_RESOLUTION_DEG: f64 = 4.0;
+
 /// How a dataset samples the diffuse field.
 pub fn diffuse_settings(rf: &RfConfig) -> DiffuseSettings {
     DiffuseSettings {
+        resolution_deg: if rf.spectrum == SpectrumKind::Mpc { rf.lobe_width_deg.min(90.0) } else { ARRAY_RESOLUTION_DEG },
         patch_size_m: rf.patch_size_m,
         directions: rf.directions,
         photons: rf.photons,
@@ -258,8 +262,8 @@ fn probes(poses: &[TrajectoryPose]) -> Vec<&TrajectoryPose> {
 }
 
 /// Drawn phases would be compared with drawn phases: the sampling shows in the spectrum's mean over them.
-fn noncoherent(kind: corf_scene::config::SpectrumKind) -> corf_scene::config::SpectrumKind {
-    use corf_scene::config::SpectrumKind::{Bartlett, Mpc};
+fn noncoherent(kind: SpectrumKind) -> SpectrumKind {
+    use SpectrumKind::{Bartlett, Mpc};
     if kind == Mpc { Mpc } else { Bartlett }
 }
 

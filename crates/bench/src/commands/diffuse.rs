@@ -7,7 +7,7 @@ use crate::progress::Progress;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
-use corf_raytrace::radio::diffuse::Contribution;
+use corf_raytrace::radio::diffuse::{Contribution, NO_MIRRORS_SR};
 use corf_raytrace::radio::{DiffuseField, DiffuseSettings, RadioSettings, RadioTracer};
 use corf_scene::config::SceneConfig;
 use corf_scene::npz::{Array, Values};
@@ -34,6 +34,15 @@ pub struct Diffuse {
     /// Directions in which a receiver gathers.
     #[arg(long, default_value_t = 250_000)]
     directions: usize,
+    /// Photons that bring indirect light.
+    #[arg(long, default_value_t = 1_000_000)]
+    photons: usize,
+    /// Side of the patches on which they are kept, metres.
+    #[arg(long, default_value_t = DiffuseSettings::default().patch_size_m)]
+    patch_size: f64,
+    /// Mirrors that fill this much of the transmitter's view light surfaces by their exact image, steradians; by default none.
+    #[arg(long, default_value_t = NO_MIRRORS_SR)]
+    mirror_sr: f64,
     /// Independent samplings; two or more give a standard error.
     #[arg(long, default_value_t = 4)]
     replicas: u64,
@@ -109,7 +118,14 @@ impl Diffuse {
             let field = DiffuseField::new(
                 &tracer,
                 tx,
-                &DiffuseSettings { directions: self.directions, phase, ..DiffuseSettings::default() },
+                &DiffuseSettings {
+                    patch_size_m: self.patch_size,
+                    directions: self.directions,
+                    photons: self.photons,
+                    min_mirror_sr: self.mirror_sr,
+                    phase,
+                    ..DiffuseSettings::default()
+                },
             )?;
             for (i, rx) in self.rx.iter().enumerate() {
                 let contributions = field.contributions(rx.0)?;

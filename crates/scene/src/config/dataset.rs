@@ -87,7 +87,7 @@ pub struct RfConfig {
     /// Diffuse scattering. Default true.
     #[serde(default = "yes")]
     pub diffuse: bool,
-    /// Edge of the world-fixed surface patches of the diffuse integral, metres. Default 0.2.
+    /// Side of the world-fixed surface patches on which indirect light is kept, metres. Default 0.16.
     #[serde(default = "patch")]
     pub patch_size_m: f64,
     /// Directions over the whole sphere in which the diffuse field is gathered. Default 120 000: 0.6° apart, for a lobe of 1°.
@@ -148,8 +148,8 @@ impl RfConfig {
                 return fail(key, format!("{value} is not a positive number"), "give a value above 0");
             }
         }
-        if rf.patch_size_m < 0.01 {
-            return fail("rf.patch_size_m", format!("{}", rf.patch_size_m), "give at least 0.01 m");
+        if rf.patch_size_m < 0.02 {
+            return fail("rf.patch_size_m", format!("{}", rf.patch_size_m), "give at least 0.02 m");
         }
         if !(100..=50_000_000).contains(&rf.directions) {
             return fail("rf.directions", format!("{}", rf.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
@@ -264,7 +264,7 @@ fn one() -> f64 {
     1.0
 }
 fn patch() -> f64 {
-    0.2
+    0.16
 }
 fn million() -> usize {
     1_000_000

@@ -281,7 +281,7 @@ fn sampling(header: &DatasetHeader) -> Vec<(&'static str, String)> {
         list.push((
             "diffuse",
             format!(
-                "{} directions over the sphere at the receiver, surface patches of {} m, {} photons for light of more than one interaction \
+                "{} directions over the sphere at the receiver, more where they disagree; patches of {} m, {} photons for light of more than one interaction \
                  before the last scattering",
                 rf.directions, rf.patch_size_m, rf.photons
             ),

@@ -168,7 +168,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             after: ray.hops,
         };
         if let Some(cache) = &field.cache
-            && let Some(out) = cache.outgoing(&field.photon_patches, met.face, met.point, met.side, towards_rx, ray.hops)
+            && let Some(out) = cache.outgoing(&field.patches, met.face, met.point, met.side, towards_rx, ray.hops)
         {
             let power = scale * received.iter().map(|r| coherent_power(*r, &out.coherency)).sum::<f64>();
             if power > 0.0 {
@@ -179,13 +179,12 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         let table = illumination.table(met.face);
         let ports = illumination.ports();
         let scale = scale * s * s / ports as f64;
-        for patch_source in field.patches.sources_at(illumination, met.face, met.point) {
-            let source = illumination.sources[patch_source.source as usize];
+        for &source in &illumination.sources {
             // Sources behind the face light its other side.
             if (source.image - met.point).dot(met.normal) <= 0.0 {
                 continue;
             }
-            let lighting = patch_source.lighting.unwrap_or_else(|| illumination.lighting(source, met.point, met.face));
+            let lighting = illumination.lighting(source, met.point, met.face);
             let Some(incident) = illumination.incident(source, lighting, met.point, met.face, ray.hops) else { continue };
             let Incident { direction: k, fields, distance_m: source_m } = incident;
             let cos_incidence = field::cos_incidence(k, met.normal);

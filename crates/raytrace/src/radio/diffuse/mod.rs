@@ -1,11 +1,12 @@
 //! The diffuse field: every chain of mirrors, slabs and scattering surfaces with at least one scattering in it.
 //!
-//! The power that a surface element sends to the receiver is (λ/4π)² S²Γ² f_s cosθ_i dA / (r₁² r₂²). Surfaces are lit in two ways, both
-//! kept on world-fixed patches. What comes from the transmitter and its larger mirror images, straight or through slabs, is evaluated
-//! exactly at every point that is looked at; which of them reach a patch is found when a receiver first sees it. Everything else
-//! (smaller mirrors, several of them, any scattering before) is brought by photons, once for all receivers. At a receiver the
-//! integral runs over solid angle, dA = r₂² dΩ / cosθ_s, on a lattice of directions: near surfaces are resolved as finely as far ones,
-//! every direction sees exactly what is visible along it, mirrored and through slabs as well, up to the budget of interactions.
+//! The power that a surface element sends to the receiver is (λ/4π)² S²Γ² f_s cosθ_i dA / (r₁² r₂²). Surfaces are lit in two ways. What
+//! comes from the transmitter and its larger mirror images, straight or through slabs, is evaluated exactly at every point that is
+//! looked at. Everything else (smaller mirrors, several of them, any scattering before) is brought by photons to world-fixed patches,
+//! once for all receivers, and patches with few of them are weighed against their surroundings. At a receiver the integral runs over
+//! solid angle, dA = r₂² dΩ / cosθ_s, on a lattice of directions, finer where neighbouring directions disagree: near surfaces are
+//! resolved as finely as far ones, every direction sees exactly what is visible along it, mirrored and through slabs as well, up to the
+//! budget of interactions.
 //!
 //! Antennas with two ports: a receiver's ports add their powers; a transmitter's share its power, so that the result is their mean.
 
@@ -15,6 +16,8 @@ mod illumination;
 mod nodes;
 mod patches;
 mod photons;
+mod refine;
+mod smooth;
 #[cfg(test)]
 mod tests;
 
@@ -28,6 +31,7 @@ use patches::Patches;
 pub(crate) use photons::Event;
 use photons::Photons;
 use rayon::prelude::*;
+use refine::Gathering;
 use serde::{Deserialize, Serialize};
 
 /// How much sparser [`DiffuseField::gather_for_view`] samples what is out of view.
@@ -45,10 +49,8 @@ const DIRECTIONS_PER_TASK: usize = 1024;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DiffuseSettings {
-    /// Side of the world-fixed patches on which lighting is found, metres. Smaller objects than a quarter of it may lose their shadow.
+    /// Side of the world-fixed patches on which photons are gathered, metres: indirect light is resolved as finely as this.
     pub patch_size_m: f64,
-    /// Side of the patches on which photons are gathered, metres: indirect light is resolved as finely as this.
-    pub photon_patch_m: f64,
     /// Directions over the whole sphere in which a receiver gathers; 120 000 are 0.59° apart.
     pub directions: usize,
     /// Most interactions after the last scattering (mirrors and slabs between the surface and the receiver), within the tracer's depth.
@@ -60,6 +62,9 @@ pub struct DiffuseSettings {
     pub min_mirror_sr: f64,
     /// Photons that bring all indirect light; 0 leaves it out.
     pub photons: usize,
+    /// What a reader of the arrivals tells apart, degrees: between directions that differ by more than a per cent of the power within
+    /// it, a receiver looks again. 0 leaves it at the lattice.
+    pub resolution_deg: f64,
     /// Shifts the patches, turns the lattices and draws other photons; results of different phases differ by the sampling error alone.
     pub phase: u64,
 }
@@ -67,13 +72,13 @@ pub struct DiffuseSettings {
 impl Default for DiffuseSettings {
     fn default() -> Self {
         Self {
-            patch_size_m: 0.25,
-            photon_patch_m: 0.25,
+            patch_size_m: 0.16,
             directions: 120_000,
             after: MAX_DEPTH,
             look_on: 1.0,
             min_mirror_sr: NO_MIRRORS_SR,
             photons: 200_000,
+            resolution_deg: 1.0,
             phase: 0,
         }
     }
@@ -86,11 +91,8 @@ impl DiffuseSettings {
     /// The first setting out of range, by name.
     pub fn validate(&self) -> Result<()> {
         let fault = |key: &str, what: String, help: &str| Err(Error::invalid(format!("diffuse settings, `{key}`"), what, help));
-        if !(self.patch_size_m.is_finite() && self.patch_size_m >= 0.01) {
-            return fault("patch_size_m", format!("{}", self.patch_size_m), "give at least 0.01 m; 0.25 suits a lobby");
-        }
-        if !(self.photon_patch_m.is_finite() && self.photon_patch_m >= 0.02) {
-            return fault("photon_patch_m", format!("{}", self.photon_patch_m), "give at least 0.02 m; 0.25 suits a lobby");
+        if !(self.patch_size_m.is_finite() && self.patch_size_m >= 0.02) {
+            return fault("patch_size_m", format!("{}", self.patch_size_m), "give at least 0.02 m; 0.16 suits a lobby");
         }
         if !(100..=50_000_000).contains(&self.directions) {
             return fault("directions", format!("{}", self.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
@@ -100,6 +102,13 @@ impl DiffuseSettings {
         }
         if self.photons > MAX_PHOTONS {
             return fault("photons", format!("{}", self.photons), "give at most 100 000 000; a million suits a lobby");
+        }
+        if !(self.resolution_deg.is_finite() && (0.0..=90.0).contains(&self.resolution_deg)) {
+            return fault(
+                "resolution_deg",
+                format!("{}", self.resolution_deg),
+                "give 0 to 90 degrees; the width of a spectrum's lobe suits",
+            );
         }
         if !(self.min_mirror_sr.is_finite() && self.min_mirror_sr >= 0.0) {
             return fault("min_mirror_sr", format!("{}", self.min_mirror_sr), "give a solid angle of at least 0");
@@ -130,15 +139,13 @@ pub struct DiffuseField<'t, 'a> {
     tracer: &'t RadioTracer<'a>,
     illumination: Illumination<'t, 'a>,
     patches: Patches,
-    photon_patches: Patches,
     cache: Option<RadianceCache>,
     settings: DiffuseSettings,
     world_from_lattice: DMat3,
 }
 
 impl<'t, 'a> DiffuseField<'t, 'a> {
-    /// Finds the transmitter's mirrors, lays out the patches and traces the photons. What else lights a patch is found when the first
-    /// receiver sees it, so that the first of many [`DiffuseField::gather`]s cost the most.
+    /// Finds the transmitter's mirrors, lays out the patches and traces the photons.
     ///
     /// # Errors
     /// A position that is not finite, or settings out of range.
@@ -169,17 +176,16 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             illumination.sources.clear();
         }
         let patches = Patches::new(&tracer.geometry, settings.patch_size_m, phase);
-        let photon_patches = Patches::new(&tracer.geometry, settings.photon_patch_m, phase);
         let photons = Photons {
             illumination: &illumination,
-            patches: &photon_patches,
+            patches: &patches,
             count: settings.photons,
             seed: settings.phase,
             world_from_lattice,
             only,
         };
-        let cache = photons.trace(settings.photon_patch_m);
-        Ok(Self { tracer, illumination, patches, photon_patches, cache, settings: *settings, world_from_lattice })
+        let cache = photons.trace(settings.patch_size_m);
+        Ok(Self { tracer, illumination, patches, cache, settings: *settings, world_from_lattice })
     }
 
     /// Megabytes of the tables that the photons filled.
@@ -212,7 +218,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// As [`DiffuseField::gather`].
     pub fn gather_with(&self, rx: DVec3, antenna: &Antenna) -> Result<Vec<Arrival>> {
         check_receiver(rx)?;
-        Ok(self.arrivals(rx, antenna, self.settings.directions, |_| true))
+        Ok(self.gathering(rx, antenna).arrivals(|_| true))
     }
 
     /// As [`DiffuseField::gather`] for one view: all directions inside the camera's frame and a margin around it, and outside of it a
@@ -243,32 +249,16 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             let (across, down) = (d.x.atan2(d.z), d.y.atan2(d.x.hypot(d.z)));
             (left..right).contains(&across) && (top..bottom).contains(&down)
         };
-        let mut arrivals = self.arrivals(rx, antenna, self.settings.directions, inside);
-        arrivals.extend(self.arrivals(rx, antenna, self.settings.directions.div_ceil(OUTSIDE_SPARSITY), |d| !inside(d)));
+        let view = self.gathering(rx, antenna);
+        let mut arrivals = view.arrivals(inside);
+        let outside = Gathering { count: self.settings.directions.div_ceil(OUTSIDE_SPARSITY), resolution_deg: 0.0, ..view };
+        arrivals.extend(outside.arrivals(|d| !inside(d)));
         Ok(arrivals)
     }
 
-    /// The arrivals of those of `count` lattice directions that are `wanted`.
-    fn arrivals(&self, rx: DVec3, antenna: &Antenna, count: usize, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
-        self.each_task(count, |range| {
-            let mut look = Look::new(self, rx, antenna, count);
-            let mut arrivals = Vec::new();
-            for i in range {
-                let direction = self.direction(i, count);
-                if !wanted(direction) {
-                    continue;
-                }
-                let (mut power, mut weighted_delay) = (0.0, 0.0);
-                let seen = look.along(i, direction, &mut |c| {
-                    power += c.power;
-                    weighted_delay += c.power * c.delay_s;
-                });
-                if let Some(object) = seen.filter(|_| power > 0.0) {
-                    arrivals.push(Arrival { direction, power, delay_s: weighted_delay / power, object, phase_rad: None });
-                }
-            }
-            arrivals
-        })
+    fn gathering<'g>(&'g self, rx: DVec3, antenna: &'g Antenna) -> Gathering<'g, 'g, 't, 'a> {
+        let DiffuseSettings { directions: count, resolution_deg, .. } = self.settings;
+        Gathering { field: self, rx, antenna, count, resolution_deg }
     }
 
     /// Every contribution on its own with the direction it arrives from, in the order of the lattice: for studies and checks.

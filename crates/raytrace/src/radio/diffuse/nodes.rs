@@ -4,25 +4,35 @@ use corf_scene::model::ScatteringPattern;
 use glam::Vec3;
 
 /// Spacing of the nodes over the standard deviation of the narrowest lobe. Linear interpolation then misses the peak of a single lobe
-/// by some (0.52)²/8 = 3 %, up to 7 % where the octahedral grid is widest, and less of a sum of several.
+/// by up to (0.52)²/8 = 3 % per axis, more where the octahedral grid is widest; [`Nodes::sharpen`] makes that right on average.
 const SPACING: f64 = 0.52;
 
 /// A grid of unit directions with z ≥ 0 (z along the surface's normal), octahedral: the square's edge is the horizon.
 #[derive(Clone, Debug)]
 pub struct Nodes {
     side: usize,
-    directions: Vec<Vec3>,
+    /// x, y and z of the directions.
+    directions: [Vec<f32>; 3],
+}
+
+/// Room for the lobes of one wave.
+#[derive(Debug, Default)]
+pub struct Lobes {
+    /// F·f_s at every node.
+    pub values: Vec<f32>,
+    other: Vec<f32>,
+    base: Vec<f32>,
 }
 
 impl Nodes {
     /// Nodes for a lobe; a Lambertian one needs a single node, and its cosine is the reader's.
     pub fn new(pattern: ScatteringPattern) -> Self {
         let side = match pattern {
-            ScatteringPattern::Lambertian => return Self { side: 1, directions: vec![Vec3::Z] },
+            ScatteringPattern::Lambertian => return Self { side: 1, directions: [vec![0.0], vec![0.0], vec![1.0]] },
             ScatteringPattern::Directive { alpha_r } => side(alpha_r),
             ScatteringPattern::Backscatter { alpha_r, alpha_i, .. } => side(alpha_r.max(alpha_i)),
         };
-        let directions = (0..side * side)
+        let directions: Vec<Vec3> = (0..side * side)
             .map(|i| {
                 let at = |k: usize| 2.0 * k as f32 / (side - 1) as f32 - 1.0;
                 let (u, v) = (at(i % side), at(i / side));
@@ -30,12 +40,12 @@ impl Nodes {
                 Vec3::new(x, y, (1.0 - x.abs() - y.abs()).max(0.0)).normalize()
             })
             .collect();
-        Self { side, directions }
+        Self { side, directions: [0, 1, 2].map(|axis| directions.iter().map(|d| d[axis]).collect()) }
     }
 
     /// Number of nodes.
     pub fn len(&self) -> usize {
-        self.directions.len()
+        self.directions[0].len()
     }
 
     /// The nodes around a unit direction, with weights whose sum is 1; below the horizon its nearest point counts.
@@ -56,27 +66,75 @@ impl Nodes {
         ([first, first + 1, first + self.side, first + self.side + 1], weights)
     }
 
+    /// Takes away in advance what linear interpolation adds: on average over a cell it is off by a twelfth of the second difference along
+    /// each axis, so that peaks come out too low. `rows` hold four numbers a node, the first two of them powers.
+    pub fn sharpen(&self, rows: &mut [f32], before: &mut Vec<f32>) {
+        let (side, width) = (self.side, 4);
+        if side < 3 {
+            return;
+        }
+        before.clear();
+        before.extend_from_slice(rows);
+        for (stride, inner) in [(1, 0), (side, 1)] {
+            for node in 0..side * side {
+                let along = if inner == 0 { node % side } else { node / side };
+                if along == 0 || along == side - 1 {
+                    continue;
+                }
+                for c in 0..width {
+                    let at = |node: usize| before[node * width + c];
+                    rows[node * width + c] -= (at(node - stride) - 2.0 * at(node) + at(node + stride)) / 12.0;
+                }
+            }
+        }
+        let (rows, _) = rows.as_chunks_mut::<4>();
+        for row in rows {
+            (row[0], row[1]) = (row[0].max(0.0), row[1].max(0.0));
+        }
+    }
+
     /// F·f_s of a wave at every node, in their order: `specular` and `back` are its mirrored and its reversed direction, `normal` that
     /// of the very facet it meets, all in the grid's frame. Nodes behind the facet get nothing.
-    pub fn lobe(&self, pattern: ScatteringPattern, normal: Vec3, specular: Vec3, back: Vec3, values: &mut Vec<f32>) {
-        values.clear();
+    #[inline(always)]
+    pub fn lobe(&self, pattern: ScatteringPattern, normal: Vec3, specular: Vec3, back: Vec3, lobes: &mut Lobes) {
+        let Lobes { values, other, base } = lobes;
         match pattern {
-            ScatteringPattern::Lambertian => values.push(std::f32::consts::FRAC_1_PI),
-            ScatteringPattern::Directive { alpha_r } => {
-                values.extend(self.directions.iter().map(|d| power_lobe(d.dot(specular), alpha_r)));
+            ScatteringPattern::Lambertian => {
+                values.clear();
+                values.push(std::f32::consts::FRAC_1_PI);
             }
+            ScatteringPattern::Directive { alpha_r } => self.power_lobe(specular, alpha_r, base, values),
             ScatteringPattern::Backscatter { alpha_r, alpha_i, lambda } => {
+                self.power_lobe(specular, alpha_r, base, values);
+                self.power_lobe(back, alpha_i, base, other);
                 let lambda = lambda as f32;
-                values.extend(
-                    self.directions.iter().map(|d| {
-                        lambda * power_lobe(d.dot(specular), alpha_r) + (1.0 - lambda) * power_lobe(d.dot(back), alpha_i)
-                    }),
-                );
+                values.iter_mut().zip(other).for_each(|(v, o)| *v = lambda * *v + (1.0 - lambda) * *o);
             }
         }
         if self.side > 1 && normal.z < FLAT {
-            for (value, d) in values.iter_mut().zip(&self.directions) {
-                *value *= f32::from(u8::from(d.dot(normal) > 0.0));
+            let [x, y, z] = &self.directions;
+            for (value, ((x, y), z)) in values.iter_mut().zip(x.iter().zip(y).zip(z)) {
+                *value *= f32::from(u8::from(x * normal.x + y * normal.y + z * normal.z > 0.0));
+            }
+        }
+    }
+
+    /// ((1 + cosψ)/2)^α at every node, ψ from the lobe's axis, by repeated squaring: all nodes take every step together.
+    #[inline(always)]
+    fn power_lobe(&self, axis: Vec3, alpha: u32, base: &mut Vec<f32>, values: &mut Vec<f32>) {
+        let [x, y, z] = &self.directions;
+        base.clear();
+        base.extend(x.iter().zip(y).zip(z).map(|((x, y), z)| 0.5 * (1.0 + (x * axis.x + y * axis.y + z * axis.z)).max(0.0)));
+        values.clear();
+        values.resize(base.len(), 1.0);
+        let mut left = alpha;
+        while left > 0 {
+            if left & 1 == 1 {
+                values.iter_mut().zip(&*base).for_each(|(v, b)| *v *= b);
+            }
+            left >>= 1;
+            if left > 0 {
+                base.iter_mut().for_each(|b| *b *= *b);
             }
         }
     }
@@ -84,20 +142,6 @@ impl Nodes {
 
 /// Facets tilted by less than this (cosine) have the grid's own horizon.
 const FLAT: f32 = 0.9999;
-
-/// ((1 + cosψ)/2)^α by repeated squaring, branches the same for all nodes.
-#[inline(always)]
-fn power_lobe(cos_psi: f32, alpha: u32) -> f32 {
-    let (mut base, mut power, mut left) = (0.5 * (1.0 + cos_psi).max(0.0), 1.0, alpha);
-    while left > 0 {
-        if left & 1 == 1 {
-            power *= base;
-        }
-        base *= base;
-        left >>= 1;
-    }
-    power
-}
 
 /// Nodes along a side: an odd number, so that the normal is one of them.
 fn side(alpha: u32) -> usize {
@@ -123,6 +167,35 @@ mod tests {
     use glam::DVec3;
 
     #[test]
+    fn sharpened_lobes_keep_their_peak_on_average() {
+        // Over directions within half a standard deviation of the peak; without sharpening the mean is off by some 4 %.
+        let tolerance = 0.012;
+        for alpha_r in [5, 10, 40] {
+            let pattern = ScatteringPattern::Directive { alpha_r };
+            let nodes = Nodes::new(pattern);
+            let (mut lobes, mut before) = (Lobes::default(), Vec::new());
+            let (mut found, mut expected) = (0.0, 0.0);
+            for i in 0..200 {
+                // Mirrored directions all over the inner hemisphere.
+                let specular = lattice::fibonacci(i, 400);
+                if specular.z < 0.4 {
+                    continue;
+                }
+                nodes.lobe(pattern, Vec3::Z, specular.as_vec3(), Vec3::Z, &mut lobes);
+                let mut rows: Vec<f32> = lobes.values.iter().flat_map(|v| [*v; 4]).collect();
+                nodes.sharpen(&mut rows, &mut before);
+                let near = 1.0 - 0.5 * (0.5 * 1.2 / f64::from(alpha_r).sqrt()).powi(2);
+                for d in (0..20_000).map(|i| lattice::fibonacci(i, 20_000)).filter(|d| d.dot(specular) > near) {
+                    let (at, weights) = nodes.around(d.as_vec3());
+                    found += f64::from(at.iter().zip(weights).map(|(&i, w)| w * rows[4 * i]).sum::<f32>());
+                    expected += scattering::lobe(pattern, d.z, d.dot(specular), 0.0);
+                }
+            }
+            assert!((found / expected - 1.0).abs() < tolerance, "{alpha_r}: {}", found / expected);
+        }
+    }
+
+    #[test]
     fn lobes_are_interpolated_within_their_stated_error() {
         // Of the lobe's peak; see SPACING.
         let tolerance = 0.07;
@@ -135,14 +208,14 @@ mod tests {
             ScatteringPattern::Backscatter { alpha_r: 4, alpha_i: 9, lambda: 0.6 },
         ] {
             let nodes = Nodes::new(pattern);
-            let mut values = Vec::new();
+            let mut lobes = Lobes::default();
             for incidence in [0.0f64, 0.7, 1.4] {
                 let k = DVec3::new(incidence.sin() * 0.8, incidence.sin() * 0.6, -incidence.cos());
                 let (specular, back) = (DVec3::new(k.x, k.y, -k.z), -k);
-                nodes.lobe(pattern, Vec3::Z, specular.as_vec3(), back.as_vec3(), &mut values);
+                nodes.lobe(pattern, Vec3::Z, specular.as_vec3(), back.as_vec3(), &mut lobes);
                 for d in (0..4000).map(|i| lattice::fibonacci(i, 4000)).filter(|d| d.z > 0.0) {
                     let (at, weights) = nodes.around(d.as_vec3());
-                    let found: f32 = at.iter().zip(weights).map(|(&i, w)| w * values[i]).sum();
+                    let found: f32 = at.iter().zip(weights).map(|(&i, w)| w * lobes.values[i]).sum();
                     let found = f64::from(found) * readout(pattern, d.z);
                     let expected = scattering::lobe(pattern, d.z, d.dot(specular), d.dot(back));
                     assert!((found - expected).abs() < tolerance, "{pattern:?} {incidence} {d}: {found} {expected}");

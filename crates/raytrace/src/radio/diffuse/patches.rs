@@ -1,25 +1,7 @@
-//! World-fixed surface patches and which sources light them.
+//! World-fixed surface patches, on which indirect light is kept.
 
-use super::illumination::{Illumination, Lighting};
 use crate::radio::geometry::{Face, Geometry};
 use glam::{DVec2, DVec3};
-use std::sync::OnceLock;
-
-/// Probes of a patch, in units of its sides: a shadow's edge must pass between all of them to be missed. Corners and centre come first;
-/// they alone are asked about mirror images, which are 10 dB and more fainter than the transmitter.
-const PROBES: [(f64, f64); 9] =
-    [(0.01, 0.01), (0.99, 0.01), (0.99, 0.99), (0.01, 0.99), (0.5, 0.5), (0.5, 0.01), (0.99, 0.5), (0.5, 0.99), (0.01, 0.5)];
-/// How many of them mirror images are asked at.
-const MIRROR_PROBES: usize = 5;
-
-/// A source as a patch sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PatchSource {
-    /// Index into the illumination's sources.
-    pub source: u32,
-    /// `Some` when all of the patch agrees; `None` where a shadow's edge crosses it and every point has to ask for itself.
-    pub lighting: Option<Lighting>,
-}
 
 /// A face's grid of square patches, in an orthonormal frame of its plane.
 struct PatchGrid {
@@ -39,13 +21,11 @@ pub struct Around {
     pub weights: [f32; 4],
 }
 
-/// All patches of a scene with the sources that light each of them, found when a patch is first asked for.
+/// All patches of a scene.
 pub struct Patches {
     grids: Vec<PatchGrid>,
     /// The face's area in every patch, m².
     areas_m2: Vec<f64>,
-    /// Sources by patch. A patch's content does not depend on who asks first.
-    sources: Vec<OnceLock<Box<[PatchSource]>>>,
 }
 
 impl Patches {
@@ -63,7 +43,7 @@ impl Patches {
             areas_m2.extend(grid.areas_m2(triangles));
             grids.push(grid);
         }
-        Self { grids, sources: areas_m2.iter().map(|_| OnceLock::new()).collect(), areas_m2 }
+        Self { grids, areas_m2 }
     }
 
     /// The face's area in each patch, m².
@@ -90,6 +70,12 @@ impl Patches {
             .filter(|point| face.contains(*point))
     }
 
+    /// Column and row of one of a face's patches.
+    pub fn cell_of(&self, face: u32, patch: usize) -> [usize; 2] {
+        let grid = &self.grids[face as usize];
+        [(patch - grid.first) % grid.counts[0], (patch - grid.first) / grid.counts[0]]
+    }
+
     /// The frame of a face's grid: two axes of its plane.
     pub fn axes(&self, face: u32) -> [DVec3; 2] {
         self.grids[face as usize].along
@@ -106,16 +92,9 @@ impl Patches {
         self.grids[face as usize].around(point)
     }
 
-    /// The sources of the patch that a point of a face lies on.
-    pub fn sources_at(&self, illumination: &Illumination<'_, '_>, face: u32, point: DVec3) -> &[PatchSource] {
-        let grid = &self.grids[face as usize];
-        let cell = grid.cell(point);
-        self.sources[grid.first + cell].get_or_init(|| grid.probe(illumination, face, cell))
-    }
-
     /// Number of patches.
     pub fn len(&self) -> usize {
-        self.sources.len()
+        self.areas_m2.len()
     }
 }
 
@@ -193,32 +172,6 @@ impl PatchGrid {
         let p = point - self.origin;
         let index = |i: usize, size: f64| ((p.dot(self.along[i]) / size) as usize).min(self.counts[i] - 1);
         index(1, self.patch_m.y) * self.counts[0] + index(0, self.patch_m.x)
-    }
-
-    /// Asks for the lighting at the probes of one patch. Probes beyond the face's outline are as good as any: where they disagree the
-    /// patch is left open and its points are asked one by one.
-    fn probe(&self, illumination: &Illumination<'_, '_>, face: u32, cell: usize) -> Box<[PatchSource]> {
-        let at = DVec2::new((cell % self.counts[0]) as f64, (cell / self.counts[0]) as f64);
-        let points = PROBES.map(|p| {
-            let q = (at + DVec2::from(p)) * self.patch_m;
-            self.origin + self.along[0] * q.x + self.along[1] * q.y
-        });
-        let mut lit = Vec::new();
-        for (index, source) in illumination.sources.iter().enumerate() {
-            let probes = if source.mirror.is_some() { &points[..MIRROR_PROBES] } else { &points };
-            let first = illumination.lighting(*source, probes[0], face);
-            let mut agree = true;
-            for point in &probes[1..] {
-                agree &= illumination.lighting(*source, *point, face) == first;
-                if !agree {
-                    break;
-                }
-            }
-            if !agree || first != Lighting::Dark {
-                lit.push(PatchSource { source: index as u32, lighting: agree.then_some(first) });
-            }
-        }
-        lit.into_boxed_slice()
     }
 }
 

@@ -44,6 +44,8 @@ struct Photon {
     interactions: usize,
     /// Mirrors so far.
     mirrors: usize,
+    /// Whether it was scattered.
+    scattered: bool,
     /// Whether the sources light what it meets next.
     covered: bool,
 }
@@ -101,7 +103,16 @@ impl Photons<'_, '_, '_> {
         let field = Field::real(settings.tx_antenna.port_field(i % self.illumination.ports(), direction));
         let origin = self.illumination.tx;
         let mut rng = Rng::keyed(self.seed, STAGE, i as u64);
-        stack.push(Photon { origin, direction, field, length_m: 0.0, interactions: 0, mirrors: 0, covered: true });
+        stack.push(Photon {
+            origin,
+            direction,
+            field,
+            length_m: 0.0,
+            interactions: 0,
+            mirrors: 0,
+            scattered: false,
+            covered: true,
+        });
         while let Some(photon) = stack.pop() {
             self.meet(&photon, cache, &mut rng, stack, deposits);
         }
@@ -148,6 +159,7 @@ impl Photons<'_, '_, '_> {
                 specular: field::mirrored(k, normal).as_vec3(),
                 back: (-k).as_vec3(),
                 length_m: length_m as f32,
+                scattered: photon.scattered,
             });
         }
         // Whatever comes next has to be scattered once more.
@@ -161,23 +173,23 @@ impl Photons<'_, '_, '_> {
             Some(_) => return,
         };
         let goes = |event: Event| next.is_none_or(|n| n == event);
-        let mut go_on = |direction: DVec3, field: Field, mirrors: usize, covered: bool| {
+        let mut go_on = |direction: DVec3, field: Field, mirrors: usize, scattered: bool, covered: bool| {
             let power = field.norm_squared();
             let kept = (power / ROULETTE_POWER).min(1.0);
             if kept < 1.0 && rng.uniform_f64() >= kept {
                 return;
             }
             let field = if kept < 1.0 { field.scaled(1.0 / kept.sqrt()) } else { field };
-            stack.push(Photon { origin: point, direction, field, length_m, interactions, mirrors, covered });
+            stack.push(Photon { origin: point, direction, field, length_m, interactions, mirrors, scattered, covered });
         };
         if settings.reflection && goes(Event::Specular) {
             let covered = photon.covered && photon.mirrors == 0 && self.illumination.is_mirror(face);
             let reflected = field::reflect(e, k, normal, &table.response(cos_incidence), slab.specular_amplitude());
-            go_on(field::mirrored(k, normal), reflected, photon.mirrors + 1, covered);
+            go_on(field::mirrored(k, normal), reflected, photon.mirrors + 1, photon.scattered, covered);
         }
         if settings.transmission && goes(Event::Transmitted) {
             let through = field::transmit(e, k, normal, &table.response(cos_incidence));
-            go_on(k, through, photon.mirrors, photon.covered);
+            go_on(k, through, photon.mirrors, photon.scattered, photon.covered);
         }
         if s2 > 0.0
             && goes(Event::Scattered)
@@ -185,7 +197,7 @@ impl Photons<'_, '_, '_> {
         {
             let scale = (weight * f64::from(entry.inverse_normalisation)).sqrt();
             let (theta, phi) = (theta_hat(direction), phi_hat(direction));
-            go_on(direction, Field::of_components(out_theta * scale, theta, out_phi * scale, phi), 0, false);
+            go_on(direction, Field::of_components(out_theta * scale, theta, out_phi * scale, phi), 0, true, false);
         }
     }
 }

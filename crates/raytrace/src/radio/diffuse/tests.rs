@@ -49,13 +49,7 @@ fn settings(max_depth: usize) -> RadioSettings {
 }
 
 fn sampling() -> DiffuseSettings {
-    DiffuseSettings {
-        directions: 100_000,
-        photon_patch_m: 0.1,
-        min_mirror_sr: 0.0,
-        photons: 500_000,
-        ..DiffuseSettings::default()
-    }
+    DiffuseSettings { directions: 100_000, patch_size_m: 0.1, min_mirror_sr: 0.0, photons: 500_000, ..DiffuseSettings::default() }
 }
 
 fn power(field: &DiffuseField<'_, '_>, rx: DVec3, belongs: impl Fn(&Contribution) -> bool) -> f64 {
@@ -119,7 +113,7 @@ fn photons_by_one_mirror_bring_what_the_mirror_image_does() {
     let scene = room(walls, Vec3::new(5.0, 4.0, 3.0));
     let tracer = RadioTracer::without_bvh(&scene, RadioSettings { transmission: false, ..settings(2) }).unwrap();
     let (tx, rx) = (DVec3::new(1.0, 1.2, 2.1), DVec3::new(3.9, 2.9, 1.3));
-    let sampling = DiffuseSettings { directions: 20_000, photon_patch_m: 0.25, ..sampling() };
+    let sampling = DiffuseSettings { directions: 20_000, patch_size_m: 0.25, ..sampling() };
     let exact = DiffuseField::new(&tracer, tx, &DiffuseSettings { photons: 0, ..sampling }).unwrap();
     let photons = DiffuseField::of_chain(&tracer, tx, &sampling, &[Event::Specular, Event::Scattered]).unwrap();
     let expected = power(&exact, rx, |c| c.mirrored_before && c.after == 0);
@@ -277,7 +271,8 @@ fn an_element_with_a_pattern_turns_with_its_platform() {
     use crate::radio::AntennaPattern;
     let scene = room(material("wood", 0.04, scatters(0.7, ScatteringPattern::Lambertian)), Vec3::new(3.0, 2.5, 2.5));
     let tracer = RadioTracer::without_bvh(&scene, settings(1)).unwrap();
-    let sampling = DiffuseSettings { directions: 4_000, photons: 0, ..sampling() };
+    // One arrival per direction of the same lattice, whatever the antenna.
+    let sampling = DiffuseSettings { directions: 4_000, photons: 0, resolution_deg: 0.0, ..sampling() };
     let field = DiffuseField::new(&tracer, DVec3::new(1.0, 1.2, 1.1), &sampling).unwrap();
     let rx = DVec3::new(2.2, 0.9, 1.3);
     let iso = field.gather(rx).unwrap();
@@ -290,4 +285,28 @@ fn an_element_with_a_pattern_turns_with_its_platform() {
             assert!((b.power / a.power / gain - 1.0).abs() < 1e-9);
         }
     }
+}
+
+#[test]
+fn a_hot_spot_is_resolved_between_the_directions_of_the_lattice() {
+    let scene = room(material("wood", 0.04, scatters(0.7, ScatteringPattern::Lambertian)), Vec3::new(6.0, 4.0, 3.0));
+    let tracer = RadioTracer::without_bvh(&scene, settings(1)).unwrap();
+    let rx = DVec3::new(5.2, 0.9, 1.3);
+    let field = |directions, resolution_deg, phase| {
+        let sampling = DiffuseSettings { directions, photons: 0, resolution_deg, phase, ..sampling() };
+        DiffuseField::new(&tracer, DVec3::new(0.2, 1.2, 1.1), &sampling).unwrap().gather(rx).unwrap()
+    };
+    // Power per steradian within a few degrees of the hot spot behind the transmitter, where light varies the most.
+    let towards = (DVec3::new(0.0, 1.2, 1.1) - rx).normalize();
+    let near = |arrivals: &[Arrival]| -> f64 {
+        arrivals.iter().map(|a| a.power * (-(1.0 - a.direction.dot(towards)) / 3.0f64.to_radians().powi(2)).exp()).sum()
+    };
+    let truth = near(&field(1_000_000, 0.0, 0));
+    let error = |resolution_deg| -> f64 {
+        let errors = (1..9).map(|phase| (near(&field(4_000, resolution_deg, phase)) / truth - 1.0).powi(2));
+        (errors.sum::<f64>() / 8.0).sqrt()
+    };
+    let (plain, refined) = (error(0.0), error(3.0));
+    assert!(refined < 0.7 * plain, "{refined} {plain}");
+    assert!(refined < 0.03, "{refined}");
 }

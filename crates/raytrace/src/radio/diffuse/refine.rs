@@ -1,0 +1,269 @@
+//! Where neighbouring directions of a receiver's lattice disagree, what lies between them is looked at as well.
+//!
+//! Outlines, shadow edges and things smaller than the lattice's spacing make nearly all of its error; smooth surfaces make none. The cell
+//! of a lattice direction is the parallelogram of its two shortest steps, whose copies tile the sphere. A cell whose power differs from
+//! its neighbours' by more than a share of what a reader of the given angular resolution sees there is cut into k×k directions, and
+//! speaks from then on with their mean.
+
+use super::gather::Look;
+use super::{DIRECTIONS_PER_TASK, DiffuseField};
+use crate::radio::{Antenna, Arrival};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Difference of neighbours that is left alone, over the power within the reader's resolution. About twenty cells lie along an edge through it,
+/// each wrong by this over √12: two per cent together.
+const TOLERATED: f64 = 0.015;
+/// Directions along a cell's side, at most.
+const MOST: usize = 8;
+/// Regions this much fainter than the brightest are left alone.
+const FAINTEST: f64 = 1e-5;
+/// How often refined cells are compared with their neighbours again.
+const ROUNDS: usize = 2;
+
+/// What a cell receives by way of one object seen first.
+#[derive(Clone, Copy)]
+struct Part {
+    object: u32,
+    power: f64,
+    weighted_delay: f64,
+    weighted_direction: DVec3,
+}
+
+/// One direction of the lattice and what is known of its cell.
+struct Cell {
+    index: usize,
+    direction: DVec3,
+    /// Directions along its side that were looked along.
+    side: usize,
+    parts: Vec<Part>,
+}
+
+impl Cell {
+    fn power(&self) -> f64 {
+        self.parts.iter().map(|p| p.power).sum()
+    }
+}
+
+/// A receiver and the lattice it looks along.
+pub(super) struct Gathering<'g, 'f, 't, 'a> {
+    pub field: &'f DiffuseField<'t, 'a>,
+    pub rx: DVec3,
+    pub antenna: &'g Antenna,
+    /// Directions over the whole sphere.
+    pub count: usize,
+    /// What a reader tells apart, degrees; 0 refines nothing.
+    pub resolution_deg: f64,
+}
+
+impl Gathering<'_, '_, '_, '_> {
+    /// The arrivals of those directions that are `wanted`, in the order of the lattice.
+    pub fn arrivals(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+        let mut cells: Vec<Cell> = self.field.each_task(self.count, |range| {
+            let mut look = Look::new(self.field, self.rx, self.antenna, self.count);
+            range
+                .map(|index| (index, self.field.direction(index, self.count)))
+                .filter(|(_, direction)| wanted(*direction))
+                .map(|(index, direction)| {
+                    let mut parts = Vec::new();
+                    along(&mut look, index, direction, 1.0, &mut parts);
+                    Cell { index, direction, side: 1, parts }
+                })
+                .collect()
+        });
+        if self.resolution_deg > 0.0 {
+            for _ in 0..ROUNDS {
+                self.refine(&mut cells);
+            }
+        }
+        cells.iter().flat_map(|cell| &cell.parts).map(Part::arrival).collect()
+    }
+
+    /// Cuts every cell whose neighbours call for it.
+    fn refine(&self, cells: &mut [Cell]) {
+        let sides = self.wanted_sides(cells);
+        cells.par_chunks_mut(DIRECTIONS_PER_TASK).zip(sides.par_chunks(DIRECTIONS_PER_TASK)).for_each(|(cells, sides)| {
+            let mut look = Look::new(self.field, self.rx, self.antenna, self.count);
+            for (cell, &side) in cells.iter_mut().zip(sides).filter(|(cell, side)| **side > cell.side) {
+                let [u, v] = self.steps(cell.index);
+                cell.parts.clear();
+                cell.side = side;
+                for i in 0..side * side {
+                    let at = |k: usize| (k as f64 + 0.5) / side as f64 - 0.5;
+                    let direction = (cell.direction + u * at(i % side) + v * at(i / side)).normalize();
+                    let number = self.count + cell.index * MOST * MOST + i;
+                    along(&mut look, number, direction, 1.0 / (side * side) as f64, &mut cell.parts);
+                }
+            }
+        });
+    }
+
+    /// Directions along the side that each cell's disagreement with its neighbours asks for.
+    fn wanted_sides(&self, cells: &[Cell]) -> Vec<usize> {
+        let mut by_index = vec![f64::NAN; self.count];
+        let mut bins = Bins::new(self.resolution_deg);
+        for cell in cells {
+            by_index[cell.index] = cell.power();
+            bins.add(cell.direction, cell.power());
+        }
+        let seen = bins.around();
+        let least = FAINTEST * seen.iter().fold(0.0, |m: f64, s| m.max(*s));
+        cells
+            .par_iter()
+            .map(|cell| {
+                let whole = seen[bins.at(cell.direction)];
+                if whole <= least {
+                    return 1;
+                }
+                let own = by_index[cell.index];
+                let steps = basis(cell.index, self.count);
+                let differs = steps
+                    .iter()
+                    .flat_map(|&s| [cell.index.checked_sub(s), Some(cell.index + s)])
+                    .filter_map(|neighbour| by_index.get(neighbour?).filter(|power| !power.is_nan()))
+                    .fold(0.0, |m: f64, power| m.max((power - own).abs()));
+                // The error of n samples across an edge falls as n^−¾, and n is the square of the side.
+                ((differs / (TOLERATED * whole)).powf(2.0 / 3.0).ceil() as usize).clamp(1, MOST)
+            })
+            .collect()
+    }
+
+    /// The sides of a cell, as differences of directions.
+    fn steps(&self, index: usize) -> [DVec3; 2] {
+        basis(index, self.count).map(|step| {
+            let (from, to) = if index + step < self.count { (index, index + step) } else { (index.saturating_sub(step), index) };
+            self.field.direction(to, self.count) - self.field.direction(from, self.count)
+        })
+    }
+}
+
+impl Part {
+    fn arrival(&self) -> Arrival {
+        Arrival {
+            direction: self.weighted_direction.normalize_or_zero(),
+            power: self.power,
+            delay_s: self.weighted_delay / self.power,
+            object: self.object,
+            phase_rad: None,
+        }
+    }
+}
+
+/// Looks along one direction and adds what comes from there to the parts of a cell.
+fn along(look: &mut Look<'_, '_, '_>, number: usize, direction: DVec3, share: f64, parts: &mut Vec<Part>) {
+    let (mut power, mut weighted_delay) = (0.0, 0.0);
+    let seen = look.along(number, direction, &mut |c| {
+        power += c.power * share;
+        weighted_delay += c.power * share * c.delay_s;
+    });
+    let Some(object) = seen.filter(|_| power > 0.0) else { return };
+    let weighted_direction = direction * power;
+    match parts.iter_mut().find(|p| p.object == object) {
+        Some(part) => {
+            part.power += power;
+            part.weighted_delay += weighted_delay;
+            part.weighted_direction += weighted_direction;
+        }
+        None => parts.push(Part { object, power, weighted_delay, weighted_direction }),
+    }
+}
+
+/// The index steps to a direction's nearest neighbours: two consecutive Fibonacci numbers, whose cell has the area 4π/count.
+fn basis(index: usize, count: usize) -> [usize; 2] {
+    let z = 1.0 - (2.0 * index as f64 + 1.0) / count as f64;
+    let radius2 = (1.0 - z * z).max(f64::MIN_POSITIVE);
+    let mut best = ([1, 2], f64::INFINITY);
+    let (mut a, mut b) = (1usize, 2usize);
+    // φ⁻¹ of a turn each: after F(k) steps the azimuth is off by φ^−k of a turn.
+    let golden = 0.5 * (5.0f64.sqrt() - 1.0);
+    let mut turn = golden * golden;
+    let length2 = |step: usize, turn: f64| {
+        (std::f64::consts::TAU * turn).powi(2) * radius2 + (2.0 * step as f64 / count as f64).powi(2) / radius2
+    };
+    while b < count {
+        let both = length2(a, turn) + length2(b, turn * golden);
+        if both < best.1 {
+            best = ([a, b], both);
+        }
+        (a, b, turn) = (b, a + b, turn * golden);
+    }
+    best.0
+}
+
+/// Power on an octahedral map of the sphere, in bins about as wide as the resolution.
+struct Bins {
+    side: usize,
+    power: Vec<f64>,
+}
+
+impl Bins {
+    fn new(resolution_deg: f64) -> Self {
+        let side = ((4.0 * std::f64::consts::PI).sqrt() / resolution_deg.to_radians()).ceil().clamp(4.0, 4096.0) as usize;
+        Self { side, power: vec![0.0; side * side] }
+    }
+
+    fn at(&self, d: DVec3) -> usize {
+        let scale = 1.0 / (d.x.abs() + d.y.abs() + d.z.abs()).max(f64::MIN_POSITIVE);
+        let (x, y) = (d.x * scale, d.y * scale);
+        // The lower half is folded out over the square's corners.
+        let (x, y) = if d.z >= 0.0 { (x, y) } else { ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y)) };
+        let cell = |t: f64| (((t + 1.0) * 0.5 * self.side as f64) as usize).min(self.side - 1);
+        cell(y) * self.side + cell(x)
+    }
+
+    fn add(&mut self, direction: DVec3, power: f64) {
+        let at = self.at(direction);
+        self.power[at] += power;
+    }
+
+    /// Sums over every bin and the eight around it, across the folds too.
+    fn around(&self) -> Vec<f64> {
+        let last = self.side as i64 - 1;
+        let folded = |x: i64, y: i64| {
+            let (x, y) = if (0..=last).contains(&x) { (x, y) } else { (x.clamp(0, last), last - y) };
+            let (x, y) = if (0..=last).contains(&y) { (x, y) } else { (last - x, y.clamp(0, last)) };
+            self.power[(y * (last + 1) + x) as usize]
+        };
+        (0..self.power.len() as i64)
+            .into_par_iter()
+            .map(|i| {
+                let (x, y) = (i % (last + 1), i / (last + 1));
+                (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy))).map(|(x, y)| folded(x, y)).sum()
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::radio::lattice;
+
+    #[test]
+    fn two_steps_span_the_cell_of_every_direction() {
+        let count = 20_000;
+        let cell_sr = 4.0 * std::f64::consts::PI / count as f64;
+        for index in (1000..count - 1000).step_by(37) {
+            let [a, b] = basis(index, count).map(|step| {
+                let to = if index + step < count { index + step } else { index - step };
+                lattice::fibonacci(to, count) - lattice::fibonacci(index, count)
+            });
+            let area = a.cross(b).length();
+            // The sphere curves between the three: towards the poles, where few cells make a turn, by some per cent.
+            assert!((area / cell_sr - 1.0).abs() < 0.05, "{index}: {}", area / cell_sr);
+            assert!(a.length().max(b.length()) < 2.0 * cell_sr.sqrt(), "{index}: {a} {b}");
+        }
+    }
+
+    #[test]
+    fn bins_around_a_direction_hold_what_lies_near_it() {
+        let mut rng = corf_scene::Rng::keyed(3, 0, 0);
+        for _ in 0..2000 {
+            let d = DVec3::new(rng.normal(), rng.normal(), rng.normal()).normalize();
+            let near = (d + 0.4f64.to_radians() * DVec3::new(rng.normal(), rng.normal(), rng.normal()).normalize()).normalize();
+            let mut bins = Bins::new(2.0);
+            bins.add(near, 1.0);
+            assert_eq!(bins.around()[bins.at(d)], 1.0, "{d} {near}");
+        }
+    }
+}

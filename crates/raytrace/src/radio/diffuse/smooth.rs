@@ -1,0 +1,134 @@
+//! What few photons say of a patch, weighed against what many say of its surroundings.
+//!
+//! Photons are counted: a dark patch's estimate is noise long before its neighbourhood's is. Patches form blocks of 4×4, blocks form
+//! regions of 4×4. From its members' spread a block's own variation τ² is what counting photons does not explain, and every member is
+//! drawn towards the block's mean by the share v/(τ² + v) that noise v has in what is seen of it (empirical Bayes). Where light varies,
+//! at shadow edges and in corners, τ² is large and nothing happens; the power of every block and region stays what it was.
+
+/// One of several estimates of the same kind.
+#[derive(Clone, Copy, Debug)]
+pub struct Member {
+    pub area_m2: f64,
+    /// Sum of its photons' powers.
+    pub power: f64,
+}
+
+/// Weights of the members' own estimates against their common mean, then the factor that keeps their total; `spread` is Σp²/Σp of the
+/// photons, the power of a typical one.
+///
+/// A member's noise is that of the mean's rate on its area, not of its own photons: a patch where none fell by chance is not certain.
+pub fn own_shares(members: &[Member], spread: f64) -> Vec<f64> {
+    let area_m2: f64 = members.iter().map(|m| m.area_m2).sum();
+    let mean = members.iter().map(|m| m.power).sum::<f64>() / area_m2;
+    let noise = |m: &Member| mean * spread / m.area_m2;
+    let variance: f64 = members
+        .iter()
+        .map(|m| m.area_m2 * ((m.power / m.area_m2 - mean).powi(2) - noise(m) * (1.0 - m.area_m2 / area_m2)))
+        .sum::<f64>()
+        / area_m2;
+    let own = variance.max(0.0);
+    members.iter().map(|m| if mean > 0.0 { own / (own + noise(m)) } else { 1.0 }).collect()
+}
+
+/// Tables of sums, one of each member of a region, drawn towards their blocks and these towards the region; `power` and `squares` are the
+/// places of Σp and Σp² in a table.
+pub fn smooth(blocks: &mut [Vec<(f64, Vec<f32>)>], power: usize, squares: usize) {
+    let wholes: Vec<(f64, Vec<f32>)> = blocks.iter().map(|block| pooled(block)).collect();
+    let means = drawn(&wholes, None, power, squares);
+    for (block, mean) in blocks.iter_mut().zip(means) {
+        let tables = drawn(block, Some(&mean), power, squares);
+        block.iter_mut().zip(tables).for_each(|((_, table), new)| *table = new);
+    }
+}
+
+/// Area and sums of all members together.
+fn pooled(members: &[(f64, Vec<f32>)]) -> (f64, Vec<f32>) {
+    let mut sum = vec![0f32; members[0].1.len()];
+    for (_, table) in members {
+        sum.iter_mut().zip(table).for_each(|(s, v)| *s += v);
+    }
+    (members.iter().map(|m| m.0).sum(), sum)
+}
+
+/// The members' tables, each drawn towards what all of them say together, or towards `target`, sums over all their area, if that is known better.
+fn drawn(members: &[(f64, Vec<f32>)], target: Option<&Vec<f32>>, power: usize, squares: usize) -> Vec<Vec<f32>> {
+    let (area_m2, own_sum) = pooled(members);
+    let target = target.unwrap_or(&own_sum);
+    if own_sum[power] <= 0.0 || members.len() < 2 {
+        return match members {
+            [_] => vec![target.clone()],
+            _ => members.iter().map(|(own_m2, _)| scaled(target, own_m2 / area_m2)).collect(),
+        };
+    }
+    let described: Vec<Member> = members.iter().map(|m| Member { area_m2: m.0, power: f64::from(m.1[power]) }).collect();
+    let shares = own_shares(&described, f64::from(own_sum[squares] / own_sum[power]));
+    let mut tables: Vec<Vec<f32>> = members
+        .iter()
+        .zip(&shares)
+        .map(|((own_m2, table), share)| {
+            let (own, common) = (*share as f32, ((1.0 - share) * own_m2 / area_m2) as f32);
+            table.iter().zip(target).map(|(v, t)| own * v + common * t).collect()
+        })
+        .collect();
+    let kept: f64 = tables.iter().map(|t| f64::from(t[power])).sum();
+    if kept > 0.0 {
+        let factor = f64::from(target[power]) / kept;
+        tables.iter_mut().flatten().for_each(|v| *v = (f64::from(*v) * factor) as f32);
+    }
+    tables
+}
+
+fn scaled(table: &[f32], factor: f64) -> Vec<f32> {
+    table.iter().map(|v| (f64::from(*v) * factor) as f32).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use corf_scene::Rng;
+
+    /// Photons of unit power on `true_rates` × area, counted.
+    fn counted(rng: &mut Rng, true_rates: &[f64]) -> Vec<(f64, Vec<f32>)> {
+        true_rates
+            .iter()
+            .map(|rate| {
+                let mut n = 0;
+                let mut left = (-rate).exp();
+                let mut u = rng.uniform_f64();
+                // Poisson numbers by their cumulative distribution.
+                while u > left && n < 400 {
+                    u -= left;
+                    n += 1;
+                    left *= rate / f64::from(n);
+                }
+                (1.0, vec![n as f32, n as f32])
+            })
+            .collect()
+    }
+
+    fn error(blocks: &[Vec<(f64, Vec<f32>)>], rates: &[Vec<f64>]) -> f64 {
+        let pairs = blocks.iter().flatten().zip(rates.iter().flatten());
+        pairs.map(|((_, t), r)| (f64::from(t[0]) - r).powi(2)).sum::<f64>()
+    }
+
+    #[test]
+    fn even_light_is_smoothed_and_an_edge_is_kept() {
+        let mut rng = Rng::keyed(5, 0, 0);
+        let even = vec![vec![9.0; 16]; 16];
+        // Half of every block lies in shadow.
+        let edge = vec![(0..16).map(|i| if i % 4 < 2 { 200.0 } else { 2.0 }).collect::<Vec<f64>>(); 16];
+        for (rates, at_most) in [(&even, 0.15), (&edge, 1.1)] {
+            let (mut before, mut after) = (0.0, 0.0);
+            for _ in 0..20 {
+                let mut blocks: Vec<_> = rates.iter().map(|r| counted(&mut rng, r)).collect();
+                before += error(&blocks, rates);
+                let whole: f64 = blocks.iter().flatten().map(|b| f64::from(b.1[0])).sum();
+                smooth(&mut blocks, 0, 1);
+                after += error(&blocks, rates);
+                let kept: f64 = blocks.iter().flatten().map(|b| f64::from(b.1[0])).sum();
+                assert!((kept / whole - 1.0).abs() < 1e-5, "{whole} {kept}");
+            }
+            assert!(after < at_most * before, "{after} of {before}");
+        }
+    }
+}
