@@ -5,7 +5,7 @@ mod expand;
 use crate::{
     Device, Error, Field, FieldMeta, Prediction, Result,
     config::{Coupling, ReconstructionConfig, SecondStageOpacity},
-    depth::{DepthPrior, GreyView},
+    depth::{self, DepthPrior, GreyView},
     device::{Planes, Step, StepReport},
     schedule::{Schedule, StageWeights},
     sensor::RfSensor,
@@ -130,6 +130,10 @@ impl Reconstructor {
                     "use fewer levels or larger images",
                 ));
             }
+        }
+        if optical_camera.width.saturating_mul(optical_camera.height) > depth::patch::MAX_PIXELS {
+            let what = format!("{}x{} pixels are more than 2^24", optical_camera.width, optical_camera.height);
+            return Err(Error::invalid("the optical camera", what, "reconstruct from smaller images"));
         }
         Ok(Self {
             prior: DepthPrior::new(&config.depth, seed),
