@@ -275,7 +275,12 @@ impl Kernel for Similarity<'_> {
                 d_xx.store(&mut buffers[padded + MARGIN + at..padded + MARGIN + at + L::WIDTH]);
                 d_xy.store(&mut buffers[2 * padded + MARGIN + at..2 * padded + MARGIN + at + L::WIDTH]);
             }
-            sums[0] = similarity[..t.width].iter().map(|v| f64::from(*v)).sum();
+            similarity[t.width..].fill(0.0);
+            let mut sum = L::splat(0.0);
+            for at in (0..stride).step_by(L::WIDTH) {
+                sum = sum + L::load(&similarity[at..at + L::WIDTH]);
+            }
+            sums[0] = f64::from(sum.sum());
             for (buffer, out) in buffers.chunks_exact_mut(padded).zip(out.chunks_exact_mut(stride)) {
                 // Beyond the border there is no S.
                 buffer[MARGIN + t.width..].fill(0.0);

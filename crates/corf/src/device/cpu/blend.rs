@@ -138,10 +138,10 @@ impl<L: Lanes> Walk<L> {
         (power, power.ge(self.cutoff))
     }
 
-    /// o·ρ·exp(−σ).
+    /// o·ρ·exp(−σ) of pixels that are reached; elsewhere it means nothing.
     #[inline(always)]
     fn alpha(&self, power: L) -> L {
-        self.opacity * power.min(L::splat(0.0)).exp2()
+        self.opacity * power.exp2_in_range()
     }
 }
 

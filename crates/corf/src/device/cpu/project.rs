@@ -337,12 +337,20 @@ fn emit_tiles(grid: &Grid, [u, v]: [f32; 2], q: [f32; 3], tau: f32, [width, heig
     }
     let (columns, rows) = (grid.width.div_ceil(TILE_WIDTH) as i32, grid.height.div_ceil(TILE_HEIGHT) as i32);
     let before = out.len();
+    let (y0, y1) = span(v - height, v + height, TILE_HEIGHT, rows);
+    let (x0, x1) = span(u - width, u + width, TILE_WIDTH, columns);
+    if y0 == y1 && x0 >= x1 {
+        // Most splats of a small image: the box says all.
+        if x0 == x1 {
+            out.push((y0 * columns + x0) as u32);
+        }
+        return out.len() > before;
+    }
     let [qa, qb, qc] = q;
     let determinant = qa * qc - qb * qb;
     let (slope, inverse_a) = (-qb / qa, 1.0 / qa);
     // Height, relative to the mean, at which the ellipse reaches farthest to the right; to the left it is the opposite.
     let rightmost = -qb / qc * width;
-    let (y0, y1) = span(v - height, v + height, TILE_HEIGHT, rows);
     for ty in y0..=y1 {
         // The ellipse between the first and the last pixel row of the tiles is convex: it meets a tile if its extent in x does.
         let low = (ty as f32 * TILE_HEIGHT as f32 + 0.5 - v).max(-height);

@@ -50,10 +50,15 @@ pub(crate) trait Lanes:
     /// `2^x`; relative error below 2.4e-7 for x in [-125, 127], clamped below.
     #[inline(always)]
     fn exp2(self) -> Self {
+        self.max(Self::splat(-125.0)).exp2_in_range()
+    }
+
+    /// [`Self::exp2`] for x in [-125, 127]; elsewhere the result means nothing.
+    #[inline(always)]
+    fn exp2_in_range(self) -> Self {
         // The polynomial of degree 5 nearest to 2^f for |f| ≤ 1/2 in relative error: 7.5e-8, the rest is rounding.
-        let x = self.max(Self::splat(-125.0));
-        let n = x.round();
-        let f = x - n;
+        let n = self.round();
+        let f = self - n;
         let mut p = Self::splat(1.327_647_2e-3);
         p = p.mul_add(f, Self::splat(9.675_541e-3));
         p = p.mul_add(f, Self::splat(5.550_713e-2));
