@@ -6,6 +6,7 @@ use crate::{
     stage,
 };
 use corf_scene::Rng;
+use serde::{Deserialize, Serialize};
 
 /// What one stage of the optimisation trains.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +34,31 @@ pub struct Schedule {
     online: Vec<(ViewId, u32)>,
 }
 
+/// What a [`Schedule`] has drawn so far.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ScheduleState {
+    steps_drawn: u64,
+    visits: Vec<usize>,
+    online: Vec<(usize, u32)>,
+}
+
 impl Schedule {
+    /// What it has drawn so far.
+    pub fn state(&self) -> ScheduleState {
+        ScheduleState {
+            steps_drawn: self.steps_drawn,
+            visits: self.views.iter().map(|v| v.1).collect(),
+            online: self.online.iter().map(|(view, level)| (view.0, *level)).collect(),
+        }
+    }
+
+    /// Goes on as if a schedule with the same views had drawn it; views beyond those it knew are new.
+    pub fn restore(&mut self, state: &ScheduleState) {
+        self.steps_drawn = state.steps_drawn;
+        self.views.iter_mut().zip(&state.visits).for_each(|(view, visits)| view.1 = *visits);
+        self.online = state.online.iter().map(|&(view, level)| (ViewId(view), level)).collect();
+    }
+
     /// An empty buffer.
     pub fn new(seed: u64, rf_floor: [f32; 3]) -> Self {
         Self { seed, steps_drawn: 0, views: Vec::new(), rf_floor, depth_weight: 0.0, online: Vec::new() }

@@ -1,7 +1,9 @@
 //! CORF-GS and its ablations.
 
+mod online;
+
 use crate::device::Backend;
-use crate::method::{Advance, Method, Predictor, TrainingSet};
+use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::metrics::Prediction;
 use anyhow::{Context, Result};
 use corf::config::{Coupling, ReconstructionConfig, Sampling};
@@ -10,6 +12,7 @@ use corf::target::RfTarget;
 use corf::{Device, Field, Reconstructor};
 use corf_scene::dataset::Dataset;
 use corf_scene::{Raster, Rigid3, color};
+use online::{Keeper, Online};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -56,6 +59,7 @@ pub struct CorfGs {
     id: String,
     config: CorfGsConfig,
     backend: Backend,
+    checkpoints: Option<Checkpoints>,
 }
 
 impl CorfGs {
@@ -79,7 +83,7 @@ impl CorfGs {
             "corf-gs-rf-tuned" => reconstruction.coupling = Coupling::RfTuned,
             _ => {}
         }
-        Ok(Self { id: id.to_owned(), config, backend: backend.clone() })
+        Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None })
     }
 }
 
@@ -100,22 +104,25 @@ impl Method for CorfGs {
         self.config.reconstruction.consumes_ground_truth_depth()
     }
 
+    fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {
+        self.checkpoints = Some(checkpoints);
+    }
+
     fn reconstruct(
         &self,
         training: &TrainingSet<'_>,
         seed: u64,
-        advance: &mut dyn FnMut(Advance) -> Result<()>,
+        advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
         let config = &self.config.reconstruction;
         let device = self.config.device(&self.backend)?;
         let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
-        let mut reconstructor = Reconstructor::new(device, config.clone(), optical, rf, range, seed)?;
+        let reconstructor = Reconstructor::new(device, config.clone(), optical, rf, range, seed)?;
         let stages = if config.coupling == Coupling::Joint { 1 } else { 2 };
         let total = training.len() * stages + self.config.fine_tune_epochs;
-        for k in 0..training.len() {
-            let report = reconstructor.push(&training.keyframe(k)?)?;
-            advance(Advance { done: k + 1, total, gaussians: Some(report.gaussians) })?;
-        }
+        let mut online = Online { reconstructor, training, keeper: Keeper::new(self), total };
+        online.run(advance)?;
+        let Online { mut reconstructor, .. } = online;
         // The second stage counts as many units as the first had keyframes.
         let mut relay = Relay { advance, failure: None };
         let second = (stages - 1) * training.len();
@@ -124,20 +131,20 @@ impl Method for CorfGs {
         let before = training.len() * stages;
         let ended = reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| relay.tell(before + done, total));
         relay.settle(ended)?;
-        (relay.advance)(Advance { done: total, total, gaussians: Some(reconstructor.gaussian_count()) })?;
+        (relay.advance)(Advance { gaussians: Some(reconstructor.gaussian_count()), ..Advance::of(total, total) })?;
         Ok(Box::new(CorfField::new(reconstructor.field(), &self.config, &self.backend)?))
     }
 }
 
 /// Passes progress on to the harness, and what the harness answers back through the reconstruction.
 struct Relay<'a> {
-    advance: &'a mut dyn FnMut(Advance) -> Result<()>,
+    advance: &'a mut dyn FnMut(Advance<'_>) -> Result<()>,
     failure: Option<anyhow::Error>,
 }
 
 impl Relay<'_> {
     fn tell(&mut self, done: usize, total: usize) -> ControlFlow<()> {
-        match (self.advance)(Advance { done, total, gaussians: None }) {
+        match (self.advance)(Advance::of(done, total)) {
             Ok(()) => ControlFlow::Continue(()),
             Err(error) => {
                 self.failure = Some(error);

@@ -34,13 +34,19 @@ pub fn align(mono: &Raster<f32>, anchors: &[SparseDepth], config: &DepthConfig, 
         Alignment::Huber => by_huber(&pairs),
         Alignment::Ransac => by_ransac(&pairs, seed, stage),
     }?;
-    let far = (1.0 / config.far_m) as f32;
-    let near = (1.0 / config.near_m) as f32;
-    let (scale, offset) = (scale as f32, offset as f32);
-    let raw = mono.map(|&m| scale * m + offset);
-    let mut confidence = edge_confidence(mono);
-    confidence.pixels_mut().iter_mut().zip(raw.pixels()).filter(|(_, r)| **r < far).for_each(|(c, _)| *c = 0.0);
-    Some(AlignedPrior { inverse_depth: raw.map(|r| r.clamp(far, near)), confidence, scale, offset })
+    Some(AlignedPrior::new(mono, scale as f32, offset as f32, config))
+}
+
+impl AlignedPrior {
+    /// A prior with a scale and an offset that are known.
+    pub fn new(mono: &Raster<f32>, scale: f32, offset: f32, config: &DepthConfig) -> Self {
+        let far = (1.0 / config.far_m) as f32;
+        let near = (1.0 / config.near_m) as f32;
+        let raw = mono.map(|&m| scale * m + offset);
+        let mut confidence = edge_confidence(mono);
+        confidence.pixels_mut().iter_mut().zip(raw.pixels()).filter(|(_, r)| **r < far).for_each(|(c, _)| *c = 0.0);
+        Self { inverse_depth: raw.map(|r| r.clamp(far, near)), confidence, scale, offset }
+    }
 }
 
 /// The middle value (the upper one of an even count); `values` is not empty.

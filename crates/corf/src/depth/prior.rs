@@ -38,6 +38,17 @@ impl DepthPrior {
         }
     }
 
+    /// Refuses a keyframe that [`Self::estimate`] could not use.
+    ///
+    /// # Errors
+    /// As [`Self::estimate`].
+    pub fn check(&self, keyframe: &Keyframe) -> Result<()> {
+        match self {
+            Self::Simulated(_) => SimulatedPrior::depth_of(keyframe).map(|_| ()),
+            Self::None => Ok(()),
+        }
+    }
+
     /// Whether results made with this prior must say that they used ground-truth depth.
     pub fn consumes_ground_truth_depth(&self) -> bool {
         matches!(self, Self::Simulated(_))
@@ -83,20 +94,26 @@ impl SimulatedPrior {
         Self { seed, gamma, lambda, kappa, field: None }
     }
 
+    /// The depth of a keyframe that has one.
+    fn depth_of(keyframe: &Keyframe) -> Result<&Raster<f32>> {
+        let help = "generate the dataset with depth, or set depth.prior = \"none\"";
+        let place = || format!("keyframe {}, simulated depth prior", keyframe.index);
+        let depth = keyframe.depth_m.as_ref().ok_or_else(|| Error::invalid(place(), "the keyframe carries no depth", help))?;
+        if !depth.pixels().iter().any(|z| *z > 0.0 && z.is_finite()) {
+            return Err(Error::invalid(place(), "no pixel has a positive, finite depth", help));
+        }
+        Ok(depth)
+    }
+
     /// The affine-invariant inverse depth this network would have given.
     ///
     /// # Errors
     /// A keyframe without depth, or with no finite depth at all.
     pub fn estimate(&mut self, keyframe: &Keyframe) -> Result<Raster<f32>> {
-        let help = "generate the dataset with depth, or set depth.prior = \"none\"";
-        let place = || format!("keyframe {}, simulated depth prior", keyframe.index);
-        let depth = keyframe.depth_m.as_ref().ok_or_else(|| Error::invalid(place(), "the keyframe carries no depth", help))?;
+        let depth = Self::depth_of(keyframe)?;
         let (w, h) = (depth.width(), depth.height());
         let inverse = depth.map(|&z| if z > 0.0 && z.is_finite() { 1.0 / f64::from(z) } else { 0.0 });
         let mut hit: Vec<f64> = inverse.pixels().iter().copied().filter(|&d| d > 0.0).collect();
-        if hit.is_empty() {
-            return Err(Error::invalid(place(), "no pixel has a positive, finite depth", help));
-        }
         let middle = hit.len() / 2;
         let median = *hit.select_nth_unstable_by(middle, f64::total_cmp).1;
 
