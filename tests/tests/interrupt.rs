@@ -64,7 +64,8 @@ fn reconstruction_resumes_to_the_same_bytes() {
 fn a_reconstruction_resumes_behind_its_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
     let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
-    let common = ["reconstruct", text(tiny_dataset()), "--seed", "4", "--device", "cpu", "--checkpoint-every", "2", "--fine-tune", "1"];
+    let common =
+        ["reconstruct", text(tiny_dataset()), "--seed", "4", "--device", "cpu", "--checkpoint-every", "2", "--fine-tune", "1"];
     corf_ok(&[&common[..], &["--out", text(&whole)]].concat());
     assert!(!whole.join("checkpoint").exists(), "a finished run needs none");
     let arguments = [&common[..], &["--out", text(&broken)]].concat();

@@ -639,7 +639,8 @@ mod tests {
             let words: Vec<u32> = (0..100).map(|i| i | (1000 + i) << 16).collect();
             let (mut low, mut high) = ([0.0_f32; 16], [0.0_f32; 16]);
             let found = L::gather_pairs(&words, L::load(&numbers) - L::splat(1.0));
-            (found.0.store(&mut low), found.1.store(&mut high));
+            found.0.store(&mut low);
+            found.1.store(&mut high);
             for i in 0..L::WIDTH {
                 let held = (numbers[i] - 1.0).clamp(0.0, 99.0);
                 assert_eq!((low[i], high[i]), (held, 1000.0 + held));

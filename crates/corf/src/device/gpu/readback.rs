@@ -52,7 +52,7 @@ impl Store {
 }
 
 /// Geometry and opacities, Gaussian by Gaussian.
-pub(super) fn cores(g: &Gaussians) -> Vec<f32> {
+fn cores(g: &Gaussians) -> Vec<f32> {
     let mut out = Vec::with_capacity(g.len() * CORE);
     for i in 0..g.len() {
         out.extend(g.position[i]);
@@ -61,4 +61,93 @@ pub(super) fn cores(g: &Gaussians) -> Vec<f32> {
         out.extend([g.optical.opacity_logit[i], g.rf.opacity_logit[i]]);
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use crate::{
+        Device, Gaussians, OptimizerConfig, RasterConfig,
+        device::{
+            Outline, Planes, Step, TrainingView, ViewId,
+            gpu::{GpuDevice, GpuOptions, adapter_name},
+        },
+    };
+    use corf_scene::{Pinhole, Rigid3, Rng};
+
+    fn some(count: usize) -> Gaussians {
+        let mut rng = Rng::keyed(8, 0, 0);
+        let mut g = Gaussians::empty(1, 1);
+        for _ in 0..count {
+            g.position.push([(rng.uniform() - 0.5) * 4.0, (rng.uniform() - 0.5) * 3.0, 2.0 + rng.uniform()]);
+            g.rotation.push([0; 4].map(|_| rng.normal() as f32));
+            g.log_scale.push([0; 3].map(|_| -3.0 + rng.uniform()));
+            for a in [&mut g.optical, &mut g.rf] {
+                a.opacity_logit.push(rng.uniform());
+                a.sh.extend((0..a.stride()).map(|_| rng.uniform() - 0.5));
+            }
+        }
+        g
+    }
+
+    fn view() -> TrainingView {
+        let (optical_camera, rf_camera) =
+            (Pinhole::from_horizontal_fov(40, 30, 90.0), Pinhole::from_horizontal_fov(24, 16, 90.0));
+        let planes = |c: &Pinhole, channels: usize| Planes {
+            width: c.width,
+            height: c.height,
+            channels,
+            pixels: (0..c.width * c.height * channels).map(|i| (i % 17) as f32 / 17.0).collect(),
+        };
+        TrainingView {
+            world_from_camera: Rigid3::IDENTITY,
+            optical: planes(&optical_camera, 3),
+            optical_camera,
+            rf: planes(&rf_camera, 1),
+            rf_camera,
+            inverse_depth: None,
+        }
+    }
+
+    #[test]
+    fn a_restored_device_goes_on_to_the_same_bytes() {
+        let options = GpuOptions { software: true, ..GpuOptions::default() };
+        if adapter_name(&options).is_none() {
+            assert!(std::env::var_os("CORF_REQUIRE_GPU").is_none_or(|v| v != "1"), "no adapter");
+            println!("skipped: no adapter");
+            return;
+        }
+        let g = some(300);
+        let device = |g: &Gaussians| GpuDevice::new(&options, OptimizerConfig::default(), RasterConfig::default(), g).unwrap();
+        let step = Step {
+            view: ViewId(0),
+            level: 0,
+            optical_weight: 1.0,
+            rf_weight: 0.5,
+            depth_weight: 0.0,
+            train_geometry: true,
+            optical_background: [0.1, 0.2, 0.3],
+            rf_background: [0.0; 3],
+        };
+        let mut first = device(&g);
+        first.upload(&view(), 2).unwrap();
+        first.train(&[step; 5]).unwrap();
+        let state = first.state().unwrap();
+        assert!(state.moments[1].position.iter().flatten().any(|v| *v > 0.0) && state.position_rate.iter().any(|r| *r < 1.0));
+        assert_eq!(first.outlines().unwrap(), Outline::of(&state.gaussians));
+        let mut empty = Gaussians::empty(1, 1);
+        let mut second = device(&empty);
+        assert!(first.restore(&state).is_err(), "it holds Gaussians");
+        second.restore(&state).unwrap();
+        assert!(second.state().unwrap() == state);
+        // The second gets its view by way of the packer: what that builds is what upload builds.
+        let packed = second.packer().unwrap()(&view(), 2).unwrap();
+        second.upload_packed(packed).unwrap();
+        first.train(&[step; 5]).unwrap();
+        second.train(&[step; 5]).unwrap();
+        assert!(second.state().unwrap() == first.state().unwrap());
+        empty.optical.sh_degree = 2;
+        assert!(device(&empty).restore(&state).is_err(), "other harmonics");
+    }
 }
