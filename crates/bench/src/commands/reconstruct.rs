@@ -22,7 +22,7 @@ pub struct Reconstruct {
     /// Output folder of the run.
     #[arg(long)]
     out: PathBuf,
-    /// Method: corf-gs, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, nearest, inverse-distance.
+    /// Method: corf-gs, corf-gs-fast, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, nearest, inverse-distance.
     #[arg(long, default_value = "corf-gs")]
     method: String,
     /// TOML file with keys of the method's configuration.
@@ -65,7 +65,7 @@ impl Reconstruct {
                     "--set {line} is not KEY=VALUE in TOML notation\n  help: strings need quotes, e.g. --set 'rf_target=\"db\"'"
                 )
             })?;
-            merge(&mut table, parsed);
+            methods::merge(&mut table, parsed);
         }
         if let Some(epochs) = self.fine_tune {
             table.insert("fine_tune_epochs".to_owned(), toml::Value::Integer(i64::try_from(epochs)?));
@@ -160,16 +160,4 @@ fn summary(info: &RunInfo) -> String {
         }
     }
     text
-}
-
-/// Puts `from` over `into`, table by table.
-fn merge(into: &mut toml::Table, from: toml::Table) {
-    for (key, value) in from {
-        match (into.get_mut(&key), value) {
-            (Some(toml::Value::Table(old)), toml::Value::Table(new)) => merge(old, new),
-            (_, value) => {
-                into.insert(key, value);
-            }
-        }
-    }
 }
