@@ -4,6 +4,7 @@ use super::view::Warp;
 use crate::device::cpu::simd::{Isa, Kernel, Lanes};
 use corf_scene::Raster;
 use glam::Vec2;
+use rayon::prelude::*;
 
 /// Grey values in `[0, 1]` as 16-bit numbers, each beside its right neighbour: bilinear interpolation takes two loads instead of four.
 #[derive(Clone, Debug)]
@@ -24,9 +25,10 @@ impl GreyImage {
     /// Stores an image with values in `[0, 1]`.
     pub fn new(image: &Raster<f32>) -> Self {
         let (width, height) = (image.width(), image.height());
-        let words: Vec<u32> = image.pixels().iter().map(|v| (v.clamp(0.0, 1.0) * FULL).round() as u32).collect();
-        let right = |i: usize| words[if (i + 1).is_multiple_of(width) { i } else { i + 1 }];
-        let pairs = (0..words.len()).map(|i| words[i] | right(i) << 16).collect();
+        let word = |v: f32| (v.clamp(0.0, 1.0) * FULL).round() as u32;
+        let pixels = image.pixels();
+        let pair = |i: usize| word(pixels[i]) | word(pixels[if (i + 1).is_multiple_of(width) { i } else { i + 1 }]) << 16;
+        let pairs = (0..pixels.len()).into_par_iter().with_min_len(1024).map(pair).collect();
         Self { width, height, pairs, isa: Isa::detect() }
     }
 

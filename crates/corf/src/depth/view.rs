@@ -3,6 +3,7 @@
 use super::patch::GreyImage;
 use corf_scene::{Pinhole, Raster, Rigid3};
 use glam::{DVec3, Mat2, Mat3, Vec2, Vec3};
+use rayon::prelude::*;
 
 /// Widest image the coarse sweep works on, pixels; larger images are averaged over 2^l blocks first.
 const COARSE_WIDTH: usize = 320;
@@ -29,7 +30,9 @@ pub struct GreyView {
 impl GreyView {
     /// Builds the view of an sRGB image.
     pub fn new(index: usize, image: &Raster<[u8; 3]>, camera: Pinhole, world_from_camera: Rigid3) -> Self {
-        let fine = image.map(|c| (0.299 * f32::from(c[0]) + 0.587 * f32::from(c[1]) + 0.114 * f32::from(c[2])) / 255.0);
+        let luma = |c: &[u8; 3]| (0.299 * f32::from(c[0]) + 0.587 * f32::from(c[1]) + 0.114 * f32::from(c[2])) / 255.0;
+        let fine = image.pixels().par_iter().with_min_len(1024).map(luma).collect();
+        let fine = Raster::from_vec(image.width(), image.height(), fine);
         let mut coarse_level = 0;
         while camera.width >> coarse_level > COARSE_WIDTH {
             coarse_level += 1;

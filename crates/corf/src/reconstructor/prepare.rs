@@ -11,6 +11,7 @@ use crate::{
     stage,
 };
 use corf_scene::{Keyframe, Raster};
+use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -129,7 +130,7 @@ impl Preparer {
             width: keyframe.image.width(),
             height: keyframe.image.height(),
             channels: 3,
-            pixels: keyframe.image.pixels().iter().flat_map(|c| c.map(|v| f32::from(v) / 255.0)).collect(),
+            pixels: keyframe.image.pixels().as_flattened().par_iter().with_min_len(1024).map(|v| f32::from(*v) / 255.0).collect(),
         };
         TrainingView {
             world_from_camera: keyframe.world_from_camera,
