@@ -1,5 +1,6 @@
 //! The online update operator U (paper Eq. (9)): expand the field where a new keyframe needs it, then optimise.
 
+mod admit;
 mod checkpoint;
 mod expand;
 mod latency;
@@ -170,19 +171,6 @@ impl Reconstructor {
         Ok(())
     }
 
-    /// Checks a keyframe and counts it as the latest of the sequence.
-    fn admit(&mut self, keyframe: &Keyframe) -> Result<()> {
-        self.check(keyframe)?;
-        if let Some((_, last)) = self.last_pose
-            && self.baselines_m.len() < self.config.scale_baselines
-        {
-            self.baselines_m.push((keyframe.world_from_camera.translation - last.translation).length());
-        }
-        self.last_pose = Some((keyframe.index, keyframe.world_from_camera));
-        self.keyframes_received += 1;
-        Ok(())
-    }
-
     /// Takes time off the waiting of all keyframes received so far, in which the caller was busy with something else, such as reading files.
     pub fn discount_wait(&mut self, idle: Duration) {
         let received = self.arrivals.iter_mut().map(|a| &mut a.received).chain(self.ready.iter_mut().map(|p| &mut p.received));
@@ -328,36 +316,6 @@ impl Reconstructor {
         }
     }
 
-    /// Refuses a keyframe that does not belong to the sequence.
-    fn check(&self, keyframe: &Keyframe) -> Result<()> {
-        let place = || format!("keyframe {}", keyframe.index);
-        if self.finished {
-            return Err(Error::invalid(place(), "the sequence has ended", "push every keyframe before Reconstructor::finish"));
-        }
-        check_size(&place(), "optical image", (keyframe.image.width(), keyframe.image.height()), &self.meta.optical_camera)?;
-        check_size(&place(), "spectrum", (keyframe.spectrum.width(), keyframe.spectrum.height()), &self.meta.rf_camera)?;
-        if let Some(depth) = &keyframe.depth_m {
-            check_size(&place(), "depth", (depth.width(), depth.height()), &self.meta.optical_camera)?;
-        }
-        if let Some(surface) = &keyframe.surface {
-            check_size(&place(), "surface index", (surface.width(), surface.height()), &self.meta.optical_camera)?;
-        }
-        let pose = &keyframe.world_from_camera;
-        if !pose.translation.is_finite() || !pose.rotation.is_finite() {
-            return Err(Error::invalid(place(), "the pose is not finite", "remove or repair this keyframe"));
-        }
-        if let Some(i) = keyframe.spectrum.pixels().iter().position(|s| !s.is_finite() || *s < 0.0) {
-            let (w, value) = (keyframe.spectrum.width(), keyframe.spectrum.pixels()[i]);
-            let what = format!("the spectrum is {value} at row {}, column {}", i / w, i % w);
-            return Err(Error::invalid(place(), what, "linear power per steradian is finite and not negative"));
-        }
-        if let Some((last, _)) = self.last_pose.filter(|l| l.0 >= keyframe.index) {
-            let what = format!("it arrived after keyframe {last}");
-            return Err(Error::invalid(place(), what, "push keyframes once each, in trajectory order"));
-        }
-        self.preparer.check(keyframe)
-    }
-
     /// The published constants hold where the mean of the first baselines is 0.1; metres are kept, so the constants are rescaled.
     fn apply_world_scale(&mut self) {
         // Those up to the present keyframe, or up to the last of the first ones, whatever has been received ahead.
@@ -415,17 +373,6 @@ impl Reconstructor {
         report.set_losses(&last);
         Ok(())
     }
-}
-
-fn check_size(place: &str, what: &str, got: (usize, usize), camera: &Pinhole) -> Result<()> {
-    if got == (camera.width, camera.height) {
-        return Ok(());
-    }
-    Err(Error::invalid(
-        place,
-        format!("the {what} is {}x{} and the camera says {}x{}", got.0, got.1, camera.width, camera.height),
-        "all keyframes of a sequence share the cameras it was opened with",
-    ))
 }
 
 #[cfg(test)]

@@ -130,15 +130,15 @@ impl Method for CorfGs {
         let total = training.len() * stages + self.config.fine_tune_epochs;
         let mut online = Online { reconstructor, training, keeper: Keeper::new(self), total };
         online.run(advance)?;
-        let Online { mut reconstructor, .. } = online;
+        let Online { mut reconstructor, keeper, .. } = online;
         // The second stage counts as many units as the first had keyframes.
         let mut relay = Relay { advance, failure: None };
         let second = (stages - 1) * training.len();
         let ended = reconstructor.finish(&mut |done, of| relay.tell(training.len() + second * done / of.max(1), total));
-        relay.settle(ended)?;
+        relay.settle(ended).map_err(|e| keeper.explain(e))?;
         let before = training.len() * stages;
         let ended = reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| relay.tell(before + done, total));
-        relay.settle(ended)?;
+        relay.settle(ended).map_err(|e| keeper.explain(e))?;
         (relay.advance)(Advance { gaussians: Some(reconstructor.gaussian_count()), ..Advance::of(total, total) })?;
         Ok(Box::new(CorfField::new(reconstructor.field(), &self.config, &self.backend)?))
     }

@@ -1,4 +1,5 @@
-//! How long keyframes take.
+//! How long keyframes take. Where keyframes are handed over as fast as they are taken, as from a dataset, a keyframe waits about as long as
+//! the one before takes: a camera slower than that sees expansion and training alone.
 
 use serde::{Deserialize, Serialize};
 

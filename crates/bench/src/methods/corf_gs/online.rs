@@ -103,15 +103,37 @@ impl Keeper {
         Ok(())
     }
 
-    /// An error with what survives it.
-    fn explain(&self, error: anyhow::Error) -> anyhow::Error {
+    /// A reconstruction's error with what survives it.
+    pub fn explain(&self, error: anyhow::Error) -> anyhow::Error {
         match (&self.checkpoints, self.kept) {
-            (Some(c), Some(kept)) => {
+            (Some(c), Some(kept)) if error.is::<corf::Error>() => {
                 let survives =
                     format!("the last checkpoint, {}, holds {kept} keyframes: --resume goes on from it", c.path.display());
                 error.context(survives)
             }
             _ => error,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_that_fails_leaves_a_checkpoint_that_is_named() {
+        let path = std::path::PathBuf::from("run/checkpoint");
+        let checkpoints = Checkpoints { path, every: 4, resume: false, tag: String::new() };
+        let lost = || anyhow::Error::from(corf::Error::invalid("gpu, training", "the device was lost", "use another"));
+        let mut keeper = Keeper { checkpoints: Some(checkpoints), kept: None };
+        assert!(!format!("{:#}", keeper.explain(lost())).contains("checkpoint"), "there is none yet");
+        keeper.kept = Some(8);
+        let text = format!("{:#}", keeper.explain(lost()));
+        assert!(
+            text.contains("run/checkpoint") && text.contains("8 keyframes") && text.contains("the device was lost"),
+            "{text}"
+        );
+        let interrupt = keeper.explain(crate::interrupt::Interrupted.into());
+        assert!(!format!("{interrupt:#}").contains("run/checkpoint"), "an interrupt is no failure");
     }
 }
