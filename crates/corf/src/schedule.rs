@@ -8,6 +8,10 @@ use crate::{
 use corf_scene::Rng;
 use serde::{Deserialize, Serialize};
 
+/// η that has decayed below this share of its first value (after 66 visits of a keyframe at 0.9) moves nothing and still costs time: it counts
+/// as 0.
+const LEAST_DEPTH_DECAY: f32 = 1e-3;
+
 /// What one stage of the optimisation trains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageWeights {
@@ -150,8 +154,8 @@ impl Schedule {
         let (view, visits) = &mut self.views[which];
         // A keyframe moves one level finer after every `visits_per_level` of its own visits.
         let level = (config.pyramid_levels - 1).saturating_sub((*visits / config.visits_per_level) as u32);
-        let depth_weight =
-            if weights.depth { self.depth_weight * config.depth_weight_decay.powi((*visits).min(10_000) as i32) } else { 0.0 };
+        let decay = config.depth_weight_decay.powi((*visits).min(10_000) as i32);
+        let depth_weight = if weights.depth && decay >= LEAST_DEPTH_DECAY { self.depth_weight * decay } else { 0.0 };
         *visits += 1;
         Step {
             view: *view,
@@ -196,6 +200,8 @@ mod tests {
         let levels: Vec<u32> = steps.iter().map(|s| s.level).collect();
         assert_eq!(levels, [2, 2, 2, 2, 2, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0]);
         assert!((steps[3].depth_weight - 0.01 * 0.9f32.powi(3)).abs() < 1e-9);
+        let later = schedule(1, 1).online(80, 0.2, JOINT, &config);
+        assert!(later[65].depth_weight > 0.0 && later[66].depth_weight == 0.0, "0.9^65 is above a thousandth");
         assert_ne!(steps[0].optical_background, steps[1].optical_background);
         assert_eq!(steps[0].rf_background, [0.0, 0.0, 0.5]);
     }

@@ -141,7 +141,8 @@ impl<L: Lanes> Walk<L> {
     /// o·ρ·exp(−σ) of pixels that are reached; elsewhere it means nothing.
     #[inline(always)]
     fn alpha(&self, power: L) -> L {
-        self.opacity * power.exp2_in_range()
+        // σ ≥ 0, whatever rounding made of a conic that is nearly singular.
+        self.opacity * power.min(L::splat(0.0)).exp2_in_range()
     }
 }
 
