@@ -66,13 +66,13 @@ impl<'a> TrainingSet<'a> {
     }
 }
 
-/// Where a method keeps its state while it works, and whether it goes on from there.
+/// Where a method keeps its state while it works (and on an interrupt, unless it never does), and whether it goes on from there.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Checkpoints {
     /// The file.
     pub path: PathBuf,
-    /// Written after every so many keyframes, and on an interrupt; never if 0.
-    pub every: usize,
+    /// Written after every so many keyframes, never if 0; when not given, after a keyframe that ends half a minute or more after the last.
+    pub every: Option<usize>,
     /// Whether to go on from the file, if it is there.
     pub resume: bool,
     /// What must be the same when it is resumed (the dataset's hash).

@@ -41,9 +41,10 @@ pub struct Reconstruct {
     /// processor. A finished run of the same command is left as it is.
     #[arg(long)]
     resume: bool,
-    /// Keep a checkpoint in the output folder after every N keyframes, and on an interrupt; 0 keeps none.
-    #[arg(long, value_name = "N", default_value_t = 25)]
-    checkpoint_every: usize,
+    /// Keep a checkpoint in the output folder after every N keyframes; 0 keeps none. Without it one is kept every half a minute, and on an
+    /// interrupt.
+    #[arg(long, value_name = "N")]
+    checkpoint_every: Option<usize>,
     /// Where the reconstruction runs.
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,

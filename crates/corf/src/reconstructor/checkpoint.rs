@@ -62,7 +62,10 @@ impl Checkpoint {
         let mut bytes = MAGIC.to_vec();
         bytes.extend((header.len() as u64).to_le_bytes());
         bytes.extend(&header);
-        let mut put = |numbers: &[f32]| bytes.extend(numbers.iter().flat_map(|v| v.to_le_bytes()));
+        let mut put = |numbers: &[f32]| {
+            bytes.reserve(4 * numbers.len());
+            numbers.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+        };
         for g in [&self.device.gaussians, &self.device.moments[0], &self.device.moments[1]] {
             parts(g).into_iter().for_each(&mut put);
         }

@@ -4,9 +4,13 @@ use super::CorfGs;
 use crate::method::{Advance, Checkpoints, TrainingSet};
 use anyhow::{Context, Result, ensure};
 use corf::{Checkpoint, Reconstructor};
+use std::time::{Duration, Instant};
 
 /// Keyframes received ahead of the one that is being worked on, so that they are prepared meanwhile.
 const AHEAD: usize = 1;
+
+/// Time between checkpoints that nobody asked for: what is lost without them is no more, and what they cost is next to nothing.
+const INTERVAL: Duration = Duration::from_secs(30);
 
 /// The online part of a reconstruction.
 pub(super) struct Online<'a> {
@@ -53,8 +57,7 @@ impl Online<'_> {
         let report = self.reconstructor.process().map_err(|e| self.keeper.explain(e.into()))?;
         let Some(report) = report else { return Ok(()) };
         let done = self.reconstructor.keyframes_expanded();
-        // The last one is always worth keeping: stages without checkpoints may follow.
-        if self.keeper.is_due(done) || (done == self.training.len() && self.total > done) {
+        if self.keeper.is_due(done, done == self.training.len() && self.total > done) {
             self.keeper.keep(&mut self.reconstructor)?;
         }
         let keyframe = self.reconstructor.timings().last().copied();
@@ -73,15 +76,22 @@ pub(super) struct Keeper {
     checkpoints: Option<Checkpoints>,
     /// Keyframes in the last one.
     kept: Option<usize>,
+    /// When it was kept, or the work began.
+    at: Instant,
 }
 
 impl Keeper {
     pub fn new(method: &CorfGs) -> Self {
-        Self { checkpoints: method.checkpoints.clone(), kept: None }
+        Self { checkpoints: method.checkpoints.clone(), kept: None, at: Instant::now() }
     }
 
-    fn is_due(&self, done: usize) -> bool {
-        self.checkpoints.as_ref().is_some_and(|c| c.every > 0 && done.is_multiple_of(c.every))
+    /// Whether to keep one now; `last` says that stages without checkpoints follow.
+    fn is_due(&self, done: usize, last: bool) -> bool {
+        match self.checkpoints.as_ref().map(|c| c.every) {
+            None | Some(Some(0)) => false,
+            Some(Some(every)) => done.is_multiple_of(every) || last,
+            Some(None) => self.at.elapsed() >= INTERVAL,
+        }
     }
 
     /// The checkpoint to go on from.
@@ -97,9 +107,9 @@ impl Keeper {
     }
 
     fn keep(&mut self, reconstructor: &mut Reconstructor) -> Result<()> {
-        let Some(c) = self.checkpoints.as_ref().filter(|c| c.every > 0) else { return Ok(()) };
+        let Some(c) = self.checkpoints.as_ref().filter(|c| c.every != Some(0)) else { return Ok(()) };
         reconstructor.checkpoint(&c.tag)?.write(&c.path).context("while keeping a checkpoint")?;
-        self.kept = Some(reconstructor.keyframes_expanded());
+        (self.kept, self.at) = (Some(reconstructor.keyframes_expanded()), Instant::now());
         Ok(())
     }
 
@@ -123,9 +133,10 @@ mod tests {
     #[test]
     fn a_device_that_fails_leaves_a_checkpoint_that_is_named() {
         let path = std::path::PathBuf::from("run/checkpoint");
-        let checkpoints = Checkpoints { path, every: 4, resume: false, tag: String::new() };
+        let checkpoints = Checkpoints { path, every: Some(4), resume: false, tag: String::new() };
         let lost = || anyhow::Error::from(corf::Error::invalid("gpu, training", "the device was lost", "use another"));
-        let mut keeper = Keeper { checkpoints: Some(checkpoints), kept: None };
+        let mut keeper = Keeper { checkpoints: Some(checkpoints), kept: None, at: Instant::now() };
+        assert!(keeper.is_due(8, false) && !keeper.is_due(9, false) && keeper.is_due(9, true));
         assert!(!format!("{:#}", keeper.explain(lost())).contains("checkpoint"), "there is none yet");
         keeper.kept = Some(8);
         let text = format!("{:#}", keeper.explain(lost()));
