@@ -61,6 +61,28 @@ fn reconstruction_resumes_to_the_same_bytes() {
 }
 
 #[test]
+fn a_reconstruction_resumes_behind_its_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
+    let common =
+        ["reconstruct", text(tiny_dataset()), "--seed", "4", "--device", "cpu", "--checkpoint-every", "2", "--fine-tune", "1"];
+    corf_ok(&[&common[..], &["--out", text(&whole)]].concat());
+    assert!(!whole.join("checkpoint").exists(), "a finished run needs none");
+    let arguments = [&common[..], &["--out", text(&broken)]].concat();
+    assert_eq!(interrupt_when(&arguments, || broken.join("checkpoint").exists()), Some(130));
+    assert!(!broken.join("run.json").exists(), "an unfinished run must not look finished");
+    // Another configuration is not what was interrupted.
+    corf_refuses(&[&arguments[..], &["--resume", "--set", "rf_weight=0.2"]].concat(), &["checkpoint", "configuration"]);
+    corf_ok(&[&arguments[..], &["--resume"]].concat());
+    assert!(fs::read(whole.join("coupled.ply")).unwrap() == fs::read(broken.join("coupled.ply")).unwrap());
+    let run: serde_json::Value = serde_json::from_slice(&fs::read(broken.join("run.json")).unwrap()).unwrap();
+    let resumed = run["resumed_keyframes"].as_u64().unwrap();
+    assert!(resumed >= 2, "{resumed} keyframes came from the checkpoint");
+    let timings = run["keyframe_timings"].as_array().unwrap().len() as u64;
+    assert_eq!(run["latency"]["keyframes"].as_u64(), Some(timings));
+}
+
+#[test]
 fn a_comparison_resumes_behind_its_last_finished_cell() {
     let folder = tempfile::tempdir().unwrap();
     let plan = folder.path().join("plan.toml");

@@ -6,6 +6,7 @@ use crate::metrics::{self, FrameMetrics, Prediction};
 use crate::provenance::{Provenance, peak_memory_bytes, reset_peak_memory};
 use crate::record::{CLOCK, CurvePoint, Numbers, Outcome, PROTOCOL, Record, SCHEMA};
 use anyhow::{Context, Result, bail};
+use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::Keyframe;
 use corf_scene::dataset::Dataset;
 use std::time::Instant;
@@ -20,6 +21,8 @@ pub struct Reconstruction {
     pub curve: Vec<CurvePoint>,
     /// Peak resident memory of the process during it, bytes.
     pub peak_memory_bytes: Option<u64>,
+    /// What each keyframe took, for methods that work keyframe by keyframe.
+    pub keyframes: Vec<KeyframeTiming>,
 }
 
 /// Runs a method on the training split, on the harness's clock.
@@ -30,26 +33,27 @@ pub fn reconstruct(
     method: &dyn Method,
     dataset: &Dataset,
     seed: u64,
-    watch: &mut dyn FnMut(Advance) -> Result<()>,
+    watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
 ) -> Result<Reconstruction> {
     let training = TrainingSet::new(dataset);
     if training.is_empty() {
         bail!("the dataset has no training keyframes\n  help: test_every must be 2 or more");
     }
     reset_peak_memory();
-    let mut curve = Vec::new();
+    let (mut curve, mut keyframes) = (Vec::new(), Vec::new());
     let start = Instant::now();
-    let predictor = method.reconstruct(&training, seed, &mut |advance: Advance| {
+    let predictor = method.reconstruct(&training, seed, &mut |advance: Advance<'_>| {
         let seconds = (start.elapsed().saturating_sub(training.loading_time())).as_secs_f64();
         curve.push(CurvePoint {
             seconds,
             progress: advance.done as f64 / advance.total.max(1) as f64,
             gaussians: advance.gaussians,
         });
+        keyframes.extend(advance.keyframe);
         watch(advance)
     })?;
     let seconds = (start.elapsed().saturating_sub(training.loading_time())).as_secs_f64();
-    Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes: peak_memory_bytes() })
+    Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes: peak_memory_bytes(), keyframes })
 }
 
 /// Evaluates a predictor on the held-out keyframes; `look` sees every prediction beside its truth.
@@ -103,12 +107,13 @@ pub fn run_cell(
     method: &dyn Method,
     dataset: &Dataset,
     seed: u64,
-    watch: &mut dyn FnMut(Advance) -> Result<()>,
+    watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
 ) -> Result<Record> {
     let outcome = reconstruct(method, dataset, seed, watch).and_then(|mut r| {
         let frames = evaluate(r.predictor.as_mut(), dataset, look)?;
-        let numbers = Numbers::of(frames, r.seconds, r.predictor.gaussians(), r.peak_memory_bytes, r.curve);
+        let latency = LatencySummary::of(&r.keyframes);
+        let numbers = Numbers::of(frames, r.seconds, r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency);
         Ok(Outcome::Done(Box::new(numbers)))
     });
     let outcome = match outcome {

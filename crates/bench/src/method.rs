@@ -2,11 +2,12 @@
 
 use crate::metrics::Prediction;
 use anyhow::{Context, Result};
+use corf::KeyframeTiming;
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Keyframe, Pinhole, Rigid3};
 use std::cell::Cell;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// The training keyframes of one cell, in the order of the trajectory, and what of the dataset a method may know besides.
@@ -65,15 +66,37 @@ impl<'a> TrainingSet<'a> {
     }
 }
 
+/// Where a method keeps its state while it works (and on an interrupt, unless it never does), and whether it goes on from there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Checkpoints {
+    /// The file.
+    pub path: PathBuf,
+    /// Written after every so many keyframes, never if 0; when not given, after a keyframe that ends half a minute or more after the last.
+    pub every: Option<usize>,
+    /// Whether to go on from the file, if it is there.
+    pub resume: bool,
+    /// What must be the same when it is resumed (the dataset's hash).
+    pub tag: String,
+}
+
 /// What a method tells while it works; the harness stamps the time.
 #[derive(Clone, Copy, Debug)]
-pub struct Advance {
+pub struct Advance<'a> {
     /// Units of work done.
     pub done: usize,
     /// Units in all.
     pub total: usize,
     /// Gaussians now, for methods that have them.
     pub gaussians: Option<usize>,
+    /// The keyframe that was finished, for methods that work keyframe by keyframe.
+    pub keyframe: Option<&'a KeyframeTiming>,
+}
+
+impl Advance<'_> {
+    /// Units done of all, and no more to say.
+    pub fn of(done: usize, total: usize) -> Self {
+        Self { done, total, gaussians: None, keyframe: None }
+    }
 }
 
 /// A way to reconstruct.
@@ -94,6 +117,9 @@ pub trait Method {
         format!("cpu ({} threads)", rayon::current_num_threads())
     }
 
+    /// Asks the method to keep its state on disk while it works; methods that finish at once have none.
+    fn keep_checkpoints(&mut self, _checkpoints: Checkpoints) {}
+
     /// Reconstructs from the training keyframes. The same seed gives the same bytes.
     ///
     /// # Errors
@@ -102,7 +128,7 @@ pub trait Method {
         &self,
         training: &TrainingSet<'_>,
         seed: u64,
-        advance: &mut dyn FnMut(Advance) -> Result<()>,
+        advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>>;
 }
 

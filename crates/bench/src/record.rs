@@ -2,6 +2,7 @@
 
 use crate::metrics::{COLUMNS, FrameMetrics};
 use crate::provenance::Provenance;
+use corf::LatencySummary;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -74,6 +75,9 @@ pub struct Numbers {
     pub frames: Vec<FrameMetrics>,
     /// Growth over time.
     pub curve: Vec<CurvePoint>,
+    /// Latency of keyframes, for methods that work keyframe by keyframe.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub latency: Option<LatencySummary>,
 }
 
 /// One point of the time and Gaussian-count curves.
@@ -95,13 +99,14 @@ impl Numbers {
         gaussians: Option<usize>,
         peak_memory_bytes: Option<u64>,
         curve: Vec<CurvePoint>,
+        latency: Option<LatencySummary>,
     ) -> Self {
         let mean = |of: fn(&FrameMetrics) -> f64| frames.iter().map(of).sum::<f64>() / frames.len().max(1) as f64;
         let means = COLUMNS.iter().map(|c| (c.key.to_owned(), mean(c.of))).collect();
         let mut errors: Vec<f64> = frames.iter().map(|f| f.radio.peak_error_deg).collect();
         errors.sort_by(f64::total_cmp);
         let peak_error_median_p90_deg = [quantile(&errors, 0.5), quantile(&errors, 0.9)];
-        Self { seconds, gaussians, peak_memory_bytes, means, peak_error_median_p90_deg, frames, curve }
+        Self { seconds, gaussians, peak_memory_bytes, means, peak_error_median_p90_deg, frames, curve, latency }
     }
 }
 

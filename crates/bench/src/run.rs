@@ -1,6 +1,7 @@
 //! The run folder: what `corf reconstruct` leaves and `corf render` and `corf evaluate` read.
 //!
 //! ```text
+//! RUN/checkpoint    the state after a keyframe, while the run lasts
 //! RUN/run.json      method, configuration, seed, dataset, time, curve (written last: a run without it is not finished)
 //! RUN/*.ply         the field (CORF-GS)
 //! RUN/metrics.json  written by `corf evaluate`
@@ -9,6 +10,7 @@
 use crate::provenance::Provenance;
 use crate::record::CurvePoint;
 use anyhow::{Context, Result, bail};
+use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::io::write_atomic;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
@@ -45,6 +47,15 @@ pub struct RunInfo {
     pub peak_memory_bytes: Option<u64>,
     /// Growth over time.
     pub curve: Vec<CurvePoint>,
+    /// Keyframes that came from a checkpoint of an interrupted run: time, memory, curve and latency are of what followed them.
+    #[serde(default)]
+    pub resumed_keyframes: usize,
+    /// Latency of keyframes, for methods that work keyframe by keyframe.
+    #[serde(default)]
+    pub latency: Option<LatencySummary>,
+    /// What each keyframe took.
+    #[serde(default)]
+    pub keyframe_timings: Vec<KeyframeTiming>,
 }
 
 /// Writes pretty JSON atomically.

@@ -55,7 +55,7 @@ pub fn run(plan: &Plan, dataset: &Dataset, out: &Path, backend: &Backend) -> Res
         }
         let label = format!("{}, seed {}", cell.row.label, cell.seed);
         let mut progress = Progress::start(label, dataset.train_indices().len(), "keyframes");
-        let mut watch = |advance: crate::method::Advance| {
+        let mut watch = |advance: crate::method::Advance<'_>| {
             progress.set(advance.done, advance.total);
             interrupt::check()
         };

@@ -205,6 +205,7 @@ mod tests {
             peak_error_median_p90_deg: [0.0, 0.0],
             frames: vec![],
             curve: vec![],
+            latency: None,
         };
         Record {
             schema: String::new(),

@@ -28,5 +28,5 @@ pub use error::{Error, Result};
 pub use field::{Field, FieldMeta, Prediction};
 pub use gaussians::{Appearance, Gaussians};
 pub use optimizer::{Antialias, AppearanceRates, OptimizerConfig, RasterConfig};
-pub use reconstructor::{KeyframeReport, Reconstructor};
+pub use reconstructor::{Checkpoint, KeyframeReport, KeyframeTiming, LatencySummary, Reconstructor};
 pub use target::RfTarget;

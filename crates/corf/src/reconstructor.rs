@@ -1,21 +1,31 @@
 //! The online update operator U (paper Eq. (9)): expand the field where a new keyframe needs it, then optimise.
 
+mod admit;
+mod checkpoint;
 mod expand;
+mod latency;
+mod prepare;
+mod report;
+
+pub use checkpoint::Checkpoint;
+pub use latency::{KeyframeTiming, LatencySummary, Percentiles};
+pub use report::KeyframeReport;
 
 use crate::{
     Device, Error, Field, FieldMeta, Prediction, Result,
     config::{Coupling, ReconstructionConfig, SecondStageOpacity},
-    depth::{DepthPrior, GreyView},
-    device::{Planes, Step, StepReport},
+    depth,
+    device::{Step, StepReport},
     schedule::{Schedule, StageWeights},
     sensor::RfSensor,
 };
-use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, keyframe::DbRange};
+use checkpoint::Replay;
+use corf_scene::{Keyframe, Pinhole, Rigid3, keyframe::DbRange};
+use prepare::{Arrival, Prepared, Preparer};
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
 
-/// How many of the latest keyframes are kept for matching; older ones hardly overlap, and a 1600×900 keyframe is 6 MB of grey values.
-const MATCHING_WINDOW: usize = 32;
 /// The mean baseline of the world in which the published constants hold.
 const PUBLISHED_BASELINE: f64 = 0.1;
 /// Least mean baseline assumed, metres: a platform that stands still must not freeze the geometry.
@@ -23,69 +33,41 @@ const LEAST_BASELINE_M: f64 = 1e-3;
 /// Steps handed to the device at once where the policy does not need it back in between.
 const BATCH: usize = 75;
 
-/// What one pushed keyframe changed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct KeyframeReport {
-    /// Index along the trajectory of the pushed keyframe.
-    pub index: usize,
-    /// Keyframes expanded by this push: 0 while the first ones are collected, several when they are complete, then 1.
-    pub keyframes_expanded: usize,
-    /// Pixels drawn.
-    pub sampled: usize,
-    /// Gaussians added.
-    pub spawned: usize,
-    /// Gaussians that gave way to accurate new samples.
-    pub replaced: usize,
-    /// Gaussians pruned for opacity or size.
-    pub pruned: usize,
-    /// Gaussians afterwards.
-    pub gaussians: usize,
-    /// Share of the added Gaussians whose depth is an accurate match or a triangulated corner.
-    pub accurate_share: f64,
-    /// Triangulated corners.
-    pub triangulated: usize,
-    /// Whether the dense prior could be aligned (false also where there is no prior).
-    pub prior_aligned: bool,
-    /// Optimisation steps run.
-    pub steps: usize,
-    /// Unweighted optical loss of the last step.
-    pub optical_loss: f32,
-    /// Unweighted RF loss of the last step.
-    pub rf_loss: f32,
-    /// Unweighted depth loss of the last step, 1/m.
-    pub depth_loss: f32,
-    /// Whether ground-truth depth was consumed (by the simulated prior).
-    pub ground_truth_depth_used: bool,
-}
-
-/// A keyframe that was received and not expanded yet.
-struct Pending {
+/// What is kept of a keyframe that was expanded.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+struct Past {
     index: usize,
-    world_from_camera: Rigid3,
-    optical: Planes,
-    rf: Planes,
-    prior: Option<Raster<f32>>,
+    /// Scale and offset of its aligned prior.
+    alignment: Option<[f32; 2]>,
+    /// Typical depth of the scene after it.
+    typical_depth_m: f64,
 }
 
-/// Reconstructs a coupled field from keyframes pushed in order.
+/// Reconstructs a coupled field from keyframes received in order.
 ///
-/// Push training keyframes only: whatever is pushed is sampled, matched, and optimised. Results depend on the keyframes, the configuration and
-/// the seed, not on threads.
+/// Give it training keyframes only: whatever is received is sampled, matched, and optimised. Results depend on the keyframes, the
+/// configuration and the seed, not on threads, and not on how many keyframes are received ahead.
 pub struct Reconstructor {
     device: Box<dyn Device>,
     config: ReconstructionConfig,
     meta: FieldMeta,
     seed: u64,
-    prior: DepthPrior,
-    views: VecDeque<GreyView>,
-    pending: VecDeque<Pending>,
+    preparer: Preparer,
+    /// Received, not prepared.
+    arrivals: VecDeque<Arrival>,
+    /// Prepared, not expanded.
+    ready: VecDeque<Prepared>,
     schedule: Schedule,
     /// Per Gaussian: keyframes expanded before it was born.
     born: Vec<u32>,
     keyframes_expanded: u32,
+    past: Vec<Past>,
+    /// Keyframes of a checkpoint that have not come again.
+    replay: Option<Replay>,
+    keyframes_received: usize,
     last_pose: Option<(usize, Rigid3)>,
     baselines_m: Vec<f64>,
-    typical_depth_m: f64,
+    timings: Vec<KeyframeTiming>,
     finished: bool,
 }
 
@@ -131,35 +113,126 @@ impl Reconstructor {
                 ));
             }
         }
+        if optical_camera.width.saturating_mul(optical_camera.height) > depth::patch::MAX_PIXELS {
+            let what = format!("{}x{} pixels are more than 2^24", optical_camera.width, optical_camera.height);
+            return Err(Error::invalid("the optical camera", what, "reconstruct from smaller images"));
+        }
         Ok(Self {
-            prior: DepthPrior::new(&config.depth, seed),
-            typical_depth_m: (config.depth.near_m * config.depth.far_m).sqrt(),
+            preparer: Preparer::new(&config, &meta, seed, device.packer(), !device.trains_on_the_host()),
             schedule: Schedule::new(seed, config.rf_target.floor_color()),
             device,
             config,
             meta,
             seed,
-            views: VecDeque::new(),
-            pending: VecDeque::new(),
+            arrivals: VecDeque::new(),
+            ready: VecDeque::new(),
             born: Vec::new(),
             keyframes_expanded: 0,
+            past: Vec::new(),
+            replay: None,
+            keyframes_received: 0,
             last_pose: None,
             baselines_m: Vec::new(),
+            timings: Vec::new(),
             finished: false,
         })
     }
 
-    /// Receives `K_t`: expands the field and optimises it. The first `bootstrap_keyframes − 1` keyframes are only collected.
+    /// Receives `K_t` and processes whatever waits: expands the field and optimises it. The first `bootstrap_keyframes − 1` keyframes are
+    /// only collected. A caller that knows the next keyframe already does better with [`Self::receive`] and [`Self::process`].
     ///
     /// # Errors
     /// A keyframe of the wrong size, out of order, with a pose that is not finite, or without the depth the prior needs; the device's errors.
     pub fn push(&mut self, keyframe: &Keyframe) -> Result<KeyframeReport> {
-        self.receive(keyframe)?;
+        self.receive(keyframe.clone())?;
         let mut report = self.report(keyframe.index);
-        if self.keyframes_expanded > 0 || self.pending.len() >= self.config.bootstrap_keyframes {
-            self.process_pending(&mut report)?;
+        while let Some(one) = self.process()? {
+            report.absorb(&one);
         }
         Ok(report)
+    }
+
+    /// Takes `K_t` into the queue. What its expansion needs beside the field is prepared on other threads while [`Self::process`] trains
+    /// with the keyframe before, if it is received by then.
+    ///
+    /// # Errors
+    /// A keyframe of the wrong size, out of order, with a pose that is not finite, or without the depth the prior needs.
+    pub fn receive(&mut self, keyframe: Keyframe) -> Result<()> {
+        if self.replay.is_some() {
+            let what = "the checkpoint's keyframes have not been replayed";
+            return Err(Error::invalid(
+                format!("keyframe {}", keyframe.index),
+                what,
+                "call Reconstructor::replay with each of them",
+            ));
+        }
+        self.admit(&keyframe)?;
+        self.arrivals.push_back(Arrival { keyframe, received: Instant::now() });
+        Ok(())
+    }
+
+    /// Takes time off the waiting of all keyframes received so far, in which the caller was busy with something else, such as reading files.
+    pub fn discount_wait(&mut self, idle: Duration) {
+        let received = self.arrivals.iter_mut().map(|a| &mut a.received).chain(self.ready.iter_mut().map(|p| &mut p.received));
+        received.for_each(|at| *at += idle);
+    }
+
+    /// How many received keyframes [`Self::process`] could expand now: none while the first ones are collected.
+    pub fn waiting(&self) -> usize {
+        let waiting = self.arrivals.len() + self.ready.len();
+        let collecting = self.keyframes_received < self.config.bootstrap_keyframes && !self.finished;
+        if collecting { 0 } else { waiting }
+    }
+
+    /// Expands the field with the earliest keyframe that waits and optimises it, while the next one is prepared. `None` where none waits.
+    ///
+    /// # Errors
+    /// The device's errors.
+    pub fn process(&mut self) -> Result<Option<KeyframeReport>> {
+        if self.waiting() == 0 {
+            return Ok(None);
+        }
+        let begin = Instant::now();
+        let prepared = match self.ready.pop_front() {
+            Some(prepared) => prepared,
+            None => {
+                // The first keyframes are matched with each other.
+                let first = self.config.bootstrap_keyframes.saturating_sub(self.past.len());
+                self.arrivals.iter().take(first).for_each(|a| self.preparer.look(&a.keyframe));
+                let Some(arrival) = self.arrivals.pop_front() else { return Ok(None) };
+                self.preparer.prepare(arrival)?
+            }
+        };
+        self.apply_world_scale();
+        let (index, received) = (prepared.index, prepared.received);
+        let expansion = self.expand(prepared)?;
+        let expanded = Instant::now();
+        let count = self.config.iterations_per_keyframe;
+        let steps = self.schedule.online(count, self.config.latest_probability, self.online_weights(), &self.config);
+        let next = self.arrivals.pop_front();
+        let (device, preparer) = (&mut self.device, &mut self.preparer);
+        let (trained, prepared) = rayon::join(
+            || device.train(&steps).map(|last| (last, Instant::now())),
+            || next.map(|arrival| preparer.prepare(arrival)),
+        );
+        let (last, trained) = trained?;
+        self.ready.extend(prepared.transpose()?);
+        let timing = KeyframeTiming {
+            index,
+            wait_s: begin.saturating_duration_since(received).as_secs_f64(),
+            expand_s: (expanded - begin).as_secs_f64(),
+            train_s: (trained - expanded).as_secs_f64(),
+        };
+        self.timings.push(timing);
+        let mut report = KeyframeReport { steps: steps.len(), keyframes_expanded: 1, ..self.report(index) };
+        report.set_losses(&last);
+        report.set_expansion(&expansion);
+        Ok(Some(report))
+    }
+
+    /// When each keyframe expanded so far was waiting, expanded and trained with, in order.
+    pub fn timings(&self) -> &[KeyframeTiming] {
+        &self.timings
     }
 
     /// Ends the sequence: expands keyframes still waiting and runs the second stage of a two-stage coupling, which repeats the
@@ -172,11 +245,13 @@ impl Reconstructor {
             return Err(Error::invalid("the reconstruction", "no keyframe was pushed", "push at least two training keyframes"));
         };
         let mut report = self.report(index);
-        if self.finished {
+        if self.finished && self.waiting() == 0 {
             return Ok(report);
         }
-        self.process_pending(&mut report)?;
         self.finished = true;
+        while let Some(one) = self.process()? {
+            report.absorb(&one);
+        }
         if self.config.coupling != Coupling::Joint {
             self.second_stage(&mut report, progress)?;
         }
@@ -222,6 +297,11 @@ impl Reconstructor {
         self.device.len()
     }
 
+    /// How many keyframes have been expanded.
+    pub fn keyframes_expanded(&self) -> usize {
+        self.past.len()
+    }
+
     /// Cameras, target and dB range.
     pub fn meta(&self) -> &FieldMeta {
         &self.meta
@@ -231,90 +311,20 @@ impl Reconstructor {
         KeyframeReport {
             index,
             gaussians: self.device.len(),
-            ground_truth_depth_used: self.prior.consumes_ground_truth_depth(),
+            ground_truth_depth_used: self.preparer.consumes_ground_truth_depth(),
             ..KeyframeReport::default()
         }
     }
 
-    /// Checks a keyframe and keeps what its expansion will need.
-    fn receive(&mut self, keyframe: &Keyframe) -> Result<()> {
-        let place = || format!("keyframe {}", keyframe.index);
-        if self.finished {
-            return Err(Error::invalid(place(), "the sequence has ended", "push every keyframe before Reconstructor::finish"));
-        }
-        check_size(&place(), "optical image", (keyframe.image.width(), keyframe.image.height()), &self.meta.optical_camera)?;
-        check_size(&place(), "spectrum", (keyframe.spectrum.width(), keyframe.spectrum.height()), &self.meta.rf_camera)?;
-        if let Some(depth) = &keyframe.depth_m {
-            check_size(&place(), "depth", (depth.width(), depth.height()), &self.meta.optical_camera)?;
-        }
-        if let Some(surface) = &keyframe.surface {
-            check_size(&place(), "surface index", (surface.width(), surface.height()), &self.meta.optical_camera)?;
-        }
-        let pose = &keyframe.world_from_camera;
-        if !pose.translation.is_finite() || !pose.rotation.is_finite() {
-            return Err(Error::invalid(place(), "the pose is not finite", "remove or repair this keyframe"));
-        }
-        if let Some(i) = keyframe.spectrum.pixels().iter().position(|s| !s.is_finite() || *s < 0.0) {
-            let (w, value) = (keyframe.spectrum.width(), keyframe.spectrum.pixels()[i]);
-            let what = format!("the spectrum is {value} at row {}, column {}", i / w, i % w);
-            return Err(Error::invalid(place(), what, "linear power per steradian is finite and not negative"));
-        }
-        if let Some((last, _)) = self.last_pose.filter(|l| l.0 >= keyframe.index) {
-            let what = format!("it arrived after keyframe {last}");
-            return Err(Error::invalid(place(), what, "push keyframes once each, in trajectory order"));
-        }
-        let prior = self.prior.estimate(keyframe)?;
-        if let Some((_, last)) = self.last_pose
-            && self.baselines_m.len() < self.config.scale_baselines
-        {
-            self.baselines_m.push((pose.translation - last.translation).length());
-        }
-        self.last_pose = Some((keyframe.index, *pose));
-        if self.views.len() == MATCHING_WINDOW {
-            self.views.pop_front();
-        }
-        self.views.push_back(GreyView::new(keyframe.index, &keyframe.image, self.meta.optical_camera, *pose));
-        let optical = Planes {
-            width: keyframe.image.width(),
-            height: keyframe.image.height(),
-            channels: 3,
-            pixels: keyframe.image.pixels().iter().flat_map(|c| c.map(|v| f32::from(v) / 255.0)).collect(),
-        };
-        let rf = self.config.rf_target.encode(&keyframe.spectrum, &self.meta.db_range);
-        self.pending.push_back(Pending { index: keyframe.index, world_from_camera: *pose, optical, rf, prior });
-        Ok(())
-    }
-
-    /// Expands and optimises with every keyframe that waits, in order.
-    fn process_pending(&mut self, report: &mut KeyframeReport) -> Result<()> {
-        self.apply_world_scale();
-        let (mut accurate, mut spawned) = (0, 0);
-        while let Some(pending) = self.pending.pop_front() {
-            let expansion = self.expand(&pending)?;
-            accurate += expansion.accurate;
-            spawned += expansion.spawned;
-            report.sampled += expansion.sampled;
-            report.replaced += expansion.replaced;
-            report.pruned += expansion.pruned;
-            report.triangulated += expansion.triangulated;
-            report.prior_aligned = expansion.prior_aligned;
-            report.keyframes_expanded += 1;
-            let count = self.config.iterations_per_keyframe;
-            let steps = self.schedule.online(count, self.config.latest_probability, self.online_weights(), &self.config);
-            self.train(&steps, report)?;
-        }
-        report.spawned += spawned;
-        report.accurate_share = if spawned > 0 { accurate as f64 / spawned as f64 } else { 0.0 };
-        report.gaussians = self.device.len();
-        Ok(())
-    }
-
     /// The published constants hold where the mean of the first baselines is 0.1; metres are kept, so the constants are rescaled.
     fn apply_world_scale(&mut self) {
-        if self.baselines_m.is_empty() {
+        // Those up to the present keyframe, or up to the last of the first ones, whatever has been received ahead.
+        let known = (self.past.len() + 1).max(self.config.bootstrap_keyframes) - 1;
+        let baselines = &self.baselines_m[..known.min(self.baselines_m.len())];
+        if baselines.is_empty() {
             return;
         }
-        let mean = self.baselines_m.iter().sum::<f64>() / self.baselines_m.len() as f64;
+        let mean = baselines.iter().sum::<f64>() / baselines.len() as f64;
         let metres_per_unit = (mean.max(LEAST_BASELINE_M) / PUBLISHED_BASELINE) as f32;
         self.device.set_position_rate_m(self.config.position_rate * metres_per_unit);
         // An inverse depth of 1/m is `metres_per_unit` of theirs.
@@ -360,23 +370,14 @@ impl Reconstructor {
     fn train(&mut self, steps: &[Step], report: &mut KeyframeReport) -> Result<()> {
         let last = self.device.train(steps)?;
         report.steps += steps.len();
-        (report.optical_loss, report.rf_loss, report.depth_loss) = (last.optical_loss, last.rf_loss, last.depth_loss);
+        report.set_losses(&last);
         Ok(())
     }
 }
 
-fn check_size(place: &str, what: &str, got: (usize, usize), camera: &Pinhole) -> Result<()> {
-    if got == (camera.width, camera.height) {
-        return Ok(());
-    }
-    Err(Error::invalid(
-        place,
-        format!("the {what} is {}x{} and the camera says {}x{}", got.0, got.1, camera.width, camera.height),
-        "all keyframes of a sequence share the cameras it was opened with",
-    ))
-}
-
 #[cfg(test)]
 mod end_to_end;
+#[cfg(test)]
+mod online_tests;
 #[cfg(test)]
 mod tests;

@@ -6,6 +6,11 @@ use crate::{
     stage,
 };
 use corf_scene::Rng;
+use serde::{Deserialize, Serialize};
+
+/// η that has decayed below this share of its first value (after 66 visits of a keyframe at 0.9) moves nothing and still costs time: it counts
+/// as 0.
+const LEAST_DEPTH_DECAY: f32 = 1e-3;
 
 /// What one stage of the optimisation trains.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +38,31 @@ pub struct Schedule {
     online: Vec<(ViewId, u32)>,
 }
 
+/// What a [`Schedule`] has drawn so far.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ScheduleState {
+    steps_drawn: u64,
+    visits: Vec<usize>,
+    online: Vec<(usize, u32)>,
+}
+
 impl Schedule {
+    /// What it has drawn so far.
+    pub fn state(&self) -> ScheduleState {
+        ScheduleState {
+            steps_drawn: self.steps_drawn,
+            visits: self.views.iter().map(|v| v.1).collect(),
+            online: self.online.iter().map(|(view, level)| (view.0, *level)).collect(),
+        }
+    }
+
+    /// Goes on as if a schedule with the same views had drawn it; views beyond those it knew are new.
+    pub fn restore(&mut self, state: &ScheduleState) {
+        self.steps_drawn = state.steps_drawn;
+        self.views.iter_mut().zip(&state.visits).for_each(|(view, visits)| view.1 = *visits);
+        self.online = state.online.iter().map(|&(view, level)| (ViewId(view), level)).collect();
+    }
+
     /// An empty buffer.
     pub fn new(seed: u64, rf_floor: [f32; 3]) -> Self {
         Self { seed, steps_drawn: 0, views: Vec::new(), rf_floor, depth_weight: 0.0, online: Vec::new() }
@@ -125,8 +154,8 @@ impl Schedule {
         let (view, visits) = &mut self.views[which];
         // A keyframe moves one level finer after every `visits_per_level` of its own visits.
         let level = (config.pyramid_levels - 1).saturating_sub((*visits / config.visits_per_level) as u32);
-        let depth_weight =
-            if weights.depth { self.depth_weight * config.depth_weight_decay.powi((*visits).min(10_000) as i32) } else { 0.0 };
+        let decay = config.depth_weight_decay.powi((*visits).min(10_000) as i32);
+        let depth_weight = if weights.depth && decay >= LEAST_DEPTH_DECAY { self.depth_weight * decay } else { 0.0 };
         *visits += 1;
         Step {
             view: *view,
@@ -171,6 +200,8 @@ mod tests {
         let levels: Vec<u32> = steps.iter().map(|s| s.level).collect();
         assert_eq!(levels, [2, 2, 2, 2, 2, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0]);
         assert!((steps[3].depth_weight - 0.01 * 0.9f32.powi(3)).abs() < 1e-9);
+        let later = schedule(1, 1).online(80, 0.2, JOINT, &config);
+        assert!(later[65].depth_weight > 0.0 && later[66].depth_weight == 0.0, "0.9^65 is above a thousandth");
         assert_ne!(steps[0].optical_background, steps[1].optical_background);
         assert_eq!(steps[0].rf_background, [0.0, 0.0, 0.5]);
     }

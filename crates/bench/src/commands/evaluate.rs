@@ -32,7 +32,7 @@ impl Evaluate {
         let mut run = open::open(&self.run, self.dataset.as_deref(), &self.device.resolve()?)?;
         let frames = harness::evaluate(run.predictor.as_mut(), &run.dataset, |_, _| Ok(()))?;
         let info = &run.info;
-        let numbers = Numbers::of(frames, info.seconds, info.gaussians, info.peak_memory_bytes, info.curve.clone());
+        let numbers = Numbers::of(frames, info.seconds, info.gaussians, info.peak_memory_bytes, info.curve.clone(), info.latency);
         let outcome = Outcome::Done(Box::new(numbers));
         let mut record = harness::record(&info.method, run.method.as_ref(), &run.dataset, info.seed, outcome);
         // The record is the run's, whoever evaluates it.

@@ -2,13 +2,14 @@
 
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
-use crate::method::Advance;
+use crate::method::{Advance, Checkpoints};
 use crate::progress::Progress;
 use crate::provenance::Provenance;
 use crate::run::{RunInfo, SCHEMA, claim_output, write_json};
 use crate::{harness, interrupt, methods};
 use anyhow::{Context, Result};
 use clap::Args;
+use corf::LatencySummary;
 use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
 use std::path::PathBuf;
@@ -21,7 +22,7 @@ pub struct Reconstruct {
     /// Output folder of the run.
     #[arg(long)]
     out: PathBuf,
-    /// Method: corf-gs, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, nearest, inverse-distance.
+    /// Method: corf-gs, corf-gs-fast, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, nearest, inverse-distance.
     #[arg(long, default_value = "corf-gs")]
     method: String,
     /// TOML file with keys of the method's configuration.
@@ -36,10 +37,14 @@ pub struct Reconstruct {
     /// Epochs of offline fine-tuning over all training keyframes after the last one.
     #[arg(long)]
     fine_tune: Option<usize>,
-    /// Use a folder that holds an unfinished run: a field is not kept half-way, so it is made anew (the same seed gives the same bytes).
-    /// A finished run of the same command is left as it is.
+    /// Go on with an unfinished run behind its last checkpoint; the result is that of a run without interruption, byte for byte on the
+    /// processor. A finished run of the same command is left as it is.
     #[arg(long)]
     resume: bool,
+    /// Keep a checkpoint in the output folder after every N keyframes; 0 keeps none. Without it one is kept every half a minute, and on an
+    /// interrupt.
+    #[arg(long, value_name = "N")]
+    checkpoint_every: Option<usize>,
     /// Where the reconstruction runs.
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
@@ -61,7 +66,7 @@ impl Reconstruct {
                     "--set {line} is not KEY=VALUE in TOML notation\n  help: strings need quotes, e.g. --set 'rf_target=\"db\"'"
                 )
             })?;
-            merge(&mut table, parsed);
+            methods::merge(&mut table, parsed);
         }
         if let Some(epochs) = self.fine_tune {
             table.insert("fine_tune_epochs".to_owned(), toml::Value::Integer(i64::try_from(epochs)?));
@@ -75,7 +80,7 @@ impl Reconstruct {
     /// Bad input, an occupied output folder, an interrupt.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let overrides = self.overrides()?;
-        let method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
+        let mut method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
         let dataset = Dataset::open(&self.dataset)?;
         claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");
@@ -93,10 +98,17 @@ impl Reconstruct {
             show(json, &info, &summary(&info))?;
             return Ok(Verdict::Done);
         }
+        let checkpoint = self.out.join(CHECKPOINT);
+        method.keep_checkpoints(Checkpoints {
+            path: checkpoint.clone(),
+            every: self.checkpoint_every,
+            resume: self.resume,
+            tag: format!("{} {}", dataset.hash(), method.config()),
+        });
         write_atomic(self.out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
         let mut progress =
             Progress::start(format!("{} on {}", self.method, dataset.header().name), dataset.train_indices().len(), "keyframes");
-        let result = harness::reconstruct(method.as_ref(), &dataset, self.seed, &mut |advance: Advance| {
+        let result = harness::reconstruct(method.as_ref(), &dataset, self.seed, &mut |advance: Advance<'_>| {
             progress.set(advance.done, advance.total);
             interrupt::check()
         })?;
@@ -104,7 +116,7 @@ impl Reconstruct {
         result.predictor.save(&self.out)?;
         let info = RunInfo {
             schema: SCHEMA.to_owned(),
-            method: self.method,
+            method: self.method.clone(),
             overrides,
             config: method.config(),
             seed: self.seed,
@@ -116,26 +128,37 @@ impl Reconstruct {
             gaussians: result.predictor.gaussians(),
             peak_memory_bytes: result.peak_memory_bytes,
             curve: result.curve,
+            resumed_keyframes: if self.method.starts_with("corf-gs") {
+                dataset.train_indices().len() - result.keyframes.len()
+            } else {
+                0
+            },
+            latency: LatencySummary::of(&result.keyframes),
+            keyframe_timings: result.keyframes,
         };
         write_json(&info_path, &info)?;
+        // What it was kept for is there.
+        let _ = std::fs::remove_file(&checkpoint);
         show(json, &info, &summary(&info))?;
         Ok(Verdict::Done)
     }
 }
 
+/// The state of an unfinished run, in its folder.
+const CHECKPOINT: &str = "checkpoint";
+
 fn summary(info: &RunInfo) -> String {
     let gaussians = info.gaussians.map_or(String::new(), |g| format!(", {g} Gaussians"));
-    format!("{} in {:.2} s on {}{gaussians}", info.method, info.seconds, info.device)
-}
-
-/// Puts `from` over `into`, table by table.
-fn merge(into: &mut toml::Table, from: toml::Table) {
-    for (key, value) in from {
-        match (into.get_mut(&key), value) {
-            (Some(toml::Value::Table(old)), toml::Value::Table(new)) => merge(old, new),
-            (_, value) => {
-                into.insert(key, value);
-            }
+    let mut text = format!("{} in {:.2} s on {}{gaussians}", info.method, info.seconds, info.device);
+    if info.resumed_keyframes > 0 {
+        text += &format!("; {} keyframes came from a checkpoint", info.resumed_keyframes);
+    }
+    if let Some(l) = &info.latency {
+        text += &format!("\n{:.2} keyframes/s; latency of a keyframe, ms    median      p90      p99", l.keyframes_per_second);
+        for (name, p) in [("arrival to optimised", l.total), ("  wait", l.wait), ("  expand", l.expand), ("  train", l.train)] {
+            let [a, b, c] = [p.median_s, p.p90_s, p.p99_s].map(|s| 1e3 * s);
+            text += &format!("\n{name:<48} {a:>8.1} {b:>8.1} {c:>8.1}");
         }
     }
+    text
 }

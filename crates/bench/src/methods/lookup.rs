@@ -64,7 +64,7 @@ impl Method for Lookup {
         &self,
         training: &TrainingSet<'_>,
         _seed: u64,
-        advance: &mut dyn FnMut(Advance) -> Result<()>,
+        advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
         let range = training.db_range();
         let mut observed = Vec::with_capacity(training.len());
@@ -72,7 +72,7 @@ impl Method for Lookup {
             let Keyframe { world_from_camera, image, spectrum, .. } = training.keyframe(k)?;
             let image = image.map(|p| p.map(|v| f32::from(v) / 255.0));
             observed.push(Observed { world_from_camera, image, scalar: spectrum.map(|&s| range.scalar(s)) });
-            advance(Advance { done: k + 1, total: training.len(), gaussians: None })?;
+            advance(Advance::of(k + 1, training.len()))?;
         }
         Ok(Box::new(Table { config: self.config, observed }))
     }

@@ -3,6 +3,7 @@
 use super::SparseDepth;
 use crate::config::{Alignment, DepthConfig};
 use corf_scene::{Raster, Rng};
+use rayon::prelude::*;
 
 /// A dense prior in metric inverse depth.
 #[derive(Clone, Debug)]
@@ -34,13 +35,19 @@ pub fn align(mono: &Raster<f32>, anchors: &[SparseDepth], config: &DepthConfig, 
         Alignment::Huber => by_huber(&pairs),
         Alignment::Ransac => by_ransac(&pairs, seed, stage),
     }?;
-    let far = (1.0 / config.far_m) as f32;
-    let near = (1.0 / config.near_m) as f32;
-    let (scale, offset) = (scale as f32, offset as f32);
-    let raw = mono.map(|&m| scale * m + offset);
-    let mut confidence = edge_confidence(mono);
-    confidence.pixels_mut().iter_mut().zip(raw.pixels()).filter(|(_, r)| **r < far).for_each(|(c, _)| *c = 0.0);
-    Some(AlignedPrior { inverse_depth: raw.map(|r| r.clamp(far, near)), confidence, scale, offset })
+    Some(AlignedPrior::new(mono, scale as f32, offset as f32, config))
+}
+
+impl AlignedPrior {
+    /// A prior with a scale and an offset that are known.
+    pub fn new(mono: &Raster<f32>, scale: f32, offset: f32, config: &DepthConfig) -> Self {
+        let far = (1.0 / config.far_m) as f32;
+        let near = (1.0 / config.near_m) as f32;
+        let raw = mono.map(|&m| scale * m + offset);
+        let mut confidence = edge_confidence(mono);
+        confidence.pixels_mut().iter_mut().zip(raw.pixels()).filter(|(_, r)| **r < far).for_each(|(c, _)| *c = 0.0);
+        Self { inverse_depth: raw.map(|r| r.clamp(far, near)), confidence, scale, offset }
+    }
 }
 
 /// The middle value (the upper one of an even count); `values` is not empty.
@@ -145,8 +152,8 @@ fn edge_confidence(mono: &Raster<f32>) -> Raster<f32> {
         let m = mono[(x.clamp(0, w as isize - 1) as usize, y.clamp(0, h as isize - 1) as usize)];
         ((f64::from(m) - t) / s) as f32
     };
-    Raster::from_fn(w, h, |x, y| {
-        let (x, y) = (x as isize, y as isize);
+    let confidence = |i: usize| {
+        let (x, y) = ((i % w) as isize, (i / w) as isize);
         // Sobel's kernels divided by 8, so that a ramp of slope 1 per pixel gives 1.
         let gx = (at(x + 1, y - 1) + 2.0 * at(x + 1, y) + at(x + 1, y + 1))
             - (at(x - 1, y - 1) + 2.0 * at(x - 1, y) + at(x - 1, y + 1));
@@ -154,5 +161,6 @@ fn edge_confidence(mono: &Raster<f32>) -> Raster<f32> {
             - (at(x - 1, y - 1) + 2.0 * at(x, y - 1) + at(x + 1, y - 1));
         let c = (-(gx * gx + gy * gy) / 64.0 / 0.2).exp();
         if c > 0.5 { c } else { 0.0 }
-    })
+    };
+    Raster::from_vec(w, h, (0..w * h).into_par_iter().with_min_len(w).map(confidence).collect())
 }

@@ -2,8 +2,9 @@
 
 use super::{
     AlignedPrior, PixelDepth, Reliability,
+    patch::Patch,
     triangulate::sweep,
-    view::{GreyView, Neighbour, Patch, parabola_offset},
+    view::{GreyView, Neighbour, parabola_offset},
 };
 use crate::config::DepthConfig;
 use glam::Vec2;
@@ -102,8 +103,8 @@ fn match_pixel(
         .iter()
         .filter(|n| {
             let (Some(a), Some(b)) = (at(n, low), at(n, high)) else { return false };
-            patch.zncc(&n.view.fine, &a).is_some()
-                && patch.zncc(&n.view.fine, &b).is_some()
+            patch.lands_inside(&n.view.fine, &a)
+                && patch.lands_inside(&n.view.fine, &b)
                 && (a.center - b.center).length() > shortest
         })
         .collect();

@@ -5,12 +5,14 @@
 
 pub mod align;
 pub mod matching;
+pub mod patch;
 pub mod prior;
 pub mod triangulate;
 pub mod view;
 
 pub use align::{AlignedPrior, align};
 pub use matching::{match_guided, match_wide};
+pub use patch::{GreyImage, Patch};
 pub use prior::DepthPrior;
 pub use triangulate::{SparseDepth, triangulate};
 pub use view::{GreyView, Neighbour, select_neighbours};

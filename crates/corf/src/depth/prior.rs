@@ -6,6 +6,8 @@ use crate::{
     stage,
 };
 use corf_scene::{Keyframe, Raster, Rng};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 /// A source of dense inverse depth, known up to scale and offset.
@@ -35,6 +37,17 @@ impl DepthPrior {
         match self {
             Self::Simulated(prior) => prior.estimate(keyframe).map(Some),
             Self::None => Ok(None),
+        }
+    }
+
+    /// Refuses a keyframe that [`Self::estimate`] could not use.
+    ///
+    /// # Errors
+    /// As [`Self::estimate`].
+    pub fn check(&self, keyframe: &Keyframe) -> Result<()> {
+        match self {
+            Self::Simulated(_) => SimulatedPrior::depth_of(keyframe).map(|_| ()),
+            Self::None => Ok(()),
         }
     }
 
@@ -83,20 +96,26 @@ impl SimulatedPrior {
         Self { seed, gamma, lambda, kappa, field: None }
     }
 
+    /// The depth of a keyframe that has one.
+    fn depth_of(keyframe: &Keyframe) -> Result<&Raster<f32>> {
+        let help = "generate the dataset with depth, or set depth.prior = \"none\"";
+        let place = || format!("keyframe {}, simulated depth prior", keyframe.index);
+        let depth = keyframe.depth_m.as_ref().ok_or_else(|| Error::invalid(place(), "the keyframe carries no depth", help))?;
+        if !depth.pixels().iter().any(|z| *z > 0.0 && z.is_finite()) {
+            return Err(Error::invalid(place(), "no pixel has a positive, finite depth", help));
+        }
+        Ok(depth)
+    }
+
     /// The affine-invariant inverse depth this network would have given.
     ///
     /// # Errors
     /// A keyframe without depth, or with no finite depth at all.
     pub fn estimate(&mut self, keyframe: &Keyframe) -> Result<Raster<f32>> {
-        let help = "generate the dataset with depth, or set depth.prior = \"none\"";
-        let place = || format!("keyframe {}, simulated depth prior", keyframe.index);
-        let depth = keyframe.depth_m.as_ref().ok_or_else(|| Error::invalid(place(), "the keyframe carries no depth", help))?;
+        let depth = Self::depth_of(keyframe)?;
         let (w, h) = (depth.width(), depth.height());
         let inverse = depth.map(|&z| if z > 0.0 && z.is_finite() { 1.0 / f64::from(z) } else { 0.0 });
         let mut hit: Vec<f64> = inverse.pixels().iter().copied().filter(|&d| d > 0.0).collect();
-        if hit.is_empty() {
-            return Err(Error::invalid(place(), "no pixel has a positive, finite depth", help));
-        }
         let middle = hit.len() / 2;
         let median = *hit.select_nth_unstable_by(middle, f64::total_cmp).1;
 
@@ -107,14 +126,17 @@ impl SimulatedPrior {
         let waves = self.waves();
         let amplitudes = self.amplitudes(keyframe.index);
         let bias = |surface: u32| self.kappa * Rng::keyed(self.seed, stage::PRIOR_OBJECT, u64::from(surface)).normal();
-        let mut biases = std::collections::BTreeMap::new();
+        // Neighbours are mostly of one surface.
+        let mut biases = BTreeMap::new();
+        for run in keyframe.surface.iter().flat_map(|s| s.pixels().chunk_by(|a, b| a == b)) {
+            biases.entry(run[0]).or_insert_with(|| bias(run[0]));
+        }
 
         let table = |n: usize, axis: usize| -> Vec<(f64, f64)> {
             (0..n).flat_map(|i| waves.iter().map(move |k| (k[axis] * i as f64 / w as f64).sin_cos())).collect()
         };
         let (columns, rows) = (table(w, 0), table(h, 1));
-        let mut distorted = Vec::with_capacity(w * h);
-        for i in 0..w * h {
+        let distort = |i: usize| {
             let (column, row) = (&columns[(i % w) * waves.len()..], &rows[(i / w) * waves.len()..]);
             // a₀ cos(k·u) + a₁ sin(k·u) by the addition theorems, from one table per axis.
             let mode = |(k, a): (usize, &[f64; 2])| {
@@ -122,24 +144,18 @@ impl SimulatedPrior {
                 a[0] * (cx * cy - sx * sy) + a[1] * (sx * cy + cx * sy)
             };
             let smooth: f64 = amplitudes.iter().enumerate().map(mode).sum::<f64>() / (MODES as f64).sqrt();
-            let object = keyframe.surface.as_ref().map_or(0.0, |s| {
-                let id = s.pixels()[i];
-                *biases.entry(id).or_insert_with(|| bias(id))
-            });
-            distorted.push((inverse.pixels()[i] / median).powf(exponent) * (self.lambda * smooth + object).exp());
-        }
+            let object = keyframe.surface.as_ref().map_or(0.0, |s| biases[&s.pixels()[i]]);
+            (inverse.pixels()[i] / median).powf(exponent) * (self.lambda * smooth + object).exp()
+        };
+        let distorted: Vec<f64> = (0..w * h).into_par_iter().with_min_len(w).map(distort).collect();
         let sigma_px = BLUR_PX * w.min(h) as f64 / NETWORK_SIDE_PX;
         let blurred = blur(&distorted, w, h, sigma_px);
         let noise_stage = stage::keyed(stage::PRIOR_NOISE, keyframe.index);
-        let pixels = blurred
-            .iter()
-            .enumerate()
-            .map(|(i, d)| {
-                let n = NOISE * Rng::keyed(self.seed, noise_stage, i as u64).normal();
-                (scale * (d + n) + offset) as f32
-            })
-            .collect();
-        Ok(Raster::from_vec(w, h, pixels))
+        let noisy = |(i, d): (usize, &f64)| {
+            let n = NOISE * Rng::keyed(self.seed, noise_stage, i as u64).normal();
+            (scale * (d + n) + offset) as f32
+        };
+        Ok(Raster::from_vec(w, h, blurred.par_iter().enumerate().with_min_len(w).map(noisy).collect()))
     }
 
     /// Wave vectors of the smooth field, radians per image width: wavelengths between a quarter of the width and the whole of it.
@@ -183,6 +199,8 @@ fn blur(values: &[f64], w: usize, h: usize, sigma_px: f64) -> Vec<f64> {
     let total: f64 = weights.iter().sum();
     let pass = |source: &[f64], along_x: bool| -> Vec<f64> {
         (0..w * h)
+            .into_par_iter()
+            .with_min_len(w)
             .map(|i| {
                 let (x, y) = ((i % w) as isize, (i / w) as isize);
                 let sum: f64 = weights

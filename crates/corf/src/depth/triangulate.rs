@@ -1,6 +1,9 @@
 //! Sparse metric depths: corners swept along their epipolar lines through a fixed range of inverse depths.
 
-use super::view::{GreyView, Neighbour, Patch, parabola_offset};
+use super::{
+    patch::{GreyImage, Patch},
+    view::{GreyView, Neighbour, parabola_offset},
+};
 use crate::config::DepthConfig;
 use corf_scene::{Pinhole, Raster};
 use rayon::prelude::*;
@@ -35,7 +38,7 @@ pub fn triangulate(reference: &GreyView, neighbours: &[Neighbour<'_>], config: &
     if neighbours.is_empty() {
         return Vec::new();
     }
-    let wanted = config.corners.min(reference.coarse.pixels().len() / PIXELS_PER_CORNER);
+    let wanted = config.corners.min(reference.coarse.width() * reference.coarse.height() / PIXELS_PER_CORNER);
     let found: Vec<Option<SparseDepth>> = corners(&reference.coarse, wanted)
         .into_par_iter()
         .map(|(x, y)| {
@@ -152,14 +155,14 @@ fn leads_back(
 
 /// The strongest Shi–Tomasi corners (smaller eigenvalue of the 5×5 structure tensor) that are maxima of their 3×3 neighbourhood; by row, then
 /// column.
-fn corners(image: &Raster<f32>, count: usize) -> Vec<(usize, usize)> {
+fn corners(image: &GreyImage, count: usize) -> Vec<(usize, usize)> {
     const BORDER: usize = RADIUS + 1;
     let (w, h) = (image.width(), image.height());
     if w <= 2 * BORDER || h <= 2 * BORDER {
         return Vec::new();
     }
     let gradient = Raster::from_fn(w, h, |x, y| {
-        let at = |x: usize, y: usize| image[(x.min(w - 1), y.min(h - 1))];
+        let at = |x: usize, y: usize| image.at(x.min(w - 1), y.min(h - 1));
         (0.5 * (at(x + 1, y) - at(x.saturating_sub(1), y)), 0.5 * (at(x, y + 1) - at(x, y.saturating_sub(1))))
     });
     let strength: Vec<f32> = (0..w * h)

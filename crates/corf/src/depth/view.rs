@@ -1,7 +1,9 @@
-//! A keyframe as matching sees it, the warp between two of them, and ZNCC.
+//! A keyframe as matching sees it, and the warp between two of them.
 
+use super::patch::GreyImage;
 use corf_scene::{Pinhole, Raster, Rigid3};
 use glam::{DVec3, Mat2, Mat3, Vec2, Vec3};
+use rayon::prelude::*;
 
 /// Widest image the coarse sweep works on, pixels; larger images are averaged over 2^l blocks first.
 const COARSE_WIDTH: usize = 320;
@@ -13,12 +15,12 @@ pub struct GreyView {
     pub index: usize,
     /// Pose.
     pub world_from_camera: Rigid3,
-    /// Luma in `[0, 1]`, sRGB-encoded.
-    pub fine: Raster<f32>,
+    /// Luma, sRGB-encoded.
+    pub fine: GreyImage,
     /// Intrinsics of `fine`.
     pub fine_camera: Pinhole,
     /// The image the coarse sweep uses: at most 320 pixels wide; `fine` itself where that is small enough.
-    pub coarse: Raster<f32>,
+    pub coarse: GreyImage,
     /// Intrinsics of `coarse`.
     pub coarse_camera: Pinhole,
     /// `coarse` averages over 2^this blocks of `fine`.
@@ -28,7 +30,9 @@ pub struct GreyView {
 impl GreyView {
     /// Builds the view of an sRGB image.
     pub fn new(index: usize, image: &Raster<[u8; 3]>, camera: Pinhole, world_from_camera: Rigid3) -> Self {
-        let fine = image.map(|c| (0.299 * f32::from(c[0]) + 0.587 * f32::from(c[1]) + 0.114 * f32::from(c[2])) / 255.0);
+        let luma = |c: &[u8; 3]| (0.299 * f32::from(c[0]) + 0.587 * f32::from(c[1]) + 0.114 * f32::from(c[2])) / 255.0;
+        let fine = image.pixels().par_iter().with_min_len(1024).map(luma).collect();
+        let fine = Raster::from_vec(image.width(), image.height(), fine);
         let mut coarse_level = 0;
         while camera.width >> coarse_level > COARSE_WIDTH {
             coarse_level += 1;
@@ -39,6 +43,7 @@ impl GreyView {
             let sum: f32 = (0..block * block).map(|i| fine[(x * block + i % block, y * block + i / block)]).sum();
             sum / (block * block) as f32
         });
+        let (fine, coarse) = (GreyImage::new(&fine), GreyImage::new(&coarse));
         Self { index, world_from_camera, fine, fine_camera: camera, coarse, coarse_camera, coarse_level }
     }
 }
@@ -151,75 +156,6 @@ pub fn select_neighbours<'a>(
     // Stable: equal scores keep the candidates' order.
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     scored.into_iter().take(count).map(|s| s.1).collect()
-}
-
-/// A zero-mean, unit-norm square patch of the reference.
-#[derive(Clone, Debug)]
-pub struct Patch {
-    radius: i32,
-    values: Vec<f32>,
-}
-
-/// Smallest standard deviation of a patch's grey values that can be matched: under it there is noise and 8-bit rounding only.
-const LEAST_CONTRAST: f32 = 1.5 / 255.0;
-
-impl Patch {
-    /// The `(2·radius+1)²` patch around pixel `(x, y)`; `None` where it leaves the image or has no texture.
-    pub fn new(image: &Raster<f32>, x: usize, y: usize, radius: usize) -> Option<Self> {
-        if x < radius || y < radius || x + radius >= image.width() || y + radius >= image.height() {
-            return None;
-        }
-        let side = 2 * radius + 1;
-        let mut values = Vec::with_capacity(side * side);
-        for yy in y - radius..=y + radius {
-            let row = yy * image.width();
-            values.extend_from_slice(&image.pixels()[row + x - radius..=row + x + radius]);
-        }
-        let mean = values.iter().sum::<f32>() / values.len() as f32;
-        values.iter_mut().for_each(|v| *v -= mean);
-        let norm = values.iter().map(|v| v * v).sum::<f32>().sqrt();
-        if norm < LEAST_CONTRAST * side as f32 {
-            return None;
-        }
-        values.iter_mut().for_each(|v| *v /= norm);
-        Some(Self { radius: radius as i32, values })
-    }
-
-    /// ZNCC in `[-1, 1]` of the patch with `image` under a warp; `None` where the warped patch leaves the image.
-    pub fn zncc(&self, image: &Raster<f32>, warp: &Warp) -> Option<f32> {
-        let r = self.radius as f32;
-        let j = warp.jacobian;
-        let reach = Vec2::new(r * (j.x_axis.x.abs() + j.y_axis.x.abs()), r * (j.x_axis.y.abs() + j.y_axis.y.abs()));
-        let (w, h) = (image.width(), image.height());
-        // Positions are pixel centres at +0.5: index space is shifted by half a pixel.
-        let c = warp.center - Vec2::splat(0.5);
-        let (low, high) = (c - reach, c + reach);
-        if !(low.x >= 0.0 && low.y >= 0.0 && high.x < (w - 1) as f32 && high.y < (h - 1) as f32) {
-            return None;
-        }
-        let pixels = image.pixels();
-        let (mut sum, mut square, mut cross) = (0.0f32, 0.0f32, 0.0f32);
-        let mut k = 0;
-        for dy in -self.radius..=self.radius {
-            let row = c + j.y_axis * dy as f32;
-            for dx in -self.radius..=self.radius {
-                let p = row + j.x_axis * dx as f32;
-                let (x0, y0) = (p.x as usize, p.y as usize);
-                let (fx, fy) = (p.x - x0 as f32, p.y - y0 as f32);
-                let i = y0 * w + x0;
-                let top = pixels[i] + (pixels[i + 1] - pixels[i]) * fx;
-                let bottom = pixels[i + w] + (pixels[i + w + 1] - pixels[i + w]) * fx;
-                let s = top + (bottom - top) * fy;
-                sum += s;
-                square += s * s;
-                cross += s * self.values[k];
-                k += 1;
-            }
-        }
-        let n = self.values.len() as f32;
-        let variance = square - sum * sum / n;
-        Some(if variance < n * LEAST_CONTRAST * LEAST_CONTRAST { 0.0 } else { cross / variance.sqrt() })
-    }
 }
 
 /// The vertex of the parabola through three equally spaced values, relative to the middle one in steps, clamped to ± 0.5.

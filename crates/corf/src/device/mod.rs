@@ -4,8 +4,13 @@
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+mod packed;
+mod state;
 
-use crate::{Gaussians, Result};
+pub use packed::{PackedView, Packer};
+pub use state::{DeviceState, Outline};
+
+use crate::{Error, Gaussians, Result};
 use corf_scene::{Pinhole, Raster, Rigid3};
 
 /// Where a picture is taken from.
@@ -130,6 +135,18 @@ pub struct Rendering {
     pub main_contributor: Option<Raster<u32>>,
 }
 
+/// Refuses a training view whose images have other channels than the Gaussians.
+pub(crate) fn check_channels(view: &TrainingView, channels: [usize; 2]) -> Result<()> {
+    for (name, image, held) in [("optical", &view.optical, channels[0]), ("rf", &view.rf, channels[1])] {
+        if image.channels != held {
+            let what = format!("{} channels against {held} of the Gaussians", image.channels);
+            let help = "light has 3 channels; RF has 3 (Jet) or 1 (dB)";
+            return Err(Error::invalid(format!("training view, {name}"), what, help));
+        }
+    }
+    Ok(())
+}
+
 /// A place to run: `cpu` (rayon + SIMD, the embedded default) or `gpu`.
 pub trait Device: Send {
     /// For records: "cpu (2 threads)", an adapter's name.
@@ -140,6 +157,25 @@ pub trait Device: Send {
     /// # Errors
     /// When the device has no memory for it.
     fn upload(&mut self, view: &TrainingView, levels: u32) -> Result<ViewId>;
+
+    /// What builds on any thread, ahead of [`Self::upload_packed`], what [`Self::upload`] builds when it is called; nothing from a device
+    /// that has nothing to build.
+    fn packer(&self) -> Option<Packer> {
+        None
+    }
+
+    /// [`Self::upload`] of what this device's own [`Self::packer`] has built.
+    ///
+    /// # Errors
+    /// As [`Self::upload`]; another device's view.
+    fn upload_packed(&mut self, _view: PackedView) -> Result<ViewId> {
+        Err(self.lacks("packed views", "give it the view itself, with Device::upload"))
+    }
+
+    /// Whether training keeps this machine's processor busy, so that work done ahead on the chance of being needed costs time.
+    fn trains_on_the_host(&self) -> bool {
+        true
+    }
 
     /// How many Gaussians are held.
     fn len(&self) -> usize;
@@ -175,4 +211,33 @@ pub trait Device: Send {
 
     /// Reads the Gaussians back.
     fn gaussians(&mut self) -> Gaussians;
+
+    /// Reads back what decides whether a Gaussian is pruned, and no more.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn outlines(&mut self) -> Result<Vec<Outline>> {
+        Ok(Outline::of(&self.gaussians()))
+    }
+
+    /// Reads the Gaussians back with the state of their optimiser.
+    ///
+    /// # Errors
+    /// When the device fails, or keeps no such state.
+    fn state(&mut self) -> Result<DeviceState> {
+        Err(self.lacks("checkpoints", "run without them on this device"))
+    }
+
+    /// Makes a device that holds no Gaussians hold those of a [`Self::state`], optimiser and all.
+    ///
+    /// # Errors
+    /// When Gaussians are held already, or the state is incomplete or of other channels and degrees; when there is no memory for it.
+    fn restore(&mut self, _state: &DeviceState) -> Result<()> {
+        Err(self.lacks("checkpoints", "run without them on this device"))
+    }
+
+    /// The error of a device without something.
+    fn lacks(&self, what: &str, help: &str) -> Error {
+        Error::invalid(self.name(), format!("this device has no {what}"), help)
+    }
 }

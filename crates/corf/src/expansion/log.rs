@@ -31,10 +31,9 @@ pub fn probability(image: &Planes, sigma_px: f32) -> Raster<f32> {
     Raster::from_vec(w, h, pixels)
 }
 
-/// `P̄ = max(P − P̃, 0)` (Eq. (15)).
-pub fn final_probability(image: &Raster<f32>, penalty: &Raster<f32>) -> Raster<f32> {
-    let pixels = image.pixels().iter().zip(penalty.pixels()).map(|(p, q)| (p - q).max(0.0)).collect();
-    Raster::from_vec(image.width(), image.height(), pixels)
+/// `P̄ = max(P − P̃, 0)` (Eq. (15)) of a pixel.
+pub fn final_probability(image: f32, penalty: f32) -> f32 {
+    (image - penalty).max(0.0)
 }
 
 /// The pixels where a Gaussian is to be spawned: accepted where `rand < acceptance(u)`, in row-major order.
@@ -46,9 +45,14 @@ pub fn draw(acceptance: &Raster<f32>, seed: u64, stage: u64) -> Vec<(usize, usiz
         .pixels()
         .par_iter()
         .enumerate()
-        .filter(|&(i, &p)| p > 0.0 && Rng::keyed(seed, stage, i as u64).uniform() < p)
+        .filter(|&(i, &p)| accepted(i, p, seed, stage))
         .map(|(i, _)| (i % w, i / w))
         .collect()
+}
+
+/// Whether pixel `i` (row-major) is drawn with probability `p`.
+pub fn accepted(i: usize, p: f32, seed: u64, stage: u64) -> bool {
+    p > 0.0 && Rng::keyed(seed, stage, i as u64).uniform() < p
 }
 
 /// `G_σ ∗ I`, truncated at 3 σ; interleaved channels.
@@ -142,10 +146,14 @@ mod tests {
     fn an_image_that_is_rendered_already_draws_nothing_and_missing_detail_draws_in_proportion() {
         let texture = planes(64, 64, |x, y| [((x * 7 + y * 13) % 5) as f32 * 0.2; 3]);
         let p = probability(&texture, 0.7);
-        let same = final_probability(&p, &p);
+        let wanted = |penalty: &Raster<f32>| {
+            let pixels = p.pixels().iter().zip(penalty.pixels()).map(|(&p, &q)| final_probability(p, q)).collect();
+            Raster::from_vec(p.width(), p.height(), pixels)
+        };
+        let same = wanted(&p);
         assert!(draw(&same.map(|v| 2.0 * v), 1, 2).is_empty());
         let blank = probability(&planes(64, 64, |_, _| [0.5; 3]), 0.7);
-        let acceptance = final_probability(&p, &blank).map(|v| (0.5 * v).min(1.0));
+        let acceptance = wanted(&blank).map(|v| (0.5 * v).min(1.0));
         let expected: f32 = acceptance.pixels().iter().sum();
         let drawn = draw(&acceptance, 1, 2).len() as f32;
         // Five standard deviations of a sum of independent draws, at most sqrt(Σp).

@@ -1,14 +1,14 @@
 //! Which samples are dropped and which Gaussians make room.
 
 use crate::{
-    Gaussians,
     config::ReconstructionConfig,
     depth::{PixelDepth, Reliability},
-    device::{Layer, View},
+    device::{Layer, Outline, View},
     gaussians::sigmoid,
 };
 use corf_scene::Raster;
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 /// Whether a sample lies in front of (or on) what is rendered already. The rendered inverse depth `Σ α T / z` is divided by the coverage
 /// `1 − T_N` first; where the coverage is below `behind_coverage` nothing is known and the sample stays.
@@ -43,7 +43,7 @@ pub fn replaced(
 ///
 /// `born[i]` is the count of keyframes expanded before Gaussian i's, `now` that before the present one.
 pub fn pruned(
-    field: &Gaussians,
+    field: &[Outline],
     born: &[u32],
     now: u32,
     both_modalities: bool,
@@ -53,20 +53,22 @@ pub fn pruned(
     let camera_from_world = view.world_from_camera.inverse();
     let extent_px = view.camera.width.max(view.camera.height) as f64;
     let focal_px = (view.camera.fx * view.camera.fy).sqrt();
-    (0..field.len())
-        .map(|i| {
-            let optical = sigmoid(field.optical.opacity_logit[i]);
-            let opacity = if both_modalities { optical.max(sigmoid(field.rf.opacity_logit[i])) } else { optical };
-            let old = now.saturating_sub(born[i]) as usize >= config.prune_age_keyframes;
+    field
+        .par_iter()
+        .zip(born)
+        .map(|(gaussian, &born)| {
+            let [optical, rf] = gaussian.opacity_logit.map(sigmoid);
+            let opacity = if both_modalities { optical.max(rf) } else { optical };
+            let old = now.saturating_sub(born) as usize >= config.prune_age_keyframes;
             if old && opacity <= config.prune_opacity {
                 return true;
             }
-            let p: DVec3 = camera_from_world.transform_point(Vec3::from(field.position[i]).as_dvec3());
+            let p: DVec3 = camera_from_world.transform_point(Vec3::from(gaussian.position).as_dvec3());
             let in_frame = view
                 .camera
                 .project(p)
                 .is_some_and(|u| u.x >= 0.0 && u.y >= 0.0 && u.x < view.camera.width as f64 && u.y < view.camera.height as f64);
-            let sigma_m = f64::from(field.log_scale[i].iter().fold(f32::MIN, |m, &s| m.max(s))).exp();
+            let sigma_m = f64::from(gaussian.largest_log_scale).exp();
             in_frame && sigma_m * focal_px / p.z.max(1e-3) > f64::from(config.prune_image_fraction) * extent_px
         })
         .collect()
@@ -75,7 +77,7 @@ pub fn pruned(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{device::Planes, gaussians::logit};
+    use crate::{Gaussians, device::Planes, gaussians::logit};
     use corf_scene::{Pinhole, Rigid3};
 
     fn sample(x: usize, inverse_depth: f32, reliability: Reliability) -> PixelDepth {
@@ -121,6 +123,7 @@ mod tests {
             field.rf.sh.push(0.0);
         }
         let view = View { camera: Pinhole::from_horizontal_fov(64, 48, 90.0), world_from_camera: Rigid3::IDENTITY };
+        let field = Outline::of(&field);
         assert_eq!(pruned(&field, &[0, 0, 9, 9], 10, true, &view, &config), [true, false, true, false]);
         assert_eq!(pruned(&field, &[0, 0, 9, 9], 10, false, &view, &config), [true, true, true, false]);
     }

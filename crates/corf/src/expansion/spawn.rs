@@ -9,6 +9,7 @@ use crate::{
 };
 use corf_scene::{Pinhole, Raster};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// The expected distance to the nearest neighbour among pixels drawn with probability `p`, `s' = 1/(2√p)` (Eq. (17)), pixels, clamped
 /// to `[scale_clamp[0], scale_clamp[1]·width]`: a probability near zero would otherwise give a Gaussian larger than the image.
@@ -56,6 +57,23 @@ pub struct SpawnSource<'a> {
 /// New Gaussians at the given pixels and depths: back-projected means (Eq. (16)), isotropic scale `z·s'/f` (Eq. (18)), identity rotation,
 /// both opacities by reliability, optical colour of the pixel, RF colour of the RF image in the same direction.
 pub fn spawn(source: &SpawnSource<'_>, samples: &[PixelDepth], config: &ReconstructionConfig) -> Gaussians {
+    /// Samples per unit of parallel work.
+    const CHUNK: usize = 1024;
+    let parts: Vec<Gaussians> = samples.par_chunks(CHUNK).map(|some| spawn_some(source, some, config)).collect();
+    let mut new = config.empty_field();
+    for part in parts {
+        new.position.extend(part.position);
+        new.rotation.extend(part.rotation);
+        new.log_scale.extend(part.log_scale);
+        for (all, part) in [(&mut new.optical, part.optical), (&mut new.rf, part.rf)] {
+            all.opacity_logit.extend(part.opacity_logit);
+            all.sh.extend(part.sh);
+        }
+    }
+    new
+}
+
+fn spawn_some(source: &SpawnSource<'_>, samples: &[PixelDepth], config: &ReconstructionConfig) -> Gaussians {
     let mut new = config.empty_field();
     let camera = &source.view.camera;
     let focal_px = (camera.fx * camera.fy).sqrt();

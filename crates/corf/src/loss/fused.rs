@@ -275,7 +275,12 @@ impl Kernel for Similarity<'_> {
                 d_xx.store(&mut buffers[padded + MARGIN + at..padded + MARGIN + at + L::WIDTH]);
                 d_xy.store(&mut buffers[2 * padded + MARGIN + at..2 * padded + MARGIN + at + L::WIDTH]);
             }
-            sums[0] = similarity[..t.width].iter().map(|v| f64::from(*v)).sum();
+            similarity[t.width..].fill(0.0);
+            let mut sum = L::splat(0.0);
+            for at in (0..stride).step_by(L::WIDTH) {
+                sum = sum + L::load(&similarity[at..at + L::WIDTH]);
+            }
+            sums[0] = f64::from(sum.sum());
             for (buffer, out) in buffers.chunks_exact_mut(padded).zip(out.chunks_exact_mut(stride)) {
                 // Beyond the border there is no S.
                 buffer[MARGIN + t.width..].fill(0.0);
@@ -355,16 +360,21 @@ impl DepthLoss {
         let scale = weight / n;
         self.gradient.par_chunks_mut(stride).zip(&mut self.sums).enumerate().with_min_len(BAND).for_each(
             |(y, (gradient, sum))| {
-                *sum = 0.0;
-                for x in 0..width {
-                    let rendered = tiles
-                        [((y / TILE_HEIGHT) * columns + x / TILE_WIDTH) * AREA + (y % TILE_HEIGHT) * TILE_WIDTH + x % TILE_WIDTH];
-                    let d = rendered - target.value[y * width + x];
-                    let confidence = target.confidence[y * width + x];
-                    let sign = f32::from(i8::from(d > 0.0) - i8::from(d < 0.0));
-                    gradient[x] = scale * confidence * sign;
-                    *sum += f64::from(confidence * d.abs());
+                let row = (y / TILE_HEIGHT) * columns * AREA + (y % TILE_HEIGHT) * TILE_WIDTH;
+                let pixels = y * width..(y + 1) * width;
+                let target_tiles =
+                    target.value[pixels.clone()].chunks(TILE_WIDTH).zip(target.confidence[pixels].chunks(TILE_WIDTH));
+                let mut total = [0.0_f32; TILE_WIDTH];
+                for (tile, (gradient, (value, confidence))) in gradient.chunks_mut(TILE_WIDTH).zip(target_tiles).enumerate() {
+                    let rendered = &tiles[row + tile * AREA..][..TILE_WIDTH];
+                    for i in 0..value.len() {
+                        let d = rendered[i] - value[i];
+                        let sign = if d == 0.0 { 0.0 } else { 1.0_f32.copysign(d) };
+                        gradient[i] = scale * confidence[i] * sign;
+                        total[i] += confidence[i] * d.abs();
+                    }
                 }
+                *sum = total.iter().map(|v| f64::from(*v)).sum();
             },
         );
         (self.sums.iter().sum::<f64>() / f64::from(n)) as f32

@@ -1,16 +1,19 @@
 //! One keyframe's expansion: sample, find depths, spawn, make room.
 
-use super::{Pending, Reconstructor};
+use super::{
+    Past, Reconstructor,
+    prepare::{Prepared, acceptance, inverse_depth},
+};
 use crate::{
     Coupling, Result, Sampling,
-    depth::{self, AlignedPrior, GreyView, PixelDepth, Reliability, SparseDepth},
-    device::{InverseDepth, Layer, RenderRequest, Rendering, TrainingView, View},
+    depth::{self, PixelDepth, Reliability, SparseDepth},
+    device::{Layer, RenderRequest, Rendering, View},
     expansion::{log, prune, spawn},
     field::normalised_inverse_depth,
     stage,
 };
-use corf_scene::Raster;
-use std::collections::BTreeMap;
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Rendered depths that stand in for triangulated ones are taken every this many pixels.
 const RENDERED_ANCHOR_STRIDE: usize = 4;
@@ -29,35 +32,55 @@ pub(super) struct Expansion {
 
 impl Reconstructor {
     /// Expands the field with one keyframe and adds it to the buffer of the schedule.
-    pub(super) fn expand(&mut self, keyframe: &Pending) -> Result<Expansion> {
-        let view = View { camera: self.meta.optical_camera, world_from_camera: keyframe.world_from_camera };
+    pub(super) fn expand(&mut self, mut keyframe: Prepared) -> Result<Expansion> {
+        let view = View { camera: self.meta.optical_camera, world_from_camera: keyframe.training.world_from_camera };
         let rendering = self.render_before(view)?;
         let rendered = rendering.optical.as_ref();
 
         // Where: Eqs. (13)–(15), or everywhere alike.
-        let (scale_probability, acceptance) = self.sampling_maps(keyframe, rendered);
-        let pixels = log::draw(&acceptance, self.seed, stage::keyed(stage::SAMPLING, keyframe.index));
+        let (seed, stage) = (self.seed, stage::keyed(stage::SAMPLING, keyframe.index));
+        let penalty = match (self.config.sampling, rendered) {
+            (Sampling::Log, Some(layer)) => Some(log::probability(&layer.color, self.config.log_sigma_px)),
+            _ => None,
+        };
+        let (sampling, probability) = (self.config.sampling, &keyframe.probability);
+        let chance = |at: (usize, usize)| acceptance(sampling, probability[at], penalty.as_ref().map_or(0.0, |p| p[at]));
+        let width = probability.width();
+        let drawn = |at: (usize, usize)| log::accepted(at.1 * width + at.0, chance(at), seed, stage);
+        let pixels: Vec<(usize, usize)> = keyframe.candidates.par_iter().copied().filter(|&at| drawn(at)).collect();
 
         // How far.
-        let depths = self.depths(keyframe, &pixels, &acceptance, rendered);
-        let mut expansion = Expansion {
-            sampled: pixels.len(),
-            triangulated: depths.anchors.len(),
-            prior_aligned: depths.prior.is_some(),
-            ..Expansion::default()
+        if keyframe.aligned.is_none()
+            && let (Some(mono), Some(rendered)) = (&keyframe.mono, rendered)
+        {
+            // Too little was triangulated: the field itself says how far things are.
+            let anchors = rendered_anchors(rendered, self.config.behind_coverage);
+            let stage = stage::keyed(stage::ALIGNMENT, keyframe.index);
+            keyframe.aligned = depth::align(mono, &anchors, &self.config.depth, self.seed, stage);
+            keyframe.training.inverse_depth = keyframe.aligned.as_ref().map(inverse_depth);
+        }
+        let mut samples = match keyframe.matched.take() {
+            Some(ahead) => ahead.into_par_iter().filter(|s| drawn((s.x, s.y))).collect(),
+            None => keyframe.match_pixels(&pixels, keyframe.aligned.as_ref(), &self.config),
         };
-        let mut samples = depths.samples;
+        insert_corners(&mut samples, &keyframe, |at| chance(at) > 0.0);
         if let Some(layer) = rendered {
             samples.retain(|s| prune::is_not_behind(s, layer, &self.config));
         }
+        let mut expansion = Expansion {
+            sampled: pixels.len(),
+            triangulated: keyframe.anchors.len(),
+            prior_aligned: keyframe.aligned.is_some(),
+            ..Expansion::default()
+        };
 
         // Who makes room.
         if let (Some(main), false) = (&rendering.main_contributor, self.device.is_empty()) {
-            let field = self.device.gaussians();
-            let replaced = prune::replaced(field.len(), main, &samples, &self.config);
+            let replaced = prune::replaced(self.device.len(), main, &samples, &self.config);
             // A stage that light trains alone leaves the RF opacities as they were born: they say nothing there.
             let both = self.config.coupling == Coupling::Joint;
-            let pruned = prune::pruned(&field, &self.born, self.keyframes_expanded, both, &view, &self.config);
+            let outlines = self.device.outlines()?;
+            let pruned = prune::pruned(&outlines, &self.born, self.keyframes_expanded, both, &view, &self.config);
             let keep: Vec<bool> = replaced.iter().zip(&pruned).map(|(r, p)| !(r | p)).collect();
             expansion.replaced = replaced.iter().filter(|r| **r).count();
             expansion.pruned = keep.iter().filter(|k| !**k).count() - expansion.replaced;
@@ -69,10 +92,10 @@ impl Reconstructor {
         // The new ones.
         let source = spawn::SpawnSource {
             view,
-            optical: &keyframe.optical,
-            probability: &scale_probability,
+            optical: &keyframe.training.optical,
+            probability: &keyframe.probability,
             rf_camera: self.meta.rf_camera,
-            rf: &keyframe.rf,
+            rf: &keyframe.training.rf,
             rf_floor: self.meta.rf_target.floor_color(),
         };
         let new = spawn::spawn(&source, &samples, &self.config);
@@ -81,19 +104,14 @@ impl Reconstructor {
         expansion.spawned = samples.len();
         expansion.accurate = samples.iter().filter(|s| s.reliability != Reliability::Prior).count();
 
-        let id = self.device.upload(
-            &TrainingView {
-                world_from_camera: keyframe.world_from_camera,
-                optical_camera: self.meta.optical_camera,
-                optical: keyframe.optical.clone(),
-                rf_camera: self.meta.rf_camera,
-                rf: keyframe.rf.clone(),
-                inverse_depth: depths.prior.map(|p| InverseDepth { value: p.inverse_depth, confidence: p.confidence }),
-            },
-            self.config.pyramid_levels,
-        )?;
+        let id = match keyframe.packed.take() {
+            Some(packed) => self.device.upload_packed(packed)?,
+            None => self.device.upload(&keyframe.training, self.config.pyramid_levels)?,
+        };
         self.schedule.push(id);
         self.keyframes_expanded += 1;
+        let alignment = keyframe.aligned.map(|a| [a.scale, a.offset]);
+        self.past.push(Past { index: keyframe.index, alignment, typical_depth_m: keyframe.typical_depth_m });
         Ok(expansion)
     }
 
@@ -104,86 +122,27 @@ impl Reconstructor {
         }
         self.device.render(&RenderRequest { optical: Some((view, [0.0; 3])), rf: None, main_contributor: true })
     }
-
-    /// The probability that sets the scale, and the one with which a pixel is accepted.
-    fn sampling_maps(&self, keyframe: &Pending, rendered: Option<&Layer>) -> (Raster<f32>, Raster<f32>) {
-        let (w, h) = (keyframe.optical.width, keyframe.optical.height);
-        match self.config.sampling {
-            Sampling::Uniform => {
-                let constant = Raster::filled(w, h, self.config.uniform_probability);
-                (constant.clone(), constant)
-            }
-            Sampling::Log => {
-                let p = log::probability(&keyframe.optical, self.config.log_sigma_px);
-                let wanted = match rendered {
-                    Some(layer) => log::final_probability(&p, &log::probability(&layer.color, self.config.log_sigma_px)),
-                    None => p.clone(),
-                };
-                // Accept where rand < 2·P̄: the distance 1/(2√P) of Eq. (17) then lets neighbours overlap.
-                (p, wanted.map(|v| 2.0 * v))
-            }
-        }
-    }
-
-    /// Depths of the drawn pixels, with what they were found from.
-    fn depths(
-        &mut self,
-        keyframe: &Pending,
-        pixels: &[(usize, usize)],
-        acceptance: &Raster<f32>,
-        rendered: Option<&Layer>,
-    ) -> Depths {
-        let config = &self.config.depth;
-        let Some(reference) = self.views.iter().find(|v| v.index == keyframe.index) else {
-            return Depths::default();
-        };
-        let others = self.views.iter().rev().filter(|v: &&GreyView| v.index != keyframe.index);
-        let neighbours = depth::select_neighbours(reference, others, self.typical_depth_m, config.neighbours);
-        let anchors = depth::triangulate(reference, &neighbours, config);
-        let prior = keyframe.prior.as_ref().and_then(|mono| {
-            let stage = stage::keyed(stage::ALIGNMENT, keyframe.index);
-            depth::align(mono, &anchors, config, self.seed, stage).or_else(|| {
-                // Too little was triangulated: the field itself says how far things are.
-                depth::align(mono, &rendered_anchors(rendered?, self.config.behind_coverage), config, self.seed, stage)
-            })
-        });
-        let mut samples = match &prior {
-            Some(aligned) => depth::match_guided(reference, &neighbours, aligned, pixels, config),
-            None => depth::match_wide(reference, &neighbours, pixels, config),
-        };
-        let corners: BTreeMap<(usize, usize), f32> = anchors.iter().map(|a| ((a.y, a.x), a.inverse_depth)).collect();
-        for s in &mut samples {
-            if let Some(&inverse_depth) = corners.get(&(s.y, s.x)) {
-                (s.inverse_depth, s.reliability) = (inverse_depth, Reliability::Triangulated);
-            }
-        }
-        if keyframe.prior.is_none() {
-            // Without a prior few pixels find a depth; corners that are needed are not left to chance.
-            let drawn: std::collections::BTreeSet<(usize, usize)> = samples.iter().map(|s| (s.x, s.y)).collect();
-            samples.extend(
-                anchors.iter().filter(|a| acceptance[(a.x, a.y)] > 0.0 && !drawn.contains(&(a.x, a.y))).map(|a| PixelDepth {
-                    x: a.x,
-                    y: a.y,
-                    inverse_depth: a.inverse_depth,
-                    reliability: Reliability::Triangulated,
-                }),
-            );
-        }
-        if !anchors.is_empty() {
-            let mut inverse: Vec<f32> = anchors.iter().map(|a| a.inverse_depth).collect();
-            inverse.sort_unstable_by(f32::total_cmp);
-            self.typical_depth_m = 1.0 / f64::from(inverse[inverse.len() / 2]);
-        }
-        Depths { anchors, prior, samples }
-    }
 }
 
-/// Depths of a keyframe's drawn pixels.
-#[derive(Default)]
-struct Depths {
-    anchors: Vec<SparseDepth>,
-    prior: Option<AlignedPrior>,
-    samples: Vec<PixelDepth>,
+/// Puts triangulated corners in the place of matches at the same pixels.
+fn insert_corners(samples: &mut Vec<PixelDepth>, keyframe: &Prepared, wanted: impl Fn((usize, usize)) -> bool) {
+    let corners: BTreeMap<(usize, usize), f32> = keyframe.anchors.iter().map(|a| ((a.y, a.x), a.inverse_depth)).collect();
+    for s in samples.iter_mut() {
+        if let Some(&inverse_depth) = corners.get(&(s.y, s.x)) {
+            (s.inverse_depth, s.reliability) = (inverse_depth, Reliability::Triangulated);
+        }
+    }
+    if keyframe.mono.is_none() {
+        // Without a prior few pixels find a depth; corners that are needed are not left to chance.
+        let drawn: BTreeSet<(usize, usize)> = samples.iter().map(|s| (s.x, s.y)).collect();
+        let more = keyframe.anchors.iter().filter(|a| wanted((a.x, a.y)) && !drawn.contains(&(a.x, a.y)));
+        samples.extend(more.map(|a| PixelDepth {
+            x: a.x,
+            y: a.y,
+            inverse_depth: a.inverse_depth,
+            reliability: Reliability::Triangulated,
+        }));
+    }
 }
 
 /// Well covered rendered depths on a grid.

@@ -4,10 +4,11 @@ use super::*;
 use crate::{
     Appearance, Gaussians, ReconstructionConfig, RfTarget, Sampling,
     config::{DepthConfig, DepthPriorKind},
-    device::{Layer, RenderRequest, Rendering, TrainingView, ViewId},
+    device::{Layer, Planes, RenderRequest, Rendering, TrainingView, ViewId},
     gaussians::sigmoid,
     synthetic,
 };
+use corf_scene::Raster;
 use std::sync::{Arc, Mutex};
 
 /// What a device was told.

@@ -5,7 +5,7 @@
 //! bit; what lies behind Gaussian i follows from the finished image.
 
 use super::{
-    project::{MIN_ALPHA, Splat, TILE_HEIGHT, TILE_WIDTH},
+    project::{Splat, TILE_HEIGHT, TILE_WIDTH},
     simd::{Kernel, Lanes},
 };
 
@@ -18,20 +18,23 @@ const MAX_ALPHA: f32 = 0.999;
 /// How many Gaussians are blended between two looks at whether all pixels have ended.
 const BATCH: usize = 16;
 
-/// Pixel centres within a tile.
-static PIXEL_X: [f32; AREA] = {
-    let mut out = [0.0; AREA];
+/// Groups of lanes in a tile, at most (eight lanes a group).
+const GROUPS: usize = AREA / 8;
+
+/// Pixel centres within a tile's first group of lanes, columns and rows; every further group lies `WIDTH / TILE_WIDTH` rows below the last.
+static PIXEL_X: [f32; 16] = {
+    let mut out = [0.0; 16];
     let mut i = 0;
-    while i < AREA {
+    while i < 16 {
         out[i] = (i % TILE_WIDTH) as f32 + 0.5;
         i += 1;
     }
     out
 };
-static PIXEL_Y: [f32; AREA] = {
-    let mut out = [0.0; AREA];
+static PIXEL_Y: [f32; 16] = {
+    let mut out = [0.0; 16];
     let mut i = 0;
-    while i < AREA {
+    while i < 16 {
         out[i] = (i / TILE_WIDTH) as f32 + 0.5;
         i += 1;
     }
@@ -54,31 +57,93 @@ pub(crate) struct Tile<'a> {
 impl Tile<'_> {
     /// 1 inside the image, 0 beyond its border: such pixels have ended before they begin.
     #[inline(always)]
-    fn initial_transmittance(&self) -> [f32; AREA] {
+    fn initial_transmittance<L: Lanes>(&self) -> [L; GROUPS] {
         let mut out = [0.0; AREA];
         for (i, t) in out.iter_mut().enumerate() {
             if self.x + i % TILE_WIDTH < self.width && self.y + i / TILE_WIDTH < self.height {
                 *t = 1.0;
             }
         }
-        out
+        grouped(&out)
     }
 
-    /// The groups of `width` pixels whose rows the splat reaches.
+    /// The groups of lanes whose rows the splat reaches.
     #[inline(always)]
-    fn groups(&self, s: &Splat, width: usize) -> std::ops::Range<usize> {
+    fn groups<L: Lanes>(&self, s: &Splat) -> std::ops::Range<usize> {
         let v = s.v - self.y as f32;
         // Row r is reached if |v − (r + ½)| ≤ half_height.
         let first = (v - s.half_height - 0.5).ceil().max(0.0) as usize;
         let end = ((v + s.half_height + 0.5).floor().max(0.0) as usize).min(TILE_HEIGHT);
-        (first * TILE_WIDTH / width)..(end * TILE_WIDTH).div_ceil(width)
+        (first * TILE_WIDTH / L::WIDTH)..(end * TILE_WIDTH).div_ceil(L::WIDTH)
     }
 }
 
-/// exp(−σ) over one group of pixels.
+/// A tile's numbers, group by group.
 #[inline(always)]
-fn weight<L: Lanes>(power: [L; 3], dx: L, dy: L) -> L {
-    (dx * (power[0] * dx + power[1] * dy) + power[2] * dy * dy).min(L::splat(0.0)).exp2()
+fn grouped<L: Lanes>(pixels: &[f32; AREA]) -> [L; GROUPS] {
+    let mut out = [L::splat(0.0); GROUPS];
+    for (out, pixels) in out.iter_mut().zip(pixels.chunks_exact(L::WIDTH)) {
+        *out = L::load(pixels);
+    }
+    out
+}
+
+/// Whether a pixel is left that has not ended.
+#[inline(always)]
+fn any_open<L: Lanes>(t: &[L; GROUPS]) -> bool {
+    let still = L::splat(MIN_TRANSMITTANCE);
+    t.iter().take(AREA / L::WIDTH).any(|t| L::any(t.ge(still)))
+}
+
+/// One splat on its way down a tile, group by group. A group holds whole rows, so that dx is the same in all of them and
+/// −σ log₂e = (yy·dy + xy·dx)·dy + xx·dx² costs two multiplications a group.
+struct Walk<L> {
+    /// mean − pixel, of the group at hand.
+    dx: L,
+    dy: L,
+    rows: L,
+    /// xx·dx² and xy·dx.
+    constant: L,
+    linear: L,
+    quadratic: L,
+    cutoff: L,
+    opacity: L,
+}
+
+impl<L: Lanes> Walk<L> {
+    /// Before the first group.
+    #[inline(always)]
+    fn new(tile: &Tile<'_>, s: &Splat, first: usize) -> Self {
+        let rows = (L::WIDTH / TILE_WIDTH) as f32;
+        let dx = L::splat(s.u - tile.x as f32) - L::load(&PIXEL_X);
+        let dy = L::splat(s.v - tile.y as f32 - (first as f32 - 1.0) * rows) - L::load(&PIXEL_Y);
+        let linear = L::splat(s.power_xy) * dx;
+        Self {
+            dx,
+            dy,
+            rows: L::splat(rows),
+            constant: L::splat(s.power_xx) * dx * dx,
+            linear,
+            quadratic: L::splat(s.power_yy),
+            cutoff: L::splat(s.least_power),
+            opacity: L::splat(s.opacity),
+        }
+    }
+
+    /// The exponent on the next group's pixels, and which of them it reaches with a blending weight that is drawn.
+    #[inline(always)]
+    fn next(&mut self) -> (L, L::Mask) {
+        self.dy = self.dy - self.rows;
+        let power = self.quadratic.mul_add(self.dy, self.linear).mul_add(self.dy, self.constant);
+        (power, power.ge(self.cutoff))
+    }
+
+    /// o·ρ·exp(−σ) of pixels that are reached; elsewhere it means nothing.
+    #[inline(always)]
+    fn alpha(&self, power: L) -> L {
+        // σ ≥ 0, whatever rounding made of a conic that is nearly singular.
+        self.opacity * power.min(L::splat(0.0)).exp2_in_range()
+    }
 }
 
 /// Blends a tile: colour with background, inverse depth, transmittance.
@@ -98,57 +163,48 @@ impl<const C: usize, const DEPTH: bool> Kernel for Forward<'_, C, DEPTH> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let w = L::WIDTH;
-        let mut t = self.tile.initial_transmittance();
-        let mut color = [[0.0_f32; AREA]; C];
-        let mut depth = [0.0_f32; AREA];
-        let (least, still) = (L::splat(MIN_ALPHA), L::splat(MIN_TRANSMITTANCE));
+        let (zero, most, still) = (L::splat(0.0), L::splat(MAX_ALPHA), L::splat(MIN_TRANSMITTANCE));
+        let mut t = self.tile.initial_transmittance::<L>();
+        let mut color = [[zero; GROUPS]; C];
+        let mut depth = [zero; GROUPS];
         for batch in self.tile.list.chunks(BATCH) {
             for &name in batch {
                 let s = &self.tile.splats[name as usize];
-                let power = [L::splat(s.power_xx), L::splat(s.power_xy), L::splat(s.power_yy)];
-                let u = L::splat(s.u - self.tile.x as f32);
-                let v = L::splat(s.v - self.tile.y as f32);
-                let opacity = L::splat(s.opacity);
-                for group in self.tile.groups(s, w) {
-                    let at = group * w;
-                    let (dx, dy) = (u - L::load(&PIXEL_X[at..at + w]), v - L::load(&PIXEL_Y[at..at + w]));
-                    let alpha = (opacity * weight(power, dx, dy)).min(L::splat(MAX_ALPHA));
-                    let before = L::load(&t[at..at + w]);
-                    let drawn = L::and(alpha.ge(least), before.ge(still));
+                let groups = self.tile.groups::<L>(s);
+                let mut walk = Walk::<L>::new(&self.tile, s, groups.start);
+                for group in groups {
+                    let (power, reached) = walk.next();
+                    let before = t[group];
+                    let drawn = L::and(reached, before.ge(still));
                     if !L::any(drawn) {
                         continue;
                     }
-                    let alpha = L::select(drawn, alpha, L::splat(0.0));
+                    let alpha = L::select(drawn, walk.alpha(power).min(most), zero);
                     let weight = alpha * before;
-                    (before - weight).store(&mut t[at..at + w]);
+                    t[group] = before - weight;
                     for c in 0..C {
-                        let sum = &mut color[c][at..at + w];
-                        weight.mul_add(L::splat(s.color[c]), L::load(sum)).store(sum);
+                        color[c][group] = weight.mul_add(L::splat(s.color[c]), color[c][group]);
                     }
                     if DEPTH {
-                        let sum = &mut depth[at..at + w];
-                        weight.mul_add(L::splat(s.inverse_z), L::load(sum)).store(sum);
+                        depth[group] = weight.mul_add(L::splat(s.inverse_z), depth[group]);
                     }
                 }
             }
-            let mut open = false;
-            for at in (0..AREA).step_by(w) {
-                open |= L::any(L::load(&t[at..at + w]).ge(still));
-            }
-            if !open {
+            if !any_open(&t) {
                 break;
             }
         }
-        for c in 0..C {
-            for i in 0..AREA {
-                self.color[c * AREA + i] = color[c][i] + t[i] * self.background[c];
+        for group in 0..AREA / L::WIDTH {
+            let at = group * L::WIDTH;
+            for c in 0..C {
+                let behind = t[group] * L::splat(self.background[c]);
+                (color[c][group] + behind).store(&mut self.color[c * AREA + at..]);
             }
+            if DEPTH {
+                depth[group].store(&mut self.inverse_depth[at..]);
+            }
+            t[group].store(&mut self.transmittance[at..]);
         }
-        if DEPTH {
-            self.inverse_depth.copy_from_slice(&depth);
-        }
-        self.transmittance.copy_from_slice(&t);
     }
 }
 
@@ -194,92 +250,83 @@ impl<const C: usize, const DEPTH: bool> Kernel for Backward<'_, C, DEPTH> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let w = L::WIDTH;
-        let mut t = self.tile.initial_transmittance();
         let plane = self.stride * self.tile.height;
-        let mut g_color = [[0.0_f32; AREA]; C];
+        let mut g_color = [[L::splat(0.0); GROUPS]; C];
         // g·(what is composited from here on, background included): per pixel, one number.
         let mut behind = [0.0_f32; AREA];
         for c in 0..C {
-            g_color[c] = self.tile_of(&self.color_gradient[c * plane..(c + 1) * plane]);
+            let g = self.tile_of(&self.color_gradient[c * plane..(c + 1) * plane]);
             for i in 0..AREA {
-                behind[i] += g_color[c][i] * self.color[c * AREA + i];
+                behind[i] += g[i] * self.color[c * AREA + i];
             }
+            g_color[c] = grouped(&g);
         }
-        let mut g_depth = [0.0_f32; AREA];
+        let mut g_depth = [L::splat(0.0); GROUPS];
         if DEPTH {
-            g_depth = self.tile_of(self.depth_gradient);
+            let g = self.tile_of(self.depth_gradient);
             for i in 0..AREA {
-                behind[i] += g_depth[i] * self.inverse_depth[i];
+                behind[i] += g[i] * self.inverse_depth[i];
             }
+            g_depth = grouped(&g);
         }
-        let (least, still, zero, one) = (L::splat(MIN_ALPHA), L::splat(MIN_TRANSMITTANCE), L::splat(0.0), L::splat(1.0));
+        let mut behind = grouped::<L>(&behind);
+        let mut t = self.tile.initial_transmittance::<L>();
+        let (still, zero, one) = (L::splat(MIN_TRANSMITTANCE), L::splat(0.0), L::splat(1.0));
         let most = L::splat(MAX_ALPHA);
         let mut done = 0;
         for batch in self.tile.list.chunks(BATCH) {
             for &name in batch {
                 let s = &self.tile.splats[name as usize];
-                let power = [L::splat(s.power_xx), L::splat(s.power_xy), L::splat(s.power_yy)];
-                let u = L::splat(s.u - self.tile.x as f32);
-                let v = L::splat(s.v - self.tile.y as f32);
-                let opacity = L::splat(s.opacity);
+                let groups = self.tile.groups::<L>(s);
+                let mut walk = Walk::<L>::new(&self.tile, s, groups.start);
                 let mut d_color = [zero; C];
                 let mut d_inverse_z = zero;
-                let mut sum = zero;
-                let (mut sum_x, mut sum_y) = (zero, zero);
-                let (mut sum_xx, mut sum_xy, mut sum_yy) = (zero, zero, zero);
-                for group in self.tile.groups(s, w) {
-                    let at = group * w;
-                    let (dx, dy) = (u - L::load(&PIXEL_X[at..at + w]), v - L::load(&PIXEL_Y[at..at + w]));
-                    let free = opacity * weight(power, dx, dy);
-                    let alpha = free.min(most);
-                    let before = L::load(&t[at..at + w]);
-                    let drawn = L::and(alpha.ge(least), before.ge(still));
+                // Σ dL/dσ (1, dy, dy²); dx is the same in every group.
+                let (mut sum, mut sum_y, mut sum_yy) = (zero, zero, zero);
+                for group in groups {
+                    let (power, reached) = walk.next();
+                    let before = t[group];
+                    let drawn = L::and(reached, before.ge(still));
                     if !L::any(drawn) {
                         continue;
                     }
-                    let alpha = L::select(drawn, alpha, zero);
+                    let free = walk.alpha(power);
+                    let alpha = L::select(drawn, free.min(most), zero);
                     let weight = alpha * before;
-                    (before - weight).store(&mut t[at..at + w]);
+                    t[group] = before - weight;
                     let mut shade = zero;
                     for c in 0..C {
-                        let g = L::load(&g_color[c][at..at + w]);
+                        let g = g_color[c][group];
                         shade = g.mul_add(L::splat(s.color[c]), shade);
                         d_color[c] = weight.mul_add(g, d_color[c]);
                     }
                     if DEPTH {
-                        let g = L::load(&g_depth[at..at + w]);
+                        let g = g_depth[group];
                         shade = g.mul_add(L::splat(s.inverse_z), shade);
                         d_inverse_z = weight.mul_add(g, d_inverse_z);
                     }
                     // dL/dα = T c·g − R·g / (1 − α), with R behind this Gaussian.
-                    let rest = L::load(&behind[at..at + w]) - weight * shade;
-                    rest.store(&mut behind[at..at + w]);
-                    let d_alpha = before * shade - rest / (one - alpha);
+                    let lit = weight * shade;
+                    let rest = behind[group] - lit;
+                    behind[group] = rest;
                     // dL/dσ = −α dL/dα where the cap does not hold it.
-                    let d_sigma = L::select(most.gt(free), -(alpha * d_alpha), zero);
+                    let d_sigma = L::select(most.gt(free), alpha * rest / (one - alpha) - lit, zero);
                     sum = sum + d_sigma;
-                    let (gx, gy) = (d_sigma * dx, d_sigma * dy);
-                    sum_x = sum_x + gx;
-                    sum_y = sum_y + gy;
-                    sum_xx = gx.mul_add(dx, sum_xx);
-                    sum_xy = gx.mul_add(dy, sum_xy);
-                    sum_yy = gy.mul_add(dy, sum_yy);
+                    let g_y = d_sigma * walk.dy;
+                    sum_y = sum_y + g_y;
+                    sum_yy = g_y.mul_add(walk.dy, sum_yy);
                 }
                 let [r, g, b] = if C == 3 { [d_color[0], d_color[C / 2], d_color[C - 1]] } else { [d_color[0], zero, zero] };
                 let record = &mut self.records[done];
+                let sum_x = sum * walk.dx;
                 record[..4].copy_from_slice(&L::sum4([r, g, b, d_inverse_z]));
-                record[4..8].copy_from_slice(&L::sum4([sum, sum_xx, sum_xy, sum_yy]));
+                record[4..8].copy_from_slice(&L::sum4([sum, sum_x * walk.dx, sum_y * walk.dx, sum_yy]));
                 record[8..].copy_from_slice(&L::sum4([sum_x, sum_y, zero, zero]));
                 // α = oρ·G: Σ G dL/dα = −Σ dL/dσ / (oρ).
                 record[OPACITY] = -record[OPACITY] / s.opacity;
                 done += 1;
             }
-            let mut open = false;
-            for at in (0..AREA).step_by(w) {
-                open |= L::any(L::load(&t[at..at + w]).ge(still));
-            }
-            if !open {
+            if !any_open(&t) {
                 break;
             }
         }
@@ -299,32 +346,31 @@ impl Kernel for MainContributor<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let w = L::WIDTH;
-        let mut t = self.tile.initial_transmittance();
-        let mut best = [0.0_f32; AREA];
+        let (zero, still) = (L::splat(0.0), L::splat(MIN_TRANSMITTANCE));
+        let mut t = self.tile.initial_transmittance::<L>();
+        let mut best = [zero; GROUPS];
         // Names travel through lanes as the bits of an f32; they are only selected, never computed with.
-        let mut names = [f32::from_bits(u32::MAX); AREA];
-        let (least, still) = (L::splat(MIN_ALPHA), L::splat(MIN_TRANSMITTANCE));
+        let mut names = [L::splat(f32::from_bits(u32::MAX)); GROUPS];
         for &name in self.tile.list {
             let s = &self.tile.splats[name as usize];
-            let power = [L::splat(s.power_xx), L::splat(s.power_xy), L::splat(s.power_yy)];
-            let u = L::splat(s.u - self.tile.x as f32);
-            let v = L::splat(s.v - self.tile.y as f32);
-            for group in self.tile.groups(s, w) {
-                let at = group * w;
-                let (dx, dy) = (u - L::load(&PIXEL_X[at..at + w]), v - L::load(&PIXEL_Y[at..at + w]));
-                let alpha = (L::splat(s.opacity) * weight(power, dx, dy)).min(L::splat(MAX_ALPHA));
-                let before = L::load(&t[at..at + w]);
-                let drawn = L::and(alpha.ge(least), before.ge(still));
-                let weight = L::select(drawn, alpha, L::splat(0.0)) * before;
-                (before - weight).store(&mut t[at..at + w]);
-                let largest = L::load(&best[at..at + w]);
-                let more = weight.gt(largest);
-                L::select(more, weight, largest).store(&mut best[at..at + w]);
-                L::select(more, L::splat(f32::from_bits(name)), L::load(&names[at..at + w])).store(&mut names[at..at + w]);
+            let groups = self.tile.groups::<L>(s);
+            let mut walk = Walk::<L>::new(&self.tile, s, groups.start);
+            for group in groups {
+                let (power, reached) = walk.next();
+                let before = t[group];
+                let drawn = L::and(reached, before.ge(still));
+                let weight = L::select(drawn, walk.alpha(power).min(L::splat(MAX_ALPHA)), zero) * before;
+                t[group] = before - weight;
+                let more = weight.gt(best[group]);
+                best[group] = L::select(more, weight, best[group]);
+                names[group] = L::select(more, L::splat(f32::from_bits(name)), names[group]);
             }
         }
-        for (out, name) in self.out.iter_mut().zip(names) {
+        let mut bits = [0.0_f32; AREA];
+        for (bits, names) in bits.chunks_exact_mut(L::WIDTH).zip(names) {
+            names.store(bits);
+        }
+        for (out, name) in self.out.iter_mut().zip(bits) {
             *out = name.to_bits();
         }
     }

@@ -16,9 +16,10 @@ mod store;
 mod tiles;
 mod update;
 
-use super::{Device, RenderRequest, Rendering, Step, StepReport, TrainingView, ViewId};
+use super::{Device, DeviceState, Outline, PackedView, Packer, RenderRequest, Rendering, Step, StepReport, TrainingView, ViewId};
 use crate::gaussians::logit;
 use crate::{Appearance, Gaussians, OptimizerConfig, RasterConfig, Result};
+use std::sync::Arc;
 pub use step::StageTimes;
 use {pyramid::Pyramid, render::Frame, simd::Isa, step::Scratch, store::Store};
 
@@ -63,6 +64,10 @@ impl CpuDevice {
         std::mem::take(&mut self.times)
     }
 
+    fn channels(&self) -> [usize; 2] {
+        [self.store.harmonics[0].channels, self.store.harmonics[1].channels]
+    }
+
     /// Mean length of a tile's list in the last image of each modality: an upper bound of the Gaussians blended per pixel.
     pub fn overdraw(&self) -> [f64; 2] {
         [0, 1].map(|g| {
@@ -79,8 +84,19 @@ impl Device for CpuDevice {
     }
 
     fn upload(&mut self, view: &TrainingView, levels: u32) -> Result<ViewId> {
-        self.check_channels(view)?;
-        self.pyramids.push(Pyramid::new(self.isa, view, levels)?);
+        self.pyramids.push(packed(self.isa, self.channels(), view, levels)?);
+        Ok(ViewId(self.pyramids.len() - 1))
+    }
+
+    fn packer(&self) -> Option<Packer> {
+        let (isa, channels) = (self.isa, self.channels());
+        Some(Arc::new(move |view, levels| Ok(PackedView::new(packed(isa, channels, view, levels)?))))
+    }
+
+    fn upload_packed(&mut self, view: PackedView) -> Result<ViewId> {
+        let foreign = || self.lacks("packed views of other devices", "upload what its own packer has built");
+        let pyramid = view.unwrap_as().ok_or_else(foreign)?;
+        self.pyramids.push(pyramid);
         Ok(ViewId(self.pyramids.len() - 1))
     }
 
@@ -126,6 +142,24 @@ impl Device for CpuDevice {
     fn gaussians(&mut self) -> Gaussians {
         self.store.to_gaussians()
     }
+
+    fn outlines(&mut self) -> Result<Vec<Outline>> {
+        Ok(self.store.outlines())
+    }
+
+    fn state(&mut self) -> Result<DeviceState> {
+        Ok(self.store.state())
+    }
+
+    fn restore(&mut self, state: &DeviceState) -> Result<()> {
+        self.store.restore(state)
+    }
+}
+
+/// A keyframe's pyramid, if its channels are those of the Gaussians.
+fn packed(isa: Isa, channels: [usize; 2], view: &TrainingView, levels: u32) -> Result<Pyramid> {
+    super::check_channels(view, channels)?;
+    Pyramid::new(isa, view, levels)
 }
 
 #[cfg(test)]

@@ -14,8 +14,6 @@ pub(crate) const CHUNK: usize = 256;
 /// and needs fewer lists; a wide one would.
 pub(crate) const TILE_WIDTH: usize = 8;
 pub(crate) const TILE_HEIGHT: usize = 16;
-/// Blending weights below this are not drawn.
-pub(crate) const MIN_ALPHA: f32 = 1.0 / 255.0;
 /// τ = ln(255·o·ρ) bounds σ; the margin covers the rounding of our logarithm and of σ itself.
 const TAU_MARGIN: f32 = 1e-3;
 /// Widest σ at which opacity 1 still gives 1/255: sqrt(2 ln 255) standard deviations.
@@ -40,7 +38,9 @@ pub(crate) struct Splat {
     pub color: [f32; 3],
     /// Half extent in y where the weight falls to 1/255, pixels.
     pub half_height: f32,
-    pub padding: [f32; 5],
+    /// log₂(1/255 / oρ): where the exponent is below this, the weight is below 1/255 and not drawn.
+    pub least_power: f32,
+    pub padding: [f32; 4],
 }
 
 /// The tiles a chunk's Gaussians reach in one image.
@@ -274,7 +274,8 @@ impl ProjectChunk<'_> {
                             inverse_z: i[6][lane],
                             color: color(harmonics, id as usize, direction(core, &self.scene.pose.eye).0),
                             half_height: i[9][lane],
-                            padding: [0.0; 5],
+                            least_power: -LOG2E * (i[7][lane] - TAU_MARGIN),
+                            padding: [0.0; 4],
                         };
                     }
                 }
@@ -336,12 +337,20 @@ fn emit_tiles(grid: &Grid, [u, v]: [f32; 2], q: [f32; 3], tau: f32, [width, heig
     }
     let (columns, rows) = (grid.width.div_ceil(TILE_WIDTH) as i32, grid.height.div_ceil(TILE_HEIGHT) as i32);
     let before = out.len();
+    let (y0, y1) = span(v - height, v + height, TILE_HEIGHT, rows);
+    let (x0, x1) = span(u - width, u + width, TILE_WIDTH, columns);
+    if y0 == y1 && x0 >= x1 {
+        // Most splats of a small image: the box says all.
+        if x0 == x1 {
+            out.push((y0 * columns + x0) as u32);
+        }
+        return out.len() > before;
+    }
     let [qa, qb, qc] = q;
     let determinant = qa * qc - qb * qb;
     let (slope, inverse_a) = (-qb / qa, 1.0 / qa);
     // Height, relative to the mean, at which the ellipse reaches farthest to the right; to the left it is the opposite.
     let rightmost = -qb / qc * width;
-    let (y0, y1) = span(v - height, v + height, TILE_HEIGHT, rows);
     for ty in y0..=y1 {
         // The ellipse between the first and the last pixel row of the tiles is convex: it meets a tile if its extent in x does.
         let low = (ty as f32 * TILE_HEIGHT as f32 + 0.5 - v).max(-height);

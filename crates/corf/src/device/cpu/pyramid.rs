@@ -7,6 +7,7 @@ use crate::{
     loss::fused::{DepthTarget, Target},
 };
 use corf_scene::{Pinhole, Rigid3};
+use rayon::prelude::*;
 
 /// One level of one modality.
 pub(crate) struct Level {
@@ -120,15 +121,15 @@ fn check(camera: &Pinhole, image: &Planes, name: &str) -> Result<()> {
 
 fn halve(image: &Planes) -> Planes {
     let (width, height, n) = (image.width / 2, image.height / 2, image.channels);
-    let mut pixels = Vec::with_capacity(width * height * n);
-    for y in 0..height {
+    let mut pixels = vec![0.0; width * height * n];
+    pixels.par_chunks_mut((width * n).max(1)).enumerate().for_each(|(y, row)| {
         for x in 0..width {
             for c in 0..n {
                 let at = |dx: usize, dy: usize| image.pixels[((2 * y + dy) * image.width + 2 * x + dx) * n + c];
-                pixels.push(0.25 * ((at(0, 0) + at(1, 0)) + (at(0, 1) + at(1, 1))));
+                row[x * n + c] = 0.25 * ((at(0, 0) + at(1, 0)) + (at(0, 1) + at(1, 1)));
             }
         }
-    }
+    });
     Planes { width, height, channels: n, pixels }
 }
 

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     Error, Gaussians, Result,
-    device::{Step, StepReport, TrainingView},
+    device::{Step, StepReport},
     loss::fused::{DepthLoss, ImageLoss, stride_of},
 };
 use rayon::prelude::*;
@@ -54,21 +54,6 @@ pub(crate) struct Scratch {
 }
 
 impl CpuDevice {
-    pub(super) fn check_channels(&self, view: &TrainingView) -> Result<()> {
-        for (name, image, h) in [("optical", &view.optical, &self.store.harmonics[0]), ("rf", &view.rf, &self.store.harmonics[1])]
-        {
-            if image.channels != h.channels {
-                let what = format!("{} channels against {} of the Gaussians", image.channels, h.channels);
-                return Err(Error::invalid(
-                    format!("training view, {name}"),
-                    what,
-                    "light has 3 channels; RF has 3 (Jet) or 1 (dB)",
-                ));
-            }
-        }
-        Ok(())
-    }
-
     fn scene_of_step(&self, step: &Step) -> Result<Scene> {
         let place = || format!("training step for view {}", step.view.0);
         let Some(pyramid) = self.pyramids.get(step.view.0) else {

@@ -3,7 +3,10 @@
 //! Geometry and both opacities of one Gaussian are twelve consecutive numbers ([`Core`]), its harmonics one consecutive run per
 //! modality, channel by channel: a step touches the Gaussians it sees, one after the other, and nothing else.
 
-use crate::{Appearance, Gaussians, Result};
+use crate::{
+    Appearance, Gaussians, Result,
+    device::{DeviceState, Outline},
+};
 
 /// Offsets in a Gaussian's twelve numbers.
 pub(crate) const POSITION: usize = 0;
@@ -50,20 +53,28 @@ impl Harmonics {
     }
 
     fn append(&mut self, from: &Appearance) {
-        let (k, c) = (self.coefficients(), self.channels);
-        for one in from.sh.chunks_exact(k * c) {
-            for channel in 0..c {
-                self.value.extend((0..k).map(|coefficient| one[coefficient * c + channel]));
-            }
-        }
+        self.value.extend(self.by_channel(from));
         self.moment1.resize(self.value.len(), 0.0);
         self.moment2.resize(self.value.len(), 0.0);
     }
 
-    fn to_sh(&self) -> Vec<f32> {
+    /// `[gaussian][coefficient][channel]` to `[gaussian][channel][coefficient]`.
+    fn by_channel(&self, from: &Appearance) -> Vec<f32> {
         let (k, c) = (self.coefficients(), self.channels);
-        let mut out = Vec::with_capacity(self.value.len());
-        for one in self.value.chunks_exact(k * c) {
+        let mut out = Vec::with_capacity(from.sh.len());
+        for one in from.sh.chunks_exact(k * c) {
+            for channel in 0..c {
+                out.extend((0..k).map(|coefficient| one[coefficient * c + channel]));
+            }
+        }
+        out
+    }
+
+    /// The way back.
+    fn by_coefficient(&self, values: &[f32]) -> Vec<f32> {
+        let (k, c) = (self.coefficients(), self.channels);
+        let mut out = Vec::with_capacity(values.len());
+        for one in values.chunks_exact(k * c) {
             for coefficient in 0..k {
                 out.extend((0..c).map(|channel| one[channel * k + coefficient]));
             }
@@ -115,13 +126,14 @@ impl Store {
         }
     }
 
+    /// Channels and degree of both modalities.
+    fn held(&self) -> [(usize, usize); 2] {
+        [0, 1].map(|g| (self.harmonics[g].channels, self.harmonics[g].degree))
+    }
+
     pub fn append(&mut self, new: &Gaussians) -> Result<()> {
-        let n = new.len();
-        new.check_appendable([0, 1].map(|g| (self.harmonics[g].channels, self.harmonics[g].degree)))?;
-        for i in 0..n {
-            let ([x, y, z], [qw, qx, qy, qz], [a, b, c]) = (new.position[i], new.rotation[i], new.log_scale[i]);
-            self.value.push([x, y, z, qw, qx, qy, qz, a, b, c, new.optical.opacity_logit[i], new.rf.opacity_logit[i]]);
-        }
+        new.check_appendable(self.held())?;
+        self.value.extend(cores(new));
         let total = self.value.len();
         self.moment1.resize(total, [0.0; 12]);
         self.moment2.resize(total, [0.0; 12]);
@@ -157,20 +169,67 @@ impl Store {
         self.harmonics[1].append(rf);
     }
 
-    /// The numbers of `core` and `sh` (parameters or their gradients) in the shape of the public structure.
+    /// The parameters (or their gradients) in the shape of the public structure.
     pub fn to_gaussians(&self) -> Gaussians {
-        let appearance = |h: &Harmonics, offset: usize| Appearance {
-            channels: h.channels,
-            sh_degree: h.degree,
-            opacity_logit: self.value.iter().map(|c| c[offset]).collect(),
-            sh: h.to_sh(),
+        self.shaped(&self.value, [&self.harmonics[0].value, &self.harmonics[1].value])
+    }
+
+    fn shaped(&self, cores: &[Core], sh: [&Vec<f32>; 2]) -> Gaussians {
+        let appearance = |g: usize, offset: usize| {
+            let h = &self.harmonics[g];
+            Appearance {
+                channels: h.channels,
+                sh_degree: h.degree,
+                opacity_logit: cores.iter().map(|c| c[offset]).collect(),
+                sh: h.by_coefficient(sh[g]),
+            }
         };
         Gaussians {
-            position: self.value.iter().map(|c| [c[0], c[1], c[2]]).collect(),
-            rotation: self.value.iter().map(|c| [c[3], c[4], c[5], c[6]]).collect(),
-            log_scale: self.value.iter().map(|c| [c[7], c[8], c[9]]).collect(),
-            optical: appearance(&self.harmonics[0], OPTICAL_OPACITY),
-            rf: appearance(&self.harmonics[1], RF_OPACITY),
+            position: cores.iter().map(|c| [c[0], c[1], c[2]]).collect(),
+            rotation: cores.iter().map(|c| [c[3], c[4], c[5], c[6]]).collect(),
+            log_scale: cores.iter().map(|c| [c[7], c[8], c[9]]).collect(),
+            optical: appearance(0, OPTICAL_OPACITY),
+            rf: appearance(1, RF_OPACITY),
         }
     }
+
+    pub fn outlines(&self) -> Vec<Outline> {
+        let outline = |c: &Core| Outline {
+            position: [c[0], c[1], c[2]],
+            largest_log_scale: c[LOG_SCALE].max(c[LOG_SCALE + 1]).max(c[LOG_SCALE + 2]),
+            opacity_logit: [c[OPTICAL_OPACITY], c[RF_OPACITY]],
+        };
+        self.value.iter().map(outline).collect()
+    }
+
+    pub fn state(&self) -> DeviceState {
+        let [a, b] = &self.harmonics;
+        DeviceState {
+            gaussians: self.to_gaussians(),
+            moments: [self.shaped(&self.moment1, [&a.moment1, &b.moment1]), self.shaped(&self.moment2, [&a.moment2, &b.moment2])],
+            position_rate: self.position_rate.clone(),
+        }
+    }
+
+    pub fn restore(&mut self, state: &DeviceState) -> Result<()> {
+        state.check(self.held(), self.len())?;
+        self.append(&state.gaussians)?;
+        let [first, second] = &state.moments;
+        self.moment1 = cores(first).collect();
+        self.moment2 = cores(second).collect();
+        for (h, pick) in self.harmonics.iter_mut().zip([|g: &Gaussians| g.optical.clone(), |g: &Gaussians| g.rf.clone()]) {
+            h.moment1 = h.by_channel(&pick(first));
+            h.moment2 = h.by_channel(&pick(second));
+        }
+        self.position_rate.copy_from_slice(&state.position_rate);
+        Ok(())
+    }
+}
+
+/// Geometry and opacities, Gaussian by Gaussian.
+fn cores(g: &Gaussians) -> impl Iterator<Item = Core> + '_ {
+    (0..g.len()).map(|i| {
+        let ([x, y, z], [qw, qx, qy, qz], [a, b, c]) = (g.position[i], g.rotation[i], g.log_scale[i]);
+        [x, y, z, qw, qx, qy, qz, a, b, c, g.optical.opacity_logit[i], g.rf.opacity_logit[i]]
+    })
 }

@@ -7,7 +7,7 @@ use super::{
     simd::{Isa, Kernel, Lanes},
     store::{Core, LOG_SCALE, OPTICAL_OPACITY, POSITION, RF_OPACITY, ROTATION, Store},
 };
-use crate::{AppearanceRates, OptimizerConfig, gaussians::logit, sh};
+use crate::{OptimizerConfig, gaussians::logit, sh};
 use rayon::prelude::*;
 
 /// What becomes of the gradients.
@@ -73,12 +73,12 @@ impl Update<'_> {
         {
             parts.push(Part { value, moment1, moment2, position_rate, harmonics: [optical, rf] });
         }
-        let rates = [0, 1].map(|g| match &self.mode {
-            Mode::Adam { config, .. } => harmonic_rates([&config.optical, &config.rf][g], coefficients[g]),
-            Mode::Write => [0.0; MAX_STRIDE],
-        });
+        let constants = match &self.mode {
+            Mode::Adam { config, .. } => Constants::new(config, coefficients),
+            Mode::Write => Constants::default(),
+        };
         parts.into_par_iter().enumerate().for_each(|(chunk, part)| {
-            self.isa.dispatch(UpdateChunk { update: self, chunk, rates: &rates, part });
+            self.isa.dispatch(UpdateChunk { update: self, chunk, constants: &constants, part });
         });
     }
 }
@@ -86,17 +86,38 @@ impl Update<'_> {
 /// Most harmonics of one Gaussian in one modality: three channels of sixteen.
 const MAX_STRIDE: usize = 3 * sh::MAX_COEFFICIENTS;
 
-/// Rates along one Gaussian's harmonics.
-fn harmonic_rates(r: &AppearanceRates, coefficients: usize) -> [f32; MAX_STRIDE] {
-    let mut out = [r.sh_dc / r.sh_rest_divisor; MAX_STRIDE];
-    out.iter_mut().step_by(coefficients).for_each(|rate| *rate = r.sh_dc);
-    out
+/// What a step's update needs of the configuration, per modality, in the shape in which it needs it.
+struct Constants {
+    /// Rates along one Gaussian's harmonics.
+    harmonic_rates: [[f32; MAX_STRIDE]; 2],
+    /// Opacity logits are not pushed below this.
+    lowest_logit: [f32; 2],
+}
+
+impl Default for Constants {
+    fn default() -> Self {
+        Self { harmonic_rates: [[0.0; MAX_STRIDE]; 2], lowest_logit: [f32::NEG_INFINITY; 2] }
+    }
+}
+
+impl Constants {
+    fn new(config: &OptimizerConfig, coefficients: [usize; 2]) -> Self {
+        let mut out = Self::default();
+        for (g, r) in [&config.optical, &config.rf].into_iter().enumerate() {
+            out.harmonic_rates[g] = [r.sh_dc / r.sh_rest_divisor; MAX_STRIDE];
+            out.harmonic_rates[g].iter_mut().step_by(coefficients[g]).for_each(|rate| *rate = r.sh_dc);
+            if r.opacity_floor > 0.0 {
+                out.lowest_logit[g] = logit(r.opacity_floor);
+            }
+        }
+        out
+    }
 }
 
 struct UpdateChunk<'a, 'b> {
     update: &'a Update<'a>,
     chunk: usize,
-    rates: &'a [[f32; MAX_STRIDE]; 2],
+    constants: &'a Constants,
     part: Part<'b>,
 }
 
@@ -224,23 +245,17 @@ impl UpdateChunk<'_, '_> {
         rates[OPTICAL_OPACITY] = config.optical.opacity;
         rates[RF_OPACITY] = config.rf.opacity;
         let (value, m, v) = (&mut self.part.value[id], &mut self.part.moment1[id], &mut self.part.moment2[id]);
-        let mut state = [[0.0_f32; 16]; 3];
-        let mut padded = [0.0_f32; 16];
-        state[0][..12].copy_from_slice(value);
-        state[1][..12].copy_from_slice(m);
-        state[2][..12].copy_from_slice(v);
-        padded[..12].copy_from_slice(gradient);
-        adam::<L, 16>(config, &rates, &padded, &mut state, 12);
+        let mut state = [*value, *m, *v];
+        let [new_value, new_m, new_v] = &mut state;
+        adam::<L>(config, &rates, gradient, [new_value, new_m, new_v]);
         // Only what this step trains and sees is written back.
         let first = if *geometry { POSITION } else { OPTICAL_OPACITY };
         for k in (first..OPTICAL_OPACITY).chain((0..2).filter(|g| seen[*g]).map(|g| OPTICAL_OPACITY + g)) {
             (value[k], m[k], v[k]) = (state[0][k], state[1][k], state[2][k]);
         }
-        for (g, r) in [&config.optical, &config.rf].into_iter().enumerate() {
-            if seen[g] && r.opacity_floor > 0.0 {
-                let opacity = &mut value[OPTICAL_OPACITY + g];
-                *opacity = opacity.max(logit(r.opacity_floor));
-            }
+        for g in (0..2).filter(|g| seen[*g]) {
+            let opacity = &mut value[OPTICAL_OPACITY + g];
+            *opacity = opacity.max(self.constants.lowest_logit[g]);
         }
     }
 
@@ -268,7 +283,7 @@ impl UpdateChunk<'_, '_> {
         d: ([f32; 3], f32),
         d_color: [f32; 3],
     ) -> [f32; 3] {
-        let rates = &self.rates[g];
+        let rates = &self.constants.harmonic_rates[g];
         let mode = &self.update.mode;
         let h = &mut self.part.harmonics[g];
         let (direction, inverse_distance) = d;
@@ -288,14 +303,7 @@ impl UpdateChunk<'_, '_> {
             Mode::Write => value.copy_from_slice(&gradient[..K * C]),
             Mode::Adam { config, .. } => {
                 let (m, v) = (&mut h.moment1[run.clone()], &mut h.moment2[run]);
-                let mut local = [[0.0_f32; MAX_STRIDE]; 3];
-                local[0][..K * C].copy_from_slice(value);
-                local[1][..K * C].copy_from_slice(m);
-                local[2][..K * C].copy_from_slice(v);
-                adam::<L, MAX_STRIDE>(config, rates, &gradient, &mut local, K * C);
-                value.copy_from_slice(&local[0][..K * C]);
-                m.copy_from_slice(&local[1][..K * C]);
-                v.copy_from_slice(&local[2][..K * C]);
+                adam::<L>(config, rates, &gradient[..K * C], [value, m, v]);
             }
         }
         if K == 1 {
@@ -312,26 +320,41 @@ impl UpdateChunk<'_, '_> {
     }
 }
 
-/// Adam without bias correction on the first `count` of (value, first moment, second moment), rounded up to whole lanes.
+/// Adam without bias correction on (value, first moment, second moment), all as long as the gradient; `rates` may be longer.
 #[inline(always)]
-fn adam<L: Lanes, const N: usize>(
-    config: &OptimizerConfig,
-    rates: &[f32; N],
-    gradient: &[f32; N],
-    state: &mut [[f32; N]; 3],
-    count: usize,
-) {
-    let (beta1, rest1) = (L::splat(config.beta1), L::splat(1.0 - config.beta1));
-    let (beta2, rest2) = (L::splat(config.beta2), L::splat(1.0 - config.beta2));
-    let epsilon = L::splat(config.epsilon);
-    for at in (0..count).step_by(L::WIDTH) {
-        let lanes = at..at + L::WIDTH;
-        let g = L::load(&gradient[lanes.clone()]);
-        let m = beta1 * L::load(&state[1][lanes.clone()]) + rest1 * g;
-        let v = beta2 * L::load(&state[2][lanes.clone()]) + rest2 * g * g;
-        let value = L::load(&state[0][lanes.clone()]) - L::load(&rates[lanes.clone()]) * m / (v.sqrt() + epsilon);
-        value.store(&mut state[0][lanes.clone()]);
-        m.store(&mut state[1][lanes.clone()]);
-        v.store(&mut state[2][lanes]);
+fn adam<L: Lanes>(config: &OptimizerConfig, rates: &[f32], gradient: &[f32], [value, m, v]: [&mut [f32]; 3]) {
+    let count = gradient.len();
+    let whole = count - count % L::WIDTH;
+    for at in (0..whole).step_by(L::WIDTH) {
+        adam_lanes::<L>(config, &rates[at..], &gradient[at..], [&mut value[at..], &mut m[at..], &mut v[at..]]);
     }
+    if whole < count {
+        let rest = whole..count;
+        let mut state = [padded(&value[rest.clone()]), padded(&m[rest.clone()]), padded(&v[rest.clone()])];
+        let [a, b, c] = &mut state;
+        adam_lanes::<L>(config, &padded(&rates[rest.clone()]), &padded(&gradient[rest.clone()]), [a, b, c]);
+        for (to, from) in [value, m, v].into_iter().zip(&state) {
+            to[rest.clone()].copy_from_slice(&from[..count - whole]);
+        }
+    }
+}
+
+/// Fewer numbers than lanes, filled up with zeros.
+#[inline(always)]
+fn padded(from: &[f32]) -> [f32; 16] {
+    let mut out = [0.0_f32; 16];
+    out[..from.len()].copy_from_slice(from);
+    out
+}
+
+/// One group of lanes of [`adam`].
+#[inline(always)]
+fn adam_lanes<L: Lanes>(config: &OptimizerConfig, rates: &[f32], gradient: &[f32], [value, m, v]: [&mut [f32]; 3]) {
+    let g = L::load(gradient);
+    let next_m = L::splat(config.beta1) * L::load(m) + L::splat(1.0 - config.beta1) * g;
+    let next_v = L::splat(config.beta2) * L::load(v) + L::splat(1.0 - config.beta2) * g * g;
+    let step = L::load(rates) * next_m / (next_v.sqrt() + L::splat(config.epsilon));
+    (L::load(value) - step).store(value);
+    next_m.store(m);
+    next_v.store(v);
 }

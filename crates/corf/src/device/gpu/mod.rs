@@ -14,6 +14,7 @@ mod frame;
 mod kernel;
 mod params;
 mod pyramid;
+mod readback;
 mod render;
 mod shaders;
 mod sort;
@@ -23,12 +24,16 @@ pub(crate) mod testing;
 mod train;
 mod work;
 
-use super::{Device, RenderRequest, Rendering, Step, StepReport, TrainingView, ViewId};
+use super::{
+    Device, DeviceState, Outline, PackedView, Packer, RenderRequest, Rendering, Step, StepReport, TrainingView, ViewId,
+    check_channels,
+};
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result, gaussians::logit};
 use context::Context;
 use frame::{Forward, Memory};
-use pyramid::Pyramid;
+use pyramid::{Packed, Pyramid};
 use shaders::Fixed;
+use std::sync::Arc;
 use store::Store;
 use train::{Counts, Training};
 
@@ -120,15 +125,44 @@ impl Device for GpuDevice {
 
     fn upload(&mut self, view: &TrainingView, levels: u32) -> Result<ViewId> {
         self.raise_deferred()?;
-        for (name, image, h) in [("optical", &view.optical, self.store.harmonics[0]), ("rf", &view.rf, self.store.harmonics[1])] {
-            if image.channels != h.channels {
-                let what = format!("{} channels against {} of the Gaussians", image.channels, h.channels);
-                let help = "light has 3 channels; RF has 3 (Jet) or 1 (dB)";
-                return Err(Error::invalid(format!("training view, {name}"), what, help));
-            }
-        }
-        self.pyramids.push(Pyramid::new(&self.context, view, levels, self.raster.antialias)?);
+        check_channels(view, self.store.harmonics.map(|h| h.channels))?;
+        self.pyramids.push(Packed::new(view, levels, self.raster.antialias)?.upload(&self.context)?);
         Ok(ViewId(self.pyramids.len() - 1))
+    }
+
+    fn packer(&self) -> Option<Packer> {
+        let (antialias, channels) = (self.raster.antialias, self.store.harmonics.map(|h| h.channels));
+        Some(Arc::new(move |view, levels| {
+            check_channels(view, channels)?;
+            Ok(PackedView::new(Packed::new(view, levels, antialias)?))
+        }))
+    }
+
+    fn upload_packed(&mut self, view: PackedView) -> Result<ViewId> {
+        self.raise_deferred()?;
+        let foreign = || self.lacks("packed views of other devices", "upload what its own packer has built");
+        let packed: Packed = view.unwrap_as().ok_or_else(foreign)?;
+        self.pyramids.push(packed.upload(&self.context)?);
+        Ok(ViewId(self.pyramids.len() - 1))
+    }
+
+    fn trains_on_the_host(&self) -> bool {
+        self.is_software()
+    }
+
+    fn outlines(&mut self) -> Result<Vec<Outline>> {
+        self.raise_deferred()?;
+        self.store.outlines(&self.context)
+    }
+
+    fn state(&mut self) -> Result<DeviceState> {
+        self.raise_deferred()?;
+        self.store.state(&self.context)
+    }
+
+    fn restore(&mut self, state: &DeviceState) -> Result<()> {
+        self.raise_deferred()?;
+        self.store.restore(&self.context, state)
     }
 
     fn len(&self) -> usize {

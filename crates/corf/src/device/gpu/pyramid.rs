@@ -33,8 +33,15 @@ fn planar(image: &Planes, out: &mut Vec<f32>) {
     }
 }
 
-impl Pyramid {
-    pub fn new(context: &Context, view: &TrainingView, levels: u32, antialias: Antialias) -> Result<Self> {
+/// A keyframe laid out for device memory; made on any thread.
+pub(crate) struct Packed {
+    pose: Pose,
+    words: Vec<f32>,
+    levels: Vec<Level>,
+}
+
+impl Packed {
+    pub fn new(view: &TrainingView, levels: u32, antialias: Antialias) -> Result<Self> {
         let Levels { images, depth } = levels_of(view, levels)?;
         let mut words = vec![];
         let mut out = vec![];
@@ -52,12 +59,18 @@ impl Pyramid {
             });
             out.push(Level { grids: [0, 1].map(|g| Grid::new(&level[g].0, antialias)), target_at, depth_at });
         }
-        let buffer = context.storage("keyframe", 4 * words.len() as u64)?;
-        context.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&words));
-        context.check("uploading a keyframe")?;
-        Ok(Self { pose: Pose::new(&view.world_from_camera), buffer, levels: out })
+        Ok(Self { pose: Pose::new(&view.world_from_camera), words, levels: out })
     }
 
+    pub fn upload(self, context: &Context) -> Result<Pyramid> {
+        let buffer = context.storage("keyframe", 4 * self.words.len() as u64)?;
+        context.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&self.words));
+        context.check("uploading a keyframe")?;
+        Ok(Pyramid { pose: self.pose, buffer, levels: self.levels })
+    }
+}
+
+impl Pyramid {
     pub fn levels(&self) -> usize {
         self.levels.len()
     }

@@ -8,7 +8,7 @@ use super::{
 use crate::{Appearance, Gaussians, Result};
 
 /// Position (3), quaternion (4), ln scale (3), opacity logits (optical, RF).
-const CORE: usize = 12;
+pub(super) const CORE: usize = 12;
 
 /// One array of the store.
 pub(crate) struct Rows {
@@ -58,7 +58,7 @@ impl Trained {
 }
 
 /// `[coefficient][channel]` to `[channel][coefficient]`, padded.
-fn transposed(a: &Appearance, shape: HarmonicsShape) -> Vec<f32> {
+pub(super) fn transposed(a: &Appearance, shape: HarmonicsShape) -> Vec<f32> {
     let (k, c) = (shape.coefficients(), shape.channels);
     let mut out = vec![0.0; a.opacity_logit.len() * shape.words()];
     for (row, one) in out.chunks_exact_mut(shape.words()).zip(a.sh.chunks_exact(k * c)) {

@@ -1,0 +1,150 @@
+//! Keyframe after keyframe through a reconstructor, with checkpoints on the way.
+
+use super::CorfGs;
+use crate::method::{Advance, Checkpoints, TrainingSet};
+use anyhow::{Context, Result, ensure};
+use corf::{Checkpoint, Reconstructor};
+use std::time::{Duration, Instant};
+
+/// Keyframes received ahead of the one that is being worked on, so that they are prepared meanwhile.
+const AHEAD: usize = 1;
+
+/// Time between checkpoints that nobody asked for: what is lost without them is no more, and what they cost is next to nothing.
+const INTERVAL: Duration = Duration::from_secs(30);
+
+/// The online part of a reconstruction.
+pub(super) struct Online<'a> {
+    pub reconstructor: Reconstructor,
+    pub training: &'a TrainingSet<'a>,
+    pub keeper: Keeper,
+    /// Units of the whole reconstruction.
+    pub total: usize,
+}
+
+impl Online<'_> {
+    /// Takes every training keyframe, from the checkpoint on if there is one.
+    pub fn run(&mut self, advance: &mut dyn FnMut(Advance<'_>) -> Result<()>) -> Result<()> {
+        let first = self.resume()?;
+        for k in first..self.training.len() {
+            let before = self.training.loading_time();
+            let keyframe = self.training.keyframe(k)?;
+            self.reconstructor.discount_wait(self.training.loading_time() - before);
+            self.reconstructor.receive(keyframe)?;
+            while self.reconstructor.waiting() > AHEAD {
+                self.process(advance)?;
+            }
+        }
+        while self.reconstructor.waiting() > 0 {
+            self.process(advance)?;
+        }
+        Ok(())
+    }
+
+    /// How many keyframes the checkpoint stood for.
+    fn resume(&mut self) -> Result<usize> {
+        let Some(checkpoint) = self.keeper.read()? else { return Ok(0) };
+        self.reconstructor.restore(&checkpoint)?;
+        let count = checkpoint.keyframes().len();
+        for k in 0..count {
+            self.reconstructor.replay(self.training.keyframe(k)?)?;
+        }
+        self.keeper.kept = Some(count);
+        Ok(count)
+    }
+
+    /// One keyframe, its checkpoint if it is due, and what the harness has to say.
+    fn process(&mut self, advance: &mut dyn FnMut(Advance<'_>) -> Result<()>) -> Result<()> {
+        let report = self.reconstructor.process().map_err(|e| self.keeper.explain(e.into()))?;
+        let Some(report) = report else { return Ok(()) };
+        let done = self.reconstructor.keyframes_expanded();
+        if self.keeper.is_due(done, done == self.training.len() && self.total > done) {
+            self.keeper.keep(&mut self.reconstructor)?;
+        }
+        let keyframe = self.reconstructor.timings().last().copied();
+        let told = Advance { gaussians: Some(report.gaussians), keyframe: keyframe.as_ref(), ..Advance::of(done, self.total) };
+        advance(told).inspect_err(|_| {
+            // An interrupt: what could not be kept is done again.
+            if self.keeper.kept != Some(done) {
+                let _ = self.keeper.keep(&mut self.reconstructor);
+            }
+        })
+    }
+}
+
+/// Keeps checkpoints, if any are wanted.
+pub(super) struct Keeper {
+    checkpoints: Option<Checkpoints>,
+    /// Keyframes in the last one.
+    kept: Option<usize>,
+    /// When it was kept, or the work began.
+    at: Instant,
+}
+
+impl Keeper {
+    pub fn new(method: &CorfGs) -> Self {
+        Self { checkpoints: method.checkpoints.clone(), kept: None, at: Instant::now() }
+    }
+
+    /// Whether to keep one now; `last` says that stages without checkpoints follow.
+    fn is_due(&self, done: usize, last: bool) -> bool {
+        match self.checkpoints.as_ref().map(|c| c.every) {
+            None | Some(Some(0)) => false,
+            Some(Some(every)) => done.is_multiple_of(every) || last,
+            Some(None) => self.at.elapsed() >= INTERVAL,
+        }
+    }
+
+    /// The checkpoint to go on from.
+    fn read(&self) -> Result<Option<Checkpoint>> {
+        let Some(c) = self.checkpoints.as_ref().filter(|c| c.resume && c.path.exists()) else { return Ok(None) };
+        let checkpoint = Checkpoint::read(&c.path)?;
+        ensure!(
+            checkpoint.tag() == c.tag,
+            "{} is of another dataset or configuration\n  help: choose another --out, or resume with the command that was interrupted",
+            c.path.display()
+        );
+        Ok(Some(checkpoint))
+    }
+
+    fn keep(&mut self, reconstructor: &mut Reconstructor) -> Result<()> {
+        let Some(c) = self.checkpoints.as_ref().filter(|c| c.every != Some(0)) else { return Ok(()) };
+        reconstructor.checkpoint(&c.tag)?.write(&c.path).context("while keeping a checkpoint")?;
+        (self.kept, self.at) = (Some(reconstructor.keyframes_expanded()), Instant::now());
+        Ok(())
+    }
+
+    /// A reconstruction's error with what survives it.
+    pub fn explain(&self, error: anyhow::Error) -> anyhow::Error {
+        match (&self.checkpoints, self.kept) {
+            (Some(c), Some(kept)) if error.is::<corf::Error>() => {
+                let survives =
+                    format!("the last checkpoint, {}, holds {kept} keyframes: --resume goes on from it", c.path.display());
+                error.context(survives)
+            }
+            _ => error,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_that_fails_leaves_a_checkpoint_that_is_named() {
+        let path = std::path::PathBuf::from("run/checkpoint");
+        let checkpoints = Checkpoints { path, every: Some(4), resume: false, tag: String::new() };
+        let lost = || anyhow::Error::from(corf::Error::invalid("gpu, training", "the device was lost", "use another"));
+        let mut keeper = Keeper { checkpoints: Some(checkpoints), kept: None, at: Instant::now() };
+        assert!(keeper.is_due(8, false) && !keeper.is_due(9, false) && keeper.is_due(9, true));
+        assert!(!format!("{:#}", keeper.explain(lost())).contains("checkpoint"), "there is none yet");
+        keeper.kept = Some(8);
+        let text = format!("{:#}", keeper.explain(lost()));
+        assert!(
+            text.contains("run/checkpoint") && text.contains("8 keyframes") && text.contains("the device was lost"),
+            "{text}"
+        );
+        let interrupt = keeper.explain(crate::interrupt::Interrupted.into());
+        assert!(!format!("{interrupt:#}").contains("run/checkpoint"), "an interrupt is no failure");
+    }
+}

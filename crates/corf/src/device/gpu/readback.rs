@@ -1,0 +1,153 @@
+//! What is read back from the store beside the Gaussians themselves, and how it comes there again.
+
+use super::{
+    context::Context,
+    store::{CORE, Store, transposed},
+};
+use crate::{
+    Gaussians, Result,
+    device::{DeviceState, Outline},
+};
+
+impl Store {
+    /// What decides whether a Gaussian is pruned: 48 bytes of each.
+    pub fn outlines(&self, context: &Context) -> Result<Vec<Outline>> {
+        let core = context.read::<f32>("reading outlines back", &[(&self.core.value.buffer, self.len() * CORE)])?;
+        let outline = |row: &[f32]| Outline {
+            position: [row[0], row[1], row[2]],
+            largest_log_scale: row[7].max(row[8]).max(row[9]),
+            opacity_logit: [row[10], row[11]],
+        };
+        Ok(core[0].chunks_exact(CORE).map(outline).collect())
+    }
+
+    /// The Gaussians with their optimiser.
+    pub fn state(&self, context: &Context) -> Result<DeviceState> {
+        let [optical, rf] = &self.sh;
+        let first = [&self.core.moment1.buffer, &optical.moment1.buffer, &rf.moment1.buffer];
+        let second = [&self.core.moment2.buffer, &optical.moment2.buffer, &rf.moment2.buffer];
+        let mut rates = context.read::<f32>("reading rates back", &[(&self.position_rate.buffer, self.len())])?;
+        Ok(DeviceState {
+            gaussians: self.to_gaussians(context)?,
+            moments: [self.read(context, first)?, self.read(context, second)?],
+            position_rate: rates.pop().unwrap_or_default(),
+        })
+    }
+
+    /// Holds a state; nothing may be held yet.
+    pub fn restore(&mut self, context: &Context, state: &DeviceState) -> Result<()> {
+        state.check(self.harmonics.map(|h| (h.channels, h.degree)), self.len())?;
+        self.append(context, &state.gaussians)?;
+        let put = |buffer: &wgpu::Buffer, numbers: &[f32]| context.queue.write_buffer(buffer, 0, bytemuck::cast_slice(numbers));
+        let [optical, rf] = &self.sh;
+        let homes = [[&self.core.moment1, &optical.moment1, &rf.moment1], [&self.core.moment2, &optical.moment2, &rf.moment2]];
+        for ([core, optical, rf], moments) in homes.into_iter().zip(&state.moments) {
+            put(&core.buffer, &cores(moments));
+            put(&optical.buffer, &transposed(&moments.optical, self.harmonics[0]));
+            put(&rf.buffer, &transposed(&moments.rf, self.harmonics[1]));
+        }
+        put(&self.position_rate.buffer, &state.position_rate);
+        context.check("restoring Gaussians")
+    }
+}
+
+/// Geometry and opacities, Gaussian by Gaussian.
+fn cores(g: &Gaussians) -> Vec<f32> {
+    let mut out = Vec::with_capacity(g.len() * CORE);
+    for i in 0..g.len() {
+        out.extend(g.position[i]);
+        out.extend(g.rotation[i]);
+        out.extend(g.log_scale[i]);
+        out.extend([g.optical.opacity_logit[i], g.rf.opacity_logit[i]]);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use crate::{
+        Device, Gaussians, OptimizerConfig, RasterConfig,
+        device::{
+            Outline, Planes, Step, TrainingView, ViewId,
+            gpu::{GpuDevice, GpuOptions, adapter_name},
+        },
+    };
+    use corf_scene::{Pinhole, Rigid3, Rng};
+
+    fn some(count: usize) -> Gaussians {
+        let mut rng = Rng::keyed(8, 0, 0);
+        let mut g = Gaussians::empty(1, 1);
+        for _ in 0..count {
+            g.position.push([(rng.uniform() - 0.5) * 4.0, (rng.uniform() - 0.5) * 3.0, 2.0 + rng.uniform()]);
+            g.rotation.push([0; 4].map(|_| rng.normal() as f32));
+            g.log_scale.push([0; 3].map(|_| -3.0 + rng.uniform()));
+            for a in [&mut g.optical, &mut g.rf] {
+                a.opacity_logit.push(rng.uniform());
+                a.sh.extend((0..a.stride()).map(|_| rng.uniform() - 0.5));
+            }
+        }
+        g
+    }
+
+    fn view() -> TrainingView {
+        let (optical_camera, rf_camera) =
+            (Pinhole::from_horizontal_fov(40, 30, 90.0), Pinhole::from_horizontal_fov(24, 16, 90.0));
+        let planes = |c: &Pinhole, channels: usize| Planes {
+            width: c.width,
+            height: c.height,
+            channels,
+            pixels: (0..c.width * c.height * channels).map(|i| (i % 17) as f32 / 17.0).collect(),
+        };
+        TrainingView {
+            world_from_camera: Rigid3::IDENTITY,
+            optical: planes(&optical_camera, 3),
+            optical_camera,
+            rf: planes(&rf_camera, 1),
+            rf_camera,
+            inverse_depth: None,
+        }
+    }
+
+    #[test]
+    fn a_restored_device_goes_on_to_the_same_bytes() {
+        let options = GpuOptions { software: true, ..GpuOptions::default() };
+        if adapter_name(&options).is_none() {
+            assert!(std::env::var_os("CORF_REQUIRE_GPU").is_none_or(|v| v != "1"), "no adapter");
+            println!("skipped: no adapter");
+            return;
+        }
+        let g = some(300);
+        let device = |g: &Gaussians| GpuDevice::new(&options, OptimizerConfig::default(), RasterConfig::default(), g).unwrap();
+        let step = Step {
+            view: ViewId(0),
+            level: 0,
+            optical_weight: 1.0,
+            rf_weight: 0.5,
+            depth_weight: 0.0,
+            train_geometry: true,
+            optical_background: [0.1, 0.2, 0.3],
+            rf_background: [0.0; 3],
+        };
+        let mut first = device(&g);
+        first.upload(&view(), 2).unwrap();
+        first.train(&[step; 5]).unwrap();
+        let state = first.state().unwrap();
+        assert!(state.moments[1].position.iter().flatten().any(|v| *v > 0.0) && state.position_rate.iter().any(|r| *r < 1.0));
+        assert_eq!(first.outlines().unwrap(), Outline::of(&state.gaussians));
+        let mut empty = Gaussians::empty(1, 1);
+        let mut second = device(&empty);
+        assert!(first.restore(&state).is_err(), "it holds Gaussians");
+        second.restore(&state).unwrap();
+        assert!(second.state().unwrap() == state);
+        // The second gets its view by way of the packer: what that builds is what upload builds.
+        let packed = second.packer().unwrap()(&view(), 2).unwrap();
+        second.upload_packed(packed).unwrap();
+        first.train(&[step; 5]).unwrap();
+        second.train(&[step; 5]).unwrap();
+        assert!(second.state().unwrap() == first.state().unwrap());
+        empty.optical.sh_degree = 2;
+        assert!(device(&empty).restore(&state).is_err(), "other harmonics");
+    }
+}

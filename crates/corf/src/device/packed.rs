@@ -1,0 +1,24 @@
+//! Keyframes made ready for a device ahead of their upload.
+
+use super::TrainingView;
+use crate::Result;
+use std::any::Any;
+use std::sync::Arc;
+
+/// What a device's packer made of a training view: for that device alone.
+pub struct PackedView(Box<dyn Any + Send>);
+
+/// Makes a training view, with the number of its pyramid levels, ready for upload; may be called on any thread.
+pub type Packer = Arc<dyn Fn(&TrainingView, u32) -> Result<PackedView> + Send + Sync>;
+
+impl PackedView {
+    /// Wraps what a device has built.
+    pub fn new(content: impl Any + Send) -> Self {
+        Self(Box::new(content))
+    }
+
+    /// What was wrapped, if it is of this type.
+    pub fn unwrap_as<T: Any>(self) -> Option<T> {
+        self.0.downcast().ok().map(|content| *content)
+    }
+}

@@ -1,0 +1,97 @@
+//! How long keyframes take. Where keyframes are handed over as fast as they are taken, as from a dataset, a keyframe waits about as long as
+//! the one before takes: a camera slower than that sees expansion and training alone.
+
+use serde::{Deserialize, Serialize};
+
+/// What became of the time from a keyframe's arrival to the end of its optimisation, seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct KeyframeTiming {
+    /// Index along the trajectory.
+    pub index: usize,
+    /// From its arrival to its turn: the keyframes before it were being worked on.
+    pub wait_s: f64,
+    /// Expansion, and what of its preparation had not been done by then.
+    pub expand_s: f64,
+    /// Its optimisation steps.
+    pub train_s: f64,
+}
+
+impl KeyframeTiming {
+    /// From arrival to the end of optimisation, seconds.
+    pub fn total_s(&self) -> f64 {
+        self.wait_s + self.expand_s + self.train_s
+    }
+}
+
+/// A distribution of seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Percentiles {
+    /// Half are below.
+    pub median_s: f64,
+    /// Nine tenths are at or below.
+    pub p90_s: f64,
+    /// 99 of a hundred are at or below.
+    pub p99_s: f64,
+}
+
+impl Percentiles {
+    /// By the nearest rank: each is one of the values.
+    fn of(values: impl Iterator<Item = f64>) -> Self {
+        let mut sorted: Vec<f64> = values.collect();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| match sorted.len() {
+            0 => 0.0,
+            n => sorted[((share * n as f64).ceil() as usize).clamp(1, n) - 1],
+        };
+        Self { median_s: at(0.5), p90_s: at(0.9), p99_s: at(0.99) }
+    }
+}
+
+/// Latency of keyframes and its parts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LatencySummary {
+    /// Keyframes counted.
+    pub keyframes: usize,
+    /// Keyframes through expansion and training per second of both together.
+    pub keyframes_per_second: f64,
+    /// From arrival to the end of optimisation.
+    pub total: Percentiles,
+    /// Waiting for its turn.
+    pub wait: Percentiles,
+    /// Expansion.
+    pub expand: Percentiles,
+    /// Training.
+    pub train: Percentiles,
+}
+
+impl LatencySummary {
+    /// Of some keyframes; `None` of none.
+    pub fn of(timings: &[KeyframeTiming]) -> Option<Self> {
+        let busy_s: f64 = timings.iter().map(|t| t.expand_s + t.train_s).sum();
+        (!timings.is_empty()).then(|| Self {
+            keyframes: timings.len(),
+            keyframes_per_second: if busy_s > 0.0 { timings.len() as f64 / busy_s } else { 0.0 },
+            total: Percentiles::of(timings.iter().map(KeyframeTiming::total_s)),
+            wait: Percentiles::of(timings.iter().map(|t| t.wait_s)),
+            expand: Percentiles::of(timings.iter().map(|t| t.expand_s)),
+            train: Percentiles::of(timings.iter().map(|t| t.train_s)),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_values_that_occurred_and_parts_add_up() {
+        let timings: Vec<KeyframeTiming> =
+            (1..=200).rev().map(|i| KeyframeTiming { index: i, wait_s: 0.5, expand_s: 1.0, train_s: i as f64 }).collect();
+        let s = LatencySummary::of(&timings).unwrap();
+        assert_eq!((s.train.median_s, s.train.p90_s, s.train.p99_s), (100.0, 180.0, 198.0));
+        assert_eq!((s.total.median_s, s.wait.p99_s, s.keyframes), (101.5, 0.5, 200));
+        assert!((s.keyframes_per_second - 200.0 / (200.0 + 20_100.0)).abs() < 1e-12);
+        assert_eq!(LatencySummary::of(&timings[..1]).unwrap().total.p99_s, 201.5);
+        assert!(LatencySummary::of(&[]).is_none());
+    }
+}

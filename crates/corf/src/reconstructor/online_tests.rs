@@ -1,0 +1,236 @@
+//! Receiving ahead, checkpoints, and devices that fail, on the CPU device.
+
+use super::*;
+use crate::{
+    CpuDevice, Gaussians, OptimizerConfig, RasterConfig, Sampling,
+    config::{DepthConfig, DepthPriorKind},
+    device::{DeviceState, Outline, PackedView, Packer, RenderRequest, Rendering, TrainingView, ViewId},
+    synthetic::{self, DB_RANGE},
+};
+use std::path::Path;
+
+const COUNT: usize = 6;
+
+fn cameras() -> (Pinhole, Pinhole) {
+    (Pinhole::from_horizontal_fov(64, 48, 90.0), Pinhole::from_horizontal_fov(48, 32, 90.0))
+}
+
+fn keyframes() -> Vec<Keyframe> {
+    let (optical, rf) = cameras();
+    (0..COUNT).map(|i| synthetic::keyframe(2 * i, synthetic::pose(i as f64 * 1.5), &optical, &rf, true)).collect()
+}
+
+fn config() -> ReconstructionConfig {
+    // Two levels are passed through within these few steps.
+    ReconstructionConfig { iterations_per_keyframe: 9, visits_per_level: 2, ..Default::default() }
+}
+
+fn cpu(config: &ReconstructionConfig) -> Box<dyn Device> {
+    Box::new(CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &config.empty_field()).unwrap())
+}
+
+fn fresh(device: Box<dyn Device>, config: &ReconstructionConfig) -> Reconstructor {
+    let (optical, rf) = cameras();
+    Reconstructor::new(device, config.clone(), optical, rf, DB_RANGE, 3).unwrap()
+}
+
+fn finish(r: &mut Reconstructor) -> Gaussians {
+    r.finish(&mut |_, _| ControlFlow::Continue(())).unwrap();
+    r.field().gaussians
+}
+
+/// The CPU device behind a seam that offers nothing ahead, or everything, or fails after some calls to train.
+struct Wrapped {
+    inner: Box<dyn Device>,
+    eager: bool,
+    trainings_left: usize,
+}
+
+impl Device for Wrapped {
+    fn name(&self) -> String {
+        "wrapped".into()
+    }
+    fn upload(&mut self, view: &TrainingView, levels: u32) -> Result<ViewId> {
+        self.inner.upload(view, levels)
+    }
+    fn packer(&self) -> Option<Packer> {
+        if self.eager { self.inner.packer() } else { None }
+    }
+    fn upload_packed(&mut self, view: PackedView) -> Result<ViewId> {
+        self.inner.upload_packed(view)
+    }
+    fn trains_on_the_host(&self) -> bool {
+        !self.eager
+    }
+    fn len(&self) -> usize {
+        self.inner.len()
+    }
+    fn append(&mut self, new: &Gaussians) -> Result<()> {
+        self.inner.append(new)
+    }
+    fn retain(&mut self, keep: &[bool]) {
+        self.inner.retain(keep);
+    }
+    fn reset_rf(&mut self, rf: &crate::Appearance) {
+        self.inner.reset_rf(rf);
+    }
+    fn set_position_rate_m(&mut self, rate_m: f32) {
+        self.inner.set_position_rate_m(rate_m);
+    }
+    fn render(&mut self, request: &RenderRequest) -> Result<Rendering> {
+        self.inner.render(request)
+    }
+    fn train(&mut self, steps: &[Step]) -> Result<StepReport> {
+        if self.trainings_left == 0 {
+            return Err(Error::invalid("wrapped, training", "the device was lost", "resume on another"));
+        }
+        self.trainings_left -= 1;
+        self.inner.train(steps)
+    }
+    fn gaussians(&mut self) -> Gaussians {
+        self.inner.gaussians()
+    }
+    fn outlines(&mut self) -> Result<Vec<Outline>> {
+        if self.eager { self.inner.outlines() } else { Ok(Outline::of(&self.inner.gaussians())) }
+    }
+    fn state(&mut self) -> Result<DeviceState> {
+        self.inner.state()
+    }
+    fn restore(&mut self, state: &DeviceState) -> Result<()> {
+        self.inner.restore(state)
+    }
+}
+
+fn wrapped(config: &ReconstructionConfig, eager: bool, trainings_left: usize) -> Box<dyn Device> {
+    Box::new(Wrapped { inner: cpu(config), eager, trainings_left })
+}
+
+/// The configurations that take different ways through preparation: a prior, none, none drawn by structure.
+fn ways() -> [ReconstructionConfig; 4] {
+    let no_prior = DepthConfig { prior: DepthPriorKind::None, ..Default::default() };
+    // So few corners that the prior is aligned to the rendered field.
+    let few_corners = DepthConfig { corners: 8, ..Default::default() };
+    [
+        config(),
+        ReconstructionConfig { depth: no_prior, ..config() },
+        ReconstructionConfig { depth: few_corners, ..config() },
+        ReconstructionConfig { sampling: Sampling::Uniform, ..config() },
+    ]
+}
+
+#[test]
+fn what_is_prepared_ahead_changes_nothing() {
+    let frames = keyframes();
+    for config in ways() {
+        let mut pushed = fresh(cpu(&config), &config);
+        frames.iter().for_each(|k| assert!(pushed.push(k).is_ok()));
+        let timings = pushed.timings().to_vec();
+        let truth = finish(&mut pushed);
+        assert!(truth.len() > 100, "{}", truth.len());
+        assert_eq!(timings.iter().map(|t| t.index).collect::<Vec<_>>(), [0, 2, 4, 6, 8, 10]);
+        assert!(timings.iter().all(|t| t.train_s > 0.0 && t.expand_s > 0.0 && t.wait_s >= 0.0));
+        for (eager, ahead) in [(false, 1), (true, 2), (true, COUNT)] {
+            let mut r = fresh(wrapped(&config, eager, usize::MAX), &config);
+            for k in &frames {
+                r.receive(k.clone()).unwrap();
+                while r.waiting() > ahead {
+                    r.process().unwrap().unwrap();
+                }
+            }
+            assert!(finish(&mut r) == truth, "eager {eager}, {ahead} ahead, {:?}", config.depth.prior);
+        }
+    }
+}
+
+#[test]
+fn a_checkpoint_goes_on_to_the_same_bytes_from_every_keyframe() {
+    let frames = keyframes();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint");
+    for (coupling, way) in [(Coupling::Joint, 0), (Coupling::Frozen, 0), (Coupling::Joint, 2)] {
+        let config = ReconstructionConfig { coupling, ..ways()[way].clone() };
+        let mut straight = fresh(cpu(&config), &config);
+        frames.iter().for_each(|k| assert!(straight.push(k).is_ok()));
+        let mut truth = vec![finish(&mut straight)];
+        straight.fine_tune(1, &mut |_, _| ControlFlow::Continue(())).unwrap();
+        truth.push(straight.field().gaussians);
+        for stop in 1..=COUNT {
+            let mut first = fresh(cpu(&config), &config);
+            let mut given = frames.iter().cloned();
+            while first.keyframes_expanded() < stop {
+                // One is always received ahead, and lost.
+                given.next().into_iter().for_each(|k| first.receive(k).unwrap());
+                if first.waiting() > 1 || given.len() == 0 {
+                    first.process().unwrap();
+                }
+            }
+            first.checkpoint("a tag").unwrap().write(&path).unwrap();
+            drop(first);
+            let checkpoint = Checkpoint::read(&path).unwrap();
+            assert_eq!((checkpoint.tag(), checkpoint.keyframes().len()), ("a tag", stop));
+            let mut second = fresh(cpu(&config), &config);
+            second.restore(&checkpoint).unwrap();
+            assert!(second.receive(frames[stop - 1].clone()).is_err(), "the replay comes first");
+            assert!(second.replay(frames[COUNT - 1].clone()).is_err() || stop == COUNT && COUNT == 1, "in order");
+            frames[..stop].iter().for_each(|k| second.replay(k.clone()).unwrap());
+            frames[stop..].iter().for_each(|k| assert!(second.push(k).is_ok()));
+            assert!(finish(&mut second) == truth[0], "{coupling:?}, after {stop} keyframes");
+            second.fine_tune(1, &mut |_, _| ControlFlow::Continue(())).unwrap();
+            assert!(second.field().gaussians == truth[1], "{coupling:?}, fine-tuned, after {stop} keyframes");
+        }
+    }
+}
+
+/// Reconstructs with a checkpoint after every keyframe, as long as the device lasts.
+fn until_it_fails(r: &mut Reconstructor, frames: &[Keyframe], path: &Path) -> Result<()> {
+    for k in frames {
+        r.push(k)?;
+        if r.keyframes_expanded() > 0 {
+            r.checkpoint("")?.write(path)?;
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn the_last_checkpoint_survives_a_device_that_fails() {
+    let (frames, config) = (keyframes(), config());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint");
+    let mut straight = fresh(cpu(&config), &config);
+    frames.iter().for_each(|k| assert!(straight.push(k).is_ok()));
+    let mut failing = fresh(wrapped(&config, true, 4), &config);
+    let error = until_it_fails(&mut failing, &frames, &path).unwrap_err().to_string();
+    assert!(error.contains("the device was lost"), "{error}");
+    let checkpoint = Checkpoint::read(&path).unwrap();
+    assert_eq!(checkpoint.keyframes(), [0, 2, 4, 6]);
+    let mut resumed = fresh(cpu(&config), &config);
+    resumed.restore(&checkpoint).unwrap();
+    frames[..4].iter().for_each(|k| resumed.replay(k.clone()).unwrap());
+    frames[4..].iter().for_each(|k| assert!(resumed.push(k).is_ok()));
+    assert!(finish(&mut resumed) == finish(&mut straight));
+}
+
+#[test]
+fn checkpoints_of_something_else_and_damaged_ones_are_refused() {
+    let (frames, config) = (keyframes(), config());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint");
+    let mut r = fresh(cpu(&config), &config);
+    assert!(r.checkpoint("").is_err(), "nothing has happened yet");
+    frames[..3].iter().for_each(|k| assert!(r.push(k).is_ok()));
+    let checkpoint = r.checkpoint("").unwrap();
+    checkpoint.write(&path).unwrap();
+    assert!(r.restore(&checkpoint).is_err(), "it has begun");
+    let other = ReconstructionConfig { iterations_per_keyframe: 10, ..config.clone() };
+    assert!(fresh(cpu(&other), &other).restore(&checkpoint).is_err());
+    let mut bytes = std::fs::read(&path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&path, &bytes).unwrap();
+    assert!(Checkpoint::read(&path).unwrap_err().to_string().contains("checkpoint"));
+    std::fs::write(&path, &bytes[..middle]).unwrap();
+    assert!(Checkpoint::read(&path).is_err() && Checkpoint::read(&folder.path().join("none")).is_err());
+    r.finish(&mut |_, _| ControlFlow::Continue(())).unwrap();
+    assert!(r.checkpoint("").is_err(), "after the end there is nothing to go on with");
+}
