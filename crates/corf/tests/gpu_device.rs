@@ -239,8 +239,8 @@ fn one_camera(rf_channels: usize) -> TrainingView {
 
 #[test]
 fn both_images_at_once_give_what_each_gives_alone() {
-    for (rf_channels, antialias, tile) in
-        [(3, Antialias::On, [8, 8]), (1, Antialias::Off, [8, 8]), (3, Antialias::Detached, [16, 4])]
+    for (rf_channels, antialias, tile, batch) in
+        [(3, Antialias::On, [8, 8], 8), (1, Antialias::Off, [8, 4], 32), (3, Antialias::Detached, [16, 16], 32)]
     {
         let raster = RasterConfig { antialias, ..RasterConfig::default() };
         let mut g = room(12, 2500, rf_channels, [1, 1]);
@@ -254,7 +254,7 @@ fn both_images_at_once_give_what_each_gives_alone() {
         }
         let mut cpu = CpuDevice::new(OptimizerConfig::default(), raster, &g).unwrap();
         for fused in [true, false] {
-            let options = GpuOptions { fused, tile, ..OPTIONS };
+            let options = GpuOptions { fused, tile, batch, ..OPTIONS };
             let Some(mut gpu) = open(&options, OptimizerConfig::default(), raster, &g) else { return };
             cpu.upload(&one_camera(rf_channels), 2).unwrap();
             gpu.upload(&one_camera(rf_channels), 2).unwrap();
@@ -330,8 +330,9 @@ fn the_same_bytes_every_time_however_steps_are_batched() {
 #[test]
 fn without_subgroups_the_same_bytes() {
     let g = room(5, 1500, 3, [1, 1]);
+    // Batches of eight lie within any subgroup of eight and more.
     let run = |subgroups: bool| {
-        let mut d = open(&GpuOptions { subgroups, ..OPTIONS }, metric_rates(), RasterConfig::default(), &g)?;
+        let mut d = open(&GpuOptions { subgroups, batch: 8, ..OPTIONS }, metric_rates(), RasterConfig::default(), &g)?;
         d.upload(&training_view(0, 3, false), 1).unwrap();
         d.train(&[step(0, 0); 5]).unwrap();
         Some(bits(&d.gaussians()))

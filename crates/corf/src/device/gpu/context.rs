@@ -18,7 +18,7 @@ pub struct GpuOptions {
     pub software: bool,
     /// Whether subgroup operations are used where the adapter has them.
     pub subgroups: bool,
-    /// Whether timestamps are taken between the stages of a training step ([`GpuDevice::stage_times`](super::GpuDevice::stage_times)).
+    /// Whether timestamps are taken between the kernels of a training step ([`GpuDevice::stage_times`](super::GpuDevice::stage_times)).
     pub timestamps: bool,
     /// Pixels across and down a tile.
     pub tile: [u32; 2],
@@ -32,7 +32,7 @@ pub struct GpuOptions {
 
 impl Default for GpuOptions {
     fn default() -> Self {
-        Self { software: false, subgroups: true, timestamps: false, tile: [8, 8], batch: 16, fused: true, poison: None }
+        Self { software: false, subgroups: true, timestamps: false, tile: [8, 8], batch: 32, fused: true, poison: None }
     }
 }
 
@@ -42,18 +42,18 @@ impl GpuOptions {
     pub fn validate(&self) -> Result<()> {
         let ([width, height], batch) = (self.tile, self.batch);
         let area = width * height;
-        // A thread is a pixel; a batch is whole rows of a tile, and its parts' sums fit where its weights were.
-        let fits = [8, 16].contains(&width) && [4, 8, 16].contains(&height) && batch % width == 0 && area % batch == 0;
-        if fits && batch >= 8 && (area / batch - 1) * RECORD_WORDS <= area + 1 {
+        // A thread of the forward pass is a pixel; a batch fits into a tile and a tile's pixels into workgroup memory beside others'.
+        let fits = [8, 16].contains(&width) && [4, 8, 16].contains(&height) && [8, 16, 32].contains(&batch);
+        if fits && area % batch == 0 && area <= LARGEST_TILE_IN_BATCHES * batch {
             return Ok(());
         }
         let what = format!("tiles of {width}x{height} with batches of {batch}");
-        Err(Error::invalid("gpu options", what, "tiles are 8 or 16 wide and 4, 8 or 16 high; a batch is some of their rows"))
+        Err(Error::invalid("gpu options", what, "tiles are 8 or 16 wide and 4, 8 or 16 high; a batch is 8, 16 or 32 and at least an eighth of a tile"))
     }
 }
 
-/// Most numbers that a part of a tile finds for a splat.
-const RECORD_WORDS: u32 = 16;
+/// Largest tile in batches.
+const LARGEST_TILE_IN_BATCHES: u32 = 8;
 
 /// What went wrong on the device since it was last asked; later errors are mostly consequences.
 #[derive(Default)]

@@ -1,10 +1,10 @@
 //! The GPU device: hand-written WGSL through wgpu (Vulkan, Metal, DirectX 12).
 //!
-//! A step is one run of kernels without a look back at the host: projection of all Gaussians for both modalities (`project`), depth
-//! order, exact tile lists of both images in one list of (Gaussian, tile) pairs (`frame`, `sort`), one blend over both images' tiles,
-//! the loss with its gradient, the blend backwards into one record per pair, and the sums of each visible Gaussian's records with
-//! the projection's gradient and sparse Adam (`train`). Counts stay on the device; a step that finds no room for its pairs changes
-//! nothing, and it and those after it are run again with more room.
+//! A step is one run of kernels without a look back at the host: projection of all Gaussians for both modalities (`project`), exact
+//! tile lists of both images in one list of (Gaussian, tile) pairs, ordered by depth within each tile (`frame`), one blend over both
+//! images' tiles, the loss with its gradient, the blend backwards into one record per pair, and the sums of each visible Gaussian's
+//! records with the projection's gradient and sparse Adam (`train`). Counts stay on the device; a step that finds no room for its pairs
+//! changes nothing, and it and those after it are run again with more room.
 //!
 //! No floating-point atomics: every sum has a fixed order, and a result has the same bytes each time on the same adapter and driver.
 //! Between adapters, and against the CPU device, results differ by rounding (exp2, sqrt and division are not correctly rounded).
@@ -15,8 +15,8 @@ mod kernel;
 mod params;
 mod pyramid;
 mod render;
+mod scratch;
 mod shaders;
-mod sort;
 mod store;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -68,10 +68,10 @@ impl GpuDevice {
         let context = Context::open(options)?;
         let mut store = Store::new(&context, initial)?;
         store.append(&context, initial)?;
-        let sort = sort::RadixSort::new(&context)?;
         let (tile, batch) = (options.tile, options.batch);
-        let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, sort_block: sort.block, tile, batch };
-        let forward = Forward::new(&context, sort, &fixed)?;
+        let shuffles = context.subgroups.is_some_and(|(min, _)| min >= batch);
+        let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, tile, batch, shuffles };
+        let forward = Forward::new(&context, &fixed)?;
         let training = Training::new(&context, &fixed)?;
         let memory = Memory::new(&context)?;
         Ok(Self {

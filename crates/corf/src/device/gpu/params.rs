@@ -107,12 +107,12 @@ impl Params {
             out.reach = [reach(grid.fx, grid.x_limits), reach(grid.fy, grid.y_limits)];
             out.size = size;
             out.tiles = [size[0].div_ceil(tile[0]), size[1].div_ceil(tile[1])];
-            out.blocks = size[0].div_ceil(LOSS_BLOCK);
+            out.blocks = size[0].div_ceil(LOSS_BLOCK[0]);
             let [r, gr, b] = backgrounds[g];
             out.background = [r, gr, b, 0.0];
             p.tile_total += out.tiles[0] * out.tiles[1];
             p.pixel_total += size[0] * size[1];
-            p.blocks_total += out.blocks * size[1].div_ceil(LOSS_BLOCK);
+            p.blocks_total += out.blocks * size[1].div_ceil(LOSS_BLOCK[1]);
         }
         for (out, r) in p.rates.iter_mut().zip([&optimizer.optical, &optimizer.rf]) {
             *out = RateParams {
@@ -141,10 +141,5 @@ impl Params {
             self.tile_total = a.tiles[0] * a.tiles[1];
             self.grids[1].first_tile = self.tile_total;
         }
-    }
-
-    /// Radix passes that order the pairs by tile; the number of tiles itself is a key (of pairs that belong to none).
-    pub fn tile_passes(&self) -> u32 {
-        (u32::BITS - self.tile_total.leading_zeros()).div_ceil(8).max(1)
     }
 }

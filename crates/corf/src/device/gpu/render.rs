@@ -2,7 +2,7 @@
 
 use super::{
     GpuDevice,
-    frame::{Extent, FAILED, NEEDED, STATE_WORDS},
+    frame::{Extent, FAILED, Leaves, NEEDED, STATE_WORDS},
     params::{self, Params},
 };
 use crate::{
@@ -16,7 +16,7 @@ use corf_scene::Raster;
 
 /// A picture as it comes off the device.
 struct Picture {
-    /// r, g, b, Σ α T / z per pixel.
+    /// Planes of r, g, b, Σ α T / z, each of all pixels.
     image: Vec<f32>,
     transmittance: Vec<f32>,
     main_contributor: Vec<u32>,
@@ -61,8 +61,11 @@ impl GpuDevice {
         let Some(pose) = wanted.iter().flatten().map(|(v, _)| Pose::new(&v.world_from_camera)).next() else { return Ok(()) };
         let grids = wanted.map(|w| w.map(|(v, _)| Grid::new(&v.camera, self.raster.antialias)));
         let backgrounds = wanted.map(|w| w.map_or([0.0; 3], |(_, b)| b));
-        let params =
+        let mut params =
             Params::new(&pose, &grids, backgrounds, self.raster.near_m, self.store.len(), &self.optimizer, self.fixed.tile);
+        if self.fuse && !name {
+            params.fuse();
+        }
         let picture = self.picture(params, name)?;
         let mut first = 0;
         for (g, grid) in grids.iter().enumerate() {
@@ -90,13 +93,14 @@ impl GpuDevice {
         extent.include(&params);
         let mut pairs = 2 * n;
         loop {
-            self.memory.reserve(&self.context, &self.forward.sort, &extent, pairs)?;
+            self.memory.reserve(&self.context, &self.fixed, &extent, pairs)?;
             let m = &self.memory;
             params.pair_capacity = m.pair_capacity as u32;
             let uniform = self.context.buffer("frame constants", params::SIZE, wgpu::BufferUsages::UNIFORM)?;
             self.context.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&params));
             m.reset(&self.context, n);
-            let bound = self.forward.bind(&self.context, &uniform, &self.store, m, name)?;
+            let leaves = if name { Leaves::MainContributors } else { Leaves::Images };
+            let bound = self.forward.bind(&self.context, &uniform, &self.store, m, leaves)?;
             let mut encoder = self.context.encoder();
             {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -126,11 +130,13 @@ impl GpuDevice {
 /// One modality of a picture.
 fn layer(grid: &Grid, channels: usize, picture: &Picture, first: usize) -> Layer {
     let (width, height) = (grid.width, grid.height);
-    let pixels = &picture.image[4 * first..4 * (first + width * height)];
-    let color = pixels.chunks_exact(4).flat_map(|p| p[..channels].iter().copied()).collect();
+    let (pixels, total) = (width * height, picture.transmittance.len());
+    let plane = |k: usize| &picture.image[k * total + first..k * total + first + pixels];
+    let planes: Vec<&[f32]> = (0..channels).map(plane).collect();
+    let color = (0..pixels).flat_map(|p| planes.iter().map(move |plane| plane[p])).collect();
     Layer {
         color: Planes { width, height, channels, pixels: color },
-        inverse_depth: Raster::from_vec(width, height, pixels.iter().skip(3).step_by(4).copied().collect()),
-        transmittance: Raster::from_vec(width, height, picture.transmittance[first..first + width * height].to_vec()),
+        inverse_depth: Raster::from_vec(width, height, plane(3).to_vec()),
+        transmittance: Raster::from_vec(width, height, picture.transmittance[first..first + pixels].to_vec()),
     }
 }

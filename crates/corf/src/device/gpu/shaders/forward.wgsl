@@ -1,15 +1,61 @@
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> starts: array<u32>;
-@group(0) @binding(2) var<storage, read> pairs: array<u32>;
-@group(0) @binding(3) var<storage, read> owners: array<u32>;
-@group(0) @binding(4) var<storage, read> splats: array<Splat>;
-@group(0) @binding(5) var<storage, read_write> image: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read_write> transmittance: array<f32>;
-@group(0) @binding(7) var<storage, read_write> main_contributor: array<u32>;
+@group(0) @binding(1) var<storage, read> lists: array<List>;
+@group(0) @binding(2) var<storage, read> entries: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read> splats: array<Splat>;
+@group(0) @binding(4) var<storage, read_write> image: array<f32>;
+@group(0) @binding(5) var<storage, read_write> transmittance: array<f32>;
+@group(0) @binding(6) var<storage, read_write> main_contributor: array<u32>;
+@group(0) @binding(7) var<storage, read_write> checkpoints: array<f32>;
+@group(0) @binding(8) var<storage, read_write> visited: array<u32>;
 
-var<workgroup> batch_owner: array<u32, BATCH>;
+// A batch of splats, one a thread.
+var<workgroup> batch_place: array<vec4<f32>, AREA>;
+var<workgroup> batch_power: array<vec3<f32>, AREA>;
+var<workgroup> batch_color: array<vec3<f32>, AREA>;
+var<workgroup> batch_radio: array<vec4<f32>, RADIO_AREA>;
+var<workgroup> batch_owner: array<u32, AREA>;
 var<workgroup> open: atomic<u32>;
 var<workgroup> any_open: u32;
+
+// What a pixel has gathered: T of light and radio; Σ c α T and Σ (1/z) α T of both.
+struct Pixel { t: vec2<f32>, light: vec4<f32>, radio: vec4<f32> }
+
+fn add(p: ptr<function, Pixel>, slot: u32, falloff: f32) -> f32 {
+    let place = batch_place[slot];
+    let alpha = min(place.z * falloff, MAX_ALPHA);
+    let weight = select(0.0, alpha * (*p).t.x, alpha >= MIN_ALPHA && (*p).t.x >= MIN_TRANSMITTANCE);
+    (*p).t.x -= weight;
+    (*p).light = fma(vec4(weight), vec4(batch_color[slot], place.w), (*p).light);
+    if (BOTH) {
+        let radio = batch_radio[slot];
+        let alpha = min(radio.w * falloff, MAX_ALPHA);
+        let weight = select(0.0, alpha * (*p).t.y, alpha >= MIN_ALPHA && (*p).t.y >= MIN_TRANSMITTANCE);
+        (*p).t.y -= weight;
+        (*p).radio = fma(vec4(weight), vec4(radio.rgb, place.w), (*p).radio);
+    }
+    return weight;
+}
+
+fn save(p: Pixel, checkpoint: u32, thread: u32) {
+    checkpoints[checkpoint_at(checkpoint, 0u, thread)] = p.t.x;
+    checkpoints[checkpoint_at(checkpoint, 1u, thread)] = p.light.x;
+    checkpoints[checkpoint_at(checkpoint, 2u, thread)] = p.light.y;
+    checkpoints[checkpoint_at(checkpoint, 3u, thread)] = p.light.z;
+    checkpoints[checkpoint_at(checkpoint, 4u, thread)] = p.light.w;
+    if (BOTH) {
+        checkpoints[checkpoint_at(checkpoint, 5u, thread)] = p.t.y;
+        checkpoints[checkpoint_at(checkpoint, 6u, thread)] = p.radio.x;
+        checkpoints[checkpoint_at(checkpoint, 7u, thread)] = p.radio.y;
+        checkpoints[checkpoint_at(checkpoint, 8u, thread)] = p.radio.z;
+    }
+}
+
+fn put(at: u32, value: vec4<f32>) {
+    image[at] = value.x;
+    image[params.pixel_total + at] = value.y;
+    image[2u * params.pixel_total + at] = value.z;
+    image[3u * params.pixel_total + at] = value.w;
+}
 
 // Front to back: C = Σ c α T + T_N·background, and Σ (1/z) α T.
 @compute @workgroup_size(AREA)
@@ -18,45 +64,67 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     if (index >= params.tile_total) { return; }
     let tile = tile_of(index, thread);
     let centre = vec2<f32>(tile.pixel - tile.corner) + 0.5;
-    let first = starts[index];
-    let end = starts[index + 1u];
-    var t = select(0.0, 1.0, tile.inside);
-    var sum = vec4(0.0);
+    let list = lists[index];
+    var p = Pixel(vec2(select(0.0, 1.0, tile.inside)), vec4(0.0), vec4(0.0));
+    if (!BOTH) { p.t.y = 0.0; }
     var best = 0.0;
     var best_owner = 0xffffffffu;
-    for (var begin = first; begin < end; begin += BATCH) {
+    // The next batch is fetched while one is drawn.
+    var owner = 0u;
+    var next = nothing();
+    if (thread < list.count) {
+        owner = entries[list.first + thread].x;
+        next = drawn(owner, tile.corner);
+    }
+    var begin = 0u;
+    for (; begin < list.count; begin += AREA) {
         if (thread == 0u) { atomicStore(&open, 0u); }
         workgroupBarrier();
-        if (t >= MIN_TRANSMITTANCE) { atomicStore(&open, 1u); }
-        for (var slot = thread; slot < BATCH; slot += AREA) {
-            if (begin + slot < end) {
-                let owner = owners[pairs[begin + slot]];
-                load(slot, splats[owner], tile.corner);
-                batch_owner[slot] = owner;
-            }
-        }
+        if (max(p.t.x, p.t.y) >= MIN_TRANSMITTANCE) { atomicStore(&open, 1u); }
+        batch_place[thread] = next.place;
+        batch_power[thread] = next.power;
+        batch_color[thread] = next.color;
+        if (BOTH) { batch_radio[thread] = next.radio; }
+        if (MAIN_CONTRIBUTOR) { batch_owner[thread] = owner; }
         workgroupBarrier();
         if (thread == 0u) { any_open = atomicLoad(&open); }
         if (workgroupUniformLoad(&any_open) == 0u) { break; }
-        let count = min(BATCH, end - begin);
-        for (var slot = 0u; slot < count; slot++) {
-            let alpha = min(free_alpha(slot, centre), MAX_ALPHA);
-            if (alpha >= MIN_ALPHA && t >= MIN_TRANSMITTANCE) {
-                let weight = alpha * t;
-                t -= weight;
-                sum = fma(vec4(weight), batch_color[slot], sum);
-                if (MAIN_CONTRIBUTOR && weight > best) {
-                    best = weight;
-                    best_owner = batch_owner[slot];
-                }
+        next = nothing();
+        if (begin + AREA + thread < list.count) {
+            owner = entries[list.first + begin + AREA + thread].x;
+            next = drawn(owner, tile.corner);
+        }
+        // In fours: their exponentials do not wait for each other. Beyond the end are splats of opacity 0.
+        let count = min(AREA, list.count - begin);
+        for (var slot = 0u; slot < count; slot += 4u) {
+            if (KEEP && slot % BUCKET == 0u && begin + slot > 0u) {
+                save(p, list.checkpoint + (begin + slot) / BUCKET - 1u, thread);
+            }
+            let f = vec4(
+                falloff(batch_power[slot], batch_place[slot].xy - centre),
+                falloff(batch_power[slot + 1u], batch_place[slot + 1u].xy - centre),
+                falloff(batch_power[slot + 2u], batch_place[slot + 2u].xy - centre),
+                falloff(batch_power[slot + 3u], batch_place[slot + 3u].xy - centre),
+            );
+            let weights = vec4(add(&p, slot, f.x), add(&p, slot + 1u, f.y), add(&p, slot + 2u, f.z), add(&p, slot + 3u, f.w));
+            if (MAIN_CONTRIBUTOR) {
+                if (weights.x > best) { best = weights.x; best_owner = batch_owner[slot]; }
+                if (weights.y > best) { best = weights.y; best_owner = batch_owner[slot + 1u]; }
+                if (weights.z > best) { best = weights.z; best_owner = batch_owner[slot + 2u]; }
+                if (weights.w > best) { best = weights.w; best_owner = batch_owner[slot + 3u]; }
             }
         }
         workgroupBarrier();
     }
+    if (KEEP && thread == 0u) { visited[index] = min(begin, list.count); }
     if (tile.inside) {
-        let background = params.grids[tile.modality].background;
-        image[tile.at] = vec4(sum.rgb + t * background.rgb, sum.a);
-        transmittance[tile.at] = t;
+        put(tile.at, vec4(p.light.rgb + p.t.x * params.grids[tile.modality].background.rgb, p.light.w));
+        transmittance[tile.at] = p.t.x;
+        if (BOTH) {
+            let second = tile.at + params.grids[1].first_pixel;
+            put(second, vec4(p.radio.rgb + p.t.y * params.grids[1].background.rgb, p.radio.w));
+            transmittance[second] = p.t.y;
+        }
         if (MAIN_CONTRIBUTOR) { main_contributor[tile.at] = best_owner; }
     }
 }

@@ -1,0 +1,28 @@
+//! Working memory that grows.
+
+use super::context::Context;
+use crate::Result;
+
+/// A buffer that is replaced by a larger one when it is too small; its contents are then lost.
+pub(crate) struct Scratch {
+    label: &'static str,
+    pub buffer: wgpu::Buffer,
+}
+
+impl Scratch {
+    pub fn new(context: &Context, label: &'static str) -> Result<Self> {
+        Ok(Self { label, buffer: context.storage(label, 16)? })
+    }
+
+    /// Room for `count` items of `bytes` bytes each; whether the memory is new.
+    pub fn reserve(&mut self, context: &Context, count: usize, bytes: usize) -> Result<bool> {
+        let size = (count * bytes) as u64;
+        let grows = self.buffer.size() < size;
+        if grows {
+            // The old memory is given back before the new is asked for.
+            self.buffer.destroy();
+            self.buffer = context.storage(self.label, size + size / 4)?;
+        }
+        Ok(grows)
+    }
+}
