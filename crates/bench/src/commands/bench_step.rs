@@ -45,15 +45,13 @@ pub struct Step {
     /// Which pixel filter: off is what the peers measure with.
     #[arg(long, value_enum, default_value_t = Filter::Off)]
     antialias: Filter,
-    /// GPU: pixels across and down a tile.
-    #[arg(long, value_parser = size, default_value = "8x8")]
-    tile: [usize; 2],
-    /// GPU: splats that the backward pass takes at once.
-    #[arg(long, default_value_t = 16)]
-    batch: u32,
-    /// GPU: blend two images with one camera one after the other instead of at once.
-    #[arg(long)]
-    apart: bool,
+    /// GPU: a tile, a batch and, with `apart`, two images of one camera blended one after the other, such as 8x8/32 or 16x8/16/apart.
+    /// Several are compared, workload by workload.
+    #[arg(long = "variant", value_parser = variant)]
+    variants: Vec<Variant>,
+    /// GPU: frames of novel views to draw per variant, both images and depth (0: none).
+    #[arg(long, default_value_t = 0)]
+    frames: usize,
     /// Memory bandwidth for the floor, GB/s (default: measured on an H200).
     #[arg(long, default_value_t = 2700.0)]
     bandwidth_gb_s: f64,
@@ -77,6 +75,27 @@ fn size(text: &str) -> Result<[usize; 2], String> {
     match text.split_once('x').map(|(w, h)| (parse(w), parse(h))) {
         Some((Some(w), Some(h))) => Ok([w, h]),
         _ => Err(format!("{text} is no size in pixels such as 640x480")),
+    }
+}
+
+/// How the GPU device works: what is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+struct Variant {
+    tile: [usize; 2],
+    batch: u32,
+    fused: bool,
+}
+
+/// `8x8/32`, `8x8/32/apart`.
+fn variant(text: &str) -> Result<Variant, String> {
+    let wrong = || format!("{text} is no tile and batch such as 8x8/32 or 8x8/32/apart");
+    let mut parts = text.split('/');
+    let tile = size(parts.next().unwrap_or_default()).map_err(|_| wrong())?;
+    let batch = parts.next().and_then(|b| b.parse().ok()).ok_or_else(wrong)?;
+    match (parts.next(), parts.next()) {
+        (None, None) => Ok(Variant { tile, batch, fused: true }),
+        (Some("apart"), None) => Ok(Variant { tile, batch, fused: false }),
+        _ => Err(wrong()),
     }
 }
 
@@ -116,6 +135,12 @@ struct Measured {
     step_ms: f64,
     step_ms_range: [f64; 2],
     stages: Vec<Stage>,
+    /// What the GPU device was told.
+    variant: Option<Variant>,
+    /// Memory that the device holds after its steps, bytes.
+    allocated_bytes: Option<u64>,
+    /// Novel views a second: images left on the device, images brought back.
+    frames_per_s: Option<[f64; 2]>,
 }
 
 /// All that a run of the command found.
@@ -125,9 +150,6 @@ struct Report {
     steps: usize,
     repeats: usize,
     antialias: String,
-    tile: [usize; 2],
-    batch: u32,
-    fused: bool,
     bandwidth_gb_s: f64,
     tflops: f64,
     workloads: Vec<Measured>,
@@ -146,14 +168,14 @@ impl Step {
         if self.table {
             for (n, optical, rf) in TABLE {
                 let file = files.iter().find(|(_, g)| g.len() == n);
-                workloads.push(self.measure(&backend, file, n, &workload::rig(optical, rf))?);
+                workloads.extend(self.measure(&backend, file, n, &workload::rig(optical, rf))?);
             }
         } else {
             let rig = match &self.cameras {
                 Some(path) => workload::read_rig(path, self.rf)?,
                 None => workload::rig(self.size, self.rf.unwrap_or(self.size)),
             };
-            workloads.push(self.measure(&backend, files.first(), self.gaussians, &rig)?);
+            workloads.extend(self.measure(&backend, files.first(), self.gaussians, &rig)?);
         }
         let text = text(&workloads);
         let report = Report {
@@ -161,9 +183,6 @@ impl Step {
             steps: self.steps,
             repeats: self.repeats,
             antialias: format!("{:?}", self.antialias).to_lowercase(),
-            tile: self.tile,
-            batch: self.batch,
-            fused: !self.apart,
             bandwidth_gb_s: self.bandwidth_gb_s,
             tflops: self.tflops,
             workloads,
@@ -172,18 +191,7 @@ impl Step {
         Ok(Verdict::Done)
     }
 
-    #[cfg(feature = "gpu")]
-    fn gpu_options(&self) -> GpuOptions {
-        GpuOptions {
-            software: true,
-            tile: self.tile.map(|v| v as u32),
-            batch: self.batch,
-            fused: !self.apart,
-            ..GpuOptions::default()
-        }
-    }
-
-    fn measure(&self, backend: &Backend, file: Option<&(String, Gaussians)>, n: usize, rig: &Rig) -> Result<Measured> {
+    fn measure(&self, backend: &Backend, file: Option<&(String, Gaussians)>, n: usize, rig: &Rig) -> Result<Vec<Measured>> {
         interrupt::check()?;
         let drawn;
         let (from, gaussians) = match file {
@@ -198,13 +206,13 @@ impl Step {
             Filter::Off => Antialias::Off,
         };
         let raster = RasterConfig { antialias, ..RasterConfig::default() };
-        let mut run = Run {
+        let fresh = || Run {
             steps: self.steps,
             repeats: self.repeats,
             measured: Measured {
                 device: backend.name(),
                 gaussians: gaussians.len(),
-                gaussians_from: from,
+                gaussians_from: from.clone(),
                 optical: [rig.optical.width, rig.optical.height],
                 rf: [rig.rf.width, rig.rf.height],
                 visible: 0,
@@ -212,14 +220,32 @@ impl Step {
                 step_ms: 0.0,
                 step_ms_range: [0.0; 2],
                 stages: vec![],
+                variant: None,
+                allocated_bytes: None,
+                frames_per_s: None,
             },
         };
         match backend {
-            Backend::Cpu => run.on_cpu(raster, gaussians, rig)?,
+            Backend::Cpu => {
+                let mut run = fresh();
+                run.on_cpu(raster, gaussians, rig)?;
+                Ok(vec![run.measured])
+            }
             #[cfg(feature = "gpu")]
-            Backend::Gpu { .. } => run.on_gpu(raster, gaussians, rig, self)?,
+            Backend::Gpu { .. } => {
+                let standard = GpuOptions::default();
+                let usual = Variant { tile: standard.tile.map(|v| v as usize), batch: standard.batch, fused: standard.fused };
+                let variants = if self.variants.is_empty() { vec![usual] } else { self.variants.clone() };
+                let measure = |variant: &Variant| {
+                    let mut run = fresh();
+                    run.measured.variant = Some(*variant);
+                    run.on_gpu(raster, gaussians, rig, self, *variant)?;
+                    eprint!("{}", text(std::slice::from_ref(&run.measured)));
+                    Ok(run.measured)
+                };
+                variants.iter().map(measure).collect()
+            }
         }
-        Ok(run.measured)
     }
 }
 
@@ -270,17 +296,27 @@ impl Run {
     }
 
     #[cfg(feature = "gpu")]
-    fn on_gpu(&mut self, raster: RasterConfig, gaussians: &Gaussians, rig: &Rig, wanted: &Step) -> Result<()> {
-        let options = &wanted.gpu_options();
+    fn on_gpu(&mut self, raster: RasterConfig, gaussians: &Gaussians, rig: &Rig, wanted: &Step, variant: Variant) -> Result<()> {
+        let options = GpuOptions {
+            software: true,
+            tile: variant.tile.map(|v| v as u32),
+            batch: variant.batch,
+            fused: variant.fused,
+            ..GpuOptions::default()
+        };
         let (bytes_per_ms, operations_per_ms) = (wanted.bandwidth_gb_s * 1e6, wanted.tflops * 1e9);
         // The wall clock runs over steps without timestamps, the stages over others with them.
-        let mut device = GpuDevice::new(options, workload::optimizer(), raster, gaussians)?;
+        let mut device = GpuDevice::new(&options, workload::optimizer(), raster, gaussians)?;
         self.measured.device = device.adapter();
         self.time(&mut device, rig)?;
         self.measured.pairs = Some(device.pairs());
+        self.measured.allocated_bytes = device.allocated_bytes();
         let work = device.work();
+        if wanted.frames > 0 {
+            self.measured.frames_per_s = Some(frames_per_s(&mut device, rig, wanted.frames)?);
+        }
         drop(device);
-        let timed = GpuOptions { timestamps: true, ..*options };
+        let timed = GpuOptions { timestamps: true, ..options };
         let mut device = GpuDevice::new(&timed, workload::optimizer(), raster, gaussians)?;
         for view in rig.views(3) {
             device.upload(&view, 1)?;
@@ -296,6 +332,23 @@ impl Run {
         }
         Ok(())
     }
+}
+
+/// Draws novel views, half-way between the cameras of the rig; frames a second on the device and with the images brought back.
+#[cfg(feature = "gpu")]
+fn frames_per_s(device: &mut GpuDevice, rig: &Rig, frames: usize) -> Result<[f64; 2]> {
+    let requests = rig.novel_views(frames);
+    device.draw(&requests[..requests.len().min(workload::CAMERAS)])?;
+    let start = Instant::now();
+    device.draw(&requests)?;
+    let on_device = frames as f64 / start.elapsed().as_secs_f64();
+    // Bringing back is the slower part by far: fewer will do.
+    let few = &requests[..frames.div_ceil(16)];
+    let start = Instant::now();
+    for request in few {
+        device.render(request)?;
+    }
+    Ok([on_device, few.len() as f64 / start.elapsed().as_secs_f64()])
 }
 
 /// A table of workloads, each with its stages.
@@ -316,8 +369,18 @@ fn text(workloads: &[Measured]) -> String {
             m.visible,
             m.pairs.map_or(String::new(), |p| format!(", {p} pairs")),
         );
+        if let Some(Variant { tile: [width, height], batch, fused }) = m.variant {
+            let _ = write!(out, "  {width}x{height}/{batch}{}", if fused { "" } else { "/apart" });
+            if let Some(bytes) = m.allocated_bytes {
+                let _ = write!(out, ", {} MB on the device", bytes / 1_000_000);
+            }
+            if let Some([drawn, brought]) = m.frames_per_s {
+                let _ = write!(out, ", novel views: {drawn:.0} frames/s drawn, {brought:.1} brought back");
+            }
+            out.push('\n');
+        }
         let row = |out: &mut String, name: &str, cells: &[String]| {
-            let _ = writeln!(out, "  {name:8}{}", cells.iter().map(|c| format!("{c:>10}")).collect::<String>());
+            let _ = writeln!(out, "  {name:6}{}", cells.iter().map(|c| format!("{c:>11}")).collect::<String>());
         };
         let total: f64 = m.stages.iter().map(|s| s.ms).sum();
         row(&mut out, "", &m.stages.iter().map(|s| s.name.to_owned()).chain(["all".to_owned()]).collect::<Vec<_>>());

@@ -111,6 +111,9 @@ fn rank(info: &wgpu::AdapterInfo) -> u32 {
 /// Storage buffers the widest kernel binds.
 const STORAGE_BUFFERS: u32 = 24;
 
+/// Bytes written at once.
+const PIECE: usize = 64 << 20;
+
 /// The adapters that will do, the best first.
 fn adapters(options: &GpuOptions) -> Vec<wgpu::Adapter> {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
@@ -242,6 +245,17 @@ impl Context {
     /// A storage buffer.
     pub fn storage(&self, label: &str, bytes: u64) -> Result<wgpu::Buffer> {
         self.buffer(label, bytes, wgpu::BufferUsages::STORAGE)
+    }
+
+    /// Writes numbers at a byte, in pieces, so that the memory in which they travel is soon free again.
+    pub fn fill(&self, buffer: &wgpu::Buffer, at: u64, values: &[f32]) {
+        let bytes: &[u8] = bytemuck::cast_slice(values);
+        for (k, piece) in bytes.chunks(PIECE).enumerate() {
+            self.queue.write_buffer(buffer, at + (k * PIECE) as u64, piece);
+            if bytes.len() > PIECE {
+                self.queue.submit([]);
+            }
+        }
     }
 
     pub fn encoder(&self) -> wgpu::CommandEncoder {

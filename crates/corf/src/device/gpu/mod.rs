@@ -108,6 +108,11 @@ impl GpuDevice {
         self.memory.pair_capacity
     }
 
+    /// Memory taken from the adapter, bytes, if its backend counts it.
+    pub fn allocated_bytes(&self) -> Option<u64> {
+        self.context.device.generate_allocator_report().map(|r| r.total_allocated_bytes)
+    }
+
     fn raise_deferred(&mut self) -> Result<()> {
         self.deferred.take().map_or(Ok(()), Err)
     }

@@ -1,8 +1,8 @@
 //! The constants of one frame as the shaders read them (`shaders/params.wgsl`).
 
-use super::shaders::LOSS_BLOCK;
+use super::{context::Context, shaders::LOSS_BLOCK};
 use crate::{
-    OptimizerConfig,
+    OptimizerConfig, Result,
     device::cpu::geometry::{Grid, Pose},
     gaussians::logit,
 };
@@ -141,5 +141,29 @@ impl Params {
             self.tile_total = a.tiles[0] * a.tiles[1];
             self.grids[1].first_tile = self.tile_total;
         }
+    }
+}
+
+/// The constants of several frames in one buffer, at dynamic offsets.
+pub(crate) struct Uniforms {
+    pub buffer: wgpu::Buffer,
+    stride: u64,
+}
+
+impl Uniforms {
+    pub fn new<'a>(context: &Context, frames: impl ExactSizeIterator<Item = &'a Params>) -> Result<Self> {
+        let stride = SIZE.next_multiple_of(u64::from(context.limits.min_uniform_buffer_offset_alignment));
+        let mut bytes = vec![0_u8; stride as usize * frames.len()];
+        for (frame, chunk) in frames.zip(bytes.chunks_exact_mut(stride as usize)) {
+            chunk[..SIZE as usize].copy_from_slice(bytemuck::bytes_of(frame));
+        }
+        let buffer = context.buffer("frame constants", bytes.len() as u64, wgpu::BufferUsages::UNIFORM)?;
+        context.queue.write_buffer(&buffer, 0, &bytes);
+        Ok(Self { buffer, stride })
+    }
+
+    /// Where a frame's constants begin.
+    pub fn offset(&self, frame: usize) -> u32 {
+        (self.stride * frame as u64) as u32
     }
 }

@@ -3,7 +3,8 @@
 use super::{
     GpuDevice,
     frame::{Extent, FAILED, Leaves, NEEDED, STATE_WORDS},
-    params::{self, Params},
+    params::{Params, Uniforms},
+    train::STEPS_PER_SUBMISSION,
 };
 use crate::{
     Error, Result,
@@ -56,34 +57,78 @@ impl GpuDevice {
         Ok(out)
     }
 
-    /// Renders modalities that share a pose.
-    fn render_together(&mut self, wanted: [Option<(View, [f32; 3])>; 2], name: bool, out: &mut Rendering) -> Result<()> {
-        let Some(pose) = wanted.iter().flatten().map(|(v, _)| Pose::new(&v.world_from_camera)).next() else { return Ok(()) };
+    /// The constants of a frame of modalities that share a pose.
+    fn frame(&self, wanted: [Option<(View, [f32; 3])>; 2], name: bool) -> Option<Params> {
+        let pose = wanted.iter().flatten().map(|(v, _)| Pose::new(&v.world_from_camera)).next()?;
         let grids = wanted.map(|w| w.map(|(v, _)| Grid::new(&v.camera, self.raster.antialias)));
         let backgrounds = wanted.map(|w| w.map_or([0.0; 3], |(_, b)| b));
-        let mut params =
-            Params::new(&pose, &grids, backgrounds, self.raster.near_m, self.store.len(), &self.optimizer, self.fixed.tile);
+        let (near_m, tile) = (self.raster.near_m, self.fixed.tile);
+        let mut params = Params::new(&pose, &grids, backgrounds, near_m, self.store.len(), &self.optimizer, tile);
         if self.fuse && !name {
             params.fuse();
         }
+        Some(params)
+    }
+
+    /// Renders modalities that share a pose.
+    fn render_together(&mut self, wanted: [Option<(View, [f32; 3])>; 2], name: bool, out: &mut Rendering) -> Result<()> {
+        let Some(params) = self.frame(wanted, name) else { return Ok(()) };
         let picture = self.picture(params, name)?;
         let mut first = 0;
-        for (g, grid) in grids.iter().enumerate() {
-            let Some(grid) = grid else { continue };
-            let pixels = grid.width * grid.height;
-            let layer = layer(grid, self.store.harmonics[g].channels, &picture, first);
+        for (g, view) in wanted.iter().enumerate() {
+            let Some((View { camera, .. }, _)) = view else { continue };
+            let (width, height) = (camera.width, camera.height);
+            let layer = layer([width, height], self.store.harmonics[g].channels, &picture, first);
             if g == 0 {
                 out.optical = Some(layer);
                 if name {
-                    let names = picture.main_contributor[..pixels].to_vec();
-                    out.main_contributor = Some(Raster::from_vec(grid.width, grid.height, names));
+                    let names = picture.main_contributor[..width * height].to_vec();
+                    out.main_contributor = Some(Raster::from_vec(width, height, names));
                 }
             } else {
                 out.rf = Some(layer);
             }
-            first += pixels;
+            first += width * height;
         }
         Ok(())
+    }
+
+    /// Draws pictures one after the other and leaves them on the device, as many to a submission as a batch of training steps has: what
+    /// a display would do. Both images of a request are drawn with the optical pose if it has both.
+    ///
+    /// # Errors
+    /// No memory, a lost device.
+    pub fn draw(&mut self, requests: &[RenderRequest]) -> Result<()> {
+        self.raise_deferred()?;
+        let mut frames: Vec<Params> = requests.iter().filter_map(|r| self.frame([r.optical, r.rf], false)).collect();
+        let n = self.store.len();
+        let mut extent = Extent { gaussians: n, ..Extent::default() };
+        frames.iter().for_each(|p| extent.include(p));
+        let mut pairs = 2 * n;
+        loop {
+            self.memory.reserve(&self.context, &self.fixed, &extent, pairs)?;
+            let m = &self.memory;
+            frames.iter_mut().for_each(|p| p.pair_capacity = m.pair_capacity as u32);
+            let uniforms = Uniforms::new(&self.context, frames.iter())?;
+            m.reset(&self.context, n);
+            let bound = self.forward.bind(&self.context, &uniforms.buffer, &self.store, m, Leaves::Images)?;
+            for (batch, some) in frames.chunks(STEPS_PER_SUBMISSION).enumerate() {
+                let mut encoder = self.context.encoder();
+                {
+                    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                    for (k, p) in some.iter().enumerate() {
+                        let offset = uniforms.offset(batch * STEPS_PER_SUBMISSION + k);
+                        bound.record(&mut pass, p, offset, n, m, &mut |_| {});
+                    }
+                }
+                self.context.submit(encoder);
+            }
+            let state = self.context.read::<u32>("drawing", &[(&m.state, STATE_WORDS)])?;
+            if state[0][FAILED] == 0 {
+                return Ok(());
+            }
+            pairs = state[0][NEEDED] as usize + state[0][NEEDED] as usize / 4;
+        }
     }
 
     /// Renders once, and again with more room where there was too little.
@@ -96,11 +141,10 @@ impl GpuDevice {
             self.memory.reserve(&self.context, &self.fixed, &extent, pairs)?;
             let m = &self.memory;
             params.pair_capacity = m.pair_capacity as u32;
-            let uniform = self.context.buffer("frame constants", params::SIZE, wgpu::BufferUsages::UNIFORM)?;
-            self.context.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&params));
+            let uniforms = Uniforms::new(&self.context, std::iter::once(&params))?;
             m.reset(&self.context, n);
             let leaves = if name { Leaves::MainContributors } else { Leaves::Images };
-            let bound = self.forward.bind(&self.context, &uniform, &self.store, m, leaves)?;
+            let bound = self.forward.bind(&self.context, &uniforms.buffer, &self.store, m, leaves)?;
             let mut encoder = self.context.encoder();
             {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -127,9 +171,8 @@ impl GpuDevice {
     }
 }
 
-/// One modality of a picture.
-fn layer(grid: &Grid, channels: usize, picture: &Picture, first: usize) -> Layer {
-    let (width, height) = (grid.width, grid.height);
+/// One modality of a picture of `width × height` pixels.
+fn layer([width, height]: [usize; 2], channels: usize, picture: &Picture, first: usize) -> Layer {
     let (pixels, total) = (width * height, picture.transmittance.len());
     let plane = |k: usize| &picture.image[k * total + first..k * total + first + pixels];
     let planes: Vec<&[f32]> = (0..channels).map(plane).collect();

@@ -5,7 +5,7 @@ use super::{
     context::Context,
     frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, STATE_WORDS, STEPS, VISIBLE},
     kernel::{Bound, Kernel},
-    params::{self, Params},
+    params::{self, Params, Uniforms},
     shaders::Fixed,
 };
 use crate::{
@@ -30,8 +30,8 @@ pub const STAGES: [&str; 12] = [
     "geometry",
 ];
 
-/// Steps recorded into one submission.
-const STEPS_PER_SUBMISSION: usize = 32;
+/// Steps, or frames, recorded into one submission.
+pub(crate) const STEPS_PER_SUBMISSION: usize = 32;
 
 /// Time spent on the device, by its own timestamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -253,17 +253,12 @@ impl GpuDevice {
     /// Records and submits steps.
     fn submit(&mut self, steps: &[Planned], destination: Destination<'_>) -> Result<()> {
         let context = &self.context;
-        let stride = params::SIZE.next_multiple_of(u64::from(context.limits.min_uniform_buffer_offset_alignment));
-        let uniform = context.buffer("step constants", stride * steps.len() as u64, wgpu::BufferUsages::UNIFORM)?;
-        let mut bytes = vec![0_u8; stride as usize * steps.len()];
-        for (step, chunk) in steps.iter().zip(bytes.chunks_exact_mut(stride as usize)) {
-            chunk[..params::SIZE as usize].copy_from_slice(bytemuck::bytes_of(&step.params));
-        }
-        context.queue.write_buffer(&uniform, 0, &bytes);
+        let uniforms = Uniforms::new(context, steps.iter().map(|s| &s.params))?;
+        let uniform = &uniforms.buffer;
         let (n, m) = (self.store.len(), &self.memory);
         m.reset(context, n);
-        let forward = self.forward.bind(context, &uniform, &self.store, m, Leaves::Checkpoints)?;
-        let training = self.bind_training(&uniform, steps, destination)?;
+        let forward = self.forward.bind(context, uniform, &self.store, m, Leaves::Checkpoints)?;
+        let training = self.bind_training(uniform, steps, destination)?;
         for (batch, some) in steps.chunks(STEPS_PER_SUBMISSION).enumerate() {
             let clock = if context.timestamps { Some(Clock::new(context, some.len())?) } else { None };
             let mut encoder = context.encoder();
@@ -278,7 +273,7 @@ impl GpuDevice {
                 };
                 for (k, step) in some.iter().enumerate() {
                     let p = &step.params;
-                    let offset = (stride * (batch * STEPS_PER_SUBMISSION + k) as u64) as u32;
+                    let offset = uniforms.offset(batch * STEPS_PER_SUBMISSION + k);
                     mark(&mut pass);
                     forward.record(&mut pass, p, offset, n, m, &mut mark);
                     if let Some([similarity, gradient]) = training.losses.get(&step.view.0) {
