@@ -90,7 +90,11 @@ fn pose(turn: f64) -> Rigid3 {
 /// Cameras around the room, 90° wide.
 pub fn rig(optical: [usize; 2], rf: [usize; 2]) -> Rig {
     let camera = |[w, h]: [usize; 2]| Pinhole::from_horizontal_fov(w, h, 90.0);
-    Rig { world_from_camera: (0..CAMERAS).map(|i| pose(i as f64 / CAMERAS as f64)).collect(), optical: camera(optical), rf: camera(rf) }
+    Rig {
+        world_from_camera: (0..CAMERAS).map(|i| pose(i as f64 / CAMERAS as f64)).collect(),
+        optical: camera(optical),
+        rf: camera(rf),
+    }
 }
 
 /// A camera file: one set of intrinsics, poses as 4×4 `camera_from_world` matrices by rows.

@@ -21,6 +21,7 @@ const OPTIONS: GpuOptions = GpuOptions {
     tile: [8, 8],
     batch: 16,
     fused: true,
+    least_room: 16,
     poison: Some(0xffc0_ffee),
 };
 

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 #[cfg(feature = "gpu")]
 use corf::device::gpu::{GpuDevice, GpuOptions};
-use corf::{Antialias, CpuDevice, Device, Gaussians, RasterConfig, ply};
+use corf::{Antialias, CpuDevice, Device, Gaussians, RasterConfig, device::TrainingView, ply};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -45,8 +45,8 @@ pub struct Step {
     /// Which pixel filter: off is what the peers measure with.
     #[arg(long, value_enum, default_value_t = Filter::Off)]
     antialias: Filter,
-    /// GPU: a tile, a batch and, with `apart`, two images of one camera blended one after the other, such as 8x8/32 or 16x8/16/apart.
-    /// Several are compared, workload by workload.
+    /// GPU: a tile and a batch such as 8x8/32, or 8x8/32/apart for two images of one camera blended one after the other, or
+    /// 8x8/32/portable without subgroup operations. Several are compared, workload by workload.
     #[arg(long = "variant", value_parser = variant)]
     variants: Vec<Variant>,
     /// GPU: frames of novel views to draw per variant, both images and depth (0: none).
@@ -84,19 +84,24 @@ struct Variant {
     tile: [usize; 2],
     batch: u32,
     fused: bool,
+    subgroups: bool,
 }
 
-/// `8x8/32`, `8x8/32/apart`.
+/// `8x8/32`, `8x8/32/apart`, `8x8/32/portable`.
 fn variant(text: &str) -> Result<Variant, String> {
-    let wrong = || format!("{text} is no tile and batch such as 8x8/32 or 8x8/32/apart");
+    let wrong = || format!("{text} is no tile and batch such as 8x8/32, 8x8/32/apart or 8x8/32/portable");
     let mut parts = text.split('/');
     let tile = size(parts.next().unwrap_or_default()).map_err(|_| wrong())?;
     let batch = parts.next().and_then(|b| b.parse().ok()).ok_or_else(wrong)?;
-    match (parts.next(), parts.next()) {
-        (None, None) => Ok(Variant { tile, batch, fused: true }),
-        (Some("apart"), None) => Ok(Variant { tile, batch, fused: false }),
-        _ => Err(wrong()),
+    let mut variant = Variant { tile, batch, fused: true, subgroups: true };
+    for part in parts {
+        match part {
+            "apart" => variant.fused = false,
+            "portable" => variant.subgroups = false,
+            _ => return Err(wrong()),
+        }
     }
+    Ok(variant)
 }
 
 /// What `--table` measures: Gaussians, optical and RF image.
@@ -225,21 +230,27 @@ impl Step {
                 frames_per_s: None,
             },
         };
+        let views: Vec<TrainingView> = rig.views(3).collect();
         match backend {
             Backend::Cpu => {
                 let mut run = fresh();
-                run.on_cpu(raster, gaussians, rig)?;
+                run.on_cpu(raster, gaussians, rig, &views)?;
                 Ok(vec![run.measured])
             }
             #[cfg(feature = "gpu")]
             Backend::Gpu { .. } => {
                 let standard = GpuOptions::default();
-                let usual = Variant { tile: standard.tile.map(|v| v as usize), batch: standard.batch, fused: standard.fused };
+                let usual = Variant {
+                    tile: standard.tile.map(|v| v as usize),
+                    batch: standard.batch,
+                    fused: standard.fused,
+                    subgroups: true,
+                };
                 let variants = if self.variants.is_empty() { vec![usual] } else { self.variants.clone() };
                 let measure = |variant: &Variant| {
                     let mut run = fresh();
                     run.measured.variant = Some(*variant);
-                    run.on_gpu(raster, gaussians, rig, self, *variant)?;
+                    run.on_gpu(raster, gaussians, rig, &views, self, *variant)?;
                     eprint!("{}", text(std::slice::from_ref(&run.measured)));
                     Ok(run.measured)
                 };
@@ -258,9 +269,9 @@ struct Run {
 
 impl Run {
     /// Uploads the views and times whole runs of steps, after one that warms up.
-    fn time(&mut self, device: &mut dyn Device, rig: &Rig) -> Result<()> {
-        for view in rig.views(3) {
-            device.upload(&view, 1).context("while uploading the views")?;
+    fn time(&mut self, device: &mut dyn Device, rig: &Rig, views: &[TrainingView]) -> Result<()> {
+        for view in views {
+            device.upload(view, 1).context("while uploading the views")?;
         }
         let steps = rig.steps(self.steps);
         device.train(&steps[..steps.len().min(workload::CAMERAS)])?;
@@ -278,9 +289,9 @@ impl Run {
         Ok(())
     }
 
-    fn on_cpu(&mut self, raster: RasterConfig, gaussians: &Gaussians, rig: &Rig) -> Result<()> {
+    fn on_cpu(&mut self, raster: RasterConfig, gaussians: &Gaussians, rig: &Rig, views: &[TrainingView]) -> Result<()> {
         let mut device = CpuDevice::new(workload::optimizer(), raster, gaussians)?;
-        self.time(&mut device, rig)?;
+        self.time(&mut device, rig, views)?;
         let t = device.take_stage_times();
         let stages = [
             ("project", t.project_s),
@@ -296,35 +307,38 @@ impl Run {
     }
 
     #[cfg(feature = "gpu")]
-    fn on_gpu(&mut self, raster: RasterConfig, gaussians: &Gaussians, rig: &Rig, wanted: &Step, variant: Variant) -> Result<()> {
+    fn on_gpu(
+        &mut self,
+        raster: RasterConfig,
+        gaussians: &Gaussians,
+        rig: &Rig,
+        views: &[TrainingView],
+        wanted: &Step,
+        variant: Variant,
+    ) -> Result<()> {
         let options = GpuOptions {
             software: true,
             tile: variant.tile.map(|v| v as u32),
             batch: variant.batch,
             fused: variant.fused,
+            subgroups: variant.subgroups,
+            timestamps: true,
             ..GpuOptions::default()
         };
         let (bytes_per_ms, operations_per_ms) = (wanted.bandwidth_gb_s * 1e6, wanted.tflops * 1e9);
-        // The wall clock runs over steps without timestamps, the stages over others with them.
+        // The wall clock runs over steps without timestamps, the kernels' times come from others with them.
         let mut device = GpuDevice::new(&options, workload::optimizer(), raster, gaussians)?;
+        device.time_stages(false);
         self.measured.device = device.adapter();
-        self.time(&mut device, rig)?;
+        self.time(&mut device, rig, views)?;
         self.measured.pairs = Some(device.pairs());
         self.measured.allocated_bytes = device.allocated_bytes();
         let work = device.work();
         if wanted.frames > 0 {
             self.measured.frames_per_s = Some(frames_per_s(&mut device, rig, wanted.frames)?);
         }
-        drop(device);
-        let timed = GpuOptions { timestamps: true, ..options };
-        let mut device = GpuDevice::new(&timed, workload::optimizer(), raster, gaussians)?;
-        for view in rig.views(3) {
-            device.upload(&view, 1)?;
-        }
-        let steps = rig.steps(self.steps);
-        device.train(&steps[..steps.len().min(workload::CAMERAS)])?;
-        device.take_stage_times();
-        device.train(&steps)?;
+        device.time_stages(true);
+        device.train(&rig.steps(self.steps))?;
         let Some(t) = device.take_stage_times() else { return Ok(()) };
         for (k, w) in work.iter().enumerate() {
             let floor = (w.bytes / bytes_per_ms).max(w.operations / operations_per_ms);
@@ -369,8 +383,9 @@ fn text(workloads: &[Measured]) -> String {
             m.visible,
             m.pairs.map_or(String::new(), |p| format!(", {p} pairs")),
         );
-        if let Some(Variant { tile: [width, height], batch, fused }) = m.variant {
-            let _ = write!(out, "  {width}x{height}/{batch}{}", if fused { "" } else { "/apart" });
+        if let Some(Variant { tile: [width, height], batch, fused, subgroups }) = m.variant {
+            let flags = [(fused, "/apart"), (subgroups, "/portable")].map(|(usual, flag)| if usual { "" } else { flag }).concat();
+            let _ = write!(out, "  {width}x{height}/{batch}{flags}");
             if let Some(bytes) = m.allocated_bytes {
                 let _ = write!(out, ", {} MB on the device", bytes / 1_000_000);
             }

@@ -26,13 +26,24 @@ pub struct GpuOptions {
     pub batch: u32,
     /// Whether two images with one camera are blended in one pass.
     pub fused: bool,
+    /// Pairs, and visible Gaussians, there is room for at first, at least; there is always more once a frame has more.
+    pub least_room: usize,
     /// Fills new working memory with this pattern, so that a test sees what reads before it writes.
     pub poison: Option<u32>,
 }
 
 impl Default for GpuOptions {
     fn default() -> Self {
-        Self { software: false, subgroups: true, timestamps: false, tile: [8, 8], batch: 32, fused: true, poison: None }
+        Self {
+            software: false,
+            subgroups: true,
+            timestamps: false,
+            tile: [8, 8],
+            batch: 32,
+            fused: true,
+            least_room: 1 << 16,
+            poison: None,
+        }
     }
 }
 
@@ -48,7 +59,11 @@ impl GpuOptions {
             return Ok(());
         }
         let what = format!("tiles of {width}x{height} with batches of {batch}");
-        Err(Error::invalid("gpu options", what, "tiles are 8 or 16 wide and 4, 8 or 16 high; a batch is 8, 16 or 32 and at least an eighth of a tile"))
+        Err(Error::invalid(
+            "gpu options",
+            what,
+            "tiles are 8 or 16 wide and 4, 8 or 16 high; a batch is 8, 16 or 32 and at least an eighth of a tile",
+        ))
     }
 }
 

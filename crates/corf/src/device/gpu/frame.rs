@@ -21,6 +21,7 @@ pub(crate) const VISIBLE: usize = 1;
 pub(crate) const FAILED: usize = 3;
 pub(crate) const NEEDED: usize = 4;
 pub(crate) const STEPS: usize = 5;
+const MOST_VISIBLE: usize = 10;
 
 /// Slots of the indirect arguments (`shaders/args.wgsl`).
 pub(crate) const ARGS_APPEARANCE: u64 = 0;
@@ -31,8 +32,6 @@ const ARGS: u64 = 4;
 
 /// Gaussians of a block, threads of a workgroup of the kernels around lists.
 const BLOCK: usize = 256;
-/// Pairs there is room for at first, at least.
-const LEAST_PAIRS: usize = 1 << 16;
 
 /// Working memory of a frame.
 pub(crate) struct Memory {
@@ -63,7 +62,31 @@ pub(crate) struct Memory {
     /// Sums of the visible Gaussians' records, and gradients of their directions.
     pub found: Scratch,
     pub directions: Scratch,
-    pub pair_capacity: usize,
+    pub room: Room,
+}
+
+/// How many (Gaussian, tile) pairs and visible Gaussians there is room for. Nobody knows before a frame is projected.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Room {
+    pub pairs: usize,
+    pub visible: usize,
+}
+
+impl Room {
+    /// A first guess for `n` Gaussians, not below `least`.
+    pub fn guess(n: usize, least: usize) -> Self {
+        Self { pairs: n.max(least), visible: (n / 4).max(least) }
+    }
+
+    /// What the frames of a state needed, and a quarter more; it is read where one of them failed.
+    pub fn asked(state: &[u32]) -> Self {
+        let more = |slot: usize| state[slot] as usize + state[slot] as usize / 4;
+        Self { pairs: more(NEEDED), visible: more(MOST_VISIBLE) }
+    }
+
+    fn with(self, other: Self) -> Self {
+        Self { pairs: self.pairs.max(other.pairs), visible: self.visible.max(other.visible) }
+    }
 }
 
 /// What a batch of frames needs room for.
@@ -115,14 +138,15 @@ impl Memory {
             block_losses: scratch("losses")?,
             found: scratch("gradients of splats")?,
             directions: scratch("gradients of directions")?,
-            pair_capacity: 0,
+            room: Room::default(),
         })
     }
 
-    /// Room for frames of this extent with at least `pairs` pairs.
-    pub fn reserve(&mut self, context: &Context, fixed: &Fixed, extent: &Extent, pairs: usize) -> Result<()> {
+    /// Room for frames of this extent, at least so much.
+    pub fn reserve(&mut self, context: &Context, fixed: &Fixed, extent: &Extent, room: Room) -> Result<()> {
         let (n, tiles) = (extent.gaussians, extent.tiles);
-        let pairs = pairs.max(LEAST_PAIRS).max(self.pair_capacity);
+        let room = self.room.with(room);
+        let (pairs, visible) = (room.pairs, room.visible.min(n));
         let area = (fixed.tile[0] * fixed.tile[1]) as usize;
         let bucket = fixed.batch as usize;
         let trained = |count: usize| if extent.training { count } else { 0 };
@@ -132,8 +156,8 @@ impl Memory {
             (n, 8, &mut self.tile_counts),
             (n.div_ceil(BLOCK).max(1), 8, &mut self.block_sums),
             (2 * n, 48, &mut self.splats),
-            (n, 4, &mut self.order),
-            (n, 4, &mut self.offsets),
+            (visible, 4, &mut self.order),
+            (visible, 4, &mut self.offsets),
             (pairs, 16, &mut self.pairs),
             (tiles, 16, &mut self.lists),
             (pairs, 8, &mut self.entries),
@@ -148,8 +172,8 @@ impl Memory {
             (trained(extent.pixels), 36, &mut self.derivatives),
             (trained(extent.pixels), 16, &mut self.gradient),
             (trained(3 * extent.blocks), 16, &mut self.block_losses),
-            (trained(n), 96, &mut self.found),
-            (trained(n), 16, &mut self.directions),
+            (trained(visible), 96, &mut self.found),
+            (trained(visible), 16, &mut self.directions),
         ] {
             scratch.reserve(context, items, bytes)?;
         }
@@ -159,7 +183,7 @@ impl Memory {
             encoder.clear_buffer(&self.tile_sizes.buffer, 0, None);
             context.submit(encoder);
         }
-        self.pair_capacity = pairs;
+        self.room = room;
         Ok(())
     }
 
@@ -238,8 +262,7 @@ impl Forward {
     ) -> Result<BoundForward> {
         let sh = [&store.sh[0].value.buffer, &store.sh[1].value.buffer];
         let (counts, sums, splats) = (&m.tile_counts.buffer, &m.block_sums.buffer, &m.splats.buffer);
-        let (pairs, sizes, lists, entries) =
-            (&m.pairs.buffer, &m.tile_sizes.buffer, &m.lists.buffer, &m.entries.buffer);
+        let (pairs, sizes, lists, entries) = (&m.pairs.buffer, &m.tile_sizes.buffer, &m.lists.buffer, &m.entries.buffer);
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
         let blended = |both: usize| {
             let kernel = match leaves {
@@ -251,18 +274,8 @@ impl Forward {
             let (names, kept, visited) = (&m.main_contributor.buffer, &m.checkpoints.buffer, &m.visited.buffer);
             bind(kernel, &[params, lists, entries, splats, image, transmittance, names, kept, visited])
         };
-        let emitted = [
-            params,
-            &m.state,
-            counts,
-            splats,
-            sums,
-            &m.order.buffer,
-            &m.offsets.buffer,
-            sizes,
-            pairs,
-            &m.records.buffer,
-        ];
+        let emitted =
+            [params, &m.state, counts, splats, sums, &m.order.buffer, &m.offsets.buffer, sizes, pairs, &m.records.buffer];
         Ok(BoundForward {
             project: bind(&self.project, &[params, &store.core.value.buffer, sh[0], sh[1], counts, sums, splats])?,
             plan: bind(&self.plan, &[params, &m.state, sums, &m.args])?,

@@ -45,11 +45,13 @@ pub struct GpuDevice {
     fixed: Fixed,
     /// Whether two images with one camera are blended in one pass.
     fuse: bool,
+    least_room: usize,
     forward: Forward,
     training: Training,
     memory: Memory,
     pyramids: Vec<Pyramid>,
     times: GpuStageTimes,
+    timing: bool,
     last: Counts,
     /// What a call that cannot answer with an error met; the next one that can does.
     deferred: Option<Error>,
@@ -75,12 +77,14 @@ impl GpuDevice {
         let training = Training::new(&context, &fixed)?;
         let memory = Memory::new(&context)?;
         Ok(Self {
+            timing: context.timestamps,
             context,
             optimizer,
             raster,
             store,
             fixed,
             fuse: options.fused,
+            least_room: options.least_room,
             forward,
             training,
             memory,
@@ -105,7 +109,7 @@ impl GpuDevice {
 
     /// How many (Gaussian, tile) pairs of one frame there is room for; grows when a frame has more.
     pub fn pair_capacity(&self) -> usize {
-        self.memory.pair_capacity
+        self.memory.room.pairs
     }
 
     /// Memory taken from the adapter, bytes, if its backend counts it.

@@ -1,6 +1,6 @@
 //! The constants of one frame as the shaders read them (`shaders/params.wgsl`).
 
-use super::{context::Context, shaders::LOSS_BLOCK};
+use super::{context::Context, frame::Room, shaders::LOSS_BLOCK};
 use crate::{
     OptimizerConfig, Result,
     device::cpu::geometry::{Grid, Pose},
@@ -61,11 +61,13 @@ pub(crate) struct Params {
     ssim_weight: f32,
     pub train_geometry: u32,
     gaussians: u32,
-    pub pair_capacity: u32,
+    pair_capacity: u32,
     pub tile_total: u32,
     pub pixel_total: u32,
     pub blocks_total: u32,
     pub fused: u32,
+    visible_capacity: u32,
+    padding: [u32; 3],
 }
 
 /// Bytes of one frame's constants.
@@ -130,6 +132,12 @@ impl Params {
         (p.beta1, p.beta2, p.epsilon) = (optimizer.beta1, optimizer.beta2, optimizer.epsilon);
         p.ssim_weight = optimizer.ssim_weight;
         p
+    }
+
+    /// What there is room for.
+    pub fn set_room(&mut self, room: Room) {
+        self.pair_capacity = room.pairs as u32;
+        self.visible_capacity = room.visible as u32;
     }
 
     /// One list of pairs for both images, if they have one camera; their tiles count once.

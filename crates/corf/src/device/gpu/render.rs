@@ -2,7 +2,7 @@
 
 use super::{
     GpuDevice,
-    frame::{Extent, FAILED, Leaves, NEEDED, STATE_WORDS},
+    frame::{Extent, FAILED, Leaves, Room, STATE_WORDS},
     params::{Params, Uniforms},
     train::STEPS_PER_SUBMISSION,
 };
@@ -104,11 +104,11 @@ impl GpuDevice {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, ..Extent::default() };
         frames.iter().for_each(|p| extent.include(p));
-        let mut pairs = 2 * n;
+        let mut room = Room::guess(n, self.least_room);
         loop {
-            self.memory.reserve(&self.context, &self.fixed, &extent, pairs)?;
+            self.memory.reserve(&self.context, &self.fixed, &extent, room)?;
             let m = &self.memory;
-            frames.iter_mut().for_each(|p| p.pair_capacity = m.pair_capacity as u32);
+            frames.iter_mut().for_each(|p| p.set_room(m.room));
             let uniforms = Uniforms::new(&self.context, frames.iter())?;
             m.reset(&self.context, n);
             let bound = self.forward.bind(&self.context, &uniforms.buffer, &self.store, m, Leaves::Images)?;
@@ -127,7 +127,7 @@ impl GpuDevice {
             if state[0][FAILED] == 0 {
                 return Ok(());
             }
-            pairs = state[0][NEEDED] as usize + state[0][NEEDED] as usize / 4;
+            room = Room::asked(&state[0]);
         }
     }
 
@@ -136,11 +136,11 @@ impl GpuDevice {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, ..Extent::default() };
         extent.include(&params);
-        let mut pairs = 2 * n;
+        let mut room = Room::guess(n, self.least_room);
         loop {
-            self.memory.reserve(&self.context, &self.fixed, &extent, pairs)?;
+            self.memory.reserve(&self.context, &self.fixed, &extent, room)?;
             let m = &self.memory;
-            params.pair_capacity = m.pair_capacity as u32;
+            params.set_room(m.room);
             let uniforms = Uniforms::new(&self.context, std::iter::once(&params))?;
             m.reset(&self.context, n);
             let leaves = if name { Leaves::MainContributors } else { Leaves::Images };
@@ -160,7 +160,7 @@ impl GpuDevice {
             ];
             let mut read = self.context.read::<u32>("rendering", &sources)?;
             if read[0][FAILED] != 0 {
-                pairs = read[0][NEEDED] as usize + read[0][NEEDED] as usize / 4;
+                room = Room::asked(&read[0]);
                 continue;
             }
             let main_contributor = read.pop().unwrap_or_default();

@@ -3,6 +3,9 @@
 use super::context::Context;
 use crate::Result;
 
+/// Most bytes beyond what is asked for.
+const MOST_SLACK: u64 = 64 << 20;
+
 /// A buffer that is replaced by a larger one when it is too small; its contents are then lost.
 pub(crate) struct Scratch {
     label: &'static str,
@@ -21,7 +24,7 @@ impl Scratch {
         if grows {
             // The old memory is given back before the new is asked for.
             self.buffer.destroy();
-            self.buffer = context.storage(self.label, size + size / 4)?;
+            self.buffer = context.storage(self.label, size + (size / 4).min(MOST_SLACK))?;
         }
         Ok(grows)
     }

@@ -119,7 +119,8 @@ impl Fixed {
     /// One step of the harmonics of modality `g`.
     fn step_harmonics(&self, g: usize) -> String {
         let shape = self.harmonics[g];
-        let sizes = [("IMAGE", g), ("COEFFICIENTS", shape.coefficients()), ("NUMBERS", shape.numbers()), ("QUADS", shape.words() / 4)];
+        let sizes =
+            [("IMAGE", g), ("COEFFICIENTS", shape.coefficients()), ("NUMBERS", shape.numbers()), ("QUADS", shape.words() / 4)];
         let constants: String = sizes.iter().map(|(name, n)| format!("const {name}_{g} = {n}u;\n")).collect();
         constants + &include_str!("shaders/step_harmonics.wgsl").replace("_GRID", &format!("_{g}"))
     }

@@ -10,6 +10,7 @@ pub(crate) const OPTIONS: GpuOptions = GpuOptions {
     tile: [8, 8],
     batch: 16,
     fused: true,
+    least_room: 16,
     poison: Some(0xffc0_ffee),
 };
 

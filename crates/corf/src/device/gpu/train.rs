@@ -3,7 +3,7 @@
 use super::{
     GpuDevice,
     context::Context,
-    frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, STATE_WORDS, STEPS, VISIBLE},
+    frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, Room, STATE_WORDS, STEPS, VISIBLE},
     kernel::{Bound, Kernel},
     params::{self, Params, Uniforms},
     shaders::Fixed,
@@ -155,19 +155,8 @@ impl GpuDevice {
         }
         let (lists, entries, splats) = (&m.lists.buffer, &m.entries.buffer, &m.splats.buffer);
         let (checkpoints, visited, records) = (&m.checkpoints.buffer, &m.visited.buffer, &m.records.buffer);
-        let backward = [
-            uniform,
-            &m.state,
-            lists,
-            &m.bucket_tiles.buffer,
-            entries,
-            splats,
-            image,
-            gradient,
-            checkpoints,
-            visited,
-            records,
-        ];
+        let backward =
+            [uniform, &m.state, lists, &m.bucket_tiles.buffer, entries, splats, image, gradient, checkpoints, visited, records];
         let ([appearance, geometry], firsts) = match destination {
             None => (&t.update, [&s.core.moment1.buffer, &s.sh[0].moment1.buffer, &s.sh[1].moment1.buffer]),
             Some(gradients) => (&t.write_gradients, gradients),
@@ -191,17 +180,8 @@ impl GpuDevice {
             found,
             directions,
         ];
-        let geometry_buffers = [
-            uniform,
-            &m.state,
-            order,
-            found,
-            directions,
-            core,
-            firsts[0],
-            &s.core.moment2.buffer,
-            &s.position_rate.buffer,
-        ];
+        let geometry_buffers =
+            [uniform, &m.state, order, found, directions, core, firsts[0], &s.core.moment2.buffer, &s.position_rate.buffer];
         Ok(BoundTraining {
             losses: by_view,
             backward: [bind(&t.backward[0], &backward)?, bind(&t.backward[1], &backward)?],
@@ -219,19 +199,20 @@ impl GpuDevice {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, training: true, ..Extent::default() };
         planned.iter().for_each(|p| extent.include(&p.params));
-        let (mut pairs, mut done) = (2 * n, 0);
+        let (mut room, mut done) = (Room::guess(n, self.least_room), 0);
         let mut report = StepReport::default();
         while done < planned.len() {
-            self.memory.reserve(&self.context, &self.fixed, &extent, pairs)?;
-            let capacity = self.memory.pair_capacity as u32;
-            planned.iter_mut().for_each(|p| p.params.pair_capacity = capacity);
+            self.memory.reserve(&self.context, &self.fixed, &extent, room)?;
+            let held = self.memory.room;
+            planned.iter_mut().for_each(|p| p.params.set_room(held));
             self.submit(&planned[done..], destination)?;
             let last = &planned[planned.len() - 1].params;
-            let sources = [(&self.memory.state, STATE_WORDS), (&self.memory.block_losses.buffer, 12 * last.blocks_total as usize)];
+            let sources =
+                [(&self.memory.state, STATE_WORDS), (&self.memory.block_losses.buffer, 12 * last.blocks_total as usize)];
             let read = self.context.read::<u32>("training", &sources)?;
             let state = &read[0];
             if state[FAILED] != 0 {
-                pairs = state[NEEDED] as usize + state[NEEDED] as usize / 4;
+                room = Room::asked(state);
             } else {
                 self.last = Counts {
                     visible: state[VISIBLE] as usize,
@@ -260,7 +241,7 @@ impl GpuDevice {
         let forward = self.forward.bind(context, uniform, &self.store, m, Leaves::Checkpoints)?;
         let training = self.bind_training(uniform, steps, destination)?;
         for (batch, some) in steps.chunks(STEPS_PER_SUBMISSION).enumerate() {
-            let clock = if context.timestamps { Some(Clock::new(context, some.len())?) } else { None };
+            let clock = if self.timing { Some(Clock::new(context, some.len())?) } else { None };
             let mut encoder = context.encoder();
             {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -319,6 +300,12 @@ impl GpuDevice {
         let buffers = [&gradients[0], &gradients[1], &gradients[2]];
         let report = self.run(std::slice::from_ref(step), Some(buffers))?;
         Ok((report, self.store.read(&self.context, buffers)?))
+    }
+
+    /// Whether the stages of the steps that follow are timed, which costs them a little; the device must have been made with
+    /// [`GpuOptions::timestamps`](super::GpuOptions).
+    pub fn time_stages(&mut self, on: bool) {
+        self.timing = on && self.context.timestamps;
     }
 
     /// Time on the device since it was made or this was last called; nothing unless it was made with

@@ -11,4 +11,5 @@ const STEPS = 5u;        // steps taken
 const LISTED = 6u;       // entries given to tiles
 const CHECKPOINTS = 7u;  // checkpoints given to tiles
 const BUCKETS = 8u;      // buckets given to tiles
+const MOST_VISIBLE = 10u; // most visible Gaussians any frame had
 const FINISHED = 9u;     // workgroups that are through with giving

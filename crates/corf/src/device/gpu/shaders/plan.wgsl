@@ -3,8 +3,8 @@
 @group(0) @binding(2) var<storage, read_write> block_sums: array<vec2<u32>>;
 @group(0) @binding(3) var<storage, read_write> args: array<vec4<u32>>;
 
-// One workgroup: how many Gaussians are visible and how many pairs they make before each block of 256, whether there is room for the
-// pairs, and the workgroups that follow from it. A thread sums a run of blocks.
+// One workgroup: how many Gaussians are visible and how many pairs they make before each block of 256, whether there is room for
+// them, and the workgroups that follow from it. A thread sums a run of blocks.
 @compute @workgroup_size(SCAN)
 fn main(@builtin(local_invocation_index) thread: u32) {
     let blocks = (params.gaussians + 255u) / 256u;
@@ -24,7 +24,8 @@ fn main(@builtin(local_invocation_index) thread: u32) {
     if (thread == SCAN - 1u) {
         state[NEEDED] = max(state[NEEDED], pairs);
         // A frame without room draws nothing and changes nothing; neither does any after it change anything.
-        if (pairs > params.pair_capacity) { state[FAILED] = 1u; }
+        state[MOST_VISIBLE] = max(state[MOST_VISIBLE], visible);
+        if (pairs > params.pair_capacity || visible > params.visible_capacity) { state[FAILED] = 1u; }
         let fits = state[FAILED] == 0u;
         state[VISIBLE] = select(0u, visible, fits);
         state[PAIRS] = select(0u, pairs, fits);
