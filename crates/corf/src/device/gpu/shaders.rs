@@ -1,10 +1,12 @@
 //! The WGSL of each kernel, put together from its parts, with what is fixed for a device written in as constants.
 
+mod loss;
+
 use crate::{Antialias, Appearance};
 use std::fmt::Write;
 
-/// Pixels across and down a block of the loss kernels.
-pub(crate) const LOSS_BLOCK: [u32; 2] = [32, 16];
+/// Pixels across and down a block of the loss kernels: with the window's halo nearly 128 columns, a thread each.
+pub(crate) const LOSS_BLOCK: [u32; 2] = [112, 8];
 /// Visible Gaussians per workgroup of the update of appearances.
 const EACH: u32 = 32;
 /// Threads of a workgroup of the backward pass, at least.
@@ -181,37 +183,19 @@ impl Fixed {
 
     fn loss_head(&self) -> String {
         let [width, height] = LOSS_BLOCK;
-        self.head() + &format!("const BLOCK_WIDTH = {width}u;\nconst BLOCK_HEIGHT = {height}u;\n") + LOSS
+        let sizes = format!(
+            "const BLOCK_WIDTH = {width}u;\nconst BLOCK_HEIGHT = {height}u;\nconst THREADS = {}u;\n",
+            (width + 2 * loss::RADIUS).next_multiple_of(32)
+        );
+        self.head() + &sizes + LOSS
     }
 
     pub fn similarity(&self) -> String {
-        let across = |k: u32| {
-            format!(
-                "let x{k} = xs[at + {k}u]; let y{k} = ys[at + {k}u]; \
-                 let p{k} = vec4(x{k}, x{k} * x{k}, x{k} * y{k}, y{k}); let q{k} = y{k} * y{k};\n"
-            )
-        };
-        let down = |k: u32| {
-            let m = |n: u32| format!("moment({n}u, row + {k}u, column)");
-            format!("let p{k} = vec4({}, {}, {}, {}); let q{k} = {};\n", m(0), m(1), m(2), m(3), m(4))
-        };
-        let pairs = [("p", "m"), ("q", "n")];
-        let source = include_str!("shaders/similarity.wgsl");
-        self.loss_head() + &source.replace("ACROSS\n", &blurs(across, &pairs)).replace("DOWN\n", &blurs(down, &pairs))
+        self.loss_head() + &loss::similarity(include_str!("shaders/similarity.wgsl"))
     }
 
     pub fn gradient(&self) -> String {
-        let across = |k: u32| {
-            let d = |n: u32| format!("wide[at + {n}u * TALL * PITCH + {k}u]");
-            format!("let p{k} = vec3({}, {}, {});\n", d(0), d(1), d(2))
-        };
-        let down = |k: u32| {
-            let d = |n: u32| format!("blurred({n}u, row + {k}u, column)");
-            format!("let p{k} = vec3({}, {}, {});\n", d(0), d(1), d(2))
-        };
-        let pairs = [("p", "m")];
-        let source = include_str!("shaders/gradient.wgsl");
-        self.loss_head() + &source.replace("ACROSS\n", &blurs(across, &pairs)).replace("DOWN\n", &blurs(down, &pairs))
+        self.loss_head() + &loss::gradient(include_str!("shaders/gradient.wgsl"))
     }
 
     fn update_head(&self, write_gradients: bool) -> String {
@@ -240,22 +224,6 @@ pub(crate) struct Blend {
     pub main_contributor: bool,
     /// Keep what the backward pass begins with.
     pub checkpoints: bool,
-}
-
-/// Four neighbours' sums under the window, written out so that every tap is a constant: `values(k)` declares what is blurred at place k
-/// of the 14 that they see, under the names whose sums are wanted.
-fn blurs(values: impl Fn(u32) -> String, names: &[(&str, &str)]) -> String {
-    let mut out: String = (0..14).map(values).collect();
-    for o in 0..4 {
-        for (from, to) in names {
-            let _ = write!(out, "let {to}{o} = W0 * {from}{}", o + 5);
-            for distance in 1..6 {
-                let _ = write!(out, " + W{distance} * ({from}{} + {from}{})", o + 5 - distance, o + 5 + distance);
-            }
-            out += ";\n";
-        }
-    }
-    out
 }
 
 /// Gathering rows of a buffer.

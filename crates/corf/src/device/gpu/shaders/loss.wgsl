@@ -1,14 +1,12 @@
 // (1 − γ)·L1 + γ·(1 − SSIM). With the moments μ_x = E x, E x², E xy under the window, S is differentiated with respect to the moments;
 // the window being symmetric, its adjoint is the same blur: dS/dx = E[∂S/∂μ_x] + 2x E[∂S/∂E x²] + y E[∂S/∂E xy].
 //
-// A workgroup takes one channel of a block. Each thread blurs four neighbours at once, along the row and then down the column.
+// A workgroup takes one channel of a block. A thread first blurs a column of it, all rows at once, straight from the image into workgroup
+// memory; then eight neighbours of a row.
 const RADIUS = 5u;
-const WIDE = BLOCK_WIDTH + 2u * RADIUS;
-const TALL = BLOCK_HEIGHT + 2u * RADIUS;
-// A row in workgroup memory: odd, so that rows begin in different banks.
-const PITCH = WIDE + 1u;
-const QUADS = BLOCK_WIDTH / 4u;
-const THREADS = BLOCK_WIDTH * BLOCK_HEIGHT / 4u;
+// A row in workgroup memory: odd, so that a warp's rows and eighths lie in different banks.
+const PITCH = THREADS + 1u;
+const EIGHTHS = BLOCK_WIDTH / 8u;
 const C1 = 0.0001;
 const C2 = 0.0009;
 // exp(−i²/(2·1.5²)) / Σ at distance i.
@@ -30,4 +28,13 @@ fn block_of(index: u32) -> Block {
     b.corner = vec2(i32(local % grid.blocks), i32(local / grid.blocks)) * vec2(i32(BLOCK_WIDTH), i32(BLOCK_HEIGHT));
     b.size = vec2<i32>(grid.size);
     return b;
+}
+
+// Row `row` of the columns that a thread blurs; `at` is a pixel of the image wherever the row is.
+struct Row { inside: bool, at: u32 }
+
+fn row_of(b: Block, thread: u32, row: i32) -> Row {
+    let p = b.corner + vec2(i32(thread), row) - i32(RADIUS);
+    let held = clamp(p, vec2(0), b.size - 1);
+    return Row(all(p == held), u32(held.y * b.size.x + held.x));
 }
