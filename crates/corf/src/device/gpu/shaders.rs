@@ -9,8 +9,11 @@ use std::fmt::Write;
 pub(crate) const LOSS_BLOCK: [u32; 2] = [112, 8];
 /// Visible Gaussians per workgroup of the update of appearances.
 const EACH: u32 = 32;
-/// Threads of a workgroup of the backward pass, at least.
-const BACKWARD_THREADS: u32 = 32;
+/// Threads of a workgroup of the backward pass, at least: two subgroups, whose buckets share what a workgroup costs.
+const BACKWARD_THREADS: u32 = 64;
+/// Threads that order a list, and how many entries each holds at most while lists are sorted in workgroup memory.
+const ORDER_THREADS: u32 = 128;
+const ENTRIES_A_THREAD: u32 = 8;
 
 const GROUPS: &str = include_str!("shaders/groups.wgsl");
 const PARAMS: &str = include_str!("shaders/params.wgsl");
@@ -159,7 +162,16 @@ impl Fixed {
     }
 
     pub fn order(&self) -> String {
-        self.head() + LISTS + include_str!("shaders/order.wgsl")
+        let each = |text: &str| (0..ENTRIES_A_THREAD).map(|k| text.replace('$', &k.to_string())).collect::<String>();
+        // A loop over an array would leave it to the compiler whether entries wait in registers.
+        let look = each(
+            "let i$ = $u * THREADS + thread;\nvar mine$: vec2<u32>;\nvar to$: u32;\nif (i$ < count) {\nmine$ = held[i$];\n\
+             if (first) { to$ = ranked(i$, count, mine$); } else { to$ = merged(i$, width, count, mine$); }\n}\n",
+        );
+        let moved = each("if (i$ < count) { held[to$] = mine$; }\n");
+        let source = include_str!("shaders/order.wgsl").replace("LOOK\n", &look).replace("MOVE\n", &moved);
+        let sizes = format!("const THREADS = {ORDER_THREADS}u;\nconst HELD = {}u;\n", ORDER_THREADS * ENTRIES_A_THREAD);
+        self.head() + LISTS + &sizes + &source
     }
 
     /// Both modalities of one grid at once, or one of each tile.

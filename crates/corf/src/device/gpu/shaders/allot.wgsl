@@ -22,20 +22,18 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     }
     let buckets = (count + BUCKET - 1u) / BUCKET;
     let saved = max(buckets, 1u) - 1u;
-    let counts_to = inclusive_scan(thread, count);
-    let saved_to = inclusive_scan(thread, saved);
-    let buckets_to = inclusive_scan(thread, buckets);
+    let sums = inclusive_scan(thread, vec4(count, saved, buckets, 0u));
     if (thread == SCAN - 1u) {
         bases = vec3(
-            atomicAdd(&state[LISTED], counts_to),
-            atomicAdd(&state[CHECKPOINTS], saved_to),
-            atomicAdd(&state[BUCKETS], buckets_to),
+            atomicAdd(&state[LISTED], sums.x),
+            atomicAdd(&state[CHECKPOINTS], sums.y),
+            atomicAdd(&state[BUCKETS], sums.z),
         );
     }
     let base = workgroupUniformLoad(&bases);
     if (tile < params.tile_total) {
-        let bucket = base.z + buckets_to - buckets;
-        lists[tile] = List(base.x + counts_to - count, count, base.y + saved_to - saved, bucket);
+        let bucket = base.z + sums.z - buckets;
+        lists[tile] = List(base.x + sums.x - count, count, base.y + sums.y - saved, bucket);
         for (var b = 0u; b < buckets; b++) { bucket_tiles[bucket + b] = tile; }
     }
     if (thread == 0u && atomicAdd(&state[FINISHED], 1u) == groups - 1u) {

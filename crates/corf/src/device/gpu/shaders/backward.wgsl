@@ -20,7 +20,8 @@ var<workgroup> light_before: array<vec2<f32>, PIXELS>;
 var<workgroup> radio_before: array<vec2<f32>, RADIO_PIXELS>;
 // dL/dimage.
 var<workgroup> light_gradient: array<vec4<f32>, PIXELS>;
-var<workgroup> radio_gradient: array<vec3<f32>, RADIO_PIXELS>;
+// One plane a channel: words of three would be kept as four, and how much of this memory a bucket takes decides how many run at once.
+var<workgroup> radio_gradient: array<f32, 3u * RADIO_PIXELS>;
 var<workgroup> live: atomic<u32>;
 var<workgroup> any_live: u32;
 
@@ -32,6 +33,12 @@ fn gradient_of(at: u32) -> vec3<f32> {
     return vec3(gradient[at], gradient[params.pixel_total + at], gradient[2u * params.pixel_total + at]);
 }
 
+fn set_radio_gradient(at: u32, g: vec3<f32>) {
+    radio_gradient[at] = g.x;
+    radio_gradient[RADIO_PIXELS + at] = g.y;
+    radio_gradient[2u * RADIO_PIXELS + at] = g.z;
+}
+
 // Brings a pixel of a tile to the entrance of a bucket: place `to` of workgroup memory. Whether anything can be drawn there.
 fn bring(index: u32, pixel: u32, to: u32, checkpoint: u32, is_first: bool) -> bool {
     let tile = tile_of(index, pixel);
@@ -39,7 +46,7 @@ fn bring(index: u32, pixel: u32, to: u32, checkpoint: u32, is_first: bool) -> bo
     light_gradient[to] = vec4(0.0);
     if (BOTH) {
         radio_before[to] = vec2(0.0);
-        radio_gradient[to] = vec3(0.0);
+        set_radio_gradient(to, vec3(0.0));
     }
     if (!tile.inside) { return false; }
     var t = 1.0;
@@ -71,7 +78,7 @@ fn bring(index: u32, pixel: u32, to: u32, checkpoint: u32, is_first: bool) -> bo
             );
         }
         let g = gradient_of(second);
-        radio_gradient[to] = g;
+        set_radio_gradient(to, g);
         radio_before[to] = vec2(t, dot(g, color_of(second) - passed));
         open |= t >= MIN_TRANSMITTANCE;
     }
@@ -156,7 +163,7 @@ fn backward(group: u32, thread: u32) {
                 mass.x += light.y;
                 var d_sigma = light.y;
                 if (BOTH) {
-                    let g = radio_gradient[at];
+                    let g = vec3(radio_gradient[at], radio_gradient[RADIO_PIXELS + at], radio_gradient[2u * RADIO_PIXELS + at]);
                     let radio = blend_back(splat.radio.w * f, dot(g, splat.radio.rgb), &radio_at);
                     d_radio = fma(vec3(radio.x), g, d_radio);
                     mass.y += radio.y;

@@ -36,8 +36,9 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     var counts = vec2(0u);
     if (i < params.gaussians) { counts = tile_counts[i]; }
     let own = counts.x + counts.y;
-    let end = inclusive_scan(thread, own);
-    let rank = inclusive_scan(thread, u32(own > 0u));
+    let sums = inclusive_scan(thread, vec4(own, u32(own > 0u), 0u, 0u));
+    let end = sums.x;
+    let rank = sums.y;
     ends[thread] = end;
     in_first[thread] = counts.x;
     let before = block_sums[block];

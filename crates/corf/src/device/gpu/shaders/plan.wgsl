@@ -13,9 +13,10 @@ fn main(@builtin(local_invocation_index) thread: u32) {
     let end = min(first + run, blocks);
     var mine = vec2(0u);
     for (var b = first; b < end; b++) { mine += block_sums[b]; }
-    let visible = inclusive_scan(thread, mine.x);
-    let pairs = inclusive_scan(thread, mine.y);
-    var before = vec2(visible, pairs) - mine;
+    let sums = inclusive_scan(thread, vec4(mine, 0u, 0u));
+    let visible = sums.x;
+    let pairs = sums.y;
+    var before = sums.xy - mine;
     for (var b = first; b < end; b++) {
         let own = block_sums[b];
         block_sums[b] = before;
