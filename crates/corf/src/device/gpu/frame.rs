@@ -40,10 +40,13 @@ pub(crate) struct Memory {
     /// Tiles that each Gaussian reaches in both images, and their sums over blocks.
     pub tile_counts: Scratch,
     block_sums: Scratch,
+    /// What is drawn, of visible Gaussians alone, and whose it is.
     pub splats: Scratch,
-    /// Visible Gaussians and their first pairs.
+    gaussian_of: Scratch,
+    /// Visible Gaussians, their first pairs and their places among the splats.
     pub order: Scratch,
     pub offsets: Scratch,
+    pub places: Scratch,
     pairs: Scratch,
     tile_sizes: Scratch,
     pub lists: Scratch,
@@ -78,9 +81,9 @@ impl Room {
         Self { pairs: n.max(least), visible: (n / 4).max(least) }
     }
 
-    /// What the frames of a state needed, and a quarter more; it is read where one of them failed.
+    /// What the frames of a state needed, and an eighth more; it is read where one of them failed.
     pub fn asked(state: &[u32]) -> Self {
-        let more = |slot: usize| state[slot] as usize + state[slot] as usize / 4;
+        let more = |slot: usize| state[slot] as usize + state[slot] as usize / 8;
         Self { pairs: more(NEEDED), visible: more(MOST_VISIBLE) }
     }
 
@@ -120,8 +123,10 @@ impl Memory {
             tile_counts: scratch("tile counts")?,
             block_sums: scratch("block sums")?,
             splats: scratch("splats")?,
+            gaussian_of: scratch("Gaussians of splats")?,
             order: scratch("visible Gaussians")?,
             offsets: scratch("first pairs")?,
+            places: scratch("places of splats")?,
             pairs: scratch("pairs")?,
             tile_sizes: scratch("tile sizes")?,
             lists: scratch("tile lists")?,
@@ -154,10 +159,12 @@ impl Memory {
         let state = 4 * Fixed::state_numbers(extent.both) as usize * area;
         for (items, bytes, scratch) in [
             (n, 8, &mut self.tile_counts),
-            (n.div_ceil(BLOCK).max(1), 8, &mut self.block_sums),
-            (2 * n, 48, &mut self.splats),
+            (n.div_ceil(BLOCK).max(1), 16, &mut self.block_sums),
+            (2 * visible, 48, &mut self.splats),
+            (visible, 4, &mut self.gaussian_of),
             (visible, 4, &mut self.order),
             (visible, 4, &mut self.offsets),
+            (visible, 4, &mut self.places),
             (pairs, 16, &mut self.pairs),
             (tiles, 16, &mut self.lists),
             (pairs, 8, &mut self.entries),
@@ -172,7 +179,7 @@ impl Memory {
             (trained(extent.pixels), 36, &mut self.derivatives),
             (trained(extent.pixels), 16, &mut self.gradient),
             (trained(3 * extent.blocks), 16, &mut self.block_losses),
-            (trained(visible), 96, &mut self.found),
+            (trained(visible), 64, &mut self.found),
             (trained(visible), 16, &mut self.directions),
         ] {
             scratch.reserve(context, items, bytes)?;
@@ -272,12 +279,14 @@ impl Forward {
             };
             let (image, transmittance) = (&m.image.buffer, &m.transmittance.buffer);
             let (names, kept, visited) = (&m.main_contributor.buffer, &m.checkpoints.buffer, &m.visited.buffer);
-            bind(kernel, &[params, lists, entries, splats, image, transmittance, names, kept, visited])
+            bind(kernel, &[params, lists, entries, splats, image, transmittance, names, kept, visited, &m.gaussian_of.buffer])
         };
-        let emitted =
-            [params, &m.state, counts, splats, sums, &m.order.buffer, &m.offsets.buffer, sizes, pairs, &m.records.buffer];
+        let (order, offsets, places) = (&m.order.buffer, &m.offsets.buffer, &m.places.buffer);
+        let emitted = [params, &m.state, counts, splats, sums, order, offsets, sizes, pairs, &m.records.buffer, places];
+        let core = &store.core.value.buffer;
+        let projected = [params, core, sh[0], sh[1], counts, sums, splats, &m.gaussian_of.buffer, &m.state];
         Ok(BoundForward {
-            project: bind(&self.project, &[params, &store.core.value.buffer, sh[0], sh[1], counts, sums, splats])?,
+            project: bind(&self.project, &projected)?,
             plan: bind(&self.plan, &[params, &m.state, sums, &m.args])?,
             emit: bind(&self.emit, &emitted)?,
             allot: bind(&self.allot, &[params, &m.state, sizes, lists, &m.bucket_tiles.buffer, &m.args])?,

@@ -137,7 +137,7 @@ impl Params {
     /// What there is room for.
     pub fn set_room(&mut self, room: Room) {
         self.pair_capacity = room.pairs as u32;
-        self.visible_capacity = room.visible as u32;
+        self.visible_capacity = (room.visible as u32).min(self.gaussians);
     }
 
     /// One list of pairs for both images, if they have one camera; their tiles count once.

@@ -4,7 +4,7 @@ use super::context::Context;
 use crate::Result;
 
 /// Most bytes beyond what is asked for.
-const MOST_SLACK: u64 = 64 << 20;
+const MOST_SLACK: u64 = 8 << 20;
 
 /// A buffer that is replaced by a larger one when it is too small; its contents are then lost.
 pub(crate) struct Scratch {

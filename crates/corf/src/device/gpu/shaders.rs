@@ -142,7 +142,7 @@ impl Fixed {
 
     pub fn project(&self) -> String {
         let (a, b) = (self.color(0), self.color(1));
-        self.head() + GEOMETRY + HARMONICS + SPANS + SPLAT + include_str!("shaders/project.wgsl") + &a + &b
+        self.head() + GEOMETRY + HARMONICS + SPANS + SPLAT + SCAN + include_str!("shaders/project.wgsl") + &a + &b
     }
 
     pub fn plan(&self) -> String {

@@ -179,6 +179,7 @@ impl GpuDevice {
             &s.sh[1].moment2.buffer,
             found,
             directions,
+            &m.places.buffer,
         ];
         let geometry_buffers =
             [uniform, &m.state, order, found, directions, core, firsts[0], &s.core.moment2.buffer, &s.position_rate.buffer];

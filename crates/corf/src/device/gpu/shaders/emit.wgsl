@@ -2,16 +2,18 @@
 @group(0) @binding(1) var<storage, read> state: array<u32>;
 @group(0) @binding(2) var<storage, read> tile_counts: array<vec2<u32>>;
 @group(0) @binding(3) var<storage, read> splats: array<Splat>;
-@group(0) @binding(4) var<storage, read> block_sums: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read> block_sums: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read_write> order: array<u32>;
 @group(0) @binding(6) var<storage, read_write> offsets: array<u32>;
 @group(0) @binding(7) var<storage, read_write> tile_sizes: array<atomic<u32>>;
 @group(0) @binding(8) var<storage, read_write> pairs: array<vec4<u32>>;
 @group(0) @binding(9) var<storage, read_write> records: array<vec4<f32>>;
+@group(0) @binding(10) var<storage, read_write> places: array<u32>;
 
-// Of the block's Gaussians: pairs up to and with each, and how many of its own are in the first image.
+// Of the block's Gaussians: pairs up to and with each, how many of its own are in the first image, its place among the splats.
 var<workgroup> ends: array<u32, SCAN>;
 var<workgroup> in_first: array<u32, SCAN>;
+var<workgroup> splat_of: array<u32, SCAN>;
 
 // The tile of a Gaussian's pair `index` in one image; none where compilers made the count larger than what is found here.
 fn tile_at(g: u32, splat: Splat, index: u32) -> u32 {
@@ -27,7 +29,7 @@ fn tile_at(g: u32, splat: Splat, index: u32) -> u32 {
     return params.tile_total;
 }
 
-// A block of Gaussians: those that are visible, in order, and their pairs: tile, place within the tile (in no order), Gaussian, depth.
+// A block of Gaussians: those that are visible, in order, and their pairs: tile, place within the tile (in no order), splat, depth.
 @compute @workgroup_size(SCAN)
 fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let block = group_number(id);
@@ -42,9 +44,11 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     ends[thread] = end;
     in_first[thread] = counts.x;
     let before = block_sums[block];
+    splat_of[thread] = before.z + rank - 1u;
     if (own > 0u) {
         order[before.x + rank - 1u] = i;
         offsets[before.x + rank - 1u] = before.y + end - own;
+        places[before.x + rank - 1u] = before.z + rank - 1u;
     }
     workgroupBarrier();
     let total = ends[SCAN - 1u];
@@ -57,7 +61,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         if (k > 0u) { index -= ends[k - 1u]; }
         let g = u32(index >= in_first[k]);
         if (g == 1u) { index -= in_first[k]; }
-        let owner = g * params.gaussians + block * SCAN + k;
+        let owner = g * params.visible_capacity + splat_of[k];
         let splat = splats[owner];
         let tile = tile_at(g, splat, index);
         let at = before.y + pair;

@@ -7,6 +7,7 @@
 @group(0) @binding(6) var<storage, read_write> main_contributor: array<u32>;
 @group(0) @binding(7) var<storage, read_write> checkpoints: array<f32>;
 @group(0) @binding(8) var<storage, read_write> visited: array<u32>;
+@group(0) @binding(9) var<storage, read> gaussian_of: array<u32>;
 
 // A batch of splats, one a thread.
 var<workgroup> batch_place: array<vec4<f32>, AREA>;
@@ -125,6 +126,9 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
             put(second, vec4(p.radio.rgb + p.t.y * params.grids[1].background.rgb, p.radio.w));
             transmittance[second] = p.t.y;
         }
-        if (MAIN_CONTRIBUTOR) { main_contributor[tile.at] = best_owner; }
+        if (MAIN_CONTRIBUTOR) {
+            if (best > 0.0) { best_owner = gaussian_of[best_owner]; }
+            main_contributor[tile.at] = best_owner;
+        }
     }
 }

@@ -13,3 +13,4 @@ const CHECKPOINTS = 7u;  // checkpoints given to tiles
 const BUCKETS = 8u;      // buckets given to tiles
 const MOST_VISIBLE = 10u; // most visible Gaussians any frame had
 const FINISHED = 9u;     // workgroups that are through with giving
+const DRAWABLE = 11u;    // places given to visible Gaussians among the splats

@@ -126,7 +126,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
             put_back(thread, first + chunk, part);
         }
     }
-    // What the blends want to know: Gaussian, number of the pair.
+    // What the blends want to know: splat, number of the pair.
     for (var i = thread; i < count; i += THREADS) {
         var pair: u32;
         if (count > HELD) { pair = entries[first + i].y; } else { pair = held[i].y; }

@@ -1,6 +1,6 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> state: array<u32>;
-@group(0) @binding(2) var<storage, read_write> block_sums: array<vec2<u32>>;
+@group(0) @binding(2) var<storage, read_write> block_sums: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> args: array<vec4<u32>>;
 
 // One workgroup: how many Gaussians are visible and how many pairs they make before each block of 256, whether there is room for
@@ -12,15 +12,15 @@ fn main(@builtin(local_invocation_index) thread: u32) {
     let first = min(thread * run, blocks);
     let end = min(first + run, blocks);
     var mine = vec2(0u);
-    for (var b = first; b < end; b++) { mine += block_sums[b]; }
+    for (var b = first; b < end; b++) { mine += block_sums[b].xy; }
     let sums = inclusive_scan(thread, vec4(mine, 0u, 0u));
     let visible = sums.x;
     let pairs = sums.y;
     var before = sums.xy - mine;
     for (var b = first; b < end; b++) {
         let own = block_sums[b];
-        block_sums[b] = before;
-        before += own;
+        block_sums[b] = vec4(before, own.zw);
+        before += own.xy;
     }
     if (thread == SCAN - 1u) {
         state[NEEDED] = max(state[NEEDED], pairs);
@@ -34,6 +34,7 @@ fn main(@builtin(local_invocation_index) thread: u32) {
         state[CHECKPOINTS] = 0u;
         state[BUCKETS] = 0u;
         state[FINISHED] = 0u;
+        state[DRAWABLE] = 0u;
         args[ARGS_APPEARANCE] = folded((state[VISIBLE] + EACH - 1u) / EACH);
         args[ARGS_GEOMETRY] = folded((state[VISIBLE] + 63u) / 64u);
         args[ARGS_PAIRS] = folded((state[PAIRS] + 255u) / 256u);

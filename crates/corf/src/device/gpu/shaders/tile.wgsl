@@ -44,7 +44,7 @@ fn drawn(owner: u32, corner: vec2<u32>) -> Drawn {
     d.power = splat.conic.xyz * vec3(-0.5 * LOG2E, -LOG2E, -0.5 * LOG2E);
     d.color = splat.color.rgb;
     if (BOTH) {
-        let second = params.gaussians + owner;
+        let second = params.visible_capacity + owner;
         d.radio = vec4(splats[second].color.rgb, splats[second].place.z);
     }
     return d;

@@ -12,8 +12,9 @@
 @group(0) @binding(11) var<storage, read_write> sh_1: array<vec4<f32>>;
 @group(0) @binding(12) var<storage, read_write> sh_1_m: array<vec4<f32>>;
 @group(0) @binding(13) var<storage, read_write> sh_1_v: array<vec4<f32>>;
-@group(0) @binding(14) var<storage, read_write> found: array<Found>;
+@group(0) @binding(14) var<storage, read_write> found: array<OfEllipse>;
 @group(0) @binding(15) var<storage, read_write> directions: array<vec4<f32>>;
+@group(0) @binding(16) var<storage, read> places: array<u32>;
 
 // EACH visible Gaussians a workgroup, LANES threads each: they sum its records, then step its harmonics word by word.
 const LANES = 8u;
@@ -54,19 +55,19 @@ fn total(k: u32, image: u32, word: u32) -> vec4<f32> {
 }
 
 // One image's findings from the records, which are of both images where these share their pairs.
-fn found_of(k: u32, i: u32, image: u32) -> Found {
+fn found_of(k: u32, place: u32, image: u32) -> Found {
     if (params.fused == 0u) {
         let last = total(k, image, 2u);
         return Found(total(k, image, 0u), total(k, image, 1u), vec4(last.xy, f32(counts[k][image] > 0u), 0.0));
     }
     // The pairs are those of the more opaque one; the other is seen if it can be drawn at all.
-    let of_light = f32(splats[i].place.z >= MIN_ALPHA);
+    let of_light = f32(splats[place].place.z >= MIN_ALPHA);
     let b = total(k, 0u, 1u);
     let c = total(k, 0u, 2u);
     let d = total(k, 0u, 3u);
     // What the images say about the ellipse goes through one of them, once.
     if (image == 0u) { return Found(total(k, 0u, 0u), vec4(b.w, c.yzw), vec4(d.xy, of_light, 0.0)); }
-    let of_radio = f32(splats[params.gaussians + i].place.z >= MIN_ALPHA);
+    let of_radio = f32(splats[params.visible_capacity + place].place.z >= MIN_ALPHA);
     return Found(vec4(b.rgb, 0.0), vec4(c.x, c.yzw * (1.0 - of_light)), vec4(d.xy * (1.0 - of_light), of_radio, 0.0));
 }
 
@@ -156,10 +157,11 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         workgroupBarrier();
     }
     if (lane < 2u && alive) {
-        let f = found_of(k, i, lane);
-        found[2u * v + lane] = f;
+        let place = places[v];
+        let f = found_of(k, place, lane);
+        found[2u * v + lane] = of_ellipse(f);
         // The clamp at 0 passes no gradient.
-        let color = splats[lane * params.gaussians + i].color.rgb;
+        let color = splats[lane * params.visible_capacity + place].color.rgb;
         d_colors[2u * k + lane] = vec4(select(vec3(0.0), f.a.rgb, color > vec3(0.0)), f.c.z);
     }
     workgroupBarrier();

@@ -1,7 +1,7 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> state: array<u32>;
 @group(0) @binding(2) var<storage, read> order: array<u32>;
-@group(0) @binding(3) var<storage, read> found: array<Found>;
+@group(0) @binding(3) var<storage, read> found: array<OfEllipse>;
 @group(0) @binding(4) var<storage, read> directions: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> core: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> core_m: array<vec4<f32>>;
@@ -46,8 +46,8 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     var dp = vec3(0.0);
     var dv = Symmetric(vec3(0.0), vec3(0.0));
     let d_direction = directions[at].xyz;
-    let found_0 = found[2u * at];
-    let found_1 = found[2u * at + 1u];
+    let found_0 = found_from(found[2u * at]);
+    let found_1 = found_from(found[2u * at + 1u]);
     let seen = vec2(found_0.c.z, found_1.c.z) > vec2(0.0);
     var d_logit = vec2(0.0);
     if (seen.x) {
