@@ -37,6 +37,28 @@ fn add(p: ptr<function, Pixel>, slot: u32, falloff: f32) -> f32 {
     return weight;
 }
 
+// The splat of the largest weight so far.
+struct Best { weight: f32, owner: u32 }
+
+fn falloffs(slot: u32, centre: vec2<f32>) -> vec4<f32> {
+    return vec4(
+        falloff(batch_power[slot], batch_place[slot].xy - centre),
+        falloff(batch_power[slot + 1u], batch_place[slot + 1u].xy - centre),
+        falloff(batch_power[slot + 2u], batch_place[slot + 2u].xy - centre),
+        falloff(batch_power[slot + 3u], batch_place[slot + 3u].xy - centre),
+    );
+}
+
+fn add_four(p: ptr<function, Pixel>, best: ptr<function, Best>, slot: u32, f: vec4<f32>) {
+    let weights = vec4(add(p, slot, f.x), add(p, slot + 1u, f.y), add(p, slot + 2u, f.z), add(p, slot + 3u, f.w));
+    if (MAIN_CONTRIBUTOR) {
+        if (weights.x > (*best).weight) { *best = Best(weights.x, batch_owner[slot]); }
+        if (weights.y > (*best).weight) { *best = Best(weights.y, batch_owner[slot + 1u]); }
+        if (weights.z > (*best).weight) { *best = Best(weights.z, batch_owner[slot + 2u]); }
+        if (weights.w > (*best).weight) { *best = Best(weights.w, batch_owner[slot + 3u]); }
+    }
+}
+
 fn save(p: Pixel, checkpoint: u32, thread: u32) {
     checkpoints[checkpoint_at(checkpoint, 0u, thread)] = p.t.x;
     checkpoints[checkpoint_at(checkpoint, 1u, thread)] = p.light.x;
@@ -68,8 +90,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let list = lists[index];
     var p = Pixel(vec2(select(0.0, 1.0, tile.inside)), vec4(0.0), vec4(0.0));
     if (!BOTH) { p.t.y = 0.0; }
-    var best = 0.0;
-    var best_owner = 0xffffffffu;
+    var best = Best(0.0, 0xffffffffu);
     // The next batch is fetched while one is drawn.
     var owner = 0u;
     var next = nothing();
@@ -95,25 +116,16 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
             owner = entries[list.first + begin + AREA + thread].x;
             next = drawn(owner, tile.corner);
         }
-        // In fours: their exponentials do not wait for each other. Beyond the end are splats of opacity 0.
+        // In eights: their exponentials wait neither for each other nor for T. Beyond the end are splats of opacity 0.
         let count = min(AREA, list.count - begin);
-        for (var slot = 0u; slot < count; slot += 4u) {
+        for (var slot = 0u; slot < count; slot += 8u) {
             if (KEEP && slot % BUCKET == 0u && begin + slot > 0u) {
                 save(p, list.checkpoint + (begin + slot) / BUCKET - 1u, thread);
             }
-            let f = vec4(
-                falloff(batch_power[slot], batch_place[slot].xy - centre),
-                falloff(batch_power[slot + 1u], batch_place[slot + 1u].xy - centre),
-                falloff(batch_power[slot + 2u], batch_place[slot + 2u].xy - centre),
-                falloff(batch_power[slot + 3u], batch_place[slot + 3u].xy - centre),
-            );
-            let weights = vec4(add(&p, slot, f.x), add(&p, slot + 1u, f.y), add(&p, slot + 2u, f.z), add(&p, slot + 3u, f.w));
-            if (MAIN_CONTRIBUTOR) {
-                if (weights.x > best) { best = weights.x; best_owner = batch_owner[slot]; }
-                if (weights.y > best) { best = weights.y; best_owner = batch_owner[slot + 1u]; }
-                if (weights.z > best) { best = weights.z; best_owner = batch_owner[slot + 2u]; }
-                if (weights.w > best) { best = weights.w; best_owner = batch_owner[slot + 3u]; }
-            }
+            let a = falloffs(slot, centre);
+            let b = falloffs(slot + 4u, centre);
+            add_four(&p, &best, slot, a);
+            add_four(&p, &best, slot + 4u, b);
         }
         workgroupBarrier();
     }
@@ -127,8 +139,8 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
             transmittance[second] = p.t.y;
         }
         if (MAIN_CONTRIBUTOR) {
-            if (best > 0.0) { best_owner = gaussian_of[best_owner]; }
-            main_contributor[tile.at] = best_owner;
+            if (best.weight > 0.0) { best.owner = gaussian_of[best.owner]; }
+            main_contributor[tile.at] = best.owner;
         }
     }
 }
