@@ -46,7 +46,7 @@ pub struct Step {
     #[arg(long, value_enum, default_value_t = Filter::Off)]
     antialias: Filter,
     /// GPU: a tile and a batch such as 8x8/32, or 8x8/32/apart for two images of one camera blended one after the other, or
-    /// 8x8/32/portable without subgroup operations. Several are compared, workload by workload.
+    /// 8x8/32/portable without subgroup operations, or 8x8/32/by4 with four threads for each pixel's list. Several are compared.
     #[arg(long = "variant", value_parser = variant)]
     variants: Vec<Variant>,
     /// GPU: frames of novel views to draw per variant, both images and depth (0: none).
@@ -85,6 +85,8 @@ struct Variant {
     batch: u32,
     fused: bool,
     subgroups: bool,
+    /// Threads that share a pixel's list.
+    segments: u32,
 }
 
 /// `8x8/32`, `8x8/32/apart`, `8x8/32/portable`.
@@ -93,11 +95,13 @@ fn variant(text: &str) -> Result<Variant, String> {
     let mut parts = text.split('/');
     let tile = size(parts.next().unwrap_or_default()).map_err(|_| wrong())?;
     let batch = parts.next().and_then(|b| b.parse().ok()).ok_or_else(wrong)?;
-    let mut variant = Variant { tile, batch, fused: true, subgroups: true };
+    let mut variant = Variant { tile, batch, fused: true, subgroups: true, segments: 1 };
     for part in parts {
         match part {
             "apart" => variant.fused = false,
             "portable" => variant.subgroups = false,
+            "by2" => variant.segments = 2,
+            "by4" => variant.segments = 4,
             _ => return Err(wrong()),
         }
     }
@@ -245,6 +249,7 @@ impl Step {
                     batch: standard.batch,
                     fused: standard.fused,
                     subgroups: true,
+                    segments: standard.segments,
                 };
                 let variants = if self.variants.is_empty() { vec![usual] } else { self.variants.clone() };
                 let measure = |variant: &Variant| {
@@ -320,6 +325,7 @@ impl Run {
             software: true,
             tile: variant.tile.map(|v| v as u32),
             batch: variant.batch,
+            segments: variant.segments,
             fused: variant.fused,
             subgroups: variant.subgroups,
             timestamps: true,
@@ -383,9 +389,10 @@ fn text(workloads: &[Measured]) -> String {
             m.visible,
             m.pairs.map_or(String::new(), |p| format!(", {p} pairs")),
         );
-        if let Some(Variant { tile: [width, height], batch, fused, subgroups }) = m.variant {
+        if let Some(Variant { tile: [width, height], batch, fused, subgroups, segments }) = m.variant {
             let flags = [(fused, "/apart"), (subgroups, "/portable")].map(|(usual, flag)| if usual { "" } else { flag }).concat();
-            let _ = write!(out, "  {width}x{height}/{batch}{flags}");
+            let by = if segments > 1 { format!("/by{segments}") } else { String::new() };
+            let _ = write!(out, "  {width}x{height}/{batch}{flags}{by}");
             if let Some(bytes) = m.allocated_bytes {
                 let _ = write!(out, ", {} MB on the device", bytes / 1_000_000);
             }

@@ -72,7 +72,8 @@ impl GpuDevice {
         store.append(&context, initial)?;
         let (tile, batch) = (options.tile, options.batch);
         let shuffles = context.subgroups.is_some_and(|(min, _)| min >= batch);
-        let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, tile, batch, shuffles };
+        let segments = options.segments;
+        let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, tile, batch, segments, shuffles };
         let forward = Forward::new(&context, &fixed)?;
         let training = Training::new(&context, &fixed)?;
         let memory = Memory::new(&context)?;

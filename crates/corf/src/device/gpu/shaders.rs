@@ -39,6 +39,8 @@ pub(crate) struct Fixed {
     pub tile: [u32; 2],
     /// Splats of a bucket: what the backward pass takes at once.
     pub batch: u32,
+    /// Threads that share a pixel's list in the forward pass.
+    pub segments: u32,
     /// Whether a bucket's lanes are of one subgroup, on every workgroup.
     pub shuffles: bool,
 }
@@ -174,11 +176,22 @@ impl Fixed {
         self.head() + LISTS + &sizes + &source
     }
 
+    /// Whether a pixel's list is shared by several threads where nobody asks for names.
+    fn splits(&self, kind: Blend) -> bool {
+        self.segments > 1 && !kind.main_contributor
+    }
+
     /// Both modalities of one grid at once, or one of each tile.
     pub fn forward(&self, kind: Blend) -> String {
         let (both, name, keep) = (kind.both, kind.main_contributor, kind.checkpoints);
         let constants = format!("const MAIN_CONTRIBUTOR = {name};\nconst KEEP = {keep};\n");
-        self.head() + &constants + &self.blend_head(both) + include_str!("shaders/forward.wgsl")
+        let head = self.head() + &constants + &self.blend_head(both) + include_str!("shaders/blend.wgsl");
+        if !self.splits(kind) {
+            return head + include_str!("shaders/forward.wgsl");
+        }
+        let (segments, batch) = (self.segments, self.segments * self.batch);
+        let sizes = format!("const SEGMENTS = {segments}u;\nconst RADIO_BATCH = {}u;\n", if both { batch } else { 1 });
+        head + &sizes + include_str!("shaders/forward_split.wgsl")
     }
 
     pub fn backward(&self, both: bool) -> String {

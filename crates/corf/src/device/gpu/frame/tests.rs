@@ -12,7 +12,7 @@ use corf_scene::Rng;
 /// What is ordered here does not depend on what is not ordered by.
 fn fixed() -> Fixed {
     let harmonics = [HarmonicsShape { channels: 3, degree: 0 }; 2];
-    Fixed { antialias: Antialias::On, harmonics, tile: [8, 8], batch: 16, shuffles: false }
+    Fixed { antialias: Antialias::On, harmonics, tile: [8, 8], batch: 16, segments: 1, shuffles: false }
 }
 
 /// Orders lists of these lengths, filled with depths below `range` and pairs' numbers in no order, and checks every place.

@@ -72,8 +72,13 @@ pub(super) fn similarity(source: &str) -> String {
              let y{k} = select(0.0, goal[target_at + row{k}.at], row{k}.inside);\n"
         )
     };
-    let products: [fn(u32) -> String; 5] =
-        [|k| format!("x{k}"), |k| format!("x{k} * x{k}"), |k| format!("x{k} * y{k}"), |k| format!("y{k}"), |k| format!("y{k} * y{k}")];
+    let products: [fn(u32) -> String; 5] = [
+        |k| format!("x{k}"),
+        |k| format!("x{k} * x{k}"),
+        |k| format!("x{k} * y{k}"),
+        |k| format!("y{k}"),
+        |k| format!("y{k} * y{k}"),
+    ];
     let differences: Vec<String> = (RADIUS..RADIUS + ROWS).map(|k| format!("abs(x{k} - y{k})")).collect();
     let mut blurred = across(5);
     for o in 0..NEIGHBOURS {
