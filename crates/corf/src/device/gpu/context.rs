@@ -176,10 +176,9 @@ impl Context {
             return Err(Error::invalid("gpu", what, "choose another adapter or --device cpu"));
         }
         let stamps = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES;
-        let mut wanted = wgpu::Features::SUBGROUP;
-        if options.timestamps {
-            wanted |= stamps;
-        }
+        let mut wanted = wgpu::Features::empty();
+        wanted.set(wgpu::Features::SUBGROUP, options.subgroups);
+        wanted.set(stamps, options.timestamps);
         let features = adapter.features() & wanted;
         let opened = ready(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("corf"),
@@ -200,15 +199,13 @@ impl Context {
             failure.first.get_or_insert_with(|| error.to_string());
         }));
         let on_loss = Arc::clone(&failure);
-        device.set_device_lost_callback(move |reason, text| {
-            if reason != wgpu::DeviceLostReason::Destroyed {
-                let mut failure = locked(&on_loss);
-                failure.lost = true;
-                failure.first.get_or_insert(text);
-            }
+        device.set_device_lost_callback(move |_, text| {
+            let mut failure = locked(&on_loss);
+            failure.lost = true;
+            failure.first.get_or_insert(text);
         });
         // Ballots are read as one word.
-        let usable = options.subgroups && features.contains(wgpu::Features::SUBGROUP) && info.subgroup_max_size <= 32;
+        let usable = features.contains(wgpu::Features::SUBGROUP) && info.subgroup_max_size <= 32;
         let subgroups = (usable && info.subgroup_min_size >= 4).then_some((info.subgroup_min_size, info.subgroup_max_size));
         Ok(Self {
             timestamps: features.contains(stamps),
@@ -226,8 +223,21 @@ impl Context {
         is_software(&self.info)
     }
 
+    /// As if an allocation had failed.
+    #[cfg(test)]
+    pub fn pretend_out_of_memory(&self) {
+        let mut failure = locked(&self.failure);
+        failure.out_of_memory = true;
+        failure.first = Some("not enough memory left".to_owned());
+    }
+
     /// What has gone wrong, if anything, as an error of this crate.
     pub fn check(&self, doing: &str) -> Result<()> {
+        if locked(&self.failure).first.is_none() {
+            return Ok(());
+        }
+        // A device that is gone shows first in what it no longer does; that it is gone is told when it is polled.
+        let _ = self.device.poll(wgpu::PollType::Poll);
         let mut failure = locked(&self.failure);
         let Some(text) = failure.first.clone() else { return Ok(()) };
         let place = format!("gpu ({}), {doing}", self.info.name);
@@ -247,10 +257,15 @@ impl Context {
         Err(Error::invalid(place, text, "this is a defect of the device or its driver; --device cpu avoids it"))
     }
 
+    /// Most bytes that one buffer may have.
+    pub fn largest_buffer(&self) -> u64 {
+        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
+    }
+
     /// Memory of at least `bytes`, its contents undefined.
     pub fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
         let size = bytes.max(16).next_multiple_of(16);
-        let largest = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
+        let largest = self.largest_buffer();
         if size > largest {
             let what = format!("{label} needs {} MiB and the adapter binds at most {} MiB at once", size >> 20, largest >> 20);
             let place = format!("gpu ({})", self.info.name);

@@ -20,6 +20,8 @@ mod shaders;
 mod store;
 #[cfg(test)]
 pub(crate) mod testing;
+#[cfg(test)]
+mod tests;
 mod train;
 mod work;
 

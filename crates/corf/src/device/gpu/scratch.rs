@@ -22,9 +22,11 @@ impl Scratch {
         let size = (count * bytes) as u64;
         let grows = self.buffer.size() < size;
         if grows {
-            // The old memory is given back before the new is asked for.
+            // The old memory is given back before the new is asked for; should there be none, the next call finds this small.
             self.buffer.destroy();
-            self.buffer = context.storage(self.label, size + (size / 4).min(MOST_SLACK))?;
+            self.buffer = context.storage(self.label, 16)?;
+            let slack = (size / 4).min(MOST_SLACK).min(context.largest_buffer().saturating_sub(size));
+            self.buffer = context.storage(self.label, size + slack)?;
         }
         Ok(grows)
     }
