@@ -6,7 +6,7 @@
 use anyhow::{Context, Result, ensure};
 use corf::{
     AppearanceRates, Gaussians, OptimizerConfig,
-    device::{Planes, Step, TrainingView, ViewId},
+    device::{Planes, RenderRequest, Step, TrainingView, View, ViewId},
 };
 use corf_scene::{Pinhole, Rigid3, Rng};
 use glam::DVec3;
@@ -80,15 +80,21 @@ pub struct Rig {
     pub rf: Pinhole,
 }
 
-/// Looking along an ellipse around the middle of the room, 90° wide.
+/// On an ellipse around the middle of the room, looking along it; `turn` is a share of the way around.
+fn pose(turn: f64) -> Rigid3 {
+    let a = std::f64::consts::TAU * turn;
+    let eye = DVec3::new(7.0 + 4.5 * a.cos(), 7.5 + 5.0 * a.sin(), 1.5);
+    Rigid3::looking_at(eye, eye + DVec3::new(-a.sin(), a.cos(), 0.0), DVec3::Z)
+}
+
+/// Cameras around the room, 90° wide.
 pub fn rig(optical: [usize; 2], rf: [usize; 2]) -> Rig {
-    let pose = |i: usize| {
-        let a = std::f64::consts::TAU * i as f64 / CAMERAS as f64;
-        let eye = DVec3::new(7.0 + 4.5 * a.cos(), 7.5 + 5.0 * a.sin(), 1.5);
-        Rigid3::looking_at(eye, eye + DVec3::new(-a.sin(), a.cos(), 0.0), DVec3::Z)
-    };
     let camera = |[w, h]: [usize; 2]| Pinhole::from_horizontal_fov(w, h, 90.0);
-    Rig { world_from_camera: (0..CAMERAS).map(pose).collect(), optical: camera(optical), rf: camera(rf) }
+    Rig {
+        world_from_camera: (0..CAMERAS).map(|i| pose(i as f64 / CAMERAS as f64)).collect(),
+        optical: camera(optical),
+        rf: camera(rf),
+    }
 }
 
 /// A camera file: one set of intrinsics, poses as 4×4 `camera_from_world` matrices by rows.
@@ -153,6 +159,22 @@ impl Rig {
             rf_background: [0.0; 3],
         };
         (0..count).map(step).collect()
+    }
+}
+
+impl Rig {
+    /// `count` requests for both images, once around the room in poses of which few are the rig's.
+    pub fn novel_views(&self, count: usize) -> Vec<RenderRequest> {
+        let request = |i: usize| {
+            let world_from_camera = pose((i as f64 + 0.5) / count as f64);
+            let view = |camera| View { camera, world_from_camera };
+            RenderRequest {
+                optical: Some((view(self.optical), [0.0; 3])),
+                rf: Some((view(self.rf), [0.0; 3])),
+                main_contributor: false,
+            }
+        };
+        (0..count).map(request).collect()
     }
 }
 

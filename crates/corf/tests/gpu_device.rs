@@ -20,7 +20,9 @@ const OPTIONS: GpuOptions = GpuOptions {
     timestamps: false,
     tile: [8, 8],
     batch: 16,
+    segments: 1,
     fused: true,
+    least_room: 16,
     poison: Some(0xffc0_ffee),
 };
 
@@ -152,7 +154,6 @@ fn compare_renderings(a: &Rendering, b: &Rendering) {
         compare(&format!("{what} colour"), &a.color.pixels, &b.color.pixels);
         compare(&format!("{what} inverse depth"), a.inverse_depth.pixels(), b.inverse_depth.pixels());
         compare(&format!("{what} transmittance"), a.transmittance.pixels(), b.transmittance.pixels());
-        assert!(a.transmittance.pixels().iter().any(|t| *t < 0.2) && a.transmittance.pixels().iter().any(|t| *t > 0.5));
     }
 }
 
@@ -167,11 +168,37 @@ fn pictures_agree() {
         for k in 0..3 {
             let (a, b) = (cpu.render(&both(k)).unwrap(), gpu.render(&both(k)).unwrap());
             compare_renderings(&a, &b);
+            for layer in [&a.optical, &a.rf].into_iter().flatten() {
+                let t = layer.transmittance.pixels();
+                assert!(t.iter().any(|t| *t < 0.2) && t.iter().any(|t| *t > 0.5));
+            }
             let (a, b) = (a.main_contributor.unwrap(), b.main_contributor.unwrap());
             let differ = a.pixels().iter().zip(b.pixels()).filter(|(a, b)| a != b).count();
             // Two weights within rounding of each other.
             assert!(differ as f64 <= THRESHOLD_SHARE * a.pixels().len() as f64, "{differ} main contributors differ");
         }
+    }
+}
+
+/// Lists in which pixels end early, drawn by one, two and four threads a pixel.
+#[test]
+fn threads_that_share_a_pixel_draw_what_one_draws() {
+    let mut g = room(9, 3000, 3, [1, 1]);
+    for i in 0..g.len() {
+        g.optical.opacity_logit[i] = if g.position[i][0] > 0.0 { 6.0 } else { -4.0 };
+    }
+    let mut cpu = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &g).unwrap();
+    let (camera, _) = cameras();
+    let view = View { camera, world_from_camera: pose(1) };
+    let request =
+        RenderRequest { optical: Some((view, [0.9, 0.2, 0.4])), rf: Some((view, [0.1, 0.3, 0.6])), main_contributor: false };
+    let expected = cpu.render(&request).unwrap();
+    let ended = expected.optical.as_ref().unwrap().transmittance.pixels().iter().filter(|t| **t < 1e-4).count();
+    assert!(ended > 100, "{ended} pixels end");
+    for (segments, batch) in [(1, 8), (2, 32), (4, 8)] {
+        let options = GpuOptions { segments, batch, ..OPTIONS };
+        let Some(mut gpu) = open(&options, OptimizerConfig::default(), RasterConfig::default(), &g) else { return };
+        compare_renderings(&expected, &gpu.render(&request).unwrap());
     }
 }
 
@@ -239,9 +266,12 @@ fn one_camera(rf_channels: usize) -> TrainingView {
 
 #[test]
 fn both_images_at_once_give_what_each_gives_alone() {
-    for (rf_channels, antialias, tile) in
-        [(3, Antialias::On, [8, 8]), (1, Antialias::Off, [8, 8]), (3, Antialias::Detached, [16, 4])]
-    {
+    for (rf_channels, antialias, tile, batch, segments) in [
+        (3, Antialias::On, [8, 8], 8, 1),
+        (1, Antialias::Off, [8, 4], 32, 2),
+        (3, Antialias::On, [8, 8], 16, 4),
+        (3, Antialias::Detached, [16, 16], 32, 1),
+    ] {
         let raster = RasterConfig { antialias, ..RasterConfig::default() };
         let mut g = room(12, 2500, rf_channels, [1, 1]);
         // Gaussians that one modality draws and the other does not, both ways round.
@@ -254,7 +284,7 @@ fn both_images_at_once_give_what_each_gives_alone() {
         }
         let mut cpu = CpuDevice::new(OptimizerConfig::default(), raster, &g).unwrap();
         for fused in [true, false] {
-            let options = GpuOptions { fused, tile, ..OPTIONS };
+            let options = GpuOptions { fused, tile, batch, segments, ..OPTIONS };
             let Some(mut gpu) = open(&options, OptimizerConfig::default(), raster, &g) else { return };
             cpu.upload(&one_camera(rf_channels), 2).unwrap();
             gpu.upload(&one_camera(rf_channels), 2).unwrap();
@@ -330,8 +360,9 @@ fn the_same_bytes_every_time_however_steps_are_batched() {
 #[test]
 fn without_subgroups_the_same_bytes() {
     let g = room(5, 1500, 3, [1, 1]);
+    // Batches of eight lie within any subgroup of eight and more.
     let run = |subgroups: bool| {
-        let mut d = open(&GpuOptions { subgroups, ..OPTIONS }, metric_rates(), RasterConfig::default(), &g)?;
+        let mut d = open(&GpuOptions { subgroups, batch: 8, ..OPTIONS }, metric_rates(), RasterConfig::default(), &g)?;
         d.upload(&training_view(0, 3, false), 1).unwrap();
         d.train(&[step(0, 0); 5]).unwrap();
         Some(bits(&d.gaussians()))

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 #[cfg(feature = "gpu")]
 use corf::device::gpu::{GpuDevice, GpuOptions};
-use corf::{Antialias, CpuDevice, Device, Gaussians, RasterConfig, ply};
+use corf::{Antialias, CpuDevice, Device, Gaussians, RasterConfig, device::TrainingView, ply};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -45,15 +45,13 @@ pub struct Step {
     /// Which pixel filter: off is what the peers measure with.
     #[arg(long, value_enum, default_value_t = Filter::Off)]
     antialias: Filter,
-    /// GPU: pixels across and down a tile.
-    #[arg(long, value_parser = size, default_value = "8x8")]
-    tile: [usize; 2],
-    /// GPU: splats that the backward pass takes at once.
-    #[arg(long, default_value_t = 16)]
-    batch: u32,
-    /// GPU: blend two images with one camera one after the other instead of at once.
-    #[arg(long)]
-    apart: bool,
+    /// GPU: a tile and a batch such as 8x8/32, or 8x8/32/apart for two images of one camera blended one after the other, or
+    /// 8x8/32/portable without subgroup operations, or 8x8/32/by4 with four threads for each pixel's list. Several are compared.
+    #[arg(long = "variant", value_parser = variant)]
+    variants: Vec<Variant>,
+    /// GPU: frames of novel views to draw per variant, both images and depth (0: none).
+    #[arg(long, default_value_t = 0)]
+    frames: usize,
     /// Memory bandwidth for the floor, GB/s (default: measured on an H200).
     #[arg(long, default_value_t = 2700.0)]
     bandwidth_gb_s: f64,
@@ -78,6 +76,36 @@ fn size(text: &str) -> Result<[usize; 2], String> {
         Some((Some(w), Some(h))) => Ok([w, h]),
         _ => Err(format!("{text} is no size in pixels such as 640x480")),
     }
+}
+
+/// How the GPU device works: what is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+struct Variant {
+    tile: [usize; 2],
+    batch: u32,
+    fused: bool,
+    subgroups: bool,
+    /// Threads that share a pixel's list.
+    segments: u32,
+}
+
+/// `8x8/32`, `8x8/32/apart`, `8x8/32/portable`.
+fn variant(text: &str) -> Result<Variant, String> {
+    let wrong = || format!("{text} is no tile and batch such as 8x8/32, 8x8/32/apart or 8x8/32/portable");
+    let mut parts = text.split('/');
+    let tile = size(parts.next().unwrap_or_default()).map_err(|_| wrong())?;
+    let batch = parts.next().and_then(|b| b.parse().ok()).ok_or_else(wrong)?;
+    let mut variant = Variant { tile, batch, fused: true, subgroups: true, segments: 1 };
+    for part in parts {
+        match part {
+            "apart" => variant.fused = false,
+            "portable" => variant.subgroups = false,
+            "by2" => variant.segments = 2,
+            "by4" => variant.segments = 4,
+            _ => return Err(wrong()),
+        }
+    }
+    Ok(variant)
 }
 
 /// What `--table` measures: Gaussians, optical and RF image.
@@ -116,6 +144,12 @@ struct Measured {
     step_ms: f64,
     step_ms_range: [f64; 2],
     stages: Vec<Stage>,
+    /// What the GPU device was told.
+    variant: Option<Variant>,
+    /// Memory that the device holds after its steps, bytes.
+    allocated_bytes: Option<u64>,
+    /// Novel views a second: images left on the device, images brought back.
+    frames_per_s: Option<[f64; 2]>,
 }
 
 /// All that a run of the command found.
@@ -125,9 +159,6 @@ struct Report {
     steps: usize,
     repeats: usize,
     antialias: String,
-    tile: [usize; 2],
-    batch: u32,
-    fused: bool,
     bandwidth_gb_s: f64,
     tflops: f64,
     workloads: Vec<Measured>,
@@ -146,14 +177,14 @@ impl Step {
         if self.table {
             for (n, optical, rf) in TABLE {
                 let file = files.iter().find(|(_, g)| g.len() == n);
-                workloads.push(self.measure(&backend, file, n, &workload::rig(optical, rf))?);
+                workloads.extend(self.measure(&backend, file, n, &workload::rig(optical, rf))?);
             }
         } else {
             let rig = match &self.cameras {
                 Some(path) => workload::read_rig(path, self.rf)?,
                 None => workload::rig(self.size, self.rf.unwrap_or(self.size)),
             };
-            workloads.push(self.measure(&backend, files.first(), self.gaussians, &rig)?);
+            workloads.extend(self.measure(&backend, files.first(), self.gaussians, &rig)?);
         }
         let text = text(&workloads);
         let report = Report {
@@ -161,9 +192,6 @@ impl Step {
             steps: self.steps,
             repeats: self.repeats,
             antialias: format!("{:?}", self.antialias).to_lowercase(),
-            tile: self.tile,
-            batch: self.batch,
-            fused: !self.apart,
             bandwidth_gb_s: self.bandwidth_gb_s,
             tflops: self.tflops,
             workloads,
@@ -172,18 +200,7 @@ impl Step {
         Ok(Verdict::Done)
     }
 
-    #[cfg(feature = "gpu")]
-    fn gpu_options(&self) -> GpuOptions {
-        GpuOptions {
-            software: true,
-            tile: self.tile.map(|v| v as u32),
-            batch: self.batch,
-            fused: !self.apart,
-            ..GpuOptions::default()
-        }
-    }
-
-    fn measure(&self, backend: &Backend, file: Option<&(String, Gaussians)>, n: usize, rig: &Rig) -> Result<Measured> {
+    fn measure(&self, backend: &Backend, file: Option<&(String, Gaussians)>, n: usize, rig: &Rig) -> Result<Vec<Measured>> {
         interrupt::check()?;
         let drawn;
         let (from, gaussians) = match file {
@@ -198,13 +215,13 @@ impl Step {
             Filter::Off => Antialias::Off,
         };
         let raster = RasterConfig { antialias, ..RasterConfig::default() };
-        let mut run = Run {
+        let fresh = || Run {
             steps: self.steps,
             repeats: self.repeats,
             measured: Measured {
                 device: backend.name(),
                 gaussians: gaussians.len(),
-                gaussians_from: from,
+                gaussians_from: from.clone(),
                 optical: [rig.optical.width, rig.optical.height],
                 rf: [rig.rf.width, rig.rf.height],
                 visible: 0,
@@ -212,14 +229,39 @@ impl Step {
                 step_ms: 0.0,
                 step_ms_range: [0.0; 2],
                 stages: vec![],
+                variant: None,
+                allocated_bytes: None,
+                frames_per_s: None,
             },
         };
+        let views: Vec<TrainingView> = rig.views(3).collect();
         match backend {
-            Backend::Cpu => run.on_cpu(raster, gaussians, rig)?,
+            Backend::Cpu => {
+                let mut run = fresh();
+                run.on_cpu(raster, gaussians, rig, &views)?;
+                Ok(vec![run.measured])
+            }
             #[cfg(feature = "gpu")]
-            Backend::Gpu { .. } => run.on_gpu(raster, gaussians, rig, self)?,
+            Backend::Gpu { .. } => {
+                let standard = GpuOptions::default();
+                let usual = Variant {
+                    tile: standard.tile.map(|v| v as usize),
+                    batch: standard.batch,
+                    fused: standard.fused,
+                    subgroups: true,
+                    segments: standard.segments,
+                };
+                let variants = if self.variants.is_empty() { vec![usual] } else { self.variants.clone() };
+                let measure = |variant: &Variant| {
+                    let mut run = fresh();
+                    run.measured.variant = Some(*variant);
+                    run.on_gpu(raster, gaussians, rig, &views, self, *variant)?;
+                    eprint!("{}", text(std::slice::from_ref(&run.measured)));
+                    Ok(run.measured)
+                };
+                variants.iter().map(measure).collect()
+            }
         }
-        Ok(run.measured)
     }
 }
 
@@ -232,9 +274,9 @@ struct Run {
 
 impl Run {
     /// Uploads the views and times whole runs of steps, after one that warms up.
-    fn time(&mut self, device: &mut dyn Device, rig: &Rig) -> Result<()> {
-        for view in rig.views(3) {
-            device.upload(&view, 1).context("while uploading the views")?;
+    fn time(&mut self, device: &mut dyn Device, rig: &Rig, views: &[TrainingView]) -> Result<()> {
+        for view in views {
+            device.upload(view, 1).context("while uploading the views")?;
         }
         let steps = rig.steps(self.steps);
         device.train(&steps[..steps.len().min(workload::CAMERAS)])?;
@@ -252,9 +294,9 @@ impl Run {
         Ok(())
     }
 
-    fn on_cpu(&mut self, raster: RasterConfig, gaussians: &Gaussians, rig: &Rig) -> Result<()> {
+    fn on_cpu(&mut self, raster: RasterConfig, gaussians: &Gaussians, rig: &Rig, views: &[TrainingView]) -> Result<()> {
         let mut device = CpuDevice::new(workload::optimizer(), raster, gaussians)?;
-        self.time(&mut device, rig)?;
+        self.time(&mut device, rig, views)?;
         let t = device.take_stage_times();
         let stages = [
             ("project", t.project_s),
@@ -270,25 +312,39 @@ impl Run {
     }
 
     #[cfg(feature = "gpu")]
-    fn on_gpu(&mut self, raster: RasterConfig, gaussians: &Gaussians, rig: &Rig, wanted: &Step) -> Result<()> {
-        let options = &wanted.gpu_options();
+    fn on_gpu(
+        &mut self,
+        raster: RasterConfig,
+        gaussians: &Gaussians,
+        rig: &Rig,
+        views: &[TrainingView],
+        wanted: &Step,
+        variant: Variant,
+    ) -> Result<()> {
+        let options = GpuOptions {
+            software: true,
+            tile: variant.tile.map(|v| v as u32),
+            batch: variant.batch,
+            segments: variant.segments,
+            fused: variant.fused,
+            subgroups: variant.subgroups,
+            timestamps: true,
+            ..GpuOptions::default()
+        };
         let (bytes_per_ms, operations_per_ms) = (wanted.bandwidth_gb_s * 1e6, wanted.tflops * 1e9);
-        // The wall clock runs over steps without timestamps, the stages over others with them.
-        let mut device = GpuDevice::new(options, workload::optimizer(), raster, gaussians)?;
+        // The wall clock runs over steps without timestamps, the kernels' times come from others with them.
+        let mut device = GpuDevice::new(&options, workload::optimizer(), raster, gaussians)?;
+        device.time_stages(false);
         self.measured.device = device.adapter();
-        self.time(&mut device, rig)?;
+        self.time(&mut device, rig, views)?;
         self.measured.pairs = Some(device.pairs());
+        self.measured.allocated_bytes = device.allocated_bytes();
         let work = device.work();
-        drop(device);
-        let timed = GpuOptions { timestamps: true, ..*options };
-        let mut device = GpuDevice::new(&timed, workload::optimizer(), raster, gaussians)?;
-        for view in rig.views(3) {
-            device.upload(&view, 1)?;
+        if wanted.frames > 0 {
+            self.measured.frames_per_s = Some(frames_per_s(&mut device, rig, wanted.frames)?);
         }
-        let steps = rig.steps(self.steps);
-        device.train(&steps[..steps.len().min(workload::CAMERAS)])?;
-        device.take_stage_times();
-        device.train(&steps)?;
+        device.time_stages(true);
+        device.train(&rig.steps(self.steps))?;
         let Some(t) = device.take_stage_times() else { return Ok(()) };
         for (k, w) in work.iter().enumerate() {
             let floor = (w.bytes / bytes_per_ms).max(w.operations / operations_per_ms);
@@ -296,6 +352,23 @@ impl Run {
         }
         Ok(())
     }
+}
+
+/// Draws novel views, half-way between the cameras of the rig; frames a second on the device and with the images brought back.
+#[cfg(feature = "gpu")]
+fn frames_per_s(device: &mut GpuDevice, rig: &Rig, frames: usize) -> Result<[f64; 2]> {
+    let requests = rig.novel_views(frames);
+    device.draw(&requests[..requests.len().min(workload::CAMERAS)])?;
+    let start = Instant::now();
+    device.draw(&requests)?;
+    let on_device = frames as f64 / start.elapsed().as_secs_f64();
+    // Bringing back is the slower part by far: fewer will do.
+    let few = &requests[..frames.div_ceil(16)];
+    let start = Instant::now();
+    for request in few {
+        device.render(request)?;
+    }
+    Ok([on_device, few.len() as f64 / start.elapsed().as_secs_f64()])
 }
 
 /// A table of workloads, each with its stages.
@@ -316,8 +389,20 @@ fn text(workloads: &[Measured]) -> String {
             m.visible,
             m.pairs.map_or(String::new(), |p| format!(", {p} pairs")),
         );
+        if let Some(Variant { tile: [width, height], batch, fused, subgroups, segments }) = m.variant {
+            let flags = [(fused, "/apart"), (subgroups, "/portable")].map(|(usual, flag)| if usual { "" } else { flag }).concat();
+            let by = if segments > 1 { format!("/by{segments}") } else { String::new() };
+            let _ = write!(out, "  {width}x{height}/{batch}{flags}{by}");
+            if let Some(bytes) = m.allocated_bytes {
+                let _ = write!(out, ", {} MB on the device", bytes / 1_000_000);
+            }
+            if let Some([drawn, brought]) = m.frames_per_s {
+                let _ = write!(out, ", novel views: {drawn:.0} frames/s drawn, {brought:.1} brought back");
+            }
+            out.push('\n');
+        }
         let row = |out: &mut String, name: &str, cells: &[String]| {
-            let _ = writeln!(out, "  {name:8}{}", cells.iter().map(|c| format!("{c:>10}")).collect::<String>());
+            let _ = writeln!(out, "  {name:6}{}", cells.iter().map(|c| format!("{c:>11}")).collect::<String>());
         };
         let total: f64 = m.stages.iter().map(|s| s.ms).sum();
         row(&mut out, "", &m.stages.iter().map(|s| s.name.to_owned()).chain(["all".to_owned()]).collect::<Vec<_>>());

@@ -3,7 +3,7 @@
 use super::*;
 use crate::{
     CpuDevice, OptimizerConfig, RasterConfig, ReconstructionConfig, RfTarget,
-    device::Planes,
+    device::{InverseDepth, Planes, TrainingView},
     loss::psnr_8bit,
     synthetic::{self, DB_RANGE},
 };
@@ -37,10 +37,14 @@ fn reconstruct_on(device: Box<dyn Device>, config: &ReconstructionConfig, seed: 
 /// PSNR of light and of the RF image at a keyframe, dB.
 fn psnr(r: &mut Reconstructor, k: &Keyframe) -> (f64, f64) {
     let p = r.render(k.world_from_camera).unwrap();
+    scores(&p, k, &r.config)
+}
+
+fn scores(p: &Prediction, k: &Keyframe, config: &ReconstructionConfig) -> (f64, f64) {
     let planes = |pixels: Vec<f32>| Planes { width: k.image.width(), height: k.image.height(), channels: 3, pixels };
     let image = planes(p.image.pixels().iter().flatten().copied().collect());
     let truth = planes(k.image.pixels().iter().flatten().map(|&v| f32::from(v) / 255.0).collect());
-    (psnr_8bit(&image, &truth), psnr_8bit(&p.rf, &r.meta().rf_target.encode(&k.spectrum, &DB_RANGE)))
+    (psnr_8bit(&image, &truth), psnr_8bit(&p.rf, &config.rf_target.encode(&k.spectrum, &DB_RANGE)))
 }
 
 /// PSNR of light when every pixel is the image's mean grey, dB.
@@ -120,12 +124,12 @@ fn fields_are_the_same_bytes_for_a_seed_whatever_the_threads_and_survive_the_dis
     assert!(field.render(&mut empty, frames[2].world_from_camera).is_err(), "a device without the field is noticed");
 }
 
-/// The devices' roundings differ and optimisation amplifies them into differences as between two seeds: 0.1 to 0.15 dB a run of this size,
-/// either way. A field that trained a modality wrongly, or not at all, is off by more than 1 dB.
+/// The devices' roundings differ, and every step amplifies that: after a dozen visits a keyframe two runs differ like two seeds, by 0.2 dB and
+/// more. Short runs in which every pyramid level is visited are still together, so that what differs in them is a defect.
 #[cfg(feature = "gpu")]
-const DEVICE_TOLERANCE_DB: f64 = 0.25;
+const DEVICE_TOLERANCE_DB: f64 = 0.06;
 #[cfg(feature = "gpu")]
-const SEEDS: u64 = 2;
+const SEEDS: u64 = 3;
 
 #[cfg(feature = "gpu")]
 #[test]
@@ -140,7 +144,7 @@ fn reconstructions_on_the_gpu_end_where_those_on_the_cpu_do() {
         let mean = |of: fn(&(f64, f64)) -> f64| each.iter().map(of).sum::<f64>() / each.len() as f64;
         (mean(|q| q.0), mean(|q| q.1))
     };
-    let config = ReconstructionConfig { iterations_per_keyframe: 20, ..Default::default() };
+    let config = ReconstructionConfig { iterations_per_keyframe: 8, visits_per_level: 2, ..Default::default() };
     let (mut light, mut radio) = (0.0, 0.0);
     for seed in 0..SEEDS {
         let (optimizer, raster) = (OptimizerConfig::default(), RasterConfig::default());
@@ -152,4 +156,54 @@ fn reconstructions_on_the_gpu_end_where_those_on_the_cpu_do() {
         radio += (gpu.1 - cpu.1) / SEEDS as f64;
     }
     assert!(light.abs() < DEVICE_TOLERANCE_DB && radio.abs() < DEVICE_TOLERANCE_DB, "light {light:.3} dB, radio {radio:.3} dB");
+}
+
+/// Devices that train one field through the same steps end at the same errors. Roundings differ, and so does which of the Gaussians that no
+/// pixel draws count as seen (those between a tile's pixels; Adam moves them on by its momentum): together 0.01 dB of light and 0.04 dB of radio
+/// here, where a learning rate off by 1e-4 moves light by 0.002 dB and radio by 0.01 dB.
+#[cfg(feature = "gpu")]
+const TRAINED_TOLERANCE_DB: f64 = 0.08;
+
+#[cfg(feature = "gpu")]
+#[test]
+fn one_field_trained_on_either_device_ends_at_the_same_errors() {
+    use crate::device::gpu::{GpuDevice, GpuOptions, testing};
+    if testing::context(&testing::OPTIONS).is_none() {
+        return;
+    }
+    let frames = keyframes();
+    let config = ReconstructionConfig { iterations_per_keyframe: 20, ..Default::default() };
+    let field = reconstruct(&config, 3, &frames).field();
+    let (optimizer, raster) = (OptimizerConfig { position_rate_m: 1e-4, ..Default::default() }, RasterConfig::default());
+    let (optical_camera, rf_camera) = cameras();
+    let trained = |device: &mut dyn Device| {
+        let mut schedule = Schedule::new(5, config.rf_target.floor_color());
+        schedule.set_depth_weight(0.02);
+        for k in frames.iter().filter(|k| k.index != HELD_OUT) {
+            let pixels = k.image.pixels().iter().flatten().map(|v| f32::from(*v) / 255.0).collect();
+            let depth = k.depth_m.as_ref().unwrap();
+            let inverse_depth = InverseDepth { value: depth.map(|z| 1.0 / z), confidence: depth.map(|_| 0.5) };
+            let view = TrainingView {
+                world_from_camera: k.world_from_camera,
+                optical_camera,
+                optical: Planes { width: k.image.width(), height: k.image.height(), channels: 3, pixels },
+                rf_camera,
+                rf: config.rf_target.encode(&k.spectrum, &DB_RANGE),
+                inverse_depth: Some(inverse_depth),
+            };
+            schedule.push(device.upload(&view, config.pyramid_levels).unwrap());
+        }
+        let weights = StageWeights { optical: 1.0, rf: config.rf_weight, depth: true, geometry: true };
+        device.train(&schedule.online(150, config.latest_probability, weights, &config)).unwrap();
+        let each = frames.iter().map(|k| scores(&field.render(device, k.world_from_camera).unwrap(), k, &config));
+        each.fold((0.0, 0.0), |sum, q| (sum.0 + q.0 / frames.len() as f64, sum.1 + q.1 / frames.len() as f64))
+    };
+    let cpu = trained(&mut CpuDevice::new(optimizer, raster, &field.gaussians).unwrap());
+    let default = GpuOptions { software: true, ..GpuOptions::default() };
+    // Small buckets, and as it is used with and without subgroups.
+    for options in [testing::OPTIONS, default, GpuOptions { subgroups: false, ..default }] {
+        let gpu = trained(&mut GpuDevice::new(&options, optimizer, raster, &field.gaussians).unwrap());
+        eprintln!("cpu {cpu:.4?} dB, gpu {gpu:.4?} dB");
+        assert!((cpu.0 - gpu.0).abs() < TRAINED_TOLERANCE_DB && (cpu.1 - gpu.1).abs() < TRAINED_TOLERANCE_DB, "{cpu:?} {gpu:?}");
+    }
 }

@@ -18,21 +18,35 @@ pub struct GpuOptions {
     pub software: bool,
     /// Whether subgroup operations are used where the adapter has them.
     pub subgroups: bool,
-    /// Whether timestamps are taken between the stages of a training step ([`GpuDevice::stage_times`](super::GpuDevice::stage_times)).
+    /// Whether timestamps are taken between the kernels of a training step ([`GpuDevice::stage_times`](super::GpuDevice::stage_times)).
     pub timestamps: bool,
     /// Pixels across and down a tile.
     pub tile: [u32; 2],
     /// Splats that the backward pass takes at once.
     pub batch: u32,
+    /// Threads that share a pixel's list in the forward pass: where images are small there are more threads than pixels.
+    pub segments: u32,
     /// Whether two images with one camera are blended in one pass.
     pub fused: bool,
+    /// Pairs, and visible Gaussians, there is room for at first, at least; there is always more once a frame has more.
+    pub least_room: usize,
     /// Fills new working memory with this pattern, so that a test sees what reads before it writes.
     pub poison: Option<u32>,
 }
 
 impl Default for GpuOptions {
     fn default() -> Self {
-        Self { software: false, subgroups: true, timestamps: false, tile: [8, 8], batch: 16, fused: true, poison: None }
+        Self {
+            software: false,
+            subgroups: true,
+            timestamps: false,
+            tile: [8, 8],
+            batch: 32,
+            segments: 1,
+            fused: true,
+            least_room: 1 << 16,
+            poison: None,
+        }
     }
 }
 
@@ -42,18 +56,28 @@ impl GpuOptions {
     pub fn validate(&self) -> Result<()> {
         let ([width, height], batch) = (self.tile, self.batch);
         let area = width * height;
-        // A thread is a pixel; a batch is whole rows of a tile, and its parts' sums fit where its weights were.
-        let fits = [8, 16].contains(&width) && [4, 8, 16].contains(&height) && batch % width == 0 && area % batch == 0;
-        if fits && batch >= 8 && (area / batch - 1) * RECORD_WORDS <= area + 1 {
+        // A thread of the forward pass is a pixel; a batch fits into a tile and a tile's pixels into workgroup memory beside others'.
+        if ![1, 2, 4].contains(&self.segments) || self.segments * area > LARGEST_BLEND {
+            let what = format!("{} threads for each pixel of {width}x{height}", self.segments);
+            return Err(Error::invalid("gpu options", what, "1, 2 or 4 threads share a pixel, at most 256 a tile"));
+        }
+        let fits = [8, 16].contains(&width) && [4, 8, 16].contains(&height) && [8, 16, 32].contains(&batch);
+        if fits && area % batch == 0 && area <= LARGEST_TILE_IN_BATCHES * batch {
             return Ok(());
         }
         let what = format!("tiles of {width}x{height} with batches of {batch}");
-        Err(Error::invalid("gpu options", what, "tiles are 8 or 16 wide and 4, 8 or 16 high; a batch is some of their rows"))
+        Err(Error::invalid(
+            "gpu options",
+            what,
+            "tiles are 8 or 16 wide and 4, 8 or 16 high; a batch is 8, 16 or 32 and at least an eighth of a tile",
+        ))
     }
 }
 
-/// Most numbers that a part of a tile finds for a splat.
-const RECORD_WORDS: u32 = 16;
+/// Most threads of a workgroup.
+const LARGEST_BLEND: u32 = 256;
+/// Largest tile in batches.
+const LARGEST_TILE_IN_BATCHES: u32 = 8;
 
 /// What went wrong on the device since it was last asked; later errors are mostly consequences.
 #[derive(Default)]
@@ -111,6 +135,9 @@ fn rank(info: &wgpu::AdapterInfo) -> u32 {
 /// Storage buffers the widest kernel binds.
 const STORAGE_BUFFERS: u32 = 24;
 
+/// Bytes written at once.
+const PIECE: usize = 64 << 20;
+
 /// The adapters that will do, the best first.
 fn adapters(options: &GpuOptions) -> Vec<wgpu::Adapter> {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
@@ -149,10 +176,9 @@ impl Context {
             return Err(Error::invalid("gpu", what, "choose another adapter or --device cpu"));
         }
         let stamps = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES;
-        let mut wanted = wgpu::Features::SUBGROUP;
-        if options.timestamps {
-            wanted |= stamps;
-        }
+        let mut wanted = wgpu::Features::empty();
+        wanted.set(wgpu::Features::SUBGROUP, options.subgroups);
+        wanted.set(stamps, options.timestamps);
         let features = adapter.features() & wanted;
         let opened = ready(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("corf"),
@@ -173,15 +199,13 @@ impl Context {
             failure.first.get_or_insert_with(|| error.to_string());
         }));
         let on_loss = Arc::clone(&failure);
-        device.set_device_lost_callback(move |reason, text| {
-            if reason != wgpu::DeviceLostReason::Destroyed {
-                let mut failure = locked(&on_loss);
-                failure.lost = true;
-                failure.first.get_or_insert(text);
-            }
+        device.set_device_lost_callback(move |_, text| {
+            let mut failure = locked(&on_loss);
+            failure.lost = true;
+            failure.first.get_or_insert(text);
         });
         // Ballots are read as one word.
-        let usable = options.subgroups && features.contains(wgpu::Features::SUBGROUP) && info.subgroup_max_size <= 32;
+        let usable = features.contains(wgpu::Features::SUBGROUP) && info.subgroup_max_size <= 32;
         let subgroups = (usable && info.subgroup_min_size >= 4).then_some((info.subgroup_min_size, info.subgroup_max_size));
         Ok(Self {
             timestamps: features.contains(stamps),
@@ -199,8 +223,21 @@ impl Context {
         is_software(&self.info)
     }
 
+    /// As if an allocation had failed.
+    #[cfg(test)]
+    pub fn pretend_out_of_memory(&self) {
+        let mut failure = locked(&self.failure);
+        failure.out_of_memory = true;
+        failure.first = Some("not enough memory left".to_owned());
+    }
+
     /// What has gone wrong, if anything, as an error of this crate.
     pub fn check(&self, doing: &str) -> Result<()> {
+        if locked(&self.failure).first.is_none() {
+            return Ok(());
+        }
+        // A device that is gone shows first in what it no longer does; that it is gone is told when it is polled.
+        let _ = self.device.poll(wgpu::PollType::Poll);
         let mut failure = locked(&self.failure);
         let Some(text) = failure.first.clone() else { return Ok(()) };
         let place = format!("gpu ({}), {doing}", self.info.name);
@@ -220,10 +257,15 @@ impl Context {
         Err(Error::invalid(place, text, "this is a defect of the device or its driver; --device cpu avoids it"))
     }
 
+    /// Most bytes that one buffer may have.
+    pub fn largest_buffer(&self) -> u64 {
+        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
+    }
+
     /// Memory of at least `bytes`, its contents undefined.
     pub fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
         let size = bytes.max(16).next_multiple_of(16);
-        let largest = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
+        let largest = self.largest_buffer();
         if size > largest {
             let what = format!("{label} needs {} MiB and the adapter binds at most {} MiB at once", size >> 20, largest >> 20);
             let place = format!("gpu ({})", self.info.name);
@@ -242,6 +284,17 @@ impl Context {
     /// A storage buffer.
     pub fn storage(&self, label: &str, bytes: u64) -> Result<wgpu::Buffer> {
         self.buffer(label, bytes, wgpu::BufferUsages::STORAGE)
+    }
+
+    /// Writes numbers at a byte, in pieces, so that the memory in which they travel is soon free again.
+    pub fn fill(&self, buffer: &wgpu::Buffer, at: u64, values: &[f32]) {
+        let bytes: &[u8] = bytemuck::cast_slice(values);
+        for (k, piece) in bytes.chunks(PIECE).enumerate() {
+            self.queue.write_buffer(buffer, at + (k * PIECE) as u64, piece);
+            if bytes.len() > PIECE {
+                self.queue.submit([]);
+            }
+        }
     }
 
     pub fn encoder(&self) -> wgpu::CommandEncoder {

@@ -1,10 +1,10 @@
 //! The GPU device: hand-written WGSL through wgpu (Vulkan, Metal, DirectX 12).
 //!
-//! A step is one run of kernels without a look back at the host: projection of all Gaussians for both modalities (`project`), depth
-//! order, exact tile lists of both images in one list of (Gaussian, tile) pairs (`frame`, `sort`), one blend over both images' tiles,
-//! the loss with its gradient, the blend backwards into one record per pair, and the sums of each visible Gaussian's records with
-//! the projection's gradient and sparse Adam (`train`). Counts stay on the device; a step that finds no room for its pairs changes
-//! nothing, and it and those after it are run again with more room.
+//! A step is one run of kernels without a look back at the host: projection of all Gaussians for both modalities (`project`), exact
+//! tile lists of both images in one list of (Gaussian, tile) pairs, ordered by depth within each tile (`frame`), one blend over both
+//! images' tiles, the loss with its gradient, the blend backwards into one record per pair, and the sums of each visible Gaussian's
+//! records with the projection's gradient and sparse Adam (`train`). Counts stay on the device; a step that finds no room for its pairs
+//! changes nothing, and it and those after it are run again with more room.
 //!
 //! No floating-point atomics: every sum has a fixed order, and a result has the same bytes each time on the same adapter and driver.
 //! Between adapters, and against the CPU device, results differ by rounding (exp2, sqrt and division are not correctly rounded).
@@ -16,11 +16,13 @@ mod params;
 mod pyramid;
 mod readback;
 mod render;
+mod scratch;
 mod shaders;
-mod sort;
 mod store;
 #[cfg(test)]
 pub(crate) mod testing;
+#[cfg(test)]
+mod tests;
 mod train;
 mod work;
 
@@ -50,11 +52,13 @@ pub struct GpuDevice {
     fixed: Fixed,
     /// Whether two images with one camera are blended in one pass.
     fuse: bool,
+    least_room: usize,
     forward: Forward,
     training: Training,
     memory: Memory,
     pyramids: Vec<Pyramid>,
     times: GpuStageTimes,
+    timing: bool,
     last: Counts,
     /// What a call that cannot answer with an error met; the next one that can does.
     deferred: Option<Error>,
@@ -73,19 +77,22 @@ impl GpuDevice {
         let context = Context::open(options)?;
         let mut store = Store::new(&context, initial)?;
         store.append(&context, initial)?;
-        let sort = sort::RadixSort::new(&context)?;
         let (tile, batch) = (options.tile, options.batch);
-        let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, sort_block: sort.block, tile, batch };
-        let forward = Forward::new(&context, sort, &fixed)?;
+        let shuffles = context.subgroups.is_some_and(|(min, _)| min >= batch);
+        let segments = options.segments;
+        let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, tile, batch, segments, shuffles };
+        let forward = Forward::new(&context, &fixed)?;
         let training = Training::new(&context, &fixed)?;
         let memory = Memory::new(&context)?;
         Ok(Self {
+            timing: context.timestamps,
             context,
             optimizer,
             raster,
             store,
             fixed,
             fuse: options.fused,
+            least_room: options.least_room,
             forward,
             training,
             memory,
@@ -110,7 +117,12 @@ impl GpuDevice {
 
     /// How many (Gaussian, tile) pairs of one frame there is room for; grows when a frame has more.
     pub fn pair_capacity(&self) -> usize {
-        self.memory.pair_capacity
+        self.memory.room.pairs
+    }
+
+    /// Memory taken from the adapter, bytes, if its backend counts it.
+    pub fn allocated_bytes(&self) -> Option<u64> {
+        self.context.device.generate_allocator_report().map(|r| r.total_allocated_bytes)
     }
 
     fn raise_deferred(&mut self) -> Result<()> {

@@ -1,8 +1,8 @@
 //! The constants of one frame as the shaders read them (`shaders/params.wgsl`).
 
-use super::shaders::LOSS_BLOCK;
+use super::{context::Context, frame::Room, shaders::LOSS_BLOCK};
 use crate::{
-    OptimizerConfig,
+    OptimizerConfig, Result,
     device::cpu::geometry::{Grid, Pose},
     gaussians::logit,
 };
@@ -61,11 +61,13 @@ pub(crate) struct Params {
     ssim_weight: f32,
     pub train_geometry: u32,
     gaussians: u32,
-    pub pair_capacity: u32,
+    pair_capacity: u32,
     pub tile_total: u32,
     pub pixel_total: u32,
     pub blocks_total: u32,
     pub fused: u32,
+    visible_capacity: u32,
+    padding: [u32; 3],
 }
 
 /// Bytes of one frame's constants.
@@ -107,12 +109,12 @@ impl Params {
             out.reach = [reach(grid.fx, grid.x_limits), reach(grid.fy, grid.y_limits)];
             out.size = size;
             out.tiles = [size[0].div_ceil(tile[0]), size[1].div_ceil(tile[1])];
-            out.blocks = size[0].div_ceil(LOSS_BLOCK);
+            out.blocks = size[0].div_ceil(LOSS_BLOCK[0]);
             let [r, gr, b] = backgrounds[g];
             out.background = [r, gr, b, 0.0];
             p.tile_total += out.tiles[0] * out.tiles[1];
             p.pixel_total += size[0] * size[1];
-            p.blocks_total += out.blocks * size[1].div_ceil(LOSS_BLOCK);
+            p.blocks_total += out.blocks * size[1].div_ceil(LOSS_BLOCK[1]);
         }
         for (out, r) in p.rates.iter_mut().zip([&optimizer.optical, &optimizer.rf]) {
             *out = RateParams {
@@ -132,6 +134,12 @@ impl Params {
         p
     }
 
+    /// What there is room for.
+    pub fn set_room(&mut self, room: Room) {
+        self.pair_capacity = room.pairs as u32;
+        self.visible_capacity = (room.visible as u32).min(self.gaussians);
+    }
+
     /// One list of pairs for both images, if they have one camera; their tiles count once.
     pub fn fuse(&mut self) {
         let [a, b] = &self.grids;
@@ -142,9 +150,28 @@ impl Params {
             self.grids[1].first_tile = self.tile_total;
         }
     }
+}
 
-    /// Radix passes that order the pairs by tile; the number of tiles itself is a key (of pairs that belong to none).
-    pub fn tile_passes(&self) -> u32 {
-        (u32::BITS - self.tile_total.leading_zeros()).div_ceil(8).max(1)
+/// The constants of several frames in one buffer, at dynamic offsets.
+pub(crate) struct Uniforms {
+    pub buffer: wgpu::Buffer,
+    stride: u64,
+}
+
+impl Uniforms {
+    pub fn new<'a>(context: &Context, frames: impl ExactSizeIterator<Item = &'a Params>) -> Result<Self> {
+        let stride = SIZE.next_multiple_of(u64::from(context.limits.min_uniform_buffer_offset_alignment));
+        let mut bytes = vec![0_u8; stride as usize * frames.len()];
+        for (frame, chunk) in frames.zip(bytes.chunks_exact_mut(stride as usize)) {
+            chunk[..SIZE as usize].copy_from_slice(bytemuck::bytes_of(frame));
+        }
+        let buffer = context.buffer("frame constants", bytes.len() as u64, wgpu::BufferUsages::UNIFORM)?;
+        context.queue.write_buffer(&buffer, 0, &bytes);
+        Ok(Self { buffer, stride })
+    }
+
+    /// Where a frame's constants begin.
+    pub fn offset(&self, frame: usize) -> u32 {
+        (self.stride * frame as u64) as u32
     }
 }

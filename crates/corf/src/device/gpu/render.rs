@@ -2,8 +2,9 @@
 
 use super::{
     GpuDevice,
-    frame::{Extent, FAILED, NEEDED, STATE_WORDS},
-    params::{self, Params},
+    frame::{Extent, FAILED, Leaves, Room, STATE_WORDS},
+    params::{Params, Uniforms},
+    train::STEPS_PER_SUBMISSION,
 };
 use crate::{
     Error, Result,
@@ -16,7 +17,7 @@ use corf_scene::Raster;
 
 /// A picture as it comes off the device.
 struct Picture {
-    /// r, g, b, Σ α T / z per pixel.
+    /// Planes of r, g, b, Σ α T / z, each of all pixels.
     image: Vec<f32>,
     transmittance: Vec<f32>,
     main_contributor: Vec<u32>,
@@ -56,31 +57,78 @@ impl GpuDevice {
         Ok(out)
     }
 
-    /// Renders modalities that share a pose.
-    fn render_together(&mut self, wanted: [Option<(View, [f32; 3])>; 2], name: bool, out: &mut Rendering) -> Result<()> {
-        let Some(pose) = wanted.iter().flatten().map(|(v, _)| Pose::new(&v.world_from_camera)).next() else { return Ok(()) };
+    /// The constants of a frame of modalities that share a pose.
+    fn frame(&self, wanted: [Option<(View, [f32; 3])>; 2], name: bool) -> Option<Params> {
+        let pose = wanted.iter().flatten().map(|(v, _)| Pose::new(&v.world_from_camera)).next()?;
         let grids = wanted.map(|w| w.map(|(v, _)| Grid::new(&v.camera, self.raster.antialias)));
         let backgrounds = wanted.map(|w| w.map_or([0.0; 3], |(_, b)| b));
-        let params =
-            Params::new(&pose, &grids, backgrounds, self.raster.near_m, self.store.len(), &self.optimizer, self.fixed.tile);
+        let (near_m, tile) = (self.raster.near_m, self.fixed.tile);
+        let mut params = Params::new(&pose, &grids, backgrounds, near_m, self.store.len(), &self.optimizer, tile);
+        if self.fuse && !name {
+            params.fuse();
+        }
+        Some(params)
+    }
+
+    /// Renders modalities that share a pose.
+    fn render_together(&mut self, wanted: [Option<(View, [f32; 3])>; 2], name: bool, out: &mut Rendering) -> Result<()> {
+        let Some(params) = self.frame(wanted, name) else { return Ok(()) };
         let picture = self.picture(params, name)?;
         let mut first = 0;
-        for (g, grid) in grids.iter().enumerate() {
-            let Some(grid) = grid else { continue };
-            let pixels = grid.width * grid.height;
-            let layer = layer(grid, self.store.harmonics[g].channels, &picture, first);
+        for (g, view) in wanted.iter().enumerate() {
+            let Some((View { camera, .. }, _)) = view else { continue };
+            let (width, height) = (camera.width, camera.height);
+            let layer = layer([width, height], self.store.harmonics[g].channels, &picture, first);
             if g == 0 {
                 out.optical = Some(layer);
                 if name {
-                    let names = picture.main_contributor[..pixels].to_vec();
-                    out.main_contributor = Some(Raster::from_vec(grid.width, grid.height, names));
+                    let names = picture.main_contributor[..width * height].to_vec();
+                    out.main_contributor = Some(Raster::from_vec(width, height, names));
                 }
             } else {
                 out.rf = Some(layer);
             }
-            first += pixels;
+            first += width * height;
         }
         Ok(())
+    }
+
+    /// Draws pictures one after the other and leaves them on the device, as many to a submission as a batch of training steps has: what
+    /// a display would do. Both images of a request are drawn with the optical pose if it has both.
+    ///
+    /// # Errors
+    /// No memory, a lost device.
+    pub fn draw(&mut self, requests: &[RenderRequest]) -> Result<()> {
+        self.raise_deferred()?;
+        let mut frames: Vec<Params> = requests.iter().filter_map(|r| self.frame([r.optical, r.rf], false)).collect();
+        let n = self.store.len();
+        let mut extent = Extent { gaussians: n, ..Extent::default() };
+        frames.iter().for_each(|p| extent.include(p));
+        let mut room = Room::guess(n, self.least_room);
+        loop {
+            self.memory.reserve(&self.context, &self.fixed, &extent, room)?;
+            let m = &self.memory;
+            frames.iter_mut().for_each(|p| p.set_room(m.room));
+            let uniforms = Uniforms::new(&self.context, frames.iter())?;
+            m.reset(&self.context, n);
+            let bound = self.forward.bind(&self.context, &uniforms.buffer, &self.store, m, Leaves::Images)?;
+            for (batch, some) in frames.chunks(STEPS_PER_SUBMISSION).enumerate() {
+                let mut encoder = self.context.encoder();
+                {
+                    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                    for (k, p) in some.iter().enumerate() {
+                        let offset = uniforms.offset(batch * STEPS_PER_SUBMISSION + k);
+                        bound.record(&mut pass, p, offset, n, m, &mut |_| {});
+                    }
+                }
+                self.context.submit(encoder);
+            }
+            let state = self.context.read::<u32>("drawing", &[(&m.state, STATE_WORDS)])?;
+            if state[0][FAILED] == 0 {
+                return Ok(());
+            }
+            room = Room::asked(&state[0]);
+        }
     }
 
     /// Renders once, and again with more room where there was too little.
@@ -88,15 +136,15 @@ impl GpuDevice {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, ..Extent::default() };
         extent.include(&params);
-        let mut pairs = 2 * n;
+        let mut room = Room::guess(n, self.least_room);
         loop {
-            self.memory.reserve(&self.context, &self.forward.sort, &extent, pairs)?;
+            self.memory.reserve(&self.context, &self.fixed, &extent, room)?;
             let m = &self.memory;
-            params.pair_capacity = m.pair_capacity as u32;
-            let uniform = self.context.buffer("frame constants", params::SIZE, wgpu::BufferUsages::UNIFORM)?;
-            self.context.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&params));
+            params.set_room(m.room);
+            let uniforms = Uniforms::new(&self.context, std::iter::once(&params))?;
             m.reset(&self.context, n);
-            let bound = self.forward.bind(&self.context, &uniform, &self.store, m, name)?;
+            let leaves = if name { Leaves::MainContributors } else { Leaves::Images };
+            let bound = self.forward.bind(&self.context, &uniforms.buffer, &self.store, m, leaves)?;
             let mut encoder = self.context.encoder();
             {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -112,7 +160,7 @@ impl GpuDevice {
             ];
             let mut read = self.context.read::<u32>("rendering", &sources)?;
             if read[0][FAILED] != 0 {
-                pairs = read[0][NEEDED] as usize + read[0][NEEDED] as usize / 4;
+                room = Room::asked(&read[0]);
                 continue;
             }
             let main_contributor = read.pop().unwrap_or_default();
@@ -123,14 +171,15 @@ impl GpuDevice {
     }
 }
 
-/// One modality of a picture.
-fn layer(grid: &Grid, channels: usize, picture: &Picture, first: usize) -> Layer {
-    let (width, height) = (grid.width, grid.height);
-    let pixels = &picture.image[4 * first..4 * (first + width * height)];
-    let color = pixels.chunks_exact(4).flat_map(|p| p[..channels].iter().copied()).collect();
+/// One modality of a picture of `width × height` pixels.
+fn layer([width, height]: [usize; 2], channels: usize, picture: &Picture, first: usize) -> Layer {
+    let (pixels, total) = (width * height, picture.transmittance.len());
+    let plane = |k: usize| &picture.image[k * total + first..k * total + first + pixels];
+    let planes: Vec<&[f32]> = (0..channels).map(plane).collect();
+    let color = (0..pixels).flat_map(|p| planes.iter().map(move |plane| plane[p])).collect();
     Layer {
         color: Planes { width, height, channels, pixels: color },
-        inverse_depth: Raster::from_vec(width, height, pixels.iter().skip(3).step_by(4).copied().collect()),
-        transmittance: Raster::from_vec(width, height, picture.transmittance[first..first + width * height].to_vec()),
+        inverse_depth: Raster::from_vec(width, height, plane(3).to_vec()),
+        transmittance: Raster::from_vec(width, height, picture.transmittance[first..first + pixels].to_vec()),
     }
 }

@@ -1,10 +1,19 @@
 //! The WGSL of each kernel, put together from its parts, with what is fixed for a device written in as constants.
 
+mod loss;
+
 use crate::{Antialias, Appearance};
 use std::fmt::Write;
 
-/// Side of a block of the loss kernels, pixels.
-pub(crate) const LOSS_BLOCK: u32 = 16;
+/// Pixels across and down a block of the loss kernels: with the window's halo nearly 128 columns, a thread each.
+pub(crate) const LOSS_BLOCK: [u32; 2] = [112, 8];
+/// Visible Gaussians per workgroup of the update of appearances.
+const EACH: u32 = 32;
+/// Threads of a workgroup of the backward pass, at least: two subgroups, whose buckets share what a workgroup costs.
+const BACKWARD_THREADS: u32 = 64;
+/// Threads that order a list, and how many entries each holds at most while lists are sorted in workgroup memory.
+const ORDER_THREADS: u32 = 128;
+const ENTRIES_A_THREAD: u32 = 8;
 
 const GROUPS: &str = include_str!("shaders/groups.wgsl");
 const PARAMS: &str = include_str!("shaders/params.wgsl");
@@ -15,7 +24,9 @@ const SPLAT: &str = include_str!("shaders/splat.wgsl");
 const TILE_SOURCE: &str = include_str!("shaders/tile.wgsl");
 const SCAN: &str = include_str!("shaders/scan.wgsl");
 const ARGS: &str = include_str!("shaders/args.wgsl");
-const FUSED: &str = include_str!("shaders/fused.wgsl");
+const LISTS: &str = include_str!("shaders/lists.wgsl");
+const FOUND: &str = include_str!("shaders/found.wgsl");
+const ADAM: &str = include_str!("shaders/adam.wgsl");
 const LOSS: &str = include_str!("shaders/loss.wgsl");
 
 /// What the kernels of one device have in common.
@@ -24,12 +35,14 @@ pub(crate) struct Fixed {
     pub antialias: Antialias,
     /// Optical, RF.
     pub harmonics: [HarmonicsShape; 2],
-    /// Keys per workgroup of the sort.
-    pub sort_block: u32,
     /// Pixels across and down a tile.
     pub tile: [u32; 2],
-    /// Splats that the backward pass takes at once.
+    /// Splats of a bucket: what the backward pass takes at once.
     pub batch: u32,
+    /// Threads that share a pixel's list in the forward pass.
+    pub segments: u32,
+    /// Whether a bucket's lanes are of one subgroup, on every workgroup.
+    pub shuffles: bool,
 }
 
 /// Channels and degree of one modality's colour.
@@ -68,15 +81,16 @@ impl Fixed {
             Antialias::On => 1,
             Antialias::Detached => 2,
         };
-        let [width, height] = self.tile;
+        let ([width, height], batch) = (self.tile, self.batch);
         let degree = self.harmonics[0].degree.max(self.harmonics[1].degree);
         format!(
             "const TILE_WIDTH = {width}u;\nconst TILE_HEIGHT = {height}u;\nconst AREA = {}u;\nconst DILATION = {:?};\n\
              const ANTIALIAS_OFF = 0u;\nconst ANTIALIAS_ON = 1u;\nconst ANTIALIAS = {antialias}u;\nconst DEGREE = {degree}u;\n\
-             const SCAN = 256u;\nconst SORT_BLOCK = {}u;\n{GROUPS}{PARAMS}",
+             const SCAN = 256u;\nconst EACH = {EACH}u;\nconst BUCKET = {batch}u;\nconst BUCKETS_A_GROUP = {}u;\n\
+             {GROUPS}{PARAMS}",
             width * height,
             self.antialias.dilation(),
-            self.sort_block,
+            self.backward_threads() / self.batch,
         )
     }
 
@@ -100,121 +114,141 @@ impl Fixed {
         out + "    return max(c, vec3(0.0));\n}\n"
     }
 
-    /// One step of the harmonics of modality `g`, written out; returns Σ_k w_k ∂Y_k/∂d with w_k = Σ_c dL/dc sh_c,k.
+    fn backward_threads(&self) -> u32 {
+        self.batch.max(BACKWARD_THREADS)
+    }
+
+    /// Numbers of a pixel's state that are kept for a bucket.
+    pub fn state_numbers(both: bool) -> u32 {
+        if both { 9 } else { 5 }
+    }
+
+    /// One step of the harmonics of modality `g`.
     fn step_harmonics(&self, g: usize) -> String {
         let shape = self.harmonics[g];
-        let (k, quads) = (shape.coefficients(), shape.words() / 4);
-        let mut out = format!(
-            "fn step_sh_word_{g}(at: u32, old: vec4<f32>, g: vec4<f32>, rates: vec4<f32>) {{
-    if (WRITE_GRADIENTS) {{
-        sh_{g}_m[at] = g;
-        return;
-    }}
-    var m = sh_{g}_m[at];
-    var v = sh_{g}_v[at];
-    let step = adam(g, &m, &v);
-    sh_{g}[at] = old - rates * step;
-    sh_{g}_m[at] = m;
-    sh_{g}_v[at] = v;
-}}
-fn step_sh_{g}(i: u32, y: array<f32, 16>, d: vec3<f32>, d_color: vec3<f32>) -> vec3<f32> {{
-    let at = i * {quads}u;
-    let dc = params.rates[{g}].sh_dc;
-    let rest = params.rates[{g}].sh_rest;
-    var w: array<f32, 16>;
-"
-        );
-        let mut weights = vec![vec![]; k];
-        for quad in 0..quads {
-            let (mut gradient, mut rates) = (vec![], vec![]);
-            for (lane, name) in LANES.iter().enumerate() {
-                let n = 4 * quad + lane;
-                if n < shape.numbers() {
-                    let channel = LANES[n / k];
-                    gradient.push(format!("d_color.{channel} * y[{}]", n % k));
-                    rates.push(if n % k == 0 { "dc" } else { "rest" });
-                    weights[n % k].push(format!("d_color.{channel} * a{quad}.{name}"));
-                } else {
-                    gradient.push("0.0".into());
-                    rates.push("0.0");
-                }
-            }
-            let _ = writeln!(out, "    let a{quad} = sh_{g}[at + {quad}u];");
-            let _ = writeln!(
-                out,
-                "    step_sh_word_{g}(at + {quad}u, a{quad}, vec4({}), vec4({}));",
-                gradient.join(", "),
-                rates.join(", ")
-            );
-        }
-        for (k, terms) in weights.iter().enumerate() {
-            let _ = writeln!(out, "    w[{k}] = {};", terms.join(" + "));
-        }
-        let _ = writeln!(out, "    return direction_gradient(d, w, {}u);\n}}", shape.degree);
-        out
+        let sizes =
+            [("IMAGE", g), ("COEFFICIENTS", shape.coefficients()), ("NUMBERS", shape.numbers()), ("QUADS", shape.words() / 4)];
+        let constants: String = sizes.iter().map(|(name, n)| format!("const {name}_{g} = {n}u;\n")).collect();
+        constants + &include_str!("shaders/step_harmonics.wgsl").replace("_GRID", &format!("_{g}"))
+    }
+
+    /// Constants of the blends.
+    fn blend_head(&self, both: bool) -> String {
+        let area = self.tile[0] * self.tile[1];
+        format!(
+            "const BOTH = {both};\nconst STATE_NUMBERS = {}u;\nconst RADIO_AREA = {}u;\n{LISTS}{SPLAT}{TILE_SOURCE}",
+            Self::state_numbers(both),
+            if both { area } else { 1 },
+        )
     }
 
     pub fn project(&self) -> String {
         let (a, b) = (self.color(0), self.color(1));
-        self.head() + GEOMETRY + HARMONICS + SPANS + SPLAT + include_str!("shaders/project.wgsl") + &a + &b
+        self.head() + GEOMETRY + HARMONICS + SPANS + SPLAT + SCAN + include_str!("shaders/project.wgsl") + &a + &b
     }
 
     pub fn plan(&self) -> String {
         self.head() + SCAN + ARGS + include_str!("shaders/plan.wgsl")
     }
 
-    pub fn count(&self) -> String {
-        self.head() + SCAN + include_str!("shaders/count.wgsl")
-    }
-
-    pub fn sum(&self) -> String {
-        self.head() + SCAN + ARGS + include_str!("shaders/sum.wgsl")
-    }
-
     pub fn emit(&self) -> String {
-        self.head() + SPANS + SPLAT + include_str!("shaders/emit.wgsl")
+        self.head() + SPANS + SPLAT + SCAN + include_str!("shaders/emit.wgsl")
     }
 
-    pub fn ranges(&self) -> String {
-        self.head() + include_str!("shaders/ranges.wgsl")
+    pub fn allot(&self) -> String {
+        self.head() + LISTS + SCAN + ARGS + include_str!("shaders/allot.wgsl")
     }
 
-    /// A batch of the forward pass is one splat a thread.
-    pub fn forward(&self, main_contributor: bool) -> String {
-        let constants = format!("const BATCH = AREA;\nconst MAIN_CONTRIBUTOR = {main_contributor};\n");
-        self.head() + &constants + SPLAT + TILE_SOURCE + include_str!("shaders/forward.wgsl")
+    pub fn place(&self) -> String {
+        self.head() + LISTS + include_str!("shaders/place.wgsl")
     }
 
-    /// Both modalities of one grid at once.
-    pub fn forward_fused(&self) -> String {
-        self.head() + "const BATCH = AREA;\n" + SPLAT + TILE_SOURCE + FUSED + include_str!("shaders/forward_fused.wgsl")
+    pub fn order(&self) -> String {
+        let each = |text: &str| (0..ENTRIES_A_THREAD).map(|k| text.replace('$', &k.to_string())).collect::<String>();
+        // A loop over an array would leave it to the compiler whether entries wait in registers.
+        let look = each(
+            "let i$ = $u * THREADS + thread;\nvar mine$: vec2<u32>;\nvar to$: u32;\nif (i$ < count) {\nmine$ = held[i$];\n\
+             if (first) { to$ = ranked(i$, count, mine$); } else { to$ = merged(i$, width, count, mine$); }\n}\n",
+        );
+        let moved = each("if (i$ < count) { held[to$] = mine$; }\n");
+        let source = include_str!("shaders/order.wgsl").replace("LOOK\n", &look).replace("MOVE\n", &moved);
+        let sizes = format!("const THREADS = {ORDER_THREADS}u;\nconst HELD = {}u;\n", ORDER_THREADS * ENTRIES_A_THREAD);
+        self.head() + LISTS + &sizes + &source
+    }
+
+    /// Whether a pixel's list is shared by several threads where nobody asks for names.
+    fn splits(&self, kind: Blend) -> bool {
+        self.segments > 1 && !kind.main_contributor
+    }
+
+    /// Both modalities of one grid at once, or one of each tile.
+    pub fn forward(&self, kind: Blend) -> String {
+        let (both, name, keep) = (kind.both, kind.main_contributor, kind.checkpoints);
+        let constants = format!("const MAIN_CONTRIBUTOR = {name};\nconst KEEP = {keep};\n");
+        let head = self.head() + &constants + &self.blend_head(both) + include_str!("shaders/blend.wgsl");
+        if !self.splits(kind) {
+            return head + include_str!("shaders/forward.wgsl");
+        }
+        let (segments, batch) = (self.segments, self.segments * self.batch);
+        let sizes = format!("const SEGMENTS = {segments}u;\nconst RADIO_BATCH = {}u;\n", if both { batch } else { 1 });
+        head + &sizes + include_str!("shaders/forward_split.wgsl")
+    }
+
+    pub fn backward(&self, both: bool) -> String {
+        let pass =
+            if self.shuffles { include_str!("shaders/pass_subgroup.wgsl") } else { include_str!("shaders/pass_portable.wgsl") };
+        let threads = self.backward_threads();
+        let pixels = threads / self.batch * self.tile[0] * self.tile[1];
+        let constants = format!(
+            "const BACKWARD_THREADS = {threads}u;\nconst PIXELS = {pixels}u;\nconst RADIO_PIXELS = {}u;\n",
+            if both { pixels } else { 1 }
+        );
+        self.head() + &constants + &self.blend_head(both) + include_str!("shaders/backward.wgsl") + pass
+    }
+
+    fn loss_head(&self) -> String {
+        let [width, height] = LOSS_BLOCK;
+        let sizes = format!(
+            "const BLOCK_WIDTH = {width}u;\nconst BLOCK_HEIGHT = {height}u;\nconst THREADS = {}u;\n",
+            (width + 2 * loss::RADIUS).next_multiple_of(32)
+        );
+        self.head() + &sizes + LOSS
     }
 
     pub fn similarity(&self) -> String {
-        self.head() + LOSS + include_str!("shaders/similarity.wgsl")
+        self.loss_head() + &loss::similarity(include_str!("shaders/similarity.wgsl"))
     }
 
     pub fn gradient(&self) -> String {
-        self.head() + LOSS + include_str!("shaders/gradient.wgsl")
+        self.loss_head() + &loss::gradient(include_str!("shaders/gradient.wgsl"))
     }
 
-    pub fn backward(&self) -> String {
-        let constants = format!("const BATCH = {}u;\n", self.batch);
-        self.head() + &constants + SPLAT + TILE_SOURCE + include_str!("shaders/backward.wgsl")
-    }
-
-    /// Both modalities of one grid at once.
-    pub fn backward_fused(&self) -> String {
-        let constants = format!("const BATCH = {}u;\n", self.batch);
-        self.head() + &constants + SPLAT + TILE_SOURCE + FUSED + include_str!("shaders/backward_fused.wgsl")
-    }
-
-    /// The update, or (`write_gradients`) the same with gradients written in place of the first moments.
-    pub fn update(&self, write_gradients: bool) -> String {
+    fn update_head(&self, write_gradients: bool) -> String {
         let constants = format!("const WRITE_GRADIENTS = {write_gradients};\n");
-        let (a, b) = (self.step_harmonics(0), self.step_harmonics(1));
-        self.head() + &constants + GEOMETRY + HARMONICS + SPLAT + include_str!("shaders/update.wgsl") + &a + &b
+        self.head() + &constants + GEOMETRY + FOUND + ADAM
     }
+
+    /// The update of the harmonics, or (`write_gradients`) the same with gradients written in place of the first moments.
+    pub fn update_appearance(&self, write_gradients: bool) -> String {
+        let (a, b) = (self.step_harmonics(0), self.step_harmonics(1));
+        self.update_head(write_gradients) + HARMONICS + SPLAT + include_str!("shaders/update_appearance.wgsl") + &a + &b
+    }
+
+    /// The update of geometry and opacities; gradients as above.
+    pub fn update_geometry(&self, write_gradients: bool) -> String {
+        self.update_head(write_gradients) + include_str!("shaders/update_geometry.wgsl")
+    }
+}
+
+/// Which blend.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Blend {
+    /// Both modalities of one grid at once.
+    pub both: bool,
+    /// Also name the Gaussian of the largest weight.
+    pub main_contributor: bool,
+    /// Keep what the backward pass begins with.
+    pub checkpoints: bool,
 }
 
 /// Gathering rows of a buffer.

@@ -171,14 +171,20 @@ impl Store {
             core.extend([new.optical.opacity_logit[i], new.rf.opacity_logit[i]]);
         }
         let sh = [transposed(&new.optical, self.harmonics[0]), transposed(&new.rf, self.harmonics[1])];
-        let zeros = vec![0.0_f32; n * CORE.max(self.harmonics[0].words()).max(self.harmonics[1].words())];
-        let ones = vec![1.0_f32; n];
         let first = self.len;
-        let values: [&[f32]; 10] = [&core, &zeros, &zeros, &ones, &sh[0], &zeros, &zeros, &sh[1], &zeros, &zeros];
-        for (rows, values) in self.rows().into_iter().zip(values) {
-            let values = &values[..n * rows.words];
-            context.queue.write_buffer(&rows.buffer, rows.bytes(first), bytemuck::cast_slice(values));
+        let c = &self.core;
+        context.fill(&c.value.buffer, c.value.bytes(first), &core);
+        context.fill(&self.position_rate.buffer, self.position_rate.bytes(first), &vec![1.0; n]);
+        for (trained, values) in self.sh.iter().zip(&sh) {
+            context.fill(&trained.value.buffer, trained.value.bytes(first), values);
         }
+        let mut encoder = context.encoder();
+        for trained in [c, &self.sh[0], &self.sh[1]] {
+            for moment in [&trained.moment1, &trained.moment2] {
+                encoder.clear_buffer(&moment.buffer, moment.bytes(first), Some(moment.bytes(n)));
+            }
+        }
+        context.submit(encoder);
         self.len += n;
         context.check("adding Gaussians")
     }

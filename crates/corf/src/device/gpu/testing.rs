@@ -9,7 +9,9 @@ pub(crate) const OPTIONS: GpuOptions = GpuOptions {
     timestamps: false,
     tile: [8, 8],
     batch: 16,
+    segments: 1,
     fused: true,
+    least_room: 16,
     poison: Some(0xffc0_ffee),
 };
 

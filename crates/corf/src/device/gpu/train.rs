@@ -3,9 +3,9 @@
 use super::{
     GpuDevice,
     context::Context,
-    frame::{ARGS_VISIBLE_64, Extent, FAILED, NEEDED, STATE_WORDS, STEPS, VISIBLE},
+    frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, Room, STATE_WORDS, STEPS, VISIBLE},
     kernel::{Bound, Kernel},
-    params::{self, Params},
+    params::{self, Params, Uniforms},
     shaders::Fixed,
 };
 use crate::{
@@ -14,11 +14,24 @@ use crate::{
 };
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Names of a step's stages, in order.
-pub const STAGES: [&str; 6] = ["project", "sort", "forward", "loss", "backward", "update"];
+/// Names of a step's kernels, in order.
+pub const STAGES: [&str; 12] = [
+    "project",
+    "plan",
+    "emit",
+    "allot",
+    "place",
+    "order",
+    "forward",
+    "similarity",
+    "gradient",
+    "backward",
+    "appearance",
+    "geometry",
+];
 
-/// Steps recorded into one submission.
-const STEPS_PER_SUBMISSION: usize = 32;
+/// Steps, or frames, recorded into one submission.
+pub(crate) const STEPS_PER_SUBMISSION: usize = 32;
 
 /// Time spent on the device, by its own timestamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,17 +49,19 @@ pub(crate) struct Counts {
     /// Of the largest frame of the call.
     pub pairs: usize,
     pub pixels: usize,
-    pub tile_passes: u32,
+    pub tiles: usize,
+    pub fused: bool,
 }
 
 /// The kernels of a step beyond the forward pass.
 pub(crate) struct Training {
     similarity: Kernel,
     gradient: Kernel,
-    backward: Kernel,
-    backward_fused: Kernel,
-    update: Kernel,
-    write_gradients: Kernel,
+    /// Apart, both at once.
+    backward: [Kernel; 2],
+    /// Appearance, geometry.
+    update: [Kernel; 2],
+    write_gradients: [Kernel; 2],
 }
 
 impl Training {
@@ -55,10 +70,15 @@ impl Training {
         Ok(Self {
             similarity: kernel("similarity", fixed.similarity())?,
             gradient: kernel("loss gradient", fixed.gradient())?,
-            backward: kernel("blend backwards", fixed.backward())?,
-            backward_fused: kernel("blend both backwards", fixed.backward_fused())?,
-            update: kernel("update", fixed.update(false))?,
-            write_gradients: kernel("gradients", fixed.update(true))?,
+            backward: [kernel("blend backwards", fixed.backward(false))?, kernel("blend both backwards", fixed.backward(true))?],
+            update: [
+                kernel("update appearance", fixed.update_appearance(false))?,
+                kernel("update geometry", fixed.update_geometry(false))?,
+            ],
+            write_gradients: [
+                kernel("gradients of appearance", fixed.update_appearance(true))?,
+                kernel("gradients of geometry", fixed.update_geometry(true))?,
+            ],
         })
     }
 }
@@ -69,9 +89,10 @@ type Destination<'a> = Option<[&'a wgpu::Buffer; 3]>;
 /// The kernels of a batch of steps with their memory.
 struct BoundTraining {
     losses: BTreeMap<usize, [Bound; 2]>,
-    /// By the parity of the tile passes; apart, fused.
-    backward: [[Bound; 2]; 2],
-    update: Bound,
+    /// Apart, both at once.
+    backward: [Bound; 2],
+    /// Appearance, geometry.
+    update: [Bound; 2],
 }
 
 /// One step's constants and place among the uniforms.
@@ -132,49 +153,40 @@ impl GpuDevice {
             let similarity = bind(&t.similarity, &[uniform, image, target, derivatives, losses])?;
             by_view.insert(view, [similarity, bind(&t.gradient, &[uniform, image, target, derivatives, gradient, losses])?]);
         }
-        let backward = |kernel: &Kernel, passes: u32| {
-            let buffers = [
-                uniform,
-                &m.starts.buffer,
-                m.sorted_pairs(passes),
-                &m.owners.buffer,
-                &m.splats.buffer,
-                image,
-                gradient,
-                &m.records.buffer,
-            ];
-            bind(kernel, &buffers)
-        };
-        let (kernel, firsts) = match destination {
+        let (lists, entries, splats) = (&m.lists.buffer, &m.entries.buffer, &m.splats.buffer);
+        let (checkpoints, visited, records) = (&m.checkpoints.buffer, &m.visited.buffer, &m.records.buffer);
+        let backward =
+            [uniform, &m.state, lists, &m.bucket_tiles.buffer, entries, splats, image, gradient, checkpoints, visited, records];
+        let ([appearance, geometry], firsts) = match destination {
             None => (&t.update, [&s.core.moment1.buffer, &s.sh[0].moment1.buffer, &s.sh[1].moment1.buffer]),
             Some(gradients) => (&t.write_gradients, gradients),
         };
-        let buffers = [
+        let (order, found, directions, core) = (&m.order.buffer, &m.found.buffer, &m.directions.buffer, &s.core.value.buffer);
+        let appearance_buffers = [
             uniform,
             &m.state,
-            &m.order[0].buffer,
+            order,
             &m.offsets.buffer,
             &m.tile_counts.buffer,
-            &m.records.buffer,
-            &m.splats.buffer,
-            &s.core.value.buffer,
-            firsts[0],
-            &s.core.moment2.buffer,
-            &s.position_rate.buffer,
+            records,
+            splats,
+            core,
             &s.sh[0].value.buffer,
             firsts[1],
             &s.sh[0].moment2.buffer,
             &s.sh[1].value.buffer,
             firsts[2],
             &s.sh[1].moment2.buffer,
+            found,
+            directions,
+            &m.places.buffer,
         ];
+        let geometry_buffers =
+            [uniform, &m.state, order, found, directions, core, firsts[0], &s.core.moment2.buffer, &s.position_rate.buffer];
         Ok(BoundTraining {
             losses: by_view,
-            backward: [
-                [backward(&t.backward, 0)?, backward(&t.backward, 1)?],
-                [backward(&t.backward_fused, 0)?, backward(&t.backward_fused, 1)?],
-            ],
-            update: bind(kernel, &buffers)?,
+            backward: [bind(&t.backward[0], &backward)?, bind(&t.backward[1], &backward)?],
+            update: [bind(appearance, &appearance_buffers)?, bind(geometry, &geometry_buffers)?],
         })
     }
 
@@ -188,25 +200,27 @@ impl GpuDevice {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, training: true, ..Extent::default() };
         planned.iter().for_each(|p| extent.include(&p.params));
-        let (mut pairs, mut done) = (2 * n, 0);
+        let (mut room, mut done) = (Room::guess(n, self.least_room), 0);
         let mut report = StepReport::default();
         while done < planned.len() {
-            self.memory.reserve(&self.context, &self.forward.sort, &extent, pairs)?;
-            let capacity = self.memory.pair_capacity as u32;
-            planned.iter_mut().for_each(|p| p.params.pair_capacity = capacity);
+            self.memory.reserve(&self.context, &self.fixed, &extent, room)?;
+            let held = self.memory.room;
+            planned.iter_mut().for_each(|p| p.params.set_room(held));
             self.submit(&planned[done..], destination)?;
             let last = &planned[planned.len() - 1].params;
-            let sources = [(&self.memory.state, STATE_WORDS), (&self.memory.block_losses.buffer, 4 * last.blocks_total as usize)];
+            let sources =
+                [(&self.memory.state, STATE_WORDS), (&self.memory.block_losses.buffer, 12 * last.blocks_total as usize)];
             let read = self.context.read::<u32>("training", &sources)?;
             let state = &read[0];
             if state[FAILED] != 0 {
-                pairs = state[NEEDED] as usize + state[NEEDED] as usize / 4;
+                room = Room::asked(state);
             } else {
                 self.last = Counts {
                     visible: state[VISIBLE] as usize,
                     pairs: state[NEEDED] as usize,
                     pixels: last.pixel_total as usize,
-                    tile_passes: last.tile_passes(),
+                    tiles: last.tile_total as usize,
+                    fused: last.fused == 1,
                 };
                 report = report_of(last, state[VISIBLE] as usize, &read[1], self.optimizer.ssim_weight);
             }
@@ -221,19 +235,14 @@ impl GpuDevice {
     /// Records and submits steps.
     fn submit(&mut self, steps: &[Planned], destination: Destination<'_>) -> Result<()> {
         let context = &self.context;
-        let stride = params::SIZE.next_multiple_of(u64::from(context.limits.min_uniform_buffer_offset_alignment));
-        let uniform = context.buffer("step constants", stride * steps.len() as u64, wgpu::BufferUsages::UNIFORM)?;
-        let mut bytes = vec![0_u8; stride as usize * steps.len()];
-        for (step, chunk) in steps.iter().zip(bytes.chunks_exact_mut(stride as usize)) {
-            chunk[..params::SIZE as usize].copy_from_slice(bytemuck::bytes_of(&step.params));
-        }
-        context.queue.write_buffer(&uniform, 0, &bytes);
+        let uniforms = Uniforms::new(context, steps.iter().map(|s| &s.params))?;
+        let uniform = &uniforms.buffer;
         let (n, m) = (self.store.len(), &self.memory);
         m.reset(context, n);
-        let forward = self.forward.bind(context, &uniform, &self.store, m, false)?;
-        let training = self.bind_training(&uniform, steps, destination)?;
+        let forward = self.forward.bind(context, uniform, &self.store, m, Leaves::Checkpoints)?;
+        let training = self.bind_training(uniform, steps, destination)?;
         for (batch, some) in steps.chunks(STEPS_PER_SUBMISSION).enumerate() {
-            let clock = if context.timestamps { Some(Clock::new(context, some.len())?) } else { None };
+            let clock = if self.timing { Some(Clock::new(context, some.len())?) } else { None };
             let mut encoder = context.encoder();
             {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -246,18 +255,20 @@ impl GpuDevice {
                 };
                 for (k, step) in some.iter().enumerate() {
                     let p = &step.params;
-                    let offset = (stride * (batch * STEPS_PER_SUBMISSION + k) as u64) as u32;
-                    let last = (p.tile_passes() % 2) as usize;
+                    let offset = uniforms.offset(batch * STEPS_PER_SUBMISSION + k);
                     mark(&mut pass);
                     forward.record(&mut pass, p, offset, n, m, &mut mark);
                     if let Some([similarity, gradient]) = training.losses.get(&step.view.0) {
-                        similarity.run(&mut pass, offset, p.blocks_total);
-                        gradient.run(&mut pass, offset, p.blocks_total);
+                        similarity.run(&mut pass, offset, 3 * p.blocks_total);
+                        mark(&mut pass);
+                        gradient.run(&mut pass, offset, 3 * p.blocks_total);
                     }
                     mark(&mut pass);
-                    training.backward[p.fused as usize][last].run(&mut pass, offset, p.tile_total);
+                    training.backward[p.fused as usize].run_indirect(&mut pass, offset, &m.args, ARGS_BUCKETS);
                     mark(&mut pass);
-                    training.update.run_indirect(&mut pass, offset, &m.args, ARGS_VISIBLE_64);
+                    training.update[0].run_indirect(&mut pass, offset, &m.args, ARGS_APPEARANCE);
+                    mark(&mut pass);
+                    training.update[1].run_indirect(&mut pass, offset, &m.args, ARGS_GEOMETRY);
                     mark(&mut pass);
                 }
             }
@@ -292,6 +303,12 @@ impl GpuDevice {
         Ok((report, self.store.read(&self.context, buffers)?))
     }
 
+    /// Whether the stages of the steps that follow are timed, which costs them a little; the device must have been made with
+    /// [`GpuOptions::timestamps`](super::GpuOptions).
+    pub fn time_stages(&mut self, on: bool) {
+        self.timing = on && self.context.timestamps;
+    }
+
     /// Time on the device since it was made or this was last called; nothing unless it was made with
     /// [`GpuOptions::timestamps`](super::GpuOptions) and the adapter has them.
     pub fn take_stage_times(&mut self) -> Option<GpuStageTimes> {
@@ -299,11 +316,11 @@ impl GpuDevice {
     }
 }
 
-/// Losses from the sums of S, |x − y| and confidence·|I − target| over blocks.
+/// Losses from the sums of S, |x − y| and confidence·|I − target| over the three channels of each block.
 fn report_of(p: &Params, visible: usize, blocks: &[u32], ssim_weight: f32) -> StepReport {
     let mut sums = [[0.0_f64; 3]; 2];
-    for (block, words) in blocks.chunks_exact(4).enumerate() {
-        let g = usize::from(p.grids[1].size[0] > 0 && block >= p.grids[1].first_block as usize);
+    for (channel, words) in blocks.chunks_exact(4).enumerate() {
+        let g = usize::from(p.grids[1].size[0] > 0 && channel / 3 >= p.grids[1].first_block as usize);
         for (sum, word) in sums[g].iter_mut().zip(words) {
             *sum += f64::from(f32::from_bits(*word));
         }

@@ -1,8 +1,7 @@
-const ARGS_DEPTH_SORT = 0u;
-const ARGS_VISIBLE_256 = 1u;
-const ARGS_VISIBLE_64 = 2u;
-const ARGS_PAIR_SORT = 3u;
-const ARGS_PAIRS_256 = 4u;
+const ARGS_APPEARANCE = 0u;
+const ARGS_GEOMETRY = 1u;
+const ARGS_PAIRS = 2u;
+const ARGS_BUCKETS = 3u;
 
 // Workgroups in rows of 32768; never none, so that what runs once per dispatch runs.
 fn folded(groups: u32) -> vec4<u32> {

@@ -1,134 +1,193 @@
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> starts: array<u32>;
-@group(0) @binding(2) var<storage, read> pairs: array<u32>;
-@group(0) @binding(3) var<storage, read> owners: array<u32>;
-@group(0) @binding(4) var<storage, read> splats: array<Splat>;
-@group(0) @binding(5) var<storage, read> image: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read> gradient: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read_write> records: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> state: array<u32>;
+@group(0) @binding(2) var<storage, read> lists: array<List>;
+@group(0) @binding(3) var<storage, read> bucket_tiles: array<u32>;
+@group(0) @binding(4) var<storage, read> entries: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read> splats: array<Splat>;
+@group(0) @binding(6) var<storage, read> image: array<f32>;
+@group(0) @binding(7) var<storage, read> gradient: array<f32>;
+@group(0) @binding(8) var<storage, read> checkpoints: array<f32>;
+@group(0) @binding(9) var<storage, read> visited: array<u32>;
+@group(0) @binding(10) var<storage, read_write> records: array<vec4<f32>>;
 
-// Two halves to a batch. First a thread is a pixel and walks the batch front to back, as the forward pass did; what it finds for each
-// splat, the weight α·T and dL/dσ, goes to workgroup memory. Then a thread is a splat (and one of PARTS runs of pixels) and sums over
-// pixels. One record per (Gaussian, tile), in the order of emission: no atomics, and sums in a fixed order.
-const ROW = AREA + 1u;      // one word more than a row of pixels: no two splats in one bank
-const PARTS = AREA / BATCH;
-const RUN = AREA / PARTS;   // pixels of a part: whole rows of the tile
-var<workgroup> weights: array<f32, BATCH * ROW>;
-var<workgroup> d_sigmas: array<f32, BATCH * ROW>;
-var<workgroup> pixel_gradient: array<vec4<f32>, AREA>;
-var<workgroup> open: atomic<u32>;
-var<workgroup> any_open: u32;
+// A lane is a splat, a bucket is BUCKET splats of one tile that stand one behind the other. The tile's pixels pass through the bucket,
+// from lane to lane, one a step; what a pixel is when it comes to the bucket's first splat was kept by the forward pass. Each lane sums
+// over the pixels on its own, in their order: no atomics, and a fixed order. One record per pair. A record of one image: dL/dcolour,
+// dL/d(1/z); dL/d(oρ), Σ dL/dσ (dx², dx dy, dy²); Σ dL/dσ (dx, dy). Of both: dL/dcolour of light, dL/d(1/z); dL/dcolour of radio,
+// dL/d(oρ) of light; dL/d(oρ) of radio, Σ dL/dσ (dx², dx dy, dy²) of both; Σ dL/dσ (dx, dy) of both.
+// T and g·(what is composited from here on, background included) of a bucket's pixels as they come to it.
+var<workgroup> light_before: array<vec2<f32>, PIXELS>;
+var<workgroup> radio_before: array<vec2<f32>, RADIO_PIXELS>;
+// dL/dimage.
+var<workgroup> light_gradient: array<vec4<f32>, PIXELS>;
+// One plane a channel: words of three would be kept as four, and how much of this memory a bucket takes decides how many run at once.
+var<workgroup> radio_gradient: array<f32, 3u * RADIO_PIXELS>;
+var<workgroup> live: atomic<u32>;
+var<workgroup> any_live: u32;
 
-@compute @workgroup_size(AREA)
-fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let index = group_number(id);
-    if (index >= params.tile_total) { return; }
-    let tile = tile_of(index, thread);
-    let centre = vec2<f32>(tile.pixel - tile.corner) + 0.5;
-    let first = starts[index];
-    let end = starts[index + 1u];
-    var t = 0.0;
-    var g = vec4(0.0);
-    // g·(what is composited from here on, background included).
-    var behind = 0.0;
-    if (tile.inside) {
+fn color_of(at: u32) -> vec3<f32> {
+    return vec3(image[at], image[params.pixel_total + at], image[2u * params.pixel_total + at]);
+}
+
+fn gradient_of(at: u32) -> vec3<f32> {
+    return vec3(gradient[at], gradient[params.pixel_total + at], gradient[2u * params.pixel_total + at]);
+}
+
+fn set_radio_gradient(at: u32, g: vec3<f32>) {
+    radio_gradient[at] = g.x;
+    radio_gradient[RADIO_PIXELS + at] = g.y;
+    radio_gradient[2u * RADIO_PIXELS + at] = g.z;
+}
+
+// Brings a pixel of a tile to the entrance of a bucket: place `to` of workgroup memory. Whether anything can be drawn there.
+fn bring(index: u32, pixel: u32, to: u32, checkpoint: u32, is_first: bool) -> bool {
+    let tile = tile_of(index, pixel);
+    light_before[to] = vec2(0.0);
+    light_gradient[to] = vec4(0.0);
+    if (BOTH) {
+        radio_before[to] = vec2(0.0);
+        set_radio_gradient(to, vec3(0.0));
+    }
+    if (!tile.inside) { return false; }
+    var t = 1.0;
+    var passed = vec4(0.0);
+    if (!is_first) {
+        t = checkpoints[checkpoint_at(checkpoint, 0u, pixel)];
+        passed = vec4(
+            checkpoints[checkpoint_at(checkpoint, 1u, pixel)],
+            checkpoints[checkpoint_at(checkpoint, 2u, pixel)],
+            checkpoints[checkpoint_at(checkpoint, 3u, pixel)],
+            checkpoints[checkpoint_at(checkpoint, 4u, pixel)],
+        );
+    }
+    let g = vec4(gradient_of(tile.at), gradient[3u * params.pixel_total + tile.at]);
+    let whole = vec4(color_of(tile.at), image[3u * params.pixel_total + tile.at]);
+    light_gradient[to] = g;
+    light_before[to] = vec2(t, dot(g, whole - passed));
+    var open = t >= MIN_TRANSMITTANCE;
+    if (BOTH) {
+        let second = tile.at + params.grids[1].first_pixel;
         t = 1.0;
-        g = gradient[tile.at];
-        behind = dot(g, image[tile.at]);
+        var passed = vec3(0.0);
+        if (!is_first) {
+            t = checkpoints[checkpoint_at(checkpoint, 5u, pixel)];
+            passed = vec3(
+                checkpoints[checkpoint_at(checkpoint, 6u, pixel)],
+                checkpoints[checkpoint_at(checkpoint, 7u, pixel)],
+                checkpoints[checkpoint_at(checkpoint, 8u, pixel)],
+            );
+        }
+        let g = gradient_of(second);
+        set_radio_gradient(to, g);
+        radio_before[to] = vec2(t, dot(g, color_of(second) - passed));
+        open |= t >= MIN_TRANSMITTANCE;
     }
-    pixel_gradient[thread] = g;
-    let slot_2 = thread % BATCH;
-    let part = thread / BATCH;
-    var begin = first;
-    for (; begin < end; begin += BATCH) {
-        if (thread == 0u) { atomicStore(&open, 0u); }
-        workgroupBarrier();
-        if (t >= MIN_TRANSMITTANCE) { atomicStore(&open, 1u); }
-        for (var slot = thread; slot < BATCH; slot += AREA) {
-            if (begin + slot < end) { load(slot, splats[owners[pairs[begin + slot]]], tile.corner); }
-        }
-        workgroupBarrier();
-        if (thread == 0u) { any_open = atomicLoad(&open); }
-        if (workgroupUniformLoad(&any_open) == 0u) { break; }
-        let count = min(BATCH, end - begin);
-        for (var slot = 0u; slot < count; slot++) {
-            let free = free_alpha(slot, centre);
-            let alpha = min(free, MAX_ALPHA);
-            var weight = 0.0;
-            var d_sigma = 0.0;
-            if (alpha >= MIN_ALPHA && t >= MIN_TRANSMITTANCE) {
-                weight = alpha * t;
-                let shade = dot(g, batch_color[slot]);
-                // dL/dα = T c·g − R·g / (1 − α), with R behind this Gaussian; dL/dσ = −α dL/dα where the cap does not hold it.
-                behind -= weight * shade;
-                if (free < MAX_ALPHA) { d_sigma = -alpha * (t * shade - behind / (1.0 - alpha)); }
-                t -= weight;
+    return open;
+}
+
+// What one image does at one pixel: weight α·T and dL/dσ; T and what is behind move on. dL/dα = T c·g − R·g / (1 − α), with R behind
+// this Gaussian; dL/dσ = −α dL/dα where the cap does not hold it.
+fn blend_back(free: f32, shade: f32, at: ptr<function, vec2<f32>>) -> vec2<f32> {
+    let alpha = min(free, MAX_ALPHA);
+    if (!(alpha >= MIN_ALPHA && (*at).x >= MIN_TRANSMITTANCE)) { return vec2(0.0); }
+    let weight = alpha * (*at).x;
+    let behind = (*at).y - weight * shade;
+    let slope = -alpha * ((*at).x * shade - behind / (1.0 - alpha));
+    *at = vec2((*at).x - weight, behind);
+    return vec2(weight, select(0.0, slope, free < MAX_ALPHA));
+}
+
+fn backward(group: u32, thread: u32) {
+    let lane = thread % BUCKET;
+    let own = thread / BUCKET;
+    let bucket = group * BUCKETS_A_GROUP + own;
+    if (thread == 0u) { atomicStore(&live, 0u); }
+    workgroupBarrier();
+    let exists = bucket < state[BUCKETS];
+    var index = 0u;
+    var count = 0u;
+    // None where the tile had ended before.
+    var taken = 0u;
+    var pair = 0u;
+    var corner = vec2(0u);
+    var splat = nothing();
+    if (exists) {
+        index = bucket_tiles[bucket];
+        let list = lists[index];
+        let number = bucket - list.bucket;
+        let begin = number * BUCKET;
+        count = min(BUCKET, list.count - begin);
+        if (begin < visited[index]) {
+            var open = false;
+            for (var pixel = lane; pixel < AREA; pixel += BUCKET) {
+                open |= bring(index, pixel, own * AREA + pixel, list.checkpoint + number - 1u, number == 0u);
             }
-            weights[slot * ROW + thread] = weight;
-            d_sigmas[slot * ROW + thread] = d_sigma;
+            if (open) { atomicStore(&live, 1u); }
+            taken = count;
         }
-        workgroupBarrier();
-        var d_color = vec4(0.0);
-        // Σ dL/dσ · (1, x, y) and · (x², x y, y²), pixels counted from the tile's corner.
-        var low = vec3(0.0);
-        var high = vec3(0.0);
-        if (slot_2 < count) {
-            for (var row = 0u; row < RUN / TILE_WIDTH; row++) {
-                let row_begin = part * RUN + row * TILE_WIDTH;
-                var s0 = 0.0;
-                var s1 = 0.0;
-                var s2 = 0.0;
-                for (var i = 0u; i < TILE_WIDTH; i++) {
-                    let at = slot_2 * ROW + row_begin + i;
-                    d_color = fma(vec4(weights[at]), pixel_gradient[row_begin + i], d_color);
-                    let d = d_sigmas[at];
-                    let x = f32(i) + 0.5;
-                    s0 += d;
-                    s1 = fma(d, x, s1);
-                    s2 = fma(d, x * x, s2);
+        if (lane < count) {
+            let entry = entries[list.first + begin + lane];
+            pair = entry.y;
+            splat = drawn(entry.x, tile_of(index, 0u).corner);
+        }
+    }
+    workgroupBarrier();
+    if (thread == 0u) { any_live = atomicLoad(&live); }
+
+    var d_light = vec4(0.0);
+    var d_radio = vec3(0.0);
+    // Σ dL/dσ of each.
+    var mass = vec2(0.0);
+    var first = vec2(0.0);
+    var second = vec3(0.0);
+    if (workgroupUniformLoad(&any_live) != 0u) {
+        var light_at = vec2(0.0);
+        var radio_at = vec2(0.0);
+        for (var step = 0u; step < AREA + BUCKET - 1u; step++) {
+            light_at = from_before(light_at, thread);
+            if (BOTH) { radio_at = from_before(radio_at, thread); }
+            // Below 0 is above AREA.
+            let pixel = step - lane;
+            if (pixel < AREA && lane < taken) {
+                let at = own * AREA + pixel;
+                if (lane == 0u) {
+                    light_at = light_before[at];
+                    if (BOTH) { radio_at = radio_before[at]; }
                 }
-                let y = f32(row_begin / TILE_WIDTH) + 0.5;
-                low += vec3(s0, s1, s0 * y);
-                high += vec3(s2, s1 * y, s0 * y * y);
+                let centre = vec2(f32(pixel % TILE_WIDTH), f32(pixel / TILE_WIDTH)) + 0.5;
+                let d = splat.place.xy - centre;
+                let f = falloff(splat.power, d);
+                let g = light_gradient[at];
+                let light = blend_back(splat.place.z * f, dot(g, vec4(splat.color, splat.place.w)), &light_at);
+                d_light = fma(vec4(light.x), g, d_light);
+                mass.x += light.y;
+                var d_sigma = light.y;
+                if (BOTH) {
+                    let g = vec3(radio_gradient[at], radio_gradient[RADIO_PIXELS + at], radio_gradient[2u * RADIO_PIXELS + at]);
+                    let radio = blend_back(splat.radio.w * f, dot(g, splat.radio.rgb), &radio_at);
+                    d_radio = fma(vec3(radio.x), g, d_radio);
+                    mass.y += radio.y;
+                    d_sigma += radio.y;
+                }
+                let moment = d_sigma * d;
+                first += moment;
+                second += vec3(moment.x * d.x, moment.x * d.y, moment.y * d.y);
             }
         }
-        workgroupBarrier();
-        // Parts of a splat meet in its rows of `weights`: 10 numbers a part.
-        if (part > 0u && slot_2 < count) {
-            let at = slot_2 * ROW + (part - 1u) * 10u;
-            weights[at] = d_color.x;
-            weights[at + 1u] = d_color.y;
-            weights[at + 2u] = d_color.z;
-            weights[at + 3u] = d_color.w;
-            weights[at + 4u] = low.x;
-            weights[at + 5u] = low.y;
-            weights[at + 6u] = low.z;
-            weights[at + 7u] = high.x;
-            weights[at + 8u] = high.y;
-            weights[at + 9u] = high.z;
-        }
-        workgroupBarrier();
-        if (part == 0u && slot_2 < count) {
-            for (var p = 1u; p < PARTS; p++) {
-                let at = slot_2 * ROW + (p - 1u) * 10u;
-                d_color += vec4(weights[at], weights[at + 1u], weights[at + 2u], weights[at + 3u]);
-                low += vec3(weights[at + 4u], weights[at + 5u], weights[at + 6u]);
-                high += vec3(weights[at + 7u], weights[at + 8u], weights[at + 9u]);
-            }
-            let place = batch_place[slot_2];
-            let moments = about_mean(place.xy, low, high);
-            let at = 3u * pairs[begin + slot_2];
-            records[at] = d_color;
-            // α = oρ·G: Σ G dL/dα = −Σ dL/dσ / (oρ).
-            records[at + 1u] = vec4(-low.x / place.z, moments);
-            records[at + 2u] = vec4(place.xy * low.x - low.yz, 0.0, 0.0);
-        }
-        workgroupBarrier();
     }
-    for (var s = begin + thread; s < end; s += AREA) {
-        let at = 3u * pairs[s];
-        records[at] = vec4(0.0);
-        records[at + 1u] = vec4(0.0);
-        records[at + 2u] = vec4(0.0);
+    if (lane >= count) { return; }
+    // α = oρ·G: Σ G dL/dα = −Σ dL/dσ / (oρ).
+    let d_opacity = -mass / max(vec2(splat.place.z, splat.radio.w), vec2(1e-30));
+    if (BOTH) {
+        let to = 4u * pair;
+        records[to] = d_light;
+        records[to + 1u] = vec4(d_radio, d_opacity.x);
+        records[to + 2u] = vec4(d_opacity.y, second);
+        records[to + 3u] = vec4(first, 0.0, 0.0);
+    } else {
+        let to = 3u * pair;
+        records[to] = d_light;
+        records[to + 1u] = vec4(d_opacity.x, second);
+        records[to + 2u] = vec4(first, 0.0, 0.0);
     }
 }

@@ -44,29 +44,36 @@ fn basis_of(d: vec3<f32>) -> array<f32, 16> {
     return y;
 }
 
-// Σ_k w_k ∂Y_k/∂d, before it is confined to the unit sphere.
-fn direction_gradient(d: vec3<f32>, w: array<f32, 16>, degree: u32) -> vec3<f32> {
-    var g = vec3(0.0);
+// ∂Y_k/∂d, before it is confined to the unit sphere.
+fn slopes_of(d: vec3<f32>) -> array<vec3<f32>, 16> {
+    var g: array<vec3<f32>, 16>;
     let x = d.x;
     let y = d.y;
     let z = d.z;
-    if (degree >= 1u) { g += vec3(-H1 * w[3], -H1 * w[1], H1 * w[2]); }
-    if (degree >= 2u) {
-        g += vec3(
-            H20 * y * w[4] - 2.0 * H22 * x * w[6] + H23 * z * w[7] + 2.0 * H24 * x * w[8],
-            H20 * x * w[4] + H21 * z * w[5] - 2.0 * H22 * y * w[6] - 2.0 * H24 * y * w[8],
-            H21 * y * w[5] + 4.0 * H22 * z * w[6] + H23 * x * w[7],
-        );
+    g[0] = vec3(0.0);
+    if (DEGREE >= 1u) {
+        g[1] = vec3(0.0, -H1, 0.0);
+        g[2] = vec3(0.0, 0.0, H1);
+        g[3] = vec3(-H1, 0.0, 0.0);
     }
-    if (degree >= 3u) {
-        g += vec3(
-            H30 * 6.0 * x * y * w[9] + H31 * y * z * w[10] - H32 * 2.0 * x * y * w[11] - H33 * 6.0 * x * z * w[12]
-                + H34 * (4.0 * z * z - 3.0 * x * x - y * y) * w[13] + H35 * 2.0 * x * z * w[14] + H36 * 3.0 * (x * x - y * y) * w[15],
-            H30 * 3.0 * (x * x - y * y) * w[9] + H31 * x * z * w[10] + H32 * (4.0 * z * z - x * x - 3.0 * y * y) * w[11]
-                - H33 * 6.0 * y * z * w[12] - H34 * 2.0 * x * y * w[13] - H35 * 2.0 * y * z * w[14] - H36 * 6.0 * x * y * w[15],
-            H31 * x * y * w[10] + H32 * 8.0 * y * z * w[11] + H33 * (6.0 * z * z - 3.0 * x * x - 3.0 * y * y) * w[12]
-                + H34 * 8.0 * x * z * w[13] + H35 * (x * x - y * y) * w[14],
-        );
+    if (DEGREE >= 2u) {
+        g[4] = H20 * vec3(y, x, 0.0);
+        g[5] = H21 * vec3(0.0, z, y);
+        g[6] = H22 * vec3(-2.0 * x, -2.0 * y, 4.0 * z);
+        g[7] = H23 * vec3(z, 0.0, x);
+        g[8] = H24 * vec3(2.0 * x, -2.0 * y, 0.0);
+    }
+    if (DEGREE >= 3u) {
+        let xx = x * x;
+        let yy = y * y;
+        let zz = z * z;
+        g[9] = H30 * vec3(6.0 * x * y, 3.0 * (xx - yy), 0.0);
+        g[10] = H31 * vec3(y * z, x * z, x * y);
+        g[11] = H32 * vec3(-2.0 * x * y, 4.0 * zz - xx - 3.0 * yy, 8.0 * y * z);
+        g[12] = H33 * vec3(-6.0 * x * z, -6.0 * y * z, 6.0 * zz - 3.0 * xx - 3.0 * yy);
+        g[13] = H34 * vec3(4.0 * zz - 3.0 * xx - yy, -2.0 * x * y, 8.0 * x * z);
+        g[14] = H35 * vec3(2.0 * x * z, -2.0 * y * z, xx - yy);
+        g[15] = H36 * vec3(3.0 * (xx - yy), -6.0 * x * y, 0.0);
     }
     return g;
 }

@@ -59,6 +59,7 @@ struct Params {
     blocks_total: u32,
     // 1: both images have one camera and share one list of pairs.
     fused: u32,
+    visible_capacity: u32,
 }
 
 fn is_finite(x: f32) -> bool { return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u; }

@@ -2,9 +2,13 @@
 @group(0) @binding(1) var<storage, read> core: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> sh_0: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> sh_1: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read_write> keys: array<u32>;
-@group(0) @binding(5) var<storage, read_write> tile_counts: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read_write> tile_counts: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read_write> block_sums: array<vec4<u32>>;
 @group(0) @binding(6) var<storage, read_write> splats: array<Splat>;
+@group(0) @binding(7) var<storage, read_write> gaussian_of: array<u32>;
+@group(0) @binding(8) var<storage, read_write> state: array<atomic<u32>>;
+
+var<workgroup> begin: u32;
 
 // τ = ln(255·o·ρ) bounds σ; the margin covers the rounding of the logarithm and of σ itself.
 const TAU_MARGIN = 1e-3;
@@ -19,82 +23,107 @@ fn may_be_seen(grid: Grid, p: vec3<f32>, largest: f32) -> bool {
     return all(mean + r > vec2(0.0)) && all(mean - r < vec2<f32>(grid.size));
 }
 
-fn project_to(g: u32, i: u32, p: vec3<f32>, s: Symmetric, logit: f32, direction: vec3<f32>) -> u32 {
-    let grid = params.grids[g];
-    let e = ellipse_of(grid, p, s);
-    if (!(e.determinant > 0.0)) { return 0u; }
-    let opacity = e.rho / (1.0 + exp(-logit));
-    // Bound of σ: o ρ exp(−σ) ≥ 1/255.
-    let tau = log(max(opacity * 255.0, 1e-30)) + TAU_MARGIN;
-    let q = conic_of(e);
+// What is drawn of a Gaussian, but for its colours.
+struct Seen {
+    tiles: vec2<u32>,
+    place: array<vec4<f32>, 2>,
+    conic: array<vec4<f32>, 2>,
+    z: f32,
+    direction: vec3<f32>,
+}
+
+fn tiles_of(grid: Grid, e: Ellipse, q: vec3<f32>, tau: f32) -> u32 {
     let r = reach_of(grid.tiles, e.mean, q, tau);
     var count = 0u;
     for (var row = r.rows.x; row <= r.rows.y; row++) {
         let columns = columns_of(r, grid.tiles, row);
         count += u32(max(columns.y - columns.x + 1, 0));
     }
-    if (count > 0u) {
-        var color: vec3<f32>;
-        if (g == 0u) { color = color_0(i, direction); } else { color = color_1(i, direction); }
-        splats[g * params.gaussians + i] =
-            Splat(vec4(e.mean, opacity, e.inverse_z), vec4(q, tau), vec4(color, 0.0));
-    }
     return count;
+}
+
+// Bound of σ: o ρ exp(−σ) ≥ 1/255.
+fn bound_of(opacity: f32) -> f32 { return log(max(opacity * 255.0, 1e-30)) + TAU_MARGIN; }
+
+fn project_to(g: u32, p: vec3<f32>, s: Symmetric, logit: f32, seen: ptr<function, Seen>) {
+    let grid = params.grids[g];
+    let e = ellipse_of(grid, p, s);
+    if (!(e.determinant > 0.0)) { return; }
+    let opacity = e.rho / (1.0 + exp(-logit));
+    let tau = bound_of(opacity);
+    let q = conic_of(e);
+    (*seen).tiles[g] = tiles_of(grid, e, q, tau);
+    (*seen).place[g] = vec4(e.mean, opacity, e.inverse_z);
+    (*seen).conic[g] = vec4(q, tau);
 }
 
 // Both images share the ellipse, and the pairs are those of the more opaque one.
-fn project_both(i: u32, p: vec3<f32>, s: Symmetric, logits: vec2<f32>, direction: vec3<f32>) -> u32 {
+fn project_both(p: vec3<f32>, s: Symmetric, logits: vec2<f32>, seen: ptr<function, Seen>) {
     let grid = params.grids[0];
     let e = ellipse_of(grid, p, s);
-    if (!(e.determinant > 0.0)) { return 0u; }
+    if (!(e.determinant > 0.0)) { return; }
     let opacity = vec2(e.rho) / (1.0 + exp(-logits));
-    let tau = log(max(max(opacity.x, opacity.y) * 255.0, 1e-30)) + TAU_MARGIN;
+    let tau = bound_of(max(opacity.x, opacity.y));
     let q = conic_of(e);
-    let r = reach_of(grid.tiles, e.mean, q, tau);
-    var count = 0u;
-    for (var row = r.rows.x; row <= r.rows.y; row++) {
-        let columns = columns_of(r, grid.tiles, row);
-        count += u32(max(columns.y - columns.x + 1, 0));
-    }
-    if (count > 0u) {
-        splats[i] = Splat(vec4(e.mean, opacity.x, e.inverse_z), vec4(q, tau), vec4(color_0(i, direction), 0.0));
-        splats[params.gaussians + i] =
-            Splat(vec4(e.mean, opacity.y, e.inverse_z), vec4(q, tau), vec4(color_1(i, direction), 0.0));
-    }
-    return count;
+    (*seen).tiles = vec2(tiles_of(grid, e, q, tau), 0u);
+    (*seen).place[0] = vec4(e.mean, opacity.x, e.inverse_z);
+    (*seen).place[1] = vec4(e.mean, opacity.y, e.inverse_z);
+    (*seen).conic[0] = vec4(q, tau);
+    (*seen).conic[1] = vec4(q, tau);
 }
 
-@compute @workgroup_size(256)
-fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let i = group_number(id) * 256u + thread;
-    if (i >= params.gaussians) { return; }
+// Gaussian i in both images.
+fn see(i: u32) -> Seen {
+    var seen: Seen;
     let first = core[3u * i];
     let mean = first.xyz;
     let p = to_camera(mean);
+    if (!(p.z > params.eye.w && is_finite(p.z))) { return seen; }
     let second = core[3u * i + 1u];
     let third = core[3u * i + 2u];
     let log_scale = vec3(second.w, third.xy);
     let largest = exp(max(log_scale.x, max(log_scale.y, log_scale.z)));
-    var key = 0xffffffffu;
-    var counts = vec2(0u);
-    if (p.z > params.eye.w && is_finite(p.z)) {
-        let wanted = vec2(
-            params.grids[0].size.x > 0u && may_be_seen(params.grids[0], p, largest),
-            params.grids[1].size.x > 0u && may_be_seen(params.grids[1], p, largest),
-        );
-        if (any(wanted)) {
-            let s = shape_of(vec4(first.w, second.xyz), log_scale);
-            let direction = direction_of(mean).xyz;
-            if (params.fused != 0u) {
-                counts.x = project_both(i, p, s.covariance, third.zw, direction);
-            } else {
-                if (wanted.x) { counts.x = project_to(0u, i, p, s.covariance, third.z, direction); }
-                if (wanted.y) { counts.y = project_to(1u, i, p, s.covariance, third.w, direction); }
-            }
-            // The bits of positive numbers order like the numbers.
-            if (any(counts > vec2(0u))) { key = bitcast<u32>(p.z); }
+    let wanted = vec2(
+        params.grids[0].size.x > 0u && may_be_seen(params.grids[0], p, largest),
+        params.grids[1].size.x > 0u && may_be_seen(params.grids[1], p, largest),
+    );
+    if (any(wanted)) {
+        let s = shape_of(vec4(first.w, second.xyz), log_scale);
+        seen.z = p.z;
+        seen.direction = direction_of(mean).xyz;
+        if (params.fused != 0u) {
+            project_both(p, s.covariance, third.zw, &seen);
+        } else {
+            if (wanted.x) { project_to(0u, p, s.covariance, third.z, &seen); }
+            if (wanted.y) { project_to(1u, p, s.covariance, third.w, &seen); }
         }
     }
-    keys[i] = key;
-    tile_counts[i] = counts;
+    return seen;
+}
+
+@compute @workgroup_size(SCAN)
+fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    let block = group_number(id);
+    let i = block * SCAN + thread;
+    var seen: Seen;
+    if (i < params.gaussians) {
+        seen = see(i);
+        tile_counts[i] = seen.tiles;
+    }
+    let tiles = seen.tiles.x + seen.tiles.y;
+    let sums = inclusive_scan(thread, vec4(u32(tiles > 0u), tiles, 0u, 0u));
+    // Splats of a block lie together, in order; which block is before which, whoever comes first.
+    if (thread == SCAN - 1u && block * SCAN < max(params.gaussians, 1u)) {
+        begin = atomicAdd(&state[DRAWABLE], sums.x);
+        block_sums[block] = vec4(sums.xy, begin, 0u);
+    }
+    let place = workgroupUniformLoad(&begin) + sums.x - 1u;
+    if (tiles == 0u || place >= params.visible_capacity) { return; }
+    gaussian_of[place] = i;
+    if (seen.tiles.x > 0u) {
+        splats[place] = Splat(seen.place[0], seen.conic[0], vec4(color_0(i, seen.direction), seen.z));
+    }
+    if (seen.tiles.y > 0u || params.fused != 0u) {
+        splats[params.visible_capacity + place] = Splat(seen.place[1], seen.conic[1], vec4(color_1(i, seen.direction), seen.z));
+    }
 }

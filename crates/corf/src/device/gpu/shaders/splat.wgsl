@@ -4,7 +4,7 @@ struct Splat {
     place: vec4<f32>,
     // Q_xx, Q_xy, Q_yy, τ.
     conic: vec4<f32>,
-    // Colour, clamped at 0.
+    // Colour, clamped at 0; z.
     color: vec4<f32>,
 }
 // Blending weights below this are not drawn.

@@ -1,4 +1,5 @@
-// A workgroup is a tile, a thread is a pixel.
+// A workgroup is a tile, a thread is a pixel. With BOTH, one tile is of both images: one list, one exp(−σ) a pixel and splat; their own
+// opacity, colour, transmittance and end.
 struct Tile {
     // 0 optical, 1 RF.
     modality: u32,
@@ -22,34 +23,37 @@ fn tile_of(index: u32, thread: u32) -> Tile {
     return t;
 }
 
-// A splat as the blend reads it, relative to the tile's corner.
-var<workgroup> batch_place: array<vec4<f32>, BATCH>;   // u, v, o·ρ, 1/z
-var<workgroup> batch_power: array<vec4<f32>, BATCH>;   // −½ log₂e Q_xx, −log₂e Q_xy, −½ log₂e Q_yy
-var<workgroup> batch_color: array<vec4<f32>, BATCH>;   // r, g, b, 1/z
-
-fn load(slot: u32, splat: Splat, corner: vec2<u32>) {
-    batch_place[slot] = vec4(splat.place.xy - vec2<f32>(corner), splat.place.zw);
-    batch_power[slot] = vec4(splat.conic.xyz * vec3(-0.5 * LOG2E, -LOG2E, -0.5 * LOG2E), 0.0);
-    batch_color[slot] = vec4(splat.color.rgb, splat.place.w);
+// A splat as the blends use it.
+struct Drawn {
+    // u, v from the tile's corner, o·ρ, 1/z.
+    place: vec4<f32>,
+    // −½ log₂e Q_xx, −log₂e Q_xy, −½ log₂e Q_yy.
+    power: vec3<f32>,
+    color: vec3<f32>,
+    // With BOTH: colour and o·ρ of the RF field.
+    radio: vec4<f32>,
 }
 
-// exp(−σ), d = mean − pixel.
-fn falloff(slot: u32, centre: vec2<f32>) -> f32 {
-    let power = batch_power[slot];
-    let d = batch_place[slot].xy - centre;
+// Of opacity 0: drawn nowhere.
+fn nothing() -> Drawn { return Drawn(vec4(0.0), vec3(0.0), vec3(0.0), vec4(0.0)); }
+
+fn drawn(owner: u32, corner: vec2<u32>) -> Drawn {
+    let splat = splats[owner];
+    var d: Drawn;
+    d.place = vec4(splat.place.xy - vec2<f32>(corner), splat.place.zw);
+    d.power = splat.conic.xyz * vec3(-0.5 * LOG2E, -LOG2E, -0.5 * LOG2E);
+    d.color = splat.color.rgb;
+    if (BOTH) {
+        let second = params.visible_capacity + owner;
+        d.radio = vec4(splats[second].color.rgb, splats[second].place.z);
+    }
+    return d;
+}
+
+// exp(−σ) at d = mean − pixel.
+fn falloff(power: vec3<f32>, d: vec2<f32>) -> f32 {
     return exp2(min(d.x * (power.x * d.x + power.y * d.y) + power.z * d.y * d.y, 0.0));
 }
 
-// o·ρ·exp(−σ).
-fn free_alpha(slot: u32, centre: vec2<f32>) -> f32 {
-    return batch_place[slot].z * falloff(slot, centre);
-}
-
-// Σ dL/dσ (dx², dx dy, dy²) from Σ dL/dσ · (1, x, y) and · (x², x y, y²) of pixels counted from the tile's corner, as is the mean.
-fn about_mean(mean: vec2<f32>, low: vec3<f32>, high: vec3<f32>) -> vec3<f32> {
-    return vec3(
-        mean.x * mean.x * low.x - 2.0 * mean.x * low.y + high.x,
-        mean.x * mean.y * low.x - mean.x * low.z - mean.y * low.y + high.y,
-        mean.y * mean.y * low.x - 2.0 * mean.y * low.z + high.z,
-    );
-}
+// A pixel's state before every BUCKET-th splat but the first: T, then Σ c α T and Σ (1/z) α T; with BOTH the RF's T and Σ c α T as well.
+fn checkpoint_at(checkpoint: u32, number: u32, thread: u32) -> u32 { return (checkpoint * STATE_NUMBERS + number) * AREA + thread; }

@@ -1,0 +1,180 @@
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> state: array<u32>;
+@group(0) @binding(2) var<storage, read> order: array<u32>;
+@group(0) @binding(3) var<storage, read> offsets: array<u32>;
+@group(0) @binding(4) var<storage, read> tile_counts: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read> records: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read> splats: array<Splat>;
+@group(0) @binding(7) var<storage, read> core: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> sh_0: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> sh_0_m: array<vec4<f32>>;
+@group(0) @binding(10) var<storage, read_write> sh_0_v: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read_write> sh_1: array<vec4<f32>>;
+@group(0) @binding(12) var<storage, read_write> sh_1_m: array<vec4<f32>>;
+@group(0) @binding(13) var<storage, read_write> sh_1_v: array<vec4<f32>>;
+@group(0) @binding(14) var<storage, read_write> found: array<OfEllipse>;
+@group(0) @binding(15) var<storage, read_write> directions: array<vec4<f32>>;
+@group(0) @binding(16) var<storage, read> places: array<u32>;
+
+// EACH visible Gaussians a workgroup, LANES threads each: they sum its records, then step its harmonics word by word.
+const LANES = 8u;
+const THREADS = EACH * LANES;
+const BASES = (DEGREE + 1u) * (DEGREE + 1u);
+
+// A lane's sums over the records of each image, then (the first) its share of the gradient of the direction.
+var<workgroup> partial: array<vec4<f32>, 2u * THREADS>;
+// Y_k(d) and ∂Y_k/∂d.
+var<workgroup> basis: array<vec4<f32>, EACH * BASES>;
+// dL/dcolour of each image; w: 1 where it is seen.
+var<workgroup> d_colors: array<vec4<f32>, 2u * EACH>;
+
+// A Gaussian with more records than this in an image is summed by the whole workgroup.
+const LONG = 64u;
+const STRIPES = THREADS / 4u;
+var<workgroup> long_count: atomic<u32>;
+var<workgroup> long_total: u32;
+var<workgroup> long_ones: array<u32, 2u * EACH>;
+var<workgroup> stripes: array<vec4<f32>, THREADS>;
+var<workgroup> firsts: array<vec2<u32>, EACH>;
+var<workgroup> counts: array<vec2<u32>, EACH>;
+
+// Word `word` of every `stride`-th record.
+fn sum_of(first: u32, count: u32, stride: u32, word: u32) -> vec4<f32> {
+    var sum = vec4(0.0);
+    let words = 3u + params.fused;
+    if (word < words) {
+        for (var k = 0u; k < count; k += stride) { sum += records[words * (first + k) + word]; }
+    }
+    return sum;
+}
+
+// Word `word` of a Gaussian's sum over the records of an image.
+fn total(k: u32, image: u32, word: u32) -> vec4<f32> {
+    let at = 2u * (k * LANES + word) + image;
+    return partial[at] + partial[at + 8u];
+}
+
+// One image's findings from the records, which are of both images where these share their pairs.
+fn found_of(k: u32, place: u32, image: u32) -> Found {
+    if (params.fused == 0u) {
+        let last = total(k, image, 2u);
+        return Found(total(k, image, 0u), total(k, image, 1u), vec4(last.xy, f32(counts[k][image] > 0u), 0.0));
+    }
+    // The pairs are those of the more opaque one; the other is seen if it can be drawn at all.
+    let of_light = f32(splats[place].place.z >= MIN_ALPHA);
+    let b = total(k, 0u, 1u);
+    let c = total(k, 0u, 2u);
+    let d = total(k, 0u, 3u);
+    // What the images say about the ellipse goes through one of them, once.
+    if (image == 0u) { return Found(total(k, 0u, 0u), vec4(b.w, c.yzw), vec4(d.xy, of_light, 0.0)); }
+    let of_radio = f32(splats[params.visible_capacity + place].place.z >= MIN_ALPHA);
+    return Found(vec4(b.rgb, 0.0), vec4(c.x, c.yzw * (1.0 - of_light)), vec4(d.xy * (1.0 - of_light), of_radio, 0.0));
+}
+
+// One number of the harmonics of Gaussian k in an image: dL/dc Y, and dL/dc sh ∂Y/∂d of the old one. Nothing beyond the last.
+fn of_number(k: u32, image: u32, number: u32, old: f32, coefficients: u32, numbers: u32) -> vec4<f32> {
+    if (number >= numbers) { return vec4(0.0); }
+    let channel = number / coefficients;
+    let d_color = d_colors[2u * k + image];
+    let d = select(select(d_color.x, d_color.y, channel == 1u), d_color.z, channel == 2u);
+    let y = basis[k * BASES + number % coefficients];
+    return d * vec4(1.0, vec3(old)) * y;
+}
+
+// The gradient of a word of four, the first of them number `n`, and what it says about the direction.
+struct Word { gradient: vec4<f32>, rates: vec4<f32>, direction: vec3<f32> }
+
+fn word_of(k: u32, image: u32, n: u32, old: vec4<f32>, coefficients: u32, numbers: u32) -> Word {
+    let a = of_number(k, image, n, old.x, coefficients, numbers);
+    let b = of_number(k, image, n + 1u, old.y, coefficients, numbers);
+    let c = of_number(k, image, n + 2u, old.z, coefficients, numbers);
+    let d = of_number(k, image, n + 3u, old.w, coefficients, numbers);
+    let is_dc = (vec4(n) + vec4(0u, 1u, 2u, 3u)) % vec4(coefficients) == vec4(0u);
+    let rates = select(vec4(params.rates[image].sh_rest), vec4(params.rates[image].sh_dc), is_dc);
+    return Word(vec4(a.x, b.x, c.x, d.x), rates, a.yzw + b.yzw + c.yzw + d.yzw);
+}
+
+@compute @workgroup_size(THREADS)
+fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    if (state[FAILED] != 0u) { return; }
+    let begin = group_number(id) * EACH;
+    let visible = state[VISIBLE];
+    if (begin >= visible) { return; }
+    let k = thread / LANES;
+    let lane = thread % LANES;
+    let v = begin + k;
+    let alive = v < visible;
+    var i = 0u;
+    var own = vec2(0u);
+    var first = vec2(0u);
+    if (alive) {
+        i = order[v];
+        own = tile_counts[i];
+        first = vec2(offsets[v], offsets[v] + own.x);
+    }
+    if (thread == 0u) { atomicStore(&long_count, 0u); }
+    if (lane == 0u) {
+        counts[k] = own;
+        firsts[k] = first;
+    }
+    workgroupBarrier();
+    let half = lane / 4u;
+    var sum_0 = vec4(0.0);
+    var sum_1 = vec4(0.0);
+    if (own.x <= LONG) {
+        sum_0 = sum_of(first.x + half, max(own.x, half) - half, 2u, lane % 4u);
+    } else if (lane == 0u) {
+        long_ones[atomicAdd(&long_count, 1u)] = 2u * k;
+    }
+    if (own.y <= LONG) {
+        sum_1 = sum_of(first.y + half, max(own.y, half) - half, 2u, lane % 4u);
+    } else if (lane == 0u) {
+        long_ones[atomicAdd(&long_count, 1u)] = 2u * k + 1u;
+    }
+    partial[2u * thread] = sum_0;
+    partial[2u * thread + 1u] = sum_1;
+    if (lane == 0u && alive) {
+        let d = direction_of(core[3u * i].xyz).xyz;
+        let y = basis_of(d);
+        let slopes = slopes_of(d);
+        for (var c = 0u; c < BASES; c++) { basis[k * BASES + c] = vec4(y[c], slopes[c]); }
+    }
+    workgroupBarrier();
+    if (thread == 0u) { long_total = atomicLoad(&long_count); }
+    let longs = workgroupUniformLoad(&long_total);
+    for (var l = 0u; l < longs; l++) {
+        let one = long_ones[l] / 2u;
+        let image = long_ones[l] % 2u;
+        let stripe = thread / 4u;
+        let count = counts[one][image];
+        stripes[thread] = sum_of(firsts[one][image] + stripe, max(count, stripe) - stripe, STRIPES, thread % 4u);
+        workgroupBarrier();
+        for (var step = THREADS / 2u; step >= 4u; step >>= 1u) {
+            if (thread < step) { stripes[thread] += stripes[thread + step]; }
+            workgroupBarrier();
+        }
+        if (thread < 4u) { partial[2u * (one * LANES + thread) + image] = stripes[thread]; }
+        workgroupBarrier();
+    }
+    if (lane < 2u && alive) {
+        let place = places[v];
+        let f = found_of(k, place, lane);
+        found[2u * v + lane] = of_ellipse(f);
+        // The clamp at 0 passes no gradient.
+        let color = splats[lane * params.visible_capacity + place].color.rgb;
+        d_colors[2u * k + lane] = vec4(select(vec3(0.0), f.a.rgb, color > vec3(0.0)), f.c.z);
+    }
+    workgroupBarrier();
+    var direction = vec3(0.0);
+    if (alive) {
+        if (d_colors[2u * k].w > 0.0) { direction += step_0(i, k, lane); }
+        if (d_colors[2u * k + 1u].w > 0.0) { direction += step_1(i, k, lane); }
+    }
+    partial[thread] = vec4(direction, 0.0);
+    workgroupBarrier();
+    if (lane == 0u && alive) {
+        var sum = vec4(0.0);
+        for (var l = 0u; l < LANES; l++) { sum += partial[thread + l]; }
+        directions[v] = sum;
+    }
+}

@@ -1,0 +1,94 @@
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read_write> state: array<u32>;
+@group(0) @binding(2) var<storage, read> order: array<u32>;
+@group(0) @binding(3) var<storage, read> found: array<OfEllipse>;
+@group(0) @binding(4) var<storage, read> directions: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read_write> core: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> core_m: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> core_v: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> position_rates: array<f32>;
+
+// One word of four of the geometry and opacities; only lanes of `mask` are written.
+fn step_core(at: u32, g: vec4<f32>, rates: vec4<f32>, mask: vec4<bool>, lowest: vec4<f32>) {
+    if (WRITE_GRADIENTS) {
+        core_m[at] = g;
+        return;
+    }
+    let old = core[at];
+    let old_m = core_m[at];
+    let old_v = core_v[at];
+    var m = old_m;
+    var v = old_v;
+    let step = adam(g, &m, &v);
+    core[at] = select(old, max(old - rates * step, lowest), mask);
+    core_m[at] = select(old_m, m, mask);
+    core_v[at] = select(old_v, v, mask);
+}
+
+// The step of a visible Gaussian's geometry and opacities.
+@compute @workgroup_size(64)
+fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    // A frame that had no room for its pairs changes nothing; neither does any after it.
+    if (state[FAILED] != 0u) { return; }
+    let at = group_number(id) * 64u + thread;
+    if (at == 0u) { state[STEPS] += 1u; }
+    if (at >= state[VISIBLE]) { return; }
+    let i = order[at];
+
+    // Through the projection.
+    let c0 = core[3u * i];
+    let c1 = core[3u * i + 1u];
+    let c2 = core[3u * i + 2u];
+    let mean = c0.xyz;
+    let p = to_camera(mean);
+    let s = shape_of(vec4(c0.w, c1.xyz), vec3(c1.w, c2.xy));
+    let d = direction_of(mean);
+    var dp = vec3(0.0);
+    var dv = Symmetric(vec3(0.0), vec3(0.0));
+    let d_direction = directions[at].xyz;
+    let found_0 = found_from(found[2u * at]);
+    let found_1 = found_from(found[2u * at + 1u]);
+    let seen = vec2(found_0.c.z, found_1.c.z) > vec2(0.0);
+    var d_logit = vec2(0.0);
+    if (seen.x) {
+        d_logit.x = through(0u, p, s, c2.z, found_0, &dp, &dv);
+    }
+    if (seen.y) {
+        d_logit.y = through(1u, p, s, c2.w, found_1, &dp, &dv);
+    }
+    let d_shape = shape_backward(s, dv);
+    // dL/dμ = Wᵀ dL/dp, and the way through the viewing direction: dd/dμ = (I − d dᵀ) / distance.
+    let r0 = params.camera_from_world[0].xyz;
+    let r1 = params.camera_from_world[1].xyz;
+    let r2 = params.camera_from_world[2].xyz;
+    let d_mean = r0 * dp.x + r1 * dp.y + r2 * dp.z + (d_direction - d.xyz * dot(d.xyz, d_direction)) * d.w;
+
+    let geometry = params.train_geometry != 0u;
+    var rate = position_rates[i];
+    if (geometry && !WRITE_GRADIENTS) { position_rates[i] = max(rate * (1.0 - params.position_decay), params.position_floor); }
+    rate *= params.position_rate;
+    let q = params.rotation_rate;
+    let l = params.log_scale_rate;
+    let free = vec4(-3e38);
+    step_core(3u * i, vec4(d_mean, d_shape.rotation.x), vec4(vec3(rate), q), vec4(geometry), free);
+    step_core(3u * i + 1u, vec4(d_shape.rotation.yzw, d_shape.log_scale.x), vec4(vec3(q), l), vec4(geometry), free);
+    step_core(
+        3u * i + 2u,
+        vec4(d_shape.log_scale.yz, d_logit),
+        vec4(l, l, params.rates[0].opacity, params.rates[1].opacity),
+        vec4(geometry, geometry, seen),
+        vec4(free.xy, params.rates[0].lowest_logit, params.rates[1].lowest_logit),
+    );
+}
+
+// Adds what one image says to dL/dp and dL/dV; returns dL/d(opacity logit).
+fn through(
+    g: u32, p: vec3<f32>, s: Shape, logit: f32, f: Found, dp: ptr<function, vec3<f32>>, dv: ptr<function, Symmetric>,
+) -> f32 {
+    let grid = params.grids[g];
+    let e = ellipse_of(grid, p, s.covariance);
+    let opacity = 1.0 / (1.0 + exp(-logit));
+    let gradient = EllipseGradient(f.b.yzw, f.c.xy, f.a.w, f.b.x * opacity);
+    ellipse_backward(grid, e, gradient, dp, dv);
+    return f.b.x * e.rho * opacity * (1.0 - opacity);
+}

@@ -1,0 +1,101 @@
+//! What cannot be provoked from outside: adapters that bind little, that run out of memory, that go away.
+
+#![allow(clippy::unwrap_used)]
+
+use super::*;
+use crate::device::{Planes, View};
+use corf_scene::{Pinhole, Rigid3, Rng};
+use testing::OPTIONS;
+
+const CAMERA: Pinhole = Pinhole { width: 40, height: 24, fx: 20.0, fy: 20.0, cx: 20.0, cy: 12.0 };
+
+/// A cloud in front of a camera at the origin.
+fn cloud(n: usize) -> Gaussians {
+    let mut rng = Rng::keyed(1, 0, 0);
+    let mut g = Gaussians::empty(3, 1);
+    for _ in 0..n {
+        g.position.push([rng.uniform() - 0.5, rng.uniform() - 0.5, 2.0 + rng.uniform()]);
+        g.rotation.push([1.0, 0.0, 0.0, 0.0]);
+        g.log_scale.push([-2.0; 3]);
+        for a in [&mut g.optical, &mut g.rf] {
+            a.opacity_logit.push(0.0);
+            let stride = a.stride();
+            a.sh.extend((0..stride).map(|_| 0.2 * rng.normal() as f32));
+        }
+    }
+    g
+}
+
+/// A device with one view of gray, or nothing where there is no adapter.
+fn device(n: usize) -> Option<GpuDevice> {
+    testing::context(&OPTIONS)?;
+    let mut device = GpuDevice::new(&OPTIONS, OptimizerConfig::default(), RasterConfig::default(), &cloud(n)).unwrap();
+    let gray =
+        Planes { width: CAMERA.width, height: CAMERA.height, channels: 3, pixels: vec![0.5; 3 * CAMERA.width * CAMERA.height] };
+    let view = TrainingView {
+        world_from_camera: Rigid3::IDENTITY,
+        optical_camera: CAMERA,
+        optical: gray.clone(),
+        rf_camera: CAMERA,
+        rf: gray,
+        inverse_depth: None,
+    };
+    device.upload(&view, 1).unwrap();
+    Some(device)
+}
+
+fn step() -> Step {
+    Step {
+        view: ViewId(0),
+        level: 0,
+        optical_weight: 1.0,
+        rf_weight: 1.0,
+        depth_weight: 0.0,
+        train_geometry: true,
+        optical_background: [0.0; 3],
+        rf_background: [0.0; 3],
+    }
+}
+
+fn request() -> RenderRequest {
+    let view = View { camera: CAMERA, world_from_camera: Rigid3::IDENTITY };
+    RenderRequest { optical: Some((view, [0.0; 3])), rf: None, main_contributor: false }
+}
+
+#[test]
+fn what_an_adapter_does_not_bind_is_named_and_the_device_works_on() {
+    let Some(mut device) = device(2000) else { return };
+    let before = device.gaussians();
+    let limit = device.context.limits.max_storage_buffer_binding_size;
+    device.context.limits.max_storage_buffer_binding_size = 64 << 10;
+    let text = device.train(&[step()]).unwrap_err().to_string();
+    assert!(text.contains("binds at most") && text.contains("--device cpu"), "{text}");
+    assert!(device.gaussians() == before, "a step without memory changes nothing");
+    device.context.limits.max_storage_buffer_binding_size = limit;
+    device.train(&[step()]).unwrap();
+    assert!(device.gaussians() != before);
+}
+
+#[test]
+fn a_device_out_of_memory_says_so_and_works_on() {
+    let Some(mut device) = device(100) else { return };
+    device.context.pretend_out_of_memory();
+    let text = device.train(&[step()]).unwrap_err().to_string();
+    assert!(text.contains("out of memory") && text.contains("--device cpu"), "{text}");
+    device.train(&[step()]).unwrap();
+}
+
+#[test]
+fn a_lost_device_says_so_whatever_is_asked_of_it() {
+    let Some(mut device) = device(100) else { return };
+    device.train(&[step()]).unwrap();
+    device.context.device.destroy();
+    let lost = |text: String| assert!(text.contains("the device was lost") && text.contains("--resume"), "{text}");
+    lost(device.train(&[step()]).unwrap_err().to_string());
+    lost(device.render(&request()).unwrap_err().to_string());
+    // These cannot answer with an error: the next call that can does.
+    assert_eq!(device.gaussians().len(), 0);
+    lost(device.append(&cloud(3)).unwrap_err().to_string());
+    device.retain(&[false; 100]);
+    lost(device.train(&[step()]).unwrap_err().to_string());
+}
