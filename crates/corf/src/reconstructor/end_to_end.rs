@@ -3,7 +3,7 @@
 use super::*;
 use crate::{
     CpuDevice, OptimizerConfig, RasterConfig, ReconstructionConfig, RfTarget,
-    device::{InverseDepth, Planes, TrainingView},
+    device::Planes,
     loss::psnr_8bit,
     synthetic::{self, DB_RANGE},
 };
@@ -182,8 +182,8 @@ fn one_field_trained_on_either_device_ends_at_the_same_errors() {
         for k in frames.iter().filter(|k| k.index != HELD_OUT) {
             let pixels = k.image.pixels().iter().flatten().map(|v| f32::from(*v) / 255.0).collect();
             let depth = k.depth_m.as_ref().unwrap();
-            let inverse_depth = InverseDepth { value: depth.map(|z| 1.0 / z), confidence: depth.map(|_| 0.5) };
-            let view = TrainingView {
+            let inverse_depth = crate::device::InverseDepth { value: depth.map(|z| 1.0 / z), confidence: depth.map(|_| 0.5) };
+            let view = crate::device::TrainingView {
                 world_from_camera: k.world_from_camera,
                 optical_camera,
                 optical: Planes { width: k.image.width(), height: k.image.height(), channels: 3, pixels },

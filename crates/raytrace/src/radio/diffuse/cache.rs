@@ -380,10 +380,13 @@ fn leave_portable(
     }
 }
 
+/// Area of a patch's two sides, m², and whether they are covered all over.
+type Exposed = [(f64, bool); 2];
+
 /// Area of both sides of every patch, m², less what is covered: furniture stands on the floor, panels cover a wall, and no light that
 /// falls on the rest of the patch belongs to it. A side that is covered all over is told, and keeps its area.
-fn exposed_areas(geometry: &Geometry<'_>, patches: &Patches) -> Vec<[(f64, bool); 2]> {
-    let per_face: Vec<Vec<(usize, [(f64, bool); 2])>> = geometry
+fn exposed_areas(geometry: &Geometry<'_>, patches: &Patches) -> Vec<Exposed> {
+    let per_face: Vec<Vec<(usize, Exposed)>> = geometry
         .faces
         .par_iter()
         .enumerate()
