@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Measures coupled training steps on this machine's GPU and writes what was found to a folder:
 #   tools/bench_step.sh OUT [PEER]
-# OUT/table.{json,txt}: the six published workloads; OUT/tiles.txt: the same with other tiles, batches and apart instead of fused.
+# OUT/table.{json,txt}: the six published workloads; OUT/variants.txt: the same with other tiles, batches and ways of blending.
 # PEER is a script that writes its Gaussians with `--n N --ply FILE` (PLY, coupled columns) and measures itself with
 # `--n --w --h --rf-w --rf-h --engine`; with it both sides get the same Gaussians in the same run. CORF names the program
 # (default: built here), PEER_ENGINES the peer's engines.
@@ -23,12 +23,9 @@ if [ -n "$peer" ]; then
 fi
 "$CORF" bench step --table --device gpu "${ply[@]}" | tee "$out/table.txt"
 "$CORF" bench step --table --device gpu "${ply[@]}" --json >"$out/table.json"
-for choice in "8x8 16 --apart" "8x8 32" "16x4 16" "16x8 16" "16x8 32" "16x16 16"; do
-    read -r tile batch apart <<<"$choice"
-    echo "tile $tile, batch $batch ${apart:-}"
-    # A choice that the adapter has no workgroup memory for says so.
-    "$CORF" bench step --table --device gpu --repeats 3 --tile "$tile" --batch "$batch" ${apart:-} "${ply[@]}" || true
-done 2>&1 | tee "$out/tiles.txt"
+# A variant that the adapter has no workgroup memory for says so.
+"$CORF" bench step --table --device gpu --repeats 3 --variant 8x8/32 --variant 8x8/32/apart --variant 8x8/32/portable --variant 8x4/32 \
+    --variant 8x4/16/by4 --variant 16x8/32 "${ply[@]}" 2>&1 | tee "$out/variants.txt" || true
 if [ -n "$peer" ]; then
     for engine in ${PEER_ENGINES:-gsplat fastergs}; do
         for w in "200000 640 480 640 480" "200000 160 120 160 120" "200000 1280 720 1280 720" "1000000 640 480 640 480" \
