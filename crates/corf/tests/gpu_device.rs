@@ -330,11 +330,13 @@ fn training_follows_the_cpu_and_ends_at_the_same_losses() {
         let differ = a.iter().zip(b).filter(|(a, b)| (**a - **b).abs() > 1e-5).count();
         assert!(differ as f64 <= 0.01 * a.len() as f64, "class {class}: {differ} of {} differ after a step", a.len());
     }
-    // Later steps amplify such differences (Adam divides by the gradient's size): the losses, not the parameters, stay together.
+    // Later steps amplify such differences (Adam divides by the gradient's size): the losses, not the parameters, stay together. One step's
+    // loss moves by a per cent when the last bits of either device change; means over fields are held far closer by the library's own tests.
+    const SAME_LOSS: f32 = 0.025;
     let steps = schedule(60);
     let (a, b) = (cpu.train(&steps).unwrap(), gpu.train(&steps).unwrap());
-    assert!((a.optical_loss - b.optical_loss).abs() < 0.01 * a.optical_loss, "{a:?} {b:?}");
-    assert!((a.rf_loss - b.rf_loss).abs() < 0.01 * a.rf_loss, "{a:?} {b:?}");
+    assert!((a.optical_loss - b.optical_loss).abs() < SAME_LOSS * a.optical_loss, "{a:?} {b:?}");
+    assert!((a.rf_loss - b.rf_loss).abs() < SAME_LOSS * a.rf_loss, "{a:?} {b:?}");
 }
 
 #[test]
