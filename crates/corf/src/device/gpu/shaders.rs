@@ -185,7 +185,8 @@ impl Fixed {
     pub fn forward(&self, kind: Blend) -> String {
         let (both, name, keep) = (kind.both, kind.main_contributor, kind.checkpoints);
         let constants = format!("const MAIN_CONTRIBUTOR = {name};\nconst KEEP = {keep};\n");
-        let head = self.head() + &constants + &self.blend_head(both) + include_str!("shaders/blend.wgsl");
+        let blend = concat!(include_str!("shaders/blend.wgsl"), include_str!("shaders/forward_bindings.wgsl"));
+        let head = self.head() + &constants + &self.blend_head(both) + blend;
         if !self.splits(kind) {
             return head + include_str!("shaders/forward.wgsl");
         }

@@ -220,7 +220,8 @@ impl RadianceCache {
                     let level = deposit.left as usize;
                     let base = level * nodes.len() * COMPONENTS;
                     let rows = &mut table[base..base + nodes.len() * COMPONENTS];
-                    leave(rows, nodes, *pattern, [normal, specular, back], &deposit.coherency, &mut lobes);
+                    Left { nodes, pattern: *pattern, normal, specular, back, coherency: &deposit.coherency }
+                        .add(rows, &mut lobes);
                     let power = deposit.coherency[0] + deposit.coherency[1];
                     let means = levels * nodes.len() * COMPONENTS + MEANS * level;
                     table[means] += power;
@@ -332,50 +333,41 @@ impl RadianceCache {
     }
 }
 
-/// Adds a photon's coherency at every node. Every processor's version does the same operations and gives the same bits.
-fn leave(
-    rows: &mut [f32],
-    nodes: &Nodes,
+/// What a photon leaves at a surface, in the frame of its nodes.
+struct Left<'a> {
+    nodes: &'a Nodes,
     pattern: ScatteringPattern,
-    directions: [Vec3; 3],
-    coherency: &[f32; COMPONENTS],
-    lobes: &mut Lobes,
-) {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { leave_avx2(rows, nodes, pattern, directions, coherency, lobes) };
+    normal: Vec3,
+    specular: Vec3,
+    back: Vec3,
+    coherency: &'a [f32; COMPONENTS],
+}
+
+impl Left<'_> {
+    /// Adds it at every node. Every processor's version does the same operations and gives the same bits.
+    fn add(&self, rows: &mut [f32], lobes: &mut Lobes) {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has AVX2.
+            return unsafe { self.add_avx2(rows, lobes) };
+        }
+        self.add_portable(rows, lobes);
     }
-    leave_portable(rows, nodes, pattern, directions, coherency, lobes);
-}
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn leave_avx2(
-    rows: &mut [f32],
-    nodes: &Nodes,
-    pattern: ScatteringPattern,
-    directions: [Vec3; 3],
-    coherency: &[f32; COMPONENTS],
-    lobes: &mut Lobes,
-) {
-    leave_portable(rows, nodes, pattern, directions, coherency, lobes);
-}
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn add_avx2(&self, rows: &mut [f32], lobes: &mut Lobes) {
+        self.add_portable(rows, lobes);
+    }
 
-#[inline(always)]
-fn leave_portable(
-    rows: &mut [f32],
-    nodes: &Nodes,
-    pattern: ScatteringPattern,
-    [normal, specular, back]: [Vec3; 3],
-    coherency: &[f32; COMPONENTS],
-    lobes: &mut Lobes,
-) {
-    nodes.lobe(pattern, normal, specular, back, lobes);
-    let (rows, _) = rows.as_chunks_mut::<COMPONENTS>();
-    for (row, f) in rows.iter_mut().zip(&lobes.values) {
-        for (sum, c) in row.iter_mut().zip(coherency) {
-            *sum += f * c;
+    #[inline(always)]
+    fn add_portable(&self, rows: &mut [f32], lobes: &mut Lobes) {
+        self.nodes.lobe(self.pattern, self.normal, self.specular, self.back, lobes);
+        let (rows, _) = rows.as_chunks_mut::<COMPONENTS>();
+        for (row, f) in rows.iter_mut().zip(&lobes.values) {
+            for (sum, c) in row.iter_mut().zip(self.coherency) {
+                *sum += f * c;
+            }
         }
     }
 }

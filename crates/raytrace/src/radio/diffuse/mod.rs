@@ -62,8 +62,8 @@ pub struct DiffuseSettings {
     pub min_mirror_sr: f64,
     /// Photons that bring all indirect light; 0 leaves it out.
     pub photons: usize,
-    /// What a reader of the arrivals tells apart, degrees: between directions that differ by more than a per cent of the power within
-    /// it, a receiver looks again. 0 leaves it at the lattice.
+    /// What a reader of the arrivals tells apart, degrees: where neighbouring directions differ by more than some per cent of the power
+    /// within it, a receiver looks again. 0 leaves it at the lattice.
     pub resolution_deg: f64,
     /// Shifts the patches, turns the lattices and draws other photons; results of different phases differ by the sampling error alone.
     pub phase: u64,

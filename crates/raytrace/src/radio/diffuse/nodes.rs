@@ -69,25 +69,23 @@ impl Nodes {
     /// Takes away in advance what linear interpolation adds: on average over a cell it is off by a twelfth of the second difference along
     /// each axis, so that peaks come out too low. `rows` hold four numbers a node, the first two of them powers.
     pub fn sharpen(&self, rows: &mut [f32], before: &mut Vec<f32>) {
-        let (side, width) = (self.side, 4);
+        const WIDTH: usize = 4;
+        let side = self.side;
         if side < 3 {
             return;
         }
         before.clear();
         before.extend_from_slice(rows);
-        for (stride, inner) in [(1, 0), (side, 1)] {
-            for node in 0..side * side {
-                let along = if inner == 0 { node % side } else { node / side };
-                if along == 0 || along == side - 1 {
-                    continue;
-                }
-                for c in 0..width {
-                    let at = |node: usize| before[node * width + c];
-                    rows[node * width + c] -= (at(node - stride) - 2.0 * at(node) + at(node + stride)) / 12.0;
+        for stride in [1, side] {
+            // A node at an edge has no neighbour on one side.
+            for node in (0..side * side).filter(|node| (1..side - 1).contains(&(node / stride % side))) {
+                for c in 0..WIDTH {
+                    let at = |node: usize| before[node * WIDTH + c];
+                    rows[node * WIDTH + c] -= (at(node - stride) - 2.0 * at(node) + at(node + stride)) / 12.0;
                 }
             }
         }
-        let (rows, _) = rows.as_chunks_mut::<4>();
+        let (rows, _) = rows.as_chunks_mut::<WIDTH>();
         for row in rows {
             (row[0], row[1]) = (row[0].max(0.0), row[1].max(0.0));
         }

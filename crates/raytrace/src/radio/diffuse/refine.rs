@@ -103,8 +103,9 @@ impl Gathering<'_, '_, '_, '_> {
         let mut by_index = vec![f64::NAN; self.count];
         let mut bins = Bins::new(self.resolution_deg);
         for cell in cells {
-            by_index[cell.index] = cell.power();
-            bins.add(cell.direction, cell.power());
+            let power = cell.power();
+            by_index[cell.index] = power;
+            bins.add(cell.direction, power);
         }
         let seen = bins.around();
         let least = FAINTEST * seen.iter().fold(0.0, |m: f64, s| m.max(*s));

@@ -13,8 +13,7 @@ pub struct Member {
     pub power: f64,
 }
 
-/// Weights of the members' own estimates against their common mean, then the factor that keeps their total; `spread` is Σp²/Σp of the
-/// photons, the power of a typical one.
+/// Weights of the members' own estimates against their common mean; `spread` is Σp²/Σp of the photons, the power of a typical one.
 ///
 /// A member's noise is that of the mean's rate on its area, not of its own photons: a patch where none fell by chance is not certain.
 pub fn own_shares(members: &[Member], spread: f64) -> Vec<f64> {
@@ -34,9 +33,10 @@ pub fn own_shares(members: &[Member], spread: f64) -> Vec<f64> {
 /// places of Σp and Σp² in a table.
 pub fn smooth(blocks: &mut [Vec<(f64, Vec<f32>)>], power: usize, squares: usize) {
     let wholes: Vec<(f64, Vec<f32>)> = blocks.iter().map(|block| pooled(block)).collect();
-    let means = drawn(&wholes, None, power, squares);
-    for (block, mean) in blocks.iter_mut().zip(means) {
-        let tables = drawn(block, Some(&mean), power, squares);
+    let region = pooled(&wholes);
+    let means = drawn(&wholes, &region, &region.1, power, squares);
+    for ((block, whole), mean) in blocks.iter_mut().zip(&wholes).zip(means) {
+        let tables = drawn(block, whole, &mean, power, squares);
         block.iter_mut().zip(tables).for_each(|((_, table), new)| *table = new);
     }
 }
@@ -50,18 +50,19 @@ fn pooled(members: &[(f64, Vec<f32>)]) -> (f64, Vec<f32>) {
     (members.iter().map(|m| m.0).sum(), sum)
 }
 
-/// The members' tables, each drawn towards what all of them say together, or towards `target`, sums over all their area, if that is known better.
-fn drawn(members: &[(f64, Vec<f32>)], target: Option<&Vec<f32>>, power: usize, squares: usize) -> Vec<Vec<f32>> {
-    let (area_m2, own_sum) = pooled(members);
-    let target = target.unwrap_or(&own_sum);
-    if own_sum[power] <= 0.0 || members.len() < 2 {
-        return match members {
-            [_] => vec![target.clone()],
-            _ => members.iter().map(|(own_m2, _)| scaled(target, own_m2 / area_m2)).collect(),
-        };
+/// The members' tables, each drawn towards `target`, sums over all their area: what all of them say together, `whole`, or what is better known.
+fn drawn(
+    members: &[(f64, Vec<f32>)],
+    (area_m2, whole): &(f64, Vec<f32>),
+    target: &[f32],
+    power: usize,
+    squares: usize,
+) -> Vec<Vec<f32>> {
+    if whole[power] <= 0.0 || members.len() < 2 {
+        return members.iter().map(|(own_m2, _)| scaled(target, own_m2 / area_m2)).collect();
     }
     let described: Vec<Member> = members.iter().map(|m| Member { area_m2: m.0, power: f64::from(m.1[power]) }).collect();
-    let shares = own_shares(&described, f64::from(own_sum[squares] / own_sum[power]));
+    let shares = own_shares(&described, f64::from(whole[squares] / whole[power]));
     let mut tables: Vec<Vec<f32>> = members
         .iter()
         .zip(&shares)

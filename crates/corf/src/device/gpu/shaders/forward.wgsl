@@ -1,14 +1,3 @@
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> lists: array<List>;
-@group(0) @binding(2) var<storage, read> entries: array<vec2<u32>>;
-@group(0) @binding(3) var<storage, read> splats: array<Splat>;
-@group(0) @binding(4) var<storage, read_write> image: array<f32>;
-@group(0) @binding(5) var<storage, read_write> transmittance: array<f32>;
-@group(0) @binding(6) var<storage, read_write> main_contributor: array<u32>;
-@group(0) @binding(7) var<storage, read_write> checkpoints: array<f32>;
-@group(0) @binding(8) var<storage, read_write> visited: array<u32>;
-@group(0) @binding(9) var<storage, read> gaussian_of: array<u32>;
-
 // A batch of splats, one a thread.
 var<workgroup> batch_place: array<vec4<f32>, AREA>;
 var<workgroup> batch_power: array<vec3<f32>, AREA>;
