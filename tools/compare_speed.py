@@ -64,16 +64,25 @@ def main():
         chosen = np.linspace(0, positions, args.positions, endpoint=False).astype(int)
         result = {"machine": machine, "positions": positions, "traced": chosen.tolist()}
         result["theirs"] = measure_theirs(args, library, tx, everywhere[chosen], [radio["poses"][i] for i in chosen])
+        keep(out, result)
         say("corf bench radio")
         fewer = ("--positions", args.our_positions) if args.our_positions else ()
         result["ours"] = measure_ours(corf, dataset, *fewer)
+        keep(out, result)
         if not args.no_scaling:
             mesh = meshes.Meshes(scratch / "scene", radio)
             result["scaling"] = scaling(args, corf, dataset, scene, radio, mesh, library, tx, everywhere, scratch)
-    (out / "results.json").write_text(json.dumps(result, indent=1, default=float) + "\n")
+    keep(out, result)
     speed_report.write(out, args, result)
     say(str(out / "README.md"))
     return 0
+
+
+def keep(out, result):
+    """What has been measured so far: a run of half an hour that fails late loses nothing."""
+    text = json.dumps(result, indent=1, default=float) + "\n"
+    (out / "results.json.part").write_text(text)
+    (out / "results.json.part").replace(out / "results.json")
 
 
 def read_toml(path):
