@@ -10,3 +10,13 @@ pub fn fibonacci(i: usize, count: usize) -> DVec3 {
     let (sin, cos) = (golden_angle * i as f64).rem_euclid(std::f64::consts::TAU).sin_cos();
     DVec3::new(radius * cos, radius * sin, z)
 }
+
+/// The bin of a unit direction on the octahedral map of the sphere, of side × side bins, row by row.
+pub fn octahedral(d: DVec3, side: usize) -> usize {
+    let scale = 1.0 / (d.x.abs() + d.y.abs() + d.z.abs()).max(f64::MIN_POSITIVE);
+    let (x, y) = (d.x * scale, d.y * scale);
+    // The lower half is folded out over the square's corners.
+    let (x, y) = if d.z >= 0.0 { (x, y) } else { ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y)) };
+    let cell = |t: f64| (((t + 1.0) * 0.5 * side as f64) as usize).min(side - 1);
+    cell(y) * side + cell(x)
+}

@@ -5,6 +5,7 @@
 //! so that interpolating the four numbers between directions and between patches is meaningful. Photons are kept apart by the number
 //! of interactions that their chain leaves to the way towards the receiver.
 
+use super::guide::Surroundings;
 use super::illumination::{CLEARANCE_M, Illumination};
 use super::nodes::{self, Lobes, Nodes};
 use super::patches::Patches;
@@ -188,6 +189,30 @@ impl RadianceCache {
     /// The slot of a patch's side.
     pub fn slot(&self, patch: usize, side: usize) -> u32 {
         self.of_patch[patch][side]
+    }
+
+    /// Number of slots.
+    pub fn slot_count(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Area of a slot, m².
+    pub fn area_m2(&self, slot: u32) -> f64 {
+        f64::from(self.slots[slot as usize].area_m2)
+    }
+
+    /// Area and power of every slot and of the block it lies in, from the slots' powers; nothing where no light is expected.
+    pub fn surroundings(&self, power: &[f64]) -> Vec<Surroundings> {
+        let mut around = vec![Surroundings::default(); self.slots.len()];
+        for block in self.regions.iter().flatten() {
+            let sum = |of: &dyn Fn(u32) -> f64| block.iter().map(|&slot| of(slot)).sum::<f64>();
+            let (area_m2, all) = (sum(&|slot| self.area_m2(slot)), sum(&|slot| power[slot as usize]));
+            for &slot in block {
+                let (own_m2, own_power) = (self.area_m2(slot), power[slot as usize]);
+                around[slot as usize] = Surroundings { own_m2, own_power, area_m2, power: all };
+            }
+        }
+        around
     }
 
     /// Megabytes of tables.

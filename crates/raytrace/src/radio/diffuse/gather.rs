@@ -18,7 +18,7 @@ const MIN_COS_SCATTER: f64 = 0.01;
 /// A ray that keeps less than this share of power (−60 dB) ends.
 const MIN_THROUGHPUT: f64 = 1e-6;
 /// A ray that keeps less than this share goes on with that much less probability, and counts for more.
-const ROULETTE_THROUGHPUT: f64 = 0.05;
+const ROULETTE_THROUGHPUT: f64 = 0.01;
 /// Step of the low-discrepancy sequence that decides about a direction's rays: 1/g of the plastic number g.
 const ROULETTE_STEP: f64 = 0.754_877_666_246_692_7;
 
@@ -32,6 +32,17 @@ pub(super) struct Look<'f, 't, 'a> {
     /// Most interactions between a scattering surface and the receiver.
     deepest: usize,
     stack: Vec<Ray>,
+}
+
+/// What is looked for along a direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Layer {
+    /// What the surface seen first scatters.
+    Front,
+    /// What comes mirrored and through slabs from behind it.
+    Beyond,
+    /// Both.
+    All,
 }
 
 /// A ray on its way from the receiver.
@@ -64,7 +75,13 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     }
 
     /// Follows direction `index` of the lattice and reports what is scattered back along it; returns the object seen first.
-    pub(super) fn along(&mut self, index: usize, direction: DVec3, report: &mut impl FnMut(Contribution)) -> Option<u32> {
+    pub(super) fn along(
+        &mut self,
+        index: usize,
+        direction: DVec3,
+        layer: Layer,
+        report: &mut impl FnMut(Contribution),
+    ) -> Option<u32> {
         let geometry = &self.field.tracer.geometry;
         let mut ports = [Field::default(); MAX_PORTS];
         for (port, field) in ports.iter_mut().enumerate().take(self.antenna.ports()) {
@@ -92,8 +109,10 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
                 side,
                 length_m: ray.length_m + t,
             };
-            self.scattered(&ray, &met, report);
-            if ray.hops < self.deepest {
+            if ray.hops > 0 || layer != Layer::Beyond {
+                self.scattered(&ray, &met, report);
+            }
+            if ray.hops < self.deepest && layer != Layer::Front {
                 self.go_on(&ray, &met, whole, &mut sequence);
             }
         }

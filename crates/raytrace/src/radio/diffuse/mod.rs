@@ -11,11 +11,14 @@
 //! Antennas with two ports: a receiver's ports add their powers; a transmitter's share its power, so that the result is their mean.
 
 mod cache;
+mod emission;
 mod gather;
+mod guide;
 mod illumination;
 mod nodes;
 mod patches;
 mod photons;
+mod pilot;
 mod refine;
 mod smooth;
 #[cfg(test)]
@@ -24,7 +27,7 @@ mod tests;
 use super::{Antenna, Arrival, MAX_DEPTH, RadioTracer, lattice};
 use cache::RadianceCache;
 use corf_scene::{Error, Pinhole, Result, Rigid3, Rng};
-use gather::Look;
+use gather::{Layer, Look};
 use glam::{DMat3, DVec2, DVec3};
 use illumination::Illumination;
 use patches::Patches;
@@ -273,7 +276,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             let mut found = Vec::new();
             for i in range {
                 let direction = self.direction(i, count);
-                look.along(i, direction, &mut |c| found.push((direction, c)));
+                look.along(i, direction, Layer::All, &mut |c| found.push((direction, c)));
             }
             found
         }))

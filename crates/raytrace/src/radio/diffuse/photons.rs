@@ -2,25 +2,33 @@
 //!
 //! A photon carries its polarised field; its power is ‖E‖² and each stands for 4π/N steradians of the transmitter's sphere. Where it
 //! meets a surface it leaves what is scattered there in the cache and goes on mirrored, straight through, and scattered into one drawn
-//! direction, weak ones by roulette. What the sources of [`Illumination`] light already is not left again.
+//! direction, chosen among a few by what a [`Guide`] says of them, weak ones by roulette. What the sources of [`Illumination`] light already is not left again.
 
 use super::cache::{Deposit, RadianceCache};
+use super::emission::Emission;
+use super::guide::{Drawn, Guide, draw};
 use super::illumination::{CLEARANCE_M, Illumination};
 use super::patches::Patches;
+use super::pilot::Leg;
 use crate::radio::antenna::{phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
-use crate::radio::{lattice, scattering};
 use corf_scene::Rng;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 /// Photons a task traces.
-const PHOTONS_PER_TASK: usize = 2048;
+pub const PHOTONS_PER_TASK: usize = 2048;
 /// Tasks between two fillings of the cache: a quarter of a million photons leave some 100 MB of deposits.
 const TASKS_PER_ROUND: usize = 128;
 /// Stage of the random numbers.
 const STAGE: u64 = 0x9407_0a5e;
-/// Photons below this power take part in roulette.
+/// … of those that bring scattered light, …
+const SCATTERED_STAGE: u64 = 0x9407_0a60;
+/// … and of where photons leave.
+const EMISSION_STAGE: u64 = 0x9407_0a61;
+/// Share of all photons that bring scattered light.
+const SCATTERED_SHARE: f64 = 0.3;
+/// Photons of less power times worth take part in roulette.
 const ROULETTE_POWER: f64 = 3e-3;
 
 /// What happens to a wave at a surface.
@@ -50,6 +58,46 @@ struct Photon {
     covered: bool,
 }
 
+/// What some of the photons bring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Crowd {
+    /// Light that mirrors and slabs alone sent on.
+    Unscattered,
+    /// Light that was scattered before.
+    Scattered,
+    /// Both.
+    All,
+}
+
+/// How photons are sent.
+pub struct Way<'g> {
+    /// What they bring.
+    pub crowd: Crowd,
+    /// In which directions they leave.
+    pub emission: Emission,
+    /// What they are worth.
+    pub guide: Option<&'g Guide>,
+    /// Of their random numbers.
+    pub stage: u64,
+}
+
+/// What photons leave on their way.
+#[derive(Default)]
+pub struct Trail {
+    stack: Vec<Photon>,
+    /// In the order of the photons.
+    pub deposits: Vec<Deposit>,
+    /// Kept by the pilot only.
+    pub legs: Option<Vec<Leg>>,
+}
+
+impl Trail {
+    /// One that keeps legs.
+    pub fn of_pilot() -> Self {
+        Self { legs: Some(Vec::new()), ..Self::default() }
+    }
+}
+
 /// What all photons of a transmitter have in common.
 pub struct Photons<'p, 't, 'a> {
     /// The sources, and the tables of the slabs.
@@ -60,7 +108,7 @@ pub struct Photons<'p, 't, 'a> {
     pub count: usize,
     /// Key of the random numbers.
     pub seed: u64,
-    /// Turns the lattice of departures.
+    /// Turns even departures.
     pub world_from_lattice: DMat3,
     /// The one chain to follow, up to and with its last scattering; otherwise all chains that the sources do not light.
     pub only: Option<&'p [Event]>,
@@ -75,35 +123,54 @@ impl Photons<'_, '_, '_> {
         }
         // A deposit is at least a second interaction.
         let mut cache = RadianceCache::new(self.illumination, self.patches, patch_m, settings.max_depth - 1);
-        let tasks = self.count.div_ceil(PHOTONS_PER_TASK);
-        for first in (0..tasks).step_by(TASKS_PER_ROUND) {
-            let batches: Vec<Vec<Deposit>> = (first..(first + TASKS_PER_ROUND).min(tasks))
-                .into_par_iter()
-                .map(|task| {
-                    let mut deposits = Vec::new();
-                    let mut stack = Vec::new();
-                    for i in task * PHOTONS_PER_TASK..((task + 1) * PHOTONS_PER_TASK).min(self.count) {
-                        self.follow(i, &cache, &mut stack, &mut deposits);
-                    }
-                    deposits.sort_by_key(|d| d.slot);
-                    deposits
-                })
-                .collect();
-            cache.add(&batches);
+        for way in self.ways(&self.guide(&cache)) {
+            let count = way.emission.len();
+            let tasks = count.div_ceil(PHOTONS_PER_TASK);
+            for first in (0..tasks).step_by(TASKS_PER_ROUND) {
+                let batches: Vec<Vec<Deposit>> = (first..(first + TASKS_PER_ROUND).min(tasks))
+                    .into_par_iter()
+                    .map(|task| {
+                        let mut trail = Trail::default();
+                        for i in task * PHOTONS_PER_TASK..((task + 1) * PHOTONS_PER_TASK).min(count) {
+                            self.follow(i, &way, &cache, &mut trail);
+                        }
+                        trail.deposits.sort_by_key(|d| d.slot);
+                        trail.deposits
+                    })
+                    .collect();
+                cache.add(&batches);
+            }
         }
         cache.finish(4.0 * std::f64::consts::PI / self.count as f64);
         Some(cache)
     }
 
+    /// All photons at once without a guide; with one, in two crowds.
+    fn ways<'g>(&self, learned: &'g Option<(Guide, Vec<(DVec3, f64)>)>) -> Vec<Way<'g>> {
+        let even = |count: usize| Emission::Even { count, world_from_lattice: self.world_from_lattice };
+        let Some((guide, disturbances)) = learned else {
+            return vec![Way { crowd: Crowd::All, emission: even(self.count), guide: None, stage: STAGE }];
+        };
+        let scattered = (self.count as f64 * SCATTERED_SHARE) as usize;
+        let unscattered = Emission::learn(self.count - scattered, disturbances, self.seed, EMISSION_STAGE);
+        vec![
+            Way { crowd: Crowd::Unscattered, emission: unscattered, guide: Some(guide), stage: STAGE },
+            Way { crowd: Crowd::Scattered, emission: even(scattered), guide: Some(guide), stage: SCATTERED_STAGE },
+        ]
+    }
+
     /// Follows photon `i` and all it splits into.
-    fn follow(&self, i: usize, cache: &RadianceCache, stack: &mut Vec<Photon>, deposits: &mut Vec<Deposit>) {
+    pub fn follow(&self, i: usize, way: &Way<'_>, cache: &RadianceCache, trail: &mut Trail) {
         let settings = &self.illumination.tracer.settings;
-        let direction = self.world_from_lattice * lattice::fibonacci(i, self.count);
+        let mut rng = Rng::keyed(self.seed, way.stage, i as u64);
+        let (direction, solid_angle_sr) = way.emission.photon(i);
         // The ports of a transmitter share its power: every photon belongs to one of them.
-        let field = Field::real(settings.tx_antenna.port_field(i % self.illumination.ports(), direction));
+        let ports = self.illumination.ports();
+        let port = if matches!(way.emission, Emission::Even { .. }) { i % ports } else { rng.below(ports) };
+        let share = solid_angle_sr * self.count as f64 / (4.0 * std::f64::consts::PI);
+        let field = Field::real(settings.tx_antenna.port_field(port, direction)).scaled(share.sqrt());
         let origin = self.illumination.tx;
-        let mut rng = Rng::keyed(self.seed, STAGE, i as u64);
-        stack.push(Photon {
+        trail.stack.push(Photon {
             origin,
             direction,
             field,
@@ -113,13 +180,13 @@ impl Photons<'_, '_, '_> {
             scattered: false,
             covered: true,
         });
-        while let Some(photon) = stack.pop() {
-            self.meet(&photon, cache, &mut rng, stack, deposits);
+        while let Some(photon) = trail.stack.pop() {
+            self.meet(&photon, way, cache, &mut rng, trail);
         }
     }
 
     /// One photon meets the next surface.
-    fn meet(&self, photon: &Photon, cache: &RadianceCache, rng: &mut Rng, stack: &mut Vec<Photon>, deposits: &mut Vec<Deposit>) {
+    fn meet(&self, photon: &Photon, way: &Way<'_>, cache: &RadianceCache, rng: &mut Rng, trail: &mut Trail) {
         let settings = &self.illumination.tracer.settings;
         let geometry = self.illumination.geometry();
         let (k, e) = (photon.direction, &photon.field);
@@ -142,7 +209,17 @@ impl Photons<'_, '_, '_> {
         let amplitude = (s2 * field::reflectivity(e, k, normal, f64::from(entry.te), f64::from(entry.tm))).sqrt();
         let (e_theta, e_phi) = (e.along(theta_hat(k)) * amplitude, e.along(phi_hat(k)) * amplitude);
         let (out_theta, out_phi) = (e_theta * co - e_phi * cross, e_theta * cross + e_phi * co);
-        let wanted = self.only.map_or(!photon.covered, |chain| chain.len() == interactions);
+        let slot = cache.slot(self.patches.at(face, point), side);
+        if let Some(legs) = &mut trail.legs {
+            if photon.interactions > 0 {
+                legs.push(Leg { from: photon.origin, direction: k, slot });
+            }
+            if interactions < settings.max_depth {
+                self.look_around(point, normal, cache, rng, legs);
+            }
+        }
+        let wanted = self.only.map_or(!photon.covered, |chain| chain.len() == interactions)
+            && (way.crowd == Crowd::All || photon.scattered == (way.crowd == Crowd::Scattered));
         if wanted && s2 > 0.0 {
             let inverse = f64::from(entry.inverse_normalisation);
             let coherency = [
@@ -151,8 +228,8 @@ impl Photons<'_, '_, '_> {
                 out_theta.re * out_phi.re + out_theta.im * out_phi.im,
                 out_theta.im * out_phi.re - out_theta.re * out_phi.im,
             ];
-            deposits.push(Deposit {
-                slot: cache.slot(self.patches.at(face, point), side),
+            trail.deposits.push(Deposit {
+                slot,
                 left: (settings.max_depth - interactions) as u32,
                 coherency: coherency.map(|c| (c * inverse) as f32),
                 normal: normal.as_vec3(),
@@ -166,38 +243,42 @@ impl Photons<'_, '_, '_> {
         if interactions + 1 > settings.max_depth {
             return;
         }
-        let uniform = [rng.uniform_f64(), rng.uniform_f64(), rng.uniform_f64()];
         let next = match self.only.map(|chain| chain[interactions - 1..].split_first()) {
             None => None,
             Some(Some((event, [_, ..]))) => Some(*event),
             Some(_) => return,
         };
         let goes = |event: Event| next.is_none_or(|n| n == event);
-        let mut go_on = |direction: DVec3, field: Field, mirrors: usize, scattered: bool, covered: bool| {
-            let power = field.norm_squared();
-            let kept = (power / ROULETTE_POWER).min(1.0);
+        // Unscattered light is rouletted by its power alone: its departures are guided.
+        let guide = way.guide.filter(|_| way.crowd != Crowd::Unscattered);
+        let worth = |direction: DVec3| guide.map_or(1.0, |guide| guide.worth(point, direction));
+        let drawn = if s2 > 0.0 && goes(Event::Scattered) && way.crowd != Crowd::Unscattered {
+            draw(slab.scattering.pattern, k, normal, worth, guide.is_some(), rng)
+        } else {
+            None
+        };
+        let mut go_on = |direction: DVec3, field: Field, worth: f64, mirrors: usize, scattered: bool, covered: bool| {
+            let kept = (field.norm_squared() * worth / ROULETTE_POWER).min(1.0);
             if kept < 1.0 && rng.uniform_f64() >= kept {
                 return;
             }
             let field = if kept < 1.0 { field.scaled(1.0 / kept.sqrt()) } else { field };
-            stack.push(Photon { origin: point, direction, field, length_m, interactions, mirrors, scattered, covered });
+            trail.stack.push(Photon { origin: point, direction, field, length_m, interactions, mirrors, scattered, covered });
         };
         if settings.reflection && goes(Event::Specular) {
             let covered = photon.covered && photon.mirrors == 0 && self.illumination.is_mirror(face);
             let reflected = field::reflect(e, k, normal, &table.response(cos_incidence), slab.specular_amplitude());
-            go_on(field::mirrored(k, normal), reflected, photon.mirrors + 1, photon.scattered, covered);
+            let direction = field::mirrored(k, normal);
+            go_on(direction, reflected, worth(direction), photon.mirrors + 1, photon.scattered, covered);
         }
         if settings.transmission && goes(Event::Transmitted) {
             let through = field::transmit(e, k, normal, &table.response(cos_incidence));
-            go_on(k, through, photon.mirrors, photon.scattered, photon.covered);
+            go_on(k, through, worth(k), photon.mirrors, photon.scattered, photon.covered);
         }
-        if s2 > 0.0
-            && goes(Event::Scattered)
-            && let Some((direction, weight)) = scattering::sample(slab.scattering.pattern, k, normal, uniform)
-        {
+        if let Some(Drawn { direction, weight, worth }) = drawn {
             let scale = (weight * f64::from(entry.inverse_normalisation)).sqrt();
             let (theta, phi) = (theta_hat(direction), phi_hat(direction));
-            go_on(direction, Field::of_components(out_theta * scale, theta, out_phi * scale, phi), 0, true, false);
+            go_on(direction, Field::of_components(out_theta * scale, theta, out_phi * scale, phi), worth, 0, true, false);
         }
     }
 }

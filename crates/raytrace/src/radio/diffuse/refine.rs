@@ -3,17 +3,17 @@
 //! Outlines, shadow edges and things smaller than the lattice's spacing make nearly all of its error; smooth surfaces make none. The cell
 //! of a lattice direction is the parallelogram of its two shortest steps, whose copies tile the sphere. A cell whose power differs from
 //! its neighbours' by more than a share of what a reader of the given angular resolution sees there is cut into k×k directions, and
-//! speaks from then on with their mean.
+//! speaks from then on with their mean; the surfaces seen first and what lies behind them apart.
 
-use super::gather::Look;
+use super::gather::{Layer, Look};
 use super::{DIRECTIONS_PER_TASK, DiffuseField};
-use crate::radio::{Antenna, Arrival};
+use crate::radio::{Antenna, Arrival, lattice};
 use glam::DVec3;
 use rayon::prelude::*;
 
 /// Difference of neighbours that is left alone, over the power within the reader's resolution. About twenty cells lie along an edge through it,
-/// each wrong by this over √12: two per cent together.
-const TOLERATED: f64 = 0.015;
+/// each wrong by this over √12: three per cent together.
+const TOLERATED: f64 = 0.02;
 /// Directions along a cell's side, at most.
 const MOST: usize = 8;
 /// Regions this much fainter than the brightest are left alone.
@@ -30,18 +30,36 @@ struct Part {
     weighted_direction: DVec3,
 }
 
-/// One direction of the lattice and what is known of its cell.
-struct Cell {
-    index: usize,
-    direction: DVec3,
-    /// Directions along its side that were looked along.
+/// What a cell receives in one layer.
+struct Seen {
+    /// Directions along the cell's side that were looked along.
     side: usize,
     parts: Vec<Part>,
 }
 
+/// One direction of the lattice and what is known of its cell.
+struct Cell {
+    index: usize,
+    direction: DVec3,
+    /// From the surfaces seen first, and from behind them: by [`LAYERS`].
+    seen: [Seen; 2],
+}
+
+/// Looked at with a fineness of its own each: most outlines are those of what is seen first, and what lies behind costs more rays.
+const LAYERS: [Layer; 2] = [Layer::Front, Layer::Beyond];
+
 impl Cell {
-    fn power(&self) -> f64 {
-        self.parts.iter().map(|p| p.power).sum()
+    fn power(&self, layer: usize) -> f64 {
+        self.seen[layer].parts.iter().map(|p| p.power).sum()
+    }
+
+    /// Everything it receives, by object.
+    fn arrivals(self) -> impl Iterator<Item = Arrival> {
+        let [Seen { mut parts, .. }, beyond] = self.seen;
+        for part in beyond.parts {
+            add(&mut parts, part);
+        }
+        parts.into_iter().map(|part| part.arrival())
     }
 }
 
@@ -65,9 +83,9 @@ impl Gathering<'_, '_, '_, '_> {
                 .map(|index| (index, self.field.direction(index, self.count)))
                 .filter(|(_, direction)| wanted(*direction))
                 .map(|(index, direction)| {
-                    let mut parts = Vec::new();
-                    along(&mut look, index, direction, 1.0, &mut parts);
-                    Cell { index, direction, side: 1, parts }
+                    let mut seen = [(); 2].map(|()| Seen { side: 1, parts: Vec::new() });
+                    along(&mut look, index, direction, Layer::All, 1.0, &mut seen);
+                    Cell { index, direction, seen }
                 })
                 .collect()
         });
@@ -76,7 +94,7 @@ impl Gathering<'_, '_, '_, '_> {
                 self.refine(&mut cells);
             }
         }
-        cells.iter().flat_map(|cell| &cell.parts).map(Part::arrival).collect()
+        cells.into_iter().flat_map(Cell::arrivals).collect()
     }
 
     /// Cuts every cell whose neighbours call for it.
@@ -84,28 +102,38 @@ impl Gathering<'_, '_, '_, '_> {
         let sides = self.wanted_sides(cells);
         cells.par_chunks_mut(DIRECTIONS_PER_TASK).zip(sides.par_chunks(DIRECTIONS_PER_TASK)).for_each(|(cells, sides)| {
             let mut look = Look::new(self.field, self.rx, self.antenna, self.count);
-            for (cell, &side) in cells.iter_mut().zip(sides).filter(|(cell, side)| **side > cell.side) {
-                let [u, v] = self.steps(cell.index);
-                cell.parts.clear();
-                cell.side = side;
-                for i in 0..side * side {
-                    let at = |k: usize| (k as f64 + 0.5) / side as f64 - 0.5;
-                    let direction = (cell.direction + u * at(i % side) + v * at(i / side)).normalize();
-                    let number = self.count + cell.index * MOST * MOST + i;
-                    along(&mut look, number, direction, 1.0 / (side * side) as f64, &mut cell.parts);
+            for (cell, sides) in cells.iter_mut().zip(sides) {
+                for (i, layer) in LAYERS.into_iter().enumerate() {
+                    if sides[i] > cell.seen[i].side {
+                        let [front, beyond] = self.cut(cell, layer, sides[i], &mut look);
+                        cell.seen[i] = if layer == Layer::Front { front } else { beyond };
+                    }
                 }
             }
         });
     }
 
-    /// Directions along the side that each cell's disagreement with its neighbours asks for.
-    fn wanted_sides(&self, cells: &[Cell]) -> Vec<usize> {
-        let mut by_index = vec![f64::NAN; self.count];
+    /// Looks at a layer of a cell along side × side directions.
+    fn cut(&self, cell: &Cell, layer: Layer, side: usize, look: &mut Look<'_, '_, '_>) -> [Seen; 2] {
+        let mut seen = [(); 2].map(|()| Seen { side, parts: Vec::new() });
+        let [u, v] = self.steps(cell.index);
+        for i in 0..side * side {
+            let at = |k: usize| (k as f64 + 0.5) / side as f64 - 0.5;
+            let direction = (cell.direction + u * at(i % side) + v * at(i / side)).normalize();
+            let number = self.count + cell.index * MOST * MOST + i;
+            along(look, number, direction, layer, 1.0 / (side * side) as f64, &mut seen);
+        }
+        seen
+    }
+
+    /// Directions along the side that each cell's disagreement with its neighbours asks for, by layer.
+    fn wanted_sides(&self, cells: &[Cell]) -> Vec<[usize; 2]> {
+        let mut by_index = vec![[f64::NAN; 2]; self.count];
         let mut bins = Bins::new(self.resolution_deg);
         for cell in cells {
-            let power = cell.power();
-            by_index[cell.index] = power;
-            bins.add(cell.direction, power);
+            let powers = [0, 1].map(|layer| cell.power(layer));
+            by_index[cell.index] = powers;
+            bins.add(cell.direction, powers[0] + powers[1]);
         }
         let seen = bins.around();
         let least = FAINTEST * seen.iter().fold(0.0, |m: f64, s| m.max(*s));
@@ -114,17 +142,17 @@ impl Gathering<'_, '_, '_, '_> {
             .map(|cell| {
                 let whole = seen[bins.at(cell.direction)];
                 if whole <= least {
-                    return 1;
+                    return [1; 2];
                 }
                 let own = by_index[cell.index];
                 let steps = basis(cell.index, self.count);
                 let differs = steps
                     .iter()
                     .flat_map(|&s| [cell.index.checked_sub(s), Some(cell.index + s)])
-                    .filter_map(|neighbour| by_index.get(neighbour?).filter(|power| !power.is_nan()))
-                    .fold(0.0, |m: f64, power| m.max((power - own).abs()));
+                    .filter_map(|neighbour| by_index.get(neighbour?).filter(|powers| !powers[0].is_nan()))
+                    .fold([0.0; 2], |m: [f64; 2], powers| [0, 1].map(|i| m[i].max((powers[i] - own[i]).abs())));
                 // The error of n samples across an edge falls as n^−¾, and n is the square of the side.
-                ((differs / (TOLERATED * whole)).powf(2.0 / 3.0).ceil() as usize).clamp(1, MOST)
+                differs.map(|d| ((d / (TOLERATED * whole)).powf(2.0 / 3.0).ceil() as usize).clamp(1, MOST))
             })
             .collect()
     }
@@ -150,22 +178,29 @@ impl Part {
     }
 }
 
-/// Looks along one direction and adds what comes from there to the parts of a cell.
-fn along(look: &mut Look<'_, '_, '_>, number: usize, direction: DVec3, share: f64, parts: &mut Vec<Part>) {
-    let (mut power, mut weighted_delay) = (0.0, 0.0);
-    let seen = look.along(number, direction, &mut |c| {
-        power += c.power * share;
-        weighted_delay += c.power * share * c.delay_s;
+/// Looks along one direction and adds what comes from there to what a cell has seen.
+fn along(look: &mut Look<'_, '_, '_>, number: usize, direction: DVec3, layer: Layer, share: f64, seen: &mut [Seen; 2]) {
+    let mut sums = [(0.0, 0.0); 2];
+    let object = look.along(number, direction, layer, &mut |c| {
+        let (power, weighted_delay) = &mut sums[usize::from(c.after > 0)];
+        *power += c.power * share;
+        *weighted_delay += c.power * share * c.delay_s;
     });
-    let Some(object) = seen.filter(|_| power > 0.0) else { return };
-    let weighted_direction = direction * power;
-    match parts.iter_mut().find(|p| p.object == object) {
-        Some(part) => {
-            part.power += power;
-            part.weighted_delay += weighted_delay;
-            part.weighted_direction += weighted_direction;
+    let Some(object) = object else { return };
+    for (seen, (power, weighted_delay)) in seen.iter_mut().zip(sums).filter(|(_, (power, _))| *power > 0.0) {
+        add(&mut seen.parts, Part { object, power, weighted_delay, weighted_direction: direction * power });
+    }
+}
+
+/// Adds a part to that of the same object.
+fn add(parts: &mut Vec<Part>, part: Part) {
+    match parts.iter_mut().find(|p| p.object == part.object) {
+        Some(same) => {
+            same.power += part.power;
+            same.weighted_delay += part.weighted_delay;
+            same.weighted_direction += part.weighted_direction;
         }
-        None => parts.push(Part { object, power, weighted_delay, weighted_direction }),
+        None => parts.push(part),
     }
 }
 
@@ -204,12 +239,7 @@ impl Bins {
     }
 
     fn at(&self, d: DVec3) -> usize {
-        let scale = 1.0 / (d.x.abs() + d.y.abs() + d.z.abs()).max(f64::MIN_POSITIVE);
-        let (x, y) = (d.x * scale, d.y * scale);
-        // The lower half is folded out over the square's corners.
-        let (x, y) = if d.z >= 0.0 { (x, y) } else { ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y)) };
-        let cell = |t: f64| (((t + 1.0) * 0.5 * self.side as f64) as usize).min(self.side - 1);
-        cell(y) * self.side + cell(x)
+        lattice::octahedral(d, self.side)
     }
 
     fn add(&mut self, direction: DVec3, power: f64) {
@@ -238,7 +268,6 @@ impl Bins {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::radio::lattice;
 
     #[test]
     fn two_steps_span_the_cell_of_every_direction() {

@@ -71,6 +71,9 @@ fn scattered(slab: &crate::radio::Slab, k: DVec3, axis: DVec3, normal: DVec3, ou
         / scattering::normalisation(pattern, cos_i)
 }
 
+/// Fields whose mean is compared: each has its own photons.
+const REPEATS: u64 = 3;
+
 #[test]
 fn light_scattered_twice_is_what_a_double_surface_integral_makes_of_it() {
     // Two plates at a right angle; the receiver looks at plate B (in the plane y = 0, 1 m square), A is in x = 0.
@@ -85,8 +88,14 @@ fn light_scattered_twice_is_what_a_double_surface_integral_makes_of_it() {
         quad(&mut scene, 0, Vec3::new(0.2, 0.0, 0.0), Vec3::X, Vec3::Z);
         let tracer = RadioTracer::without_bvh(&scene, RadioSettings { reflection: false, ..settings(2) }).unwrap();
         // One photon in two hundred hits both plates.
-        let field = DiffuseField::new(&tracer, tx, &DiffuseSettings { photons: 10_000_000, ..sampling() }).unwrap();
-        let found = power(&field, rx, |c| c.indirect && c.object == 1);
+        let mean_of = |field: &dyn Fn(&DiffuseSettings) -> f64| {
+            let photons = |phase| DiffuseSettings { photons: 10_000_000, phase, ..sampling() };
+            (0..REPEATS).map(|phase| field(&photons(phase))).sum::<f64>() / REPEATS as f64
+        };
+        let received = |field: &DiffuseField<'_, '_>| power(field, rx, |c| c.indirect && c.object == 1);
+        let chain = [Event::Scattered, Event::Scattered];
+        let found = mean_of(&|s| received(&DiffuseField::of_chain(&tracer, tx, s, &chain).unwrap()));
+        let guided = mean_of(&|s| received(&DiffuseField::new(&tracer, tx, s).unwrap()));
         let slab = tracer.geometry().slabs[0].clone().unwrap();
         let n = 24;
         let at = |i: usize| (0.5 + i as f64) / n as f64;
@@ -104,6 +113,8 @@ fn light_scattered_twice_is_what_a_double_surface_integral_makes_of_it() {
         }
         expected *= (SPEED_OF_LIGHT / 60e9 / (4.0 * std::f64::consts::PI) / (n * n) as f64).powi(2);
         assert!((found / expected - 1.0).abs() < PHOTON_TOTAL, "{pattern:?}: {found:e} {expected:e}");
+        // A guide changes where photons go, not what they bring.
+        assert!((guided / found - 1.0).abs() < PHOTON_TOTAL, "{pattern:?}: {guided:e} {found:e}");
     }
 }
 
