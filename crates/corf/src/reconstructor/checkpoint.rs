@@ -220,11 +220,13 @@ impl Reconstructor {
             ));
         };
         self.admit(&keyframe)?;
-        self.preparer.look(&keyframe);
-        let mono = self.preparer.mono(&keyframe)?;
+        let view = self.ahead.preparer().view(&keyframe);
+        self.ahead.with_past(|p| p.meet(&view));
+        let mono = self.ahead.preparer().mono(&keyframe)?;
         let aligned =
             mono.as_ref().zip(past.alignment).map(|(m, [scale, offset])| AlignedPrior::new(m, scale, offset, &self.config.depth));
-        let view = self.device.upload(&self.preparer.training_view(&keyframe, aligned.as_ref()), self.config.pyramid_levels)?;
+        let target = self.ahead.preparer().training_view(&keyframe, aligned.as_ref());
+        let view = self.device.upload(&target, self.config.pyramid_levels)?;
         self.schedule.push(view);
         self.past.push(past);
         self.keyframes_expanded += 1;
@@ -232,7 +234,7 @@ impl Reconstructor {
             replay.left.pop_front();
             if replay.left.is_empty() {
                 self.schedule.restore(&replay.schedule);
-                self.preparer.set_typical_depth_m(past.typical_depth_m);
+                self.ahead.with_past(|p| p.set_typical_depth_m(past.typical_depth_m));
                 self.replay = None;
                 self.apply_world_scale();
             }
