@@ -6,9 +6,13 @@ pub mod cpu;
 pub mod gpu;
 mod packed;
 mod state;
+mod survey;
 
 pub use packed::{PackedView, Packer};
 pub use state::{DeviceState, Outline};
+#[cfg(test)]
+pub(crate) use survey::judge;
+pub use survey::{Judgement, PruneRule, Shown, Survey, SurveyRequest};
 
 use crate::{Error, Gaussians, Result};
 use corf_scene::{Pinhole, Raster, Rigid3};
@@ -205,6 +209,16 @@ pub trait Device: Send {
     /// # Errors
     /// A camera without pixels, or a main contributor asked for without an optical view.
     fn render(&mut self, request: &RenderRequest) -> Result<Rendering>;
+
+    /// What an expansion asks of the field: what some pixels of a view show, and which Gaussians do not stay.
+    ///
+    /// # Errors
+    /// As [`Self::render`]; when the device fails.
+    fn survey(&mut self, request: &SurveyRequest<'_>) -> Result<Survey> {
+        let wanted = RenderRequest { optical: Some((request.view, [0.0; 3])), rf: None, main_contributor: true };
+        let rendering = self.render(&wanted)?;
+        Ok(Survey::of(&rendering, &self.outlines()?, request))
+    }
 
     /// Runs training steps in order and reports the last. Steps name views uploaded to this device.
     fn train(&mut self, steps: &[Step]) -> Result<StepReport>;

@@ -7,7 +7,7 @@ use super::{
 use crate::{
     Coupling, Result, Sampling,
     depth::{self, PixelDepth, Reliability, SparseDepth},
-    device::{Layer, RenderRequest, Rendering, View},
+    device::{Judgement, Layer, PruneRule, RenderRequest, Shown, Survey, SurveyRequest, View},
     expansion::{log, prune, spawn},
     field::normalised_inverse_depth,
     stage,
@@ -34,27 +34,22 @@ impl Reconstructor {
     /// Expands the field with one keyframe and adds it to the buffer of the schedule.
     pub(super) fn expand(&mut self, mut keyframe: Prepared) -> Result<Expansion> {
         let view = View { camera: self.meta.optical_camera, world_from_camera: keyframe.training.world_from_camera };
-        let rendering = self.render_before(view)?;
-        let rendered = rendering.optical.as_ref();
+        let (seen, judged) = self.survey(view, &keyframe)?;
 
         // Where: Eqs. (13)–(15), or everywhere alike.
         let (seed, stage) = (self.seed, stage::keyed(stage::SAMPLING, keyframe.index));
-        let penalty = match (self.config.sampling, rendered) {
-            (Sampling::Log, Some(layer)) => Some(log::probability(&layer.color, self.config.log_sigma_px)),
-            _ => None,
-        };
         let (sampling, probability) = (self.config.sampling, &keyframe.probability);
-        let chance = |at: (usize, usize)| acceptance(sampling, probability[at], penalty.as_ref().map_or(0.0, |p| p[at]));
+        let chance = |at: (usize, usize)| acceptance(sampling, probability[at], seen.at(at).map_or(0.0, |s| s.structure));
         let width = probability.width();
         let drawn = |at: (usize, usize)| log::accepted(at.1 * width + at.0, chance(at), seed, stage);
         let pixels: Vec<(usize, usize)> = keyframe.candidates.par_iter().copied().filter(|&at| drawn(at)).collect();
 
         // How far.
-        if keyframe.aligned.is_none()
-            && let (Some(mono), Some(rendered)) = (&keyframe.mono, rendered)
-        {
+        if let (None, Some(mono), false) = (&keyframe.aligned, &keyframe.mono, self.device.is_empty()) {
             // Too little was triangulated: the field itself says how far things are.
-            let anchors = rendered_anchors(rendered, self.config.behind_coverage);
+            let request = RenderRequest { optical: Some((view, [0.0; 3])), ..RenderRequest::default() };
+            let rendering = self.device.render(&request)?;
+            let anchors = rendering.optical.map_or(vec![], |layer| rendered_anchors(&layer, self.config.behind_coverage));
             let stage = stage::keyed(stage::ALIGNMENT, keyframe.index);
             keyframe.aligned = depth::align(mono, &anchors, &self.config.depth, self.seed, stage);
             keyframe.training.inverse_depth = keyframe.aligned.as_ref().map(inverse_depth);
@@ -64,9 +59,7 @@ impl Reconstructor {
             None => keyframe.match_pixels(&pixels, keyframe.aligned.as_ref(), &self.config),
         };
         insert_corners(&mut samples, &keyframe, |at| chance(at) > 0.0);
-        if let Some(layer) = rendered {
-            samples.retain(|s| prune::is_not_behind(s, layer, &self.config));
-        }
+        samples.retain(|s| seen.at((s.x, s.y)).is_none_or(|shown| prune::is_not_behind(s, shown, &self.config)));
         let mut expansion = Expansion {
             sampled: pixels.len(),
             triangulated: keyframe.anchors.len(),
@@ -75,12 +68,10 @@ impl Reconstructor {
         };
 
         // Who makes room.
-        if let (Some(main), false) = (&rendering.main_contributor, self.device.is_empty()) {
-            let replaced = prune::replaced(self.device.len(), main, &samples, &self.config);
-            // A stage that light trains alone leaves the RF opacities as they were born: they say nothing there.
-            let both = self.config.coupling == Coupling::Joint;
-            let outlines = self.device.outlines()?;
-            let pruned = prune::pruned(&outlines, &self.born, self.keyframes_expanded, both, &view, &self.config);
+        if !self.device.is_empty() {
+            let shown = samples.iter().filter_map(|s| Some((s, seen.at((s.x, s.y))?)));
+            let replaced = prune::replaced(self.device.len(), shown, &self.config);
+            let pruned = prune::pruned(&judged, &self.born, self.keyframes_expanded, &self.config);
             let keep: Vec<bool> = replaced.iter().zip(&pruned).map(|(r, p)| !(r | p)).collect();
             expansion.replaced = replaced.iter().filter(|r| **r).count();
             expansion.pruned = keep.iter().filter(|k| !**k).count() - expansion.replaced;
@@ -115,12 +106,40 @@ impl Reconstructor {
         Ok(expansion)
     }
 
-    /// The field as it stands, from the new keyframe's pose; nothing while it is empty.
-    fn render_before(&mut self, view: View) -> Result<Rendering> {
+    /// What the field shows of a new keyframe's candidates and corners, and what speaks against each Gaussian; nothing while it is empty.
+    fn survey(&mut self, view: View, keyframe: &Prepared) -> Result<(Seen, Vec<Judgement>)> {
         if self.device.is_empty() {
-            return Ok(Rendering::default());
+            return Ok((Seen::default(), vec![]));
         }
-        self.device.render(&RenderRequest { optical: Some((view, [0.0; 3])), rf: None, main_contributor: true })
+        let mut pixels = keyframe.candidates.clone();
+        pixels.extend(keyframe.anchors.iter().map(|a| (a.x, a.y)));
+        pixels.sort_unstable_by_key(|&(x, y)| (y, x));
+        pixels.dedup();
+        let prune = PruneRule {
+            opacity: self.config.prune_opacity,
+            // A stage that light trains alone leaves the RF opacities as they were born: they say nothing there.
+            both_modalities: self.config.coupling == Coupling::Joint,
+            image_fraction: self.config.prune_image_fraction,
+        };
+        let sigma_px = (self.config.sampling == Sampling::Log).then_some(self.config.log_sigma_px);
+        let Survey { shown, judged } = self.device.survey(&SurveyRequest { view, sigma_px, pixels: &pixels, prune })?;
+        Ok((Seen { pixels, shown }, judged))
+    }
+}
+
+/// What pixels show.
+#[derive(Default)]
+struct Seen {
+    /// Row by row.
+    pixels: Vec<(usize, usize)>,
+    shown: Vec<Shown>,
+}
+
+impl Seen {
+    /// Of one of the pixels.
+    fn at(&self, (x, y): (usize, usize)) -> Option<&Shown> {
+        let place = self.pixels.binary_search_by_key(&(y, x), |&(x, y)| (y, x)).ok()?;
+        self.shown.get(place)
     }
 }
 
