@@ -153,7 +153,11 @@ impl Schedule {
         self.steps_drawn += 1;
         let (view, visits) = &mut self.views[which];
         // A keyframe moves one level finer after every `visits_per_level` of its own visits.
-        let level = (config.pyramid_levels - 1).saturating_sub((*visits / config.visits_per_level) as u32);
+        let coarsest = config.pyramid_levels - 1;
+        let mut level = coarsest.saturating_sub((*visits / config.visits_per_level) as u32);
+        if level == 0 && !spread(*visits, config.finest_share) {
+            level = coarsest.min(1);
+        }
         let decay = config.depth_weight_decay.powi((*visits).min(10_000) as i32);
         let depth_weight = if weights.depth && decay >= LEAST_DEPTH_DECAY { self.depth_weight * decay } else { 0.0 };
         *visits += 1;
@@ -168,6 +172,12 @@ impl Schedule {
             rf_background: self.rf_floor,
         }
     }
+}
+
+/// Whether the k-th of many is among the share that is taken, as evenly as whole numbers allow.
+fn spread(k: usize, share: f32) -> bool {
+    let taken = |count: usize| (count as f64 * f64::from(share)).floor();
+    taken(k + 1) > taken(k)
 }
 
 #[cfg(test)]
@@ -204,6 +214,19 @@ mod tests {
         assert!(later[65].depth_weight > 0.0 && later[66].depth_weight == 0.0, "0.9^65 is above a thousandth");
         assert_ne!(steps[0].optical_background, steps[1].optical_background);
         assert_eq!(steps[0].rf_background, [0.0, 0.0, 0.5]);
+    }
+
+    #[test]
+    fn a_share_of_the_fine_visits_is_coarser_and_an_epoch_is_not() {
+        let config = ReconstructionConfig { finest_share: 0.25, ..ReconstructionConfig::default() };
+        let mut schedule = schedule(1, 1);
+        let levels: Vec<u32> = schedule.online(50, 0.2, JOINT, &config).iter().map(|s| s.level).collect();
+        assert_eq!(levels[..10], [2, 2, 2, 2, 2, 1, 1, 1, 1, 1]);
+        // A quarter in every run of four.
+        assert!(levels[10..].chunks_exact(4).all(|run| run.iter().filter(|l| **l == 0).count() == 1), "{levels:?}");
+        assert_eq!(schedule.epoch(JOINT, &config)[0].level, 0);
+        let flat = ReconstructionConfig { pyramid_levels: 1, ..config };
+        assert!(schedule.online(9, 0.2, JOINT, &flat).iter().all(|s| s.level == 0));
     }
 
     #[test]

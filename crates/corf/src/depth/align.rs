@@ -10,7 +10,7 @@ use rayon::prelude::*;
 pub struct AlignedPrior {
     /// 1/z, 1/m, at least 1/far.
     pub inverse_depth: Dense,
-    /// `exp(−|Sobel|²/0.2)` of the median/MAD-normalised map at its own resolution; 0 where that is 0.5 or less (a depth edge) or the aligned
+    /// `exp(−|Sobel|²/0.2)` of the median/MAD-normalised map, its slopes those per image pixel; 0 where that is 0.5 or less (a depth edge) or the aligned
     /// value was beyond far.
     pub confidence: Dense,
     /// `aligned = scale · mono + offset`.
@@ -44,7 +44,7 @@ impl AlignedPrior {
     pub fn new(mono: &Dense, scale: f32, offset: f32, config: &DepthConfig) -> Self {
         let (far, near) = ((1.0 / config.far_m) as f32, (1.0 / config.near_m) as f32);
         let grid = mono.grid();
-        let mut confidence = edge_confidence(grid);
+        let mut confidence = edge_confidence(grid, mono.cells_per_pixel());
         let mut inverse_depth = Raster::filled(grid.width(), grid.height(), 0.0);
         let cells = inverse_depth.pixels_mut().par_iter_mut().zip(confidence.pixels_mut()).zip(grid.pixels());
         cells.with_min_len(1024).for_each(|((inverse_depth, confidence), m)| {
@@ -160,20 +160,21 @@ fn location_and_spread_of(map: &Raster<f32>) -> (f32, f32) {
     (location, *values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
-/// `exp(−|Sobel|²/0.2)` of the map normalised by its median and median absolute deviation, 0 where it is 0.5 or less.
-fn edge_confidence(map: &Raster<f32>) -> Raster<f32> {
+/// `exp(−|Sobel|²/0.2)` of the map normalised by its median and median absolute deviation, 0 where it is 0.5 or less. Slopes are per
+/// image pixel, so that what an edge is does not depend on how many cells (`per_pixel` along either axis) the map has.
+fn edge_confidence(map: &Raster<f32>, per_pixel: [f32; 2]) -> Raster<f32> {
     let (w, h) = (map.width(), map.height());
     let (_, spread) = location_and_spread_of(map);
     // Sobel's kernels divided by 8, so that a ramp of slope 1 per pixel gives 1.
-    let unit = 1.0 / (8.0 * if spread > 0.0 { spread } else { 1.0 });
+    let [unit_x, unit_y] = per_pixel.map(|cells| cells / (8.0 * if spread > 0.0 { spread } else { 1.0 }));
     let mut pixels = vec![0.0; w * h];
     pixels.par_chunks_mut(w.max(1)).enumerate().for_each(|(y, out)| {
         let row = |y: usize| &map.pixels()[y * w..(y + 1) * w];
         let (above, here, below) = (row(y.saturating_sub(1)), row(y), row((y + 1).min(h - 1)));
         for (x, confidence) in out.iter_mut().enumerate() {
             let (l, r) = (x.saturating_sub(1), (x + 1).min(w - 1));
-            let gx = unit * ((above[r] + 2.0 * here[r] + below[r]) - (above[l] + 2.0 * here[l] + below[l]));
-            let gy = unit * ((below[l] + 2.0 * below[x] + below[r]) - (above[l] + 2.0 * above[x] + above[r]));
+            let gx = unit_x * ((above[r] + 2.0 * here[r] + below[r]) - (above[l] + 2.0 * here[l] + below[l]));
+            let gy = unit_y * ((below[l] + 2.0 * below[x] + below[r]) - (above[l] + 2.0 * above[x] + above[r]));
             let squared = gx * gx + gy * gy;
             // Beyond ln 2 · 0.2 the confidence is one half or less.
             if squared < 0.2 * std::f32::consts::LN_2 {

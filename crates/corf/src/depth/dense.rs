@@ -29,6 +29,12 @@ impl Dense {
         Self { grid, image: self.image }
     }
 
+    /// Cells per pixel along either axis: at most 1.
+    pub fn cells_per_pixel(&self) -> [f32; 2] {
+        let ratio = |cells: usize, pixels: usize| cells as f32 / pixels.max(1) as f32;
+        [ratio(self.grid.width(), self.image.0), ratio(self.grid.height(), self.image.1)]
+    }
+
     fn is_of_pixels(&self) -> bool {
         (self.grid.width(), self.grid.height()) == self.image
     }

@@ -84,9 +84,11 @@ impl GpuDevice {
         let shuffles = context.subgroups.is_some_and(|(min, _)| min >= batch);
         let segments = options.segments;
         let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, tile, batch, segments, shuffles };
-        let forward = Forward::new(&context, &fixed)?;
-        let training = Training::new(&context, &fixed)?;
-        let surveyor = Surveyor::new(&context, &fixed)?;
+        let (forward, (training, surveyor)) = rayon::join(
+            || Forward::new(&context, &fixed),
+            || rayon::join(|| Training::new(&context, &fixed), || Surveyor::new(&context, &fixed)),
+        );
+        let (forward, training, surveyor) = (forward?, training?, surveyor?);
         let memory = Memory::new(&context)?;
         Ok(Self {
             timing: context.timestamps,

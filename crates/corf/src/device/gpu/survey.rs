@@ -40,14 +40,24 @@ pub(crate) struct Surveyor {
 
 impl Surveyor {
     pub fn new(context: &Context, fixed: &Fixed) -> Result<Self> {
-        let kernel = |label, body: &str| Kernel::new(context, label, &fixed.survey(body));
         let scratch = |label| Scratch::new(context, label);
+        let [down, along, laplacian, answer, judge] = Kernel::all(
+            context,
+            [
+                ("smooth down", include_str!("shaders/smooth_down.wgsl")),
+                ("smooth along", include_str!("shaders/smooth_along.wgsl")),
+                ("Laplacian", include_str!("shaders/laplacian.wgsl")),
+                ("answer", include_str!("shaders/answer.wgsl")),
+                ("judge", include_str!("shaders/judge.wgsl")),
+            ]
+            .map(|(label, body)| (label, fixed.survey(body))),
+        )?;
         Ok(Self {
-            down: kernel("smooth down", include_str!("shaders/smooth_down.wgsl"))?,
-            along: kernel("smooth along", include_str!("shaders/smooth_along.wgsl"))?,
-            laplacian: kernel("Laplacian", include_str!("shaders/laplacian.wgsl"))?,
-            answer: kernel("answer", include_str!("shaders/answer.wgsl"))?,
-            judge: kernel("judge", include_str!("shaders/judge.wgsl"))?,
+            down,
+            along,
+            laplacian,
+            answer,
+            judge,
             planes: [scratch("smoothed")?, scratch("smoothed down")?],
             question: scratch("question")?,
             places: scratch("pixels asked about")?,

@@ -66,20 +66,21 @@ pub(crate) struct Training {
 
 impl Training {
     pub fn new(context: &Context, fixed: &Fixed) -> Result<Self> {
-        let kernel = |label, source: String| Kernel::new(context, label, &source);
-        Ok(Self {
-            similarity: kernel("similarity", fixed.similarity())?,
-            gradient: kernel("loss gradient", fixed.gradient())?,
-            backward: [kernel("blend backwards", fixed.backward(false))?, kernel("blend both backwards", fixed.backward(true))?],
-            update: [
-                kernel("update appearance", fixed.update_appearance(false))?,
-                kernel("update geometry", fixed.update_geometry(false))?,
+        let [similarity, gradient, single, double, appearance, geometry, of_appearance, of_geometry] = Kernel::all(
+            context,
+            [
+                ("similarity", fixed.similarity()),
+                ("loss gradient", fixed.gradient()),
+                ("blend backwards", fixed.backward(false)),
+                ("blend both backwards", fixed.backward(true)),
+                ("update appearance", fixed.update_appearance(false)),
+                ("update geometry", fixed.update_geometry(false)),
+                ("gradients of appearance", fixed.update_appearance(true)),
+                ("gradients of geometry", fixed.update_geometry(true)),
             ],
-            write_gradients: [
-                kernel("gradients of appearance", fixed.update_appearance(true))?,
-                kernel("gradients of geometry", fixed.update_geometry(true))?,
-            ],
-        })
+        )?;
+        let (update, write_gradients) = ([appearance, geometry], [of_appearance, of_geometry]);
+        Ok(Self { similarity, gradient, backward: [single, double], update, write_gradients })
     }
 }
 
