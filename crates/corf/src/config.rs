@@ -90,8 +90,8 @@ pub struct ReconstructionConfig {
     pub pyramid_levels: u32,
     /// A keyframe moves one pyramid level finer after this many of its own visits (5).
     pub visits_per_level: usize,
-    /// How many of a keyframe's visits at full resolution take place there; the others take place one pyramid level coarser, at a quarter
-    /// of the price. Default 1, as published.
+    /// Which share of a keyframe's visits at full resolution sees the whole image; the others see it one pyramid level coarser, at a
+    /// quarter of the price, beside the whole spectrum. Default 1, as published.
     pub finest_share: f32,
     /// Probability that a step visits the latest keyframe (paper: 0.2).
     pub latest_probability: f32,

@@ -69,7 +69,7 @@ pub struct InverseDepth {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ViewId(pub usize);
 
-/// One optimisation step: render both modalities of one keyframe at one pyramid level, compare, differentiate, update.
+/// One optimisation step: render both modalities of one keyframe, each at a pyramid level, compare, differentiate, update.
 ///
 /// Loss = optical_weight·L_opt + rf_weight·L_rf + depth_weight·L_d with L = 0.8·L1 + 0.2·(1 − SSIM) (paper Eqs. (19)–(21)).
 /// A modality of weight 0 is not rendered, and its opacity and colour are not touched.
@@ -77,8 +77,8 @@ pub struct ViewId(pub usize);
 pub struct Step {
     /// The keyframe.
     pub view: ViewId,
-    /// Pyramid level: both targets averaged over 2^level blocks.
-    pub level: u32,
+    /// Pyramid levels of the optical and the RF target: averaged over 2^level blocks.
+    pub levels: [u32; 2],
     /// Weight of the optical loss (1 in the paper, 0 in the RF stage of a two-stage method).
     pub optical_weight: f32,
     /// λ_rf.

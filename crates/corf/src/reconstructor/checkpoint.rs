@@ -1,7 +1,7 @@
 //! A reconstruction kept on disk while it runs: all that it depends on beside the keyframes, which are replayed when it goes on.
 //!
 //! ```text
-//! corf-checkpoint/1\n   length of the header (u64)   header (JSON)   numbers (f32 and u32)   checksum (u64)
+//! corf-checkpoint/2\n   length of the header (u64)   header (JSON)   numbers (f32 and u32)   checksum (u64)
 //! ```
 //! All little-endian. The numbers are, for the Gaussians and Adam's two moments, position, rotation, ln scale, opacity and harmonics in
 //! light, opacity and harmonics at 60 GHz; then the position rates and the keyframe at which each Gaussian was born.
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::path::Path;
 
-const MAGIC: &[u8] = b"corf-checkpoint/1\n";
+const MAGIC: &[u8] = b"corf-checkpoint/2\n";
 
 /// What is known of a checkpoint beside its numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

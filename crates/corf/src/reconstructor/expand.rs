@@ -7,11 +7,12 @@ use super::{
 use crate::{
     Coupling, Result, Sampling,
     depth::{self, PixelDepth, Reliability, SparseDepth},
-    device::{Judgement, Layer, PruneRule, RenderRequest, Shown, Survey, SurveyRequest, View},
+    device::{Judgement, PruneRule, Shown, Survey, SurveyRequest, View},
     expansion::{log, prune, spawn},
-    field::normalised_inverse_depth,
+    field::over_coverage,
     stage,
 };
+use corf_scene::Pinhole;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -45,21 +46,29 @@ impl Reconstructor {
         let pixels: Vec<(usize, usize)> = keyframe.candidates.par_iter().copied().filter(|&at| drawn(at)).collect();
 
         // How far.
-        if let (None, Some(mono), false) = (&keyframe.aligned, &keyframe.mono, self.device.is_empty()) {
-            // Too little was triangulated: the field itself says how far things are.
-            let request = RenderRequest { optical: Some((view, [0.0; 3])), ..RenderRequest::default() };
-            let rendering = self.device.render(&request)?;
-            let anchors = rendering.optical.map_or(vec![], |layer| rendered_anchors(&layer, self.config.behind_coverage));
-            let stage = stage::keyed(stage::ALIGNMENT, keyframe.index);
-            keyframe.aligned = depth::align(mono, &anchors, &self.config.depth, self.seed, stage);
-            keyframe.training.inverse_depth = keyframe.aligned.as_ref().map(inverse_depth);
-        }
+        let mut packed = Ok(None);
         let mut samples = match keyframe.matched.take() {
             Some(ahead) => ahead.into_par_iter().filter(|s| drawn((s.x, s.y))).collect(),
-            None => keyframe.match_pixels(&pixels, keyframe.aligned.as_ref(), &self.config),
+            None => {
+                if let (None, Some(mono)) = (&keyframe.aligned, &keyframe.mono) {
+                    // Too little was triangulated: the field itself says how far things are.
+                    let anchors = rendered_anchors(&seen, self.meta.optical_camera, self.config.behind_coverage);
+                    let stage = stage::keyed(stage::ALIGNMENT, keyframe.index);
+                    keyframe.aligned = depth::align(mono, &anchors, &self.config.depth, self.seed, stage);
+                    keyframe.training.inverse_depth = keyframe.aligned.as_ref().map(inverse_depth);
+                }
+                let preparer = self.ahead.preparer();
+                let matched = || keyframe.match_pixels(&pixels, keyframe.aligned.as_ref(), &self.config);
+                let (matched, view) = rayon::join(matched, || preparer.pack_late(&keyframe));
+                packed = view;
+                matched
+            }
         };
+        keyframe.packed = packed?.or(keyframe.packed.take());
         insert_corners(&mut samples, &keyframe, |at| chance(at) > 0.0);
-        samples.retain(|s| seen.at((s.x, s.y)).is_none_or(|shown| prune::is_not_behind(s, shown, &self.config)));
+        let config = &self.config;
+        let in_front = |s: &PixelDepth| seen.at((s.x, s.y)).is_none_or(|shown| prune::is_not_behind(s, shown, config));
+        let samples: Vec<PixelDepth> = samples.into_par_iter().filter(in_front).collect();
         let mut expansion = Expansion {
             sampled: pixels.len(),
             triangulated: keyframe.anchors.len(),
@@ -69,8 +78,8 @@ impl Reconstructor {
 
         // Who makes room.
         if !self.device.is_empty() {
-            let shown = samples.iter().filter_map(|s| Some((s, seen.at((s.x, s.y))?)));
-            let replaced = prune::replaced(self.device.len(), shown, &self.config);
+            let shown: Vec<_> = samples.par_iter().filter_map(|s| Some((s, seen.at((s.x, s.y))?))).collect();
+            let replaced = prune::replaced(self.device.len(), shown.into_iter(), &self.config);
             let pruned = prune::pruned(&judged, &self.born, self.keyframes_expanded, &self.config);
             let keep: Vec<bool> = replaced.iter().zip(&pruned).map(|(r, p)| !(r | p)).collect();
             expansion.replaced = replaced.iter().filter(|r| **r).count();
@@ -101,8 +110,10 @@ impl Reconstructor {
         };
         self.schedule.push(id);
         self.keyframes_expanded += 1;
-        let alignment = keyframe.aligned.map(|a| [a.scale, a.offset]);
+        let alignment = keyframe.aligned.as_ref().map(|a| [a.scale, a.offset]);
         self.past.push(Past { index: keyframe.index, alignment, typical_depth_m: keyframe.typical_depth_m });
+        // Tens of megabytes go back to the system beside the training.
+        rayon::spawn(|| drop(keyframe));
         Ok(expansion)
     }
 
@@ -113,7 +124,11 @@ impl Reconstructor {
         }
         let mut pixels = keyframe.candidates.clone();
         pixels.extend(keyframe.anchors.iter().map(|a| (a.x, a.y)));
-        pixels.sort_unstable_by_key(|&(x, y)| (y, x));
+        if keyframe.aligned.is_none() && keyframe.mono.is_some() {
+            pixels.extend(anchor_grid(self.meta.optical_camera));
+        }
+        // Nearly in order: what is drawn is.
+        pixels.sort_by_key(|&(x, y)| (y, x));
         pixels.dedup();
         let prune = PruneRule {
             opacity: self.config.prune_opacity,
@@ -123,7 +138,7 @@ impl Reconstructor {
         };
         let sigma_px = (self.config.sampling == Sampling::Log).then_some(self.config.log_sigma_px);
         let Survey { shown, judged } = self.device.survey(&SurveyRequest { view, sigma_px, pixels: &pixels, prune })?;
-        Ok((Seen { pixels, shown }, judged))
+        Ok((Seen::new(pixels, shown, view.camera.height), judged))
     }
 }
 
@@ -133,13 +148,21 @@ struct Seen {
     /// Row by row.
     pixels: Vec<(usize, usize)>,
     shown: Vec<Shown>,
+    /// Where each row begins.
+    rows: Vec<usize>,
 }
 
 impl Seen {
+    fn new(pixels: Vec<(usize, usize)>, shown: Vec<Shown>, height: usize) -> Self {
+        let rows = (0..=height).map(|row| pixels.partition_point(|&(_, y)| y < row)).collect();
+        Self { pixels, shown, rows }
+    }
+
     /// Of one of the pixels.
     fn at(&self, (x, y): (usize, usize)) -> Option<&Shown> {
-        let place = self.pixels.binary_search_by_key(&(y, x), |&(x, y)| (y, x)).ok()?;
-        self.shown.get(place)
+        let (begin, end) = (*self.rows.get(y)?, *self.rows.get(y + 1)?);
+        let place = self.pixels[begin..end].binary_search_by_key(&x, |p| p.0).ok()?;
+        self.shown.get(begin + place)
     }
 }
 
@@ -164,12 +187,15 @@ fn insert_corners(samples: &mut Vec<PixelDepth>, keyframe: &Prepared, wanted: im
     }
 }
 
-/// Well covered rendered depths on a grid.
-fn rendered_anchors(rendered: &Layer, least_coverage: f32) -> Vec<SparseDepth> {
-    let inverse_depth = normalised_inverse_depth(rendered);
-    let (w, h) = (inverse_depth.width(), inverse_depth.height());
-    let grid = (0..h).step_by(RENDERED_ANCHOR_STRIDE).flat_map(|y| (0..w).step_by(RENDERED_ANCHOR_STRIDE).map(move |x| (x, y)));
-    grid.filter(|&at| 1.0 - rendered.transmittance[at] >= least_coverage)
-        .map(|(x, y)| SparseDepth { x, y, inverse_depth: inverse_depth[(x, y)] })
-        .collect()
+/// Pixels whose rendered depths stand in for triangulated ones.
+fn anchor_grid(camera: Pinhole) -> impl Iterator<Item = (usize, usize)> {
+    let rows = (0..camera.height).step_by(RENDERED_ANCHOR_STRIDE);
+    rows.flat_map(move |y| (0..camera.width).step_by(RENDERED_ANCHOR_STRIDE).map(move |x| (x, y)))
+}
+
+/// Well covered rendered depths on the grid.
+fn rendered_anchors(seen: &Seen, camera: Pinhole, least_coverage: f32) -> Vec<SparseDepth> {
+    let covered = |at: (usize, usize)| seen.at(at).filter(|s| 1.0 - s.transmittance >= least_coverage);
+    let anchor = |(x, y), s: &Shown| SparseDepth { x, y, inverse_depth: over_coverage(s.inverse_depth, s.transmittance) };
+    anchor_grid(camera).filter_map(|at| covered(at).map(|s| anchor(at, s))).collect()
 }

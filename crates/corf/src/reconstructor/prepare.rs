@@ -169,6 +169,15 @@ impl Preparer {
         }
     }
 
+    /// The training view of a keyframe that could not be packed before the field had aligned its prior, on a device that packs.
+    ///
+    /// # Errors
+    /// A view the device would refuse.
+    pub fn pack_late(&self, keyframe: &Prepared) -> Result<Option<PackedView>> {
+        let pack = self.packer.as_ref().filter(|_| keyframe.packed.is_none());
+        pack.map(|pack| pack(&keyframe.training, self.config.pyramid_levels)).transpose()
+    }
+
     /// What a keyframe alone decides.
     ///
     /// # Errors

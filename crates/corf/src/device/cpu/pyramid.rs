@@ -85,9 +85,9 @@ impl Pyramid {
         Ok(Self { world_from_camera: view.world_from_camera, levels: images.iter().map(level).collect(), depth })
     }
 
-    /// The images to render at one level.
-    pub fn grids(&self, level: usize, antialias: crate::Antialias) -> [Grid; 2] {
-        [0, 1].map(|i| Grid::new(&self.levels[level][i].camera, antialias))
+    /// The images to render, each at its level.
+    pub fn grids(&self, levels: [usize; 2], antialias: crate::Antialias) -> [Grid; 2] {
+        [0, 1].map(|i| Grid::new(&self.levels[levels[i]][i].camera, antialias))
     }
 }
 

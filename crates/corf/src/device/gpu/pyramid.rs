@@ -139,21 +139,20 @@ impl Pyramid {
         self.levels.len()
     }
 
-    pub fn grids(&self, level: usize) -> [Grid; 2] {
-        self.levels[level].grids
+    pub fn grids(&self, levels: [usize; 2]) -> [Grid; 2] {
+        [0, 1].map(|g| self.levels[levels[g]].grids[g])
     }
 
-    /// Fills in where a level's targets lie and how they weigh.
-    pub fn target(&self, level: usize, weights: [f32; 2], channels: [usize; 2], depth_weight: f32, p: &mut Params) {
-        let level = &self.levels[level];
+    /// Fills in where the targets of the images' levels lie and how they weigh.
+    pub fn target(&self, levels: [usize; 2], weights: [f32; 2], channels: [usize; 2], depth_weight: f32, p: &mut Params) {
         for g in 0..2 {
             let grid = &mut p.grids[g];
             let pixels = (grid.size[0] * grid.size[1]) as f32;
-            grid.target_at = level.target_at[g];
+            grid.target_at = self.levels[levels[g]].target_at[g];
             grid.channels = channels[g] as u32;
             grid.scale = weights[g] / (pixels * channels[g] as f32).max(1.0);
         }
-        if let (Some(at), true) = (level.depth_at, depth_weight > 0.0 && p.grids[0].size[0] > 0) {
+        if let (Some(at), true) = (self.levels[levels[0]].depth_at, depth_weight > 0.0 && p.grids[0].size[0] > 0) {
             p.grids[0].depth_at = at;
             // η multiplies the depth term inside L_opt (paper Eq. (19)).
             p.grids[0].depth_scale = depth_weight / (p.grids[0].size[0] * p.grids[0].size[1]) as f32;

@@ -15,6 +15,7 @@ use crate::{
     expansion::log,
     gaussians::logit,
 };
+use rayon::prelude::*;
 
 /// Numbers of a question before the weights of its smoothing.
 const HEAD: usize = 5;
@@ -125,7 +126,10 @@ impl GpuDevice {
                 let bits = read[2][i / JUDGED_A_WORD] >> (2 * (i % JUDGED_A_WORD));
                 Judgement { faint: bits & 1 != 0, oversized: bits & 2 != 0 }
             };
-            return Ok(Survey { shown: read[1].as_chunks().0.iter().map(shown).collect(), judged: (0..n).map(judged).collect() });
+            return Ok(Survey {
+                shown: read[1].as_chunks().0.iter().map(shown).collect(),
+                judged: (0..n).into_par_iter().with_min_len(1 << 14).map(judged).collect(),
+            });
         }
     }
 

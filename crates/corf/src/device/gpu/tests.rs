@@ -47,7 +47,7 @@ fn device(n: usize) -> Option<GpuDevice> {
 fn step() -> Step {
     Step {
         view: ViewId(0),
-        level: 0,
+        levels: [0; 2],
         optical_weight: 1.0,
         rf_weight: 1.0,
         depth_weight: 0.0,
