@@ -87,7 +87,7 @@ impl Backend {
             #[cfg(feature = "gpu")]
             Self::Gpu { .. } => {
                 use corf::device::gpu::{GpuDevice, GpuOptions};
-                let options = GpuOptions { software: true, ..GpuOptions::default() };
+                let options = GpuOptions { software: true, tile: raster.tile_px, ..GpuOptions::default() };
                 Ok(Box::new(GpuDevice::new(&options, optimizer, raster, initial)?))
             }
         }

@@ -39,6 +39,7 @@ pub fn reconstruct(
     if training.is_empty() {
         bail!("the dataset has no training keyframes\n  help: test_every must be 2 or more");
     }
+    training.read_ahead();
     reset_peak_memory();
     let (mut curve, mut keyframes) = (Vec::new(), Vec::new());
     let start = Instant::now();

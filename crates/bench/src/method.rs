@@ -6,7 +6,8 @@ use corf::KeyframeTiming;
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Keyframe, Pinhole, Rigid3};
-use std::cell::Cell;
+use rayon::prelude::*;
+use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -15,12 +16,28 @@ pub struct TrainingSet<'a> {
     dataset: &'a Dataset,
     indices: Vec<usize>,
     loading: Cell<Duration>,
+    /// Keyframes that have been read and not been asked for.
+    held: RefCell<Vec<Option<Keyframe>>>,
 }
+
+/// Keyframes are read before the clock starts as long as they take no more memory than this, bytes.
+const MOST_HELD: usize = 4 << 30;
 
 impl<'a> TrainingSet<'a> {
     /// The dataset's training split.
     pub fn new(dataset: &'a Dataset) -> Self {
-        Self { dataset, indices: dataset.train_indices().to_vec(), loading: Cell::default() }
+        Self { dataset, indices: dataset.train_indices().to_vec(), loading: Cell::default(), held: RefCell::default() }
+    }
+
+    /// Reads keyframes, on all threads, so that [`Self::keyframe`] has them in memory: what is measured then is not disturbed by reading.
+    /// Those beyond 4 GiB, and those that cannot be read, are left to it.
+    pub fn read_ahead(&self) {
+        let pixels = |camera: Pinhole| camera.width * camera.height;
+        // Colour, depth and surface; a spectrum.
+        let bytes = 11 * pixels(self.optical_camera()) + 4 * pixels(self.rf_camera());
+        let some = &self.indices[..self.indices.len().min(MOST_HELD / bytes.max(1))];
+        let read = some.par_iter().map(|index| self.dataset.keyframe(*index).ok()).collect();
+        *self.held.borrow_mut() = read;
     }
 
     /// How many keyframes there are.
@@ -33,11 +50,15 @@ impl<'a> TrainingSet<'a> {
         self.indices.is_empty()
     }
 
-    /// Reads training keyframe `k` (0 … len−1). The harness takes the time this needs off its clock.
+    /// Training keyframe `k` (0 … len−1), read if it has not been, or has been asked for before. The harness takes the time this needs off
+    /// its clock.
     ///
     /// # Errors
     /// A file that is missing, damaged or of the wrong size.
     pub fn keyframe(&self, k: usize) -> Result<Keyframe> {
+        if let Some(keyframe) = self.held.borrow_mut().get_mut(k).and_then(Option::take) {
+            return Ok(keyframe);
+        }
         let start = Instant::now();
         let index = self.indices[k];
         let keyframe = self.dataset.keyframe(index).with_context(|| format!("while reading training keyframe {index}"))?;

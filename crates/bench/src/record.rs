@@ -11,7 +11,7 @@ pub const SCHEMA: &str = "corf-metrics/1";
 /// The evaluation protocol these numbers follow: held-out keyframes by the dataset's split, metrics as the README defines them.
 pub const PROTOCOL: &str = "corf-heldout/1";
 /// What the clock of a record includes.
-pub const CLOCK: &str = "from the first decoded training keyframe in memory to the finished field; reading and decoding files, writing the field and evaluating are not included";
+pub const CLOCK: &str = "from the first decoded training keyframe in memory to the finished field; reading and decoding files (ahead of the clock as far as memory allows), writing the field and evaluating are not included";
 
 /// Everything one cell (method × dataset × seed) has to say.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -150,7 +150,7 @@ impl Rig {
     pub fn steps(&self, count: usize) -> Vec<Step> {
         let step = |i: usize| Step {
             view: ViewId(i % self.world_from_camera.len()),
-            level: 0,
+            levels: [0; 2],
             optical_weight: 1.0,
             rf_weight: 0.1,
             depth_weight: 0.0,

@@ -90,6 +90,9 @@ pub struct ReconstructionConfig {
     pub pyramid_levels: u32,
     /// A keyframe moves one pyramid level finer after this many of its own visits (5).
     pub visits_per_level: usize,
+    /// Which share of a keyframe's visits at full resolution sees the whole image; the others see it one pyramid level coarser, at a
+    /// quarter of the price, beside the whole spectrum. Default 1, as published.
+    pub finest_share: f32,
     /// Probability that a step visits the latest keyframe (paper: 0.2).
     pub latest_probability: f32,
     /// λ_rf (paper: 0.1).
@@ -196,6 +199,7 @@ impl Default for ReconstructionConfig {
             iterations_per_keyframe: 75,
             pyramid_levels: 3,
             visits_per_level: 5,
+            finest_share: 1.0,
             latest_probability: 0.2,
             rf_weight: 0.1,
             depth_weight: 0.01,
@@ -228,11 +232,12 @@ impl ReconstructionConfig {
         let probability = |x: f32| (0.0..=1.0).contains(&x);
         let positive = |x: f32| x.is_finite() && x > 0.0;
         let d = &self.depth;
-        let checks: [(&str, bool, &str); 31] = [
+        let checks: [(&str, bool, &str); 32] = [
             ("uniform_probability", probability(self.uniform_probability), "a probability between 0 and 1"),
             ("iterations_per_keyframe", self.iterations_per_keyframe >= 1, "at least 1 (paper: 75)"),
             ("pyramid_levels", (1..=6).contains(&self.pyramid_levels), "between 1 and 6 (paper: 3)"),
             ("visits_per_level", self.visits_per_level >= 1, "at least 1"),
+            ("finest_share", probability(self.finest_share), "a share between 0 and 1"),
             ("latest_probability", probability(self.latest_probability), "a probability between 0 and 1"),
             ("rf_weight", self.rf_weight.is_finite() && self.rf_weight >= 0.0, "not negative (paper: 0.1)"),
             ("depth_weight", self.depth_weight.is_finite() && self.depth_weight >= 0.0, "not negative (paper: 0.01)"),

@@ -168,13 +168,13 @@ impl Field {
 }
 
 /// `(Σ α T / z) / (1 − T_N)`, 0 where next to nothing covers a pixel.
-pub(crate) fn normalised_inverse_depth(layer: &Layer) -> Raster<f32> {
-    let pixels = layer
-        .inverse_depth
-        .pixels()
-        .iter()
-        .zip(layer.transmittance.pixels())
-        .map(|(i, t)| if 1.0 - t > 1e-3 { i / (1.0 - t) } else { 0.0 })
-        .collect();
+pub(crate) fn over_coverage(inverse_depth: f32, transmittance: f32) -> f32 {
+    let coverage = 1.0 - transmittance;
+    if coverage > 1e-3 { inverse_depth / coverage } else { 0.0 }
+}
+
+fn normalised_inverse_depth(layer: &Layer) -> Raster<f32> {
+    let pixels =
+        layer.inverse_depth.pixels().iter().zip(layer.transmittance.pixels()).map(|(i, t)| over_coverage(*i, *t)).collect();
     Raster::from_vec(layer.inverse_depth.width(), layer.inverse_depth.height(), pixels)
 }

@@ -1,6 +1,7 @@
 //! The online update operator U (paper Eq. (9)): expand the field where a new keyframe needs it, then optimise.
 
 mod admit;
+mod ahead;
 mod checkpoint;
 mod expand;
 mod latency;
@@ -19,9 +20,10 @@ use crate::{
     schedule::{Schedule, StageWeights},
     sensor::RfSensor,
 };
+use ahead::Ahead;
 use checkpoint::Replay;
 use corf_scene::{Keyframe, Pinhole, Rigid3, keyframe::DbRange};
-use prepare::{Arrival, Prepared, Preparer};
+use prepare::Preparer;
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -30,6 +32,8 @@ use std::time::{Duration, Instant};
 const PUBLISHED_BASELINE: f64 = 0.1;
 /// Least mean baseline assumed, metres: a platform that stands still must not freeze the geometry.
 const LEAST_BASELINE_M: f64 = 1e-3;
+/// Keyframes that wait, or are prepared, while the field is expanded with another.
+const PREPARED_AT_ONCE: usize = 5;
 /// Steps handed to the device at once where the policy does not need it back in between.
 const BATCH: usize = 75;
 
@@ -52,11 +56,9 @@ pub struct Reconstructor {
     config: ReconstructionConfig,
     meta: FieldMeta,
     seed: u64,
-    preparer: Preparer,
-    /// Received, not prepared.
-    arrivals: VecDeque<Arrival>,
-    /// Prepared, not expanded.
-    ready: VecDeque<Prepared>,
+    /// Received, not expanded, and when they were received.
+    ahead: Ahead,
+    arrivals: VecDeque<Instant>,
     schedule: Schedule,
     /// Per Gaussian: keyframes expanded before it was born.
     born: Vec<u32>,
@@ -117,15 +119,16 @@ impl Reconstructor {
             let what = format!("{}x{} pixels are more than 2^24", optical_camera.width, optical_camera.height);
             return Err(Error::invalid("the optical camera", what, "reconstruct from smaller images"));
         }
+        let background = (!device.trains_on_the_host()).then(rayon::current_num_threads);
+        let preparer = Preparer::new(&config, &meta, seed, device.packer(), background.is_some());
         Ok(Self {
-            preparer: Preparer::new(&config, &meta, seed, device.packer(), !device.trains_on_the_host()),
+            ahead: Ahead::new(preparer, prepare::Past::new(&config), background),
             schedule: Schedule::new(seed, config.rf_target.floor_color()),
             device,
             config,
             meta,
             seed,
             arrivals: VecDeque::new(),
-            ready: VecDeque::new(),
             born: Vec::new(),
             keyframes_expanded: 0,
             past: Vec::new(),
@@ -152,8 +155,8 @@ impl Reconstructor {
         Ok(report)
     }
 
-    /// Takes `K_t` into the queue. What its expansion needs beside the field is prepared on other threads while [`Self::process`] trains
-    /// with the keyframe before, if it is received by then.
+    /// Takes `K_t` into the queue. What its expansion needs beside the field is prepared on other threads while [`Self::process`] works on
+    /// those before it, if it is received by then.
     ///
     /// # Errors
     /// A keyframe of the wrong size, out of order, with a pose that is not finite, or without the depth the prior needs.
@@ -167,21 +170,25 @@ impl Reconstructor {
             ));
         }
         self.admit(&keyframe)?;
-        self.arrivals.push_back(Arrival { keyframe, received: Instant::now() });
+        self.arrivals.push_back(Instant::now());
+        self.ahead.receive(keyframe);
         Ok(())
+    }
+
+    /// How many keyframes, at most, are worth receiving before [`Self::process`] is called for the earliest: more would only take memory.
+    pub fn worth_receiving(&self) -> usize {
+        if self.device.trains_on_the_host() { 2 } else { PREPARED_AT_ONCE }
     }
 
     /// Takes time off the waiting of all keyframes received so far, in which the caller was busy with something else, such as reading files.
     pub fn discount_wait(&mut self, idle: Duration) {
-        let received = self.arrivals.iter_mut().map(|a| &mut a.received).chain(self.ready.iter_mut().map(|p| &mut p.received));
-        received.for_each(|at| *at += idle);
+        self.arrivals.iter_mut().for_each(|at| *at += idle);
     }
 
     /// How many received keyframes [`Self::process`] could expand now: none while the first ones are collected.
     pub fn waiting(&self) -> usize {
-        let waiting = self.arrivals.len() + self.ready.len();
         let collecting = self.keyframes_received < self.config.bootstrap_keyframes && !self.finished;
-        if collecting { 0 } else { waiting }
+        if collecting { 0 } else { self.ahead.waiting() }
     }
 
     /// Expands the field with the earliest keyframe that waits and optimises it, while the next one is prepared. `None` where none waits.
@@ -192,34 +199,28 @@ impl Reconstructor {
         if self.waiting() == 0 {
             return Ok(None);
         }
+        // The first keyframes are matched with each other.
+        self.ahead.begin(self.config.bootstrap_keyframes.saturating_sub(self.past.len()));
+        let (Some(received), Some(prepared)) = (self.arrivals.front().copied(), self.ahead.take()?) else { return Ok(None) };
+        self.arrivals.pop_front();
         let begin = Instant::now();
-        let prepared = match self.ready.pop_front() {
-            Some(prepared) => prepared,
-            None => {
-                // The first keyframes are matched with each other.
-                let first = self.config.bootstrap_keyframes.saturating_sub(self.past.len());
-                self.arrivals.iter().take(first).for_each(|a| self.preparer.look(&a.keyframe));
-                let Some(arrival) = self.arrivals.pop_front() else { return Ok(None) };
-                self.preparer.prepare(arrival)?
-            }
-        };
         self.apply_world_scale();
-        let (index, received) = (prepared.index, prepared.received);
+        let (index, prepare_s) = (prepared.index, prepared.work_s);
         let expansion = self.expand(prepared)?;
         let expanded = Instant::now();
         let count = self.config.iterations_per_keyframe;
         let steps = self.schedule.online(count, self.config.latest_probability, self.online_weights(), &self.config);
-        let next = self.arrivals.pop_front();
-        let (device, preparer) = (&mut self.device, &mut self.preparer);
-        let (trained, prepared) = rayon::join(
-            || device.train(&steps).map(|last| (last, Instant::now())),
-            || next.map(|arrival| preparer.prepare(arrival)),
-        );
+        let (device, ahead) = (&mut self.device, &mut self.ahead);
+        let (trained, ()) = if device.trains_on_the_host() {
+            rayon::join(|| device.train(&steps).map(|last| (last, Instant::now())), || ahead.prepare_one())
+        } else {
+            (device.train(&steps).map(|last| (last, Instant::now())), ())
+        };
         let (last, trained) = trained?;
-        self.ready.extend(prepared.transpose()?);
         let timing = KeyframeTiming {
             index,
             wait_s: begin.saturating_duration_since(received).as_secs_f64(),
+            prepare_s,
             expand_s: (expanded - begin).as_secs_f64(),
             train_s: (trained - expanded).as_secs_f64(),
         };
@@ -311,7 +312,7 @@ impl Reconstructor {
         KeyframeReport {
             index,
             gaussians: self.device.len(),
-            ground_truth_depth_used: self.preparer.consumes_ground_truth_depth(),
+            ground_truth_depth_used: self.ahead.preparer().consumes_ground_truth_depth(),
             ..KeyframeReport::default()
         }
     }

@@ -34,8 +34,8 @@ pub struct Schedule {
     rf_floor: [f32; 3],
     /// η at the first visit, in this world's units.
     depth_weight: f32,
-    /// Keyframe and pyramid level of every online step, in order: what a second stage repeats.
-    online: Vec<(ViewId, u32)>,
+    /// Keyframe and pyramid levels of every online step, in order: what a second stage repeats.
+    online: Vec<(ViewId, [u32; 2])>,
 }
 
 /// What a [`Schedule`] has drawn so far.
@@ -43,7 +43,7 @@ pub struct Schedule {
 pub struct ScheduleState {
     steps_drawn: u64,
     visits: Vec<usize>,
-    online: Vec<(usize, u32)>,
+    online: Vec<(usize, [u32; 2])>,
 }
 
 impl Schedule {
@@ -52,7 +52,7 @@ impl Schedule {
         ScheduleState {
             steps_drawn: self.steps_drawn,
             visits: self.views.iter().map(|v| v.1).collect(),
-            online: self.online.iter().map(|(view, level)| (view.0, *level)).collect(),
+            online: self.online.iter().map(|(view, levels)| (view.0, *levels)).collect(),
         }
     }
 
@@ -60,7 +60,7 @@ impl Schedule {
     pub fn restore(&mut self, state: &ScheduleState) {
         self.steps_drawn = state.steps_drawn;
         self.views.iter_mut().zip(&state.visits).for_each(|(view, visits)| view.1 = *visits);
-        self.online = state.online.iter().map(|&(view, level)| (ViewId(view), level)).collect();
+        self.online = state.online.iter().map(|&(view, levels)| (ViewId(view), levels)).collect();
     }
 
     /// An empty buffer.
@@ -86,9 +86,9 @@ impl Schedule {
     /// Online steps `range` once more with other weights: a second stage sees the same keyframes at the same pyramid levels in the same
     /// order as the first, so that the stages differ in what they train and in nothing else.
     pub fn replay(&self, range: std::ops::Range<usize>, weights: StageWeights) -> Vec<Step> {
-        let step = |&(view, level): &(ViewId, u32)| Step {
+        let step = |&(view, levels): &(ViewId, [u32; 2])| Step {
             view,
-            level,
+            levels,
             optical_weight: weights.optical,
             rf_weight: weights.rf,
             depth_weight: 0.0,
@@ -126,7 +126,7 @@ impl Schedule {
                 let latest = self.views.len() - 1;
                 let which = if rng.uniform() < latest_probability { latest } else { rng.below(self.views.len()) };
                 let step = self.visit(which, weights, config, &mut rng);
-                self.online.push((step.view, step.level));
+                self.online.push((step.view, step.levels));
                 step
             })
             .collect()
@@ -144,7 +144,7 @@ impl Schedule {
             .into_iter()
             .map(|which| {
                 let mut rng = Rng::keyed(self.seed, stage::STEPS, self.steps_drawn);
-                Step { level: 0, ..self.visit(which, weights, config, &mut rng) }
+                Step { levels: [0; 2], ..self.visit(which, weights, config, &mut rng) }
             })
             .collect()
     }
@@ -153,13 +153,16 @@ impl Schedule {
         self.steps_drawn += 1;
         let (view, visits) = &mut self.views[which];
         // A keyframe moves one level finer after every `visits_per_level` of its own visits.
-        let level = (config.pyramid_levels - 1).saturating_sub((*visits / config.visits_per_level) as u32);
+        let coarsest = config.pyramid_levels - 1;
+        let level = coarsest.saturating_sub((*visits / config.visits_per_level) as u32);
+        let spared = level == 0 && !spread(*visits, config.finest_share);
+        let levels = [if spared { coarsest.min(1) } else { level }, level];
         let decay = config.depth_weight_decay.powi((*visits).min(10_000) as i32);
         let depth_weight = if weights.depth && decay >= LEAST_DEPTH_DECAY { self.depth_weight * decay } else { 0.0 };
         *visits += 1;
         Step {
             view: *view,
-            level,
+            levels,
             optical_weight: weights.optical,
             rf_weight: weights.rf,
             depth_weight,
@@ -168,6 +171,12 @@ impl Schedule {
             rf_background: self.rf_floor,
         }
     }
+}
+
+/// Whether the k-th of many is among the share that is taken, as evenly as whole numbers allow.
+fn spread(k: usize, share: f32) -> bool {
+    let taken = |count: usize| (count as f64 * f64::from(share)).floor();
+    taken(k + 1) > taken(k)
 }
 
 #[cfg(test)]
@@ -197,13 +206,29 @@ mod tests {
     fn a_keyframe_gets_finer_and_trusts_depth_less_with_its_own_visits() {
         let config = ReconstructionConfig::default();
         let steps = schedule(1, 1).online(17, 0.2, JOINT, &config);
-        let levels: Vec<u32> = steps.iter().map(|s| s.level).collect();
+        let levels: Vec<u32> = steps.iter().map(|s| s.levels[0]).collect();
         assert_eq!(levels, [2, 2, 2, 2, 2, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0]);
+        assert!(steps.iter().all(|s| s.levels[1] == s.levels[0]));
         assert!((steps[3].depth_weight - 0.01 * 0.9f32.powi(3)).abs() < 1e-9);
         let later = schedule(1, 1).online(80, 0.2, JOINT, &config);
         assert!(later[65].depth_weight > 0.0 && later[66].depth_weight == 0.0, "0.9^65 is above a thousandth");
         assert_ne!(steps[0].optical_background, steps[1].optical_background);
         assert_eq!(steps[0].rf_background, [0.0, 0.0, 0.5]);
+    }
+
+    #[test]
+    fn a_share_of_the_fine_visits_is_coarser_and_an_epoch_is_not() {
+        let config = ReconstructionConfig { finest_share: 0.25, ..ReconstructionConfig::default() };
+        let mut schedule = schedule(1, 1);
+        let steps = schedule.online(50, 0.2, JOINT, &config);
+        assert!(steps[10..].iter().all(|s| s.levels[1] == 0), "spectra are small: they stay");
+        let levels: Vec<u32> = steps.iter().map(|s| s.levels[0]).collect();
+        assert_eq!(levels[..10], [2, 2, 2, 2, 2, 1, 1, 1, 1, 1]);
+        // A quarter in every run of four.
+        assert!(levels[10..].chunks_exact(4).all(|run| run.iter().filter(|l| **l == 0).count() == 1), "{levels:?}");
+        assert_eq!(schedule.epoch(JOINT, &config)[0].levels, [0; 2]);
+        let flat = ReconstructionConfig { pyramid_levels: 1, ..config };
+        assert!(schedule.online(9, 0.2, JOINT, &flat).iter().all(|s| s.levels == [0; 2]));
     }
 
     #[test]

@@ -163,7 +163,7 @@ fn wall(n: usize, rf_channels: usize, degree: usize) -> Gaussians {
 fn step(level: u32) -> Step {
     Step {
         view: ViewId(0),
-        level,
+        levels: [level; 2],
         optical_weight: 1.0,
         rf_weight: 0.1,
         depth_weight: 0.01,

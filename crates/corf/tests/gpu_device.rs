@@ -114,7 +114,7 @@ fn training_view(k: usize, rf_channels: usize, depth: bool) -> TrainingView {
 fn step(view: usize, level: u32) -> Step {
     Step {
         view: ViewId(view),
-        level,
+        levels: [level; 2],
         optical_weight: 1.0,
         rf_weight: 0.3,
         depth_weight: 0.5,
@@ -288,8 +288,8 @@ fn both_images_at_once_give_what_each_gives_alone() {
             let Some(mut gpu) = open(&options, OptimizerConfig::default(), raster, &g) else { return };
             cpu.upload(&one_camera(rf_channels), 2).unwrap();
             gpu.upload(&one_camera(rf_channels), 2).unwrap();
-            for level in [0, 1] {
-                compare_gradients(&mut cpu, &mut gpu, &step(0, level));
+            for levels in [[0, 0], [1, 1], [1, 0]] {
+                compare_gradients(&mut cpu, &mut gpu, &Step { levels, ..step(0, 0) });
             }
             // A Gaussian of which a modality sees nothing keeps its appearance there.
             gpu.train(&[step(0, 0); 2]).unwrap();

@@ -126,7 +126,7 @@ fn scenario(seed: u64, rf_channels: usize, degree: usize, antialias: Antialias) 
     };
     let step = Step {
         view: ViewId(0),
-        level: 0,
+        levels: [0; 2],
         optical_weight: 1.0,
         rf_weight: 0.7,
         depth_weight: 0.6,

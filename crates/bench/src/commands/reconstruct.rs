@@ -155,7 +155,13 @@ fn summary(info: &RunInfo) -> String {
     }
     if let Some(l) = &info.latency {
         text += &format!("\n{:.2} keyframes/s; latency of a keyframe, ms    median      p90      p99", l.keyframes_per_second);
-        for (name, p) in [("arrival to optimised", l.total), ("  wait", l.wait), ("  expand", l.expand), ("  train", l.train)] {
+        for (name, p) in [
+            ("arrival to optimised", l.total),
+            ("  wait", l.wait),
+            ("    of it preparation", l.prepare),
+            ("  expand", l.expand),
+            ("  train", l.train),
+        ] {
             let [a, b, c] = [p.median_s, p.p90_s, p.p99_s].map(|s| 1e3 * s);
             text += &format!("\n{name:<48} {a:>8.1} {b:>8.1} {c:>8.1}");
         }

@@ -141,7 +141,7 @@ impl Method for CorfGs {
         let ended = reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| relay.tell(before + done, total));
         relay.settle(ended).map_err(|e| keeper.explain(e))?;
         (relay.advance)(Advance { gaussians: Some(reconstructor.gaussian_count()), ..Advance::of(total, total) })?;
-        Ok(Box::new(CorfField::new(reconstructor.field(), &self.config, &self.backend)?))
+        Ok(Box::new(CorfField::new(reconstructor.field(), &self.config, &self.backend)))
     }
 }
 
@@ -171,17 +171,29 @@ impl Relay<'_> {
     }
 }
 
-/// A finished field on a device of its own.
+/// A finished field, on a device of its own once it is rendered.
 pub struct CorfField {
     field: Field,
-    device: Box<dyn Device>,
+    config: CorfGsConfig,
+    backend: Backend,
+    device: Option<Box<dyn Device>>,
 }
 
 impl CorfField {
-    fn new(field: Field, config: &CorfGsConfig, backend: &Backend) -> Result<Self> {
-        let mut device = config.device(backend)?;
-        field.load(device.as_mut())?;
-        Ok(Self { field, device })
+    fn new(field: Field, config: &CorfGsConfig, backend: &Backend) -> Self {
+        Self { field, config: config.clone(), backend: backend.clone(), device: None }
+    }
+
+    fn device(&mut self) -> Result<&mut dyn Device> {
+        let device = match self.device.take() {
+            Some(device) => device,
+            None => {
+                let mut device = self.config.device(&self.backend)?;
+                self.field.load(device.as_mut())?;
+                device
+            }
+        };
+        Ok(self.device.insert(device).as_mut())
     }
 
     /// Reads the field of a run folder.
@@ -197,13 +209,14 @@ impl CorfField {
             "{}: the field's cameras are not the dataset's",
             run.display()
         );
-        Self::new(field, &config, backend)
+        Ok(Self::new(field, &config, backend))
     }
 }
 
 impl Predictor for CorfField {
     fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
-        let p = self.field.render(self.device.as_mut(), *world_from_camera)?;
+        let meta = self.field.meta;
+        let p = meta.render(self.device()?, *world_from_camera)?;
         let rf_jet = match self.field.meta.rf_target {
             RfTarget::Jet => {
                 let colours = p.rf.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();

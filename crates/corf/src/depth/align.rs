@@ -1,6 +1,6 @@
 //! Robust alignment of an affine-invariant inverse depth to triangulated ones, and a confidence for every pixel.
 
-use super::SparseDepth;
+use super::{SparseDepth, dense::Dense};
 use crate::config::{Alignment, DepthConfig};
 use corf_scene::{Raster, Rng};
 use rayon::prelude::*;
@@ -9,9 +9,10 @@ use rayon::prelude::*;
 #[derive(Clone, Debug)]
 pub struct AlignedPrior {
     /// 1/z, 1/m, at least 1/far.
-    pub inverse_depth: Raster<f32>,
-    /// `exp(−|Sobel|²/0.2)` of the median/MAD-normalised map; 0 where that is 0.5 or less (a depth edge) or the aligned value was beyond far.
-    pub confidence: Raster<f32>,
+    pub inverse_depth: Dense,
+    /// `exp(−|Sobel|²/0.2)` of the median/MAD-normalised map, its slopes those per image pixel; 0 where that is 0.5 or less (a depth edge) or the aligned
+    /// value was beyond far.
+    pub confidence: Dense,
     /// `aligned = scale · mono + offset`.
     pub scale: f32,
     /// 1/m.
@@ -24,9 +25,9 @@ pub const LEAST_ANCHORS: usize = 12;
 /// Aligns a prior to triangulated depths; `None` where there are fewer than [`LEAST_ANCHORS`] or they do not define a positive scale.
 ///
 /// `seed` and `stage` key the hypotheses of [`Alignment::Ransac`].
-pub fn align(mono: &Raster<f32>, anchors: &[SparseDepth], config: &DepthConfig, seed: u64, stage: u64) -> Option<AlignedPrior> {
+pub fn align(mono: &Dense, anchors: &[SparseDepth], config: &DepthConfig, seed: u64, stage: u64) -> Option<AlignedPrior> {
     let pairs: Vec<(f64, f64)> =
-        anchors.iter().map(|a| (f64::from(mono[(a.x, a.y)]), f64::from(a.inverse_depth))).filter(|p| p.0.is_finite()).collect();
+        anchors.iter().map(|a| (f64::from(mono.at(a.x, a.y)), f64::from(a.inverse_depth))).filter(|p| p.0.is_finite()).collect();
     if pairs.len() < LEAST_ANCHORS {
         return None;
     }
@@ -40,13 +41,20 @@ pub fn align(mono: &Raster<f32>, anchors: &[SparseDepth], config: &DepthConfig, 
 
 impl AlignedPrior {
     /// A prior with a scale and an offset that are known.
-    pub fn new(mono: &Raster<f32>, scale: f32, offset: f32, config: &DepthConfig) -> Self {
-        let far = (1.0 / config.far_m) as f32;
-        let near = (1.0 / config.near_m) as f32;
-        let raw = mono.map(|&m| scale * m + offset);
-        let mut confidence = edge_confidence(mono);
-        confidence.pixels_mut().iter_mut().zip(raw.pixels()).filter(|(_, r)| **r < far).for_each(|(c, _)| *c = 0.0);
-        Self { inverse_depth: raw.map(|r| r.clamp(far, near)), confidence, scale, offset }
+    pub fn new(mono: &Dense, scale: f32, offset: f32, config: &DepthConfig) -> Self {
+        let (far, near) = ((1.0 / config.far_m) as f32, (1.0 / config.near_m) as f32);
+        let grid = mono.grid();
+        let mut confidence = edge_confidence(grid, mono.cells_per_pixel());
+        let mut inverse_depth = Raster::filled(grid.width(), grid.height(), 0.0);
+        let cells = inverse_depth.pixels_mut().par_iter_mut().zip(confidence.pixels_mut()).zip(grid.pixels());
+        cells.with_min_len(1024).for_each(|((inverse_depth, confidence), m)| {
+            let raw = scale * m + offset;
+            *inverse_depth = raw.clamp(far, near);
+            if raw < far {
+                *confidence = 0.0;
+            }
+        });
+        Self { inverse_depth: mono.with(inverse_depth), confidence: mono.with(confidence), scale, offset }
     }
 }
 
@@ -143,24 +151,36 @@ fn by_ransac(pairs: &[(f64, f64)], seed: u64, stage: u64) -> Option<(f64, f64)> 
     least_squares(pairs.iter().filter(|p| is_inlier(p, hypothesis)).map(|p| (p.0, p.1, 1.0))).or(Some(hypothesis))
 }
 
-/// `exp(−|Sobel|²/0.2)` of the map normalised by its median and median absolute deviation, 0 where it is 0.5 or less.
-fn edge_confidence(mono: &Raster<f32>) -> Raster<f32> {
-    let (w, h) = (mono.width(), mono.height());
-    let (t, s) = location_and_spread(mono.pixels().iter().map(|&m| f64::from(m)));
-    let s = if s > 0.0 { s } else { 1.0 };
-    let at = |x: isize, y: isize| {
-        let m = mono[(x.clamp(0, w as isize - 1) as usize, y.clamp(0, h as isize - 1) as usize)];
-        ((f64::from(m) - t) / s) as f32
-    };
-    let confidence = |i: usize| {
-        let (x, y) = ((i % w) as isize, (i / w) as isize);
-        // Sobel's kernels divided by 8, so that a ramp of slope 1 per pixel gives 1.
-        let gx = (at(x + 1, y - 1) + 2.0 * at(x + 1, y) + at(x + 1, y + 1))
-            - (at(x - 1, y - 1) + 2.0 * at(x - 1, y) + at(x - 1, y + 1));
-        let gy = (at(x - 1, y + 1) + 2.0 * at(x, y + 1) + at(x + 1, y + 1))
-            - (at(x - 1, y - 1) + 2.0 * at(x, y - 1) + at(x + 1, y - 1));
-        let c = (-(gx * gx + gy * gy) / 64.0 / 0.2).exp();
-        if c > 0.5 { c } else { 0.0 }
-    };
-    Raster::from_vec(w, h, (0..w * h).into_par_iter().with_min_len(w).map(confidence).collect())
+/// Median and median absolute deviation of a map.
+fn location_and_spread_of(map: &Raster<f32>) -> (f32, f32) {
+    let mut values = map.pixels().to_vec();
+    let middle = values.len() / 2;
+    let location = *values.select_nth_unstable_by(middle, f32::total_cmp).1;
+    values.iter_mut().for_each(|v| *v = (*v - location).abs());
+    (location, *values.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
+
+/// `exp(−|Sobel|²/0.2)` of the map normalised by its median and median absolute deviation, 0 where it is 0.5 or less. Slopes are per
+/// image pixel, so that what an edge is does not depend on how many cells (`per_pixel` along either axis) the map has.
+fn edge_confidence(map: &Raster<f32>, per_pixel: [f32; 2]) -> Raster<f32> {
+    let (w, h) = (map.width(), map.height());
+    let (_, spread) = location_and_spread_of(map);
+    // Sobel's kernels divided by 8, so that a ramp of slope 1 per pixel gives 1.
+    let [unit_x, unit_y] = per_pixel.map(|cells| cells / (8.0 * if spread > 0.0 { spread } else { 1.0 }));
+    let mut pixels = vec![0.0; w * h];
+    pixels.par_chunks_mut(w.max(1)).enumerate().for_each(|(y, out)| {
+        let row = |y: usize| &map.pixels()[y * w..(y + 1) * w];
+        let (above, here, below) = (row(y.saturating_sub(1)), row(y), row((y + 1).min(h - 1)));
+        for (x, confidence) in out.iter_mut().enumerate() {
+            let (l, r) = (x.saturating_sub(1), (x + 1).min(w - 1));
+            let gx = unit_x * ((above[r] + 2.0 * here[r] + below[r]) - (above[l] + 2.0 * here[l] + below[l]));
+            let gy = unit_y * ((below[l] + 2.0 * below[x] + below[r]) - (above[l] + 2.0 * above[x] + above[r]));
+            let squared = gx * gx + gy * gy;
+            // Beyond ln 2 · 0.2 the confidence is one half or less.
+            if squared < 0.2 * std::f32::consts::LN_2 {
+                *confidence = (-squared / 0.2).exp();
+            }
+        }
+    });
+    Raster::from_vec(w, h, pixels)
 }

@@ -33,12 +33,17 @@ pub fn match_guided(
     let found: Vec<Option<PixelDepth>> = pixels
         .par_iter()
         .map(|&(x, y)| {
-            let guess = prior.inverse_depth[(x, y)];
-            let slope = slope(prior, x, y);
+            let guess = prior.inverse_depth.at(x, y);
+            let slope = slope(prior, reference, x, y);
             if let Some(inverse_depth) = match_pixel(reference, neighbours, x, y, guess, slope, config) {
                 return Some(PixelDepth { x, y, inverse_depth, reliability: Reliability::Accurate });
             }
-            (prior.confidence[(x, y)] > 0.0).then_some(PixelDepth { x, y, inverse_depth: guess, reliability: Reliability::Prior })
+            (prior.confidence.at_unless_zero(x, y) > 0.0).then_some(PixelDepth {
+                x,
+                y,
+                inverse_depth: guess,
+                reliability: Reliability::Prior,
+            })
         })
         .collect();
     found.into_iter().flatten().collect()
@@ -65,17 +70,18 @@ pub fn match_wide(
 }
 
 /// The prior's change of inverse depth per pixel, from differences across the matching window; none where it is not trusted.
-fn slope(prior: &AlignedPrior, x: usize, y: usize) -> Vec2 {
+fn slope(prior: &AlignedPrior, reference: &GreyView, x: usize, y: usize) -> Vec2 {
     const REACH: usize = 2;
-    let w = &prior.inverse_depth;
-    if x < REACH || y < REACH || x + REACH >= w.width() || y + REACH >= w.height() {
+    let (width, height) = (reference.fine.width(), reference.fine.height());
+    if x < REACH || y < REACH || x + REACH >= width || y + REACH >= height {
         return Vec2::ZERO;
     }
     let ends = [(x - REACH, y), (x + REACH, y), (x, y - REACH), (x, y + REACH)];
-    if ends.iter().any(|&e| prior.confidence[e] <= 0.0) {
+    if ends.iter().any(|&(x, y)| prior.confidence.at_unless_zero(x, y) <= 0.0) {
         return Vec2::ZERO;
     }
-    Vec2::new(w[ends[1]] - w[ends[0]], w[ends[3]] - w[ends[2]]) / (2 * REACH) as f32
+    let w = ends.map(|(x, y)| prior.inverse_depth.at(x, y));
+    Vec2::new(w[1] - w[0], w[3] - w[2]) / (2 * REACH) as f32
 }
 
 /// The parabola is fitted over steps of at most this many pixels.

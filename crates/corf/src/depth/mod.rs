@@ -4,6 +4,7 @@
 //! works in inverse z-depth (1/m). Neighbours are training keyframes only; the caller passes no others.
 
 pub mod align;
+pub mod dense;
 pub mod matching;
 pub mod patch;
 pub mod prior;
@@ -11,6 +12,7 @@ pub mod triangulate;
 pub mod view;
 
 pub use align::{AlignedPrior, align};
+pub use dense::Dense;
 pub use matching::{match_guided, match_wide};
 pub use patch::{GreyImage, Patch};
 pub use prior::DepthPrior;

@@ -1,5 +1,6 @@
 //! Dense, affine-invariant inverse depth: where it comes from.
 
+use super::dense::Dense;
 use crate::{
     Error, Result,
     config::{DepthConfig, DepthPriorKind, PriorPreset},
@@ -29,11 +30,11 @@ impl DepthPrior {
         }
     }
 
-    /// The dense prior of a keyframe, of its image's size; `None` from [`Self::None`].
+    /// The dense prior of a keyframe; `None` from [`Self::None`].
     ///
     /// # Errors
     /// The simulated prior on a keyframe without depth.
-    pub fn estimate(&mut self, keyframe: &Keyframe) -> Result<Option<Raster<f32>>> {
+    pub fn estimate(&self, keyframe: &Keyframe) -> Result<Option<Dense>> {
         match self {
             Self::Simulated(prior) => prior.estimate(keyframe).map(Some),
             Self::None => Ok(None),
@@ -61,10 +62,12 @@ impl DepthPrior {
 const MODES: u64 = 24;
 /// Correlation of the smooth random field from one frame of the trajectory to the next.
 const FRAME_CORRELATION: f64 = 0.8;
+/// How many frames are remembered: what came before weighs less than 1e-6.
+const FRAMES_REMEMBERED: usize = 64;
 /// Blur of the network's output, pixels of an image whose shorter side is [`NETWORK_SIDE_PX`].
 const BLUR_PX: f64 = 1.5;
-/// Input size of the network that is imitated, pixels.
-const NETWORK_SIDE_PX: f64 = 518.0;
+/// Shorter side of the images the network that is imitated works on, pixels; larger images are reduced to it.
+const NETWORK_SIDE_PX: usize = 518;
 /// Standard deviation of the per-pixel noise, in units of the median inverse depth.
 const NOISE: f64 = 0.004;
 
@@ -81,8 +84,6 @@ pub struct SimulatedPrior {
     lambda: f64,
     /// Strength κ of the per-object bias.
     kappa: f64,
-    /// The field's mode amplitudes (cosine, sine) as of trajectory frame `.0`.
-    field: Option<(usize, Vec<[f64; 2]>)>,
 }
 
 impl SimulatedPrior {
@@ -93,7 +94,7 @@ impl SimulatedPrior {
             PriorPreset::Default => (0.06, 0.05, 0.04),
             PriorPreset::Hard => (0.08, 0.06, 0.08),
         };
-        Self { seed, gamma, lambda, kappa, field: None }
+        Self { seed, gamma, lambda, kappa }
     }
 
     /// The depth of a keyframe that has one.
@@ -107,15 +108,29 @@ impl SimulatedPrior {
         Ok(depth)
     }
 
-    /// The affine-invariant inverse depth this network would have given.
+    /// The affine-invariant inverse depth this network would have given, at its resolution or the image's, whichever is lower.
     ///
     /// # Errors
     /// A keyframe without depth, or with no finite depth at all.
-    pub fn estimate(&mut self, keyframe: &Keyframe) -> Result<Raster<f32>> {
+    pub fn estimate(&self, keyframe: &Keyframe) -> Result<Dense> {
         let depth = Self::depth_of(keyframe)?;
-        let (w, h) = (depth.width(), depth.height());
-        let inverse = depth.map(|&z| if z > 0.0 && z.is_finite() { 1.0 / f64::from(z) } else { 0.0 });
-        let mut hit: Vec<f64> = inverse.pixels().iter().copied().filter(|&d| d > 0.0).collect();
+        let image = (depth.width(), depth.height());
+        let (w, h) = network_size(image);
+        let columns: Vec<usize> = (0..w).map(|x| (2 * x + 1) * image.0 / (2 * w)).collect();
+        let row_of = |y: usize| (2 * y + 1) * image.1 / (2 * h) * image.0;
+        let inverse: Vec<f64> = (0..w * h)
+            .into_par_iter()
+            .with_min_len(w)
+            .map(|i| {
+                let z = depth.pixels()[row_of(i / w) + columns[i % w]];
+                if z > 0.0 && z.is_finite() { 1.0 / f64::from(z) } else { 0.0 }
+            })
+            .collect();
+        let mut hit: Vec<f64> = inverse.iter().copied().filter(|&d| d > 0.0).collect();
+        if hit.is_empty() {
+            // What was hit fell between the network's pixels.
+            hit.push(1.0);
+        }
         let middle = hit.len() / 2;
         let median = *hit.select_nth_unstable_by(middle, f64::total_cmp).1;
 
@@ -123,8 +138,6 @@ impl SimulatedPrior {
         let mut rng = Rng::keyed(self.seed, stage::PRIOR_FRAME, frame);
         let exponent = 1.0 + self.gamma * rng.normal();
         let (scale, offset) = (3.0 * (0.2 * rng.normal()).exp(), 0.3 * rng.normal());
-        let waves = self.waves();
-        let amplitudes = self.amplitudes(keyframe.index);
         let bias = |surface: u32| self.kappa * Rng::keyed(self.seed, stage::PRIOR_OBJECT, u64::from(surface)).normal();
         // Neighbours are mostly of one surface.
         let mut biases = BTreeMap::new();
@@ -132,30 +145,28 @@ impl SimulatedPrior {
             biases.entry(run[0]).or_insert_with(|| bias(run[0]));
         }
 
-        let table = |n: usize, axis: usize| -> Vec<(f64, f64)> {
-            (0..n).flat_map(|i| waves.iter().map(move |k| (k[axis] * i as f64 / w as f64).sin_cos())).collect()
-        };
-        let (columns, rows) = (table(w, 0), table(h, 1));
-        let distort = |i: usize| {
-            let (column, row) = (&columns[(i % w) * waves.len()..], &rows[(i / w) * waves.len()..]);
-            // a₀ cos(k·u) + a₁ sin(k·u) by the addition theorems, from one table per axis.
-            let mode = |(k, a): (usize, &[f64; 2])| {
-                let ((sx, cx), (sy, cy)) = (column[k], row[k]);
-                a[0] * (cx * cy - sx * sy) + a[1] * (sx * cy + cx * sy)
-            };
-            let smooth: f64 = amplitudes.iter().enumerate().map(mode).sum::<f64>() / (MODES as f64).sqrt();
-            let object = keyframe.surface.as_ref().map_or(0.0, |s| biases[&s.pixels()[i]]);
-            (inverse.pixels()[i] / median).powf(exponent) * (self.lambda * smooth + object).exp()
-        };
-        let distorted: Vec<f64> = (0..w * h).into_par_iter().with_min_len(w).map(distort).collect();
-        let sigma_px = BLUR_PX * w.min(h) as f64 / NETWORK_SIDE_PX;
-        let blurred = blur(&distorted, w, h, sigma_px);
+        let field = SmoothField::new(&self.waves(), &self.amplitudes(keyframe.index), w);
+        let mut distorted = vec![0.0; w * h];
+        distorted.par_chunks_mut(w).enumerate().for_each(|(y, row)| {
+            field.row(y, row);
+            let surfaces = keyframe.surface.as_ref().map(|s| &s.pixels()[row_of(y)..]);
+            let mut last = (u32::MAX, biases.get(&u32::MAX).copied().unwrap_or(0.0));
+            for (x, value) in row.iter_mut().enumerate() {
+                if let Some(surface) = surfaces.map(|s| s[columns[x]]).filter(|s| *s != last.0) {
+                    last = (surface, biases[&surface]);
+                }
+                let object = if surfaces.is_some() { last.1 } else { 0.0 };
+                *value = (inverse[y * w + x] / median).powf(exponent) * (self.lambda * *value + object).exp();
+            }
+        });
+        let blurred = blur(&distorted, w, h, BLUR_PX * w.min(h) as f64 / NETWORK_SIDE_PX as f64);
         let noise_stage = stage::keyed(stage::PRIOR_NOISE, keyframe.index);
         let noisy = |(i, d): (usize, &f64)| {
             let n = NOISE * Rng::keyed(self.seed, noise_stage, i as u64).normal();
             (scale * (d + n) + offset) as f32
         };
-        Ok(Raster::from_vec(w, h, blurred.par_iter().enumerate().with_min_len(w).map(noisy).collect()))
+        let pixels = blurred.par_iter().enumerate().with_min_len(w).map(noisy).collect();
+        Ok(Dense::new(Raster::from_vec(w, h, pixels), image))
     }
 
     /// Wave vectors of the smooth field, radians per image width: wavelengths between a quarter of the width and the whole of it.
@@ -170,51 +181,90 @@ impl SimulatedPrior {
     }
 
     /// The modes' amplitudes at a trajectory frame: AR(1), so neighbouring frames err alike. Frames that were not asked for still pass.
-    fn amplitudes(&mut self, frame: usize) -> Vec<[f64; 2]> {
+    fn amplitudes(&self, frame: usize) -> Vec<[f64; 2]> {
         let innovation = |at: usize, k: u64| {
             let mut rng = Rng::keyed(self.seed, stage::keyed(stage::PRIOR_FIELD, at), k);
             [rng.normal(), rng.normal()]
         };
-        let (mut at, mut amplitudes) = match self.field.take() {
-            Some((at, amplitudes)) if at <= frame => (at, amplitudes),
-            _ => (0, (0..MODES).map(|k| innovation(0, k)).collect()),
-        };
+        let first = frame.saturating_sub(FRAMES_REMEMBERED);
+        let mut amplitudes: Vec<[f64; 2]> = (0..MODES).map(|k| innovation(first, k)).collect();
         let fresh = (1.0 - FRAME_CORRELATION * FRAME_CORRELATION).sqrt();
-        while at < frame {
-            at += 1;
+        for at in first + 1..=frame {
             for (k, a) in amplitudes.iter_mut().enumerate() {
                 let e = innovation(at, k as u64);
                 *a = [FRAME_CORRELATION * a[0] + fresh * e[0], FRAME_CORRELATION * a[1] + fresh * e[1]];
             }
         }
-        self.field = Some((at, amplitudes.clone()));
         amplitudes
+    }
+}
+
+/// The size at which the network sees an image.
+fn network_size((w, h): (usize, usize)) -> (usize, usize) {
+    let shorter = w.min(h);
+    if shorter <= NETWORK_SIDE_PX {
+        return (w, h);
+    }
+    let reduced = |side: usize| (side * NETWORK_SIDE_PX + shorter / 2) / shorter;
+    (reduced(w), reduced(h))
+}
+
+/// A sum of plane waves over an image, of unit variance.
+struct SmoothField {
+    /// Per mode: along and down the image, radians a pixel; amplitudes of cosine and sine.
+    modes: Vec<([f64; 2], [f64; 2])>,
+    /// Per mode: cosines, then sines, of its phase along a row.
+    columns: Vec<f64>,
+    width: usize,
+}
+
+impl SmoothField {
+    /// `waves` in radians per image width.
+    fn new(waves: &[[f64; 2]], amplitudes: &[[f64; 2]], width: usize) -> Self {
+        let unit = 1.0 / (waves.len() as f64).sqrt();
+        let modes: Vec<_> =
+            waves.iter().zip(amplitudes).map(|(k, a)| (k.map(|v| v / width as f64), a.map(|v| v * unit))).collect();
+        let along = |f: fn(f64) -> f64, k: f64| (0..width).map(move |x| f(k * x as f64));
+        let columns = modes.iter().flat_map(|(k, _)| along(f64::cos, k[0]).chain(along(f64::sin, k[0]))).collect();
+        Self { modes, columns, width }
+    }
+
+    /// Row `y`.
+    fn row(&self, y: usize, out: &mut [f64]) {
+        out.fill(0.0);
+        for ((k, a), columns) in self.modes.iter().zip(self.columns.chunks_exact(2 * self.width)) {
+            // a₀ cos(k·u) + a₁ sin(k·u) by the addition theorems.
+            let (sin, cos) = (k[1] * y as f64).sin_cos();
+            let (with_cos, with_sin) = (a[0] * cos + a[1] * sin, a[1] * cos - a[0] * sin);
+            let (cosines, sines) = columns.split_at(self.width);
+            for ((value, c), s) in out.iter_mut().zip(cosines).zip(sines) {
+                *value += with_cos * c + with_sin * s;
+            }
+        }
     }
 }
 
 /// A separable Gaussian, truncated at 3 σ, edges repeated.
 fn blur(values: &[f64], w: usize, h: usize, sigma_px: f64) -> Vec<f64> {
-    let radius = (3.0 * sigma_px).ceil() as isize;
-    let weights: Vec<f64> = (-radius..=radius).map(|k| (-0.5 * (k as f64 / sigma_px).powi(2)).exp()).collect();
+    let radius = (3.0 * sigma_px).ceil() as usize;
+    let weights: Vec<f64> = (0..=2 * radius).map(|k| (-0.5 * ((k as f64 - radius as f64) / sigma_px).powi(2)).exp()).collect();
     let total: f64 = weights.iter().sum();
-    let pass = |source: &[f64], along_x: bool| -> Vec<f64> {
-        (0..w * h)
-            .into_par_iter()
-            .with_min_len(w)
-            .map(|i| {
-                let (x, y) = ((i % w) as isize, (i / w) as isize);
-                let sum: f64 = weights
-                    .iter()
-                    .enumerate()
-                    .map(|(k, weight)| {
-                        let d = k as isize - radius;
-                        let (xs, ys) = if along_x { (x + d, y) } else { (x, y + d) };
-                        weight * source[ys.clamp(0, h as isize - 1) as usize * w + xs.clamp(0, w as isize - 1) as usize]
-                    })
-                    .sum();
-                sum / total
-            })
-            .collect()
-    };
-    pass(&pass(values, true), false)
+    let weights: Vec<f64> = weights.iter().map(|v| v / total).collect();
+    let mut down = vec![0.0; w * h];
+    down.par_chunks_mut(w).enumerate().for_each(|(y, row)| {
+        for (k, weight) in weights.iter().enumerate() {
+            let from = (y + k).saturating_sub(radius).min(h - 1) * w;
+            row.iter_mut().zip(&values[from..from + w]).for_each(|(sum, v)| *sum += weight * v);
+        }
+    });
+    let mut out = vec![0.0; w * h];
+    out.par_chunks_mut(w).zip(down.par_chunks(w)).for_each(|(row, source)| {
+        let mut padded = vec![source[0]; radius];
+        padded.extend(source);
+        padded.extend(std::iter::repeat_n(source[w - 1], radius));
+        for (k, weight) in weights.iter().enumerate() {
+            row.iter_mut().zip(&padded[k..k + w]).for_each(|(sum, v)| *sum += weight * v);
+        }
+    });
+    out
 }

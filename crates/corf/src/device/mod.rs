@@ -6,9 +6,13 @@ pub mod cpu;
 pub mod gpu;
 mod packed;
 mod state;
+mod survey;
 
 pub use packed::{PackedView, Packer};
 pub use state::{DeviceState, Outline};
+#[cfg(test)]
+pub(crate) use survey::judge;
+pub use survey::{Judgement, PruneRule, Shown, Survey, SurveyRequest};
 
 use crate::{Error, Gaussians, Result};
 use corf_scene::{Pinhole, Raster, Rigid3};
@@ -65,7 +69,7 @@ pub struct InverseDepth {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ViewId(pub usize);
 
-/// One optimisation step: render both modalities of one keyframe at one pyramid level, compare, differentiate, update.
+/// One optimisation step: render both modalities of one keyframe, each at a pyramid level, compare, differentiate, update.
 ///
 /// Loss = optical_weight·L_opt + rf_weight·L_rf + depth_weight·L_d with L = 0.8·L1 + 0.2·(1 − SSIM) (paper Eqs. (19)–(21)).
 /// A modality of weight 0 is not rendered, and its opacity and colour are not touched.
@@ -73,8 +77,8 @@ pub struct ViewId(pub usize);
 pub struct Step {
     /// The keyframe.
     pub view: ViewId,
-    /// Pyramid level: both targets averaged over 2^level blocks.
-    pub level: u32,
+    /// Pyramid levels of the optical and the RF target: averaged over 2^level blocks.
+    pub levels: [u32; 2],
     /// Weight of the optical loss (1 in the paper, 0 in the RF stage of a two-stage method).
     pub optical_weight: f32,
     /// λ_rf.
@@ -205,6 +209,16 @@ pub trait Device: Send {
     /// # Errors
     /// A camera without pixels, or a main contributor asked for without an optical view.
     fn render(&mut self, request: &RenderRequest) -> Result<Rendering>;
+
+    /// What an expansion asks of the field: what some pixels of a view show, and which Gaussians do not stay.
+    ///
+    /// # Errors
+    /// As [`Self::render`]; when the device fails.
+    fn survey(&mut self, request: &SurveyRequest<'_>) -> Result<Survey> {
+        let wanted = RenderRequest { optical: Some((request.view, [0.0; 3])), rf: None, main_contributor: true };
+        let rendering = self.render(&wanted)?;
+        Ok(Survey::of(&rendering, &self.outlines()?, request))
+    }
 
     /// Runs training steps in order and reports the last. Steps name views uploaded to this device.
     fn train(&mut self, steps: &[Step]) -> Result<StepReport>;

@@ -6,14 +6,14 @@ use std::any::Any;
 use std::sync::Arc;
 
 /// What a device's packer made of a training view: for that device alone.
-pub struct PackedView(Box<dyn Any + Send>);
+pub struct PackedView(Box<dyn Any + Send + Sync>);
 
 /// Makes a training view, with the number of its pyramid levels, ready for upload; may be called on any thread.
 pub type Packer = Arc<dyn Fn(&TrainingView, u32) -> Result<PackedView> + Send + Sync>;
 
 impl PackedView {
     /// Wraps what a device has built.
-    pub fn new(content: impl Any + Send) -> Self {
+    pub fn new(content: impl Any + Send + Sync) -> Self {
         Self(Box::new(content))
     }
 

@@ -45,7 +45,7 @@ impl Reconstructor {
             let what = format!("it arrived after keyframe {last}");
             return Err(Error::invalid(place(), what, "push keyframes once each, in trajectory order"));
         }
-        self.preparer.check(keyframe)
+        self.ahead.preparer().check(keyframe)
     }
 }
 

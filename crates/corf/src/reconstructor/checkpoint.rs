@@ -1,7 +1,7 @@
 //! A reconstruction kept on disk while it runs: all that it depends on beside the keyframes, which are replayed when it goes on.
 //!
 //! ```text
-//! corf-checkpoint/1\n   length of the header (u64)   header (JSON)   numbers (f32 and u32)   checksum (u64)
+//! corf-checkpoint/2\n   length of the header (u64)   header (JSON)   numbers (f32 and u32)   checksum (u64)
 //! ```
 //! All little-endian. The numbers are, for the Gaussians and Adam's two moments, position, rotation, ln scale, opacity and harmonics in
 //! light, opacity and harmonics at 60 GHz; then the position rates and the keyframe at which each Gaussian was born.
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::path::Path;
 
-const MAGIC: &[u8] = b"corf-checkpoint/1\n";
+const MAGIC: &[u8] = b"corf-checkpoint/2\n";
 
 /// What is known of a checkpoint beside its numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -220,11 +220,13 @@ impl Reconstructor {
             ));
         };
         self.admit(&keyframe)?;
-        self.preparer.look(&keyframe);
-        let mono = self.preparer.mono(&keyframe)?;
+        let view = self.ahead.preparer().view(&keyframe);
+        self.ahead.with_past(|p| p.meet(&view));
+        let mono = self.ahead.preparer().mono(&keyframe)?;
         let aligned =
             mono.as_ref().zip(past.alignment).map(|(m, [scale, offset])| AlignedPrior::new(m, scale, offset, &self.config.depth));
-        let view = self.device.upload(&self.preparer.training_view(&keyframe, aligned.as_ref()), self.config.pyramid_levels)?;
+        let target = self.ahead.preparer().training_view(&keyframe, aligned.as_ref());
+        let view = self.device.upload(&target, self.config.pyramid_levels)?;
         self.schedule.push(view);
         self.past.push(past);
         self.keyframes_expanded += 1;
@@ -232,7 +234,7 @@ impl Reconstructor {
             replay.left.pop_front();
             if replay.left.is_empty() {
                 self.schedule.restore(&replay.schedule);
-                self.preparer.set_typical_depth_m(past.typical_depth_m);
+                self.ahead.with_past(|p| p.set_typical_depth_m(past.typical_depth_m));
                 self.replay = None;
                 self.apply_world_scale();
             }

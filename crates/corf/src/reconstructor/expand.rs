@@ -7,11 +7,12 @@ use super::{
 use crate::{
     Coupling, Result, Sampling,
     depth::{self, PixelDepth, Reliability, SparseDepth},
-    device::{Layer, RenderRequest, Rendering, View},
+    device::{Judgement, PruneRule, Shown, Survey, SurveyRequest, View},
     expansion::{log, prune, spawn},
-    field::normalised_inverse_depth,
+    field::over_coverage,
     stage,
 };
+use corf_scene::Pinhole;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -34,39 +35,40 @@ impl Reconstructor {
     /// Expands the field with one keyframe and adds it to the buffer of the schedule.
     pub(super) fn expand(&mut self, mut keyframe: Prepared) -> Result<Expansion> {
         let view = View { camera: self.meta.optical_camera, world_from_camera: keyframe.training.world_from_camera };
-        let rendering = self.render_before(view)?;
-        let rendered = rendering.optical.as_ref();
+        let (seen, judged) = self.survey(view, &keyframe)?;
 
         // Where: Eqs. (13)–(15), or everywhere alike.
         let (seed, stage) = (self.seed, stage::keyed(stage::SAMPLING, keyframe.index));
-        let penalty = match (self.config.sampling, rendered) {
-            (Sampling::Log, Some(layer)) => Some(log::probability(&layer.color, self.config.log_sigma_px)),
-            _ => None,
-        };
         let (sampling, probability) = (self.config.sampling, &keyframe.probability);
-        let chance = |at: (usize, usize)| acceptance(sampling, probability[at], penalty.as_ref().map_or(0.0, |p| p[at]));
+        let chance = |at: (usize, usize)| acceptance(sampling, probability[at], seen.at(at).map_or(0.0, |s| s.structure));
         let width = probability.width();
         let drawn = |at: (usize, usize)| log::accepted(at.1 * width + at.0, chance(at), seed, stage);
         let pixels: Vec<(usize, usize)> = keyframe.candidates.par_iter().copied().filter(|&at| drawn(at)).collect();
 
         // How far.
-        if keyframe.aligned.is_none()
-            && let (Some(mono), Some(rendered)) = (&keyframe.mono, rendered)
-        {
-            // Too little was triangulated: the field itself says how far things are.
-            let anchors = rendered_anchors(rendered, self.config.behind_coverage);
-            let stage = stage::keyed(stage::ALIGNMENT, keyframe.index);
-            keyframe.aligned = depth::align(mono, &anchors, &self.config.depth, self.seed, stage);
-            keyframe.training.inverse_depth = keyframe.aligned.as_ref().map(inverse_depth);
-        }
+        let mut packed = Ok(None);
         let mut samples = match keyframe.matched.take() {
             Some(ahead) => ahead.into_par_iter().filter(|s| drawn((s.x, s.y))).collect(),
-            None => keyframe.match_pixels(&pixels, keyframe.aligned.as_ref(), &self.config),
+            None => {
+                if let (None, Some(mono)) = (&keyframe.aligned, &keyframe.mono) {
+                    // Too little was triangulated: the field itself says how far things are.
+                    let anchors = rendered_anchors(&seen, self.meta.optical_camera, self.config.behind_coverage);
+                    let stage = stage::keyed(stage::ALIGNMENT, keyframe.index);
+                    keyframe.aligned = depth::align(mono, &anchors, &self.config.depth, self.seed, stage);
+                    keyframe.training.inverse_depth = keyframe.aligned.as_ref().map(inverse_depth);
+                }
+                let preparer = self.ahead.preparer();
+                let matched = || keyframe.match_pixels(&pixels, keyframe.aligned.as_ref(), &self.config);
+                let (matched, view) = rayon::join(matched, || preparer.pack_late(&keyframe));
+                packed = view;
+                matched
+            }
         };
+        keyframe.packed = packed?.or(keyframe.packed.take());
         insert_corners(&mut samples, &keyframe, |at| chance(at) > 0.0);
-        if let Some(layer) = rendered {
-            samples.retain(|s| prune::is_not_behind(s, layer, &self.config));
-        }
+        let config = &self.config;
+        let in_front = |s: &PixelDepth| seen.at((s.x, s.y)).is_none_or(|shown| prune::is_not_behind(s, shown, config));
+        let samples: Vec<PixelDepth> = samples.into_par_iter().filter(in_front).collect();
         let mut expansion = Expansion {
             sampled: pixels.len(),
             triangulated: keyframe.anchors.len(),
@@ -75,12 +77,10 @@ impl Reconstructor {
         };
 
         // Who makes room.
-        if let (Some(main), false) = (&rendering.main_contributor, self.device.is_empty()) {
-            let replaced = prune::replaced(self.device.len(), main, &samples, &self.config);
-            // A stage that light trains alone leaves the RF opacities as they were born: they say nothing there.
-            let both = self.config.coupling == Coupling::Joint;
-            let outlines = self.device.outlines()?;
-            let pruned = prune::pruned(&outlines, &self.born, self.keyframes_expanded, both, &view, &self.config);
+        if !self.device.is_empty() {
+            let shown: Vec<_> = samples.par_iter().filter_map(|s| Some((s, seen.at((s.x, s.y))?))).collect();
+            let replaced = prune::replaced(self.device.len(), shown.into_iter(), &self.config);
+            let pruned = prune::pruned(&judged, &self.born, self.keyframes_expanded, &self.config);
             let keep: Vec<bool> = replaced.iter().zip(&pruned).map(|(r, p)| !(r | p)).collect();
             expansion.replaced = replaced.iter().filter(|r| **r).count();
             expansion.pruned = keep.iter().filter(|k| !**k).count() - expansion.replaced;
@@ -110,17 +110,59 @@ impl Reconstructor {
         };
         self.schedule.push(id);
         self.keyframes_expanded += 1;
-        let alignment = keyframe.aligned.map(|a| [a.scale, a.offset]);
+        let alignment = keyframe.aligned.as_ref().map(|a| [a.scale, a.offset]);
         self.past.push(Past { index: keyframe.index, alignment, typical_depth_m: keyframe.typical_depth_m });
+        // Tens of megabytes go back to the system beside the training.
+        rayon::spawn(|| drop(keyframe));
         Ok(expansion)
     }
 
-    /// The field as it stands, from the new keyframe's pose; nothing while it is empty.
-    fn render_before(&mut self, view: View) -> Result<Rendering> {
+    /// What the field shows of a new keyframe's candidates and corners, and what speaks against each Gaussian; nothing while it is empty.
+    fn survey(&mut self, view: View, keyframe: &Prepared) -> Result<(Seen, Vec<Judgement>)> {
         if self.device.is_empty() {
-            return Ok(Rendering::default());
+            return Ok((Seen::default(), vec![]));
         }
-        self.device.render(&RenderRequest { optical: Some((view, [0.0; 3])), rf: None, main_contributor: true })
+        let mut pixels = keyframe.candidates.clone();
+        pixels.extend(keyframe.anchors.iter().map(|a| (a.x, a.y)));
+        if keyframe.aligned.is_none() && keyframe.mono.is_some() {
+            pixels.extend(anchor_grid(self.meta.optical_camera));
+        }
+        // Nearly in order: what is drawn is.
+        pixels.sort_by_key(|&(x, y)| (y, x));
+        pixels.dedup();
+        let prune = PruneRule {
+            opacity: self.config.prune_opacity,
+            // A stage that light trains alone leaves the RF opacities as they were born: they say nothing there.
+            both_modalities: self.config.coupling == Coupling::Joint,
+            image_fraction: self.config.prune_image_fraction,
+        };
+        let sigma_px = (self.config.sampling == Sampling::Log).then_some(self.config.log_sigma_px);
+        let Survey { shown, judged } = self.device.survey(&SurveyRequest { view, sigma_px, pixels: &pixels, prune })?;
+        Ok((Seen::new(pixels, shown, view.camera.height), judged))
+    }
+}
+
+/// What pixels show.
+#[derive(Default)]
+struct Seen {
+    /// Row by row.
+    pixels: Vec<(usize, usize)>,
+    shown: Vec<Shown>,
+    /// Where each row begins.
+    rows: Vec<usize>,
+}
+
+impl Seen {
+    fn new(pixels: Vec<(usize, usize)>, shown: Vec<Shown>, height: usize) -> Self {
+        let rows = (0..=height).map(|row| pixels.partition_point(|&(_, y)| y < row)).collect();
+        Self { pixels, shown, rows }
+    }
+
+    /// Of one of the pixels.
+    fn at(&self, (x, y): (usize, usize)) -> Option<&Shown> {
+        let (begin, end) = (*self.rows.get(y)?, *self.rows.get(y + 1)?);
+        let place = self.pixels[begin..end].binary_search_by_key(&x, |p| p.0).ok()?;
+        self.shown.get(begin + place)
     }
 }
 
@@ -145,12 +187,15 @@ fn insert_corners(samples: &mut Vec<PixelDepth>, keyframe: &Prepared, wanted: im
     }
 }
 
-/// Well covered rendered depths on a grid.
-fn rendered_anchors(rendered: &Layer, least_coverage: f32) -> Vec<SparseDepth> {
-    let inverse_depth = normalised_inverse_depth(rendered);
-    let (w, h) = (inverse_depth.width(), inverse_depth.height());
-    let grid = (0..h).step_by(RENDERED_ANCHOR_STRIDE).flat_map(|y| (0..w).step_by(RENDERED_ANCHOR_STRIDE).map(move |x| (x, y)));
-    grid.filter(|&at| 1.0 - rendered.transmittance[at] >= least_coverage)
-        .map(|(x, y)| SparseDepth { x, y, inverse_depth: inverse_depth[(x, y)] })
-        .collect()
+/// Pixels whose rendered depths stand in for triangulated ones.
+fn anchor_grid(camera: Pinhole) -> impl Iterator<Item = (usize, usize)> {
+    let rows = (0..camera.height).step_by(RENDERED_ANCHOR_STRIDE);
+    rows.flat_map(move |y| (0..camera.width).step_by(RENDERED_ANCHOR_STRIDE).map(move |x| (x, y)))
+}
+
+/// Well covered rendered depths on the grid.
+fn rendered_anchors(seen: &Seen, camera: Pinhole, least_coverage: f32) -> Vec<SparseDepth> {
+    let covered = |at: (usize, usize)| seen.at(at).filter(|s| 1.0 - s.transmittance >= least_coverage);
+    let anchor = |(x, y), s: &Shown| SparseDepth { x, y, inverse_depth: over_coverage(s.inverse_depth, s.transmittance) };
+    anchor_grid(camera).filter_map(|at| covered(at).map(|s| anchor(at, s))).collect()
 }

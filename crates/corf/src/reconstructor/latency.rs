@@ -8,9 +8,12 @@ use serde::{Deserialize, Serialize};
 pub struct KeyframeTiming {
     /// Index along the trajectory.
     pub index: usize,
-    /// From its arrival to its turn: the keyframes before it were being worked on.
+    /// From its arrival to its turn: it was being prepared, or the keyframes before it were being worked on.
     pub wait_s: f64,
-    /// Expansion, and what of its preparation had not been done by then.
+    /// The steps of its preparation, part of the wait where that happens ahead.
+    #[serde(default)]
+    pub prepare_s: f64,
+    /// Expansion.
     pub expand_s: f64,
     /// Its optimisation steps.
     pub train_s: f64,
@@ -58,6 +61,9 @@ pub struct LatencySummary {
     pub total: Percentiles,
     /// Waiting for its turn.
     pub wait: Percentiles,
+    /// Preparation, within the wait.
+    #[serde(default)]
+    pub prepare: Percentiles,
     /// Expansion.
     pub expand: Percentiles,
     /// Training.
@@ -73,6 +79,7 @@ impl LatencySummary {
             keyframes_per_second: if busy_s > 0.0 { timings.len() as f64 / busy_s } else { 0.0 },
             total: Percentiles::of(timings.iter().map(KeyframeTiming::total_s)),
             wait: Percentiles::of(timings.iter().map(|t| t.wait_s)),
+            prepare: Percentiles::of(timings.iter().map(|t| t.prepare_s)),
             expand: Percentiles::of(timings.iter().map(|t| t.expand_s)),
             train: Percentiles::of(timings.iter().map(|t| t.train_s)),
         })
@@ -85,8 +92,10 @@ mod tests {
 
     #[test]
     fn percentiles_are_values_that_occurred_and_parts_add_up() {
-        let timings: Vec<KeyframeTiming> =
-            (1..=200).rev().map(|i| KeyframeTiming { index: i, wait_s: 0.5, expand_s: 1.0, train_s: i as f64 }).collect();
+        let timings: Vec<KeyframeTiming> = (1..=200)
+            .rev()
+            .map(|i| KeyframeTiming { index: i, wait_s: 0.5, prepare_s: 0.25, expand_s: 1.0, train_s: i as f64 })
+            .collect();
         let s = LatencySummary::of(&timings).unwrap();
         assert_eq!((s.train.median_s, s.train.p90_s, s.train.p99_s), (100.0, 180.0, 198.0));
         assert_eq!((s.total.median_s, s.wait.p99_s, s.keyframes), (101.5, 0.5, 200));

@@ -4,7 +4,7 @@ use super::*;
 use crate::{
     CpuDevice, Gaussians, OptimizerConfig, RasterConfig, Sampling,
     config::{DepthConfig, DepthPriorKind},
-    device::{DeviceState, Outline, PackedView, Packer, RenderRequest, Rendering, TrainingView, ViewId},
+    device::{DeviceState, Outline, PackedView, Packer, RenderRequest, Rendering, Survey, SurveyRequest, TrainingView, ViewId},
     synthetic::{self, DB_RANGE},
 };
 use std::path::Path;
@@ -79,6 +79,9 @@ impl Device for Wrapped {
     }
     fn render(&mut self, request: &RenderRequest) -> Result<Rendering> {
         self.inner.render(request)
+    }
+    fn survey(&mut self, request: &SurveyRequest<'_>) -> Result<Survey> {
+        self.inner.survey(request)
     }
     fn train(&mut self, steps: &[Step]) -> Result<StepReport> {
         if self.trainings_left == 0 {
@@ -233,4 +236,35 @@ fn checkpoints_of_something_else_and_damaged_ones_are_refused() {
     assert!(Checkpoint::read(&path).is_err() && Checkpoint::read(&folder.path().join("none")).is_err());
     r.finish(&mut |_, _| ControlFlow::Continue(())).unwrap();
     assert!(r.checkpoint("").is_err(), "after the end there is nothing to go on with");
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn views_that_threads_upload_to_a_gpu_change_nothing() {
+    use crate::device::gpu::{GpuDevice, GpuOptions, adapter_name};
+    let options = GpuOptions { software: true, ..GpuOptions::default() };
+    if adapter_name(&options).is_none() {
+        assert!(std::env::var_os("CORF_REQUIRE_GPU").is_none_or(|v| v != "1"), "no adapter");
+        println!("skipped: no adapter");
+        return;
+    }
+    let (frames, config) = (keyframes(), config());
+    let gpu = || -> Box<dyn Device> {
+        let (optimizer, raster) = (OptimizerConfig::default(), RasterConfig::default());
+        Box::new(GpuDevice::new(&options, optimizer, raster, &config.empty_field()).unwrap())
+    };
+    let run = |device: Box<dyn Device>| {
+        let mut r = fresh(device, &config);
+        for k in &frames {
+            r.receive(k.clone()).unwrap();
+            while r.waiting() >= r.worth_receiving() {
+                r.process().unwrap().unwrap();
+            }
+        }
+        finish(&mut r)
+    };
+    let truth = run(gpu());
+    assert!(truth.len() > 100, "{}", truth.len());
+    let background = Wrapped { inner: gpu(), eager: true, trainings_left: usize::MAX };
+    assert!(run(Box::new(background)) == truth);
 }

@@ -1,16 +1,16 @@
-//! What a keyframe's expansion needs and the field does not decide: worked out on another thread while the device still trains with the
-//! keyframe before.
+//! What a keyframe's expansion needs and the field does not decide, in three steps: what the keyframe alone decides, where it stands among
+//! those before it (one keyframe after the other), and what follows from that. Steps of several keyframes may run at once.
 
 use crate::{
     Result, Sampling,
     config::ReconstructionConfig,
-    depth::{self, AlignedPrior, DepthPrior, GreyView, Neighbour, PixelDepth, SparseDepth},
+    depth::{self, AlignedPrior, Dense, DepthPrior, GreyView, Neighbour, PixelDepth, SparseDepth},
     device::{InverseDepth, PackedView, Packer, Planes, TrainingView},
     expansion::log,
     field::FieldMeta,
     stage,
 };
-use corf_scene::{Keyframe, Raster};
+use corf_scene::{Keyframe, Raster, Rigid3};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -19,17 +19,31 @@ use std::time::Instant;
 /// How many of the latest keyframes are kept for matching; older ones hardly overlap, and a 1600×900 keyframe is 6 MB of grey values.
 const MATCHING_WINDOW: usize = 32;
 
-/// A keyframe that was received.
-pub(super) struct Arrival {
-    pub keyframe: Keyframe,
-    pub received: Instant,
+/// What a keyframe alone decides.
+pub(super) struct Looked {
+    pub view: Arc<GreyView>,
+    index: usize,
+    world_from_camera: Rigid3,
+    optical: Planes,
+    rf: Planes,
+    mono: Option<Dense>,
+    probability: Raster<f32>,
+    candidates: Vec<(usize, usize)>,
+    work_s: f64,
+}
+
+/// A keyframe among those before it.
+pub(super) struct Placed {
+    looked: Looked,
+    neighbours: Vec<Arc<GreyView>>,
+    anchors: Vec<SparseDepth>,
+    typical_depth_m: f64,
 }
 
 /// A keyframe with all that is known of it without the field.
 pub(super) struct Prepared {
     pub index: usize,
-    pub received: Instant,
-    /// The training target; its inverse depth is the prior aligned to triangulated corners, if that could be done.
+    /// The training target; its inverse depth is the prior aligned to triangulated corners, if that could be done and it was not packed.
     pub training: TrainingView,
     /// `P_t` of Eq. (13), or the constant of uniform sampling.
     pub probability: Raster<f32>,
@@ -39,7 +53,7 @@ pub(super) struct Prepared {
     neighbours: Vec<Arc<GreyView>>,
     pub anchors: Vec<SparseDepth>,
     /// The prior as it came.
-    pub mono: Option<Raster<f32>>,
+    pub mono: Option<Dense>,
     pub aligned: Option<AlignedPrior>,
     /// Depths of all candidates, if they were worth finding ahead.
     pub matched: Option<Vec<PixelDepth>>,
@@ -47,6 +61,8 @@ pub(super) struct Prepared {
     pub packed: Option<PackedView>,
     /// Typical depth of the scene after this keyframe.
     pub typical_depth_m: f64,
+    /// Seconds its preparation took.
+    pub work_s: f64,
 }
 
 impl Prepared {
@@ -65,14 +81,40 @@ impl Prepared {
     }
 }
 
-/// Prepares keyframes one after the other; what it keeps in between depends on the keyframes alone.
+/// What one keyframe hands on to the next.
+pub(super) struct Past {
+    views: VecDeque<Arc<GreyView>>,
+    typical_depth_m: f64,
+}
+
+impl Past {
+    pub fn new(config: &ReconstructionConfig) -> Self {
+        Self { views: VecDeque::new(), typical_depth_m: (config.depth.near_m * config.depth.far_m).sqrt() }
+    }
+
+    /// Makes a keyframe known to matching, once, in order.
+    pub fn meet(&mut self, view: &Arc<GreyView>) {
+        if self.views.back().is_some_and(|v| v.index >= view.index) {
+            return;
+        }
+        if self.views.len() == MATCHING_WINDOW {
+            self.views.pop_front();
+        }
+        self.views.push_back(view.clone());
+    }
+
+    /// Goes on as if the keyframes before had been prepared here.
+    pub fn set_typical_depth_m(&mut self, typical_depth_m: f64) {
+        self.typical_depth_m = typical_depth_m;
+    }
+}
+
+/// The steps.
 pub(super) struct Preparer {
     config: ReconstructionConfig,
     meta: FieldMeta,
     seed: u64,
     prior: DepthPrior,
-    views: VecDeque<Arc<GreyView>>,
-    typical_depth_m: f64,
     packer: Option<Packer>,
     /// Whether the processor has time to match candidates that may not be needed.
     eager: bool,
@@ -80,19 +122,11 @@ pub(super) struct Preparer {
 
 impl Preparer {
     pub fn new(config: &ReconstructionConfig, meta: &FieldMeta, seed: u64, packer: Option<Packer>, eager: bool) -> Self {
-        Self {
-            config: config.clone(),
-            meta: *meta,
-            seed,
-            prior: DepthPrior::new(&config.depth, seed),
-            views: VecDeque::new(),
-            typical_depth_m: (config.depth.near_m * config.depth.far_m).sqrt(),
-            packer,
-            eager,
-        }
+        let prior = DepthPrior::new(&config.depth, seed);
+        Self { config: config.clone(), meta: *meta, seed, prior, packer, eager }
     }
 
-    /// Refuses a keyframe that [`Self::prepare`] could not prepare.
+    /// Refuses a keyframe that [`Self::look`] could not look at.
     pub fn check(&self, keyframe: &Keyframe) -> Result<()> {
         self.prior.check(keyframe)
     }
@@ -102,102 +136,131 @@ impl Preparer {
         self.prior.consumes_ground_truth_depth()
     }
 
-    /// Goes on as if the keyframes before had been prepared here.
-    pub fn set_typical_depth_m(&mut self, typical_depth_m: f64) {
-        self.typical_depth_m = typical_depth_m;
-    }
-
-    /// Makes a keyframe known to matching, once, in order.
-    pub fn look(&mut self, keyframe: &Keyframe) {
-        if self.views.back().is_some_and(|v| v.index >= keyframe.index) {
-            return;
-        }
-        if self.views.len() == MATCHING_WINDOW {
-            self.views.pop_front();
-        }
-        let view = GreyView::new(keyframe.index, &keyframe.image, self.meta.optical_camera, keyframe.world_from_camera);
-        self.views.push_back(Arc::new(view));
+    /// The keyframe as matching sees it.
+    pub fn view(&self, keyframe: &Keyframe) -> Arc<GreyView> {
+        Arc::new(GreyView::new(keyframe.index, &keyframe.image, self.meta.optical_camera, keyframe.world_from_camera))
     }
 
     /// The keyframe's prior, as it comes.
-    pub fn mono(&mut self, keyframe: &Keyframe) -> Result<Option<Raster<f32>>> {
+    pub fn mono(&self, keyframe: &Keyframe) -> Result<Option<Dense>> {
         self.prior.estimate(keyframe)
+    }
+
+    fn optical(keyframe: &Keyframe) -> Planes {
+        let pixels =
+            keyframe.image.pixels().as_flattened().par_iter().with_min_len(1024).map(|v| f32::from(*v) / 255.0).collect();
+        Planes { width: keyframe.image.width(), height: keyframe.image.height(), channels: 3, pixels }
     }
 
     /// The keyframe as a training target.
     pub fn training_view(&self, keyframe: &Keyframe, prior: Option<&AlignedPrior>) -> TrainingView {
-        let optical = Planes {
-            width: keyframe.image.width(),
-            height: keyframe.image.height(),
-            channels: 3,
-            pixels: keyframe.image.pixels().as_flattened().par_iter().with_min_len(1024).map(|v| f32::from(*v) / 255.0).collect(),
-        };
+        let rf = self.config.rf_target.encode(&keyframe.spectrum, &self.meta.db_range);
+        self.target(keyframe.world_from_camera, Self::optical(keyframe), rf, prior)
+    }
+
+    fn target(&self, world_from_camera: Rigid3, optical: Planes, rf: Planes, prior: Option<&AlignedPrior>) -> TrainingView {
         TrainingView {
-            world_from_camera: keyframe.world_from_camera,
+            world_from_camera,
             optical_camera: self.meta.optical_camera,
             optical,
             rf_camera: self.meta.rf_camera,
-            rf: self.config.rf_target.encode(&keyframe.spectrum, &self.meta.db_range),
+            rf,
             inverse_depth: prior.map(inverse_depth),
         }
+    }
+
+    /// The training view of a keyframe that could not be packed before the field had aligned its prior, on a device that packs.
+    ///
+    /// # Errors
+    /// A view the device would refuse.
+    pub fn pack_late(&self, keyframe: &Prepared) -> Result<Option<PackedView>> {
+        let pack = self.packer.as_ref().filter(|_| keyframe.packed.is_none());
+        pack.map(|pack| pack(&keyframe.training, self.config.pyramid_levels)).transpose()
+    }
+
+    /// What a keyframe alone decides.
+    ///
+    /// # Errors
+    /// What the prior cannot be estimated from.
+    pub fn look(&self, keyframe: &Keyframe) -> Result<Looked> {
+        let begin = Instant::now();
+        let optical = Self::optical(keyframe);
+        let sampling = self.config.sampling;
+        let probability = match sampling {
+            Sampling::Uniform => Raster::filled(optical.width, optical.height, self.config.uniform_probability),
+            Sampling::Log => log::probability(&optical, self.config.log_sigma_px),
+        };
+        let stage = stage::keyed(stage::SAMPLING, keyframe.index);
+        let candidates = log::draw(&probability, |p| acceptance(sampling, p, 0.0), self.seed, stage);
+        Ok(Looked {
+            view: self.view(keyframe),
+            index: keyframe.index,
+            world_from_camera: keyframe.world_from_camera,
+            optical,
+            rf: self.config.rf_target.encode(&keyframe.spectrum, &self.meta.db_range),
+            mono: self.mono(keyframe)?,
+            probability,
+            candidates,
+            work_s: begin.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// Where a keyframe stands among those that `past` has met, itself one of them; in order.
+    pub fn place(&self, past: &mut Past, mut looked: Looked) -> Placed {
+        let begin = Instant::now();
+        let reference = &looked.view;
+        let others = past.views.iter().rev().filter(|v| v.index != looked.index).map(AsRef::as_ref);
+        let config = &self.config.depth;
+        let neighbours = depth::select_neighbours(reference, others, past.typical_depth_m, config.neighbours);
+        let anchors = depth::triangulate(reference, &neighbours, config);
+        if !anchors.is_empty() {
+            let mut inverse: Vec<f32> = anchors.iter().map(|a| a.inverse_depth).collect();
+            inverse.sort_unstable_by(f32::total_cmp);
+            past.typical_depth_m = 1.0 / f64::from(inverse[inverse.len() / 2]);
+        }
+        let chosen: Vec<usize> = neighbours.iter().map(|n| n.view.index).collect();
+        let neighbours = chosen.iter().filter_map(|&i| past.views.iter().find(|v| v.index == i)).cloned().collect();
+        looked.work_s += begin.elapsed().as_secs_f64();
+        Placed { looked, neighbours, anchors, typical_depth_m: past.typical_depth_m }
     }
 
     /// All that can be known of a keyframe without the field.
     ///
     /// # Errors
-    /// What the prior cannot be estimated from; a view the device would refuse.
-    pub fn prepare(&mut self, arrival: Arrival) -> Result<Prepared> {
-        let keyframe = &arrival.keyframe;
-        self.look(keyframe);
-        let mono = self.mono(keyframe)?;
-        // The reference is the latest view, or, among the first keyframes, one of those collected.
-        let position = self.views.iter().rposition(|v| v.index == keyframe.index).unwrap_or(self.views.len() - 1);
-        let reference = self.views[position].clone();
-        let others = self.views.iter().rev().filter(|v| v.index != keyframe.index).map(AsRef::as_ref);
-        let config = &self.config.depth;
-        let neighbours = depth::select_neighbours(&reference, others, self.typical_depth_m, config.neighbours);
-        let anchors = depth::triangulate(&reference, &neighbours, config);
-        let alignment = stage::keyed(stage::ALIGNMENT, keyframe.index);
-        let aligned = mono.as_ref().and_then(|mono| depth::align(mono, &anchors, config, self.seed, alignment));
-        if !anchors.is_empty() {
-            let mut inverse: Vec<f32> = anchors.iter().map(|a| a.inverse_depth).collect();
-            inverse.sort_unstable_by(f32::total_cmp);
-            self.typical_depth_m = 1.0 / f64::from(inverse[inverse.len() / 2]);
-        }
-        let chosen: Vec<usize> = neighbours.iter().map(|n| n.view.index).collect();
-        let neighbours = chosen.iter().filter_map(|&i| self.views.iter().find(|v| v.index == i)).cloned().collect();
-        let training = self.training_view(keyframe, aligned.as_ref());
-        let probability = match self.config.sampling {
-            Sampling::Uniform => Raster::filled(training.optical.width, training.optical.height, self.config.uniform_probability),
-            Sampling::Log => log::probability(&training.optical, self.config.log_sigma_px),
-        };
-        let chance = probability.map(|&p| acceptance(self.config.sampling, p, 0.0));
-        let candidates = log::draw(&chance, self.seed, stage::keyed(stage::SAMPLING, keyframe.index));
+    /// A view the device would refuse.
+    pub fn complete(&self, placed: Placed) -> Result<Prepared> {
+        let begin = Instant::now();
+        let Placed { looked, neighbours, anchors, typical_depth_m } = placed;
+        let alignment = stage::keyed(stage::ALIGNMENT, looked.index);
+        let mono = looked.mono;
+        let aligned = mono.as_ref().and_then(|m| depth::align(m, &anchors, &self.config.depth, self.seed, alignment));
         let mut prepared = Prepared {
-            index: keyframe.index,
-            received: arrival.received,
-            probability,
-            candidates,
-            reference,
+            index: looked.index,
+            training: self.target(looked.world_from_camera, looked.optical, looked.rf, aligned.as_ref()),
+            probability: looked.probability,
+            candidates: looked.candidates,
+            reference: looked.view,
             neighbours,
             anchors,
-            matched: None,
-            packed: None,
-            typical_depth_m: self.typical_depth_m,
-            training,
             mono,
             aligned,
+            matched: None,
+            packed: None,
+            typical_depth_m,
+            work_s: 0.0,
         };
         // A prior that could not be aligned yet may be aligned to the field: then depths have to wait for it.
         if prepared.mono.is_none() || prepared.aligned.is_some() {
             if let Some(pack) = &self.packer {
                 prepared.packed = Some(pack(&prepared.training, self.config.pyramid_levels)?);
+                prepared.training.inverse_depth = None;
             }
             // Uniform sampling needs them all.
             if self.eager || self.config.sampling == Sampling::Uniform {
                 prepared.matched = Some(prepared.match_pixels(&prepared.candidates, prepared.aligned.as_ref(), &self.config));
             }
         }
+        prepared.work_s = looked.work_s + begin.elapsed().as_secs_f64();
         Ok(prepared)
     }
 }
@@ -213,5 +276,5 @@ pub(super) fn acceptance(sampling: Sampling, image: f32, rendering: f32) -> f32 
 
 /// An aligned prior as a training target.
 pub(super) fn inverse_depth(prior: &AlignedPrior) -> InverseDepth {
-    InverseDepth { value: prior.inverse_depth.clone(), confidence: prior.confidence.clone() }
+    InverseDepth { value: prior.inverse_depth.to_pixels(), confidence: prior.confidence.to_pixels_unless_zero() }
 }

@@ -181,7 +181,7 @@ fn two_stage_couplings_take_as_many_radio_steps_on_a_geometry_that_light_made() 
         assert_eq!(second.len(), 300);
         assert!(second.iter().all(|s| s.optical_weight == 0.0 && s.rf_weight > 0.0 && s.depth_weight == 0.0));
         assert!(second.iter().all(|s| s.train_geometry == geometry));
-        assert_eq!(second[0].level, 2, "the second stage begins coarse");
+        assert_eq!(second[0].levels, [2; 2], "the second stage begins coarse");
         assert_eq!(log.resets.len(), 1);
         assert_eq!(log.resets[0].sh, before.rf.sh, "colours as sampled from the spectra");
         assert_eq!(log.resets[0].opacity_logit, before.optical.opacity_logit, "the opacity light has learnt");
@@ -294,7 +294,7 @@ fn fine_tuning_counts_in_epochs() {
     let log = log.lock().unwrap();
     let tuned = &log.steps[before..];
     assert_eq!(tuned.len(), 3 * 4);
-    assert!(tuned.iter().all(|s| s.level == 0));
+    assert!(tuned.iter().all(|s| s.levels == [0; 2]));
     for epoch in tuned.chunks(4) {
         assert_eq!(epoch.iter().map(|s| s.view.0).collect::<std::collections::BTreeSet<_>>().len(), 4);
     }

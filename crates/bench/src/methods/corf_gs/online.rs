@@ -6,9 +6,6 @@ use anyhow::{Context, Result, ensure};
 use corf::{Checkpoint, Reconstructor};
 use std::time::{Duration, Instant};
 
-/// Keyframes received ahead of the one that is being worked on, so that they are prepared meanwhile.
-const AHEAD: usize = 1;
-
 /// Time between checkpoints that nobody asked for: what is lost without them is no more, and what they cost is next to nothing.
 const INTERVAL: Duration = Duration::from_secs(30);
 
@@ -30,7 +27,7 @@ impl Online<'_> {
             let keyframe = self.training.keyframe(k)?;
             self.reconstructor.discount_wait(self.training.loading_time() - before);
             self.reconstructor.receive(keyframe)?;
-            while self.reconstructor.waiting() > AHEAD {
+            while self.reconstructor.waiting() >= self.reconstructor.worth_receiving() {
                 self.process(advance)?;
             }
         }

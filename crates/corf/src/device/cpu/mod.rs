@@ -208,7 +208,7 @@ mod tests {
         };
         let step = Step {
             view: ViewId(0),
-            level: 0,
+            levels: [0; 2],
             optical_weight: 1.0,
             rf_weight: 0.5,
             depth_weight: 0.0,

@@ -32,50 +32,49 @@ pub(crate) struct Levels {
     pub depth: Option<Vec<DepthTarget>>,
 }
 
+/// Refuses a training view that is no target, or has too few pixels for so many levels.
+pub(crate) fn check_view(view: &TrainingView, levels: u32) -> Result<()> {
+    let images = [(&view.optical_camera, &view.optical, "optical"), (&view.rf_camera, &view.rf, "rf")];
+    for (camera, image, name) in images {
+        check(camera, image, name)?;
+        for level in 0..levels {
+            let camera = camera.downsampled(level);
+            if camera.width == 0 || camera.height == 0 {
+                let what = format!("level {level} of the pyramid has {}x{} pixels", camera.width, camera.height);
+                return Err(Error::invalid(format!("training view, {name}"), what, "use fewer pyramid levels or larger images"));
+            }
+        }
+    }
+    let size = (view.optical_camera.width, view.optical_camera.height);
+    match &view.inverse_depth {
+        Some(d) if [&d.value, &d.confidence].iter().any(|r| (r.width(), r.height()) != size) => {
+            let what = format!("{}x{} pixels against an image of {}x{}", d.value.width(), d.value.height(), size.0, size.1);
+            let help = "give it and its confidence in the optical image's size";
+            Err(Error::invalid("training view, inverse_depth", what, help))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Checks a training view and builds its levels.
 pub(crate) fn levels_of(view: &TrainingView, levels: u32) -> Result<Levels> {
-    let mut images = [(view.optical_camera, view.optical.clone()), (view.rf_camera, view.rf.clone())];
-    const NAMES: [&str; 2] = ["optical", "rf"];
-    for ((camera, image), name) in images.iter().zip(NAMES) {
-        check(camera, image, name)?;
+    let levels = levels.max(1) as usize;
+    check_view(view, levels as u32)?;
+    let mut images = vec![[(view.optical_camera, view.optical.clone()), (view.rf_camera, view.rf.clone())]];
+    let mut depth: Option<Vec<DepthTarget>> = view.inverse_depth.as_ref().map(|d| {
+        let pairs = d.value.pixels().iter().zip(d.confidence.pixels()).map(|(v, c)| usable(*v, *c));
+        let (value, confidence) = pairs.unzip();
+        vec![DepthTarget { width: d.value.width(), height: d.value.height(), value, confidence }]
+    });
+    while let Some(last) = images.last().filter(|_| images.len() < levels) {
+        images.push([0, 1].map(|g| (last[g].0.downsampled(1), halve(&last[g].1))));
+        if let Some(depths) = &mut depth
+            && let Some(last) = depths.last()
+        {
+            depths.push(halve_depth(last));
+        }
     }
-    let mut depth = match &view.inverse_depth {
-        None => None,
-        Some(d) => {
-            let size = (view.optical_camera.width, view.optical_camera.height);
-            if [&d.value, &d.confidence].iter().any(|r| (r.width(), r.height()) != size) {
-                let what = format!("{}x{} pixels against an image of {}x{}", d.value.width(), d.value.height(), size.0, size.1);
-                return Err(Error::invalid(
-                    "training view, inverse_depth",
-                    what,
-                    "give it and its confidence in the optical image's size",
-                ));
-            }
-            Some(usable(DepthTarget {
-                width: size.0,
-                height: size.1,
-                value: d.value.pixels().to_vec(),
-                confidence: d.confidence.pixels().to_vec(),
-            }))
-        }
-    };
-    let (mut out, mut depths) = (vec![], vec![]);
-    for level in 0..levels.max(1) {
-        if level > 0 {
-            for (camera, image) in &mut images {
-                *camera = camera.downsampled(1);
-                *image = halve(image);
-            }
-            depth = depth.as_ref().map(halve_depth);
-        }
-        if let Some(((_, image), name)) = images.iter().zip(NAMES).find(|((_, i), _)| i.width == 0 || i.height == 0) {
-            let what = format!("level {level} of the pyramid has {}x{} pixels", image.width, image.height);
-            return Err(Error::invalid(format!("training view, {name}"), what, "use fewer pyramid levels or larger images"));
-        }
-        out.push(images.clone());
-        depths.extend(depth.clone());
-    }
-    Ok(Levels { images: out, depth: view.inverse_depth.as_ref().map(|_| depths) })
+    Ok(Levels { images, depth })
 }
 
 impl Pyramid {
@@ -86,9 +85,9 @@ impl Pyramid {
         Ok(Self { world_from_camera: view.world_from_camera, levels: images.iter().map(level).collect(), depth })
     }
 
-    /// The images to render at one level.
-    pub fn grids(&self, level: usize, antialias: crate::Antialias) -> [Grid; 2] {
-        [0, 1].map(|i| Grid::new(&self.levels[level][i].camera, antialias))
+    /// The images to render, each at its level.
+    pub fn grids(&self, levels: [usize; 2], antialias: crate::Antialias) -> [Grid; 2] {
+        [0, 1].map(|i| Grid::new(&self.levels[levels[i]][i].camera, antialias))
     }
 }
 
@@ -133,14 +132,9 @@ fn halve(image: &Planes) -> Planes {
     Planes { width, height, channels: n, pixels }
 }
 
-/// A pixel without a finite value and a positive confidence is left out, whatever it holds.
-fn usable(mut d: DepthTarget) -> DepthTarget {
-    for (value, confidence) in d.value.iter_mut().zip(&mut d.confidence) {
-        if !(value.is_finite() && confidence.is_finite() && *confidence > 0.0) {
-            (*value, *confidence) = (0.0, 0.0);
-        }
-    }
-    d
+/// An inverse depth with its confidence; a pixel without a finite value and a positive confidence is left out, whatever it holds.
+pub(crate) fn usable(value: f32, confidence: f32) -> (f32, f32) {
+    if value.is_finite() && confidence.is_finite() && confidence > 0.0 { (value, confidence) } else { (0.0, 0.0) }
 }
 
 /// Inverse depths weighted by their confidences; the confidence of a block is the mean of its four.

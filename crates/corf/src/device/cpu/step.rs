@@ -60,15 +60,15 @@ impl CpuDevice {
             let what = format!("this device holds {} views", self.pyramids.len());
             return Err(Error::invalid(place(), what, "upload the view to the device that trains on it"));
         };
-        if step.level as usize >= pyramid.levels.len() {
-            let what = format!("level {} of a pyramid of {}", step.level, pyramid.levels.len());
+        if let Some(level) = step.levels.iter().find(|l| **l as usize >= pyramid.levels.len()) {
+            let what = format!("level {level} of a pyramid of {}", pyramid.levels.len());
             return Err(Error::invalid(place(), what, "upload the view with more levels, or train on a lower one"));
         }
         let weights = [step.optical_weight, step.rf_weight, step.depth_weight];
         if weights.iter().any(|w| !(w.is_finite() && *w >= 0.0)) {
             return Err(Error::invalid(place(), format!("loss weights {weights:?}"), "give finite weights ≥ 0"));
         }
-        let mut grids = pyramid.grids(step.level as usize, self.raster.antialias).map(Some);
+        let mut grids = pyramid.grids(step.levels.map(|l| l as usize), self.raster.antialias).map(Some);
         if step.optical_weight == 0.0 {
             grids[0] = None;
         }
@@ -82,9 +82,9 @@ impl CpuDevice {
     fn differentiate(&mut self, step: &Step, scene: &Scene) -> StepReport {
         let isa = self.isa;
         let pyramid = &self.pyramids[step.view.0];
-        let level = step.level as usize;
+        let at = step.levels.map(|l| l as usize);
         let depth_target = match &pyramid.depth {
-            Some(levels) if step.depth_weight > 0.0 && scene.grids[0].is_some() => Some(&levels[level]),
+            Some(levels) if step.depth_weight > 0.0 && scene.grids[0].is_some() => Some(&levels[at[0]]),
             _ => None,
         };
         let channels = [self.store.harmonics[0].channels, self.store.harmonics[1].channels];
@@ -107,7 +107,7 @@ impl CpuDevice {
         let [optical_loss, rf_loss] = &mut scratch.losses;
         let (depth_loss, images, gamma) = (&mut scratch.depth, &self.frame.images, self.optimizer.ssim_weight);
         let run = |g: usize, loss: &mut ImageLoss| match scene.grids[g] {
-            Some(_) => loss.run(isa, &images[g].color, &pyramid.levels[level][g].target, weights[g], gamma),
+            Some(_) => loss.run(isa, &images[g].color, &pyramid.levels[at[g]][g].target, weights[g], gamma),
             None => 0.0,
         };
         (report.optical_loss, report.rf_loss) = rayon::join(|| run(0, optical_loss), || run(1, rf_loss));

@@ -240,23 +240,27 @@ pub(crate) struct BoundForward {
 
 impl Forward {
     pub fn new(context: &Context, fixed: &Fixed) -> Result<Self> {
-        let kernel = |label, source: String| Kernel::new(context, label, &source);
         let one = Blend::default();
         let two = Blend { both: true, ..one };
-        Ok(Self {
-            project: kernel("project", fixed.project())?,
-            plan: kernel("plan", fixed.plan())?,
-            emit: kernel("emit pairs", fixed.emit())?,
-            allot: kernel("allot lists", fixed.allot())?,
-            place: kernel("place pairs", fixed.place())?,
-            order: kernel("order lists", fixed.order())?,
-            blend: [kernel("blend", fixed.forward(one))?, kernel("blend both", fixed.forward(two))?],
-            blend_and_name: kernel("blend, name", fixed.forward(Blend { main_contributor: true, ..one }))?,
-            blend_and_keep: [
-                kernel("blend, keep", fixed.forward(Blend { checkpoints: true, ..one }))?,
-                kernel("blend both, keep", fixed.forward(Blend { checkpoints: true, ..two }))?,
+        let keep = |blend| fixed.forward(Blend { checkpoints: true, ..blend });
+        let [project, plan, emit, allot, place, order, single, double, blend_and_name, keep_single, keep_double] = Kernel::all(
+            context,
+            [
+                ("project", fixed.project()),
+                ("plan", fixed.plan()),
+                ("emit pairs", fixed.emit()),
+                ("allot lists", fixed.allot()),
+                ("place pairs", fixed.place()),
+                ("order lists", fixed.order()),
+                ("blend", fixed.forward(one)),
+                ("blend both", fixed.forward(two)),
+                ("blend, name", fixed.forward(Blend { main_contributor: true, ..one })),
+                ("blend, keep", keep(one)),
+                ("blend both, keep", keep(two)),
             ],
-        })
+        )?;
+        let (blend, blend_and_keep) = ([single, double], [keep_single, keep_double]);
+        Ok(Self { project, plan, emit, allot, place, order, blend, blend_and_name, blend_and_keep })
     }
 
     pub fn bind(

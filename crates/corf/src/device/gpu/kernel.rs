@@ -2,6 +2,7 @@
 
 use super::context::Context;
 use crate::{Error, Result};
+use rayon::prelude::*;
 
 /// One entry point with its bind group layout, read off the shader's own declarations.
 pub(crate) struct Kernel {
@@ -76,6 +77,12 @@ impl Kernel {
         context.check(&format!("compiling {label}"))?;
         let has_uniform = kinds.first() == Some(&wgpu::BufferBindingType::Uniform);
         Ok(Self { label, pipeline, layout, has_uniform, bindings: kinds.len() })
+    }
+
+    /// [`Self::new`] of several, at once: drivers take tenths of a second for one.
+    pub fn all<const N: usize>(context: &Context, sources: [(&'static str, String); N]) -> Result<[Self; N]> {
+        let kernels: Result<Vec<_>> = sources.par_iter().map(|(label, source)| Self::new(context, label, source)).collect();
+        kernels?.try_into().map_err(|_| Error::invalid("gpu", "a kernel was lost", "this is a defect of the device"))
     }
 
     /// Binds buffers in the order of the shader's declarations; a uniform is `uniform` bytes long from its dynamic offset.

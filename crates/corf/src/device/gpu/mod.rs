@@ -19,6 +19,7 @@ mod render;
 mod scratch;
 mod shaders;
 mod store;
+mod survey;
 #[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
@@ -27,8 +28,8 @@ mod train;
 mod work;
 
 use super::{
-    Device, DeviceState, Outline, PackedView, Packer, RenderRequest, Rendering, Step, StepReport, TrainingView, ViewId,
-    check_channels,
+    Device, DeviceState, Outline, PackedView, Packer, RenderRequest, Rendering, Step, StepReport, Survey, SurveyRequest,
+    TrainingView, ViewId, check_channels,
 };
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result, gaussians::logit};
 use context::Context;
@@ -37,6 +38,7 @@ use pyramid::{Packed, Pyramid};
 use shaders::Fixed;
 use std::sync::Arc;
 use store::Store;
+use survey::Surveyor;
 use train::{Counts, Training};
 
 pub use context::{GpuOptions, adapter_name};
@@ -45,7 +47,7 @@ pub use work::StageWork;
 
 /// Renders and trains on a GPU.
 pub struct GpuDevice {
-    context: Context,
+    context: Arc<Context>,
     optimizer: OptimizerConfig,
     raster: RasterConfig,
     store: Store,
@@ -55,6 +57,7 @@ pub struct GpuDevice {
     least_room: usize,
     forward: Forward,
     training: Training,
+    surveyor: Surveyor,
     memory: Memory,
     pyramids: Vec<Pyramid>,
     times: GpuStageTimes,
@@ -74,15 +77,18 @@ impl GpuDevice {
         options.validate()?;
         optimizer.validate()?;
         raster.validate()?;
-        let context = Context::open(options)?;
+        let context = Arc::new(Context::open(options)?);
         let mut store = Store::new(&context, initial)?;
         store.append(&context, initial)?;
         let (tile, batch) = (options.tile, options.batch);
         let shuffles = context.subgroups.is_some_and(|(min, _)| min >= batch);
         let segments = options.segments;
         let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, tile, batch, segments, shuffles };
-        let forward = Forward::new(&context, &fixed)?;
-        let training = Training::new(&context, &fixed)?;
+        let (forward, (training, surveyor)) = rayon::join(
+            || Forward::new(&context, &fixed),
+            || rayon::join(|| Training::new(&context, &fixed), || Surveyor::new(&context, &fixed)),
+        );
+        let (forward, training, surveyor) = (forward?, training?, surveyor?);
         let memory = Memory::new(&context)?;
         Ok(Self {
             timing: context.timestamps,
@@ -95,6 +101,7 @@ impl GpuDevice {
             least_room: options.least_room,
             forward,
             training,
+            surveyor,
             memory,
             pyramids: vec![],
             times: GpuStageTimes::default(),
@@ -144,17 +151,18 @@ impl Device for GpuDevice {
 
     fn packer(&self) -> Option<Packer> {
         let (antialias, channels) = (self.raster.antialias, self.store.harmonics.map(|h| h.channels));
+        let context = self.context.clone();
         Some(Arc::new(move |view, levels| {
             check_channels(view, channels)?;
-            Ok(PackedView::new(Packed::new(view, levels, antialias)?))
+            // On its way before it is asked for: only its place among the views is left to be given.
+            Ok(PackedView::new(Packed::new(view, levels, antialias)?.upload(&context)?))
         }))
     }
 
     fn upload_packed(&mut self, view: PackedView) -> Result<ViewId> {
         self.raise_deferred()?;
         let foreign = || self.lacks("packed views of other devices", "upload what its own packer has built");
-        let packed: Packed = view.unwrap_as().ok_or_else(foreign)?;
-        self.pyramids.push(packed.upload(&self.context)?);
+        self.pyramids.push(view.unwrap_as().ok_or_else(foreign)?);
         Ok(ViewId(self.pyramids.len() - 1))
     }
 
@@ -213,6 +221,11 @@ impl Device for GpuDevice {
     fn render(&mut self, request: &RenderRequest) -> Result<Rendering> {
         self.raise_deferred()?;
         self.render_request(request)
+    }
+
+    fn survey(&mut self, request: &SurveyRequest<'_>) -> Result<Survey> {
+        self.raise_deferred()?;
+        self.run_survey(request)
     }
 
     fn train(&mut self, steps: &[Step]) -> Result<StepReport> {

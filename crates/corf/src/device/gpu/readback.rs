@@ -122,7 +122,7 @@ mod tests {
         let device = |g: &Gaussians| GpuDevice::new(&options, OptimizerConfig::default(), RasterConfig::default(), g).unwrap();
         let step = Step {
             view: ViewId(0),
-            level: 0,
+            levels: [0; 2],
             optical_weight: 1.0,
             rf_weight: 0.5,
             depth_weight: 0.0,

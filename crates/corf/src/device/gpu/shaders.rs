@@ -235,6 +235,11 @@ impl Fixed {
         self.update_head(write_gradients) + HARMONICS + SPLAT + include_str!("shaders/update_appearance.wgsl") + &a + &b
     }
 
+    /// A kernel of a survey.
+    pub fn survey(&self, kernel: &str) -> String {
+        self.head() + include_str!("shaders/survey.wgsl") + kernel
+    }
+
     /// The update of geometry and opacities; gradients as above.
     pub fn update_geometry(&self, write_gradients: bool) -> String {
         self.update_head(write_gradients) + include_str!("shaders/update_geometry.wgsl")

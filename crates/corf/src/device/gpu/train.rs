@@ -32,6 +32,8 @@ pub const STAGES: [&str; 12] = [
 
 /// Steps, or frames, recorded into one submission.
 pub(crate) const STEPS_PER_SUBMISSION: usize = 32;
+/// Steps of the first submission; each that follows has twice as many.
+const FIRST_STEPS: usize = 4;
 
 /// Time spent on the device, by its own timestamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -66,20 +68,21 @@ pub(crate) struct Training {
 
 impl Training {
     pub fn new(context: &Context, fixed: &Fixed) -> Result<Self> {
-        let kernel = |label, source: String| Kernel::new(context, label, &source);
-        Ok(Self {
-            similarity: kernel("similarity", fixed.similarity())?,
-            gradient: kernel("loss gradient", fixed.gradient())?,
-            backward: [kernel("blend backwards", fixed.backward(false))?, kernel("blend both backwards", fixed.backward(true))?],
-            update: [
-                kernel("update appearance", fixed.update_appearance(false))?,
-                kernel("update geometry", fixed.update_geometry(false))?,
+        let [similarity, gradient, single, double, appearance, geometry, of_appearance, of_geometry] = Kernel::all(
+            context,
+            [
+                ("similarity", fixed.similarity()),
+                ("loss gradient", fixed.gradient()),
+                ("blend backwards", fixed.backward(false)),
+                ("blend both backwards", fixed.backward(true)),
+                ("update appearance", fixed.update_appearance(false)),
+                ("update geometry", fixed.update_geometry(false)),
+                ("gradients of appearance", fixed.update_appearance(true)),
+                ("gradients of geometry", fixed.update_geometry(true)),
             ],
-            write_gradients: [
-                kernel("gradients of appearance", fixed.update_appearance(true))?,
-                kernel("gradients of geometry", fixed.update_geometry(true))?,
-            ],
-        })
+        )?;
+        let (update, write_gradients) = ([appearance, geometry], [of_appearance, of_geometry]);
+        Ok(Self { similarity, gradient, backward: [single, double], update, write_gradients })
     }
 }
 
@@ -108,9 +111,9 @@ impl GpuDevice {
             let what = format!("this device holds {} views", self.pyramids.len());
             return Err(Error::invalid(place(), what, "upload the view to the device that trains on it"));
         };
-        let level = step.level as usize;
-        if level >= pyramid.levels() {
-            let what = format!("level {} of a pyramid of {}", step.level, pyramid.levels());
+        let at = step.levels.map(|l| l as usize);
+        if let Some(level) = at.iter().find(|l| **l >= pyramid.levels()) {
+            let what = format!("level {level} of a pyramid of {}", pyramid.levels());
             return Err(Error::invalid(place(), what, "upload the view with more levels, or train on a lower one"));
         }
         let weights = [step.optical_weight, step.rf_weight];
@@ -118,7 +121,7 @@ impl GpuDevice {
             let what = format!("loss weights {:?}", [weights[0], weights[1], step.depth_weight]);
             return Err(Error::invalid(place(), what, "give finite weights ≥ 0"));
         }
-        let mut grids = pyramid.grids(level).map(Some);
+        let mut grids = pyramid.grids(at).map(Some);
         for (grid, weight) in grids.iter_mut().zip(weights) {
             if weight == 0.0 {
                 *grid = None;
@@ -138,7 +141,7 @@ impl GpuDevice {
         if self.fuse {
             params.fuse();
         }
-        pyramid.target(level, weights, self.store.harmonics.map(|h| h.channels), step.depth_weight, &mut params);
+        pyramid.target(at, weights, self.store.harmonics.map(|h| h.channels), step.depth_weight, &mut params);
         Ok(Planned { params, view: step.view })
     }
 
@@ -241,7 +244,10 @@ impl GpuDevice {
         m.reset(context, n);
         let forward = self.forward.bind(context, uniform, &self.store, m, Leaves::Checkpoints)?;
         let training = self.bind_training(uniform, steps, destination)?;
-        for (batch, some) in steps.chunks(STEPS_PER_SUBMISSION).enumerate() {
+        // The device begins with the first few while more are recorded.
+        let (mut done, mut many) = (0, FIRST_STEPS);
+        while done < steps.len() {
+            let some = &steps[done..steps.len().min(done + many)];
             let clock = if self.timing { Some(Clock::new(context, some.len())?) } else { None };
             let mut encoder = context.encoder();
             {
@@ -255,7 +261,7 @@ impl GpuDevice {
                 };
                 for (k, step) in some.iter().enumerate() {
                     let p = &step.params;
-                    let offset = uniforms.offset(batch * STEPS_PER_SUBMISSION + k);
+                    let offset = uniforms.offset(done + k);
                     mark(&mut pass);
                     forward.record(&mut pass, p, offset, n, m, &mut mark);
                     if let Some([similarity, gradient]) = training.losses.get(&step.view.0) {
@@ -279,6 +285,8 @@ impl GpuDevice {
             if let Some(clock) = clock {
                 clock.read(context, &mut self.times)?;
             }
+            done += some.len();
+            many = (2 * many).min(STEPS_PER_SUBMISSION);
         }
         context.check("training")
     }

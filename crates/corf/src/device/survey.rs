@@ -1,0 +1,97 @@
+//! What an expansion asks of the field that it finds.
+
+use super::{Outline, Rendering, View};
+use crate::{expansion::log, gaussians::sigmoid};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// Which Gaussians do not stay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PruneRule {
+    /// Opacity at and below which a Gaussian is faint, strictly between 0 and 1 to have an effect.
+    pub opacity: f32,
+    /// Whether both opacities have to be that low, or that of light alone.
+    pub both_modalities: bool,
+    /// Fraction of the image's longer side beyond which a standard deviation is oversized.
+    pub image_fraction: f32,
+}
+
+/// A question to the field.
+#[derive(Clone, Copy, Debug)]
+pub struct SurveyRequest<'a> {
+    /// Where it is looked at from.
+    pub view: View,
+    /// σ of the Laplacian of Gaussian whose response to the rendered image is wanted (Eq. (14)), pixels; none is wanted without.
+    pub sigma_px: Option<f32>,
+    /// The pixels (column, row) that are asked about.
+    pub pixels: &'a [(usize, usize)],
+    /// Which Gaussians do not stay.
+    pub prune: PruneRule,
+}
+
+/// What a pixel shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// `P̃` of Eq. (14); 0 where it was not wanted.
+    pub structure: f32,
+    /// Composited inverse depth Σ α T / z, 1/m.
+    pub inverse_depth: f32,
+    /// What remains behind the last Gaussian, T_N.
+    pub transmittance: f32,
+    /// The Gaussian of the largest weight α·T, `u32::MAX` if there is none.
+    pub main_contributor: u32,
+}
+
+/// What speaks against a Gaussian.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Judgement {
+    /// It hardly shows.
+    pub faint: bool,
+    /// In the image, it is too large.
+    pub oversized: bool,
+}
+
+/// The answer.
+#[derive(Clone, Debug, Default)]
+pub struct Survey {
+    /// One of each pixel, in the order of the question.
+    pub shown: Vec<Shown>,
+    /// One of each Gaussian.
+    pub judged: Vec<Judgement>,
+}
+
+impl Survey {
+    /// The answer by way of a rendering with main contributors and of all outlines.
+    pub(crate) fn of(rendering: &Rendering, outlines: &[Outline], request: &SurveyRequest<'_>) -> Self {
+        let judged = outlines.par_iter().map(|o| judge(o, &request.view, &request.prune)).collect();
+        let (Some(layer), Some(main)) = (&rendering.optical, &rendering.main_contributor) else {
+            return Self { shown: vec![], judged };
+        };
+        let structure = request.sigma_px.map(|sigma| log::probability(&layer.color, sigma));
+        let shown = |&at: &(usize, usize)| Shown {
+            structure: structure.as_ref().map_or(0.0, |s| s[at]),
+            inverse_depth: layer.inverse_depth[at],
+            transmittance: layer.transmittance[at],
+            main_contributor: main[at],
+        };
+        Self { shown: request.pixels.iter().map(shown).collect(), judged }
+    }
+}
+
+/// What speaks against a Gaussian: low opacities, or a largest standard deviation beyond the rule's fraction of an image it is in front of.
+pub(crate) fn judge(gaussian: &Outline, view: &View, rule: &PruneRule) -> Judgement {
+    let extent_px = view.camera.width.max(view.camera.height) as f64;
+    let focal_px = (view.camera.fx * view.camera.fy).sqrt();
+    let [optical, rf] = gaussian.opacity_logit.map(sigmoid);
+    let opacity = if rule.both_modalities { optical.max(rf) } else { optical };
+    let p: DVec3 = view.world_from_camera.inverse().transform_point(Vec3::from(gaussian.position).as_dvec3());
+    let in_frame = view
+        .camera
+        .project(p)
+        .is_some_and(|u| u.x >= 0.0 && u.y >= 0.0 && u.x < view.camera.width as f64 && u.y < view.camera.height as f64);
+    let sigma_m = f64::from(gaussian.largest_log_scale).exp();
+    Judgement {
+        faint: opacity <= rule.opacity,
+        oversized: in_frame && sigma_m * focal_px / p.z.max(1e-3) > f64::from(rule.image_fraction) * extent_px,
+    }
+}

@@ -1,0 +1,189 @@
+//! Keyframes on their way from arrival to expansion. Where the device trains on the host they are prepared one by one, when asked; else
+//! several at once, on threads of their own, in the background. What comes out is the same.
+
+use super::prepare::{Looked, Past, Prepared, Preparer};
+use crate::Result;
+use corf_scene::Keyframe;
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+/// Keyframes between arrival and expansion, in the order of their arrival.
+pub(super) struct Ahead {
+    shared: Arc<Shared>,
+    way: Way,
+    received: usize,
+    taken: usize,
+}
+
+enum Way {
+    /// Keyframes that nobody has looked at.
+    WhenAsked(VecDeque<Keyframe>),
+    /// Threads that prepare what arrives.
+    Background(rayon::ThreadPool),
+}
+
+/// What the threads that prepare keyframes have in common.
+struct Shared {
+    preparer: Preparer,
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+/// Keyframes by their place in the order of arrival.
+struct State {
+    /// Those known that all have to be met before the first is placed, once that is decided.
+    first: Option<usize>,
+    /// Missing while a keyframe is being placed.
+    past: Option<Past>,
+    /// How many have been met, and placed.
+    met: usize,
+    placed: usize,
+    looked: BTreeMap<usize, Result<Looked>>,
+    ready: BTreeMap<usize, Result<Prepared>>,
+}
+
+impl Ahead {
+    /// Nothing has arrived yet. `background` is the number of threads to prepare with; without, everything happens when it is asked for.
+    pub fn new(preparer: Preparer, past: Past, background: Option<usize>) -> Self {
+        let state = State { first: None, past: Some(past), met: 0, placed: 0, looked: BTreeMap::new(), ready: BTreeMap::new() };
+        let pool = background.and_then(|threads| {
+            rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("prepare {i}")).build().ok()
+        });
+        Self {
+            shared: Arc::new(Shared { preparer, state: Mutex::new(state), changed: Condvar::new() }),
+            way: pool.map_or_else(|| Way::WhenAsked(VecDeque::new()), Way::Background),
+            received: 0,
+            taken: 0,
+        }
+    }
+
+    pub fn preparer(&self) -> &Preparer {
+        &self.shared.preparer
+    }
+
+    /// What keyframes hand on to each other, before any is placed.
+    pub fn with_past(&mut self, change: impl FnOnce(&mut Past)) {
+        if let Some(past) = &mut self.shared.lock().past {
+            change(past);
+        }
+    }
+
+    /// How many keyframes have arrived and not been taken.
+    pub fn waiting(&self) -> usize {
+        self.received - self.taken
+    }
+
+    pub fn receive(&mut self, keyframe: Keyframe) {
+        let place = self.received;
+        self.received += 1;
+        match &mut self.way {
+            Way::WhenAsked(arrivals) => arrivals.push_back(keyframe),
+            Way::Background(pool) => {
+                let shared = self.shared.clone();
+                pool.spawn_fifo(move || {
+                    let looked = shared.preparer.look(&keyframe);
+                    drop(keyframe);
+                    shared.lock().looked.insert(place, looked);
+                    shared.advance();
+                });
+            }
+        }
+    }
+
+    /// Says that the first keyframes are complete: `count` of them, if so many have arrived, know each other before any is placed.
+    pub fn begin(&mut self, count: usize) {
+        let count = count.min(self.received);
+        let mut state = self.shared.lock();
+        if state.first.is_none() {
+            state.first = Some(count);
+            drop(state);
+            if let Way::Background(pool) = &self.way {
+                let shared = self.shared.clone();
+                pool.spawn_fifo(move || shared.advance());
+            }
+        }
+    }
+
+    /// Prepares the earliest keyframe that is not, where nobody does so in the background.
+    pub fn prepare_one(&mut self) {
+        let Way::WhenAsked(arrivals) = &mut self.way else { return };
+        let mut state = self.shared.lock();
+        let place = state.placed;
+        // As many as have to be met.
+        let last = state.first.unwrap_or(0).max(place + 1);
+        for at in (place + state.looked.len()..last).take(arrivals.len()) {
+            if let Some(keyframe) = arrivals.pop_front() {
+                state.looked.insert(at, self.shared.preparer.look(&keyframe));
+            }
+        }
+        drop(state);
+        if let Some((place, placed)) = self.shared.place_next() {
+            let prepared = placed.and_then(|placed| self.shared.preparer.complete(placed));
+            self.shared.lock().ready.insert(place, prepared);
+        }
+    }
+
+    /// Takes the earliest keyframe, once it is prepared; `None` where none waits.
+    ///
+    /// # Errors
+    /// What its preparation met.
+    pub fn take(&mut self) -> Result<Option<Prepared>> {
+        if self.waiting() == 0 {
+            return Ok(None);
+        }
+        let place = self.taken;
+        if !self.shared.lock().ready.contains_key(&place) {
+            self.prepare_one();
+        }
+        let mut state = self.shared.lock();
+        loop {
+            if let Some(prepared) = state.ready.remove(&place) {
+                self.taken += 1;
+                return prepared.map(Some);
+            }
+            state = self.shared.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Places the next keyframe, if it and those it has to know are there and nobody else is placing one.
+    fn place_next(&self) -> Option<(usize, Result<super::prepare::Placed>)> {
+        let mut state = self.lock();
+        let place = state.placed;
+        let to_meet = state.first?.max(place + 1);
+        if !(state.met.max(place)..to_meet).all(|at| state.looked.contains_key(&at)) {
+            return None;
+        }
+        let mut past = state.past.take()?;
+        for at in state.met..to_meet {
+            if let Some(Ok(looked)) = state.looked.get(&at) {
+                past.meet(&looked.view);
+            }
+        }
+        state.met = to_meet;
+        let looked = state.looked.remove(&place);
+        drop(state);
+        let placed = looked.map(|looked| looked.map(|looked| self.preparer.place(&mut past, looked)));
+        let mut state = self.lock();
+        state.past = Some(past);
+        state.placed += 1;
+        placed.map(|placed| (place, placed))
+    }
+
+    /// Places what can be placed and has it completed, on the threads that this is called on.
+    fn advance(self: &Arc<Self>) {
+        while let Some((place, placed)) = self.place_next() {
+            let shared = self.clone();
+            rayon::spawn_fifo(move || {
+                let prepared = placed.and_then(|placed| shared.preparer.complete(placed));
+                shared.lock().ready.insert(place, prepared);
+                shared.changed.notify_all();
+            });
+        }
+    }
+}
