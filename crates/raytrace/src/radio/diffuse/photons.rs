@@ -1,8 +1,9 @@
 //! Photons from the transmitter: every chain of mirrors, slabs and scattering surfaces, kept where they arrive.
 //!
-//! A photon carries its polarised field; its power is ‖E‖² and each stands for 4π/N steradians of the transmitter's sphere. Where it
-//! meets a surface it leaves what is scattered there in the cache and goes on mirrored, straight through, and scattered into one drawn
-//! direction, chosen among a few by what a [`Guide`] says of them, weak ones by roulette. What the sources of [`Illumination`] light already is not left again.
+//! A photon carries its polarised field; its power is ‖E‖² in units of 1/N of the transmitter's sphere. Where it meets a surface it leaves
+//! what is scattered there in the cache and goes on mirrored, straight through, and scattered into one drawn direction, chosen among a few
+//! by what a [`Guide`] says of them, weak ones by roulette. What the sources of [`Illumination`] light already is not left again. Photons
+//! come in two crowds: light that was never scattered wants other departures, and other numbers, than light that was.
 
 use super::cache::{Deposit, RadianceCache};
 use super::emission::Emission;
@@ -20,11 +21,11 @@ use rayon::prelude::*;
 pub const PHOTONS_PER_TASK: usize = 2048;
 /// Tasks between two fillings of the cache: a quarter of a million photons leave some 100 MB of deposits.
 const TASKS_PER_ROUND: usize = 128;
-/// Stage of the random numbers.
+/// Stage of the random numbers, …
 const STAGE: u64 = 0x9407_0a5e;
-/// … of those that bring scattered light, …
+/// … of those for photons that bring scattered light, …
 const SCATTERED_STAGE: u64 = 0x9407_0a60;
-/// … and of where photons leave.
+/// … and of those for where photons leave.
 const EMISSION_STAGE: u64 = 0x9407_0a61;
 /// Share of all photons that bring scattered light.
 const SCATTERED_SHARE: f64 = 0.3;

@@ -11,11 +11,13 @@ use corf_scene::model::ScatteringPattern;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// One photon in so many goes ahead as a pilot.
+/// One photon in so many goes ahead as a pilot, …
 const PILOT_SHARE: usize = 16;
+/// … and no more than these: what they find out takes some 700 bytes each.
+const MOST_PILOTS: usize = 250_000;
 /// Directions that the pilot looks along from every place where a photon arrives, besides those that photons take.
 const PILOT_LOOKS: usize = 4;
-/// … of the pilot's, …
+/// Stage of their random numbers.
 const PILOT_STAGE: u64 = 0x9407_0a5f;
 
 /// A way from one surface to the next.
@@ -40,7 +42,7 @@ pub struct Pilot {
 impl Photons<'_, '_, '_> {
     /// Sends a pilot ahead and learns from it: what photons are worth, and how much those of a direction disturb that were not scattered.
     pub fn guide(&self, cache: &RadianceCache) -> Option<(Guide, Vec<(DVec3, f64)>)> {
-        let count = self.count / PILOT_SHARE;
+        let count = (self.count / PILOT_SHARE).min(MOST_PILOTS);
         if self.only.is_some() || count == 0 {
             return None;
         }
