@@ -49,7 +49,7 @@ impl Guide {
         pilot: &Pilot,
         photon_weight: f64,
     ) -> Option<(Self, Vec<f64>)> {
-        let around = cache.surroundings(&pilot.power);
+        let around = cache.slots().surroundings(&pilot.power);
         let Slots { worth, disturbance } = of_slots(&around, &direct_power(illumination, patches, cache), photon_weight)?;
         let mut cells = HashMap::new();
         let mut sums: Vec<[f32; 2]> = Vec::new();
@@ -99,17 +99,17 @@ fn direct_power(illumination: &Illumination<'_, '_>, patches: &Patches, cache: &
                         .map(|e| field::reflectivity(e, incident.direction, normal, f64::from(entry.te), f64::from(entry.tm)))
                         .sum();
                     let power = s2 * reflected * cos / (incident.distance_m * incident.distance_m * ports as f64);
-                    lit.push((cache.slot(patch, side), power * patches.areas_m2()[patch]));
+                    lit.push((cache.slots().slot(patch, side), power * patches.areas_m2()[patch]));
                 }
             }
             lit
         })
         .collect();
-    let mut power = vec![0.0; cache.slot_count()];
+    let mut power = vec![0.0; cache.slots().len()];
     for (slot, p) in lit.into_iter().flatten() {
         power[slot as usize] += p;
     }
-    (0..).zip(power).map(|(slot, power)| power / cache.area_m2(slot).max(f64::MIN_POSITIVE)).collect()
+    (0..).zip(power).map(|(slot, power)| power / cache.slots().area_m2(slot).max(f64::MIN_POSITIVE)).collect()
 }
 
 /// What of every slot depends on how bright it is.

@@ -12,7 +12,9 @@
 
 mod cache;
 mod emission;
+mod exposure;
 mod gather;
+mod grains;
 mod guide;
 mod illumination;
 mod nodes;
@@ -20,6 +22,7 @@ mod patches;
 mod photons;
 mod pilot;
 mod refine;
+mod slots;
 mod smooth;
 #[cfg(test)]
 mod tests;

@@ -3,6 +3,11 @@
 use crate::radio::geometry::{Face, Geometry};
 use glam::{DVec2, DVec3};
 
+/// Grains along a patch's side: where within a patch light falls is known this finely.
+const GRAIN_SIDE: usize = 5;
+/// Grains of a patch.
+pub const GRAINS: usize = GRAIN_SIDE * GRAIN_SIDE;
+
 /// A face's grid of square patches, in an orthonormal frame of its plane.
 struct PatchGrid {
     origin: DVec3,
@@ -57,17 +62,16 @@ impl Patches {
         (0..grid.counts[0] * grid.counts[1]).map(|cell| (grid.first + cell, grid.centre(cell)))
     }
 
-    /// Points of a face spread over one of its patches; few or none where little of the face lies on it.
-    pub fn points<'f>(&'f self, face: &'f Face, number: u32, patch: usize) -> impl Iterator<Item = DVec3> + 'f {
-        const SIDE: usize = 5;
+    /// The centres of a patch's [`GRAINS`] with their numbers, of those that lie on the face.
+    pub fn grains<'f>(&'f self, face: &'f Face, number: u32, patch: usize) -> impl Iterator<Item = (usize, DVec3)> + 'f {
         let grid = &self.grids[number as usize];
         let centre = grid.centre(patch - grid.first);
-        (0..SIDE * SIDE)
+        (0..GRAINS)
             .map(move |i| {
-                let at = DVec2::new((i % SIDE) as f64 + 0.5, (i / SIDE) as f64 + 0.5) / SIDE as f64 - 0.5;
-                centre + grid.along[0] * (at.x * grid.patch_m.x) + grid.along[1] * (at.y * grid.patch_m.y)
+                let at = DVec2::new((i % GRAIN_SIDE) as f64 + 0.5, (i / GRAIN_SIDE) as f64 + 0.5) / GRAIN_SIDE as f64 - 0.5;
+                (i, centre + grid.along[0] * (at.x * grid.patch_m.x) + grid.along[1] * (at.y * grid.patch_m.y))
             })
-            .filter(|point| face.contains(*point))
+            .filter(|(_, point)| face.contains(*point))
     }
 
     /// Column and row of one of a face's patches.
@@ -81,10 +85,11 @@ impl Patches {
         self.grids[face as usize].along
     }
 
-    /// The patch that a point of a face lies on.
-    pub fn at(&self, face: u32, point: DVec3) -> usize {
+    /// The patch that a point of a face lies on, and the number of its grain.
+    pub fn at(&self, face: u32, point: DVec3) -> (usize, usize) {
         let grid = &self.grids[face as usize];
-        grid.first + grid.cell(point)
+        let (cell, grain) = grid.cell(point);
+        (grid.first + cell, grain)
     }
 
     /// The patches whose centres surround a point of a face.
@@ -168,10 +173,16 @@ impl PatchGrid {
         }
     }
 
-    fn cell(&self, point: DVec3) -> usize {
+    /// The cell of a point, and the grain in it.
+    fn cell(&self, point: DVec3) -> (usize, usize) {
         let p = point - self.origin;
-        let index = |i: usize, size: f64| ((p.dot(self.along[i]) / size) as usize).min(self.counts[i] - 1);
-        index(1, self.patch_m.y) * self.counts[0] + index(0, self.patch_m.x)
+        let index = |i: usize, size: f64| {
+            let at = (p.dot(self.along[i]) / size).max(0.0);
+            let cell = (at as usize).min(self.counts[i] - 1);
+            (cell, (((at - cell as f64) * GRAIN_SIDE as f64) as usize).min(GRAIN_SIDE - 1))
+        };
+        let ((x, s), (y, t)) = (index(0, self.patch_m.x), index(1, self.patch_m.y));
+        (y * self.counts[0] + x, t * GRAIN_SIDE + s)
     }
 }
 

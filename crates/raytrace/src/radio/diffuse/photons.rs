@@ -142,7 +142,7 @@ impl Photons<'_, '_, '_> {
                 cache.add(&batches);
             }
         }
-        cache.finish(4.0 * std::f64::consts::PI / self.count as f64);
+        cache.finish(self.illumination.geometry(), self.patches, 4.0 * std::f64::consts::PI / self.count as f64);
         Some(cache)
     }
 
@@ -210,7 +210,7 @@ impl Photons<'_, '_, '_> {
         let amplitude = (s2 * field::reflectivity(e, k, normal, f64::from(entry.te), f64::from(entry.tm))).sqrt();
         let (e_theta, e_phi) = (e.along(theta_hat(k)) * amplitude, e.along(phi_hat(k)) * amplitude);
         let (out_theta, out_phi) = (e_theta * co - e_phi * cross, e_theta * cross + e_phi * co);
-        let slot = cache.slot(self.patches.at(face, point), side);
+        let (slot, grain) = cache.slots().place(self.patches.at(face, point), side);
         if let Some(legs) = &mut trail.legs {
             if photon.interactions > 0 {
                 legs.push(Leg { from: photon.origin, direction: k, slot });
@@ -231,6 +231,7 @@ impl Photons<'_, '_, '_> {
             ];
             trail.deposits.push(Deposit {
                 slot,
+                grain,
                 left: (settings.max_depth - interactions) as u32,
                 coherency: coherency.map(|c| (c * inverse) as f32),
                 normal: normal.as_vec3(),

@@ -61,7 +61,7 @@ impl Photons<'_, '_, '_> {
             })
             .collect();
         let power = |d: &Deposit| f64::from(d.coherency[0] + d.coherency[1]);
-        let mut pilot = Pilot { power: vec![0.0; cache.slot_count()], legs: Vec::new() };
+        let mut pilot = Pilot { power: vec![0.0; cache.slots().len()], legs: Vec::new() };
         for (trail, _) in &trails {
             trail.deposits.iter().for_each(|d| pilot.power[d.slot as usize] += power(d));
             pilot.legs.extend(trail.legs.iter().flatten());
@@ -91,7 +91,7 @@ impl Photons<'_, '_, '_> {
             let Some((t, triangle)) = geometry.closest(point, direction, CLEARANCE_M) else { continue };
             let face = geometry.face_of_triangle(triangle);
             let side = usize::from(geometry.faces[face as usize].normal.dot(direction) > 0.0);
-            let slot = cache.slot(self.patches.at(face, point + direction * t), side);
+            let slot = cache.slots().slot(self.patches.at(face, point + direction * t).0, side);
             legs.push(Leg { from: point, direction, slot });
         }
     }

@@ -143,6 +143,27 @@ fn photons_by_one_mirror_bring_what_the_mirror_image_does() {
 }
 
 #[test]
+fn light_around_what_hides_the_rest_of_a_patch_is_not_spread_beneath_it() {
+    // Boards a hand above the floor and before a wall: what they shade from the mirrors they mostly hide from the receiver too. An even
+    // share of a patch's light would lose 2 % here.
+    let walls = material("plasterboard", 0.013, scatters(0.4, ScatteringPattern::Lambertian));
+    let mut scene = room(walls, Vec3::new(3.0, 2.5, 2.2));
+    for i in 0..24 {
+        let (a, b) = ((i % 6) as f32 * 0.5 + 0.1, (i / 6) as f32 * 0.55 + 0.1);
+        quad(&mut scene, 0, Vec3::new(a, b, 0.04), Vec3::X * 0.3, Vec3::Y * 0.3);
+        quad(&mut scene, 0, Vec3::new(a, 0.04, b), Vec3::X * 0.3, Vec3::Z * 0.3);
+    }
+    let tracer = RadioTracer::without_bvh(&scene, RadioSettings { transmission: false, ..settings(2) }).unwrap();
+    let (tx, rx) = (DVec3::new(0.6, 1.3, 1.6), DVec3::new(2.1, 1.6, 1.4));
+    let sampling = DiffuseSettings { directions: 30_000, patch_size_m: 0.25, photons: 2_000_000, ..sampling() };
+    let exact = DiffuseField::new(&tracer, tx, &DiffuseSettings { photons: 0, ..sampling }).unwrap();
+    let photons = DiffuseField::of_chain(&tracer, tx, &sampling, &[Event::Specular, Event::Scattered]).unwrap();
+    let expected = power(&exact, rx, |c| c.mirrored_before && c.after == 0);
+    let found = power(&photons, rx, |c| c.after == 0);
+    assert!((found / expected - 1.0).abs() < PHOTON_TOTAL, "{found:e} {expected:e}");
+}
+
+#[test]
 fn every_class_of_chains_appears_when_the_depth_allows_it() {
     // Glass mirrors well enough for its third and fourth mirror image to survive the roulette of weak rays.
     let walls = material("glass", 0.02, scatters(0.4, ScatteringPattern::Lambertian));

@@ -1,0 +1,55 @@
+//! How much of a patch's sides lies open: furniture stands on the floor, panels cover a wall, and no light that falls on the rest of a
+//! patch belongs to what is covered.
+
+use super::illumination::CLEARANCE_M;
+use super::patches::Patches;
+use crate::radio::geometry::Geometry;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Surfaces closer together than this leave no way for light between them, metres.
+const CONTACT_M: f64 = 5e-3;
+
+/// What lies open of one side of a patch.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Exposed {
+    /// Its area, m²; a side that is covered all over keeps the patch's.
+    pub area_m2: f64,
+    /// Whether all of it is covered.
+    pub sealed: bool,
+    /// The grains that make up the area, a bit each; none where the face meets no grain's centre.
+    pub grains: u32,
+}
+
+/// Of both sides of every patch.
+pub fn exposed(geometry: &Geometry<'_>, patches: &Patches) -> Vec<[Exposed; 2]> {
+    let per_face: Vec<Vec<(usize, [Exposed; 2])>> = geometry
+        .faces
+        .par_iter()
+        .enumerate()
+        .map(|(index, face)| {
+            let sides = |(patch, _)| {
+                let grains: Vec<(usize, DVec3)> = patches.grains(face, index as u32, patch).collect();
+                let bits = |open: &dyn Fn(DVec3) -> bool| {
+                    grains.iter().filter(|(_, point)| open(*point)).fold(0u32, |bits, (grain, _)| bits | 1 << grain)
+                };
+                let area_m2 = patches.areas_m2()[patch];
+                let side = |sign: f64| {
+                    let open = bits(&|p| !geometry.covered(p, face.normal * sign, CONTACT_M, CLEARANCE_M));
+                    if open == 0 {
+                        // Nothing arrives, but for what passes through what covers it.
+                        Exposed { area_m2, sealed: !grains.is_empty(), grains: bits(&|_| true) }
+                    } else {
+                        let share = f64::from(open.count_ones()) / grains.len() as f64;
+                        Exposed { area_m2: area_m2 * share, sealed: false, grains: open }
+                    }
+                };
+                (patch, [1.0, -1.0].map(side))
+            };
+            patches.of_face(index as u32).map(sides).collect()
+        })
+        .collect();
+    let mut all = vec![[Exposed::default(); 2]; patches.len()];
+    per_face.into_iter().flatten().for_each(|(patch, sides)| all[patch] = sides);
+    all
+}
