@@ -17,9 +17,9 @@ const RAYS_PER_TASK: usize = 2048;
 /// Rays that continue a chain from its last face …
 const RAYS_PER_CHAIN: usize = 16;
 /// … as long as all chains of a length together take no more than this many times the lattice's; none have less than one.
-const CONTINUING_RAYS: usize = 8;
+const CONTINUING_RAYS: usize = 64;
 /// Smaller faces are neither continued from nor looked for, m²: what they mirror is left to the lattice.
-const SMALL_FACE_M2: f64 = 1e-3;
+const SMALL_FACE_M2: f64 = 1e-4;
 /// Every face lit by way of a face at least this large is looked for, m².
 const LARGE_FACE_M2: f64 = 0.1;
 /// … at this many points of it …
@@ -77,16 +77,15 @@ pub fn candidates(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings) 
         Search::Auto { rays } | Search::Lattice { rays } => {
             let mut chains = exhaustive(geometry, tx, &allowed, 1);
             chains.extend(from_lattice(geometry, tx, settings, rays));
+            if settings.max_depth >= 2 {
+                chains.extend(by_large_faces(geometry, tx, settings, &allowed));
+            }
             distinct(&mut chains);
             for length in 1..settings.max_depth {
                 let wide = |c: &&Chain| c.faces().iter().all(|&f| geometry.faces[f as usize].area_m2 >= SMALL_FACE_M2);
                 let found: Vec<Chain> = chains.iter().filter(|c| c.faces().len() == length).filter(wide).copied().collect();
                 let per_chain = (CONTINUING_RAYS * rays / found.len().max(1)).clamp(1, RAYS_PER_CHAIN);
                 chains.extend(continued(geometry, tx, settings, &found, per_chain));
-                distinct(&mut chains);
-            }
-            if settings.max_depth >= 2 {
-                chains.extend(by_large_faces(geometry, tx, settings, &allowed));
                 distinct(&mut chains);
             }
             chains
