@@ -188,6 +188,7 @@ def spectra(spectrum, links, seeds, folder, poses):
 
     from sionna_live.compare import direction
 
+    standard_error = lambda maps: np.std(maps, 0, ddof=1) / np.sqrt(len(maps))
     maps = []
     for link, pose in zip(links, poses):
         turn = pose["world_from_array"]
@@ -196,19 +197,19 @@ def spectra(spectrum, links, seeds, folder, poses):
             np.array([abs(p["a"]) ** 2 for p in paths]),
             turn,
         )
-        arrivals = np.load(Path(folder) / f"{link.index:05d}.npy")
-        ending = arrivals[:, 5] == 0
-        scattered = lambda chosen: spectrum.covariance(arrivals[chosen][:, :3], arrivals[chosen][:, 3], turn)
+        samplings = [np.load(file) for file in sorted(Path(folder).glob(f"{link.index:05d}-*.npy"))]
+        scattered = lambda rows: spectrum.covariance(rows[:, :3], rows[:, 3], turn)
         told = [{**e["path"], "a": e["told"]} for e in link.ours_only if e["told"] is not None]
         seen = [spectrum.covariance(run[link.index]["directions"], run[link.index]["power"], turn) for run in seeds]
-        mine = of(link.ours) + scattered(ending)
+        mine = [spectrum.bartlett(of(link.ours) + scattered(rows[rows[:, 5] == 0])) for rows in samplings]
         yours = [spectrum.bartlett(of(link.kept + told) + one) for one in seen]
         maps.append(
             {
-                "ours": spectrum.bartlett(mine),
+                "ours": np.mean(mine, 0),
+                "ours_error": standard_error(mine),
                 "theirs": np.mean(yours, 0),
-                "theirs_error": np.std(yours, 0, ddof=1) / np.sqrt(len(yours)),
-                "everything": spectrum.bartlett(mine + scattered(~ending)),
+                "theirs_error": standard_error(yours),
+                "everything": np.mean([spectrum.bartlett(of(link.ours) + scattered(rows)) for rows in samplings], 0),
             }
         )
     return maps

@@ -112,7 +112,7 @@ def spectra(path, maps, range_db, rows=3):
     figure, axes = plt.subplots(len(chosen), 4, figsize=(12, 2.15 * len(chosen)), squeeze=False, layout="constrained")
     extent = (AZIMUTH_DEG[0], AZIMUTH_DEG[-1], ELEVATION_DEG[0], ELEVATION_DEG[-1])
     for line, r in zip(axes, chosen):
-        db = {k: 10 * np.log10(np.maximum(v, 1e-30)) for k, v in maps[r].items() if k != "theirs_error"}
+        db = {k: 10 * np.log10(np.maximum(v, 1e-30)) for k, v in maps[r].items() if not k.endswith("_error")}
         peak = max(db["ours"].max(), db["theirs"].max())
         within = np.maximum(db["ours"], db["theirs"]) >= peak - range_db
         difference = np.where(within, db["ours"] - db["theirs"], np.nan)

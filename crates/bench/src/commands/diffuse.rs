@@ -52,7 +52,7 @@ pub struct Diffuse {
     /// Leave out transmission through slabs.
     #[arg(long)]
     no_transmission: bool,
-    /// Folder for the arrivals of the first sampling, one `NNNNN.npy` a receiver: float64 rows of direction x, y, z (world, from the
+    /// Folder for the arrivals, one `RRRRR-SS.npy` for each receiver and sampling: float64 rows of direction x, y, z (world, from the
     /// receiver), power (linear, relative to 1 W transmitted), mean delay (s) and the number of interactions behind the scattering.
     #[arg(long, value_name = "DIR")]
     arrivals: Option<PathBuf>,
@@ -129,8 +129,8 @@ impl Diffuse {
             )?;
             for (i, rx) in self.rx.iter().enumerate() {
                 let contributions = field.contributions(rx.0)?;
-                if let (0, Some(folder)) = (phase, &self.arrivals) {
-                    write_arrivals(&folder.join(format!("{i:05}.npy")), &contributions)?;
+                if let Some(folder) = &self.arrivals {
+                    write_arrivals(&folder.join(format!("{i:05}-{phase:02}.npy")), &contributions)?;
                 }
                 sums[i].push(Sums::of(&contributions));
                 progress.set(phase as usize * self.rx.len() + i + 1, self.rx.len() * replicas as usize);
