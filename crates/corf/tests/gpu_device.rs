@@ -455,6 +455,20 @@ fn gaussians_come_go_and_keep_their_moments() {
 }
 
 #[test]
+fn a_device_that_begins_with_nothing_draws_backgrounds_and_trains() {
+    let g = room(14, 0, 3, [1, 1]);
+    let Some(mut d) = open(&OPTIONS, OptimizerConfig::default(), RasterConfig::default(), &g) else { return };
+    for wanted in [both(0), RenderRequest { rf: None, ..both(0) }] {
+        let layer = d.render(&wanted).unwrap().optical.unwrap();
+        assert!(layer.color.pixels.chunks_exact(3).all(|p| p == [0.9, 0.2, 0.4]));
+    }
+    d.upload(&training_view(0, 3, true), 1).unwrap();
+    assert_eq!(d.train(&[step(0, 0); 2]).unwrap().visible, 0);
+    d.append(&room(14, 300, 3, [1, 1])).unwrap();
+    assert!(d.train(&[step(0, 0)]).unwrap().visible > 50);
+}
+
+#[test]
 fn numbers_that_are_none_hurt_no_other_gaussian() {
     let g = room(10, 600, 3, [1, 1]);
     let mut hurt = g.clone();

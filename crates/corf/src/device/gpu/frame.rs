@@ -159,7 +159,7 @@ impl Memory {
         let state = 4 * Fixed::state_numbers(extent.both) as usize * area;
         for (items, bytes, scratch) in [
             (n, 8, &mut self.tile_counts),
-            (n.div_ceil(BLOCK).max(1), 16, &mut self.block_sums),
+            (n.div_ceil(BLOCK), 16, &mut self.block_sums),
             (2 * visible, 48, &mut self.splats),
             (visible, 4, &mut self.gaussian_of),
             (visible, 4, &mut self.order),
@@ -182,7 +182,8 @@ impl Memory {
             (trained(visible), 64, &mut self.found),
             (trained(visible), 16, &mut self.directions),
         ] {
-            scratch.reserve(context, items, bytes)?;
+            // A binding holds one item at least, also where there is nothing.
+            scratch.reserve(context, items.max(1), bytes)?;
         }
         // Each frame leaves the sizes at zero, as it must find them.
         if self.tile_sizes.reserve(context, tiles, 4)? {
