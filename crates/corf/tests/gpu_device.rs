@@ -202,6 +202,28 @@ fn threads_that_share_a_pixel_draw_what_one_draws() {
     }
 }
 
+/// A few Gaussians that fill images, and thin ones that cross them, among small ones: blocks with a few pairs and with thousands.
+#[test]
+fn gaussians_of_very_different_sizes_agree() {
+    let mut g = room(13, 1500, 3, [1, 1]);
+    for i in (0..g.len()).step_by(60) {
+        g.log_scale[i] = [1.0, [1.0, -3.0][i / 60 % 2], 0.5];
+        g.optical.opacity_logit[i] = -3.0;
+        g.rf.opacity_logit[i] = -2.0;
+    }
+    let view = TrainingView { rf_camera: cameras().1, rf: training_view(0, 3, true).rf, ..one_camera(3) };
+    let mut cpu = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &g).unwrap();
+    for (tile, batch) in [([8, 8], 16), ([8, 4], 8), ([16, 16], 32)] {
+        let options = GpuOptions { tile, batch, ..OPTIONS };
+        let Some(mut gpu) = open(&options, OptimizerConfig::default(), RasterConfig::default(), &g) else { return };
+        compare_renderings(&cpu.render(&both(0)).unwrap(), &gpu.render(&both(0)).unwrap());
+        for (id, view) in [&view, &one_camera(3)].into_iter().enumerate() {
+            assert_eq!(cpu.upload(view, 1).unwrap().0 % 2, gpu.upload(view, 1).unwrap().0);
+            compare_gradients(&mut cpu, &mut gpu, &step(id, 0));
+        }
+    }
+}
+
 fn classes(g: &Gaussians) -> [Vec<f32>; 7] {
     [
         g.position.as_flattened().to_vec(),
@@ -452,6 +474,20 @@ fn gaussians_come_go_and_keep_their_moments() {
     gpu.train(&[step(0, 0)]).unwrap();
     gpu.append(&g).unwrap();
     assert_eq!(bits(&gpu.gaussians()), bits(&g));
+}
+
+#[test]
+fn a_device_that_begins_with_nothing_draws_backgrounds_and_trains() {
+    let g = room(14, 0, 3, [1, 1]);
+    let Some(mut d) = open(&OPTIONS, OptimizerConfig::default(), RasterConfig::default(), &g) else { return };
+    for wanted in [both(0), RenderRequest { rf: None, ..both(0) }] {
+        let layer = d.render(&wanted).unwrap().optical.unwrap();
+        assert!(layer.color.pixels.chunks_exact(3).all(|p| p == [0.9, 0.2, 0.4]));
+    }
+    d.upload(&training_view(0, 3, true), 1).unwrap();
+    assert_eq!(d.train(&[step(0, 0); 2]).unwrap().visible, 0);
+    d.append(&room(14, 300, 3, [1, 1])).unwrap();
+    assert!(d.train(&[step(0, 0)]).unwrap().visible > 50);
 }
 
 #[test]

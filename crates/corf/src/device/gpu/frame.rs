@@ -1,22 +1,23 @@
 //! The forward pass as device work: projection, tile lists in order of depth, blending; both modalities in one list of pairs and one
 //! blend.
 //!
-//! Nothing is sorted as a whole. Projection counts each Gaussian's tiles; `plan` sums the counts over blocks of Gaussians; `emit` writes
-//! every (Gaussian, tile) pair and takes its place within the tile by an integer counter; `allot` gives tiles room, `place` fills it in
-//! and `order` sorts each tile's list by depth in workgroup memory. Only where a list lies depends on who came first.
+//! Nothing is sorted as a whole. Projection counts each Gaussian's tiles; `plan` sums the counts over blocks of Gaussians and cuts
+//! the pairs of each block into shares of much the same work; `emit` writes every (Gaussian, tile) pair, a share to a workgroup, and takes
+//! its place within the tile by an integer counter; `allot` gives tiles room, `place` fills it in and `order` sorts each tile's list by
+//! depth in workgroup memory. Only where a list lies depends on who came first.
 
 use super::{
     context::Context,
     kernel::{Bound, Kernel},
     params::{self, Params},
     scratch::Scratch,
-    shaders::{Blend, Fixed},
+    shaders::{Blend, Fixed, SHARE},
     store::Store,
 };
 use crate::Result;
 
 /// Words of the state (`shaders/groups.wgsl`), and the places of what is read back.
-pub(crate) const STATE_WORDS: usize = 12;
+pub(crate) const STATE_WORDS: usize = 13;
 pub(crate) const VISIBLE: usize = 1;
 pub(crate) const FAILED: usize = 3;
 pub(crate) const NEEDED: usize = 4;
@@ -28,7 +29,8 @@ pub(crate) const ARGS_APPEARANCE: u64 = 0;
 pub(crate) const ARGS_GEOMETRY: u64 = 1;
 const ARGS_PAIRS: u64 = 2;
 pub(crate) const ARGS_BUCKETS: u64 = 3;
-const ARGS: u64 = 4;
+const ARGS_SHARES: u64 = 4;
+const ARGS: u64 = 5;
 
 /// Gaussians of a block, threads of a workgroup of the kernels around lists.
 const BLOCK: usize = 256;
@@ -40,6 +42,10 @@ pub(crate) struct Memory {
     /// Tiles that each Gaussian reaches in both images, and their sums over blocks.
     pub tile_counts: Scratch,
     block_sums: Scratch,
+    /// What each visible Gaussian's tiles take, beside its splats.
+    taken: Scratch,
+    /// Whose block each share of pairs is.
+    shares: Scratch,
     /// What is drawn, of visible Gaussians alone, and whose it is.
     pub splats: Scratch,
     gaussian_of: Scratch,
@@ -122,6 +128,8 @@ impl Memory {
             args: context.buffer("indirect arguments", ARGS * 16, storage | wgpu::BufferUsages::INDIRECT)?,
             tile_counts: scratch("tile counts")?,
             block_sums: scratch("block sums")?,
+            taken: scratch("extents of splats")?,
+            shares: scratch("shares of blocks")?,
             splats: scratch("splats")?,
             gaussian_of: scratch("Gaussians of splats")?,
             order: scratch("visible Gaussians")?,
@@ -159,7 +167,10 @@ impl Memory {
         let state = 4 * Fixed::state_numbers(extent.both) as usize * area;
         for (items, bytes, scratch) in [
             (n, 8, &mut self.tile_counts),
-            (n.div_ceil(BLOCK).max(1), 16, &mut self.block_sums),
+            (n.div_ceil(BLOCK) + 1, 16, &mut self.block_sums),
+            (visible, 16, &mut self.taken),
+            // The last share of a block may be small.
+            (n.div_ceil(BLOCK) + pairs / SHARE as usize, 4, &mut self.shares),
             (2 * visible, 48, &mut self.splats),
             (visible, 4, &mut self.gaussian_of),
             (visible, 4, &mut self.order),
@@ -182,7 +193,8 @@ impl Memory {
             (trained(visible), 64, &mut self.found),
             (trained(visible), 16, &mut self.directions),
         ] {
-            scratch.reserve(context, items, bytes)?;
+            // A binding holds one item at least, also where there is nothing.
+            scratch.reserve(context, items.max(1), bytes)?;
         }
         // Each frame leaves the sizes at zero, as it must find them.
         if self.tile_sizes.reserve(context, tiles, 4)? {
@@ -286,12 +298,14 @@ impl Forward {
             bind(kernel, &[params, lists, entries, splats, image, transmittance, names, kept, visited, &m.gaussian_of.buffer])
         };
         let (order, offsets, places) = (&m.order.buffer, &m.offsets.buffer, &m.places.buffer);
-        let emitted = [params, &m.state, counts, splats, sums, order, offsets, sizes, pairs, &m.records.buffer, places];
+        let (records, shares) = (&m.records.buffer, &m.shares.buffer);
+        let (taken, names) = (&m.taken.buffer, &m.gaussian_of.buffer);
+        let emitted = [params, &m.state, taken, splats, sums, order, offsets, sizes, pairs, records, places, shares, names];
         let core = &store.core.value.buffer;
-        let projected = [params, core, sh[0], sh[1], counts, sums, splats, &m.gaussian_of.buffer, &m.state];
+        let projected = [params, core, sh[0], sh[1], counts, sums, splats, names, &m.state, taken];
         Ok(BoundForward {
             project: bind(&self.project, &projected)?,
-            plan: bind(&self.plan, &[params, &m.state, sums, &m.args])?,
+            plan: bind(&self.plan, &[params, &m.state, sums, &m.args, shares])?,
             emit: bind(&self.emit, &emitted)?,
             allot: bind(&self.allot, &[params, &m.state, sizes, lists, &m.bucket_tiles.buffer, &m.args])?,
             place: bind(&self.place, &[params, &m.state, pairs, lists, entries])?,
@@ -312,7 +326,7 @@ impl BoundForward {
         mark(pass);
         self.plan.run(pass, offset, 1);
         mark(pass);
-        self.emit.run(pass, offset, blocks);
+        self.emit.run_indirect(pass, offset, &m.args, ARGS_SHARES);
         mark(pass);
         self.allot.run(pass, offset, p.tile_total.div_ceil(BLOCK as u32));
         mark(pass);

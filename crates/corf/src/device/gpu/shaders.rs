@@ -9,6 +9,8 @@ use std::fmt::Write;
 pub(crate) const LOSS_BLOCK: [u32; 2] = [112, 8];
 /// Visible Gaussians per workgroup of the update of appearances.
 const EACH: u32 = 32;
+/// Pairs that one workgroup emits: blocks of Gaussians with more are cut into shares, so that no workgroup has much more to do than others.
+pub(crate) const SHARE: u32 = 1024;
 /// Threads of a workgroup of the backward pass, at least: two subgroups, whose buckets share what a workgroup costs.
 const BACKWARD_THREADS: u32 = 64;
 /// Threads that order a list, and how many entries each holds at most while lists are sorted in workgroup memory.
@@ -86,7 +88,7 @@ impl Fixed {
         format!(
             "const TILE_WIDTH = {width}u;\nconst TILE_HEIGHT = {height}u;\nconst AREA = {}u;\nconst DILATION = {:?};\n\
              const ANTIALIAS_OFF = 0u;\nconst ANTIALIAS_ON = 1u;\nconst ANTIALIAS = {antialias}u;\nconst DEGREE = {degree}u;\n\
-             const SCAN = 256u;\nconst EACH = {EACH}u;\nconst BUCKET = {batch}u;\nconst BUCKETS_A_GROUP = {}u;\n\
+             const SCAN = 256u;\nconst SHARE = {SHARE}u;\nconst EACH = {EACH}u;\nconst BUCKET = {batch}u;\nconst BUCKETS_A_GROUP = {}u;\n\
              {GROUPS}{PARAMS}",
             width * height,
             self.antialias.dilation(),
@@ -152,7 +154,7 @@ impl Fixed {
     }
 
     pub fn emit(&self) -> String {
-        self.head() + SPANS + SPLAT + SCAN + include_str!("shaders/emit.wgsl")
+        self.head() + SPANS + SPLAT + include_str!("shaders/emit.wgsl")
     }
 
     pub fn allot(&self) -> String {

@@ -32,16 +32,16 @@ impl GpuDevice {
         let (pixels, area) = (c.pixels as f64, f64::from(self.fixed.tile[0] * self.fixed.tile[1]));
         let sh: f64 = self.store.harmonics.iter().map(|h| 4.0 * h.words() as f64).sum();
         let (core, splat, record) = (48.0, 48.0, if c.fused { 64.0 } else { 48.0 });
-        // A pair as it is emitted, an entry of a list, what is found of a Gaussian.
-        let (pair, entry, found) = (16.0, 8.0, 80.0);
+        // What a visible Gaussian's tiles take, a pair as it is emitted, an entry of a list, what is found of a Gaussian.
+        let (taken, pair, entry, found) = (16.0, 16.0, 8.0, 80.0);
         // What the forward pass keeps for each bucket but a tile's first.
         let kept = e * area * 4.0 * f64::from(Fixed::state_numbers(c.fused)) / f64::from(self.fixed.batch);
         let tiles = c.tiles as f64;
         let kilo = n / 256.0;
         let work = [
-            (n * (core + 8.0) + v * (sh + 2.0 * splat), n * 60.0 + v * 600.0),
+            (n * (core + 8.0) + v * (sh + 2.0 * splat + taken), n * 60.0 + v * 600.0),
             (kilo * 16.0, 0.0),
-            (n * 8.0 + v * (8.0 + splat) + e * (pair + 4.0), 0.0),
+            (v * (taken + 16.0 + splat) + e * (pair + 4.0), 0.0),
             (tiles * 24.0, 0.0),
             (e * (pair + entry), 0.0),
             (e * (2.0 * entry + 4.0), 0.0),

@@ -1,13 +1,17 @@
-//! Ordering of tile lists against the standard library's sort, at odd lengths.
+//! Emission of pairs, share by share; ordering of tile lists against the standard library's sort, at odd lengths.
 
 #![allow(clippy::unwrap_used)]
 
 use super::*;
 use crate::{
-    Antialias,
-    device::gpu::{shaders::HarmonicsShape, testing},
+    Antialias, Gaussians, OptimizerConfig,
+    device::{
+        cpu::geometry::{Grid, Pose},
+        gpu::{params::Uniforms, shaders::HarmonicsShape, testing},
+    },
 };
-use corf_scene::Rng;
+use corf_scene::{Pinhole, Rigid3, Rng};
+use std::collections::BTreeMap;
 
 /// What is ordered here does not depend on what is not ordered by.
 fn fixed() -> Fixed {
@@ -92,4 +96,251 @@ fn sixty_four_million_entries() {
         left -= lengths[lengths.len() - 1];
     }
     check(&context, &lengths, u32::MAX);
+}
+
+/// Gaussians before a camera at the origin: of the first block some fill any image, nobody sees the third, the rest reach a few tiles.
+fn of_all_sizes(n: usize) -> Gaussians {
+    let mut rng = Rng::keyed(3, 0, 0);
+    let mut g = Gaussians::empty(3, 0);
+    for i in 0..n {
+        let z = if i / BLOCK == 2 { -1.0 } else { 2.0 + rng.uniform() };
+        g.position.push([2.0 * (rng.uniform() - 0.5), rng.uniform() - 0.5, z]);
+        g.rotation.push([0; 4].map(|_| rng.normal() as f32));
+        g.log_scale.push(if i < BLOCK && i % 20 == 7 { [3.0; 3] } else { [0; 3].map(|_| -6.0 + 4.0 * rng.uniform()) });
+        for a in [&mut g.optical, &mut g.rf] {
+            a.opacity_logit.push(6.0 * (rng.uniform() - 0.5));
+            a.sh.extend([0.1; 3]);
+        }
+    }
+    g
+}
+
+/// Tiles of a Gaussian's pairs in each image, as counted.
+type Counts = [u32; 2];
+
+/// What emission reads and leaves.
+struct Emitted {
+    params: Params,
+    state: Vec<u32>,
+    counts: Vec<Counts>,
+    sums: Vec<u32>,
+    shares: Vec<u32>,
+    gaussian_of: Vec<u32>,
+    order: Vec<u32>,
+    offsets: Vec<u32>,
+    places: Vec<u32>,
+    sizes: Vec<u32>,
+    pairs: Vec<u32>,
+    records: Vec<u32>,
+}
+
+/// Projects, plans and emits, with room for `room` pairs and counts changed by `edit` after projection, as if by another compiler.
+fn emitted(
+    context: &Context,
+    g: &Gaussians,
+    images: [bool; 2],
+    fused: bool,
+    room: usize,
+    edit: fn(usize, Counts) -> Counts,
+) -> Emitted {
+    let mut store = Store::new(context, g).unwrap();
+    store.append(context, g).unwrap();
+    let fixed = Fixed { harmonics: store.harmonics, ..fixed() };
+    let cameras = [if fused { [400, 240] } else { [96, 70] }, [400, 240]].map(|[w, h]| Pinhole::from_horizontal_fov(w, h, 70.0));
+    let grids = [0, 1].map(|k| images[k].then(|| Grid::new(&cameras[k], fixed.antialias)));
+    let optimizer = OptimizerConfig::default();
+    let mut params = Params::new(&Pose::new(&Rigid3::IDENTITY), &grids, [[0.0; 3]; 2], 0.1, g.len(), &optimizer, fixed.tile);
+    if fused {
+        params.fuse();
+    }
+    let mut extent = Extent { gaussians: g.len(), ..Extent::default() };
+    extent.include(&params);
+    let mut m = Memory::new(context).unwrap();
+    m.reserve(context, &fixed, &extent, Room { pairs: room, visible: g.len() }).unwrap();
+    params.set_room(m.room);
+    let uniforms = Uniforms::new(context, std::iter::once(&params)).unwrap();
+    m.reset(context, g.len());
+    let forward = Forward::new(context, &fixed).unwrap();
+    let bound = forward.bind(context, &uniforms.buffer, &store, &m, Leaves::Images).unwrap();
+    let run = |kernels: &dyn Fn(&mut wgpu::ComputePass<'_>)| {
+        let mut encoder = context.encoder();
+        kernels(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()));
+        context.submit(encoder);
+    };
+    let blocks = g.len().div_ceil(BLOCK);
+    run(&|pass| bound.project.run(pass, 0, blocks as u32));
+    let read = |sources: &[(&wgpu::Buffer, usize)]| context.read::<u32>("test", sources).unwrap();
+    let projected = read(&[
+        (&m.tile_counts.buffer, 2 * g.len()),
+        (&m.block_sums.buffer, 4 * blocks),
+        (&m.gaussian_of.buffer, g.len()),
+        (&m.taken.buffer, 4 * g.len()),
+    ]);
+    let [words, mut sums, names, mut taken]: [Vec<u32>; 4] = projected.try_into().unwrap();
+    let counts: Vec<Counts> = words.chunks_exact(2).enumerate().map(|(i, c)| edit(i, [c[0], c[1]])).collect();
+    for (block, own) in sums.chunks_exact_mut(4).enumerate() {
+        own[1] = 0;
+        for place in (own[2] as usize..).take(own[0] as usize) {
+            let count = counts[names[place] as usize];
+            assert_eq!(names[place] as usize / BLOCK, block);
+            own[1] += count[0] + count[1];
+            (taken[4 * place], taken[4 * place + 1]) = (own[1], count[0]);
+        }
+    }
+    context.queue.write_buffer(&m.tile_counts.buffer, 0, bytemuck::cast_slice(&counts));
+    context.queue.write_buffer(&m.block_sums.buffer, 0, bytemuck::cast_slice(&sums));
+    context.queue.write_buffer(&m.taken.buffer, 0, bytemuck::cast_slice(&taken));
+    run(&|pass| {
+        bound.plan.run(pass, 0, 1);
+        bound.emit.run_indirect(pass, 0, &m.args, ARGS_SHARES);
+    });
+    let record = if fused { 16 } else { 12 };
+    let visible = counts.iter().filter(|c| c[0] + c[1] > 0).count();
+    let mut left = read(&[
+        (&m.state, STATE_WORDS),
+        (&m.shares.buffer, blocks + room / SHARE as usize),
+        (&m.gaussian_of.buffer, visible),
+        (&m.order.buffer, visible),
+        (&m.offsets.buffer, visible),
+        (&m.places.buffer, visible),
+        (&m.tile_sizes.buffer, params.tile_total as usize),
+        (&m.pairs.buffer, 4 * room),
+        (&m.records.buffer, record * room),
+    ])
+    .into_iter();
+    let mut next = || left.next().unwrap();
+    Emitted {
+        params,
+        counts,
+        sums,
+        state: next(),
+        shares: next(),
+        gaussian_of: next(),
+        order: next(),
+        offsets: next(),
+        places: next(),
+        sizes: next(),
+        pairs: next(),
+        records: next(),
+    }
+}
+
+impl Emitted {
+    /// Pairs of each block as counted.
+    fn of_blocks(&self) -> impl Iterator<Item = u32> + '_ {
+        self.counts.chunks(BLOCK).map(|some| some.as_flattened().iter().sum())
+    }
+
+    /// Whose each share is, and what does not depend on images: everybody visible once and in order.
+    fn check_blocks(&self) {
+        let shares: Vec<u32> =
+            self.of_blocks().enumerate().flat_map(|(b, pairs)| vec![b as u32; pairs.div_ceil(SHARE) as usize]).collect();
+        assert_eq!(self.state[SHARES] as usize, shares.len());
+        assert_eq!(self.shares[..shares.len()], shares);
+        let visible: Vec<u32> = (0..self.counts.len()).filter(|i| self.counts[*i] != [0; 2]).map(|i| i as u32).collect();
+        assert_eq!((&self.order, self.state[VISIBLE] as usize), (&visible, visible.len()));
+        let mut offset = 0;
+        for (v, i) in visible.iter().enumerate() {
+            assert_eq!((self.offsets[v], self.gaussian_of[self.places[v] as usize]), (offset, *i), "Gaussian {i}");
+            offset += self.counts[*i as usize].iter().sum::<u32>();
+        }
+        assert_eq!(self.state[PAIRS], offset);
+    }
+
+    /// The tiles of each Gaussian and image; every one of them once, row by row, and every place of a tile once.
+    fn tiles(&self, visible_capacity: u32) -> BTreeMap<(u32, usize), Vec<u32>> {
+        assert_eq!(self.state[FAILED], 0, "{} pairs", self.state[NEEDED]);
+        let total = self.params.tile_total;
+        let mut found = BTreeMap::new();
+        let mut taken: Vec<Vec<u32>> = vec![vec![]; total as usize];
+        for (v, i) in self.order.iter().enumerate() {
+            let mut at = self.offsets[v] as usize;
+            for (g, count) in self.counts[*i as usize].iter().enumerate() {
+                let some = &self.pairs[4 * at..4 * (at + *count as usize)];
+                let drawn: Vec<&[u32]> = some.chunks_exact(4).take_while(|p| p[0] < total).collect();
+                for pair in &drawn {
+                    assert_eq!(pair[2], g as u32 * visible_capacity + self.places[v], "Gaussian {i}");
+                    taken[pair[0] as usize].push(pair[1]);
+                }
+                let tiles: Vec<u32> = drawn.iter().map(|p| p[0]).collect();
+                assert!(tiles.is_sorted_by(|a, b| a < b), "Gaussian {i}: {tiles:?}");
+                self.check_rest(at + drawn.len(), at + *count as usize);
+                found.insert((*i, g), tiles);
+                at += *count as usize;
+            }
+        }
+        for (tile, mut places) in taken.into_iter().enumerate() {
+            places.sort_unstable();
+            assert!(places.iter().copied().eq(0..self.sizes[tile]), "tile {tile}: {places:?}");
+        }
+        found
+    }
+
+    /// Pairs that were counted and not found have no tile, and records of nothing.
+    fn check_rest(&self, begin: usize, end: usize) {
+        let words = self.records.len() / (self.pairs.len() / 4);
+        assert!((begin..end).all(|at| self.pairs[4 * at] == self.params.tile_total));
+        assert!(self.records[words * begin..words * end].iter().all(|w| *w == 0));
+    }
+}
+
+/// Words of the state that only kernels read.
+const PAIRS: usize = 2;
+const SHARES: usize = 12;
+
+/// Images and whether they are blended at once: light and radio apart, one of them alone, both.
+const FRAMES: [([bool; 2], bool); 4] =
+    [([true, true], false), ([true, false], false), ([false, true], false), ([true, true], true)];
+
+/// Room enough for what [`of_all_sizes`] reaches.
+const ROOM: usize = 80_000;
+
+#[test]
+fn shares_of_blocks_emit_every_pair_once() {
+    let Some(context) = testing::context(&testing::OPTIONS) else { return };
+    // A block and a part, blocks of which the third has no pairs, none at all.
+    for n in [4 * BLOCK + 77, 300, 1] {
+        let g = of_all_sizes(n);
+        for (images, fused) in FRAMES {
+            let all = emitted(&context, &g, images, fused, ROOM, |_, counts| counts);
+            all.check_blocks();
+            let tiles = all.tiles(n as u32);
+            assert!(tiles.iter().all(|((i, g), tiles)| tiles.len() == all.counts[*i as usize][*g] as usize));
+            // Enough that all threads list a block's shares.
+            assert!(n < BLOCK || all.of_blocks().any(|pairs| pairs > 16 * SHARE) || !images[1], "shares are cut");
+        }
+    }
+}
+
+#[test]
+fn pairs_that_were_counted_and_are_not_found_have_no_tile() {
+    let Some(context) = testing::context(&testing::OPTIONS) else { return };
+    let g = of_all_sizes(1400);
+    // Too many, too few; the large ones among them.
+    let edit = |i: usize, counts: Counts| match i % 5 {
+        0 => counts.map(|c| if c > 0 { c + 1 + i as u32 % 3 } else { 0 }),
+        1 => counts,
+        _ => counts.map(|c| if c > 1 { c - 1 } else { c }),
+    };
+    for (images, fused) in FRAMES {
+        let right = emitted(&context, &g, images, fused, ROOM, |_, counts| counts).tiles(1400);
+        let wrong = emitted(&context, &g, images, fused, ROOM, edit);
+        wrong.check_blocks();
+        for ((i, image), tiles) in wrong.tiles(1400) {
+            let expected = &right[&(i, image)];
+            let count = expected.len().min(wrong.counts[i as usize][image] as usize);
+            assert_eq!(tiles, expected[..count], "Gaussian {i}, image {image}");
+        }
+    }
+}
+
+#[test]
+fn a_frame_without_room_emits_nothing() {
+    let Some(context) = testing::context(&testing::OPTIONS) else { return };
+    let all = emitted(&context, &of_all_sizes(300), [true; 2], true, 4000, |_, counts| counts);
+    assert_eq!((all.state[FAILED], all.state[PAIRS], all.state[SHARES]), (1, 0, 0));
+    assert!(all.state[NEEDED] > 4000 && all.state[NEEDED] == all.sums.chunks_exact(4).map(|s| s[1]).sum::<u32>());
+    let untouched = |words: &[u32]| words.iter().all(|w| Some(*w) == testing::OPTIONS.poison);
+    assert!(untouched(&all.pairs) && untouched(&all.shares) && untouched(&all.order), "memory of pairs is as it was");
+    assert!(all.sizes.iter().all(|s| *s == 0));
 }

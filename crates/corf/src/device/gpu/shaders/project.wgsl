@@ -7,6 +7,7 @@
 @group(0) @binding(6) var<storage, read_write> splats: array<Splat>;
 @group(0) @binding(7) var<storage, read_write> gaussian_of: array<u32>;
 @group(0) @binding(8) var<storage, read_write> state: array<atomic<u32>>;
+@group(0) @binding(9) var<storage, read_write> taken: array<Taken>;
 
 var<workgroup> begin: u32;
 
@@ -26,20 +27,23 @@ fn may_be_seen(grid: Grid, p: vec3<f32>, largest: f32) -> bool {
 // What is drawn of a Gaussian, but for its colours.
 struct Seen {
     tiles: vec2<u32>,
+    rows: vec2<u32>,
     place: array<vec4<f32>, 2>,
     conic: array<vec4<f32>, 2>,
     z: f32,
     direction: vec3<f32>,
 }
 
-fn tiles_of(grid: Grid, e: Ellipse, q: vec3<f32>, tau: f32) -> u32 {
+// Tiles and the rows of tiles they are in.
+fn tiles_of(grid: Grid, e: Ellipse, q: vec3<f32>, tau: f32) -> vec2<u32> {
     let r = reach_of(grid.tiles, e.mean, q, tau);
     var count = 0u;
     for (var row = r.rows.x; row <= r.rows.y; row++) {
         let columns = columns_of(r, grid.tiles, row);
         count += u32(max(columns.y - columns.x + 1, 0));
     }
-    return count;
+    if (count == 0u) { return vec2(0u); }
+    return vec2(count, u32(r.rows.y - r.rows.x + 1));
 }
 
 // Bound of σ: o ρ exp(−σ) ≥ 1/255.
@@ -52,7 +56,9 @@ fn project_to(g: u32, p: vec3<f32>, s: Symmetric, logit: f32, seen: ptr<function
     let opacity = e.rho / (1.0 + exp(-logit));
     let tau = bound_of(opacity);
     let q = conic_of(e);
-    (*seen).tiles[g] = tiles_of(grid, e, q, tau);
+    let tiles = tiles_of(grid, e, q, tau);
+    (*seen).tiles[g] = tiles.x;
+    (*seen).rows[g] = tiles.y;
     (*seen).place[g] = vec4(e.mean, opacity, e.inverse_z);
     (*seen).conic[g] = vec4(q, tau);
 }
@@ -65,7 +71,9 @@ fn project_both(p: vec3<f32>, s: Symmetric, logits: vec2<f32>, seen: ptr<functio
     let opacity = vec2(e.rho) / (1.0 + exp(-logits));
     let tau = bound_of(max(opacity.x, opacity.y));
     let q = conic_of(e);
-    (*seen).tiles = vec2(tiles_of(grid, e, q, tau), 0u);
+    let tiles = tiles_of(grid, e, q, tau);
+    (*seen).tiles = vec2(tiles.x, 0u);
+    (*seen).rows = vec2(tiles.y, 0u);
     (*seen).place[0] = vec4(e.mean, opacity.x, e.inverse_z);
     (*seen).place[1] = vec4(e.mean, opacity.y, e.inverse_z);
     (*seen).conic[0] = vec4(q, tau);
@@ -120,6 +128,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let place = workgroupUniformLoad(&begin) + sums.x - 1u;
     if (tiles == 0u || place >= params.visible_capacity) { return; }
     gaussian_of[place] = i;
+    taken[place] = Taken(sums.y, seen.tiles.x, seen.rows);
     if (seen.tiles.x > 0u) {
         splats[place] = Splat(seen.place[0], seen.conic[0], vec4(color_0(i, seen.direction), seen.z));
     }

@@ -43,7 +43,18 @@ fn sum_of(first: u32, count: u32, stride: u32, word: u32) -> vec4<f32> {
     var sum = vec4(0.0);
     let words = 3u + params.fused;
     if (word < words) {
-        for (var k = 0u; k < count; k += stride) { sum += records[words * (first + k) + word]; }
+        let apart = words * stride;
+        var at = words * first + word;
+        let end = at + words * count;
+        // Four are on their way at once; they are added in their order.
+        for (; at + 3u * apart < end; at += 4u * apart) {
+            let a = records[at];
+            let b = records[at + apart];
+            let c = records[at + 2u * apart];
+            let d = records[at + 3u * apart];
+            sum = sum + a + b + c + d;
+        }
+        for (; at < end; at += apart) { sum += records[at]; }
     }
     return sum;
 }
