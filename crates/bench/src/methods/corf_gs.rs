@@ -16,6 +16,7 @@ use online::{Keeper, Online};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::thread::JoinHandle;
 
 /// Configuration of the four CORF-GS rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -141,7 +142,10 @@ impl Method for CorfGs {
         let ended = reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| relay.tell(before + done, total));
         relay.settle(ended).map_err(|e| keeper.explain(e))?;
         (relay.advance)(Advance { gaussians: Some(reconstructor.gaussian_count()), ..Advance::of(total, total) })?;
-        Ok(Box::new(CorfField::new(reconstructor.field(), &self.config, &self.backend)))
+        let mut field = CorfField::new(reconstructor.field(), &self.config, &self.backend);
+        // A gigabyte of keyframes goes back to the system while the field is looked at.
+        field.clearing = Some(std::thread::spawn(move || drop(reconstructor)));
+        Ok(Box::new(field))
     }
 }
 
@@ -177,14 +181,24 @@ pub struct CorfField {
     config: CorfGsConfig,
     backend: Backend,
     device: Option<Box<dyn Device>>,
+    /// Gives back what the reconstruction held.
+    clearing: Option<JoinHandle<()>>,
 }
 
 impl CorfField {
     fn new(field: Field, config: &CorfGsConfig, backend: &Backend) -> Self {
-        Self { field, config: config.clone(), backend: backend.clone(), device: None }
+        Self { field, config: config.clone(), backend: backend.clone(), device: None, clearing: None }
+    }
+
+    /// Waits for what the reconstruction held: memory is not to hold two devices, nor is one to be cleared while the program ends.
+    fn clear(&mut self) {
+        if let Some(clearing) = self.clearing.take() {
+            let _ = clearing.join();
+        }
     }
 
     fn device(&mut self) -> Result<&mut dyn Device> {
+        self.clear();
         let device = match self.device.take() {
             Some(device) => device,
             None => {
@@ -210,6 +224,12 @@ impl CorfField {
             run.display()
         );
         Ok(Self::new(field, &config, backend))
+    }
+}
+
+impl Drop for CorfField {
+    fn drop(&mut self) {
+        self.clear();
     }
 }
 

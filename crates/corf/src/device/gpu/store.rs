@@ -6,6 +6,7 @@ use super::{
     shaders::{self, HarmonicsShape},
 };
 use crate::{Appearance, Gaussians, Result};
+use rayon::prelude::*;
 
 /// Position (3), quaternion (4), ln scale (3), opacity logits (optical, RF).
 pub(super) const CORE: usize = 12;
@@ -256,8 +257,13 @@ impl Store {
         let appearance = |g: usize| {
             let shape = self.harmonics[g];
             let (k, c) = (shape.coefficients(), shape.channels);
-            let rows = read[1 + g].chunks_exact(shape.words());
-            let sh = rows.flat_map(|row| (0..k * c).map(move |n| row[(n % c) * k + n / c])).collect();
+            let mut sh = vec![0.0; n * k * c];
+            let rows = read[1 + g].par_chunks_exact(shape.words());
+            sh.par_chunks_exact_mut(k * c).zip(rows).with_min_len(256).for_each(|(sh, row)| {
+                for (at, value) in sh.iter_mut().enumerate() {
+                    *value = row[(at % c) * k + at / c];
+                }
+            });
             let opacity_logit = core.iter().map(|row| row[10 + g]).collect();
             Appearance { channels: c, sh_degree: shape.degree, opacity_logit, sh }
         };
