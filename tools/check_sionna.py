@@ -42,7 +42,10 @@ def arguments():
     parser.add_argument("--cache", help="folder in which Sionna RT's results are kept for the next run on the same scene")
     parser.add_argument("--out", help="folder of the report")
     parser.add_argument("--no-diffuse", action="store_true", help="specular and transmitted paths only")
-    return parser.parse_args()
+    args = parser.parse_args()
+    if not args.no_diffuse and min(args.replicas, args.diffuse_seeds) < 2:
+        parser.error("--replicas and --diffuse-seeds must be 2 or more: one sampling says nothing of its error")
+    return args
 
 
 def say(text):

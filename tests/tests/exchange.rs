@@ -59,7 +59,7 @@ fn diffuse_power_is_the_same_by_object_by_interactions_and_by_arrival() {
         let hops = &receiver["by_interactions_after_the_scattering"];
         let ending = hops["0"]["power"].as_f64().unwrap();
         assert!(hops["1"]["power"].as_f64().unwrap() > 0.0, "a room mirrors what its walls scatter");
-        let arrivals = read_npy(&out.join(format!("{i:05}.npy")));
+        let arrivals = read_npy(&out.join(format!("{i:05}-00.npy")));
         let power = |after: Option<f64>| arrivals.iter().filter(|a| after.is_none_or(|n| a[5] == n)).map(|a| a[3]).sum::<f64>();
         for (what, whole, parts) in [
             ("objects", total, sum_of(&receiver["by_object"])),

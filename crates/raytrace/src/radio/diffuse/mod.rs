@@ -3,7 +3,8 @@
 //! The power that a surface element sends to the receiver is (λ/4π)² S²Γ² f_s cosθ_i dA / (r₁² r₂²). Surfaces are lit in two ways. What
 //! comes from the transmitter and its larger mirror images, straight or through slabs, is evaluated exactly at every point that is
 //! looked at. Everything else (smaller mirrors, several of them, any scattering before) is brought by photons to world-fixed patches,
-//! once for all receivers, and patches with few of them are weighed against their surroundings. At a receiver the integral runs over
+//! once for all receivers, and patches with few of them are weighed against their surroundings; where within a patch they fell is kept as
+//! well. At a receiver the integral runs over
 //! solid angle, dA = r₂² dΩ / cosθ_s, on a lattice of directions, finer where neighbouring directions disagree: near surfaces are
 //! resolved as finely as far ones, every direction sees exactly what is visible along it, mirrored and through slabs as well, up to the
 //! budget of interactions.

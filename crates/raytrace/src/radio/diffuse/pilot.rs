@@ -27,7 +27,7 @@ pub struct Leg {
     pub from: DVec3,
     /// Unit.
     pub direction: DVec3,
-    /// Where it ends: [`RadianceCache::slot`].
+    /// Where it ends: [`super::slots::Slots::slot`].
     pub slot: u32,
 }
 
