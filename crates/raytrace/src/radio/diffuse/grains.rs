@@ -32,12 +32,12 @@ impl Home {
 
     /// The slot's grain that a patch's grain is.
     pub fn grain(&self, grain: usize) -> u32 {
-        self.first + if self.open == 0 { 0 } else { grain as u32 }
+        self.first + if self.is_grain() { 0 } else { grain as u32 }
     }
 
     /// Area of a patch's grain, m².
     pub fn grain_m2(&self, grain: usize) -> f32 {
-        if self.open == 0 || self.open >> grain & 1 == 1 { self.grain_m2 } else { 0.0 }
+        if self.is_grain() || self.open >> grain & 1 == 1 { self.grain_m2 } else { 0.0 }
     }
 
     /// The slot's grains that are the patch's own.
