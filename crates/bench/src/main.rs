@@ -5,6 +5,10 @@ use corf_bench::commands::{Command, Verdict};
 use corf_bench::interrupt;
 use std::process::ExitCode;
 
+/// Keyframe after keyframe takes and frees tens of megabytes on many threads: from the system they cost a fault a page, each time.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// Reconstruct what a room looks like to a radio at 60 GHz, from keyframes of a camera and an 8×8 array.
 #[derive(Parser)]
 #[command(name = "corf", version, arg_required_else_help = true)]

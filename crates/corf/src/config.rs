@@ -86,6 +86,9 @@ pub struct ReconstructionConfig {
     pub rf_target: RfTarget,
     /// Optimisation steps per keyframe (paper: 75).
     pub iterations_per_keyframe: usize,
+    /// How many of these are taken between a keyframe's look at the field and the moment its Gaussians and its images join it. They train
+    /// with the keyframes before, and a GPU works on them while the processor decides what to add. Default 0, as published.
+    pub iterations_before_joining: usize,
     /// Pyramid levels (paper: 3).
     pub pyramid_levels: u32,
     /// A keyframe moves one pyramid level finer after this many of its own visits (5).
@@ -197,6 +200,7 @@ impl Default for ReconstructionConfig {
             uniform_probability: 0.1,
             rf_target: RfTarget::Jet,
             iterations_per_keyframe: 75,
+            iterations_before_joining: 0,
             pyramid_levels: 3,
             visits_per_level: 5,
             finest_share: 1.0,
@@ -232,9 +236,14 @@ impl ReconstructionConfig {
         let probability = |x: f32| (0.0..=1.0).contains(&x);
         let positive = |x: f32| x.is_finite() && x > 0.0;
         let d = &self.depth;
-        let checks: [(&str, bool, &str); 32] = [
+        let checks: [(&str, bool, &str); 33] = [
             ("uniform_probability", probability(self.uniform_probability), "a probability between 0 and 1"),
             ("iterations_per_keyframe", self.iterations_per_keyframe >= 1, "at least 1 (paper: 75)"),
+            (
+                "iterations_before_joining",
+                self.iterations_before_joining < self.iterations_per_keyframe,
+                "fewer than iterations_per_keyframe",
+            ),
             ("pyramid_levels", (1..=6).contains(&self.pyramid_levels), "between 1 and 6 (paper: 3)"),
             ("visits_per_level", self.visits_per_level >= 1, "at least 1"),
             ("finest_share", probability(self.finest_share), "a share between 0 and 1"),

@@ -208,8 +208,7 @@ impl Reconstructor {
         let (index, prepare_s) = (prepared.index, prepared.work_s);
         let expansion = self.expand(prepared)?;
         let expanded = Instant::now();
-        let count = self.config.iterations_per_keyframe;
-        let steps = self.schedule.online(count, self.config.latest_probability, self.online_weights(), &self.config);
+        let steps = self.online_steps(self.config.iterations_per_keyframe - expansion.steps);
         let (device, ahead) = (&mut self.device, &mut self.ahead);
         let (trained, ()) = if device.trains_on_the_host() {
             rayon::join(|| device.train(&steps).map(|last| (last, Instant::now())), || ahead.prepare_one())
@@ -225,7 +224,7 @@ impl Reconstructor {
             train_s: (trained - expanded).as_secs_f64(),
         };
         self.timings.push(timing);
-        let mut report = KeyframeReport { steps: steps.len(), keyframes_expanded: 1, ..self.report(index) };
+        let mut report = KeyframeReport { steps: expansion.steps + steps.len(), keyframes_expanded: 1, ..self.report(index) };
         report.set_losses(&last);
         report.set_expansion(&expansion);
         Ok(Some(report))
@@ -330,6 +329,11 @@ impl Reconstructor {
         self.device.set_position_rate_m(self.config.position_rate * metres_per_unit);
         // An inverse depth of 1/m is `metres_per_unit` of theirs.
         self.schedule.set_depth_weight(self.config.depth_weight * metres_per_unit);
+    }
+
+    /// The next steps, with the keyframes that have joined.
+    fn online_steps(&mut self, count: usize) -> Vec<Step> {
+        self.schedule.online(count, self.config.latest_probability, self.online_weights(), &self.config)
     }
 
     fn online_weights(&self) -> StageWeights {

@@ -57,7 +57,7 @@ impl CorfGsConfig {
 
 /// What `corf-gs-fast` has in place of the defaults, as overrides; a caller's own go over it. Half of its steps are coarse ones, and light
 /// has one colour from every side, which few visits learn better. Tuned on lobby-mini.
-const FAST: &str = "iterations_per_keyframe = 36\nvisits_per_level = 9\noptical_sh_degree = 0";
+const FAST: &str = "iterations_per_keyframe = 36\niterations_before_joining = 12\nvisits_per_level = 9\noptical_sh_degree = 0";
 
 /// `corf-gs`, `corf-gs-fast`, `corf-gs-uniform`, `corf-gs-frozen`, `corf-gs-rf-tuned`.
 pub struct CorfGs {

@@ -223,6 +223,15 @@ pub trait Device: Send {
     /// Runs training steps in order and reports the last. Steps name views uploaded to this device.
     fn train(&mut self, steps: &[Step]) -> Result<StepReport>;
 
+    /// [`Self::train`] without a report. A device with a processor of its own returns while it works: what is asked of it next waits, and
+    /// has its errors.
+    ///
+    /// # Errors
+    /// As [`Self::train`].
+    fn begin_training(&mut self, steps: &[Step]) -> Result<()> {
+        self.train(steps).map(drop)
+    }
+
     /// Reads the Gaussians back.
     fn gaussians(&mut self) -> Gaussians;
 

@@ -13,7 +13,6 @@ use crate::{
     stage,
 };
 use corf_scene::Pinhole;
-use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Rendered depths that stand in for triangulated ones are taken every this many pixels.
@@ -29,6 +28,8 @@ pub(super) struct Expansion {
     pub pruned: usize,
     pub triangulated: usize,
     pub prior_aligned: bool,
+    /// Steps taken before the keyframe joined.
+    pub steps: usize,
 }
 
 impl Reconstructor {
@@ -36,6 +37,10 @@ impl Reconstructor {
     pub(super) fn expand(&mut self, mut keyframe: Prepared) -> Result<Expansion> {
         let view = View { camera: self.meta.optical_camera, world_from_camera: keyframe.training.world_from_camera };
         let (seen, judged) = self.survey(view, &keyframe)?;
+        let steps = self.online_steps(self.config.iterations_before_joining);
+        if !steps.is_empty() {
+            self.device.begin_training(&steps)?;
+        }
 
         // Where: Eqs. (13)–(15), or everywhere alike.
         let (seed, stage) = (self.seed, stage::keyed(stage::SAMPLING, keyframe.index));
@@ -43,12 +48,13 @@ impl Reconstructor {
         let chance = |at: (usize, usize)| acceptance(sampling, probability[at], seen.at(at).map_or(0.0, |s| s.structure));
         let width = probability.width();
         let drawn = |at: (usize, usize)| log::accepted(at.1 * width + at.0, chance(at), seed, stage);
-        let pixels: Vec<(usize, usize)> = keyframe.candidates.par_iter().copied().filter(|&at| drawn(at)).collect();
+        // On one thread: this takes a few milliseconds, and threads that prepare keyframes would keep others from their share of it.
+        let pixels: Vec<(usize, usize)> = keyframe.candidates.iter().copied().filter(|&at| drawn(at)).collect();
 
         // How far.
         let mut packed = Ok(None);
         let mut samples = match keyframe.matched.take() {
-            Some(ahead) => ahead.into_par_iter().filter(|s| drawn((s.x, s.y))).collect(),
+            Some(ahead) => among(ahead, &pixels),
             None => {
                 if let (None, Some(mono)) = (&keyframe.aligned, &keyframe.mono) {
                     // Too little was triangulated: the field itself says how far things are.
@@ -68,18 +74,19 @@ impl Reconstructor {
         insert_corners(&mut samples, &keyframe, |at| chance(at) > 0.0);
         let config = &self.config;
         let in_front = |s: &PixelDepth| seen.at((s.x, s.y)).is_none_or(|shown| prune::is_not_behind(s, shown, config));
-        let samples: Vec<PixelDepth> = samples.into_par_iter().filter(in_front).collect();
+        samples.retain(in_front);
         let mut expansion = Expansion {
             sampled: pixels.len(),
             triangulated: keyframe.anchors.len(),
             prior_aligned: keyframe.aligned.is_some(),
+            steps: steps.len(),
             ..Expansion::default()
         };
 
         // Who makes room.
         if !self.device.is_empty() {
-            let shown: Vec<_> = samples.par_iter().filter_map(|s| Some((s, seen.at((s.x, s.y))?))).collect();
-            let replaced = prune::replaced(self.device.len(), shown.into_iter(), &self.config);
+            let shown = samples.iter().filter_map(|s| Some((s, seen.at((s.x, s.y))?)));
+            let replaced = prune::replaced(self.device.len(), shown, &self.config);
             let pruned = prune::pruned(&judged, &self.born, self.keyframes_expanded, &self.config);
             let keep: Vec<bool> = replaced.iter().zip(&pruned).map(|(r, p)| !(r | p)).collect();
             expansion.replaced = replaced.iter().filter(|r| **r).count();
@@ -164,6 +171,18 @@ impl Seen {
         let place = self.pixels[begin..end].binary_search_by_key(&x, |p| p.0).ok()?;
         self.shown.get(begin + place)
     }
+}
+
+/// Those samples whose pixels are among some, both row by row.
+fn among(mut samples: Vec<PixelDepth>, pixels: &[(usize, usize)]) -> Vec<PixelDepth> {
+    let place = |(x, y): (usize, usize)| (y, x);
+    let mut wanted = pixels.iter().copied().map(place).peekable();
+    samples.retain(|s| {
+        let own = place((s.x, s.y));
+        while wanted.next_if(|next| *next < own).is_some() {}
+        wanted.peek() == Some(&own)
+    });
+    samples
 }
 
 /// Puts triangulated corners in the place of matches at the same pixels.

@@ -108,8 +108,9 @@ fn wrapped(config: &ReconstructionConfig, eager: bool, trainings_left: usize) ->
     Box::new(Wrapped { inner: cpu(config), eager, trainings_left })
 }
 
-/// The configurations that take different ways through preparation: a prior, none, none drawn by structure.
-fn ways() -> [ReconstructionConfig; 4] {
+/// The configurations that take different ways through an expansion: a prior, none, none that aligns, none drawn by structure, steps
+/// between its look at the field and what it adds.
+fn ways() -> [ReconstructionConfig; 5] {
     let no_prior = DepthConfig { prior: DepthPriorKind::None, ..Default::default() };
     // So few corners that the prior is aligned to the rendered field.
     let few_corners = DepthConfig { corners: 8, ..Default::default() };
@@ -118,6 +119,7 @@ fn ways() -> [ReconstructionConfig; 4] {
         ReconstructionConfig { depth: no_prior, ..config() },
         ReconstructionConfig { depth: few_corners, ..config() },
         ReconstructionConfig { sampling: Sampling::Uniform, ..config() },
+        ReconstructionConfig { iterations_before_joining: 4, ..config() },
     ]
 }
 
@@ -150,7 +152,7 @@ fn a_checkpoint_goes_on_to_the_same_bytes_from_every_keyframe() {
     let frames = keyframes();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint");
-    for (coupling, way) in [(Coupling::Joint, 0), (Coupling::Frozen, 0), (Coupling::Joint, 2)] {
+    for (coupling, way) in [(Coupling::Joint, 0), (Coupling::Frozen, 0), (Coupling::Joint, 2), (Coupling::Frozen, 4)] {
         let config = ReconstructionConfig { coupling, ..ways()[way].clone() };
         let mut straight = fresh(cpu(&config), &config);
         frames.iter().for_each(|k| assert!(straight.push(k).is_ok()));
@@ -248,7 +250,7 @@ fn views_that_threads_upload_to_a_gpu_change_nothing() {
         println!("skipped: no adapter");
         return;
     }
-    let (frames, config) = (keyframes(), config());
+    let (frames, config) = (keyframes(), ways()[4].clone());
     let gpu = || -> Box<dyn Device> {
         let (optimizer, raster) = (OptimizerConfig::default(), RasterConfig::default());
         Box::new(GpuDevice::new(&options, optimizer, raster, &config.empty_field()).unwrap())
@@ -265,6 +267,7 @@ fn views_that_threads_upload_to_a_gpu_change_nothing() {
     };
     let truth = run(gpu());
     assert!(truth.len() > 100, "{}", truth.len());
+    // It waits for the steps that the other only begins.
     let background = Wrapped { inner: gpu(), eager: true, trainings_left: usize::MAX };
     assert!(run(Box::new(background)) == truth);
 }

@@ -235,6 +235,23 @@ fn an_opaque_near_field_lets_nothing_be_spawned_behind_it_and_gives_way_where_it
 }
 
 #[test]
+fn a_keyframe_joins_after_the_steps_that_come_before() {
+    let frames = keyframes(5);
+    let config = ReconstructionConfig { iterations_per_keyframe: 20, iterations_before_joining: 8, ..Default::default() };
+    let (mut r, log) = reconstructor(config, 1);
+    for (k, frame) in frames.iter().enumerate() {
+        let before = log.lock().unwrap().steps.len();
+        let report = r.push(frame).unwrap();
+        let log = log.lock().unwrap();
+        let steps = &log.steps[before..];
+        assert_eq!((report.steps, steps.len()), (20 * report.keyframes_expanded, report.steps));
+        if report.keyframes_expanded == 1 {
+            assert!(steps[..8].iter().all(|s| s.view.0 < k) && steps[8..].iter().any(|s| s.view.0 == k));
+        }
+    }
+}
+
+#[test]
 fn new_gaussians_are_born_with_the_same_opacity_in_both_modalities() {
     let (mut r, _, _) = run(ReconstructionConfig { iterations_per_keyframe: 1, ..Default::default() }, 1, &keyframes(3));
     let rf = r.field().gaussians.rf.opacity_logit;

@@ -3,6 +3,7 @@
 use crate::{Error, Result};
 use std::{
     future::Future,
+    marker::PhantomData,
     pin::pin,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     task::{Context as TaskContext, Poll, Waker},
@@ -315,12 +316,17 @@ impl Context {
     }
 
     /// Reads the first `count` numbers of several buffers back in one go, after all that was submitted.
-    pub fn read<T: bytemuck::Pod>(&self, doing: &str, sources: &[(&wgpu::Buffer, usize)]) -> Result<Vec<Vec<T>>> {
-        let bytes: Vec<u64> = sources.iter().map(|(_, n)| (n * size_of::<T>()) as u64).collect();
+    pub fn read<T: bytemuck::Pod>(&self, doing: &'static str, sources: &[(&wgpu::Buffer, usize)]) -> Result<Vec<Vec<T>>> {
+        self.begin_reading::<T>(doing, sources)?.finish(self)
+    }
+
+    /// Has the first `count` numbers of several buffers copied as they are after all that was submitted.
+    pub fn begin_reading<T: bytemuck::Pod>(&self, doing: &'static str, sources: &[(&wgpu::Buffer, usize)]) -> Result<Reading<T>> {
         let mut encoder = self.encoder();
         let mut staging = vec![];
-        for ((buffer, _), bytes) in sources.iter().zip(&bytes) {
-            let size = bytes.max(&4).next_multiple_of(4);
+        for &(buffer, count) in sources {
+            let bytes = (count * size_of::<T>()) as u64;
+            let size = bytes.max(4).next_multiple_of(4);
             let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
             let target = self.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("readback"),
@@ -329,19 +335,35 @@ impl Context {
                 mapped_at_creation: false,
             });
             encoder.copy_buffer_to_buffer(buffer, 0, &target, 0, size);
-            staging.push(target);
+            staging.push((target, bytes));
         }
         self.check(doing)?;
         self.submit(encoder);
-        for target in &staging {
+        for (target, _) in &staging {
             // A mapping that fails is found again when the range is asked for.
             target.map_async(wgpu::MapMode::Read, .., |_| {});
         }
-        self.wait(doing)?;
+        Ok(Reading { doing, staging, numbers: PhantomData })
+    }
+}
+
+/// Numbers on their way back.
+pub(crate) struct Reading<T> {
+    doing: &'static str,
+    /// Each with its bytes.
+    staging: Vec<(wgpu::Buffer, u64)>,
+    numbers: PhantomData<T>,
+}
+
+impl<T: bytemuck::Pod> Reading<T> {
+    /// Waits for them.
+    pub fn finish(self, context: &Context) -> Result<Vec<Vec<T>>> {
+        context.wait(self.doing)?;
         let mut out = vec![];
-        for (target, bytes) in staging.iter().zip(&bytes) {
+        for (target, bytes) in &self.staging {
             let range = target.get_mapped_range(..*bytes.max(&4)).map_err(|e| {
-                Error::invalid(format!("gpu ({}), {doing}", self.info.name), e.to_string(), "start again, or choose --device cpu")
+                let place = format!("gpu ({}), {}", context.info.name, self.doing);
+                Error::invalid(place, e.to_string(), "start again, or choose --device cpu")
             })?;
             out.push(bytemuck::pod_collect_to_vec(&range[..*bytes as usize]));
         }

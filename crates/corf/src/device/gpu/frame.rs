@@ -4,20 +4,20 @@
 //! Nothing is sorted as a whole. Projection counts each Gaussian's tiles; `plan` sums the counts over blocks of Gaussians and cuts
 //! the pairs of each block into shares of much the same work; `emit` writes every (Gaussian, tile) pair, a share to a workgroup, and takes
 //! its place within the tile by an integer counter; `allot` gives tiles room, `place` fills it in and `order` sorts each tile's list by
-//! depth in workgroup memory. Only where a list lies depends on who came first.
+//! depth in workgroup memory, long ones in chunks that `merge` joins. Only where a list lies depends on who came first.
 
 use super::{
     context::Context,
     kernel::{Bound, Kernel},
     params::{self, Params},
     scratch::Scratch,
-    shaders::{Blend, Fixed, SHARE},
+    shaders::{Blend, CHUNK, Fixed, SHARE},
     store::Store,
 };
 use crate::Result;
 
 /// Words of the state (`shaders/groups.wgsl`), and the places of what is read back.
-pub(crate) const STATE_WORDS: usize = 13;
+pub(crate) const STATE_WORDS: usize = 14;
 pub(crate) const VISIBLE: usize = 1;
 pub(crate) const FAILED: usize = 3;
 pub(crate) const NEEDED: usize = 4;
@@ -30,7 +30,9 @@ pub(crate) const ARGS_GEOMETRY: u64 = 1;
 const ARGS_PAIRS: u64 = 2;
 pub(crate) const ARGS_BUCKETS: u64 = 3;
 const ARGS_SHARES: u64 = 4;
-const ARGS: u64 = 5;
+const ARGS_ORDER: u64 = 5;
+const ARGS_MERGE: u64 = 6;
+const ARGS: u64 = 7;
 
 /// Gaussians of a block, threads of a workgroup of the kernels around lists.
 const BLOCK: usize = 256;
@@ -57,6 +59,8 @@ pub(crate) struct Memory {
     tile_sizes: Scratch,
     pub lists: Scratch,
     pub entries: Scratch,
+    /// Of lists that are ordered by several workgroups: tile, number within the list.
+    chunks: Scratch,
     pub bucket_tiles: Scratch,
     pub checkpoints: Scratch,
     /// How much of its list a tile's pixels have seen.
@@ -139,6 +143,7 @@ impl Memory {
             tile_sizes: scratch("tile sizes")?,
             lists: scratch("tile lists")?,
             entries: scratch("entries of lists")?,
+            chunks: scratch("chunks of lists")?,
             bucket_tiles: scratch("tiles of buckets")?,
             checkpoints: scratch("checkpoints")?,
             visited: scratch("visited")?,
@@ -179,6 +184,8 @@ impl Memory {
             (pairs, 16, &mut self.pairs),
             (tiles, 16, &mut self.lists),
             (pairs, 8, &mut self.entries),
+            // Each is of a list of more than one, so half full on the average at least.
+            (2 * pairs / CHUNK as usize, 8, &mut self.chunks),
             (pairs / bucket + tiles, 4, &mut self.bucket_tiles),
             (trained(pairs / bucket), state, &mut self.checkpoints),
             (trained(tiles), 4, &mut self.visited),
@@ -222,6 +229,7 @@ pub(crate) struct Forward {
     allot: Kernel,
     place: Kernel,
     order: Kernel,
+    merge: Kernel,
     /// Apart, both at once.
     blend: [Kernel; 2],
     blend_and_name: Kernel,
@@ -247,6 +255,7 @@ pub(crate) struct BoundForward {
     allot: Bound,
     place: Bound,
     order: Bound,
+    merge: Bound,
     blend: [Bound; 2],
 }
 
@@ -255,24 +264,26 @@ impl Forward {
         let one = Blend::default();
         let two = Blend { both: true, ..one };
         let keep = |blend| fixed.forward(Blend { checkpoints: true, ..blend });
-        let [project, plan, emit, allot, place, order, single, double, blend_and_name, keep_single, keep_double] = Kernel::all(
-            context,
-            [
-                ("project", fixed.project()),
-                ("plan", fixed.plan()),
-                ("emit pairs", fixed.emit()),
-                ("allot lists", fixed.allot()),
-                ("place pairs", fixed.place()),
-                ("order lists", fixed.order()),
-                ("blend", fixed.forward(one)),
-                ("blend both", fixed.forward(two)),
-                ("blend, name", fixed.forward(Blend { main_contributor: true, ..one })),
-                ("blend, keep", keep(one)),
-                ("blend both, keep", keep(two)),
-            ],
-        )?;
+        let [project, plan, emit, allot, place, order, merge, single, double, blend_and_name, keep_single, keep_double] =
+            Kernel::all(
+                context,
+                [
+                    ("project", fixed.project()),
+                    ("plan", fixed.plan()),
+                    ("emit pairs", fixed.emit()),
+                    ("allot lists", fixed.allot()),
+                    ("place pairs", fixed.place()),
+                    ("order lists", fixed.order()),
+                    ("merge chunks", fixed.merge()),
+                    ("blend", fixed.forward(one)),
+                    ("blend both", fixed.forward(two)),
+                    ("blend, name", fixed.forward(Blend { main_contributor: true, ..one })),
+                    ("blend, keep", keep(one)),
+                    ("blend both, keep", keep(two)),
+                ],
+            )?;
         let (blend, blend_and_keep) = ([single, double], [keep_single, keep_double]);
-        Ok(Self { project, plan, emit, allot, place, order, blend, blend_and_name, blend_and_keep })
+        Ok(Self { project, plan, emit, allot, place, order, merge, blend, blend_and_name, blend_and_keep })
     }
 
     pub fn bind(
@@ -301,15 +312,16 @@ impl Forward {
         let (records, shares) = (&m.records.buffer, &m.shares.buffer);
         let (taken, names) = (&m.taken.buffer, &m.gaussian_of.buffer);
         let emitted = [params, &m.state, taken, splats, sums, order, offsets, sizes, pairs, records, places, shares, names];
-        let core = &store.core.value.buffer;
+        let (core, chunks) = (&store.core.value.buffer, &m.chunks.buffer);
         let projected = [params, core, sh[0], sh[1], counts, sums, splats, names, &m.state, taken];
         Ok(BoundForward {
             project: bind(&self.project, &projected)?,
             plan: bind(&self.plan, &[params, &m.state, sums, &m.args, shares])?,
             emit: bind(&self.emit, &emitted)?,
-            allot: bind(&self.allot, &[params, &m.state, sizes, lists, &m.bucket_tiles.buffer, &m.args])?,
+            allot: bind(&self.allot, &[params, &m.state, sizes, lists, &m.bucket_tiles.buffer, &m.args, chunks])?,
             place: bind(&self.place, &[params, &m.state, pairs, lists, entries])?,
-            order: bind(&self.order, &[params, lists, pairs, entries])?,
+            order: bind(&self.order, &[params, lists, pairs, entries, &m.state, chunks])?,
+            merge: bind(&self.merge, &[&m.state, lists, chunks, pairs, entries])?,
             blend: [blended(0)?, blended(1)?],
         })
     }
@@ -332,7 +344,8 @@ impl BoundForward {
         mark(pass);
         self.place.run_indirect(pass, offset, &m.args, ARGS_PAIRS);
         mark(pass);
-        self.order.run(pass, offset, p.tile_total);
+        self.order.run_indirect(pass, offset, &m.args, ARGS_ORDER);
+        self.merge.run_indirect(pass, offset, &m.args, ARGS_MERGE);
         mark(pass);
         self.blend[p.fused as usize].run(pass, offset, p.tile_total);
         mark(pass);

@@ -32,14 +32,14 @@ use super::{
     TrainingView, ViewId, check_channels,
 };
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result, gaussians::logit};
-use context::Context;
+use context::{Context, Reading};
 use frame::{Forward, Memory};
 use pyramid::{Packed, Pyramid};
 use shaders::Fixed;
 use std::sync::Arc;
 use store::Store;
 use survey::Surveyor;
-use train::{Counts, Training};
+use train::{Batch, Counts, Training};
 
 pub use context::{GpuOptions, adapter_name};
 pub use train::{GpuStageTimes, STAGES};
@@ -65,6 +65,8 @@ pub struct GpuDevice {
     last: Counts,
     /// What a call that cannot answer with an error met; the next one that can does.
     deferred: Option<Error>,
+    /// Steps that nobody has waited for.
+    begun: Option<(Batch, Reading<u32>)>,
 }
 
 impl GpuDevice {
@@ -107,6 +109,7 @@ impl GpuDevice {
             times: GpuStageTimes::default(),
             last: Counts::default(),
             deferred: None,
+            begun: None,
         })
     }
 
@@ -132,8 +135,17 @@ impl GpuDevice {
         self.context.device.generate_allocator_report().map(|r| r.total_allocated_bytes)
     }
 
-    fn raise_deferred(&mut self) -> Result<()> {
+    /// Waits for what was begun, and raises what could not be raised when it was met.
+    fn ready(&mut self) -> Result<()> {
+        self.settle()?;
         self.deferred.take().map_or(Ok(()), Err)
+    }
+
+    /// As [`Self::ready`] for a call that cannot answer with an error.
+    fn ready_or_defer(&mut self) {
+        if let Err(error) = self.settle() {
+            self.deferred.get_or_insert(error);
+        }
     }
 }
 
@@ -143,7 +155,7 @@ impl Device for GpuDevice {
     }
 
     fn upload(&mut self, view: &TrainingView, levels: u32) -> Result<ViewId> {
-        self.raise_deferred()?;
+        self.ready()?;
         check_channels(view, self.store.harmonics.map(|h| h.channels))?;
         self.pyramids.push(Packed::new(view, levels, self.raster.antialias)?.upload(&self.context)?);
         Ok(ViewId(self.pyramids.len() - 1))
@@ -160,7 +172,7 @@ impl Device for GpuDevice {
     }
 
     fn upload_packed(&mut self, view: PackedView) -> Result<ViewId> {
-        self.raise_deferred()?;
+        self.ready()?;
         let foreign = || self.lacks("packed views of other devices", "upload what its own packer has built");
         self.pyramids.push(view.unwrap_as().ok_or_else(foreign)?);
         Ok(ViewId(self.pyramids.len() - 1))
@@ -171,17 +183,17 @@ impl Device for GpuDevice {
     }
 
     fn outlines(&mut self) -> Result<Vec<Outline>> {
-        self.raise_deferred()?;
+        self.ready()?;
         self.store.outlines(&self.context)
     }
 
     fn state(&mut self) -> Result<DeviceState> {
-        self.raise_deferred()?;
+        self.ready()?;
         self.store.state(&self.context)
     }
 
     fn restore(&mut self, state: &DeviceState) -> Result<()> {
-        self.raise_deferred()?;
+        self.ready()?;
         self.store.restore(&self.context, state)
     }
 
@@ -190,18 +202,20 @@ impl Device for GpuDevice {
     }
 
     fn append(&mut self, new: &Gaussians) -> Result<()> {
-        self.raise_deferred()?;
+        self.ready()?;
         self.store.append(&self.context, new)
     }
 
     fn retain(&mut self, keep: &[bool]) {
         assert_eq!(keep.len(), self.len(), "one flag per Gaussian");
+        self.ready_or_defer();
         if let Err(error) = self.store.retain(&self.context, keep) {
             self.deferred.get_or_insert(error);
         }
     }
 
     fn reset_rf(&mut self, rf: &Appearance) {
+        self.ready_or_defer();
         let mut rf = rf.clone();
         let floor = self.optimizer.rf.opacity_floor;
         if floor > 0.0 {
@@ -219,21 +233,27 @@ impl Device for GpuDevice {
     }
 
     fn render(&mut self, request: &RenderRequest) -> Result<Rendering> {
-        self.raise_deferred()?;
+        self.ready()?;
         self.render_request(request)
     }
 
     fn survey(&mut self, request: &SurveyRequest<'_>) -> Result<Survey> {
-        self.raise_deferred()?;
+        self.ready()?;
         self.run_survey(request)
     }
 
     fn train(&mut self, steps: &[Step]) -> Result<StepReport> {
-        self.raise_deferred()?;
+        self.ready()?;
         self.run_steps(steps)
     }
 
+    fn begin_training(&mut self, steps: &[Step]) -> Result<()> {
+        self.ready()?;
+        self.begin_steps(steps)
+    }
+
     fn gaussians(&mut self) -> Gaussians {
+        self.ready_or_defer();
         let shape = self.store.harmonics;
         self.store.to_gaussians(&self.context).unwrap_or_else(|error| {
             self.deferred.get_or_insert(error);

@@ -99,7 +99,7 @@ impl GpuDevice {
     /// # Errors
     /// No memory, a lost device.
     pub fn draw(&mut self, requests: &[RenderRequest]) -> Result<()> {
-        self.raise_deferred()?;
+        self.ready()?;
         let mut frames: Vec<Params> = requests.iter().filter_map(|r| self.frame([r.optical, r.rf], false)).collect();
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, ..Extent::default() };

@@ -2,7 +2,7 @@
 
 use super::{
     GpuDevice,
-    context::Context,
+    context::{Context, Reading},
     frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, Room, STATE_WORDS, STEPS, VISIBLE},
     kernel::{Bound, Kernel},
     params::{self, Params, Uniforms},
@@ -104,6 +104,16 @@ struct Planned {
     view: ViewId,
 }
 
+/// Steps on their way.
+pub(crate) struct Batch {
+    steps: Vec<Planned>,
+    extent: Extent,
+    /// The constants of the last one.
+    last: Params,
+    room: Room,
+    done: usize,
+}
+
 impl GpuDevice {
     fn plan_step(&self, step: &Step) -> Result<Planned> {
         let place = || format!("training step for view {}", step.view.0);
@@ -199,40 +209,81 @@ impl GpuDevice {
     }
 
     fn run(&mut self, steps: &[Step], destination: Destination<'_>) -> Result<StepReport> {
-        let mut planned = steps.iter().map(|s| self.plan_step(s)).collect::<Result<Vec<_>>>()?;
+        match self.batch(steps)? {
+            Some(batch) => self.complete(batch, destination),
+            None => Ok(StepReport::default()),
+        }
+    }
+
+    /// Has the device begin with steps; [`GpuDevice::settle`] waits for them.
+    pub(super) fn begin_steps(&mut self, steps: &[Step]) -> Result<()> {
+        if let Some(mut batch) = self.batch(steps)? {
+            let reading = self.launch(&mut batch, None)?;
+            self.begun = Some((batch, reading));
+        }
+        Ok(())
+    }
+
+    /// Waits for steps that were begun.
+    pub(super) fn settle(&mut self) -> Result<()> {
+        if let Some((mut batch, reading)) = self.begun.take()
+            && self.absorb(&mut batch, reading)?.is_none()
+        {
+            self.complete(batch, None)?;
+        }
+        Ok(())
+    }
+
+    /// Steps made ready; nothing of none.
+    fn batch(&self, steps: &[Step]) -> Result<Option<Batch>> {
+        let steps = steps.iter().map(|s| self.plan_step(s)).collect::<Result<Vec<_>>>()?;
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, training: true, ..Extent::default() };
-        planned.iter().for_each(|p| extent.include(&p.params));
-        let (mut room, mut done) = (Room::guess(n, self.least_room), 0);
-        let mut report = StepReport::default();
-        while done < planned.len() {
-            self.memory.reserve(&self.context, &self.fixed, &extent, room)?;
-            let held = self.memory.room;
-            planned.iter_mut().for_each(|p| p.params.set_room(held));
-            self.submit(&planned[done..], destination)?;
-            let last = &planned[planned.len() - 1].params;
-            let sources =
-                [(&self.memory.state, STATE_WORDS), (&self.memory.block_losses.buffer, 12 * last.blocks_total as usize)];
-            let read = self.context.read::<u32>("training", &sources)?;
-            let state = &read[0];
-            if state[FAILED] != 0 {
-                room = Room::asked(state);
-            } else {
-                self.last = Counts {
-                    visible: state[VISIBLE] as usize,
-                    pairs: state[NEEDED] as usize,
-                    pixels: last.pixel_total as usize,
-                    tiles: last.tile_total as usize,
-                    fused: last.fused == 1,
-                };
-                report = report_of(last, state[VISIBLE] as usize, &read[1], self.optimizer.ssim_weight);
-            }
-            done += state[STEPS] as usize;
-            if state[STEPS] == 0 && state[FAILED] == 0 {
-                return Err(Error::invalid("gpu, training", "a step neither ran nor failed", "this is a defect of the driver"));
+        steps.iter().for_each(|p| extent.include(&p.params));
+        let Some(last) = steps.last().map(|s| s.params) else { return Ok(None) };
+        Ok(Some(Batch { steps, extent, last, room: Room::guess(n, self.least_room), done: 0 }))
+    }
+
+    /// Goes on until a batch is through.
+    fn complete(&mut self, mut batch: Batch, destination: Destination<'_>) -> Result<StepReport> {
+        loop {
+            let reading = self.launch(&mut batch, destination)?;
+            if let Some(report) = self.absorb(&mut batch, reading)? {
+                return Ok(report);
             }
         }
-        Ok(report)
+    }
+
+    /// Submits what is left of a batch.
+    fn launch(&mut self, batch: &mut Batch, destination: Destination<'_>) -> Result<Reading<u32>> {
+        self.memory.reserve(&self.context, &self.fixed, &batch.extent, batch.room)?;
+        let held = self.memory.room;
+        batch.steps.iter_mut().for_each(|p| p.params.set_room(held));
+        self.submit(&batch.steps[batch.done..], destination)?;
+        let losses = 12 * batch.last.blocks_total as usize;
+        self.context.begin_reading("training", &[(&self.memory.state, STATE_WORDS), (&self.memory.block_losses.buffer, losses)])
+    }
+
+    /// Waits for what was submitted of a batch; nothing to report where steps are left for lack of room.
+    fn absorb(&mut self, batch: &mut Batch, reading: Reading<u32>) -> Result<Option<StepReport>> {
+        let read = reading.finish(&self.context)?;
+        let (state, last) = (&read[0], &batch.last);
+        batch.done += state[STEPS] as usize;
+        if state[FAILED] != 0 {
+            batch.room = Room::asked(state);
+            return Ok(None);
+        }
+        if batch.done < batch.steps.len() {
+            return Err(Error::invalid("gpu, training", "a step neither ran nor failed", "this is a defect of the driver"));
+        }
+        self.last = Counts {
+            visible: state[VISIBLE] as usize,
+            pairs: state[NEEDED] as usize,
+            pixels: last.pixel_total as usize,
+            tiles: last.tile_total as usize,
+            fused: last.fused == 1,
+        };
+        Ok(Some(report_of(last, state[VISIBLE] as usize, &read[1], self.optimizer.ssim_weight)))
     }
 
     /// Records and submits steps.
@@ -296,6 +347,7 @@ impl GpuDevice {
     /// # Errors
     /// As [`Device::train`](crate::Device::train).
     pub fn gradients(&mut self, step: &Step) -> Result<(StepReport, Gaussians)> {
+        self.ready()?;
         let values = [&self.store.core.value.buffer, &self.store.sh[0].value.buffer, &self.store.sh[1].value.buffer];
         let sizes = values.map(wgpu::Buffer::size);
         let mut gradients = vec![];

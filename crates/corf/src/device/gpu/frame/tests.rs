@@ -7,7 +7,11 @@ use crate::{
     Antialias, Gaussians, OptimizerConfig,
     device::{
         cpu::geometry::{Grid, Pose},
-        gpu::{params::Uniforms, shaders::HarmonicsShape, testing},
+        gpu::{
+            params::Uniforms,
+            shaders::{HarmonicsShape, MOST_CHUNKS},
+            testing,
+        },
     },
 };
 use corf_scene::{Pinhole, Rigid3, Rng};
@@ -19,8 +23,9 @@ fn fixed() -> Fixed {
     Fixed { antialias: Antialias::On, harmonics, tile: [8, 8], batch: 16, segments: 1, shuffles: false }
 }
 
-/// Orders lists of these lengths, filled with depths below `range` and pairs' numbers in no order, and checks every place.
-fn check(context: &Context, lengths: &[usize], range: u32) {
+/// Orders lists of these lengths, filled with depths below `range` and pairs' numbers in no order, and checks every place. Lists of more
+/// than `most` chunks are ordered by one workgroup.
+fn check(context: &Context, lengths: &[usize], range: u32, most: u32) {
     let total: usize = lengths.iter().sum();
     let mut rng = Rng::keyed(total as u64, u64::from(range), 0);
     let mut numbers: Vec<u32> = (0..total as u32).collect();
@@ -28,12 +33,22 @@ fn check(context: &Context, lengths: &[usize], range: u32) {
         numbers.swap(i, rng.below(i + 1));
     }
     let entries: Vec<[u32; 2]> = numbers.iter().map(|n| [(rng.uniform_f64() * f64::from(range)) as u32, *n]).collect();
-    let mut lists = vec![];
+    let (mut lists, mut chunks) = (vec![], vec![]);
     let mut first = 0;
-    for length in lengths {
+    for (list, length) in lengths.iter().enumerate() {
         lists.extend([first as u32, *length as u32, 0, 0]);
         first += length;
+        // As `allot` has it.
+        let parts = length.div_ceil(CHUNK as usize);
+        if (2..=most as usize).contains(&parts) {
+            chunks.extend((0..parts).flat_map(|part| [list as u32, part as u32]));
+        }
     }
+    const CHUNKS: usize = 13;
+    let mut state = [0; STATE_WORDS];
+    state[CHUNKS] = chunks.len() as u32 / 2;
+    let groups = lengths.len() as u32 + state[CHUNKS];
+    chunks.extend([u32::MAX; 2]);
     // Who owns pair n.
     let owner = |n: u32| n.wrapping_mul(2_654_435_761);
     let pairs: Vec<u32> = (0..total as u32).flat_map(|n| [0, 0, owner(n), 0]).collect();
@@ -43,17 +58,25 @@ fn check(context: &Context, lengths: &[usize], range: u32) {
         buffer
     };
     let (list_buffer, pair_buffer) = (filled("lists", &lists), filled("pairs", &pairs));
-    let entry_buffer = filled("entries", entries.as_flattened());
+    let (entry_buffer, state_buffer) = (filled("entries", entries.as_flattened()), filled("state", &state));
+    let chunk_buffer = filled("chunks", &chunks);
     let mut params: Params = bytemuck::Zeroable::zeroed();
     params.tile_total = lengths.len() as u32;
     let uniform = context.buffer("params", params::SIZE, wgpu::BufferUsages::UNIFORM).unwrap();
     context.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&params));
-    let kernel = Kernel::new(context, "order lists", &fixed().order()).unwrap();
-    let bound = kernel.bind(context, params::SIZE, &[&uniform, &list_buffer, &pair_buffer, &entry_buffer]).unwrap();
+    let bound = |source: String, buffers: &[&wgpu::Buffer]| {
+        let source = source.replace(&format!("MOST_CHUNKS = {MOST_CHUNKS}u"), &format!("MOST_CHUNKS = {most}u"));
+        Kernel::new(context, "order lists", &source).unwrap().bind(context, params::SIZE, buffers).unwrap()
+    };
+    let buffers = [&uniform, &list_buffer, &pair_buffer, &entry_buffer, &state_buffer, &chunk_buffer];
+    let order = bound(fixed().order(), &buffers);
+    let merge = bound(fixed().merge(), &[&state_buffer, &list_buffer, &chunk_buffer, &pair_buffer, &entry_buffer]);
     let mut encoder = context.encoder();
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        bound.run(&mut pass, 0, lengths.len() as u32);
+        // More workgroups than there is work for, as where a frame has no long list.
+        order.run(&mut pass, 0, groups + 1);
+        merge.run(&mut pass, 0, (groups + 1) * CHUNK / 256);
     }
     context.submit(encoder);
     let out = context.read::<u32>("test", &[(&entry_buffer, 2 * total)]).unwrap();
@@ -71,16 +94,19 @@ fn check(context: &Context, lengths: &[usize], range: u32) {
 fn lists_of_any_length_come_out_in_order_of_depth_and_then_of_number() {
     let Some(context) = testing::context(&testing::OPTIONS) else { return };
     let lengths = [0, 1, 2, 3, 0, 7, 8, 31, 33, 64, 65, 127, 255, 257, 511, 1023, 1024, 1025, 2047, 2048, 2049, 3000, 5001];
-    check(&context, &lengths, u32::MAX);
+    check(&context, &lengths, u32::MAX, MOST_CHUNKS);
     // Depths that are often equal.
-    check(&context, &lengths, 5);
+    check(&context, &lengths, 5, MOST_CHUNKS);
+    check(&context, &lengths, u32::MAX, 3);
 }
 
-/// Forty chunks of what workgroup memory holds. A longer list is for a real GPU: Mesa's llvmpipe ends every loop after 65536 turns.
+/// Chunks joined all at once, and by a single workgroup. A much longer list is for a real GPU: Mesa's llvmpipe ends every loop after 65536
+/// turns.
 #[test]
-fn a_list_that_memory_does_not_hold() {
+fn lists_of_many_chunks() {
     let Some(context) = testing::context(&testing::OPTIONS) else { return };
-    check(&context, &[40_001], u32::MAX);
+    check(&context, &[40_001, 1, CHUNK as usize * MOST_CHUNKS as usize, 5, 1025], u32::MAX, MOST_CHUNKS);
+    check(&context, &[30_001, 5], u32::MAX, 100);
 }
 
 /// 64 Mi entries need 1.6 GiB and an adapter that binds 1 GiB: run with `--ignored` on a GPU.
@@ -95,7 +121,7 @@ fn sixty_four_million_entries() {
         lengths.push(rng.below(2000).min(left));
         left -= lengths[lengths.len() - 1];
     }
-    check(&context, &lengths, u32::MAX);
+    check(&context, &lengths, u32::MAX, MOST_CHUNKS);
 }
 
 /// Gaussians before a camera at the origin: of the first block some fill any image, nobody sees the third, the rest reach a few tiles.

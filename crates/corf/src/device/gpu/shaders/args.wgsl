@@ -3,6 +3,8 @@ const ARGS_GEOMETRY = 1u;
 const ARGS_PAIRS = 2u;
 const ARGS_BUCKETS = 3u;
 const ARGS_SHARES = 4u;
+const ARGS_ORDER = 5u;
+const ARGS_MERGE = 6u;
 
 // Workgroups in rows of 32768; never none, so that what runs once per dispatch runs.
 fn folded(groups: u32) -> vec4<u32> {

@@ -15,3 +15,4 @@ const MOST_VISIBLE = 10u; // most visible Gaussians any frame had
 const FINISHED = 9u;     // workgroups that are through with giving
 const DRAWABLE = 11u;    // places given to visible Gaussians among the splats
 const SHARES = 12u;      // shares of blocks' pairs
+const CHUNKS = 13u;      // chunks of lists that are longer than one

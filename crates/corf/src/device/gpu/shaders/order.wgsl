@@ -1,14 +1,17 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> lists: array<List>;
-@group(0) @binding(2) var<storage, read> pairs: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read_write> pairs: array<vec4<u32>>;
 @group(0) @binding(3) var<storage, read_write> entries: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read> state: array<u32>;
+@group(0) @binding(5) var<storage, read> chunks: array<vec2<u32>>;
 
 // A tile's list by depth, and by the number of the Gaussian where depths are equal (pairs are numbered in the order of Gaussians).
-// Up to HELD entries are sorted in workgroup memory: runs of RUN by counting who is before whom, then by merging neighbours, where an
-// entry's place is its own in its run and, found by bisection, that in the other. Longer lists are chunks so sorted and then joined by a
-// bitonic network whose comparisons all point the same way, as if infinite depths followed; its wide comparisons are made in place.
+// Up to CHUNK entries are sorted in workgroup memory: runs of RUN by counting who is before whom, then by merging neighbours, where an
+// entry's place is its own in its run and, found by bisection, that in the other. Longer lists are of chunks so sorted, a workgroup each,
+// which `merge` joins. Still longer ones are joined by their tile's workgroup, with a bitonic network whose comparisons all point the same
+// way, as if infinite depths followed; its wide comparisons are made in place.
 const RUN = 16u;
-var<workgroup> held: array<vec2<u32>, HELD>;
+var<workgroup> held: array<vec2<u32>, CHUNK>;
 
 fn before(a: vec2<u32>, b: vec2<u32>) -> bool { return a.x < b.x || (a.x == b.x && a.y < b.y); }
 
@@ -103,33 +106,51 @@ MOVE
     }
 }
 
+// One chunk of a list, to where `merge` looks it up: of the pairs with the list's numbers, the words that nobody reads any more.
+fn order_chunk(thread: u32, list: List, chunk: u32) {
+    let first = list.first + chunk * CHUNK;
+    let part = min(CHUNK, list.count - chunk * CHUNK);
+    fetch(thread, first, part);
+    sort_held(thread, part);
+    for (var i = thread; i < part; i += THREADS) {
+        pairs[first + i].x = held[i].x;
+        pairs[first + i].y = held[i].y;
+    }
+}
+
+// Workgroups beyond one a tile are of chunks.
 @compute @workgroup_size(THREADS)
 fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let tile = group_number(id);
-    if (tile >= params.tile_total) { return; }
-    let first = lists[tile].first;
-    let count = lists[tile].count;
-    if (count == 0u) { return; }
-    for (var chunk = 0u; chunk < count; chunk += HELD) {
-        let part = min(HELD, count - chunk);
+    let group = group_number(id);
+    if (group >= params.tile_total) {
+        let at = group - params.tile_total;
+        if (at >= state[CHUNKS]) { return; }
+        order_chunk(thread, lists[chunks[at].x], chunks[at].y);
+        return;
+    }
+    let first = lists[group].first;
+    let count = lists[group].count;
+    if (count == 0u || chunks_of(count) > 0u) { return; }
+    for (var chunk = 0u; chunk < count; chunk += CHUNK) {
+        let part = min(CHUNK, count - chunk);
         fetch(thread, first + chunk, part);
         sort_held(thread, part);
-        if (count > HELD) { put_back(thread, first + chunk, part); }
+        if (count > CHUNK) { put_back(thread, first + chunk, part); }
     }
-    for (var half = HELD; half < count; half <<= 1u) {
+    for (var half = CHUNK; half < count; half <<= 1u) {
         step_wide(thread, first, count, half, true);
-        for (var apart = half >> 1u; apart >= HELD; apart >>= 1u) { step_wide(thread, first, count, apart, false); }
-        for (var chunk = 0u; chunk < count; chunk += HELD) {
-            let part = min(HELD, count - chunk);
+        for (var apart = half >> 1u; apart >= CHUNK; apart >>= 1u) { step_wide(thread, first, count, apart, false); }
+        for (var chunk = 0u; chunk < count; chunk += CHUNK) {
+            let part = min(CHUNK, count - chunk);
             fetch(thread, first + chunk, part);
-            for (var apart = HELD >> 1u; apart > 0u; apart >>= 1u) { step_held(thread, part, apart, false); }
+            for (var apart = CHUNK >> 1u; apart > 0u; apart >>= 1u) { step_held(thread, part, apart, false); }
             put_back(thread, first + chunk, part);
         }
     }
     // What the blends want to know: splat, number of the pair.
     for (var i = thread; i < count; i += THREADS) {
         var pair: u32;
-        if (count > HELD) { pair = entries[first + i].y; } else { pair = held[i].y; }
+        if (count > CHUNK) { pair = entries[first + i].y; } else { pair = held[i].y; }
         entries[first + i] = vec2(pairs[pair].z, pair);
     }
 }

@@ -36,6 +36,7 @@ fn settle(sums: vec3<u32>) {
     state[LISTED] = 0u;
     state[CHECKPOINTS] = 0u;
     state[BUCKETS] = 0u;
+    state[CHUNKS] = 0u;
     state[FINISHED] = 0u;
     state[DRAWABLE] = 0u;
     // Behind the last block, so that each finds its own counts.
