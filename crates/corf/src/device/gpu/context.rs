@@ -5,7 +5,7 @@ use std::{
     future::Future,
     marker::PhantomData,
     pin::pin,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError},
     task::{Context as TaskContext, Poll, Waker},
 };
 
@@ -139,15 +139,24 @@ const STORAGE_BUFFERS: u32 = 24;
 /// Bytes written at once.
 const PIECE: usize = 64 << 20;
 
+/// Which kinds of drivers are asked for.
+const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
+
+/// The one way to the drivers of this process: they are loaded once, however many devices come and go.
+fn instance() -> &'static wgpu::Instance {
+    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
+    INSTANCE.get_or_init(|| {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = BACKENDS;
+        // Indirect arguments are written by our own kernels within the limits; checking them costs a pass each.
+        descriptor.flags = wgpu::InstanceFlags::empty();
+        wgpu::Instance::new(descriptor)
+    })
+}
+
 /// The adapters that will do, the best first.
 fn adapters(options: &GpuOptions) -> Vec<wgpu::Adapter> {
-    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    descriptor.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
-    // Indirect arguments are written by our own kernels within the limits; checking them costs a pass each.
-    descriptor.flags = wgpu::InstanceFlags::empty();
-    let backends = descriptor.backends;
-    let instance = wgpu::Instance::new(descriptor);
-    let mut adapters = ready(instance.enumerate_adapters(backends));
+    let mut adapters = ready(instance().enumerate_adapters(BACKENDS));
     adapters.retain(|a| options.software || !is_software(&a.get_info()));
     adapters.sort_by_key(|a| rank(&a.get_info()));
     adapters
