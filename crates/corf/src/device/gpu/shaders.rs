@@ -16,12 +16,10 @@ const BACKWARD_THREADS: u32 = 64;
 /// Threads that order a list, or a chunk of a longer one, and how many entries each holds at most while these are sorted in workgroup memory.
 const ORDER_THREADS: u32 = 128;
 const ENTRIES_A_THREAD: u32 = 2;
-/// Entries of a chunk.
+/// Entries of a chunk, and threads of a workgroup that joins it with others.
 pub(crate) const CHUNK: u32 = ORDER_THREADS * ENTRIES_A_THREAD;
 /// Lists of more chunks are ordered by one workgroup each.
 pub(crate) const MOST_CHUNKS: u32 = 512;
-/// Threads that join chunks, an entry each.
-const MERGE_THREADS: u32 = 256;
 
 const GROUPS: &str = include_str!("shaders/groups.wgsl");
 const PARAMS: &str = include_str!("shaders/params.wgsl");
@@ -95,7 +93,7 @@ impl Fixed {
             "const TILE_WIDTH = {width}u;\nconst TILE_HEIGHT = {height}u;\nconst AREA = {}u;\nconst DILATION = {:?};\n\
              const ANTIALIAS_OFF = 0u;\nconst ANTIALIAS_ON = 1u;\nconst ANTIALIAS = {antialias}u;\nconst DEGREE = {degree}u;\n\
              const SCAN = 256u;\nconst SHARE = {SHARE}u;\nconst EACH = {EACH}u;\nconst BUCKET = {batch}u;\nconst BUCKETS_A_GROUP = {}u;\n\
-             const CHUNK = {CHUNK}u;\nconst MOST_CHUNKS = {MOST_CHUNKS}u;\nconst MERGE_THREADS = {MERGE_THREADS}u;\n{GROUPS}{PARAMS}",
+             const CHUNK = {CHUNK}u;\nconst MOST_CHUNKS = {MOST_CHUNKS}u;\n{GROUPS}{PARAMS}",
             width * height,
             self.antialias.dilation(),
             self.backward_threads() / self.batch,

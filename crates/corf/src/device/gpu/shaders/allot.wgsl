@@ -8,8 +8,8 @@
 
 var<workgroup> bases: vec4<u32>;
 
-// Room for each tile's entries, checkpoints, buckets and, where its list is ordered by several workgroups, chunks. In which order workgroups come to their turn decides where a list lies and
-// nothing else. Sizes are left at zero for the next frame.
+// Room for each tile's entries, checkpoints, buckets and, where its list is ordered by several workgroups, chunks. In which order
+// workgroups come to their turn decides where a list lies and nothing else. Sizes are left at zero for the next frame.
 @compute @workgroup_size(SCAN)
 fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let group = group_number(id);
@@ -44,6 +44,6 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         args[ARGS_BUCKETS] = folded((atomicLoad(&state[BUCKETS]) + BUCKETS_A_GROUP - 1u) / BUCKETS_A_GROUP);
         let all = atomicLoad(&state[CHUNKS]);
         args[ARGS_ORDER] = folded(params.tile_total + all);
-        args[ARGS_MERGE] = folded(all * (CHUNK / MERGE_THREADS));
+        args[ARGS_MERGE] = folded(all);
     }
 }

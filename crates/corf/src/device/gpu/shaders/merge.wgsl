@@ -23,19 +23,17 @@ fn found_before(first: u32, counts: vec4<u32>, mine: vec2<u32>) -> u32 {
     return found.x + found.y + found.z + found.w;
 }
 
-// Joins the sorted chunks of a list: a thread an entry, whose place is how many entries of all chunks are before it.
-@compute @workgroup_size(MERGE_THREADS)
+// Joins the sorted chunks of a list: a workgroup a chunk, a thread an entry, whose place is how many entries of all chunks are before it.
+@compute @workgroup_size(CHUNK)
 fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let group = group_number(id);
-    let parts = CHUNK / MERGE_THREADS;
-    if (group / parts >= state[CHUNKS]) { return; }
-    let chunk = chunks[group / parts];
+    if (group >= state[CHUNKS]) { return; }
+    let chunk = chunks[group];
     let list = lists[chunk.x];
-    let own = group % parts * MERGE_THREADS + thread;
-    let at = chunk.y * CHUNK + own;
+    let at = chunk.y * CHUNK + thread;
     if (at >= list.count) { return; }
     let mine = pairs[list.first + at].xy;
-    var place = own;
+    var place = thread;
     for (var begin = 0u; begin < list.count; begin += 4u * CHUNK) {
         var counts = vec4(0u);
         for (var k = 0u; k < 4u; k++) {
