@@ -86,8 +86,9 @@ pub struct ReconstructionConfig {
     pub rf_target: RfTarget,
     /// Optimisation steps per keyframe (paper: 75).
     pub iterations_per_keyframe: usize,
-    /// How many of these are taken between a keyframe's look at the field and the moment its Gaussians and its images join it. They train
-    /// with the keyframes before, and a GPU works on them while the processor decides what to add. Default 0, as published.
+    /// How many of these, the last ones, are taken between the next keyframe's look at the field and the moment that one's Gaussians and images
+    /// join it: a GPU works on them while the processor decides what to add. After the last keyframe they follow without another. Default 0,
+    /// as published.
     pub iterations_before_joining: usize,
     /// Pyramid levels (paper: 3).
     pub pyramid_levels: u32,
@@ -241,8 +242,8 @@ impl ReconstructionConfig {
             ("iterations_per_keyframe", self.iterations_per_keyframe >= 1, "at least 1 (paper: 75)"),
             (
                 "iterations_before_joining",
-                self.iterations_before_joining < self.iterations_per_keyframe,
-                "fewer than iterations_per_keyframe",
+                self.iterations_before_joining <= self.iterations_per_keyframe,
+                "at most iterations_per_keyframe",
             ),
             ("pyramid_levels", (1..=6).contains(&self.pyramid_levels), "between 1 and 6 (paper: 3)"),
             ("visits_per_level", self.visits_per_level >= 1, "at least 1"),

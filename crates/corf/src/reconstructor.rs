@@ -70,6 +70,8 @@ pub struct Reconstructor {
     last_pose: Option<(usize, Rigid3)>,
     baselines_m: Vec<f64>,
     timings: Vec<KeyframeTiming>,
+    /// When the latest keyframe's steps, but for its late ones, had been taken.
+    trained: Option<Instant>,
     finished: bool,
 }
 
@@ -137,6 +139,7 @@ impl Reconstructor {
             last_pose: None,
             baselines_m: Vec::new(),
             timings: Vec::new(),
+            trained: None,
             finished: false,
         })
     }
@@ -207,8 +210,11 @@ impl Reconstructor {
         self.apply_world_scale();
         let (index, prepare_s) = (prepared.index, prepared.work_s);
         let expansion = self.expand(prepared)?;
+        if let Some(late) = expansion.late {
+            self.end_timing(late.ended);
+        }
         let expanded = Instant::now();
-        let steps = self.online_steps(self.config.iterations_per_keyframe - expansion.steps);
+        let steps = self.online_steps(self.config.iterations_per_keyframe - self.config.iterations_before_joining);
         let (device, ahead) = (&mut self.device, &mut self.ahead);
         let (trained, ()) = if device.trains_on_the_host() {
             rayon::join(|| device.train(&steps).map(|last| (last, Instant::now())), || ahead.prepare_one())
@@ -222,12 +228,33 @@ impl Reconstructor {
             prepare_s,
             expand_s: (expanded - begin).as_secs_f64(),
             train_s: (trained - expanded).as_secs_f64(),
+            late_s: 0.0,
         };
         self.timings.push(timing);
-        let mut report = KeyframeReport { steps: expansion.steps + steps.len(), keyframes_expanded: 1, ..self.report(index) };
-        report.set_losses(&last);
+        self.trained = Some(trained);
+        let late = expansion.late.filter(|_| steps.is_empty());
+        let mut report = KeyframeReport { keyframes_expanded: 1, ..self.report(index) };
+        report.steps = expansion.late.map_or(0, |l| l.steps) + steps.len();
+        report.set_losses(&late.map_or(last, |l| l.last));
         report.set_expansion(&expansion);
         Ok(Some(report))
+    }
+
+    /// The latest keyframe's last steps have ended.
+    fn end_timing(&mut self, at: Instant) {
+        if let (Some(timing), Some(trained)) = (self.timings.last_mut(), self.trained) {
+            timing.late_s = at.saturating_duration_since(trained).as_secs_f64();
+        }
+    }
+
+    /// Takes the steps that the last keyframe has left to be taken while another is expanded, and none has come.
+    fn take_late_steps(&mut self, report: &mut KeyframeReport) -> Result<()> {
+        let late = self.online_steps(self.config.iterations_before_joining);
+        if !late.is_empty() {
+            self.train(&late, report)?;
+            self.end_timing(Instant::now());
+        }
+        Ok(())
     }
 
     /// When each keyframe expanded so far was waiting, expanded and trained with, in order.
@@ -252,6 +279,7 @@ impl Reconstructor {
         while let Some(one) = self.process()? {
             report.absorb(&one);
         }
+        self.take_late_steps(&mut report)?;
         if self.config.coupling != Coupling::Joint {
             self.second_stage(&mut report, progress)?;
         }

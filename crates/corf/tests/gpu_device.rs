@@ -20,7 +20,7 @@ const OPTIONS: GpuOptions = GpuOptions {
     timestamps: false,
     tile: [8, 8],
     batch: 16,
-    segments: 1,
+    segments: None,
     fused: true,
     least_room: 16,
     poison: Some(0xffc0_ffee),
@@ -196,7 +196,7 @@ fn threads_that_share_a_pixel_draw_what_one_draws() {
     let ended = expected.optical.as_ref().unwrap().transmittance.pixels().iter().filter(|t| **t < 1e-4).count();
     assert!(ended > 100, "{ended} pixels end");
     for (segments, batch) in [(1, 8), (2, 32), (4, 8)] {
-        let options = GpuOptions { segments, batch, ..OPTIONS };
+        let options = GpuOptions { segments: Some(segments), batch, ..OPTIONS };
         let Some(mut gpu) = open(&options, OptimizerConfig::default(), RasterConfig::default(), &g) else { return };
         compare_renderings(&expected, &gpu.render(&request).unwrap());
     }
@@ -289,10 +289,11 @@ fn one_camera(rf_channels: usize) -> TrainingView {
 #[test]
 fn both_images_at_once_give_what_each_gives_alone() {
     for (rf_channels, antialias, tile, batch, segments) in [
-        (3, Antialias::On, [8, 8], 8, 1),
-        (1, Antialias::Off, [8, 4], 32, 2),
-        (3, Antialias::On, [8, 8], 16, 4),
-        (3, Antialias::Detached, [16, 16], 32, 1),
+        (3, Antialias::On, [8, 8], 8, Some(1)),
+        (1, Antialias::Off, [8, 4], 32, Some(2)),
+        (3, Antialias::On, [8, 8], 16, Some(4)),
+        (3, Antialias::On, [8, 8], 32, None),
+        (3, Antialias::Detached, [16, 16], 32, None),
     ] {
         let raster = RasterConfig { antialias, ..RasterConfig::default() };
         let mut g = room(12, 2500, rf_channels, [1, 1]);

@@ -85,8 +85,8 @@ struct Variant {
     batch: u32,
     fused: bool,
     subgroups: bool,
-    /// Threads that share a pixel's list.
-    segments: u32,
+    /// Threads that share a pixel's list, where that is not left to the frame.
+    segments: Option<u32>,
 }
 
 /// `8x8/32`, `8x8/32/apart`, `8x8/32/portable`.
@@ -95,13 +95,14 @@ fn variant(text: &str) -> Result<Variant, String> {
     let mut parts = text.split('/');
     let tile = size(parts.next().unwrap_or_default()).map_err(|_| wrong())?;
     let batch = parts.next().and_then(|b| b.parse().ok()).ok_or_else(wrong)?;
-    let mut variant = Variant { tile, batch, fused: true, subgroups: true, segments: 1 };
+    let mut variant = Variant { tile, batch, fused: true, subgroups: true, segments: None };
     for part in parts {
         match part {
             "apart" => variant.fused = false,
             "portable" => variant.subgroups = false,
-            "by2" => variant.segments = 2,
-            "by4" => variant.segments = 4,
+            "by1" => variant.segments = Some(1),
+            "by2" => variant.segments = Some(2),
+            "by4" => variant.segments = Some(4),
             _ => return Err(wrong()),
         }
     }
@@ -391,7 +392,7 @@ fn text(workloads: &[Measured]) -> String {
         );
         if let Some(Variant { tile: [width, height], batch, fused, subgroups, segments }) = m.variant {
             let flags = [(fused, "/apart"), (subgroups, "/portable")].map(|(usual, flag)| if usual { "" } else { flag }).concat();
-            let by = if segments > 1 { format!("/by{segments}") } else { String::new() };
+            let by = segments.map_or_else(String::new, |n| format!("/by{n}"));
             let _ = write!(out, "  {width}x{height}/{batch}{flags}{by}");
             if let Some(bytes) = m.allocated_bytes {
                 let _ = write!(out, ", {} MB on the device", bytes / 1_000_000);

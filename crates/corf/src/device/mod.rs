@@ -223,13 +223,21 @@ pub trait Device: Send {
     /// Runs training steps in order and reports the last. Steps name views uploaded to this device.
     fn train(&mut self, steps: &[Step]) -> Result<StepReport>;
 
-    /// [`Self::train`] without a report. A device with a processor of its own returns while it works: what is asked of it next waits, and
-    /// has its errors.
+    /// [`Self::train`], but a device with a processor of its own returns while it works, and has nothing to report yet. What is asked of it
+    /// next waits, and has its errors.
     ///
     /// # Errors
     /// As [`Self::train`].
-    fn begin_training(&mut self, steps: &[Step]) -> Result<()> {
-        self.train(steps).map(drop)
+    fn begin_training(&mut self, steps: &[Step]) -> Result<Option<StepReport>> {
+        self.train(steps).map(Some)
+    }
+
+    /// Waits for what was begun and reports its last step; `None` where nothing is under way.
+    ///
+    /// # Errors
+    /// As [`Self::train`].
+    fn end_training(&mut self) -> Result<Option<StepReport>> {
+        Ok(None)
     }
 
     /// Reads the Gaussians back.

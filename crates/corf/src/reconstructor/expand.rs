@@ -5,15 +5,16 @@ use super::{
     prepare::{Prepared, acceptance, inverse_depth},
 };
 use crate::{
-    Coupling, Result, Sampling,
+    Coupling, Gaussians, Result, Sampling,
     depth::{self, PixelDepth, Reliability, SparseDepth},
-    device::{Judgement, PruneRule, Shown, Survey, SurveyRequest, View},
+    device::{Judgement, PruneRule, Shown, StepReport, Survey, SurveyRequest, View},
     expansion::{log, prune, spawn},
     field::over_coverage,
     stage,
 };
 use corf_scene::Pinhole;
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::Instant;
 
 /// Rendered depths that stand in for triangulated ones are taken every this many pixels.
 const RENDERED_ANCHOR_STRIDE: usize = 4;
@@ -28,8 +29,23 @@ pub(super) struct Expansion {
     pub pruned: usize,
     pub triangulated: usize,
     pub prior_aligned: bool,
-    /// Steps taken before the keyframe joined.
+    /// The steps that were taken before the keyframe joined, if any were.
+    pub late: Option<Late>,
+}
+
+/// Steps that the keyframe before left to be taken during an expansion.
+#[derive(Clone, Copy)]
+pub(super) struct Late {
     pub steps: usize,
+    pub last: StepReport,
+    pub ended: Instant,
+}
+
+/// What a keyframe changes about the field.
+struct Change {
+    /// Which of the Gaussians held stay, if there are any.
+    keep: Vec<bool>,
+    new: Gaussians,
 }
 
 impl Reconstructor {
@@ -37,64 +53,42 @@ impl Reconstructor {
     pub(super) fn expand(&mut self, mut keyframe: Prepared) -> Result<Expansion> {
         let view = View { camera: self.meta.optical_camera, world_from_camera: keyframe.training.world_from_camera };
         let (seen, judged) = self.survey(view, &keyframe)?;
-        let steps = self.online_steps(self.config.iterations_before_joining);
-        if !steps.is_empty() {
-            self.device.begin_training(&steps)?;
-        }
+        let late = self.online_steps(self.config.iterations_before_joining);
+        let trained = if late.is_empty() { None } else { self.device.begin_training(&late)? };
+        let (change, mut expansion) = self.decide(view, &mut keyframe, &seen, &judged)?;
+        let trained = if trained.is_some() { trained } else { self.device.end_training()? };
+        expansion.late = trained.map(|last| Late { steps: late.len(), last, ended: Instant::now() });
+        self.join(keyframe, &change)?;
+        Ok(expansion)
+    }
 
+    /// What to add and what to remove, which takes nothing of the device.
+    fn decide(&self, view: View, keyframe: &mut Prepared, seen: &Seen, judged: &[Judgement]) -> Result<(Change, Expansion)> {
         // Where: Eqs. (13)–(15), or everywhere alike.
         let (seed, stage) = (self.seed, stage::keyed(stage::SAMPLING, keyframe.index));
-        let (sampling, probability) = (self.config.sampling, &keyframe.probability);
-        let chance = |at: (usize, usize)| acceptance(sampling, probability[at], seen.at(at).map_or(0.0, |s| s.structure));
-        let width = probability.width();
-        let drawn = |at: (usize, usize)| log::accepted(at.1 * width + at.0, chance(at), seed, stage);
+        let chance = |keyframe: &Prepared, at: (usize, usize)| {
+            acceptance(self.config.sampling, keyframe.probability[at], seen.at(at).map_or(0.0, |s| s.structure))
+        };
+        let width = keyframe.probability.width();
+        let drawn = |at: (usize, usize)| log::accepted(at.1 * width + at.0, chance(keyframe, at), seed, stage);
         // On one thread: this takes a few milliseconds, and threads that prepare keyframes would keep others from their share of it.
         let pixels: Vec<(usize, usize)> = keyframe.candidates.iter().copied().filter(|&at| drawn(at)).collect();
 
         // How far.
-        let mut packed = Ok(None);
         let mut samples = match keyframe.matched.take() {
             Some(ahead) => among(ahead, &pixels),
-            None => {
-                if let (None, Some(mono)) = (&keyframe.aligned, &keyframe.mono) {
-                    // Too little was triangulated: the field itself says how far things are.
-                    let anchors = rendered_anchors(&seen, self.meta.optical_camera, self.config.behind_coverage);
-                    let stage = stage::keyed(stage::ALIGNMENT, keyframe.index);
-                    keyframe.aligned = depth::align(mono, &anchors, &self.config.depth, self.seed, stage);
-                    keyframe.training.inverse_depth = keyframe.aligned.as_ref().map(inverse_depth);
-                }
-                let preparer = self.ahead.preparer();
-                let matched = || keyframe.match_pixels(&pixels, keyframe.aligned.as_ref(), &self.config);
-                let (matched, view) = rayon::join(matched, || preparer.pack_late(&keyframe));
-                packed = view;
-                matched
-            }
+            None => self.match_now(keyframe, seen, &pixels)?,
         };
-        keyframe.packed = packed?.or(keyframe.packed.take());
-        insert_corners(&mut samples, &keyframe, |at| chance(at) > 0.0);
+        insert_corners(&mut samples, keyframe, |at| chance(keyframe, at) > 0.0);
         let config = &self.config;
         let in_front = |s: &PixelDepth| seen.at((s.x, s.y)).is_none_or(|shown| prune::is_not_behind(s, shown, config));
         samples.retain(in_front);
-        let mut expansion = Expansion {
-            sampled: pixels.len(),
-            triangulated: keyframe.anchors.len(),
-            prior_aligned: keyframe.aligned.is_some(),
-            steps: steps.len(),
-            ..Expansion::default()
-        };
 
         // Who makes room.
-        if !self.device.is_empty() {
-            let shown = samples.iter().filter_map(|s| Some((s, seen.at((s.x, s.y))?)));
-            let replaced = prune::replaced(self.device.len(), shown, &self.config);
-            let pruned = prune::pruned(&judged, &self.born, self.keyframes_expanded, &self.config);
-            let keep: Vec<bool> = replaced.iter().zip(&pruned).map(|(r, p)| !(r | p)).collect();
-            expansion.replaced = replaced.iter().filter(|r| **r).count();
-            expansion.pruned = keep.iter().filter(|k| !**k).count() - expansion.replaced;
-            self.device.retain(&keep);
-            let mut kept = keep.iter();
-            self.born.retain(|_| kept.next().copied().unwrap_or(false));
-        }
+        let shown = samples.iter().filter_map(|s| Some((s, seen.at((s.x, s.y))?)));
+        let replaced = prune::replaced(judged.len(), shown, config);
+        let pruned = prune::pruned(judged, &self.born, self.keyframes_expanded, config);
+        let keep: Vec<bool> = replaced.iter().zip(&pruned).map(|(r, p)| !(r | p)).collect();
 
         // The new ones.
         let source = spawn::SpawnSource {
@@ -105,12 +99,46 @@ impl Reconstructor {
             rf: &keyframe.training.rf,
             rf_floor: self.meta.rf_target.floor_color(),
         };
-        let new = spawn::spawn(&source, &samples, &self.config);
-        self.device.append(&new)?;
-        self.born.resize(self.device.len(), self.keyframes_expanded);
-        expansion.spawned = samples.len();
-        expansion.accurate = samples.iter().filter(|s| s.reliability != Reliability::Prior).count();
+        let new = spawn::spawn(&source, &samples, config);
+        let replaced = replaced.iter().filter(|r| **r).count();
+        let expansion = Expansion {
+            sampled: pixels.len(),
+            spawned: samples.len(),
+            accurate: samples.iter().filter(|s| s.reliability != Reliability::Prior).count(),
+            replaced,
+            pruned: keep.iter().filter(|k| !**k).count() - replaced,
+            triangulated: keyframe.anchors.len(),
+            prior_aligned: keyframe.aligned.is_some(),
+            late: None,
+        };
+        Ok((Change { keep, new }, expansion))
+    }
 
+    /// Depths of pixels that were not found ahead.
+    fn match_now(&self, keyframe: &mut Prepared, seen: &Seen, pixels: &[(usize, usize)]) -> Result<Vec<PixelDepth>> {
+        if let (None, Some(mono)) = (&keyframe.aligned, &keyframe.mono) {
+            // Too little was triangulated: the field itself says how far things are.
+            let anchors = rendered_anchors(seen, self.meta.optical_camera, self.config.behind_coverage);
+            let stage = stage::keyed(stage::ALIGNMENT, keyframe.index);
+            keyframe.aligned = depth::align(mono, &anchors, &self.config.depth, self.seed, stage);
+            keyframe.training.inverse_depth = keyframe.aligned.as_ref().map(inverse_depth);
+        }
+        let (preparer, config) = (self.ahead.preparer(), &self.config);
+        let matched = || keyframe.match_pixels(pixels, keyframe.aligned.as_ref(), config);
+        let (matched, packed) = rayon::join(matched, || preparer.pack_late(keyframe));
+        keyframe.packed = packed?.or(keyframe.packed.take());
+        Ok(matched)
+    }
+
+    /// Changes the field, and makes the keyframe one that is trained with.
+    fn join(&mut self, mut keyframe: Prepared, change: &Change) -> Result<()> {
+        if !change.keep.is_empty() {
+            self.device.retain(&change.keep);
+            let mut kept = change.keep.iter();
+            self.born.retain(|_| kept.next().copied().unwrap_or(false));
+        }
+        self.device.append(&change.new)?;
+        self.born.resize(self.device.len(), self.keyframes_expanded);
         let id = match keyframe.packed.take() {
             Some(packed) => self.device.upload_packed(packed)?,
             None => self.device.upload(&keyframe.training, self.config.pyramid_levels)?,
@@ -121,7 +149,7 @@ impl Reconstructor {
         self.past.push(Past { index: keyframe.index, alignment, typical_depth_m: keyframe.typical_depth_m });
         // Tens of megabytes go back to the system beside the training.
         rayon::spawn(|| drop(keyframe));
-        Ok(expansion)
+        Ok(())
     }
 
     /// What the field shows of a new keyframe's candidates and corners, and what speaks against each Gaussian; nothing while it is empty.

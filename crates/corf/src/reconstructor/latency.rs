@@ -15,14 +15,18 @@ pub struct KeyframeTiming {
     pub prepare_s: f64,
     /// Expansion.
     pub expand_s: f64,
-    /// Its optimisation steps.
+    /// Its optimisation steps, without those of `late_s`.
     pub train_s: f64,
+    /// From then to the end of those of its steps that are taken while the next keyframe is expanded
+    /// ([`iterations_before_joining`](crate::ReconstructionConfig)): it includes waiting for that keyframe, and is a part of its `expand_s`.
+    #[serde(default)]
+    pub late_s: f64,
 }
 
 impl KeyframeTiming {
     /// From arrival to the end of optimisation, seconds.
     pub fn total_s(&self) -> f64 {
-        self.wait_s + self.expand_s + self.train_s
+        self.wait_s + self.expand_s + self.train_s + self.late_s
     }
 }
 
@@ -94,13 +98,13 @@ mod tests {
     fn percentiles_are_values_that_occurred_and_parts_add_up() {
         let timings: Vec<KeyframeTiming> = (1..=200)
             .rev()
-            .map(|i| KeyframeTiming { index: i, wait_s: 0.5, prepare_s: 0.25, expand_s: 1.0, train_s: i as f64 })
+            .map(|i| KeyframeTiming { index: i, wait_s: 0.5, prepare_s: 0.25, expand_s: 1.0, train_s: i as f64, late_s: 0.5 })
             .collect();
         let s = LatencySummary::of(&timings).unwrap();
         assert_eq!((s.train.median_s, s.train.p90_s, s.train.p99_s), (100.0, 180.0, 198.0));
-        assert_eq!((s.total.median_s, s.wait.p99_s, s.keyframes), (101.5, 0.5, 200));
+        assert_eq!((s.total.median_s, s.wait.p99_s, s.keyframes), (102.0, 0.5, 200));
         assert!((s.keyframes_per_second - 200.0 / (200.0 + 20_100.0)).abs() < 1e-12);
-        assert_eq!(LatencySummary::of(&timings[..1]).unwrap().total.p99_s, 201.5);
+        assert_eq!(LatencySummary::of(&timings[..1]).unwrap().total.p99_s, 202.0);
         assert!(LatencySummary::of(&[]).is_none());
     }
 }

@@ -235,19 +235,32 @@ fn an_opaque_near_field_lets_nothing_be_spawned_behind_it_and_gives_way_where_it
 }
 
 #[test]
-fn a_keyframe_joins_after_the_steps_that_come_before() {
+fn a_keyframe_joins_after_the_last_steps_of_the_one_before() {
     let frames = keyframes(5);
-    let config = ReconstructionConfig { iterations_per_keyframe: 20, iterations_before_joining: 8, ..Default::default() };
-    let (mut r, log) = reconstructor(config, 1);
-    for (k, frame) in frames.iter().enumerate() {
-        let before = log.lock().unwrap().steps.len();
-        let report = r.push(frame).unwrap();
-        let log = log.lock().unwrap();
-        let steps = &log.steps[before..];
-        assert_eq!((report.steps, steps.len()), (20 * report.keyframes_expanded, report.steps));
-        if report.keyframes_expanded == 1 {
-            assert!(steps[..8].iter().all(|s| s.view.0 < k) && steps[8..].iter().any(|s| s.view.0 == k));
+    for late in [8, 20] {
+        let config = ReconstructionConfig { iterations_per_keyframe: 20, iterations_before_joining: late, ..Default::default() };
+        let (mut r, log) = reconstructor(config, 1);
+        for (k, frame) in frames.iter().enumerate() {
+            let before = log.lock().unwrap().steps.len();
+            let report = r.push(frame).unwrap();
+            let log = log.lock().unwrap();
+            let steps = &log.steps[before..];
+            assert_eq!(report.steps, steps.len());
+            match report.keyframes_expanded {
+                0 => assert_eq!(report.steps, 0, "the first ones are collected"),
+                1 => {
+                    assert_eq!(report.steps, 20);
+                    assert!(steps[..late].iter().all(|s| s.view.0 < k) && report.optical_loss > 0.0);
+                    assert_eq!(steps[late..].iter().any(|s| s.view.0 == k), late < 20);
+                }
+                first => assert_eq!(report.steps, 20 * first - late, "the last of them waits for a keyframe"),
+            }
         }
+        assert_eq!(r.timings().iter().filter(|t| t.late_s > 0.0).count(), 4);
+        let report = r.finish(&mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
+        assert_eq!((report.steps, log.lock().unwrap().steps.len()), (late, 20 * frames.len()));
+        assert!(log.lock().unwrap().steps[20 * 5 - late..].iter().any(|s| s.view.0 == 4));
+        assert!(r.timings().iter().all(|t| t.late_s > 0.0));
     }
 }
 

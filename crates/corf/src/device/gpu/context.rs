@@ -25,8 +25,9 @@ pub struct GpuOptions {
     pub tile: [u32; 2],
     /// Splats that the backward pass takes at once.
     pub batch: u32,
-    /// Threads that share a pixel's list in the forward pass: where images are small there are more threads than pixels.
-    pub segments: u32,
+    /// Threads that share a pixel's list in the forward pass: where images are small there are more threads than pixels. Without a number,
+    /// steps choose by the size of their images, and images that nobody trains on are drawn by one.
+    pub segments: Option<u32>,
     /// Whether two images with one camera are blended in one pass.
     pub fused: bool,
     /// Pairs, and visible Gaussians, there is room for at first, at least; there is always more once a frame has more.
@@ -43,7 +44,7 @@ impl Default for GpuOptions {
             timestamps: false,
             tile: [8, 8],
             batch: 32,
-            segments: 1,
+            segments: None,
             fused: true,
             least_room: 1 << 16,
             poison: None,
@@ -58,8 +59,10 @@ impl GpuOptions {
         let ([width, height], batch) = (self.tile, self.batch);
         let area = width * height;
         // A thread of the forward pass is a pixel; a batch fits into a tile and a tile's pixels into workgroup memory beside others'.
-        if ![1, 2, 4].contains(&self.segments) || self.segments * area > LARGEST_BLEND {
-            let what = format!("{} threads for each pixel of {width}x{height}", self.segments);
+        if let Some(segments) = self.segments
+            && (![1, 2, 4].contains(&segments) || segments * area > LARGEST_BLEND)
+        {
+            let what = format!("{segments} threads for each pixel of {width}x{height}");
             return Err(Error::invalid("gpu options", what, "1, 2 or 4 threads share a pixel, at most 256 a tile"));
         }
         let fits = [8, 16].contains(&width) && [4, 8, 16].contains(&height) && [8, 16, 32].contains(&batch);
@@ -76,7 +79,7 @@ impl GpuOptions {
 }
 
 /// Most threads of a workgroup.
-const LARGEST_BLEND: u32 = 256;
+pub(crate) const LARGEST_BLEND: u32 = 256;
 /// Largest tile in batches.
 const LARGEST_TILE_IN_BATCHES: u32 = 8;
 

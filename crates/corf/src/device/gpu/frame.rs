@@ -7,14 +7,14 @@
 //! depth in workgroup memory, long ones in chunks that `merge` joins. Only where a list lies depends on who came first.
 
 use super::{
-    context::Context,
+    context::{Context, LARGEST_BLEND},
     kernel::{Bound, Kernel},
     params::{self, Params},
     scratch::Scratch,
     shaders::{Blend, CHUNK, Fixed, SHARE},
     store::Store,
 };
-use crate::Result;
+use crate::{Error, Result};
 
 /// Words of the state (`shaders/groups.wgsl`), and the places of what is read back.
 pub(crate) const STATE_WORDS: usize = 14;
@@ -233,8 +233,19 @@ pub(crate) struct Forward {
     /// Apart, both at once.
     blend: [Kernel; 2],
     blend_and_name: Kernel,
+    /// For large images, and, where they are drawn otherwise, small ones.
     blend_and_keep: [Kernel; 2],
+    keep_small: Option<[Kernel; 2]>,
+    /// Tiles of the largest small image.
+    small_tiles: u32,
 }
+
+/// Images of at most so many pixels are small: they leave a large GPU's threads without work (an H200 holds 270 336), and pixels whose lists
+/// several threads share are drawn sooner. On a reconstructed field the blend of 94 000 pixels takes 0.18 ms instead of 0.27, of 375 000 as
+/// long, of 1.5 million 0.30 instead of 0.17.
+const SMALL_PIXELS: u32 = 1 << 18;
+/// Threads that share a pixel's list in small images.
+const SMALL_SEGMENTS: u32 = 4;
 
 /// What a forward pass leaves beside the images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -257,14 +268,25 @@ pub(crate) struct BoundForward {
     order: Bound,
     merge: Bound,
     blend: [Bound; 2],
+    blend_small: Option<[Bound; 2]>,
+    small_tiles: u32,
 }
 
 impl Forward {
-    pub fn new(context: &Context, fixed: &Fixed) -> Result<Self> {
-        let one = Blend::default();
+    /// With so many threads for a pixel's list, or as many as the image's size suggests.
+    pub fn new(context: &Context, fixed: &Fixed, segments: Option<u32>) -> Result<Self> {
+        let single = Blend { both: false, main_contributor: false, checkpoints: false, segments: 1 };
+        let one = Blend { segments: segments.unwrap_or(1), ..single };
         let two = Blend { both: true, ..one };
         let keep = |blend| fixed.forward(Blend { checkpoints: true, ..blend });
-        let [project, plan, emit, allot, place, order, merge, single, double, blend_and_name, keep_single, keep_double] =
+        let area = fixed.tile[0] * fixed.tile[1];
+        let fits = area * SMALL_SEGMENTS <= LARGEST_BLEND
+            && fixed.split_bytes(SMALL_SEGMENTS) <= context.limits.max_compute_workgroup_storage_size;
+        let small = (segments.is_none() && fits).then(|| {
+            let small = |blend| keep(Blend { segments: SMALL_SEGMENTS, ..blend });
+            Kernel::all(context, [("blend, keep, small", small(one)), ("blend both, keep, small", small(two))])
+        });
+        let [project, plan, emit, allot, place, order, merge, blend, blend_both, blend_and_name, keep_single, keep_double] =
             Kernel::all(
                 context,
                 [
@@ -277,13 +299,27 @@ impl Forward {
                     ("merge chunks", fixed.merge()),
                     ("blend", fixed.forward(one)),
                     ("blend both", fixed.forward(two)),
-                    ("blend, name", fixed.forward(Blend { main_contributor: true, ..one })),
+                    ("blend, name", fixed.forward(Blend { main_contributor: true, ..single })),
                     ("blend, keep", keep(one)),
                     ("blend both, keep", keep(two)),
                 ],
             )?;
-        let (blend, blend_and_keep) = ([single, double], [keep_single, keep_double]);
-        Ok(Self { project, plan, emit, allot, place, order, merge, blend, blend_and_name, blend_and_keep })
+        let (blend, blend_and_keep) = ([blend, blend_both], [keep_single, keep_double]);
+        let (keep_small, small_tiles) = (small.transpose()?, SMALL_PIXELS / area);
+        Ok(Self {
+            project,
+            plan,
+            emit,
+            allot,
+            place,
+            order,
+            merge,
+            blend,
+            blend_and_name,
+            blend_and_keep,
+            keep_small,
+            small_tiles,
+        })
     }
 
     pub fn bind(
@@ -298,16 +334,17 @@ impl Forward {
         let (counts, sums, splats) = (&m.tile_counts.buffer, &m.block_sums.buffer, &m.splats.buffer);
         let (pairs, sizes, lists, entries) = (&m.pairs.buffer, &m.tile_sizes.buffer, &m.lists.buffer, &m.entries.buffer);
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
-        let blended = |both: usize| {
-            let kernel = match leaves {
-                Leaves::Images => &self.blend[both],
-                Leaves::MainContributors => &self.blend_and_name,
-                Leaves::Checkpoints => &self.blend_and_keep[both],
-            };
+        let blended = |kernel: &Kernel| {
             let (image, transmittance) = (&m.image.buffer, &m.transmittance.buffer);
             let (names, kept, visited) = (&m.main_contributor.buffer, &m.checkpoints.buffer, &m.visited.buffer);
             bind(kernel, &[params, lists, entries, splats, image, transmittance, names, kept, visited, &m.gaussian_of.buffer])
         };
+        let [large, large_both] = match leaves {
+            Leaves::Images => self.blend.each_ref(),
+            Leaves::MainContributors => [&self.blend_and_name; 2],
+            Leaves::Checkpoints => self.blend_and_keep.each_ref(),
+        };
+        let small = self.keep_small.as_ref().filter(|_| leaves == Leaves::Checkpoints);
         let (order, offsets, places) = (&m.order.buffer, &m.offsets.buffer, &m.places.buffer);
         let (records, shares) = (&m.records.buffer, &m.shares.buffer);
         let (taken, names) = (&m.taken.buffer, &m.gaussian_of.buffer);
@@ -322,7 +359,9 @@ impl Forward {
             place: bind(&self.place, &[params, &m.state, pairs, lists, entries])?,
             order: bind(&self.order, &[params, lists, pairs, entries, &m.state, chunks])?,
             merge: bind(&self.merge, &[&m.state, lists, chunks, pairs, entries])?,
-            blend: [blended(0)?, blended(1)?],
+            blend: [blended(large)?, blended(large_both)?],
+            blend_small: small.map(|[one, both]| Ok::<_, Error>([blended(one)?, blended(both)?])).transpose()?,
+            small_tiles: self.small_tiles,
         })
     }
 }
@@ -347,7 +386,8 @@ impl BoundForward {
         self.order.run_indirect(pass, offset, &m.args, ARGS_ORDER);
         self.merge.run_indirect(pass, offset, &m.args, ARGS_MERGE);
         mark(pass);
-        self.blend[p.fused as usize].run(pass, offset, p.tile_total);
+        let small = self.blend_small.as_ref().filter(|_| p.tile_total <= self.small_tiles);
+        small.unwrap_or(&self.blend)[p.fused as usize].run(pass, offset, p.tile_total);
         mark(pass);
     }
 }

@@ -84,10 +84,9 @@ impl GpuDevice {
         store.append(&context, initial)?;
         let (tile, batch) = (options.tile, options.batch);
         let shuffles = context.subgroups.is_some_and(|(min, _)| min >= batch);
-        let segments = options.segments;
-        let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, tile, batch, segments, shuffles };
+        let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, tile, batch, shuffles };
         let (forward, (training, surveyor)) = rayon::join(
-            || Forward::new(&context, &fixed),
+            || Forward::new(&context, &fixed, options.segments),
             || rayon::join(|| Training::new(&context, &fixed), || Surveyor::new(&context, &fixed)),
         );
         let (forward, training, surveyor) = (forward?, training?, surveyor?);
@@ -247,9 +246,13 @@ impl Device for GpuDevice {
         self.run_steps(steps)
     }
 
-    fn begin_training(&mut self, steps: &[Step]) -> Result<()> {
+    fn begin_training(&mut self, steps: &[Step]) -> Result<Option<StepReport>> {
         self.ready()?;
-        self.begin_steps(steps)
+        self.begin_steps(steps).map(|()| None)
+    }
+
+    fn end_training(&mut self) -> Result<Option<StepReport>> {
+        self.settle()
     }
 
     fn gaussians(&mut self) -> Gaussians {

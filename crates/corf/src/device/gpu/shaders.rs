@@ -45,8 +45,6 @@ pub(crate) struct Fixed {
     pub tile: [u32; 2],
     /// Splats of a bucket: what the backward pass takes at once.
     pub batch: u32,
-    /// Threads that share a pixel's list in the forward pass.
-    pub segments: u32,
     /// Whether a bucket's lanes are of one subgroup, on every workgroup.
     pub shuffles: bool,
 }
@@ -185,21 +183,22 @@ impl Fixed {
         self.head() + LISTS + include_str!("shaders/merge.wgsl")
     }
 
-    /// Whether a pixel's list is shared by several threads where nobody asks for names.
-    fn splits(&self, kind: Blend) -> bool {
-        self.segments > 1 && !kind.main_contributor
+    /// Workgroup memory of a blend of both modalities in which so many threads share a pixel's list, without a few words.
+    pub fn split_bytes(&self, segments: u32) -> u32 {
+        let (numbers, splat) = (Self::state_numbers(true) + 1, 16);
+        4 * segments * (numbers * self.tile[0] * self.tile[1] + splat * self.batch)
     }
 
     /// Both modalities of one grid at once, or one of each tile.
     pub fn forward(&self, kind: Blend) -> String {
-        let (both, name, keep) = (kind.both, kind.main_contributor, kind.checkpoints);
+        let Blend { both, main_contributor: name, checkpoints: keep, segments } = kind;
         let constants = format!("const MAIN_CONTRIBUTOR = {name};\nconst KEEP = {keep};\n");
         let blend = concat!(include_str!("shaders/blend.wgsl"), include_str!("shaders/forward_bindings.wgsl"));
         let head = self.head() + &constants + &self.blend_head(both) + blend;
-        if !self.splits(kind) {
+        if segments == 1 {
             return head + include_str!("shaders/forward.wgsl");
         }
-        let (segments, batch) = (self.segments, self.segments * self.batch);
+        let batch = segments * self.batch;
         let sizes = format!("const SEGMENTS = {segments}u;\nconst RADIO_BATCH = {}u;\n", if both { batch } else { 1 });
         head + &sizes + include_str!("shaders/forward_split.wgsl")
     }
@@ -256,14 +255,16 @@ impl Fixed {
 }
 
 /// Which blend.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Blend {
     /// Both modalities of one grid at once.
     pub both: bool,
-    /// Also name the Gaussian of the largest weight.
+    /// Also name the Gaussian of the largest weight; by one thread a pixel.
     pub main_contributor: bool,
     /// Keep what the backward pass begins with.
     pub checkpoints: bool,
+    /// Threads that share a pixel's list.
+    pub segments: u32,
 }
 
 /// Gathering rows of a buffer.

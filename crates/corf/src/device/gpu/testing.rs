@@ -9,7 +9,7 @@ pub(crate) const OPTIONS: GpuOptions = GpuOptions {
     timestamps: false,
     tile: [8, 8],
     batch: 16,
-    segments: 1,
+    segments: Some(1),
     fused: true,
     least_room: 16,
     poison: Some(0xffc0_ffee),

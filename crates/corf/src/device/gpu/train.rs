@@ -224,14 +224,13 @@ impl GpuDevice {
         Ok(())
     }
 
-    /// Waits for steps that were begun.
-    pub(super) fn settle(&mut self) -> Result<()> {
-        if let Some((mut batch, reading)) = self.begun.take()
-            && self.absorb(&mut batch, reading)?.is_none()
-        {
-            self.complete(batch, None)?;
+    /// Waits for steps that were begun, if any were, and reports the last.
+    pub(super) fn settle(&mut self) -> Result<Option<StepReport>> {
+        let Some((mut batch, reading)) = self.begun.take() else { return Ok(None) };
+        match self.absorb(&mut batch, reading)? {
+            Some(report) => Ok(Some(report)),
+            None => self.complete(batch, None).map(Some),
         }
-        Ok(())
     }
 
     /// Steps made ready; nothing of none.

@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 /// What is ordered here does not depend on what is not ordered by.
 fn fixed() -> Fixed {
     let harmonics = [HarmonicsShape { channels: 3, degree: 0 }; 2];
-    Fixed { antialias: Antialias::On, harmonics, tile: [8, 8], batch: 16, segments: 1, shuffles: false }
+    Fixed { antialias: Antialias::On, harmonics, tile: [8, 8], batch: 16, shuffles: false }
 }
 
 /// Orders lists of these lengths, filled with depths below `range` and pairs' numbers in no order, and checks every place. Lists of more
@@ -186,7 +186,7 @@ fn emitted(
     params.set_room(m.room);
     let uniforms = Uniforms::new(context, std::iter::once(&params)).unwrap();
     m.reset(context, g.len());
-    let forward = Forward::new(context, &fixed).unwrap();
+    let forward = Forward::new(context, &fixed, None).unwrap();
     let bound = forward.bind(context, &uniforms.buffer, &store, &m, Leaves::Images).unwrap();
     let run = |kernels: &dyn Fn(&mut wgpu::ComputePass<'_>)| {
         let mut encoder = context.encoder();
