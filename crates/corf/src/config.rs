@@ -92,6 +92,8 @@ pub struct ReconstructionConfig {
     pub iterations_before_joining: usize,
     /// Pyramid levels (paper: 3).
     pub pyramid_levels: u32,
+    /// Pyramid levels of the spectrum, at most `pyramid_levels`: with fewer it starts finer than the image. Default: as many, as published.
+    pub rf_pyramid_levels: Option<u32>,
     /// A keyframe moves one pyramid level finer after this many of its own visits (5).
     pub visits_per_level: usize,
     /// Which share of a keyframe's visits at full resolution sees the whole image; the others see it one pyramid level coarser, at a
@@ -203,6 +205,7 @@ impl Default for ReconstructionConfig {
             iterations_per_keyframe: 75,
             iterations_before_joining: 0,
             pyramid_levels: 3,
+            rf_pyramid_levels: None,
             visits_per_level: 5,
             finest_share: 1.0,
             latest_probability: 0.2,
@@ -237,7 +240,7 @@ impl ReconstructionConfig {
         let probability = |x: f32| (0.0..=1.0).contains(&x);
         let positive = |x: f32| x.is_finite() && x > 0.0;
         let d = &self.depth;
-        let checks: [(&str, bool, &str); 33] = [
+        let checks: [(&str, bool, &str); 34] = [
             ("uniform_probability", probability(self.uniform_probability), "a probability between 0 and 1"),
             ("iterations_per_keyframe", self.iterations_per_keyframe >= 1, "at least 1 (paper: 75)"),
             (
@@ -246,6 +249,11 @@ impl ReconstructionConfig {
                 "at most iterations_per_keyframe",
             ),
             ("pyramid_levels", (1..=6).contains(&self.pyramid_levels), "between 1 and 6 (paper: 3)"),
+            (
+                "rf_pyramid_levels",
+                self.rf_pyramid_levels.is_none_or(|n| (1..=self.pyramid_levels).contains(&n)),
+                "between 1 and pyramid_levels",
+            ),
             ("visits_per_level", self.visits_per_level >= 1, "at least 1"),
             ("finest_share", probability(self.finest_share), "a share between 0 and 1"),
             ("latest_probability", probability(self.latest_probability), "a probability between 0 and 1"),

@@ -33,7 +33,7 @@ const PUBLISHED_BASELINE: f64 = 0.1;
 /// Least mean baseline assumed, metres: a platform that stands still must not freeze the geometry.
 const LEAST_BASELINE_M: f64 = 1e-3;
 /// Keyframes that wait, or are prepared, while the field is expanded with another.
-const PREPARED_AT_ONCE: usize = 5;
+const PREPARED_AT_ONCE: usize = 8;
 /// Steps handed to the device at once where the policy does not need it back in between.
 const BATCH: usize = 75;
 
@@ -122,7 +122,9 @@ impl Reconstructor {
             return Err(Error::invalid("the optical camera", what, "reconstruct from smaller images"));
         }
         let background = (!device.trains_on_the_host()).then(rayon::current_num_threads);
-        let preparer = Preparer::new(&config, &meta, seed, device.packer(), background.is_some());
+        // Where steps are taken during an expansion, what it needs can wait for it.
+        let eager = background.is_some() && config.iterations_before_joining == 0;
+        let preparer = Preparer::new(&config, &meta, seed, device.packer(), eager);
         Ok(Self {
             ahead: Ahead::new(preparer, prepare::Past::new(&config), background),
             schedule: Schedule::new(seed, config.rf_target.floor_color()),
@@ -257,9 +259,11 @@ impl Reconstructor {
         Ok(())
     }
 
-    /// When each keyframe expanded so far was waiting, expanded and trained with, in order.
+    /// When each keyframe expanded so far was waiting, expanded and trained with, in order. The latest is missing while it has steps left to
+    /// be taken while another is expanded.
     pub fn timings(&self) -> &[KeyframeTiming] {
-        &self.timings
+        let open = self.config.iterations_before_joining > 0 && !self.finished;
+        &self.timings[..self.timings.len() - usize::from(open && !self.timings.is_empty())]
     }
 
     /// Ends the sequence: expands keyframes still waiting and runs the second stage of a two-stage coupling, which repeats the

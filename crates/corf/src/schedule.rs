@@ -156,7 +156,8 @@ impl Schedule {
         let coarsest = config.pyramid_levels - 1;
         let level = coarsest.saturating_sub((*visits / config.visits_per_level) as u32);
         let spared = level == 0 && !spread(*visits, config.finest_share);
-        let levels = [if spared { coarsest.min(1) } else { level }, level];
+        let rf_level = level.min(config.rf_pyramid_levels.map_or(coarsest, |n| n - 1));
+        let levels = [if spared { coarsest.min(1) } else { level }, rf_level];
         let decay = config.depth_weight_decay.powi((*visits).min(10_000) as i32);
         let depth_weight = if weights.depth && decay >= LEAST_DEPTH_DECAY { self.depth_weight * decay } else { 0.0 };
         *visits += 1;
@@ -226,6 +227,9 @@ mod tests {
         assert_eq!(levels[..10], [2, 2, 2, 2, 2, 1, 1, 1, 1, 1]);
         // A quarter in every run of four.
         assert!(levels[10..].chunks_exact(4).all(|run| run.iter().filter(|l| **l == 0).count() == 1), "{levels:?}");
+        let fine = ReconstructionConfig { rf_pyramid_levels: Some(1), ..ReconstructionConfig::default() };
+        let levels: Vec<[u32; 2]> = self::schedule(1, 1).online(11, 0.2, JOINT, &fine).iter().map(|s| s.levels).collect();
+        assert_eq!([levels[0], levels[5], levels[10]], [[2, 0], [1, 0], [0, 0]], "the spectrum alone starts fine");
         assert_eq!(schedule.epoch(JOINT, &config)[0].levels, [0; 2]);
         let flat = ReconstructionConfig { pyramid_levels: 1, ..config };
         assert!(schedule.online(9, 0.2, JOINT, &flat).iter().all(|s| s.levels == [0; 2]));

@@ -9,6 +9,7 @@ pub struct Rng {
     state: u64,
 }
 
+#[inline]
 fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -17,6 +18,7 @@ fn mix(mut z: u64) -> u64 {
 
 impl Rng {
     /// The stream of one item (pixel, path, step …) of one stage under one seed.
+    #[inline]
     pub fn keyed(seed: u64, stage: u64, item: u64) -> Self {
         let state = mix(
             mix(mix(seed ^ 0x9e37_79b9_7f4a_7c15).wrapping_add(stage.wrapping_mul(0xd134_2543_de82_ef95))).wrapping_add(item)
@@ -25,17 +27,20 @@ impl Rng {
     }
 
     /// 64 random bits.
+    #[inline]
     pub fn next_u64(&mut self) -> u64 {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         mix(self.state)
     }
 
     /// Uniform in `[0, 1)`, 24 bits.
+    #[inline]
     pub fn uniform(&mut self) -> f32 {
         (self.next_u64() >> 40) as f32 * (1.0 / 16_777_216.0)
     }
 
     /// Uniform in `[0, 1)`, 53 bits.
+    #[inline]
     pub fn uniform_f64(&mut self) -> f64 {
         (self.next_u64() >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
     }

@@ -161,6 +161,7 @@ fn summary(info: &RunInfo) -> String {
             ("    of it preparation", l.prepare),
             ("  expand", l.expand),
             ("  train", l.train),
+            ("  late steps", l.late),
         ] {
             let [a, b, c] = [p.median_s, p.p90_s, p.p99_s].map(|s| 1e3 * s);
             text += &format!("\n{name:<48} {a:>8.1} {b:>8.1} {c:>8.1}");

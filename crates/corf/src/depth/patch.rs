@@ -25,10 +25,18 @@ impl GreyImage {
     /// Stores an image with values in `[0, 1]`.
     pub fn new(image: &Raster<f32>) -> Self {
         let (width, height) = (image.width(), image.height());
-        let word = |v: f32| (v.clamp(0.0, 1.0) * FULL).round() as u32;
-        let pixels = image.pixels();
-        let pair = |i: usize| word(pixels[i]) | word(pixels[if (i + 1).is_multiple_of(width) { i } else { i + 1 }]) << 16;
-        let pairs = (0..pixels.len()).into_par_iter().with_min_len(1024).map(pair).collect();
+        // To the nearest, without a call into the C library for each pixel.
+        let word = |v: f32| (v.clamp(0.0, 1.0) * FULL + 0.5) as u32;
+        let mut pairs = vec![0_u32; width * height];
+        if width > 0 {
+            let rows = pairs.par_chunks_exact_mut(width).zip(image.pixels().par_chunks_exact(width)).with_min_len(8);
+            rows.for_each(|(pairs, values)| {
+                pairs.iter_mut().zip(values).for_each(|(pair, v)| *pair = word(*v));
+                for x in 0..width {
+                    pairs[x] |= pairs[(x + 1).min(width - 1)] << 16;
+                }
+            });
+        }
         Self { width, height, pairs, isa: Isa::detect() }
     }
 

@@ -4,6 +4,7 @@
 use super::prepare::{Looked, Past, Prepared, Preparer};
 use crate::Result;
 use corf_scene::Keyframe;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
@@ -18,13 +19,32 @@ pub(super) struct Ahead {
 enum Way {
     /// Keyframes that nobody has looked at.
     WhenAsked(VecDeque<Keyframe>),
-    /// Threads that prepare what arrives.
-    Background(rayon::ThreadPool),
+    /// Threads prepare what arrives.
+    Background,
+}
+
+/// Threads that prepare keyframes.
+struct Threads {
+    /// Many keyframes at once.
+    any: ThreadPool,
+    /// One after the other, what all later ones wait for: with the others, a thread that waits here would begin with another keyframe instead.
+    in_order: ThreadPool,
+}
+
+impl Threads {
+    /// None where the system has none to give.
+    fn new(count: usize) -> Option<Self> {
+        let pool = |name: &'static str, count: usize| {
+            ThreadPoolBuilder::new().num_threads(count.max(1)).thread_name(move |i| format!("{name} {i}")).build().ok()
+        };
+        Some(Self { any: pool("prepare", count)?, in_order: pool("place", count / 4)? })
+    }
 }
 
 /// What the threads that prepare keyframes have in common.
 struct Shared {
     preparer: Preparer,
+    threads: Option<Threads>,
     state: Mutex<State>,
     changed: Condvar,
 }
@@ -46,15 +66,10 @@ impl Ahead {
     /// Nothing has arrived yet. `background` is the number of threads to prepare with; without, everything happens when it is asked for.
     pub fn new(preparer: Preparer, past: Past, background: Option<usize>) -> Self {
         let state = State { first: None, past: Some(past), met: 0, placed: 0, looked: BTreeMap::new(), ready: BTreeMap::new() };
-        let pool = background.and_then(|threads| {
-            rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("prepare {i}")).build().ok()
-        });
-        Self {
-            shared: Arc::new(Shared { preparer, state: Mutex::new(state), changed: Condvar::new() }),
-            way: pool.map_or_else(|| Way::WhenAsked(VecDeque::new()), Way::Background),
-            received: 0,
-            taken: 0,
-        }
+        let threads = background.and_then(Threads::new);
+        let way = if threads.is_some() { Way::Background } else { Way::WhenAsked(VecDeque::new()) };
+        let shared = Arc::new(Shared { preparer, threads, state: Mutex::new(state), changed: Condvar::new() });
+        Self { shared, way, received: 0, taken: 0 }
     }
 
     pub fn preparer(&self) -> &Preparer {
@@ -78,14 +93,17 @@ impl Ahead {
         self.received += 1;
         match &mut self.way {
             Way::WhenAsked(arrivals) => arrivals.push_back(keyframe),
-            Way::Background(pool) => {
+            Way::Background => {
                 let shared = self.shared.clone();
-                pool.spawn_fifo(move || {
-                    let looked = shared.preparer.look(&keyframe);
-                    drop(keyframe);
-                    shared.lock().looked.insert(place, looked);
-                    shared.advance();
-                });
+                self.shared.spawn(
+                    |threads| &threads.any,
+                    move || {
+                        let looked = shared.preparer.look(&keyframe);
+                        drop(keyframe);
+                        shared.lock().looked.insert(place, looked);
+                        shared.advance();
+                    },
+                );
             }
         }
     }
@@ -97,10 +115,7 @@ impl Ahead {
         if state.first.is_none() {
             state.first = Some(count);
             drop(state);
-            if let Way::Background(pool) = &self.way {
-                let shared = self.shared.clone();
-                pool.spawn_fifo(move || shared.advance());
-            }
+            self.shared.advance();
         }
     }
 
@@ -175,15 +190,30 @@ impl Shared {
         placed.map(|placed| (place, placed))
     }
 
-    /// Places what can be placed and has it completed, on the threads that this is called on.
+    /// Has what can be placed placed, and then completed, where threads do that.
     fn advance(self: &Arc<Self>) {
-        while let Some((place, placed)) = self.place_next() {
-            let shared = self.clone();
-            rayon::spawn_fifo(move || {
-                let prepared = placed.and_then(|placed| shared.preparer.complete(placed));
-                shared.lock().ready.insert(place, prepared);
-                shared.changed.notify_all();
-            });
+        let shared = self.clone();
+        self.spawn(
+            |threads| &threads.in_order,
+            move || {
+                while let Some((place, placed)) = shared.place_next() {
+                    let own = shared.clone();
+                    shared.spawn(
+                        |threads| &threads.any,
+                        move || {
+                            let prepared = placed.and_then(|placed| own.preparer.complete(placed));
+                            own.lock().ready.insert(place, prepared);
+                            own.changed.notify_all();
+                        },
+                    );
+                }
+            },
+        );
+    }
+
+    fn spawn(&self, on: impl Fn(&Threads) -> &ThreadPool, work: impl FnOnce() + Send + 'static) {
+        if let Some(threads) = &self.threads {
+            on(threads).spawn_fifo(work);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{
     Past, Reconstructor,
-    prepare::{Prepared, acceptance, inverse_depth},
+    prepare::{Prepared, acceptance, anchor_grid, inverse_depth},
 };
 use crate::{
     Coupling, Gaussians, Result, Sampling,
@@ -15,9 +15,6 @@ use crate::{
 use corf_scene::Pinhole;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
-
-/// Rendered depths that stand in for triangulated ones are taken every this many pixels.
-const RENDERED_ANCHOR_STRIDE: usize = 4;
 
 /// What an expansion did.
 #[derive(Default)]
@@ -52,7 +49,7 @@ impl Reconstructor {
     /// Expands the field with one keyframe and adds it to the buffer of the schedule.
     pub(super) fn expand(&mut self, mut keyframe: Prepared) -> Result<Expansion> {
         let view = View { camera: self.meta.optical_camera, world_from_camera: keyframe.training.world_from_camera };
-        let (seen, judged) = self.survey(view, &keyframe)?;
+        let (seen, judged) = self.survey(view, &mut keyframe)?;
         let late = self.online_steps(self.config.iterations_before_joining);
         let trained = if late.is_empty() { None } else { self.device.begin_training(&late)? };
         let (change, mut expansion) = self.decide(view, &mut keyframe, &seen, &judged)?;
@@ -152,19 +149,11 @@ impl Reconstructor {
         Ok(())
     }
 
-    /// What the field shows of a new keyframe's candidates and corners, and what speaks against each Gaussian; nothing while it is empty.
-    fn survey(&mut self, view: View, keyframe: &Prepared) -> Result<(Seen, Vec<Judgement>)> {
+    /// What the field shows where a new keyframe asks, and what speaks against each Gaussian; nothing while it is empty.
+    fn survey(&mut self, view: View, keyframe: &mut Prepared) -> Result<(Seen, Vec<Judgement>)> {
         if self.device.is_empty() {
             return Ok((Seen::default(), vec![]));
         }
-        let mut pixels = keyframe.candidates.clone();
-        pixels.extend(keyframe.anchors.iter().map(|a| (a.x, a.y)));
-        if keyframe.aligned.is_none() && keyframe.mono.is_some() {
-            pixels.extend(anchor_grid(self.meta.optical_camera));
-        }
-        // Nearly in order: what is drawn is.
-        pixels.sort_by_key(|&(x, y)| (y, x));
-        pixels.dedup();
         let prune = PruneRule {
             opacity: self.config.prune_opacity,
             // A stage that light trains alone leaves the RF opacities as they were born: they say nothing there.
@@ -172,8 +161,8 @@ impl Reconstructor {
             image_fraction: self.config.prune_image_fraction,
         };
         let sigma_px = (self.config.sampling == Sampling::Log).then_some(self.config.log_sigma_px);
-        let Survey { shown, judged } = self.device.survey(&SurveyRequest { view, sigma_px, pixels: &pixels, prune })?;
-        Ok((Seen::new(pixels, shown, view.camera.height), judged))
+        let Survey { shown, judged } = self.device.survey(&SurveyRequest { view, sigma_px, pixels: &keyframe.asked, prune })?;
+        Ok((Seen::new(std::mem::take(&mut keyframe.asked), shown, view.camera.height), judged))
     }
 }
 
@@ -232,12 +221,6 @@ fn insert_corners(samples: &mut Vec<PixelDepth>, keyframe: &Prepared, wanted: im
             reliability: Reliability::Triangulated,
         }));
     }
-}
-
-/// Pixels whose rendered depths stand in for triangulated ones.
-fn anchor_grid(camera: Pinhole) -> impl Iterator<Item = (usize, usize)> {
-    let rows = (0..camera.height).step_by(RENDERED_ANCHOR_STRIDE);
-    rows.flat_map(move |y| (0..camera.width).step_by(RENDERED_ANCHOR_STRIDE).map(move |x| (x, y)))
 }
 
 /// Well covered rendered depths on the grid.

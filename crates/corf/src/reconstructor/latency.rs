@@ -72,6 +72,9 @@ pub struct LatencySummary {
     pub expand: Percentiles,
     /// Training.
     pub train: Percentiles,
+    /// The end of it, where that is within the next keyframe's expansion.
+    #[serde(default)]
+    pub late: Percentiles,
 }
 
 impl LatencySummary {
@@ -86,6 +89,7 @@ impl LatencySummary {
             prepare: Percentiles::of(timings.iter().map(|t| t.prepare_s)),
             expand: Percentiles::of(timings.iter().map(|t| t.expand_s)),
             train: Percentiles::of(timings.iter().map(|t| t.train_s)),
+            late: Percentiles::of(timings.iter().map(|t| t.late_s)),
         })
     }
 }

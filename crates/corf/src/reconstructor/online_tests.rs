@@ -130,8 +130,8 @@ fn what_is_prepared_ahead_changes_nothing() {
     for config in ways() {
         let mut pushed = fresh(cpu(&config), &config);
         frames.iter().for_each(|k| assert!(pushed.push(k).is_ok()));
-        let timings = pushed.timings().to_vec();
         let truth = finish(&mut pushed);
+        let timings = pushed.timings();
         assert!(truth.len() > 100, "{}", truth.len());
         assert_eq!(timings.iter().map(|t| t.index).collect::<Vec<_>>(), [0, 2, 4, 6, 8, 10]);
         assert!(timings.iter().all(|t| t.train_s + t.late_s > 0.0 && t.expand_s > 0.0 && t.wait_s >= 0.0));

@@ -10,11 +10,14 @@ use crate::{
     field::FieldMeta,
     stage,
 };
-use corf_scene::{Keyframe, Raster, Rigid3};
+use corf_scene::{Keyframe, Pinhole, Raster, Rigid3};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Rendered depths that stand in for triangulated ones are taken every this many pixels.
+const RENDERED_ANCHOR_STRIDE: usize = 4;
 
 /// How many of the latest keyframes are kept for matching; older ones hardly overlap, and a 1600×900 keyframe is 6 MB of grey values.
 const MATCHING_WINDOW: usize = 32;
@@ -49,6 +52,8 @@ pub(super) struct Prepared {
     pub probability: Raster<f32>,
     /// Pixels that are drawn wherever nothing is rendered yet, a superset of those that will be.
     pub candidates: Vec<(usize, usize)>,
+    /// Pixels about which the field is asked, row by row: those, triangulated corners, and, where the prior may be aligned to the field, a grid.
+    pub asked: Vec<(usize, usize)>,
     reference: Arc<GreyView>,
     neighbours: Vec<Arc<GreyView>>,
     pub anchors: Vec<SparseDepth>,
@@ -116,7 +121,7 @@ pub(super) struct Preparer {
     seed: u64,
     prior: DepthPrior,
     packer: Option<Packer>,
-    /// Whether the processor has time to match candidates that may not be needed.
+    /// Whether candidates are matched that may not be needed, nine of ten in a field that has grown, so that nothing waits for those that are.
     eager: bool,
 }
 
@@ -234,11 +239,18 @@ impl Preparer {
         let alignment = stage::keyed(stage::ALIGNMENT, looked.index);
         let mono = looked.mono;
         let aligned = mono.as_ref().and_then(|m| depth::align(m, &anchors, &self.config.depth, self.seed, alignment));
+        let grid = (aligned.is_none() && mono.is_some()).then(|| anchor_grid(self.meta.optical_camera));
+        let mut asked = looked.candidates.clone();
+        asked.extend(anchors.iter().map(|a| (a.x, a.y)).chain(grid.into_iter().flatten()));
+        // Nearly in order: what is drawn is.
+        asked.sort_by_key(|&(x, y)| (y, x));
+        asked.dedup();
         let mut prepared = Prepared {
             index: looked.index,
             training: self.target(looked.world_from_camera, looked.optical, looked.rf, aligned.as_ref()),
             probability: looked.probability,
             candidates: looked.candidates,
+            asked,
             reference: looked.view,
             neighbours,
             anchors,
@@ -272,6 +284,12 @@ pub(super) fn acceptance(sampling: Sampling, image: f32, rendering: f32) -> f32 
         // Accept where rand < 2·P̄: the distance 1/(2√P) of Eq. (17) then lets neighbours overlap.
         Sampling::Log => 2.0 * log::final_probability(image, rendering),
     }
+}
+
+/// Pixels whose rendered depths stand in for triangulated ones.
+pub(super) fn anchor_grid(camera: Pinhole) -> impl Iterator<Item = (usize, usize)> {
+    let rows = (0..camera.height).step_by(RENDERED_ANCHOR_STRIDE);
+    rows.flat_map(move |y| (0..camera.width).step_by(RENDERED_ANCHOR_STRIDE).map(move |x| (x, y)))
 }
 
 /// An aligned prior as a training target.

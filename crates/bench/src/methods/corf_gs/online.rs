@@ -3,7 +3,7 @@
 use super::CorfGs;
 use crate::method::{Advance, Checkpoints, TrainingSet};
 use anyhow::{Context, Result, ensure};
-use corf::{Checkpoint, Reconstructor};
+use corf::{Checkpoint, KeyframeTiming, Reconstructor};
 use std::time::{Duration, Instant};
 
 /// Time between checkpoints that nobody asked for: what is lost without them is no more, and what they cost is next to nothing.
@@ -16,6 +16,8 @@ pub(super) struct Online<'a> {
     pub keeper: Keeper,
     /// Units of the whole reconstruction.
     pub total: usize,
+    /// Keyframes of which the harness has been told.
+    pub told: usize,
 }
 
 impl Online<'_> {
@@ -35,6 +37,13 @@ impl Online<'_> {
             self.process(advance)?;
         }
         Ok(())
+    }
+
+    /// What the next keyframe took of those that the harness has not been told of, once its optimisation has ended.
+    pub fn next_timing(&mut self) -> Option<KeyframeTiming> {
+        let timing = self.reconstructor.timings().get(self.told).copied();
+        self.told += usize::from(timing.is_some());
+        timing
     }
 
     /// How many keyframes the checkpoint stood for.
@@ -57,7 +66,7 @@ impl Online<'_> {
         if self.keeper.is_due(done, done == self.training.len() && self.total > done) {
             self.keeper.keep(&mut self.reconstructor)?;
         }
-        let keyframe = self.reconstructor.timings().last().copied();
+        let keyframe = self.next_timing();
         let told = Advance { gaussians: Some(report.gaussians), keyframe: keyframe.as_ref(), ..Advance::of(done, self.total) };
         advance(told).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
