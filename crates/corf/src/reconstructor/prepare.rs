@@ -121,7 +121,7 @@ pub(super) struct Preparer {
     seed: u64,
     prior: DepthPrior,
     packer: Option<Packer>,
-    /// Whether candidates are matched that may not be needed, nine of ten in a field that has grown, so that nothing waits for those that are.
+    /// Whether candidates are matched that may not be needed, so that nothing waits for those that are.
     eager: bool,
 }
 
