@@ -23,21 +23,31 @@ enum Way {
     Background,
 }
 
+/// Threads that prepare one keyframe.
+const LANE: usize = 4;
+
 /// Threads that prepare keyframes.
 struct Threads {
-    /// Many keyframes at once.
-    any: ThreadPool,
-    /// One after the other, what all later ones wait for: with the others, a thread that waits here would begin with another keyframe instead.
+    /// A keyframe each: in one pool for all, a thread that waits for a part of its keyframe begins with another in between, and some keyframes
+    /// take three times as long as most.
+    lanes: Vec<ThreadPool>,
+    /// One after the other, what all later ones wait for.
     in_order: ThreadPool,
 }
 
 impl Threads {
     /// None where the system has none to give.
     fn new(count: usize) -> Option<Self> {
-        let pool = |name: &'static str, count: usize| {
-            ThreadPoolBuilder::new().num_threads(count.max(1)).thread_name(move |i| format!("{name} {i}")).build().ok()
+        let pool = |name: &'static str| {
+            let threads = LANE.min(count).max(1);
+            ThreadPoolBuilder::new().num_threads(threads).thread_name(move |i| format!("{name} {i}")).build().ok()
         };
-        Some(Self { any: pool("prepare", count)?, in_order: pool("place", count / 4)? })
+        let lanes = (0..count.div_ceil(LANE).max(1)).map(|_| pool("prepare")).collect::<Option<_>>()?;
+        Some(Self { lanes, in_order: pool("place")? })
+    }
+
+    fn lane(&self, place: usize) -> &ThreadPool {
+        &self.lanes[place % self.lanes.len()]
     }
 }
 
@@ -96,7 +106,7 @@ impl Ahead {
             Way::Background => {
                 let shared = self.shared.clone();
                 self.shared.spawn(
-                    |threads| &threads.any,
+                    |threads| threads.lane(place),
                     move || {
                         let looked = shared.preparer.look(&keyframe);
                         drop(keyframe);
@@ -199,7 +209,7 @@ impl Shared {
                 while let Some((place, placed)) = shared.place_next() {
                     let own = shared.clone();
                     shared.spawn(
-                        |threads| &threads.any,
+                        |threads| threads.lane(place),
                         move || {
                             let prepared = placed.and_then(|placed| own.preparer.complete(placed));
                             own.lock().ready.insert(place, prepared);
