@@ -36,12 +36,12 @@ pub struct RasterConfig {
     pub near_m: f32,
     /// Pixels across and down a tile of the GPU device: 8 or 16 by 4, 8 or 16. What is computed does not depend on it, but for rounding;
     /// small tiles follow thin ellipses and fill a GPU with small images, large ones make fewer pairs to sort where Gaussians are wide.
-    pub tile_px: [u32; 2],
+    pub tile_px: Option<[u32; 2]>,
 }
 
 impl Default for RasterConfig {
     fn default() -> Self {
-        Self { antialias: Antialias::On, near_m: 0.1, tile_px: [8, 8] }
+        Self { antialias: Antialias::On, near_m: 0.1, tile_px: None }
     }
 }
 

@@ -81,7 +81,8 @@ fn size(text: &str) -> Result<[usize; 2], String> {
 /// How the GPU device works: what is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 struct Variant {
-    tile: [usize; 2],
+    /// Pixels across and down a tile, where that is not left to the frame.
+    tile: Option<[usize; 2]>,
     batch: u32,
     fused: bool,
     subgroups: bool,
@@ -95,7 +96,7 @@ fn variant(text: &str) -> Result<Variant, String> {
     let mut parts = text.split('/');
     let tile = size(parts.next().unwrap_or_default()).map_err(|_| wrong())?;
     let batch = parts.next().and_then(|b| b.parse().ok()).ok_or_else(wrong)?;
-    let mut variant = Variant { tile, batch, fused: true, subgroups: true, segments: None };
+    let mut variant = Variant { tile: Some(tile), batch, fused: true, subgroups: true, segments: None };
     for part in parts {
         match part {
             "apart" => variant.fused = false,
@@ -246,7 +247,7 @@ impl Step {
             Backend::Gpu { .. } => {
                 let standard = GpuOptions::default();
                 let usual = Variant {
-                    tile: standard.tile.map(|v| v as usize),
+                    tile: None,
                     batch: standard.batch,
                     fused: standard.fused,
                     subgroups: true,
@@ -324,7 +325,7 @@ impl Run {
     ) -> Result<()> {
         let options = GpuOptions {
             software: true,
-            tile: variant.tile.map(|v| v as u32),
+            tile: variant.tile.map(|tile| tile.map(|v| v as u32)),
             batch: variant.batch,
             segments: variant.segments,
             fused: variant.fused,
@@ -390,10 +391,11 @@ fn text(workloads: &[Measured]) -> String {
             m.visible,
             m.pairs.map_or(String::new(), |p| format!(", {p} pairs")),
         );
-        if let Some(Variant { tile: [width, height], batch, fused, subgroups, segments }) = m.variant {
+        if let Some(Variant { tile, batch, fused, subgroups, segments }) = m.variant {
             let flags = [(fused, "/apart"), (subgroups, "/portable")].map(|(usual, flag)| if usual { "" } else { flag }).concat();
             let by = segments.map_or_else(String::new, |n| format!("/by{n}"));
-            let _ = write!(out, "  {width}x{height}/{batch}{flags}{by}");
+            let tile = tile.map_or_else(|| "tiles by frame".to_owned(), |[width, height]| format!("{width}x{height}"));
+            let _ = write!(out, "  {tile}/{batch}{flags}{by}");
             if let Some(bytes) = m.allocated_bytes {
                 let _ = write!(out, ", {} MB on the device", bytes / 1_000_000);
             }

@@ -21,8 +21,8 @@ pub struct GpuOptions {
     pub subgroups: bool,
     /// Whether timestamps are taken between the kernels of a training step ([`GpuDevice::stage_times`](super::GpuDevice::stage_times)).
     pub timestamps: bool,
-    /// Pixels across and down a tile.
-    pub tile: [u32; 2],
+    /// Pixels across and down a tile. Without, steps choose by their images, and images that nobody trains on have the larger tiles.
+    pub tile: Option<[u32; 2]>,
     /// Splats that the backward pass takes at once.
     pub batch: u32,
     /// Threads that share a pixel's list in the forward pass: where images are small there are more threads than pixels. Without a number,
@@ -42,7 +42,7 @@ impl Default for GpuOptions {
             software: false,
             subgroups: true,
             timestamps: false,
-            tile: [8, 8],
+            tile: None,
             batch: 32,
             segments: None,
             fused: true,
@@ -53,10 +53,19 @@ impl Default for GpuOptions {
 }
 
 impl GpuOptions {
+    /// The shapes of tiles, the usual one first.
+    pub(crate) fn tiles(&self) -> Vec<[u32; 2]> {
+        self.tile.map_or_else(|| TILES.to_vec(), |tile| vec![tile])
+    }
+
     /// # Errors
     /// A tile or batch that the kernels are not written for.
     pub fn validate(&self) -> Result<()> {
-        let ([width, height], batch) = (self.tile, self.batch);
+        self.tiles().into_iter().try_for_each(|tile| self.validate_tile(tile))
+    }
+
+    fn validate_tile(&self, [width, height]: [u32; 2]) -> Result<()> {
+        let batch = self.batch;
         let area = width * height;
         // A thread of the forward pass is a pixel; a batch fits into a tile and a tile's pixels into workgroup memory beside others'.
         if let Some(segments) = self.segments
@@ -78,6 +87,8 @@ impl GpuOptions {
     }
 }
 
+/// Tiles that steps choose from.
+const TILES: [[u32; 2]; 2] = [[8, 8], [8, 4]];
 /// Most threads of a workgroup.
 pub(crate) const LARGEST_BLEND: u32 = 256;
 /// Largest tile in batches.

@@ -6,15 +6,19 @@
 //! its place within the tile by an integer counter; `allot` gives tiles room, `place` fills it in and `order` sorts each tile's list by
 //! depth in workgroup memory, long ones in chunks that `merge` joins. Only where a list lies depends on who came first.
 
+mod tiled;
+
 use super::{
-    context::{Context, LARGEST_BLEND},
+    context::Context,
     kernel::{Bound, Kernel},
     params::{self, Params},
     scratch::Scratch,
     shaders::{Blend, CHUNK, Fixed, SHARE},
     store::Store,
 };
-use crate::{Error, Result};
+use crate::Result;
+use rayon::prelude::*;
+use tiled::{BoundTiled, Tiled};
 
 /// Words of the state (`shaders/groups.wgsl`), and the places of what is read back.
 pub(crate) const STATE_WORDS: usize = 14;
@@ -223,29 +227,17 @@ impl Memory {
 
 /// The kernels of a forward pass.
 pub(crate) struct Forward {
-    project: Kernel,
     plan: Kernel,
-    emit: Kernel,
     allot: Kernel,
     place: Kernel,
     order: Kernel,
     merge: Kernel,
+    /// One for each shape of tiles; pictures that nobody trains on have those of the first.
+    tiled: Vec<Tiled>,
     /// Apart, both at once.
     blend: [Kernel; 2],
     blend_and_name: Kernel,
-    /// For large images, and, where they are drawn otherwise, small ones.
-    blend_and_keep: [Kernel; 2],
-    keep_small: Option<[Kernel; 2]>,
-    /// Tiles of the largest small image.
-    small_tiles: u32,
 }
-
-/// Images of at most so many pixels are small: they leave a large GPU's threads without work (an H200 holds 270 336), and pixels whose lists
-/// several threads share are drawn sooner. On a reconstructed field the blend of 94 000 pixels takes 0.18 ms instead of 0.27, of 375 000 as
-/// long, of 1.5 million 0.30 instead of 0.17.
-const SMALL_PIXELS: u32 = 1 << 18;
-/// Threads that share a pixel's list in small images.
-const SMALL_SEGMENTS: u32 = 4;
 
 /// What a forward pass leaves beside the images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -260,66 +252,39 @@ pub(crate) enum Leaves {
 
 /// The same with their memory: good until the memory grows.
 pub(crate) struct BoundForward {
-    project: Bound,
     plan: Bound,
-    emit: Bound,
     allot: Bound,
     place: Bound,
     order: Bound,
     merge: Bound,
-    blend: [Bound; 2],
-    blend_small: Option<[Bound; 2]>,
-    small_tiles: u32,
+    tiled: Vec<BoundTiled>,
 }
 
 impl Forward {
-    /// With so many threads for a pixel's list, or as many as the image's size suggests.
-    pub fn new(context: &Context, fixed: &Fixed, segments: Option<u32>) -> Result<Self> {
+    /// For tiles of these shapes, with so many threads for a pixel's list, or as many as the image's size suggests.
+    pub fn new(context: &Context, shapes: &[Fixed], segments: Option<u32>) -> Result<Self> {
+        let fixed = &shapes[0];
         let single = Blend { both: false, main_contributor: false, checkpoints: false, segments: 1 };
         let one = Blend { segments: segments.unwrap_or(1), ..single };
-        let two = Blend { both: true, ..one };
-        let keep = |blend| fixed.forward(Blend { checkpoints: true, ..blend });
-        let area = fixed.tile[0] * fixed.tile[1];
-        let fits = area * SMALL_SEGMENTS <= LARGEST_BLEND
-            && fixed.split_bytes(SMALL_SEGMENTS) <= context.limits.max_compute_workgroup_storage_size;
-        let small = (segments.is_none() && fits).then(|| {
-            let small = |blend| keep(Blend { segments: SMALL_SEGMENTS, ..blend });
-            Kernel::all(context, [("blend, keep, small", small(one)), ("blend both, keep, small", small(two))])
-        });
-        let [project, plan, emit, allot, place, order, merge, blend, blend_both, blend_and_name, keep_single, keep_double] =
+        let tiled = || shapes.par_iter().map(|shape| Tiled::new(context, shape, segments)).collect::<Result<_>>();
+        let kernels = || {
             Kernel::all(
                 context,
                 [
-                    ("project", fixed.project()),
                     ("plan", fixed.plan()),
-                    ("emit pairs", fixed.emit()),
                     ("allot lists", fixed.allot()),
                     ("place pairs", fixed.place()),
                     ("order lists", fixed.order()),
                     ("merge chunks", fixed.merge()),
                     ("blend", fixed.forward(one)),
-                    ("blend both", fixed.forward(two)),
+                    ("blend both", fixed.forward(Blend { both: true, ..one })),
                     ("blend, name", fixed.forward(Blend { main_contributor: true, ..single })),
-                    ("blend, keep", keep(one)),
-                    ("blend both, keep", keep(two)),
                 ],
-            )?;
-        let (blend, blend_and_keep) = ([blend, blend_both], [keep_single, keep_double]);
-        let (keep_small, small_tiles) = (small.transpose()?, SMALL_PIXELS / area);
-        Ok(Self {
-            project,
-            plan,
-            emit,
-            allot,
-            place,
-            order,
-            merge,
-            blend,
-            blend_and_name,
-            blend_and_keep,
-            keep_small,
-            small_tiles,
-        })
+            )
+        };
+        let (tiled, kernels) = rayon::join(tiled, kernels);
+        let [plan, allot, place, order, merge, blend, blend_both, blend_and_name] = kernels?;
+        Ok(Self { plan, allot, place, order, merge, tiled: tiled?, blend: [blend, blend_both], blend_and_name })
     }
 
     pub fn bind(
@@ -339,29 +304,27 @@ impl Forward {
             let (names, kept, visited) = (&m.main_contributor.buffer, &m.checkpoints.buffer, &m.visited.buffer);
             bind(kernel, &[params, lists, entries, splats, image, transmittance, names, kept, visited, &m.gaussian_of.buffer])
         };
-        let [large, large_both] = match leaves {
-            Leaves::Images => self.blend.each_ref(),
-            Leaves::MainContributors => [&self.blend_and_name; 2],
-            Leaves::Checkpoints => self.blend_and_keep.each_ref(),
+        let blend = match leaves {
+            Leaves::Images => Some(self.blend.each_ref()),
+            Leaves::MainContributors => Some([&self.blend_and_name; 2]),
+            Leaves::Checkpoints => None,
         };
-        let small = self.keep_small.as_ref().filter(|_| leaves == Leaves::Checkpoints);
+        // Steps alone have tiles of more than one shape.
+        let shapes = if blend.is_none() { self.tiled.len() } else { 1 };
         let (order, offsets, places) = (&m.order.buffer, &m.offsets.buffer, &m.places.buffer);
         let (records, shares) = (&m.records.buffer, &m.shares.buffer);
         let (taken, names) = (&m.taken.buffer, &m.gaussian_of.buffer);
         let emitted = [params, &m.state, taken, splats, sums, order, offsets, sizes, pairs, records, places, shares, names];
         let (core, chunks) = (&store.core.value.buffer, &m.chunks.buffer);
         let projected = [params, core, sh[0], sh[1], counts, sums, splats, names, &m.state, taken];
+        let tiled = |t: &Tiled| t.bind(|k| bind(k, &projected), |k| bind(k, &emitted), blended, blend);
         Ok(BoundForward {
-            project: bind(&self.project, &projected)?,
             plan: bind(&self.plan, &[params, &m.state, sums, &m.args, shares])?,
-            emit: bind(&self.emit, &emitted)?,
             allot: bind(&self.allot, &[params, &m.state, sizes, lists, &m.bucket_tiles.buffer, &m.args, chunks])?,
             place: bind(&self.place, &[params, &m.state, pairs, lists, entries])?,
             order: bind(&self.order, &[params, lists, pairs, entries, &m.state, chunks])?,
             merge: bind(&self.merge, &[&m.state, lists, chunks, pairs, entries])?,
-            blend: [blended(large)?, blended(large_both)?],
-            blend_small: small.map(|[one, both]| Ok::<_, Error>([blended(one)?, blended(both)?])).transpose()?,
-            small_tiles: self.small_tiles,
+            tiled: self.tiled[..shapes].iter().map(tiled).collect::<Result<_>>()?,
         })
     }
 }
@@ -373,11 +336,12 @@ impl BoundForward {
     /// Records a forward pass; `mark` is called after each kernel.
     pub fn record(&self, pass: &mut wgpu::ComputePass<'_>, p: &Params, offset: u32, n: usize, m: &Memory, mark: Mark<'_>) {
         let blocks = n.div_ceil(BLOCK) as u32;
-        self.project.run(pass, offset, blocks);
+        let tiled = &self.tiled[p.shape as usize];
+        tiled.project.run(pass, offset, blocks);
         mark(pass);
         self.plan.run(pass, offset, 1);
         mark(pass);
-        self.emit.run_indirect(pass, offset, &m.args, ARGS_SHARES);
+        tiled.emit.run_indirect(pass, offset, &m.args, ARGS_SHARES);
         mark(pass);
         self.allot.run(pass, offset, p.tile_total.div_ceil(BLOCK as u32));
         mark(pass);
@@ -386,8 +350,7 @@ impl BoundForward {
         self.order.run_indirect(pass, offset, &m.args, ARGS_ORDER);
         self.merge.run_indirect(pass, offset, &m.args, ARGS_MERGE);
         mark(pass);
-        let small = self.blend_small.as_ref().filter(|_| p.tile_total <= self.small_tiles);
-        small.unwrap_or(&self.blend)[p.fused as usize].run(pass, offset, p.tile_total);
+        tiled.blend(p).run(pass, offset, p.tile_total);
         mark(pass);
     }
 }

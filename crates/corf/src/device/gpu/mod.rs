@@ -51,7 +51,8 @@ pub struct GpuDevice {
     optimizer: OptimizerConfig,
     raster: RasterConfig,
     store: Store,
-    fixed: Fixed,
+    /// By shape of tiles: the usual one, and one for some steps.
+    shapes: Vec<Fixed>,
     /// Whether two images with one camera are blended in one pass.
     fuse: bool,
     least_room: usize,
@@ -82,12 +83,13 @@ impl GpuDevice {
         let context = Arc::new(Context::open(options)?);
         let mut store = Store::new(&context, initial)?;
         store.append(&context, initial)?;
-        let (tile, batch) = (options.tile, options.batch);
+        let (batch, harmonics) = (options.batch, store.harmonics);
         let shuffles = context.subgroups.is_some_and(|(min, _)| min >= batch);
-        let fixed = Fixed { antialias: raster.antialias, harmonics: store.harmonics, tile, batch, shuffles };
+        let fixed = |tile: &[u32; 2]| Fixed { antialias: raster.antialias, harmonics, tile: *tile, batch, shuffles };
+        let shapes: Vec<Fixed> = options.tiles().iter().map(fixed).collect();
         let (forward, (training, surveyor)) = rayon::join(
-            || Forward::new(&context, &fixed, options.segments),
-            || rayon::join(|| Training::new(&context, &fixed), || Surveyor::new(&context, &fixed)),
+            || Forward::new(&context, &shapes, options.segments),
+            || rayon::join(|| Training::new(&context, &shapes), || Surveyor::new(&context, &shapes[0])),
         );
         let (forward, training, surveyor) = (forward?, training?, surveyor?);
         let memory = Memory::new(&context)?;
@@ -97,7 +99,7 @@ impl GpuDevice {
             optimizer,
             raster,
             store,
-            fixed,
+            shapes,
             fuse: options.fused,
             least_room: options.least_room,
             forward,

@@ -67,7 +67,9 @@ pub(crate) struct Params {
     pub blocks_total: u32,
     pub fused: u32,
     visible_capacity: u32,
-    padding: [u32; 3],
+    /// Which shape of tiles; for the host.
+    pub shape: u32,
+    padding: [u32; 2],
 }
 
 /// Bytes of one frame's constants.

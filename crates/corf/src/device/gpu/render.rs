@@ -62,7 +62,7 @@ impl GpuDevice {
         let pose = wanted.iter().flatten().map(|(v, _)| Pose::new(&v.world_from_camera)).next()?;
         let grids = wanted.map(|w| w.map(|(v, _)| Grid::new(&v.camera, self.raster.antialias)));
         let backgrounds = wanted.map(|w| w.map_or([0.0; 3], |(_, b)| b));
-        let (near_m, tile) = (self.raster.near_m, self.fixed.tile);
+        let (near_m, tile) = (self.raster.near_m, self.shapes[0].tile);
         let mut params = Params::new(&pose, &grids, backgrounds, near_m, self.store.len(), &self.optimizer, tile);
         if self.fuse && !name {
             params.fuse();
@@ -106,7 +106,7 @@ impl GpuDevice {
         frames.iter().for_each(|p| extent.include(p));
         let mut room = Room::guess(n, self.least_room);
         loop {
-            self.memory.reserve(&self.context, &self.fixed, &extent, room)?;
+            self.memory.reserve(&self.context, &self.shapes[0], &extent, room)?;
             let m = &self.memory;
             frames.iter_mut().for_each(|p| p.set_room(m.room));
             let uniforms = Uniforms::new(&self.context, frames.iter())?;
@@ -138,7 +138,7 @@ impl GpuDevice {
         extent.include(&params);
         let mut room = Room::guess(n, self.least_room);
         loop {
-            self.memory.reserve(&self.context, &self.fixed, &extent, room)?;
+            self.memory.reserve(&self.context, &self.shapes[0], &extent, room)?;
             let m = &self.memory;
             params.set_room(m.room);
             let uniforms = Uniforms::new(&self.context, std::iter::once(&params))?;

@@ -8,7 +8,7 @@ use std::fmt::Write;
 /// Pixels across and down a block of the loss kernels: with the window's halo nearly 128 columns, a thread each.
 pub(crate) const LOSS_BLOCK: [u32; 2] = [112, 8];
 /// Visible Gaussians per workgroup of the update of appearances.
-const EACH: u32 = 32;
+const EACH: u32 = 16;
 /// Pairs that one workgroup emits: blocks of Gaussians with more are cut into shares, so that no workgroup has much more to do than others.
 pub(crate) const SHARE: u32 = 1024;
 /// Threads of a workgroup of the backward pass, at least: two subgroups, whose buckets share what a workgroup costs.

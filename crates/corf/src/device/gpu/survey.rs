@@ -105,7 +105,7 @@ impl GpuDevice {
         extent.include(&params);
         let mut room = Room::guess(n, self.least_room);
         loop {
-            self.memory.reserve(&self.context, &self.fixed, &extent, room)?;
+            self.memory.reserve(&self.context, &self.shapes[0], &extent, room)?;
             params.set_room(self.memory.room);
             self.submit_survey(&params, asked, !weights.is_empty())?;
             let s = &self.surveyor;

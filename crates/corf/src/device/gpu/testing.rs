@@ -7,7 +7,7 @@ pub(crate) const OPTIONS: GpuOptions = GpuOptions {
     software: true,
     subgroups: true,
     timestamps: false,
-    tile: [8, 8],
+    tile: Some([8, 8]),
     batch: 16,
     segments: Some(1),
     fused: true,

@@ -186,7 +186,7 @@ fn emitted(
     params.set_room(m.room);
     let uniforms = Uniforms::new(context, std::iter::once(&params)).unwrap();
     m.reset(context, g.len());
-    let forward = Forward::new(context, &fixed, None).unwrap();
+    let forward = Forward::new(context, &[fixed], None).unwrap();
     let bound = forward.bind(context, &uniforms.buffer, &store, &m, Leaves::Images).unwrap();
     let run = |kernels: &dyn Fn(&mut wgpu::ComputePass<'_>)| {
         let mut encoder = context.encoder();
@@ -194,7 +194,7 @@ fn emitted(
         context.submit(encoder);
     };
     let blocks = g.len().div_ceil(BLOCK);
-    run(&|pass| bound.project.run(pass, 0, blocks as u32));
+    run(&|pass| bound.tiled[0].project.run(pass, 0, blocks as u32));
     let read = |sources: &[(&wgpu::Buffer, usize)]| context.read::<u32>("test", sources).unwrap();
     let projected = read(&[
         (&m.tile_counts.buffer, 2 * g.len()),
@@ -218,7 +218,7 @@ fn emitted(
     context.queue.write_buffer(&m.taken.buffer, 0, bytemuck::cast_slice(&taken));
     run(&|pass| {
         bound.plan.run(pass, 0, 1);
-        bound.emit.run_indirect(pass, 0, &m.args, ARGS_SHARES);
+        bound.tiled[0].emit.run_indirect(pass, 0, &m.args, ARGS_SHARES);
     });
     let record = if fused { 16 } else { 12 };
     let visible = counts.iter().filter(|c| c[0] + c[1] > 0).count();

@@ -8,21 +8,23 @@
 @group(0) @binding(7) var<storage, read_write> core_v: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read_write> position_rates: array<f32>;
 
-// One word of four of the geometry and opacities; only lanes of `mask` are written.
-fn step_core(at: u32, g: vec4<f32>, rates: vec4<f32>, mask: vec4<bool>, lowest: vec4<f32>) {
+// One word of four of the geometry and opacities, with Adam's moments.
+struct Held { value: vec4<f32>, m: vec4<f32>, v: vec4<f32> }
+
+fn load(at: u32) -> Held { return Held(core[at], core_m[at], core_v[at]); }
+
+// Its step; only lanes of `mask` are written.
+fn step_core(at: u32, old: Held, g: vec4<f32>, rates: vec4<f32>, mask: vec4<bool>, lowest: vec4<f32>) {
     if (WRITE_GRADIENTS) {
         core_m[at] = g;
         return;
     }
-    let old = core[at];
-    let old_m = core_m[at];
-    let old_v = core_v[at];
-    var m = old_m;
-    var v = old_v;
+    var m = old.m;
+    var v = old.v;
     let step = adam(g, &m, &v);
-    core[at] = select(old, max(old - rates * step, lowest), mask);
-    core_m[at] = select(old_m, m, mask);
-    core_v[at] = select(old_v, v, mask);
+    core[at] = select(old.value, max(old.value - rates * step, lowest), mask);
+    core_m[at] = select(old.m, m, mask);
+    core_v[at] = select(old.v, v, mask);
 }
 
 // The step of a visible Gaussian's geometry and opacities.
@@ -35,19 +37,25 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     if (at >= state[VISIBLE]) { return; }
     let i = order[at];
 
+    // All that is read is on its way before any of it is used.
+    let held_0 = load(3u * i);
+    let held_1 = load(3u * i + 1u);
+    let held_2 = load(3u * i + 2u);
+    let d_direction = directions[at].xyz;
+    let found_0 = found_from(found[2u * at]);
+    let found_1 = found_from(found[2u * at + 1u]);
+    var rate = position_rates[i];
+
     // Through the projection.
-    let c0 = core[3u * i];
-    let c1 = core[3u * i + 1u];
-    let c2 = core[3u * i + 2u];
+    let c0 = held_0.value;
+    let c1 = held_1.value;
+    let c2 = held_2.value;
     let mean = c0.xyz;
     let p = to_camera(mean);
     let s = shape_of(vec4(c0.w, c1.xyz), vec3(c1.w, c2.xy));
     let d = direction_of(mean);
     var dp = vec3(0.0);
     var dv = Symmetric(vec3(0.0), vec3(0.0));
-    let d_direction = directions[at].xyz;
-    let found_0 = found_from(found[2u * at]);
-    let found_1 = found_from(found[2u * at + 1u]);
     let seen = vec2(found_0.c.z, found_1.c.z) > vec2(0.0);
     var d_logit = vec2(0.0);
     if (seen.x) {
@@ -64,16 +72,16 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let d_mean = r0 * dp.x + r1 * dp.y + r2 * dp.z + (d_direction - d.xyz * dot(d.xyz, d_direction)) * d.w;
 
     let geometry = params.train_geometry != 0u;
-    var rate = position_rates[i];
     if (geometry && !WRITE_GRADIENTS) { position_rates[i] = max(rate * (1.0 - params.position_decay), params.position_floor); }
     rate *= params.position_rate;
     let q = params.rotation_rate;
     let l = params.log_scale_rate;
     let free = vec4(-3e38);
-    step_core(3u * i, vec4(d_mean, d_shape.rotation.x), vec4(vec3(rate), q), vec4(geometry), free);
-    step_core(3u * i + 1u, vec4(d_shape.rotation.yzw, d_shape.log_scale.x), vec4(vec3(q), l), vec4(geometry), free);
+    step_core(3u * i, held_0, vec4(d_mean, d_shape.rotation.x), vec4(vec3(rate), q), vec4(geometry), free);
+    step_core(3u * i + 1u, held_1, vec4(d_shape.rotation.yzw, d_shape.log_scale.x), vec4(vec3(q), l), vec4(geometry), free);
     step_core(
         3u * i + 2u,
+        held_2,
         vec4(d_shape.log_scale.yz, d_logit),
         vec4(l, l, params.rates[0].opacity, params.rates[1].opacity),
         vec4(geometry, geometry, seen),
