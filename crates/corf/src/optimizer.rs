@@ -36,6 +36,7 @@ pub struct RasterConfig {
     pub near_m: f32,
     /// Pixels across and down a tile of the GPU device: 8 or 16 by 4, 8 or 16. What is computed does not depend on it, but for rounding;
     /// small tiles follow thin ellipses and fill a GPU with small images, large ones make fewer pairs to sort where Gaussians are wide.
+    /// Without a value, steps choose by the size of their images.
     pub tile_px: Option<[u32; 2]>,
 }
 

@@ -35,9 +35,9 @@ const THRESHOLD_STEP: f32 = 1.0 / 255.0 + IMAGE_TOLERANCE;
 /// Gradients relative to the largest of their class, in the norm over Gaussians: the pixels of [`THRESHOLD_SHARE`] are in them.
 const GRADIENT_TOLERANCE: f64 = 1e-3;
 
-/// Tiles differ in size between the devices, 8×16 pixels here and 8×8 or 8×4 there: an ellipse between two rows of pixel centres is within
-/// one's tile and in neither of the other's. It is drawn nowhere, but counts as visible. The coarsest images have 37×20 and 13×10 pixels.
-const UNDRAWN_SHARE: f64 = 0.05;
+/// Tiles differ in size between the devices: an ellipse between two rows of pixel centres is within one's tile and in neither of the
+/// other's. It is drawn nowhere, but counts as visible.
+const UNDRAWN_SHARE: f64 = 0.03;
 
 fn open(options: &GpuOptions, optimizer: OptimizerConfig, raster: RasterConfig, g: &Gaussians) -> Option<GpuDevice> {
     if adapter_name(options).is_some() {
@@ -267,7 +267,10 @@ fn gradients_agree() {
     {
         let raster = RasterConfig { antialias, ..RasterConfig::default() };
         let g = room(2, 2500, rf_channels, degrees);
-        let Some((mut cpu, mut gpu)) = pair(OptimizerConfig::default(), raster, &g) else { return };
+        // Tiles of half the size count fewer Gaussians that are drawn nowhere: 3.5 % fewer in images of 37×20 and 13×10 pixels.
+        let options = GpuOptions { tile: Some([8, 8]), ..OPTIONS };
+        let Some(mut gpu) = open(&options, OptimizerConfig::default(), raster, &g) else { return };
+        let mut cpu = CpuDevice::new(OptimizerConfig::default(), raster, &g).unwrap();
         for k in 0..2 {
             let view = training_view(k, rf_channels, depth);
             assert_eq!(cpu.upload(&view, 3).unwrap(), gpu.upload(&view, 3).unwrap());

@@ -247,7 +247,7 @@ impl Step {
             Backend::Gpu { .. } => {
                 let standard = GpuOptions::default();
                 let usual = Variant {
-                    tile: None,
+                    tile: standard.tile.map(|tile| tile.map(|v| v as usize)),
                     batch: standard.batch,
                     fused: standard.fused,
                     subgroups: true,

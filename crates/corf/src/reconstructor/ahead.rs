@@ -11,38 +11,31 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 /// Keyframes between arrival and expansion, in the order of their arrival.
 pub(super) struct Ahead {
     shared: Arc<Shared>,
-    way: Way,
+    /// Keyframes that nobody has looked at; none where threads prepare what arrives.
+    arrivals: VecDeque<Keyframe>,
     received: usize,
     taken: usize,
 }
 
-enum Way {
-    /// Keyframes that nobody has looked at.
-    WhenAsked(VecDeque<Keyframe>),
-    /// Threads prepare what arrives.
-    Background,
-}
-
-/// Threads that prepare one keyframe.
+/// Threads of a lane.
 const LANE: usize = 4;
 
 /// Threads that prepare keyframes.
 struct Threads {
-    /// A keyframe each: in one pool for all, a thread that waits for a part of its keyframe begins with another in between, and some keyframes
-    /// take three times as long as most.
+    /// In turn: in one pool for all, a thread that waits for a part of its keyframe begins with another in between, and some keyframes take
+    /// three times as long as most.
     lanes: Vec<ThreadPool>,
     /// One after the other, what all later ones wait for.
     in_order: ThreadPool,
 }
 
 impl Threads {
-    /// None where the system has none to give.
+    /// About `count` of them, at least one; none where the system has none to give.
     fn new(count: usize) -> Option<Self> {
         let pool = |name: &'static str| {
-            let threads = LANE.min(count).max(1);
-            ThreadPoolBuilder::new().num_threads(threads).thread_name(move |i| format!("{name} {i}")).build().ok()
+            ThreadPoolBuilder::new().num_threads(LANE.min(count)).thread_name(move |i| format!("{name} {i}")).build().ok()
         };
-        let lanes = (0..count.div_ceil(LANE).max(1)).map(|_| pool("prepare")).collect::<Option<_>>()?;
+        let lanes = (0..count.div_ceil(LANE)).map(|_| pool("prepare")).collect::<Option<_>>()?;
         Some(Self { lanes, in_order: pool("place")? })
     }
 
@@ -54,6 +47,7 @@ impl Threads {
 /// What the threads that prepare keyframes have in common.
 struct Shared {
     preparer: Preparer,
+    /// Without, everything happens when it is asked for.
     threads: Option<Threads>,
     state: Mutex<State>,
     changed: Condvar,
@@ -77,9 +71,8 @@ impl Ahead {
     pub fn new(preparer: Preparer, past: Past, background: Option<usize>) -> Self {
         let state = State { first: None, past: Some(past), met: 0, placed: 0, looked: BTreeMap::new(), ready: BTreeMap::new() };
         let threads = background.and_then(Threads::new);
-        let way = if threads.is_some() { Way::Background } else { Way::WhenAsked(VecDeque::new()) };
         let shared = Arc::new(Shared { preparer, threads, state: Mutex::new(state), changed: Condvar::new() });
-        Self { shared, way, received: 0, taken: 0 }
+        Self { shared, arrivals: VecDeque::new(), received: 0, taken: 0 }
     }
 
     pub fn preparer(&self) -> &Preparer {
@@ -101,21 +94,14 @@ impl Ahead {
     pub fn receive(&mut self, keyframe: Keyframe) {
         let place = self.received;
         self.received += 1;
-        match &mut self.way {
-            Way::WhenAsked(arrivals) => arrivals.push_back(keyframe),
-            Way::Background => {
-                let shared = self.shared.clone();
-                self.shared.spawn(
-                    |threads| threads.lane(place),
-                    move || {
-                        let looked = shared.preparer.look(&keyframe);
-                        drop(keyframe);
-                        shared.lock().looked.insert(place, looked);
-                        shared.advance();
-                    },
-                );
-            }
-        }
+        let Some(threads) = &self.shared.threads else { return self.arrivals.push_back(keyframe) };
+        let shared = self.shared.clone();
+        threads.lane(place).spawn_fifo(move || {
+            let looked = shared.preparer.look(&keyframe);
+            drop(keyframe);
+            shared.lock().looked.insert(place, looked);
+            shared.advance();
+        });
     }
 
     /// Says that the first keyframes are complete: `count` of them, if so many have arrived, know each other before any is placed.
@@ -131,13 +117,15 @@ impl Ahead {
 
     /// Prepares the earliest keyframe that is not, where nobody does so in the background.
     pub fn prepare_one(&mut self) {
-        let Way::WhenAsked(arrivals) = &mut self.way else { return };
+        if self.shared.threads.is_some() {
+            return;
+        }
         let mut state = self.shared.lock();
         let place = state.placed;
         // As many as have to be met.
         let last = state.first.unwrap_or(0).max(place + 1);
-        for at in (place + state.looked.len()..last).take(arrivals.len()) {
-            if let Some(keyframe) = arrivals.pop_front() {
+        for at in (place + state.looked.len()..last).take(self.arrivals.len()) {
+            if let Some(keyframe) = self.arrivals.pop_front() {
                 state.looked.insert(at, self.shared.preparer.look(&keyframe));
             }
         }
@@ -202,28 +190,18 @@ impl Shared {
 
     /// Has what can be placed placed, and then completed, where threads do that.
     fn advance(self: &Arc<Self>) {
+        let Some(threads) = &self.threads else { return };
         let shared = self.clone();
-        self.spawn(
-            |threads| &threads.in_order,
-            move || {
-                while let Some((place, placed)) = shared.place_next() {
-                    let own = shared.clone();
-                    shared.spawn(
-                        |threads| threads.lane(place),
-                        move || {
-                            let prepared = placed.and_then(|placed| own.preparer.complete(placed));
-                            own.lock().ready.insert(place, prepared);
-                            own.changed.notify_all();
-                        },
-                    );
-                }
-            },
-        );
-    }
-
-    fn spawn(&self, on: impl Fn(&Threads) -> &ThreadPool, work: impl FnOnce() + Send + 'static) {
-        if let Some(threads) = &self.threads {
-            on(threads).spawn_fifo(work);
-        }
+        threads.in_order.spawn_fifo(move || {
+            while let Some((place, placed)) = shared.place_next() {
+                let Some(threads) = &shared.threads else { return };
+                let own = shared.clone();
+                threads.lane(place).spawn_fifo(move || {
+                    let prepared = placed.and_then(|placed| own.preparer.complete(placed));
+                    own.lock().ready.insert(place, prepared);
+                    own.changed.notify_all();
+                });
+            }
+        });
     }
 }
