@@ -102,7 +102,20 @@ struct Failure {
     lost: bool,
 }
 
-/// An open adapter.
+/// Devices come and go one at a time: NVIDIA's driver (580.159) never comes back where one is destroyed while others come or go.
+static COMING_AND_GOING: Mutex<()> = Mutex::new(());
+
+/// Held where everything else that belongs to a device is gone, so that it goes here.
+struct LastReference(Option<wgpu::Device>);
+
+impl Drop for LastReference {
+    fn drop(&mut self) {
+        let _turn = locked(&COMING_AND_GOING);
+        self.0.take();
+    }
+}
+
+/// An open adapter; outlives what is made of it.
 pub(crate) struct Context {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
@@ -114,10 +127,12 @@ pub(crate) struct Context {
     pub timestamps: bool,
     pub poison: Option<u32>,
     failure: Arc<Mutex<Failure>>,
+    /// To be dropped last.
+    _last: LastReference,
 }
 
-fn locked(failure: &Mutex<Failure>) -> MutexGuard<'_, Failure> {
-    failure.lock().unwrap_or_else(PoisonError::into_inner)
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Native adapters answer at once: their futures are ready when first asked.
@@ -183,6 +198,7 @@ pub fn adapter_name(options: &GpuOptions) -> Option<String> {
 
 impl Context {
     pub fn open(options: &GpuOptions) -> Result<Self> {
+        let _turn = locked(&COMING_AND_GOING);
         let adapters = adapters(options);
         let Some(adapter) = adapters.first() else {
             let what = if options.software { "no adapter was found" } else { "no GPU was found" };
@@ -234,6 +250,7 @@ impl Context {
         Ok(Self {
             timestamps: features.contains(stamps),
             poison: options.poison,
+            _last: LastReference(Some(device.clone())),
             device,
             queue,
             info,

@@ -47,7 +47,6 @@ pub use work::StageWork;
 
 /// Renders and trains on a GPU.
 pub struct GpuDevice {
-    context: Arc<Context>,
     optimizer: OptimizerConfig,
     raster: RasterConfig,
     store: Store,
@@ -68,6 +67,8 @@ pub struct GpuDevice {
     deferred: Option<Error>,
     /// Steps that nobody has waited for.
     begun: Option<(Batch, Reading<u32>)>,
+    /// Last, for what is made of it to be dropped before.
+    context: Arc<Context>,
 }
 
 impl GpuDevice {
