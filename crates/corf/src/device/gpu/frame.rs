@@ -1,10 +1,10 @@
 //! The forward pass as device work: projection, tile lists in order of depth, blending; both modalities in one list of pairs and one
 //! blend.
 //!
-//! Nothing is sorted as a whole. Projection counts each Gaussian's tiles; `plan` sums the counts over blocks of Gaussians and cuts
-//! the pairs of each block into shares of much the same work; `emit` writes every (Gaussian, tile) pair, a share to a workgroup, and takes
-//! its place within the tile by an integer counter; `allot` gives tiles room, `place` fills it in and `order` sorts each tile's list by
-//! depth in workgroup memory, long ones in chunks that `merge` joins. Only where a list lies depends on who came first.
+//! Nothing is sorted as a whole. Projection counts each Gaussian's tiles, takes room for the pairs of each block of Gaussians and cuts them
+//! into shares of much the same work; `emit` writes every (Gaussian, tile) pair, a share to a workgroup, and takes its place within the tile
+//! by an integer counter; `allot` gives tiles room, `place` fills it in and `order` sorts each tile's list by depth in workgroup memory, long
+//! ones in chunks that `merge` joins. Only where visible Gaussians, pairs and lists lie depends on who came first.
 
 mod tiled;
 
@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use tiled::{BoundTiled, Tiled};
 
 /// Words of the state (`shaders/groups.wgsl`), and the places of what is read back.
-pub(crate) const STATE_WORDS: usize = 14;
+pub(crate) const STATE_WORDS: usize = 16;
 pub(crate) const VISIBLE: usize = 1;
 pub(crate) const FAILED: usize = 3;
 pub(crate) const NEEDED: usize = 4;
@@ -45,20 +45,14 @@ const BLOCK: usize = 256;
 pub(crate) struct Memory {
     pub state: wgpu::Buffer,
     pub args: wgpu::Buffer,
-    /// Tiles that each Gaussian reaches in both images, and their sums over blocks.
-    pub tile_counts: Scratch,
-    block_sums: Scratch,
-    /// What each visible Gaussian's tiles take, beside its splats.
-    taken: Scratch,
-    /// Whose block each share of pairs is.
+    /// What visible Gaussians and pairs each block of Gaussians has, and where.
+    blocks: Scratch,
+    /// Of shares of pairs: the block, which of its shares.
     shares: Scratch,
-    /// What is drawn, of visible Gaussians alone, and whose it is.
+    /// Of visible Gaussians alone: their numbers, what their tiles take, what is drawn.
+    pub gaussian_of: Scratch,
+    pub drawn: Scratch,
     pub splats: Scratch,
-    gaussian_of: Scratch,
-    /// Visible Gaussians, their first pairs and their places among the splats.
-    pub order: Scratch,
-    pub offsets: Scratch,
-    pub places: Scratch,
     pairs: Scratch,
     tile_sizes: Scratch,
     pub lists: Scratch,
@@ -134,15 +128,11 @@ impl Memory {
         Ok(Self {
             state: context.storage("state", 4 * STATE_WORDS as u64)?,
             args: context.buffer("indirect arguments", ARGS * 16, storage | wgpu::BufferUsages::INDIRECT)?,
-            tile_counts: scratch("tile counts")?,
-            block_sums: scratch("block sums")?,
-            taken: scratch("extents of splats")?,
+            blocks: scratch("blocks of Gaussians")?,
             shares: scratch("shares of blocks")?,
+            gaussian_of: scratch("visible Gaussians")?,
+            drawn: scratch("extents of splats")?,
             splats: scratch("splats")?,
-            gaussian_of: scratch("Gaussians of splats")?,
-            order: scratch("visible Gaussians")?,
-            offsets: scratch("first pairs")?,
-            places: scratch("places of splats")?,
             pairs: scratch("pairs")?,
             tile_sizes: scratch("tile sizes")?,
             lists: scratch("tile lists")?,
@@ -175,16 +165,12 @@ impl Memory {
         let record = if extent.both { 64 } else { 48 };
         let state = 4 * Fixed::state_numbers(extent.both) as usize * area;
         for (items, bytes, scratch) in [
-            (n, 8, &mut self.tile_counts),
-            (n.div_ceil(BLOCK) + 1, 16, &mut self.block_sums),
-            (visible, 16, &mut self.taken),
+            (n.div_ceil(BLOCK), 16, &mut self.blocks),
             // The last share of a block may be small.
-            (n.div_ceil(BLOCK) + pairs / SHARE as usize, 4, &mut self.shares),
-            (2 * visible, 48, &mut self.splats),
+            (n.div_ceil(BLOCK) + pairs / SHARE as usize, 8, &mut self.shares),
             (visible, 4, &mut self.gaussian_of),
-            (visible, 4, &mut self.order),
-            (visible, 4, &mut self.offsets),
-            (visible, 4, &mut self.places),
+            (visible, 20, &mut self.drawn),
+            (2 * visible, 48, &mut self.splats),
             (pairs, 16, &mut self.pairs),
             (tiles, 16, &mut self.lists),
             (pairs, 8, &mut self.entries),
@@ -227,7 +213,6 @@ impl Memory {
 
 /// The kernels of a forward pass.
 pub(crate) struct Forward {
-    plan: Kernel,
     allot: Kernel,
     place: Kernel,
     order: Kernel,
@@ -252,7 +237,6 @@ pub(crate) enum Leaves {
 
 /// The same with their memory: good until the memory grows.
 pub(crate) struct BoundForward {
-    plan: Bound,
     allot: Bound,
     place: Bound,
     order: Bound,
@@ -271,7 +255,6 @@ impl Forward {
             Kernel::all(
                 context,
                 [
-                    ("plan", fixed.plan()),
                     ("allot lists", fixed.allot()),
                     ("place pairs", fixed.place()),
                     ("order lists", fixed.order()),
@@ -283,8 +266,8 @@ impl Forward {
             )
         };
         let (tiled, kernels) = rayon::join(tiled, kernels);
-        let [plan, allot, place, order, merge, blend, blend_both, blend_and_name] = kernels?;
-        Ok(Self { plan, allot, place, order, merge, tiled: tiled?, blend: [blend, blend_both], blend_and_name })
+        let [allot, place, order, merge, blend, blend_both, blend_and_name] = kernels?;
+        Ok(Self { allot, place, order, merge, tiled: tiled?, blend: [blend, blend_both], blend_and_name })
     }
 
     pub fn bind(
@@ -296,7 +279,7 @@ impl Forward {
         leaves: Leaves,
     ) -> Result<BoundForward> {
         let sh = [&store.sh[0].value.buffer, &store.sh[1].value.buffer];
-        let (counts, sums, splats) = (&m.tile_counts.buffer, &m.block_sums.buffer, &m.splats.buffer);
+        let (blocks, shares, splats) = (&m.blocks.buffer, &m.shares.buffer, &m.splats.buffer);
         let (pairs, sizes, lists, entries) = (&m.pairs.buffer, &m.tile_sizes.buffer, &m.lists.buffer, &m.entries.buffer);
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
         let blended = |kernel: &Kernel| {
@@ -311,18 +294,15 @@ impl Forward {
         };
         // Steps alone have tiles of more than one shape.
         let shapes = if blend.is_none() { self.tiled.len() } else { 1 };
-        let (order, offsets, places) = (&m.order.buffer, &m.offsets.buffer, &m.places.buffer);
-        let (records, shares) = (&m.records.buffer, &m.shares.buffer);
-        let (taken, names) = (&m.taken.buffer, &m.gaussian_of.buffer);
-        let emitted = [params, &m.state, taken, splats, sums, order, offsets, sizes, pairs, records, places, shares, names];
+        let (drawn, numbers) = (&m.drawn.buffer, &m.gaussian_of.buffer);
+        let emitted = [params, &m.state, drawn, splats, blocks, shares, sizes, pairs, &m.records.buffer];
         let (core, chunks) = (&store.core.value.buffer, &m.chunks.buffer);
-        let projected = [params, core, sh[0], sh[1], counts, sums, splats, names, &m.state, taken];
+        let projected = [params, core, sh[0], sh[1], blocks, splats, numbers, &m.state, drawn, shares, &m.args];
         let tiled = |t: &Tiled| t.bind(|k| bind(k, &projected), |k| bind(k, &emitted), blended, blend);
         Ok(BoundForward {
-            plan: bind(&self.plan, &[params, &m.state, sums, &m.args, shares])?,
             allot: bind(&self.allot, &[params, &m.state, sizes, lists, &m.bucket_tiles.buffer, &m.args, chunks])?,
             place: bind(&self.place, &[params, &m.state, pairs, lists, entries])?,
-            order: bind(&self.order, &[params, lists, pairs, entries, &m.state, chunks])?,
+            order: bind(&self.order, &[params, lists, pairs, entries, &m.state, chunks, numbers])?,
             merge: bind(&self.merge, &[&m.state, lists, chunks, pairs, entries])?,
             tiled: self.tiled[..shapes].iter().map(tiled).collect::<Result<_>>()?,
         })
@@ -335,11 +315,10 @@ pub(crate) type Mark<'a> = &'a mut dyn FnMut(&mut wgpu::ComputePass<'_>);
 impl BoundForward {
     /// Records a forward pass; `mark` is called after each kernel.
     pub fn record(&self, pass: &mut wgpu::ComputePass<'_>, p: &Params, offset: u32, n: usize, m: &Memory, mark: Mark<'_>) {
-        let blocks = n.div_ceil(BLOCK) as u32;
+        // Once also of no Gaussian: what is counted is settled there.
+        let blocks = n.div_ceil(BLOCK).max(1) as u32;
         let tiled = &self.tiled[p.shape as usize];
         tiled.project.run(pass, offset, blocks);
-        mark(pass);
-        self.plan.run(pass, offset, 1);
         mark(pass);
         tiled.emit.run_indirect(pass, offset, &m.args, ARGS_SHARES);
         mark(pass);

@@ -66,7 +66,7 @@ pub(crate) struct Params {
     pub pixel_total: u32,
     pub blocks_total: u32,
     pub fused: u32,
-    visible_capacity: u32,
+    pub visible_capacity: u32,
     /// Which shape of tiles; for the host.
     pub shape: u32,
     padding: [u32; 2],

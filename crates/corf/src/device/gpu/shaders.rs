@@ -31,6 +31,7 @@ const TILE_SOURCE: &str = include_str!("shaders/tile.wgsl");
 const SCAN: &str = include_str!("shaders/scan.wgsl");
 const ARGS: &str = include_str!("shaders/args.wgsl");
 const LISTS: &str = include_str!("shaders/lists.wgsl");
+const DRAWN: &str = include_str!("shaders/drawn.wgsl");
 const FOUND: &str = include_str!("shaders/found.wgsl");
 const ADAM: &str = include_str!("shaders/adam.wgsl");
 const LOSS: &str = include_str!("shaders/loss.wgsl");
@@ -148,15 +149,11 @@ impl Fixed {
 
     pub fn project(&self) -> String {
         let (a, b) = (self.color(0), self.color(1));
-        self.head() + GEOMETRY + HARMONICS + SPANS + SPLAT + SCAN + include_str!("shaders/project.wgsl") + &a + &b
-    }
-
-    pub fn plan(&self) -> String {
-        self.head() + SCAN + ARGS + include_str!("shaders/plan.wgsl")
+        self.head() + GEOMETRY + HARMONICS + SPANS + DRAWN + SPLAT + SCAN + ARGS + include_str!("shaders/project.wgsl") + &a + &b
     }
 
     pub fn emit(&self) -> String {
-        self.head() + SPANS + SPLAT + include_str!("shaders/emit.wgsl")
+        self.head() + SPANS + DRAWN + SPLAT + include_str!("shaders/emit.wgsl")
     }
 
     pub fn allot(&self) -> String {
@@ -240,7 +237,7 @@ impl Fixed {
     /// The update of the harmonics, or (`write_gradients`) the same with gradients written in place of the first moments.
     pub fn update_appearance(&self, write_gradients: bool) -> String {
         let (a, b) = (self.step_harmonics(0), self.step_harmonics(1));
-        self.update_head(write_gradients) + HARMONICS + SPLAT + include_str!("shaders/update_appearance.wgsl") + &a + &b
+        self.update_head(write_gradients) + HARMONICS + DRAWN + SPLAT + include_str!("shaders/update_appearance.wgsl") + &a + &b
     }
 
     /// A kernel of a survey.

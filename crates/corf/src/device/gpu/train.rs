@@ -16,20 +16,8 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Names of a step's kernels, in order.
-pub const STAGES: [&str; 12] = [
-    "project",
-    "plan",
-    "emit",
-    "allot",
-    "place",
-    "order",
-    "forward",
-    "similarity",
-    "gradient",
-    "backward",
-    "appearance",
-    "geometry",
-];
+pub const STAGES: [&str; 11] =
+    ["project", "emit", "allot", "place", "order", "forward", "similarity", "gradient", "backward", "appearance", "geometry"];
 
 /// Steps, or frames, recorded into one submission.
 pub(crate) const STEPS_PER_SUBMISSION: usize = 32;
@@ -186,13 +174,13 @@ impl GpuDevice {
             None => (&t.update, [&s.core.moment1.buffer, &s.sh[0].moment1.buffer, &s.sh[1].moment1.buffer]),
             Some(gradients) => (&t.write_gradients, gradients),
         };
-        let (order, found, directions, core) = (&m.order.buffer, &m.found.buffer, &m.directions.buffer, &s.core.value.buffer);
+        let (numbers, found, directions, core) =
+            (&m.gaussian_of.buffer, &m.found.buffer, &m.directions.buffer, &s.core.value.buffer);
         let appearance_buffers = [
             uniform,
             &m.state,
-            order,
-            &m.offsets.buffer,
-            &m.tile_counts.buffer,
+            numbers,
+            &m.drawn.buffer,
             records,
             splats,
             core,
@@ -204,10 +192,9 @@ impl GpuDevice {
             &s.sh[1].moment2.buffer,
             found,
             directions,
-            &m.places.buffer,
         ];
         let geometry_buffers =
-            [uniform, &m.state, order, found, directions, core, firsts[0], &s.core.moment2.buffer, &s.position_rate.buffer];
+            [uniform, &m.state, numbers, found, directions, core, firsts[0], &s.core.moment2.buffer, &s.position_rate.buffer];
         Ok(BoundTraining {
             losses: by_view,
             backward: t.backward.iter().map(of_shape).collect::<Result<_>>()?,

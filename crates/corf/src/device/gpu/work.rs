@@ -34,15 +34,13 @@ impl GpuDevice {
         let sh: f64 = self.store.harmonics.iter().map(|h| 4.0 * h.words() as f64).sum();
         let (core, splat, record) = (48.0, 48.0, if c.fused { 64.0 } else { 48.0 });
         // What a visible Gaussian's tiles take, a pair as it is emitted, an entry of a list, what is found of a Gaussian.
-        let (taken, pair, entry, found) = (16.0, 16.0, 8.0, 80.0);
+        let (taken, pair, entry, found) = (24.0, 16.0, 8.0, 80.0);
         // What the forward pass keeps for each bucket but a tile's first.
         let kept = e * area * 4.0 * f64::from(Fixed::state_numbers(c.fused)) / f64::from(fixed.batch);
         let tiles = c.tiles as f64;
-        let kilo = n / 256.0;
         let work = [
-            (n * (core + 8.0) + v * (sh + 2.0 * splat + taken), n * 60.0 + v * 600.0),
-            (kilo * 16.0, 0.0),
-            (v * (taken + 16.0 + splat) + e * (pair + 4.0), 0.0),
+            (n * core + v * (sh + 2.0 * splat + taken), n * 60.0 + v * 600.0),
+            (v * (taken + splat) + e * (pair + 4.0), 0.0),
             (tiles * 24.0, 0.0),
             (e * (pair + entry), 0.0),
             (e * (2.0 * entry + 4.0), 0.0),
@@ -50,8 +48,8 @@ impl GpuDevice {
             (pixels * 3.0 * (4.0 + 4.0 + 12.0), pixels * 3.0 * 5.0 * BLUR),
             (pixels * 3.0 * (4.0 + 4.0 + 12.0 + 4.0), pixels * 3.0 * 3.0 * BLUR),
             (e * (entry + splat + record) + pixels * 32.0 + kept, e * area * BLEND_BACKWARD),
-            (e * record + v * (6.0 * sh + 12.0 + 2.0 * splat + found), v * 500.0),
-            (v * (6.0 * core + found + 12.0), v * 1000.0),
+            (e * record + v * (6.0 * sh + taken + 2.0 * splat + found), v * 500.0),
+            (v * (6.0 * core + found + 4.0), v * 1000.0),
         ];
         std::array::from_fn(|k| StageWork { name: STAGES[k], bytes: work[k].0, operations: work[k].1 })
     }

@@ -45,5 +45,6 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         let all = atomicLoad(&state[CHUNKS]);
         args[ARGS_ORDER] = folded(params.tile_total + all);
         args[ARGS_MERGE] = folded(all);
+        atomicStore(&state[FINISHED], 0u);
     }
 }

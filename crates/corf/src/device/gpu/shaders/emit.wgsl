@@ -1,16 +1,12 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> state: array<u32>;
-@group(0) @binding(2) var<storage, read> taken: array<Taken>;
+@group(0) @binding(2) var<storage, read> drawn: array<Drawn>;
 @group(0) @binding(3) var<storage, read> splats: array<Splat>;
-@group(0) @binding(4) var<storage, read> block_sums: array<vec4<u32>>;
-@group(0) @binding(5) var<storage, read_write> order: array<u32>;
-@group(0) @binding(6) var<storage, read_write> offsets: array<u32>;
-@group(0) @binding(7) var<storage, read_write> tile_sizes: array<atomic<u32>>;
-@group(0) @binding(8) var<storage, read_write> pairs: array<vec4<u32>>;
-@group(0) @binding(9) var<storage, read_write> records: array<vec4<f32>>;
-@group(0) @binding(10) var<storage, read_write> places: array<u32>;
-@group(0) @binding(11) var<storage, read> shares: array<u32>;
-@group(0) @binding(12) var<storage, read> gaussian_of: array<u32>;
+@group(0) @binding(4) var<storage, read> blocks: array<Block>;
+@group(0) @binding(5) var<storage, read> shares: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read_write> tile_sizes: array<atomic<u32>>;
+@group(0) @binding(7) var<storage, read_write> pairs: array<vec4<u32>>;
+@group(0) @binding(8) var<storage, read_write> records: array<vec4<f32>>;
 
 // Of the block's visible Gaussians: pairs up to and with each, how many of its own are in the first image; the same of rows of tiles,
 // none where a Gaussian has no pair in the share.
@@ -110,14 +106,14 @@ fn row_with(pair: u32) -> u32 {
 }
 
 // A pair of the block: tile, place within the tile (in no order), splat, depth.
-fn emit(pair: u32, before: vec4<u32>) {
+fn emit(pair: u32, block: Block) {
     let row = row_with(pair);
     let part = row_parts[row];
     let column = pair - row_starts[row];
-    let at = before.y + pair;
+    let at = block.begin + pair;
     if (column < part / (2u * SCAN)) {
         let tile = row_tiles[row] + column;
-        let owner = part % 2u * params.visible_capacity + before.z + part / 2u % SCAN;
+        let owner = part % 2u * params.visible_capacity + block.place + part / 2u % SCAN;
         // The bits of positive numbers order like the numbers.
         pairs[at] = vec4(tile, atomicAdd(&tile_sizes[tile], 1u), owner, bitcast<u32>(splats[owner].color.w));
     } else {
@@ -129,22 +125,15 @@ fn emit(pair: u32, before: vec4<u32>) {
 }
 
 // Brings the block's visible Gaussians, with the rows of those that have pairs from `first` on and before `last`; how many rows these are.
-// What follows from the block alone is written with its first share; a block without pairs has no share, and nobody visible.
-fn bring(thread: u32, visible: u32, before: vec4<u32>, first: u32, last: u32) -> u32 {
-    let place = before.z + thread;
+fn bring(thread: u32, block: Block, first: u32, last: u32) -> u32 {
     var rows = vec2(0u);
-    if (thread < visible) {
-        let own = taken[place];
-        var begin = 0u;
-        if (thread > 0u) { begin = taken[place - 1u].end; }
-        ends[thread] = own.end;
+    if (thread < block.visible) {
+        let own = drawn[block.place + thread];
+        let begin = own.begin - block.begin;
+        let end = begin + own.in_first + own.in_second;
+        ends[thread] = end;
         in_first[thread] = own.in_first;
-        if (own.end > first && begin < last) { rows = own.rows; }
-        if (first == 0u) {
-            order[before.x + thread] = gaussian_of[place];
-            offsets[before.x + thread] = before.y + begin;
-            places[before.x + thread] = place;
-        }
+        if (end > first && begin < last) { rows = vec2(own.rows_in_first, own.rows_in_second); }
     }
     rows_in_first[thread] = rows.x;
     row_ends[thread] = sums_anew(thread, rows.x + rows.y);
@@ -155,21 +144,20 @@ fn bring(thread: u32, visible: u32, before: vec4<u32>, first: u32, last: u32) ->
 // A share of a block's pairs: first a thread is a Gaussian, then a row of tiles of one, then a pair.
 @compute @workgroup_size(SCAN)
 fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let share = group_number(id);
-    if (state[FAILED] != 0u || share >= state[SHARES]) { return; }
-    let block = shares[share];
-    let before = block_sums[block];
-    let first = (share - before.w) * SHARE;
-    let own = block_sums[block + 1u].xy - before.xy;
-    let last = min(first + SHARE, own.y);
-    let rows = bring(thread, own.x, before, first, last);
+    let number = group_number(id);
+    if (state[FAILED] != 0u || number >= state[SHARES]) { return; }
+    let share = shares[number];
+    let block = blocks[share.x];
+    let first = share.y * SHARE;
+    let last = min(first + SHARE, block.pairs);
+    let rows = bring(thread, block, first, last);
     var done = first;
     // Once also where compilers find no row at all.
     for (var row = 0u; row < max(rows, 1u) && done < last; row += SCAN) {
-        find_rows(thread, row, rows, before.z);
+        find_rows(thread, row, rows, block.place);
         var end = last;
         if (row + SCAN < rows) { end = min(last, row_starts[SCAN - 1u] + row_parts[SCAN - 1u] / (2u * SCAN)); }
-        for (var pair = done + thread; pair < end; pair += SCAN) { emit(pair, before); }
+        for (var pair = done + thread; pair < end; pair += SCAN) { emit(pair, block); }
         done = max(done, end);
         workgroupBarrier();
     }

@@ -32,7 +32,8 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let list = lists[chunk.x];
     let at = chunk.y * CHUNK + thread;
     if (at >= list.count) { return; }
-    let mine = pairs[list.first + at].xy;
+    let own = pairs[list.first + at];
+    let mine = own.xy;
     var place = thread;
     for (var begin = 0u; begin < list.count; begin += 4u * CHUNK) {
         var counts = vec4(0u);
@@ -43,5 +44,5 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         place += found_before(list.first + begin, counts, mine);
     }
     // What the blends want to know: splat, number of the pair.
-    entries[list.first + place] = vec2(pairs[mine.y].z, mine.y);
+    entries[list.first + place] = vec2(pairs[own.w].z, own.w);
 }

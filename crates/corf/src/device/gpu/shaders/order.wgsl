@@ -4,8 +4,9 @@
 @group(0) @binding(3) var<storage, read_write> entries: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read> state: array<u32>;
 @group(0) @binding(5) var<storage, read> chunks: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read> gaussian_of: array<u32>;
 
-// A tile's list by depth, and by the number of the Gaussian where depths are equal (pairs are numbered in the order of Gaussians).
+// A tile's list by depth, and by the number of the Gaussian where depths are equal.
 // Up to CHUNK entries are sorted in workgroup memory: runs of RUN by counting who is before whom, then by merging neighbours, where an
 // entry's place is its own in its run and, found by bisection, that in the other. Longer lists are of chunks so sorted, a workgroup each,
 // which `merge` joins. Still longer ones are joined by their tile's workgroup, with a bitonic network whose comparisons all point the same
@@ -13,7 +14,17 @@
 const RUN = 16u;
 var<workgroup> held: array<vec2<u32>, CHUNK>;
 
-fn before(a: vec2<u32>, b: vec2<u32>) -> bool { return a.x < b.x || (a.x == b.x && a.y < b.y); }
+// The Gaussian of a pair.
+fn number_of(pair: u32) -> u32 {
+    let splat = pairs[pair].z;
+    return gaussian_of[select(splat, splat - params.visible_capacity, splat >= params.visible_capacity)];
+}
+
+// By depth; where depths of two pairs are equal, which happens seldom, by their Gaussians.
+fn before(a: vec2<u32>, b: vec2<u32>) -> bool {
+    if (a.x != b.x || a.y == b.y) { return a.x < b.x; }
+    return number_of(a.y) < number_of(b.y);
+}
 
 // The pair of places that comparison `i` of a step joins: mirrored within blocks of 2·half, or half apart.
 fn joined(i: u32, half: u32, mirrored: bool) -> vec2<u32> {
@@ -74,7 +85,7 @@ fn found_before(first: u32, count: u32, width: u32, mine: vec2<u32>) -> u32 {
     for (var step = width; step > 0u; step >>= 1u) {
         let reach = found + step;
         let other = held[first + min(reach, max(count, 1u)) - 1u];
-        found = select(found, reach, reach <= count && before(other, mine));
+        if (reach <= count && before(other, mine)) { found = reach; }
     }
     return found;
 }
@@ -106,7 +117,8 @@ MOVE
     }
 }
 
-// One chunk of a list, to where `merge` looks it up: of the pairs with the list's numbers, the words that nobody reads any more.
+// One chunk of a list, to where `merge` looks it up: of the pairs with the list's numbers, the words that nobody reads any more. Depth,
+// Gaussian, pair.
 fn order_chunk(thread: u32, list: List, chunk: u32) {
     let first = list.first + chunk * CHUNK;
     let part = min(CHUNK, list.count - chunk * CHUNK);
@@ -114,7 +126,8 @@ fn order_chunk(thread: u32, list: List, chunk: u32) {
     sort_held(thread, part);
     for (var i = thread; i < part; i += THREADS) {
         pairs[first + i].x = held[i].x;
-        pairs[first + i].y = held[i].y;
+        pairs[first + i].y = number_of(held[i].y);
+        pairs[first + i].w = held[i].y;
     }
 }
 

@@ -2,14 +2,16 @@
 @group(0) @binding(1) var<storage, read> core: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> sh_0: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read> sh_1: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read_write> tile_counts: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read_write> block_sums: array<vec4<u32>>;
-@group(0) @binding(6) var<storage, read_write> splats: array<Splat>;
-@group(0) @binding(7) var<storage, read_write> gaussian_of: array<u32>;
-@group(0) @binding(8) var<storage, read_write> state: array<atomic<u32>>;
-@group(0) @binding(9) var<storage, read_write> taken: array<Taken>;
+@group(0) @binding(4) var<storage, read_write> blocks: array<Block>;
+@group(0) @binding(5) var<storage, read_write> splats: array<Splat>;
+@group(0) @binding(6) var<storage, read_write> gaussian_of: array<u32>;
+@group(0) @binding(7) var<storage, read_write> state: array<atomic<u32>>;
+@group(0) @binding(8) var<storage, read_write> drawn: array<Drawn>;
+@group(0) @binding(9) var<storage, read_write> shares: array<vec2<u32>>;
+@group(0) @binding(10) var<storage, read_write> args: array<vec4<u32>>;
 
-var<workgroup> begin: u32;
+// The block's first place among the visible, first pair, first share, shares.
+var<workgroup> given: vec4<u32>;
 
 // τ = ln(255·o·ρ) bounds σ; the margin covers the rounding of the logarithm and of σ itself.
 const TAU_MARGIN = 1e-3;
@@ -109,26 +111,59 @@ fn see(i: u32) -> Seen {
     return seen;
 }
 
+// By whoever comes last: the frame's counts and what is dispatched by them; those of the projection are left at zero for the next frame.
+fn settle() {
+    let visible = atomicExchange(&state[DRAWABLE], 0u);
+    let pairs = atomicExchange(&state[COUNTED], 0u);
+    let shares = atomicExchange(&state[CUT], 0u);
+    atomicStore(&state[FINISHED], 0u);
+    atomicMax(&state[NEEDED], pairs);
+    atomicMax(&state[MOST_VISIBLE], visible);
+    // A frame without room draws nothing and changes nothing; neither does any after it change anything.
+    if (pairs > params.pair_capacity || visible > params.visible_capacity) { atomicStore(&state[FAILED], 1u); }
+    let fits = u32(atomicLoad(&state[FAILED]) == 0u);
+    atomicStore(&state[VISIBLE], fits * visible);
+    atomicStore(&state[PAIRS], fits * pairs);
+    atomicStore(&state[SHARES], fits * shares);
+    atomicStore(&state[LISTED], 0u);
+    atomicStore(&state[CHECKPOINTS], 0u);
+    atomicStore(&state[BUCKETS], 0u);
+    atomicStore(&state[CHUNKS], 0u);
+    args[ARGS_APPEARANCE] = folded((fits * visible + EACH - 1u) / EACH);
+    args[ARGS_GEOMETRY] = folded((fits * visible + 63u) / 64u);
+    args[ARGS_PAIRS] = folded((fits * pairs + 255u) / 256u);
+    args[ARGS_SHARES] = folded(fits * shares);
+}
+
+// A block of Gaussians: what each reaches, room for what that takes, the block's pairs cut into shares of SHARE, what is drawn. Which block
+// is before which, whoever comes first; a block's own follow each other in order.
 @compute @workgroup_size(SCAN)
 fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let block = group_number(id);
+    let count = max((params.gaussians + SCAN - 1u) / SCAN, 1u);
+    if (block >= count) { return; }
     let i = block * SCAN + thread;
     var seen: Seen;
-    if (i < params.gaussians) {
-        seen = see(i);
-        tile_counts[i] = seen.tiles;
-    }
+    if (i < params.gaussians) { seen = see(i); }
     let tiles = seen.tiles.x + seen.tiles.y;
     let sums = inclusive_scan(thread, vec4(u32(tiles > 0u), tiles, 0u, 0u));
-    // Splats of a block lie together, in order; which block is before which, whoever comes first.
-    if (thread == SCAN - 1u && block * SCAN < max(params.gaussians, 1u)) {
-        begin = atomicAdd(&state[DRAWABLE], sums.x);
-        block_sums[block] = vec4(sums.xy, begin, 0u);
+    if (thread == SCAN - 1u) {
+        let parts = (sums.y + SHARE - 1u) / SHARE;
+        let place = atomicAdd(&state[DRAWABLE], sums.x);
+        let begin = atomicAdd(&state[COUNTED], sums.y);
+        given = vec4(place, begin, atomicAdd(&state[CUT], parts), parts);
+        blocks[block] = Block(sums.x, sums.y, place, begin);
     }
-    let place = workgroupUniformLoad(&begin) + sums.x - 1u;
+    let first = workgroupUniformLoad(&given);
+    if (thread == 0u && atomicAdd(&state[FINISHED], 1u) == count - 1u) { settle(); }
+    // There is room for all shares of pairs that there is room for.
+    for (var s = thread; s < min(first.w, max(arrayLength(&shares), first.z) - first.z); s += SCAN) {
+        shares[first.z + s] = vec2(block, s);
+    }
+    let place = first.x + sums.x - 1u;
     if (tiles == 0u || place >= params.visible_capacity) { return; }
     gaussian_of[place] = i;
-    taken[place] = Taken(sums.y, seen.tiles.x, seen.rows);
+    drawn[place] = Drawn(first.y + sums.y - tiles, seen.tiles.x, seen.tiles.y, seen.rows.x, seen.rows.y);
     if (seen.tiles.x > 0u) {
         splats[place] = Splat(seen.place[0], seen.conic[0], vec4(color_0(i, seen.direction), seen.z));
     }

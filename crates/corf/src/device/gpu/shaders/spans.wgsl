@@ -61,5 +61,3 @@ fn columns_of(r: Reach, tiles: vec2<u32>, row: i32) -> vec2<i32> {
     return span(r.mean.x + left, r.mean.x + right, f32(TILE_WIDTH), tiles.x);
 }
 
-// What a visible Gaussian's tiles take: pairs of its block up to and with its own, its own in the first image, rows of tiles in each.
-struct Taken { end: u32, in_first: u32, rows: vec2<u32> }

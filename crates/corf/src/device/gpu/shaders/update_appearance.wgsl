@@ -1,20 +1,18 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> state: array<u32>;
-@group(0) @binding(2) var<storage, read> order: array<u32>;
-@group(0) @binding(3) var<storage, read> offsets: array<u32>;
-@group(0) @binding(4) var<storage, read> tile_counts: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read> records: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read> splats: array<Splat>;
-@group(0) @binding(7) var<storage, read> core: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> sh_0: array<vec4<f32>>;
-@group(0) @binding(9) var<storage, read_write> sh_0_m: array<vec4<f32>>;
-@group(0) @binding(10) var<storage, read_write> sh_0_v: array<vec4<f32>>;
-@group(0) @binding(11) var<storage, read_write> sh_1: array<vec4<f32>>;
-@group(0) @binding(12) var<storage, read_write> sh_1_m: array<vec4<f32>>;
-@group(0) @binding(13) var<storage, read_write> sh_1_v: array<vec4<f32>>;
-@group(0) @binding(14) var<storage, read_write> found: array<OfEllipse>;
-@group(0) @binding(15) var<storage, read_write> directions: array<vec4<f32>>;
-@group(0) @binding(16) var<storage, read> places: array<u32>;
+@group(0) @binding(2) var<storage, read> gaussian_of: array<u32>;
+@group(0) @binding(3) var<storage, read> drawn: array<Drawn>;
+@group(0) @binding(4) var<storage, read> records: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> splats: array<Splat>;
+@group(0) @binding(6) var<storage, read> core: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> sh_0: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> sh_0_m: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> sh_0_v: array<vec4<f32>>;
+@group(0) @binding(10) var<storage, read_write> sh_1: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read_write> sh_1_m: array<vec4<f32>>;
+@group(0) @binding(12) var<storage, read_write> sh_1_v: array<vec4<f32>>;
+@group(0) @binding(13) var<storage, read_write> found: array<OfEllipse>;
+@group(0) @binding(14) var<storage, read_write> directions: array<vec4<f32>>;
 
 // EACH visible Gaussians a workgroup, LANES threads each: they sum its records, then step its harmonics word by word.
 const LANES = 8u;
@@ -119,9 +117,10 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     var own = vec2(0u);
     var first = vec2(0u);
     if (alive) {
-        i = order[v];
-        own = tile_counts[i];
-        first = vec2(offsets[v], offsets[v] + own.x);
+        i = gaussian_of[v];
+        let taken = drawn[v];
+        own = vec2(taken.in_first, taken.in_second);
+        first = vec2(taken.begin, taken.begin + own.x);
     }
     if (thread == 0u) { atomicStore(&long_count, 0u); }
     if (lane == 0u) {
@@ -168,11 +167,10 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         workgroupBarrier();
     }
     if (lane < 2u && alive) {
-        let place = places[v];
-        let f = found_of(k, place, lane);
+        let f = found_of(k, v, lane);
         found[2u * v + lane] = of_ellipse(f);
         // The clamp at 0 passes no gradient.
-        let color = splats[lane * params.visible_capacity + place].color.rgb;
+        let color = splats[lane * params.visible_capacity + v].color.rgb;
         d_colors[2u * k + lane] = vec4(select(vec3(0.0), f.a.rgb, color > vec3(0.0)), f.c.z);
     }
     workgroupBarrier();

@@ -1,6 +1,6 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> state: array<u32>;
-@group(0) @binding(2) var<storage, read> order: array<u32>;
+@group(0) @binding(2) var<storage, read> gaussian_of: array<u32>;
 @group(0) @binding(3) var<storage, read> found: array<OfEllipse>;
 @group(0) @binding(4) var<storage, read> directions: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> core: array<vec4<f32>>;
@@ -35,7 +35,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let at = group_number(id) * 64u + thread;
     if (at == 0u) { state[STEPS] += 1u; }
     if (at >= state[VISIBLE]) { return; }
-    let i = order[at];
+    let i = gaussian_of[at];
 
     // All that is read is on its way before any of it is used.
     let held_0 = load(3u * i);
