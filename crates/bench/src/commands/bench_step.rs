@@ -53,7 +53,7 @@ pub struct Step {
     #[arg(long, default_value_t = 0)]
     frames: usize,
     /// Memory bandwidth for the floor, GB/s (default: measured on an H200).
-    #[arg(long, default_value_t = 2700.0)]
+    #[arg(long, default_value_t = 4200.0)]
     bandwidth_gb_s: f64,
     /// Arithmetic for the floor, TFLOP/s (default: measured on an H200).
     #[arg(long, default_value_t = 64.0)]

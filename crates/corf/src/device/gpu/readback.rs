@@ -2,7 +2,7 @@
 
 use super::{
     context::Context,
-    store::{CORE, Store, transposed},
+    store::{CORE, Part, Store, joined, transposed},
 };
 use crate::{
     Gaussians, Result,
@@ -23,13 +23,10 @@ impl Store {
 
     /// The Gaussians with their optimiser.
     pub fn state(&self, context: &Context) -> Result<DeviceState> {
-        let [optical, rf] = &self.sh;
-        let first = [&self.core.moment1.buffer, &optical.moment1.buffer, &rf.moment1.buffer];
-        let second = [&self.core.moment2.buffer, &optical.moment2.buffer, &rf.moment2.buffer];
         let mut rates = context.read::<f32>("reading rates back", &[(&self.position_rate.buffer, self.len())])?;
         Ok(DeviceState {
-            gaussians: self.to_gaussians(context)?,
-            moments: [self.read(context, first)?, self.read(context, second)?],
+            gaussians: self.part(context, Part::Value)?,
+            moments: [self.part(context, Part::Moment1)?, self.part(context, Part::Moment2)?],
             position_rate: rates.pop().unwrap_or_default(),
         })
     }
@@ -38,15 +35,16 @@ impl Store {
     pub fn restore(&mut self, context: &Context, state: &DeviceState) -> Result<()> {
         state.check(self.harmonics.map(|h| (h.channels, h.degree)), self.len())?;
         self.append(context, &state.gaussians)?;
-        let put = |buffer: &wgpu::Buffer, numbers: &[f32]| context.queue.write_buffer(buffer, 0, bytemuck::cast_slice(numbers));
-        let [optical, rf] = &self.sh;
-        let homes = [[&self.core.moment1, &optical.moment1, &rf.moment1], [&self.core.moment2, &optical.moment2, &rf.moment2]];
-        for ([core, optical, rf], moments) in homes.into_iter().zip(&state.moments) {
-            put(&core.buffer, &cores(moments));
-            put(&optical.buffer, &transposed(&moments.optical, self.harmonics[0]));
-            put(&rf.buffer, &transposed(&moments.rf, self.harmonics[1]));
+        let [first, second] = &state.moments;
+        for (rows, moments) in [(&self.core.moment1, first), (&self.core.moment2, second)] {
+            context.fill(&rows.buffer, 0, &cores(moments));
         }
-        put(&self.position_rate.buffer, &state.position_rate);
+        let appearances = [&state.gaussians, first, second].map(|g| [&g.optical, &g.rf]);
+        for (k, shape) in self.harmonics.into_iter().enumerate() {
+            let parts = appearances.map(|a| transposed(a[k], shape));
+            context.fill(&self.sh[k].buffer, 0, &joined(&parts.each_ref().map(Vec::as_slice), shape.words()));
+        }
+        context.fill(&self.position_rate.buffer, 0, &state.position_rate);
         context.check("restoring Gaussians")
     }
 }

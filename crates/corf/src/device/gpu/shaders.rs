@@ -8,7 +8,7 @@ use std::fmt::Write;
 /// Pixels across and down a block of the loss kernels: with the window's halo nearly 128 columns, a thread each.
 pub(crate) const LOSS_BLOCK: [u32; 2] = [112, 8];
 /// Visible Gaussians per workgroup of the update of appearances.
-const EACH: u32 = 16;
+const EACH: u32 = 8;
 /// Pairs that one workgroup emits: blocks of Gaussians with more are cut into shares, so that no workgroup has much more to do than others.
 pub(crate) const SHARE: u32 = 1024;
 /// Threads of a workgroup of the backward pass, at least: two subgroups, whose buckets share what a workgroup costs.
@@ -99,12 +99,17 @@ impl Fixed {
         )
     }
 
+    /// Functions of the higher of both degrees.
+    fn bases(&self) -> usize {
+        self.harmonics[0].coefficients().max(self.harmonics[1].coefficients())
+    }
+
     /// max(0, 0.5 + Σ_k sh_k Y_k(d)) of modality `g`, written out.
     fn color(&self, g: usize) -> String {
         let shape = self.harmonics[g];
         let (k, quads) = (shape.coefficients(), shape.words() / 4);
         let mut out = format!(
-            "fn color_{g}(i: u32, d: vec3<f32>) -> vec3<f32> {{\n    let y = basis_of(d);\n    let at = i * {quads}u;\n    var c = vec3(0.0);\n"
+            "fn color_{g}(i: u32, d: vec3<f32>) -> vec3<f32> {{\n    let y = basis_of(d);\n    let at = 3u * i * {quads}u;\n    var c = vec3(0.0);\n"
         );
         for c in 0..shape.channels {
             let _ = writeln!(out, "    c.{} = 0.5;", LANES[c]);
@@ -128,13 +133,19 @@ impl Fixed {
         if both { 9 } else { 5 }
     }
 
-    /// One step of the harmonics of modality `g`.
-    fn step_harmonics(&self, g: usize) -> String {
+    /// One step of the harmonics of modality `g`, or its gradient instead.
+    fn step_harmonics(&self, g: usize, write_gradients: bool) -> String {
         let shape = self.harmonics[g];
         let sizes =
             [("IMAGE", g), ("COEFFICIENTS", shape.coefficients()), ("NUMBERS", shape.numbers()), ("QUADS", shape.words() / 4)];
         let constants: String = sizes.iter().map(|(name, n)| format!("const {name}_{g} = {n}u;\n")).collect();
-        constants + &include_str!("shaders/step_harmonics.wgsl").replace("_GRID", &format!("_{g}"))
+        let store = if write_gradients {
+            "gradient_GRID[i * QUADS_GRID + quad] = w.gradient;"
+        } else {
+            "sh_GRID[at] = old - w.rates * adam(w.gradient, &m, &v);\nsh_GRID[at + QUADS_GRID] = m;\nsh_GRID[at + 2u * QUADS_GRID] = v;"
+        };
+        let source = include_str!("shaders/step_harmonics.wgsl").replace("STORE", store);
+        constants + &source.replace("_GRID", &format!("_{g}"))
     }
 
     /// Constants of the blends.
@@ -234,10 +245,33 @@ impl Fixed {
         self.head() + &constants + GEOMETRY + FOUND + ADAM
     }
 
-    /// The update of the harmonics, or (`write_gradients`) the same with gradients written in place of the first moments.
+    /// Words of four of the basis and its slopes, written out: an array in a loop may end up in memory.
+    fn keep_basis(&self) -> String {
+        let bases = self.bases();
+        let four = |quad: usize, of: &str, axis: &str| -> String {
+            let one = |c: usize| if c < bases { format!("{of}[{c}]{axis}") } else { "0.0".to_owned() };
+            (4 * quad..4 * quad + 4).map(one).collect::<Vec<_>>().join(", ")
+        };
+        let mut out = String::new();
+        for quad in 0..bases.div_ceil(4) {
+            let _ = writeln!(out, "basis[quad + {quad}u] = vec4({});", four(quad, "y", ""));
+            for (a, axis) in [".x", ".y", ".z"].into_iter().enumerate() {
+                let _ = writeln!(out, "slopes[3u * (quad + {quad}u) + {a}u] = vec4({});", four(quad, "slope", axis));
+            }
+        }
+        out
+    }
+
+    /// The update of the harmonics, or (`write_gradients`) the same with gradients written to two more buffers instead.
     pub fn update_appearance(&self, write_gradients: bool) -> String {
-        let (a, b) = (self.step_harmonics(0), self.step_harmonics(1));
-        self.update_head(write_gradients) + HARMONICS + DRAWN + SPLAT + include_str!("shaders/update_appearance.wgsl") + &a + &b
+        let (a, b) = (self.step_harmonics(0, write_gradients), self.step_harmonics(1, write_gradients));
+        let binding =
+            |g: usize| format!("@group(0) @binding({}) var<storage, read_write> gradient_{g}: array<vec4<f32>>;\n", 11 + g);
+        let gradients = if write_gradients { binding(0) + &binding(1) } else { String::new() };
+        let source = include_str!("shaders/update_appearance.wgsl")
+            .replace("GRADIENTS\n", &gradients)
+            .replace("BASIS\n", &self.keep_basis());
+        self.update_head(write_gradients) + HARMONICS + DRAWN + SPLAT + &source + &a + &b
     }
 
     /// A kernel of a survey.
@@ -245,7 +279,7 @@ impl Fixed {
         self.head() + include_str!("shaders/survey.wgsl") + kernel
     }
 
-    /// The update of geometry and opacities; gradients as above.
+    /// The update of geometry and opacities, or the same with gradients written in place of the first moments.
     pub fn update_geometry(&self, write_gradients: bool) -> String {
         self.update_head(write_gradients) + include_str!("shaders/update_geometry.wgsl")
     }

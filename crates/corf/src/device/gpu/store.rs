@@ -1,4 +1,7 @@
-//! Gaussians and their optimiser state in device memory: rows of words, one a Gaussian, as the CPU device keeps them.
+//! Gaussians and their optimiser state in device memory: rows of words, one a Gaussian.
+//!
+//! A step reads and writes the harmonics of visible Gaussians, here and there among all, with both moments: these lie together, because memory
+//! is a third faster where 576 bytes of one place are wanted than 192 of three. Geometry is read of all Gaussians and lies apart from its moments.
 
 use super::{
     context::Context,
@@ -7,6 +10,7 @@ use super::{
 };
 use crate::{Appearance, Gaussians, Result};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Position (3), quaternion (4), ln scale (3), opacity logits (optical, RF).
 pub(super) const CORE: usize = 12;
@@ -19,11 +23,39 @@ pub(crate) struct Rows {
     words: usize,
 }
 
-/// Value and Adam's moments.
+/// Value and Adam's moments, apart.
 pub(crate) struct Trained {
     pub value: Rows,
     pub moment1: Rows,
     pub moment2: Rows,
+}
+
+/// Which of what a row of harmonics holds, one behind another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    Value,
+    Moment1,
+    Moment2,
+}
+
+/// How many these are.
+const PARTS: usize = 3;
+
+/// Most bytes of rows gathered at once.
+const GATHERED: u64 = 64 << 20;
+
+/// Rows of so many words that are gathered at once, where so much can be bound.
+fn at_once(context: &Context, words: usize) -> usize {
+    (GATHERED.min(context.largest_buffer()) as usize / (4 * words)).max(1)
+}
+
+/// Words of some rows that are named.
+struct Piece<'a> {
+    source: &'a Rows,
+    /// Of the names.
+    first: usize,
+    count: usize,
+    words: Range<usize>,
 }
 
 /// All Gaussians.
@@ -31,8 +63,8 @@ pub(crate) struct Store {
     pub core: Trained,
     /// What is left of the position rate.
     pub position_rate: Rows,
-    /// Optical, RF.
-    pub sh: [Trained; 2],
+    /// Optical, RF: values, first and second moments.
+    pub sh: [Rows; 2],
     pub harmonics: [HarmonicsShape; 2],
     len: usize,
     capacity: usize,
@@ -56,6 +88,18 @@ impl Trained {
         let rows = || Rows::new(context, label, words, capacity);
         Ok(Self { value: rows()?, moment1: rows()?, moment2: rows()? })
     }
+}
+
+/// Rows of harmonics from their parts; those that are not given are zero.
+pub(super) fn joined(parts: &[&[f32]], words: usize) -> Vec<f32> {
+    let rows = parts[0].len() / words;
+    let mut out = vec![0.0; rows * PARTS * words];
+    for (k, part) in parts.iter().enumerate() {
+        for (row, values) in out.chunks_exact_mut(PARTS * words).zip(part.chunks_exact(words)) {
+            row[k * words..(k + 1) * words].copy_from_slice(values);
+        }
+    }
+    out
 }
 
 /// `[coefficient][channel]` to `[channel][coefficient]`, padded.
@@ -85,8 +129,8 @@ impl Store {
             core: Trained::new(context, "geometry", CORE, capacity)?,
             position_rate: Rows::new(context, "position rates", 1, capacity)?,
             sh: [
-                Trained::new(context, "optical harmonics", harmonics[0].words(), capacity)?,
-                Trained::new(context, "RF harmonics", harmonics[1].words(), capacity)?,
+                Rows::new(context, "optical harmonics", PARTS * harmonics[0].words(), capacity)?,
+                Rows::new(context, "RF harmonics", PARTS * harmonics[1].words(), capacity)?,
             ],
             harmonics,
             len: 0,
@@ -100,37 +144,14 @@ impl Store {
         self.len
     }
 
-    fn rows(&self) -> [&Rows; 10] {
-        let ([a, b], c) = (&self.sh, &self.core);
-        [
-            &c.value,
-            &c.moment1,
-            &c.moment2,
-            &self.position_rate,
-            &a.value,
-            &a.moment1,
-            &a.moment2,
-            &b.value,
-            &b.moment1,
-            &b.moment2,
-        ]
+    fn rows(&self) -> [&Rows; 6] {
+        let ([optical, rf], c) = (&self.sh, &self.core);
+        [&c.value, &c.moment1, &c.moment2, &self.position_rate, optical, rf]
     }
 
-    fn rows_mut(&mut self) -> [&mut Rows; 10] {
-        let [a, b] = &mut self.sh;
-        let c = &mut self.core;
-        [
-            &mut c.value,
-            &mut c.moment1,
-            &mut c.moment2,
-            &mut self.position_rate,
-            &mut a.value,
-            &mut a.moment1,
-            &mut a.moment2,
-            &mut b.value,
-            &mut b.moment1,
-            &mut b.moment2,
-        ]
+    fn rows_mut(&mut self) -> [&mut Rows; 6] {
+        let ([optical, rf], c) = (&mut self.sh, &mut self.core);
+        [&mut c.value, &mut c.moment1, &mut c.moment2, &mut self.position_rate, optical, rf]
     }
 
     /// Room for `n` Gaussians. Nothing changes on an error.
@@ -171,19 +192,16 @@ impl Store {
             core.extend(new.log_scale[i]);
             core.extend([new.optical.opacity_logit[i], new.rf.opacity_logit[i]]);
         }
-        let sh = [transposed(&new.optical, self.harmonics[0]), transposed(&new.rf, self.harmonics[1])];
         let first = self.len;
         let c = &self.core;
         context.fill(&c.value.buffer, c.value.bytes(first), &core);
         context.fill(&self.position_rate.buffer, self.position_rate.bytes(first), &vec![1.0; n]);
-        for (trained, values) in self.sh.iter().zip(&sh) {
-            context.fill(&trained.value.buffer, trained.value.bytes(first), values);
+        for ((rows, shape), a) in self.sh.iter().zip(self.harmonics).zip([&new.optical, &new.rf]) {
+            context.fill(&rows.buffer, rows.bytes(first), &joined(&[&transposed(a, shape)], shape.words()));
         }
         let mut encoder = context.encoder();
-        for trained in [c, &self.sh[0], &self.sh[1]] {
-            for moment in [&trained.moment1, &trained.moment2] {
-                encoder.clear_buffer(&moment.buffer, moment.bytes(first), Some(moment.bytes(n)));
-            }
+        for moment in [&c.moment1, &c.moment2] {
+            encoder.clear_buffer(&moment.buffer, moment.bytes(first), Some(moment.bytes(n)));
         }
         context.submit(encoder);
         self.len += n;
@@ -200,40 +218,59 @@ impl Store {
         if kept.is_empty() {
             return Ok(());
         }
-        let widest = CORE.max(self.harmonics[0].words()).max(self.harmonics[1].words());
-        let bytes = (4 * kept.len() * widest) as u64;
-        let spare = match self.spare.take() {
+        let held = self.spare.take();
+        let mut pieces = vec![];
+        for rows in self.rows() {
+            let at_once = at_once(context, rows.words);
+            let piece = |first| Piece { source: rows, first, count: at_once.min(kept.len() - first), words: 0..rows.words };
+            pieces.extend((0..kept.len()).step_by(at_once).map(piece));
+        }
+        let bytes = pieces.iter().map(|p| p.source.bytes(p.count)).max().unwrap_or(0);
+        let spare = match held {
             Some(spare) if spare.size() >= bytes => spare,
             _ => context.storage("rows being gathered", bytes)?,
         };
-        let names = context.storage("rows kept", 4 * kept.len() as u64)?;
-        context.queue.write_buffer(&names, 0, bytemuck::cast_slice(&kept));
-        let constants = context.buffer("row sizes", 16 * 256, wgpu::BufferUsages::UNIFORM)?;
-        let mut encoder = context.encoder();
-        for (k, rows) in self.rows().into_iter().enumerate() {
-            let sizes = [kept.len() as u32, rows.words as u32, 0, 0];
-            context.queue.write_buffer(&constants, 256 * k as u64, bytemuck::cast_slice(&sizes));
-            let bound = self.gather.bind(context, 16, &[&constants, &names, &rows.buffer, &spare])?;
-            {
-                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-                bound.run(&mut pass, 256 * k as u32, (kept.len() * rows.words).div_ceil(256) as u32);
-            }
-            encoder.copy_buffer_to_buffer(&spare, 0, &rows.buffer, 0, rows.bytes(kept.len()));
-        }
-        context.submit(encoder);
+        // A row comes from its own place or from behind it: those that follow are not overwritten before their turn.
+        self.gather(context, &kept, &pieces, &spare, |encoder, p| {
+            let (to, bytes) = (p.source.bytes(p.first), p.source.bytes(p.count));
+            encoder.copy_buffer_to_buffer(&spare, 0, &p.source.buffer, to, bytes);
+        })?;
         self.spare = Some(spare);
         context.check("removing Gaussians")
+    }
+
+    /// Copies pieces of rows, which `kept` names, to the beginning of `out`; `then` is recorded after each.
+    fn gather(
+        &self,
+        context: &Context,
+        kept: &[u32],
+        pieces: &[Piece<'_>],
+        out: &wgpu::Buffer,
+        then: impl Fn(&mut wgpu::CommandEncoder, &Piece<'_>),
+    ) -> Result<()> {
+        let names = context.storage("rows kept", 4 * kept.len() as u64)?;
+        context.queue.write_buffer(&names, 0, bytemuck::cast_slice(kept));
+        let constants = context.buffer("row sizes", 256 * pieces.len() as u64, wgpu::BufferUsages::UNIFORM)?;
+        let mut encoder = context.encoder();
+        for (k, p) in pieces.iter().enumerate() {
+            let sizes = [p.count, p.words.len(), p.source.words, p.words.start, p.first, 0, 0, 0].map(|n| n as u32);
+            context.queue.write_buffer(&constants, 256 * k as u64, bytemuck::cast_slice(&sizes));
+            let bound = self.gather.bind(context, 32, &[&constants, &names, &p.source.buffer, out])?;
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                bound.run(&mut pass, 256 * k as u32, (p.count * p.words.len()).div_ceil(256) as u32);
+            }
+            then(&mut encoder, p);
+        }
+        context.submit(encoder);
+        Ok(())
     }
 
     /// Replaces the RF appearance and its optimiser state, whose channels and degree stay as they are.
     pub fn reset_rf(&mut self, context: &Context, rf: &Appearance) -> Result<()> {
         rf.check_complete("RF appearance", self.len, held(self.harmonics[1]))?;
-        let sh = transposed(rf, self.harmonics[1]);
-        let zeros = vec![0.0_f32; sh.len()];
-        for (rows, values) in [&self.sh[1].value, &self.sh[1].moment1, &self.sh[1].moment2].into_iter().zip([&sh, &zeros, &zeros])
-        {
-            context.queue.write_buffer(&rows.buffer, 0, bytemuck::cast_slice(values));
-        }
+        let shape = self.harmonics[1];
+        context.fill(&self.sh[1].buffer, 0, &joined(&[&transposed(rf, shape)], shape.words()));
         let c = &self.core;
         let numbers = self.len * CORE;
         let sources = [(&c.value.buffer, numbers), (&c.moment1.buffer, numbers), (&c.moment2.buffer, numbers)];
@@ -249,34 +286,59 @@ impl Store {
 
     /// The numbers of one of each (geometry, optical and RF harmonics: parameters or their gradients) in the public shape.
     pub fn read(&self, context: &Context, buffers: [&wgpu::Buffer; 3]) -> Result<Gaussians> {
-        let n = self.len;
         let words = [CORE, self.harmonics[0].words(), self.harmonics[1].words()];
-        let sources: Vec<_> = buffers.into_iter().zip(words).map(|(b, w)| (b, n * w)).collect();
+        let sources: Vec<_> = buffers.into_iter().zip(words).map(|(b, w)| (b, self.len * w)).collect();
         let read = context.read::<f32>("reading Gaussians back", &sources)?;
-        let core: Vec<&[f32]> = read[0].chunks_exact(CORE).collect();
+        Ok(self.shaped(&read[0], [&read[1], &read[2]]))
+    }
+
+    fn shaped(&self, core: &[f32], sh: [&[f32]; 2]) -> Gaussians {
+        let core: Vec<&[f32]> = core.chunks_exact(CORE).collect();
         let appearance = |g: usize| {
             let shape = self.harmonics[g];
             let (k, c) = (shape.coefficients(), shape.channels);
-            let mut sh = vec![0.0; n * k * c];
-            let rows = read[1 + g].par_chunks_exact(shape.words());
-            sh.par_chunks_exact_mut(k * c).zip(rows).with_min_len(256).for_each(|(sh, row)| {
-                for (at, value) in sh.iter_mut().enumerate() {
+            let mut out = vec![0.0; core.len() * k * c];
+            let rows = sh[g].par_chunks_exact(shape.words());
+            out.par_chunks_exact_mut(k * c).zip(rows).with_min_len(256).for_each(|(out, row)| {
+                for (at, value) in out.iter_mut().enumerate() {
                     *value = row[(at % c) * k + at / c];
                 }
             });
             let opacity_logit = core.iter().map(|row| row[10 + g]).collect();
-            Appearance { channels: c, sh_degree: shape.degree, opacity_logit, sh }
+            Appearance { channels: c, sh_degree: shape.degree, opacity_logit, sh: out }
         };
-        Ok(Gaussians {
+        Gaussians {
             position: core.iter().map(|r| [r[0], r[1], r[2]]).collect(),
             rotation: core.iter().map(|r| [r[3], r[4], r[5], r[6]]).collect(),
             log_scale: core.iter().map(|r| [r[7], r[8], r[9]]).collect(),
             optical: appearance(0),
             rf: appearance(1),
-        })
+        }
     }
 
-    pub fn to_gaussians(&self, context: &Context) -> Result<Gaussians> {
-        self.read(context, [&self.core.value.buffer, &self.sh[0].value.buffer, &self.sh[1].value.buffer])
+    /// Parameters, or their moments, in the public shape; with little memory on the device, so that there is a way out when there is no more.
+    pub fn part(&self, context: &Context, part: Part) -> Result<Gaussians> {
+        const DOING: &str = "reading Gaussians back";
+        let core = match part {
+            Part::Value => &self.core.value,
+            Part::Moment1 => &self.core.moment1,
+            Part::Moment2 => &self.core.moment2,
+        };
+        let core = context.read::<f32>(DOING, &[(&core.buffer, self.len * CORE)])?;
+        let column = |g: usize| -> Result<Vec<f32>> {
+            let words = self.harmonics[g].words();
+            let from = part as usize * words;
+            let at_once = at_once(context, words).min(self.len);
+            let gathered = context.storage("harmonics being read", (4 * words * at_once) as u64)?;
+            let mut out = Vec::with_capacity(words * self.len);
+            for first in (0..self.len).step_by(at_once.max(1)) {
+                let rows: Vec<u32> = (first..self.len.min(first + at_once)).map(|i| i as u32).collect();
+                let piece = Piece { source: &self.sh[g], first: 0, count: rows.len(), words: from..from + words };
+                self.gather(context, &rows, &[piece], &gathered, |_, _| ())?;
+                out.extend_from_slice(&context.read::<f32>(DOING, &[(&gathered, words * rows.len())])?[0]);
+            }
+            Ok(out)
+        };
+        Ok(self.shaped(&core[0], [&column(0)?, &column(1)?]))
     }
 }

@@ -6,7 +6,8 @@ use super::{
     frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, Room, STATE_WORDS, STEPS, VISIBLE},
     kernel::{Bound, Kernel},
     params::{self, Params, Uniforms},
-    shaders::Fixed,
+    shaders::{Fixed, HarmonicsShape},
+    store::CORE,
 };
 use crate::{
     Error, Gaussians, Result,
@@ -84,7 +85,7 @@ impl Training {
     }
 }
 
-/// Where the update writes: first moments, or gradients in their place (geometry, optical and RF harmonics).
+/// Where gradients are written, if they are and no step is taken (geometry, optical and RF harmonics).
 type Destination<'a> = Option<[&'a wgpu::Buffer; 3]>;
 
 /// The kernels of a batch of steps with their memory.
@@ -170,31 +171,20 @@ impl GpuDevice {
         let backward =
             [uniform, &m.state, lists, &m.bucket_tiles.buffer, entries, splats, image, gradient, checkpoints, visited, records];
         let of_shape = |[single, double]: &[Kernel; 2]| Ok([bind(single, &backward)?, bind(double, &backward)?]);
-        let ([appearance, geometry], firsts) = match destination {
-            None => (&t.update, [&s.core.moment1.buffer, &s.sh[0].moment1.buffer, &s.sh[1].moment1.buffer]),
-            Some(gradients) => (&t.write_gradients, gradients),
+        let ([appearance, geometry], core_gradient) = match destination {
+            None => (&t.update, &s.core.moment1.buffer),
+            Some([core, ..]) => (&t.write_gradients, core),
         };
         let (numbers, found, directions, core) =
             (&m.gaussian_of.buffer, &m.found.buffer, &m.directions.buffer, &s.core.value.buffer);
-        let appearance_buffers = [
-            uniform,
-            &m.state,
-            numbers,
-            &m.drawn.buffer,
-            records,
-            splats,
-            core,
-            &s.sh[0].value.buffer,
-            firsts[1],
-            &s.sh[0].moment2.buffer,
-            &s.sh[1].value.buffer,
-            firsts[2],
-            &s.sh[1].moment2.buffer,
-            found,
-            directions,
-        ];
+        let [optical, rf] = s.sh.each_ref().map(|rows| &rows.buffer);
+        let mut appearance_buffers =
+            vec![uniform, &m.state, numbers, &m.drawn.buffer, records, splats, core, optical, rf, found, directions];
+        if let Some([_, of_optical, of_rf]) = destination {
+            appearance_buffers.extend([of_optical, of_rf]);
+        }
         let geometry_buffers =
-            [uniform, &m.state, numbers, found, directions, core, firsts[0], &s.core.moment2.buffer, &s.position_rate.buffer];
+            [uniform, &m.state, numbers, found, directions, core, core_gradient, &s.core.moment2.buffer, &s.position_rate.buffer];
         Ok(BoundTraining {
             losses: by_view,
             backward: t.backward.iter().map(of_shape).collect::<Result<_>>()?,
@@ -347,8 +337,8 @@ impl GpuDevice {
     /// As [`Device::train`](crate::Device::train).
     pub fn gradients(&mut self, step: &Step) -> Result<(StepReport, Gaussians)> {
         self.ready()?;
-        let values = [&self.store.core.value.buffer, &self.store.sh[0].value.buffer, &self.store.sh[1].value.buffer];
-        let sizes = values.map(wgpu::Buffer::size);
+        let [optical, rf] = self.store.harmonics.map(HarmonicsShape::words);
+        let sizes = [CORE, optical, rf].map(|words| (4 * words * self.store.len()) as u64);
         let mut gradients = vec![];
         let mut encoder = self.context.encoder();
         for size in sizes {

@@ -6,23 +6,24 @@
 @group(0) @binding(5) var<storage, read> splats: array<Splat>;
 @group(0) @binding(6) var<storage, read> core: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> sh_0: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> sh_0_m: array<vec4<f32>>;
-@group(0) @binding(9) var<storage, read_write> sh_0_v: array<vec4<f32>>;
-@group(0) @binding(10) var<storage, read_write> sh_1: array<vec4<f32>>;
-@group(0) @binding(11) var<storage, read_write> sh_1_m: array<vec4<f32>>;
-@group(0) @binding(12) var<storage, read_write> sh_1_v: array<vec4<f32>>;
-@group(0) @binding(13) var<storage, read_write> found: array<OfEllipse>;
-@group(0) @binding(14) var<storage, read_write> directions: array<vec4<f32>>;
-
-// EACH visible Gaussians a workgroup, LANES threads each: they sum its records, then step its harmonics word by word.
+@group(0) @binding(8) var<storage, read_write> sh_1: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> found: array<OfEllipse>;
+@group(0) @binding(10) var<storage, read_write> directions: array<vec4<f32>>;
+GRADIENTS
+// EACH visible Gaussians a workgroup, LANES threads each: they sum its records, then step its harmonics word by word. What is computed once a
+// Gaussian is left to as few subgroups as hold that many threads.
 const LANES = 8u;
 const THREADS = EACH * LANES;
 const BASES = (DEGREE + 1u) * (DEGREE + 1u);
+const BASE_QUADS = (BASES + 3u) / 4u;
+// Threads apart by this take turns in memory.
+const APART = EACH + 1u;
 
-// A lane's sums over the records of each image, then (the first) its share of the gradient of the direction.
+// A lane's sums over the records of each image, then its share of the gradient of the direction.
 var<workgroup> partial: array<vec4<f32>, 2u * THREADS>;
-// Y_k(d) and ∂Y_k/∂d.
-var<workgroup> basis: array<vec4<f32>, EACH * BASES>;
+// Four Y_k(d) each; likewise ∂Y_k/∂x, ∂Y_k/∂y, ∂Y_k/∂z.
+var<workgroup> basis: array<vec4<f32>, EACH * BASE_QUADS>;
+var<workgroup> slopes: array<vec4<f32>, 3u * EACH * BASE_QUADS>;
 // dL/dcolour of each image; w: 1 where it is seen.
 var<workgroup> d_colors: array<vec4<f32>, 2u * EACH>;
 
@@ -60,7 +61,9 @@ fn sum_of(first: u32, count: u32, stride: u32, word: u32) -> vec4<f32> {
 // Word `word` of a Gaussian's sum over the records of an image.
 fn total(k: u32, image: u32, word: u32) -> vec4<f32> {
     let at = 2u * (k * LANES + word) + image;
-    return partial[at] + partial[at + 8u];
+    var sum = partial[at];
+    for (var lane = 4u; lane < LANES; lane += 4u) { sum += partial[at + 2u * lane]; }
+    return sum;
 }
 
 // One image's findings from the records, which are of both images where these share their pairs.
@@ -80,20 +83,31 @@ fn found_of(k: u32, place: u32, image: u32) -> Found {
     return Found(vec4(b.rgb, 0.0), vec4(c.x, c.yzw * (1.0 - of_light)), vec4(d.xy * (1.0 - of_light), of_radio, 0.0));
 }
 
-// One number of the harmonics of Gaussian k in an image: dL/dc Y, and dL/dc sh ∂Y/∂d of the old one. Nothing beyond the last.
-fn of_number(k: u32, image: u32, number: u32, old: f32, coefficients: u32, numbers: u32) -> vec4<f32> {
-    if (number >= numbers) { return vec4(0.0); }
-    let channel = number / coefficients;
-    let d_color = d_colors[2u * k + image];
-    let d = select(select(d_color.x, d_color.y, channel == 1u), d_color.z, channel == 2u);
-    let y = basis[k * BASES + number % coefficients];
-    return d * vec4(1.0, vec3(old)) * y;
-}
-
-// The gradient of a word of four, the first of them number `n`, and what it says about the direction.
+// The gradient of a word of four, and what it says about the direction: dL/dc Y, and dL/dc sh ∂Y/∂d of the old ones.
 struct Word { gradient: vec4<f32>, rates: vec4<f32>, direction: vec3<f32> }
 
-fn word_of(k: u32, image: u32, n: u32, old: vec4<f32>, coefficients: u32, numbers: u32) -> Word {
+// Numbers `n` to n + 3 of the harmonics of Gaussian k in an image, all of one channel.
+fn word_of_channel(k: u32, image: u32, n: u32, old: vec4<f32>, coefficients: u32) -> Word {
+    let d = d_colors[2u * k + image][n / coefficients];
+    let quad = k * BASE_QUADS + n % coefficients / 4u;
+    let rest = params.rates[image].sh_rest;
+    let first = select(rest, params.rates[image].sh_dc, n % coefficients == 0u);
+    let along = vec3(dot(old, slopes[3u * quad]), dot(old, slopes[3u * quad + 1u]), dot(old, slopes[3u * quad + 2u]));
+    return Word(d * basis[quad], vec4(first, vec3(rest)), d * along);
+}
+
+// One number of them: dL/dc Y, and dL/dc sh ∂Y/∂d of the old one. Nothing beyond the last.
+fn of_number(k: u32, image: u32, number: u32, old: f32, coefficients: u32, numbers: u32) -> vec4<f32> {
+    if (number >= numbers) { return vec4(0.0); }
+    let d = d_colors[2u * k + image][number / coefficients];
+    let c = number % coefficients;
+    let quad = k * BASE_QUADS + c / 4u;
+    let slope = vec3(slopes[3u * quad][c % 4u], slopes[3u * quad + 1u][c % 4u], slopes[3u * quad + 2u][c % 4u]);
+    return d * vec4(basis[quad][c % 4u], old * slope);
+}
+
+// The same word where channels begin anywhere.
+fn word_of_any(k: u32, image: u32, n: u32, old: vec4<f32>, coefficients: u32, numbers: u32) -> Word {
     let a = of_number(k, image, n, old.x, coefficients, numbers);
     let b = of_number(k, image, n + 1u, old.y, coefficients, numbers);
     let c = of_number(k, image, n + 2u, old.z, coefficients, numbers);
@@ -101,6 +115,11 @@ fn word_of(k: u32, image: u32, n: u32, old: vec4<f32>, coefficients: u32, number
     let is_dc = (vec4(n) + vec4(0u, 1u, 2u, 3u)) % vec4(coefficients) == vec4(0u);
     let rates = select(vec4(params.rates[image].sh_rest), vec4(params.rates[image].sh_dc), is_dc);
     return Word(vec4(a.x, b.x, c.x, d.x), rates, a.yzw + b.yzw + c.yzw + d.yzw);
+}
+
+fn word_of(k: u32, image: u32, n: u32, old: vec4<f32>, coefficients: u32, numbers: u32) -> Word {
+    if (coefficients % 4u == 0u) { return word_of_channel(k, image, n, old, coefficients); }
+    return word_of_any(k, image, n, old, coefficients, numbers);
 }
 
 @compute @workgroup_size(THREADS)
@@ -132,23 +151,17 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     var sum_0 = vec4(0.0);
     var sum_1 = vec4(0.0);
     if (own.x <= LONG) {
-        sum_0 = sum_of(first.x + half, max(own.x, half) - half, 2u, lane % 4u);
+        sum_0 = sum_of(first.x + half, max(own.x, half) - half, LANES / 4u, lane % 4u);
     } else if (lane == 0u) {
         long_ones[atomicAdd(&long_count, 1u)] = 2u * k;
     }
     if (own.y <= LONG) {
-        sum_1 = sum_of(first.y + half, max(own.y, half) - half, 2u, lane % 4u);
+        sum_1 = sum_of(first.y + half, max(own.y, half) - half, LANES / 4u, lane % 4u);
     } else if (lane == 0u) {
         long_ones[atomicAdd(&long_count, 1u)] = 2u * k + 1u;
     }
     partial[2u * thread] = sum_0;
     partial[2u * thread + 1u] = sum_1;
-    if (lane == 0u && alive) {
-        let d = direction_of(core[3u * i].xyz).xyz;
-        let y = basis_of(d);
-        let slopes = slopes_of(d);
-        for (var c = 0u; c < BASES; c++) { basis[k * BASES + c] = vec4(y[c], slopes[c]); }
-    }
     workgroupBarrier();
     if (thread == 0u) { long_total = atomicLoad(&long_count); }
     let longs = workgroupUniformLoad(&long_total);
@@ -166,12 +179,22 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         if (thread < 4u) { partial[2u * (one * LANES + thread) + image] = stripes[thread]; }
         workgroupBarrier();
     }
-    if (lane < 2u && alive) {
-        let f = found_of(k, v, lane);
-        found[2u * v + lane] = of_ellipse(f);
+    let of_found = thread / 2u;
+    let of_basis = thread - min(thread, THREADS / 2u);
+    if (thread < 2u * EACH && begin + of_found < visible) {
+        let image = thread % 2u;
+        let f = found_of(of_found, begin + of_found, image);
+        found[2u * begin + thread] = of_ellipse(f);
         // The clamp at 0 passes no gradient.
-        let color = splats[lane * params.visible_capacity + v].color.rgb;
-        d_colors[2u * k + lane] = vec4(select(vec3(0.0), f.a.rgb, color > vec3(0.0)), f.c.z);
+        let color = splats[image * params.visible_capacity + begin + of_found].color.rgb;
+        d_colors[thread] = vec4(select(vec3(0.0), f.a.rgb, color > vec3(0.0)), f.c.z);
+    }
+    if (thread >= THREADS / 2u && of_basis < EACH && begin + of_basis < visible) {
+        let d = direction_of(core[3u * gaussian_of[begin + of_basis]].xyz).xyz;
+        let y = basis_of(d);
+        let slope = slopes_of(d);
+        let quad = of_basis * BASE_QUADS;
+BASIS
     }
     workgroupBarrier();
     var direction = vec3(0.0);
@@ -179,11 +202,11 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         if (d_colors[2u * k].w > 0.0) { direction += step_0(i, k, lane); }
         if (d_colors[2u * k + 1u].w > 0.0) { direction += step_1(i, k, lane); }
     }
-    partial[thread] = vec4(direction, 0.0);
+    partial[lane * APART + k] = vec4(direction, 0.0);
     workgroupBarrier();
-    if (lane == 0u && alive) {
+    if (thread < EACH && begin + thread < visible) {
         var sum = vec4(0.0);
-        for (var l = 0u; l < LANES; l++) { sum += partial[thread + l]; }
-        directions[v] = sum;
+        for (var l = 0u; l < LANES; l++) { sum += partial[l * APART + thread]; }
+        directions[begin + thread] = sum;
     }
 }
