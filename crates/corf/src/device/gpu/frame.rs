@@ -278,7 +278,7 @@ impl Forward {
         m: &Memory,
         leaves: Leaves,
     ) -> Result<BoundForward> {
-        let sh = store.sh.each_ref().map(|rows| &rows.buffer);
+        let sh = store.sh.each_ref().map(|sh| &sh.value.buffer);
         let (blocks, shares, splats) = (&m.blocks.buffer, &m.shares.buffer, &m.splats.buffer);
         let (pairs, sizes, lists, entries) = (&m.pairs.buffer, &m.tile_sizes.buffer, &m.lists.buffer, &m.entries.buffer);
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);

@@ -39,10 +39,9 @@ impl Store {
         for (rows, moments) in [(&self.core.moment1, first), (&self.core.moment2, second)] {
             context.fill(&rows.buffer, 0, &cores(moments));
         }
-        let appearances = [&state.gaussians, first, second].map(|g| [&g.optical, &g.rf]);
         for (k, shape) in self.harmonics.into_iter().enumerate() {
-            let parts = appearances.map(|a| transposed(a[k], shape));
-            context.fill(&self.sh[k].buffer, 0, &joined(&parts.each_ref().map(Vec::as_slice), shape.words()));
+            let [first, second] = [first, second].map(|g| transposed([&g.optical, &g.rf][k], shape));
+            context.fill(&self.sh[k].moments.buffer, 0, &joined(&first, &second, shape.words()));
         }
         context.fill(&self.position_rate.buffer, 0, &state.position_rate);
         context.check("restoring Gaussians")

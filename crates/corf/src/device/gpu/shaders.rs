@@ -109,7 +109,7 @@ impl Fixed {
         let shape = self.harmonics[g];
         let (k, quads) = (shape.coefficients(), shape.words() / 4);
         let mut out = format!(
-            "fn color_{g}(i: u32, d: vec3<f32>) -> vec3<f32> {{\n    let y = basis_of(d);\n    let at = 3u * i * {quads}u;\n    var c = vec3(0.0);\n"
+            "fn color_{g}(i: u32, d: vec3<f32>) -> vec3<f32> {{\n    let y = basis_of(d);\n    let at = i * {quads}u;\n    var c = vec3(0.0);\n"
         );
         for c in 0..shape.channels {
             let _ = writeln!(out, "    c.{} = 0.5;", LANES[c]);
@@ -140,9 +140,9 @@ impl Fixed {
             [("IMAGE", g), ("COEFFICIENTS", shape.coefficients()), ("NUMBERS", shape.numbers()), ("QUADS", shape.words() / 4)];
         let constants: String = sizes.iter().map(|(name, n)| format!("const {name}_{g} = {n}u;\n")).collect();
         let store = if write_gradients {
-            "gradient_GRID[i * QUADS_GRID + quad] = w.gradient;"
+            "gradient_GRID[at] = w.gradient;"
         } else {
-            "sh_GRID[at] = old - w.rates * adam(w.gradient, &m, &v);\nsh_GRID[at + QUADS_GRID] = m;\nsh_GRID[at + 2u * QUADS_GRID] = v;"
+            "sh_GRID[at] = old - w.rates * adam(w.gradient, &m, &v);\nmoments_GRID[first] = m;\nmoments_GRID[first + QUADS_GRID] = v;"
         };
         let source = include_str!("shaders/step_harmonics.wgsl").replace("STORE", store);
         constants + &source.replace("_GRID", &format!("_{g}"))
@@ -266,7 +266,7 @@ impl Fixed {
     pub fn update_appearance(&self, write_gradients: bool) -> String {
         let (a, b) = (self.step_harmonics(0, write_gradients), self.step_harmonics(1, write_gradients));
         let binding =
-            |g: usize| format!("@group(0) @binding({}) var<storage, read_write> gradient_{g}: array<vec4<f32>>;\n", 11 + g);
+            |g: usize| format!("@group(0) @binding({}) var<storage, read_write> gradient_{g}: array<vec4<f32>>;\n", 13 + g);
         let gradients = if write_gradients { binding(0) + &binding(1) } else { String::new() };
         let source = include_str!("shaders/update_appearance.wgsl")
             .replace("GRADIENTS\n", &gradients)

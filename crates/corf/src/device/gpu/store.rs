@@ -1,7 +1,7 @@
 //! Gaussians and their optimiser state in device memory: rows of words, one a Gaussian.
 //!
-//! A step reads and writes the harmonics of visible Gaussians, here and there among all, with both moments: these lie together, because memory
-//! is a third faster where 576 bytes of one place are wanted than 192 of three. Geometry is read of all Gaussians and lies apart from its moments.
+//! A step reads and writes the harmonics of visible Gaussians, here and there among all, with both moments. These lie together, because memory
+//! is faster where more of one place is wanted; values lie apart, so that five million of them can be bound at once.
 
 use super::{
     context::Context,
@@ -30,16 +30,19 @@ pub(crate) struct Trained {
     pub moment2: Rows,
 }
 
-/// Which of what a row of harmonics holds, one behind another.
+/// Harmonics of one modality: values, and a row's first and second moments behind one another.
+pub(crate) struct Harmonics {
+    pub value: Rows,
+    pub moments: Rows,
+}
+
+/// What is read back of all Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Part {
     Value,
     Moment1,
     Moment2,
 }
-
-/// How many these are.
-const PARTS: usize = 3;
 
 /// Most bytes of rows gathered at once.
 const GATHERED: u64 = 64 << 20;
@@ -63,8 +66,8 @@ pub(crate) struct Store {
     pub core: Trained,
     /// What is left of the position rate.
     pub position_rate: Rows,
-    /// Optical, RF: values, first and second moments.
-    pub sh: [Rows; 2],
+    /// Optical, RF.
+    pub sh: [Harmonics; 2],
     pub harmonics: [HarmonicsShape; 2],
     len: usize,
     capacity: usize,
@@ -90,16 +93,18 @@ impl Trained {
     }
 }
 
-/// Rows of harmonics from their parts; those that are not given are zero.
-pub(super) fn joined(parts: &[&[f32]], words: usize) -> Vec<f32> {
-    let rows = parts[0].len() / words;
-    let mut out = vec![0.0; rows * PARTS * words];
-    for (k, part) in parts.iter().enumerate() {
-        for (row, values) in out.chunks_exact_mut(PARTS * words).zip(part.chunks_exact(words)) {
-            row[k * words..(k + 1) * words].copy_from_slice(values);
-        }
+impl Harmonics {
+    fn new(context: &Context, [values, moments]: [&'static str; 2], words: usize, capacity: usize) -> Result<Self> {
+        Ok(Self {
+            value: Rows::new(context, values, words, capacity)?,
+            moments: Rows::new(context, moments, 2 * words, capacity)?,
+        })
     }
-    out
+}
+
+/// Rows of first moments and of second ones, each row's behind one another.
+pub(super) fn joined(first: &[f32], second: &[f32], words: usize) -> Vec<f32> {
+    first.chunks_exact(words).zip(second.chunks_exact(words)).flat_map(|(a, b)| a.iter().chain(b)).copied().collect()
 }
 
 /// `[coefficient][channel]` to `[channel][coefficient]`, padded.
@@ -129,8 +134,8 @@ impl Store {
             core: Trained::new(context, "geometry", CORE, capacity)?,
             position_rate: Rows::new(context, "position rates", 1, capacity)?,
             sh: [
-                Rows::new(context, "optical harmonics", PARTS * harmonics[0].words(), capacity)?,
-                Rows::new(context, "RF harmonics", PARTS * harmonics[1].words(), capacity)?,
+                Harmonics::new(context, ["optical harmonics", "moments of optical harmonics"], harmonics[0].words(), capacity)?,
+                Harmonics::new(context, ["RF harmonics", "moments of RF harmonics"], harmonics[1].words(), capacity)?,
             ],
             harmonics,
             len: 0,
@@ -144,14 +149,23 @@ impl Store {
         self.len
     }
 
-    fn rows(&self) -> [&Rows; 6] {
-        let ([optical, rf], c) = (&self.sh, &self.core);
-        [&c.value, &c.moment1, &c.moment2, &self.position_rate, optical, rf]
+    fn rows(&self) -> [&Rows; 8] {
+        let ([a, b], c) = (&self.sh, &self.core);
+        [&c.value, &c.moment1, &c.moment2, &self.position_rate, &a.value, &a.moments, &b.value, &b.moments]
     }
 
-    fn rows_mut(&mut self) -> [&mut Rows; 6] {
-        let ([optical, rf], c) = (&mut self.sh, &mut self.core);
-        [&mut c.value, &mut c.moment1, &mut c.moment2, &mut self.position_rate, optical, rf]
+    fn rows_mut(&mut self) -> [&mut Rows; 8] {
+        let ([a, b], c) = (&mut self.sh, &mut self.core);
+        [
+            &mut c.value,
+            &mut c.moment1,
+            &mut c.moment2,
+            &mut self.position_rate,
+            &mut a.value,
+            &mut a.moments,
+            &mut b.value,
+            &mut b.moments,
+        ]
     }
 
     /// Room for `n` Gaussians. Nothing changes on an error.
@@ -196,11 +210,11 @@ impl Store {
         let c = &self.core;
         context.fill(&c.value.buffer, c.value.bytes(first), &core);
         context.fill(&self.position_rate.buffer, self.position_rate.bytes(first), &vec![1.0; n]);
-        for ((rows, shape), a) in self.sh.iter().zip(self.harmonics).zip([&new.optical, &new.rf]) {
-            context.fill(&rows.buffer, rows.bytes(first), &joined(&[&transposed(a, shape)], shape.words()));
+        for ((sh, shape), a) in self.sh.iter().zip(self.harmonics).zip([&new.optical, &new.rf]) {
+            context.fill(&sh.value.buffer, sh.value.bytes(first), &transposed(a, shape));
         }
         let mut encoder = context.encoder();
-        for moment in [&c.moment1, &c.moment2] {
+        for moment in [&c.moment1, &c.moment2, &self.sh[0].moments, &self.sh[1].moments] {
             encoder.clear_buffer(&moment.buffer, moment.bytes(first), Some(moment.bytes(n)));
         }
         context.submit(encoder);
@@ -269,8 +283,11 @@ impl Store {
     /// Replaces the RF appearance and its optimiser state, whose channels and degree stay as they are.
     pub fn reset_rf(&mut self, context: &Context, rf: &Appearance) -> Result<()> {
         rf.check_complete("RF appearance", self.len, held(self.harmonics[1]))?;
-        let shape = self.harmonics[1];
-        context.fill(&self.sh[1].buffer, 0, &joined(&[&transposed(rf, shape)], shape.words()));
+        let sh = &self.sh[1];
+        context.fill(&sh.value.buffer, 0, &transposed(rf, self.harmonics[1]));
+        let mut encoder = context.encoder();
+        encoder.clear_buffer(&sh.moments.buffer, 0, None);
+        context.submit(encoder);
         let c = &self.core;
         let numbers = self.len * CORE;
         let sources = [(&c.value.buffer, numbers), (&c.moment1.buffer, numbers), (&c.moment2.buffer, numbers)];
@@ -319,21 +336,23 @@ impl Store {
     /// Parameters, or their moments, in the public shape; with little memory on the device, so that there is a way out when there is no more.
     pub fn part(&self, context: &Context, part: Part) -> Result<Gaussians> {
         const DOING: &str = "reading Gaussians back";
-        let core = match part {
-            Part::Value => &self.core.value,
-            Part::Moment1 => &self.core.moment1,
-            Part::Moment2 => &self.core.moment2,
+        let (core, which) = match part {
+            Part::Value => {
+                return self.read(context, [&self.core.value.buffer, &self.sh[0].value.buffer, &self.sh[1].value.buffer]);
+            }
+            Part::Moment1 => (&self.core.moment1, 0),
+            Part::Moment2 => (&self.core.moment2, 1),
         };
         let core = context.read::<f32>(DOING, &[(&core.buffer, self.len * CORE)])?;
         let column = |g: usize| -> Result<Vec<f32>> {
             let words = self.harmonics[g].words();
-            let from = part as usize * words;
+            let from = which * words;
             let at_once = at_once(context, words).min(self.len);
-            let gathered = context.storage("harmonics being read", (4 * words * at_once) as u64)?;
+            let gathered = context.storage("moments being read", (4 * words * at_once) as u64)?;
             let mut out = Vec::with_capacity(words * self.len);
             for first in (0..self.len).step_by(at_once.max(1)) {
                 let rows: Vec<u32> = (first..self.len.min(first + at_once)).map(|i| i as u32).collect();
-                let piece = Piece { source: &self.sh[g], first: 0, count: rows.len(), words: from..from + words };
+                let piece = Piece { source: &self.sh[g].moments, first: 0, count: rows.len(), words: from..from + words };
                 self.gather(context, &rows, &[piece], &gathered, |_, _| ())?;
                 out.extend_from_slice(&context.read::<f32>(DOING, &[(&gathered, words * rows.len())])?[0]);
             }

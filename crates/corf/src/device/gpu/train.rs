@@ -177,9 +177,9 @@ impl GpuDevice {
         };
         let (numbers, found, directions, core) =
             (&m.gaussian_of.buffer, &m.found.buffer, &m.directions.buffer, &s.core.value.buffer);
-        let [optical, rf] = s.sh.each_ref().map(|rows| &rows.buffer);
-        let mut appearance_buffers =
-            vec![uniform, &m.state, numbers, &m.drawn.buffer, records, splats, core, optical, rf, found, directions];
+        let [optical, rf] = s.sh.each_ref().map(|sh| [&sh.value.buffer, &sh.moments.buffer]);
+        let read = [uniform, &m.state, numbers, &m.drawn.buffer, records, splats, core];
+        let mut appearance_buffers = [&read[..], &optical[..], &rf[..], &[found, directions]].concat();
         if let Some([_, of_optical, of_rf]) = destination {
             appearance_buffers.extend([of_optical, of_rf]);
         }

@@ -2,11 +2,12 @@
 fn step_GRID(i: u32, k: u32, lane: u32) -> vec3<f32> {
     var direction = vec3(0.0);
     for (var quad = lane; quad < QUADS_GRID; quad += LANES) {
-        // Behind a Gaussian's values are the first moments, then the second.
-        let at = 3u * i * QUADS_GRID + quad;
+        let at = i * QUADS_GRID + quad;
         let old = sh_GRID[at];
-        var m = sh_GRID[at + QUADS_GRID];
-        var v = sh_GRID[at + 2u * QUADS_GRID];
+        // Behind a Gaussian's first moments are the second.
+        let first = 2u * i * QUADS_GRID + quad;
+        var m = moments_GRID[first];
+        var v = moments_GRID[first + QUADS_GRID];
         let w = word_of(k, IMAGE_GRID, 4u * quad, old, COEFFICIENTS_GRID, NUMBERS_GRID);
         direction += w.direction;
         STORE

@@ -6,9 +6,11 @@
 @group(0) @binding(5) var<storage, read> splats: array<Splat>;
 @group(0) @binding(6) var<storage, read> core: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> sh_0: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> sh_1: array<vec4<f32>>;
-@group(0) @binding(9) var<storage, read_write> found: array<OfEllipse>;
-@group(0) @binding(10) var<storage, read_write> directions: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> moments_0: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> sh_1: array<vec4<f32>>;
+@group(0) @binding(10) var<storage, read_write> moments_1: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read_write> found: array<OfEllipse>;
+@group(0) @binding(12) var<storage, read_write> directions: array<vec4<f32>>;
 GRADIENTS
 // EACH visible Gaussians a workgroup, LANES threads each: they sum its records, then step its harmonics word by word. What is computed once a
 // Gaussian is left to as few subgroups as hold that many threads.
