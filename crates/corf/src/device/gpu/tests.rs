@@ -77,6 +77,21 @@ fn what_an_adapter_does_not_bind_is_named_and_the_device_works_on() {
 }
 
 #[test]
+fn rows_are_the_same_gathered_in_pieces_or_at_once() {
+    let (Some(mut whole), Some(mut pieces)) = (device(1500), device(1500)) else { return };
+    let keep: Vec<bool> = (0..1500).map(|i| i % 7 != 3 && i > 20).collect();
+    for (device, most) in [(&mut whole, u64::MAX), (&mut pieces, 32 << 10)] {
+        device.train(&[step(); 3]).unwrap();
+        let limits = &mut std::sync::Arc::get_mut(&mut device.context).unwrap().limits;
+        limits.max_storage_buffer_binding_size = limits.max_storage_buffer_binding_size.min(most);
+        device.retain(&keep);
+    }
+    let (whole, pieces) = (whole.state().unwrap(), pieces.state().unwrap());
+    assert!(whole == pieces && whole.position_rate.len() == keep.iter().filter(|k| **k).count());
+    assert!(whole.moments.iter().all(|m| m.optical.sh.iter().chain(&m.rf.sh).any(|v| *v != 0.0)));
+}
+
+#[test]
 fn a_device_out_of_memory_says_so_and_works_on() {
     let Some(mut device) = device(100) else { return };
     device.context.pretend_out_of_memory();
