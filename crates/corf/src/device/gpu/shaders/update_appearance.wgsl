@@ -18,7 +18,7 @@ const LANES = 8u;
 const THREADS = EACH * LANES;
 const BASES = (DEGREE + 1u) * (DEGREE + 1u);
 const BASE_QUADS = (BASES + 3u) / 4u;
-// Threads apart by this take turns in memory.
+// From one lane's shares to the next's, so that lanes write to different banks of memory.
 const APART = EACH + 1u;
 
 // A lane's sums over the records of each image, then its share of the gradient of the direction.
