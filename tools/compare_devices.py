@@ -32,10 +32,10 @@ def arguments():
     parser.add_argument("--threads", type=int, help="threads of each run (default: one per core)")
     parser.add_argument("--corf", default=os.path.join(os.environ.get("CARGO_TARGET_DIR", "target"), "release/corf"))
     parser.add_argument("--out", default="devices.csv")
-    parser.add_argument("reconstruct", nargs="*", help="more for `corf reconstruct`, after --")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting of `corf reconstruct`; repeat for more")
     args = parser.parse_args()
-    if args.seeds < 2 or args.jobs < 1 or len(args.devices.split(",")) != 2:
-        parser.error("give two devices, at least two seeds and one job")
+    if args.seeds < 2 or args.jobs < 1 or len(set(args.devices.split(","))) != 2:
+        parser.error("give two different devices, at least two seeds and one job")
     return args
 
 
@@ -50,7 +50,8 @@ def metrics_of(args, device, seed, scratch):
     out = Path(scratch) / f"{device}-{seed}"
     threads = ["--threads", str(args.threads)] if args.threads else []
     seeded = ["--seed", str(seed), "--device", device, "--out", str(out)]
-    run([args.corf, "reconstruct", args.dataset, *seeded, *threads, *args.reconstruct])
+    settings = [part for one in args.set for part in ("--set", one)]
+    run([args.corf, "reconstruct", args.dataset, *seeded, *threads, *settings])
     means = json.loads(run([args.corf, "evaluate", str(out), "--device", "cpu", "--json", *threads]))["means"]
     print(f"seed {seed}, {device}: " + ", ".join(f"{m} {means[m]:.3f}" for m in METRICS), file=sys.stderr)
     return [means[m] for m in METRICS]
