@@ -37,7 +37,7 @@ use frame::{Forward, Memory};
 use pyramid::{Packed, Pyramid};
 use shaders::Fixed;
 use std::sync::Arc;
-use store::{Part, Store};
+use store::Store;
 use survey::Surveyor;
 use train::{Batch, Counts, Training};
 
@@ -261,7 +261,7 @@ impl Device for GpuDevice {
     fn gaussians(&mut self) -> Gaussians {
         self.ready_or_defer();
         let shape = self.store.harmonics;
-        self.store.part(&self.context, Part::Value).unwrap_or_else(|error| {
+        self.store.to_gaussians(&self.context).unwrap_or_else(|error| {
             self.deferred.get_or_insert(error);
             let mut none = Gaussians::empty(shape[1].channels, shape[0].degree);
             none.rf = Appearance::empty(shape[1].channels, shape[1].degree);

@@ -2,7 +2,7 @@
 
 use super::{
     context::Context,
-    store::{CORE, Part, Store, joined, transposed},
+    store::{CORE, Store, joined, parted, transposed},
 };
 use crate::{
     Gaussians, Result,
@@ -23,12 +23,19 @@ impl Store {
 
     /// The Gaussians with their optimiser.
     pub fn state(&self, context: &Context) -> Result<DeviceState> {
-        let mut rates = context.read::<f32>("reading rates back", &[(&self.position_rate.buffer, self.len())])?;
-        Ok(DeviceState {
-            gaussians: self.part(context, Part::Value)?,
-            moments: [self.part(context, Part::Moment1)?, self.part(context, Part::Moment2)?],
-            position_rate: rates.pop().unwrap_or_default(),
-        })
+        let [optical, rf] = self.harmonics.map(|h| h.words());
+        let n = self.len();
+        let sources = [
+            (&self.core.moment1.buffer, n * CORE),
+            (&self.core.moment2.buffer, n * CORE),
+            (&self.sh[0].moments.buffer, 2 * n * optical),
+            (&self.sh[1].moments.buffer, 2 * n * rf),
+            (&self.position_rate.buffer, n),
+        ];
+        let mut read = context.read::<f32>("reading the optimiser back", &sources)?;
+        let position_rate = read.pop().unwrap_or_default();
+        let moments = |which: usize| self.shaped(&read[which], [&parted(&read[2], which, optical), &parted(&read[3], which, rf)]);
+        Ok(DeviceState { gaussians: self.to_gaussians(context)?, moments: [moments(0), moments(1)], position_rate })
     }
 
     /// Holds a state; nothing may be held yet.

@@ -10,7 +10,6 @@ use super::{
 };
 use crate::{Appearance, Gaussians, Result};
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Position (3), quaternion (4), ln scale (3), opacity logits (optical, RF).
 pub(super) const CORE: usize = 12;
@@ -36,30 +35,8 @@ pub(crate) struct Harmonics {
     pub moments: Rows,
 }
 
-/// What is read back of all Gaussians.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Part {
-    Value,
-    Moment1,
-    Moment2,
-}
-
 /// Most bytes of rows gathered at once.
 const GATHERED: u64 = 64 << 20;
-
-/// Rows of so many words that are gathered at once, where so much can be bound.
-fn at_once(context: &Context, words: usize) -> usize {
-    (GATHERED.min(context.largest_buffer()) as usize / (4 * words)).max(1)
-}
-
-/// Words of some rows that are named.
-struct Piece<'a> {
-    source: &'a Rows,
-    /// Of the names.
-    first: usize,
-    count: usize,
-    words: Range<usize>,
-}
 
 /// All Gaussians.
 pub(crate) struct Store {
@@ -105,6 +82,11 @@ impl Harmonics {
 /// Rows of first moments and of second ones, each row's behind one another.
 pub(super) fn joined(first: &[f32], second: &[f32], words: usize) -> Vec<f32> {
     first.chunks_exact(words).zip(second.chunks_exact(words)).flat_map(|(a, b)| a.iter().chain(b)).copied().collect()
+}
+
+/// The first (0) or second (1) ones of such rows.
+pub(super) fn parted(rows: &[f32], which: usize, words: usize) -> Vec<f32> {
+    rows.chunks_exact(words).skip(which).step_by(2).flatten().copied().collect()
 }
 
 /// `[coefficient][channel]` to `[channel][coefficient]`, padded.
@@ -233,51 +215,35 @@ impl Store {
             return Ok(());
         }
         let held = self.spare.take();
+        // Rows, the first of them in the new order, how many.
         let mut pieces = vec![];
         for rows in self.rows() {
-            let at_once = at_once(context, rows.words);
-            let piece = |first| Piece { source: rows, first, count: at_once.min(kept.len() - first), words: 0..rows.words };
-            pieces.extend((0..kept.len()).step_by(at_once).map(piece));
+            let at_once = (GATHERED.min(context.largest_buffer()) as usize / (4 * rows.words)).max(1);
+            pieces.extend((0..kept.len()).step_by(at_once).map(|first| (rows, first, at_once.min(kept.len() - first))));
         }
-        let bytes = pieces.iter().map(|p| p.source.bytes(p.count)).max().unwrap_or(0);
+        let bytes = pieces.iter().map(|(rows, _, count)| rows.bytes(*count)).max().unwrap_or(0);
         let spare = match held {
             Some(spare) if spare.size() >= bytes => spare,
             _ => context.storage("rows being gathered", bytes)?,
         };
-        // A row comes from its own place or from behind it: those that follow are not overwritten before their turn.
-        self.gather(context, &kept, &pieces, &spare, |encoder, p| {
-            let (to, bytes) = (p.source.bytes(p.first), p.source.bytes(p.count));
-            encoder.copy_buffer_to_buffer(&spare, 0, &p.source.buffer, to, bytes);
-        })?;
-        self.spare = Some(spare);
-        context.check("removing Gaussians")
-    }
-
-    /// Copies pieces of rows, which `kept` names, to the beginning of `out`; `then` is recorded after each.
-    fn gather(
-        &self,
-        context: &Context,
-        kept: &[u32],
-        pieces: &[Piece<'_>],
-        out: &wgpu::Buffer,
-        then: impl Fn(&mut wgpu::CommandEncoder, &Piece<'_>),
-    ) -> Result<()> {
         let names = context.storage("rows kept", 4 * kept.len() as u64)?;
-        context.queue.write_buffer(&names, 0, bytemuck::cast_slice(kept));
+        context.queue.write_buffer(&names, 0, bytemuck::cast_slice(&kept));
         let constants = context.buffer("row sizes", 256 * pieces.len() as u64, wgpu::BufferUsages::UNIFORM)?;
         let mut encoder = context.encoder();
-        for (k, p) in pieces.iter().enumerate() {
-            let sizes = [p.count, p.words.len(), p.source.words, p.words.start, p.first, 0, 0, 0].map(|n| n as u32);
+        // A row comes from its own place or from behind it: those that follow are not overwritten before their turn.
+        for (k, (rows, first, count)) in pieces.into_iter().enumerate() {
+            let sizes = [count as u32, rows.words as u32, first as u32, 0];
             context.queue.write_buffer(&constants, 256 * k as u64, bytemuck::cast_slice(&sizes));
-            let bound = self.gather.bind(context, 32, &[&constants, &names, &p.source.buffer, out])?;
+            let bound = self.gather.bind(context, 16, &[&constants, &names, &rows.buffer, &spare])?;
             {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-                bound.run(&mut pass, 256 * k as u32, (p.count * p.words.len()).div_ceil(256) as u32);
+                bound.run(&mut pass, 256 * k as u32, (count * rows.words).div_ceil(256) as u32);
             }
-            then(&mut encoder, p);
+            encoder.copy_buffer_to_buffer(&spare, 0, &rows.buffer, rows.bytes(first), rows.bytes(count));
         }
         context.submit(encoder);
-        Ok(())
+        self.spare = Some(spare);
+        context.check("removing Gaussians")
     }
 
     /// Replaces the RF appearance and its optimiser state, whose channels and degree stay as they are.
@@ -309,7 +275,8 @@ impl Store {
         Ok(self.shaped(&read[0], [&read[1], &read[2]]))
     }
 
-    fn shaped(&self, core: &[f32], sh: [&[f32]; 2]) -> Gaussians {
+    /// The same of numbers that have been read.
+    pub(super) fn shaped(&self, core: &[f32], sh: [&[f32]; 2]) -> Gaussians {
         let core: Vec<&[f32]> = core.chunks_exact(CORE).collect();
         let appearance = |g: usize| {
             let shape = self.harmonics[g];
@@ -333,31 +300,7 @@ impl Store {
         }
     }
 
-    /// Parameters, or their moments, in the public shape; with little memory on the device, so that there is a way out when there is no more.
-    pub fn part(&self, context: &Context, part: Part) -> Result<Gaussians> {
-        const DOING: &str = "reading Gaussians back";
-        let (core, which) = match part {
-            Part::Value => {
-                return self.read(context, [&self.core.value.buffer, &self.sh[0].value.buffer, &self.sh[1].value.buffer]);
-            }
-            Part::Moment1 => (&self.core.moment1, 0),
-            Part::Moment2 => (&self.core.moment2, 1),
-        };
-        let core = context.read::<f32>(DOING, &[(&core.buffer, self.len * CORE)])?;
-        let column = |g: usize| -> Result<Vec<f32>> {
-            let words = self.harmonics[g].words();
-            let from = which * words;
-            let at_once = at_once(context, words).min(self.len);
-            let gathered = context.storage("moments being read", (4 * words * at_once) as u64)?;
-            let mut out = Vec::with_capacity(words * self.len);
-            for first in (0..self.len).step_by(at_once.max(1)) {
-                let rows: Vec<u32> = (first..self.len.min(first + at_once)).map(|i| i as u32).collect();
-                let piece = Piece { source: &self.sh[g].moments, first: 0, count: rows.len(), words: from..from + words };
-                self.gather(context, &rows, &[piece], &gathered, |_, _| ())?;
-                out.extend_from_slice(&context.read::<f32>(DOING, &[(&gathered, words * rows.len())])?[0]);
-            }
-            Ok(out)
-        };
-        Ok(self.shaped(&core[0], [&column(0)?, &column(1)?]))
+    pub fn to_gaussians(&self, context: &Context) -> Result<Gaussians> {
+        self.read(context, [&self.core.value.buffer, &self.sh[0].value.buffer, &self.sh[1].value.buffer])
     }
 }
