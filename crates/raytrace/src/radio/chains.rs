@@ -14,8 +14,12 @@ const BEAM_MARGIN_M: f64 = 1e-6;
 const TRANSPARENT_POWER: f64 = 1e-9;
 /// Rays a task of the lattice search handles.
 const RAYS_PER_TASK: usize = 2048;
-/// Rays that continue a chain from its last face …
-const RAYS_PER_CHAIN: usize = 16;
+/// Chains a task continues.
+const CHAINS_PER_TASK: usize = 128;
+/// Rays that go on from a square metre of a face that the transmitter lights straight, in shares of the lattice's; least and most …
+const FROM_FIRST: Density = Density { per_m2: 0.05, least: 8, most: 1024 };
+/// … and from the last face of a chain of several, …
+const FROM_LATER: Density = Density { per_m2: 0.0125, least: 8, most: 256 };
 /// … as long as all chains of a length together take no more than this many times the lattice's; none have less than one.
 const CONTINUING_RAYS: usize = 64;
 /// Smaller faces are neither continued from nor looked for, m²: what they mirror is left to the lattice.
@@ -28,6 +32,27 @@ const POINTS_PER_FACE: usize = 8;
 const LARGE_FACE_PAIRS: usize = 200_000_000;
 /// Clearance of a lattice ray from the face it leaves, metres.
 const CLEARANCE_M: f64 = 1e-4;
+
+/// How many rays go on from the last faces of chains.
+struct Density {
+    per_m2: f64,
+    least: usize,
+    most: usize,
+}
+
+impl Density {
+    /// By chain; `rays` are the lattice's.
+    fn counts(&self, geometry: &Geometry<'_>, chains: &[Chain], rays: usize) -> Vec<usize> {
+        let area_m2 = |chain: &Chain| chain.faces().last().map_or(0.0, |&last| geometry.faces[last as usize].area_m2);
+        let count = |chain: &Chain| ((area_m2(chain) * self.per_m2 * rays as f64) as usize).clamp(self.least, self.most);
+        let mut counts: Vec<usize> = chains.iter().map(count).collect();
+        let share = (CONTINUING_RAYS * rays) as f64 / counts.iter().sum::<usize>().max(1) as f64;
+        if share < 1.0 {
+            counts.iter_mut().for_each(|n| *n = ((*n as f64 * share) as usize).max(1));
+        }
+        counts
+    }
+}
 
 /// The faces of a specular path in TX → RX order, with the transmitter's image behind the last one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,10 +107,10 @@ pub fn candidates(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings) 
             }
             distinct(&mut chains);
             for length in 1..settings.max_depth {
-                let wide = |c: &&Chain| c.faces().iter().all(|&f| geometry.faces[f as usize].area_m2 >= SMALL_FACE_M2);
-                let found: Vec<Chain> = chains.iter().filter(|c| c.faces().len() == length).filter(wide).copied().collect();
-                let per_chain = (CONTINUING_RAYS * rays / found.len().max(1)).clamp(1, RAYS_PER_CHAIN);
-                chains.extend(continued(geometry, tx, settings, &found, per_chain));
+                let goes_on = |c: &&Chain| c.faces().len() == length && narrows(geometry, c);
+                let found: Vec<Chain> = chains.iter().filter(goes_on).copied().collect();
+                let density = if length == 1 { FROM_FIRST } else { FROM_LATER };
+                chains.extend(continued(geometry, tx, settings, &found, &density.counts(geometry, &found, rays)));
                 distinct(&mut chains);
             }
             chains
@@ -172,14 +197,20 @@ impl Beam {
 
 /// The chains that a lattice of rays from the transmitter runs through, reflected and, when enabled, transmitted at every hit.
 fn from_lattice(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: usize) -> Vec<Chain> {
-    let mut found = walk_lattice(geometry, tx, settings, rays, |found, chain, triangle| {
-        let face = geometry.face_of_triangle(triangle);
-        if reflects(geometry, settings, chain, face) {
-            found.push(chain.pushed(face, geometry));
-        }
-    });
+    let walk = Walk::new(geometry, settings);
+    let mut found = walk.lattice(tx, rays, |found, chain, triangle| found.extend(walk.mirrored(chain, triangle)));
     distinct(&mut found);
     found
+}
+
+/// Whether the last face of a chain is its smallest, and not too small: what is lit by way of a smaller one before is a part of the last
+/// that points spread over all of it may miss, and is seen by the rays that went on from the smaller one.
+fn narrows(geometry: &Geometry<'_>, chain: &Chain) -> bool {
+    let area = |&face: &u32| geometry.faces[face as usize].area_m2;
+    chain
+        .faces()
+        .last()
+        .is_some_and(|last| area(last) >= SMALL_FACE_M2 && chain.faces().iter().all(|face| area(face) >= area(last)))
 }
 
 fn distinct(chains: &mut Vec<Chain>) {
@@ -187,38 +218,22 @@ fn distinct(chains: &mut Vec<Chain>) {
     chains.dedup_by_key(|c| c.key());
 }
 
-/// The chains by one face longer that light can run through from points spread over the last face of each chain: a lattice from the
-/// transmitter puts too few rays on small and narrow faces to see all that they mirror.
-fn continued(
-    geometry: &Geometry<'_>,
-    tx: DVec3,
-    settings: &RadioSettings,
-    chains: &[Chain],
-    rays_per_chain: usize,
-) -> Vec<Chain> {
-    let transparent = transparent(geometry, settings);
+/// The chains that light can run through from so many points spread over the last face of each chain: a lattice from the transmitter
+/// puts too few rays on small and narrow faces to see all that they mirror.
+fn continued(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, chains: &[Chain], counts: &[usize]) -> Vec<Chain> {
+    let walk = Walk::new(geometry, settings);
     let found: Vec<Vec<Chain>> = chains
-        .par_chunks(RAYS_PER_TASK / RAYS_PER_CHAIN)
-        .map(|chunk| {
+        .par_chunks(CHAINS_PER_TASK)
+        .zip(counts.par_chunks(CHAINS_PER_TASK))
+        .map(|(chunk, counts)| {
             let mut found = Vec::new();
-            for chain in chunk {
+            for (chain, &count) in chunk.iter().zip(counts) {
                 let Some(&last) = chain.faces().last() else { continue };
-                for point in geometry.faces[last as usize].spread(rays_per_chain) {
+                for point in geometry.faces[last as usize].spread(count) {
                     let Some(direction) = (point - chain.image).try_normalize() else { continue };
-                    if !is_lit(geometry, tx, chain, point, &transparent) {
-                        continue;
-                    }
-                    let mut origin = point;
-                    for _ in chain.faces().len()..settings.max_depth {
-                        let Some((t, triangle)) = geometry.closest(origin, direction, CLEARANCE_M) else { break };
-                        let face = geometry.face_of_triangle(triangle);
-                        if reflects(geometry, settings, chain, face) {
-                            found.push(chain.pushed(face, geometry));
-                        }
-                        if !transparent[geometry.faces[face as usize].material as usize] {
-                            break;
-                        }
-                        origin += direction * t;
+                    if is_lit(geometry, tx, chain, point, &walk.transparent) {
+                        let leg = Leg { origin: point, direction, chain: *chain, interactions: chain.faces().len() };
+                        walk.follow(leg, &mut |chain, triangle| found.extend(walk.mirrored(chain, triangle)));
                     }
                 }
             }
@@ -307,16 +322,12 @@ pub fn wedges_from_lattice(
     rays: usize,
 ) -> Vec<(u32, Chain)> {
     let key = |(wedge, chain): &(u32, Chain)| (*wedge, chain.key());
-    let mut found = walk_lattice(geometry, from, settings, rays, |found, chain, triangle| {
+    let mut found = Walk::new(geometry, settings).lattice(from, rays, |found, chain, triangle| {
         found.extend(wedges.of_triangle(triangle).map(|wedge| (wedge, *chain)));
     });
     found.sort_by_key(key);
     found.dedup_by_key(|f| key(f));
     found
-}
-
-fn reflects(geometry: &Geometry<'_>, settings: &RadioSettings, chain: &Chain, face: u32) -> bool {
-    geometry.faces[face as usize].area_m2 >= settings.min_face_area_m2 && !repeats(geometry, chain, face)
 }
 
 /// Whether a face lies in the plane of the last bounce: nothing bounces off a plane twice in a row.
@@ -325,43 +336,74 @@ fn repeats(geometry: &Geometry<'_>, chain: &Chain, face: u32) -> bool {
     last == face || geometry.faces[last as usize].shares_plane(&geometry.faces[face as usize])
 }
 
-/// Shoots the lattice; `visit` gets every hit, with the chain of faces bounced off before, and adds to the findings of its task.
-fn walk_lattice<T: Send>(
-    geometry: &Geometry<'_>,
-    from: DVec3,
-    settings: &RadioSettings,
-    rays: usize,
-    visit: impl Fn(&mut Vec<T>, &Chain, u32) + Sync,
-) -> Vec<T> {
-    let transparent = transparent(geometry, settings);
-    let tasks = rays.div_ceil(RAYS_PER_TASK);
-    let per_task: Vec<Vec<T>> = (0..tasks)
-        .into_par_iter()
-        .map(|task| {
-            let mut found = Vec::new();
-            let mut stack: Vec<(DVec3, DVec3, Chain, usize)> = Vec::new();
-            for i in task * RAYS_PER_TASK..((task + 1) * RAYS_PER_TASK).min(rays) {
-                stack.push((from, lattice::fibonacci(i, rays), Chain::line_of_sight(from), 0));
-                while let Some((origin, direction, chain, interactions)) = stack.pop() {
-                    let Some((t, triangle)) = geometry.closest(origin, direction, CLEARANCE_M) else { continue };
-                    let face_index = geometry.face_of_triangle(triangle);
-                    let face = &geometry.faces[face_index as usize];
-                    let point = origin + direction * t;
-                    visit(&mut found, &chain, triangle);
-                    if interactions + 1 >= settings.max_depth {
-                        continue;
-                    }
-                    if transparent[face.material as usize] {
-                        stack.push((point, direction, chain, interactions + 1));
-                    }
-                    if settings.reflection && reflects(geometry, settings, &chain, face_index) {
-                        let next = chain.pushed(face_index, geometry);
-                        stack.push((point, field::mirrored(direction, face.normal), next, interactions + 1));
-                    }
-                }
+/// A ray between two surfaces.
+struct Leg {
+    origin: DVec3,
+    direction: DVec3,
+    /// The faces bounced off before.
+    chain: Chain,
+    /// Mirrors and slabs before.
+    interactions: usize,
+}
+
+/// Rays that are reflected and, where that is enabled, go straight through at every hit.
+struct Walk<'w, 'a> {
+    geometry: &'w Geometry<'a>,
+    settings: &'w RadioSettings,
+    /// By material: whether it lets a ray through.
+    transparent: Vec<bool>,
+}
+
+impl<'w, 'a> Walk<'w, 'a> {
+    fn new(geometry: &'w Geometry<'a>, settings: &'w RadioSettings) -> Self {
+        Self { geometry, settings, transparent: transparent(geometry, settings) }
+    }
+
+    /// A chain with the reflection off what it meets, where there is one.
+    fn mirrored(&self, chain: &Chain, triangle: u32) -> Option<Chain> {
+        let face = self.geometry.face_of_triangle(triangle);
+        let reflects =
+            self.geometry.faces[face as usize].area_m2 >= self.settings.min_face_area_m2 && !repeats(self.geometry, chain, face);
+        reflects.then(|| chain.pushed(face, self.geometry))
+    }
+
+    /// Follows a ray up to the greatest number of interactions; `visit` gets every hit, with the chain of faces bounced off before.
+    fn follow(&self, first: Leg, visit: &mut impl FnMut(&Chain, u32)) {
+        let mut legs = vec![first];
+        while let Some(Leg { origin, direction, chain, interactions }) = legs.pop() {
+            let Some((t, triangle)) = self.geometry.closest(origin, direction, CLEARANCE_M) else { continue };
+            visit(&chain, triangle);
+            let interactions = interactions + 1;
+            if interactions >= self.settings.max_depth {
+                continue;
             }
-            found
-        })
-        .collect();
-    per_task.into_iter().flatten().collect()
+            let face = &self.geometry.faces[self.geometry.face_of_triangle(triangle) as usize];
+            let origin = origin + direction * t;
+            if self.transparent[face.material as usize] {
+                legs.push(Leg { origin, direction, chain, interactions });
+            }
+            if self.settings.reflection
+                && let Some(chain) = self.mirrored(&chain, triangle)
+            {
+                legs.push(Leg { origin, direction: field::mirrored(direction, face.normal), chain, interactions });
+            }
+        }
+    }
+
+    /// Follows a lattice of rays; `visit` gets every hit as in [`Self::follow`] and adds to the findings of its task.
+    fn lattice<T: Send>(&self, from: DVec3, rays: usize, visit: impl Fn(&mut Vec<T>, &Chain, u32) + Sync) -> Vec<T> {
+        let per_task: Vec<Vec<T>> = (0..rays.div_ceil(RAYS_PER_TASK))
+            .into_par_iter()
+            .map(|task| {
+                let mut found = Vec::new();
+                for i in task * RAYS_PER_TASK..((task + 1) * RAYS_PER_TASK).min(rays) {
+                    let direction = lattice::fibonacci(i, rays);
+                    let leg = Leg { origin: from, direction, chain: Chain::line_of_sight(from), interactions: 0 };
+                    self.follow(leg, &mut |chain, triangle| visit(&mut found, chain, triangle));
+                }
+                found
+            })
+            .collect();
+        per_task.into_iter().flatten().collect()
+    }
 }

@@ -140,6 +140,43 @@ fn the_lattice_and_the_hierarchy_find_what_the_exhaustive_search_finds() {
     }
 }
 
+#[test]
+fn what_a_narrow_mirror_shows_by_way_of_a_large_one_is_found() {
+    // A bar under the ceiling, which mirrors a strip of light onto the ceiling and on to slats: of the ceiling the strip is a thousandth.
+    let mut scene =
+        Scene { materials: vec![material("walls", "concrete", 0.2), material("metal", "metal", 0.01)], ..Scene::default() };
+    add_box(&mut scene, "room", 0, Vec3::ZERO, Vec3::new(9.0, 9.0, 3.0));
+    add_box(&mut scene, "bar", 1, Vec3::new(4.0, 7.5, 2.955), Vec3::new(5.2, 7.52, 2.985));
+    for i in 0..16 {
+        let y = 1.0 + 0.4 * i as f32;
+        add_box(&mut scene, &format!("slat{i}"), 1, Vec3::new(0.1, y, 0.2), Vec3::new(0.13, y + 0.1, 2.8));
+    }
+    let bvh = Bvh::build(&scene);
+    let oracle = RadioTracer::new(&scene, &bvh, settings(Search::Exhaustive)).unwrap();
+    let lattice = RadioTracer::new(&scene, &bvh, settings(Search::Lattice { rays: 40_000 })).unwrap();
+    let tx = DVec3::new(8.4, 3.1, 1.9);
+    let (oracle, lattice) = (oracle.transmitter(tx).unwrap(), lattice.transmitter(tx).unwrap());
+    let by_the_bar =
+        |path: &Path| path.interactions.len() == 3 && scene.objects[path.interactions[0].object as usize].name.starts_with("bar");
+    let mut narrow = 0;
+    for i in 0..40 {
+        // Along the light by a point of the bar, the ceiling and, where there is one, a slat.
+        let mut rng = Rng::keyed(23, 0, i);
+        let mut at = DVec3::new(4.0 + 0.6 * rng.uniform_f64(), 7.5, 2.955 + 0.03 * rng.uniform_f64());
+        let mut direction = (at - tx) * DVec3::new(1.0, -1.0, 1.0);
+        at += direction * ((3.0 - at.z) / direction.z);
+        direction.z = -direction.z;
+        at += direction * ((0.13 - at.x) / direction.x);
+        let rx = at + direction * DVec3::new(-1.0, 1.0, 1.0) * (0.1 + 0.1 * rng.uniform_f64());
+        let (all, found) = (oracle.paths(rx).unwrap(), lattice.paths(rx).unwrap());
+        for path in all.iter().filter(|p| by_the_bar(p)) {
+            assert!(found.contains(path), "{rx}: {path:?}");
+            narrow += 1;
+        }
+    }
+    assert!(narrow > 3, "{narrow}");
+}
+
 /// A closed room with a few boxes at random places.
 fn random_room(seed: u64, boxes: usize) -> Scene {
     let mut rng = Rng::keyed(77, 1, seed);
