@@ -13,7 +13,7 @@ use super::{
     kernel::{Bound, Kernel},
     params::{self, Params},
     scratch::Scratch,
-    shaders::{Blend, CHUNK, Fixed, SHARE},
+    shaders::{Blend, CHUNK, COUNTER, Fixed, SHARE},
     store::Store,
 };
 use crate::Result;
@@ -194,7 +194,7 @@ impl Memory {
             scratch.reserve(context, items.max(1), bytes)?;
         }
         // Each frame leaves the sizes at zero, as it must find them.
-        if self.tile_sizes.reserve(context, tiles, 4)? {
+        if self.tile_sizes.reserve(context, tiles, 4 * COUNTER as usize)? {
             let mut encoder = context.encoder();
             encoder.clear_buffer(&self.tile_sizes.buffer, 0, None);
             context.submit(encoder);

@@ -11,6 +11,9 @@ pub(crate) const LOSS_BLOCK: [u32; 2] = [112, 8];
 const EACH: u32 = 8;
 /// Pairs that one workgroup emits: blocks of Gaussians with more are cut into shares, so that no workgroup has much more to do than others.
 pub(crate) const SHARE: u32 = 1024;
+/// Words from one tile's counter to the next: additions to one line of memory wait for each other, also to different words of it. With the
+/// counters of 600 tiles side by side an H200 emits 126 000 pairs in 0.031 ms, so far apart in 0.020.
+pub(crate) const COUNTER: u32 = 16;
 /// Threads of a workgroup of the backward pass, at least: two subgroups, whose buckets share what a workgroup costs.
 const BACKWARD_THREADS: u32 = 64;
 /// Threads that order a list, or a chunk of a longer one, and how many entries each holds at most while these are sorted in workgroup memory.
@@ -92,7 +95,7 @@ impl Fixed {
             "const TILE_WIDTH = {width}u;\nconst TILE_HEIGHT = {height}u;\nconst AREA = {}u;\nconst DILATION = {:?};\n\
              const ANTIALIAS_OFF = 0u;\nconst ANTIALIAS_ON = 1u;\nconst ANTIALIAS = {antialias}u;\nconst DEGREE = {degree}u;\n\
              const SCAN = 256u;\nconst SHARE = {SHARE}u;\nconst EACH = {EACH}u;\nconst BUCKET = {batch}u;\nconst BUCKETS_A_GROUP = {}u;\n\
-             const CHUNK = {CHUNK}u;\nconst MOST_CHUNKS = {MOST_CHUNKS}u;\n{GROUPS}{PARAMS}",
+             const COUNTER = {COUNTER}u;\nconst CHUNK = {CHUNK}u;\nconst MOST_CHUNKS = {MOST_CHUNKS}u;\n{GROUPS}{PARAMS}",
             width * height,
             self.antialias.dilation(),
             self.backward_threads() / self.batch,

@@ -249,7 +249,7 @@ fn emitted(
         (&m.shares.buffer, 2 * state[SHARES] as usize),
         (&m.gaussian_of.buffer, visible),
         (&m.drawn.buffer, 5 * visible),
-        (&m.tile_sizes.buffer, params.tile_total as usize),
+        (&m.tile_sizes.buffer, COUNTER as usize * params.tile_total as usize),
         (&m.pairs.buffer, 4 * room),
         (&m.records.buffer, record * room),
     ])
@@ -261,7 +261,8 @@ fn emitted(
     for (i, d) in gaussian_of.iter().zip(&drawn) {
         counts[*i as usize] = [d[1], d[2]];
     }
-    let (sizes, pairs, records) = (next(), next(), next());
+    let sizes = next().iter().step_by(COUNTER as usize).copied().collect();
+    let (pairs, records) = (next(), next());
     let (blocks, shares) = (of_blocks.as_chunks().0.to_vec(), shares.as_chunks().0.to_vec());
     Emitted { params, counts, state, blocks, shares, gaussian_of, drawn, sizes, pairs, records }
 }

@@ -18,8 +18,8 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let tile = group * SCAN + thread;
     var count = 0u;
     if (tile < params.tile_total) {
-        count = tile_sizes[tile];
-        tile_sizes[tile] = 0u;
+        count = tile_sizes[COUNTER * tile];
+        tile_sizes[COUNTER * tile] = 0u;
     }
     let buckets = (count + BUCKET - 1u) / BUCKET;
     let saved = max(buckets, 1u) - 1u;

@@ -115,7 +115,7 @@ fn emit(pair: u32, block: Block) {
         let tile = row_tiles[row] + column;
         let owner = part % 2u * params.visible_capacity + block.place + part / 2u % SCAN;
         // The bits of positive numbers order like the numbers.
-        pairs[at] = vec4(tile, atomicAdd(&tile_sizes[tile], 1u), owner, bitcast<u32>(splats[owner].color.w));
+        pairs[at] = vec4(tile, atomicAdd(&tile_sizes[COUNTER * tile], 1u), owner, bitcast<u32>(splats[owner].color.w));
     } else {
         // Compilers made the count larger than what is found here.
         let words = 3u + params.fused;
