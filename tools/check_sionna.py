@@ -33,10 +33,16 @@ def arguments():
     parser.add_argument("--specular-samples", type=float, default=4e6, help="rays of a run of Sionna RT for specular paths")
     parser.add_argument("--specular-runs", type=int, default=3)
     parser.add_argument("--diffuse-samples", type=float, default=2e6, help="rays of a seed of Sionna RT for diffuse paths")
-    parser.add_argument("--diffuse-seeds", type=int, default=12)
+    parser.add_argument("--diffuse-seeds", type=int, default=24)
     parser.add_argument("--rays", type=int, help="rays of corf's search (default: the command's own)")
     parser.add_argument("--directions", type=int, default=250_000, help="directions in which corf gathers")
     parser.add_argument("--replicas", type=int, default=4, help="independent samplings of corf's diffuse field")
+    parser.add_argument(
+        "--mirror-sr",
+        type=float,
+        default=0.002,
+        help="mirrors that fill this much of the transmitter's view light surfaces by their exact image in what is compared, sr",
+    )
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--corf", help="the corf binary (default: cargo builds it)")
     parser.add_argument("--cache", help="folder in which Sionna RT's results are kept for the next run on the same scene")
@@ -102,11 +108,14 @@ def main():
         scattered = None
         if not args.no_diffuse:
             options = ("--directions", args.directions, "--replicas", args.replicas)
+            exact = (*options, "--mirror-sr", args.mirror_sr)
             by_depth = {}
             for depth in range(1, args.depth + 1):
                 say(f"corf: diffuse field, depth {depth}")
                 arrivals = ("--arrivals", scratch / "arrivals") if depth == args.depth else ()
-                by_depth[depth], _ = corf.diffuse(args.scene, tx, receivers, depth, *options, *arrivals)
+                by_depth[depth], _ = corf.diffuse(args.scene, tx, receivers, depth, *exact, *arrivals)
+            say("corf: diffuse field, all mirrors by photons")
+            by_photons, _ = corf.diffuse(args.scene, tx, receivers, args.depth, *options)
             seeds = []
             for seed in range(1, args.diffuse_seeds + 1):
                 say(f"Sionna RT: diffuse, seed {seed} of {args.diffuse_seeds}")
@@ -120,6 +129,7 @@ def main():
             )
             rough, _ = corf.diffuse(rougher, tx, receivers, args.depth, *options)
             scattered = scattering(diffuse, by_depth, seeds, rough, len(receivers))
+            scattered["photons"] = [diffuse.own(by_photons, by_depth[args.depth], r) for r in range(len(receivers))]
             controls.append(scattered.pop("control"))
             say("spectra")
             scattered["spectra"] = spectra(spectrum, links, seeds, scratch / "arrivals", radio["poses"])

@@ -56,6 +56,12 @@ def total(ours, runs, r):
     return row("total", ours_of(entry), theirs_of(runs, r, lambda types, _: ends_scattering(types)))
 
 
+def own(by_photons, exact, r):
+    """All power that ends with a scattering, of two of our own fields: what photons make of mirrors, and their exact images."""
+    entries = [ours["receivers"][r]["by_interactions_after_the_scattering"]["0"] for ours in (by_photons, exact)]
+    return row("own", *map(ours_of, entries))
+
+
 def by_object(ours, runs, r):
     """The objects of weight, and the rest in one row."""
     entries = ours["receivers"][r]["ending_with_the_scattering_by_object"]

@@ -71,7 +71,7 @@ at {radio["frequency_hz"] / 1e9:g} GHz from the transmitter at ({tx[0]:g}, {tx[1
 
 - corf {machine["corf"]}; sionna-rt {machine["sionna-rt"]}, mitsuba {machine["mitsuba"]}, drjit {machine["drjit"]}, {machine["llvm"]}; {machine["cpu"]}, {machine["threads"]} threads
 - Sionna RT: {args.specular_runs} runs × {args.specular_samples:.0e} rays for specular paths, {args.diffuse_seeds} seeds × {args.diffuse_samples:.0e} rays for diffuse ones
-- corf's diffuse field: {args.directions} directions, {args.replicas} samplings
+- corf's diffuse field: {args.directions} directions, {args.replicas} samplings, exact images in mirrors of {args.mirror_sr:g} sr and more
 - receivers: {places}
 
 {verdict}
@@ -279,6 +279,22 @@ def diffuse_part(scattered):
                     f"{row['in_errors']:+.1f}",
                 ]
                 for r, row in shown
+            ],
+        )
+    )
+    text += (
+        "\n\n### Mirrors by photons\n\nData sets and `corf diffuse` by default have photons bring what mirrors send onto surfaces; above, exact images do.\n"
+        "Where light varies within patches photons fall short of it.\n\n"
+        + table(
+            ["receiver", "exact images", "photons", "difference, dB"],
+            [
+                [
+                    r,
+                    power(row["theirs"], row["theirs_error"]),
+                    power(row["ours"], row["ours_error"]),
+                    f"{row['difference_db']:+.3f} ± {row['error_db']:.3f}",
+                ]
+                for r, row in enumerate(scattered["photons"])
             ],
         )
     )
