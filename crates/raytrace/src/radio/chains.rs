@@ -1,15 +1,12 @@
 //! Which faces a specular path may bounce off, in order: candidates for the exact image method.
 
+use super::beams::{self, Beam};
 use super::diffraction::Wedges;
 use super::geometry::Geometry;
 use super::{MAX_DEPTH, RadioSettings, Search, Slab, field, fresnel, lattice};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// With no more sequences of faces than this, all that light can run through are tried.
-const BEAM_SEQUENCES: usize = 20_000_000;
-/// Beams are widened by this, metres: rounding loses no chain.
-const BEAM_MARGIN_M: f64 = 1e-6;
 /// A wall that lets less than this share of power through at normal incidence ends a lattice ray.
 const TRANSPARENT_POWER: f64 = 1e-9;
 /// Rays a task of the lattice search handles.
@@ -74,7 +71,8 @@ impl Chain {
         Self { faces: [u32::MAX; MAX_DEPTH], length: 0, image: tx }
     }
 
-    fn pushed(&self, face: u32, geometry: &Geometry<'_>) -> Self {
+    /// With one more face.
+    pub fn pushed(&self, face: u32, geometry: &Geometry<'_>) -> Self {
         let mut next = *self;
         next.faces[self.length as usize] = face;
         next.length += 1;
@@ -87,35 +85,48 @@ impl Chain {
     }
 }
 
-/// Every chain worth trying from a transmitter, the line of sight aside, sorted and without repeats.
+/// Every chain worth trying from a transmitter, the line of sight aside, without repeats.
 pub fn candidates(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings) -> Vec<Chain> {
+    all(geometry, tx, settings, usize::MAX).unwrap_or_else(|| by_rays(geometry, tx, settings, settings.search.rays()))
+}
+
+/// The same where every chain that light can run through is among them; `None` where a lattice is asked for, or there are too many: more
+/// than `wanted`, unless an exhaustive search is.
+pub fn all(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, wanted: usize) -> Option<Vec<Chain>> {
     if !settings.reflection || settings.max_depth == 0 {
-        return Vec::new();
+        return Some(Vec::new());
     }
-    let allowed: Vec<u32> = (0..geometry.faces.len() as u32)
-        .filter(|&f| geometry.faces[f as usize].area_m2 >= settings.min_face_area_m2.max(f64::MIN_POSITIVE))
-        .collect();
-    let count = (1..=settings.max_depth as u32).fold(0usize, |n, depth| n.saturating_add(allowed.len().saturating_pow(depth)));
+    let allowed = mirrors(geometry, settings);
     match settings.search {
-        Search::Exhaustive => exhaustive(geometry, tx, &allowed, settings.max_depth),
-        Search::Auto { .. } if count <= BEAM_SEQUENCES => beams(geometry, tx, &allowed, settings.max_depth),
-        Search::Auto { rays } | Search::Lattice { rays } => {
-            let mut chains = exhaustive(geometry, tx, &allowed, 1);
-            chains.extend(from_lattice(geometry, tx, settings, rays));
-            if settings.max_depth >= 2 {
-                chains.extend(by_large_faces(geometry, tx, settings, &allowed));
-            }
-            distinct(&mut chains);
-            for length in 1..settings.max_depth {
-                let goes_on = |c: &&Chain| c.faces().len() == length && narrows(geometry, c);
-                let found: Vec<Chain> = chains.iter().filter(goes_on).copied().collect();
-                let density = if length == 1 { FROM_FIRST } else { FROM_LATER };
-                chains.extend(continued(geometry, tx, settings, &found, &density.counts(geometry, &found, rays)));
-                distinct(&mut chains);
-            }
-            chains
-        }
+        Search::Exhaustive => Some(exhaustive(geometry, tx, &allowed, settings.max_depth)),
+        Search::Auto { .. } => beams::chains(geometry, tx, &allowed, settings.max_depth, wanted),
+        Search::Lattice { .. } => None,
     }
+}
+
+/// The faces large enough to be asked for.
+fn mirrors(geometry: &Geometry<'_>, settings: &RadioSettings) -> Vec<u32> {
+    let least_m2 = settings.min_face_area_m2.max(f64::MIN_POSITIVE);
+    (0..geometry.faces.len() as u32).filter(|&f| geometry.faces[f as usize].area_m2 >= least_m2).collect()
+}
+
+/// The chains that rays run through, and faces lit by way of large ones.
+fn by_rays(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: usize) -> Vec<Chain> {
+    let allowed = &mirrors(geometry, settings);
+    let mut chains = exhaustive(geometry, tx, allowed, 1);
+    chains.extend(from_lattice(geometry, tx, settings, rays));
+    if settings.max_depth >= 2 {
+        chains.extend(by_large_faces(geometry, tx, settings, allowed));
+    }
+    distinct(&mut chains);
+    for length in 1..settings.max_depth {
+        let goes_on = |c: &&Chain| c.faces().len() == length && narrows(geometry, c);
+        let found: Vec<Chain> = chains.iter().filter(goes_on).copied().collect();
+        let density = if length == 1 { FROM_FIRST } else { FROM_LATER };
+        chains.extend(continued(geometry, tx, settings, &found, &density.counts(geometry, &found, rays)));
+        distinct(&mut chains);
+    }
+    chains
 }
 
 /// All sequences up to `max_depth` of faces in different planes, one to the next: the oracle.
@@ -137,62 +148,6 @@ fn exhaustive(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: us
         frontier = next;
     }
     chains
-}
-
-/// The chains of [`exhaustive`] in which every face lies, in part, in the beam that the image behind the face before sends through it.
-fn beams(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: usize) -> Vec<Chain> {
-    let hulls: Vec<(u32, [DVec3; 4])> = allowed.iter().map(|&face| (face, geometry.faces[face as usize].hull())).collect();
-    let direct = Chain::line_of_sight(tx);
-    let per_face: Vec<Vec<Chain>> = hulls
-        .par_iter()
-        .map(|first| {
-            let mut chains = Vec::new();
-            if geometry.faces[first.0 as usize].distance(tx) == 0.0 {
-                return chains;
-            }
-            let mut stack = vec![(direct.pushed(first.0, geometry), first.1)];
-            while let Some((chain, hull)) = stack.pop() {
-                chains.push(chain);
-                if chain.faces().len() == max_depth {
-                    continue;
-                }
-                let beam = Beam::new(chain.image, &hull);
-                for (face, hull) in &hulls {
-                    let lit = geometry.faces[*face as usize].distance(chain.image) != 0.0 && beam.meets(hull);
-                    if lit && !repeats(geometry, &chain, *face) {
-                        stack.push((chain.pushed(*face, geometry), *hull));
-                    }
-                }
-            }
-            chains
-        })
-        .collect();
-    per_face.into_iter().flatten().collect()
-}
-
-/// A pyramid with its tip in an image, cut off by the mirror that makes it: inside is where every n·x > offset.
-struct Beam {
-    planes: [(DVec3, f64); 5],
-}
-
-impl Beam {
-    /// The beam from `image` through a parallelogram.
-    fn new(image: DVec3, mirror: &[DVec3; 4]) -> Self {
-        let centre = (mirror[0] + mirror[2]) * 0.5;
-        let towards = |normal: DVec3, point: DVec3, inside: DVec3| {
-            let normal = normal.normalize_or_zero();
-            let normal = if normal.dot(inside - point) < 0.0 { -normal } else { normal };
-            (normal, normal.dot(point) - BEAM_MARGIN_M)
-        };
-        let front = towards((mirror[1] - mirror[0]).cross(mirror[3] - mirror[0]), centre, centre + (centre - image));
-        let side = |i: usize| towards((mirror[i] - image).cross(mirror[(i + 1) % 4] - image), image, centre);
-        Self { planes: [front, side(0), side(1), side(2), side(3)] }
-    }
-
-    /// Whether some of a parallelogram may lie in the beam: no plane has all of it outside.
-    fn meets(&self, hull: &[DVec3; 4]) -> bool {
-        self.planes.iter().all(|(normal, offset)| hull.iter().any(|p| normal.dot(*p) > *offset))
-    }
 }
 
 /// The chains that a lattice of rays from the transmitter runs through, reflected and, when enabled, transmitted at every hit.
@@ -331,7 +286,7 @@ pub fn wedges_from_lattice(
 }
 
 /// Whether a face lies in the plane of the last bounce: nothing bounces off a plane twice in a row.
-fn repeats(geometry: &Geometry<'_>, chain: &Chain, face: u32) -> bool {
+pub fn repeats(geometry: &Geometry<'_>, chain: &Chain, face: u32) -> bool {
     let Some(&last) = chain.faces().last() else { return false };
     last == face || geometry.faces[last as usize].shares_plane(&geometry.faces[face as usize])
 }

@@ -4,6 +4,7 @@
 //! time convention e^{+jωt}; `a` carries no propagation phase.
 
 pub mod antenna;
+mod beams;
 mod chains;
 pub mod channel;
 mod complex;
@@ -59,6 +60,16 @@ pub enum Search {
         /// Rays shot from the transmitter.
         rays: usize,
     },
+}
+
+impl Search {
+    /// Rays of the lattice, where one is shot.
+    fn rays(self) -> usize {
+        match self {
+            Self::Auto { rays } | Self::Lattice { rays } => rays,
+            Self::Exhaustive => 0,
+        }
+    }
 }
 
 /// What is traced and how.

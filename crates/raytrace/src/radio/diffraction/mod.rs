@@ -27,7 +27,7 @@ const EDGE_ON_M: f64 = 1e-5;
 /// An edge this close to a mirror's plane lies in it, metres.
 const IN_PLANE_M: f64 = 5e-6;
 /// With no more combinations of chains and wedges than this, all of them are tried.
-const EXHAUSTIVE_COMBINATIONS: usize = 50_000_000;
+const MOST_COMBINATIONS: usize = 50_000_000;
 
 /// Chains of faces by which an endpoint reaches edges.
 pub enum EdgeChains {
@@ -47,14 +47,14 @@ impl EdgeChains {
             return Self::Off;
         }
         let before = RadioSettings { max_depth: settings.max_depth - 1, ..*settings };
-        match settings.search {
-            Search::Auto { rays } | Search::Lattice { rays } if !all_fit(&tracer.geometry, &before, count) => {
+        let few = |chains: &Vec<Chain>| {
+            settings.search == Search::Exhaustive || combinations(chains, &before, count) <= MOST_COMBINATIONS
+        };
+        match chains::all(&tracer.geometry, point, &before, MOST_COMBINATIONS / count).filter(few) {
+            Some(chains) => Self::All(std::iter::once(Chain::line_of_sight(point)).chain(chains).collect()),
+            None => {
+                let rays = settings.search.rays();
                 Self::Found(chains::wedges_from_lattice(&tracer.geometry, &tracer.wedges, point, settings, rays))
-            }
-            _ => {
-                let mut chains = vec![Chain::line_of_sight(point)];
-                chains.extend(chains::candidates(&tracer.geometry, point, &before));
-                Self::All(chains)
             }
         }
     }
@@ -74,12 +74,14 @@ impl EdgeChains {
     }
 }
 
-/// Whether every chain before the edge and every chain after it can be tried: wedges × Σ (m + 1)·facesᵐ.
-fn all_fit(geometry: &Geometry<'_>, before: &RadioSettings, wedges: usize) -> bool {
-    let faces = if before.reflection { geometry.faces.len() } else { 0 };
-    let combinations = (0..=before.max_depth as u32)
-        .fold(0usize, |sum, m| sum.saturating_add((m as usize + 1).saturating_mul(faces.saturating_pow(m))));
-    matches!(before.search, Search::Auto { .. }) && combinations.saturating_mul(wedges) <= EXHAUSTIVE_COMBINATIONS
+/// How many chains before an edge and after it there are to try, if the other endpoint has as many: wedges × Σ n_i·n_j, i + j faces together
+/// within the depth.
+fn combinations(chains: &[Chain], before: &RadioSettings, wedges: usize) -> usize {
+    let mut counts = [0usize; MAX_DEPTH + 1];
+    counts[0] = 1;
+    chains.iter().for_each(|chain| counts[chain.faces().len()] += 1);
+    let pairs = (0..=before.max_depth).flat_map(|i| (0..=before.max_depth - i).map(move |j| (i, j)));
+    pairs.fold(0usize, |sum, (i, j)| sum.saturating_add(counts[i].saturating_mul(counts[j]))).saturating_mul(wedges)
 }
 
 /// An image of an endpoint as an edge sees it.
