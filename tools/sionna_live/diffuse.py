@@ -31,6 +31,11 @@ def ours_of(entry):
     return entry["power"], entry["standard_error"] or 0.0
 
 
+def ours_ending(ours, r):
+    """Our power at receiver `r` of all paths that end with a scattering."""
+    return ours_of(ours["receivers"][r]["by_interactions_after_the_scattering"].get("0", {"power": 0.0, "standard_error": 0.0}))
+
+
 def db(ratio):
     return 10 * np.log10(ratio) if ratio > 0 else float("-inf")
 
@@ -52,14 +57,12 @@ def row(label, ours, theirs):
 
 def total(ours, runs, r):
     """All power that ends with a scattering."""
-    entry = ours["receivers"][r]["by_interactions_after_the_scattering"].get("0", {"power": 0.0, "standard_error": 0.0})
-    return row("total", ours_of(entry), theirs_of(runs, r, lambda types, _: ends_scattering(types)))
+    return row("total", ours_ending(ours, r), theirs_of(runs, r, lambda types, _: ends_scattering(types)))
 
 
 def own(by_photons, exact, r):
     """All power that ends with a scattering, of two of our own fields: what photons make of mirrors, and their exact images."""
-    entries = [ours["receivers"][r]["by_interactions_after_the_scattering"]["0"] for ours in (by_photons, exact)]
-    return row("own", *map(ours_of, entries))
+    return row("own", ours_ending(by_photons, r), ours_ending(exact, r))
 
 
 def by_object(ours, runs, r):
@@ -89,8 +92,7 @@ def by_interactions(ours_by_depth, runs, r):
     """Power that ends with a scattering, by the number of interactions: differences of runs of rising depth."""
     rows, before = [], (0.0, 0.0)
     for depth, report in sorted(ours_by_depth.items()):
-        entry = report["receivers"][r]["by_interactions_after_the_scattering"].get("0", {"power": 0.0, "standard_error": 0.0})
-        power, error = ours_of(entry)
+        power, error = ours_ending(report, r)
         mine = power - before[0], np.hypot(error, before[1]) if depth > 1 else error
         rows.append(
             row(
