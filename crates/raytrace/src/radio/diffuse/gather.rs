@@ -4,7 +4,8 @@
 //! through every mirror and slab, which by reciprocity is the forward way's transpose. What a surface scatters along the ray is then
 //! received as |c·E|².
 
-use super::illumination::{Incident, MAX_PORTS};
+use super::illumination::{Incident, MAX_PORTS, Source};
+use super::landings::{self, Landing};
 use super::{Contribution, DiffuseField};
 use crate::radio::antenna::{Antenna, phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
@@ -19,6 +20,8 @@ const MIN_COS_SCATTER: f64 = 0.01;
 const MIN_THROUGHPUT: f64 = 1e-6;
 /// A ray that keeps less than this share goes on with that much less probability, and counts for more.
 const ROULETTE_THROUGHPUT: f64 = 0.01;
+/// Directions to one where a lattice that is refined sees something bright edge-on.
+const REFINED: f64 = 16.0;
 /// Step of the low-discrepancy sequence that decides about a direction's rays: 1/g of the plastic number g.
 const ROULETTE_STEP: f64 = 0.754_877_666_246_692_7;
 
@@ -27,11 +30,19 @@ pub(super) struct Look<'f, 't, 'a> {
     field: &'f DiffuseField<'t, 'a>,
     antenna: Antenna,
     rx: DVec3,
-    /// Directions of the lattice it belongs to.
-    count: usize,
+    lattice: Lattice,
     /// Most interactions between a scattering surface and the receiver.
     deepest: usize,
     stack: Vec<Ray>,
+}
+
+/// The directions of a receiver that one of them belongs to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lattice {
+    /// Over the whole sphere.
+    pub count: usize,
+    /// Whether more are added where these disagree, some [`REFINED`] to one at the outlines of bright things.
+    pub refined: bool,
 }
 
 /// What is looked for along a direction.
@@ -69,9 +80,9 @@ struct Met {
 }
 
 impl<'f, 't, 'a> Look<'f, 't, 'a> {
-    pub(super) fn new(field: &'f DiffuseField<'t, 'a>, rx: DVec3, antenna: &Antenna, count: usize) -> Self {
+    pub(super) fn new(field: &'f DiffuseField<'t, 'a>, rx: DVec3, antenna: &Antenna, lattice: Lattice) -> Self {
         let deepest = field.settings.after.min(field.tracer.settings.max_depth.saturating_sub(1)).min(MAX_DEPTH);
-        Self { field, antenna: *antenna, rx, count, deepest, stack: Vec::new() }
+        Self { field, antenna: *antenna, rx, lattice, deepest, stack: Vec::new() }
     }
 
     /// Follows direction `index` of the lattice and reports what is scattered back along it; returns the object seen first.
@@ -83,10 +94,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         report: &mut impl FnMut(Contribution),
     ) -> Option<u32> {
         let geometry = &self.field.tracer.geometry;
-        let mut ports = [Field::default(); MAX_PORTS];
-        for (port, field) in ports.iter_mut().enumerate().take(self.antenna.ports()) {
-            *field = Field::real(self.antenna.port_field(port, direction));
-        }
+        let ports = self.port_fields(direction);
         let whole: f64 = ports.iter().map(Field::norm_squared).sum();
         let mut sequence = (index as f64 * ROULETTE_STEP).fract();
         let mut seen = None;
@@ -162,21 +170,14 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     fn scattered(&self, ray: &Ray, met: &Met, report: &mut impl FnMut(Contribution)) {
         let (field, illumination) = (self.field, &self.field.illumination);
         let geometry = &field.tracer.geometry;
-        let slab = geometry.slab(met.face);
-        let s = slab.scattering.coefficient;
-        if s == 0.0 {
+        if geometry.slab(met.face).scattering.coefficient == 0.0 {
             return;
         }
         let towards_rx = -ray.direction;
         let cos_scatter = met.normal.dot(towards_rx);
-        let (theta_out, phi_out) = (theta_hat(towards_rx), phi_hat(towards_rx));
-        // What each port makes of a unit field along θ̂ and along φ̂ that leaves the point.
-        let received = ray.ports.map(|c| (c.along(theta_out), c.along(phi_out)));
-        let received = &received[..self.antenna.ports().min(MAX_PORTS)];
-        let solid_angle_sr = 4.0 * std::f64::consts::PI / self.count as f64;
-        let wavelength_m = field.tracer.settings.wavelength_m();
-        let scale = (wavelength_m / (4.0 * std::f64::consts::PI)).powi(2) * solid_angle_sr * ray.weight
-            / cos_scatter.max(MIN_COS_SCATTER);
+        let received = self.received(&ray.ports, towards_rx);
+        let received = &received[..self.ports()];
+        let scale = self.spread(self.lattice.count) * ray.weight / cos_scatter.max(MIN_COS_SCATTER);
         let object = geometry.faces[met.face as usize].object;
         let contribution = |power: f64, length_m: f64, mirrored_before: bool, indirect: bool| Contribution {
             power,
@@ -194,37 +195,145 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
                 report(contribution(power, out.length_m, false, true));
             }
         }
-        let (co, cross) = ((1.0 - slab.scattering.xpd).sqrt(), slab.scattering.xpd.sqrt());
-        let table = illumination.table(met.face);
-        let ports = illumination.ports();
-        let scale = scale * s * s / ports as f64;
         for &source in &illumination.sources {
             // Sources behind the face light its other side.
             if (source.image - met.point).dot(met.normal) <= 0.0 {
                 continue;
             }
+            // What the transmitter's own rays find is theirs; behind mirrors and slabs they do not look.
+            let own_share = if ray.hops == 0 && source.mirror.is_none() {
+                1.0 - landings::share(self.density_ratio(met.face, met.point))
+            } else {
+                1.0
+            };
+            if own_share == 0.0 {
+                continue;
+            }
             let lighting = illumination.lighting(source, met.point, met.face);
             let Some(incident) = illumination.incident(source, lighting, met.point, met.face, ray.hops) else { continue };
-            let Incident { direction: k, fields, distance_m: source_m } = incident;
-            let cos_incidence = field::cos_incidence(k, met.normal);
-            let entry = table.scattering(cos_incidence);
-            let cos_specular = towards_rx.dot(field::mirrored(k, met.normal));
-            let lobe = scattering::lobe(slab.scattering.pattern, cos_scatter, cos_specular, -towards_rx.dot(k))
-                * f64::from(entry.inverse_normalisation);
-            let (theta_in, phi_in) = (theta_hat(k), phi_hat(k));
-            let mut power = 0.0;
-            for e in &fields[..ports] {
-                let gamma2 = field::reflectivity(e, k, met.normal, f64::from(entry.te), f64::from(entry.tm));
-                // K_x: [[√(1−K), −√K], [√K, √(1−K)]] on the (θ̂, φ̂) components.
-                let (e_theta, e_phi) = (e.along(theta_in), e.along(phi_in));
-                let (out_theta, out_phi) = (e_theta * co - e_phi * cross, e_theta * cross + e_phi * co);
-                power += gamma2 * received.iter().map(|(t, p)| (*t * out_theta + *p * out_phi).norm_squared()).sum::<f64>();
-            }
-            power *= scale * lobe * cos_incidence / (source_m * source_m);
+            let source_m = incident.distance_m;
+            let cos_incidence = field::cos_incidence(incident.direction, met.normal);
+            let power = scale * own_share * self.reemitted(&incident, met.face, met.normal, towards_rx, received) * cos_incidence
+                / (source_m * source_m);
             if power > 0.0 {
                 report(contribution(power, source_m, source.mirror.is_some(), false));
             }
         }
+    }
+
+    /// What comes straight from a point that one of the transmitter's own rays fell on, as far as it is theirs, with its direction, where
+    /// that is `wanted`.
+    pub(super) fn landed(&self, landing: &Landing, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
+        let (field, illumination) = (self.field, &self.field.illumination);
+        let geometry = &field.tracer.geometry;
+        let &Landing { point, face, lighting } = landing;
+        let share = landings::share(self.density_ratio(face, point));
+        if share == 0.0 {
+            return None;
+        }
+        let distance_m = point.distance(self.rx);
+        let towards_rx = (self.rx - point) / distance_m;
+        if !wanted(-towards_rx) || geometry.occluded(point, self.rx, CLEARANCE_M, |f| f != face) {
+            return None;
+        }
+        let plane = &geometry.faces[face as usize];
+        let normal = if plane.distance(self.rx) > 0.0 { plane.normal } else { -plane.normal };
+        let incident = illumination.incident(Source::transmitter(illumination.tx), lighting, point, face, 0)?;
+        let received = self.received(&self.port_fields(-towards_rx), towards_rx);
+        let power = self.spread(field.settings.directions)
+            * share
+            * self.reemitted(&incident, face, normal, towards_rx, &received[..self.ports()])
+            / (distance_m * distance_m);
+        let contribution = Contribution {
+            power,
+            delay_s: (incident.distance_m + distance_m) / SPEED_OF_LIGHT,
+            object: plane.object,
+            mirrored_before: false,
+            indirect: false,
+            after: 0,
+        };
+        (power > 0.0).then_some((-towards_rx, contribution))
+    }
+
+    /// How many times as densely as this receiver's directions the transmitter's rays meet a point, p_t/p_r of [`landings`]: with h the
+    /// heights above the face, cosθ = h/r on either side. Nothing where the two look at different sides of the face.
+    fn density_ratio(&self, face: u32, point: DVec3) -> f64 {
+        let (plane, tx) = (&self.field.tracer.geometry.faces[face as usize], self.field.illumination.tx);
+        if self.field.landings.is_empty() {
+            return 0.0;
+        }
+        let (tx_height_m, rx_height_m) = (plane.distance(tx), plane.distance(self.rx));
+        if tx_height_m * rx_height_m <= 0.0 {
+            return 0.0;
+        }
+        let nearer = (self.rx.distance_squared(point) / tx.distance_squared(point)).sqrt();
+        let directions = self.lattice.count as f64 * if self.lattice.refined { REFINED } else { 1.0 };
+        self.landings() as f64 / directions * (tx_height_m / rx_height_m) * nearer * nearer * nearer
+    }
+
+    /// One of so many of the transmitter's rays is looked at: there are no more of them than directions.
+    pub(super) fn landing_stride(&self) -> usize {
+        (self.field.settings.directions / self.lattice.count).max(1)
+    }
+
+    /// The transmitter's rays that are looked at.
+    fn landings(&self) -> usize {
+        self.field.settings.directions / self.landing_stride()
+    }
+
+    /// Ports of the receive antenna.
+    fn ports(&self) -> usize {
+        self.antenna.ports().min(MAX_PORTS)
+    }
+
+    /// The antenna's own field vectors along a direction that it looks in.
+    fn port_fields(&self, direction: DVec3) -> [Field; MAX_PORTS] {
+        let mut fields = [Field::default(); MAX_PORTS];
+        for (port, field) in fields.iter_mut().enumerate().take(self.ports()) {
+            *field = Field::real(self.antenna.port_field(port, direction));
+        }
+        fields
+    }
+
+    /// What each port makes of a unit field along θ̂ and along φ̂ that leaves a point.
+    fn received(&self, ports: &[Field; MAX_PORTS], towards_rx: DVec3) -> [(Complex, Complex); MAX_PORTS] {
+        let (theta_out, phi_out) = (theta_hat(towards_rx), phi_hat(towards_rx));
+        ports.map(|c| (c.along(theta_out), c.along(phi_out)))
+    }
+
+    /// (λ/4π)² times the solid angle that each of `count` rays over the sphere stands for.
+    fn spread(&self, count: usize) -> f64 {
+        let wavelength_m = self.field.tracer.settings.wavelength_m();
+        (wavelength_m / (4.0 * std::f64::consts::PI)).powi(2) * 4.0 * std::f64::consts::PI / count as f64
+    }
+
+    /// S²Γ² f_s of what a source sends, as the ports receive it: the mean over the transmitter's ports, without distances and projections.
+    fn reemitted(
+        &self,
+        incident: &Incident,
+        face: u32,
+        normal: DVec3,
+        towards_rx: DVec3,
+        received: &[(Complex, Complex)],
+    ) -> f64 {
+        let illumination = &self.field.illumination;
+        let scattering = &self.field.tracer.geometry.slab(face).scattering;
+        let (co, cross) = ((1.0 - scattering.xpd).sqrt(), scattering.xpd.sqrt());
+        let &Incident { direction: k, ref fields, .. } = incident;
+        let entry = illumination.table(face).scattering(field::cos_incidence(k, normal));
+        let cos_specular = towards_rx.dot(field::mirrored(k, normal));
+        let lobe = scattering::lobe(scattering.pattern, normal.dot(towards_rx), cos_specular, -towards_rx.dot(k));
+        let (theta_in, phi_in) = (theta_hat(k), phi_hat(k));
+        let mut power = 0.0;
+        for e in &fields[..illumination.ports()] {
+            let gamma2 = field::reflectivity(e, k, normal, f64::from(entry.te), f64::from(entry.tm));
+            // K_x: [[√(1−K), −√K], [√K, √(1−K)]] on the (θ̂, φ̂) components.
+            let (e_theta, e_phi) = (e.along(theta_in), e.along(phi_in));
+            let (out_theta, out_phi) = (e_theta * co - e_phi * cross, e_theta * cross + e_phi * co);
+            power += gamma2 * received.iter().map(|(t, p)| (*t * out_theta + *p * out_phi).norm_squared()).sum::<f64>();
+        }
+        let s = scattering.coefficient;
+        power * lobe * f64::from(entry.inverse_normalisation) * s * s / illumination.ports() as f64
     }
 }
 

@@ -22,6 +22,13 @@ pub struct Source {
     pub mirror: Option<u32>,
 }
 
+impl Source {
+    /// The transmitter itself.
+    pub fn transmitter(tx: DVec3) -> Self {
+        Self { image: tx, mirror: None }
+    }
+}
+
 /// Whether and how a source lights a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lighting {
@@ -66,7 +73,7 @@ impl<'t, 'a> Illumination<'t, 'a> {
         let tables = geometry.slabs.iter().map(|slab| slab.as_ref().map(SlabTable::new)).collect();
         let mut sources = Vec::new();
         if tracer.settings.max_depth >= 1 {
-            sources.push(Source { image: tx, mirror: None });
+            sources.push(Source::transmitter(tx));
         }
         // One interaction before the scattering and the scattering itself.
         if tracer.settings.reflection && tracer.settings.max_depth >= 2 && min_mirror_sr < 4.0 * std::f64::consts::PI {
@@ -100,7 +107,7 @@ impl<'t, 'a> Illumination<'t, 'a> {
     }
 
     /// Interactions a source's legs may still spend on slabs, after its mirror, the scattering itself and `after` more behind it.
-    fn slab_budget(&self, source: Source, after: usize) -> Option<usize> {
+    pub(super) fn slab_budget(&self, source: Source, after: usize) -> Option<usize> {
         let spent = 1 + after + usize::from(source.mirror.is_some());
         let left = self.tracer.settings.max_depth.checked_sub(spent)?;
         Some(if self.tracer.settings.transmission { left } else { 0 })
@@ -114,7 +121,7 @@ impl<'t, 'a> Illumination<'t, 'a> {
             let blocked = self.geometry().occluded(from, to, CLEARANCE_M, |f| {
                 let between = !skip.contains(&Some(f));
                 slabs |= between;
-                between && (slab_budget == 0 || self.table(f).transmitted_power < OPAQUE_POWER)
+                between && (slab_budget == 0 || self.is_opaque(f))
             });
             match (blocked, slabs) {
                 (true, _) => Lighting::Dark,
@@ -134,6 +141,11 @@ impl<'t, 'a> Illumination<'t, 'a> {
                 before => before,
             },
         }
+    }
+
+    /// Whether the diffuse field takes a face for opaque.
+    pub(super) fn is_opaque(&self, face: u32) -> bool {
+        self.table(face).transmitted_power < OPAQUE_POWER
     }
 
     /// Ports of the transmit antenna.

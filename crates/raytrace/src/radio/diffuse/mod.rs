@@ -5,8 +5,8 @@
 //! looked at. Everything else (smaller mirrors, several of them, any scattering before) is brought by photons to world-fixed patches,
 //! once for all receivers, and patches with few of them are weighed against their surroundings; where within a patch they fell is kept as
 //! well. At a receiver the integral runs over
-//! solid angle, dA = r₂² dΩ / cosθ_s, on a lattice of directions, finer where neighbouring directions disagree: near surfaces are
-//! resolved as finely as far ones, every direction sees exactly what is visible along it, mirrored and through slabs as well, up to the
+//! solid angle, dA = r₂² dΩ / cosθ_s, on a lattice of directions, finer where neighbouring directions disagree, and where it sees lit
+//! surfaces edge-on over where the transmitter's own rays fall: near surfaces are resolved as finely as far ones, every direction sees exactly what is visible along it, mirrored and through slabs as well, up to the
 //! budget of interactions.
 //!
 //! Antennas with two ports: a receiver's ports add their powers; a transmitter's share its power, so that the result is their mean.
@@ -18,6 +18,7 @@ mod gather;
 mod grains;
 mod guide;
 mod illumination;
+mod landings;
 mod nodes;
 mod patches;
 mod photons;
@@ -31,9 +32,10 @@ mod tests;
 use super::{Antenna, Arrival, MAX_DEPTH, RadioTracer, lattice};
 use cache::RadianceCache;
 use corf_scene::{Error, Pinhole, Result, Rigid3, Rng};
-use gather::{Layer, Look};
+use gather::{Lattice, Layer, Look};
 use glam::{DMat3, DVec2, DVec3};
 use illumination::Illumination;
+use landings::Landing;
 use patches::Patches;
 pub(crate) use photons::Event;
 use photons::Photons;
@@ -147,6 +149,8 @@ pub struct DiffuseField<'t, 'a> {
     illumination: Illumination<'t, 'a>,
     patches: Patches,
     cache: Option<RadianceCache>,
+    /// As many rays of the transmitter as a receiver has directions, and where they fell.
+    landings: Vec<Landing>,
     settings: DiffuseSettings,
     world_from_lattice: DMat3,
 }
@@ -179,9 +183,12 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             (DVec2::new(rng.uniform_f64(), rng.uniform_f64()), turn)
         };
         let mut illumination = Illumination::new(tracer, tx, settings.min_mirror_sr);
-        if only.is_some() {
+        let landings = if only.is_some() {
             illumination.sources.clear();
-        }
+            Vec::new()
+        } else {
+            landings::trace(&illumination, settings.directions, world_from_lattice)
+        };
         let patches = Patches::new(&tracer.geometry, settings.patch_size_m, phase);
         let photons = Photons {
             illumination: &illumination,
@@ -192,7 +199,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             only,
         };
         let cache = photons.trace(settings.patch_size_m);
-        Ok(Self { tracer, illumination, patches, cache, settings: *settings, world_from_lattice })
+        Ok(Self { tracer, illumination, patches, cache, landings, settings: *settings, world_from_lattice })
     }
 
     /// Megabytes of the tables that the photons filled.
@@ -275,15 +282,35 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     pub fn contributions(&self, rx: DVec3) -> Result<Vec<(DVec3, Contribution)>> {
         check_receiver(rx)?;
         let count = self.settings.directions;
-        Ok(self.each_task(count, |range| {
-            let mut look = Look::new(self, rx, &self.tracer.settings.rx_antenna, count);
+        let antenna = &self.tracer.settings.rx_antenna;
+        let lattice = Lattice { count, refined: false };
+        let mut all = self.each_task(count, |range| {
+            let mut look = Look::new(self, rx, antenna, lattice);
             let mut found = Vec::new();
             for i in range {
                 let direction = self.direction(i, count);
                 look.along(i, direction, Layer::All, &mut |c| found.push((direction, c)));
             }
             found
-        }))
+        });
+        all.extend(self.landed(rx, antenna, lattice, |_| true));
+        Ok(all)
+    }
+
+    /// What the transmitter's own rays add to the `wanted` directions of a receiver.
+    fn landed(
+        &self,
+        rx: DVec3,
+        antenna: &Antenna,
+        lattice: Lattice,
+        wanted: impl Fn(DVec3) -> bool + Sync,
+    ) -> Vec<(DVec3, Contribution)> {
+        let stride = Look::new(self, rx, antenna, lattice).landing_stride();
+        self.each_task(self.landings.len(), |range| {
+            let look = Look::new(self, rx, antenna, lattice);
+            let looked_at = range.filter(|i| i % stride == 0);
+            looked_at.filter_map(|i| look.landed(&self.landings[i], &wanted)).collect()
+        })
     }
 
     /// Runs over a lattice in tasks and joins their results in order.

@@ -5,7 +5,7 @@
 //! its neighbours' by more than a share of what a reader of the given angular resolution sees there is cut into k×k directions, and
 //! speaks from then on with their mean; the surfaces seen first and what lies behind them apart.
 
-use super::gather::{Layer, Look};
+use super::gather::{Lattice, Layer, Look};
 use super::{DIRECTIONS_PER_TASK, DiffuseField};
 use crate::radio::{Antenna, Arrival, lattice};
 use glam::DVec3;
@@ -78,7 +78,7 @@ impl Gathering<'_, '_, '_, '_> {
     /// The arrivals of those directions that are `wanted`, in the order of the lattice.
     pub fn arrivals(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let mut cells: Vec<Cell> = self.field.each_task(self.count, |range| {
-            let mut look = Look::new(self.field, self.rx, self.antenna, self.count);
+            let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
             range
                 .map(|index| (index, self.field.direction(index, self.count)))
                 .filter(|(_, direction)| wanted(*direction))
@@ -94,14 +94,26 @@ impl Gathering<'_, '_, '_, '_> {
                 self.refine(&mut cells);
             }
         }
-        cells.into_iter().flat_map(Cell::arrivals).collect()
+        let landed = self.field.landed(self.rx, self.antenna, self.lattice(), wanted);
+        let landed = landed.into_iter().map(|(direction, c)| Arrival {
+            direction,
+            power: c.power,
+            delay_s: c.delay_s,
+            object: c.object,
+            phase_rad: None,
+        });
+        cells.into_iter().flat_map(Cell::arrivals).chain(landed).collect()
+    }
+
+    fn lattice(&self) -> Lattice {
+        Lattice { count: self.count, refined: self.resolution_deg > 0.0 }
     }
 
     /// Cuts every cell whose neighbours call for it.
     fn refine(&self, cells: &mut [Cell]) {
         let sides = self.wanted_sides(cells);
         cells.par_chunks_mut(DIRECTIONS_PER_TASK).zip(sides.par_chunks(DIRECTIONS_PER_TASK)).for_each(|(cells, sides)| {
-            let mut look = Look::new(self.field, self.rx, self.antenna, self.count);
+            let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
             for (cell, sides) in cells.iter_mut().zip(sides) {
                 for (i, layer) in LAYERS.into_iter().enumerate() {
                     if sides[i] > cell.seen[i].side {

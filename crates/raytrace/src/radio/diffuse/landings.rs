@@ -1,0 +1,64 @@
+//! Where the transmitter's own rays fall: the other half of what a receiver sees lit straight from the transmitter.
+//!
+//! A receiver's directions meet a surface with p_r = N_r cosθ_s / (4π r₂²) points per area. Of one that it sees edge-on they meet next to
+//! nothing, and what they meet counts for 1/cosθ_s: where that surface is brightly lit, all error of the received power is made there. Rays
+//! that leave the transmitter evenly meet it with p_t = N_t cosθ_i / (4π r₁²), as densely as it is lit. Every point is shared between the
+//! two by p_t/p_r alone (multiple importance sampling, Veach and Guibas 1995), so that both together count it once and neither has a pole.
+
+use super::illumination::{CLEARANCE_M, Illumination, Lighting, Source};
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+
+use crate::radio::lattice;
+
+/// Rays a task follows.
+const RAYS_PER_TASK: usize = 2048;
+
+/// A point that the transmitter lights, straight or through slabs.
+#[derive(Clone, Copy, Debug)]
+pub struct Landing {
+    /// On the face's plane.
+    pub point: DVec3,
+    /// What was met.
+    pub face: u32,
+    /// How it is lit.
+    pub lighting: Lighting,
+}
+
+/// Follows `count` rays that leave the transmitter evenly, through slabs as far as interactions allow.
+pub fn trace(illumination: &Illumination<'_, '_>, count: usize, world_from_lattice: DMat3) -> Vec<Landing> {
+    let Some(slabs) = illumination.slab_budget(Source::transmitter(illumination.tx), 0) else { return Vec::new() };
+    let geometry = illumination.geometry();
+    let per_task: Vec<Vec<Landing>> = (0..count.div_ceil(RAYS_PER_TASK))
+        .into_par_iter()
+        .map(|task| {
+            let mut landings = Vec::new();
+            for i in task * RAYS_PER_TASK..((task + 1) * RAYS_PER_TASK).min(count) {
+                let direction = world_from_lattice * lattice::fibonacci(i, count);
+                let mut origin = illumination.tx;
+                for crossed in 0..=slabs {
+                    let Some((t, triangle)) = geometry.closest(origin, direction, CLEARANCE_M) else { break };
+                    let face = geometry.face_of_triangle(triangle);
+                    let reached = origin + direction * t;
+                    let plane = &geometry.faces[face as usize];
+                    let point = reached - plane.normal * plane.distance(reached);
+                    let lighting = if crossed == 0 { Lighting::Free } else { Lighting::ThroughSlabs };
+                    landings.push(Landing { point, face, lighting });
+                    if illumination.is_opaque(face) {
+                        break;
+                    }
+                    origin = point;
+                }
+            }
+            landings
+        })
+        .collect();
+    per_task.into_iter().flatten().collect()
+}
+
+/// The transmitter's share of a point that its rays meet `density_ratio` = p_t/p_r times as densely as the receiver's; the receiver's is
+/// what is missing to 1. None up to equal densities: most points are the receiver's alone, and need no shadow rays.
+pub fn share(density_ratio: f64) -> f64 {
+    let more = (density_ratio - 1.0).max(0.0);
+    if more.is_finite() { more * more / (1.0 + more * more) } else { 1.0 }
+}
