@@ -12,7 +12,7 @@ const TRANSPARENT_POWER: f64 = 1e-9;
 /// Rays a task of the lattice search handles.
 const RAYS_PER_TASK: usize = 2048;
 /// Chains a task continues.
-const CHAINS_PER_TASK: usize = 128;
+const CHAINS_PER_TASK: usize = 32;
 /// Rays that go on from a square metre of a face that the transmitter lights straight, in shares of the lattice's; least and most …
 const FROM_FIRST: Density = Density { per_m2: 0.05, least: 8, most: 1024 };
 /// … and from the last face of a chain of several, …
@@ -153,7 +153,7 @@ fn exhaustive(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: us
 /// The chains that a lattice of rays from the transmitter runs through, reflected and, when enabled, transmitted at every hit.
 fn from_lattice(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: usize) -> Vec<Chain> {
     let walk = Walk::new(geometry, settings);
-    let mut found = walk.lattice(tx, rays, |found, chain, triangle| found.extend(walk.mirrored(chain, triangle)));
+    let mut found = walk.lattice(tx, rays, distinct, |found, chain, triangle| found.extend(walk.mirrored(chain, triangle)));
     distinct(&mut found);
     found
 }
@@ -277,11 +277,14 @@ pub fn wedges_from_lattice(
     rays: usize,
 ) -> Vec<(u32, Chain)> {
     let key = |(wedge, chain): &(u32, Chain)| (*wedge, chain.key());
-    let mut found = Walk::new(geometry, settings).lattice(from, rays, |found, chain, triangle| {
+    let distinct = |found: &mut Vec<(u32, Chain)>| {
+        found.sort_by_key(key);
+        found.dedup_by_key(|f| key(f));
+    };
+    let mut found = Walk::new(geometry, settings).lattice(from, rays, distinct, |found, chain, triangle| {
         found.extend(wedges.of_triangle(triangle).map(|wedge| (wedge, *chain)));
     });
-    found.sort_by_key(key);
-    found.dedup_by_key(|f| key(f));
+    distinct(&mut found);
     found
 }
 
@@ -345,8 +348,15 @@ impl<'w, 'a> Walk<'w, 'a> {
         }
     }
 
-    /// Follows a lattice of rays; `visit` gets every hit as in [`Self::follow`] and adds to the findings of its task.
-    fn lattice<T: Send>(&self, from: DVec3, rays: usize, visit: impl Fn(&mut Vec<T>, &Chain, u32) + Sync) -> Vec<T> {
+    /// Follows a lattice of rays; `visit` gets every hit as in [`Self::follow`] and adds to the findings of its task, which are made
+    /// `distinct`.
+    fn lattice<T: Send>(
+        &self,
+        from: DVec3,
+        rays: usize,
+        distinct: impl Fn(&mut Vec<T>) + Sync,
+        visit: impl Fn(&mut Vec<T>, &Chain, u32) + Sync,
+    ) -> Vec<T> {
         let per_task: Vec<Vec<T>> = (0..rays.div_ceil(RAYS_PER_TASK))
             .into_par_iter()
             .map(|task| {
@@ -356,6 +366,7 @@ impl<'w, 'a> Walk<'w, 'a> {
                     let leg = Leg { origin: from, direction, chain: Chain::line_of_sight(from), interactions: 0 };
                     self.follow(leg, &mut |chain, triangle| visit(&mut found, chain, triangle));
                 }
+                distinct(&mut found);
                 found
             })
             .collect();

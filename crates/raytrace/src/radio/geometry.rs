@@ -1,6 +1,7 @@
 //! The scene as the image method sees it: f64 triangles gathered into planar faces of one object and one material.
 
-use super::{Slab, faces, planar::PlanarIndex};
+use super::planar::{Bounds, PlanarIndex};
+use super::{Slab, faces};
 use crate::bvh::{Bvh, Ray};
 use corf_scene::solids::Solids;
 use corf_scene::{Error, Result, Scene};
@@ -54,6 +55,11 @@ impl Face {
     /// Corners of a parallelogram of the plane that holds the face.
     pub fn hull(&self) -> [DVec3; 4] {
         self.index.hull(self.normal, self.offset_m)
+    }
+
+    /// The box of the face's triangles on two axes.
+    pub fn bounds(&self) -> Bounds {
+        self.index.bounds()
     }
 
     /// `count` points spread evenly over the face.

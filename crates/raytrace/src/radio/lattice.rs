@@ -1,6 +1,9 @@
 //! The Fibonacci lattice: directions spread evenly over the sphere.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
+
+/// Steps of the R2 sequence: 1/g and 1/g² of the plastic number g, the root of x³ = x + 1.
+pub const R2: DVec2 = DVec2::new(0.754_877_666_246_692_7, 0.569_840_290_998_053_3);
 
 /// Direction `i` of `count`, each standing for 4π/count steradians.
 pub fn fibonacci(i: usize, count: usize) -> DVec3 {
@@ -8,6 +11,15 @@ pub fn fibonacci(i: usize, count: usize) -> DVec3 {
     let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
     let radius = (1.0 - z * z).max(0.0).sqrt();
     let (sin, cos) = (golden_angle * i as f64).rem_euclid(std::f64::consts::TAU).sin_cos();
+    DVec3::new(radius * cos, radius * sin, z)
+}
+
+/// Direction `i` of a sequence of which any stretch is spread evenly, a little less so than the lattice of as many.
+pub fn sequence(i: usize) -> DVec3 {
+    let at = (R2 * (i as f64 + 0.5)).fract();
+    let z = 1.0 - 2.0 * at.x;
+    let (sin, cos) = (std::f64::consts::TAU * at.y).sin_cos();
+    let radius = (1.0 - z * z).max(0.0).sqrt();
     DVec3::new(radius * cos, radius * sin, z)
 }
 

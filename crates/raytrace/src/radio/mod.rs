@@ -23,6 +23,7 @@ mod paths;
 mod planar;
 mod route;
 pub mod scattering;
+mod screen;
 mod tables;
 
 pub use antenna::{Angles, Antenna, AntennaArray, AntennaPattern, Beam, PlanarArray, Polarization};

@@ -4,6 +4,7 @@ use super::antenna::{Angles, Antenna, AntennaArray, phi_hat, theta_hat};
 use super::chains::{self, Chain};
 use super::diffraction::{self, EdgeChains, Wedge, Wedges};
 use super::geometry::{Face, Geometry};
+use super::screen::Screen;
 use super::{Complex, RadioSettings};
 use crate::bvh::Bvh;
 use corf_scene::{Error, Result, Scene};
@@ -196,8 +197,9 @@ impl<'a> RadioTracer<'a> {
     pub fn transmitter(&self, tx: DVec3) -> Result<Transmitter<'_, 'a>> {
         self.check_position("transmitter", tx)?;
         let chains = chains::candidates(&self.geometry, tx, &self.settings);
+        let screen = Screen::new(&self.geometry, &chains);
         let edge_chains = EdgeChains::from_point(self, tx);
-        Ok(Transmitter { tracer: self, tx, chains, edge_chains })
+        Ok(Transmitter { tracer: self, tx, chains, screen, edge_chains })
     }
 
     /// The face that a point lies on, to a micrometre.
@@ -234,6 +236,7 @@ pub struct Transmitter<'t, 'a> {
     pub(super) tracer: &'t RadioTracer<'a>,
     tx: DVec3,
     chains: Vec<Chain>,
+    screen: Screen,
     edge_chains: EdgeChains,
 }
 
@@ -265,10 +268,10 @@ impl<'t, 'a> Transmitter<'t, 'a> {
         if self.tracer.settings.line_of_sight {
             paths.extend(self.tracer.trace(self.tx, rx, &Chain::line_of_sight(self.tx)));
         }
-        let traced: Vec<Vec<Path>> = self
-            .chains
+        let passing = self.screen.passing(&self.tracer.geometry, rx);
+        let traced: Vec<Vec<Path>> = passing
             .par_chunks(CHAINS_PER_TASK)
-            .map(|chunk| chunk.iter().filter_map(|chain| self.tracer.trace(self.tx, rx, chain)).collect())
+            .map(|chunk| chunk.iter().filter_map(|&chain| self.tracer.trace(self.tx, rx, &self.chains[chain as usize])).collect())
             .collect();
         paths.extend(traced.into_iter().flatten());
         paths.extend(diffraction::paths(self.tracer, self.tx, &self.edge_chains, rx));

@@ -1,5 +1,6 @@
 //! Which triangle of a planar face a point of its plane lies on.
 
+use super::lattice::R2;
 use glam::{DVec2, DVec3};
 
 /// Faces of more triangles than this get a grid.
@@ -23,7 +24,29 @@ struct Grid {
     items: Vec<u32>,
 }
 
+/// The box of a face's triangles, laid out on two axes.
+#[derive(Clone, Copy, Debug)]
+pub struct Bounds {
+    drop: usize,
+    /// Least coordinates along the two, metres.
+    pub min: DVec2,
+    /// Greatest.
+    pub max: DVec2,
+}
+
+impl Bounds {
+    /// A point's coordinates along the two axes.
+    pub fn project(&self, p: DVec3) -> [f64; 2] {
+        project(self.drop, p).to_array()
+    }
+}
+
 impl PlanarIndex {
+    /// The box of all triangles.
+    pub fn bounds(&self) -> Bounds {
+        Bounds { drop: self.drop, min: self.min, max: self.max }
+    }
+
     /// Indexes coplanar triangles whose plane has the given normal.
     pub fn new(normal: DVec3, triangles: impl Iterator<Item = [DVec3; 3]>) -> Self {
         let n = normal.abs();
@@ -58,9 +81,8 @@ impl PlanarIndex {
                     before += area(&self.triangles[index]);
                     index += 1;
                 }
-                // The R2 sequence (powers of the plastic number), folded into the triangle.
-                let (mut u, mut v) =
-                    ((0.5 + i as f64 * 0.754_877_666_246_692_7) % 1.0, (0.5 + i as f64 * 0.569_840_290_998_053_3) % 1.0);
+                // The R2 sequence, folded into the triangle.
+                let (mut u, mut v) = ((0.5 + i as f64 * R2.x) % 1.0, (0.5 + i as f64 * R2.y) % 1.0);
                 if u + v > 1.0 {
                     (u, v) = (1.0 - u, 1.0 - v);
                 }

@@ -15,8 +15,6 @@ const BINS: usize = 128;
 const LEAST: f64 = 0.2;
 /// … nor more than this many times as many as an even number.
 const MOST: f64 = 30.0;
-/// Steps of the lattice inside a bin: 1/g and 1/g² of the plastic number g.
-const STEPS: DVec2 = DVec2::new(0.754_877_666_246_692_7, 0.569_840_290_998_053_3);
 
 /// The directions of a number of photons.
 pub enum Emission {
@@ -81,7 +79,7 @@ impl Emission {
             Self::Guided { first, shift } => {
                 let bin = first.partition_point(|&f| f <= i) - 1;
                 let (number, count) = (i - first[bin], first[bin + 1] - first[bin]);
-                let at = (shift[bin] + STEPS * number as f64).fract();
+                let at = (shift[bin] + lattice::R2 * number as f64).fract();
                 let (direction, density) = unfolded(bin, at);
                 (direction, density / count as f64)
             }

@@ -9,7 +9,7 @@ use super::landings::{self, Landing};
 use super::{Contribution, DiffuseField};
 use crate::radio::antenna::{Antenna, phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
-use crate::radio::{Complex, MAX_DEPTH, SPEED_OF_LIGHT, scattering};
+use crate::radio::{Complex, MAX_DEPTH, SPEED_OF_LIGHT, lattice, scattering};
 use glam::DVec3;
 
 /// Clearance of a gathering ray from the face it leaves, metres.
@@ -22,8 +22,8 @@ const MIN_THROUGHPUT: f64 = 1e-6;
 const ROULETTE_THROUGHPUT: f64 = 0.01;
 /// Directions to one where a lattice that is refined sees something bright edge-on.
 const REFINED: f64 = 16.0;
-/// Step of the low-discrepancy sequence that decides about a direction's rays: 1/g of the plastic number g.
-const ROULETTE_STEP: f64 = 0.754_877_666_246_692_7;
+/// Step of the low-discrepancy sequence that decides about a direction's rays.
+const ROULETTE_STEP: f64 = lattice::R2.x;
 
 /// What a receiver looks for along one direction.
 pub(super) struct Look<'f, 't, 'a> {
@@ -226,7 +226,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     pub(super) fn landed(&self, landing: &Landing, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
         let (field, illumination) = (self.field, &self.field.illumination);
         let geometry = &field.tracer.geometry;
-        let &Landing { point, face, lighting } = landing;
+        let &Landing { point, face, lighting, .. } = landing;
         let share = landings::share(self.density_ratio(face, point));
         if share == 0.0 {
             return None;
@@ -240,10 +240,9 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         let normal = if plane.distance(self.rx) > 0.0 { plane.normal } else { -plane.normal };
         let incident = illumination.incident(Source::transmitter(illumination.tx), lighting, point, face, 0)?;
         let received = self.received(&self.port_fields(-towards_rx), towards_rx);
-        let power = self.spread(field.settings.directions)
-            * share
-            * self.reemitted(&incident, face, normal, towards_rx, &received[..self.ports()])
-            / (distance_m * distance_m);
+        let power =
+            self.spread(self.landings()) * share * self.reemitted(&incident, face, normal, towards_rx, &received[..self.ports()])
+                / (distance_m * distance_m);
         let contribution = Contribution {
             power,
             delay_s: (incident.distance_m + distance_m) / SPEED_OF_LIGHT,
@@ -271,14 +270,9 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         self.landings() as f64 / directions * (tx_height_m / rx_height_m) * nearer * nearer * nearer
     }
 
-    /// One of so many of the transmitter's rays is looked at: there are no more of them than directions.
-    pub(super) fn landing_stride(&self) -> usize {
-        (self.field.settings.directions / self.lattice.count).max(1)
-    }
-
-    /// The transmitter's rays that are looked at.
-    fn landings(&self) -> usize {
-        self.field.settings.directions / self.landing_stride()
+    /// How many of the transmitter's rays are looked at: no more than there are directions.
+    pub(super) fn landings(&self) -> usize {
+        self.field.settings.directions.min(self.lattice.count)
     }
 
     /// Ports of the receive antenna.

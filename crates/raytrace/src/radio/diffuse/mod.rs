@@ -149,7 +149,7 @@ pub struct DiffuseField<'t, 'a> {
     illumination: Illumination<'t, 'a>,
     patches: Patches,
     cache: Option<RadianceCache>,
-    /// As many rays of the transmitter as a receiver has directions, and where they fell.
+    /// Where as many rays of the transmitter as a receiver has directions fell, in the order of the rays.
     landings: Vec<Landing>,
     settings: DiffuseSettings,
     world_from_lattice: DMat3,
@@ -305,11 +305,11 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         lattice: Lattice,
         wanted: impl Fn(DVec3) -> bool + Sync,
     ) -> Vec<(DVec3, Contribution)> {
-        let stride = Look::new(self, rx, antenna, lattice).landing_stride();
-        self.each_task(self.landings.len(), |range| {
+        let rays = Look::new(self, rx, antenna, lattice).landings();
+        let looked_at = &self.landings[..self.landings.partition_point(|landing| (landing.ray as usize) < rays)];
+        self.each_task(looked_at.len(), |range| {
             let look = Look::new(self, rx, antenna, lattice);
-            let looked_at = range.filter(|i| i % stride == 0);
-            looked_at.filter_map(|i| look.landed(&self.landings[i], &wanted)).collect()
+            looked_at[range].iter().filter_map(|landing| look.landed(landing, &wanted)).collect()
         })
     }
 
