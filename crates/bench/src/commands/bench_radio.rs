@@ -12,9 +12,9 @@ use clap::Args;
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, RadioSettings, RadioTracer, Search};
 use corf_raytrace::spectrum;
-use corf_scene::Raster;
 use corf_scene::config::DatasetConfig;
 use corf_scene::trajectory::{self, TrajectoryPose};
+use corf_scene::{Pinhole, Raster, Rigid3};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -45,6 +45,12 @@ pub struct Radio {
     /// Smallest mirror that is evaluated exactly, steradians.
     #[arg(long)]
     mirror_sr: Option<f64>,
+    /// Interactions behind the last scattering, at most; 0 looks at the scattering surfaces themselves alone.
+    #[arg(long)]
+    after: Option<usize>,
+    /// Received powers alone, as a link budget or a coverage map asks for them: all around alike, nothing refined, no spectra.
+    #[arg(long)]
+    powers: bool,
     /// Independent samplings that the error is taken from; fewer than 2 leave it out.
     #[arg(long, default_value_t = 4)]
     replicas: u64,
@@ -102,6 +108,8 @@ struct Answer {
     triangles: usize,
     positions: usize,
     depth: usize,
+    after: usize,
+    powers: bool,
     directions: usize,
     photons: usize,
     patch_size_m: f64,
@@ -161,6 +169,10 @@ impl Radio {
         sampling.photons = self.photons.unwrap_or(sampling.photons);
         sampling.patch_size_m = self.patch_size.unwrap_or(sampling.patch_size_m);
         sampling.min_mirror_sr = self.mirror_sr.unwrap_or(sampling.min_mirror_sr);
+        sampling.after = self.after.unwrap_or(sampling.after);
+        if self.powers {
+            sampling.resolution_deg = 0.0;
+        }
         let tx = scene_config.transmitter.position();
         let tracer = timed(&mut seconds.hierarchy, || RadioTracer::new(&scene, &bvh, settings))?;
         let transmitter = timed(&mut seconds.transmitter_chains, || tracer.transmitter(tx))?;
@@ -174,13 +186,15 @@ impl Radio {
             let paths = timed(&mut seconds.specular, || transmitter.paths(rx))?;
             let mut arrivals: Vec<Arrival> = paths.iter().map(|p| Arrival::from_path(p, settings.frequency_hz)).collect();
             specular_power += power(&arrivals) / poses.len() as f64;
-            let diffuse = timed(&mut seconds.gather, || field.gather_for_view(&camera, &pose.world_from_camera))?;
+            let diffuse = timed(&mut seconds.gather, || self.gather(&field, &camera, &pose.world_from_camera))?;
             diffuse_power += power(&diffuse) / poses.len() as f64;
             arrivals.extend(diffuse);
-            let image = timed(&mut seconds.spectrum, || {
-                spectrum::mpc(&arrivals, &camera, &pose.world_from_camera, config.rf.lobe_width_deg)
-            });
-            std::hint::black_box(image);
+            if !self.powers {
+                let image = timed(&mut seconds.spectrum, || {
+                    spectrum::mpc(&arrivals, &camera, &pose.world_from_camera, config.rf.lobe_width_deg)
+                });
+                std::hint::black_box(image);
+            }
             progress.set(i + 1, poses.len());
         }
         progress.finish();
@@ -196,6 +210,8 @@ impl Radio {
             triangles: scene.triangles.len(),
             positions: poses.len(),
             depth: settings.max_depth,
+            after: sampling.after.min(settings.max_depth.saturating_sub(1)),
+            powers: self.powers,
             directions: sampling.directions,
             photons: sampling.photons,
             patch_size_m: sampling.patch_size_m,
@@ -209,6 +225,16 @@ impl Radio {
         };
         show(json, &answer, &answer.text())?;
         Ok(Verdict::Done)
+    }
+
+    /// What a receiver is scattered: for the spectrum of a view, or for its power.
+    fn gather(
+        &self,
+        field: &DiffuseField<'_, '_>,
+        camera: &Pinhole,
+        world_from_camera: &Rigid3,
+    ) -> corf_scene::Result<Vec<Arrival>> {
+        if self.powers { field.gather(world_from_camera.translation) } else { field.gather_for_view(camera, world_from_camera) }
     }
 
     /// Spread of independent samplings at some of the positions.
@@ -232,20 +258,22 @@ impl Radio {
             let field = DiffuseField::new(tracer, transmitter.position(), &settings)?;
             for (i, pose) in chosen.iter().enumerate() {
                 let pose = &pose.world_from_camera;
-                let scattered = field.gather_for_view(&camera, pose)?;
+                let scattered = self.gather(&field, &camera, pose)?;
                 let paths = transmitter.paths(pose.translation)?;
                 let mut arrivals: Vec<Arrival> =
                     paths.iter().map(|p| Arrival::from_path(p, tracer.settings().frequency_hz)).collect();
                 diffuse[i].push(scattered.iter().map(|a| a.power).sum::<f64>());
                 arrivals.extend(scattered);
                 totals[i].push(arrivals.iter().map(|a| a.power).sum::<f64>());
-                images[i].push(spectrum::mpc(&arrivals, &camera, pose, config.rf.lobe_width_deg));
+                if !self.powers {
+                    images[i].push(spectrum::mpc(&arrivals, &camera, pose, config.rf.lobe_width_deg));
+                }
                 progress.set(phase as usize * count + i + 1, self.replicas as usize * count);
             }
         }
         progress.finish();
         let (mut near, mut all) = (Vec::new(), Vec::new());
-        for images in &images {
+        for images in images.iter().filter(|images| !images.is_empty()) {
             let pixels: Vec<(f64, f64)> = (0..images[0].pixels().len())
                 .map(|i| mean_and_error_db(&images.iter().map(|image| f64::from(image.pixels()[i])).collect::<Vec<f64>>()))
                 .collect();
@@ -299,7 +327,8 @@ impl Stages {
     }
 
     fn sum(&self) -> Spent {
-        self.named().iter().fold(Spent { wall_s: 0.0, cpu_s: Some(0.0) }, |sum, (_, s)| Spent {
+        let ran = self.named().into_iter().filter(|(_, s)| s.wall_s > 0.0);
+        ran.fold(Spent { wall_s: 0.0, cpu_s: Some(0.0) }, |sum, (_, s)| Spent {
             wall_s: sum.wall_s + s.wall_s,
             cpu_s: sum.cpu_s.zip(s.cpu_s).map(|(a, b)| a + b),
         })
@@ -332,6 +361,8 @@ impl Answer {
                 "standard error ({} samplings, {} positions): total {:.3} dB, diffuse {:.3} dB at worst",
                 e.replicas, e.positions, e.total_worst_db, e.diffuse_worst_db
             ));
+        }
+        if let Some(e) = self.standard_error.as_ref().filter(|e| e.pixels > 0) {
             lines.push(format!(
                 "pixels within {RANGE_DB:.0} dB of the peak ({}): median {:.3} dB, 99 % under {:.3} dB, worst {:.3} dB; all: median {:.3} dB",
                 e.pixels, e.pixel_median_db, e.pixel_p99_db, e.pixel_worst_db, e.pixel_all_median_db

@@ -14,15 +14,6 @@ pub fn fibonacci(i: usize, count: usize) -> DVec3 {
     DVec3::new(radius * cos, radius * sin, z)
 }
 
-/// Direction `i` of a sequence of which any stretch is spread evenly, a little less so than the lattice of as many.
-pub fn sequence(i: usize) -> DVec3 {
-    let at = (R2 * (i as f64 + 0.5)).fract();
-    let z = 1.0 - 2.0 * at.x;
-    let (sin, cos) = (std::f64::consts::TAU * at.y).sin_cos();
-    let radius = (1.0 - z * z).max(0.0).sqrt();
-    DVec3::new(radius * cos, radius * sin, z)
-}
-
 /// The bin of a unit direction on the octahedral map of the sphere, of side × side bins, row by row.
 pub fn octahedral(d: DVec3, side: usize) -> usize {
     let scale = 1.0 / (d.x.abs() + d.y.abs() + d.z.abs()).max(f64::MIN_POSITIVE);

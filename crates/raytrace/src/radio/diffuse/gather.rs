@@ -43,6 +43,8 @@ pub(super) struct Lattice {
     pub count: usize,
     /// Whether more are added where these disagree, some [`REFINED`] to one at the outlines of bright things.
     pub refined: bool,
+    /// Whether what it meets is shared with the transmitter's own rays.
+    pub shared: bool,
 }
 
 /// What is looked for along a direction.
@@ -221,28 +223,25 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         }
     }
 
-    /// What comes straight from a point that one of the transmitter's own rays fell on, as far as it is theirs, with its direction, where
-    /// that is `wanted`.
-    pub(super) fn landed(&self, landing: &Landing, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
+    /// What comes straight from a point that one of the transmitter's own rays fell on, as far as it is theirs, with its direction.
+    pub(super) fn landed(&self, landing: &Landing) -> Option<(DVec3, Contribution)> {
         let (field, illumination) = (self.field, &self.field.illumination);
         let geometry = &field.tracer.geometry;
-        let &Landing { point, face, lighting, .. } = landing;
+        let &Landing { point, face, lighting } = landing;
         let share = landings::share(self.density_ratio(face, point));
-        if share == 0.0 {
+        if share == 0.0 || geometry.occluded(point, self.rx, CLEARANCE_M, |f| f != face) {
             return None;
         }
         let distance_m = point.distance(self.rx);
         let towards_rx = (self.rx - point) / distance_m;
-        if !wanted(-towards_rx) || geometry.occluded(point, self.rx, CLEARANCE_M, |f| f != face) {
-            return None;
-        }
         let plane = &geometry.faces[face as usize];
         let normal = if plane.distance(self.rx) > 0.0 { plane.normal } else { -plane.normal };
         let incident = illumination.incident(Source::transmitter(illumination.tx), lighting, point, face, 0)?;
         let received = self.received(&self.port_fields(-towards_rx), towards_rx);
-        let power =
-            self.spread(self.landings()) * share * self.reemitted(&incident, face, normal, towards_rx, &received[..self.ports()])
-                / (distance_m * distance_m);
+        let power = self.spread(field.settings.directions)
+            * share
+            * self.reemitted(&incident, face, normal, towards_rx, &received[..self.ports()])
+            / (distance_m * distance_m);
         let contribution = Contribution {
             power,
             delay_s: (incident.distance_m + distance_m) / SPEED_OF_LIGHT,
@@ -258,7 +257,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     /// heights above the face, cosθ = h/r on either side. Nothing where the two look at different sides of the face.
     fn density_ratio(&self, face: u32, point: DVec3) -> f64 {
         let (plane, tx) = (&self.field.tracer.geometry.faces[face as usize], self.field.illumination.tx);
-        if self.field.landings.is_empty() {
+        if !self.lattice.shared || self.field.landings.is_empty() {
             return 0.0;
         }
         let (tx_height_m, rx_height_m) = (plane.distance(tx), plane.distance(self.rx));
@@ -267,12 +266,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         }
         let nearer = (self.rx.distance_squared(point) / tx.distance_squared(point)).sqrt();
         let directions = self.lattice.count as f64 * if self.lattice.refined { REFINED } else { 1.0 };
-        self.landings() as f64 / directions * (tx_height_m / rx_height_m) * nearer * nearer * nearer
-    }
-
-    /// How many of the transmitter's rays are looked at: no more than there are directions.
-    pub(super) fn landings(&self) -> usize {
-        self.field.settings.directions.min(self.lattice.count)
+        self.field.settings.directions as f64 / directions * (tx_height_m / rx_height_m) * nearer * nearer * nearer
     }
 
     /// Ports of the receive antenna.

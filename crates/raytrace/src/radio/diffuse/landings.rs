@@ -17,8 +17,6 @@ const RAYS_PER_TASK: usize = 2048;
 /// A point that the transmitter lights, straight or through slabs.
 #[derive(Clone, Copy, Debug)]
 pub struct Landing {
-    /// Number of the ray; the first so many of all rays are spread evenly too.
-    pub ray: u32,
     /// On the face's plane.
     pub point: DVec3,
     /// What was met.
@@ -28,7 +26,7 @@ pub struct Landing {
 }
 
 /// Follows `count` rays that leave the transmitter evenly, through slabs as far as interactions allow.
-pub fn trace(illumination: &Illumination<'_, '_>, count: usize, world_from_sequence: DMat3) -> Vec<Landing> {
+pub fn trace(illumination: &Illumination<'_, '_>, count: usize, world_from_lattice: DMat3) -> Vec<Landing> {
     let Some(slabs) = illumination.slab_budget(Source::transmitter(illumination.tx), 0) else { return Vec::new() };
     let geometry = illumination.geometry();
     let per_task: Vec<Vec<Landing>> = (0..count.div_ceil(RAYS_PER_TASK))
@@ -36,7 +34,7 @@ pub fn trace(illumination: &Illumination<'_, '_>, count: usize, world_from_seque
         .map(|task| {
             let mut landings = Vec::new();
             for i in task * RAYS_PER_TASK..((task + 1) * RAYS_PER_TASK).min(count) {
-                let direction = world_from_sequence * lattice::sequence(i);
+                let direction = world_from_lattice * lattice::fibonacci(i, count);
                 let mut origin = illumination.tx;
                 for crossed in 0..=slabs {
                     let Some((t, triangle)) = geometry.closest(origin, direction, CLEARANCE_M) else { break };
@@ -45,7 +43,7 @@ pub fn trace(illumination: &Illumination<'_, '_>, count: usize, world_from_seque
                     let plane = &geometry.faces[face as usize];
                     let point = reached - plane.normal * plane.distance(reached);
                     let lighting = if crossed == 0 { Lighting::Free } else { Lighting::ThroughSlabs };
-                    landings.push(Landing { ray: i as u32, point, face, lighting });
+                    landings.push(Landing { point, face, lighting });
                     if illumination.is_opaque(face) {
                         break;
                     }

@@ -4,10 +4,10 @@
 //! comes from the transmitter and its larger mirror images, straight or through slabs, is evaluated exactly at every point that is
 //! looked at. Everything else (smaller mirrors, several of them, any scattering before) is brought by photons to world-fixed patches,
 //! once for all receivers, and patches with few of them are weighed against their surroundings; where within a patch they fell is kept as
-//! well. At a receiver the integral runs over
-//! solid angle, dA = r₂² dΩ / cosθ_s, on a lattice of directions, finer where neighbouring directions disagree, and where it sees lit
-//! surfaces edge-on over where the transmitter's own rays fall: near surfaces are resolved as finely as far ones, every direction sees exactly what is visible along it, mirrored and through slabs as well, up to the
-//! budget of interactions.
+//! well. At a receiver the integral runs over solid angle, dA = r₂² dΩ / cosθ_s, on a lattice of directions, finer where neighbouring
+//! directions disagree: near surfaces are resolved as finely as far ones, every direction sees exactly what is visible along it, mirrored
+//! and through slabs as well, up to the budget of interactions. All around, for powers, the transmitter's own rays help with lit surfaces
+//! that the receiver sees edge-on.
 //!
 //! Antennas with two ports: a receiver's ports add their powers; a transmitter's share its power, so that the result is their mean.
 
@@ -149,7 +149,7 @@ pub struct DiffuseField<'t, 'a> {
     illumination: Illumination<'t, 'a>,
     patches: Patches,
     cache: Option<RadianceCache>,
-    /// Where as many rays of the transmitter as a receiver has directions fell, in the order of the rays.
+    /// Where as many rays of the transmitter fell as a receiver has directions.
     landings: Vec<Landing>,
     settings: DiffuseSettings,
     world_from_lattice: DMat3,
@@ -263,7 +263,8 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             let (across, down) = (d.x.atan2(d.z), d.y.atan2(d.x.hypot(d.z)));
             (left..right).contains(&across) && (top..bottom).contains(&down)
         };
-        let view = self.gathering(rx, antenna);
+        // A view is refined, and what lies outside counts for side lobes alone: neither needs the transmitter's own rays.
+        let view = Gathering { shared: false, ..self.gathering(rx, antenna) };
         let mut arrivals = view.arrivals(inside);
         let outside = Gathering { count: self.settings.directions.div_ceil(OUTSIDE_SPARSITY), resolution_deg: 0.0, ..view };
         arrivals.extend(outside.arrivals(|d| !inside(d)));
@@ -272,7 +273,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
 
     fn gathering<'g>(&'g self, rx: DVec3, antenna: &'g Antenna) -> Gathering<'g, 'g, 't, 'a> {
         let DiffuseSettings { directions: count, resolution_deg, .. } = self.settings;
-        Gathering { field: self, rx, antenna, count, resolution_deg }
+        Gathering { field: self, rx, antenna, count, resolution_deg, shared: true }
     }
 
     /// Every contribution on its own with the direction it arrives from, in the order of the lattice: for studies and checks.
@@ -283,7 +284,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         check_receiver(rx)?;
         let count = self.settings.directions;
         let antenna = &self.tracer.settings.rx_antenna;
-        let lattice = Lattice { count, refined: false };
+        let lattice = Lattice { count, refined: false, shared: true };
         let mut all = self.each_task(count, |range| {
             let mut look = Look::new(self, rx, antenna, lattice);
             let mut found = Vec::new();
@@ -293,23 +294,16 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             }
             found
         });
-        all.extend(self.landed(rx, antenna, lattice, |_| true));
+        all.extend(self.landed(rx, antenna, lattice));
         Ok(all)
     }
 
-    /// What the transmitter's own rays add to the `wanted` directions of a receiver.
-    fn landed(
-        &self,
-        rx: DVec3,
-        antenna: &Antenna,
-        lattice: Lattice,
-        wanted: impl Fn(DVec3) -> bool + Sync,
-    ) -> Vec<(DVec3, Contribution)> {
-        let rays = Look::new(self, rx, antenna, lattice).landings();
-        let looked_at = &self.landings[..self.landings.partition_point(|landing| (landing.ray as usize) < rays)];
-        self.each_task(looked_at.len(), |range| {
+    /// What the transmitter's own rays add to a receiver's directions.
+    fn landed(&self, rx: DVec3, antenna: &Antenna, lattice: Lattice) -> Vec<(DVec3, Contribution)> {
+        let landings = if lattice.shared { &self.landings[..] } else { &[] };
+        self.each_task(landings.len(), |range| {
             let look = Look::new(self, rx, antenna, lattice);
-            looked_at[range].iter().filter_map(|landing| look.landed(landing, &wanted)).collect()
+            landings[range].iter().filter_map(|landing| look.landed(landing)).collect()
         })
     }
 

@@ -72,11 +72,47 @@ pub(super) struct Gathering<'g, 'f, 't, 'a> {
     pub count: usize,
     /// What a reader tells apart, degrees; 0 refines nothing.
     pub resolution_deg: f64,
+    /// Whether what the directions meet is shared with the transmitter's own rays: with all directions wanted.
+    pub shared: bool,
 }
 
 impl Gathering<'_, '_, '_, '_> {
-    /// The arrivals of those directions that are `wanted`, in the order of the lattice.
+    /// The arrivals of those directions that are `wanted`, in the order of the lattice, and of the transmitter's own rays.
     pub fn arrivals(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+        let mut arrivals = if self.resolution_deg > 0.0 { self.refined(wanted) } else { self.plain(wanted) };
+        let landed = self.field.landed(self.rx, self.antenna, self.lattice());
+        arrivals.extend(landed.into_iter().map(|(direction, c)| Arrival {
+            direction,
+            power: c.power,
+            delay_s: c.delay_s,
+            object: c.object,
+            phase_rad: None,
+        }));
+        arrivals
+    }
+
+    /// One arrival per direction.
+    fn plain(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+        self.field.each_task(self.count, |range| {
+            let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
+            let directions = range.map(|index| (index, self.field.direction(index, self.count)));
+            directions
+                .filter(|(_, direction)| wanted(*direction))
+                .filter_map(|(index, direction)| {
+                    let (mut power, mut weighted_delay) = (0.0, 0.0);
+                    let object = look.along(index, direction, Layer::All, &mut |c| {
+                        power += c.power;
+                        weighted_delay += c.power * c.delay_s;
+                    });
+                    let delay_s = weighted_delay / power;
+                    object.filter(|_| power > 0.0).map(|object| Arrival { direction, power, delay_s, object, phase_rad: None })
+                })
+                .collect()
+        })
+    }
+
+    /// An arrival per direction and object, those of cut cells together.
+    fn refined(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let mut cells: Vec<Cell> = self.field.each_task(self.count, |range| {
             let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
             range
@@ -89,24 +125,14 @@ impl Gathering<'_, '_, '_, '_> {
                 })
                 .collect()
         });
-        if self.resolution_deg > 0.0 {
-            for _ in 0..ROUNDS {
-                self.refine(&mut cells);
-            }
+        for _ in 0..ROUNDS {
+            self.refine(&mut cells);
         }
-        let landed = self.field.landed(self.rx, self.antenna, self.lattice(), wanted);
-        let landed = landed.into_iter().map(|(direction, c)| Arrival {
-            direction,
-            power: c.power,
-            delay_s: c.delay_s,
-            object: c.object,
-            phase_rad: None,
-        });
-        cells.into_iter().flat_map(Cell::arrivals).chain(landed).collect()
+        cells.into_iter().flat_map(Cell::arrivals).collect()
     }
 
     fn lattice(&self) -> Lattice {
-        Lattice { count: self.count, refined: self.resolution_deg > 0.0 }
+        Lattice { count: self.count, refined: self.resolution_deg > 0.0, shared: self.shared }
     }
 
     /// Cuts every cell whose neighbours call for it.
