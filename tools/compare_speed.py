@@ -2,7 +2,8 @@
 
     .venv/bin/python tools/compare_speed.py            # after the installation that tools/check_sionna.py describes
 
-corf: `corf bench radio scenes/lobby147.toml`, all positions, with its own standard errors. Sionna RT: evenly spaced positions of the same
+corf: `corf bench radio scenes/lobby147.toml`, all positions, with its own standard errors; once with spectra and once for received powers
+alone, of the paths that both return. Sionna RT: evenly spaced positions of the same
 trajectory, several seeds at several numbers of rays; its error's law is measured, and the rays (and with them the time) that reach the same
 error follow from it. Both with the same number of threads; seconds on the wall and CPU seconds of all threads (which neighbours on a busy
 machine disturb less). Then cost against triangles, depth and receivers. Report, CSV and pictures under results/.
@@ -20,6 +21,8 @@ from check_sionna import say
 from sionna_live import environment
 
 ROOT = environment.ROOT
+# Received powers alone, of paths that end with a scattering, as nearly all of Sionna RT's that scatter do.
+POWERS = ("--powers", "--after", 0, "--directions", 60_000, "--photons", 1_000_000, "--replicas", 12, "--error-positions", 21)
 # Pixels within this of the spectrum's peak count, as in `corf bench radio`.
 RANGE_DB = 30.0
 
@@ -68,6 +71,9 @@ def main():
         say("corf bench radio")
         fewer = ("--positions", args.our_positions) if args.our_positions else ()
         result["ours"] = measure_ours(corf, dataset, *fewer)
+        keep(out, result)
+        say("corf bench radio, powers alone")
+        result["powers"] = measure_ours(corf, dataset, *fewer, *POWERS)
         keep(out, result)
         if not args.no_scaling:
             mesh = meshes.Meshes(scratch / "scene", radio)

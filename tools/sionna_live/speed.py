@@ -34,7 +34,17 @@ def theirs_totals(library, tx, receivers, depth, samples, seed):
         )
     power = np.where(s["valid"], np.abs(s["a"].astype(np.complex128)) ** 2, 0.0)[:, 0]
     scattered = (s["interactions"] == 2).any(0)[:, 0]
-    return {"total": power.sum(1), "diffuse": (power * scattered).sum(1), **taken, "arrivals": s, "power": power}
+    ending = ends_with(s["interactions"], 2)[:, 0]
+    totals = {"total": power, "diffuse": power * scattered, "ending": power * ending}
+    return {**{name: p.sum(1) for name, p in totals.items()}, **taken, "arrivals": s, "power": power}
+
+
+def ends_with(interactions, kind):
+    """Whether the last interaction of every path is of a kind: interactions (depth, …), 0 for none."""
+    last = np.zeros(interactions.shape[1:], dtype=interactions.dtype)
+    for at_depth in interactions:
+        last = np.where(at_depth != 0, at_depth, last)
+    return last == kind
 
 
 def error_db(samples):

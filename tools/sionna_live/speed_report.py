@@ -18,16 +18,20 @@ KINDS = {
 }
 
 
+# What the run for powers alone is compared by.
+POWERS_KIND, POWERS_LABEL = "ending_db", "diffuse power that ends with the scattering, worst position: for powers alone"
+# Stages that look for paths without scattering.
+SPECULAR = ("transmitter_chains", "specular")
 # Stages of `corf bench radio` that a transmitter costs once.
 ONCE = ("hierarchy", "transmitter_chains", "photons")
 
 
-def for_all(result):
-    """corf's seconds for all positions: as measured, or scaled up position by position from fewer."""
-    ours = result["ours"]["report"]
+def for_all(result, run="ours", without=()):
+    """corf's seconds for all positions: as measured, or scaled up position by position from fewer; `without` some stages."""
+    ours = result[run]["report"]
     factor = result["positions"] / ours["positions"]
-    stages = {name: s for name, s in ours["seconds"].items() if name != "total"}
-    return {clock: sum(s[clock] * (1 if name in ONCE else factor) for name, s in stages.items()) for clock in ("wall_s", "cpu_s")}
+    stages = {name: s for name, s in ours["seconds"].items() if name not in ("total", *without)}
+    return {clock: sum((s[clock] or 0) * (1 if name in ONCE else factor) for name, s in stages.items()) for clock in ("wall_s", "cpu_s")}
 
 
 def laws(result):
@@ -44,6 +48,7 @@ def laws(result):
                 "total_db": float(speed.error_db([r["total"] for r in runs]).max()),
                 "total_median_db": float(np.median(speed.error_db([r["total"] for r in runs]))),
                 "diffuse_db": float(speed.error_db([r["diffuse"] for r in runs]).max()),
+                POWERS_KIND: float(speed.error_db([r["ending"] for r in runs]).max()),
                 "pixel_median_db": pixel["median_db"],
                 "pixel_p99_db": pixel["p99_db"],
                 "wall_s": float(np.median([r["wall_s"] for r in runs])),
@@ -65,15 +70,20 @@ def equal_error(result):
         "pixel_median_db": error["pixel_median_db"],
         "pixel_p99_db": error["pixel_p99_db"],
     }
-    spent, calls = for_all(result), result["positions"] / len(result["traced"])
+    spent = for_all(result)
+    kinds = [(kind, label, own[kind], spent) for kind, label in KINDS.items()]
+    powers = result["powers"]["report"]["standard_error"]["diffuse_worst_db"]
+    kinds.append((POWERS_KIND, POWERS_LABEL, powers, for_all(result, "powers")))
+    kinds.append((POWERS_KIND, "the same, corf without its search for paths that do not scatter", powers, for_all(result, "powers", SPECULAR)))
+    calls = result["positions"] / len(result["traced"])
     most = rows[-1]
     slope = {
         clock: max(np.polyfit([r["samples"] for r in rows], [r[clock] for r in rows], 1)[0], 0.0) for clock in ("wall_s", "cpu_s")
     }
     lines = []
-    for kind, label in KINDS.items():
+    for kind, label, corf_db, spent in kinds:
         # σ² ∝ 1/rays: the most favourable law for a sampler, used also where the measured one is slower.
-        needed = most["samples"] * (most[kind] / own[kind]) ** 2
+        needed = most["samples"] * (most[kind] / corf_db) ** 2
         seconds = {clock: calls * (most[clock] + slope[clock] * (needed - most["samples"])) for clock in slope}
         least = {clock: calls * rows[0][clock] for clock in slope}
         seconds = {clock: max(seconds[clock], least[clock]) for clock in slope}
@@ -81,9 +91,9 @@ def equal_error(result):
             {
                 "kind": kind,
                 "label": label,
-                "corf_db": own[kind],
+                "corf_db": corf_db,
                 "rays": float(needed),
-                "exponent": exponent[kind],
+                "exponent": exponent.get(kind),
                 "sionna_cpu_s": seconds["cpu_s"],
                 "sionna_s": seconds["wall_s"],
                 "corf_cpu_s": spent["cpu_s"],
@@ -95,11 +105,17 @@ def equal_error(result):
     return lines
 
 
+def told(report):
+    """Seconds by stage, CPU seconds in brackets."""
+    ran = {name: s for name, s in report["seconds"].items() if s["wall_s"] > 0}
+    return "; ".join(f"{name.replace('_', ' ')} {s['wall_s']:.2f} ({s['cpu_s']:.2f})" for name, s in ran.items())
+
+
 def write(out, args, result):
     rows, exponent = laws(result)
     lines = equal_error(result)
     ours, machine = result["ours"]["report"], result["machine"]
-    stages = "; ".join(f"{name.replace('_', ' ')} {s['wall_s']:.2f} ({s['cpu_s']:.2f})" for name, s in ours["seconds"].items())
+    stages, powers = told(ours), result["powers"]["report"]
     scaled = (
         ""
         if ours["positions"] == result["positions"]
@@ -118,18 +134,20 @@ def write(out, args, result):
 
 Directions {ours["directions"]}, photons {ours["photons"]}, patches of {ours["patch_size_m"]} m.
 
+For powers alone, no spectra, of paths that end with a scattering as Sionna RT's do ({powers["directions"]} directions, {powers["photons"]} photons): {told(powers)}.
+
 ## Sionna RT, {len(result["traced"])} positions a call
 
 Error: standard deviation of one run over {args.seeds} seeds, dB.
 
 """
     text += table(
-        ["rays", "seconds a call (CPU)", "total, worst", "total, median", "diffuse, worst", "pixels, median", "pixels, 99 %"],
+        ["rays", "seconds a call (CPU)", "total, worst", "total, median", "diffuse, worst", "… ending so, worst", "pixels, median", "pixels, 99 %"],
         [
             [
                 f"{r['samples']:.3g}",
                 f"{r['wall_s']:.1f} ({r['cpu_s']:.1f})",
-                *[f"{r[k]:.3f}" for k in ("total_db", "total_median_db", "diffuse_db", "pixel_median_db", "pixel_p99_db")],
+                *[f"{r[k]:.3f}" for k in ("total_db", "total_median_db", "diffuse_db", POWERS_KIND, "pixel_median_db", "pixel_p99_db")],
             ]
             for r in rows
         ],

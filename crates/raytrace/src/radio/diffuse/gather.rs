@@ -21,7 +21,7 @@ const MIN_THROUGHPUT: f64 = 1e-6;
 /// A ray that keeps less than this share goes on with that much less probability, and counts for more.
 const ROULETTE_THROUGHPUT: f64 = 0.01;
 /// Directions to one where a lattice that is refined sees something bright edge-on.
-const REFINED: f64 = 16.0;
+const REFINED: f64 = 64.0;
 /// Step of the low-discrepancy sequence that decides about a direction's rays.
 const ROULETTE_STEP: f64 = lattice::R2.x;
 
@@ -223,17 +223,21 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         }
     }
 
-    /// What comes straight from a point that one of the transmitter's own rays fell on, as far as it is theirs, with its direction.
-    pub(super) fn landed(&self, landing: &Landing) -> Option<(DVec3, Contribution)> {
+    /// What comes straight from a point that one of the transmitter's own rays fell on, as far as it is theirs, with its direction, where
+    /// that is `wanted`.
+    pub(super) fn landed(&self, landing: &Landing, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
         let (field, illumination) = (self.field, &self.field.illumination);
         let geometry = &field.tracer.geometry;
         let &Landing { point, face, lighting } = landing;
         let share = landings::share(self.density_ratio(face, point));
-        if share == 0.0 || geometry.occluded(point, self.rx, CLEARANCE_M, |f| f != face) {
+        if share == 0.0 {
             return None;
         }
         let distance_m = point.distance(self.rx);
         let towards_rx = (self.rx - point) / distance_m;
+        if !wanted(-towards_rx) || geometry.occluded(point, self.rx, CLEARANCE_M, |f| f != face) {
+            return None;
+        }
         let plane = &geometry.faces[face as usize];
         let normal = if plane.distance(self.rx) > 0.0 { plane.normal } else { -plane.normal };
         let incident = illumination.incident(Source::transmitter(illumination.tx), lighting, point, face, 0)?;

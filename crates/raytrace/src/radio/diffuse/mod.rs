@@ -263,10 +263,11 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             let (across, down) = (d.x.atan2(d.z), d.y.atan2(d.x.hypot(d.z)));
             (left..right).contains(&across) && (top..bottom).contains(&down)
         };
-        // A view is refined, and what lies outside counts for side lobes alone: neither needs the transmitter's own rays.
-        let view = Gathering { shared: false, ..self.gathering(rx, antenna) };
+        let view = self.gathering(rx, antenna);
         let mut arrivals = view.arrivals(inside);
-        let outside = Gathering { count: self.settings.directions.div_ceil(OUTSIDE_SPARSITY), resolution_deg: 0.0, ..view };
+        // What lies outside counts for side lobes alone.
+        let count = self.settings.directions.div_ceil(OUTSIDE_SPARSITY);
+        let outside = Gathering { count, resolution_deg: 0.0, shared: false, ..view };
         arrivals.extend(outside.arrivals(|d| !inside(d)));
         Ok(arrivals)
     }
@@ -294,16 +295,22 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             }
             found
         });
-        all.extend(self.landed(rx, antenna, lattice));
+        all.extend(self.landed(rx, antenna, lattice, |_| true));
         Ok(all)
     }
 
-    /// What the transmitter's own rays add to a receiver's directions.
-    fn landed(&self, rx: DVec3, antenna: &Antenna, lattice: Lattice) -> Vec<(DVec3, Contribution)> {
+    /// What the transmitter's own rays add to a receiver's `wanted` directions.
+    fn landed(
+        &self,
+        rx: DVec3,
+        antenna: &Antenna,
+        lattice: Lattice,
+        wanted: impl Fn(DVec3) -> bool + Sync,
+    ) -> Vec<(DVec3, Contribution)> {
         let landings = if lattice.shared { &self.landings[..] } else { &[] };
         self.each_task(landings.len(), |range| {
             let look = Look::new(self, rx, antenna, lattice);
-            landings[range].iter().filter_map(|landing| look.landed(landing)).collect()
+            landings[range].iter().filter_map(|landing| look.landed(landing, &wanted)).collect()
         })
     }
 

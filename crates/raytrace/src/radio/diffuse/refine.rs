@@ -72,15 +72,15 @@ pub(super) struct Gathering<'g, 'f, 't, 'a> {
     pub count: usize,
     /// What a reader tells apart, degrees; 0 refines nothing.
     pub resolution_deg: f64,
-    /// Whether what the directions meet is shared with the transmitter's own rays: with all directions wanted.
+    /// Whether what the directions meet is shared with the transmitter's own rays.
     pub shared: bool,
 }
 
 impl Gathering<'_, '_, '_, '_> {
     /// The arrivals of those directions that are `wanted`, in the order of the lattice, and of the transmitter's own rays.
     pub fn arrivals(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
-        let mut arrivals = if self.resolution_deg > 0.0 { self.refined(wanted) } else { self.plain(wanted) };
-        let landed = self.field.landed(self.rx, self.antenna, self.lattice());
+        let mut arrivals = if self.resolution_deg > 0.0 { self.refined(&wanted) } else { self.plain(&wanted) };
+        let landed = self.field.landed(self.rx, self.antenna, self.lattice(), &wanted);
         arrivals.extend(landed.into_iter().map(|(direction, c)| Arrival {
             direction,
             power: c.power,

@@ -409,7 +409,7 @@ fn the_transmitters_rays_and_the_receivers_count_every_point_once() {
         let field = field(40_000, 1);
         let (found, landed) = (power(&field, rx, |c| c.after == 0), {
             let lattice = Lattice { count: 40_000, refined: false, shared: true };
-            field.landed(rx, &tracer.settings.rx_antenna, lattice).iter().map(|(_, c)| c.power).sum::<f64>()
+            field.landed(rx, &tracer.settings.rx_antenna, lattice, |_| true).iter().map(|(_, c)| c.power).sum::<f64>()
         });
         assert!(landed > 0.5 * found, "{pattern}: {landed:e} of {found:e}");
         assert!((found / truth - 1.0).abs() < 5e-3, "{pattern}: {found:e} {truth:e}");
