@@ -64,13 +64,15 @@ def prepare(threads):
             refuse(f"{package} is {version}, not {PINNED[package]}\n  help: pip install -r tools/requirements-sionna.txt")
     os.environ["DRJIT_LIBLLVM_PATH"] = find_llvm()
     import drjit
+    import mitsuba
+    import sionna.rt  # noqa: F401: chooses the variant, CUDA where there is a GPU
 
     drjit.set_thread_count(threads)
     git = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True)
     cpu = re.search(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text()) if Path("/proc/cpuinfo").exists() else None
     return {
         **{package: PINNED[package] for package in TRACERS},
-        "llvm": Path(os.environ["DRJIT_LIBLLVM_PATH"]).name,
+        "llvm": Path(os.environ["DRJIT_LIBLLVM_PATH"]).name if mitsuba.variant().startswith("llvm") else mitsuba.variant(),
         "corf": git.stdout.strip() or "unknown",
         "cpu": cpu.group(1) if cpu else platform.processor(),
         "threads": threads,

@@ -12,7 +12,7 @@ const TRANSPARENT_POWER: f64 = 1e-9;
 /// Rays a task of the lattice search handles.
 const RAYS_PER_TASK: usize = 2048;
 /// Chains a task continues.
-const CHAINS_PER_TASK: usize = 32;
+const CHAINS_PER_TASK: usize = 128;
 /// Rays that go on from a square metre of a face that the transmitter lights straight, in shares of the lattice's; least and most …
 const FROM_FIRST: Density = Density { per_m2: 0.05, least: 8, most: 1024 };
 /// … and from the last face of a chain of several, …

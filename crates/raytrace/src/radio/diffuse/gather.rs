@@ -203,8 +203,10 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
                 continue;
             }
             // What the transmitter's own rays find is theirs; behind mirrors and slabs they do not look.
-            let own_share = if ray.hops == 0 && source.mirror.is_none() {
-                1.0 - landings::share(self.density_ratio(met.face, met.point))
+            let is_shared = self.lattice.shared && !field.landings.is_empty();
+            let own_share = if is_shared && ray.hops == 0 && source.mirror.is_none() {
+                let per_m2 = landings::density(&geometry.faces[met.face as usize], source.image, met.point);
+                1.0 - landings::share(self.density_ratio(met.face, met.point, per_m2))
             } else {
                 1.0
             };
@@ -228,8 +230,8 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     pub(super) fn landed(&self, landing: &Landing, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
         let (field, illumination) = (self.field, &self.field.illumination);
         let geometry = &field.tracer.geometry;
-        let &Landing { point, face, lighting } = landing;
-        let share = landings::share(self.density_ratio(face, point));
+        let &Landing { point, face, lighting, density_per_m2 } = landing;
+        let share = landings::share(self.density_ratio(face, point, density_per_m2));
         if share == 0.0 {
             return None;
         }
@@ -257,20 +259,12 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         (power > 0.0).then_some((-towards_rx, contribution))
     }
 
-    /// How many times as densely as this receiver's directions the transmitter's rays meet a point, p_t/p_r of [`landings`]: with h the
-    /// heights above the face, cosθ = h/r on either side. Nothing where the two look at different sides of the face.
-    fn density_ratio(&self, face: u32, point: DVec3) -> f64 {
-        let (plane, tx) = (&self.field.tracer.geometry.faces[face as usize], self.field.illumination.tx);
-        if !self.lattice.shared || self.field.landings.is_empty() {
-            return 0.0;
-        }
-        let (tx_height_m, rx_height_m) = (plane.distance(tx), plane.distance(self.rx));
-        if tx_height_m * rx_height_m <= 0.0 {
-            return 0.0;
-        }
-        let nearer = (self.rx.distance_squared(point) / tx.distance_squared(point)).sqrt();
+    /// How many times as densely as this receiver's directions the transmitter's rays meet a point, p_t/p_r of [`landings`]. Nothing where
+    /// the two look at different sides of the face.
+    fn density_ratio(&self, face: u32, point: DVec3, transmitters_per_m2: f64) -> f64 {
+        let own_per_m2 = landings::density(&self.field.tracer.geometry.faces[face as usize], self.rx, point);
         let directions = self.lattice.count as f64 * if self.lattice.refined { REFINED } else { 1.0 };
-        self.field.settings.directions as f64 / directions * (tx_height_m / rx_height_m) * nearer * nearer * nearer
+        (self.field.settings.directions as f64 * transmitters_per_m2 / (directions * own_per_m2)).max(0.0)
     }
 
     /// Ports of the receive antenna.

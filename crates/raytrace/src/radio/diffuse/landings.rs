@@ -6,10 +6,10 @@
 //! two by p_t/p_r alone (multiple importance sampling, Veach and Guibas 1995), so that both together count it once and neither has a pole.
 
 use super::illumination::{CLEARANCE_M, Illumination, Lighting, Source};
+use crate::radio::geometry::Face;
+use crate::radio::lattice;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
-
-use crate::radio::lattice;
 
 /// Rays a task follows.
 const RAYS_PER_TASK: usize = 2048;
@@ -23,6 +23,8 @@ pub struct Landing {
     pub face: u32,
     /// How it is lit.
     pub lighting: Lighting,
+    /// The transmitter's height above the face over its distance³, 1/m², of the sign of the side that it lights.
+    pub density_per_m2: f64,
 }
 
 /// Follows `count` rays that leave the transmitter evenly, through slabs as far as interactions allow.
@@ -43,7 +45,7 @@ pub fn trace(illumination: &Illumination<'_, '_>, count: usize, world_from_latti
                     let plane = &geometry.faces[face as usize];
                     let point = reached - plane.normal * plane.distance(reached);
                     let lighting = if crossed == 0 { Lighting::Free } else { Lighting::ThroughSlabs };
-                    landings.push(Landing { point, face, lighting });
+                    landings.push(Landing { point, face, lighting, density_per_m2: density(plane, illumination.tx, point) });
                     if illumination.is_opaque(face) {
                         break;
                     }
@@ -54,6 +56,12 @@ pub fn trace(illumination: &Illumination<'_, '_>, count: usize, world_from_latti
         })
         .collect();
     per_task.into_iter().flatten().collect()
+}
+
+/// cosθ/r² of a point of a face seen from elsewhere, 1/m², with the sign of the side that is seen.
+pub fn density(plane: &Face, from: DVec3, point: DVec3) -> f64 {
+    let distance2 = from.distance_squared(point);
+    plane.distance(from) / (distance2 * distance2.sqrt())
 }
 
 /// The transmitter's share of a point that its rays meet `density_ratio` = p_t/p_r times as densely as the receiver's; the receiver's is
