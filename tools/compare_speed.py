@@ -3,9 +3,8 @@
     .venv/bin/python tools/compare_speed.py            # after the installation that tools/check_sionna.py describes
 
 corf: `corf bench radio scenes/lobby147.toml`, all positions, with its own standard errors; once with spectra and once for received powers
-alone, of the paths that both return. Sionna RT: evenly spaced positions of the same
-trajectory, several seeds at several numbers of rays; its error's law is measured, and the rays (and with them the time) that reach the same
-error follow from it. Both with the same number of threads; seconds on the wall and CPU seconds of all threads (which neighbours on a busy
+alone, of the paths that both return. Sionna RT: evenly spaced positions of the same trajectory, several seeds at several numbers of rays; its
+error's law is measured, and the rays (and with them the time) that reach the same error follow from it. Both with the same number of threads; seconds on the wall and CPU seconds of all threads (which neighbours on a busy
 machine disturb less). Then cost against triangles, depth and receivers. Report, CSV and pictures under results/.
 """
 
@@ -21,8 +20,10 @@ from check_sionna import say
 from sionna_live import environment
 
 ROOT = environment.ROOT
+# corf's errors come from as many positions as Sionna RT's.
+ERRORS = ("--replicas", 8, "--error-positions", 21)
 # Received powers alone, of paths that end with a scattering, as nearly all of Sionna RT's that scatter do.
-POWERS = ("--powers", "--after", 0, "--directions", 60_000, "--photons", 1_000_000, "--replicas", 12, "--error-positions", 21)
+POWERS = ("--powers", "--after", 0, "--directions", 60_000, "--photons", 1_000_000, *ERRORS)
 # Pixels within this of the spectrum's peak count, as in `corf bench radio`.
 RANGE_DB = 30.0
 
@@ -48,6 +49,8 @@ def arguments():
 def main():
     args = arguments()
     machine = environment.prepare(args.threads)
+    if not machine["on_cpu"]:
+        environment.refuse("Sionna RT would run on the GPU here and corf on the processor\n  help: hide it with CUDA_VISIBLE_DEVICES=")
     import numpy as np
 
     from sionna_live import meshes, ours, speed_report, theirs
@@ -70,7 +73,7 @@ def main():
         keep(out, result)
         say("corf bench radio")
         fewer = ("--positions", args.our_positions) if args.our_positions else ()
-        result["ours"] = measure_ours(corf, dataset, *fewer)
+        result["ours"] = measure_ours(corf, dataset, *fewer, *ERRORS)
         keep(out, result)
         say("corf bench radio, powers alone")
         result["powers"] = measure_ours(corf, dataset, *fewer, *POWERS)
@@ -177,7 +180,8 @@ def scaling(args, corf, dataset, scene, radio, mesh, library, tx, everywhere, sc
         return {"against": what, "x": x, "corf_s": spent["wall_s"], "corf_cpu_s": spent["cpu_s"], **theirs_s}
 
     def record(what, x, mine, library, receivers, depth):
-        speed.theirs_totals(library, tx, receivers, depth, 10_000, 1)
+        # Its kernels are compiled, and its memory taken, by number of rays.
+        speed.theirs_totals(library, tx, receivers, depth, rays, 1)
         yours = speed.theirs_totals(library, tx, receivers, depth, rays, 2)
         rows.append(line(what, x, mine, yours))
 

@@ -68,11 +68,13 @@ def prepare(threads):
     import sionna.rt  # noqa: F401: chooses the variant, CUDA where there is a GPU
 
     drjit.set_thread_count(threads)
+    on_cpu = mitsuba.variant().startswith("llvm")
     git = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True)
     cpu = re.search(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text()) if Path("/proc/cpuinfo").exists() else None
     return {
         **{package: PINNED[package] for package in TRACERS},
-        "llvm": Path(os.environ["DRJIT_LIBLLVM_PATH"]).name if mitsuba.variant().startswith("llvm") else mitsuba.variant(),
+        "llvm": Path(os.environ["DRJIT_LIBLLVM_PATH"]).name if on_cpu else mitsuba.variant(),
+        "on_cpu": on_cpu,
         "corf": git.stdout.strip() or "unknown",
         "cpu": cpu.group(1) if cpu else platform.processor(),
         "threads": threads,

@@ -267,12 +267,13 @@ def diffuse_part(scattered):
         f"{len(every) - len(outside)} within {MAX_STANDARD_ERRORS:g} standard errors, {len(different)} of the others off by more than the "
         f"{MAX_TOTAL_DB} dB of a total: these are what fails, for with rays enough errors fall below any approximation's."
     )
-    if outside:
-        text += " The others:"
-    shown = outside or [(0, row) for row in scattered["objects"][0][:8]]
+    listed = [(r, row) for r, row in every if not max(abs(row["in_errors"]) / MAX_STANDARD_ERRORS, abs(row["difference_db"]) / MAX_TOTAL_DB) <= 1]
+    if listed:
+        text += f" All beyond {MAX_STANDARD_ERRORS:g} standard errors or {MAX_TOTAL_DB} dB:"
+    shown = listed or [(0, row) for row in scattered["objects"][0][:8]]
     text += (
         "\n\n"
-        + ("" if outside else "The strongest at receiver 0:\n\n")
+        + ("" if listed else "The strongest at receiver 0:\n\n")
         + table(
             ["receiver", "object", "Sionna RT", "corf", "difference, dB", "standard errors"],
             [

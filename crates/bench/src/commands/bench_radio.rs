@@ -92,11 +92,11 @@ struct Errors {
     diffuse_worst_db: f64,
     /// Pixels within [`RANGE_DB`] of their spectrum's peak.
     pixels: usize,
-    pixel_median_db: f64,
-    pixel_p99_db: f64,
-    pixel_worst_db: f64,
+    pixel_median_db: Option<f64>,
+    pixel_p99_db: Option<f64>,
+    pixel_worst_db: Option<f64>,
     /// Pixels of the whole dynamic range.
-    pixel_all_median_db: f64,
+    pixel_all_median_db: Option<f64>,
 }
 
 /// The whole answer.
@@ -288,7 +288,7 @@ impl Radio {
         near.sort_by(f64::total_cmp);
         all.sort_by(f64::total_cmp);
         let worst = |samples: &[Vec<f64>]| samples.iter().map(|s| mean_and_error_db(s).1).fold(0.0, f64::max);
-        let quantile = |sorted: &[f64], q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
+        let quantile = |sorted: &[f64], q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied();
         Ok(Errors {
             replicas: self.replicas,
             positions: count,
@@ -362,10 +362,13 @@ impl Answer {
                 e.replicas, e.positions, e.total_worst_db, e.diffuse_worst_db
             ));
         }
-        if let Some(e) = self.standard_error.as_ref().filter(|e| e.pixels > 0) {
+        if let Some(e) = &self.standard_error
+            && let (Some(median), Some(p99), Some(worst), Some(all)) =
+                (e.pixel_median_db, e.pixel_p99_db, e.pixel_worst_db, e.pixel_all_median_db)
+        {
             lines.push(format!(
-                "pixels within {RANGE_DB:.0} dB of the peak ({}): median {:.3} dB, 99 % under {:.3} dB, worst {:.3} dB; all: median {:.3} dB",
-                e.pixels, e.pixel_median_db, e.pixel_p99_db, e.pixel_worst_db, e.pixel_all_median_db
+                "pixels within {RANGE_DB:.0} dB of the peak ({}): median {median:.3} dB, 99 % under {p99:.3} dB, worst {worst:.3} dB; all: median {all:.3} dB",
+                e.pixels
             ));
         }
         lines.join("\n")

@@ -18,7 +18,7 @@ const ON_SURFACE_M: f64 = 1e-6;
 /// Paths whose corners all lie this close are one, metres: it bounces where two faces meet.
 const SAME_PATH_M: f64 = 1e-9;
 /// Chains a task of [`Transmitter::paths`] tries.
-const CHAINS_PER_TASK: usize = 8192;
+const CHAINS_PER_TASK: usize = 32;
 
 /// What happens at a vertex of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

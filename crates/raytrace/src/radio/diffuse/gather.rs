@@ -6,6 +6,7 @@
 
 use super::illumination::{Incident, MAX_PORTS, Source};
 use super::landings::{self, Landing};
+use super::refine::MOST;
 use super::{Contribution, DiffuseField};
 use crate::radio::antenna::{Antenna, phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
@@ -14,14 +15,15 @@ use glam::DVec3;
 
 /// Clearance of a gathering ray from the face it leaves, metres.
 const CLEARANCE_M: f64 = 5e-5;
-/// Surfaces are not seen at angles flatter than this: cosθ_s, 0.6°. dΩ/cosθ_s has an integrable pole there that no lattice samples well.
+/// Surfaces are not seen at angles flatter than this: cosθ_s, 0.6°. dΩ/cosθ_s has an integrable pole there that no lattice samples well. Not
+/// so where the transmitter's own rays fall more densely: their share takes the pole away.
 const MIN_COS_SCATTER: f64 = 0.01;
 /// A ray that keeps less than this share of power (−60 dB) ends.
 const MIN_THROUGHPUT: f64 = 1e-6;
 /// A ray that keeps less than this share goes on with that much less probability, and counts for more.
 const ROULETTE_THROUGHPUT: f64 = 0.01;
 /// Directions to one where a lattice that is refined sees something bright edge-on.
-const REFINED: f64 = 64.0;
+const REFINED: f64 = (MOST * MOST) as f64;
 /// Step of the low-discrepancy sequence that decides about a direction's rays.
 const ROULETTE_STEP: f64 = lattice::R2.x;
 
@@ -179,7 +181,8 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         let cos_scatter = met.normal.dot(towards_rx);
         let received = self.received(&ray.ports, towards_rx);
         let received = &received[..self.ports()];
-        let scale = self.spread(self.lattice.count) * ray.weight / cos_scatter.max(MIN_COS_SCATTER);
+        let per_area = self.spread(self.lattice.count) * ray.weight;
+        let scale = per_area / cos_scatter.max(MIN_COS_SCATTER);
         let object = geometry.faces[met.face as usize].object;
         let contribution = |power: f64, length_m: f64, mirrored_before: bool, indirect: bool| Contribution {
             power,
@@ -203,21 +206,23 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
                 continue;
             }
             // What the transmitter's own rays find is theirs; behind mirrors and slabs they do not look.
-            let is_shared = self.lattice.shared && !field.landings.is_empty();
-            let own_share = if is_shared && ray.hops == 0 && source.mirror.is_none() {
+            let is_shared = self.lattice.shared && field.landings.is_some() && ray.hops == 0 && source.mirror.is_none();
+            let mut scale = scale;
+            if is_shared {
                 let per_m2 = landings::density(&geometry.faces[met.face as usize], source.image, met.point);
-                1.0 - landings::share(self.density_ratio(met.face, met.point, per_m2))
-            } else {
-                1.0
-            };
-            if own_share == 0.0 {
-                continue;
+                let density_ratio = self.density_ratio(met.face, met.point, per_m2);
+                let own_share = 1.0 - landings::share(density_ratio);
+                if own_share == 0.0 {
+                    continue;
+                }
+                let least_cos = if density_ratio > 1.0 { f64::MIN_POSITIVE } else { MIN_COS_SCATTER };
+                scale = per_area * own_share / cos_scatter.max(least_cos);
             }
             let lighting = illumination.lighting(source, met.point, met.face);
             let Some(incident) = illumination.incident(source, lighting, met.point, met.face, ray.hops) else { continue };
             let source_m = incident.distance_m;
             let cos_incidence = field::cos_incidence(incident.direction, met.normal);
-            let power = scale * own_share * self.reemitted(&incident, met.face, met.normal, towards_rx, received) * cos_incidence
+            let power = scale * self.reemitted(&incident, met.face, met.normal, towards_rx, received) * cos_incidence
                 / (source_m * source_m);
             if power > 0.0 {
                 report(contribution(power, source_m, source.mirror.is_some(), false));

@@ -27,7 +27,7 @@ pub struct Landing {
     pub density_per_m2: f64,
 }
 
-/// Follows `count` rays that leave the transmitter evenly, through slabs as far as interactions allow.
+/// Follows `count` rays that leave the transmitter evenly, through slabs as far as interactions allow, to all that scatters.
 pub fn trace(illumination: &Illumination<'_, '_>, count: usize, world_from_lattice: DMat3) -> Vec<Landing> {
     let Some(slabs) = illumination.slab_budget(Source::transmitter(illumination.tx), 0) else { return Vec::new() };
     let geometry = illumination.geometry();
@@ -45,7 +45,9 @@ pub fn trace(illumination: &Illumination<'_, '_>, count: usize, world_from_latti
                     let plane = &geometry.faces[face as usize];
                     let point = reached - plane.normal * plane.distance(reached);
                     let lighting = if crossed == 0 { Lighting::Free } else { Lighting::ThroughSlabs };
-                    landings.push(Landing { point, face, lighting, density_per_m2: density(plane, illumination.tx, point) });
+                    if geometry.slab(face).scattering.coefficient > 0.0 {
+                        landings.push(Landing { point, face, lighting, density_per_m2: density(plane, illumination.tx, point) });
+                    }
                     if illumination.is_opaque(face) {
                         break;
                     }

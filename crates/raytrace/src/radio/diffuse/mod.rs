@@ -6,8 +6,8 @@
 //! once for all receivers, and patches with few of them are weighed against their surroundings; where within a patch they fell is kept as
 //! well. At a receiver the integral runs over solid angle, dA = r₂² dΩ / cosθ_s, on a lattice of directions, finer where neighbouring
 //! directions disagree: near surfaces are resolved as finely as far ones, every direction sees exactly what is visible along it, mirrored
-//! and through slabs as well, up to the budget of interactions. All around, for powers, the transmitter's own rays help with lit surfaces
-//! that the receiver sees edge-on.
+//! and through slabs as well, up to the budget of interactions. The transmitter's own rays help with lit surfaces that the receiver sees
+//! edge-on.
 //!
 //! Antennas with two ports: a receiver's ports add their powers; a transmitter's share its power, so that the result is their mean.
 
@@ -60,7 +60,7 @@ const DIRECTIONS_PER_TASK: usize = 1024;
 pub struct DiffuseSettings {
     /// Side of the world-fixed patches on which photons are gathered, metres: indirect light is resolved as finely as this.
     pub patch_size_m: f64,
-    /// Directions over the whole sphere in which a receiver gathers; 120 000 are 0.59° apart.
+    /// Directions over the whole sphere in which a receiver gathers, and rays of the transmitter that help it; 120 000 are 0.59° apart.
     pub directions: usize,
     /// Most interactions after the last scattering (mirrors and slabs between the surface and the receiver), within the tracer's depth.
     pub after: usize,
@@ -149,14 +149,14 @@ pub struct DiffuseField<'t, 'a> {
     illumination: Illumination<'t, 'a>,
     patches: Patches,
     cache: Option<RadianceCache>,
-    /// Where as many rays of the transmitter fell as a receiver has directions.
-    landings: Vec<Landing>,
+    /// Where as many rays of the transmitter fell as a receiver has directions; without them a receiver's directions meet all by themselves.
+    landings: Option<Vec<Landing>>,
     settings: DiffuseSettings,
     world_from_lattice: DMat3,
 }
 
 impl<'t, 'a> DiffuseField<'t, 'a> {
-    /// Finds the transmitter's mirrors, lays out the patches and traces the photons.
+    /// Finds the transmitter's mirrors, follows its rays, lays out the patches and traces the photons.
     ///
     /// # Errors
     /// A position that is not finite, or settings out of range.
@@ -185,9 +185,9 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let mut illumination = Illumination::new(tracer, tx, settings.min_mirror_sr);
         let landings = if only.is_some() {
             illumination.sources.clear();
-            Vec::new()
+            None
         } else {
-            landings::trace(&illumination, settings.directions, world_from_lattice)
+            Some(landings::trace(&illumination, settings.directions, world_from_lattice))
         };
         let patches = Patches::new(&tracer.geometry, settings.patch_size_m, phase);
         let photons = Photons {
@@ -217,8 +217,8 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         self.illumination.sources.len()
     }
 
-    /// The diffuse arrivals at the tracer's receive antenna, one per direction that receives anything, in the order of the lattice;
-    /// delays are means weighted by power, objects those that the receiver sees.
+    /// The diffuse arrivals at the tracer's receive antenna, one per direction that receives anything, in the order of the lattice, then
+    /// those of the transmitter's own rays; delays are means weighted by power, objects those that the receiver sees.
     ///
     /// # Errors
     /// A position that is not finite.
@@ -277,7 +277,8 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         Gathering { field: self, rx, antenna, count, resolution_deg, shared: true }
     }
 
-    /// Every contribution on its own with the direction it arrives from, in the order of the lattice: for studies and checks.
+    /// Every contribution on its own with the direction it arrives from, in the order of the lattice, then those of the transmitter's own
+    /// rays: for studies and checks.
     ///
     /// # Errors
     /// A position that is not finite.
@@ -307,7 +308,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         lattice: Lattice,
         wanted: impl Fn(DVec3) -> bool + Sync,
     ) -> Vec<(DVec3, Contribution)> {
-        let landings = if lattice.shared { &self.landings[..] } else { &[] };
+        let landings = self.landings.as_deref().filter(|_| lattice.shared).unwrap_or_default();
         self.each_task(landings.len(), |range| {
             let look = Look::new(self, rx, antenna, lattice);
             landings[range].iter().filter_map(|landing| look.landed(landing, &wanted)).collect()

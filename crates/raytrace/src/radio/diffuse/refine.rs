@@ -15,7 +15,7 @@ use rayon::prelude::*;
 /// each wrong by this over √12: three per cent together.
 const TOLERATED: f64 = 0.02;
 /// Directions along a cell's side, at most.
-const MOST: usize = 8;
+pub(super) const MOST: usize = 8;
 /// Regions this much fainter than the brightest are left alone.
 const FAINTEST: f64 = 1e-5;
 /// How often refined cells are compared with their neighbours again.

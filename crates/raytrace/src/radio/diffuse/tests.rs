@@ -331,7 +331,7 @@ fn a_hot_spot_is_resolved_between_the_directions_of_the_lattice() {
         let sampling = DiffuseSettings { directions, photons: 0, resolution_deg, phase, ..sampling() };
         let mut field = DiffuseField::new(&tracer, DVec3::new(0.2, 1.2, 1.1), &sampling).unwrap();
         // The transmitter's own rays would resolve it without.
-        field.landings.clear();
+        field.landings = None;
         field.gather(rx).unwrap()
     };
     // Power per steradian within a few degrees of the hot spot behind the transmitter, where light varies the most.
@@ -381,8 +381,8 @@ fn a_bright_shelf_seen_edge_on_sends_what_a_surface_integral_says() {
 
 #[test]
 fn the_transmitters_rays_and_the_receivers_count_every_point_once() {
-    // A shelf under a pane, half of it behind a screen: lit and seen straight, through glass, and not at all. Nearly all of it is the
-    // transmitter's where the receiver has few directions, and its own where it has many.
+    // A shelf under a pane, half of it behind a screen: lit and seen straight, through glass, and not at all. Most of it is the
+    // transmitter's, which is nearer.
     let mut scene = Scene {
         materials: vec![
             material("wood", 0.04, scatters(0.7, ScatteringPattern::Lambertian)),
@@ -403,7 +403,7 @@ fn the_transmitters_rays_and_the_receivers_count_every_point_once() {
         let truth = {
             // All points the receiver's own.
             let mut field = field(4_000_000, 0);
-            field.landings.clear();
+            field.landings = None;
             power(&field, rx, |c| c.after == 0)
         };
         let field = field(40_000, 1);
