@@ -171,7 +171,7 @@ def scattering(diffuse, by_depth, seeds, rough, receivers):
     deepest = by_depth[max(by_depth)]
     totals = [diffuse.total(deepest, seeds, r) for r in range(receivers)]
     changed = [diffuse.total(rough, seeds, r) for r in range(receivers)]
-    agrees = lambda row: abs(row["difference_db"]) <= diffuse.MAX_TOTAL_DB
+    agrees = diffuse.within_total
     # Where the totals do not agree to begin with, the control tells nothing.
     broken = [r for r, row in enumerate(changed) if agrees(totals[r]) and not agrees(row)]
     return {

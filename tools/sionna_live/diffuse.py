@@ -60,6 +60,11 @@ def total(ours, runs, r):
     return row("total", ours_ending(ours, r), theirs_of(runs, r, lambda types, _: ends_scattering(types)))
 
 
+def within_total(row):
+    """Whether two powers agree as well as is asked of a total."""
+    return abs(row["difference_db"]) <= MAX_TOTAL_DB
+
+
 def own(by_photons, exact, r):
     """All power that ends with a scattering, of two of our own fields: what photons make of mirrors, and their exact images."""
     return row("own", ours_ending(by_photons, r), ours_ending(exact, r))

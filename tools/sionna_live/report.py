@@ -6,7 +6,7 @@ import json
 import numpy as np
 
 from . import compare, pictures
-from .diffuse import MAX_STANDARD_ERRORS, MAX_TOTAL_DB
+from .diffuse import MAX_STANDARD_ERRORS, MAX_TOTAL_DB, within_total
 
 # Bartlett maps are compared within this range below their peak.
 RANGE_DB = 30.0
@@ -236,11 +236,11 @@ def diffuse_part(scattered):
             power(row["theirs"], row["theirs_error"]),
             power(row["ours"], row["ours_error"]),
             f"{row['difference_db']:+.3f} ± {row['error_db']:.3f}",
-            "yes" if abs(row["difference_db"]) <= MAX_TOTAL_DB else "**NO**",
+            "yes" if within_total(row) else "**NO**",
         ]
         for r, row in enumerate(scattered["totals"])
     ]
-    passed_totals = all(abs(row["difference_db"]) <= MAX_TOTAL_DB for row in scattered["totals"])
+    passed_totals = all(within_total(row) for row in scattered["totals"])
     text = (
         f"## Diffuse power\n\nAll paths that end with a scattering, dB relative to 1 W transmitted, ± one standard error; tolerance {MAX_TOTAL_DB} dB.\n\n"
         + table(["receiver", "Sionna RT", "corf", "difference, dB", "agrees"], rows)
@@ -260,14 +260,15 @@ def diffuse_part(scattered):
         ],
     )
     every = [(r, row) for r, rows in enumerate(scattered["objects"]) for row in rows]
-    outside = [(r, row) for r, row in every if not abs(row["in_errors"]) <= MAX_STANDARD_ERRORS]
-    different = [row for _, row in outside if not abs(row["difference_db"]) <= MAX_TOTAL_DB]
+    within_errors = lambda row: abs(row["in_errors"]) <= MAX_STANDARD_ERRORS
+    outside = [row for _, row in every if not within_errors(row)]
+    different = [row for row in outside if not within_total(row)]
     text += (
         f"\n\n### By object\n\n{len(every)} objects with at least 1 % of a receiver's diffuse power (and the rest, summed); "
         f"{len(every) - len(outside)} within {MAX_STANDARD_ERRORS:g} standard errors, {len(different)} of the others off by more than the "
         f"{MAX_TOTAL_DB} dB of a total: these are what fails, for with rays enough errors fall below any approximation's."
     )
-    listed = [(r, row) for r, row in every if not max(abs(row["in_errors"]) / MAX_STANDARD_ERRORS, abs(row["difference_db"]) / MAX_TOTAL_DB) <= 1]
+    listed = [(r, row) for r, row in every if not (within_errors(row) and within_total(row))]
     if listed:
         text += f" All beyond {MAX_STANDARD_ERRORS:g} standard errors or {MAX_TOTAL_DB} dB:"
     shown = listed or [(0, row) for row in scattered["objects"][0][:8]]

@@ -4,6 +4,7 @@ import json
 import resource
 import time
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
@@ -20,7 +21,7 @@ def stopwatch(children=False):
 
 def theirs_totals(library, tx, receivers, depth, samples, seed):
     """One run with everything on: linear power at every receiver (all paths; diffuse ones), and its time."""
-    from .theirs import diffuse_cap
+    from .theirs import diffuse_cap, ends_scattering
 
     with stopwatch() as taken:
         s = library.solve(
@@ -34,17 +35,9 @@ def theirs_totals(library, tx, receivers, depth, samples, seed):
         )
     power = np.where(s["valid"], np.abs(s["a"].astype(np.complex128)) ** 2, 0.0)[:, 0]
     scattered = (s["interactions"] == 2).any(0)[:, 0]
-    ending = ends_with(s["interactions"], 2)[:, 0]
+    ending = ends_scattering(s["interactions"])[:, 0]
     totals = {"total": power, "diffuse": power * scattered, "ending": power * ending}
     return {**{name: p.sum(1) for name, p in totals.items()}, **taken, "arrivals": s, "power": power}
-
-
-def ends_with(interactions, kind):
-    """Whether the last interaction of every path is of a kind: interactions (depth, …), 0 for none."""
-    last = np.zeros(interactions.shape[1:], dtype=interactions.dtype)
-    for at_depth in interactions:
-        last = np.where(at_depth != 0, at_depth, last)
-    return last == kind
 
 
 def error_db(samples):
@@ -64,7 +57,7 @@ def lobes(directions, power, pixels, width_deg):
 
 
 def run_bench(corf, config, *options):
-    """`corf bench radio`: its JSON, and the time of the whole process."""
+    """`corf bench radio`: its JSON, with the dataset file by name alone, and the time of the whole process."""
     with stopwatch(children=True) as taken:
         text = corf.run("bench", "radio", config, "--json", *options)
-    return json.loads(text), taken
+    return {**json.loads(text), "config": Path(config).name}, taken

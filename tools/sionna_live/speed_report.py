@@ -82,7 +82,7 @@ def equal_error(result):
     }
     lines = []
     for kind, label, corf_db, spent in kinds:
-        # σ² ∝ 1/rays: the most favourable law for a sampler, used also where the measured one is slower.
+        # σ² ∝ 1/rays, as of independent rays, also where the measured law is another.
         needed = most["samples"] * (most[kind] / corf_db) ** 2
         seconds = {clock: calls * (most[clock] + slope[clock] * (needed - most["samples"])) for clock in slope}
         least = {clock: calls * rows[0][clock] for clock in slope}
@@ -123,7 +123,7 @@ def write(out, args, result):
     )
     text = f"""# Speed against Sionna RT ({datetime.date.today().isoformat()})
 
-`python tools/compare_speed.py`: {ours["config"].split("/")[-1]}, {ours["triangles"]} triangles, {result["positions"]} positions, depth {ours["depth"]}, specular + transmitted + diffuse, one transmitter.
+`python tools/compare_speed.py`: {ours["config"]}, {ours["triangles"]} triangles, {result["positions"]} positions, depth {ours["depth"]}, specular + transmitted + diffuse, one transmitter.
 
 - corf {machine["corf"]}; sionna-rt {machine["sionna-rt"]}, mitsuba {machine["mitsuba"]}, drjit {machine["drjit"]}, {machine["llvm"]}; {machine["cpu"]}, {machine["threads"]} threads each, one after the other in one run
 - seconds on the wall; in brackets CPU seconds of all threads. Reading the scene and, for Sionna RT, compiling its kernels are left out on both sides.
@@ -157,7 +157,7 @@ Error: standard deviation of one run over {args.seeds} seeds, dB.
         + ", ".join(f"{KINDS[k]} x = {x:.2f}" for k, x in exponent.items())
         + ". Where x is far from −0.5 the run's spread is not that of a sum of random paths: specular paths off small facets are found by some runs and not by others, and the spread of pixels that few rays reach is bounded (√seeds × 4.3 dB at most). Both make the rays needed look fewer than they are.\n"
     )
-    text += f"\n## At equal error, all {result['positions']} positions\n\nThe rays that bring Sionna RT's error of each kind down to corf's by σ² ∝ 1/rays, the law most favourable to it, and the seconds they cost.\n\n"
+    text += f"\n## At equal error, all {result['positions']} positions\n\nThe rays that bring Sionna RT's error of each kind down to corf's by σ² ∝ 1/rays, the law of independent rays, and the seconds they cost.\n\n"
     text += table(
         ["error", "corf's, dB", "rays needed", "Sionna RT, s (CPU)", "corf, s (CPU)", "ratio (CPU)"],
         [

@@ -35,6 +35,14 @@ def diffuse_cap(samples, receivers):
     return max(int(samples) * len(receivers) // 6, 100_000)
 
 
+def ends_scattering(interactions):
+    """Whether the last interaction of every path is a scattering: interactions (depth, …), 0 for none."""
+    last = np.zeros(interactions.shape[1:], dtype=interactions.dtype)
+    for at_depth in interactions:
+        last = np.where(at_depth != 0, at_depth, last)
+    return last == FLAG["D"]
+
+
 class Theirs:
     """A folder of `corf scene export --to sionna`, loaded, with one isotropic or other element at each end."""
 
@@ -173,11 +181,10 @@ class Theirs:
             kinds = s["interactions"][:, r, 0][:, valid].astype(np.int64)
             power = np.abs(s["a"][r, 0][valid].astype(np.complex128)) ** 2
             objects = s["objects"][:, r, 0][:, valid].astype(np.int64)
-            is_diffuse = kinds == 2
-            # The last scattering and the last interaction of any kind, as indices into the depth; −1 without one.
+            is_diffuse = kinds == FLAG["D"]
+            # The last scattering, as an index into the depth; −1 without one.
             index = np.arange(depth)[:, None]
             last_scattering = np.where(is_diffuse, index, -1).max(0)
-            last = np.where(kinds > 0, index, -1).max(0)
             scatters = last_scattering >= 0
             scatterer = np.where(scatters, np.take_along_axis(objects, np.maximum(last_scattering, 0)[None], 0)[0], -1)
             code = (kinds * (16**index)).sum(0)
@@ -187,7 +194,7 @@ class Theirs:
                 types = "".join(LETTER[(int(key[0]) >> (4 * k)) & 15] for k in range(depth))
                 object_name = self.object_of[int(key[1])]
                 powers[types, object_name] = powers.get((types, object_name), 0.0) + float(power[chosen].sum())
-            ends = scatters & (last == last_scattering)
+            ends = ends_scattering(kinds)
             theta, phi = s["theta_r"][r, 0][valid][ends].astype(float), s["phi_r"][r, 0][valid][ends].astype(float)
             directions = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], 1)
             results.append({"powers": powers, "directions": directions, "power": power[ends], "paths": int(valid.sum())})

@@ -153,9 +153,7 @@ fn exhaustive(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: us
 /// The chains that a lattice of rays from the transmitter runs through, reflected and, when enabled, transmitted at every hit.
 fn from_lattice(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: usize) -> Vec<Chain> {
     let walk = Walk::new(geometry, settings);
-    let mut found = walk.lattice(tx, rays, distinct, |found, chain, triangle| found.extend(walk.mirrored(chain, triangle)));
-    distinct(&mut found);
-    found
+    walk.lattice(tx, rays, distinct, |found, chain, triangle| found.extend(walk.mirrored(chain, triangle)))
 }
 
 /// Whether the last face of a chain is its smallest, and not too small: what is lit by way of a smaller one before is a part of the last
@@ -281,11 +279,9 @@ pub fn wedges_from_lattice(
         found.sort_by_key(key);
         found.dedup_by_key(|f| key(f));
     };
-    let mut found = Walk::new(geometry, settings).lattice(from, rays, distinct, |found, chain, triangle| {
+    Walk::new(geometry, settings).lattice(from, rays, distinct, |found, chain, triangle| {
         found.extend(wedges.of_triangle(triangle).map(|wedge| (wedge, *chain)));
-    });
-    distinct(&mut found);
-    found
+    })
 }
 
 /// Whether a face lies in the plane of the last bounce: nothing bounces off a plane twice in a row.
@@ -348,8 +344,7 @@ impl<'w, 'a> Walk<'w, 'a> {
         }
     }
 
-    /// Follows a lattice of rays; `visit` gets every hit as in [`Self::follow`] and adds to the findings of its task, which are made
-    /// `distinct`.
+    /// Follows a lattice of rays; `visit` gets every hit as in [`Self::follow`] and adds to the findings, which are made `distinct`.
     fn lattice<T: Send>(
         &self,
         from: DVec3,
@@ -370,6 +365,8 @@ impl<'w, 'a> Walk<'w, 'a> {
                 found
             })
             .collect();
-        per_task.into_iter().flatten().collect()
+        let mut found = per_task.into_iter().flatten().collect();
+        distinct(&mut found);
+        found
     }
 }

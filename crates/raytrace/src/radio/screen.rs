@@ -6,7 +6,7 @@
 //! what comes within a hair of the face's bounds; the exact image method decides.
 
 use super::chains::Chain;
-use super::geometry::Geometry;
+use super::geometry::{Face, Geometry};
 use super::planar::Bounds;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -23,7 +23,6 @@ const BLOCK: usize = 64;
 /// Chains with one last face.
 struct Group {
     face: u32,
-    bounds: Bounds,
     /// Height of the image above the face, metres, …
     heights_m: Vec<f64>,
     /// … its place along the face's two axes, …
@@ -53,7 +52,6 @@ impl Screen {
                 let at: Vec<[f64; 2]> = images.clone().map(|image| bounds.project(image)).collect();
                 Group {
                     face,
-                    bounds,
                     heights_m: images.map(|image| plane.distance(image)).collect(),
                     across_m: [0, 1].map(|axis| at.iter().map(|p| p[axis]).collect()),
                     chains: group.iter().map(|(_, chain)| *chain).collect(),
@@ -68,7 +66,7 @@ impl Screen {
         let groups = self.groups.par_iter().with_min_len(GROUPS_PER_TASK);
         let mut passing: Vec<u32> = groups
             .fold(Vec::new, |mut passing, group| {
-                group.pass(geometry.faces[group.face as usize].distance(rx), group.bounds.project(rx), &mut passing);
+                group.pass(&geometry.faces[group.face as usize], rx, &mut passing);
                 passing
             })
             .reduce(Vec::new, |mut all, some| {
@@ -81,14 +79,17 @@ impl Screen {
 }
 
 impl Group {
-    /// Adds the chains that pass for a receiver of this height above the face and this place across.
-    fn pass(&self, height_m: f64, rx: [f64; 2], passing: &mut Vec<u32>) {
+    /// Adds the chains that pass for a receiver; `plane` is the group's face.
+    fn pass(&self, plane: &Face, rx: DVec3, passing: &mut Vec<u32>) {
+        let height_m = plane.distance(rx);
         // A receiver on the face is beyond a test of sides.
         if height_m.abs() <= MARGIN_M {
             passing.extend_from_slice(&self.chains);
             return;
         }
-        let Bounds { min, max, .. } = self.bounds;
+        let bounds = plane.bounds();
+        let rx = bounds.project(rx);
+        let Bounds { min, max, .. } = bounds;
         let (low, high) = ([0, 1].map(|axis| min[axis] - MARGIN_M), [0, 1].map(|axis| max[axis] + MARGIN_M));
         let [across, along] = &self.across_m;
         let blocks = self.heights_m.chunks(BLOCK).zip(across.chunks(BLOCK)).zip(along.chunks(BLOCK));

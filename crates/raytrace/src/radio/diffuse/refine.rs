@@ -93,42 +93,42 @@ impl Gathering<'_, '_, '_, '_> {
 
     /// One arrival per direction.
     fn plain(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
-        self.field.each_task(self.count, |range| {
-            let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
-            let directions = range.map(|index| (index, self.field.direction(index, self.count)));
-            directions
-                .filter(|(_, direction)| wanted(*direction))
-                .filter_map(|(index, direction)| {
-                    let (mut power, mut weighted_delay) = (0.0, 0.0);
-                    let object = look.along(index, direction, Layer::All, &mut |c| {
-                        power += c.power;
-                        weighted_delay += c.power * c.delay_s;
-                    });
-                    let delay_s = weighted_delay / power;
-                    object.filter(|_| power > 0.0).map(|object| Arrival { direction, power, delay_s, object, phase_rad: None })
-                })
-                .collect()
+        self.look(wanted, |look, index, direction| {
+            let (mut power, mut weighted_delay) = (0.0, 0.0);
+            let object = look.along(index, direction, Layer::All, &mut |c| {
+                power += c.power;
+                weighted_delay += c.power * c.delay_s;
+            });
+            let delay_s = weighted_delay / power;
+            object.filter(|_| power > 0.0).map(|object| Arrival { direction, power, delay_s, object, phase_rad: None })
         })
     }
 
     /// An arrival per direction and object, those of cut cells together.
     fn refined(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
-        let mut cells: Vec<Cell> = self.field.each_task(self.count, |range| {
-            let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
-            range
-                .map(|index| (index, self.field.direction(index, self.count)))
-                .filter(|(_, direction)| wanted(*direction))
-                .map(|(index, direction)| {
-                    let mut seen = [(); 2].map(|()| Seen { side: 1, parts: Vec::new() });
-                    along(&mut look, index, direction, Layer::All, 1.0, &mut seen);
-                    Cell { index, direction, seen }
-                })
-                .collect()
+        let mut cells: Vec<Cell> = self.look(wanted, |look, index, direction| {
+            let mut seen = [(); 2].map(|()| Seen { side: 1, parts: Vec::new() });
+            along(look, index, direction, Layer::All, 1.0, &mut seen);
+            Some(Cell { index, direction, seen })
         });
         for _ in 0..ROUNDS {
             self.refine(&mut cells);
         }
         cells.into_iter().flat_map(Cell::arrivals).collect()
+    }
+
+    /// What is found along every direction of the lattice that is wanted, in its order.
+    fn look<T: Send>(
+        &self,
+        wanted: impl Fn(DVec3) -> bool + Sync,
+        find: impl Fn(&mut Look<'_, '_, '_>, usize, DVec3) -> Option<T> + Sync,
+    ) -> Vec<T> {
+        self.field.each_task(self.count, |range| {
+            let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
+            let directions = range.map(|index| (index, self.field.direction(index, self.count)));
+            let directions = directions.filter(|(_, direction)| wanted(*direction));
+            directions.filter_map(|(index, direction)| find(&mut look, index, direction)).collect()
+        })
     }
 
     fn lattice(&self) -> Lattice {
