@@ -88,8 +88,10 @@ struct Errors {
     positions: usize,
     /// Of all arriving power, at the worst position.
     total_worst_db: f64,
-    /// Of the diffuse power, at the worst position.
+    /// Of the diffuse power, at the worst position …
     diffuse_worst_db: f64,
+    /// … and root mean square over the positions, which says more of few samplings than their worst does.
+    diffuse_rms_db: f64,
     /// Pixels within [`RANGE_DB`] of their spectrum's peak.
     pixels: usize,
     pixel_median_db: Option<f64>,
@@ -287,13 +289,16 @@ impl Radio {
         }
         near.sort_by(f64::total_cmp);
         all.sort_by(f64::total_cmp);
-        let worst = |samples: &[Vec<f64>]| samples.iter().map(|s| mean_and_error_db(s).1).fold(0.0, f64::max);
+        let errors_db = |samples: &[Vec<f64>]| samples.iter().map(|s| mean_and_error_db(s).1).collect::<Vec<f64>>();
+        let worst = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
+        let diffuse_db = errors_db(&diffuse);
         let quantile = |sorted: &[f64], q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied();
         Ok(Errors {
             replicas: self.replicas,
             positions: count,
-            total_worst_db: worst(&totals),
-            diffuse_worst_db: worst(&diffuse),
+            total_worst_db: worst(&errors_db(&totals)),
+            diffuse_worst_db: worst(&diffuse_db),
+            diffuse_rms_db: (diffuse_db.iter().map(|e| e * e).sum::<f64>() / count as f64).sqrt(),
             pixels: near.len(),
             pixel_median_db: quantile(&near, 0.5),
             pixel_p99_db: quantile(&near, 0.99),
@@ -358,8 +363,8 @@ impl Answer {
         ));
         if let Some(e) = &self.standard_error {
             lines.push(format!(
-                "standard error ({} samplings, {} positions): total {:.3} dB, diffuse {:.3} dB at worst",
-                e.replicas, e.positions, e.total_worst_db, e.diffuse_worst_db
+                "standard error ({} samplings, {} positions): total {:.3} dB, diffuse {:.3} dB at worst, {:.3} dB rms",
+                e.replicas, e.positions, e.total_worst_db, e.diffuse_worst_db, e.diffuse_rms_db
             ));
         }
         if let Some(e) = &self.standard_error

@@ -34,6 +34,19 @@ impl Beam {
         Self { planes: vec![front, side(0), side(1), side(2), side(3)] }
     }
 
+    /// What an image behind the last face of a chain sees by way of all of them; everything, where there is none.
+    pub fn of_chain(geometry: &Geometry<'_>, tx: DVec3, chain: &Chain) -> Self {
+        let plane = |face: u32| &geometry.faces[face as usize];
+        let Some((&first, others)) = chain.faces().split_first() else { return Self { planes: Vec::new() } };
+        let mut image = plane(first).mirror(tx);
+        let mut beam = Self::new(image, &plane(first).hull());
+        for &face in others {
+            image = plane(face).mirror(image);
+            beam = beam.reflected(plane(face), image, &plane(face).hull());
+        }
+        beam
+    }
+
     /// What of this beam a further mirror sends on: `image` is the source behind that mirror.
     fn reflected(&self, face: &Face, image: DVec3, mirror: &[DVec3; 4]) -> Self {
         let mut next = Self::new(image, mirror);

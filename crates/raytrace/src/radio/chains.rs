@@ -3,32 +3,37 @@
 use super::beams::{self, Beam};
 use super::diffraction::Wedges;
 use super::geometry::Geometry;
-use super::{MAX_DEPTH, RadioSettings, Search, Slab, field, fresnel, lattice};
+use super::walk::{Finding, Findings, Walk, Way, distinct};
+use super::{MAX_DEPTH, RadioSettings, Search};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// A wall that lets less than this share of power through at normal incidence ends a lattice ray.
-const TRANSPARENT_POWER: f64 = 1e-9;
-/// Rays a task of the lattice search handles.
-const RAYS_PER_TASK: usize = 2048;
 /// Chains a task continues.
 const CHAINS_PER_TASK: usize = 128;
 /// Rays that go on from a square metre of a face that the transmitter lights straight, in shares of the lattice's; least and most …
-const FROM_FIRST: Density = Density { per_m2: 0.05, least: 8, most: 1024 };
+const FROM_FIRST: Density = Density { per_m2: 0.025, least: 4, most: 512 };
 /// … and from the last face of a chain of several, …
-const FROM_LATER: Density = Density { per_m2: 0.0125, least: 8, most: 256 };
+const FROM_LATER: Density = Density { per_m2: 0.00625, least: 4, most: 128 };
 /// … as long as all chains of a length together take no more than this many times the lattice's; none have less than one.
 const CONTINUING_RAYS: usize = 64;
+/// Rays from a face in the first pass over it. Every further pass lies between those before; one that finds nothing new is the last.
+const FIRST_PASS: usize = 4;
 /// Smaller faces are neither continued from nor looked for, m²: what they mirror is left to the lattice.
 const SMALL_FACE_M2: f64 = 1e-4;
-/// Every face lit by way of a face at least this large is looked for, m².
-const LARGE_FACE_M2: f64 = 0.1;
-/// … at this many points of it …
-const POINTS_PER_FACE: usize = 8;
-/// … by way of the largest ones, with no more pairs than this to look at.
-const LARGE_FACE_PAIRS: usize = 200_000_000;
-/// Clearance of a lattice ray from the face it leaves, metres.
-const CLEARANCE_M: f64 = 1e-4;
+/// Every face lit by way of a large one is looked for …
+const BY_ONE: Large = Large { least_m2: 0.1, points: 8, most_pairs: 200_000_000 };
+/// … and by way of several large ones.
+const BY_SEVERAL: Large = Large { least_m2: 3.0, points: 1, most_pairs: 20_000_000 };
+
+/// By way of which faces others are looked for, and how closely.
+struct Large {
+    /// Every face of the chain has at least this area, m².
+    least_m2: f64,
+    /// Points of the face looked for, of which one has to be lit.
+    points: usize,
+    /// Most chains times faces to look at; those of the largest faces come first.
+    most_pairs: usize,
+}
 
 /// How many rays go on from the last faces of chains.
 struct Density {
@@ -79,9 +84,21 @@ impl Chain {
         next.image = geometry.faces[face as usize].mirror(self.image);
         next
     }
+}
 
-    fn key(&self) -> (u8, [u32; MAX_DEPTH]) {
+impl Finding for Chain {
+    type Key = (u8, [u32; MAX_DEPTH]);
+
+    fn key(&self) -> Self::Key {
         (self.length, self.faces)
+    }
+}
+
+impl Finding for (u32, Chain) {
+    type Key = (u32, <Chain as Finding>::Key);
+
+    fn key(&self) -> Self::Key {
+        (self.0, self.1.key())
     }
 }
 
@@ -115,15 +132,15 @@ fn by_rays(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: u
     let allowed = &mirrors(geometry, settings);
     let mut chains = exhaustive(geometry, tx, allowed, 1);
     chains.extend(from_lattice(geometry, tx, settings, rays));
-    if settings.max_depth >= 2 {
-        chains.extend(by_large_faces(geometry, tx, settings, allowed));
-    }
     distinct(&mut chains);
+    let walk = Walk::new(geometry, settings);
     for length in 1..settings.max_depth {
-        let goes_on = |c: &&Chain| c.faces().len() == length && narrows(geometry, c);
-        let found: Vec<Chain> = chains.iter().filter(goes_on).copied().collect();
-        let density = if length == 1 { FROM_FIRST } else { FROM_LATER };
-        chains.extend(continued(geometry, tx, settings, &found, &density.counts(geometry, &found, rays)));
+        let (large, density) = if length == 1 { (BY_ONE, FROM_FIRST) } else { (BY_SEVERAL, FROM_LATER) };
+        let of_length = |c: &&Chain| c.faces().len() == length;
+        let all: Vec<Chain> = chains.iter().filter(of_length).copied().collect();
+        chains.extend(large.lit(&walk, tx, all, allowed));
+        let narrowing: Vec<Chain> = chains.iter().filter(of_length).filter(|c| narrows(geometry, c)).copied().collect();
+        chains.extend(continued(&walk, tx, &narrowing, &density.counts(geometry, &narrowing, rays)));
         distinct(&mut chains);
     }
     chains
@@ -153,7 +170,7 @@ fn exhaustive(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: us
 /// The chains that a lattice of rays from the transmitter runs through, reflected and, when enabled, transmitted at every hit.
 fn from_lattice(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: usize) -> Vec<Chain> {
     let walk = Walk::new(geometry, settings);
-    walk.lattice(tx, rays, distinct, |found, chain, triangle| found.extend(walk.mirrored(chain, triangle)))
+    walk.lattice(tx, rays, |found, chain, triangle| found.extend(walk.mirrored(chain, triangle)))
 }
 
 /// Whether the last face of a chain is its smallest, and not too small: what is lit by way of a smaller one before is a part of the last
@@ -166,104 +183,78 @@ fn narrows(geometry: &Geometry<'_>, chain: &Chain) -> bool {
         .is_some_and(|last| area(last) >= SMALL_FACE_M2 && chain.faces().iter().all(|face| area(face) >= area(last)))
 }
 
-fn distinct(chains: &mut Vec<Chain>) {
-    chains.sort_by_key(Chain::key);
-    chains.dedup_by_key(|c| c.key());
-}
-
-/// The chains that light can run through from so many points spread over the last face of each chain: a lattice from the transmitter
+/// The chains that light can run through from up to so many points spread over the last face of each chain: a lattice from the transmitter
 /// puts too few rays on small and narrow faces to see all that they mirror.
-fn continued(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, chains: &[Chain], counts: &[usize]) -> Vec<Chain> {
-    let walk = Walk::new(geometry, settings);
+fn continued(walk: &Walk<'_, '_>, tx: DVec3, chains: &[Chain], counts: &[usize]) -> Vec<Chain> {
     let found: Vec<Vec<Chain>> = chains
         .par_chunks(CHAINS_PER_TASK)
         .zip(counts.par_chunks(CHAINS_PER_TASK))
         .map(|(chunk, counts)| {
-            let mut found = Vec::new();
+            let (mut found, mut legs) = (Findings::default(), Vec::new());
             for (chain, &count) in chunk.iter().zip(counts) {
                 let Some(&last) = chain.faces().last() else { continue };
-                for point in geometry.faces[last as usize].spread(count) {
-                    let Some(direction) = (point - chain.image).try_normalize() else { continue };
-                    if is_lit(geometry, tx, chain, point, &walk.transparent) {
-                        let leg = Leg { origin: point, direction, chain: *chain, interactions: chain.faces().len() };
-                        walk.follow(leg, &mut |chain, triangle| found.extend(walk.mirrored(chain, triangle)));
+                let way = Way::new(walk.geometry(), tx, chain);
+                let points = walk.geometry().faces[last as usize].spread(count);
+                for pass in passes(count) {
+                    let before = found.len();
+                    for i in pass {
+                        if walk.lights(&way, points[i]) {
+                            let on = |chain: &Chain, triangle| found.extend(walk.mirrored(chain, triangle));
+                            walk.go_on(&way, points[i], &mut legs, on);
+                        }
+                    }
+                    if found.len() == before {
+                        break;
                     }
                 }
             }
-            distinct(&mut found);
-            found
+            found.into_distinct()
         })
         .collect();
     found.into_iter().flatten().collect()
 }
 
-/// The chains of two faces of which the first is large, and the second is lit by way of it at one of a few points.
-fn by_large_faces(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, allowed: &[u32]) -> Vec<Chain> {
-    let transparent = transparent(geometry, settings);
-    let area = |face: u32| geometry.faces[face as usize].area_m2;
-    let hulls: Vec<(u32, [DVec3; 4])> = allowed
-        .iter()
-        .filter(|&&face| area(face) >= SMALL_FACE_M2)
-        .map(|&face| (face, geometry.faces[face as usize].hull()))
-        .collect();
-    let mut large: Vec<&(u32, [DVec3; 4])> = hulls
-        .iter()
-        .filter(|(face, _)| area(*face) >= LARGE_FACE_M2 && geometry.faces[*face as usize].distance(tx) != 0.0)
-        .collect();
-    large.sort_by(|a, b| area(b.0).total_cmp(&area(a.0)).then(a.0.cmp(&b.0)));
-    large.truncate(LARGE_FACE_PAIRS / hulls.len().max(1));
-    let found: Vec<Vec<Chain>> = large
-        .par_iter()
-        .map(|(first, hull)| {
-            let chain = Chain::line_of_sight(tx).pushed(*first, geometry);
-            let beam = Beam::new(chain.image, hull);
-            let in_beam = hulls.iter().filter(|(second, hull)| beam.meets(hull) && !repeats(geometry, &chain, *second));
-            let lit = in_beam.map(|(second, _)| chain.pushed(*second, geometry)).filter(|chain| {
-                let points = chain.faces().last().map(|&last| geometry.faces[last as usize].spread(POINTS_PER_FACE));
-                points.into_iter().flatten().any(|point| is_lit(geometry, tx, chain, point, &transparent))
-            });
-            lit.collect()
-        })
-        .collect();
-    found.into_iter().flatten().collect()
+/// 0..`count` in passes of which each lies evenly between those before, the first of [`FIRST_PASS`] or some more.
+fn passes(count: usize) -> impl Iterator<Item = std::iter::StepBy<std::ops::Range<usize>>> {
+    let first = (count / FIRST_PASS).max(1).next_power_of_two();
+    let halves = std::iter::successors(Some(first), |step| (*step > 1).then_some(step / 2));
+    halves.map(move |step| if step == first { (0..count).step_by(step) } else { (step..count.max(step)).step_by(2 * step) })
 }
 
-/// Whether a ray from the transmitter reaches a point of a chain's last face by way of the chain.
-fn is_lit(geometry: &Geometry<'_>, tx: DVec3, chain: &Chain, point: DVec3, transparent: &[bool]) -> bool {
-    let faces = chain.faces();
-    let mut images = [tx; MAX_DEPTH];
-    for i in 1..faces.len() {
-        images[i] = geometry.faces[faces[i - 1] as usize].mirror(images[i - 1]);
-    }
-    let mut to = point;
-    for i in (0..faces.len()).rev() {
-        let from = if i == 0 {
-            tx
-        } else {
-            let face = &geometry.faces[faces[i - 1] as usize];
-            let (here, behind) = (face.distance(to), face.distance(images[i]));
-            if here * behind >= 0.0 {
-                return false;
-            }
-            let bounce = to + (images[i] - to) * (here / (here - behind));
-            if !face.contains(bounce) {
-                return false;
-            }
-            bounce
-        };
-        let opaque = |face: u32| !transparent[geometry.faces[face as usize].material as usize];
-        if geometry.occluded(from, to, CLEARANCE_M, opaque) {
-            return false;
+impl Large {
+    /// The chains of `before` with one more of the `allowed` faces, that is lit by way of them.
+    fn lit(&self, walk: &Walk<'_, '_>, tx: DVec3, mut before: Vec<Chain>, allowed: &[u32]) -> Vec<Chain> {
+        struct Facet {
+            face: u32,
+            hull: [DVec3; 4],
+            points: Vec<DVec3>,
         }
-        to = from;
+        let geometry = walk.geometry();
+        let area_m2 = |face: u32| geometry.faces[face as usize].area_m2;
+        let facet = |&face: &u32| {
+            let plane = &geometry.faces[face as usize];
+            Facet { face, hull: plane.hull(), points: plane.spread(self.points) }
+        };
+        let facets: Vec<Facet> = allowed.iter().filter(|&&face| area_m2(face) >= SMALL_FACE_M2).map(facet).collect();
+        let smallest_m2 = |chain: &Chain| chain.faces().iter().fold(f64::INFINITY, |least, &face| least.min(area_m2(face)));
+        before.retain(|chain| smallest_m2(chain) >= self.least_m2);
+        before.sort_by(|a, b| smallest_m2(b).total_cmp(&smallest_m2(a)));
+        before.truncate(self.most_pairs / facets.len().max(1));
+        let found: Vec<Vec<Chain>> = before
+            .par_iter()
+            .map(|chain| {
+                let beam = Beam::of_chain(geometry, tx, chain);
+                let in_beam = facets.iter().filter(|facet| beam.meets(&facet.hull) && !repeats(geometry, chain, facet.face));
+                let lit = in_beam.filter_map(|facet| {
+                    let next = chain.pushed(facet.face, geometry);
+                    let way = Way::new(geometry, tx, &next);
+                    facet.points.iter().any(|&point| walk.lights(&way, point)).then_some(next)
+                });
+                lit.collect()
+            })
+            .collect();
+        found.into_iter().flatten().collect()
     }
-    true
-}
-
-/// Which materials let a lattice ray through.
-fn transparent(geometry: &Geometry<'_>, settings: &RadioSettings) -> Vec<bool> {
-    let passes = |slab: &Slab| fresnel::slab_response(slab, 1.0).t_te.norm_squared() > TRANSPARENT_POWER;
-    geometry.slabs.iter().map(|slab| settings.transmission && slab.as_ref().is_some_and(passes)).collect()
 }
 
 /// The wedges that a lattice of rays from a point comes by, each with the chain it bounced off before, sorted and without repeats.
@@ -274,12 +265,7 @@ pub fn wedges_from_lattice(
     settings: &RadioSettings,
     rays: usize,
 ) -> Vec<(u32, Chain)> {
-    let key = |(wedge, chain): &(u32, Chain)| (*wedge, chain.key());
-    let distinct = |found: &mut Vec<(u32, Chain)>| {
-        found.sort_by_key(key);
-        found.dedup_by_key(|f| key(f));
-    };
-    Walk::new(geometry, settings).lattice(from, rays, distinct, |found, chain, triangle| {
+    Walk::new(geometry, settings).lattice(from, rays, |found, chain, triangle| {
         found.extend(wedges.of_triangle(triangle).map(|wedge| (wedge, *chain)));
     })
 }
@@ -288,85 +274,4 @@ pub fn wedges_from_lattice(
 pub fn repeats(geometry: &Geometry<'_>, chain: &Chain, face: u32) -> bool {
     let Some(&last) = chain.faces().last() else { return false };
     last == face || geometry.faces[last as usize].shares_plane(&geometry.faces[face as usize])
-}
-
-/// A ray between two surfaces.
-struct Leg {
-    origin: DVec3,
-    direction: DVec3,
-    /// The faces bounced off before.
-    chain: Chain,
-    /// Mirrors and slabs before.
-    interactions: usize,
-}
-
-/// Rays that are reflected and, where that is enabled, go straight through at every hit.
-struct Walk<'w, 'a> {
-    geometry: &'w Geometry<'a>,
-    settings: &'w RadioSettings,
-    /// By material: whether it lets a ray through.
-    transparent: Vec<bool>,
-}
-
-impl<'w, 'a> Walk<'w, 'a> {
-    fn new(geometry: &'w Geometry<'a>, settings: &'w RadioSettings) -> Self {
-        Self { geometry, settings, transparent: transparent(geometry, settings) }
-    }
-
-    /// A chain with the reflection off what it meets, where there is one.
-    fn mirrored(&self, chain: &Chain, triangle: u32) -> Option<Chain> {
-        let face = self.geometry.face_of_triangle(triangle);
-        let reflects =
-            self.geometry.faces[face as usize].area_m2 >= self.settings.min_face_area_m2 && !repeats(self.geometry, chain, face);
-        reflects.then(|| chain.pushed(face, self.geometry))
-    }
-
-    /// Follows a ray up to the greatest number of interactions; `visit` gets every hit, with the chain of faces bounced off before.
-    fn follow(&self, first: Leg, visit: &mut impl FnMut(&Chain, u32)) {
-        let mut legs = vec![first];
-        while let Some(Leg { origin, direction, chain, interactions }) = legs.pop() {
-            let Some((t, triangle)) = self.geometry.closest(origin, direction, CLEARANCE_M) else { continue };
-            visit(&chain, triangle);
-            let interactions = interactions + 1;
-            if interactions >= self.settings.max_depth {
-                continue;
-            }
-            let face = &self.geometry.faces[self.geometry.face_of_triangle(triangle) as usize];
-            let origin = origin + direction * t;
-            if self.transparent[face.material as usize] {
-                legs.push(Leg { origin, direction, chain, interactions });
-            }
-            if self.settings.reflection
-                && let Some(chain) = self.mirrored(&chain, triangle)
-            {
-                legs.push(Leg { origin, direction: field::mirrored(direction, face.normal), chain, interactions });
-            }
-        }
-    }
-
-    /// Follows a lattice of rays; `visit` gets every hit as in [`Self::follow`] and adds to the findings, which are made `distinct`.
-    fn lattice<T: Send>(
-        &self,
-        from: DVec3,
-        rays: usize,
-        distinct: impl Fn(&mut Vec<T>) + Sync,
-        visit: impl Fn(&mut Vec<T>, &Chain, u32) + Sync,
-    ) -> Vec<T> {
-        let per_task: Vec<Vec<T>> = (0..rays.div_ceil(RAYS_PER_TASK))
-            .into_par_iter()
-            .map(|task| {
-                let mut found = Vec::new();
-                for i in task * RAYS_PER_TASK..((task + 1) * RAYS_PER_TASK).min(rays) {
-                    let direction = lattice::fibonacci(i, rays);
-                    let leg = Leg { origin: from, direction, chain: Chain::line_of_sight(from), interactions: 0 };
-                    self.follow(leg, &mut |chain, triangle| visit(&mut found, chain, triangle));
-                }
-                distinct(&mut found);
-                found
-            })
-            .collect();
-        let mut found = per_task.into_iter().flatten().collect();
-        distinct(&mut found);
-        found
-    }
 }

@@ -62,9 +62,13 @@ impl Face {
         self.index.bounds()
     }
 
-    /// `count` points spread evenly over the face.
+    /// `count` points spread evenly over the face; a single one lies in its middle.
     pub fn spread(&self, count: usize) -> Vec<DVec3> {
-        self.index.spread(self.normal, self.offset_m, count)
+        let centroid = (count == 1).then(|| self.index.centroid(self.normal, self.offset_m));
+        match centroid.filter(|&p| self.contains(p)) {
+            Some(middle) => vec![middle],
+            None => self.index.spread(self.normal, self.offset_m, count),
+        }
     }
 
     /// Whether a point of the plane lies on one of the triangles (edges belong to the face).
@@ -80,6 +84,21 @@ pub struct Crossing {
     pub distance_m: f64,
     /// Index into [`Geometry::faces`].
     pub face: u32,
+}
+
+/// Where a ray meets the first surface on its way.
+#[derive(Clone, Copy, Debug)]
+pub struct Meeting {
+    /// Index into [`Geometry::faces`].
+    pub face: u32,
+    /// Along the ray, metres.
+    pub distance_m: f64,
+    /// Exactly on the face's plane, off which single precision left it.
+    pub point: DVec3,
+    /// The face's, on the ray's side.
+    pub normal: DVec3,
+    /// 0 where that is the face's own normal, 1 where it is the reverse.
+    pub side: usize,
 }
 
 /// How blockers of a segment are found.
@@ -247,6 +266,22 @@ impl<'a> Geometry<'a> {
                 bvh.intersect(&ray).map(|hit| (f64::from(hit.t), hit.triangle))
             }
         }
+    }
+
+    /// The first surface along a ray of unit direction, beyond `clearance_m`.
+    pub fn meet(&self, origin: DVec3, direction: DVec3, clearance_m: f64) -> Option<Meeting> {
+        let (distance_m, triangle) = self.closest(origin, direction, clearance_m)?;
+        let face = self.face_of_triangle(triangle);
+        let plane = &self.faces[face as usize];
+        let reached = origin + direction * distance_m;
+        let side = usize::from(plane.normal.dot(direction) > 0.0);
+        Some(Meeting {
+            face,
+            distance_m,
+            point: reached - plane.normal * plane.distance(reached),
+            normal: if side == 0 { plane.normal } else { -plane.normal },
+            side,
+        })
     }
 
     /// Asks `blocks` about the faces between two points pulled in by `clearance_m`, in any order, some more than once, until it says

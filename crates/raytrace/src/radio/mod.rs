@@ -25,6 +25,7 @@ mod route;
 pub mod scattering;
 mod screen;
 mod tables;
+mod walk;
 
 pub use antenna::{Angles, Antenna, AntennaArray, AntennaPattern, Beam, PlanarArray, Polarization};
 pub use complex::Complex;

@@ -9,9 +9,7 @@ const LINEAR_LIMIT: usize = 12;
 /// Triangles projected along the dominant axis of their plane's normal, with a uniform grid when there are many.
 #[derive(Clone, Debug)]
 pub struct PlanarIndex {
-    drop: usize,
-    min: DVec2,
-    max: DVec2,
+    bounds: Bounds,
     triangles: Vec<[DVec2; 3]>,
     grid: Option<Box<Grid>>,
 }
@@ -44,7 +42,7 @@ impl Bounds {
 impl PlanarIndex {
     /// The box of all triangles.
     pub fn bounds(&self) -> Bounds {
-        Bounds { drop: self.drop, min: self.min, max: self.max }
+        self.bounds
     }
 
     /// Indexes coplanar triangles whose plane has the given normal.
@@ -56,7 +54,7 @@ impl PlanarIndex {
         for p in triangles.iter().flatten() {
             (min, max) = (min.min(*p), max.max(*p));
         }
-        let mut index = Self { drop, min, max, triangles, grid: None };
+        let mut index = Self { bounds: Bounds { drop, min, max }, triangles, grid: None };
         if index.triangles.len() > LINEAR_LIMIT {
             index.grid = Some(Box::new(index.build_grid()));
         }
@@ -65,7 +63,7 @@ impl PlanarIndex {
 
     /// The corners, in order around it, of the bounding rectangle's preimage on the plane n·x = `offset_m`.
     pub fn hull(&self, normal: DVec3, offset_m: f64) -> [DVec3; 4] {
-        let (min, max) = (self.min, self.max);
+        let Bounds { min, max, .. } = self.bounds;
         [min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)].map(|at| self.lift(normal, offset_m, at))
     }
 
@@ -92,18 +90,31 @@ impl PlanarIndex {
             .collect()
     }
 
+    /// The centre of the triangles' area, which a face with a hole or a notch may not hold.
+    pub fn centroid(&self, normal: DVec3, offset_m: f64) -> DVec3 {
+        let (mut sum, mut total) = (DVec2::ZERO, 0.0);
+        for [a, b, c] in &self.triangles {
+            let area = (b - a).perp_dot(c - a).abs();
+            sum += (a + b + c) * (area / 3.0);
+            total += area;
+        }
+        self.lift(normal, offset_m, sum / total)
+    }
+
     /// The point of the plane above a projected one.
     fn lift(&self, normal: DVec3, offset_m: f64, at: DVec2) -> DVec3 {
         let mut p = DVec3::ZERO;
-        (p[(self.drop + 1) % 3], p[(self.drop + 2) % 3]) = (at.x, at.y);
-        p[self.drop] = (offset_m - normal.dot(p)) / normal[self.drop];
+        let drop = self.bounds.drop;
+        (p[(drop + 1) % 3], p[(drop + 2) % 3]) = (at.x, at.y);
+        p[drop] = (offset_m - normal.dot(p)) / normal[drop];
         p
     }
 
     /// Whether a point of the plane lies on one of the triangles; edges belong to them.
     pub fn contains(&self, point: DVec3) -> bool {
-        let p = project(self.drop, point);
-        if p.cmplt(self.min).any() || p.cmpgt(self.max).any() {
+        let Bounds { drop, min, max } = self.bounds;
+        let p = project(drop, point);
+        if p.cmplt(min).any() || p.cmpgt(max).any() {
             return false;
         }
         match &self.grid {
@@ -118,7 +129,8 @@ impl PlanarIndex {
     }
 
     fn cell(&self, side: usize, p: DVec2) -> (usize, usize) {
-        let at = (p - self.min) / (self.max - self.min).max(DVec2::splat(f64::MIN_POSITIVE)) * side as f64;
+        let Bounds { min, max, .. } = self.bounds;
+        let at = (p - min) / (max - min).max(DVec2::splat(f64::MIN_POSITIVE)) * side as f64;
         // `as` saturates: a point just outside falls into the border cell.
         ((at.x as usize).min(side - 1), (at.y as usize).min(side - 1))
     }
@@ -183,7 +195,7 @@ mod tests {
         let mut rng = corf_scene::Rng::keyed(1, 1, 1);
         for _ in 0..20_000 {
             let p = DVec3::new(rng.uniform_f64() * 6.4 - 0.2, rng.uniform_f64() * 6.4 - 0.2, 1.0);
-            let expected = index.triangles.iter().any(|t| inside(t, project(index.drop, p)));
+            let expected = index.triangles.iter().any(|t| inside(t, project(index.bounds.drop, p)));
             assert_eq!(index.contains(p), expected, "{p}");
         }
     }

@@ -177,6 +177,42 @@ fn what_a_narrow_mirror_shows_by_way_of_a_large_one_is_found() {
     assert!(narrow > 3, "{narrow}");
 }
 
+#[test]
+fn what_two_large_mirrors_show_of_a_small_one_is_found() {
+    // Studs of 2 cm all over the room: rays that leave the transmitter 3° apart meet hardly one, less so mirrored twice.
+    let mut scene =
+        Scene { materials: vec![material("walls", "concrete", 0.2), material("metal", "metal", 0.01)], ..Scene::default() };
+    add_box(&mut scene, "room", 0, Vec3::ZERO, Vec3::new(9.0, 8.0, 3.0));
+    let studs: Vec<DVec3> = (0..30)
+        .map(|i| {
+            let mut rng = Rng::keyed(25, 0, i);
+            DVec3::new(1.0 + 7.0 * rng.uniform_f64(), 1.0 + 6.0 * rng.uniform_f64(), 0.3 + 2.4 * rng.uniform_f64())
+        })
+        .collect();
+    for (i, at) in studs.iter().enumerate() {
+        add_box(&mut scene, &format!("stud{i}"), 1, (*at - 0.01).as_vec3(), (*at + 0.01).as_vec3());
+    }
+    let bvh = Bvh::build(&scene);
+    let lattice = RadioTracer::new(&scene, &bvh, settings(Search::Lattice { rays: 4_000 })).unwrap();
+    let oracle = RadioTracer::new(&scene, &bvh, settings(Search::Exhaustive)).unwrap();
+    let tx = DVec3::new(7.9, 3.1, 1.9);
+    let (oracle, lattice) = (oracle.transmitter(tx).unwrap(), lattice.transmitter(tx).unwrap());
+    let mut small = 0;
+    for at in studs {
+        // By the ceiling, the wall at y = 8 and the stud's side towards it.
+        let image = DVec3::new(tx.x, 16.0 - tx.y, 6.0 - tx.z);
+        let lit = at + DVec3::Y * 0.01;
+        let direction = (lit - image).normalize() * DVec3::new(1.0, -1.0, 1.0);
+        let rx = lit + direction * 0.4;
+        let (all, found) = (oracle.paths(rx).unwrap(), lattice.paths(rx).unwrap());
+        for path in all.iter().filter(|p| p.interactions.len() == 3 && p.interactions[2].vertex.distance(lit) < 1e-6) {
+            assert!(found.contains(path), "{rx}: {path:?}");
+            small += 1;
+        }
+    }
+    assert!(small >= 20, "{small}");
+}
+
 /// A closed room with a few boxes at random places.
 fn random_room(seed: u64, boxes: usize) -> Scene {
     let mut rng = Rng::keyed(77, 1, seed);

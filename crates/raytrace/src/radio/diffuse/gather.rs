@@ -10,6 +10,7 @@ use super::refine::MOST;
 use super::{Contribution, DiffuseField};
 use crate::radio::antenna::{Antenna, phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
+use crate::radio::geometry::Meeting;
 use crate::radio::{Complex, MAX_DEPTH, SPEED_OF_LIGHT, lattice, scattering};
 use glam::DVec3;
 
@@ -73,16 +74,6 @@ struct Ray {
     weight: f64,
 }
 
-/// Where a ray meets a surface.
-struct Met {
-    face: u32,
-    point: DVec3,
-    /// On the ray's side.
-    normal: DVec3,
-    side: usize,
-    length_m: f64,
-}
-
 impl<'f, 't, 'a> Look<'f, 't, 'a> {
     pub(super) fn new(field: &'f DiffuseField<'t, 'a>, rx: DVec3, antenna: &Antenna, lattice: Lattice) -> Self {
         let deepest = field.settings.after.min(field.tracer.settings.max_depth.saturating_sub(1)).min(MAX_DEPTH);
@@ -105,22 +96,10 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         self.stack.clear();
         self.stack.push(Ray { origin: self.rx, direction, ports, length_m: 0.0, hops: 0, weight: 1.0 });
         while let Some(ray) = self.stack.pop() {
-            let Some((t, triangle)) = geometry.closest(ray.origin, ray.direction, CLEARANCE_M) else { continue };
-            let face = geometry.face_of_triangle(triangle);
-            let plane = &geometry.faces[face as usize];
+            let Some(met) = geometry.meet(ray.origin, ray.direction, CLEARANCE_M) else { continue };
             if ray.hops == 0 {
-                seen = Some(plane.object);
+                seen = Some(geometry.faces[met.face as usize].object);
             }
-            // Exactly onto the plane, off which single precision left it.
-            let reached = ray.origin + ray.direction * t;
-            let side = usize::from(plane.normal.dot(ray.direction) > 0.0);
-            let met = Met {
-                face,
-                point: reached - plane.normal * plane.distance(reached),
-                normal: if side == 0 { plane.normal } else { -plane.normal },
-                side,
-                length_m: ray.length_m + t,
-            };
             if ray.hops > 0 || layer != Layer::Beyond {
                 self.scattered(&ray, &met, report);
             }
@@ -132,7 +111,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     }
 
     /// Mirrors a ray and sends it straight through.
-    fn go_on(&mut self, ray: &Ray, met: &Met, whole: f64, sequence: &mut f64) {
+    fn go_on(&mut self, ray: &Ray, met: &Meeting, whole: f64, sequence: &mut f64) {
         let (settings, illumination) = (&self.field.tracer.settings, &self.field.illumination);
         let response = illumination.table(met.face).response(field::cos_incidence(ray.direction, met.normal));
         let amplitude = self.field.tracer.geometry.slab(met.face).specular_amplitude();
@@ -163,7 +142,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
                 origin: met.point,
                 direction: if mirrored { field::mirrored(ray.direction, met.normal) } else { ray.direction },
                 ports,
-                length_m: met.length_m,
+                length_m: ray.length_m + met.distance_m,
                 hops: ray.hops + 1,
                 weight: ray.weight / kept,
             });
@@ -171,7 +150,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     }
 
     /// What the surface scatters towards the receiver.
-    fn scattered(&self, ray: &Ray, met: &Met, report: &mut impl FnMut(Contribution)) {
+    fn scattered(&self, ray: &Ray, met: &Meeting, report: &mut impl FnMut(Contribution)) {
         let (field, illumination) = (self.field, &self.field.illumination);
         let geometry = &field.tracer.geometry;
         if geometry.slab(met.face).scattering.coefficient == 0.0 {
@@ -186,7 +165,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         let object = geometry.faces[met.face as usize].object;
         let contribution = |power: f64, length_m: f64, mirrored_before: bool, indirect: bool| Contribution {
             power,
-            delay_s: (length_m + met.length_m) / SPEED_OF_LIGHT,
+            delay_s: (length_m + ray.length_m + met.distance_m) / SPEED_OF_LIGHT,
             object,
             mirrored_before,
             indirect,

@@ -6,13 +6,10 @@
 //! two by p_t/p_r alone (multiple importance sampling, Veach and Guibas 1995), so that both together count it once and neither has a pole.
 
 use super::illumination::{CLEARANCE_M, Illumination, Lighting, Source};
-use crate::radio::geometry::Face;
+use super::in_tasks;
+use crate::radio::geometry::{Face, Meeting};
 use crate::radio::lattice;
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
-
-/// Rays a task follows.
-const RAYS_PER_TASK: usize = 2048;
 
 /// A point that the transmitter lights, straight or through slabs.
 #[derive(Clone, Copy, Debug)]
@@ -31,33 +28,26 @@ pub struct Landing {
 pub fn trace(illumination: &Illumination<'_, '_>, count: usize, world_from_lattice: DMat3) -> Vec<Landing> {
     let Some(slabs) = illumination.slab_budget(Source::transmitter(illumination.tx), 0) else { return Vec::new() };
     let geometry = illumination.geometry();
-    let per_task: Vec<Vec<Landing>> = (0..count.div_ceil(RAYS_PER_TASK))
-        .into_par_iter()
-        .map(|task| {
-            let mut landings = Vec::new();
-            for i in task * RAYS_PER_TASK..((task + 1) * RAYS_PER_TASK).min(count) {
-                let direction = world_from_lattice * lattice::fibonacci(i, count);
-                let mut origin = illumination.tx;
-                for crossed in 0..=slabs {
-                    let Some((t, triangle)) = geometry.closest(origin, direction, CLEARANCE_M) else { break };
-                    let face = geometry.face_of_triangle(triangle);
-                    let reached = origin + direction * t;
-                    let plane = &geometry.faces[face as usize];
-                    let point = reached - plane.normal * plane.distance(reached);
-                    let lighting = if crossed == 0 { Lighting::Free } else { Lighting::ThroughSlabs };
-                    if geometry.slab(face).scattering.coefficient > 0.0 {
-                        landings.push(Landing { point, face, lighting, density_per_m2: density(plane, illumination.tx, point) });
-                    }
-                    if illumination.is_opaque(face) {
-                        break;
-                    }
-                    origin = point;
+    in_tasks(count, |range| {
+        let mut landings = Vec::new();
+        for i in range {
+            let direction = world_from_lattice * lattice::fibonacci(i, count);
+            let mut origin = illumination.tx;
+            for crossed in 0..=slabs {
+                let Some(Meeting { face, point, .. }) = geometry.meet(origin, direction, CLEARANCE_M) else { break };
+                let lighting = if crossed == 0 { Lighting::Free } else { Lighting::ThroughSlabs };
+                if geometry.slab(face).scattering.coefficient > 0.0 {
+                    let density_per_m2 = density(&geometry.faces[face as usize], illumination.tx, point);
+                    landings.push(Landing { point, face, lighting, density_per_m2 });
                 }
+                if illumination.is_opaque(face) {
+                    break;
+                }
+                origin = point;
             }
-            landings
-        })
-        .collect();
-    per_task.into_iter().flatten().collect()
+        }
+        landings
+    })
 }
 
 /// cosθ/r² of a point of a face seen from elsewhere, 1/m², with the sign of the side that is seen.

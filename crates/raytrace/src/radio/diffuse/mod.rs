@@ -51,7 +51,7 @@ const VIEW_MARGIN_DEG: f64 = 6.1;
 pub const NO_MIRRORS_SR: f64 = 13.0;
 /// More photons are a mistake.
 const MAX_PHOTONS: usize = 100_000_000;
-/// Directions a task gathers.
+/// Directions that a task looks along.
 const DIRECTIONS_PER_TASK: usize = 1024;
 
 /// How the diffuse field is sampled.
@@ -287,7 +287,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let count = self.settings.directions;
         let antenna = &self.tracer.settings.rx_antenna;
         let lattice = Lattice { count, refined: false, shared: true };
-        let mut all = self.each_task(count, |range| {
+        let mut all = in_tasks(count, |range| {
             let mut look = Look::new(self, rx, antenna, lattice);
             let mut found = Vec::new();
             for i in range {
@@ -309,24 +309,24 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         wanted: impl Fn(DVec3) -> bool + Sync,
     ) -> Vec<(DVec3, Contribution)> {
         let landings = self.landings.as_deref().filter(|_| lattice.shared).unwrap_or_default();
-        self.each_task(landings.len(), |range| {
+        in_tasks(landings.len(), |range| {
             let look = Look::new(self, rx, antenna, lattice);
             landings[range].iter().filter_map(|landing| look.landed(landing, &wanted)).collect()
         })
     }
 
-    /// Runs over a lattice in tasks and joins their results in order.
-    fn each_task<T: Send>(&self, count: usize, task: impl Fn(std::ops::Range<usize>) -> Vec<T> + Sync) -> Vec<T> {
-        let per_task: Vec<Vec<T>> = (0..count.div_ceil(DIRECTIONS_PER_TASK))
-            .into_par_iter()
-            .map(|i| task(i * DIRECTIONS_PER_TASK..((i + 1) * DIRECTIONS_PER_TASK).min(count)))
-            .collect();
-        per_task.into_iter().flatten().collect()
-    }
-
     fn direction(&self, i: usize, count: usize) -> DVec3 {
         self.world_from_lattice * lattice::fibonacci(i, count)
     }
+}
+
+/// Runs over a lattice in tasks and joins their results in order.
+fn in_tasks<T: Send>(count: usize, task: impl Fn(std::ops::Range<usize>) -> Vec<T> + Sync) -> Vec<T> {
+    let per_task: Vec<Vec<T>> = (0..count.div_ceil(DIRECTIONS_PER_TASK))
+        .into_par_iter()
+        .map(|i| task(i * DIRECTIONS_PER_TASK..((i + 1) * DIRECTIONS_PER_TASK).min(count)))
+        .collect();
+    per_task.into_iter().flatten().collect()
 }
 
 fn check_receiver(rx: DVec3) -> Result<()> {

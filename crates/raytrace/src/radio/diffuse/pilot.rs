@@ -88,10 +88,8 @@ impl Photons<'_, '_, '_> {
             let uniform = [rng.uniform_f64(), rng.uniform_f64(), 0.0];
             let drawn = scattering::sample(ScatteringPattern::Lambertian, -normal, normal, uniform);
             let Some((direction, _)) = drawn else { continue };
-            let Some((t, triangle)) = geometry.closest(point, direction, CLEARANCE_M) else { continue };
-            let face = geometry.face_of_triangle(triangle);
-            let side = usize::from(geometry.faces[face as usize].normal.dot(direction) > 0.0);
-            let slot = cache.slots().slot(self.patches.at(face, point + direction * t).0, side);
+            let Some(met) = geometry.meet(point, direction, CLEARANCE_M) else { continue };
+            let slot = cache.slots().slot(self.patches.at(met.face, met.point).0, met.side);
             legs.push(Leg { from: point, direction, slot });
         }
     }

@@ -6,7 +6,7 @@
 //! speaks from then on with their mean; the surfaces seen first and what lies behind them apart.
 
 use super::gather::{Lattice, Layer, Look};
-use super::{DIRECTIONS_PER_TASK, DiffuseField};
+use super::{DIRECTIONS_PER_TASK, DiffuseField, in_tasks};
 use crate::radio::{Antenna, Arrival, lattice};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -123,7 +123,7 @@ impl Gathering<'_, '_, '_, '_> {
         wanted: impl Fn(DVec3) -> bool + Sync,
         find: impl Fn(&mut Look<'_, '_, '_>, usize, DVec3) -> Option<T> + Sync,
     ) -> Vec<T> {
-        self.field.each_task(self.count, |range| {
+        in_tasks(self.count, |range| {
             let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
             let directions = range.map(|index| (index, self.field.direction(index, self.count)));
             let directions = directions.filter(|(_, direction)| wanted(*direction));

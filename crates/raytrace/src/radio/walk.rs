@@ -1,0 +1,205 @@
+//! Rays that look for chains of mirrors: through mirrors and slabs from surface to surface.
+
+use super::chains::{Chain, repeats};
+use super::geometry::Geometry;
+use super::{MAX_DEPTH, RadioSettings, Slab, field, fresnel, lattice};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+/// A wall that lets less than this share of power through at normal incidence ends a ray.
+const TRANSPARENT_POWER: f64 = 1e-9;
+/// Rays a task of a lattice follows.
+const RAYS_PER_TASK: usize = 2048;
+/// Clearance of a ray from the face it leaves, metres.
+const CLEARANCE_M: f64 = 1e-4;
+/// Latest findings that a new one is held against: rays of a task meet the same again and again.
+const LATEST: usize = 1024;
+
+/// What rays look for.
+pub trait Finding: Copy + Send {
+    /// What tells two of them apart, and their order.
+    type Key: Ord + Hash;
+    /// This one's.
+    fn key(&self) -> Self::Key;
+}
+
+/// Sorted, without repeats.
+pub fn distinct<T: Finding>(found: &mut Vec<T>) {
+    found.sort_by_key(Finding::key);
+    found.dedup_by_key(|f| f.key());
+}
+
+/// What the rays of a task have found, without most of the repeats.
+pub struct Findings<T> {
+    found: Vec<T>,
+    /// By a hash of the key: index of the latest finding that had it.
+    latest: Vec<u32>,
+}
+
+impl<T> Default for Findings<T> {
+    fn default() -> Self {
+        Self { found: Vec::new(), latest: vec![u32::MAX; LATEST] }
+    }
+}
+
+impl<T: Finding> Extend<T> for Findings<T> {
+    fn extend<I: IntoIterator<Item = T>>(&mut self, found: I) {
+        for finding in found {
+            let mut hasher = DefaultHasher::new();
+            finding.key().hash(&mut hasher);
+            let latest = &mut self.latest[hasher.finish() as usize % LATEST];
+            if self.found.get(*latest as usize).is_none_or(|known| known.key() != finding.key()) {
+                *latest = self.found.len() as u32;
+                self.found.push(finding);
+            }
+        }
+    }
+}
+
+impl<T: Finding> Findings<T> {
+    /// How many, some repeats included.
+    pub fn len(&self) -> usize {
+        self.found.len()
+    }
+
+    /// Sorted, without any repeat.
+    pub fn into_distinct(mut self) -> Vec<T> {
+        distinct(&mut self.found);
+        self.found
+    }
+}
+
+/// A chain with the transmitter's images before each of its faces.
+pub struct Way<'c> {
+    chain: &'c Chain,
+    images: [DVec3; MAX_DEPTH],
+}
+
+impl<'c> Way<'c> {
+    /// From a transmitter.
+    pub fn new(geometry: &Geometry<'_>, tx: DVec3, chain: &'c Chain) -> Self {
+        let mut images = [tx; MAX_DEPTH];
+        for (i, &face) in chain.faces().iter().enumerate().take(MAX_DEPTH - 1) {
+            images[i + 1] = geometry.faces[face as usize].mirror(images[i]);
+        }
+        Self { chain, images }
+    }
+}
+
+/// A ray between two surfaces.
+pub struct Leg {
+    origin: DVec3,
+    direction: DVec3,
+    /// The faces bounced off before.
+    chain: Chain,
+    /// Mirrors and slabs before.
+    interactions: usize,
+}
+
+/// Rays that are reflected and, where that is enabled, go straight through at every hit.
+pub struct Walk<'w, 'a> {
+    geometry: &'w Geometry<'a>,
+    settings: &'w RadioSettings,
+    /// By material: whether it lets a ray through.
+    transparent: Vec<bool>,
+}
+
+impl<'w, 'a> Walk<'w, 'a> {
+    pub fn new(geometry: &'w Geometry<'a>, settings: &'w RadioSettings) -> Self {
+        let passes = |slab: &Slab| fresnel::slab_response(slab, 1.0).t_te.norm_squared() > TRANSPARENT_POWER;
+        let transparent = geometry.slabs.iter().map(|slab| settings.transmission && slab.as_ref().is_some_and(passes)).collect();
+        Self { geometry, settings, transparent }
+    }
+
+    /// The scene.
+    pub fn geometry(&self) -> &'w Geometry<'a> {
+        self.geometry
+    }
+
+    /// A chain with the reflection off what it meets, where there is one.
+    pub fn mirrored(&self, chain: &Chain, triangle: u32) -> Option<Chain> {
+        let face = self.geometry.face_of_triangle(triangle);
+        let reflects =
+            self.geometry.faces[face as usize].area_m2 >= self.settings.min_face_area_m2 && !repeats(self.geometry, chain, face);
+        reflects.then(|| chain.pushed(face, self.geometry))
+    }
+
+    /// Whether a ray from the transmitter reaches a point of a chain's last face by way of the chain.
+    pub fn lights(&self, way: &Way<'_>, point: DVec3) -> bool {
+        let geometry = self.geometry;
+        let opaque = |face: u32| !self.transparent[geometry.faces[face as usize].material as usize];
+        let faces = way.chain.faces();
+        let mut to = point;
+        for i in (0..faces.len()).rev() {
+            let from = if i == 0 {
+                way.images[0]
+            } else {
+                let (face, image) = (&geometry.faces[faces[i - 1] as usize], way.images[i]);
+                let (here, behind) = (face.distance(to), face.distance(image));
+                if here * behind >= 0.0 {
+                    return false;
+                }
+                let bounce = to + (image - to) * (here / (here - behind));
+                if !face.contains(bounce) {
+                    return false;
+                }
+                bounce
+            };
+            if geometry.occluded(from, to, CLEARANCE_M, opaque) {
+                return false;
+            }
+            to = from;
+        }
+        true
+    }
+
+    /// Follows the ray that came to a point of a chain's last face by way of the chain, up to the greatest number of interactions; `visit`
+    /// gets every hit, with the chain of faces bounced off before. `legs` is room, empty before and after.
+    pub fn go_on(&self, way: &Way<'_>, point: DVec3, legs: &mut Vec<Leg>, visit: impl FnMut(&Chain, u32)) {
+        if let Some(direction) = (point - way.chain.image).try_normalize() {
+            legs.push(Leg { origin: point, direction, chain: *way.chain, interactions: way.chain.faces().len() });
+            self.follow(legs, visit);
+        }
+    }
+
+    fn follow(&self, legs: &mut Vec<Leg>, mut visit: impl FnMut(&Chain, u32)) {
+        while let Some(Leg { origin, direction, chain, interactions }) = legs.pop() {
+            let Some((t, triangle)) = self.geometry.closest(origin, direction, CLEARANCE_M) else { continue };
+            visit(&chain, triangle);
+            let interactions = interactions + 1;
+            if interactions >= self.settings.max_depth {
+                continue;
+            }
+            let face = &self.geometry.faces[self.geometry.face_of_triangle(triangle) as usize];
+            let origin = origin + direction * t;
+            if self.transparent[face.material as usize] {
+                legs.push(Leg { origin, direction, chain, interactions });
+            }
+            if self.settings.reflection
+                && let Some(chain) = self.mirrored(&chain, triangle)
+            {
+                legs.push(Leg { origin, direction: field::mirrored(direction, face.normal), chain, interactions });
+            }
+        }
+    }
+
+    /// Follows a lattice of rays as in [`Self::go_on`]; what `visit` adds to the findings comes back sorted and without repeats.
+    pub fn lattice<T: Finding>(&self, from: DVec3, rays: usize, visit: impl Fn(&mut Findings<T>, &Chain, u32) + Sync) -> Vec<T> {
+        let per_task: Vec<Vec<T>> = (0..rays.div_ceil(RAYS_PER_TASK))
+            .into_par_iter()
+            .map(|task| {
+                let (mut found, mut legs) = (Findings::default(), Vec::new());
+                for i in task * RAYS_PER_TASK..((task + 1) * RAYS_PER_TASK).min(rays) {
+                    let direction = lattice::fibonacci(i, rays);
+                    legs.push(Leg { origin: from, direction, chain: Chain::line_of_sight(from), interactions: 0 });
+                    self.follow(&mut legs, |chain, triangle| visit(&mut found, chain, triangle));
+                }
+                found.into_distinct()
+            })
+            .collect();
+        let mut found = per_task.into_iter().flatten().collect();
+        distinct(&mut found);
+        found
+    }
+}
