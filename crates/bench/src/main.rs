@@ -23,7 +23,18 @@ struct Arguments {
     command: Command,
 }
 
+/// The allocator's option that says after how many milliseconds freed memory goes back to the system, which its bindings do not name.
+const PURGE_DELAY: libmimalloc_sys::mi_option_t = 15;
+
+/// Freed memory stays with the process: what one stage frees the next one takes, and getting it from the system again is 7 % of a dataset's
+/// radio half. The most that it ever holds grows by a tenth.
+fn keep_freed_memory() {
+    // SAFETY: any value of any option may be set at any time; another number than this option's would change another option.
+    unsafe { libmimalloc_sys::mi_option_set(PURGE_DELAY, -1) };
+}
+
 fn main() -> ExitCode {
+    keep_freed_memory();
     let arguments = Arguments::parse();
     match run(arguments) {
         Ok(Verdict::Done) => ExitCode::SUCCESS,
@@ -58,4 +69,19 @@ fn message(error: &anyhow::Error) -> String {
         }
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_purge_delay_is_the_option_of_that_number() {
+        // A second unless told otherwise, which no option beside it has.
+        // SAFETY: reads a number.
+        let get = || unsafe { libmimalloc_sys::mi_option_get(PURGE_DELAY) };
+        assert_eq!(get(), 1000);
+        keep_freed_memory();
+        assert_eq!(get(), -1);
+    }
 }

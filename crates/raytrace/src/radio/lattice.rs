@@ -1,6 +1,7 @@
 //! The Fibonacci lattice: directions spread evenly over the sphere.
 
-use glam::{DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
 
 /// Steps of the R2 sequence: 1/g and 1/g² of the plastic number g, the root of x³ = x + 1.
 pub const R2: DVec2 = DVec2::new(0.754_877_666_246_692_7, 0.569_840_290_998_053_3);
@@ -12,6 +13,48 @@ pub fn fibonacci(i: usize, count: usize) -> DVec3 {
     let radius = (1.0 - z * z).max(0.0).sqrt();
     let (sin, cos) = (golden_angle * i as f64).rem_euclid(std::f64::consts::TAU).sin_cos();
     DVec3::new(radius * cos, radius * sin, z)
+}
+
+/// Side of the octahedral map along whose Z-curve [`Directions`] run: 0.2° a bin.
+const CURVE_SIDE: usize = 512;
+
+/// A lattice as tasks look along it: directions near each other follow one another, so that what they meet is still at hand.
+pub struct Directions {
+    world_from_lattice: DMat3,
+    /// (number in the lattice, unit direction in the world).
+    along: Vec<(u32, DVec3)>,
+}
+
+impl Directions {
+    /// Of `count` directions over the whole sphere, turned.
+    pub fn new(count: usize, world_from_lattice: DMat3) -> Self {
+        let mut along: Vec<(u32, DVec3)> =
+            (0..count).into_par_iter().map(|i| (i as u32, world_from_lattice * fibonacci(i, count))).collect();
+        along.par_sort_by_cached_key(|(number, direction)| (z_curve(*direction), *number));
+        Self { world_from_lattice, along }
+    }
+
+    /// How many.
+    pub fn count(&self) -> usize {
+        self.along.len()
+    }
+
+    /// Numbers and directions, near ones together.
+    pub fn along(&self) -> &[(u32, DVec3)] {
+        &self.along
+    }
+
+    /// The direction of a number.
+    pub fn of(&self, number: usize) -> DVec3 {
+        self.world_from_lattice * fibonacci(number, self.along.len())
+    }
+}
+
+/// Place of a direction on a Z-shaped curve that fills the octahedral map.
+fn z_curve(d: DVec3) -> u32 {
+    let bin = octahedral(d, CURVE_SIDE);
+    let spread = |v: usize| (0..CURVE_SIDE.trailing_zeros()).fold(0, |code, bit| code | ((v as u32 >> bit) & 1) << (2 * bit));
+    spread(bin % CURVE_SIDE) | spread(bin / CURVE_SIDE) << 1
 }
 
 /// The bin of a unit direction on the octahedral map of the sphere, of side × side bins, row by row.

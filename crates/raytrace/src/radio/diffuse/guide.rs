@@ -64,9 +64,19 @@ impl Guide {
         Some((Self { cells, worth: sums.into_iter().map(|[sum, count]| sum / count).collect() }, disturbance))
     }
 
-    /// The worth of a photon that leaves `from` along a unit direction.
-    pub fn worth(&self, from: DVec3, direction: DVec3) -> f64 {
-        self.cells.get(&cell(from)).map_or(1.0, |&first| f64::from(self.worth[first + lattice::octahedral(direction, BINS)]))
+    /// What is known of departures from a place.
+    pub fn leaving(&self, from: DVec3) -> Departures<'_> {
+        Departures(self.cells.get(&cell(from)).map(|&first| &self.worth[first..first + BINS * BINS]))
+    }
+}
+
+/// The worth of photons by the direction in which they leave a place; all alike where nothing is known.
+pub struct Departures<'g>(Option<&'g [f32]>);
+
+impl Departures<'_> {
+    /// Along a unit direction.
+    pub fn worth(&self, direction: DVec3) -> f64 {
+        self.0.map_or(1.0, |worth| f64::from(worth[lattice::octahedral(direction, BINS)]))
     }
 }
 

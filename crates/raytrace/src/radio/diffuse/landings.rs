@@ -8,8 +8,8 @@
 use super::illumination::{CLEARANCE_M, Illumination, Lighting, Source};
 use super::in_tasks;
 use crate::radio::geometry::{Face, Meeting};
-use crate::radio::lattice;
-use glam::{DMat3, DVec3};
+use crate::radio::lattice::Directions;
+use glam::DVec3;
 
 /// A point that the transmitter lights, straight or through slabs.
 #[derive(Clone, Copy, Debug)]
@@ -24,14 +24,13 @@ pub struct Landing {
     pub density_per_m2: f64,
 }
 
-/// Follows `count` rays that leave the transmitter evenly, through slabs as far as interactions allow, to all that scatters.
-pub fn trace(illumination: &Illumination<'_, '_>, count: usize, world_from_lattice: DMat3) -> Vec<Landing> {
+/// Follows rays that leave the transmitter evenly, through slabs as far as interactions allow, to all that scatters.
+pub fn trace(illumination: &Illumination<'_, '_>, directions: &Directions) -> Vec<Landing> {
     let Some(slabs) = illumination.slab_budget(Source::transmitter(illumination.tx), 0) else { return Vec::new() };
     let geometry = illumination.geometry();
-    in_tasks(count, |range| {
+    in_tasks(directions.along(), |directions| {
         let mut landings = Vec::new();
-        for i in range {
-            let direction = world_from_lattice * lattice::fibonacci(i, count);
+        for &(_, direction) in directions {
             let mut origin = illumination.tx;
             for crossed in 0..=slabs {
                 let Some(Meeting { face, point, .. }) = geometry.meet(origin, direction, CLEARANCE_M) else { break };

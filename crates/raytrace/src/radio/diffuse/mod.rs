@@ -29,7 +29,8 @@ mod smooth;
 #[cfg(test)]
 mod tests;
 
-use super::{Antenna, Arrival, MAX_DEPTH, RadioTracer, lattice};
+use super::lattice::Directions;
+use super::{Antenna, Arrival, MAX_DEPTH, RadioTracer};
 use cache::RadianceCache;
 use corf_scene::{Error, Pinhole, Result, Rigid3, Rng};
 use gather::{Lattice, Layer, Look};
@@ -152,7 +153,9 @@ pub struct DiffuseField<'t, 'a> {
     /// Where as many rays of the transmitter fell as a receiver has directions; without them a receiver's directions meet all by themselves.
     landings: Option<Vec<Landing>>,
     settings: DiffuseSettings,
-    world_from_lattice: DMat3,
+    directions: Directions,
+    /// [`OUTSIDE_SPARSITY`] times fewer.
+    outside: Directions,
 }
 
 impl<'t, 'a> DiffuseField<'t, 'a> {
@@ -182,12 +185,14 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             let turn = DMat3::from_axis_angle(axis, std::f64::consts::TAU * rng.uniform_f64());
             (DVec2::new(rng.uniform_f64(), rng.uniform_f64()), turn)
         };
+        let [directions, outside] =
+            [1, OUTSIDE_SPARSITY].map(|sparser| Directions::new(settings.directions.div_ceil(sparser), world_from_lattice));
         let mut illumination = Illumination::new(tracer, tx, settings.min_mirror_sr);
         let landings = if only.is_some() {
             illumination.sources.clear();
             None
         } else {
-            Some(landings::trace(&illumination, settings.directions, world_from_lattice))
+            Some(landings::trace(&illumination, &directions))
         };
         let patches = Patches::new(&tracer.geometry, settings.patch_size_m, phase);
         let photons = Photons {
@@ -199,7 +204,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             only,
         };
         let cache = photons.trace(settings.patch_size_m);
-        Ok(Self { tracer, illumination, patches, cache, landings, settings: *settings, world_from_lattice })
+        Ok(Self { tracer, illumination, patches, cache, landings, settings: *settings, directions, outside })
     }
 
     /// Megabytes of the tables that the photons filled.
@@ -217,7 +222,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         self.illumination.sources.len()
     }
 
-    /// The diffuse arrivals at the tracer's receive antenna, one per direction that receives anything, in the order of the lattice, then
+    /// The diffuse arrivals at the tracer's receive antenna, one per direction that receives anything, near ones together, then
     /// those of the transmitter's own rays; delays are means weighted by power, objects those that the receiver sees.
     ///
     /// # Errors
@@ -266,33 +271,30 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let view = self.gathering(rx, antenna);
         let mut arrivals = view.arrivals(inside);
         // What lies outside counts for side lobes alone.
-        let count = self.settings.directions.div_ceil(OUTSIDE_SPARSITY);
-        let outside = Gathering { count, resolution_deg: 0.0, shared: false, ..view };
+        let outside = Gathering { directions: &self.outside, resolution_deg: 0.0, shared: false, ..view };
         arrivals.extend(outside.arrivals(|d| !inside(d)));
         Ok(arrivals)
     }
 
     fn gathering<'g>(&'g self, rx: DVec3, antenna: &'g Antenna) -> Gathering<'g, 'g, 't, 'a> {
-        let DiffuseSettings { directions: count, resolution_deg, .. } = self.settings;
-        Gathering { field: self, rx, antenna, count, resolution_deg, shared: true }
+        let resolution_deg = self.settings.resolution_deg;
+        Gathering { field: self, rx, antenna, directions: &self.directions, resolution_deg, shared: true }
     }
 
-    /// Every contribution on its own with the direction it arrives from, in the order of the lattice, then those of the transmitter's own
+    /// Every contribution on its own with the direction it arrives from, near ones together, then those of the transmitter's own
     /// rays: for studies and checks.
     ///
     /// # Errors
     /// A position that is not finite.
     pub fn contributions(&self, rx: DVec3) -> Result<Vec<(DVec3, Contribution)>> {
         check_receiver(rx)?;
-        let count = self.settings.directions;
         let antenna = &self.tracer.settings.rx_antenna;
-        let lattice = Lattice { count, refined: false, shared: true };
-        let mut all = in_tasks(count, |range| {
+        let lattice = Lattice { count: self.directions.count(), refined: false, shared: true };
+        let mut all = in_tasks(self.directions.along(), |directions| {
             let mut look = Look::new(self, rx, antenna, lattice);
             let mut found = Vec::new();
-            for i in range {
-                let direction = self.direction(i, count);
-                look.along(i, direction, Layer::All, &mut |c| found.push((direction, c)));
+            for &(number, direction) in directions {
+                look.along(number as usize, direction, Layer::All, &mut |c| found.push((direction, c)));
             }
             found
         });
@@ -309,23 +311,16 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         wanted: impl Fn(DVec3) -> bool + Sync,
     ) -> Vec<(DVec3, Contribution)> {
         let landings = self.landings.as_deref().filter(|_| lattice.shared).unwrap_or_default();
-        in_tasks(landings.len(), |range| {
+        in_tasks(landings, |landings| {
             let look = Look::new(self, rx, antenna, lattice);
-            landings[range].iter().filter_map(|landing| look.landed(landing, &wanted)).collect()
+            landings.iter().filter_map(|landing| look.landed(landing, &wanted)).collect()
         })
-    }
-
-    fn direction(&self, i: usize, count: usize) -> DVec3 {
-        self.world_from_lattice * lattice::fibonacci(i, count)
     }
 }
 
-/// Runs over a lattice in tasks and joins their results in order.
-fn in_tasks<T: Send>(count: usize, task: impl Fn(std::ops::Range<usize>) -> Vec<T> + Sync) -> Vec<T> {
-    let per_task: Vec<Vec<T>> = (0..count.div_ceil(DIRECTIONS_PER_TASK))
-        .into_par_iter()
-        .map(|i| task(i * DIRECTIONS_PER_TASK..((i + 1) * DIRECTIONS_PER_TASK).min(count)))
-        .collect();
+/// Runs over directions, or what was found along them, in tasks and joins their results in order.
+fn in_tasks<D: Sync, T: Send>(all: &[D], task: impl Fn(&[D]) -> Vec<T> + Sync + Send) -> Vec<T> {
+    let per_task: Vec<Vec<T>> = all.par_chunks(DIRECTIONS_PER_TASK).map(task).collect();
     per_task.into_iter().flatten().collect()
 }
 

@@ -250,7 +250,8 @@ impl Photons<'_, '_, '_> {
         let goes = |event: Event| next.is_none_or(|n| n == event);
         // Unscattered light is rouletted by its power alone: its departures are guided.
         let guide = way.guide.filter(|_| way.crowd != Crowd::Unscattered);
-        let worth = |direction: DVec3| guide.map_or(1.0, |guide| guide.worth(point, direction));
+        let departures = guide.map(|guide| guide.leaving(point));
+        let worth = |direction: DVec3| departures.as_ref().map_or(1.0, |departures| departures.worth(direction));
         let drawn = if s2 > 0.0 && goes(Event::Scattered) && way.crowd != Crowd::Unscattered {
             draw(slab.scattering.pattern, k, normal, worth, guide.is_some(), rng)
         } else {

@@ -7,7 +7,8 @@
 
 use super::gather::{Lattice, Layer, Look};
 use super::{DIRECTIONS_PER_TASK, DiffuseField, in_tasks};
-use crate::radio::{Antenna, Arrival, lattice};
+use crate::radio::lattice::{self, Directions};
+use crate::radio::{Antenna, Arrival};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -68,8 +69,8 @@ pub(super) struct Gathering<'g, 'f, 't, 'a> {
     pub field: &'f DiffuseField<'t, 'a>,
     pub rx: DVec3,
     pub antenna: &'g Antenna,
-    /// Directions over the whole sphere.
-    pub count: usize,
+    /// Over the whole sphere.
+    pub directions: &'f Directions,
     /// What a reader tells apart, degrees; 0 refines nothing.
     pub resolution_deg: f64,
     /// Whether what the directions meet is shared with the transmitter's own rays.
@@ -77,7 +78,7 @@ pub(super) struct Gathering<'g, 'f, 't, 'a> {
 }
 
 impl Gathering<'_, '_, '_, '_> {
-    /// The arrivals of those directions that are `wanted`, in the order of the lattice, and of the transmitter's own rays.
+    /// The arrivals of those directions that are `wanted`, near ones together, and of the transmitter's own rays.
     pub fn arrivals(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let mut arrivals = if self.resolution_deg > 0.0 { self.refined(&wanted) } else { self.plain(&wanted) };
         let landed = self.field.landed(self.rx, self.antenna, self.lattice(), &wanted);
@@ -117,22 +118,21 @@ impl Gathering<'_, '_, '_, '_> {
         cells.into_iter().flat_map(Cell::arrivals).collect()
     }
 
-    /// What is found along every direction of the lattice that is wanted, in its order.
+    /// What is found along every direction of the lattice that is wanted.
     fn look<T: Send>(
         &self,
         wanted: impl Fn(DVec3) -> bool + Sync,
         find: impl Fn(&mut Look<'_, '_, '_>, usize, DVec3) -> Option<T> + Sync,
     ) -> Vec<T> {
-        in_tasks(self.count, |range| {
+        in_tasks(self.directions.along(), |directions| {
             let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
-            let directions = range.map(|index| (index, self.field.direction(index, self.count)));
-            let directions = directions.filter(|(_, direction)| wanted(*direction));
-            directions.filter_map(|(index, direction)| find(&mut look, index, direction)).collect()
+            let directions = directions.iter().filter(|(_, direction)| wanted(*direction));
+            directions.filter_map(|&(number, direction)| find(&mut look, number as usize, direction)).collect()
         })
     }
 
     fn lattice(&self) -> Lattice {
-        Lattice { count: self.count, refined: self.resolution_deg > 0.0, shared: self.shared }
+        Lattice { count: self.directions.count(), refined: self.resolution_deg > 0.0, shared: self.shared }
     }
 
     /// Cuts every cell whose neighbours call for it.
@@ -158,7 +158,7 @@ impl Gathering<'_, '_, '_, '_> {
         for i in 0..side * side {
             let at = |k: usize| (k as f64 + 0.5) / side as f64 - 0.5;
             let direction = (cell.direction + u * at(i % side) + v * at(i / side)).normalize();
-            let number = self.count + cell.index * MOST * MOST + i;
+            let number = self.directions.count() + cell.index * MOST * MOST + i;
             along(look, number, direction, layer, 1.0 / (side * side) as f64, &mut seen);
         }
         seen
@@ -166,7 +166,8 @@ impl Gathering<'_, '_, '_, '_> {
 
     /// Directions along the side that each cell's disagreement with its neighbours asks for, by layer.
     fn wanted_sides(&self, cells: &[Cell]) -> Vec<[usize; 2]> {
-        let mut by_index = vec![[f64::NAN; 2]; self.count];
+        let count = self.directions.count();
+        let mut by_index = vec![[f64::NAN; 2]; count];
         let mut bins = Bins::new(self.resolution_deg);
         for cell in cells {
             let powers = [0, 1].map(|layer| cell.power(layer));
@@ -183,7 +184,7 @@ impl Gathering<'_, '_, '_, '_> {
                     return [1; 2];
                 }
                 let own = by_index[cell.index];
-                let steps = basis(cell.index, self.count);
+                let steps = basis(cell.index, count);
                 let differs = steps
                     .iter()
                     .flat_map(|&s| [cell.index.checked_sub(s), Some(cell.index + s)])
@@ -197,9 +198,10 @@ impl Gathering<'_, '_, '_, '_> {
 
     /// The sides of a cell, as differences of directions.
     fn steps(&self, index: usize) -> [DVec3; 2] {
-        basis(index, self.count).map(|step| {
-            let (from, to) = if index + step < self.count { (index, index + step) } else { (index.saturating_sub(step), index) };
-            self.field.direction(to, self.count) - self.field.direction(from, self.count)
+        let count = self.directions.count();
+        basis(index, count).map(|step| {
+            let (from, to) = if index + step < count { (index, index + step) } else { (index.saturating_sub(step), index) };
+            self.directions.of(to) - self.directions.of(from)
         })
     }
 }
