@@ -3,7 +3,7 @@
     .venv/bin/python tools/compare_speed.py            # after the installation that tools/check_sionna.py describes
 
 corf: `corf bench radio scenes/lobby147.toml`, all positions, with its own standard errors; once with spectra and once for received powers
-alone, of the paths that both return. Sionna RT: evenly spaced positions of the same trajectory, several seeds at several numbers of rays; its
+alone, of the paths that both return, at several errors. Sionna RT: evenly spaced positions of the same trajectory, several seeds at several numbers of rays; its
 error's law is measured, and the rays (and with them the time) that reach the same error follow from it. Both with the same number of threads; seconds on the wall and CPU seconds of all threads (which neighbours on a busy
 machine disturb less). Then cost against triangles, depth and receivers. Report, CSV and pictures under results/.
 """
@@ -22,8 +22,10 @@ from sionna_live import environment
 ROOT = environment.ROOT
 # corf's errors come from as many positions as Sionna RT's.
 ERRORS = ("--replicas", 8, "--error-positions", 21)
-# Received powers alone, of paths that end with a scattering, as nearly all of Sionna RT's that scatter do.
-POWERS = ("--powers", "--after", 0, "--directions", 60_000, "--photons", 1_000_000, *ERRORS)
+# Received powers alone, of paths that end with a scattering, as nearly all of Sionna RT's that scatter do; …
+POWERS = ("--powers", "--after", 0, "--photons", 1_000_000, *ERRORS)
+# … with so many directions, the error falling.
+POWERS_DIRECTIONS = (60_000, 120_000, 240_000)
 # Pixels within this of the spectrum's peak count, as in `corf bench radio`.
 RANGE_DB = 30.0
 
@@ -35,7 +37,7 @@ def arguments():
     parser.add_argument(
         "--our-positions", type=int, help="positions corf traces (default: all); fewer are scaled up, and the report says so"
     )
-    parser.add_argument("--samples", default="125000,500000,2000000", help="rays of Sionna RT, comma-separated")
+    parser.add_argument("--samples", default="125000,500000,2000000,8000000", help="rays of Sionna RT, comma-separated")
     parser.add_argument("--seeds", type=int, default=8)
     parser.add_argument("--depth", type=int, default=3)
     parser.add_argument("--pixels-at", type=int, default=3, help="positions at which the error of spectrum pixels is measured")
@@ -76,7 +78,7 @@ def main():
         result["ours"] = measure_ours(corf, dataset, *fewer, *ERRORS)
         keep(out, result)
         say("corf bench radio, powers alone")
-        result["powers"] = measure_ours(corf, dataset, *fewer, *POWERS)
+        result["powers"] = [measure_ours(corf, dataset, *fewer, *POWERS, "--directions", n) for n in POWERS_DIRECTIONS]
         keep(out, result)
         if not args.no_scaling:
             mesh = meshes.Meshes(scratch / "scene", radio)

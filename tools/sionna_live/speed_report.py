@@ -13,24 +13,22 @@ from .report import table
 KINDS = {
     "total_db": "total power, worst position",
     "diffuse_db": "diffuse power, worst position",
+    "diffuse_rms_db": "diffuse power, rms over positions",
     "pixel_median_db": "spectrum pixels within 30 dB of the peak, median",
     "pixel_p99_db": "the same, 99 % of them better than",
 }
 
 
-# What the run for powers alone is compared by.
-POWERS_KIND, POWERS_LABEL = "ending_db", "diffuse power that ends with the scattering, worst position: for powers alone"
-# Stages that look for paths without scattering.
-SPECULAR = ("transmitter_chains", "specular")
+# What the runs for powers alone are compared by: diffuse power that ends with the scattering.
+POWERS_KINDS = {"ending_rms_db": "rms over positions", "ending_db": "worst position"}
 # Stages of `corf bench radio` that a transmitter costs once.
 ONCE = ("hierarchy", "transmitter_chains", "photons")
 
 
-def for_all(result, run="ours", without=()):
-    """corf's seconds for all positions: as measured, or scaled up position by position from fewer; `without` some stages."""
-    ours = result[run]["report"]
+def for_all(result, ours):
+    """corf's seconds for all positions: as measured, or scaled up position by position from fewer."""
     factor = result["positions"] / ours["positions"]
-    stages = {name: s for name, s in ours["seconds"].items() if name not in ("total", *without)}
+    stages = {name: s for name, s in ours["seconds"].items() if name != "total"}
     return {clock: sum((s[clock] or 0) * (1 if name in ONCE else factor) for name, s in stages.items()) for clock in ("wall_s", "cpu_s")}
 
 
@@ -42,20 +40,21 @@ def laws(result):
     for samples in counts:
         runs = [run for run in theirs["runs"] if run["samples"] == samples]
         pixel = theirs["pixels"].get(samples) or theirs["pixels"][str(samples)]
+        error = {what: speed.error_db([r[what] for r in runs]) for what in ("total", "diffuse", "ending")}
         rows.append(
             {
                 "samples": samples,
-                "total_db": float(speed.error_db([r["total"] for r in runs]).max()),
-                "total_median_db": float(np.median(speed.error_db([r["total"] for r in runs]))),
-                "diffuse_db": float(speed.error_db([r["diffuse"] for r in runs]).max()),
-                POWERS_KIND: float(speed.error_db([r["ending"] for r in runs]).max()),
+                "total_median_db": float(np.median(error["total"])),
+                **{f"{what}_db": float(e.max()) for what, e in error.items()},
+                **{f"{what}_rms_db": float(np.sqrt(np.mean(e**2))) for what, e in error.items()},
                 "pixel_median_db": pixel["median_db"],
                 "pixel_p99_db": pixel["p99_db"],
                 "wall_s": float(np.median([r["wall_s"] for r in runs])),
                 "cpu_s": float(np.median([r["cpu_s"] for r in runs])),
             }
         )
-    exponent = {kind: float(np.polyfit(np.log(counts), np.log([row[kind] for row in rows]), 1)[0]) for kind in KINDS}
+    kinds = [*KINDS, *POWERS_KINDS]
+    exponent = {kind: float(np.polyfit(np.log(counts), np.log([row[kind] for row in rows]), 1)[0]) for kind in kinds}
     return rows, exponent
 
 
@@ -67,14 +66,17 @@ def equal_error(result):
     own = {
         "total_db": error["total_worst_db"],
         "diffuse_db": error["diffuse_worst_db"],
+        "diffuse_rms_db": error["diffuse_rms_db"],
         "pixel_median_db": error["pixel_median_db"],
         "pixel_p99_db": error["pixel_p99_db"],
     }
-    spent = for_all(result)
+    spent = for_all(result, ours)
     kinds = [(kind, label, own[kind], spent) for kind, label in KINDS.items()]
-    powers = result["powers"]["report"]["standard_error"]["diffuse_worst_db"]
-    kinds.append((POWERS_KIND, POWERS_LABEL, powers, for_all(result, "powers")))
-    kinds.append((POWERS_KIND, "the same, corf without its search for paths that do not scatter", powers, for_all(result, "powers", SPECULAR)))
+    for run in (run["report"] for run in result["powers"]):
+        error = {"ending_db": run["standard_error"]["diffuse_worst_db"], "ending_rms_db": run["standard_error"]["diffuse_rms_db"]}
+        for kind, where in POWERS_KINDS.items():
+            label = f"powers alone, {run['directions']} directions: {where}"
+            kinds.append((kind, label, error[kind], for_all(result, run)))
     calls = result["positions"] / len(result["traced"])
     most = rows[-1]
     slope = {
@@ -115,11 +117,12 @@ def write(out, args, result):
     rows, exponent = laws(result)
     lines = equal_error(result)
     ours, machine = result["ours"]["report"], result["machine"]
-    stages, powers = told(ours), result["powers"]["report"]
+    stages = told(ours)
+    powers = "\n".join(f"- {run['directions']} directions: {told(run)}" for run in (run["report"] for run in result["powers"]))
     scaled = (
         ""
         if ours["positions"] == result["positions"]
-        else f" All {result['positions']} positions, scaled from these: {for_all(result)['wall_s']:.0f} ({for_all(result)['cpu_s']:.0f})."
+        else f" All {result['positions']} positions, scaled from these: {for_all(result, ours)['wall_s']:.0f} ({for_all(result, ours)['cpu_s']:.0f})."
     )
     text = f"""# Speed against Sionna RT ({datetime.date.today().isoformat()})
 
@@ -134,7 +137,9 @@ def write(out, args, result):
 
 Directions {ours["directions"]}, photons {ours["photons"]}, patches of {ours["patch_size_m"]} m.
 
-For powers alone, no spectra, of paths that end with a scattering as Sionna RT's do ({powers["directions"]} directions, {powers["photons"]} photons): {told(powers)}.
+For powers alone, no spectra, of paths that end with a scattering as Sionna RT's do ({result["powers"][0]["report"]["photons"]} photons):
+
+{powers}
 
 ## Sionna RT, {len(result["traced"])} positions a call
 
@@ -142,19 +147,19 @@ Error: standard deviation of one run over {args.seeds} seeds, dB.
 
 """
     text += table(
-        ["rays", "seconds a call (CPU)", "total, worst", "total, median", "diffuse, worst", "… ending so, worst", "pixels, median", "pixels, 99 %"],
+        ["rays", "seconds a call (CPU)", "total, worst", "total, median", "diffuse, worst", "diffuse, rms", "… ending so, worst", "… rms", "pixels, median", "pixels, 99 %"],
         [
             [
                 f"{r['samples']:.3g}",
                 f"{r['wall_s']:.1f} ({r['cpu_s']:.1f})",
-                *[f"{r[k]:.3f}" for k in ("total_db", "total_median_db", "diffuse_db", POWERS_KIND, "pixel_median_db", "pixel_p99_db")],
+                *[f"{r[k]:.3f}" for k in ("total_db", "total_median_db", "diffuse_db", "diffuse_rms_db", "ending_db", "ending_rms_db", "pixel_median_db", "pixel_p99_db")],
             ]
             for r in rows
         ],
     )
     text += (
         "\n\nMeasured laws, error ∝ rays^x: "
-        + ", ".join(f"{KINDS[k]} x = {x:.2f}" for k, x in exponent.items())
+        + ", ".join(f"{label} x = {exponent[k]:.2f}" for k, label in KINDS.items())
         + ". Where x is far from −0.5 the run's spread is not that of a sum of random paths: specular paths off small facets are found by some runs and not by others, and the spread of pixels that few rays reach is bounded (√seeds × 4.3 dB at most). Both make the rays needed look fewer than they are.\n"
     )
     text += f"\n## At equal error, all {result['positions']} positions\n\nThe rays that bring Sionna RT's error of each kind down to corf's by σ² ∝ 1/rays, the law of independent rays, and the seconds they cost.\n\n"
@@ -163,7 +168,7 @@ Error: standard deviation of one run over {args.seeds} seeds, dB.
         [
             [
                 x["label"],
-                f"{x['corf_db']:.3f}",
+                f"{x['corf_db']:.4f}",
                 f"{x['rays']:.2g}",
                 f"{x['sionna_s']:.0f} ({x['sionna_cpu_s']:.0f})",
                 f"{x['corf_s']:.0f} ({x['corf_cpu_s']:.0f})",
