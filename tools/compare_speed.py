@@ -78,8 +78,10 @@ def main():
         result["ours"] = measure_ours(corf, dataset, *fewer, *ERRORS)
         keep(out, result)
         say("corf bench radio, powers alone")
-        result["powers"] = [measure_ours(corf, dataset, *fewer, *POWERS, "--directions", n) for n in POWERS_DIRECTIONS]
-        keep(out, result)
+        result["powers"] = []
+        for directions in POWERS_DIRECTIONS:
+            result["powers"].append(measure_ours(corf, dataset, *fewer, *POWERS, "--directions", directions))
+            keep(out, result)
         if not args.no_scaling:
             mesh = meshes.Meshes(scratch / "scene", radio)
             result["scaling"] = scaling(args, corf, dataset, scene, radio, mesh, library, tx, everywhere, scratch)

@@ -53,14 +53,13 @@ def laws(result):
                 "cpu_s": float(np.median([r["cpu_s"] for r in runs])),
             }
         )
-    kinds = [*KINDS, *POWERS_KINDS]
-    exponent = {kind: float(np.polyfit(np.log(counts), np.log([row[kind] for row in rows]), 1)[0]) for kind in kinds}
+    exponent = {kind: float(np.polyfit(np.log(counts), np.log([row[kind] for row in rows]), 1)[0]) for kind in KINDS}
     return rows, exponent
 
 
 def equal_error(result):
     """For every kind of error: the rays with which Sionna RT would have corf's, and both sides' seconds for all positions."""
-    rows, exponent = laws(result)
+    rows, _ = laws(result)
     ours = result["ours"]["report"]
     error = ours["standard_error"]
     own = {
@@ -95,7 +94,6 @@ def equal_error(result):
                 "label": label,
                 "corf_db": corf_db,
                 "rays": float(needed),
-                "exponent": exponent.get(kind),
                 "sionna_cpu_s": seconds["cpu_s"],
                 "sionna_s": seconds["wall_s"],
                 "corf_cpu_s": spent["cpu_s"],

@@ -22,7 +22,7 @@ pub struct Beam {
 
 impl Beam {
     /// The beam from `image` through a parallelogram: a pyramid, cut off by the mirror.
-    pub fn new(image: DVec3, mirror: &[DVec3; 4]) -> Self {
+    fn new(image: DVec3, mirror: &[DVec3; 4]) -> Self {
         let centre = (mirror[0] + mirror[2]) * 0.5;
         let towards = |normal: DVec3, point: DVec3, inside: DVec3| {
             let normal = normal.normalize_or_zero();

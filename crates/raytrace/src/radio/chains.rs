@@ -10,14 +10,13 @@ use rayon::prelude::*;
 
 /// Chains a task continues.
 const CHAINS_PER_TASK: usize = 128;
-/// Rays that go on from a square metre of a face that the transmitter lights straight, in shares of the lattice's; least and most …
-const FROM_FIRST: Density = Density { per_m2: 0.025, least: 4, most: 512 };
+/// Rays that go on from a square metre of a face that the transmitter lights straight, in shares of the lattice's; least and most, all of
+/// them in one pass …
+const FROM_FIRST: Density = Density { per_m2: 0.05, least: 16, most: 1024, first_pass: 1024 };
 /// … and from the last face of a chain of several, …
-const FROM_LATER: Density = Density { per_m2: 0.00625, least: 4, most: 128 };
+const FROM_LATER: Density = Density { per_m2: 0.00625, least: 4, most: 128, first_pass: 8 };
 /// … as long as all chains of a length together take no more than this many times the lattice's; none have less than one.
 const CONTINUING_RAYS: usize = 64;
-/// Rays from a face in the first pass over it. Every further pass lies between those before; one that finds nothing new is the last.
-const FIRST_PASS: usize = 4;
 /// Smaller faces are neither continued from nor looked for, m²: what they mirror is left to the lattice.
 const SMALL_FACE_M2: f64 = 1e-4;
 /// Every face lit by way of a large one is looked for …
@@ -40,6 +39,9 @@ struct Density {
     per_m2: f64,
     least: usize,
     most: usize,
+    /// Rays in the first pass over a face. Every further pass doubles them, between those before; one that finds nothing new where light
+    /// falls is the last.
+    first_pass: usize,
 }
 
 impl Density {
@@ -53,6 +55,42 @@ impl Density {
             counts.iter_mut().for_each(|n| *n = ((*n as f64 * share) as usize).max(1));
         }
         counts
+    }
+
+    /// The chains that light can run through from points spread over the last face of each: a lattice from the transmitter
+    /// puts too few rays on small and narrow faces to see all that they mirror.
+    fn continued(&self, walk: &Walk<'_, '_>, tx: DVec3, chains: &[Chain], rays: usize) -> Vec<Chain> {
+        let counts = self.counts(walk.geometry(), chains, rays);
+        let found: Vec<Findings<Chain>> = chains
+            .par_chunks(CHAINS_PER_TASK)
+            .zip(counts.par_chunks(CHAINS_PER_TASK))
+            .map(|(chunk, counts)| {
+                let (mut found, mut legs) = (Findings::default(), Vec::new());
+                for (chain, &count) in chunk.iter().zip(counts) {
+                    let Some(&last) = chain.faces().last() else { continue };
+                    let way = Way::new(walk.geometry(), tx, chain);
+                    let points = walk.geometry().faces[last as usize].spread(count);
+                    let step = golden_step(count);
+                    let (mut tried, mut pass) = (0, self.first_pass);
+                    while tried < count {
+                        let (before, mut lit) = (found.len(), false);
+                        for point in (tried..pass.min(count)).map(|i| points[i * step % count]) {
+                            if walk.lights(&way, point) {
+                                lit = true;
+                                let on = |chain: &Chain, triangle| found.extend(walk.mirrored(chain, triangle));
+                                walk.go_on(&way, point, &mut legs, on);
+                            }
+                        }
+                        if lit && found.len() == before {
+                            break;
+                        }
+                        (tried, pass) = (pass, 2 * pass);
+                    }
+                }
+                found
+            })
+            .collect();
+        found.into_iter().flatten().collect()
     }
 }
 
@@ -130,17 +168,17 @@ fn mirrors(geometry: &Geometry<'_>, settings: &RadioSettings) -> Vec<u32> {
 /// The chains that rays run through, and faces lit by way of large ones.
 fn by_rays(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: usize) -> Vec<Chain> {
     let allowed = &mirrors(geometry, settings);
-    let mut chains = exhaustive(geometry, tx, allowed, 1);
-    chains.extend(from_lattice(geometry, tx, settings, rays));
-    distinct(&mut chains);
     let walk = Walk::new(geometry, settings);
+    let mut chains = exhaustive(geometry, tx, allowed, 1);
+    chains.extend(walk.lattice(tx, rays, |found, chain, triangle| found.extend(walk.mirrored(chain, triangle))));
+    distinct(&mut chains);
     for length in 1..settings.max_depth {
         let (large, density) = if length == 1 { (BY_ONE, FROM_FIRST) } else { (BY_SEVERAL, FROM_LATER) };
         let of_length = |c: &&Chain| c.faces().len() == length;
         let all: Vec<Chain> = chains.iter().filter(of_length).copied().collect();
         chains.extend(large.lit(&walk, tx, all, allowed));
         let narrowing: Vec<Chain> = chains.iter().filter(of_length).filter(|c| narrows(geometry, c)).copied().collect();
-        chains.extend(continued(&walk, tx, &narrowing, &density.counts(geometry, &narrowing, rays)));
+        chains.extend(density.continued(&walk, tx, &narrowing, rays));
         distinct(&mut chains);
     }
     chains
@@ -167,12 +205,6 @@ fn exhaustive(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: us
     chains
 }
 
-/// The chains that a lattice of rays from the transmitter runs through, reflected and, when enabled, transmitted at every hit.
-fn from_lattice(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: usize) -> Vec<Chain> {
-    let walk = Walk::new(geometry, settings);
-    walk.lattice(tx, rays, |found, chain, triangle| found.extend(walk.mirrored(chain, triangle)))
-}
-
 /// Whether the last face of a chain is its smallest, and not too small: what is lit by way of a smaller one before is a part of the last
 /// that points spread over all of it may miss, and is seen by the rays that went on from the smaller one.
 fn narrows(geometry: &Geometry<'_>, chain: &Chain) -> bool {
@@ -183,42 +215,17 @@ fn narrows(geometry: &Geometry<'_>, chain: &Chain) -> bool {
         .is_some_and(|last| area(last) >= SMALL_FACE_M2 && chain.faces().iter().all(|face| area(face) >= area(last)))
 }
 
-/// The chains that light can run through from up to so many points spread over the last face of each chain: a lattice from the transmitter
-/// puts too few rays on small and narrow faces to see all that they mirror.
-fn continued(walk: &Walk<'_, '_>, tx: DVec3, chains: &[Chain], counts: &[usize]) -> Vec<Chain> {
-    let found: Vec<Vec<Chain>> = chains
-        .par_chunks(CHAINS_PER_TASK)
-        .zip(counts.par_chunks(CHAINS_PER_TASK))
-        .map(|(chunk, counts)| {
-            let (mut found, mut legs) = (Findings::default(), Vec::new());
-            for (chain, &count) in chunk.iter().zip(counts) {
-                let Some(&last) = chain.faces().last() else { continue };
-                let way = Way::new(walk.geometry(), tx, chain);
-                let points = walk.geometry().faces[last as usize].spread(count);
-                for pass in passes(count) {
-                    let before = found.len();
-                    for i in pass {
-                        if walk.lights(&way, points[i]) {
-                            let on = |chain: &Chain, triangle| found.extend(walk.mirrored(chain, triangle));
-                            walk.go_on(&way, points[i], &mut legs, on);
-                        }
-                    }
-                    if found.len() == before {
-                        break;
-                    }
-                }
-            }
-            found.into_distinct()
-        })
-        .collect();
-    found.into_iter().flatten().collect()
-}
-
-/// 0..`count` in passes of which each lies evenly between those before, the first of [`FIRST_PASS`] or some more.
-fn passes(count: usize) -> impl Iterator<Item = std::iter::StepBy<std::ops::Range<usize>>> {
-    let first = (count / FIRST_PASS).max(1).next_power_of_two();
-    let halves = std::iter::successors(Some(first), |step| (*step > 1).then_some(step / 2));
-    halves.map(move |step| if step == first { (0..count).step_by(step) } else { (step..count.max(step)).step_by(2 * step) })
+/// A step through 0..`count`, round and round, that leaves none out and goes everywhere soon: the nearest to the golden section without a
+/// common divisor.
+fn golden_step(count: usize) -> usize {
+    let divisor = |mut a: usize, mut b: usize| {
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let golden = (0.618 * count as f64) as usize;
+    (golden.max(1)..).find(|&step| divisor(count, step) == 1).unwrap_or(1)
 }
 
 impl Large {
@@ -235,10 +242,13 @@ impl Large {
             let plane = &geometry.faces[face as usize];
             Facet { face, hull: plane.hull(), points: plane.spread(self.points) }
         };
-        let facets: Vec<Facet> = allowed.iter().filter(|&&face| area_m2(face) >= SMALL_FACE_M2).map(facet).collect();
         let smallest_m2 = |chain: &Chain| chain.faces().iter().fold(f64::INFINITY, |least, &face| least.min(area_m2(face)));
         before.retain(|chain| smallest_m2(chain) >= self.least_m2);
         before.sort_by(|a, b| smallest_m2(b).total_cmp(&smallest_m2(a)));
+        if before.is_empty() {
+            return Vec::new();
+        }
+        let facets: Vec<Facet> = allowed.iter().filter(|&&face| area_m2(face) >= SMALL_FACE_M2).map(facet).collect();
         before.truncate(self.most_pairs / facets.len().max(1));
         let found: Vec<Vec<Chain>> = before
             .par_iter()
@@ -274,4 +284,19 @@ pub fn wedges_from_lattice(
 pub fn repeats(geometry: &Geometry<'_>, chain: &Chain, face: u32) -> bool {
     let Some(&last) = chain.faces().last() else { return false };
     last == face || geometry.faces[last as usize].shares_plane(&geometry.faces[face as usize])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn golden_steps_leave_nothing_out() {
+        for count in 1..300 {
+            let step = golden_step(count);
+            let mut visited: Vec<usize> = (0..count).map(|i| i * step % count).collect();
+            visited.sort_unstable();
+            assert!(visited.into_iter().eq(0..count), "{count}");
+        }
+    }
 }

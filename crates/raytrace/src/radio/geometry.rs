@@ -62,7 +62,7 @@ impl Face {
         self.index.bounds()
     }
 
-    /// `count` points spread evenly over the face; a single one lies in its middle.
+    /// `count` points spread evenly over the face; a single one lies in its middle, where that is a part of it.
     pub fn spread(&self, count: usize) -> Vec<DVec3> {
         let centroid = (count == 1).then(|| self.index.centroid(self.normal, self.offset_m));
         match centroid.filter(|&p| self.contains(p)) {

@@ -199,4 +199,23 @@ mod tests {
             assert_eq!(index.contains(p), expected, "{p}");
         }
     }
+
+    #[test]
+    fn points_are_spread_evenly_and_a_frame_holds_no_middle() {
+        // A square of side 3 with a hole of side 1.
+        let mut triangles = Vec::new();
+        for i in (0..9usize).filter(|i| *i != 4) {
+            let o = DVec3::new((i % 3) as f64, (i / 3) as f64, 0.0);
+            triangles.push([o, o + DVec3::X, o + DVec3::new(1.0, 1.0, 0.0)]);
+            triangles.push([o, o + DVec3::new(1.0, 1.0, 0.0), o + DVec3::Y]);
+        }
+        let index = PlanarIndex::new(DVec3::Z, triangles.into_iter());
+        for count in [16, 64, 512] {
+            let points = index.spread(DVec3::Z, 0.0, count);
+            assert!(points.iter().all(|&p| index.contains(p)));
+            let mean = points.iter().sum::<DVec3>() / count as f64;
+            assert!(mean.distance(DVec3::new(1.5, 1.5, 0.0)) < 1.0 / (count as f64).sqrt(), "{count}: {mean}");
+        }
+        assert!(!index.contains(index.centroid(DVec3::Z, 0.0)));
+    }
 }

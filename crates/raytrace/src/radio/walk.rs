@@ -5,7 +5,8 @@ use super::geometry::Geometry;
 use super::{MAX_DEPTH, RadioSettings, Slab, field, fresnel, lattice};
 use glam::DVec3;
 use rayon::prelude::*;
-use std::hash::{DefaultHasher, Hash, Hasher};
+use std::collections::HashSet;
+use std::hash::Hash;
 
 /// A wall that lets less than this share of power through at normal incidence ends a ray.
 const TRANSPARENT_POWER: f64 = 1e-9;
@@ -13,13 +14,11 @@ const TRANSPARENT_POWER: f64 = 1e-9;
 const RAYS_PER_TASK: usize = 2048;
 /// Clearance of a ray from the face it leaves, metres.
 const CLEARANCE_M: f64 = 1e-4;
-/// Latest findings that a new one is held against: rays of a task meet the same again and again.
-const LATEST: usize = 1024;
 
 /// What rays look for.
 pub trait Finding: Copy + Send {
     /// What tells two of them apart, and their order.
-    type Key: Ord + Hash;
+    type Key: Ord + Hash + Send;
     /// This one's.
     fn key(&self) -> Self::Key;
 }
@@ -30,43 +29,28 @@ pub fn distinct<T: Finding>(found: &mut Vec<T>) {
     found.dedup_by_key(|f| f.key());
 }
 
-/// What the rays of a task have found, without most of the repeats.
-pub struct Findings<T> {
+/// What the rays of a task have found, each once: they meet the same again and again.
+pub struct Findings<T: Finding> {
     found: Vec<T>,
-    /// By a hash of the key: index of the latest finding that had it.
-    latest: Vec<u32>,
+    keys: HashSet<T::Key>,
 }
 
-impl<T> Default for Findings<T> {
+impl<T: Finding> Default for Findings<T> {
     fn default() -> Self {
-        Self { found: Vec::new(), latest: vec![u32::MAX; LATEST] }
+        Self { found: Vec::new(), keys: HashSet::new() }
     }
 }
 
 impl<T: Finding> Extend<T> for Findings<T> {
     fn extend<I: IntoIterator<Item = T>>(&mut self, found: I) {
-        for finding in found {
-            let mut hasher = DefaultHasher::new();
-            finding.key().hash(&mut hasher);
-            let latest = &mut self.latest[hasher.finish() as usize % LATEST];
-            if self.found.get(*latest as usize).is_none_or(|known| known.key() != finding.key()) {
-                *latest = self.found.len() as u32;
-                self.found.push(finding);
-            }
-        }
+        self.found.extend(found.into_iter().filter(|finding| self.keys.insert(finding.key())));
     }
 }
 
 impl<T: Finding> Findings<T> {
-    /// How many, some repeats included.
+    /// How many.
     pub fn len(&self) -> usize {
         self.found.len()
-    }
-
-    /// Sorted, without any repeat.
-    pub fn into_distinct(mut self) -> Vec<T> {
-        distinct(&mut self.found);
-        self.found
     }
 }
 
@@ -84,6 +68,16 @@ impl<'c> Way<'c> {
             images[i + 1] = geometry.faces[face as usize].mirror(images[i]);
         }
         Self { chain, images }
+    }
+}
+
+impl<T: Finding> IntoIterator for Findings<T> {
+    type Item = T;
+    type IntoIter = std::vec::IntoIter<T>;
+
+    /// In the order in which they were found.
+    fn into_iter(self) -> Self::IntoIter {
+        self.found.into_iter()
     }
 }
 
@@ -186,7 +180,7 @@ impl<'w, 'a> Walk<'w, 'a> {
 
     /// Follows a lattice of rays as in [`Self::go_on`]; what `visit` adds to the findings comes back sorted and without repeats.
     pub fn lattice<T: Finding>(&self, from: DVec3, rays: usize, visit: impl Fn(&mut Findings<T>, &Chain, u32) + Sync) -> Vec<T> {
-        let per_task: Vec<Vec<T>> = (0..rays.div_ceil(RAYS_PER_TASK))
+        let per_task: Vec<Findings<T>> = (0..rays.div_ceil(RAYS_PER_TASK))
             .into_par_iter()
             .map(|task| {
                 let (mut found, mut legs) = (Findings::default(), Vec::new());
@@ -195,7 +189,7 @@ impl<'w, 'a> Walk<'w, 'a> {
                     legs.push(Leg { origin: from, direction, chain: Chain::line_of_sight(from), interactions: 0 });
                     self.follow(&mut legs, |chain, triangle| visit(&mut found, chain, triangle));
                 }
-                found.into_distinct()
+                found
             })
             .collect();
         let mut found = per_task.into_iter().flatten().collect();

@@ -5,3 +5,4 @@
 mod diffuse;
 mod paths;
 mod rooms;
+mod search;

@@ -1,6 +1,7 @@
 //! Rooms to trace in.
 
 use corf_raytrace::radio::{Path, RadioSettings, Search};
+use corf_scene::Rng;
 use corf_scene::model::{
     Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
 };
@@ -52,6 +53,22 @@ pub fn room() -> Scene {
     add_box(&mut scene, "room", 0, Vec3::ZERO, Vec3::new(6.0, 5.0, 3.0));
     add_box(&mut scene, "box", 1, Vec3::new(2.5, 1.0, 0.0), Vec3::new(3.25, 2.0, 1.25));
     add_box(&mut scene, "screen", 2, Vec3::new(4.0, 3.0, 0.0), Vec3::new(4.01, 4.5, 2.0));
+    scene
+}
+
+/// A closed room with a few boxes at random places.
+pub fn random_room(seed: u64, boxes: usize) -> Scene {
+    let mut rng = Rng::keyed(77, 1, seed);
+    let mut number = |low: f64, high: f64| (low + (high - low) * rng.uniform_f64()) as f32;
+    let mut scene = Scene { name: format!("room{seed}"), ..Scene::default() };
+    scene.materials =
+        vec![material("walls", "plasterboard", 0.013), material("wood", "wood", 0.04), material("glass", "glass", 0.008)];
+    add_box(&mut scene, "room", 0, Vec3::ZERO, Vec3::new(6.0, 5.0, 3.0));
+    for i in 0..boxes {
+        let min = Vec3::new(number(0.5, 4.5), number(0.5, 3.5), number(0.1, 1.0));
+        let size = Vec3::new(number(0.02, 1.2), number(0.3, 1.2), number(0.3, 1.5));
+        add_box(&mut scene, &format!("box{i}"), 1 + i as u32 % 2, min, min + size);
+    }
     scene
 }
 

@@ -28,9 +28,9 @@ pub struct Landing {
 pub fn trace(illumination: &Illumination<'_, '_>, directions: &Directions) -> Vec<Landing> {
     let Some(slabs) = illumination.slab_budget(Source::transmitter(illumination.tx), 0) else { return Vec::new() };
     let geometry = illumination.geometry();
-    in_tasks(directions.along(), |directions| {
+    in_tasks(directions.along(), |numbers| {
         let mut landings = Vec::new();
-        for &(_, direction) in directions {
+        for direction in numbers.iter().map(|&number| directions.of(number as usize)) {
             let mut origin = illumination.tx;
             for crossed in 0..=slabs {
                 let Some(Meeting { face, point, .. }) = geometry.meet(origin, direction, CLEARANCE_M) else { break };

@@ -290,11 +290,12 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         check_receiver(rx)?;
         let antenna = &self.tracer.settings.rx_antenna;
         let lattice = Lattice { count: self.directions.count(), refined: false, shared: true };
-        let mut all = in_tasks(self.directions.along(), |directions| {
+        let mut all = in_tasks(self.directions.along(), |numbers| {
             let mut look = Look::new(self, rx, antenna, lattice);
             let mut found = Vec::new();
-            for &(number, direction) in directions {
-                look.along(number as usize, direction, Layer::All, &mut |c| found.push((direction, c)));
+            for number in numbers.iter().map(|&number| number as usize) {
+                let direction = self.directions.of(number);
+                look.along(number, direction, Layer::All, &mut |c| found.push((direction, c)));
             }
             found
         });

@@ -124,10 +124,11 @@ impl Gathering<'_, '_, '_, '_> {
         wanted: impl Fn(DVec3) -> bool + Sync,
         find: impl Fn(&mut Look<'_, '_, '_>, usize, DVec3) -> Option<T> + Sync,
     ) -> Vec<T> {
-        in_tasks(self.directions.along(), |directions| {
+        in_tasks(self.directions.along(), |numbers| {
             let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
-            let directions = directions.iter().filter(|(_, direction)| wanted(*direction));
-            directions.filter_map(|&(number, direction)| find(&mut look, number as usize, direction)).collect()
+            let directions = numbers.iter().map(|&number| (number as usize, self.directions.of(number as usize)));
+            let directions = directions.filter(|(_, direction)| wanted(*direction));
+            directions.filter_map(|(number, direction)| find(&mut look, number, direction)).collect()
         })
     }
 
