@@ -3,7 +3,7 @@
 use super::beams::{self, Beam};
 use super::diffraction::Wedges;
 use super::geometry::Geometry;
-use super::walk::{Finding, Findings, Walk, Way, distinct};
+use super::walk::{Finding, Findings, Leg, Walk, Way, distinct};
 use super::{MAX_DEPTH, RadioSettings, Search};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -68,29 +68,32 @@ impl Density {
                 let (mut found, mut legs) = (Findings::default(), Vec::new());
                 for (chain, &count) in chunk.iter().zip(counts) {
                     let Some(&last) = chain.faces().last() else { continue };
-                    let way = Way::new(walk.geometry(), tx, chain);
                     let points = walk.geometry().faces[last as usize].spread(count);
-                    let step = golden_step(count);
-                    let (mut tried, mut pass) = (0, self.first_pass);
-                    while tried < count {
-                        let (before, mut lit) = (found.len(), false);
-                        for point in (tried..pass.min(count)).map(|i| points[i * step % count]) {
-                            if walk.lights(&way, point) {
-                                lit = true;
-                                let on = |chain: &Chain, triangle| found.extend(walk.mirrored(chain, triangle));
-                                walk.go_on(&way, point, &mut legs, on);
-                            }
-                        }
-                        if lit && found.len() == before {
-                            break;
-                        }
-                        (tried, pass) = (pass, 2 * pass);
-                    }
+                    self.go_on(walk, &Way::new(walk.geometry(), tx, chain), &points, &mut legs, &mut found);
                 }
                 found
             })
             .collect();
         found.into_iter().flatten().collect()
+    }
+
+    /// Sends rays on from points of the last face on a way, pass after pass.
+    fn go_on(&self, walk: &Walk<'_, '_>, way: &Way<'_>, points: &[DVec3], legs: &mut Vec<Leg>, found: &mut Findings<Chain>) {
+        let (count, step) = (points.len(), golden_step(points.len()));
+        let (mut tried, mut pass) = (0, self.first_pass);
+        while tried < count {
+            let (before, mut lit) = (found.len(), false);
+            for point in (tried..pass.min(count)).map(|i| points[i * step % count]) {
+                if walk.lights(way, point) {
+                    lit = true;
+                    walk.go_on(way, point, legs, |chain, triangle| found.extend(walk.mirrored(chain, triangle)));
+                }
+            }
+            if lit && found.len() == before {
+                break;
+            }
+            (tried, pass) = (pass, 2 * pass);
+        }
     }
 }
 
@@ -112,6 +115,16 @@ impl Chain {
     /// The line of sight: no face at all.
     pub fn line_of_sight(tx: DVec3) -> Self {
         Self { faces: [u32::MAX; MAX_DEPTH], length: 0, image: tx }
+    }
+
+    /// By face: the transmitter as that face sees it, mirrored in those before. What follows the last face means nothing.
+    pub fn images(&self, geometry: &Geometry<'_>, tx: DVec3) -> [DVec3; MAX_DEPTH] {
+        let faces = self.faces();
+        let mut images = [tx; MAX_DEPTH];
+        for i in 1..faces.len() {
+            images[i] = geometry.faces[faces[i - 1] as usize].mirror(images[i - 1]);
+        }
+        images
     }
 
     /// With one more face.

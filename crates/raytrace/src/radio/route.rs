@@ -100,10 +100,7 @@ impl RadioTracer<'_> {
         let Some((&last, _)) = faces.split_last() else { return Some(vertices) };
         // Most candidates end here, at the last face, before the other images are needed.
         vertices[faces.len() - 1] = self.bounce(last, rx, chain.image)?;
-        let mut images = [tx; MAX_DEPTH];
-        for i in 1..faces.len() {
-            images[i] = self.geometry.faces[faces[i - 1] as usize].mirror(images[i - 1]);
-        }
+        let images = chain.images(&self.geometry, tx);
         for i in (0..faces.len() - 1).rev() {
             vertices[i] = self.bounce(faces[i], vertices[i + 1], images[i + 1])?;
         }

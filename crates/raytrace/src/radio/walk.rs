@@ -54,6 +54,16 @@ impl<T: Finding> Findings<T> {
     }
 }
 
+impl<T: Finding> IntoIterator for Findings<T> {
+    type Item = T;
+    type IntoIter = std::vec::IntoIter<T>;
+
+    /// In the order in which they were found.
+    fn into_iter(self) -> Self::IntoIter {
+        self.found.into_iter()
+    }
+}
+
 /// A chain with the transmitter's images before each of its faces.
 pub struct Way<'c> {
     chain: &'c Chain,
@@ -63,21 +73,7 @@ pub struct Way<'c> {
 impl<'c> Way<'c> {
     /// From a transmitter.
     pub fn new(geometry: &Geometry<'_>, tx: DVec3, chain: &'c Chain) -> Self {
-        let mut images = [tx; MAX_DEPTH];
-        for (i, &face) in chain.faces().iter().enumerate().take(MAX_DEPTH - 1) {
-            images[i + 1] = geometry.faces[face as usize].mirror(images[i]);
-        }
-        Self { chain, images }
-    }
-}
-
-impl<T: Finding> IntoIterator for Findings<T> {
-    type Item = T;
-    type IntoIter = std::vec::IntoIter<T>;
-
-    /// In the order in which they were found.
-    fn into_iter(self) -> Self::IntoIter {
-        self.found.into_iter()
+        Self { chain, images: chain.images(geometry, tx) }
     }
 }
 
