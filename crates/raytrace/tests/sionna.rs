@@ -69,6 +69,37 @@ fn what_cannot_be_compared_is_said() {
 }
 
 #[test]
+fn without_a_line_of_sight_slabs_are_still_seen_through() {
+    let Some(mut reference) = specular("glass_partition") else { return };
+    let with_slabs = reference.configs.iter().position(|c| c.args.refraction).unwrap();
+    reference.configs.drain(..with_slabs);
+    reference.configs[0].args.los = false;
+    assert!(!sionna::check_specular(&reference).unwrap().passed, "one receiver is in line of sight");
+    let results = reference.configs[0].rx_results.iter_mut();
+    results.for_each(|result| result.paths.retain(|path| !path.types.is_empty()));
+    let straight = reference.configs[0].rx_results.iter().flat_map(|r| &r.paths).any(|path| path.types == "R");
+    let report = sionna::check_specular(&reference).unwrap();
+    assert!(straight && report.passed, "{report}");
+}
+
+#[test]
+fn the_antennas_are_the_files() {
+    let Some(path) = shared("sionna/box_room.json") else { return };
+    let with = |pattern: &str, polarization: &str| {
+        let mut file: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+        file["antennas"] =
+            serde_json::json!({ "pattern": pattern, "polarization": polarization, "orientation": [0.3, 0.0, 0.0] });
+        let reference: Result<SpecularReference, _> = serde_json::from_value(file);
+        reference.map_err(|e| e.to_string()).and_then(|r| sionna::check_specular(&r).map_err(|e| e.to_string()))
+    };
+    // Turned about the vertical, an isotropic element is the same, and a dipole is another one.
+    assert!(with("iso", "V").unwrap().passed);
+    assert!(!with("dipole", "V").unwrap().passed && !with("iso", "H").unwrap().passed);
+    assert!(with("cross-eyed", "V").unwrap_err().contains("cross-eyed"));
+    assert!(with("iso", "VH").unwrap_err().contains("two ports"));
+}
+
+#[test]
 fn diffraction_is_traced_where_the_reference_asks_for_it() {
     // The cabinet as one body: its vertical edges and those of its top diffract; as loose quads it has open edges only.
     let Some(mut reference) = specular("metal_obstacles") else { return };

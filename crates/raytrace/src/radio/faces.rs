@@ -82,6 +82,11 @@ fn key(part: u32, cell: IVec3, bin: i64) -> u64 {
     })
 }
 
+/// An area to eleven binary digits: the halves of a rectangle are the same size.
+fn size(area: f64) -> u32 {
+    (area as f32).to_bits() >> 12
+}
+
 /// One object's triangles of one material.
 struct Part {
     number: u32,
@@ -124,13 +129,13 @@ impl Part {
     }
 }
 
-/// Groups triangles by object, material and plane; larger triangles first, so that they define the planes. Returns the faces and the
-/// face of every triangle.
+/// Groups triangles by object, material and plane; larger triangles first, so that they define the planes, and of those as large to
+/// float32's rounding the first. Returns the faces and the face of every triangle.
 pub fn gather(scene: &Scene, corners: &[[DVec3; 3]]) -> (Vec<Face>, Vec<u32>) {
     let crosses: Vec<DVec3> = corners.iter().map(|c| (c[1] - c[0]).cross(c[2] - c[0])).collect();
     let doubled_areas: Vec<f64> = crosses.iter().map(|c| c.length()).collect();
     let mut order: Vec<u32> = (0..corners.len() as u32).collect();
-    order.sort_by(|&a, &b| doubled_areas[b as usize].total_cmp(&doubled_areas[a as usize]).then(a.cmp(&b)));
+    order.sort_by_key(|&i| (std::cmp::Reverse(size(doubled_areas[i as usize])), i));
     let parts = parts(scene, corners);
     let mut groups: Vec<Group> = Vec::new();
     let mut planes = Planes::default();
@@ -244,7 +249,7 @@ mod tests {
         // The definition, by brute force: the first plane of the part, largest triangles first, that all corners lie in.
         let cross = |i: usize| (corners[i][1] - corners[i][0]).cross(corners[i][2] - corners[i][0]);
         let mut order: Vec<usize> = (0..corners.len()).collect();
-        order.sort_by(|&a, &b| cross(b).length().total_cmp(&cross(a).length()).then(a.cmp(&b)));
+        order.sort_by_key(|&i| (std::cmp::Reverse(size(cross(i).length())), i));
         let mut planes: Vec<(u32, u32, DVec3, f64)> = Vec::new();
         for i in order {
             let (t, n) = (&scene.triangles[i], cross(i).normalize());

@@ -82,7 +82,7 @@ pub struct RadioSettings {
     pub frequency_hz: f64,
     /// Interactions per path, reflections and transmissions together; at most [`MAX_DEPTH`].
     pub max_depth: usize,
-    /// Trace the direct ray (through slabs, where transmission is on).
+    /// Keep the line of sight. Off, what comes straight through slabs stays, as in Sionna RT: that is transmission's.
     pub line_of_sight: bool,
     /// Trace specular reflections.
     pub reflection: bool,

@@ -190,6 +190,11 @@ impl<'a> RadioTracer<'a> {
         &self.geometry
     }
 
+    /// How many objects the scene has.
+    pub(super) fn objects(&self) -> usize {
+        self.objects.len()
+    }
+
     /// Finds everything about a transmitter that does not depend on the receiver; reuse it for all receivers.
     ///
     /// # Errors
@@ -265,9 +270,8 @@ impl<'t, 'a> Transmitter<'t, 'a> {
             ));
         }
         let mut paths: Vec<Path> = Vec::new();
-        if self.tracer.settings.line_of_sight {
-            paths.extend(self.tracer.trace(self.tx, rx, &Chain::line_of_sight(self.tx)));
-        }
+        let direct = self.tracer.trace(self.tx, rx, &Chain::line_of_sight(self.tx));
+        paths.extend(direct.filter(|path| self.tracer.settings.line_of_sight || !path.interactions.is_empty()));
         let passing = self.screen.passing(&self.tracer.geometry, rx);
         let traced: Vec<Vec<Path>> = passing
             .par_chunks(CHAINS_PER_TASK)

@@ -1,12 +1,12 @@
 //! Diffuse power per type and per object, and the Bartlett map.
 //!
-//! Chains that end in a scattering are compared one type at a time: D and SD as the exact integrals they are here, all others by photons
-//! that follow that chain alone. What follows a scattering is not compared: the library loses it.
+//! Chains that end in a scattering are compared one type at a time: D and SD by quadrature over the surfaces, all others by photons that
+//! follow that chain alone. What follows a scattering is not compared: the library loses it.
 
-use super::reference::{DiffuseCase, DiffuseReference, DiffuseResult, single};
+use super::reference::{DiffuseCase, DiffuseReference, DiffuseResult, Estimate, single};
 use super::report::Quantity;
 use super::{CheckReport, Comparison};
-use crate::radio::diffuse::{Contribution, Event};
+use crate::radio::diffuse::{Event, Scattered};
 use crate::radio::{Arrival, DiffuseField, DiffuseSettings, Path, PlanarArray, RadioSettings, RadioTracer, Search};
 use crate::spectrum::{Bartlett, RearHalfSpace};
 use corf_scene::{Result, Scene};
@@ -22,7 +22,7 @@ const TOTAL_DB: f64 = 0.1;
 /// The Bartlett map, dB, where it is within [`MAP_DEPTH_DB`] of its peak.
 const MAP_DB: f64 = 0.2;
 const MAP_DEPTH_DB: f64 = 30.0;
-/// Directions of the gathering lattice: per-object outlines are then sampled to a few 1e-4.
+/// Directions of the gathering lattice behind a map.
 const DIRECTIONS: usize = 250_000;
 /// … where a total is wanted within a tenth of a decibel.
 const COARSE_DIRECTIONS: usize = 40_000;
@@ -45,11 +45,15 @@ pub(super) fn check(reference: &DiffuseReference) -> Result<CheckReport> {
         let opaque = RadioTracer::without_bvh(&scene, RadioSettings { transmission: false, ..settings })?;
         let tx = single(reference.tx);
         let transmitter = tracer.transmitter(tx)?;
-        let exact =
-            DiffuseSettings { directions: DIRECTIONS, after: 0, min_mirror_sr: 0.0, photons: 0, ..DiffuseSettings::default() };
-        let coarse = DiffuseSettings { directions: COARSE_DIRECTIONS, ..exact };
-        let field = DiffuseField::new(&opaque, tx, &exact)?;
-        let everything = DiffuseField::new(&tracer, tx, &DiffuseSettings { photons: PHOTONS, ..exact })?;
+        let coarse = DiffuseSettings {
+            directions: COARSE_DIRECTIONS,
+            after: 0,
+            min_mirror_sr: 0.0,
+            photons: 0,
+            ..DiffuseSettings::default()
+        };
+        let field = DiffuseField::new(&opaque, tx, &coarse)?;
+        let everything = DiffuseField::new(&tracer, tx, &DiffuseSettings { directions: DIRECTIONS, photons: PHOTONS, ..coarse })?;
         let mut chains = BTreeMap::new();
         for name in case.rx_results.iter().flat_map(|r| r.power_by_type.keys()) {
             if let Some(chain) = events(name, case.args.max_depth)
@@ -63,19 +67,17 @@ pub(super) fn check(reference: &DiffuseReference) -> Result<CheckReport> {
             let rx = single(reference.rx[result.rx_index]);
             let mut comparison = Comparison { name: format!("{}, rx {}", case.name, result.rx_index), ..Comparison::default() };
             let paths = transmitter.paths(rx)?;
-            compare(&mut comparison, case, result, &scene, &paths, &field.contributions(rx)?);
+            compare(&mut comparison, case, result, &scene, &paths, &field.by_quadrature(rx)?);
             for (name, expected) in &result.power_by_type {
                 if let Some(chain) = chains.get(name) {
-                    let found = total(&chain.contributions(rx)?, |_| true);
-                    let allowed = decibels(expected.mean) + STANDARD_ERRORS * expected.sem;
-                    require(&mut comparison, &format!("power of {name}"), found, expected.mean, allowed);
+                    let found = chain.contributions(rx)?.iter().map(|(_, c)| c.power).sum();
+                    require(&mut comparison, &format!("power of {name}"), found, expected.mean, allowed(expected));
                 }
             }
             if let Some(expected) = &result.ds_by_reciprocity {
                 // Not this scene's DS: the scattering model is not reciprocal (Γ and the lobe belong to the incident side).
-                let exchanged = DiffuseField::new(&opaque, rx, &coarse)?.contributions(tx)?;
-                let found = total(&exchanged, |c| c.mirrored_before);
-                require(&mut comparison, "power of SD with the ends exchanged", found, expected.mean, decibels(expected.mean));
+                let found = DiffuseField::new(&opaque, rx, &coarse)?.by_quadrature(tx)?.mirrored.iter().sum();
+                require(&mut comparison, "power of SD with the ends exchanged", found, expected.mean, allowed(expected));
             }
             // The map holds what the library found: everything but what follows a scattering.
             let mut arrivals: Vec<Arrival> = paths.iter().map(|p| Arrival::from_path(p, reference.frequency_hz)).collect();
@@ -103,32 +105,26 @@ fn events(types: &str, max_depth: usize) -> Option<Vec<Event>> {
         .collect()
 }
 
-fn compare(
-    c: &mut Comparison,
-    case: &DiffuseCase,
-    result: &DiffuseResult,
-    scene: &Scene,
-    paths: &[Path],
-    contributions: &[(DVec3, Contribution)],
-) {
+fn compare(c: &mut Comparison, case: &DiffuseCase, result: &DiffuseResult, scene: &Scene, paths: &[Path], scattered: &Scattered) {
     c.matched = paths.len();
     for (name, expected) in &result.power_by_type {
         let found = match name.as_str() {
-            "D" => total(contributions, |c| !c.mirrored_before),
-            "SD" if case.args.max_depth >= 2 => total(contributions, |c| c.mirrored_before),
+            "D" => scattered.straight.iter().sum(),
+            "SD" if case.args.max_depth >= 2 => scattered.mirrored.iter().sum(),
             "LOS" => specular_power(paths, ""),
             types if types.bytes().all(|b| b"SR".contains(&b)) && types.len() <= case.args.max_depth => {
                 specular_power(paths, types)
             }
             _ => continue,
         };
-        require(c, &format!("power of {name}"), found, expected.mean, decibels(expected.mean));
+        require(c, &format!("power of {name}"), found, expected.mean, allowed(expected));
     }
     for (name, expected) in &result.power_by_object {
-        let found = total(contributions, |c| !c.mirrored_before && scene.objects[c.object as usize].name == *name);
+        let of_name = scene.objects.iter().zip(&scattered.straight).filter(|(object, _)| object.name == *name);
+        let found = of_name.map(|(_, power)| power).sum();
         require(c, &format!("D from {name}, quadrature"), found, expected.quadrature_f64, QUADRATURE * expected.quadrature_f64);
-        let allowed = STANDARD_ERRORS * expected.sionna.sem;
-        require(c, &format!("D from {name}, Monte Carlo"), found, expected.sionna.mean, allowed);
+        let sionna = expected.sionna;
+        require(c, &format!("D from {name}, Monte Carlo"), found, sionna.mean, STANDARD_ERRORS * sionna.sem);
     }
 }
 
@@ -156,18 +152,13 @@ fn compare_map(c: &mut Comparison, reference: &DiffuseReference, result: &Diffus
     require(c, &format!("Bartlett map, worst of {compared}, dB"), worst, 0.0, MAP_DB);
 }
 
-/// The power of the contributions that `belongs` picks.
-fn total(contributions: &[(DVec3, Contribution)], belongs: impl Fn(&Contribution) -> bool) -> f64 {
-    contributions.iter().filter(|(_, c)| belongs(c)).map(|(_, c)| c.power).sum()
-}
-
 fn specular_power(paths: &[Path], types: &str) -> f64 {
     paths.iter().filter(|p| p.types() == types).map(Path::power).sum()
 }
 
-/// The tolerance of a total.
-fn decibels(expected: f64) -> f64 {
-    expected * (10f64.powf(TOTAL_DB / 10.0) - 1.0)
+/// The tolerance of a total: its own, and what the library's mean may be off.
+fn allowed(expected: &Estimate) -> f64 {
+    expected.mean * (10f64.powf(TOTAL_DB / 10.0) - 1.0) + STANDARD_ERRORS * expected.sem
 }
 
 fn require(c: &mut Comparison, name: &str, found: f64, expected: f64, tolerance: f64) {

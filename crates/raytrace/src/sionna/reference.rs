@@ -1,5 +1,7 @@
 //! Reference files as they are on disk, and as a scene with exact corners.
 
+use crate::radio::Antenna;
+use corf_scene::config::{AntennaPattern, Orientation, Polarization};
 use corf_scene::model::{
     Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
 };
@@ -155,6 +157,9 @@ pub struct SpecularReference {
     pub scene: String,
     /// Carrier, Hz.
     pub frequency_hz: f64,
+    /// The element at both ends; an isotropic V one, where the file names none.
+    #[serde(default)]
+    pub antennas: ReferenceAntennas,
     /// Materials by name.
     pub materials: BTreeMap<String, ReferenceMaterial>,
     /// Objects.
@@ -165,6 +170,27 @@ pub struct SpecularReference {
     pub rx: Vec<[f64; 3]>,
     /// What was traced.
     pub configs: Vec<ReferenceConfig>,
+}
+
+/// The element at both ends.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ReferenceAntennas {
+    /// `iso`, `dipole` or `tr38901`.
+    pub pattern: AntennaPattern,
+    /// `V` or `H`: a path has one coefficient.
+    pub polarization: Polarization,
+    /// Yaw, pitch and roll (z, y, x), radians.
+    pub orientation: [f64; 3],
+}
+
+impl ReferenceAntennas {
+    /// The element in the world.
+    pub fn antenna(&self) -> Antenna {
+        let [yaw_deg, pitch_deg, roll_deg] = self.orientation.map(f64::to_degrees);
+        let world_from_antenna = Orientation { yaw_deg, pitch_deg, roll_deg }.world_from_array();
+        Antenna { pattern: self.pattern, polarization: self.polarization, world_from_antenna, beam: None }
+    }
 }
 
 /// One configuration of the library.
@@ -325,6 +351,13 @@ impl DiffuseReference {
 
 impl SpecularReference {
     pub(super) fn validate(&self, place: &str) -> Result<()> {
+        if self.antennas.antenna().ports() != 1 {
+            return Err(Error::invalid(
+                format!("{place}: antennas"),
+                format!("polarization {:?} has two ports, and a path of this schema one coefficient", self.antennas.polarization),
+                "use V or H",
+            ));
+        }
         if self.configs.is_empty() {
             return Err(Error::invalid(
                 place,

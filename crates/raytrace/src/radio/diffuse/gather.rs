@@ -4,7 +4,7 @@
 //! through every mirror and slab, which by reciprocity is the forward way's transpose. What a surface scatters along the ray is then
 //! received as |c·E|².
 
-use super::illumination::{Incident, MAX_PORTS, Source};
+use super::illumination::{Incident, Lighting, MAX_PORTS, Source};
 use super::landings::{self, Landing};
 use super::refine::MOST;
 use super::{Contribution, DiffuseField};
@@ -72,6 +72,27 @@ struct Ray {
     hops: usize,
     /// 1 over the probability of having come this far.
     weight: f64,
+}
+
+/// What a point of a surface sends from a source straight to the receiver.
+pub(super) struct Sent {
+    towards_rx: DVec3,
+    /// S²Γ² f_s, as the receiver's ports take it.
+    share: f64,
+    cos_incidence: f64,
+    /// From the source, metres.
+    source_m: f64,
+    /// To the receiver, metres.
+    distance_m: f64,
+    wavelength_m: f64,
+}
+
+impl Sent {
+    /// |a|² of a square metre that is like this point: (λ/4π)² S²Γ² f_s cosθ_i / (r₁² r₂²).
+    pub(super) fn per_m2(&self) -> f64 {
+        let spreading = self.wavelength_m / (4.0 * std::f64::consts::PI * self.source_m * self.distance_m);
+        spreading * spreading * self.share * self.cos_incidence
+    }
 }
 
 impl<'f, 't, 'a> Look<'f, 't, 'a> {
@@ -212,13 +233,35 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     /// What comes straight from a point that one of the transmitter's own rays fell on, as far as it is theirs, with its direction, where
     /// that is `wanted`.
     pub(super) fn landed(&self, landing: &Landing, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
-        let (field, illumination) = (self.field, &self.field.illumination);
-        let geometry = &field.tracer.geometry;
         let &Landing { point, face, lighting, density_per_m2 } = landing;
         let share = landings::share(self.density_ratio(face, point, density_per_m2));
         if share == 0.0 {
             return None;
         }
+        let Sent { towards_rx, share: sent, source_m, distance_m, .. } =
+            self.sent(Source::transmitter(self.field.illumination.tx), point, face, lighting, wanted)?;
+        let power = self.spread(self.field.settings.directions) * share * sent / (distance_m * distance_m);
+        let contribution = Contribution {
+            power,
+            delay_s: (source_m + distance_m) / SPEED_OF_LIGHT,
+            object: self.field.tracer.geometry.faces[face as usize].object,
+            mirrored_before: false,
+            indirect: false,
+            after: 0,
+        };
+        (power > 0.0).then_some((-towards_rx, contribution))
+    }
+
+    /// What a point that a source lights sends straight to the receiver, where that is in a `wanted` direction and nothing is in the way.
+    pub(super) fn sent(
+        &self,
+        source: Source,
+        point: DVec3,
+        face: u32,
+        lighting: Lighting,
+        wanted: impl Fn(DVec3) -> bool,
+    ) -> Option<Sent> {
+        let (geometry, illumination) = (&self.field.tracer.geometry, &self.field.illumination);
         let distance_m = point.distance(self.rx);
         let towards_rx = (self.rx - point) / distance_m;
         if !wanted(-towards_rx) || geometry.occluded(point, self.rx, CLEARANCE_M, |f| f != face) {
@@ -226,21 +269,16 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         }
         let plane = &geometry.faces[face as usize];
         let normal = if plane.distance(self.rx) > 0.0 { plane.normal } else { -plane.normal };
-        let incident = illumination.incident(Source::transmitter(illumination.tx), lighting, point, face, 0)?;
+        let incident = illumination.incident(source, lighting, point, face, 0)?;
         let received = self.received(&self.port_fields(-towards_rx), towards_rx);
-        let power = self.spread(field.settings.directions)
-            * share
-            * self.reemitted(&incident, face, normal, towards_rx, &received[..self.ports()])
-            / (distance_m * distance_m);
-        let contribution = Contribution {
-            power,
-            delay_s: (incident.distance_m + distance_m) / SPEED_OF_LIGHT,
-            object: plane.object,
-            mirrored_before: false,
-            indirect: false,
-            after: 0,
-        };
-        (power > 0.0).then_some((-towards_rx, contribution))
+        Some(Sent {
+            towards_rx,
+            share: self.reemitted(&incident, face, normal, towards_rx, &received[..self.ports()]),
+            cos_incidence: field::cos_incidence(incident.direction, normal),
+            source_m: incident.distance_m,
+            distance_m,
+            wavelength_m: self.field.tracer.settings.wavelength_m(),
+        })
     }
 
     /// How many times as densely as this receiver's directions the transmitter's rays meet a point, p_t/p_r of [`landings`]. Nothing where
