@@ -88,6 +88,9 @@ pub struct DiffuseResult {
     pub power_by_object: BTreeMap<String, ObjectPower>,
     /// Map in dB, azimuth by elevation.
     pub bartlett_noncoherent_db: Vec<Vec<f64>>,
+    /// Standard deviation of one seed's map, median over its directions, dB.
+    #[serde(default)]
+    pub bartlett_std_db_single_seed_median: f64,
 }
 
 /// A Monte Carlo mean and its standard error.
@@ -211,6 +214,9 @@ pub struct ReferenceArgs {
     pub max_depth: usize,
     /// Straight transmission.
     pub refraction: bool,
+    /// Runs of which the file gives the mean; of paths there is one.
+    #[serde(default = "one")]
+    pub seeds: usize,
     /// Line of sight.
     #[serde(default = "yes")]
     pub los: bool,
@@ -229,6 +235,10 @@ pub struct ReferenceArgs {
     /// … into the region the edge does not shadow; the library's default is yes.
     #[serde(default = "yes")]
     pub diffraction_lit_region: bool,
+}
+
+fn one() -> usize {
+    1
 }
 
 fn yes() -> bool {

@@ -89,9 +89,9 @@ fn pieces(corners: [DVec3; 3]) -> Vec<[DVec3; 3]> {
 /// What a receiver gets by quadrature, by scene object: |a|², linear.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scattered {
-    /// Straight from the transmitter to the surface, nothing but slabs in between.
-    pub straight: Vec<f64>,
-    /// By way of the mirrors that the field knows (see [`DiffuseSettings::min_mirror_sr`]), one at a time.
+    /// Straight from the transmitter to the surface: `D` with no slab between them, `RD`, `RRD`, … with as many as the index.
+    pub straight: Vec<Vec<f64>>,
+    /// By way of one of the mirrors that the field knows (see [`DiffuseSettings::min_mirror_sr`]), no slab anywhere: `SD`.
     pub mirrored: Vec<f64>,
 }
 
@@ -105,22 +105,31 @@ impl DiffuseField<'_, '_> {
         check_receiver(rx)?;
         let mut scattered = Scattered { straight: Vec::new(), mirrored: vec![0.0; self.tracer.objects()] };
         for &source in &self.illumination.sources {
-            let of_source = self.scattered_from(source, rx);
-            match source.mirror {
-                None => scattered.straight = of_source,
-                Some(_) => scattered.mirrored.iter_mut().zip(of_source).for_each(|(sum, power)| *sum += power),
+            if source.mirror.is_none() {
+                let slabs = self.illumination.slab_budget(source, 0).map_or(0..0, |most| 0..most + 1);
+                scattered.straight = slabs.map(|slabs| self.scattered_from(source, slabs, rx)).collect();
+            } else {
+                let of_mirror = self.scattered_from(source, 0, rx);
+                scattered.mirrored.iter_mut().zip(of_mirror).for_each(|(sum, power)| *sum += power);
             }
         }
         Ok(scattered)
     }
 
-    fn scattered_from(&self, source: Source, rx: DVec3) -> Vec<f64> {
+    /// By object, what a source lights through a number of slabs.
+    fn scattered_from(&self, source: Source, slabs: usize, rx: DVec3) -> Vec<f64> {
         let geometry = &self.tracer.geometry;
         let lattice = Lattice { count: self.directions.count(), refined: false, shared: false };
         let look = Look::new(self, rx, &self.tracer.settings.rx_antenna, lattice);
         let density = |point: DVec3, face: u32| {
             let lighting = self.illumination.lighting(source, point, face);
-            let sent = (lighting != Lighting::Dark).then(|| look.sent(source, point, face, lighting, |_| true)).flatten();
+            let crossed = || geometry.crossings(self.illumination.tx, point, [Some(face)], slabs).map(|crossed| crossed.len());
+            let meant = match lighting {
+                Lighting::Dark => false,
+                Lighting::Free => slabs == 0,
+                Lighting::ThroughSlabs => slabs > 0 && crossed() == Some(slabs),
+            };
+            let sent = meant.then(|| look.sent(source, point, face, lighting, |_| true)).flatten();
             sent.map_or(0.0, |sent| sent.per_m2())
         };
         // Both have to be on one side of what scatters.
