@@ -21,6 +21,8 @@ use std::time::Instant;
 
 /// Pixels further under the spectrum's peak are left out of the error, dB.
 const RANGE_DB: f64 = 30.0;
+/// The standard error wanted of each of them, dB.
+const WANTED_DB: f64 = 0.3;
 
 /// `corf bench radio`.
 #[derive(Args)]
@@ -96,6 +98,8 @@ struct Errors {
     pixels: usize,
     pixel_median_db: Option<f64>,
     pixel_p99_db: Option<f64>,
+    /// Of them, those with an error of [`WANTED_DB`] at most.
+    pixel_share_as_wanted: Option<f64>,
     pixel_worst_db: Option<f64>,
     /// Pixels of the whole dynamic range.
     pixel_all_median_db: Option<f64>,
@@ -302,6 +306,8 @@ impl Radio {
             pixels: near.len(),
             pixel_median_db: quantile(&near, 0.5),
             pixel_p99_db: quantile(&near, 0.99),
+            pixel_share_as_wanted: (!near.is_empty())
+                .then(|| near.partition_point(|error| *error <= WANTED_DB) as f64 / near.len() as f64),
             pixel_worst_db: quantile(&near, 1.0),
             pixel_all_median_db: quantile(&all, 0.5),
         })
@@ -368,12 +374,13 @@ impl Answer {
             ));
         }
         if let Some(e) = &self.standard_error
-            && let (Some(median), Some(p99), Some(worst), Some(all)) =
-                (e.pixel_median_db, e.pixel_p99_db, e.pixel_worst_db, e.pixel_all_median_db)
+            && let (Some(median), Some(share), Some(p99), Some(worst), Some(all)) =
+                (e.pixel_median_db, e.pixel_share_as_wanted, e.pixel_p99_db, e.pixel_worst_db, e.pixel_all_median_db)
         {
             lines.push(format!(
-                "pixels within {RANGE_DB:.0} dB of the peak ({}): median {median:.3} dB, 99 % under {p99:.3} dB, worst {worst:.3} dB; all: median {all:.3} dB",
-                e.pixels
+                "pixels within {RANGE_DB:.0} dB of the peak ({}): median {median:.3} dB, {:.1} % up to {WANTED_DB} dB, 99 % under {p99:.3} dB, worst {worst:.3} dB; all: median {all:.3} dB",
+                e.pixels,
+                share * 100.0
             ));
         }
         lines.join("\n")

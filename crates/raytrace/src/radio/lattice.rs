@@ -8,10 +8,11 @@ pub const R2: DVec2 = DVec2::new(0.754_877_666_246_692_7, 0.569_840_290_998_053_
 
 /// Direction `i` of `count`, each standing for 4π/count steradians.
 pub fn fibonacci(i: usize, count: usize) -> DVec3 {
-    let golden_angle = std::f64::consts::PI * (3.0 - 5.0f64.sqrt());
+    // The golden section of a turn: (3 − √5)/2.
+    const TURNS: f64 = 0.381_966_011_250_105_15;
     let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
     let radius = (1.0 - z * z).max(0.0).sqrt();
-    let (sin, cos) = (golden_angle * i as f64).rem_euclid(std::f64::consts::TAU).sin_cos();
+    let (sin, cos) = ((TURNS * i as f64).fract() * std::f64::consts::TAU).sin_cos();
     DVec3::new(radius * cos, radius * sin, z)
 }
 

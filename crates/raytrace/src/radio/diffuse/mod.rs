@@ -265,11 +265,8 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         // Rows are highest above the optical axis, where their elevation is that of the frame's edge.
         let top = (-camera.cy / camera.fy).atan() - margin;
         let bottom = ((camera.height as f64 - camera.cy) / camera.fy).atan() + margin;
-        let inside = |direction: DVec3| {
-            let d = camera_from_world * direction;
-            let (across, down) = (d.x.atan2(d.z), d.y.atan2(d.x.hypot(d.z)));
-            (left..right).contains(&across) && (top..bottom).contains(&down)
-        };
+        let inside = inside_of([left, right], [top, bottom]);
+        let inside = |direction: DVec3| inside(camera_from_world * direction);
         let view = self.gathering(rx, antenna);
         let mut arrivals = view.arrivals(inside);
         // What lies outside counts for side lobes alone.
@@ -318,6 +315,22 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             let look = Look::new(self, rx, antenna, lattice);
             landings.iter().filter_map(|landing| look.landed(landing, &wanted)).collect()
         })
+    }
+}
+
+/// Whether a unit direction d of a camera's axes has its azimuth atan2(x, z) in [left, right), within ±π, and its elevation asin(y) in
+/// [top, bottom): by half-planes and heights instead of angles, for every direction is asked.
+fn inside_of([left, right]: [f64; 2], elevation: [f64; 2]) -> impl Fn(DVec3) -> bool {
+    let wide = right - left >= std::f64::consts::PI;
+    let ((sin_left, cos_left), (sin_right, cos_right)) = (left.sin_cos(), right.sin_cos());
+    // Beyond a pole there is nothing to leave out.
+    let height = |angle: f64| if angle.abs() < std::f64::consts::FRAC_PI_2 { angle.sin() } else { f64::INFINITY.copysign(angle) };
+    let [top, bottom] = elevation.map(height);
+    move |d| {
+        let right_of_left = d.x * cos_left >= d.z * sin_left;
+        let left_of_right = d.x * cos_right < d.z * sin_right;
+        let between = if wide { right_of_left || left_of_right } else { right_of_left && left_of_right };
+        between && (top..bottom).contains(&d.y)
     }
 }
 

@@ -61,7 +61,8 @@ impl Photons<'_, '_, '_> {
             })
             .collect();
         let power = |d: &Deposit| f64::from(d.coherency[0] + d.coherency[1]);
-        let mut pilot = Pilot { power: vec![0.0; cache.slots().len()], legs: Vec::new() };
+        let legs = trails.iter().flat_map(|(trail, _)| &trail.legs).map(Vec::len).sum();
+        let mut pilot = Pilot { power: vec![0.0; cache.slots().len()], legs: Vec::with_capacity(legs) };
         for (trail, _) in &trails {
             trail.deposits.iter().for_each(|d| pilot.power[d.slot as usize] += power(d));
             pilot.legs.extend(trail.legs.iter().flatten());
