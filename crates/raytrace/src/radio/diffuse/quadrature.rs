@@ -1,4 +1,4 @@
-//! Light scattered once, straight or by way of one mirror before, by quadrature over the surfaces themselves: no lattice, no chance, every error bounded by cutting cells up.
+//! Light scattered once, straight or by way of one mirror before, by quadrature over the surfaces themselves: no lattice, no chance.
 //!
 //! (λ/4π)² ∫ S²Γ² f_s cosθ_i dA / (r₁² r₂²) over all that source and receiver see. Triangles are cut into quarters, the cells with the
 //! largest estimated errors first; at the outlines of shadows, where no rule converges, cells become small instead.
@@ -14,8 +14,10 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// Estimated error of an object's power, relative, at which it is done …
-const RELATIVE: f64 = 2e-5;
+/// Estimated error of an object's power, relative, at which it is done: of straight light, …
+const STRAIGHT: f64 = 2e-5;
+/// … and of one mirror's, many of which make a sum; …
+const OF_MIRROR: f64 = 5e-4;
 /// … or there are this many cells.
 const MOST_CELLS: usize = 400_000;
 /// Longest side of a cell to begin with, metres, …
@@ -96,8 +98,8 @@ pub struct Scattered {
 }
 
 impl DiffuseField<'_, '_> {
-    /// What every object scatters straight to a receiver, to some 1e-4 of itself: the same as [`DiffuseField::contributions`] estimate from
-    /// their lattice, photons aside. For checks: it looks at every triangle.
+    /// What every object scatters straight to a receiver, to some 1e-4 of itself (1e-3 by way of mirrors): the same as
+    /// [`DiffuseField::contributions`] estimate from their lattice, photons aside. For checks: it looks at every triangle.
     ///
     /// # Errors
     /// A position that is not finite.
@@ -132,6 +134,7 @@ impl DiffuseField<'_, '_> {
             let sent = meant.then(|| look.sent(source, point, face, lighting, |_| true)).flatten();
             sent.map_or(0.0, |sent| sent.per_m2())
         };
+        let relative = if source.mirror.is_none() { STRAIGHT } else { OF_MIRROR };
         // Both have to be on one side of what scatters.
         let scatters = |face: u32| {
             let plane = &geometry.faces[face as usize];
@@ -149,17 +152,17 @@ impl DiffuseField<'_, '_> {
                 let face = geometry.face_of_triangle(triangle);
                 pieces(*geometry.corners(triangle)).into_iter().map(move |corners| (corners, face))
             });
-            refined(parts.map(|(corners, face)| Cell::new(corners, face, &density)).collect(), &density)
+            refined(parts.map(|(corners, face)| Cell::new(corners, face, &density)).collect(), relative, &density)
         };
         of_object.par_iter().map(power).collect()
     }
 }
 
 /// The power of all cells, cut up until their errors, which are as often too high as too low, add up to little.
-fn refined(mut cells: BinaryHeap<Cell>, density: &impl Fn(DVec3, u32) -> f64) -> f64 {
+fn refined(mut cells: BinaryHeap<Cell>, relative: f64, density: &impl Fn(DVec3, u32) -> f64) -> f64 {
     let mut power: f64 = cells.iter().map(|cell| cell.power).sum();
     let mut squared_error: f64 = cells.iter().map(|cell| cell.error * cell.error).sum();
-    while squared_error > (RELATIVE * power).powi(2)
+    while squared_error > (relative * power).powi(2)
         && cells.len() < MOST_CELLS
         && let Some(cell) = cells.pop()
     {
