@@ -16,10 +16,10 @@ import json
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 from sionna_live import environment
+from sionna_live.environment import say
 
 SHORTEST_LEG_M = 0.01
 SEED = 42
@@ -41,10 +41,6 @@ def arguments():
     if args.diffuse_seeds < 2:
         parser.error("--diffuse-seeds must be 2 or more: one sampling says nothing of its error")
     return args
-
-
-def say(text):
-    print(f"[{time.strftime('%H:%M:%S')}] {text}", file=sys.stderr, flush=True)
 
 
 def main():
@@ -219,9 +215,8 @@ def judge(corf, file, kind, told):
     done = subprocess.run(call, capture_output=True, text=True)
     if done.returncode not in (0, 1):
         environment.refuse(f"{' '.join(call)}\n{done.stderr.strip()}")
-    report, rows, passed = json.loads(done.stdout), [], True
-    accepted = None
-    for index, comparison in enumerate((report[0] if isinstance(report, list) else report)["comparisons"]):
+    [report], accepted, rows, passed = json.loads(done.stdout), None, [], True
+    for index, comparison in enumerate(report["comparisons"]):
         short = [p for p in comparison["extra"] if float(p.rsplit(" ", 2)[1]) < SHORTEST_LEG_M]
         others = [p for p in comparison["extra"] if p not in short]
         if others:

@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 from sionna_live import environment
+from sionna_live.environment import say
 
 ROOT = environment.ROOT
 # Negative controls: changes that the comparison must notice.
@@ -53,10 +54,6 @@ def arguments():
     if not args.no_diffuse and min(args.replicas, args.diffuse_seeds) < 2:
         parser.error("--replicas and --diffuse-seeds must be 2 or more: one sampling says nothing of its error")
     return args
-
-
-def say(text):
-    print(f"[{time.strftime('%H:%M:%S')}] {text}", file=sys.stderr, flush=True)
 
 
 def main():

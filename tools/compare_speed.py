@@ -16,8 +16,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from check_sionna import say
 from sionna_live import environment
+from sionna_live.environment import say
 
 ROOT = environment.ROOT
 # corf's errors come from as many positions as Sionna RT's.

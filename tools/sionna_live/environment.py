@@ -5,6 +5,7 @@ import platform
 import re
 import subprocess
 import sys
+import time
 from importlib import metadata
 from pathlib import Path
 
@@ -31,6 +32,11 @@ def refuse(message):
     """Ends the program as corf does on bad input."""
     print(f"error: {message}", file=sys.stderr)
     sys.exit(2)
+
+
+def say(text):
+    """A line of progress, with the time of day."""
+    print(f"[{time.strftime('%H:%M:%S')}] {text}", file=sys.stderr, flush=True)
 
 
 def find_llvm():

@@ -84,13 +84,12 @@ pub(super) struct Sent {
     source_m: f64,
     /// To the receiver, metres.
     distance_m: f64,
-    wavelength_m: f64,
 }
 
 impl Sent {
     /// |a|² of a square metre that is like this point: (λ/4π)² S²Γ² f_s cosθ_i / (r₁² r₂²).
-    pub(super) fn per_m2(&self) -> f64 {
-        let spreading = self.wavelength_m / (4.0 * std::f64::consts::PI * self.source_m * self.distance_m);
+    pub(super) fn per_m2(&self, wavelength_m: f64) -> f64 {
+        let spreading = wavelength_m / (4.0 * std::f64::consts::PI * self.source_m * self.distance_m);
         spreading * spreading * self.share * self.cos_incidence
     }
 }
@@ -277,7 +276,6 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             cos_incidence: field::cos_incidence(incident.direction, normal),
             source_m: incident.distance_m,
             distance_m,
-            wavelength_m: self.field.tracer.settings.wavelength_m(),
         })
     }
 

@@ -123,6 +123,7 @@ impl DiffuseField<'_, '_> {
         let geometry = &self.tracer.geometry;
         let lattice = Lattice { count: self.directions.count(), refined: false, shared: false };
         let look = Look::new(self, rx, &self.tracer.settings.rx_antenna, lattice);
+        let wavelength_m = self.tracer.settings.wavelength_m();
         let density = |point: DVec3, face: u32| {
             let lighting = self.illumination.lighting(source, point, face);
             let crossed = || geometry.crossings(self.illumination.tx, point, [Some(face)], slabs).map(|crossed| crossed.len());
@@ -132,7 +133,7 @@ impl DiffuseField<'_, '_> {
                 Lighting::ThroughSlabs => slabs > 0 && crossed() == Some(slabs),
             };
             let sent = meant.then(|| look.sent(source, point, face, lighting, |_| true)).flatten();
-            sent.map_or(0.0, |sent| sent.per_m2())
+            sent.map_or(0.0, |sent| sent.per_m2(wavelength_m))
         };
         let relative = if source.mirror.is_none() { STRAIGHT } else { OF_MIRROR };
         // Both have to be on one side of what scatters.
