@@ -25,6 +25,11 @@ pub fn radio_settings(scene: &SceneConfig) -> RadioSettings {
     }
 }
 
+/// One element of a platform's array at a pose.
+pub fn element_at(receiver: &ReceiverConfig, world_from_camera: &Rigid3) -> Antenna {
+    Antenna::element_of(receiver, world_from_camera.rotation * ARRAY_FROM_CAMERA.rotation.transpose())
+}
+
 /// What an array's spectrum tells apart, degrees: a third of the 12.8° of eight elements. Finer light than that it only averages.
 const ARRAY_RESOLUTION_DEG: f64 = 4.0;
 
@@ -84,6 +89,16 @@ pub enum Extent {
     Sphere,
 }
 
+impl Extent {
+    /// What spectra of these kinds on a grid need: lobes see where they point, an array's side lobes see all around.
+    pub fn needed(kinds: &[SpectrumKind], grid: Grid) -> Self {
+        match grid {
+            Grid::Pinhole(camera) if kinds.iter().all(|kind| *kind == SpectrumKind::Mpc) => Self::View(camera),
+            _ => Self::Sphere,
+        }
+    }
+}
+
 impl<'a> RadioSensor<'a> {
     /// Finds what does not depend on the receiver.
     ///
@@ -124,7 +139,7 @@ impl<'a> RadioSensor<'a> {
 
     fn receive_from(&self, diffuse: Option<&DiffuseField<'_, '_>>, pose: &Rigid3, extent: Extent) -> Result<Received> {
         let settings = self.tracer.settings();
-        let element = Antenna::element_of(&self.receiver, pose.rotation * ARRAY_FROM_CAMERA.rotation.transpose());
+        let element = element_at(&self.receiver, pose);
         let mut paths = self.transmitter.paths(pose.translation)?;
         for path in &mut paths {
             path.a = path.coefficient(&settings.tx_antenna, 0, &element, 0);
@@ -170,12 +185,13 @@ impl<'a> RadioSensor<'a> {
             self.transmitter.position(),
             &DiffuseSettings { phase: 1, ..diffuse_settings(&self.rf) },
         )?;
-        let noncoherent = SpectrumSettings { kind: noncoherent(self.settings.kind), ..self.settings };
+        let noncoherent = noncoherent(&self.settings);
         let (mut totals, mut pixels) = (MeanSquare::default(), MeanSquare::default());
         let probes = probes(poses);
+        let extent = Extent::needed(&[noncoherent.kind], Grid::Pinhole(*camera));
         for pose in &probes {
             let seen = |field| -> Result<(f64, Raster<f32>)> {
-                let received = self.receive_from(Some(field), &pose.world_from_camera, Extent::View(*camera))?;
+                let received = self.receive_from(Some(field), &pose.world_from_camera, extent)?;
                 let power = received.looks.iter().flatten().map(|a| a.power).sum();
                 Ok((power, noncoherent.form(&received.looks, camera, &pose.world_from_camera)))
             };
@@ -211,7 +227,8 @@ impl<'a> RadioSensor<'a> {
     /// A receiver at the transmitter.
     pub fn keyframe(&self, pose: &Rigid3, outputs: &Outputs) -> Result<RadioFrame> {
         let whole = outputs.sphere.is_some() || outputs.tutorial.is_some();
-        let received = self.receive(pose, if whole { Extent::Sphere } else { Extent::View(outputs.camera) })?;
+        let extent = Extent::needed(&[self.settings.kind], Grid::Pinhole(outputs.camera));
+        let received = self.receive(pose, if whole { Extent::Sphere } else { extent })?;
         let form = |grid: Grid| self.settings.form(&received.looks, grid, pose);
         let all = received.looks.concat();
         Ok(RadioFrame {
@@ -262,9 +279,9 @@ fn probes(poses: &[TrajectoryPose]) -> Vec<&TrajectoryPose> {
 }
 
 /// Drawn phases would be compared with drawn phases: the sampling shows in the spectrum's mean over them.
-fn noncoherent(kind: SpectrumKind) -> SpectrumKind {
+pub fn noncoherent(settings: &SpectrumSettings) -> SpectrumSettings {
     use SpectrumKind::{Bartlett, Mpc};
-    if kind == Mpc { Mpc } else { Bartlett }
+    SpectrumSettings { kind: if settings.kind == Mpc { Mpc } else { Bartlett }, ..*settings }
 }
 
 #[derive(Default)]

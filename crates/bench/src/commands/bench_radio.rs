@@ -4,17 +4,19 @@
 //! other programs disturb far less. Errors come from replicas: whole diffuse fields of other patches, lattices and photons, whose
 //! spread at a few positions is the error of any one of them.
 
+use super::spectrum::Kind;
 use super::{Verdict, show};
 use crate::generate;
 use crate::progress::Progress;
+use crate::radio_sensor::{Extent, element_at, noncoherent};
 use anyhow::{Result, bail};
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
-use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, RadioSettings, RadioTracer, Search};
-use corf_raytrace::spectrum;
-use corf_scene::config::DatasetConfig;
+use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Path, RadioSettings, RadioTracer, Search, Transmitter};
+use corf_raytrace::spectrum::{self, Grid, SpectrumSettings};
+use corf_scene::config::{DatasetConfig, ReceiverConfig, SpectrumKind};
 use corf_scene::trajectory::{self, TrajectoryPose};
-use corf_scene::{Pinhole, Raster, Rigid3};
+use corf_scene::{Raster, Rigid3};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -50,6 +52,9 @@ pub struct Radio {
     /// Interactions behind the last scattering, at most; 0 looks at the scattering surfaces themselves alone.
     #[arg(long)]
     after: Option<usize>,
+    /// Spectra of this kind instead of the dataset's. Errors of coherent kinds are those of `bartlett`, their mean over phases.
+    #[arg(long, conflicts_with = "powers")]
+    spectrum: Option<Kind>,
     /// Received powers alone, as a link budget or a coverage map asks for them: all around alike, nothing refined, no spectra.
     #[arg(long)]
     powers: bool,
@@ -116,6 +121,8 @@ struct Answer {
     depth: usize,
     after: usize,
     powers: bool,
+    /// Kind of the spectra.
+    spectrum: SpectrumKind,
     directions: usize,
     photons: usize,
     patch_size_m: f64,
@@ -154,7 +161,8 @@ impl Radio {
     /// # Errors
     /// A configuration or scene that cannot be read or traced.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        let config = DatasetConfig::load(&self.config)?;
+        let mut config = DatasetConfig::load(&self.config)?;
+        config.rf.spectrum = self.spectrum.map_or(config.rf.spectrum, SpectrumKind::from);
         let scene_config = config.load_scene_config()?;
         let Some(way) = scene_config.trajectory.as_ref() else {
             bail!("{}: no [trajectory]\n  help: positions are taken along it", scene_config.source.display());
@@ -183,23 +191,21 @@ impl Radio {
         let tracer = timed(&mut seconds.hierarchy, || RadioTracer::new(&scene, &bvh, settings))?;
         let transmitter = timed(&mut seconds.transmitter_chains, || tracer.transmitter(tx))?;
         let field = timed(&mut seconds.photons, || DiffuseField::new(&tracer, tx, &sampling))?;
+        let platform = Platform { config: &config, receiver: &scene_config.receiver, tracer: &tracer, powers: self.powers };
+        let form = SpectrumSettings::new(&config.rf, &scene_config.receiver, config.seed);
         let camera = config.rf_camera();
-        let power = |arrivals: &[Arrival]| arrivals.iter().map(|a| a.power).sum::<f64>();
         let (mut specular_power, mut diffuse_power) = (0.0, 0.0);
         let mut progress = Progress::start("bench radio", poses.len(), "positions");
         for (i, pose) in poses.iter().enumerate() {
-            let rx = pose.world_from_camera.translation;
-            let paths = timed(&mut seconds.specular, || transmitter.paths(rx))?;
-            let mut arrivals: Vec<Arrival> = paths.iter().map(|p| Arrival::from_path(p, settings.frequency_hz)).collect();
-            specular_power += power(&arrivals) / poses.len() as f64;
-            let diffuse = timed(&mut seconds.gather, || self.gather(&field, &camera, &pose.world_from_camera))?;
+            let pose = &pose.world_from_camera;
+            let paths = timed(&mut seconds.specular, || transmitter.paths(pose.translation))?;
+            let mut looks = platform.looks(&paths, pose);
+            specular_power += power(looks.iter().flatten()) / poses.len() as f64;
+            let diffuse = timed(&mut seconds.gather, || platform.gather(&field, pose))?;
             diffuse_power += power(&diffuse) / poses.len() as f64;
-            arrivals.extend(diffuse);
+            looks[0].extend(diffuse);
             if !self.powers {
-                let image = timed(&mut seconds.spectrum, || {
-                    spectrum::mpc(&arrivals, &camera, &pose.world_from_camera, config.rf.lobe_width_deg)
-                });
-                std::hint::black_box(image);
+                std::hint::black_box(timed(&mut seconds.spectrum, || form.form(&looks, &camera, pose)));
             }
             progress.set(i + 1, poses.len());
         }
@@ -207,7 +213,7 @@ impl Radio {
         seconds.total = seconds.sum();
         let standard_error = match self.replicas {
             0 | 1 => None,
-            _ => Some(self.errors(&config, &tracer, &transmitter, &sampling, &poses)?),
+            _ => Some(self.errors(&platform, &transmitter, &noncoherent(&form), &sampling, &poses)?),
         };
         let answer = Answer {
             schema: "corf-bench-radio/1",
@@ -218,6 +224,7 @@ impl Radio {
             depth: settings.max_depth,
             after: sampling.after.min(settings.max_depth.saturating_sub(1)),
             powers: self.powers,
+            spectrum: form.kind,
             directions: sampling.directions,
             photons: sampling.photons,
             patch_size_m: sampling.patch_size_m,
@@ -233,26 +240,16 @@ impl Radio {
         Ok(Verdict::Done)
     }
 
-    /// What a receiver is scattered: for the spectrum of a view, or for its power.
-    fn gather(
-        &self,
-        field: &DiffuseField<'_, '_>,
-        camera: &Pinhole,
-        world_from_camera: &Rigid3,
-    ) -> corf_scene::Result<Vec<Arrival>> {
-        if self.powers { field.gather(world_from_camera.translation) } else { field.gather_for_view(camera, world_from_camera) }
-    }
-
     /// Spread of independent samplings at some of the positions.
     fn errors(
         &self,
-        config: &DatasetConfig,
-        tracer: &RadioTracer<'_>,
-        transmitter: &corf_raytrace::radio::Transmitter<'_, '_>,
+        platform: &Platform<'_>,
+        transmitter: &Transmitter<'_, '_>,
+        form: &SpectrumSettings,
         sampling: &DiffuseSettings,
         poses: &[TrajectoryPose],
     ) -> Result<Errors> {
-        let camera = config.rf_camera();
+        let camera = platform.config.rf_camera();
         let count = self.error_positions.clamp(1, poses.len());
         let chosen: Vec<&TrajectoryPose> = (0..count).map(|i| &poses[(2 * i + 1) * poses.len() / (2 * count)]).collect();
         let mut diffuse = vec![Vec::new(); count];
@@ -261,18 +258,16 @@ impl Radio {
         let mut progress = Progress::start("replicas", self.replicas as usize * count, "positions");
         for phase in 0..self.replicas {
             let settings = DiffuseSettings { phase: phase + 1, ..*sampling };
-            let field = DiffuseField::new(tracer, transmitter.position(), &settings)?;
+            let field = DiffuseField::new(platform.tracer, transmitter.position(), &settings)?;
             for (i, pose) in chosen.iter().enumerate() {
                 let pose = &pose.world_from_camera;
-                let scattered = self.gather(&field, &camera, pose)?;
-                let paths = transmitter.paths(pose.translation)?;
-                let mut arrivals: Vec<Arrival> =
-                    paths.iter().map(|p| Arrival::from_path(p, tracer.settings().frequency_hz)).collect();
-                diffuse[i].push(scattered.iter().map(|a| a.power).sum::<f64>());
-                arrivals.extend(scattered);
-                totals[i].push(arrivals.iter().map(|a| a.power).sum::<f64>());
+                let scattered = platform.gather(&field, pose)?;
+                diffuse[i].push(power(&scattered));
+                let mut looks = platform.looks(&transmitter.paths(pose.translation)?, pose);
+                looks[0].extend(scattered);
+                totals[i].push(power(looks.iter().flatten()));
                 if !self.powers {
-                    images[i].push(spectrum::mpc(&arrivals, &camera, pose, config.rf.lobe_width_deg));
+                    images[i].push(form.form(&looks, &camera, pose));
                 }
                 progress.set(phase as usize * count + i + 1, self.replicas as usize * count);
             }
@@ -289,7 +284,7 @@ impl Radio {
                 pixels.iter().filter(move |p| p.0 >= floor).map(|p| p.1)
             };
             near.extend(above(RANGE_DB));
-            all.extend(above(config.rf.dynamic_range_db));
+            all.extend(above(platform.config.rf.dynamic_range_db));
         }
         near.sort_by(f64::total_cmp);
         all.sort_by(f64::total_cmp);
@@ -312,6 +307,37 @@ impl Radio {
             pixel_all_median_db: quantile(&all, 0.5),
         })
     }
+}
+
+/// What listens at every position.
+struct Platform<'a> {
+    config: &'a DatasetConfig,
+    receiver: &'a ReceiverConfig,
+    tracer: &'a RadioTracer<'a>,
+    /// Whether powers alone are asked for.
+    powers: bool,
+}
+
+impl Platform<'_> {
+    /// The resolved arrivals of every pair of antenna ports, the element at the platform's attitude.
+    fn looks(&self, paths: &[Path], pose: &Rigid3) -> Vec<Vec<Arrival>> {
+        let settings = self.tracer.settings();
+        spectrum::looks(paths, &settings.tx_antenna, &element_at(self.receiver, pose), settings.frequency_hz)
+    }
+
+    /// What it is scattered: for the spectrum of a view, or for its power.
+    fn gather(&self, field: &DiffuseField<'_, '_>, pose: &Rigid3) -> corf_scene::Result<Vec<Arrival>> {
+        let element = element_at(self.receiver, pose);
+        match Extent::needed(&[self.config.rf.spectrum], Grid::Pinhole(self.config.rf_camera())) {
+            Extent::View(camera) if !self.powers => field.gather_for_view_with(&camera, pose, &element),
+            _ => field.gather_with(pose.translation, &element),
+        }
+    }
+}
+
+/// Of all arrivals, relative to 1 W transmitted.
+fn power<'a>(arrivals: impl IntoIterator<Item = &'a Arrival>) -> f64 {
+    arrivals.into_iter().map(|a| a.power).sum()
 }
 
 /// The mean of samples, and the standard error of one of them in dB (to first order); no error without a mean.
@@ -350,8 +376,13 @@ impl Answer {
     fn text(&self) -> String {
         let mut lines = vec![
             format!(
-                "{}: {} positions, depth {}, {} triangles, {} threads",
-                self.config, self.positions, self.depth, self.triangles, self.threads
+                "{}: {} positions, depth {}, {}, {} triangles, {} threads",
+                self.config,
+                self.positions,
+                self.depth,
+                if self.powers { "powers" } else { self.spectrum.name() },
+                self.triangles,
+                self.threads
             ),
             format!(
                 "{} directions, {} photons on {} patches of {} m ({:.0} MB), {} exact sources",

@@ -80,20 +80,24 @@ pub struct Spectrum {
 
 /// [`SpectrumKind`] on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Kind {
+pub enum Kind {
+    /// Each path a lobe.
     Mpc,
+    /// The array's beamformer, noncoherent over paths.
     Bartlett,
+    /// The same, coherent within a delay tap.
     BartlettCoherent,
+    /// Minimum variance (Capon).
     Mvdr,
 }
 
-impl Kind {
-    fn spectrum(self) -> (&'static str, SpectrumKind) {
-        match self {
-            Self::Mpc => ("mpc", SpectrumKind::Mpc),
-            Self::Bartlett => ("bartlett", SpectrumKind::Bartlett),
-            Self::BartlettCoherent => ("bartlett-coherent", SpectrumKind::BartlettCoherent),
-            Self::Mvdr => ("mvdr", SpectrumKind::Mvdr),
+impl From<Kind> for SpectrumKind {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Mpc => Self::Mpc,
+            Kind::Bartlett => Self::Bartlett,
+            Kind::BartlettCoherent => Self::BartlettCoherent,
+            Kind::Mvdr => Self::Mvdr,
         }
     }
 }
@@ -141,19 +145,15 @@ impl Spectrum {
         };
         let tracer = RadioTracer::new(&scene, &bvh, settings)?;
         let sensor = RadioSensor::new(&rf, self.seed, transmitter, &config.receiver, &scene, &tracer)?;
-        let extent = match grid {
-            Grid::Pinhole(camera) => Extent::View(camera),
-            Grid::Sphere(_) => Extent::Sphere,
-        };
-        let received = sensor.receive(&pose, extent)?;
+        let kinds: Vec<SpectrumKind> = self.kind.iter().map(|kind| SpectrumKind::from(*kind)).collect();
+        let received = sensor.receive(&pose, Extent::needed(&kinds, grid))?;
         claim_output(&self.out, false)?;
         let all = received.looks.concat();
         let power: f64 = all.iter().map(|a| a.power).sum();
         let mut spectra = Vec::new();
-        for kind in &self.kind {
-            let (name, kind) = kind.spectrum();
+        for kind in kinds {
             let image = SpectrumSettings { kind, ..*sensor.settings() }.form(&received.looks, grid, &pose);
-            spectra.push(self.write(name, Quantity::of(kind), &image)?);
+            spectra.push(self.write(kind.name(), Quantity::of(kind), &image)?);
         }
         let share = match &grid {
             Grid::Pinhole(camera) => share_in_frame(&all, camera, &pose),
@@ -194,7 +194,10 @@ impl Spectrum {
     /// The options as a dataset's `[rf]` would have them.
     fn rf(&self) -> Result<RfConfig> {
         let (width, height) = self.size.unwrap_or((300, 200));
+        // The one that tells most apart says how finely is looked.
+        let finest = self.kind.iter().find(|kind| **kind == Kind::Mpc).or(self.kind.first());
         let rf = RfConfig {
+            spectrum: finest.map_or_else(SpectrumKind::default, |kind| SpectrumKind::from(*kind)),
             horizontal_fov_deg: self.fov_deg,
             max_reflections: self.depth,
             transmission: !self.no_transmission,

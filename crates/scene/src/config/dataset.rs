@@ -216,6 +216,18 @@ pub enum SpectrumKind {
     Mvdr,
 }
 
+impl SpectrumKind {
+    /// As files and tables name it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mpc => "mpc",
+            Self::Bartlett => "bartlett",
+            Self::BartlettCoherent => "bartlett-coherent",
+            Self::Mvdr => "mvdr",
+        }
+    }
+}
+
 /// `[split]`: which keyframes are kept from training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
