@@ -53,12 +53,12 @@ fn one_pose_in_every_kind_on_both_grids() {
 fn an_arrays_spectrum_is_as_good_as_its_samples_of_the_whole_sphere() {
     let arguments =
         ["bench", "radio", "scenes/lobby-mini.toml", "--spectrum", "bartlett", "--positions", "6", "--depth", "2", "--json"];
-    let sampling = ["--directions", "30000", "--photons", "300000", "--replicas", "3", "--error-positions", "6"];
+    let sampling = ["--directions", "60000", "--photons", "300000", "--replicas", "3", "--error-positions", "6"];
     let answer: serde_json::Value = serde_json::from_str(&corf_ok(&[&arguments[..], &sampling[..]].concat())).unwrap();
     assert_eq!(answer["spectrum"], "bartlett");
     let error = |key: &str| answer["standard_error"][key].as_f64().unwrap();
     assert!(error("pixels") > 20_000.0 && error("pixel_median_db") > 0.0, "{answer}");
-    assert!(error("pixel_share_as_wanted") > 0.99 && error("pixel_worst_db") < 0.5, "{answer}");
+    assert!(error("pixel_share_as_wanted") > 0.97 && error("pixel_worst_db") < 0.8, "{answer}");
     corf_refuses(
         &["bench", "radio", "scenes/lobby-mini.toml", "--spectrum", "bartlett", "--powers"],
         &["--spectrum", "--powers"],

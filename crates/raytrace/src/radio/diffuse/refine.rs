@@ -1,9 +1,14 @@
 //! Where neighbouring directions of a receiver's lattice disagree, what lies between them is looked at as well.
 //!
 //! Outlines, shadow edges and things smaller than the lattice's spacing make nearly all of its error; smooth surfaces make none. The cell
-//! of a lattice direction is the parallelogram of its two shortest steps, whose copies tile the sphere. A cell whose power differs from
-//! its neighbours' by more than a share of what a reader of the given angular resolution sees there is cut into k×k directions, and
-//! speaks from then on with their mean; the surfaces seen first and what lies behind them apart.
+//! of a lattice direction is the parallelogram of its two shortest steps, whose copies tile the sphere. A cell whose neighbours differ by
+//! more than a share of what a reader of the given angular resolution sees there is cut into k×k directions, and speaks from then on
+//! with their mean; the surfaces seen first and what lies behind them apart.
+//!
+//! A cell that differs from all its neighbours, where they agree, has met something small by chance, and others like it have missed theirs:
+//! to speak with the mean would correct the lucky ones alone, downwards. Of its k×k directions only those count that meet such a thing
+//! as well: their mean is what a cell says that met one, without the noise of what exactly it met (Rao and Blackwell). What is left of the
+//! bias is the neighbours', which such a cell still has cut: they find the rest of the thing besides.
 
 use super::gather::{Lattice, Layer, Look};
 use super::{DIRECTIONS_PER_TASK, DiffuseField, in_tasks};
@@ -17,6 +22,8 @@ use rayon::prelude::*;
 const TOLERATED: f64 = 0.02;
 /// Directions along a cell's side, at most.
 pub(super) const MOST: usize = 8;
+/// Of a cell that its neighbours do not ask for: its own word is only made more even.
+const MOST_LUCKY: usize = 4;
 /// Regions this much fainter than the brightest are left alone.
 const FAINTEST: f64 = 1e-5;
 /// How often refined cells are compared with their neighbours again.
@@ -35,7 +42,46 @@ struct Part {
 struct Seen {
     /// Directions along the cell's side that were looked along.
     side: usize,
+    /// Whether those that met what its neighbours did not speak for all.
+    lucky: bool,
     parts: Vec<Part>,
+}
+
+impl Seen {
+    fn of_side(side: usize) -> Self {
+        Self { side, lucky: false, parts: Vec::new() }
+    }
+
+    fn power(&self) -> f64 {
+        self.parts.iter().map(|p| p.power).sum()
+    }
+}
+
+/// How a layer of a cell stands to its neighbours.
+#[derive(Clone, Copy)]
+struct Wish {
+    /// Directions along the side that the neighbours' differences ask for.
+    side: usize,
+    /// What the neighbours receive, least and most.
+    neighbours: [f64; 2],
+    /// What is received within the reader's resolution besides the cell's layer.
+    others: f64,
+}
+
+impl Wish {
+    const NONE: Self = Self { side: 1, neighbours: [0.0; 2], others: f64::INFINITY };
+
+    /// Directions along the side that a difference asks for where so much is received besides. The error of n samples across an edge falls
+    /// as n^−¾, and n is the square of the side.
+    fn side(difference: f64, whole: f64) -> usize {
+        ((difference / (TOLERATED * whole)).powf(2.0 / 3.0).ceil() as usize).clamp(1, MOST)
+    }
+
+    /// The same of the difference between a power received by the cell's layer and the neighbours'.
+    fn side_of(&self, power: f64) -> usize {
+        let [least, most] = self.neighbours;
+        Self::side((power - least).max(most - power), self.others + power)
+    }
 }
 
 /// One direction of the lattice and what is known of its cell.
@@ -50,10 +96,6 @@ struct Cell {
 const LAYERS: [Layer; 2] = [Layer::Front, Layer::Beyond];
 
 impl Cell {
-    fn power(&self, layer: usize) -> f64 {
-        self.seen[layer].parts.iter().map(|p| p.power).sum()
-    }
-
     /// Everything it receives, by object.
     fn arrivals(self) -> impl Iterator<Item = Arrival> {
         let [Seen { mut parts, .. }, beyond] = self.seen;
@@ -108,8 +150,8 @@ impl Gathering<'_, '_, '_, '_> {
     /// An arrival per direction and object, those of cut cells together.
     fn refined(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let mut cells: Vec<Cell> = self.look(wanted, |look, index, direction| {
-            let mut seen = [(); 2].map(|()| Seen { side: 1, parts: Vec::new() });
-            along(look, index, direction, Layer::All, 1.0, &mut seen);
+            let mut seen = [1; 2].map(Seen::of_side);
+            along(look, index, direction, Layer::All, &mut seen);
             Some(Cell { index, direction, seen })
         });
         for _ in 0..ROUNDS {
@@ -138,40 +180,66 @@ impl Gathering<'_, '_, '_, '_> {
 
     /// Cuts every cell whose neighbours call for it.
     fn refine(&self, cells: &mut [Cell]) {
-        let sides = self.wanted_sides(cells);
-        cells.par_chunks_mut(DIRECTIONS_PER_TASK).zip(sides.par_chunks(DIRECTIONS_PER_TASK)).for_each(|(cells, sides)| {
+        let wishes = self.wishes(cells);
+        cells.par_chunks_mut(DIRECTIONS_PER_TASK).zip(wishes.par_chunks(DIRECTIONS_PER_TASK)).for_each(|(cells, wishes)| {
             let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
-            for (cell, sides) in cells.iter_mut().zip(sides) {
-                for (i, layer) in LAYERS.into_iter().enumerate() {
-                    if sides[i] > cell.seen[i].side {
-                        let [front, beyond] = self.cut(cell, layer, sides[i], &mut look);
-                        cell.seen[i] = if layer == Layer::Front { front } else { beyond };
+            for (cell, wishes) in cells.iter_mut().zip(wishes) {
+                for (layer, wish) in wishes.iter().enumerate() {
+                    let seen = &cell.seen[layer];
+                    let own = wish.side_of(seen.power());
+                    let cut = if wish.side > seen.side || (wish.side > 1 && seen.lucky) {
+                        self.cut(cell, layer, wish.side, |_| true, &mut look)
+                    } else if seen.side == 1 && own > 1 {
+                        let lucky = self.cut(cell, layer, own.min(MOST_LUCKY), |power| wish.side_of(power) > 1, &mut look);
+                        lucky.map(|seen| Seen { lucky: true, ..seen })
+                    } else {
+                        None
+                    };
+                    // Where none counts, what the cell met is smaller still, and its own word stands.
+                    if let Some(seen) = cut {
+                        cell.seen[layer] = seen;
                     }
                 }
             }
         });
     }
 
-    /// Looks at a layer of a cell along side × side directions.
-    fn cut(&self, cell: &Cell, layer: Layer, side: usize, look: &mut Look<'_, '_, '_>) -> [Seen; 2] {
-        let mut seen = [(); 2].map(|()| Seen { side, parts: Vec::new() });
+    /// Looks at a layer of a cell along side × side directions: the mean of those whose power counts, if any does.
+    fn cut(
+        &self,
+        cell: &Cell,
+        layer: usize,
+        side: usize,
+        counts: impl Fn(f64) -> bool,
+        look: &mut Look<'_, '_, '_>,
+    ) -> Option<Seen> {
+        let mut mean = Seen::of_side(side);
+        let mut counted = 0;
         let [u, v] = self.steps(cell.index);
         for i in 0..side * side {
             let at = |k: usize| (k as f64 + 0.5) / side as f64 - 0.5;
             let direction = (cell.direction + u * at(i % side) + v * at(i / side)).normalize();
             let number = self.directions.count() + cell.index * MOST * MOST + i;
-            along(look, number, direction, layer, 1.0 / (side * side) as f64, &mut seen);
+            let mut seen = [side; 2].map(Seen::of_side);
+            along(look, number, direction, LAYERS[layer], &mut seen);
+            let [front, beyond] = seen;
+            let seen = if layer == 0 { front } else { beyond };
+            if counts(seen.power()) {
+                counted += 1;
+                seen.parts.into_iter().for_each(|part| add(&mut mean.parts, part));
+            }
         }
-        seen
+        mean.parts.iter_mut().for_each(|part| part.scale(1.0 / f64::from(counted)));
+        (counted > 0).then_some(mean)
     }
 
-    /// Directions along the side that each cell's disagreement with its neighbours asks for, by layer.
-    fn wanted_sides(&self, cells: &[Cell]) -> Vec<[usize; 2]> {
+    /// What each cell's neighbours ask of it, by layer.
+    fn wishes(&self, cells: &[Cell]) -> Vec<[Wish; 2]> {
         let count = self.directions.count();
         let mut by_index = vec![[f64::NAN; 2]; count];
         let mut bins = Bins::new(self.resolution_deg);
         for cell in cells {
-            let powers = [0, 1].map(|layer| cell.power(layer));
+            let powers = [0, 1].map(|layer| cell.seen[layer].power());
             by_index[cell.index] = powers;
             bins.add(cell.direction, powers[0] + powers[1]);
         }
@@ -182,17 +250,25 @@ impl Gathering<'_, '_, '_, '_> {
             .map(|cell| {
                 let whole = seen[bins.at(cell.direction)];
                 if whole <= least {
-                    return [1; 2];
+                    return [Wish::NONE; 2];
                 }
                 let own = by_index[cell.index];
                 let steps = basis(cell.index, count);
-                let differs = steps
-                    .iter()
-                    .flat_map(|&s| [cell.index.checked_sub(s), Some(cell.index + s)])
-                    .filter_map(|neighbour| by_index.get(neighbour?).filter(|powers| !powers[0].is_nan()))
-                    .fold([0.0; 2], |m: [f64; 2], powers| [0, 1].map(|i| m[i].max((powers[i] - own[i]).abs())));
-                // The error of n samples across an edge falls as n^−¾, and n is the square of the side.
-                differs.map(|d| ((d / (TOLERATED * whole)).powf(2.0 / 3.0).ceil() as usize).clamp(1, MOST))
+                let mut ranges = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+                let neighbours = steps.iter().flat_map(|&s| [cell.index.checked_sub(s), Some(cell.index + s)]);
+                for powers in neighbours.filter_map(|neighbour| by_index.get(neighbour?).filter(|powers| !powers[0].is_nan())) {
+                    for (range, power) in ranges.iter_mut().zip(powers) {
+                        *range = [range[0].min(*power), range[1].max(*power)];
+                    }
+                }
+                [0, 1].map(|layer| match ranges[layer] {
+                    [least, most] if least <= most => Wish {
+                        side: Wish::side(most - least, whole),
+                        neighbours: ranges[layer],
+                        others: (whole - own[layer]).max(0.0),
+                    },
+                    _ => Wish::NONE,
+                })
             })
             .collect()
     }
@@ -208,6 +284,12 @@ impl Gathering<'_, '_, '_, '_> {
 }
 
 impl Part {
+    fn scale(&mut self, factor: f64) {
+        self.power *= factor;
+        self.weighted_delay *= factor;
+        self.weighted_direction *= factor;
+    }
+
     fn arrival(&self) -> Arrival {
         Arrival {
             direction: self.weighted_direction.normalize_or_zero(),
@@ -219,13 +301,13 @@ impl Part {
     }
 }
 
-/// Looks along one direction and adds what comes from there to what a cell has seen.
-fn along(look: &mut Look<'_, '_, '_>, number: usize, direction: DVec3, layer: Layer, share: f64, seen: &mut [Seen; 2]) {
+/// Looks along one direction and adds what comes from there to what was seen.
+fn along(look: &mut Look<'_, '_, '_>, number: usize, direction: DVec3, layer: Layer, seen: &mut [Seen; 2]) {
     let mut sums = [(0.0, 0.0); 2];
     let object = look.along(number, direction, layer, &mut |c| {
         let (power, weighted_delay) = &mut sums[usize::from(c.after > 0)];
-        *power += c.power * share;
-        *weighted_delay += c.power * share * c.delay_s;
+        *power += c.power;
+        *weighted_delay += c.power * c.delay_s;
     });
     let Some(object) = object else { return };
     for (seen, (power, weighted_delay)) in seen.iter_mut().zip(sums).filter(|(_, (power, _))| *power > 0.0) {
