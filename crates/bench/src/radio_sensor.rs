@@ -97,6 +97,17 @@ impl Extent {
             _ => Self::Sphere,
         }
     }
+
+    /// What a receiver at a pose is scattered.
+    ///
+    /// # Errors
+    /// A position that is not finite.
+    pub fn gather(&self, field: &DiffuseField<'_, '_>, pose: &Rigid3, element: &Antenna) -> corf_scene::Result<Vec<Arrival>> {
+        match self {
+            Self::View(camera) => field.gather_for_view_with(camera, pose, element),
+            Self::Sphere => field.gather_with(pose.translation, element),
+        }
+    }
 }
 
 impl<'a> RadioSensor<'a> {
@@ -145,11 +156,7 @@ impl<'a> RadioSensor<'a> {
             path.a = path.coefficient(&settings.tx_antenna, 0, &element, 0);
         }
         let mut looks = spectrum::looks(&paths, &settings.tx_antenna, &element, settings.frequency_hz);
-        let diffuse = match (diffuse, extent) {
-            (None, _) => Vec::new(),
-            (Some(field), Extent::View(camera)) => field.gather_for_view_with(&camera, pose, &element)?,
-            (Some(field), Extent::Sphere) => field.gather_with(pose.translation, &element)?,
-        };
+        let diffuse = diffuse.map(|field| extent.gather(field, pose, &element)).transpose()?.unwrap_or_default();
         looks[0].extend(&diffuse);
         Ok(Received { paths, diffuse, looks })
     }

@@ -191,9 +191,10 @@ impl Radio {
         let tracer = timed(&mut seconds.hierarchy, || RadioTracer::new(&scene, &bvh, settings))?;
         let transmitter = timed(&mut seconds.transmitter_chains, || tracer.transmitter(tx))?;
         let field = timed(&mut seconds.photons, || DiffuseField::new(&tracer, tx, &sampling))?;
-        let platform = Platform { config: &config, receiver: &scene_config.receiver, tracer: &tracer, powers: self.powers };
         let form = SpectrumSettings::new(&config.rf, &scene_config.receiver, config.seed);
         let camera = config.rf_camera();
+        let extent = if self.powers { Extent::Sphere } else { Extent::needed(&[form.kind], Grid::Pinhole(camera)) };
+        let platform = Platform { config: &config, receiver: &scene_config.receiver, tracer: &tracer, extent };
         let (mut specular_power, mut diffuse_power) = (0.0, 0.0);
         let mut progress = Progress::start("bench radio", poses.len(), "positions");
         for (i, pose) in poses.iter().enumerate() {
@@ -255,6 +256,11 @@ impl Radio {
         let mut diffuse = vec![Vec::new(); count];
         let mut totals = vec![Vec::new(); count];
         let mut images: Vec<Vec<Raster<f32>>> = vec![Vec::new(); count];
+        let resolved = chosen.iter().map(|pose| {
+            let pose = &pose.world_from_camera;
+            Ok(platform.looks(&transmitter.paths(pose.translation)?, pose))
+        });
+        let resolved = resolved.collect::<Result<Vec<_>>>()?;
         let mut progress = Progress::start("replicas", self.replicas as usize * count, "positions");
         for phase in 0..self.replicas {
             let settings = DiffuseSettings { phase: phase + 1, ..*sampling };
@@ -263,7 +269,7 @@ impl Radio {
                 let pose = &pose.world_from_camera;
                 let scattered = platform.gather(&field, pose)?;
                 diffuse[i].push(power(&scattered));
-                let mut looks = platform.looks(&transmitter.paths(pose.translation)?, pose);
+                let mut looks = resolved[i].clone();
                 looks[0].extend(scattered);
                 totals[i].push(power(looks.iter().flatten()));
                 if !self.powers {
@@ -314,8 +320,8 @@ struct Platform<'a> {
     config: &'a DatasetConfig,
     receiver: &'a ReceiverConfig,
     tracer: &'a RadioTracer<'a>,
-    /// Whether powers alone are asked for.
-    powers: bool,
+    /// How much is gathered finely.
+    extent: Extent,
 }
 
 impl Platform<'_> {
@@ -325,13 +331,9 @@ impl Platform<'_> {
         spectrum::looks(paths, &settings.tx_antenna, &element_at(self.receiver, pose), settings.frequency_hz)
     }
 
-    /// What it is scattered: for the spectrum of a view, or for its power.
+    /// What it is scattered.
     fn gather(&self, field: &DiffuseField<'_, '_>, pose: &Rigid3) -> corf_scene::Result<Vec<Arrival>> {
-        let element = element_at(self.receiver, pose);
-        match Extent::needed(&[self.config.rf.spectrum], Grid::Pinhole(self.config.rf_camera())) {
-            Extent::View(camera) if !self.powers => field.gather_for_view_with(&camera, pose, &element),
-            _ => field.gather_with(pose.translation, &element),
-        }
+        self.extent.gather(field, pose, &element_at(self.receiver, pose))
     }
 }
 

@@ -243,7 +243,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     }
 
     /// As [`DiffuseField::gather`] for one view: all directions inside the camera's frame and a margin around it, and outside of it a
-    /// lattice [`OUTSIDE_SPARSITY`] times sparser, which keeps the total power and what side lobes see of it.
+    /// lattice [`OUTSIDE_SPARSITY`] times sparser, which keeps the total power. An array's side lobes want it all around alike.
     ///
     /// # Errors
     /// A position that is not finite.
@@ -269,7 +269,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let inside = |direction: DVec3| inside(camera_from_world * direction);
         let view = self.gathering(rx, antenna);
         let mut arrivals = view.arrivals(inside);
-        // What lies outside counts for side lobes alone.
+        // What lies outside counts for the total power alone.
         let outside = Gathering { directions: &self.outside, resolution_deg: 0.0, shared: false, ..view };
         arrivals.extend(outside.arrivals(|d| !inside(d)));
         Ok(arrivals)

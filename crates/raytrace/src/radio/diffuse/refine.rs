@@ -71,16 +71,16 @@ struct Wish {
 impl Wish {
     const NONE: Self = Self { side: 1, neighbours: [0.0; 2], others: f64::INFINITY };
 
-    /// Directions along the side that a difference asks for where so much is received besides. The error of n samples across an edge falls
+    /// Directions along the side that a difference asks for, so many times the tolerated one. The error of n samples across an edge falls
     /// as n^−¾, and n is the square of the side.
-    fn side(difference: f64, whole: f64) -> usize {
-        ((difference / (TOLERATED * whole)).powf(2.0 / 3.0).ceil() as usize).clamp(1, MOST)
+    fn side(times_tolerated: f64) -> usize {
+        (times_tolerated.powf(2.0 / 3.0).ceil() as usize).clamp(1, MOST)
     }
 
-    /// The same of the difference between a power received by the cell's layer and the neighbours'.
-    fn side_of(&self, power: f64) -> usize {
+    /// How many times the tolerated difference lies between the neighbours' and a power that the cell's layer may receive.
+    fn times_tolerated(&self, power: f64) -> f64 {
         let [least, most] = self.neighbours;
-        Self::side((power - least).max(most - power), self.others + power)
+        (power - least).max(most - power) / (TOLERATED * (self.others + power))
     }
 }
 
@@ -178,7 +178,7 @@ impl Gathering<'_, '_, '_, '_> {
         Lattice { count: self.directions.count(), refined: self.resolution_deg > 0.0, shared: self.shared }
     }
 
-    /// Cuts every cell whose neighbours call for it.
+    /// Cuts every cell whose neighbours call for it, and those that differ from all of them.
     fn refine(&self, cells: &mut [Cell]) {
         let wishes = self.wishes(cells);
         cells.par_chunks_mut(DIRECTIONS_PER_TASK).zip(wishes.par_chunks(DIRECTIONS_PER_TASK)).for_each(|(cells, wishes)| {
@@ -186,11 +186,12 @@ impl Gathering<'_, '_, '_, '_> {
             for (cell, wishes) in cells.iter_mut().zip(wishes) {
                 for (layer, wish) in wishes.iter().enumerate() {
                     let seen = &cell.seen[layer];
-                    let own = wish.side_of(seen.power());
+                    let own = wish.times_tolerated(seen.power());
                     let cut = if wish.side > seen.side || (wish.side > 1 && seen.lucky) {
                         self.cut(cell, layer, wish.side, |_| true, &mut look)
-                    } else if seen.side == 1 && own > 1 {
-                        let lucky = self.cut(cell, layer, own.min(MOST_LUCKY), |power| wish.side_of(power) > 1, &mut look);
+                    } else if seen.side == 1 && own > 1.0 {
+                        let side = Wish::side(own).min(MOST_LUCKY);
+                        let lucky = self.cut(cell, layer, side, |power| wish.times_tolerated(power) > 1.0, &mut look);
                         lucky.map(|seen| Seen { lucky: true, ..seen })
                     } else {
                         None
@@ -263,7 +264,7 @@ impl Gathering<'_, '_, '_, '_> {
                 }
                 [0, 1].map(|layer| match ranges[layer] {
                     [least, most] if least <= most => Wish {
-                        side: Wish::side(most - least, whole),
+                        side: Wish::side((most - least) / (TOLERATED * whole)),
                         neighbours: ranges[layer],
                         others: (whole - own[layer]).max(0.0),
                     },
