@@ -76,8 +76,9 @@ pub fn generate_from(
         let done_before = poses.len() - missing.len();
         for (i, pose) in missing.iter().enumerate() {
             interrupt::check()?;
-            let seen = camera.see(pose);
-            let heard = ear.keyframe(&pose.world_from_camera, &outputs)?;
+            // Where one of them leaves a core idle, the other goes on.
+            let (seen, heard) = rayon::join(|| camera.see(pose), || ear.keyframe(&pose.world_from_camera, &outputs));
+            let heard = heard?;
             let frame = FrameData {
                 spectrum: heard.spectrum,
                 sphere: heard.sphere,

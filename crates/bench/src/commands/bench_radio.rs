@@ -17,6 +17,7 @@ use corf_raytrace::spectrum::{self, Grid, SpectrumSettings};
 use corf_scene::config::{DatasetConfig, ReceiverConfig, SpectrumKind};
 use corf_scene::trajectory::{self, TrajectoryPose};
 use corf_scene::{Raster, Rigid3};
+use rayon::prelude::*;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -136,6 +137,9 @@ struct Answer {
     standard_error: Option<Errors>,
 }
 
+/// Positions at a time: where one leaves a core idle, another goes on.
+const AT_ONCE: usize = 8;
+
 /// Runs a stage and adds its time.
 fn timed<T>(spent: &mut Spent, stage: impl FnOnce() -> T) -> T {
     let (start, cpu) = (Instant::now(), cpu_seconds());
@@ -197,18 +201,27 @@ impl Radio {
         let platform = Platform { config: &config, receiver: &scene_config.receiver, tracer: &tracer, extent };
         let (mut specular_power, mut diffuse_power) = (0.0, 0.0);
         let mut progress = Progress::start("bench radio", poses.len(), "positions");
-        for (i, pose) in poses.iter().enumerate() {
-            let pose = &pose.world_from_camera;
-            let paths = timed(&mut seconds.specular, || transmitter.paths(pose.translation))?;
-            let mut looks = platform.looks(&paths, pose);
-            specular_power += power(looks.iter().flatten()) / poses.len() as f64;
-            let diffuse = timed(&mut seconds.gather, || platform.gather(&field, pose))?;
-            diffuse_power += power(&diffuse) / poses.len() as f64;
-            looks[0].extend(diffuse);
-            if !self.powers {
-                std::hint::black_box(timed(&mut seconds.spectrum, || form.form(&looks, &camera, pose)));
+        for (i, batch) in poses.chunks(AT_ONCE).enumerate() {
+            let poses_of = || batch.par_iter().map(|pose| &pose.world_from_camera);
+            let paths = timed(&mut seconds.specular, || {
+                poses_of().map(|pose| transmitter.paths(pose.translation)).collect::<corf_scene::Result<Vec<_>>>()
+            })?;
+            let diffuse = timed(&mut seconds.gather, || {
+                poses_of().map(|pose| platform.gather(&field, pose)).collect::<corf_scene::Result<Vec<_>>>()
+            })?;
+            let mut looks: Vec<_> =
+                batch.iter().zip(&paths).map(|(pose, p)| platform.looks(p, &pose.world_from_camera)).collect();
+            for (looks, diffuse) in looks.iter_mut().zip(diffuse) {
+                specular_power += power(looks.iter().flatten()) / poses.len() as f64;
+                diffuse_power += power(&diffuse) / poses.len() as f64;
+                looks[0].extend(diffuse);
             }
-            progress.set(i + 1, poses.len());
+            if !self.powers {
+                timed(&mut seconds.spectrum, || {
+                    poses_of().zip(&looks).for_each(|(pose, looks)| drop(std::hint::black_box(form.form(looks, &camera, pose))));
+                });
+            }
+            progress.set(i * AT_ONCE + batch.len(), poses.len());
         }
         progress.finish();
         seconds.total = seconds.sum();

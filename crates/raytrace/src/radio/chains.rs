@@ -261,7 +261,7 @@ impl Large {
         if before.is_empty() {
             return Vec::new();
         }
-        let facets: Vec<Facet> = allowed.iter().filter(|&&face| area_m2(face) >= SMALL_FACE_M2).map(facet).collect();
+        let facets: Vec<Facet> = allowed.par_iter().filter(|&&face| area_m2(face) >= SMALL_FACE_M2).map(facet).collect();
         before.truncate(self.most_pairs / facets.len().max(1));
         let found: Vec<Vec<Chain>> = before
             .par_iter()

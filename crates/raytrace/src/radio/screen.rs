@@ -40,7 +40,7 @@ impl Screen {
     /// Of all chains, none of them empty.
     pub fn new(geometry: &Geometry<'_>, chains: &[Chain]) -> Self {
         let mut order: Vec<(u32, u32)> = (0..).zip(chains).filter_map(|(i, chain)| Some((*chain.faces().last()?, i))).collect();
-        order.sort_unstable();
+        order.par_sort_unstable();
         let groups = order
             .chunk_by(|a, b| a.0 == b.0)
             .flat_map(|of_face| of_face.chunks(GROUP))

@@ -25,7 +25,7 @@ pub trait Finding: Copy + Send {
 
 /// Sorted, without repeats.
 pub fn distinct<T: Finding>(found: &mut Vec<T>) {
-    found.sort_by_key(Finding::key);
+    found.par_sort_by_key(Finding::key);
     found.dedup_by_key(|f| f.key());
 }
 

@@ -90,7 +90,7 @@ pub fn mpc(arrivals: &[Arrival], grid: impl Into<Grid>, world_from_camera: &Rigi
     let strongest = arrivals.iter().fold(0.0, |m: f64, a| m.max(a.power));
     let camera_from_world = world_from_camera.rotation.transpose();
     let splats: Vec<Splat> = arrivals
-        .iter()
+        .par_iter()
         .filter(|a| a.power > 0.0)
         .filter_map(|a| {
             let direction = camera_from_world * a.direction;

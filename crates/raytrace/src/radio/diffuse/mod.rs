@@ -54,8 +54,8 @@ const VIEW_MARGIN_DEG: f64 = 6.1;
 pub const NO_MIRRORS_SR: f64 = 13.0;
 /// More photons are a mistake.
 const MAX_PHOTONS: usize = 100_000_000;
-/// Directions that a task looks along.
-const DIRECTIONS_PER_TASK: usize = 1024;
+/// Directions that a task looks along; few, for refinement makes some of them sixty-four, and the last task keeps all others waiting.
+const DIRECTIONS_PER_TASK: usize = 128;
 
 /// How the diffuse field is sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
