@@ -4,7 +4,7 @@
     .venv/bin/python tools/check_sionna.py                    # report under results/YYYY-MM-DD-sionna-check
 
 Exports the scene with `corf scene export`, traces it with `corf paths` and `corf diffuse` and with Sionna RT at receivers along the scene's
-trajectory, and writes a Markdown report: six minutes where Sionna RT finds a GPU beside 16 cores, an hour or so on two cores. Exit code 0:
+trajectory, and writes a Markdown report: six minutes where Sionna RT finds a GPU beside 16 cores, half an hour on two cores. Exit code 0:
 everything agrees and every negative control fails as it must; 1: not so; 2: bad input.
 """
 
