@@ -192,13 +192,18 @@ impl RadianceCache {
                     .map(|(patch, centre, side)| {
                         let home = this.slots.homes(patch)[side];
                         let mut powers = [0.0; GRAINS];
-                        let mut expect = |grain: usize, at: DVec3| {
-                            powers[grain] = this.irradiance(patches, index as u32, at, side) * home.grain_m2(grain);
+                        // Over the whole of a grain: in a dark patch beside bright ones its centre says next to nothing of it.
+                        let mean = |grain: Option<usize>, at: DVec3| {
+                            let points = patches.means(index as u32, at, grain);
+                            let all = points.map(|at| this.irradiance(patches, index as u32, at, side));
+                            let (sum, count) = all.fold((0.0, 0u8), |(sum, count), one| (sum + one, count + 1));
+                            sum / f32::from(count)
                         };
                         if home.is_grain() {
-                            expect(0, centre);
+                            powers[0] = mean(None, centre) * home.grain_m2(0);
                         } else {
-                            patches.grains(face, index as u32, patch).for_each(|(grain, at)| expect(grain, at));
+                            let grains = patches.grains(face, index as u32, patch);
+                            grains.for_each(|(grain, at)| powers[grain] = mean(Some(grain), at) * home.grain_m2(grain));
                         }
                         (home, powers)
                     })

@@ -74,6 +74,17 @@ impl Patches {
             .filter(|(_, point)| face.contains(*point))
     }
 
+    /// Points at which what [`Self::around`] interpolates has its mean over one of a patch's grains, or over all of it: interpolation
+    /// bends at a patch's centre, so that whatever lies across that has a point in each half. `centre` is the grain's, or the patch's.
+    pub fn means(&self, face: u32, centre: DVec3, grain: Option<usize>) -> impl Iterator<Item = DVec3> {
+        let grid = &self.grids[face as usize];
+        let half = |place: usize| if place == GRAIN_SIDE / 2 { 0.25 / GRAIN_SIDE as f64 } else { 0.0 };
+        let [x, y] = grain.map_or([0.25; 2], |grain| [half(grain % GRAIN_SIDE), half(grain / GRAIN_SIDE)]);
+        let [across, up] = [grid.along[0] * (x * grid.patch_m.x), grid.along[1] * (y * grid.patch_m.y)];
+        let signs = |share: f64| [-1.0, 1.0].into_iter().take(if share == 0.0 { 1 } else { 2 });
+        signs(x).flat_map(move |i| signs(y).map(move |j| centre + across * i + up * j))
+    }
+
     /// Column and row of one of a face's patches.
     pub fn cell_of(&self, face: u32, patch: usize) -> [usize; 2] {
         let grid = &self.grids[face as usize];
@@ -214,6 +225,46 @@ fn clipped_area(triangle: &[DVec2; 3], low: DVec2, high: DVec2) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_mean_of_what_is_interpolated_over_a_grain_or_a_patch_is_found_at_few_points() {
+        let corners = [DVec3::ZERO, DVec3::new(1.0, 0.0, 0.0), DVec3::new(1.0, 0.7, 0.0), DVec3::new(0.0, 0.7, 0.0)];
+        let grid = PatchGrid::new(
+            DVec3::Z,
+            &[[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]],
+            0.2,
+            DVec2::splat(0.3),
+        );
+        let patches = Patches { areas_m2: vec![0.0; grid.counts[0] * grid.counts[1]], grids: vec![grid] };
+        let mut rng = corf_scene::Rng::keyed(9, 0, 0);
+        // Bright beside dark: nearly all that a dark patch's middle grain shows comes from its neighbours.
+        let values: Vec<f64> = (0..patches.len()).map(|_| 10f64.powf(6.0 * rng.uniform_f64())).collect();
+        let value = |at: DVec3| {
+            let around = patches.around(0, at);
+            around
+                .patches
+                .iter()
+                .zip(around.weights)
+                .map(|(&patch, weight)| values[patch as usize] * f64::from(weight))
+                .sum::<f64>()
+        };
+        let grid = &patches.grids[0];
+        for (patch, centre) in patches.of_face(0) {
+            for grain in (0..GRAINS).map(Some).chain([None]) {
+                let place = |i: usize| ((i as f64 + 0.5) / GRAIN_SIDE as f64 - 0.5) * grid.patch_m;
+                let side = if grain.is_some() { 1.0 / GRAIN_SIDE as f64 } else { 1.0 };
+                let [x, y] = grain.map_or([0.0; 2], |g| [place(g % GRAIN_SIDE).x, place(g / GRAIN_SIDE).y]);
+                let middle = centre + grid.along[0] * x + grid.along[1] * y;
+                const FINE: usize = 40;
+                let off = |i: usize| ((i as f64 + 0.5) / FINE as f64 - 0.5) * side * grid.patch_m;
+                let fine = (0..FINE * FINE).map(|i| middle + grid.along[0] * off(i % FINE).x + grid.along[1] * off(i / FINE).y);
+                let wanted = fine.map(value).sum::<f64>() / (FINE * FINE) as f64;
+                let points: Vec<DVec3> = patches.means(0, middle, grain).collect();
+                let found = points.iter().copied().map(value).sum::<f64>() / points.len() as f64;
+                assert!((found / wanted - 1.0).abs() < 2e-3, "patch {patch}, grain {grain:?}: {found} {wanted}");
+            }
+        }
+    }
 
     #[test]
     fn the_areas_of_a_triangle_in_all_cells_sum_to_its_own() {
