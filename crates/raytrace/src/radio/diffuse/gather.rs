@@ -23,7 +23,7 @@ const MIN_COS_SCATTER: f64 = 0.01;
 const MIN_THROUGHPUT: f64 = 1e-6;
 /// A ray that keeps less than this share goes on with that much less probability, and counts for more.
 const ROULETTE_THROUGHPUT: f64 = 0.01;
-/// Directions to one where a lattice that is refined sees something bright edge-on.
+/// Directions to one where a lattice that is refined sees something bright edge-on and meets it often enough.
 const REFINED: f64 = (MOST * MOST) as f64;
 /// Step of the low-discrepancy sequence that decides about a direction's rays.
 const ROULETTE_STEP: f64 = lattice::R2.x;
@@ -282,8 +282,12 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     /// How many times as densely as this receiver's directions the transmitter's rays meet a point, p_t/p_r of [`landings`]. Nothing where
     /// the two look at different sides of the face.
     fn density_ratio(&self, face: u32, point: DVec3, transmitters_per_m2: f64) -> f64 {
-        let own_per_m2 = landings::density(&self.field.tracer.geometry.faces[face as usize], self.rx, point);
-        let directions = self.lattice.count as f64 * if self.lattice.refined { REFINED } else { 1.0 };
+        let plane = &self.field.tracer.geometry.faces[face as usize];
+        let own_per_m2 = landings::density(plane, self.rx, point);
+        let count = self.lattice.count as f64;
+        // Refinement finds no face that the lattice's own directions miss: how many meet one that is seen as it is here?
+        let met = count * own_per_m2.abs() * plane.area_m2 / (4.0 * std::f64::consts::PI);
+        let directions = count * if self.lattice.refined { met.clamp(1.0, REFINED) } else { 1.0 };
         (self.field.settings.directions as f64 * transmitters_per_m2 / (directions * own_per_m2)).max(0.0)
     }
 
