@@ -1,5 +1,6 @@
 //! Truths about scattered power, against quadratures that share no code with the gathering.
 
+use super::cache::{Deposit, RadianceCache};
 use super::photons::Event;
 use super::*;
 use crate::radio::{Polarization, RadioSettings, SPEED_OF_LIGHT, antenna, fresnel, scattering};
@@ -161,6 +162,51 @@ fn light_around_what_hides_the_rest_of_a_patch_is_not_spread_beneath_it() {
     let expected = power(&exact, rx, |c| c.mirrored_before && c.after == 0);
     let found = power(&photons, rx, |c| c.after == 0);
     assert!((found / expected - 1.0).abs() < PHOTON_TOTAL, "{found:e} {expected:e}");
+}
+
+#[test]
+fn no_point_of_dark_patches_outshines_the_bright_ones_beside_them() {
+    // A shelf, one half a million times as bright as the other, where all photons fall on the patches' middles.
+    let mut scene =
+        Scene { materials: vec![material("wood", 0.04, scatters(0.7, ScatteringPattern::Lambertian))], ..Scene::default() };
+    quad(&mut scene, 0, Vec3::ZERO, Vec3::X * 1.6, Vec3::Y * 0.8);
+    let tracer = RadioTracer::without_bvh(&scene, settings(2)).unwrap();
+    let patch_m = 0.2;
+    let illumination = Illumination::new(&tracer, DVec3::new(0.8, 0.4, 2.0), NO_MIRRORS_SR);
+    let patches = Patches::new(&tracer.geometry, patch_m, DVec2::ZERO);
+    let mut cache = RadianceCache::new(&illumination, &patches, patch_m, 1);
+    let side = usize::from(tracer.geometry.faces[0].normal.z < 0.0);
+    let is_bright = |at: DVec3| at.x < 0.8;
+    let mut deposits = Vec::new();
+    for (_, centre) in patches.of_face(0).filter(|(_, centre)| tracer.geometry.faces[0].contains(*centre)) {
+        let (patch, middle) = patches.at(0, centre);
+        for i in 0..500 {
+            let (grain, power) = if is_bright(centre) { (i % 25, 1.0) } else { (middle, 1e-6) };
+            let (slot, grain) = cache.slots().place((patch, grain), side);
+            deposits.push(Deposit {
+                slot,
+                grain,
+                left: 0,
+                coherency: [0.5 * power, 0.5 * power, 0.0, 0.0],
+                normal: Vec3::Z,
+                specular: Vec3::Z,
+                back: Vec3::Z,
+                length_m: 1.0,
+                scattered: true,
+            });
+        }
+    }
+    deposits.sort_by_key(|d| d.slot);
+    cache.add(&[deposits]);
+    cache.finish(&tracer.geometry, &patches, 1.0);
+    let mut brightest = [0.0f64; 2];
+    for i in 0..320 * 160 {
+        let at = DVec3::new((f64::from(i % 320) + 0.5) * 0.005, (f64::from(i / 320) + 0.5) * 0.005, 0.0);
+        let power = cache.outgoing(&patches, 0, at, side, DVec3::Z, 0).map_or(0.0, |out| out.coherency[0]);
+        let half = usize::from(is_bright(at));
+        brightest[half] = brightest[half].max(power);
+    }
+    assert!(brightest[0] < brightest[1], "{brightest:?}");
 }
 
 #[test]
