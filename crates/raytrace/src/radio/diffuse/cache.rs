@@ -192,18 +192,13 @@ impl RadianceCache {
                     .map(|(patch, centre, side)| {
                         let home = this.slots.homes(patch)[side];
                         let mut powers = [0.0; GRAINS];
-                        // Over the whole of a grain: in a dark patch beside bright ones its centre says next to nothing of it.
-                        let mean = |grain: Option<usize>, at: DVec3| {
-                            let points = patches.means(index as u32, at, grain);
-                            let all = points.map(|at| this.irradiance(patches, index as u32, at, side));
-                            let (sum, count) = all.fold((0.0, 0u8), |(sum, count), one| (sum + one, count + 1));
-                            sum / f32::from(count)
+                        let mut expect = |grain: usize, part: Option<usize>, at: DVec3| {
+                            powers[grain] = this.mean_irradiance(patches, index as u32, at, part, side) * home.grain_m2(grain);
                         };
                         if home.is_grain() {
-                            powers[0] = mean(None, centre) * home.grain_m2(0);
+                            expect(0, None, centre);
                         } else {
-                            let grains = patches.grains(face, index as u32, patch);
-                            grains.for_each(|(grain, at)| powers[grain] = mean(Some(grain), at) * home.grain_m2(grain));
+                            patches.grains(face, index as u32, patch).for_each(|(grain, at)| expect(grain, Some(grain), at));
                         }
                         (home, powers)
                     })
@@ -223,6 +218,14 @@ impl RadianceCache {
             })
             .collect();
         self.grains = weights;
+    }
+
+    /// The mean of [`Self::irradiance`] over one of a patch's grains, or over all of it, around its centre: in a dark patch beside bright ones
+    /// the centre alone says next to nothing of it.
+    fn mean_irradiance(&self, patches: &Patches, face: u32, centre: DVec3, grain: Option<usize>, side: usize) -> f32 {
+        let all = patches.means(face, centre, grain).map(|at| self.irradiance(patches, face, at, side));
+        let (sum, count) = all.fold((0.0, 0u8), |(sum, count), one| (sum + one, count + 1));
+        sum / f32::from(count)
     }
 
     /// Photons' power per area around a point of a face's side, as [`Self::outgoing`] interpolates it: what light that is even within

@@ -166,7 +166,7 @@ fn light_around_what_hides_the_rest_of_a_patch_is_not_spread_beneath_it() {
 
 #[test]
 fn no_point_of_dark_patches_outshines_the_bright_ones_beside_them() {
-    // A shelf, one half a million times as bright as the other, where all photons fall on the patches' middles.
+    // A shelf, one half of it a million times as bright as the other, where all photons of the dark half fall on the middles of its patches.
     let mut scene =
         Scene { materials: vec![material("wood", 0.04, scatters(0.7, ScatteringPattern::Lambertian))], ..Scene::default() };
     quad(&mut scene, 0, Vec3::ZERO, Vec3::X * 1.6, Vec3::Y * 0.8);
@@ -181,7 +181,7 @@ fn no_point_of_dark_patches_outshines_the_bright_ones_beside_them() {
     for (_, centre) in patches.of_face(0).filter(|(_, centre)| tracer.geometry.faces[0].contains(*centre)) {
         let (patch, middle) = patches.at(0, centre);
         for i in 0..500 {
-            let (grain, power) = if is_bright(centre) { (i % 25, 1.0) } else { (middle, 1e-6) };
+            let (grain, power) = if is_bright(centre) { (i % patches::GRAINS, 1.0) } else { (middle, 1e-6) };
             let (slot, grain) = cache.slots().place((patch, grain), side);
             deposits.push(Deposit {
                 slot,
