@@ -35,8 +35,10 @@ const ARRAY_RESOLUTION_DEG: f64 = 4.0;
 
 /// How a dataset samples the diffuse field.
 pub fn diffuse_settings(rf: &RfConfig) -> DiffuseSettings {
+    let is_array = rf.spectrum != SpectrumKind::Mpc;
     DiffuseSettings {
-        resolution_deg: if rf.spectrum == SpectrumKind::Mpc { rf.lobe_width_deg.min(90.0) } else { ARRAY_RESOLUTION_DEG },
+        resolution_deg: if is_array { ARRAY_RESOLUTION_DEG } else { rf.lobe_width_deg.min(90.0) },
+        even_arrivals: is_array,
         patch_size_m: rf.patch_size_m,
         directions: rf.directions,
         photons: rf.photons,

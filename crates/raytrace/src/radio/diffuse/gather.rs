@@ -4,9 +4,12 @@
 //! through every mirror and slab, which by reciprocity is the forward way's transpose. What a surface scatters along the ray is then
 //! received as |c·E|².
 
+#[cfg(doc)]
+use super::DiffuseSettings;
 use super::illumination::{Incident, Lighting, MAX_PORTS, Source};
 use super::landings::{self, Landing};
 use super::refine::MOST;
+use super::small::{Seen, SmallPoint};
 use super::{Contribution, DiffuseField};
 use crate::radio::antenna::{Antenna, phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
@@ -23,6 +26,8 @@ const MIN_COS_SCATTER: f64 = 0.01;
 const MIN_THROUGHPUT: f64 = 1e-6;
 /// A ray that keeps less than this share goes on with that much less probability, and counts for more.
 const ROULETTE_THROUGHPUT: f64 = 0.01;
+/// … and with [`DiffuseSettings::even_arrivals`], whose readers average over many.
+const EVEN_ROULETTE_THROUGHPUT: f64 = 0.1;
 /// Directions to one where a lattice that is refined sees something bright edge-on and meets it often enough.
 const REFINED: f64 = (MOST * MOST) as f64;
 /// Step of the low-discrepancy sequence that decides about a direction's rays.
@@ -33,21 +38,31 @@ pub(super) struct Look<'f, 't, 'a> {
     field: &'f DiffuseField<'t, 'a>,
     antenna: Antenna,
     rx: DVec3,
-    lattice: Lattice,
+    lattice: Lattice<'f>,
     /// Most interactions between a scattering surface and the receiver.
     deepest: usize,
     stack: Vec<Ray>,
+    /// Of the last direction: the largest share of power that went on behind the surface seen first.
+    beyond: f64,
 }
 
 /// The directions of a receiver that one of them belongs to.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lattice {
+pub(super) struct Lattice<'s> {
     /// Over the whole sphere.
     pub count: usize,
     /// Whether more are added where these disagree, some [`REFINED`] to one at the outlines of bright things.
     pub refined: bool,
     /// Whether what it meets is shared with the transmitter's own rays.
     pub shared: bool,
+    /// What points of their own stand for.
+    pub small: Option<&'s Seen>,
+}
+
+impl Lattice<'_> {
+    fn is_small(&self, face: u32) -> bool {
+        self.small.is_some_and(|seen| seen.holds(face))
+    }
 }
 
 /// What is looked for along a direction.
@@ -70,8 +85,17 @@ struct Ray {
     ports: [Field; MAX_PORTS],
     length_m: f64,
     hops: usize,
+    /// Whether nothing mirrored it.
+    straight: bool,
     /// 1 over the probability of having come this far.
     weight: f64,
+}
+
+impl Ray {
+    /// What the ports make of it.
+    fn power(&self) -> f64 {
+        self.ports.iter().map(Field::norm_squared).sum()
+    }
 }
 
 /// What a point of a surface sends from a source straight to the receiver.
@@ -95,9 +119,9 @@ impl Sent {
 }
 
 impl<'f, 't, 'a> Look<'f, 't, 'a> {
-    pub(super) fn new(field: &'f DiffuseField<'t, 'a>, rx: DVec3, antenna: &Antenna, lattice: Lattice) -> Self {
+    pub(super) fn new(field: &'f DiffuseField<'t, 'a>, rx: DVec3, antenna: &Antenna, lattice: Lattice<'f>) -> Self {
         let deepest = field.settings.after.min(field.tracer.settings.max_depth.saturating_sub(1)).min(MAX_DEPTH);
-        Self { field, antenna: *antenna, rx, lattice, deepest, stack: Vec::new() }
+        Self { field, antenna: *antenna, rx, lattice, deepest, stack: Vec::new(), beyond: 0.0 }
     }
 
     /// Follows direction `index` of the lattice and reports what is scattered back along it; returns the object seen first.
@@ -109,19 +133,23 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         report: &mut impl FnMut(Contribution),
     ) -> Option<u32> {
         let geometry = &self.field.tracer.geometry;
-        let ports = self.port_fields(direction);
-        let whole: f64 = ports.iter().map(Field::norm_squared).sum();
+        let ray = self.outwards(direction);
+        let whole = ray.power();
         let mut sequence = (index as f64 * ROULETTE_STEP).fract();
         let mut seen = None;
+        self.beyond = 0.0;
         self.stack.clear();
-        self.stack.push(Ray { origin: self.rx, direction, ports, length_m: 0.0, hops: 0, weight: 1.0 });
+        self.stack.push(ray);
         while let Some(ray) = self.stack.pop() {
+            if ray.hops > 0 {
+                self.beyond = self.beyond.max(ray.power() / whole);
+            }
             let Some(met) = geometry.meet(ray.origin, ray.direction, CLEARANCE_M) else { continue };
             if ray.hops == 0 {
                 seen = Some(geometry.faces[met.face as usize].object);
             }
-            if ray.hops > 0 || layer != Layer::Beyond {
-                self.scattered(&ray, &met, report);
+            if (ray.hops > 0 || layer != Layer::Beyond) && !(ray.straight && self.lattice.is_small(met.face)) {
+                self.scattered(&ray, &met, None, report);
             }
             if ray.hops < self.deepest && layer != Layer::Front {
                 self.go_on(&ray, &met, whole, &mut sequence);
@@ -130,47 +158,88 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         seen
     }
 
-    /// Mirrors a ray and sends it straight through.
-    fn go_on(&mut self, ray: &Ray, met: &Meeting, whole: f64, sequence: &mut f64) {
-        let (settings, illumination) = (&self.field.tracer.settings, &self.field.illumination);
-        let response = illumination.table(met.face).response(field::cos_incidence(ray.direction, met.normal));
-        let amplitude = self.field.tracer.geometry.slab(met.face).specular_amplitude();
-        for mirrored in [true, false] {
-            if !(if mirrored { settings.reflection } else { settings.transmission }) {
-                continue;
+    /// Looks at a point of a small face, the `index`th, as [`Self::along`] along a direction.
+    pub(super) fn at(&self, index: usize, point: &SmallPoint, report: &mut impl FnMut(Contribution)) -> Option<u32> {
+        let geometry = &self.field.tracer.geometry;
+        let mut ray = self.outwards(point.direction);
+        let whole = ray.power();
+        let mut sequence = (index as f64 * ROULETTE_STEP).fract();
+        let mut seen = None;
+        loop {
+            let met = geometry.meet(ray.origin, ray.direction, CLEARANCE_M)?;
+            let seen = *seen.get_or_insert(geometry.faces[met.face as usize].object);
+            if met.face == point.face {
+                self.scattered(&ray, &met, Some(point.share_sr), report);
+                return Some(seen);
             }
-            let ports = ray.ports.map(|c| {
-                if mirrored {
-                    field::reflect(&c, ray.direction, met.normal, &response, amplitude)
-                } else {
-                    field::transmit(&c, ray.direction, met.normal, &response)
-                }
-            });
-            let share = ports.iter().map(Field::norm_squared).sum::<f64>() / whole;
-            if share.is_nan() || share * ray.weight < MIN_THROUGHPUT {
-                continue;
+            if ray.hops == self.deepest {
+                return None;
             }
-            let density = if ray.hops == 0 { self.field.settings.look_on } else { 1.0 };
-            let kept = (share * ray.weight * density / ROULETTE_THROUGHPUT).min(1.0) * density;
-            if kept < 1.0 {
-                *sequence = (*sequence + ROULETTE_STEP * ROULETTE_STEP).fract();
-                if *sequence >= kept {
-                    continue;
-                }
-            }
-            self.stack.push(Ray {
-                origin: met.point,
-                direction: if mirrored { field::mirrored(ray.direction, met.normal) } else { ray.direction },
-                ports,
-                length_m: ray.length_m + met.distance_m,
-                hops: ray.hops + 1,
-                weight: ray.weight / kept,
-            });
+            ray = self.behind(&ray, &met, false, whole, &mut sequence)?;
         }
     }
 
-    /// What the surface scatters towards the receiver.
-    fn scattered(&self, ray: &Ray, met: &Meeting, report: &mut impl FnMut(Contribution)) {
+    /// The largest share of power that went on behind the surface seen first, along the last direction.
+    pub(super) fn beyond(&self) -> f64 {
+        self.beyond
+    }
+
+    /// A ray that leaves the receiver.
+    fn outwards(&self, direction: DVec3) -> Ray {
+        let ports = self.port_fields(direction);
+        Ray { origin: self.rx, direction, ports, length_m: 0.0, hops: 0, straight: true, weight: 1.0 }
+    }
+
+    /// Mirrors a ray and sends it straight through.
+    fn go_on(&mut self, ray: &Ray, met: &Meeting, whole: f64, sequence: &mut f64) {
+        for mirrored in [true, false] {
+            self.stack.extend(self.behind(ray, met, mirrored, whole, sequence));
+        }
+    }
+
+    /// A ray behind a surface, `mirrored` there or straight through: nothing where too little of the `whole` power is left, or by chance
+    /// where little is.
+    fn behind(&self, ray: &Ray, met: &Meeting, mirrored: bool, whole: f64, sequence: &mut f64) -> Option<Ray> {
+        let (settings, illumination) = (&self.field.tracer.settings, &self.field.illumination);
+        if !(if mirrored { settings.reflection } else { settings.transmission }) {
+            return None;
+        }
+        let response = illumination.table(met.face).response(field::cos_incidence(ray.direction, met.normal));
+        let amplitude = self.field.tracer.geometry.slab(met.face).specular_amplitude();
+        let ports = ray.ports.map(|c| {
+            if mirrored {
+                field::reflect(&c, ray.direction, met.normal, &response, amplitude)
+            } else {
+                field::transmit(&c, ray.direction, met.normal, &response)
+            }
+        });
+        let behind = Ray {
+            origin: met.point,
+            direction: if mirrored { field::mirrored(ray.direction, met.normal) } else { ray.direction },
+            ports,
+            length_m: ray.length_m + met.distance_m,
+            hops: ray.hops + 1,
+            straight: ray.straight && !mirrored,
+            weight: ray.weight,
+        };
+        let share = behind.power() / whole;
+        if share.is_nan() || share * ray.weight < MIN_THROUGHPUT {
+            return None;
+        }
+        let density = if ray.hops == 0 { self.field.settings.look_on } else { 1.0 };
+        let roulette = if self.field.settings.even_arrivals { EVEN_ROULETTE_THROUGHPUT } else { ROULETTE_THROUGHPUT };
+        let kept = (share * ray.weight * density / roulette).min(1.0) * density;
+        if kept < 1.0 {
+            *sequence = (*sequence + ROULETTE_STEP * ROULETTE_STEP).fract();
+            if *sequence >= kept {
+                return None;
+            }
+        }
+        Some(Ray { weight: ray.weight / kept, ..behind })
+    }
+
+    /// What the surface scatters towards the receiver along a direction of the lattice, or from a point that stands for a share of ∫dΩ/cosθ_s.
+    fn scattered(&self, ray: &Ray, met: &Meeting, share_sr: Option<f64>, report: &mut impl FnMut(Contribution)) {
         let (field, illumination) = (self.field, &self.field.illumination);
         let geometry = &field.tracer.geometry;
         if geometry.slab(met.face).scattering.coefficient == 0.0 {
@@ -181,7 +250,10 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         let received = self.received(&ray.ports, towards_rx);
         let received = &received[..self.ports()];
         let per_area = self.spread(self.lattice.count) * ray.weight;
-        let scale = per_area / cos_scatter.max(MIN_COS_SCATTER);
+        let scale = match share_sr {
+            Some(share_sr) => self.spreading() * share_sr * ray.weight,
+            None => per_area / cos_scatter.max(MIN_COS_SCATTER),
+        };
         let object = geometry.faces[met.face as usize].object;
         let contribution = |power: f64, length_m: f64, mirrored_before: bool, indirect: bool| Contribution {
             power,
@@ -205,7 +277,8 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
                 continue;
             }
             // What the transmitter's own rays find is theirs; behind mirrors and slabs they do not look.
-            let is_shared = self.lattice.shared && field.landings.is_some() && ray.hops == 0 && source.mirror.is_none();
+            let is_shared =
+                share_sr.is_none() && self.lattice.shared && field.landings.is_some() && ray.hops == 0 && source.mirror.is_none();
             let mut scale = scale;
             if is_shared {
                 let per_m2 = landings::density(&geometry.faces[met.face as usize], source.image, met.point);
@@ -233,6 +306,9 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     /// that is `wanted`.
     pub(super) fn landed(&self, landing: &Landing, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
         let &Landing { point, face, lighting, density_per_m2 } = landing;
+        if self.lattice.is_small(face) {
+            return None;
+        }
         let share = landings::share(self.density_ratio(face, point, density_per_m2));
         if share == 0.0 {
             return None;
@@ -311,10 +387,14 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         ports.map(|c| (c.along(theta_out), c.along(phi_out)))
     }
 
+    /// (λ/4π)², m².
+    fn spreading(&self) -> f64 {
+        (self.field.tracer.settings.wavelength_m() / (4.0 * std::f64::consts::PI)).powi(2)
+    }
+
     /// (λ/4π)² times the solid angle that each of `count` rays over the sphere stands for.
     fn spread(&self, count: usize) -> f64 {
-        let wavelength_m = self.field.tracer.settings.wavelength_m();
-        (wavelength_m / (4.0 * std::f64::consts::PI)).powi(2) * 4.0 * std::f64::consts::PI / count as f64
+        self.spreading() * 4.0 * std::f64::consts::PI / count as f64
     }
 
     /// S²Γ² f_s of what a source sends, as the ports receive it: the mean over the transmitter's ports, without distances and projections.

@@ -26,6 +26,7 @@ mod pilot;
 mod quadrature;
 mod refine;
 mod slots;
+mod small;
 mod smooth;
 #[cfg(test)]
 mod tests;
@@ -45,6 +46,7 @@ pub use quadrature::Scattered;
 use rayon::prelude::*;
 use refine::Gathering;
 use serde::{Deserialize, Serialize};
+use small::SmallFaces;
 
 /// How much sparser [`DiffuseField::gather_for_view`] samples what is out of view.
 pub const OUTSIDE_SPARSITY: usize = 16;
@@ -54,6 +56,8 @@ const VIEW_MARGIN_DEG: f64 = 6.1;
 pub const NO_MIRRORS_SR: f64 = 13.0;
 /// More photons are a mistake.
 const MAX_PHOTONS: usize = 100_000_000;
+/// Directions along the side of a cell in which a strong mirror stands, with [`DiffuseSettings::even_arrivals`].
+const MIRROR_SIDE: usize = 3;
 /// Directions that a task looks along; few, for refinement makes some of them sixty-four, and the last task keeps all others waiting.
 const DIRECTIONS_PER_TASK: usize = 128;
 
@@ -77,6 +81,9 @@ pub struct DiffuseSettings {
     /// What a reader of the arrivals tells apart, degrees: where neighbouring directions differ by more than some per cent of the power
     /// within it, a receiver looks again. 0 leaves it at the lattice.
     pub resolution_deg: f64,
+    /// Whether single arrivals are kept from counting for much: small faces are sampled over their area, and what strong mirrors show
+    /// with more directions. For readers whose lobes hold many arrivals, where the few heavy ones make the error.
+    pub even_arrivals: bool,
     /// Shifts the patches, turns the lattices and draws other photons; results of different phases differ by the sampling error alone.
     pub phase: u64,
 }
@@ -91,6 +98,7 @@ impl Default for DiffuseSettings {
             min_mirror_sr: NO_MIRRORS_SR,
             photons: 200_000,
             resolution_deg: 1.0,
+            even_arrivals: false,
             phase: 0,
         }
     }
@@ -154,6 +162,10 @@ pub struct DiffuseField<'t, 'a> {
     cache: Option<RadianceCache>,
     /// Where as many rays of the transmitter fell as a receiver has directions; without them a receiver's directions meet all by themselves.
     landings: Option<Vec<Landing>>,
+    /// With [`DiffuseSettings::even_arrivals`].
+    small: Option<SmallFaces>,
+    /// Of patches and points.
+    phase: DVec2,
     settings: DiffuseSettings,
     directions: Directions,
     /// [`OUTSIDE_SPARSITY`] times fewer.
@@ -206,7 +218,8 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             only,
         };
         let cache = photons.trace(settings.patch_size_m);
-        Ok(Self { tracer, illumination, patches, cache, landings, settings: *settings, directions, outside })
+        let small = settings.even_arrivals.then(|| SmallFaces::new(&tracer.geometry));
+        Ok(Self { tracer, illumination, patches, cache, landings, small, phase, settings: *settings, directions, outside })
     }
 
     /// Megabytes of the tables that the photons filled.
@@ -270,14 +283,17 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let view = self.gathering(rx, antenna);
         let mut arrivals = view.arrivals(inside);
         // What lies outside counts for the total power alone.
-        let outside = Gathering { directions: &self.outside, resolution_deg: 0.0, shared: false, ..view };
+        let outside = Gathering { directions: &self.outside, resolution_deg: 0.0, shared: false, small: None, ..view };
         arrivals.extend(outside.arrivals(|d| !inside(d)));
         Ok(arrivals)
     }
 
     fn gathering<'g>(&'g self, rx: DVec3, antenna: &'g Antenna) -> Gathering<'g, 'g, 't, 'a> {
         let resolution_deg = self.settings.resolution_deg;
-        Gathering { field: self, rx, antenna, directions: &self.directions, resolution_deg, shared: true }
+        let seen = |small: &SmallFaces| small.seen_from(&self.tracer.geometry, rx, self.directions.count(), self.phase);
+        let small = self.small.as_ref().map(seen);
+        let mirror_side = if self.settings.even_arrivals { MIRROR_SIDE } else { 1 };
+        Gathering { field: self, rx, antenna, directions: &self.directions, resolution_deg, shared: true, small, mirror_side }
     }
 
     /// Every contribution on its own with the direction it arrives from, near ones together, then those of the transmitter's own
@@ -288,7 +304,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     pub fn contributions(&self, rx: DVec3) -> Result<Vec<(DVec3, Contribution)>> {
         check_receiver(rx)?;
         let antenna = &self.tracer.settings.rx_antenna;
-        let lattice = Lattice { count: self.directions.count(), refined: false, shared: true };
+        let lattice = Lattice { count: self.directions.count(), refined: false, shared: true, small: None };
         let mut all = in_tasks(self.directions.along(), |numbers| {
             let mut look = Look::new(self, rx, antenna, lattice);
             let mut found = Vec::new();
@@ -307,7 +323,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         &self,
         rx: DVec3,
         antenna: &Antenna,
-        lattice: Lattice,
+        lattice: Lattice<'_>,
         wanted: impl Fn(DVec3) -> bool + Sync,
     ) -> Vec<(DVec3, Contribution)> {
         let landings = self.landings.as_deref().filter(|_| lattice.shared).unwrap_or_default();

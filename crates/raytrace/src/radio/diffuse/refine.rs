@@ -11,7 +11,8 @@
 //! bias is the neighbours', which such a cell still has cut: they find the rest of the thing besides.
 
 use super::gather::{Lattice, Layer, Look};
-use super::{DIRECTIONS_PER_TASK, DiffuseField, in_tasks};
+use super::small;
+use super::{Contribution, DIRECTIONS_PER_TASK, DiffuseField, in_tasks};
 use crate::radio::lattice::{self, Directions};
 use crate::radio::{Antenna, Arrival};
 use glam::DVec3;
@@ -26,6 +27,8 @@ pub(super) const MOST: usize = 8;
 const MOST_LUCKY: usize = 4;
 /// Regions this much fainter than the brightest are left alone.
 const FAINTEST: f64 = 1e-5;
+/// Share of power that a strong mirror, or a slab, passes on.
+const STRONG_MIRROR: f64 = 0.9;
 /// How often refined cells are compared with their neighbours again.
 const ROUNDS: usize = 2;
 
@@ -42,7 +45,7 @@ struct Part {
 struct Seen {
     /// Directions along the cell's side that were looked along.
     side: usize,
-    /// Whether those that met what its neighbours did not speak for all.
+    /// Whether those that met what its first direction met, and others may have missed, speak for all.
     lucky: bool,
     parts: Vec<Part>,
 }
@@ -117,12 +120,19 @@ pub(super) struct Gathering<'g, 'f, 't, 'a> {
     pub resolution_deg: f64,
     /// Whether what the directions meet is shared with the transmitter's own rays.
     pub shared: bool,
+    /// What points of their own stand for.
+    pub small: Option<small::Seen>,
+    /// Directions along the side of a cell whose first direction finds a strong mirror.
+    pub mirror_side: usize,
 }
 
 impl Gathering<'_, '_, '_, '_> {
-    /// The arrivals of those directions that are `wanted`, near ones together, and of the transmitter's own rays.
+    /// The arrivals of those directions that are `wanted`, near ones together, of points of small faces, and of the transmitter's own rays.
     pub fn arrivals(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let mut arrivals = if self.resolution_deg > 0.0 { self.refined(&wanted) } else { self.plain(&wanted) };
+        if let Some(small) = &self.small {
+            arrivals.extend(self.small(small, &wanted));
+        }
         let landed = self.field.landed(self.rx, self.antenna, self.lattice(), &wanted);
         arrivals.extend(landed.into_iter().map(|(direction, c)| Arrival {
             direction,
@@ -137,13 +147,18 @@ impl Gathering<'_, '_, '_, '_> {
     /// One arrival per direction.
     fn plain(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         self.look(wanted, |look, index, direction| {
-            let (mut power, mut weighted_delay) = (0.0, 0.0);
-            let object = look.along(index, direction, Layer::All, &mut |c| {
-                power += c.power;
-                weighted_delay += c.power * c.delay_s;
-            });
-            let delay_s = weighted_delay / power;
-            object.filter(|_| power > 0.0).map(|object| Arrival { direction, power, delay_s, object, phase_rad: None })
+            arrival(direction, |report| look.along(index, direction, Layer::All, &mut |c| report(c)))
+        })
+    }
+
+    /// One arrival per point of a small face in a `wanted` direction.
+    fn small(&self, seen: &small::Seen, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+        let numbered: Vec<_> = seen.points.iter().enumerate().filter(|(_, point)| wanted(point.direction)).collect();
+        in_tasks(&numbered, |points| {
+            let look = Look::new(self.field, self.rx, self.antenna, self.lattice());
+            let arrivals =
+                points.iter().map(|&(i, point)| arrival(point.direction, |report| look.at(i, point, &mut |c| report(c))));
+            arrivals.flatten().collect()
         })
     }
 
@@ -152,7 +167,14 @@ impl Gathering<'_, '_, '_, '_> {
         let mut cells: Vec<Cell> = self.look(wanted, |look, index, direction| {
             let mut seen = [1; 2].map(Seen::of_side);
             along(look, index, direction, Layer::All, &mut seen);
-            Some(Cell { index, direction, seen })
+            let mut cell = Cell { index, direction, seen };
+            if self.mirror_side > 1 && look.beyond() >= STRONG_MIRROR {
+                let shown = self.cut(&cell, 1, self.mirror_side, |look, _| look.beyond() >= STRONG_MIRROR, look);
+                if let Some(seen) = shown {
+                    cell.seen[1] = Seen { lucky: true, ..seen };
+                }
+            }
+            Some(cell)
         });
         for _ in 0..ROUNDS {
             self.refine(&mut cells);
@@ -174,8 +196,9 @@ impl Gathering<'_, '_, '_, '_> {
         })
     }
 
-    fn lattice(&self) -> Lattice {
-        Lattice { count: self.directions.count(), refined: self.resolution_deg > 0.0, shared: self.shared }
+    fn lattice(&self) -> Lattice<'_> {
+        let (count, refined) = (self.directions.count(), self.resolution_deg > 0.0);
+        Lattice { count, refined, shared: self.shared, small: self.small.as_ref() }
     }
 
     /// Cuts every cell whose neighbours call for it, and those that differ from all of them.
@@ -188,10 +211,10 @@ impl Gathering<'_, '_, '_, '_> {
                     let seen = &cell.seen[layer];
                     let own = wish.times_tolerated(seen.power());
                     let cut = if wish.side > seen.side || (wish.side > 1 && seen.lucky) {
-                        self.cut(cell, layer, wish.side, |_| true, &mut look)
+                        self.cut(cell, layer, wish.side, |_, _| true, &mut look)
                     } else if seen.side == 1 && own > 1.0 {
                         let side = Wish::side(own).min(MOST_LUCKY);
-                        let lucky = self.cut(cell, layer, side, |power| wish.times_tolerated(power) > 1.0, &mut look);
+                        let lucky = self.cut(cell, layer, side, |_, power| wish.times_tolerated(power) > 1.0, &mut look);
                         lucky.map(|seen| Seen { lucky: true, ..seen })
                     } else {
                         None
@@ -205,13 +228,13 @@ impl Gathering<'_, '_, '_, '_> {
         });
     }
 
-    /// Looks at a layer of a cell along side × side directions: the mean of those whose power counts, if any does.
+    /// Looks at a layer of a cell along side × side directions: the mean of those that count by how they looked and their power, if any does.
     fn cut(
         &self,
         cell: &Cell,
         layer: usize,
         side: usize,
-        counts: impl Fn(f64) -> bool,
+        counts: impl Fn(&Look<'_, '_, '_>, f64) -> bool,
         look: &mut Look<'_, '_, '_>,
     ) -> Option<Seen> {
         let mut mean = Seen::of_side(side);
@@ -225,7 +248,7 @@ impl Gathering<'_, '_, '_, '_> {
             along(look, number, direction, LAYERS[layer], &mut seen);
             let [front, beyond] = seen;
             let seen = if layer == 0 { front } else { beyond };
-            if counts(seen.power()) {
+            if counts(look, seen.power()) {
                 counted += 1;
                 seen.parts.into_iter().for_each(|part| add(&mut mean.parts, part));
             }
@@ -300,6 +323,17 @@ impl Part {
             phase_rad: None,
         }
     }
+}
+
+/// What comes from a direction all in all, as a look reports it.
+fn arrival(direction: DVec3, look: impl FnOnce(&mut dyn FnMut(Contribution)) -> Option<u32>) -> Option<Arrival> {
+    let (mut power, mut weighted_delay) = (0.0, 0.0);
+    let object = look(&mut |c| {
+        power += c.power;
+        weighted_delay += c.power * c.delay_s;
+    });
+    let delay_s = weighted_delay / power;
+    object.filter(|_| power > 0.0).map(|object| Arrival { direction, power, delay_s, object, phase_rad: None })
 }
 
 /// Looks along one direction and adds what comes from there to what was seen.

@@ -452,11 +452,48 @@ fn the_transmitters_rays_and_the_receivers_count_every_point_once() {
         let truth: f64 = field(1000, 0).by_quadrature(rx).unwrap().straight.iter().flatten().sum();
         let field = field(40_000, 1);
         let (found, landed) = (power(&field, rx, |c| c.after == 0), {
-            let lattice = Lattice { count: 40_000, refined: false, shared: true };
+            let lattice = Lattice { count: 40_000, refined: false, shared: true, small: None };
             field.landed(rx, &tracer.settings.rx_antenna, lattice, |_| true).iter().map(|(_, c)| c.power).sum::<f64>()
         });
         assert!(landed > 0.5 * found, "{pattern}: {landed:e} of {found:e}");
         assert!((found / truth - 1.0).abs() < 5e-3, "{pattern}: {found:e} {truth:e}");
+    }
+}
+
+#[test]
+fn even_arrivals_count_every_point_once_and_none_for_much() {
+    // Forty slats under a lamp, seen straight and through a pane or in a metal door: few directions meet any one of them.
+    for in_door in [false, true] {
+        let mut scene = Scene {
+            materials: vec![
+                material("wood", 0.04, scatters(0.7, ScatteringPattern::Directive { alpha_r: 3 })),
+                material("glass", 0.006, scatters(0.0, ScatteringPattern::Lambertian)),
+                material("metal", 0.01, scatters(0.0, ScatteringPattern::Lambertian)),
+            ],
+            ..Scene::default()
+        };
+        for i in 0..40 {
+            quad(&mut scene, 0, Vec3::new(-1.0 + 0.05 * i as f32, -0.4, 0.001 * i as f32), Vec3::X * 0.008, Vec3::Y * 0.8);
+        }
+        if in_door {
+            quad(&mut scene, 2, Vec3::new(-2.0, 1.0, -1.0), Vec3::X * 6.0, Vec3::Z * 3.0);
+        } else {
+            quad(&mut scene, 1, Vec3::new(2.0, 0.05, -1.0), Vec3::Y, Vec3::Z * 2.0);
+        }
+        let tracer = RadioTracer::without_bvh(&scene, settings(2)).unwrap();
+        let (tx, rx) = (DVec3::new(0.05, -0.1, 0.7), DVec3::new(3.2, 0.1, 0.8));
+        let arrivals = |directions, even_arrivals, phase| {
+            let sampling = DiffuseSettings { directions, even_arrivals, resolution_deg: 4.0, photons: 0, phase, ..sampling() };
+            DiffuseField::new(&tracer, tx, &sampling).unwrap().gather(rx).unwrap()
+        };
+        let truth: f64 = arrivals(2_000_000, false, 0).iter().map(|a| a.power).sum();
+        let [plain, even] = [false, true].map(|even| (1..33).map(|phase| arrivals(20_000, even, phase)).collect::<Vec<_>>());
+        let powers: Vec<f64> = even.iter().map(|run| run.iter().map(|a| a.power).sum::<f64>() / truth).collect();
+        let mean = powers.iter().sum::<f64>() / 32.0;
+        let error = (powers.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / (31.0 * 32.0)).sqrt();
+        let [plain, even] = [plain, even].map(|runs| runs.iter().flatten().map(|a| a.power / truth).fold(0.0, f64::max));
+        assert!(error < 0.02 && (mean - 1.0).abs() < 4.0 * error, "in door {in_door}: {mean} ± {error}");
+        assert!(even < 0.6 * plain, "in door {in_door}: {even} {plain}");
     }
 }
 
