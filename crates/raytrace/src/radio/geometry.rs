@@ -5,7 +5,7 @@ use super::{Slab, faces};
 use crate::bvh::{Bvh, Ray};
 use corf_scene::solids::Solids;
 use corf_scene::{Error, Result, Scene};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::ops::ControlFlow;
 
 /// Two faces lie in one plane when their normals are this parallel (1 − cos of 4e-5 rad) …
@@ -69,6 +69,11 @@ impl Face {
             Some(middle) => vec![middle],
             None => self.index.spread(self.normal, self.offset_m, count),
         }
+    }
+
+    /// The point of the face at a `share` ∈ [0, 1) of its area and a `place` ∈ [0, 1)² there: evenly spread where both are.
+    pub fn point(&self, share: f64, place: DVec2) -> DVec3 {
+        self.index.point(self.normal, self.offset_m, share, place)
     }
 
     /// Whether a point of the plane lies on one of the triangles (edges belong to the face).

@@ -32,6 +32,17 @@ pub struct Bounds {
     pub max: DVec2,
 }
 
+/// Twice a projected triangle's.
+fn doubled_area([a, b, c]: &[DVec2; 3]) -> f64 {
+    (b - a).perp_dot(c - a).abs()
+}
+
+/// The unit square, folded into a triangle.
+fn within([a, b, c]: &[DVec2; 3], place: DVec2) -> DVec2 {
+    let DVec2 { x, y } = if place.x + place.y > 1.0 { 1.0 - place } else { place };
+    a + (b - a) * x + (c - a) * y
+}
+
 impl Bounds {
     /// A point's coordinates along the two axes.
     pub fn project(&self, p: DVec3) -> [f64; 2] {
@@ -69,32 +80,37 @@ impl PlanarIndex {
 
     /// `count` points of the plane n·x = `offset_m`, spread evenly over the triangles' area.
     pub fn spread(&self, normal: DVec3, offset_m: f64, count: usize) -> Vec<DVec3> {
-        let area = |t: &[DVec2; 3]| (t[1] - t[0]).perp_dot(t[2] - t[0]).abs();
-        let total: f64 = self.triangles.iter().map(area).sum();
+        let total: f64 = self.triangles.iter().map(doubled_area).sum();
         let (mut index, mut before) = (0, 0.0);
         (0..count)
             .map(|i| {
                 let target = total * (i as f64 + 0.5) / count as f64;
-                while index + 1 < self.triangles.len() && before + area(&self.triangles[index]) < target {
-                    before += area(&self.triangles[index]);
+                while index + 1 < self.triangles.len() && before + doubled_area(&self.triangles[index]) < target {
+                    before += doubled_area(&self.triangles[index]);
                     index += 1;
                 }
-                // The R2 sequence, folded into the triangle.
-                let (mut u, mut v) = ((0.5 + i as f64 * R2.x) % 1.0, (0.5 + i as f64 * R2.y) % 1.0);
-                if u + v > 1.0 {
-                    (u, v) = (1.0 - u, 1.0 - v);
-                }
-                let [a, b, c] = self.triangles[index];
-                self.lift(normal, offset_m, a + (b - a) * u + (c - a) * v)
+                let place = DVec2::new((0.5 + i as f64 * R2.x) % 1.0, (0.5 + i as f64 * R2.y) % 1.0);
+                self.lift(normal, offset_m, within(&self.triangles[index], place))
             })
             .collect()
+    }
+
+    /// The point at a `place` ∈ [0, 1)² of the triangle in which a `share` ∈ [0, 1) of all triangles' area ends: evenly spread over the area
+    /// where both are so.
+    pub fn point(&self, normal: DVec3, offset_m: f64, share: f64, place: DVec2) -> DVec3 {
+        let mut left = share * self.triangles.iter().map(doubled_area).sum::<f64>();
+        let ends = self.triangles.iter().find(|triangle| {
+            left -= doubled_area(triangle);
+            left < 0.0
+        });
+        self.lift(normal, offset_m, within(ends.unwrap_or(&self.triangles[self.triangles.len() - 1]), place))
     }
 
     /// The centre of the triangles' area, which a face with a hole or a notch may not hold.
     pub fn centroid(&self, normal: DVec3, offset_m: f64) -> DVec3 {
         let (mut sum, mut total) = (DVec2::ZERO, 0.0);
         for [a, b, c] in &self.triangles {
-            let area = (b - a).perp_dot(c - a).abs();
+            let area = doubled_area(&[*a, *b, *c]);
             sum += (a + b + c) * (area / 3.0);
             total += area;
         }
@@ -216,6 +232,15 @@ mod tests {
             let mean = points.iter().sum::<DVec3>() / count as f64;
             assert!(mean.distance(DVec3::new(1.5, 1.5, 0.0)) < 1.0 / (count as f64).sqrt(), "{count}: {mean}");
         }
+        // So are points of even shares and places.
+        let n = 20_000;
+        let points = (0..n).map(|i| index.point(DVec3::Z, 0.0, (f64::from(i) + 0.5) / f64::from(n), (R2 * f64::from(i)).fract()));
+        let points: Vec<DVec3> = points.collect();
+        assert!(points.iter().all(|&p| index.contains(p)));
+        let mean = points.iter().sum::<DVec3>() / f64::from(n);
+        assert!(mean.distance(DVec3::new(1.5, 1.5, 0.0)) < 2e-3, "{mean}");
+        let quadrant = points.iter().filter(|p| p.x < 1.0 && p.y < 1.0).count() as f64 / f64::from(n);
+        assert!((quadrant - 0.125).abs() < 2e-3, "{quadrant}");
         assert!(!index.contains(index.centroid(DVec3::Z, 0.0)));
     }
 }

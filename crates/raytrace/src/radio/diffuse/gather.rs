@@ -13,6 +13,7 @@ use super::small::{Seen, SmallPoint};
 use super::{Contribution, DiffuseField};
 use crate::radio::antenna::{Antenna, phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
+use crate::radio::fresnel::SlabResponse;
 use crate::radio::geometry::Meeting;
 use crate::radio::{Complex, MAX_DEPTH, SPEED_OF_LIGHT, lattice, scattering};
 use glam::DVec3;
@@ -41,6 +42,8 @@ pub(super) struct Look<'f, 't, 'a> {
     lattice: Lattice<'f>,
     /// Most interactions between a scattering surface and the receiver.
     deepest: usize,
+    /// Share of power below which chance decides whether a ray goes on.
+    roulette_throughput: f64,
     stack: Vec<Ray>,
     /// Of the last direction: the largest share of power that went on behind the surface seen first.
     beyond: f64,
@@ -98,6 +101,29 @@ impl Ray {
     }
 }
 
+/// What decides whether the rays of one direction go on.
+struct Luck {
+    /// The power that left the receiver.
+    whole: f64,
+    /// Drawn from.
+    sequence: f64,
+}
+
+impl Luck {
+    fn new(ray: &Ray, index: usize) -> Self {
+        Self { whole: ray.power(), sequence: (index as f64 * ROULETTE_STEP).fract() }
+    }
+
+    /// Happens with a probability.
+    fn allows(&mut self, probability: f64) -> bool {
+        if probability >= 1.0 {
+            return true;
+        }
+        self.sequence = (self.sequence + ROULETTE_STEP * ROULETTE_STEP).fract();
+        self.sequence < probability
+    }
+}
+
 /// What a point of a surface sends from a source straight to the receiver.
 pub(super) struct Sent {
     towards_rx: DVec3,
@@ -121,7 +147,8 @@ impl Sent {
 impl<'f, 't, 'a> Look<'f, 't, 'a> {
     pub(super) fn new(field: &'f DiffuseField<'t, 'a>, rx: DVec3, antenna: &Antenna, lattice: Lattice<'f>) -> Self {
         let deepest = field.settings.after.min(field.tracer.settings.max_depth.saturating_sub(1)).min(MAX_DEPTH);
-        Self { field, antenna: *antenna, rx, lattice, deepest, stack: Vec::new(), beyond: 0.0 }
+        let roulette_throughput = if field.settings.even_arrivals { EVEN_ROULETTE_THROUGHPUT } else { ROULETTE_THROUGHPUT };
+        Self { field, antenna: *antenna, rx, lattice, deepest, roulette_throughput, stack: Vec::new(), beyond: 0.0 }
     }
 
     /// Follows direction `index` of the lattice and reports what is scattered back along it; returns the object seen first.
@@ -134,15 +161,14 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     ) -> Option<u32> {
         let geometry = &self.field.tracer.geometry;
         let ray = self.outwards(direction);
-        let whole = ray.power();
-        let mut sequence = (index as f64 * ROULETTE_STEP).fract();
+        let mut luck = Luck::new(&ray, index);
         let mut seen = None;
         self.beyond = 0.0;
         self.stack.clear();
         self.stack.push(ray);
         while let Some(ray) = self.stack.pop() {
             if ray.hops > 0 {
-                self.beyond = self.beyond.max(ray.power() / whole);
+                self.beyond = self.beyond.max(ray.power() / luck.whole);
             }
             let Some(met) = geometry.meet(ray.origin, ray.direction, CLEARANCE_M) else { continue };
             if ray.hops == 0 {
@@ -152,7 +178,10 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
                 self.scattered(&ray, &met, None, report);
             }
             if ray.hops < self.deepest && layer != Layer::Front {
-                self.go_on(&ray, &met, whole, &mut sequence);
+                let response = self.response(&ray, &met);
+                for mirrored in [true, false] {
+                    self.stack.extend(self.behind(&ray, &met, &response, mirrored, &mut luck));
+                }
             }
         }
         seen
@@ -162,8 +191,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     pub(super) fn at(&self, index: usize, point: &SmallPoint, report: &mut impl FnMut(Contribution)) -> Option<u32> {
         let geometry = &self.field.tracer.geometry;
         let mut ray = self.outwards(point.direction);
-        let whole = ray.power();
-        let mut sequence = (index as f64 * ROULETTE_STEP).fract();
+        let mut luck = Luck::new(&ray, index);
         let mut seen = None;
         loop {
             let met = geometry.meet(ray.origin, ray.direction, CLEARANCE_M)?;
@@ -175,7 +203,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             if ray.hops == self.deepest {
                 return None;
             }
-            ray = self.behind(&ray, &met, false, whole, &mut sequence)?;
+            ray = self.behind(&ray, &met, &self.response(&ray, &met), false, &mut luck)?;
         }
     }
 
@@ -190,27 +218,24 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         Ray { origin: self.rx, direction, ports, length_m: 0.0, hops: 0, straight: true, weight: 1.0 }
     }
 
-    /// Mirrors a ray and sends it straight through.
-    fn go_on(&mut self, ray: &Ray, met: &Meeting, whole: f64, sequence: &mut f64) {
-        for mirrored in [true, false] {
-            self.stack.extend(self.behind(ray, met, mirrored, whole, sequence));
-        }
+    /// Of a surface that a ray met.
+    fn response(&self, ray: &Ray, met: &Meeting) -> SlabResponse {
+        self.field.illumination.table(met.face).response(field::cos_incidence(ray.direction, met.normal))
     }
 
-    /// A ray behind a surface, `mirrored` there or straight through: nothing where too little of the `whole` power is left, or by chance
-    /// where little is.
-    fn behind(&self, ray: &Ray, met: &Meeting, mirrored: bool, whole: f64, sequence: &mut f64) -> Option<Ray> {
-        let (settings, illumination) = (&self.field.tracer.settings, &self.field.illumination);
+    /// A ray behind a surface, `mirrored` there or straight through: nothing where too little of its power is left, or by chance where
+    /// little is.
+    fn behind(&self, ray: &Ray, met: &Meeting, response: &SlabResponse, mirrored: bool, luck: &mut Luck) -> Option<Ray> {
+        let settings = &self.field.tracer.settings;
         if !(if mirrored { settings.reflection } else { settings.transmission }) {
             return None;
         }
-        let response = illumination.table(met.face).response(field::cos_incidence(ray.direction, met.normal));
         let amplitude = self.field.tracer.geometry.slab(met.face).specular_amplitude();
         let ports = ray.ports.map(|c| {
             if mirrored {
-                field::reflect(&c, ray.direction, met.normal, &response, amplitude)
+                field::reflect(&c, ray.direction, met.normal, response, amplitude)
             } else {
-                field::transmit(&c, ray.direction, met.normal, &response)
+                field::transmit(&c, ray.direction, met.normal, response)
             }
         });
         let behind = Ray {
@@ -222,18 +247,14 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             straight: ray.straight && !mirrored,
             weight: ray.weight,
         };
-        let share = behind.power() / whole;
+        let share = behind.power() / luck.whole;
         if share.is_nan() || share * ray.weight < MIN_THROUGHPUT {
             return None;
         }
         let density = if ray.hops == 0 { self.field.settings.look_on } else { 1.0 };
-        let roulette = if self.field.settings.even_arrivals { EVEN_ROULETTE_THROUGHPUT } else { ROULETTE_THROUGHPUT };
-        let kept = (share * ray.weight * density / roulette).min(1.0) * density;
-        if kept < 1.0 {
-            *sequence = (*sequence + ROULETTE_STEP * ROULETTE_STEP).fract();
-            if *sequence >= kept {
-                return None;
-            }
+        let kept = (share * ray.weight * density / self.roulette_throughput).min(1.0) * density;
+        if !luck.allows(kept) {
+            return None;
         }
         Some(Ray { weight: ray.weight / kept, ..behind })
     }

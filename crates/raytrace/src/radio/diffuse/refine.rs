@@ -45,14 +45,14 @@ struct Part {
 struct Seen {
     /// Directions along the cell's side that were looked along.
     side: usize,
-    /// Whether those that met what its first direction met, and others may have missed, speak for all.
-    lucky: bool,
+    /// Whether some of them speak for all, those that met what the first one met: in full it is cut where its neighbours ask for it.
+    partial: bool,
     parts: Vec<Part>,
 }
 
 impl Seen {
     fn of_side(side: usize) -> Self {
-        Self { side, lucky: false, parts: Vec::new() }
+        Self { side, partial: false, parts: Vec::new() }
     }
 
     fn power(&self) -> f64 {
@@ -171,7 +171,7 @@ impl Gathering<'_, '_, '_, '_> {
             if self.mirror_side > 1 && look.beyond() >= STRONG_MIRROR {
                 let shown = self.cut(&cell, 1, self.mirror_side, |look, _| look.beyond() >= STRONG_MIRROR, look);
                 if let Some(seen) = shown {
-                    cell.seen[1] = Seen { lucky: true, ..seen };
+                    cell.seen[1] = Seen { partial: true, ..seen };
                 }
             }
             Some(cell)
@@ -210,12 +210,12 @@ impl Gathering<'_, '_, '_, '_> {
                 for (layer, wish) in wishes.iter().enumerate() {
                     let seen = &cell.seen[layer];
                     let own = wish.times_tolerated(seen.power());
-                    let cut = if wish.side > seen.side || (wish.side > 1 && seen.lucky) {
+                    let cut = if wish.side > seen.side || (wish.side > 1 && seen.partial) {
                         self.cut(cell, layer, wish.side, |_, _| true, &mut look)
                     } else if seen.side == 1 && own > 1.0 {
                         let side = Wish::side(own).min(MOST_LUCKY);
                         let lucky = self.cut(cell, layer, side, |_, power| wish.times_tolerated(power) > 1.0, &mut look);
-                        lucky.map(|seen| Seen { lucky: true, ..seen })
+                        lucky.map(|seen| Seen { partial: true, ..seen })
                     } else {
                         None
                     };

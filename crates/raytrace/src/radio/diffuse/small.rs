@@ -22,13 +22,11 @@ pub struct SmallFaces {
     count: usize,
 }
 
-/// A face, and a sphere around it.
+/// A sphere around a face.
 struct Outline {
     face: u32,
     centre: DVec3,
     radius_m: f64,
-    area_m2: f64,
-    triangles: Vec<[DVec3; 3]>,
 }
 
 /// A point of a small face.
@@ -61,13 +59,13 @@ impl Seen {
 impl SmallFaces {
     /// All faces that scatter: which are small is the receiver's to say.
     pub fn new(geometry: &Geometry<'_>) -> Self {
-        let mut triangles: Vec<Vec<[DVec3; 3]>> = vec![Vec::new(); geometry.faces.len()];
+        let mut corners: Vec<Vec<DVec3>> = vec![Vec::new(); geometry.faces.len()];
         for triangle in 0..geometry.triangle_count() as u32 {
-            triangles[geometry.face_of_triangle(triangle) as usize].push(*geometry.corners(triangle));
+            corners[geometry.face_of_triangle(triangle) as usize].extend(geometry.corners(triangle));
         }
-        let of_faces = triangles.into_iter().enumerate().map(|(face, triangles)| (face as u32, triangles));
+        let of_faces = corners.iter().enumerate().map(|(face, corners)| (face as u32, corners));
         let scattering = of_faces.filter(|(face, _)| geometry.slab(*face).scattering.coefficient > 0.0);
-        Self { faces: scattering.map(|(face, triangles)| Outline::new(face, triangles)).collect(), count: geometry.faces.len() }
+        Self { faces: scattering.map(|(face, corners)| Outline::new(face, corners)).collect(), count: geometry.faces.len() }
     }
 
     /// What a receiver with so many directions over the sphere sees; `phase` ∈ [0, 1)² shifts the points.
@@ -83,14 +81,15 @@ impl SmallFaces {
             if nearest_m <= 0.0 {
                 continue;
             }
-            let most_cos = (geometry.faces[outline.face as usize].distance(rx).abs() / nearest_m).min(1.0);
-            if per_sr * outline.area_m2 * most_cos / (nearest_m * nearest_m) >= MET {
+            let face = &geometry.faces[outline.face as usize];
+            let most_cos = (face.distance(rx).abs() / nearest_m).min(1.0);
+            if per_sr * face.area_m2 * most_cos / (nearest_m * nearest_m) >= MET {
                 continue;
             }
             seen.small[outline.face as usize] = true;
-            let size_sr = outline.area_m2 / (middle_m * middle_m);
+            let size_sr = face.area_m2 / (middle_m * middle_m);
             while ahead_sr < size_sr {
-                let point = outline.at(ahead_sr / size_sr, (phase + R2 * f64::from(number)).fract());
+                let point = face.point(ahead_sr / size_sr, (phase + R2 * f64::from(number)).fract());
                 let distance2 = point.distance_squared(rx);
                 seen.points.push(SmallPoint {
                     face: outline.face,
@@ -108,49 +107,10 @@ impl SmallFaces {
 }
 
 impl Outline {
-    fn new(face: u32, triangles: Vec<[DVec3; 3]>) -> Self {
-        let corners = || triangles.iter().flatten();
-        let (low, high) = corners().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), c| (low.min(*c), high.max(*c)));
+    fn new(face: u32, corners: &[DVec3]) -> Self {
+        let (low, high) =
+            corners.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), c| (low.min(*c), high.max(*c)));
         let centre = 0.5 * (low + high);
-        let radius_m = corners().map(|c| c.distance(centre)).fold(0.0, f64::max);
-        Self { face, centre, radius_m, area_m2: triangles.iter().map(area_m2).sum(), triangles }
-    }
-
-    /// The point of the triangle that a share of the area, ∈ [0, 1), lies in, at a place ∈ [0, 1)² of it.
-    fn at(&self, share: f64, place: DVec2) -> DVec3 {
-        let mut left_m2 = share * self.area_m2;
-        let within = self.triangles.iter().find(|triangle| {
-            left_m2 -= area_m2(triangle);
-            left_m2 < 0.0
-        });
-        let [a, b, c] = *within.unwrap_or(&self.triangles[self.triangles.len() - 1]);
-        // The square, folded into the triangle.
-        let DVec2 { x, y } = if place.x + place.y > 1.0 { 1.0 - place } else { place };
-        a + (b - a) * x + (c - a) * y
-    }
-}
-
-fn area_m2([a, b, c]: &[DVec3; 3]) -> f64 {
-    0.5 * (b - a).cross(c - a).length()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use corf_scene::Rng;
-
-    #[test]
-    fn points_of_a_face_stand_for_all_of_its_area_over_distance_squared() {
-        let mut rng = Rng::keyed(11, 0, 0);
-        let mut corner = || DVec3::new(rng.uniform_f64(), rng.uniform_f64(), rng.uniform_f64());
-        let triangles: Vec<[DVec3; 3]> = (0..5).map(|_| [corner(), corner(), corner()]).collect();
-        let outline = Outline::new(0, triangles.clone());
-        assert!(triangles.iter().flatten().all(|c| c.distance(outline.centre) <= outline.radius_m));
-        // The mean of any function over the points is its mean over the area: here the position.
-        let n = 20_000;
-        let points = (0..n).map(|i| outline.at((f64::from(i) + 0.5) / f64::from(n), (R2 * f64::from(i)).fract()));
-        let mean = points.sum::<DVec3>() / f64::from(n);
-        let centroid = triangles.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0 * area_m2(t)).sum::<DVec3>() / outline.area_m2;
-        assert!(mean.distance(centroid) < 2e-3, "{mean} {centroid}");
+        Self { face, centre, radius_m: corners.iter().map(|c| c.distance(centre)).fold(0.0, f64::max) }
     }
 }
