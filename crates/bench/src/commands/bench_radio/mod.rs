@@ -1,8 +1,9 @@
 //! `corf bench radio`: what the radio half of a dataset costs, stage by stage, and how large its sampling error is.
 //!
 //! Times are those of this run: seconds that passed, and seconds of processor time over all threads where the system tells them, which
-//! other programs disturb far less. Errors come from replicas: whole diffuse fields of other patches, lattices and photons, whose
-//! spread at a few positions is the error of any one of them.
+//! other programs disturb far less. Errors come from replicas ([`errors`]).
+
+mod errors;
 
 use super::spectrum::Kind;
 use super::{Verdict, show};
@@ -12,20 +13,16 @@ use crate::radio_sensor::{Extent, element_at, noncoherent};
 use anyhow::{Result, bail};
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
-use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Path, RadioSettings, RadioTracer, Search, Transmitter};
+use corf_raytrace::radio::{Arrival, DiffuseField, Path, RadioSettings, RadioTracer, Search};
 use corf_raytrace::spectrum::{self, Grid, SpectrumSettings};
+use corf_scene::Rigid3;
 use corf_scene::config::{DatasetConfig, ReceiverConfig, SpectrumKind};
-use corf_scene::trajectory::{self, TrajectoryPose};
-use corf_scene::{Raster, Rigid3};
+use corf_scene::trajectory;
+use errors::Errors;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
-
-/// Pixels further under the spectrum's peak are left out of the error, dB.
-const RANGE_DB: f64 = 30.0;
-/// The standard error wanted of each of them, dB.
-const WANTED_DB: f64 = 0.3;
 
 /// `corf bench radio`.
 #[derive(Args)]
@@ -87,28 +84,6 @@ struct Stages {
     gather: Spent,
     spectrum: Spent,
     total: Spent,
-}
-
-/// Sampling errors (one standard error of a single sampling), dB.
-#[derive(Clone, Copy, Default, Serialize)]
-struct Errors {
-    replicas: u64,
-    positions: usize,
-    /// Of all arriving power, at the worst position.
-    total_worst_db: f64,
-    /// Of the diffuse power, at the worst position …
-    diffuse_worst_db: f64,
-    /// … and root mean square over the positions, which says more of few samplings than their worst does.
-    diffuse_rms_db: f64,
-    /// Pixels within [`RANGE_DB`] of their spectrum's peak.
-    pixels: usize,
-    pixel_median_db: Option<f64>,
-    pixel_p99_db: Option<f64>,
-    /// Of them, those with an error of [`WANTED_DB`] at most.
-    pixel_share_as_wanted: Option<f64>,
-    pixel_worst_db: Option<f64>,
-    /// Pixels of the whole dynamic range.
-    pixel_all_median_db: Option<f64>,
 }
 
 /// The whole answer.
@@ -227,7 +202,11 @@ impl Radio {
         seconds.total = seconds.sum();
         let standard_error = match self.replicas {
             0 | 1 => None,
-            _ => Some(self.errors(&platform, &transmitter, &noncoherent(&form), &sampling, &poses)?),
+            replicas => {
+                let form = noncoherent(&form);
+                let form = (!self.powers).then_some(&form);
+                Some(errors::errors(&platform, &transmitter, form, &sampling, &poses, (replicas, self.error_positions))?)
+            }
         };
         let answer = Answer {
             schema: "corf-bench-radio/1",
@@ -252,79 +231,6 @@ impl Radio {
         };
         show(json, &answer, &answer.text())?;
         Ok(Verdict::Done)
-    }
-
-    /// Spread of independent samplings at some of the positions.
-    fn errors(
-        &self,
-        platform: &Platform<'_>,
-        transmitter: &Transmitter<'_, '_>,
-        form: &SpectrumSettings,
-        sampling: &DiffuseSettings,
-        poses: &[TrajectoryPose],
-    ) -> Result<Errors> {
-        let camera = platform.config.rf_camera();
-        let count = self.error_positions.clamp(1, poses.len());
-        let chosen: Vec<&TrajectoryPose> = (0..count).map(|i| &poses[(2 * i + 1) * poses.len() / (2 * count)]).collect();
-        let mut diffuse = vec![Vec::new(); count];
-        let mut totals = vec![Vec::new(); count];
-        let mut images: Vec<Vec<Raster<f32>>> = vec![Vec::new(); count];
-        let resolved = chosen.iter().map(|pose| {
-            let pose = &pose.world_from_camera;
-            Ok(platform.looks(&transmitter.paths(pose.translation)?, pose))
-        });
-        let resolved = resolved.collect::<Result<Vec<_>>>()?;
-        let mut progress = Progress::start("replicas", self.replicas as usize * count, "positions");
-        for phase in 0..self.replicas {
-            let settings = DiffuseSettings { phase: phase + 1, ..*sampling };
-            let field = DiffuseField::new(platform.tracer, transmitter.position(), &settings)?;
-            for (i, pose) in chosen.iter().enumerate() {
-                let pose = &pose.world_from_camera;
-                let scattered = platform.gather(&field, pose)?;
-                diffuse[i].push(power(&scattered));
-                let mut looks = resolved[i].clone();
-                looks[0].extend(scattered);
-                totals[i].push(power(looks.iter().flatten()));
-                if !self.powers {
-                    images[i].push(form.form(&looks, &camera, pose));
-                }
-                progress.set(phase as usize * count + i + 1, self.replicas as usize * count);
-            }
-        }
-        progress.finish();
-        let (mut near, mut all) = (Vec::new(), Vec::new());
-        for images in images.iter().filter(|images| !images.is_empty()) {
-            let pixels: Vec<(f64, f64)> = (0..images[0].pixels().len())
-                .map(|i| mean_and_error_db(&images.iter().map(|image| f64::from(image.pixels()[i])).collect::<Vec<f64>>()))
-                .collect();
-            let peak = pixels.iter().fold(0.0f64, |m, p| m.max(p.0));
-            let above = |range_db: f64| {
-                let floor = peak * 10f64.powf(-range_db / 10.0);
-                pixels.iter().filter(move |p| p.0 >= floor).map(|p| p.1)
-            };
-            near.extend(above(RANGE_DB));
-            all.extend(above(platform.config.rf.dynamic_range_db));
-        }
-        near.sort_by(f64::total_cmp);
-        all.sort_by(f64::total_cmp);
-        let errors_db = |samples: &[Vec<f64>]| samples.iter().map(|s| mean_and_error_db(s).1).collect::<Vec<f64>>();
-        let worst = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
-        let diffuse_db = errors_db(&diffuse);
-        let quantile = |sorted: &[f64], q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied();
-        Ok(Errors {
-            replicas: self.replicas,
-            positions: count,
-            total_worst_db: worst(&errors_db(&totals)),
-            diffuse_worst_db: worst(&diffuse_db),
-            diffuse_rms_db: (diffuse_db.iter().map(|e| e * e).sum::<f64>() / count as f64).sqrt(),
-            pixels: near.len(),
-            pixel_median_db: quantile(&near, 0.5),
-            pixel_p99_db: quantile(&near, 0.99),
-            pixel_share_as_wanted: (!near.is_empty())
-                .then(|| near.partition_point(|error| *error <= WANTED_DB) as f64 / near.len() as f64),
-            pixel_worst_db: quantile(&near, 1.0),
-            pixel_all_median_db: quantile(&all, 0.5),
-        })
     }
 }
 
@@ -353,17 +259,6 @@ impl Platform<'_> {
 /// Of all arrivals, relative to 1 W transmitted.
 fn power<'a>(arrivals: impl IntoIterator<Item = &'a Arrival>) -> f64 {
     arrivals.into_iter().map(|a| a.power).sum()
-}
-
-/// The mean of samples, and the standard error of one of them in dB (to first order); no error without a mean.
-fn mean_and_error_db(samples: &[f64]) -> (f64, f64) {
-    let n = samples.len() as f64;
-    let mean = samples.iter().sum::<f64>() / n;
-    if mean <= 0.0 {
-        return (0.0, 0.0);
-    }
-    let variance = samples.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    (mean, 10.0 / std::f64::consts::LN_10 * variance.sqrt() / mean)
 }
 
 impl Stages {
@@ -413,22 +308,7 @@ impl Answer {
             "mean power: specular {:.2} dB, diffuse {:.2} dB relative to 1 W transmitted",
             self.mean_specular_db, self.mean_diffuse_db
         ));
-        if let Some(e) = &self.standard_error {
-            lines.push(format!(
-                "standard error ({} samplings, {} positions): total {:.3} dB, diffuse {:.3} dB at worst, {:.3} dB rms",
-                e.replicas, e.positions, e.total_worst_db, e.diffuse_worst_db, e.diffuse_rms_db
-            ));
-        }
-        if let Some(e) = &self.standard_error
-            && let (Some(median), Some(share), Some(p99), Some(worst), Some(all)) =
-                (e.pixel_median_db, e.pixel_share_as_wanted, e.pixel_p99_db, e.pixel_worst_db, e.pixel_all_median_db)
-        {
-            lines.push(format!(
-                "pixels within {RANGE_DB:.0} dB of the peak ({}): median {median:.3} dB, {:.1} % up to {WANTED_DB} dB, 99 % under {p99:.3} dB, worst {worst:.3} dB; all: median {all:.3} dB",
-                e.pixels,
-                share * 100.0
-            ));
-        }
+        lines.extend(self.standard_error.iter().flat_map(Errors::text));
         lines.join("\n")
     }
 }

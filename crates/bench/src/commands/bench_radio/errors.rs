@@ -1,0 +1,214 @@
+//! How far one sampling of the scattered light is from another: whole diffuse fields of other patches, lattices and photons, at some
+//! positions. Their spread is the error of any one of them.
+//!
+//! An estimate from n samplings is itself uncertain, by 1/√(2n) where the spread is Gaussian and by more where a few heavy arrivals
+//! make it: medians and shares hardly notice, but the *worst* of thousands of pixels is the one whose samplings happened to spread
+//! most, so it comes out too large and falls towards the truth as samplings are added.
+
+use super::{AT_ONCE, Platform, power};
+use crate::progress::Progress;
+use anyhow::Result;
+use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Transmitter};
+use corf_raytrace::spectrum::SpectrumSettings;
+use corf_scene::trajectory::TrajectoryPose;
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// Pixels further under the spectrum's peak are left out of the error, dB.
+const RANGE_DB: f64 = 30.0;
+/// The standard error wanted of each of them, dB.
+const WANTED_DB: f64 = 0.3;
+
+/// Sampling errors (one standard error of a single sampling), dB.
+#[derive(Clone, Copy, Default, Serialize)]
+pub(super) struct Errors {
+    replicas: u64,
+    positions: usize,
+    /// Of all arriving power, at the worst position.
+    total_worst_db: f64,
+    /// Of the diffuse power, at the worst position …
+    diffuse_worst_db: f64,
+    /// … and root mean square over the positions, which says more of few samplings than their worst does.
+    diffuse_rms_db: f64,
+    /// Pixels within [`RANGE_DB`] of their spectrum's peak.
+    pixels: usize,
+    pixel_median_db: Option<f64>,
+    pixel_p99_db: Option<f64>,
+    /// Of them, those with an error of [`WANTED_DB`] at most.
+    pixel_share_as_wanted: Option<f64>,
+    pixel_worst_db: Option<f64>,
+    /// Where along the trajectory that one is, as an index of its positions.
+    pixel_worst_position: Option<usize>,
+    /// Pixels of the whole dynamic range.
+    pixel_all_median_db: Option<f64>,
+}
+
+/// Mean and sum of squared deviations of values that come one by one (Welford, Technometrics 4, 1962).
+#[derive(Clone, Copy, Default)]
+struct Moments {
+    mean: f64,
+    deviations: f64,
+}
+
+impl Moments {
+    /// Takes in a value, the `count`-th.
+    fn push(&mut self, value: f64, count: u64) {
+        let from_old = value - self.mean;
+        self.mean += from_old / count as f64;
+        self.deviations += from_old * (value - self.mean);
+    }
+
+    /// The standard error of one of `count` values, dB (to first order); none without a mean.
+    fn error_db(&self, count: u64) -> f64 {
+        if self.mean <= 0.0 {
+            return 0.0;
+        }
+        10.0 / std::f64::consts::LN_10 * (self.deviations / (count - 1) as f64).sqrt() / self.mean
+    }
+}
+
+/// What samplings have shown at one position.
+struct Watched<'a> {
+    /// Its index among all positions.
+    index: usize,
+    pose: &'a TrajectoryPose,
+    /// What arrives resolved, by pair of antenna ports.
+    resolved: Vec<Vec<Arrival>>,
+    diffuse: Moments,
+    total: Moments,
+    /// Of the spectrum; empty where none is formed.
+    pixels: Vec<Moments>,
+}
+
+/// Errors of `sampling` at `count` of the positions, evenly spread, from `replicas` (at least 2) samplings of other phases; `form` makes
+/// the spectra, `None` where powers alone are asked for.
+pub(super) fn errors(
+    platform: &Platform<'_>,
+    transmitter: &Transmitter<'_, '_>,
+    form: Option<&SpectrumSettings>,
+    sampling: &DiffuseSettings,
+    poses: &[TrajectoryPose],
+    (replicas, count): (u64, usize),
+) -> Result<Errors> {
+    let camera = platform.config.rf_camera();
+    let count = count.clamp(1, poses.len());
+    let watch = |i: usize| {
+        let index = (2 * i + 1) * poses.len() / (2 * count);
+        let pose = &poses[index].world_from_camera;
+        Ok(Watched {
+            index,
+            pose: &poses[index],
+            resolved: platform.looks(&transmitter.paths(pose.translation)?, pose),
+            diffuse: Moments::default(),
+            total: Moments::default(),
+            pixels: vec![Moments::default(); if form.is_some() { camera.width * camera.height } else { 0 }],
+        })
+    };
+    let mut positions = (0..count).map(watch).collect::<Result<Vec<_>>>()?;
+    let mut progress = Progress::start("replicas", replicas as usize * count, "positions");
+    for phase in 1..=replicas {
+        let field = DiffuseField::new(platform.tracer, transmitter.position(), &DiffuseSettings { phase, ..*sampling })?;
+        for (i, batch) in positions.chunks_mut(AT_ONCE).enumerate() {
+            batch.par_iter_mut().try_for_each(|position| -> corf_scene::Result<()> {
+                let pose = &position.pose.world_from_camera;
+                let scattered = platform.gather(&field, pose)?;
+                position.diffuse.push(power(&scattered), phase);
+                let mut looks = position.resolved.clone();
+                looks[0].extend(scattered);
+                position.total.push(power(looks.iter().flatten()), phase);
+                if let Some(form) = form {
+                    let image = form.form(&looks, &camera, pose);
+                    for (moments, pixel) in position.pixels.iter_mut().zip(image.pixels()) {
+                        moments.push(f64::from(*pixel), phase);
+                    }
+                }
+                Ok(())
+            })?;
+            let done = (phase as usize - 1) * count + (i * AT_ONCE + AT_ONCE).min(count);
+            progress.set(done, replicas as usize * count);
+        }
+    }
+    progress.finish();
+    Ok(Errors::of(&positions, replicas, platform.config.rf.dynamic_range_db))
+}
+
+impl Errors {
+    fn of(positions: &[Watched<'_>], replicas: u64, dynamic_range_db: f64) -> Self {
+        let (mut near, mut all, mut worst_pixel) = (Vec::new(), Vec::new(), (0.0f64, None));
+        for position in positions {
+            let peak = position.pixels.iter().fold(0.0f64, |m, p| m.max(p.mean));
+            let above = |range_db: f64| {
+                let floor = peak * 10f64.powf(-range_db / 10.0);
+                position.pixels.iter().filter(move |p| p.mean >= floor).map(|p| p.error_db(replicas))
+            };
+            let here = above(RANGE_DB).fold(0.0, f64::max);
+            if here > worst_pixel.0 {
+                worst_pixel = (here, Some(position.index));
+            }
+            near.extend(above(RANGE_DB));
+            all.extend(above(dynamic_range_db));
+        }
+        near.sort_by(f64::total_cmp);
+        all.sort_by(f64::total_cmp);
+        let diffuse_db: Vec<f64> = positions.iter().map(|p| p.diffuse.error_db(replicas)).collect();
+        let worst = |errors: &mut dyn Iterator<Item = f64>| errors.fold(0.0, f64::max);
+        let quantile = |sorted: &[f64], q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied();
+        Self {
+            replicas,
+            positions: positions.len(),
+            total_worst_db: worst(&mut positions.iter().map(|p| p.total.error_db(replicas))),
+            diffuse_worst_db: worst(&mut diffuse_db.iter().copied()),
+            diffuse_rms_db: (diffuse_db.iter().map(|e| e * e).sum::<f64>() / positions.len() as f64).sqrt(),
+            pixels: near.len(),
+            pixel_median_db: quantile(&near, 0.5),
+            pixel_p99_db: quantile(&near, 0.99),
+            pixel_share_as_wanted: (!near.is_empty())
+                .then(|| near.partition_point(|error| *error <= WANTED_DB) as f64 / near.len() as f64),
+            pixel_worst_db: quantile(&near, 1.0),
+            pixel_worst_position: worst_pixel.1,
+            pixel_all_median_db: quantile(&all, 0.5),
+        }
+    }
+
+    /// What a person reads, by lines.
+    pub(super) fn text(&self) -> Vec<String> {
+        let mut lines = vec![format!(
+            "standard error ({} samplings, {} positions): total {:.3} dB, diffuse {:.3} dB at worst, {:.3} dB rms",
+            self.replicas, self.positions, self.total_worst_db, self.diffuse_worst_db, self.diffuse_rms_db
+        )];
+        if let (Some(median), Some(share), Some(p99), Some(worst), Some(position), Some(all)) = (
+            self.pixel_median_db,
+            self.pixel_share_as_wanted,
+            self.pixel_p99_db,
+            self.pixel_worst_db,
+            self.pixel_worst_position,
+            self.pixel_all_median_db,
+        ) {
+            lines.push(format!(
+                "pixels within {RANGE_DB:.0} dB of the peak ({}): median {median:.3} dB, {:.1} % up to {WANTED_DB} dB, 99 % under {p99:.3} dB, worst {worst:.3} dB (position {position}); all: median {all:.3} dB",
+                self.pixels,
+                share * 100.0
+            ));
+        }
+        lines
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_are_those_of_the_values() {
+        let values = [2.0, 2.2, 1.7, 2.1, 2.5];
+        let mut moments = Moments::default();
+        for (count, value) in (1..).zip(values) {
+            moments.push(value, count);
+        }
+        let mean = values.iter().sum::<f64>() / 5.0;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 4.0;
+        assert!((moments.mean - mean).abs() < 1e-12);
+        assert!((moments.error_db(5) - 10.0 / std::f64::consts::LN_10 * variance.sqrt() / mean).abs() < 1e-12);
+        assert_eq!(Moments::default().error_db(5), 0.0, "dark is no error");
+    }
+}
