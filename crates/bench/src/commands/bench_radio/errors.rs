@@ -124,7 +124,7 @@ pub(super) fn errors(
                 }
                 Ok(())
             })?;
-            let done = (phase as usize - 1) * count + (i * AT_ONCE + AT_ONCE).min(count);
+            let done = (phase as usize - 1) * count + ((i + 1) * AT_ONCE).min(count);
             progress.set(done, replicas as usize * count);
         }
     }
@@ -134,38 +134,43 @@ pub(super) fn errors(
 
 impl Errors {
     fn of(positions: &[Watched<'_>], replicas: u64, dynamic_range_db: f64) -> Self {
-        let (mut near, mut all, mut worst_pixel) = (Vec::new(), Vec::new(), (0.0f64, None));
+        let (mut near, mut all) = (Vec::new(), Vec::new());
+        // With its position; an error of nothing, where samplings agree exactly, is one too.
+        let mut worst_pixel: Option<(f64, usize)> = None;
         for position in positions {
             let peak = position.pixels.iter().fold(0.0f64, |m, p| m.max(p.mean));
             let above = |range_db: f64| {
                 let floor = peak * 10f64.powf(-range_db / 10.0);
                 position.pixels.iter().filter(move |p| p.mean >= floor).map(|p| p.error_db(replicas))
             };
-            let here = above(RANGE_DB).fold(0.0, f64::max);
-            if here > worst_pixel.0 {
-                worst_pixel = (here, Some(position.index));
+            for error_db in above(RANGE_DB) {
+                near.push(error_db);
+                if worst_pixel.is_none_or(|(worst_db, _)| error_db > worst_db) {
+                    worst_pixel = Some((error_db, position.index));
+                }
             }
-            near.extend(above(RANGE_DB));
             all.extend(above(dynamic_range_db));
         }
         near.sort_by(f64::total_cmp);
         all.sort_by(f64::total_cmp);
-        let diffuse_db: Vec<f64> = positions.iter().map(|p| p.diffuse.error_db(replicas)).collect();
-        let worst = |errors: &mut dyn Iterator<Item = f64>| errors.fold(0.0, f64::max);
+        let errors_db =
+            |of: fn(&Watched<'_>) -> Moments| positions.iter().map(|p| of(p).error_db(replicas)).collect::<Vec<f64>>();
+        let (total_db, diffuse_db) = (errors_db(|p| p.total), errors_db(|p| p.diffuse));
+        let worst = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
         let quantile = |sorted: &[f64], q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied();
         Self {
             replicas,
             positions: positions.len(),
-            total_worst_db: worst(&mut positions.iter().map(|p| p.total.error_db(replicas))),
-            diffuse_worst_db: worst(&mut diffuse_db.iter().copied()),
+            total_worst_db: worst(&total_db),
+            diffuse_worst_db: worst(&diffuse_db),
             diffuse_rms_db: (diffuse_db.iter().map(|e| e * e).sum::<f64>() / positions.len() as f64).sqrt(),
             pixels: near.len(),
             pixel_median_db: quantile(&near, 0.5),
             pixel_p99_db: quantile(&near, 0.99),
             pixel_share_as_wanted: (!near.is_empty())
                 .then(|| near.partition_point(|error| *error <= WANTED_DB) as f64 / near.len() as f64),
-            pixel_worst_db: quantile(&near, 1.0),
-            pixel_worst_position: worst_pixel.1,
+            pixel_worst_db: worst_pixel.map(|(worst_db, _)| worst_db),
+            pixel_worst_position: worst_pixel.map(|(_, position)| position),
             pixel_all_median_db: quantile(&all, 0.5),
         }
     }
