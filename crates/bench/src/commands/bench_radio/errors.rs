@@ -20,7 +20,7 @@ const RANGE_DB: f64 = 30.0;
 const WANTED_DB: f64 = 0.3;
 
 /// Sampling errors (one standard error of a single sampling), dB.
-#[derive(Clone, Copy, Default, Serialize)]
+#[derive(Clone, Default, Serialize)]
 pub(super) struct Errors {
     replicas: u64,
     positions: usize,
@@ -41,6 +41,23 @@ pub(super) struct Errors {
     pixel_worst_position: Option<usize>,
     /// Pixels of the whole dynamic range.
     pixel_all_median_db: Option<f64>,
+    /// The same by position.
+    by_position: Vec<AtPosition>,
+}
+
+/// Errors at one position.
+#[derive(Clone, Serialize)]
+struct AtPosition {
+    /// Its index along the trajectory.
+    position: usize,
+    total_db: f64,
+    diffuse_db: f64,
+    /// Pixels within [`RANGE_DB`] of the spectrum's peak.
+    pixels: usize,
+    pixel_median_db: Option<f64>,
+    /// Of them, those with an error of more than [`WANTED_DB`].
+    pixels_over: usize,
+    pixel_worst_db: Option<f64>,
 }
 
 /// Mean and sum of squared deviations of values that come one by one (Welford, Technometrics 4, 1962).
@@ -137,6 +154,8 @@ impl Errors {
         let (mut near, mut all) = (Vec::new(), Vec::new());
         // With its position; an error of nothing, where samplings agree exactly, is one too.
         let mut worst_pixel: Option<(f64, usize)> = None;
+        let mut by_position = Vec::with_capacity(positions.len());
+        let quantile = |sorted: &[f64], q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied();
         for position in positions {
             let peak = position.pixels.iter().fold(0.0f64, |m, p| m.max(p.mean));
             let above = |range_db: f64| {
@@ -149,6 +168,17 @@ impl Errors {
                     worst_pixel = Some((error_db, position.index));
                 }
             }
+            let mut own: Vec<f64> = above(RANGE_DB).collect();
+            own.sort_by(f64::total_cmp);
+            by_position.push(AtPosition {
+                position: position.index,
+                total_db: position.total.error_db(replicas),
+                diffuse_db: position.diffuse.error_db(replicas),
+                pixels: own.len(),
+                pixel_median_db: quantile(&own, 0.5),
+                pixels_over: own.len() - own.partition_point(|error| *error <= WANTED_DB),
+                pixel_worst_db: own.last().copied(),
+            });
             all.extend(above(dynamic_range_db));
         }
         near.sort_by(f64::total_cmp);
@@ -157,7 +187,6 @@ impl Errors {
             |of: fn(&Watched<'_>) -> Moments| positions.iter().map(|p| of(p).error_db(replicas)).collect::<Vec<f64>>();
         let (total_db, diffuse_db) = (errors_db(|p| p.total), errors_db(|p| p.diffuse));
         let worst = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
-        let quantile = |sorted: &[f64], q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied();
         Self {
             replicas,
             positions: positions.len(),
@@ -172,6 +201,7 @@ impl Errors {
             pixel_worst_db: worst_pixel.map(|(worst_db, _)| worst_db),
             pixel_worst_position: worst_pixel.map(|(_, position)| position),
             pixel_all_median_db: quantile(&all, 0.5),
+            by_position,
         }
     }
 

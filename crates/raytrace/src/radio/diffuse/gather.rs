@@ -10,6 +10,7 @@ use super::illumination::{Incident, Lighting, MAX_PORTS, Source};
 use super::landings::{self, Landing};
 use super::refine::MOST;
 use super::small::{Seen, SmallPoint};
+use super::views::{Vantage, View, Views};
 use super::{Contribution, DiffuseField};
 use crate::radio::antenna::{Antenna, phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
@@ -30,7 +31,9 @@ const ROULETTE_THROUGHPUT: f64 = 0.01;
 /// … and with [`DiffuseSettings::even_arrivals`], whose readers average over many.
 const EVEN_ROULETTE_THROUGHPUT: f64 = 0.1;
 /// Directions to one where a lattice that is refined sees something bright edge-on and meets it often enough.
-const REFINED: f64 = (MOST * MOST) as f64;
+pub(super) const REFINED: f64 = (MOST * MOST) as f64;
+/// A ray that should meet a point meets it this closely, metres: single precision, and surfaces seen edge-on.
+const SAME_POINT_M: f64 = 2e-3;
 /// Step of the low-discrepancy sequence that decides about a direction's rays.
 const ROULETTE_STEP: f64 = lattice::R2.x;
 
@@ -60,6 +63,37 @@ pub(super) struct Lattice<'s> {
     pub shared: bool,
     /// What points of their own stand for.
     pub small: Option<&'s Seen>,
+    /// Mirrors in which what is seen is shared with the transmitter's own rays as well.
+    pub views: Option<&'s Views>,
+}
+
+/// The mirrors between the receiver and what it sees, slabs left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Way {
+    /// The first of them, in the order in which a ray from the receiver meets them.
+    mirrors: [u32; Self::MOST],
+    count: usize,
+}
+
+impl Way {
+    /// Mirrors that are told apart.
+    pub const MOST: usize = 2;
+    /// By way of none.
+    pub const STRAIGHT: Self = Self { mirrors: [0; Self::MOST], count: 0 };
+
+    /// With one mirror more.
+    pub fn by(mut self, face: u32) -> Self {
+        if let Some(mirror) = self.mirrors.get_mut(self.count) {
+            *mirror = face;
+        }
+        self.count += 1;
+        self
+    }
+
+    /// The mirrors; of more than [`Self::MOST`] the first.
+    pub fn mirrors(&self) -> &[u32] {
+        &self.mirrors[..self.count.min(Self::MOST)]
+    }
 }
 
 impl Lattice<'_> {
@@ -88,8 +122,8 @@ struct Ray {
     ports: [Field; MAX_PORTS],
     length_m: f64,
     hops: usize,
-    /// Whether nothing mirrored it.
-    straight: bool,
+    /// What mirrored it.
+    way: Way,
     /// 1 over the probability of having come this far.
     weight: f64,
 }
@@ -174,7 +208,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             if ray.hops == 0 {
                 seen = Some(geometry.faces[met.face as usize].object);
             }
-            if (ray.hops > 0 || layer != Layer::Beyond) && !(ray.straight && self.lattice.is_small(met.face)) {
+            if (ray.hops > 0 || layer != Layer::Beyond) && !(ray.way == Way::STRAIGHT && self.lattice.is_small(met.face)) {
                 self.scattered(&ray, &met, None, report);
             }
             if ray.hops < self.deepest && layer != Layer::Front {
@@ -215,7 +249,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     /// A ray that leaves the receiver.
     fn outwards(&self, direction: DVec3) -> Ray {
         let ports = self.port_fields(direction);
-        Ray { origin: self.rx, direction, ports, length_m: 0.0, hops: 0, straight: true, weight: 1.0 }
+        Ray { origin: self.rx, direction, ports, length_m: 0.0, hops: 0, way: Way::STRAIGHT, weight: 1.0 }
     }
 
     /// Of a surface that a ray met.
@@ -244,7 +278,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             ports,
             length_m: ray.length_m + met.distance_m,
             hops: ray.hops + 1,
-            straight: ray.straight && !mirrored,
+            way: if mirrored { ray.way.by(met.face) } else { ray.way },
             weight: ray.weight,
         };
         let share = behind.power() / luck.whole;
@@ -297,13 +331,11 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             if (source.image - met.point).dot(met.normal) <= 0.0 {
                 continue;
             }
-            // What the transmitter's own rays find is theirs; behind mirrors and slabs they do not look.
-            let is_shared =
-                share_sr.is_none() && self.lattice.shared && field.landings.is_some() && ray.hops == 0 && source.mirror.is_none();
+            // What the transmitter's own rays find is theirs.
             let mut scale = scale;
-            if is_shared {
+            if let Some(vantage) = self.shared(ray).filter(|_| share_sr.is_none() && source.mirror.is_none()) {
                 let per_m2 = landings::density(&geometry.faces[met.face as usize], source.image, met.point);
-                let density_ratio = self.density_ratio(met.face, met.point, per_m2);
+                let density_ratio = self.density_ratio(&vantage, met.face, met.point, per_m2);
                 let own_share = 1.0 - landings::share(density_ratio);
                 if own_share == 0.0 {
                     continue;
@@ -330,13 +362,13 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         if self.lattice.is_small(face) {
             return None;
         }
-        let share = landings::share(self.density_ratio(face, point, density_per_m2));
+        let share = landings::share(self.density_ratio(&self.straight(), face, point, density_per_m2));
         if share == 0.0 {
             return None;
         }
         let Sent { towards_rx, share: sent, source_m, distance_m, .. } =
             self.sent(Source::transmitter(self.field.illumination.tx), point, face, lighting, wanted)?;
-        let power = self.spread(self.field.settings.directions) * share * sent / (distance_m * distance_m);
+        let power = self.spread(self.transmitters_rays()) * share * sent / (distance_m * distance_m);
         let contribution = Contribution {
             power,
             delay_s: (source_m + distance_m) / SPEED_OF_LIGHT,
@@ -378,14 +410,96 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
 
     /// How many times as densely as this receiver's directions the transmitter's rays meet a point, p_t/p_r of [`landings`]. Nothing where
     /// the two look at different sides of the face.
-    fn density_ratio(&self, face: u32, point: DVec3, transmitters_per_m2: f64) -> f64 {
+    fn density_ratio(&self, vantage: &Vantage, face: u32, point: DVec3, transmitters_per_m2: f64) -> f64 {
         let plane = &self.field.tracer.geometry.faces[face as usize];
-        let own_per_m2 = landings::density(plane, self.rx, point);
+        let own_per_m2 = landings::density(plane, vantage.image, point);
         let count = self.lattice.count as f64;
         // Refinement finds no face that the lattice's own directions miss: how many meet one that is seen as it is here?
-        let met = count * own_per_m2.abs() * plane.area_m2 / (4.0 * std::f64::consts::PI);
+        let met = (count * own_per_m2.abs() * plane.area_m2 / (4.0 * std::f64::consts::PI)).min(vantage.directions);
         let directions = count * if self.lattice.refined { met.clamp(1.0, REFINED) } else { 1.0 };
-        (self.field.settings.directions as f64 * transmitters_per_m2 / (directions * own_per_m2)).max(0.0)
+        (self.transmitters_rays() as f64 * transmitters_per_m2 / (directions * own_per_m2)).max(0.0)
+    }
+
+    /// From where a ray looks whose surfaces the transmitter's own rays look at as well; behind slabs alone they do not.
+    fn shared(&self, ray: &Ray) -> Option<Vantage> {
+        if !self.lattice.shared || self.field.landings.is_none() {
+            return None;
+        }
+        if ray.hops == 0 { Some(self.straight()) } else { self.lattice.views?.by(&ray.way).map(|view| view.vantage) }
+    }
+
+    /// From the receiver itself.
+    fn straight(&self) -> Vantage {
+        Vantage { image: self.rx, directions: f64::INFINITY }
+    }
+
+    /// Reports every way that a ray along a direction goes on mirrored, as long as it keeps so much of its power.
+    pub(super) fn mirrors_along(&self, direction: DVec3, kept: f64, mut report: impl FnMut(Way)) {
+        let mut ray = self.outwards(direction);
+        let mut luck = Luck::new(&ray, 0);
+        while ray.hops < self.deepest.min(Way::MOST) {
+            let Some(met) = self.field.tracer.geometry.meet(ray.origin, ray.direction, CLEARANCE_M) else { return };
+            let Some(behind) = self.behind(&ray, &met, &self.response(&ray, &met), true, &mut luck) else { return };
+            if behind.power() < kept * luck.whole {
+                return;
+            }
+            report(behind.way);
+            ray = behind;
+        }
+    }
+
+    /// What comes by way of mirrors in sight from the `index`th point that one of the transmitter's own rays fell on, as far as it is theirs:
+    /// the direction it comes from and the object seen there first.
+    pub(super) fn landed_by(
+        &self,
+        view: &View,
+        index: usize,
+        landing: &Landing,
+        wanted: impl Fn(DVec3) -> bool,
+    ) -> Option<(DVec3, u32, Contribution)> {
+        let &Landing { point, face, lighting, density_per_m2 } = landing;
+        let geometry = &self.field.tracer.geometry;
+        let share = landings::share(self.density_ratio(&view.vantage, face, point, density_per_m2));
+        if share == 0.0 {
+            return None;
+        }
+        let direction = view.direction(geometry, self.rx, point).filter(|d| wanted(*d))?;
+        let mut ray = self.outwards(direction);
+        let mut luck = Luck::new(&ray, index);
+        let mut seen = None;
+        let met = loop {
+            let met = geometry.meet(ray.origin, ray.direction, CLEARANCE_M)?;
+            seen = seen.or(Some(geometry.faces[met.face as usize].object));
+            let next = view.way.mirrors().get(ray.way.count);
+            if next.is_none() && met.face == face && met.point.distance_squared(point) < SAME_POINT_M * SAME_POINT_M {
+                break met;
+            }
+            if ray.hops == self.deepest {
+                return None;
+            }
+            ray = self.behind(&ray, &met, &self.response(&ray, &met), next == Some(&met.face), &mut luck)?;
+        };
+        let incident =
+            self.field.illumination.incident(Source::transmitter(self.field.illumination.tx), lighting, point, face, ray.hops)?;
+        let towards_rx = -ray.direction;
+        let received = self.received(&ray.ports, towards_rx);
+        let sent = self.reemitted(&incident, face, met.normal, towards_rx, &received[..self.ports()]);
+        let distance_m = ray.length_m + met.distance_m;
+        let power = self.spread(self.transmitters_rays()) * ray.weight * share * sent / (distance_m * distance_m);
+        let contribution = Contribution {
+            power,
+            delay_s: (incident.distance_m + distance_m) / SPEED_OF_LIGHT,
+            object: geometry.faces[face as usize].object,
+            mirrored_before: false,
+            indirect: false,
+            after: ray.hops,
+        };
+        (power > 0.0).then_some((direction, seen?, contribution))
+    }
+
+    /// Rays of the transmitter over the sphere.
+    fn transmitters_rays(&self) -> usize {
+        self.field.landings.as_ref().map_or(0, |landings| landings.rays)
     }
 
     /// Ports of the receive antenna.

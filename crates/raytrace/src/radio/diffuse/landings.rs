@@ -7,6 +7,7 @@
 
 use super::illumination::{CLEARANCE_M, Illumination, Lighting, Source};
 use super::in_tasks;
+use super::places::Places;
 use crate::radio::geometry::{Face, Meeting};
 use crate::radio::lattice::Directions;
 use glam::DVec3;
@@ -24,8 +25,24 @@ pub struct Landing {
     pub density_per_m2: f64,
 }
 
+/// All of a transmitter's.
+pub struct Landings {
+    /// Rays that left the transmitter, over the sphere.
+    pub rays: usize,
+    /// Near ones together.
+    pub all: Vec<Landing>,
+    /// Where they are.
+    pub places: Places,
+}
+
 /// Follows rays that leave the transmitter evenly, through slabs as far as interactions allow, to all that scatters.
-pub fn trace(illumination: &Illumination<'_, '_>, directions: &Directions) -> Vec<Landing> {
+pub fn trace(illumination: &Illumination<'_, '_>, directions: &Directions) -> Landings {
+    let all = all(illumination, directions);
+    let places = Places::new(illumination.geometry(), &all);
+    Landings { rays: directions.count(), all, places }
+}
+
+fn all(illumination: &Illumination<'_, '_>, directions: &Directions) -> Vec<Landing> {
     let Some(slabs) = illumination.slab_budget(Source::transmitter(illumination.tx), 0) else { return Vec::new() };
     let geometry = illumination.geometry();
     in_tasks(directions.along(), |numbers| {

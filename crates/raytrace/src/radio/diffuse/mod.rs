@@ -23,6 +23,7 @@ mod nodes;
 mod patches;
 mod photons;
 mod pilot;
+mod places;
 mod quadrature;
 mod refine;
 mod slots;
@@ -30,6 +31,7 @@ mod small;
 mod smooth;
 #[cfg(test)]
 mod tests;
+mod views;
 
 use super::lattice::Directions;
 use super::{Antenna, Arrival, MAX_DEPTH, RadioTracer};
@@ -38,7 +40,7 @@ use corf_scene::{Error, Pinhole, Result, Rigid3, Rng};
 use gather::{Lattice, Layer, Look};
 use glam::{DMat3, DVec2, DVec3};
 use illumination::Illumination;
-use landings::Landing;
+use landings::Landings;
 use patches::Patches;
 pub(crate) use photons::Event;
 use photons::Photons;
@@ -47,6 +49,7 @@ use rayon::prelude::*;
 use refine::Gathering;
 use serde::{Deserialize, Serialize};
 use small::SmallFaces;
+use views::{StrongMirrors, Views};
 
 /// How much sparser [`DiffuseField::gather_for_view`] samples what is out of view.
 pub const OUTSIDE_SPARSITY: usize = 16;
@@ -57,7 +60,7 @@ pub const NO_MIRRORS_SR: f64 = 13.0;
 /// More photons are a mistake.
 const MAX_PHOTONS: usize = 100_000_000;
 /// Directions along the side of a cell in which a strong mirror stands, with [`DiffuseSettings::even_arrivals`].
-const MIRROR_SIDE: usize = 3;
+const MIRROR_SIDE: usize = 2;
 /// Directions that a task looks along; few, for refinement makes some of them sixty-four, and the last task keeps all others waiting.
 const DIRECTIONS_PER_TASK: usize = 128;
 
@@ -161,7 +164,7 @@ pub struct DiffuseField<'t, 'a> {
     patches: Patches,
     cache: Option<RadianceCache>,
     /// Where as many rays of the transmitter fell as a receiver has directions; without them a receiver's directions meet all by themselves.
-    landings: Option<Vec<Landing>>,
+    landings: Option<Landings>,
     /// With [`DiffuseSettings::even_arrivals`].
     small: Option<SmallFaces>,
     /// Of patches and points.
@@ -170,6 +173,8 @@ pub struct DiffuseField<'t, 'a> {
     directions: Directions,
     /// [`OUTSIDE_SPARSITY`] times fewer.
     outside: Directions,
+    /// With [`DiffuseSettings::even_arrivals`]: mirrors, and the directions that look for more of them.
+    mirrors: Option<(StrongMirrors, Directions)>,
 }
 
 impl<'t, 'a> DiffuseField<'t, 'a> {
@@ -219,7 +224,21 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         };
         let cache = photons.trace(settings.patch_size_m);
         let small = settings.even_arrivals.then(|| SmallFaces::new(&tracer.geometry));
-        Ok(Self { tracer, illumination, patches, cache, landings, small, phase, settings: *settings, directions, outside })
+        let mirrors = (settings.even_arrivals && settings.after > 0)
+            .then(|| (StrongMirrors::new(&tracer.geometry, &illumination), views::pilots(settings.directions)));
+        Ok(Self {
+            tracer,
+            illumination,
+            patches,
+            cache,
+            landings,
+            small,
+            phase,
+            settings: *settings,
+            directions,
+            outside,
+            mirrors,
+        })
     }
 
     /// Megabytes of the tables that the photons filled.
@@ -283,7 +302,8 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let view = self.gathering(rx, antenna);
         let mut arrivals = view.arrivals(inside);
         // What lies outside counts for the total power alone.
-        let outside = Gathering { directions: &self.outside, resolution_deg: 0.0, shared: false, small: None, ..view };
+        let outside =
+            Gathering { directions: &self.outside, resolution_deg: 0.0, shared: false, small: None, views: None, ..view };
         arrivals.extend(outside.arrivals(|d| !inside(d)));
         Ok(arrivals)
     }
@@ -293,7 +313,22 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let seen = |small: &SmallFaces| small.seen_from(&self.tracer.geometry, rx, self.directions.count(), self.phase);
         let small = self.small.as_ref().map(seen);
         let mirror_side = if self.settings.even_arrivals { MIRROR_SIDE } else { 1 };
-        Gathering { field: self, rx, antenna, directions: &self.directions, resolution_deg, shared: true, small, mirror_side }
+        let lattice = Lattice { count: self.directions.count(), refined: true, shared: true, small: None, views: None };
+        let views = self.mirrors.as_ref().map(|(strong, pilots)| {
+            let look = Look::new(self, rx, antenna, lattice);
+            Views::new(&self.tracer.geometry, &look, rx, strong, pilots, lattice.count)
+        });
+        Gathering {
+            field: self,
+            rx,
+            antenna,
+            directions: &self.directions,
+            resolution_deg,
+            shared: true,
+            small,
+            views,
+            mirror_side,
+        }
     }
 
     /// Every contribution on its own with the direction it arrives from, near ones together, then those of the transmitter's own
@@ -304,7 +339,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     pub fn contributions(&self, rx: DVec3) -> Result<Vec<(DVec3, Contribution)>> {
         check_receiver(rx)?;
         let antenna = &self.tracer.settings.rx_antenna;
-        let lattice = Lattice { count: self.directions.count(), refined: false, shared: true, small: None };
+        let lattice = Lattice { count: self.directions.count(), refined: false, shared: true, small: None, views: None };
         let mut all = in_tasks(self.directions.along(), |numbers| {
             let mut look = Look::new(self, rx, antenna, lattice);
             let mut found = Vec::new();
@@ -326,7 +361,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         lattice: Lattice<'_>,
         wanted: impl Fn(DVec3) -> bool + Sync,
     ) -> Vec<(DVec3, Contribution)> {
-        let landings = self.landings.as_deref().filter(|_| lattice.shared).unwrap_or_default();
+        let landings = self.landings.as_ref().filter(|_| lattice.shared).map_or(&[][..], |landings| &landings.all);
         in_tasks(landings, |landings| {
             let look = Look::new(self, rx, antenna, lattice);
             landings.iter().filter_map(|landing| look.landed(landing, &wanted)).collect()

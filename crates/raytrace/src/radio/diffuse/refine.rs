@@ -12,6 +12,7 @@
 
 use super::gather::{Lattice, Layer, Look};
 use super::small;
+use super::views::Views;
 use super::{Contribution, DIRECTIONS_PER_TASK, DiffuseField, in_tasks};
 use crate::radio::lattice::{self, Directions};
 use crate::radio::{Antenna, Arrival};
@@ -122,6 +123,8 @@ pub(super) struct Gathering<'g, 'f, 't, 'a> {
     pub shared: bool,
     /// What points of their own stand for.
     pub small: Option<small::Seen>,
+    /// Mirrors in sight, where what they show is shared as well.
+    pub views: Option<Views>,
     /// Directions along the side of a cell whose first direction finds a strong mirror.
     pub mirror_side: usize,
 }
@@ -132,6 +135,9 @@ impl Gathering<'_, '_, '_, '_> {
         let mut arrivals = if self.resolution_deg > 0.0 { self.refined(&wanted) } else { self.plain(&wanted) };
         if let Some(small) = &self.small {
             arrivals.extend(self.small(small, &wanted));
+        }
+        if let Some(views) = &self.views {
+            arrivals.extend(self.landed_by(views, &wanted));
         }
         let landed = self.field.landed(self.rx, self.antenna, self.lattice(), &wanted);
         arrivals.extend(landed.into_iter().map(|(direction, c)| Arrival {
@@ -160,6 +166,31 @@ impl Gathering<'_, '_, '_, '_> {
                 points.iter().map(|&(i, point)| arrival(point.direction, |report| look.at(i, point, &mut |c| report(c))));
             arrivals.flatten().collect()
         })
+    }
+
+    /// One arrival per point that the transmitter's own rays fell on and that is seen in a mirror, by mirrors.
+    fn landed_by(&self, views: &Views, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+        let Some(landings) = &self.field.landings else { return Vec::new() };
+        let per_view: Vec<Vec<Arrival>> = views
+            .all()
+            .par_iter()
+            .map(|view| {
+                let look = Look::new(self.field, self.rx, self.antenna, self.lattice());
+                let mut arrivals = Vec::new();
+                landings.places.shown(view, self.directions.count(), landings.rays, |i| {
+                    let landed = look.landed_by(view, i, &landings.all[i], &wanted);
+                    arrivals.extend(landed.map(|(direction, object, c)| Arrival {
+                        direction,
+                        power: c.power,
+                        delay_s: c.delay_s,
+                        object,
+                        phase_rad: None,
+                    }));
+                });
+                arrivals
+            })
+            .collect();
+        per_view.into_iter().flatten().collect()
     }
 
     /// An arrival per direction and object, those of cut cells together.
@@ -198,7 +229,7 @@ impl Gathering<'_, '_, '_, '_> {
 
     fn lattice(&self) -> Lattice<'_> {
         let (count, refined) = (self.directions.count(), self.resolution_deg > 0.0);
-        Lattice { count, refined, shared: self.shared, small: self.small.as_ref() }
+        Lattice { count, refined, shared: self.shared, small: self.small.as_ref(), views: self.views.as_ref() }
     }
 
     /// Cuts every cell whose neighbours call for it, and those that differ from all of them.

@@ -1,0 +1,186 @@
+//! What a receiver sees in mirrors: the transmitter's own rays help there as well.
+//!
+//! Two metal faces at a right angle, a door in its jamb, show a strip of a lit wall edge-on and some 0.1 mrad wide: a direction meets it
+//! once in a hundred samplings, and then it is most of a dark view. The transmitter's rays fall on that strip as on any other surface. A
+//! point where one fell is sent to the receiver by way of each mirror, or pair of mirrors, in sight, and shared with the directions as in
+//! [`super::landings`]: mirrors keep densities per solid angle, so that all is as if the receiver stood at its own image.
+//!
+//! Which mirrors are in sight has to be told without looking at the directions themselves: a way that is known where they happened to find
+//! it would be counted too seldom. A coarser lattice of its own finds them, the same in every sampling.
+
+use super::gather::{Look, Way};
+use super::illumination::{CLEARANCE_M, Illumination};
+use crate::radio::geometry::Geometry;
+use crate::radio::lattice::Directions;
+use glam::{DMat3, DVec3, Vec3};
+use std::collections::BTreeMap;
+
+/// Directions of the receiver to one that looks for mirrors.
+const SPARSER: usize = 2;
+/// Power that a way keeps, at least, where it is found.
+const KEPT: f64 = 0.5;
+/// Share of the directions into a view that is relied on to be cut where it matters: one that looks into a mirror as small as it is
+/// itself has no neighbours there to differ from.
+const TRUST: f64 = 0.125;
+/// No view.
+const NONE: u32 = u32::MAX;
+
+/// Faces that mirror well whatever the angle, and a point of each.
+pub struct StrongMirrors(Vec<(u32, DVec3)>);
+
+/// The mirrors of one receiver.
+#[derive(Debug)]
+pub struct Views {
+    views: Vec<View>,
+    /// By face: the view by way of it alone, or [`NONE`].
+    by_one: Vec<u32>,
+    by_more: BTreeMap<Way, u32>,
+}
+
+/// What is seen by way of one or two mirrors.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// In the order in which a ray from the receiver meets them.
+    pub way: Way,
+    /// Where from.
+    pub vantage: Vantage,
+    /// Inward normals of the planes through the image and the mirrors' outlines, those of the first mirror as the others show it.
+    walls: [Vec3; 4 * Way::MOST],
+}
+
+/// Where a receiver looks from, straight or in mirrors.
+#[derive(Clone, Copy, Debug)]
+pub struct Vantage {
+    /// The receiver, or its image.
+    pub image: DVec3,
+    /// Directions of the receiver that look this way, about.
+    pub directions: f64,
+}
+
+/// The directions that look for mirrors on behalf of `count`.
+pub fn pilots(count: usize) -> Directions {
+    Directions::new(count.div_ceil(SPARSER), DMat3::IDENTITY)
+}
+
+impl StrongMirrors {
+    /// Of a scene.
+    pub fn new(geometry: &Geometry<'_>, illumination: &Illumination<'_, '_>) -> Self {
+        let strong = |face: &u32| {
+            let response = illumination.table(*face).response(1.0);
+            let amplitude = geometry.slab(*face).specular_amplitude();
+            0.5 * (response.r_te.norm_squared() + response.r_tm.norm_squared()) * amplitude * amplitude >= KEPT
+        };
+        let point = |face: u32| geometry.faces[face as usize].spread(1).first().map(|point| (face, *point));
+        Self((0..geometry.faces.len() as u32).filter(strong).filter_map(point).collect())
+    }
+}
+
+impl Views {
+    /// By way of every strong mirror whose middle is in sight, and of whatever `pilots` find; `count` directions are the receiver's own.
+    pub fn new(
+        geometry: &Geometry<'_>,
+        look: &Look<'_, '_, '_>,
+        rx: DVec3,
+        strong: &StrongMirrors,
+        pilots: &Directions,
+        count: usize,
+    ) -> Self {
+        let per_sr = count as f64 / (4.0 * std::f64::consts::PI);
+        let mut this = Self { views: Vec::new(), by_one: vec![NONE; geometry.faces.len()], by_more: BTreeMap::new() };
+        for &(number, middle) in &strong.0 {
+            if geometry.occluded(middle, rx, CLEARANCE_M, |face| face != number) {
+                continue;
+            }
+            let face = &geometry.faces[number as usize];
+            let distance2 = middle.distance_squared(rx).max(f64::MIN_POSITIVE);
+            let size_sr = face.area_m2 * face.distance(rx).abs() / (distance2 * distance2.sqrt());
+            this.add(View::new(geometry, rx, Way::STRAIGHT.by(number), size_sr * per_sr));
+        }
+        let mut found: BTreeMap<Way, usize> = BTreeMap::new();
+        for &number in pilots.along() {
+            look.mirrors_along(pilots.of(number as usize), KEPT, |way| *found.entry(way).or_default() += 1);
+        }
+        let scale = count as f64 / pilots.count() as f64;
+        for (way, times) in found {
+            if this.by(&way).is_none() {
+                this.add(View::new(geometry, rx, way, times as f64 * scale));
+            }
+        }
+        this
+    }
+
+    fn add(&mut self, view: View) {
+        let number = self.views.len() as u32;
+        match view.way.mirrors() {
+            [mirror] => self.by_one[*mirror as usize] = number,
+            _ => drop(self.by_more.insert(view.way, number)),
+        }
+        self.views.push(view);
+    }
+
+    /// All of them.
+    pub fn all(&self) -> &[View] {
+        &self.views
+    }
+
+    /// The one by way of these mirrors.
+    pub fn by(&self, way: &Way) -> Option<&View> {
+        let number = match way.mirrors() {
+            [mirror] => self.by_one[*mirror as usize],
+            _ => *self.by_more.get(way)?,
+        };
+        self.views.get(number as usize)
+    }
+}
+
+impl View {
+    fn new(geometry: &Geometry<'_>, rx: DVec3, way: Way, directions: f64) -> Self {
+        let face = |number: &u32| &geometry.faces[*number as usize];
+        let image = way.mirrors().iter().fold(rx, |image, mirror| face(mirror).mirror(image));
+        let mut walls = [Vec3::ZERO; 4 * Way::MOST];
+        for (i, mirror) in way.mirrors().iter().enumerate() {
+            // Unfolded: every mirror where those behind it show it.
+            let shown = |corner: DVec3| way.mirrors()[i + 1..].iter().fold(corner, |corner, behind| face(behind).mirror(corner));
+            walls[4 * i..4 * (i + 1)].copy_from_slice(&walls_through(image, &face(mirror).hull().map(shown)));
+        }
+        Self { way, vantage: Vantage { image, directions: TRUST * directions }, walls }
+    }
+
+    /// The least distance of a point from the walls, metres: negative where the mirrors do not show it.
+    pub fn within(&self, point: Vec3) -> f32 {
+        let to = point - self.vantage.image.as_vec3();
+        self.walls.iter().fold(f32::INFINITY, |least, wall| least.min(to.dot(*wall)))
+    }
+
+    /// The unit direction in which the receiver sees a point by this way, if the mirrors' faces reach there.
+    pub fn direction(&self, geometry: &Geometry<'_>, rx: DVec3, point: DVec3) -> Option<DVec3> {
+        let mut images = [rx; Way::MOST + 1];
+        for (i, &mirror) in self.way.mirrors().iter().enumerate() {
+            images[i + 1] = geometry.faces[mirror as usize].mirror(images[i]);
+        }
+        let mut target = point;
+        for (i, &mirror) in self.way.mirrors().iter().enumerate().rev() {
+            let plane = &geometry.faces[mirror as usize];
+            let (from, to) = (plane.distance(images[i + 1]), plane.distance(target));
+            // The image stands behind the mirror, what is seen before it.
+            if from * to >= 0.0 {
+                return None;
+            }
+            let at = images[i + 1] + (target - images[i + 1]) * (from / (from - to));
+            if !plane.contains(at) {
+                return None;
+            }
+            target = at;
+        }
+        (target - rx).try_normalize()
+    }
+}
+
+/// Unit normals of the planes through a point and the sides of a parallelogram, pointing inwards; none (0) where they do not span one.
+fn walls_through(from: DVec3, hull: &[DVec3; 4]) -> [Vec3; 4] {
+    let middle = 0.25 * hull.iter().sum::<DVec3>() - from;
+    [0, 1, 2, 3].map(|i| {
+        let normal = (hull[i] - from).cross(hull[(i + 1) % 4] - from).normalize_or_zero();
+        (normal * normal.dot(middle).signum()).as_vec3()
+    })
+}
