@@ -244,29 +244,27 @@ impl RadianceCache {
     /// See [`smooth`].
     fn smooth(&mut self) {
         let Self { nodes, slots, levels, values, .. } = self;
-        let smoothed: Vec<Vec<(u32, Box<[f32]>)>> = slots
+        // Tables are moved out and back: they are most of all memory.
+        type Region<'s> = (&'s [Vec<u32>], Vec<Option<Box<[f32]>>>);
+        let mut regions: Vec<Region<'_>> = slots
             .regions()
-            .par_iter()
-            .map(|region| {
-                let mut members = region.iter().flatten().map(|&slot| slot as usize);
-                let Some(lit) = members.find(|&slot| values[slot].is_some()) else { return Vec::new() };
-                let Some((nodes, _)) = &nodes[slots.get(lit as u32).material as usize] else { return Vec::new() };
-                let power = *levels * nodes.len() * COMPONENTS;
-                let none = vec![0f32; power + MEANS * *levels];
-                let mut blocks: Vec<Vec<(f64, Vec<f32>)>> = region
-                    .iter()
-                    .map(|block| {
-                        let table = |slot: u32| values[slot as usize].as_deref().map_or_else(|| none.clone(), <[f32]>::to_vec);
-                        block.iter().map(|&slot| (slots.area_m2(slot), table(slot))).collect()
-                    })
-                    .collect();
-                smooth(&mut blocks, power, power + 2);
-                let tables = region.iter().flatten().zip(blocks.into_iter().flatten());
-                tables.filter(|(_, (_, t))| t[power] > 0.0).map(|(&slot, (_, t))| (slot, t.into_boxed_slice())).collect()
-            })
+            .iter()
+            .map(|region| (region.as_slice(), region.iter().flatten().map(|&slot| values[slot as usize].take()).collect()))
             .collect();
-        for (slot, table) in smoothed.into_iter().flatten() {
-            values[slot as usize] = Some(table);
+        regions.par_iter_mut().for_each(|(region, tables)| {
+            let Some(lit) = tables.iter().position(Option::is_some) else { return };
+            let material = region.iter().flatten().nth(lit).map(|&slot| slots.get(slot).material as usize);
+            let Some((nodes, _)) = material.and_then(|material| nodes[material].as_ref()) else { return };
+            let power = *levels * nodes.len() * COMPONENTS;
+            let mut next = tables.drain(..).map(|table| table.map_or_else(|| vec![0f32; power + MEANS * *levels], Vec::from));
+            let block = |block: &Vec<u32>| block.iter().map(|&slot| slots.area_m2(slot)).zip(&mut next).collect();
+            let mut blocks: Vec<Vec<(f64, Vec<f32>)>> = region.iter().map(block).collect();
+            drop(next);
+            smooth(&mut blocks, power, power + 2);
+            tables.extend(blocks.into_iter().flatten().map(|(_, t)| (t[power] > 0.0).then(|| t.into_boxed_slice())));
+        });
+        for (region, tables) in regions {
+            region.iter().flatten().zip(tables).for_each(|(&slot, table)| values[slot as usize] = table);
         }
     }
 

@@ -27,19 +27,17 @@ pub struct Landing {
 
 /// All of a transmitter's.
 pub struct Landings {
-    /// Rays that left the transmitter, over the sphere.
-    pub rays: usize,
     /// Near ones together.
     pub all: Vec<Landing>,
     /// Where they are.
     pub places: Places,
 }
 
-/// Follows rays that leave the transmitter evenly, through slabs as far as interactions allow, to all that scatters.
+/// Follows rays that leave the transmitter evenly, along the directions of a receiver, through slabs as far as interactions allow, to all that scatters.
 pub fn trace(illumination: &Illumination<'_, '_>, directions: &Directions) -> Landings {
     let all = all(illumination, directions);
     let places = Places::new(illumination.geometry(), &all);
-    Landings { rays: directions.count(), all, places }
+    Landings { all, places }
 }
 
 fn all(illumination: &Illumination<'_, '_>, directions: &Directions) -> Vec<Landing> {
@@ -70,6 +68,12 @@ fn all(illumination: &Illumination<'_, '_>, directions: &Directions) -> Vec<Land
 pub fn density(plane: &Face, from: DVec3, point: DVec3) -> f64 {
     let distance2 = from.distance_squared(point);
     plane.distance(from) / (distance2 * distance2.sqrt())
+}
+
+/// How many times as densely as a receiver's directions the transmitter's rays, as many over the sphere, meet a point, from the
+/// [`density`] of both there: nothing where they look at different sides of the face.
+pub fn density_ratio(transmitters_per_m2: f64, own_per_m2: f64) -> f64 {
+    (transmitters_per_m2 / own_per_m2).max(0.0)
 }
 
 /// The transmitter's share of a point that its rays meet `density_ratio` = p_t/p_r times as densely as the receiver's; the receiver's is

@@ -313,7 +313,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let seen = |small: &SmallFaces| small.seen_from(&self.tracer.geometry, rx, self.directions.count(), self.phase);
         let small = self.small.as_ref().map(seen);
         let mirror_side = if self.settings.even_arrivals { MIRROR_SIDE } else { 1 };
-        let lattice = Lattice { count: self.directions.count(), refined: true, shared: true, small: None, views: None };
+        let lattice = Lattice::new(self.directions.count(), true, true);
         let views = self.mirrors.as_ref().map(|(strong, pilots)| {
             let look = Look::new(self, rx, antenna, lattice);
             Views::new(&self.tracer.geometry, &look, rx, strong, pilots, lattice.count)
@@ -339,7 +339,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     pub fn contributions(&self, rx: DVec3) -> Result<Vec<(DVec3, Contribution)>> {
         check_receiver(rx)?;
         let antenna = &self.tracer.settings.rx_antenna;
-        let lattice = Lattice { count: self.directions.count(), refined: false, shared: true, small: None, views: None };
+        let lattice = Lattice::new(self.directions.count(), false, true);
         let mut all = in_tasks(self.directions.along(), |numbers| {
             let mut look = Look::new(self, rx, antenna, lattice);
             let mut found = Vec::new();

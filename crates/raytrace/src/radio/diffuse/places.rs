@@ -1,11 +1,9 @@
 //! Where the transmitter's rays fell, as a tree: which of thousands of points a mirror shows is asked for thousands of mirrors.
 
-use super::gather::REFINED;
-use super::landings::Landing;
+use super::landings::{self, Landing};
 use super::views::View;
 use crate::radio::geometry::Geometry;
 use glam::Vec3;
-use std::f32::consts::PI;
 
 /// Places of a leaf.
 const LEAF: usize = 16;
@@ -82,18 +80,15 @@ impl Places {
 
     /// Reports the numbers of those that a view may show and that the transmitter's rays meet more densely than the receiver's directions, of
     /// which there are `count` over the sphere: of others they have no share.
-    pub fn shown(&self, view: &View, count: usize, rays: usize, mut report: impl FnMut(usize)) {
+    pub fn shown(&self, view: &View, count: usize, mut report: impl FnMut(usize)) {
         let from = view.vantage.image.as_vec3();
-        let per_sr = count as f32 / (4.0 * PI);
-        let rays_to_one = rays as f32 / count as f32;
-        let directions = view.vantage.directions as f32;
         let denser = |place: &Place| {
             let height_m = place.normal.dot(from) - place.offset_m;
             let distance2 = place.point.distance_squared(from);
-            let own_per_m2 = height_m.abs() / (distance2 * distance2.sqrt());
-            let met = (per_sr * own_per_m2 * place.area_m2).min(directions).clamp(1.0, REFINED as f32);
+            let own_per_m2 = f64::from(height_m / (distance2 * distance2.sqrt()));
+            let own = view.vantage.directions_to_one(count, own_per_m2, f64::from(place.area_m2)) * own_per_m2;
             // A little less, for single precision.
-            place.density_per_m2 * height_m > 0.0 && place.density_per_m2.abs() * rays_to_one > 0.99 * met * own_per_m2
+            landings::density_ratio(f64::from(place.density_per_m2), own) > 0.99
         };
         let mut at = 0;
         while let Some(node) = self.nodes.get(at) {

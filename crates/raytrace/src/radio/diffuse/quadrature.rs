@@ -121,7 +121,7 @@ impl DiffuseField<'_, '_> {
     /// By object, what a source lights through a number of slabs.
     fn scattered_from(&self, source: Source, slabs: usize, rx: DVec3) -> Vec<f64> {
         let geometry = &self.tracer.geometry;
-        let lattice = Lattice { count: self.directions.count(), refined: false, shared: false, small: None, views: None };
+        let lattice = Lattice::new(self.directions.count(), false, false);
         let look = Look::new(self, rx, &self.tracer.settings.rx_antenna, lattice);
         let wavelength_m = self.tracer.settings.wavelength_m();
         let density = |point: DVec3, face: u32| {

@@ -30,6 +30,8 @@ const MOST_LUCKY: usize = 4;
 const FAINTEST: f64 = 1e-5;
 /// Share of power that a strong mirror, or a slab, passes on.
 const STRONG_MIRROR: f64 = 0.9;
+/// A point with less power than this share of the mean direction's counts by chance.
+const FAINT: f64 = 2.0;
 /// How often refined cells are compared with their neighbours again.
 const ROUNDS: usize = 2;
 
@@ -133,20 +135,16 @@ impl Gathering<'_, '_, '_, '_> {
     /// The arrivals of those directions that are `wanted`, near ones together, of points of small faces, and of the transmitter's own rays.
     pub fn arrivals(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let mut arrivals = if self.resolution_deg > 0.0 { self.refined(&wanted) } else { self.plain(&wanted) };
+        let faint = FAINT * arrivals.iter().map(|a| a.power).sum::<f64>() / self.directions.count() as f64;
+        let lattice = Lattice { faint, ..self.lattice() };
         if let Some(small) = &self.small {
-            arrivals.extend(self.small(small, &wanted));
+            arrivals.extend(self.small(small, lattice, &wanted));
         }
         if let Some(views) = &self.views {
-            arrivals.extend(self.landed_by(views, &wanted));
+            arrivals.extend(self.landed_by(views, lattice, &wanted));
         }
-        let landed = self.field.landed(self.rx, self.antenna, self.lattice(), &wanted);
-        arrivals.extend(landed.into_iter().map(|(direction, c)| Arrival {
-            direction,
-            power: c.power,
-            delay_s: c.delay_s,
-            object: c.object,
-            phase_rad: None,
-        }));
+        let landed = self.field.landed(self.rx, self.antenna, lattice, &wanted);
+        arrivals.extend(landed.into_iter().map(|(direction, c)| once(direction, c.object, &c)));
         arrivals
     }
 
@@ -158,10 +156,10 @@ impl Gathering<'_, '_, '_, '_> {
     }
 
     /// One arrival per point of a small face in a `wanted` direction.
-    fn small(&self, seen: &small::Seen, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+    fn small(&self, seen: &small::Seen, lattice: Lattice<'_>, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let numbered: Vec<_> = seen.points.iter().enumerate().filter(|(_, point)| wanted(point.direction)).collect();
         in_tasks(&numbered, |points| {
-            let look = Look::new(self.field, self.rx, self.antenna, self.lattice());
+            let look = Look::new(self.field, self.rx, self.antenna, lattice);
             let arrivals =
                 points.iter().map(|&(i, point)| arrival(point.direction, |report| look.at(i, point, &mut |c| report(c))));
             arrivals.flatten().collect()
@@ -169,23 +167,17 @@ impl Gathering<'_, '_, '_, '_> {
     }
 
     /// One arrival per point that the transmitter's own rays fell on and that is seen in a mirror, by mirrors.
-    fn landed_by(&self, views: &Views, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+    fn landed_by(&self, views: &Views, lattice: Lattice<'_>, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let Some(landings) = &self.field.landings else { return Vec::new() };
         let per_view: Vec<Vec<Arrival>> = views
             .all()
             .par_iter()
             .map(|view| {
-                let look = Look::new(self.field, self.rx, self.antenna, self.lattice());
+                let look = Look::new(self.field, self.rx, self.antenna, lattice);
                 let mut arrivals = Vec::new();
-                landings.places.shown(view, self.directions.count(), landings.rays, |i| {
+                landings.places.shown(view, lattice.count, |i| {
                     let landed = look.landed_by(view, i, &landings.all[i], &wanted);
-                    arrivals.extend(landed.map(|(direction, object, c)| Arrival {
-                        direction,
-                        power: c.power,
-                        delay_s: c.delay_s,
-                        object,
-                        phase_rad: None,
-                    }));
+                    arrivals.extend(landed.map(|(direction, object, c)| once(direction, object, &c)));
                 });
                 arrivals
             })
@@ -228,8 +220,8 @@ impl Gathering<'_, '_, '_, '_> {
     }
 
     fn lattice(&self) -> Lattice<'_> {
-        let (count, refined) = (self.directions.count(), self.resolution_deg > 0.0);
-        Lattice { count, refined, shared: self.shared, small: self.small.as_ref(), views: self.views.as_ref() }
+        let lattice = Lattice::new(self.directions.count(), self.resolution_deg > 0.0, self.shared);
+        Lattice { small: self.small.as_ref(), views: self.views.as_ref(), ..lattice }
     }
 
     /// Cuts every cell whose neighbours call for it, and those that differ from all of them.
@@ -354,6 +346,11 @@ impl Part {
             phase_rad: None,
         }
     }
+}
+
+/// A single contribution as an arrival from a direction in which an object is seen first.
+fn once(direction: DVec3, object: u32, c: &Contribution) -> Arrival {
+    Arrival { direction, power: c.power, delay_s: c.delay_s, object, phase_rad: None }
 }
 
 /// What comes from a direction all in all, as a look reports it.

@@ -34,10 +34,10 @@ pub fn own_shares(members: &[Member], spread: f64) -> Vec<f64> {
 pub fn smooth(blocks: &mut [Vec<(f64, Vec<f32>)>], power: usize, squares: usize) {
     let wholes: Vec<(f64, Vec<f32>)> = blocks.iter().map(|block| pooled(block)).collect();
     let region = pooled(&wholes);
-    let means = drawn(&wholes, &region, &region.1, power, squares);
-    for ((block, whole), mean) in blocks.iter_mut().zip(&wholes).zip(means) {
-        let tables = drawn(block, whole, &mean, power, squares);
-        block.iter_mut().zip(tables).for_each(|((_, table), new)| *table = new);
+    let mut means = wholes.clone();
+    draw(&mut means, &region, &region.1, power, squares);
+    for ((block, whole), (_, mean)) in blocks.iter_mut().zip(&wholes).zip(&means) {
+        draw(block, whole, mean, power, squares);
     }
 }
 
@@ -50,37 +50,29 @@ fn pooled(members: &[(f64, Vec<f32>)]) -> (f64, Vec<f32>) {
     (members.iter().map(|m| m.0).sum(), sum)
 }
 
-/// The members' tables, each drawn towards `target`, sums over all their area: what all of them say together, `whole`, or what is better known.
-fn drawn(
-    members: &[(f64, Vec<f32>)],
-    (area_m2, whole): &(f64, Vec<f32>),
-    target: &[f32],
-    power: usize,
-    squares: usize,
-) -> Vec<Vec<f32>> {
+/// Draws the members' tables towards `target`, sums over all their area: what all of them say together, `whole`, or what is better known.
+fn draw(members: &mut [(f64, Vec<f32>)], (area_m2, whole): &(f64, Vec<f32>), target: &[f32], power: usize, squares: usize) {
     if whole[power] <= 0.0 || members.len() < 2 {
-        return members.iter().map(|(own_m2, _)| scaled(target, own_m2 / area_m2)).collect();
+        for (own_m2, table) in members {
+            table.iter_mut().zip(target).for_each(|(v, t)| *v = scaled(*t, *own_m2 / area_m2));
+        }
+        return;
     }
     let described: Vec<Member> = members.iter().map(|m| Member { area_m2: m.0, power: f64::from(m.1[power]) }).collect();
     let shares = own_shares(&described, f64::from(whole[squares] / whole[power]));
-    let mut tables: Vec<Vec<f32>> = members
-        .iter()
-        .zip(&shares)
-        .map(|((own_m2, table), share)| {
-            let (own, common) = (*share as f32, ((1.0 - share) * own_m2 / area_m2) as f32);
-            table.iter().zip(target).map(|(v, t)| own * v + common * t).collect()
-        })
-        .collect();
-    let kept: f64 = tables.iter().map(|t| f64::from(t[power])).sum();
+    for ((own_m2, table), share) in members.iter_mut().zip(&shares) {
+        let (own, common) = (*share as f32, ((1.0 - share) * *own_m2 / area_m2) as f32);
+        table.iter_mut().zip(target).for_each(|(v, t)| *v = own * *v + common * t);
+    }
+    let kept: f64 = members.iter().map(|(_, table)| f64::from(table[power])).sum();
     if kept > 0.0 {
         let factor = f64::from(target[power]) / kept;
-        tables.iter_mut().flatten().for_each(|v| *v = (f64::from(*v) * factor) as f32);
+        members.iter_mut().flat_map(|(_, table)| table).for_each(|v| *v = scaled(*v, factor));
     }
-    tables
 }
 
-fn scaled(table: &[f32], factor: f64) -> Vec<f32> {
-    table.iter().map(|v| (f64::from(*v) * factor) as f32).collect()
+fn scaled(value: f32, factor: f64) -> f32 {
+    (f64::from(value) * factor) as f32
 }
 
 #[cfg(test)]

@@ -452,7 +452,7 @@ fn the_transmitters_rays_and_the_receivers_count_every_point_once() {
         let truth: f64 = field(1000, 0).by_quadrature(rx).unwrap().straight.iter().flatten().sum();
         let field = field(40_000, 1);
         let (found, landed) = (power(&field, rx, |c| c.after == 0), {
-            let lattice = Lattice { count: 40_000, refined: false, shared: true, small: None, views: None };
+            let lattice = Lattice::new(40_000, false, true);
             field.landed(rx, &tracer.settings.rx_antenna, lattice, |_| true).iter().map(|(_, c)| c.power).sum::<f64>()
         });
         assert!(landed > 0.5 * found, "{pattern}: {landed:e} of {found:e}");

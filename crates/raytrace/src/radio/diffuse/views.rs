@@ -8,8 +8,9 @@
 //! Which mirrors are in sight has to be told without looking at the directions themselves: a way that is known where they happened to find
 //! it would be counted too seldom. A coarser lattice of its own finds them, the same in every sampling.
 
-use super::gather::{Look, Way};
+use super::gather::{Look, REFINED};
 use super::illumination::{CLEARANCE_M, Illumination};
+use super::in_tasks;
 use crate::radio::geometry::Geometry;
 use crate::radio::lattice::Directions;
 use glam::{DMat3, DVec3, Vec3};
@@ -37,6 +38,40 @@ pub struct Views {
     by_more: BTreeMap<Way, u32>,
 }
 
+/// The mirrors between the receiver and what it sees, slabs left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Way {
+    /// The first of them, in the order in which a ray from the receiver meets them.
+    mirrors: [u32; Self::MOST],
+    count: usize,
+}
+
+impl Way {
+    /// Mirrors that are told apart.
+    pub const MOST: usize = 2;
+    /// By way of none.
+    pub const STRAIGHT: Self = Self { mirrors: [0; Self::MOST], count: 0 };
+
+    /// With one mirror more.
+    pub fn by(mut self, face: u32) -> Self {
+        if let Some(mirror) = self.mirrors.get_mut(self.count) {
+            *mirror = face;
+        }
+        self.count += 1;
+        self
+    }
+
+    /// How many.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The mirrors; of more than [`Self::MOST`] the first.
+    pub fn mirrors(&self) -> &[u32] {
+        &self.mirrors[..self.count.min(Self::MOST)]
+    }
+}
+
 /// What is seen by way of one or two mirrors.
 #[derive(Clone, Debug)]
 pub struct View {
@@ -45,7 +80,9 @@ pub struct View {
     /// Where from.
     pub vantage: Vantage,
     /// Inward normals of the planes through the image and the mirrors' outlines, those of the first mirror as the others show it.
-    walls: [Vec3; 4 * Way::MOST],
+    walls: Walls,
+    /// The last mirror's unit normal, away from the image, and how far from it the mirror's plane is, metres: what it shows is before it.
+    front: (Vec3, f32),
 }
 
 /// Where a receiver looks from, straight or in mirrors.
@@ -55,6 +92,15 @@ pub struct Vantage {
     pub image: DVec3,
     /// Directions of the receiver that look this way, about.
     pub directions: f64,
+}
+
+impl Vantage {
+    /// To how many directions one of `count` is refined, at most, where a face shows itself as `own_per_m2` does ([`super::landings::density`]).
+    /// Refinement finds no face that the lattice's own directions miss: how many meet one that is seen as it is here?
+    pub fn directions_to_one(&self, count: usize, own_per_m2: f64, area_m2: f64) -> f64 {
+        let per_sr = count as f64 / (4.0 * std::f64::consts::PI);
+        (per_sr * own_per_m2.abs() * area_m2).min(self.directions).clamp(1.0, REFINED)
+    }
 }
 
 /// The directions that look for mirrors on behalf of `count`.
@@ -96,10 +142,13 @@ impl Views {
             let size_sr = face.area_m2 * face.distance(rx).abs() / (distance2 * distance2.sqrt());
             this.add(View::new(geometry, rx, Way::STRAIGHT.by(number), size_sr * per_sr));
         }
+        let ways = in_tasks(pilots.along(), |numbers| {
+            let mut ways = Vec::new();
+            numbers.iter().for_each(|&number| look.mirrors_along(pilots.of(number as usize), KEPT, |way| ways.push(way)));
+            ways
+        });
         let mut found: BTreeMap<Way, usize> = BTreeMap::new();
-        for &number in pilots.along() {
-            look.mirrors_along(pilots.of(number as usize), KEPT, |way| *found.entry(way).or_default() += 1);
-        }
+        ways.into_iter().for_each(|way| *found.entry(way).or_default() += 1);
         let scale = count as f64 / pilots.count() as f64;
         for (way, times) in found {
             if this.by(&way).is_none() {
@@ -137,19 +186,25 @@ impl View {
     fn new(geometry: &Geometry<'_>, rx: DVec3, way: Way, directions: f64) -> Self {
         let face = |number: &u32| &geometry.faces[*number as usize];
         let image = way.mirrors().iter().fold(rx, |image, mirror| face(mirror).mirror(image));
-        let mut walls = [Vec3::ZERO; 4 * Way::MOST];
+        let mut walls = Walls::default();
         for (i, mirror) in way.mirrors().iter().enumerate() {
             // Unfolded: every mirror where those behind it show it.
             let shown = |corner: DVec3| way.mirrors()[i + 1..].iter().fold(corner, |corner, behind| face(behind).mirror(corner));
-            walls[4 * i..4 * (i + 1)].copy_from_slice(&walls_through(image, &face(mirror).hull().map(shown)));
+            let through = walls_through(image, &face(mirror).outline().map(shown));
+            through.into_iter().enumerate().for_each(|(k, wall)| walls.set(4 * i + k, wall));
         }
-        Self { way, vantage: Vantage { image, directions: TRUST * directions }, walls }
+        let front = way.mirrors().last().map_or((Vec3::ZERO, 0.0), |mirror| {
+            let height_m = face(mirror).distance(image);
+            ((-height_m.signum() * face(mirror).normal).as_vec3(), height_m.abs() as f32)
+        });
+        Self { way, vantage: Vantage { image, directions: TRUST * directions }, walls, front }
     }
 
-    /// The least distance of a point from the walls, metres: negative where the mirrors do not show it.
+    /// The least distance of a point from the walls and from the last mirror, metres: negative where the mirrors do not show it.
     pub fn within(&self, point: Vec3) -> f32 {
         let to = point - self.vantage.image.as_vec3();
-        self.walls.iter().fold(f32::INFINITY, |least, wall| least.min(to.dot(*wall)))
+        let (front, mirror_m) = self.front;
+        self.walls.least(to).min(to.dot(front) - mirror_m)
     }
 
     /// The unit direction in which the receiver sees a point by this way, if the mirrors' faces reach there.
@@ -173,6 +228,26 @@ impl View {
             target = at;
         }
         (target - rx).try_normalize()
+    }
+}
+
+/// Normals, axis by axis; those not set are 0 and everything is inside.
+#[derive(Clone, Debug, Default)]
+struct Walls([[f32; 4 * Way::MOST]; 3]);
+
+impl Walls {
+    fn set(&mut self, number: usize, normal: Vec3) {
+        for axis in 0..3 {
+            self.0[axis][number] = normal[axis];
+        }
+    }
+
+    /// The least height above them of a point, as seen from where they all meet.
+    fn least(&self, to: Vec3) -> f32 {
+        let [x, y, z] = &self.0;
+        let heights: [f32; 4 * Way::MOST] = std::array::from_fn(|i| x[i] * to.x + y[i] * to.y + z[i] * to.z);
+        let halves: [f32; 4] = std::array::from_fn(|i| if heights[i] < heights[i + 4] { heights[i] } else { heights[i + 4] });
+        halves.into_iter().fold(f32::INFINITY, f32::min)
     }
 }
 

@@ -4,13 +4,15 @@
 //! through every mirror and slab, which by reciprocity is the forward way's transpose. What a surface scatters along the ray is then
 //! received as |c·E|².
 
+mod landed;
+
 #[cfg(doc)]
 use super::DiffuseSettings;
-use super::illumination::{Incident, Lighting, MAX_PORTS, Source};
-use super::landings::{self, Landing};
+use super::illumination::{Incident, MAX_PORTS};
+use super::landings;
 use super::refine::MOST;
 use super::small::{Seen, SmallPoint};
-use super::views::{Vantage, View, Views};
+use super::views::{Views, Way};
 use super::{Contribution, DiffuseField};
 use crate::radio::antenna::{Antenna, phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
@@ -32,8 +34,6 @@ const ROULETTE_THROUGHPUT: f64 = 0.01;
 const EVEN_ROULETTE_THROUGHPUT: f64 = 0.1;
 /// Directions to one where a lattice that is refined sees something bright edge-on and meets it often enough.
 pub(super) const REFINED: f64 = (MOST * MOST) as f64;
-/// A ray that should meet a point meets it this closely, metres: single precision, and surfaces seen edge-on.
-const SAME_POINT_M: f64 = 2e-3;
 /// Step of the low-discrepancy sequence that decides about a direction's rays.
 const ROULETTE_STEP: f64 = lattice::R2.x;
 
@@ -65,38 +65,16 @@ pub(super) struct Lattice<'s> {
     pub small: Option<&'s Seen>,
     /// Mirrors in which what is seen is shared with the transmitter's own rays as well.
     pub views: Option<&'s Views>,
-}
-
-/// The mirrors between the receiver and what it sees, slabs left out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Way {
-    /// The first of them, in the order in which a ray from the receiver meets them.
-    mirrors: [u32; Self::MOST],
-    count: usize,
-}
-
-impl Way {
-    /// Mirrors that are told apart.
-    pub const MOST: usize = 2;
-    /// By way of none.
-    pub const STRAIGHT: Self = Self { mirrors: [0; Self::MOST], count: 0 };
-
-    /// With one mirror more.
-    pub fn by(mut self, face: u32) -> Self {
-        if let Some(mirror) = self.mirrors.get_mut(self.count) {
-            *mirror = face;
-        }
-        self.count += 1;
-        self
-    }
-
-    /// The mirrors; of more than [`Self::MOST`] the first.
-    pub fn mirrors(&self) -> &[u32] {
-        &self.mirrors[..self.count.min(Self::MOST)]
-    }
+    /// Power of a single point below which chance decides whether it counts.
+    pub faint: f64,
 }
 
 impl Lattice<'_> {
+    /// All by itself but for the transmitter's own rays, where `shared`.
+    pub fn new(count: usize, refined: bool, shared: bool) -> Self {
+        Self { count, refined, shared, small: None, views: None, faint: 0.0 }
+    }
+
     fn is_small(&self, face: u32) -> bool {
         self.small.is_some_and(|seen| seen.holds(face))
     }
@@ -144,8 +122,8 @@ struct Luck {
 }
 
 impl Luck {
-    fn new(ray: &Ray, index: usize) -> Self {
-        Self { whole: ray.power(), sequence: (index as f64 * ROULETTE_STEP).fract() }
+    fn new(whole: f64, index: usize) -> Self {
+        Self { whole, sequence: (index as f64 * ROULETTE_STEP).fract() }
     }
 
     /// Happens with a probability.
@@ -155,26 +133,6 @@ impl Luck {
         }
         self.sequence = (self.sequence + ROULETTE_STEP * ROULETTE_STEP).fract();
         self.sequence < probability
-    }
-}
-
-/// What a point of a surface sends from a source straight to the receiver.
-pub(super) struct Sent {
-    towards_rx: DVec3,
-    /// S²Γ² f_s, as the receiver's ports take it.
-    share: f64,
-    cos_incidence: f64,
-    /// From the source, metres.
-    source_m: f64,
-    /// To the receiver, metres.
-    distance_m: f64,
-}
-
-impl Sent {
-    /// |a|² of a square metre that is like this point: (λ/4π)² S²Γ² f_s cosθ_i / (r₁² r₂²).
-    pub(super) fn per_m2(&self, wavelength_m: f64) -> f64 {
-        let spreading = wavelength_m / (4.0 * std::f64::consts::PI * self.source_m * self.distance_m);
-        spreading * spreading * self.share * self.cos_incidence
     }
 }
 
@@ -195,7 +153,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     ) -> Option<u32> {
         let geometry = &self.field.tracer.geometry;
         let ray = self.outwards(direction);
-        let mut luck = Luck::new(&ray, index);
+        let mut luck = Luck::new(ray.power(), index);
         let mut seen = None;
         self.beyond = 0.0;
         self.stack.clear();
@@ -223,22 +181,40 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
 
     /// Looks at a point of a small face, the `index`th, as [`Self::along`] along a direction.
     pub(super) fn at(&self, index: usize, point: &SmallPoint, report: &mut impl FnMut(Contribution)) -> Option<u32> {
+        let ray = self.outwards(point.direction);
+        let (ray, met, object) = self.walk(ray, &[], &mut Luck::new(ray.power(), index), |met| met.face == point.face)?;
+        self.scattered(&ray, &met, Some(point.share_sr), report);
+        Some(object)
+    }
+
+    /// Follows a ray that leaves the receiver by way of `mirrors`, and through what else it meets, to the surface that `is_end`: how it gets
+    /// there, what it meets there, and the object it met first.
+    fn walk(
+        &self,
+        mut ray: Ray,
+        mirrors: &[u32],
+        luck: &mut Luck,
+        is_end: impl Fn(&Meeting) -> bool,
+    ) -> Option<(Ray, Meeting, u32)> {
         let geometry = &self.field.tracer.geometry;
-        let mut ray = self.outwards(point.direction);
-        let mut luck = Luck::new(&ray, index);
-        let mut seen = None;
+        let mut object = None;
         loop {
             let met = geometry.meet(ray.origin, ray.direction, CLEARANCE_M)?;
-            let seen = *seen.get_or_insert(geometry.faces[met.face as usize].object);
-            if met.face == point.face {
-                self.scattered(&ray, &met, Some(point.share_sr), report);
-                return Some(seen);
+            let object = *object.get_or_insert(geometry.faces[met.face as usize].object);
+            let next = mirrors.get(ray.way.count());
+            if next.is_none() && is_end(&met) {
+                return Some((ray, met, object));
             }
             if ray.hops == self.deepest {
                 return None;
             }
-            ray = self.behind(&ray, &met, &self.response(&ray, &met), false, &mut luck)?;
+            ray = self.behind(&ray, &met, &self.response(&ray, &met), next == Some(&met.face), luck)?;
         }
+    }
+
+    /// The probability with which a point that sends so much power counts.
+    fn kept(&self, power: f64) -> f64 {
+        if power < self.lattice.faint { power / self.lattice.faint } else { 1.0 }
     }
 
     /// The largest share of power that went on behind the surface seen first, along the last direction.
@@ -355,153 +331,6 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         }
     }
 
-    /// What comes straight from a point that one of the transmitter's own rays fell on, as far as it is theirs, with its direction, where
-    /// that is `wanted`.
-    pub(super) fn landed(&self, landing: &Landing, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
-        let &Landing { point, face, lighting, density_per_m2 } = landing;
-        if self.lattice.is_small(face) {
-            return None;
-        }
-        let share = landings::share(self.density_ratio(&self.straight(), face, point, density_per_m2));
-        if share == 0.0 {
-            return None;
-        }
-        let Sent { towards_rx, share: sent, source_m, distance_m, .. } =
-            self.sent(Source::transmitter(self.field.illumination.tx), point, face, lighting, wanted)?;
-        let power = self.spread(self.transmitters_rays()) * share * sent / (distance_m * distance_m);
-        let contribution = Contribution {
-            power,
-            delay_s: (source_m + distance_m) / SPEED_OF_LIGHT,
-            object: self.field.tracer.geometry.faces[face as usize].object,
-            mirrored_before: false,
-            indirect: false,
-            after: 0,
-        };
-        (power > 0.0).then_some((-towards_rx, contribution))
-    }
-
-    /// What a point that a source lights sends straight to the receiver, where that is in a `wanted` direction and nothing is in the way.
-    pub(super) fn sent(
-        &self,
-        source: Source,
-        point: DVec3,
-        face: u32,
-        lighting: Lighting,
-        wanted: impl Fn(DVec3) -> bool,
-    ) -> Option<Sent> {
-        let (geometry, illumination) = (&self.field.tracer.geometry, &self.field.illumination);
-        let distance_m = point.distance(self.rx);
-        let towards_rx = (self.rx - point) / distance_m;
-        if !wanted(-towards_rx) || geometry.occluded(point, self.rx, CLEARANCE_M, |f| f != face) {
-            return None;
-        }
-        let plane = &geometry.faces[face as usize];
-        let normal = if plane.distance(self.rx) > 0.0 { plane.normal } else { -plane.normal };
-        let incident = illumination.incident(source, lighting, point, face, 0)?;
-        let received = self.received(&self.port_fields(-towards_rx), towards_rx);
-        Some(Sent {
-            towards_rx,
-            share: self.reemitted(&incident, face, normal, towards_rx, &received[..self.ports()]),
-            cos_incidence: field::cos_incidence(incident.direction, normal),
-            source_m: incident.distance_m,
-            distance_m,
-        })
-    }
-
-    /// How many times as densely as this receiver's directions the transmitter's rays meet a point, p_t/p_r of [`landings`]. Nothing where
-    /// the two look at different sides of the face.
-    fn density_ratio(&self, vantage: &Vantage, face: u32, point: DVec3, transmitters_per_m2: f64) -> f64 {
-        let plane = &self.field.tracer.geometry.faces[face as usize];
-        let own_per_m2 = landings::density(plane, vantage.image, point);
-        let count = self.lattice.count as f64;
-        // Refinement finds no face that the lattice's own directions miss: how many meet one that is seen as it is here?
-        let met = (count * own_per_m2.abs() * plane.area_m2 / (4.0 * std::f64::consts::PI)).min(vantage.directions);
-        let directions = count * if self.lattice.refined { met.clamp(1.0, REFINED) } else { 1.0 };
-        (self.transmitters_rays() as f64 * transmitters_per_m2 / (directions * own_per_m2)).max(0.0)
-    }
-
-    /// From where a ray looks whose surfaces the transmitter's own rays look at as well; behind slabs alone they do not.
-    fn shared(&self, ray: &Ray) -> Option<Vantage> {
-        if !self.lattice.shared || self.field.landings.is_none() {
-            return None;
-        }
-        if ray.hops == 0 { Some(self.straight()) } else { self.lattice.views?.by(&ray.way).map(|view| view.vantage) }
-    }
-
-    /// From the receiver itself.
-    fn straight(&self) -> Vantage {
-        Vantage { image: self.rx, directions: f64::INFINITY }
-    }
-
-    /// Reports every way that a ray along a direction goes on mirrored, as long as it keeps so much of its power.
-    pub(super) fn mirrors_along(&self, direction: DVec3, kept: f64, mut report: impl FnMut(Way)) {
-        let mut ray = self.outwards(direction);
-        let mut luck = Luck::new(&ray, 0);
-        while ray.hops < self.deepest.min(Way::MOST) {
-            let Some(met) = self.field.tracer.geometry.meet(ray.origin, ray.direction, CLEARANCE_M) else { return };
-            let Some(behind) = self.behind(&ray, &met, &self.response(&ray, &met), true, &mut luck) else { return };
-            if behind.power() < kept * luck.whole {
-                return;
-            }
-            report(behind.way);
-            ray = behind;
-        }
-    }
-
-    /// What comes by way of mirrors in sight from the `index`th point that one of the transmitter's own rays fell on, as far as it is theirs:
-    /// the direction it comes from and the object seen there first.
-    pub(super) fn landed_by(
-        &self,
-        view: &View,
-        index: usize,
-        landing: &Landing,
-        wanted: impl Fn(DVec3) -> bool,
-    ) -> Option<(DVec3, u32, Contribution)> {
-        let &Landing { point, face, lighting, density_per_m2 } = landing;
-        let geometry = &self.field.tracer.geometry;
-        let share = landings::share(self.density_ratio(&view.vantage, face, point, density_per_m2));
-        if share == 0.0 {
-            return None;
-        }
-        let direction = view.direction(geometry, self.rx, point).filter(|d| wanted(*d))?;
-        let mut ray = self.outwards(direction);
-        let mut luck = Luck::new(&ray, index);
-        let mut seen = None;
-        let met = loop {
-            let met = geometry.meet(ray.origin, ray.direction, CLEARANCE_M)?;
-            seen = seen.or(Some(geometry.faces[met.face as usize].object));
-            let next = view.way.mirrors().get(ray.way.count);
-            if next.is_none() && met.face == face && met.point.distance_squared(point) < SAME_POINT_M * SAME_POINT_M {
-                break met;
-            }
-            if ray.hops == self.deepest {
-                return None;
-            }
-            ray = self.behind(&ray, &met, &self.response(&ray, &met), next == Some(&met.face), &mut luck)?;
-        };
-        let incident =
-            self.field.illumination.incident(Source::transmitter(self.field.illumination.tx), lighting, point, face, ray.hops)?;
-        let towards_rx = -ray.direction;
-        let received = self.received(&ray.ports, towards_rx);
-        let sent = self.reemitted(&incident, face, met.normal, towards_rx, &received[..self.ports()]);
-        let distance_m = ray.length_m + met.distance_m;
-        let power = self.spread(self.transmitters_rays()) * ray.weight * share * sent / (distance_m * distance_m);
-        let contribution = Contribution {
-            power,
-            delay_s: (incident.distance_m + distance_m) / SPEED_OF_LIGHT,
-            object: geometry.faces[face as usize].object,
-            mirrored_before: false,
-            indirect: false,
-            after: ray.hops,
-        };
-        (power > 0.0).then_some((direction, seen?, contribution))
-    }
-
-    /// Rays of the transmitter over the sphere.
-    fn transmitters_rays(&self) -> usize {
-        self.field.landings.as_ref().map_or(0, |landings| landings.rays)
-    }
-
     /// Ports of the receive antenna.
     fn ports(&self) -> usize {
         self.antenna.ports().min(MAX_PORTS)
@@ -546,8 +375,6 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         let (co, cross) = ((1.0 - scattering.xpd).sqrt(), scattering.xpd.sqrt());
         let &Incident { direction: k, ref fields, .. } = incident;
         let entry = illumination.table(face).scattering(field::cos_incidence(k, normal));
-        let cos_specular = towards_rx.dot(field::mirrored(k, normal));
-        let lobe = scattering::lobe(scattering.pattern, normal.dot(towards_rx), cos_specular, -towards_rx.dot(k));
         let (theta_in, phi_in) = (theta_hat(k), phi_hat(k));
         let mut power = 0.0;
         for e in &fields[..illumination.ports()] {
@@ -557,8 +384,16 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             let (out_theta, out_phi) = (e_theta * co - e_phi * cross, e_theta * cross + e_phi * co);
             power += gamma2 * received.iter().map(|(t, p)| (*t * out_theta + *p * out_phi).norm_squared()).sum::<f64>();
         }
-        let s = scattering.coefficient;
-        power * lobe * f64::from(entry.inverse_normalisation) * s * s / illumination.ports() as f64
+        power * self.lobe(face, normal, k, towards_rx) / illumination.ports() as f64
+    }
+
+    /// S² f_s of what comes in along `k`.
+    fn lobe(&self, face: u32, normal: DVec3, k: DVec3, towards_rx: DVec3) -> f64 {
+        let scattering = &self.field.tracer.geometry.slab(face).scattering;
+        let entry = self.field.illumination.table(face).scattering(field::cos_incidence(k, normal));
+        let cos_specular = towards_rx.dot(field::mirrored(k, normal));
+        let lobe = scattering::lobe(scattering.pattern, normal.dot(towards_rx), cos_specular, -towards_rx.dot(k));
+        lobe * f64::from(entry.inverse_normalisation) * scattering.coefficient * scattering.coefficient
     }
 }
 

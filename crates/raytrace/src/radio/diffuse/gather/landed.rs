@@ -1,0 +1,181 @@
+//! What the transmitter's own rays fell on, as a receiver sees it: their half of [`crate::radio::diffuse::landings`], straight and in
+//! mirrors.
+
+use super::{CLEARANCE_M, Look, Luck, Ray};
+use crate::radio::diffuse::Contribution;
+use crate::radio::diffuse::illumination::{Lighting, Source};
+use crate::radio::diffuse::landings::{self, Landing};
+use crate::radio::diffuse::views::{Vantage, View, Way};
+use crate::radio::{SPEED_OF_LIGHT, field};
+use glam::DVec3;
+
+/// A ray that should meet a point meets it this closely, metres: single precision, and surfaces seen edge-on.
+const SAME_POINT_M: f64 = 2e-3;
+
+/// What a point of a surface sends from a source straight to the receiver.
+pub(in crate::radio::diffuse) struct Sent {
+    towards_rx: DVec3,
+    /// S²Γ² f_s, as the receiver's ports take it.
+    share: f64,
+    cos_incidence: f64,
+    /// From the source, metres.
+    source_m: f64,
+    /// To the receiver, metres.
+    distance_m: f64,
+}
+
+impl Sent {
+    /// |a|² of a square metre that is like this point: (λ/4π)² S²Γ² f_s cosθ_i / (r₁² r₂²).
+    pub fn per_m2(&self, wavelength_m: f64) -> f64 {
+        let spreading = wavelength_m / (4.0 * std::f64::consts::PI * self.source_m * self.distance_m);
+        spreading * spreading * self.share * self.cos_incidence
+    }
+}
+
+impl Look<'_, '_, '_> {
+    /// What comes straight from a point that one of the transmitter's own rays fell on, as far as it is theirs, with its direction, where
+    /// that is `wanted`.
+    pub fn landed(&self, landing: &Landing, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
+        let &Landing { point, face, lighting, density_per_m2 } = landing;
+        if self.lattice.is_small(face) {
+            return None;
+        }
+        let share = landings::share(self.density_ratio(&self.straight(), face, point, density_per_m2));
+        if share == 0.0 {
+            return None;
+        }
+        let Sent { towards_rx, share: sent, source_m, distance_m, .. } =
+            self.sent(self.transmitter(), point, face, lighting, wanted)?;
+        let power = self.spread(self.lattice.count) * share * sent / (distance_m * distance_m);
+        let contribution = self.once_scattered(power, source_m + distance_m, face, 0);
+        (power > 0.0).then_some((-towards_rx, contribution))
+    }
+
+    /// What a point that a source lights sends straight to the receiver, where that is in a `wanted` direction and nothing is in the way.
+    pub fn sent(
+        &self,
+        source: Source,
+        point: DVec3,
+        face: u32,
+        lighting: Lighting,
+        wanted: impl Fn(DVec3) -> bool,
+    ) -> Option<Sent> {
+        let (geometry, illumination) = (&self.field.tracer.geometry, &self.field.illumination);
+        let distance_m = point.distance(self.rx);
+        let towards_rx = (self.rx - point) / distance_m;
+        if !wanted(-towards_rx) || geometry.occluded(point, self.rx, CLEARANCE_M, |f| f != face) {
+            return None;
+        }
+        let plane = &geometry.faces[face as usize];
+        let normal = if plane.distance(self.rx) > 0.0 { plane.normal } else { -plane.normal };
+        let incident = illumination.incident(source, lighting, point, face, 0)?;
+        let received = self.received(&self.port_fields(-towards_rx), towards_rx);
+        Some(Sent {
+            towards_rx,
+            share: self.reemitted(&incident, face, normal, towards_rx, &received[..self.ports()]),
+            cos_incidence: field::cos_incidence(incident.direction, normal),
+            source_m: incident.distance_m,
+            distance_m,
+        })
+    }
+
+    /// What comes by way of mirrors in sight from the `index`th point that one of the transmitter's own rays fell on, as far as it is
+    /// theirs: the direction it comes from and the object seen there first. Of what is faint chance lets some count for all.
+    pub fn landed_by(
+        &self,
+        view: &View,
+        index: usize,
+        landing: &Landing,
+        wanted: impl Fn(DVec3) -> bool,
+    ) -> Option<(DVec3, u32, Contribution)> {
+        let &Landing { point, face, lighting, density_per_m2 } = landing;
+        let geometry = &self.field.tracer.geometry;
+        let share = landings::share(self.density_ratio(&view.vantage, face, point, density_per_m2));
+        if share == 0.0 {
+            return None;
+        }
+        let share = share * self.spread(self.lattice.count);
+        let kept = self.kept(share * self.most_sent(view, landing));
+        let mut luck = Luck::new(1.0, index);
+        if !luck.allows(kept) {
+            return None;
+        }
+        let direction = view.direction(geometry, self.rx, point).filter(|d| wanted(*d))?;
+        let ray = Ray { weight: 1.0 / kept, ..self.outwards(direction) };
+        let there = |met: &crate::radio::geometry::Meeting| {
+            met.face == face && met.point.distance_squared(point) < SAME_POINT_M * SAME_POINT_M
+        };
+        let (ray, met, object) = self.walk(ray, view.way.mirrors(), &mut Luck { whole: ray.power(), ..luck }, there)?;
+        let incident = self.field.illumination.incident(self.transmitter(), lighting, point, face, ray.hops)?;
+        let towards_rx = -ray.direction;
+        let received = self.received(&ray.ports, towards_rx);
+        let sent = self.reemitted(&incident, face, met.normal, towards_rx, &received[..self.ports()]);
+        let distance_m = ray.length_m + met.distance_m;
+        let power = share * ray.weight * sent / (distance_m * distance_m);
+        let contribution = self.once_scattered(power, incident.distance_m + distance_m, face, ray.hops);
+        (power > 0.0).then_some((direction, object, contribution))
+    }
+
+    /// S² f_s / r₂² of a point that the transmitter lights, 1/m²: no less than what it sends by way of a view.
+    fn most_sent(&self, view: &View, landing: &Landing) -> f64 {
+        let plane = &self.field.tracer.geometry.faces[landing.face as usize];
+        let to_image = view.vantage.image - landing.point;
+        let normal = if plane.distance(view.vantage.image) > 0.0 { plane.normal } else { -plane.normal };
+        let incidence = (landing.point - self.field.illumination.tx).normalize_or_zero();
+        let distance2 = to_image.length_squared();
+        self.lobe(landing.face, normal, incidence, to_image / distance2.sqrt()) / distance2
+    }
+
+    /// Of light that the transmitter sent straight to a face.
+    fn once_scattered(&self, power: f64, length_m: f64, face: u32, after: usize) -> Contribution {
+        Contribution {
+            power,
+            delay_s: length_m / SPEED_OF_LIGHT,
+            object: self.field.tracer.geometry.faces[face as usize].object,
+            mirrored_before: false,
+            indirect: false,
+            after,
+        }
+    }
+
+    /// How many times as densely as this receiver's directions the transmitter's rays, as many, meet a point: p_t/p_r of [`landings`].
+    pub(super) fn density_ratio(&self, vantage: &Vantage, face: u32, point: DVec3, transmitters_per_m2: f64) -> f64 {
+        let plane = &self.field.tracer.geometry.faces[face as usize];
+        let own_per_m2 = landings::density(plane, vantage.image, point);
+        let directions =
+            if self.lattice.refined { vantage.directions_to_one(self.lattice.count, own_per_m2, plane.area_m2) } else { 1.0 };
+        landings::density_ratio(transmitters_per_m2, directions * own_per_m2)
+    }
+
+    /// From where a ray looks whose surfaces the transmitter's own rays look at as well; behind slabs alone they do not.
+    pub(super) fn shared(&self, ray: &Ray) -> Option<Vantage> {
+        if !self.lattice.shared || self.field.landings.is_none() {
+            return None;
+        }
+        if ray.hops == 0 { Some(self.straight()) } else { self.lattice.views?.by(&ray.way).map(|view| view.vantage) }
+    }
+
+    /// From the receiver itself.
+    fn straight(&self) -> Vantage {
+        Vantage { image: self.rx, directions: f64::INFINITY }
+    }
+
+    fn transmitter(&self) -> Source {
+        Source::transmitter(self.field.illumination.tx)
+    }
+
+    /// Reports every way that a ray along a direction goes on mirrored, as long as it keeps so much of its power.
+    pub fn mirrors_along(&self, direction: DVec3, kept: f64, mut report: impl FnMut(Way)) {
+        let mut ray = self.outwards(direction);
+        let mut luck = Luck::new(ray.power(), 0);
+        while ray.hops < self.deepest.min(Way::MOST) {
+            let Some(met) = self.field.tracer.geometry.meet(ray.origin, ray.direction, CLEARANCE_M) else { return };
+            let Some(behind) = self.behind(&ray, &met, &self.response(&ray, &met), true, &mut luck) else { return };
+            if behind.power() < kept * luck.whole {
+                return;
+            }
+            report(behind.way);
+            ray = behind;
+        }
+    }
+}
