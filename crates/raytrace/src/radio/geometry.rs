@@ -57,11 +57,6 @@ impl Face {
         self.index.hull(self.normal, self.offset_m)
     }
 
-    /// Corners of a convex quadrilateral of the plane that holds the face, the face's own where it is one.
-    pub fn outline(&self) -> [DVec3; 4] {
-        self.index.outline(self.normal, self.offset_m)
-    }
-
     /// The box of the face's triangles on two axes.
     pub fn bounds(&self) -> Bounds {
         self.index.bounds()

@@ -37,18 +37,6 @@ fn doubled_area([a, b, c]: &[DVec2; 3]) -> f64 {
     (b - a).perp_dot(c - a).abs()
 }
 
-/// The corners around two triangles that have a side in common, where together they are convex.
-fn ring_of_two(first: &[DVec2; 3], second: &[DVec2; 3]) -> Option<[DVec2; 4]> {
-    let lone = |of: &[DVec2; 3], other: &[DVec2; 3]| {
-        let mut lone = (0..3).filter(|&i| !other.contains(&of[i]));
-        lone.next().filter(|_| lone.next().is_none())
-    };
-    let (i, j) = (lone(first, second)?, lone(second, first)?);
-    let ring = [first[i], first[(i + 1) % 3], second[j], first[(i + 2) % 3]];
-    let turns = [0, 1, 2, 3].map(|k| (ring[(k + 1) % 4] - ring[k]).perp_dot(ring[(k + 2) % 4] - ring[(k + 1) % 4]) > 0.0);
-    turns.iter().all(|turn| *turn == turns[0]).then_some(ring)
-}
-
 /// The unit square, folded into a triangle.
 fn within([a, b, c]: &[DVec2; 3], place: DVec2) -> DVec2 {
     let DVec2 { x, y } = if place.x + place.y > 1.0 { 1.0 - place } else { place };
@@ -88,17 +76,6 @@ impl PlanarIndex {
     pub fn hull(&self, normal: DVec3, offset_m: f64) -> [DVec3; 4] {
         let Bounds { min, max, .. } = self.bounds;
         [min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)].map(|at| self.lift(normal, offset_m, at))
-    }
-
-    /// The corners, in order around it, of a convex quadrilateral on the plane n·x = `offset_m` that holds all triangles: those of a triangle
-    /// (one of them twice) or of a convex quadrilateral itself, of anything else those of [`Self::hull`].
-    pub fn outline(&self, normal: DVec3, offset_m: f64) -> [DVec3; 4] {
-        let ring = match self.triangles[..] {
-            [[a, b, c]] => Some([a, b, c, c]),
-            [first, second] => ring_of_two(&first, &second),
-            _ => None,
-        };
-        ring.map_or_else(|| self.hull(normal, offset_m), |ring| ring.map(|at| self.lift(normal, offset_m, at)))
     }
 
     /// `count` points of the plane n·x = `offset_m`, spread evenly over the triangles' area.
@@ -215,22 +192,6 @@ fn inside(t: &[DVec2; 3], p: DVec2) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn an_outline_is_the_faces_own_where_that_is_convex() {
-        let [a, b, c, d] = [[0.0, 0.0], [2.0, 0.0], [2.5, 1.0], [0.0, 1.5]].map(|[x, y]| DVec3::new(x, y, 0.0));
-        let outline = |triangles: &[[DVec3; 3]]| PlanarIndex::new(DVec3::Z, triangles.iter().copied()).outline(DVec3::Z, 0.0);
-        let area = |q: [DVec3; 4]| 0.5 * (q[2] - q[0]).cross(q[3] - q[1]).length();
-        assert_eq!(outline(&[[a, b, c]]), [a, b, c, c]);
-        for second in [[a, c, d], [d, a, c], [c, a, d]] {
-            let found = outline(&[[a, b, c], second]);
-            assert!([a, b, c, d].iter().all(|p| found.contains(p)) && (area(found) - 2.875).abs() < 1e-12, "{found:?}");
-        }
-        // A notch, and triangles apart: the rectangle around them.
-        let notch = DVec3::new(0.5, 0.4, 0.0);
-        assert_eq!(area(outline(&[[a, b, notch], [a, notch, d]])), 3.0);
-        assert_eq!(area(outline(&[[a, b, c], [d, d + DVec3::Y, d + DVec3::X]])), 6.25);
-    }
 
     #[test]
     fn the_grid_answers_as_the_list_does() {

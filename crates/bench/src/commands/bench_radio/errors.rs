@@ -162,14 +162,13 @@ impl Errors {
                 let floor = peak * 10f64.powf(-range_db / 10.0);
                 position.pixels.iter().filter(move |p| p.mean >= floor).map(|p| p.error_db(replicas))
             };
-            for error_db in above(RANGE_DB) {
-                near.push(error_db);
-                if worst_pixel.is_none_or(|(worst_db, _)| error_db > worst_db) {
-                    worst_pixel = Some((error_db, position.index));
-                }
-            }
             let mut own: Vec<f64> = above(RANGE_DB).collect();
             own.sort_by(f64::total_cmp);
+            if let Some(&error_db) = own.last()
+                && worst_pixel.is_none_or(|(worst_db, _)| error_db > worst_db)
+            {
+                worst_pixel = Some((error_db, position.index));
+            }
             by_position.push(AtPosition {
                 position: position.index,
                 total_db: position.total.error_db(replicas),
@@ -179,20 +178,18 @@ impl Errors {
                 pixels_over: own.len() - own.partition_point(|error| *error <= WANTED_DB),
                 pixel_worst_db: own.last().copied(),
             });
+            near.extend(own);
             all.extend(above(dynamic_range_db));
         }
         near.sort_by(f64::total_cmp);
         all.sort_by(f64::total_cmp);
-        let errors_db =
-            |of: fn(&Watched<'_>) -> Moments| positions.iter().map(|p| of(p).error_db(replicas)).collect::<Vec<f64>>();
-        let (total_db, diffuse_db) = (errors_db(|p| p.total), errors_db(|p| p.diffuse));
-        let worst = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
+        let worst = |of: fn(&AtPosition) -> f64| by_position.iter().map(of).fold(0.0, f64::max);
         Self {
             replicas,
             positions: positions.len(),
-            total_worst_db: worst(&total_db),
-            diffuse_worst_db: worst(&diffuse_db),
-            diffuse_rms_db: (diffuse_db.iter().map(|e| e * e).sum::<f64>() / positions.len() as f64).sqrt(),
+            total_worst_db: worst(|p| p.total_db),
+            diffuse_worst_db: worst(|p| p.diffuse_db),
+            diffuse_rms_db: (by_position.iter().map(|p| p.diffuse_db.powi(2)).sum::<f64>() / positions.len() as f64).sqrt(),
             pixels: near.len(),
             pixel_median_db: quantile(&near, 0.5),
             pixel_p99_db: quantile(&near, 0.99),

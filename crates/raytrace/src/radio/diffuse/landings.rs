@@ -70,12 +70,6 @@ pub fn density(plane: &Face, from: DVec3, point: DVec3) -> f64 {
     plane.distance(from) / (distance2 * distance2.sqrt())
 }
 
-/// How many times as densely as a receiver's directions the transmitter's rays, as many over the sphere, meet a point, from the
-/// [`density`] of both there: nothing where they look at different sides of the face.
-pub fn density_ratio(transmitters_per_m2: f64, own_per_m2: f64) -> f64 {
-    (transmitters_per_m2 / own_per_m2).max(0.0)
-}
-
 /// The transmitter's share of a point that its rays meet `density_ratio` = p_t/p_r times as densely as the receiver's; the receiver's is
 /// what is missing to 1. None up to equal densities: most points are the receiver's alone, and need no shadow rays.
 pub fn share(density_ratio: f64) -> f64 {

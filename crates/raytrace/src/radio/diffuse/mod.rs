@@ -316,7 +316,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let lattice = Lattice::new(self.directions.count(), true, true);
         let views = self.mirrors.as_ref().map(|(strong, pilots)| {
             let look = Look::new(self, rx, antenna, lattice);
-            Views::new(&self.tracer.geometry, &look, rx, strong, pilots, lattice.count)
+            Views::new(&self.tracer.geometry, &look, rx, strong, pilots, &lattice)
         });
         Gathering {
             field: self,

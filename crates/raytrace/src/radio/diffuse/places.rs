@@ -1,6 +1,7 @@
 //! Where the transmitter's rays fell, as a tree: which of thousands of points a mirror shows is asked for thousands of mirrors.
 
-use super::landings::{self, Landing};
+use super::gather::Lattice;
+use super::landings::Landing;
 use super::views::View;
 use crate::radio::geometry::Geometry;
 use glam::Vec3;
@@ -78,17 +79,17 @@ impl Places {
         self.nodes[node].next = self.nodes.len() as u32;
     }
 
-    /// Reports the numbers of those that a view may show and that the transmitter's rays meet more densely than the receiver's directions, of
-    /// which there are `count` over the sphere: of others they have no share.
-    pub fn shown(&self, view: &View, count: usize, mut report: impl FnMut(usize)) {
+    /// Reports the numbers of those that a view may show and that the transmitter's rays meet more densely than the receiver's directions: of
+    /// others they have no share.
+    pub fn shown(&self, view: &View, lattice: &Lattice<'_>, mut report: impl FnMut(usize)) {
         let from = view.vantage.image.as_vec3();
         let denser = |place: &Place| {
             let height_m = place.normal.dot(from) - place.offset_m;
             let distance2 = place.point.distance_squared(from);
             let own_per_m2 = f64::from(height_m / (distance2 * distance2.sqrt()));
-            let own = view.vantage.directions_to_one(count, own_per_m2, f64::from(place.area_m2)) * own_per_m2;
+            let [area_m2, transmitters_per_m2] = [place.area_m2, place.density_per_m2].map(f64::from);
             // A little less, for single precision.
-            landings::density_ratio(f64::from(place.density_per_m2), own) > 0.99
+            view.vantage.density_ratio(lattice, area_m2, own_per_m2, transmitters_per_m2) > 0.99
         };
         let mut at = 0;
         while let Some(node) = self.nodes.get(at) {

@@ -135,15 +135,15 @@ impl Gathering<'_, '_, '_, '_> {
     /// The arrivals of those directions that are `wanted`, near ones together, of points of small faces, and of the transmitter's own rays.
     pub fn arrivals(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let mut arrivals = if self.resolution_deg > 0.0 { self.refined(&wanted) } else { self.plain(&wanted) };
-        let faint = FAINT * arrivals.iter().map(|a| a.power).sum::<f64>() / self.directions.count() as f64;
-        let lattice = Lattice { faint, ..self.lattice() };
+        let power: f64 = arrivals.iter().map(|a| a.power).sum();
         if let Some(small) = &self.small {
-            arrivals.extend(self.small(small, lattice, &wanted));
+            arrivals.extend(self.small(small, &wanted));
         }
         if let Some(views) = &self.views {
-            arrivals.extend(self.landed_by(views, lattice, &wanted));
+            let faint = FAINT * power / self.directions.count() as f64;
+            arrivals.extend(self.landed_by(views, faint, &wanted));
         }
-        let landed = self.field.landed(self.rx, self.antenna, lattice, &wanted);
+        let landed = self.field.landed(self.rx, self.antenna, self.lattice(), &wanted);
         arrivals.extend(landed.into_iter().map(|(direction, c)| once(direction, c.object, &c)));
         arrivals
     }
@@ -156,27 +156,29 @@ impl Gathering<'_, '_, '_, '_> {
     }
 
     /// One arrival per point of a small face in a `wanted` direction.
-    fn small(&self, seen: &small::Seen, lattice: Lattice<'_>, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+    fn small(&self, seen: &small::Seen, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let numbered: Vec<_> = seen.points.iter().enumerate().filter(|(_, point)| wanted(point.direction)).collect();
         in_tasks(&numbered, |points| {
-            let look = Look::new(self.field, self.rx, self.antenna, lattice);
+            let look = Look::new(self.field, self.rx, self.antenna, self.lattice());
             let arrivals =
                 points.iter().map(|&(i, point)| arrival(point.direction, |report| look.at(i, point, &mut |c| report(c))));
             arrivals.flatten().collect()
         })
     }
 
-    /// One arrival per point that the transmitter's own rays fell on and that is seen in a mirror, by mirrors.
-    fn landed_by(&self, views: &Views, lattice: Lattice<'_>, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+    /// One arrival per point that the transmitter's own rays fell on and that is seen in a mirror, by mirrors; chance decides about those
+    /// that send less power than what is `faint`.
+    pub fn landed_by(&self, views: &Views, faint: f64, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let Some(landings) = &self.field.landings else { return Vec::new() };
+        let lattice = self.lattice();
         let per_view: Vec<Vec<Arrival>> = views
             .all()
             .par_iter()
             .map(|view| {
                 let look = Look::new(self.field, self.rx, self.antenna, lattice);
                 let mut arrivals = Vec::new();
-                landings.places.shown(view, lattice.count, |i| {
-                    let landed = look.landed_by(view, i, &landings.all[i], &wanted);
+                landings.places.shown(view, &lattice, |i| {
+                    let landed = look.landed_by(view, i, &landings.all[i], faint, &wanted);
                     arrivals.extend(landed.map(|(direction, object, c)| once(direction, object, &c)));
                 });
                 arrivals

@@ -460,26 +460,32 @@ fn the_transmitters_rays_and_the_receivers_count_every_point_once() {
     }
 }
 
+/// Forty slats under a lamp, to be seen straight and through a pane, or in a metal door.
+fn slats(in_door: bool) -> Scene {
+    let mut scene = Scene {
+        materials: vec![
+            material("wood", 0.04, scatters(0.7, ScatteringPattern::Directive { alpha_r: 3 })),
+            material("glass", 0.006, scatters(0.0, ScatteringPattern::Lambertian)),
+            material("metal", 0.01, scatters(0.0, ScatteringPattern::Lambertian)),
+        ],
+        ..Scene::default()
+    };
+    for i in 0..40 {
+        quad(&mut scene, 0, Vec3::new(-1.0 + 0.05 * i as f32, -0.4, 0.001 * i as f32), Vec3::X * 0.008, Vec3::Y * 0.8);
+    }
+    if in_door {
+        quad(&mut scene, 2, Vec3::new(-2.0, 1.0, -1.0), Vec3::X * 6.0, Vec3::Z * 3.0);
+    } else {
+        quad(&mut scene, 1, Vec3::new(2.0, 0.05, -1.0), Vec3::Y, Vec3::Z * 2.0);
+    }
+    scene
+}
+
 #[test]
 fn even_arrivals_count_every_point_once_and_none_for_much() {
-    // Forty slats under a lamp, seen straight and through a pane or in a metal door: few directions meet any one of them.
+    // Few directions meet any one of the slats.
     for in_door in [false, true] {
-        let mut scene = Scene {
-            materials: vec![
-                material("wood", 0.04, scatters(0.7, ScatteringPattern::Directive { alpha_r: 3 })),
-                material("glass", 0.006, scatters(0.0, ScatteringPattern::Lambertian)),
-                material("metal", 0.01, scatters(0.0, ScatteringPattern::Lambertian)),
-            ],
-            ..Scene::default()
-        };
-        for i in 0..40 {
-            quad(&mut scene, 0, Vec3::new(-1.0 + 0.05 * i as f32, -0.4, 0.001 * i as f32), Vec3::X * 0.008, Vec3::Y * 0.8);
-        }
-        if in_door {
-            quad(&mut scene, 2, Vec3::new(-2.0, 1.0, -1.0), Vec3::X * 6.0, Vec3::Z * 3.0);
-        } else {
-            quad(&mut scene, 1, Vec3::new(2.0, 0.05, -1.0), Vec3::Y, Vec3::Z * 2.0);
-        }
+        let scene = slats(in_door);
         let tracer = RadioTracer::without_bvh(&scene, settings(2)).unwrap();
         let (tx, rx) = (DVec3::new(0.05, -0.1, 0.7), DVec3::new(3.2, 0.1, 0.8));
         let arrivals = |directions, even_arrivals, phase| {
@@ -495,6 +501,29 @@ fn even_arrivals_count_every_point_once_and_none_for_much() {
         assert!(error < 0.02 && (mean - 1.0).abs() < 4.0 * error, "in door {in_door}: {mean} ± {error}");
         assert!(even < 0.6 * plain, "in door {in_door}: {even} {plain}");
     }
+}
+
+#[test]
+fn mirrored_points_of_the_transmitters_rays_count_as_much_where_chance_picks_few() {
+    let scene = slats(true);
+    let tracer = RadioTracer::without_bvh(&scene, settings(2)).unwrap();
+    let (tx, rx) = (DVec3::new(0.05, -0.1, 0.7), DVec3::new(3.2, 0.1, 0.8));
+    let [mut all, mut few] = [(0.0, 0usize); 2];
+    for phase in 1..17 {
+        let sampling = DiffuseSettings { directions: 20_000, even_arrivals: true, photons: 0, phase, ..sampling() };
+        let field = DiffuseField::new(&tracer, tx, &sampling).unwrap();
+        let gathering = field.gathering(rx, &tracer.settings.rx_antenna);
+        let views = gathering.views.as_ref().unwrap();
+        let add = |sum: &mut (f64, usize), faint: f64| {
+            let landed = gathering.landed_by(views, faint, |_| true);
+            *sum = (sum.0 + landed.iter().map(|a| a.power).sum::<f64>(), sum.1 + landed.len());
+            landed.iter().map(|a| a.power).fold(0.0, f64::max)
+        };
+        let most = add(&mut all, 0.0);
+        add(&mut few, 400.0 * most);
+    }
+    assert!(all.1 > 2000 && few.1 * 3 < all.1, "{} {}", all.1, few.1);
+    assert!((few.0 / all.0 - 1.0).abs() < 0.05, "{:e} {:e}", few.0, all.0);
 }
 
 #[test]

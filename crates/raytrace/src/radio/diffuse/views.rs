@@ -8,9 +8,10 @@
 //! Which mirrors are in sight has to be told without looking at the directions themselves: a way that is known where they happened to find
 //! it would be counted too seldom. A coarser lattice of its own finds them, the same in every sampling.
 
-use super::gather::{Look, REFINED};
+use super::gather::{Lattice, Look, REFINED};
 use super::illumination::{CLEARANCE_M, Illumination};
 use super::in_tasks;
+use super::landings;
 use crate::radio::geometry::Geometry;
 use crate::radio::lattice::Directions;
 use glam::{DMat3, DVec3, Vec3};
@@ -95,11 +96,13 @@ pub struct Vantage {
 }
 
 impl Vantage {
-    /// To how many directions one of `count` is refined, at most, where a face shows itself as `own_per_m2` does ([`super::landings::density`]).
-    /// Refinement finds no face that the lattice's own directions miss: how many meet one that is seen as it is here?
-    pub fn directions_to_one(&self, count: usize, own_per_m2: f64, area_m2: f64) -> f64 {
-        let per_sr = count as f64 / (4.0 * std::f64::consts::PI);
-        (per_sr * own_per_m2.abs() * area_m2).min(self.directions).clamp(1.0, REFINED)
+    /// How many times as densely as a receiver's directions the transmitter's rays, as many over the sphere, meet a point of a face: p_t/p_r of
+    /// [`super::landings`], from the [`super::landings::density`] of both there. Nothing where they look at different sides of the face.
+    pub fn density_ratio(&self, lattice: &Lattice<'_>, area_m2: f64, own_per_m2: f64, transmitters_per_m2: f64) -> f64 {
+        // Refinement finds no face that the lattice's own directions miss: how many meet one that is seen as it is here?
+        let met = (lattice.per_sr() * own_per_m2.abs() * area_m2).min(self.directions);
+        let directions = if lattice.refined { met.clamp(1.0, REFINED) } else { 1.0 };
+        (transmitters_per_m2 / (directions * own_per_m2)).max(0.0)
     }
 }
 
@@ -122,25 +125,23 @@ impl StrongMirrors {
 }
 
 impl Views {
-    /// By way of every strong mirror whose middle is in sight, and of whatever `pilots` find; `count` directions are the receiver's own.
+    /// By way of every strong mirror whose middle is in sight, and of whatever `pilots` find; the receiver's own directions are the `lattice`'s.
     pub fn new(
         geometry: &Geometry<'_>,
         look: &Look<'_, '_, '_>,
         rx: DVec3,
         strong: &StrongMirrors,
         pilots: &Directions,
-        count: usize,
+        lattice: &Lattice<'_>,
     ) -> Self {
-        let per_sr = count as f64 / (4.0 * std::f64::consts::PI);
         let mut this = Self { views: Vec::new(), by_one: vec![NONE; geometry.faces.len()], by_more: BTreeMap::new() };
         for &(number, middle) in &strong.0 {
             if geometry.occluded(middle, rx, CLEARANCE_M, |face| face != number) {
                 continue;
             }
             let face = &geometry.faces[number as usize];
-            let distance2 = middle.distance_squared(rx).max(f64::MIN_POSITIVE);
-            let size_sr = face.area_m2 * face.distance(rx).abs() / (distance2 * distance2.sqrt());
-            this.add(View::new(geometry, rx, Way::STRAIGHT.by(number), size_sr * per_sr));
+            let size_sr = face.area_m2 * landings::density(face, rx, middle).abs();
+            this.add(View::new(geometry, rx, Way::STRAIGHT.by(number), size_sr * lattice.per_sr()));
         }
         let ways = in_tasks(pilots.along(), |numbers| {
             let mut ways = Vec::new();
@@ -149,7 +150,7 @@ impl Views {
         });
         let mut found: BTreeMap<Way, usize> = BTreeMap::new();
         ways.into_iter().for_each(|way| *found.entry(way).or_default() += 1);
-        let scale = count as f64 / pilots.count() as f64;
+        let scale = lattice.count as f64 / pilots.count() as f64;
         for (way, times) in found {
             if this.by(&way).is_none() {
                 this.add(View::new(geometry, rx, way, times as f64 * scale));
@@ -190,7 +191,7 @@ impl View {
         for (i, mirror) in way.mirrors().iter().enumerate() {
             // Unfolded: every mirror where those behind it show it.
             let shown = |corner: DVec3| way.mirrors()[i + 1..].iter().fold(corner, |corner, behind| face(behind).mirror(corner));
-            let through = walls_through(image, &face(mirror).outline().map(shown));
+            let through = walls_through(image, &face(mirror).hull().map(shown));
             through.into_iter().enumerate().for_each(|(k, wall)| walls.set(4 * i + k, wall));
         }
         let front = way.mirrors().last().map_or((Vec3::ZERO, 0.0), |mirror| {

@@ -6,6 +6,7 @@ use crate::radio::diffuse::Contribution;
 use crate::radio::diffuse::illumination::{Lighting, Source};
 use crate::radio::diffuse::landings::{self, Landing};
 use crate::radio::diffuse::views::{Vantage, View, Way};
+use crate::radio::geometry::Meeting;
 use crate::radio::{SPEED_OF_LIGHT, field};
 use glam::DVec3;
 
@@ -80,12 +81,14 @@ impl Look<'_, '_, '_> {
     }
 
     /// What comes by way of mirrors in sight from the `index`th point that one of the transmitter's own rays fell on, as far as it is
-    /// theirs: the direction it comes from and the object seen there first. Of what is faint chance lets some count for all.
+    /// theirs: the direction it comes from and the object seen there first. Of those with less power than what is `faint` chance lets some
+    /// count for all.
     pub fn landed_by(
         &self,
         view: &View,
         index: usize,
         landing: &Landing,
+        faint: f64,
         wanted: impl Fn(DVec3) -> bool,
     ) -> Option<(DVec3, u32, Contribution)> {
         let &Landing { point, face, lighting, density_per_m2 } = landing;
@@ -95,16 +98,15 @@ impl Look<'_, '_, '_> {
             return None;
         }
         let share = share * self.spread(self.lattice.count);
-        let kept = self.kept(share * self.most_sent(view, landing));
+        let most = share * self.most_sent(view, landing);
+        let kept = if most < faint { most / faint } else { 1.0 };
         let mut luck = Luck::new(1.0, index);
         if !luck.allows(kept) {
             return None;
         }
         let direction = view.direction(geometry, self.rx, point).filter(|d| wanted(*d))?;
         let ray = Ray { weight: 1.0 / kept, ..self.outwards(direction) };
-        let there = |met: &crate::radio::geometry::Meeting| {
-            met.face == face && met.point.distance_squared(point) < SAME_POINT_M * SAME_POINT_M
-        };
+        let there = |met: &Meeting| met.face == face && met.point.distance_squared(point) < SAME_POINT_M * SAME_POINT_M;
         let (ray, met, object) = self.walk(ray, view.way.mirrors(), &mut Luck { whole: ray.power(), ..luck }, there)?;
         let incident = self.field.illumination.incident(self.transmitter(), lighting, point, face, ray.hops)?;
         let towards_rx = -ray.direction;
@@ -116,7 +118,7 @@ impl Look<'_, '_, '_> {
         (power > 0.0).then_some((direction, object, contribution))
     }
 
-    /// S² f_s / r₂² of a point that the transmitter lights, 1/m²: no less than what it sends by way of a view.
+    /// S² f_s / r₂² of a point that the transmitter lights, 1/m²: what it would send by way of a view if nothing on the way took any of it.
     fn most_sent(&self, view: &View, landing: &Landing) -> f64 {
         let plane = &self.field.tracer.geometry.faces[landing.face as usize];
         let to_image = view.vantage.image - landing.point;
@@ -138,13 +140,11 @@ impl Look<'_, '_, '_> {
         }
     }
 
-    /// How many times as densely as this receiver's directions the transmitter's rays, as many, meet a point: p_t/p_r of [`landings`].
+    /// [`Vantage::density_ratio`] at a point.
     pub(super) fn density_ratio(&self, vantage: &Vantage, face: u32, point: DVec3, transmitters_per_m2: f64) -> f64 {
         let plane = &self.field.tracer.geometry.faces[face as usize];
         let own_per_m2 = landings::density(plane, vantage.image, point);
-        let directions =
-            if self.lattice.refined { vantage.directions_to_one(self.lattice.count, own_per_m2, plane.area_m2) } else { 1.0 };
-        landings::density_ratio(transmitters_per_m2, directions * own_per_m2)
+        vantage.density_ratio(&self.lattice, plane.area_m2, own_per_m2, transmitters_per_m2)
     }
 
     /// From where a ray looks whose surfaces the transmitter's own rays look at as well; behind slabs alone they do not.

@@ -65,14 +65,17 @@ pub(super) struct Lattice<'s> {
     pub small: Option<&'s Seen>,
     /// Mirrors in which what is seen is shared with the transmitter's own rays as well.
     pub views: Option<&'s Views>,
-    /// Power of a single point below which chance decides whether it counts.
-    pub faint: f64,
 }
 
 impl Lattice<'_> {
     /// All by itself but for the transmitter's own rays, where `shared`.
     pub fn new(count: usize, refined: bool, shared: bool) -> Self {
-        Self { count, refined, shared, small: None, views: None, faint: 0.0 }
+        Self { count, refined, shared, small: None, views: None }
+    }
+
+    /// Directions to a steradian.
+    pub fn per_sr(&self) -> f64 {
+        self.count as f64 / (4.0 * std::f64::consts::PI)
     }
 
     fn is_small(&self, face: u32) -> bool {
@@ -210,11 +213,6 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             }
             ray = self.behind(&ray, &met, &self.response(&ray, &met), next == Some(&met.face), luck)?;
         }
-    }
-
-    /// The probability with which a point that sends so much power counts.
-    fn kept(&self, power: f64) -> f64 {
-        if power < self.lattice.faint { power / self.lattice.faint } else { 1.0 }
     }
 
     /// The largest share of power that went on behind the surface seen first, along the last direction.
