@@ -129,13 +129,14 @@ impl Luck {
         Self { whole, sequence: (index as f64 * ROULETTE_STEP).fract() }
     }
 
-    /// Happens with a probability.
+    /// Happens with a probability, whatever was decided before: what is left of the number drawn, spread out again, decides next.
     fn allows(&mut self, probability: f64) -> bool {
         if probability >= 1.0 {
             return true;
         }
-        self.sequence = (self.sequence + ROULETTE_STEP * ROULETTE_STEP).fract();
-        self.sequence < probability
+        let happens = self.sequence < probability;
+        self.sequence = if happens { self.sequence / probability } else { (self.sequence - probability) / (1.0 - probability) };
+        happens
     }
 }
 
@@ -400,4 +401,29 @@ fn coherent_power((theta, phi): (Complex, Complex), coherency: &[f64; 4]) -> f64
     let (re, im) = (theta.re * phi.re + theta.im * phi.im, theta.im * phi.re - theta.re * phi.im);
     let cross = 2.0 * (re * coherency[2] - im * coherency[3]);
     (theta.norm_squared() * coherency[0] + phi.norm_squared() * coherency[1] + cross).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_chance_decides_next_does_not_depend_on_what_it_decided_before() {
+        const COUNT: usize = 40_000;
+        for [first, second] in [[0.3, 0.5], [0.43, 0.56], [0.9, 0.1], [0.02, 0.4]] {
+            let mut times = [[0usize; 2]; 2];
+            for index in 0..COUNT {
+                let mut luck = Luck::new(1.0, index);
+                let before = luck.allows(first);
+                times[usize::from(before)][usize::from(luck.allows(second))] += 1;
+            }
+            for (before, [no, yes]) in [1.0 - first, first].into_iter().zip(times) {
+                for (times, expected) in [(no, 1.0 - second), (yes, second)] {
+                    let share = times as f64 / COUNT as f64;
+                    // A lattice is more even than chance, whose standard error is 0.0025 at most.
+                    assert!((share - before * expected).abs() < 2e-3, "{first} {second}: {share}, {}", before * expected);
+                }
+            }
+        }
+    }
 }
