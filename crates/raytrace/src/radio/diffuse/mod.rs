@@ -169,6 +169,8 @@ pub struct DiffuseField<'t, 'a> {
     small: Option<SmallFaces>,
     /// Of patches and points.
     phase: DVec2,
+    /// Where the numbers begin that decide by chance, in [0, 1).
+    luck: f64,
     settings: DiffuseSettings,
     directions: Directions,
     /// [`OUTSIDE_SPARSITY`] times fewer.
@@ -197,12 +199,12 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             return Err(Error::invalid("transmitter", format!("position is {tx}"), "give three finite coordinates in metres"));
         }
         let mut rng = Rng::keyed(settings.phase, 0x0d1f_f05e, 0);
-        let (phase, world_from_lattice) = if settings.phase == 0 {
-            (DVec2::ZERO, DMat3::IDENTITY)
+        let (phase, world_from_lattice, luck) = if settings.phase == 0 {
+            (DVec2::ZERO, DMat3::IDENTITY, 0.5)
         } else {
             let axis = DVec3::new(rng.normal(), rng.normal(), rng.normal()).normalize_or(DVec3::Z);
             let turn = DMat3::from_axis_angle(axis, std::f64::consts::TAU * rng.uniform_f64());
-            (DVec2::new(rng.uniform_f64(), rng.uniform_f64()), turn)
+            (DVec2::new(rng.uniform_f64(), rng.uniform_f64()), turn, rng.uniform_f64())
         };
         let [directions, outside] =
             [1, OUTSIDE_SPARSITY].map(|sparser| Directions::new(settings.directions.div_ceil(sparser), world_from_lattice));
@@ -234,6 +236,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             landings,
             small,
             phase,
+            luck,
             settings: *settings,
             directions,
             outside,

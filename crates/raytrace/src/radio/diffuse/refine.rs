@@ -142,9 +142,10 @@ impl Gathering<'_, '_, '_, '_> {
         if let Some(views) = &self.views {
             let faint = FAINT * power / self.directions.count() as f64;
             arrivals.extend(self.landed_by(views, faint, &wanted));
+        } else {
+            let landed = self.field.landed(self.rx, self.antenna, self.lattice(), &wanted);
+            arrivals.extend(landed.into_iter().map(|(direction, c)| once(direction, c.object, &c)));
         }
-        let landed = self.field.landed(self.rx, self.antenna, self.lattice(), &wanted);
-        arrivals.extend(landed.into_iter().map(|(direction, c)| once(direction, c.object, &c)));
         arrivals
     }
 
@@ -166,8 +167,8 @@ impl Gathering<'_, '_, '_, '_> {
         })
     }
 
-    /// One arrival per point that the transmitter's own rays fell on and that is seen in a mirror, by mirrors; chance decides about those
-    /// that send less power than what is `faint`.
+    /// One arrival per point that the transmitter's own rays fell on and that is seen by a way, by ways; chance decides about those that send
+    /// less power than what is `faint`.
     pub fn landed_by(&self, views: &Views, faint: f64, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let Some(landings) = &self.field.landings else { return Vec::new() };
         let lattice = self.lattice();

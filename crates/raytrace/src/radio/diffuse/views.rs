@@ -3,7 +3,8 @@
 //! Two metal faces at a right angle, a door in its jamb, show a strip of a lit wall edge-on and some 0.1 mrad wide: a direction meets it
 //! once in a hundred samplings, and then it is most of a dark view. The transmitter's rays fall on that strip as on any other surface. A
 //! point where one fell is sent to the receiver by way of each mirror, or pair of mirrors, in sight, and shared with the directions as in
-//! [`super::landings`]: mirrors keep densities per solid angle, so that all is as if the receiver stood at its own image.
+//! [`super::landings`]: mirrors keep densities per solid angle, so that all is as if the receiver stood at its own image. What it sees by way
+//! of none, through slabs or not, is shared in the same way.
 //!
 //! Which mirrors are in sight has to be told without looking at the directions themselves: a way that is known where they happened to find
 //! it would be counted too seldom. A coarser lattice of its own finds them, the same in every sampling.
@@ -73,7 +74,7 @@ impl Way {
     }
 }
 
-/// What is seen by way of one or two mirrors.
+/// What is seen straight, or by way of one or two mirrors.
 #[derive(Clone, Debug)]
 pub struct View {
     /// In the order in which a ray from the receiver meets them.
@@ -125,7 +126,7 @@ impl StrongMirrors {
 }
 
 impl Views {
-    /// By way of every strong mirror whose middle is in sight, and of whatever `pilots` find; the receiver's own directions are the `lattice`'s.
+    /// Straight, by way of every strong mirror whose middle is in sight, and of whatever `pilots` find; the receiver's own directions are the `lattice`'s.
     pub fn new(
         geometry: &Geometry<'_>,
         look: &Look<'_, '_, '_>,
@@ -135,6 +136,7 @@ impl Views {
         lattice: &Lattice<'_>,
     ) -> Self {
         let mut this = Self { views: Vec::new(), by_one: vec![NONE; geometry.faces.len()], by_more: BTreeMap::new() };
+        this.add(View::new(geometry, rx, Way::STRAIGHT, f64::INFINITY));
         for &(number, middle) in &strong.0 {
             if geometry.occluded(middle, rx, CLEARANCE_M, |face| face != number) {
                 continue;

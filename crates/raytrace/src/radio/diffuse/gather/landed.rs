@@ -38,9 +38,6 @@ impl Look<'_, '_, '_> {
     /// that is `wanted`.
     pub fn landed(&self, landing: &Landing, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
         let &Landing { point, face, lighting, density_per_m2 } = landing;
-        if self.lattice.is_small(face) {
-            return None;
-        }
         let share = landings::share(self.density_ratio(&self.straight(), face, point, density_per_m2));
         if share == 0.0 {
             return None;
@@ -94,13 +91,13 @@ impl Look<'_, '_, '_> {
         let &Landing { point, face, lighting, density_per_m2 } = landing;
         let geometry = &self.field.tracer.geometry;
         let share = landings::share(self.density_ratio(&view.vantage, face, point, density_per_m2));
-        if share == 0.0 {
+        if share == 0.0 || (view.way == Way::STRAIGHT && self.lattice.is_small(face)) {
             return None;
         }
         let share = share * self.spread(self.lattice.count);
         let most = share * self.most_sent(view, landing);
         let kept = if most < faint { most / faint } else { 1.0 };
-        let mut luck = Luck::new(1.0, index);
+        let mut luck = self.luck(1.0, index);
         if !luck.allows(kept) {
             return None;
         }
@@ -147,12 +144,15 @@ impl Look<'_, '_, '_> {
         vantage.density_ratio(&self.lattice, plane.area_m2, own_per_m2, transmitters_per_m2)
     }
 
-    /// From where a ray looks whose surfaces the transmitter's own rays look at as well; behind slabs alone they do not.
+    /// From where a ray looks whose surfaces the transmitter's own rays look at as well; without views, straight and not through slabs.
     pub(super) fn shared(&self, ray: &Ray) -> Option<Vantage> {
         if !self.lattice.shared || self.field.landings.is_none() {
             return None;
         }
-        if ray.hops == 0 { Some(self.straight()) } else { self.lattice.views?.by(&ray.way).map(|view| view.vantage) }
+        match self.lattice.views {
+            Some(views) => views.by(&ray.way).map(|view| view.vantage),
+            None => (ray.hops == 0).then(|| self.straight()),
+        }
     }
 
     /// From the receiver itself.
@@ -167,7 +167,7 @@ impl Look<'_, '_, '_> {
     /// Reports every way that a ray along a direction goes on mirrored, as long as it keeps so much of its power.
     pub fn mirrors_along(&self, direction: DVec3, kept: f64, mut report: impl FnMut(Way)) {
         let mut ray = self.outwards(direction);
-        let mut luck = Luck::new(ray.power(), 0);
+        let mut luck = self.luck(ray.power(), 0);
         while ray.hops < self.deepest.min(Way::MOST) {
             let Some(met) = self.field.tracer.geometry.meet(ray.origin, ray.direction, CLEARANCE_M) else { return };
             let Some(behind) = self.behind(&ray, &met, &self.response(&ray, &met), true, &mut luck) else { return };

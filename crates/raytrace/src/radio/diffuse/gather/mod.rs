@@ -31,7 +31,12 @@ const MIN_THROUGHPUT: f64 = 1e-6;
 /// A ray that keeps less than this share goes on with that much less probability, and counts for more.
 const ROULETTE_THROUGHPUT: f64 = 0.01;
 /// … and with [`DiffuseSettings::even_arrivals`], whose readers average over many.
-const EVEN_ROULETTE_THROUGHPUT: f64 = 0.1;
+const EVEN_ROULETTE_THROUGHPUT: f64 = 0.02;
+/// Then, what a ray meets that keeps less than this share is looked at with that much less probability, for tracing is the lesser part of
+/// the cost, …
+const EVEN_LOOK_THROUGHPUT: f64 = 0.1;
+/// … and with more where it is met flatter than this, cosθ_s: its 1/cosθ_s and that of the probability do not make one heavy arrival together.
+const EVEN_LOOK_COS: f64 = 0.4;
 /// Directions to one where a lattice that is refined sees something bright edge-on and meets it often enough.
 pub(super) const REFINED: f64 = (MOST * MOST) as f64;
 /// Step of the low-discrepancy sequence that decides about a direction's rays.
@@ -125,8 +130,9 @@ struct Luck {
 }
 
 impl Luck {
-    fn new(whole: f64, index: usize) -> Self {
-        Self { whole, sequence: (index as f64 * ROULETTE_STEP).fract() }
+    /// The `index`th of a sequence that begins at `first` ∈ [0, 1).
+    fn new(whole: f64, first: f64, index: usize) -> Self {
+        Self { whole, sequence: (first + index as f64 * ROULETTE_STEP).fract() }
     }
 
     /// Happens with a probability, whatever was decided before: what is left of the number drawn, spread out again, decides next.
@@ -157,7 +163,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     ) -> Option<u32> {
         let geometry = &self.field.tracer.geometry;
         let ray = self.outwards(direction);
-        let mut luck = Luck::new(ray.power(), index);
+        let mut luck = self.luck(ray.power(), index);
         let mut seen = None;
         self.beyond = 0.0;
         self.stack.clear();
@@ -170,7 +176,10 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             if ray.hops == 0 {
                 seen = Some(geometry.faces[met.face as usize].object);
             }
-            if (ray.hops > 0 || layer != Layer::Beyond) && !(ray.way == Way::STRAIGHT && self.lattice.is_small(met.face)) {
+            if (ray.hops > 0 || layer != Layer::Beyond)
+                && !(ray.way == Way::STRAIGHT && self.lattice.is_small(met.face))
+                && let Some(ray) = self.looking(&ray, &met, &mut luck)
+            {
                 self.scattered(&ray, &met, None, report);
             }
             if ray.hops < self.deepest && layer != Layer::Front {
@@ -186,7 +195,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     /// Looks at a point of a small face, the `index`th, as [`Self::along`] along a direction.
     pub(super) fn at(&self, index: usize, point: &SmallPoint, report: &mut impl FnMut(Contribution)) -> Option<u32> {
         let ray = self.outwards(point.direction);
-        let (ray, met, object) = self.walk(ray, &[], &mut Luck::new(ray.power(), index), |met| met.face == point.face)?;
+        let (ray, met, object) = self.walk(ray, &[], &mut self.luck(ray.power(), index), |met| met.face == point.face)?;
         self.scattered(&ray, &met, Some(point.share_sr), report);
         Some(object)
     }
@@ -219,6 +228,10 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     /// The largest share of power that went on behind the surface seen first, along the last direction.
     pub(super) fn beyond(&self) -> f64 {
         self.beyond
+    }
+
+    fn luck(&self, whole: f64, index: usize) -> Luck {
+        Luck::new(whole, self.field.luck, index)
     }
 
     /// A ray that leaves the receiver.
@@ -266,6 +279,16 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             return None;
         }
         Some(Ray { weight: ray.weight / kept, ..behind })
+    }
+
+    /// The ray as it looks at what it met: by chance, where arrivals are to be even and little of its power is left.
+    fn looking(&self, ray: &Ray, met: &Meeting, luck: &mut Luck) -> Option<Ray> {
+        if ray.hops == 0 || !self.field.settings.even_arrivals {
+            return Some(*ray);
+        }
+        let flat = (EVEN_LOOK_COS / field::cos_incidence(ray.direction, met.normal)).max(1.0);
+        let kept = (ray.power() / luck.whole * ray.weight * flat / EVEN_LOOK_THROUGHPUT).min(1.0);
+        luck.allows(kept).then(|| Ray { weight: ray.weight / kept, ..*ray })
     }
 
     /// What the surface scatters towards the receiver along a direction of the lattice, or from a point that stands for a share of ∫dΩ/cosθ_s.
@@ -413,7 +436,7 @@ mod tests {
         for [first, second] in [[0.3, 0.5], [0.43, 0.56], [0.9, 0.1], [0.02, 0.4]] {
             let mut times = [[0usize; 2]; 2];
             for index in 0..COUNT {
-                let mut luck = Luck::new(1.0, index);
+                let mut luck = Luck::new(1.0, 0.5, index);
                 let before = luck.allows(first);
                 times[usize::from(before)][usize::from(luck.allows(second))] += 1;
             }
