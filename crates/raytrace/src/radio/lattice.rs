@@ -1,5 +1,6 @@
 //! The Fibonacci lattice: directions spread evenly over the sphere.
 
+use corf_scene::Rng;
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -19,19 +20,52 @@ pub fn fibonacci(i: usize, count: usize) -> DVec3 {
 /// Side of the octahedral map along whose Z-curve [`Directions`] run: 0.2° a bin.
 const CURVE_SIDE: usize = 512;
 
+/// Stream of the places of directions in their cells.
+const STAGE_JITTER: u64 = 0x6469_725f_6a69_7474;
+
 /// A lattice as tasks look along it: directions near each other follow one another, so that what they meet is still at hand.
+///
+/// The cell of a direction is the parallelogram of the lattice's two shortest steps there, whose copies tile the sphere. Directions stand in the
+/// middle of their cells, or anywhere in them by chance: the lattice's rows are straight, and one that runs along a strip of a face
+/// meets it all the way or nowhere.
 pub struct Directions {
     world_from_lattice: DMat3,
     /// Numbers in the lattice, those of near directions together.
     along: Vec<u32>,
+    jitter: Option<Jitter>,
+}
+
+/// Directions that stand anywhere in their cells.
+struct Jitter {
+    seed: u64,
+    /// By number.
+    directions: Vec<DVec3>,
+}
+
+impl Jitter {
+    /// Where in a cell, or a part of one, a direction stands: two numbers in [−½, ½), its sides' shares.
+    fn place(seed: u64, number: usize) -> [f64; 2] {
+        let mut rng = Rng::keyed(seed, STAGE_JITTER, number as u64);
+        [0; 2].map(|_| rng.uniform_f64() - 0.5)
+    }
 }
 
 impl Directions {
-    /// Of `count` directions over the whole sphere, turned.
+    /// Of `count` directions over the whole sphere, turned, in the middle of their cells.
     pub fn new(count: usize, world_from_lattice: DMat3) -> Self {
         let mut along: Vec<u32> = (0..count as u32).collect();
         along.par_sort_by_cached_key(|&number| (z_curve(world_from_lattice * fibonacci(number as usize, count)), number));
-        Self { world_from_lattice, along }
+        Self { world_from_lattice, along, jitter: None }
+    }
+
+    /// The same anywhere in their cells, as the seed and their number draw.
+    pub fn jittered(self, seed: u64) -> Self {
+        let directions = (0..self.count())
+            .into_par_iter()
+            .map(|number| shifted(self.middle(number), self.sides(number), Jitter::place(seed, number)))
+            .map(DVec3::normalize)
+            .collect();
+        Self { jitter: Some(Jitter { seed, directions }), ..self }
     }
 
     /// How many.
@@ -46,8 +80,62 @@ impl Directions {
 
     /// The unit direction of a number, in the world.
     pub fn of(&self, number: usize) -> DVec3 {
-        self.world_from_lattice * fibonacci(number, self.along.len())
+        match &self.jitter {
+            Some(jitter) => jitter.directions[number],
+            None => self.middle(number),
+        }
     }
+
+    /// The unit direction of a part of a number's cell, cut into side × side, and the part's own number above those of all directions: cells are
+    /// cut to `most` × `most` parts.
+    pub fn part(&self, number: usize, part: usize, side: usize, most: usize) -> (usize, DVec3) {
+        let own = self.count() + number * most * most + part;
+        let place = self.jitter.as_ref().map_or([0.0; 2], |jitter| Jitter::place(jitter.seed, own));
+        let at = |k: usize, place: f64| (k as f64 + 0.5 + place) / side as f64 - 0.5;
+        let in_cell = [at(part % side, place[0]), at(part / side, place[1])];
+        (own, shifted(self.middle(number), self.sides(number), in_cell).normalize())
+    }
+
+    /// Of a number's cell.
+    fn middle(&self, number: usize) -> DVec3 {
+        self.world_from_lattice * fibonacci(number, self.count())
+    }
+
+    /// The sides of a number's cell, as differences of directions.
+    fn sides(&self, number: usize) -> [DVec3; 2] {
+        let count = self.count();
+        neighbours(number, count).map(|step| {
+            let (from, to) = if number + step < count { (number, number + step) } else { (number.saturating_sub(step), number) };
+            self.middle(to) - self.middle(from)
+        })
+    }
+}
+
+/// By so much of each side.
+fn shifted(from: DVec3, [u, v]: [DVec3; 2], [x, y]: [f64; 2]) -> DVec3 {
+    from + u * x + v * y
+}
+
+/// The index steps to a direction's nearest neighbours: two consecutive Fibonacci numbers, whose cell has the area 4π/count.
+pub fn neighbours(index: usize, count: usize) -> [usize; 2] {
+    let z = 1.0 - (2.0 * index as f64 + 1.0) / count as f64;
+    let radius2 = (1.0 - z * z).max(f64::MIN_POSITIVE);
+    let mut best = ([1, 2], f64::INFINITY);
+    let (mut a, mut b) = (1usize, 2usize);
+    // φ⁻¹ of a turn each: after F(k) steps the azimuth is off by φ^−k of a turn.
+    let golden = 0.5 * (5.0f64.sqrt() - 1.0);
+    let mut turn = golden * golden;
+    let length2 = |step: usize, turn: f64| {
+        (std::f64::consts::TAU * turn).powi(2) * radius2 + (2.0 * step as f64 / count as f64).powi(2) / radius2
+    };
+    while b < count {
+        let both = length2(a, turn) + length2(b, turn * golden);
+        if both < best.1 {
+            best = ([a, b], both);
+        }
+        (a, b, turn) = (b, a + b, turn * golden);
+    }
+    best.0
 }
 
 /// Place of a direction on a Z-shaped curve that fills the octahedral map.
@@ -82,5 +170,40 @@ mod tests {
         assert!((steps / count as f64).to_degrees() < 5.0, "{}", (steps / count as f64).to_degrees());
         numbers.sort_unstable();
         assert!(numbers.into_iter().eq(0..count as u32));
+    }
+
+    #[test]
+    fn two_steps_span_the_cell_of_every_direction() {
+        let count = 20_000;
+        let cell_sr = 4.0 * std::f64::consts::PI / count as f64;
+        for index in (1000..count - 1000).step_by(37) {
+            let [a, b] = neighbours(index, count).map(|step| {
+                let to = if index + step < count { index + step } else { index - step };
+                fibonacci(to, count) - fibonacci(index, count)
+            });
+            let area = a.cross(b).length();
+            // The sphere curves between the three: towards the poles, where few cells make a turn, by some per cent.
+            assert!((area / cell_sr - 1.0).abs() < 0.05, "{index}: {}", area / cell_sr);
+            assert!(a.length().max(b.length()) < 2.0 * cell_sr.sqrt(), "{index}: {a} {b}");
+        }
+    }
+
+    #[test]
+    fn directions_stand_anywhere_in_their_cells_and_cells_are_where_they_were() {
+        let (count, turn) = (5_000, DMat3::from_rotation_y(1.1));
+        let (regular, jittered) = (Directions::new(count, turn), Directions::new(count, turn).jittered(7));
+        let side_rad = (4.0 * std::f64::consts::PI / count as f64).sqrt();
+        let mut off = [0.0; 2];
+        for number in 0..count {
+            let angle = jittered.of(number).angle_between(regular.of(number));
+            assert!(angle < 1.5 * side_rad, "{number}: {angle}");
+            // The parts' mean is the cell's middle, and theirs that of the cell's parts.
+            let mean: DVec3 = (0..16).map(|part| jittered.part(number, part, 4, 4).1).sum();
+            off = [off[0] + angle / count as f64, off[1] + mean.angle_between(regular.of(number)) / count as f64];
+        }
+        // ∫∫ √(x² + y²) over a square of side 1 is 0.383.
+        assert!((off[0] / side_rad - 0.383).abs() < 0.05, "{off:?} of {side_rad}");
+        assert!(off[1] / side_rad < 0.05, "{off:?} of {side_rad}");
+        assert!(regular.part(9, 0, 1, 4).1.distance(regular.of(9)) < 1e-12);
     }
 }

@@ -4,6 +4,9 @@
 //! An estimate from n samplings is itself uncertain, by 1/√(2n) where the spread is Gaussian and by more where a few heavy arrivals
 //! make it: medians and shares hardly notice, but the *worst* of thousands of pixels is the one whose samplings happened to spread
 //! most, so it comes out too large and falls towards the truth as samplings are added.
+//!
+//! Spread shows no bias. Where outliers are cut ([`DiffuseSettings::outlier_share`]), a reference that cuts none and looks along more
+//! directions shows it: the distance of the samplings' means. That is blurred by both means' own errors, so it comes out too large as well.
 
 use super::{AT_ONCE, Platform, power};
 use crate::progress::Progress;
@@ -18,6 +21,8 @@ use serde::Serialize;
 const RANGE_DB: f64 = 30.0;
 /// The standard error wanted of each of them, dB.
 const WANTED_DB: f64 = 0.3;
+/// A small relative difference in dB.
+const DB: f64 = 10.0 / std::f64::consts::LN_10;
 
 /// Sampling errors (one standard error of a single sampling), dB.
 #[derive(Clone, Default, Serialize)]
@@ -41,6 +46,8 @@ pub(super) struct Errors {
     pixel_worst_position: Option<usize>,
     /// Pixels of the whole dynamic range.
     pixel_all_median_db: Option<f64>,
+    /// Pixels within [`RANGE_DB`] of the peak beside those of the reference, if there is one.
+    beside_reference: Option<Beside>,
     /// The same by position.
     by_position: Vec<AtPosition>,
 }
@@ -58,6 +65,25 @@ struct AtPosition {
     /// Of them, those with an error of more than [`WANTED_DB`].
     pixels_over: usize,
     pixel_worst_db: Option<f64>,
+}
+
+/// How far samplings' pixels are from a reference's.
+#[derive(Clone, Serialize)]
+struct Beside {
+    /// Of a sampling of the reference, of which there are as many.
+    directions: usize,
+    /// Distance of the means.
+    bias_median_db: f64,
+    bias_p99_db: f64,
+    bias_worst_db: f64,
+    /// The distances' own standard error: of all pixels, root mean square.
+    bias_uncertainty_db: f64,
+    /// Standard error and distance together, root mean square: how far a sampling is from the reference.
+    rms_median_db: f64,
+    rms_p99_db: f64,
+    rms_worst_db: f64,
+    /// Of the pixels, those where that is [`WANTED_DB`] at most.
+    rms_share_as_wanted: f64,
 }
 
 /// Mean and sum of squared deviations of values that come one by one (Welford, Technometrics 4, 1962).
@@ -80,11 +106,12 @@ impl Moments {
         if self.mean <= 0.0 {
             return 0.0;
         }
-        10.0 / std::f64::consts::LN_10 * (self.deviations / (count - 1) as f64).sqrt() / self.mean
+        DB * (self.deviations / (count - 1) as f64).sqrt() / self.mean
     }
 }
 
 /// What samplings have shown at one position.
+#[derive(Clone)]
 struct Watched<'a> {
     /// Its index among all positions.
     index: usize,
@@ -97,56 +124,90 @@ struct Watched<'a> {
     pixels: Vec<Moments>,
 }
 
-/// Errors of `sampling` at `count` of the positions, evenly spread, from `replicas` (at least 2) samplings of other phases; `form` makes
-/// the spectra, `None` where powers alone are asked for.
-pub(super) fn errors(
-    platform: &Platform<'_>,
-    transmitter: &Transmitter<'_, '_>,
-    form: Option<&SpectrumSettings>,
-    sampling: &DiffuseSettings,
-    poses: &[TrajectoryPose],
-    (replicas, count): (u64, usize),
-) -> Result<Errors> {
-    let camera = platform.config.rf_camera();
-    let count = count.clamp(1, poses.len());
-    let watch = |i: usize| {
-        let index = (2 * i + 1) * poses.len() / (2 * count);
-        let pose = &poses[index].world_from_camera;
-        Ok(Watched {
-            index,
-            pose: &poses[index],
-            resolved: platform.looks(&transmitter.paths(pose.translation)?, pose),
-            diffuse: Moments::default(),
-            total: Moments::default(),
-            pixels: vec![Moments::default(); if form.is_some() { camera.width * camera.height } else { 0 }],
-        })
-    };
-    let mut positions = (0..count).map(watch).collect::<Result<Vec<_>>>()?;
-    let mut progress = Progress::start("replicas", replicas as usize * count, "positions");
-    for phase in 1..=replicas {
-        let field = DiffuseField::new(platform.tracer, transmitter.position(), &DiffuseSettings { phase, ..*sampling })?;
-        for (i, batch) in positions.chunks_mut(AT_ONCE).enumerate() {
-            batch.par_iter_mut().try_for_each(|position| -> corf_scene::Result<()> {
-                let pose = &position.pose.world_from_camera;
-                let scattered = platform.gather(&field, pose)?;
-                position.diffuse.push(power(&scattered), phase);
-                let mut looks = position.resolved.clone();
-                looks[0].extend(scattered);
-                position.total.push(power(looks.iter().flatten()), phase);
-                if let Some(form) = form {
-                    let image = form.form(&looks, &camera, pose);
-                    for (moments, pixel) in position.pixels.iter_mut().zip(image.pixels()) {
-                        moments.push(f64::from(*pixel), phase);
-                    }
-                }
-                Ok(())
-            })?;
-            let done = (phase as usize - 1) * count + ((i + 1) * AT_ONCE).min(count);
-            progress.set(done, replicas as usize * count);
-        }
+impl Watched<'_> {
+    /// Power below which its pixels are out of range.
+    fn floor(&self, range_db: f64) -> f64 {
+        self.pixels.iter().fold(0.0f64, |peak, pixel| peak.max(pixel.mean)) * 10f64.powf(-range_db / 10.0)
     }
-    progress.finish();
-    Ok(Errors::of(&positions, replicas, platform.config.rf.dynamic_range_db))
+}
+
+/// What errors are taken from.
+pub(super) struct Study<'a, 'p> {
+    pub platform: &'a Platform<'p>,
+    pub transmitter: &'a Transmitter<'a, 'a>,
+    /// Makes the spectra; `None` where powers alone are asked for.
+    pub form: Option<&'a SpectrumSettings>,
+    pub poses: &'a [TrajectoryPose],
+    /// Samplings of other phases, at least 2.
+    pub replicas: u64,
+    /// Positions, evenly spread.
+    pub count: usize,
+    /// Directions of a reference that cuts no outliers.
+    pub reference: Option<usize>,
+}
+
+impl Study<'_, '_> {
+    /// Errors of `sampling`.
+    pub fn errors(&self, sampling: &DiffuseSettings) -> Result<Errors> {
+        let camera = self.platform.config.rf_camera();
+        let count = self.count.clamp(1, self.poses.len());
+        let pixels = if self.form.is_some() { camera.width * camera.height } else { 0 };
+        let watch = |i: usize| {
+            let index = (2 * i + 1) * self.poses.len() / (2 * count);
+            let pose = &self.poses[index].world_from_camera;
+            Ok(Watched {
+                index,
+                pose: &self.poses[index],
+                resolved: self.platform.looks(&self.transmitter.paths(pose.translation)?, pose),
+                diffuse: Moments::default(),
+                total: Moments::default(),
+                pixels: vec![Moments::default(); pixels],
+            })
+        };
+        let mut positions = (0..count).map(watch).collect::<Result<Vec<_>>>()?;
+        let mut beside = self.reference.map(|directions| (directions, positions.clone()));
+        self.sample("replicas", sampling, 0, &mut positions)?;
+        if let Some((directions, positions)) = &mut beside {
+            // Other photons as well.
+            let sampling = DiffuseSettings { directions: *directions, outlier_share: 0.0, ..*sampling };
+            self.sample("reference", &sampling, self.replicas, positions)?;
+        }
+        let mut errors = Errors::of(&positions, self.replicas, self.platform.config.rf.dynamic_range_db);
+        errors.beside_reference =
+            beside.and_then(|(directions, beside)| Beside::of(&positions, &beside, directions, self.replicas));
+        Ok(errors)
+    }
+
+    /// Takes in all samplings at the positions, of the phases that follow `before`.
+    fn sample(&self, what: &'static str, sampling: &DiffuseSettings, before: u64, positions: &mut [Watched<'_>]) -> Result<()> {
+        let (camera, count) = (self.platform.config.rf_camera(), positions.len());
+        let mut progress = Progress::start(what, self.replicas as usize * count, "positions");
+        for number in 1..=self.replicas {
+            let sampling = DiffuseSettings { phase: before + number, ..*sampling };
+            let field = DiffuseField::new(self.platform.tracer, self.transmitter.position(), &sampling)?;
+            for (i, batch) in positions.chunks_mut(AT_ONCE).enumerate() {
+                batch.par_iter_mut().try_for_each(|position| -> corf_scene::Result<()> {
+                    let pose = &position.pose.world_from_camera;
+                    let scattered = self.platform.gather(&field, pose)?;
+                    position.diffuse.push(power(&scattered), number);
+                    let mut looks = position.resolved.clone();
+                    looks[0].extend(scattered);
+                    position.total.push(power(looks.iter().flatten()), number);
+                    if let Some(form) = self.form {
+                        let image = form.form(&looks, &camera, pose);
+                        for (moments, pixel) in position.pixels.iter_mut().zip(image.pixels()) {
+                            moments.push(f64::from(*pixel), number);
+                        }
+                    }
+                    Ok(())
+                })?;
+                let done = (number as usize - 1) * count + ((i + 1) * AT_ONCE).min(count);
+                progress.set(done, self.replicas as usize * count);
+            }
+        }
+        progress.finish();
+        Ok(())
+    }
 }
 
 impl Errors {
@@ -155,11 +216,9 @@ impl Errors {
         // With its position; an error of nothing, where samplings agree exactly, is one too.
         let mut worst_pixel: Option<(f64, usize)> = None;
         let mut by_position = Vec::with_capacity(positions.len());
-        let quantile = |sorted: &[f64], q: f64| sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied();
         for position in positions {
-            let peak = position.pixels.iter().fold(0.0f64, |m, p| m.max(p.mean));
             let above = |range_db: f64| {
-                let floor = peak * 10f64.powf(-range_db / 10.0);
+                let floor = position.floor(range_db);
                 position.pixels.iter().filter(move |p| p.mean >= floor).map(|p| p.error_db(replicas))
             };
             let mut own: Vec<f64> = above(RANGE_DB).collect();
@@ -193,11 +252,11 @@ impl Errors {
             pixels: near.len(),
             pixel_median_db: quantile(&near, 0.5),
             pixel_p99_db: quantile(&near, 0.99),
-            pixel_share_as_wanted: (!near.is_empty())
-                .then(|| near.partition_point(|error| *error <= WANTED_DB) as f64 / near.len() as f64),
+            pixel_share_as_wanted: (!near.is_empty()).then(|| share_as_wanted(&near)),
             pixel_worst_db: worst_pixel.map(|(worst_db, _)| worst_db),
             pixel_worst_position: worst_pixel.map(|(_, position)| position),
             pixel_all_median_db: quantile(&all, 0.5),
+            beside_reference: None,
             by_position,
         }
     }
@@ -222,8 +281,68 @@ impl Errors {
                 share * 100.0
             ));
         }
+        lines.extend(self.beside_reference.iter().map(Beside::text));
         lines
     }
+}
+
+impl Beside {
+    /// Of samplings beside as many of a reference at the same positions; `None` without pixels.
+    fn of(positions: &[Watched<'_>], reference: &[Watched<'_>], directions: usize, replicas: u64) -> Option<Self> {
+        let (mut biases, mut errors) = (Vec::new(), Vec::new());
+        let mut variance = 0.0;
+        for (position, reference) in positions.iter().zip(reference) {
+            let floor = reference.floor(RANGE_DB);
+            for (pixel, right) in position.pixels.iter().zip(&reference.pixels).filter(|(_, right)| right.mean >= floor) {
+                let bias_db = DB * (pixel.mean / right.mean - 1.0);
+                let error_db = pixel.error_db(replicas);
+                biases.push(bias_db.abs());
+                errors.push(bias_db.hypot(error_db));
+                variance += (error_db.powi(2) + right.error_db(replicas).powi(2)) / replicas as f64;
+            }
+        }
+        biases.sort_by(f64::total_cmp);
+        errors.sort_by(f64::total_cmp);
+        let of = |sorted: &[f64]| Some([quantile(sorted, 0.5)?, quantile(sorted, 0.99)?, quantile(sorted, 1.0)?]);
+        let ([bias_median_db, bias_p99_db, bias_worst_db], [rms_median_db, rms_p99_db, rms_worst_db]) =
+            (of(&biases)?, of(&errors)?);
+        Some(Self {
+            directions,
+            bias_median_db,
+            bias_p99_db,
+            bias_worst_db,
+            bias_uncertainty_db: (variance / biases.len() as f64).sqrt(),
+            rms_median_db,
+            rms_p99_db,
+            rms_worst_db,
+            rms_share_as_wanted: share_as_wanted(&errors),
+        })
+    }
+
+    fn text(&self) -> String {
+        format!(
+            "beside as many samplings of {} directions that cut no outliers: means differ by {:.3} dB (median; 99 % under {:.3}, worst {:.3}; {:.3} is their own error), with the standard error {:.3} dB, {:.3} % up to {WANTED_DB} dB, 99 % under {:.3}, worst {:.3}",
+            self.directions,
+            self.bias_median_db,
+            self.bias_p99_db,
+            self.bias_worst_db,
+            self.bias_uncertainty_db,
+            self.rms_median_db,
+            self.rms_share_as_wanted * 100.0,
+            self.rms_p99_db,
+            self.rms_worst_db
+        )
+    }
+}
+
+/// The value that a share `q` of sorted ones does not exceed.
+fn quantile(sorted: &[f64], q: f64) -> Option<f64> {
+    sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied()
+}
+
+/// How many of sorted errors are as small as wanted.
+fn share_as_wanted(sorted: &[f64]) -> f64 {
+    sorted.partition_point(|error| *error <= WANTED_DB) as f64 / sorted.len() as f64
 }
 
 #[cfg(test)]
@@ -240,7 +359,7 @@ mod tests {
         let mean = values.iter().sum::<f64>() / 5.0;
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 4.0;
         assert!((moments.mean - mean).abs() < 1e-12);
-        assert!((moments.error_db(5) - 10.0 / std::f64::consts::LN_10 * variance.sqrt() / mean).abs() < 1e-12);
+        assert!((moments.error_db(5) - DB * variance.sqrt() / mean).abs() < 1e-12);
         assert_eq!(Moments::default().error_db(5), 0.0, "dark is no error");
     }
 }

@@ -18,7 +18,7 @@ use corf_raytrace::spectrum::{self, Grid, SpectrumSettings};
 use corf_scene::Rigid3;
 use corf_scene::config::{DatasetConfig, ReceiverConfig, SpectrumKind};
 use corf_scene::trajectory;
-use errors::Errors;
+use errors::{Errors, Study};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -62,6 +62,9 @@ pub struct Radio {
     /// Positions at which it is taken.
     #[arg(long, default_value_t = 3)]
     error_positions: usize,
+    /// Also take as many samplings of so many directions that cut no outliers, to see what is biased.
+    #[arg(long, conflicts_with = "powers")]
+    reference_directions: Option<usize>,
 }
 
 /// Time of one stage.
@@ -205,7 +208,16 @@ impl Radio {
             replicas => {
                 let form = noncoherent(&form);
                 let form = (!self.powers).then_some(&form);
-                Some(errors::errors(&platform, &transmitter, form, &sampling, &poses, (replicas, self.error_positions))?)
+                let study = Study {
+                    platform: &platform,
+                    transmitter: &transmitter,
+                    form,
+                    poses: &poses,
+                    replicas,
+                    count: self.error_positions,
+                    reference: self.reference_directions,
+                };
+                Some(study.errors(&sampling)?)
             }
         };
         let answer = Answer {

@@ -10,11 +10,13 @@
 //! as well: their mean is what a cell says that met one, without the noise of what exactly it met (Rao and Blackwell). What is left of the
 //! bias is the neighbours', which such a cell still has cut: they find the rest of the thing besides.
 
+use super::bins::Bins;
 use super::gather::{Lattice, Layer, Look};
+use super::outliers;
 use super::small;
 use super::views::Views;
 use super::{Contribution, DIRECTIONS_PER_TASK, DiffuseField, in_tasks};
-use crate::radio::lattice::{self, Directions};
+use crate::radio::lattice::{Directions, neighbours};
 use crate::radio::{Antenna, Arrival};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -146,6 +148,10 @@ impl Gathering<'_, '_, '_, '_> {
             let landed = self.field.landed(self.rx, self.antenna, self.lattice(), &wanted);
             arrivals.extend(landed.into_iter().map(|(direction, c)| once(direction, c.object, &c)));
         }
+        let settings = &self.field.settings;
+        if settings.even_arrivals && settings.outlier_share > 0.0 && self.resolution_deg > 0.0 {
+            outliers::cut(&mut arrivals, self.resolution_deg, settings.outlier_share);
+        }
         arrivals
     }
 
@@ -265,11 +271,8 @@ impl Gathering<'_, '_, '_, '_> {
     ) -> Option<Seen> {
         let mut mean = Seen::of_side(side);
         let mut counted = 0;
-        let [u, v] = self.steps(cell.index);
         for i in 0..side * side {
-            let at = |k: usize| (k as f64 + 0.5) / side as f64 - 0.5;
-            let direction = (cell.direction + u * at(i % side) + v * at(i / side)).normalize();
-            let number = self.directions.count() + cell.index * MOST * MOST + i;
+            let (number, direction) = self.directions.part(cell.index, i, side, MOST);
             let mut seen = [side; 2].map(Seen::of_side);
             along(look, number, direction, LAYERS[layer], &mut seen);
             let [front, beyond] = seen;
@@ -294,16 +297,16 @@ impl Gathering<'_, '_, '_, '_> {
             bins.add(cell.direction, powers[0] + powers[1]);
         }
         let seen = bins.around();
-        let least = FAINTEST * seen.iter().fold(0.0, |m: f64, s| m.max(*s));
+        let least = FAINTEST * seen.iter().fold(0.0, |m: f64, s| m.max(s.power));
         cells
             .par_iter()
             .map(|cell| {
-                let whole = seen[bins.at(cell.direction)];
+                let whole = seen[bins.at(cell.direction)].power;
                 if whole <= least {
                     return [Wish::NONE; 2];
                 }
                 let own = by_index[cell.index];
-                let steps = basis(cell.index, count);
+                let steps = neighbours(cell.index, count);
                 let mut ranges = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
                 let neighbours = steps.iter().flat_map(|&s| [cell.index.checked_sub(s), Some(cell.index + s)]);
                 for powers in neighbours.filter_map(|neighbour| by_index.get(neighbour?).filter(|powers| !powers[0].is_nan())) {
@@ -321,15 +324,6 @@ impl Gathering<'_, '_, '_, '_> {
                 })
             })
             .collect()
-    }
-
-    /// The sides of a cell, as differences of directions.
-    fn steps(&self, index: usize) -> [DVec3; 2] {
-        let count = self.directions.count();
-        basis(index, count).map(|step| {
-            let (from, to) = if index + step < count { (index, index + step) } else { (index.saturating_sub(step), index) };
-            self.directions.of(to) - self.directions.of(from)
-        })
     }
 }
 
@@ -390,99 +384,5 @@ fn add(parts: &mut Vec<Part>, part: Part) {
             same.weighted_direction += part.weighted_direction;
         }
         None => parts.push(part),
-    }
-}
-
-/// The index steps to a direction's nearest neighbours: two consecutive Fibonacci numbers, whose cell has the area 4π/count.
-fn basis(index: usize, count: usize) -> [usize; 2] {
-    let z = 1.0 - (2.0 * index as f64 + 1.0) / count as f64;
-    let radius2 = (1.0 - z * z).max(f64::MIN_POSITIVE);
-    let mut best = ([1, 2], f64::INFINITY);
-    let (mut a, mut b) = (1usize, 2usize);
-    // φ⁻¹ of a turn each: after F(k) steps the azimuth is off by φ^−k of a turn.
-    let golden = 0.5 * (5.0f64.sqrt() - 1.0);
-    let mut turn = golden * golden;
-    let length2 = |step: usize, turn: f64| {
-        (std::f64::consts::TAU * turn).powi(2) * radius2 + (2.0 * step as f64 / count as f64).powi(2) / radius2
-    };
-    while b < count {
-        let both = length2(a, turn) + length2(b, turn * golden);
-        if both < best.1 {
-            best = ([a, b], both);
-        }
-        (a, b, turn) = (b, a + b, turn * golden);
-    }
-    best.0
-}
-
-/// Power on an octahedral map of the sphere, in bins about as wide as the resolution.
-struct Bins {
-    side: usize,
-    power: Vec<f64>,
-}
-
-impl Bins {
-    fn new(resolution_deg: f64) -> Self {
-        let side = ((4.0 * std::f64::consts::PI).sqrt() / resolution_deg.to_radians()).ceil().clamp(4.0, 4096.0) as usize;
-        Self { side, power: vec![0.0; side * side] }
-    }
-
-    fn at(&self, d: DVec3) -> usize {
-        lattice::octahedral(d, self.side)
-    }
-
-    fn add(&mut self, direction: DVec3, power: f64) {
-        let at = self.at(direction);
-        self.power[at] += power;
-    }
-
-    /// Sums over every bin and the eight around it, across the folds too.
-    fn around(&self) -> Vec<f64> {
-        let last = self.side as i64 - 1;
-        let folded = |x: i64, y: i64| {
-            let (x, y) = if (0..=last).contains(&x) { (x, y) } else { (x.clamp(0, last), last - y) };
-            let (x, y) = if (0..=last).contains(&y) { (x, y) } else { (last - x, y.clamp(0, last)) };
-            self.power[(y * (last + 1) + x) as usize]
-        };
-        (0..self.power.len() as i64)
-            .into_par_iter()
-            .map(|i| {
-                let (x, y) = (i % (last + 1), i / (last + 1));
-                (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy))).map(|(x, y)| folded(x, y)).sum()
-            })
-            .collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn two_steps_span_the_cell_of_every_direction() {
-        let count = 20_000;
-        let cell_sr = 4.0 * std::f64::consts::PI / count as f64;
-        for index in (1000..count - 1000).step_by(37) {
-            let [a, b] = basis(index, count).map(|step| {
-                let to = if index + step < count { index + step } else { index - step };
-                lattice::fibonacci(to, count) - lattice::fibonacci(index, count)
-            });
-            let area = a.cross(b).length();
-            // The sphere curves between the three: towards the poles, where few cells make a turn, by some per cent.
-            assert!((area / cell_sr - 1.0).abs() < 0.05, "{index}: {}", area / cell_sr);
-            assert!(a.length().max(b.length()) < 2.0 * cell_sr.sqrt(), "{index}: {a} {b}");
-        }
-    }
-
-    #[test]
-    fn bins_around_a_direction_hold_what_lies_near_it() {
-        let mut rng = corf_scene::Rng::keyed(3, 0, 0);
-        for _ in 0..2000 {
-            let d = DVec3::new(rng.normal(), rng.normal(), rng.normal()).normalize();
-            let near = (d + 0.4f64.to_radians() * DVec3::new(rng.normal(), rng.normal(), rng.normal()).normalize()).normalize();
-            let mut bins = Bins::new(2.0);
-            bins.add(near, 1.0);
-            assert_eq!(bins.around()[bins.at(d)], 1.0, "{d} {near}");
-        }
     }
 }
