@@ -86,14 +86,14 @@ impl Directions {
         }
     }
 
-    /// The unit direction of a part of a number's cell, cut into side × side, and the part's own number above those of all directions: cells are
-    /// cut to `most` × `most` parts.
-    pub fn part(&self, number: usize, part: usize, side: usize, most: usize) -> (usize, DVec3) {
-        let own = self.count() + number * most * most + part;
-        let place = self.jitter.as_ref().map_or([0.0; 2], |jitter| Jitter::place(jitter.seed, own));
-        let at = |k: usize, place: f64| (k as f64 + 0.5 + place) / side as f64 - 0.5;
-        let in_cell = [at(part % side, place[0]), at(part / side, place[1])];
-        (own, shifted(self.middle(number), self.sides(number), in_cell).normalize())
+    /// The cell of a number, to be cut into `most` × `most` parts or fewer.
+    pub fn cell(&self, number: usize, most: usize) -> Cell {
+        Cell {
+            middle: self.middle(number),
+            sides: self.sides(number),
+            first: self.count() + number * most * most,
+            seed: self.jitter.as_ref().map(|jitter| jitter.seed),
+        }
     }
 
     /// Of a number's cell.
@@ -108,6 +108,27 @@ impl Directions {
             let (from, to) = if number + step < count { (number, number + step) } else { (number.saturating_sub(step), number) };
             self.middle(to) - self.middle(from)
         })
+    }
+}
+
+/// The surroundings of a direction of a lattice.
+pub struct Cell {
+    middle: DVec3,
+    sides: [DVec3; 2],
+    /// Number of its first part.
+    first: usize,
+    /// Of its parts' places, where they are jittered.
+    seed: Option<u64>,
+}
+
+impl Cell {
+    /// Of its side × side parts one's number, above those of all directions and unlike other cells' parts', and its unit direction, in the world.
+    pub fn part(&self, part: usize, side: usize) -> (usize, DVec3) {
+        let number = self.first + part;
+        let place = self.seed.map_or([0.0; 2], |seed| Jitter::place(seed, number));
+        let at = |k: usize, place: f64| (k as f64 + 0.5 + place) / side as f64 - 0.5;
+        let in_cell = [at(part % side, place[0]), at(part / side, place[1])];
+        (number, shifted(self.middle, self.sides, in_cell).normalize())
     }
 }
 
@@ -198,12 +219,12 @@ mod tests {
             let angle = jittered.of(number).angle_between(regular.of(number));
             assert!(angle < 1.5 * side_rad, "{number}: {angle}");
             // The parts' mean is the cell's middle, and theirs that of the cell's parts.
-            let mean: DVec3 = (0..16).map(|part| jittered.part(number, part, 4, 4).1).sum();
+            let mean: DVec3 = (0..16).map(|part| jittered.cell(number, 4).part(part, 4).1).sum();
             off = [off[0] + angle / count as f64, off[1] + mean.angle_between(regular.of(number)) / count as f64];
         }
         // ∫∫ √(x² + y²) over a square of side 1 is 0.383.
         assert!((off[0] / side_rad - 0.383).abs() < 0.05, "{off:?} of {side_rad}");
         assert!(off[1] / side_rad < 0.05, "{off:?} of {side_rad}");
-        assert!(regular.part(9, 0, 1, 4).1.distance(regular.of(9)) < 1e-12);
+        assert!(regular.cell(9, 4).part(0, 1).1.distance(regular.of(9)) < 1e-12);
     }
 }

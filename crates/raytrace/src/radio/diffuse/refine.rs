@@ -271,8 +271,9 @@ impl Gathering<'_, '_, '_, '_> {
     ) -> Option<Seen> {
         let mut mean = Seen::of_side(side);
         let mut counted = 0;
+        let parts = self.directions.cell(cell.index, MOST);
         for i in 0..side * side {
-            let (number, direction) = self.directions.part(cell.index, i, side, MOST);
+            let (number, direction) = parts.part(i, side);
             let mut seen = [side; 2].map(Seen::of_side);
             along(look, number, direction, LAYERS[layer], &mut seen);
             let [front, beyond] = seen;
