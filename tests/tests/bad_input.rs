@@ -47,6 +47,14 @@ fn an_unknown_key_of_a_method_is_refused_before_any_work() {
 }
 
 #[test]
+fn a_reference_that_cannot_be_sampled_is_refused_before_any_work() {
+    let config = root().join("scenes/lobby-mini.toml");
+    let bench = |more: &[&'static str]| [&["bench", "radio", text(&config), "--spectrum", "bartlett"], more].concat();
+    corf_refuses(&bench(&["--reference-directions", "5"]), &["`directions`", "5", "100"]);
+    corf_refuses(&bench(&["--reference-directions", "90000", "--replicas", "1"]), &["--reference-directions", "--replicas 2"]);
+}
+
+#[test]
 fn a_material_without_radio_properties_is_named() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("m.mtl"), "newmtl mystery_foam\nKd 0.5 0.5 0.5\n").unwrap();

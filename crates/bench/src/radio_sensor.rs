@@ -5,13 +5,13 @@ use corf_raytrace::radio::{
     Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, RadioSettings, RadioTracer, Search, Transmitter, json,
 };
 use corf_raytrace::spectrum::{self, Grid, SpectrumSettings, TutorialSphere};
-use corf_scene::config::{DatasetConfig, ReceiverConfig, RfConfig, SceneConfig, SpectrumKind, TransmitterConfig};
+use corf_scene::config::{DatasetConfig, RearHalfSpace, ReceiverConfig, RfConfig, SceneConfig, SpectrumKind, TransmitterConfig};
 use corf_scene::dataset::SamplingError;
 use corf_scene::keyframe::DbRange;
 use corf_scene::model::ARRAY_FROM_CAMERA;
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3, Scene};
-use glam::DMat3;
+use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;
 
 /// Carrier and antennas of a scene; everything else as by default. The receive element stands in the world's own axes: what turns with
@@ -28,6 +28,11 @@ pub fn radio_settings(scene: &SceneConfig) -> RadioSettings {
 /// One element of a platform's array at a pose.
 pub fn element_at(receiver: &ReceiverConfig, world_from_camera: &Rigid3) -> Antenna {
     Antenna::element_of(receiver, world_from_camera.rotation * ARRAY_FROM_CAMERA.rotation.transpose())
+}
+
+/// The array's, in the camera's frame: its optical axis.
+fn boresight() -> DVec3 {
+    ARRAY_FROM_CAMERA.rotation.transpose() * DVec3::X
 }
 
 /// What an array's spectrum tells apart, degrees: a third of the 12.8° of eight elements. Finer light than that it only averages.
@@ -87,15 +92,19 @@ pub struct Received {
 pub enum Extent {
     /// A camera's frame and a margin; the rest sixteen times sparser.
     View(Pinhole),
+    /// What lies before the array's plane and a margin; the rest four times sparser.
+    Front,
     /// All of it.
     Sphere,
 }
 
 impl Extent {
-    /// What spectra of these kinds on a grid need: lobes see where they point, an array's side lobes see all around.
-    pub fn needed(kinds: &[SpectrumKind], grid: Grid) -> Self {
+    /// What spectra of these kinds on a grid need: lobes see where they point, an array's side lobes all that it does not leave out.
+    pub fn needed(kinds: &[SpectrumKind], grid: Grid, rear: RearHalfSpace) -> Self {
+        let lobes = kinds.iter().filter(|kind| **kind == SpectrumKind::Mpc).count();
         match grid {
-            Grid::Pinhole(camera) if kinds.iter().all(|kind| *kind == SpectrumKind::Mpc) => Self::View(camera),
+            Grid::Pinhole(camera) if lobes == kinds.len() => Self::View(camera),
+            _ if lobes == 0 && rear == RearHalfSpace::Gated => Self::Front,
             _ => Self::Sphere,
         }
     }
@@ -107,6 +116,7 @@ impl Extent {
     pub fn gather(&self, field: &DiffuseField<'_, '_>, pose: &Rigid3, element: &Antenna) -> corf_scene::Result<Vec<Arrival>> {
         match self {
             Self::View(camera) => field.gather_for_view_with(camera, pose, element),
+            Self::Front => field.gather_in_front_with(pose.translation, pose.rotation * boresight(), element),
             Self::Sphere => field.gather_with(pose.translation, element),
         }
     }
@@ -197,7 +207,7 @@ impl<'a> RadioSensor<'a> {
         let noncoherent = noncoherent(&self.settings);
         let (mut totals, mut pixels) = (MeanSquare::default(), MeanSquare::default());
         let probes = probes(poses);
-        let extent = Extent::needed(&[noncoherent.kind], Grid::Pinhole(*camera));
+        let extent = Extent::needed(&[noncoherent.kind], Grid::Pinhole(*camera), self.receiver.rear);
         for pose in &probes {
             let seen = |field| -> Result<(f64, Raster<f32>)> {
                 let received = self.receive_from(Some(field), &pose.world_from_camera, extent)?;
@@ -235,9 +245,9 @@ impl<'a> RadioSensor<'a> {
     /// # Errors
     /// A receiver at the transmitter.
     pub fn keyframe(&self, pose: &Rigid3, outputs: &Outputs) -> Result<RadioFrame> {
-        let whole = outputs.sphere.is_some() || outputs.tutorial.is_some();
-        let extent = Extent::needed(&[self.settings.kind], Grid::Pinhole(outputs.camera));
-        let received = self.receive(pose, if whole { Extent::Sphere } else { extent })?;
+        let widest = outputs.sphere.map_or(Grid::Pinhole(outputs.camera), Grid::Sphere);
+        let extent = Extent::needed(&[self.settings.kind], widest, self.receiver.rear);
+        let received = self.receive(pose, if outputs.tutorial.is_some() { Extent::Sphere } else { extent })?;
         let form = |grid: Grid| self.settings.form(&received.looks, grid, pose);
         let all = received.looks.concat();
         Ok(RadioFrame {

@@ -146,7 +146,7 @@ impl Spectrum {
         let tracer = RadioTracer::new(&scene, &bvh, settings)?;
         let sensor = RadioSensor::new(&rf, self.seed, transmitter, &config.receiver, &scene, &tracer)?;
         let kinds: Vec<SpectrumKind> = self.kind.iter().map(|kind| SpectrumKind::from(*kind)).collect();
-        let received = sensor.receive(&pose, Extent::needed(&kinds, grid))?;
+        let received = sensor.receive(&pose, Extent::needed(&kinds, grid, config.receiver.rear))?;
         claim_output(&self.out, false)?;
         let all = received.looks.concat();
         let power: f64 = all.iter().map(|a| a.power).sum();

@@ -57,11 +57,11 @@ impl Density {
         counts
     }
 
-    /// The chains that light can run through from points spread over the last face of each: a lattice from the transmitter
+    /// The chains that light can run through from points spread over the last face of each, in lists: a lattice from the transmitter
     /// puts too few rays on small and narrow faces to see all that they mirror.
-    fn continued(&self, walk: &Walk<'_, '_>, tx: DVec3, chains: &[Chain], rays: usize) -> Vec<Chain> {
+    fn continued(&self, walk: &Walk<'_, '_>, tx: DVec3, chains: &[Chain], rays: usize) -> Vec<Vec<Chain>> {
         let counts = self.counts(walk.geometry(), chains, rays);
-        let found: Vec<Findings<Chain>> = chains
+        chains
             .par_chunks(CHAINS_PER_TASK)
             .zip(counts.par_chunks(CHAINS_PER_TASK))
             .map(|(chunk, counts)| {
@@ -71,10 +71,9 @@ impl Density {
                     let points = walk.geometry().faces[last as usize].spread(count);
                     self.go_on(walk, &Way::new(walk.geometry(), tx, chain), &points, &mut legs, &mut found);
                 }
-                found
+                found.into_vec()
             })
-            .collect();
-        found.into_iter().flatten().collect()
+            .collect()
     }
 
     /// Sends rays on from points of the last face on a way, pass after pass.
@@ -189,9 +188,12 @@ fn by_rays(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: u
         let (large, density) = if length == 1 { (BY_ONE, FROM_FIRST) } else { (BY_SEVERAL, FROM_LATER) };
         let of_length = |c: &&Chain| c.faces().len() == length;
         let all: Vec<Chain> = chains.iter().filter(of_length).copied().collect();
-        chains.extend(large.lit(&walk, tx, all, allowed));
-        let narrowing: Vec<Chain> = chains.iter().filter(of_length).filter(|c| narrows(geometry, c)).copied().collect();
-        chains.extend(density.continued(&walk, tx, &narrowing, rays));
+        let narrowing: Vec<Chain> = all.iter().filter(|c| narrows(geometry, c)).copied().collect();
+        let mut found = large.lit(&walk, tx, all, allowed);
+        found.extend(density.continued(&walk, tx, &narrowing, rays));
+        // Millions: room is made once.
+        chains.reserve_exact(found.iter().map(Vec::len).sum());
+        found.iter().for_each(|found| chains.extend_from_slice(found));
         distinct(&mut chains);
     }
     chains
@@ -242,8 +244,8 @@ fn golden_step(count: usize) -> usize {
 }
 
 impl Large {
-    /// The chains of `before` with one more of the `allowed` faces, that is lit by way of them.
-    fn lit(&self, walk: &Walk<'_, '_>, tx: DVec3, mut before: Vec<Chain>, allowed: &[u32]) -> Vec<Chain> {
+    /// The chains of `before` with one more of the `allowed` faces, that is lit by way of them: a list for each.
+    fn lit(&self, walk: &Walk<'_, '_>, tx: DVec3, mut before: Vec<Chain>, allowed: &[u32]) -> Vec<Vec<Chain>> {
         struct Facet {
             face: u32,
             hull: [DVec3; 4],
@@ -263,7 +265,7 @@ impl Large {
         }
         let facets: Vec<Facet> = allowed.par_iter().filter(|&&face| area_m2(face) >= SMALL_FACE_M2).map(facet).collect();
         before.truncate(self.most_pairs / facets.len().max(1));
-        let found: Vec<Vec<Chain>> = before
+        before
             .par_iter()
             .map(|chain| {
                 let beam = Beam::of_chain(geometry, tx, chain);
@@ -275,8 +277,7 @@ impl Large {
                 });
                 lit.collect()
             })
-            .collect();
-        found.into_iter().flatten().collect()
+            .collect()
     }
 }
 

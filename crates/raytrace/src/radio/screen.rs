@@ -41,9 +41,9 @@ impl Screen {
     pub fn new(geometry: &Geometry<'_>, chains: &[Chain]) -> Self {
         let mut order: Vec<(u32, u32)> = (0..).zip(chains).filter_map(|(i, chain)| Some((*chain.faces().last()?, i))).collect();
         order.par_sort_unstable();
-        let groups = order
-            .chunk_by(|a, b| a.0 == b.0)
-            .flat_map(|of_face| of_face.chunks(GROUP))
+        let of_faces: Vec<&[(u32, u32)]> = order.chunk_by(|a, b| a.0 == b.0).flat_map(|of_face| of_face.chunks(GROUP)).collect();
+        let groups = of_faces
+            .into_par_iter()
             .map(|group| {
                 let face = group[0].0;
                 let plane = &geometry.faces[face as usize];

@@ -23,9 +23,9 @@ pub trait Finding: Copy + Send {
     fn key(&self) -> Self::Key;
 }
 
-/// Sorted, without repeats.
+/// Sorted, without repeats; of equal keys all are alike.
 pub fn distinct<T: Finding>(found: &mut Vec<T>) {
-    found.par_sort_by_key(Finding::key);
+    found.par_sort_unstable_by_key(Finding::key);
     found.dedup_by_key(|f| f.key());
 }
 
@@ -52,15 +52,10 @@ impl<T: Finding> Findings<T> {
     pub fn len(&self) -> usize {
         self.found.len()
     }
-}
-
-impl<T: Finding> IntoIterator for Findings<T> {
-    type Item = T;
-    type IntoIter = std::vec::IntoIter<T>;
 
     /// In the order in which they were found.
-    fn into_iter(self) -> Self::IntoIter {
-        self.found.into_iter()
+    pub fn into_vec(self) -> Vec<T> {
+        self.found
     }
 }
 
@@ -176,7 +171,7 @@ impl<'w, 'a> Walk<'w, 'a> {
 
     /// Follows a lattice of rays as in [`Self::go_on`]; what `visit` adds to the findings comes back sorted and without repeats.
     pub fn lattice<T: Finding>(&self, from: DVec3, rays: usize, visit: impl Fn(&mut Findings<T>, &Chain, u32) + Sync) -> Vec<T> {
-        let per_task: Vec<Findings<T>> = (0..rays.div_ceil(RAYS_PER_TASK))
+        let per_task: Vec<Vec<T>> = (0..rays.div_ceil(RAYS_PER_TASK))
             .into_par_iter()
             .map(|task| {
                 let (mut found, mut legs) = (Findings::default(), Vec::new());
@@ -185,10 +180,10 @@ impl<'w, 'a> Walk<'w, 'a> {
                     legs.push(Leg { origin: from, direction, chain: Chain::line_of_sight(from), interactions: 0 });
                     self.follow(&mut legs, |chain, triangle| visit(&mut found, chain, triangle));
                 }
-                found
+                found.into_vec()
             })
             .collect();
-        let mut found = per_task.into_iter().flatten().collect();
+        let mut found = per_task.concat();
         distinct(&mut found);
         found
     }

@@ -2,13 +2,15 @@
 
 use crate::rooms::{add_box, empty, material, room, settings};
 use corf_raytrace::Bvh;
-use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, RadioSettings, RadioTracer, SPEED_OF_LIGHT, Search};
-use corf_raytrace::spectrum::{mpc, share_in_frame};
+use corf_raytrace::radio::{
+    Arrival, DiffuseField, DiffuseSettings, PlanarArray, RadioSettings, RadioTracer, SPEED_OF_LIGHT, Search,
+};
+use corf_raytrace::spectrum::{Bartlett, RearHalfSpace, mpc, share_in_frame};
 use corf_scene::config::DatasetConfig;
 use corf_scene::keyframe::DbRange;
 use corf_scene::model::{Object, Scattering, ScatteringPattern, Scene, Triangle};
 use corf_scene::{Pinhole, Raster, Rigid3, trajectory};
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 
 /// A patch of a wall at y = 2 (x ∈ [−1, 1], z ∈ [0.5, 1.5]) over a large metal floor at z = 0.
 fn wall_over_floor(pattern: ScatteringPattern) -> Scene {
@@ -244,4 +246,32 @@ fn a_view_keeps_the_power_of_the_whole_sphere() {
     let (a, b) = (mpc(&all, &camera, &pose, 1.0), mpc(&view, &camera, &pose, 1.0));
     assert!(a.pixels().iter().zip(b.pixels()).all(|(a, b)| (a - b).abs() <= 1e-3 * a.max(*b)));
     assert!(share_in_frame(&all, &camera, &pose) > 0.0);
+}
+
+#[test]
+fn what_lies_behind_a_gated_array_changes_nothing_but_the_power() {
+    let scene = room();
+    let bvh = Bvh::build(&scene);
+    let tracer = RadioTracer::new(&scene, &bvh, RadioSettings::default()).unwrap();
+    let sampling = DiffuseSettings { directions: 60_000, resolution_deg: 4.0, even_arrivals: true, ..DiffuseSettings::default() };
+    let field = DiffuseField::new(&tracer, DVec3::new(1.0, 1.5, 2.0), &sampling).unwrap();
+    let (rx, antenna) = (DVec3::new(5.3, 3.1, 1.6), tracer.settings().rx_antenna);
+    let array = PlanarArray { rows: 8, columns: 8, spacing_wavelengths: [0.5; 2] };
+    let world_from_array = DMat3::from_rotation_z(2.6) * DMat3::from_rotation_y(0.2);
+    let boresight = world_from_array * DVec3::X;
+    let (all, front) = (field.gather_with(rx, &antenna).unwrap(), field.gather_in_front_with(rx, boresight, &antenna).unwrap());
+    assert!(front.len() < all.len() * 2 / 3, "{} {}", front.len(), all.len());
+    let power = |arrivals: &[Arrival]| -> f64 { arrivals.iter().map(|a| a.power).sum() };
+    assert!((power(&front) / power(&all) - 1.0).abs() < 0.03, "{} {}", power(&front), power(&all));
+    let beams = [all, front].map(|arrivals| Bartlett::new(&arrivals, array, world_from_array, RearHalfSpace::Gated));
+    let directions = (0..900).map(|i| {
+        let (across, up) = (0.1 * f64::from(i % 30) - 1.45, 0.1 * f64::from(i / 30) - 1.45);
+        DVec3::new(across.cos() * up.cos(), across.sin() * up.cos(), up.sin())
+    });
+    let values: Vec<[f64; 2]> = directions.map(|u| beams.each_ref().map(|beam| beam.power(u))).collect();
+    let peak = values.iter().fold(0.0f64, |peak, [all, _]| peak.max(*all));
+    for [all, front] in values.into_iter().filter(|[all, _]| *all > 1e-3 * peak) {
+        // What is faint beside all else is left to chance, and outliers' power goes to all: both know what was gathered alone.
+        assert!((front / all - 1.0).abs() < 5e-3, "{front:e} {all:e}");
+    }
 }

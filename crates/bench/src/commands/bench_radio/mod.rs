@@ -10,10 +10,10 @@ use super::{Verdict, show};
 use crate::generate;
 use crate::progress::Progress;
 use crate::radio_sensor::{Extent, element_at, noncoherent};
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
-use corf_raytrace::radio::{Arrival, DiffuseField, Path, RadioSettings, RadioTracer, Search};
+use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Path, RadioSettings, RadioTracer, Search};
 use corf_raytrace::spectrum::{self, Grid, SpectrumSettings};
 use corf_scene::Rigid3;
 use corf_scene::config::{DatasetConfig, ReceiverConfig, SpectrumKind};
@@ -169,13 +169,22 @@ impl Radio {
         if self.powers {
             sampling.resolution_deg = 0.0;
         }
+        if let Some(directions) = self.reference_directions {
+            ensure!(
+                self.replicas >= 2,
+                "--reference-directions: {} replicas show no error\n  help: give --replicas 2 or more",
+                self.replicas
+            );
+            DiffuseSettings { directions, ..sampling }.validate()?;
+        }
         let tx = scene_config.transmitter.position();
         let tracer = timed(&mut seconds.hierarchy, || RadioTracer::new(&scene, &bvh, settings))?;
         let transmitter = timed(&mut seconds.transmitter_chains, || tracer.transmitter(tx))?;
         let field = timed(&mut seconds.photons, || DiffuseField::new(&tracer, tx, &sampling))?;
         let form = SpectrumSettings::new(&config.rf, &scene_config.receiver, config.seed);
         let camera = config.rf_camera();
-        let extent = if self.powers { Extent::Sphere } else { Extent::needed(&[form.kind], Grid::Pinhole(camera)) };
+        let needed = Extent::needed(&[form.kind], Grid::Pinhole(camera), scene_config.receiver.rear);
+        let extent = if self.powers { Extent::Sphere } else { needed };
         let platform = Platform { config: &config, receiver: &scene_config.receiver, tracer: &tracer, extent };
         let (mut specular_power, mut diffuse_power) = (0.0, 0.0);
         let mut progress = Progress::start("bench radio", poses.len(), "positions");

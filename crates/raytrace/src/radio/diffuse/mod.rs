@@ -28,6 +28,7 @@ mod pilot;
 mod places;
 mod quadrature;
 mod refine;
+mod regard;
 mod slots;
 mod small;
 mod smooth;
@@ -55,8 +56,8 @@ use views::{StrongMirrors, Views};
 
 /// How much sparser [`DiffuseField::gather_for_view`] samples what is out of view.
 pub const OUTSIDE_SPARSITY: usize = 16;
-/// Margin of a view, degrees: beyond it a 1° lobe has fallen by 80 dB.
-const VIEW_MARGIN_DEG: f64 = 6.1;
+/// … and with [`DiffuseSettings::even_arrivals`], whose readers have fewer directions.
+pub const EVEN_OUTSIDE_SPARSITY: usize = 4;
 /// More than the whole sphere: no mirror is evaluated exactly.
 pub const NO_MIRRORS_SR: f64 = 13.0;
 /// More photons are a mistake.
@@ -186,7 +187,7 @@ pub struct DiffuseField<'t, 'a> {
     luck: f64,
     settings: DiffuseSettings,
     directions: Directions,
-    /// [`OUTSIDE_SPARSITY`] times fewer.
+    /// [`OUTSIDE_SPARSITY`] times fewer, or [`EVEN_OUTSIDE_SPARSITY`] times.
     outside: Directions,
     /// With [`DiffuseSettings::even_arrivals`]: mirrors, and the directions that look for more of them.
     mirrors: Option<(StrongMirrors, Directions)>,
@@ -219,7 +220,8 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             let turn = DMat3::from_axis_angle(axis, std::f64::consts::TAU * rng.uniform_f64());
             (DVec2::new(rng.uniform_f64(), rng.uniform_f64()), turn, rng.uniform_f64())
         };
-        let [directions, outside] = [1, OUTSIDE_SPARSITY].map(|sparser| {
+        let outside_sparsity = if settings.even_arrivals { EVEN_OUTSIDE_SPARSITY } else { OUTSIDE_SPARSITY };
+        let [directions, outside] = [1, outside_sparsity].map(|sparser| {
             let directions = Directions::new(settings.directions.div_ceil(sparser), world_from_lattice);
             if settings.even_arrivals { directions.jittered(settings.phase) } else { directions }
         });
@@ -289,11 +291,12 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// As [`DiffuseField::gather`].
     pub fn gather_with(&self, rx: DVec3, antenna: &Antenna) -> Result<Vec<Arrival>> {
         check_receiver(rx)?;
-        Ok(self.gathering(rx, antenna).arrivals(|_| true))
+        Ok(self.gathering(rx, antenna, |_| true).arrivals(|_| true))
     }
 
     /// As [`DiffuseField::gather`] for one view: all directions inside the camera's frame and a margin around it, and outside of it a
-    /// lattice [`OUTSIDE_SPARSITY`] times sparser, which keeps the total power. An array's side lobes want it all around alike.
+    /// lattice [`OUTSIDE_SPARSITY`] times sparser, which keeps the total power. An array's side lobes want more:
+    /// [`DiffuseField::gather_in_front_with`].
     ///
     /// # Errors
     /// A position that is not finite.
@@ -306,19 +309,22 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// # Errors
     /// As [`DiffuseField::gather_for_view`].
     pub fn gather_for_view_with(&self, camera: &Pinhole, world_from_camera: &Rigid3, antenna: &Antenna) -> Result<Vec<Arrival>> {
-        let rx = world_from_camera.translation;
+        self.gather_within(world_from_camera.translation, antenna, regard::view(camera, world_from_camera))
+    }
+
+    /// As [`DiffuseField::gather_with`] for an array that is deaf behind its plane: all directions before the plane and a margin, and behind a
+    /// sparser lattice, which keeps the total power. `boresight` is the array's, a unit vector.
+    ///
+    /// # Errors
+    /// A position that is not finite.
+    pub fn gather_in_front_with(&self, rx: DVec3, boresight: DVec3, antenna: &Antenna) -> Result<Vec<Arrival>> {
+        self.gather_within(rx, antenna, regard::front(boresight))
+    }
+
+    fn gather_within(&self, rx: DVec3, antenna: &Antenna, inside: impl Fn(DVec3) -> bool + Sync) -> Result<Vec<Arrival>> {
         check_receiver(rx)?;
-        let camera_from_world = world_from_camera.rotation.transpose();
-        let margin = VIEW_MARGIN_DEG.to_radians();
-        let left = (-camera.cx / camera.fx).atan() - margin;
-        let right = ((camera.width as f64 - camera.cx) / camera.fx).atan() + margin;
-        // Rows are highest above the optical axis, where their elevation is that of the frame's edge.
-        let top = (-camera.cy / camera.fy).atan() - margin;
-        let bottom = ((camera.height as f64 - camera.cy) / camera.fy).atan() + margin;
-        let inside = inside_of([left, right], [top, bottom]);
-        let inside = |direction: DVec3| inside(camera_from_world * direction);
-        let view = self.gathering(rx, antenna);
-        let mut arrivals = view.arrivals(inside);
+        let view = self.gathering(rx, antenna, &inside);
+        let mut arrivals = view.arrivals(&inside);
         // What lies outside counts for the total power alone.
         let outside =
             Gathering { directions: &self.outside, resolution_deg: 0.0, shared: false, small: None, views: None, ..view };
@@ -326,7 +332,12 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         Ok(arrivals)
     }
 
-    fn gathering<'g>(&'g self, rx: DVec3, antenna: &'g Antenna) -> Gathering<'g, 'g, 't, 'a> {
+    fn gathering<'g>(
+        &'g self,
+        rx: DVec3,
+        antenna: &'g Antenna,
+        wanted: impl Fn(DVec3) -> bool + Sync,
+    ) -> Gathering<'g, 'g, 't, 'a> {
         let resolution_deg = self.settings.resolution_deg;
         let seen = |small: &SmallFaces| small.seen_from(&self.tracer.geometry, rx, self.directions.count(), self.phase);
         let small = self.small.as_ref().map(seen);
@@ -334,7 +345,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let lattice = Lattice::new(self.directions.count(), true, true);
         let views = self.mirrors.as_ref().map(|(strong, pilots)| {
             let look = Look::new(self, rx, antenna, lattice);
-            Views::new(&self.tracer.geometry, &look, rx, strong, pilots, &lattice)
+            Views::new(&self.tracer.geometry, &look, rx, strong, pilots, &lattice, &wanted)
         });
         Gathering {
             field: self,
@@ -384,22 +395,6 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             let look = Look::new(self, rx, antenna, lattice);
             landings.iter().filter_map(|landing| look.landed(landing, &wanted)).collect()
         })
-    }
-}
-
-/// Whether a unit direction d of a camera's axes has its azimuth atan2(x, z) in [left, right), within ±π, and its elevation asin(y) in
-/// [top, bottom): by half-planes and heights instead of angles, for every direction is asked.
-fn inside_of([left, right]: [f64; 2], elevation: [f64; 2]) -> impl Fn(DVec3) -> bool {
-    let wide = right - left >= std::f64::consts::PI;
-    let ((sin_left, cos_left), (sin_right, cos_right)) = (left.sin_cos(), right.sin_cos());
-    // Beyond a pole there is nothing to leave out.
-    let height = |angle: f64| if angle.abs() < std::f64::consts::FRAC_PI_2 { angle.sin() } else { f64::INFINITY.copysign(angle) };
-    let [top, bottom] = elevation.map(height);
-    move |d| {
-        let right_of_left = d.x * cos_left >= d.z * sin_left;
-        let left_of_right = d.x * cos_right < d.z * sin_right;
-        let between = if wide { right_of_left || left_of_right } else { right_of_left && left_of_right };
-        between && (top..bottom).contains(&d.y)
     }
 }
 

@@ -207,10 +207,10 @@ impl Photons<'_, '_, '_> {
         let amplitude = (s2 * field::reflectivity(e, k, normal, f64::from(entry.te), f64::from(entry.tm))).sqrt();
         let (e_theta, e_phi) = (e.along(theta_hat(k)) * amplitude, e.along(phi_hat(k)) * amplitude);
         let (out_theta, out_phi) = (e_theta * co - e_phi * cross, e_theta * cross + e_phi * co);
-        let (slot, grain) = cache.slots().place(self.patches.at(face, point), side);
+        let place = || cache.slots().place(self.patches.at(face, point), side);
         if let Some(legs) = &mut trail.legs {
             if photon.interactions > 0 {
-                legs.push(Leg { from: photon.origin, direction: k, slot });
+                legs.push(Leg { from: photon.origin, direction: k, slot: place().0 });
             }
             if interactions < settings.max_depth {
                 self.look_around(point, normal, cache, rng, legs);
@@ -219,6 +219,7 @@ impl Photons<'_, '_, '_> {
         let wanted = self.only.map_or(!photon.covered, |chain| chain.len() == interactions)
             && (way.crowd == Crowd::All || photon.scattered == (way.crowd == Crowd::Scattered));
         if wanted && s2 > 0.0 {
+            let (slot, grain) = place();
             let inverse = f64::from(entry.inverse_normalisation);
             let coherency = [
                 out_theta.norm_squared(),

@@ -136,13 +136,13 @@ pub(super) struct Gathering<'g, 'f, 't, 'a> {
 impl Gathering<'_, '_, '_, '_> {
     /// The arrivals of those directions that are `wanted`, near ones together, of points of small faces, and of the transmitter's own rays.
     pub fn arrivals(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
-        let mut arrivals = if self.resolution_deg > 0.0 { self.refined(&wanted) } else { self.plain(&wanted) };
+        let (mut arrivals, directions) = if self.resolution_deg > 0.0 { self.refined(&wanted) } else { self.plain(&wanted) };
         let power: f64 = arrivals.iter().map(|a| a.power).sum();
         if let Some(small) = &self.small {
             arrivals.extend(self.small(small, &wanted));
         }
         if let Some(views) = &self.views {
-            let faint = FAINT * power / self.directions.count() as f64;
+            let faint = FAINT * power / directions.max(1) as f64;
             arrivals.extend(self.landed_by(views, faint, &wanted));
         } else {
             let landed = self.field.landed(self.rx, self.antenna, self.lattice(), &wanted);
@@ -155,11 +155,13 @@ impl Gathering<'_, '_, '_, '_> {
         arrivals
     }
 
-    /// One arrival per direction.
-    fn plain(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
-        self.look(wanted, |look, index, direction| {
+    /// One arrival per direction that receives anything, and the number of all of them.
+    fn plain(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> (Vec<Arrival>, usize) {
+        let found = self.look(wanted, |look, index, direction| {
             arrival(direction, |report| look.along(index, direction, Layer::All, &mut |c| report(c)))
-        })
+        });
+        let directions = found.len();
+        (found.into_iter().flatten().collect(), directions)
     }
 
     /// One arrival per point of a small face in a `wanted` direction.
@@ -194,8 +196,8 @@ impl Gathering<'_, '_, '_, '_> {
         per_view.into_iter().flatten().collect()
     }
 
-    /// An arrival per direction and object, those of cut cells together.
-    fn refined(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+    /// An arrival per direction and object, those of cut cells together, and the number of directions.
+    fn refined(&self, wanted: impl Fn(DVec3) -> bool + Sync) -> (Vec<Arrival>, usize) {
         let mut cells: Vec<Cell> = self.look(wanted, |look, index, direction| {
             let mut seen = [1; 2].map(Seen::of_side);
             along(look, index, direction, Layer::All, &mut seen);
@@ -206,25 +208,26 @@ impl Gathering<'_, '_, '_, '_> {
                     cell.seen[1] = Seen { partial: true, ..seen };
                 }
             }
-            Some(cell)
+            cell
         });
         for _ in 0..ROUNDS {
             self.refine(&mut cells);
         }
-        cells.into_iter().flat_map(Cell::arrivals).collect()
+        let directions = cells.len();
+        (cells.into_iter().flat_map(Cell::arrivals).collect(), directions)
     }
 
     /// What is found along every direction of the lattice that is wanted.
     fn look<T: Send>(
         &self,
         wanted: impl Fn(DVec3) -> bool + Sync,
-        find: impl Fn(&mut Look<'_, '_, '_>, usize, DVec3) -> Option<T> + Sync,
+        find: impl Fn(&mut Look<'_, '_, '_>, usize, DVec3) -> T + Sync,
     ) -> Vec<T> {
         in_tasks(self.directions.along(), |numbers| {
             let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
             let directions = numbers.iter().map(|&number| (number as usize, self.directions.of(number as usize)));
             let directions = directions.filter(|(_, direction)| wanted(*direction));
-            directions.filter_map(|(number, direction)| find(&mut look, number, direction)).collect()
+            directions.map(|(number, direction)| find(&mut look, number, direction)).collect()
         })
     }
 

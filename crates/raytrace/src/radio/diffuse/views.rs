@@ -13,6 +13,7 @@ use super::gather::{Lattice, Look, REFINED};
 use super::illumination::{CLEARANCE_M, Illumination};
 use super::in_tasks;
 use super::landings;
+use crate::radio::field;
 use crate::radio::geometry::Geometry;
 use crate::radio::lattice::Directions;
 use glam::{DMat3, DVec3, Vec3};
@@ -126,7 +127,8 @@ impl StrongMirrors {
 }
 
 impl Views {
-    /// Straight, by way of every strong mirror whose middle is in sight, and of whatever `pilots` find; the receiver's own directions are the `lattice`'s.
+    /// Straight, by way of every strong mirror whose middle is in sight, and of whatever `pilots` find, in `wanted` directions; the receiver's own
+    /// directions are the `lattice`'s.
     pub fn new(
         geometry: &Geometry<'_>,
         look: &Look<'_, '_, '_>,
@@ -134,11 +136,12 @@ impl Views {
         strong: &StrongMirrors,
         pilots: &Directions,
         lattice: &Lattice<'_>,
+        wanted: impl Fn(DVec3) -> bool + Sync,
     ) -> Self {
         let mut this = Self { views: Vec::new(), by_one: vec![NONE; geometry.faces.len()], by_more: BTreeMap::new() };
         this.add(View::new(geometry, rx, Way::STRAIGHT, f64::INFINITY));
         for &(number, middle) in &strong.0 {
-            if geometry.occluded(middle, rx, CLEARANCE_M, |face| face != number) {
+            if !wanted((middle - rx).normalize_or_zero()) || geometry.occluded(middle, rx, CLEARANCE_M, |face| face != number) {
                 continue;
             }
             let face = &geometry.faces[number as usize];
@@ -147,7 +150,8 @@ impl Views {
         }
         let ways = in_tasks(pilots.along(), |numbers| {
             let mut ways = Vec::new();
-            numbers.iter().for_each(|&number| look.mirrors_along(pilots.of(number as usize), KEPT, |way| ways.push(way)));
+            let directions = numbers.iter().map(|&number| pilots.of(number as usize)).filter(|direction| wanted(*direction));
+            directions.for_each(|direction| look.mirrors_along(direction, KEPT, |way| ways.push(way)));
             ways
         });
         let mut found: BTreeMap<Way, usize> = BTreeMap::new();
@@ -208,6 +212,13 @@ impl View {
         let to = point - self.vantage.image.as_vec3();
         let (front, mirror_m) = self.front;
         self.walls.least(to).min(to.dot(front) - mirror_m)
+    }
+
+    /// The unit direction in which the receiver would see a point by this way, were the mirrors' faces large enough.
+    pub fn towards(&self, geometry: &Geometry<'_>, point: DVec3) -> DVec3 {
+        let seen_from_image = (point - self.vantage.image).normalize_or_zero();
+        let mirrors = self.way.mirrors().iter().rev();
+        mirrors.fold(seen_from_image, |direction, &mirror| field::mirrored(direction, geometry.faces[mirror as usize].normal))
     }
 
     /// The unit direction in which the receiver sees a point by this way, if the mirrors' faces reach there.

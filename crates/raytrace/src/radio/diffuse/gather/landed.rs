@@ -90,8 +90,11 @@ impl Look<'_, '_, '_> {
     ) -> Option<(DVec3, u32, Contribution)> {
         let &Landing { point, face, lighting, density_per_m2 } = landing;
         let geometry = &self.field.tracer.geometry;
+        if !wanted(view.towards(geometry, point)) || (view.way == Way::STRAIGHT && self.lattice.is_small(face)) {
+            return None;
+        }
         let share = landings::share(self.density_ratio(&view.vantage, face, point, density_per_m2));
-        if share == 0.0 || (view.way == Way::STRAIGHT && self.lattice.is_small(face)) {
+        if share == 0.0 {
             return None;
         }
         let share = share * self.spread(self.lattice.count);
@@ -101,7 +104,7 @@ impl Look<'_, '_, '_> {
         if !luck.allows(kept) {
             return None;
         }
-        let direction = view.direction(geometry, self.rx, point).filter(|d| wanted(*d))?;
+        let direction = view.direction(geometry, self.rx, point)?;
         let ray = Ray { weight: 1.0 / kept, ..self.outwards(direction) };
         let there = |met: &Meeting| met.face == face && met.point.distance_squared(point) < SAME_POINT_M * SAME_POINT_M;
         let (ray, met, object) = self.walk(ray, view.way.mirrors(), &mut Luck { whole: ray.power(), ..luck }, there)?;
