@@ -8,10 +8,10 @@ use corf_raytrace::spectrum::{self, Grid, SpectrumSettings, TutorialSphere};
 use corf_scene::config::{DatasetConfig, RearHalfSpace, ReceiverConfig, RfConfig, SceneConfig, SpectrumKind, TransmitterConfig};
 use corf_scene::dataset::SamplingError;
 use corf_scene::keyframe::DbRange;
-use corf_scene::model::ARRAY_FROM_CAMERA;
+use corf_scene::model::world_from_array;
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3, Scene};
-use glam::{DMat3, DVec3};
+use glam::DMat3;
 use std::collections::BTreeMap;
 
 /// Carrier and antennas of a scene; everything else as by default. The receive element stands in the world's own axes: what turns with
@@ -27,12 +27,7 @@ pub fn radio_settings(scene: &SceneConfig) -> RadioSettings {
 
 /// One element of a platform's array at a pose.
 pub fn element_at(receiver: &ReceiverConfig, world_from_camera: &Rigid3) -> Antenna {
-    Antenna::element_of(receiver, world_from_camera.rotation * ARRAY_FROM_CAMERA.rotation.transpose())
-}
-
-/// The array's, in the camera's frame: its optical axis.
-fn boresight() -> DVec3 {
-    ARRAY_FROM_CAMERA.rotation.transpose() * DVec3::X
+    Antenna::element_of(receiver, world_from_array(world_from_camera))
 }
 
 /// What an array's spectrum tells apart, degrees: a third of the 12.8° of eight elements. Finer light than that it only averages.
@@ -116,7 +111,7 @@ impl Extent {
     pub fn gather(&self, field: &DiffuseField<'_, '_>, pose: &Rigid3, element: &Antenna) -> corf_scene::Result<Vec<Arrival>> {
         match self {
             Self::View(camera) => field.gather_for_view_with(camera, pose, element),
-            Self::Front => field.gather_in_front_with(pose.translation, pose.rotation * boresight(), element),
+            Self::Front => field.gather_in_front_with(pose.translation, world_from_array(pose).x_axis, element),
             Self::Sphere => field.gather_with(pose.translation, element),
         }
     }
@@ -317,5 +312,27 @@ impl MeanSquare {
 
     fn root(&self) -> f64 {
         (self.sum / self.count.max(1) as f64).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_no_spectrum_shows_is_gathered_sparsely() {
+        use RearHalfSpace::{Aliased, Gated};
+        use SpectrumKind::{Bartlett, Mpc, Mvdr};
+        let camera = Pinhole::from_horizontal_fov(96, 64, 90.0);
+        let [frame, sphere] = [Grid::Pinhole(camera), Grid::Sphere(Equirectangular { width: 64, height: 32 })];
+        for rear in [Gated, Aliased] {
+            assert_eq!(Extent::needed(&[Mpc], frame, rear), Extent::View(camera));
+            assert_eq!(Extent::needed(&[Mpc], sphere, rear), Extent::Sphere);
+            assert_eq!(Extent::needed(&[Mpc, Bartlett], frame, rear), Extent::Sphere);
+        }
+        for grid in [frame, sphere] {
+            assert_eq!(Extent::needed(&[Bartlett, Mvdr], grid, Gated), Extent::Front);
+            assert_eq!(Extent::needed(&[Bartlett, Mvdr], grid, Aliased), Extent::Sphere);
+        }
     }
 }

@@ -303,3 +303,8 @@ pub const ARRAY_FROM_CAMERA: Rigid3 = Rigid3 {
     rotation: glam::DMat3::from_cols(DVec3::new(0.0, -1.0, 0.0), DVec3::new(0.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 0.0)),
     translation: DVec3::ZERO,
 };
+
+/// How the platform's array stands in the world: its boresight is the first column.
+pub fn world_from_array(world_from_camera: &Rigid3) -> glam::DMat3 {
+    world_from_camera.rotation * ARRAY_FROM_CAMERA.rotation.transpose()
+}

@@ -5,7 +5,7 @@ use super::snapshots::Aperture;
 use super::{Bartlett, Grid, mpc};
 use crate::radio::{Arrival, PlanarArray};
 use corf_scene::config::{RearHalfSpace, ReceiverConfig, RfConfig, SpectrumKind};
-use corf_scene::model::ARRAY_FROM_CAMERA;
+use corf_scene::model::{ARRAY_FROM_CAMERA, world_from_array};
 use corf_scene::{Raster, Rigid3};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -49,8 +49,7 @@ impl SpectrumSettings {
     pub fn form(&self, looks: &[Vec<Arrival>], grid: impl Into<Grid>, world_from_camera: &Rigid3) -> Raster<f32> {
         let grid: Grid = grid.into();
         let array_from_camera = ARRAY_FROM_CAMERA.rotation;
-        let world_from_array = world_from_camera.rotation * array_from_camera.transpose();
-        let aperture = Aperture { array: self.array, world_from_array, rear: self.rear };
+        let aperture = Aperture { array: self.array, world_from_array: world_from_array(world_from_camera), rear: self.rear };
         let evaluate = |power: &(dyn Fn(DVec3) -> f64 + Sync)| {
             let at = |u: DVec3| if self.rear == RearHalfSpace::Gated && u.x <= 0.0 { 0.0 } else { power(u) };
             let pixels = grid.directions().into_par_iter().map(|d| at(array_from_camera * d) as f32).collect();

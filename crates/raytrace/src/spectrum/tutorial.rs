@@ -10,7 +10,7 @@
 
 use crate::radio::Arrival;
 use corf_scene::keyframe::DbRange;
-use corf_scene::model::ARRAY_FROM_CAMERA;
+use corf_scene::model::{ARRAY_FROM_CAMERA, world_from_array};
 use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3};
 
 /// 3 pixels per degree.
@@ -30,7 +30,7 @@ impl TutorialSphere {
     /// Of the arrivals at a camera's pose. The sums depend on how finely diffuse power is split into arrivals: amplitudes do not add up
     /// to the same whole.
     pub fn new(arrivals: &[Arrival], world_from_camera: &Rigid3) -> Self {
-        let array_from_world = ARRAY_FROM_CAMERA.rotation * world_from_camera.rotation.transpose();
+        let array_from_world = world_from_array(world_from_camera).transpose();
         let kernel = kernel();
         let mut sums = vec![0f64; SPHERE.width * SPHERE.height];
         let (width, height) = (SPHERE.width as isize, SPHERE.height as isize);

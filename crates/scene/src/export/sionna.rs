@@ -8,10 +8,10 @@
 use super::ply;
 use crate::config::SceneConfig;
 use crate::itu;
-use crate::model::{ARRAY_FROM_CAMERA, Permittivity, RadioMaterial};
+use crate::model::{Permittivity, RadioMaterial, world_from_array};
 use crate::radio_spec::{PatternName, RadioSpec};
 use crate::{Error, Result, Scene, io, trajectory};
-use glam::{DMat3, Vec3};
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
@@ -237,7 +237,7 @@ fn poses(config: &SceneConfig, count: usize) -> Result<Vec<PoseEntry>> {
         ));
     };
     let entry = |pose: trajectory::TrajectoryPose| {
-        let world_from_array: DMat3 = pose.world_from_camera.rotation * ARRAY_FROM_CAMERA.rotation.transpose();
+        let world_from_array = world_from_array(&pose.world_from_camera);
         let row = |i: usize| world_from_array.row(i).to_array();
         PoseEntry { position_m: pose.world_from_camera.translation.to_array(), world_from_array: [row(0), row(1), row(2)] }
     };
