@@ -2,7 +2,7 @@
 
     .venv/bin/python tools/compare_speed.py            # after the installation that tools/check_sionna.py describes
 
-corf: `corf bench radio scenes/lobby147.toml`, all positions, with its own standard errors; once with spectra and once for received powers
+corf: `corf bench radio scenes/lobby147.toml`, all positions, with its own standard errors; with spectra of either kind, and for received powers
 alone, of the paths that both return, at several errors. Sionna RT: evenly spaced positions of the same trajectory, several seeds at several numbers of rays; its
 error's law is measured, and the rays (and with them the time) that reach the same error follow from it. Both with the same number of threads; seconds on the wall and CPU seconds of all threads (which neighbours on a busy
 machine disturb less). Then cost against triangles, depth and receivers. Report, CSV and pictures under results/.
@@ -22,6 +22,8 @@ from sionna_live.environment import say
 ROOT = environment.ROOT
 # corf's errors come from as many positions as Sionna RT's.
 ERRORS = ("--replicas", 8, "--error-positions", 21)
+# Spectra as the 8×8 array sees them.
+BARTLETT = ("--spectrum", "bartlett", "--directions", 100_000, *ERRORS)
 # Received powers alone, of paths that end with a scattering, as nearly all of Sionna RT's that scatter do; …
 POWERS = ("--powers", "--after", 0, "--photons", 1_000_000, *ERRORS)
 # … with so many directions, the error falling.
@@ -40,7 +42,7 @@ def arguments():
     parser.add_argument("--samples", default="125000,500000,2000000,8000000", help="rays of Sionna RT, comma-separated")
     parser.add_argument("--seeds", type=int, default=8)
     parser.add_argument("--depth", type=int, default=3)
-    parser.add_argument("--pixels-at", type=int, default=3, help="positions at which the error of spectrum pixels is measured")
+    parser.add_argument("--pixels-at", type=int, default=3, help="positions at which the error of pixels of 1° lobes is measured")
     parser.add_argument("--no-scaling", action="store_true", help="no plots of cost against triangles, depth and receivers")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--corf", help="the corf binary (default: cargo builds it)")
@@ -77,6 +79,9 @@ def main():
         fewer = ("--positions", args.our_positions) if args.our_positions else ()
         result["ours"] = measure_ours(corf, dataset, *fewer, *ERRORS)
         keep(out, result)
+        say("corf bench radio, Bartlett spectra")
+        result["bartlett"] = measure_ours(corf, dataset, *fewer, *BARTLETT)
+        keep(out, result)
         say("corf bench radio, powers alone")
         result["powers"] = []
         for directions in POWERS_DIRECTIONS:
@@ -105,32 +110,38 @@ def read_toml(path):
 
 
 def measure_theirs(args, library, tx, receivers, poses):
-    """Runs at every number of rays: time, and the spread of totals and of spectrum pixels over seeds."""
+    """Runs at every number of rays: time, and the spread over seeds of totals and of spectrum pixels: lobes at some positions, Bartlett at all."""
     import numpy as np
 
     from sionna_live import speed, spectrum
+    from sionna_live.compare import direction
 
     counts = [int(float(n)) for n in args.samples.split(",")]
     say("Sionna RT: compiling")
     speed.theirs_totals(library, tx, receivers, args.depth, counts[0], 1000)
     near = ((2 * np.arange(args.pixels_at) + 1) * len(receivers) // (2 * args.pixels_at)).astype(int)
-    runs, pixels = [], {}
+    frame = frame_directions()
+    runs, pixels, bartlett = [], {}, {}
     for samples in counts:
         maps = {int(r): [] for r in near}
+        array_maps = [[] for _ in receivers]
         for seed in range(1, args.seeds + 1):
             say(f"Sionna RT: {samples} rays, seed {seed} of {args.seeds}")
             run = speed.theirs_totals(library, tx, receivers, args.depth, samples, seed)
             s = run.pop("arrivals")
             power = run.pop("power")
-            for r in near:
+            for r, pose in enumerate(poses):
                 valid = s["valid"][r, 0]
                 theta, phi = (s[k][r, 0][valid].astype(float) for k in ("theta_r", "phi_r"))
-                directions = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], 1)
-                towards = frame_directions() @ np.asarray(poses[r]["world_from_array"]).T
-                maps[int(r)].append(speed.lobes(directions, power[r][valid], towards, 1.0))
+                directions, powers = direction(theta, phi).T, power[r][valid]
+                turn = np.asarray(pose["world_from_array"])
+                array_maps[r].append(spectrum.bartlett(spectrum.covariance(directions, powers, turn), frame))
+                if r in maps:
+                    maps[r].append(speed.lobes(directions, powers, frame @ turn.T, 1.0))
             runs.append({"samples": samples, "seed": seed, **{k: np.asarray(v).tolist() for k, v in run.items()}})
         pixels[samples] = pixel_errors([np.array(m) for m in maps.values()])
-    return {"runs": runs, "pixels": pixels}
+        bartlett[samples] = pixel_errors([np.array(m) for m in array_maps])
+    return {"runs": runs, "pixels": pixels, "bartlett": bartlett}
 
 
 def frame_directions(count=600):
@@ -154,7 +165,8 @@ def pixel_errors(positions):
         within = mean >= mean.max() * 10 ** (-RANGE_DB / 10)
         errors.append(10 / np.log(10) * maps.std(0, ddof=1)[within] / mean[within])
     errors = np.concatenate(errors)
-    return {"pixels": len(errors), "median_db": float(np.median(errors)), "p99_db": float(np.percentile(errors, 99))}
+    median, p99, worst = np.percentile(errors, (50, 99, 100)).tolist()
+    return {"pixels": len(errors), "median_db": median, "p99_db": p99, "worst_db": worst}
 
 
 def measure_ours(corf, dataset, *options):

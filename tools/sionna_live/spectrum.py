@@ -41,7 +41,7 @@ def covariance(directions, powers, world_from_array):
     return sums[column[:, None] - column + 7, row[:, None] - row + 7]
 
 
-def bartlett(covariances):
-    """P(u) = wᴴ R w / N² on the grid, linear."""
-    w = np.exp(2j * np.pi * grid()[..., 1:] @ elements().T)
-    return np.einsum("abi,ij,abj->ab", w.conj(), covariances, w, optimize=True).real / (ROWS * COLUMNS) ** 2
+def bartlett(covariances, towards=None):
+    """P(u) = wᴴ R w / N², linear, at directions of the array frame (…, 3): the grid unless told."""
+    w = np.exp(2j * np.pi * (grid() if towards is None else towards)[..., 1:] @ elements().T)
+    return np.einsum("...i,ij,...j->...", w.conj(), covariances, w, optimize=True).real / (ROWS * COLUMNS) ** 2

@@ -14,10 +14,23 @@ KINDS = {
     "total_db": "total power, worst position",
     "diffuse_db": "diffuse power, worst position",
     "diffuse_rms_db": "diffuse power, rms over positions",
-    "pixel_median_db": "spectrum pixels within 30 dB of the peak, median",
+    "pixel_median_db": "1° lobes, spectrum pixels within 30 dB of the peak, median",
     "pixel_p99_db": "the same, 99 % of them better than",
+    "bartlett_median_db": "Bartlett spectrum of the 8×8 array, pixels within 30 dB of the peak, median",
+    "bartlett_p99_db": "the same, 99 % of them better than",
+    "bartlett_worst_db": "the same, worst pixel of all positions",
 }
-
+# A run's errors by the names they have here.
+RUN_KINDS = {
+    "ours": {
+        "total_db": "total_worst_db",
+        "diffuse_db": "diffuse_worst_db",
+        "diffuse_rms_db": "diffuse_rms_db",
+        "pixel_median_db": "pixel_median_db",
+        "pixel_p99_db": "pixel_p99_db",
+    },
+    "bartlett": {"bartlett_median_db": "pixel_median_db", "bartlett_p99_db": "pixel_p99_db", "bartlett_worst_db": "pixel_worst_db"},
+}
 
 # What the runs for powers alone are compared by: diffuse power that ends with the scattering.
 POWERS_KINDS = {"ending_rms_db": "rms over positions", "ending_db": "worst position"}
@@ -39,7 +52,7 @@ def laws(result):
     rows = []
     for samples in counts:
         runs = [run for run in theirs["runs"] if run["samples"] == samples]
-        pixel = theirs["pixels"].get(samples) or theirs["pixels"][str(samples)]
+        pixel, array = (theirs[kind].get(samples) or theirs[kind][str(samples)] for kind in ("pixels", "bartlett"))
         error = {what: speed.error_db([r[what] for r in runs]) for what in ("total", "diffuse", "ending")}
         rows.append(
             {
@@ -49,6 +62,7 @@ def laws(result):
                 **{f"{what}_rms_db": float(np.sqrt(np.mean(e**2))) for what, e in error.items()},
                 "pixel_median_db": pixel["median_db"],
                 "pixel_p99_db": pixel["p99_db"],
+                **{f"bartlett_{what}": array[what] for what in ("median_db", "p99_db", "worst_db")},
                 "wall_s": float(np.median([r["wall_s"] for r in runs])),
                 "cpu_s": float(np.median([r["cpu_s"] for r in runs])),
             }
@@ -60,17 +74,10 @@ def laws(result):
 def equal_error(result):
     """For every kind of error: the rays with which Sionna RT would have corf's, and both sides' seconds for all positions."""
     rows, _ = laws(result)
-    ours = result["ours"]["report"]
-    error = ours["standard_error"]
-    own = {
-        "total_db": error["total_worst_db"],
-        "diffuse_db": error["diffuse_worst_db"],
-        "diffuse_rms_db": error["diffuse_rms_db"],
-        "pixel_median_db": error["pixel_median_db"],
-        "pixel_p99_db": error["pixel_p99_db"],
-    }
-    spent = for_all(result, ours)
-    kinds = [(kind, label, own[kind], spent) for kind, label in KINDS.items()]
+    kinds = []
+    for which, names in RUN_KINDS.items():
+        run = result[which]["report"]
+        kinds += [(kind, KINDS[kind], run["standard_error"][name], for_all(result, run)) for kind, name in names.items()]
     for run in (run["report"] for run in result["powers"]):
         error = {"ending_db": run["standard_error"]["diffuse_worst_db"], "ending_rms_db": run["standard_error"]["diffuse_rms_db"]}
         for kind, where in POWERS_KINDS.items():
@@ -114,13 +121,14 @@ def told(report):
 def write(out, args, result):
     rows, exponent = laws(result)
     lines = equal_error(result)
-    ours, machine = result["ours"]["report"], result["machine"]
-    stages = told(ours)
+    ours, bartlett, machine = result["ours"]["report"], result["bartlett"]["report"], result["machine"]
     powers = "\n".join(f"- {run['directions']} directions: {told(run)}" for run in (run["report"] for run in result["powers"]))
     scaled = (
         ""
         if ours["positions"] == result["positions"]
-        else f" All {result['positions']} positions, scaled from these: {for_all(result, ours)['wall_s']:.0f} ({for_all(result, ours)['cpu_s']:.0f})."
+        else "All {0} positions, scaled from these: {1[wall_s]:.0f} ({1[cpu_s]:.0f}) and {2[wall_s]:.0f} ({2[cpu_s]:.0f}). ".format(
+            result["positions"], for_all(result, ours), for_all(result, bartlett)
+        )
     )
     text = f"""# Speed against Sionna RT ({datetime.date.today().isoformat()})
 
@@ -131,9 +139,10 @@ def write(out, args, result):
 
 ## corf, {ours["positions"]} positions
 
-{stages}.{scaled} Spectra (300×200, 1° lobes) are in corf's time, not in Sionna RT's.
+- 1° lobes (`mpc`), {ours["directions"]} directions: {told(ours)}
+- 8×8 array (`bartlett`), {bartlett["directions"]} directions: {told(bartlett)}
 
-Directions {ours["directions"]}, photons {ours["photons"]}, patches of {ours["patch_size_m"]} m.
+{scaled}Spectra of 300×200 pixels are in corf's time, not in Sionna RT's; {ours["photons"]} photons, patches of {ours["patch_size_m"]} m.
 
 For powers alone, no spectra, of paths that end with a scattering as Sionna RT's do ({result["powers"][0]["report"]["photons"]} photons):
 
@@ -141,16 +150,16 @@ For powers alone, no spectra, of paths that end with a scattering as Sionna RT's
 
 ## Sionna RT, {len(result["traced"])} positions a call
 
-Error: standard deviation of one run over {args.seeds} seeds, dB.
+Error: standard deviation of one run over {args.seeds} seeds, dB. Pixels of lobes at {args.pixels_at} positions, of the 8×8 array's spectra at all.
 
 """
     text += table(
-        ["rays", "seconds a call (CPU)", "total, worst", "total, median", "diffuse, worst", "diffuse, rms", "… ending so, worst", "… rms", "pixels, median", "pixels, 99 %"],
+        ["rays", "seconds a call (CPU)", "total, worst", "total, median", "diffuse, worst", "diffuse, rms", "… ending so, worst", "… rms", "lobes, median", "lobes, 99 %", "array, median", "array, 99 %", "array, worst"],
         [
             [
                 f"{r['samples']:.3g}",
                 f"{r['wall_s']:.1f} ({r['cpu_s']:.1f})",
-                *[f"{r[k]:.3f}" for k in ("total_db", "total_median_db", "diffuse_db", "diffuse_rms_db", "ending_db", "ending_rms_db", "pixel_median_db", "pixel_p99_db")],
+                *[f"{r[k]:.3f}" for k in ("total_db", "total_median_db", "diffuse_db", "diffuse_rms_db", "ending_db", "ending_rms_db", "pixel_median_db", "pixel_p99_db", "bartlett_median_db", "bartlett_p99_db", "bartlett_worst_db")],
             ]
             for r in rows
         ],
