@@ -63,7 +63,7 @@ def main():
     machine = environment.prepare(args.threads)
     import numpy as np
 
-    from sionna_live import diffuse, meshes, ours, report, specular, spectrum, theirs
+    from sionna_live import dataset, diffuse, meshes, ours, report, specular, spectrum, theirs
 
     out = Path(args.out or ROOT / f"results/{datetime.date.today().isoformat()}-sionna-check")
     out.mkdir(parents=True, exist_ok=True)
@@ -131,6 +131,10 @@ def main():
             controls.append(scattered.pop("control"))
             say("spectra")
             scattered["spectra"] = spectra(spectrum, links, seeds, scratch / "arrivals", radio["poses"])
+            say("corf: a data set's spectra")
+            found = dataset.generate(corf, args.scene, scratch / "dataset", receivers, args.depth, args.directions)
+            samplings = [link_map["samplings"] for link_map in scattered["spectra"]]
+            scattered["dataset"] = [dataset.beside(one, found[1], many) for one, many in zip(found[0], samplings)]
 
         result = report.write(out, args, machine, radio, mesh, tx, receivers, links, runs, controls, scattered)
     say(f"{out / 'README.md'}: {'passed' if result else 'failed'}")
@@ -194,7 +198,8 @@ def types_of(diffuse, seeds, r):
 
 
 def spectra(spectrum, links, seeds, folder, poses):
-    """Bartlett maps of both sides, of what both have (paths that end in a scattering, and specular ones), and ours of everything."""
+    """Bartlett maps of both sides, of what both have (paths that end in a scattering, and specular ones), and ours of everything, with
+    the covariances it is of, by sampling."""
     import numpy as np
 
     from sionna_live.compare import direction
@@ -214,13 +219,15 @@ def spectra(spectrum, links, seeds, folder, poses):
         seen = [spectrum.covariance(run[link.index]["directions"], run[link.index]["power"], turn) for run in seeds]
         mine = [spectrum.bartlett(of(link.ours) + scattered(rows[rows[:, 5] == 0])) for rows in samplings]
         yours = [spectrum.bartlett(of(link.kept + told) + one) for one in seen]
+        everything = [of(link.ours) + scattered(rows) for rows in samplings]
         maps.append(
             {
                 "ours": np.mean(mine, 0),
                 "ours_error": standard_error(mine),
                 "theirs": np.mean(yours, 0),
                 "theirs_error": standard_error(yours),
-                "everything": np.mean([spectrum.bartlett(of(link.ours) + scattered(rows)) for rows in samplings], 0),
+                "everything": np.mean([spectrum.bartlett(one) for one in everything], 0),
+                "samplings": everything,
             }
         )
     return maps

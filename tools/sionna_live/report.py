@@ -44,6 +44,9 @@ def write(out, args, machine, radio, mesh, tx, receivers, links, runs, controls,
         verdicts["spectra"] = passed
         parts.append(text)
         pictures.spectra(out / "spectra.png", scattered["spectra"], RANGE_DB)
+        text, passed = dataset_part(scattered["dataset"])
+        verdicts["a data set's spectra"] = passed
+        parts.append(text)
     verdicts["negative controls fail"] = all(c["fails"] for c in controls)
     parts.append(
         "## Negative controls\n\n"
@@ -56,7 +59,7 @@ def write(out, args, machine, radio, mesh, tx, receivers, links, runs, controls,
     (out / "README.md").write_text("\n\n".join([head, *parts]) + "\n")
     numbers = {"machine": machine, "verdicts": verdicts, "links": [link_numbers(link) for link in links], "controls": controls}
     if scattered:
-        numbers["diffuse"] = {k: v for k, v in scattered.items() if k != "spectra"}
+        numbers["diffuse"] = {k: v for k, v in scattered.items() if k not in ("spectra", "dataset")}
     (out / "results.json").write_text(json.dumps(numbers, indent=1, default=float) + "\n")
     return all(verdicts.values())
 
@@ -383,6 +386,25 @@ of both sides' mean maps. The last column is what the map gains at most with the
         rows,
     )
     return text + "\n\n![spectra](spectra.png)", all(beyond <= MAX_MAP_DB for _, beyond, _, _, _ in found)
+
+
+def dataset_part(maps):
+    """A data set's spectra beside those formed from arrivals gathered all around alike; whether they agree."""
+    found = [map_difference(m) for m in maps]
+    rows = [
+        [r, count, f"{worst:.3f}", f"{100 * share:.1f} %", f"{error:.3f}", f"{beyond:.3f}", "yes" if beyond <= MAX_MAP_DB else "**NO**"]
+        for r, (worst, beyond, share, (_, error), count) in enumerate(found)
+    ]
+    text = f"""## Spectra of a data set
+
+What `corf dataset generate` writes at these poses (`bartlett`, one sampling), all paths, those that Sionna RT lacks too, beside the map that is
+formed here from the arrivals above, which are gathered all around alike: other sampling, other code, the data set's own files and conventions.
+Pixels within {RANGE_DB:g} dB of the peak; tolerance {MAX_MAP_DB} dB beyond {MAX_STANDARD_ERRORS:g} standard errors of the latter.
+
+""" + table(
+        ["receiver", "pixels", "largest difference, dB", f"within {MAX_MAP_DB} dB", "its error, at most dB", "beyond it, dB", "agrees"], rows
+    )
+    return text, all(beyond <= MAX_MAP_DB for _, beyond, *_ in found)
 
 
 def link_numbers(link):

@@ -120,9 +120,10 @@ class Theirs:
             "vertices": np.moveaxis(np.array(found.vertices).reshape(depth, n, m, -1, 3), 0, -2),
         }
 
-    def specular(self, transmitters, receivers, depth, samples, seed, cap=10_000_000):
-        """Specular and transmitted paths, as lists `[receiver][transmitter]` of dictionaries like corf's."""
-        what = ("specular", np.array(transmitters).tobytes(), np.array(receivers).tobytes(), depth, int(samples), seed, int(cap))
+    def specular(self, transmitters, receivers, depth, samples, seed, cap=10_000_000, diffraction=False):
+        """Specular and transmitted paths, and diffracted ones where asked, as lists `[receiver][transmitter]` of dictionaries like corf's."""
+        ends = (np.array(transmitters).tobytes(), np.array(receivers).tobytes())
+        what = ("diffracted" if diffraction else "specular", *ends, depth, int(samples), seed, int(cap))
 
         def compute():
             s = self.solve(
@@ -132,6 +133,7 @@ class Theirs:
                 samples_per_src=int(samples),
                 max_num_paths_per_src=int(cap),
                 diffuse_reflection=False,
+                diffraction=diffraction,
                 seed=seed,
             )
             return [[self._paths(s, r, t) for t in range(len(transmitters))] for r in range(len(receivers))]
