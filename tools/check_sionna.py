@@ -135,6 +135,7 @@ def main():
             found = dataset.generate(corf, args.scene, scratch / "dataset", receivers, args.depth, args.directions)
             samplings = [link_map["samplings"] for link_map in scattered["spectra"]]
             scattered["dataset"] = [dataset.beside(one, found[1], many) for one, many in zip(found[0], samplings)]
+            controls.append(mirrored(report, scattered["dataset"]))
 
         result = report.write(out, args, machine, radio, mesh, tx, receivers, links, runs, controls, scattered)
     say(f"{out / 'README.md'}: {'passed' if result else 'failed'}")
@@ -153,6 +154,16 @@ def control(name, changed, links):
         "name": name,
         "fails": bool(pairs > 0 or missing > 0),
         "what": f"{pairs} more pairs out of tolerance (worst |Δa|/|a| {worst:.2f}), {missing} more paths missing, at receivers {noticed}",
+    }
+
+
+def mirrored(report, maps):
+    """The control of a data set's conventions."""
+    beyond = [report.map_difference({**m, "ours": m["ours"][:, ::-1]})[1] for m in maps]
+    return {
+        "name": "a data set's spectra mirrored left to right",
+        "fails": min(beyond) > report.MAX_MAP_DB,
+        "what": f"{min(beyond):.1f} to {max(beyond):.1f} dB beyond the errors",
     }
 
 
