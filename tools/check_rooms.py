@@ -161,7 +161,7 @@ def diffracted_reference(name, room, library, mesh, args):
 
 def labels_exchanged(room, library, args):
     """By receiver, how `corf check sionna` calls diffracted paths that Sionna RT finds with the ends exchanged: its search loses some
-    by way of edges whose lit face the receiver does not see."""
+    edges to rounding, where the receiver does not see the face that is lit."""
     turned = lambda path: f"{path['types'][::-1]} [{', '.join(path['objects'][::-1])}]"
     there = library.specular(room.receivers, [room.tx], args.diffracted_depth, args.diffracted_samples, SEED, diffraction=True)
     return [{turned(path) for path in paths if "X" in path["types"]} for paths in there[0]]
