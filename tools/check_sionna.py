@@ -132,9 +132,9 @@ def main():
             say("spectra")
             scattered["spectra"] = spectra(spectrum, links, seeds, scratch / "arrivals", radio["poses"])
             say("corf: a data set's spectra")
-            found = dataset.generate(corf, args.scene, scratch / "dataset", receivers, args.depth, args.directions)
-            samplings = [link_map["samplings"] for link_map in scattered["spectra"]]
-            scattered["dataset"] = [dataset.beside(one, found[1], many) for one, many in zip(found[0], samplings)]
+            maps, towards = dataset.generate(corf, args.scene, scratch / "dataset", receivers, args.depth, args.directions)
+            samplings = [one["samplings"] for one in scattered["spectra"]]
+            scattered["dataset"] = [dataset.beside(one, towards, many) for one, many in zip(maps, samplings)]
             controls.append(mirrored(report, scattered["dataset"]))
 
         result = report.write(out, args, machine, radio, mesh, tx, receivers, links, runs, controls, scattered)
