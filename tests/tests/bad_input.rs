@@ -10,6 +10,8 @@ use std::fs;
 fn a_missing_scene_is_named() {
     corf_refuses(&["scene", "info", "no/such/room.glb"], &["no/such/room.glb"]);
     corf_refuses(&["paths", "no/such/room.toml", "--rx", "1,2,3"], &["no/such/room.toml"]);
+    let mesh = root().join("scenes/lobby.glb");
+    corf_refuses(&["paths", text(&mesh), "--rx", "1,2,3"], &["lobby.glb", "not text", ".toml"]);
 }
 
 #[test]
@@ -52,6 +54,29 @@ fn a_reference_that_cannot_be_sampled_is_refused_before_any_work() {
     let bench = |more: &[&'static str]| [&["bench", "radio", text(&config), "--spectrum", "bartlett"], more].concat();
     corf_refuses(&bench(&["--reference-directions", "5"]), &["`directions`", "5", "100"]);
     corf_refuses(&bench(&["--reference-directions", "90000", "--replicas", "1"]), &["--reference-directions", "--replicas 2"]);
+}
+
+#[test]
+fn what_would_be_a_silent_number_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = root().join("scenes/lobby.toml");
+    let (scene, out) = (text(&scene), folder.path().join("out"));
+    let out = text(&out);
+    for fov in ["200", "180", "-20", "nan"] {
+        corf_refuses(&["spectrum", scene, "--rx", "7,4,1.6", "--fov-deg", fov, "--out", out], &["fov_deg", "180 degrees"]);
+    }
+    corf_refuses(&["diffuse", scene, "--rx", "7,4,1.6", "--replicas", "0"], &["--replicas"]);
+    // The transmitter itself, and a point on the floor.
+    corf_refuses(&["diffuse", scene, "--rx", "12.4,4.5,2"], &["coincides", "12.4, 4.5, 2"]);
+    corf_refuses(&["diffuse", scene, "--rx", "7,4,0"], &["surface", "Floor of the hall"]);
+    corf_refuses(&["paths", scene, "--rx", "7,4,1.6", "--diffuse", "--format", "sionna"], &["--diffuse", "--format json"]);
+    let floor = ["coverage", scene, "--plane", "6,3,0", "9,3,0", "6,6,0", "--cell", "1", "--depth", "0", "--out", out];
+    corf_refuses(&floor, &["no cell has a value", "all 9", "--height"]);
+    let link = folder.path().join("link.toml");
+    fs::write(&link, "min_gain_db = nan").unwrap();
+    corf_refuses(&["paths", scene, "--rx", "7,4,1.6", "--config", text(&link)], &["min_gain_db"]);
+    fs::write(folder.path().join("precious"), "x").unwrap();
+    corf_refuses(&["coverage", scene, "--out", text(folder.path())], &["not empty", "another --out"]);
 }
 
 #[test]

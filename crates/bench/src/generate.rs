@@ -2,8 +2,8 @@
 
 use crate::interrupt;
 use crate::progress::Progress;
-use crate::radio_sensor::{Outputs, RadioSensor, dataset_radio_settings};
-pub use crate::radio_sensor::{diffuse_settings, radio_settings};
+pub use crate::radio_sensor::diffuse_settings;
+use crate::radio_sensor::{Outputs, RadioSensor, dataset_radio_settings, warn_of_open_bodies};
 use crate::run::claim_output;
 use anyhow::{Result, bail};
 use corf_raytrace::bvh::Bvh;
@@ -52,6 +52,9 @@ pub fn generate_from(
     }
     let ear = RadioSensor::new(&config.rf, config.seed, transmitter, &scene_config.receiver, scene, &tracer)?;
     claim_output(out, resume)?;
+    if config.rf.transmission {
+        warn_of_open_bodies(scene);
+    }
     let mut camera = Camera::new(config, scene, &bvh);
     let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;
     if config.optical.exposure_ev.is_none() {

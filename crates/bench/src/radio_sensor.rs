@@ -2,7 +2,8 @@
 
 use anyhow::Result;
 use corf_raytrace::radio::{
-    Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, RadioSettings, RadioTracer, Search, Transmitter, json,
+    Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, Polarization, RadioSettings, RadioTracer, Search,
+    Transmitter, json,
 };
 use corf_raytrace::spectrum::{self, Grid, SpectrumSettings, TutorialSphere};
 use corf_scene::config::{DatasetConfig, RearHalfSpace, ReceiverConfig, RfConfig, SceneConfig, SpectrumKind, TransmitterConfig};
@@ -10,7 +11,7 @@ use corf_scene::dataset::SamplingError;
 use corf_scene::keyframe::DbRange;
 use corf_scene::model::world_from_array;
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3, Scene};
+use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3, Scene, Severity, radio_check};
 use glam::DMat3;
 use std::collections::BTreeMap;
 
@@ -23,6 +24,18 @@ pub fn radio_settings(scene: &SceneConfig) -> RadioSettings {
         rx_antenna: Antenna::element_of(&scene.receiver, DMat3::IDENTITY),
         ..RadioSettings::default()
     }
+}
+
+/// … for a platform's sensor: what couples into its element is known at a pose alone, so no path is dropped for the element's sake.
+pub fn sensor_settings(scene: &SceneConfig) -> RadioSettings {
+    let any_polarization = Antenna { polarization: Polarization::VH, ..Antenna::default() };
+    RadioSettings { rx_antenna: any_polarization, ..radio_settings(scene) }
+}
+
+/// Says which bodies are open where transmission needs closed ones, on standard error.
+pub fn warn_of_open_bodies(scene: &Scene) {
+    let warnings = radio_check::body_findings(scene).into_iter().filter(|f| f.severity == Severity::Warning);
+    warnings.for_each(|finding| eprintln!("{finding}"));
 }
 
 /// One element of a platform's array at a pose.
@@ -57,7 +70,7 @@ pub fn dataset_radio_settings(config: &DatasetConfig, scene: &SceneConfig) -> Re
         transmission: config.rf.transmission,
         diffraction: config.rf.diffraction,
         tx_antenna: Antenna::from(config.transmitter_of(scene)?),
-        ..radio_settings(scene)
+        ..sensor_settings(scene)
     })
 }
 

@@ -82,15 +82,24 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
 /// # Errors
 /// `folder` exists with content and neither `resume` nor anything else allows it; or it cannot be made or written.
 pub fn claim_output(folder: &Path, resume: bool) -> Result<()> {
+    claim(folder, resume, "choose another --out, or pass --resume to go on with what is there")
+}
+
+/// As [`claim_output`], for what is done at once.
+///
+/// # Errors
+/// As [`claim_output`].
+pub fn claim_fresh(folder: &Path) -> Result<()> {
+    claim(folder, false, "choose another --out")
+}
+
+fn claim(folder: &Path, resume: bool, help: &str) -> Result<()> {
     if folder.is_file() {
         bail!("{} is a file\n  help: name a folder with --out", folder.display());
     }
     let occupied = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
     if occupied && !resume {
-        bail!(
-            "output folder {} exists and is not empty\n  help: choose another --out, or pass --resume to go on with what is there",
-            folder.display()
-        );
+        bail!("output folder {} exists and is not empty\n  help: {help}", folder.display());
     }
     std::fs::create_dir_all(folder).with_context(|| {
         format!("cannot create output folder {}\n  help: choose a writable place with --out", folder.display())
@@ -112,6 +121,8 @@ mod tests {
         let error = claim_output(dir.path(), false).unwrap_err().to_string();
         assert!(error.contains("--resume"), "{error}");
         claim_output(dir.path(), true).unwrap();
+        let error = claim_fresh(dir.path()).unwrap_err().to_string();
+        assert!(error.contains("--out") && !error.contains("--resume"), "{error}");
         assert!(dir.path().join("precious").exists());
     }
 

@@ -59,7 +59,7 @@ fn two_rays_over_a_mirror_are_the_textbook_channel() {
         // What a conductivity of 1e12 S/m leaves of 1 + r at grazing incidence, and the rounding of 2 400 cycles.
         assert!((h.re - re).hypot(h.im - im) < 1e-4 * amplitude(d1), "{offset}: {h:?} {re} {im}");
     }
-    let s = LinkStatistics::of(&paths, &[], F, 10.0, 0);
+    let s = LinkStatistics::of(&paths, &[], [&horizontal; 2], F, 10.0, 0);
     let (p1, p2) = (d1.powi(-2), d2.powi(-2));
     let spread_s = (d2 - d1) / SPEED_OF_LIGHT * (p1 * p2).sqrt() / (p1 + p2);
     assert!((s.delay_spread_s.unwrap() / spread_s - 1.0).abs() < 1e-4);
@@ -172,4 +172,29 @@ fn deepmimo_matrices_rebuild_the_narrowband_channel() {
     assert!((column("aod_az")[0] - 3f32.atan2(12.0).to_degrees()).abs() < 1e-4 && column("aod_el")[0] > 90.0);
     assert_eq!(named(&arrays, "inter_pos").shape, [2, 2, 1, 3]);
     assert!(column("inter_pos")[..3].iter().all(|v| v.is_nan()) && column("inter_pos")[5].abs() < 1e-6);
+}
+
+/// What couples into any port is a path, and powers are those of all ports: a horizontal wave at a dual-polarised receiver, and the reverse,
+/// where the transmitter's other port takes half of the power along.
+#[test]
+fn no_port_is_overlooked() {
+    let scene = ground();
+    let [h, v, both] =
+        [Polarization::H, Polarization::V, Polarization::VH].map(|p| Antenna { polarization: p, ..Antenna::default() });
+    let (tx, rx) = (DVec3::new(0.0, 0.0, 2.0), DVec3::new(12.0, 0.0, 1.5));
+    let link = |from: Antenna, to: Antenna| {
+        let settings = RadioSettings { tx_antenna: from, rx_antenna: to, ..RadioSettings::default() };
+        let paths = RadioTracer::without_bvh(&scene, settings).unwrap().paths(tx, rx).unwrap();
+        let gain_db = LinkStatistics::of(&paths, &[], [&from, &to], F, 0.0, 0);
+        (paths.len(), gain_db.path_gain_db, gain_db.path_gain_coherent_db, gain_db.line_of_sight)
+    };
+    let (_, alone, coherent, _) = link(h, h);
+    let close = |a: Option<f64>, b: Option<f64>, off: f64| (a.unwrap() - b.unwrap() - off).abs() < 1e-9;
+    let (count, gain, coherent_gain, direct) = link(h, both);
+    assert!(count == 2 && direct && close(gain, alone, 0.0) && close(coherent_gain, coherent, 0.0), "{gain:?} {alone:?}");
+    let (count, gain, coherent_gain, direct) = link(both, h);
+    let half_db = 10.0 * 0.5f64.log10();
+    assert!(count == 2 && direct && close(gain, alone, half_db) && close(coherent_gain, coherent, half_db), "{gain:?}");
+    // Level with each other, nothing horizontal couples into a vertical element.
+    assert_eq!(link(h, v).0, 0);
 }

@@ -5,7 +5,7 @@ use crate::coverage_picture::CoveragePicture;
 use crate::interrupt;
 use crate::link::{LinkArgs, LinkSetup, Point};
 use crate::progress::Progress;
-use crate::run::write_json;
+use crate::run::{claim_fresh, write_json};
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -53,7 +53,7 @@ impl Coverage {
         let tx = self.tx.map_or(setup.config.transmitter.position(), |p| p.0);
         setup.check_transmitter(tx)?;
         // Whatever can be refused is refused before the work.
-        std::fs::create_dir_all(&self.out).map_err(Error::io("create", &self.out))?;
+        claim_fresh(&self.out)?;
         let bvh = Bvh::build(&setup.scene);
         let tracer = RadioTracer::new(&setup.scene, &bvh, setup.radio_settings())?;
         let transmitter = tracer.transmitter(tx)?;
@@ -66,22 +66,29 @@ impl Coverage {
             interrupt::check()
         })?;
         progress.finish();
+        if gain.pixels().iter().all(|g| g.is_nan()) {
+            let what =
+                format!("no cell has a value: the centres of all {} lie inside of bodies or on surfaces", gain.pixels().len());
+            return Err(Error::invalid("coverage plane", what, "give another --height, or smaller cells with --cell").into());
+        }
         let picture = CoveragePicture::new(&gain, &plane, setup.link.tx_power_dbm);
         let report =
             self.report(&setup, &plane, tx.to_array(), &gain, picture.range_dbm(), field.is_some().then_some(directions));
         io::write_atomic(self.out.join("coverage.exr"), &io::encode_exr_f32(&gain, "Y")?)?;
         io::write_atomic(self.out.join("coverage.png"), &picture.draw(&setup.scene, tx))?;
         write_json(&self.out.join("coverage.json"), &report)?;
+        let rssi = &report["rssi_dbm"];
+        let received = match rssi["median"].as_f64() {
+            Some(median) => format!("median {median} dBm, 5 % below {} dBm, 5 % above {} dBm", rssi["p5"], rssi["p95"]),
+            None => "no path reaches any cell".into(),
+        };
         let text = format!(
-            "{} x {} cells of {} m, {} of them inside bodies or on surfaces\nRSSI at {} dBm: median {} dBm, 5 % below {} dBm, 5 % above {} dBm\n{}",
+            "{} x {} cells of {} m, {} of them inside bodies or on surfaces\nRSSI at {} dBm: {received}\n{}",
             plane.columns,
             plane.rows,
             plane.cell_m,
             report["cells_without_value"],
             setup.link.tx_power_dbm,
-            report["rssi_dbm"]["median"],
-            report["rssi_dbm"]["p5"],
-            report["rssi_dbm"]["p95"],
             self.out.join("coverage.png").display(),
         );
         show(json, &report, &text)?;
@@ -123,7 +130,7 @@ impl Coverage {
             "frequency_hz": setup.config.radio.frequency_hz,
             "tx": tx,
             "tx_power_dbm": setup.link.tx_power_dbm,
-            "quantity": "coverage.exr, channel Y: noncoherent path gain, the sum of |a|^2 over all paths, linear, relative to 1 W transmitted; NaN where the cell's centre lies inside a closed body or on a surface",
+            "quantity": "coverage.exr, channel Y: noncoherent path gain, the sum of |a|^2 over all paths (transmit ports share the power, powers of receive ports add), linear, relative to 1 W transmitted; NaN where the cell's centre lies inside a closed body or on a surface",
             "picture": "coverage.png: received power, dBm; what lies outside of the range has the colour of its end",
             "range_dbm": range_dbm,
             "plane": {

@@ -2,13 +2,13 @@
 
 use super::paths::Point;
 use super::{Verdict, print};
-use crate::generate;
 use crate::progress::Progress;
+use crate::radio_sensor::{radio_settings, warn_of_open_bodies};
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::diffuse::{Contribution, NO_MIRRORS_SR};
-use corf_raytrace::radio::{DiffuseField, DiffuseSettings, RadioSettings, RadioTracer};
+use corf_raytrace::radio::{DiffuseField, DiffuseSettings, RadioSettings, RadioTracer, Solids};
 use corf_scene::config::SceneConfig;
 use corf_scene::npz::{Array, Values};
 use corf_scene::{Scene, io};
@@ -44,7 +44,7 @@ pub struct Diffuse {
     #[arg(long, default_value_t = NO_MIRRORS_SR)]
     mirror_sr: f64,
     /// Independent samplings; two or more give a standard error.
-    #[arg(long, default_value_t = 4)]
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..))]
     replicas: u64,
     /// Leave out specular reflection.
     #[arg(long)]
@@ -108,10 +108,18 @@ impl Diffuse {
             max_depth: self.depth,
             reflection: !self.no_reflection,
             transmission: !self.no_transmission,
-            ..generate::radio_settings(&config)
+            ..radio_settings(&config)
         };
         let tracer = RadioTracer::new(&scene, &bvh, settings)?;
-        let replicas = self.replicas.max(1);
+        let solids = Solids::of(&scene);
+        for rx in &self.rx {
+            tracer.check_receiver(tx, rx.0)?;
+            solids.check_link(&scene, tx, rx.0)?;
+        }
+        if !self.no_transmission {
+            warn_of_open_bodies(&scene);
+        }
+        let replicas = self.replicas;
         let mut sums = vec![Vec::new(); self.rx.len()];
         let mut progress = Progress::start("diffuse", self.rx.len() * replicas as usize, "receivers/s");
         for phase in 0..replicas {

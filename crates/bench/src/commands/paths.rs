@@ -47,7 +47,7 @@ pub struct Paths {
     rx_array: Option<Grid>,
     #[command(flatten)]
     link: LinkArgs,
-    /// Bandwidth over which to give the channel's frequency and impulse response, Hz.
+    /// Bandwidth over which to give the frequency and impulse response between the first ports (npz: `channel`, all ports), Hz.
     #[arg(long, value_name = "HZ")]
     bandwidth: Option<f64>,
     /// Subcarriers of the frequency response.
@@ -95,6 +95,12 @@ impl Paths {
             _ => {}
         }
         let setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
+        let channel = self.bandwidth.is_some() || setup.ports() > 1;
+        if setup.link.diffuse && (self.format == Format::Sionna || self.format == Format::Npz && !channel) {
+            let what = "scattered power has no coefficient that this format could hold";
+            let help = "choose --format json, or for npz a --bandwidth: its `channel` has all power; or leave diffuse out";
+            return Err(Error::invalid("--diffuse", what, help).into());
+        }
         let subcarriers = self.bandwidth.map(|b| Subcarriers::of_band(b, self.subcarriers)).transpose()?;
         let traced = self.trace(&setup)?;
         let bytes = match self.format {
@@ -167,13 +173,27 @@ impl Paths {
         let (f, seed) = (setup.config.radio.frequency_hz, setup.link.seed);
         let mut value = json::paths_to_json(&setup.scene, f, link.tx, link.rx, &link.paths);
         value["tx_power_dbm"] = json!(setup.link.tx_power_dbm);
-        value["channel"] = json!(LinkStatistics::of(&link.paths, diffuse, f, setup.link.tx_power_dbm, seed));
+        let elements @ [tx, rx] = [&setup.tx_array.element, &setup.rx_array.element];
+        value["channel"] = json!(LinkStatistics::of(&link.paths, diffuse, elements, f, setup.link.tx_power_dbm, seed));
+        value["total_power_db"] = json!(decibels(link.paths.iter().map(|path| path.received(tx, rx)).sum()));
         if setup.link.diffuse {
             let power: f64 = diffuse.iter().map(|a| a.power).sum();
-            value["diffuse"] = json!({ "power_db": decibels(power), "directions": diffuse.len(), "seed": seed });
+            value["diffuse"] = json!({
+                "power_db": decibels(power),
+                "directions": diffuse.len(),
+                "seed": seed,
+                "where": "in `channel`, where spreads of departure lack it: scattered power does not know where it left; not in `paths` and `total_power_db`",
+            });
+        }
+        if tx.ports() * rx.ports() > 1 {
+            for (value, path) in value["paths"].as_array_mut().into_iter().flatten().zip(&link.paths) {
+                let of_ports =
+                    |r: usize| (0..tx.ports()).map(|t| path.coefficient(tx, t, rx, r)).map(|a| [a.re, a.im]).collect::<Vec<_>>();
+                value["a_ports"] = json!((0..rx.ports()).map(of_ports).collect::<Vec<_>>());
+            }
         }
         let pairs = |list: &[Complex]| list.iter().map(|h| [h.re, h.im]).collect::<Vec<_>>();
-        if self.tx_array.is_some() || self.rx_array.is_some() || setup.tx_array.ports() * setup.rx_array.ports() > 1 {
+        if self.tx_array.is_some() || self.rx_array.is_some() || setup.ports() > 1 {
             let h = channel_matrix(&link.paths, diffuse, &setup.tx_array, &setup.rx_array, f, seed);
             value["channel_matrix"] = json!({ "shape": [h.rows, h.columns], "h": pairs(&h.values) });
         }
@@ -199,8 +219,8 @@ impl Paths {
         value
     }
 
-    /// DeepMIMO's matrices of the first transmitter under their names, of further ones with `_tx1`, `_tx2` … behind; with a bandwidth,
-    /// the channel (users, receive ports, transmit ports, subcarriers).
+    /// DeepMIMO's matrices of the first transmitter, between the first ports, under their names, of further ones with `_tx1`, `_tx2` … behind;
+    /// with a bandwidth or several ports the channel (users, receive ports, transmit ports, subcarriers; without a bandwidth at the carrier alone).
     fn deepmimo(&self, setup: &LinkSetup, traced: &Traced<'_>, subcarriers: Option<Subcarriers>) -> Vec<Array> {
         let set = &traced.set;
         let (f, n_tx, users) = (set.frequency_hz, set.transmitters.len(), set.receivers.len());
@@ -209,8 +229,8 @@ impl Paths {
         for tx in 0..n_tx {
             let suffix = if tx == 0 { String::new() } else { format!("_tx{tx}") };
             let mut of_tx = deepmimo_arrays(set, tx);
-            if let Some(subcarriers) = subcarriers {
-                let offsets = subcarriers.offsets_hz();
+            if subcarriers.is_some() || rows * columns > 1 {
+                let offsets = subcarriers.map_or_else(|| vec![0.0], |s| s.offsets_hz());
                 let mut h = vec![[0.0; 2]; users * rows * columns * offsets.len()];
                 for user in 0..users {
                     let at = user * n_tx + tx;

@@ -2,15 +2,15 @@
 
 use super::{Verdict, show};
 use crate::link::Point;
-use crate::radio_sensor::{Extent, RadioSensor, radio_settings};
-use crate::run::{claim_output, write_json};
+use crate::radio_sensor::{Extent, RadioSensor, sensor_settings, warn_of_open_bodies};
+use crate::run::{claim_fresh, write_json};
 use anyhow::{Result, ensure};
 use clap::{Args, ValueEnum};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::{Antenna, RadioSettings, RadioTracer, Search, Solids};
 use corf_raytrace::spectrum::{Grid, SpectrumSettings, share_in_frame};
 use corf_scene::config::{RfConfig, SceneConfig, SpectrumKind, from_toml};
-use corf_scene::dataset::Quantity;
+use corf_scene::dataset::{EQUIRECTANGULAR_AXES, Quantity};
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3, io};
 use glam::DVec3;
@@ -41,7 +41,7 @@ pub struct Spectrum {
     #[arg(long, value_parser = size)]
     size: Option<(usize, usize)>,
     /// Full horizontal field of view of the pinhole camera, degrees.
-    #[arg(long, default_value_t = 90.0)]
+    #[arg(long, default_value_t = 90.0, allow_hyphen_values = true)]
     fov_deg: f64,
     /// One of the scene's [transmitters], instead of its [transmitter].
     #[arg(long)]
@@ -62,16 +62,16 @@ pub struct Spectrum {
     #[arg(long, default_value_t = 250_000)]
     directions: usize,
     /// Standard deviation of an mpc lobe, degrees per axis.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, allow_hyphen_values = true)]
     lobe_deg: f64,
     /// Bandwidth of the coherent kinds, Hz: delays are told apart to its inverse.
-    #[arg(long, default_value_t = 1e9)]
+    #[arg(long, default_value_t = 1e9, allow_hyphen_values = true)]
     bandwidth: f64,
     /// Diagonal loading of mvdr, in mean eigenvalues of the covariance: the less, the narrower its peaks.
-    #[arg(long, default_value_t = 0.1)]
+    #[arg(long, default_value_t = 0.1, allow_hyphen_values = true)]
     loading: f64,
     /// Width of the pictures' range under each spectrum's peak, dB.
-    #[arg(long, default_value_t = 70.0)]
+    #[arg(long, default_value_t = 70.0, allow_hyphen_values = true)]
     range_db: f64,
     /// Seed of the phases that diffuse power is given in the coherent kinds.
     #[arg(long, default_value_t = 0)]
@@ -133,6 +133,9 @@ impl Spectrum {
         let up = if (towards - rx).normalize().cross(DVec3::Z).length() > 1e-6 { DVec3::Z } else { DVec3::X };
         let pose = Rigid3::looking_at(rx, towards, up);
         let grid = self.grid_of(&rf);
+        if rf.transmission {
+            warn_of_open_bodies(&scene);
+        }
 
         let bvh = Bvh::build(&scene);
         let settings = RadioSettings {
@@ -141,13 +144,13 @@ impl Spectrum {
             diffraction: rf.diffraction,
             search: Search::Auto { rays: rf.rays },
             tx_antenna: Antenna::from(transmitter),
-            ..radio_settings(&config)
+            ..sensor_settings(&config)
         };
         let tracer = RadioTracer::new(&scene, &bvh, settings)?;
         let sensor = RadioSensor::new(&rf, self.seed, transmitter, &config.receiver, &scene, &tracer)?;
         let kinds: Vec<SpectrumKind> = self.kind.iter().map(|kind| SpectrumKind::from(*kind)).collect();
         let received = sensor.receive(&pose, Extent::needed(&kinds, grid, config.receiver.rear))?;
-        claim_output(&self.out, false)?;
+        claim_fresh(&self.out)?;
         let all = received.looks.concat();
         let power: f64 = all.iter().map(|a| a.power).sum();
         let mut spectra = Vec::new();
@@ -167,8 +170,9 @@ impl Spectrum {
             "world_from_camera": pose.to_rows(),
             "grid": match grid {
                 Grid::Pinhole(camera) => json!({ "pinhole": camera }),
-                Grid::Sphere(sphere) => json!({ "equirectangular": sphere }),
+                Grid::Sphere(sphere) => json!({ "equirectangular": sphere, "axes": EQUIRECTANGULAR_AXES }),
             },
+            "power_reference": "1 W transmitted",
             "paths": received.paths.len(),
             "diffuse_arrivals": received.diffuse.len(),
             "received_power_db": (power > 0.0).then(|| 10.0 * power.log10()),

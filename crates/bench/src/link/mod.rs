@@ -4,13 +4,14 @@ mod receivers;
 
 pub use receivers::receivers;
 
+use crate::radio_sensor::warn_of_open_bodies;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::radio::{
     Antenna, AntennaArray, AntennaPattern, DiffuseSettings, PlanarArray, Polarization, RadioSettings, Search, Solids,
 };
 use corf_scene::config::{Orientation, SceneConfig, read_toml};
-use corf_scene::{Error, Scene, Severity, radio_check};
+use corf_scene::{Error, Scene};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -44,9 +45,9 @@ pub struct LinkConfig {
     pub tx_power_dbm: f64,
     /// Seed of the diffuse field's phases.
     pub seed: u64,
-    /// The transmit array; what it leaves out is the scene's `[transmitter]`.
+    /// The transmit array; the element and the spacing that it leaves out are those of the scene's `[transmitter]`.
     pub transmitter: ArrayConfig,
-    /// The receive array; what it leaves out is the scene's `[receiver]`.
+    /// The receive array; the element and the spacing that it leaves out are those of the scene's `[receiver]`.
     pub receiver: ArrayConfig,
 }
 
@@ -58,7 +59,7 @@ pub struct ArrayConfig {
     pub rows: Option<usize>,
     /// Elements along array y. Default 1.
     pub cols: Option<usize>,
-    /// Element spacing in wavelengths, `0.5` or `[between columns, between rows]`. Default 0.5.
+    /// Element spacing in wavelengths, `0.5` or `[between columns, between rows]`.
     pub spacing_wavelengths: Option<Spacing>,
     /// Element pattern.
     pub pattern: Option<AntennaPattern>,
@@ -213,17 +214,22 @@ impl LinkSetup {
             );
         }
         let place = |end: &str| arguments.config.as_ref().map_or(end.to_owned(), |p| format!("{}: [{end}]", p.display()));
-        let tx_array = array(&link.transmitter, tx_grid, Antenna::from(&config.transmitter), &place("transmitter"))?;
-        let rx_element = Antenna::element_of(&config.receiver, DMat3::IDENTITY);
-        let rx_array = array(&link.receiver, rx_grid, rx_element, &place("receiver"))?;
+        let of_scene = (Antenna::from(&config.transmitter), config.transmitter.spacing_wavelengths);
+        let tx_array = array(&link.transmitter, tx_grid, of_scene, &place("transmitter"))?;
+        let of_scene = (Antenna::element_of(&config.receiver, DMat3::IDENTITY), config.receiver.spacing_wavelengths);
+        let rx_array = array(&link.receiver, rx_grid, of_scene, &place("receiver"))?;
         let scene = config.load_scene()?;
         config.check_radio(&scene)?;
         if link.transmission {
-            let warnings = radio_check::body_findings(&scene).into_iter().filter(|f| f.severity == Severity::Warning);
-            warnings.for_each(|finding| eprintln!("{finding}"));
+            warn_of_open_bodies(&scene);
         }
         let solids = Solids::of(&scene);
         Ok(Self { config, scene, link, tx_array, rx_array, solids })
+    }
+
+    /// How many pairs of ports there are.
+    pub fn ports(&self) -> usize {
+        self.tx_array.ports() * self.rx_array.ports()
     }
 
     /// What the tracer is to do.
@@ -271,14 +277,14 @@ impl LinkSetup {
     }
 }
 
-/// The array asked for, of the scene's elements. One element keeps the scene's beam; the ports of several are no beam.
-fn array(given: &ArrayConfig, grid: Option<Grid>, scene: Antenna, place: &str) -> Result<AntennaArray> {
+/// The array asked for, of the scene's elements at the scene's spacing. One element keeps the scene's beam; the ports of several are no beam.
+fn array(given: &ArrayConfig, grid: Option<Grid>, (scene, spacing): (Antenna, [f64; 2]), place: &str) -> Result<AntennaArray> {
     let rows = grid.map_or(given.rows.unwrap_or(1), |g| g.rows);
     let columns = grid.map_or(given.cols.unwrap_or(1), |g| g.columns);
     let spacing_wavelengths = match given.spacing_wavelengths {
         Some(Spacing::Both(s)) => [s, s],
         Some(Spacing::Each(pair)) => pair,
-        None => [0.5, 0.5],
+        None => spacing,
     };
     let sides = 1..=MAX_SIDE;
     let spaced = spacing_wavelengths.iter().all(|s| s.is_finite() && *s > 0.0);

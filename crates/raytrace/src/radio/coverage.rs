@@ -1,6 +1,6 @@
 //! Coverage: the noncoherent path gain of one transmitter on the cells of a plane.
 
-use super::{Arrival, DiffuseField, Path, Solids, Transmitter};
+use super::{Arrival, DiffuseField, RadioSettings, Solids, Transmitter};
 use corf_scene::{Error, Raster, Result, Scene};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -111,7 +111,7 @@ impl CoveragePlane {
     }
 }
 
-/// Σ|a|² at the centre of every cell, linear, relative to 1 W transmitted; not a number where a closed body parts the cell from the
+/// The power of all paths at the centre of every cell ([`super::Path::received`]), linear, relative to 1 W transmitted; not a number where a closed body parts the cell from the
 /// transmitter, and where its centre lies on a surface. `progress` is told the rows done after each of them, and may end the work.
 ///
 /// # Errors
@@ -124,13 +124,14 @@ pub fn coverage<E: From<Error>>(
     mut progress: impl FnMut(usize) -> Result<(), E>,
 ) -> Result<Raster<f32>, E> {
     let tx = transmitter.position();
+    let RadioSettings { tx_antenna, rx_antenna, .. } = transmitter.tracer.settings();
     let gain = |rx: DVec3| -> Result<f32> {
         let nowhere = rx.distance(tx) < MIN_SEPARATION_M || transmitter.tracer.face_at(rx).is_some();
         if nowhere || solids.parting(tx, rx).is_some() {
             return Ok(f32::NAN);
         }
         let paths: f64 = match transmitter.paths(rx) {
-            Ok(paths) => paths.iter().map(Path::power).sum(),
+            Ok(paths) => paths.iter().map(|path| path.received(tx_antenna, rx_antenna)).sum(),
             // A place where nothing can be received, such as a surface, is a cell without a value.
             Err(Error::Invalid { .. }) => return Ok(f32::NAN),
             Err(other) => return Err(other),

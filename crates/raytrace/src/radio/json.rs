@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 /// The paths of one transmitter–receiver pair.
 ///
 /// Per path: `types` (letters, TX → RX), `interactions` (flags: specular 1, diffuse 2, refraction 4, diffraction 8), `objects`, `vertices`
-/// (metres), `a` (`[re, im]`), `tau` (s), `length_m`, `theta_r`, `phi_r`, `theta_t`, `phi_t` (radians; θ zenith, φ azimuth).
+/// (metres), `a` (`[re, im]`, between the first ports), `tau` (s), `length_m`, `theta_r`, `phi_r`, `theta_t`, `phi_t` (radians; θ zenith, φ azimuth).
 pub fn paths_to_json(scene: &Scene, frequency_hz: f64, tx: DVec3, rx: DVec3, paths: &[Path]) -> Value {
     let name = |object: u32| scene.objects.get(object as usize).map_or("", |o| o.name.as_str());
     let list: Vec<Value> = paths
@@ -34,7 +34,6 @@ pub fn paths_to_json(scene: &Scene, frequency_hz: f64, tx: DVec3, rx: DVec3, pat
         "frequency_hz": frequency_hz,
         "tx": tx.to_array(),
         "rx": rx.to_array(),
-        "total_power_db": 10.0 * paths.iter().map(Path::power).sum::<f64>().log10(),
         "paths": list,
     })
 }

@@ -101,7 +101,7 @@ pub struct RadioSettings {
     /// Faces smaller than this do not reflect specularly, m². The tessellation of a curved object yields flashes from facets far
     /// smaller than the first Fresnel zone (0.04 m² half way along 5 m at 60 GHz), where the image method has no meaning; 0 keeps all.
     pub min_face_area_m2: f64,
-    /// Paths weaker than this are dropped, dB relative to 1 W transmitted.
+    /// Paths of less power ([`Path::received`]) than this are dropped, dB relative to 1 W transmitted.
     pub min_gain_db: f64,
     /// Transmit antenna.
     pub tx_antenna: Antenna,
@@ -147,6 +147,9 @@ impl RadioSettings {
         }
         if self.max_depth > MAX_DEPTH {
             return fault("max_depth", format!("{}", self.max_depth), "at most 5 interactions are supported");
+        }
+        if self.min_gain_db.is_nan() {
+            return fault("min_gain_db", "it is no number".into(), "give decibels, e.g. -200");
         }
         if !(self.min_face_area_m2.is_finite() && self.min_face_area_m2 >= 0.0) {
             return fault("min_face_area_m2", format!("{}", self.min_face_area_m2), "give an area of at least 0");

@@ -103,6 +103,13 @@ impl Path {
         self.a.norm_squared()
     }
 
+    /// Power received for 1 W transmitted: transmit ports share it and send independent signals, what receive ports get adds. With one
+    /// port each |a|².
+    pub fn received(&self, tx: &Antenna, rx: &Antenna) -> f64 {
+        let pairs = (0..rx.ports()).flat_map(|r| (0..tx.ports()).map(move |t| (t, r)));
+        pairs.map(|(t, r)| self.coefficient(tx, t, rx, r).norm_squared()).sum::<f64>() / tx.ports() as f64
+    }
+
     /// The coefficient between a port of one antenna and a port of another, without the propagation phase: C_RXᵀ·transfer·C_TX.
     pub fn coefficient(&self, tx: &Antenna, tx_port: usize, rx: &Antenna, rx_port: usize) -> Complex {
         let components = |antenna: &Antenna, port: usize, direction: DVec3| {
@@ -227,6 +234,22 @@ impl<'a> RadioTracer<'a> {
         }
     }
 
+    /// Refuses a receiver that is not finite, on a surface, or where the transmitter is.
+    ///
+    /// # Errors
+    /// Where it is and what is wrong there.
+    pub fn check_receiver(&self, tx: DVec3, rx: DVec3) -> Result<()> {
+        self.check_position("receiver", rx)?;
+        if rx.distance(tx) < MIN_SEPARATION_M {
+            return Err(Error::invalid(
+                "receiver",
+                format!("it coincides with the transmitter at {rx}"),
+                "move one of them; the free-space law diverges at distance 0",
+            ));
+        }
+        Ok(())
+    }
+
     /// All paths between two points: [`RadioTracer::transmitter`] and [`Transmitter::paths`] in one.
     ///
     /// # Errors
@@ -261,14 +284,7 @@ impl<'t, 'a> Transmitter<'t, 'a> {
     /// # Errors
     /// A receiver that is not finite, on a surface, or coincides with the transmitter.
     pub fn paths(&self, rx: DVec3) -> Result<Vec<Path>> {
-        self.tracer.check_position("receiver", rx)?;
-        if rx.distance(self.tx) < MIN_SEPARATION_M {
-            return Err(Error::invalid(
-                "receiver",
-                format!("it coincides with the transmitter at {rx}"),
-                "move one of them; the free-space law diverges at distance 0",
-            ));
-        }
+        self.tracer.check_receiver(self.tx, rx)?;
         let mut paths: Vec<Path> = Vec::new();
         let direct = self.tracer.trace(self.tx, rx, &Chain::line_of_sight(self.tx));
         paths.extend(direct.filter(|path| self.tracer.settings.line_of_sight || !path.interactions.is_empty()));

@@ -186,7 +186,8 @@ impl RadioTracer<'_> {
         let transfer = [theta_hat(arrival), phi_hat(arrival)].map(|axis| e.map(|e| e.along(axis) * spreading));
         let mut path =
             Path { interactions, length_m, delay_s: length_m / SPEED_OF_LIGHT, a: Complex::ZERO, transfer, arrival, departure };
-        path.a = path.coefficient(&self.settings.tx_antenna, 0, &self.settings.rx_antenna, 0);
-        (path.power() >= 10f64.powf(self.settings.min_gain_db / 10.0)).then_some(path)
+        let [tx, rx] = [&self.settings.tx_antenna, &self.settings.rx_antenna];
+        path.a = path.coefficient(tx, 0, rx, 0);
+        (path.received(tx, rx) >= 10f64.powf(self.settings.min_gain_db / 10.0)).then_some(path)
     }
 }

@@ -138,6 +138,7 @@ impl RfConfig {
     pub fn validate(&self, place: &str) -> Result<()> {
         let fail = |key: &str, what: String, help: &str| Err(Error::invalid(format!("{place}: {key}"), what, help));
         let rf = self;
+        check_fov(&format!("{place}: rf.horizontal_fov_deg"), rf.horizontal_fov_deg)?;
         for (key, value) in [
             ("rf.patch_size_m", rf.patch_size_m),
             ("rf.lobe_width_deg", rf.lobe_width_deg),
@@ -379,21 +380,13 @@ impl DatasetConfig {
         if self.seed > i64::MAX as u64 {
             return fail("seed", format!("{} is above 2^63 - 1", self.seed), "use a smaller seed");
         }
-        for (table, w, h, fov) in [
-            ("optical", self.optical.width, self.optical.height, self.optical.horizontal_fov_deg),
-            ("rf", self.rf.width, self.rf.height, self.rf.horizontal_fov_deg),
-        ] {
+        for (table, w, h) in [("optical", self.optical.width, self.optical.height), ("rf", self.rf.width, self.rf.height)] {
             if !(1..=MAX_IMAGE_SIDE).contains(&w) || !(1..=MAX_IMAGE_SIDE).contains(&h) {
                 return fail(table, format!("an image of {w}x{h} pixels"), "give 1 to 16384 pixels a side");
             }
-            if !(fov > 0.0 && fov < 180.0) {
-                return fail(
-                    &format!("{table}.horizontal_fov_deg"),
-                    format!("{fov} degrees is no pinhole's field of view"),
-                    "give more than 0 and less than 180 degrees",
-                );
-            }
         }
+        let place = format!("{}: optical.horizontal_fov_deg", self.source.display());
+        check_fov(&place, self.optical.horizontal_fov_deg)?;
         if self.optical.samples_per_pixel == 0 || self.optical.max_bounces == 0 {
             return fail("optical", "samples_per_pixel and max_bounces must be at least 1".into(), "e.g. 64 and 6");
         }
@@ -415,6 +408,14 @@ impl DatasetConfig {
         }
         Ok(())
     }
+}
+
+fn check_fov(place: &str, fov_deg: f64) -> Result<()> {
+    if fov_deg > 0.0 && fov_deg < 180.0 {
+        return Ok(());
+    }
+    let what = format!("{fov_deg} degrees is no pinhole's field of view");
+    Err(Error::invalid(place, what, "give more than 0 and less than 180 degrees"))
 }
 
 #[cfg(test)]

@@ -10,8 +10,11 @@ use std::path::Path;
 /// The file cannot be read, is no TOML, or has an unknown, missing or mistyped key; the message names file, line and column.
 pub fn read_toml<T: DeserializeOwned>(path: impl AsRef<Path>) -> Result<T> {
     let path = path.as_ref();
-    let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
-    from_toml(&text, &path.display().to_string())
+    let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
+    let name = path.display().to_string();
+    let help = "give a configuration file (.toml); a mesh is named in one, as `file` of its [scene]";
+    let text = String::from_utf8(bytes).map_err(|_| Error::invalid(name.as_str(), "it is not text", help))?;
+    from_toml(&text, &name)
 }
 
 /// Reads TOML text into `T`; `file` names it in messages.

@@ -8,6 +8,10 @@ use std::collections::BTreeMap;
 /// Topic → question → answer. Numbers are those of this dataset; where a machine should read them they stand in `header` as well.
 pub type Conventions = BTreeMap<String, BTreeMap<String, String>>;
 
+/// The axes of an [`crate::Equirectangular`] image.
+pub const EQUIRECTANGULAR_AXES: &str = "equirectangular in the array frame; columns from azimuth +180 (left edge) to -180 degrees, rows from \
+                                        elevation +90 (top) to -90 degrees, boresight in the middle, pixel centres at +0.5";
+
 /// The conventions of the dataset that `header` describes and whose spectra were mapped to images over `range`.
 pub(super) fn of(header: &DatasetHeader, range: &DbRange) -> Conventions {
     let topics: [(&str, Vec<(&str, String)>); 10] = [
@@ -63,12 +67,7 @@ fn cameras(header: &DatasetHeader) -> Vec<(&'static str, String)> {
         ("co_location", "the optical and the RF camera share position and axes; only their intrinsics differ".into()),
     ];
     if header.sphere.is_some() {
-        list.push((
-            "sphere",
-            "rf/sphere: equirectangular in the array frame; columns from azimuth +180 (left edge) to -180 degrees, rows from elevation \
-             +90 (top) to -90 degrees, boresight in the middle, pixel centres at +0.5"
-                .into(),
-        ));
+        list.push(("sphere", format!("rf/sphere: {EQUIRECTANGULAR_AXES}")));
     }
     list
 }

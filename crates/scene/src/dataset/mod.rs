@@ -21,7 +21,7 @@ mod reader;
 mod validate;
 mod writer;
 
-pub use conventions::Conventions;
+pub use conventions::{Conventions, EQUIRECTANGULAR_AXES};
 pub use export::ColoredPoint;
 pub use header::{DATASET_SCHEMA, DatasetHeader, MaterialRecord, Quantity, SamplingError, Summary};
 pub use reader::Dataset;

@@ -9,7 +9,7 @@ use super::spectrum::Kind;
 use super::{Verdict, show};
 use crate::generate;
 use crate::progress::Progress;
-use crate::radio_sensor::{Extent, element_at, noncoherent};
+use crate::radio_sensor::{Extent, element_at, noncoherent, sensor_settings};
 use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -158,7 +158,7 @@ impl Radio {
             max_depth: self.depth.unwrap_or(config.rf.max_reflections),
             transmission: config.rf.transmission,
             search: Search::Auto { rays: config.rf.rays },
-            ..generate::radio_settings(&scene_config)
+            ..sensor_settings(&scene_config)
         };
         let mut sampling = generate::diffuse_settings(&config.rf);
         sampling.directions = self.directions.unwrap_or(sampling.directions);

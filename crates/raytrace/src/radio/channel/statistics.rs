@@ -1,20 +1,22 @@
 //! One link in numbers: power, delay spread, angular spreads, K-factor.
 
-use super::super::{Arrival, Path};
-use super::rays;
+use super::super::{Antenna, Arrival, Path};
+use super::{Complex, rays};
+use crate::spectrum::looks;
 use serde::Serialize;
 
-/// One transmitter–receiver pair between the antennas the paths were traced with. What does not exist is `None`: everything where nothing
-/// arrives, the K-factor without a line of sight.
+/// One transmitter–receiver pair between one element each. Powers are of all their ports: transmit ports share the power and send
+/// independent signals, what receive ports get adds ([`Path::received`]). What does not exist is `None`: everything where nothing arrives, the
+/// K-factor without a line of sight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LinkStatistics {
     /// Whether an unobstructed ray arrives.
     pub line_of_sight: bool,
     /// Power arriving for the stated transmit power, noncoherent (its mean over small displacements), dBm.
     pub rssi_dbm: Option<f64>,
-    /// 10·log10 Σ|a_i|²: the noncoherent path gain, dB.
+    /// 10·log10 Σ|a_i|², diffuse power among it: the noncoherent path gain, dB.
     pub path_gain_db: Option<f64>,
-    /// 20·log10 |Σ a_i e^{−j2πf_cτ_i}|: the gain at the carrier at this very point, dB.
+    /// 10·log10 |Σ a_i e^{−j2πf_cτ_i}|², over pairs of ports as powers are: the gain at the carrier at this very point, dB.
     pub path_gain_coherent_db: Option<f64>,
     /// Power-weighted mean delay from transmission, seconds.
     pub mean_delay_s: Option<f64>,
@@ -35,27 +37,39 @@ pub struct LinkStatistics {
 }
 
 impl LinkStatistics {
-    /// The statistics of `paths` and of the `diffuse` arrivals beside them; `seed` draws the phases of the latter for the coherent gain.
-    pub fn of(paths: &[Path], diffuse: &[Arrival], frequency_hz: f64, tx_power_dbm: f64, seed: u64) -> Self {
-        let mut arrivals: Vec<Arrival> = paths.iter().map(|p| Arrival::from_path(p, frequency_hz)).collect();
-        let resolved: f64 = arrivals.iter().map(|a| a.power).sum();
-        arrivals.extend_from_slice(diffuse);
+    /// The statistics of `paths` between a transmit and a receive element, and of the `diffuse` arrivals beside them (all ports together);
+    /// `seed` draws the phases of the latter for the coherent gain.
+    pub fn of(
+        paths: &[Path],
+        diffuse: &[Arrival],
+        [tx, rx]: [&Antenna; 2],
+        frequency_hz: f64,
+        tx_power_dbm: f64,
+        seed: u64,
+    ) -> Self {
+        let mut looks = looks(paths, tx, rx, frequency_hz);
+        let resolved: f64 = looks.iter().flatten().map(|a| a.power).sum();
+        looks[0].extend_from_slice(diffuse);
+        let coherent =
+            |look: &Vec<Arrival>| rays(look, seed).iter().fold(Complex::ZERO, |sum, ray| sum + ray.gain).norm_squared();
+        let coherent: f64 = looks.iter().map(coherent).sum();
+        let arrivals = looks.concat();
         let total: f64 = arrivals.iter().map(|a| a.power).sum();
-        let direct: f64 = paths.iter().filter(|p| p.interactions.is_empty()).map(Path::power).sum();
+        let power = |path: &Path| path.received(tx, rx);
+        let direct: f64 = paths.iter().filter(|p| p.interactions.is_empty()).map(power).sum();
         let any = |value: f64| (total > 0.0).then_some(value);
         let decibels = |ratio: f64| (ratio > 0.0 && ratio.is_finite()).then(|| 10.0 * ratio.log10());
         let mean_delay_s = arrivals.iter().map(|a| a.power * a.delay_s).sum::<f64>() / total;
         let variance = arrivals.iter().map(|a| a.power * (a.delay_s - mean_delay_s).powi(2)).sum::<f64>() / total;
-        let gain = rays(&arrivals, seed).iter().fold(super::Complex::ZERO, |sum, ray| sum + ray.gain);
         let arrival = |angle: fn(&Path) -> f64, of: fn(&Arrival) -> f64| {
-            circular_spread_deg(paths.iter().map(|p| (p.power(), angle(p))).chain(diffuse.iter().map(|a| (a.power, of(a)))))
+            circular_spread_deg(paths.iter().map(|p| (power(p), angle(p))).chain(diffuse.iter().map(|a| (a.power, of(a)))))
         };
-        let departure = |angle: fn(&Path) -> f64| circular_spread_deg(paths.iter().map(|p| (p.power(), angle(p))));
+        let departure = |angle: fn(&Path) -> f64| circular_spread_deg(paths.iter().map(|p| (power(p), angle(p))));
         Self {
             line_of_sight: direct > 0.0,
             rssi_dbm: decibels(total).map(|gain_db| tx_power_dbm + gain_db),
             path_gain_db: decibels(total),
-            path_gain_coherent_db: decibels(gain.norm_squared()),
+            path_gain_coherent_db: decibels(coherent),
             mean_delay_s: any(mean_delay_s),
             delay_spread_s: any(variance.sqrt()),
             azimuth_spread_of_arrival_deg: arrival(|p| p.aoa().phi, |a| a.direction.y.atan2(a.direction.x)),
@@ -94,6 +108,11 @@ mod tests {
         Arrival { direction, power, delay_s, object: 0, phase_rad: Some(0.0) }
     }
 
+    fn between_isotropic(paths: &[Path], diffuse: &[Arrival], tx_power_dbm: f64, seed: u64) -> LinkStatistics {
+        let antenna = Antenna::default();
+        LinkStatistics::of(paths, diffuse, [&antenna; 2], 60e9, tx_power_dbm, seed)
+    }
+
     fn line_of_sight(length_m: f64, a: f64) -> Path {
         Path {
             interactions: Vec::new(),
@@ -111,7 +130,7 @@ mod tests {
         // Pr = Pt − 20·log10(4πd/λ).
         let wavelength_m = SPEED_OF_LIGHT / 60e9;
         let path = line_of_sight(10.0, wavelength_m / (4.0 * std::f64::consts::PI * 10.0));
-        let s = LinkStatistics::of(&[path], &[], 60e9, 20.0, 0);
+        let s = between_isotropic(&[path], &[], 20.0, 0);
         let expected = 20.0 - 20.0 * (4.0 * std::f64::consts::PI * 10.0 / wavelength_m).log10();
         assert!((s.rssi_dbm.unwrap() - expected).abs() < ROUNDING);
         assert!((s.path_gain_coherent_db.unwrap() - s.path_gain_db.unwrap()).abs() < ROUNDING);
@@ -126,7 +145,7 @@ mod tests {
         let (delay, r) = (40e-9, 0.25);
         let direct = line_of_sight(3.0, 1.0);
         let echo = arrival(DVec3::Y, r, direct.delay_s + delay);
-        let s = LinkStatistics::of(std::slice::from_ref(&direct), &[echo], 60e9, 30.0, 0);
+        let s = between_isotropic(std::slice::from_ref(&direct), &[echo], 30.0, 0);
         assert!((s.delay_spread_s.unwrap() / (delay * r.sqrt() / (1.0 + r)) - 1.0).abs() < ROUNDING);
         assert!((s.k_factor_db.unwrap() - 10.0 * 4f64.log10()).abs() < ROUNDING);
         assert!((s.mean_delay_s.unwrap() - direct.delay_s - delay * r / (1.0 + r)).abs() < 1e-18);
@@ -147,7 +166,7 @@ mod tests {
 
     #[test]
     fn nothing_arriving_has_no_numbers() {
-        let s = LinkStatistics::of(&[], &[], 60e9, 30.0, 0);
+        let s = between_isotropic(&[], &[], 30.0, 0);
         assert_eq!((s.rssi_dbm, s.path_gain_db, s.mean_delay_s, s.k_factor_db, s.line_of_sight), (None, None, None, None, false));
     }
 
@@ -158,7 +177,7 @@ mod tests {
         let total: f64 = diffuse.iter().map(|a| a.power).sum();
         let n = 4000;
         let mean = (0..n)
-            .map(|seed| 10f64.powf(LinkStatistics::of(&[], &diffuse, 60e9, 0.0, seed).path_gain_coherent_db.unwrap() / 10.0))
+            .map(|seed| 10f64.powf(between_isotropic(&[], &diffuse, 0.0, seed).path_gain_coherent_db.unwrap() / 10.0))
             .sum::<f64>()
             / n as f64;
         // |h|² of many random phases is exponential: standard error 1/√n = 1.6 %; five of them.
