@@ -114,3 +114,31 @@ fn a_coverage_map_says_what_single_links_say_whatever_the_threads() {
     );
     assert!(!folder.path().join("x").exists());
 }
+
+/// A horizontal element hears nothing of a vertical wave while level, and a little once it is pitched and turned aside: what a path couples into
+/// is asked at the pose. `corf paths` of both polarisations receives what `corf spectrum` does.
+#[test]
+fn polarisations_are_those_of_the_pose_and_powers_those_of_all_ports() {
+    let folder = tempfile::tempdir().unwrap();
+    let spectrum = |scene: &str, name: &str| -> Value {
+        let (out, towards) = (folder.path().join(name), "1,0,2.5");
+        let arguments = ["spectrum", scene, "--rx", "4,1.2,1.5", "--towards", towards, "--depth", "0", "--no-diffuse"];
+        let more = ["--kind", "bartlett", "--size", "8x6", "--out", text(&out), "--json"];
+        serde_json::from_str(&corf_ok(&[&arguments[..], &more[..]].concat())).unwrap()
+    };
+    let scene = |polarization: &str| {
+        let receiver = format!("[receiver]\npolarization = \"{polarization}\"\n");
+        let inside = folder.path().join(polarization);
+        fs::create_dir(&inside).unwrap();
+        room_with_pillar(&inside, [1.0, 1.5, 2.0], &receiver)
+    };
+    let (h, both) = (scene("H"), scene("VH"));
+    let aside = spectrum(text(&h), "aside");
+    assert_eq!(aside["paths"], 1, "{aside}");
+    assert!(aside["received_power_db"].as_f64().unwrap() < -90.0, "{aside}");
+    // An isotropic pair of polarisations takes all of the wave, however it is turned.
+    let link: Value = serde_json::from_str(&corf_ok(&["paths", text(&both), "--rx", "4,1.2,1.5", "--depth", "0"])).unwrap();
+    let (gain, received) = (link["channel"]["path_gain_db"].as_f64().unwrap(), spectrum(text(&both), "both"));
+    assert!((gain - received["received_power_db"].as_f64().unwrap()).abs() < 1e-6, "{gain} {received}");
+    assert_eq!(link["paths"][0]["a_ports"].as_array().unwrap().len(), 2);
+}
