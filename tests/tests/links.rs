@@ -142,3 +142,27 @@ fn polarisations_are_those_of_the_pose_and_powers_those_of_all_ports() {
     assert!((gain - received["received_power_db"].as_f64().unwrap()).abs() < 1e-6, "{gain} {received}");
     assert_eq!(link["paths"][0]["a_ports"].as_array().unwrap().len(), 2);
 }
+
+/// Several transmitters at once are each what it is alone, with its own antenna.
+#[test]
+fn several_transmitters_keep_their_antennas() {
+    let folder = tempfile::tempdir().unwrap();
+    let extra = "[transmitters.east]\nposition_m = [5.5, 1.5, 2.0]\npattern = \"dipole\"\npolarization = \"VH\"\n\
+                 [transmitters.west]\nposition_m = [0.5, 3.5, 1.0]\npattern = \"tr38901\"\npolarization = \"H\"\n";
+    let scene = room_with_pillar(folder.path(), [1.0, 1.5, 2.0], extra);
+    let ask = |more: &[&str]| -> Value {
+        let arguments = [&["paths", text(&scene), "--rx", "4,1.2,1.5", "--depth", "1"], more].concat();
+        serde_json::from_str(&corf_ok(&arguments)).unwrap()
+    };
+    let together = ask(&["--transmitter", "west", "--transmitter", "east"]);
+    let alone = [ask(&["--transmitter", "west"]), ask(&["--transmitter", "east"])];
+    assert_eq!(together["links"].as_array().unwrap().as_slice(), &alone);
+    assert_ne!(alone[0]["channel"]["path_gain_db"], alone[1]["channel"]["path_gain_db"]);
+    let both = ["paths", text(&scene), "--rx", "4,1.2,1.5", "--transmitter", "west", "--transmitter", "east"];
+    corf_refuses(&[&both[..], &["--tx", "1,1,1"]].concat(), &["--tx", "--transmitter"]);
+    corf_refuses(&[&both[..], &["--format", "sionna"]].concat(), &["--transmitter", "[1, 2] ports"]);
+    let out = folder.path().join("map");
+    let map = ["coverage", text(&scene), "--transmitter", "west", "--transmitter", "east", "--out", text(&out)];
+    corf_refuses(&map, &["--transmitter", "one name"]);
+    assert!(!out.exists());
+}

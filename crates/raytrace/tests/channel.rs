@@ -88,7 +88,7 @@ fn two_users() -> PathSet<'static> {
         transmitters,
         receivers,
         frequency_hz: F,
-        tx_array: array(1, 2),
+        tx_arrays: vec![array(1, 2)],
         rx_array: array(2, 2),
         object_names: vec!["ground"],
     }
@@ -122,7 +122,7 @@ fn sionna_arrays_have_its_shapes_and_sum_to_the_channel() {
     else {
         panic!("types");
     };
-    let h = channel_matrix(set.paths(0, 0), &[], &set.tx_array, &set.rx_array, F, 0);
+    let h = channel_matrix(set.paths(0, 0), &[], &set.tx_arrays[0], &set.rx_array, F, 0);
     for row in 0..4 {
         for column in 0..2 {
             let (mut x, mut y) = (0.0, 0.0);

@@ -3,7 +3,7 @@
 use super::{Verdict, show};
 use crate::coverage_picture::CoveragePicture;
 use crate::interrupt;
-use crate::link::{LinkArgs, LinkSetup, Point};
+use crate::link::{LinkArgs, LinkSetup, Point, TransmitEnd};
 use crate::progress::Progress;
 use crate::run::{claim_fresh, write_json};
 use anyhow::Result;
@@ -48,14 +48,15 @@ impl Coverage {
     /// # Errors
     /// A scene that cannot be read or traced, a plane outside of it, a transmitter inside of a body.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        let setup = LinkSetup::load(&self.scene, &self.link, None, None)?;
+        let mut setup = LinkSetup::load(&self.scene, &self.link, None, None)?;
+        setup.place_transmitter(self.tx.map(|p| p.0))?;
+        let TransmitEnd { position: tx, array } = setup.only_transmitter()?;
         let plane = self.plane_of(&setup)?;
-        let tx = self.tx.map_or(setup.config.transmitter.position(), |p| p.0);
         setup.check_transmitter(tx)?;
         // Whatever can be refused is refused before the work.
         claim_fresh(&self.out)?;
         let bvh = Bvh::build(&setup.scene);
-        let tracer = RadioTracer::new(&setup.scene, &bvh, setup.radio_settings())?;
+        let tracer = RadioTracer::new(&setup.scene, &bvh, setup.radio_settings(&array))?;
         let transmitter = tracer.transmitter(tx)?;
         let directions = self.link.directions.unwrap_or(DIFFUSE_DIRECTIONS);
         let settings = DiffuseSettings { directions, ..setup.diffuse_settings() };

@@ -3,7 +3,7 @@
 use super::{Verdict, print};
 use crate::interrupt;
 pub(super) use crate::link::Point;
-use crate::link::{Grid, LinkArgs, LinkSetup, receivers};
+use crate::link::{Grid, LinkArgs, LinkSetup, TransmitEnd, receivers};
 use crate::progress::Progress;
 use anyhow::Result;
 use clap::{Args, ValueEnum};
@@ -12,10 +12,9 @@ use corf_raytrace::radio::channel::{
     LinkStatistics, Subcarriers, TapFilter, channel_matrix, frequency_response, impulse_response, rays,
 };
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
-use corf_raytrace::radio::{Arrival, Complex, DiffuseField, RadioTracer, json};
+use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseField, RadioTracer, json};
 use corf_scene::npz::{Array, Values, encode_npz};
 use corf_scene::{Error, io};
-use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -27,7 +26,7 @@ const TAPS_AFTER: i64 = 4;
 pub struct Paths {
     /// Scene file (.toml).
     scene: PathBuf,
-    /// Transmitter, world metres; may be repeated. Without it the scene's own.
+    /// Transmitter, world metres; may be repeated: the scene's own there. Without it where that is, or those of --transmitter.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     tx: Vec<Point>,
     /// Receiver, world metres; may be repeated.
@@ -94,8 +93,16 @@ impl Paths {
             }
             _ => {}
         }
-        let setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
-        let channel = self.bandwidth.is_some() || setup.ports() > 1;
+        let mut setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
+        setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
+        let ports: Vec<usize> = setup.transmitters.iter().map(|tx| tx.array.ports()).collect();
+        if self.format == Format::Sionna && ports.iter().any(|n| *n != ports[0]) {
+            let what = format!("{ports:?} ports, where Sionna RT has one transmit array for all");
+            return Err(
+                Error::invalid("--transmitter", what, "give transmitters alike, one at a time, or --format json or npz").into()
+            );
+        }
+        let channel = self.bandwidth.is_some() || setup.has_ports();
         if setup.link.diffuse && (self.format == Format::Sionna || self.format == Format::Npz && !channel) {
             let what = "scattered power has no coefficient that this format could hold";
             let help = "choose --format json, or for npz a --bandwidth: its `channel` has all power; or leave diffuse out";
@@ -117,21 +124,18 @@ impl Paths {
     }
 
     fn trace<'s>(&self, setup: &'s LinkSetup) -> Result<Traced<'s>> {
-        let mut transmitters: Vec<DVec3> = self.tx.iter().map(|p| p.0).collect();
-        if transmitters.is_empty() {
-            transmitters.push(setup.config.transmitter.position());
-        }
+        let transmitters = &setup.transmitters;
         let receivers = receivers(&setup.config, &self.rx, self.rx_file.as_deref(), self.rx_trajectory)?;
         for rx in &receivers {
-            transmitters.iter().try_for_each(|tx| setup.check_link(*tx, *rx))?;
+            transmitters.iter().try_for_each(|tx| setup.check_link(tx.position, *rx))?;
         }
         let bvh = Bvh::build(&setup.scene);
-        let tracer = RadioTracer::new(&setup.scene, &bvh, setup.radio_settings())?;
         let total = transmitters.len() * receivers.len();
         let mut progress = (total > 1).then(|| Progress::start("paths", total, "links"));
         let mut links = vec![Vec::new(); receivers.len()];
         let mut diffuse = vec![Vec::new(); receivers.len()];
-        for (t, &tx) in transmitters.iter().enumerate() {
+        for (t, &TransmitEnd { position: tx, array }) in transmitters.iter().enumerate() {
+            let tracer = RadioTracer::new(&setup.scene, &bvh, setup.radio_settings(&array))?;
             let transmitter = tracer.transmitter(tx)?;
             let field = setup.link.diffuse.then(|| DiffuseField::new(&tracer, tx, &setup.diffuse_settings())).transpose()?;
             for (r, &rx) in receivers.iter().enumerate() {
@@ -147,11 +151,11 @@ impl Paths {
             progress.finish();
         }
         let set = PathSet {
-            transmitters,
+            transmitters: transmitters.iter().map(|tx| tx.position).collect(),
             receivers,
             links: links.into_iter().flatten().collect(),
             frequency_hz: setup.config.radio.frequency_hz,
-            tx_array: setup.tx_array,
+            tx_arrays: transmitters.iter().map(|tx| tx.array).collect(),
             rx_array: setup.rx_array,
             object_names: setup.scene.objects.iter().map(|o| o.name.as_str()).collect(),
         };
@@ -160,8 +164,10 @@ impl Paths {
 
     /// One link as it is, several as a list.
     fn json(&self, setup: &LinkSetup, traced: &Traced<'_>, subcarriers: Option<Subcarriers>) -> Result<String> {
-        let link = |(link, diffuse): (&Link, &Vec<Arrival>)| self.link_json(setup, link, diffuse, subcarriers);
-        let mut links: Vec<Value> = traced.set.links.iter().zip(&traced.diffuse).map(link).collect();
+        let arrays = traced.set.tx_arrays.iter().cycle();
+        let all = traced.set.links.iter().zip(&traced.diffuse).zip(arrays);
+        let mut links: Vec<Value> =
+            all.map(|((link, diffuse), tx)| self.link_json(setup, link, diffuse, tx, subcarriers)).collect();
         let value = match links.len() {
             1 => links.remove(0),
             _ => json!({ "schema": "corf-links/1", "scene": setup.scene.name, "links": links }),
@@ -169,11 +175,18 @@ impl Paths {
         Ok(serde_json::to_string_pretty(&value)?)
     }
 
-    fn link_json(&self, setup: &LinkSetup, link: &Link, diffuse: &[Arrival], subcarriers: Option<Subcarriers>) -> Value {
+    fn link_json(
+        &self,
+        setup: &LinkSetup,
+        link: &Link,
+        diffuse: &[Arrival],
+        tx_array: &AntennaArray,
+        subcarriers: Option<Subcarriers>,
+    ) -> Value {
         let (f, seed) = (setup.config.radio.frequency_hz, setup.link.seed);
         let mut value = json::paths_to_json(&setup.scene, f, link.tx, link.rx, &link.paths);
         value["tx_power_dbm"] = json!(setup.link.tx_power_dbm);
-        let elements @ [tx, rx] = [&setup.tx_array.element, &setup.rx_array.element];
+        let elements @ [tx, rx] = [&tx_array.element, &setup.rx_array.element];
         value["channel"] = json!(LinkStatistics::of(&link.paths, diffuse, elements, f, setup.link.tx_power_dbm, seed));
         value["total_power_db"] = json!(decibels(link.paths.iter().map(|path| path.received(tx, rx)).sum()));
         if setup.link.diffuse {
@@ -193,8 +206,8 @@ impl Paths {
             }
         }
         let pairs = |list: &[Complex]| list.iter().map(|h| [h.re, h.im]).collect::<Vec<_>>();
-        if self.tx_array.is_some() || self.rx_array.is_some() || setup.ports() > 1 {
-            let h = channel_matrix(&link.paths, diffuse, &setup.tx_array, &setup.rx_array, f, seed);
+        if self.tx_array.is_some() || self.rx_array.is_some() || tx_array.ports() * setup.rx_array.ports() > 1 {
+            let h = channel_matrix(&link.paths, diffuse, tx_array, &setup.rx_array, f, seed);
             value["channel_matrix"] = json!({ "shape": [h.rows, h.columns], "h": pairs(&h.values) });
         }
         if let Some(subcarriers) = subcarriers {
@@ -224,9 +237,10 @@ impl Paths {
     fn deepmimo(&self, setup: &LinkSetup, traced: &Traced<'_>, subcarriers: Option<Subcarriers>) -> Vec<Array> {
         let set = &traced.set;
         let (f, n_tx, users) = (set.frequency_hz, set.transmitters.len(), set.receivers.len());
-        let (rows, columns) = (set.rx_array.ports(), set.tx_array.ports());
+        let rows = set.rx_array.ports();
         let mut arrays = vec![Array::new("frequency", &[], Values::F64(vec![f]))];
         for tx in 0..n_tx {
+            let columns = set.tx_arrays[tx].ports();
             let suffix = if tx == 0 { String::new() } else { format!("_tx{tx}") };
             let mut of_tx = deepmimo_arrays(set, tx);
             if subcarriers.is_some() || rows * columns > 1 {
@@ -238,7 +252,7 @@ impl Paths {
                         let matrix = channel_matrix(
                             &set.links[at].paths,
                             &traced.diffuse[at],
-                            &set.tx_array,
+                            &set.tx_arrays[tx],
                             &set.rx_array,
                             f + offset_hz,
                             setup.link.seed,

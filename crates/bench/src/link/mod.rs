@@ -107,9 +107,9 @@ pub struct LinkArgs {
     /// Settings of the link (.toml): max_depth, transmission, diffuse, tx_power_dbm, [transmitter], [receiver] …; flags take precedence.
     #[arg(long, value_name = "RF.toml")]
     pub config: Option<PathBuf>,
-    /// Transmitter of this name in the scene's [transmitters]; without it [transmitter].
+    /// Transmitter of this name in the scene's [transmitters]; without it [transmitter]. `corf paths` takes several.
     #[arg(long, value_name = "NAME")]
-    pub transmitter: Option<String>,
+    pub transmitter: Vec<String>,
     /// Largest number of interactions on a path (default 3).
     #[arg(long)]
     pub depth: Option<usize>,
@@ -176,6 +176,15 @@ impl FromStr for Grid {
     }
 }
 
+/// A transmitter of a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransmitEnd {
+    /// World position, metres.
+    pub position: DVec3,
+    /// Its array.
+    pub array: AntennaArray,
+}
+
 /// A scene ready to be traced.
 pub struct LinkSetup {
     /// The scene file.
@@ -184,8 +193,8 @@ pub struct LinkSetup {
     pub scene: Scene,
     /// How links are traced.
     pub link: LinkConfig,
-    /// Transmit array.
-    pub tx_array: AntennaArray,
+    /// The transmitters asked for, one at least.
+    pub transmitters: Vec<TransmitEnd>,
     /// Receive array.
     pub rx_array: AntennaArray,
     solids: Solids,
@@ -197,8 +206,7 @@ impl LinkSetup {
     /// # Errors
     /// A file that cannot be read, a value out of range, a material that cannot be used.
     pub fn load(scene: &Path, arguments: &LinkArgs, tx_grid: Option<Grid>, rx_grid: Option<Grid>) -> Result<Self> {
-        let mut config = SceneConfig::load(scene)?;
-        config.transmitter = *config.transmitter_named(arguments.transmitter.as_deref(), "--transmitter")?;
+        let config = SceneConfig::load(scene)?;
         let mut link: LinkConfig = arguments.config.as_ref().map(read_toml).transpose()?.unwrap_or_default();
         link.max_depth = arguments.depth.unwrap_or(link.max_depth);
         link.rays = arguments.rays.unwrap_or(link.rays);
@@ -214,8 +222,16 @@ impl LinkSetup {
             );
         }
         let place = |end: &str| arguments.config.as_ref().map_or(end.to_owned(), |p| format!("{}: [{end}]", p.display()));
-        let of_scene = (Antenna::from(&config.transmitter), config.transmitter.spacing_wavelengths);
-        let tx_array = array(&link.transmitter, tx_grid, of_scene, &place("transmitter"))?;
+        let end = |name: Option<&str>| -> Result<TransmitEnd> {
+            let transmitter = config.transmitter_named(name, "--transmitter")?;
+            let of_scene = (Antenna::from(transmitter), transmitter.spacing_wavelengths);
+            let array = array(&link.transmitter, tx_grid, of_scene, &place("transmitter"))?;
+            Ok(TransmitEnd { position: transmitter.position(), array })
+        };
+        let transmitters = match arguments.transmitter.as_slice() {
+            [] => vec![end(None)?],
+            names => names.iter().map(|name| end(Some(name))).collect::<Result<_>>()?,
+        };
         let of_scene = (Antenna::element_of(&config.receiver, DMat3::IDENTITY), config.receiver.spacing_wavelengths);
         let rx_array = array(&link.receiver, rx_grid, of_scene, &place("receiver"))?;
         let scene = config.load_scene()?;
@@ -224,16 +240,49 @@ impl LinkSetup {
             warn_of_open_bodies(&scene);
         }
         let solids = Solids::of(&scene);
-        Ok(Self { config, scene, link, tx_array, rx_array, solids })
+        Ok(Self { config, scene, link, transmitters, rx_array, solids })
     }
 
-    /// How many pairs of ports there are.
-    pub fn ports(&self) -> usize {
-        self.tx_array.ports() * self.rx_array.ports()
+    /// Moves the transmitter to each of these places, if there are any.
+    ///
+    /// # Errors
+    /// Several transmitters: which of them would stand where?
+    pub fn place_transmitter(&mut self, places: impl IntoIterator<Item = DVec3>) -> Result<()> {
+        let array = self.transmitters[0].array;
+        let placed: Vec<TransmitEnd> = places.into_iter().map(|position| TransmitEnd { position, array }).collect();
+        match (placed.is_empty(), self.transmitters.len()) {
+            (true, _) => {}
+            (false, 1) => self.transmitters = placed,
+            _ => {
+                return Err(
+                    Error::invalid("--tx", "several --transmitter have places of their own", "give one or the other").into()
+                );
+            }
+        }
+        Ok(())
     }
 
-    /// What the tracer is to do.
-    pub fn radio_settings(&self) -> RadioSettings {
+    /// The only transmitter.
+    ///
+    /// # Errors
+    /// There are several.
+    pub fn only_transmitter(&self) -> Result<TransmitEnd> {
+        match self.transmitters.as_slice() {
+            [one] => Ok(*one),
+            several => {
+                let what = format!("{} transmitters, and this is about one", several.len());
+                Err(Error::invalid("--transmitter", what, "give one name").into())
+            }
+        }
+    }
+
+    /// Whether any link has more than one pair of ports.
+    pub fn has_ports(&self) -> bool {
+        self.transmitters.iter().any(|tx| tx.array.ports() * self.rx_array.ports() > 1)
+    }
+
+    /// What the tracer is to do for a transmit array.
+    pub fn radio_settings(&self, tx_array: &AntennaArray) -> RadioSettings {
         RadioSettings {
             frequency_hz: self.config.radio.frequency_hz,
             max_depth: self.link.max_depth,
@@ -244,7 +293,7 @@ impl LinkSetup {
             edge_diffraction: self.link.edge_diffraction,
             search: Search::Auto { rays: self.link.rays },
             min_gain_db: self.link.min_gain_db,
-            tx_antenna: self.tx_array.element,
+            tx_antenna: tx_array.element,
             rx_antenna: self.rx_array.element,
             ..RadioSettings::default()
         }

@@ -31,8 +31,8 @@ pub struct PathSet<'s> {
     pub links: Vec<Link>,
     /// Carrier, Hz.
     pub frequency_hz: f64,
-    /// Transmit array.
-    pub tx_array: AntennaArray,
+    /// The array of every transmitter. [`sionna_arrays`] has one shape for all: theirs have as many ports as each other there.
+    pub tx_arrays: Vec<AntennaArray>,
     /// Receive array.
     pub rx_array: AntennaArray,
     /// Names of the scene's objects, by index.

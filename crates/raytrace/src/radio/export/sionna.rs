@@ -24,7 +24,7 @@ const INVALID_DELAY: f64 = -1.0;
 /// | `frequency`, `object_names` | scalar, objects | Hz |
 pub fn sionna_arrays(set: &PathSet<'_>) -> Vec<Array> {
     let (n_rx, n_tx, n) = (set.receivers.len(), set.transmitters.len(), set.max_paths());
-    let (rx_ports, tx_ports, depth) = (set.rx_array.ports(), set.tx_array.ports(), set.max_interactions());
+    let (rx_ports, tx_ports, depth) = (set.rx_array.ports(), set.tx_arrays[0].ports(), set.max_interactions());
     let slots = n_rx * n_tx * n;
     let mut a = vec![[0.0; 2]; slots * rx_ports * tx_ports];
     let mut tau = vec![INVALID_DELAY; slots];
@@ -37,7 +37,7 @@ pub fn sionna_arrays(set: &PathSet<'_>) -> Vec<Array> {
         for tx in 0..n_tx {
             for (i, path) in set.paths(rx, tx).iter().enumerate() {
                 let slot = (rx * n_tx + tx) * n + i;
-                for (pair, h) in path.array_response(&set.tx_array, &set.rx_array).into_iter().enumerate() {
+                for (pair, h) in path.array_response(&set.tx_arrays[tx], &set.rx_array).into_iter().enumerate() {
                     let (r, t) = (pair / tx_ports, pair % tx_ports);
                     a[(((rx * rx_ports + r) * n_tx + tx) * tx_ports + t) * n + i] = [h.re, h.im];
                 }
