@@ -162,9 +162,13 @@ def diffracted_reference(name, room, library, mesh, args):
 def labels_exchanged(room, library, args):
     """By receiver, how `corf check sionna` calls diffracted paths that Sionna RT finds with the ends exchanged: its search loses some
     edges to rounding, where the receiver does not see the face that is lit."""
-    turned = lambda path: f"{path['types'][::-1]} [{', '.join(path['objects'][::-1])}]"
     there = library.specular(room.receivers, [room.tx], args.diffracted_depth, args.diffracted_samples, SEED, diffraction=True)
-    return [{turned(path) for path in paths if "X" in path["types"]} for paths in there[0]]
+    return [{label(p["types"][::-1], p["objects"][::-1]) for p in paths if "X" in p["types"]} for paths in there[0]]
+
+
+def label(types, objects):
+    """How `corf check sionna` calls a path."""
+    return f"{types} [{', '.join(objects)}]"
 
 
 def path_reference(name, room, library, mesh, depth, samples, found, **options):
@@ -250,7 +254,7 @@ def labels_told(corf, scene, room, library, mesh, depth):
         chains = [(index, p["types"], p["vertices"], place) for p, place in zip(paths, places)]
         alike = lambda p, a: a is not None and abs(a - p["a"]) <= compare.MAX_RELATIVE_A * abs(p["a"])
         computed = zip(paths, library.told(tx, receivers, chains, depth))
-        labels.append({f"{p['types']} [{', '.join(p['objects'])}]" for p, a in computed if alike(p, a)})
+        labels.append({label(p["types"], p["objects"]) for p, a in computed if alike(p, a)})
     return labels
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-from . import spectrum
+from . import meshes, spectrum
 from .environment import refuse
 
 WIDTH, HEIGHT = 96, 64
@@ -15,32 +15,19 @@ WIDTH, HEIGHT = 96, 64
 SAME_PLACE_M = 1e-5
 
 
-def text(scene, keyframes, depth, directions):
-    """A dataset file of `bartlett` spectra."""
-    return f"""name = "check"
-scene = "{Path(scene).resolve().as_posix()}"
-keyframes = {keyframes}
-[optical]
-width = 16
-height = 9
-samples_per_pixel = 1
-[rf]
-width = {WIDTH}
-height = {HEIGHT}
-spectrum = "bartlett"
-max_reflections = {depth}
-directions = {directions}
-photons = 3000000
-[split]
-test_every = 2
-"""
+def spectra(depth, directions):
+    """`[rf]` of `bartlett` spectra."""
+    return (
+        f'width = {WIDTH}\nheight = {HEIGHT}\nspectrum = "bartlett"\nmax_reflections = {depth}\ndirections = {directions}\nphotons = 3000000\n'
+    )
 
 
 def generate(corf, scene, folder, receivers, depth, directions):
     """Has `corf` make the data set; returns its spectra, linear (height, width), and per pixel the direction in the array's frame."""
     folder = Path(folder)
     folder.mkdir(parents=True)
-    (folder / "check.toml").write_text(text(scene, len(receivers), depth, directions))
+    described = meshes.dataset_text(len(receivers), Path(scene).resolve().as_posix(), spectra(depth, directions))
+    (folder / "check.toml").write_text(described)
     data = folder / "data"
     corf.run("dataset", "generate", folder / "check.toml", "--out", data)
     keyframes = json.loads((data / "trajectory.json").read_text())["keyframes"]

@@ -152,9 +152,9 @@ def write_scene(folder, parts, radio, scene, keyframes):
     return toml, dataset
 
 
-def dataset_text(keyframes, scene="scene.toml"):
-    """A dataset file at lobby147's radio size."""
+def dataset_text(keyframes, scene="scene.toml", rf="width = 300\nheight = 200\ndirections = 400000\n"):
+    """A dataset file with the smallest of images, at lobby147's radio size unless told."""
     return (
-        f'name = "speed"\nscene = "{scene}"\nkeyframes = {keyframes}\n[optical]\nwidth = 16\nheight = 9\n[rf]\nwidth = 300\nheight = 200\n'
-        "directions = 400000\n[split]\ntest_every = 8\n"
+        f'name = "check"\nscene = "{scene}"\nkeyframes = {keyframes}\n[optical]\nwidth = 16\nheight = 9\n[rf]\n{rf}'
+        "[split]\ntest_every = 8\n"
     )

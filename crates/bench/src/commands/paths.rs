@@ -134,8 +134,12 @@ impl Paths {
         let mut progress = (total > 1).then(|| Progress::start("paths", total, "links"));
         let mut links = vec![Vec::new(); receivers.len()];
         let mut diffuse = vec![Vec::new(); receivers.len()];
+        let traced_from = |array: &AntennaArray| RadioTracer::new(&setup.scene, &bvh, setup.radio_settings(array));
+        let mut tracer = traced_from(&transmitters[0].array)?;
         for (t, &TransmitEnd { position: tx, array }) in transmitters.iter().enumerate() {
-            let tracer = RadioTracer::new(&setup.scene, &bvh, setup.radio_settings(&array))?;
+            if tracer.settings().tx_antenna != array.element {
+                tracer = traced_from(&array)?;
+            }
             let transmitter = tracer.transmitter(tx)?;
             let field = setup.link.diffuse.then(|| DiffuseField::new(&tracer, tx, &setup.diffuse_settings())).transpose()?;
             for (r, &rx) in receivers.iter().enumerate() {

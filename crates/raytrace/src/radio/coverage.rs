@@ -7,8 +7,6 @@ use rayon::prelude::*;
 
 /// More cells than this are more likely a mistaken unit.
 const MAX_CELLS: usize = 16_000_000;
-/// A cell's centre this close to the transmitter has no far field, metres.
-const MIN_SEPARATION_M: f64 = 1e-6;
 
 /// A rectangle of square cells. Row 0 is the top of the picture: the largest v.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,8 +109,9 @@ impl CoveragePlane {
     }
 }
 
-/// The power of all paths at the centre of every cell ([`super::Path::received`]), linear, relative to 1 W transmitted; not a number where a closed body parts the cell from the
-/// transmitter, and where its centre lies on a surface. `progress` is told the rows done after each of them, and may end the work.
+/// The power of all paths at the centre of every cell ([`super::Path::received`]), linear, relative to 1 W transmitted; not a number where a
+/// closed body parts the cell from the transmitter, and where its centre lies on a surface. `progress` is told the rows done after each of
+/// them, and may end the work.
 ///
 /// # Errors
 /// What tracing or `progress` say.
@@ -126,13 +125,12 @@ pub fn coverage<E: From<Error>>(
     let tx = transmitter.position();
     let RadioSettings { tx_antenna, rx_antenna, .. } = transmitter.tracer.settings();
     let gain = |rx: DVec3| -> Result<f32> {
-        let nowhere = rx.distance(tx) < MIN_SEPARATION_M || transmitter.tracer.face_at(rx).is_some();
-        if nowhere || solids.parting(tx, rx).is_some() {
+        if solids.parting(tx, rx).is_some() {
             return Ok(f32::NAN);
         }
         let paths: f64 = match transmitter.paths(rx) {
             Ok(paths) => paths.iter().map(|path| path.received(tx_antenna, rx_antenna)).sum(),
-            // A place where nothing can be received, such as a surface, is a cell without a value.
+            // A place where nothing can be received, a surface or the transmitter's own, is a cell without a value.
             Err(Error::Invalid { .. }) => return Ok(f32::NAN),
             Err(other) => return Err(other),
         };

@@ -1,6 +1,6 @@
 //! One link in numbers: power, delay spread, angular spreads, K-factor.
 
-use super::super::{Antenna, Arrival, Path};
+use super::super::{Angles, Antenna, Arrival, Path};
 use super::{Complex, rays};
 use crate::spectrum::looks;
 use serde::Serialize;
@@ -61,10 +61,9 @@ impl LinkStatistics {
         let decibels = |ratio: f64| (ratio > 0.0 && ratio.is_finite()).then(|| 10.0 * ratio.log10());
         let mean_delay_s = arrivals.iter().map(|a| a.power * a.delay_s).sum::<f64>() / total;
         let variance = arrivals.iter().map(|a| a.power * (a.delay_s - mean_delay_s).powi(2)).sum::<f64>() / total;
-        let arrival = |angle: fn(&Path) -> f64, of: fn(&Arrival) -> f64| {
-            circular_spread_deg(paths.iter().map(|p| (power(p), angle(p))).chain(diffuse.iter().map(|a| (a.power, of(a)))))
-        };
-        let departure = |angle: fn(&Path) -> f64| circular_spread_deg(paths.iter().map(|p| (power(p), angle(p))));
+        let arrival =
+            |angle: fn(Angles) -> f64| circular_spread_deg(arrivals.iter().map(|a| (a.power, angle(Angles::of(a.direction)))));
+        let departure = |angle: fn(Angles) -> f64| circular_spread_deg(paths.iter().map(|p| (power(p), angle(p.aod()))));
         Self {
             line_of_sight: direct > 0.0,
             rssi_dbm: decibels(total).map(|gain_db| tx_power_dbm + gain_db),
@@ -72,10 +71,10 @@ impl LinkStatistics {
             path_gain_coherent_db: decibels(coherent),
             mean_delay_s: any(mean_delay_s),
             delay_spread_s: any(variance.sqrt()),
-            azimuth_spread_of_arrival_deg: arrival(|p| p.aoa().phi, |a| a.direction.y.atan2(a.direction.x)),
-            zenith_spread_of_arrival_deg: arrival(|p| p.aoa().theta, |a| a.direction.z.clamp(-1.0, 1.0).acos()),
-            azimuth_spread_of_departure_deg: departure(|p| p.aod().phi),
-            zenith_spread_of_departure_deg: departure(|p| p.aod().theta),
+            azimuth_spread_of_arrival_deg: arrival(|a| a.phi),
+            zenith_spread_of_arrival_deg: arrival(|a| a.theta),
+            azimuth_spread_of_departure_deg: departure(|a| a.phi),
+            zenith_spread_of_departure_deg: departure(|a| a.theta),
             k_factor_db: decibels(direct / (total - direct).max(0.0)),
             diffuse_share: any(((total - resolved) / total).max(0.0)),
         }
