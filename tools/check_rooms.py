@@ -5,11 +5,12 @@
 
 Every room is traced by Sionna RT to depth 4 (specular and transmitted) and depth 2 (with diffraction, and scattered); float64 coefficients are
 those of the third opinion (`sionna_live/referee.py`) on the triangles that Sionna RT names, of diffracted paths Sionna RT's own. The files have
-the schemas of the published ones and stay in the output folder. Exit code 0: every path is found, and no other but such as have a leg under a
-centimetre, which Sionna RT drops, or as it computes alike once it is told their faces (its search keeps one chain of those that share a hash), or,
-diffracted, finds with the ends exchanged; coefficients within 1e-6, diffracted ones within 1e-4, or 2e-2 with mirrors and slabs (`BY_EDGE_A`);
-scattered powers within tolerance. 1: not so. Bartlett maps are left out: where no direct light arrives, the noise of Sionna RT's mean is above
-what is allowed of them.
+the schemas of the published ones and stay in the output folder. `corf`'s paths, deeper still, are also compared with those of an enumeration that
+tries every chain of mirrors and every edge (`sionna_live/enumeration.py`). Exit code 0: every path is found, and no other but such as have a leg
+under a centimetre, which Sionna RT drops, or as it computes alike once it is told their faces (its search keeps one chain of those that share a
+hash), or, diffracted, as the enumeration has; coefficients within 1e-6, diffracted ones within 1e-4, or 2e-2 with mirrors and slabs (`BY_EDGE_A`);
+scattered powers within tolerance; the enumerated sets are the same. 1: not so. Bartlett maps are left out: where no direct light arrives, the noise
+of Sionna RT's mean is above what is allowed of them.
 """
 
 import argparse
@@ -40,6 +41,7 @@ def arguments():
     parser.add_argument("--samples", type=float, default=1e7, help="rays of Sionna RT for specular and transmitted paths")
     parser.add_argument("--diffracted-depth", type=int, default=2, help="interactions of paths that may diffract")
     parser.add_argument("--diffracted-samples", type=float, default=1e7, help="rays of Sionna RT for them")
+    parser.add_argument("--enumerated-depth", type=int, default=4, help="interactions of enumerated paths; one fewer of those by an edge")
     parser.add_argument("--diffuse-samples", type=float, default=2e6, help="rays of a seed for scattered power")
     parser.add_argument("--diffuse-seeds", type=int, default=12)
     parser.add_argument("--threads", type=int, default=2)
@@ -54,7 +56,7 @@ def arguments():
 def main():
     args = arguments()
     machine = environment.prepare(args.threads)
-    from sionna_live import meshes, ours, rooms, theirs
+    from sionna_live import enumeration, meshes, ours, rooms, theirs
 
     corf, out = ours.Corf(args.corf, args.threads), Path(args.out)
     out.mkdir(parents=True, exist_ok=True)
@@ -62,7 +64,7 @@ def main():
     for name in args.rooms:
         if name not in known:
             environment.refuse(f"there is no room `{name}`\n  help: choose from {', '.join(known)}")
-    rows, passed = [], True
+    rows, enumerated, passed = [], [], True
     with tempfile.TemporaryDirectory() as scratch:
         scratch = Path(scratch)
         lobby = environment.ROOT / "scenes/lobby.toml"
@@ -78,9 +80,10 @@ def main():
             diffracted = diffracted_reference(name, room, library, mesh, args)
             say(f"{name}: Sionna RT, scattered")
             scattered = scattered_reference(name, room, library, mesh, args)
+            whole = enumeration.Enumeration(mesh, library.radio)
             told = lambda: labels_told(corf, scene, room, library, mesh, args.depth)
-            exchanged = lambda: labels_exchanged(room, library, args)
-            kinds = (("specular", specular, told), ("diffracted", diffracted, exchanged), ("scattered", scattered, told))
+            by_edges = lambda: labels_enumerated(room, whole, args.diffracted_depth)
+            kinds = (("specular", specular, told), ("diffracted", diffracted, by_edges), ("scattered", scattered, told))
             for kind, reference, accepts in kinds:
                 file = out / f"{name}-{kind}.json"
                 file.write_text(json.dumps(reference))
@@ -88,16 +91,27 @@ def main():
                 right, found = judge(corf, file, kind, accepts)
                 passed &= right
                 rows += found
+            say(f"{name}: all chains enumerated")
+            right, found = compare_enumerated(name, corf, scene, room, whole, args.enumerated_depth)
+            passed &= right
+            enumerated += found
     lines = [
         f"# Small rooms against Sionna RT: {'agree' if passed else 'DIFFER'}",
         "",
         f"Sionna RT {machine['sionna-rt']}, corf {machine['corf']}; `python tools/check_rooms.py --out FOLDER`.",
         "",
-        "| room | configuration, receiver | agree | missing | ours alone, a leg under 1 cm | ours alone, computed alike when told, or found with the ends exchanged | | faults |",
+        "| room | configuration, receiver | agree | missing | ours alone, a leg under 1 cm | ours alone, computed alike when told, or enumerated | | faults |",
         "|---|---|---:|---:|---:|---:|---|---|",
+        *rows,
+        "",
+        "Every chain of mirrors, and of mirrors and one edge, tried one by one in double precision (`sionna_live/enumeration.py`):",
+        "",
+        "| room, receiver | interactions | paths in both | enumeration alone | `corf` alone | largest distance of a vertex |",
+        "|---|---|---:|---:|---:|---:|",
+        *enumerated,
     ]
-    (out / "README.md").write_text("\n".join(lines + rows) + "\n")
-    print("\n".join(lines + rows))
+    (out / "README.md").write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
     sys.exit(0 if passed else 1)
 
 
@@ -159,11 +173,38 @@ def diffracted_reference(name, room, library, mesh, args):
     return path_reference(name, room, library, mesh, depth, args.diffracted_samples, found, diffraction=True)
 
 
-def labels_exchanged(room, library, args):
-    """By receiver, how `corf check sionna` calls diffracted paths that Sionna RT finds with the ends exchanged: its search loses some
-    edges to rounding, where the receiver does not see the face that is lit."""
-    there = library.specular(room.receivers, [room.tx], args.diffracted_depth, args.diffracted_samples, SEED, diffraction=True)
-    return [{label(p["types"][::-1], p["objects"][::-1]) for p in paths if "X" in p["types"]} for paths in there[0]]
+def float32(room):
+    """The transmitter and the receivers as every side has them."""
+    import numpy as np
+
+    return [np.float32(points).astype(float) for points in (room.tx, room.receivers)]
+
+
+def labels_enumerated(room, whole, depth):
+    """By receiver, how `corf check sionna` calls the diffracted paths there are: Sionna RT's search loses some edges to rounding, where the
+    receiver does not see the face that is lit."""
+    tx, receivers = float32(room)
+    return [{label(types, objects) for types, objects, _ in whole.by_edges(tx, rx, depth)} for rx in receivers]
+
+
+def compare_enumerated(name, corf, scene, room, whole, depth):
+    """Whether `corf paths` has the paths that are enumerated and no other, and rows of the table."""
+    from sionna_live import enumeration
+
+    tx, receivers = float32(room)
+    edge_depth = depth - 1
+    plain = corf.paths(scene, tx, receivers, depth)
+    by_edge = [[p for p in paths if "X" in p["types"]] for paths in corf.paths(scene, tx, receivers, edge_depth, "--diffraction")]
+    rows, passed = [], True
+    for index, rx in enumerate(receivers):
+        for what, paths, expected in (
+            (f"up to {depth}", plain[index], whole.by_mirrors(tx, rx, depth)),
+            (f"up to {edge_depth}, one of them an edge", by_edge[index], whole.by_edges(tx, rx, edge_depth)),
+        ):
+            both, ours, theirs, apart_m = enumeration.compare(paths, expected)
+            passed &= not ours and not theirs
+            rows.append(f"| {name}, rx {index} | {what} | {both} | {len(theirs)} | {len(ours)} | {apart_m:.1e} m |")
+    return passed, rows
 
 
 def label(types, objects):
@@ -173,9 +214,7 @@ def label(types, objects):
 
 def path_reference(name, room, library, mesh, depth, samples, found, **options):
     """A `corf-sionna-ref/1` file of Sionna RT's paths by receiver."""
-    import numpy as np
-
-    tx, receivers = (np.float32(points).astype(float) for points in (room.tx, room.receivers))
+    tx, receivers = float32(room)
     results = [
         {"rx_index": index, "paths": [recorded(path, tx, receivers[index], library, mesh) for path in paths]}
         for index, paths in enumerate(found)
