@@ -6,6 +6,7 @@ mod common;
 use common::*;
 use serde_json::Value;
 use std::fs;
+use std::path::Path;
 
 #[test]
 fn a_link_comes_with_its_statistics_responses_and_matrix() {
@@ -161,8 +162,44 @@ fn several_transmitters_keep_their_antennas() {
     let both = ["paths", text(&scene), "--rx", "4,1.2,1.5", "--transmitter", "west", "--transmitter", "east"];
     corf_refuses(&[&both[..], &["--tx", "1,1,1"]].concat(), &["--tx", "--transmitter"]);
     corf_refuses(&[&both[..], &["--format", "sionna"]].concat(), &["--transmitter", "[1, 2] ports"]);
-    let out = folder.path().join("map");
-    let map = ["coverage", text(&scene), "--transmitter", "west", "--transmitter", "east", "--out", text(&out)];
-    corf_refuses(&map, &["--transmitter", "one name"]);
-    assert!(!out.exists());
+}
+
+/// Maps of several transmitters at once are those of each alone, and the strongest of them.
+#[test]
+fn the_coverage_of_several_transmitters_is_of_the_strongest() {
+    let folder = tempfile::tempdir().unwrap();
+    let extra = "[transmitters.east]\nposition_m = [5.5, 1.5, 2.0]\npattern = \"dipole\"\npolarization = \"VH\"\n\
+                 [transmitters.west]\nposition_m = [0.5, 3.5, 1.0]\npattern = \"tr38901\"\n";
+    let scene = room_with_pillar(folder.path(), [1.0, 1.5, 2.0], extra);
+    let map = |name: &str, transmitters: &[&str]| {
+        let out = folder.path().join(name);
+        let plane = ["coverage", text(&scene), "--height", "1.5", "--cell", "0.5", "--depth", "1", "--out", text(&out)];
+        let named = transmitters.iter().flat_map(|tx| ["--transmitter", tx]);
+        corf_ok(&plane.into_iter().chain(named).collect::<Vec<_>>());
+        out
+    };
+    let (both, west, east) = (map("both", &["west", "east"]), map("west", &["west"]), map("east", &["east"]));
+    for (number, alone) in [&west, &east].into_iter().enumerate() {
+        let together = fs::read(both.join(format!("coverage_tx{number}.exr"))).unwrap();
+        assert_eq!(together, fs::read(alone.join("coverage.exr")).unwrap(), "{number}");
+    }
+    let read = |folder: &Path, name: &str| corf_scene::io::read_exr_f32(folder.join(name)).unwrap();
+    let (gain, of) = (read(&both, "coverage.exr"), read(&both, "association.exr"));
+    let alone = [read(&west, "coverage.exr"), read(&east, "coverage.exr")];
+    let mut cells = [0; 2];
+    for (i, gain) in gain.pixels().iter().enumerate() {
+        let [a, b] = [0, 1].map(|number| alone[number].pixels()[i]);
+        if gain.is_nan() {
+            assert!(a.is_nan() && b.is_nan() && of.pixels()[i].is_nan());
+            continue;
+        }
+        let strongest = usize::from(b > a);
+        cells[strongest] += 1;
+        assert_eq!((*gain, of.pixels()[i]), (a.max(b), strongest as f32));
+    }
+    assert!(cells.iter().all(|n| *n > 10), "{cells:?}");
+    let report: Value = serde_json::from_str(&fs::read_to_string(both.join("coverage.json")).unwrap()).unwrap();
+    for (number, n) in cells.into_iter().enumerate() {
+        assert_eq!(report["transmitters"][number]["cells_strongest"], n, "{report}");
+    }
 }

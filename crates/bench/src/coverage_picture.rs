@@ -1,4 +1,4 @@
-//! A coverage map as a picture: colours, walls, transmitter, axes in metres and a scale.
+//! A coverage map as a picture: colours, walls, transmitters, axes in metres and a scale.
 
 use corf_raytrace::radio::coverage::CoveragePlane;
 use corf_scene::draw::{Anchor, Canvas, Format, hex, text};
@@ -51,7 +51,7 @@ impl<'m> CoveragePicture<'m> {
     }
 
     /// The PNG's bytes.
-    pub fn draw(&self, scene: &Scene, tx: DVec3) -> Vec<u8> {
+    pub fn draw(&self, scene: &Scene, transmitters: &[DVec3]) -> Vec<u8> {
         let plane = self.plane;
         let scale = ((MAP_PIXELS / plane.columns.max(plane.rows) as f64).round()).max(1.0) as usize;
         let (width, height) = (plane.columns * scale, plane.rows * scale);
@@ -79,14 +79,18 @@ impl<'m> CoveragePicture<'m> {
         let per_metre = scale as f64 / plane.cell_m;
         let pixel = |p: DVec2| [(left as f64 + p.x * per_metre) as f32, (top + height) as f32 - (p.y * per_metre) as f32];
         self.walls(&mut canvas, scene, &pixel);
-        let [x, y] = pixel(plane.project(tx));
-        canvas.disc(x, y, 8.0, INK);
-        canvas.disc(x, y, 6.0, hex(0xe8303a));
-        canvas.disc(x, y, 2.0, PAPER);
-        let inside = x > left as f32 && x < (left + width) as f32;
-        let (label_x, anchor) =
-            if inside && x + 60.0 > (left + width) as f32 { (x - 12.0, Anchor::Right) } else { (x + 12.0, Anchor::Left) };
-        text(&mut canvas, "TX", [label_x, y + 5.0], anchor, CAP, PAPER);
+        for (number, tx) in transmitters.iter().enumerate() {
+            let [x, y] = pixel(plane.project(*tx));
+            canvas.disc(x, y, 8.0, INK);
+            canvas.disc(x, y, 6.0, hex(0xe8303a));
+            canvas.disc(x, y, 2.0, PAPER);
+            let inside = x > left as f32 && x < (left + width) as f32;
+            let (label_x, anchor) =
+                if inside && x + 60.0 > (left + width) as f32 { (x - 12.0, Anchor::Right) } else { (x + 12.0, Anchor::Left) };
+            let label = if transmitters.len() == 1 { "TX".into() } else { format!("TX{number}") };
+            text(&mut canvas, &label, [label_x, y + 5.0], anchor, CAP, PAPER);
+        }
+        self.title(&mut canvas, transmitters.len());
         self.axes(&mut canvas, width, height, per_metre);
         self.scale(&mut canvas, width, height);
         canvas.encode(Format::Png)
@@ -108,7 +112,7 @@ impl<'m> CoveragePicture<'m> {
         }
     }
 
-    /// Frame, ticks and a title.
+    /// Frame and ticks.
     fn axes(&self, canvas: &mut Canvas, width: usize, height: usize, per_metre: f64) {
         let plane = self.plane;
         let [left, top, ..] = MARGIN.map(|m| m as f32);
@@ -122,7 +126,7 @@ impl<'m> CoveragePicture<'m> {
             canvas.line(a, b, 1.2, INK);
         }
         // Horizontal planes are labelled in world coordinates, others from their corner.
-        let flat = plane.along_u == DVec3::X && plane.along_v == DVec3::Y;
+        let flat = self.is_ground_plan();
         let from = if flat { DVec2::new(plane.corner.x, plane.corner.y) } else { DVec2::ZERO };
         let sides = [width as f64 / per_metre, height as f64 / per_metre];
         let step = tick_step(sides[0].max(sides[1]));
@@ -144,9 +148,19 @@ impl<'m> CoveragePicture<'m> {
         let names = if flat { ["X m", "Y m"] } else { ["U m", "V m"] };
         text(canvas, names[0], [0.5 * (left + right), bottom + 44.0], Anchor::Middle, CAP, INK);
         text(canvas, names[1], [left - 10.0, top - 12.0], Anchor::Right, CAP, INK);
-        let height_of = if flat { format!(" AT z = {:.2} m", plane.corner.z) } else { String::new() };
-        let title = format!("RSSI{height_of}, {} dBm TRANSMITTED", self.tx_power_dbm);
+    }
+
+    fn title(&self, canvas: &mut Canvas, transmitters: usize) {
+        let [left, top, ..] = MARGIN.map(|m| m as f32);
+        let height_of = if self.is_ground_plan() { format!(" AT z = {:.2} m", self.plane.corner.z) } else { String::new() };
+        let of = if transmitters == 1 { String::new() } else { format!(" OF THE STRONGEST OF {transmitters}") };
+        let title = format!("RSSI{height_of}{of}, {} dBm TRANSMITTED", self.tx_power_dbm);
         text(canvas, &title, [left, top - 38.0], Anchor::Left, CAP + 1.0, INK);
+    }
+
+    /// Whether it is horizontal, columns to the east.
+    fn is_ground_plan(&self) -> bool {
+        self.plane.along_u == DVec3::X && self.plane.along_v == DVec3::Y
     }
 
     /// The colour scale right of the map.

@@ -1,4 +1,4 @@
-//! `corf coverage`: what a transmitter reaches on a plane: EXR, picture, numbers.
+//! `corf coverage`: what transmitters reach on a plane: EXR, picture, numbers.
 
 use super::{Verdict, show};
 use crate::coverage_picture::CoveragePicture;
@@ -9,9 +9,10 @@ use crate::run::{claim_fresh, write_json};
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
-use corf_raytrace::radio::coverage::{CoveragePlane, coverage};
+use corf_raytrace::radio::coverage::{CoveragePlane, coverage, strongest};
 use corf_raytrace::radio::{DiffuseField, DiffuseSettings, RadioTracer};
 use corf_scene::{Error, Raster, io};
+use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -32,12 +33,13 @@ pub struct Coverage {
     /// Side of a cell, metres.
     #[arg(long, value_name = "METRES", default_value_t = 0.25, allow_hyphen_values = true)]
     cell: f64,
-    /// Transmitter, world metres; without it the scene's own.
+    /// Transmitter, world metres; may be repeated: the scene's own there. Without it where that is, or those of --transmitter.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    tx: Option<Point>,
+    tx: Vec<Point>,
     #[command(flatten)]
     link: LinkArgs,
-    /// Folder for coverage.exr (path gain, linear), coverage.png (dBm) and coverage.json.
+    /// Folder for coverage.exr (path gain, linear), coverage.png (dBm) and coverage.json: of several transmitters the strongest in each
+    /// cell, beside coverage_tx0.exr, coverage_tx1.exr … of each, and association.exr, the number of the strongest.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -49,42 +51,53 @@ impl Coverage {
     /// A scene that cannot be read or traced, a plane outside of it, a transmitter inside of a body.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let mut setup = LinkSetup::load(&self.scene, &self.link, None, None)?;
-        setup.place_transmitter(self.tx.map(|p| p.0))?;
-        let TransmitEnd { position: tx, array } = setup.only_transmitter()?;
+        setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
         let plane = self.plane_of(&setup)?;
-        setup.check_transmitter(tx)?;
+        setup.transmitters.iter().try_for_each(|tx| setup.check_transmitter(tx.position))?;
         // Whatever can be refused is refused before the work.
         claim_fresh(&self.out)?;
-        let bvh = Bvh::build(&setup.scene);
-        let tracer = RadioTracer::new(&setup.scene, &bvh, setup.radio_settings(&array))?;
-        let transmitter = tracer.transmitter(tx)?;
         let directions = self.link.directions.unwrap_or(DIFFUSE_DIRECTIONS);
-        let settings = DiffuseSettings { directions, ..setup.diffuse_settings() };
-        let field = setup.link.diffuse.then(|| DiffuseField::new(&tracer, tx, &settings)).transpose()?;
-        let mut progress = Progress::start("coverage", plane.rows, "rows");
-        let gain = coverage(&transmitter, field.as_ref(), setup.solids(), &plane, |rows| {
-            progress.set(rows, plane.rows);
-            interrupt::check()
-        })?;
-        progress.finish();
+        let maps = maps(&setup, &plane, &DiffuseSettings { directions, ..setup.diffuse_settings() })?;
+        let (gain, association) = strongest(&maps);
         if gain.pixels().iter().all(|g| g.is_nan()) {
             let what =
                 format!("no cell has a value: the centres of all {} lie inside of bodies or on surfaces", gain.pixels().len());
             return Err(Error::invalid("coverage plane", what, "give another --height, or smaller cells with --cell").into());
         }
         let picture = CoveragePicture::new(&gain, &plane, setup.link.tx_power_dbm);
-        let report =
-            self.report(&setup, &plane, tx.to_array(), &gain, picture.range_dbm(), field.is_some().then_some(directions));
-        io::write_atomic(self.out.join("coverage.exr"), &io::encode_exr_f32(&gain, "Y")?)?;
-        io::write_atomic(self.out.join("coverage.png"), &picture.draw(&setup.scene, tx))?;
+        let mut report = self.report(&setup, &plane, &gain, picture.range_dbm(), setup.link.diffuse.then_some(directions));
+        let positions: Vec<DVec3> = setup.transmitters.iter().map(|tx| tx.position).collect();
+        let exr = |name: &str, map: &Raster<f32>| -> Result<()> {
+            Ok(io::write_atomic(self.out.join(name), &io::encode_exr_f32(map, "Y")?)?)
+        };
+        if let [tx] = positions.as_slice() {
+            report["tx"] = json!(tx.to_array());
+        } else {
+            exr("association.exr", &association)?;
+            let mut all = Vec::new();
+            for (number, (tx, map)) in positions.iter().zip(&maps).enumerate() {
+                let file = format!("coverage_tx{number}.exr");
+                exr(&file, map)?;
+                let cells = association.pixels().iter().filter(|of| **of == number as f32).count();
+                let rssi_dbm = rssi_dbm(map, setup.link.tx_power_dbm);
+                all.push(json!({ "position": tx.to_array(), "file": file, "cells_strongest": cells, "rssi_dbm": rssi_dbm }));
+            }
+            report["transmitters"] = json!(all);
+            report["association"] = json!(
+                "association.exr, channel Y: the number of the strongest transmitter, counted from 0; -1 where none reaches the cell, NaN as in coverage.exr"
+            );
+        }
+        exr("coverage.exr", &gain)?;
+        io::write_atomic(self.out.join("coverage.png"), &picture.draw(&setup.scene, &positions))?;
         write_json(&self.out.join("coverage.json"), &report)?;
         let rssi = &report["rssi_dbm"];
         let received = match rssi["median"].as_f64() {
             Some(median) => format!("median {median} dBm, 5 % below {} dBm, 5 % above {} dBm", rssi["p5"], rssi["p95"]),
             None => "no path reaches any cell".into(),
         };
+        let whose = if positions.len() == 1 { String::new() } else { format!(" of the strongest of {}", positions.len()) };
         let text = format!(
-            "{} x {} cells of {} m, {} of them inside bodies or on surfaces\nRSSI at {} dBm: {received}\n{}",
+            "{} x {} cells of {} m, {} of them inside bodies or on surfaces\nRSSI{whose} at {} dBm: {received}\n{}",
             plane.columns,
             plane.rows,
             plane.cell_m,
@@ -113,25 +126,16 @@ impl Coverage {
         &self,
         setup: &LinkSetup,
         plane: &CoveragePlane,
-        tx: [f64; 3],
         gain: &Raster<f32>,
         range_dbm: [f64; 2],
         diffuse_directions: Option<usize>,
     ) -> Value {
-        let mut reached: Vec<f64> = gain.pixels().iter().filter(|g| **g > 0.0).map(|g| f64::from(*g)).collect();
-        reached.sort_by(f64::total_cmp);
-        let dbm = |gain: f64| ((10.0 * gain.log10() + setup.link.tx_power_dbm) * 100.0).round() / 100.0;
-        let quantile = |q: f64| {
-            let i = (q * reached.len() as f64) as usize;
-            reached.get(i.min(reached.len().saturating_sub(1))).map(|g| dbm(*g))
-        };
         json!({
             "schema": "corf-coverage/1",
             "scene": setup.scene.name,
             "frequency_hz": setup.config.radio.frequency_hz,
-            "tx": tx,
             "tx_power_dbm": setup.link.tx_power_dbm,
-            "quantity": "coverage.exr, channel Y: noncoherent path gain, the sum of |a|^2 over all paths (transmit ports share the power, powers of receive ports add), linear, relative to 1 W transmitted; NaN where the cell's centre lies inside a closed body or on a surface",
+            "quantity": "coverage.exr, channel Y: noncoherent path gain, the sum of |a|^2 over all paths of the strongest transmitter (transmit ports share the power, powers of receive ports add), linear, relative to 1 W transmitted; NaN where the cell's centre lies inside a closed body or on a surface",
             "picture": "coverage.png: received power, dBm; what lies outside of the range has the colour of its end",
             "range_dbm": range_dbm,
             "plane": {
@@ -145,9 +149,39 @@ impl Coverage {
             },
             "cells_without_value": gain.pixels().iter().filter(|g| g.is_nan()).count(),
             "cells_not_reached": gain.pixels().iter().filter(|g| **g == 0.0).count(),
-            "rssi_dbm": { "min": quantile(0.0), "p5": quantile(0.05), "median": quantile(0.5), "p95": quantile(0.95), "max": quantile(1.0) },
+            "rssi_dbm": rssi_dbm(gain, setup.link.tx_power_dbm),
             "diffuse_directions": diffuse_directions,
             "settings": setup.link,
         })
     }
+}
+
+/// The path gain of every transmitter.
+fn maps(setup: &LinkSetup, plane: &CoveragePlane, diffuse: &DiffuseSettings) -> Result<Vec<Raster<f32>>> {
+    let bvh = Bvh::build(&setup.scene);
+    let total = setup.transmitters.len() * plane.rows;
+    let mut progress = Progress::start("coverage", total, "rows");
+    let mut maps = Vec::with_capacity(setup.transmitters.len());
+    for (number, &TransmitEnd { position: tx, array }) in setup.transmitters.iter().enumerate() {
+        let tracer = RadioTracer::new(&setup.scene, &bvh, setup.radio_settings(&array))?;
+        let field = setup.link.diffuse.then(|| DiffuseField::new(&tracer, tx, diffuse)).transpose()?;
+        maps.push(coverage(&tracer.transmitter(tx)?, field.as_ref(), setup.solids(), plane, |rows| {
+            progress.set(number * plane.rows + rows, total);
+            interrupt::check()
+        })?);
+    }
+    progress.finish();
+    Ok(maps)
+}
+
+/// Quantiles over the cells that are reached.
+fn rssi_dbm(gain: &Raster<f32>, tx_power_dbm: f64) -> Value {
+    let mut reached: Vec<f64> = gain.pixels().iter().filter(|g| **g > 0.0).map(|g| f64::from(*g)).collect();
+    reached.sort_by(f64::total_cmp);
+    let dbm = |gain: f64| ((10.0 * gain.log10() + tx_power_dbm) * 100.0).round() / 100.0;
+    let quantile = |q: f64| {
+        let i = (q * reached.len() as f64) as usize;
+        reached.get(i.min(reached.len().saturating_sub(1))).map(|g| dbm(*g))
+    };
+    json!({ "min": quantile(0.0), "p5": quantile(0.05), "median": quantile(0.5), "p95": quantile(0.95), "max": quantile(1.0) })
 }

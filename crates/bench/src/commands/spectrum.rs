@@ -182,12 +182,15 @@ impl Spectrum {
             "spectra": spectra,
         });
         write_json(&self.out.join("spectrum.json"), &summary)?;
+        let arriving = if power > 0.0 {
+            format!("{:.2} dB in all, {:.1} % of it in the frame", 10.0 * power.log10(), 100.0 * share)
+        } else {
+            "nothing arrives".into()
+        };
         let text = format!(
-            "{} paths and {} diffuse arrivals, {:.2} dB in all, {:.1} % of it in the frame; {} spectra in {}",
+            "{} paths and {} diffuse arrivals, {arriving}; {} spectra in {}",
             received.paths.len(),
             received.diffuse.len(),
-            10.0 * power.log10(),
-            100.0 * share,
             spectra.len(),
             self.out.display()
         );

@@ -107,7 +107,7 @@ pub struct LinkArgs {
     /// Settings of the link (.toml): max_depth, transmission, diffuse, tx_power_dbm, [transmitter], [receiver] …; flags take precedence.
     #[arg(long, value_name = "RF.toml")]
     pub config: Option<PathBuf>,
-    /// Transmitter of this name in the scene's [transmitters]; without it [transmitter]. `corf paths` takes several.
+    /// Transmitter of this name in the scene's [transmitters]; may be repeated. Without it [transmitter].
     #[arg(long, value_name = "NAME")]
     pub transmitter: Vec<String>,
     /// Largest number of interactions on a path (default 3).
@@ -260,20 +260,6 @@ impl LinkSetup {
             }
         }
         Ok(())
-    }
-
-    /// The only transmitter.
-    ///
-    /// # Errors
-    /// There are several.
-    pub fn only_transmitter(&self) -> Result<TransmitEnd> {
-        match self.transmitters.as_slice() {
-            [one] => Ok(*one),
-            several => {
-                let what = format!("{} transmitters, and this is about one", several.len());
-                Err(Error::invalid("--transmitter", what, "give one name").into())
-            }
-        }
     }
 
     /// Whether any link has more than one pair of ports.

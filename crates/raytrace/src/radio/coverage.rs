@@ -1,4 +1,4 @@
-//! Coverage: the noncoherent path gain of one transmitter on the cells of a plane.
+//! Coverage: the noncoherent path gain of transmitters on the cells of a plane.
 
 use super::{Arrival, DiffuseField, RadioSettings, Solids, Transmitter};
 use corf_scene::{Error, Raster, Result, Scene};
@@ -147,4 +147,35 @@ pub fn coverage<E: From<Error>>(
         progress(row + 1)?;
     }
     Ok(Raster::from_vec(plane.columns, plane.rows, cells))
+}
+
+/// Of several transmitters' maps of one plane: the largest gain of every cell, and which map has it (the first of equals): −1 where none is
+/// above 0. Not a number where no map has a value.
+pub fn strongest(maps: &[Raster<f32>]) -> (Raster<f32>, Raster<f32>) {
+    let (columns, rows) = maps.first().map_or((0, 0), |map| (map.width(), map.height()));
+    let cell = |i: usize| {
+        let values = maps.iter().map(|map| map.pixels()[i]).enumerate().filter(|(_, gain)| !gain.is_nan());
+        values.fold((f32::NAN, f32::NAN), |(most, of), (number, gain)| match gain {
+            gain if gain > most || most.is_nan() => (gain, if gain > 0.0 { number as f32 } else { -1.0 }),
+            _ => (most, of),
+        })
+    };
+    let (gain, of) = (0..columns * rows).map(cell).unzip();
+    (Raster::from_vec(columns, rows, gain), Raster::from_vec(columns, rows, of))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_strongest_transmitter_of_a_cell_is_the_first_with_most_gain() {
+        const NAN: f32 = f32::NAN;
+        let maps = [[3.0, 1.0, 2.0, 0.0, NAN, NAN], [1.0, 4.0, 2.0, 0.0, 5.0, NAN]].map(|m| Raster::from_vec(3, 2, m.to_vec()));
+        let (gain, of) = strongest(&maps);
+        assert_eq!((gain.width(), gain.height(), of.width()), (3, 2, 3));
+        assert_eq!(gain.pixels()[..5], [3.0, 4.0, 2.0, 0.0, 5.0]);
+        assert_eq!(of.pixels()[..5], [0.0, 1.0, 0.0, -1.0, 1.0]);
+        assert!(gain.pixels()[5].is_nan() && of.pixels()[5].is_nan());
+    }
 }

@@ -9,7 +9,7 @@ use super::spectrum::Kind;
 use super::{Verdict, show};
 use crate::generate;
 use crate::progress::Progress;
-use crate::radio_sensor::{Extent, element_at, noncoherent, sensor_settings};
+use crate::radio_sensor::{Extent, element_at, noncoherent, sensor_settings, warn_of_open_bodies};
 use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -152,6 +152,9 @@ impl Radio {
         let poses = trajectory::generate_between(way, self.positions.unwrap_or(config.keyframes), config.way)?;
         let scene = scene_config.load_scene()?;
         scene_config.check_radio(&scene)?;
+        if config.rf.transmission {
+            warn_of_open_bodies(&scene);
+        }
         let mut seconds = Stages::default();
         let bvh = timed(&mut seconds.hierarchy, || Bvh::build(&scene));
         let settings = RadioSettings {
