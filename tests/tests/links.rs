@@ -37,6 +37,12 @@ fn a_link_comes_with_its_statistics_responses_and_matrix() {
     let h = &link["frequency_response"]["h"][8];
     let coherent = 10.0 * (h[0].as_f64().unwrap().powi(2) + h[1].as_f64().unwrap().powi(2)).log10();
     assert!((channel["path_gain_coherent_db"].as_f64().unwrap() - coherent).abs() < 1e-6);
+    // There the response of every port is its entry of the channel matrix; taps have a port each as well.
+    let (at_ports, taps) = (&link["frequency_response"]["h_ports"], &link["impulse_response"]["h_ports"]);
+    for port in 0..6 {
+        assert_eq!(at_ports[port][0][8], link["channel_matrix"]["h"][port], "{port}");
+        assert_eq!(taps[port][0].as_array().unwrap().len(), link["impulse_response"]["h"].as_array().unwrap().len());
+    }
 }
 
 #[test]

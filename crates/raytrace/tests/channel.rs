@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use corf_raytrace::radio::channel::{LinkStatistics, Subcarriers, channel_matrix, frequency_response, rays};
+use corf_raytrace::radio::channel::{ArrayLink, LinkStatistics, Subcarriers, frequency_response, rays};
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
 use corf_raytrace::radio::{
     Antenna, AntennaArray, Arrival, PlanarArray, Polarization, RadioSettings, RadioTracer, SPEED_OF_LIGHT,
@@ -122,7 +122,7 @@ fn sionna_arrays_have_its_shapes_and_sum_to_the_channel() {
     else {
         panic!("types");
     };
-    let h = channel_matrix(set.paths(0, 0), &[], &set.tx_arrays[0], &set.rx_array, F, 0);
+    let h = ArrayLink { paths: set.paths(0, 0), diffuse: &[], tx: &set.tx_arrays[0], rx: &set.rx_array, seed: 0 }.matrix(F);
     for row in 0..4 {
         for column in 0..2 {
             let (mut x, mut y) = (0.0, 0.0);
@@ -153,14 +153,8 @@ fn deepmimo_matrices_rebuild_the_narrowband_channel() {
     assert!(power[2..].iter().all(|p| p.is_nan()) && power[0] >= power[1]);
     assert_eq!(&inter[..2], [0.0, 1.0]);
     // Σ √P·e^{jφ} is the channel of one antenna at the carrier, to float32's degrees.
-    let h = channel_matrix(
-        set.paths(0, 0),
-        &[],
-        &AntennaArray::single(Antenna::default()),
-        &AntennaArray::single(Antenna::default()),
-        F,
-        0,
-    );
+    let one = AntennaArray::single(Antenna::default());
+    let h = ArrayLink { paths: set.paths(0, 0), diffuse: &[], tx: &one, rx: &one, seed: 0 }.matrix(F);
     let (mut x, mut y) = (0.0, 0.0);
     for i in 0..2 {
         let (amplitude, angle) = (10f64.powf(f64::from(power[i]) / 20.0), f64::from(phase[i]).to_radians());

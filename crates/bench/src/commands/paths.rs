@@ -9,7 +9,7 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::channel::{
-    LinkStatistics, Subcarriers, TapFilter, channel_matrix, frequency_response, impulse_response, rays,
+    ArrayLink, ChannelMatrix, LinkStatistics, Subcarriers, TapFilter, frequency_response, impulse_response, rays,
 };
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
 use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseField, RadioTracer, json};
@@ -46,7 +46,8 @@ pub struct Paths {
     rx_array: Option<Grid>,
     #[command(flatten)]
     link: LinkArgs,
-    /// Bandwidth over which to give the frequency and impulse response between the first ports (npz: `channel`, all ports), Hz.
+    /// Bandwidth over which to give the frequency and impulse response, Hz: between single elements with the first polarisations (`h`), and of
+    /// several ports between all (`h_ports` by receive and transmit port, as in `a_ports`; npz: `channel`).
     #[arg(long, value_name = "HZ")]
     bandwidth: Option<f64>,
     /// Subcarriers of the frequency response.
@@ -210,8 +211,10 @@ impl Paths {
             }
         }
         let pairs = |list: &[Complex]| list.iter().map(|h| [h.re, h.im]).collect::<Vec<_>>();
-        if self.tx_array.is_some() || self.rx_array.is_some() || tx_array.ports() * setup.rx_array.ports() > 1 {
-            let h = channel_matrix(&link.paths, diffuse, tx_array, &setup.rx_array, f, seed);
+        let ports = tx_array.ports() * setup.rx_array.ports();
+        let between = ArrayLink { paths: &link.paths, diffuse, tx: tx_array, rx: &setup.rx_array, seed };
+        if self.tx_array.is_some() || self.rx_array.is_some() || ports > 1 {
+            let h = between.matrix(f);
             value["channel_matrix"] = json!({ "shape": [h.rows, h.columns], "h": pairs(&h.values) });
         }
         if let Some(subcarriers) = subcarriers {
@@ -230,8 +233,13 @@ impl Paths {
             value["impulse_response"] = json!({
                 "bandwidth_hz": bandwidth_hz,
                 "first_tap": taps.start,
-                "h": pairs(&impulse_response(&rays, bandwidth_hz, taps, TapFilter::Sinc)),
+                "h": pairs(&impulse_response(&rays, bandwidth_hz, taps.clone(), TapFilter::Sinc)),
             });
+            if ports > 1 {
+                let at_offsets: Vec<_> = offsets.iter().map(|offset_hz| between.matrix(f + offset_hz)).collect();
+                value["frequency_response"]["h_ports"] = by_ports(&at_offsets);
+                value["impulse_response"]["h_ports"] = by_ports(&between.taps(f, bandwidth_hz, taps, TapFilter::Sinc));
+            }
         }
         value
     }
@@ -252,16 +260,15 @@ impl Paths {
                 let mut h = vec![[0.0; 2]; users * rows * columns * offsets.len()];
                 for user in 0..users {
                     let at = user * n_tx + tx;
+                    let link = ArrayLink {
+                        paths: &set.links[at].paths,
+                        diffuse: &traced.diffuse[at],
+                        tx: &set.tx_arrays[tx],
+                        rx: &set.rx_array,
+                        seed: setup.link.seed,
+                    };
                     for (k, offset_hz) in offsets.iter().enumerate() {
-                        let matrix = channel_matrix(
-                            &set.links[at].paths,
-                            &traced.diffuse[at],
-                            &set.tx_arrays[tx],
-                            &set.rx_array,
-                            f + offset_hz,
-                            setup.link.seed,
-                        );
-                        for (i, v) in matrix.values.iter().enumerate() {
+                        for (i, v) in link.matrix(f + offset_hz).values.iter().enumerate() {
                             h[(user * rows * columns + i) * offsets.len() + k] = [v.re, v.im];
                         }
                     }
@@ -273,6 +280,13 @@ impl Paths {
         }
         arrays
     }
+}
+
+/// Entries of the matrices by receive and transmit port.
+fn by_ports(matrices: &[ChannelMatrix]) -> Value {
+    let [rows, columns] = matrices.first().map_or([0; 2], |h| [h.rows, h.columns]);
+    let pair = |r: usize, t: usize| matrices.iter().map(|h| h.at(r, t)).map(|h| [h.re, h.im]).collect::<Vec<_>>();
+    json!((0..rows).map(|r| (0..columns).map(|t| pair(r, t)).collect::<Vec<_>>()).collect::<Vec<_>>())
 }
 
 fn decibels(power: f64) -> Option<f64> {

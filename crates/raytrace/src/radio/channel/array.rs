@@ -5,8 +5,10 @@
 //! path's distances; it is what Sionna RT does by default.
 
 use super::super::{AntennaArray, Arrival, Complex, Path};
-use super::random_phase_rad;
+use super::{TapFilter, random_phase_rad};
+use rayon::prelude::*;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// A matrix between the ports of two arrays: one row a receive port, one column a transmit port.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,52 +38,66 @@ impl ChannelMatrix {
     }
 }
 
-/// The channel matrix at `frequency_hz`, the sum of [`Path::array_response`]·e^{−j2πfτ} over the paths; the elements' places are in wavelengths of the
-/// carrier and stay there.
+/// What lies between two arrays.
 ///
 /// Diffuse arrivals know from where they come, not to where they left, nor how their polarisation was turned: they get the receive
 /// array's steering vector and an independent phase for every transmit port and receive polarisation, their power shared equally by the
 /// polarisations. To the transmit array they are spatially white.
-pub fn channel_matrix(
-    paths: &[Path],
-    diffuse: &[Arrival],
-    tx: &AntennaArray,
-    rx: &AntennaArray,
-    frequency_hz: f64,
-    seed: u64,
-) -> ChannelMatrix {
-    let mut sum = ChannelMatrix::zero(rx, tx);
-    for path in paths {
-        let turn = Complex::new(0.0, -TAU * (frequency_hz * path.delay_s).fract()).exp();
-        sum.values.iter_mut().zip(path.array_response(tx, rx)).for_each(|(s, v)| *s = *s + v * turn);
-    }
-    for (i, arrival) in diffuse.iter().enumerate() {
-        add_diffuse(&mut sum, arrival, i as u64, tx, rx, frequency_hz, seed);
-    }
-    sum
+#[derive(Clone, Copy, Debug)]
+pub struct ArrayLink<'l> {
+    /// Resolved paths between the centres.
+    pub paths: &'l [Path],
+    /// Scattered power.
+    pub diffuse: &'l [Arrival],
+    /// Transmit array.
+    pub tx: &'l AntennaArray,
+    /// Receive array.
+    pub rx: &'l AntennaArray,
+    /// Of the phases of diffuse arrivals.
+    pub seed: u64,
 }
 
-/// Adds one diffuse arrival to a matrix.
-fn add_diffuse(
-    sum: &mut ChannelMatrix,
-    arrival: &Arrival,
-    index: u64,
-    tx: &AntennaArray,
-    rx: &AntennaArray,
-    frequency_hz: f64,
-    seed: u64,
-) {
-    let v_rx = rx.steering(arrival.direction);
-    let amplitude = (arrival.power / rx.element.ports() as f64).sqrt();
-    let carried = -TAU * (frequency_hz * arrival.delay_s).fract();
-    for rx_port in 0..rx.element.ports() {
-        for column in 0..tx.ports() {
-            let link = (rx_port * tx.ports() + column) as u64;
-            let phase = arrival.phase_rad.unwrap_or_else(|| random_phase_rad(seed, index, link) + carried);
-            let a = Complex::new(0.0, phase).exp() * amplitude;
-            for (m, v_m) in v_rx.iter().enumerate() {
-                let at = (rx_port * v_rx.len() + m) * sum.columns + column;
-                sum.values[at] = sum.values[at] + a * *v_m;
+impl ArrayLink<'_> {
+    /// The channel matrix at `frequency_hz`, the sum of [`Path::array_response`]·e^{−j2πfτ} over the paths; the elements' places are in
+    /// wavelengths of the carrier and stay there.
+    pub fn matrix(&self, frequency_hz: f64) -> ChannelMatrix {
+        self.weighted(frequency_hz, |_| 1.0)
+    }
+
+    /// The baseband response of a channel `bandwidth_hz` wide around the carrier, between all ports: [`super::impulse_response`] for each pair.
+    pub fn taps(&self, carrier_hz: f64, bandwidth_hz: f64, taps: Range<i64>, filter: TapFilter) -> Vec<ChannelMatrix> {
+        let at = |tap: i64| self.weighted(carrier_hz, |delay_s| filter.weight(tap, delay_s * bandwidth_hz));
+        taps.into_par_iter().map(at).collect()
+    }
+
+    /// The matrix at a frequency of everything times a weight of its delay in seconds.
+    fn weighted(&self, frequency_hz: f64, weight: impl Fn(f64) -> f64) -> ChannelMatrix {
+        let mut sum = ChannelMatrix::zero(self.rx, self.tx);
+        for path in self.paths {
+            let turn = Complex::new(0.0, -TAU * (frequency_hz * path.delay_s).fract()).exp() * weight(path.delay_s);
+            sum.values.iter_mut().zip(path.array_response(self.tx, self.rx)).for_each(|(s, v)| *s = *s + v * turn);
+        }
+        for (i, arrival) in self.diffuse.iter().enumerate() {
+            self.add_diffuse(&mut sum, arrival, i as u64, frequency_hz, weight(arrival.delay_s));
+        }
+        sum
+    }
+
+    /// Adds one diffuse arrival to a matrix.
+    fn add_diffuse(&self, sum: &mut ChannelMatrix, arrival: &Arrival, index: u64, frequency_hz: f64, weight: f64) {
+        let (rx, columns) = (self.rx, self.tx.ports());
+        let v_rx = rx.steering(arrival.direction);
+        let amplitude = (arrival.power / rx.element.ports() as f64).sqrt() * weight;
+        let carried = -TAU * (frequency_hz * arrival.delay_s).fract();
+        for rx_port in 0..rx.element.ports() {
+            for column in 0..columns {
+                let link = (rx_port * columns + column) as u64;
+                let phase = arrival.phase_rad.unwrap_or_else(|| random_phase_rad(self.seed, index, link) + carried);
+                let a = Complex::new(0.0, phase).exp() * amplitude;
+                for (m, v_m) in v_rx.iter().enumerate() {
+                    let at = (rx_port * v_rx.len() + m) * columns + column;
+                    sum.values[at] = sum.values[at] + a * *v_m;
+                }
             }
         }
     }
@@ -105,6 +121,10 @@ mod tests {
         }
     }
 
+    fn between(paths: &[Path], diffuse: &[Arrival], tx: &AntennaArray, rx: &AntennaArray, seed: u64) -> ChannelMatrix {
+        ArrayLink { paths, diffuse, tx, rx, seed }.matrix(F)
+    }
+
     fn free_space(tx: DVec3, rx: DVec3) -> Vec<Path> {
         let scene = Scene { name: "empty".into(), ..Scene::default() };
         RadioTracer::without_bvh(&scene, RadioSettings::default()).unwrap().paths(tx, rx).unwrap()
@@ -116,7 +136,7 @@ mod tests {
         // an aperture of 2 cm bends the phase by π·D²/(λd) = 5e-5 rad.
         let (tx_at, rx_at) = (DVec3::new(-4000.0, 1000.0, 300.0), DVec3::new(900.0, 40.0, -60.0));
         let (tx, rx) = (array(2, 3, -20.0), array(4, 4, 170.0));
-        let h = channel_matrix(&free_space(tx_at, rx_at), &[], &tx, &rx, F, 0);
+        let h = between(&free_space(tx_at, rx_at), &[], &tx, &rx, 0);
         let wavelength_m = SPEED_OF_LIGHT / F;
         let place = |a: &AntennaArray, centre: DVec3, i: usize| {
             centre + a.element.world_from_antenna * a.grid.positions()[i] * wavelength_m
@@ -136,7 +156,7 @@ mod tests {
     #[test]
     fn phase_advances_by_half_a_wavelength_times_the_direction_cosine() {
         let paths = free_space(DVec3::new(3.0, 4.0, 0.0), DVec3::ZERO);
-        let h = channel_matrix(&paths, &[], &array(1, 1, 0.0), &array(8, 8, 0.0), F, 0);
+        let h = between(&paths, &[], &array(1, 1, 0.0), &array(8, 8, 0.0), 0);
         // Columns run along +y, rows down −z; u = (0.6, 0.8, 0): π·0.8 a column, nothing a row.
         for column in 0..7 {
             let step = h.at((column + 1) * 8, 0) / h.at(column * 8, 0);
@@ -149,7 +169,7 @@ mod tests {
     fn one_path_has_rank_one_and_the_power_of_all_pairs() {
         let paths = free_space(DVec3::new(3.0, 1.0, 0.5), DVec3::ZERO);
         let (tx, rx) = (array(2, 4, 200.0), array(3, 2, 10.0));
-        let h = channel_matrix(&paths, &[], &tx, &rx, F, 0);
+        let h = between(&paths, &[], &tx, &rx, 0);
         assert!((h.norm_squared() / (48.0 * paths[0].power()) - 1.0).abs() < ROUNDING);
         for m in 1..h.rows {
             for n in 1..h.columns {
@@ -167,10 +187,39 @@ mod tests {
             a
         };
         let paths = free_space(DVec3::new(5.0, 0.0, 0.0), DVec3::ZERO);
-        let h = channel_matrix(&paths, &[], &dual(180.0), &dual(0.0), F, 0);
+        let h = between(&paths, &[], &dual(180.0), &dual(0.0), 0);
         assert_eq!((h.rows, h.columns), (2, 2));
         assert!(h.at(0, 1).norm() < 1e-12 * h.at(0, 0).norm() && h.at(1, 0).norm() < 1e-12 * h.at(0, 0).norm());
         assert!((h.at(1, 1).norm() / h.at(0, 0).norm() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn taps_between_ports_are_those_of_each_pair_alone() {
+        let mut paths = free_space(DVec3::new(3.0, 1.0, 0.5), DVec3::ZERO);
+        paths.extend(free_space(DVec3::new(-5.0, 2.0, 0.1), DVec3::ZERO));
+        let diffuse = [Arrival { direction: DVec3::Y, power: 1e-8, delay_s: 2.2e-8, object: 0, phase_rad: None }];
+        let (tx, rx) = (array(1, 2, 200.0), array(2, 1, 10.0));
+        let (link, w) = (ArrayLink { paths: &paths, diffuse: &diffuse, tx: &tx, rx: &rx, seed: 3 }, 400e6);
+        let taps = link.taps(F, w, -400..440, TapFilter::Sinc);
+        // Every arrival is a ray of its own, with what it brings to the pair.
+        let alone = |paths, diffuse, delay_s: f64, m, n| {
+            let gain = ArrayLink { paths, diffuse, ..link }.matrix(F).at(m, n);
+            super::super::Ray { gain, delay_s }
+        };
+        for (m, n) in [(0, 0), (1, 0), (1, 1)] {
+            let rays = [
+                alone(&paths[..1], &[][..], paths[0].delay_s, m, n),
+                alone(&paths[1..], &[][..], paths[1].delay_s, m, n),
+                alone(&[][..], &diffuse[..], diffuse[0].delay_s, m, n),
+            ];
+            let expected = super::super::impulse_response(&rays, w, -400..440, TapFilter::Sinc);
+            let scale = expected.iter().map(|h| h.norm()).fold(0.0, f64::max);
+            for (tap, h) in taps.iter().zip(expected) {
+                assert!((tap.at(m, n) - h).norm() < ROUNDING * scale, "{m} {n}");
+            }
+        }
+        let binned = link.taps(F, w, 0..40, TapFilter::Bin).iter().fold(Complex::ZERO, |sum, tap| sum + tap.at(1, 1));
+        assert!((binned - link.matrix(F).at(1, 1)).norm() < ROUNDING * binned.norm());
     }
 
     #[test]
@@ -187,7 +236,7 @@ mod tests {
         let n = 3000;
         let (mut power, mut correlation) = (0.0, Complex::ZERO);
         for seed in 0..n {
-            let h = channel_matrix(&[], &diffuse, &tx, &rx, F, seed);
+            let h = between(&[], &diffuse, &tx, &rx, seed);
             power += h.norm_squared() / n as f64;
             let conjugate = Complex::new(h.at(0, 1).re, -h.at(0, 1).im);
             correlation = correlation + h.at(0, 0) * conjugate * (1.0 / n as f64);

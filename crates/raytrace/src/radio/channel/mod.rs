@@ -7,7 +7,7 @@ mod array;
 mod response;
 mod statistics;
 
-pub use array::{ChannelMatrix, channel_matrix};
+pub use array::{ArrayLink, ChannelMatrix};
 pub use response::{Subcarriers, TapFilter, frequency_response, impulse_response};
 pub use statistics::{LinkStatistics, circular_spread_deg};
 
