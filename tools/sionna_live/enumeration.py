@@ -17,6 +17,8 @@ ONE_PLANE = 1e-5
 IN_PLANE_M = 1e-5
 # A point lies on a face within this, metres: corners in single precision are not quite in one plane.
 ON_FACE_M = 1e-6
+# A leg that comes from a plane or ends in it does not go through it: rounding, metres.
+ROUNDING_M = 1e-9
 # Vertices of one path.
 SAME_VERTEX_M = 1e-5
 # A slab that passes on less of an amplitude, met straight on, is opaque (−300 dB).
@@ -152,7 +154,7 @@ def mirrors(chain):
 def crossing(face, a, b):
     """(where along, the face, the point) if the leg goes through it."""
     here, there = face.height(a), face.height(b)
-    if here * there >= 0 or min(abs(here), abs(there)) < ON_FACE_M:
+    if here * there >= 0 or min(abs(here), abs(there)) < ROUNDING_M:
         return None
     t = here / (here - there)
     point = a + (b - a) * t
