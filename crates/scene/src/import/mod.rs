@@ -7,6 +7,7 @@ mod gltf;
 mod gltf_accessor;
 mod gltf_material;
 mod obj;
+mod polygon;
 
 use crate::config::UpAxis;
 use crate::{Error, Result, Scene, io};

@@ -1,7 +1,7 @@
 //! Wavefront OBJ with MTL.
 
 use super::builder::{Primitive, append};
-use super::{ImportReport, scene_name};
+use super::{ImportReport, polygon, scene_name};
 use crate::config::UpAxis;
 use crate::model::{Material, Object, OpticalMaterial, Scene, Texture, TextureRef, Wrap};
 use crate::{Error, Result, io};
@@ -12,7 +12,7 @@ use std::path::Path;
 /// Reads an OBJ file and the MTL files and textures it names.
 pub(super) fn load(path: &Path, up: UpAxis) -> Result<(Scene, ImportReport)> {
     let file = path.display().to_string();
-    let options = tobj::LoadOptions { triangulate: true, single_index: true, ignore_points: true, ignore_lines: true };
+    let options = tobj::LoadOptions { triangulate: false, single_index: true, ignore_points: true, ignore_lines: true };
     let bytes = io::read(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let (models, materials) = tobj::load_obj_buf(&mut bytes.as_slice(), &options, |name| tobj::load_mtl(folder.join(name)))
@@ -53,12 +53,14 @@ pub(super) fn load(path: &Path, up: UpAxis) -> Result<(Scene, ImportReport)> {
             Some(id) if id < materials.len() => id as u32,
             _ => without_material(&mut scene),
         };
+        let positions: Vec<[f32; 3]> = mesh.positions.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect();
+        let triangles = polygon::triangles(&mesh.indices, &mesh.face_arities, &positions, &place)?;
         let data = Primitive {
-            positions: mesh.positions.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect(),
+            positions,
             normals: mesh.normals.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect(),
             // OBJ counts v from the bottom.
             uvs: mesh.texcoords.chunks_exact(2).map(|v| [v[0], 1.0 - v[1]]).collect(),
-            triangles: mesh.indices.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect(),
+            triangles,
             material,
             object,
         };
