@@ -16,6 +16,12 @@ const SAME_PLANE_M: f64 = 1e-6;
 const END_CLEARANCE_M: f64 = 1e-9;
 /// Two crossings of one object and material this close are one: an edge between two of its faces was hit, metres.
 const SAME_CROSSING_M: f64 = 1e-9;
+/// Faces whose normals have at least this cosine are in one plane where they meet: 1e-3 rad.
+const COPLANAR_NORMAL: f64 = 1.0 - 5e-7;
+/// What lies beside a joint is looked for this far off, metres, …
+const BESIDE_M: f64 = 1e-6;
+/// … in so many directions.
+const BESIDE: usize = 8;
 /// Up to this many triangles all of them are tried; the list is exact and needs no bounding boxes.
 const BRUTE_FORCE_TRIANGLES: usize = 64;
 
@@ -216,12 +222,14 @@ impl<'a> Geometry<'a> {
             if t <= END_CLEARANCE_M || t >= length - END_CLEARANCE_M {
                 return ControlFlow::Continue(());
             }
-            let same = |c: &Crossing| {
-                let (a, b) = (&self.faces[c.face as usize], &self.faces[face as usize]);
-                c.face == face || ((c.distance_m - t).abs() < SAME_CROSSING_M && a.object == b.object && a.material == b.material)
+            let same = |c: &&mut Crossing| {
+                c.face == face
+                    || ((c.distance_m - t).abs() < SAME_CROSSING_M && self.is_one_sheet(c.face, face, from + direction * t))
             };
-            if !found.iter().any(same) {
-                found.push(Crossing { distance_m: t, face });
+            match found.iter_mut().find(same) {
+                // The answer does not depend on the search structure.
+                Some(known) => known.face = known.face.min(face),
+                None => found.push(Crossing { distance_m: t, face }),
             }
             if found.len() > limit { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
@@ -244,6 +252,24 @@ impl<'a> Geometry<'a> {
         // Faces, not visiting order, break ties: the answer does not depend on the search structure.
         found.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.face.cmp(&b.face)));
         Some(found)
+    }
+
+    /// Whether a ray that meets two faces at one point goes through one sheet there: of one thing, or panels in one plane side by side.
+    fn is_one_sheet(&self, first: u32, second: u32, at: DVec3) -> bool {
+        let (a, b) = (&self.faces[first as usize], &self.faces[second as usize]);
+        if a.object == b.object && a.material == b.material {
+            return true;
+        }
+        if a.normal.dot(b.normal).abs() < COPLANAR_NORMAL {
+            return false;
+        }
+        // Side by side no point beside the joint is on both.
+        let (u, v) = a.normal.any_orthonormal_pair();
+        (0..BESIDE).all(|i| {
+            let angle = std::f64::consts::TAU * (i as f64 + 0.3) / BESIDE as f64;
+            let beside = at + (u * angle.cos() + v * angle.sin()) * BESIDE_M;
+            !(a.contains(beside) && b.contains(beside))
+        })
     }
 
     /// The first triangle along a ray beyond `clearance_m`: (distance, triangle).

@@ -5,7 +5,7 @@ use super::chains::Chain;
 use super::diffraction::{EdgeFace, EdgeRay, Wedge, diffract};
 use super::field::{self, Field};
 use super::fresnel::{self, SlabResponse};
-use super::geometry::Crossing;
+use super::geometry::{Crossing, Face};
 use super::paths::{Interaction, InteractionKind, Path, RadioTracer};
 use super::{Complex, MAX_DEPTH, SPEED_OF_LIGHT};
 use glam::DVec3;
@@ -13,8 +13,10 @@ use glam::DVec3;
 /// Just off a wedge, metres: where it is tested whether its edge stands in the open or is flush with another surface.
 const EDGE_CLEARANCE_M: f64 = 1e-3;
 
-/// Two bounces this close, metres, are in the corner where two faces meet; rounding puts them on either side.
+/// Two bounces this close, metres, are where two faces meet; rounding puts them on either side.
 const MEETING_M: f64 = 1e-12;
+/// Where two faces meet, which way each of them extends is seen this far off, metres.
+const BESIDE_M: f64 = 1e-6;
 
 /// Where a path changes direction.
 #[derive(Clone, Copy, Debug)]
@@ -102,9 +104,33 @@ impl RadioTracer<'_> {
         vertices[faces.len() - 1] = self.bounce(last, rx, chain.image)?;
         let images = chain.images(&self.geometry, tx);
         for i in (0..faces.len() - 1).rev() {
-            vertices[i] = self.bounce(faces[i], vertices[i + 1], images[i + 1])?;
+            let (next, image) = (vertices[i + 1], images[i + 1]);
+            vertices[i] = self.bounce(faces[i], next, image)?;
+            if vertices[i] == next && !self.meet_in_corner([faces[i], faces[i + 1]], next, next - image) {
+                return None;
+            }
         }
         Some(vertices)
+    }
+
+    /// Whether a wave that bounces off two faces where they meet goes on from the first to the second, as waves beside it do: in a corner, not
+    /// around an edge that sticks out. `direction` is that between the two.
+    fn meet_in_corner(&self, faces: [u32; 2], at: DVec3, direction: DVec3) -> bool {
+        let [first, second] = faces.map(|face| &self.geometry.faces[face as usize]);
+        let line = first.normal.cross(second.normal);
+        // Ways that a face extends from the line.
+        let ways = |face: &Face| {
+            let across = line.cross(face.normal).normalize_or_zero();
+            [across, -across].map(|way| (way != DVec3::ZERO && face.contains(at + way * BESIDE_M)).then_some(way))
+        };
+        let (of_first, of_second) = (ways(first), ways(second));
+        // direction = δ·b − ε·a with positive δ, ε and some of the line: beside `at` it leads from a point of the first to one of the second.
+        of_first.iter().flatten().any(|a| {
+            of_second.iter().flatten().any(|b| {
+                direction.dot(first.normal) * b.dot(first.normal) > 0.0
+                    && direction.dot(second.normal) * a.dot(second.normal) < 0.0
+            })
+        })
     }
 
     /// Where the line from `target` to an `image` behind the face meets the face.

@@ -216,6 +216,46 @@ fn a_bounce_where_two_faces_meet_is_one_path() {
     assert_eq!(paths.iter().filter(|p| p.types() == "SS").count(), 1, "{paths:?}");
 }
 
+/// A chain of two faces that meet at an edge that sticks out is no way, though both bounces fall on the edge: no way beside it is one. Receivers
+/// exactly across a box and a hair off that have the same paths.
+#[test]
+fn nothing_bounces_around_an_edge() {
+    let mut scene = empty();
+    scene.materials = vec![material("crate", "metal", 0.01)];
+    add_box(&mut scene, "crate", 0, Vec3::new(-0.5, -1.0, 0.0), Vec3::new(0.5, 1.0, 2.0));
+    let tracer = RadioTracer::without_bvh(&scene, RadioSettings::default()).unwrap();
+    let types = |tx: DVec3, rx: DVec3| tracer.paths(tx, rx).unwrap().iter().map(Path::types).collect::<Vec<_>>();
+    for at in [DVec3::new(-2.0, 1.2, 1.0), DVec3::new(-2.0, 1.7, 2.6)] {
+        let across = at.with_x(2.0);
+        let exactly = types(at, across);
+        for (dy, dz) in [(1e-6, 1e-6), (1e-6, -1e-6), (-1e-6, 1e-6), (-1e-6, -1e-6)] {
+            assert_eq!(exactly, types(at, across + DVec3::new(0.0, dy, dz)), "{at} {dy} {dz}");
+        }
+    }
+}
+
+/// A way through the joint of two panels side by side goes through one of them; through two that lie on each other through both.
+#[test]
+fn a_joint_of_panels_is_one_slab() {
+    let panels = |second: [f32; 2]| {
+        let mut scene = empty();
+        scene.materials = vec![material("left", "glass", 0.006), material("right", "glass", 0.006)];
+        for (i, [from, to]) in [[-2.0, 0.0], second].into_iter().enumerate() {
+            let first = scene.positions.len() as u32;
+            scene.objects.push(Object { name: format!("panel {i}") });
+            scene.positions.extend([[from, 0.0], [to, 0.0], [to, 3.0], [from, 3.0]].map(|[y, z]| Vec3::new(0.0, y, z)));
+            let triangle = |t: [u32; 3]| Triangle { vertices: t.map(|v| first + v), material: i as u32, object: i as u32 };
+            scene.triangles.extend([[0, 1, 2], [0, 2, 3]].map(triangle));
+        }
+        let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_depth: 2, ..RadioSettings::default() }).unwrap();
+        [0.0, -0.1].map(|y| tracer.paths(DVec3::new(-1.0, y, 1.0), DVec3::new(1.0, y, 1.0)).unwrap().remove(0))
+    };
+    let [joint, beside] = panels([0.0, 2.0]);
+    assert_eq!((joint.types(), beside.types()), ("R".into(), "R".into()));
+    assert!((joint.a - beside.a).norm() < 1e-12 * beside.a.norm());
+    assert_eq!(panels([-1.0, 2.0])[0].types(), "RR");
+}
+
 #[test]
 fn places_on_surfaces_are_refused_and_places_in_their_planes_are_not() {
     let scene = room();
