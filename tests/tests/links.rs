@@ -40,7 +40,9 @@ fn a_link_comes_with_its_statistics_responses_and_matrix() {
     // There the response of every port is its entry of the channel matrix; taps have a port each as well.
     let (at_ports, taps) = (&link["frequency_response"]["h_ports"], &link["impulse_response"]["h_ports"]);
     for port in 0..6 {
-        assert_eq!(at_ports[port][0][8], link["channel_matrix"]["h"][port], "{port}");
+        let [a, b] = [&at_ports[port][0][8], &link["channel_matrix"]["h"][port]]
+            .map(|h| [h[0].as_f64(), h[1].as_f64()].map(Option::unwrap));
+        assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 1e-12 * b[0].hypot(b[1]), "{port}: {a:?} {b:?}");
         assert_eq!(taps[port][0].as_array().unwrap().len(), link["impulse_response"]["h"].as_array().unwrap().len());
     }
 }
@@ -168,6 +170,63 @@ fn several_transmitters_keep_their_antennas() {
     let both = ["paths", text(&scene), "--rx", "4,1.2,1.5", "--transmitter", "west", "--transmitter", "east"];
     corf_refuses(&[&both[..], &["--tx", "1,1,1"]].concat(), &["--tx", "--transmitter"]);
     corf_refuses(&[&both[..], &["--format", "sionna"]].concat(), &["--transmitter", "[1, 2] ports"]);
+}
+
+/// Scattered power in the response of a link is that in its channel matrix: one draw of phases, and of each polarisation its share.
+#[test]
+fn responses_and_matrix_hold_the_same_scattered_power() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = room_with_pillar(folder.path(), [1.0, 1.0, 2.0], "[receiver]\npolarization = \"VH\"\n");
+    let link = ["paths", text(&scene), "--rx", "5,4,1.5", "--depth", "1", "--diffuse", "--directions", "2000"];
+    let band = ["--bandwidth", "1e9", "--subcarriers", "4"];
+    let link: Value = serde_json::from_str(&corf_ok(&[&link[..], &band[..]].concat())).unwrap();
+    let number = |h: &Value| [h[0].as_f64().unwrap(), h[1].as_f64().unwrap()];
+    let (response, matrix) = (&link["frequency_response"], &link["channel_matrix"]["h"]);
+    let [a, b, c] = [&response["h"][2], &response["h_ports"][0][0][2], &matrix[0]].map(number);
+    let off = |x: [f64; 2]| (x[0] - c[0]).hypot(x[1] - c[1]) / c[0].hypot(c[1]);
+    assert!(off(a) < 1e-9 && off(b) < 1e-9, "{a:?} {b:?} {c:?}");
+    let coherent: f64 = (0..2).map(|port| number(&matrix[port])).map(|[re, im]| re * re + im * im).sum();
+    let stated = link["channel"]["path_gain_coherent_db"].as_f64().unwrap();
+    assert!((stated - 10.0 * coherent.log10()).abs() < 1e-9, "{stated}");
+    // Refused: what no memory holds, and a band below 0 Hz.
+    let ask = ["paths", text(&scene), "--rx", "5,4,1.5", "--depth", "1"];
+    corf_refuses(&[&ask[..], &["--bandwidth", "1e18"]].concat(), &["--bandwidth", "below 0"]);
+    corf_refuses(&[&ask[..], &["--rx-array", "1024x1024"]].concat(), &["1024x1024", "4096 elements"]);
+    let many = ["--rx-array", "64x64", "--tx-array", "64x64", "--bandwidth", "1e9"];
+    corf_refuses(&[&ask[..], &many[..]].concat(), &["--subcarriers", "pairs of ports"]);
+}
+
+/// A map is of single elements; an array of one is the scene's own, its beam kept; and what a file asks for is done.
+#[test]
+fn link_files_are_done_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = room_with_pillar(
+        folder.path(),
+        [1.0, 1.0, 2.0],
+        "[transmitters.beam]\nposition_m = [1.0, 1.0, 2.0]\nrows = 4\ncols = 4\n",
+    );
+    let gain = |more: &[&str]| {
+        let link = ["paths", text(&scene), "--transmitter", "beam", "--rx", "4,1.2,1.5", "--depth", "0"];
+        let link: Value = serde_json::from_str(&corf_ok(&[&link[..], more].concat())).unwrap();
+        link["channel"]["path_gain_db"].as_f64().unwrap()
+    };
+    assert_eq!(gain(&[]), gain(&["--tx-array", "1x1"]));
+    assert_ne!(gain(&[]), gain(&["--tx-array", "2x2"]));
+    let rf = folder.path().join("rf.toml");
+    let out = folder.path().join("map");
+    let map =
+        ["coverage", text(&scene), "--height", "1.5", "--cell", "2", "--depth", "1", "--config", text(&rf), "--out", text(&out)];
+    for (asked, words) in [
+        ("[receiver]\nrows = 4\ncols = 4\n", ["[receiver]", "4x4"]),
+        ("edge_diffraction = true\n", ["edge_diffraction", "diffraction = true"]),
+    ] {
+        fs::write(&rf, asked).unwrap();
+        corf_refuses(&map, &words);
+    }
+    fs::write(&rf, "diffuse = true\ndirections = 3000\n").unwrap();
+    corf_ok(&map);
+    let report: Value = serde_json::from_str(&fs::read_to_string(out.join("coverage.json")).unwrap()).unwrap();
+    assert_eq!((&report["diffuse_directions"], &report["settings"]["directions"]), (&3000.into(), &3000.into()));
 }
 
 /// Maps of several transmitters at once are those of each alone, and the strongest of them.

@@ -223,9 +223,9 @@ impl<'a> RadioSensor<'a> {
                 Ok((power, noncoherent.form(&received.looks, camera, &pose.world_from_camera)))
             };
             let ((power_a, a), (power_b, b)) = (seen(field)?, seen(&other)?);
-            totals.add(10.0 * (power_a / power_b).log10());
+            totals.add(10.0 * ((power_a + NOTHING) / (power_b + NOTHING)).log10());
             let peak = a.pixels().iter().copied().fold(0f32, f32::max);
-            let strong = a.pixels().iter().zip(b.pixels()).filter(|(a, b)| **a >= STRONG * peak && **b > 0.0);
+            let strong = a.pixels().iter().zip(b.pixels()).filter(|(a, b)| **a > 0.0 && **a >= STRONG * peak && **b > 0.0);
             strong.for_each(|(a, b)| pixels.add(10.0 * f64::from(a / b).log10()));
         }
         // Each difference is of two samplings.
@@ -295,6 +295,8 @@ pub struct RadioFrame {
     pub paths_jsonl: Option<String>,
 }
 
+/// Powers that much smaller than that transmitted, −300 dB, are as good as none: where nothing arrives samplings agree.
+const NOTHING: f64 = 1e-30;
 /// Pixels within 30 dB of their spectrum's peak count.
 const STRONG: f32 = 1e-3;
 

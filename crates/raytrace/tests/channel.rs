@@ -2,11 +2,9 @@
 
 #![allow(clippy::unwrap_used)]
 
-use corf_raytrace::radio::channel::{ArrayLink, LinkStatistics, Subcarriers, frequency_response, rays};
+use corf_raytrace::radio::channel::{ArrayLink, LinkStatistics, Subcarriers, frequency_response};
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
-use corf_raytrace::radio::{
-    Antenna, AntennaArray, Arrival, PlanarArray, Polarization, RadioSettings, RadioTracer, SPEED_OF_LIGHT,
-};
+use corf_raytrace::radio::{Antenna, AntennaArray, PlanarArray, Polarization, RadioSettings, RadioTracer, SPEED_OF_LIGHT};
 use corf_scene::Scene;
 use corf_scene::model::{Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Triangle};
 use corf_scene::npz::{Array, Values};
@@ -45,9 +43,10 @@ fn two_rays_over_a_mirror_are_the_textbook_channel() {
     let paths = RadioTracer::without_bvh(&scene, settings).unwrap().paths(tx, rx).unwrap();
     assert_eq!(paths.len(), 2);
     let (d1, d2) = (tx.distance(rx), (rx - DVec3::new(0.0, 0.0, -2.0)).length());
-    let arrivals: Vec<Arrival> = paths.iter().map(|p| Arrival::from_path(p, F)).collect();
+    let one = AntennaArray::single(horizontal);
+    let rays = ArrayLink { paths: &paths, diffuse: &[], tx: &one, rx: &one, seed: 0 }.rays(0, 0, F);
     let offsets = Subcarriers::of_band(2e9, 101).unwrap().offsets_hz();
-    for (h, offset) in frequency_response(&rays(&arrivals, 0), &offsets).iter().zip(&offsets) {
+    for (h, offset) in frequency_response(&rays, &offsets).iter().zip(&offsets) {
         // Amplitudes are those at the carrier, as in every ray tracer; phases are exact at each frequency.
         let wavelength_m = SPEED_OF_LIGHT / F;
         let amplitude = |d: f64| wavelength_m / (4.0 * PI * d);

@@ -52,12 +52,13 @@ impl Coverage {
     pub fn run(self, json: bool) -> Result<Verdict> {
         let mut setup = LinkSetup::load(&self.scene, &self.link, None, None)?;
         setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
+        setup.check_single_elements()?;
         let plane = self.plane_of(&setup)?;
         setup.transmitters.iter().try_for_each(|tx| setup.check_transmitter(tx.position))?;
         // Whatever can be refused is refused before the work.
         claim_fresh(&self.out)?;
-        let directions = self.link.directions.unwrap_or(DIFFUSE_DIRECTIONS);
-        let maps = maps(&setup, &plane, &DiffuseSettings { directions, ..setup.diffuse_settings() })?;
+        let sampling = setup.diffuse_settings(DIFFUSE_DIRECTIONS);
+        let maps = maps(&setup, &plane, &sampling)?;
         let (gain, association) = strongest(&maps);
         if gain.pixels().iter().all(|g| g.is_nan()) {
             let what =
@@ -65,7 +66,8 @@ impl Coverage {
             return Err(Error::invalid("coverage plane", what, "give another --height, or smaller cells with --cell").into());
         }
         let picture = CoveragePicture::new(&gain, &plane, setup.link.tx_power_dbm);
-        let mut report = self.report(&setup, &plane, &gain, picture.range_dbm(), setup.link.diffuse.then_some(directions));
+        let mut report =
+            self.report(&setup, &plane, &gain, picture.range_dbm(), setup.link.diffuse.then_some(sampling.directions));
         let positions: Vec<DVec3> = setup.transmitters.iter().map(|tx| tx.position).collect();
         let exr = |name: &str, map: &Raster<f32>| -> Result<()> {
             Ok(io::write_atomic(self.out.join(name), &io::encode_exr_f32(map, "Y")?)?)
@@ -135,7 +137,7 @@ impl Coverage {
             "scene": setup.scene.name,
             "frequency_hz": setup.config.radio.frequency_hz,
             "tx_power_dbm": setup.link.tx_power_dbm,
-            "quantity": "coverage.exr, channel Y: noncoherent path gain, the sum of |a|^2 over all paths of the strongest transmitter (transmit ports share the power, powers of receive ports add), linear, relative to 1 W transmitted; NaN where the cell's centre lies inside a closed body or on a surface",
+            "quantity": "coverage.exr, channel Y: noncoherent path gain, the sum of |a|^2 over all paths of the strongest transmitter (transmit ports share the power, powers of receive ports add), linear, relative to 1 W transmitted; NaN where a closed body parts the cell's centre from the transmitter, and on surfaces",
             "picture": "coverage.png: received power, dBm; what lies outside of the range has the colour of its end",
             "range_dbm": range_dbm,
             "plane": {

@@ -9,10 +9,10 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::channel::{
-    ArrayLink, ChannelMatrix, LinkStatistics, Subcarriers, TapFilter, frequency_response, impulse_response, rays,
+    ArrayLink, LinkStatistics, Ray, Subcarriers, TapFilter, frequency_response, impulse_response,
 };
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
-use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseField, RadioTracer, json};
+use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseField, DiffuseSettings, RadioTracer, json};
 use corf_scene::npz::{Array, Values, encode_npz};
 use corf_scene::{Error, io};
 use serde_json::{Value, json};
@@ -20,6 +20,9 @@ use std::path::PathBuf;
 
 /// Taps after the last path that an impulse response shows.
 const TAPS_AFTER: i64 = 4;
+
+/// Complex numbers of a link's frequency response; more are more likely a mistake.
+const MAX_RESPONSES: usize = 20_000_000;
 
 /// `corf paths`.
 #[derive(Args)]
@@ -109,8 +112,9 @@ impl Paths {
             let help = "choose --format json, or for npz a --bandwidth: its `channel` has all power; or leave diffuse out";
             return Err(Error::invalid("--diffuse", what, help).into());
         }
-        let subcarriers = self.bandwidth.map(|b| Subcarriers::of_band(b, self.subcarriers)).transpose()?;
-        let traced = self.trace(&setup)?;
+        let subcarriers = self.subcarriers(&setup)?;
+        let sampling = setup.diffuse_settings(DiffuseSettings::default().directions);
+        let traced = self.trace(&setup, &sampling)?;
         let bytes = match self.format {
             Format::Json => self.json(&setup, &traced, subcarriers)?.into_bytes(),
             Format::Sionna if archive => encode_npz(&sionna_arrays(&traced.set))?,
@@ -124,7 +128,24 @@ impl Paths {
         Ok(Verdict::Done)
     }
 
-    fn trace<'s>(&self, setup: &'s LinkSetup) -> Result<Traced<'s>> {
+    /// The band asked for.
+    fn subcarriers(&self, setup: &LinkSetup) -> Result<Option<Subcarriers>> {
+        let Some(bandwidth_hz) = self.bandwidth else { return Ok(None) };
+        let carrier_hz = setup.config.radio.frequency_hz;
+        if bandwidth_hz > 2.0 * carrier_hz {
+            let what = format!("{bandwidth_hz} Hz around {carrier_hz} Hz reaches below 0");
+            return Err(Error::invalid("--bandwidth", what, "give hertz, e.g. 400e6").into());
+        }
+        let pairs = setup.transmitters.iter().map(|tx| tx.array.ports() * setup.rx_array.ports()).max().unwrap_or(0);
+        if pairs.saturating_mul(self.subcarriers) > MAX_RESPONSES {
+            let what = format!("{} of {pairs} pairs of ports each", self.subcarriers);
+            let help = format!("give fewer, or smaller arrays: {MAX_RESPONSES} in all for a link at most");
+            return Err(Error::invalid("--subcarriers", what, help).into());
+        }
+        Ok(Some(Subcarriers::of_band(bandwidth_hz, self.subcarriers)?))
+    }
+
+    fn trace<'s>(&self, setup: &'s LinkSetup, sampling: &DiffuseSettings) -> Result<Traced<'s>> {
         let transmitters = &setup.transmitters;
         let receivers = receivers(&setup.config, &self.rx, self.rx_file.as_deref(), self.rx_trajectory)?;
         for rx in &receivers {
@@ -142,7 +163,7 @@ impl Paths {
                 tracer = traced_from(&array)?;
             }
             let transmitter = tracer.transmitter(tx)?;
-            let field = setup.link.diffuse.then(|| DiffuseField::new(&tracer, tx, &setup.diffuse_settings())).transpose()?;
+            let field = setup.link.diffuse.then(|| DiffuseField::new(&tracer, tx, sampling)).transpose()?;
             for (r, &rx) in receivers.iter().enumerate() {
                 interrupt::check()?;
                 links[r].push(Link { tx, rx, paths: transmitter.paths(rx)? });
@@ -218,27 +239,24 @@ impl Paths {
             value["channel_matrix"] = json!({ "shape": [h.rows, h.columns], "h": pairs(&h.values) });
         }
         if let Some(subcarriers) = subcarriers {
-            let mut arrivals: Vec<Arrival> = link.paths.iter().map(|p| Arrival::from_path(p, f)).collect();
-            arrivals.extend_from_slice(diffuse);
-            let rays = rays(&arrivals, seed);
+            let [from, to] = [tx, rx].map(|element| AntennaArray::single(*element));
+            let rays = ArrayLink { tx: &from, rx: &to, ..between }.rays(0, 0, f);
             let offsets = subcarriers.offsets_hz();
             let bandwidth_hz = subcarriers.spacing_hz * subcarriers.count as f64;
             let last = rays.iter().map(|r| (r.delay_s * bandwidth_hz).round() as i64).max().unwrap_or(0);
             let first = rays.iter().map(|r| (r.delay_s * bandwidth_hz).round() as i64).min().unwrap_or(0);
             let taps = (first - TAPS_AFTER).max(0)..last + TAPS_AFTER + 1;
-            value["frequency_response"] = json!({
-                "offsets_hz": offsets,
-                "h": pairs(&frequency_response(&rays, &offsets)),
-            });
-            value["impulse_response"] = json!({
-                "bandwidth_hz": bandwidth_hz,
-                "first_tap": taps.start,
-                "h": pairs(&impulse_response(&rays, bandwidth_hz, taps.clone(), TapFilter::Sinc)),
-            });
+            let at_offsets = |rays: &[Ray]| pairs(&frequency_response(rays, &offsets));
+            let at_taps = |rays: &[Ray]| pairs(&impulse_response(rays, bandwidth_hz, taps.clone(), TapFilter::Sinc));
+            value["frequency_response"] = json!({ "offsets_hz": offsets, "h": at_offsets(&rays) });
+            value["impulse_response"] = json!({ "bandwidth_hz": bandwidth_hz, "first_tap": taps.start, "h": at_taps(&rays) });
             if ports > 1 {
-                let at_offsets: Vec<_> = offsets.iter().map(|offset_hz| between.matrix(f + offset_hz)).collect();
+                let by_ports = |response: &dyn Fn(&[Ray]) -> Vec<[f64; 2]>| {
+                    let row = |r: usize| (0..tx_array.ports()).map(|t| response(&between.rays(r, t, f))).collect::<Vec<_>>();
+                    json!((0..setup.rx_array.ports()).map(row).collect::<Vec<_>>())
+                };
                 value["frequency_response"]["h_ports"] = by_ports(&at_offsets);
-                value["impulse_response"]["h_ports"] = by_ports(&between.taps(f, bandwidth_hz, taps, TapFilter::Sinc));
+                value["impulse_response"]["h_ports"] = by_ports(&at_taps);
             }
         }
         value
@@ -280,13 +298,6 @@ impl Paths {
         }
         arrays
     }
-}
-
-/// Entries of the matrices by receive and transmit port.
-fn by_ports(matrices: &[ChannelMatrix]) -> Value {
-    let [rows, columns] = matrices.first().map_or([0; 2], |h| [h.rows, h.columns]);
-    let pair = |r: usize, t: usize| matrices.iter().map(|h| h.at(r, t)).map(|h| [h.re, h.im]).collect::<Vec<_>>();
-    json!((0..rows).map(|r| (0..columns).map(|t| pair(r, t)).collect::<Vec<_>>()).collect::<Vec<_>>())
 }
 
 fn decibels(power: f64) -> Option<f64> {

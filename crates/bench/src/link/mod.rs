@@ -37,8 +37,8 @@ pub struct LinkConfig {
     pub rays: usize,
     /// Gather the diffuse field as well.
     pub diffuse: bool,
-    /// Directions of the diffuse field at a receiver.
-    pub directions: usize,
+    /// Directions of the diffuse field at a receiver; what suits a command without it.
+    pub directions: Option<usize>,
     /// Paths weaker than this are dropped, dB relative to 1 W transmitted.
     pub min_gain_db: f64,
     /// Transmit power, dBm.
@@ -81,7 +81,7 @@ pub enum Spacing {
 
 impl Default for LinkConfig {
     fn default() -> Self {
-        let (radio, diffuse) = (RadioSettings::default(), DiffuseSettings::default());
+        let radio = RadioSettings::default();
         Self {
             max_depth: radio.max_depth,
             line_of_sight: true,
@@ -91,7 +91,7 @@ impl Default for LinkConfig {
             edge_diffraction: false,
             rays: 200_000,
             diffuse: false,
-            directions: diffuse.directions,
+            directions: None,
             min_gain_db: radio.min_gain_db,
             tx_power_dbm: 30.0,
             seed: 0,
@@ -161,8 +161,10 @@ pub struct Grid {
     pub columns: usize,
 }
 
-/// Arrays of more elements than this on a side are more likely a mistake.
+/// Arrays of more elements than this on a side are more likely a mistake, …
 const MAX_SIDE: usize = 1024;
+/// … and those of more in all.
+const MAX_ELEMENTS: usize = 4096;
 
 impl FromStr for Grid {
     type Err = String;
@@ -213,13 +215,17 @@ impl LinkSetup {
         link.transmission &= !arguments.no_transmission;
         link.diffraction |= arguments.diffraction;
         link.diffuse |= arguments.diffuse;
-        link.directions = arguments.directions.unwrap_or(link.directions);
+        link.directions = arguments.directions.or(link.directions);
         link.tx_power_dbm = arguments.tx_power_dbm.unwrap_or(link.tx_power_dbm);
         link.seed = arguments.seed.unwrap_or(link.seed);
         if !link.tx_power_dbm.is_finite() {
             return Err(
                 Error::invalid("tx_power_dbm", format!("{}", link.tx_power_dbm), "give a finite power in dBm, e.g. 20").into()
             );
+        }
+        if link.edge_diffraction && !link.diffraction {
+            let help = "set diffraction = true as well, or leave it out";
+            return Err(Error::invalid("edge_diffraction", "open edges diffract where edges do", help).into());
         }
         let place = |end: &str| arguments.config.as_ref().map_or(end.to_owned(), |p| format!("{}: [{end}]", p.display()));
         let end = |name: Option<&str>| -> Result<TransmitEnd> {
@@ -262,6 +268,22 @@ impl LinkSetup {
         Ok(())
     }
 
+    /// Refuses arrays of several elements where links are between single ones.
+    ///
+    /// # Errors
+    /// The end that has one.
+    pub fn check_single_elements(&self) -> Result<()> {
+        let transmitters = self.transmitters.iter().map(|tx| ("transmitter", &tx.array));
+        for (end, array) in transmitters.chain([("receiver", &self.rx_array)]) {
+            if array.grid.rows * array.grid.columns > 1 {
+                let what =
+                    format!("an array of {}x{}, where gains are between single elements", array.grid.rows, array.grid.columns);
+                return Err(Error::invalid(format!("[{end}]"), what, "leave rows and cols out, or use `corf paths`").into());
+            }
+        }
+        Ok(())
+    }
+
     /// Whether any link has more than one pair of ports.
     pub fn has_ports(&self) -> bool {
         self.transmitters.iter().any(|tx| tx.array.ports() * self.rx_array.ports() > 1)
@@ -285,9 +307,10 @@ impl LinkSetup {
         }
     }
 
-    /// How the diffuse field is sampled.
-    pub fn diffuse_settings(&self) -> DiffuseSettings {
-        DiffuseSettings { directions: self.link.directions, ..DiffuseSettings::default() }
+    /// How the diffuse field is sampled, in so many directions unless others are asked for; these are asked for from now on.
+    pub fn diffuse_settings(&mut self, directions: usize) -> DiffuseSettings {
+        let directions = *self.link.directions.get_or_insert(directions);
+        DiffuseSettings { directions, ..DiffuseSettings::default() }
     }
 
     /// The closed bodies of the scene.
@@ -323,11 +346,12 @@ fn array(given: &ArrayConfig, grid: Option<Grid>, (scene, spacing): (Antenna, [f
     };
     let sides = 1..=MAX_SIDE;
     let spaced = spacing_wavelengths.iter().all(|s| s.is_finite() && *s > 0.0);
-    if !(sides.contains(&rows) && sides.contains(&columns) && spaced) {
+    if !(sides.contains(&rows) && sides.contains(&columns) && rows * columns <= MAX_ELEMENTS && spaced) {
         let what = format!("{rows}x{columns} elements {spacing_wavelengths:?} wavelengths apart is no array");
-        return Err(Error::invalid(place, what, "give rows and cols from 1 to 1024 and spacings above 0").into());
+        let help = format!("give rows and cols from 1 to {MAX_SIDE}, {MAX_ELEMENTS} elements in all, and spacings above 0");
+        return Err(Error::invalid(place, what, help).into());
     }
-    let several = grid.is_some() || given.rows.is_some() || given.cols.is_some();
+    let several = rows * columns > 1;
     let element = Antenna {
         pattern: given.pattern.unwrap_or(scene.pattern),
         polarization: given.polarization.unwrap_or(scene.polarization),

@@ -71,7 +71,7 @@ impl CoveragePlane {
             return Err(Error::invalid(
                 "coverage plane",
                 format!("height {height_m} m lies outside of {}", scene.name),
-                format!("it reaches from {:.2} m to {:.2} m", min.z, max.z),
+                format!("it reaches from {:.2} m to {:.2} m; any other rectangle is one of --plane", min.z, max.z),
             ));
         }
         let corner = DVec3::new(min.x, min.y, height_m);

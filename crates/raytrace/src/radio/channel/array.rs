@@ -5,10 +5,8 @@
 //! path's distances; it is what Sionna RT does by default.
 
 use super::super::{AntennaArray, Arrival, Complex, Path};
-use super::{TapFilter, random_phase_rad};
-use rayon::prelude::*;
+use super::{Ray, random_phase_rad};
 use std::f64::consts::TAU;
-use std::ops::Range;
 
 /// A matrix between the ports of two arrays: one row a receive port, one column a transmit port.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,46 +59,58 @@ impl ArrayLink<'_> {
     /// The channel matrix at `frequency_hz`, the sum of [`Path::array_response`]·e^{−j2πfτ} over the paths; the elements' places are in
     /// wavelengths of the carrier and stay there.
     pub fn matrix(&self, frequency_hz: f64) -> ChannelMatrix {
-        self.weighted(frequency_hz, |_| 1.0)
-    }
-
-    /// The baseband response of a channel `bandwidth_hz` wide around the carrier, between all ports: [`super::impulse_response`] for each pair.
-    pub fn taps(&self, carrier_hz: f64, bandwidth_hz: f64, taps: Range<i64>, filter: TapFilter) -> Vec<ChannelMatrix> {
-        let at = |tap: i64| self.weighted(carrier_hz, |delay_s| filter.weight(tap, delay_s * bandwidth_hz));
-        taps.into_par_iter().map(at).collect()
-    }
-
-    /// The matrix at a frequency of everything times a weight of its delay in seconds.
-    fn weighted(&self, frequency_hz: f64, weight: impl Fn(f64) -> f64) -> ChannelMatrix {
         let mut sum = ChannelMatrix::zero(self.rx, self.tx);
         for path in self.paths {
-            let turn = Complex::new(0.0, -TAU * (frequency_hz * path.delay_s).fract()).exp() * weight(path.delay_s);
+            let turn = carried(frequency_hz, path.delay_s);
             sum.values.iter_mut().zip(path.array_response(self.tx, self.rx)).for_each(|(s, v)| *s = *s + v * turn);
         }
+        let columns = sum.columns;
         for (i, arrival) in self.diffuse.iter().enumerate() {
-            self.add_diffuse(&mut sum, arrival, i as u64, frequency_hz, weight(arrival.delay_s));
+            let v_rx = self.rx.steering(arrival.direction);
+            for (rx_port, column) in (0..self.rx.element.ports()).flat_map(|r| (0..columns).map(move |column| (r, column))) {
+                let gain = self.diffuse_gain(i, rx_port, column, frequency_hz);
+                for (m, v_m) in v_rx.iter().enumerate() {
+                    let at = (rx_port * v_rx.len() + m) * columns + column;
+                    sum.values[at] = sum.values[at] + gain * *v_m;
+                }
+            }
         }
         sum
     }
 
-    /// Adds one diffuse arrival to a matrix.
-    fn add_diffuse(&self, sum: &mut ChannelMatrix, arrival: &Arrival, index: u64, frequency_hz: f64, weight: f64) {
-        let (rx, columns) = (self.rx, self.tx.ports());
-        let v_rx = rx.steering(arrival.direction);
-        let amplitude = (arrival.power / rx.element.ports() as f64).sqrt() * weight;
-        let carried = -TAU * (frequency_hz * arrival.delay_s).fract();
-        for rx_port in 0..rx.element.ports() {
-            for column in 0..columns {
-                let link = (rx_port * columns + column) as u64;
-                let phase = arrival.phase_rad.unwrap_or_else(|| random_phase_rad(self.seed, index, link) + carried);
-                let a = Complex::new(0.0, phase).exp() * amplitude;
-                for (m, v_m) in v_rx.iter().enumerate() {
-                    let at = (rx_port * v_rx.len() + m) * columns + column;
-                    sum.values[at] = sum.values[at] + a * *v_m;
-                }
-            }
-        }
+    /// What arrives between a receive and a transmit port, rays whose sum is their entry of [`Self::matrix`] at the carrier.
+    pub fn rays(&self, row: usize, column: usize, carrier_hz: f64) -> Vec<Ray> {
+        let elements = self.rx.ports() / self.rx.element.ports();
+        let entry = row * self.tx.ports() + column;
+        let paths = self.paths.iter().map(|path| Ray {
+            gain: path.array_response(self.tx, self.rx)[entry] * carried(carrier_hz, path.delay_s),
+            delay_s: path.delay_s,
+        });
+        let diffuse = self.diffuse.iter().enumerate().map(|(i, arrival)| Ray {
+            gain: self.diffuse_gain(i, row / elements, column, carrier_hz) * self.rx.steering(arrival.direction)[row % elements],
+            delay_s: arrival.delay_s,
+        });
+        paths.chain(diffuse).collect()
     }
+
+    /// What a diffuse arrival brings a receive polarisation from a transmit port.
+    fn diffuse_gain(&self, index: usize, rx_port: usize, column: usize, frequency_hz: f64) -> Complex {
+        let arrival = &self.diffuse[index];
+        let link = (rx_port * self.tx.ports() + column) as u64;
+        let phase = match arrival.phase_rad {
+            Some(known) => Complex::new(0.0, known).exp(),
+            None => {
+                let drawn = random_phase_rad(self.seed, index as u64, link);
+                Complex::new(0.0, drawn - TAU * (frequency_hz * arrival.delay_s).fract()).exp()
+            }
+        };
+        phase * (arrival.power / self.rx.element.ports() as f64).sqrt()
+    }
+}
+
+/// e^{−j2πfτ}.
+fn carried(frequency_hz: f64, delay_s: f64) -> Complex {
+    Complex::new(0.0, -TAU * (frequency_hz * delay_s).fract()).exp()
 }
 
 #[cfg(test)]
@@ -194,32 +204,20 @@ mod tests {
     }
 
     #[test]
-    fn taps_between_ports_are_those_of_each_pair_alone() {
-        let mut paths = free_space(DVec3::new(3.0, 1.0, 0.5), DVec3::ZERO);
-        paths.extend(free_space(DVec3::new(-5.0, 2.0, 0.1), DVec3::ZERO));
-        let diffuse = [Arrival { direction: DVec3::Y, power: 1e-8, delay_s: 2.2e-8, object: 0, phase_rad: None }];
-        let (tx, rx) = (array(1, 2, 200.0), array(2, 1, 10.0));
-        let (link, w) = (ArrayLink { paths: &paths, diffuse: &diffuse, tx: &tx, rx: &rx, seed: 3 }, 400e6);
-        let taps = link.taps(F, w, -400..440, TapFilter::Sinc);
-        // Every arrival is a ray of its own, with what it brings to the pair.
-        let alone = |paths, diffuse, delay_s: f64, m, n| {
-            let gain = ArrayLink { paths, diffuse, ..link }.matrix(F).at(m, n);
-            super::super::Ray { gain, delay_s }
-        };
-        for (m, n) in [(0, 0), (1, 0), (1, 1)] {
-            let rays = [
-                alone(&paths[..1], &[][..], paths[0].delay_s, m, n),
-                alone(&paths[1..], &[][..], paths[1].delay_s, m, n),
-                alone(&[][..], &diffuse[..], diffuse[0].delay_s, m, n),
-            ];
-            let expected = super::super::impulse_response(&rays, w, -400..440, TapFilter::Sinc);
-            let scale = expected.iter().map(|h| h.norm()).fold(0.0, f64::max);
-            for (tap, h) in taps.iter().zip(expected) {
-                assert!((tap.at(m, n) - h).norm() < ROUNDING * scale, "{m} {n}");
-            }
+    fn rays_between_two_ports_are_their_entry_of_the_matrix() {
+        let paths = free_space(DVec3::new(3.0, 1.0, 0.5), DVec3::ZERO);
+        let scattered = |direction: DVec3| Arrival { direction, power: 1e-8, delay_s: 2.2e-8, object: 0, phase_rad: None };
+        let diffuse = [scattered(DVec3::Y), scattered(DVec3::NEG_X)];
+        let (tx, mut rx) = (array(1, 2, 200.0), array(2, 1, 10.0));
+        rx.element.polarization = Polarization::VH;
+        let link = ArrayLink { paths: &paths, diffuse: &diffuse, tx: &tx, rx: &rx, seed: 3 };
+        let h = link.matrix(F);
+        for (row, column) in (0..4).flat_map(|row| [(row, 0), (row, 1)]) {
+            let rays = link.rays(row, column, F);
+            let sum = rays.iter().fold(Complex::ZERO, |sum, ray| sum + ray.gain);
+            assert!((sum - h.at(row, column)).norm() < ROUNDING * 1e-4, "{row} {column}");
+            assert_eq!(rays.iter().map(|ray| ray.delay_s).collect::<Vec<_>>(), [paths[0].delay_s, 2.2e-8, 2.2e-8]);
         }
-        let binned = link.taps(F, w, 0..40, TapFilter::Bin).iter().fold(Complex::ZERO, |sum, tap| sum + tap.at(1, 1));
-        assert!((binned - link.matrix(F).at(1, 1)).norm() < ROUNDING * binned.norm());
     }
 
     #[test]

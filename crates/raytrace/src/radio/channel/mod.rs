@@ -11,7 +11,7 @@ pub use array::{ArrayLink, ChannelMatrix};
 pub use response::{Subcarriers, TapFilter, frequency_response, impulse_response};
 pub use statistics::{LinkStatistics, circular_spread_deg};
 
-use super::{Arrival, Complex};
+use super::Complex;
 use corf_scene::Rng;
 
 /// The stage of [`Rng::keyed`] from which the phases of diffuse arrivals are drawn.
@@ -24,15 +24,6 @@ pub struct Ray {
     pub gain: Complex,
     /// τ, seconds.
     pub delay_s: f64,
-}
-
-/// The rays of a single-antenna link; arrivals without a phase are given the one that `seed` and their index draw.
-pub fn rays(arrivals: &[Arrival], seed: u64) -> Vec<Ray> {
-    let ray = |(i, arrival): (usize, &Arrival)| {
-        let phase_rad = arrival.phase_rad.unwrap_or_else(|| random_phase_rad(seed, i as u64, 0));
-        Ray { gain: Complex::new(0.0, phase_rad).exp() * arrival.power.sqrt(), delay_s: arrival.delay_s }
-    };
-    arrivals.iter().enumerate().map(ray).collect()
 }
 
 /// Uniform in [0, 2π), one for each `arrival` and each pair of antennas `link`.

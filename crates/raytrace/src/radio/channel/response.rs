@@ -50,16 +50,6 @@ pub enum TapFilter {
     Bin,
 }
 
-impl TapFilter {
-    /// What a tap takes of a path that is so many taps late.
-    pub(super) fn weight(self, tap: i64, delay_taps: f64) -> f64 {
-        match self {
-            Self::Sinc => sinc(tap as f64 - delay_taps),
-            Self::Bin => f64::from(u8::from(delay_taps.round() as i64 == tap)),
-        }
-    }
-}
-
 /// H(Δf) = Σ g_i e^{−j2πΔfτ_i} at each offset from the carrier, Hz.
 pub fn frequency_response(rays: &[Ray], offsets_hz: &[f64]) -> Vec<Complex> {
     let at = |offset_hz: &f64| {
@@ -70,8 +60,11 @@ pub fn frequency_response(rays: &[Ray], offsets_hz: &[f64]) -> Vec<Complex> {
 
 /// The baseband response of a channel `bandwidth_hz` wide; tap `l` lies at delay l/W, 0 being the moment of transmission.
 pub fn impulse_response(rays: &[Ray], bandwidth_hz: f64, taps: Range<i64>, filter: TapFilter) -> Vec<Complex> {
-    let at =
-        |tap: i64| rays.iter().fold(Complex::ZERO, |sum, ray| sum + ray.gain * filter.weight(tap, ray.delay_s * bandwidth_hz));
+    let weight = |tap: i64, delay_taps: f64| match filter {
+        TapFilter::Sinc => sinc(tap as f64 - delay_taps),
+        TapFilter::Bin => f64::from(u8::from(delay_taps.round() as i64 == tap)),
+    };
+    let at = |tap: i64| rays.iter().fold(Complex::ZERO, |sum, ray| sum + ray.gain * weight(tap, ray.delay_s * bandwidth_hz));
     taps.into_par_iter().map(at).collect()
 }
 

@@ -1,7 +1,7 @@
 //! One link in numbers: power, delay spread, angular spreads, K-factor.
 
-use super::super::{Angles, Antenna, Arrival, Path};
-use super::{Complex, rays};
+use super::super::{Angles, Antenna, AntennaArray, Arrival, Path};
+use super::ArrayLink;
 use crate::spectrum::looks;
 use serde::Serialize;
 
@@ -50,9 +50,9 @@ impl LinkStatistics {
         let mut looks = looks(paths, tx, rx, frequency_hz);
         let resolved: f64 = looks.iter().flatten().map(|a| a.power).sum();
         looks[0].extend_from_slice(diffuse);
-        let coherent =
-            |look: &Vec<Arrival>| rays(look, seed).iter().fold(Complex::ZERO, |sum, ray| sum + ray.gain).norm_squared();
-        let coherent: f64 = looks.iter().map(coherent).sum();
+        let [from, to] = [tx, rx].map(|element| AntennaArray::single(*element));
+        let matrix = ArrayLink { paths, diffuse, tx: &from, rx: &to, seed }.matrix(frequency_hz);
+        let coherent = matrix.norm_squared() / from.ports() as f64;
         let arrivals = looks.concat();
         let total: f64 = arrivals.iter().map(|a| a.power).sum();
         let power = |path: &Path| path.received(tx, rx);
