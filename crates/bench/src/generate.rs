@@ -3,7 +3,7 @@
 use crate::interrupt;
 use crate::progress::Progress;
 pub use crate::radio_sensor::diffuse_settings;
-use crate::radio_sensor::{Outputs, RadioSensor, dataset_radio_settings, warn_of_open_bodies};
+use crate::radio_sensor::{Outputs, RadioSensor, dataset_radio_settings, warn_of_geometry};
 use crate::run::claim_output;
 use anyhow::{Result, bail};
 use corf_raytrace::bvh::Bvh;
@@ -53,7 +53,7 @@ pub fn generate_from(
     let ear = RadioSensor::new(&config.rf, config.seed, transmitter, &scene_config.receiver, scene, &tracer)?;
     claim_output(out, resume)?;
     if config.rf.transmission {
-        warn_of_open_bodies(scene);
+        warn_of_geometry(scene);
     }
     let mut camera = Camera::new(config, scene, &bvh);
     let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;

@@ -32,9 +32,10 @@ pub fn sensor_settings(scene: &SceneConfig) -> RadioSettings {
     RadioSettings { rx_antenna: any_polarization, ..radio_settings(scene) }
 }
 
-/// Says which bodies are open where transmission needs closed ones, on standard error.
-pub fn warn_of_open_bodies(scene: &Scene) {
-    let warnings = radio_check::body_findings(scene).into_iter().filter(|f| f.severity == Severity::Warning);
+/// Says which bodies are open where transmission needs closed ones, and whether the scene is too far from the origin, on standard error.
+pub fn warn_of_geometry(scene: &Scene) {
+    let findings = radio_check::body_findings(scene).into_iter().chain(radio_check::far_finding(scene));
+    let warnings = findings.filter(|f| f.severity == Severity::Warning);
     warnings.for_each(|finding| eprintln!("{finding}"));
 }
 

@@ -3,7 +3,7 @@
 use super::paths::Point;
 use super::{Verdict, print};
 use crate::progress::Progress;
-use crate::radio_sensor::{radio_settings, warn_of_open_bodies};
+use crate::radio_sensor::{radio_settings, warn_of_geometry};
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -117,7 +117,7 @@ impl Diffuse {
             solids.check_link(&scene, tx, rx.0)?;
         }
         if !self.no_transmission {
-            warn_of_open_bodies(&scene);
+            warn_of_geometry(&scene);
         }
         let replicas = self.replicas;
         let mut sums = vec![Vec::new(); self.rx.len()];

@@ -2,7 +2,7 @@
 
 use super::{Verdict, show};
 use crate::link::Point;
-use crate::radio_sensor::{Extent, RadioSensor, sensor_settings, warn_of_open_bodies};
+use crate::radio_sensor::{Extent, RadioSensor, sensor_settings, warn_of_geometry};
 use crate::run::{claim_fresh, write_json};
 use anyhow::{Result, ensure};
 use clap::{Args, ValueEnum};
@@ -134,7 +134,7 @@ impl Spectrum {
         let pose = Rigid3::looking_at(rx, towards, up);
         let grid = self.grid_of(&rf);
         if rf.transmission {
-            warn_of_open_bodies(&scene);
+            warn_of_geometry(&scene);
         }
 
         let bvh = Bvh::build(&scene);

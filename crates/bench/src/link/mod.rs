@@ -4,7 +4,7 @@ mod receivers;
 
 pub use receivers::receivers;
 
-use crate::radio_sensor::warn_of_open_bodies;
+use crate::radio_sensor::warn_of_geometry;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::radio::{
@@ -243,7 +243,7 @@ impl LinkSetup {
         let scene = config.load_scene()?;
         config.check_radio(&scene)?;
         if link.transmission {
-            warn_of_open_bodies(&scene);
+            warn_of_geometry(&scene);
         }
         let solids = Solids::of(&scene);
         Ok(Self { config, scene, link, transmitters, rx_array, solids })

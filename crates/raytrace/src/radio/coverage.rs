@@ -128,17 +128,17 @@ pub fn coverage<E: From<Error>>(
         if solids.parting(tx, rx).is_some() {
             return Ok(f32::NAN);
         }
-        let paths: f64 = match transmitter.paths(rx) {
-            Ok(paths) => paths.iter().map(|path| path.received(tx_antenna, rx_antenna)).sum(),
-            // A place where nothing can be received, a surface or the transmitter's own, is a cell without a value.
-            Err(Error::Invalid { .. }) => return Ok(f32::NAN),
-            Err(other) => return Err(other),
-        };
+        let paths: f64 = transmitter.paths(rx)?.iter().map(|path| path.received(tx_antenna, rx_antenna)).sum();
         let scattered: f64 = match diffuse {
             Some(field) => field.gather(rx)?.iter().map(|a: &Arrival| a.power).sum(),
             None => 0.0,
         };
         Ok((paths + scattered) as f32)
+    };
+    let gain = |rx: DVec3| match gain(rx) {
+        // A place where nothing can be received, a surface or the transmitter's own, is a cell without a value.
+        Err(Error::Invalid { .. }) => Ok(f32::NAN),
+        other => other,
     };
     let mut cells = Vec::with_capacity(plane.columns * plane.rows);
     for row in 0..plane.rows {

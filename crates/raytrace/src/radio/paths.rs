@@ -15,6 +15,8 @@ use rayon::prelude::*;
 const MIN_SEPARATION_M: f64 = 1e-6;
 /// A point this close to a triangle is on the surface, metres: what it sees would be a matter of rounding.
 const ON_SURFACE_M: f64 = 1e-6;
+/// Closer than this to a surface, metres, an end of scattered power is refused: rays keep half of it clear of what they leave.
+const NEAR_SURFACE_M: f64 = 1e-4;
 /// Paths whose corners all lie this close are one, metres: it bounces where two faces meet.
 const SAME_PATH_M: f64 = 1e-9;
 /// Chains a task of [`Transmitter::paths`] tries.
@@ -214,17 +216,37 @@ impl<'a> RadioTracer<'a> {
         Ok(Transmitter { tracer: self, tx, chains, screen, edge_chains })
     }
 
-    /// The face that a point lies on, to a micrometre.
-    pub fn face_at(&self, point: DVec3) -> Option<&Face> {
-        let on = |face: &&Face| face.distance(point).abs() <= ON_SURFACE_M && face.contains(point);
+    /// A face that a point lies over, this close.
+    fn face_within(&self, point: DVec3, distance_m: f64) -> Option<&Face> {
+        let on = |face: &&Face| face.distance(point).abs() <= distance_m && face.contains(point);
         self.geometry.faces.iter().find(on)
+    }
+
+    /// Refuses an end of links with scattered power that is not finite or closer to a surface than its rays start from it.
+    ///
+    /// # Errors
+    /// Where it is and what is wrong there.
+    pub(super) fn check_in_the_open(&self, whose: &str, position: DVec3) -> Result<()> {
+        self.check_position(whose, position)?;
+        match self.face_within(position, NEAR_SURFACE_M) {
+            None => Ok(()),
+            Some(face) => Err(Error::invalid(
+                whose,
+                format!(
+                    "at {position} it lies {:.3} mm from the surface of object `{}`",
+                    1e3 * face.distance(position).abs(),
+                    self.objects[face.object as usize]
+                ),
+                format!("scattered power needs {} mm: move it off the surface", 1e3 * NEAR_SURFACE_M),
+            )),
+        }
     }
 
     fn check_position(&self, whose: &str, position: DVec3) -> Result<()> {
         if !position.is_finite() {
             return Err(Error::invalid(whose, format!("position is {position}"), "give three finite coordinates in metres"));
         }
-        match self.face_at(position) {
+        match self.face_within(position, ON_SURFACE_M) {
             None => Ok(()),
             Some(face) => Err(Error::invalid(
                 whose,

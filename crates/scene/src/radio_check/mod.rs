@@ -17,6 +17,8 @@ use std::collections::BTreeMap;
 
 /// Poses at which a trajectory is looked at.
 const POSES: usize = 256;
+/// Coordinates above this, metres, have steps of 0.06 mm.
+const FAR_M: f64 = 512.0;
 /// A transmitter and a receiver this close have no far field, metres.
 const COINCIDENT_M: f64 = 1e-6;
 
@@ -25,7 +27,18 @@ const COINCIDENT_M: f64 = 1e-6;
 pub fn radio_findings(scene: &Scene, frequency_hz: f64) -> Vec<Finding> {
     let mut findings = material_findings(scene, frequency_hz);
     findings.extend(body_findings(scene));
+    findings.extend(far_finding(scene));
     findings
+}
+
+/// A warning where corners lie so far from the origin that single precision is coarser than what keeps rays off the surfaces they leave.
+pub fn far_finding(scene: &Scene) -> Option<Finding> {
+    let bounds = scene.bounds()?;
+    let far_m = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
+    let step_mm = 1e3 * ((far_m as f32).next_up() - far_m as f32);
+    let what = format!("its corners lie up to {far_m:.0} m from the origin, where single precision has steps of {step_mm:.2} mm");
+    let help = "paths are that inexact and scattered power comes out too low: move the model to the origin";
+    (far_m > FAR_M).then(|| Finding::new(Severity::Warning, scene.name.as_str(), what, help))
 }
 
 /// Radio properties at the carrier: errors of materials in use, notes of others.
@@ -204,6 +217,15 @@ mod tests {
     }
 
     const CLOSED: [bool; 6] = [true; 6];
+
+    #[test]
+    fn models_far_from_the_origin_are_told() {
+        let mut scene = Scene { positions: vec![Vec3::new(-3.0, 400.0, 0.0)], ..Scene::default() };
+        assert!(far_finding(&scene).is_none());
+        scene.positions.push(Vec3::new(500_000.0, 0.0, 0.0));
+        let finding = far_finding(&scene).unwrap().to_string();
+        assert!(finding.contains("500000 m") && finding.contains("31.25 mm"), "{finding}");
+    }
 
     #[test]
     fn a_body_with_a_hole_is_named_and_sheets_are_not() {

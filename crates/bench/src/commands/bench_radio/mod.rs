@@ -9,7 +9,7 @@ use super::spectrum::Kind;
 use super::{Verdict, show};
 use crate::generate;
 use crate::progress::Progress;
-use crate::radio_sensor::{Extent, element_at, noncoherent, sensor_settings, warn_of_open_bodies};
+use crate::radio_sensor::{Extent, element_at, noncoherent, sensor_settings, warn_of_geometry};
 use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -153,7 +153,7 @@ impl Radio {
         let scene = scene_config.load_scene()?;
         scene_config.check_radio(&scene)?;
         if config.rf.transmission {
-            warn_of_open_bodies(&scene);
+            warn_of_geometry(&scene);
         }
         let mut seconds = Stages::default();
         let bvh = timed(&mut seconds.hierarchy, || Bvh::build(&scene));

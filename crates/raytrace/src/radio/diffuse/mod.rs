@@ -209,9 +209,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
 
     fn of_chains(tracer: &'t RadioTracer<'a>, tx: DVec3, settings: &DiffuseSettings, only: Option<&[Event]>) -> Result<Self> {
         settings.validate()?;
-        if !tx.is_finite() {
-            return Err(Error::invalid("transmitter", format!("position is {tx}"), "give three finite coordinates in metres"));
-        }
+        tracer.check_in_the_open("transmitter", tx)?;
         let mut rng = Rng::keyed(settings.phase, 0x0d1f_f05e, 0);
         let (phase, world_from_lattice, luck) = if settings.phase == 0 {
             (DVec2::ZERO, DMat3::IDENTITY, 0.5)
@@ -290,7 +288,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// # Errors
     /// As [`DiffuseField::gather`].
     pub fn gather_with(&self, rx: DVec3, antenna: &Antenna) -> Result<Vec<Arrival>> {
-        check_receiver(rx)?;
+        self.tracer.check_in_the_open("receiver", rx)?;
         Ok(self.gathering(rx, antenna, |_| true).arrivals(|_| true))
     }
 
@@ -322,7 +320,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     }
 
     fn gather_within(&self, rx: DVec3, antenna: &Antenna, inside: impl Fn(DVec3) -> bool + Sync) -> Result<Vec<Arrival>> {
-        check_receiver(rx)?;
+        self.tracer.check_in_the_open("receiver", rx)?;
         let view = self.gathering(rx, antenna, &inside);
         let mut arrivals = view.arrivals(&inside);
         // What lies outside counts for the total power alone.
@@ -366,7 +364,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// # Errors
     /// A position that is not finite.
     pub fn contributions(&self, rx: DVec3) -> Result<Vec<(DVec3, Contribution)>> {
-        check_receiver(rx)?;
+        self.tracer.check_in_the_open("receiver", rx)?;
         let antenna = &self.tracer.settings.rx_antenna;
         let lattice = Lattice::new(self.directions.count(), false, true);
         let mut all = in_tasks(self.directions.along(), |numbers| {
@@ -402,11 +400,4 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
 fn in_tasks<D: Sync, T: Send>(all: &[D], task: impl Fn(&[D]) -> Vec<T> + Sync + Send) -> Vec<T> {
     let per_task: Vec<Vec<T>> = all.par_chunks(DIRECTIONS_PER_TASK).map(task).collect();
     per_task.into_iter().flatten().collect()
-}
-
-fn check_receiver(rx: DVec3) -> Result<()> {
-    if rx.is_finite() {
-        return Ok(());
-    }
-    Err(Error::invalid("receiver", format!("position is {rx}"), "give three finite coordinates in metres"))
 }

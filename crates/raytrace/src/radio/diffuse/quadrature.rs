@@ -3,11 +3,11 @@
 //! (λ/4π)² ∫ S²Γ² f_s cosθ_i dA / (r₁² r₂²) over all that source and receiver see. Triangles are cut into quarters, the cells with the
 //! largest estimated errors first; at the outlines of shadows, where no rule converges, cells become small instead.
 
+use super::DiffuseField;
 #[cfg(doc)]
 use super::DiffuseSettings;
 use super::gather::{Lattice, Look};
 use super::illumination::{Lighting, Source};
-use super::{DiffuseField, check_receiver};
 use corf_scene::Result;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -104,7 +104,7 @@ impl DiffuseField<'_, '_> {
     /// # Errors
     /// A position that is not finite.
     pub fn by_quadrature(&self, rx: DVec3) -> Result<Scattered> {
-        check_receiver(rx)?;
+        self.tracer.check_in_the_open("receiver", rx)?;
         let mut scattered = Scattered { straight: Vec::new(), mirrored: vec![0.0; self.tracer.objects()] };
         for &source in &self.illumination.sources {
             if source.mirror.is_none() {
