@@ -221,7 +221,7 @@ impl Paths {
                 "power_db": decibels(power),
                 "directions": diffuse.len(),
                 "seed": seed,
-                "where": "in `channel`, where spreads of departure lack it: scattered power does not know where it left; not in `paths` and `total_power_db`",
+                "where": "in `channel`, where spreads of departure lack it: scattered power does not know where it left; not in `paths` and `total_power_db`. Between ports its share is a model: the receiver's polarisations get equal parts of it, with phases of their own",
             });
         }
         if tx.ports() * rx.ports() > 1 {

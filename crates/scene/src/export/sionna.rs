@@ -54,6 +54,16 @@ pub struct AntennaEntry {
     pub pattern: String,
     /// `V`, `H`, `VH`, `cross`.
     pub polarization: String,
+    /// Elements along array z and along array y: what Sionna RT's `PlanarArray` takes as `num_rows` and `num_cols`.
+    pub rows: usize,
+    /// See `rows`.
+    pub cols: usize,
+    /// Between columns, between rows, wavelengths: `horizontal_spacing`, `vertical_spacing`.
+    pub spacing_wavelengths: [f64; 2],
+    /// Where a transmit array of several elements points its one beam (conjugate steering weights of unit power), azimuth and elevation in the
+    /// array's frame, degrees. Sionna RT's paths are of the elements: weigh them by it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beam_deg: Option<[f64; 2]>,
 }
 
 /// A material at the carrier.
@@ -145,12 +155,20 @@ pub fn write(scene: &Scene, config: &SceneConfig, poses: usize, folder: &Path) -
             orientation_rad: Some([o.yaw_deg, o.pitch_deg, o.roll_deg].map(f64::to_radians)),
             pattern: name_of(&tx.pattern)?,
             polarization: name_of(&tx.polarization)?,
+            rows: tx.rows,
+            cols: tx.cols,
+            spacing_wavelengths: tx.spacing_wavelengths,
+            beam_deg: (tx.rows * tx.cols > 1).then(|| tx.beam.unwrap_or_default()).map(|b| [b.azimuth_deg, b.elevation_deg]),
         },
         receiver: AntennaEntry {
             position_m: None,
             orientation_rad: None,
             pattern: name_of(&rx.pattern)?,
             polarization: name_of(&rx.polarization)?,
+            rows: rx.rows,
+            cols: rx.cols,
+            spacing_wavelengths: rx.spacing_wavelengths,
+            beam_deg: None,
         },
         materials: BTreeMap::new(),
         shapes: Vec::with_capacity(parts.len()),

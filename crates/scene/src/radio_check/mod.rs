@@ -31,14 +31,16 @@ pub fn radio_findings(scene: &Scene, frequency_hz: f64) -> Vec<Finding> {
     findings
 }
 
-/// A warning where corners lie so far from the origin that single precision is coarser than what keeps rays off the surfaces they leave.
+/// A warning where a scene lies so far from the origin that single precision is coarser than what keeps rays off the surfaces they leave.
 pub fn far_finding(scene: &Scene) -> Option<Finding> {
     let bounds = scene.bounds()?;
     let far_m = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
     let step_mm = 1e3 * ((far_m as f32).next_up() - far_m as f32);
     let what = format!("its corners lie up to {far_m:.0} m from the origin, where single precision has steps of {step_mm:.2} mm");
     let help = "paths are that inexact and scattered power comes out too low: move the model to the origin";
-    (far_m > FAR_M).then(|| Finding::new(Severity::Warning, scene.name.as_str(), what, help))
+    // What is as large as that is not helped by moving it.
+    let size_m = f64::from(bounds.max.distance(bounds.min));
+    (far_m > FAR_M && far_m > size_m).then(|| Finding::new(Severity::Warning, scene.name.as_str(), what, help))
 }
 
 /// Radio properties at the carrier: errors of materials in use, notes of others.
@@ -222,7 +224,7 @@ mod tests {
     fn models_far_from_the_origin_are_told() {
         let mut scene = Scene { positions: vec![Vec3::new(-3.0, 400.0, 0.0)], ..Scene::default() };
         assert!(far_finding(&scene).is_none());
-        scene.positions.push(Vec3::new(500_000.0, 0.0, 0.0));
+        scene.positions[0].x = 500_000.0;
         let finding = far_finding(&scene).unwrap().to_string();
         assert!(finding.contains("500000 m") && finding.contains("31.25 mm"), "{finding}");
     }
