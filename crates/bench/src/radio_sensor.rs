@@ -224,7 +224,7 @@ impl<'a> RadioSensor<'a> {
                 Ok((power, noncoherent.form(&received.looks, camera, &pose.world_from_camera)))
             };
             let ((power_a, a), (power_b, b)) = (seen(field)?, seen(&other)?);
-            totals.add(10.0 * ((power_a + NOTHING) / (power_b + NOTHING)).log10());
+            totals.add(difference_db(power_a, power_b));
             let peak = a.pixels().iter().copied().fold(0f32, f32::max);
             let strong = a.pixels().iter().zip(b.pixels()).filter(|(a, b)| **a > 0.0 && **a >= STRONG * peak && **b > 0.0);
             strong.for_each(|(a, b)| pixels.add(10.0 * f64::from(a / b).log10()));
@@ -298,6 +298,10 @@ pub struct RadioFrame {
 
 /// Powers that much smaller than that transmitted, −300 dB, are as good as none: where nothing arrives samplings agree.
 const NOTHING: f64 = 1e-30;
+fn difference_db(a: f64, b: f64) -> f64 {
+    10.0 * ((a + NOTHING) / (b + NOTHING)).log10()
+}
+
 /// Pixels within 30 dB of their spectrum's peak count.
 const STRONG: f32 = 1e-3;
 
@@ -334,6 +338,13 @@ impl MeanSquare {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn places_where_nothing_arrives_differ_by_a_number() {
+        assert_eq!(difference_db(0.0, 0.0), 0.0);
+        assert!((difference_db(1e-8, 2e-8) + 10.0 * 2f64.log10()).abs() < 1e-9);
+        assert!((difference_db(1e-8, 0.0) - 220.0).abs() < 1e-6);
+    }
 
     #[test]
     fn only_what_no_spectrum_shows_is_gathered_sparsely() {
