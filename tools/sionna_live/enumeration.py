@@ -70,8 +70,7 @@ class Enumeration:
     def __init__(self, meshes, radio):
         self.faces = [face for shape, corners in zip(meshes.shapes, meshes.corners) for face in faces(shape, corners)]
         self.edges = edges(self.faces)
-        wavelength, omega = referee.SPEED_OF_LIGHT / radio["frequency_hz"], 2 * np.pi * radio["frequency_hz"]
-        self.opaque = {id for id, m in radio["materials"].items() if is_opaque(m, wavelength, omega)}
+        self.opaque = {id for id, m in radio["materials"].items() if is_opaque(m, radio["frequency_hz"])}
 
     def by_mirrors(self, tx, rx, depth):
         """(types, objects, corners) of every path with up to `depth` mirrors and slabs."""
@@ -196,10 +195,8 @@ def edges(faces):
     return found
 
 
-def is_opaque(material, wavelength, omega):
-    eta = material["relative_permittivity"] - 1j * material["conductivity_s_per_m"] / (
-        omega * referee.VACUUM_PERMITTIVITY_F_PER_M
-    )
+def is_opaque(material, frequency_hz):
+    eta, wavelength = referee.permittivity(material, frequency_hz), referee.SPEED_OF_LIGHT / frequency_hz
     return max(abs(t) for t in referee.slab(1.0, eta, material["thickness_m"], wavelength)[2:]) < OPAQUE
 
 

@@ -27,6 +27,12 @@ def exact_corners(types, planes, tx, rx):
     return np.array(corners[::-1]).reshape(-1, 3)
 
 
+def permittivity(material, frequency_hz):
+    """Complex relative permittivity."""
+    loss = material["conductivity_s_per_m"] / (2 * np.pi * frequency_hz * VACUUM_PERMITTIVITY_F_PER_M)
+    return material["relative_permittivity"] - 1j * loss
+
+
 def slab(cosine, eta, thickness_m, wavelength_m):
     """(R_TE, R_TM, T_TE, T_TM) of a slab."""
     root = np.sqrt(eta - 1 + cosine**2)
@@ -53,9 +59,7 @@ def coefficient(types, corners, normals, materials, tx, rx, frequency_hz):
     field = theta_hat(directions[0]).astype(complex)
     for i, kind in enumerate(types):
         k, n, m = directions[i], normals[i], materials[i]
-        eta = m["relative_permittivity"] - 1j * m["conductivity_s_per_m"] / (
-            2 * np.pi * frequency_hz * VACUUM_PERMITTIVITY_F_PER_M
-        )
+        eta = permittivity(m, frequency_hz)
         cosine = abs(np.dot(k, n))
         r_te, r_tm, t_te, t_tm = slab(cosine, eta, m["thickness_m"], wavelength)
         across = np.cross(k, n)

@@ -298,6 +298,8 @@ pub struct RadioFrame {
 
 /// Powers that much smaller than that transmitted, −300 dB, are as good as none: where nothing arrives samplings agree.
 const NOTHING: f64 = 1e-30;
+
+/// How much more one power is than another, dB: a number also where there is none.
 fn difference_db(a: f64, b: f64) -> f64 {
     10.0 * ((a + NOTHING) / (b + NOTHING)).log10()
 }

@@ -3,14 +3,13 @@
 use super::{Verdict, show};
 use crate::coverage_picture::CoveragePicture;
 use crate::interrupt;
-use crate::link::{LinkArgs, LinkSetup, Point, TransmitEnd};
+use crate::link::{LinkArgs, LinkSetup, Point};
 use crate::progress::Progress;
 use crate::run::{claim_fresh, write_json};
 use anyhow::Result;
 use clap::Args;
-use corf_raytrace::bvh::Bvh;
+use corf_raytrace::radio::DiffuseSettings;
 use corf_raytrace::radio::coverage::{CoveragePlane, coverage, strongest};
-use corf_raytrace::radio::{DiffuseField, DiffuseSettings, RadioTracer};
 use corf_scene::{Error, Raster, io};
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -160,18 +159,16 @@ impl Coverage {
 
 /// The path gain of every transmitter.
 fn maps(setup: &LinkSetup, plane: &CoveragePlane, diffuse: &DiffuseSettings) -> Result<Vec<Raster<f32>>> {
-    let bvh = Bvh::build(&setup.scene);
     let total = setup.transmitters.len() * plane.rows;
     let mut progress = Progress::start("coverage", total, "rows");
     let mut maps = Vec::with_capacity(setup.transmitters.len());
-    for (number, &TransmitEnd { position: tx, array }) in setup.transmitters.iter().enumerate() {
-        let tracer = RadioTracer::new(&setup.scene, &bvh, setup.radio_settings(&array))?;
-        let field = setup.link.diffuse.then(|| DiffuseField::new(&tracer, tx, diffuse)).transpose()?;
-        maps.push(coverage(&tracer.transmitter(tx)?, field.as_ref(), setup.solids(), plane, |rows| {
+    setup.each_transmitter(diffuse, |number, transmitter, field| {
+        maps.push(coverage(transmitter, field, setup.solids(), plane, |rows| {
             progress.set(number * plane.rows + rows, total);
             interrupt::check()
         })?);
-    }
+        Ok(())
+    })?;
     progress.finish();
     Ok(maps)
 }

@@ -114,6 +114,7 @@ impl Diffuse {
         let solids = Solids::of(&scene);
         for rx in &self.rx {
             tracer.check_receiver(tx, rx.0)?;
+            tracer.check_in_the_open("receiver", rx.0)?;
             solids.check_link(&scene, tx, rx.0)?;
         }
         if !self.no_transmission {

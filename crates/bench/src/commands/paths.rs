@@ -3,16 +3,15 @@
 use super::{Verdict, print};
 use crate::interrupt;
 pub(super) use crate::link::Point;
-use crate::link::{Grid, LinkArgs, LinkSetup, TransmitEnd, receivers};
+use crate::link::{Grid, LinkArgs, LinkSetup, receivers};
 use crate::progress::Progress;
 use anyhow::Result;
 use clap::{Args, ValueEnum};
-use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::channel::{
     ArrayLink, LinkStatistics, Ray, Subcarriers, TapFilter, frequency_response, impulse_response,
 };
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
-use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseField, DiffuseSettings, RadioTracer, json};
+use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseSettings, json};
 use corf_scene::npz::{Array, Values, encode_npz};
 use corf_scene::{Error, io};
 use serde_json::{Value, json};
@@ -151,28 +150,21 @@ impl Paths {
         for rx in &receivers {
             transmitters.iter().try_for_each(|tx| setup.check_link(tx.position, *rx))?;
         }
-        let bvh = Bvh::build(&setup.scene);
         let total = transmitters.len() * receivers.len();
         let mut progress = (total > 1).then(|| Progress::start("paths", total, "links"));
         let mut links = vec![Vec::new(); receivers.len()];
         let mut diffuse = vec![Vec::new(); receivers.len()];
-        let traced_from = |array: &AntennaArray| RadioTracer::new(&setup.scene, &bvh, setup.radio_settings(array));
-        let mut tracer = traced_from(&transmitters[0].array)?;
-        for (t, &TransmitEnd { position: tx, array }) in transmitters.iter().enumerate() {
-            if tracer.settings().tx_antenna != array.element {
-                tracer = traced_from(&array)?;
-            }
-            let transmitter = tracer.transmitter(tx)?;
-            let field = setup.link.diffuse.then(|| DiffuseField::new(&tracer, tx, sampling)).transpose()?;
+        setup.each_transmitter(sampling, |t, transmitter, field| {
             for (r, &rx) in receivers.iter().enumerate() {
                 interrupt::check()?;
-                links[r].push(Link { tx, rx, paths: transmitter.paths(rx)? });
-                diffuse[r].push(field.as_ref().map_or_else(|| Ok(Vec::new()), |f| f.gather(rx))?);
+                links[r].push(Link { tx: transmitter.position(), rx, paths: transmitter.paths(rx)? });
+                diffuse[r].push(field.map_or_else(|| Ok(Vec::new()), |f| f.gather(rx))?);
                 if let Some(progress) = &mut progress {
                     progress.set(t * receivers.len() + r + 1, total);
                 }
             }
-        }
+            Ok(())
+        })?;
         if let Some(progress) = progress {
             progress.finish();
         }
@@ -251,12 +243,13 @@ impl Paths {
             value["frequency_response"] = json!({ "offsets_hz": offsets, "h": at_offsets(&rays) });
             value["impulse_response"] = json!({ "bandwidth_hz": bandwidth_hz, "first_tap": taps.start, "h": at_taps(&rays) });
             if ports > 1 {
-                let by_ports = |response: &dyn Fn(&[Ray]) -> Vec<[f64; 2]>| {
-                    let row = |r: usize| (0..tx_array.ports()).map(|t| response(&between.rays(r, t, f))).collect::<Vec<_>>();
-                    json!((0..setup.rx_array.ports()).map(row).collect::<Vec<_>>())
+                let row = |r: usize| (0..tx_array.ports()).map(|t| between.rays(r, t, f)).collect::<Vec<_>>();
+                let by_ports: Vec<Vec<Vec<Ray>>> = (0..setup.rx_array.ports()).map(row).collect();
+                let of_each = |response: &dyn Fn(&[Ray]) -> Vec<[f64; 2]>| {
+                    by_ports.iter().map(|row| row.iter().map(|rays| response(rays)).collect::<Vec<_>>()).collect::<Vec<_>>()
                 };
-                value["frequency_response"]["h_ports"] = by_ports(&at_offsets);
-                value["impulse_response"]["h_ports"] = by_ports(&at_taps);
+                value["frequency_response"]["h_ports"] = json!(of_each(&at_offsets));
+                value["impulse_response"]["h_ports"] = json!(of_each(&at_taps));
             }
         }
         value

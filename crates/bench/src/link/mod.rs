@@ -7,8 +7,10 @@ pub use receivers::receivers;
 use crate::radio_sensor::warn_of_geometry;
 use anyhow::Result;
 use clap::Args;
+use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::{
-    Antenna, AntennaArray, AntennaPattern, DiffuseSettings, PlanarArray, Polarization, RadioSettings, Search, Solids,
+    Antenna, AntennaArray, AntennaPattern, DiffuseField, DiffuseSettings, PlanarArray, Polarization, RadioSettings, RadioTracer,
+    Search, Solids, Transmitter,
 };
 use corf_scene::config::{Orientation, SceneConfig, read_toml};
 use corf_scene::{Error, Scene};
@@ -290,7 +292,7 @@ impl LinkSetup {
     }
 
     /// What the tracer is to do for a transmit array.
-    pub fn radio_settings(&self, tx_array: &AntennaArray) -> RadioSettings {
+    fn radio_settings(&self, tx_array: &AntennaArray) -> RadioSettings {
         RadioSettings {
             frequency_hz: self.config.radio.frequency_hz,
             max_depth: self.link.max_depth,
@@ -311,6 +313,29 @@ impl LinkSetup {
     pub fn diffuse_settings(&mut self, directions: usize) -> DiffuseSettings {
         let directions = *self.link.directions.get_or_insert(directions);
         DiffuseSettings { directions, ..DiffuseSettings::default() }
+    }
+
+    /// Visits every transmitter, with its number and, where that is asked for, its diffuse field; those with one element in common share a tracer.
+    ///
+    /// # Errors
+    /// A transmitter that cannot be traced, and what `visit` says.
+    pub fn each_transmitter(
+        &self,
+        sampling: &DiffuseSettings,
+        mut visit: impl FnMut(usize, &Transmitter<'_, '_>, Option<&DiffuseField<'_, '_>>) -> Result<()>,
+    ) -> Result<()> {
+        let bvh = Bvh::build(&self.scene);
+        let traced_from = |array: &AntennaArray| RadioTracer::new(&self.scene, &bvh, self.radio_settings(array));
+        let mut tracer = traced_from(&self.transmitters[0].array)?;
+        for (number, &TransmitEnd { position, array }) in self.transmitters.iter().enumerate() {
+            if tracer.settings().tx_antenna != array.element {
+                tracer = traced_from(&array)?;
+            }
+            let transmitter = tracer.transmitter(position)?;
+            let field = self.link.diffuse.then(|| DiffuseField::new(&tracer, position, sampling)).transpose()?;
+            visit(number, &transmitter, field.as_ref())?;
+        }
+        Ok(())
     }
 
     /// The closed bodies of the scene.

@@ -10,7 +10,7 @@ use std::hash::{BuildHasherDefault, Hasher};
 /// Triangles belong to one face when their corners lie this close to its plane, metres (float32 corners at 10 m are off by 1e-6).
 const COPLANAR_DISTANCE_M: f64 = 5e-6;
 /// … and their normals are this parallel: 1 − cos of [`COPLANAR_RAD`].
-const COPLANAR_NORMAL: f64 = 5e-7;
+pub(super) const COPLANAR_NORMAL: f64 = 5e-7;
 /// The angle of [`COPLANAR_NORMAL`], rounded up: normals of one face differ by no more per component.
 const COPLANAR_RAD: f64 = 1.001e-3;
 /// Side of a cell of normals.

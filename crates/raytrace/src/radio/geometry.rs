@@ -16,10 +16,8 @@ const SAME_PLANE_M: f64 = 1e-6;
 const END_CLEARANCE_M: f64 = 1e-9;
 /// Two crossings of one object and material this close are one: an edge between two of its faces was hit, metres.
 const SAME_CROSSING_M: f64 = 1e-9;
-/// Faces whose normals have at least this cosine are in one plane where they meet: 1e-3 rad.
-const COPLANAR_NORMAL: f64 = 1.0 - 5e-7;
-/// What lies beside a joint is looked for this far off, metres, …
-const BESIDE_M: f64 = 1e-6;
+/// What lies beside a point where faces meet is looked for this far off, metres, …
+pub(super) const BESIDE_M: f64 = 1e-6;
 /// … in so many directions.
 const BESIDE: usize = 8;
 /// Up to this many triangles all of them are tried; the list is exact and needs no bounding boxes.
@@ -260,7 +258,7 @@ impl<'a> Geometry<'a> {
         if a.object == b.object && a.material == b.material {
             return true;
         }
-        if a.normal.dot(b.normal).abs() < COPLANAR_NORMAL {
+        if a.normal.dot(b.normal).abs() < 1.0 - faces::COPLANAR_NORMAL {
             return false;
         }
         // Side by side no point beside the joint is on both.

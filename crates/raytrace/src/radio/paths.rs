@@ -216,44 +216,37 @@ impl<'a> RadioTracer<'a> {
         Ok(Transmitter { tracer: self, tx, chains, screen, edge_chains })
     }
 
-    /// A face that a point lies over, this close.
-    fn face_within(&self, point: DVec3, distance_m: f64) -> Option<&Face> {
-        let on = |face: &&Face| face.distance(point).abs() <= distance_m && face.contains(point);
-        self.geometry.faces.iter().find(on)
-    }
-
     /// Refuses an end of links with scattered power that is not finite or closer to a surface than its rays start from it.
     ///
     /// # Errors
     /// Where it is and what is wrong there.
-    pub(super) fn check_in_the_open(&self, whose: &str, position: DVec3) -> Result<()> {
-        self.check_position(whose, position)?;
-        match self.face_within(position, NEAR_SURFACE_M) {
-            None => Ok(()),
-            Some(face) => Err(Error::invalid(
-                whose,
-                format!(
-                    "at {position} it lies {:.3} mm from the surface of object `{}`",
-                    1e3 * face.distance(position).abs(),
-                    self.objects[face.object as usize]
-                ),
-                format!("scattered power needs {} mm: move it off the surface", 1e3 * NEAR_SURFACE_M),
-            )),
-        }
+    pub fn check_in_the_open(&self, whose: &str, position: DVec3) -> Result<()> {
+        self.check_clear(whose, position, NEAR_SURFACE_M)
     }
 
     fn check_position(&self, whose: &str, position: DVec3) -> Result<()> {
+        self.check_clear(whose, position, ON_SURFACE_M)
+    }
+
+    fn check_clear(&self, whose: &str, position: DVec3, clear_m: f64) -> Result<()> {
         if !position.is_finite() {
             return Err(Error::invalid(whose, format!("position is {position}"), "give three finite coordinates in metres"));
         }
-        match self.face_within(position, ON_SURFACE_M) {
-            None => Ok(()),
-            Some(face) => Err(Error::invalid(
-                whose,
-                format!("at {position} it lies on the surface of object `{}`", self.objects[face.object as usize]),
-                "which side it sees is undefined; move it off the surface",
-            )),
-        }
+        let near = |face: &&Face| face.distance(position).abs() <= clear_m && face.contains(position);
+        let Some(face) = self.geometry.faces.iter().find(near) else { return Ok(()) };
+        let (object, distance_m) = (&self.objects[face.object as usize], face.distance(position).abs());
+        let (what, help) = if distance_m <= ON_SURFACE_M {
+            (
+                format!("at {position} it lies on the surface of object `{object}`"),
+                "which side it sees is undefined; move it off the surface".into(),
+            )
+        } else {
+            (
+                format!("at {position} it lies {:.3} mm from the surface of object `{object}`", 1e3 * distance_m),
+                format!("scattered power needs {} mm: move it off the surface", 1e3 * NEAR_SURFACE_M),
+            )
+        };
+        Err(Error::invalid(whose, what, help))
     }
 
     /// Refuses a receiver that is not finite, on a surface, or where the transmitter is.

@@ -5,7 +5,7 @@ use super::chains::Chain;
 use super::diffraction::{EdgeFace, EdgeRay, Wedge, diffract};
 use super::field::{self, Field};
 use super::fresnel::{self, SlabResponse};
-use super::geometry::{Crossing, Face};
+use super::geometry::{BESIDE_M, Crossing, Face};
 use super::paths::{Interaction, InteractionKind, Path, RadioTracer};
 use super::{Complex, MAX_DEPTH, SPEED_OF_LIGHT};
 use glam::DVec3;
@@ -15,8 +15,6 @@ const EDGE_CLEARANCE_M: f64 = 1e-3;
 
 /// Two bounces this close, metres, are where two faces meet; rounding puts them on either side.
 const MEETING_M: f64 = 1e-12;
-/// Where two faces meet, which way each of them extends is seen this far off, metres.
-const BESIDE_M: f64 = 1e-6;
 
 /// Where a path changes direction.
 #[derive(Clone, Copy, Debug)]

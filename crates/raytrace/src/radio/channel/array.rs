@@ -80,14 +80,18 @@ impl ArrayLink<'_> {
 
     /// What arrives between a receive and a transmit port, rays whose sum is their entry of [`Self::matrix`] at the carrier.
     pub fn rays(&self, row: usize, column: usize, carrier_hz: f64) -> Vec<Ray> {
-        let elements = self.rx.ports() / self.rx.element.ports();
-        let entry = row * self.tx.ports() + column;
-        let paths = self.paths.iter().map(|path| Ray {
-            gain: path.array_response(self.tx, self.rx)[entry] * carried(carrier_hz, path.delay_s),
-            delay_s: path.delay_s,
+        let place = |array: &AntennaArray, port: usize| {
+            let elements = array.ports() / array.element.ports();
+            (port / elements, port % elements)
+        };
+        let ((rx_port, m), (tx_port, n)) = (place(self.rx, row), place(self.tx, column));
+        let paths = self.paths.iter().map(|path| {
+            let a = path.coefficient(&self.tx.element, tx_port, &self.rx.element, rx_port);
+            let response = self.rx.steering(path.arrival)[m] * a * self.tx.steering(path.departure)[n];
+            Ray { gain: response * carried(carrier_hz, path.delay_s), delay_s: path.delay_s }
         });
         let diffuse = self.diffuse.iter().enumerate().map(|(i, arrival)| Ray {
-            gain: self.diffuse_gain(i, row / elements, column, carrier_hz) * self.rx.steering(arrival.direction)[row % elements],
+            gain: self.diffuse_gain(i, rx_port, column, carrier_hz) * self.rx.steering(arrival.direction)[m],
             delay_s: arrival.delay_s,
         });
         paths.chain(diffuse).collect()

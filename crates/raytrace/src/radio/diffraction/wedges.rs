@@ -1,11 +1,10 @@
 //! The edges of a mesh that diffract.
 
+use super::super::faces::COPLANAR_NORMAL;
 use super::super::geometry::Geometry;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// Faces closer to one plane than this make no wedge: 1 − |n₀·n_n| of 1e-3 rad, as for [`super::super::Face`].
-const COPLANAR_NORMAL: f64 = 5e-7;
 /// Edges shorter than this, metres, are degenerate.
 const MIN_EDGE_M: f64 = 1e-9;
 

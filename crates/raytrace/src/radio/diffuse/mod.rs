@@ -197,7 +197,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// Finds the transmitter's mirrors, follows its rays, lays out the patches and traces the photons.
     ///
     /// # Errors
-    /// A position that is not finite, or settings out of range.
+    /// A position that is not finite or within 0.1 mm of a surface, or settings out of range.
     pub fn new(tracer: &'t RadioTracer<'a>, tx: DVec3, settings: &DiffuseSettings) -> Result<Self> {
         Self::of_chains(tracer, tx, settings, None)
     }
@@ -278,7 +278,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// those of the transmitter's own rays; delays are means weighted by power, objects those that the receiver sees.
     ///
     /// # Errors
-    /// A position that is not finite.
+    /// A position that is not finite, or within 0.1 mm of a surface.
     pub fn gather(&self, rx: DVec3) -> Result<Vec<Arrival>> {
         self.gather_with(rx, &self.tracer.settings.rx_antenna)
     }
@@ -297,7 +297,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// [`DiffuseField::gather_in_front_with`].
     ///
     /// # Errors
-    /// A position that is not finite.
+    /// A position that is not finite, or within 0.1 mm of a surface.
     pub fn gather_for_view(&self, camera: &Pinhole, world_from_camera: &Rigid3) -> Result<Vec<Arrival>> {
         self.gather_for_view_with(camera, world_from_camera, &self.tracer.settings.rx_antenna)
     }
@@ -314,7 +314,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// sparser lattice, which keeps the total power. `boresight` is the array's, a unit vector.
     ///
     /// # Errors
-    /// A position that is not finite.
+    /// A position that is not finite, or within 0.1 mm of a surface.
     pub fn gather_in_front_with(&self, rx: DVec3, boresight: DVec3, antenna: &Antenna) -> Result<Vec<Arrival>> {
         self.gather_within(rx, antenna, regard::front(boresight))
     }
@@ -362,7 +362,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// rays: for studies and checks.
     ///
     /// # Errors
-    /// A position that is not finite.
+    /// A position that is not finite, or within 0.1 mm of a surface.
     pub fn contributions(&self, rx: DVec3) -> Result<Vec<(DVec3, Contribution)>> {
         self.tracer.check_in_the_open("receiver", rx)?;
         let antenna = &self.tracer.settings.rx_antenna;

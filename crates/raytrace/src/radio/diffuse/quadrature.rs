@@ -102,7 +102,7 @@ impl DiffuseField<'_, '_> {
     /// [`DiffuseField::contributions`] estimate from their lattice, photons aside. For checks: it looks at every triangle.
     ///
     /// # Errors
-    /// A position that is not finite.
+    /// A position that is not finite, or within 0.1 mm of a surface.
     pub fn by_quadrature(&self, rx: DVec3) -> Result<Scattered> {
         self.tracer.check_in_the_open("receiver", rx)?;
         let mut scattered = Scattered { straight: Vec::new(), mirrored: vec![0.0; self.tracer.objects()] };
