@@ -7,20 +7,9 @@ use corf::{
     loss::{psnr_8bit, ssim},
 };
 use corf_scene::{Rng, io::read_png};
-use std::path::PathBuf;
-
-/// A file of the shared folder (`CORF_SHARED`, relative to the workspace's root), or `None` (and a line saying so) where there is none; an error under `CORF_REQUIRE_SHARED=1`.
-fn shared(path: &str) -> Option<PathBuf> {
-    let root = std::env::var("CORF_SHARED").unwrap_or_else(|_| "../shared".into());
-    let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(root).join(path);
-    if file.exists() {
-        return Some(file);
-    }
-    let required = std::env::var_os("CORF_REQUIRE_SHARED").is_some_and(|v| v == "1");
-    assert!(!required, "{} is missing", file.display());
-    println!("skipped: {} is missing", file.display());
-    None
-}
+#[path = "../../../tests/shared.rs"]
+mod reference_data;
+use reference_data::shared;
 
 /// The reference values come from f32 convolutions.
 const SSIM_TOLERANCE: f64 = 1e-5;

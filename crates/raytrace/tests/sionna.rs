@@ -2,10 +2,11 @@
 
 #![allow(clippy::unwrap_used)]
 
-mod common;
+#[path = "../../../tests/shared.rs"]
+mod reference_data;
 
-use common::shared;
 use corf_raytrace::sionna::{self, Reference, SpecularReference};
+use reference_data::shared;
 
 fn specular(name: &str) -> Option<SpecularReference> {
     let path = shared(&format!("sionna/{name}.json"))?;
