@@ -4,6 +4,7 @@
 
 #[path = "../../shared.rs"]
 mod reference_data;
+#[allow(unused_imports)]
 pub use reference_data::shared;
 
 use std::path::{Path, PathBuf};
