@@ -123,4 +123,9 @@ impl Bvh {
     ) -> ControlFlow<()> {
         self.candidates(origin, direction, t_max, visit)
     }
+
+    /// Calls `visit` with every triangle in leaves whose padded boxes meet the box between two corners, each once.
+    pub fn visit_box(&self, min: DVec3, max: DVec3, visit: impl FnMut(u32)) {
+        self.in_box(min.as_vec3(), max.as_vec3(), visit);
+    }
 }

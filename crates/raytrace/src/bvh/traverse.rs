@@ -2,7 +2,7 @@
 
 use super::kernel::{Kernel, LEAF, Node, PACKET, PacketHits, Portable, Prepared, WIDTH};
 use super::{Bvh, Hit, Ray};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::mem::MaybeUninit;
 use std::ops::ControlFlow;
 
@@ -203,6 +203,25 @@ impl Bvh {
                 Some((child, _)) => current = child,
                 None => return ControlFlow::Continue(()),
             }
+        }
+    }
+
+    pub(super) fn in_box(&self, min: Vec3, max: Vec3, mut visit: impl FnMut(u32)) {
+        if self.nodes.is_empty() {
+            return;
+        }
+        let mut stack = vec![0u32];
+        while let Some(current) = stack.pop() {
+            if current & LEAF > 0 {
+                let packet = &self.packets[(current & !LEAF) as usize];
+                packet.triangles.into_iter().filter(|triangle| *triangle != u32::MAX).for_each(&mut visit);
+                continue;
+            }
+            let node = &self.nodes[current as usize];
+            let meets = |slot: &usize| {
+                (0..3).all(|axis| node.bounds[axis][*slot] <= max[axis] && node.bounds[axis + 3][*slot] >= min[axis])
+            };
+            stack.extend((0..WIDTH).filter(meets).map(|slot| node.children[slot]));
         }
     }
 

@@ -13,11 +13,11 @@ const SAME_PLANE_NORMAL: f64 = 1e-9;
 /// … and their offsets this close, metres.
 const SAME_PLANE_M: f64 = 1e-6;
 /// A crossing this close to a segment's end belongs to the end itself, metres.
-const END_CLEARANCE_M: f64 = 1e-9;
+pub(super) const END_CLEARANCE_M: f64 = 1e-9;
 /// Two crossings of one object and material this close are one: an edge between two of its faces was hit, metres.
 const SAME_CROSSING_M: f64 = 1e-9;
 /// What lies beside a point where faces meet is looked for this far off, metres, …
-pub(super) const BESIDE_M: f64 = 1e-6;
+const BESIDE_M: f64 = 1e-6;
 /// … in so many directions.
 const BESIDE: usize = 8;
 /// Up to this many triangles all of them are tried; the list is exact and needs no bounding boxes.
@@ -54,6 +54,12 @@ impl Face {
     pub fn shares_plane(&self, other: &Self) -> bool {
         let cos = self.normal.dot(other.normal);
         cos.abs() > 1.0 - SAME_PLANE_NORMAL && (self.offset_m - other.offset_m * cos.signum()).abs() < SAME_PLANE_M
+    }
+
+    /// The directions, of the two across a line of the plane through a point of it, in which the face extends from there.
+    pub(super) fn ways(&self, line: DVec3, at: DVec3) -> [Option<DVec3>; 2] {
+        let across = line.cross(self.normal).normalize_or_zero();
+        [across, -across].map(|way| (way != DVec3::ZERO && self.contains(at + way * BESIDE_M)).then_some(way))
     }
 
     /// Corners of a parallelogram of the plane that holds the face.
@@ -222,7 +228,7 @@ impl<'a> Geometry<'a> {
             }
             let same = |c: &&mut Crossing| {
                 c.face == face
-                    || ((c.distance_m - t).abs() < SAME_CROSSING_M && self.is_one_sheet(c.face, face, from + direction * t))
+                    || ((c.distance_m - t).abs() < SAME_CROSSING_M && self.is_one_sheet(c.face, face, from + direction * t, direction))
             };
             match found.iter_mut().find(same) {
                 // The answer does not depend on the search structure.
@@ -252,14 +258,36 @@ impl<'a> Geometry<'a> {
         Some(found)
     }
 
-    /// Whether a ray that meets two faces at one point goes through one sheet there: of one thing, or panels in one plane side by side.
-    fn is_one_sheet(&self, first: u32, second: u32, at: DVec3) -> bool {
-        let (a, b) = (&self.faces[first as usize], &self.faces[second as usize]);
-        if a.object == b.object && a.material == b.material {
-            return true;
+    /// Calls `visit` with the faces of the triangles whose boxes come within `reach_m` of a point, some more than once.
+    pub(super) fn visit_faces_near(&self, point: DVec3, reach_m: f64, mut visit: impl FnMut(u32)) {
+        match self.occluders {
+            Occluders::Brute => (0..self.faces.len() as u32).for_each(visit),
+            Occluders::Bvh(bvh) => {
+                bvh.visit_box(point - reach_m, point + reach_m, |triangle| visit(self.face_of_triangle[triangle as usize]));
+            }
         }
+    }
+
+    /// Whether a ray of this direction that meets two faces at one point goes through one sheet there: panels in one plane side by side, or
+    /// two sides of a body that meet at an edge, of which rays beside it meet one or the other. Through two where each goes on beyond the other.
+    pub(super) fn is_one_sheet(&self, first: u32, second: u32, at: DVec3, direction: DVec3) -> bool {
+        let (a, b) = (&self.faces[first as usize], &self.faces[second as usize]);
+        let of_one_thing = a.object == b.object && a.material == b.material;
         if a.normal.dot(b.normal).abs() < 1.0 - faces::COPLANAR_NORMAL {
-            return false;
+            let joint = a.normal.cross(b.normal);
+            let [of_a, of_b] = [a, b].map(|face| face.ways(joint, at));
+            return match (of_a, of_b) {
+                ([Some(_), Some(_)], [Some(_), Some(_)]) => false,
+                ([Some(one), None] | [None, Some(one)], [Some(other), None] | [None, Some(other)]) if !of_one_thing => {
+                    // On opposite sides of the ray: every ray beside it meets one.
+                    let across = direction.cross(joint);
+                    across.dot(one) * across.dot(other) < 0.0
+                }
+                _ => of_one_thing,
+            };
+        }
+        if of_one_thing {
+            return true;
         }
         // Side by side no point beside the joint is on both.
         let (u, v) = a.normal.any_orthonormal_pair();

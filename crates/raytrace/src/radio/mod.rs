@@ -16,6 +16,7 @@ mod faces;
 mod field;
 pub mod fresnel;
 mod geometry;
+mod joints;
 pub mod json;
 pub mod lattice;
 pub mod materials;

@@ -5,7 +5,7 @@ use super::chains::Chain;
 use super::diffraction::{EdgeFace, EdgeRay, Wedge, diffract};
 use super::field::{self, Field};
 use super::fresnel::{self, SlabResponse};
-use super::geometry::{BESIDE_M, Crossing, Face};
+use super::geometry::Crossing;
 use super::paths::{Interaction, InteractionKind, Path, RadioTracer};
 use super::{Complex, MAX_DEPTH, SPEED_OF_LIGHT};
 use glam::DVec3;
@@ -15,6 +15,18 @@ const EDGE_CLEARANCE_M: f64 = 1e-3;
 
 /// Two bounces this close, metres, are where two faces meet; rounding puts them on either side.
 const MEETING_M: f64 = 1e-12;
+
+/// Two joints through one point are one line where the product of their directions is below this (normals are unit vectors).
+const SAME_LINE: f64 = 1e-6;
+
+/// Bounces off faces that meet in a line, from one to the other.
+#[derive(Clone, Copy)]
+struct Corner {
+    /// Where they meet, of any length.
+    line: DVec3,
+    /// The ways from there, of the two across the line, on which the bounce off the first face may lie.
+    ways: [Option<DVec3>; 2],
+}
 
 /// Where a path changes direction.
 #[derive(Clone, Copy, Debug)]
@@ -46,7 +58,7 @@ pub(super) struct Route<'r> {
 
 impl Route<'_> {
     /// Leg `i`: from, to, and the faces its ends lie on.
-    fn leg(&self, i: usize) -> (DVec3, DVec3, [Option<u32>; 4]) {
+    pub(super) fn leg(&self, i: usize) -> (DVec3, DVec3, [Option<u32>; 4]) {
         let from = if i == 0 { self.tx } else { self.corners[i - 1] };
         let to = self.corners.get(i).copied().unwrap_or(self.rx);
         let before = if i == 0 { [None; 2] } else { self.turns[i - 1].faces() };
@@ -76,7 +88,11 @@ impl RadioTracer<'_> {
             crossed[i] = self.geometry.crossings(from, to, skip, budget)?;
             budget -= crossed[i].len();
         }
-        self.edges_are_open(route, &crossed).then(|| self.assemble(route, &crossed)).flatten()
+        if !self.edges_are_open(route, &crossed) {
+            return None;
+        }
+        self.pass_joints(route, &mut crossed, budget)?;
+        self.assemble(route, &crossed)
     }
 
     /// Whether the legs to points just off the route's wedges cross the same faces: an edge that is flush with another surface is none.
@@ -101,34 +117,38 @@ impl RadioTracer<'_> {
         // Most candidates end here, at the last face, before the other images are needed.
         vertices[faces.len() - 1] = self.bounce(last, rx, chain.image)?;
         let images = chain.images(&self.geometry, tx);
+        // Where the bounces after it fall on the same point: which way from there the next one has to lie.
+        let mut corner: Option<Corner> = None;
         for i in (0..faces.len() - 1).rev() {
             let (next, image) = (vertices[i + 1], images[i + 1]);
             vertices[i] = self.bounce(faces[i], next, image)?;
-            if vertices[i] == next && !self.meet_in_corner([faces[i], faces[i + 1]], next, next - image) {
-                return None;
-            }
+            corner = match vertices[i] == next {
+                true => Some(self.meet_in_corner([faces[i], faces[i + 1]], next, next - image, corner)?),
+                false => None,
+            };
         }
         Some(vertices)
     }
 
     /// Whether a wave that bounces off two faces where they meet goes on from the first to the second, as waves beside it do: in a corner, not
-    /// around an edge that sticks out. `direction` is that between the two.
-    fn meet_in_corner(&self, faces: [u32; 2], at: DVec3, direction: DVec3) -> bool {
+    /// around an edge that sticks out. `direction` is that between the two; `after` is what bounces that follow at the same point ask of the
+    /// second. The ways from the point on which the first one then lies.
+    fn meet_in_corner(&self, faces: [u32; 2], at: DVec3, direction: DVec3, after: Option<Corner>) -> Option<Corner> {
         let [first, second] = faces.map(|face| &self.geometry.faces[face as usize]);
         let line = first.normal.cross(second.normal);
-        // Ways that a face extends from the line.
-        let ways = |face: &Face| {
-            let across = line.cross(face.normal).normalize_or_zero();
-            [across, -across].map(|way| (way != DVec3::ZERO && face.contains(at + way * BESIDE_M)).then_some(way))
-        };
-        let (of_first, of_second) = (ways(first), ways(second));
+        // Ways along one face are the same where both joints are one line.
+        let asked = after.filter(|corner| corner.line.cross(line).length() <= SAME_LINE);
+        let allowed = |way: &DVec3| asked.is_none_or(|corner| corner.ways.iter().flatten().any(|asked| asked.dot(*way) > 0.0));
+        let of_second = second.ways(line, at).map(|way| way.filter(allowed));
         // direction = δ·b − ε·a with positive δ, ε and some of the line: beside `at` it leads from a point of the first to one of the second.
-        of_first.iter().flatten().any(|a| {
+        let leads = |a: &DVec3| {
             of_second.iter().flatten().any(|b| {
                 direction.dot(first.normal) * b.dot(first.normal) > 0.0
                     && direction.dot(second.normal) * a.dot(second.normal) < 0.0
             })
-        })
+        };
+        let ways = first.ways(line, at).map(|way| way.filter(leads));
+        ways.iter().any(Option::is_some).then_some(Corner { line, ways })
     }
 
     /// Where the line from `target` to an `image` behind the face meets the face.

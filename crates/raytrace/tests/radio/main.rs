@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod diffuse;
+mod joints;
 mod paths;
 mod rooms;
 mod search;

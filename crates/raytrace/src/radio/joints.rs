@@ -1,0 +1,113 @@
+//! Surfaces that meet where a wave bounces: a wall that stands on the floor a path bounces off, exactly there.
+//!
+//! No leg of such a path crosses the wall: both end where it begins. Every path beside it does. So the legs before and after a bounce lie on
+//! one side of every other face that touches the point, or that face is in the way: it is passed as a slab, or blocks.
+
+use super::MAX_DEPTH;
+use super::geometry::{Crossing, END_CLEARANCE_M, Face, Geometry};
+use super::paths::RadioTracer;
+use super::route::{Route, Turn};
+use glam::DVec3;
+
+/// Surfaces that come this near touch, metres: gaps of λ/250 at 60 GHz let nothing through, and float32 has steps of 8 µm at 100 m.
+pub(super) const TOUCHING_M: f64 = 2e-5;
+/// Where a face is looked for beside a bounce: far enough from the mirror to be clear of such a gap, but no further than this, metres.
+const MOST_BESIDE_M: f64 = 1e-3;
+
+/// The bounces of a path that fall on one point: several in a corner.
+struct Bounce<'b> {
+    at: DVec3,
+    /// Unit directions from the point back to where the wave comes from and on to where it goes.
+    legs: [DVec3; 2],
+    /// Where these legs end.
+    ends: [DVec3; 2],
+    /// The faces bounced off.
+    mirrors: &'b [Turn<'b>],
+    /// Faces that the legs' far ends lie on: a leg comes from their plane and does not cross it.
+    beyond: [Option<u32>; 4],
+}
+
+impl Bounce<'_> {
+    /// The faces bounced off.
+    fn faces(&self) -> impl Iterator<Item = u32> + '_ {
+        self.mirrors.iter().filter_map(|turn| match turn {
+            Turn::Mirror(face) => Some(*face),
+            Turn::Edge { .. } => None,
+        })
+    }
+
+    /// A point of a face's plane between the legs, beside the bounce; `None` where both legs lie on one side of the plane.
+    fn between(&self, geometry: &Geometry<'_>, face: &Face) -> Option<DVec3> {
+        let heights = self.ends.map(|end| face.distance(end));
+        if heights[0] * heights[1] >= 0.0 || heights.iter().any(|h| h.abs() <= END_CLEARANCE_M) {
+            return None;
+        }
+        let [back, on] = self.legs;
+        let across = [back, on].map(|leg| leg.dot(face.normal).abs());
+        // Its heights above the plane cancel.
+        let middle = (back * across[1] + on * across[0]).try_normalize()?;
+        let rise = self.faces().map(|mirror| geometry.faces[mirror as usize].normal.dot(middle).abs()).fold(1.0, f64::min);
+        let beside = self.at + middle * (TOUCHING_M / rise.max(TOUCHING_M / MOST_BESIDE_M));
+        Some(beside - face.normal * face.distance(beside))
+    }
+}
+
+impl RadioTracer<'_> {
+    /// Adds the faces that a route passes where it bounces to those it crosses on the way there; `None` once there are more than `budget`.
+    pub(super) fn pass_joints(
+        &self,
+        route: &Route<'_>,
+        crossed: &mut [Vec<Crossing>; MAX_DEPTH + 1],
+        mut budget: usize,
+    ) -> Option<()> {
+        let mut first = 0;
+        while first < route.turns.len() {
+            let at = route.corners[first];
+            let same = route.corners[first..].iter().take_while(|corner| corner.distance(at) <= END_CLEARANCE_M).count();
+            let next = first + same;
+            let mirrors = &route.turns[first..next];
+            // What stands on an edge that diffracts is looked for beside it.
+            if mirrors.iter().all(|turn| matches!(turn, Turn::Mirror(_))) {
+                let (from, _, before) = route.leg(first);
+                let (_, to, after) = route.leg(next);
+                let ends = [from, to];
+                let legs = ends.map(|end| (end - at).normalize_or_zero());
+                let beyond = [before[0], before[1], after[2], after[3]];
+                let bounce = Bounce { at, legs, ends, mirrors, beyond };
+                let passed = self.geometry.passed(&bounce, [&crossed[first], &crossed[next]]);
+                budget = budget.checked_sub(passed.len())?;
+                let distance_m = from.distance(at);
+                crossed[first].extend(passed.into_iter().map(|face| Crossing { distance_m, face }));
+            }
+            first = next;
+        }
+        Some(())
+    }
+}
+
+impl Geometry<'_> {
+    /// The faces that touch a bounce and have its legs on either side, one of every sheet; `crossed` are those that the legs cross anyway.
+    fn passed(&self, bounce: &Bounce<'_>, crossed: [&[Crossing]; 2]) -> Vec<u32> {
+        let mut passed: Vec<u32> = Vec::new();
+        let onwards = bounce.legs[1] - bounce.legs[0];
+        let level = |face: &Face, other: u32| face.shares_plane(&self.faces[other as usize]);
+        self.visit_faces_near(bounce.at, TOUCHING_M, |number| {
+            let face = &self.faces[number as usize];
+            if face.distance(bounce.at).abs() > TOUCHING_M || passed.contains(&number) {
+                return;
+            }
+            let Some(beside) = bounce.between(self, face) else { return };
+            let of_the_path = bounce.faces().chain(bounce.beyond.into_iter().flatten());
+            let crossed_anyway = crossed.into_iter().flatten().map(|crossing| crossing.face);
+            if !face.contains(beside) || of_the_path.chain(crossed_anyway).any(|other| level(face, other)) {
+                return;
+            }
+            match passed.iter_mut().find(|known| self.is_one_sheet(**known, number, beside, onwards)) {
+                Some(known) => *known = (*known).min(number),
+                None => passed.push(number),
+            }
+        });
+        passed.sort_unstable();
+        passed
+    }
+}

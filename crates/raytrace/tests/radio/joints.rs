@@ -1,0 +1,130 @@
+//! Where surfaces meet: what a path at a joint does is what the paths beside it do.
+
+use crate::rooms::{empty, material, settings, total};
+use corf_raytrace::Bvh;
+use corf_raytrace::radio::{Path, RadioSettings, RadioTracer, Search};
+use corf_scene::Rng;
+use corf_scene::model::{Object, Scene, Triangle};
+use glam::{DVec3, Vec3};
+
+/// Powers of paths between ends moved by a tenth of a micrometre differ by less than this: 1e-7/1 m of spreading and a wavelength's
+/// millionth of a slab's fringe.
+const MOVED: f64 = 1e-5;
+
+/// Adds a rectangle `corner + [0, 1]·u + [0, 1]·v`, to the object of this name or a new one.
+fn add_sheet(scene: &mut Scene, name: &str, material: u32, corner: Vec3, u: Vec3, v: Vec3) {
+    let object = scene.objects.iter().position(|o| o.name == name).unwrap_or_else(|| {
+        scene.objects.push(Object { name: name.into() });
+        scene.objects.len() - 1
+    }) as u32;
+    let first = scene.positions.len() as u32;
+    scene.positions.extend([corner, corner + u, corner + u + v, corner + v]);
+    scene.normals.extend([Vec3::Z; 4]);
+    scene.uvs.extend([[0.0; 2]; 4]);
+    let triangle = |t: [u32; 3]| Triangle { vertices: t.map(|v| first + v), material, object };
+    scene.triangles.extend([[0, 1, 2], [0, 2, 3]].map(triangle));
+}
+
+/// Which materials and objects the sheets of a room get.
+#[derive(Clone, Copy, Debug)]
+struct Kind {
+    /// Of partitions: 0 metal, 1 glass.
+    partition: u32,
+    /// All sheets are one object.
+    merged: bool,
+    /// Partitions go on through the floor and the ceiling.
+    through: bool,
+    /// The floor is laid in tiles of one metre.
+    tiled: bool,
+}
+
+/// A room of 6 × 4 × 3 m with partitions on the grid of metres from wall to wall.
+fn partitioned(seed: u64, kind: Kind) -> Scene {
+    let mut rng = Rng::keyed(41, 7, seed);
+    let mut scene = Scene { materials: vec![material("metal", "metal", 0.01), material("glass", "glass", 0.006)], ..empty() };
+    let (x, y, z) = (Vec3::X * 6.0, Vec3::Y * 4.0, Vec3::Z * 3.0);
+    let name = |name: &str| if kind.merged { "room".to_string() } else { name.to_string() };
+    if kind.tiled {
+        for i in 0..24 {
+            let corner = Vec3::new((i % 6) as f32, (i / 6) as f32, 0.0);
+            add_sheet(&mut scene, &name(&format!("tile{i}")), 0, corner, Vec3::X, Vec3::Y);
+        }
+    } else {
+        add_sheet(&mut scene, &name("floor"), 0, Vec3::ZERO, x, y);
+    }
+    add_sheet(&mut scene, &name("ceiling"), 0, z, x, y);
+    for (i, at) in [Vec3::ZERO, y].into_iter().enumerate() {
+        add_sheet(&mut scene, &name(&format!("side{i}")), 0, at, x, z);
+    }
+    for (i, at) in [Vec3::ZERO, x].into_iter().enumerate() {
+        add_sheet(&mut scene, &name(&format!("end{i}")), 0, at, y, z);
+    }
+    let (low, rise) = if kind.through { (-Vec3::Z, Vec3::Z * 5.0) } else { (Vec3::ZERO, z) };
+    for i in 0..2 {
+        let at = 1.0 + (rng.uniform_f64() * 5.0).floor() as f32;
+        if rng.uniform_f64() < 0.7 {
+            add_sheet(&mut scene, &name(&format!("part{i}")), kind.partition, low + Vec3::X * at, y, rise);
+        } else {
+            add_sheet(&mut scene, &name(&format!("part{i}")), kind.partition, low + Vec3::Y * at.min(3.0), x, rise);
+        }
+    }
+    scene
+}
+
+/// What paths do, told apart by place: types and vertices to a hundredth of a millimetre, sorted.
+fn signatures(paths: &[Path]) -> Vec<String> {
+    let mut all: Vec<String> = paths
+        .iter()
+        .map(|p| {
+            let mut vertices: Vec<String> = p
+                .interactions
+                .iter()
+                .map(|i| {
+                    let v = (i.vertex / 1e-5).round() + 0.0;
+                    format!("{}({:.0},{:.0},{:.0})", i.kind.letter(), v.x, v.y, v.z)
+                })
+                .collect();
+            vertices.sort();
+            format!("{:.5} {}", p.length_m, vertices.join(" "))
+        })
+        .collect();
+    all.sort();
+    all
+}
+
+#[test]
+fn ends_in_line_with_joints_see_what_ends_beside_them_see() {
+    let (mut compared, mut wrong) = (0, Vec::new());
+    for seed in 0..60 {
+        let kind = Kind { partition: (seed % 2) as u32, merged: seed % 3 == 0, through: seed % 4 == 1, tiled: seed % 5 == 2 };
+        let scene = partitioned(seed, kind);
+        let traced = RadioSettings { max_depth: 3, ..settings(Search::Exhaustive) };
+        let bvh = Bvh::build(&scene);
+        let tracer = RadioTracer::new(&scene, &bvh, traced).unwrap();
+        let mut rng = Rng::keyed(43, 9, seed);
+        // Half a metre off the grid and on diagonals: bounces fall on joints of every kind.
+        let mut place = |levels: f64| {
+            let mut at = |count: f64| (rng.uniform_f64() * count).floor() + 0.5;
+            DVec3::new(at(6.0), at(4.0), at(levels))
+        };
+        let (tx, rx) = (place(3.0), place(3.0));
+        if tx == rx {
+            continue;
+        }
+        let mut shift = Rng::keyed(47, 1, seed);
+        let mut moved = |p: DVec3| p + (DVec3::from_array([0; 3].map(|_| shift.uniform_f64())) - 0.5) * 2e-7;
+        let (exactly, beside) = (tracer.paths(tx, rx).unwrap(), tracer.paths(moved(tx), moved(rx)).unwrap());
+        let change = (total(&exactly) - total(&beside)).abs();
+        if change > MOVED * total(&beside) || exactly.len() != beside.len() {
+            let (a, b) = (signatures(&exactly), signatures(&beside));
+            let only = |a: &[String], b: &[String]| -> Vec<String> {
+                let count = |l: &[String], s: &String| l.iter().filter(|o| *o == s).count();
+                a.iter().filter(|s| count(a, s) > count(b, s)).cloned().collect()
+            };
+            wrong.push(format!("seed {seed} {kind:?} {tx} {rx}\n  exactly {:#?}\n  beside {:#?}", only(&a, &b), only(&b, &a)));
+        }
+        compared += exactly.len();
+    }
+    assert!(wrong.is_empty(), "{} of 60 rooms:\n{}", wrong.len(), wrong.join("\n"));
+    assert!(compared > 500, "{compared}");
+}
