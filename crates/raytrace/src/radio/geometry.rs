@@ -14,12 +14,18 @@ const SAME_PLANE_NORMAL: f64 = 1e-9;
 const SAME_PLANE_M: f64 = 1e-6;
 /// A crossing this close to a segment's end belongs to the end itself, metres.
 pub(super) const END_CLEARANCE_M: f64 = 1e-9;
-/// Two crossings of one object and material this close are one: an edge between two of its faces was hit, metres.
+/// Hits this close are at one place: a joint of panels or an edge between faces, metres.
 const SAME_CROSSING_M: f64 = 1e-9;
+/// Rounding of a point that the image method finds, metres.
+const BOUNCE_ROUNDING_M: f64 = 1e-12;
 /// What lies beside a point where faces meet is looked for this far off, metres, …
-const BESIDE_M: f64 = 1e-6;
+pub(super) const BESIDE_M: f64 = 1e-6;
 /// … in so many directions.
 const BESIDE: usize = 8;
+/// Surfaces that come this near touch, metres: gaps of λ/250 at 60 GHz let nothing through, and float32 has steps of 8 µm at 100 m.
+pub(super) const TOUCHING_M: f64 = 2e-5;
+/// A ray beside one that meets an edge, metres from it: the same whichever way it runs, and along no axis or diagonal.
+pub(super) const BESIDE_RAY_M: DVec3 = DVec3::new(3.7e-7, 5.3e-7, 7.6e-7);
 /// Up to this many triangles all of them are tried; the list is exact and needs no bounding boxes.
 const BRUTE_FORCE_TRIANGLES: usize = 64;
 
@@ -56,10 +62,9 @@ impl Face {
         cos.abs() > 1.0 - SAME_PLANE_NORMAL && (self.offset_m - other.offset_m * cos.signum()).abs() < SAME_PLANE_M
     }
 
-    /// The directions, of the two across a line of the plane through a point of it, in which the face extends from there.
-    pub(super) fn ways(&self, line: DVec3, at: DVec3) -> [Option<DVec3>; 2] {
-        let across = line.cross(self.normal).normalize_or_zero();
-        [across, -across].map(|way| (way != DVec3::ZERO && self.contains(at + way * BESIDE_M)).then_some(way))
+    /// Whether both lie in parallel planes, as triangles of one plane do.
+    fn is_parallel(&self, other: &Self) -> bool {
+        self.normal.dot(other.normal).abs() >= 1.0 - faces::COPLANAR_NORMAL
     }
 
     /// Corners of a parallelogram of the plane that holds the face.
@@ -88,7 +93,12 @@ impl Face {
 
     /// Whether a point of the plane lies on one of the triangles (edges belong to the face).
     pub fn contains(&self, point: DVec3) -> bool {
-        self.index.contains(point)
+        self.index.contains(point, 0.0)
+    }
+
+    /// The same to rounding: a bounce in a corner lies on both faces, of whose edges it may be off by its last digits.
+    pub(super) fn reflects_at(&self, point: DVec3) -> bool {
+        self.index.contains(point, BOUNCE_ROUNDING_M)
     }
 }
 
@@ -114,6 +124,12 @@ pub struct Meeting {
     pub normal: DVec3,
     /// 0 where that is the face's own normal, 1 where it is the reverse.
     pub side: usize,
+}
+
+/// Where a ray meets a triangle.
+struct SurfaceHit {
+    distance_m: f64,
+    face: u32,
 }
 
 /// How blockers of a segment are found.
@@ -216,7 +232,8 @@ impl<'a> Geometry<'a> {
             return Some(Vec::new());
         }
         let direction = (to - from) / length;
-        let mut found: Vec<Crossing> = Vec::new();
+        // Hits in order of their coming, and at how many places there are some: never more than crossings.
+        let (mut hits, mut places): (Vec<SurfaceHit>, usize) = (Vec::new(), 0);
         let mut visit = |triangle: usize| {
             let face = self.face_of_triangle[triangle];
             if skip.contains(&Some(face)) {
@@ -226,16 +243,9 @@ impl<'a> Geometry<'a> {
             if t <= END_CLEARANCE_M || t >= length - END_CLEARANCE_M {
                 return ControlFlow::Continue(());
             }
-            let same = |c: &&mut Crossing| {
-                c.face == face
-                    || ((c.distance_m - t).abs() < SAME_CROSSING_M && self.is_one_sheet(c.face, face, from + direction * t, direction))
-            };
-            match found.iter_mut().find(same) {
-                // The answer does not depend on the search structure.
-                Some(known) => known.face = known.face.min(face),
-                None => found.push(Crossing { distance_m: t, face }),
-            }
-            if found.len() > limit { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            places += usize::from(!hits.iter().any(|hit| hit.face == face || (hit.distance_m - t).abs() < SAME_CROSSING_M));
+            hits.push(SurfaceHit { distance_m: t, face });
+            if places > limit { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         match self.occluders {
             Occluders::Brute => {
@@ -246,47 +256,80 @@ impl<'a> Geometry<'a> {
                 }
             }
             Occluders::Bvh(bvh) => {
-                // Whether it broke off shows in the number of crossings.
+                // Whether it broke off shows in the number of places.
                 let _ = bvh.visit_candidates(from, direction, length, |triangle| visit(triangle as usize));
             }
         }
-        if found.len() > limit {
+        if places > limit {
             return None;
         }
-        // Faces, not visiting order, break ties: the answer does not depend on the search structure.
-        found.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.face.cmp(&b.face)));
-        Some(found)
+        let found = self.sheets(from, direction, length, hits, skip);
+        (found.len() <= limit).then_some(found)
     }
 
-    /// Calls `visit` with the faces of the triangles whose boxes come within `reach_m` of a point, some more than once.
-    pub(super) fn visit_faces_near(&self, point: DVec3, reach_m: f64, mut visit: impl FnMut(u32)) {
-        match self.occluders {
-            Occluders::Brute => (0..self.faces.len() as u32).for_each(visit),
-            Occluders::Bvh(bvh) => {
-                bvh.visit_box(point - reach_m, point + reach_m, |triangle| visit(self.face_of_triangle[triangle as usize]));
+    /// The sheets that a ray goes through, in order, from all its hits.
+    fn sheets<const N: usize>(
+        &self,
+        from: DVec3,
+        direction: DVec3,
+        length_m: f64,
+        mut hits: Vec<SurfaceHit>,
+        skip: [Option<u32>; N],
+    ) -> Vec<Crossing> {
+        // Faces, not visiting order, break ties: the answer does not depend on the search structure.
+        hits.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.face.cmp(&b.face)));
+        let mut found: Vec<Crossing> = Vec::new();
+        for at_one in hits.chunk_by(|a, b| b.distance_m - a.distance_m < SAME_CROSSING_M) {
+            let distance_m = at_one[0].distance_m;
+            let beside = self.hits_beside(from, direction, distance_m, &skip);
+            let first = &self.faces[at_one[0].face as usize];
+            let level = at_one.iter().chain(&beside).all(|hit| first.is_parallel(&self.faces[hit.face as usize]));
+            // At an edge or a corner rounding may miss one of the surfaces that meet: a ray beside says how many there are to go through.
+            let at_end = distance_m.min(length_m - distance_m) < TOUCHING_M;
+            for hit in if at_end || (level && !beside.is_empty()) { at_one } else { &beside } {
+                let same = |c: &&mut Crossing| {
+                    c.face == hit.face
+                        || ((c.distance_m - hit.distance_m).abs() < SAME_CROSSING_M
+                            && self.is_one_sheet(c.face, hit.face, from + direction * hit.distance_m))
+                };
+                match found.iter_mut().find(same) {
+                    Some(known) => known.face = known.face.min(hit.face),
+                    None => found.push(Crossing { distance_m: hit.distance_m, face: hit.face }),
+                }
             }
         }
+        found
     }
 
-    /// Whether a ray of this direction that meets two faces at one point goes through one sheet there: panels in one plane side by side, or
-    /// two sides of a body that meet at an edge, of which rays beside it meet one or the other. Through two where each goes on beyond the other.
-    pub(super) fn is_one_sheet(&self, first: u32, second: u32, at: DVec3, direction: DVec3) -> bool {
-        let (a, b) = (&self.faces[first as usize], &self.faces[second as usize]);
-        let of_one_thing = a.object == b.object && a.material == b.material;
-        if a.normal.dot(b.normal).abs() < 1.0 - faces::COPLANAR_NORMAL {
-            let joint = a.normal.cross(b.normal);
-            let [of_a, of_b] = [a, b].map(|face| face.ways(joint, at));
-            return match (of_a, of_b) {
-                ([Some(_), Some(_)], [Some(_), Some(_)]) => false,
-                ([Some(one), None] | [None, Some(one)], [Some(other), None] | [None, Some(other)]) if !of_one_thing => {
-                    // On opposite sides of the ray: every ray beside it meets one.
-                    let across = direction.cross(joint);
-                    across.dot(one) * across.dot(other) < 0.0
-                }
-                _ => of_one_thing,
-            };
+    /// What the ray beside one that hits something at a distance hits there, `skip` aside: the same, but at an edge.
+    fn hits_beside(&self, from: DVec3, direction: DVec3, distance_m: f64, skip: &[Option<u32>]) -> Vec<SurfaceHit> {
+        let mut hits = Vec::new();
+        self.visit_triangles_near(from + direction * distance_m, TOUCHING_M, |triangle| {
+            let face = self.face_of_triangle[triangle];
+            let meets = line_meets_triangle(from + BESIDE_RAY_M, direction, &self.corners[triangle]);
+            if meets.is_some_and(|t| (t - distance_m).abs() < TOUCHING_M) && !skip.contains(&Some(face)) {
+                hits.push(SurfaceHit { distance_m, face });
+            }
+        });
+        hits.sort_by_key(|hit| hit.face);
+        hits
+    }
+
+    /// Calls `visit` with the triangles whose boxes come within `reach_m` of a point, and maybe others.
+    pub(super) fn visit_triangles_near(&self, point: DVec3, reach_m: f64, mut visit: impl FnMut(usize)) {
+        match self.occluders {
+            Occluders::Brute => (0..self.corners.len()).for_each(visit),
+            Occluders::Bvh(bvh) => bvh.visit_box(point - reach_m, point + reach_m, |triangle| visit(triangle as usize)),
         }
-        if of_one_thing {
+    }
+
+    /// Whether a ray that meets two faces at one point goes through one sheet there: panels in one plane, of one thing or side by side.
+    pub(super) fn is_one_sheet(&self, first: u32, second: u32, at: DVec3) -> bool {
+        let (a, b) = (&self.faces[first as usize], &self.faces[second as usize]);
+        if !a.is_parallel(b) {
+            return false;
+        }
+        if a.object == b.object && a.material == b.material {
             return true;
         }
         // Side by side no point beside the joint is on both.

@@ -4,13 +4,11 @@
 //! one side of every other face that touches the point, or that face is in the way: it is passed as a slab, or blocks.
 
 use super::MAX_DEPTH;
-use super::geometry::{Crossing, END_CLEARANCE_M, Face, Geometry};
+use super::geometry::{BESIDE_RAY_M, Crossing, END_CLEARANCE_M, Face, Geometry, TOUCHING_M};
 use super::paths::RadioTracer;
 use super::route::{Route, Turn};
 use glam::DVec3;
 
-/// Surfaces that come this near touch, metres: gaps of λ/250 at 60 GHz let nothing through, and float32 has steps of 8 µm at 100 m.
-pub(super) const TOUCHING_M: f64 = 2e-5;
 /// Where a face is looked for beside a bounce: far enough from the mirror to be clear of such a gap, but no further than this, metres.
 const MOST_BESIDE_M: f64 = 1e-3;
 
@@ -36,8 +34,9 @@ impl Bounce<'_> {
         })
     }
 
-    /// A point of a face's plane between the legs, beside the bounce; `None` where both legs lie on one side of the plane.
-    fn between(&self, geometry: &Geometry<'_>, face: &Face) -> Option<DVec3> {
+    /// The point of a face's plane between the legs, hard by the bounce, and where a path beside this one comes through the plane there; `None`
+    /// where both legs lie on one side of it.
+    fn between(&self, geometry: &Geometry<'_>, face: &Face) -> Option<[DVec3; 2]> {
         let heights = self.ends.map(|end| face.distance(end));
         if heights[0] * heights[1] >= 0.0 || heights.iter().any(|h| h.abs() <= END_CLEARANCE_M) {
             return None;
@@ -47,8 +46,17 @@ impl Bounce<'_> {
         // Its heights above the plane cancel.
         let middle = (back * across[1] + on * across[0]).try_normalize()?;
         let rise = self.faces().map(|mirror| geometry.faces[mirror as usize].normal.dot(middle).abs()).fold(1.0, f64::min);
-        let beside = self.at + middle * (TOUCHING_M / rise.max(TOUCHING_M / MOST_BESIDE_M));
-        Some(beside - face.normal * face.distance(beside))
+        let here = self.at + middle * (TOUCHING_M / rise.max(TOUCHING_M / MOST_BESIDE_M));
+        let onwards = on - back;
+        let onto_plane = |p: DVec3| p - onwards * (face.distance(p) / onwards.dot(face.normal));
+        Some([onto_plane(here), onto_plane(here + BESIDE_RAY_M)])
+    }
+
+    /// Whether a path beside this one bounces as well; of several bounces at one point that is known.
+    fn goes_on_beside(&self, geometry: &Geometry<'_>) -> bool {
+        let [Turn::Mirror(face)] = self.mirrors else { return true };
+        let mirror = &geometry.faces[*face as usize];
+        mirror.contains(self.at + BESIDE_RAY_M - mirror.normal * mirror.normal.dot(BESIDE_RAY_M))
     }
 }
 
@@ -74,7 +82,7 @@ impl RadioTracer<'_> {
                 let legs = ends.map(|end| (end - at).normalize_or_zero());
                 let beyond = [before[0], before[1], after[2], after[3]];
                 let bounce = Bounce { at, legs, ends, mirrors, beyond };
-                let passed = self.geometry.passed(&bounce, [&crossed[first], &crossed[next]]);
+                let passed = self.geometry.passed(&bounce, [&crossed[first], &crossed[next]])?;
                 budget = budget.checked_sub(passed.len())?;
                 let distance_m = from.distance(at);
                 crossed[first].extend(passed.into_iter().map(|face| Crossing { distance_m, face }));
@@ -87,27 +95,33 @@ impl RadioTracer<'_> {
 
 impl Geometry<'_> {
     /// The faces that touch a bounce and have its legs on either side, one of every sheet; `crossed` are those that the legs cross anyway.
-    fn passed(&self, bounce: &Bounce<'_>, crossed: [&[Crossing]; 2]) -> Vec<u32> {
-        let mut passed: Vec<u32> = Vec::new();
-        let onwards = bounce.legs[1] - bounce.legs[0];
+    /// `None` where the bounce is off the very end of its mirror and what it touches leaves no room for one beside it.
+    fn passed(&self, bounce: &Bounce<'_>, crossed: [&[Crossing]; 2]) -> Option<Vec<u32>> {
+        let (mut passed, mut touched): (Vec<u32>, bool) = (Vec::new(), false);
         let level = |face: &Face, other: u32| face.shares_plane(&self.faces[other as usize]);
-        self.visit_faces_near(bounce.at, TOUCHING_M, |number| {
+        self.visit_triangles_near(bounce.at, TOUCHING_M, |triangle| {
+            let number = self.face_of_triangle(triangle as u32);
             let face = &self.faces[number as usize];
             if face.distance(bounce.at).abs() > TOUCHING_M || passed.contains(&number) {
                 return;
             }
-            let Some(beside) = bounce.between(self, face) else { return };
+            let Some([here, beside]) = bounce.between(self, face) else { return };
             let of_the_path = bounce.faces().chain(bounce.beyond.into_iter().flatten());
             let crossed_anyway = crossed.into_iter().flatten().map(|crossing| crossing.face);
-            if !face.contains(beside) || of_the_path.chain(crossed_anyway).any(|other| level(face, other)) {
+            let stands_here = [here, beside].map(|point| face.contains(point));
+            if stands_here == [false; 2] || of_the_path.chain(crossed_anyway).any(|other| level(face, other)) {
                 return;
             }
-            match passed.iter_mut().find(|known| self.is_one_sheet(**known, number, beside, onwards)) {
+            touched = true;
+            if !stands_here[1] {
+                return;
+            }
+            match passed.iter_mut().find(|known| self.is_one_sheet(**known, number, beside)) {
                 Some(known) => *known = (*known).min(number),
                 None => passed.push(number),
             }
         });
         passed.sort_unstable();
-        passed
+        (!touched || bounce.goes_on_beside(self)).then_some(passed)
     }
 }

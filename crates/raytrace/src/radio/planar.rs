@@ -126,20 +126,20 @@ impl PlanarIndex {
         p
     }
 
-    /// Whether a point of the plane lies on one of the triangles; edges belong to them.
-    pub fn contains(&self, point: DVec3) -> bool {
+    /// Whether a point of the plane lies on one of the triangles, or within `slack_m` (laid out) of one; edges belong to them.
+    pub fn contains(&self, point: DVec3, slack_m: f64) -> bool {
         let Bounds { drop, min, max } = self.bounds;
         let p = project(drop, point);
-        if p.cmplt(min).any() || p.cmpgt(max).any() {
+        if p.cmplt(min - slack_m).any() || p.cmpgt(max + slack_m).any() {
             return false;
         }
         match &self.grid {
-            None => self.triangles.iter().any(|t| inside(t, p)),
+            None => self.triangles.iter().any(|t| inside(t, p, slack_m)),
             Some(grid) => {
                 let (x, y) = self.cell(grid.side, p);
                 let cell = y * grid.side + x;
                 let range = grid.starts[cell] as usize..grid.starts[cell + 1] as usize;
-                grid.items[range].iter().any(|&t| inside(&self.triangles[t as usize], p))
+                grid.items[range].iter().any(|&t| inside(&self.triangles[t as usize], p, slack_m))
             }
         }
     }
@@ -181,12 +181,19 @@ fn project(drop: usize, p: DVec3) -> DVec2 {
     }
 }
 
-/// Closed point-in-triangle test of either orientation; a shared edge's function is an exact negative in the neighbour.
-fn inside(t: &[DVec2; 3], p: DVec2) -> bool {
+/// Closed point-in-triangle test of either orientation; without slack a shared edge's function is an exact negative in the neighbour.
+fn inside(t: &[DVec2; 3], p: DVec2, slack_m: f64) -> bool {
     let [a, b, c] = t.map(|q| q - p);
     let (u, v, w) = (b.perp_dot(c), c.perp_dot(a), a.perp_dot(b));
     let area = (t[1] - t[0]).perp_dot(t[2] - t[0]);
-    area != 0.0 && ((u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0))
+    if area == 0.0 {
+        return false;
+    }
+    if slack_m == 0.0 {
+        return (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
+    }
+    let heights = [(u, c - b), (v, a - c), (w, b - a)];
+    heights.into_iter().all(|(doubled_area, edge)| doubled_area * area.signum() >= -slack_m * edge.length())
 }
 
 #[cfg(test)]
@@ -211,8 +218,8 @@ mod tests {
         let mut rng = corf_scene::Rng::keyed(1, 1, 1);
         for _ in 0..20_000 {
             let p = DVec3::new(rng.uniform_f64() * 6.4 - 0.2, rng.uniform_f64() * 6.4 - 0.2, 1.0);
-            let expected = index.triangles.iter().any(|t| inside(t, project(index.bounds.drop, p)));
-            assert_eq!(index.contains(p), expected, "{p}");
+            let expected = index.triangles.iter().any(|t| inside(t, project(index.bounds.drop, p), 0.0));
+            assert_eq!(index.contains(p, 0.0), expected, "{p}");
         }
     }
 
@@ -228,7 +235,7 @@ mod tests {
         let index = PlanarIndex::new(DVec3::Z, triangles.into_iter());
         for count in [16, 64, 512] {
             let points = index.spread(DVec3::Z, 0.0, count);
-            assert!(points.iter().all(|&p| index.contains(p)));
+            assert!(points.iter().all(|&p| index.contains(p, 0.0)));
             let mean = points.iter().sum::<DVec3>() / count as f64;
             assert!(mean.distance(DVec3::new(1.5, 1.5, 0.0)) < 1.0 / (count as f64).sqrt(), "{count}: {mean}");
         }
@@ -236,11 +243,11 @@ mod tests {
         let n = 20_000;
         let points = (0..n).map(|i| index.point(DVec3::Z, 0.0, (f64::from(i) + 0.5) / f64::from(n), (R2 * f64::from(i)).fract()));
         let points: Vec<DVec3> = points.collect();
-        assert!(points.iter().all(|&p| index.contains(p)));
+        assert!(points.iter().all(|&p| index.contains(p, 0.0)));
         let mean = points.iter().sum::<DVec3>() / f64::from(n);
         assert!(mean.distance(DVec3::new(1.5, 1.5, 0.0)) < 2e-3, "{mean}");
         let quadrant = points.iter().filter(|p| p.x < 1.0 && p.y < 1.0).count() as f64 / f64::from(n);
         assert!((quadrant - 0.125).abs() < 2e-3, "{quadrant}");
-        assert!(!index.contains(index.centroid(DVec3::Z, 0.0)));
+        assert!(!index.contains(index.centroid(DVec3::Z, 0.0), 0.0));
     }
 }

@@ -5,7 +5,7 @@ use super::chains::Chain;
 use super::diffraction::{EdgeFace, EdgeRay, Wedge, diffract};
 use super::field::{self, Field};
 use super::fresnel::{self, SlabResponse};
-use super::geometry::Crossing;
+use super::geometry::{BESIDE_M, Crossing};
 use super::paths::{Interaction, InteractionKind, Path, RadioTracer};
 use super::{Complex, MAX_DEPTH, SPEED_OF_LIGHT};
 use glam::DVec3;
@@ -16,17 +16,8 @@ const EDGE_CLEARANCE_M: f64 = 1e-3;
 /// Two bounces this close, metres, are where two faces meet; rounding puts them on either side.
 const MEETING_M: f64 = 1e-12;
 
-/// Two joints through one point are one line where the product of their directions is below this (normals are unit vectors).
-const SAME_LINE: f64 = 1e-6;
-
-/// Bounces off faces that meet in a line, from one to the other.
-#[derive(Clone, Copy)]
-struct Corner {
-    /// Where they meet, of any length.
-    line: DVec3,
-    /// The ways from there, of the two across the line, on which the bounce off the first face may lie.
-    ways: [Option<DVec3>; 2],
-}
+/// Sides on which a wave beside one that bounces in a corner is looked for.
+const SIDES: usize = 360;
 
 /// Where a path changes direction.
 #[derive(Clone, Copy, Debug)]
@@ -117,38 +108,38 @@ impl RadioTracer<'_> {
         // Most candidates end here, at the last face, before the other images are needed.
         vertices[faces.len() - 1] = self.bounce(last, rx, chain.image)?;
         let images = chain.images(&self.geometry, tx);
-        // Where the bounces after it fall on the same point: which way from there the next one has to lie.
-        let mut corner: Option<Corner> = None;
         for i in (0..faces.len() - 1).rev() {
-            let (next, image) = (vertices[i + 1], images[i + 1]);
-            vertices[i] = self.bounce(faces[i], next, image)?;
-            corner = match vertices[i] == next {
-                true => Some(self.meet_in_corner([faces[i], faces[i + 1]], next, next - image, corner)?),
-                false => None,
-            };
+            vertices[i] = self.bounce(faces[i], vertices[i + 1], images[i + 1])?;
+        }
+        let mut first = 0;
+        for at_one in vertices[..faces.len()].chunk_by(|a, b| a == b) {
+            let next = first + at_one.len();
+            if at_one.len() > 1 && !self.bounces_beside(&faces[first..next], at_one[0], at_one[0] - images[first]) {
+                return None;
+            }
+            first = next;
         }
         Some(vertices)
     }
 
-    /// Whether a wave that bounces off two faces where they meet goes on from the first to the second, as waves beside it do: in a corner, not
-    /// around an edge that sticks out. `direction` is that between the two; `after` is what bounces that follow at the same point ask of the
-    /// second. The ways from the point on which the first one then lies.
-    fn meet_in_corner(&self, faces: [u32; 2], at: DVec3, direction: DVec3, after: Option<Corner>) -> Option<Corner> {
-        let [first, second] = faces.map(|face| &self.geometry.faces[face as usize]);
-        let line = first.normal.cross(second.normal);
-        // Ways along one face are the same where both joints are one line.
-        let asked = after.filter(|corner| corner.line.cross(line).length() <= SAME_LINE);
-        let allowed = |way: &DVec3| asked.is_none_or(|corner| corner.ways.iter().flatten().any(|asked| asked.dot(*way) > 0.0));
-        let of_second = second.ways(line, at).map(|way| way.filter(allowed));
-        // direction = δ·b − ε·a with positive δ, ε and some of the line: beside `at` it leads from a point of the first to one of the second.
-        let leads = |a: &DVec3| {
-            of_second.iter().flatten().any(|b| {
-                direction.dot(first.normal) * b.dot(first.normal) > 0.0
-                    && direction.dot(second.normal) * a.dot(second.normal) < 0.0
+    /// Whether a wave beside one that bounces off several faces where they meet bounces off them as well, in this order: in a corner, not around
+    /// an edge that sticks out. Beside the point the faces are cones, so that of all waves on one side of it one speaks for the others.
+    fn bounces_beside(&self, faces: &[u32], at: DVec3, incoming: DVec3) -> bool {
+        let (u, v) = incoming.normalize().any_orthonormal_pair();
+        let bounces = |aside: DVec3| {
+            let (mut from, mut direction) = (aside, incoming);
+            faces.iter().enumerate().all(|(i, face)| {
+                let face = &self.geometry.faces[*face as usize];
+                let ahead = -face.normal.dot(from) / face.normal.dot(direction);
+                from += direction * ahead;
+                direction = field::mirrored(direction, face.normal);
+                (i == 0 || ahead > 0.0) && face.contains(at + from)
             })
         };
-        let ways = first.ways(line, at).map(|way| way.filter(leads));
-        ways.iter().any(Option::is_some).then_some(Corner { line, ways })
+        (0..SIDES).any(|i| {
+            let angle = std::f64::consts::TAU * (i as f64 + 0.3) / SIDES as f64;
+            bounces((u * angle.cos() + v * angle.sin()) * BESIDE_M)
+        })
     }
 
     /// Where the line from `target` to an `image` behind the face meets the face.
@@ -160,7 +151,7 @@ impl RadioTracer<'_> {
             return None;
         }
         let point = if here.abs() > MEETING_M { target + (image - target) * (here / (here - behind)) } else { target };
-        face.contains(point).then_some(point)
+        face.reflects_at(point).then_some(point)
     }
 
     /// The slab's coefficients for a ray on a face.
