@@ -254,6 +254,61 @@ fn a_box_has_twelve_wedges_and_a_room_diffracts_nothing() {
     assert!(RadioTracer::without_bvh(&closed, off).unwrap().wedges().is_empty());
 }
 
+/// Where the sheet of one quad ends at the axis, so do sheets laid of panels, cut at T-junctions, with hairline gaps: their seams are no edges,
+/// and the edge that they share goes on through them.
+#[test]
+fn seams_of_panels_are_no_edges() {
+    let panel =
+        |y: [f32; 2], z: [f32; 2]| [[y[0], z[1]], [y[0], z[0]], [y[1], z[0]], [y[1], z[1]]].map(|[y, z]| Vec3::new(0.0, y, z));
+    let gain = |panels: &[[Vec3; 4]], objects: bool| {
+        let mut scene = Scene { name: "sheet".into(), materials: vec![conductor()], ..Scene::default() };
+        match objects {
+            true => panels.iter().enumerate().for_each(|(i, quad)| add_quads(&mut scene, &format!("panel{i}"), 0, &[*quad])),
+            false => add_quads(&mut scene, "sheet", 0, panels),
+        }
+        let tracer = RadioTracer::without_bvh(&scene, settings()).unwrap();
+        // The second pair's point on the edge is where the sheets' seams begin, at z = 0.
+        [(-0.3, -0.3), (0.5, -0.5)].map(|(below, above)| {
+            let paths = tracer.paths(DVec3::new(-5.0, 0.1, below), DVec3::new(5.0, 0.5, above)).unwrap();
+            total(&paths, 0, tracer.settings().frequency_hz).norm()
+        })
+    };
+    let one = gain(&[panel([-20.0, 0.0], [-20.0, 20.0])], false);
+    let rows = [[-20.0, -10.0], [-10.0, 0.0], [0.0, 10.0], [10.0, 20.0]];
+    let tiles: Vec<[Vec3; 4]> =
+        (0..16).map(|i| panel([-20.0 + 5.0 * (i % 4) as f32, -15.0 + 5.0 * (i % 4) as f32], rows[i / 4])).collect();
+    let junction = [panel([-20.0, 0.0], [0.0, 20.0]), panel([-20.0, -10.0], [-20.0, 0.0]), panel([-10.0, 0.0], [-20.0, 0.0])];
+    let gap = [panel([-20.0, 0.0], [-1.0, 20.0]), panel([-20.0, 0.0], [-20.0, -1.00001])];
+    for (panels, objects, rounding) in [
+        (&tiles[..], true, 1e-9),
+        (&tiles[..], false, 1e-9),
+        (&junction, true, 1e-9),
+        (&junction, false, 1e-9),
+        (&gap, true, 1e-4),
+    ] {
+        for (found, expected) in gain(panels, objects).into_iter().zip(one) {
+            assert!((found / expected - 1.0).abs() < rounding, "{} panels, {objects}: {found:e}, {expected:e}", panels.len());
+        }
+    }
+}
+
+/// A box of six objects diffracts like one of one mesh.
+#[test]
+fn a_box_of_six_objects_has_the_edges_of_one() {
+    let quads = box_quads(Vec3::new(-0.5, -1.0, 0.0), Vec3::new(0.5, 1.0, 2.0));
+    let mut of_objects = Scene { name: "six".into(), materials: vec![conductor()], ..Scene::default() };
+    quads.iter().enumerate().for_each(|(i, quad)| add_quads(&mut of_objects, &format!("side{i}"), 0, &[*quad]));
+    let of_one = scene_of(conductor(), &quads);
+    let (tx, rx) = (DVec3::new(-2.0, 0.2, 2.3), DVec3::new(0.2, 1.8, 1.1));
+    let [six, one] = [of_objects, of_one].map(|scene| {
+        let tracer = RadioTracer::without_bvh(&scene, settings()).unwrap();
+        assert_eq!(tracer.wedges().iter().filter(|wedge| !wedge.is_screen()).count(), 12);
+        tracer.paths(tx, rx).unwrap().iter().map(|path| (path.types(), path.a)).collect::<Vec<_>>()
+    });
+    assert!(one.iter().filter(|(types, _)| types == "X").count() >= 2, "{one:?}");
+    assert_eq!(six, one);
+}
+
 /// A crate on the floor of a room.
 fn furnished(material: Material) -> Scene {
     let mut scene = Scene { name: "furnished".into(), materials: vec![slab("wall", 2.73, 0.398), material], ..Scene::default() };

@@ -4,6 +4,7 @@
 //! point on the edge is where the way between the two images is stationary, in closed form.
 
 mod erfcx;
+mod mesh_edges;
 mod utd;
 mod wedges;
 
