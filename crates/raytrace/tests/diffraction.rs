@@ -299,13 +299,13 @@ fn a_box_of_six_objects_has_the_edges_of_one() {
     let mut of_objects = Scene { name: "six".into(), materials: vec![conductor()], ..Scene::default() };
     quads.iter().enumerate().for_each(|(i, quad)| add_quads(&mut of_objects, &format!("side{i}"), 0, &[*quad]));
     let of_one = scene_of(conductor(), &quads);
-    let (tx, rx) = (DVec3::new(-2.0, 0.2, 2.3), DVec3::new(0.2, 1.8, 1.1));
+    let (tx, rx) = (DVec3::new(-2.0, 0.2, 1.3), DVec3::new(0.2, 1.8, 1.1));
     let [six, one] = [of_objects, of_one].map(|scene| {
         let tracer = RadioTracer::without_bvh(&scene, settings()).unwrap();
         assert_eq!(tracer.wedges().iter().filter(|wedge| !wedge.is_screen()).count(), 12);
         tracer.paths(tx, rx).unwrap().iter().map(|path| (path.types(), path.a)).collect::<Vec<_>>()
     });
-    assert!(one.iter().filter(|(types, _)| types == "X").count() >= 2, "{one:?}");
+    assert!(one.iter().filter(|(types, _)| types == "X").count() >= 1, "{one:?}");
     assert_eq!(six, one);
 }
 

@@ -4,7 +4,7 @@ use crate::finding::{Finding, Severity};
 use crate::model::{OpticalMaterial, Scene};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::HashMap;
 
 /// A scene in numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -240,7 +240,6 @@ fn check_numbers(scene: &Scene, findings: &mut Vec<Finding>) {
 /// Degenerate and doubled triangles, open edges.
 fn check_triangles(scene: &Scene, findings: &mut Vec<Finding>) {
     let name = scene.name.as_str();
-    let key = |v: u32| scene.positions[v as usize].to_array().map(|x| (x + 0.0).to_bits());
     let degenerate = (0..scene.triangles.len()).filter(|i| double_area(scene, *i).length() == 0.0).count();
     if degenerate > 0 {
         findings.push(Finding::new(
@@ -250,24 +249,23 @@ fn check_triangles(scene: &Scene, findings: &mut Vec<Finding>) {
             "they are never hit; the importer drops them",
         ));
     }
-    // Coincident sheets are two slabs to a radio wave, and noise to a light ray.
-    let mut seen = HashSet::new();
-    let mut doubled: BTreeMap<u32, usize> = BTreeMap::new();
-    for t in &scene.triangles {
-        let mut corners = t.vertices.map(key);
-        corners.sort_unstable();
-        if !seen.insert(corners) {
-            *doubled.entry(t.object).or_default() += 1;
-        }
-    }
-    for (object, count) in doubled {
+    // Coincident sheets are noise to a light ray, whatever they are to a radio wave.
+    for overlap in crate::overlaps::overlaps(scene) {
+        let [object, other] = overlap.objects.map(|object| scene.objects[object as usize].name.as_str());
+        let whose = if overlap.objects[0] == overlap.objects[1] {
+            "others of the same object".into()
+        } else {
+            format!("those of \"{other}\"")
+        };
+        let slabs = if overlap.one_slab { "one slab, as they are of one object and material" } else { "two slabs" };
         findings.push(Finding::new(
             Severity::Warning,
-            format!("{name}: object \"{}\"", scene.objects[object as usize].name),
-            format!("{count} triangles lie exactly on others"),
-            "remove the copies: radio passes two slabs there, and light sees either at random",
+            format!("{name}: object \"{object}\""),
+            format!("{:.4} m² of its faces lie exactly on {whose}", overlap.area_m2),
+            format!("remove the copies: radio passes {slabs} there, and light sees either at random"),
         ));
     }
+    let key = |v: u32| scene.positions[v as usize].to_array().map(|x| (x + 0.0).to_bits());
     // An edge used once is a rim. Vertices are compared by place: seams of texture or normal are no rims.
     let mut edges: HashMap<(u32, [[u32; 3]; 2]), usize> = HashMap::new();
     for t in &scene.triangles {
@@ -360,6 +358,7 @@ mod tests {
         assert!(findings(&holed).iter().any(|f| f.contains("\"box\": a body of 22.00 m² with a hole: 3 open edges")));
         let mut doubled = lit.clone();
         doubled.triangles.push(Triangle { vertices: [2, 3, 0], ..doubled.triangles[0] });
-        assert!(findings(&doubled)[0].contains("1 triangles lie exactly on others"));
+        let text = &findings(&doubled)[0];
+        assert!(text.contains("lie exactly on others of the same object") && text.contains("one slab"), "{text}");
     }
 }

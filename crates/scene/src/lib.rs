@@ -20,6 +20,7 @@ pub mod keyframe;
 pub mod lobby;
 pub mod model;
 pub mod npz;
+pub mod overlaps;
 pub mod radio_check;
 pub mod radio_spec;
 pub mod raster;

@@ -184,3 +184,25 @@ fn nothing_is_seen_that_no_end_beside_sees() {
 fn intersection(a: &[String], b: &[String]) -> Vec<String> {
     a.iter().filter(|s| b.contains(s)).cloned().collect()
 }
+
+/// Sheets that lie on each other: one slab of one object and material, two of two, whichever diagonals they are cut along. That is what
+/// `corf scene validate` says of them.
+#[test]
+fn copies_of_a_sheet_are_as_many_slabs_as_validation_says() {
+    for cut in [false, true] {
+        for (object, material, expected) in [("pane", 0, "R"), ("pane", 1, "RR"), ("other", 0, "RR")] {
+            let materials = vec![self::material("left", "glass", 0.006), self::material("right", "glass", 0.006)];
+            let mut scene = Scene { materials, ..empty() };
+            let (corner, u, v) = (Vec3::new(0.0, -1.0, 0.0), Vec3::Y * 2.0, Vec3::Z * 3.0);
+            add_sheet(&mut scene, "pane", 0, corner, u, v);
+            // From another corner, the other diagonal.
+            let (corner, u, v) = if cut { (corner + u, v, -u) } else { (corner, u, v) };
+            add_sheet(&mut scene, object, material, corner, u, v);
+            let tracer = RadioTracer::without_bvh(&scene, settings(Search::Exhaustive)).unwrap();
+            let types = tracer.paths(DVec3::new(-1.0, 0.1, 1.0), DVec3::new(1.0, 0.2, 1.3)).unwrap()[0].types();
+            assert_eq!(types, expected, "{cut} {object} {material}");
+            let found = corf_scene::overlaps::overlaps(&scene);
+            assert!(found.len() == 1 && found[0].one_slab == (expected == "R"), "{found:?}");
+        }
+    }
+}
