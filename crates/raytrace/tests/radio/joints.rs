@@ -206,3 +206,47 @@ fn copies_of_a_sheet_are_as_many_slabs_as_validation_says() {
         }
     }
 }
+
+/// Every triangle cut in four, each piece of it an object of its own.
+fn cut_up(scene: &Scene) -> Scene {
+    let mut cut = Scene {
+        positions: Vec::new(),
+        normals: Vec::new(),
+        uvs: Vec::new(),
+        triangles: Vec::new(),
+        objects: Vec::new(),
+        ..scene.clone()
+    };
+    for (i, triangle) in scene.triangles.iter().enumerate() {
+        let [a, b, c] = scene.corners(i);
+        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| p.midpoint(q));
+        for piece in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
+            let (first, object) = (cut.positions.len() as u32, cut.objects.len() as u32);
+            cut.objects.push(Object { name: format!("piece{object}") });
+            cut.positions.extend(piece);
+            cut.normals.extend([Vec3::Z; 3]);
+            cut.uvs.extend([[0.0; 2]; 3]);
+            cut.triangles.push(Triangle { vertices: [first, first + 1, first + 2], material: triangle.material, object });
+        }
+    }
+    cut
+}
+
+#[test]
+fn cutting_faces_up_into_objects_changes_no_gain() {
+    for seed in 0..3 {
+        let whole = crate::rooms::random_room(seed, 2);
+        let cut = cut_up(&whole);
+        let (tx, rx) = (DVec3::new(0.4, 0.6, 2.2), DVec3::new(5.2, 4.3, 0.9));
+        let traced = RadioSettings { max_depth: 2, diffraction: true, ..settings(Search::Auto { rays: 200_000 }) };
+        let [whole, cut] = [whole, cut].map(|scene| {
+            let bvh = Bvh::build(&scene);
+            let tracer = RadioTracer::new(&scene, &bvh, traced).unwrap();
+            tracer.paths(tx, rx).unwrap()
+        });
+        assert!(whole.iter().any(|path| path.types().contains('X')));
+        assert_eq!(signatures(&whole), signatures(&cut), "seed {seed}");
+        // Objects' panels are gathered into planes one by one: to the rounding of their corners.
+        assert!((total(&whole) / total(&cut) - 1.0).abs() < 1e-6, "seed {seed}");
+    }
+}
