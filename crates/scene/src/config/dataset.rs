@@ -141,7 +141,6 @@ impl RfConfig {
         check_fov(&format!("{place}: rf.horizontal_fov_deg"), rf.horizontal_fov_deg)?;
         for (key, value) in [
             ("rf.patch_size_m", rf.patch_size_m),
-            ("rf.lobe_width_deg", rf.lobe_width_deg),
             ("rf.dynamic_range_db", rf.dynamic_range_db),
             ("rf.bandwidth_hz", rf.bandwidth_hz),
         ] {
@@ -152,7 +151,7 @@ impl RfConfig {
         if rf.patch_size_m < 0.02 {
             return fail("rf.patch_size_m", format!("{}", rf.patch_size_m), "give at least 0.02 m");
         }
-        if !(100..=50_000_000).contains(&rf.directions) {
+        if !(100..=super::lobe::MAX_DIRECTIONS).contains(&rf.directions) {
             return fail("rf.directions", format!("{}", rf.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
         }
         for (key, value) in [("rf.photons", rf.photons), ("rf.rays", rf.rays)] {
@@ -160,19 +159,7 @@ impl RfConfig {
                 return fail(key, format!("{value}"), "give at most 100 000 000");
             }
         }
-        // Directions stand sqrt(4 pi / n) apart; a narrower lobe would show the lattice as dots. The gathering keeps 6.1 degrees around the
-        // frame at full density, which is where a lobe of 1 degree has fallen by 80 dB.
-        let spacing_deg = (4.0 * std::f64::consts::PI / rf.directions as f64).sqrt().to_degrees();
-        if rf.spectrum == SpectrumKind::Mpc && rf.diffuse && !(1.5 * spacing_deg..=1.0).contains(&rf.lobe_width_deg) {
-            return fail(
-                "rf.lobe_width_deg",
-                format!(
-                    "{} degrees does not fit {} directions, {spacing_deg:.2} degrees apart",
-                    rf.lobe_width_deg, rf.directions
-                ),
-                "give 1.5 spacings to 1 degree; more directions allow a narrower lobe",
-            );
-        }
+        super::lobe::check(rf, place)?;
         if rf.bandwidth_hz < 1e6 {
             return fail(
                 "rf.bandwidth_hz",
