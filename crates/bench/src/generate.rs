@@ -12,7 +12,7 @@ use corf_raytrace::radio::RadioTracer;
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, FrameData};
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Pinhole, Raster, Scene, Severity};
+use corf_scene::{Error, Pinhole, Raster, Scene, Severity, bounds};
 use std::path::Path;
 
 /// Generates a dataset, or what is missing of one.
@@ -38,6 +38,7 @@ pub fn generate_from(
 ) -> Result<Dataset> {
     scene_config.check_radio(scene)?;
     scene_config.check_placement(scene)?;
+    check_memory(config)?;
     let bvh = Bvh::build(scene);
     // Whatever can be refused is refused before the first file.
     let tracer = RadioTracer::new(scene, &bvh, dataset_radio_settings(config, scene_config)?)?;
@@ -51,14 +52,15 @@ pub fn generate_from(
         return Ok(Dataset::open(out)?);
     }
     let ear = RadioSensor::new(&config.rf, config.seed, transmitter, &scene_config.receiver, scene, &tracer)?;
+    let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;
+    ear.check_distances(header.poses.iter().map(|pose| &pose.world_from_camera))?;
     claim_output(out, resume)?;
     if config.rf.transmission {
         warn_of_geometry(scene);
     }
     let mut camera = Camera::new(config, scene, &bvh);
-    let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;
     if config.optical.exposure_ev.is_none() {
-        header.exposure_ev = f64::from(camera.meter(&header.poses));
+        header.exposure_ev = f64::from(camera.meter(&header.poses)?);
     }
     camera.exposure_ev = header.exposure_ev as f32;
     header.sampling_error = ear.sampling_error(&header.rf_camera, &header.poses)?;
@@ -81,7 +83,7 @@ pub fn generate_from(
             interrupt::check()?;
             // Where one of them leaves a core idle, the other goes on.
             let (seen, heard) = rayon::join(|| camera.see(pose), || ear.keyframe(&pose.world_from_camera, &outputs));
-            let heard = heard?;
+            let (seen, heard) = (seen?, heard?);
             let frame = FrameData {
                 spectrum: heard.spectrum,
                 sphere: heard.sphere,
@@ -99,6 +101,25 @@ pub fn generate_from(
     Ok(Dataset::open(out)?)
 }
 
+/// What a keyframe's images take while they are rendered, filtered and written, bytes a pixel.
+const OPTICAL_BYTES_A_PIXEL: f64 = 300.0;
+const RF_BYTES_A_PIXEL: f64 = 120.0;
+
+/// Refuses images that do not fit the memory.
+fn check_memory(config: &DatasetConfig) -> Result<()> {
+    let [sphere_columns, sphere_rows] = config.rf.sphere.unwrap_or([0, 0]);
+    for (key, columns, rows, bytes_a_pixel) in [
+        ("optical", config.optical.width, config.optical.height, OPTICAL_BYTES_A_PIXEL),
+        ("rf", config.rf.width, config.rf.height, RF_BYTES_A_PIXEL),
+        ("rf.sphere", sphere_columns, sphere_rows, RF_BYTES_A_PIXEL),
+    ] {
+        let place = format!("{}: {key}", config.source.display());
+        let bytes = bytes_a_pixel * columns as f64 * rows as f64;
+        bounds::memory(&place, &format!("images of {columns}x{rows} pixels"), bytes, "give fewer pixels")?;
+    }
+    Ok(())
+}
+
 /// The optical half of a keyframe.
 struct Camera<'a> {
     tracer: LightTracer<'a>,
@@ -112,6 +133,7 @@ struct Camera<'a> {
 /// Poses along the trajectory at which the exposure is metered, and the size and samples of each.
 const METERED_POSES: usize = 8;
 const METERED_WIDTH: usize = 64;
+const MAX_METERED_HEIGHT: usize = 512;
 const METERED_SAMPLES: u32 = 16;
 /// What the geometric mean of the metered radiance becomes, as a share of full scale: photography's middle grey, a little up for a
 /// room whose walls are light.
@@ -140,11 +162,20 @@ impl<'a> Camera<'a> {
     }
 
     /// One exposure for the whole trajectory, EV: brings the geometric mean of what the platform sees to middle grey.
-    fn meter(&self, poses: &[TrajectoryPose]) -> f32 {
-        let shrink = METERED_WIDTH as f64 / self.intrinsics.width as f64;
-        let height = ((self.intrinsics.height as f64 * shrink) as usize).max(1);
+    ///
+    /// # Errors
+    /// Light that is not a finite number.
+    fn meter(&self, poses: &[TrajectoryPose]) -> Result<f32> {
+        let (full_width, full_height) = (self.intrinsics.width as f64, self.intrinsics.height as f64);
+        let shrink = METERED_WIDTH as f64 / full_width;
+        // Images much higher than wide are metered at so many rows, with as few columns as that leaves.
+        let (width, height) = if full_height * shrink > MAX_METERED_HEIGHT as f64 {
+            ((full_width * MAX_METERED_HEIGHT as f64 / full_height).round().max(1.0) as usize, MAX_METERED_HEIGHT)
+        } else {
+            (METERED_WIDTH, ((full_height * shrink) as usize).max(1))
+        };
         let fov_deg = 2.0 * (0.5 * self.intrinsics.width as f64 / self.intrinsics.fx).atan().to_degrees();
-        let small = Pinhole::from_horizontal_fov(METERED_WIDTH, height, fov_deg);
+        let small = Pinhole::from_horizontal_fov(width, height, fov_deg);
         let settings = LightSettings { samples_per_pixel: METERED_SAMPLES, ..self.settings };
         let (mut sum, mut n) = (0.0_f64, 0usize);
         for pose in poses.iter().step_by((poses.len() / METERED_POSES).max(1)) {
@@ -156,14 +187,24 @@ impl<'a> Camera<'a> {
         }
         let mean = (sum / n.max(1) as f64).exp() as f32;
         // Hundredths of a stop are finer than anybody sees and read well in dataset.json.
-        ((MIDDLE_GREY / mean).log2() * 100.0).round() / 100.0
+        let exposure_ev = ((MIDDLE_GREY / mean).log2() * 100.0).round() / 100.0;
+        if !bounds::EXPOSURE_EV.contains(&f64::from(exposure_ev)) {
+            return Err(not_finite("the metered radiance").into());
+        }
+        Ok(exposure_ev)
     }
 
     /// A keyframe without its spectrum.
-    fn see(&self, pose: &TrajectoryPose) -> FrameData {
+    ///
+    /// # Errors
+    /// Light that is not a finite number.
+    fn see(&self, pose: &TrajectoryPose) -> Result<FrameData> {
         let frame: LightFrame = self.tracer.render(&self.intrinsics, &pose.world_from_camera, &self.settings, frame_key(pose));
+        if frame.radiance.pixels().iter().flatten().any(|v| !v.is_finite()) {
+            return Err(not_finite(&format!("keyframe {}: the radiance of a pixel", pose.index)).into());
+        }
         let radiance = if self.denoise { light::denoise(&frame, &DenoiseSettings::default()) } else { frame.radiance };
-        FrameData {
+        Ok(FrameData {
             image: light::develop(&radiance, self.exposure_ev),
             linear: self.write_linear.then_some(radiance),
             depth_m: Some(frame.depth_m),
@@ -173,8 +214,12 @@ impl<'a> Camera<'a> {
             tutorial: None,
             share_in_frame: None,
             paths_jsonl: None,
-        }
+        })
     }
+}
+
+fn not_finite(what: &str) -> Error {
+    Error::invalid("light", format!("{what} is not a finite number"), "check what the scene's materials and lights emit")
 }
 
 fn frame_key(pose: &TrajectoryPose) -> u64 {

@@ -3,6 +3,7 @@
 use clap::Parser;
 use corf_bench::commands::{Command, Verdict};
 use corf_bench::interrupt;
+use corf_scene::bounds;
 use std::process::ExitCode;
 
 /// Keyframe after keyframe takes and frees tens of megabytes on many threads: from the system they cost a fault a page, each time.
@@ -17,8 +18,8 @@ struct Arguments {
     #[arg(long, global = true)]
     json: bool,
     /// Worker threads (default: one per core).
-    #[arg(long, global = true, value_name = "N")]
-    threads: Option<usize>,
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=bounds::MAX_THREADS))]
+    threads: Option<u64>,
     #[command(subcommand)]
     command: Command,
 }
@@ -54,7 +55,7 @@ fn main() -> ExitCode {
 fn run(arguments: Arguments) -> anyhow::Result<Verdict> {
     interrupt::listen()?;
     if let Some(threads) = arguments.threads {
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+        rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global()?;
     }
     arguments.command.run(arguments.json)
 }

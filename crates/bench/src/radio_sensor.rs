@@ -2,8 +2,8 @@
 
 use anyhow::Result;
 use corf_raytrace::radio::{
-    Antenna, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, Polarization, RadioSettings, RadioTracer, Search,
-    Transmitter, json,
+    Antenna, AntennaArray, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, PlanarArray, Polarization, RadioSettings,
+    RadioTracer, Search, Transmitter, json,
 };
 use corf_raytrace::spectrum::{self, Grid, SpectrumSettings, TutorialSphere};
 use corf_scene::config::{DatasetConfig, RearHalfSpace, ReceiverConfig, RfConfig, SceneConfig, SpectrumKind, TransmitterConfig};
@@ -11,7 +11,7 @@ use corf_scene::dataset::SamplingError;
 use corf_scene::keyframe::DbRange;
 use corf_scene::model::world_from_array;
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3, Scene, Severity, radio_check};
+use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3, Scene, Severity, near_field, radio_check};
 use glam::DMat3;
 use std::collections::BTreeMap;
 
@@ -167,6 +167,34 @@ impl<'a> RadioSensor<'a> {
     /// A receiver at the transmitter.
     pub fn receive(&self, world_from_camera: &Rigid3, extent: Extent) -> Result<Received> {
         self.receive_from(self.diffuse.as_ref(), world_from_camera, extent)
+    }
+
+    /// The least distance between an element of the platform's array at a pose and one of the transmitter's, metres; exact under 2λ.
+    fn distance_m(&self, pose: &Rigid3) -> f64 {
+        let settings = self.tracer.settings();
+        let platform = AntennaArray { element: element_at(&self.receiver, pose), grid: PlanarArray::from(&self.receiver) };
+        let transmitter = AntennaArray::single(settings.tx_antenna);
+        let doubtful_m = near_field::doubtful_under_m(settings.frequency_hz);
+        let tx = (&transmitter, self.transmitter.position());
+        platform.distance_m(pose.translation, tx, settings.wavelength_m(), doubtful_m)
+    }
+
+    /// Warns of poses at which the platform's array is within 2λ of the transmitter's, on standard error.
+    ///
+    /// # Errors
+    /// The first pose at which it is within λ/2π.
+    pub fn check_distances<'p>(&self, poses: impl IntoIterator<Item = &'p Rigid3>) -> Result<()> {
+        let frequency_hz = self.tracer.settings().frequency_hz;
+        let mut doubtful = Vec::new();
+        for pose in poses {
+            let distance_m = self.distance_m(pose);
+            near_field::check(&format!("receiver at {}", pose.translation), distance_m, frequency_hz)?;
+            doubtful.extend((distance_m < near_field::doubtful_under_m(frequency_hz)).then_some(distance_m));
+        }
+        if !doubtful.is_empty() {
+            eprintln!("{}", near_field::doubtful("receiver", &doubtful, frequency_hz));
+        }
+        Ok(())
     }
 
     fn receive_from(&self, diffuse: Option<&DiffuseField<'_, '_>>, pose: &Rigid3, extent: Extent) -> Result<Received> {

@@ -68,6 +68,16 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     Ok(write_atomic(path, text.as_bytes())?)
 }
 
+/// As [`write_json`], of what is read again: a number that JSON cannot hold, which would come back as none, is refused.
+///
+/// # Errors
+/// As [`write_json`], or what the value cannot be read back for.
+pub fn write_record<T: Serialize + DeserializeOwned>(path: &Path, value: &T) -> Result<()> {
+    serde_json::from_str::<T>(&serde_json::to_string(value)?)
+        .with_context(|| format!("{}: a result is not a finite number: the method has diverged", path.display()))?;
+    write_json(path, value)
+}
+
 /// Reads JSON.
 ///
 /// # Errors

@@ -17,7 +17,7 @@ use crate::predictions;
 use crate::progress::Progress;
 use crate::record::{Outcome, Record};
 use crate::report::{self, Report, row_folder};
-use crate::run::{read_json, write_json};
+use crate::run::{read_json, write_record};
 use crate::table;
 use anyhow::{Context, Result, bail};
 use corf_scene::dataset::Dataset;
@@ -69,7 +69,7 @@ pub fn run(plan: &Plan, dataset: &Dataset, out: &Path, backend: &Backend) -> Res
         if let Outcome::Failed { error } = &record.outcome {
             eprintln!("{}, seed {}: FAILED: {error}", cell.row.label, cell.seed);
         }
-        write_json(&path, &record)?;
+        write_record(&path, &record)?;
         records.push(record);
     }
     write_results(plan, dataset, records, out)

@@ -238,11 +238,13 @@ impl ReconstructionConfig {
     /// [`Error::Invalid`] naming the key.
     pub fn validate(&self) -> Result<()> {
         let probability = |x: f32| (0.0..=1.0).contains(&x);
-        let positive = |x: f32| x.is_finite() && x > 0.0;
+        let positive = |x: f32| (1e-12..=1e6).contains(&x);
+        let weight = |x: f32| (0.0..=1e6).contains(&x);
+        let count = |n: usize, most: usize| (1..=most).contains(&n);
         let d = &self.depth;
         let checks: [(&str, bool, &str); 34] = [
             ("uniform_probability", probability(self.uniform_probability), "a probability between 0 and 1"),
-            ("iterations_per_keyframe", self.iterations_per_keyframe >= 1, "at least 1 (paper: 75)"),
+            ("iterations_per_keyframe", count(self.iterations_per_keyframe, 1_000_000), "1 to 1 000 000 (paper: 75)"),
             (
                 "iterations_before_joining",
                 self.iterations_before_joining <= self.iterations_per_keyframe,
@@ -257,12 +259,12 @@ impl ReconstructionConfig {
             ("visits_per_level", self.visits_per_level >= 1, "at least 1"),
             ("finest_share", probability(self.finest_share), "a share between 0 and 1"),
             ("latest_probability", probability(self.latest_probability), "a probability between 0 and 1"),
-            ("rf_weight", self.rf_weight.is_finite() && self.rf_weight >= 0.0, "not negative (paper: 0.1)"),
-            ("depth_weight", self.depth_weight.is_finite() && self.depth_weight >= 0.0, "not negative (paper: 0.01)"),
+            ("rf_weight", weight(self.rf_weight), "not negative, up to 1e6 (paper: 0.1)"),
+            ("depth_weight", weight(self.depth_weight), "not negative, up to 1e6 (paper: 0.01)"),
             ("depth_weight_decay", probability(self.depth_weight_decay), "between 0 and 1 (paper: 0.9)"),
             ("optical_sh_degree", self.optical_sh_degree <= 3, "0 to 3"),
             ("rf_sh_degree", self.rf_sh_degree <= 3, "0 to 3"),
-            ("log_sigma_px", positive(self.log_sigma_px) && self.log_sigma_px <= 20.0, "between 0 and 20 pixels"),
+            ("log_sigma_px", (0.05..=20.0).contains(&self.log_sigma_px), "between 0.05 and 20 pixels"),
             (
                 "scale_clamp",
                 self.scale_clamp.iter().all(|&x| positive(x)),
@@ -270,27 +272,27 @@ impl ReconstructionConfig {
             ),
             (
                 "initial_opacity",
-                self.initial_opacity.iter().all(|&o| o > 0.0 && o < 1.0),
+                self.initial_opacity.iter().all(|o| (1e-6..=1.0 - 1e-6).contains(o)),
                 "three numbers strictly between 0 and 1",
             ),
             ("replace_at_samples", self.replace_at_samples >= 1, "at least 1"),
-            ("behind_tolerance", self.behind_tolerance >= 0.0, "not negative"),
+            ("behind_tolerance", weight(self.behind_tolerance), "not negative, up to 1e6"),
             ("behind_coverage", probability(self.behind_coverage), "between 0 and 1"),
             ("prune_opacity", probability(self.prune_opacity), "between 0 and 1"),
-            ("prune_image_fraction", positive(self.prune_image_fraction), "positive"),
-            ("position_rate", positive(self.position_rate), "positive"),
+            ("prune_image_fraction", positive(self.prune_image_fraction), "positive, 1e-12 to 1e6"),
+            ("position_rate", positive(self.position_rate) && self.position_rate <= 1.0, "positive, 1e-12 to 1"),
             ("scale_baselines", self.scale_baselines >= 1, "at least 1 (5)"),
-            ("depth.corners", d.corners >= 1, "at least 1"),
-            ("depth.min_segment_px", d.min_segment_px.is_finite() && d.min_segment_px >= 0.0, "not negative"),
-            ("depth.cost_ratio", d.cost_ratio.is_finite() && d.cost_ratio >= 1.0, "at least 1"),
+            ("depth.corners", count(d.corners, 1_000_000), "1 to 1 000 000"),
+            ("depth.min_segment_px", (0.0..=1e6).contains(&d.min_segment_px), "not negative, up to 1e6"),
+            ("depth.cost_ratio", (1.0..=1e6).contains(&d.cost_ratio), "at least 1, up to 1e6"),
             ("depth.min_zncc", (-1.0..=1.0).contains(&d.min_zncc), "between -1 and 1"),
             ("bootstrap_keyframes", (2..=8).contains(&self.bootstrap_keyframes), "2 to 8"),
-            ("depth.near_m", d.near_m > 0.0 && d.near_m < d.far_m, "positive and below depth.far_m"),
-            ("depth.far_m", d.far_m.is_finite(), "a finite distance in metres"),
+            ("depth.near_m", d.near_m >= 1e-6 && d.near_m < d.far_m, "positive (1e-6 at least) and below depth.far_m"),
+            ("depth.far_m", d.far_m <= 1e6, "a finite distance in metres, up to 1e6"),
             ("depth.neighbours", (1..=32).contains(&d.neighbours), "1 to 32"),
             ("depth.sweep_candidates", (8..=1024).contains(&d.sweep_candidates), "8 to 1024"),
             ("depth.match_candidates", (4..=256).contains(&d.match_candidates), "4 to 256"),
-            ("depth.match_range", d.match_range > 0.0 && d.match_range < 1.0, "between 0 and 1"),
+            ("depth.match_range", d.match_range >= 1e-6 && d.match_range < 1.0, "between 0 and 1"),
         ];
         match checks.iter().find(|c| !c.1) {
             None => Ok(()),

@@ -119,15 +119,21 @@ impl Default for OptimizerConfig {
     }
 }
 
+/// The largest learning rate: a step of 10 is e^10 in scale, and all or nothing in opacity.
+const MAX_RATE: f32 = 10.0;
+/// The smallest ε: well within the normal numbers of single precision, whose smallest is 1.2e-38.
+const MIN_EPSILON: f32 = 1e-30;
+
 impl OptimizerConfig {
     /// # Errors
     /// A rate that is negative or not finite, a β outside `[0, 1)`, a floor or weight outside `[0, 1]`; the error names the key.
     pub fn validate(&self) -> Result<()> {
         let rate = |key: &str, value: f32| {
-            if value.is_finite() && value >= 0.0 {
+            if (0.0..=MAX_RATE).contains(&value) {
                 return Ok(());
             }
-            Err(Error::invalid(format!("optimizer.{key}"), format!("{value} is no learning rate"), "give a finite number ≥ 0"))
+            let what = format!("{value:?} is no learning rate");
+            Err(Error::invalid(format!("optimizer.{key}"), what, format!("give a number from 0 to {MAX_RATE}")))
         };
         let unit = |key: &str, value: f32, open: bool| {
             if (0.0..=1.0).contains(&value) && !(open && value >= 1.0) {
@@ -143,14 +149,21 @@ impl OptimizerConfig {
         rate("position_rate_m", self.position_rate_m)?;
         rate("log_scale_rate", self.log_scale_rate)?;
         rate("rotation_rate", self.rotation_rate)?;
-        rate("epsilon", self.epsilon)?;
+        if !(MIN_EPSILON..=1.0).contains(&self.epsilon) {
+            let what = format!("{:?} does not keep steps of parameters without a gradient finite", self.epsilon);
+            return Err(Error::invalid("optimizer.epsilon", what, format!("give a number from {MIN_EPSILON:e} to 1")));
+        }
         for (name, a) in [("optical", &self.optical), ("rf", &self.rf)] {
             rate(&format!("{name}.sh_dc"), a.sh_dc)?;
             rate(&format!("{name}.opacity"), a.opacity)?;
             unit(&format!("{name}.opacity_floor"), a.opacity_floor, true)?;
-            if !(a.sh_rest_divisor.is_finite() && a.sh_rest_divisor > 0.0) {
+            if !(1e-3..=1e6).contains(&a.sh_rest_divisor) {
                 let key = format!("optimizer.{name}.sh_rest_divisor");
-                return Err(Error::invalid(key, format!("{} divides nothing", a.sh_rest_divisor), "give a finite number > 0"));
+                return Err(Error::invalid(
+                    key,
+                    format!("{:?} is out of range", a.sh_rest_divisor),
+                    "give a number from 1e-3 to 1e6",
+                ));
             }
         }
         unit("position_decay", self.position_decay, true)?;
@@ -163,11 +176,12 @@ impl OptimizerConfig {
 
 impl RasterConfig {
     /// # Errors
-    /// A near plane that is not a positive finite distance.
+    /// A near plane that is not 1 µm to 1000 km away.
     pub fn validate(&self) -> Result<()> {
-        if self.near_m.is_finite() && self.near_m > 0.0 {
+        if (1e-6..=1e6).contains(&self.near_m) {
             return Ok(());
         }
-        Err(Error::invalid("raster.near_m", format!("{} is no distance in front of the camera", self.near_m), "give metres > 0"))
+        let what = format!("{:?} is no distance in front of the camera", self.near_m);
+        Err(Error::invalid("raster.near_m", what, "give metres > 0, from 1e-6 to 1e6"))
     }
 }

@@ -118,6 +118,10 @@ fn write(path: &Path, g: &Gaussians, appearances: &[(&str, &Appearance)]) -> Res
             row.push(a.opacity_logit[i]);
             push_color(&mut row, a, i);
         }
+        if let Some(column) = row.iter().position(|v| !v.is_finite()) {
+            let what = format!("Gaussian {i} has {} = {}: the reconstruction has diverged", columns[column], row[column]);
+            return Err(Error::invalid(path.display().to_string(), what, "set smaller learning rates or weights"));
+        }
         row.iter().for_each(|v| out.extend(v.to_le_bytes()));
     }
     Ok(write_atomic(path, &out)?)

@@ -22,6 +22,9 @@ pub struct Pinhole {
     pub cy: f64,
 }
 
+/// Focal length from which on a pixel's solid angle is that at its centre to 0.1 %, pixels: the error is 1/(4f²) in the middle of the image.
+const FINE_FOCAL_PX: f64 = 16.0 - 1e-9;
+
 impl Pinhole {
     /// Square pixels, principal point in the middle, given the full horizontal field of view in degrees.
     pub fn from_horizontal_fov(width: usize, height: usize, fov_deg: f64) -> Self {
@@ -44,8 +47,17 @@ impl Pinhole {
         (point.z > 0.0).then(|| DVec2::new(self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy))
     }
 
-    /// The solid angle of pixel `(x, y)` in steradians, `1 / (fx·fy·(1 + x² + y²)^{3/2})` at its centre.
+    /// The solid angle of pixel `(x, y)` in steradians: `1 / (fx·fy·(1 + x² + y²)^{3/2})` at its centre, or exactly where pixels are so
+    /// large that this is off by more than 0.1 %.
     pub fn pixel_solid_angle_sr(&self, x: usize, y: usize) -> f64 {
+        if self.fx.min(self.fy) < FINE_FOCAL_PX {
+            // A rectangle with one corner on the axis and one at (x, y, 1) subtends atan(xy / √(1 + x² + y²)).
+            let corner = |dx: usize, dy: usize| {
+                let p = self.unproject((x + dx) as f64, (y + dy) as f64);
+                (p.x * p.y).atan2(p.length())
+            };
+            return corner(1, 1) - corner(0, 1) - corner(1, 0) + corner(0, 0);
+        }
         let p = self.unproject(x as f64 + 0.5, y as f64 + 0.5);
         1.0 / (self.fx * self.fy * p.length_squared().powf(1.5))
     }
@@ -124,6 +136,20 @@ mod tests {
         let (a, b) = (1.0_f64, 200.0 / 300.0);
         let exact = 4.0 * (a * b / ((1.0 + a * a) * (1.0 + b * b)).sqrt()).asin();
         assert!((sum - exact).abs() < 1e-4 * exact, "{sum} {exact}");
+    }
+
+    #[test]
+    fn large_pixels_have_their_exact_solid_angle() {
+        let whole = Pinhole::from_horizontal_fov(1, 1, 90.0);
+        // A face of the cube around the eye.
+        assert!((whole.pixel_solid_angle_sr(0, 0) - 4.0 * PI / 6.0).abs() < 1e-12);
+        // Either side of the change the two agree.
+        let (below, above) = (Pinhole::from_horizontal_fov(31, 24, 90.0), Pinhole::from_horizontal_fov(32, 24, 90.0));
+        for (camera, x) in [(below, 15), (above, 16), (above, 0)] {
+            let p = camera.unproject(x as f64 + 0.5, 12.5);
+            let midpoint = 1.0 / (camera.fx * camera.fy * p.length_squared().powf(1.5));
+            assert!((camera.pixel_solid_angle_sr(x, 12) / midpoint - 1.0).abs() < 1.1e-3);
+        }
     }
 
     #[test]

@@ -82,6 +82,13 @@ pub fn properties(name: &str, frequency_hz: f64) -> Result<(f64, f64)> {
     Ok((m.a * f_ghz.powf(m.b), m.c * f_ghz.powf(m.d)))
 }
 
+/// The largest relative permittivity, which ferroelectrics reach.
+const MAX_PERMITTIVITY: f64 = 1e5;
+/// The largest conductivity, S/m; silver has 6.3e7.
+const MAX_CONDUCTIVITY_S_PER_M: f64 = 1e9;
+/// The thinnest slab, metres: a few atoms.
+const MIN_THICKNESS_M: f64 = 1e-9;
+
 impl RadioMaterial {
     /// `(ε_r, ε_im)` of `η = ε_r − j·ε_im`, `ε_im = σ/(2πf·ε₀) ≥ 0` (time convention e^{+jωt}).
     ///
@@ -103,8 +110,11 @@ impl RadioMaterial {
     /// The first property out of range.
     pub fn validate(&self, place: &str) -> Result<()> {
         let fail = |what: String, help: &str| Err(Error::invalid(format!("{place}: radio material `{}`", self.id), what, help));
-        if !(self.thickness_m.is_finite() && self.thickness_m > 0.0) {
-            return fail(format!("thickness_m = {}", self.thickness_m), "give the slab's thickness in metres, above 0");
+        if !(self.thickness_m.is_finite() && self.thickness_m >= MIN_THICKNESS_M) {
+            return fail(
+                format!("thickness_m = {:?}", self.thickness_m),
+                "give the slab's thickness in metres, above 0 (1e-9 at least)",
+            );
         }
         if self.thickness_m > 10.0 {
             return fail(
@@ -121,11 +131,11 @@ impl RadioMaterial {
                 }
             }
             Permittivity::Constant { relative_permittivity: e, conductivity_s_per_m: s } => {
-                if !(e.is_finite() && *e >= 1.0) {
-                    return fail(format!("relative_permittivity = {e}"), "give a value of at least 1");
+                if !(1.0..=MAX_PERMITTIVITY).contains(e) {
+                    return fail(format!("relative_permittivity = {e:?}"), "give a value from 1 to 1e5");
                 }
-                if !(s.is_finite() && *s >= 0.0) {
-                    return fail(format!("conductivity_s_per_m = {s}"), "give a value of at least 0, in S/m");
+                if !(0.0..=MAX_CONDUCTIVITY_S_PER_M).contains(s) {
+                    return fail(format!("conductivity_s_per_m = {s:?}"), "give a value from 0 to 1e9, in S/m");
                 }
             }
         }

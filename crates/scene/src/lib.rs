@@ -4,6 +4,7 @@
 //! World frame: right-handed, z up, metres. Camera frame: OpenCV axes (x right, y down, z forward).
 //! Transforms are named `target_from_source`.
 
+pub mod bounds;
 pub mod camera;
 pub mod color;
 pub mod config;
@@ -19,6 +20,7 @@ pub mod itu;
 pub mod keyframe;
 pub mod lobby;
 pub mod model;
+pub mod near_field;
 pub mod npz;
 pub mod overlaps;
 pub mod radio_check;

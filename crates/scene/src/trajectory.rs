@@ -1,6 +1,6 @@
 //! The platform's way: a closed, smooth loop through waypoints at constant speed.
 
-use crate::{Error, Result, Rigid3};
+use crate::{Error, Result, Rigid3, bounds};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -54,6 +54,8 @@ const PITCH_PERIOD_M: f64 = 7.0 * std::f64::consts::SQRT_2;
 const YAW_PERIOD_M: f64 = 7.0 * 1.732_050_807_568_877_2;
 /// The heading is the chord from this far behind to this far ahead, metres: it turns smoothly where the curve's curvature jumps.
 const HEADING_CHORD_M: f64 = 0.25;
+/// No part of the way ends later, loops: beyond it, poses would be rounded.
+const MAX_LOOPS: f64 = 1000.0;
 /// Two waypoints nearer than this are one, metres.
 const SMALLEST_LEG_M: f64 = 1e-3;
 
@@ -73,9 +75,7 @@ impl TrajectoryConfig {
         }
         for i in 0..n {
             let (a, b) = (DVec2::from_array(self.waypoints_m[i]), DVec2::from_array(self.waypoints_m[(i + 1) % n]));
-            if !a.is_finite() {
-                return Err(Error::invalid(format!("{place}.waypoints_m[{i}]"), format!("{a} is not finite"), "give metres"));
-            }
+            bounds::position(&format!("{place}.waypoints_m[{i}]"), a.extend(0.0))?;
             if a.distance(b) < SMALLEST_LEG_M {
                 return Err(Error::invalid(
                     format!("{place}.waypoints_m[{i}]"),
@@ -208,9 +208,10 @@ pub fn generate_between(config: &TrajectoryConfig, count: usize, way: [f64; 2]) 
     if count == 0 {
         return Err(Error::invalid("keyframes", "a trajectory of no poses", "ask for at least one"));
     }
+    bounds::count("trajectory", count, bounds::MAX_LINKS, "poses")?;
     let [start, end] = way;
-    if !(start >= 0.0 && end > start && end - start <= 1.0) {
-        let help = "give [start, end] in loops, e.g. [0.0, 1.0] for a whole one";
+    if !(start >= 0.0 && end > start && end - start <= 1.0 && end <= MAX_LOOPS) {
+        let help = "give [start, end] in loops, at most one and in the first thousand, e.g. [0.0, 1.0] for a whole one";
         return Err(Error::invalid("way", format!("[{start}, {end}] is no part of a loop"), help));
     }
     let curve = curve(config);

@@ -10,7 +10,7 @@ use anyhow::Result;
 use clap::Args;
 use corf_raytrace::radio::DiffuseSettings;
 use corf_raytrace::radio::coverage::{CoveragePlane, coverage, strongest};
-use corf_scene::{Error, Raster, io};
+use corf_scene::{Error, Finding, Raster, Severity, io, near_field};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -64,9 +64,22 @@ impl Coverage {
                 format!("no cell has a value: the centres of all {} lie inside of bodies or on surfaces", gain.pixels().len());
             return Err(Error::invalid("coverage plane", what, "give another --height, or smaller cells with --cell").into());
         }
+        if gain.pixels().iter().any(|g| g.is_infinite()) {
+            let help = "the scene's powers are beyond single precision: check its sizes and units";
+            return Err(Error::invalid("coverage plane", "the gain of a cell is infinite", help).into());
+        }
+        let near = Near::count(&setup, &plane);
+        if near.doubtful > 0 {
+            let what =
+                format!("{} cells are within 2 wavelengths of a transmitter, where the far-field law is inexact", near.doubtful);
+            eprintln!("{}", Finding::new(Severity::Warning, "coverage plane", what, "leave these cells out of statistics"));
+        }
         let picture = CoveragePicture::new(&gain, &plane, setup.link.tx_power_dbm);
         let mut report =
             self.report(&setup, &plane, &gain, picture.range_dbm(), setup.link.diffuse.then_some(sampling.directions));
+        if near.excluded + near.doubtful > 0 {
+            report["cells_too_near_a_transmitter"] = json!({ "excluded": near.excluded, "doubtful": near.doubtful, "where": "excluded: the centre is within a wavelength over 2 pi of a transmitter, no value of that one; doubtful: within 2 wavelengths" });
+        }
         let positions: Vec<DVec3> = setup.transmitters.iter().map(|tx| tx.position).collect();
         let exr = |name: &str, map: &Raster<f32>| -> Result<()> {
             Ok(io::write_atomic(self.out.join(name), &io::encode_exr_f32(map, "Y")?)?)
@@ -97,8 +110,12 @@ impl Coverage {
             None => "no path reaches any cell".into(),
         };
         let whose = if positions.len() == 1 { String::new() } else { format!(" of the strongest of {}", positions.len()) };
+        let too_near = match near.excluded {
+            0 => String::new(),
+            n => format!(", or too near a transmitter ({n})"),
+        };
         let text = format!(
-            "{} x {} cells of {} m, {} of them inside bodies or on surfaces\nRSSI{whose} at {} dBm: {received}\n{}",
+            "{} x {} cells of {} m, {} of them inside bodies or on surfaces{too_near}\nRSSI{whose} at {} dBm: {received}\n{}",
             plane.columns,
             plane.rows,
             plane.cell_m,
@@ -154,6 +171,29 @@ impl Coverage {
             "diffuse_directions": diffuse_directions,
             "settings": setup.link,
         })
+    }
+}
+
+/// Cells whose centres lie near a transmitter.
+struct Near {
+    /// Within λ/2π: without a value of that transmitter.
+    excluded: usize,
+    /// Within 2λ.
+    doubtful: usize,
+}
+
+impl Near {
+    fn count(setup: &LinkSetup, plane: &CoveragePlane) -> Self {
+        let frequency_hz = setup.config.radio.frequency_hz;
+        let [refused_m, doubtful_m] = [near_field::refused_under_m(frequency_hz), near_field::doubtful_under_m(frequency_hz)];
+        let mut count = Self { excluded: 0, doubtful: 0 };
+        for i in 0..plane.columns * plane.rows {
+            let centre = plane.centre(i % plane.columns, i / plane.columns);
+            let distance_m = setup.transmitters.iter().map(|tx| tx.position.distance(centre)).fold(f64::INFINITY, f64::min);
+            count.excluded += usize::from(distance_m < refused_m);
+            count.doubtful += usize::from((refused_m..doubtful_m).contains(&distance_m));
+        }
+        count
     }
 }
 

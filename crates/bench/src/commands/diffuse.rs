@@ -11,7 +11,7 @@ use corf_raytrace::radio::diffuse::{Contribution, NO_MIRRORS_SR};
 use corf_raytrace::radio::{DiffuseField, DiffuseSettings, RadioSettings, RadioTracer, Solids};
 use corf_scene::config::SceneConfig;
 use corf_scene::npz::{Array, Values};
-use corf_scene::{Scene, io};
+use corf_scene::{Scene, bounds, io, near_field};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -44,7 +44,7 @@ pub struct Diffuse {
     #[arg(long, default_value_t = NO_MIRRORS_SR)]
     mirror_sr: f64,
     /// Independent samplings; two or more give a standard error.
-    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     replicas: u64,
     /// Leave out specular reflection.
     #[arg(long)]
@@ -117,6 +117,11 @@ impl Diffuse {
             tracer.check_in_the_open("receiver", rx.0)?;
             solids.check_link(&scene, tx, rx.0)?;
         }
+        let samplings = (self.rx.len() as u64).saturating_mul(self.replicas);
+        bounds::count("--replicas", samplings as usize, bounds::MAX_LINKS, "samplings of receivers")?;
+        let near =
+            |rx: &Point| near_field::finding(&format!("receiver at {}", rx.0), rx.0.distance(tx), config.radio.frequency_hz);
+        self.rx.iter().filter_map(near).for_each(|finding| eprintln!("{finding}"));
         if !self.no_transmission {
             warn_of_geometry(&scene);
         }

@@ -4,7 +4,7 @@ use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::methods::open;
 use crate::record::{Numbers, Outcome};
-use crate::run::write_json;
+use crate::run::write_record;
 use crate::{harness, table};
 use anyhow::Result;
 use clap::Args;
@@ -39,7 +39,7 @@ impl Evaluate {
         record.provenance = info.provenance.clone();
         record.config = info.config.clone();
         record.device = info.device.clone();
-        write_json(&self.run.join("metrics.json"), &record)?;
+        write_record(&self.run.join("metrics.json"), &record)?;
         let records = [record];
         show(json, &records[0], &table::plain(&table::rows(&records)))?;
         Ok(Verdict::Done)

@@ -13,7 +13,7 @@ use corf_raytrace::radio::channel::{
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
 use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseSettings, json};
 use corf_scene::npz::{Array, Values, encode_npz};
-use corf_scene::{Error, io};
+use corf_scene::{Error, bounds, io};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -22,6 +22,12 @@ const TAPS_AFTER: i64 = 4;
 
 /// Complex numbers of a link's frequency response; more are more likely a mistake.
 const MAX_RESPONSES: usize = 20_000_000;
+
+/// What a link of a few paths takes at least, bytes.
+const LINK_BYTES: f64 = 2e3;
+
+/// The longest impulse response, taps.
+const MAX_TAPS: i64 = 1 << 24;
 
 /// `corf paths`.
 #[derive(Args)]
@@ -144,13 +150,33 @@ impl Paths {
         Ok(Some(Subcarriers::of_band(bandwidth_hz, self.subcarriers)?))
     }
 
+    /// Refuses more links than can be held in memory at once.
+    fn check_size(&self, setup: &LinkSetup, receivers: usize) -> Result<()> {
+        bounds::count("receivers", setup.transmitters.len().saturating_mul(receivers), bounds::MAX_LINKS, "links")?;
+        let carriers = match self.bandwidth {
+            Some(_) => self.subcarriers as f64,
+            None => 1.0,
+        };
+        // As complex numbers of an archive, or in words.
+        let bytes_each = if self.format == Format::Npz { 16.0 } else { 200.0 };
+        let responses = match (self.format, setup.has_ports() || self.bandwidth.is_some()) {
+            (Format::Sionna, _) | (_, false) => 0.0,
+            _ => setup.transmitters.iter().map(|tx| (tx.array.ports() * setup.rx_array.ports()) as f64 * carriers).sum::<f64>(),
+        };
+        let bytes = receivers as f64 * (responses * bytes_each + setup.transmitters.len() as f64 * LINK_BYTES);
+        let help = "give fewer receivers at a time, smaller arrays or fewer --subcarriers";
+        Ok(bounds::memory("receivers", &format!("the channels of {receivers}"), bytes, help)?)
+    }
+
     fn trace<'s>(&self, setup: &'s LinkSetup, sampling: &DiffuseSettings) -> Result<Traced<'s>> {
         let transmitters = &setup.transmitters;
         let receivers = receivers(&setup.config, &self.rx, self.rx_file.as_deref(), self.rx_trajectory)?;
         for rx in &receivers {
             transmitters.iter().try_for_each(|tx| setup.check_link(tx.position, *rx))?;
         }
+        setup.check_distances(&receivers)?;
         let total = transmitters.len() * receivers.len();
+        self.check_size(setup, receivers.len())?;
         let mut progress = (total > 1).then(|| Progress::start("paths", total, "links"));
         let mut links = vec![Vec::new(); receivers.len()];
         let mut diffuse = vec![Vec::new(); receivers.len()];
@@ -185,7 +211,7 @@ impl Paths {
         let arrays = traced.set.tx_arrays.iter().cycle();
         let all = traced.set.links.iter().zip(&traced.diffuse).zip(arrays);
         let mut links: Vec<Value> =
-            all.map(|((link, diffuse), tx)| self.link_json(setup, link, diffuse, tx, subcarriers)).collect();
+            all.map(|((link, diffuse), tx)| self.link_json(setup, link, diffuse, tx, subcarriers)).collect::<Result<_>>()?;
         let value = match links.len() {
             1 => links.remove(0),
             _ => json!({ "schema": "corf-links/1", "scene": setup.scene.name, "links": links }),
@@ -200,7 +226,7 @@ impl Paths {
         diffuse: &[Arrival],
         tx_array: &AntennaArray,
         subcarriers: Option<Subcarriers>,
-    ) -> Value {
+    ) -> Result<Value> {
         let (f, seed) = (setup.config.radio.frequency_hz, setup.link.seed);
         let mut value = json::paths_to_json(&setup.scene, f, link.tx, link.rx, &link.paths);
         value["tx_power_dbm"] = json!(setup.link.tx_power_dbm);
@@ -238,6 +264,11 @@ impl Paths {
             let last = rays.iter().map(|r| (r.delay_s * bandwidth_hz).round() as i64).max().unwrap_or(0);
             let first = rays.iter().map(|r| (r.delay_s * bandwidth_hz).round() as i64).min().unwrap_or(0);
             let taps = (first - TAPS_AFTER).max(0)..last + TAPS_AFTER + 1;
+            if taps.end - taps.start > MAX_TAPS {
+                let what = format!("{} taps between the first path and the last", taps.end - taps.start);
+                let help = format!("give a narrower one: at most {MAX_TAPS} are written");
+                return Err(Error::invalid("--bandwidth", what, help).into());
+            }
             let at_offsets = |rays: &[Ray]| pairs(&frequency_response(rays, &offsets));
             let at_taps = |rays: &[Ray]| pairs(&impulse_response(rays, bandwidth_hz, taps.clone(), TapFilter::Sinc));
             value["frequency_response"] = json!({ "offsets_hz": offsets, "h": at_offsets(&rays) });
@@ -252,7 +283,7 @@ impl Paths {
                 value["impulse_response"]["h_ports"] = json!(of_each(&at_taps));
             }
         }
-        value
+        Ok(value)
     }
 
     /// DeepMIMO's matrices of the first transmitter, between the first ports, under their names, of further ones with `_tx1`, `_tx2` … behind;

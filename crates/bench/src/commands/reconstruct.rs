@@ -5,7 +5,7 @@ use crate::device::DeviceChoice;
 use crate::method::{Advance, Checkpoints};
 use crate::progress::Progress;
 use crate::provenance::Provenance;
-use crate::run::{RunInfo, SCHEMA, claim_output, write_json};
+use crate::run::{RunInfo, SCHEMA, claim_output, write_record};
 use crate::{harness, interrupt, methods};
 use anyhow::{Context, Result};
 use clap::Args;
@@ -136,7 +136,7 @@ impl Reconstruct {
             latency: LatencySummary::of(&result.keyframes),
             keyframe_timings: result.keyframes,
         };
-        write_json(&info_path, &info)?;
+        write_record(&info_path, &info)?;
         // What it was kept for is there.
         let _ = std::fs::remove_file(&checkpoint);
         show(json, &info, &summary(&info))?;

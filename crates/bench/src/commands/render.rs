@@ -102,6 +102,11 @@ impl Render {
             let image = file("images", "png");
             if !image.exists() {
                 let p = run.predictor.render(pose)?;
+                let numbers = p.rf_scalar.pixels().iter().chain(p.image.pixels().iter().flatten());
+                ensure!(
+                    numbers.chain(p.rf_jet.pixels().iter().flatten()).all(|v| v.is_finite()),
+                    "pose {i}: a pixel of the rendering is not a finite number\n  help: the field has diverged; reconstruct it with smaller rates"
+                );
                 write_exr(&file("db", "exr"), &p.rf_scalar.map(|&s| range.db(s) as f32))?;
                 write_exr(&file("linear", "exr"), &p.rf_scalar.map(|&s| if s > 0.0 { range.linear(s) as f32 } else { 0.0 }))?;
                 io::write_png(file("jet", "png"), &p.rf_jet.map(|c| c.map(quantize8)))?;

@@ -12,10 +12,13 @@ use corf_raytrace::spectrum::{Grid, SpectrumSettings, share_in_frame};
 use corf_scene::config::{RfConfig, SceneConfig, SpectrumKind, from_toml};
 use corf_scene::dataset::{EQUIRECTANGULAR_AXES, Quantity};
 use corf_scene::keyframe::DbRange;
-use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3, io};
+use corf_scene::{Equirectangular, Error, Pinhole, Raster, Rigid3, bounds, io};
 use glam::DVec3;
 use serde_json::json;
 use std::path::PathBuf;
+
+/// What a spectrum takes while it is formed and written, bytes a pixel.
+const BYTES_A_PIXEL: f64 = 120.0;
 
 /// `corf spectrum`.
 #[derive(Args)]
@@ -137,6 +140,9 @@ impl Spectrum {
             warn_of_geometry(&scene);
         }
 
+        let bytes = BYTES_A_PIXEL * (grid.width() * grid.height()) as f64;
+        let what = format!("spectra of {}x{} pixels", grid.width(), grid.height());
+        bounds::memory("--size", &what, bytes, "give fewer pixels")?;
         let bvh = Bvh::build(&scene);
         let settings = RadioSettings {
             max_depth: rf.max_reflections,
@@ -148,6 +154,7 @@ impl Spectrum {
         };
         let tracer = RadioTracer::new(&scene, &bvh, settings)?;
         let sensor = RadioSensor::new(&rf, self.seed, transmitter, &config.receiver, &scene, &tracer)?;
+        sensor.check_distances([&pose])?;
         let kinds: Vec<SpectrumKind> = self.kind.iter().map(|kind| SpectrumKind::from(*kind)).collect();
         let received = sensor.receive(&pose, Extent::needed(&kinds, grid, config.receiver.rear))?;
         claim_fresh(&self.out)?;
@@ -230,6 +237,13 @@ impl Spectrum {
 
     /// The files of one spectrum and what is to be said about them.
     fn write(&self, name: &str, quantity: Quantity, image: &Raster<f32>) -> Result<serde_json::Value> {
+        if let Some(i) = image.pixels().iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
+            let (x, y) = (i % image.width(), i / image.width());
+            let what = format!("pixel ({x}, {y}) is {}", image.pixels()[i]);
+            return Err(
+                Error::invalid(name, what, "the scene's powers are beyond single precision: check its sizes and units").into()
+            );
+        }
         let peak = image.pixels().iter().copied().fold(0f32, f32::max);
         let max_db = if peak > 0.0 { (10.0 * f64::from(peak).log10()).ceil() } else { 0.0 };
         let range = DbRange { min_db: max_db - self.range_db, max_db };

@@ -13,7 +13,8 @@ use corf_raytrace::radio::{
     Search, Solids, Transmitter,
 };
 use corf_scene::config::{Orientation, SceneConfig, read_toml};
-use corf_scene::{Error, Scene};
+use corf_scene::near_field::SPEED_OF_LIGHT;
+use corf_scene::{Error, Scene, bounds, near_field};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -148,7 +149,11 @@ impl FromStr for Point {
     fn from_str(text: &str) -> Result<Self, String> {
         let numbers: Vec<f64> = text.split(',').filter_map(|p| p.trim().parse().ok()).filter(|v: &f64| v.is_finite()).collect();
         match (numbers.as_slice(), text.matches(',').count()) {
-            ([x, y, z], 2) => Ok(Self(DVec3::new(*x, *y, *z))),
+            ([x, y, z], 2) => {
+                let point = DVec3::new(*x, *y, *z);
+                bounds::position(text, point).map_err(|_| format!("\"{text}\": coordinates are in metres, at most 1e6"))?;
+                Ok(Self(point))
+            }
             _ => Err(format!("\"{text}\" is not three numbers x,y,z")),
         }
     }
@@ -220,11 +225,8 @@ impl LinkSetup {
         link.directions = arguments.directions.or(link.directions);
         link.tx_power_dbm = arguments.tx_power_dbm.unwrap_or(link.tx_power_dbm);
         link.seed = arguments.seed.unwrap_or(link.seed);
-        if !link.tx_power_dbm.is_finite() {
-            return Err(
-                Error::invalid("tx_power_dbm", format!("{}", link.tx_power_dbm), "give a finite power in dBm, e.g. 20").into()
-            );
-        }
+        bounds::number("tx_power_dbm", link.tx_power_dbm, &bounds::POWER_DBM, "dBm, e.g. 20")?;
+        bounds::number("min_gain_db", link.min_gain_db, &bounds::GAIN_DB, "dB, e.g. -200")?;
         if link.edge_diffraction && !link.diffraction {
             let help = "set diffraction = true as well, or leave it out";
             return Err(Error::invalid("edge_diffraction", "open edges diffract where edges do", help).into());
@@ -338,6 +340,27 @@ impl LinkSetup {
         Ok(())
     }
 
+    /// Warns of receivers within 2λ of a transmitter, element by element, on standard error.
+    ///
+    /// # Errors
+    /// The first that is within λ/2π.
+    pub fn check_distances(&self, receivers: &[DVec3]) -> Result<()> {
+        let frequency_hz = self.config.radio.frequency_hz;
+        let (wavelength_m, doubtful_m) = (SPEED_OF_LIGHT / frequency_hz, near_field::doubtful_under_m(frequency_hz));
+        let mut doubtful = Vec::new();
+        for rx in receivers {
+            for tx in &self.transmitters {
+                let distance_m = self.rx_array.distance_m(*rx, (&tx.array, tx.position), wavelength_m, doubtful_m);
+                near_field::check(&format!("receiver at {rx}"), distance_m, frequency_hz)?;
+                doubtful.extend((distance_m < doubtful_m).then_some(distance_m));
+            }
+        }
+        if !doubtful.is_empty() {
+            eprintln!("{}", near_field::doubtful("receiver", &doubtful, frequency_hz));
+        }
+        Ok(())
+    }
+
     /// The closed bodies of the scene.
     pub fn solids(&self) -> &Solids {
         &self.solids
@@ -370,13 +393,16 @@ fn array(given: &ArrayConfig, grid: Option<Grid>, (scene, spacing): (Antenna, [f
         None => spacing,
     };
     let sides = 1..=MAX_SIDE;
-    let spaced = spacing_wavelengths.iter().all(|s| s.is_finite() && *s > 0.0);
+    let spaced = spacing_wavelengths.iter().all(|s| bounds::SPACING_WAVELENGTHS.contains(s));
     if !(sides.contains(&rows) && sides.contains(&columns) && rows * columns <= MAX_ELEMENTS && spaced) {
         let what = format!("{rows}x{columns} elements {spacing_wavelengths:?} wavelengths apart is no array");
         let help = format!("give rows and cols from 1 to {MAX_SIDE}, {MAX_ELEMENTS} elements in all, and spacings above 0");
         return Err(Error::invalid(place, what, help).into());
     }
     let several = rows * columns > 1;
+    if let Some(orientation) = given.orientation {
+        orientation.validate(&format!("{place}.orientation"))?;
+    }
     let element = Antenna {
         pattern: given.pattern.unwrap_or(scene.pattern),
         polarization: given.polarization.unwrap_or(scene.polarization),

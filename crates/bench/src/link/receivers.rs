@@ -3,7 +3,7 @@
 use super::Point;
 use anyhow::Result;
 use corf_scene::config::SceneConfig;
-use corf_scene::{Error, io, npz, trajectory};
+use corf_scene::{Error, bounds, io, npz, trajectory};
 use glam::DVec3;
 use std::path::Path;
 
@@ -17,6 +17,7 @@ pub fn receivers(config: &SceneConfig, points: &[Point], file: Option<&Path>, po
         all.extend(read(path)?);
     }
     if let Some(count) = poses {
+        bounds::count("--rx-trajectory", count, bounds::MAX_LINKS, "receivers")?;
         let Some(way) = &config.trajectory else {
             let help = "add waypoints_m under [trajectory], or give receivers with --rx or --rx-file";
             return Err(Error::invalid(config.source.display().to_string(), "it has no [trajectory]", help).into());
@@ -43,9 +44,7 @@ fn read(path: &Path) -> Result<Vec<DVec3>> {
     } else {
         from_text(&io::read_text(path)?, &place)?
     };
-    if let Some(i) = points.iter().position(|p| !p.is_finite()) {
-        return Err(Error::invalid(format!("{place}: row {i}"), format!("{} is not finite", points[i]), "give metres").into());
-    }
+    points.iter().enumerate().try_for_each(|(i, p)| bounds::position(&format!("{place}: row {i}"), *p))?;
     Ok(points)
 }
 

@@ -239,3 +239,41 @@ fn a_thousand_coincident_triangles_are_all_visited() {
     assert_eq!(seen, n);
     assert!(bvh.occluded(&Ray::new(Vec3::new(0.2, 0.2, 1.0), Vec3::NEG_Z)));
 }
+
+#[test]
+fn rays_that_are_no_numbers_miss_and_end() {
+    let bvh = Bvh::build(&scene_of(&[[Vec3::ZERO, Vec3::X, Vec3::Y], [Vec3::Z, Vec3::ONE, Vec3::Y]]));
+    let portable = Bvh { kernel: Choice::Portable, ..bvh.clone() };
+    let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, f32::MIN_POSITIVE, -0.0];
+    for tree in [&bvh, &portable] {
+        for value in odd {
+            for axis in 0..3 {
+                let (mut origin, mut direction) = (Vec3::new(0.2, 0.2, 5.0), Vec3::NEG_Z);
+                for ray in [
+                    {
+                        origin[axis] = value;
+                        Ray::new(origin, Vec3::NEG_Z)
+                    },
+                    {
+                        direction[axis] = value;
+                        Ray::new(Vec3::new(0.2, 0.2, 5.0), direction)
+                    },
+                    Ray { t_min: value, ..Ray::new(Vec3::new(0.2, 0.2, 5.0), Vec3::NEG_Z) },
+                    Ray { t_max: value, ..Ray::new(Vec3::new(0.2, 0.2, 5.0), Vec3::NEG_Z) },
+                ] {
+                    // That these return is what is tested; what is no number hits nothing.
+                    let (hit, occluded) = (tree.intersect(&ray), tree.occluded(&ray));
+                    let is_finite = ray.origin.is_finite() && ray.direction.is_finite();
+                    assert!(is_finite || hit.is_none() && !occluded, "{ray:?}");
+                    let mut seen = 0;
+                    let _ = tree.visit_candidates(ray.origin.as_dvec3(), ray.direction.as_dvec3(), f64::from(ray.t_max), |_| {
+                        seen += 1;
+                        ControlFlow::Continue(())
+                    });
+                    assert!(seen <= 2 && (is_finite || seen == 0), "{ray:?}");
+                }
+            }
+        }
+    }
+    assert!(bvh.occluded(&Ray::new(Vec3::new(0.2, 0.2, 5.0), Vec3::NEG_Z)));
+}

@@ -106,7 +106,8 @@ impl Bvh {
     /// The processor has what kernel `K` needs.
     #[inline(always)]
     unsafe fn walk<K: Kernel, const ANY: bool>(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
-        if self.nodes.is_empty() {
+        // What is no number lets a ray into the boxes of absent children as well, and so into the root again and again.
+        if self.nodes.is_empty() || !(ray.origin.is_finite() && ray.direction.is_finite()) {
             return None;
         }
         let prepared = Prepared::new(ray);
@@ -176,7 +177,8 @@ impl Bvh {
         t_max: f64,
         mut visit: impl FnMut(u32) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
-        if self.nodes.is_empty() {
+        // As in `walk`.
+        if self.nodes.is_empty() || !(origin.is_finite() && direction.is_finite()) {
             return ControlFlow::Continue(());
         }
         let segment = Segment::new(origin, direction, t_max);

@@ -6,6 +6,7 @@ use super::Complex;
 pub use corf_scene::config::{AntennaPattern, Polarization};
 use corf_scene::config::{ReceiverConfig, TransmitterConfig};
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Amplitude of an element's pattern towards the unit direction `local` of the antenna frame (boresight +x, zenith +z): 1 everywhere for
@@ -191,6 +192,34 @@ impl AntennaArray {
         Self { element, grid: PlanarArray { rows: 1, columns: 1, spacing_wavelengths: [0.0, 0.0] } }
     }
 
+    /// World positions of the grid's elements, metres, for the array's own one and the wavelength.
+    fn elements_at(&self, position: DVec3, wavelength_m: f64) -> Vec<DVec3> {
+        let world = |p: DVec3| position + self.element.world_from_antenna * (p * wavelength_m);
+        self.grid.positions().into_iter().map(world).collect()
+    }
+
+    /// The least distance between an element of this array and one of another, metres: exact where it is under `exact_under_m`, and no less
+    /// than that otherwise. A beam's elements are part of its element and count as well.
+    pub fn distance_m(&self, position: DVec3, (other, at): (&Self, DVec3), wavelength_m: f64, exact_under_m: f64) -> f64 {
+        let spread = |array: &Self| match array.element.beam {
+            Some(beam) => Self { grid: beam.array, ..*array },
+            None => *array,
+        };
+        let (a, b) = (spread(self), spread(other));
+        let radius_m = |array: &Self| {
+            let [across, down] = array.grid.spacing_wavelengths;
+            let half = |n: usize, spacing: f64| 0.5 * n.saturating_sub(1) as f64 * spacing * wavelength_m;
+            half(array.grid.columns, across).hypot(half(array.grid.rows, down))
+        };
+        let least_m = position.distance(at) - radius_m(&a) - radius_m(&b);
+        if least_m >= exact_under_m {
+            return least_m;
+        }
+        let theirs = b.elements_at(at, wavelength_m);
+        let to_theirs = |p: DVec3| theirs.iter().map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min);
+        a.elements_at(position, wavelength_m).into_par_iter().map(to_theirs).reduce(|| f64::INFINITY, f64::min)
+    }
+
     /// Number of ports: the element's times the grid's elements.
     pub fn ports(&self) -> usize {
         self.element.ports() * self.grid.elements()
@@ -233,6 +262,35 @@ fn dirichlet(n: usize, x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn arrays_are_as_far_apart_as_their_nearest_elements() {
+        let array = |rows: usize, columns: usize| AntennaArray {
+            element: Antenna::default(),
+            grid: PlanarArray { rows, columns, spacing_wavelengths: [0.5, 0.5] },
+        };
+        let (eight, one) = (array(8, 8), array(1, 1));
+        // 8 columns 2.5 mm apart reach 8.75 mm to the side: an element 10 mm to the side is 1.25 mm from the last ones, 1.25 mm up or down.
+        let distance = |at: DVec3| eight.distance_m(DVec3::ZERO, (&one, at), 5e-3, 1e-2);
+        assert!((distance(DVec3::new(0.0, 10e-3, 0.0)) - 1.25e-3 * 2f64.sqrt()).abs() < 1e-12);
+        assert!((one.distance_m(DVec3::ZERO, (&one, DVec3::X), 5e-3, 1e-2) - 1.0).abs() < 1e-12);
+        // Turned by a quarter about z its columns lie along x.
+        let turned = AntennaArray {
+            element: Antenna {
+                world_from_antenna: glam::DMat3::from_rotation_z(std::f64::consts::FRAC_PI_2),
+                ..Antenna::default()
+            },
+            ..eight
+        };
+        let beside = turned.distance_m(DVec3::ZERO, (&one, DVec3::new(0.0, 10e-3, 1.25e-3)), 5e-3, 2e-2);
+        assert!((beside - 10e-3f64.hypot(1.25e-3)).abs() < 1e-12, "{beside}");
+        // Where no element can be near, the bound does.
+        assert!(distance(DVec3::new(0.0, 1.0, 0.0)) > 0.98);
+        let beam = Beam { array: eight.grid, towards: DVec3::X };
+        let beamed = AntennaArray::single(Antenna { beam: Some(beam), ..Antenna::default() });
+        let to_beam = one.distance_m(DVec3::new(0.0, 10e-3, 0.0), (&beamed, DVec3::ZERO), 5e-3, 1e-2);
+        assert!((to_beam - 1.25e-3 * 2f64.sqrt()).abs() < 1e-12);
+    }
 
     #[test]
     fn a_beam_is_the_sum_over_its_elements() {

@@ -125,7 +125,11 @@ pub fn coverage<E: From<Error>>(
     let tx = transmitter.position();
     let RadioSettings { tx_antenna, rx_antenna, .. } = transmitter.tracer.settings();
     let gain = |rx: DVec3| -> Result<f32> {
-        if solids.parting(tx, rx).is_some() {
+        // A place where nothing can be received, a surface or the transmitter's own, is a cell without a value.
+        let tracer = transmitter.tracer;
+        let unfit =
+            || tracer.check_receiver(tx, rx).is_err() || diffuse.is_some() && tracer.check_in_the_open("receiver", rx).is_err();
+        if solids.parting(tx, rx).is_some() || unfit() {
             return Ok(f32::NAN);
         }
         let paths: f64 = transmitter.paths(rx)?.iter().map(|path| path.received(tx_antenna, rx_antenna)).sum();
@@ -134,11 +138,6 @@ pub fn coverage<E: From<Error>>(
             None => 0.0,
         };
         Ok((paths + scattered) as f32)
-    };
-    let gain = |rx: DVec3| match gain(rx) {
-        // A place where nothing can be received, a surface or the transmitter's own, is a cell without a value.
-        Err(Error::Invalid { .. }) => Ok(f32::NAN),
-        other => other,
     };
     let mut cells = Vec::with_capacity(plane.columns * plane.rows);
     for row in 0..plane.rows {

@@ -37,12 +37,11 @@ pub use geometry::{Face, Geometry};
 pub use materials::Slab;
 pub use paths::{Interaction, InteractionKind, Path, RadioTracer, Transmitter};
 
-use corf_scene::{Error, Result};
+use corf_scene::{Error, Result, bounds};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// Speed of light in vacuum, m/s.
-pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
+pub use corf_scene::near_field::SPEED_OF_LIGHT;
 
 /// The largest number of interactions the tracer supports.
 pub const MAX_DEPTH: usize = 5;
@@ -143,8 +142,11 @@ impl RadioSettings {
     /// The first setting out of range, by name.
     pub fn validate(&self) -> Result<()> {
         let fault = |key: &str, what: String, help: &str| Err(Error::invalid(format!("radio settings, `{key}`"), what, help));
-        if !(self.frequency_hz.is_finite() && self.frequency_hz > 0.0) {
-            return fault("frequency_hz", format!("{}", self.frequency_hz), "give the carrier in Hz, e.g. 60e9");
+        if !bounds::FREQUENCY_HZ.contains(&self.frequency_hz) {
+            return fault("frequency_hz", format!("{:?}", self.frequency_hz), "give the carrier in Hz, 1e6 to 1e13, e.g. 60e9");
+        }
+        if self.search.rays() > bounds::MAX_RAYS {
+            return fault("rays", format!("{}", self.search.rays()), "give at most 100 000 000");
         }
         if self.max_depth > MAX_DEPTH {
             return fault("max_depth", format!("{}", self.max_depth), "at most 5 interactions are supported");

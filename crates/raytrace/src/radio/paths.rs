@@ -7,12 +7,10 @@ use super::geometry::{Face, Geometry};
 use super::screen::Screen;
 use super::{Complex, RadioSettings};
 use crate::bvh::Bvh;
-use corf_scene::{Error, Result, Scene};
+use corf_scene::{Error, Result, Scene, bounds, near_field};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Transmitter and receiver may not be closer than this, metres: the far-field law has no meaning there.
-const MIN_SEPARATION_M: f64 = 1e-6;
 /// A point this close to a triangle is on the surface, metres: what it sees would be a matter of rounding.
 const ON_SURFACE_M: f64 = 1e-6;
 /// Closer than this to a surface, metres, an end of scattered power is refused: rays keep half of it clear of what they leave.
@@ -98,6 +96,17 @@ impl Path {
                 .iter()
                 .zip(&other.interactions)
                 .all(|(a, b)| a.kind == b.kind && a.vertex.distance(b.vertex) <= SAME_PATH_M)
+    }
+
+    /// Whether all of its numbers are numbers.
+    fn is_finite(&self) -> bool {
+        let complex = self.transfer.iter().flatten().chain([&self.a]);
+        self.length_m.is_finite()
+            && self.delay_s.is_finite()
+            && self.arrival.is_finite()
+            && self.departure.is_finite()
+            && self.interactions.iter().all(|i| i.vertex.is_finite())
+            && complex.into_iter().all(|c| c.re.is_finite() && c.im.is_finite())
     }
 
     /// |a|², linear, relative to 1 W transmitted; the first ports' when an antenna has two.
@@ -229,9 +238,7 @@ impl<'a> RadioTracer<'a> {
     }
 
     fn check_clear(&self, whose: &str, position: DVec3, clear_m: f64) -> Result<()> {
-        if !position.is_finite() {
-            return Err(Error::invalid(whose, format!("position is {position}"), "give three finite coordinates in metres"));
-        }
+        bounds::position(whose, position)?;
         let near = |face: &&Face| face.distance(position).abs() <= clear_m && face.contains(position);
         let Some(face) = self.geometry.faces.iter().find(near) else { return Ok(()) };
         let (object, distance_m) = (&self.objects[face.object as usize], face.distance(position).abs());
@@ -249,26 +256,19 @@ impl<'a> RadioTracer<'a> {
         Err(Error::invalid(whose, what, help))
     }
 
-    /// Refuses a receiver that is not finite, on a surface, or where the transmitter is.
+    /// Refuses a receiver that is not finite, on a surface, or within λ/2π of the transmitter ([`near_field`]).
     ///
     /// # Errors
     /// Where it is and what is wrong there.
     pub fn check_receiver(&self, tx: DVec3, rx: DVec3) -> Result<()> {
         self.check_position("receiver", rx)?;
-        if rx.distance(tx) < MIN_SEPARATION_M {
-            return Err(Error::invalid(
-                "receiver",
-                format!("it coincides with the transmitter at {rx}"),
-                "move one of them; the free-space law diverges at distance 0",
-            ));
-        }
-        Ok(())
+        near_field::check(&format!("receiver at {rx}"), rx.distance(tx), self.settings.frequency_hz)
     }
 
     /// All paths between two points: [`RadioTracer::transmitter`] and [`Transmitter::paths`] in one.
     ///
     /// # Errors
-    /// Positions that are not finite or coincide.
+    /// Positions that are not finite, on a surface, or within λ/2π of one another.
     pub fn paths(&self, tx: DVec3, rx: DVec3) -> Result<Vec<Path>> {
         self.transmitter(tx)?.paths(rx)
     }
@@ -297,7 +297,7 @@ impl<'t, 'a> Transmitter<'t, 'a> {
     /// All paths to a receiver (world frame, metres), sorted by length.
     ///
     /// # Errors
-    /// A receiver that is not finite, on a surface, or coincides with the transmitter.
+    /// A receiver that is not finite, on a surface, or within λ/2π of the transmitter.
     pub fn paths(&self, rx: DVec3) -> Result<Vec<Path>> {
         self.tracer.check_receiver(self.tx, rx)?;
         let mut paths: Vec<Path> = Vec::new();
@@ -318,6 +318,11 @@ impl<'t, 'a> Transmitter<'t, 'a> {
             if !as_long.into_iter().any(|other| path.coincides(other)) {
                 distinct.push(path);
             }
+        }
+        if let Some(path) = distinct.iter().find(|path| !path.is_finite()) {
+            let what = format!("a path of type \"{}\" has a length or a coefficient that is not a finite number", path.types());
+            let help = "a size, distance or material of the scene is beyond what can be computed: check its unit";
+            return Err(Error::invalid(format!("receiver at {rx}"), what, help));
         }
         Ok(distinct)
     }

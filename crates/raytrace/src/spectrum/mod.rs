@@ -15,9 +15,11 @@ mod form;
 mod grid;
 mod hermitian;
 mod lags;
+mod lobe;
 mod looks;
 mod mpc;
 mod mvdr;
+mod narrow;
 mod snapshots;
 #[cfg(test)]
 mod tests;

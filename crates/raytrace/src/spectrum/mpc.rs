@@ -1,17 +1,13 @@
 //! The multipath-component spectrum: each arrival splatted at its angle with a narrow lobe.
 
 use super::Grid;
+use super::lobe::{Extent, Lobe, angle_of_chord2};
+use super::narrow::pixel_means;
 use crate::radio::Arrival;
-use corf_scene::model::ARRAY_FROM_CAMERA;
 use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Where lobes are cut off: 80 dB under the peak of the strongest one. Its tail is part of the picture wherever the dataset's range is wide.
-const CUTOFF_DB: f64 = 80.0;
-/// … but no lobe less than this under its own peak, beyond which there is 1e-4 of its power. Most arrivals are faint: their lobes touch
-/// half as many pixels.
-const OWN_CUTOFF_DB: f64 = 40.0;
 /// Rows a task fills.
 const ROWS_PER_TASK: usize = 4;
 
@@ -76,17 +72,24 @@ fn exp_of_negative(x: f32) -> f32 {
     series * f32::from_bits(((exponent + 127) << 23) as u32)
 }
 
-/// Power per steradian (1/sr, relative to 1 W transmitted) at every pixel's centre of a pinhole camera or of the whole sphere.
+/// Power per steradian (1/sr, relative to 1 W transmitted) at every pixel of a pinhole camera or of the whole sphere.
 ///
 /// The lobe is the Gaussian of the sphere (von Mises–Fisher, κ = 1/σ²) of standard deviation `lobe_width_deg` per axis, whose integral
-/// over solid angle is exactly 1. Deterministic for any thread count.
+/// over solid angle is exactly 1. Values are those at the pixels' centres, or, where lobes are too narrow for these to sum up to the power
+/// (under 0.6 of a pixel of the camera, or one row of the sphere), means over the pixels. Deterministic for any thread count.
 pub fn mpc(arrivals: &[Arrival], grid: impl Into<Grid>, world_from_camera: &Rigid3, lobe_width_deg: f64) -> Raster<f32> {
     let grid: Grid = grid.into();
+    let lobe = Lobe::new(lobe_width_deg);
+    if lobe.is_resolved_by(&grid) {
+        at_centres(arrivals, &grid, world_from_camera, &lobe)
+    } else {
+        pixel_means(arrivals, &grid, world_from_camera, &lobe)
+    }
+}
+
+/// The values at the pixels' centres.
+pub(super) fn at_centres(arrivals: &[Arrival], grid: &Grid, world_from_camera: &Rigid3, lobe: &Lobe) -> Raster<f32> {
     let (width, height) = (grid.width(), grid.height());
-    let sigma = lobe_width_deg.to_radians();
-    let kappa = 1.0 / (sigma * sigma);
-    // κ / (2π(1 − e^{−2κ})): the lobe's value at its centre, 1/sr.
-    let lobe_peak = kappa / (std::f64::consts::TAU * (1.0 - (-2.0 * kappa).exp()));
     let strongest = arrivals.iter().fold(0.0, |m: f64, a| m.max(a.power));
     let camera_from_world = world_from_camera.rotation.transpose();
     let splats: Vec<Splat> = arrivals
@@ -94,17 +97,15 @@ pub fn mpc(arrivals: &[Arrival], grid: impl Into<Grid>, world_from_camera: &Rigi
         .filter(|a| a.power > 0.0)
         .filter_map(|a| {
             let direction = camera_from_world * a.direction;
-            let cutoff_db = (CUTOFF_DB + 10.0 * (a.power / strongest).log10()).max(OWN_CUTOFF_DB);
-            // κ(1 − cosγ) = κ·chord²/2 reaches the cut-off at:
-            let cutoff_chord2 = (2.0 * cutoff_db / 10.0 * std::f64::consts::LN_10 / kappa).min(4.0);
-            let radius = 2.0 * (0.5 * cutoff_chord2.sqrt()).min(1.0).asin();
-            let pixels = match &grid {
+            let cutoff_chord2 = lobe.cutoff_chord2(a.power, strongest);
+            let radius = angle_of_chord2(cutoff_chord2);
+            let pixels = match grid {
                 Grid::Pinhole(camera) => pinhole_footprint(camera, direction, radius)?,
                 Grid::Sphere(sphere) => sphere_footprint(sphere, direction, radius),
             };
             Some(Splat {
                 direction: direction.as_vec3(),
-                peak: (a.power * lobe_peak) as f32,
+                peak: (a.power * lobe.peak) as f32,
                 cutoff_chord2: cutoff_chord2 as f32,
                 pixels,
             })
@@ -112,7 +113,7 @@ pub fn mpc(arrivals: &[Arrival], grid: impl Into<Grid>, world_from_camera: &Rigi
         .collect();
     let directions = grid.directions();
     let [xs, ys, zs] = [0, 1, 2].map(|axis| directions.iter().map(|d| d[axis] as f32).collect::<Vec<f32>>());
-    let half_kappa = (0.5 * kappa) as f32;
+    let half_kappa = (0.5 * lobe.kappa) as f32;
     let mut pixels = vec![0f32; width * height];
     pixels.par_chunks_mut(width * ROWS_PER_TASK).enumerate().for_each(|(task, band)| {
         let first_row = (task * ROWS_PER_TASK) as u32;
@@ -136,30 +137,28 @@ pub fn mpc(arrivals: &[Arrival], grid: impl Into<Grid>, world_from_camera: &Rigi
     Raster::from_vec(width, height, pixels)
 }
 
-/// What a cone of half angle `radius` around a direction of the camera frame touches; `None` outside the frame.
+/// The pixels whose centres a cone of half angle `radius` around a direction of the camera frame may touch; `None` outside the frame.
 fn pinhole_footprint(camera: &Pinhole, direction: DVec3, radius: f64) -> Option<Footprint> {
-    let columns = extent(direction.x, direction.z, radius, camera.fx, camera.cx, camera.width)?;
-    let rows = extent(direction.y, direction.z, radius, camera.fy, camera.cy, camera.height)?;
+    let extent = Extent::pinhole(camera, direction, radius)?;
+    let within = |(low, high): (f64, f64), count: usize| {
+        let (low, high, last) = (low - 0.5, high - 0.5, count as f64 - 1.0);
+        (high >= 0.0 && low <= last).then(|| (low.max(0.0).floor() as u32, high.min(last).ceil() as u32))
+    };
+    let (columns, rows) = (within(extent.columns, camera.width)?, within(extent.rows, camera.height)?);
     Some(Footprint { rows, columns: [Some(columns), None] })
 }
 
 /// As [`pinhole_footprint`] on the sphere, whose columns wrap around.
 fn sphere_footprint(sphere: &Equirectangular, direction: DVec3, radius: f64) -> Footprint {
-    let at = sphere.project(ARRAY_FROM_CAMERA.rotation * direction);
+    let (columns, rows) = Extent::sphere(sphere, direction, radius);
     let last = |count: usize| count as i64 - 1;
     // Pixel centres are at +0.5: this rounds outwards.
-    let range = |centre: f64, half: f64| ((centre - half - 0.5).floor() as i64, (centre + half - 0.5).ceil() as i64);
-    let row_half = radius / std::f64::consts::PI * sphere.height as f64;
-    let (top, bottom) = range(at.y, row_half);
+    let range = |(low, high): (f64, f64)| ((low - 0.5).floor() as i64, (high - 0.5).ceil() as i64);
+    let (top, bottom) = range(rows);
     let rows = (top.clamp(0, last(sphere.height)) as u32, bottom.clamp(0, last(sphere.height)) as u32);
     let all = [Some((0, sphere.width as u32 - 1)), None];
-    // The meridians that touch the cone make asin(sin r / cos el) with its axis; none does when it holds a pole.
-    let cos_elevation = direction.x.hypot(direction.z);
-    if radius >= std::f64::consts::FRAC_PI_2 || cos_elevation <= radius.sin() {
-        return Footprint { rows, columns: all };
-    }
-    let half = (radius.sin() / cos_elevation).asin() / std::f64::consts::TAU * sphere.width as f64;
-    let (left, right) = range(at.x, half);
+    let Some(columns) = columns else { return Footprint { rows, columns: all } };
+    let (left, right) = range(columns);
     let width = sphere.width as i64;
     let run = |a: i64, b: i64| Some((a as u32, b as u32));
     let columns = if right - left + 1 >= width {
@@ -172,37 +171,6 @@ fn sphere_footprint(sphere: &Equirectangular, direction: DVec3, radius: f64) -> 
         [run(left, right), None]
     };
     Footprint { rows, columns }
-}
-
-/// The columns (or rows) that a cone of half angle `radius` around a direction touches; `x` is the direction's component along them.
-fn extent(x: f64, z: f64, radius: f64, focal: f64, centre: f64, count: usize) -> Option<(u32, u32)> {
-    // Seen along the other axis the cone's axis has length h ≤ 1 and its tangent planes make asin(sin r / h) with it.
-    let h = x.hypot(z);
-    let (low, high) = if h <= radius.sin() || radius >= std::f64::consts::FRAC_PI_2 {
-        (f64::NEG_INFINITY, f64::INFINITY)
-    } else {
-        let half = (radius.sin() / h).asin();
-        let angle = x.atan2(z);
-        let edge = |a: f64| {
-            if a <= -std::f64::consts::FRAC_PI_2 {
-                f64::NEG_INFINITY
-            } else if a >= std::f64::consts::FRAC_PI_2 {
-                f64::INFINITY
-            } else {
-                focal * a.tan() + centre - 0.5
-            }
-        };
-        // Wholly behind the camera.
-        if angle - half >= std::f64::consts::FRAC_PI_2 || angle + half <= -std::f64::consts::FRAC_PI_2 {
-            return None;
-        }
-        (edge(angle - half), edge(angle + half))
-    };
-    let last = count as f64 - 1.0;
-    if high < 0.0 || low > last {
-        return None;
-    }
-    Some((low.max(0.0).floor() as u32, high.min(last).ceil() as u32))
 }
 
 #[cfg(test)]
@@ -272,8 +240,8 @@ mod tests {
 
     #[test]
     fn both_projections_show_the_same_spectrum() {
-        // A camera of one pixel looks where a pixel of the sphere is.
-        let sphere = Equirectangular { width: 72, height: 36 };
+        // A camera of one narrow pixel looks where a pixel of the sphere is.
+        let sphere = Equirectangular { width: 72, height: 60 };
         let arrivals: Vec<Arrival> = (0..200)
             .map(|i| {
                 let mut rng = corf_scene::Rng::keyed(6, 0, i);
@@ -282,8 +250,8 @@ mod tests {
             .collect();
         let pose = Rigid3::looking_at(DVec3::ZERO, DVec3::new(0.4, -1.0, 0.2), DVec3::Z);
         let whole = mpc(&arrivals, &sphere, &pose, 3.0);
-        let pixel = Pinhole::from_horizontal_fov(1, 1, 10.0);
-        for (x, y) in [(0, 0), (71, 35), (36, 18), (10, 7), (55, 30)] {
+        let pixel = Pinhole::from_horizontal_fov(1, 1, 2.0);
+        for (x, y) in [(0, 0), (71, 59), (36, 18), (10, 7), (55, 30)] {
             let direction = pose.rotation * Grid::from(&sphere).directions()[y * 72 + x];
             let up = if direction.z.abs() > 0.9 { DVec3::X } else { DVec3::Z };
             let view = Rigid3::looking_at(DVec3::ZERO, direction, up);

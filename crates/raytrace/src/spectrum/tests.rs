@@ -267,7 +267,8 @@ fn the_sphere_and_a_camera_agree_where_they_look_the_same_way() {
     let sphere = Equirectangular { width: 5, height: 3 };
     let pixel = Pinhole::from_horizontal_fov(1, 1, 1.0);
     for kind in [SpectrumKind::Mpc, SpectrumKind::Bartlett, SpectrumKind::BartlettCoherent, SpectrumKind::Mvdr] {
-        let s = SpectrumSettings { lobe_width_deg: 10.0, ..settings(kind) };
+        // As wide as a pixel of the sphere, which shows values at centres then.
+        let s = SpectrumSettings { lobe_width_deg: 62.0, ..settings(kind) };
         // Straight ahead both grids have a pixel.
         let (a, b) = (
             s.form(std::slice::from_ref(&arrivals), &sphere, &ahead())[(2, 1)],

@@ -1,6 +1,6 @@
 //! The antennas of a scene file: `[transmitter]`, `[transmitters.NAME]` and `[receiver]`.
 
-use crate::{Error, Result};
+use crate::{Error, Result, bounds};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -158,6 +158,18 @@ impl Orientation {
     }
 }
 
+impl Orientation {
+    /// Checks every angle; `place` names the table in messages.
+    ///
+    /// # Errors
+    /// The first angle that is not finite or more than a hundred turns.
+    pub fn validate(&self, place: &str) -> Result<()> {
+        [("yaw_deg", self.yaw_deg), ("pitch_deg", self.pitch_deg), ("roll_deg", self.roll_deg)]
+            .into_iter()
+            .try_for_each(|(key, angle)| bounds::number(&format!("{place}.{key}"), angle, &bounds::ANGLE_DEG, "degrees"))
+    }
+}
+
 impl TransmitterConfig {
     /// World position, metres.
     pub fn position(&self) -> DVec3 {
@@ -165,10 +177,8 @@ impl TransmitterConfig {
     }
 
     pub(super) fn validate(&self, place: &str) -> Result<()> {
-        let orientation = [self.orientation.yaw_deg, self.orientation.pitch_deg, self.orientation.roll_deg];
-        if self.position_m.iter().chain(&orientation).any(|v| !v.is_finite()) {
-            return Err(Error::invalid(place, "position or orientation is not finite", "give metres and degrees"));
-        }
+        bounds::position(&format!("{place}.position_m"), self.position())?;
+        self.orientation.validate(&format!("{place}.orientation"))?;
         check_elements(self.rows, self.cols, self.spacing_wavelengths, place)?;
         let Some(beam) = self.beam else { return Ok(()) };
         if self.rows * self.cols == 1 {
@@ -206,10 +216,8 @@ fn check_elements(rows: usize, cols: usize, spacing: [f64; 2], place: &str) -> R
     if rows.saturating_mul(cols) > MAX_ELEMENTS {
         return fail("", format!("{rows}x{cols} elements"), "give at most 4096 altogether");
     }
-    if !spacing.iter().all(|s| s.is_finite() && *s > 0.0) {
-        return fail(".spacing_wavelengths", format!("{spacing:?}"), "give spacings above 0, e.g. 0.5");
-    }
-    Ok(())
+    let place = format!("{place}.spacing_wavelengths");
+    spacing.iter().try_for_each(|s| bounds::number(&place, *s, &bounds::SPACING_WAVELENGTHS, "wavelengths, e.g. 0.5"))
 }
 
 fn one() -> usize {

@@ -1,7 +1,7 @@
 //! `scenes/lobby-mini.toml` and its like: how many keyframes, which images, which spectrum, which split.
 
 use super::{SceneConfig, TransmitterConfig, read_toml};
-use crate::{Error, Pinhole, Result};
+use crate::{Error, Pinhole, Result, bounds};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -141,7 +141,6 @@ impl RfConfig {
         check_fov(&format!("{place}: rf.horizontal_fov_deg"), rf.horizontal_fov_deg)?;
         for (key, value) in [
             ("rf.patch_size_m", rf.patch_size_m),
-            ("rf.lobe_width_deg", rf.lobe_width_deg),
             ("rf.dynamic_range_db", rf.dynamic_range_db),
             ("rf.bandwidth_hz", rf.bandwidth_hz),
         ] {
@@ -149,30 +148,19 @@ impl RfConfig {
                 return fail(key, format!("{value} is not a positive number"), "give a value above 0");
             }
         }
-        if rf.patch_size_m < 0.02 {
-            return fail("rf.patch_size_m", format!("{}", rf.patch_size_m), "give at least 0.02 m");
+        if !(0.02..=1e3).contains(&rf.patch_size_m) {
+            return fail("rf.patch_size_m", format!("{:?}", rf.patch_size_m), "give 0.02 m to 1000 m");
         }
-        if !(100..=50_000_000).contains(&rf.directions) {
+        if !(100..=super::lobe::MAX_DIRECTIONS).contains(&rf.directions) {
             return fail("rf.directions", format!("{}", rf.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
         }
         for (key, value) in [("rf.photons", rf.photons), ("rf.rays", rf.rays)] {
-            if value > 100_000_000 {
+            if value > bounds::MAX_RAYS {
                 return fail(key, format!("{value}"), "give at most 100 000 000");
             }
         }
-        // Directions stand sqrt(4 pi / n) apart; a narrower lobe would show the lattice as dots. The gathering keeps 6.1 degrees around the
-        // frame at full density, which is where a lobe of 1 degree has fallen by 80 dB.
-        let spacing_deg = (4.0 * std::f64::consts::PI / rf.directions as f64).sqrt().to_degrees();
-        if rf.spectrum == SpectrumKind::Mpc && rf.diffuse && !(1.5 * spacing_deg..=1.0).contains(&rf.lobe_width_deg) {
-            return fail(
-                "rf.lobe_width_deg",
-                format!(
-                    "{} degrees does not fit {} directions, {spacing_deg:.2} degrees apart",
-                    rf.lobe_width_deg, rf.directions
-                ),
-                "give 1.5 spacings to 1 degree; more directions allow a narrower lobe",
-            );
-        }
+        super::lobe::check(rf, place)?;
+        bounds::number(&format!("{place}: rf.bandwidth_hz"), rf.bandwidth_hz, &(0.0..=*bounds::FREQUENCY_HZ.end()), "hertz")?;
         if rf.bandwidth_hz < 1e6 {
             return fail(
                 "rf.bandwidth_hz",
@@ -188,11 +176,11 @@ impl RfConfig {
         {
             return fail("rf.sphere", format!("{columns}x{rows} pixels"), "give [columns, rows], e.g. [360, 180]");
         }
-        if rf.dynamic_range_db > 80.0 {
+        if !(1.0..=80.0).contains(&rf.dynamic_range_db) {
             return fail(
                 "rf.dynamic_range_db",
-                format!("{} dB", rf.dynamic_range_db),
-                "lobes are traced down to 80 dB: give at most 80",
+                format!("{:?} dB", rf.dynamic_range_db),
+                "lobes are traced down to 80 dB: give 1 to 80",
             );
         }
         if rf.max_reflections > 5 {
@@ -307,6 +295,9 @@ fn yes() -> bool {
     true
 }
 
+/// Fields of view, degrees: nothing narrower is told apart in an image, and nothing wider fits a plane.
+const MIN_FOV_DEG: f64 = 0.01;
+const MAX_FOV_DEG: f64 = 179.0;
 /// No image is wider or higher.
 const MAX_IMAGE_SIDE: usize = 16_384;
 
@@ -377,6 +368,8 @@ impl DatasetConfig {
         if self.keyframes == 0 {
             return fail("keyframes", "a dataset needs at least one keyframe".into(), "give a count, e.g. 40");
         }
+        let place = |key: &str| format!("{}: {key}", self.source.display());
+        bounds::count(&place("keyframes"), self.keyframes, bounds::MAX_KEYFRAMES, "keyframes")?;
         if self.seed > i64::MAX as u64 {
             return fail("seed", format!("{} is above 2^63 - 1", self.seed), "use a smaller seed");
         }
@@ -385,13 +378,17 @@ impl DatasetConfig {
                 return fail(table, format!("an image of {w}x{h} pixels"), "give 1 to 16384 pixels a side");
             }
         }
-        let place = format!("{}: optical.horizontal_fov_deg", self.source.display());
-        check_fov(&place, self.optical.horizontal_fov_deg)?;
+        check_fov(&place("optical.horizontal_fov_deg"), self.optical.horizontal_fov_deg)?;
         if self.optical.samples_per_pixel == 0 || self.optical.max_bounces == 0 {
             return fail("optical", "samples_per_pixel and max_bounces must be at least 1".into(), "e.g. 64 and 6");
         }
-        if self.optical.exposure_ev.is_some_and(|e| !e.is_finite()) {
-            return fail("optical.exposure_ev", "not a finite number".into(), "give EV, e.g. 0.0, or leave it out");
+        let (samples, bounces) = (self.optical.samples_per_pixel, self.optical.max_bounces);
+        if samples > bounds::MAX_SAMPLES_PER_PIXEL || bounces > bounds::MAX_BOUNCES {
+            let help = format!("give at most {} and {}", bounds::MAX_SAMPLES_PER_PIXEL, bounds::MAX_BOUNCES);
+            return fail("optical", format!("{samples} samples_per_pixel and {bounces} max_bounces"), &help);
+        }
+        if let Some(exposure_ev) = self.optical.exposure_ev {
+            bounds::number(&place("optical.exposure_ev"), exposure_ev, &bounds::EXPOSURE_EV, "EV, or leave it out")?;
         }
         self.rf.validate(&self.source.display().to_string())?;
         if self.split.test_every < 2 && self.keyframes > 1 {
@@ -411,11 +408,11 @@ impl DatasetConfig {
 }
 
 fn check_fov(place: &str, fov_deg: f64) -> Result<()> {
-    if fov_deg > 0.0 && fov_deg < 180.0 {
+    if (MIN_FOV_DEG..=MAX_FOV_DEG).contains(&fov_deg) {
         return Ok(());
     }
     let what = format!("{fov_deg} degrees is no pinhole's field of view");
-    Err(Error::invalid(place, what, "give more than 0 and less than 180 degrees"))
+    Err(Error::invalid(place, what, format!("give {MIN_FOV_DEG} to {MAX_FOV_DEG} degrees")))
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 mod antenna;
 mod dataset;
 mod load;
+mod lobe;
 mod scene;
 
 pub use antenna::{AntennaPattern, BeamConfig, Orientation, Polarization, RearHalfSpace, ReceiverConfig, TransmitterConfig};

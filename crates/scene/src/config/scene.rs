@@ -3,7 +3,7 @@
 use super::{ReceiverConfig, TransmitterConfig, nearest, read_toml};
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::TrajectoryConfig;
-use crate::{Error, Result, Scene, Severity, radio_check};
+use crate::{Error, Result, Scene, Severity, bounds, radio_check};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -102,7 +102,7 @@ impl SceneConfig {
             let help = format!("frequencies are in hertz: for {f} GHz write {f}e9");
             Err(Error::invalid(place("radio.frequency_hz"), format!("{f} Hz is under 1 MHz"), help))
         } else {
-            Ok(())
+            bounds::number(&place("radio.frequency_hz"), f, &bounds::FREQUENCY_HZ, "hertz")
         };
         let mut checks = vec![frequency, self.transmitter.validate(&place("transmitter"))];
         checks.extend(self.transmitters.iter().map(|(name, t)| t.validate(&place(&format!("transmitters.{name}")))));

@@ -6,6 +6,7 @@ mod builder;
 mod gltf;
 mod gltf_accessor;
 mod gltf_material;
+mod limits;
 mod obj;
 mod polygon;
 
@@ -50,7 +51,7 @@ pub fn load_with_up(path: impl AsRef<Path>, up: Option<UpAxis>) -> Result<Scene>
 pub fn load_with_report(path: impl AsRef<Path>, up: Option<UpAxis>) -> Result<(Scene, ImportReport)> {
     let path = path.as_ref();
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    match extension.as_str() {
+    let (scene, report) = match extension.as_str() {
         "glb" | "gltf" if up == Some(UpAxis::Z) => Err(Error::invalid(
             path.display().to_string(),
             "up = \"z\" for a glTF file, which is y-up by its standard",
@@ -63,7 +64,9 @@ pub fn load_with_report(path: impl AsRef<Path>, up: Option<UpAxis>) -> Result<(S
             format!("\".{extension}\" is no mesh format this reads"),
             "give a .glb, .gltf or .obj file",
         )),
-    }
+    }?;
+    limits::check(&scene, path)?;
+    Ok((scene, report))
 }
 
 /// The scene in a GLB (or glTF with embedded data) held in memory; `name` stands for the file in messages.

@@ -10,7 +10,7 @@ mod parts;
 use crate::config::SceneConfig;
 use crate::finding::Finding;
 use crate::solids::Solids;
-use crate::{Error, Result, Scene, Severity, trajectory};
+use crate::{Error, Result, Scene, Severity, near_field, trajectory};
 use glam::DVec3;
 use parts::Part;
 use std::collections::BTreeMap;
@@ -19,8 +19,6 @@ use std::collections::BTreeMap;
 const POSES: usize = 256;
 /// Coordinates above this, metres, have steps of 0.06 mm.
 const FAR_M: f64 = 512.0;
-/// A transmitter and a receiver this close have no far field, metres.
-const COINCIDENT_M: f64 = 1e-6;
 
 /// Everything about a scene that radio at `frequency_hz` cannot be traced over (errors), or over which it likely means something else than
 /// was meant (warnings). Indices of the scene must be in range.
@@ -142,9 +140,11 @@ pub fn placement_findings(config: &SceneConfig, scene: &Scene) -> Vec<Finding> {
             findings.push(Finding::error(format!("{file}: {key}.position_m"), what, help));
             continue;
         }
-        if let Some(i) = poses.iter().position(|p| p.distance(tx) < COINCIDENT_M) {
-            let what = format!("the platform passes through the transmitter at {}", poses[i]);
-            findings.push(Finding::error(format!("{file}: {key}.position_m"), what, "move the transmitter or the waypoints"));
+        // The way is closed: from each pose to the next, the first again behind the last.
+        let legs = poses.iter().zip(poses.iter().cycle().skip(1));
+        if let Some(distance_m) = legs.map(|(a, b)| distance_to_leg_m(tx, *a, *b)).min_by(f64::total_cmp) {
+            let place = format!("{file}: {key}.position_m, of the platform's way");
+            findings.extend(near_field::finding(&place, distance_m, config.radio.frequency_hz));
         }
         let parted = |p: &DVec3| solids.parting(tx, *p).filter(|at| at.holds_second != at.holds_first);
         if let Some((i, at)) = poses.iter().enumerate().find_map(|(i, p)| parted(p).map(|at| (i, at))) {
@@ -165,6 +165,13 @@ pub fn placement_findings(config: &SceneConfig, scene: &Scene) -> Vec<Finding> {
         }
     }
     findings
+}
+
+/// How far a point is from the straight line between two others, metres.
+fn distance_to_leg_m(point: DVec3, from: DVec3, to: DVec3) -> f64 {
+    let along = to - from;
+    let t = ((point - from).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    point.distance(from + along * t)
 }
 
 /// The first error among findings, as one.

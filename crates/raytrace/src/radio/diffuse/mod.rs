@@ -39,7 +39,7 @@ mod views;
 use super::lattice::Directions;
 use super::{Antenna, Arrival, MAX_DEPTH, RadioTracer};
 use cache::RadianceCache;
-use corf_scene::{Error, Pinhole, Result, Rigid3, Rng};
+use corf_scene::{Error, Pinhole, Result, Rigid3, Rng, bounds};
 use gather::{Lattice, Layer, Look};
 use glam::{DMat3, DVec2, DVec3};
 use illumination::Illumination;
@@ -62,6 +62,8 @@ pub const EVEN_OUTSIDE_SPARSITY: usize = 4;
 pub const NO_MIRRORS_SR: f64 = 13.0;
 /// More photons are a mistake.
 const MAX_PHOTONS: usize = 100_000_000;
+/// What a direction takes, with what the transmitter's ray along it and the receiver's find, bytes.
+const DIRECTION_BYTES: f64 = 200.0;
 /// Directions along the side of a cell in which a strong mirror stands, with [`DiffuseSettings::even_arrivals`].
 const MIRROR_SIDE: usize = 2;
 /// Directions that a task looks along; few, for refinement makes some of them sixty-four, and the last task keeps all others waiting.
@@ -121,8 +123,8 @@ impl DiffuseSettings {
     /// The first setting out of range, by name.
     pub fn validate(&self) -> Result<()> {
         let fault = |key: &str, what: String, help: &str| Err(Error::invalid(format!("diffuse settings, `{key}`"), what, help));
-        if !(self.patch_size_m.is_finite() && self.patch_size_m >= 0.02) {
-            return fault("patch_size_m", format!("{}", self.patch_size_m), "give at least 0.02 m; 0.16 suits a lobby");
+        if !(0.02..=1e3).contains(&self.patch_size_m) {
+            return fault("patch_size_m", format!("{:?}", self.patch_size_m), "give 0.02 m to 1000 m; 0.16 suits a lobby");
         }
         if !(100..=50_000_000).contains(&self.directions) {
             return fault("directions", format!("{}", self.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
@@ -152,6 +154,20 @@ impl DiffuseSettings {
         }
         Ok(())
     }
+}
+
+/// Arrivals that are numbers.
+fn finite(rx: DVec3, arrivals: Vec<Arrival>) -> Result<Vec<Arrival>> {
+    let is_finite = |a: &Arrival| a.power.is_finite() && a.delay_s.is_finite() && a.direction.is_finite();
+    if arrivals.iter().all(is_finite) { Ok(arrivals) } else { Err(not_finite(rx)) }
+}
+
+fn not_finite(rx: DVec3) -> Error {
+    Error::invalid(
+        format!("receiver at {rx}"),
+        "the scattered power is not a finite number",
+        "a size, distance or material of the scene is beyond what can be computed: check its unit",
+    )
 }
 
 /// A share of the diffuse power, by how it came.
@@ -210,6 +226,8 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     fn of_chains(tracer: &'t RadioTracer<'a>, tx: DVec3, settings: &DiffuseSettings, only: Option<&[Event]>) -> Result<Self> {
         settings.validate()?;
         tracer.check_in_the_open("transmitter", tx)?;
+        let directions_bytes = DIRECTION_BYTES * settings.directions as f64;
+        bounds::memory("directions", &format!("{} of them", settings.directions), directions_bytes, "give fewer directions")?;
         let mut rng = Rng::keyed(settings.phase, 0x0d1f_f05e, 0);
         let (phase, world_from_lattice, luck) = if settings.phase == 0 {
             (DVec2::ZERO, DMat3::IDENTITY, 0.5)
@@ -218,6 +236,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             let turn = DMat3::from_axis_angle(axis, std::f64::consts::TAU * rng.uniform_f64());
             (DVec2::new(rng.uniform_f64(), rng.uniform_f64()), turn, rng.uniform_f64())
         };
+        let patches = Patches::new(&tracer.geometry, settings.patch_size_m, phase)?;
         let outside_sparsity = if settings.even_arrivals { EVEN_OUTSIDE_SPARSITY } else { OUTSIDE_SPARSITY };
         let [directions, outside] = [1, outside_sparsity].map(|sparser| {
             let directions = Directions::new(settings.directions.div_ceil(sparser), world_from_lattice);
@@ -230,7 +249,6 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         } else {
             Some(landings::trace(&illumination, &directions))
         };
-        let patches = Patches::new(&tracer.geometry, settings.patch_size_m, phase);
         let photons = Photons {
             illumination: &illumination,
             patches: &patches,
@@ -289,7 +307,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// As [`DiffuseField::gather`].
     pub fn gather_with(&self, rx: DVec3, antenna: &Antenna) -> Result<Vec<Arrival>> {
         self.tracer.check_in_the_open("receiver", rx)?;
-        Ok(self.gathering(rx, antenna, |_| true).arrivals(|_| true))
+        finite(rx, self.gathering(rx, antenna, |_| true).arrivals(|_| true))
     }
 
     /// As [`DiffuseField::gather`] for one view: all directions inside the camera's frame and a margin around it, and outside of it a
@@ -327,7 +345,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let outside =
             Gathering { directions: &self.outside, resolution_deg: 0.0, shared: false, small: None, views: None, ..view };
         arrivals.extend(outside.arrivals(|d| !inside(d)));
-        Ok(arrivals)
+        finite(rx, arrivals)
     }
 
     fn gathering<'g>(
@@ -377,7 +395,10 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             found
         });
         all.extend(self.landed(rx, antenna, lattice, |_| true));
-        Ok(all)
+        match all.iter().all(|(_, c)| c.power.is_finite() && c.delay_s.is_finite()) {
+            true => Ok(all),
+            false => Err(not_finite(rx)),
+        }
     }
 
     /// What the transmitter's own rays add to a receiver's `wanted` directions.

@@ -1,6 +1,7 @@
 //! World-fixed surface patches, on which indirect light is kept.
 
 use crate::radio::geometry::{Face, Geometry};
+use corf_scene::{Error, Result, bounds};
 use glam::{DVec2, DVec3};
 
 /// Grains along a patch's side: where within a patch light falls is known this finely.
@@ -33,22 +34,39 @@ pub struct Patches {
     areas_m2: Vec<f64>,
 }
 
+/// What a patch takes in all tables together while they are made, bytes; those of lit patches come on top.
+const PATCH_BYTES: f64 = 600.0;
+
+/// Refuses more patches than fit the memory or can be numbered.
+fn check_count(patches: f64, patch_m: f64) -> Result<()> {
+    let (place, help) = ("patch_size_m", "give larger patches; if the model is in centimetres or millimetres, give it in metres");
+    let what = format!("cutting the scene's surfaces into {patches:.3e} patches of {patch_m} m");
+    if patches > f64::from(u32::MAX / 2) {
+        return Err(Error::invalid(place, format!("{what} would take {:.1} GB", PATCH_BYTES * patches / 1e9), help));
+    }
+    bounds::memory(place, &what, PATCH_BYTES * patches, help)
+}
+
 impl Patches {
     /// Cuts every face into patches of at most `patch_m`; `phase` ∈ [0, 1)² shifts the grids.
-    pub fn new(geometry: &Geometry<'_>, patch_m: f64, phase: DVec2) -> Self {
+    ///
+    /// # Errors
+    /// More patches than fit the memory.
+    pub fn new(geometry: &Geometry<'_>, patch_m: f64, phase: DVec2) -> Result<Self> {
         let mut triangles_of_face: Vec<Vec<[DVec3; 3]>> = vec![Vec::new(); geometry.faces.len()];
         for t in 0..geometry.triangle_count() as u32 {
             triangles_of_face[geometry.face_of_triangle(t) as usize].push(*geometry.corners(t));
         }
+        let faces = || geometry.faces.iter().zip(&triangles_of_face);
+        let mut grids: Vec<PatchGrid> =
+            faces().map(|(face, triangles)| PatchGrid::new(face.normal, triangles, patch_m, phase)).collect();
+        check_count(grids.iter().map(|grid| grid.counts[0] as f64 * grid.counts[1] as f64).sum(), patch_m)?;
         let mut areas_m2 = Vec::new();
-        let mut grids = Vec::with_capacity(geometry.faces.len());
-        for (face, triangles) in geometry.faces.iter().zip(&triangles_of_face) {
-            let mut grid = PatchGrid::new(face.normal, triangles, patch_m, phase);
+        for ((_, triangles), grid) in faces().zip(&mut grids) {
             grid.first = areas_m2.len();
             areas_m2.extend(grid.areas_m2(triangles));
-            grids.push(grid);
         }
-        Self { grids, areas_m2 }
+        Ok(Self { grids, areas_m2 })
     }
 
     /// The face's area in each patch, m².

@@ -104,7 +104,7 @@ fn no_point_of_dark_patches_outshines_the_bright_ones_beside_them() {
     let tracer = RadioTracer::without_bvh(&scene, settings(2)).unwrap();
     let patch_m = 0.2;
     let illumination = Illumination::new(&tracer, DVec3::new(0.8, 0.4, 2.0), NO_MIRRORS_SR);
-    let patches = Patches::new(&tracer.geometry, patch_m, DVec2::ZERO);
+    let patches = Patches::new(&tracer.geometry, patch_m, DVec2::ZERO).unwrap();
     let mut cache = RadianceCache::new(&illumination, &patches, patch_m, 1);
     let side = usize::from(tracer.geometry.faces[0].normal.z < 0.0);
     let is_bright = |at: DVec3| at.x < 0.8;
