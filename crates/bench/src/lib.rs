@@ -23,3 +23,5 @@ pub mod stats;
 pub mod suite;
 pub mod table;
 pub mod workload;
+
+pub use corf_scene::bounds;

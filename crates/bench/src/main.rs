@@ -2,8 +2,7 @@
 
 use clap::Parser;
 use corf_bench::commands::{Command, Verdict};
-use corf_bench::interrupt;
-use corf_scene::bounds;
+use corf_bench::{bounds, interrupt};
 use std::process::ExitCode;
 
 /// Keyframe after keyframe takes and frees tens of megabytes on many threads: from the system they cost a fault a page, each time.

@@ -10,6 +10,7 @@ use clap::Args;
 #[cfg(feature = "gpu")]
 use corf::device::gpu::{GpuDevice, GpuOptions};
 use corf::{Antialias, CpuDevice, Device, Gaussians, RasterConfig, device::TrainingView, ply};
+use corf_scene::bounds;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -68,6 +69,13 @@ enum Filter {
     On,
     Off,
 }
+
+/// More steps, repeats or frames are more likely a mistake.
+const MAX_REPETITIONS: usize = 1_000_000;
+/// What images of all cameras, their targets, gradients and pyramids take, bytes for a pixel of one of them.
+const BYTES_A_PIXEL: f64 = 1000.0;
+/// What a Gaussian takes with its gradient and moments, bytes.
+const BYTES_A_GAUSSIAN: f64 = 1000.0;
 
 /// `640x480`.
 fn size(text: &str) -> Result<[usize; 2], String> {
@@ -167,12 +175,28 @@ struct Report {
 }
 
 impl Step {
+    /// Refuses sizes that would take more time or memory than there is.
+    fn check_sizes(&self) -> Result<()> {
+        for (key, value) in [("--steps", self.steps), ("--repeats", self.repeats), ("--frames", self.frames)] {
+            bounds::count(key, value, MAX_REPETITIONS, "of them")?;
+        }
+        for (key, value) in [("--bandwidth-gb-s", self.bandwidth_gb_s), ("--tflops", self.tflops)] {
+            bounds::number(key, value, &(1e-6..=1e9), "of the device")?;
+        }
+        let pixels = |[width, height]: [usize; 2]| (width * height) as f64;
+        let images = BYTES_A_PIXEL * (pixels(self.size) + pixels(self.rf.unwrap_or(self.size)));
+        bounds::memory("--size", "the cameras' images", images, "give fewer pixels")?;
+        let gaussians = BYTES_A_GAUSSIAN * self.gaussians as f64;
+        Ok(bounds::memory("--gaussians", &format!("{} Gaussians", self.gaussians), gaussians, "give fewer")?)
+    }
+
     /// Runs the command.
     ///
     /// # Errors
     /// Files that cannot be read, a device without memory for the workload, an interrupt.
     pub fn run(self, json: bool) -> Result<Verdict> {
         ensure!(self.steps > 0 && self.repeats > 0, "--steps and --repeats: give at least 1");
+        self.check_sizes()?;
         let backend = self.device.resolve()?;
         let files = self.ply.iter().map(|p| Ok((p.display().to_string(), ply::read_coupled(p)?))).collect::<Result<Vec<_>>>()?;
         let mut workloads = vec![];

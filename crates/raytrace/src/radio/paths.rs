@@ -7,7 +7,7 @@ use super::geometry::{Face, Geometry};
 use super::screen::Screen;
 use super::{Complex, RadioSettings};
 use crate::bvh::Bvh;
-use corf_scene::{Error, Result, Scene, bounds, near_field};
+use corf_scene::{Error, Result, Scene, near_field};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -238,7 +238,9 @@ impl<'a> RadioTracer<'a> {
     }
 
     fn check_clear(&self, whose: &str, position: DVec3, clear_m: f64) -> Result<()> {
-        bounds::position(whose, position)?;
+        if !position.is_finite() {
+            return Err(Error::invalid(whose, format!("position is {position}"), "give three finite coordinates in metres"));
+        }
         let near = |face: &&Face| face.distance(position).abs() <= clear_m && face.contains(position);
         let Some(face) = self.geometry.faces.iter().find(near) else { return Ok(()) };
         let (object, distance_m) = (&self.objects[face.object as usize], face.distance(position).abs());

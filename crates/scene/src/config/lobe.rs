@@ -65,9 +65,9 @@ mod tests {
     use crate::config::from_toml;
 
     fn checked(lobe_deg: f64, directions: usize, diffuse: bool) -> Result<(), String> {
-        let text =
-            format!("width = 96\nheight = 64\nlobe_width_deg = {lobe_deg}\ndirections = {directions}\ndiffuse = {diffuse}");
-        check(&from_toml(&text, "d.toml").unwrap(), "d.toml").map_err(|e| e.to_string())
+        let text = format!("width = 96\nheight = 64\ndirections = {directions}\ndiffuse = {diffuse}");
+        let rf = RfConfig { lobe_width_deg: lobe_deg, ..from_toml(&text, "d.toml").unwrap() };
+        check(&rf, "d.toml").map_err(|e| e.to_string())
     }
 
     #[test]
