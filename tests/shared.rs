@@ -1,5 +1,7 @@
 //! Where every test of the workspace finds reference data that is not in the repository: included by `#[path]`, so that there is one rule.
 
+#![allow(clippy::print_stdout)]
+
 use std::path::{Path, PathBuf};
 
 /// A file of the shared folder (`CORF_SHARED`, relative to the workspace root; `../shared` by default).

@@ -1,5 +1,7 @@
 //! Records which source the binary was built from: the commit, and whether the tree was changed.
 
+#![allow(clippy::print_stdout, clippy::print_stderr)]
+
 use std::process::Command;
 
 fn git(arguments: &[&str]) -> Option<String> {

@@ -2,6 +2,8 @@
 
 use crate::commands::Verdict;
 use crate::device::DeviceChoice;
+use crate::generate::Options;
+use crate::input::Input;
 use crate::plan::Plan;
 use crate::record::Outcome;
 use crate::run::claim_output;
@@ -41,15 +43,16 @@ impl Demo {
     pub fn run(self, json: bool) -> Result<Verdict> {
         let start = Instant::now();
         let backend = self.device.resolve()?;
-        claim_output(&self.out, self.resume)?;
+        let _held = claim_output(&self.out, self.resume)?;
         let scene = self.out.join("scene");
         std::fs::create_dir_all(&scene).with_context(|| format!("cannot create {}", scene.display()))?;
         build_scene(&scene)?;
         interrupt::check()?;
         let config = DatasetConfig::load(scene.join("lobby-mini.toml"))?;
-        let dataset = generate::generate(&config, &self.out.join("dataset"), true)?;
+        let dataset = generate::generate(&config, &self.out.join("dataset"), Options { resume: true, strict: false })?.dataset;
+        let input = Input::of(dataset, true)?;
         let plan = Plan::parse(PLAN_TOML)?;
-        let written = suite::run(&plan, &dataset, &self.out, &backend)?;
+        let written = suite::run(&plan, &input, &self.out, &backend)?;
         let text = format!(
             "\n{}\ntable:  {}\nreport: {}\nall of it in {:.0} s",
             table::plain(&table::rows(&written.records)),

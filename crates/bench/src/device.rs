@@ -35,16 +35,17 @@ impl DeviceChoice {
     /// `gpu` where there is none, or in a build without it.
     #[cfg(feature = "gpu")]
     pub fn resolve(self) -> Result<Backend> {
+        use crate::note;
         use corf::device::gpu::{GpuOptions, adapter_name};
         let look = |software| adapter_name(&GpuOptions { software, ..GpuOptions::default() });
         match (self, look(false)) {
             (Self::Cpu, _) => Ok(Backend::Cpu),
             (Self::Auto, Some(adapter)) => {
-                eprintln!("device: {adapter}");
+                note!("device: {adapter}");
                 Ok(Backend::Gpu { adapter })
             }
             (Self::Auto, None) => {
-                eprintln!("device: no GPU was found, the processor does it");
+                note!("device: no GPU was found, the processor does it");
                 Ok(Backend::Cpu)
             }
             (Self::Gpu, found) => found.or_else(|| look(true)).map(|adapter| Backend::Gpu { adapter }).ok_or_else(|| {

@@ -1,9 +1,10 @@
 //! `lobby.glb + lobby.toml → raytrace at each pose → keyframes`: the world seen by both sensors, frame by frame.
 
 use crate::interrupt;
+use crate::note;
 use crate::progress::Progress;
 pub use crate::radio_sensor::diffuse_settings;
-use crate::radio_sensor::{Outputs, RadioSensor, dataset_radio_settings, warn_of_geometry};
+use crate::radio_sensor::{Extent, Outputs, RadioSensor, SensorPlan, warn_of_geometry};
 use crate::run::claim_output;
 use anyhow::{Result, bail};
 use corf_raytrace::bvh::Bvh;
@@ -12,17 +13,34 @@ use corf_raytrace::radio::RadioTracer;
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, FrameData};
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Error, Pinhole, Raster, Scene, Severity, bounds};
+use corf_scene::{Error, Finding, Pinhole, Raster, Scene, Severity, bounds, radio_check};
 use std::path::Path;
+
+/// A dataset, and what is to be said of it.
+pub struct Generated {
+    /// The finished dataset.
+    pub dataset: Dataset,
+    /// Warnings: black images, empty depth.
+    pub findings: Vec<Finding>,
+}
+
+/// How to generate.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// Go on in a folder that holds some of it.
+    pub resume: bool,
+    /// Refuse what would otherwise be a warning about where transmitter and platform stand.
+    pub strict: bool,
+}
 
 /// Generates a dataset, or what is missing of one.
 ///
 /// # Errors
 /// A scene that cannot be read or traced, an occupied or unwritable folder, an interrupt.
-pub fn generate(config: &DatasetConfig, out: &Path, resume: bool) -> Result<Dataset> {
+pub fn generate(config: &DatasetConfig, out: &Path, options: Options) -> Result<Generated> {
     let scene_config = config.load_scene_config()?;
     let scene = scene_config.load_scene()?;
-    generate_from(config, &scene_config, &scene, out, resume)
+    generate_from(config, &scene_config, &scene, out, options)
 }
 
 /// [`generate`] of a scene in memory.
@@ -34,27 +52,33 @@ pub fn generate_from(
     scene_config: &SceneConfig,
     scene: &Scene,
     out: &Path,
-    resume: bool,
-) -> Result<Dataset> {
+    Options { resume, strict }: Options,
+) -> Result<Generated> {
     scene_config.check_radio(scene)?;
-    scene_config.check_placement(scene)?;
+    let placement = radio_check::placement_findings(scene_config, scene);
+    let unwanted = |f: &&Finding| f.severity == Severity::Error || strict && f.severity == Severity::Warning;
+    if let Some(Finding { place, what, help, .. }) = placement.iter().find(unwanted) {
+        return Err(Error::invalid(place, what, help).into());
+    }
     check_memory(config)?;
-    let bvh = Bvh::build(scene);
-    // Whatever can be refused is refused before the first file.
-    let tracer = RadioTracer::new(scene, &bvh, dataset_radio_settings(config, scene_config)?)?;
-    let transmitter = config.transmitter_of(scene_config)?;
+    let plan = SensorPlan::of(config, scene_config)?;
+    let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;
     if out.join("dataset.json").exists() {
-        claim_output(out, resume)?;
-        let broken = dataset::validate(out)?.into_iter().find(|f| f.severity == Severity::Error);
-        if let Some(finding) = broken {
+        let _held = claim_output(out, resume)?;
+        dataset::check_finished(out, &header)?;
+        let findings = dataset::validate(out)?;
+        if let Some(finding) = findings.iter().find(|f| f.severity == Severity::Error) {
             bail!("{finding}\n  help: the finished dataset in {} is damaged: generate it anew elsewhere", out.display());
         }
-        return Ok(Dataset::open(out)?);
+        return tell(Generated { dataset: Dataset::open(out)?, findings });
     }
-    let ear = RadioSensor::new(&config.rf, config.seed, transmitter, &scene_config.receiver, scene, &tracer)?;
-    let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;
+    // Whatever can be refused is refused before the first file.
+    let bvh = Bvh::build(scene);
+    let tracer = RadioTracer::new(scene, &bvh, plan.tracing)?;
+    let ear = RadioSensor::new(&plan, scene, &tracer)?;
     ear.check_distances(header.poses.iter().map(|pose| &pose.world_from_camera))?;
-    claim_output(out, resume)?;
+    let _held = claim_output(out, resume)?;
+    placement.iter().for_each(|finding| note!("{finding}"));
     if config.rf.transmission {
         warn_of_geometry(scene);
     }
@@ -68,6 +92,7 @@ pub fn generate_from(
         header.tutorial_range = ear.tutorial_range(&header.poses)?;
     }
     let outputs = Outputs {
+        extent: Extent::of_keyframe(&config.rf, &plan.receiver),
         camera: header.rf_camera,
         sphere: header.sphere,
         tutorial: header.tutorial_range,
@@ -97,8 +122,15 @@ pub fn generate_from(
         }
         progress.finish();
     }
+    let findings = writer.dark_findings()?;
     writer.finish()?;
-    Ok(Dataset::open(out)?)
+    tell(Generated { dataset: Dataset::open(out)?, findings })
+}
+
+/// Says what is to be said.
+fn tell(generated: Generated) -> Result<Generated> {
+    generated.findings.iter().for_each(|finding| note!("{finding}"));
+    Ok(generated)
 }
 
 /// What a keyframe's images take while they are rendered, filtered and written, bytes a pixel.

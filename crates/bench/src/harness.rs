@@ -1,6 +1,7 @@
 //! Runs one cell: a method on a dataset with a seed. Keeps the clock, evaluates the held-out keyframes, writes the record.
 
-use crate::interrupt::Interrupted;
+use crate::input::Input;
+use crate::interrupt::{self, Interrupted};
 use crate::method::{Advance, Method, Predictor, TrainingSet};
 use crate::metrics::{self, FrameMetrics, Prediction};
 use crate::provenance::{Provenance, peak_memory_bytes, reset_peak_memory};
@@ -25,6 +26,22 @@ pub struct Reconstruction {
     pub keyframes: Vec<KeyframeTiming>,
 }
 
+/// Checks that there is enough to learn from.
+///
+/// # Errors
+/// Fewer training keyframes than the method needs.
+pub fn check_training(method: &dyn Method, dataset: &Dataset) -> Result<()> {
+    match (dataset.train_indices().len(), method.least_keyframes()) {
+        (0, _) => bail!("the dataset has no training keyframes\n  help: test_every must be 2 or more"),
+        (count, least) if count < least => bail!(
+            "{} needs at least {least} training keyframes, the dataset has {count}\n  help: generate more keyframes, or hold fewer out \
+             (split.test_every)",
+            method.id()
+        ),
+        _ => Ok(()),
+    }
+}
+
 /// Runs a method on the training split, on the harness's clock.
 ///
 /// # Errors
@@ -35,10 +52,8 @@ pub fn reconstruct(
     seed: u64,
     watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
 ) -> Result<Reconstruction> {
+    check_training(method, dataset)?;
     let training = TrainingSet::new(dataset);
-    if training.is_empty() {
-        bail!("the dataset has no training keyframes\n  help: test_every must be 2 or more");
-    }
     training.read_ahead();
     reset_peak_memory();
     let (mut curve, mut keyframes) = (Vec::new(), Vec::new());
@@ -69,6 +84,7 @@ pub fn evaluate(
     let (range, camera) = (dataset.db_range(), dataset.rf_camera());
     let mut frames = Vec::new();
     for &index in dataset.test_indices() {
+        interrupt::check()?;
         let truth = dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"))?;
         let prediction = predictor.render(&truth.world_from_camera)?;
         frames.push(metrics::compare(&prediction, &truth, &camera, &range));
@@ -81,7 +97,8 @@ pub fn evaluate(
 }
 
 /// A cell's record around its outcome.
-pub fn record(row: &str, method: &dyn Method, dataset: &Dataset, seed: u64, outcome: Outcome) -> Record {
+pub fn record(row: &str, method: &dyn Method, input: &Input, seed: u64, outcome: Outcome) -> Record {
+    let dataset = &input.dataset;
     Record {
         schema: SCHEMA.to_owned(),
         protocol: PROTOCOL.to_owned(),
@@ -90,6 +107,7 @@ pub fn record(row: &str, method: &dyn Method, dataset: &Dataset, seed: u64, outc
         config: method.config(),
         dataset: dataset.header().name.clone(),
         dataset_hash: dataset.hash().to_owned(),
+        dataset_verified: input.verified,
         seed,
         provenance: Provenance::here(),
         device: method.device(),
@@ -106,20 +124,21 @@ pub fn record(row: &str, method: &dyn Method, dataset: &Dataset, seed: u64, outc
 pub fn run_cell(
     row: &str,
     method: &dyn Method,
-    dataset: &Dataset,
+    input: &Input,
     seed: u64,
     watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
 ) -> Result<Record> {
-    let outcome = reconstruct(method, dataset, seed, watch).and_then(|mut r| {
-        let frames = evaluate(r.predictor.as_mut(), dataset, look)?;
+    let outcome = reconstruct(method, &input.dataset, seed, watch).and_then(|mut r| {
+        let frames = evaluate(r.predictor.as_mut(), &input.dataset, look)?;
         let latency = LatencySummary::of(&r.keyframes);
         let numbers = Numbers::of(frames, r.seconds, r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency);
+        numbers.check()?;
         Ok(Outcome::Done(Box::new(numbers)))
     });
     let outcome = match outcome {
         Err(error) if error.is::<Interrupted>() => return Err(error),
         other => other.unwrap_or_else(|error| Outcome::Failed { error: format!("{error:#}") }),
     };
-    Ok(record(row, method, dataset, seed, outcome))
+    Ok(record(row, method, input, seed, outcome))
 }

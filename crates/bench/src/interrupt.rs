@@ -1,30 +1,52 @@
-//! Ctrl-C: the work stops at the next unit, what is finished stays, and the message says how to go on.
+//! Ctrl-C: the work stops at the next unit, what is finished stays, and the message says how to go on. A unit that lasts longer than a
+//! person waits is not waited for: files are written whole or not at all, so it may end anywhere.
 
+use crate::note;
 use anyhow::Result;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
+/// How long the unit at hand may still take.
+const GRACE: Duration = Duration::from_secs(2);
+
 /// The user asked to stop.
 #[derive(Debug, thiserror::Error)]
-#[error("interrupted; finished keyframes, cells and views are kept: run the same command with --resume to go on")]
+#[error("interrupted; what was finished is kept: where the command has --resume, the same command with it goes on from there")]
 pub struct Interrupted;
 
 /// Exit code after an interrupt (128 + SIGINT), as shells expect.
 pub const EXIT_CODE: u8 = 130;
 
-/// Listens for Ctrl-C and termination; a second one ends the process at once.
+/// Listens for Ctrl-C and termination; a second one ends the process at once, as does a unit of work that does not end in time.
 ///
 /// # Errors
 /// When a handler is installed already.
 pub fn listen() -> Result<()> {
     ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
-            std::process::exit(i32::from(EXIT_CODE));
+            end_now();
         }
-        eprintln!("\nstopping after the unit at hand (again to stop at once)");
+        note!("\nstopping after the unit at hand, in two seconds at most (again to stop at once)");
+        std::thread::spawn(|| {
+            std::thread::sleep(GRACE);
+            note!("{Interrupted}");
+            end_now();
+        });
     })?;
     Ok(())
+}
+
+/// Ends the process whatever its threads do: nothing that runs at a usual exit could wait for one of them.
+fn end_now() -> ! {
+    #[cfg(unix)]
+    // SAFETY: takes a number and never returns; nothing of this process is looked at afterwards.
+    unsafe {
+        libc::_exit(i32::from(EXIT_CODE))
+    }
+    #[cfg(not(unix))]
+    std::process::exit(i32::from(EXIT_CODE))
 }
 
 /// Whether to stop; called between units of work.

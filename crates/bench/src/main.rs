@@ -2,7 +2,8 @@
 
 use clap::Parser;
 use corf_bench::commands::{Command, Verdict};
-use corf_bench::{bounds, interrupt};
+use corf_bench::{bounds, interrupt, note};
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 /// Keyframe after keyframe takes and frees tens of megabytes on many threads: from the system they cost a fault a page, each time.
@@ -36,18 +37,33 @@ fn keep_freed_memory() {
 
 fn main() -> ExitCode {
     keep_freed_memory();
-    let arguments = Arguments::parse();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(answer) => return tell(&answer),
+    };
     match run(arguments) {
         Ok(Verdict::Done) => ExitCode::SUCCESS,
         Ok(Verdict::CheckFailed) => ExitCode::from(1),
         Err(error) if error.is::<interrupt::Interrupted>() => {
-            eprintln!("{error}");
+            note!("{error}");
             ExitCode::from(interrupt::EXIT_CODE)
         }
         Err(error) => {
-            eprintln!("error: {}", message(&error));
+            note!("error: {}", message(&error));
             ExitCode::from(2)
         }
+    }
+}
+
+/// Prints help, version, or what is wrong with the arguments.
+fn tell(answer: &clap::Error) -> ExitCode {
+    let code = u8::try_from(answer.exit_code()).unwrap_or(2);
+    match answer.print().and_then(|()| std::io::stdout().flush()) {
+        Err(error) if !answer.use_stderr() && error.kind() != ErrorKind::BrokenPipe => {
+            note!("error: cannot write to standard output: {error}");
+            ExitCode::from(2)
+        }
+        _ => ExitCode::from(code),
     }
 }
 

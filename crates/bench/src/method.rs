@@ -138,6 +138,11 @@ pub trait Method {
         format!("cpu ({} threads)", rayon::current_num_threads())
     }
 
+    /// Fewer training keyframes than this are none to it.
+    fn least_keyframes(&self) -> usize {
+        1
+    }
+
     /// Asks the method to keep its state on disk while it works; methods that finish at once have none.
     fn keep_checkpoints(&mut self, _checkpoints: Checkpoints) {}
 

@@ -1,5 +1,7 @@
 //! Progress on stderr: a bar with rate and ETA on a terminal, plain lines otherwise.
 
+use crate::note;
+use crate::say::sanitized;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -20,7 +22,8 @@ pub struct Progress {
 impl Progress {
     /// Starts a task of `total` units; `unit` is written behind the rate.
     pub fn start(label: impl Into<String>, total: usize, unit: &str) -> Self {
-        let label = label.into();
+        let label: String = label.into();
+        let label = sanitized(&label).replace('\n', " ");
         let now = Instant::now();
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr());
@@ -44,7 +47,7 @@ impl Progress {
             self.last_line = Instant::now();
             let seconds = self.start.elapsed().as_secs_f64();
             let left = seconds * (total.saturating_sub(done)) as f64 / done.max(1) as f64;
-            eprintln!("{}: {done}/{total}, {seconds:.0} s, about {left:.0} s left", self.label);
+            note!("{}: {done}/{total}, {seconds:.0} s, about {left:.0} s left", self.label);
         }
     }
 
@@ -53,6 +56,6 @@ impl Progress {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        eprintln!("{}: {}/{}, {:.1} s", self.label, self.done, self.total, self.start.elapsed().as_secs_f64());
+        note!("{}: {}/{}, {:.1} s", self.label, self.done, self.total, self.start.elapsed().as_secs_f64());
     }
 }

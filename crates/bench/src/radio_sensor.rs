@@ -1,5 +1,6 @@
 //! The RF half of a keyframe: what a platform's array receives at a pose.
 
+use crate::note;
 use anyhow::Result;
 use corf_raytrace::radio::{
     Antenna, AntennaArray, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, PlanarArray, Polarization, RadioSettings,
@@ -36,7 +37,7 @@ pub fn sensor_settings(scene: &SceneConfig) -> RadioSettings {
 pub fn warn_of_geometry(scene: &Scene) {
     let findings = radio_check::body_findings(scene).into_iter().chain(radio_check::far_finding(scene));
     let warnings = findings.filter(|f| f.severity == Severity::Warning);
-    warnings.for_each(|finding| eprintln!("{finding}"));
+    warnings.for_each(|finding| note!("{finding}"));
 }
 
 /// One element of a platform's array at a pose.
@@ -60,19 +61,47 @@ pub fn diffuse_settings(rf: &RfConfig) -> DiffuseSettings {
     }
 }
 
-/// What a dataset's `[rf]` asks of the tracer.
-///
-/// # Errors
-/// The dataset names a transmitter that the scene does not have.
-pub fn dataset_radio_settings(config: &DatasetConfig, scene: &SceneConfig) -> Result<RadioSettings> {
-    Ok(RadioSettings {
-        max_depth: config.rf.max_reflections,
-        search: Search::Auto { rays: config.rf.rays },
-        transmission: config.rf.transmission,
-        diffraction: config.rf.diffraction,
-        tx_antenna: Antenna::from(config.transmitter_of(scene)?),
-        ..sensor_settings(scene)
-    })
+/// What the radio half of a keyframe is made by: everything that a configuration asks of the tracer, in one place for all who trace it.
+#[derive(Clone, Copy, Debug)]
+pub struct SensorPlan {
+    /// The transmitter that is on.
+    pub transmitter: TransmitterConfig,
+    /// The platform's array.
+    pub receiver: ReceiverConfig,
+    /// What is traced.
+    pub tracing: RadioSettings,
+    /// How the diffuse field is sampled; `None` where it is left out.
+    pub sampling: Option<DiffuseSettings>,
+    /// How spectra are formed.
+    pub spectrum: SpectrumSettings,
+}
+
+impl SensorPlan {
+    /// Of a dataset.
+    ///
+    /// # Errors
+    /// The dataset names a transmitter that the scene does not have.
+    pub fn of(config: &DatasetConfig, scene: &SceneConfig) -> Result<Self> {
+        Ok(Self::from_parts(&config.rf, config.seed, config.transmitter_of(scene)?, scene))
+    }
+
+    /// Of an `[rf]` with a seed and one of the scene's transmitters.
+    pub fn from_parts(rf: &RfConfig, seed: u64, transmitter: &TransmitterConfig, scene: &SceneConfig) -> Self {
+        Self {
+            transmitter: *transmitter,
+            receiver: scene.receiver,
+            tracing: RadioSettings {
+                max_depth: rf.max_reflections,
+                search: Search::Auto { rays: rf.rays },
+                transmission: rf.transmission,
+                diffraction: rf.diffraction,
+                tx_antenna: Antenna::from(transmitter),
+                ..sensor_settings(scene)
+            },
+            sampling: rf.diffuse.then(|| diffuse_settings(rf)),
+            spectrum: SpectrumSettings::new(rf, &scene.receiver, seed),
+        }
+    }
 }
 
 /// A platform's array in a scene with one transmitter.
@@ -81,9 +110,7 @@ pub struct RadioSensor<'a> {
     tracer: &'a RadioTracer<'a>,
     transmitter: Transmitter<'a, 'a>,
     diffuse: Option<DiffuseField<'a, 'a>>,
-    receiver: ReceiverConfig,
-    settings: SpectrumSettings,
-    rf: RfConfig,
+    plan: SensorPlan,
 }
 
 /// What arrives at a pose.
@@ -118,6 +145,18 @@ impl Extent {
         }
     }
 
+    /// What all that a dataset writes of a keyframe needs.
+    pub fn of_keyframe(rf: &RfConfig, receiver: &ReceiverConfig) -> Self {
+        if rf.tutorial_compat {
+            return Self::Sphere;
+        }
+        let widest = match rf.sphere {
+            Some([width, height]) => Grid::Sphere(Equirectangular { width, height }),
+            None => Grid::Pinhole(Pinhole::from_horizontal_fov(rf.width, rf.height, rf.horizontal_fov_deg)),
+        };
+        Self::needed(&[rf.spectrum], widest, receiver.rear)
+    }
+
     /// What a receiver at a pose is scattered.
     ///
     /// # Errors
@@ -132,33 +171,24 @@ impl Extent {
 }
 
 impl<'a> RadioSensor<'a> {
-    /// Finds what does not depend on the receiver.
+    /// Finds what does not depend on the receiver; `tracer` is one with the plan's settings.
     ///
     /// # Errors
     /// A transmitter that cannot be traced, or settings out of range.
-    pub fn new(
-        rf: &RfConfig,
-        seed: u64,
-        transmitter: &TransmitterConfig,
-        receiver: &ReceiverConfig,
-        scene: &'a Scene,
-        tracer: &'a RadioTracer<'a>,
-    ) -> Result<Self> {
-        let tx = transmitter.position();
+    pub fn new(plan: &SensorPlan, scene: &'a Scene, tracer: &'a RadioTracer<'a>) -> Result<Self> {
+        let tx = plan.transmitter.position();
         Ok(Self {
             scene,
             tracer,
             transmitter: tracer.transmitter(tx)?,
-            diffuse: rf.diffuse.then(|| DiffuseField::new(tracer, tx, &diffuse_settings(rf))).transpose()?,
-            receiver: *receiver,
-            settings: SpectrumSettings::new(rf, receiver, seed),
-            rf: *rf,
+            diffuse: plan.sampling.map(|sampling| DiffuseField::new(tracer, tx, &sampling)).transpose()?,
+            plan: *plan,
         })
     }
 
     /// How its spectra are formed.
     pub fn settings(&self) -> &SpectrumSettings {
-        &self.settings
+        &self.plan.spectrum
     }
 
     /// Everything that arrives at a pose.
@@ -172,7 +202,8 @@ impl<'a> RadioSensor<'a> {
     /// The least distance between an element of the platform's array at a pose and one of the transmitter's, metres; exact under 2λ.
     fn distance_m(&self, pose: &Rigid3) -> f64 {
         let settings = self.tracer.settings();
-        let platform = AntennaArray { element: element_at(&self.receiver, pose), grid: PlanarArray::from(&self.receiver) };
+        let platform =
+            AntennaArray { element: element_at(&self.plan.receiver, pose), grid: PlanarArray::from(&self.plan.receiver) };
         let transmitter = AntennaArray::single(settings.tx_antenna);
         let doubtful_m = near_field::doubtful_under_m(settings.frequency_hz);
         let tx = (&transmitter, self.transmitter.position());
@@ -199,7 +230,7 @@ impl<'a> RadioSensor<'a> {
 
     fn receive_from(&self, diffuse: Option<&DiffuseField<'_, '_>>, pose: &Rigid3, extent: Extent) -> Result<Received> {
         let settings = self.tracer.settings();
-        let element = element_at(&self.receiver, pose);
+        let element = element_at(&self.plan.receiver, pose);
         let mut paths = self.transmitter.paths(pose.translation)?;
         for path in &mut paths {
             path.a = path.coefficient(&settings.tx_antenna, 0, &element, 0);
@@ -235,16 +266,12 @@ impl<'a> RadioSensor<'a> {
     /// # Errors
     /// A receiver at the transmitter.
     pub fn sampling_error(&self, camera: &Pinhole, poses: &[TrajectoryPose]) -> Result<Option<SamplingError>> {
-        let Some(field) = &self.diffuse else { return Ok(None) };
-        let other = DiffuseField::new(
-            self.tracer,
-            self.transmitter.position(),
-            &DiffuseSettings { phase: 1, ..diffuse_settings(&self.rf) },
-        )?;
-        let noncoherent = noncoherent(&self.settings);
+        let (Some(field), Some(sampling)) = (&self.diffuse, self.plan.sampling) else { return Ok(None) };
+        let other = DiffuseField::new(self.tracer, self.transmitter.position(), &DiffuseSettings { phase: 1, ..sampling })?;
+        let noncoherent = noncoherent(self.settings());
         let (mut totals, mut pixels) = (MeanSquare::default(), MeanSquare::default());
         let probes = probes(poses);
-        let extent = Extent::needed(&[noncoherent.kind], Grid::Pinhole(*camera), self.receiver.rear);
+        let extent = Extent::needed(&[noncoherent.kind], Grid::Pinhole(*camera), self.plan.receiver.rear);
         for pose in &probes {
             let seen = |field| -> Result<(f64, Raster<f32>)> {
                 let received = self.receive_from(Some(field), &pose.world_from_camera, extent)?;
@@ -282,10 +309,8 @@ impl<'a> RadioSensor<'a> {
     /// # Errors
     /// A receiver at the transmitter.
     pub fn keyframe(&self, pose: &Rigid3, outputs: &Outputs) -> Result<RadioFrame> {
-        let widest = outputs.sphere.map_or(Grid::Pinhole(outputs.camera), Grid::Sphere);
-        let extent = Extent::needed(&[self.settings.kind], widest, self.receiver.rear);
-        let received = self.receive(pose, if outputs.tutorial.is_some() { Extent::Sphere } else { extent })?;
-        let form = |grid: Grid| self.settings.form(&received.looks, grid, pose);
+        let received = self.receive(pose, outputs.extent)?;
+        let form = |grid: Grid| self.settings().form(&received.looks, grid, pose);
         let all = received.looks.concat();
         Ok(RadioFrame {
             spectrum: form(Grid::Pinhole(outputs.camera)),
@@ -300,6 +325,8 @@ impl<'a> RadioSensor<'a> {
 /// What is made of every pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outputs {
+    /// How much of the sphere they are gathered from.
+    pub extent: Extent,
     /// Camera of the spectra.
     pub camera: Pinhole,
     /// Image of the whole sphere, if it is wanted.

@@ -1,10 +1,14 @@
 //! One run's record: `metrics.json`.
 
 use crate::metrics::{COLUMNS, FrameMetrics};
+use crate::numbers;
 use crate::provenance::Provenance;
+use crate::run::{read_json, write_numbers};
+use anyhow::{Context, Result};
 use corf::LatencySummary;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Version of the record's layout.
 pub const SCHEMA: &str = "corf-metrics/1";
@@ -30,6 +34,9 @@ pub struct Record {
     pub dataset: String,
     /// Hash of the dataset.
     pub dataset_hash: String,
+    /// Whether every file of the dataset was checked against its recorded SHA-256 before it was read.
+    #[serde(default)]
+    pub dataset_verified: bool,
     /// Seed.
     pub seed: u64,
     /// Source and machine.
@@ -91,7 +98,35 @@ pub struct CurvePoint {
     pub gaussians: Option<usize>,
 }
 
+impl Record {
+    /// Reads a record.
+    ///
+    /// # Errors
+    /// A missing file, one that is not a record, or a number in it that is none, by its key.
+    pub fn read(path: &Path) -> Result<Self> {
+        let value: serde_json::Value = read_json(path)?;
+        numbers::check(&value).with_context(|| format!("in {}", path.display()))?;
+        serde_json::from_value(value).with_context(|| format!("{} is not the JSON expected here", path.display()))
+    }
+
+    /// Writes it whole, or not at all.
+    ///
+    /// # Errors
+    /// A number that is none, by its key; a folder that cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        write_numbers(path, self)
+    }
+}
+
 impl Numbers {
+    /// Checks that all of them are numbers.
+    ///
+    /// # Errors
+    /// The first that is not, by its key.
+    pub fn check(&self) -> Result<()> {
+        numbers::check(&serde_json::to_value(self)?)
+    }
+
     /// Means and percentiles from raw frames.
     pub fn of(
         frames: Vec<FrameMetrics>,

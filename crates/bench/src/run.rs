@@ -7,11 +7,13 @@
 //! RUN/metrics.json  written by `corf evaluate`
 //! ```
 
+use crate::numbers;
 use crate::provenance::Provenance;
 use crate::record::CurvePoint;
 use anyhow::{Context, Result, bail};
 use corf::{KeyframeTiming, LatencySummary};
-use corf_scene::io::write_atomic;
+use corf_scene::io::{remove_temporary_files, write_atomic};
+use corf_scene::lock::{self, FolderLock};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
 
@@ -35,6 +37,9 @@ pub struct RunInfo {
     pub dataset: PathBuf,
     /// Hash of the dataset.
     pub dataset_hash: String,
+    /// Whether every file of the dataset was checked against its recorded SHA-256 before it was read.
+    #[serde(default)]
+    pub dataset_verified: bool,
     /// Device the method ran on.
     pub device: String,
     /// Source and machine.
@@ -68,13 +73,12 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     Ok(write_atomic(path, text.as_bytes())?)
 }
 
-/// As [`write_json`], of what is read again: a number that JSON cannot hold, which would come back as none, is refused.
+/// Writes pretty JSON atomically, its numbers checked.
 ///
 /// # Errors
-/// As [`write_json`], or what the value cannot be read back for.
-pub fn write_record<T: Serialize + DeserializeOwned>(path: &Path, value: &T) -> Result<()> {
-    serde_json::from_str::<T>(&serde_json::to_string(value)?)
-        .with_context(|| format!("{}: a result is not a finite number: the method has diverged", path.display()))?;
+/// A number that is none, by its key; a folder that cannot be written.
+pub fn write_numbers(path: &Path, value: &impl Serialize) -> Result<()> {
+    numbers::check(&serde_json::to_value(value)?).with_context(|| format!("{} is not written", path.display()))?;
     write_json(path, value)
 }
 
@@ -87,37 +91,70 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     serde_json::from_str(&text).with_context(|| format!("{} is not the JSON expected here", path.display()))
 }
 
-/// Makes a folder for output, or refuses one that holds something already.
+/// Makes a folder for output, or refuses one that holds something already. It is this run's alone while the answer lives, and what a run
+/// that was killed had begun to write there is gone.
 ///
 /// # Errors
-/// `folder` exists with content and neither `resume` nor anything else allows it; or it cannot be made or written.
-pub fn claim_output(folder: &Path, resume: bool) -> Result<()> {
-    claim(folder, resume, "choose another --out, or pass --resume to go on with what is there")
+/// `folder` exists with content and neither `resume` nor anything else allows it; another run writes into it; or it cannot be made or
+/// written.
+pub fn claim_output(folder: &Path, resume: bool) -> Result<FolderLock> {
+    let content = if resume { Content::Resumed } else { Content::Refused };
+    claim(folder, content, "choose another --out, or pass --resume to go on with what is there")
 }
 
 /// As [`claim_output`], for what is done at once.
 ///
 /// # Errors
 /// As [`claim_output`].
-pub fn claim_fresh(folder: &Path) -> Result<()> {
-    claim(folder, false, "choose another --out")
+pub fn claim_fresh(folder: &Path) -> Result<FolderLock> {
+    claim(folder, Content::Refused, "choose another --out")
 }
 
-fn claim(folder: &Path, resume: bool, help: &str) -> Result<()> {
+/// As [`claim_output`], for what is written over files that are there already.
+///
+/// # Errors
+/// As [`claim_output`], but for the content.
+pub fn claim_shared(folder: &Path) -> Result<FolderLock> {
+    claim(folder, Content::Kept, "")
+}
+
+/// What becomes of what a folder holds already.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Content {
+    /// Nothing may be there.
+    Refused,
+    /// It is gone on with; what had no name yet goes.
+    Resumed,
+    /// It stays.
+    Kept,
+}
+
+fn claim(folder: &Path, content: Content, help: &str) -> Result<FolderLock> {
     if folder.is_file() {
         bail!("{} is a file\n  help: name a folder with --out", folder.display());
     }
-    let occupied = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
-    if occupied && !resume {
-        bail!("output folder {} exists and is not empty\n  help: {help}", folder.display());
-    }
+    let refuse_content = || -> Result<()> {
+        let counts = |entry: std::io::Result<std::fs::DirEntry>| entry.is_ok_and(|e| e.file_name() != lock::FILE_NAME);
+        let occupied = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.any(counts));
+        if occupied && content == Content::Refused {
+            bail!("output folder {} exists and is not empty\n  help: {help}", folder.display());
+        }
+        Ok(())
+    };
+    // Before anything of it is touched; and again once nobody else can fill it.
+    refuse_content()?;
     std::fs::create_dir_all(folder).with_context(|| {
         format!("cannot create output folder {}\n  help: choose a writable place with --out", folder.display())
     })?;
     // A folder that cannot be written is found now, not after the work.
     tempfile::tempfile_in(folder)
         .with_context(|| format!("cannot write into {}\n  help: choose a writable place with --out", folder.display()))?;
-    Ok(())
+    let held = FolderLock::acquire(folder)?;
+    refuse_content()?;
+    if content == Content::Resumed {
+        remove_temporary_files(folder)?;
+    }
+    Ok(held)
 }
 
 #[cfg(test)]
@@ -130,7 +167,7 @@ mod tests {
         std::fs::write(dir.path().join("precious"), "x").unwrap();
         let error = claim_output(dir.path(), false).unwrap_err().to_string();
         assert!(error.contains("--resume"), "{error}");
-        claim_output(dir.path(), true).unwrap();
+        drop(claim_output(dir.path(), true).unwrap());
         let error = claim_fresh(dir.path()).unwrap_err().to_string();
         assert!(error.contains("--out") && !error.contains("--resume"), "{error}");
         assert!(dir.path().join("precious").exists());

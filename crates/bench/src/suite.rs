@@ -8,16 +8,18 @@
 //! ```
 
 use crate::device::Backend;
+use crate::escape;
 use crate::harness;
+use crate::input::Input;
 use crate::interrupt;
 use crate::method::Method;
 use crate::methods;
+use crate::note;
 use crate::plan::{Cell, Plan};
 use crate::predictions;
 use crate::progress::Progress;
 use crate::record::{Outcome, Record};
 use crate::report::{self, Report, row_folder};
-use crate::run::{read_json, write_record};
 use crate::table;
 use anyhow::{Context, Result, bail};
 use corf_scene::dataset::Dataset;
@@ -38,7 +40,8 @@ pub struct Written {
 ///
 /// # Errors
 /// A dataset that cannot be read, an interrupt, or a folder that cannot be written.
-pub fn run(plan: &Plan, dataset: &Dataset, out: &Path, backend: &Backend) -> Result<Written> {
+pub fn run(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Result<Written> {
+    let dataset = &input.dataset;
     let cells = out.join("cells");
     std::fs::create_dir_all(&cells).with_context(|| format!("cannot create {}", cells.display()))?;
     write_atomic(out.join("plan.toml"), toml::to_string(plan)?.as_bytes())?;
@@ -49,7 +52,7 @@ pub fn run(plan: &Plan, dataset: &Dataset, out: &Path, backend: &Backend) -> Res
         let path = cells.join(format!("{}.json", cell.stem()));
         let method = methods::create(&cell.row.method, &cell.row.config, backend)?;
         if let Some(record) = finished(&path, cell, method.as_ref(), dataset)? {
-            eprintln!("{}, seed {}: already there", cell.row.label, cell.seed);
+            note!("{}, seed {}: already there", cell.row.label, cell.seed);
             records.push(record);
             continue;
         }
@@ -64,12 +67,12 @@ pub fn run(plan: &Plan, dataset: &Dataset, out: &Path, backend: &Backend) -> Res
         let look = |truth: &corf_scene::Keyframe, prediction: &crate::metrics::Prediction| {
             if keep && shown.contains(&truth.index) { predictions::keep(&folder, truth, prediction) } else { Ok(()) }
         };
-        let record = harness::run_cell(&cell.row.label, method.as_ref(), dataset, cell.seed, &mut watch, look)?;
+        let record = harness::run_cell(&cell.row.label, method.as_ref(), input, cell.seed, &mut watch, look)?;
         progress.finish();
         if let Outcome::Failed { error } = &record.outcome {
-            eprintln!("{}, seed {}: FAILED: {error}", cell.row.label, cell.seed);
+            note!("{}, seed {}: FAILED: {error}", cell.row.label, cell.seed);
         }
-        write_record(&path, &record)?;
+        record.write(&path)?;
         records.push(record);
     }
     write_results(plan, dataset, records, out)
@@ -80,7 +83,7 @@ fn finished(path: &Path, cell: Cell<'_>, method: &dyn Method, dataset: &Dataset)
     if !path.exists() {
         return Ok(None);
     }
-    let record: Record = read_json(path)?;
+    let record = Record::read(path)?;
     let same = record.dataset_hash == dataset.hash()
         && record.method == method.id()
         && record.config == method.config()
@@ -106,7 +109,7 @@ pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
     let mut plan = Plan::parse(&text).with_context(|| format!("in {}", path.display()))?;
     plan.dataset = out.join(&plan.dataset);
     let records =
-        plan.cells().map(|cell| read_json(&out.join("cells").join(format!("{}.json", cell.stem())))).collect::<Result<_>>()?;
+        plan.cells().map(|cell| Record::read(&out.join("cells").join(format!("{}.json", cell.stem())))).collect::<Result<_>>()?;
     Ok((plan, records))
 }
 
@@ -117,7 +120,11 @@ pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
 pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: &Path) -> Result<Written> {
     let rows = table::rows(&records);
     let (table_path, report_path) = (out.join("table.md"), out.join("report.html"));
-    write_atomic(&table_path, format!("# {}\n\n{}\n\n{}", plan.name, plan.analysis, table::markdown(&rows)).as_bytes())?;
+    write_atomic(
+        &table_path,
+        format!("# {}\n\n{}\n\n{}", escape::markdown(&plan.name), escape::without_html(&plan.analysis), table::markdown(&rows))
+            .as_bytes(),
+    )?;
     write_atomic(out.join("table.csv"), table::csv(&records).as_bytes())?;
     write_atomic(out.join("table.tex"), table::latex(&rows).as_bytes())?;
     let report = Report {

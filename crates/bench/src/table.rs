@@ -1,5 +1,6 @@
 //! Records to tables: Markdown, CSV and LaTeX. Rows keep the plan's order; failed cells stay in.
 
+use crate::escape;
 use crate::metrics::{COLUMNS, Column};
 use crate::record::{Numbers, Outcome, Record};
 use crate::stats::{Summary, summarize};
@@ -22,6 +23,8 @@ pub struct Row<'a> {
     pub failed: Vec<(u64, &'a str)>,
     /// Whether any cell read ground-truth depth.
     pub uses_ground_truth_depth: bool,
+    /// Whether any cell's dataset was not checked against its recorded hashes.
+    pub unverified: bool,
 }
 
 /// Records grouped into rows, in order of appearance.
@@ -31,10 +34,17 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
         let row = match rows.iter_mut().position(|r| r.label == record.row) {
             Some(at) => &mut rows[at],
             None => {
-                rows.push(Row { label: &record.row, done: Vec::new(), failed: Vec::new(), uses_ground_truth_depth: false });
+                rows.push(Row {
+                    label: &record.row,
+                    done: Vec::new(),
+                    failed: Vec::new(),
+                    uses_ground_truth_depth: false,
+                    unverified: false,
+                });
                 rows.last_mut().expect("just pushed")
             }
         };
+        row.unverified |= !record.dataset_verified;
         row.uses_ground_truth_depth |= record.uses_ground_truth_depth;
         match &record.outcome {
             Outcome::Done(numbers) => row.done.push((record.seed, numbers)),
@@ -91,6 +101,10 @@ fn note(rows: &[Row<'_>]) -> String {
         let _ =
             write!(note, " Simulated monocular depth prior (made from the ray tracer's depth) used by: {}.", depth.join(", "));
     }
+    let unverified: Vec<&str> = rows.iter().filter(|r| r.unverified).map(|r| r.label).collect();
+    if !unverified.is_empty() {
+        let _ = write!(note, " Dataset files not checked against their recorded SHA-256: {}.", unverified.join(", "));
+    }
     for row in rows {
         for (seed, error) in &row.failed {
             let _ = write!(note, " FAILED: {}, seed {seed}: {error}.", row.label);
@@ -99,24 +113,58 @@ fn note(rows: &[Row<'_>]) -> String {
     note
 }
 
+/// The short table without a notation: what each has to escape and to mark.
+pub struct Short<'a> {
+    /// Headings of all columns.
+    pub headings: Vec<&'static str>,
+    /// One a row.
+    pub lines: Vec<Line<'a>>,
+    /// What it rests on.
+    pub note: String,
+}
+
+/// One line of the short table.
+pub struct Line<'a> {
+    /// The row's label, as it was given.
+    pub label: &'a str,
+    /// Whether a cell of it failed.
+    pub failed: bool,
+    /// Numbers, as text.
+    pub cells: Vec<String>,
+    /// Which of them is a difference whose interval excludes zero.
+    pub bold: Option<usize>,
+}
+
+/// The short table of these rows; differences are to the first.
+pub fn short<'a>(rows: &'a [Row<'a>]) -> Short<'a> {
+    let mut headings = vec!["method"];
+    headings.extend(short_columns().map(|c| c.heading));
+    headings.extend(["Δ PSNR rf to first row", "Gaussians", "time, s"]);
+    let line = |row: &'a Row<'a>| {
+        let mut cells: Vec<String> = short_columns().map(|c| text(row.metric(c), c.digits, "±")).collect();
+        let difference = if row.label == rows[0].label { None } else { row.difference(&rows[0]) };
+        let bold = difference.is_some_and(|d| d.excludes_zero()).then_some(cells.len());
+        cells.push(text(difference, 2, "±"));
+        cells.push(text(row.summary(|n| n.gaussians.map(|g| g as f64)), 0, "±"));
+        cells.push(text(row.summary(|n| Some(n.seconds)), 1, "±"));
+        Line { label: row.label, failed: !row.failed.is_empty(), cells, bold }
+    };
+    Short { headings, lines: rows.iter().map(line).collect(), note: note(rows) }
+}
+
 /// The short table in Markdown, with a note of what it rests on. A difference to the first row is bold where its interval excludes zero.
 pub fn markdown(rows: &[Row<'_>]) -> String {
-    let mut out = String::from("| method |");
-    short_columns().for_each(|c| out.push_str(&format!(" {} |", c.heading)));
-    out.push_str(" Δ PSNR rf to first row | Gaussians | time, s |\n|---|");
-    out.push_str(&"---:|".repeat(SHORT.len() + 3));
-    out.push('\n');
-    for row in rows {
-        let _ = write!(out, "| {}{} |", row.label, if row.failed.is_empty() { "" } else { " (failed cells)" });
-        short_columns().for_each(|c| out.push_str(&format!(" {} |", text(row.metric(c), c.digits, "±"))));
-        let difference = if row.label == rows[0].label { None } else { row.difference(&rows[0]) };
-        let bold = difference.is_some_and(|d| d.excludes_zero());
-        let mark = if bold { "**" } else { "" };
-        let _ = write!(out, " {mark}{}{mark} |", text(difference, 2, "±"));
-        let gaussians = row.summary(|n| n.gaussians.map(|g| g as f64));
-        let _ = writeln!(out, " {} | {} |", text(gaussians, 0, "±"), text(row.summary(|n| Some(n.seconds)), 1, "±"));
+    let short = short(rows);
+    let mut out = format!("| {} |\n|---|{}\n", short.headings.join(" | "), "---:|".repeat(SHORT.len() + 3));
+    for line in &short.lines {
+        let _ = write!(out, "| {}{} |", escape::markdown(line.label), if line.failed { " (failed cells)" } else { "" });
+        for (i, cell) in line.cells.iter().enumerate() {
+            let mark = if line.bold == Some(i) { "**" } else { "" };
+            let _ = write!(out, " {mark}{cell}{mark} |");
+        }
+        out.push('\n');
     }
-    let _ = write!(out, "\n{}\n", note(rows));
+    let _ = write!(out, "\n{}\n", escape::markdown(&short.note));
     out
 }
 
@@ -125,20 +173,30 @@ pub fn csv(records: &[Record]) -> String {
     let mut out = String::from("row,method,dataset,dataset_hash,seed,status,seconds,gaussians,peak_memory_bytes");
     COLUMNS.iter().for_each(|c| out.push_str(&format!(",{}", c.key)));
     out.push_str(",peak_error_median_deg,peak_error_p90_deg,uses_ground_truth_depth,error\n");
-    let quote = |s: &str| format!("\"{}\"", s.replace('"', "\"\"").replace('\n', " "));
     let optional = |v: Option<u64>| v.map(|v| v.to_string()).unwrap_or_default();
+    // Ids and hashes are plain words unless a record was tampered with.
+    let word = |s: &str| {
+        if s.chars().all(|c| c.is_ascii_alphanumeric() || "-_".contains(c)) && !s.starts_with('-') {
+            s.to_owned()
+        } else {
+            escape::csv(s)
+        }
+    };
     for r in records {
-        let _ = write!(out, "{},{},{},{},{}", quote(&r.row), r.method, quote(&r.dataset), r.dataset_hash, r.seed);
+        let (row, dataset) = (escape::csv(&r.row), escape::csv(&r.dataset));
+        let _ = write!(out, "{row},{},{dataset},{},{}", word(&r.method), word(&r.dataset_hash), r.seed);
         match &r.outcome {
             Outcome::Done(n) => {
                 let gaussians = optional(n.gaussians.map(|g| g as u64));
                 let _ = write!(out, ",done,{:.3},{gaussians},{}", n.seconds, optional(n.peak_memory_bytes));
-                COLUMNS.iter().for_each(|c| out.push_str(&format!(",{:.6}", n.means.get(c.key).copied().unwrap_or(f64::NAN))));
+                let value = |c: &Column| n.means.get(c.key).map_or(String::new(), |v| format!("{v:.6}"));
+                COLUMNS.iter().for_each(|c| out.push_str(&format!(",{}", value(c))));
                 let [median, p90] = n.peak_error_median_p90_deg;
                 let _ = writeln!(out, ",{median:.6},{p90:.6},{},", r.uses_ground_truth_depth);
             }
             Outcome::Failed { error } => {
-                let _ = writeln!(out, ",failed,,,{},,,{},{}", ",".repeat(COLUMNS.len()), r.uses_ground_truth_depth, quote(error));
+                let commas = ",".repeat(COLUMNS.len());
+                let _ = writeln!(out, ",failed,,,{commas},,,{},{}", r.uses_ground_truth_depth, escape::csv(error));
             }
         }
     }
@@ -147,19 +205,19 @@ pub fn csv(records: &[Record]) -> String {
 
 /// The short table as a LaTeX tabular.
 pub fn latex(rows: &[Row<'_>]) -> String {
-    let escape = |s: &str| s.replace('&', r"\&").replace('%', r"\%").replace('_', r"\_");
     let mut out = format!("\\begin{{tabular}}{{l|{}}}\n  \\toprule\n  Method", "c".repeat(SHORT.len() + 2));
     short_columns().for_each(|c| out.push_str(&format!(" & {}", c.latex)));
     out.push_str(" & Gaussians & Time (s) \\\\\n  \\midrule\n");
     for row in rows {
-        let _ = write!(out, "  {}", escape(row.label));
+        let _ = write!(out, "  {}", escape::latex(row.label));
         short_columns().for_each(|c| out.push_str(&format!(" & ${}$", text(row.metric(c), c.digits, r"\pm").replace('–', "-"))));
         let gaussians = row.summary(|n| n.gaussians.map(|g| g as f64));
         let seconds = row.summary(|n| Some(n.seconds));
         let cell = |s| text(s, 0, r"\pm").replace('–', "-");
         let _ = writeln!(out, " & ${}$ & ${}$ \\\\", cell(gaussians), text(seconds, 1, r"\pm").replace('–', "-"));
     }
-    let _ = write!(out, "  \\bottomrule\n\\end{{tabular}}\n% {}\n", note(rows).replace('\n', " "));
+    // A comment ends with its line.
+    let _ = write!(out, "  \\bottomrule\n\\end{{tabular}}\n% {}\n", note(rows).replace(char::is_control, " "));
     out
 }
 
@@ -215,6 +273,7 @@ mod tests {
             config: serde_json::Value::Null,
             dataset: "d".to_owned(),
             dataset_hash: "h".to_owned(),
+            dataset_verified: true,
             seed,
             provenance: Provenance::here(),
             device: String::new(),
@@ -234,6 +293,38 @@ mod tests {
         assert!(table.contains("**-1.00 ± 0.25**"), "{table}");
         assert!(!table.lines().find(|l| l.contains("noisy")).unwrap().contains("**"), "{table}");
         assert!(table.contains("used by: full."), "{table}");
+    }
+
+    #[test]
+    fn what_is_text_stays_text_in_every_notation() {
+        let label = "=50% {a}_b & \\x #1 ~^ <b>`c`</b>";
+        let mut failed = record(label, 2, 0.0);
+        failed.outcome = Outcome::Failed { error: "line one\nline | two\u{1b}[2J".to_owned() };
+        let records = [record("full", 1, 18.0), record(label, 1, 17.0), failed];
+        let rows = rows(&records);
+        let tex = latex(&rows);
+        assert!(
+            tex.contains(r"=50\% \{a\}\_b \& \textbackslash{}x \#1 \textasciitilde{}\textasciicircum{} \textless{}b"),
+            "{tex}"
+        );
+        let lines = tex.lines().filter(|l| !l.starts_with(' ') && !l.starts_with('%') && !l.starts_with('\\'));
+        assert_eq!(lines.count(), 0, "an error's line end must not leave the comment: {tex}");
+        let csv = csv(&records);
+        assert_eq!(csv.lines().count(), 4, "{csv}");
+        assert!(csv.contains("\"'=50% {a}_b"), "{csv}");
+        let markdown = markdown(&rows);
+        let columns = |line: &str| line.replace(r"\|", "").matches('|').count();
+        let table: Vec<usize> = markdown.lines().filter(|l| l.starts_with('|')).map(columns).collect();
+        assert!(table.len() == 4 && table.iter().all(|n| *n == table[0]), "{markdown}");
+        assert!(markdown.contains(r"&lt;b&gt;\`c\`&lt;/b&gt;"), "{markdown}");
+    }
+
+    #[test]
+    fn unchecked_datasets_are_told() {
+        let mut records = [record("full", 1, 18.0), record("fast", 1, 17.0)];
+        assert!(!markdown(&rows(&records)).contains("SHA-256"));
+        records[1].dataset_verified = false;
+        assert!(markdown(&rows(&records)).contains("recorded SHA-256: fast."));
     }
 
     #[test]

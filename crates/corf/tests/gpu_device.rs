@@ -1,7 +1,7 @@
 //! The GPU device against the CPU device: images, losses, gradients, steps, bookkeeping, on memory poisoned with NaN. Needs an adapter, a
 //! software one will do; without any the tests say so and pass, unless `CORF_REQUIRE_GPU=1`.
 
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr)]
 
 use corf::{
     Antialias, CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig,

@@ -5,7 +5,7 @@
 //! sides of it. The scenes are therefore chosen so that no pixel lies near one (`MARGIN`, asserted), with targets well away from the
 //! render. What happens at the clamps is tested separately, where it can be stated exactly.
 
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr)]
 
 mod reference;
 

@@ -3,6 +3,8 @@
 //! `cargo bench -p corf-raytrace --bench radio`; elements are receiver positions. Transmitter-side work, shared by all of them, is timed
 //! on its own.
 
+#![allow(clippy::print_stdout, clippy::print_stderr)]
+
 use corf_raytrace::Bvh;
 use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, RadioSettings, RadioTracer};
 use corf_raytrace::spectrum::{self, SpectrumSettings};

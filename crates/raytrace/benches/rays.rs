@@ -3,6 +3,8 @@
 //!
 //! `cargo bench -p corf-raytrace --bench rays`; Mrays/s are printed as Melem/s. `scenes/lobby.glb` is timed too where it exists.
 
+#![allow(clippy::print_stdout, clippy::print_stderr)]
+
 mod test_room;
 
 use corf_raytrace::{Bvh, Hit, Ray};

@@ -6,6 +6,8 @@
 //! `--kind mpc|bartlett|bartlett-coherent|mvdr`, `--directions N`, `--patch M`, `--lobe DEG`, `--range DB`, `--min-face M2`, `--mirror SR`, `--after 0|1`, `--size WxH`;
 //! `--converge` gathers everything a second time on other patches and directions and prints the scalar PSNR between the two.
 
+#![allow(clippy::print_stdout, clippy::print_stderr)]
+
 use corf_raytrace::Bvh;
 use corf_raytrace::radio::{Antenna, Arrival, DiffuseField, DiffuseSettings, RadioSettings, RadioTracer};
 use corf_raytrace::spectrum::{self, SpectrumSettings};

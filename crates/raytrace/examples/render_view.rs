@@ -7,6 +7,8 @@
 //! `room` instead of a file is the built-in test room. `--raw` skips the denoiser; `--what albedo|normal|depth|emitted` shows an
 //! auxiliary image instead.
 
+#![allow(clippy::print_stdout, clippy::print_stderr)]
+
 #[path = "../benches/test_room.rs"]
 mod test_room;
 

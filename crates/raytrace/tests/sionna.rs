@@ -1,6 +1,6 @@
 //! The tracer against reference paths in f64, and proof that the comparison can fail.
 
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr)]
 
 #[path = "../../../tests/shared.rs"]
 mod reference_data;

@@ -2,13 +2,13 @@
 
 use super::{Verdict, print, show};
 use crate::device::DeviceChoice;
+use crate::input::Verify;
 use crate::plan::Plan;
 use crate::record::Outcome;
-use crate::run::claim_output;
+use crate::run::{claim_output, claim_shared};
 use crate::{suite, table};
 use anyhow::Result;
 use clap::{Args, Subcommand};
-use corf_scene::dataset::Dataset;
 use std::path::PathBuf;
 
 /// Run plans, write tables and reports.
@@ -37,6 +37,8 @@ pub struct Run {
     /// Go on with a folder that holds finished cells.
     #[arg(long)]
     resume: bool,
+    #[command(flatten)]
+    verify: Verify,
     /// Where reconstructions run.
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
@@ -66,6 +68,8 @@ enum Notation {
 pub struct Report {
     /// Folder of `corf bench run` or `corf demo`.
     folder: PathBuf,
+    #[command(flatten)]
+    verify: Verify,
 }
 
 impl Bench {
@@ -93,11 +97,11 @@ fn verdict(records: &[crate::record::Record]) -> Verdict {
 impl Run {
     fn run(self, json: bool) -> Result<Verdict> {
         let mut plan = Plan::load(&self.plan)?;
-        let dataset = Dataset::open(&plan.dataset)?;
+        let input = self.verify.open(&plan.dataset)?;
         let backend = self.device.resolve()?;
-        claim_output(&self.out, self.resume)?;
+        let _held = claim_output(&self.out, self.resume)?;
         plan.dataset = std::path::absolute(&plan.dataset)?;
-        let written = suite::run(&plan, &dataset, &self.out, &backend)?;
+        let written = suite::run(&plan, &input, &self.out, &backend)?;
         let text = format!("{}\nreport: {}", table::plain(&table::rows(&written.records)), written.report.display());
         show(json, &written.records, &text)?;
         Ok(verdict(&written.records))
@@ -125,7 +129,8 @@ impl Table {
 impl Report {
     fn run(self, json: bool) -> Result<Verdict> {
         let (plan, records) = suite::load(&self.folder)?;
-        let dataset = Dataset::open(&plan.dataset)?;
+        let dataset = self.verify.open(&plan.dataset)?.dataset;
+        let _held = claim_shared(&self.folder)?;
         let written = suite::write_results(&plan, &dataset, records, &self.folder)?;
         show(
             json,

@@ -282,7 +282,7 @@ impl Step {
                     let mut run = fresh();
                     run.measured.variant = Some(*variant);
                     run.on_gpu(raster, gaussians, rig, &views, self, *variant)?;
-                    eprint!("{}", text(std::slice::from_ref(&run.measured)));
+                    crate::note!("{}", text(std::slice::from_ref(&run.measured)).trim_end());
                     Ok(run.measured)
                 };
                 variants.iter().map(measure).collect()

@@ -55,7 +55,7 @@ impl Coverage {
         let plane = self.plane_of(&setup)?;
         setup.transmitters.iter().try_for_each(|tx| setup.check_transmitter(tx.position))?;
         // Whatever can be refused is refused before the work.
-        claim_fresh(&self.out)?;
+        let _held = claim_fresh(&self.out)?;
         let sampling = setup.diffuse_settings(DIFFUSE_DIRECTIONS);
         let maps = maps(&setup, &plane, &sampling)?;
         let (gain, association) = strongest(&maps);

@@ -1,9 +1,10 @@
 //! `corf dataset`: generate and check keyframe datasets.
 
 use super::{Verdict, print, show};
-use crate::generate;
+use crate::generate::{self, Generated, Options};
 use anyhow::Result;
 use clap::{Args, Subcommand};
+use corf_scene::Severity;
 use corf_scene::config::DatasetConfig;
 use corf_scene::dataset::{self, Dataset};
 use std::path::PathBuf;
@@ -17,6 +18,9 @@ pub enum DatasetCommand {
     Validate {
         /// Dataset folder.
         folder: PathBuf,
+        /// Fail on warnings as well.
+        #[arg(long)]
+        strict: bool,
     },
 }
 
@@ -37,6 +41,9 @@ pub struct Generate {
     /// Go on with a folder that holds finished keyframes of the same configuration.
     #[arg(long)]
     resume: bool,
+    /// Refuse a transmitter or a trajectory outside of the scene, and exit with 1 where images are black or depth is empty.
+    #[arg(long)]
+    strict: bool,
 }
 
 impl DatasetCommand {
@@ -47,12 +54,16 @@ impl DatasetCommand {
     pub fn run(self, json: bool) -> Result<Verdict> {
         match self {
             Self::Generate(c) => c.run(json),
-            Self::Validate { folder } => {
+            Self::Validate { folder, strict } => {
                 let findings = dataset::validate(&folder)?;
                 if !json {
                     print(&summary(&Dataset::open(&folder)?))?;
                 }
-                super::findings(json, &findings)
+                let warned = findings.iter().any(|f| f.severity == Severity::Warning);
+                match super::findings(json, &findings)? {
+                    Verdict::Done if strict && warned => Ok(Verdict::CheckFailed),
+                    verdict => Ok(verdict),
+                }
             }
         }
     }
@@ -85,7 +96,8 @@ impl Generate {
         }
         config.seed = self.seed.unwrap_or(config.seed);
         config.validate()?;
-        let made = generate::generate(&config, &self.out, self.resume)?;
+        let options = Options { resume: self.resume, strict: self.strict };
+        let Generated { dataset: made, findings } = generate::generate(&config, &self.out, options)?;
         let range = made.db_range();
         let text = format!(
             "{}: {} keyframes, spectra from {:.0} to {:.0} dB, hash {}",
@@ -96,6 +108,7 @@ impl Generate {
             made.hash()
         );
         show(json, made.header(), &text)?;
-        Ok(Verdict::Done)
+        let failed = self.strict && findings.iter().any(|f| f.severity == Severity::Warning);
+        Ok(if failed { Verdict::CheckFailed } else { Verdict::Done })
     }
 }

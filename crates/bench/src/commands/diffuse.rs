@@ -2,8 +2,10 @@
 
 use super::paths::Point;
 use super::{Verdict, print};
+use crate::interrupt;
 use crate::progress::Progress;
 use crate::radio_sensor::{radio_settings, warn_of_geometry};
+use crate::run::claim_shared;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -125,6 +127,7 @@ impl Diffuse {
         if !self.no_transmission {
             warn_of_geometry(&scene);
         }
+        let _held = self.arrivals.as_deref().map(claim_shared).transpose()?;
         let replicas = self.replicas;
         let mut sums = vec![Vec::new(); self.rx.len()];
         let mut progress = Progress::start("diffuse", self.rx.len() * replicas as usize, "receivers/s");
@@ -142,6 +145,7 @@ impl Diffuse {
                 },
             )?;
             for (i, rx) in self.rx.iter().enumerate() {
+                interrupt::check()?;
                 let contributions = field.contributions(rx.0)?;
                 if let Some(folder) = &self.arrivals {
                     write_arrivals(&folder.join(format!("{i:05}-{phase:02}.npy")), &contributions)?;

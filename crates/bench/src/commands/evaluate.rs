@@ -2,9 +2,10 @@
 
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
+use crate::input::Verify;
 use crate::methods::open;
 use crate::record::{Numbers, Outcome};
-use crate::run::write_record;
+use crate::run::claim_shared;
 use crate::{harness, table};
 use anyhow::Result;
 use clap::Args;
@@ -18,6 +19,8 @@ pub struct Evaluate {
     /// Dataset folder, if it has moved since.
     #[arg(long)]
     dataset: Option<PathBuf>,
+    #[command(flatten)]
+    verify: Verify,
     /// What renders the field.
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
@@ -29,17 +32,19 @@ impl Evaluate {
     /// # Errors
     /// A run or dataset that cannot be read.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        let mut run = open::open(&self.run, self.dataset.as_deref(), &self.device.resolve()?)?;
-        let frames = harness::evaluate(run.predictor.as_mut(), &run.dataset, |_, _| Ok(()))?;
+        let mut run = open::open(&self.run, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
+        let _held = claim_shared(&self.run)?;
+        let frames = harness::evaluate(run.predictor.as_mut(), &run.input.dataset, |_, _| Ok(()))?;
         let info = &run.info;
         let numbers = Numbers::of(frames, info.seconds, info.gaussians, info.peak_memory_bytes, info.curve.clone(), info.latency);
         let outcome = Outcome::Done(Box::new(numbers));
-        let mut record = harness::record(&info.method, run.method.as_ref(), &run.dataset, info.seed, outcome);
+        let mut record = harness::record(&info.method, run.method.as_ref(), &run.input, info.seed, outcome);
         // The record is the run's, whoever evaluates it.
         record.provenance = info.provenance.clone();
         record.config = info.config.clone();
         record.device = info.device.clone();
-        write_record(&self.run.join("metrics.json"), &record)?;
+        record.dataset_verified &= info.dataset_verified;
+        record.write(&self.run.join("metrics.json"))?;
         let records = [record];
         show(json, &records[0], &table::plain(&table::rows(&records)))?;
         Ok(Verdict::Done)

@@ -14,11 +14,11 @@ mod render;
 mod scene;
 mod spectrum;
 
-use anyhow::Result;
+use crate::say;
+use anyhow::{Context, Result};
 use clap::Subcommand;
 use corf_scene::Severity;
 use serde::Serialize;
-use std::io::Write;
 
 /// How a command ended, when it ended well enough to say so.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,10 +90,7 @@ impl Command {
 /// # Errors
 /// When standard output cannot be written for another reason.
 pub(crate) fn print(text: &str) -> Result<()> {
-    match writeln!(std::io::stdout(), "{}", text.trim_end()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(()),
-    }
+    say::to_stdout(text).context("cannot write to standard output")
 }
 
 /// Prints a value as JSON or as text.

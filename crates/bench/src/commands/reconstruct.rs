@@ -2,15 +2,15 @@
 
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
+use crate::input::{Input, Verify};
 use crate::method::{Advance, Checkpoints};
 use crate::progress::Progress;
 use crate::provenance::Provenance;
-use crate::run::{RunInfo, SCHEMA, claim_output, write_record};
-use crate::{harness, interrupt, methods};
+use crate::run::{RunInfo, SCHEMA, claim_output, write_numbers};
+use crate::{harness, interrupt, methods, note};
 use anyhow::{Context, Result};
 use clap::Args;
 use corf::LatencySummary;
-use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
 use std::path::PathBuf;
 
@@ -42,9 +42,11 @@ pub struct Reconstruct {
     #[arg(long)]
     resume: bool,
     /// Keep a checkpoint in the output folder after every N keyframes; 0 keeps none. Without it one is kept every half a minute, and on an
-    /// interrupt.
+    /// interrupt where the keyframe at hand ends within two seconds.
     #[arg(long, value_name = "N")]
     checkpoint_every: Option<usize>,
+    #[command(flatten)]
+    verify: Verify,
     /// Where the reconstruction runs.
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
@@ -81,8 +83,9 @@ impl Reconstruct {
     pub fn run(self, json: bool) -> Result<Verdict> {
         let overrides = self.overrides()?;
         let mut method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
-        let dataset = Dataset::open(&self.dataset)?;
-        claim_output(&self.out, self.resume)?;
+        let Input { dataset, verified } = self.verify.open(&self.dataset)?;
+        harness::check_training(method.as_ref(), &dataset)?;
+        let _held = claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");
         if self.resume && info_path.exists() {
             let info: RunInfo = crate::run::read_json(&info_path)?;
@@ -94,7 +97,7 @@ impl Reconstruct {
                 "{} holds a finished run of another method, configuration, seed or dataset\n  help: choose another --out",
                 self.out.display()
             );
-            eprintln!("{} is finished already", self.out.display());
+            note!("{} is finished already", self.out.display());
             show(json, &info, &summary(&info))?;
             return Ok(Verdict::Done);
         }
@@ -122,6 +125,7 @@ impl Reconstruct {
             seed: self.seed,
             dataset: std::path::absolute(&self.dataset)?,
             dataset_hash: dataset.hash().to_owned(),
+            dataset_verified: verified,
             device: method.device(),
             provenance: Provenance::here(),
             seconds: result.seconds,
@@ -136,7 +140,7 @@ impl Reconstruct {
             latency: LatencySummary::of(&result.keyframes),
             keyframe_timings: result.keyframes,
         };
-        write_record(&info_path, &info)?;
+        write_numbers(&info_path, &info)?;
         // What it was kept for is there.
         let _ = std::fs::remove_file(&checkpoint);
         show(json, &info, &summary(&info))?;

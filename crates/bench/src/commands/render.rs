@@ -2,6 +2,7 @@
 
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
+use crate::input::Verify;
 use crate::methods::open;
 use crate::progress::Progress;
 use crate::run::claim_output;
@@ -31,6 +32,8 @@ pub struct Render {
     /// Write into a folder that holds renderings already; poses rendered before are skipped.
     #[arg(long)]
     resume: bool,
+    #[command(flatten)]
+    verify: Verify,
     /// What renders the field.
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
@@ -75,8 +78,8 @@ impl Render {
     /// Bad poses, a run that cannot be read, an occupied output folder.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let poses = read_poses(&self.poses)?;
-        let mut run = open::open(&self.run, self.dataset.as_deref(), &self.device.resolve()?)?;
-        claim_output(&self.out, self.resume)?;
+        let mut run = open::open(&self.run, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
+        let _held = claim_output(&self.out, self.resume)?;
         let source =
             Source { run: sha256_hex(&io::read(self.run.join("run.json"))?), poses: sha256_hex(&io::read(&self.poses)?) };
         let source_path = self.out.join("render.json");
@@ -89,7 +92,7 @@ impl Render {
             );
         }
         run::write_json(&source_path, &source)?;
-        let range = run.dataset.db_range();
+        let range = run.input.dataset.db_range();
         for folder in ["images", "jet", "db", "linear", "depth"] {
             std::fs::create_dir_all(self.out.join(folder))
                 .with_context(|| format!("cannot create {}/{folder}", self.out.display()))?;

@@ -1,6 +1,7 @@
 //! `corf scene`: build the lobby, describe, check and export scenes.
 
 use super::{Verdict, show};
+use crate::run::claim_shared;
 use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
 use corf_scene::config::{SceneConfig, UpAxis, read_toml};
@@ -174,7 +175,9 @@ impl Scene {
             }
             Self::Export(Export { file, to: Format::Sionna, out, poses }) => {
                 let config = SceneConfig::load(&file)?;
-                let summary = sionna::write(&config.load_scene()?, &config, poses, &out)?;
+                let scene = config.load_scene()?;
+                let _held = claim_shared(&out)?;
+                let summary = sionna::write(&scene, &config, poses, &out)?;
                 let text = format!(
                     "{}: {} shapes, {} materials, {} triangles, {} vertices, {} poses",
                     out.display(),

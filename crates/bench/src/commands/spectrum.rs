@@ -2,12 +2,12 @@
 
 use super::{Verdict, show};
 use crate::link::Point;
-use crate::radio_sensor::{Extent, RadioSensor, sensor_settings, warn_of_geometry};
+use crate::radio_sensor::{Extent, RadioSensor, SensorPlan, warn_of_geometry};
 use crate::run::{claim_fresh, write_json};
 use anyhow::{Result, ensure};
 use clap::{Args, ValueEnum};
 use corf_raytrace::bvh::Bvh;
-use corf_raytrace::radio::{Antenna, RadioSettings, RadioTracer, Search, Solids};
+use corf_raytrace::radio::{RadioTracer, Solids};
 use corf_raytrace::spectrum::{Grid, SpectrumSettings, share_in_frame};
 use corf_scene::config::{RfConfig, SceneConfig, SpectrumKind, from_toml};
 use corf_scene::dataset::{EQUIRECTANGULAR_AXES, Quantity};
@@ -144,20 +144,13 @@ impl Spectrum {
         let what = format!("spectra of {}x{} pixels", grid.width(), grid.height());
         bounds::memory("--size", &what, bytes, "give fewer pixels")?;
         let bvh = Bvh::build(&scene);
-        let settings = RadioSettings {
-            max_depth: rf.max_reflections,
-            transmission: rf.transmission,
-            diffraction: rf.diffraction,
-            search: Search::Auto { rays: rf.rays },
-            tx_antenna: Antenna::from(transmitter),
-            ..sensor_settings(&config)
-        };
-        let tracer = RadioTracer::new(&scene, &bvh, settings)?;
-        let sensor = RadioSensor::new(&rf, self.seed, transmitter, &config.receiver, &scene, &tracer)?;
+        let plan = SensorPlan::from_parts(&rf, self.seed, transmitter, &config);
+        let tracer = RadioTracer::new(&scene, &bvh, plan.tracing)?;
+        let sensor = RadioSensor::new(&plan, &scene, &tracer)?;
         sensor.check_distances([&pose])?;
         let kinds: Vec<SpectrumKind> = self.kind.iter().map(|kind| SpectrumKind::from(*kind)).collect();
         let received = sensor.receive(&pose, Extent::needed(&kinds, grid, config.receiver.rear))?;
-        claim_fresh(&self.out)?;
+        let _held = claim_fresh(&self.out)?;
         let all = received.looks.concat();
         let power: f64 = all.iter().map(|a| a.power).sum();
         let mut spectra = Vec::new();

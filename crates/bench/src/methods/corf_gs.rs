@@ -132,6 +132,11 @@ impl Method for CorfGs {
         self.config.reconstruction.consumes_ground_truth_depth()
     }
 
+    /// Depth comes from views of one thing from several places.
+    fn least_keyframes(&self) -> usize {
+        2
+    }
+
     fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {
         self.checkpoints = Some(checkpoints);
     }
@@ -159,6 +164,13 @@ impl Method for CorfGs {
         let before = training.len() * stages;
         let ended = reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| relay.tell(before + done, total));
         relay.settle(ended).map_err(|e| keeper.explain(e))?;
+        anyhow::ensure!(
+            reconstructor.gaussian_count() > 0,
+            "{}: {} training keyframes gave no Gaussians, so there is no field\n  help: `corf dataset validate` says whether images are black or \
+             depth is empty; with `depth.prior = \"none\"` neighbouring keyframes must see the same things",
+            self.id,
+            training.len()
+        );
         // A keyframe whose last steps waited for another has ended now.
         let keyframe = reconstructor.timings().get(told);
         (relay.advance)(Advance { gaussians: Some(reconstructor.gaussian_count()), keyframe, ..Advance::of(total, total) })?;

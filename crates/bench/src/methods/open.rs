@@ -2,6 +2,7 @@
 
 use super::{corf_gs, create};
 use crate::device::Backend;
+use crate::input::{Input, Verify};
 use crate::method::{Method, Predictor, TrainingSet};
 use crate::run::{RunInfo, SCHEMA, read_json};
 use anyhow::{Context, Result, ensure};
@@ -13,24 +14,26 @@ pub struct OpenRun {
     /// `run.json`.
     pub info: RunInfo,
     /// The dataset it was made from.
-    pub dataset: Dataset,
+    pub input: Input,
     /// The method, made again.
     pub method: Box<dyn Method>,
     /// The field.
     pub predictor: Box<dyn Predictor>,
 }
 
-/// Opens a run folder; `dataset` says where the dataset is now, if it has moved, and `backend` what renders its field.
+/// Opens a run folder; `dataset` says where the dataset is now, if it has moved, `verify` whether its files are checked, and `backend`
+/// what renders its field.
 ///
 /// # Errors
 /// A folder without `run.json` (not a run, or not finished), a changed dataset, a damaged field.
-pub fn open(folder: &Path, dataset: Option<&Path>, backend: &Backend) -> Result<OpenRun> {
+pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Backend) -> Result<OpenRun> {
     let info: RunInfo = read_json(&folder.join("run.json")).with_context(|| {
         format!("{} holds no finished run\n  help: run `corf reconstruct` with --out {0} first", folder.display())
     })?;
     ensure!(info.schema == SCHEMA, "{}: schema {} is not {SCHEMA}", folder.display(), info.schema);
     let place = dataset.unwrap_or(&info.dataset);
     let dataset = Dataset::open(place).with_context(|| "the run's dataset cannot be opened; name its place with --dataset")?;
+    // Which dataset it is comes first: another one is whole as well.
     ensure!(
         dataset.hash() == info.dataset_hash,
         "{} is not the dataset this run was made from (hash {} instead of {})\n  help: name the right one with --dataset",
@@ -38,6 +41,8 @@ pub fn open(folder: &Path, dataset: Option<&Path>, backend: &Backend) -> Result<
         dataset.hash(),
         info.dataset_hash
     );
+    let input = Input::of(dataset, verify.wanted())?;
+    let dataset = &input.dataset;
     let method = create(&info.method, &info.overrides, backend)?;
     ensure!(
         info.method.starts_with("corf-gs") || method.config() == info.config,
@@ -45,10 +50,10 @@ pub fn open(folder: &Path, dataset: Option<&Path>, backend: &Backend) -> Result<
         folder.display()
     );
     let predictor: Box<dyn Predictor> = if info.method.starts_with("corf-gs") {
-        Box::new(corf_gs::CorfField::load(folder, &info.config, &dataset, backend)?)
+        Box::new(corf_gs::CorfField::load(folder, &info.config, dataset, backend)?)
     } else {
         // A lookup is its dataset.
-        method.reconstruct(&TrainingSet::new(&dataset), info.seed, &mut |_| Ok(()))?
+        method.reconstruct(&TrainingSet::new(dataset), info.seed, &mut |_| Ok(()))?
     };
-    Ok(OpenRun { info, dataset, method, predictor })
+    Ok(OpenRun { info, input, method, predictor })
 }

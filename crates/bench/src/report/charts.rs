@@ -1,5 +1,6 @@
 //! Charts as inline SVG.
 
+use crate::escape;
 use crate::record::{Numbers, Outcome, Record};
 use anyhow::{Result, anyhow};
 use plotters::prelude::*;
@@ -14,6 +15,9 @@ const PALETTE: [RGBColor; 8] = [
     RGBColor(12, 133, 153),
     RGBColor(150, 110, 20),
 ];
+
+/// Axes longer than this have no ticks to be read.
+const LARGEST_SPAN: f64 = 1e15;
 
 struct Line<'a> {
     label: &'a str,
@@ -48,6 +52,19 @@ fn chart(title: &str, x: &str, y: &str, lines: &[Line<'_>], from_zero: bool) -> 
     if from_zero {
         y_range.0 = 0.0;
     }
+    // An axis needs room for its ticks: what cannot be drawn is said, for drawing would not end well.
+    let spans = [x_range, y_range].map(|(low, high)| (low, high, high - low));
+    if spans
+        .iter()
+        .any(|(low, high, span)| !(span.is_finite() && *span > 1e-9 * low.abs().max(high.abs()) && *span < LARGEST_SPAN))
+    {
+        return Ok(format!(
+            "<p class=\"note\">{}: values from {:.3e} to {:.3e} cannot be drawn.</p>",
+            escape::html(title),
+            y_range.0,
+            y_range.1
+        ));
+    }
     // Head room for the legend, a share of the height for each line of it.
     y_range.1 += 0.095 * (lines.len() as f64) * (y_range.1 - y_range.0);
     let mut svg = String::new();
@@ -60,7 +77,7 @@ fn chart(title: &str, x: &str, y: &str, lines: &[Line<'_>], from_zero: bool) -> 
             .margin(10)
             .x_label_area_size(38)
             .y_label_area_size(58)
-            .build_cartesian_2d(x_range.0.max(0.0)..x_range.1, y_range.0..y_range.1)
+            .build_cartesian_2d(x_range.0.max(0.0).min(x_range.1 - 1e-3)..x_range.1, y_range.0..y_range.1)
             .map_err(|e| wrong(&e))?;
         chart
             .configure_mesh()
@@ -76,7 +93,7 @@ fn chart(title: &str, x: &str, y: &str, lines: &[Line<'_>], from_zero: bool) -> 
             chart
                 .draw_series(LineSeries::new(line.points.iter().copied(), style))
                 .map_err(|e| wrong(&e))?
-                .label(line.label)
+                .label(escape::plain(line.label))
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(3)));
         }
         let mut legend = chart.configure_series_labels();
@@ -112,4 +129,28 @@ pub(super) fn growth(records: &[Record]) -> Result<String> {
     let with_gaussians: Vec<Line<'_>> = lines(|p| p.gaussians.map(|_| 100.0 * p.progress));
     let progress = chart("Work done", "time, s", "%", &with_gaussians, true)?;
     Ok(format!("<div class=\"charts\">{count}{progress}</div>"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_that_no_axis_holds_are_told_and_not_drawn() {
+        let chart_of = |points: Vec<(f64, f64)>| chart("PSNR <b>", "x", "y", &[Line { label: "a<b", points }], false).unwrap();
+        for points in [
+            vec![(0.0, 1.7e308), (1.0, 2.0)],
+            vec![(0.0, -1.7e308), (1.0, 1.7e308)],
+            vec![(0.0, 1e300), (1.0, 1e300)],
+            vec![(0.0, f64::NAN), (1.0, f64::INFINITY)],
+            vec![(f64::NAN, f64::NAN)],
+            vec![(1.7e308, 0.0), (0.0, 1.0)],
+        ] {
+            assert!(chart_of(points.clone()).contains("cannot be drawn"), "{points:?}");
+        }
+        for points in [vec![(0.0, 20.0), (1.0, 21.0)], vec![(1.0, 5.0)], vec![(-3.0, 1e9), (-2.0, 1e12)], vec![(0.0, 0.0)]] {
+            let svg = chart_of(points.clone());
+            assert!(svg.contains("<svg") && !svg.contains("a<b"), "{points:?}");
+        }
+    }
 }

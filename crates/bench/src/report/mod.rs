@@ -4,6 +4,7 @@ mod charts;
 mod pictures;
 mod plan_view;
 
+use crate::escape::html as escape;
 use crate::metrics::COLUMNS;
 use crate::plan::{Plan, slug};
 use crate::predictions;
@@ -30,11 +31,6 @@ pub struct Report<'a> {
     pub records: &'a [Record],
     /// Folder of the kept predictions, one sub-folder a row.
     pub predictions: &'a Path,
-}
-
-/// Text as HTML.
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// Writes the report atomically.
@@ -69,30 +65,22 @@ fn html(report: &Report<'_>) -> Result<String> {
     Ok(out)
 }
 
-/// The Markdown table as HTML: one source for both.
+/// The short table.
 fn html_table(rows: &[table::Row<'_>]) -> String {
-    let markdown = table::markdown(rows);
-    let mut out = String::from("<div class=\"scroll\"><table>");
-    let mut note = String::new();
-    for (i, line) in markdown.lines().enumerate() {
-        if let Some(inner) = line.strip_prefix('|') {
-            if i == 1 {
-                continue;
-            }
-            let tag = if i == 0 { "th" } else { "td" };
-            let cells = inner.trim_end_matches('|').split('|').map(str::trim);
-            out.push_str("<tr>");
-            for cell in cells {
-                let bold = cell.strip_prefix("**").and_then(|c| c.strip_suffix("**"));
-                let text = bold.map_or_else(|| escape(cell), |b| format!("<b>{}</b>", escape(b)));
-                let _ = write!(out, "<{tag}>{text}</{tag}>");
-            }
-            out.push_str("</tr>");
-        } else {
-            note.push_str(line);
+    let short = table::short(rows);
+    let mut out = String::from("<div class=\"scroll\"><table><tr>");
+    short.headings.iter().for_each(|h| out.push_str(&format!("<th>{}</th>", escape(h))));
+    out.push_str("</tr>");
+    for line in &short.lines {
+        let _ = write!(out, "<tr><td>{}{}</td>", escape(line.label), if line.failed { " (failed cells)" } else { "" });
+        for (i, cell) in line.cells.iter().enumerate() {
+            let text = escape(cell);
+            let text = if line.bold == Some(i) { format!("<b>{text}</b>") } else { text };
+            let _ = write!(out, "<td>{text}</td>");
         }
+        out.push_str("</tr>");
     }
-    let _ = write!(out, "</table></div><p class=\"note\">{}</p>", escape(&note));
+    let _ = write!(out, "</table></div><p class=\"note\">{}</p>", escape(&short.note));
     out
 }
 
@@ -105,8 +93,8 @@ fn all_metrics(records: &[Record]) -> String {
         match &record.outcome {
             Outcome::Done(n) => {
                 for c in COLUMNS {
-                    let value = n.means.get(c.key).copied().unwrap_or(f64::NAN);
-                    let _ = write!(out, "<td>{value:.*}</td>", c.digits);
+                    let value = n.means.get(c.key).map_or("–".to_owned(), |v| format!("{v:.*}", c.digits));
+                    let _ = write!(out, "<td>{value}</td>");
                 }
             }
             Outcome::Failed { error } => {

@@ -1,6 +1,7 @@
 //! Truth, prediction and error beside each other, with one shared colour bar.
 
-use super::{Report, escape, kept, row_folder};
+use super::{Report, kept, row_folder};
+use crate::escape::html as escape;
 use crate::predictions::{self, Kept};
 use anyhow::Result;
 use base64::Engine;

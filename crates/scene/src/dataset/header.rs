@@ -6,7 +6,7 @@ use crate::keyframe::DbRange;
 use crate::model::Permittivity;
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::{TrajectoryPose, generate_between};
-use crate::{Equirectangular, Error, Pinhole, Result, Rigid3, Scene, io};
+use crate::{Equirectangular, Error, Pinhole, Result, Rigid3, Scene, fingerprint, io};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -57,6 +57,10 @@ pub struct DatasetHeader {
     pub objects: Vec<String>,
     /// SHA-256 of the mesh file.
     pub scene_sha256: Option<String>,
+    /// [`crate::fingerprint::of_scene`] of a scene whose mesh file names others (materials, buffers, textures): the mesh file's own hash
+    /// does not say that those are the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene_content_sha256: Option<String>,
     /// The resolved dataset configuration it was generated from.
     pub config: Option<DatasetConfig>,
     /// The resolved scene configuration it was generated from.
@@ -166,6 +170,9 @@ impl DatasetHeader {
                 "add [trajectory] with waypoints_m = [[x, y], ...]",
             ));
         };
+        let mesh_path = scene_config.mesh_path();
+        let mesh = io::read(&mesh_path)?;
+        let stands_alone = fingerprint::stands_alone(&mesh_path, &mesh);
         Ok(Self {
             name: config.name.clone(),
             seed: config.seed,
@@ -184,7 +191,8 @@ impl DatasetHeader {
             sampling_error: None,
             split: config.split,
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
-            scene_sha256: Some(io::sha256_hex(&io::read(scene_config.mesh_path())?)),
+            scene_sha256: Some(io::sha256_hex(&mesh)),
+            scene_content_sha256: (!stands_alone).then(|| fingerprint::of_scene(scene)),
             config: Some(config.clone()),
             scene: Some(scene_config.clone()),
             poses: generate_between(trajectory, config.keyframes, config.way)?,

@@ -14,9 +14,12 @@
 //! No file but `images/N.png` ends in `N.png`, because some readers match images by suffix.
 
 mod conventions;
+mod darkness;
 mod export;
 mod header;
+mod identity;
 mod layout;
+mod leftovers;
 mod reader;
 mod validate;
 mod writer;
@@ -24,6 +27,7 @@ mod writer;
 pub use conventions::{Conventions, EQUIRECTANGULAR_AXES};
 pub use export::ColoredPoint;
 pub use header::{DATASET_SCHEMA, DatasetHeader, MaterialRecord, Quantity, SamplingError, Summary};
+pub use identity::check_finished;
 pub use reader::Dataset;
 pub use validate::validate;
 pub use writer::{DatasetWriter, FrameData};

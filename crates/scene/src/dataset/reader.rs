@@ -2,11 +2,14 @@
 
 use super::conventions::Conventions;
 use super::header::{DATASET_SCHEMA, DatasetFile, DatasetHeader, Summary, from_json, read_trajectory};
-use super::{layout, writer};
+use super::{layout, validate, writer};
 use crate::keyframe::DbRange;
 use crate::trajectory::TrajectoryPose;
 use crate::{Error, Keyframe, Pinhole, Raster, Result, io};
 use std::path::{Path, PathBuf};
+
+/// Further changed files that a message names.
+const NAMED: usize = 5;
 
 /// A finished dataset on disk. Keyframes are read one at a time.
 #[derive(Clone, Debug)]
@@ -66,6 +69,23 @@ impl Dataset {
             return Err(Error::invalid(path.display().to_string(), "db_range is empty", "max_db must be above min_db"));
         }
         Ok(Self { dir: dir.to_path_buf(), file, hash })
+    }
+
+    /// Checks every file that the dataset records against its SHA-256.
+    ///
+    /// # Errors
+    /// The files that are missing or others than the recorded ones, by name.
+    pub fn verify(&self) -> Result<()> {
+        let changed = validate::changed_files(self);
+        let Some(first) = changed.first() else { return Ok(()) };
+        let others: String = changed.iter().skip(1).take(NAMED).map(|f| format!("\n    {}: {}", f.place, f.what)).collect();
+        let more = changed.len().saturating_sub(1 + NAMED);
+        let more = if more > 0 { format!("\n    and {more} more") } else { String::new() };
+        Err(Error::invalid(
+            first.place.as_str(),
+            format!("{}{others}{more}", first.what),
+            "restore the original files or generate the dataset again; `corf dataset validate` lists all that is wrong",
+        ))
     }
 
     /// The folder.

@@ -42,6 +42,7 @@ fn header() -> DatasetHeader {
         split: SplitConfig { test_every: 4, held_out_segment: Some([5, 2]) },
         objects: vec!["floor".into(), "wall".into()],
         scene_sha256: None,
+        scene_content_sha256: None,
         config: None,
         scene: None,
         poses: poses(),

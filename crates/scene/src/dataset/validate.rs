@@ -1,5 +1,6 @@
 //! Replays the rules of the tools that read a dataset, and its own.
 
+use super::darkness::{self, Sight};
 use super::export::Modality as Modalities;
 use super::{Dataset, layout};
 use crate::finding::Finding;
@@ -20,8 +21,11 @@ const POSE_TOLERANCE: f64 = 1e-6;
 pub fn validate(dir: impl AsRef<Path>) -> Result<Vec<Finding>> {
     let dataset = Dataset::open(dir)?;
     let mut findings = check_files(&dataset)?;
-    let of_frames: Vec<Vec<Finding>> = (0..dataset.len()).into_par_iter().map(|i| check_keyframe(&dataset, i)).collect();
-    findings.extend(of_frames.into_iter().flatten());
+    let of_frames: Vec<(Vec<Finding>, Option<Sight>)> =
+        (0..dataset.len()).into_par_iter().map(|i| check_keyframe(&dataset, i)).collect();
+    let sights: Vec<Sight> = of_frames.iter().filter_map(|(_, sight)| *sight).collect();
+    findings.extend(of_frames.into_iter().flat_map(|(of_frame, _)| of_frame));
+    findings.extend(darkness::findings(&dataset.dir().display().to_string(), &sights));
     let file = dataset.file();
     if file.conventions != super::conventions::of(&file.header, &file.db_range) {
         let place = dataset.dir().join(layout::DATASET_JSON).display().to_string();
@@ -60,7 +64,7 @@ fn files_below(dir: &Path) -> Result<Vec<String>> {
             let relative = folder.join(entry.file_name());
             if entry.file_type().map_err(Error::io("read", entry.path()))?.is_dir() {
                 folders.push(relative);
-            } else {
+            } else if entry.file_name() != crate::lock::FILE_NAME {
                 found.push(relative.iter().map(|c| c.to_string_lossy()).collect::<Vec<_>>().join("/"));
             }
         }
@@ -69,8 +73,8 @@ fn files_below(dir: &Path) -> Result<Vec<String>> {
     Ok(found)
 }
 
-/// Sizes and hashes; files nobody listed.
-fn check_files(dataset: &Dataset) -> Result<Vec<Finding>> {
+/// Every listed file that is not the one that was recorded, by name.
+pub(super) fn changed_files(dataset: &Dataset) -> Vec<Finding> {
     let listed = &dataset.file().files;
     let mut findings: Vec<Finding> = listed
         .par_iter()
@@ -89,9 +93,19 @@ fn check_files(dataset: &Dataset) -> Result<Vec<Finding>> {
         })
         .collect();
     findings.sort_by(|a, b| a.place.cmp(&b.place));
+    findings
+}
+
+/// Sizes and hashes; files nobody listed.
+fn check_files(dataset: &Dataset) -> Result<Vec<Finding>> {
+    let listed = &dataset.file().files;
+    let mut findings = changed_files(dataset);
     for name in files_below(dataset.dir())? {
         if name != layout::DATASET_JSON && !listed.contains_key(&name) {
-            let help = if name.ends_with(".ply") {
+            let temporary = name.rsplit('/').next().is_some_and(|n| io::is_temporary(n.as_ref()));
+            let help = if temporary {
+                "a process was killed while it wrote: `corf dataset generate ... --resume` removes it"
+            } else if name.ends_with(".ply") {
                 "move it out: Brush starts from the last .ply anywhere in the folder"
             } else {
                 "move it out of the dataset"
@@ -102,11 +116,13 @@ fn check_files(dataset: &Dataset) -> Result<Vec<Finding>> {
     Ok(findings)
 }
 
-fn check_keyframe(dataset: &Dataset, index: usize) -> Vec<Finding> {
+/// What is wrong with a keyframe, and what it shows where it can be read.
+fn check_keyframe(dataset: &Dataset, index: usize) -> (Vec<Finding>, Option<Sight>) {
     let keyframe = match dataset.keyframe(index) {
         Ok(keyframe) => keyframe,
-        Err(e) => return vec![of_error(e)],
+        Err(e) => return (vec![of_error(e)], None),
     };
+    let sight = Some(Sight::of(&keyframe.image, keyframe.depth_m.as_ref()));
     let mut findings = Vec::new();
     let mut fail = |name: String, what: &str, help: &str| {
         findings.push(Finding::error(dataset.dir().join(name).display().to_string(), what, help));
@@ -117,7 +133,7 @@ fn check_keyframe(dataset: &Dataset, index: usize) -> Vec<Finding> {
         fail(layout::spectrum(index), "its peak is above the dataset's dB range", "generate the dataset again");
     }
     match io::read_png(dataset.dir().join(layout::rf_image(index))) {
-        Err(e) => return findings.into_iter().chain([of_error(e)]).collect(),
+        Err(e) => return (findings.into_iter().chain([of_error(e)]).collect(), sight),
         Ok(image) if image != range.jet_image(&keyframe.spectrum) => {
             fail(layout::rf_image(index), "is not the Jet image of the spectrum", "generate the dataset again");
         }
@@ -134,7 +150,7 @@ fn check_keyframe(dataset: &Dataset, index: usize) -> Vec<Finding> {
     {
         fail(layout::depth(index), "has a depth that is negative or no number", "generate the dataset again");
     }
-    findings
+    (findings, sight)
 }
 
 /// One modality's folder, as another tool sees it.

@@ -1,10 +1,12 @@
 //! Writing a dataset keyframe by keyframe, so that an interrupted run can go on where it stopped.
 
 use super::conventions;
+use super::darkness::{self, Sight};
 use super::export::{self, Modality};
 use super::header::{DATASET_SCHEMA, DatasetFile, DatasetHeader, FileRecord, RfFrames, SplitLists, Summary};
 use super::header::{from_json, generator, to_json, trajectory_json};
-use super::layout;
+use super::{identity, layout, leftovers};
+use crate::finding::Finding;
 use crate::keyframe::DbRange;
 use crate::{Error, Raster, Result, io};
 use rayon::prelude::*;
@@ -41,6 +43,9 @@ pub struct FrameData {
 struct FrameRecord {
     peak: f32,
     share_in_frame: Option<f64>,
+    /// Whether its image is black, and its depth empty.
+    black: bool,
+    empty: bool,
     files: BTreeMap<String, FileRecord>,
 }
 
@@ -74,6 +79,9 @@ impl DatasetWriter {
             return Err(Error::invalid(dir.display().to_string(), "a dataset without keyframes", "give at least one pose"));
         }
         std::fs::create_dir_all(dir).map_err(Error::io("create", dir))?;
+        if resume {
+            leftovers::remove_temporary(dir)?;
+        }
         let mut entries = std::fs::read_dir(dir).map_err(Error::io("read", dir))?;
         let occupied = entries.next().transpose().map_err(Error::io("read", dir))?.is_some();
         let mut writer = Self { dir: dir.to_path_buf(), header: header.clone(), finished: false };
@@ -92,23 +100,16 @@ impl DatasetWriter {
             let header =
                 DatasetHeader { poses: super::header::read_trajectory(&dir.join(layout::TRAJECTORY_JSON))?, ..file.header };
             writer.finished = true;
-            Some((file.generator, header.hash()?))
+            let sha = header.hash()?;
+            Some((file.generator, sha, header))
         } else if partial.exists() {
             let file: Partial = from_json(&io::read_text(&partial)?, &partial)?;
-            Some((file.generator, file.header_sha256))
+            Some((file.generator, file.header_sha256, file.header))
         } else {
             None
         };
         match previous {
-            Some((by, there)) if there != sha || by != generator() => {
-                let what =
-                    if by == generator() { "another configuration".to_string() } else { format!("another version ({by})") };
-                return Err(Error::invalid(
-                    dir.display().to_string(),
-                    format!("the dataset there was begun with {what}"),
-                    "give a new folder, or the configuration and version it was begun with",
-                ));
-            }
+            Some((by, there, its)) if there != sha || by != generator() => return Err(identity::another(dir, &by, &its, header)),
             None if occupied => {
                 return Err(Error::invalid(
                     dir.display().to_string(),
@@ -146,6 +147,16 @@ impl DatasetWriter {
     fn record(&self, index: usize) -> Result<FrameRecord> {
         let path = self.dir.join(layout::progress(index));
         from_json(&io::read_text(&path)?, &path)
+    }
+
+    /// What is to be said of keyframes that show nothing, before [`DatasetWriter::finish`]: a black image, a depth without a surface.
+    ///
+    /// # Errors
+    /// A keyframe that is not there.
+    pub fn dark_findings(&self) -> Result<Vec<Finding>> {
+        let sight = |i: usize| self.record(i).map(|FrameRecord { black, empty, .. }| Sight { black, empty });
+        let sights: Vec<Sight> = (0..self.len()).map(sight).collect::<Result<_>>()?;
+        Ok(darkness::findings(&self.dir.display().to_string(), &sights))
     }
 
     fn present(&self, record: &FrameRecord) -> bool {
@@ -192,7 +203,8 @@ impl DatasetWriter {
         if let Some(paths) = &frame.paths_jsonl {
             put(layout::paths(index), io::gzip(paths.as_bytes())?)?;
         }
-        let record = FrameRecord { peak: peak(&frame.spectrum), share_in_frame: frame.share_in_frame, files };
+        let Sight { black, empty } = Sight::of(&frame.image, frame.depth_m.as_ref());
+        let record = FrameRecord { peak: peak(&frame.spectrum), share_in_frame: frame.share_in_frame, black, empty, files };
         io::write_atomic(self.dir.join(layout::progress(index)), to_json(&record)?.as_bytes())
     }
 
@@ -248,7 +260,7 @@ impl DatasetWriter {
     /// A keyframe is missing, no keyframe received any power, or a file cannot be read or written.
     pub fn finish(&self) -> Result<()> {
         if self.finished {
-            return self.forget_progress();
+            return leftovers::forget_progress(&self.dir);
         }
         let missing: Vec<usize> = (0..self.len()).filter(|i| !self.is_complete(*i)).collect();
         if let Some(first) = missing.first() {
@@ -318,24 +330,11 @@ impl DatasetWriter {
             files,
         };
         io::write_atomic(self.dir.join(layout::DATASET_JSON), to_json(&file)?.as_bytes())?;
-        self.forget_progress()
+        leftovers::forget_progress(&self.dir)
     }
 
     fn spectrum(&self, index: usize) -> Result<Raster<f32>> {
         io::read_exr_f32(self.dir.join(layout::spectrum(index)))
-    }
-
-    /// Removes what recorded the making of a dataset that is now whole.
-    fn forget_progress(&self) -> Result<()> {
-        let progress = self.dir.join(layout::PROGRESS_DIR);
-        if progress.exists() {
-            std::fs::remove_dir_all(&progress).map_err(Error::io("remove", &progress))?;
-        }
-        let partial = self.dir.join(layout::PARTIAL_JSON);
-        if partial.exists() {
-            std::fs::remove_file(&partial).map_err(Error::io("remove", &partial))?;
-        }
-        Ok(())
     }
 }
 

@@ -120,7 +120,7 @@ fn hole_findings(scene: &Scene, parts: &[Part]) -> Vec<Finding> {
     worst.into_iter().map(finding).collect()
 }
 
-/// Transmitters and trajectory poses inside of bodies or on top of one another.
+/// Transmitters and trajectory poses inside of bodies, on top of one another (errors), or outside of the scene's bounds (warnings).
 pub fn placement_findings(config: &SceneConfig, scene: &Scene) -> Vec<Finding> {
     let solids = Solids::of(scene);
     let poses: Vec<DVec3> = config
@@ -163,6 +163,36 @@ pub fn placement_findings(config: &SceneConfig, scene: &Scene) -> Vec<Finding> {
             };
             findings.push(Finding::error(format!("{file}: trajectory.waypoints_m"), what, help));
         }
+    }
+    findings.extend(outside_findings(config, scene, &poses));
+    findings
+}
+
+/// Warnings of transmitters and of a way that lie outside of the box around all that the scene holds. That is sound around an open scene
+/// (a wall, a piece of street), and a mistake of units, axes or origins around a room.
+fn outside_findings(config: &SceneConfig, scene: &Scene, poses: &[DVec3]) -> Vec<Finding> {
+    let Some(bounds) = scene.bounds() else { return Vec::new() };
+    let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+    let beyond_m = |p: DVec3| (p - p.clamp(min, max)).length();
+    let file = config.source.display();
+    let help = format!(
+        "the scene reaches from {min:.2} to {max:.2} m: nothing is wrong where it is meant to be open; otherwise check units, axes and origin"
+    );
+    let named = config.transmitters.iter().map(|(name, t)| (format!("transmitters.{name}"), t));
+    let mut findings = Vec::new();
+    for (key, transmitter) in std::iter::once(("transmitter".to_owned(), &config.transmitter)).chain(named) {
+        let tx = transmitter.position();
+        if beyond_m(tx) > 0.0 {
+            let what = format!("{tx} lies {:.2} m outside of the scene", beyond_m(tx));
+            findings.push(Finding::new(Severity::Warning, format!("{file}: {key}.position_m"), what, help.as_str()));
+        }
+    }
+    let outside: Vec<&DVec3> = poses.iter().filter(|p| beyond_m(**p) > 0.0).collect();
+    if let Some(farthest) = outside.iter().max_by(|a, b| beyond_m(***a).total_cmp(&beyond_m(***b))) {
+        let share = (100 * outside.len()).div_ceil(poses.len());
+        let what =
+            format!("{share} % of the way lies outside of the scene, up to {:.2} m, as at {farthest:.2}", beyond_m(**farthest));
+        findings.push(Finding::new(Severity::Warning, format!("{file}: trajectory"), what, help.as_str()));
     }
     findings
 }
@@ -324,6 +354,16 @@ mod tests {
         let through = texts("[1.0, 1.0, 2.0]", "[[1.5, 3.5], [6.5, 3.5], [6.5, 6.5], [1.5, 6.5]]");
         assert!(through.len() == 1 && through[0].contains("waypoints_m") && through[0].contains("\"pillar\""), "{through:?}");
         let outside = texts("[9.0, 1.0, 2.0]", around);
-        assert!(outside.len() == 1 && outside[0].contains("\"room\""), "{outside:?}");
+        assert!(outside.len() == 2 && outside[0].contains("\"room\""), "{outside:?}");
+        assert!(outside[1].starts_with("warning") && outside[1].contains("lies 1.00 m outside of the scene"), "{outside:?}");
+        // A wall alone surrounds nobody: that is told and not refused.
+        let mut wall = scene();
+        add_box(&mut wall, "wall", 0, Vec3::ZERO, Vec3::new(8.0, 0.2, 3.0), CLOSED);
+        let text = "[scene]\nfile = \"w.glb\"\n[transmitter]\nposition_m = [1.0, 1.2, 2.0]\n[trajectory]\nheight_m = 1.5\nwaypoints_m = [[1, 1], [4, 1], [4, 3]]\n";
+        let config: SceneConfig = from_toml(text, "t.toml").unwrap();
+        let open = placement_findings(&config, &wall);
+        assert!(open.len() == 2 && open.iter().all(|f| f.severity == Severity::Warning), "{open:?}");
+        assert!(open[0].what.contains("1.00 m outside") && open[1].what.contains("100 % of the way"), "{open:?}");
+        config.check_placement(&wall).unwrap();
     }
 }

@@ -9,6 +9,7 @@
 //! directions shows it: the distance of the samplings' means. That is blurred by both means' own errors, so it comes out too large as well.
 
 use super::{AT_ONCE, Platform, power};
+use crate::interrupt;
 use crate::progress::Progress;
 use anyhow::Result;
 use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Transmitter};
@@ -183,9 +184,11 @@ impl Study<'_, '_> {
         let (camera, count) = (self.platform.config.rf_camera(), positions.len());
         let mut progress = Progress::start(what, self.replicas as usize * count, "positions");
         for number in 1..=self.replicas {
+            interrupt::check()?;
             let sampling = DiffuseSettings { phase: before + number, ..*sampling };
             let field = DiffuseField::new(self.platform.tracer, self.transmitter.position(), &sampling)?;
             for (i, batch) in positions.chunks_mut(AT_ONCE).enumerate() {
+                interrupt::check()?;
                 batch.par_iter_mut().try_for_each(|position| -> corf_scene::Result<()> {
                     let pose = &position.pose.world_from_camera;
                     let scattered = self.platform.gather(&field, pose)?;

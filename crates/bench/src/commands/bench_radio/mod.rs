@@ -7,14 +7,14 @@ mod errors;
 
 use super::spectrum::Kind;
 use super::{Verdict, show};
-use crate::generate;
+use crate::interrupt;
 use crate::progress::Progress;
-use crate::radio_sensor::{Extent, element_at, noncoherent, sensor_settings, warn_of_geometry};
+use crate::radio_sensor::{Extent, SensorPlan, element_at, noncoherent, warn_of_geometry};
 use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
-use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Path, RadioSettings, RadioTracer, Search};
-use corf_raytrace::spectrum::{self, Grid, SpectrumSettings};
+use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Path, RadioTracer};
+use corf_raytrace::spectrum;
 use corf_scene::Rigid3;
 use corf_scene::config::{DatasetConfig, ReceiverConfig, SpectrumKind};
 use corf_scene::trajectory;
@@ -98,20 +98,24 @@ struct Answer {
     triangles: usize,
     positions: usize,
     depth: usize,
-    after: usize,
+    transmission: bool,
+    diffraction: bool,
+    transmitter_m: [f64; 3],
+    /// This and what follows of the diffuse field is absent where the dataset has none.
+    after: Option<usize>,
     powers: bool,
     /// Kind of the spectra.
     spectrum: SpectrumKind,
-    directions: usize,
-    photons: usize,
-    patch_size_m: f64,
-    sources: usize,
-    patches: usize,
-    photon_tables_mb: f64,
+    directions: Option<usize>,
+    photons: Option<usize>,
+    patch_size_m: Option<f64>,
+    sources: Option<usize>,
+    patches: Option<usize>,
+    photon_tables_mb: Option<f64>,
     seconds: Stages,
-    /// 10 log10 of the mean over positions, relative to 1 W transmitted.
-    mean_specular_db: f64,
-    mean_diffuse_db: f64,
+    /// 10 log10 of the mean over positions, relative to 1 W transmitted; absent without any power.
+    mean_specular_db: Option<f64>,
+    mean_diffuse_db: Option<f64>,
     standard_error: Option<Errors>,
 }
 
@@ -145,6 +149,8 @@ impl Radio {
     pub fn run(self, json: bool) -> Result<Verdict> {
         let mut config = DatasetConfig::load(&self.config)?;
         config.rf.spectrum = self.spectrum.map_or(config.rf.spectrum, SpectrumKind::from);
+        config.rf.max_reflections = self.depth.unwrap_or(config.rf.max_reflections);
+        config.validate()?;
         let scene_config = config.load_scene_config()?;
         let Some(way) = scene_config.trajectory.as_ref() else {
             bail!("{}: no [trajectory]\n  help: positions are taken along it", scene_config.source.display());
@@ -152,52 +158,33 @@ impl Radio {
         let poses = trajectory::generate_between(way, self.positions.unwrap_or(config.keyframes), config.way)?;
         let scene = scene_config.load_scene()?;
         scene_config.check_radio(&scene)?;
+        scene_config.check_placement(&scene)?;
         if config.rf.transmission {
             warn_of_geometry(&scene);
         }
         let mut seconds = Stages::default();
         let bvh = timed(&mut seconds.hierarchy, || Bvh::build(&scene));
-        let settings = RadioSettings {
-            max_depth: self.depth.unwrap_or(config.rf.max_reflections),
-            transmission: config.rf.transmission,
-            search: Search::Auto { rays: config.rf.rays },
-            ..sensor_settings(&scene_config)
-        };
-        let mut sampling = generate::diffuse_settings(&config.rf);
-        sampling.directions = self.directions.unwrap_or(sampling.directions);
-        sampling.photons = self.photons.unwrap_or(sampling.photons);
-        sampling.patch_size_m = self.patch_size.unwrap_or(sampling.patch_size_m);
-        sampling.min_mirror_sr = self.mirror_sr.unwrap_or(sampling.min_mirror_sr);
-        sampling.after = self.after.unwrap_or(sampling.after);
-        if self.powers {
-            sampling.resolution_deg = 0.0;
-        }
-        if let Some(directions) = self.reference_directions {
-            ensure!(
-                self.replicas >= 2,
-                "--reference-directions: {} replicas show no error\n  help: give --replicas 2 or more",
-                self.replicas
-            );
-            DiffuseSettings { directions, ..sampling }.validate()?;
-        }
-        let tx = scene_config.transmitter.position();
-        let tracer = timed(&mut seconds.hierarchy, || RadioTracer::new(&scene, &bvh, settings))?;
+        let plan = SensorPlan::of(&config, &scene_config)?;
+        let tx = plan.transmitter.position();
+        let sampling = self.sampling(&plan)?;
+        let tracer = timed(&mut seconds.hierarchy, || RadioTracer::new(&scene, &bvh, plan.tracing))?;
         let transmitter = timed(&mut seconds.transmitter_chains, || tracer.transmitter(tx))?;
-        let field = timed(&mut seconds.photons, || DiffuseField::new(&tracer, tx, &sampling))?;
-        let form = SpectrumSettings::new(&config.rf, &scene_config.receiver, config.seed);
+        let field = timed(&mut seconds.photons, || sampling.map(|s| DiffuseField::new(&tracer, tx, &s)).transpose())?;
+        let form = plan.spectrum;
         let camera = config.rf_camera();
-        let needed = Extent::needed(&[form.kind], Grid::Pinhole(camera), scene_config.receiver.rear);
-        let extent = if self.powers { Extent::Sphere } else { needed };
-        let platform = Platform { config: &config, receiver: &scene_config.receiver, tracer: &tracer, extent };
+        let extent = if self.powers { Extent::Sphere } else { Extent::of_keyframe(&config.rf, &plan.receiver) };
+        let platform = Platform { config: &config, receiver: &plan.receiver, tracer: &tracer, extent };
         let (mut specular_power, mut diffuse_power) = (0.0, 0.0);
         let mut progress = Progress::start("bench radio", poses.len(), "positions");
         for (i, batch) in poses.chunks(AT_ONCE).enumerate() {
+            interrupt::check()?;
             let poses_of = || batch.par_iter().map(|pose| &pose.world_from_camera);
             let paths = timed(&mut seconds.specular, || {
                 poses_of().map(|pose| transmitter.paths(pose.translation)).collect::<corf_scene::Result<Vec<_>>>()
             })?;
             let diffuse = timed(&mut seconds.gather, || {
-                poses_of().map(|pose| platform.gather(&field, pose)).collect::<corf_scene::Result<Vec<_>>>()
+                let gather = |pose| field.as_ref().map_or_else(|| Ok(Vec::new()), |field| platform.gather(field, pose));
+                poses_of().map(gather).collect::<corf_scene::Result<Vec<_>>>()
             })?;
             let mut looks: Vec<_> =
                 batch.iter().zip(&paths).map(|(pose, p)| platform.looks(p, &pose.world_from_camera)).collect();
@@ -215,9 +202,10 @@ impl Radio {
         }
         progress.finish();
         seconds.total = seconds.sum();
-        let standard_error = match self.replicas {
-            0 | 1 => None,
-            replicas => {
+        let standard_error = match (self.replicas, &sampling) {
+            // What is not sampled has no error of sampling.
+            (0 | 1, _) | (_, None) => None,
+            (replicas, Some(sampling)) => {
                 let form = noncoherent(&form);
                 let form = (!self.powers).then_some(&form);
                 let study = Study {
@@ -229,7 +217,7 @@ impl Radio {
                     count: self.error_positions,
                     reference: self.reference_directions,
                 };
-                Some(study.errors(&sampling)?)
+                Some(study.errors(sampling)?)
             }
         };
         let answer = Answer {
@@ -238,23 +226,61 @@ impl Radio {
             threads: rayon::current_num_threads(),
             triangles: scene.triangles.len(),
             positions: poses.len(),
-            depth: settings.max_depth,
-            after: sampling.after.min(settings.max_depth.saturating_sub(1)),
+            depth: plan.tracing.max_depth,
+            transmission: plan.tracing.transmission,
+            diffraction: plan.tracing.diffraction,
+            transmitter_m: plan.transmitter.position_m,
+            after: sampling.map(|s| s.after.min(plan.tracing.max_depth.saturating_sub(1))),
             powers: self.powers,
             spectrum: form.kind,
-            directions: sampling.directions,
-            photons: sampling.photons,
-            patch_size_m: sampling.patch_size_m,
-            sources: field.source_count(),
-            patches: field.patch_count(),
-            photon_tables_mb: field.cache_megabytes(),
+            directions: sampling.map(|s| s.directions),
+            photons: sampling.map(|s| s.photons),
+            patch_size_m: sampling.map(|s| s.patch_size_m),
+            sources: field.as_ref().map(DiffuseField::source_count),
+            patches: field.as_ref().map(DiffuseField::patch_count),
+            photon_tables_mb: field.as_ref().map(DiffuseField::cache_megabytes),
             seconds,
-            mean_specular_db: 10.0 * specular_power.log10(),
-            mean_diffuse_db: 10.0 * diffuse_power.log10(),
+            mean_specular_db: decibels(specular_power),
+            mean_diffuse_db: decibels(diffuse_power),
             standard_error,
         };
         show(json, &answer, &answer.text())?;
         Ok(Verdict::Done)
+    }
+
+    /// The dataset's sampling of the diffuse field with what was asked for instead; `None` where the dataset has none.
+    fn sampling(&self, plan: &SensorPlan) -> Result<Option<DiffuseSettings>> {
+        let Some(mut sampling) = plan.sampling else {
+            let asked = [
+                ("--directions", self.directions.is_some()),
+                ("--photons", self.photons.is_some()),
+                ("--patch-size", self.patch_size.is_some()),
+                ("--mirror-sr", self.mirror_sr.is_some()),
+                ("--after", self.after.is_some()),
+                ("--reference-directions", self.reference_directions.is_some()),
+            ];
+            if let Some((option, _)) = asked.iter().find(|(_, given)| *given) {
+                bail!("{option}: the dataset has no scattered power to sample\n  help: set `diffuse = true` in its [rf]");
+            }
+            return Ok(None);
+        };
+        sampling.directions = self.directions.unwrap_or(sampling.directions);
+        sampling.photons = self.photons.unwrap_or(sampling.photons);
+        sampling.patch_size_m = self.patch_size.unwrap_or(sampling.patch_size_m);
+        sampling.min_mirror_sr = self.mirror_sr.unwrap_or(sampling.min_mirror_sr);
+        sampling.after = self.after.unwrap_or(sampling.after);
+        if self.powers {
+            sampling.resolution_deg = 0.0;
+        }
+        if let Some(directions) = self.reference_directions {
+            ensure!(
+                self.replicas >= 2,
+                "--reference-directions: {} replicas show no error\n  help: give --replicas 2 or more",
+                self.replicas
+            );
+            DiffuseSettings { directions, ..sampling }.validate()?;
+        }
+        Ok(Some(sampling))
     }
 }
 
@@ -278,6 +304,11 @@ impl Platform<'_> {
     fn gather(&self, field: &DiffuseField<'_, '_>, pose: &Rigid3) -> corf_scene::Result<Vec<Arrival>> {
         self.extent.gather(field, pose, &element_at(self.receiver, pose))
     }
+}
+
+/// Of a power relative to that transmitted; none of none.
+fn decibels(power: f64) -> Option<f64> {
+    (power > 0.0).then(|| 10.0 * power.log10())
 }
 
 /// Of all arrivals, relative to 1 W transmitted.
@@ -318,21 +349,28 @@ impl Answer {
                 self.triangles,
                 self.threads
             ),
-            format!(
-                "{} directions, {} photons on {} patches of {} m ({:.0} MB), {} exact sources",
-                self.directions, self.photons, self.patches, self.patch_size_m, self.photon_tables_mb, self.sources
-            ),
+            self.sampling_text(),
             format!("{:<22} {:>9} {:>9}", "stage", "wall s", "cpu s"),
         ];
         for (name, spent) in self.seconds.named().into_iter().chain([("all", self.seconds.total)]) {
             let cpu = spent.cpu_s.map_or("-".into(), |s| format!("{s:.2}"));
             lines.push(format!("{name:<22} {:>9.2} {cpu:>9}", spent.wall_s));
         }
-        lines.push(format!(
-            "mean power: specular {:.2} dB, diffuse {:.2} dB relative to 1 W transmitted",
-            self.mean_specular_db, self.mean_diffuse_db
-        ));
+        let [specular, diffuse] =
+            [self.mean_specular_db, self.mean_diffuse_db].map(|db| db.map_or("none".to_owned(), |db| format!("{db:.2} dB")));
+        lines.push(format!("mean power: specular {specular}, diffuse {diffuse} relative to 1 W transmitted"));
         lines.extend(self.standard_error.iter().flat_map(Errors::text));
         lines.join("\n")
+    }
+
+    fn sampling_text(&self) -> String {
+        let (Some(directions), Some(photons), Some(patches), Some(patch_size_m), Some(megabytes), Some(sources)) =
+            (self.directions, self.photons, self.patches, self.patch_size_m, self.photon_tables_mb, self.sources)
+        else {
+            return "no diffuse field, as the dataset says".to_owned();
+        };
+        format!(
+            "{directions} directions, {photons} photons on {patches} patches of {patch_size_m} m ({megabytes:.0} MB), {sources} exact sources"
+        )
     }
 }

@@ -1,0 +1,70 @@
+//! Keyframes that show nothing: a camera in the dark, or one that looks past the scene.
+
+use crate::Raster;
+use crate::finding::{Finding, Severity};
+
+/// Images without a value above this, of 255, are black.
+const BLACK: u8 = 3;
+
+/// What there is to see in one keyframe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Sight {
+    /// Whether its image is black.
+    pub black: bool,
+    /// Whether its depth, where there is one, is empty: no pixel shows a surface.
+    pub empty: bool,
+}
+
+impl Sight {
+    pub(super) fn of(image: &Raster<[u8; 3]>, depth_m: Option<&Raster<f32>>) -> Self {
+        let is_surface = |d: &f32| d.is_finite() && *d > 0.0;
+        Self {
+            black: image.pixels().iter().flatten().all(|v| *v <= BLACK),
+            empty: depth_m.is_some_and(|depth| !depth.pixels().iter().any(is_surface)),
+        }
+    }
+}
+
+/// A warning where keyframes are black, and one where they see no surface.
+pub(super) fn findings(place: &str, sights: &[Sight]) -> Vec<Finding> {
+    let count = |is: fn(&Sight) -> bool| sights.iter().filter(|s| is(s)).count();
+    let of_all = |n: usize| if n == sights.len() { format!("all {n}") } else { format!("{n} of {}", sights.len()) };
+    let mut found = Vec::new();
+    let mut warn = |n: usize, what: &str, help: &str| {
+        if n > 0 {
+            found.push(Finding::new(Severity::Warning, place, format!("{} {what}", of_all(n)), help));
+        }
+    };
+    warn(
+        count(|s| s.black),
+        "images are black",
+        "light the scene (an emissive material, a light), open what keeps the light from the platform, or raise optical.exposure_ev",
+    );
+    warn(
+        count(|s| s.empty),
+        "depth images are empty: the camera sees no surface",
+        "move the trajectory into the scene; `corf scene validate` says whether it lies outside",
+    );
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_shows_nothing_is_counted() {
+        let black = Raster::filled(4, 3, [0u8, 2, 3]);
+        let mut lit = black.clone();
+        lit[(1, 1)][2] = 40;
+        let nothing = Raster::filled(4, 3, 0f32);
+        let mut wall = nothing.clone();
+        wall[(2, 2)] = 3.5;
+        let sights = [Sight::of(&black, Some(&nothing)), Sight::of(&lit, Some(&wall)), Sight::of(&lit, None)];
+        let texts: Vec<String> = findings("d", &sights).iter().map(ToString::to_string).collect();
+        assert_eq!(texts.len(), 2);
+        assert!(texts[0].contains("1 of 3 images are black") && texts[1].contains("1 of 3 depth images are empty"), "{texts:?}");
+        assert!(findings("d", &sights[1..]).is_empty());
+        assert!(findings("d", &sights[..1])[0].to_string().contains("all 1 images are black"));
+    }
+}
