@@ -52,3 +52,17 @@ fn panels_diffract_as_the_sheet_they_make() {
         assert!((found - one).abs() < tolerance_db, "{name}: {found} dB, one sheet {one} dB");
     }
 }
+
+#[test]
+fn open_edges_are_offered_and_told() {
+    let Some(scene) = shared("faults/edges/one.toml") else { return };
+    let arguments = ["paths", text(&scene), "--rx", "5,0.5,-0.3", "--depth", "2", "--diffraction"];
+    let told = corf(&arguments);
+    assert_eq!(told.status.code(), Some(0));
+    let told = String::from_utf8_lossy(&told.stderr).into_owned();
+    assert!(told.contains("4 open edges") && told.contains("120.0 m") && told.contains("--edge-diffraction"), "{told}");
+    let traced = [&arguments[..], &["--edge-diffraction"]].concat();
+    assert!((power_db(&traced).unwrap() - P526_DB).abs() < P526_ERROR_DB);
+    assert!(corf_ok(&["paths", "--help"]).contains("--edge-diffraction"));
+    corf_refuses(&["paths", text(&scene), "--rx", "5,0.5,-0.3", "--edge-diffraction"], &["edge_diffraction", "diffraction = true"]);
+}

@@ -12,7 +12,7 @@ use corf_scene::dataset::SamplingError;
 use corf_scene::keyframe::DbRange;
 use corf_scene::model::world_from_array;
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Equirectangular, Pinhole, Raster, Rigid3, Scene, Severity, near_field, radio_check};
+use corf_scene::{Equirectangular, Finding, Pinhole, Raster, Rigid3, Scene, Severity, near_field, radio_check};
 use glam::DMat3;
 use std::collections::BTreeMap;
 
@@ -38,6 +38,16 @@ pub fn warn_of_geometry(scene: &Scene) {
     let findings = radio_check::body_findings(scene).into_iter().chain(radio_check::far_finding(scene));
     let warnings = findings.filter(|f| f.severity == Severity::Warning);
     warnings.for_each(|finding| note!("{finding}"));
+}
+
+/// Says on standard error that open edges of sheets do not diffract, where edges do and there are some.
+pub fn tell_of_open_edges(tracer: &RadioTracer<'_>) {
+    let (count, length_m) = tracer.open_edges_left_out();
+    if count > 0 {
+        let what = format!("{count} open edges of sheets, {length_m:.1} m in all, do not diffract");
+        let help = "trace them with --edge-diffraction (edge_diffraction = true), or close the bodies that they belong to";
+        note!("{}", Finding::new(Severity::Note, "diffraction", what, help));
+    }
 }
 
 /// One element of a platform's array at a pose.
@@ -95,6 +105,7 @@ impl SensorPlan {
                 search: Search::Auto { rays: rf.rays },
                 transmission: rf.transmission,
                 diffraction: rf.diffraction,
+                edge_diffraction: rf.edge_diffraction,
                 tx_antenna: Antenna::from(transmitter),
                 ..sensor_settings(scene)
             },
@@ -177,6 +188,7 @@ impl<'a> RadioSensor<'a> {
     /// A transmitter that cannot be traced, or settings out of range.
     pub fn new(plan: &SensorPlan, scene: &'a Scene, tracer: &'a RadioTracer<'a>) -> Result<Self> {
         let tx = plan.transmitter.position();
+        tell_of_open_edges(tracer);
         Ok(Self {
             scene,
             tracer,
@@ -223,7 +235,7 @@ impl<'a> RadioSensor<'a> {
             doubtful.extend((distance_m < near_field::doubtful_under_m(frequency_hz)).then_some(distance_m));
         }
         if !doubtful.is_empty() {
-            eprintln!("{}", near_field::doubtful("receiver", &doubtful, frequency_hz));
+            note!("{}", near_field::doubtful("receiver", &doubtful, frequency_hz));
         }
         Ok(())
     }

@@ -4,6 +4,7 @@ use super::{Verdict, show};
 use crate::coverage_picture::CoveragePicture;
 use crate::interrupt;
 use crate::link::{LinkArgs, LinkSetup, Point};
+use crate::note;
 use crate::progress::Progress;
 use crate::run::{claim_fresh, write_json};
 use anyhow::Result;
@@ -72,7 +73,7 @@ impl Coverage {
         if near.doubtful > 0 {
             let what =
                 format!("{} cells are within 2 wavelengths of a transmitter, where the far-field law is inexact", near.doubtful);
-            eprintln!("{}", Finding::new(Severity::Warning, "coverage plane", what, "leave these cells out of statistics"));
+            note!("{}", Finding::new(Severity::Warning, "coverage plane", what, "leave these cells out of statistics"));
         }
         let picture = CoveragePicture::new(&gain, &plane, setup.link.tx_power_dbm);
         let mut report =

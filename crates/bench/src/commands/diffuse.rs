@@ -3,6 +3,7 @@
 use super::paths::Point;
 use super::{Verdict, print};
 use crate::interrupt;
+use crate::note;
 use crate::progress::Progress;
 use crate::radio_sensor::{radio_settings, warn_of_geometry};
 use crate::run::claim_shared;
@@ -123,7 +124,7 @@ impl Diffuse {
         bounds::count("--replicas", samplings as usize, bounds::MAX_LINKS, "samplings of receivers")?;
         let near =
             |rx: &Point| near_field::finding(&format!("receiver at {}", rx.0), rx.0.distance(tx), config.radio.frequency_hz);
-        self.rx.iter().filter_map(near).for_each(|finding| eprintln!("{finding}"));
+        self.rx.iter().filter_map(near).for_each(|finding| note!("{finding}"));
         if !self.no_transmission {
             warn_of_geometry(&scene);
         }

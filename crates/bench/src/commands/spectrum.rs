@@ -55,9 +55,12 @@ pub struct Spectrum {
     /// Leave out transmission through slabs.
     #[arg(long)]
     no_transmission: bool,
-    /// Trace paths that diffract once at an edge.
+    /// Trace paths that diffract once at an edge of a body or a corner of walls.
     #[arg(long)]
     diffraction: bool,
+    /// Trace paths that diffract once at the open edge of a single sheet as well.
+    #[arg(long)]
+    edge_diffraction: bool,
     /// Leave out diffuse scattering.
     #[arg(long)]
     no_diffuse: bool,
@@ -209,6 +212,7 @@ impl Spectrum {
             max_reflections: self.depth,
             transmission: !self.no_transmission,
             diffraction: self.diffraction,
+            edge_diffraction: self.edge_diffraction,
             diffuse: !self.no_diffuse,
             directions: self.directions,
             lobe_width_deg: self.lobe_deg,

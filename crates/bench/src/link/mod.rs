@@ -4,7 +4,8 @@ mod receivers;
 
 pub use receivers::receivers;
 
-use crate::radio_sensor::warn_of_geometry;
+use crate::note;
+use crate::radio_sensor::{tell_of_open_edges, warn_of_geometry};
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -122,9 +123,12 @@ pub struct LinkArgs {
     /// Leave out transmission through slabs.
     #[arg(long)]
     pub no_transmission: bool,
-    /// Trace paths that diffract once at an edge.
+    /// Trace paths that diffract once at an edge of a body or a corner of walls.
     #[arg(long)]
     pub diffraction: bool,
+    /// Trace paths that diffract once at the open edge of a single sheet as well.
+    #[arg(long)]
+    pub edge_diffraction: bool,
     /// Gather the diffuse field as well.
     #[arg(long)]
     pub diffuse: bool,
@@ -221,6 +225,7 @@ impl LinkSetup {
         link.rays = arguments.rays.unwrap_or(link.rays);
         link.transmission &= !arguments.no_transmission;
         link.diffraction |= arguments.diffraction;
+        link.edge_diffraction |= arguments.edge_diffraction;
         link.diffuse |= arguments.diffuse;
         link.directions = arguments.directions.or(link.directions);
         link.tx_power_dbm = arguments.tx_power_dbm.unwrap_or(link.tx_power_dbm);
@@ -329,6 +334,7 @@ impl LinkSetup {
         let bvh = Bvh::build(&self.scene);
         let traced_from = |array: &AntennaArray| RadioTracer::new(&self.scene, &bvh, self.radio_settings(array));
         let mut tracer = traced_from(&self.transmitters[0].array)?;
+        tell_of_open_edges(&tracer);
         for (number, &TransmitEnd { position, array }) in self.transmitters.iter().enumerate() {
             if tracer.settings().tx_antenna != array.element {
                 tracer = traced_from(&array)?;
@@ -356,7 +362,7 @@ impl LinkSetup {
             }
         }
         if !doubtful.is_empty() {
-            eprintln!("{}", near_field::doubtful("receiver", &doubtful, frequency_hz));
+            note!("{}", near_field::doubtful("receiver", &doubtful, frequency_hz));
         }
         Ok(())
     }

@@ -88,7 +88,7 @@ pub struct RadioSettings {
     pub reflection: bool,
     /// Let rays pass straight through slabs; every crossing counts as an interaction. Off: everything is opaque.
     pub transmission: bool,
-    /// Trace paths that diffract once at an edge of a mesh, reflected and transmitted before and after as the other switches say.
+    /// Trace paths that diffract once at an edge between faces, reflected and transmitted before and after as the other switches say.
     pub diffraction: bool,
     /// … at open edges of single sheets as well.
     pub edge_diffraction: bool,

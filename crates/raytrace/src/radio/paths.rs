@@ -198,6 +198,11 @@ impl<'a> RadioTracer<'a> {
         &self.wedges.wedges
     }
 
+    /// How many open edges of sheets there are that do not diffract though other edges do, and their length in all, metres.
+    pub fn open_edges_left_out(&self) -> (usize, f64) {
+        self.wedges.left_out
+    }
+
     /// The settings in use.
     pub fn settings(&self) -> &RadioSettings {
         &self.settings

@@ -81,9 +81,12 @@ pub struct RfConfig {
     /// Straight-through transmission. Default true.
     #[serde(default = "yes")]
     pub transmission: bool,
-    /// Paths that diffract once at an edge of a mesh. Default false.
+    /// Paths that diffract once at an edge of a body or a corner of walls. Default false.
     #[serde(default)]
     pub diffraction: bool,
+    /// Paths that diffract once at the open edge of a single sheet as well. Default false.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub edge_diffraction: bool,
     /// Diffuse scattering. Default true.
     #[serde(default = "yes")]
     pub diffuse: bool,
@@ -158,6 +161,9 @@ impl RfConfig {
             if value > bounds::MAX_RAYS {
                 return fail(key, format!("{value}"), "give at most 100 000 000");
             }
+        }
+        if rf.edge_diffraction && !rf.diffraction {
+            return fail("rf.edge_diffraction", "open edges diffract where edges do".into(), "set diffraction = true as well");
         }
         super::lobe::check(rf, place)?;
         bounds::number(&format!("{place}: rf.bandwidth_hz"), rf.bandwidth_hz, &(0.0..=*bounds::FREQUENCY_HZ.end()), "hertz")?;
