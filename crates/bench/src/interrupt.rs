@@ -11,6 +11,9 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// How long the unit at hand may still take.
 const GRACE: Duration = Duration::from_secs(2);
 
+/// How long the message may take.
+const LAST_WORDS: Duration = Duration::from_millis(50);
+
 /// The user asked to stop.
 #[derive(Debug, thiserror::Error)]
 #[error("interrupted; what was finished is kept: where the command has --resume, the same command with it goes on from there")]
@@ -28,12 +31,14 @@ pub fn listen() -> Result<()> {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
             end_now();
         }
-        note!("\nstopping after the unit at hand, in two seconds at most (again to stop at once)");
         std::thread::spawn(|| {
             std::thread::sleep(GRACE);
-            note!("{Interrupted}");
+            // On a thread of its own: a reader that does not read must not keep the process.
+            std::thread::spawn(|| note!("{Interrupted}"));
+            std::thread::sleep(LAST_WORDS);
             end_now();
         });
+        note!("\nstopping after the unit at hand, in two seconds at most (again to stop at once)");
     })?;
     Ok(())
 }
