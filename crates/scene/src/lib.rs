@@ -12,6 +12,7 @@ pub mod draw;
 mod error;
 pub mod export;
 pub mod finding;
+mod guard;
 pub mod import;
 pub mod info;
 pub mod io;
