@@ -18,10 +18,10 @@ pub enum Reach {
 }
 
 /// The path of `name`, as a file in `folder` gives it; `place` says in messages where it is named, `help` what to do about a name
-/// that leads out.
+/// that leads out. A file that does not exist has a path as well: reading it says so.
 ///
 /// # Errors
-/// A name that leads out of the folder (where `reach` keeps it in), that does not exist, or that is no regular file.
+/// A name that leads out of the folder (where `reach` keeps it in), or that is no regular file.
 pub fn resolve(folder: &Path, name: &Path, reach: Reach, place: &str, help: &str) -> Result<PathBuf> {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let path = folder.join(name);
@@ -40,15 +40,13 @@ pub fn resolve(folder: &Path, name: &Path, reach: Reach, place: &str, help: &str
             }
         }
     }
-    let cannot = |e: std::io::Error| {
-        Error::invalid(
-            place,
-            format!("cannot read {}: {e}", path.display()),
-            "put the file where it is named, or correct the name",
-        )
+    let real = match path.canonicalize() {
+        Ok(real) => real,
+        // Whoever reads it says what is missing.
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(path),
+        Err(e) => return Err(Error::io("read", &path)(e)),
     };
-    let real = path.canonicalize().map_err(cannot)?;
-    if reach == Reach::Folder && !real.starts_with(folder.canonicalize().map_err(cannot)?) {
+    if reach == Reach::Folder && !real.starts_with(folder.canonicalize().map_err(Error::io("read", folder))?) {
         return leads_out("which is a symbolic link that leads out of its folder");
     }
     check_regular(&path, place)?;
@@ -114,13 +112,13 @@ mod tests {
             ("textures/../../secret.png", "leads out"),
             ("../model/a.png", "leads out"),
             (absolute.as_str(), "absolute"),
-            ("gone.png", "cannot read"),
             ("textures", "folder"),
             ("", "folder"),
         ] {
             let message = resolved(&folder, name, Reach::Folder).unwrap_err();
             assert!(message.contains(why) && message.contains("images[0]"), "{name}: {message}");
         }
+        assert_eq!(resolved(&folder, "gone.png", Reach::Folder).unwrap(), folder.join("gone.png"));
         assert!(resolved(&folder, "../secret.png", Reach::Anywhere).is_ok());
         assert!(resolved(&folder, &absolute, Reach::Anywhere).is_ok());
         assert!(resolved(&folder, "../model", Reach::Anywhere).unwrap_err().contains("a folder"));
