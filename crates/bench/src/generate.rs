@@ -21,7 +21,8 @@ use std::path::Path;
 /// A scene that cannot be read or traced, an occupied or unwritable folder, an interrupt.
 pub fn generate(config: &DatasetConfig, out: &Path, resume: bool) -> Result<Dataset> {
     let scene_config = config.load_scene_config()?;
-    let scene = scene_config.load_scene()?;
+    let (scene, left_out) = scene_config.load_scene_with_findings()?;
+    left_out.iter().for_each(|finding| eprintln!("{finding}"));
     generate_from(config, &scene_config, &scene, out, resume)
 }
 

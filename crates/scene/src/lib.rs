@@ -7,6 +7,7 @@
 pub mod camera;
 pub mod color;
 pub mod config;
+pub mod contained;
 pub mod dataset;
 pub mod draw;
 mod error;

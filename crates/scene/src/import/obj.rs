@@ -1,24 +1,36 @@
 //! Wavefront OBJ with MTL.
 
 use super::builder::{Primitive, append};
-use super::{ImportReport, polygon, scene_name};
+use super::{ImportOptions, ImportReport, polygon, scene_name};
 use crate::config::UpAxis;
-use crate::model::{Material, Object, OpticalMaterial, Scene, Texture, TextureRef, Wrap};
+use crate::contained::{self, Reach};
+use crate::model::{Filter, Material, Object, OpticalMaterial, Scene, Texture, TextureRef, Wrap};
 use crate::{Error, Result, io};
 use glam::{Affine2, DMat4};
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Reads an OBJ file and the MTL files and textures it names.
-pub(super) fn load(path: &Path, up: UpAxis) -> Result<(Scene, ImportReport)> {
+pub(super) fn load(path: &Path, import: &ImportOptions) -> Result<(Scene, ImportReport)> {
     let file = path.display().to_string();
     let options = tobj::LoadOptions { triangulate: false, single_index: true, ignore_points: true, ignore_lines: true };
     let bytes = io::read(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let (models, materials) = tobj::load_obj_buf(&mut bytes.as_slice(), &options, |name| tobj::load_mtl(folder.join(name)))
-        .map_err(|e| {
-            Error::invalid(&file, format!("not readable as OBJ: {e}"), "the file is damaged or cut short; export it again")
-        })?;
+    let refused = std::cell::RefCell::new(None);
+    let library =
+        |name: &Path| match contained::resolve(folder, name, import.reach, &format!("{file}: mtllib"), contained::MESH_HELP) {
+            Ok(path) => tobj::load_mtl(path),
+            Err(error) => {
+                refused.replace(Some(error));
+                Err(tobj::LoadError::OpenFileFailed)
+            }
+        };
+    let (models, materials) = tobj::load_obj_buf(&mut bytes.as_slice(), &options, library).map_err(|e| {
+        Error::invalid(&file, format!("not readable as OBJ: {e}"), "the file is damaged or cut short; export it again")
+    })?;
+    if let Some(error) = refused.take() {
+        return Err(error);
+    }
     let materials = materials.map_err(|e| {
         Error::invalid(
             &file,
@@ -32,10 +44,10 @@ pub(super) fn load(path: &Path, up: UpAxis) -> Result<(Scene, ImportReport)> {
     let mut textures = BTreeMap::new();
     for material in &materials {
         let place = format!("{file}: material \"{}\"", material.name);
-        let optical = optical(material, folder, &mut scene.textures, &mut textures, &place)?;
+        let optical = optical(material, folder, import.reach, &mut scene.textures, &mut textures, &place)?;
         scene.materials.push(Material { name: material.name.clone(), optical, radio: None });
     }
-    let world_from_file = match up {
+    let world_from_file = match import.up.unwrap_or(UpAxis::Z) {
         UpAxis::Y => DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2),
         UpAxis::Z => DMat4::IDENTITY,
     };
@@ -60,6 +72,7 @@ pub(super) fn load(path: &Path, up: UpAxis) -> Result<(Scene, ImportReport)> {
             normals: mesh.normals.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect(),
             // OBJ counts v from the bottom.
             uvs: mesh.texcoords.chunks_exact(2).map(|v| [v[0], 1.0 - v[1]]).collect(),
+            colors: Vec::new(),
             triangles,
             material,
             object,
@@ -86,6 +99,7 @@ fn without_material(scene: &mut Scene) -> u32 {
 fn optical(
     material: &tobj::Material,
     folder: &Path,
+    reach: Reach,
     textures: &mut Vec<Texture>,
     known: &mut BTreeMap<String, u32>,
     place: &str,
@@ -96,7 +110,8 @@ fn optical(
             let texture = match known.get(name) {
                 Some(texture) => *texture,
                 None => {
-                    let path = folder.join(name.replace('\\', "/"));
+                    let path = Path::new(&name.replace('\\', "/")).to_path_buf();
+                    let path = contained::resolve(folder, &path, reach, &format!("{place}: map_Kd"), contained::MESH_HELP)?;
                     let bytes = std::fs::read(&path).map_err(|e| {
                         Error::invalid(
                             place,
@@ -105,7 +120,7 @@ fn optical(
                         )
                     })?;
                     let texels = io::decode_rgba(&bytes, &path)?;
-                    textures.push(Texture { name: name.clone(), texels, wrap: [Wrap::Repeat; 2] });
+                    textures.push(Texture { name: name.clone(), texels, wrap: [Wrap::Repeat; 2], filter: Filter::Linear });
                     known.insert(name.clone(), textures.len() as u32 - 1);
                     textures.len() as u32 - 1
                 }
