@@ -4,8 +4,11 @@
 
 mod builder;
 mod gltf;
+mod mtl_text;
 mod notes;
 mod obj;
+mod obj_material;
+mod obj_text;
 mod polygon;
 
 use crate::config::UpAxis;
@@ -102,5 +105,7 @@ fn scene_name(path: &Path) -> String {
     path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
+#[cfg(test)]
+mod obj_tests;
 #[cfg(test)]
 mod tests;

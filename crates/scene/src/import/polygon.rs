@@ -7,8 +7,13 @@ use glam::{DVec2, DVec3};
 const SAME_AREA: f64 = 1e-4;
 
 /// The triangles of faces of any number of corners: `arities` says how many each has, and is empty where all have three; points and lines are
-/// left out. Convex faces become fans around their first corner, others are cut by their ears.
-pub(super) fn triangles(corners: &[u32], arities: &[u32], positions: &[[f32; 3]], place: &str) -> Result<Vec<[u32; 3]>> {
+/// left out. Convex faces become fans around their first corner, others are cut by their ears. `place` says where a face of a number stands.
+pub(super) fn triangles(
+    corners: &[u32],
+    arities: &[u32],
+    positions: &[[f32; 3]],
+    place: impl Fn(usize) -> String,
+) -> Result<Vec<[u32; 3]>> {
     if arities.is_empty() {
         return Ok(corners.as_chunks().0.to_vec());
     }
@@ -22,8 +27,8 @@ pub(super) fn triangles(corners: &[u32], arities: &[u32], positions: &[[f32; 3]]
             face => {
                 let cut = polygon(&face.iter().map(|i| position(positions, *i)).collect::<Vec<_>>()).ok_or_else(|| {
                     let at = position(positions, face[0]);
-                    let what = format!("face {number}, of {} corners from {at} on, crosses itself", face.len());
-                    Error::invalid(place, what, "cut its faces into triangles when exporting")
+                    let what = format!("a face of {} corners from {at} on crosses itself", face.len());
+                    Error::invalid(place(number), what, "cut its faces into triangles when exporting")
                 })?;
                 all.extend(cut.into_iter().map(|t| t.map(|i| face[i as usize])));
             }
@@ -70,7 +75,7 @@ mod tests {
 
     fn cut(corners: &[[f32; 3]]) -> Result<Vec<[u32; 3]>> {
         let face: Vec<u32> = (0..corners.len() as u32).collect();
-        triangles(&face, &[corners.len() as u32], corners, "test")
+        triangles(&face, &[corners.len() as u32], corners, |n| format!("test:{n}"))
     }
 
     fn doubled(corners: &[[f32; 3]], t: [u32; 3]) -> DVec3 {
@@ -116,6 +121,6 @@ mod tests {
         assert!(cut(&star).unwrap_err().to_string().contains("crosses itself"));
         // Two triangles, a line and a quadrilateral.
         let corners = [0, 1, 2, 0, 2, 0, 1, 2, 3];
-        assert_eq!(triangles(&corners, &[3, 2, 4], &square, "test").unwrap(), [[0, 1, 2], [0, 1, 2], [0, 2, 3]]);
+        assert_eq!(triangles(&corners, &[3, 2, 4], &square, |_| "test".into()).unwrap(), [[0, 1, 2], [0, 1, 2], [0, 2, 3]]);
     }
 }
