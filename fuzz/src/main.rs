@@ -70,8 +70,10 @@ fn main() -> Result<ExitCode> {
             let outcome = run::target(target, plan, &program, &arguments.findings)?;
             let (share, peak) = (100.0 * outcome.read as f64 / outcome.inputs.max(1) as f64, outcome.peak_bytes as f64 / 1e6);
             let count = outcome.findings.len();
-            let mut text =
-                format!("{:<14} {:>9} inputs, {share:>5.1} % of them read, at most {peak:.1} MB: {count} findings", target.name, outcome.inputs);
+            let mut text = format!(
+                "{:<14} {:>9} inputs, {share:>5.1} % of them read, at most {peak:.1} MB: {count} findings",
+                target.name, outcome.inputs
+            );
             for (what, path) in &outcome.findings {
                 let path = path.display();
                 text += &format!("\n  {what}\n    corf-fuzz --target {} --replay {path}", target.name);

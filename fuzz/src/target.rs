@@ -68,7 +68,9 @@ fn png_checksums(bytes: &mut Vec<u8>) {
     let mut at = 8;
     while let Some(head) = bytes.get(at..at + 8) {
         let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
-        let Some(end) = at.checked_add(8).and_then(|n| n.checked_add(length)).filter(|end| end + 4 <= bytes.len()) else { return };
+        let Some(end) = at.checked_add(8).and_then(|n| n.checked_add(length)).filter(|end| end + 4 <= bytes.len()) else {
+            return;
+        };
         let sum = crc32fast::hash(&bytes[at + 4..end]);
         bytes[end..end + 4].copy_from_slice(&sum.to_be_bytes());
         at = end + 4;
@@ -106,7 +108,8 @@ fn check(scene: &corf_scene::Scene) {
     }
     for m in &scene.materials {
         let o = &m.optical;
-        for t in [o.base_color_texture, o.metallic_roughness_texture, o.normal_texture, o.emissive_texture].into_iter().flatten() {
+        for t in [o.base_color_texture, o.metallic_roughness_texture, o.normal_texture, o.emissive_texture].into_iter().flatten()
+        {
             assert!((t.texture as usize) < scene.textures.len(), "a material leads to no texture");
         }
     }
