@@ -129,7 +129,7 @@ pub fn target(target: &Target, plan: Plan, program: &Path, findings: &Path) -> R
     let (progress, said) = (folder.path().join("progress"), folder.path().join("said"));
     let corpus = corpus(target.name)?;
     let (began, mut start, mut outcome) = (Instant::now(), 0, Outcome::default());
-    let mut note = |outcome: &mut Outcome, number: u64, what: String| -> Result<()> {
+    let note = |outcome: &mut Outcome, number: u64, what: String| -> Result<()> {
         std::fs::create_dir_all(findings)?;
         let path = findings.join(format!("{}-{}-{number}.bin", target.name, plan.seed));
         std::fs::write(&path, bytes(target, &corpus, plan.seed, number))?;

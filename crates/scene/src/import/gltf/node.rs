@@ -81,7 +81,7 @@ fn unit_rotation(rotation: [f32; 4], wrong: f64, place: &str, short: &str, notes
 }
 
 /// Most instances of one node.
-const MAX_INSTANCES: usize = 10_000_000;
+const MAX_INSTANCES: usize = 1_000_000;
 
 /// `node_from_instance` of every instance (`EXT_mesh_gpu_instancing`); `None` for a node without the extension.
 pub(super) fn instances(

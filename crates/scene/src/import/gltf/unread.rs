@@ -58,6 +58,7 @@ pub(super) fn note(source: &Source<'_>, seen: &[bool], notes: &mut Notes) {
                     extensions(v, &format!("{member}[{i}]{name}"), notes);
                 }),
                 None if member == "extensions" => named(value, "extensions", notes),
+                None if member == "extras" => {}
                 None => extensions(value, member, notes),
             }
         }
