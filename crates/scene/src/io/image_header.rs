@@ -117,15 +117,15 @@ fn check_png(bytes: &[u8], path: &Path) -> Result<()> {
 fn check_jpeg(bytes: &[u8], path: &Path) -> Result<()> {
     let mut at = 2;
     loop {
-        // Marks may be padded with 0xff.
-        while bytes.get(at) == Some(&0xff) && bytes.get(at + 1) == Some(&0xff) {
+        // Marks may be padded with 0xff, and decoders pass over bytes before one.
+        while bytes.get(at).is_some_and(|b| *b != 0xff || bytes.get(at + 1) == Some(&0xff)) {
             at += 1;
         }
         let Some([0xff, mark, high, low]) = bytes.get(at..at + 4) else {
-            return Err(fault(path, "not a readable JPEG: it ends, or loses its marks, before its pixels"));
+            return Err(fault(path, "not a readable JPEG: it ends before its pixels"));
         };
-        // Marks without a segment: restarts and TEM.
-        if matches!(mark, 0xd0..=0xd7 | 0x01) {
+        // Marks without a segment: restarts, the start, TEM, and a byte that stands for itself.
+        if matches!(mark, 0xd0..=0xd8 | 0x00 | 0x01) {
             at += 2;
             continue;
         }
