@@ -5,6 +5,7 @@ use crate::mutate;
 use crate::target::{Target, corpus};
 use anyhow::{Context, Result};
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -96,13 +97,22 @@ pub fn child(target: &Target, plan: Plan, start: u64, progress: &Path) -> Result
     std::env::set_current_dir(folder.path())?;
     let mut under_way = std::fs::OpenOptions::new().write(true).create(true).truncate(false).open(progress)?;
     let (began, mut read, mut peak) = (Instant::now(), 0u64, 0u64);
+    let mut places: BTreeMap<String, usize> = BTreeMap::new();
     let mut number = start;
     while number < plan.inputs && began.elapsed() < plan.time {
         under_way.seek(SeekFrom::Start(0))?;
         under_way.write_all(&[number, read, peak].map(u64::to_le_bytes).concat())?;
         match one(target, &bytes(target, &corpus, plan.seed, number), folder.path()) {
             Ok(was_read) => read += u64::from(was_read),
-            Err(what) => println!("{number}\t{what}"),
+            Err(what) => {
+                // The first words are the place; a few inputs for each say enough.
+                let place: String = what.split_whitespace().take(3).collect();
+                let times = places.entry(place).or_insert(0);
+                *times += 1;
+                if *times <= 3 && places.len() <= 20 {
+                    println!("{number}\t{what}");
+                }
+            }
         }
         peak = peak.max(Counting::peak() as u64);
         number += 1;
