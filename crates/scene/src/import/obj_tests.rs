@@ -238,7 +238,8 @@ fn maps_take_their_options_and_their_names_with_spaces() {
     assert_eq!(of("map_Kd -clamp on RED TEX.PNG").0, Wrap::Clamp);
     for option in ["-mm 0.1 2", "-t 0.5", "-type sphere", "-cc on"] {
         let said = of(&format!("map_Kd {option} red tex.png")).2;
-        assert!(said.contains(&option[..3]) && said.contains("room.mtl:3"), "{said}");
+        let name = option.split(' ').next().unwrap();
+        assert!(said.contains(&format!("`{name}`")) && said.contains("room.mtl:3"), "{said}");
     }
     assert_eq!(of("map_Kd -mm 0 1 -t 0 0 0 -cc off red tex.png").2, "");
     // Emission: black and absent factors mean the texture alone.

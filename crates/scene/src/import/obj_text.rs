@@ -225,12 +225,12 @@ impl Reader {
         if largest > 1.0 {
             notes.warn("colours of vertices go beyond 1 and are taken as of 255", file);
         }
-        let scale = if largest > 1.0 { 1.0 / 255.0 } else { 1.0 };
+        let white = if largest > 1.0 { 255.0 } else { 1.0 };
         let any_color = self.colors.iter().any(Option::is_some);
         let mut text = String::from("mtllib all\n");
         // Writing to a String cannot fail.
         for ([x, y, z], color) in self.positions.iter().zip(&self.colors) {
-            let _ = match (any_color, color.map_or([1.0; 3], |c| c.map(|v| v * scale))) {
+            let _ = match (any_color, color.map_or([1.0; 3], |c| c.map(|v| v / white))) {
                 (true, [r, g, b]) => writeln!(text, "v {x} {y} {z} {r} {g} {b}"),
                 (false, _) => writeln!(text, "v {x} {y} {z}"),
             };

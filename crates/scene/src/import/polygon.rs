@@ -48,6 +48,12 @@ fn polygon(corners: &[DVec3]) -> Option<Vec<[u32; 3]>> {
     // Twice the area, along the normal: right for corners that are nearly in one plane (Newell).
     let area: DVec3 =
         (0..corners.len()).map(|i| (corners[i] - corners[0]).cross(corners[(i + 1) % corners.len()] - corners[0])).sum();
+    // Halves that turn against each other take each other away; corners on one line have no area to begin with.
+    let halves = || (1..corners.len() - 1).map(|i| (corners[i] - corners[0]).cross(corners[i + 1] - corners[0]).length());
+    let longest2 = corners.iter().map(|c| c.distance_squared(corners[0])).fold(0.0, f64::max);
+    if area.length() <= 1e-6 * halves().sum::<f64>() && halves().any(|h| h > 1e-6 * longest2) {
+        return None;
+    }
     let Some(normal) = area.try_normalize() else { return Some(fan()) };
     let (u, v) = normal.any_orthonormal_pair();
     let flat: Vec<DVec2> = corners.iter().map(|p| DVec2::new((*p - corners[0]).dot(u), (*p - corners[0]).dot(v))).collect();
@@ -119,6 +125,10 @@ mod tests {
         let star: Vec<[f32; 3]> =
             (0..5).map(|i| (i as f32 * 0.8 * std::f32::consts::PI).sin_cos()).map(|(y, x)| [x, y, 0.0]).collect();
         assert!(cut(&star).unwrap_err().to_string().contains("crosses itself"));
+        let bow_tie = [[0.0, 0.0, 0.0], [2.0, 3.0, 0.0], [2.0, 0.0, 0.0], [0.0, 3.0, 0.0]];
+        assert!(cut(&bow_tie).unwrap_err().to_string().contains("crosses itself"));
+        let line: Vec<[f32; 3]> = [0.0, 1.0, 3.0, 2.0].map(|x| [x, 2.0 * x, 0.0]).to_vec();
+        assert_eq!(cut(&line).unwrap().len(), 2);
         // Two triangles, a line and a quadrilateral.
         let corners = [0, 1, 2, 0, 2, 0, 1, 2, 3];
         assert_eq!(triangles(&corners, &[3, 2, 4], &square, |_| "test".into()).unwrap(), [[0, 1, 2], [0, 1, 2], [0, 2, 3]]);
