@@ -62,6 +62,17 @@ fn one(target: &Target, bytes: &[u8], folder: &Path) -> std::result::Result<bool
     }
 }
 
+/// A folder that is gone with its value, in memory where the system has a place for that: some targets write files for every input.
+fn scratch() -> Result<tempfile::TempDir> {
+    let memory = Path::new("/dev/shm");
+    if memory.is_dir()
+        && let Ok(folder) = tempfile::tempdir_in(memory)
+    {
+        return Ok(folder);
+    }
+    Ok(tempfile::tempdir()?)
+}
+
 /// The bytes of an input; three in four have their checksums made right.
 fn bytes(target: &Target, corpus: &[Vec<u8>], seed: u64, number: u64) -> Vec<u8> {
     let mut bytes = mutate::input(target.name, corpus, seed, number);
@@ -76,7 +87,7 @@ fn bytes(target: &Target, corpus: &[Vec<u8>], seed: u64, number: u64) -> Vec<u8>
 /// # Errors
 /// The file cannot be read, or the parser panicked.
 pub fn replay(target: &Target, path: &Path) -> Result<bool> {
-    let folder = tempfile::tempdir()?;
+    let folder = scratch()?;
     let input = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
     listen();
     let began = Instant::now();
@@ -93,7 +104,7 @@ pub fn replay(target: &Target, path: &Path) -> Result<bool> {
 pub fn child(target: &Target, plan: Plan, start: u64, progress: &Path) -> Result<()> {
     listen();
     let corpus = corpus(target.name)?;
-    let folder = tempfile::tempdir()?;
+    let folder = scratch()?;
     std::env::set_current_dir(folder.path())?;
     let mut under_way = std::fs::OpenOptions::new().write(true).create(true).truncate(false).open(progress)?;
     let (began, mut read, mut peak) = (Instant::now(), 0u64, 0u64);
@@ -135,7 +146,7 @@ fn state(progress: &Path) -> [u64; 3] {
 /// # Errors
 /// A process that cannot be started, a folder that cannot be written.
 pub fn target(target: &Target, plan: Plan, program: &Path, findings: &Path) -> Result<Outcome> {
-    let folder = tempfile::tempdir()?;
+    let folder = scratch()?;
     let (progress, said) = (folder.path().join("progress"), folder.path().join("said"));
     let corpus = corpus(target.name)?;
     let (began, mut start, mut outcome) = (Instant::now(), 0, Outcome::default());

@@ -139,8 +139,10 @@ fn image(bytes: &[u8], _: &Path) -> Result<()> {
 
 fn exr(bytes: &[u8], folder: &Path) -> Result<()> {
     let path = put(folder, "input.exr", bytes)?;
-    let _ = (io::read_exr_f32(&path), io::read_exr_u32(&path));
-    io::read_exr_rgb(&path)?;
+    io::read_exr_f32(&path)
+        .map(drop)
+        .or_else(|_| io::read_exr_u32(&path).map(drop))
+        .or_else(|_| io::read_exr_rgb(&path).map(drop))?;
     Ok(())
 }
 
@@ -152,8 +154,8 @@ fn npy(bytes: &[u8], _: &Path) -> Result<()> {
 
 fn ply(bytes: &[u8], folder: &Path) -> Result<()> {
     let path = put(folder, "input.ply", bytes)?;
-    let _ = corf::ply::read_single(&path);
-    corf::ply::read_coupled(&path)?;
+    let coupled = corf::ply::read_coupled(&path).map(drop);
+    coupled.or(corf::ply::read_single(&path).map(drop))?;
     Ok(())
 }
 
