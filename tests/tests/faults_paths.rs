@@ -64,5 +64,8 @@ fn open_edges_are_offered_and_told() {
     let traced = [&arguments[..], &["--edge-diffraction"]].concat();
     assert!((power_db(&traced).unwrap() - P526_DB).abs() < P526_ERROR_DB);
     assert!(corf_ok(&["paths", "--help"]).contains("--edge-diffraction"));
-    corf_refuses(&["paths", text(&scene), "--rx", "5,0.5,-0.3", "--edge-diffraction"], &["edge_diffraction", "diffraction = true"]);
+    corf_refuses(
+        &["paths", text(&scene), "--rx", "5,0.5,-0.3", "--edge-diffraction"],
+        &["edge_diffraction", "diffraction = true"],
+    );
 }

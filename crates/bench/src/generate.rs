@@ -39,7 +39,8 @@ pub struct Options {
 /// A scene that cannot be read or traced, an occupied or unwritable folder, an interrupt.
 pub fn generate(config: &DatasetConfig, out: &Path, options: Options) -> Result<Generated> {
     let scene_config = config.load_scene_config()?;
-    let scene = scene_config.load_scene()?;
+    let (scene, left_out) = scene_config.load_scene_with_findings()?;
+    left_out.iter().for_each(|finding| note!("{finding}"));
     generate_from(config, &scene_config, &scene, out, options)
 }
 

@@ -150,24 +150,34 @@ impl Table {
         if lines.next().map(|l| l.1) != Some("ply") {
             return Err(invalid("the first line is not `ply`".into()));
         }
-        let (mut rows, mut columns, mut in_vertex) = (None, HashMap::new(), false);
+        let (mut rows, mut columns, mut in_vertex, mut formatted, mut alone) = (None, HashMap::new(), false, false, true);
         for (number, line) in lines {
             let words: Vec<&str> = line.split_whitespace().collect();
             match words.as_slice() {
-                ["format", "binary_little_endian", _] | ["comment", ..] | ["obj_info", ..] | [] => {}
+                ["comment", ..] | ["obj_info", ..] | [] => {}
+                ["format", "binary_little_endian", _] => formatted = true,
                 ["format", other, ..] => return Err(invalid(format!("header line {}: the format is {other}", number + 1))),
+                ["element", "vertex", _] if rows.is_some() => {
+                    return Err(invalid(format!("header line {}: a second `element vertex`", number + 1)));
+                }
                 ["element", "vertex", count] => {
                     let count = count.parse().map_err(|_| invalid(format!("header line {}: {count} is no count", number + 1)))?;
                     (rows, in_vertex) = (Some(count), true);
                 }
                 // The vertices come first in the body, so elements after them can be left alone.
-                ["element", ..] if rows.is_some() => in_vertex = false,
+                ["element", ..] if rows.is_some() => (in_vertex, alone) = (false, false),
                 ["property", "float" | "float32", name] if in_vertex => {
-                    columns.insert((*name).to_string(), columns.len());
+                    let next = columns.len();
+                    if columns.insert((*name).to_string(), next).is_some() {
+                        return Err(invalid(format!("header line {}: a second property `{name}`", number + 1)));
+                    }
                 }
                 ["property", ..] if !in_vertex && rows.is_some() => {}
                 _ => return Err(invalid(format!("header line {}: cannot use `{line}`", number + 1))),
             }
+        }
+        if !formatted {
+            return Err(invalid("the header does not state its format".into()));
         }
         let rows: usize = rows.ok_or_else(|| invalid("the header has no `element vertex`".into()))?;
         let width = columns.len();
@@ -179,6 +189,13 @@ impl Table {
                 place,
                 format!("the file ends after vertex {whole} of {rows} ({} of {needed} bytes)", body.len()),
                 "the file is truncated: write or copy it again",
+            ));
+        }
+        if alone && body.len() > needed {
+            return Err(Error::invalid(
+                place,
+                format!("{} bytes of data where {rows} vertices of {width} columns take {needed}", body.len()),
+                "the header and the data disagree: write or copy the file again",
             ));
         }
         let values = body[..needed].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
@@ -349,6 +366,15 @@ mod tests {
         assert!(error.contains("vertex 4 of 5") && error.contains("truncated") && error.contains("coupled.ply"), "{error}");
         assert!(refused(b"PK\x03\x04").contains("no PLY header"));
         assert!(refused(b"ply\nformat ascii 1.0\nelement vertex 0\nend_header\n").contains("ascii"));
+        assert!(refused(b"ply\nelement vertex 0\nproperty float x\nend_header\n").contains("does not state its format"));
+        assert!(refused(&[&whole[..], b"1234"].concat()).contains("header and the data disagree"));
+        let doubled = |line: &str| {
+            let at = whole.windows(line.len()).position(|w| w == line.as_bytes()).unwrap();
+            refused(&[&whole[..at], line.as_bytes(), &whole[at..]].concat())
+        };
+        let error = doubled("property float y\n");
+        assert!(error.contains("header line 6: a second property `y`"), "{error}");
+        assert!(doubled("element vertex 5\n").contains("a second `element vertex`"));
         let text = String::from_utf8_lossy(&whole[..200]).replace("property float y", "property float q");
         let renamed = [text.as_bytes(), &whole[200..]].concat();
         assert!(refused(&renamed).contains("`y`"));

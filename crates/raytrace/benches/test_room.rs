@@ -1,6 +1,6 @@
 //! A furnished room built by rule, for timing and looking: textured floor, ceiling panels, pillars, spheres, glass, a metal desk.
 
-use corf_scene::model::{Material, Object, OpticalMaterial, Texture, TextureRef, Triangle, Wrap};
+use corf_scene::model::{Filter, Material, Object, OpticalMaterial, Texture, TextureRef, Triangle, Wrap};
 use corf_scene::{Raster, Rng, Scene};
 use glam::{Affine2, Vec3};
 
@@ -66,7 +66,7 @@ pub fn test_room() -> Scene {
         let c = if grout { 60 } else { shade as u8 };
         [c, c, (f32::from(c) * 0.9) as u8, 255]
     });
-    scene.textures.push(Texture { name: "tiles".into(), texels: tiles, wrap: [Wrap::Repeat; 2] });
+    scene.textures.push(Texture { name: "tiles".into(), texels: tiles, wrap: [Wrap::Repeat; 2], filter: Filter::Linear });
     let d = OpticalMaterial::default;
     let texture = Some(TextureRef { texture: 0, uv_from_uv: Affine2::IDENTITY });
     let floor = material(

@@ -20,6 +20,9 @@ pub struct Scene {
     pub normals: Vec<Vec3>,
     /// Per vertex: texture coordinates (glTF convention, v down).
     pub uvs: Vec<[f32; 2]>,
+    /// Per vertex: linear RGBA that multiplies base colour and alpha, interpolated over the triangle. Empty where no mesh has any, else
+    /// one a vertex.
+    pub colors: Vec<[f32; 4]>,
     /// Triangles.
     pub triangles: Vec<Triangle>,
     /// Point, spot and directional lights (`KHR_lights_punctual`); emissive triangles are found through their materials.
@@ -62,8 +65,10 @@ pub struct OpticalMaterial {
     pub base_color: [f32; 3],
     /// Base colour texture (sRGB).
     pub base_color_texture: Option<TextureRef>,
-    /// Opacity of the base colour: below `alpha_cutoff` a texel is a hole (glTF alphaMode MASK).
-    pub alpha_cutoff: Option<f32>,
+    /// Alpha factor: the alpha of a place is this times the base colour texture's alpha times the vertices'.
+    pub alpha: f32,
+    /// What alpha means to light.
+    pub alpha_mode: AlphaMode,
     /// 0 dielectric … 1 metal.
     pub metallic: f32,
     /// Perceptual roughness, `alpha = roughness²`.
@@ -91,7 +96,8 @@ impl Default for OpticalMaterial {
         Self {
             base_color: [0.8; 3],
             base_color_texture: None,
-            alpha_cutoff: None,
+            alpha: 1.0,
+            alpha_mode: AlphaMode::Opaque,
             metallic: 0.0,
             roughness: 1.0,
             metallic_roughness_texture: None,
@@ -104,6 +110,20 @@ impl Default for OpticalMaterial {
             double_sided: true,
         }
     }
+}
+
+/// What the alpha of a surface means to light (glTF 2.0 §3.9.4). Radio meets the whole surface in every mode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AlphaMode {
+    /// Nothing: the surface covers all that is behind it.
+    Opaque,
+    /// Where alpha is below the cutoff there is a hole.
+    Mask {
+        /// The smallest alpha that covers.
+        cutoff: f32,
+    },
+    /// Alpha is coverage: that share of the surface is there, and through the rest what is behind is seen unchanged.
+    Blend,
 }
 
 /// A texture as a material uses it.
@@ -124,6 +144,18 @@ pub struct Texture {
     pub texels: Raster<[u8; 4]>,
     /// How coordinates outside `[0, 1)` map, along u and v.
     pub wrap: [Wrap; 2],
+    /// How values between texel centres arise.
+    pub filter: Filter,
+}
+
+/// A glTF sampler's magnification filter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Filter {
+    /// Bilinear interpolation of four texels (the default).
+    #[default]
+    Linear,
+    /// The texel that the coordinate falls into.
+    Nearest,
 }
 
 /// A glTF sampler's wrap mode.

@@ -4,8 +4,10 @@ use super::{Verdict, show};
 use crate::run::claim_shared;
 use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
-use corf_scene::config::{SceneConfig, UpAxis, read_toml};
+use corf_scene::config::{SceneConfig, read_toml};
+use corf_scene::contained::Reach;
 use corf_scene::export::sionna;
+use corf_scene::import::ImportOptions;
 use corf_scene::info::{SceneInfo, validate_scene};
 use corf_scene::{Finding, Scene as Model, Severity, import, lobby, radio_check};
 use std::path::{Path, PathBuf};
@@ -76,12 +78,27 @@ pub struct Validate {
 pub struct File {
     /// A mesh (.glb, .gltf, .obj), or a scene file (.toml) that names one and maps its radio materials.
     file: PathBuf,
+    /// Let a mesh name files outside of its folder (shared textures); a scene file says so itself, `allow_outside` under [scene].
+    #[arg(long)]
+    allow_outside: bool,
+}
+
+impl File {
+    /// How the mesh is read, by a scene file or without one.
+    fn options(&self, config: Option<&SceneConfig>) -> ImportOptions {
+        let mut options = config.map(SceneConfig::import_options).unwrap_or_default();
+        if self.allow_outside {
+            options.reach = Reach::Anywhere;
+        }
+        options
+    }
 }
 
 /// Everything wrong with a scene: its file's values, its mesh, its materials, where antennas stand.
-fn validate(path: &Path) -> Result<Vec<Finding>> {
+fn validate(file: &File) -> Result<Vec<Finding>> {
+    let path = file.file.as_path();
     if !is_config(path) {
-        let (scene, mut findings) = import(path, None)?;
+        let (scene, mut findings) = import(path, &file.options(None))?;
         findings.extend(validate_scene(&scene, DEFAULT_FREQUENCY_HZ));
         return Ok(findings);
     }
@@ -90,7 +107,7 @@ fn validate(path: &Path) -> Result<Vec<Finding>> {
     let faults = config.faults();
     let sound = faults.is_empty();
     let mut findings: Vec<Finding> = faults.into_iter().map(Finding::from).collect();
-    let (mut scene, imported) = import(&config.mesh_path(), config.scene.up)?;
+    let (mut scene, imported) = import(&config.mesh_path(), &file.options(Some(&config)))?;
     findings.extend(imported);
     let mut failed = Vec::new();
     for name in config.radio_materials.keys() {
@@ -117,32 +134,21 @@ fn is_config(path: &Path) -> bool {
 }
 
 /// A scene, and what its import left out or changed.
-fn load(path: &Path) -> Result<(Model, Vec<Finding>)> {
+fn load(file: &File) -> Result<(Model, Vec<Finding>)> {
+    let path = file.file.as_path();
     if !is_config(path) {
-        return import(path, None);
+        return import(path, &file.options(None));
     }
     let config = SceneConfig::load(path)?;
-    let (mut scene, findings) = import(&config.mesh_path(), config.scene.up)?;
+    let (mut scene, findings) = import(&config.mesh_path(), &file.options(Some(&config)))?;
     config.apply_radio_materials(&mut scene)?;
     Ok((scene, findings))
 }
 
 /// A mesh, and what its import left out or changed.
-fn import(mesh: &Path, up: Option<UpAxis>) -> Result<(Model, Vec<Finding>)> {
-    let (scene, report) = import::load_with_report(mesh, up)?;
-    let place = mesh.display().to_string();
-    let mut left_out = Vec::new();
-    for (count, what) in [
-        (report.degenerate_triangles, "triangles without area were dropped"),
-        (report.skipped_primitives, "primitives of points or lines were skipped"),
-        (report.computed_normals, "vertices without a normal were given their triangle's"),
-    ] {
-        if count > 0 {
-            left_out.push(Finding::new(Severity::Note, &place, format!("{count} {what}"), ""));
-        }
-    }
-    left_out.extend(report.notes.into_iter().map(|note| Finding::new(Severity::Warning, &place, note, "")));
-    Ok((scene, left_out))
+fn import(mesh: &Path, options: &ImportOptions) -> Result<(Model, Vec<Finding>)> {
+    let (scene, report) = import::load_with_report(mesh, options)?;
+    Ok((scene, report.findings(mesh)))
 }
 
 impl Scene {
@@ -158,14 +164,14 @@ impl Scene {
                 show(json, &serde_json::json!({ "file": out, "bytes": bytes }), &format!("{}: {bytes} bytes", out.display()))?;
                 Ok(Verdict::Done)
             }
-            Self::Info(File { file }) => {
+            Self::Info(file) => {
                 let (scene, left_out) = load(&file)?;
                 let info = SceneInfo::of(&scene);
                 let notes: Vec<String> = left_out.iter().map(ToString::to_string).collect();
                 show(json, &serde_json::json!({ "scene": info, "import": left_out }), &format!("{info}{}", notes.join("\n")))?;
                 Ok(Verdict::Done)
             }
-            Self::Validate(Validate { file: File { file }, strict }) => {
+            Self::Validate(Validate { file, strict }) => {
                 let findings = validate(&file)?;
                 let warned = findings.iter().any(|f| f.severity == Severity::Warning);
                 match super::findings(json, &findings)? {

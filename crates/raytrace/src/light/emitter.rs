@@ -158,7 +158,7 @@ impl Emitters {
         self.cells_per_metre = self.cells.as_vec3() / size;
         let count = self.cells.element_product() as usize;
         let rays = VISIBILITY_RAYS.min(MAX_VISIBILITY_RAYS / (count * n).max(1));
-        let blocks = |triangle: u32| covers[triangle as usize] == Cover::Opaque;
+        let blocks = |triangle: u32| covers[triangle as usize] == Cover::OPAQUE;
         let mut cumulative = vec![0.0f32; count * n];
         cumulative.par_chunks_mut(n).enumerate().for_each(|(cell, row)| {
             let index = UVec3::new(
@@ -221,7 +221,7 @@ impl Emitters {
     }
 
     /// Draws an emitter and a point on it for a shading point; `None` where none is worth asking.
-    pub fn sample(&self, scene: &Scene, point: Vec3, choice: f32, u: [f32; 2]) -> Option<LightSample> {
+    pub fn sample(&self, scene: &Scene, covers: &[Cover], point: Vec3, choice: f32, u: [f32; 2]) -> Option<LightSample> {
         if self.list.is_empty() {
             return None;
         }
@@ -248,7 +248,11 @@ impl Emitters {
                 // The target is lifted off the light so that the light does not shadow itself.
                 let lift = *normal * (offset(on_light) * normal.dot(away).signum());
                 let at = weights[0] * (1.0 - b1 - b2) + weights[1] * b1 + weights[2] * b2;
-                Some(LightSample { to_light: on_light + lift - point, weight: emission(scene, *triangle, at.x, at.y) / pdf, pdf })
+                Some(LightSample {
+                    to_light: on_light + lift - point,
+                    weight: emission(scene, covers[*triangle as usize], *triangle, at.x, at.y) / pdf,
+                    pdf,
+                })
             }
             Kind::Punctual(light) => {
                 let (to_light, irradiance) = punctual(light, point)?;

@@ -9,6 +9,10 @@
 //! passes straight through, tinted. Straight passage is not a scattering event: shadow rays and multiple importance sampling look
 //! through panes, and so do depth, surface ids and the auxiliary images.
 //!
+//! Alpha is coverage (`over` compositing): of a blended surface the share alpha is there, and through the rest light passes as if there
+//! were none, unweakened and untinted, for camera, bounce and shadow rays alike. Depth and surface ids are those of surfaces of which
+//! at least half is there.
+//!
 //! One approximation is made for speed: after a rough reflection, surfaces are looked up in textures averaged to 64 texels a side and
 //! without normal maps; mirrors and highlights see full detail.
 
@@ -137,7 +141,7 @@ impl<'a> LightTracer<'a> {
     /// If a triangle, material or texture index of the scene is out of range; importers make none such.
     pub fn new(scene: &'a Scene, bvh: &'a Bvh) -> Self {
         let covers = covers(scene);
-        let all_opaque = covers.iter().all(|c| *c == Cover::Opaque);
+        let all_opaque = covers.iter().all(|c| *c == Cover::OPAQUE);
         Self {
             scene,
             bvh,
@@ -230,12 +234,15 @@ impl<'a> LightTracer<'a> {
         let direction = world_from_camera.transform_vector(toward);
         let ray = Ray::new(world_from_camera.translation.as_vec3(), direction.as_vec3());
         counts.camera += 1;
-        match self.closest_where(&ray, |cover| cover != Cover::Pane) {
+        match self.closest_where(&ray, BARELY_HALF, |cover| !cover.pane) {
             Some(hit) => (hit.t, self.scene.triangles[hit.triangle as usize].object),
             None => (f32::INFINITY, u32::MAX),
         }
     }
 }
+
+/// Depth and surface ids look through surfaces of which no more than this is there: just under a half, which counts as there.
+const BARELY_HALF: f32 = 0.499_999;
 
 /// Reflectances below this are treated as this when light is divided by them.
 const MIN_ALBEDO: f32 = 0.01;

@@ -2,7 +2,7 @@
 
 use super::bsdf::{Bsdf, fresnel_pane};
 use super::sampler::Sampler;
-use super::surface::{Cover, Surface, is_hole, pane_transmittance};
+use super::surface::{Cover, Surface, coverage, pane_transmittance};
 use super::{LightSettings, LightTracer, RayCounts};
 use crate::bvh::{Hit, Ray};
 use glam::{Mat3, Vec3};
@@ -45,14 +45,14 @@ fn power_heuristic(p: f32, q: f32) -> f32 {
 }
 
 impl LightTracer<'_> {
-    /// The closest hit that is no hole and whose cover is `wanted`.
-    pub(super) fn closest_where(&self, ray: &Ray, wanted: impl Fn(Cover) -> bool) -> Option<Hit> {
+    /// The closest hit whose cover is `wanted` and of whose surface more than `least` is there.
+    pub(super) fn closest_where(&self, ray: &Ray, least: f32, wanted: impl Fn(Cover) -> bool) -> Option<Hit> {
         if self.all_opaque {
             return self.bvh.intersect(ray);
         }
         self.bvh.intersect_where(ray, |hit| {
             let cover = self.cover(hit);
-            wanted(cover) && (cover == Cover::Opaque || !is_hole(self.scene, hit))
+            wanted(cover) && (!cover.alpha || coverage(self.scene, hit.triangle, hit.u, hit.v) > least)
         })
     }
 
@@ -66,13 +66,18 @@ impl LightTracer<'_> {
             return if self.bvh.occluded(ray) { Vec3::ZERO } else { Vec3::ONE };
         }
         let mut share = Vec3::ONE;
-        let blocked = self.bvh.occluded_where(ray, |hit| match self.cover(hit) {
-            Cover::Opaque => true,
-            Cover::Cutout => !is_hole(self.scene, hit),
-            Cover::Pane => {
-                share *= pane_transmittance(self.scene, hit, ray.direction);
-                false
+        let blocked = self.bvh.occluded_where(ray, |hit| {
+            let cover = self.cover(hit);
+            if cover == Cover::OPAQUE {
+                return true;
             }
+            let there = if cover.alpha { coverage(self.scene, hit.triangle, hit.u, hit.v) } else { 1.0 };
+            let through = if cover.pane { pane_transmittance(self.scene, hit, ray.direction) } else { Vec3::ZERO };
+            if there >= 1.0 && !cover.pane {
+                return true;
+            }
+            share *= if there >= 1.0 { through } else { Vec3::splat(1.0 - there) + through * there };
+            false
         });
         if blocked { Vec3::ZERO } else { share }
     }
@@ -99,7 +104,7 @@ impl LightTracer<'_> {
             } else {
                 counts.bounce += 1;
             }
-            let Some(hit) = self.closest_where(&ray, |_| true) else {
+            let Some(hit) = self.closest_where(&ray, 0.0, |_| true) else {
                 // The background is uniform and only ever found by chance: full weight.
                 self.add(&mut out, throughput * Vec3::from(settings.background), scattered, straight, settings);
                 if straight {
@@ -107,7 +112,7 @@ impl LightTracer<'_> {
                 }
                 return out;
             };
-            let surface = Surface::at(self.scene, &ray, &hit, (pdf < WIDE_RAY_PDF).then_some(&self.coarse));
+            let surface = Surface::at(self.scene, self.cover(&hit), &ray, &hit, (pdf < WIDE_RAY_PDF).then_some(&self.coarse));
             if surface.emitted != Vec3::ZERO {
                 let weight = if pdf.is_infinite() || !settings.next_event_estimation {
                     1.0
@@ -116,10 +121,18 @@ impl LightTracer<'_> {
                     let cos = surface.geometric_normal.dot(ray.direction).abs();
                     power_heuristic(pdf, self.emitters.pdf(ray.origin, &hit, hit.t, cos))
                 };
-                self.add(&mut out, throughput * surface.emitted * weight, scattered, straight, settings);
+                self.add(&mut out, throughput * surface.emitted * (weight * surface.coverage), scattered, straight, settings);
             }
             let dimension = FIRST_VERTEX + PAIRS_PER_VERTEX * event;
-            let [fate, roulette] = sampler.pair(dimension + PAIR_FATE);
+            let [mut fate, roulette] = sampler.pair(dimension + PAIR_FATE);
+            if surface.coverage < 1.0 {
+                // Where the surface is not, the ray goes on as if it had met nothing; where it is, what is left of the number decides.
+                if fate >= surface.coverage {
+                    ray.t_min = hit.t + super::surface::offset(surface.position);
+                    continue;
+                }
+                fate /= surface.coverage;
+            }
             let mut base_only = false;
             if surface.transmission > 0.0 {
                 let cos = surface.geometric_normal.dot(ray.direction).abs();
@@ -166,7 +179,13 @@ impl LightTracer<'_> {
             scattered += 1;
             let [choice, lobe] = sampler.pair(dimension + PAIR_CHOICES);
             if settings.next_event_estimation && !self.emitters.is_empty() {
-                let light = self.emitters.sample(self.scene, surface.position, choice, sampler.pair(dimension + PAIR_LIGHT));
+                let light = self.emitters.sample(
+                    self.scene,
+                    &self.covers,
+                    surface.position,
+                    choice,
+                    sampler.pair(dimension + PAIR_LIGHT),
+                );
                 if let Some(light) = light {
                     let direction = light.to_light.normalize();
                     let (value, bsdf_pdf) = bsdf.evaluate(to_local * direction);

@@ -3,8 +3,8 @@
 use super::texture::{Encoding, sample};
 use crate::bvh::{Hit, Ray};
 use corf_scene::Scene;
-use corf_scene::model::{OpticalMaterial, Texture, TextureRef};
-use glam::{Vec2, Vec3};
+use corf_scene::model::{AlphaMode, OpticalMaterial, Texture, TextureRef};
+use glam::{Vec2, Vec3, Vec4};
 
 /// Rays that leave a surface start this share of `1 + |position|` away from it: some hundred roundings of a position.
 const OFFSET: f32 = 1e-5;
@@ -12,33 +12,42 @@ const OFFSET: f32 = 1e-5;
 /// Shading normals are at least this visible from where the ray came.
 const MIN_VISIBLE_COS: f32 = 0.01;
 
-/// How a shadow ray treats a triangle.
+/// What light can do at a triangle besides being stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Cover {
-    /// Blocks.
-    Opaque,
-    /// Blocks where its texture is opaque.
-    Cutout,
-    /// Thin glass: lets part of the light through, straight.
-    Pane,
+pub(super) struct Cover {
+    /// Its alpha may leave holes, or cover a part.
+    pub alpha: bool,
+    /// It is thin glass: what it covers lets part of the light through, straight.
+    pub pane: bool,
+}
+
+impl Cover {
+    /// Stops everything.
+    pub const OPAQUE: Self = Self { alpha: false, pane: false };
 }
 
 /// Per triangle: [`Cover`].
 pub(super) fn covers(scene: &Scene) -> Vec<Cover> {
+    let colors_vary = scene.colors.iter().any(|c| c[3] < 1.0);
     let of_material: Vec<Cover> = scene
         .materials
         .iter()
         .map(|m| {
-            if m.optical.transmission > 0.0 {
-                Cover::Pane
-            } else if m.optical.alpha_cutoff.is_some() && m.optical.base_color_texture.is_some() {
-                Cover::Cutout
-            } else {
-                Cover::Opaque
-            }
+            let optical = &m.optical;
+            let varies = || colors_vary || optical.base_color_texture.as_ref().is_some_and(|t| is_translucent(scene, t));
+            let alpha = match optical.alpha_mode {
+                AlphaMode::Opaque => false,
+                AlphaMode::Mask { cutoff } => varies() || optical.alpha < cutoff,
+                AlphaMode::Blend => varies() || optical.alpha < 1.0,
+            };
+            Cover { alpha, pane: optical.transmission > 0.0 }
         })
         .collect();
     scene.triangles.iter().map(|t| of_material[t.material as usize]).collect()
+}
+
+fn is_translucent(scene: &Scene, texture: &TextureRef) -> bool {
+    scene.textures[texture.texture as usize].texels.pixels().iter().any(|texel| texel[3] < 255)
 }
 
 /// The material at a hit and its frame.
@@ -55,6 +64,8 @@ pub(super) struct Surface {
     pub roughness: f32,
     pub transmission: f32,
     pub ior: f32,
+    /// The share of the surface that is there ([`AlphaMode::Blend`]); all else is of that share.
+    pub coverage: f32,
     /// Radiance emitted towards the ray's origin.
     pub emitted: Vec3,
 }
@@ -63,6 +74,15 @@ pub(super) struct Surface {
 fn uv_at(scene: &Scene, triangle: u32, u: f32, v: f32) -> Vec2 {
     let [a, b, c] =
         scene.triangles[triangle as usize].vertices.map(|i| scene.uvs.get(i as usize).map_or(Vec2::ZERO, |t| Vec2::from(*t)));
+    a * (1.0 - u - v) + b * u + c * v
+}
+
+/// Vertex colour at barycentric weights of a triangle; white where the scene has none.
+fn color_at(scene: &Scene, triangle: u32, u: f32, v: f32) -> Vec4 {
+    if scene.colors.is_empty() {
+        return Vec4::ONE;
+    }
+    let [a, b, c] = scene.triangles[triangle as usize].vertices.map(|i| Vec4::from(scene.colors[i as usize]));
     a * (1.0 - u - v) + b * u + c * v
 }
 
@@ -75,20 +95,27 @@ fn emitted_at(scene: &Scene, material: &OpticalMaterial, uv: Vec2) -> Vec3 {
     Vec3::from(material.emissive) * rgb(&scene.textures, &material.emissive_texture, uv, Encoding::Srgb)
 }
 
-/// Emitted radiance of a triangle at barycentric weights.
-pub(super) fn emission(scene: &Scene, triangle: u32, u: f32, v: f32) -> Vec3 {
+/// Emitted radiance of a triangle at barycentric weights, times the share of it that is there.
+pub(super) fn emission(scene: &Scene, cover: Cover, triangle: u32, u: f32, v: f32) -> Vec3 {
     let material = &scene.materials[scene.triangles[triangle as usize].material as usize].optical;
-    emitted_at(scene, material, uv_at(scene, triangle, u, v))
+    let emitted = emitted_at(scene, material, uv_at(scene, triangle, u, v));
+    if cover.alpha { emitted * coverage(scene, triangle, u, v) } else { emitted }
 }
 
-/// Whether a hit lies in a hole of an alpha-masked material.
-pub(super) fn is_hole(scene: &Scene, hit: &Hit) -> bool {
-    let material = &scene.materials[scene.triangles[hit.triangle as usize].material as usize].optical;
-    match (material.alpha_cutoff, &material.base_color_texture) {
-        (Some(cutoff), Some(texture)) => {
-            sample(&scene.textures, texture, uv_at(scene, hit.triangle, hit.u, hit.v), Encoding::Srgb)[3] < cutoff
-        }
-        _ => false,
+/// The share of a surface that is there at barycentric weights: 0 or 1 but where alpha blends.
+pub(super) fn coverage(scene: &Scene, triangle: u32, u: f32, v: f32) -> f32 {
+    let material = &scene.materials[scene.triangles[triangle as usize].material as usize].optical;
+    let alpha = || {
+        let texel = material
+            .base_color_texture
+            .as_ref()
+            .map_or(1.0, |t| sample(&scene.textures, t, uv_at(scene, triangle, u, v), Encoding::Srgb)[3]);
+        material.alpha * texel * color_at(scene, triangle, u, v).w
+    };
+    match material.alpha_mode {
+        AlphaMode::Opaque => 1.0,
+        AlphaMode::Mask { cutoff } => f32::from(alpha() >= cutoff),
+        AlphaMode::Blend => alpha().clamp(0.0, 1.0),
     }
 }
 
@@ -98,13 +125,14 @@ pub(super) fn pane_transmittance(scene: &Scene, hit: &Hit, direction: Vec3) -> V
     let [a, b, c] = scene.corners(hit.triangle as usize);
     let cos = (b - a).cross(c - a).normalize_or_zero().dot(direction.normalize()).abs();
     let tint = Vec3::from(material.base_color)
+        * color_at(scene, hit.triangle, hit.u, hit.v).truncate()
         * rgb(&scene.textures, &material.base_color_texture, uv_at(scene, hit.triangle, hit.u, hit.v), Encoding::Srgb);
     tint * (material.transmission * (1.0 - super::bsdf::fresnel_pane(cos, material.ior)))
 }
 
 impl Surface {
     /// Looks a hit up. With `coarse` textures, colour comes from them and normal maps are left out.
-    pub fn at(scene: &Scene, ray: &Ray, hit: &Hit, coarse: Option<&[Texture]>) -> Self {
+    pub fn at(scene: &Scene, cover: Cover, ray: &Ray, hit: &Hit, coarse: Option<&[Texture]>) -> Self {
         let triangle = &scene.triangles[hit.triangle as usize];
         let material = &scene.materials[triangle.material as usize].optical;
         let [a, b, c] = triangle.vertices.map(|i| scene.positions[i as usize]);
@@ -114,7 +142,8 @@ impl Surface {
         let side = if from_front { 1.0 } else { -1.0 };
         let uv = uv_at(scene, hit.triangle, u, v);
         let texel = rgb(coarse.unwrap_or(&scene.textures), &material.base_color_texture, uv, Encoding::Srgb);
-        let base_color = (Vec3::from(material.base_color) * texel).clamp(Vec3::ZERO, Vec3::ONE);
+        let color = color_at(scene, hit.triangle, u, v).truncate();
+        let base_color = (Vec3::from(material.base_color) * color * texel).clamp(Vec3::ZERO, Vec3::ONE);
         let data = rgb(&scene.textures, &material.metallic_roughness_texture, uv, Encoding::Linear);
         Self {
             position: a * w + b * u + c * v,
@@ -125,6 +154,7 @@ impl Surface {
             roughness: (material.roughness * data.y).clamp(0.0, 1.0),
             transmission: material.transmission.clamp(0.0, 1.0),
             ior: material.ior.max(1.0),
+            coverage: if cover.alpha { coverage(scene, hit.triangle, u, v) } else { 1.0 },
             emitted: if from_front || material.double_sided { emitted_at(scene, material, uv) } else { Vec3::ZERO },
         }
     }

@@ -1,5 +1,6 @@
 //! Truths of the light tracer.
 
+mod alpha;
 mod materials;
 
 use super::*;

@@ -2,7 +2,7 @@
 
 use corf_scene::Raster;
 use corf_scene::color::{linear_from_srgb, quantize8, srgb_from_linear};
-use corf_scene::model::{Texture, TextureRef, Wrap};
+use corf_scene::model::{Filter, Texture, TextureRef, Wrap};
 use glam::Vec2;
 use rayon::prelude::*;
 use std::sync::OnceLock;
@@ -62,6 +62,11 @@ fn footprint(texture: &Texture, uv: Vec2) -> Option<[([u8; 4], f32); 4]> {
     }
     let (columns, fx) = neighbours(uv.x, w, texture.wrap[0]);
     let (rows, fy) = neighbours(uv.y, h, texture.wrap[1]);
+    // The nearest of the four is the one whose square holds the coordinate.
+    let (fx, fy) = match texture.filter {
+        Filter::Linear => (fx, fy),
+        Filter::Nearest => (f32::from(fx >= 0.5), f32::from(fy >= 0.5)),
+    };
     let texel = |i: usize, j: usize| texture.texels[(columns[i], rows[j])];
     Some([
         (texel(0, 0), (1.0 - fx) * (1.0 - fy)),
@@ -137,7 +142,7 @@ fn coarsened(texture: &Texture) -> Texture {
             quantize8(mean[3]),
         ]
     });
-    Texture { name: texture.name.clone(), texels, wrap: texture.wrap }
+    Texture { name: texture.name.clone(), texels, wrap: texture.wrap, filter: Filter::Linear }
 }
 
 #[cfg(test)]
@@ -145,13 +150,20 @@ mod tests {
     use super::*;
     use glam::Affine2;
 
-    fn ramp(wrap: Wrap) -> (Vec<Texture>, TextureRef) {
+    fn ramp(wrap: Wrap, filter: Filter) -> (Vec<Texture>, TextureRef) {
         let texels = Raster::from_fn(4, 1, |x, _| [(x * 50) as u8, 0, 255, 128]);
-        (vec![Texture { name: "ramp".into(), texels, wrap: [wrap; 2] }], TextureRef { texture: 0, uv_from_uv: Affine2::IDENTITY })
+        (
+            vec![Texture { name: "ramp".into(), texels, wrap: [wrap; 2], filter }],
+            TextureRef { texture: 0, uv_from_uv: Affine2::IDENTITY },
+        )
     }
 
     fn red(wrap: Wrap, u: f32) -> f32 {
-        let (textures, reference) = ramp(wrap);
+        red_by(Filter::Linear, wrap, u)
+    }
+
+    fn red_by(filter: Filter, wrap: Wrap, u: f32) -> f32 {
+        let (textures, reference) = ramp(wrap, filter);
         sample(&textures, &reference, Vec2::new(u, 0.5), Encoding::Linear)[0] * 255.0
     }
 
@@ -159,6 +171,17 @@ mod tests {
     fn texel_centres_are_exact_and_between_them_it_is_linear() {
         assert!((red(Wrap::Repeat, 0.375) - 50.0).abs() < 1e-3);
         assert!((red(Wrap::Repeat, 0.5) - 75.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_nearest_texel_is_the_one_the_coordinate_falls_into() {
+        for (u, expected) in
+            [(0.001, 0.0), (0.249, 0.0), (0.251, 50.0), (0.499, 50.0), (0.501, 100.0), (0.999, 150.0), (1.01, 0.0)]
+        {
+            assert_eq!((red_by(Filter::Nearest, Wrap::Repeat, u)).round(), expected, "{u}");
+        }
+        assert_eq!(red_by(Filter::Nearest, Wrap::Clamp, 7.0).round(), 150.0);
+        assert_eq!(red_by(Filter::Nearest, Wrap::Mirror, 1.01).round(), 150.0);
     }
 
     #[test]
@@ -179,7 +202,7 @@ mod tests {
 
     #[test]
     fn colour_is_decoded_and_alpha_is_not() {
-        let (textures, reference) = ramp(Wrap::Clamp);
+        let (textures, reference) = ramp(Wrap::Clamp, Filter::Linear);
         let v = sample(&textures, &reference, Vec2::new(0.625, 0.5), Encoding::Srgb);
         assert!((v[0] - linear_from_srgb(100.0 / 255.0)).abs() < 1e-6);
         assert!((v[3] - 128.0 / 255.0).abs() < 1e-6);
@@ -187,7 +210,7 @@ mod tests {
 
     #[test]
     fn the_texture_transform_acts_on_mesh_coordinates() {
-        let (textures, mut reference) = ramp(Wrap::Repeat);
+        let (textures, mut reference) = ramp(Wrap::Repeat, Filter::Linear);
         reference.uv_from_uv = Affine2::from_scale(Vec2::new(2.0, 1.0));
         let v = sample(&textures, &reference, Vec2::new(0.1875, 0.5), Encoding::Linear);
         assert!((v[0] * 255.0 - 50.0).abs() < 1e-3);
@@ -197,7 +220,7 @@ mod tests {
     fn coarse_textures_keep_the_mean_colour_and_the_layout() {
         let texels =
             Raster::from_fn(500, 128, |x, y| if x < 250 { [255, (y % 2 * 255) as u8, 0, 255] } else { [0, 80, 200, 255] });
-        let fine = vec![Texture { name: "halves".into(), texels, wrap: [Wrap::Clamp; 2] }];
+        let fine = vec![Texture { name: "halves".into(), texels, wrap: [Wrap::Clamp; 2], filter: Filter::Linear }];
         let coarse = coarse(&fine);
         assert!(coarse[0].texels.width() <= 64 && coarse[0].texels.height() <= 64);
         let reference = TextureRef { texture: 0, uv_from_uv: Affine2::IDENTITY };

@@ -457,6 +457,13 @@ pub(super) fn build_scene(
         scene.objects.push(Object { name: object.name.clone() });
         for triangle in &object.triangles {
             let exact = triangle.map(DVec3::from_array);
+            if exact.iter().any(|p| !p.as_vec3().is_finite()) {
+                return Err(Error::invalid(
+                    format!("object `{}`", object.name),
+                    format!("{triangle:?} has a corner beyond float32"),
+                    "positions are metres",
+                ));
+            }
             let normal = (exact[1] - exact[0]).cross(exact[2] - exact[0]).normalize_or_zero().as_vec3();
             let first = scene.positions.len() as u32;
             scene.positions.extend(exact.iter().map(|p| p.as_vec3()));

@@ -1,9 +1,11 @@
 //! `scenes/*.toml`: which mesh, which carrier, where the transmitter stands, what the receiver is, how the platform moves.
 
 use super::{ReceiverConfig, TransmitterConfig, nearest, read_toml};
+use crate::contained::Reach;
+use crate::import::ImportOptions;
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::TrajectoryConfig;
-use crate::{Error, Result, Scene, Severity, bounds, radio_check};
+use crate::{Error, Finding, Result, Scene, Severity, bounds, radio_check};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -42,9 +44,13 @@ pub struct SceneConfig {
 pub struct SceneFile {
     /// Mesh file (.glb, .gltf, .obj), relative to the TOML file.
     pub file: PathBuf,
-    /// The file's up axis. glTF is `y` by its standard, so only OBJ heeds this; without it an OBJ is taken as `z` up.
+    /// The file's up axis. Without it a glTF is taken as `y` up, as its standard says, and an OBJ as `z` up; `z` reads glTF files that
+    /// were exported without turning.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub up: Option<UpAxis>,
+    /// Whether the mesh file may name files (textures, buffers, material libraries) outside of its own folder.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub allow_outside: bool,
 }
 
 /// Which axis of a mesh file points up.
@@ -141,9 +147,24 @@ impl SceneConfig {
     /// # Errors
     /// The mesh cannot be read, or `[radio_materials]` names a material the mesh does not have.
     pub fn load_scene(&self) -> Result<Scene> {
-        let mut scene = crate::import::load_with_up(self.mesh_path(), self.scene.up)?;
+        self.load_scene_with_findings().map(|(scene, _)| scene)
+    }
+
+    /// As [`SceneConfig::load_scene`], with what the mesh's import left out or changed.
+    ///
+    /// # Errors
+    /// As [`SceneConfig::load_scene`].
+    pub fn load_scene_with_findings(&self) -> Result<(Scene, Vec<Finding>)> {
+        let mesh = self.mesh_path();
+        let (mut scene, report) = crate::import::load_with_report(&mesh, &self.import_options())?;
         self.apply_radio_materials(&mut scene)?;
-        Ok(scene)
+        Ok((scene, report.findings(&mesh)))
+    }
+
+    /// How `[scene]` says that the mesh file is to be read.
+    pub fn import_options(&self) -> ImportOptions {
+        let reach = if self.scene.allow_outside { Reach::Anywhere } else { Reach::Folder };
+        ImportOptions { up: self.scene.up, reach }
     }
 
     /// Gives materials the radio properties of `[radio_materials]`, by exact name.

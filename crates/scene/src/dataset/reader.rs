@@ -3,6 +3,7 @@
 use super::conventions::Conventions;
 use super::header::{DATASET_SCHEMA, DatasetFile, DatasetHeader, Summary, from_json, read_trajectory};
 use super::{layout, validate, writer};
+use crate::contained::{self, Reach};
 use crate::keyframe::DbRange;
 use crate::trajectory::TrajectoryPose;
 use crate::{Error, Keyframe, Pinhole, Raster, Result, io};
@@ -35,7 +36,7 @@ impl Dataset {
             };
             return Err(Error::invalid(dir.display().to_string(), what, help));
         }
-        let text = io::read_text(&path)?;
+        let text = io::read_text(own_file(dir, layout::DATASET_JSON)?)?;
         let hash = io::sha256_hex(text.as_bytes());
         // The schema first: a file of another version should say so, not complain about its keys.
         let value: serde_json::Value = from_json(&text, &path)?;
@@ -49,7 +50,7 @@ impl Dataset {
         }
         let mut file: DatasetFile = from_json(&text, &path)?;
         let trajectory = dir.join(layout::TRAJECTORY_JSON);
-        file.header.poses = read_trajectory(&trajectory)?;
+        file.header.poses = read_trajectory(&own_file(dir, layout::TRAJECTORY_JSON)?)?;
         if file.header.poses.len() != file.keyframes {
             return Err(Error::invalid(
                 trajectory.display().to_string(),
@@ -182,13 +183,22 @@ impl Dataset {
         };
         let has = |path: &str| self.file.files.contains_key(path);
         let (o, r) = (self.optical_camera(), self.rf_camera());
-        let path = |relative: &str| self.dir.join(relative);
-        let image = self.sized(index, &layout::image(index), &o, io::read_png(path(&layout::image(index))))?;
-        let spectrum = self.sized(index, &layout::spectrum(index), &r, io::read_exr_f32(path(&layout::spectrum(index))))?;
-        writer::check_spectrum(&spectrum, &format!("{}: keyframe {index}", path(&layout::spectrum(index)).display()))?;
+        let image =
+            self.sized(index, &layout::image(index), &o, own_file(&self.dir, &layout::image(index)).and_then(io::read_png))?;
+        let spectrum = self.sized(
+            index,
+            &layout::spectrum(index),
+            &r,
+            own_file(&self.dir, &layout::spectrum(index)).and_then(io::read_exr_f32),
+        )?;
+        writer::check_spectrum(&spectrum, &format!("{}: keyframe {index}", self.dir.join(layout::spectrum(index)).display()))?;
         let (depth, surface) = (layout::depth(index), layout::surface(index));
-        let depth_m = has(&depth).then(|| self.sized(index, &depth, &o, io::read_exr_f32(path(&depth)))).transpose()?;
-        let surface = has(&surface).then(|| self.sized(index, &surface, &o, io::read_exr_u32(path(&surface)))).transpose()?;
+        let depth_m = has(&depth)
+            .then(|| self.sized(index, &depth, &o, own_file(&self.dir, &depth).and_then(io::read_exr_f32)))
+            .transpose()?;
+        let surface = has(&surface)
+            .then(|| self.sized(index, &surface, &o, own_file(&self.dir, &surface).and_then(io::read_exr_u32)))
+            .transpose()?;
         Ok(Keyframe { index, time_s: pose.time_s, world_from_camera: pose.world_from_camera, image, spectrum, depth_m, surface })
     }
 
@@ -201,7 +211,7 @@ impl Dataset {
         if !self.file.files.contains_key(&name) {
             return Ok(None);
         }
-        self.sized(index, &name, &self.optical_camera(), io::read_exr_rgb(self.dir.join(&name))).map(Some)
+        self.sized(index, &name, &self.optical_camera(), own_file(&self.dir, &name).and_then(io::read_exr_rgb)).map(Some)
     }
 
     /// Gives a raster of the camera's size on, and names the keyframe in what went wrong otherwise.
@@ -229,4 +239,10 @@ impl Dataset {
         }
         Ok(raster)
     }
+}
+
+/// The path of a file that a data set in `dir` names: its own, in its folder and regular.
+pub(super) fn own_file(dir: &Path, name: &str) -> Result<PathBuf> {
+    let place = dir.join(layout::DATASET_JSON).display().to_string();
+    contained::resolve(dir, Path::new(name), Reach::Folder, &place, contained::DATASET_HELP)
 }

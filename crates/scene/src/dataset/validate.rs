@@ -2,6 +2,7 @@
 
 use super::darkness::{self, Sight};
 use super::export::Modality as Modalities;
+use super::reader::own_file;
 use super::{Dataset, layout};
 use crate::finding::Finding;
 use crate::{Error, Pinhole, Result, Rigid3, io};
@@ -20,6 +21,12 @@ const POSE_TOLERANCE: f64 = 1e-6;
 /// Only where nothing can be said about the folder, because it is no readable dataset at all.
 pub fn validate(dir: impl AsRef<Path>) -> Result<Vec<Finding>> {
     let dataset = Dataset::open(dir)?;
+    // Nothing is read of a data set that names what is not its own.
+    let foreign = dataset.file().files.keys().filter_map(|name| own_file(dataset.dir(), name).err());
+    let foreign: Vec<Finding> = foreign.map(of_error).collect();
+    if !foreign.is_empty() {
+        return Ok(foreign);
+    }
     let mut findings = check_files(&dataset)?;
     let of_frames: Vec<(Vec<Finding>, Option<Sight>)> =
         (0..dataset.len()).into_par_iter().map(|i| check_keyframe(&dataset, i)).collect();

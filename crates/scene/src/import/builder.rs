@@ -15,6 +15,8 @@ pub(super) struct Primitive {
     pub normals: Vec<[f32; 3]>,
     /// One a position, or empty.
     pub uvs: Vec<[f32; 2]>,
+    /// Linear RGBA, one a position, or empty.
+    pub colors: Vec<[f32; 4]>,
     pub triangles: Vec<[u32; 3]>,
     pub material: u32,
     pub object: u32,
@@ -29,6 +31,7 @@ pub(super) fn append(
     place: &str,
 ) -> Result<()> {
     check(p, place)?;
+    check_size(scene.triangles.len(), p.triangles.len(), 1, place)?;
     let linear = DMat3::from_mat4(*world_from_primitive);
     // Normals map with the inverse transpose, up to length: the cofactor matrix has no division and keeps a mirror's sign.
     let sign = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
@@ -46,6 +49,11 @@ pub(super) fn append(
             "scale the model to metres",
         ));
     }
+    // The scene has colours for all of its vertices or for none: white is what those without have.
+    if !p.colors.is_empty() && scene.colors.is_empty() {
+        scene.colors = vec![[1.0; 4]; scene.positions.len()];
+    }
+    let colored = !scene.colors.is_empty() || !p.colors.is_empty();
     let unit = |v: DVec3| v.try_normalize().map(|n| n.as_vec3());
     let normals: Vec<Option<Vec3>> = if p.normals.is_empty() {
         vec![None; world.len()]
@@ -75,6 +83,9 @@ pub(super) fn append(
                     scene.positions.push(world[v]);
                     scene.normals.push(normals[v].unwrap_or(face));
                     scene.uvs.push(p.uvs.get(v).copied().unwrap_or([0.0; 2]));
+                    if colored {
+                        scene.colors.push(p.colors.get(v).copied().unwrap_or([1.0; 4]));
+                    }
                     if normals[v].is_some() {
                         index_of[v] = Some(index);
                     } else {
@@ -89,10 +100,30 @@ pub(super) fn append(
     Ok(())
 }
 
+/// Most triangles of a scene: with their vertices, hierarchy and tables more fit no ordinary memory.
+const MAX_TRIANGLES: usize = 50_000_000;
+
+/// Checks that `times` copies of `more` triangles fit beside those there are, before memory is taken for them.
+pub(super) fn check_size(there: usize, more: usize, times: usize, place: &str) -> Result<()> {
+    let all = more.checked_mul(times).and_then(|n| n.checked_add(there));
+    if all.is_some_and(|n| n <= MAX_TRIANGLES) {
+        return Ok(());
+    }
+    let what = match times {
+        1 => format!("its {more} triangles make {} in all", there.saturating_add(more)),
+        _ => format!("{times} instances of {more} triangles beside {there} others"),
+    };
+    Err(Error::invalid(
+        place,
+        format!("{what}; a scene may have {MAX_TRIANGLES}"),
+        "simplify the model, or leave a part of it out",
+    ))
+}
+
 /// Array lengths, finite numbers, indices in range.
 fn check(p: &Primitive, place: &str) -> Result<()> {
     let n = p.positions.len();
-    for (what, count) in [("NORMAL", p.normals.len()), ("TEXCOORD", p.uvs.len())] {
+    for (what, count) in [("NORMAL", p.normals.len()), ("TEXCOORD", p.uvs.len()), ("COLOR", p.colors.len())] {
         if count != 0 && count != n {
             return Err(Error::invalid(
                 place,
@@ -110,6 +141,7 @@ fn check(p: &Primitive, place: &str) -> Result<()> {
     finite("position", p.positions.iter().position(|v| v.iter().any(|x| !x.is_finite())))?;
     finite("normal", p.normals.iter().position(|v| v.iter().any(|x| !x.is_finite())))?;
     finite("texture coordinate", p.uvs.iter().position(|v| v.iter().any(|x| !x.is_finite())))?;
+    finite("colour", p.colors.iter().position(|v| v.iter().any(|x| !x.is_finite())))?;
     if let Some((i, t)) = p.triangles.iter().enumerate().find(|(_, t)| t.iter().any(|v| *v as usize >= n)) {
         return Err(Error::invalid(
             place,

@@ -4,15 +4,27 @@
 
 mod builder;
 mod gltf;
-mod gltf_accessor;
-mod gltf_material;
 mod limits;
+mod mtl_text;
+mod notes;
 mod obj;
+mod obj_material;
+mod obj_text;
 mod polygon;
 
 use crate::config::UpAxis;
-use crate::{Error, Result, Scene, io};
+use crate::contained::{self, Reach};
+use crate::{Error, Finding, Result, Scene, Severity, io};
 use std::path::Path;
+
+/// How a mesh file is to be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ImportOptions {
+    /// The file's up axis: without one y for glTF, as its standard says, and z for an OBJ.
+    pub up: Option<UpAxis>,
+    /// Which files the mesh file may name: buffers, textures, material libraries.
+    pub reach: Reach,
+}
 
 /// What an import left out or made up.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -23,42 +35,56 @@ pub struct ImportReport {
     pub skipped_primitives: usize,
     /// Vertices whose missing or zero normals were computed from their triangle.
     pub computed_normals: usize,
-    /// Features of the file that the scene model cannot hold, in words.
+    /// Features of the file that the scene model cannot hold and that change what is seen or heard, in words.
     pub notes: Vec<String>,
+    /// What else is in the file and was not read, in words.
+    pub unread: Vec<String>,
 }
 
-/// Reads a mesh file by its extension (`.glb`, `.gltf`, `.obj`); an OBJ is taken as z-up.
+impl ImportReport {
+    /// The report as findings about a mesh file, one a kind.
+    pub fn findings(&self, mesh: &Path) -> Vec<Finding> {
+        let place = mesh.display().to_string();
+        let counted = [
+            (self.degenerate_triangles, "triangles without area were dropped"),
+            (self.skipped_primitives, "primitives of points or lines were skipped"),
+            (self.computed_normals, "vertices without a normal were given their triangle's"),
+        ];
+        let counted = counted.into_iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
+        let notes = counted.chain(self.unread.iter().cloned()).map(|what| (Severity::Note, what));
+        let warnings = self.notes.iter().cloned().map(|what| (Severity::Warning, what));
+        notes.chain(warnings).map(|(severity, what)| Finding::new(severity, &place, what, "")).collect()
+    }
+}
+
+/// Reads a mesh file by its extension (`.glb`, `.gltf`, `.obj`); a glTF is taken as y-up, an OBJ as z-up.
 ///
 /// # Errors
 /// The file or one it refers to cannot be read, is cut short or inconsistent, or has a number that is not finite; the message says
 /// where in the file.
 pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
-    load_with_report(path, None).map(|(scene, _)| scene)
+    load_with_up(path, None)
 }
 
-/// As [`load`], with the up axis of an OBJ file.
+/// As [`load`], with the file's up axis.
 ///
 /// # Errors
-/// As [`load`], or `up = "z"` for a glTF file, whose standard says y.
+/// As [`load`].
 pub fn load_with_up(path: impl AsRef<Path>, up: Option<UpAxis>) -> Result<Scene> {
-    load_with_report(path, up).map(|(scene, _)| scene)
+    load_with_report(path, &ImportOptions { up, ..ImportOptions::default() }).map(|(scene, _)| scene)
 }
 
-/// As [`load_with_up`], with what was left out.
+/// As [`load`], with all options, and with what was left out.
 ///
 /// # Errors
-/// As [`load_with_up`].
-pub fn load_with_report(path: impl AsRef<Path>, up: Option<UpAxis>) -> Result<(Scene, ImportReport)> {
+/// As [`load`].
+pub fn load_with_report(path: impl AsRef<Path>, options: &ImportOptions) -> Result<(Scene, ImportReport)> {
     let path = path.as_ref();
+    contained::check_regular(path, &path.display().to_string())?;
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let (scene, report) = match extension.as_str() {
-        "glb" | "gltf" if up == Some(UpAxis::Z) => Err(Error::invalid(
-            path.display().to_string(),
-            "up = \"z\" for a glTF file, which is y-up by its standard",
-            "leave `up` out; export with y up, as every glTF exporter does by default",
-        )),
-        "glb" | "gltf" => gltf::load(&io::read(path)?, path),
-        "obj" => obj::load(path, up.unwrap_or(UpAxis::Z)),
+        "glb" | "gltf" => gltf::load(&io::read(path)?, path, options),
+        "obj" => obj::load(path, options),
         _ => Err(Error::invalid(
             path.display().to_string(),
             format!("\".{extension}\" is no mesh format this reads"),
@@ -74,7 +100,7 @@ pub fn load_with_report(path: impl AsRef<Path>, up: Option<UpAxis>) -> Result<(S
 /// # Errors
 /// As [`load`].
 pub fn from_glb(bytes: &[u8], name: &str) -> Result<Scene> {
-    gltf::load(bytes, Path::new(name)).map(|(scene, _)| scene)
+    gltf::load(bytes, Path::new(name), &ImportOptions::default()).map(|(scene, _)| scene)
 }
 
 /// The file's stem, as a scene's name.
@@ -82,5 +108,7 @@ fn scene_name(path: &Path) -> String {
     path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
+#[cfg(test)]
+mod obj_tests;
 #[cfg(test)]
 mod tests;

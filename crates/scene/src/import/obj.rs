@@ -1,65 +1,72 @@
 //! Wavefront OBJ with MTL.
 
-use super::builder::{Primitive, append};
-use super::{ImportReport, polygon, scene_name};
+use super::builder::{Primitive, append, check_size};
+use super::notes::Notes;
+use super::obj_material::{self, Entry, Textures};
+use super::obj_text::{self, NO_MATERIAL, ObjText};
+use super::{ImportOptions, ImportReport, polygon, scene_name};
 use crate::config::UpAxis;
-use crate::model::{Material, Object, OpticalMaterial, Scene, Texture, TextureRef, Wrap};
+use crate::guard::guarded;
+use crate::model::{Material, Object, OpticalMaterial, Scene};
 use crate::{Error, Result, io};
-use glam::{Affine2, DMat4};
-use std::collections::BTreeMap;
+use glam::DMat4;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
 /// Reads an OBJ file and the MTL files and textures it names.
-pub(super) fn load(path: &Path, up: UpAxis) -> Result<(Scene, ImportReport)> {
+pub(super) fn load(path: &Path, import: &ImportOptions) -> Result<(Scene, ImportReport)> {
     let file = path.display().to_string();
-    let options = tobj::LoadOptions { triangulate: false, single_index: true, ignore_points: true, ignore_lines: true };
-    let bytes = io::read(path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let (models, materials) = tobj::load_obj_buf(&mut bytes.as_slice(), &options, |name| tobj::load_mtl(folder.join(name)))
-        .map_err(|e| {
-            Error::invalid(&file, format!("not readable as OBJ: {e}"), "the file is damaged or cut short; export it again")
-        })?;
-    let materials = materials.map_err(|e| {
-        Error::invalid(
-            &file,
-            format!("its mtllib cannot be read: {e}"),
-            "put the .mtl file beside the .obj, or remove the mtllib line",
-        )
-    })?;
-
+    let mut notes = Notes::default();
+    let obj = obj_text::mend(&io::read(path)?, &file, &mut notes)?;
     let mut scene = Scene { name: scene_name(path), ..Scene::default() };
-    let mut report = ImportReport::default();
-    let mut textures = BTreeMap::new();
-    for material in &materials {
-        let place = format!("{file}: material \"{}\"", material.name);
-        let optical = optical(material, folder, &mut scene.textures, &mut textures, &place)?;
-        scene.materials.push(Material { name: material.name.clone(), optical, radio: None });
-    }
-    let world_from_file = match up {
+    let mut report = ImportReport { skipped_primitives: obj.skipped, ..ImportReport::default() };
+    let libraries = libraries(&obj, folder, import, &file, &mut notes)?;
+    scene.materials = materials(&obj, &libraries, &mut Textures::new(folder, import), &mut scene.textures, &file, &mut notes)?;
+
+    let options = tobj::LoadOptions { triangulate: false, single_index: true, ignore_points: true, ignore_lines: true };
+    let known = || {
+        let materials: Vec<_> =
+            scene.materials.iter().map(|m| tobj::Material { name: m.name.clone(), ..Default::default() }).collect();
+        let numbers = materials.iter().enumerate().map(|(i, m)| (m.name.clone(), i)).collect();
+        Ok((materials, numbers))
+    };
+    let refused = |e: String| {
+        Error::invalid(&file, format!("not readable as OBJ: {e}"), "the file is damaged or cut short; export it again")
+    };
+    let (models, _) = guarded(|| tobj::load_obj_buf(&mut obj.text.as_bytes(), &options, |_| known()))
+        .map_err(refused)?
+        .map_err(|e| refused(e.to_string()))?;
+
+    let world_from_file = match import.up.unwrap_or(UpAxis::Z) {
         UpAxis::Y => DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2),
         UpAxis::Z => DMat4::IDENTITY,
     };
     // A quarter turn has entries of 0 and ±1: rounding makes them exact.
     let world_from_file = DMat4::from_cols_array(&world_from_file.to_cols_array().map(f64::round));
+    let (mut objects, mut faces) = (HashMap::new(), 0);
     for (i, model) in models.iter().enumerate() {
         let place = format!("{file}: object {i} \"{}\"", model.name);
         let mesh = &model.mesh;
-        let known = scene.objects.iter().position(|o| o.name == model.name);
-        let object = known.unwrap_or_else(|| {
+        let object = *objects.entry(model.name.as_str()).or_insert_with(|| {
             scene.objects.push(Object { name: model.name.clone() });
-            scene.objects.len() - 1
-        }) as u32;
+            scene.objects.len() as u32 - 1
+        });
         let material = match mesh.material_id {
-            Some(id) if id < materials.len() => id as u32,
-            _ => without_material(&mut scene),
+            Some(id) if id < scene.materials.len() => id as u32,
+            _ => without_material(&mut scene, obj.colored.contains(&None)),
         };
-        let positions: Vec<[f32; 3]> = mesh.positions.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect();
-        let triangles = polygon::triangles(&mesh.indices, &mesh.face_arities, &positions, &place)?;
+        let positions: Vec<[f32; 3]> = mesh.positions.as_chunks().0.to_vec();
+        let line = |face: usize| obj.face_lines.get(faces + face).map_or(place.clone(), |line| format!("{file}:{line}"));
+        let triangles = polygon::triangles(&mesh.indices, &mesh.face_arities, &positions, line)?;
+        faces += if mesh.face_arities.is_empty() { mesh.indices.len() / 3 } else { mesh.face_arities.len() };
+        check_size(scene.triangles.len(), triangles.len(), 1, &place)?;
         let data = Primitive {
             positions,
-            normals: mesh.normals.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect(),
+            normals: mesh.normals.as_chunks().0.to_vec(),
             // OBJ counts v from the bottom.
-            uvs: mesh.texcoords.chunks_exact(2).map(|v| [v[0], 1.0 - v[1]]).collect(),
+            uvs: mesh.texcoords.as_chunks().0.iter().map(|[u, v]| [*u, 1.0 - v]).collect(),
+            colors: mesh.vertex_color.as_chunks().0.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect(),
             triangles,
             material,
             object,
@@ -69,70 +76,83 @@ pub(super) fn load(path: &Path, up: UpAxis) -> Result<(Scene, ImportReport)> {
     if scene.triangles.is_empty() {
         return Err(Error::invalid(file, "there is no triangle in it", "give a file with faces"));
     }
+    notes.finish(&mut report);
     Ok((scene, report))
 }
 
-fn without_material(scene: &mut Scene) -> u32 {
-    const NAME: &str = "(no material)";
-    let known = scene.materials.iter().position(|m| m.name == NAME);
-    known.unwrap_or_else(|| {
-        scene.materials.push(Material { name: NAME.into(), optical: OpticalMaterial::default(), radio: None });
-        scene.materials.len() - 1
-    }) as u32
+/// The materials of all libraries that are there. One line may name several, or one with spaces in its name.
+fn libraries(obj: &ObjText, folder: &Path, import: &ImportOptions, file: &str, notes: &mut Notes) -> Result<Vec<Entry>> {
+    let (mut all, mut read) = (Vec::new(), BTreeSet::new());
+    for (line, names) in &obj.libraries {
+        let place = format!("{file}:{line}: mtllib");
+        let mut library = |name: &str, notes: &mut Notes| -> Result<bool> {
+            if read.contains(name) {
+                return Ok(true);
+            }
+            let entries = obj_material::library(folder, name, import, &place, notes)?;
+            let there = entries.is_some();
+            all.extend(entries.into_iter().flatten());
+            if there {
+                read.insert(name.to_string());
+            }
+            Ok(there)
+        };
+        if library(names, notes)? {
+            continue;
+        }
+        let apart: Vec<&str> = names.split_whitespace().collect();
+        // A name with spaces that is not there, or several names of which some are not.
+        let several = apart.len() > 1 && apart.iter().all(|name| name.to_ascii_lowercase().ends_with(".mtl"));
+        for name in if several { apart } else { vec![names.as_str()] } {
+            if !library(name, notes)? {
+                notes.warn(format!("there is no {name}: materials that only it defines are a default grey"), &place);
+            }
+        }
+    }
+    Ok(all)
 }
 
-/// MTL in terms of metallic-roughness: Kd (taken as linear) is the base colour, Ns a Blinn–Phong exponent, Ke emission, 1 − d
-/// transmission, Ni the index of refraction.
-fn optical(
-    material: &tobj::Material,
-    folder: &Path,
-    textures: &mut Vec<Texture>,
-    known: &mut BTreeMap<String, u32>,
-    place: &str,
-) -> Result<OpticalMaterial> {
-    let base_color_texture = match &material.diffuse_texture {
-        None => None,
-        Some(name) => {
-            let texture = match known.get(name) {
-                Some(texture) => *texture,
-                None => {
-                    let path = folder.join(name.replace('\\', "/"));
-                    let bytes = std::fs::read(&path).map_err(|e| {
-                        Error::invalid(
-                            place,
-                            format!("cannot read map_Kd {}: {e}", path.display()),
-                            "put the texture where the .mtl says",
-                        )
-                    })?;
-                    let texels = io::decode_rgba(&bytes, &path)?;
-                    textures.push(Texture { name: name.clone(), texels, wrap: [Wrap::Repeat; 2] });
-                    known.insert(name.clone(), textures.len() as u32 - 1);
-                    textures.len() as u32 - 1
-                }
-            };
-            Some(TextureRef { texture, uv_from_uv: Affine2::IDENTITY })
-        }
-    };
-    let default = OpticalMaterial::default();
-    let optical = OpticalMaterial {
-        // A textured material's Kd multiplies the texture; many exporters leave it black and mean the texture alone.
-        base_color: match material.diffuse {
-            Some(kd) if base_color_texture.is_some() && kd == [0.0; 3] => [1.0; 3],
-            Some(kd) => kd,
-            None if base_color_texture.is_some() => [1.0; 3],
-            None => default.base_color,
-        },
-        base_color_texture,
-        // Blinn–Phong exponent n ↔ microfacet width α: α² = 2/(n + 2); roughness = √α.
-        roughness: material.shininess.map_or(default.roughness, |n| (2.0 / (n.max(0.0) + 2.0)).sqrt().sqrt()),
-        emissive: material.emissive.unwrap_or([0.0; 3]),
-        transmission: 1.0 - material.dissolve.unwrap_or(1.0).clamp(0.0, 1.0),
-        ior: material.optical_density.filter(|n| *n >= 1.0).unwrap_or(default.ior),
-        ..default
-    };
-    let numbers = [optical.roughness, optical.transmission, optical.ior];
-    if numbers.iter().chain(&optical.base_color).chain(&optical.emissive).any(|v| !v.is_finite()) {
-        return Err(Error::invalid(place, "a value is not finite", "repair the .mtl file"));
+/// All materials: those of the libraries in their order, then those that faces use and no library defines, whose names a scene file can map.
+fn materials(
+    obj: &ObjText,
+    libraries: &[Entry],
+    textures: &mut Textures<'_>,
+    scene_textures: &mut Vec<crate::model::Texture>,
+    file: &str,
+    notes: &mut Notes,
+) -> Result<Vec<Material>> {
+    let used: BTreeSet<&str> = obj.materials.iter().map(|(name, _)| name.as_str()).collect();
+    let mut all = Vec::with_capacity(libraries.len());
+    for entry in libraries {
+        let name = entry.material.name.clone();
+        let colored = obj.colored.contains(&Some(name.clone()));
+        let optical = if used.contains(name.as_str()) {
+            obj_material::optical(entry, colored, textures, notes)?
+        } else {
+            // What no face uses needs no textures.
+            obj_material::optical(&entry.without_maps(), colored, textures, &mut Notes::default())?
+        };
+        all.push(Material { name, optical, radio: None });
     }
-    Ok(optical)
+    let defined: BTreeSet<&str> = libraries.iter().map(|e| e.material.name.as_str()).collect();
+    for (name, line) in obj.materials.iter().filter(|(name, _)| !defined.contains(name.as_str())) {
+        notes.warn(format!("no library defines material \"{name}\": it is a default grey"), format!("{file}:{line}"));
+        all.push(Material { name: name.clone(), optical: plain(obj.colored.contains(&Some(name.clone()))), radio: None });
+    }
+    scene_textures.append(&mut textures.all);
+    Ok(all)
+}
+
+/// A default grey, or white where the vertices have colours.
+fn plain(colored: bool) -> OpticalMaterial {
+    let default = OpticalMaterial::default();
+    OpticalMaterial { base_color: if colored { [1.0; 3] } else { default.base_color }, ..default }
+}
+
+fn without_material(scene: &mut Scene, colored: bool) -> u32 {
+    let known = scene.materials.iter().position(|m| m.name == NO_MATERIAL);
+    known.unwrap_or_else(|| {
+        scene.materials.push(Material { name: NO_MATERIAL.into(), optical: plain(colored), radio: None });
+        scene.materials.len() - 1
+    }) as u32
 }

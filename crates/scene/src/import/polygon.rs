@@ -7,8 +7,13 @@ use glam::{DVec2, DVec3};
 const SAME_AREA: f64 = 1e-4;
 
 /// The triangles of faces of any number of corners: `arities` says how many each has, and is empty where all have three; points and lines are
-/// left out. Convex faces become fans around their first corner, others are cut by their ears.
-pub(super) fn triangles(corners: &[u32], arities: &[u32], positions: &[[f32; 3]], place: &str) -> Result<Vec<[u32; 3]>> {
+/// left out. Convex faces become fans around their first corner, others are cut by their ears. `place` says where a face of a number stands.
+pub(super) fn triangles(
+    corners: &[u32],
+    arities: &[u32],
+    positions: &[[f32; 3]],
+    place: impl Fn(usize) -> String,
+) -> Result<Vec<[u32; 3]>> {
     if arities.is_empty() {
         return Ok(corners.as_chunks().0.to_vec());
     }
@@ -22,8 +27,8 @@ pub(super) fn triangles(corners: &[u32], arities: &[u32], positions: &[[f32; 3]]
             face => {
                 let cut = polygon(&face.iter().map(|i| position(positions, *i)).collect::<Vec<_>>()).ok_or_else(|| {
                     let at = position(positions, face[0]);
-                    let what = format!("face {number}, of {} corners from {at} on, crosses itself", face.len());
-                    Error::invalid(place, what, "cut its faces into triangles when exporting")
+                    let what = format!("a face of {} corners from {at} on crosses itself", face.len());
+                    Error::invalid(place(number), what, "cut its faces into triangles when exporting")
                 })?;
                 all.extend(cut.into_iter().map(|t| t.map(|i| face[i as usize])));
             }
@@ -43,6 +48,12 @@ fn polygon(corners: &[DVec3]) -> Option<Vec<[u32; 3]>> {
     // Twice the area, along the normal: right for corners that are nearly in one plane (Newell).
     let area: DVec3 =
         (0..corners.len()).map(|i| (corners[i] - corners[0]).cross(corners[(i + 1) % corners.len()] - corners[0])).sum();
+    // Halves that turn against each other take each other away; corners on one line have no area to begin with.
+    let halves = || (1..corners.len() - 1).map(|i| (corners[i] - corners[0]).cross(corners[i + 1] - corners[0]).length());
+    let longest2 = corners.iter().map(|c| c.distance_squared(corners[0])).fold(0.0, f64::max);
+    if area.length() <= 1e-6 * halves().sum::<f64>() && halves().any(|h| h > 1e-6 * longest2) {
+        return None;
+    }
     let Some(normal) = area.try_normalize() else { return Some(fan()) };
     let (u, v) = normal.any_orthonormal_pair();
     let flat: Vec<DVec2> = corners.iter().map(|p| DVec2::new((*p - corners[0]).dot(u), (*p - corners[0]).dot(v))).collect();
@@ -70,7 +81,7 @@ mod tests {
 
     fn cut(corners: &[[f32; 3]]) -> Result<Vec<[u32; 3]>> {
         let face: Vec<u32> = (0..corners.len() as u32).collect();
-        triangles(&face, &[corners.len() as u32], corners, "test")
+        triangles(&face, &[corners.len() as u32], corners, |n| format!("test:{n}"))
     }
 
     fn doubled(corners: &[[f32; 3]], t: [u32; 3]) -> DVec3 {
@@ -114,8 +125,12 @@ mod tests {
         let star: Vec<[f32; 3]> =
             (0..5).map(|i| (i as f32 * 0.8 * std::f32::consts::PI).sin_cos()).map(|(y, x)| [x, y, 0.0]).collect();
         assert!(cut(&star).unwrap_err().to_string().contains("crosses itself"));
+        let bow_tie = [[0.0, 0.0, 0.0], [2.0, 3.0, 0.0], [2.0, 0.0, 0.0], [0.0, 3.0, 0.0]];
+        assert!(cut(&bow_tie).unwrap_err().to_string().contains("crosses itself"));
+        let line: Vec<[f32; 3]> = [0.0, 1.0, 3.0, 2.0].map(|x| [x, 2.0 * x, 0.0]).to_vec();
+        assert_eq!(cut(&line).unwrap().len(), 2);
         // Two triangles, a line and a quadrilateral.
         let corners = [0, 1, 2, 0, 2, 0, 1, 2, 3];
-        assert_eq!(triangles(&corners, &[3, 2, 4], &square, "test").unwrap(), [[0, 1, 2], [0, 1, 2], [0, 2, 3]]);
+        assert_eq!(triangles(&corners, &[3, 2, 4], &square, |_| "test".into()).unwrap(), [[0, 1, 2], [0, 1, 2], [0, 2, 3]]);
     }
 }

@@ -1,6 +1,9 @@
 //! Hand-built files: every number here is known.
 
-use super::{from_glb, load_with_report, load_with_up};
+mod contained_files;
+mod gltf_features;
+
+use super::{ImportOptions, from_glb, load_with_report, load_with_up};
 use crate::config::UpAxis;
 use crate::model::{Permittivity, PunctualKind, Wrap};
 use crate::{Raster, Rng, Scene, io};
@@ -239,9 +242,6 @@ fn faults_inside_the_file_are_named() {
     fails(&changed("/materials/0/extras/corf_radio", json!({ "itu": "wood" })), &bin, "thickness_m");
     fails(&changed("/nodes/1/mesh", json!(7)), &bin, "not readable as glTF");
     fails(&changed("/meshes/0/primitives/0/attributes/POSITION", json!(9)), &bin, "accessor 9 of 3");
-    let mut compressed = json.clone();
-    compressed["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
-    fails(&compressed, &bin, "KHR_draco_mesh_compression");
     let mut bad = bin.clone();
     bad[12..16].copy_from_slice(&f32::NAN.to_le_bytes());
     fails(&json, &bad, "position 1 is not finite");
@@ -259,37 +259,8 @@ fn external_files_and_percent_escapes_resolve() {
     json["buffers"][0]["uri"] = json!("my%20data.bin");
     let path = dir.path().join("room.gltf");
     std::fs::write(&path, json.to_string()).unwrap();
-    let (scene, report) = load_with_report(&path, None).unwrap();
+    let (scene, report) = load_with_report(&path, &ImportOptions::default()).unwrap();
     assert_eq!((scene.triangles.len(), report.degenerate_triangles, report.computed_normals), (1, 1, 3));
     std::fs::remove_file(dir.path().join("my data.bin")).unwrap();
     assert!(load_with_up(&path, None).unwrap_err().to_string().contains("my data.bin"));
-    assert!(load_with_up(&path, Some(UpAxis::Z)).unwrap_err().to_string().contains("y-up"));
-}
-
-#[test]
-fn obj_with_its_materials_either_way_up() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("room.obj");
-    std::fs::write(dir.path().join("room.mtl"), "newmtl red\nKd 0.8 0.1 0.2\nKe 1 2 3\nNs 98\nNi 1.4\nd 0.25\n").unwrap();
-    let text = "mtllib room.mtl\no floor\nv 0 0 0\nv 2 0 0\nv 2 3 0\nv 0 3 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl red\nf 1/1 2/2 3/3 4/4\n";
-    std::fs::write(&path, text).unwrap();
-    let s = load_with_up(&path, None).unwrap();
-    assert_eq!((s.triangles.len(), s.objects[0].name.as_str()), (2, "floor"));
-    assert_eq!(s.bounds().unwrap().max, Vec3::new(2.0, 3.0, 0.0));
-    assert!(s.normals.iter().all(|n| (*n - Vec3::Z).length() < 1e-6));
-    assert_eq!(s.uvs[0], [0.0, 1.0]);
-    let m = &s.materials[0].optical;
-    assert_eq!((m.base_color, m.emissive, m.transmission, m.ior), ([0.8, 0.1, 0.2], [1.0, 2.0, 3.0], 0.75, 1.4));
-    // Ns 98: α² = 0.02, roughness = 0.02^{1/4}.
-    assert!((m.roughness - 0.02_f32.powf(0.25)).abs() < 1e-6);
-    let s = load_with_up(&path, Some(UpAxis::Y)).unwrap();
-    assert_eq!(s.bounds().unwrap().max, Vec3::new(2.0, 0.0, 3.0));
-
-    std::fs::write(&path, text.replace("v 2 0 0", "v nan 0 0")).unwrap();
-    assert!(load_with_up(&path, None).unwrap_err().to_string().contains("room.obj"));
-    std::fs::write(&path, text.replace("4/4", "9/4")).unwrap();
-    assert!(load_with_up(&path, None).is_err());
-    std::fs::write(&path, text.replace("room.mtl", "gone.mtl")).unwrap();
-    assert!(load_with_up(&path, None).unwrap_err().to_string().contains("mtl"));
-    assert!(load_with_up(dir.path().join("room.fbx"), None).unwrap_err().to_string().contains(".fbx"));
 }

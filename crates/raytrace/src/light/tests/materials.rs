@@ -1,14 +1,14 @@
 //! Punctual lights, masks, normal maps, textured emitters and panes.
 
 use super::*;
-use corf_scene::model::{PunctualKind, PunctualLight, Texture, TextureRef, Wrap};
+use corf_scene::model::{AlphaMode, Filter, PunctualKind, PunctualLight, Texture, TextureRef, Wrap};
 use glam::Affine2;
 
 const ALBEDO: f32 = 0.6;
 
 fn texture(scene: &mut Scene, width: usize, height: usize, texel: impl FnMut(usize, usize) -> [u8; 4]) -> Option<TextureRef> {
     let texels = Raster::from_fn(width, height, texel);
-    scene.textures.push(Texture { name: "test".into(), texels, wrap: [Wrap::Clamp; 2] });
+    scene.textures.push(Texture { name: "test".into(), texels, wrap: [Wrap::Clamp; 2], filter: Filter::Linear });
     Some(TextureRef { texture: scene.textures.len() as u32 - 1, uv_from_uv: Affine2::IDENTITY })
 }
 
@@ -83,7 +83,11 @@ fn holes_of_a_mask_let_light_depth_and_sight_through() {
         let mut scene = scene.clone();
         // Left half of the screen opaque or not, the right half the other way round; the floor point is under the left half.
         let texture = texture(&mut scene, 64, 1, |x, _| [255, 255, 255, if (x < 32) == hole { 0 } else { 255 }]);
-        let optical = OpticalMaterial { base_color_texture: texture, alpha_cutoff: Some(0.5), ..OpticalMaterial::default() };
+        let optical = OpticalMaterial {
+            base_color_texture: texture,
+            alpha_mode: AlphaMode::Mask { cutoff: 0.5 },
+            ..OpticalMaterial::default()
+        };
         let screen = material(&mut scene, optical);
         quad(&mut scene, Vec3::new(-0.4, -0.5, 1.0), Vec3::X, Vec3::Y, screen);
         let mean = statistics(&render(&scene, &camera, &direct())).0;
@@ -146,7 +150,7 @@ fn both_estimators_agree_through_panes_masks_and_textured_emitters() {
     let leaves = texture(&mut scene, 16, 16, |x, y| [90, 160, 60, if (x / 4 + y / 4) % 2 == 0 { 255 } else { 0 }]);
     let mask = material(
         &mut scene,
-        OpticalMaterial { base_color_texture: leaves, alpha_cutoff: Some(0.5), ..OpticalMaterial::default() },
+        OpticalMaterial { base_color_texture: leaves, alpha_mode: AlphaMode::Mask { cutoff: 0.5 }, ..OpticalMaterial::default() },
     );
     room(&mut scene, Vec3::ZERO, Vec3::new(3.0, 3.0, 2.5), wall);
     quad(&mut scene, Vec3::new(0.6, 0.6, 2.45), Vec3::Y * 1.8, Vec3::X * 1.8, light);

@@ -1,10 +1,11 @@
 //! glTF accessors into vectors: any component type, normalised or not, strided, sparse; every byte range is checked.
 
+use super::document::Source;
 use crate::{Error, Result};
 use gltf::accessor::{DataType, Dimensions};
 
 /// An accessor's elements as floats, `N` components each.
-pub(super) fn floats<const N: usize>(accessor: &gltf::Accessor<'_>, buffers: &[Vec<u8>], place: &str) -> Result<Vec<[f32; N]>> {
+pub(super) fn floats<const N: usize>(accessor: &gltf::Accessor<'_>, source: &Source<'_>, place: &str) -> Result<Vec<[f32; N]>> {
     let place = format!("{place}: accessor {}", accessor.index());
     let components = match accessor.dimensions() {
         Dimensions::Scalar => 1,
@@ -19,23 +20,43 @@ pub(super) fn floats<const N: usize>(accessor: &gltf::Accessor<'_>, buffers: &[V
     let decode = decoder(accessor.data_type(), accessor.normalized());
     let size = size_of(accessor.data_type());
     let element = |bytes: &[u8]| std::array::from_fn(|c| decode(&bytes[c * size..]));
-    elements(accessor, buffers, size * N, &place, [0.0; N], element)
+    elements(accessor, source, size * N, &place, [0.0; N], element)
+}
+
+/// Whether an accessor has data in the file, be it sparse; what a compressed primitive declares has none.
+pub(super) fn has_data(accessor: &gltf::Accessor<'_>) -> bool {
+    accessor.view().is_some() || accessor.sparse().is_some()
+}
+
+/// Vertex colours: linear RGBA in `[0, 1]`, opaque where the file gives RGB.
+pub(super) fn colors(accessor: &gltf::Accessor<'_>, source: &Source<'_>, place: &str) -> Result<Vec<[f32; 4]>> {
+    if accessor.data_type() != DataType::F32 && !accessor.normalized() {
+        return Err(Error::invalid(
+            format!("{place}: accessor {}", accessor.index()),
+            "colours of integers that are not normalised",
+            "set `normalized` on the accessor; export the model again",
+        ));
+    }
+    match accessor.dimensions() {
+        Dimensions::Vec3 => Ok(floats::<3>(accessor, source, place)?.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()),
+        _ => floats::<4>(accessor, source, place),
+    }
 }
 
 /// An accessor's elements as indices.
-pub(super) fn indices(accessor: &gltf::Accessor<'_>, buffers: &[Vec<u8>], place: &str) -> Result<Vec<u32>> {
+pub(super) fn indices(accessor: &gltf::Accessor<'_>, source: &Source<'_>, place: &str) -> Result<Vec<u32>> {
     let place = format!("{place}: accessor {}", accessor.index());
     let data_type = accessor.data_type();
     if accessor.dimensions() != Dimensions::Scalar || !matches!(data_type, DataType::U8 | DataType::U16 | DataType::U32) {
         return Err(Error::invalid(place, "indices are no unsigned integers", "export the model again"));
     }
-    elements(accessor, buffers, size_of(data_type), &place, 0, |bytes| unsigned(data_type, bytes))
+    elements(accessor, source, size_of(data_type), &place, 0, |bytes| unsigned(data_type, bytes))
 }
 
 /// The elements of an accessor, its sparse replacements applied.
 fn elements<T: Clone>(
     accessor: &gltf::Accessor<'_>,
-    buffers: &[Vec<u8>],
+    source: &Source<'_>,
     size: usize,
     place: &str,
     zero: T,
@@ -44,12 +65,19 @@ fn elements<T: Clone>(
     let count = accessor.count();
     let mut values: Vec<T> = match accessor.view() {
         Some(view) => {
-            let (bytes, stride) = range(&view, accessor.offset(), count, size, buffers, place)?;
+            let (bytes, stride) = range(&view, accessor.offset(), count, size, source, place)?;
             (0..count).map(|i| element(&bytes[i * stride..])).collect()
+        }
+        None if accessor.sparse().is_none() => {
+            return Err(Error::invalid(place, "has no data", "export the model again, without compression"));
         }
         // Without a view the elements are zero; a file must not ask for more than it could replace.
         None if count > MAX_IMPLICIT => {
-            return Err(Error::invalid(place, format!("{count} elements without data"), "export the model again"));
+            return Err(Error::invalid(
+                place,
+                format!("{count} elements without data; {MAX_IMPLICIT} are the most"),
+                "export the model again",
+            ));
         }
         None => vec![zero; count],
     };
@@ -62,8 +90,8 @@ fn elements<T: Clone>(
             IndexType::U32 => DataType::U32,
         };
         let index_size = size_of(index_type);
-        let (places, place_stride) = range(&at.view(), at.offset(), n, index_size, buffers, place)?;
-        let (replacements, stride) = range(&with.view(), with.offset(), n, size, buffers, place)?;
+        let (places, place_stride) = range(&at.view(), at.offset(), n, index_size, source, place)?;
+        let (replacements, stride) = range(&with.view(), with.offset(), n, size, source, place)?;
         for i in 0..n {
             let index = unsigned(index_type, &places[i * place_stride..]) as usize;
             let Some(slot) = values.get_mut(index) else {
@@ -76,7 +104,7 @@ fn elements<T: Clone>(
 }
 
 /// Most elements an accessor may have that no buffer backs.
-const MAX_IMPLICIT: usize = 1 << 24;
+const MAX_IMPLICIT: usize = 1 << 22;
 
 /// The bytes of `count` elements and their stride.
 fn range<'b>(
@@ -84,7 +112,7 @@ fn range<'b>(
     offset: usize,
     count: usize,
     size: usize,
-    buffers: &'b [Vec<u8>],
+    source: &'b Source<'_>,
     place: &str,
 ) -> Result<(&'b [u8], usize)> {
     let stride = view.stride().unwrap_or(size);
@@ -92,7 +120,7 @@ fn range<'b>(
         None => Some(0),
         Some(last) => last.checked_mul(stride).and_then(|l| l.checked_add(size)),
     };
-    let bytes = view_bytes(view, buffers, place)?;
+    let bytes = source.view(view, place)?;
     length
         .filter(|_| stride >= size)
         .and_then(|length| bytes.get(offset..offset.checked_add(length)?))
@@ -107,19 +135,6 @@ fn range<'b>(
                 "the file is damaged or cut short; export the model again",
             )
         })
-}
-
-/// The bytes of a buffer view.
-pub(super) fn view_bytes<'b>(view: &gltf::buffer::View<'_>, buffers: &'b [Vec<u8>], place: &str) -> Result<&'b [u8]> {
-    let end = view.offset().checked_add(view.length());
-    let buffer = buffers.get(view.buffer().index());
-    buffer.zip(end).and_then(|(b, end)| b.get(view.offset()..end)).ok_or_else(|| {
-        Error::invalid(
-            place,
-            format!("buffer view {} ends outside buffer {}", view.index(), view.buffer().index()),
-            "the file is damaged or cut short; export the model again",
-        )
-    })
 }
 
 fn size_of(data_type: DataType) -> usize {

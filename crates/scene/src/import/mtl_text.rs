@@ -1,0 +1,269 @@
+//! The text of MTL files as the parser takes it, and what stands in the arguments of their maps.
+
+use super::notes::Notes;
+use super::obj_text::{decode, numbers, split, statements, without_comment};
+use crate::{Error, Result};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+/// Kinds of unknown statements that are reported one by one.
+const MAX_UNKNOWN: usize = 8;
+
+/// An MTL file that the parser can take, and where its statements stand.
+#[derive(Debug, Default)]
+pub(super) struct MtlText {
+    /// The text. What the parser does not know (`Tr`, `map_Ke`, `Pr`, `Pm`) it keeps as it stands here.
+    pub text: String,
+    /// Line of a statement: the material's number in the file and the keyword (`newmtl` for the material itself).
+    pub lines: BTreeMap<(usize, &'static str), usize>,
+    /// Number of materials.
+    pub materials: usize,
+}
+
+/// Reads an MTL file's bytes; `file` names it in messages.
+///
+/// # Errors
+/// A statement that cannot be read; the message names its line.
+pub(super) fn mend(bytes: &[u8], file: &str, notes: &mut Notes) -> Result<MtlText> {
+    let mut out = MtlText::default();
+    let mut unknown = BTreeSet::new();
+    for (line, statement) in statements(&decode(bytes)) {
+        let (keyword, rest) = split(&statement);
+        let place = format!("{file}:{line}");
+        let lower = keyword.to_ascii_lowercase();
+        if lower == "newmtl" {
+            if rest.is_empty() {
+                return Err(Error::invalid(place, "`newmtl` without a name", "name the material, as the OBJ's usemtl does"));
+            }
+            out.materials += 1;
+            out.add(line, "newmtl", rest);
+            continue;
+        }
+        if out.materials == 0 {
+            notes.note("statements before the first newmtl are of no material", place);
+            continue;
+        }
+        match lower.as_str() {
+            "kd" => out.color(line, "Kd", rest, &place, 1.0, notes)?,
+            "ks" => out.color(line, "Ks", rest, &place, 1.0, notes)?,
+            "ke" => out.color(line, "Ke", rest, &place, f32::MAX, notes)?,
+            "ns" => out.scalar(line, "Ns", rest, &place)?,
+            "ni" => out.scalar(line, "Ni", rest, &place)?,
+            "d" => {
+                let halo = rest.strip_prefix("-halo");
+                if halo.is_some() {
+                    notes.note("`d -halo` is taken as `d`: the same from all sides", &place);
+                }
+                out.scalar(line, "d", halo.unwrap_or(rest), &place)?;
+            }
+            "tr" => out.scalar(line, "Tr", rest, &place)?,
+            "pr" => out.scalar(line, "Pr", rest, &place)?,
+            "pm" => out.scalar(line, "Pm", rest, &place)?,
+            "illum" => {
+                let model = number(rest, &place)?;
+                if !(0.0..=255.0).contains(&model) {
+                    return Err(Error::invalid(place, format!("illum {model} is no illumination model"), "they go from 0 to 10"));
+                }
+                out.add(line, "illum", &format!("{}", model.round()));
+            }
+            "map_kd" => out.map(line, "map_Kd", rest, &place)?,
+            "map_ke" => out.map(line, "map_Ke", rest, &place)?,
+            "map_d" => out.map(line, "map_d", rest, &place)?,
+            // Ambient light is an approximation that tracing light needs no more.
+            "ka" | "map_ka" | "sharpness" | "map_aat" => {}
+            "map_ks" | "map_ns" | "map_bump" | "bump" | "map_norm" | "norm" | "disp" | "map_disp" | "decal" | "refl"
+            | "map_refl" | "map_tr" | "map_opacity" | "map_pr" | "map_pm" | "map_ps" | "map_ni" | "tf" | "ps" | "pc" | "pcr"
+            | "aniso" | "anisor" => {
+                // A filter that passes all or nothing says nothing that `d` does not.
+                let plain = lower == "tf"
+                    && numbers(rest, &place).is_ok_and(|v| v.iter().all(|x| *x == 1.0) || v.iter().all(|x| *x == 0.0));
+                if !plain {
+                    notes.note(format!("`{keyword}` is not read"), place);
+                }
+            }
+            _ => {
+                let keyword: String = keyword.chars().take(40).collect();
+                if unknown.contains(&keyword) || unknown.len() < MAX_UNKNOWN {
+                    notes.note(format!("`{keyword}` is no statement that is read"), place);
+                    unknown.insert(keyword);
+                }
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// The one number of a statement; what stands behind it does not count.
+fn number(rest: &str, place: &str) -> Result<f32> {
+    let word = without_comment(rest).split_whitespace().next().unwrap_or_default();
+    numbers(word, place)?
+        .first()
+        .copied()
+        .ok_or_else(|| Error::invalid(place, "a statement without its number", "repair this line, or export the model again"))
+}
+
+impl MtlText {
+    fn add(&mut self, line: usize, keyword: &'static str, rest: &str) {
+        // Writing to a String cannot fail.
+        let _ = writeln!(self.text, "{keyword} {rest}");
+        self.lines.insert((self.materials - 1, keyword), line);
+    }
+
+    fn scalar(&mut self, line: usize, keyword: &'static str, rest: &str, place: &str) -> Result<()> {
+        let value = number(rest, place)?;
+        self.add(line, keyword, &value.to_string());
+        Ok(())
+    }
+
+    /// Three numbers, or one for all three; `most` is the largest that means something.
+    fn color(&mut self, line: usize, keyword: &'static str, rest: &str, place: &str, most: f32, notes: &mut Notes) -> Result<()> {
+        let first = rest.split_whitespace().next().unwrap_or_default();
+        if ["spectral", "xyz"].contains(&first.to_ascii_lowercase().as_str()) {
+            notes.warn(format!("`{keyword} {first}` is not read; give red, green and blue"), place);
+            return Ok(());
+        }
+        let [r, g, b] = match *numbers(rest, place)? {
+            [grey] => [grey; 3],
+            [r, g, b, ..] => [r, g, b],
+            ref other => {
+                return Err(Error::invalid(
+                    place,
+                    format!("`{keyword}` with {} numbers", other.len()),
+                    "it has three, or one for a grey; repair this line, or export the model again",
+                ));
+            }
+        };
+        let [r, g, b] = [r, g, b].map(|v| {
+            if !(0.0..=most).contains(&v) {
+                notes.warn(format!("`{keyword}` is taken to the range of 0 to {most}"), place);
+            }
+            v.clamp(0.0, most)
+        });
+        self.add(line, keyword, &format!("{r} {g} {b}"));
+        Ok(())
+    }
+
+    fn map(&mut self, line: usize, keyword: &'static str, rest: &str, place: &str) -> Result<()> {
+        // An empty map is none: some programs write one for every material.
+        if rest.is_empty() {
+            return Ok(());
+        }
+        MapArguments::parse(rest).map_err(|what| {
+            Error::invalid(place, format!("`{keyword}` {what}"), "repair this line, or export the model again")
+        })?;
+        self.add(line, keyword, rest);
+        Ok(())
+    }
+}
+
+/// What a map's arguments say: a file, and options before or behind it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct MapArguments {
+    /// File name; spaces belong to it.
+    pub name: String,
+    /// `-s`: texture coordinates are multiplied by it.
+    pub scale: [f32; 2],
+    /// `-o`: added to the texture coordinates then.
+    pub offset: [f32; 2],
+    /// `-clamp on`: outside of `[0, 1]` the border's colour is seen instead of a repeat.
+    pub clamp: bool,
+    /// `-imfchan`: the channel that a scalar map is read from (r, g, b, m for alpha, l for luminance, z for depth).
+    pub channel: Option<char>,
+    /// Options that change what is seen and are not read.
+    pub unread: Vec<&'static str>,
+}
+
+/// An option: its name and how many arguments it has at least and at most.
+const OPTIONS: [(&str, usize, usize); 14] = [
+    ("-s", 1, 3),
+    ("-o", 1, 3),
+    ("-t", 1, 3),
+    ("-mm", 2, 2),
+    ("-bm", 1, 1),
+    ("-boost", 1, 1),
+    ("-texres", 1, 1),
+    ("-clamp", 1, 1),
+    ("-cc", 1, 1),
+    ("-blendu", 1, 1),
+    ("-blendv", 1, 1),
+    ("-imfchan", 1, 1),
+    ("-type", 1, 1),
+    ("-colorspace", 1, 1),
+];
+
+impl MapArguments {
+    /// Reads a map's arguments.
+    ///
+    /// # Errors
+    /// What is wrong with them, as the end of a sentence.
+    pub(super) fn parse(arguments: &str) -> std::result::Result<Self, String> {
+        let mut out =
+            Self { name: String::new(), scale: [1.0; 2], offset: [0.0; 2], clamp: false, channel: None, unread: Vec::new() };
+        let option = |word: &str| OPTIONS.iter().find(|(name, ..)| word.eq_ignore_ascii_case(name)).copied();
+        let mut rest = arguments.trim();
+        while !rest.is_empty() {
+            let (word, behind) = split(rest);
+            match option(word) {
+                Some((name, least, most)) => rest = out.option(name, least, most, behind)?,
+                None if out.name.is_empty() => {
+                    let mut end = rest.len();
+                    let mut from = 0;
+                    while let Some(gap) = rest[from..].find(char::is_whitespace) {
+                        let next = from + gap + rest[from + gap..].find(|c: char| !c.is_whitespace()).unwrap_or(0);
+                        if option(split(&rest[next..]).0).is_some() {
+                            end = next;
+                            break;
+                        }
+                        from = next;
+                    }
+                    out.name = rest[..end].trim().trim_matches('"').trim().to_string();
+                    rest = &rest[end..];
+                }
+                None => return Err(format!("has `{word}` behind its file's name")),
+            }
+        }
+        if out.name.is_empty() { Err("names no file".into()) } else { Ok(out) }
+    }
+
+    /// Takes an option's arguments off `rest` and returns what is behind them.
+    fn option<'r>(
+        &mut self,
+        name: &'static str,
+        least: usize,
+        most: usize,
+        rest: &'r str,
+    ) -> std::result::Result<&'r str, String> {
+        let (mut rest, mut words) = (rest, Vec::new());
+        while words.len() < most && !rest.is_empty() {
+            let (word, behind) = split(rest);
+            // Beyond the least there are only numbers, and a file's name must be left where none has come.
+            let number = word.parse::<f32>().is_ok();
+            if words.len() >= least && (!number || (self.name.is_empty() && behind.is_empty())) {
+                break;
+            }
+            words.push(word);
+            rest = behind;
+        }
+        if words.len() < least {
+            return Err(format!("has `{name}` without its argument"));
+        }
+        let on = words[0].eq_ignore_ascii_case("on");
+        let numbers = || {
+            let value =
+                |w: &&str| w.parse::<f32>().ok().filter(|v| v.is_finite()).ok_or(format!("has `{name} {w}`, which is no number"));
+            words.iter().map(value).collect::<std::result::Result<Vec<f32>, String>>()
+        };
+        match name {
+            "-s" => self.scale.iter_mut().zip(numbers()?).for_each(|(slot, v)| *slot = v),
+            "-o" => self.offset.iter_mut().zip(numbers()?).for_each(|(slot, v)| *slot = v),
+            "-t" if numbers()?.iter().any(|v| *v != 0.0) => self.unread.push("-t"),
+            "-mm" if numbers()? != [0.0, 1.0] => self.unread.push("-mm"),
+            "-clamp" => self.clamp = on,
+            "-cc" if on => self.unread.push("-cc"),
+            "-type" => self.unread.push("-type"),
+            "-imfchan" => self.channel = words[0].chars().next().map(|c| c.to_ascii_lowercase()),
+            _ => {}
+        }
+        Ok(rest)
+    }
+}

@@ -1,0 +1,10 @@
+//! Mutated input for every parser of the workspace.
+//!
+//! A target is a parser and a corpus of small files. Input number `i` of a seed is a corpus file, changed a few times; the same seed and number
+//! give the same bytes. A parser must answer each with a value or an error: no panic, no abort, no more than [`alloc::LIMIT`] bytes at once, and
+//! within [`run::INPUT_LIMIT`].
+
+pub mod alloc;
+pub mod mutate;
+pub mod run;
+pub mod target;

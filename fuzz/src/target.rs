@@ -1,0 +1,240 @@
+//! The parsers, each behind one function of bytes.
+
+use anyhow::{Context, Result};
+use corf_scene::config::{DatasetConfig, SceneConfig, from_toml};
+use corf_scene::dataset::Dataset;
+use corf_scene::{Pinhole, import, io, npz};
+use std::path::{Path, PathBuf};
+
+/// What stands between the files of an input that has several.
+pub const SEPARATOR: &[u8] = b"\n=====\n";
+
+/// A parser.
+pub struct Target {
+    /// Its name, and that of its corpus's folder.
+    pub name: &'static str,
+    /// Reads bytes; files it needs go into the folder, which is its own and keeps them.
+    pub read: fn(&[u8], &Path) -> Result<()>,
+    /// Makes checksums right after bytes were changed, where a parser would see no further than to them.
+    pub mend: fn(&mut Vec<u8>),
+}
+
+/// All of them.
+pub const TARGETS: [Target; 18] = [
+    Target { name: "gltf", read: gltf, mend: keep },
+    Target { name: "glb", read: gltf, mend: glb_lengths },
+    Target { name: "obj", read: obj, mend: keep },
+    Target { name: "png", read: image, mend: png_checksums },
+    Target { name: "jpeg", read: image, mend: keep },
+    Target { name: "exr", read: exr, mend: keep },
+    Target { name: "npy", read: npy, mend: keep },
+    Target { name: "ply", read: ply, mend: keep },
+    Target { name: "scene-toml", read: scene_toml, mend: keep },
+    Target { name: "dataset-toml", read: dataset_toml, mend: keep },
+    Target { name: "plan-toml", read: plan, mend: keep },
+    Target { name: "method-toml", read: method, mend: keep },
+    Target { name: "dataset-json", read: dataset, mend: keep },
+    Target { name: "paths-gzip", read: paths, mend: keep },
+    Target { name: "sionna-json", read: sionna, mend: keep },
+    Target { name: "record-json", read: record, mend: keep },
+    Target { name: "field-json", read: field, mend: keep },
+    Target { name: "receivers", read: receivers, mend: keep },
+];
+
+/// The corpus of a target, by file name.
+///
+/// # Errors
+/// A folder or file that cannot be read, or a folder without files.
+pub fn corpus(name: &str) -> Result<Vec<Vec<u8>>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(name);
+    let entries = std::fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let mut paths: Vec<PathBuf> = entries.map(|e| e.map(|e| e.path())).collect::<Result<_, _>>()?;
+    paths.sort();
+    anyhow::ensure!(!paths.is_empty(), "{} is empty", folder.display());
+    paths.iter().map(|p| std::fs::read(p).with_context(|| format!("cannot read {}", p.display()))).collect()
+}
+
+fn keep(_: &mut Vec<u8>) {}
+
+/// The length of a GLB in its header and of its first chunk, as far as that is within the file.
+fn glb_lengths(bytes: &mut Vec<u8>) {
+    let length = bytes.len() as u32;
+    if let Some(slot) = bytes.get_mut(8..12) {
+        slot.copy_from_slice(&length.to_le_bytes());
+    }
+}
+
+fn png_checksums(bytes: &mut Vec<u8>) {
+    let mut at = 8;
+    while let Some(head) = bytes.get(at..at + 8) {
+        let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
+        let Some(end) = at.checked_add(8).and_then(|n| n.checked_add(length)).filter(|end| end + 4 <= bytes.len()) else {
+            return;
+        };
+        let sum = crc32fast::hash(&bytes[at + 4..end]);
+        bytes[end..end + 4].copy_from_slice(&sum.to_be_bytes());
+        at = end + 4;
+    }
+}
+
+/// An input's files: what stands before the first separator, between it and the next, and so on.
+fn parts<const N: usize>(bytes: &[u8]) -> [&[u8]; N] {
+    let mut rest = bytes;
+    std::array::from_fn(|_| match rest.windows(SEPARATOR.len()).position(|w| w == SEPARATOR) {
+        Some(at) => {
+            let part = &rest[..at];
+            rest = &rest[at + SEPARATOR.len()..];
+            part
+        }
+        None => std::mem::take(&mut rest),
+    })
+}
+
+/// Writes an input to a file of the folder.
+fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf> {
+    let path = folder.join(name);
+    std::fs::write(&path, bytes)?;
+    Ok(path)
+}
+
+/// An imported scene that is none is as bad as a panic: later stages index by it.
+fn check(scene: &corf_scene::Scene) {
+    let n = scene.positions.len();
+    assert!(scene.normals.len() == n && scene.uvs.len() == n && (scene.colors.is_empty() || scene.colors.len() == n));
+    assert!(scene.positions.iter().all(|p| p.is_finite()), "a position is not finite");
+    for t in &scene.triangles {
+        assert!(t.vertices.iter().all(|v| (*v as usize) < n), "a triangle leads to no vertex");
+        assert!((t.material as usize) < scene.materials.len() && (t.object as usize) < scene.objects.len());
+    }
+    for m in &scene.materials {
+        let o = &m.optical;
+        for t in [o.base_color_texture, o.metallic_roughness_texture, o.normal_texture, o.emissive_texture].into_iter().flatten()
+        {
+            assert!((t.texture as usize) < scene.textures.len(), "a material leads to no texture");
+        }
+    }
+}
+
+fn gltf(bytes: &[u8], folder: &Path) -> Result<()> {
+    let _ = folder;
+    check(&import::from_glb(bytes, "input.glb")?);
+    Ok(())
+}
+
+fn obj(bytes: &[u8], folder: &Path) -> Result<()> {
+    let [obj, mtl] = parts(bytes);
+    put(folder, "room.mtl", mtl)?;
+    let texture = folder.join("tex.png");
+    if !texture.exists() {
+        io::write_png(texture, &corf_scene::Raster::filled(2, 2, [9, 8, 7]))?;
+    }
+    check(&import::load(put(folder, "room.obj", obj)?)?);
+    Ok(())
+}
+
+fn image(bytes: &[u8], _: &Path) -> Result<()> {
+    io::decode_rgba(bytes, "input.png")?;
+    Ok(())
+}
+
+fn exr(bytes: &[u8], folder: &Path) -> Result<()> {
+    let path = put(folder, "input.exr", bytes)?;
+    io::read_exr_f32(&path)
+        .map(drop)
+        .or_else(|_| io::read_exr_u32(&path).map(drop))
+        .or_else(|_| io::read_exr_rgb(&path).map(drop))?;
+    Ok(())
+}
+
+fn npy(bytes: &[u8], _: &Path) -> Result<()> {
+    let (shape, values) = npz::decode_npy(bytes, "input.npy")?;
+    assert_eq!(shape.iter().product::<usize>(), values.len());
+    Ok(())
+}
+
+fn ply(bytes: &[u8], folder: &Path) -> Result<()> {
+    let path = put(folder, "input.ply", bytes)?;
+    let coupled = corf::ply::read_coupled(&path).map(drop);
+    coupled.or(corf::ply::read_single(&path).map(drop))?;
+    Ok(())
+}
+
+fn utf8(bytes: &[u8]) -> Result<&str> {
+    std::str::from_utf8(bytes).context("not text")
+}
+
+fn scene_toml(bytes: &[u8], _: &Path) -> Result<()> {
+    let config: SceneConfig = from_toml(utf8(bytes)?, "input.toml")?;
+    config.validate()?;
+    Ok(())
+}
+
+fn dataset_toml(bytes: &[u8], _: &Path) -> Result<()> {
+    let config: DatasetConfig = from_toml(utf8(bytes)?, "input.toml")?;
+    config.validate()?;
+    let _: [Pinhole; 2] = [config.optical_camera(), config.rf_camera()];
+    config.to_toml()?;
+    Ok(())
+}
+
+fn plan(bytes: &[u8], _: &Path) -> Result<()> {
+    let plan = corf_bench::plan::Plan::parse(utf8(bytes)?)?;
+    plan.cells().take(1000).for_each(|cell| drop(cell.stem()));
+    Ok(())
+}
+
+fn method(bytes: &[u8], _: &Path) -> Result<()> {
+    let config: corf::config::ReconstructionConfig = toml::from_str(utf8(bytes)?)?;
+    config.validate()?;
+    Ok(())
+}
+
+fn dataset(bytes: &[u8], folder: &Path) -> Result<()> {
+    let [header, trajectory] = parts(bytes);
+    put(folder, "dataset.json", header)?;
+    put(folder, "trajectory.json", trajectory)?;
+    let dataset = Dataset::open(folder)?;
+    let _ = (dataset.optical_camera(), dataset.rf_camera(), dataset.train_indices().len());
+    Ok(())
+}
+
+fn paths(bytes: &[u8], folder: &Path) -> Result<()> {
+    io::read_gzip_text(put(folder, "paths.jsonl.gz", bytes)?)?;
+    Ok(())
+}
+
+fn sionna(bytes: &[u8], folder: &Path) -> Result<()> {
+    use corf_raytrace::sionna::Reference;
+    match Reference::load(&put(folder, "reference.json", bytes)?)? {
+        Reference::Specular(reference) => check(&reference.scene()?),
+        Reference::Diffuse(reference) => {
+            for case in reference.cases.iter().take(4) {
+                check(&reference.scene(case)?);
+            }
+        }
+    }
+    Ok(())
+}
+
+fn record(bytes: &[u8], folder: &Path) -> Result<()> {
+    let record: corf_bench::record::Record = corf_bench::run::read_json(&put(folder, "metrics.json", bytes)?)?;
+    let records = [record];
+    let rows = corf_bench::table::rows(&records);
+    drop((corf_bench::table::markdown(&rows), corf_bench::table::csv(&records), corf_bench::table::latex(&rows)));
+    Ok(())
+}
+
+fn field(bytes: &[u8], folder: &Path) -> Result<()> {
+    let [json, model] = parts(bytes);
+    put(folder, "field.json", json)?;
+    put(folder, "coupled.ply", model)?;
+    corf::field::Field::read(folder)?;
+    Ok(())
+}
+
+fn receivers(bytes: &[u8], folder: &Path) -> Result<()> {
+    let config: SceneConfig = from_toml("[scene]\nfile = \"room.glb\"\n[transmitter]\nposition_m = [0, 0, 0]\n", "scene.toml")?;
+    let text = put(folder, "receivers.csv", bytes)?;
+    corf_bench::link::receivers(&config, &[], Some(&text), None)?;
+    Ok(())
+}
