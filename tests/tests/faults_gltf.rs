@@ -14,8 +14,7 @@ fn fault(name: &str) -> Option<PathBuf> {
     shared(&format!("faults/{name}"))
 }
 
-/// Mean linear radiance of what a narrow lens sees at `target` of the file's frame (y up), looking along the file's −z... from +z of
-/// −3 onwards: the rooms of these files are seen from inside, against the wall at z = 0.5.
+/// Mean linear radiance that a narrow lens sees at (x, y) of the file's frame (y up), from z = −3 towards the wall at z = 0.5.
 fn seen(scene: &Scene, x: f64, y: f64) -> [f64; 3] {
     let bvh = Bvh::build(scene);
     let tracer = LightTracer::new(scene, &bvh);
@@ -28,7 +27,7 @@ fn seen(scene: &Scene, x: f64, y: f64) -> [f64; 3] {
     std::array::from_fn(|c| frame.radiance.pixels().iter().map(|p| f64::from(p[c])).sum::<f64>() / n)
 }
 
-/// Object of the first triangle by its name, with its corners' bounds in the file's frame (y up).
+/// Smallest and largest corner of an object, in the file's frame (y up).
 fn bounds_of(scene: &Scene, name: &str) -> [Vec3; 2] {
     let object = scene.objects.iter().position(|o| o.name == name).unwrap() as u32;
     let corners = (0..scene.triangles.len()).filter(|i| scene.triangles[*i].object == object).flat_map(|i| scene.corners(i));
@@ -44,8 +43,7 @@ fn near(a: Vec3, b: [f32; 3]) -> bool {
 fn dark_glass_of_a_fifth_lets_four_fifths_through() {
     let Some(path) = fault("gltf/blend.gltf") else { return };
     let scene = import::load(path).unwrap();
-    // Beside the sheets the white wall; behind each sheet it is a little darker in the sheet's own shadow, which is why the white clear
-    // sheet is compared as well.
+    // The white wall above the sheets; behind a sheet it is a little darker, in the sheet's own shadow.
     let bare = seen(&scene, 0.49, 2.4)[1];
     let smoked = seen(&scene, -0.83, 1.5);
     // α = 0.2 of black over white: 0.8 of it. By tinted transmission it was 0.
@@ -124,9 +122,8 @@ fn a_wild_quaternion_turns_and_does_not_scale() {
     assert!((high - low).max_element() < 2.0, "{low} {high}");
 }
 
-/// A triangle as base64 glTF with a scene file for `dataset generate`; `change` edits the JSON text.
+/// A floor and a lamp of 8 m × 8 m: the mesh with its buffer beside it, and a scene file. `change` edits the mesh's JSON text.
 fn small_model(folder: &Path, change: impl Fn(String) -> String) -> (PathBuf, PathBuf) {
-    // Six panels around the origin by one mesh: positions of a square of 6 m, floats.
     let gltf = r#"{ "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0, 1] }],
         "nodes": [{ "name": "floor", "mesh": 0 }, { "name": "lamp", "translation": [0, 3, 0], "mesh": 1 }],
         "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1, "material": 0 }] },

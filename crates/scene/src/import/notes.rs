@@ -2,10 +2,15 @@
 
 use super::ImportReport;
 use crate::Severity;
+use std::collections::HashMap;
 
-/// Counts notes of a kind and keeps the first place of each.
+/// Counts notes of a kind and keeps the first place of each, in the order of their first places.
 #[derive(Debug, Default)]
-pub(super) struct Notes(Vec<Entry>);
+pub(super) struct Notes {
+    entries: Vec<Entry>,
+    /// Where a kind's entry is.
+    index_of: HashMap<(Severity, String), usize>,
+}
 
 #[derive(Debug)]
 struct Entry {
@@ -27,15 +32,18 @@ impl Notes {
     }
 
     fn add(&mut self, severity: Severity, what: String, first: String) {
-        match self.0.iter_mut().find(|e| e.severity == severity && e.what == what) {
-            Some(entry) => entry.count += 1,
-            None => self.0.push(Entry { severity, what, first, count: 1 }),
+        match self.index_of.get(&(severity, what.clone())) {
+            Some(&i) => self.entries[i].count += 1,
+            None => {
+                self.index_of.insert((severity, what.clone()), self.entries.len());
+                self.entries.push(Entry { severity, what, first, count: 1 });
+            }
         }
     }
 
     /// Writes one line a kind into the report.
     pub(super) fn finish(self, report: &mut ImportReport) {
-        for Entry { severity, what, first, count } in self.0 {
+        for Entry { severity, what, first, count } in self.entries {
             let line = if count == 1 { format!("{first}: {what}") } else { format!("{first} and {} more: {what}", count - 1) };
             match severity {
                 Severity::Note => report.unread.push(line),

@@ -135,6 +135,11 @@ impl Reader<'_> {
         };
         let triangles = primitives.iter().map(|(p, _)| p.triangles.len()).sum();
         check_size(self.scene.triangles.len(), triangles, instances.len(), place)?;
+        let objects = self.scene.objects.len() + instances.len();
+        if objects > node::MAX_INSTANCES {
+            let what = format!("its instances make {objects} objects; {} are the most", node::MAX_INSTANCES);
+            return Err(Error::invalid(place, what, "simplify the model"));
+        }
         for (i, node_from_instance) in instances.iter().enumerate() {
             self.object(format!("{name} (instance {i})"), &mut primitives, &(*world_from_node * *node_from_instance))?;
         }

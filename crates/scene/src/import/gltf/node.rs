@@ -80,8 +80,8 @@ fn unit_rotation(rotation: [f32; 4], wrong: f64, place: &str, short: &str, notes
     Ok(Some(q.normalize()))
 }
 
-/// Most instances of one node.
-const MAX_INSTANCES: usize = 1_000_000;
+/// Most instances of one node, and most objects of a scene that has instances.
+pub(super) const MAX_INSTANCES: usize = 1_000_000;
 
 /// `node_from_instance` of every instance (`EXT_mesh_gpu_instancing`); `None` for a node without the extension.
 pub(super) fn instances(
