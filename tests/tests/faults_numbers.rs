@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 
 /// One triangle far away below, which nothing reaches: free space for the rest.
 fn free_space(folder: &Path, more: &str) -> PathBuf {
-    fs::write(folder.join("far.obj"), "o far\nusemtl m\nv -90 -50 -89\nv -89 -50 -89\nv -89 -50 -90\nf 1 2 3\n").unwrap();
+    fs::write(folder.join("far.mtl"), "newmtl m\nKd 1 1 1\n").unwrap();
+    fs::write(folder.join("far.obj"), "mtllib far.mtl\no far\nusemtl m\nv -90 -50 -89\nv -89 -50 -89\nv -89 -50 -90\nf 1 2 3\n")
+        .unwrap();
     let path = folder.join("free.toml");
     let text = format!(
         "[scene]\nfile = \"far.obj\"\n[transmitter]\nposition_m = [0, 0, 0]\n[radio_materials.m]\nid = \"m\"\nitu = \"metal\"\nthickness_m = 0.01\n{more}"
