@@ -140,7 +140,10 @@ fn a_dataset_whose_platform_passes_the_transmitter_is_refused_before_a_file() {
     let body = "name = \"d\"\nscene = \"free.toml\"\nkeyframes = 4\n[optical]\nwidth = 8\nheight = 8\nsamples_per_pixel = 1\n[rf]\nwidth = 8\nheight = 8\ndiffuse = false\n";
     fs::write(&config, body).unwrap();
     let out = folder.path().join("out");
-    corf_refuses(&["dataset", "generate", text(&config), "--out", text(&out)], &["transmitter", "500.000 µm"]);
+    corf_refuses(
+        &["dataset", "generate", text(&config), "--out", text(&out)],
+        &["of the platform's way", "µm from the transmitter"],
+    );
     assert!(!out.exists());
     let validated = corf(&["scene", "validate", text(&scene)]);
     assert_eq!(validated.status.code(), Some(1));
