@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 
 /// One triangle far away below, which nothing reaches: free space for the rest.
 fn free_space(folder: &Path, more: &str) -> PathBuf {
-    fs::write(folder.join("far.obj"), "o far\nusemtl m\nv -90 -50 -89\nv -89 -50 -89\nv -89 -50 -90\nf 1 2 3\n").unwrap();
+    fs::write(folder.join("far.mtl"), "newmtl m\nKd 1 1 1\n").unwrap();
+    fs::write(folder.join("far.obj"), "mtllib far.mtl\no far\nusemtl m\nv -90 -50 -89\nv -89 -50 -89\nv -89 -50 -90\nf 1 2 3\n")
+        .unwrap();
     let path = folder.join("free.toml");
     let text = format!(
         "[scene]\nfile = \"far.obj\"\n[transmitter]\nposition_m = [0, 0, 0]\n[radio_materials.m]\nid = \"m\"\nitu = \"metal\"\nthickness_m = 0.01\n{more}"
@@ -138,7 +140,10 @@ fn a_dataset_whose_platform_passes_the_transmitter_is_refused_before_a_file() {
     let body = "name = \"d\"\nscene = \"free.toml\"\nkeyframes = 4\n[optical]\nwidth = 8\nheight = 8\nsamples_per_pixel = 1\n[rf]\nwidth = 8\nheight = 8\ndiffuse = false\n";
     fs::write(&config, body).unwrap();
     let out = folder.path().join("out");
-    corf_refuses(&["dataset", "generate", text(&config), "--out", text(&out)], &["transmitter", "500.000 µm"]);
+    corf_refuses(
+        &["dataset", "generate", text(&config), "--out", text(&out)],
+        &["of the platform's way", "µm from the transmitter"],
+    );
     assert!(!out.exists());
     let validated = corf(&["scene", "validate", text(&scene)]);
     assert_eq!(validated.status.code(), Some(1));

@@ -418,7 +418,7 @@ fn check_fov(place: &str, fov_deg: f64) -> Result<()> {
         return Ok(());
     }
     let what = format!("{fov_deg} degrees is no pinhole's field of view");
-    Err(Error::invalid(place, what, format!("give {MIN_FOV_DEG} to {MAX_FOV_DEG} degrees")))
+    Err(Error::invalid(place, what, format!("give {MIN_FOV_DEG} to {MAX_FOV_DEG} degrees: no plane reaches 180 degrees")))
 }
 
 #[cfg(test)]
