@@ -129,9 +129,9 @@ fn small_model(folder: &Path, change: impl Fn(String) -> String) -> (PathBuf, Pa
         "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1, "material": 0 }] },
                    { "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1, "material": 1 }] }],
         "materials": [{ "name": "stone", "extensions": { "KHR_materials_clearcoat": { "clearcoatFactor": 1 } },
-                        "extras": { "corf_radio": { "itu": "concrete", "thickness_m": 0.2 } } },
+                        "extras": { "corf_radio": { "itu": "concrete", "thickness_m": 0.2, "scattering_coefficient": 0.4 } } },
                       { "name": "glow", "emissiveFactor": [1, 1, 1], "doubleSided": true,
-                        "extras": { "corf_radio": { "itu": "concrete", "thickness_m": 0.2 } } }],
+                        "extras": { "corf_radio": { "itu": "concrete", "thickness_m": 0.2, "scattering_coefficient": 0.4 } } }],
         "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-4, 0, -4], "max": [4, 0, 4] },
                       { "bufferView": 1, "componentType": 5121, "count": 6, "type": "SCALAR" }],
         "bufferViews": [{ "buffer": 0, "byteLength": 48 }, { "buffer": 0, "byteOffset": 48, "byteLength": 6 }],
@@ -159,7 +159,7 @@ fn generate_tells_what_it_does_not_read() {
     let config = folder.path().join("data.toml");
     let body = format!(
         "name = \"small\"\nscene = {:?}\nkeyframes = 2\nseed = 1\n[optical]\nwidth = 16\nheight = 12\nsamples_per_pixel = 1\n\
-         max_bounces = 1\n[rf]\nwidth = 12\nheight = 8\npatch_size_m = 1.0\nlobe_width_deg = 10\nphotons = 1000\ndirections = 1000\n",
+         max_bounces = 1\n[rf]\nwidth = 48\nheight = 32\npatch_size_m = 1.0\nphotons = 1000\n",
         scene.display().to_string()
     );
     std::fs::write(&config, body).unwrap();
