@@ -86,8 +86,12 @@ pub(super) fn changed_files(dataset: &Dataset) -> Vec<Finding> {
     let mut findings: Vec<Finding> = listed
         .par_iter()
         .filter_map(|(name, record)| {
-            let path = dataset.dir().join(name);
-            let place = path.display().to_string();
+            let place = dataset.dir().join(name).display().to_string();
+            // A pipe would be waited for, and a link may lead to anybody's file.
+            let path = match own_file(dataset.dir(), name) {
+                Ok(path) => path,
+                Err(e) => return Some(of_error(e)),
+            };
             match std::fs::read(&path) {
                 Err(e) => {
                     Some(Finding::error(place, format!("cannot be read: {e}"), "restore it, or generate the dataset again"))
