@@ -41,6 +41,25 @@ pub const TARGETS: [Target; 18] = [
     Target { name: "receivers", read: receivers, mend: keep },
 ];
 
+/// No parser: it fails in every way that is to be found, and shows that it is. It runs by name alone.
+pub const SELF_CHECK: Target = Target { name: "self-check", read: fail, mend: keep };
+
+/// Does what the input says: panics, aborts, takes two gibibytes, or overflows the stack.
+fn fail(bytes: &[u8], _: &Path) -> Result<()> {
+    fn deeper(n: u64) -> u64 {
+        let here = std::hint::black_box([n; 64]);
+        if n == u64::MAX { 0 } else { deeper(n + 1) + here[(n % 64) as usize] }
+    }
+    match bytes {
+        b"panic" => panic!("as asked"),
+        b"abort" => std::process::abort(),
+        b"memory" => drop(std::hint::black_box(vec![1u8; 2 << 30])),
+        b"stack" => drop(std::hint::black_box(deeper(0))),
+        _ => {}
+    }
+    Ok(())
+}
+
 /// The corpus of a target, by file name.
 ///
 /// # Errors

@@ -79,7 +79,7 @@ fn what_cannot_be_read_is_named_with_its_line() {
         ("newmtl red\nd 1e99", ["room.mtl:2", "`1e99`"]),
         ("newmtl", ["room.mtl:1", "without a name"]),
         ("newmtl red\nillum -1", ["room.mtl:2", "illum -1"]),
-        ("newmtl red\nmap_Kd -s 1 1", ["room.mtl:2", "names no file"]),
+        ("newmtl red\nmap_Kd -clamp on", ["room.mtl:2", "names no file"]),
         ("newmtl red\nmap_Kd gone.png", ["room.mtl:2: material \"red\"", "gone.png"]),
         ("newmtl red\nmap_Kd room.obj", ["room.mtl:2: material \"red\"", "room.obj"]),
     ] {
