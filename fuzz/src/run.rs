@@ -76,7 +76,7 @@ fn scratch() -> Result<tempfile::TempDir> {
 /// The bytes of an input; three in four have their checksums made right.
 fn bytes(target: &Target, corpus: &[Vec<u8>], seed: u64, number: u64) -> Vec<u8> {
     let mut bytes = mutate::input(target.name, corpus, seed, number);
-    if number >= corpus.len() as u64 && number % 4 != 0 {
+    if number >= corpus.len() as u64 && !number.is_multiple_of(4) {
         (target.mend)(&mut bytes);
     }
     bytes

@@ -16,7 +16,7 @@ pub struct Target {
     /// Reads bytes; files it needs go into the folder, which is its own and keeps them.
     pub read: fn(&[u8], &Path) -> Result<()>,
     /// Makes checksums right after bytes were changed, where a parser would see no further than to them.
-    pub mend: fn(&mut Vec<u8>),
+    pub mend: fn(&mut [u8]),
 }
 
 /// All of them.
@@ -73,17 +73,17 @@ pub fn corpus(name: &str) -> Result<Vec<Vec<u8>>> {
     paths.iter().map(|p| std::fs::read(p).with_context(|| format!("cannot read {}", p.display()))).collect()
 }
 
-fn keep(_: &mut Vec<u8>) {}
+fn keep(_: &mut [u8]) {}
 
 /// The length of a GLB in its header and of its first chunk, as far as that is within the file.
-fn glb_lengths(bytes: &mut Vec<u8>) {
+fn glb_lengths(bytes: &mut [u8]) {
     let length = bytes.len() as u32;
     if let Some(slot) = bytes.get_mut(8..12) {
         slot.copy_from_slice(&length.to_le_bytes());
     }
 }
 
-fn png_checksums(bytes: &mut Vec<u8>) {
+fn png_checksums(bytes: &mut [u8]) {
     let mut at = 8;
     while let Some(head) = bytes.get(at..at + 8) {
         let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
