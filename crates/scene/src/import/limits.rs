@@ -1,6 +1,7 @@
 //! What numbers a mesh file may hold: bounds of positions and of what materials and lights emit.
 
 use crate::{Error, Result, Scene, bounds};
+use glam::Vec3;
 use std::path::Path;
 
 /// Refuses a scene with numbers beyond physics.
@@ -9,9 +10,9 @@ use std::path::Path;
 /// The first vertex too far away, and the first material or light that emits more than can be.
 pub(super) fn check(scene: &Scene, path: &Path) -> Result<()> {
     let file = path.display();
-    if let Some((i, p)) =
-        scene.positions.iter().enumerate().find(|(_, p)| !(f64::from(p.abs().max_element()) <= bounds::MAX_COORDINATE_M))
-    {
+    let allowed = 0.0..=bounds::MAX_COORDINATE_M;
+    let beyond = |p: &Vec3| !p.is_finite() || !allowed.contains(&f64::from(p.abs().max_element()));
+    if let Some((i, p)) = scene.positions.iter().enumerate().find(|(_, p)| beyond(p)) {
         let what = format!("vertex {i} lies at [{:?}, {:?}, {:?}] m", p.x, p.y, p.z);
         let help =
             "world coordinates are in metres, at most 1e6 from the origin: check the model's unit and its nodes' transforms";
