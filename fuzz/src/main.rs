@@ -1,5 +1,8 @@
 //! `corf-fuzz`: mutated input for every parser; see README.md.
 
+// A driver for developers: its findings are lines on standard output.
+#![allow(clippy::print_stdout, clippy::print_stderr)]
+
 use anyhow::{Context, Result};
 use clap::Parser;
 use corf_fuzz::alloc::Counting;

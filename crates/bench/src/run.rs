@@ -143,13 +143,12 @@ fn claim(folder: &Path, content: Content, help: &str) -> Result<FolderLock> {
     };
     // Before anything of it is touched; and again once nobody else can fill it.
     refuse_content()?;
-    std::fs::create_dir_all(folder).with_context(|| {
+    let held = FolderLock::make(folder).with_context(|| {
         format!("cannot create output folder {}\n  help: choose a writable place with --out", folder.display())
     })?;
     // A folder that cannot be written is found now, not after the work.
     tempfile::tempfile_in(folder)
         .with_context(|| format!("cannot write into {}\n  help: choose a writable place with --out", folder.display()))?;
-    let held = FolderLock::acquire(folder)?;
     refuse_content()?;
     if content == Content::Resumed {
         remove_temporary_files(folder)?;

@@ -3,7 +3,7 @@
 
 use crate::{Error, Result};
 use std::fs::{File, TryLockError};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The file that is locked where folders themselves cannot be; elsewhere there is none.
 pub const FILE_NAME: &str = ".corf-lock";
@@ -13,6 +13,17 @@ pub const FILE_NAME: &str = ".corf-lock";
 #[must_use = "the folder is free again once this is dropped"]
 pub struct FolderLock {
     _held: Option<File>,
+    /// A folder that goes again where nothing was written into it.
+    made: Option<PathBuf>,
+}
+
+impl Drop for FolderLock {
+    fn drop(&mut self) {
+        if let Some(folder) = &self.made {
+            // Refused where there is something in it, which is as it should be.
+            let _ = std::fs::remove_dir(folder);
+        }
+    }
 }
 
 impl FolderLock {
@@ -21,16 +32,30 @@ impl FolderLock {
     /// # Errors
     /// Another run holds it.
     pub fn acquire(folder: &Path) -> Result<Self> {
-        let Ok(file) = open(folder) else { return Ok(Self { _held: None }) };
+        let free = |held| Self { _held: held, made: None };
+        let Ok(file) = open(folder) else { return Ok(free(None)) };
         match file.try_lock() {
-            Ok(()) => Ok(Self { _held: Some(file) }),
+            Ok(()) => Ok(free(Some(file))),
             Err(TryLockError::WouldBlock) => Err(Error::invalid(
                 folder.display().to_string(),
                 "another run is writing into this folder",
                 "wait for it or end it, or choose another folder with --out",
             )),
-            Err(TryLockError::Error(_)) => Ok(Self { _held: None }),
+            Err(TryLockError::Error(_)) => Ok(free(None)),
         }
+    }
+
+    /// As [`FolderLock::acquire`], of a folder that is made where it does not exist; one that was made and is left empty, because the run
+    /// ended in an error, is taken away again.
+    ///
+    /// # Errors
+    /// As [`FolderLock::acquire`], and where the folder cannot be made.
+    pub fn make(folder: &Path) -> Result<Self> {
+        let made = !folder.exists();
+        std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
+        let mut lock = Self::acquire(folder)?;
+        lock.made = made.then(|| folder.to_path_buf());
+        Ok(lock)
     }
 }
 
@@ -58,6 +83,15 @@ mod tests {
         assert!(message.contains("another run is writing"), "{message}");
         drop(first);
         drop(FolderLock::acquire(dir.path()).unwrap());
+        // A folder that was made goes again while it is empty.
+        let made = dir.path().join("made");
+        drop(FolderLock::make(&made).unwrap());
+        assert!(!made.exists());
+        let held = FolderLock::make(&made).unwrap();
+        std::fs::write(made.join("result"), "x").unwrap();
+        drop(held);
+        assert!(made.join("result").exists());
+        std::fs::remove_dir_all(&made).unwrap();
         #[cfg(unix)]
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "nothing is left in it");
     }

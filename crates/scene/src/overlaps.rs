@@ -177,8 +177,10 @@ mod tests {
     use crate::model::{Object, Triangle};
     use glam::Vec3;
 
-    /// Rectangles of [x, y] ranges at a height, cut along one or the other diagonal.
-    fn sheets(all: &[(u32, u32, [f32; 2], [f32; 2], f32, bool)]) -> Scene {
+    /// Object, material, the ranges of x and of y, the height, and whether it is cut along the other diagonal.
+    type Sheet = (u32, u32, [f32; 2], [f32; 2], f32, bool);
+
+    fn sheets(all: &[Sheet]) -> Scene {
         let mut scene = Scene::default();
         for (object, material, x, y, z, other) in all {
             while scene.objects.len() <= *object as usize {
