@@ -71,7 +71,7 @@ impl RadioTracer<'_> {
         let mut first = 0;
         while first < route.turns.len() {
             let at = route.corners[first];
-            let same = route.corners[first..].iter().take_while(|corner| corner.distance(at) <= END_CLEARANCE_M).count();
+            let same = route.corners[first..].iter().take_while(|corner| corner.distance(at) <= TOUCHING_M).count();
             let next = first + same;
             let mirrors = &route.turns[first..next];
             // What stands on an edge that diffracts is looked for beside it.
@@ -82,7 +82,7 @@ impl RadioTracer<'_> {
                 let legs = ends.map(|end| (end - at).normalize_or_zero());
                 let beyond = [before[0], before[1], after[2], after[3]];
                 let bounce = Bounce { at, legs, ends, mirrors, beyond };
-                let passed = self.geometry.passed(&bounce, [&crossed[first], &crossed[next]])?;
+                let passed = self.geometry.passed(&bounce, &crossed[first..=next])?;
                 budget = budget.checked_sub(passed.len())?;
                 let distance_m = from.distance(at);
                 crossed[first].extend(passed.into_iter().map(|face| Crossing { distance_m, face }));
@@ -96,7 +96,7 @@ impl RadioTracer<'_> {
 impl Geometry<'_> {
     /// The faces that touch a bounce and have its legs on either side, one of every sheet; `crossed` are those that the legs cross anyway.
     /// `None` where the bounce is off the very end of its mirror and what it touches leaves no room for one beside it.
-    fn passed(&self, bounce: &Bounce<'_>, crossed: [&[Crossing]; 2]) -> Option<Vec<u32>> {
+    fn passed(&self, bounce: &Bounce<'_>, crossed: &[Vec<Crossing>]) -> Option<Vec<u32>> {
         let (mut passed, mut touched): (Vec<u32>, bool) = (Vec::new(), false);
         let level = |face: &Face, other: u32| face.shares_plane(&self.faces[other as usize]);
         self.visit_triangles_near(bounce.at, TOUCHING_M, |triangle| {
@@ -107,7 +107,7 @@ impl Geometry<'_> {
             }
             let Some([here, beside]) = bounce.between(self, face) else { return };
             let of_the_path = bounce.faces().chain(bounce.beyond.into_iter().flatten());
-            let crossed_anyway = crossed.into_iter().flatten().map(|crossing| crossing.face);
+            let crossed_anyway = crossed.iter().flatten().map(|crossing| crossing.face);
             let stands_here = [here, beside].map(|point| face.contains(point));
             if stands_here == [false; 2] || of_the_path.chain(crossed_anyway).any(|other| level(face, other)) {
                 return;

@@ -88,14 +88,18 @@ impl Path {
         self.interactions.iter().map(|i| i.kind.letter()).collect()
     }
 
-    /// Whether both do the same at the same places.
+    /// Whether both leave and arrive alike and do the same at the same places; what happens at one place may come in another order.
     fn coincides(&self, other: &Self) -> bool {
+        let near = |a: DVec3, b: DVec3| a.distance(b) <= SAME_PATH_M;
+        let as_often = |what: &Interaction| {
+            let count =
+                |path: &Self| path.interactions.iter().filter(|i| i.kind == what.kind && near(i.vertex, what.vertex)).count();
+            count(self) == count(other)
+        };
         self.interactions.len() == other.interactions.len()
-            && self
-                .interactions
-                .iter()
-                .zip(&other.interactions)
-                .all(|(a, b)| a.kind == b.kind && a.vertex.distance(b.vertex) <= SAME_PATH_M)
+            && near(self.departure, other.departure)
+            && near(self.arrival, other.arrival)
+            && self.interactions.iter().all(as_often)
     }
 
     /// Whether all of its numbers are numbers.
