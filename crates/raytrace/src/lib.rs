@@ -10,4 +10,4 @@ pub mod sionna;
 pub mod spectrum;
 
 pub use bvh::{Bvh, Hit, Ray};
-pub use light::{DenoiseSettings, LightFrame, LightSettings, LightTracer, denoise, develop};
+pub use light::{CacheSettings, LightCache, LightFrame, LightSettings, LightTracer, ViewSettings, develop, develop_frame};

@@ -20,6 +20,8 @@ pub enum Bench {
     Table(Table),
     /// Write a finished comparison's tables and report again.
     Report(Report),
+    /// How far a dataset's images are from the converged ones, and what they cost.
+    Light(super::bench_light::Light),
     /// What tracing a dataset's radio half costs, stage by stage, and its sampling error.
     Radio(super::bench_radio::Radio),
     /// Measure training steps, stage by stage, beside the least time their bytes and operations take.
@@ -82,6 +84,7 @@ impl Bench {
             Self::Run(c) => c.run(json),
             Self::Table(c) => c.run(json),
             Self::Report(c) => c.run(json),
+            Self::Light(c) => c.run(json),
             Self::Radio(c) => c.run(json),
             Self::Step(c) => c.run(json),
         }

@@ -17,6 +17,12 @@ use std::sync::OnceLock;
 /// `alpha = roughness²` is at least this: a mirror is a very narrow lobe, not a special case.
 pub(super) const MIN_ALPHA: f32 = 1e-3;
 
+/// Of [`Bsdf::is_nearly_diffuse`]: `roughness²` of at least this, and a share of the light of at most this.
+const WIDE_ALPHA: f32 = 0.4;
+const WEAK_SHARE: f32 = 0.15;
+/// And of [`Bsdf::wide_highlight`].
+const VERY_WIDE_ALPHA: f32 = 0.5;
+
 /// A point's reflection: linear colours and `alpha`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bsdf {
@@ -69,6 +75,17 @@ impl Bsdf {
 
     /// `f(v, l)·l_z` and the density (1/sr) with which [`Bsdf::sample`] chooses `l`; zero below the surface.
     pub fn evaluate(&self, l: Vec3) -> (Vec3, f32) {
+        let (specular, specular_pdf) = self.evaluate_specular(l);
+        if l.z <= 0.0 || self.v.z <= 0.0 {
+            return (Vec3::ZERO, 0.0);
+        }
+        let diffuse = self.diffuse * (FRAC_1_PI * l.z * self.coupling(l.z));
+        let p = self.specular_probability;
+        (specular + diffuse, p * specular_pdf + (1.0 - p) * FRAC_1_PI * l.z)
+    }
+
+    /// [`Bsdf::evaluate`] of the specular lobe alone, with the density of [`Bsdf::sample_specular`].
+    pub fn evaluate_specular(&self, l: Vec3) -> (Vec3, f32) {
         let v = self.v;
         if l.z <= 0.0 || v.z <= 0.0 {
             return (Vec3::ZERO, 0.0);
@@ -81,20 +98,66 @@ impl Bsdf {
         // D·G₂·F·l_z / (4 v_z l_z), G₂ = 1 / (1 + Λ(v) + Λ(l)).
         let specular = self.fresnel(v_h) * (d / ((1.0 + lambda_v + lambda_l) * 4.0 * v.z));
         // Density of visible normals, D·G₁(v)·(v·h)/v_z, over the Jacobian 4 v·h.
-        let specular_pdf = d / ((1.0 + lambda_v) * 4.0 * v.z);
-        let diffuse = self.diffuse * (FRAC_1_PI * l.z * self.coupling(l.z));
-        let p = self.specular_probability;
-        (specular + diffuse, p * specular_pdf + (1.0 - p) * FRAC_1_PI * l.z)
+        (specular, d / ((1.0 + lambda_v) * 4.0 * v.z))
+    }
+
+    /// A direction of the specular lobe for a random point.
+    pub fn sample_specular(&self, u: [f32; 2]) -> Option<BsdfSample> {
+        let l = self.mirrored(u);
+        let (value, pdf) = self.evaluate_specular(l);
+        (pdf > 0.0 && pdf.is_finite()).then(|| BsdfSample { l, weight: value / pdf, pdf })
+    }
+
+    /// The viewer's direction mirrored at a visible normal.
+    fn mirrored(&self, u: [f32; 2]) -> Vec3 {
+        let h = sample_visible_normal(self.v, self.alpha, u);
+        2.0 * self.v.dot(h) * h - self.v
+    }
+
+    /// `c_diff·(1 − E(v))`: what the base sends towards the viewer of the light it received, weighted as by [`Bsdf::received`].
+    pub fn diffuse_toward_viewer(&self) -> Vec3 {
+        self.diffuse * self.base_transmittance
+    }
+
+    /// `(1 − E(l)) / (1 − Ē)`: the weight with which the base receives light from elevation cosine `l_z`. It does not depend on the
+    /// viewer, so that the base's light can be worked out once for all views.
+    pub fn received(&self, l_z: f32) -> f32 {
+        let (scale, bias) = albedo_table().at(l_z, self.alpha);
+        (1.0 - (self.f0_max * scale + bias)).max(0.0) * self.diffuse_scale
+    }
+
+    /// The specular lobe's share of what is reflected under uniform light, in luminance.
+    pub fn specular_share(&self) -> f32 {
+        let d = luminance(self.diffuse_toward_viewer());
+        let s = luminance(self.albedo) - d;
+        if s <= 0.0 { 0.0 } else { s / (s + d) }
+    }
+
+    /// Whether the specular lobe is so wide and weak that, seen by a ray that stands for a wide cone, it may send back what it receives
+    /// like the base does: with its own albedo, in all directions.
+    pub fn is_nearly_diffuse(&self) -> bool {
+        self.alpha >= WIDE_ALPHA && self.specular_share() < WEAK_SHARE
+    }
+
+    /// For a lobe as wide and weak as [`Bsdf::is_nearly_diffuse`] asks and wider still: the direction (shading frame) about which it
+    /// gathers, taken for a cosine lobe (the dominant direction of Lagarde and de Rousiers 2014, *Moving Frostbite to PBR*), and its albedo.
+    pub fn wide_highlight(&self) -> Option<(Vec3, Vec3)> {
+        (self.alpha >= VERY_WIDE_ALPHA && self.specular_share() < WEAK_SHARE).then(|| {
+            let mirrored = Vec3::new(-self.v.x, -self.v.y, self.v.z);
+            let smooth = 1.0 - self.alpha;
+            let towards = smooth * (smooth.sqrt() + self.alpha);
+            (Vec3::Z.lerp(mirrored, towards).normalize_or(Vec3::Z), self.albedo - self.diffuse_toward_viewer())
+        })
+    }
+
+    /// `roughness²`.
+    pub fn alpha(&self) -> f32 {
+        self.alpha
     }
 
     /// A direction for a random lobe choice and point.
     pub fn sample(&self, lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
-        let l = if lobe < self.specular_probability {
-            let h = sample_visible_normal(self.v, self.alpha, u);
-            2.0 * self.v.dot(h) * h - self.v
-        } else {
-            sample_cosine(u)
-        };
+        let l = if lobe < self.specular_probability { self.mirrored(u) } else { sample_cosine(u) };
         let (value, pdf) = self.evaluate(l);
         (pdf > 0.0 && pdf.is_finite()).then(|| BsdfSample { l, weight: value / pdf, pdf })
     }
@@ -108,8 +171,7 @@ impl Bsdf {
 
     /// (1 − E(v))(1 − E(l)) / (1 − Ē).
     fn coupling(&self, l_z: f32) -> f32 {
-        let (scale, bias) = albedo_table().at(l_z, self.alpha);
-        self.base_transmittance * (1.0 - (self.f0_max * scale + bias)).max(0.0) * self.diffuse_scale
+        self.base_transmittance * self.received(l_z)
     }
 }
 

@@ -1,5 +1,6 @@
 //! From linear radiance to an 8-bit picture.
 
+use super::LightFrame;
 use corf_scene::Raster;
 use corf_scene::color::{quantize8, srgb_from_linear};
 
@@ -14,6 +15,26 @@ const KNEE: f32 = 0.6;
 pub fn develop(radiance: &Raster<[f32; 3]>, exposure_ev: f32) -> Raster<[u8; 3]> {
     let gain = exposure_ev.exp2();
     radiance.map(|rgb| rgb.map(|c| quantize8(srgb_from_linear(shoulder((c * gain).max(0.0))))))
+}
+
+/// Develops a frame: as [`develop`], but the paths of a pixel that see an emitter straight are developed apart from the others and the two
+/// mixed by their shares, both linear. A pixel of which half is a white lamp is half white, however bright the lamp.
+pub fn develop_frame(frame: &LightFrame, exposure_ev: f32) -> Raster<[u8; 3]> {
+    Raster::from_fn(frame.radiance.width(), frame.radiance.height(), |x, y| {
+        develop_pixel(frame.radiance[(x, y)], frame.lamp[(x, y)], exposure_ev).map(quantize8)
+    })
+}
+
+/// One pixel of [`develop_frame`], before rounding to 8 bits: sRGB values from 0 to 1.
+pub fn develop_pixel(radiance: [f32; 3], lamp: [f32; 4], exposure_ev: f32) -> [f32; 3] {
+    let gain = exposure_ev.exp2();
+    let exposed = |radiance: f32, share: f32| if share > 0.0 { share * shoulder((radiance / share * gain).max(0.0)) } else { 0.0 };
+    std::array::from_fn(|c| srgb_from_linear(exposed(lamp[c], lamp[3]) + exposed(radiance[c] - lamp[c], 1.0 - lamp[3])))
+}
+
+/// What an exposed value (radiance × 2^EV) looks like, from 0 to 1: the value before rounding to 8 bits.
+pub(super) fn develop_value(exposed: f32) -> f32 {
+    srgb_from_linear(shoulder(exposed.max(0.0)))
 }
 
 fn shoulder(x: f32) -> f32 {

@@ -10,7 +10,7 @@ use super::texture::{Encoding, mean};
 use crate::bvh::{Bvh, Hit, Ray};
 use corf_scene::model::{PunctualKind, PunctualLight};
 use corf_scene::{Rng, Scene};
-use glam::{UVec3, Vec2, Vec3};
+use glam::{DVec3, UVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
 /// Emitting triangles are divided into patches with edges of at most this length, metres: of a street seen through a window, each cell
@@ -50,6 +50,8 @@ struct Emitter {
     kind: Kind,
     /// Mean radiance (triangle), intensity (point, spot) or irradiance (directional), luminance.
     luminance: f32,
+    /// Likewise, in colour.
+    power: Vec3,
 }
 
 /// Light arriving from a sampled point of an emitter.
@@ -74,6 +76,8 @@ pub(super) struct Emitters {
     cells: UVec3,
     /// `cells × list.len()` cumulative probabilities, the last of every cell 1.
     cumulative: Vec<f32>,
+    /// `cells × list.len()`: the share of each emitter that the cell's visibility rays saw, in 255ths; 0 where none were spent.
+    seen: Vec<u8>,
     /// Per cell, where the search for a random number in each of [`BUCKETS`] equal intervals begins, and where the last one ends.
     guides: Vec<[u32; BUCKETS + 1]>,
 }
@@ -86,16 +90,17 @@ impl Emitters {
     pub fn new(scene: &Scene, bvh: &Bvh, covers: &[Cover]) -> Self {
         let mut of_triangle = vec![(u32::MAX, 0); scene.triangles.len()];
         let mut list = Vec::new();
-        let radiance: Vec<f32> = scene
+        let radiance: Vec<Vec3> = scene
             .materials
             .iter()
             .map(|m| {
                 let texture = m.optical.emissive_texture.as_ref().map_or([1.0; 3], |t| mean(&scene.textures, t, Encoding::Srgb));
-                luminance(Vec3::from(m.optical.emissive) * Vec3::from(texture))
+                Vec3::from(m.optical.emissive) * Vec3::from(texture)
             })
             .collect();
         for (i, t) in scene.triangles.iter().enumerate() {
-            let luminance = radiance[t.material as usize];
+            let power = radiance[t.material as usize];
+            let luminance = luminance(power);
             let corners = scene.corners(i);
             let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
             let area = 0.5 * cross.length();
@@ -112,14 +117,15 @@ impl Emitters {
                         double_sided: scene.materials[t.material as usize].optical.double_sided,
                         triangle: i as u32,
                     };
-                    list.push(Emitter { kind, luminance });
+                    list.push(Emitter { kind, luminance, power });
                 }
             }
         }
         for light in &scene.lights {
-            let luminance = luminance(Vec3::from(light.intensity));
+            let power = Vec3::from(light.intensity);
+            let luminance = luminance(power);
             if luminance > 0.0 {
-                list.push(Emitter { kind: Kind::Punctual(*light), luminance });
+                list.push(Emitter { kind: Kind::Punctual(*light), luminance, power });
             }
         }
         let mut emitters = Self {
@@ -129,6 +135,7 @@ impl Emitters {
             cells_per_metre: Vec3::ONE,
             cells: UVec3::ONE,
             cumulative: Vec::new(),
+            seen: Vec::new(),
             guides: Vec::new(),
         };
         emitters.fill_cells(scene, bvh, covers);
@@ -160,7 +167,8 @@ impl Emitters {
         let rays = VISIBILITY_RAYS.min(MAX_VISIBILITY_RAYS / (count * n).max(1));
         let blocks = |triangle: u32| covers[triangle as usize] == Cover::OPAQUE;
         let mut cumulative = vec![0.0f32; count * n];
-        cumulative.par_chunks_mut(n).enumerate().for_each(|(cell, row)| {
+        let mut seen_shares = vec![0u8; count * n];
+        cumulative.par_chunks_mut(n).zip(seen_shares.par_chunks_mut(n)).enumerate().for_each(|(cell, (row, shares))| {
             let index = UVec3::new(
                 cell as u32 % self.cells.x,
                 cell as u32 / self.cells.x % self.cells.y,
@@ -172,10 +180,11 @@ impl Emitters {
             let weights: Vec<f32> = self.list.iter().map(|emitter| emitter.importance(low, low + cell_size)).collect();
             let worth_a_look = WORTH_A_LOOK * weights.iter().sum::<f32>();
             let mut total = 0.0f64;
-            for ((emitter, mut weight), slot) in self.list.iter().zip(weights).zip(row.iter_mut()) {
+            for (((emitter, mut weight), slot), share) in self.list.iter().zip(weights).zip(row.iter_mut()).zip(shares) {
                 if weight > worth_a_look && rays > 0 {
                     let seen = (0..rays).filter(|_| emitter.sees(bvh, &blocks, low, cell_size, &mut rng)).count();
                     weight *= UNSEEN_SHARE + (1.0 - UNSEEN_SHARE) * seen as f32 / rays as f32;
+                    *share = (255 * seen / rays) as u8;
                 }
                 total += f64::from(weight);
                 *slot = total as f32;
@@ -196,6 +205,7 @@ impl Emitters {
             })
             .collect();
         self.cumulative = cumulative;
+        self.seen = seen_shares;
     }
 
     fn cell(&self, point: Vec3) -> usize {
@@ -233,26 +243,10 @@ impl Emitters {
         }
         let probability = Self::probability(row, i);
         match &self.list[i].kind {
-            Kind::Patch { corners, weights, normal, area, double_sided, triangle } => {
-                let root = u[0].sqrt();
-                let (b1, b2) = (u[1] * root, 1.0 - root);
-                let on_light = corners[0] * (1.0 - b1 - b2) + corners[1] * b1 + corners[2] * b2;
-                let away = point - on_light;
-                let distance2 = away.length_squared();
-                let cos = normal.dot(away) / distance2.sqrt();
-                let cos = if *double_sided { cos.abs() } else { cos };
-                if cos <= 1e-6 || distance2 < 1e-10 {
-                    return None;
-                }
-                let pdf = probability * distance2 / (area * cos);
-                // The target is lifted off the light so that the light does not shadow itself.
-                let lift = *normal * (offset(on_light) * normal.dot(away).signum());
-                let at = weights[0] * (1.0 - b1 - b2) + weights[1] * b1 + weights[2] * b2;
-                Some(LightSample {
-                    to_light: on_light + lift - point,
-                    weight: emission(scene, covers[*triangle as usize], *triangle, at.x, at.y) / pdf,
-                    pdf,
-                })
+            Kind::Patch { .. } => {
+                let on_light = self.patch_point(scene, covers, i, point, u)?;
+                let pdf = probability / on_light.solid_angle;
+                Some(LightSample { to_light: on_light.position - point, weight: on_light.radiance / pdf, pdf })
             }
             Kind::Punctual(light) => {
                 let (to_light, irradiance) = punctual(light, point)?;
@@ -272,6 +266,185 @@ impl Emitters {
         let Kind::Patch { area, .. } = self.list[i].kind else { return 0.0 };
         Self::probability(self.row(self.cell(point)), i) * distance * distance / (area * cos).max(1e-20)
     }
+}
+
+/// A point of an emitting patch.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PatchPoint {
+    /// Just off the patch, on the side of who asked.
+    pub position: Vec3,
+    /// Radiance towards who asked, times the share of the surface that is there.
+    pub radiance: Vec3,
+    /// Area of the patch × cosine ÷ distance² as seen by who asked: a solid angle if the point stands for the whole patch.
+    pub solid_angle: f32,
+}
+
+impl Emitters {
+    /// Number of emitters: patches first, then punctual lights.
+    pub fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Whether an emitter has no extent.
+    pub fn is_punctual(&self, i: usize) -> bool {
+        matches!(self.list[i].kind, Kind::Punctual(_))
+    }
+
+    /// Whether any emitter has no extent.
+    pub fn has_punctual(&self) -> bool {
+        self.list.last().is_some_and(|e| matches!(e.kind, Kind::Punctual(_)))
+    }
+
+    /// The emitters without extent.
+    pub fn punctual(&self) -> std::ops::Range<usize> {
+        let first = self.list.iter().position(|e| matches!(e.kind, Kind::Punctual(_))).unwrap_or(self.list.len());
+        first..self.list.len()
+    }
+
+    /// Mean radiance of a patch.
+    pub fn radiance(&self, i: usize) -> Vec3 {
+        self.list[i].power
+    }
+
+    /// The share of an emitter that visibility rays from the surroundings of a point saw.
+    pub fn seen_from(&self, point: Vec3, i: usize) -> f32 {
+        f32::from(self.seen[self.cell(point) * self.list.len() + i]) / 255.0
+    }
+
+    /// What an emitter could send into a box at best, up to shadows and the receiver's cosine: zero only if no point of the box can
+    /// see its shining side.
+    pub fn importance_in(&self, i: usize, low: Vec3, high: Vec3) -> f32 {
+        self.list[i].importance(low, high)
+    }
+
+    /// Vector to a punctual light and the irradiance it sends at normal incidence; `None` for patches and out of its cone or range.
+    pub fn punctual_at(&self, i: usize, point: Vec3) -> Option<(Vec3, Vec3)> {
+        match &self.list[i].kind {
+            Kind::Punctual(light) => punctual(light, point),
+            Kind::Patch { .. } => None,
+        }
+    }
+
+    /// `∫ l dω` over the part of a patch above a plane through `point` with normal `n`, unshadowed: times the radiance and a surface
+    /// normal it is that surface's irradiance (Arvo 1994, *The Irradiance Jacobian*; Lambert's formula). Zero for punctual lights and
+    /// behind one-sided patches.
+    pub fn solid_angle_vector(&self, i: usize, point: Vec3, n: Vec3) -> Vec3 {
+        let Kind::Patch { corners, normal, double_sided, .. } = &self.list[i].kind else { return Vec3::ZERO };
+        let height = normal.dot(point - corners[0]);
+        if height.abs() < 1e-6 || height < 0.0 && !double_sided {
+            return Vec3::ZERO;
+        }
+        let vector = polygon_vector(corners.map(|c| c - point), n);
+        // Counter-clockwise seen from the front, the sum points away from the patch.
+        if height > 0.0 { -vector } else { vector }
+    }
+
+    /// As [`Emitters::patch_point`], but drawn evenly over the solid angle of patches that are near: over their area, the few nearest
+    /// square centimetres would bring most of the light and be met hardly ever.
+    pub fn patch_toward(&self, scene: &Scene, covers: &[Cover], i: usize, point: Vec3, u: [f32; 2]) -> Option<PatchPoint> {
+        let Kind::Patch { corners, weights, normal, area, double_sided, triangle } = &self.list[i].kind else { return None };
+        let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+        if centre.distance_squared(point) > NEAR * area {
+            return self.patch_point(scene, covers, i, point, u);
+        }
+        let height = normal.dot(point - corners[0]);
+        if height.abs() < 1e-6 || height < 0.0 && !double_sided {
+            return None;
+        }
+        let (direction, solid_angle) = spherical_triangle(corners.map(|c| c - point), u)?;
+        let on_light = point - direction * (height / normal.dot(direction));
+        // Barycentric in the patch, then in the whole triangle.
+        let (e1, e2, p) = (corners[1] - corners[0], corners[2] - corners[0], on_light - corners[0]);
+        let (d11, d12, d22) = (e1.length_squared(), e1.dot(e2), e2.length_squared());
+        let determinant = (d11 * d22 - d12 * d12).max(1e-30);
+        let b1 = ((d22 * p.dot(e1) - d12 * p.dot(e2)) / determinant).clamp(0.0, 1.0);
+        let b2 = ((d11 * p.dot(e2) - d12 * p.dot(e1)) / determinant).clamp(0.0, 1.0 - b1);
+        let at = weights[0] * (1.0 - b1 - b2) + weights[1] * b1 + weights[2] * b2;
+        let on_light = corners[0] + e1 * b1 + e2 * b2;
+        Some(PatchPoint {
+            position: on_light + *normal * (offset(on_light) * height.signum()),
+            radiance: emission(scene, covers[*triangle as usize], *triangle, at.x, at.y),
+            solid_angle,
+        })
+    }
+
+    /// A point of a patch for uniform numbers, as seen from `point`; `None` where the patch does not shine there.
+    pub fn patch_point(&self, scene: &Scene, covers: &[Cover], i: usize, point: Vec3, u: [f32; 2]) -> Option<PatchPoint> {
+        let Kind::Patch { corners, weights, normal, area, double_sided, triangle } = &self.list[i].kind else { return None };
+        let root = u[0].sqrt();
+        let (b1, b2) = (u[1] * root, 1.0 - root);
+        let on_light = corners[0] * (1.0 - b1 - b2) + corners[1] * b1 + corners[2] * b2;
+        let away = point - on_light;
+        let distance2 = away.length_squared();
+        let cos = normal.dot(away) / distance2.sqrt();
+        let cos = if *double_sided { cos.abs() } else { cos };
+        if cos <= 1e-6 || distance2 < 1e-10 {
+            return None;
+        }
+        let at = weights[0] * (1.0 - b1 - b2) + weights[1] * b1 + weights[2] * b2;
+        Some(PatchPoint {
+            // Lifted off the light so that the light does not shadow itself.
+            position: on_light + *normal * (offset(on_light) * normal.dot(away).signum()),
+            radiance: emission(scene, covers[*triangle as usize], *triangle, at.x, at.y),
+            solid_angle: area * cos / distance2,
+        })
+    }
+}
+
+/// Patches whose centre is no farther than the root of this times their area are near.
+const NEAR: f32 = 4.0;
+
+/// A direction drawn evenly over the triangle that three corners span as seen from the origin, and its solid angle (Arvo 1995, *Stratified
+/// Sampling of Spherical Triangles*); `None` where it has none.
+fn spherical_triangle(corners: [Vec3; 3], u: [f32; 2]) -> Option<(Vec3, f32)> {
+    let [a, b, c] = corners.map(|p| p.as_dvec3().normalize_or_zero());
+    let between = |n: DVec3, m: DVec3| n.normalize_or_zero().dot(m.normalize_or_zero()).clamp(-1.0, 1.0).acos();
+    let (ab, bc, ca) = (a.cross(b), b.cross(c), c.cross(a));
+    let (alpha, beta, gamma) = (between(ab, -ca), between(bc, -ab), between(ca, -bc));
+    let solid_angle = alpha + beta + gamma - std::f64::consts::PI;
+    if !(solid_angle > 1e-9 && alpha.sin() > 1e-9) {
+        return None;
+    }
+    let part = f64::from(u[0]) * solid_angle;
+    let (s, t) = (part - alpha).sin_cos();
+    let (cos_alpha, sin_alpha) = (alpha.cos(), alpha.sin());
+    let (p, q) = (t - cos_alpha, s + sin_alpha * a.dot(b));
+    let cos_side = (((q * t - p * s) * cos_alpha - q) / ((q * s + p * t) * sin_alpha)).clamp(-1.0, 1.0);
+    let across = |v: DVec3, axis: DVec3| (v - axis * v.dot(axis)).normalize_or_zero();
+    let c_part = a * cos_side + across(c, a) * (1.0 - cos_side * cos_side).max(0.0).sqrt();
+    let z = 1.0 - f64::from(u[1]) * (1.0 - c_part.dot(b));
+    let direction = b * z + across(c_part, b) * (1.0 - z * z).max(0.0).sqrt();
+    let direction = direction.as_vec3();
+    (direction.is_finite() && direction != Vec3::ZERO).then_some((direction, solid_angle as f32))
+}
+
+/// `½ Σ θₖ Γₖ` over the edges of a triangle clipped to the half-space `n·x > 0`; corners relative to the viewpoint.
+fn polygon_vector(corners: [Vec3; 3], n: Vec3) -> Vec3 {
+    let heights = corners.map(|c| c.dot(n));
+    let mut polygon = [Vec3::ZERO; 4];
+    let mut count = 0;
+    for k in 0..3 {
+        let (a, b) = (corners[k], corners[(k + 1) % 3]);
+        let (ha, hb) = (heights[k], heights[(k + 1) % 3]);
+        if ha > 0.0 {
+            polygon[count] = a;
+            count += 1;
+        }
+        if (ha > 0.0) != (hb > 0.0) {
+            polygon[count] = a + (b - a) * (ha / (ha - hb));
+            count += 1;
+        }
+    }
+    let mut sum = Vec3::ZERO;
+    for k in 0..count {
+        let (a, b) = (polygon[k], polygon[(k + 1) % count]);
+        let cross = a.cross(b);
+        let sin = cross.length();
+        if sin > 0.0 {
+            sum += cross * (sin.atan2(a.dot(b)) / sin);
+        }
+    }
+    sum * 0.5
 }
 
 /// The patches of a triangle whose edges are divided into `parts`: `parts²` congruent triangles as corners in barycentric coordinates
@@ -383,6 +556,34 @@ impl Emitter {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_triangle_close_by_is_sampled_by_its_solid_angle_and_known_in_closed_form() {
+        let mut rng = Rng::keyed(4, 1, 1);
+        let mut draw = || Vec3::new(rng.uniform(), rng.uniform(), rng.uniform()) * 2.0 - 1.0;
+        for _ in 0..40 {
+            let corners = [draw(), draw(), draw() + Vec3::new(0.0, 0.0, 0.4)];
+            let n = draw().normalize();
+            // ∫ l dω over what is above the plane: by points drawn evenly over the solid angle, and by the closed form.
+            let (mut sum, mut solid_angle) = (Vec3::ZERO, 0.0);
+            const POINTS: u32 = 40_000;
+            for k in 0..POINTS {
+                let u = [(k as f32 * 0.754_877_7).fract(), (k as f32 * 0.569_840_3).fract()];
+                let Some((l, omega)) = spherical_triangle(corners, u) else { continue };
+                solid_angle = omega;
+                assert!((l.length() - 1.0).abs() < 1e-4);
+                if l.dot(n) > 0.0 {
+                    sum += l * (omega / POINTS as f32);
+                }
+            }
+            let mut exact = polygon_vector(corners, n);
+            if exact.dot(sum) < 0.0 {
+                exact = -exact;
+            }
+            // Of the triangle's 40 000 points, one in a hundred lies near the plane's edge.
+            assert!((sum - exact).length() < 0.003 * solid_angle + 1e-4, "{sum} by points, {exact} exactly, of {solid_angle} sr");
+        }
+    }
 
     #[test]
     fn patches_tile_a_triangle_and_are_found_again() {

@@ -1,4 +1,4 @@
-//! Light: a unidirectional path tracer, its denoiser and its developer.
+//! Light: an unbiased path tracer, a cache of diffuse light that all views of a scene share ([`cache`]), and a developer.
 //!
 //! Camera paths with next-event estimation at every vertex, combined with reflection sampling by the power heuristic (Veach 1997).
 //! Emitters are chosen per cell of space ([`emitter`]), reflection is GGX over Lambert ([`bsdf`]), sample points are Owen-scrambled
@@ -12,12 +12,9 @@
 //! Alpha is coverage (`over` compositing): of a blended surface the share alpha is there, and through the rest light passes as if there
 //! were none, unweakened and untinted, for camera, bounce and shadow rays alike. Depth and surface ids are those of surfaces of which
 //! at least half is there.
-//!
-//! One approximation is made for speed: after a rough reflection, surfaces are looked up in textures averaged to 64 texels a side and
-//! without normal maps; mirrors and highlights see full detail.
 
 mod bsdf;
-mod denoise;
+mod cache;
 mod develop;
 mod emitter;
 mod path;
@@ -28,14 +25,14 @@ mod texture;
 #[cfg(test)]
 mod tests;
 
-pub use denoise::{DenoiseSettings, denoise};
-pub use develop::develop;
+pub use cache::{CacheSettings, LightCache, ViewSettings};
+pub use develop::{develop, develop_frame, develop_pixel};
 
 use crate::bvh::{Bvh, Ray};
 use corf_scene::model::Texture;
 use corf_scene::{Pinhole, Raster, Rigid3, Scene};
 use emitter::Emitters;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use sampler::Sampler;
 use surface::{Cover, covers};
@@ -102,12 +99,37 @@ pub struct LightFrame {
     pub albedo: Raster<[f32; 3]>,
     /// Mean shading normal (world frame) of what the pixel sees first; shorter than 1 across edges, 0 where nothing was hit.
     pub normal: Raster<[f32; 3]>,
-    /// The part of `radiance` that comes straight from emitters or the background, free of Monte Carlo noise but for edges.
-    pub emitted: Raster<[f32; 3]>,
-    /// Variance of the pixel's mean of (scattered radiance ÷ albedo), luminance; an estimate from the samples' spread.
-    pub variance: Raster<f32>,
+    /// Of the pixel's paths those that see an emitter or the background straight, if through panes: what of `radiance` they bring, and
+    /// their share of the paths. They are developed apart from the others, so that a lamp's edge is smooth though the lamp is white.
+    pub lamp: Raster<[f32; 4]>,
     /// Rays shot.
     pub rays: RayCounts,
+}
+
+impl RayCounts {
+    fn and(&self, other: &Self) -> Self {
+        Self {
+            camera: self.camera + other.camera,
+            bounce: self.bounce + other.bounce,
+            shadow: self.shadow + other.shadow,
+        }
+    }
+}
+
+impl LightFrame {
+    fn of(camera: &Pinhole, world_from_camera: &Rigid3, pixels: &Raster<Pixel>, rays: RayCounts) -> Self {
+        Self {
+            camera: *camera,
+            world_from_camera: *world_from_camera,
+            radiance: pixels.map(|p| p.radiance.to_array()),
+            depth_m: pixels.map(|p| p.depth_m),
+            surface: pixels.map(|p| p.surface),
+            albedo: pixels.map(|p| p.albedo.to_array()),
+            normal: pixels.map(|p| p.normal.to_array()),
+            lamp: pixels.map(|p| p.lamp.to_array()),
+            rays,
+        }
+    }
 }
 
 /// A scene made ready for rendering.
@@ -128,8 +150,7 @@ struct Pixel {
     radiance: Vec3,
     albedo: Vec3,
     normal: Vec3,
-    emitted: Vec3,
-    variance: f32,
+    lamp: Vec4,
     depth_m: f32,
     surface: u32,
 }
@@ -165,25 +186,25 @@ impl<'a> LightTracer<'a> {
                 (row, counts)
             })
             .collect();
-        let mut rays = RayCounts::default();
-        for (_, counts) in &rows {
-            rays.camera += counts.camera;
-            rays.bounce += counts.bounce;
-            rays.shadow += counts.shadow;
-        }
+        let rays = rows.iter().fold(RayCounts::default(), |sum, (_, counts)| sum.and(counts));
         let pixels = Raster::from_vec(width, height, rows.into_iter().flat_map(|(row, _)| row).collect());
-        LightFrame {
-            camera: *camera,
-            world_from_camera: *world_from_camera,
-            radiance: pixels.map(|p| p.radiance.to_array()),
-            depth_m: pixels.map(|p| p.depth_m),
-            surface: pixels.map(|p| p.surface),
-            albedo: pixels.map(|p| p.albedo.to_array()),
-            normal: pixels.map(|p| p.normal.to_array()),
-            emitted: pixels.map(|p| p.emitted.to_array()),
-            variance: pixels.map(|p| p.variance),
-            rays,
-        }
+        LightFrame::of(camera, world_from_camera, &pixels, rays)
+    }
+
+    /// Renders some pixels `[x, y]` of the view alone: radiance and lamp of each, as in [`LightFrame`].
+    pub fn render_pixels(
+        &self,
+        camera: &Pinhole,
+        world_from_camera: &Rigid3,
+        settings: &LightSettings,
+        frame_key: u64,
+        pixels: &[[usize; 2]],
+    ) -> Vec<([f32; 3], [f32; 4])> {
+        let at = |&[x, y]: &[usize; 2]| {
+            let pixel = self.pixel(camera, world_from_camera, settings, frame_key, x, y, &mut RayCounts::default());
+            (pixel.radiance.to_array(), pixel.lamp.to_array())
+        };
+        pixels.par_iter().map(at).collect()
     }
 
     fn pixel(
@@ -200,29 +221,25 @@ impl<'a> LightTracer<'a> {
         let mut sampler = Sampler::new(settings.seed, frame_key, (y * camera.width + x) as u64);
         let mut pixel = Pixel::default();
         let n = settings.samples_per_pixel.max(1);
-        let (mut mean, mut squares) = (0.0f32, 0.0f32);
         for i in 0..n {
             sampler.start(i);
             let [dx, dy] = sampler.pair(path::FILM);
             let toward = camera.unproject(x as f64 + f64::from(dx), y as f64 + f64::from(dy));
             let direction = world_from_camera.transform_vector(toward.normalize()).as_vec3();
             let path = self.trace(Ray::new(origin, direction), &sampler, settings, counts);
-            pixel.radiance += path.emitted + path.scattered;
-            pixel.emitted += path.emitted;
+            let radiance = path.emitted + path.scattered;
+            pixel.radiance += radiance;
+            if path.emitted != Vec3::ZERO {
+                pixel.lamp += radiance.extend(1.0);
+            }
             pixel.albedo += path.albedo;
             pixel.normal += path.normal;
-            // Welford's running variance of the demodulated luminance.
-            let value = luminance(path.scattered) / luminance(path.albedo).max(MIN_ALBEDO);
-            let step = value - mean;
-            mean += step / (i + 1) as f32;
-            squares += step * (value - mean);
         }
         let share = 1.0 / n as f32;
         pixel.radiance *= share;
-        pixel.emitted *= share;
+        pixel.lamp *= share;
         pixel.albedo *= share;
         pixel.normal *= share;
-        pixel.variance = if n > 1 { squares / ((n - 1) as f32 * n as f32) } else { f32::INFINITY };
         (pixel.depth_m, pixel.surface) = self.centre(camera, world_from_camera, x, y, counts);
         pixel
     }
@@ -243,9 +260,6 @@ impl<'a> LightTracer<'a> {
 
 /// Depth and surface ids look through surfaces of which no more than this is there: just under a half, which counts as there.
 const BARELY_HALF: f32 = 0.499_999;
-
-/// Reflectances below this are treated as this when light is divided by them.
-const MIN_ALBEDO: f32 = 0.01;
 
 /// Luminance of linear sRGB (Rec. 709 weights).
 pub fn luminance(c: Vec3) -> f32 {

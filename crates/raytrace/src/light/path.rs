@@ -1,27 +1,26 @@
 //! One camera path.
 
-use super::bsdf::{Bsdf, fresnel_pane};
 use super::sampler::Sampler;
-use super::surface::{Cover, Surface, coverage, pane_transmittance};
+use super::surface::{Cover, Fate, Surface, coverage, pane_transmittance};
 use super::{LightSettings, LightTracer, RayCounts};
 use crate::bvh::{Hit, Ray};
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 
 /// Pairs of the sampler: the place on the film, then a block per vertex.
 pub(super) const FILM: u32 = 0;
-const FIRST_VERTEX: u32 = 1;
-const PAIRS_PER_VERTEX: u32 = 4;
-const PAIR_CHOICES: u32 = 0;
-const PAIR_LIGHT: u32 = 1;
-const PAIR_DIRECTION: u32 = 2;
-const PAIR_FATE: u32 = 3;
+pub(super) const FIRST_VERTEX: u32 = 1;
+pub(super) const PAIRS_PER_VERTEX: u32 = 4;
+pub(super) const PAIR_CHOICES: u32 = 0;
+pub(super) const PAIR_LIGHT: u32 = 1;
+pub(super) const PAIR_DIRECTION: u32 = 2;
+pub(super) const PAIR_FATE: u32 = 3;
 /// Panes and vertices of a path at most: a bound for rays caught between mirrors of glass.
-const MAX_EVENTS: u32 = 64;
+pub(super) const MAX_EVENTS: u32 = 64;
 /// No path survives roulette with more than this probability.
-const MAX_SURVIVAL: f32 = 0.95;
+pub(super) const MAX_SURVIVAL: f32 = 0.95;
 
 /// A ray whose direction was drawn with a lower density (1/sr) stands for a wide cone: what it meets is looked up coarsely.
-const WIDE_RAY_PDF: f32 = 10.0;
+pub(super) const WIDE_RAY_PDF: f32 = 10.0;
 
 /// What one path brings to its pixel.
 #[derive(Clone, Copy, Default)]
@@ -36,7 +35,7 @@ pub(super) struct PathSample {
 }
 
 /// w = p² / (p² + q²); an infinite p means the other technique cannot make this path.
-fn power_heuristic(p: f32, q: f32) -> f32 {
+pub(super) fn power_heuristic(p: f32, q: f32) -> f32 {
     if p.is_infinite() {
         return 1.0;
     }
@@ -56,12 +55,12 @@ impl LightTracer<'_> {
         })
     }
 
-    fn cover(&self, hit: &Hit) -> Cover {
+    pub(super) fn cover(&self, hit: &Hit) -> Cover {
         self.covers[hit.triangle as usize]
     }
 
     /// Share of light, per channel, that passes along a shadow ray.
-    fn transmittance(&self, ray: &Ray) -> Vec3 {
+    pub(super) fn transmittance(&self, ray: &Ray) -> Vec3 {
         if self.all_opaque {
             return if self.bvh.occluded(ray) { Vec3::ZERO } else { Vec3::ONE };
         }
@@ -112,7 +111,7 @@ impl LightTracer<'_> {
                 }
                 return out;
             };
-            let surface = Surface::at(self.scene, self.cover(&hit), &ray, &hit, (pdf < WIDE_RAY_PDF).then_some(&self.coarse));
+            let surface = Surface::at(self.scene, self.cover(&hit), &ray, &hit, None);
             if surface.emitted != Vec3::ZERO {
                 let weight = if pdf.is_infinite() || !settings.next_event_estimation {
                     1.0
@@ -133,17 +132,14 @@ impl LightTracer<'_> {
                 }
                 fate /= surface.coverage;
             }
-            let mut base_only = false;
-            if surface.transmission > 0.0 {
-                let cos = surface.geometric_normal.dot(ray.direction).abs();
-                let reflectance = fresnel_pane(cos, surface.ior);
-                let through = (1.0 - reflectance) * surface.transmission;
-                if fate < through {
+            let fate = surface.fate(&ray, fate);
+            match fate {
+                Fate::Passes => {
                     throughput *= surface.base_color;
                     ray.t_min = hit.t + super::surface::offset(surface.position);
                     continue;
                 }
-                if fate < through + reflectance {
+                Fate::Mirrored => {
                     if straight {
                         (out.albedo, out.normal) = (Vec3::ONE, surface.geometric_normal);
                     }
@@ -152,22 +148,13 @@ impl LightTracer<'_> {
                         return out;
                     }
                     scattered += 1;
-                    let n = surface.geometric_normal;
-                    let direction = ray.direction - n * (2.0 * n.dot(ray.direction));
-                    ray = Ray::new(surface.leave(direction), direction);
+                    ray = surface.mirrored(&ray);
                     pdf = f32::INFINITY;
                     continue;
                 }
-                // What neither passes nor is mirrored meets the base alone.
-                base_only = true;
+                Fate::MeetsBase | Fate::Meets => {}
             }
-            let to_local = Mat3::from_cols_array_2d(&frame(surface.normal)).transpose();
-            let v = to_local * -ray.direction;
-            let bsdf = if base_only {
-                Bsdf::new(surface.base_color, 0.0, 1.0, 1.0, v)
-            } else {
-                Bsdf::new(surface.base_color, surface.metallic, surface.roughness, surface.ior, v)
-            };
+            let (to_local, bsdf) = surface.reflection(&ray, fate);
             if straight {
                 out.albedo = bsdf.albedo * throughput;
                 out.normal = surface.normal;
@@ -231,10 +218,4 @@ impl LightTracer<'_> {
             out.scattered += radiance;
         }
     }
-}
-
-/// Columns of `world_from_shading`: tangent, bitangent, normal.
-fn frame(n: Vec3) -> [[f32; 3]; 3] {
-    let (t, b) = n.any_orthonormal_pair();
-    [t.to_array(), b.to_array(), n.to_array()]
 }

@@ -1,10 +1,11 @@
 //! What a ray finds at a hit: position, normals and the material's values there.
 
+use super::bsdf::{Bsdf, fresnel_pane};
 use super::texture::{Encoding, sample};
 use crate::bvh::{Hit, Ray};
 use corf_scene::Scene;
 use corf_scene::model::{AlphaMode, OpticalMaterial, Texture, TextureRef};
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Mat3, Vec2, Vec3, Vec4};
 
 /// Rays that leave a surface start this share of `1 + |position|` away from it: some hundred roundings of a position.
 const OFFSET: f32 = 1e-5;
@@ -68,6 +69,19 @@ pub(super) struct Surface {
     pub coverage: f32,
     /// Radiance emitted towards the ray's origin.
     pub emitted: Vec3,
+}
+
+/// What becomes of a ray at a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Fate {
+    /// It goes on straight through a pane.
+    Passes,
+    /// A pane mirrors it.
+    Mirrored,
+    /// It meets the base of a pane that is not wholly transparent.
+    MeetsBase,
+    /// It meets a surface that is no pane.
+    Meets,
 }
 
 /// Texture coordinate at barycentric weights of a triangle; zero where the mesh has none.
@@ -157,6 +171,40 @@ impl Surface {
             coverage: if cover.alpha { coverage(scene, hit.triangle, u, v) } else { 1.0 },
             emitted: if from_front || material.double_sided { emitted_at(scene, material, uv) } else { Vec3::ZERO },
         }
+    }
+
+    /// Draws what becomes of a ray here by a uniform number: panes pass light, mirror it, or show their base.
+    pub fn fate(&self, ray: &Ray, u: f32) -> Fate {
+        if self.transmission <= 0.0 {
+            return Fate::Meets;
+        }
+        let reflectance = fresnel_pane(self.geometric_normal.dot(ray.direction).abs(), self.ior);
+        let through = (1.0 - reflectance) * self.transmission;
+        match u {
+            u if u < through => Fate::Passes,
+            u if u < through + reflectance => Fate::Mirrored,
+            _ => Fate::MeetsBase,
+        }
+    }
+
+    /// A ray mirrored at the geometric surface.
+    pub fn mirrored(&self, ray: &Ray) -> Ray {
+        let n = self.geometric_normal;
+        let direction = ray.direction - n * (2.0 * n.dot(ray.direction));
+        Ray::new(self.leave(direction), direction)
+    }
+
+    /// `shading_from_world` and the reflection towards where the ray came from; what meets a pane's base meets nothing else.
+    pub fn reflection(&self, ray: &Ray, fate: Fate) -> (Mat3, Bsdf) {
+        let (t, b) = self.normal.any_orthonormal_pair();
+        let to_local = Mat3::from_cols(t, b, self.normal).transpose();
+        let v = to_local * -ray.direction;
+        let bsdf = if fate == Fate::MeetsBase {
+            Bsdf::new(self.base_color, 0.0, 1.0, 1.0, v)
+        } else {
+            Bsdf::new(self.base_color, self.metallic, self.roughness, self.ior, v)
+        };
+        (to_local, bsdf)
     }
 
     /// A point off the surface on the side of `direction`, from which a ray does not hit it again.

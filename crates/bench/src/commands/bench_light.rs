@@ -1,0 +1,384 @@
+//! `corf bench light`: how far a dataset's images are from the converged ones, and what they cost.
+
+use super::{Verdict, show};
+use crate::interrupt;
+use crate::note;
+use crate::optical_sensor::OpticalSensor;
+use crate::progress::Progress;
+use anyhow::Result;
+use clap::Args;
+use corf_raytrace::bvh::{Bvh, Ray};
+use corf_raytrace::light::{self, LightFrame, LightSettings, LightTracer};
+use corf_scene::config::DatasetConfig;
+use corf_scene::trajectory::{TrajectoryPose, generate_between};
+use corf_scene::{Error, Pinhole, Raster, Rigid3, Rng, Scene, io};
+use glam::DVec3;
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// `corf bench light`.
+#[derive(Args)]
+pub struct Light {
+    /// Dataset configuration (TOML), e.g. scenes/lobby-mini.toml.
+    config: PathBuf,
+    /// Views, evenly along the trajectory.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    views: u32,
+    /// Paths a pixel of each half of the reference.
+    #[arg(long, default_value_t = 1024, value_parser = clap::value_parser!(u32).range(2..=65_536))]
+    reference_samples: u32,
+    /// Pixels of a view that the reference is worked out at, drawn evenly over it; a view with no more has them all.
+    #[arg(long, default_value_t = 8192, value_parser = clap::value_parser!(u32).range(16..=100_000_000))]
+    reference_pixels: u32,
+    /// Folder for pictures: each view, and where it is off.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+}
+
+/// Stages of [`Rng::keyed`].
+const STAGE_PIXELS: u64 = 0xbe_0001;
+/// Keys of the two halves of the reference.
+const HALVES: [u64; 2] = [1 << 40, 1 << 41];
+/// Surfaces of at least this roughness, and no metal, count as diffuse where one point is looked at from two keyframes.
+const DIFFUSE_ROUGHNESS: f32 = 0.7;
+/// Reflectance varies by no more than this share around a flat point.
+const FLAT: f32 = 0.01;
+/// A point seen from two places is the same where the depths agree to this share.
+const SAME_DEPTH: f64 = 0.005;
+
+/// Errors are shown so many times enlarged.
+const ERROR_GAIN: f64 = 8.0;
+
+/// What is reported.
+#[derive(Debug, Serialize)]
+struct Report {
+    dataset: String,
+    method: corf_scene::config::LightMethod,
+    width: usize,
+    height: usize,
+    samples_per_pixel: u32,
+    reference_samples: u32,
+    threads: usize,
+    /// Before the first view: emitters, and the solution of cached light.
+    prepare_seconds: f64,
+    exposure_ev: f32,
+    views: Vec<View>,
+    /// Over all views.
+    psnr_db: f64,
+    radiance_ratio: f64,
+    two_views_difference: Option<f64>,
+    seconds_a_view: f64,
+}
+
+/// One view.
+#[derive(Debug, Serialize)]
+struct View {
+    keyframe: usize,
+    seconds: f64,
+    /// Of the 8-bit sRGB image against the converged one, the reference's noise cancelled.
+    psnr_db: f64,
+    /// Of the mean of both halves of the reference.
+    reference_psnr_db: f64,
+    /// Mean scattered radiance over the reference's (luminance).
+    radiance_ratio: f64,
+    /// Standard error of that.
+    radiance_ratio_error: f64,
+    /// Median relative difference of the radiance of flat diffuse points from that in the next keyframe.
+    two_views_difference: Option<f64>,
+    camera_rays_a_pixel: f64,
+    rays_a_pixel: f64,
+    #[serde(skip)]
+    squared_error: f64,
+}
+
+impl Light {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A bad configuration or scene, an interrupt.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let config = DatasetConfig::load(&self.config)?;
+        let scene_config = config.load_scene_config()?;
+        let (scene, left_out) = scene_config.load_scene_with_findings()?;
+        left_out.iter().for_each(|finding| note!("{finding}"));
+        let trajectory = scene_config.trajectory.as_ref().ok_or_else(|| {
+            Error::invalid(scene_config.source.display().to_string(), "there is no [trajectory]", "add one: views are taken along it")
+        })?;
+        let poses = generate_between(trajectory, config.keyframes, config.way)?;
+        let bvh = Bvh::build(&scene);
+        let start = Instant::now();
+        let tracer = LightTracer::new(&scene, &bvh);
+        let mut sensor = OpticalSensor::new(&config, &tracer)?;
+        let prepare_seconds = start.elapsed().as_secs_f64();
+        let exposure_ev = match config.optical.exposure_ev {
+            Some(ev) => ev as f32,
+            None => sensor.meter(&poses)?,
+        };
+        sensor.expose(exposure_ev);
+
+        let count = (self.views as usize).min(poses.len());
+        let mut views = Vec::new();
+        let mut progress = Progress::start(format!("views of {}", config.name), count, "views");
+        for k in 0..count {
+            interrupt::check()?;
+            let at = (2 * k + 1) * poses.len() / (2 * count);
+            views.push(self.view(&scene, &bvh, &tracer, &sensor, &poses, at)?);
+            progress.set(k + 1, count);
+        }
+        progress.finish();
+        let mean = |value: &dyn Fn(&View) -> f64| views.iter().map(value).sum::<f64>() / views.len() as f64;
+        let differences: Vec<f64> = views.iter().filter_map(|v| v.two_views_difference).collect();
+        let report = Report {
+            dataset: config.name.clone(),
+            method: config.optical.method,
+            width: config.optical.width,
+            height: config.optical.height,
+            samples_per_pixel: config.optical.samples(),
+            reference_samples: self.reference_samples,
+            threads: rayon::current_num_threads(),
+            prepare_seconds,
+            exposure_ev,
+            psnr_db: psnr_db(mean(&|v| v.squared_error)),
+            radiance_ratio: mean(&|v| v.radiance_ratio),
+            two_views_difference: (!differences.is_empty()).then(|| median(differences)),
+            seconds_a_view: mean(&|v| v.seconds),
+            views,
+        };
+        show(json, &report, &text(&report))?;
+        Ok(Verdict::Done)
+    }
+
+    fn view(
+        &self,
+        scene: &Scene,
+        bvh: &Bvh,
+        tracer: &LightTracer<'_>,
+        sensor: &OpticalSensor<'_>,
+        poses: &[TrajectoryPose],
+        at: usize,
+    ) -> Result<View> {
+        let camera = *sensor.intrinsics();
+        let pose = &poses[at];
+        let start = Instant::now();
+        let frame = sensor.look(&pose.world_from_camera, pose.index as u64);
+        let seconds = start.elapsed().as_secs_f64();
+
+        let pixels = spread(camera.width, camera.height, self.reference_pixels as usize, pose.index as u64);
+        let settings =
+            LightSettings { samples_per_pixel: self.reference_samples, max_bounces: std::env::var("MB").ok().and_then(|v| v.parse().ok()).unwrap_or(64), roulette_after: 4, ..LightSettings::default() };
+        let halves = HALVES.map(|key| {
+            tracer.render_pixels(&camera, &pose.world_from_camera, &settings, key + pose.index as u64, &pixels)
+        });
+        let ev = sensor.exposure_ev();
+        let image = light::develop_frame(&frame, ev);
+        let (mut squared_error, mut reference_error) = (0.0f64, 0.0f64);
+        let mut errors = vec![[0.0f64; 3]; pixels.len()];
+        let (mut own, mut its, mut ratios) = (0.0f64, 0.0f64, Vec::with_capacity(pixels.len()));
+        for (i, &[x, y]) in pixels.iter().enumerate() {
+            let [a, b] = [0, 1].map(|h| light::develop_pixel(halves[h][i].0, halves[h][i].1, ev).map(f64::from));
+            let c = image[(x, y)].map(|v| f64::from(v) / 255.0);
+            for k in 0..3 {
+                errors[i][k] = c[k] - 0.5 * (a[k] + b[k]);
+                squared_error += (c[k] - a[k]) * (c[k] - b[k]) / 3.0;
+                reference_error += (a[k] - b[k]) * (a[k] - b[k]) / 12.0;
+            }
+            let scattered = |radiance: [f32; 3], lamp: [f32; 4]| {
+                f64::from(light::luminance(std::array::from_fn::<f32, 3, _>(|k| radiance[k] - lamp[k]).into()))
+            };
+            let reference = 0.5 * (scattered(halves[0][i].0, halves[0][i].1) + scattered(halves[1][i].0, halves[1][i].1));
+            let found = scattered(frame.radiance[(x, y)], frame.lamp[(x, y)]);
+            own += found;
+            its += reference;
+            ratios.push((found, reference));
+        }
+        let n = pixels.len() as f64;
+        let ratio = own / its;
+        // Of a ratio of means: the spread of found − ratio · reference.
+        let spread_of = ratios.iter().map(|(f, r)| (f - ratio * r).powi(2)).sum::<f64>() / n;
+        if let Some(folder) = &self.pictures {
+            self.save(folder, pose.index, &image, &pixels, &errors)?;
+        }
+        let rays = frame.rays;
+        let area = (camera.width * camera.height) as f64;
+        Ok(View {
+            keyframe: pose.index,
+            seconds,
+            psnr_db: psnr_db(squared_error / n),
+            reference_psnr_db: psnr_db(reference_error / n),
+            radiance_ratio: ratio,
+            radiance_ratio_error: (spread_of / n).sqrt() / (its / n),
+            two_views_difference: poses.get(at + 1).and_then(|next| {
+                let other = sensor.look(&next.world_from_camera, next.index as u64);
+                two_views(scene, bvh, &camera, [&pose.world_from_camera, &next.world_from_camera], [&frame, &other])
+            }),
+            camera_rays_a_pixel: rays.camera as f64 / area,
+            rays_a_pixel: (rays.camera + rays.bounce + rays.shadow) as f64 / area,
+            squared_error: squared_error / n,
+        })
+    }
+
+    /// The view and, where the reference has every pixel, its errors enlarged: grey where it is right, brighter where it is too bright.
+    fn save(
+        &self,
+        folder: &std::path::Path,
+        keyframe: usize,
+        image: &Raster<[u8; 3]>,
+        pixels: &[[usize; 2]],
+        errors: &[[f64; 3]],
+    ) -> Result<()> {
+        std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
+        io::write_png(folder.join(format!("{keyframe:05}.png")), image)?;
+        if pixels.len() == image.pixels().len() {
+            let mut error = Raster::filled(image.width(), image.height(), [0u8; 3]);
+            for (&[x, y], e) in pixels.iter().zip(errors) {
+                error[(x, y)] = e.map(|e| (127.5 + ERROR_GAIN * 255.0 * e).clamp(0.0, 255.0) as u8);
+            }
+            io::write_png(folder.join(format!("{keyframe:05}-error.png")), &error)?;
+        }
+        Ok(())
+    }
+}
+
+/// `count` pixels of an image, one in each of as many equal parts; all where it has no more.
+fn spread(width: usize, height: usize, count: usize, key: u64) -> Vec<[usize; 2]> {
+    let all = width * height;
+    if count >= all {
+        return (0..all).map(|i| [i % width, i / width]).collect();
+    }
+    // Parts of equal area, about square.
+    let rows = ((count * height) as f64 / width as f64).sqrt().round().max(1.0) as usize;
+    let columns = (count / rows).max(1);
+    let mut rng = Rng::keyed(0, STAGE_PIXELS, key);
+    let mut within = |part: usize, parts: usize, size: usize| {
+        let (low, high) = (part * size / parts, ((part + 1) * size / parts).max(part * size / parts + 1));
+        (low + rng.below(high - low)).min(size - 1)
+    };
+    let mut pixels = Vec::with_capacity(rows * columns);
+    for row in 0..rows {
+        for column in 0..columns {
+            pixels.push([within(column, columns, width), within(row, rows, height)]);
+        }
+    }
+    pixels
+}
+
+/// Median relative difference, in linear radiance, of flat diffuse points that two views see.
+fn two_views(
+    scene: &Scene,
+    bvh: &Bvh,
+    camera: &Pinhole,
+    world_from_camera: [&Rigid3; 2],
+    frames: [&LightFrame; 2],
+) -> Option<f64> {
+    let other_from_world = world_from_camera[1].inverse();
+    let mut differences = Vec::new();
+    for y in 1..camera.height - 1 {
+        for x in 1..camera.width - 1 {
+            if !is_flat(frames[0], x, y) {
+                continue;
+            }
+            let depth = f64::from(frames[0].depth_m[(x, y)]);
+            let world = world_from_camera[0].transform_point(camera.unproject(x as f64 + 0.5, y as f64 + 0.5) * depth);
+            let there = other_from_world.transform_point(world);
+            let Some(pixel) = camera.project(there).filter(|_| there.z > 0.0) else { continue };
+            let (u, v) = (pixel.x - 0.5, pixel.y - 0.5);
+            if !(1.0..(camera.width - 2) as f64).contains(&u) || !(1.0..(camera.height - 2) as f64).contains(&v) {
+                continue;
+            }
+            let (i, j) = (u as usize, v as usize);
+            let same = [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)].iter().all(|&(i, j)| {
+                is_flat(frames[1], i.max(1), j.max(1))
+                    && (f64::from(frames[1].depth_m[(i, j)]) - there.z).abs() < SAME_DEPTH * there.z.max(1.0)
+                    && frames[1].surface[(i, j)] == frames[0].surface[(x, y)]
+            });
+            if !same || !is_diffuse(scene, bvh, world_from_camera[0].translation, world) {
+                continue;
+            }
+            let at = |x: usize, y: usize| f64::from(light::luminance(frames[1].radiance[(x, y)].into()));
+            let (fx, fy) = (u - i as f64, v - j as f64);
+            let found = (at(i, j) * (1.0 - fx) + at(i + 1, j) * fx) * (1.0 - fy)
+                + (at(i, j + 1) * (1.0 - fx) + at(i + 1, j + 1) * fx) * fy;
+            let here = f64::from(light::luminance(frames[0].radiance[(x, y)].into()));
+            if here + found > 0.0 {
+                differences.push(2.0 * (here - found).abs() / (here + found));
+            }
+        }
+    }
+    (differences.len() > 30).then(|| median(differences))
+}
+
+/// Whether a pixel and its neighbours see one surface of one reflectance, and no lamp.
+fn is_flat(frame: &LightFrame, x: usize, y: usize) -> bool {
+    let albedo = |x: usize, y: usize| light::luminance(frame.albedo[(x, y)].into());
+    let here = albedo(x, y);
+    here > 0.02
+        && (y - 1..y + 2).all(|j| {
+            (x - 1..x + 2).all(|i| {
+                (albedo(i, j) - here).abs() <= FLAT * here
+                    && frame.lamp[(i, j)][3] == 0.0
+                    && frame.surface[(i, j)] == frame.surface[(x, y)]
+            })
+        })
+}
+
+/// Whether the surface at a point is rough and no metal.
+fn is_diffuse(scene: &Scene, bvh: &Bvh, from: DVec3, point: DVec3) -> bool {
+    bvh.intersect(&Ray::new(from.as_vec3(), (point - from).as_vec3())).is_some_and(|hit| {
+        let material = &scene.materials[scene.triangles[hit.triangle as usize].material as usize].optical;
+        material.roughness >= DIFFUSE_ROUGHNESS && material.metallic == 0.0 && material.transmission == 0.0
+    })
+}
+
+fn psnr_db(squared_error: f64) -> f64 {
+    -10.0 * squared_error.max(1e-10).log10()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn text(report: &Report) -> String {
+    let percent = |v: Option<f64>| v.map_or("-".to_string(), |v| format!("{:.2} %", 100.0 * v));
+    let mut out = format!(
+        "{}: {}x{}, {} samples a pixel ({:?}), reference {} + {} unbiased; {} threads\nprepared in {:.1} s, exposure {} EV\n\
+         keyframe   PSNR dB   reference dB   radiance ratio     two views   rays/pixel   seconds",
+        report.dataset,
+        report.width,
+        report.height,
+        report.samples_per_pixel,
+        report.method,
+        report.reference_samples,
+        report.reference_samples,
+        report.threads,
+        report.prepare_seconds,
+        report.exposure_ev,
+    );
+    for v in &report.views {
+        let _ = write!(
+            out,
+            "\n{:>8} {:>9.2} {:>14.2} {:>9.4} ±{:.4} {:>13} {:>12.1} {:>9.2}",
+            v.keyframe,
+            v.psnr_db,
+            v.reference_psnr_db,
+            v.radiance_ratio,
+            v.radiance_ratio_error,
+            percent(v.two_views_difference),
+            v.rays_a_pixel,
+            v.seconds
+        );
+    }
+    let _ = write!(
+        out,
+        "\n     all {:>9.2} {:>14} {:>9.4} {:>21} {:>12} {:>9.2}",
+        report.psnr_db,
+        "",
+        report.radiance_ratio,
+        percent(report.two_views_difference),
+        "",
+        report.seconds_a_view
+    );
+    out
+}

@@ -1,0 +1,241 @@
+//! Light shared by all views: what diffuse surfaces receive, worked out once in the world and looked up by every camera path.
+//!
+//! The reflection model's diffuse term factorises as `c·(1 − E(v))·H` with `H = ∫ L·l_z·(1 − E(l))/(1 − Ē)/π dl`, which does not depend
+//! on the viewer. The surface is cut into flat charts ([`charts`]); on both sides of each lie lattices of points at which H is worked
+//! out as a vector, so that interpolated and mapped normals find it too ([`field`]). Three kinds of lattice:
+//!
+//! - **coarse**: all light, solved once for the whole scene ([`solve`]); what rays with a wide footprint look up;
+//! - **direct**: light straight from emitters with extent, at spacings halved from level to level, each tile filled when a ray first asks
+//!   for it ([`direct`]); lights without extent are left to whoever looks, so that their shadows stay sharp;
+//! - **indirect**: all other light, gathered from the coarse lattice, likewise ([`gather`]).
+//!
+//! A ray's footprint says which level it needs; coarser ones are read where they are smooth. Mirrors, highlights, glass and emitters are
+//! traced for every camera path ([`view`]) and end in the lattices at the first diffuse surface.
+//!
+//! What is biased: light varies bilinearly between lattice points (down to [`CacheSettings::finest_m`]), is blurred by that much across
+//! contact shadows, and wide rays see textures averaged and without normal maps.
+
+mod charts;
+mod direct;
+mod field;
+mod gather;
+mod site;
+mod solve;
+mod view;
+mod walk;
+
+use super::surface::Surface;
+use super::{LightTracer, luminance};
+pub use view::ViewSettings;
+
+use charts::Charts;
+use direct::DirectSettings;
+use field::{Field, Received, Tile, rough_cells};
+use glam::Vec3;
+
+/// First pair of a walk's numbers; those before belong to its start.
+const FIRST_WALK_PAIR: u32 = 2;
+/// Keys of the samplers of the solution and of gathered tiles.
+const STAGE_SOLVE: u64 = 0xcac4_e001;
+const STAGE_GATHER: u64 = 0xcac4_e100;
+/// Weight of a point that is likely to be inside of something.
+const DOUBTFUL: f32 = 1e-3;
+/// A cell is read at a finer level where interpolation errs by more than this share of the light.
+const TOLERANCE: f32 = 0.01;
+/// Or where its corners differ by more than this share of it.
+const CONTRAST: f32 = 0.3;
+/// Light below this share of the scene's mean counts as this much in both.
+const DARK: f32 = 0.1;
+
+/// How finely light is cached.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CacheSettings {
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Radiance of everything beyond the scene.
+    pub background: [f32; 3],
+    /// Points wished for in the coarse lattice; its spacing follows from the scene's surface.
+    pub coarse_points: usize,
+    /// Shadow rays of a point of the coarse and of the direct lattices.
+    pub coarse_rays: u32,
+    /// Likewise of the direct lattices.
+    pub direct_rays: u32,
+    /// Walks of a point of the indirect lattices.
+    pub gather_walks: u32,
+    /// Times light is passed on between surfaces, at most.
+    pub max_passes: u32,
+    /// Smallest spacing of direct lattices, metres.
+    pub finest_m: f32,
+}
+
+impl Default for CacheSettings {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            background: [0.0; 3],
+            coarse_points: 50_000,
+            coarse_rays: 64,
+            direct_rays: 160,
+            gather_walks: 256,
+            max_passes: 64,
+            finest_m: 0.01,
+        }
+    }
+}
+
+/// Direct lattices begin at this share of the coarse spacing, indirect ones at the coarse spacing; both are halved so often at most.
+const DIRECT_START: usize = 2;
+const INDIRECT_LEVELS: usize = 3;
+
+/// A scene's light, ready to be looked up.
+#[derive(Debug)]
+pub struct LightCache<'a> {
+    tracer: &'a LightTracer<'a>,
+    charts: Charts,
+    coarse: Field,
+    /// Finest last.
+    direct: Vec<Field>,
+    indirect: Vec<Field>,
+    /// Mean luminance of received light over the coarse lattice's lit points.
+    mean_light: f32,
+    settings: CacheSettings,
+}
+
+impl<'a> LightCache<'a> {
+    /// Solves the light of a scene on the coarse lattice (tens of seconds of one core for a furnished lobby). `tell(done, all)` is
+    /// called now and then, on any thread; when it answers `false`, the work is given up and the result is `None`.
+    pub fn new(
+        tracer: &'a LightTracer<'a>,
+        settings: &CacheSettings,
+        tell: &(dyn Fn(usize, usize) -> bool + Sync),
+    ) -> Option<Self> {
+        let charts = Charts::new(tracer.scene);
+        let area: f64 = (0..tracer.scene.triangles.len())
+            .map(|i| {
+                let [a, b, c] = tracer.scene.corners(i);
+                f64::from(0.5 * (b - a).cross(c - a).length())
+            })
+            .filter(|a| a.is_finite())
+            .sum();
+        let coarse_m = ((area / settings.coarse_points.max(1) as f64).sqrt() as f32).clamp(1e-4, 0.5);
+        let coarse = solve::solve(tracer, &charts, coarse_m, settings, tell)?;
+        let mut direct = Vec::new();
+        let mut spacing_m = coarse_m;
+        while direct.len() <= DIRECT_START || spacing_m > settings.finest_m * 0.99 {
+            direct.push(Field::new(&charts, spacing_m));
+            spacing_m *= 0.5;
+        }
+        let indirect = (0..INDIRECT_LEVELS).map(|k| Field::new(&charts, coarse_m * 0.5f32.powi(k as i32))).collect();
+        let mean_light = coarse.mean(&charts, |received, n| luminance(received.at(n)));
+        Some(Self { tracer, charts, coarse, direct, indirect, mean_light, settings: *settings })
+    }
+
+    /// Spacing of the coarse lattice, metres.
+    pub fn coarse_m(&self) -> f32 {
+        self.coarse.spacing_m()
+    }
+
+    /// Lattice tiles filled so far: coarse, direct, indirect.
+    pub fn tiles(&self) -> [usize; 3] {
+        let count = |fields: &[Field]| fields.iter().map(Field::filled).sum();
+        [self.coarse.filled(), count(&self.direct), count(&self.indirect)]
+    }
+
+    /// Light that a surface receives, seen by a ray with a footprint of so many metres; without lights that have no extent unless the
+    /// footprint is wide. The second part says whether they are in it.
+    fn received(&self, surface: &Surface, triangle: u32, footprint_m: f32) -> (Received, bool) {
+        let index = self.charts.of_triangle[triangle as usize];
+        let chart = &self.charts.list[index as usize];
+        let side = u32::from(surface.geometric_normal.dot(chart.normal) < 0.0);
+        let at = chart.coordinates(surface.position);
+        if footprint_m > self.coarse.spacing_m() {
+            let (received, _) = self.coarse.at(chart, index, side, at, |_| unreachable!("the coarse lattice is full"));
+            return (received, true);
+        }
+        let level = |fields: &[Field], start: usize, fill: &dyn Fn(usize, &field::TileKey) -> Tile| -> Received {
+            // The footprint asks for a spacing of its own size at most.
+            let wanted = fields.iter().position(|f| f.spacing_m() <= footprint_m).unwrap_or(fields.len() - 1);
+            let mut k = wanted.min(start);
+            loop {
+                let (received, rough) = fields[k].at(chart, index, side, at, |key| fill(k, key));
+                if !rough || k >= wanted {
+                    return received;
+                }
+                k += 1;
+            }
+        };
+        let mut sum = level(&self.direct, DIRECT_START, &|k, key| self.direct_tile(k, key));
+        if dbg() == 1 { return (sum, false); }
+        sum.add_scaled(&level(&self.indirect, 0, &|k, key| self.indirect_tile(k, key)), 1.0);
+        (sum, false)
+    }
+
+    fn direct_tile(&self, level: usize, key: &field::TileKey) -> Tile {
+        let spacing_m = self.direct[level].spacing_m();
+        let settings = DirectSettings { seed: self.settings.seed, rays: self.settings.direct_rays, spacing_m, parts: None, punctual: false };
+        self.marked(key, direct::fill(self.tracer, &self.charts, key, &settings))
+    }
+
+    fn indirect_tile(&self, level: usize, key: &field::TileKey) -> Tile {
+        self.marked(key, self.gather_tile(self.indirect[level].spacing_m(), key))
+    }
+
+    fn marked(&self, key: &field::TileKey, mut tile: Tile) -> Tile {
+        let n = self.charts.normal(key);
+        tile.rough = rough_cells(key.points, &tile.values, n, TOLERANCE, CONTRAST, DARK * self.mean_light);
+        tile
+    }
+}
+
+pub(crate) fn dbg() -> u32 { static D: std::sync::OnceLock<u32> = std::sync::OnceLock::new(); *D.get_or_init(|| std::env::var("DBG").ok().and_then(|v| v.parse().ok()).unwrap_or(0)) }
+
+#[cfg(test)]
+mod probe {
+    use super::super::*;
+    use super::*;
+    use super::super::sampler::Sampler;
+    #[test]
+    fn probe_lobby() {
+        let scene = corf_scene::import::load(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/lobby.glb")).unwrap();
+        let bvh = Bvh::build(&scene);
+        let tracer = LightTracer::new(&scene, &bvh);
+        let cache = LightCache::new(&tracer, &CacheSettings::default(), &|_, _| true).unwrap();
+        let settings = LightSettings { max_bounces: 64, ..LightSettings::default() };
+        let mut rng = corf_scene::Rng::keyed(1, 2, 3);
+        let mut by: std::collections::BTreeMap<String, [f64; 4]> = Default::default();
+        let mut counts = RayCounts::default();
+        let mut n = 0;
+        while n < 2_000_000 {
+            // a camera-like point
+            let eye = Vec3::new(1.0 + 12.0 * rng.uniform(), 1.0 + 12.0 * rng.uniform(), 1.6);
+            let z = 2.0 * rng.uniform() - 1.0;
+            let phi = std::f32::consts::TAU * rng.uniform();
+            let d = Vec3::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
+            let ray = Ray::new(eye, d);
+            let Some(hit) = tracer.closest_where(&ray, 0.0, |_| true) else { continue };
+            n += 1;
+            let name = scene.materials[scene.triangles[hit.triangle as usize].material as usize].name.clone();
+            let name = scene.materials[scene.triangles[hit.triangle as usize].material as usize].name.clone();
+            let mut sampler = Sampler::new(5, 7, n);
+            sampler.start(0);
+            let path = tracer.trace(ray, &sampler, &settings, &mut counts);
+            let walk = tracer.walk(ray, 0.0, &sampler, 8, Vec3::ZERO, &mut counts);
+            let mut light = walk.light;
+            if let Some(end) = walk.end {
+                light += end.throughput * cache.received(&end.surface, end.hit.triangle, f32::INFINITY).0.at(end.surface.normal);
+            }
+            for name in [name, " all".into()] {
+                let e = by.entry(name).or_default();
+                e[0] += f64::from(luminance(path.scattered));
+                e[1] += f64::from(luminance(light));
+                e[2] += 1.0;
+                e[3] += f64::from(luminance(path.scattered)).powi(2);
+            }
+        }
+        for (name, e) in by {
+            let mean = e[0] / e[2];
+            let err = ((e[3] / e[2] - mean * mean) / e[2]).sqrt() / mean;
+            eprintln!("PROBE {name:32} n {:8} path {:.4} ratio {:.4} ± {:.4}", e[2], mean, e[1] / e[0], err);
+        }
+    }
+}
