@@ -24,6 +24,7 @@
 //! ```
 
 mod build;
+mod collapse;
 mod kernel;
 mod traverse;
 

@@ -228,6 +228,19 @@ fn empty_and_non_finite_scenes_are_never_hit() {
 }
 
 #[test]
+fn sizes_whose_areas_overflow_or_vanish_in_f32_build_a_whole_tree() {
+    let mut rng = Rng::keyed(7, 7, 7);
+    for scale in [1e-30f32, 1e-18, 1e18, 1e25, 1e37] {
+        let n = 500;
+        let triangles: Vec<[Vec3; 3]> = (0..n).map(|_| [0; 3].map(|_| point(&mut rng, scale))).collect();
+        let bvh = Bvh::build(&scene_of(&triangles));
+        let mut seen = vec![0; n];
+        bvh.visit_box(DVec3::splat(-4.0 * f64::from(scale)), DVec3::splat(4.0 * f64::from(scale)), |t| seen[t as usize] += 1);
+        assert!(seen.iter().all(|s| *s == 1), "at {scale}");
+    }
+}
+
+#[test]
 fn a_thousand_coincident_triangles_are_all_visited() {
     let n = 1000;
     let bvh = Bvh::build(&scene_of(&vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; n]));
