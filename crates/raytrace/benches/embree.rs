@@ -211,8 +211,11 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
+/// Shoots rays and returns how many hit.
+type Contender<'a> = &'a dyn Fn(&[Ray]) -> usize;
+
 /// Times the three contenders in turn and prints their rates (Mrays/s) and corf's share of each of Embree's.
-fn compare(name: &str, rays: &[Ray], contenders: [&dyn Fn(&[Ray]) -> usize; 3]) {
+fn compare(name: &str, rays: &[Ray], contenders: [Contender<'_>; 3]) {
     let mut rates = [const { Vec::new() }; 3];
     for repeat in 0..=REPEATS {
         for (contender, rates) in contenders.iter().zip(&mut rates) {

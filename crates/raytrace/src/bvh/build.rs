@@ -26,7 +26,7 @@ pub(super) fn build(triangles: impl Iterator<Item = [Vec3; 3]>) -> Bvh {
     let boxes: Vec<Aabb> = finite.iter().map(|&i| Aabb::from_points(&triangles[i as usize].map(Vec3A::from))).collect();
     let extent = boxes.iter().fold(0.0f32, |m, b| m.max(b.min.abs().max_element()).max(b.max.abs().max_element()));
 
-    let preset = BvhBuildParams::medium_build();
+    let preset = BvhBuildParams::slow_build();
     let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
         preset.ploc_search_distance,
         &boxes,

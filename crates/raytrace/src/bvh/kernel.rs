@@ -121,7 +121,12 @@ impl Prepared {
     }
 }
 
+/// Entry distances of eight boxes, in one cache line wherever the stack lies.
+#[repr(C, align(32))]
+pub(super) struct Entries(pub [f32; WIDTH]);
+
 /// Distances and barycentric weights of four triangle tests.
+#[repr(C, align(16))]
 pub(super) struct PacketHits {
     pub t: [f32; PACKET],
     pub u: [f32; PACKET],
@@ -138,7 +143,7 @@ pub(super) trait Kernel {
     /// From the plain constants.
     unsafe fn state(ray: &Prepared) -> Self::State;
     /// Children whose boxes the ray enters before `t_max`; `near` gets the entry distances.
-    unsafe fn boxes(node: &Node, ray: &Prepared, state: &Self::State, t_max: f32, near: &mut [f32; WIDTH]) -> u32;
+    unsafe fn boxes(node: &Node, ray: &Prepared, state: &Self::State, t_max: f32, near: &mut Entries) -> u32;
     /// Triangles hit in `(t_min, t_max)`.
     unsafe fn triangles(packet: &Packet, ray: &Prepared, state: &Self::State, t_max: f32, hits: &mut PacketHits) -> u32;
 }
@@ -163,8 +168,9 @@ impl Kernel for Portable {
     unsafe fn state(_: &Prepared) {}
 
     #[inline(always)]
-    unsafe fn boxes(node: &Node, ray: &Prepared, _: &(), t_max: f32, near: &mut [f32; WIDTH]) -> u32 {
+    unsafe fn boxes(node: &Node, ray: &Prepared, _: &(), t_max: f32, near: &mut Entries) -> u32 {
         let mut far = [t_max; WIDTH];
+        let near = &mut near.0;
         *near = [ray.t_min; WIDTH];
         for axis in 0..3 {
             let (front, back) = (&node.bounds[ray.near[axis]], &node.bounds[ray.far[axis]]);
@@ -248,7 +254,7 @@ mod avx2 {
         }
 
         #[inline(always)]
-        unsafe fn boxes(node: &Node, ray: &Prepared, state: &State, t_max: f32, near: &mut [f32; WIDTH]) -> u32 {
+        unsafe fn boxes(node: &Node, ray: &Prepared, state: &State, t_max: f32, near: &mut Entries) -> u32 {
             // SAFETY: the caller has AVX2; rows are 8 floats, and loads and stores are unaligned.
             unsafe {
                 let mut front = _mm256_set1_ps(ray.t_min);
@@ -260,7 +266,7 @@ mod avx2 {
                     front = _mm256_max_ps(_mm256_mul_ps(_mm256_sub_ps(n, o), r), front);
                     back = _mm256_min_ps(_mm256_mul_ps(_mm256_sub_ps(f, o), s), back);
                 }
-                _mm256_storeu_ps(near.as_mut_ptr(), front);
+                _mm256_storeu_ps(near.0.as_mut_ptr(), front);
                 _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(front, back)) as u32
             }
         }

@@ -1,6 +1,6 @@
 //! Walks through the tree: closest hit, any hit, all candidates.
 
-use super::kernel::{Kernel, LEAF, Node, PACKET, PacketHits, Portable, Prepared, WIDTH};
+use super::kernel::{Entries, Kernel, LEAF, Node, PACKET, PacketHits, Portable, Prepared, WIDTH};
 use super::{Bvh, Hit, Ray};
 use glam::{DVec3, Vec3};
 use std::mem::MaybeUninit;
@@ -116,7 +116,7 @@ impl Bvh {
         let mut best: Option<Hit> = None;
         let mut t_max = ray.t_max;
         let mut stack = Stack::new();
-        let mut near = [0.0f32; WIDTH];
+        let mut near = Entries([0.0; WIDTH]);
         let mut hits = PacketHits { t: [0.0; PACKET], u: [0.0; PACKET], v: [0.0; PACKET] };
         let mut current = 0u32;
         loop {
@@ -240,9 +240,9 @@ impl Bvh {
 
 /// Pushes the hit children of a node, farthest first, and returns the nearest. Ties keep the order of the children.
 #[inline(always)]
-fn push_sorted(node: &Node, near: &[f32; WIDTH], first: usize, mut rest: u32, stack: &mut Stack) -> u32 {
+fn push_sorted(node: &Node, near: &Entries, first: usize, mut rest: u32, stack: &mut Stack) -> u32 {
     // Positive floats are in the order of their bits.
-    let entry = |slot: usize| u64::from(near[slot & 7].to_bits()) << 32 | u64::from(node.children[slot & 7]);
+    let entry = |slot: usize| u64::from(near.0[slot & 7].to_bits()) << 32 | u64::from(node.children[slot & 7]);
     let order = |a: &mut u64, b: &mut u64| (*a, *b) = ((*a).min(*b), (*a).max(*b));
     let mut a = entry(first);
     let mut b = entry(rest.trailing_zeros() as usize);
