@@ -111,7 +111,8 @@ impl Bvh {
             return None;
         }
         let prepared = Prepared::new(ray);
-        // SAFETY (this block and the kernel calls below): the caller's promise.
+        // SAFETY (this block and those below): the caller's promise for the kernel; `build` wrote every reference, to a node or packet
+        // that exists, and absent children are never entered.
         let state = unsafe { K::state(&prepared) };
         let mut best: Option<Hit> = None;
         let mut t_max = ray.t_max;
