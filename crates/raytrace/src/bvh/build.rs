@@ -1,7 +1,8 @@
 //! From triangles to the eight-wide tree.
 
 use super::Bvh;
-use super::kernel::{LEAF, Node, PACKET, Packet, WIDTH};
+use super::collapse::Plan;
+use super::kernel::{LEAF, Node, Packet};
 use super::traverse::Choice;
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
@@ -25,7 +26,7 @@ pub(super) fn build(triangles: impl Iterator<Item = [Vec3; 3]>) -> Bvh {
     let boxes: Vec<Aabb> = finite.iter().map(|&i| Aabb::from_points(&triangles[i as usize].map(Vec3A::from))).collect();
     let extent = boxes.iter().fold(0.0f32, |m, b| m.max(b.min.abs().max_element()).max(b.max.abs().max_element()));
 
-    let preset = BvhBuildParams::medium_build();
+    let preset = BvhBuildParams::slow_build();
     let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
         preset.ploc_search_distance,
         &boxes,
@@ -35,10 +36,12 @@ pub(super) fn build(triangles: impl Iterator<Item = [Vec3; 3]>) -> Bvh {
     );
     ReinsertionOptimizer::default().run(&mut binary, preset.reinsertion_batch_ratio, None);
 
-    let counts = triangle_counts(&binary);
     let mut collapse = Collapse {
         binary: &binary,
-        counts,
+        plan: Plan::new(&binary, |slot| {
+            let [a, b, c] = triangles[finite[slot as usize] as usize];
+            0.5 * (b - a).cross(c - a).length()
+        }),
         triangles: &triangles,
         original: &finite,
         padding: BOX_PADDING * extent,
@@ -49,33 +52,9 @@ pub(super) fn build(triangles: impl Iterator<Item = [Vec3; 3]>) -> Bvh {
     Bvh { nodes: collapse.nodes, packets: collapse.packets, kernel }
 }
 
-/// Number of triangles under every node of the binary tree.
-fn triangle_counts(binary: &Bvh2) -> Vec<u32> {
-    let mut counts = vec![0; binary.nodes.len()];
-    // Reinsertion moves nodes about, so children are not always behind their parents: walk in pre-order, then sum backwards.
-    let mut order = vec![0u32];
-    let mut next = 0;
-    while next < order.len() {
-        let node = &binary.nodes[order[next] as usize];
-        if !node.is_leaf() {
-            order.extend([node.first_index, node.first_index + 1]);
-        }
-        next += 1;
-    }
-    for &i in order.iter().rev() {
-        let node = &binary.nodes[i as usize];
-        counts[i as usize] = if node.is_leaf() {
-            node.prim_count
-        } else {
-            counts[node.first_index as usize] + counts[node.first_index as usize + 1]
-        };
-    }
-    counts
-}
-
 struct Collapse<'a> {
     binary: &'a Bvh2,
-    counts: Vec<u32>,
+    plan: Plan<'a>,
     triangles: &'a [[Vec3; 3]],
     original: &'a [u32],
     padding: f32,
@@ -89,9 +68,12 @@ impl Collapse<'_> {
         self.nodes.push(Node::EMPTY);
         let mut queue = std::collections::VecDeque::from([(0u32, 0usize)]);
         while let Some((binary, wide)) = queue.pop_front() {
-            for (slot, child) in self.children(binary).into_iter().enumerate() {
+            let mut children = self.plan.children(binary);
+            // Likely and cheap hits first: rays that end at any hit look at the children in this order.
+            children.sort_by(|a, b| self.plan.promise(*b).total_cmp(&self.plan.promise(*a)));
+            for (slot, child) in children.into_iter().enumerate() {
                 let bounds = *self.binary.nodes[child as usize].aabb();
-                let reference = if self.counts[child as usize] as usize <= PACKET {
+                let reference = if self.plan.is_leaf(child) {
                     self.packets.push(self.packet(child));
                     LEAF | (self.packets.len() - 1) as u32
                 } else {
@@ -102,27 +84,6 @@ impl Collapse<'_> {
                 self.nodes[wide].set(slot, bounds.min.into(), bounds.max.into(), self.padding, reference);
             }
         }
-    }
-
-    /// Up to eight descendants of a binary node: the one of the largest surface is opened until there is no room.
-    fn children(&self, root: u32) -> Vec<u32> {
-        let mut children = vec![root];
-        while children.len() < WIDTH {
-            let largest = children
-                .iter()
-                .enumerate()
-                .filter(|(_, c)| self.counts[**c as usize] as usize > PACKET)
-                .max_by(|a, b| {
-                    let area = |c: u32| self.binary.nodes[c as usize].aabb().half_area();
-                    area(*a.1).total_cmp(&area(*b.1))
-                })
-                .map(|(slot, _)| slot);
-            let Some(slot) = largest else { break };
-            let first = self.binary.nodes[children[slot] as usize].first_index;
-            children[slot] = first;
-            children.push(first + 1);
-        }
-        children
     }
 
     /// The packet of all triangles under a binary node that has at most [`PACKET`].

@@ -1,7 +1,8 @@
 //! A bounding volume hierarchy over a scene's triangles: closest hits, occlusion, and conservative candidates for f64 tests.
 //!
-//! The tree is built by `obvhs` (PLOC with reinsertion, a binary tree) and collapsed here into nodes of eight children and leaves of
-//! up to four triangles, which suit 8- and 4-wide vector units. Traversal uses AVX2 where the processor has it and plain loops
+//! The tree is built by `obvhs` (PLOC with reinsertion, a binary tree) and collapsed here, for the least expected cost of a ray, into
+//! nodes of eight children and leaves of up to four triangles, which suit 8- and 4-wide vector units. The children of a node are in
+//! the order in which a ray that ends at any hit should look at them. Traversal uses AVX2 where the processor has it and plain loops
 //! elsewhere; the two do the same operations in the same order and return the same bits.
 //!
 //! **Watertight.** The triangle test is that of Woop, Benthin and Wald (*Watertight Ray/Triangle Intersection*, JCGT 2013): two
@@ -24,6 +25,7 @@
 //! ```
 
 mod build;
+mod collapse;
 mod kernel;
 mod traverse;
 

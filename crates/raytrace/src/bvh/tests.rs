@@ -137,6 +137,27 @@ proptest! {
             let bits = |h: Option<Hit>| h.map(|h| (h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.triangle));
             prop_assert_eq!(bits(bvh.intersect(&ray)), bits(portable.intersect(&ray)));
             prop_assert_eq!(bvh.occluded(&ray), portable.occluded(&ray));
+            // From behind the origin to before the hit: sorted entries of both signs, and nothing that ends the search.
+            let t_max = bvh.intersect(&ray).map_or(3.0, |hit| 0.9 * hit.t);
+            let ray = Ray { t_min: -12.0 * rng.uniform(), t_max, ..ray };
+            prop_assert_eq!(bits(bvh.intersect(&ray)), bits(portable.intersect(&ray)));
+            prop_assert_eq!(bits(bvh.intersect_where(&ray, |h| h.triangle % 2 == 0)), bits(portable.intersect_where(&ray, |h| h.triangle % 2 == 0)));
+            prop_assert_eq!(bvh.occluded(&ray), portable.occluded(&ray));
+        }
+    }
+
+    #[test]
+    fn the_closest_hit_is_the_least_of_every_triangle_alone(seed in any::<u64>(), n in 1usize..400) {
+        let mut rng = Rng::keyed(seed, 4, 0);
+        let triangles = soup(&mut rng, n);
+        let bvh = Bvh::build(&scene_of(&triangles));
+        let alone: Vec<Bvh> = triangles.iter().map(|t| Bvh::build(&scene_of(&[*t]))).collect();
+        for _ in 0..40 {
+            let ray = Ray { t_min: -6.0 * rng.uniform(), ..Ray::new(point(&mut rng, 12.0), point(&mut rng, 1.0)) };
+            let least = alone.iter().filter_map(|b| b.intersect(&ray)).map(|h| h.t).min_by(f32::total_cmp);
+            // The test of a triangle is the same wherever it lies in the tree, so the tree must find these very bits.
+            prop_assert_eq!(bvh.intersect(&ray).map(|h| h.t), least);
+            prop_assert_eq!(bvh.occluded(&ray), least.is_some());
         }
     }
 }
@@ -206,6 +227,58 @@ fn no_ray_leaks_through_shared_edges_and_corners() {
     }
 }
 
+/// A closed surface around `centre`: rings of vertices at random distances, joined by triangles of every shape, and points to aim at
+/// on its edges and corners.
+fn crumpled_ball(rng: &mut Rng, centre: Vec3, rings: usize) -> (Vec<[Vec3; 3]>, Vec<Vec3>) {
+    let around = 2 * rings;
+    let mut vertex = |ring: usize, step: usize| {
+        let inner = if ring == 0 || ring == rings { 0.0 } else { 0.45 };
+        let mut jitter = || inner * (rng.uniform() - 0.5);
+        let theta = std::f32::consts::PI * (ring as f32 + jitter()) / rings as f32;
+        let phi = std::f32::consts::TAU * (step as f32 + jitter()) / around as f32;
+        centre + Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()) * (2.0 + jitter())
+    };
+    let mut grid: Vec<Vec<Vec3>> = (0..=rings).map(|ring| (0..around).map(|step| vertex(ring, step)).collect()).collect();
+    // The poles are one point each.
+    for ring in [0, rings] {
+        let pole = grid[ring][0];
+        grid[ring].fill(pole);
+    }
+    let (mut triangles, mut aims) = (Vec::new(), Vec::new());
+    for ring in 0..rings {
+        for step in 0..around {
+            let next = (step + 1) % around;
+            let [a, b, c, d] = [grid[ring][step], grid[ring + 1][step], grid[ring + 1][next], grid[ring][next]];
+            for t in [[a, b, c], [a, c, d]] {
+                if t[0] == t[1] || t[1] == t[2] || t[2] == t[0] {
+                    continue;
+                }
+                for k in 0..3 {
+                    aims.extend([t[k], t[k].lerp(t[(k + 1) % 3], rng.uniform())]);
+                }
+                triangles.push(t);
+            }
+        }
+    }
+    (triangles, aims)
+}
+
+#[test]
+fn no_ray_from_inside_leaves_a_crumpled_ball_through_an_edge_or_a_corner() {
+    let mut rng = Rng::keyed(8, 8, 8);
+    for (rings, centre) in [(6, Vec3::ZERO), (25, Vec3::new(31.7, -19.3, 2.9)), (60, Vec3::new(-140.3, 77.7, 0.1))] {
+        let (triangles, aims) = crumpled_ball(&mut rng, centre, rings);
+        let bvh = Bvh::build(&scene_of(&triangles));
+        let portable = Bvh { kernel: Choice::Portable, ..bvh.clone() };
+        for i in 0..120_000 {
+            let origin = centre + point(&mut rng, 0.5);
+            let ray = Ray::new(origin, aims[rng.below(aims.len())] - origin);
+            let tree = if i % 4 == 3 { &portable } else { &bvh };
+            assert!(tree.intersect(&ray).is_some() && tree.occluded(&ray), "{rings} rings: {ray:?}");
+        }
+    }
+}
+
 #[test]
 fn t_min_and_t_max_are_exclusive_and_refused_hits_are_skipped() {
     let quad = |z: f32| [Vec3::new(-1.0, -1.0, z), Vec3::new(3.0, -1.0, z), Vec3::new(-1.0, 3.0, z)];
@@ -225,6 +298,19 @@ fn empty_and_non_finite_scenes_are_never_hit() {
     assert!(!nothing.occluded(&Ray::new(Vec3::ZERO, Vec3::X)));
     let broken = Bvh::build(&scene_of(&[[Vec3::splat(f32::NAN), Vec3::X, Vec3::Y]]));
     assert_eq!(broken.intersect(&Ray::new(Vec3::splat(0.2), Vec3::NEG_Z)), None);
+}
+
+#[test]
+fn sizes_whose_areas_overflow_or_vanish_in_f32_build_a_whole_tree() {
+    let mut rng = Rng::keyed(7, 7, 7);
+    for scale in [1e-30f32, 1e-18, 1e18, 1e25, 1e37] {
+        let n = 500;
+        let triangles: Vec<[Vec3; 3]> = (0..n).map(|_| [0; 3].map(|_| point(&mut rng, scale))).collect();
+        let bvh = Bvh::build(&scene_of(&triangles));
+        let mut seen = vec![0; n];
+        bvh.visit_box(DVec3::splat(-4.0 * f64::from(scale)), DVec3::splat(4.0 * f64::from(scale)), |t| seen[t as usize] += 1);
+        assert!(seen.iter().all(|s| *s == 1), "at {scale}");
+    }
 }
 
 #[test]

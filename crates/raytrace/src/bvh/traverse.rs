@@ -1,6 +1,6 @@
 //! Walks through the tree: closest hit, any hit, all candidates.
 
-use super::kernel::{Kernel, LEAF, Node, PACKET, PacketHits, Portable, Prepared, WIDTH};
+use super::kernel::{Entries, Kernel, LEAF, Node, PACKET, PacketHits, Portable, Prepared, WIDTH};
 use super::{Bvh, Hit, Ray};
 use glam::{DVec3, Vec3};
 use std::mem::MaybeUninit;
@@ -31,9 +31,9 @@ const INLINE_STACK: usize = 256;
 
 /// Pending children with their entry distances. Trees of any depth are walked: what does not fit inline spills.
 struct Stack {
-    inline: [MaybeUninit<(u32, f32)>; INLINE_STACK],
+    inline: [MaybeUninit<u64>; INLINE_STACK],
     len: usize,
-    spill: Vec<(u32, f32)>,
+    spill: Vec<u64>,
 }
 
 impl Stack {
@@ -43,17 +43,17 @@ impl Stack {
     }
 
     #[inline(always)]
-    fn push(&mut self, child: u32, near: f32) {
+    fn push(&mut self, entry: u64) {
         if self.len < INLINE_STACK {
-            self.inline[self.len].write((child, near));
+            self.inline[self.len].write(entry);
             self.len += 1;
         } else {
-            self.spill.push((child, near));
+            self.spill.push(entry);
         }
     }
 
     #[inline(always)]
-    fn pop(&mut self) -> Option<(u32, f32)> {
+    fn pop(&mut self) -> Option<u64> {
         if self.len == INLINE_STACK
             && let Some(entry) = self.spill.pop()
         {
@@ -111,17 +111,18 @@ impl Bvh {
             return None;
         }
         let prepared = Prepared::new(ray);
-        // SAFETY (this block and the kernel calls below): the caller's promise.
+        // SAFETY (this block and those below): the caller's promise for the kernel; `build` wrote every reference, to a node or packet
+        // that exists, and absent children are never entered.
         let state = unsafe { K::state(&prepared) };
         let mut best: Option<Hit> = None;
         let mut t_max = ray.t_max;
         let mut stack = Stack::new();
-        let mut near = [0.0f32; WIDTH];
+        let mut near = Entries([0.0; WIDTH]);
         let mut hits = PacketHits { t: [0.0; PACKET], u: [0.0; PACKET], v: [0.0; PACKET] };
         let mut current = 0u32;
         loop {
             if current & LEAF == 0 {
-                let node = &self.nodes[current as usize];
+                let node = unsafe { self.nodes.get_unchecked(current as usize) };
                 let mut mask = unsafe { K::boxes(node, &prepared, &state, t_max, &mut near) };
                 if mask != 0 {
                     let first = mask.trailing_zeros() as usize;
@@ -132,9 +133,9 @@ impl Bvh {
                     }
                     if ANY {
                         while mask != 0 {
-                            let slot = mask.trailing_zeros() as usize;
-                            mask &= mask - 1;
-                            stack.push(node.children[slot & 7], 0.0);
+                            let slot = 31 - mask.leading_zeros();
+                            mask &= !(1 << slot);
+                            stack.push(u64::from(node.children[(slot & 7) as usize]));
                         }
                         current = node.children[first];
                         continue;
@@ -143,7 +144,7 @@ impl Bvh {
                     continue;
                 }
             } else {
-                let packet = &self.packets[(current & !LEAF) as usize];
+                let packet = unsafe { self.packets.get_unchecked((current & !LEAF) as usize) };
                 let mut mask = unsafe { K::triangles(packet, &prepared, &state, t_max, &mut hits) };
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize & (PACKET - 1);
@@ -161,9 +162,9 @@ impl Bvh {
                 }
             }
             loop {
-                let Some((child, entry)) = stack.pop() else { return best };
-                if ANY || entry < t_max {
-                    current = child;
+                let Some(entry) = stack.pop() else { return best };
+                if ANY || f32::from_bits((entry >> 32) as u32) < t_max {
+                    current = entry as u32;
                     break;
                 }
             }
@@ -191,7 +192,7 @@ impl Bvh {
                 while mask != 0 {
                     let slot = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
-                    stack.push(node.children[slot & 7], 0.0);
+                    stack.push(u64::from(node.children[slot & 7]));
                 }
             } else {
                 let packet = &self.packets[(current & !LEAF) as usize];
@@ -202,7 +203,7 @@ impl Bvh {
                 }
             }
             match stack.pop() {
-                Some((child, _)) => current = child,
+                Some(entry) => current = entry as u32,
                 None => return ControlFlow::Continue(()),
             }
         }
@@ -238,38 +239,58 @@ impl Bvh {
     }
 }
 
-/// Pushes the hit children of a node, farthest first, and returns the nearest. Ties keep the order of the slots.
+/// Pushes the hit children of a node, farthest first, and returns the nearest. Ties keep the order of the children.
 #[inline(always)]
-fn push_sorted(node: &Node, near: &[f32; WIDTH], first: usize, mut rest: u32, stack: &mut Stack) -> u32 {
-    let second = rest.trailing_zeros() as usize & 7;
+fn push_sorted(node: &Node, near: &Entries, first: usize, mut rest: u32, stack: &mut Stack) -> u32 {
+    // Positive floats are in the order of their bits.
+    let entry = |slot: usize| u64::from(near.0[slot & 7].to_bits()) << 32 | u64::from(node.children[slot & 7]);
+    let order = |a: &mut u64, b: &mut u64| (*a, *b) = ((*a).min(*b), (*a).max(*b));
+    let mut a = entry(first);
+    let mut b = entry(rest.trailing_zeros() as usize);
+    rest &= rest - 1;
+    order(&mut a, &mut b);
+    if rest == 0 {
+        stack.push(b);
+        return a as u32;
+    }
+    let mut c = entry(rest.trailing_zeros() as usize);
     rest &= rest - 1;
     if rest == 0 {
-        let (a, b) = if near[second] < near[first & 7] { (second, first & 7) } else { (first & 7, second) };
-        stack.push(node.children[b], near[b]);
-        return node.children[a];
+        order(&mut b, &mut c);
+        order(&mut a, &mut b);
+        stack.push(c);
+        stack.push(b);
+        return a as u32;
     }
-    let mut order = [(0u32, 0.0f32); WIDTH];
-    let mut count = 0;
-    let mut insert = |slot: usize| {
-        let entry = (node.children[slot], near[slot]);
+    let mut d = entry(rest.trailing_zeros() as usize);
+    rest &= rest - 1;
+    order(&mut c, &mut d);
+    order(&mut a, &mut c);
+    order(&mut b, &mut d);
+    order(&mut b, &mut c);
+    if rest == 0 {
+        stack.push(d);
+        stack.push(c);
+        stack.push(b);
+        return a as u32;
+    }
+    let mut sorted = [a, b, c, d, 0, 0, 0, 0];
+    let mut count = 4;
+    while rest != 0 {
+        let new = entry(rest.trailing_zeros() as usize);
+        rest &= rest - 1;
         let mut at = count;
-        while at > 0 && order[at - 1].1 > entry.1 {
-            order[at] = order[at - 1];
+        while at > 0 && sorted[at - 1] > new {
+            sorted[at] = sorted[at - 1];
             at -= 1;
         }
-        order[at] = entry;
+        sorted[at] = new;
         count += 1;
-    };
-    insert(first & 7);
-    insert(second);
-    while rest != 0 {
-        insert(rest.trailing_zeros() as usize & 7);
-        rest &= rest - 1;
     }
-    for entry in order[1..count].iter().rev() {
-        stack.push(entry.0, entry.1);
+    for entry in sorted[1..count].iter().rev() {
+        stack.push(*entry);
     }
-    order[0].0
+    sorted[0] as u32
 }
 
 /// A segment in f64 against the f32 boxes.
