@@ -171,8 +171,8 @@ const METERED_SAMPLES: u32 = 16;
 /// What the geometric mean of the metered radiance becomes, as a share of full scale: photography's middle grey, a little up for a
 /// room whose walls are light.
 const MIDDLE_GREY: f32 = 0.24;
-/// A path's indirect light is limited to this radiance: a few times what the brightest diffuse surface of a lit room has.
-const INDIRECT_LIMIT: f32 = 8.0;
+/// What a path may bring at most by light scattered twice or more: unbounded, so that no light is lost.
+const INDIRECT_LIMIT: f32 = f32::INFINITY;
 
 impl<'a> Camera<'a> {
     fn new(config: &DatasetConfig, scene: &'a Scene, bvh: &'a Bvh) -> Self {

@@ -8,6 +8,7 @@ mod coverage;
 mod dataset;
 mod diffuse;
 mod evaluate;
+mod export_light;
 mod paths;
 mod reconstruct;
 mod render;
