@@ -18,8 +18,8 @@ MIN_ALPHA = 1e-3
 # Shading normals are at least this visible from where the light came.
 MIN_VISIBLE_COS = 0.01
 # Nodes of the table over the cosine and over the roughness, and directions per node.
-COSINES, ROUGHNESSES = 128, 64
-STRATA = (64, 96)
+COSINES, ROUGHNESSES = 96, 64
+STRATA = (48, 64)
 
 
 def smith_lambda(z, alpha):

@@ -65,6 +65,8 @@ def prepare(threads):
     import mitsuba
 
     mitsuba.set_variant("llvm_ad_rgb")
+    # Radiance above 1 in a texture is no mistake.
+    mitsuba.set_log_level(mitsuba.LogLevel.Error)
     drjit.set_thread_count(threads)
     git = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True)
     cpu = re.search(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text()) if Path("/proc/cpuinfo").exists() else None

@@ -18,12 +18,12 @@ UNBIASED = ('method = "path"', "denoise = false")
 LITTLE_RADIO = """[rf]
 width = 8
 height = 8
-max_reflections = 0
+max_reflections = 1
 transmission = false
 diffuse = false
 directions = 100
 photons = 1000
-rays = 100
+rays = 2000
 """
 
 

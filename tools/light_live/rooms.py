@@ -8,18 +8,18 @@ import numpy as np
 from .environment import ROOT
 from .gltf import Gltf
 
-# Sides of a small room, metres.
+# Sides of a small room, metres. The trajectory below stands, at its beginning and halfway, in opposite corners and looks across.
 ROOM_M = (5.0, 4.0, 2.8)
 SCENE = """[scene]
 file = "{mesh}"
 [transmitter]
 position_m = [2.5, 2.0, 2.3]
 [trajectory]
-waypoints_m = [[0.7, 0.8], [4.2, 0.8], [4.2, 3.2], [0.7, 3.2]]
-height_m = 1.5
-height_amplitude_m = 0.1
-pitch_amplitude_deg = 6.0
-yaw_amplitude_deg = 10.0
+waypoints_m = [[0.9, 0.7], [1.3, 1.02], [4.5, 2.9], [4.4, 3.58], [4.1, 3.3], [3.7, 2.98], [0.5, 1.1], [0.6, 0.42]]
+height_m = 1.55
+height_amplitude_m = 0.0
+pitch_amplitude_deg = 0.0
+yaw_amplitude_deg = 0.0
 speed_m_per_s = 0.5
 """
 RADIO = '[radio_materials."{name}"]\nid = "plasterboard"\nitu = "plasterboard"\nthickness_m = 0.013\nscattering_coefficient = 0.3\n'
