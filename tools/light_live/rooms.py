@@ -167,7 +167,7 @@ def lamps(gltf, brighter, without_lamp):
     leaf = gltf.material("leaf", dim(1.0, 1.0, 1.0), roughness=0.6, base_texture=gltf.texture(_leaf()), alphaMode="MASK", alphaCutoff=0.5)
     veil = gltf.material("veil", dim(0.7, 0.5, 0.6), alpha=0.4, roughness=0.8, alphaMode="BLEND")
     lamp = gltf.material("lamp", (0.5,) * 3, double_sided=False, **_emits(9))
-    shade = gltf.material("shade", (0.6, 0.55, 0.5), **_emits(2.5))
+    shade = gltf.material("shade", (0.6, 0.55, 0.5), **_emits(1.2))
     screen = gltf.material(
         "screen",
         (0.03,) * 3,
@@ -182,7 +182,7 @@ def lamps(gltf, brighter, without_lamp):
     gltf.quad("leaf", (3.3, 1.2, 0.2), (0.0, 1.4, 0), (0, 0, 1.6), leaf, (2, 2))
     gltf.quad("veil", (1.6, 2.2, 0.0), (0.9, 0.6, 0), (0, 0, 1.5), veil)
     gltf.quad("screen", (4.9, 3.2, 0.8), (0, -1.5, 0), (0, 0, 1.0), screen)
-    gltf.quad("shade", (1.0, 1.2, 1.2), (0.5, 0.3, 0), (0, 0, 0.5), shade)
+    gltf.quad("shade", (2.2, 0.7, 1.1), (0.35, 0.25, 0), (0, 0, 0.4), shade)
     if not without_lamp:
         gltf.point_light("bulb", (1.6, 3.4, 2.2), 2.5, (1.0, 0.8, 0.6))
 
