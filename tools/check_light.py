@@ -34,14 +34,18 @@ def arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--corf", help="the corf binary (default: cargo builds it)")
     parser.add_argument("--out", help="folder of the report")
-    parser.add_argument("--json", action="store_true", help="write the numbers to standard output as JSON instead of a table")
+    parser.add_argument(
+        "--json", action="store_true", help="write the numbers to standard output as JSON instead of a table"
+    )
     parser.add_argument("--scenes", nargs="+", choices=SCENES, default=SCENES, help="which scenes (default: all)")
     parser.add_argument("--samples", type=int, default=1024, help="paths a pixel of each half of each side, small rooms")
     parser.add_argument("--lobby-samples", type=int, default=512, help="the same, in the lobby")
     parser.add_argument("--views", type=int, default=2, help="views of a small room")
     parser.add_argument("--lobby-views", type=int, default=3, help="evenly spaced poses of the lobby's trajectory")
     parser.add_argument("--max-bounces", type=int, default=64, help="scattering events of a path, the same on both sides")
-    parser.add_argument("--seconds", type=float, default=20.0, help="wall time for each side of the equal-time comparison (0: none)")
+    parser.add_argument(
+        "--seconds", type=float, default=20.0, help="wall time for each side of the equal-time comparison (0: none)"
+    )
     parser.add_argument("--controls", action="store_true", help="also make sure that a wrong scene fails")
     parser.add_argument("--threads", type=int, default=2)
     args = parser.parse_args()
@@ -58,7 +62,10 @@ def rooms_of(args, scratch):
 
     for name in args.scenes:
         if name == "lobby":
-            yield rooms.with_views(rooms.lobby(args.lobby_views, (240, 135)), max_bounces=args.max_bounces), args.lobby_samples
+            yield (
+                rooms.with_views(rooms.lobby(args.lobby_views, (240, 135)), max_bounces=args.max_bounces),
+                args.lobby_samples,
+            )
         else:
             room = rooms.small(name, scratch / name, args.views, (160, 120))
             yield rooms.with_views(room, max_bounces=args.max_bounces), args.samples
@@ -110,7 +117,9 @@ def compare_room(args, corf, room, samples, scratch, out):
     }
     pictures.side_by_side(out / f"{room.name}.png", *(np.mean(x, axis=0) for x in (ours, theirs, plain)), exposure_ev)
     if args.seconds > 0:
-        result["equal_time"] = equal_time(args, corf, room, documented, ours, theirs, exposure_ev, samples, our_seconds, their_seconds)
+        result["equal_time"] = equal_time(
+            args, corf, room, documented, ours, theirs, exposure_ev, samples, our_seconds, their_seconds
+        )
     return result, theirs
 
 
@@ -166,7 +175,12 @@ def main():
             failing = list(controls(args, corf, scratch, known, max(1, args.samples // 4)))
     agrees = all(r["documented"]["passes"] for r in results)
     noticed = not any(c["passes"] for c in failing)
-    record = {"schema": "corf-light-check/1", "machine": machine, "agrees": agrees, "controls_fail": noticed if failing else None}
+    record = {
+        "schema": "corf-light-check/1",
+        "machine": machine,
+        "agrees": agrees,
+        "controls_fail": noticed if failing else None,
+    }
     record |= {"scenes": results, "controls": failing}
     (out / "results.json").write_text(json.dumps(record, indent=1) + "\n")
     (out / "README.md").write_text(report.markdown(record))

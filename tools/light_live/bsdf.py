@@ -78,7 +78,11 @@ class Table:
         means = [np.trapezoid(2 * t * mu, mu, axis=1) for t in (scale, bias)]
         both = np.stack([scale, bias], axis=-1).astype(np.float32)
         self.albedo = mi.Texture2f(mi.TensorXf(both), filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp)
-        self.means = mi.Texture1f(mi.TensorXf(np.stack(means, axis=-1).astype(np.float32)), filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp)
+        self.means = mi.Texture1f(
+            mi.TensorXf(np.stack(means, axis=-1).astype(np.float32)),
+            filter_mode=dr.FilterMode.Linear,
+            wrap_mode=dr.WrapMode.Clamp,
+        )
 
     def at(self, z, roughness, active):
         """`(scale, bias)` at a cosine."""
@@ -129,7 +133,9 @@ class Point:
         self.f0_max = dr.max(self.f0)
         scale, bias = table().at(self.v.z, self.roughness, active)
         mean_scale, mean_bias = table().mean(self.roughness, active)
-        self.under_view = dr.maximum(1 - (self.f0_max * scale + bias), 0) / dr.maximum(1 - (self.f0_max * mean_scale + mean_bias), 1e-4)
+        self.under_view = dr.maximum(1 - (self.f0_max * scale + bias), 0) / dr.maximum(
+            1 - (self.f0_max * mean_scale + mean_bias), 1e-4
+        )
         s = mi.luminance(self.f0 * scale + bias)
         d = mi.luminance(self.diffuse) * dr.maximum(1 - (self.f0_max * scale + bias), 0)
         self.lobe = dr.select(d <= 0, mi.Float(1), dr.clip(s / (s + d), 0.1, 0.9))
@@ -160,7 +166,9 @@ class Point:
         """A GGX normal as seen from v (Heitz 2018)."""
         s = dr.normalize(mi.Vector3f(self.alpha * self.v.x, self.alpha * self.v.y, self.v.z))
         length2 = dr.square(s.x) + dr.square(s.y)
-        t1 = dr.select(length2 > 1e-14, mi.Vector3f(-s.y, s.x, 0) * dr.rsqrt(dr.maximum(length2, 1e-20)), mi.Vector3f(1, 0, 0))
+        t1 = dr.select(
+            length2 > 1e-14, mi.Vector3f(-s.y, s.x, 0) * dr.rsqrt(dr.maximum(length2, 1e-20)), mi.Vector3f(1, 0, 0)
+        )
         t2 = dr.cross(s, t1)
         r, phi = dr.sqrt(u.x), dr.two_pi * u.y
         p1, p2 = r * dr.cos(phi), r * dr.sin(phi)

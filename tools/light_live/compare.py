@@ -56,9 +56,10 @@ def psnr(first, second):
 def agreement(ours, theirs, exposure_ev):
     """`ours`, `theirs`: two halves each, (2, views, height, width, 3) of linear radiance."""
     a, b = np.stack(ours), np.stack(theirs)
-    # Lamps that are looked at would drown the rest of a mean.
-    dark = ((a + b).mean(axis=(0, -1)) / 2 * 2.0**exposure_ev < WHITE)[..., None]
-    mean = lambda x, where: np.where(where, x, 0).sum(axis=(-4, -3, -2, -1)) / np.broadcast_to(where, x.shape[-4:]).sum()
+    # Lamps that are looked at would drown the rest of a mean. A half's pixels are chosen by the other half, so that no firefly decides
+    # whether it counts.
+    dark = ((a + b).mean(axis=-1) / 2 * 2.0**exposure_ev < WHITE)[::-1, ..., None]
+    mean = lambda x, where: (x * where).sum(axis=(1, 2, 3, 4)) / where.sum(axis=(1, 2, 3, 4))
     (a1, a2), (b1, b2) = mean(a, dark), mean(b, dark)
     ratio = (a1 + a2) / (b1 + b2)
     spread = [abs(x - y) / (x + y) for x, y in ((a1, a2), (b1, b2))]
@@ -68,7 +69,7 @@ def agreement(ours, theirs, exposure_ev):
         float(ratio),
         float(np.hypot(*spread)),
         psnr(d[0], d[1]),
-        [float(mean(a[:, [v]], dark[[v]]).sum() / mean(b[:, [v]], dark[[v]]).sum()) for v in views],
+        [float(mean(a[:, [v]], dark[:, [v]]).sum() / mean(b[:, [v]], dark[:, [v]]).sum()) for v in views],
         [psnr(d[0][v], d[1][v]) for v in views],
     )
 

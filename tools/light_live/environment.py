@@ -4,51 +4,18 @@ import os
 import platform
 import re
 import subprocess
-import sys
-import time
 from importlib import metadata
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from sionna_live.environment import ROOT, find_llvm, refuse, say
+
+__all__ = ["PINNED", "ROOT", "prepare", "refuse", "say"]
+
 PINNED = dict(
     line.split("==")
     for line in (ROOT / "tools/requirements-mitsuba.txt").read_text().split()
     if re.fullmatch(r"[\w.-]+==[\d.]+", line)
 )
-# Dr.Jit aborts with 15 and 16.
-OLDEST_LLVM = 17
-LIBRARY_FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib", "/opt/homebrew/opt/llvm/lib")
-
-
-def refuse(message):
-    """Ends the program as corf does on bad input."""
-    print(f"error: {message}", file=sys.stderr)
-    sys.exit(2)
-
-
-def say(text):
-    """A line of progress, with the time of day."""
-    print(f"[{time.strftime('%H:%M:%S')}] {text}", file=sys.stderr, flush=True)
-
-
-def find_llvm():
-    """The newest LLVM shared library of version 17 or above; the user's own choice comes first."""
-    chosen = os.environ.get("DRJIT_LIBLLVM_PATH")
-    if chosen:
-        return chosen
-    found = []
-    for folder in [*map(Path, LIBRARY_FOLDERS), *Path("/usr/lib").glob("llvm-*/lib")]:
-        for file in folder.glob("libLLVM*"):
-            version = re.fullmatch(r"libLLVM(?:-(\d+)[\d.]*)?\.(?:so|dylib)(?:\.(\d+)[\d.]*)?", file.name)
-            major = version and (version.group(1) or version.group(2))
-            if major and int(major) >= OLDEST_LLVM:
-                found.append((int(major), str(file)))
-    if not found:
-        refuse(
-            f"no shared library of LLVM {OLDEST_LLVM} or newer was found\n"
-            "  help: apt install libllvm19 (or your system's package), or set DRJIT_LIBLLVM_PATH to libLLVM.so"
-        )
-    return max(found)[1]
 
 
 def prepare(threads):

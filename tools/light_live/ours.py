@@ -63,7 +63,9 @@ class Corf:
             with tempfile.TemporaryDirectory() as scratch:
                 for line in UNBIASED:
                     config = room.dataset(Path(scratch) / "probe.toml", 1, 0, line, LITTLE_RADIO)
-                    done, call = self._run("scene", "export", room.scene, "--to", "mitsuba", "--out", Path(scratch) / "x", "--poses", config)
+                    done, call = self._run(
+                        "scene", "export", room.scene, "--to", "mitsuba", "--out", Path(scratch) / "x", "--poses", config
+                    )
                     if done.returncode == 0:
                         self.unbiased = line
                         break
@@ -80,5 +82,8 @@ class Corf:
             self.run("dataset", "generate", config, "--out", scratch / "views")
             seconds = time.perf_counter() - begin
             files = sorted((scratch / "views/optical/linear").glob("*.exr"))
-            images = [np.array(mi.Bitmap(str(f)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32), dtype=np.float64) for f in files]
+            images = [
+                np.array(mi.Bitmap(str(f)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32), dtype=np.float64)
+                for f in files
+            ]
         return np.stack(images), seconds

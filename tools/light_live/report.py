@@ -24,7 +24,15 @@ def verdict(passes):
 def rows(record):
     for r in record["scenes"]:
         d, p = r["documented"], r["plain"]
-        yield [r["scene"], percent(d["ratio"]), f"{100 * d['ratio_error']:.2f} %", db(d["psnr_db"]), verdict(d["passes"]), percent(p["ratio"]), db(p["psnr_db"])]
+        yield [
+            r["scene"],
+            percent(d["ratio"]),
+            f"{100 * d['ratio_error']:.2f} %",
+            db(d["psnr_db"]),
+            verdict(d["passes"]),
+            percent(p["ratio"]),
+            db(p["psnr_db"]),
+        ]
 
 
 def control_rows(record):
@@ -63,26 +71,46 @@ def markdown(record):
         f"{100 * MAX_MEAN_DEVIATION:g} % and a PSNR of {MIN_PSNR_DB:g} dB between 8-bit pictures (corf's developer), from the mean of (c₁ − m₁)(c₂ − m₂), in "
         "which neither side's noise has an expectation. The error is the means' own, from their halves.",
         grid(["scene", "corf ÷ Mitsuba", "error", "PSNR, dB", "verdict", "own plugins: ratio", "PSNR, dB"], rows(record)),
-        "By view: " + "; ".join(
-            f"{r['scene']} " + ", ".join(f"{percent(a)} / {db(b)} dB" for a, b in zip(r["documented"]["view_ratios"], r["documented"]["view_psnrs_db"]))
-            for r in record["scenes"]) + ".",
+        "By view: "
+        + "; ".join(
+            f"{r['scene']} "
+            + ", ".join(
+                f"{percent(a)} / {db(b)} dB"
+                for a, b in zip(r["documented"]["view_ratios"], r["documented"]["view_psnrs_db"])
+            )
+            for r in record["scenes"]
+        )
+        + ".",
     ]
     if record["controls"]:
-        parts += ["## Controls", "corf with a wrong scene against Mitsuba with the right one.", grid(["what is wrong", "corf ÷ Mitsuba", "PSNR, dB", "verdict"], control_rows(record))]
+        parts += [
+            "## Controls",
+            "corf with a wrong scene against Mitsuba with the right one.",
+            grid(["what is wrong", "corf ÷ Mitsuba", "PSNR, dB", "verdict"], control_rows(record)),
+        ]
     timed = [r for r in record["scenes"] if "equal_time" in r]
     if timed:
-        lines = [[r["scene"], *(f"{n} in {s:.1f} s: **{db(p)} dB**" for n, s, p in (r["equal_time"]["corf"], r["equal_time"]["mitsuba"]))] for r in timed]
-        parts += ["## At equal time",
-                  "Paths a pixel in about the same wall time on the same cores, and PSNR against the mean of both converged images, without that one's noise. Reading, "
-                  "building and compiling are left out on both sides. Mitsuba runs the Python plugin, compiled by LLVM with the rest of its kernel.",
-                  grid(["scene", "corf", "Mitsuba"], lines)]
+        lines = [
+            [
+                r["scene"],
+                *(f"{n} in {s:.1f} s: **{db(p)} dB**" for n, s, p in (r["equal_time"]["corf"], r["equal_time"]["mitsuba"])),
+            ]
+            for r in timed
+        ]
+        parts += [
+            "## At equal time",
+            "Paths a pixel in about the same wall time on the same cores, and PSNR against the mean of both converged images, without that one's noise. Reading, "
+            "building and compiling are left out on both sides. Mitsuba runs the Python plugin, compiled by LLVM with the rest of its kernel.",
+            grid(["scene", "corf", "Mitsuba"], lines),
+        ]
     parts.append("## Pictures")
     for r in record["scenes"]:
         e = r["export"]
         parts.append(
             f"### {r['scene']}\n{r['about']}. {r['views']} views of {r['size'][0]}×{r['size'][1]}, 2 × {r['samples']} samples a pixel and side, up to {r['max_bounces']} bounces, "
             f"exposure {r['exposure_ev']:+.2f} EV; {e['shapes']} shapes, {e['materials']} materials, {e['textures']} textures, {e['emitters']} emitters; `{r['integrator']}`.\n\n"
-            f"![{r['scene']}]({r['scene']}.png)")
+            f"![{r['scene']}]({r['scene']}.png)"
+        )
         if e["approximated"]:
             parts.append("The file cannot say: " + "; ".join(e["approximated"]) + ".")
     return "\n\n".join(parts) + "\n"

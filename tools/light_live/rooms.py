@@ -64,7 +64,10 @@ def _shell(gltf, walls, floor):
 
 
 def _emits(strength):
-    return {"emissiveFactor": [1, 0.92, 0.8], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}}
+    return {
+        "emissiveFactor": [1, 0.92, 0.8],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": strength}},
+    }
 
 
 def _lamp(gltf, material, low=(2.0, 1.5), high=(3.0, 2.5), z=2.7):
@@ -124,7 +127,9 @@ def _bricks():
     grain = rng.integers(-18, 19, (64, 64, 1))
     color = np.where(joint[..., None], [176, 172, 160], [150, 84, 62]) + grain
     slope = np.zeros((64, 64, 3))
-    slope[..., 0] = np.where((x + 16 * (course % 2)) % 32 == 2, -0.5, np.where((x + 16 * (course % 2)) % 32 == 31, 0.5, 0.0))
+    slope[..., 0] = np.where(
+        (x + 16 * (course % 2)) % 32 == 2, -0.5, np.where((x + 16 * (course % 2)) % 32 == 31, 0.5, 0.0)
+    )
     slope[..., 1] = np.where(y % 16 == 2, 0.5, np.where(y % 16 == 15, -0.5, 0.0))
     slope[..., 2] = 1.0
     normal = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
@@ -145,7 +150,11 @@ def _sign():
     """What a screen shows: four colours of its own and a dark edge, so that no flip looks like another."""
     image = np.zeros((32, 48, 3), np.uint8)
     image[2:16, 2:24], image[2:16, 24:46], image[16:30, 2:24], image[16:30, 24:46] = (
-        (250, 60, 40), (60, 220, 80), (70, 90, 250), (245, 240, 220))
+        (250, 60, 40),
+        (60, 220, 80),
+        (70, 90, 250),
+        (245, 240, 220),
+    )
     return image
 
 
@@ -164,7 +173,9 @@ def lamps(gltf, brighter, without_lamp):
         normalTexture={**gltf.texture(normal, scaled), "scale": 0.8},
     )
     floor = gltf.material("floor", dim(0.6, 0.58, 0.5), roughness=0.4, normalTexture=gltf.texture(normal))
-    leaf = gltf.material("leaf", dim(1.0, 1.0, 1.0), roughness=0.6, base_texture=gltf.texture(_leaf()), alphaMode="MASK", alphaCutoff=0.5)
+    leaf = gltf.material(
+        "leaf", dim(1.0, 1.0, 1.0), roughness=0.6, base_texture=gltf.texture(_leaf()), alphaMode="MASK", alphaCutoff=0.5
+    )
     veil = gltf.material("veil", dim(0.7, 0.5, 0.6), alpha=0.4, roughness=0.8, alphaMode="BLEND")
     lamp = gltf.material("lamp", (0.5,) * 3, double_sided=False, **_emits(9))
     shade = gltf.material("shade", (0.6, 0.55, 0.5), **_emits(1.2))

@@ -14,6 +14,11 @@ pub(super) fn id(scene: &Scene, index: u32) -> String {
     format!("m_{index}_{}", slug(&scene.materials[index as usize].name))
 }
 
+/// Whether light may pass a surface straight.
+pub(super) fn is_seen_through(m: &OpticalMaterial) -> bool {
+    m.transmission > 0.0 || m.alpha_mode != AlphaMode::Opaque
+}
+
 /// How much of a surface is there.
 enum Opacity {
     All,

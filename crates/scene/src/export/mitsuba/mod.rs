@@ -75,11 +75,13 @@ pub fn write(scene: &Scene, views: Option<&Views>, folder: &Path) -> Result<Summ
     let mut xml = Xml::new();
     xml.comment("Light, as corf's scene says it. World frame: z up, metres. Textures: first row at v = 0.");
     xml.open("scene", &[("version", "3.0.0")]);
-    xml.open("integrator", &[("type", "path")]);
+    let used = mesh::used_materials(scene);
+    // `path` does not look for lamps through panes and holes; `volpath` does, and finds the same light.
+    let seen_through = used.iter().any(|m| material::is_seen_through(&scene.materials[*m as usize].optical));
+    xml.open("integrator", &[("type", if seen_through { "volpath" } else { "path" })]);
     xml.value("integer", "max_depth", "-1");
     xml.close();
     let sensors = views.map_or(Ok(0), |views| sensor::write(views, &mut xml).map(|()| views.poses.len()))?;
-    let used = mesh::used_materials(scene);
     let mut textures = Textures::new(scene);
     for &index in &used {
         material::write(scene, index, &mut textures, &mut xml, &mut approximated)?;

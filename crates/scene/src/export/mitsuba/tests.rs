@@ -117,7 +117,7 @@ fn alpha_is_a_mask_where_it_means_something() {
     assert!(!xml(leaf(AlphaMode::Opaque, 0.3), [0, 255]).contains("\"mask\""));
     assert!(xml(leaf(AlphaMode::Blend, 0.25), [255; 2]).contains("<float name=\"opacity\" value=\"0.25\"/>"));
     let (folder, _, xml) = exported(&square(leaf(AlphaMode::Mask { cutoff: 0.5 }, 1.0), vec![texture([0, 255])]));
-    assert!(xml.contains("\"mask\"") && xml.contains("nearest"));
+    assert!(xml.contains("\"mask\"") && xml.contains("nearest") && xml.contains("volpath"));
     let opacity = std::fs::read_dir(folder.path().join("textures"))
         .unwrap()
         .map(|e| e.unwrap().path())
