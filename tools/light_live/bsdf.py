@@ -207,9 +207,9 @@ class Coupled(mi.BSDF):
         point = Point(self, si, active)
         mirror = sample1 < point.lobe
         h = point.visible_normal(sample2)
-        l = dr.select(mirror, mi.reflect(point.v, h), mi.warp.square_to_cosine_hemisphere(sample2))
-        value, pdf = point.evaluate(l, active)
-        out = point.frame.to_world(l)
+        toward = dr.select(mirror, mi.reflect(point.v, h), mi.warp.square_to_cosine_hemisphere(sample2))
+        value, pdf = point.evaluate(toward, active)
+        out = point.frame.to_world(toward)
         good = active & (pdf > 0) & (dr.dot(point.n_g, out) > 0)
         bs = dr.zeros(mi.BSDFSample3f)
         bs.wo = si.to_local(out)

@@ -25,4 +25,5 @@ def side_by_side(path, ours, theirs, standard, exposure_ev):
         for k, image in enumerate((a, b, (a - b) * GAIN + 128, c)):
             tile = Image.fromarray(np.clip(image, 0, 255).astype(np.uint8))
             sheet.paste(tile, (k * (width + GAP_PX), CAPTION_PX + v * (height + GAP_PX)))
-    sheet.save(path, optimize=True)
+    # 256 colours: noise would make the file four times as large.
+    sheet.quantize(256).save(path, optimize=True)
