@@ -54,8 +54,9 @@ impl<'a> OpticalSensor<'a> {
         let view = ViewSettings {
             seed: config.seed,
             samples_per_pixel,
-            most_samples: samples_per_pixel.saturating_mul(MOST_EFFORT),
+            most_samples: samples_per_pixel.saturating_mul(std::env::var("MOST").ok().and_then(|v| v.parse().ok()).unwrap_or(MOST_EFFORT)),
             exposure_ev,
+            error: std::env::var("ERR").ok().and_then(|v| v.parse().ok()).unwrap_or(0.006),
             ..ViewSettings::default()
         };
         Ok(Self { tracer, cache, intrinsics: config.optical_camera(), path, view, write_linear: optical.write_linear })
@@ -147,7 +148,7 @@ impl<'a> OpticalSensor<'a> {
 
 /// Solves a scene's light, telling how far it is.
 fn solve<'a>(config: &DatasetConfig, tracer: &'a LightTracer<'a>) -> Result<LightCache<'a>> {
-    let settings = CacheSettings { seed: config.seed, max_passes: config.optical.max_bounces, coarse_points: std::env::var("CP").ok().and_then(|v| v.parse().ok()).unwrap_or(50_000), ..CacheSettings::default() };
+    let settings = CacheSettings { seed: config.seed, max_passes: config.optical.max_bounces, ..CacheSettings::default() };
     let progress = Mutex::new(Progress::start(format!("light of {}", config.name), 1, "tiles"));
     let tell = |done: usize, all: usize| {
         if let Ok(mut progress) = progress.lock() {

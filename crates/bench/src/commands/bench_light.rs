@@ -39,6 +39,8 @@ pub struct Light {
 
 /// Stages of [`Rng::keyed`].
 const STAGE_PIXELS: u64 = 0xbe_0001;
+/// Key of a second rendering.
+const AGAIN: u64 = 1 << 39;
 /// Keys of the two halves of the reference.
 const HALVES: [u64; 2] = [1 << 40, 1 << 41];
 /// Surfaces of at least this roughness, and no metal, count as diffuse where one point is looked at from two keyframes.
@@ -77,6 +79,10 @@ struct Report {
 struct View {
     keyframe: usize,
     seconds: f64,
+    /// Rendered again, with other random numbers: what it takes once the cached light that it needs is there.
+    seconds_again: f64,
+    /// Of the noise of one rendering: half the mean squared difference of the two.
+    noise_psnr_db: f64,
     /// Of the 8-bit sRGB image against the converged one, the reference's noise cancelled.
     psnr_db: f64,
     /// Of the mean of both halves of the reference.
@@ -165,14 +171,19 @@ impl Light {
         let frame = sensor.look(&pose.world_from_camera, pose.index as u64);
         let seconds = start.elapsed().as_secs_f64();
 
+        let start = Instant::now();
+        let again = sensor.look(&pose.world_from_camera, AGAIN + pose.index as u64);
+        let seconds_again = start.elapsed().as_secs_f64();
+
         let pixels = spread(camera.width, camera.height, self.reference_pixels as usize, pose.index as u64);
         let settings =
-            LightSettings { samples_per_pixel: self.reference_samples, max_bounces: std::env::var("MB").ok().and_then(|v| v.parse().ok()).unwrap_or(64), roulette_after: 4, ..LightSettings::default() };
+            LightSettings { samples_per_pixel: self.reference_samples, max_bounces: 64, roulette_after: 4, ..LightSettings::default() };
         let halves = HALVES.map(|key| {
             tracer.render_pixels(&camera, &pose.world_from_camera, &settings, key + pose.index as u64, &pixels)
         });
         let ev = sensor.exposure_ev();
         let image = light::develop_frame(&frame, ev);
+        let noise = 0.5 * mean_squared_difference(&image, &light::develop_frame(&again, ev));
         let (mut squared_error, mut reference_error) = (0.0f64, 0.0f64);
         let mut errors = vec![[0.0f64; 3]; pixels.len()];
         let (mut own, mut its, mut ratios) = (0.0f64, 0.0f64, Vec::with_capacity(pixels.len()));
@@ -205,6 +216,8 @@ impl Light {
         Ok(View {
             keyframe: pose.index,
             seconds,
+            seconds_again,
+            noise_psnr_db: psnr_db(noise),
             psnr_db: psnr_db(squared_error / n),
             reference_psnr_db: psnr_db(reference_error / n),
             radiance_ratio: ratio,
@@ -331,6 +344,13 @@ fn is_diffuse(scene: &Scene, bvh: &Bvh, from: DVec3, point: DVec3) -> bool {
     })
 }
 
+/// Of images whose values count from 0 to 1.
+fn mean_squared_difference(a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>) -> f64 {
+    let difference = |(a, b): (&u8, &u8)| ((f64::from(*a) - f64::from(*b)) / 255.0).powi(2);
+    let values = a.pixels().iter().flatten().zip(b.pixels().iter().flatten());
+    values.map(difference).sum::<f64>() / (3 * a.pixels().len()) as f64
+}
+
 fn psnr_db(squared_error: f64) -> f64 {
     -10.0 * squared_error.max(1e-10).log10()
 }
@@ -344,7 +364,7 @@ fn text(report: &Report) -> String {
     let percent = |v: Option<f64>| v.map_or("-".to_string(), |v| format!("{:.2} %", 100.0 * v));
     let mut out = format!(
         "{}: {}x{}, {} samples a pixel ({:?}), reference {} + {} unbiased; {} threads\nprepared in {:.1} s, exposure {} EV\n\
-         keyframe   PSNR dB   reference dB   radiance ratio     two views   rays/pixel   seconds",
+         keyframe   PSNR dB   noise dB   reference dB     radiance ratio   two views   rays/pixel   seconds    again",
         report.dataset,
         report.width,
         report.height,
@@ -359,25 +379,26 @@ fn text(report: &Report) -> String {
     for v in &report.views {
         let _ = write!(
             out,
-            "\n{:>8} {:>9.2} {:>14.2} {:>9.4} ±{:.4} {:>13} {:>12.1} {:>9.2}",
+            "\n{:>8} {:>9.2} {:>10.2} {:>14.2} {:>10.4} ±{:.4} {:>11} {:>12.1} {:>9.2} {:>8.2}",
             v.keyframe,
             v.psnr_db,
+            v.noise_psnr_db,
             v.reference_psnr_db,
             v.radiance_ratio,
             v.radiance_ratio_error,
             percent(v.two_views_difference),
             v.rays_a_pixel,
-            v.seconds
+            v.seconds,
+            v.seconds_again
         );
     }
     let _ = write!(
         out,
-        "\n     all {:>9.2} {:>14} {:>9.4} {:>21} {:>12} {:>9.2}",
+        "\n     all {:>9.2} {:>25} {:>10.4} {:>19} {:>22.2}",
         report.psnr_db,
         "",
         report.radiance_ratio,
         percent(report.two_views_difference),
-        "",
         report.seconds_a_view
     );
     out

@@ -9,6 +9,7 @@ mod coverage;
 mod dataset;
 mod diffuse;
 mod evaluate;
+mod export_light;
 mod paths;
 mod reconstruct;
 mod render;

@@ -60,7 +60,11 @@ struct TrajectoryEntry {
     world_from_camera: [[f64; 4]; 4],
 }
 
-fn read_poses(path: &Path) -> Result<Vec<Rigid3>> {
+/// The `world_from_camera` of every pose of a file.
+///
+/// # Errors
+/// A file that is neither of the two, that names no pose, or one that is no rigid transform.
+pub(crate) fn read_poses(path: &Path) -> Result<Vec<Rigid3>> {
     let poses: Poses = run::read_json(path)
         .context("a pose file is a dataset's trajectory.json or a JSON array of 4x4 world_from_camera matrices by rows")?;
     let rows: Vec<[[f64; 4]; 4]> = match poses {

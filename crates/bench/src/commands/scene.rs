@@ -1,8 +1,10 @@
 //! `corf scene`: build the lobby, describe, check and export scenes.
 
+use super::export_light::{self, LightViews};
 use super::{Verdict, show};
-use crate::run::claim_shared;
-use anyhow::Result;
+use crate::note;
+use crate::run::{claim_fresh, claim_shared};
+use anyhow::{Context, Result};
 use clap::{Args, Subcommand, ValueEnum};
 use corf_scene::config::{SceneConfig, read_toml};
 use corf_scene::contained::Reach;
@@ -32,17 +34,20 @@ pub enum Scene {
 /// `corf scene export`.
 #[derive(Args)]
 pub struct Export {
-    /// Scene file (.toml).
+    /// Scene file (.toml); for Mitsuba a mesh (.glb, .gltf, .obj) will do.
     file: PathBuf,
     /// Whose format.
     #[arg(long, value_enum)]
     to: Format,
-    /// Folder to write into; files of the same name are replaced.
+    /// Folder to write into; Sionna RT's may hold files already, those of the same name are replaced.
     #[arg(long)]
     out: PathBuf,
-    /// Evenly spaced poses of the trajectory to write beside the scene.
-    #[arg(long, default_value_t = 0)]
-    poses: usize,
+    /// Poses to write beside the scene: how many, evenly spaced along the trajectory; for Mitsuba also a dataset's configuration (.toml) or a
+    /// pose file (.json) as `corf render` takes it.
+    #[arg(long, default_value = "0")]
+    poses: String,
+    #[command(flatten)]
+    views: LightViews,
 }
 
 /// Formats a scene can be written in.
@@ -50,6 +55,8 @@ pub struct Export {
 enum Format {
     /// Sionna RT: scene.xml, a PLY for every object and material, radio.json.
     Sionna,
+    /// Mitsuba 3, light: scene.xml with a sensor for every pose, a PLY for every object and material, textures.
+    Mitsuba,
 }
 
 /// Scenes built in code.
@@ -179,7 +186,18 @@ impl Scene {
                     verdict => Ok(verdict),
                 }
             }
-            Self::Export(Export { file, to: Format::Sionna, out, poses }) => {
+            Self::Export(Export { file, to: Format::Mitsuba, out, poses, views }) => {
+                let whole = File { file, allow_outside: false };
+                let (scene, left_out) = load(&whole)?;
+                left_out.iter().for_each(|finding| note!("{finding}"));
+                let config = is_config(&whole.file).then(|| SceneConfig::load(&whole.file)).transpose()?;
+                let views = views.resolve(config.as_ref(), &poses)?;
+                let _held = claim_fresh(&out)?;
+                export_light::write(&scene, views.as_ref(), &out, json)
+            }
+            Self::Export(Export { file, to: Format::Sionna, out, poses, views }) => {
+                views.refuse()?;
+                let poses = poses.parse().with_context(|| format!("--poses {poses}: for Sionna RT it is a number"))?;
                 let config = SceneConfig::load(&file)?;
                 let scene = config.load_scene()?;
                 let _held = claim_shared(&out)?;

@@ -21,7 +21,7 @@ pub(super) const MIN_ALPHA: f32 = 1e-3;
 const WIDE_ALPHA: f32 = 0.4;
 const WEAK_SHARE: f32 = 0.15;
 /// And of [`Bsdf::wide_highlight`].
-const VERY_WIDE_ALPHA: f32 = 0.5;
+const VERY_WIDE_ALPHA: f32 = 0.64;
 
 /// A point's reflection: linear colours and `alpha`.
 #[derive(Clone, Copy, Debug)]

@@ -7,7 +7,7 @@
 use super::super::LightTracer;
 use super::charts::Charts;
 use super::field::{Point, Received, Tile, TileKey};
-use super::site::{OPENNESS_RAYS, Site, plastic};
+use super::site::{OPENNESS_RAYS, SEEN, Site, plastic};
 use crate::bvh::Ray;
 use corf_scene::Rng;
 use glam::{UVec2, Vec3};
@@ -56,34 +56,44 @@ struct Candidate {
 /// A tile's direct light; points in crevices have little weight.
 pub(super) fn fill(tracer: &LightTracer<'_>, charts: &Charts, key: &TileKey, settings: &DirectSettings) -> Tile {
     let points = key.points;
-    let sites: Vec<Option<Site>> = (0..points.element_product())
-        .map(|k| Site::of(tracer, charts, key, UVec2::new(k % points.x, k / points.x), settings.spacing_m))
-        .collect();
-    let there: Vec<&Site> = sites.iter().flatten().collect();
-    let mut values = vec![Point::default(); sites.len()];
-    if !there.is_empty() {
-        let candidates = candidates(tracer, &there, key, settings);
-        for (k, (site, value)) in sites.iter().zip(&mut values).enumerate() {
-            let Some(site) = site else { continue };
-            let stage = STAGE_DIRECT ^ u64::from(settings.spacing_m.to_bits()) << 32;
-            let mut rng = Rng::keyed(settings.seed ^ key.number, stage, k as u64);
-            *value = match settings.parts {
-                None => {
-                    let (received, lit) = at(tracer, site, &candidates, settings, settings.rays, &mut rng);
-                    let weight = if lit >= LIT_ENOUGH { 1.0 } else { site.openness(tracer, settings.spacing_m, OPENNESS_RAYS) };
-                    Point { received, weight }
-                }
+    let stage = STAGE_DIRECT ^ u64::from(settings.spacing_m.to_bits()) << 32;
+    let mut rngs: Vec<Rng> =
+        (0..points.element_product()).map(|k| Rng::keyed(settings.seed ^ key.number, stage, u64::from(k))).collect();
+    // What stands for each point, and how open it lies where that was asked.
+    let sites: Vec<Vec<(Site, Option<f32>)>> = rngs
+        .iter_mut()
+        .enumerate()
+        .map(|(k, rng)| {
+            let point = UVec2::new(k as u32 % points.x, k as u32 / points.x);
+            match settings.parts {
+                None => Site::of(tracer, charts, key, point, settings.spacing_m).map(|site| (site, None)).into_iter().collect(),
                 Some(parts) => {
-                    let point = UVec2::new(k as u32 % points.x, k as u32 / points.x);
-                    let around = Site::around(tracer, charts, key, point, settings.spacing_m, parts, &mut rng);
-                    Point::mean(around.iter().map(|(site, open)| {
-                        let (received, _) = at(tracer, site, &candidates, settings, settings.rays.div_ceil(parts), &mut rng);
-                        Point { received, weight: *open }
-                    }))
+                    let around = Site::around(tracer, charts, key, point, settings.spacing_m, parts, rng);
+                    around.into_iter().map(|(site, open)| (site, Some(open))).collect()
                 }
-            };
-        }
+            }
+        })
+        .collect();
+    // Buried sites say nothing about what lights the others.
+    let is_open = |open: &Option<f32>| open.is_none_or(|open| open >= SEEN);
+    let mut there: Vec<&Site> = sites.iter().flatten().filter(|(_, open)| is_open(open)).map(|(site, _)| site).collect();
+    if there.is_empty() {
+        there = sites.iter().flatten().map(|(site, _)| site).collect();
     }
+    let candidates = candidates(tracer, &there, key, settings);
+    let value = |(sites, rng): (&Vec<(Site, Option<f32>)>, &mut Rng)| {
+        let rays = settings.rays.div_ceil(sites.len().max(1) as u32);
+        Point::mean(sites.iter().map(|(site, open)| {
+            let (received, lit) = at(tracer, site, &candidates, settings, rays, rng);
+            let weight = match open {
+                Some(open) => *open,
+                None if lit >= LIT_ENOUGH => 1.0,
+                None => site.openness(tracer, settings.spacing_m, OPENNESS_RAYS),
+            };
+            Point { received, weight }
+        }))
+    };
+    let values = sites.iter().zip(&mut rngs).map(value).collect();
     Tile { points, values, rough: 0 }
 }
 
@@ -91,6 +101,9 @@ pub(super) fn fill(tracer: &LightTracer<'_>, charts: &Charts, key: &TileKey, set
 fn candidates(tracer: &LightTracer<'_>, sites: &[&Site], key: &TileKey, settings: &DirectSettings) -> Vec<Candidate> {
     let emitters = &tracer.emitters;
     let n = sites.len();
+    if n == 0 {
+        return Vec::new();
+    }
     let probes = if n < 5 { (0..n).collect() } else { vec![0, n / 4, n / 2, 3 * n / 4, n - 1] };
     let (low, high) = sites.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), s| (l.min(s.position), h.max(s.position)));
     let worth: Vec<f32> = (0..emitters.len())

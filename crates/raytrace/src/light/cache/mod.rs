@@ -31,7 +31,6 @@ pub use view::ViewSettings;
 use charts::Charts;
 use direct::DirectSettings;
 use field::{Field, Received, Tile, rough_cells};
-use glam::Vec3;
 
 /// First pair of a walk's numbers; those before belong to its start.
 const FIRST_WALK_PAIR: u32 = 2;
@@ -165,7 +164,6 @@ impl<'a> LightCache<'a> {
             }
         };
         let mut sum = level(&self.direct, DIRECT_START, &|k, key| self.direct_tile(k, key));
-        if dbg() == 1 { return (sum, false); }
         sum.add_scaled(&level(&self.indirect, 0, &|k, key| self.indirect_tile(k, key)), 1.0);
         (sum, false)
     }
@@ -184,58 +182,5 @@ impl<'a> LightCache<'a> {
         let n = self.charts.normal(key);
         tile.rough = rough_cells(key.points, &tile.values, n, TOLERANCE, CONTRAST, DARK * self.mean_light);
         tile
-    }
-}
-
-pub(crate) fn dbg() -> u32 { static D: std::sync::OnceLock<u32> = std::sync::OnceLock::new(); *D.get_or_init(|| std::env::var("DBG").ok().and_then(|v| v.parse().ok()).unwrap_or(0)) }
-
-#[cfg(test)]
-mod probe {
-    use super::super::*;
-    use super::*;
-    use super::super::sampler::Sampler;
-    #[test]
-    fn probe_lobby() {
-        let scene = corf_scene::import::load(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/lobby.glb")).unwrap();
-        let bvh = Bvh::build(&scene);
-        let tracer = LightTracer::new(&scene, &bvh);
-        let cache = LightCache::new(&tracer, &CacheSettings::default(), &|_, _| true).unwrap();
-        let settings = LightSettings { max_bounces: 64, ..LightSettings::default() };
-        let mut rng = corf_scene::Rng::keyed(1, 2, 3);
-        let mut by: std::collections::BTreeMap<String, [f64; 4]> = Default::default();
-        let mut counts = RayCounts::default();
-        let mut n = 0;
-        while n < 2_000_000 {
-            // a camera-like point
-            let eye = Vec3::new(1.0 + 12.0 * rng.uniform(), 1.0 + 12.0 * rng.uniform(), 1.6);
-            let z = 2.0 * rng.uniform() - 1.0;
-            let phi = std::f32::consts::TAU * rng.uniform();
-            let d = Vec3::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
-            let ray = Ray::new(eye, d);
-            let Some(hit) = tracer.closest_where(&ray, 0.0, |_| true) else { continue };
-            n += 1;
-            let name = scene.materials[scene.triangles[hit.triangle as usize].material as usize].name.clone();
-            let name = scene.materials[scene.triangles[hit.triangle as usize].material as usize].name.clone();
-            let mut sampler = Sampler::new(5, 7, n);
-            sampler.start(0);
-            let path = tracer.trace(ray, &sampler, &settings, &mut counts);
-            let walk = tracer.walk(ray, 0.0, &sampler, 8, Vec3::ZERO, &mut counts);
-            let mut light = walk.light;
-            if let Some(end) = walk.end {
-                light += end.throughput * cache.received(&end.surface, end.hit.triangle, f32::INFINITY).0.at(end.surface.normal);
-            }
-            for name in [name, " all".into()] {
-                let e = by.entry(name).or_default();
-                e[0] += f64::from(luminance(path.scattered));
-                e[1] += f64::from(luminance(light));
-                e[2] += 1.0;
-                e[3] += f64::from(luminance(path.scattered)).powi(2);
-            }
-        }
-        for (name, e) in by {
-            let mean = e[0] / e[2];
-            let err = ((e[3] / e[2] - mean * mean) / e[2]).sqrt() / mean;
-            eprintln!("PROBE {name:32} n {:8} path {:.4} ratio {:.4} ± {:.4}", e[2], mean, e[1] / e[0], err);
-        }
     }
 }

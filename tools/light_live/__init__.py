@@ -1,0 +1,1 @@
+"""corf's light tracer against Mitsuba 3, live."""
