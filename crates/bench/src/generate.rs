@@ -107,10 +107,16 @@ pub fn generate_from(
     if !missing.is_empty() {
         let mut progress = Progress::start(format!("keyframes of {}", config.name), poses.len(), "keyframes");
         let done_before = poses.len() - missing.len();
+        // One keyframe is written while the next is traced.
+        let mut traced: Option<(usize, FrameData)> = None;
         for (i, pose) in missing.iter().enumerate() {
             interrupt::check()?;
-            // Where one of them leaves a core idle, the other goes on.
-            let (seen, heard) = rayon::join(|| camera.see(pose), || ear.keyframe(&pose.world_from_camera, &outputs));
+            let write = || traced.take().map_or(Ok(()), |(index, frame)| writer.write_frame(index, &frame));
+            // Where one of them leaves a core idle, the others go on.
+            let (written, (seen, heard)) = rayon::join(write, || {
+                rayon::join(|| camera.see(pose), || ear.keyframe(&pose.world_from_camera, &outputs))
+            });
+            written?;
             let (seen, heard) = (seen?, heard?);
             let frame = FrameData {
                 spectrum: heard.spectrum,
@@ -120,9 +126,13 @@ pub fn generate_from(
                 paths_jsonl: heard.paths_jsonl,
                 ..seen
             };
-            writer.write_frame(pose.index, &frame)?;
-            progress.set(done_before + i + 1, poses.len());
+            traced = Some((pose.index, frame));
+            progress.set(done_before + i, poses.len());
         }
+        if let Some((index, frame)) = traced {
+            writer.write_frame(index, &frame)?;
+        }
+        progress.set(poses.len(), poses.len());
         progress.finish();
     }
     let findings = writer.dark_findings()?;

@@ -232,7 +232,7 @@ impl Light {
         })
     }
 
-    /// The view and, where the reference has every pixel, its errors enlarged: grey where it is right, brighter where it is too bright.
+    /// The view, and its errors where the reference was worked out, enlarged: grey where it is right, brighter where it is too bright.
     fn save(
         &self,
         folder: &std::path::Path,
@@ -243,13 +243,11 @@ impl Light {
     ) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
         io::write_png(folder.join(format!("{keyframe:05}.png")), image)?;
-        if pixels.len() == image.pixels().len() {
-            let mut error = Raster::filled(image.width(), image.height(), [0u8; 3]);
-            for (&[x, y], e) in pixels.iter().zip(errors) {
-                error[(x, y)] = e.map(|e| (127.5 + ERROR_GAIN * 255.0 * e).clamp(0.0, 255.0) as u8);
-            }
-            io::write_png(folder.join(format!("{keyframe:05}-error.png")), &error)?;
-        }
+        // The reference's pixels lie row by row, one in each part of the view.
+        let columns = pixels.windows(2).take_while(|w| w[0][0] < w[1][0]).count() + 1;
+        let of = |e: &[f64; 3]| e.map(|e| (127.5 + ERROR_GAIN * 255.0 * e).clamp(0.0, 255.0) as u8);
+        let error = Raster::from_vec(columns, pixels.len() / columns, errors.iter().map(of).collect());
+        io::write_png(folder.join(format!("{keyframe:05}-error.png")), &error)?;
         Ok(())
     }
 }

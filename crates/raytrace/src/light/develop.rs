@@ -1,6 +1,7 @@
 //! From linear radiance to an 8-bit picture.
 
 use super::LightFrame;
+use rayon::prelude::*;
 use corf_scene::Raster;
 use corf_scene::color::{quantize8, srgb_from_linear};
 
@@ -20,9 +21,9 @@ pub fn develop(radiance: &Raster<[f32; 3]>, exposure_ev: f32) -> Raster<[u8; 3]>
 /// Develops a frame: as [`develop`], but the paths of a pixel that see an emitter straight are developed apart from the others and the two
 /// mixed by their shares, both linear. A pixel of which half is a white lamp is half white, however bright the lamp.
 pub fn develop_frame(frame: &LightFrame, exposure_ev: f32) -> Raster<[u8; 3]> {
-    Raster::from_fn(frame.radiance.width(), frame.radiance.height(), |x, y| {
-        develop_pixel(frame.radiance[(x, y)], frame.lamp[(x, y)], exposure_ev).map(quantize8)
-    })
+    let (radiance, lamp) = (frame.radiance.pixels(), frame.lamp.pixels());
+    let developed = radiance.par_iter().zip(lamp).map(|(r, l)| develop_pixel(*r, *l, exposure_ev).map(quantize8));
+    Raster::from_vec(frame.radiance.width(), frame.radiance.height(), developed.collect())
 }
 
 /// One pixel of [`develop_frame`], before rounding to 8 bits: sRGB values from 0 to 1.

@@ -106,6 +106,24 @@ pub struct LightFrame {
     pub rays: RayCounts,
 }
 
+/// An image worked out row by row on all threads, with the rays that took.
+fn in_rows<T: Send>(
+    width: usize,
+    height: usize,
+    pixel: impl Fn(usize, usize, &mut RayCounts) -> T + Sync,
+) -> (Raster<T>, RayCounts) {
+    let rows: Vec<(Vec<T>, RayCounts)> = (0..height)
+        .into_par_iter()
+        .map(|y| {
+            let mut counts = RayCounts::default();
+            let row = (0..width).map(|x| pixel(x, y, &mut counts)).collect();
+            (row, counts)
+        })
+        .collect();
+    let counts = rows.iter().fold(RayCounts::default(), |sum, (_, counts)| sum.and(counts));
+    (Raster::from_vec(width, height, rows.into_iter().flat_map(|(row, _)| row).collect()), counts)
+}
+
 impl RayCounts {
     fn and(&self, other: &Self) -> Self {
         Self {
@@ -177,17 +195,9 @@ impl<'a> LightTracer<'a> {
     /// settings and key give the same bytes on any number of threads.
     pub fn render(&self, camera: &Pinhole, world_from_camera: &Rigid3, settings: &LightSettings, frame_key: u64) -> LightFrame {
         let (width, height) = (camera.width, camera.height);
-        let rows: Vec<(Vec<Pixel>, RayCounts)> = (0..height)
-            .into_par_iter()
-            .map(|y| {
-                let mut counts = RayCounts::default();
-                let row =
-                    (0..width).map(|x| self.pixel(camera, world_from_camera, settings, frame_key, x, y, &mut counts)).collect();
-                (row, counts)
-            })
-            .collect();
-        let rays = rows.iter().fold(RayCounts::default(), |sum, (_, counts)| sum.and(counts));
-        let pixels = Raster::from_vec(width, height, rows.into_iter().flat_map(|(row, _)| row).collect());
+        let (pixels, rays) = in_rows(width, height, |x, y, counts| {
+            self.pixel(camera, world_from_camera, settings, frame_key, x, y, counts)
+        });
         LightFrame::of(camera, world_from_camera, &pixels, rays)
     }
 

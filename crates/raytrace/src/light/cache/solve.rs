@@ -8,7 +8,7 @@ use super::charts::Charts;
 use super::direct::{self, DirectSettings};
 use super::field::{Field, Point, Received, Tile, TileKey, rough_cells};
 use super::site::Site;
-use super::{CacheSettings, DOUBTFUL, FIRST_WALK_PAIR, STAGE_SOLVE};
+use super::{CacheSettings, FIRST_WALK_PAIR, STAGE_SOLVE};
 use crate::bvh::Ray;
 use corf_scene::Rng;
 use glam::{Mat3, UVec2, Vec3};
@@ -82,12 +82,8 @@ pub(super) fn solve(
                 (0..key.points.element_product())
                     .map(|k| {
                         let direct = tile.values[k as usize];
-                        let (met, links) = if direct.weight > DOUBTFUL {
-                            let at = UVec2::new(k % key.points.x, k / key.points.x);
-                            walks(tracer, charts, &field, &first, key, at, first[number] + k, settings)
-                        } else {
-                            (Received::default(), Vec::new())
-                        };
+                        let at = UVec2::new(k % key.points.x, k / key.points.x);
+                        let (met, links) = walks(tracer, charts, &field, &first, key, at, first[number] + k, settings);
                         Node { direct, met, links }
                     })
                     .collect()
@@ -134,6 +130,9 @@ fn walks(
     let open: f32 = sites.iter().map(|(_, open)| open).sum();
     let normal = charts.normal(key);
     let mut met = Received::default();
+    if sites.is_empty() {
+        return (met, Vec::new());
+    }
     let mut counts = RayCounts::default();
     let links = (0..WALKS)
         .map(|k| {

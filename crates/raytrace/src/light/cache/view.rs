@@ -8,12 +8,11 @@ use super::super::path::{
 use super::super::bsdf::Bsdf;
 use super::super::sampler::Sampler;
 use super::super::surface::{Fate, Surface, offset};
-use super::super::{LightFrame, Pixel, RayCounts, luminance};
+use super::super::{LightFrame, Pixel, RayCounts, in_rows, luminance};
 use super::LightCache;
 use crate::bvh::Ray;
 use corf_scene::{Pinhole, Raster, Rigid3};
 use glam::{Mat3, Vec3};
-use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
 /// How a camera looks at cached light.
@@ -100,30 +99,11 @@ impl LightCache<'_> {
         let gain = settings.exposure_ev.exp2();
         let base = settings.samples_per_pixel.max(1);
         let view = View { cache: self, camera, world_from_camera, settings, frame_key, gain };
-        let rows = |sums: Option<&Raster<Sums>>| -> (Vec<Sums>, RayCounts) {
-            let parts: Vec<(Vec<Sums>, RayCounts)> = (0..height)
-                .into_par_iter()
-                .map(|y| {
-                    let mut counts = RayCounts::default();
-                    let row = (0..width)
-                        .map(|x| match sums {
-                            None => view.more(Sums::default(), x, y, base, &mut counts),
-                            Some(sums) => view.more(sums[(x, y)], x, y, view.wanted(sums, x, y), &mut counts),
-                        })
-                        .collect();
-                    (row, counts)
-                })
-                .collect();
-            let counts = parts.iter().fold(RayCounts::default(), |sum, (_, c)| sum.and(c));
-            (parts.into_iter().flat_map(|(row, _)| row).collect(), counts)
-        };
-        let (first, counts) = rows(None);
-        let first = Raster::from_vec(width, height, first);
-        let (all, more) = rows(Some(&first));
-        let mut rays = counts.and(&more);
-        let pixels = all.into_iter().enumerate().map(|(i, sums)| {
+        let (first, counts) = in_rows(width, height, |x, y, counts| view.more(Sums::default(), x, y, base, counts));
+        let (pixels, more) = in_rows(width, height, |x, y, counts| {
+            let sums = view.more(first[(x, y)], x, y, view.wanted(&first, x, y), counts);
             let share = 1.0 / sums.n.max(1) as f32;
-            let (depth_m, surface) = self.tracer.centre(camera, world_from_camera, i % width, i / width, &mut rays);
+            let (depth_m, surface) = self.tracer.centre(camera, world_from_camera, x, y, counts);
             Pixel {
                 radiance: sums.radiance * share,
                 lamp: (sums.lamp * share).extend(sums.lamps as f32 * share),
@@ -133,8 +113,7 @@ impl LightCache<'_> {
                 surface,
             }
         });
-        let pixels = Raster::from_vec(width, height, pixels.collect());
-        LightFrame::of(camera, world_from_camera, &pixels, rays)
+        LightFrame::of(camera, world_from_camera, &pixels, counts.and(&more))
     }
 
     /// Follows a camera ray whose pixel spans `pixel_rad` radians.
