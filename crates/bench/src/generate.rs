@@ -113,9 +113,8 @@ pub fn generate_from(
             interrupt::check()?;
             let write = || traced.take().map_or(Ok(()), |(index, frame)| writer.write_frame(index, &frame));
             // Where one of them leaves a core idle, the others go on.
-            let (written, (seen, heard)) = rayon::join(write, || {
-                rayon::join(|| camera.see(pose), || ear.keyframe(&pose.world_from_camera, &outputs))
-            });
+            let (written, (seen, heard)) =
+                rayon::join(write, || rayon::join(|| camera.see(pose), || ear.keyframe(&pose.world_from_camera, &outputs)));
             written?;
             let (seen, heard) = (seen?, heard?);
             let frame = FrameData {

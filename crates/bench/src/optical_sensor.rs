@@ -54,9 +54,8 @@ impl<'a> OpticalSensor<'a> {
         let view = ViewSettings {
             seed: config.seed,
             samples_per_pixel,
-            most_samples: samples_per_pixel.saturating_mul(std::env::var("MOST").ok().and_then(|v| v.parse().ok()).unwrap_or(MOST_EFFORT)),
+            most_samples: samples_per_pixel.saturating_mul(MOST_EFFORT),
             exposure_ev,
-            error: std::env::var("ERR").ok().and_then(|v| v.parse().ok()).unwrap_or(0.006),
             ..ViewSettings::default()
         };
         Ok(Self { tracer, cache, intrinsics: config.optical_camera(), path, view, write_linear: optical.write_linear })

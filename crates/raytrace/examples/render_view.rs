@@ -4,15 +4,15 @@
 //! cargo run --release -p corf-raytrace --example render_view -- scenes/lobby.glb --eye 2,2,1.6 --look 8,6,1.2 \
 //!     --size 384x216 --spp 32 --fov 90 --exposure 0 out.png
 //! ```
-//! `room` instead of a file is the built-in test room. `--raw` skips the denoiser; `--what albedo|normal|depth|emitted` shows an
-//! auxiliary image instead.
+//! `room` instead of a file is the built-in test room. `--path` traces every pixel by itself instead of caching light;
+//! `--what albedo|normal|depth` shows an auxiliary image instead.
 
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 
 #[path = "../benches/test_room.rs"]
 mod test_room;
 
-use corf_raytrace::{Bvh, DenoiseSettings, LightSettings, LightTracer, denoise, develop};
+use corf_raytrace::{Bvh, CacheSettings, LightCache, LightSettings, LightTracer, ViewSettings, develop, develop_frame};
 use corf_scene::{Error, Pinhole, Raster, Result, Rigid3, import, io};
 use glam::DVec3;
 use std::time::Instant;
@@ -25,7 +25,7 @@ struct Options {
     size: (usize, usize),
     fov_deg: f64,
     exposure_ev: f32,
-    raw: bool,
+    path: bool,
     what: String,
     settings: LightSettings,
 }
@@ -46,15 +46,15 @@ fn options() -> Result<Options> {
         size: (384, 216),
         fov_deg: 90.0,
         exposure_ev: 0.0,
-        raw: false,
+        path: false,
         what: "image".into(),
         settings: LightSettings::default(),
     };
     let mut positional = Vec::new();
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
-        if argument == "--raw" {
-            o.raw = true;
+        if argument == "--path" {
+            o.path = true;
             continue;
         }
         if !argument.starts_with("--") {
@@ -73,7 +73,6 @@ fn options() -> Result<Options> {
             "--spp" => o.settings.samples_per_pixel = scalar(&value)? as u32,
             "--bounces" => o.settings.max_bounces = scalar(&value)? as u32,
             "--seed" => o.settings.seed = scalar(&value)? as u64,
-            "--limit" => o.settings.indirect_limit = scalar(&value)? as f32,
             "--background" => o.settings.background = [scalar(&value)? as f32; 3],
             "--fov" => o.fov_deg = scalar(&value)?,
             "--exposure" => o.exposure_ev = scalar(&value)? as f32,
@@ -98,26 +97,31 @@ fn run() -> Result<()> {
     let camera = Pinhole::from_horizontal_fov(o.size.0, o.size.1, o.fov_deg);
     let pose = Rigid3::looking_at(o.eye, o.look, DVec3::Z);
     let start = Instant::now();
-    let frame = tracer.render(&camera, &pose, &o.settings, 0);
+    let frame = if o.path {
+        tracer.render(&camera, &pose, &o.settings, 0)
+    } else {
+        let n = o.settings.samples_per_pixel;
+        let view =
+            ViewSettings { samples_per_pixel: n, most_samples: 16 * n, exposure_ev: o.exposure_ev, ..ViewSettings::default() };
+        let cache = LightCache::new(&tracer, &CacheSettings::default(), &|_, _| true);
+        let cache = cache.ok_or_else(|| Error::invalid("light", "it was not solved", "this is a defect"))?;
+        cache.render(&camera, &pose, &view, 0)
+    };
     let rendered = start.elapsed();
-    let start = Instant::now();
-    let clean = if o.raw { frame.radiance.clone() } else { denoise(&frame, &DenoiseSettings::default()) };
-    let denoised = start.elapsed();
     let picture = match o.what.as_str() {
-        "image" => develop(&clean, o.exposure_ev),
+        "image" => develop_frame(&frame, o.exposure_ev),
         "albedo" => develop(&frame.albedo, 0.0),
-        "emitted" => develop(&frame.emitted, o.exposure_ev),
         "normal" => frame.normal.map(|n| n.map(|c| (127.5 * (c + 1.0)) as u8)),
         "depth" => Raster::from_fn(o.size.0, o.size.1, |x, y| [(255.0 / (1.0 + frame.depth_m[(x, y)])) as u8; 3]),
         other => {
-            return Err(Error::invalid("--what", format!("`{other}` is unknown"), "image, albedo, emitted, normal or depth"));
+            return Err(Error::invalid("--what", format!("`{other}` is unknown"), "image, albedo, normal or depth"));
         }
     };
     io::write_png(&o.out, &picture)?;
     let rays = frame.rays.camera + frame.rays.bounce + frame.rays.shadow;
     println!(
         "{} triangles; bvh {built:.2?}, emitters {prepared:.2?}, render {rendered:.2?} ({:.1} µs a pixel, {:.2} Mrays/s: {} camera, \
-         {} bounce, {} shadow), denoise {denoised:.2?} → {}",
+         {} bounce, {} shadow) → {}",
         scene.triangles.len(),
         rendered.as_secs_f64() * 1e6 / (o.size.0 * o.size.1) as f64,
         rays as f64 / rendered.as_secs_f64() * 1e-6,

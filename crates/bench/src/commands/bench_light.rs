@@ -110,7 +110,11 @@ impl Light {
         let (scene, left_out) = scene_config.load_scene_with_findings()?;
         left_out.iter().for_each(|finding| note!("{finding}"));
         let trajectory = scene_config.trajectory.as_ref().ok_or_else(|| {
-            Error::invalid(scene_config.source.display().to_string(), "there is no [trajectory]", "add one: views are taken along it")
+            Error::invalid(
+                scene_config.source.display().to_string(),
+                "there is no [trajectory]",
+                "add one: views are taken along it",
+            )
         })?;
         let poses = generate_between(trajectory, config.keyframes, config.way)?;
         let bvh = Bvh::build(&scene);
@@ -176,11 +180,14 @@ impl Light {
         let seconds_again = start.elapsed().as_secs_f64();
 
         let pixels = spread(camera.width, camera.height, self.reference_pixels as usize, pose.index as u64);
-        let settings =
-            LightSettings { samples_per_pixel: self.reference_samples, max_bounces: 64, roulette_after: 4, ..LightSettings::default() };
-        let halves = HALVES.map(|key| {
-            tracer.render_pixels(&camera, &pose.world_from_camera, &settings, key + pose.index as u64, &pixels)
-        });
+        let settings = LightSettings {
+            samples_per_pixel: self.reference_samples,
+            max_bounces: 64,
+            roulette_after: 4,
+            ..LightSettings::default()
+        };
+        let halves =
+            HALVES.map(|key| tracer.render_pixels(&camera, &pose.world_from_camera, &settings, key + pose.index as u64, &pixels));
         let ev = sensor.exposure_ev();
         let image = light::develop_frame(&frame, ev);
         let noise = 0.5 * mean_squared_difference(&image, &light::develop_frame(&again, ev));

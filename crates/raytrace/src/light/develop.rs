@@ -1,9 +1,9 @@
 //! From linear radiance to an 8-bit picture.
 
 use super::LightFrame;
-use rayon::prelude::*;
 use corf_scene::Raster;
 use corf_scene::color::{quantize8, srgb_from_linear};
+use rayon::prelude::*;
 
 /// Up to this exposed value the response is linear, so that colours of well-exposed surfaces are true.
 const KNEE: f32 = 0.6;
@@ -29,7 +29,8 @@ pub fn develop_frame(frame: &LightFrame, exposure_ev: f32) -> Raster<[u8; 3]> {
 /// One pixel of [`develop_frame`], before rounding to 8 bits: sRGB values from 0 to 1.
 pub fn develop_pixel(radiance: [f32; 3], lamp: [f32; 4], exposure_ev: f32) -> [f32; 3] {
     let gain = exposure_ev.exp2();
-    let exposed = |radiance: f32, share: f32| if share > 0.0 { share * shoulder((radiance / share * gain).max(0.0)) } else { 0.0 };
+    let exposed =
+        |radiance: f32, share: f32| if share > 0.0 { share * shoulder((radiance / share * gain).max(0.0)) } else { 0.0 };
     std::array::from_fn(|c| srgb_from_linear(exposed(lamp[c], lamp[3]) + exposed(radiance[c] - lamp[c], 1.0 - lamp[3])))
 }
 

@@ -50,9 +50,6 @@ pub struct LightSettings {
     pub seed: u64,
     /// Radiance of everything beyond the scene.
     pub background: [f32; 3],
-    /// Upper limit of a path's contribution by light scattered twice or more, in units of radiance. Infinite is unbiased; a limit of a
-    /// few times the brightest diffuse surface removes rare bright specks at the cost of a little caustic light.
-    pub indirect_limit: f32,
     /// Emitters are sampled at every vertex; without, light is found by chance alone (slow, the reference of the tests).
     pub next_event_estimation: bool,
 }
@@ -65,7 +62,6 @@ impl Default for LightSettings {
             roulette_after: 3,
             seed: 0,
             background: [0.0; 3],
-            indirect_limit: f32::INFINITY,
             next_event_estimation: true,
         }
     }
@@ -126,11 +122,7 @@ fn in_rows<T: Send>(
 
 impl RayCounts {
     fn and(&self, other: &Self) -> Self {
-        Self {
-            camera: self.camera + other.camera,
-            bounce: self.bounce + other.bounce,
-            shadow: self.shadow + other.shadow,
-        }
+        Self { camera: self.camera + other.camera, bounce: self.bounce + other.bounce, shadow: self.shadow + other.shadow }
     }
 }
 
@@ -195,9 +187,8 @@ impl<'a> LightTracer<'a> {
     /// settings and key give the same bytes on any number of threads.
     pub fn render(&self, camera: &Pinhole, world_from_camera: &Rigid3, settings: &LightSettings, frame_key: u64) -> LightFrame {
         let (width, height) = (camera.width, camera.height);
-        let (pixels, rays) = in_rows(width, height, |x, y, counts| {
-            self.pixel(camera, world_from_camera, settings, frame_key, x, y, counts)
-        });
+        let (pixels, rays) =
+            in_rows(width, height, |x, y, counts| self.pixel(camera, world_from_camera, settings, frame_key, x, y, counts));
         LightFrame::of(camera, world_from_camera, &pixels, rays)
     }
 

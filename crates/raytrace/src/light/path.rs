@@ -105,7 +105,7 @@ impl LightTracer<'_> {
             }
             let Some(hit) = self.closest_where(&ray, 0.0, |_| true) else {
                 // The background is uniform and only ever found by chance: full weight.
-                self.add(&mut out, throughput * Vec3::from(settings.background), scattered, straight, settings);
+                out.add(throughput * Vec3::from(settings.background), straight);
                 if straight {
                     out.albedo = Vec3::ONE;
                 }
@@ -120,7 +120,7 @@ impl LightTracer<'_> {
                     let cos = surface.geometric_normal.dot(ray.direction).abs();
                     power_heuristic(pdf, self.emitters.pdf(ray.origin, &hit, hit.t, cos))
                 };
-                self.add(&mut out, throughput * surface.emitted * (weight * surface.coverage), scattered, straight, settings);
+                out.add(throughput * surface.emitted * (weight * surface.coverage), straight);
             }
             let dimension = FIRST_VERTEX + PAIRS_PER_VERTEX * event;
             let [mut fate, roulette] = sampler.pair(dimension + PAIR_FATE);
@@ -181,7 +181,7 @@ impl LightTracer<'_> {
                         let from = surface.leave(direction);
                         counts.shadow += 1;
                         let passed = self.transmittance(&Ray::segment(from, surface.position + light.to_light));
-                        self.add(&mut out, weight * passed, scattered, false, settings);
+                        out.add(weight * passed, false);
                     }
                 }
             }
@@ -203,19 +203,17 @@ impl LightTracer<'_> {
         }
         out
     }
+}
 
-    fn add(&self, out: &mut PathSample, radiance: Vec3, scattered: u32, straight: bool, settings: &LightSettings) {
+impl PathSample {
+    fn add(&mut self, radiance: Vec3, straight: bool) {
         if !radiance.is_finite() {
             return;
         }
         if straight {
-            out.emitted += radiance;
-        } else if scattered >= 2 {
-            let brightest = radiance.max_element();
-            out.scattered +=
-                if brightest > settings.indirect_limit { radiance * (settings.indirect_limit / brightest) } else { radiance };
+            self.emitted += radiance;
         } else {
-            out.scattered += radiance;
+            self.scattered += radiance;
         }
     }
 }

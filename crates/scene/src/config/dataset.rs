@@ -50,7 +50,7 @@ pub struct OpticalConfig {
     /// How light is worked out. Default `cached`.
     #[serde(default)]
     pub method: LightMethod,
-    /// Camera paths a pixel; with `cached`, sixteen times as many where they disagree. Default 8 with `cached`, 256 with `path`.
+    /// Camera paths a pixel; with `cached`, sixteen times as many where they disagree. Default 4 with `cached`, 256 with `path`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples_per_pixel: Option<u32>,
     /// Longest light path, in bounces; with `cached`, between diffuse surfaces. Default 64: paths end by themselves before.
@@ -59,28 +59,19 @@ pub struct OpticalConfig {
     /// Exposure, EV (radiance × 2^EV); without it one exposure for the whole trajectory is metered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure_ev: Option<f64>,
-    /// The noise filter, for `path`: Intel Open Image Denoise where it is installed. Default `none`.
-    #[serde(default)]
-    pub denoise: Denoise,
+    /// Datasets of earlier versions say `true` where a filter went over their images; it can be read of, not asked for. Default false.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub denoise: bool,
     /// Also write linear radiance as EXR. Default false.
     #[serde(default)]
     pub write_linear: bool,
-    /// Also write the reflectance of what a pixel sees first as EXR. Default false.
-    #[serde(default, skip_serializing_if = "is_false")]
-    pub write_albedo: bool,
-    /// Also write the shading normal of what a pixel sees first as EXR. Default false.
-    #[serde(default, skip_serializing_if = "is_false")]
-    pub write_normals: bool,
-    /// Also write depth as 16-bit PNG, millimetres. Default false.
-    #[serde(default, skip_serializing_if = "is_false")]
-    pub write_depth_png: bool,
 }
 
 impl OpticalConfig {
     /// [`OpticalConfig::samples_per_pixel`], or what the method takes by default.
     pub fn samples(&self) -> u32 {
         self.samples_per_pixel.unwrap_or(match self.method {
-            LightMethod::Cached => 8,
+            LightMethod::Cached => 4,
             LightMethod::Path => 256,
         })
     }
@@ -96,53 +87,6 @@ pub enum LightMethod {
     Cached,
     /// Every pixel by itself, by unbiased path tracing: the reference.
     Path,
-}
-
-/// A noise filter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "DenoiseKey", into = "DenoiseKey")]
-pub enum Denoise {
-    /// None.
-    #[default]
-    None,
-    /// Intel Open Image Denoise, guided by albedo and normals.
-    Oidn,
-    /// The filter that datasets of corf before 0.2 name by `true`: it can be read of, not asked for.
-    Former,
-}
-
-/// As files write [`Denoise`].
-#[derive(Serialize, Deserialize)]
-#[serde(untagged)]
-enum DenoiseKey {
-    Switch(bool),
-    Name(String),
-}
-
-impl TryFrom<DenoiseKey> for Denoise {
-    type Error = String;
-
-    fn try_from(key: DenoiseKey) -> std::result::Result<Self, String> {
-        match key {
-            DenoiseKey::Switch(true) => Ok(Self::Former),
-            DenoiseKey::Switch(false) => Ok(Self::None),
-            DenoiseKey::Name(name) => match name.as_str() {
-                "none" => Ok(Self::None),
-                "oidn" => Ok(Self::Oidn),
-                _ => Err(format!("`{name}` is no noise filter: `none` or `oidn`")),
-            },
-        }
-    }
-}
-
-impl From<Denoise> for DenoiseKey {
-    fn from(denoise: Denoise) -> Self {
-        match denoise {
-            Denoise::None => Self::Name("none".into()),
-            Denoise::Oidn => Self::Name("oidn".into()),
-            Denoise::Former => Self::Switch(true),
-        }
-    }
 }
 
 fn is_false(value: &bool) -> bool {
@@ -475,22 +419,12 @@ impl DatasetConfig {
             let help = format!("give at most {} and {}", bounds::MAX_SAMPLES_PER_PIXEL, bounds::MAX_BOUNCES);
             return fail("optical", format!("{samples} samples_per_pixel and {bounces} max_bounces"), &help);
         }
-        match (self.optical.denoise, self.optical.method) {
-            (Denoise::Former, _) => {
-                return fail(
-                    "optical.denoise",
-                    "the filter that `true` stood for is gone".into(),
-                    "leave it out (method = \"cached\" has hardly any noise), or give method = \"path\" and denoise = \"oidn\"",
-                );
-            }
-            (Denoise::Oidn, LightMethod::Cached) => {
-                return fail(
-                    "optical.denoise",
-                    "cached light has no noise to filter".into(),
-                    "leave it out, or give method = \"path\"",
-                );
-            }
-            _ => {}
+        if self.optical.denoise {
+            return fail(
+                "optical.denoise",
+                "the filter that it asked for is gone".into(),
+                "leave it out: method = \"cached\", the default, has little noise, and method = \"path\" is unbiased with more samples",
+            );
         }
         if let Some(exposure_ev) = self.optical.exposure_ev {
             bounds::number(&place("optical.exposure_ev"), exposure_ev, &bounds::EXPOSURE_EV, "EV, or leave it out")?;

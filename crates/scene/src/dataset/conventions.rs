@@ -1,7 +1,7 @@
 //! What a user of a dataset would have to ask otherwise, in words: `dataset.json`'s `conventions`.
 
 use super::header::{DatasetHeader, Quantity};
-use crate::config::{DatasetConfig, RearHalfSpace, SpectrumKind};
+use crate::config::{DatasetConfig, LightMethod, RearHalfSpace, SpectrumKind};
 use crate::keyframe::DbRange;
 use std::collections::BTreeMap;
 
@@ -73,7 +73,22 @@ fn cameras(header: &DatasetHeader) -> Vec<(&'static str, String)> {
 }
 
 fn optical(header: &DatasetHeader) -> Vec<(&'static str, String)> {
+    let light = match header.config.as_ref().map(|c| c.optical.method) {
+        Some(LightMethod::Cached) => {
+            "cached: what diffuse surfaces receive is worked out once at points in the world and interpolated between them, for all \
+             keyframes; mirrors, highlights, glass and emitters are traced per pixel. Biased: contact shadows are blurred by up to the \
+             spacing of those points (1 to 4 cm, more far away), very rough highlights are read off the received light, light that has \
+             met a rough highlight sees textures averaged and no normal maps, pixels whose paths agree get fewer of them"
+        }
+        Some(LightMethod::Path) => "path: unbiased path tracing of every pixel by itself; what is off is noise",
+        None => "unknown",
+    };
     vec![
+        ("light", light.into()),
+        (
+            "lamps",
+            "a pixel's paths that see an emitter straight are developed apart from the others and mixed by their shares".into(),
+        ),
         ("image", "8-bit sRGB (IEC 61966-2-1), exposed alike in all keyframes, no tone curve".into()),
         ("exposure", format!("radiance x 2^{} before the sRGB transfer function", header.exposure_ev)),
         ("linear", "linear radiance, Rec. 709 primaries, float32, channels R G B, before exposure (where written)".into()),

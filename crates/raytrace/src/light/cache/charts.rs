@@ -104,7 +104,8 @@ impl Charts {
             }
             let members = &charts.members[first..];
             // Along the longest edge that bounds the chart: of a rectangle a side, not the diagonal.
-            let inside = |edge: &(u32, u32)| beside[edge].iter().filter(|t| charts.of_triangle[**t as usize] == chart).count() > 1;
+            let inside =
+                |edge: &(u32, u32)| beside[edge].iter().filter(|t| charts.of_triangle[**t as usize] == chart).count() > 1;
             let mut longest = (-1.0f32, Vec3::ZERO);
             for &t in members {
                 for k in 0..3 {

@@ -158,7 +158,14 @@ fn candidates(tracer: &LightTracer<'_>, sites: &[&Site], key: &TileKey, settings
 }
 
 /// Light at a site, and the share of its shadow rays that arrived.
-fn at(tracer: &LightTracer<'_>, site: &Site, candidates: &[Candidate], settings: &DirectSettings, rays: u32, rng: &mut Rng) -> (Received, f32) {
+fn at(
+    tracer: &LightTracer<'_>,
+    site: &Site,
+    candidates: &[Candidate],
+    settings: &DirectSettings,
+    rays: u32,
+    rng: &mut Rng,
+) -> (Received, f32) {
     let emitters = &tracer.emitters;
     let mut sum = Received::default();
     let mut lit = 0.0;

@@ -179,7 +179,14 @@ impl Field {
 
     /// The value at coordinates of a chart's side, interpolated between its lattice's points, and whether that is likely to be poor;
     /// `fill` makes tiles that nobody has asked for before.
-    pub fn at(&self, chart: &Chart, index: u32, side: u32, coordinates: Vec2, fill: impl Fn(&TileKey) -> Tile) -> (Received, bool) {
+    pub fn at(
+        &self,
+        chart: &Chart,
+        index: u32,
+        side: u32,
+        coordinates: Vec2,
+        fill: impl Fn(&TileKey) -> Tile,
+    ) -> (Received, bool) {
         let lattice = Lattice::of(chart, self.spacing_m);
         let (cell, inside) = lattice.cell(coordinates);
         let tile_index = cell / TILE_CELLS;

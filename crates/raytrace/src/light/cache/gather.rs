@@ -34,7 +34,8 @@ impl LightCache<'_> {
             sampler.start(k);
             let direction = site.world_from_local * sample_cosine(sampler.pair(0));
             let start = Ray::new(site.start, direction);
-            let walk = self.tracer.walk(start, spacing_m, &sampler, FIRST_WALK_PAIR, self.settings.background.into(), &mut counts);
+            let walk =
+                self.tracer.walk(start, spacing_m, &sampler, FIRST_WALK_PAIR, self.settings.background.into(), &mut counts);
             let mut light = walk.light;
             if let Some(end) = walk.end {
                 let (received, _) = self.received(&end.surface, end.hit.triangle, f32::INFINITY);

@@ -170,7 +170,8 @@ impl<'a> LightCache<'a> {
 
     fn direct_tile(&self, level: usize, key: &field::TileKey) -> Tile {
         let spacing_m = self.direct[level].spacing_m();
-        let settings = DirectSettings { seed: self.settings.seed, rays: self.settings.direct_rays, spacing_m, parts: None, punctual: false };
+        let settings =
+            DirectSettings { seed: self.settings.seed, rays: self.settings.direct_rays, spacing_m, parts: None, punctual: false };
         self.marked(key, direct::fill(self.tracer, &self.charts, key, &settings))
     }
 

@@ -56,13 +56,14 @@ pub(super) fn solve(
         first.push(total);
         total += key.points.element_product();
     }
-    let direct = DirectSettings { seed: settings.seed, rays: settings.coarse_rays, spacing_m, parts: Some(PARTS), punctual: true };
+    let direct =
+        DirectSettings { seed: settings.seed, rays: settings.coarse_rays, spacing_m, parts: Some(PARTS), punctual: true };
     let done = std::sync::atomic::AtomicUsize::new(0);
     let all = 2 * keys.len();
     let stopped = std::sync::atomic::AtomicBool::new(false);
     let step = || {
         let now = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-        if now % 256 == 0 && !tell(now, all) {
+        if now.is_multiple_of(256) && !tell(now, all) {
             stopped.store(true, std::sync::atomic::Ordering::Relaxed);
         }
         !stopped.load(std::sync::atomic::Ordering::Relaxed)
@@ -91,10 +92,8 @@ pub(super) fn solve(
         })
         .collect();
     let nodes: Vec<Node> = nodes.into_iter().collect::<Option<Vec<_>>>()?.into_iter().flatten().collect();
-    let normals: Vec<Vec3> = keys
-        .iter()
-        .flat_map(|key| std::iter::repeat_n(charts.normal(key), key.points.element_product() as usize))
-        .collect();
+    let normals: Vec<Vec3> =
+        keys.iter().flat_map(|key| std::iter::repeat_n(charts.normal(key), key.points.element_product() as usize)).collect();
     let passed_on = iterate(&nodes, &normals, settings.max_passes);
     for (number, key) in keys.iter().enumerate() {
         let range = first[number]..first[number] + key.points.element_product();

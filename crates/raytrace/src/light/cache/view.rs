@@ -1,11 +1,11 @@
 //! What a camera sees of a scene whose diffuse light is cached: camera paths through mirrors, panes and highlights, more of them where
 //! they disagree.
 
+use super::super::bsdf::Bsdf;
 use super::super::develop::develop_value;
 use super::super::path::{
     FILM, FIRST_VERTEX, MAX_EVENTS, PAIR_CHOICES, PAIR_DIRECTION, PAIR_FATE, PAIR_LIGHT, PAIRS_PER_VERTEX, WIDE_RAY_PDF,
 };
-use super::super::bsdf::Bsdf;
 use super::super::sampler::Sampler;
 use super::super::surface::{Fate, Surface, offset};
 use super::super::{LightFrame, Pixel, RayCounts, in_rows, luminance};
@@ -32,7 +32,7 @@ pub struct ViewSettings {
 
 impl Default for ViewSettings {
     fn default() -> Self {
-        Self { seed: 0, samples_per_pixel: 8, most_samples: 128, error: 0.006, exposure_ev: 0.0 }
+        Self { seed: 0, samples_per_pixel: 4, most_samples: 64, error: 0.014, exposure_ev: 0.0 }
     }
 }
 
@@ -192,7 +192,17 @@ impl LightCache<'_> {
                     out.add(throughput * albedo * received.at(world) / axis.z);
                 }
                 if !has_punctual {
-                    out.add(throughput * self.punctual(&surface, &to_local, &bsdf, wide_highlight.is_some(), sampler.pair(dimension + PAIR_CHOICES)[1], counts));
+                    out.add(
+                        throughput
+                            * self.punctual(
+                                &surface,
+                                &to_local,
+                                &bsdf,
+                                wide_highlight.is_some(),
+                                sampler.pair(dimension + PAIR_CHOICES)[1],
+                                counts,
+                            ),
+                    );
                 }
             }
             let keep = (HIGHLIGHT_EFFORT * bsdf.specular_share() * luminance(throughput)).clamp(LEAST_EFFORT, 1.0);

@@ -1,10 +1,10 @@
 //! A ray's way through mirrors, panes and highlights to the first surface whose diffuse light is known.
 
+use super::super::bsdf::Bsdf;
 use super::super::path::{MAX_EVENTS, PAIR_CHOICES, PAIR_DIRECTION, PAIR_FATE, PAIR_LIGHT, PAIRS_PER_VERTEX, power_heuristic};
 use super::super::sampler::Sampler;
 use super::super::surface::{Fate, Surface, offset};
 use super::super::{LightTracer, RayCounts};
-use super::super::bsdf::Bsdf;
 use crate::bvh::{Hit, Ray};
 use glam::{Mat3, Vec3};
 
@@ -125,7 +125,13 @@ impl LightTracer<'_> {
             let (to_local, bsdf) = surface.reflection(&ray, fate);
             let share = bsdf.specular_share();
             let folded = bsdf.is_nearly_diffuse();
-            let specular = if folded { 0.0 } else if share >= 1.0 { 1.0 } else { share.clamp(0.0, 0.9) };
+            let specular = if folded {
+                0.0
+            } else if share >= 1.0 {
+                1.0
+            } else {
+                share.clamp(0.0, 0.9)
+            };
             if lobe >= specular {
                 let reflected = if folded { bsdf.albedo } else { bsdf.diffuse_toward_viewer() };
                 let throughput = throughput * reflected / (1.0 - specular);

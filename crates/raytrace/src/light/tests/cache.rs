@@ -25,7 +25,11 @@ fn agrees(name: &str, scene: &Scene, camera: &(Pinhole, Rigid3), tolerance: f64)
     let path = LightSettings { samples_per_pixel: 2048, max_bounces: 64, ..LightSettings::default() };
     let unbiased = scattered(&render(scene, camera, &path));
     let found = scattered(&cached(scene, camera, &settings()));
-    assert!((found / unbiased - 1.0).abs() < tolerance, "{name}: {found} cached, {unbiased} unbiased, ratio {}", found / unbiased);
+    assert!(
+        (found / unbiased - 1.0).abs() < tolerance,
+        "{name}: {found} cached, {unbiased} unbiased, ratio {}",
+        found / unbiased
+    );
 }
 
 #[test]
