@@ -21,6 +21,9 @@ const MIDDLE_GREY: f32 = 0.24;
 /// Pixels whose paths disagree get this many times the paths of the others, at most.
 const MOST_EFFORT: u32 = 16;
 
+/// Images of no more pixels are small.
+const SMALL_IMAGE: usize = 320 * 180;
+
 /// The camera of a dataset in its scene.
 pub struct OpticalSensor<'a> {
     tracer: &'a LightTracer<'a>,
@@ -147,7 +150,9 @@ impl<'a> OpticalSensor<'a> {
 
 /// Solves a scene's light, telling how far it is.
 fn solve<'a>(config: &DatasetConfig, tracer: &'a LightTracer<'a>) -> Result<LightCache<'a>> {
-    let settings = CacheSettings { seed: config.seed, max_passes: config.optical.max_bounces, ..CacheSettings::default() };
+    let is_small = config.optical.width * config.optical.height <= SMALL_IMAGE;
+    let fineness = if is_small { CacheSettings::for_small_images() } else { CacheSettings::default() };
+    let settings = CacheSettings { seed: config.seed, max_passes: config.optical.max_bounces, ..fineness };
     let progress = Mutex::new(Progress::start(format!("light of {}", config.name), 1, "tiles"));
     let tell = |done: usize, all: usize| {
         if let Ok(mut progress) = progress.lock() {

@@ -63,7 +63,7 @@ pub fn tiny_config(folder: &Path, keyframes: usize) -> PathBuf {
     let path = folder.join("tiny.toml");
     let body = format!(
         "name = \"tiny\"\nscene = {scene:?}\nkeyframes = {keyframes}\nseed = 3\n\
-         [optical]\nwidth = 96\nheight = 54\nsamples_per_pixel = 2\nmax_bounces = 3\n\
+         [optical]\nwidth = 96\nheight = 54\nmethod = \"path\"\nsamples_per_pixel = 2\nmax_bounces = 3\n\
          [rf]\nwidth = 48\nheight = 32\npatch_size_m = 0.4\n"
     );
     std::fs::write(&path, body).unwrap();

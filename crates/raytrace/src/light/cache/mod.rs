@@ -55,9 +55,11 @@ pub struct CacheSettings {
     pub background: [f32; 3],
     /// Points wished for in the coarse lattice; its spacing follows from the scene's surface.
     pub coarse_points: usize,
-    /// Shadow rays of a point of the coarse and of the direct lattices.
+    /// Shadow rays of a point of the coarse lattice.
     pub coarse_rays: u32,
-    /// Likewise of the direct lattices.
+    /// Walks of a point of the coarse lattice.
+    pub coarse_walks: u32,
+    /// Shadow rays of a point of the direct lattices.
     pub direct_rays: u32,
     /// Walks of a point of the indirect lattices.
     pub gather_walks: u32,
@@ -74,11 +76,19 @@ impl Default for CacheSettings {
             background: [0.0; 3],
             coarse_points: 50_000,
             coarse_rays: 64,
+            coarse_walks: 48,
             direct_rays: 160,
             gather_walks: 256,
             max_passes: 64,
             finest_m: 0.01,
         }
+    }
+}
+
+impl CacheSettings {
+    /// For images whose pixels are so few that their own noise outweighs that of the lattices: a third of the rays.
+    pub fn for_small_images() -> Self {
+        Self { coarse_rays: 24, coarse_walks: 16, direct_rays: 48, gather_walks: 80, finest_m: 0.04, ..Self::default() }
     }
 }
 

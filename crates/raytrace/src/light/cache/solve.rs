@@ -16,8 +16,6 @@ use rayon::prelude::*;
 
 /// Sites that stand for the surroundings of a point of the coarse lattice.
 const PARTS: u32 = 6;
-/// Walks of a point of the coarse lattice.
-const WALKS: u32 = 48;
 /// The solution stands when no pass moves its mean by more than this share.
 const CONVERGED: f32 = 2e-4;
 /// Tangential parts of received light divide by the elevation's cosine, no less than this.
@@ -133,7 +131,7 @@ fn walks(
         return (met, Vec::new());
     }
     let mut counts = RayCounts::default();
-    let links = (0..WALKS)
+    let links = (0..settings.coarse_walks)
         .map(|k| {
             let (site, own) = &sites[k as usize % sites.len()];
             let (direction, sampler) = begin(normal, point, k, settings);
@@ -141,7 +139,7 @@ fn walks(
             let walk = tracer.walk(start, 0.0, &sampler, FIRST_WALK_PAIR, settings.background.into(), &mut counts);
             // Sites count by how open they lie.
             let weight = site.bsdf.received(direction.dot(normal)) * own * sites.len() as f32 / open;
-            met.add_scaled(&Received::from(spread(normal, direction), walk.light * weight), 1.0 / WALKS as f32);
+            met.add_scaled(&Received::from(spread(normal, direction), walk.light * weight), 1.0 / settings.coarse_walks as f32);
             let [number, _] = sampler.pair(1);
             walk.end.map_or(Link { point: u32::MAX, throughput: [0.0; 3] }, |end| {
                 let chart = charts.of_triangle[end.hit.triangle as usize];
@@ -178,7 +176,7 @@ fn iterate(nodes: &[Node], normals: &[Vec3], max_passes: u32) -> Vec<Vec3> {
                     let there = link.point as usize;
                     sum += Vec3::from(link.throughput) * (direct[there] + now[there]);
                 }
-                *met + sum / WALKS as f32
+                *met + sum / node.links.len().max(1) as f32
             })
             .collect();
         now = next;
@@ -198,7 +196,7 @@ fn total_at(node: &Node, normal: Vec3, point: u32, received: &[Vec3], settings: 
     for (k, link) in node.links.iter().enumerate().filter(|(_, l)| l.point != u32::MAX) {
         let (direction, _) = begin(normal, point, k as u32, settings);
         let light = Vec3::from(link.throughput) * received[link.point as usize];
-        sum.add_scaled(&Received::from(spread(normal, direction), light), 1.0 / WALKS as f32);
+        sum.add_scaled(&Received::from(spread(normal, direction), light), 1.0 / settings.coarse_walks as f32);
     }
     Point { received: sum, weight: node.direct.weight }
 }
