@@ -104,7 +104,13 @@ fn candidates(tracer: &LightTracer<'_>, sites: &[&Site], key: &TileKey, settings
     if n == 0 {
         return Vec::new();
     }
-    let probes = if n < 5 { (0..n).collect() } else { vec![0, n / 4, n / 2, 3 * n / 4, n - 1] };
+    let probes = if n <= 2 {
+        (0..n).collect()
+    } else if n < 36 {
+        vec![0, n / 2]
+    } else {
+        vec![0, n / 4, n / 2, 3 * n / 4, n - 1]
+    };
     let (low, high) = sites.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), s| (l.min(s.position), h.max(s.position)));
     let worth: Vec<f32> = (0..emitters.len())
         .map(|i| {

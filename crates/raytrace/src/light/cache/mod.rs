@@ -86,9 +86,17 @@ impl Default for CacheSettings {
 }
 
 impl CacheSettings {
-    /// For images whose pixels are so few that their own noise outweighs that of the lattices: a third of the rays.
+    /// For images whose pixels are so few that their own noise outweighs that of the lattices: a quarter of the rays and of the coarse points.
     pub fn for_small_images() -> Self {
-        Self { coarse_rays: 24, coarse_walks: 16, direct_rays: 48, gather_walks: 80, finest_m: 0.04, ..Self::default() }
+        Self {
+            coarse_points: 20_000,
+            coarse_rays: 12,
+            coarse_walks: 12,
+            direct_rays: 40,
+            gather_walks: 64,
+            finest_m: 0.04,
+            ..Self::default()
+        }
     }
 }
 

@@ -18,7 +18,7 @@ pub(super) const OPENNESS_RAYS: u32 = 12;
 const FEW_OPENNESS_RAYS: u32 = 4;
 /// Sites at least this open are seen by others; where there are none among the first, so many more are tried.
 pub(super) const SEEN: f32 = 0.1;
-const MORE_PARTS: u32 = 24;
+const MORE_PARTS: u32 = 12;
 /// Up to this share of the view may bury a point without making it doubtful (a corner of a room has two thirds of it), and from this on
 /// it is not believed.
 const OPEN: f32 = 0.6;
