@@ -29,7 +29,7 @@ fn a_reconstruction_depends_on_its_seed_and_on_nothing_else() {
 #[test]
 fn a_dataset_is_the_same_whatever_the_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
-    let config = tiny_config(folder.path(), 3);
+    let config = tiny_cached_config(folder.path(), 3);
     let hash = |name: &str, threads: &str| {
         let out = folder.path().join(name);
         corf_ok(&["dataset", "generate", text(&config), "--out", text(&out), "--threads", threads]);

@@ -12,8 +12,8 @@ import numpy as np
 
 from .environment import ROOT, refuse
 
-# How a configuration asks for unbiased paths without a filter.
-UNBIASED = ('method = "path"', "denoise = false")
+# How a configuration asks for unbiased paths.
+UNBIASED = 'method = "path"'
 # The radio half of a dataset, as little of it as there can be.
 LITTLE_RADIO = """[rf]
 width = 8
@@ -37,47 +37,27 @@ class Corf:
         self.binary, self.threads = Path(binary).resolve(), threads
         if not self.binary.exists():
             refuse(f"{self.binary} does not exist\n  help: build it with cargo build --release, or give --corf PATH")
-        self.unbiased = None
-
-    def _run(self, *arguments):
-        call = [str(self.binary), *map(str, arguments), "--threads", str(self.threads)]
-        return subprocess.run(call, capture_output=True, text=True), " ".join(call)
 
     def run(self, *arguments):
         """Runs the command; returns standard output."""
-        done, call = self._run(*arguments)
+        call = [str(self.binary), *map(str, arguments), "--threads", str(self.threads)]
+        done = subprocess.run(call, capture_output=True, text=True)
         if done.returncode != 0:
-            refuse(f"{call}\n{done.stderr.strip()}")
+            refuse(f"{' '.join(call)}\n{done.stderr.strip()}")
         return done.stdout
 
     def export(self, room, folder):
         """`corf scene export --to mitsuba` of a room's views; returns the command's summary."""
         with tempfile.TemporaryDirectory() as scratch:
-            config = room.dataset(Path(scratch) / "views.toml", 1, 0, self._spelling(room), LITTLE_RADIO)
+            config = room.dataset(Path(scratch) / "views.toml", 1, 0, UNBIASED, LITTLE_RADIO)
             out = self.run("--json", "scene", "export", room.scene, "--to", "mitsuba", "--out", folder, "--poses", config)
         return json.loads(out)
-
-    def _spelling(self, room):
-        """The line of `[optical]` that this version understands."""
-        if self.unbiased is None:
-            with tempfile.TemporaryDirectory() as scratch:
-                for line in UNBIASED:
-                    config = room.dataset(Path(scratch) / "probe.toml", 1, 0, line, LITTLE_RADIO)
-                    done, call = self._run(
-                        "scene", "export", room.scene, "--to", "mitsuba", "--out", Path(scratch) / "x", "--poses", config
-                    )
-                    if done.returncode == 0:
-                        self.unbiased = line
-                        break
-                else:
-                    refuse(f"{call}\n{done.stderr.strip()}")
-        return self.unbiased
 
     def render(self, room, samples, seed):
         """Linear radiance of all views, (views, height, width, 3) float64, and the seconds of the whole command."""
         with tempfile.TemporaryDirectory() as scratch:
             scratch = Path(scratch)
-            config = room.dataset(scratch / "views.toml", samples, seed, self._spelling(room), LITTLE_RADIO)
+            config = room.dataset(scratch / "views.toml", samples, seed, UNBIASED, LITTLE_RADIO)
             begin = time.perf_counter()
             self.run("dataset", "generate", config, "--out", scratch / "views")
             seconds = time.perf_counter() - begin

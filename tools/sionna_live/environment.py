@@ -10,11 +10,6 @@ from importlib import metadata
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-PINNED = dict(
-    line.split("==")
-    for line in (ROOT / "tools/requirements-sionna.txt").read_text().split()
-    if re.fullmatch(r"[\w.-]+==[\d.]+", line)
-)
 TRACERS = ("sionna-rt", "mitsuba", "drjit")
 # Dr.Jit aborts with 15 and 16.
 OLDEST_LLVM = 17
@@ -26,6 +21,12 @@ LIBRARY_FOLDERS = (
     "/usr/local/lib",
     "/opt/homebrew/opt/llvm/lib",
 )
+
+
+def pins(requirements):
+    """Versions by package of a file under tools/."""
+    lines = (ROOT / "tools" / requirements).read_text().split()
+    return dict(line.split("==") for line in lines if re.fullmatch(r"[\w.-]+==[\d.]+", line))
 
 
 def refuse(message):
@@ -59,15 +60,29 @@ def find_llvm():
     return max(found)[1]
 
 
-def prepare(threads):
-    """Checks versions, points Dr.Jit at its compiler, limits its threads; returns what a report says about the machine."""
-    for package in TRACERS:
+def check_versions(packages, requirements):
+    """Refuses packages of other versions than a requirements file says; returns the versions by package."""
+    pinned = pins(requirements)
+    for package in packages:
         try:
             version = metadata.version(package)
         except metadata.PackageNotFoundError:
             version = "absent"
-        if version != PINNED[package]:
-            refuse(f"{package} is {version}, not {PINNED[package]}\n  help: pip install -r tools/requirements-sionna.txt")
+        if version != pinned[package]:
+            refuse(f"{package} is {version}, not {pinned[package]}\n  help: pip install -r tools/{requirements}")
+    return {package: pinned[package] for package in packages}
+
+
+def machine():
+    """The version of corf's sources, and the processor."""
+    git = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True)
+    cpu = re.search(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text()) if Path("/proc/cpuinfo").exists() else None
+    return {"corf": git.stdout.strip() or "unknown", "cpu": cpu.group(1) if cpu else platform.processor()}
+
+
+def prepare(threads):
+    """Checks versions, points Dr.Jit at its compiler, limits its threads; returns what a report says about the machine."""
+    versions = check_versions(TRACERS, "requirements-sionna.txt")
     os.environ["DRJIT_LIBLLVM_PATH"] = find_llvm()
     import drjit
     import mitsuba
@@ -75,13 +90,10 @@ def prepare(threads):
 
     drjit.set_thread_count(threads)
     on_cpu = mitsuba.variant().startswith("llvm")
-    git = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True)
-    cpu = re.search(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text()) if Path("/proc/cpuinfo").exists() else None
     return {
-        **{package: PINNED[package] for package in TRACERS},
+        **versions,
         "llvm": Path(os.environ["DRJIT_LIBLLVM_PATH"]).name if on_cpu else mitsuba.variant(),
         "on_cpu": on_cpu,
-        "corf": git.stdout.strip() or "unknown",
-        "cpu": cpu.group(1) if cpu else platform.processor(),
+        **machine(),
         "threads": threads,
     }

@@ -57,13 +57,22 @@ pub fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// A dataset configuration of the lobby in very small.
+/// A dataset configuration of the lobby in very small, with the few light paths of tests that do not look at images.
 pub fn tiny_config(folder: &Path, keyframes: usize) -> PathBuf {
+    write_tiny(folder, keyframes, "method = \"path\"\nsamples_per_pixel = 2\nmax_bounces = 3\n")
+}
+
+/// As [`tiny_config`], with light worked out as datasets have it by default.
+pub fn tiny_cached_config(folder: &Path, keyframes: usize) -> PathBuf {
+    write_tiny(folder, keyframes, "")
+}
+
+fn write_tiny(folder: &Path, keyframes: usize, light: &str) -> PathBuf {
     let scene = root().join("scenes/lobby.toml").canonicalize().unwrap();
     let path = folder.join("tiny.toml");
     let body = format!(
         "name = \"tiny\"\nscene = {scene:?}\nkeyframes = {keyframes}\nseed = 3\n\
-         [optical]\nwidth = 96\nheight = 54\nmethod = \"path\"\nsamples_per_pixel = 2\nmax_bounces = 3\n\
+         [optical]\nwidth = 96\nheight = 54\n{light}\
          [rf]\nwidth = 48\nheight = 32\npatch_size_m = 0.4\n"
     );
     std::fs::write(&path, body).unwrap();
@@ -75,7 +84,7 @@ pub fn tiny_dataset() -> &'static Path {
     static DATASET: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     let (_, path) = DATASET.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
-        let config = tiny_config(folder.path(), 10);
+        let config = tiny_cached_config(folder.path(), 10);
         let out = folder.path().join("dataset");
         corf_ok(&["dataset", "generate", text(&config), "--out", text(&out)]);
         (folder, out)

@@ -2,6 +2,7 @@
 
 use super::{Verdict, show};
 use crate::interrupt;
+use crate::metrics::image::psnr;
 use crate::note;
 use crate::optical_sensor::OpticalSensor;
 use crate::progress::Progress;
@@ -10,7 +11,7 @@ use clap::Args;
 use corf_raytrace::bvh::{Bvh, Ray};
 use corf_raytrace::light::{self, LightFrame, LightSettings, LightTracer};
 use corf_scene::config::DatasetConfig;
-use corf_scene::trajectory::{TrajectoryPose, generate_between};
+use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Error, Pinhole, Raster, Rigid3, Rng, Scene, io};
 use glam::DVec3;
 use serde::Serialize;
@@ -50,6 +51,8 @@ const FLAT: f32 = 0.01;
 /// A point seen from two places is the same where the depths agree to this share.
 const SAME_DEPTH: f64 = 0.005;
 
+/// Half a mean squared error, dB of PSNR.
+const HALF_DB: f64 = 10.0 * std::f64::consts::LOG10_2;
 /// Errors are shown so many times enlarged.
 const ERROR_GAIN: f64 = 8.0;
 
@@ -109,14 +112,7 @@ impl Light {
         let scene_config = config.load_scene_config()?;
         let (scene, left_out) = scene_config.load_scene_with_findings()?;
         left_out.iter().for_each(|finding| note!("{finding}"));
-        let trajectory = scene_config.trajectory.as_ref().ok_or_else(|| {
-            Error::invalid(
-                scene_config.source.display().to_string(),
-                "there is no [trajectory]",
-                "add one: views are taken along it",
-            )
-        })?;
-        let poses = generate_between(trajectory, config.keyframes, config.way)?;
+        let poses = config.poses(&scene_config)?;
         let bvh = Bvh::build(&scene);
         let start = Instant::now();
         let tracer = LightTracer::new(&scene, &bvh);
@@ -190,10 +186,53 @@ impl Light {
             HALVES.map(|key| tracer.render_pixels(&camera, &pose.world_from_camera, &settings, key + pose.index as u64, &pixels));
         let ev = sensor.exposure_ev();
         let image = light::develop_frame(&frame, ev);
-        let noise = 0.5 * mean_squared_difference(&image, &light::develop_frame(&again, ev));
+        let compared = Comparison::of(&frame, &image, &pixels, &halves, ev);
+        if let Some(folder) = &self.pictures {
+            save(folder, pose.index, &image, &pixels, &compared.errors)?;
+        }
+        let rays = frame.rays;
+        let area = (camera.width * camera.height) as f64;
+        Ok(View {
+            keyframe: pose.index,
+            seconds,
+            seconds_again,
+            noise_psnr_db: psnr(&image, &light::develop_frame(&again, ev)) + HALF_DB,
+            psnr_db: psnr_db(compared.squared_error),
+            reference_psnr_db: psnr_db(compared.reference_error),
+            radiance_ratio: compared.ratio,
+            radiance_ratio_error: compared.ratio_error,
+            two_views_difference: poses.get(at + 1).and_then(|next| {
+                let other = sensor.look(&next.world_from_camera, next.index as u64);
+                two_views(scene, bvh, &camera, [&pose.world_from_camera, &next.world_from_camera], [&frame, &other])
+            }),
+            camera_rays_a_pixel: rays.camera as f64 / area,
+            rays_a_pixel: (rays.camera + rays.bounce + rays.shadow) as f64 / area,
+            squared_error: compared.squared_error,
+        })
+    }
+}
+
+/// A pixel's radiance and lamp, as the tracer gives them.
+type Traced = ([f32; 3], [f32; 4]);
+
+/// A view beside the two halves of its reference, over the reference's pixels.
+struct Comparison {
+    /// Per pixel and channel, of sRGB values from 0 to 1.
+    errors: Vec<[f64; 3]>,
+    /// Mean squared error, the reference's noise cancelled, and that of the reference's mean.
+    squared_error: f64,
+    reference_error: f64,
+    /// Ratio of mean scattered radiance (luminance), and its standard error.
+    ratio: f64,
+    ratio_error: f64,
+}
+
+impl Comparison {
+    fn of(frame: &LightFrame, image: &Raster<[u8; 3]>, pixels: &[[usize; 2]], halves: &[Vec<Traced>; 2], ev: f32) -> Self {
+        let n = pixels.len() as f64;
         let (mut squared_error, mut reference_error) = (0.0f64, 0.0f64);
         let mut errors = vec![[0.0f64; 3]; pixels.len()];
-        let (mut own, mut its, mut ratios) = (0.0f64, 0.0f64, Vec::with_capacity(pixels.len()));
+        let mut scattered = Vec::with_capacity(pixels.len());
         for (i, &[x, y]) in pixels.iter().enumerate() {
             let [a, b] = [0, 1].map(|h| light::develop_pixel(halves[h][i].0, halves[h][i].1, ev).map(f64::from));
             let c = image[(x, y)].map(|v| f64::from(v) / 255.0);
@@ -202,61 +241,42 @@ impl Light {
                 squared_error += (c[k] - a[k]) * (c[k] - b[k]) / 3.0;
                 reference_error += (a[k] - b[k]) * (a[k] - b[k]) / 12.0;
             }
-            let scattered = |radiance: [f32; 3], lamp: [f32; 4]| {
+            let of = |(radiance, lamp): Traced| {
                 f64::from(light::luminance(std::array::from_fn::<f32, 3, _>(|k| radiance[k] - lamp[k]).into()))
             };
-            let reference = 0.5 * (scattered(halves[0][i].0, halves[0][i].1) + scattered(halves[1][i].0, halves[1][i].1));
-            let found = scattered(frame.radiance[(x, y)], frame.lamp[(x, y)]);
-            own += found;
-            its += reference;
-            ratios.push((found, reference));
+            let found = of((frame.radiance[(x, y)], frame.lamp[(x, y)]));
+            scattered.push((found, 0.5 * (of(halves[0][i]) + of(halves[1][i]))));
         }
-        let n = pixels.len() as f64;
+        let [own, its] = scattered.iter().fold([0.0; 2], |[own, its], (f, r)| [own + f, its + r]);
         let ratio = own / its;
         // Of a ratio of means: the spread of found − ratio · reference.
-        let spread_of = ratios.iter().map(|(f, r)| (f - ratio * r).powi(2)).sum::<f64>() / n;
-        if let Some(folder) = &self.pictures {
-            self.save(folder, pose.index, &image, &pixels, &errors)?;
-        }
-        let rays = frame.rays;
-        let area = (camera.width * camera.height) as f64;
-        Ok(View {
-            keyframe: pose.index,
-            seconds,
-            seconds_again,
-            noise_psnr_db: psnr_db(noise),
-            psnr_db: psnr_db(squared_error / n),
-            reference_psnr_db: psnr_db(reference_error / n),
-            radiance_ratio: ratio,
-            radiance_ratio_error: (spread_of / n).sqrt() / (its / n),
-            two_views_difference: poses.get(at + 1).and_then(|next| {
-                let other = sensor.look(&next.world_from_camera, next.index as u64);
-                two_views(scene, bvh, &camera, [&pose.world_from_camera, &next.world_from_camera], [&frame, &other])
-            }),
-            camera_rays_a_pixel: rays.camera as f64 / area,
-            rays_a_pixel: (rays.camera + rays.bounce + rays.shadow) as f64 / area,
+        let spread = scattered.iter().map(|(f, r)| (f - ratio * r).powi(2)).sum::<f64>() / n;
+        Self {
+            errors,
             squared_error: squared_error / n,
-        })
+            reference_error: reference_error / n,
+            ratio,
+            ratio_error: (spread / n).sqrt() / (its / n),
+        }
     }
+}
 
-    /// The view, and its errors where the reference was worked out, enlarged: grey where it is right, brighter where it is too bright.
-    fn save(
-        &self,
-        folder: &std::path::Path,
-        keyframe: usize,
-        image: &Raster<[u8; 3]>,
-        pixels: &[[usize; 2]],
-        errors: &[[f64; 3]],
-    ) -> Result<()> {
-        std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
-        io::write_png(folder.join(format!("{keyframe:05}.png")), image)?;
-        // The reference's pixels lie row by row, one in each part of the view.
-        let columns = pixels.windows(2).take_while(|w| w[0][0] < w[1][0]).count() + 1;
-        let of = |e: &[f64; 3]| e.map(|e| (127.5 + ERROR_GAIN * 255.0 * e).clamp(0.0, 255.0) as u8);
-        let error = Raster::from_vec(columns, pixels.len() / columns, errors.iter().map(of).collect());
-        io::write_png(folder.join(format!("{keyframe:05}-error.png")), &error)?;
-        Ok(())
-    }
+/// The view, and its errors where the reference was worked out, enlarged: grey where it is right, brighter where it is too bright.
+fn save(
+    folder: &std::path::Path,
+    keyframe: usize,
+    image: &Raster<[u8; 3]>,
+    pixels: &[[usize; 2]],
+    errors: &[[f64; 3]],
+) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
+    io::write_png(folder.join(format!("{keyframe:05}.png")), image)?;
+    // The reference's pixels lie row by row, one in each part of the view.
+    let columns = pixels.windows(2).take_while(|w| w[0][0] < w[1][0]).count() + 1;
+    let of = |e: &[f64; 3]| e.map(|e| (127.5 + ERROR_GAIN * 255.0 * e).clamp(0.0, 255.0) as u8);
+    let error = Raster::from_vec(columns, pixels.len() / columns, errors.iter().map(of).collect());
+    io::write_png(folder.join(format!("{keyframe:05}-error.png")), &error)?;
+    Ok(())
 }
 
 /// `count` pixels of an image, one in each of as many equal parts; all where it has no more.
@@ -307,7 +327,7 @@ fn two_views(
             }
             let (i, j) = (u as usize, v as usize);
             let same = [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)].iter().all(|&(i, j)| {
-                is_flat(frames[1], i.max(1), j.max(1))
+                is_flat(frames[1], i, j)
                     && (f64::from(frames[1].depth_m[(i, j)]) - there.z).abs() < SAME_DEPTH * there.z.max(1.0)
                     && frames[1].surface[(i, j)] == frames[0].surface[(x, y)]
             });
@@ -347,13 +367,6 @@ fn is_diffuse(scene: &Scene, bvh: &Bvh, from: DVec3, point: DVec3) -> bool {
         let material = &scene.materials[scene.triangles[hit.triangle as usize].material as usize].optical;
         material.roughness >= DIFFUSE_ROUGHNESS && material.metallic == 0.0 && material.transmission == 0.0
     })
-}
-
-/// Of images whose values count from 0 to 1.
-fn mean_squared_difference(a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>) -> f64 {
-    let difference = |(a, b): (&u8, &u8)| ((f64::from(*a) - f64::from(*b)) / 255.0).powi(2);
-    let values = a.pixels().iter().flatten().zip(b.pixels().iter().flatten());
-    values.map(difference).sum::<f64>() / (3 * a.pixels().len()) as f64
 }
 
 fn psnr_db(squared_error: f64) -> f64 {

@@ -21,6 +21,7 @@ mod path;
 mod sampler;
 mod surface;
 mod texture;
+mod triangle;
 
 #[cfg(test)]
 mod tests;
@@ -118,6 +119,13 @@ fn in_rows<T: Send>(
         .collect();
     let counts = rows.iter().fold(RayCounts::default(), |sum, (_, counts)| sum.and(counts));
     (Raster::from_vec(width, height, rows.into_iter().flat_map(|(row, _)| row).collect()), counts)
+}
+
+/// The ray of a pixel's film at `[dx, dy]` within it.
+fn camera_ray(camera: &Pinhole, world_from_camera: &Rigid3, x: usize, y: usize, [dx, dy]: [f32; 2]) -> Ray {
+    let toward = camera.unproject(x as f64 + f64::from(dx), y as f64 + f64::from(dy));
+    let direction = world_from_camera.transform_vector(toward.normalize()).as_vec3();
+    Ray::new(world_from_camera.translation.as_vec3(), direction)
 }
 
 impl RayCounts {
@@ -218,16 +226,13 @@ impl<'a> LightTracer<'a> {
         y: usize,
         counts: &mut RayCounts,
     ) -> Pixel {
-        let origin = world_from_camera.translation.as_vec3();
         let mut sampler = Sampler::new(settings.seed, frame_key, (y * camera.width + x) as u64);
         let mut pixel = Pixel::default();
         let n = settings.samples_per_pixel.max(1);
         for i in 0..n {
             sampler.start(i);
-            let [dx, dy] = sampler.pair(path::FILM);
-            let toward = camera.unproject(x as f64 + f64::from(dx), y as f64 + f64::from(dy));
-            let direction = world_from_camera.transform_vector(toward.normalize()).as_vec3();
-            let path = self.trace(Ray::new(origin, direction), &sampler, settings, counts);
+            let ray = camera_ray(camera, world_from_camera, x, y, sampler.pair(path::FILM));
+            let path = self.trace(ray, &sampler, settings, counts);
             let radiance = path.emitted + path.scattered;
             pixel.radiance += radiance;
             if path.emitted != Vec3::ZERO {

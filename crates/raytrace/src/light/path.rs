@@ -123,20 +123,16 @@ impl LightTracer<'_> {
                 out.add(throughput * surface.emitted * (weight * surface.coverage), straight);
             }
             let dimension = FIRST_VERTEX + PAIRS_PER_VERTEX * event;
-            let [mut fate, roulette] = sampler.pair(dimension + PAIR_FATE);
-            if surface.coverage < 1.0 {
-                // Where the surface is not, the ray goes on as if it had met nothing; where it is, what is left of the number decides.
-                if fate >= surface.coverage {
-                    ray.t_min = hit.t + super::surface::offset(surface.position);
+            let [number, roulette] = sampler.pair(dimension + PAIR_FATE);
+            let fate = surface.fate(&ray, number);
+            match fate {
+                Fate::Absent => {
+                    ray.t_min = surface.beyond(&hit);
                     continue;
                 }
-                fate /= surface.coverage;
-            }
-            let fate = surface.fate(&ray, fate);
-            match fate {
                 Fate::Passes => {
                     throughput *= surface.base_color;
-                    ray.t_min = hit.t + super::surface::offset(surface.position);
+                    ray.t_min = surface.beyond(&hit);
                     continue;
                 }
                 Fate::Mirrored => {

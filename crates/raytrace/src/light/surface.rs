@@ -74,6 +74,8 @@ pub(super) struct Surface {
 /// What becomes of a ray at a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fate {
+    /// It goes on where the surface is not there.
+    Absent,
     /// It goes on straight through a pane.
     Passes,
     /// A pane mirrors it.
@@ -173,8 +175,14 @@ impl Surface {
         }
     }
 
-    /// Draws what becomes of a ray here by a uniform number: panes pass light, mirror it, or show their base.
+    /// Draws what becomes of a ray here by a uniform number: of a blended surface a share is there, and panes pass light, mirror it, or
+    /// show their base.
     pub fn fate(&self, ray: &Ray, u: f32) -> Fate {
+        if u >= self.coverage {
+            return Fate::Absent;
+        }
+        // What is left of the number decides the rest.
+        let u = u / self.coverage;
         if self.transmission <= 0.0 {
             return Fate::Meets;
         }
@@ -185,6 +193,11 @@ impl Surface {
             u if u < through + reflectance => Fate::Mirrored,
             _ => Fate::MeetsBase,
         }
+    }
+
+    /// Where along a ray it goes on behind this hit.
+    pub fn beyond(&self, hit: &Hit) -> f32 {
+        hit.t + offset(self.position)
     }
 
     /// A ray mirrored at the geometric surface.

@@ -1,6 +1,7 @@
 //! `scenes/lobby-mini.toml` and its like: how many keyframes, which images, which spectrum, which split.
 
 use super::{SceneConfig, TransmitterConfig, read_toml};
+use crate::trajectory::{TrajectoryPose, generate_between};
 use crate::{Error, Pinhole, Result, bounds};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -344,6 +345,21 @@ impl DatasetConfig {
         config.source = path.to_path_buf();
         config.validate()?;
         Ok(config)
+    }
+
+    /// The poses of its keyframes, along the trajectory of its scene.
+    ///
+    /// # Errors
+    /// The scene file has no `[trajectory]`.
+    pub fn poses(&self, scene_config: &SceneConfig) -> Result<Vec<TrajectoryPose>> {
+        let Some(trajectory) = &scene_config.trajectory else {
+            return Err(Error::invalid(
+                scene_config.source.display().to_string(),
+                "there is no [trajectory] to place keyframes on",
+                "add [trajectory] with waypoints_m = [[x, y], ...]",
+            ));
+        };
+        generate_between(trajectory, self.keyframes, self.way)
     }
 
     /// The scene file's path, resolved against this file's folder.

@@ -5,7 +5,7 @@ use crate::config::{DatasetConfig, ReceiverConfig, SceneConfig, SpectrumKind, Sp
 use crate::keyframe::DbRange;
 use crate::model::Permittivity;
 use crate::radio_spec::RadioSpec;
-use crate::trajectory::{TrajectoryPose, generate_between};
+use crate::trajectory::TrajectoryPose;
 use crate::{Equirectangular, Error, Pinhole, Result, Rigid3, Scene, fingerprint, io};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -163,13 +163,6 @@ impl DatasetHeader {
     /// # Errors
     /// The scene file has no `[trajectory]`, or the mesh file cannot be read for its hash.
     pub fn from_configs(config: &DatasetConfig, scene_config: &SceneConfig, scene: &Scene, exposure_ev: f64) -> Result<Self> {
-        let Some(trajectory) = &scene_config.trajectory else {
-            return Err(Error::invalid(
-                scene_config.source.display().to_string(),
-                "there is no [trajectory] to place keyframes on",
-                "add [trajectory] with waypoints_m = [[x, y], ...]",
-            ));
-        };
         let mesh_path = scene_config.mesh_path();
         let mesh = io::read(&mesh_path)?;
         let stands_alone = fingerprint::stands_alone(&mesh_path, &mesh);
@@ -195,7 +188,7 @@ impl DatasetHeader {
             scene_content_sha256: (!stands_alone).then(|| fingerprint::of_scene(scene)),
             config: Some(config.clone()),
             scene: Some(scene_config.clone()),
-            poses: generate_between(trajectory, config.keyframes, config.way)?,
+            poses: config.poses(scene_config)?,
         })
     }
 

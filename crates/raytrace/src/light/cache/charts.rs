@@ -1,5 +1,6 @@
 //! The scene's surface cut into flat charts: connected coplanar triangles of one material share a plane and its coordinates.
 
+use super::super::surface::Surface;
 use super::field::TileKey;
 use corf_scene::Scene;
 use glam::{Vec2, Vec3};
@@ -135,6 +136,14 @@ impl Charts {
             });
         }
         charts
+    }
+
+    /// Where a surface that a ray met lies: its chart, the side it was met on (0 the front, 1 the back), and coordinates.
+    pub fn locate(&self, surface: &Surface, triangle: u32) -> (u32, u32, Vec2) {
+        let index = self.of_triangle[triangle as usize];
+        let chart = &self.list[index as usize];
+        let side = u32::from(surface.geometric_normal.dot(chart.normal) < 0.0);
+        (index, side, chart.coordinates(surface.position))
     }
 
     /// Unit normal of a chart on the side of a tile.

@@ -94,7 +94,7 @@ pub(super) fn fill(tracer: &LightTracer<'_>, charts: &Charts, key: &TileKey, set
         }))
     };
     let values = sites.iter().zip(&mut rngs).map(value).collect();
-    Tile { points, values, rough: 0 }
+    Tile { values, rough: 0 }
 }
 
 /// The patches that may light a tile, with how often and how to ask them.

@@ -6,6 +6,8 @@ use std::sync::OnceLock;
 
 /// Cells of a tile along each coordinate; it holds the points on its far edges too, so that it can be read by itself.
 pub(super) const TILE_CELLS: u32 = 8;
+/// Added to every point's share in an interpolation.
+const LEAST_SHARE: f32 = 1e-4;
 
 /// Light received at a point as a function of the surface's normal: `H(n) = (x y z)·n` per colour channel, exact for the normal of the
 /// surface itself and to first order for normals near it. The unit is radiance: a surface of diffuse reflectance ρ sends ρ·H.
@@ -107,8 +109,7 @@ impl Lattice {
 /// The points of a tile.
 #[derive(Debug)]
 pub(super) struct Tile {
-    /// Points along each coordinate, at most [`TILE_CELLS`] + 1.
-    pub points: UVec2,
+    /// Row by row.
     pub values: Vec<Point>,
     /// A bit per cell (`x + 8·y`): interpolation within it is likely to be poor.
     pub rough: u64,
@@ -122,7 +123,7 @@ pub(super) struct TileKey {
     pub lattice: Lattice,
     /// Indices of the tile's first point in the lattice.
     pub first: UVec2,
-    /// Points along each coordinate.
+    /// Points along each coordinate, at most [`TILE_CELLS`] + 1.
     pub points: UVec2,
     /// A number of its own: the key of its random numbers.
     pub number: u64,
@@ -177,6 +178,25 @@ impl Field {
         TileKey { chart, side, lattice, first, points, number }
     }
 
+    /// The four points around coordinates of a chart's side: the tile that holds them, the cell's place in it, and of each point its
+    /// number in the tile and its share in bilinear interpolation.
+    fn corners(&self, chart: &Chart, index: u32, side: u32, coordinates: Vec2) -> (TileKey, UVec2, [(usize, f32); 4]) {
+        let lattice = Lattice::of(chart, self.spacing_m);
+        let (cell, inside) = lattice.cell(coordinates);
+        let key = self.key(index, side, lattice, cell / TILE_CELLS);
+        let local = cell - key.first;
+        let next = (local + 1).min(key.points - 1);
+        let number = |x: u32, y: u32| (x + y * key.points.x) as usize;
+        // No point is left out altogether, so that none of four doubtful ones is read as darkness.
+        let shares = [
+            (number(local.x, local.y), (1.0 - inside.x) * (1.0 - inside.y) + LEAST_SHARE),
+            (number(next.x, local.y), inside.x * (1.0 - inside.y) + LEAST_SHARE),
+            (number(local.x, next.y), (1.0 - inside.x) * inside.y + LEAST_SHARE),
+            (number(next.x, next.y), inside.x * inside.y + LEAST_SHARE),
+        ];
+        (key, local, shares)
+    }
+
     /// The value at coordinates of a chart's side, interpolated between its lattice's points, and whether that is likely to be poor;
     /// `fill` makes tiles that nobody has asked for before.
     pub fn at(
@@ -187,56 +207,34 @@ impl Field {
         coordinates: Vec2,
         fill: impl Fn(&TileKey) -> Tile,
     ) -> (Received, bool) {
-        let lattice = Lattice::of(chart, self.spacing_m);
-        let (cell, inside) = lattice.cell(coordinates);
-        let tile_index = cell / TILE_CELLS;
-        let key = self.key(index, side, lattice, tile_index);
+        let (key, cell, shares) = self.corners(chart, index, side, coordinates);
         let tile = self.tiles[key.number as usize].get_or_init(|| Box::new(fill(&key)));
-        let local = cell - key.first;
-        let next = (local + 1).min(tile.points - 1);
-        let corner = |x: u32, y: u32| &tile.values[(x + y * tile.points.x) as usize];
         let mut sum = Received::default();
         let mut total = 0.0;
-        for (point, share) in [
-            (corner(local.x, local.y), (1.0 - inside.x) * (1.0 - inside.y)),
-            (corner(next.x, local.y), inside.x * (1.0 - inside.y)),
-            (corner(local.x, next.y), (1.0 - inside.x) * inside.y),
-            (corner(next.x, next.y), inside.x * inside.y),
-        ] {
-            // No point is left out altogether, so that none of four doubtful ones is read as darkness.
-            let weight = (share + 1e-4) * point.weight;
+        for (k, share) in shares {
+            let point = &tile.values[k];
+            let weight = share * point.weight;
             sum.add_scaled(&point.received, weight);
             total += weight;
         }
-        let rough = tile.rough >> (local.x + local.y * TILE_CELLS) & 1 == 1;
+        let rough = tile.rough >> (cell.x + cell.y * TILE_CELLS) & 1 == 1;
         (if total > 0.0 { sum.scaled(1.0 / total) } else { sum }, rough)
     }
 
     /// One of the four points around coordinates of a chart's side, drawn by its weight in the interpolation: number of its tile and of
     /// the point within. The tile is full.
     pub fn pick(&self, chart: &Chart, index: u32, side: u32, coordinates: Vec2, u: f32) -> (usize, u32) {
-        let lattice = Lattice::of(chart, self.spacing_m);
-        let (cell, inside) = lattice.cell(coordinates);
-        let key = self.key(index, side, lattice, cell / TILE_CELLS);
-        let local = cell - key.first;
-        let next = (local + 1).min(key.points - 1);
-        let number = |x: u32, y: u32| x + y * key.points.x;
-        let shares = [
-            (number(local.x, local.y), (1.0 - inside.x) * (1.0 - inside.y)),
-            (number(next.x, local.y), inside.x * (1.0 - inside.y)),
-            (number(local.x, next.y), (1.0 - inside.x) * inside.y),
-            (number(next.x, next.y), inside.x * inside.y),
-        ];
+        let (key, _, shares) = self.corners(chart, index, side, coordinates);
         let tile = self.tiles[key.number as usize].get();
-        let weights = shares.map(|(k, share)| (share + 1e-4) * tile.map_or(1.0, |t| t.values[k as usize].weight));
+        let weights = shares.map(|(k, share)| share * tile.map_or(1.0, |t| t.values[k].weight));
         let mut left = u * weights.iter().sum::<f32>();
-        for (k, weight) in weights.iter().enumerate() {
-            if left < *weight {
-                return (key.number as usize, shares[k].0);
+        for ((k, _), weight) in shares.into_iter().zip(weights) {
+            if left < weight {
+                return (key.number as usize, k as u32);
             }
             left -= weight;
         }
-        (key.number as usize, shares[0].0)
+        (key.number as usize, shares[0].0 as u32)
     }
 
     /// Mean of `value(received, normal)` over the points that are believed and not dark.
@@ -256,14 +254,9 @@ impl Field {
         (sum / count.max(1) as f64) as f32
     }
 
-    /// The tiles filled so far.
-    pub fn filled(&self) -> usize {
-        self.tiles.iter().filter(|t| t.get().is_some()).count()
-    }
-
-    /// The tile of a number, filled.
-    pub fn tile(&self, charts: &Charts, number: usize, fill: impl Fn(&TileKey) -> Tile) -> &Tile {
-        self.tiles[number].get_or_init(|| Box::new(fill(&self.key_of(charts, number))))
+    /// The tile of a number, where it is filled.
+    pub fn tile(&self, number: usize) -> Option<&Tile> {
+        self.tiles[number].get().map(Box::as_ref)
     }
 
     /// Puts a tile in place of whatever is there.

@@ -21,7 +21,7 @@ impl LightCache<'_> {
                     .map_or(Point::default(), |site| self.gather(&site, spacing_m, key.number << 8 | u64::from(k)))
             })
             .collect();
-        Tile { points, values, rough: 0 }
+        Tile { values, rough: 0 }
     }
 
     fn gather(&self, site: &Site, spacing_m: f32, point: u64) -> Point {

@@ -147,24 +147,11 @@ impl<'a> LightCache<'a> {
         Some(Self { tracer, charts, coarse, direct, indirect, mean_light, settings: *settings })
     }
 
-    /// Spacing of the coarse lattice, metres.
-    pub fn coarse_m(&self) -> f32 {
-        self.coarse.spacing_m()
-    }
-
-    /// Lattice tiles filled so far: coarse, direct, indirect.
-    pub fn tiles(&self) -> [usize; 3] {
-        let count = |fields: &[Field]| fields.iter().map(Field::filled).sum();
-        [self.coarse.filled(), count(&self.direct), count(&self.indirect)]
-    }
-
     /// Light that a surface receives, seen by a ray with a footprint of so many metres; without lights that have no extent unless the
     /// footprint is wide. The second part says whether they are in it.
     fn received(&self, surface: &Surface, triangle: u32, footprint_m: f32) -> (Received, bool) {
-        let index = self.charts.of_triangle[triangle as usize];
+        let (index, side, at) = self.charts.locate(surface, triangle);
         let chart = &self.charts.list[index as usize];
-        let side = u32::from(surface.geometric_normal.dot(chart.normal) < 0.0);
-        let at = chart.coordinates(surface.position);
         if footprint_m > self.coarse.spacing_m() {
             let (received, _) = self.coarse.at(chart, index, side, at, |_| unreachable!("the coarse lattice is full"));
             return (received, true);

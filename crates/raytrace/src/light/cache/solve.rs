@@ -6,13 +6,14 @@ use super::super::sampler::Sampler;
 use super::super::{LightTracer, RayCounts};
 use super::charts::Charts;
 use super::direct::{self, DirectSettings};
-use super::field::{Field, Point, Received, Tile, TileKey, rough_cells};
+use super::field::{Field, Point, Received, Tile, TileKey};
 use super::site::Site;
 use super::{CacheSettings, FIRST_WALK_PAIR, STAGE_SOLVE};
 use crate::bvh::Ray;
 use corf_scene::Rng;
 use glam::{Mat3, UVec2, Vec3};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Sites that stand for the surroundings of a point of the coarse lattice.
 const PARTS: u32 = 6;
@@ -56,15 +57,15 @@ pub(super) fn solve(
     }
     let direct =
         DirectSettings { seed: settings.seed, rays: settings.coarse_rays, spacing_m, parts: Some(PARTS), punctual: true };
-    let done = std::sync::atomic::AtomicUsize::new(0);
+    let done = AtomicUsize::new(0);
     let all = 2 * keys.len();
-    let stopped = std::sync::atomic::AtomicBool::new(false);
+    let stopped = AtomicBool::new(false);
     let step = || {
-        let now = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let now = 1 + done.fetch_add(1, Ordering::Relaxed);
         if now.is_multiple_of(256) && !tell(now, all) {
-            stopped.store(true, std::sync::atomic::Ordering::Relaxed);
+            stopped.store(true, Ordering::Relaxed);
         }
-        !stopped.load(std::sync::atomic::Ordering::Relaxed)
+        !stopped.load(Ordering::Relaxed)
     };
     let tiles: Vec<Option<Tile>> =
         keys.par_iter().map(|key| step().then(|| direct::fill(tracer, charts, key, &direct))).collect();
@@ -76,11 +77,11 @@ pub(super) fn solve(
         .par_iter()
         .enumerate()
         .map(|(number, key)| {
-            let tile = field.tile(charts, number, |_| unreachable!("filled above"));
             step().then(|| {
-                (0..key.points.element_product())
-                    .map(|k| {
-                        let direct = tile.values[k as usize];
+                let directs = field.tile(number).map_or(&[][..], |tile| &tile.values);
+                (0u32..)
+                    .zip(directs)
+                    .map(|(k, &direct)| {
                         let at = UVec2::new(k % key.points.x, k / key.points.x);
                         let (met, links) = walks(tracer, charts, &field, &first, key, at, first[number] + k, settings);
                         Node { direct, met, links }
@@ -93,13 +94,14 @@ pub(super) fn solve(
     let normals: Vec<Vec3> =
         keys.iter().flat_map(|key| std::iter::repeat_n(charts.normal(key), key.points.element_product() as usize)).collect();
     let passed_on = iterate(&nodes, &normals, settings.max_passes);
+    let totals: Vec<Point> = nodes
+        .par_iter()
+        .enumerate()
+        .map(|(point, node)| total_at(node, normals[point], point as u32, &passed_on, settings))
+        .collect();
     for (number, key) in keys.iter().enumerate() {
-        let range = first[number]..first[number] + key.points.element_product();
-        let normal = charts.normal(key);
-        let values: Vec<Point> =
-            range.map(|point| total_at(&nodes[point as usize], normal, point, &passed_on, settings)).collect();
-        let rough = rough_cells(key.points, &values, normal, 0.02, 0.2, 0.0);
-        field.replace(number, Tile { points: key.points, values, rough });
+        let range = first[number] as usize..(first[number] + key.points.element_product()) as usize;
+        field.replace(number, Tile { values: totals[range].to_vec(), rough: 0 });
     }
     Some(field)
 }
@@ -142,9 +144,7 @@ fn walks(
             met.add_scaled(&Received::from(spread(normal, direction), walk.light * weight), 1.0 / settings.coarse_walks as f32);
             let [number, _] = sampler.pair(1);
             walk.end.map_or(Link { point: u32::MAX, throughput: [0.0; 3] }, |end| {
-                let chart = charts.of_triangle[end.hit.triangle as usize];
-                let side = u32::from(end.surface.geometric_normal.dot(charts.list[chart as usize].normal) < 0.0);
-                let at = charts.list[chart as usize].coordinates(end.surface.position);
+                let (chart, side, at) = charts.locate(&end.surface, end.hit.triangle);
                 let (tile, k) = field.pick(&charts.list[chart as usize], chart, side, at, number);
                 Link { point: first[tile] + k, throughput: (end.throughput * weight).to_array() }
             })

@@ -7,8 +7,8 @@ use super::super::path::{
     FILM, FIRST_VERTEX, MAX_EVENTS, PAIR_CHOICES, PAIR_DIRECTION, PAIR_FATE, PAIR_LIGHT, PAIRS_PER_VERTEX, WIDE_RAY_PDF,
 };
 use super::super::sampler::Sampler;
-use super::super::surface::{Fate, Surface, offset};
-use super::super::{LightFrame, Pixel, RayCounts, in_rows, luminance};
+use super::super::surface::{Fate, Surface};
+use super::super::{LightFrame, Pixel, RayCounts, camera_ray, in_rows, luminance};
 use super::LightCache;
 use crate::bvh::Ray;
 use corf_scene::{Pinhole, Raster, Rigid3};
@@ -142,23 +142,20 @@ impl LightCache<'_> {
             };
             let surface = Surface::at(tracer.scene, tracer.cover(&hit), &ray, &hit, wide.then_some(&tracer.coarse));
             let dimension = FIRST_VERTEX + PAIRS_PER_VERTEX * event;
-            let [mut number, roulette] = sampler.pair(dimension + PAIR_FATE);
-            if surface.coverage < 1.0 {
-                if number >= surface.coverage {
-                    ray.t_min = hit.t + offset(surface.position);
-                    continue;
-                }
-                number /= surface.coverage;
-            }
-            if surface.emitted != Vec3::ZERO {
+            let [number, roulette] = sampler.pair(dimension + PAIR_FATE);
+            let fate = surface.fate(&ray, number);
+            if surface.emitted != Vec3::ZERO && fate != Fate::Absent {
                 out.add(throughput * surface.emitted * tracer.chance_weight(&surface, &ray, &hit, pdf));
                 out.lamp |= straight;
             }
-            let fate = surface.fate(&ray, number);
             match fate {
+                Fate::Absent => {
+                    ray.t_min = surface.beyond(&hit);
+                    continue;
+                }
                 Fate::Passes => {
                     throughput *= surface.base_color;
-                    ray.t_min = hit.t + offset(surface.position);
+                    ray.t_min = surface.beyond(&hit);
                     continue;
                 }
                 Fate::Mirrored => {
@@ -192,17 +189,9 @@ impl LightCache<'_> {
                     out.add(throughput * albedo * received.at(world) / axis.z);
                 }
                 if !has_punctual {
-                    out.add(
-                        throughput
-                            * self.punctual(
-                                &surface,
-                                &to_local,
-                                &bsdf,
-                                wide_highlight.is_some(),
-                                sampler.pair(dimension + PAIR_CHOICES)[1],
-                                counts,
-                            ),
-                    );
+                    let [_, choice] = sampler.pair(dimension + PAIR_CHOICES);
+                    let light = self.punctual(&surface, &to_local, &bsdf, wide_highlight.is_some(), choice, counts);
+                    out.add(throughput * light);
                 }
             }
             let keep = (HIGHLIGHT_EFFORT * bsdf.specular_share() * luminance(throughput)).clamp(LEAST_EFFORT, 1.0);
@@ -292,15 +281,12 @@ struct View<'a> {
 impl View<'_> {
     /// Follows more paths of a pixel until it has `wanted`.
     fn more(&self, mut sums: Sums, x: usize, y: usize, wanted: u32, counts: &mut RayCounts) -> Sums {
-        let origin = self.world_from_camera.translation.as_vec3();
         let mut sampler = Sampler::new(self.settings.seed, self.frame_key, (y * self.camera.width + x) as u64);
         let pixel_rad = (1.0 / self.camera.fx) as f32;
         while sums.n < wanted {
             sampler.start(sums.n);
-            let [dx, dy] = sampler.pair(FILM);
-            let toward = self.camera.unproject(x as f64 + f64::from(dx), y as f64 + f64::from(dy));
-            let direction = self.world_from_camera.transform_vector(toward.normalize()).as_vec3();
-            let seen = self.cache.follow(Ray::new(origin, direction), pixel_rad, &sampler, counts);
+            let ray = camera_ray(self.camera, self.world_from_camera, x, y, sampler.pair(FILM));
+            let seen = self.cache.follow(ray, pixel_rad, &sampler, counts);
             sums.add(&seen, self.gain);
         }
         sums

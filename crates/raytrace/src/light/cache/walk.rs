@@ -3,7 +3,7 @@
 use super::super::bsdf::Bsdf;
 use super::super::path::{MAX_EVENTS, PAIR_CHOICES, PAIR_DIRECTION, PAIR_FATE, PAIR_LIGHT, PAIRS_PER_VERTEX, power_heuristic};
 use super::super::sampler::Sampler;
-use super::super::surface::{Fate, Surface, offset};
+use super::super::surface::{Fate, Surface};
 use super::super::{LightTracer, RayCounts};
 use crate::bvh::{Hit, Ray};
 use glam::{Mat3, Vec3};
@@ -97,19 +97,16 @@ impl LightTracer<'_> {
                 out.light += throughput * surface.emitted * weight;
             }
             let dimension = first_pair + PAIRS_PER_VERTEX * event;
-            let [mut number, lobe] = sampler.pair(dimension + PAIR_FATE);
-            if surface.coverage < 1.0 {
-                if number >= surface.coverage {
-                    ray.t_min = hit.t + offset(surface.position);
-                    continue;
-                }
-                number /= surface.coverage;
-            }
+            let [number, lobe] = sampler.pair(dimension + PAIR_FATE);
             let fate = surface.fate(&ray, number);
             match fate {
+                Fate::Absent => {
+                    ray.t_min = surface.beyond(&hit);
+                    continue;
+                }
                 Fate::Passes => {
                     throughput *= surface.base_color;
-                    ray.t_min = hit.t + offset(surface.position);
+                    ray.t_min = surface.beyond(&hit);
                     continue;
                 }
                 Fate::Mirrored => {
