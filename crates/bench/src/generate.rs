@@ -2,6 +2,7 @@
 
 use crate::interrupt;
 use crate::note;
+use crate::oidn::Oidn;
 use crate::optical_sensor::OpticalSensor;
 use crate::progress::Progress;
 pub use crate::radio_sensor::diffuse_settings;
@@ -65,6 +66,8 @@ pub fn generate_from(
     check_memory(config)?;
     let plan = SensorPlan::of(config, scene_config)?;
     let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;
+    let denoiser = OpticalSensor::denoiser(config)?;
+    header.denoiser = denoiser.as_ref().map(Oidn::name);
     if out.join("dataset.json").exists() {
         let _held = claim_output(out, resume)?;
         dataset::check_finished(out, &header)?;
@@ -85,7 +88,7 @@ pub fn generate_from(
         warn_of_geometry(scene);
     }
     let light = LightTracer::new(scene, &bvh);
-    let mut camera = OpticalSensor::new(config, &light)?;
+    let mut camera = OpticalSensor::new(config, &light, denoiser)?;
     if config.optical.exposure_ev.is_none() {
         header.exposure_ev = f64::from(camera.meter(&header.poses)?);
     }

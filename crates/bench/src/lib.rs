@@ -14,6 +14,7 @@ pub mod method;
 pub mod methods;
 pub mod metrics;
 pub mod numbers;
+pub mod oidn;
 pub mod optical_sensor;
 pub mod plan;
 pub mod predictions;

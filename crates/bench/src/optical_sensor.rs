@@ -1,10 +1,11 @@
 //! The optical half of a keyframe: light at a pose, developed.
 
 use crate::interrupt;
+use crate::oidn::Oidn;
 use crate::progress::Progress;
 use anyhow::Result;
 use corf_raytrace::light::{self, CacheSettings, LightCache, LightFrame, LightSettings, LightTracer, ViewSettings};
-use corf_scene::config::{DatasetConfig, LightMethod};
+use corf_scene::config::{DatasetConfig, Denoiser, LightMethod, OpticalConfig};
 use corf_scene::dataset::FrameData;
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Error, Pinhole, Raster, Rigid3, bounds};
@@ -32,15 +33,17 @@ pub struct OpticalSensor<'a> {
     intrinsics: Pinhole,
     path: LightSettings,
     view: ViewSettings,
-    write_linear: bool,
+    denoiser: Option<Oidn>,
+    writes: OpticalConfig,
 }
 
 impl<'a> OpticalSensor<'a> {
-    /// Makes a dataset's camera ready: with cached light this solves the scene's, under a progress bar.
+    /// Makes a dataset's camera ready: with cached light this solves the scene's, under a progress bar. `denoiser` is
+    /// [`OpticalSensor::denoiser`]'s.
     ///
     /// # Errors
     /// An interrupt.
-    pub fn new(config: &DatasetConfig, tracer: &'a LightTracer<'a>) -> Result<Self> {
+    pub fn new(config: &DatasetConfig, tracer: &'a LightTracer<'a>, denoiser: Option<Oidn>) -> Result<Self> {
         let optical = &config.optical;
         let path = LightSettings {
             samples_per_pixel: optical.samples(),
@@ -61,7 +64,16 @@ impl<'a> OpticalSensor<'a> {
             exposure_ev,
             ..ViewSettings::default()
         };
-        Ok(Self { tracer, cache, intrinsics: config.optical_camera(), path, view, write_linear: optical.write_linear })
+        Ok(Self { tracer, cache, intrinsics: config.optical_camera(), path, view, denoiser, writes: *optical })
+    }
+
+    /// The noise filter that a dataset asks for.
+    ///
+    /// # Errors
+    /// It is not on this machine.
+    pub fn denoiser(config: &DatasetConfig) -> Result<Option<Oidn>> {
+        let place = || format!("{}: optical.denoiser", config.source.display());
+        Ok(config.optical.denoiser.map(|Denoiser::Oidn| Oidn::find(&place())).transpose()?)
     }
 
     /// The camera's image size and focal lengths.
@@ -80,11 +92,24 @@ impl<'a> OpticalSensor<'a> {
     }
 
     /// Radiance, depth and the rest at a pose, as a dataset's settings say. `key` (the keyframe's index) makes frames independent.
-    pub fn look(&self, world_from_camera: &Rigid3, key: u64) -> LightFrame {
-        match &self.cache {
+    ///
+    /// # Errors
+    /// Light that is not a finite number; a denoiser without memory.
+    pub fn look(&self, world_from_camera: &Rigid3, key: u64) -> Result<LightFrame> {
+        let mut frame = match &self.cache {
             Some(cache) => cache.render(&self.intrinsics, world_from_camera, &self.view, key),
             None => self.tracer.render(&self.intrinsics, world_from_camera, &self.path, key),
+        };
+        let finite = |frame: &LightFrame| match frame.radiance.pixels().iter().flatten().all(|v| v.is_finite()) {
+            true => Ok(()),
+            false => Err(not_finite(&format!("keyframe {key}: the radiance of a pixel"))),
+        };
+        finite(&frame)?;
+        if let Some(denoiser) = &self.denoiser {
+            denoiser.denoise(&mut frame)?;
+            finite(&frame)?;
         }
+        Ok(frame)
     }
 
     /// One exposure for the whole trajectory, EV: brings the geometric mean of what the platform sees to middle grey.
@@ -130,13 +155,12 @@ impl<'a> OpticalSensor<'a> {
     /// # Errors
     /// Light that is not a finite number.
     pub fn see(&self, pose: &TrajectoryPose) -> Result<FrameData> {
-        let frame = self.look(&pose.world_from_camera, frame_key(pose));
-        if frame.radiance.pixels().iter().flatten().any(|v| !v.is_finite()) {
-            return Err(not_finite(&format!("keyframe {}: the radiance of a pixel", pose.index)).into());
-        }
+        let frame = self.look(&pose.world_from_camera, frame_key(pose))?;
         Ok(FrameData {
             image: light::develop_frame(&frame, self.exposure_ev()),
-            linear: self.write_linear.then_some(frame.radiance),
+            linear: self.writes.write_linear.then_some(frame.radiance),
+            albedo: self.writes.write_albedo.then_some(frame.albedo),
+            normals: self.writes.write_normals.then_some(frame.normal),
             depth_m: Some(frame.depth_m),
             surface: Some(frame.surface),
             spectrum: Raster::filled(0, 0, 0.0),

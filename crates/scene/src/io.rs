@@ -166,18 +166,24 @@ fn corrupt(path: &Path, kind: &str, e: impl std::fmt::Display) -> Error {
 /// # Errors
 /// An image without pixels.
 pub fn encode_png(image: &Raster<[u8; 3]>) -> Result<Vec<u8>> {
+    png_bytes(image.pixels().as_flattened(), image.width(), image.height(), image::ColorType::Rgb8)
+}
+
+/// Encodes 16-bit grey as PNG.
+///
+/// # Errors
+/// An image without pixels.
+pub fn encode_png16(image: &Raster<u16>) -> Result<Vec<u8>> {
+    let samples: Vec<u8> = image.pixels().iter().flat_map(|v| v.to_ne_bytes()).collect();
+    png_bytes(&samples, image.width(), image.height(), image::ColorType::L16)
+}
+
+/// A PNG of samples in the machine's byte order.
+fn png_bytes(samples: &[u8], width: usize, height: usize, color: image::ColorType) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    image::write_buffer_with_format(
-        &mut Cursor::new(&mut bytes),
-        image.pixels().as_flattened(),
-        image.width() as u32,
-        image.height() as u32,
-        image::ColorType::Rgb8,
-        image::ImageFormat::Png,
-    )
-    .map_err(|e| {
-        Error::invalid("PNG", format!("cannot encode {}x{}: {e}", image.width(), image.height()), "give an image with pixels")
-    })?;
+    let format = image::ImageFormat::Png;
+    image::write_buffer_with_format(&mut Cursor::new(&mut bytes), samples, width as u32, height as u32, color, format)
+        .map_err(|e| Error::invalid("PNG", format!("cannot encode {width}x{height}: {e}"), "give an image with pixels"))?;
     Ok(bytes)
 }
 

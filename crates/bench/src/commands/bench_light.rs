@@ -6,13 +6,14 @@ use crate::metrics::image::psnr;
 use crate::note;
 use crate::optical_sensor::OpticalSensor;
 use crate::progress::Progress;
+use crate::run::claim_fresh;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::{Bvh, Ray};
 use corf_raytrace::light::{self, LightFrame, LightSettings, LightTracer};
 use corf_scene::config::DatasetConfig;
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Error, Pinhole, Raster, Rigid3, Rng, Scene, io};
+use corf_scene::{Pinhole, Raster, Rigid3, Rng, Scene, io};
 use glam::DVec3;
 use serde::Serialize;
 use std::fmt::Write;
@@ -112,11 +113,13 @@ impl Light {
         let scene_config = config.load_scene_config()?;
         let (scene, left_out) = scene_config.load_scene_with_findings()?;
         left_out.iter().for_each(|finding| note!("{finding}"));
+        let denoiser = OpticalSensor::denoiser(&config)?;
+        let _held = self.pictures.as_deref().map(claim_fresh).transpose()?;
         let poses = config.poses(&scene_config)?;
         let bvh = Bvh::build(&scene);
         let start = Instant::now();
         let tracer = LightTracer::new(&scene, &bvh);
-        let mut sensor = OpticalSensor::new(&config, &tracer)?;
+        let mut sensor = OpticalSensor::new(&config, &tracer, denoiser)?;
         let prepare_seconds = start.elapsed().as_secs_f64();
         let exposure_ev = match config.optical.exposure_ev {
             Some(ev) => ev as f32,
@@ -168,11 +171,11 @@ impl Light {
         let camera = *sensor.intrinsics();
         let pose = &poses[at];
         let start = Instant::now();
-        let frame = sensor.look(&pose.world_from_camera, pose.index as u64);
+        let frame = sensor.look(&pose.world_from_camera, pose.index as u64)?;
         let seconds = start.elapsed().as_secs_f64();
 
         let start = Instant::now();
-        let again = sensor.look(&pose.world_from_camera, AGAIN + pose.index as u64);
+        let again = sensor.look(&pose.world_from_camera, AGAIN + pose.index as u64)?;
         let seconds_again = start.elapsed().as_secs_f64();
 
         let pixels = spread(camera.width, camera.height, self.reference_pixels as usize, pose.index as u64);
@@ -190,6 +193,11 @@ impl Light {
         if let Some(folder) = &self.pictures {
             save(folder, pose.index, &image, &pixels, &compared.errors)?;
         }
+        let next = poses.get(at + 1).map(|next| &next.world_from_camera);
+        let other = next.map(|pose| sensor.look(pose, at as u64 + 1)).transpose()?;
+        let two_views_difference = next
+            .zip(other)
+            .and_then(|(next, other)| two_views(scene, bvh, &camera, [&pose.world_from_camera, next], [&frame, &other]));
         let rays = frame.rays;
         let area = (camera.width * camera.height) as f64;
         Ok(View {
@@ -201,10 +209,7 @@ impl Light {
             reference_psnr_db: psnr_db(compared.reference_error),
             radiance_ratio: compared.ratio,
             radiance_ratio_error: compared.ratio_error,
-            two_views_difference: poses.get(at + 1).and_then(|next| {
-                let other = sensor.look(&next.world_from_camera, next.index as u64);
-                two_views(scene, bvh, &camera, [&pose.world_from_camera, &next.world_from_camera], [&frame, &other])
-            }),
+            two_views_difference,
             camera_rays_a_pixel: rays.camera as f64 / area,
             rays_a_pixel: (rays.camera + rays.bounce + rays.shadow) as f64 / area,
             squared_error: compared.squared_error,
@@ -269,7 +274,6 @@ fn save(
     pixels: &[[usize; 2]],
     errors: &[[f64; 3]],
 ) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
     io::write_png(folder.join(format!("{keyframe:05}.png")), image)?;
     // The reference's pixels lie row by row, one in each part of the view.
     let columns = pixels.windows(2).take_while(|w| w[0][0] < w[1][0]).count() + 1;

@@ -60,12 +60,24 @@ pub struct OpticalConfig {
     /// Exposure, EV (radiance × 2^EV); without it one exposure for the whole trajectory is metered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure_ev: Option<f64>,
+    /// What takes the noise out of images of the method `path`. Default: nothing does, and they are unbiased.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub denoiser: Option<Denoiser>,
     /// Datasets of earlier versions say `true` where a filter went over their images; it can be read of, not asked for. Default false.
     #[serde(default, skip_serializing_if = "is_false")]
     pub denoise: bool,
     /// Also write linear radiance as EXR. Default false.
     #[serde(default)]
     pub write_linear: bool,
+    /// Also write the reflectance of what is seen first, a denoiser's guide, as EXR. Default false.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub write_albedo: bool,
+    /// Also write the normals of what is seen first, a denoiser's guide, as EXR. Default false.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub write_normals: bool,
+    /// Also write depth in millimetres as 16-bit PNG. Default false.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub write_depth_png: bool,
 }
 
 impl OpticalConfig {
@@ -88,6 +100,14 @@ pub enum LightMethod {
     Cached,
     /// Every pixel by itself, by unbiased path tracing: the reference.
     Path,
+}
+
+/// Noise filters, which are programs of others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Denoiser {
+    /// Intel Open Image Denoise, guided by albedo and normals.
+    Oidn,
 }
 
 fn is_false(value: &bool) -> bool {
@@ -439,7 +459,15 @@ impl DatasetConfig {
             return fail(
                 "optical.denoise",
                 "the filter that it asked for is gone".into(),
-                "leave it out: method = \"cached\", the default, has little noise, and method = \"path\" is unbiased with more samples",
+                "leave it out: method = \"cached\", the default, has little noise; with method = \"path\" there is denoiser = \"oidn\"",
+            );
+        }
+        if self.optical.denoiser.is_some() && self.optical.method != LightMethod::Path {
+            return fail(
+                "optical.denoiser",
+                "cached light has little noise, and of one surface the same in all keyframes; a filter would make it differ"
+                    .into(),
+                "leave it out, or set method = \"path\"",
             );
         }
         if let Some(exposure_ev) = self.optical.exposure_ev {

@@ -9,6 +9,6 @@ mod lobe;
 mod scene;
 
 pub use antenna::{AntennaPattern, BeamConfig, Orientation, Polarization, RearHalfSpace, ReceiverConfig, TransmitterConfig};
-pub use dataset::{DatasetConfig, LightMethod, OpticalConfig, RfConfig, SpectrumKind, SplitConfig};
+pub use dataset::{DatasetConfig, Denoiser, LightMethod, OpticalConfig, RfConfig, SpectrumKind, SplitConfig};
 pub use load::{from_toml, nearest, read_toml};
 pub use scene::{RadioConfig, SceneConfig, SceneFile, UpAxis};

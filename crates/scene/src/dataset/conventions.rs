@@ -83,17 +83,42 @@ fn optical(header: &DatasetHeader) -> Vec<(&'static str, String)> {
         Some(LightMethod::Path) => "path: unbiased path tracing of every pixel by itself; what is off is noise",
         None => "unknown",
     };
+    let light = match &header.denoiser {
+        Some(name) => {
+            format!(
+                "{light}, taken out by {name} with albedo and normals: biased, and on processors of another kind by other roundings"
+            )
+        }
+        None => light.to_string(),
+    };
     vec![
-        ("light", light.into()),
+        ("light", light),
         (
             "lamps",
             "a pixel's paths that see an emitter straight are developed apart from the others and mixed by their shares".into(),
         ),
-        ("image", "8-bit sRGB (IEC 61966-2-1), exposed alike in all keyframes, no tone curve".into()),
-        ("exposure", format!("radiance x 2^{} before the sRGB transfer function", header.exposure_ev)),
+        ("image", "8-bit sRGB (IEC 61966-2-1), exposed and developed alike in all keyframes".into()),
+        (
+            "exposure",
+            format!(
+                "x = radiance x 2^{}; linear up to the knee 0.6, above it highlights roll off as 0.6 + 0.4 (1 - exp(-(x - 0.6)/0.4)); then \
+                 the sRGB transfer function",
+                header.exposure_ev
+            ),
+        ),
         ("linear", "linear radiance, Rec. 709 primaries, float32, channels R G B, before exposure (where written)".into()),
         ("depth", "z-depth (along the optical axis, not along the ray), metres, float32, channel Z".into()),
         ("depth_empty", "0 where nothing was hit".into()),
+        (
+            "depth_png",
+            "optical/depth_mm: the same depth in whole millimetres, 16 bit; 0 where nothing was hit or beyond 65.535 m (where written)".into(),
+        ),
+        (
+            "guides",
+            "optical/albedo: total reflectance, optical/normals: shading normal in the world frame, each of what the pixel sees first through \
+             panes, mean over the pixel's paths (so normals are shorter than 1 across edges), EXR, float32, R G B (where written)"
+                .into(),
+        ),
         ("surface", "index into header.objects, uint32, channel id; 4294967295 where nothing was hit".into()),
     ]
 }

@@ -33,6 +33,9 @@ pub struct DatasetHeader {
     pub sphere: Option<Equirectangular>,
     /// Exposure the images were developed with, EV.
     pub exposure_ev: f64,
+    /// The filter that took noise out of the images, with its version, where one did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub denoiser: Option<String>,
     /// Carrier, Hz.
     pub frequency_hz: f64,
     /// The fixed transmitter, if known.
@@ -173,6 +176,7 @@ impl DatasetHeader {
             rf_camera: config.rf_camera(),
             sphere: config.rf.sphere.map(|[width, height]| Equirectangular { width, height }),
             exposure_ev: config.optical.exposure_ev.unwrap_or(exposure_ev),
+            denoiser: None,
             frequency_hz: scene_config.radio.frequency_hz,
             transmitter: Some(*config.transmitter_of(scene_config)?),
             receiver: scene_config.receiver,

@@ -26,6 +26,16 @@ pub(super) fn depth(index: usize) -> String {
 pub(super) fn surface(index: usize) -> String {
     format!("optical/surfaces/{}.exr", stem(index))
 }
+pub(super) fn albedo(index: usize) -> String {
+    format!("optical/albedo/{}.exr", stem(index))
+}
+pub(super) fn normals(index: usize) -> String {
+    format!("optical/normals/{}.exr", stem(index))
+}
+/// Not called as the image is: readers that match images by their last letters would take it for one.
+pub(super) fn depth_png(index: usize) -> String {
+    format!("optical/depth_mm/{}_depth.png", stem(index))
+}
 pub(super) fn spectrum(index: usize) -> String {
     format!("rf/spectra/{}.exr", stem(index))
 }

@@ -207,11 +207,23 @@ impl Dataset {
     /// # Errors
     /// As [`Dataset::keyframe`].
     pub fn linear(&self, index: usize) -> Result<Option<Raster<[f32; 3]>>> {
-        let name = layout::linear(index);
-        if !self.file.files.contains_key(&name) {
+        self.rgb(index, &layout::linear(index))
+    }
+
+    /// A denoiser's guides of keyframe `index`, where the dataset keeps them: the mean reflectance of what each pixel sees first, and its
+    /// mean shading normal in the world frame.
+    ///
+    /// # Errors
+    /// As [`Dataset::keyframe`].
+    pub fn guides(&self, index: usize) -> Result<[Option<Raster<[f32; 3]>>; 2]> {
+        Ok([self.rgb(index, &layout::albedo(index))?, self.rgb(index, &layout::normals(index))?])
+    }
+
+    fn rgb(&self, index: usize, name: &str) -> Result<Option<Raster<[f32; 3]>>> {
+        if !self.file.files.contains_key(name) {
             return Ok(None);
         }
-        self.sized(index, &name, &self.optical_camera(), own_file(&self.dir, &name).and_then(io::read_exr_rgb)).map(Some)
+        self.sized(index, name, &self.optical_camera(), own_file(&self.dir, name).and_then(io::read_exr_rgb)).map(Some)
     }
 
     /// Gives a raster of the camera's size on, and names the keyframe in what went wrong otherwise.

@@ -30,6 +30,7 @@ fn header() -> DatasetHeader {
         rf_camera: Pinhole::from_horizontal_fov(12, 8, 90.0),
         sphere: Some(Equirectangular { width: 6, height: 3 }),
         exposure_ev: 0.5,
+        denoiser: None,
         frequency_hz: 60e9,
         transmitter: None,
         receiver: ReceiverConfig::default(),
@@ -53,6 +54,8 @@ fn frame(index: usize) -> FrameData {
     FrameData {
         image: Raster::from_fn(16, 9, |x, y| [x as u8 * 10, y as u8 * 20, index as u8]),
         linear: Some(Raster::from_fn(16, 9, |x, y| [x as f32, y as f32, index as f32])),
+        albedo: Some(Raster::from_fn(16, 9, |x, y| [x as f32 / 16.0, y as f32 / 9.0, 0.5])),
+        normals: Some(Raster::filled(16, 9, [0.0, 0.0, 1.0])),
         depth_m: Some(Raster::from_fn(16, 9, |x, y| if y == 0 { f32::INFINITY } else { 1.0 + x as f32 / 4.0 })),
         surface: Some(Raster::from_fn(16, 9, |x, y| if y == 0 { u32::MAX } else { (x % 2) as u32 })),
         // Peak of the dataset: keyframe 7, 2e-6 = −56.99 dB.
@@ -90,6 +93,7 @@ fn what_is_written_is_read() {
         assert_eq!(k.depth_m.unwrap(), f.depth_m.unwrap().map(|d| if d.is_finite() { *d } else { 0.0 }));
         assert_eq!((k.index, k.world_from_camera), (i, poses()[i].world_from_camera));
         assert_eq!(dataset.linear(i).unwrap(), f.linear);
+        assert_eq!(dataset.guides(i).unwrap(), [f.albedo, f.normals]);
     }
     assert!(text(dataset.keyframe(COUNT).unwrap_err()).contains("keyframe 10"));
     let findings = validate(dir.path()).unwrap();
@@ -203,6 +207,8 @@ fn frames_that_are_no_measurements_are_refused() {
     refused(&|f| f.spectrum[(2, 3)] = -1e-12, "pixel (2, 3)");
     refused(&|f| f.depth_m.as_mut().unwrap()[(1, 1)] = f32::NAN, "pixel (1, 1)");
     refused(&|f| f.linear.as_mut().unwrap()[(1, 1)][2] = f32::INFINITY, "linear");
+    refused(&|f| f.albedo = Some(Raster::filled(9, 16, [0.0; 3])), "albedo");
+    refused(&|f| f.normals.as_mut().unwrap()[(1, 1)][2] = f32::NAN, "normals");
     assert!(writer.write_frame(COUNT, &frame(0)).is_err());
     let mut bad = header();
     bad.poses[4].world_from_camera.translation.y = f64::NAN;

@@ -21,6 +21,10 @@ pub struct FrameData {
     pub image: Raster<[u8; 3]>,
     /// Linear radiance, if it is to be kept.
     pub linear: Option<Raster<[f32; 3]>>,
+    /// Mean reflectance of what each pixel sees first, if it is to be kept.
+    pub albedo: Option<Raster<[f32; 3]>>,
+    /// Mean shading normal of what each pixel sees first, world frame, if it is to be kept.
+    pub normals: Option<Raster<[f32; 3]>>,
     /// z-depth, metres; 0 or infinite where nothing was hit (0 is written).
     pub depth_m: Option<Raster<f32>>,
     /// Object index, `u32::MAX` where nothing was hit.
@@ -35,6 +39,23 @@ pub struct FrameData {
     pub share_in_frame: Option<f64>,
     /// Propagation paths, one JSON object a line.
     pub paths_jsonl: Option<String>,
+}
+
+impl FrameData {
+    /// The float images of three channels, each with its file's name.
+    fn linear_light(&self, index: usize) -> [(String, Option<&Raster<[f32; 3]>>); 3] {
+        [
+            (layout::linear(index), self.linear.as_ref()),
+            (layout::albedo(index), self.albedo.as_ref()),
+            (layout::normals(index), self.normals.as_ref()),
+        ]
+    }
+}
+
+/// A depth for a 16-bit image: whole millimetres, 0 where there is none or where it is too far to be written.
+fn millimetres(depth_m: f32) -> u16 {
+    let millimetres = (1e3 * depth_m).round();
+    if millimetres <= f32::from(u16::MAX) { millimetres as u16 } else { 0 }
 }
 
 /// What is remembered of a finished keyframe until the dataset is.
@@ -183,11 +204,16 @@ impl DatasetWriter {
             Ok(())
         };
         put(layout::image(index), io::encode_png(&frame.image)?)?;
-        if let Some(linear) = &frame.linear {
-            put(layout::linear(index), io::encode_exr_rgb(linear)?)?;
+        for (name, colors) in frame.linear_light(index) {
+            if let Some(colors) = colors {
+                put(name, io::encode_exr_rgb(colors)?)?;
+            }
         }
         if let Some(depth) = &frame.depth_m {
             put(layout::depth(index), io::encode_exr_f32(&depth.map(|d| if d.is_finite() { *d } else { 0.0 }), "Z")?)?;
+            if self.header.config.as_ref().is_some_and(|c| c.optical.write_depth_png) {
+                put(layout::depth_png(index), io::encode_png16(&depth.map(|d| millimetres(*d)))?)?;
+            }
         }
         if let Some(surface) = &frame.surface {
             put(layout::surface(index), io::encode_exr_u32(surface)?)?;
@@ -213,6 +239,8 @@ impl DatasetWriter {
         let optical = [
             ("image", Some((frame.image.width(), frame.image.height()))),
             ("linear", frame.linear.as_ref().map(|l| (l.width(), l.height()))),
+            ("albedo", frame.albedo.as_ref().map(|a| (a.width(), a.height()))),
+            ("normals", frame.normals.as_ref().map(|n| (n.width(), n.height()))),
             ("depth_m", frame.depth_m.as_ref().map(|d| (d.width(), d.height()))),
             ("surface", frame.surface.as_ref().map(|s| (s.width(), s.height()))),
         ];
@@ -239,10 +267,14 @@ impl DatasetWriter {
         if let Some(share) = frame.share_in_frame.filter(|s| !(0.0..=1.0).contains(s)) {
             return Err(Error::invalid(format!("{place}: share_in_frame"), format!("{share}"), "a share lies in 0 to 1"));
         }
-        if let Some(linear) = &frame.linear
-            && linear.pixels().iter().flatten().any(|v| !v.is_finite())
-        {
-            return Err(Error::invalid(format!("{place}: linear"), "a value is not finite", "this is a defect of the renderer"));
+        for (name, colors) in [("linear", &frame.linear), ("albedo", &frame.albedo), ("normals", &frame.normals)] {
+            if colors.as_ref().is_some_and(|c| c.pixels().iter().flatten().any(|v| !v.is_finite())) {
+                return Err(Error::invalid(
+                    format!("{place}: {name}"),
+                    "a value is not finite",
+                    "this is a defect of the renderer",
+                ));
+            }
         }
         if let Some(i) = frame.depth_m.as_ref().and_then(|d| d.pixels().iter().position(|v| v.is_nan() || *v < 0.0)) {
             return Err(Error::invalid(
