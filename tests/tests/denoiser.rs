@@ -8,7 +8,7 @@
 mod common;
 
 use common::{command, corf_ok, corf_refuses, root, text};
-use corf_scene::Raster;
+use corf_bench::metrics::image::psnr;
 use corf_scene::dataset::Dataset;
 use std::path::{Path, PathBuf};
 
@@ -74,18 +74,6 @@ fn guides_and_millimetres_are_what_is_seen() {
         let depth_m = dataset.keyframe(1).unwrap().depth_m.unwrap();
         assert!(depth_m.pixels().iter().zip(millimetres.as_raw()).all(|(m, mm)| (1e3 * m - f32::from(*mm)).abs() <= 0.501));
     }
-}
-
-/// Mean squared difference of 8-bit images, as PSNR in dB.
-fn psnr(a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>) -> f64 {
-    let squares: f64 = a
-        .pixels()
-        .as_flattened()
-        .iter()
-        .zip(b.pixels().as_flattened())
-        .map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2))
-        .sum();
-    10.0 * (255.0 * 255.0 * (3 * a.pixels().len()) as f64 / squares).log10()
 }
 
 #[test]

@@ -66,7 +66,8 @@ impl Oidn {
         let scattered = frame.radiance.pixels().iter().zip(straight).map(|(r, l)| std::array::from_fn(|c| r[c] - l[c]));
         let (width, height) = (frame.radiance.width(), frame.radiance.height());
         let noisy: Raster<[f32; 3]> = Raster::from_vec(width, height, scattered.collect());
-        let clean = self.filter(&noisy, &frame.albedo, &frame.normal).map_err(|what| refused("denoising", what))?;
+        let failed = |what| Error::invalid("denoising", what, "give fewer pixels, or leave `denoiser` out");
+        let clean = self.filter(&noisy, &frame.albedo, &frame.normal).map_err(failed)?;
         let whole = clean.iter().zip(straight).map(|(c, l)| std::array::from_fn(|i| c[i].max(0.0) + l[i]));
         frame.radiance = Raster::from_vec(width, height, whole.collect());
         Ok(())

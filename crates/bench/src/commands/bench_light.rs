@@ -193,11 +193,13 @@ impl Light {
         if let Some(folder) = &self.pictures {
             save(folder, pose.index, &image, &pixels, &compared.errors)?;
         }
-        let next = poses.get(at + 1).map(|next| &next.world_from_camera);
-        let other = next.map(|pose| sensor.look(pose, at as u64 + 1)).transpose()?;
-        let two_views_difference = next
-            .zip(other)
-            .and_then(|(next, other)| two_views(scene, bvh, &camera, [&pose.world_from_camera, next], [&frame, &other]));
+        let two_views_difference = match poses.get(at + 1) {
+            Some(next) => {
+                let other = sensor.look(&next.world_from_camera, next.index as u64)?;
+                two_views(scene, bvh, &camera, [&pose.world_from_camera, &next.world_from_camera], [&frame, &other])
+            }
+            None => None,
+        };
         let rays = frame.rays;
         let area = (camera.width * camera.height) as f64;
         Ok(View {

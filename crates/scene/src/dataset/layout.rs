@@ -14,23 +14,22 @@ pub(super) const TUTORIAL_ROOT: &str = "rf-tutorial";
 /// One record a finished keyframe; gone once `dataset.json` is there.
 pub(super) const PROGRESS_DIR: &str = "progress";
 
+pub(super) const LINEAR: &str = "linear";
+pub(super) const ALBEDO: &str = "albedo";
+pub(super) const NORMALS: &str = "normals";
+
 pub(super) fn image(index: usize) -> String {
     format!("optical/images/{}.png", stem(index))
 }
-pub(super) fn linear(index: usize) -> String {
-    format!("optical/linear/{}.exr", stem(index))
+/// A float image of three channels: [`LINEAR`], [`ALBEDO`] or [`NORMALS`].
+pub(super) fn float_image(name: &str, index: usize) -> String {
+    format!("optical/{name}/{}.exr", stem(index))
 }
 pub(super) fn depth(index: usize) -> String {
     format!("optical/depth/{}.exr", stem(index))
 }
 pub(super) fn surface(index: usize) -> String {
     format!("optical/surfaces/{}.exr", stem(index))
-}
-pub(super) fn albedo(index: usize) -> String {
-    format!("optical/albedo/{}.exr", stem(index))
-}
-pub(super) fn normals(index: usize) -> String {
-    format!("optical/normals/{}.exr", stem(index))
 }
 /// Not called as the image is: readers that match images by their last letters would take it for one.
 pub(super) fn depth_png(index: usize) -> String {

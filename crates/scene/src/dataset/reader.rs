@@ -207,7 +207,7 @@ impl Dataset {
     /// # Errors
     /// As [`Dataset::keyframe`].
     pub fn linear(&self, index: usize) -> Result<Option<Raster<[f32; 3]>>> {
-        self.rgb(index, &layout::linear(index))
+        self.float_image(index, layout::LINEAR)
     }
 
     /// A denoiser's guides of keyframe `index`, where the dataset keeps them: the mean reflectance of what each pixel sees first, and its
@@ -216,14 +216,15 @@ impl Dataset {
     /// # Errors
     /// As [`Dataset::keyframe`].
     pub fn guides(&self, index: usize) -> Result<[Option<Raster<[f32; 3]>>; 2]> {
-        Ok([self.rgb(index, &layout::albedo(index))?, self.rgb(index, &layout::normals(index))?])
+        Ok([self.float_image(index, layout::ALBEDO)?, self.float_image(index, layout::NORMALS)?])
     }
 
-    fn rgb(&self, index: usize, name: &str) -> Result<Option<Raster<[f32; 3]>>> {
-        if !self.file.files.contains_key(name) {
+    fn float_image(&self, index: usize, name: &str) -> Result<Option<Raster<[f32; 3]>>> {
+        let name = layout::float_image(name, index);
+        if !self.file.files.contains_key(&name) {
             return Ok(None);
         }
-        self.sized(index, name, &self.optical_camera(), own_file(&self.dir, name).and_then(io::read_exr_rgb)).map(Some)
+        self.sized(index, &name, &self.optical_camera(), own_file(&self.dir, &name).and_then(io::read_exr_rgb)).map(Some)
     }
 
     /// Gives a raster of the camera's size on, and names the keyframe in what went wrong otherwise.

@@ -42,13 +42,10 @@ pub struct FrameData {
 }
 
 impl FrameData {
-    /// The float images of three channels, each with its file's name.
-    fn linear_light(&self, index: usize) -> [(String, Option<&Raster<[f32; 3]>>); 3] {
-        [
-            (layout::linear(index), self.linear.as_ref()),
-            (layout::albedo(index), self.albedo.as_ref()),
-            (layout::normals(index), self.normals.as_ref()),
-        ]
+    /// The float images of three channels that are to be kept, with their names.
+    fn float_images(&self) -> impl Iterator<Item = (&'static str, &Raster<[f32; 3]>)> {
+        let all = [(layout::LINEAR, &self.linear), (layout::ALBEDO, &self.albedo), (layout::NORMALS, &self.normals)];
+        all.into_iter().filter_map(|(name, image)| Some((name, image.as_ref()?)))
     }
 }
 
@@ -204,10 +201,8 @@ impl DatasetWriter {
             Ok(())
         };
         put(layout::image(index), io::encode_png(&frame.image)?)?;
-        for (name, colors) in frame.linear_light(index) {
-            if let Some(colors) = colors {
-                put(name, io::encode_exr_rgb(colors)?)?;
-            }
+        for (name, image) in frame.float_images() {
+            put(layout::float_image(name, index), io::encode_exr_rgb(image)?)?;
         }
         if let Some(depth) = &frame.depth_m {
             put(layout::depth(index), io::encode_exr_f32(&depth.map(|d| if d.is_finite() { *d } else { 0.0 }), "Z")?)?;
@@ -238,13 +233,11 @@ impl DatasetWriter {
         let (o, r) = (&self.header.optical_camera, &self.header.rf_camera);
         let optical = [
             ("image", Some((frame.image.width(), frame.image.height()))),
-            ("linear", frame.linear.as_ref().map(|l| (l.width(), l.height()))),
-            ("albedo", frame.albedo.as_ref().map(|a| (a.width(), a.height()))),
-            ("normals", frame.normals.as_ref().map(|n| (n.width(), n.height()))),
             ("depth_m", frame.depth_m.as_ref().map(|d| (d.width(), d.height()))),
             ("surface", frame.surface.as_ref().map(|s| (s.width(), s.height()))),
         ];
-        let optical = optical.into_iter().map(|(n, s)| (n, s, (o.width, o.height)));
+        let floats = frame.float_images().map(|(name, image)| (name, Some((image.width(), image.height()))));
+        let optical = optical.into_iter().chain(floats).map(|(n, s)| (n, s, (o.width, o.height)));
         let sphere = self.header.sphere.map_or((0, 0), |s| (s.width, s.height));
         let rf = [
             ("spectrum", Some((frame.spectrum.width(), frame.spectrum.height())), (r.width, r.height)),
@@ -267,8 +260,8 @@ impl DatasetWriter {
         if let Some(share) = frame.share_in_frame.filter(|s| !(0.0..=1.0).contains(s)) {
             return Err(Error::invalid(format!("{place}: share_in_frame"), format!("{share}"), "a share lies in 0 to 1"));
         }
-        for (name, colors) in [("linear", &frame.linear), ("albedo", &frame.albedo), ("normals", &frame.normals)] {
-            if colors.as_ref().is_some_and(|c| c.pixels().iter().flatten().any(|v| !v.is_finite())) {
+        for (name, image) in frame.float_images() {
+            if image.pixels().iter().flatten().any(|v| !v.is_finite()) {
                 return Err(Error::invalid(
                     format!("{place}: {name}"),
                     "a value is not finite",
