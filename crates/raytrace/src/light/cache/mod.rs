@@ -86,15 +86,16 @@ impl Default for CacheSettings {
 }
 
 impl CacheSettings {
-    /// For images whose pixels are so few that their own noise outweighs that of the lattices: a quarter of the rays and of the coarse points.
+    /// For images of few pixels, which are noisier themselves: half the rays and coarse points, and direct lattices of 2 cm at the finest. With
+    /// 4 cm there, the lobby loses 0.5 % of its light; with a quarter of the rays, walls are blotched.
     pub fn for_small_images() -> Self {
         Self {
             coarse_points: 20_000,
-            coarse_rays: 12,
-            coarse_walks: 12,
-            direct_rays: 40,
-            gather_walks: 64,
-            finest_m: 0.04,
+            coarse_rays: 24,
+            coarse_walks: 24,
+            direct_rays: 100,
+            gather_walks: 160,
+            finest_m: 0.02,
             ..Self::default()
         }
     }
