@@ -7,7 +7,7 @@ use crate::input::Input;
 use crate::plan::Plan;
 use crate::record::Outcome;
 use crate::run::claim_output;
-use crate::{commands, generate, interrupt, suite, table};
+use crate::{commands, generate, interrupt, suite};
 use anyhow::{Context, Result};
 use clap::Args;
 use corf_scene::config::DatasetConfig;
@@ -55,7 +55,7 @@ impl Demo {
         let written = suite::run(&plan, &input, &self.out, &backend)?;
         let text = format!(
             "\n{}\ntable:  {}\nreport: {}\nall of it in {:.0} s",
-            table::plain(&table::rows(&written.records)),
+            written.text(),
             written.table.display(),
             written.report.display(),
             start.elapsed().as_secs_f64()

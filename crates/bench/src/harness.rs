@@ -6,6 +6,7 @@ use crate::method::{Advance, Method, Predictor, TrainingSet};
 use crate::metrics::{self, FrameMetrics, Prediction};
 use crate::provenance::{Provenance, peak_memory_bytes, reset_peak_memory};
 use crate::record::{CLOCK, CurvePoint, Numbers, Outcome, PROTOCOL, Record, SCHEMA};
+use crate::split::{Protocol, Split};
 use anyhow::{Context, Result, bail};
 use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::Keyframe;
@@ -30,30 +31,31 @@ pub struct Reconstruction {
 ///
 /// # Errors
 /// Fewer training keyframes than the method needs.
-pub fn check_training(method: &dyn Method, dataset: &Dataset) -> Result<()> {
-    match (dataset.train_indices().len(), method.least_keyframes()) {
-        (0, _) => bail!("the dataset has no training keyframes\n  help: test_every must be 2 or more"),
-        (count, least) if count < least => bail!(
+pub fn check_training(method: &dyn Method, split: &Split) -> Result<()> {
+    let (count, least) = (split.train.len(), method.least_keyframes());
+    if count < least {
+        bail!(
             "{} needs at least {least} training keyframes, the dataset has {count}\n  help: generate more keyframes, or hold fewer out \
              (split.test_every)",
             method.id()
-        ),
-        _ => Ok(()),
+        );
     }
+    Ok(())
 }
 
-/// Runs a method on the training split, on the harness's clock.
+/// Runs a method on what a split trains with, on the harness's clock.
 ///
 /// # Errors
 /// Whatever the method answers; a dataset without training keyframes.
 pub fn reconstruct(
     method: &dyn Method,
     dataset: &Dataset,
+    split: &Split,
     seed: u64,
     watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
 ) -> Result<Reconstruction> {
-    check_training(method, dataset)?;
-    let training = TrainingSet::new(dataset);
+    check_training(method, split)?;
+    let training = TrainingSet::new(dataset, split);
     training.read_ahead();
     reset_peak_memory();
     let (mut curve, mut keyframes) = (Vec::new(), Vec::new());
@@ -79,29 +81,28 @@ pub fn reconstruct(
 pub fn evaluate(
     predictor: &mut dyn Predictor,
     dataset: &Dataset,
+    split: &Split,
     mut look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
 ) -> Result<Vec<FrameMetrics>> {
     let (range, camera) = (dataset.db_range(), dataset.rf_camera());
     let mut frames = Vec::new();
-    for &index in dataset.test_indices() {
+    for &index in &split.held_out {
         interrupt::check()?;
         let truth = dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"))?;
         let prediction = predictor.render(&truth.world_from_camera)?;
         frames.push(metrics::compare(&prediction, &truth, &camera, &range));
         look(&truth, &prediction)?;
     }
-    if frames.is_empty() {
-        bail!("the dataset has no held-out keyframes\n  help: a split with test_every = 8 needs at least one keyframe");
-    }
     Ok(frames)
 }
 
 /// A cell's record around its outcome.
-pub fn record(row: &str, method: &dyn Method, input: &Input, seed: u64, outcome: Outcome) -> Record {
+pub fn record(row: &str, method: &dyn Method, input: &Input, protocol: Protocol, seed: u64, outcome: Outcome) -> Record {
     let dataset = &input.dataset;
     Record {
         schema: SCHEMA.to_owned(),
         protocol: PROTOCOL.to_owned(),
+        split: protocol,
         row: row.to_owned(),
         method: method.id().to_owned(),
         config: method.config(),
@@ -125,12 +126,13 @@ pub fn run_cell(
     row: &str,
     method: &dyn Method,
     input: &Input,
+    split: &Split,
     seed: u64,
     watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
 ) -> Result<Record> {
-    let outcome = reconstruct(method, &input.dataset, seed, watch).and_then(|mut r| {
-        let frames = evaluate(r.predictor.as_mut(), &input.dataset, look)?;
+    let outcome = reconstruct(method, &input.dataset, split, seed, watch).and_then(|mut r| {
+        let frames = evaluate(r.predictor.as_mut(), &input.dataset, split, look)?;
         let latency = LatencySummary::of(&r.keyframes);
         let numbers = Numbers::of(frames, r.seconds, r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency);
         numbers.check()?;
@@ -140,5 +142,5 @@ pub fn run_cell(
         Err(error) if error.is::<Interrupted>() => return Err(error),
         other => other.unwrap_or_else(|error| Outcome::Failed { error: format!("{error:#}") }),
     };
-    Ok(record(row, method, input, seed, outcome))
+    Ok(record(row, method, input, split.protocol, seed, outcome))
 }

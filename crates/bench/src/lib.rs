@@ -25,6 +25,7 @@ pub mod record;
 pub mod report;
 pub mod run;
 pub mod say;
+pub mod split;
 pub mod stats;
 pub mod suite;
 pub mod table;

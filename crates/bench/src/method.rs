@@ -1,6 +1,7 @@
 //! What every row of every table is: training keyframes in, a predictor out. The clock and the metrics are the harness's.
 
 use crate::metrics::Prediction;
+use crate::split::Split;
 use anyhow::{Context, Result};
 use corf::KeyframeTiming;
 use corf_scene::dataset::Dataset;
@@ -24,9 +25,9 @@ pub struct TrainingSet<'a> {
 const MOST_HELD: usize = 4 << 30;
 
 impl<'a> TrainingSet<'a> {
-    /// The dataset's training split.
-    pub fn new(dataset: &'a Dataset) -> Self {
-        Self { dataset, indices: dataset.train_indices().to_vec(), loading: Cell::default(), held: RefCell::default() }
+    /// The keyframes a split trains with.
+    pub fn new(dataset: &'a Dataset, split: &Split) -> Self {
+        Self { dataset, indices: split.train.clone(), loading: Cell::default(), held: RefCell::default() }
     }
 
     /// Reads keyframes, on all threads, so that [`Self::keyframe`] has them in memory: what is measured then is not disturbed by reading.

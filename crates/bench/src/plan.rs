@@ -1,5 +1,6 @@
 //! Plans: which rows, which seeds, on which dataset. A plan is data; the cells it names are run one by one and can be resumed.
 
+use crate::split::Protocol;
 use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -15,6 +16,12 @@ pub struct Plan {
     pub analysis: String,
     /// Dataset folder, relative to the plan file.
     pub dataset: PathBuf,
+    /// What trains and what is evaluated: `validation`, `test` or `segment`.
+    #[serde(default)]
+    pub protocol: Protocol,
+    /// Whether every cell is run once more with the contiguous segment held out, into the folder `segment`. Default: no.
+    #[serde(default)]
+    pub segment: bool,
     /// Seeds; every row is run with each.
     pub seeds: Vec<u64>,
     /// Rows of the table, in order. Differences are taken to the first.
@@ -66,6 +73,9 @@ impl Plan {
         let plan: Self = toml::from_str(text)?;
         if plan.seeds.is_empty() || plan.rows.is_empty() {
             bail!("a plan needs at least one seed and one [[row]]");
+        }
+        if plan.segment && plan.protocol != Protocol::Test {
+            bail!("segment = true belongs to protocol = \"test\": the segment's keyframes are test keyframes too");
         }
         if let Some(seed) = plan.seeds.iter().enumerate().find_map(|(i, s)| plan.seeds[..i].contains(s).then_some(s)) {
             bail!("seed {seed} is listed twice\n  help: a seed run twice is one value, not two");

@@ -12,12 +12,12 @@ use std::path::{Path, PathBuf};
 pub const SHOWN: usize = 4;
 
 /// Which of the held-out frames a report shows: evenly spread, first and last included.
-pub fn shown(test_indices: &[usize]) -> Vec<usize> {
-    let n = test_indices.len();
+pub fn shown(held_out: &[usize]) -> Vec<usize> {
+    let n = held_out.len();
     if n <= SHOWN {
-        return test_indices.to_vec();
+        return held_out.to_vec();
     }
-    (0..SHOWN).map(|i| test_indices[i * (n - 1) / (SHOWN - 1)]).collect()
+    (0..SHOWN).map(|i| held_out[i * (n - 1) / (SHOWN - 1)]).collect()
 }
 
 fn optical_path(folder: &Path, index: usize) -> PathBuf {

@@ -4,6 +4,7 @@ use crate::metrics::{COLUMNS, FrameMetrics};
 use crate::numbers;
 use crate::provenance::Provenance;
 use crate::run::{read_json, write_numbers};
+use crate::split::Protocol;
 use anyhow::{Context, Result};
 use corf::LatencySummary;
 use serde::{Deserialize, Serialize};
@@ -12,8 +13,8 @@ use std::path::Path;
 
 /// Version of the record's layout.
 pub const SCHEMA: &str = "corf-metrics/1";
-/// The evaluation protocol these numbers follow: held-out keyframes by the dataset's split, metrics as the README defines them.
-pub const PROTOCOL: &str = "corf-heldout/1";
+/// The evaluation protocol these numbers follow: held-out keyframes by [`Protocol`], metrics as the README defines them.
+pub const PROTOCOL: &str = "corf-heldout/2";
 /// What the clock of a record includes.
 pub const CLOCK: &str = "from the first decoded training keyframe in memory to the finished field; reading and decoding files (ahead of the clock as far as memory allows), writing the field and evaluating are not included";
 
@@ -24,6 +25,9 @@ pub struct Record {
     pub schema: String,
     /// [`PROTOCOL`].
     pub protocol: String,
+    /// Which keyframes trained and which were evaluated.
+    #[serde(default)]
+    pub split: Protocol,
     /// The row of the table this cell belongs to.
     pub row: String,
     /// Method id.

@@ -10,6 +10,7 @@
 use crate::numbers;
 use crate::provenance::Provenance;
 use crate::record::CurvePoint;
+use crate::split::Protocol;
 use anyhow::{Context, Result, bail};
 use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::io::{remove_temporary_files, write_atomic};
@@ -31,6 +32,9 @@ pub struct RunInfo {
     pub overrides: toml::Table,
     /// Resolved configuration.
     pub config: serde_json::Value,
+    /// Which keyframes trained: what the run may be evaluated on.
+    #[serde(default)]
+    pub protocol: Protocol,
     /// Seed.
     pub seed: u64,
     /// Folder of the dataset, as it was given.

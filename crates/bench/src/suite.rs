@@ -5,6 +5,7 @@
 //! OUT/cells/*.json       one record a cell: what is there is not run again
 //! OUT/predictions/*/     a few predicted frames of every row's first seed
 //! OUT/table.md|csv|tex   OUT/report.html
+//! OUT/segment/           the same with a contiguous segment held out, if the plan asks for it
 //! ```
 
 use crate::device::Backend;
@@ -20,20 +21,37 @@ use crate::predictions;
 use crate::progress::Progress;
 use crate::record::{Outcome, Record};
 use crate::report::{self, Report, row_folder};
+use crate::split::{Protocol, Split};
 use crate::table;
 use anyhow::{Context, Result, bail};
 use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
 use std::path::{Path, PathBuf};
 
+/// Folder of the contiguous segment's cells, tables and report.
+const SEGMENT: &str = "segment";
+
 /// What a suite leaves.
 pub struct Written {
     /// All records, in the plan's order.
     pub records: Vec<Record>,
+    /// Records of the contiguous segment, if the plan asks for it.
+    pub segment: Vec<Record>,
     /// Path of `report.html`.
     pub report: PathBuf,
     /// Path of `table.md`.
     pub table: PathBuf,
+}
+
+impl Written {
+    /// Its tables for a terminal.
+    pub fn text(&self) -> String {
+        let table = |records: &[Record]| table::plain(&table::rows(records));
+        if self.segment.is_empty() {
+            return table(&self.records);
+        }
+        format!("{}\ncontiguous segment held out:\n{}", table(&self.records), table(&self.segment))
+    }
 }
 
 /// Runs every cell of a plan that has no record yet on `backend`, then writes tables and report.
@@ -41,23 +59,34 @@ pub struct Written {
 /// # Errors
 /// A dataset that cannot be read, an interrupt, or a folder that cannot be written.
 pub fn run(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Result<Written> {
+    let mut written = run_split(plan, input, out, backend)?;
+    if plan.segment {
+        let plan = Plan { protocol: Protocol::Segment, segment: false, ..plan.clone() };
+        written.segment = run_split(&plan, input, &out.join(SEGMENT), backend)?.records;
+    }
+    Ok(written)
+}
+
+/// The cells of the plan's own protocol.
+fn run_split(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Result<Written> {
     let dataset = &input.dataset;
+    let split = Split::of(dataset, plan.protocol)?;
     let cells = out.join("cells");
     std::fs::create_dir_all(&cells).with_context(|| format!("cannot create {}", cells.display()))?;
     write_atomic(out.join("plan.toml"), toml::to_string(plan)?.as_bytes())?;
-    let shown = predictions::shown(dataset.test_indices());
+    let shown = predictions::shown(&split.held_out);
     let mut records = Vec::new();
     for cell in plan.cells() {
         interrupt::check()?;
         let path = cells.join(format!("{}.json", cell.stem()));
         let method = methods::create(&cell.row.method, &cell.row.config, backend)?;
-        if let Some(record) = finished(&path, cell, method.as_ref(), dataset)? {
+        if let Some(record) = finished(&path, cell, plan.protocol, method.as_ref(), dataset)? {
             note!("{}, seed {}: already there", cell.row.label, cell.seed);
             records.push(record);
             continue;
         }
         let label = format!("{}, seed {}", cell.row.label, cell.seed);
-        let mut progress = Progress::start(label, dataset.train_indices().len(), "keyframes");
+        let mut progress = Progress::start(label, split.train.len(), "keyframes");
         let mut watch = |advance: crate::method::Advance<'_>| {
             progress.set(advance.done, advance.total);
             interrupt::check()
@@ -67,7 +96,7 @@ pub fn run(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Result<
         let look = |truth: &corf_scene::Keyframe, prediction: &crate::metrics::Prediction| {
             if keep && shown.contains(&truth.index) { predictions::keep(&folder, truth, prediction) } else { Ok(()) }
         };
-        let record = harness::run_cell(&cell.row.label, method.as_ref(), input, cell.seed, &mut watch, look)?;
+        let record = harness::run_cell(&cell.row.label, method.as_ref(), input, &split, cell.seed, &mut watch, look)?;
         progress.finish();
         if let Outcome::Failed { error } = &record.outcome {
             note!("{}, seed {}: FAILED: {error}", cell.row.label, cell.seed);
@@ -79,7 +108,7 @@ pub fn run(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Result<
 }
 
 /// The record of a cell that is finished already; a failed one is tried again.
-fn finished(path: &Path, cell: Cell<'_>, method: &dyn Method, dataset: &Dataset) -> Result<Option<Record>> {
+fn finished(path: &Path, cell: Cell<'_>, protocol: Protocol, method: &dyn Method, dataset: &Dataset) -> Result<Option<Record>> {
     if !path.exists() {
         return Ok(None);
     }
@@ -88,10 +117,11 @@ fn finished(path: &Path, cell: Cell<'_>, method: &dyn Method, dataset: &Dataset)
         && record.method == method.id()
         && record.config == method.config()
         && record.row == cell.row.label
+        && record.split == protocol
         && record.seed == cell.seed;
     if !same {
         bail!(
-            "{} is of another dataset, method, configuration or seed\n  help: choose another --out, or remove that file",
+            "{} is of another dataset, method, configuration, protocol or seed\n  help: choose another --out, or remove that file",
             path.display()
         );
     }
@@ -130,10 +160,11 @@ pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: 
     let report = Report {
         plan,
         dataset,
+        split: &Split::of(dataset, plan.protocol)?,
         transmitter_m: dataset.header().transmitter.map(|t| t.position_m),
         records: &records,
         predictions: &out.join("predictions"),
     };
     report::write(&report, &report_path)?;
-    Ok(Written { records, report: report_path, table: table_path })
+    Ok(Written { records, segment: Vec::new(), report: report_path, table: table_path })
 }

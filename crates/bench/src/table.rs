@@ -3,6 +3,7 @@
 use crate::escape;
 use crate::metrics::{COLUMNS, Column};
 use crate::record::{Numbers, Outcome, Record};
+use crate::split::Protocol;
 use crate::stats::{Summary, summarize};
 use std::fmt::Write;
 
@@ -23,6 +24,8 @@ pub struct Row<'a> {
     pub failed: Vec<(u64, &'a str)>,
     /// Whether any cell read ground-truth depth.
     pub uses_ground_truth_depth: bool,
+    /// What was evaluated.
+    pub protocol: Protocol,
     /// Whether any cell's dataset was not checked against its recorded hashes.
     pub unverified: bool,
 }
@@ -39,6 +42,7 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
                     done: Vec::new(),
                     failed: Vec::new(),
                     uses_ground_truth_depth: false,
+                    protocol: record.split,
                     unverified: false,
                 });
                 rows.last_mut().expect("just pushed")
@@ -96,6 +100,13 @@ fn note(rows: &[Row<'_>]) -> String {
         0 | 1 => "One seed: no confidence intervals.".to_owned(),
         n => format!("Mean ± 95 % confidence interval (Student's t) over {n} seeds."),
     };
+    match rows.first().map(|r| r.protocol) {
+        Some(Protocol::Validation) => {
+            note.push_str(" Validation keyframes; test keyframes were neither trained with nor looked at.")
+        }
+        Some(Protocol::Segment) => note.push_str(" A contiguous segment of the trajectory was held out."),
+        Some(Protocol::Test) | None => {}
+    }
     let depth: Vec<&str> = rows.iter().filter(|r| r.uses_ground_truth_depth).map(|r| r.label).collect();
     if !depth.is_empty() {
         let _ =
@@ -268,6 +279,7 @@ mod tests {
         Record {
             schema: String::new(),
             protocol: String::new(),
+            split: Protocol::Test,
             row: row.to_owned(),
             method: "corf-gs".to_owned(),
             config: serde_json::Value::Null,

@@ -105,9 +105,10 @@ impl Run {
         let _held = claim_output(&self.out, self.resume)?;
         plan.dataset = std::path::absolute(&plan.dataset)?;
         let written = suite::run(&plan, &input, &self.out, &backend)?;
-        let text = format!("{}\nreport: {}", table::plain(&table::rows(&written.records)), written.report.display());
-        show(json, &written.records, &text)?;
-        Ok(verdict(&written.records))
+        let text = format!("{}\nreport: {}", written.text(), written.report.display());
+        let all = [written.records, written.segment].concat();
+        show(json, &all, &text)?;
+        Ok(verdict(&all))
     }
 }
 

@@ -34,11 +34,11 @@ impl Evaluate {
     pub fn run(self, json: bool) -> Result<Verdict> {
         let mut run = open::open(&self.run, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
         let _held = claim_shared(&self.run)?;
-        let frames = harness::evaluate(run.predictor.as_mut(), &run.input.dataset, |_, _| Ok(()))?;
+        let frames = harness::evaluate(run.predictor.as_mut(), &run.input.dataset, &run.split, |_, _| Ok(()))?;
         let info = &run.info;
         let numbers = Numbers::of(frames, info.seconds, info.gaussians, info.peak_memory_bytes, info.curve.clone(), info.latency);
         let outcome = Outcome::Done(Box::new(numbers));
-        let mut record = harness::record(&info.method, run.method.as_ref(), &run.input, info.seed, outcome);
+        let mut record = harness::record(&info.method, run.method.as_ref(), &run.input, info.protocol, info.seed, outcome);
         // The record is the run's, whoever evaluates it.
         record.provenance = info.provenance.clone();
         record.config = info.config.clone();

@@ -7,6 +7,7 @@ use crate::method::{Advance, Checkpoints};
 use crate::progress::Progress;
 use crate::provenance::Provenance;
 use crate::run::{RunInfo, SCHEMA, claim_output, write_numbers};
+use crate::split::{Protocol, Split};
 use crate::{harness, interrupt, methods, note};
 use anyhow::{Context, Result};
 use clap::Args;
@@ -34,6 +35,9 @@ pub struct Reconstruct {
     /// Seed of everything drawn at random.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Which keyframes train, and which `corf evaluate` then looks at.
+    #[arg(long, value_enum, default_value_t)]
+    protocol: Protocol,
     /// Epochs of offline fine-tuning over all training keyframes after the last one.
     #[arg(long)]
     fine_tune: Option<usize>,
@@ -84,7 +88,8 @@ impl Reconstruct {
         let overrides = self.overrides()?;
         let mut method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
         let Input { dataset, verified } = self.verify.open(&self.dataset)?;
-        harness::check_training(method.as_ref(), &dataset)?;
+        let split = Split::of(&dataset, self.protocol)?;
+        harness::check_training(method.as_ref(), &split)?;
         let _held = claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");
         if self.resume && info_path.exists() {
@@ -92,9 +97,10 @@ impl Reconstruct {
             anyhow::ensure!(
                 info.method == self.method
                     && info.seed == self.seed
+                    && info.protocol == self.protocol
                     && info.config == method.config()
                     && info.dataset_hash == dataset.hash(),
-                "{} holds a finished run of another method, configuration, seed or dataset\n  help: choose another --out",
+                "{} holds a finished run of another method, configuration, seed, protocol or dataset\n  help: choose another --out",
                 self.out.display()
             );
             note!("{} is finished already", self.out.display());
@@ -106,12 +112,12 @@ impl Reconstruct {
             path: checkpoint.clone(),
             every: self.checkpoint_every,
             resume: self.resume,
-            tag: format!("{} {}", dataset.hash(), method.config()),
+            tag: format!("{} {} {}", dataset.hash(), self.protocol.name(), method.config()),
         });
         write_atomic(self.out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
         let mut progress =
-            Progress::start(format!("{} on {}", self.method, dataset.header().name), dataset.train_indices().len(), "keyframes");
-        let result = harness::reconstruct(method.as_ref(), &dataset, self.seed, &mut |advance: Advance<'_>| {
+            Progress::start(format!("{} on {}", self.method, dataset.header().name), split.train.len(), "keyframes");
+        let result = harness::reconstruct(method.as_ref(), &dataset, &split, self.seed, &mut |advance: Advance<'_>| {
             progress.set(advance.done, advance.total);
             interrupt::check()
         })?;
@@ -122,6 +128,7 @@ impl Reconstruct {
             method: self.method.clone(),
             overrides,
             config: method.config(),
+            protocol: self.protocol,
             seed: self.seed,
             dataset: std::path::absolute(&self.dataset)?,
             dataset_hash: dataset.hash().to_owned(),
@@ -132,11 +139,7 @@ impl Reconstruct {
             gaussians: result.predictor.gaussians(),
             peak_memory_bytes: result.peak_memory_bytes,
             curve: result.curve,
-            resumed_keyframes: if self.method.starts_with("corf-gs") {
-                dataset.train_indices().len() - result.keyframes.len()
-            } else {
-                0
-            },
+            resumed_keyframes: if self.method.starts_with("corf-gs") { split.train.len() - result.keyframes.len() } else { 0 },
             latency: LatencySummary::of(&result.keyframes),
             keyframe_timings: result.keyframes,
         };

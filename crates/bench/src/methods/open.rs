@@ -5,6 +5,7 @@ use crate::device::Backend;
 use crate::input::{Input, Verify};
 use crate::method::{Method, Predictor, TrainingSet};
 use crate::run::{RunInfo, SCHEMA, read_json};
+use crate::split::Split;
 use anyhow::{Context, Result, ensure};
 use corf_scene::dataset::Dataset;
 use std::path::Path;
@@ -15,6 +16,8 @@ pub struct OpenRun {
     pub info: RunInfo,
     /// The dataset it was made from.
     pub input: Input,
+    /// What it trained with and what it may be evaluated on.
+    pub split: Split,
     /// The method, made again.
     pub method: Box<dyn Method>,
     /// The field.
@@ -43,6 +46,7 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
     );
     let input = Input::of(dataset, verify.wanted())?;
     let dataset = &input.dataset;
+    let split = Split::of(dataset, info.protocol)?;
     let method = create(&info.method, &info.overrides, backend)?;
     ensure!(
         info.method.starts_with("corf-gs") || method.config() == info.config,
@@ -53,7 +57,7 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
         Box::new(corf_gs::CorfField::load(folder, &info.config, dataset, backend)?)
     } else {
         // A lookup is its dataset.
-        method.reconstruct(&TrainingSet::new(dataset), info.seed, &mut |_| Ok(()))?
+        method.reconstruct(&TrainingSet::new(dataset, &split), info.seed, &mut |_| Ok(()))?
     };
-    Ok(OpenRun { info, input, method, predictor })
+    Ok(OpenRun { info, input, split, method, predictor })
 }

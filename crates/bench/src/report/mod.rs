@@ -10,6 +10,7 @@ use crate::plan::{Plan, slug};
 use crate::predictions;
 use crate::provenance::Provenance;
 use crate::record::{Outcome, Record};
+use crate::split::Split;
 use crate::table;
 use anyhow::Result;
 use corf_scene::dataset::Dataset;
@@ -25,6 +26,8 @@ pub struct Report<'a> {
     pub plan: &'a Plan,
     /// Its dataset.
     pub dataset: &'a Dataset,
+    /// What trained and what was evaluated.
+    pub split: &'a Split,
     /// Transmitter position in the world, metres.
     pub transmitter_m: Option<[f64; 3]>,
     /// All cells.

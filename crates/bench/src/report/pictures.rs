@@ -94,7 +94,7 @@ pub(super) fn triptychs(report: &Report<'_>, label: &str) -> Result<String> {
     let range = report.dataset.db_range();
     let folder = row_folder(report.predictions, label);
     let mut out = format!("<p class=\"note\">{}, first seed, held-out keyframes. Spectra share one dB range.</p>", escape(label));
-    for index in predictions::shown(report.dataset.test_indices()) {
+    for index in predictions::shown(&report.split.held_out) {
         let Some(prediction) = predictions::load(&folder, index) else { continue };
         let truth = report.dataset.keyframe(index)?;
         let scalar = scalar_truth(&truth, &range);
@@ -115,7 +115,7 @@ pub(super) fn triptychs(report: &Report<'_>, label: &str) -> Result<String> {
 
 /// One held-out keyframe as every row predicts its spectrum.
 pub(super) fn gallery(report: &Report<'_>) -> Result<String> {
-    let shown = predictions::shown(report.dataset.test_indices());
+    let shown = predictions::shown(&report.split.held_out);
     let keyframes = shown.into_iter().map(|index| report.dataset.keyframe(index)).collect::<corf_scene::Result<Vec<_>>>()?;
     // The one that receives the most: there is the most to get wrong.
     let power = |k: &Keyframe| k.spectrum.pixels().iter().map(|&s| f64::from(s)).sum::<f64>();

@@ -100,7 +100,7 @@ pub(super) fn figure(report: &Report<'_>) -> Result<String> {
         "<polyline points=\"{}\" fill=\"none\" stroke=\"#0a5ad0\" stroke-width=\"2.5\" opacity=\".8\"/>",
         track.join(" ")
     )?;
-    let held_out = report.dataset.test_indices();
+    let held_out = &report.split.held_out;
     for (i, pose) in poses.iter().map(|p| &p.world_from_camera).enumerate() {
         let (x, y) = to_svg(pose.translation);
         let ahead = to_svg(pose.translation + 0.35 * pose.rotation.z_axis);
@@ -129,7 +129,7 @@ pub(super) fn figure(report: &Report<'_>) -> Result<String> {
         height - 18.0,
         height - 26.0
     )?;
-    let trained = poses.len() - held_out.len();
+    let trained = report.split.train.len();
     let transmitter =
         report.transmitter_m.map_or(String::new(), |t| format!("Transmitter at ({:.2}, {:.2}, {:.2}) m. ", t[0], t[1], t[2]));
     Ok(format!(

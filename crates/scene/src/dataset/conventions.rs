@@ -340,8 +340,10 @@ fn sampling(header: &DatasetHeader) -> Vec<(&'static str, String)> {
     list.push((
         "split",
         format!(
-            "index from 0 along the trajectory; test: index % {} == 0, train: the others; second split: split.held_out_segment against the rest",
-            split.test_every
+            "index from 0 along the trajectory; test: index % {0} == 0, train: the others; validation: index % {0} == {1}, to be taken from the \
+             training ones while constants are chosen; second split: split.held_out_segment against the rest",
+            split.test_every,
+            split.test_every / 2
         ),
     ));
     list
