@@ -1,5 +1,8 @@
 //! Colour: the sRGB transfer function and the Jet map in which RF spectra are published.
 
+/// Exposed radiance up to which images are linear; above it highlights roll off towards 1. What develops images and what describes them share it.
+pub const TONE_KNEE: f32 = 0.6;
+
 /// sRGB encoding of linear light (IEC 61966-2-1), both in `[0, 1]`; values outside are clamped.
 pub fn srgb_from_linear(linear: f32) -> f32 {
     let l = linear.clamp(0.0, 1.0);

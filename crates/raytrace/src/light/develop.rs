@@ -2,11 +2,8 @@
 
 use super::LightFrame;
 use corf_scene::Raster;
-use corf_scene::color::{quantize8, srgb_from_linear};
+use corf_scene::color::{TONE_KNEE, quantize8, srgb_from_linear};
 use rayon::prelude::*;
-
-/// Up to this exposed value the response is linear, so that colours of well-exposed surfaces are true.
-const KNEE: f32 = 0.6;
 
 /// Exposes, rolls highlights off and encodes in sRGB.
 ///
@@ -40,7 +37,7 @@ pub(super) fn develop_value(exposed: f32) -> f32 {
 }
 
 fn shoulder(x: f32) -> f32 {
-    if x <= KNEE { x } else { KNEE + (1.0 - KNEE) * (1.0 - (-(x - KNEE) / (1.0 - KNEE)).exp()) }
+    if x <= TONE_KNEE { x } else { TONE_KNEE + (1.0 - TONE_KNEE) * (1.0 - (-(x - TONE_KNEE) / (1.0 - TONE_KNEE)).exp()) }
 }
 
 #[cfg(test)]
@@ -51,7 +48,7 @@ mod tests {
     fn linear_below_the_knee_smooth_and_monotone_above() {
         assert_eq!(shoulder(0.18), 0.18);
         let h = 1e-3;
-        assert!(((shoulder(KNEE + h) - shoulder(KNEE - h)) / (2.0 * h) - 1.0).abs() < 2e-3, "slope 1 across the knee");
+        assert!(((shoulder(TONE_KNEE + h) - shoulder(TONE_KNEE - h)) / (2.0 * h) - 1.0).abs() < 2e-3, "slope 1 across the knee");
         let mut last = 0.0;
         for i in 0..400 {
             let y = shoulder(i as f32 * 0.01);

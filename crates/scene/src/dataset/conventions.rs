@@ -1,6 +1,7 @@
 //! What a user of a dataset would have to ask otherwise, in words: `dataset.json`'s `conventions`.
 
 use super::header::{DatasetHeader, Quantity};
+use crate::color::TONE_KNEE;
 use crate::config::{DatasetConfig, LightMethod, RearHalfSpace, SpectrumKind};
 use crate::keyframe::DbRange;
 use std::collections::BTreeMap;
@@ -101,9 +102,11 @@ fn optical(header: &DatasetHeader) -> Vec<(&'static str, String)> {
         (
             "exposure",
             format!(
-                "x = radiance x 2^{}; linear up to the knee 0.6, above it highlights roll off as 0.6 + 0.4 (1 - exp(-(x - 0.6)/0.4)); then \
-                 the sRGB transfer function",
-                header.exposure_ev
+                "x = radiance x 2^{}; linear up to the knee {knee}, above it highlights roll off as {knee} + {rest:.1} (1 - exp(-(x - \
+                 {knee})/{rest:.1})); then the sRGB transfer function",
+                header.exposure_ev,
+                knee = TONE_KNEE,
+                rest = 1.0 - TONE_KNEE
             ),
         ),
         ("linear", "linear radiance, Rec. 709 primaries, float32, channels R G B, before exposure (where written)".into()),
