@@ -8,6 +8,7 @@ use crate::provenance::{Provenance, peak_memory_bytes, reset_peak_memory};
 use crate::record::{CLOCK, CurvePoint, Numbers, Outcome, PROTOCOL, Record, SCHEMA};
 use crate::split::{Protocol, Split};
 use anyhow::{Context, Result, bail};
+use corf::depth::DepthQuality;
 use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::Keyframe;
 use corf_scene::dataset::Dataset;
@@ -25,6 +26,8 @@ pub struct Reconstruction {
     pub peak_memory_bytes: Option<u64>,
     /// What each keyframe took, for methods that work keyframe by keyframe.
     pub keyframes: Vec<KeyframeTiming>,
+    /// How wrong the depths of new Gaussians were, for methods that estimate depth, where the dataset has it.
+    pub depth: Option<DepthQuality>,
 }
 
 /// Checks that there is enough to learn from.
@@ -58,7 +61,7 @@ pub fn reconstruct(
     let training = TrainingSet::new(dataset, split);
     training.read_ahead();
     reset_peak_memory();
-    let (mut curve, mut keyframes) = (Vec::new(), Vec::new());
+    let (mut curve, mut keyframes, mut depth) = (Vec::new(), Vec::new(), None);
     let start = Instant::now();
     let predictor = method.reconstruct(&training, seed, &mut |advance: Advance<'_>| {
         let seconds = (start.elapsed().saturating_sub(training.loading_time())).as_secs_f64();
@@ -68,10 +71,11 @@ pub fn reconstruct(
             gaussians: advance.gaussians,
         });
         keyframes.extend(advance.keyframe);
+        depth = advance.depth.or(depth);
         watch(advance)
     })?;
     let seconds = (start.elapsed().saturating_sub(training.loading_time())).as_secs_f64();
-    Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes: peak_memory_bytes(), keyframes })
+    Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes: peak_memory_bytes(), keyframes, depth })
 }
 
 /// Evaluates a predictor on the held-out keyframes; `look` sees every prediction beside its truth.
@@ -134,7 +138,8 @@ pub fn run_cell(
     let outcome = reconstruct(method, &input.dataset, split, seed, watch).and_then(|mut r| {
         let frames = evaluate(r.predictor.as_mut(), &input.dataset, split, look)?;
         let latency = LatencySummary::of(&r.keyframes);
-        let numbers = Numbers::of(frames, r.seconds, r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency);
+        let numbers =
+            Numbers::of(frames, r.seconds, r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency).with_depth(r.depth);
         numbers.check()?;
         Ok(Outcome::Done(Box::new(numbers)))
     });

@@ -28,6 +28,7 @@ pub mod say;
 pub mod split;
 pub mod stats;
 pub mod suite;
+pub mod sweep;
 pub mod table;
 pub mod workload;
 

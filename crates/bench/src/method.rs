@@ -4,6 +4,7 @@ use crate::metrics::Prediction;
 use crate::split::Split;
 use anyhow::{Context, Result};
 use corf::KeyframeTiming;
+use corf::depth::DepthQuality;
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Keyframe, Pinhole, Rigid3};
@@ -112,12 +113,14 @@ pub struct Advance<'a> {
     pub gaussians: Option<usize>,
     /// The keyframe that was finished, for methods that work keyframe by keyframe.
     pub keyframe: Option<&'a KeyframeTiming>,
+    /// How wrong the depths of new Gaussians were, at the end.
+    pub depth: Option<DepthQuality>,
 }
 
 impl Advance<'_> {
     /// Units done of all, and no more to say.
     pub fn of(done: usize, total: usize) -> Self {
-        Self { done, total, gaussians: None, keyframe: None }
+        Self { done, total, gaussians: None, keyframe: None, depth: None }
     }
 }
 

@@ -7,6 +7,7 @@ use crate::run::{read_json, write_numbers};
 use crate::split::Protocol;
 use anyhow::{Context, Result};
 use corf::LatencySummary;
+use corf::depth::DepthQuality;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -89,6 +90,9 @@ pub struct Numbers {
     /// Latency of keyframes, for methods that work keyframe by keyframe.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<LatencySummary>,
+    /// How wrong the depths of new Gaussians were, for methods that estimate depth, where the dataset has it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth: Option<DepthQuality>,
 }
 
 /// One point of the time and Gaussian-count curves.
@@ -145,7 +149,12 @@ impl Numbers {
         let mut errors: Vec<f64> = frames.iter().map(|f| f.radio.peak_error_deg).collect();
         errors.sort_by(f64::total_cmp);
         let peak_error_median_p90_deg = [quantile(&errors, 0.5), quantile(&errors, 0.9)];
-        Self { seconds, gaussians, peak_memory_bytes, means, peak_error_median_p90_deg, frames, curve, latency }
+        Self { seconds, gaussians, peak_memory_bytes, means, peak_error_median_p90_deg, frames, curve, latency, depth: None }
+    }
+
+    /// The same with what is known of the depths.
+    pub fn with_depth(self, depth: Option<DepthQuality>) -> Self {
+        Self { depth, ..self }
     }
 }
 

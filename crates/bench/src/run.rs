@@ -12,6 +12,7 @@ use crate::provenance::Provenance;
 use crate::record::CurvePoint;
 use crate::split::Protocol;
 use anyhow::{Context, Result, bail};
+use corf::depth::DepthQuality;
 use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::io::{remove_temporary_files, write_atomic};
 use corf_scene::lock::{self, FolderLock};
@@ -62,6 +63,9 @@ pub struct RunInfo {
     /// Latency of keyframes, for methods that work keyframe by keyframe.
     #[serde(default)]
     pub latency: Option<LatencySummary>,
+    /// How wrong the depths of new Gaussians were, for methods that estimate depth, where the dataset has it.
+    #[serde(default)]
+    pub depth: Option<DepthQuality>,
     /// What each keyframe took.
     #[serde(default)]
     pub keyframe_timings: Vec<KeyframeTiming>,

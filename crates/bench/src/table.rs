@@ -275,6 +275,7 @@ mod tests {
             frames: vec![],
             curve: vec![],
             latency: None,
+            depth: None,
         };
         Record {
             schema: String::new(),

@@ -121,10 +121,6 @@ pub struct ReconstructionConfig {
     pub initial_opacity: [f32; 3],
     /// A Gaussian that is the main contributor at this many accurate new samples is replaced by them (10).
     pub replace_at_samples: usize,
-    /// A sample further away than the rendered depth by more than this fraction is behind a surface and dropped.
-    pub behind_tolerance: f32,
-    /// Coverage 1 − T above which the rendered depth is believed.
-    pub behind_coverage: f32,
     /// Old Gaussians at or below this opacity are pruned (0.05).
     pub prune_opacity: f32,
     /// A Gaussian is old this many keyframes after its birth.
@@ -166,7 +162,11 @@ pub struct DepthConfig {
     pub match_candidates: usize,
     /// Half range of the guided matching, relative to the aligned inverse depth (0.225).
     pub match_range: f64,
-    /// Shortest epipolar segment worth searching, pixels of a 640-pixel-wide image; scales with the width (10).
+    /// Whether the aligned prior is corrected locally by the matches that were accurate.
+    pub correction: bool,
+    /// Half range of the guided matching around a corrected prior, relative to it (0.1).
+    pub corrected_range: f64,
+    /// Shortest epipolar segment worth searching, pixels of a 640-pixel-wide image; scales with the width.
     pub min_segment_px: f64,
     /// The worst candidate's cost must exceed the best one's by this factor (1.1).
     pub cost_ratio: f64,
@@ -187,7 +187,9 @@ impl Default for DepthConfig {
             sweep_candidates: 64,
             match_candidates: 16,
             match_range: 0.225,
-            min_segment_px: 10.0,
+            correction: true,
+            corrected_range: 0.1,
+            min_segment_px: 4.0,
             cost_ratio: 1.1,
             min_zncc: 0.7,
         }
@@ -218,8 +220,6 @@ impl Default for ReconstructionConfig {
             scale_clamp: [0.5, 0.1],
             initial_opacity: [0.07, 0.02, 0.2],
             replace_at_samples: 10,
-            behind_tolerance: 0.1,
-            behind_coverage: 0.9,
             prune_opacity: 0.05,
             prune_age_keyframes: 3,
             prune_image_fraction: 0.5,
@@ -242,7 +242,7 @@ impl ReconstructionConfig {
         let weight = |x: f32| (0.0..=1e6).contains(&x);
         let count = |n: usize, most: usize| (1..=most).contains(&n);
         let d = &self.depth;
-        let checks: [(&str, bool, &str); 34] = [
+        let checks: [(&str, bool, &str); 33] = [
             ("uniform_probability", probability(self.uniform_probability), "a probability between 0 and 1"),
             ("iterations_per_keyframe", count(self.iterations_per_keyframe, 1_000_000), "1 to 1 000 000 (paper: 75)"),
             (
@@ -276,8 +276,6 @@ impl ReconstructionConfig {
                 "three numbers strictly between 0 and 1",
             ),
             ("replace_at_samples", self.replace_at_samples >= 1, "at least 1"),
-            ("behind_tolerance", weight(self.behind_tolerance), "not negative, up to 1e6"),
-            ("behind_coverage", probability(self.behind_coverage), "between 0 and 1"),
             ("prune_opacity", probability(self.prune_opacity), "between 0 and 1"),
             ("prune_image_fraction", positive(self.prune_image_fraction), "positive, 1e-12 to 1e6"),
             ("position_rate", positive(self.position_rate) && self.position_rate <= 1.0, "positive, 1e-12 to 1"),
@@ -293,6 +291,7 @@ impl ReconstructionConfig {
             ("depth.sweep_candidates", (8..=1024).contains(&d.sweep_candidates), "8 to 1024"),
             ("depth.match_candidates", (4..=256).contains(&d.match_candidates), "4 to 256"),
             ("depth.match_range", d.match_range >= 1e-6 && d.match_range < 1.0, "between 0 and 1"),
+            ("depth.corrected_range", d.corrected_range >= 1e-6 && d.corrected_range < 1.0, "between 0 and 1"),
         ];
         match checks.iter().find(|c| !c.1) {
             None => Ok(()),

@@ -16,6 +16,7 @@ use crate::{
     Device, Error, Field, FieldMeta, Prediction, Result,
     config::{Coupling, ReconstructionConfig, SecondStageOpacity},
     depth,
+    depth::{Correction, DepthQuality, DepthTally},
     device::{Step, StepReport},
     schedule::{Schedule, StageWeights},
     sensor::RfSensor,
@@ -38,11 +39,13 @@ const PREPARED_AT_ONCE: usize = 8;
 const BATCH: usize = 75;
 
 /// What is kept of a keyframe that was expanded.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Past {
     index: usize,
     /// Scale and offset of its aligned prior.
     alignment: Option<[f32; 2]>,
+    /// What was corrected in it.
+    correction: Option<Correction>,
     /// Typical depth of the scene after it.
     typical_depth_m: f64,
 }
@@ -70,6 +73,7 @@ pub struct Reconstructor {
     last_pose: Option<(usize, Rigid3)>,
     baselines_m: Vec<f64>,
     timings: Vec<KeyframeTiming>,
+    depth_tally: DepthTally,
     /// When the latest keyframe's steps, but for its late ones, had been taken.
     trained: Option<Instant>,
     finished: bool,
@@ -141,6 +145,7 @@ impl Reconstructor {
             last_pose: None,
             baselines_m: Vec::new(),
             timings: Vec::new(),
+            depth_tally: DepthTally::default(),
             trained: None,
             finished: false,
         })
@@ -264,6 +269,11 @@ impl Reconstructor {
     pub fn timings(&self) -> &[KeyframeTiming] {
         let open = self.config.iterations_before_joining > 0 && !self.finished;
         &self.timings[..self.timings.len() - usize::from(open && !self.timings.is_empty())]
+    }
+
+    /// How wrong the depths of all new Gaussians were, where keyframes carried the true one; after a checkpoint, of what followed it.
+    pub fn depth_quality(&self) -> Option<DepthQuality> {
+        self.depth_tally.quality()
     }
 
     /// Ends the sequence: expands keyframes still waiting and runs the second stage of a two-stage coupling, which repeats the

@@ -6,6 +6,7 @@ use crate::input::Verify;
 use crate::plan::Plan;
 use crate::record::Outcome;
 use crate::run::{claim_output, claim_shared};
+use crate::sweep::Sweep;
 use crate::{suite, table};
 use anyhow::Result;
 use clap::{Args, Subcommand};
@@ -16,6 +17,8 @@ use std::path::PathBuf;
 pub enum Bench {
     /// Run every cell of a plan, then write tables and report.
     Run(Run),
+    /// Compare changes of a method's constants on the validation keyframes of several datasets.
+    Sweep(SweepCommand),
     /// Print a finished comparison's table.
     Table(Table),
     /// Write a finished comparison's tables and report again.
@@ -33,6 +36,24 @@ pub enum Bench {
 pub struct Run {
     /// Plan file (TOML): dataset, seeds, rows.
     plan: PathBuf,
+    /// Output folder.
+    #[arg(long)]
+    out: PathBuf,
+    /// Go on with a folder that holds finished cells.
+    #[arg(long)]
+    resume: bool,
+    #[command(flatten)]
+    verify: Verify,
+    /// Where reconstructions run.
+    #[arg(long, value_enum, default_value_t)]
+    device: DeviceChoice,
+}
+
+/// `corf bench sweep`.
+#[derive(Args)]
+pub struct SweepCommand {
+    /// Sweep file (TOML): datasets, seeds, method, changes.
+    sweep: PathBuf,
     /// Output folder.
     #[arg(long)]
     out: PathBuf,
@@ -82,6 +103,7 @@ impl Bench {
     pub fn run(self, json: bool) -> Result<Verdict> {
         match self {
             Self::Run(c) => c.run(json),
+            Self::Sweep(c) => c.run(json),
             Self::Table(c) => c.run(json),
             Self::Report(c) => c.run(json),
             Self::Light(c) => c.run(json),
@@ -109,6 +131,17 @@ impl Run {
         let all = [written.records, written.segment].concat();
         show(json, &all, &text)?;
         Ok(verdict(&all))
+    }
+}
+
+impl SweepCommand {
+    fn run(self, json: bool) -> Result<Verdict> {
+        let sweep = Sweep::load(&self.sweep)?;
+        let backend = self.device.resolve()?;
+        let _held = claim_output(&self.out, self.resume)?;
+        let (text, records) = sweep.run(&self.out, self.verify, &backend)?;
+        show(json, &records, &text)?;
+        Ok(verdict(&records))
     }
 }
 

@@ -36,7 +36,8 @@ impl Evaluate {
         let _held = claim_shared(&self.run)?;
         let frames = harness::evaluate(run.predictor.as_mut(), &run.input.dataset, &run.split, |_, _| Ok(()))?;
         let info = &run.info;
-        let numbers = Numbers::of(frames, info.seconds, info.gaussians, info.peak_memory_bytes, info.curve.clone(), info.latency);
+        let numbers = Numbers::of(frames, info.seconds, info.gaussians, info.peak_memory_bytes, info.curve.clone(), info.latency)
+            .with_depth(info.depth);
         let outcome = Outcome::Done(Box::new(numbers));
         let mut record = harness::record(&info.method, run.method.as_ref(), &run.input, info.protocol, info.seed, outcome);
         // The record is the run's, whoever evaluates it.

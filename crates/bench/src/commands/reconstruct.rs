@@ -141,6 +141,7 @@ impl Reconstruct {
             curve: result.curve,
             resumed_keyframes: if self.method.starts_with("corf-gs") { split.train.len() - result.keyframes.len() } else { 0 },
             latency: LatencySummary::of(&result.keyframes),
+            depth: result.depth,
             keyframe_timings: result.keyframes,
         };
         write_numbers(&info_path, &info)?;
@@ -159,6 +160,15 @@ fn summary(info: &RunInfo) -> String {
     let mut text = format!("{} in {:.2} s on {}{gaussians}", info.method, info.seconds, info.device);
     if info.resumed_keyframes > 0 {
         text += &format!("; {} keyframes came from a checkpoint", info.resumed_keyframes);
+    }
+    if let Some(d) = &info.depth {
+        text += "\nrelative error of new Gaussians' depths    share   median      p90";
+        for (name, e) in
+            [("all", d.all), ("  accurate matches", d.accurate), ("  prior alone", d.prior), ("  corners", d.triangulated)]
+        {
+            text += &format!("\n{name:<38} {:>6.1} % {:>6.2} % {:>6.2} %", 100.0 * e.share, 100.0 * e.median, 100.0 * e.p90);
+        }
+        text += &format!("\n{:.1} % of the sampled pixels found no depth", 100.0 * d.dropped_without_depth);
     }
     if let Some(l) = &info.latency {
         text += &format!("\n{:.2} keyframes/s; latency of a keyframe, ms    median      p90      p99", l.keyframes_per_second);

@@ -173,7 +173,13 @@ impl Method for CorfGs {
         );
         // A keyframe whose last steps waited for another has ended now.
         let keyframe = reconstructor.timings().get(told);
-        (relay.advance)(Advance { gaussians: Some(reconstructor.gaussian_count()), keyframe, ..Advance::of(total, total) })?;
+        let depth = reconstructor.depth_quality();
+        (relay.advance)(Advance {
+            gaussians: Some(reconstructor.gaussian_count()),
+            keyframe,
+            depth,
+            ..Advance::of(total, total)
+        })?;
         let mut field = CorfField::new(reconstructor.field(), &self.config, &self.backend);
         // A gigabyte of keyframes goes back to the system while the field is looked at.
         field.clearing = Some(std::thread::spawn(move || drop(reconstructor)));

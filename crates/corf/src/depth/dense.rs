@@ -19,6 +19,11 @@ impl Dense {
         Self { grid, image }
     }
 
+    /// Columns and rows of the image.
+    pub fn image(&self) -> (usize, usize) {
+        self.image
+    }
+
     /// The grid itself.
     pub fn grid(&self) -> &Raster<f32> {
         &self.grid

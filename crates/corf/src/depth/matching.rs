@@ -10,10 +10,8 @@ use crate::config::DepthConfig;
 use glam::Vec2;
 use rayon::prelude::*;
 
-/// Radius of the matching window: 5×5 in images of 400 pixels' width and more, 7×7 in smaller ones, whose patches hold less texture.
-fn radius(width: usize) -> usize {
-    if width >= 400 { 2 } else { 3 }
-}
+/// Radius of the matching window, 7×7 pixels.
+const RADIUS: usize = 3;
 
 /// The shortest epipolar segment worth searching in an image of this width: 10 pixels at 640, in proportion elsewhere, 1.5 at least (the
 /// candidates of anything shorter see the same pixels).
@@ -21,13 +19,14 @@ fn least_segment_px(config: &DepthConfig, width: usize) -> f32 {
     (config.min_segment_px * width as f64 / 640.0).max(1.5) as f32
 }
 
-/// Depths of sampled pixels around an aligned prior, in the pixels' order. A pixel whose match passes the gate is `Accurate`; one whose match
+/// Depths of sampled pixels around an aligned prior (`range` is the half range, relative to it), in the pixels' order. A pixel whose match passes the gate is `Accurate`; one whose match
 /// fails falls back to the `Prior` where that is confident; otherwise it is left out.
 pub fn match_guided(
     reference: &GreyView,
     neighbours: &[Neighbour<'_>],
     prior: &AlignedPrior,
     pixels: &[(usize, usize)],
+    range: f64,
     config: &DepthConfig,
 ) -> Vec<PixelDepth> {
     let found: Vec<Option<PixelDepth>> = pixels
@@ -35,7 +34,8 @@ pub fn match_guided(
         .map(|&(x, y)| {
             let guess = prior.inverse_depth.at(x, y);
             let slope = slope(prior, reference, x, y);
-            if let Some(inverse_depth) = match_pixel(reference, neighbours, x, y, guess, slope, config) {
+            let start = Start { guess, slope, range };
+            if let Some(inverse_depth) = match_pixel(reference, neighbours, x, y, &start, config) {
                 return Some(PixelDepth { x, y, inverse_depth, reliability: Reliability::Accurate });
             }
             (prior.confidence.at_unless_zero(x, y) > 0.0).then_some(PixelDepth {
@@ -62,7 +62,8 @@ pub fn match_wide(
         .map(|&(x, y)| {
             let (cx, cy) = (x >> reference.coarse_level, y >> reference.coarse_level);
             let guess = sweep(reference, neighbours, cx, cy, config)?;
-            let inverse_depth = match_pixel(reference, neighbours, x, y, guess, Vec2::ZERO, config)?;
+            let start = Start { guess, slope: Vec2::ZERO, range: config.match_range };
+            let inverse_depth = match_pixel(reference, neighbours, x, y, &start, config)?;
             Some(PixelDepth { x, y, inverse_depth, reliability: Reliability::Accurate })
         })
         .collect();
@@ -87,20 +88,30 @@ fn slope(prior: &AlignedPrior, reference: &GreyView, x: usize, y: usize) -> Vec2
 /// The parabola is fitted over steps of at most this many pixels.
 const FINEST_STEP_PX: f32 = 0.5;
 
-/// The matched inverse depth of one pixel near `guess`, or `None` where the gate refuses it.
+/// Where the search of one pixel begins.
+struct Start {
+    /// Inverse depth, 1/m.
+    guess: f32,
+    /// Its change per pixel.
+    slope: Vec2,
+    /// Half range of the search, relative to the guess.
+    range: f64,
+}
+
+/// The matched inverse depth of one pixel near a guess, or `None` where the gate refuses it.
 fn match_pixel(
     reference: &GreyView,
     neighbours: &[Neighbour<'_>],
     x: usize,
     y: usize,
-    guess: f32,
-    slope: Vec2,
+    start: &Start,
     config: &DepthConfig,
 ) -> Option<f32> {
+    let &Start { guess, slope, range } = start;
     let camera = &reference.fine_camera;
-    let patch = Patch::new(&reference.fine, x, y, radius(camera.width))?;
+    let patch = Patch::new(&reference.fine, x, y, RADIUS)?;
     let (u, v) = (x as f32 + 0.5, y as f32 + 0.5);
-    let (low, high) = (guess * (1.0 - config.match_range as f32), guess * (1.0 + config.match_range as f32));
+    let (low, high) = (guess * (1.0 - range as f32), guess * (1.0 + range as f32));
     let shortest = least_segment_px(config, camera.width);
     // The patch leans as the prior does, in proportion to the inverse depth tried.
     let at = |n: &Neighbour<'_>, w: f32| n.warp_slanted(camera, &n.view.fine_camera, u, v, w, slope * (w / guess));

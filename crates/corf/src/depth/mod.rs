@@ -4,18 +4,22 @@
 //! works in inverse z-depth (1/m). Neighbours are training keyframes only; the caller passes no others.
 
 pub mod align;
+pub mod correct;
 pub mod dense;
 pub mod matching;
 pub mod patch;
 pub mod prior;
+pub mod quality;
 pub mod triangulate;
 pub mod view;
 
 pub use align::{AlignedPrior, align};
+pub use correct::Correction;
 pub use dense::Dense;
 pub use matching::{match_guided, match_wide};
 pub use patch::{GreyImage, Patch};
 pub use prior::DepthPrior;
+pub use quality::{DepthErrors, DepthQuality, DepthTally};
 pub use triangulate::{SparseDepth, triangulate};
 pub use view::{GreyView, Neighbour, select_neighbours};
 

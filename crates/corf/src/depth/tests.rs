@@ -107,7 +107,7 @@ fn blank_walls_triangulate_nothing_and_match_nothing() {
         .filter(|&(x, y)| (y - 5..=y + 5).all(|v| (x - 5..=x + 5).all(|u| surface[(u, v)] == surface[(x, y)])))
         .collect();
     assert!(flat.len() > 1000);
-    let found = match_guided(reference, &near, &prior, &flat, &config);
+    let found = match_guided(reference, &near, &prior, &flat, config.match_range, &config);
     assert!(found.iter().all(|d| d.reliability == Reliability::Prior));
     let corners = triangulate(reference, &near, &config);
     let e = errors(corners.iter().map(|c| (c.x, c.y, c.inverse_depth)), truth(&s.keyframes[5]));
@@ -230,7 +230,7 @@ fn guided_matching_sharpens_the_prior_several_times_over() {
         let prior = align(&mono, &triangulate(reference, &near, &config), &config, SEED, 1).unwrap();
         let pixels: Vec<(usize, usize)> = (0..2000).map(|i| ((i * 37) % width, (i * 53) % height)).collect();
         let started = std::time::Instant::now();
-        let found = match_guided(reference, &near, &prior, &pixels, &config);
+        let found = match_guided(reference, &near, &prior, &pixels, config.match_range, &config);
         let elapsed_s = started.elapsed().as_secs_f64();
         let accurate: Vec<&PixelDepth> = found.iter().filter(|d| d.reliability == Reliability::Accurate).collect();
         let e = errors(accurate.iter().map(|d| (d.x, d.y, d.inverse_depth)), truth(k));

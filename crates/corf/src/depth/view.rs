@@ -117,7 +117,7 @@ impl<'a> Neighbour<'a> {
 }
 
 /// The neighbours worth matching with, best first: those that see most of the reference's view at a typical depth, with a baseline that is
-/// long enough to triangulate there.
+/// long enough to triangulate there and short enough for both to see the same.
 pub fn select_neighbours<'a>(
     reference: &GreyView,
     candidates: impl IntoIterator<Item = &'a GreyView>,
@@ -126,6 +126,8 @@ pub fn select_neighbours<'a>(
 ) -> Vec<Neighbour<'a>> {
     /// A baseline of this fraction of the typical depth is as good as a longer one.
     const GOOD_BASELINE: f64 = 0.1;
+    /// Beyond this fraction a scene looks too different from both ends to be matched well.
+    const LONG_BASELINE: f64 = 0.3;
     /// Below this fraction nothing can be triangulated.
     const LEAST_BASELINE: f64 = 0.005;
     /// Least share of the reference's view that a neighbour must see.
@@ -150,7 +152,7 @@ pub fn select_neighbours<'a>(
             let overlap = seen as f64 / (GRID * GRID) as f64;
             let relative = pair.baseline_m / typical_depth_m;
             (overlap >= LEAST_OVERLAP && relative >= LEAST_BASELINE)
-                .then(|| (overlap * (relative / GOOD_BASELINE).min(1.0), pair))
+                .then(|| (overlap * (relative / GOOD_BASELINE).min(1.0) * (LONG_BASELINE / relative).min(1.0), pair))
         })
         .collect();
     // Stable: equal scores keep the candidates' order.

@@ -6,13 +6,6 @@ use crate::{
     device::{Judgement, Shown},
 };
 
-/// Whether a sample lies in front of (or on) what is rendered already. The rendered inverse depth `Σ α T / z` is divided by the coverage
-/// `1 − T_N` first; where the coverage is below `behind_coverage` nothing is known and the sample stays.
-pub fn is_not_behind(sample: &PixelDepth, shown: &Shown, config: &ReconstructionConfig) -> bool {
-    let coverage = 1.0 - shown.transmittance;
-    coverage < config.behind_coverage || sample.inverse_depth * (1.0 + config.behind_tolerance) >= shown.inverse_depth / coverage
-}
-
 /// The Gaussians that give way to new ones: `true` where a Gaussian is the main contributor at `replace_at_samples` accurate samples or more.
 pub fn replaced<'a>(
     count: usize,
@@ -52,16 +45,6 @@ mod tests {
 
     fn sample(x: usize, inverse_depth: f32, reliability: Reliability) -> PixelDepth {
         PixelDepth { x, y: 0, inverse_depth, reliability }
-    }
-
-    #[test]
-    fn samples_behind_an_opaque_surface_are_dropped_and_those_behind_a_thin_one_stay() {
-        let config = ReconstructionConfig::default();
-        let layer = |coverage: f32| shown(0.5 * coverage, 1.0 - coverage, u32::MAX);
-        // The surface is at 2 m in both; only its coverage differs.
-        assert!(!is_not_behind(&sample(0, 0.25, Reliability::Prior), &layer(0.95), &config));
-        assert!(is_not_behind(&sample(0, 0.25, Reliability::Prior), &layer(0.5), &config));
-        assert!(is_not_behind(&sample(0, 0.48, Reliability::Prior), &layer(0.95), &config));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! A reconstruction kept on disk while it runs: all that it depends on beside the keyframes, which are replayed when it goes on.
 //!
 //! ```text
-//! corf-checkpoint/2\n   length of the header (u64)   header (JSON)   numbers (f32 and u32)   checksum (u64)
+//! corf-checkpoint/3\n   length of the header (u64)   header (JSON)   numbers (f32 and u32)   checksum (u64)
 //! ```
 //! All little-endian. The numbers are, for the Gaussians and Adam's two moments, position, rotation, ln scale, opacity and harmonics in
 //! light, opacity and harmonics at 60 GHz; then the position rates and the keyframe at which each Gaussian was born.
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::path::Path;
 
-const MAGIC: &[u8] = b"corf-checkpoint/2\n";
+const MAGIC: &[u8] = b"corf-checkpoint/3\n";
 
 /// What is known of a checkpoint beside its numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -201,7 +201,7 @@ impl Reconstructor {
         }
         self.device.restore(&checkpoint.device)?;
         self.born.clone_from(&checkpoint.born);
-        self.replay = Some(Replay { left: past.iter().copied().collect(), schedule: schedule.clone() });
+        self.replay = Some(Replay { left: past.iter().cloned().collect(), schedule: schedule.clone() });
         Ok(())
     }
 
@@ -210,9 +210,9 @@ impl Reconstructor {
     /// # Errors
     /// As [`Self::receive`]; a keyframe that is not the next of the checkpoint's; the device's errors.
     pub fn replay(&mut self, keyframe: Keyframe) -> Result<()> {
-        let next = self.replay.as_ref().and_then(|r| r.left.front().copied());
-        let Some(past) = next.filter(|past| past.index == keyframe.index) else {
-            let what = format!("it comes where keyframe {:?} of the checkpoint is expected", next.map(|p| p.index));
+        let next = self.replay.as_ref().and_then(|r| r.left.front().cloned());
+        let Some(past) = next.clone().filter(|past| past.index == keyframe.index) else {
+            let what = format!("it comes where keyframe {:?} of the checkpoint is expected", next.as_ref().map(|p| p.index));
             return Err(Error::invalid(
                 format!("keyframe {}", keyframe.index),
                 what,
@@ -225,16 +225,22 @@ impl Reconstructor {
         let mono = self.ahead.preparer().mono(&keyframe)?;
         let aligned =
             mono.as_ref().zip(past.alignment).map(|(m, [scale, offset])| AlignedPrior::new(m, scale, offset, &self.config.depth));
+        let corrected = |a: AlignedPrior| match &past.correction {
+            Some(correction) => correction.apply(&a, &self.config.depth),
+            None => a,
+        };
+        let aligned = aligned.map(corrected);
         let target = self.ahead.preparer().training_view(&keyframe, aligned.as_ref());
         let view = self.device.upload(&target, self.config.pyramid_levels)?;
         self.schedule.push(view);
+        let typical_depth_m = past.typical_depth_m;
         self.past.push(past);
         self.keyframes_expanded += 1;
         if let Some(replay) = &mut self.replay {
             replay.left.pop_front();
             if replay.left.is_empty() {
                 self.schedule.restore(&replay.schedule);
-                self.ahead.with_past(|p| p.set_typical_depth_m(past.typical_depth_m));
+                self.ahead.with_past(|p| p.set_typical_depth_m(typical_depth_m));
                 self.replay = None;
                 self.apply_world_scale();
             }

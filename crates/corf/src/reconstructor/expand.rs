@@ -5,7 +5,7 @@ use super::{
     prepare::{Prepared, acceptance, anchor_grid, inverse_depth},
 };
 use crate::{
-    Coupling, Gaussians, Result, Sampling,
+    Coupling, Gaussians, ReconstructionConfig, Result, Sampling,
     depth::{self, PixelDepth, Reliability, SparseDepth},
     device::{Judgement, PruneRule, Shown, StepReport, Survey, SurveyRequest, View},
     expansion::{log, prune, spawn},
@@ -13,8 +13,11 @@ use crate::{
     stage,
 };
 use corf_scene::Pinhole;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::time::Instant;
+
+/// Coverage 1 − T from which on a rendered depth is believed.
+const LEAST_COVERAGE: f32 = 0.9;
 
 /// What an expansion did.
 #[derive(Default)]
@@ -26,6 +29,8 @@ pub(super) struct Expansion {
     pub pruned: usize,
     pub triangulated: usize,
     pub prior_aligned: bool,
+    /// Sampled pixels that found no depth.
+    pub dropped: usize,
     /// The steps that were taken before the keyframe joined, if any were.
     pub late: Option<Late>,
 }
@@ -43,6 +48,8 @@ struct Change {
     /// Which of the Gaussians held stay, if there are any.
     keep: Vec<bool>,
     new: Gaussians,
+    /// What the new ones were made of.
+    samples: Vec<PixelDepth>,
 }
 
 impl Reconstructor {
@@ -55,6 +62,9 @@ impl Reconstructor {
         let (change, mut expansion) = self.decide(view, &mut keyframe, &seen, &judged)?;
         let trained = if trained.is_some() { trained } else { self.device.end_training()? };
         expansion.late = trained.map(|last| Late { steps: late.len(), last, ended: Instant::now() });
+        if let Some(truth) = &keyframe.truth_m {
+            self.depth_tally.add(expansion.sampled, expansion.dropped, &change.samples, truth);
+        }
         self.join(keyframe, &change)?;
         Ok(expansion)
     }
@@ -76,10 +86,11 @@ impl Reconstructor {
             Some(ahead) => among(ahead, &pixels),
             None => self.match_now(keyframe, seen, &pixels)?,
         };
-        insert_corners(&mut samples, keyframe, |at| chance(keyframe, at) > 0.0);
+        let dropped = pixels.len() - samples.len();
         let config = &self.config;
-        let in_front = |s: &PixelDepth| seen.at((s.x, s.y)).is_none_or(|shown| prune::is_not_behind(s, shown, config));
-        samples.retain(in_front);
+        if keyframe.mono.is_none() {
+            add_corners(&mut samples, keyframe, |at| chance(keyframe, at) > 0.0, config);
+        }
 
         // Who makes room.
         let shown = samples.iter().filter_map(|s| Some((s, seen.at((s.x, s.y))?)));
@@ -106,19 +117,21 @@ impl Reconstructor {
             pruned: keep.iter().filter(|k| !**k).count() - replaced,
             triangulated: keyframe.anchors.len(),
             prior_aligned: keyframe.aligned.is_some(),
+            dropped,
             late: None,
         };
-        Ok((Change { keep, new }, expansion))
+        Ok((Change { keep, new, samples }, expansion))
     }
 
     /// Depths of pixels that were not found ahead.
     fn match_now(&self, keyframe: &mut Prepared, seen: &Seen, pixels: &[(usize, usize)]) -> Result<Vec<PixelDepth>> {
         if let (None, Some(mono)) = (&keyframe.aligned, &keyframe.mono) {
             // Too little was triangulated: the field itself says how far things are.
-            let anchors = rendered_anchors(seen, self.meta.optical_camera, self.config.behind_coverage);
+            let anchors = rendered_anchors(seen, self.meta.optical_camera, LEAST_COVERAGE);
             let stage = stage::keyed(stage::ALIGNMENT, keyframe.index);
             keyframe.aligned = depth::align(mono, &anchors, &self.config.depth, self.seed, stage);
             keyframe.training.inverse_depth = keyframe.aligned.as_ref().map(inverse_depth);
+            keyframe.correct(&self.config);
         }
         let (preparer, config) = (self.ahead.preparer(), &self.config);
         let matched = || keyframe.match_pixels(pixels, keyframe.aligned.as_ref(), config);
@@ -143,7 +156,8 @@ impl Reconstructor {
         self.schedule.push(id);
         self.keyframes_expanded += 1;
         let alignment = keyframe.aligned.as_ref().map(|a| [a.scale, a.offset]);
-        self.past.push(Past { index: keyframe.index, alignment, typical_depth_m: keyframe.typical_depth_m });
+        let correction = keyframe.correction.take();
+        self.past.push(Past { index: keyframe.index, alignment, correction, typical_depth_m: keyframe.typical_depth_m });
         // Tens of megabytes go back to the system beside the training.
         rayon::spawn(|| drop(keyframe));
         Ok(())
@@ -202,25 +216,18 @@ fn among(mut samples: Vec<PixelDepth>, pixels: &[(usize, usize)]) -> Vec<PixelDe
     samples
 }
 
-/// Puts triangulated corners in the place of matches at the same pixels.
-fn insert_corners(samples: &mut Vec<PixelDepth>, keyframe: &Prepared, wanted: impl Fn((usize, usize)) -> bool) {
-    let corners: BTreeMap<(usize, usize), f32> = keyframe.anchors.iter().map(|a| ((a.y, a.x), a.inverse_depth)).collect();
-    for s in samples.iter_mut() {
-        if let Some(&inverse_depth) = corners.get(&(s.y, s.x)) {
-            (s.inverse_depth, s.reliability) = (inverse_depth, Reliability::Triangulated);
-        }
-    }
-    if keyframe.mono.is_none() {
-        // Without a prior few pixels find a depth; corners that are needed are not left to chance.
-        let drawn: BTreeSet<(usize, usize)> = samples.iter().map(|s| (s.x, s.y)).collect();
-        let more = keyframe.anchors.iter().filter(|a| wanted((a.x, a.y)) && !drawn.contains(&(a.x, a.y)));
-        samples.extend(more.map(|a| PixelDepth {
-            x: a.x,
-            y: a.y,
-            inverse_depth: a.inverse_depth,
-            reliability: Reliability::Triangulated,
-        }));
-    }
+/// Triangulated corners that are needed and were not drawn, refined at full resolution: without a prior few pixels find a depth, and none of
+/// these is left to chance.
+fn add_corners(
+    samples: &mut Vec<PixelDepth>,
+    keyframe: &Prepared,
+    wanted: impl Fn((usize, usize)) -> bool,
+    config: &ReconstructionConfig,
+) {
+    let drawn: BTreeSet<(usize, usize)> = samples.iter().map(|s| (s.x, s.y)).collect();
+    let corners = keyframe.anchors.iter().map(|a| (a.x, a.y)).filter(|&at| wanted(at) && !drawn.contains(&at));
+    let more = keyframe.match_pixels(&corners.collect::<Vec<_>>(), None, config);
+    samples.extend(more.into_iter().map(|s| PixelDepth { reliability: Reliability::Triangulated, ..s }));
 }
 
 /// Well covered rendered depths on the grid.

@@ -4,7 +4,7 @@
 use crate::{
     Result, Sampling,
     config::ReconstructionConfig,
-    depth::{self, AlignedPrior, Dense, DepthPrior, GreyView, Neighbour, PixelDepth, SparseDepth},
+    depth::{self, AlignedPrior, Correction, Dense, DepthPrior, GreyView, Neighbour, PixelDepth, SparseDepth},
     device::{InverseDepth, PackedView, Packer, Planes, TrainingView},
     expansion::log,
     field::FieldMeta,
@@ -19,6 +19,9 @@ use std::time::Instant;
 /// Rendered depths that stand in for triangulated ones are taken every this many pixels.
 const RENDERED_ANCHOR_STRIDE: usize = 4;
 
+/// Of a keyframe's candidates at most this many are matched to correct its prior.
+const CORRECTED_BY: usize = 2500;
+
 /// How many of the latest keyframes are kept for matching; older ones hardly overlap, and a 1600×900 keyframe is 6 MB of grey values.
 const MATCHING_WINDOW: usize = 32;
 
@@ -32,6 +35,7 @@ pub(super) struct Looked {
     mono: Option<Dense>,
     probability: Raster<f32>,
     candidates: Vec<(usize, usize)>,
+    truth_m: Option<Raster<f32>>,
     work_s: f64,
 }
 
@@ -60,10 +64,14 @@ pub(super) struct Prepared {
     /// The prior as it came.
     pub mono: Option<Dense>,
     pub aligned: Option<AlignedPrior>,
+    /// What was corrected in the aligned prior, if that was tried and enough was matched.
+    pub correction: Option<Correction>,
     /// Depths of all candidates, if they were worth finding ahead.
     pub matched: Option<Vec<PixelDepth>>,
     /// The training view, ready for upload.
     pub packed: Option<PackedView>,
+    /// True z-depth, metres, where the keyframe has it: depths are judged by it and nothing else is.
+    pub truth_m: Option<Raster<f32>>,
     /// Typical depth of the scene after this keyframe.
     pub typical_depth_m: f64,
     /// Seconds its preparation took.
@@ -71,6 +79,18 @@ pub(super) struct Prepared {
 }
 
 impl Prepared {
+    /// Corrects the aligned prior by what some of the candidates match.
+    pub fn correct(&mut self, config: &ReconstructionConfig) {
+        let Some(aligned) = self.aligned.as_ref().filter(|_| config.depth.correction) else { return };
+        let stride = self.candidates.len().div_ceil(CORRECTED_BY).max(1);
+        let some: Vec<(usize, usize)> = self.candidates.iter().copied().step_by(stride).collect();
+        let matches = self.match_pixels(&some, Some(aligned), config);
+        let Some(correction) = Correction::fit(aligned, &matches, &config.depth) else { return };
+        let corrected = correction.apply(aligned, &config.depth);
+        self.training.inverse_depth = Some(inverse_depth(&corrected));
+        (self.aligned, self.correction) = (Some(corrected), Some(correction));
+    }
+
     /// Depths of pixels, in their order; those without one are left out.
     pub fn match_pixels(
         &self,
@@ -80,7 +100,10 @@ impl Prepared {
     ) -> Vec<PixelDepth> {
         let neighbours: Vec<Neighbour<'_>> = self.neighbours.iter().map(|v| Neighbour::new(&self.reference, v)).collect();
         match prior {
-            Some(aligned) => depth::match_guided(&self.reference, &neighbours, aligned, pixels, &config.depth),
+            Some(aligned) => {
+                let range = if self.correction.is_some() { config.depth.corrected_range } else { config.depth.match_range };
+                depth::match_guided(&self.reference, &neighbours, aligned, pixels, range, &config.depth)
+            }
             None => depth::match_wide(&self.reference, &neighbours, pixels, &config.depth),
         }
     }
@@ -206,6 +229,7 @@ impl Preparer {
             mono: self.mono(keyframe)?,
             probability,
             candidates,
+            truth_m: keyframe.depth_m.clone(),
             work_s: begin.elapsed().as_secs_f64(),
         })
     }
@@ -256,11 +280,14 @@ impl Preparer {
             anchors,
             mono,
             aligned,
+            correction: None,
             matched: None,
             packed: None,
+            truth_m: looked.truth_m,
             typical_depth_m,
             work_s: 0.0,
         };
+        prepared.correct(&self.config);
         // A prior that could not be aligned yet may be aligned to the field: then depths have to wait for it.
         if prepared.mono.is_none() || prepared.aligned.is_some() {
             if let Some(pack) = &self.packer {

@@ -1,0 +1,143 @@
+//! Local correction of an aligned prior by the matches that were accurate: one scale and one offset per image leave a monocular network's
+//! local errors, which differ from surface to surface and change slowly along one.
+
+use super::{AlignedPrior, PixelDepth, Reliability};
+use crate::config::DepthConfig;
+use corf_scene::Raster;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Fewest accurate matches that correct anything.
+const LEAST_MATCHES: usize = 24;
+/// Columns, rows and steps of ln(inverse depth) of the two grids, coarse before fine.
+const LEVELS: [[usize; 3]; 2] = [[7, 5, 9], [22, 13, 25]];
+/// A cell of the grid is drawn to no correction as if it held this much weight of it.
+const SHRINKAGE: f32 = 1.0;
+/// How often residuals are weighed anew at each level.
+const ROUNDS: usize = 3;
+
+/// The logarithm of matched over prior inverse depth, over the image and the prior's own inverse depth: a bilateral grid per level, whose
+/// interpolated values add up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Correction {
+    /// Row by row, then by depth: the values of each level's grid, dimensionless.
+    grids: Vec<Vec<f32>>,
+}
+
+/// Where something stands in a grid: eight cells and their weights.
+type Corners = [(usize, f32); 8];
+
+/// Positions along the axes of a grid, in `[0, 1]`.
+type Place = [f32; 3];
+
+impl Correction {
+    /// Fits the matches that are `Accurate`; `None` where they are too few.
+    ///
+    /// At each level the residual logarithms are averaged in the cells around them, neighbours included, with Huber's weights from the median
+    /// absolute residual, so that wrong matches move little.
+    pub fn fit(prior: &AlignedPrior, matches: &[PixelDepth], config: &DepthConfig) -> Option<Self> {
+        let (w, h) = prior.inverse_depth.image();
+        let points: Vec<(Place, f32)> = matches
+            .iter()
+            .filter(|m| m.reliability == Reliability::Accurate)
+            .map(|m| {
+                let guess = prior.inverse_depth.at(m.x, m.y);
+                let place = [(m.x as f32 + 0.5) / w as f32, (m.y as f32 + 0.5) / h as f32, depth_place(guess, config)];
+                (place, (m.inverse_depth / guess).ln())
+            })
+            .collect();
+        if points.len() < LEAST_MATCHES {
+            return None;
+        }
+        let mut residuals: Vec<f32> = points.iter().map(|p| p.1).collect();
+        let mut grids = Vec::new();
+        for size in LEVELS {
+            let corners: Vec<Corners> = points.iter().map(|p| corners(p.0, size)).collect();
+            let mut grid = vec![0.0; size.iter().product()];
+            for _ in 0..ROUNDS {
+                let left: Vec<f32> = residuals.iter().zip(&corners).map(|(r, c)| r - value(&grid, c)).collect();
+                let mut sizes: Vec<f32> = left.iter().map(|r| r.abs()).collect();
+                let middle = sizes.len() / 2;
+                // 1.4826 turns a median absolute deviation into the σ of a normal distribution.
+                let sigma = (1.4826 * *sizes.select_nth_unstable_by(middle, f32::total_cmp).1).max(1e-5);
+                let weight = |r: f32| if r.abs() > 6.0 * sigma { 0.0 } else { (1.345 * sigma / r.abs()).min(1.0) };
+                let mut sums = vec![[0.0f32; 2]; grid.len()];
+                for ((r, left), corners) in residuals.iter().zip(&left).zip(&corners) {
+                    for (cell, share) in corners {
+                        let w = share * weight(*left);
+                        sums[*cell][0] += w * r;
+                        sums[*cell][1] += w;
+                    }
+                }
+                let sums = smooth(sums, size);
+                grid = sums.iter().map(|[sum, weight]| sum / (weight + SHRINKAGE)).collect();
+            }
+            residuals.iter_mut().zip(&corners).for_each(|(r, c)| *r -= value(&grid, c));
+            grids.push(grid);
+        }
+        Some(Self { grids })
+    }
+
+    /// The prior with its inverse depth corrected; scale, offset and confidence stay.
+    pub fn apply(&self, prior: &AlignedPrior, config: &DepthConfig) -> AlignedPrior {
+        let (far, near) = ((1.0 / config.far_m) as f32, (1.0 / config.near_m) as f32);
+        let old = prior.inverse_depth.grid();
+        let (w, h) = (old.width(), old.height());
+        let mut new = Raster::filled(w, h, 0.0);
+        new.pixels_mut().par_chunks_mut(w.max(1)).enumerate().for_each(|(y, row)| {
+            for (x, out) in row.iter_mut().enumerate() {
+                let guess = old[(x, y)];
+                let place = [(x as f32 + 0.5) / w as f32, (y as f32 + 0.5) / h as f32, depth_place(guess, config)];
+                let log: f32 = LEVELS.iter().zip(&self.grids).map(|(size, grid)| value(grid, &corners(place, *size))).sum();
+                *out = (guess * log.exp()).clamp(far, near);
+            }
+        });
+        AlignedPrior { inverse_depth: prior.inverse_depth.with(new), ..prior.clone() }
+    }
+}
+
+/// Where an inverse depth stands between far and near, logarithmically.
+fn depth_place(inverse_depth: f32, config: &DepthConfig) -> f32 {
+    let range = (config.far_m / config.near_m).ln() as f32;
+    (inverse_depth * config.far_m as f32).ln() / range
+}
+
+fn corners(place: Place, size: [usize; 3]) -> Corners {
+    let axis = |k: usize| {
+        let at = (place[k] * (size[k] - 1) as f32).clamp(0.0, (size[k] - 1) as f32);
+        let first = (at as usize).min(size[k].saturating_sub(2));
+        (first, at - first as f32)
+    };
+    let axes = [axis(0), axis(1), axis(2)];
+    std::array::from_fn(|corner| {
+        let (mut cell, mut weight) = (0, 1.0);
+        for k in (0..3).rev() {
+            let upper = corner >> k & 1;
+            cell = cell * size[k] + axes[k].0 + upper;
+            weight *= if upper == 1 { axes[k].1 } else { 1.0 - axes[k].1 };
+        }
+        (cell, weight)
+    })
+}
+
+fn value(grid: &[f32], corners: &Corners) -> f32 {
+    corners.iter().map(|(cell, weight)| weight * grid[*cell]).sum()
+}
+
+/// One pass of the kernel (1, 2, 1)/2 along each axis: sums keep their meaning, neighbours lend a share.
+fn smooth(mut cells: Vec<[f32; 2]>, size: [usize; 3]) -> Vec<[f32; 2]> {
+    let strides = [1, size[0], size[0] * size[1]];
+    for (stride, count) in strides.into_iter().zip(size) {
+        let old = cells.clone();
+        for (i, cell) in cells.iter_mut().enumerate() {
+            let at = i / stride % count;
+            for (inside, other) in [(at > 0, i.wrapping_sub(stride)), (at + 1 < count, i + stride)] {
+                if inside {
+                    cell[0] += 0.5 * old[other][0];
+                    cell[1] += 0.5 * old[other][1];
+                }
+            }
+        }
+    }
+    cells
+}
