@@ -42,6 +42,9 @@ pub enum SecondStageOpacity {
 pub enum DepthPriorKind {
     /// The ray tracer's depth seen through a monocular network's error model. Consumes ground truth, and every result says so.
     Simulated,
+    /// The ray tracer's depth as it is, neither aligned nor matched: the row that says what better depth could bring. Consumes ground truth,
+    /// and every result says so.
+    Exact,
     /// No dense prior: triangulated and matched depths alone.
     None,
 }
@@ -97,8 +100,9 @@ pub struct ReconstructionConfig {
     /// A keyframe moves one pyramid level finer after this many of its own visits (5).
     pub visits_per_level: usize,
     /// Which share of a keyframe's visits at full resolution sees the whole image; the others see it one pyramid level coarser, at a
-    /// quarter of the price, beside the whole spectrum. Default 1, as published.
-    pub finest_share: f32,
+    /// quarter of the price, beside the whole spectrum. Published: 1. Default: as many as keep such a visit at half a megapixel on
+    /// average, so all of them up to that size.
+    pub finest_share: Option<f32>,
     /// Probability that a step visits the latest keyframe (paper: 0.2).
     pub latest_probability: f32,
     /// λ_rf (paper: 0.1).
@@ -112,8 +116,8 @@ pub struct ReconstructionConfig {
     pub optical_sh_degree: usize,
     /// Spherical-harmonic degree of the RF colour, 0–3. Default 3: at 60 GHz lower degrees lose 1.3 dB and more (public study).
     pub rf_sh_degree: usize,
-    /// σ of the Laplacian of Gaussian, pixels. Default 0.8. On lobby-mini 1.2 draws half as many Gaussians and costs 1 dB of RF PSNR; smaller
-    /// values draw Gaussians on what noise a path tracer leaves.
+    /// σ of the Laplacian of Gaussian, pixels of an image of up to 640 columns; it grows in proportion to wider ones, where grain of a pixel's
+    /// size is no structure.
     pub log_sigma_px: f32,
     /// Smallest and largest pixel distance of a new Gaussian; the largest as a fraction of the image width.
     pub scale_clamp: [f32; 2],
@@ -209,7 +213,7 @@ impl Default for ReconstructionConfig {
             pyramid_levels: 3,
             rf_pyramid_levels: None,
             visits_per_level: 5,
-            finest_share: 1.0,
+            finest_share: None,
             latest_probability: 0.2,
             rf_weight: 0.1,
             depth_weight: 0.01,
@@ -257,7 +261,7 @@ impl ReconstructionConfig {
                 "between 1 and pyramid_levels",
             ),
             ("visits_per_level", self.visits_per_level >= 1, "at least 1"),
-            ("finest_share", probability(self.finest_share), "a share between 0 and 1"),
+            ("finest_share", self.finest_share.is_none_or(probability), "a share between 0 and 1"),
             ("latest_probability", probability(self.latest_probability), "a probability between 0 and 1"),
             ("rf_weight", weight(self.rf_weight), "not negative, up to 1e6 (paper: 0.1)"),
             ("depth_weight", weight(self.depth_weight), "not negative, up to 1e6 (paper: 0.01)"),
@@ -303,6 +307,20 @@ impl ReconstructionConfig {
         }
     }
 
+    /// The same with what follows from the size of the images put in: the share of whole images, and σ in their own pixels.
+    pub(crate) fn for_images(&self, width: usize, height: usize) -> Self {
+        /// Pixels that a visit at full resolution sees on average.
+        const VISITED: f32 = 0.5e6;
+        /// Columns up to which σ is what the configuration says.
+        const SIGMA_COLUMNS: f32 = 640.0;
+        let pixels = (width * height).max(1) as f32;
+        Self {
+            finest_share: Some(self.finest_share.unwrap_or((VISITED / pixels).min(1.0))),
+            log_sigma_px: self.log_sigma_px * (width as f32 / SIGMA_COLUMNS).max(1.0),
+            ..self.clone()
+        }
+    }
+
     /// No Gaussians yet, with the channels and harmonic degrees this configuration asks for: what a device is made with.
     pub fn empty_field(&self) -> Gaussians {
         let mut field = Gaussians::empty(self.rf_target.channels(), self.optical_sh_degree);
@@ -312,7 +330,7 @@ impl ReconstructionConfig {
 
     /// Whether the dense prior reads the ray tracer's depth: every result made with it says so.
     pub fn consumes_ground_truth_depth(&self) -> bool {
-        self.depth.prior == DepthPriorKind::Simulated
+        matches!(self.depth.prior, DepthPriorKind::Simulated | DepthPriorKind::Exact)
     }
 }
 

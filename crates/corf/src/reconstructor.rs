@@ -87,13 +87,14 @@ impl Reconstructor {
     /// [`ReconstructionConfig::empty_field`].
     pub fn new(
         mut device: Box<dyn Device>,
-        config: ReconstructionConfig,
+        mut config: ReconstructionConfig,
         optical_camera: Pinhole,
         rf_camera: Pinhole,
         db_range: DbRange,
         seed: u64,
     ) -> Result<Self> {
         config.validate()?;
+        config = config.for_images(optical_camera.width, optical_camera.height);
         let meta = FieldMeta { rf_target: config.rf_target, db_range, optical_camera, rf_camera, sensor: RfSensor::Identity };
         meta.validate()?;
         if !device.is_empty() {

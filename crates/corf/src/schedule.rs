@@ -155,7 +155,7 @@ impl Schedule {
         // A keyframe moves one level finer after every `visits_per_level` of its own visits.
         let coarsest = config.pyramid_levels - 1;
         let level = coarsest.saturating_sub((*visits / config.visits_per_level) as u32);
-        let spared = level == 0 && !spread(*visits, config.finest_share);
+        let spared = level == 0 && !spread(*visits, config.finest_share.unwrap_or(1.0));
         let rf_level = level.min(config.rf_pyramid_levels.map_or(coarsest, |n| n - 1));
         let levels = [if spared { coarsest.min(1) } else { level }, rf_level];
         let decay = config.depth_weight_decay.powi((*visits).min(10_000) as i32);
@@ -219,7 +219,7 @@ mod tests {
 
     #[test]
     fn a_share_of_the_fine_visits_is_coarser_and_an_epoch_is_not() {
-        let config = ReconstructionConfig { finest_share: 0.25, ..ReconstructionConfig::default() };
+        let config = ReconstructionConfig { finest_share: Some(0.25), ..ReconstructionConfig::default() };
         let mut schedule = schedule(1, 1);
         let steps = schedule.online(50, 0.2, JOINT, &config);
         assert!(steps[10..].iter().all(|s| s.levels[1] == 0), "spectra are small: they stay");

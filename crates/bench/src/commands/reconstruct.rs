@@ -23,7 +23,7 @@ pub struct Reconstruct {
     /// Output folder of the run.
     #[arg(long)]
     out: PathBuf,
-    /// Method: corf-gs, corf-gs-fast, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, nearest, inverse-distance.
+    /// Method: corf-gs, corf-gs-paper, corf-gs-fast, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, nearest, inverse-distance.
     #[arg(long, default_value = "corf-gs")]
     method: String,
     /// TOML file with keys of the method's configuration.

@@ -77,7 +77,22 @@ optimizer.rf.sh_rest_divisor = 2.0
 optimizer.rf.opacity_floor = 0.0
 ";
 
-/// `corf-gs`, `corf-gs-fast`, `corf-gs-uniform`, `corf-gs-frozen`, `corf-gs-rf-tuned`.
+/// What `corf-gs-paper` has in place of the defaults: the constants that the paper gives, and where it is silent those of on-the-fly
+/// novel-view synthesis (Meuleman et al. 2025), which it builds on. docs/METHODOLOGY.md lists what each difference is worth.
+const PAPER: &str = "\
+visits_per_level = 5
+finest_share = 1.0
+latest_probability = 0.2
+depth_weight = 0.01
+depth_weight_decay = 0.9
+prune_opacity = 0.05
+position_rate = 5e-5
+depth.alignment = \"mad\"
+depth.correction = false
+depth.min_segment_px = 10.0
+";
+
+/// `corf-gs`, `corf-gs-paper`, `corf-gs-fast`, `corf-gs-uniform`, `corf-gs-frozen`, `corf-gs-rf-tuned`.
 pub struct CorfGs {
     id: String,
     config: CorfGsConfig,
@@ -92,8 +107,10 @@ impl CorfGs {
     /// A key that does not exist, or a value out of range.
     pub fn new(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Self> {
         let mut table = toml::Table::new();
-        if id == "corf-gs-fast" {
-            table = FAST.parse().context("the fast preset")?;
+        match id {
+            "corf-gs-fast" => table = FAST.parse().context("the fast preset")?,
+            "corf-gs-paper" => table = PAPER.parse().context("the paper's constants")?,
+            _ => {}
         }
         super::merge(&mut table, overrides.clone());
         let mut config = CorfGsConfig::parse(&table).with_context(|| format!("in the configuration of {id}"))?;
@@ -102,7 +119,7 @@ impl CorfGs {
             // The ids name these two: a record must not say one thing and do another.
             anyhow::ensure!(
                 !overrides.contains_key(key),
-                "{id}: the key {key} is set by the method's name\n  help: choose corf-gs, corf-gs-fast, corf-gs-uniform, corf-gs-frozen or corf-gs-rf-tuned"
+                "{id}: the key {key} is set by the method's name\n  help: choose corf-gs, corf-gs-paper, corf-gs-fast, corf-gs-uniform, corf-gs-frozen or corf-gs-rf-tuned"
             );
         }
         match id {

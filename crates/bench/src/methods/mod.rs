@@ -10,7 +10,8 @@ use anyhow::{Result, bail};
 
 /// All methods that `--method` and plans accept, with a line for `--help`.
 pub const METHODS: &[(&str, &str)] = &[
-    ("corf-gs", "coupled optimisation, optical-guided expansion: the paper's method"),
+    ("corf-gs", "coupled optimisation, optical-guided expansion: the paper's method at its best"),
+    ("corf-gs-paper", "corf-gs with the paper's constants"),
     ("corf-gs-fast", "corf-gs with fewer iterations at full resolution, in half the time"),
     ("corf-gs-uniform", "ablation: every pixel spawns with probability 0.1 instead of optical-guided expansion"),
     ("corf-gs-frozen", "ablation: two stages, optical geometry frozen in the RF stage"),
@@ -25,7 +26,7 @@ pub const METHODS: &[(&str, &str)] = &[
 /// An unknown name, or an override that is no key of the method's configuration.
 pub fn create(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Box<dyn Method>> {
     match id {
-        "corf-gs" | "corf-gs-fast" | "corf-gs-uniform" | "corf-gs-frozen" | "corf-gs-rf-tuned" => {
+        "corf-gs" | "corf-gs-paper" | "corf-gs-fast" | "corf-gs-uniform" | "corf-gs-frozen" | "corf-gs-rf-tuned" => {
             Ok(Box::new(corf_gs::CorfGs::new(id, overrides, backend)?))
         }
         "nearest" | "inverse-distance" => Ok(Box::new(lookup::Lookup::new(id, overrides)?)),

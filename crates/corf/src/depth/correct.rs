@@ -141,3 +141,73 @@ fn smooth(mut cells: Vec<[f32; 2]>, size: [usize; 3]) -> Vec<[f32; 2]> {
     }
     cells
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::depth::Dense;
+    use corf_scene::Rng;
+
+    const SIZE: (usize, usize) = (120, 80);
+
+    /// A wall at 6 m with a box at 2 m before it.
+    fn truth(x: usize, y: usize) -> f32 {
+        if (40..80).contains(&x) && y > 30 { 0.5 } else { 1.0 / 6.0 }
+    }
+
+    /// Errs by 15 % to both sides across the wall, and by −10 % on the box.
+    fn prior(config: &DepthConfig) -> AlignedPrior {
+        let wrong = Raster::from_fn(SIZE.0, SIZE.1, |x, y| {
+            let t = truth(x, y);
+            t * if t > 0.3 { 0.9 } else { 1.0 + 0.15 * (x as f32 / 60.0 - 1.0) }
+        });
+        AlignedPrior::new(&Dense::new(wrong, SIZE), 1.0, 0.0, config)
+    }
+
+    fn matches(outliers: f32) -> Vec<PixelDepth> {
+        let mut rng = Rng::keyed(7, 0, 0);
+        let some = (0..600).map(|_| (rng.below(SIZE.0), rng.below(SIZE.1), rng.uniform(), rng.uniform()));
+        some.map(|(x, y, lot, error)| {
+            let error = if lot < outliers { 0.5 + error } else { 0.99 + 0.02 * error };
+            PixelDepth { x, y, inverse_depth: truth(x, y) * error, reliability: Reliability::Accurate }
+        })
+        .collect()
+    }
+
+    fn mean_error(prior: &AlignedPrior) -> f32 {
+        let error = |i: usize| (prior.inverse_depth.at(i % SIZE.0, i / SIZE.0) / truth(i % SIZE.0, i / SIZE.0) - 1.0).abs();
+        (0..SIZE.0 * SIZE.1).map(error).sum::<f32>() / (SIZE.0 * SIZE.1) as f32
+    }
+
+    #[test]
+    fn local_errors_of_surfaces_are_corrected_and_wrong_matches_move_little() {
+        let config = DepthConfig::default();
+        let prior = prior(&config);
+        let before = mean_error(&prior);
+        for (outliers, left) in [(0.0, 0.2), (0.15, 0.3)] {
+            let correction = Correction::fit(&prior, &matches(outliers), &config).unwrap();
+            let after = mean_error(&correction.apply(&prior, &config));
+            assert!(after < left * before, "{outliers}: {before} to {after}");
+        }
+    }
+
+    #[test]
+    fn a_prior_that_is_right_stays_and_few_matches_correct_nothing() {
+        let config = DepthConfig::default();
+        let right = AlignedPrior::new(&Dense::new(Raster::from_fn(SIZE.0, SIZE.1, truth), SIZE), 1.0, 0.0, &config);
+        let correction = Correction::fit(&right, &matches(0.0), &config).unwrap();
+        assert!(mean_error(&correction.apply(&right, &config)) < 0.004);
+        assert_eq!(Correction::fit(&right, &matches(0.0)[..LEAST_MATCHES - 1], &config), None);
+        let unsure: Vec<PixelDepth> =
+            matches(0.0).into_iter().map(|m| PixelDepth { reliability: Reliability::Prior, ..m }).collect();
+        assert_eq!(Correction::fit(&right, &unsure, &config), None);
+    }
+
+    #[test]
+    fn a_correction_survives_being_written() {
+        let config = DepthConfig::default();
+        let correction = Correction::fit(&prior(&config), &matches(0.1), &config).unwrap();
+        let again: Correction = serde_json::from_str(&serde_json::to_string(&correction).unwrap()).unwrap();
+        assert_eq!(again, correction);
+    }
+}

@@ -17,6 +17,8 @@ use std::f64::consts::TAU;
 pub enum DepthPrior {
     /// The ray tracer's depth with a monocular network's error model. **Consumes ground-truth depth.**
     Simulated(SimulatedPrior),
+    /// The ray tracer's depth. **Consumes ground-truth depth.**
+    Exact,
     /// No dense prior.
     None,
 }
@@ -26,6 +28,7 @@ impl DepthPrior {
     pub fn new(config: &DepthConfig, seed: u64) -> Self {
         match config.prior {
             DepthPriorKind::Simulated => Self::Simulated(SimulatedPrior::new(config.preset, seed)),
+            DepthPriorKind::Exact => Self::Exact,
             DepthPriorKind::None => Self::None,
         }
     }
@@ -37,8 +40,18 @@ impl DepthPrior {
     pub fn estimate(&self, keyframe: &Keyframe) -> Result<Option<Dense>> {
         match self {
             Self::Simulated(prior) => prior.estimate(keyframe).map(Some),
+            Self::Exact => {
+                let depth = true_depth_of(keyframe)?;
+                let inverse = depth.map(|&z| if z > 0.0 && z.is_finite() { 1.0 / z } else { 0.0 });
+                Ok(Some(Dense::new(inverse, (depth.width(), depth.height()))))
+            }
             Self::None => Ok(None),
         }
+    }
+
+    /// Whether it is metric and right: it is neither aligned nor matched.
+    pub fn is_exact(&self) -> bool {
+        matches!(self, Self::Exact)
     }
 
     /// Refuses a keyframe that [`Self::estimate`] could not use.
@@ -47,14 +60,14 @@ impl DepthPrior {
     /// As [`Self::estimate`].
     pub fn check(&self, keyframe: &Keyframe) -> Result<()> {
         match self {
-            Self::Simulated(_) => SimulatedPrior::depth_of(keyframe).map(|_| ()),
+            Self::Simulated(_) | Self::Exact => true_depth_of(keyframe).map(|_| ()),
             Self::None => Ok(()),
         }
     }
 
     /// Whether results made with this prior must say that they used ground-truth depth.
     pub fn consumes_ground_truth_depth(&self) -> bool {
-        matches!(self, Self::Simulated(_))
+        matches!(self, Self::Simulated(_) | Self::Exact)
     }
 }
 
@@ -97,23 +110,12 @@ impl SimulatedPrior {
         Self { seed, gamma, lambda, kappa }
     }
 
-    /// The depth of a keyframe that has one.
-    fn depth_of(keyframe: &Keyframe) -> Result<&Raster<f32>> {
-        let help = "generate the dataset with depth, or set depth.prior = \"none\"";
-        let place = || format!("keyframe {}, simulated depth prior", keyframe.index);
-        let depth = keyframe.depth_m.as_ref().ok_or_else(|| Error::invalid(place(), "the keyframe carries no depth", help))?;
-        if !depth.pixels().iter().any(|z| *z > 0.0 && z.is_finite()) {
-            return Err(Error::invalid(place(), "no pixel has a positive, finite depth", help));
-        }
-        Ok(depth)
-    }
-
     /// The affine-invariant inverse depth this network would have given, at its resolution or the image's, whichever is lower.
     ///
     /// # Errors
     /// A keyframe without depth, or with no finite depth at all.
     pub fn estimate(&self, keyframe: &Keyframe) -> Result<Dense> {
-        let depth = Self::depth_of(keyframe)?;
+        let depth = true_depth_of(keyframe)?;
         let image = (depth.width(), depth.height());
         let (w, h) = network_size(image);
         let columns: Vec<usize> = (0..w).map(|x| (2 * x + 1) * image.0 / (2 * w)).collect();
@@ -197,6 +199,17 @@ impl SimulatedPrior {
         }
         amplitudes
     }
+}
+
+/// The depth of a keyframe that has one.
+fn true_depth_of(keyframe: &Keyframe) -> Result<&Raster<f32>> {
+    let help = "generate the dataset with depth, or set depth.prior = \"none\"";
+    let place = || format!("keyframe {}, depth prior from ground truth", keyframe.index);
+    let depth = keyframe.depth_m.as_ref().ok_or_else(|| Error::invalid(place(), "the keyframe carries no depth", help))?;
+    if !depth.pixels().iter().any(|z| *z > 0.0 && z.is_finite()) {
+        return Err(Error::invalid(place(), "no pixel has a positive, finite depth", help));
+    }
+    Ok(depth)
 }
 
 /// The size at which the network sees an image.

@@ -1,4 +1,4 @@
-//! Which samples are dropped and which Gaussians make room.
+//! Which Gaussians make room for new ones.
 
 use crate::{
     config::ReconstructionConfig,

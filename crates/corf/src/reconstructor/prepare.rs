@@ -4,7 +4,7 @@
 use crate::{
     Result, Sampling,
     config::ReconstructionConfig,
-    depth::{self, AlignedPrior, Correction, Dense, DepthPrior, GreyView, Neighbour, PixelDepth, SparseDepth},
+    depth::{self, AlignedPrior, Correction, Dense, DepthPrior, GreyView, Neighbour, PixelDepth, Reliability, SparseDepth},
     device::{InverseDepth, PackedView, Packer, Planes, TrainingView},
     expansion::log,
     field::FieldMeta,
@@ -61,6 +61,8 @@ pub(super) struct Prepared {
     reference: Arc<GreyView>,
     neighbours: Vec<Arc<GreyView>>,
     pub anchors: Vec<SparseDepth>,
+    /// Whether the prior is the true depth.
+    is_exact: bool,
     /// The prior as it came.
     pub mono: Option<Dense>,
     pub aligned: Option<AlignedPrior>,
@@ -81,7 +83,7 @@ pub(super) struct Prepared {
 impl Prepared {
     /// Corrects the aligned prior by what some of the candidates match.
     pub fn correct(&mut self, config: &ReconstructionConfig) {
-        let Some(aligned) = self.aligned.as_ref().filter(|_| config.depth.correction) else { return };
+        let Some(aligned) = self.aligned.as_ref().filter(|_| config.depth.correction && !self.is_exact) else { return };
         let stride = self.candidates.len().div_ceil(CORRECTED_BY).max(1);
         let some: Vec<(usize, usize)> = self.candidates.iter().copied().step_by(stride).collect();
         let matches = self.match_pixels(&some, Some(aligned), config);
@@ -98,6 +100,13 @@ impl Prepared {
         prior: Option<&AlignedPrior>,
         config: &ReconstructionConfig,
     ) -> Vec<PixelDepth> {
+        if let (Some(exact), true) = (prior, self.is_exact) {
+            let depth = |&(x, y): &(usize, usize)| {
+                let inverse_depth = exact.inverse_depth.at(x, y);
+                PixelDepth { x, y, inverse_depth, reliability: Reliability::Accurate }
+            };
+            return pixels.iter().map(depth).collect();
+        }
         let neighbours: Vec<Neighbour<'_>> = self.neighbours.iter().map(|v| Neighbour::new(&self.reference, v)).collect();
         match prior {
             Some(aligned) => {
@@ -262,7 +271,10 @@ impl Preparer {
         let Placed { looked, neighbours, anchors, typical_depth_m } = placed;
         let alignment = stage::keyed(stage::ALIGNMENT, looked.index);
         let mono = looked.mono;
-        let aligned = mono.as_ref().and_then(|m| depth::align(m, &anchors, &self.config.depth, self.seed, alignment));
+        let aligned = mono.as_ref().and_then(|m| match self.prior.is_exact() {
+            true => Some(AlignedPrior::new(m, 1.0, 0.0, &self.config.depth)),
+            false => depth::align(m, &anchors, &self.config.depth, self.seed, alignment),
+        });
         let grid = (aligned.is_none() && mono.is_some()).then(|| anchor_grid(self.meta.optical_camera));
         let mut asked = looked.candidates.clone();
         asked.extend(anchors.iter().map(|a| (a.x, a.y)).chain(grid.into_iter().flatten()));
@@ -279,6 +291,7 @@ impl Preparer {
             neighbours,
             anchors,
             mono,
+            is_exact: self.prior.is_exact(),
             aligned,
             correction: None,
             matched: None,
