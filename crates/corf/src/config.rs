@@ -85,6 +85,9 @@ pub struct ReconstructionConfig {
     pub sampling: Sampling,
     /// Spawn probability of `uniform` sampling (paper: 0.1).
     pub uniform_probability: f32,
+    /// Least probability of `log` sampling where nothing covers a pixel yet: blank walls show no structure to light and are what radio meets.
+    /// Published: 0.
+    pub least_probability: f32,
     /// What the RF field is trained on. Default `jet`, as the paper.
     pub rf_target: RfTarget,
     /// Optimisation steps per keyframe (paper: 75).
@@ -207,6 +210,7 @@ impl Default for ReconstructionConfig {
             second_stage_opacity: SecondStageOpacity::Optical,
             sampling: Sampling::Log,
             uniform_probability: 0.1,
+            least_probability: 0.0,
             rf_target: RfTarget::Jet,
             iterations_per_keyframe: 75,
             iterations_before_joining: 0,
@@ -246,8 +250,9 @@ impl ReconstructionConfig {
         let weight = |x: f32| (0.0..=1e6).contains(&x);
         let count = |n: usize, most: usize| (1..=most).contains(&n);
         let d = &self.depth;
-        let checks: [(&str, bool, &str); 33] = [
+        let checks: [(&str, bool, &str); 34] = [
             ("uniform_probability", probability(self.uniform_probability), "a probability between 0 and 1"),
+            ("least_probability", probability(self.least_probability), "a probability between 0 and 1"),
             ("iterations_per_keyframe", count(self.iterations_per_keyframe, 1_000_000), "1 to 1 000 000 (paper: 75)"),
             (
                 "iterations_before_joining",

@@ -73,9 +73,7 @@ impl Reconstructor {
     fn decide(&self, view: View, keyframe: &mut Prepared, seen: &Seen, judged: &[Judgement]) -> Result<(Change, Expansion)> {
         // Where: Eqs. (13)–(15), or everywhere alike.
         let (seed, stage) = (self.seed, stage::keyed(stage::SAMPLING, keyframe.index));
-        let chance = |keyframe: &Prepared, at: (usize, usize)| {
-            acceptance(self.config.sampling, keyframe.probability[at], seen.at(at).map_or(0.0, |s| s.structure))
-        };
+        let chance = |keyframe: &Prepared, at: (usize, usize)| acceptance(&self.config, keyframe.probability[at], seen.at(at));
         let width = keyframe.probability.width();
         let drawn = |at: (usize, usize)| log::accepted(at.1 * width + at.0, chance(keyframe, at), seed, stage);
         // On one thread: this takes a few milliseconds, and threads that prepare keyframes would keep others from their share of it.

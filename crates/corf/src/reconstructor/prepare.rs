@@ -5,7 +5,7 @@ use crate::{
     Result, Sampling,
     config::ReconstructionConfig,
     depth::{self, AlignedPrior, Correction, Dense, DepthPrior, GreyView, Neighbour, PixelDepth, Reliability, SparseDepth},
-    device::{InverseDepth, PackedView, Packer, Planes, TrainingView},
+    device::{InverseDepth, PackedView, Packer, Planes, Shown, TrainingView},
     expansion::log,
     field::FieldMeta,
     stage,
@@ -223,12 +223,13 @@ impl Preparer {
         let begin = Instant::now();
         let optical = Self::optical(keyframe);
         let sampling = self.config.sampling;
+        let least = self.config.least_probability;
         let probability = match sampling {
             Sampling::Uniform => Raster::filled(optical.width, optical.height, self.config.uniform_probability),
-            Sampling::Log => log::probability(&optical, self.config.log_sigma_px),
+            Sampling::Log => log::probability(&optical, self.config.log_sigma_px).map(|p| p.max(least)),
         };
         let stage = stage::keyed(stage::SAMPLING, keyframe.index);
-        let candidates = log::draw(&probability, |p| acceptance(sampling, p, 0.0), self.seed, stage);
+        let candidates = log::draw(&probability, |p| acceptance(&self.config, p, None), self.seed, stage);
         Ok(Looked {
             view: self.view(keyframe),
             index: keyframe.index,
@@ -317,12 +318,17 @@ impl Preparer {
     }
 }
 
-/// The probability with which a pixel is drawn, from that of the image (Eq. (13)) and of its rendering (Eq. (14)).
-pub(super) fn acceptance(sampling: Sampling, image: f32, rendering: f32) -> f32 {
-    match sampling {
+/// The probability with which a pixel is drawn, from that of the image (Eq. (13)) and what the field shows there, if it shows anything: its
+/// rendering's own probability (Eq. (14)). Where the image's is the least there is, it counts as far as nothing covers the pixel.
+pub(super) fn acceptance(config: &ReconstructionConfig, image: f32, shown: Option<&Shown>) -> f32 {
+    match config.sampling {
         Sampling::Uniform => image,
-        // Accept where rand < 2·P̄: the distance 1/(2√P) of Eq. (17) then lets neighbours overlap.
-        Sampling::Log => 2.0 * log::final_probability(image, rendering),
+        Sampling::Log => {
+            let (rendering, transmittance) = shown.map_or((0.0, 1.0), |s| (s.structure, s.transmittance));
+            let image = if image > config.least_probability { image } else { image * transmittance };
+            // Accept where rand < 2·P̄: the distance 1/(2√P) of Eq. (17) then lets neighbours overlap.
+            2.0 * log::final_probability(image, rendering)
+        }
     }
 }
 
