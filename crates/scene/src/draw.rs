@@ -1,8 +1,8 @@
 //! Drawing for charts and maps: a canvas with lines, discs and polygons, and text of strokes.
 
-pub use crate::lobby::textures::canvas::{Canvas, Format, Rgb, hex, mix};
+pub use crate::builder::textures::canvas::{Canvas, Format, Rgb, hex, mix};
 
-use crate::lobby::textures::text_layout;
+use crate::builder::textures::text_layout;
 
 /// Strokes of the small letters that units need, on the grid of the capitals (4 wide, 6 high), and how far the pen moves on.
 fn small(character: char) -> Option<(&'static [&'static [[f32; 2]]], f32)> {

@@ -1,10 +1,11 @@
-//! What the world is: geometry, optical and radio materials, cameras, trajectories, the lobby builder,
+//! What the world is: geometry, optical and radio materials, cameras, trajectories, the builders of the lobby and the office,
 //! glTF/OBJ import and the keyframe dataset on disk.
 //!
 //! World frame: right-handed, z up, metres. Camera frame: OpenCV axes (x right, y down, z forward).
 //! Transforms are named `target_from_source`.
 
 pub mod bounds;
+mod builder;
 pub mod camera;
 pub mod color;
 pub mod config;
@@ -26,6 +27,7 @@ pub mod lock;
 pub mod model;
 pub mod near_field;
 pub mod npz;
+pub mod office;
 pub mod overlaps;
 pub mod radio_check;
 pub mod radio_spec;

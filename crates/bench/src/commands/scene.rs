@@ -1,4 +1,4 @@
-//! `corf scene`: build the lobby, describe, check and export scenes.
+//! `corf scene`: build the lobby and the office, describe, check and export scenes.
 
 use super::export_light::{self, LightViews};
 use super::{Verdict, show};
@@ -11,7 +11,7 @@ use corf_scene::contained::Reach;
 use corf_scene::export::sionna;
 use corf_scene::import::ImportOptions;
 use corf_scene::info::{SceneInfo, validate_scene};
-use corf_scene::{Finding, Scene as Model, Severity, import, lobby, radio_check};
+use corf_scene::{Finding, Scene as Model, Severity, import, lobby, office, radio_check};
 use std::path::{Path, PathBuf};
 
 /// Frequency a mesh file without a scene file is checked at, Hz.
@@ -68,6 +68,22 @@ pub enum Build {
         #[arg(long, default_value = "scenes/lobby.glb")]
         out: PathBuf,
     },
+    /// The office floor: the same bytes each time.
+    Office {
+        /// Where to write it.
+        #[arg(long, default_value = "scenes/office.glb")]
+        out: PathBuf,
+    },
+}
+
+impl Build {
+    /// Writes the scene, and says where.
+    fn write(self) -> corf_scene::Result<PathBuf> {
+        match self {
+            Self::Lobby { out } => lobby::write(&out).map(|()| out),
+            Self::Office { out } => office::write(&out).map(|()| out),
+        }
+    }
 }
 
 /// `corf scene validate`.
@@ -165,8 +181,8 @@ impl Scene {
     /// A scene that cannot be read or written.
     pub fn run(self, json: bool) -> Result<Verdict> {
         match self {
-            Self::Build(Build::Lobby { out }) => {
-                lobby::write(&out)?;
+            Self::Build(build) => {
+                let out = build.write()?;
                 let bytes = std::fs::metadata(&out)?.len();
                 show(json, &serde_json::json!({ "file": out, "bytes": bytes }), &format!("{}: {bytes} bytes", out.display()))?;
                 Ok(Verdict::Done)

@@ -1,9 +1,11 @@
 //! The shell: floors, walls with their openings, glazing, ceiling, pillars, steps.
 
-use super::materials::Mat;
-use super::mesh_builder::{Frame, Object};
-use super::shapes::{cuboid, frame_bars, picture, sheet, sheet_with_holes, v};
-use super::shapes_round::{cylinder, lathe, rod, tube};
+use crate::builder::fittings::door;
+use crate::builder::materials::Mat;
+use crate::builder::mesh_builder::{Frame, Object};
+use crate::builder::shapes::{cuboid, frame_bars, picture, sheet, v};
+use crate::builder::shapes_round::{cylinder, lathe, rod, tube};
+use crate::builder::wall::Wall;
 use glam::DVec3;
 
 /// Clear height, metres.
@@ -11,56 +13,22 @@ pub const HEIGHT: f64 = 3.5;
 /// Depth of the stud space behind the west lining, metres.
 const LINING: f64 = 0.08;
 
-/// A wall in plan: local x runs to the right as seen from the room, local y up, local z into the room.
-#[derive(Clone, Copy, Debug)]
-pub struct Wall {
-    origin: DVec3,
-    inward: DVec3,
-    /// Metres.
-    pub length: f64,
+const fn wall(x: f64, y: f64, inward: DVec3, length: f64) -> Wall {
+    Wall { origin: DVec3::new(x, y, 0.0), inward, length, height: HEIGHT }
 }
 
-impl Wall {
-    /// x = 0 (the lining's face), local x = world y.
-    pub const WEST: Self = Self { origin: v_const(LINING, 0.0), inward: DVec3::X, length: 15.0 };
-    /// y = 0, local x = 14 − world x.
-    pub const SOUTH: Self = Self { origin: v_const(14.0, 0.0), inward: DVec3::Y, length: 14.0 };
-    /// x = 14, local x = 9 − world y.
-    pub const EAST: Self = Self { origin: v_const(14.0, 9.0), inward: DVec3::NEG_X, length: 9.0 };
-    /// y = 9 from x = 8.5 to 14, local x = world x − 8.5.
-    pub const NICHE: Self = Self { origin: v_const(8.5, 9.0), inward: DVec3::NEG_Y, length: 5.5 };
-    /// x = 8.5 from y = 9 to 15, local x = 15 − world y.
-    pub const INNER: Self = Self { origin: v_const(8.5, 15.0), inward: DVec3::NEG_X, length: 6.0 };
-    /// y = 15 from x = 0 to 8.5, local x = world x.
-    pub const NORTH: Self = Self { origin: v_const(0.0, 15.0), inward: DVec3::NEG_Y, length: 8.5 };
-
-    /// The frame with its origin `along` the wall and `up` from the floor.
-    pub fn frame(&self, along: f64, up: f64) -> Frame {
-        let turned = Frame::on_wall(self.inward, self.origin);
-        Frame { translation: turned.point(v(along, up, 0.0)), ..turned }
-    }
-
-    /// An object made in wall coordinates, at this place.
-    pub fn hang(&self, object: Object, along: f64, up: f64) -> Object {
-        object.placed(&self.frame(along, up))
-    }
-
-    /// The wall's sheet with openings, as an object.
-    fn with_holes(&self, name: &str, material: Mat, holes: &[[f64; 4]]) -> Object {
-        self.hang(Object::new(name).with(material, sheet_with_holes(self.length, HEIGHT, holes)), 0.0, 0.0)
-    }
-
-    /// Skirting boards over the given stretches.
-    fn skirting(&self, object: &mut Object, stretches: &[[f64; 2]]) {
-        for s in stretches {
-            object.add(Mat::WhiteWood, cuboid(v(s[0], 0.0, 0.0), v(s[1], 0.09, 0.014)).placed(&self.frame(0.0, 0.0)));
-        }
-    }
-}
-
-const fn v_const(x: f64, y: f64) -> DVec3 {
-    DVec3::new(x, y, 0.0)
-}
+/// x = 0 (the lining's face), local x = world y.
+pub const WEST: Wall = wall(LINING, 0.0, DVec3::X, 15.0);
+/// y = 0, local x = 14 − world x.
+pub const SOUTH: Wall = wall(14.0, 0.0, DVec3::Y, 14.0);
+/// x = 14, local x = 9 − world y.
+pub const EAST: Wall = wall(14.0, 9.0, DVec3::NEG_X, 9.0);
+/// y = 9 from x = 8.5 to 14, local x = world x − 8.5.
+pub const NICHE: Wall = wall(8.5, 9.0, DVec3::NEG_Y, 5.5);
+/// x = 8.5 from y = 9 to 15, local x = 15 − world y.
+pub const INNER: Wall = wall(8.5, 15.0, DVec3::NEG_X, 6.0);
+/// y = 15 from x = 0 to 8.5, local x = world x.
+pub const NORTH: Wall = wall(0.0, 15.0, DVec3::NEG_Y, 8.5);
 
 /// Lift doors on the west wall, `[from, to]` along it.
 pub const LIFTS: [[f64; 2]; 2] = [[10.0, 11.1], [11.9, 13.0]];
@@ -98,12 +66,12 @@ fn prints() -> Vec<Print> {
         frame,
     };
     vec![
-        poster(Wall::WEST, "Poster expo", Mat::PosterExpo, 0.95, 0.95, Some(Mat::DarkMetal)),
-        poster(Wall::WEST, "Poster waves", Mat::PosterWaves, 2.35, 0.95, None),
-        poster(Wall::WEST, "Poster hills", Mat::PosterHills, 3.75, 0.95, Some(Mat::Oak)),
-        poster(Wall::NICHE, "Poster chart", Mat::PosterChart, 0.75, 1.0, Some(Mat::DarkMetal)),
-        poster(Wall::NICHE, "Poster map", Mat::PosterMap, 1.9, 1.0, None),
-        poster(Wall::NORTH, "Poster grid", Mat::PosterGrid, 7.25, 1.0, Some(Mat::WhiteWood)),
+        poster(WEST, "Poster expo", Mat::PosterExpo, 0.95, 0.95, Some(Mat::DarkMetal)),
+        poster(WEST, "Poster waves", Mat::PosterWaves, 2.35, 0.95, None),
+        poster(WEST, "Poster hills", Mat::PosterHills, 3.75, 0.95, Some(Mat::Oak)),
+        poster(NICHE, "Poster chart", Mat::PosterChart, 0.75, 1.0, Some(Mat::DarkMetal)),
+        poster(NICHE, "Poster map", Mat::PosterMap, 1.9, 1.0, None),
+        poster(NORTH, "Poster grid", Mat::PosterGrid, 7.25, 1.0, Some(Mat::WhiteWood)),
     ]
 }
 
@@ -139,12 +107,12 @@ fn walls(all: &mut Vec<Object>) {
     let lifts = LIFTS.map(|l| [l[0], 0.0, l[1], LIFT_HEIGHT]);
     let north_door = [NORTH_DOOR[0], 0.0, NORTH_DOOR[1], NORTH_DOOR[2]];
     let openings = [[ENTRANCE[0], 0.0, ENTRANCE[1], ENTRANCE[2]], WINDOW_HOLE];
-    all.push(Wall::WEST.with_holes("West lining", Mat::Plaster, &holes("west", &lifts)));
-    all.push(Wall::SOUTH.with_holes("South wall", Mat::Concrete, &openings));
-    all.push(Wall::EAST.with_holes("East wall", Mat::PlasterTeal, &[[EAST_DOOR[0], EAST_DOOR[2], EAST_DOOR[1], EAST_DOOR[3]]]));
-    all.push(Wall::NICHE.with_holes("Niche wall", Mat::PlasterSand, &holes("niche", &[])));
-    all.push(Wall::INNER.with_holes("Inner concrete wall", Mat::Concrete, &[]));
-    all.push(Wall::NORTH.with_holes("North wall", Mat::PlasterTeal, &holes("north", &[north_door])));
+    all.push(WEST.with_holes("West lining", Mat::Plaster, &holes("west", &lifts)));
+    all.push(SOUTH.with_holes("South wall", Mat::Concrete, &openings));
+    all.push(EAST.with_holes("East wall", Mat::PlasterTeal, &[[EAST_DOOR[0], EAST_DOOR[2], EAST_DOOR[1], EAST_DOOR[3]]]));
+    all.push(NICHE.with_holes("Niche wall", Mat::PlasterSand, &holes("niche", &[])));
+    all.push(INNER.with_holes("Inner concrete wall", Mat::Concrete, &[]));
+    all.push(NORTH.with_holes("North wall", Mat::PlasterTeal, &holes("north", &[north_door])));
     for p in prints {
         let [x0, y0, x1, y1] = p.area;
         let (w, h) = (x1 - x0, y1 - y0);
@@ -166,12 +134,11 @@ fn walls(all: &mut Vec<Object>) {
     }
     all.push(studs);
     let mut skirting = Object::new("Skirting");
-    Wall::WEST
-        .skirting(&mut skirting, &[[0.0, LIFTS[0][0] - 0.1], [LIFTS[0][1] + 0.1, LIFTS[1][0] - 0.1], [LIFTS[1][1] + 0.1, 15.0]]);
-    Wall::SOUTH.skirting(&mut skirting, &[[2.15, ENTRANCE[0] - 0.06], [ENTRANCE[1] + 0.06, 13.92]]);
-    Wall::NICHE.skirting(&mut skirting, &[[0.0, 5.5]]);
-    Wall::INNER.skirting(&mut skirting, &[[0.0, 6.0]]);
-    Wall::NORTH.skirting(&mut skirting, &[[LINING, NORTH_DOOR[0] - 0.08], [NORTH_DOOR[1] + 0.08, 8.5]]);
+    WEST.skirting(&mut skirting, &[[0.0, LIFTS[0][0] - 0.1], [LIFTS[0][1] + 0.1, LIFTS[1][0] - 0.1], [LIFTS[1][1] + 0.1, 15.0]]);
+    SOUTH.skirting(&mut skirting, &[[2.15, ENTRANCE[0] - 0.06], [ENTRANCE[1] + 0.06, 13.92]]);
+    NICHE.skirting(&mut skirting, &[[0.0, 5.5]]);
+    INNER.skirting(&mut skirting, &[[0.0, 6.0]]);
+    NORTH.skirting(&mut skirting, &[[LINING, NORTH_DOOR[0] - 0.08], [NORTH_DOOR[1] + 0.08, 8.5]]);
     all.push(skirting);
 }
 
@@ -179,9 +146,9 @@ fn walls(all: &mut Vec<Object>) {
 const WINDOW_HOLE: [f64; 4] = [WINDOW[0], WINDOW[2], WINDOW[1], WINDOW[3]];
 
 fn wall_name(wall: &Wall) -> &'static str {
-    if wall.origin == Wall::WEST.origin {
+    if wall.origin == WEST.origin {
         "west"
-    } else if wall.origin == Wall::NICHE.origin {
+    } else if wall.origin == NICHE.origin {
         "niche"
     } else {
         "north"
@@ -207,7 +174,7 @@ fn glazing() -> Object {
         }
     }
     o.add(Mat::MarbleWhite, cuboid(v(-0.07, -0.1, 0.0), v(w + 0.07, -0.07, 0.16)));
-    Wall::SOUTH.hang(o, WINDOW[0], WINDOW[2])
+    SOUTH.hang(o, WINDOW[0], WINDOW[2])
 }
 
 fn entrance_frame() -> Object {
@@ -219,7 +186,7 @@ fn entrance_frame() -> Object {
     o.add(Mat::DarkMetal, cuboid(v(0.0, h, -0.05), v(w, h + bar, 0.05)));
     o.add(Mat::DarkMetal, cuboid(v(0.0, 2.14, -0.04), v(w, 2.2, 0.04)));
     o.add(Mat::DoorGlass, sheet(v(0.0, 2.2, 0.0), v(w, 0.0, 0.0), v(0.0, h - 2.2, 0.0)));
-    Wall::SOUTH.hang(o, ENTRANCE[0], 0.0)
+    SOUTH.hang(o, ENTRANCE[0], 0.0)
 }
 
 /// Two glass leaves with a metal rail at the foot, a head rail and pull handles.
@@ -235,39 +202,13 @@ fn entrance_leaves() -> Object {
         let pull = [v(x, 0.85, 0.004), v(x, 0.85, 0.06), v(x, 0.87, 0.07), v(x, 1.53, 0.07), v(x, 1.55, 0.06), v(x, 1.55, 0.004)];
         o.add(Mat::Chrome, tube(&pull, 0.015, 12));
     }
-    Wall::SOUTH.hang(o, ENTRANCE[0], 0.0)
-}
-
-/// A closed wooden leaf in a frame, with a lever handle.
-fn door(name: &str, width: f64, height: f64) -> Object {
-    let mut o = Object::new(name);
-    o.add(Mat::DoorWood, cuboid(v(0.0, 0.0, -0.03), v(width, height, 0.01)).grain_turned());
-    for (x0, x1, top) in [(-0.07, 0.0, height + 0.07), (width, width + 0.07, height + 0.07)] {
-        o.add(Mat::GreyMetal, cuboid(v(x0, 0.0, -0.04), v(x1, top, 0.03)));
-    }
-    o.add(Mat::GreyMetal, cuboid(v(0.0, height, -0.04), v(width, height + 0.07, 0.03)));
-    o.add(Mat::Brushed, cuboid(v(0.0, 0.02, 0.01), v(width, 0.22, 0.013)));
-    o.add(Mat::Chrome, cuboid(v(width - 0.1, 0.93, 0.01), v(width - 0.06, 1.15, 0.016)));
-    o.add(
-        Mat::Chrome,
-        tube(
-            &[
-                v(width - 0.08, 1.06, 0.016),
-                v(width - 0.08, 1.06, 0.06),
-                v(width - 0.1, 1.06, 0.068),
-                v(width - 0.21, 1.06, 0.068),
-            ],
-            0.01,
-            12,
-        ),
-    );
-    o
+    SOUTH.hang(o, ENTRANCE[0], 0.0)
 }
 
 fn doors(all: &mut Vec<Object>) {
-    all.push(Wall::NORTH.hang(door("Door north", NORTH_DOOR[1] - NORTH_DOOR[0], NORTH_DOOR[2]), NORTH_DOOR[0], 0.0));
+    all.push(NORTH.hang(door("Door north", NORTH_DOOR[1] - NORTH_DOOR[0], NORTH_DOOR[2]), NORTH_DOOR[0], 0.0));
     let landing = door("Door east", EAST_DOOR[1] - EAST_DOOR[0], EAST_DOOR[3] - EAST_DOOR[2]);
-    all.push(Wall::EAST.hang(landing, EAST_DOOR[0], EAST_DOOR[2]));
+    all.push(EAST.hang(landing, EAST_DOOR[0], EAST_DOOR[2]));
     for (i, lift) in LIFTS.into_iter().enumerate() {
         let (w, h) = (lift[1] - lift[0], LIFT_HEIGHT);
         let mut o = Object::new(format!("Lift door {}", i + 1));
@@ -278,7 +219,7 @@ fn doors(all: &mut Vec<Object>) {
             o.add(Mat::Brushed, cuboid(v(x0, 0.0, -0.06), v(x1, h + 0.1, 0.02)).grain_turned());
         }
         o.add(Mat::Brushed, cuboid(v(0.0, h, -0.06), v(w, h + 0.1, 0.02)));
-        all.push(Wall::WEST.hang(o, lift[0], 0.0));
+        all.push(WEST.hang(o, lift[0], 0.0));
     }
 }
 

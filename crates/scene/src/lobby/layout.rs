@@ -1,10 +1,10 @@
 //! Where everything stands. The ring the platform travels stays clear; islands inside it, furniture along the walls.
 
-use super::decor;
-use super::furniture::{bench, chair, coffee_table, office_chair, reception_desk, round_table, sofa, stool};
-use super::materials::Mat;
-use super::mesh_builder::{Frame, Object};
-use super::shapes::{block, printed_box, v};
+use crate::builder::decor;
+use crate::builder::furniture::{bench, chair, coffee_table, office_chair, reception_desk, round_table, sofa, stool};
+use crate::builder::materials::Mat;
+use crate::builder::mesh_builder::{Frame, Object};
+use crate::builder::shapes::{block, printed_box, v};
 
 /// All loose objects.
 pub fn objects() -> Vec<Object> {

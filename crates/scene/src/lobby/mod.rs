@@ -4,25 +4,14 @@
 //! different rooms: prints are part of their plaster wall and invisible to radio, while steel studs behind the west lining, lift doors, steel
 //! cabinets and window glass carry most of what radio sees. Shell surfaces and window panes are single sheets, each the slab its
 //! `thickness_m` says; furniture and fittings are closed shells of thin material, wound outwards; leaves are sheets.
-//!
-//! Textures, geometry and file layout use IEEE basic operations and integer hashing only, so the bytes depend on the crate's version and
-//! on that of the image encoders, not on the platform, the thread count or the time.
 
 mod architecture;
-mod decor;
 mod fixtures;
-mod furniture;
-mod glb;
 mod layout;
-mod materials;
-mod mesh_builder;
-mod shapes;
-mod shapes_round;
-pub(crate) mod textures;
-mod trig;
 
 use crate::Result;
-use mesh_builder::Object;
+use crate::builder::glb;
+use crate::builder::mesh_builder::Object;
 use std::path::Path;
 
 /// Every object of the lobby, in the order of the file.

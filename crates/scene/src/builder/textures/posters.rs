@@ -2,7 +2,7 @@
 
 use super::canvas::{Canvas, Rgb, hex, mix, scale, smoothstep};
 use super::noise::{fbm, lattice, vein};
-use crate::lobby::trig;
+use crate::builder::trig;
 
 fn wave(x: f32) -> f32 {
     trig::sin(f64::from(x * std::f32::consts::TAU)) as f32

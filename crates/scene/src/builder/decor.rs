@@ -1,14 +1,14 @@
-//! Plants, books, lamps and the small things people leave in a lobby.
+//! Plants, books, lamps and the small things people leave in a room.
 
 use super::materials::Mat;
-use super::mesh_builder::{Mesh, Object};
-use super::shapes::{block, cuboid, printed_box, rounded_box, v};
+use super::mesh_builder::{Frame, Mesh, Object};
+use super::shapes::{block, cuboid, picture, printed_box, rounded_box, v};
 use super::shapes_round::{cylinder, disc, lathe, leaf, rod, sphere, tube};
 use super::trig;
 use crate::Rng;
 use glam::{DVec2, DVec3};
 
-/// The random-number stage of the lobby's small variations.
+/// The random-number stage of small variations.
 const STAGE_DECOR: u64 = 0xdec0;
 
 /// A round planter with soil.
@@ -212,7 +212,7 @@ pub fn water_cooler() -> Object {
 /// A vending machine, 0.9 × 0.75 × 1.85 m, front towards −y.
 pub fn vending_machine() -> Object {
     let mut o = Object::new("Vending machine").with(Mat::DarkMetal, cuboid(v(-0.45, -0.35, 0.05), v(0.45, 0.38, 1.85)));
-    let front = printed_box(v(-0.45, -0.9, 0.0), v(0.45, 0.9, 0.02)).placed(&super::mesh_builder::Frame::tilt(90.0));
+    let front = printed_box(v(-0.45, -0.9, 0.0), v(0.45, 0.9, 0.02)).placed(&Frame::tilt(90.0));
     o.add(Mat::Vending, front.shifted(0.0, -0.35, 0.95));
     for x in [-0.38, 0.38] {
         for y in [-0.3, 0.3] {
@@ -281,18 +281,22 @@ pub fn stanchions(at: &[[f64; 2]]) -> Object {
     o
 }
 
+/// A monitor on its foot with a keyboard before it, for a work top 0.74 m high. The lit side looks at whoever sits there, towards +y.
+pub fn monitor(face: Mat) -> Object {
+    let mut o = Object::new("");
+    o.add(Mat::BlackPlastic, rounded_box(v(-0.27, 0.0, 0.86), v(0.27, 0.03, 1.18), 0.008, 2, 1));
+    o.add(face, picture(v(0.26, 0.0305, 0.87), v(-0.52, 0.0, 0.0), v(0.0, 0.0, 0.3)));
+    o.add(Mat::DarkMetal, cuboid(v(-0.03, -0.012, 0.74), v(0.03, 0.0, 1.0)));
+    o.add(Mat::DarkMetal, block(0.0, 0.0, 0.74, [0.24, 0.18, 0.01]));
+    o.add(Mat::Keyboard, printed_box(v(-0.22, -0.075, 0.0), v(0.22, 0.075, 0.018)).turned(180.0, 0.0, 0.22, 0.74));
+    o
+}
+
 /// Two monitors, a keyboard, a telephone, a vase with a small plant and a bell, for the desk's work top and counter. Front towards −y.
 pub fn desk_things() -> Vec<Object> {
     let mut all = Vec::new();
     for (i, x) in [-0.75, 0.6].into_iter().enumerate() {
-        let mut o = Object::new(format!("Monitor {}", i + 1));
-        o.add(Mat::BlackPlastic, rounded_box(v(-0.27, 0.0, 0.86), v(0.27, 0.03, 1.18), 0.008, 2, 1));
-        // The lit side looks at the clerk, towards +y.
-        o.add(Mat::ScreenDesk, super::shapes::picture(v(0.26, 0.0305, 0.87), v(-0.52, 0.0, 0.0), v(0.0, 0.0, 0.3)));
-        o.add(Mat::DarkMetal, cuboid(v(-0.03, -0.012, 0.74), v(0.03, 0.0, 1.0)));
-        o.add(Mat::DarkMetal, block(0.0, 0.0, 0.74, [0.24, 0.18, 0.01]));
-        o.add(Mat::Keyboard, printed_box(v(-0.22, -0.075, 0.0), v(0.22, 0.075, 0.018)).turned(180.0, 0.0, 0.22, 0.74));
-        all.push(o.placed(&super::mesh_builder::Frame::yaw(0.0, x, -0.02, 0.0)));
+        all.push(monitor(Mat::ScreenDesk).copy(format!("Monitor {}", i + 1), 0.0, x, -0.02, 0.0));
     }
     let mut phone =
         Object::new("Telephone").with(Mat::BlackPlastic, rounded_box(v(-0.1, -0.1, 0.74), v(0.1, 0.1, 0.78), 0.015, 2, 1));
@@ -300,7 +304,7 @@ pub fn desk_things() -> Vec<Object> {
         Mat::BlackPlastic,
         tube(&[v(-0.07, -0.09, 0.79), v(-0.08, -0.04, 0.805), v(-0.08, 0.04, 0.805), v(-0.07, 0.09, 0.79)], 0.02, 12),
     );
-    all.push(phone.placed(&super::mesh_builder::Frame::at(0.0, 0.2, 0.0)));
+    all.push(phone.placed(&Frame::at(0.0, 0.2, 0.0)));
     let mut vase = Object::new("Vase on the counter");
     vase.add(
         Mat::Clay,
@@ -312,7 +316,7 @@ pub fn desk_things() -> Vec<Object> {
         let (c, s) = trig::on_circle(0.381_966 * k as f64);
         vase.add(Mat::Leaf, leaf(v(0.01 * c, 0.01 * s, 1.34), v(c, s, 1.2 + rng.uniform_f64()), 0.26, 0.045, 0.5, 5));
     }
-    all.push(vase.placed(&super::mesh_builder::Frame::at(1.5, -0.2, 0.0)));
+    all.push(vase.placed(&Frame::at(1.5, -0.2, 0.0)));
     let bell = [
         [0.0, 0.0],
         [0.045, 0.0],

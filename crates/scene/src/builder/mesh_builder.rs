@@ -153,6 +153,15 @@ impl Frame {
         Self { rotation: DMat3::from_cols(DVec3::X, DVec3::new(0.0, c, s), DVec3::new(0.0, -s, c)), translation: DVec3::ZERO }
     }
 
+    /// A turn about y by `degrees` (x towards −z), then a shift: a door leaf in wall coordinates on its hinge.
+    pub fn swing(degrees: f64, x: f64, z: f64) -> Self {
+        let (s, c) = trig::sin_cos(degrees.to_radians());
+        Self {
+            rotation: DMat3::from_cols(DVec3::new(c, 0.0, -s), DVec3::Y, DVec3::new(s, 0.0, c)),
+            translation: DVec3::new(x, 0.0, z),
+        }
+    }
+
     /// This frame's local axes at the given wall: local x to the right seen from the room, local y up the wall, local z into the room.
     pub fn on_wall(inward: DVec3, origin: DVec3) -> Self {
         Self { rotation: DMat3::from_cols(DVec3::Z.cross(inward), DVec3::Z, inward), translation: origin }

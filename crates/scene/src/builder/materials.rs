@@ -1,4 +1,4 @@
-//! The lobby's materials: what light sees, and the slab 60 GHz sees.
+//! The materials of rooms built in code: what light sees, and the slab 60 GHz sees.
 //!
 //! Permittivities are ITU-R P.2040-3 rows where there is one; plastic, leather and cloth carry the relative permittivity used in published
 //! work on this kind of room, with a conductivity for a loss tangent of 0.01, 0.05 and 0.03 (an assumption: no 60 GHz table gives them).
@@ -101,7 +101,7 @@ const DAYLIGHT: f32 = 2.0;
 
 macro_rules! materials {
     ($($variant:ident $name:literal $radio:ident $thickness:literal { $($field:ident : $value:expr),* $(,)? })*) => {
-        /// A material of the lobby.
+        /// A material.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
         #[allow(missing_docs)]
         pub enum Mat { $($variant),* }
@@ -189,6 +189,20 @@ materials! {
     PendantGlow "Pendant glass" GLASS 0.003 { emissive: [9.0, 6.2, 3.4], roughness: 0.5 }
     LampShade "Lamp shade" CLOTH 0.001 { base: [0.8, 0.7, 0.5], emissive: [1.5, 1.05, 0.55], roughness: 1.0 }
     Street "Street outside" FOLIAGE 0.5 { texture: Some(Tex::Street), base: [0.0; 3], emissive: [DAYLIGHT; 3], roughness: 1.0 }
+    // Thin coverings on concrete: what radio meets is the slab below.
+    CarpetTiles "Carpet tiles on concrete" CONCRETE 0.2 { texture: Some(Tex::CarpetTiles), base: [0.95; 3], texture_size_m: [2.0, 2.0], roughness: 1.0 }
+    CarpetTilesWarm "Warm carpet tiles on concrete" CONCRETE 0.2 { texture: Some(Tex::CarpetTiles), base: [1.0, 0.72, 0.5], texture_size_m: [2.0, 2.0], roughness: 1.0 }
+    Vinyl "Vinyl floor on concrete" CONCRETE 0.2 { texture: Some(Tex::Vinyl), base: [0.95; 3], texture_size_m: [1.6, 1.6], roughness: 0.4 }
+    PaintedConcrete "Painted concrete" CONCRETE 0.2 { texture: Some(Tex::Plaster), base: [0.9, 0.9, 0.88], texture_size_m: [1.5, 1.5], roughness: 0.9 }
+    PlasterGreen "Sage plaster" PLASTERBOARD 0.0125 { texture: Some(Tex::Plaster), base: [0.3, 0.42, 0.31], texture_size_m: [1.5, 1.5], roughness: 0.9 }
+    Backsplash "Wall tiles" MARBLE 0.008 { texture: Some(Tex::WallTiles), base: [0.95; 3], texture_size_m: [0.6, 0.6], roughness: 0.25 }
+    Whiteboard "Whiteboard" METAL 0.001 { texture: Some(Tex::Whiteboard), base: [0.95; 3], roughness: 0.25 }
+    Film "Frosted film" PLASTIC 0.0002 { base: [0.85; 3], roughness: 0.9 }
+    ScreenCode "Screen with text" GLASS 0.004 { texture: Some(Tex::ScreenCode), base: [0.02; 3], emissive: [1.2; 3], roughness: 0.25 }
+    SignMeeting "Door sign: meeting" PLASTIC 0.003 { texture: Some(Tex::SignMeeting), base: [0.95; 3], roughness: 0.5 }
+    SignPrint "Door sign: print" PLASTIC 0.003 { texture: Some(Tex::SignPrint), base: [0.95; 3], roughness: 0.5 }
+    SignKitchen "Door sign: kitchen" PLASTIC 0.003 { texture: Some(Tex::SignKitchen), base: [0.95; 3], roughness: 0.5 }
+    SignOffice "Door sign: office" PLASTIC 0.003 { texture: Some(Tex::SignOffice), base: [0.95; 3], roughness: 0.5 }
 }
 
 impl MaterialSpec {

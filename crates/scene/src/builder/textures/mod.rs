@@ -1,9 +1,10 @@
-//! The lobby's textures, painted in code: every one is a pure function of its name.
+//! Textures painted in code: every one is a pure function of its name.
 
 pub mod canvas;
 mod fabrics;
 mod glyphs;
 mod noise;
+mod office;
 mod posters;
 mod signs;
 mod stone;
@@ -12,7 +13,7 @@ mod wood;
 pub use glyphs::layout as text_layout;
 pub use signs::SPINES;
 
-use canvas::{Canvas, Format};
+use canvas::{Canvas, Format, hex};
 
 /// Every texture: its name in the file, its encoding and its painter.
 macro_rules! textures {
@@ -84,4 +85,13 @@ textures! {
     Keyboard => "keyboard", Format::Png, signs::keyboard();
     Books => "book_spines", PHOTO, signs::books();
     Street => "street", PHOTO, signs::street();
+    CarpetTiles => "carpet_tiles", PHOTO, office::carpet_tiles();
+    Vinyl => "vinyl", PHOTO, office::vinyl();
+    WallTiles => "wall_tiles", PHOTO, office::wall_tiles();
+    Whiteboard => "whiteboard", Format::Png, office::whiteboard();
+    ScreenCode => "screen_code", Format::Png, office::screen_code();
+    SignMeeting => "sign_meeting", Format::Png, office::sign("MEETING", "4.03", hex(0x1f6f78));
+    SignPrint => "sign_print", Format::Png, office::sign("PRINT", "4.02", hex(0xb5651d));
+    SignKitchen => "sign_kitchen", Format::Png, office::sign("KITCHEN", "4.06", hex(0x6b8f3a));
+    SignOffice => "sign_office", Format::Png, office::sign("OFFICE", "4.05", hex(0x3d4f7c));
 }

@@ -2,7 +2,7 @@
 
 use crate::Rng;
 
-/// The random-number stage of the lobby's textures.
+/// The random-number stage of textures.
 const STAGE_LATTICE: u64 = 0x10bb;
 
 /// Uniform in `[0, 1)` at a lattice point.

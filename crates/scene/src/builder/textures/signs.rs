@@ -2,7 +2,7 @@
 
 use super::canvas::{Canvas, Rgb, hex, mix, scale, smoothstep};
 use super::noise::{fbm, lattice};
-use crate::lobby::trig;
+use crate::builder::trig;
 
 /// The information screen at the lifts.
 pub fn screen_welcome() -> Canvas {
