@@ -4,7 +4,9 @@
 //! works in inverse z-depth (1/m). Neighbours are training keyframes only; the caller passes no others.
 
 pub mod align;
+pub mod anything;
 pub mod dense;
+pub mod folder;
 pub mod matching;
 pub mod patch;
 pub mod prior;
