@@ -237,7 +237,11 @@ mod tests {
             // Cells 2 and 3 along x take part in pixels 3 to 8, cells 1 and 2 along y in pixels 1 to 6.
             let is_known = !((3..=8).contains(&x) && (1..=6).contains(&y));
             assert_eq!(dense.is_known(x, y), is_known, "({x}, {y})");
-            assert!((dense.at(x, y) - whole.at(x, y)).abs() < if is_known { 1e-6 } else { 2.0 }, "({x}, {y}): {}", dense.at(x, y));
+            assert!(
+                (dense.at(x, y) - whole.at(x, y)).abs() < if is_known { 1e-6 } else { 2.0 },
+                "({x}, {y}): {}",
+                dense.at(x, y)
+            );
         }
         let mut ones = Raster::filled(6, 5, 1.0);
         dense.clear_holes(&mut ones);

@@ -38,17 +38,21 @@ impl FolderPrior {
         let place = format!("{} (depth.folder), keyframe {index}", self.folder.display());
         match there.as_slice() {
             [file] => Ok(file.clone()),
-            [] if !self.folder.is_dir() => {
-                Err(Error::invalid(place, "there is no such folder", "give the folder of the maps (tools/depth_prior.py makes one)"))
-            }
+            [] if !self.folder.is_dir() => Err(Error::invalid(
+                place,
+                "there is no such folder",
+                "give the folder of the maps (tools/depth_prior.py makes one)",
+            )),
             [] => Err(Error::invalid(
                 place,
                 format!("there is no map {stem}.exr, {stem}.npy or {stem}.png"),
                 "every training keyframe needs one, named as its image is (tools/depth_prior.py makes them)",
             )),
-            [a, b, ..] => {
-                Err(Error::invalid(place, format!("both {} and {} are there", a.display(), b.display()), "leave one of them there"))
-            }
+            [a, b, ..] => Err(Error::invalid(
+                place,
+                format!("both {} and {} are there", a.display(), b.display()),
+                "leave one of them there",
+            )),
         }
     }
 
@@ -112,3 +116,7 @@ impl FolderPrior {
         found.into_iter().collect()
     }
 }
+
+#[cfg(test)]
+#[path = "folder_tests.rs"]
+mod tests;

@@ -249,13 +249,8 @@ fn softmax(row: &mut [f32], scale: f32) {
 pub(super) fn attention(qkv: &[f32], width: usize, heads: usize) -> Vec<f32> {
     const ROWS: usize = 64;
     let (tokens, stride, head) = (qkv.len() / (3 * width), 3 * width, width / heads);
-    let part = |from: usize, rows: usize| Matrix {
-        values: &qkv[from..],
-        rows,
-        columns: head,
-        row_stride: stride,
-        column_stride: 1,
-    };
+    let part =
+        |from: usize, rows: usize| Matrix { values: &qkv[from..], rows, columns: head, row_stride: stride, column_stride: 1 };
     let scale = 1.0 / (head as f32).sqrt();
     let mut out = vec![0.0; tokens * width];
     out.par_chunks_mut(ROWS * width).enumerate().for_each_init(

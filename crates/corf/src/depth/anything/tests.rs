@@ -104,7 +104,11 @@ fn a_file_that_cannot_be_used_is_told_what_it_lacks() {
         bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
         bytes
     };
-    refused("foreign.safetensors", &swapped("backbone.embeddings.cls_token", "backbone.embeddings.cls_taken"), "pretrained.cls_token");
+    refused(
+        "foreign.safetensors",
+        &swapped("backbone.embeddings.cls_token", "backbone.embeddings.cls_taken"),
+        "pretrained.cls_token",
+    );
     let missing = "neck.fusion_stage.layers.2.residual_layer1.convolution2.bias";
     refused("lacking.safetensors", &swapped(missing, &missing.replace("bias", "bios")), missing);
     let block = "backbone.encoder.layer.1.mlp.fc1.weight";

@@ -102,7 +102,8 @@ impl Weights {
         let has = |name: &str| entries.contains_key(name);
         let (official, library) = ("pretrained.cls_token", renamed("pretrained.cls_token"));
         if !has(official) && !has(&library) {
-            let what = format!("holds neither tensor `{official}` (official names) nor `{library}` (names of the transformers library)");
+            let what =
+                format!("holds neither tensor `{official}` (official names) nor `{library}` (names of the transformers library)");
             return Err(Error::invalid(path.display().to_string(), what, HELP));
         }
         let is_renamed = !has(official);
@@ -240,12 +241,14 @@ impl Weights {
 /// The tensors of a safetensors file, and its bytes.
 fn read_safetensors(path: &Path) -> Result<(BTreeMap<String, (Entry, Range<usize>)>, Vec<u8>)> {
     let bytes = io::read(path)?;
-    let fault = |what: String| Error::invalid(path.display().to_string(), format!("not a readable safetensors file: {what}"), HELP);
+    let fault =
+        |what: String| Error::invalid(path.display().to_string(), format!("not a readable safetensors file: {what}"), HELP);
     let Some((length, rest)) = bytes.split_first_chunk::<8>() else { return Err(fault("it is cut short".into())) };
     let header = usize::try_from(u64::from_le_bytes(*length)).ok().and_then(|n| rest.get(..n));
     let Some(header) = header else { return Err(fault("its header is cut short".into())) };
     let begin = 8 + header.len();
-    let mut table: BTreeMap<String, serde_json::Value> = serde_json::from_slice(header).map_err(|e| fault(format!("its header: {e}")))?;
+    let mut table: BTreeMap<String, serde_json::Value> =
+        serde_json::from_slice(header).map_err(|e| fault(format!("its header: {e}")))?;
     table.remove("__metadata__");
     let mut entries = BTreeMap::new();
     for (name, entry) in table {
