@@ -135,7 +135,8 @@ pub fn run_cell(
     watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
 ) -> Result<Record> {
-    let outcome = reconstruct(method, &input.dataset, split, seed, watch).and_then(|mut r| {
+    let checked = method.check_files(&TrainingSet::new(&input.dataset, split));
+    let outcome = checked.and_then(|()| reconstruct(method, &input.dataset, split, seed, watch)).and_then(|mut r| {
         let frames = evaluate(r.predictor.as_mut(), &input.dataset, split, look)?;
         let latency = LatencySummary::of(&r.keyframes);
         let numbers =

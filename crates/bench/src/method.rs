@@ -42,6 +42,11 @@ impl<'a> TrainingSet<'a> {
         *self.held.borrow_mut() = read;
     }
 
+    /// Which of the dataset's keyframes they are, in order.
+    pub fn indices(&self) -> &[usize] {
+        &self.indices
+    }
+
     /// How many keyframes there are.
     pub fn len(&self) -> usize {
         self.indices.len()
@@ -145,6 +150,14 @@ pub trait Method {
     /// Fewer training keyframes than this are none to it.
     fn least_keyframes(&self) -> usize {
         1
+    }
+
+    /// Looks, before anything is begun, for what the method reads beside the keyframes.
+    ///
+    /// # Errors
+    /// A file that is missing or cannot be used.
+    fn check_files(&self, _training: &TrainingSet<'_>) -> Result<()> {
+        Ok(())
     }
 
     /// Asks the method to keep its state on disk while it works; methods that finish at once have none.

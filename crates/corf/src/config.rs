@@ -2,6 +2,7 @@
 
 use crate::{Appearance, Error, Gaussians, Result, target::RfTarget};
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// Where new Gaussians are sampled in a keyframe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,8 +46,27 @@ pub enum DepthPriorKind {
     /// The ray tracer's depth as it is, neither aligned nor matched: the row that says what better depth could bring. Consumes ground truth,
     /// and every result says so.
     Exact,
+    /// Maps that are there already, one a keyframe, of any network's making: `depth.folder`.
+    Folder,
+    /// Depth-Anything-V2 with the user's weights: `depth.weights`.
+    DepthAnything,
     /// No dense prior: triangulated and matched depths alone.
     None,
+}
+
+/// What the maps of `depth.folder` say. All are aligned to triangulated depths, for metric networks too err in scale; only where too little was
+/// triangulated to do so are metric maps taken at their word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FolderKind {
+    /// Inverse depth up to scale and offset, larger where nearer: MiDaS, Depth-Anything.
+    InverseRelative,
+    /// Depth up to scale, larger where further: Marigold and the like. Inverted before it is aligned.
+    DepthRelative,
+    /// z-depth in metres.
+    DepthMetric,
+    /// Inverse z-depth in 1/m.
+    InverseMetric,
 }
 
 /// How wrong the simulated prior is (γ, λ and κ of `depth::prior`).
@@ -150,8 +170,23 @@ pub struct ReconstructionConfig {
 pub struct DepthConfig {
     /// Dense prior. Default `simulated`.
     pub prior: DepthPriorKind,
-    /// Its error level. Default `default`.
+    /// Error level of the `simulated` prior. Default `default`.
     pub preset: PriorPreset,
+    /// Folder of the `folder` prior's maps, from the current directory: `NNNNN.exr`, `.npy` or `.png` for the keyframe whose image is `NNNNN.png`
+    /// (its index plus one). Given with that prior and no other.
+    pub folder: Option<PathBuf>,
+    /// What those maps say. Default `inverse-relative`.
+    pub folder_kind: FolderKind,
+    /// Value of a 16-bit PNG at one metre (or at 1/m, for `inverse-metric`); relative maps have no unit. Default 1000: millimetres.
+    pub png_scale: f64,
+    /// Weights of the `depth-anything` prior, a safetensors file, from the current directory; a `config.json` beside it is read. Given with
+    /// that prior and no other.
+    pub weights: Option<PathBuf>,
+    /// Shorter side of what that network sees, pixels, rounded to a multiple of its patches' 14. Default 518, as published.
+    pub input_px: usize,
+    /// Whether that network sees colours with ImageNet's mean and standard deviation taken off, as it was trained, or as they are, between 0
+    /// and 1. Default true.
+    pub imagenet_normalisation: bool,
     /// Its alignment. Default `huber`: on lobby-mini, where about a hundred corners a keyframe triangulate, it gives a third more accurate matches than
     /// the published `mad` (one seed: share 0.25 against 0.18).
     pub alignment: Alignment,
@@ -186,6 +221,12 @@ impl Default for DepthConfig {
         Self {
             prior: DepthPriorKind::Simulated,
             preset: PriorPreset::Default,
+            folder: None,
+            folder_kind: FolderKind::InverseRelative,
+            png_scale: 1000.0,
+            weights: None,
+            input_px: 518,
+            imagenet_normalisation: true,
             alignment: Alignment::Huber,
             near_m: 0.4,
             far_m: 30.0,
@@ -199,6 +240,40 @@ impl Default for DepthConfig {
             min_segment_px: 4.0,
             cost_ratio: 1.1,
             min_zncc: 0.7,
+        }
+    }
+}
+
+impl DepthConfig {
+    /// Checks what the priors made elsewhere need: their files are named when the prior asks for them, and only then.
+    fn check_prior(&self) -> Result<()> {
+        let files = [
+            ("folder", self.folder.is_some(), DepthPriorKind::Folder, "the folder of the maps"),
+            ("weights", self.weights.is_some(), DepthPriorKind::DepthAnything, "the network's safetensors file"),
+        ];
+        for (key, given, prior, what) in files {
+            if given == (self.prior == prior) {
+                continue;
+            }
+            let name = serde_json::json!(prior);
+            let (fault, help) = if given {
+                ("the prior does not read it".to_owned(), format!("set depth.prior = {name}, or leave the key out"))
+            } else {
+                (format!("depth.prior = {name} needs it"), format!("give {what}: depth.{key} = \"PATH\""))
+            };
+            return Err(Error::invalid(format!("reconstruction config, key `depth.{key}`"), fault, help));
+        }
+        let ranges = [
+            ("png_scale", (1e-6..=1e9).contains(&self.png_scale), "a positive number, 1e-6 to 1e9"),
+            ("input_px", (14..=4096).contains(&self.input_px), "14 to 4096 pixels (published: 518)"),
+        ];
+        match ranges.iter().find(|r| !r.1) {
+            None => Ok(()),
+            Some((key, _, range)) => Err(Error::invalid(
+                format!("reconstruction config, key `depth.{key}`"),
+                "the value is out of range",
+                format!("give {range}"),
+            )),
         }
     }
 }
@@ -303,7 +378,7 @@ impl ReconstructionConfig {
             ("depth.corrected_range", d.corrected_range >= 1e-6 && d.corrected_range < 1.0, "between 0 and 1"),
         ];
         match checks.iter().find(|c| !c.1) {
-            None => Ok(()),
+            None => d.check_prior(),
             Some((key, _, range)) => Err(Error::invalid(
                 format!("reconstruction config, key `{key}`"),
                 "the value is out of range",
@@ -359,5 +434,28 @@ mod tests {
         assert_eq!(config.coupling, Coupling::RfTuned);
         let error = config.validate().unwrap_err().to_string();
         assert!(error.contains("depth.near_m"), "{error}");
+    }
+
+    #[test]
+    fn a_priors_files_are_asked_for_and_others_are_refused() {
+        let fault = |depth: &str| {
+            let config: ReconstructionConfig = serde_json::from_str(&format!(r#"{{"depth": {depth}}}"#)).unwrap();
+            assert!(!config.consumes_ground_truth_depth() || config.depth.prior == DepthPriorKind::Simulated);
+            config.validate().err().map(|e| e.to_string()).unwrap_or_default()
+        };
+        assert_eq!(fault(r#"{"prior": "folder", "folder": "maps", "folder_kind": "depth-metric", "png_scale": 5000}"#), "");
+        assert_eq!(fault(r#"{"prior": "depth-anything", "weights": "model.safetensors", "input_px": 392}"#), "");
+        for (depth, key) in [
+            (r#"{"prior": "folder"}"#, "depth.folder"),
+            (r#"{"prior": "depth-anything", "folder": "maps"}"#, "depth.folder"),
+            (r#"{"prior": "depth-anything"}"#, "depth.weights"),
+            (r#"{"weights": "model.safetensors"}"#, "depth.weights"),
+            (r#"{"prior": "none", "folder": "maps"}"#, "depth.folder"),
+            (r#"{"png_scale": 0}"#, "depth.png_scale"),
+            (r#"{"input_px": 13}"#, "depth.input_px"),
+        ] {
+            let error = fault(depth);
+            assert!(error.contains(&format!("`{key}`")) && error.contains("help"), "{depth}: {error}");
+        }
     }
 }

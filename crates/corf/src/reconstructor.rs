@@ -83,8 +83,8 @@ impl Reconstructor {
     /// An empty field. The cameras are those of every keyframe to come, `db_range` the whole dataset's.
     ///
     /// # Errors
-    /// A configuration out of range, cameras without pixels, an empty dB range, or a device that already holds Gaussians or was not made with
-    /// [`ReconstructionConfig::empty_field`].
+    /// A configuration out of range, a depth prior whose files cannot be used, cameras without pixels, an empty dB range, or a device that already holds
+    /// Gaussians or was not made with [`ReconstructionConfig::empty_field`].
     pub fn new(
         mut device: Box<dyn Device>,
         mut config: ReconstructionConfig,
@@ -129,7 +129,7 @@ impl Reconstructor {
         let background = (!device.trains_on_the_host()).then(rayon::current_num_threads);
         // Where steps are taken during an expansion, what it needs can wait for it.
         let eager = background.is_some() && config.iterations_before_joining == 0;
-        let preparer = Preparer::new(&config, &meta, seed, device.packer(), eager);
+        let preparer = Preparer::new(&config, &meta, seed, device.packer(), eager)?;
         Ok(Self {
             ahead: Ahead::new(preparer, prepare::Past::new(&config), background),
             schedule: Schedule::new(seed, config.rf_target.floor_color()),
@@ -156,7 +156,7 @@ impl Reconstructor {
     /// only collected. A caller that knows the next keyframe already does better with [`Self::receive`] and [`Self::process`].
     ///
     /// # Errors
-    /// A keyframe of the wrong size, out of order, with a pose that is not finite, or without the depth the prior needs; the device's errors.
+    /// A keyframe of the wrong size, out of order, with a pose that is not finite, or without the depth or map the prior needs; the device's errors.
     pub fn push(&mut self, keyframe: &Keyframe) -> Result<KeyframeReport> {
         self.receive(keyframe.clone())?;
         let mut report = self.report(keyframe.index);
@@ -170,7 +170,7 @@ impl Reconstructor {
     /// those before it, if it is received by then.
     ///
     /// # Errors
-    /// A keyframe of the wrong size, out of order, with a pose that is not finite, or without the depth the prior needs.
+    /// A keyframe of the wrong size, out of order, with a pose that is not finite, or without the depth or map the prior needs.
     pub fn receive(&mut self, keyframe: Keyframe) -> Result<()> {
         if self.replay.is_some() {
             let what = "the checkpoint's keyframes have not been replayed";

@@ -4,11 +4,13 @@
 #[cfg(test)]
 mod bounds_tests;
 mod image_header;
+mod map;
 
 use crate::guard::guarded;
 use crate::{Error, Raster, Result};
 use exr::prelude as ex;
 pub use image_header::{MAX_EXR_BYTES, MAX_PIXELS};
+pub use map::read_map;
 use sha2::{Digest, Sha256};
 use std::io::{Cursor, Write};
 use std::path::Path;
@@ -200,7 +202,13 @@ pub fn write_png(path: impl AsRef<Path>, image: &Raster<[u8; 3]>) -> Result<()> 
 /// # Errors
 /// The bytes are no complete image, or one of more than [`MAX_PIXELS`], which the header is asked for before memory is taken.
 pub fn decode_rgba(bytes: &[u8], path: impl AsRef<Path>) -> Result<Raster<[u8; 4]>> {
-    let path = path.as_ref();
+    let rgba = decode_image(bytes, path.as_ref(), image::DynamicImage::into_rgba8)?;
+    let (width, height) = (rgba.width() as usize, rgba.height() as usize);
+    Ok(Raster::from_vec(width, height, rgba.pixels().map(|p| p.0).collect()))
+}
+
+/// Decodes a PNG or JPEG of up to [`MAX_PIXELS`], and what is made of it under the same guard.
+fn decode_image<T>(bytes: &[u8], path: &Path, convert: fn(image::DynamicImage) -> T) -> Result<T> {
     image_header::check_png_or_jpeg(bytes, path)?;
     let mut reader =
         image::ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| corrupt(path, "PNG or JPEG", e))?;
@@ -208,10 +216,8 @@ pub fn decode_rgba(bytes: &[u8], path: impl AsRef<Path>) -> Result<Raster<[u8; 4
     // 16 bits a sample is the most a decoder writes.
     limits.max_alloc = Some(8 * MAX_PIXELS + (1 << 24));
     reader.limits(limits);
-    let decoded = guarded(|| reader.decode().map(image::DynamicImage::into_rgba8));
-    let rgba = decoded.map_err(|e| corrupt(path, "PNG or JPEG", e))?.map_err(|e| corrupt(path, "PNG or JPEG", e))?;
-    let (width, height) = (rgba.width() as usize, rgba.height() as usize);
-    Ok(Raster::from_vec(width, height, rgba.pixels().map(|p| p.0).collect()))
+    let decoded = guarded(|| reader.decode().map(convert));
+    decoded.map_err(|e| corrupt(path, "PNG or JPEG", e))?.map_err(|e| corrupt(path, "PNG or JPEG", e))
 }
 
 /// Reads a PNG (or JPEG) as 8-bit RGB; alpha is dropped.

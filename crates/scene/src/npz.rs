@@ -170,7 +170,8 @@ pub fn encode_npz(arrays: &[Array]) -> Result<Vec<u8>> {
     Ok(file)
 }
 
-/// Decodes a `.npy` file of floats (`<f4` or `<f8`, C order) as its shape and f64 values; `place` names it in messages.
+/// Decodes a `.npy` file of floats (`<f2`, `<f4` or `<f8`) or 16-bit integers (`<u2`), C order, as its shape and f64 values; `place` names it in
+/// messages.
 ///
 /// # Errors
 /// The bytes are no such file, or end early.
@@ -192,11 +193,14 @@ pub fn decode_npy(bytes: &[u8], place: &str) -> Result<(Vec<usize>, Vec<f64>)> {
     let header = length.and_then(|n| bytes.get(start..start.checked_add(n)?)).and_then(|h| std::str::from_utf8(h).ok());
     let Some(header) = header else { return Err(fault("its header is cut short".into())) };
     let value = |key: &str| header.split_once(&format!("'{key}':")).map(|(_, rest)| rest.trim_start());
-    let width = match value("descr").map(|v| v.split('\'').nth(1).unwrap_or_default()) {
+    let descr = value("descr").map(|v| v.split('\'').nth(1).unwrap_or_default());
+    let width = match descr {
         Some("<f8") => 8,
         Some("<f4") => 4,
-        other => return Err(fault(format!("its type is {}, not <f4 or <f8", other.unwrap_or("not stated")))),
+        Some("<f2" | "<u2") => 2,
+        other => return Err(fault(format!("its type is {}, not <f2, <f4, <f8 or <u2", other.unwrap_or("not stated")))),
     };
+    let halves = descr == Some("<f2");
     if !value("fortran_order").is_some_and(|v| v.starts_with("False")) {
         return Err(fault("it is in Fortran order".into()));
     }
@@ -210,6 +214,8 @@ pub fn decode_npy(bytes: &[u8], place: &str) -> Result<(Vec<usize>, Vec<f64>)> {
         return Err(fault(format!("{} bytes of data for shape {shape:?}", data.len())));
     }
     let number = |b: &[u8]| match *b {
+        [a, b] if halves => half::f16::from_le_bytes([a, b]).to_f64(),
+        [a, b] => f64::from(u16::from_le_bytes([a, b])),
         [a, b, c, d] => f64::from(f32::from_le_bytes([a, b, c, d])),
         [a, b, c, d, e, f, g, h] => f64::from_le_bytes([a, b, c, d, e, f, g, h]),
         _ => f64::NAN,
@@ -233,6 +239,16 @@ mod tests {
         }
         let single = Array::new("x", &[2], Values::F32(vec![1.5, -2.0])).to_npy();
         assert_eq!(decode_npy(&single, "x").unwrap().1, [1.5, -2.0]);
+        // The same header, with two bytes a value: f32 1.5 is 0x3fc00000, whose halves are 0 and 0x3fc0.
+        let pairs = |descr: &str| {
+            let mut bytes = single.clone();
+            let at = bytes.windows(3).position(|w| w == b"<f4").unwrap();
+            bytes[at..at + 3].copy_from_slice(descr.as_bytes());
+            bytes.truncate(bytes.len() - 4);
+            decode_npy(&bytes, "x").unwrap().1
+        };
+        assert_eq!(pairs("<u2"), [0.0, f64::from(0x3fc0)]);
+        assert_eq!(pairs("<f2"), [0.0, 1.9375], "0x3fc0 is 2⁰ (1 + 960/1024)");
     }
 
     #[test]

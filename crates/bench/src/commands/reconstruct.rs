@@ -3,7 +3,7 @@
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::input::{Input, Verify};
-use crate::method::{Advance, Checkpoints};
+use crate::method::{Advance, Checkpoints, TrainingSet};
 use crate::progress::Progress;
 use crate::provenance::Provenance;
 use crate::run::{RunInfo, SCHEMA, claim_output, write_numbers};
@@ -90,6 +90,7 @@ impl Reconstruct {
         let Input { dataset, verified } = self.verify.open(&self.dataset)?;
         let split = Split::of(&dataset, self.protocol)?;
         harness::check_training(method.as_ref(), &split)?;
+        method.check_files(&TrainingSet::new(&dataset, &split))?;
         let _held = claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");
         if self.resume && info_path.exists() {

@@ -7,6 +7,7 @@ use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::metrics::Prediction;
 use anyhow::{Context, Result};
 use corf::config::{Coupling, ReconstructionConfig, Sampling};
+use corf::depth::DepthPrior;
 use corf::optimizer::{OptimizerConfig, RasterConfig};
 use corf::target::RfTarget;
 use corf::{Device, Field, Reconstructor};
@@ -152,6 +153,13 @@ impl Method for CorfGs {
     /// Depth comes from views of one thing from several places.
     fn least_keyframes(&self) -> usize {
         2
+    }
+
+    fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {
+        let camera = training.optical_camera();
+        // Nothing that is drawn matters to files.
+        let prior = DepthPrior::new(&self.config.reconstruction.depth, 0)?;
+        Ok(prior.check_all(training.indices(), (camera.width, camera.height))?)
     }
 
     fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 pub struct AlignedPrior {
     /// 1/z, 1/m, at least 1/far.
     pub inverse_depth: Dense,
-    /// `exp(−|Sobel|²/0.2)` of the median/MAD-normalised map, its slopes those per image pixel; 0 where that is 0.5 or less (a depth edge) or the aligned
-    /// value was beyond far.
+    /// `exp(−|Sobel|²/0.2)` of the median/MAD-normalised map, its slopes those per image pixel; 0 where that is 0.5 or less (a depth edge), the aligned
+    /// value was beyond far, or the prior has a hole.
     pub confidence: Dense,
     /// `aligned = scale · mono + offset`.
     pub scale: f32,
@@ -22,20 +22,21 @@ pub struct AlignedPrior {
 /// Fewest triangulated depths that define an alignment.
 pub const LEAST_ANCHORS: usize = 12;
 
-/// Aligns a prior to triangulated depths; `None` where there are fewer than [`LEAST_ANCHORS`] or they do not define a positive scale.
+/// Aligns a prior to triangulated depths. Where there are fewer than [`LEAST_ANCHORS`] or they do not define a positive scale, a metric prior is taken as it
+/// is, and of any other there is `None`.
 ///
 /// `seed` and `stage` key the hypotheses of [`Alignment::Ransac`].
 pub fn align(mono: &Dense, anchors: &[SparseDepth], config: &DepthConfig, seed: u64, stage: u64) -> Option<AlignedPrior> {
+    let known = anchors.iter().filter(|a| mono.is_known(a.x, a.y));
     let pairs: Vec<(f64, f64)> =
-        anchors.iter().map(|a| (f64::from(mono.at(a.x, a.y)), f64::from(a.inverse_depth))).filter(|p| p.0.is_finite()).collect();
-    if pairs.len() < LEAST_ANCHORS {
-        return None;
-    }
-    let (scale, offset) = match config.alignment {
+        known.map(|a| (f64::from(mono.at(a.x, a.y)), f64::from(a.inverse_depth))).filter(|p| p.0.is_finite()).collect();
+    let fitted = match config.alignment {
+        _ if pairs.len() < LEAST_ANCHORS => None,
         Alignment::Mad => by_mad(&pairs),
         Alignment::Huber => by_huber(&pairs),
         Alignment::Ransac => by_ransac(&pairs, seed, stage),
-    }?;
+    };
+    let (scale, offset) = fitted.or_else(|| mono.is_metric().then_some((1.0, 0.0)))?;
     Some(AlignedPrior::new(mono, scale as f32, offset as f32, config))
 }
 
@@ -45,6 +46,7 @@ impl AlignedPrior {
         let (far, near) = ((1.0 / config.far_m) as f32, (1.0 / config.near_m) as f32);
         let grid = mono.grid();
         let mut confidence = edge_confidence(grid, mono.cells_per_pixel());
+        mono.clear_holes(&mut confidence);
         let mut inverse_depth = Raster::filled(grid.width(), grid.height(), 0.0);
         let cells = inverse_depth.pixels_mut().par_iter_mut().zip(confidence.pixels_mut()).zip(grid.pixels());
         cells.with_min_len(1024).for_each(|((inverse_depth, confidence), m)| {

@@ -2,12 +2,18 @@
 
 use corf_scene::Raster;
 use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// A map of an image on a grid of the image's shape, of its pixels or of coarser cells; bilinear between the cells' centres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dense {
     grid: Raster<f32>,
     image: (usize, usize),
+    /// Which cells nothing is known of, if there are any; they hold what is next to them.
+    holes: Option<Arc<[bool]>>,
+    /// Whether the values are inverse depths in 1/m as they are.
+    is_metric: bool,
 }
 
 /// Two neighbouring cells along an axis and the weight of the second.
@@ -16,7 +22,39 @@ type Between = (usize, usize, f32);
 impl Dense {
     /// A grid over an image of `image` pixels (columns, rows).
     pub fn new(grid: Raster<f32>, image: (usize, usize)) -> Self {
-        Self { grid, image }
+        Self { grid, image, holes: None, is_metric: false }
+    }
+
+    /// A map of an image of `image` pixels at any resolution. One that is finer than the image is averaged over its pixels. What is not finite is a hole:
+    /// it takes the value of what is known next to it, so that nothing that is interpolated there is spoilt, and is no longer [known](Self::is_known). A
+    /// map without a finite value stays as it is.
+    pub fn reduced(map: Raster<f32>, image: (usize, usize)) -> Self {
+        let mut grid = reduce(map, image);
+        let holes = fill_holes(&mut grid).map(Arc::from);
+        Self { holes, ..Self::new(grid, image) }
+    }
+
+    /// The same map, its values inverse depths in 1/m that need no alignment.
+    pub fn in_metres(self) -> Self {
+        Self { is_metric: true, ..self }
+    }
+
+    /// Whether the values are inverse depths in 1/m as they are.
+    pub fn is_metric(&self) -> bool {
+        self.is_metric
+    }
+
+    /// Whether the value of an image pixel rests on no hole.
+    pub fn is_known(&self, x: usize, y: usize) -> bool {
+        let Some(holes) = &self.holes else { return true };
+        let ((x0, x1, _), (y0, y1, _)) = (self.along_x(x), self.along_y(y));
+        [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].iter().all(|(x, y)| !holes[y * self.grid.width() + x])
+    }
+
+    /// Sets what stands at the holes, on a grid like this one, to 0.
+    pub fn clear_holes(&self, grid: &mut Raster<f32>) {
+        let holes = self.holes.iter().flat_map(|h| h.iter());
+        grid.pixels_mut().iter_mut().zip(holes).filter(|(_, hole)| **hole).for_each(|(value, _)| *value = 0.0);
     }
 
     /// Columns and rows of the image.
@@ -31,7 +69,7 @@ impl Dense {
 
     /// The same image with other values on the grid.
     pub fn with(&self, grid: Raster<f32>) -> Self {
-        Self { grid, image: self.image }
+        Self::new(grid, self.image)
     }
 
     /// Cells per pixel along either axis: at most 1.
@@ -108,6 +146,58 @@ fn between(at: usize, pixels: usize, cells: usize) -> Between {
     (first, first + usize::from(fraction > 0.0), fraction)
 }
 
+/// A map that is finer than an image as one of its pixels, each the mean of those finite cells that it covers, if that is half of them.
+fn reduce(map: Raster<f32>, image: (usize, usize)) -> Raster<f32> {
+    let cells = (map.width(), map.height());
+    let (width, height) = (cells.0.min(image.0), cells.1.min(image.1));
+    if cells == (width, height) {
+        return map;
+    }
+    let covered = |at: usize, of: usize, cells: usize| at * cells / of..((at + 1) * cells / of).max(at * cells / of + 1);
+    let mut pixels = vec![0.0; width * height];
+    pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let (mut sum, mut known, mut all) = (0.0, 0, 0);
+            for v in covered(y, height, cells.1) {
+                for value in covered(x, width, cells.0).map(|u| map[(u, v)]) {
+                    all += 1;
+                    if value.is_finite() {
+                        known += 1;
+                        sum += f64::from(value);
+                    }
+                }
+            }
+            *pixel = if 2 * known >= all { (sum / f64::from(known)) as f32 } else { f32::NAN };
+        }
+    });
+    Raster::from_vec(width, height, pixels)
+}
+
+/// Gives every cell that is not finite the value of the nearest one that is, counted in steps along the axes, and says which they were; `None` where all
+/// are finite, or none is.
+fn fill_holes(grid: &mut Raster<f32>) -> Option<Vec<bool>> {
+    let holes: Vec<bool> = grid.pixels().iter().map(|v| !v.is_finite()).collect();
+    if holes.iter().all(|h| *h) || !holes.contains(&true) {
+        return None;
+    }
+    let (width, height) = (grid.width(), grid.height());
+    let mut left = holes.clone();
+    let mut queue: VecDeque<usize> = (0..holes.len()).filter(|&i| !holes[i]).collect();
+    while let Some(from) = queue.pop_front() {
+        let (x, y) = (from % width, from / width);
+        let value = grid.pixels()[from];
+        let beside = [(x > 0, from.wrapping_sub(1)), (x + 1 < width, from + 1)];
+        let above = [(y > 0, from.wrapping_sub(width)), (y + 1 < height, from + width)];
+        for (_, to) in beside.into_iter().chain(above).filter(|(is_inside, _)| *is_inside) {
+            if std::mem::take(&mut left[to]) {
+                grid.pixels_mut()[to] = value;
+                queue.push_back(to);
+            }
+        }
+    }
+    Some(holes)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -137,5 +227,42 @@ mod tests {
         assert_eq!(zeros, 16);
         assert_eq!(dense.at_unless_zero(4, 4), 0.0);
         assert_eq!(dense.at_unless_zero(5, 4), 1.0);
+    }
+
+    #[test]
+    fn a_hole_is_filled_from_beside_and_spoils_nothing() {
+        // A ramp along x with a hole of 2 × 2 cells, on pixels twice as fine.
+        let mut map = Raster::from_fn(6, 5, |x, _| x as f32 + 1.0);
+        for (at, hole) in [((2, 1), f32::NAN), ((3, 1), f32::INFINITY), ((2, 2), f32::NAN), ((3, 2), f32::NEG_INFINITY)] {
+            map[at] = hole;
+        }
+        let (whole, dense) = (Raster::from_fn(6, 5, |x, _| x as f32 + 1.0), Dense::reduced(map, (12, 10)));
+        let whole = Dense::new(whole, (12, 10));
+        for (x, y) in (0..10).flat_map(|y| (0..12).map(move |x| (x, y))) {
+            // Cells 2 and 3 along x take part in pixels 3 to 8, cells 1 and 2 along y in pixels 1 to 6.
+            let is_known = !((3..=8).contains(&x) && (1..=6).contains(&y));
+            assert_eq!(dense.is_known(x, y), is_known, "({x}, {y})");
+            assert!(
+                (dense.at(x, y) - whole.at(x, y)).abs() < if is_known { 1e-6 } else { 2.0 },
+                "({x}, {y}): {}",
+                dense.at(x, y)
+            );
+        }
+        let mut ones = Raster::filled(6, 5, 1.0);
+        dense.clear_holes(&mut ones);
+        assert_eq!(ones.pixels().iter().sum::<f32>(), 26.0);
+        assert!(Dense::reduced(Raster::filled(2, 2, f32::NAN), (2, 2)).at(0, 0).is_nan(), "there is nothing to fill it with");
+    }
+
+    #[test]
+    fn a_finer_map_is_averaged_over_the_pixels_where_half_of_it_is_known() {
+        let mut map = Raster::from_fn(6, 4, |x, y| (x + 10 * y) as f32);
+        (map[(0, 0)], map[(2, 0)], map[(2, 1)], map[(3, 0)]) = (f32::NAN, f32::NAN, f32::NAN, f32::NAN);
+        let dense = Dense::reduced(map, (3, 2));
+        assert_eq!((dense.grid().width(), dense.grid().height()), (3, 2));
+        // Cells 1, 10 and 11; one cell of four is too little, so the pixel takes what is on its left.
+        assert!((dense.at(0, 0) - 22.0 / 3.0).abs() < 1e-6 && dense.is_known(0, 0));
+        assert!(!dense.is_known(1, 0) && dense.at(1, 0) == dense.at(0, 0));
+        assert_eq!(dense.at(2, 1), 29.5);
     }
 }

@@ -1,6 +1,6 @@
 //! Dense, affine-invariant inverse depth: where it comes from.
 
-use super::dense::Dense;
+use super::{anything::Network, dense::Dense, folder::FolderPrior};
 use crate::{
     Error, Result,
     config::{DepthConfig, DepthPriorKind, PriorPreset},
@@ -10,6 +10,8 @@ use corf_scene::{Keyframe, Raster, Rng};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A source of dense inverse depth, known up to scale and offset.
 #[derive(Clone, Debug)]
@@ -19,25 +21,41 @@ pub enum DepthPrior {
     Simulated(SimulatedPrior),
     /// The ray tracer's depth. **Consumes ground-truth depth.**
     Exact,
+    /// Maps that are there already.
+    Folder(FolderPrior),
+    /// Depth-Anything-V2.
+    DepthAnything(Arc<Network>),
     /// No dense prior.
     None,
 }
 
 impl DepthPrior {
-    /// The prior a configuration asks for.
-    pub fn new(config: &DepthConfig, seed: u64) -> Self {
-        match config.prior {
+    /// The prior a configuration asks for; a network's weights are read.
+    ///
+    /// # Errors
+    /// A prior whose files the configuration does not name; weights that cannot be used.
+    pub fn new(config: &DepthConfig, seed: u64) -> Result<Self> {
+        let named = |key: &str, path: &Option<PathBuf>| {
+            let missing = || Error::invalid(format!("reconstruction config, key `depth.{key}`"), "it is missing", "give a path");
+            path.clone().ok_or_else(missing)
+        };
+        Ok(match config.prior {
             DepthPriorKind::Simulated => Self::Simulated(SimulatedPrior::new(config.preset, seed)),
             DepthPriorKind::Exact => Self::Exact,
+            DepthPriorKind::Folder => Self::Folder(FolderPrior::new(named("folder", &config.folder)?, config)),
+            DepthPriorKind::DepthAnything => {
+                Self::DepthAnything(Arc::new(Network::read(&named("weights", &config.weights)?, config)?))
+            }
             DepthPriorKind::None => Self::None,
-        }
+        })
     }
 
     /// The dense prior of a keyframe; `None` from [`Self::None`].
     ///
     /// # Errors
-    /// The simulated prior on a keyframe without depth.
+    /// A keyframe without the depth, the map or the image that the prior needs.
     pub fn estimate(&self, keyframe: &Keyframe) -> Result<Option<Dense>> {
+        let image = &keyframe.image;
         match self {
             Self::Simulated(prior) => prior.estimate(keyframe).map(Some),
             Self::Exact => {
@@ -45,6 +63,8 @@ impl DepthPrior {
                 let inverse = depth.map(|&z| if z > 0.0 && z.is_finite() { 1.0 / z } else { 0.0 });
                 Ok(Some(Dense::new(inverse, (depth.width(), depth.height()))))
             }
+            Self::Folder(prior) => prior.read(keyframe.index, (image.width(), image.height())).map(Some),
+            Self::DepthAnything(network) => network.estimate(image).map(Some),
             Self::None => Ok(None),
         }
     }
@@ -54,14 +74,28 @@ impl DepthPrior {
         matches!(self, Self::Exact)
     }
 
-    /// Refuses a keyframe that [`Self::estimate`] could not use.
+    /// Refuses a keyframe that [`Self::estimate`] could not use, as far as a look at it tells; [`Self::check_all`] reads what is in files.
     ///
     /// # Errors
     /// As [`Self::estimate`].
     pub fn check(&self, keyframe: &Keyframe) -> Result<()> {
         match self {
             Self::Simulated(_) | Self::Exact => true_depth_of(keyframe).map(|_| ()),
+            Self::Folder(prior) => prior.check(keyframe),
+            Self::DepthAnything(network) => network.input_size((keyframe.image.width(), keyframe.image.height())).map(|_| ()),
             Self::None => Ok(()),
+        }
+    }
+
+    /// Looks, before there are keyframes, for all that is needed of keyframes with these indices and of images of this size (columns, rows).
+    ///
+    /// # Errors
+    /// As [`Self::estimate`]; what keyframes bring with them is not known yet.
+    pub fn check_all(&self, indices: &[usize], image: (usize, usize)) -> Result<()> {
+        match self {
+            Self::Folder(prior) => prior.check_all(indices, image),
+            Self::DepthAnything(network) => network.input_size(image).map(|_| ()),
+            Self::Simulated(_) | Self::Exact | Self::None => Ok(()),
         }
     }
 

@@ -7,6 +7,10 @@ use crate::{
     device::{DeviceState, Outline, PackedView, Packer, RenderRequest, Rendering, Survey, SurveyRequest, TrainingView, ViewId},
     synthetic::{self, DB_RANGE},
 };
+use corf_scene::{
+    dataset::stem,
+    npz::{Array, Values},
+};
 use std::path::Path;
 
 const COUNT: usize = 6;
@@ -124,6 +128,18 @@ fn ways() -> [ReconstructionConfig; 6] {
     ]
 }
 
+/// A folder prior of the frames' depths, relative and with a hole.
+fn maps_of(frames: &[Keyframe], folder: &Path) -> DepthConfig {
+    for frame in frames {
+        let depth = frame.depth_m.as_ref().unwrap();
+        let mut inverse = depth.map(|z| 2.0 / z + 0.1);
+        (20..30).flat_map(|y| (10..25).map(move |x| (x, y))).for_each(|at| inverse[at] = f32::NAN);
+        let map = Array::new("x", &[depth.height(), depth.width()], Values::F32(inverse.into_vec())).to_npy();
+        std::fs::write(folder.join(format!("{}.npy", stem(frame.index))), map).unwrap();
+    }
+    DepthConfig { prior: DepthPriorKind::Folder, folder: Some(folder.to_owned()), ..Default::default() }
+}
+
 #[test]
 fn what_is_prepared_ahead_changes_nothing() {
     let frames = keyframes();
@@ -153,10 +169,17 @@ fn a_checkpoint_goes_on_to_the_same_bytes_from_every_keyframe() {
     let frames = keyframes();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint");
-    for (coupling, way) in
-        [(Coupling::Joint, 0), (Coupling::Frozen, 0), (Coupling::Joint, 2), (Coupling::Frozen, 4), (Coupling::Joint, 5)]
-    {
-        let config = ReconstructionConfig { coupling, ..ways()[way].clone() };
+    let [plain, _, few_corners, _, four_joining, nine_joining] = ways();
+    let maps = ReconstructionConfig { depth: maps_of(&frames, folder.path()), ..config() };
+    for (coupling, way) in [
+        (Coupling::Joint, &plain),
+        (Coupling::Frozen, &plain),
+        (Coupling::Joint, &few_corners),
+        (Coupling::Frozen, &four_joining),
+        (Coupling::Joint, &nine_joining),
+        (Coupling::Joint, &maps),
+    ] {
+        let config = ReconstructionConfig { coupling, ..way.clone() };
         let mut straight = fresh(cpu(&config), &config);
         frames.iter().for_each(|k| assert!(straight.push(k).is_ok()));
         let mut truth = vec![finish(&mut straight)];

@@ -158,9 +158,9 @@ pub(super) struct Preparer {
 }
 
 impl Preparer {
-    pub fn new(config: &ReconstructionConfig, meta: &FieldMeta, seed: u64, packer: Option<Packer>, eager: bool) -> Self {
-        let prior = DepthPrior::new(&config.depth, seed);
-        Self { config: config.clone(), meta: *meta, seed, prior, packer, eager }
+    pub fn new(config: &ReconstructionConfig, meta: &FieldMeta, seed: u64, packer: Option<Packer>, eager: bool) -> Result<Self> {
+        let prior = DepthPrior::new(&config.depth, seed)?;
+        Ok(Self { config: config.clone(), meta: *meta, seed, prior, packer, eager })
     }
 
     /// Refuses a keyframe that [`Self::look`] could not look at.

@@ -1,7 +1,7 @@
 //! Which file is where, relative to the dataset's folder.
 
 /// The file stem of keyframe `index`: counted from 1, five digits.
-pub(super) fn stem(index: usize) -> String {
+pub fn stem(index: usize) -> String {
     format!("{:05}", index + 1)
 }
 

@@ -28,6 +28,7 @@ pub use conventions::{Conventions, EQUIRECTANGULAR_AXES};
 pub use export::ColoredPoint;
 pub use header::{DATASET_SCHEMA, DatasetHeader, MaterialRecord, Quantity, SamplingError, Summary};
 pub use identity::check_finished;
+pub use layout::stem;
 pub use reader::Dataset;
 pub use validate::validate;
 pub use writer::{DatasetWriter, FrameData};

@@ -1,0 +1,334 @@
+//! What the network is made of: products of matrices, convolutions, resampling and the functions in between, all in f32.
+//!
+//! Work is cut into blocks of a fixed number of rows, so that every sum is taken in the same order whatever the number of threads. Maps have
+//! their channels innermost: a map's pixels and a transformer's tokens are both rows of a matrix.
+
+use rayon::prelude::*;
+
+/// Rows that are worked on at once.
+const BLOCK: usize = 256;
+/// Lanes of a sum.
+const LANES: usize = 16;
+
+/// A map of `height × width` pixels of `channels` values each, row by row, channels innermost.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Map {
+    pub height: usize,
+    pub width: usize,
+    pub channels: usize,
+    pub values: Vec<f32>,
+}
+
+impl Map {
+    /// All zero.
+    pub fn zero(height: usize, width: usize, channels: usize) -> Self {
+        Self { height, width, channels, values: vec![0.0; height * width * channels] }
+    }
+
+    /// One pixel's channels.
+    fn pixel(&self, x: usize, y: usize) -> &[f32] {
+        let start = (y * self.width + x) * self.channels;
+        &self.values[start..start + self.channels]
+    }
+
+    /// Adds a map of the same size.
+    pub fn add(&mut self, other: &Self) {
+        self.values.par_iter_mut().zip(&other.values).with_min_len(4096).for_each(|(a, b)| *a += b);
+    }
+
+    /// Negative values become 0.
+    pub fn rectify(&mut self) {
+        self.values.par_iter_mut().with_min_len(4096).for_each(|v| *v = v.max(0.0));
+    }
+}
+
+/// Part of an array seen as a matrix.
+#[derive(Clone, Copy)]
+pub(super) struct Matrix<'a> {
+    pub values: &'a [f32],
+    pub rows: usize,
+    pub columns: usize,
+    /// Distance of one row from the next.
+    pub row_stride: usize,
+    /// Distance of one column from the next.
+    pub column_stride: usize,
+}
+
+impl Matrix<'_> {
+    /// Rows become columns.
+    pub fn transposed(self) -> Self {
+        let (rows, columns) = (self.columns, self.rows);
+        Self { rows, columns, row_stride: self.column_stride, column_stride: self.row_stride, ..self }
+    }
+
+    /// How many values it reaches over.
+    fn reach(&self) -> usize {
+        match (self.rows, self.columns) {
+            (0, _) | (_, 0) => 0,
+            (r, c) => (r - 1) * self.row_stride + (c - 1) * self.column_stride + 1,
+        }
+    }
+}
+
+/// `out = a·b + keep·out`; rows of `out` are `stride` apart.
+pub(super) fn multiply(a: Matrix<'_>, b: Matrix<'_>, keep: f32, out: &mut [f32], stride: usize) {
+    let written = Matrix { values: out, rows: a.rows, columns: b.columns, row_stride: stride, column_stride: 1 };
+    assert!(a.columns == b.rows && b.columns <= stride, "matrices that do not fit");
+    assert!(a.reach() <= a.values.len() && b.reach() <= b.values.len() && written.reach() <= written.values.len());
+    // SAFETY: every matrix lies within its slice, as was just checked, and the one that is written is borrowed alone and has distinct entries.
+    unsafe {
+        matrixmultiply::sgemm(
+            a.rows,
+            a.columns,
+            b.columns,
+            1.0,
+            a.values.as_ptr(),
+            a.row_stride as isize,
+            a.column_stride as isize,
+            b.values.as_ptr(),
+            b.row_stride as isize,
+            b.column_stride as isize,
+            keep,
+            out.as_mut_ptr(),
+            stride as isize,
+            1,
+        );
+    }
+}
+
+/// An affine map of rows: `y = W·x + b`.
+#[derive(Clone, Debug)]
+pub(super) struct Layer {
+    pub inputs: usize,
+    pub outputs: usize,
+    /// Outputs × inputs.
+    pub weights: Vec<f32>,
+    pub bias: Vec<f32>,
+}
+
+impl Layer {
+    /// Row by row.
+    fn apply(&self, rows: &[f32], out: &mut [f32]) {
+        out.chunks_exact_mut(self.outputs).for_each(|row| row.copy_from_slice(&self.bias));
+        let (inputs, outputs) = (self.inputs, self.outputs);
+        let a = Matrix { values: rows, rows: rows.len() / inputs, columns: inputs, row_stride: inputs, column_stride: 1 };
+        let w = Matrix { values: &self.weights, rows: outputs, columns: inputs, row_stride: inputs, column_stride: 1 };
+        multiply(a, w.transposed(), 1.0, out, outputs);
+    }
+
+    /// Of many rows.
+    pub fn of_rows(&self, rows: &[f32]) -> Vec<f32> {
+        let mut out = vec![0.0; rows.len() / self.inputs * self.outputs];
+        let blocks = out.par_chunks_mut(BLOCK * self.outputs).zip(rows.par_chunks(BLOCK * self.inputs));
+        blocks.for_each(|(out, rows)| self.apply(rows, out));
+        out
+    }
+
+    /// Of every pixel alone: a 1×1 convolution.
+    pub fn of_pixels(&self, map: &Map) -> Map {
+        Map { channels: self.outputs, values: self.of_rows(&map.values), ..*map }
+    }
+
+    /// A 3×3 convolution with a border of zeros one wide, at every `stride`-th pixel; inputs are (row, column, channel) of the window.
+    pub fn convolve(&self, map: &Map, stride: usize) -> Map {
+        let [height, width] = [map.height, map.width].map(|n| (n - 1) / stride + 1);
+        let mut out = Map::zero(height, width, self.outputs);
+        out.values.par_chunks_mut(BLOCK * self.outputs).enumerate().for_each_init(
+            || vec![0.0; BLOCK * self.inputs],
+            |windows, (block, out)| {
+                let count = out.len() / self.outputs;
+                let windows = &mut windows[..count * self.inputs];
+                for (i, window) in windows.chunks_exact_mut(self.inputs).enumerate() {
+                    let at = block * BLOCK + i;
+                    let (x, y) = (stride * (at % width), stride * (at / width));
+                    for (k, part) in window.chunks_exact_mut(map.channels).enumerate() {
+                        // One to the right and below of the pixel meant.
+                        let (u, v) = (x + k % 3, y + k / 3);
+                        if (1..=map.width).contains(&u) && (1..=map.height).contains(&v) {
+                            part.copy_from_slice(map.pixel(u - 1, v - 1));
+                        } else {
+                            part.fill(0.0);
+                        }
+                    }
+                }
+                self.apply(windows, out);
+            },
+        );
+        out
+    }
+
+    /// A transposed convolution whose kernel is as large as its stride: every pixel becomes `side × side` of them; outputs are (row, column,
+    /// channel) of those.
+    pub fn spread(&self, map: &Map, side: usize) -> Map {
+        let channels = self.outputs / (side * side);
+        let mut out = Map::zero(side * map.height, side * map.width, channels);
+        let (row, run) = (out.width * channels, side * channels);
+        out.values.par_chunks_mut(side * row).zip(map.values.par_chunks(map.width * map.channels)).for_each(|(out, source)| {
+            let mut spread = vec![0.0; map.width * self.outputs];
+            self.apply(source, &mut spread);
+            for (x, pixels) in spread.chunks_exact(self.outputs).enumerate() {
+                for (j, pixels) in pixels.chunks_exact(run).enumerate() {
+                    out[j * row + x * run..][..run].copy_from_slice(pixels);
+                }
+            }
+        });
+        out
+    }
+}
+
+/// Sum of `f` of the values.
+fn sum(values: &[f32], f: impl Fn(f32) -> f32) -> f32 {
+    let mut lanes = [0.0; LANES];
+    let chunks = values.chunks_exact(LANES);
+    let rest: f32 = chunks.remainder().iter().map(|v| f(*v)).sum();
+    chunks.for_each(|chunk| lanes.iter_mut().zip(chunk).for_each(|(sum, v)| *sum += f(*v)));
+    lanes.iter().sum::<f32>() + rest
+}
+
+/// Normalises every row to mean 0 and variance 1 (of all its values, plus `epsilon`), then scales and shifts each column.
+pub(super) fn layer_norm(rows: &[f32], scale: &[f32], shift: &[f32], epsilon: f32) -> Vec<f32> {
+    let width = scale.len();
+    let mut out = vec![0.0; rows.len()];
+    out.par_chunks_mut(width).zip(rows.par_chunks(width)).with_min_len(64).for_each(|(out, row)| {
+        let mean = sum(row, |v| v) / width as f32;
+        let variance = sum(row, |v| (v - mean) * (v - mean)) / width as f32;
+        let unit = 1.0 / (variance + epsilon).sqrt();
+        for (((out, v), scale), shift) in out.iter_mut().zip(row).zip(scale).zip(shift) {
+            *out = (v - mean) * unit * scale + shift;
+        }
+    });
+    out
+}
+
+/// e^x to 2e-7 of itself, 0 below −87; written so that a compiler makes vectors of it.
+fn exp(x: f32) -> f32 {
+    // Adding 1.5·2²³ rounds to a whole number.
+    const ROUND: f32 = 12_582_912.0;
+    let clamped = x.clamp(-87.0, 88.0);
+    let rounded = clamped * std::f32::consts::LOG2_E + ROUND;
+    let power = rounded - ROUND;
+    // ln 2 in two parts, the first with few digits, so that its product is exact.
+    let r = (clamped - power * 0.693_359_4) - power * -2.121_944_4e-4;
+    let mut e = 1.0 / 5040.0;
+    for c in [1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0] {
+        e = e * r + c;
+    }
+    // The power stands in the last bits of what was rounded; what is above them is shifted out.
+    let scale = f32::from_bits(rounded.to_bits().wrapping_add(127) << 23);
+    if x < -87.0 { 0.0 } else { e * scale }
+}
+
+/// erf to 3e-7: Abramowitz and Stegun, 7.1.26.
+fn erf(x: f32) -> f32 {
+    let a = x.abs();
+    let t = 1.0 / (1.0 + 0.327_591_1 * a);
+    let polynomial = ((((1.061_405_4 * t - 1.453_152) * t + 1.421_413_8) * t - 0.284_496_74) * t + 0.254_829_6) * t;
+    (1.0 - polynomial * exp(-a * a)).copysign(x)
+}
+
+/// The Gaussian error linear unit, by the error function: x·Φ(x).
+pub(super) fn gelu(values: &mut [f32]) {
+    values.par_chunks_mut(4096).for_each(|chunk| {
+        chunk.iter_mut().for_each(|v| *v *= 0.5 * (1.0 + erf(*v * std::f32::consts::FRAC_1_SQRT_2)));
+    });
+}
+
+/// Softmax of `scale · row`, in place.
+fn softmax(row: &mut [f32], scale: f32) {
+    let mut lanes = [f32::NEG_INFINITY; LANES];
+    for chunk in row.chunks(LANES) {
+        lanes.iter_mut().zip(chunk).for_each(|(most, v)| *most = most.max(*v));
+    }
+    let most = lanes.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    row.iter_mut().for_each(|v| *v = exp((*v - most) * scale));
+    let unit = 1.0 / sum(row, |v| v);
+    row.iter_mut().for_each(|v| *v *= unit);
+}
+
+/// Self-attention of several heads. A row of `qkv` is a token's queries, keys and values, each head by head; a row of the result the heads' values.
+pub(super) fn attention(qkv: &[f32], width: usize, heads: usize) -> Vec<f32> {
+    const ROWS: usize = 64;
+    let (tokens, stride, head) = (qkv.len() / (3 * width), 3 * width, width / heads);
+    let part =
+        |from: usize, rows: usize| Matrix { values: &qkv[from..], rows, columns: head, row_stride: stride, column_stride: 1 };
+    let scale = 1.0 / (head as f32).sqrt();
+    let mut out = vec![0.0; tokens * width];
+    out.par_chunks_mut(ROWS * width).enumerate().for_each_init(
+        || vec![0.0; ROWS * tokens],
+        |scores, (block, out)| {
+            let rows = out.len() / width;
+            let scores = &mut scores[..rows * tokens];
+            for h in 0..heads {
+                let queries = part(block * ROWS * stride + h * head, rows);
+                multiply(queries, part(width + h * head, tokens).transposed(), 0.0, scores, tokens);
+                scores.chunks_exact_mut(tokens).for_each(|row| softmax(row, scale));
+                let weights = Matrix { values: scores, rows, columns: tokens, row_stride: tokens, column_stride: 1 };
+                multiply(weights, part(2 * width + h * head, tokens), 0.0, &mut out[h * head..], width);
+            }
+        },
+    );
+    out
+}
+
+/// Resamples linearly along both axes so that corner pixels keep their values ("align corners").
+pub(super) fn bilinear(map: &Map, height: usize, width: usize) -> Map {
+    let place = |at: usize, from: usize, to: usize| {
+        let position = if to > 1 { at as f32 * ((from - 1) as f32 / (to - 1) as f32) } else { 0.0 };
+        let first = (position as usize).min(from - 1);
+        (first, (first + 1).min(from - 1), position - first as f32)
+    };
+    let columns: Vec<_> = (0..width).map(|x| place(x, map.width, width)).collect();
+    let mut out = Map::zero(height, width, map.channels);
+    out.values.par_chunks_mut(width * map.channels).enumerate().for_each(|(y, row)| {
+        let (top, bottom, down) = place(y, map.height, height);
+        for (pixel, &(left, right, along)) in row.chunks_exact_mut(map.channels).zip(&columns) {
+            let corners = [(left, top), (right, top), (left, bottom), (right, bottom)].map(|(x, y)| map.pixel(x, y));
+            for (c, value) in pixel.iter_mut().enumerate() {
+                let [a, b] = [[0, 1], [2, 3]].map(|[l, r]| (1.0 - along) * corners[l][c] + along * corners[r][c]);
+                *value = (1.0 - down) * a + down * b;
+            }
+        }
+    });
+    out
+}
+
+/// Where a cubic kernel's four taps lie, and their weights.
+type Taps = ([usize; 4], [f32; 4]);
+
+/// Resamples by Keys's cubic kernel with a = −0.75 and repeated borders, without smoothing beforehand. Along an axis the centre of pixel i comes from
+/// `(i + ½)·step − ½`.
+pub(super) fn bicubic(map: &Map, [height, width]: [usize; 2], [step_y, step_x]: [f64; 2]) -> Map {
+    const A: f64 = -0.75;
+    let weight = |distance: f64| match distance.abs() {
+        d if d <= 1.0 => ((A + 2.0) * d - (A + 3.0)) * d * d + 1.0,
+        d if d < 2.0 => ((A * d - 5.0 * A) * d + 8.0 * A) * d - 4.0 * A,
+        _ => 0.0,
+    };
+    let taps = |at: usize, step: f64, length: usize| -> Taps {
+        let position = (at as f64 + 0.5) * step - 0.5;
+        let first = position.floor() - 1.0;
+        let tap = |k: usize| (first + k as f64).clamp(0.0, (length - 1) as f64) as usize;
+        (std::array::from_fn(tap), std::array::from_fn(|k| weight(position - first - k as f64) as f32))
+    };
+    let columns: Vec<Taps> = (0..width).map(|x| taps(x, step_x, map.width)).collect();
+    let mut out = Map::zero(height, width, map.channels);
+    out.values.par_chunks_mut(width * map.channels).enumerate().for_each(|(y, row)| {
+        let (lines, weights) = taps(y, step_y, map.height);
+        let line = |k: usize| &map.values[lines[k] * map.width * map.channels..][..map.width * map.channels];
+        let mut blended = vec![0.0; map.width * map.channels];
+        for k in 0..4 {
+            blended.iter_mut().zip(line(k)).for_each(|(sum, v)| *sum += weights[k] * v);
+        }
+        for (pixel, (places, weights)) in row.chunks_exact_mut(map.channels).zip(&columns) {
+            for (place, weight) in places.iter().zip(weights) {
+                let source = &blended[place * map.channels..][..map.channels];
+                pixel.iter_mut().zip(source).for_each(|(sum, v)| *sum += weight * v);
+            }
+        }
+    });
+    out
+}
+
+#[cfg(test)]
+#[path = "ops_tests.rs"]
+mod tests;
