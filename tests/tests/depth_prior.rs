@@ -7,7 +7,7 @@ use common::*;
 use corf_scene::dataset::Dataset;
 use corf_scene::io::{encode_exr_f32, encode_png16, write_atomic};
 use corf_scene::npz::{Array, Values};
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
