@@ -63,6 +63,9 @@ struct Entry {
     data_offsets: [usize; 2],
 }
 
+/// Tensors by name: their entries, and where their bytes are.
+type Entries = BTreeMap<String, (Entry, Range<usize>)>;
+
 /// What a `config.json` of the transformers library says that shapes do not.
 #[derive(Default, Deserialize)]
 #[serde(default)]
@@ -85,7 +88,7 @@ pub(super) struct Backbone {
 pub(super) struct Weights {
     path: PathBuf,
     bytes: Vec<u8>,
-    entries: BTreeMap<String, (Entry, Range<usize>)>,
+    entries: Entries,
     /// Whether the names are those of the transformers library.
     is_renamed: bool,
     /// The `config.json` beside the file, or one that says nothing.
@@ -239,7 +242,7 @@ impl Weights {
 }
 
 /// The tensors of a safetensors file, and its bytes.
-fn read_safetensors(path: &Path) -> Result<(BTreeMap<String, (Entry, Range<usize>)>, Vec<u8>)> {
+fn read_safetensors(path: &Path) -> Result<(Entries, Vec<u8>)> {
     let bytes = io::read(path)?;
     let fault =
         |what: String| Error::invalid(path.display().to_string(), format!("not a readable safetensors file: {what}"), HELP);
