@@ -569,9 +569,12 @@ height = 64
     #[test]
     fn the_committed_configurations_load() {
         let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
-        for (name, keyframes, optical, rf) in
-            [("lobby-mini", 40, (192, 108), (96, 64)), ("lobby147", 147, (1600, 900), (300, 200))]
-        {
+        for (name, keyframes, optical, rf) in [
+            ("lobby-mini", 40, (192, 108), (96, 64)),
+            ("lobby147", 147, (1600, 900), (300, 200)),
+            ("office-mini", 40, (192, 108), (96, 64)),
+            ("office480", 120, (480, 270), (300, 200)),
+        ] {
             let c = DatasetConfig::load(scenes.join(format!("{name}.toml"))).unwrap();
             assert_eq!((c.name.as_str(), c.keyframes), (name, keyframes));
             assert_eq!((c.optical_camera().width, c.optical_camera().height), optical);

@@ -11,7 +11,7 @@ use crate::builder::partition::Side;
 use crate::builder::shapes::{printed_box, v};
 
 /// Lower corners in plan of the rooms' 1.2 × 0.6 m ceiling panels, on the ceiling's 0.6 m grid.
-const PANELS: [[f64; 2]; 20] = [
+const PANELS: [[f64; 2]; 21] = [
     [1.2, 1.2],
     [4.2, 1.2],
     [6.6, 1.2],
@@ -31,7 +31,8 @@ const PANELS: [[f64; 2]; 20] = [
     [14.4, 6.0],
     [15.6, 8.4],
     [14.4, 10.2],
-    [15.0, 1.8],
+    [14.4, 1.2],
+    [16.2, 1.2],
 ];
 
 /// Lower corners in plan of the corridor's 0.6 × 0.6 m panels.

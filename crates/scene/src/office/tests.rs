@@ -72,13 +72,18 @@ fn closed_things_are_closed_and_wound_outwards() {
 }
 
 #[test]
-fn partitions_are_two_boards_with_nothing_lying_on_one_another() {
+fn no_two_slabs_lie_on_one_another_and_no_body_has_a_hole() {
     let scene = loaded();
-    let twice = overlaps(&scene);
-    let names: Vec<_> = twice.iter().map(|o| o.objects.map(|i| &scene.objects[i as usize].name)).collect();
-    assert!(twice.is_empty(), "{names:?}");
+    // Pieces of one object and material that touch are one slab; the vending machine's printed front lies on its body, as in the lobby.
+    let twice: Vec<_> = overlaps(&scene)
+        .into_iter()
+        .filter(|o| !o.one_slab)
+        .map(|o| o.objects.map(|i| scene.objects[i as usize].name.as_str()))
+        .filter(|names| *names != ["Vending machine"; 2])
+        .collect();
+    assert!(twice.is_empty(), "{twice:?}");
     let warnings: Vec<String> =
-        radio_check::body_findings(&scene).into_iter().filter(|f| f.severity != Severity::Note).map(|f| f.to_string()).collect();
+        radio_check::body_findings(&scene).iter().filter(|f| f.severity != Severity::Note).map(ToString::to_string).collect();
     assert!(warnings.is_empty(), "{warnings:?}");
 }
 

@@ -12,12 +12,12 @@ fn tile(u: f32, v: f32, n: f32) -> (f32, i64, i64) {
 
 /// Loop-pile carpet tiles, 4 × 4, each laid a quarter turn from its neighbours, with streaks in three greys and a blue thread.
 pub fn carpet_tiles() -> Canvas {
-    Canvas::shaded(1024, 1024, |u, v| {
+    Canvas::shaded(768, 768, |u, v| {
         let (edge, i, j) = tile(u, v, 4.0);
         let (along, across) = if (i + j) % 2 == 0 { (u, v) } else { (v, u) };
         let streak = lattice((across * 160.0) as i64, (along * 4.0) as i64 + 7 * i, 501);
         let part = lattice((across * 160.0) as i64, (along * 40.0) as i64, 502);
-        let loops = lattice((u * 512.0) as i64, (v * 512.0) as i64, 503);
+        let loops = lattice((u * 384.0) as i64, (v * 384.0) as i64, 503);
         let base = mix(hex(0x4b5158), hex(0x868c92), 0.25 + 0.5 * streak * part + 0.22 * fbm(u, v, 6, 6, 4, 504));
         let coloured = if streak > 0.9 && part > 0.35 { mix(base, hex(0x3f7f9c), 0.7) } else { base };
         let shade = (0.93 + 0.1 * lattice(i, j, 505)) * (0.8 + 0.34 * loops);
