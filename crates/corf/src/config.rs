@@ -126,7 +126,7 @@ pub struct ReconstructionConfig {
     /// quarter of the price, beside the whole spectrum. Published: 1. Default: as many as keep such a visit at half a megapixel on
     /// average, so all of them up to that size.
     pub finest_share: Option<f32>,
-    /// Probability that a step visits the latest keyframe (paper: 0.2).
+    /// Probability that a step visits the latest keyframe, beside what it is drawn from the buffer. Published: 0.2. Default 0.05.
     pub latest_probability: f32,
     /// λ_rf (paper: 0.1).
     pub rf_weight: f32,
@@ -206,7 +206,7 @@ pub struct DepthConfig {
     pub match_range: f64,
     /// Whether the aligned prior is corrected locally by the matches that were accurate.
     pub correction: bool,
-    /// Half range of the guided matching around a corrected prior, relative to it (0.1).
+    /// Half range of the guided matching around a corrected prior, relative to it (0.15).
     pub corrected_range: f64,
     /// Shortest epipolar segment worth searching, pixels of a 640-pixel-wide image; scales with the width.
     pub min_segment_px: f64,
@@ -236,7 +236,7 @@ impl Default for DepthConfig {
             match_candidates: 16,
             match_range: 0.225,
             correction: true,
-            corrected_range: 0.1,
+            corrected_range: 0.15,
             min_segment_px: 4.0,
             cost_ratio: 1.1,
             min_zncc: 0.7,
@@ -293,7 +293,7 @@ impl Default for ReconstructionConfig {
             rf_pyramid_levels: None,
             visits_per_level: 5,
             finest_share: None,
-            latest_probability: 0.2,
+            latest_probability: 0.05,
             rf_weight: 0.1,
             depth_weight: 0.01,
             depth_weight_decay: 0.9,
