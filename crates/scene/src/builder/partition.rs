@@ -160,14 +160,36 @@ impl Partition {
         }
     }
 
-    /// Skirting boards on both faces between the openings that reach the floor.
-    pub fn skirting(&self, object: &mut Object) {
+    /// Where the wall stands on the floor, in plan: `[x0, y0, x1, y1]` for each stretch between the openings that reach the floor.
+    pub fn footings(&self) -> Vec<[f64; 4]> {
+        self.stretches().into_iter().map(|[from, to]| self.plan(from, to)).collect()
+    }
+
+    /// Where the wall meets the ceiling, in plan.
+    pub fn head(&self) -> [f64; 4] {
+        self.plan(self.start, self.start + self.front.length)
+    }
+
+    fn plan(&self, from: f64, to: f64) -> [f64; 4] {
+        let frame = self.front.frame(-self.start, 0.0);
+        let (a, b) = (frame.point(v(from, 0.0, 0.0)), frame.point(v(to, 0.0, -THICKNESS)));
+        let (low, high) = (a.min(b), a.max(b));
+        [low.x, low.y, high.x, high.y]
+    }
+
+    /// The stretches along the wall between the openings that reach the floor.
+    fn stretches(&self) -> Vec<[f64; 2]> {
         let mut doors: Vec<[f64; 2]> = self.openings.iter().filter(|a| a[1] < 0.1).map(|a| [a[0], a[2]]).collect();
         doors.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let ends = doors.iter().map(|d| d[0]).chain([self.start + self.front.length]);
+        let starts = [self.start].into_iter().chain(doors.iter().map(|d| d[1]));
+        starts.zip(ends).map(|(from, to)| [from, to]).collect()
+    }
+
+    /// Skirting boards on both faces between the openings that reach the floor.
+    pub fn skirting(&self, object: &mut Object) {
         let (left, right) = (self.start, self.start + self.front.length);
-        let ends = doors.iter().map(|d| d[0]).chain([right]);
-        let starts = [left].into_iter().chain(doors.iter().map(|d| d[1]));
-        for (from, to) in starts.zip(ends) {
+        for [from, to] in self.stretches() {
             self.front.skirting(object, &[[from - left, to - left]]);
             self.back().skirting(object, &[[right - to, right - from]]);
         }

@@ -19,17 +19,17 @@ pub fn place(all: &mut Vec<Object>) {
 }
 
 fn plant(name: &str, seed: u64, pot: Mat, x: f64, y: f64) -> Object {
-    decor::crown_plant(name, seed, pot, Mat::Leaf, 0.5, 0.55, 36).placed(&Frame::at(x, y, 0.0))
+    decor::crown_plant(name, seed, pot, Mat::Leaf, 0.5, 0.42, 36).placed(&Frame::at(x, y, 0.0))
 }
 
 fn open_office(all: &mut Vec<Object>) {
     all.extend(cluster("Western desks", 0, Mat::ClothTeal, 90.0, 3.0, 1.85));
     all.extend(cluster("Eastern desks", 4, Mat::ClothRust, 90.0, 8.0, 3.75));
-    all.push(decor::bookcase("Bookcase of the open office", 61, 1.9, 1.85).placed(&Frame::yaw(90.0, 0.002, 0.9, 0.0)));
-    all.push(cupboard(Mat::GreyMetal).copy("Steel cupboard of the open office", 90.0, 0.002, 3.4, 0.0));
-    all.push(plant("Dracaena in the corner", 62, Mat::ConcretePot, 0.4, 0.4));
+    all.push(decor::bookcase("Bookcase of the open office", 61, 1.9, 1.85).placed(&Frame::yaw(90.0, 0.002, 1.05, 0.0)));
+    all.push(cupboard(Mat::GreyMetal).copy("Steel cupboard of the open office", 90.0, 0.002, 3.5, 0.0));
+    all.push(plant("Dracaena in the corner", 62, Mat::ConcretePot, 0.5, 0.5));
     all.push(sofa(2, Mat::ClothMustard, Mat::ClothTeal).copy("Sofa of the open office", -90.0, 10.48, 3.35, 0.0));
-    all.push(decor::tree("Ficus of the open office", 63, Mat::ConcretePot, 1.8, 150).placed(&Frame::at(5.9, 0.45, 0.0)));
+    all.push(decor::tree("Ficus of the open office", 63, Mat::ConcretePot, 1.8, 150).placed(&Frame::at(5.9, 0.6, 0.0)));
     all.push(decor::bin(Mat::Brushed).copy("Bin of the open office", 0.0, 6.1, 5.2, 0.0));
     all.push(decor::planter("Planter of the open office", 64, 1.4).placed(&Frame::at(4.2, 5.2, 0.0)));
 }
@@ -60,7 +60,7 @@ fn meeting_room(all: &mut Vec<Object>) {
         let cover = [Mat::ClothGrey, Mat::ClothRust, Mat::ClothGrey][i % 3];
         all.push(chair(cover).copy(format!("Meeting chair {}", i + 1), turn, x + dx, y + dy, 0.0));
     }
-    all.push(plant("Palm of the meeting room", 81, Mat::Clay, 3.7, 11.5));
+    all.push(plant("Palm of the meeting room", 81, Mat::Clay, 3.75, 11.45));
     all.push(decor::bookcase("Low shelf of the meeting room", 82, 0.95, 0.8).placed(&Frame::at(7.0, 11.998, 0.0)));
 }
 
@@ -78,7 +78,7 @@ fn offices(all: &mut Vec<Object>) {
     let shelf = decor::bookcase("Bookcase of the glazed office", 92, 1.9, 1.85);
     all.push(shelf.placed(&Frame::yaw(-90.0, 17.998, 3.0, 0.0)));
     all.push(chair(Mat::ClothTeal).copy("Visitor's chair", 0.0, 15.5, 2.75, 0.0));
-    all.push(plant("Fern of the glazed office", 93, Mat::ConcretePot, 13.5, 0.5));
+    all.push(plant("Fern of the glazed office", 93, Mat::ConcretePot, 13.55, 0.5));
 }
 
 fn kitchen_room(all: &mut Vec<Object>) {
@@ -95,12 +95,12 @@ fn kitchen_room(all: &mut Vec<Object>) {
         }
     }
     all.push(decor::bin(Mat::Brushed).copy("Bin of the kitchen", 0.0, 17.6, 4.4, 0.0));
-    all.push(plant("Palm of the kitchen", 101, Mat::ConcretePot, 13.5, 4.5));
+    all.push(plant("Palm of the kitchen", 101, Mat::ConcretePot, 13.55, 4.55));
     all.push(bench(1.6, Mat::LeatherTan).copy("Bench of the kitchen", 0.0, 15.6, 11.4, 0.0));
 }
 
 fn corridor(all: &mut Vec<Object>) {
     let extinguisher = decor::extinguisher().placed(&Frame::yaw(-90.0, 12.85, 4.98, 0.6));
     all.push(Object { name: "Fire extinguisher".into(), ..extinguisher });
-    all.push(plant("Dracaena at the bend", 111, Mat::Clay, 12.55, 7.05));
+    all.push(plant("Dracaena at the bend", 111, Mat::Clay, 12.45, 6.95));
 }

@@ -4,7 +4,9 @@ use super::doors::glazing;
 use super::plan::{EAST, HEIGHT, NORTH, NORTH_WINDOWS, Partitions, SIZE, SOUTH, SOUTH_WINDOWS, WEST};
 use crate::builder::materials::Mat;
 use crate::builder::mesh_builder::{Frame, Object};
-use crate::builder::shapes::{cuboid, picture, sheet, v};
+use crate::builder::partition::Partition;
+use crate::builder::shapes::{cuboid, picture, sheet_with_holes, v};
+use crate::builder::wall::Wall;
 use glam::DVec3;
 
 /// Floors: name, covering, and `[x0, y0, x1, y1]`. They meet under the partitions' middles and in the openings.
@@ -19,23 +21,51 @@ const FLOORS: [(&str, Mat, [f64; 4]); 8] = [
     ("Floor of the glazed office", Mat::CarpetTilesWarm, [13.0, 0.0, 18.0, 4.0]),
 ];
 
-/// The shell's objects.
+/// The part of a rectangle in plan that lies within another, in that one's own coordinates.
+fn within(part: [f64; 4], [x0, y0, x1, y1]: [f64; 4]) -> Option<[f64; 4]> {
+    let [a, b, c, d] = [part[0].max(x0), part[1].max(y0), part[2].min(x1), part[3].min(y1)];
+    (a < c && b < d).then_some([a - x0, b - y0, c - x0, d - y0])
+}
+
+/// Where partitions end at an outer wall, as openings of it.
+fn slots(wall: &Wall, heads: &[[f64; 4]]) -> Vec<[f64; 4]> {
+    let right = DVec3::Z.cross(wall.inward);
+    let of = |[x0, y0, x1, y1]: [f64; 4]| {
+        let corners = [v(x0, y0, 0.0), v(x1, y1, 0.0)].map(|p| p - wall.origin);
+        let [a, b] = corners.map(|p| p.dot(right));
+        let depth = corners.map(|p| p.dot(wall.inward)).into_iter().fold(f64::INFINITY, f64::min);
+        (depth < 1e-9).then_some([a.min(b), 0.0, a.max(b), HEIGHT])
+    };
+    heads.iter().copied().filter_map(of).collect()
+}
+
+/// The shell's objects. Floors, ceiling and outer walls leave out where partitions stand: a sheet that went on inside of a closed body would
+/// be dark there, and so, to a light cache, a hand's breadth beside it.
 pub fn objects(walls: &Partitions) -> Vec<Object> {
     // An outer wall is one sheet: its windows stand about it, not in a partition's depth.
     let about_the_sheet = Frame::at(0.0, 0.0, 0.04);
     let mut all = Vec::new();
-    for (name, covering, [x0, y0, x1, y1]) in FLOORS {
-        let floor = sheet(v(x0, y0, 0.0), v(x1 - x0, 0.0, 0.0), v(0.0, y1 - y0, 0.0));
+    let footings: Vec<[f64; 4]> = walls.all().into_iter().flat_map(Partition::footings).collect();
+    for (name, covering, room) in FLOORS {
+        let holes: Vec<[f64; 4]> = footings.iter().filter_map(|f| within(*f, room)).collect();
+        let floor = sheet_with_holes(room[2] - room[0], room[3] - room[1], &holes).shifted(room[0], room[1], 0.0);
         all.push(Object::new(name).with(covering, floor));
     }
-    // From the north-west corner, so that the boards' grid starts there.
-    let ceiling = sheet(v(0.0, SIZE[1], HEIGHT), v(SIZE[0], 0.0, 0.0), v(0.0, -SIZE[1], 0.0));
+    let heads: Vec<[f64; 4]> = walls.all().into_iter().map(Partition::head).collect();
+    // Turned over about its northern edge, from where the boards' grid starts.
+    let holes: Vec<[f64; 4]> = heads.iter().map(|[x0, y0, x1, y1]| [*x0, SIZE[1] - y1, *x1, SIZE[1] - y0]).collect();
+    let ceiling = sheet_with_holes(SIZE[0], SIZE[1], &holes).placed(&Frame::tilt(180.0)).shifted(0.0, SIZE[1], HEIGHT);
     all.push(Object::new("Suspended ceiling").with(Mat::Ceiling, ceiling));
     let south = SOUTH_WINDOWS.map(|[x0, z0, x1, z1]| [SIZE[0] - x1, z0, SIZE[0] - x0, z1]);
-    all.push(SOUTH.with_holes("South wall", Mat::PaintedConcrete, &south));
-    all.push(NORTH.with_holes("North wall", Mat::PaintedConcrete, &NORTH_WINDOWS));
-    all.push(WEST.with_holes("West wall", Mat::PaintedConcrete, &[]));
-    all.push(EAST.with_holes("East wall", Mat::PaintedConcrete, &[]));
+    for (name, wall, windows) in [
+        ("South wall", SOUTH, south.as_slice()),
+        ("North wall", NORTH, &NORTH_WINDOWS),
+        ("West wall", WEST, &[]),
+        ("East wall", EAST, &[]),
+    ] {
+        let holes = [windows, &slots(&wall, &heads)].concat();
+        all.push(wall.with_holes(name, Mat::PaintedConcrete, &holes));
+    }
     for (side, wall, windows) in [("south", SOUTH, south.as_slice()), ("north", NORTH, &NORTH_WINDOWS)] {
         for (i, [x0, z0, x1, z1]) in windows.iter().copied().enumerate() {
             let (w, h) = (x1 - x0, z1 - z0);
