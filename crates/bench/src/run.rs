@@ -64,7 +64,7 @@ pub struct RunInfo {
     #[serde(default)]
     pub latency: Option<LatencySummary>,
     /// How wrong the depths of new Gaussians were, for methods that estimate depth, where the dataset has it.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<DepthQuality>,
     /// What each keyframe took.
     #[serde(default)]
