@@ -109,8 +109,11 @@ fn note(rows: &[Row<'_>]) -> String {
     }
     let depth: Vec<&str> = rows.iter().filter(|r| r.uses_ground_truth_depth).map(|r| r.label).collect();
     if !depth.is_empty() {
-        let _ =
-            write!(note, " Simulated monocular depth prior (made from the ray tracer's depth) used by: {}.", depth.join(", "));
+        let _ = write!(
+            note,
+            " The ray tracer's depth (through the simulated monocular prior, or as it is) used by: {}.",
+            depth.join(", ")
+        );
     }
     let unverified: Vec<&str> = rows.iter().filter(|r| r.unverified).map(|r| r.label).collect();
     if !unverified.is_empty() {
