@@ -126,7 +126,7 @@ pub struct ReconstructionConfig {
     /// quarter of the price, beside the whole spectrum. Published: 1. Default: as many as keep such a visit at half a megapixel on
     /// average, so all of them up to that size.
     pub finest_share: Option<f32>,
-    /// Probability that a step visits the latest keyframe, beside what it is drawn from the buffer. Published: 0.2. Default 0.05.
+    /// Probability that a step visits the latest keyframe; otherwise it visits any of them. Published: 0.2. Default 0.05.
     pub latest_probability: f32,
     /// λ_rf (paper: 0.1).
     pub rf_weight: f32,

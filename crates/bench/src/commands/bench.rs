@@ -31,11 +31,9 @@ pub enum Bench {
     Step(super::bench_step::Step),
 }
 
-/// `corf bench run`.
+/// Where cells are kept and how they are run.
 #[derive(Args)]
-pub struct Run {
-    /// Plan file (TOML): dataset, seeds, rows.
-    plan: PathBuf,
+struct Cells {
     /// Output folder.
     #[arg(long)]
     out: PathBuf,
@@ -49,22 +47,22 @@ pub struct Run {
     device: DeviceChoice,
 }
 
+/// `corf bench run`.
+#[derive(Args)]
+pub struct Run {
+    /// Plan file (TOML): dataset, seeds, rows.
+    plan: PathBuf,
+    #[command(flatten)]
+    cells: Cells,
+}
+
 /// `corf bench sweep`.
 #[derive(Args)]
 pub struct SweepCommand {
     /// Sweep file (TOML): datasets, seeds, method, changes.
     sweep: PathBuf,
-    /// Output folder.
-    #[arg(long)]
-    out: PathBuf,
-    /// Go on with a folder that holds finished cells.
-    #[arg(long)]
-    resume: bool,
     #[command(flatten)]
-    verify: Verify,
-    /// Where reconstructions run.
-    #[arg(long, value_enum, default_value_t)]
-    device: DeviceChoice,
+    cells: Cells,
 }
 
 /// `corf bench table`.
@@ -122,11 +120,11 @@ fn verdict(records: &[crate::record::Record]) -> Verdict {
 impl Run {
     fn run(self, json: bool) -> Result<Verdict> {
         let mut plan = Plan::load(&self.plan)?;
-        let input = self.verify.open(&plan.dataset)?;
-        let backend = self.device.resolve()?;
-        let _held = claim_output(&self.out, self.resume)?;
+        let input = self.cells.verify.open(&plan.dataset)?;
+        let backend = self.cells.device.resolve()?;
+        let _held = claim_output(&self.cells.out, self.cells.resume)?;
         plan.dataset = std::path::absolute(&plan.dataset)?;
-        let written = suite::run(&plan, &input, &self.out, &backend)?;
+        let written = suite::run(&plan, &input, &self.cells.out, &backend)?;
         let text = format!("{}\nreport: {}", written.text(), written.report.display());
         let all = [written.records, written.segment].concat();
         show(json, &all, &text)?;
@@ -137,9 +135,9 @@ impl Run {
 impl SweepCommand {
     fn run(self, json: bool) -> Result<Verdict> {
         let sweep = Sweep::load(&self.sweep)?;
-        let backend = self.device.resolve()?;
-        let _held = claim_output(&self.out, self.resume)?;
-        let (text, records) = sweep.run(&self.out, self.verify, &backend)?;
+        let backend = self.cells.device.resolve()?;
+        let _held = claim_output(&self.cells.out, self.cells.resume)?;
+        let (text, records) = sweep.run(&self.cells.out, self.cells.verify, &backend)?;
         show(json, &records, &text)?;
         Ok(verdict(&records))
     }

@@ -19,8 +19,8 @@ fn least_segment_px(config: &DepthConfig, width: usize) -> f32 {
     (config.min_segment_px * width as f64 / 640.0).max(1.5) as f32
 }
 
-/// Depths of sampled pixels around an aligned prior (`range` is the half range, relative to it), in the pixels' order. A pixel whose match passes the gate is `Accurate`; one whose match
-/// fails falls back to the `Prior` where that is confident; otherwise it is left out.
+/// Depths of sampled pixels around an aligned prior (`range` is the half range of the search, relative to it), in the pixels' order. A pixel
+/// whose match passes the gate is `Accurate`; one whose match fails falls back to the `Prior` where that is confident; otherwise it is left out.
 pub fn match_guided(
     reference: &GreyView,
     neighbours: &[Neighbour<'_>],

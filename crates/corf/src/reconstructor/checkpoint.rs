@@ -210,9 +210,9 @@ impl Reconstructor {
     /// # Errors
     /// As [`Self::receive`]; a keyframe that is not the next of the checkpoint's; the device's errors.
     pub fn replay(&mut self, keyframe: Keyframe) -> Result<()> {
-        let next = self.replay.as_ref().and_then(|r| r.left.front().cloned());
-        let Some(past) = next.clone().filter(|past| past.index == keyframe.index) else {
-            let what = format!("it comes where keyframe {:?} of the checkpoint is expected", next.as_ref().map(|p| p.index));
+        let next = self.replay.as_ref().and_then(|r| r.left.front());
+        let Some(past) = next.filter(|past| past.index == keyframe.index).cloned() else {
+            let what = format!("it comes where keyframe {:?} of the checkpoint is expected", next.map(|p| p.index));
             return Err(Error::invalid(
                 format!("keyframe {}", keyframe.index),
                 what,
