@@ -2,17 +2,43 @@
 
 use anyhow::Result;
 use corf::{CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig};
+use std::fmt;
+use std::str::FromStr;
 
 /// What `--device` accepts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DeviceChoice {
     /// A GPU if this build has the GPU device and the machine has one, otherwise the processor.
     #[default]
     Auto,
     /// The processor.
     Cpu,
-    /// A GPU, or any adapter that Vulkan, Metal or DirectX 12 offers; an error if there is none.
-    Gpu,
+    /// A GPU, or any adapter that Vulkan, Metal or DirectX 12 offers; an error if there is none. `gpu:N` names the N-th, counted from 0.
+    Gpu(usize),
+}
+
+impl FromStr for DeviceChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (kind, number) = text.split_once(':').unwrap_or((text, "0"));
+        match (kind, number.parse()) {
+            ("auto", _) if text == kind => Ok(Self::Auto),
+            ("cpu", _) if text == kind => Ok(Self::Cpu),
+            ("gpu", Ok(number)) => Ok(Self::Gpu(number)),
+            _ => Err("expected auto, cpu, gpu or gpu:N, where N counts the machine's adapters from 0".to_owned()),
+        }
+    }
+}
+
+impl fmt::Display for DeviceChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => write!(f, "auto"),
+            Self::Cpu => write!(f, "cpu"),
+            Self::Gpu(number) => write!(f, "gpu:{number}"),
+        }
+    }
 }
 
 /// A device that was found.
@@ -25,10 +51,17 @@ pub enum Backend {
     Gpu {
         /// The adapter's name.
         adapter: String,
+        /// What [`DeviceChoice::Gpu`] calls it.
+        number: usize,
     },
 }
 
 impl DeviceChoice {
+    /// The number of the adapter that is asked for.
+    pub fn adapter(self) -> usize {
+        if let Self::Gpu(number) = self { number } else { 0 }
+    }
+
     /// Looks for the device and says on standard error what `auto` found.
     ///
     /// # Errors
@@ -37,20 +70,23 @@ impl DeviceChoice {
     pub fn resolve(self) -> Result<Backend> {
         use crate::note;
         use corf::device::gpu::{GpuOptions, adapter_name};
-        let look = |software| adapter_name(&GpuOptions { software, ..GpuOptions::default() });
-        match (self, look(false)) {
+        let look = |adapter, software| adapter_name(&GpuOptions { adapter, software, ..GpuOptions::default() });
+        if let Self::Gpu(number) = self {
+            let found = look(number, false).or_else(|| look(number, true));
+            return found.map(|adapter| Backend::Gpu { adapter, number }).ok_or_else(|| {
+                anyhow::anyhow!("--device {self}: no such adapter was found\n  help: install a Vulkan driver, or choose another number or --device cpu")
+            });
+        }
+        match (self, look(0, false)) {
             (Self::Cpu, _) => Ok(Backend::Cpu),
             (Self::Auto, Some(adapter)) => {
                 note!("device: {adapter}");
-                Ok(Backend::Gpu { adapter })
+                Ok(Backend::Gpu { adapter, number: 0 })
             }
-            (Self::Auto, None) => {
+            _ => {
                 note!("device: no GPU was found, the processor does it");
                 Ok(Backend::Cpu)
             }
-            (Self::Gpu, found) => found.or_else(|| look(true)).map(|adapter| Backend::Gpu { adapter }).ok_or_else(|| {
-                anyhow::anyhow!("--device gpu: no adapter was found\n  help: install a Vulkan driver, or choose --device cpu")
-            }),
         }
     }
 
@@ -61,8 +97,8 @@ impl DeviceChoice {
     #[cfg(not(feature = "gpu"))]
     pub fn resolve(self) -> Result<Backend> {
         anyhow::ensure!(
-            self != Self::Gpu,
-            "--device gpu: this program was built without the GPU device\n  help: build it with `--features gpu`, or choose --device cpu"
+            !matches!(self, Self::Gpu(_)),
+            "--device {self}: this program was built without the GPU device\n  help: build it with `--features gpu`, or choose --device cpu"
         );
         Ok(Backend::Cpu)
     }
@@ -74,7 +110,7 @@ impl Backend {
         match self {
             Self::Cpu => format!("cpu ({} threads)", rayon::current_num_threads()),
             #[cfg(feature = "gpu")]
-            Self::Gpu { adapter } => format!("gpu ({adapter})"),
+            Self::Gpu { adapter, .. } => format!("gpu ({adapter})"),
         }
     }
 
@@ -86,11 +122,33 @@ impl Backend {
         match self {
             Self::Cpu => Ok(Box::new(CpuDevice::new(optimizer, raster, initial)?)),
             #[cfg(feature = "gpu")]
-            Self::Gpu { .. } => {
+            Self::Gpu { number, .. } => {
                 use corf::device::gpu::{GpuDevice, GpuOptions};
-                let options = GpuOptions { software: true, tile: raster.tile_px, ..GpuOptions::default() };
+                let options = GpuOptions { adapter: *number, software: true, tile: raster.tile_px, ..GpuOptions::default() };
                 Ok(Box::new(GpuDevice::new(&options, optimizer, raster, initial)?))
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn devices_are_read_and_written_alike() {
+        for (text, choice) in [
+            ("auto", DeviceChoice::Auto),
+            ("cpu", DeviceChoice::Cpu),
+            ("gpu:0", DeviceChoice::Gpu(0)),
+            ("gpu:3", DeviceChoice::Gpu(3)),
+        ] {
+            assert_eq!(text.parse(), Ok(choice));
+            assert_eq!(choice.to_string(), text);
+        }
+        assert_eq!("gpu".parse(), Ok(DeviceChoice::Gpu(0)));
+        for text in ["", "cuda", "cpu:1", "auto:0", "gpu:", "gpu:-1", "gpu:one", "gpu:0:1"] {
+            assert!(text.parse::<DeviceChoice>().is_err(), "{text}");
         }
     }
 }

@@ -180,7 +180,7 @@ impl Rig {
 
 /// The optimiser of a measurement: every rate alike, and so small that the scene stays what it is.
 pub fn optimizer() -> OptimizerConfig {
-    let rates = AppearanceRates { sh_dc: RATE, sh_rest_divisor: 1.0, opacity: RATE, opacity_floor: 0.0 };
+    let rates = AppearanceRates { sh_dc: RATE, sh_rest_divisor: 1.0, opacity: RATE };
     OptimizerConfig {
         position_rate_m: RATE,
         log_scale_rate: RATE,

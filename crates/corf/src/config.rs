@@ -81,18 +81,6 @@ pub enum PriorPreset {
     Hard,
 }
 
-/// How the prior is aligned to the triangulated depths.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Alignment {
-    /// Median and median absolute deviation, as published.
-    Mad,
-    /// Iteratively reweighted least squares with Huber's weights and a cut at 6 σ.
-    Huber,
-    /// 200 two-point hypotheses, then least squares on the inliers.
-    Ransac,
-}
-
 /// The configuration of a [`crate::Reconstructor`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -187,9 +175,6 @@ pub struct DepthConfig {
     /// Whether that network sees colours with ImageNet's mean and standard deviation taken off, as it was trained, or as they are, between 0
     /// and 1. Default true.
     pub imagenet_normalisation: bool,
-    /// Its alignment. Default `huber`: on lobby-mini, where about a hundred corners a keyframe triangulate, it gives a third more accurate matches than
-    /// the published `mad` (one seed: share 0.25 against 0.18).
-    pub alignment: Alignment,
     /// Nearest depth considered, metres.
     pub near_m: f64,
     /// Furthest depth considered, metres.
@@ -227,7 +212,6 @@ impl Default for DepthConfig {
             weights: None,
             input_px: 518,
             imagenet_normalisation: true,
-            alignment: Alignment::Huber,
             near_m: 0.4,
             far_m: 30.0,
             neighbours: 6,

@@ -15,6 +15,7 @@ use corf_scene::{Pinhole, Raster, Rigid3, Rng};
 use glam::DVec3;
 
 const OPTIONS: GpuOptions = GpuOptions {
+    adapter: 0,
     software: true,
     subgroups: true,
     timestamps: false,

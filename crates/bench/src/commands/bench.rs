@@ -42,8 +42,8 @@ struct Cells {
     resume: bool,
     #[command(flatten)]
     verify: Verify,
-    /// Where reconstructions run.
-    #[arg(long, value_enum, default_value_t)]
+    /// Where reconstructions run: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    #[arg(long, default_value_t)]
     device: DeviceChoice,
 }
 

@@ -59,8 +59,8 @@ pub struct Step {
     /// Arithmetic for the floor, TFLOP/s (default: measured on an H200).
     #[arg(long, default_value_t = 64.0)]
     tflops: f64,
-    /// Where the steps run.
-    #[arg(long, value_enum, default_value_t)]
+    /// Where the steps run: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    #[arg(long, default_value_t)]
     device: DeviceChoice,
 }
 
@@ -348,6 +348,7 @@ impl Run {
         variant: Variant,
     ) -> Result<()> {
         let options = GpuOptions {
+            adapter: wanted.device.adapter(),
             software: true,
             tile: variant.tile.map(|tile| tile.map(|v| v as u32)),
             batch: variant.batch,

@@ -21,8 +21,8 @@ pub struct Evaluate {
     dataset: Option<PathBuf>,
     #[command(flatten)]
     verify: Verify,
-    /// What renders the field.
-    #[arg(long, value_enum, default_value_t)]
+    /// What renders the field: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    #[arg(long, default_value_t)]
     device: DeviceChoice,
 }
 

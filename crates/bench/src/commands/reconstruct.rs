@@ -51,8 +51,8 @@ pub struct Reconstruct {
     checkpoint_every: Option<usize>,
     #[command(flatten)]
     verify: Verify,
-    /// Where the reconstruction runs.
-    #[arg(long, value_enum, default_value_t)]
+    /// Where the reconstruction runs: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    #[arg(long, default_value_t)]
     device: DeviceChoice,
 }
 

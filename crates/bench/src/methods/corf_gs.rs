@@ -64,18 +64,11 @@ impl CorfGsConfig {
     }
 }
 
-/// What `corf-gs-fast` has in place of the defaults, as overrides; a caller's own go over it. Half of its steps are coarse ones, and all of a
-/// keyframe's are taken while the next one is expanded. Light has one colour from every side, which few visits learn better; what a
-/// direction changes at 60 GHz is learnt ten times as fast as published, and RF opacities have no floor. Tuned on lobby-mini, six seeds: 36
-/// steps without the last three lines 21.03 / 21.62 dB (light, RF), 40 without the last line 20.98 / 22.27 dB, as it is 21.14 / 22.58 dB.
+/// What `corf-gs-fast` has in place of the defaults, as overrides; a caller's own go over it. All of a keyframe's steps are taken while the
+/// next one is expanded. docs/METHODOLOGY.md says what the missing steps cost.
 const FAST: &str = "\
 iterations_per_keyframe = 40
 iterations_before_joining = 40
-visits_per_level = 9
-optical_sh_degree = 0
-rf_weight = 0.2
-optimizer.rf.sh_rest_divisor = 2.0
-optimizer.rf.opacity_floor = 0.0
 ";
 
 /// What `corf-gs-paper` has in place of the defaults: the constants that the paper gives, and where it is silent those of on-the-fly
@@ -88,9 +81,9 @@ depth_weight = 0.01
 depth_weight_decay = 0.9
 prune_opacity = 0.05
 position_rate = 5e-5
-depth.alignment = \"mad\"
 depth.correction = false
 depth.min_segment_px = 10.0
+optimizer.rf.sh_rest_divisor = 20.0
 ";
 
 /// `corf-gs`, `corf-gs-paper`, `corf-gs-fast`, `corf-gs-uniform`, `corf-gs-frozen`, `corf-gs-rf-tuned`.

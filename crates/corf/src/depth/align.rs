@@ -1,8 +1,8 @@
 //! Robust alignment of an affine-invariant inverse depth to triangulated ones, and a confidence for every pixel.
 
 use super::{SparseDepth, dense::Dense};
-use crate::config::{Alignment, DepthConfig};
-use corf_scene::{Raster, Rng};
+use crate::config::DepthConfig;
+use corf_scene::Raster;
 use rayon::prelude::*;
 
 /// A dense prior in metric inverse depth.
@@ -24,18 +24,11 @@ pub const LEAST_ANCHORS: usize = 12;
 
 /// Aligns a prior to triangulated depths. Where there are fewer than [`LEAST_ANCHORS`] or they do not define a positive scale, a metric prior is taken as it
 /// is, and of any other there is `None`.
-///
-/// `seed` and `stage` key the hypotheses of [`Alignment::Ransac`].
-pub fn align(mono: &Dense, anchors: &[SparseDepth], config: &DepthConfig, seed: u64, stage: u64) -> Option<AlignedPrior> {
+pub fn align(mono: &Dense, anchors: &[SparseDepth], config: &DepthConfig) -> Option<AlignedPrior> {
     let known = anchors.iter().filter(|a| mono.is_known(a.x, a.y));
     let pairs: Vec<(f64, f64)> =
         known.map(|a| (f64::from(mono.at(a.x, a.y)), f64::from(a.inverse_depth))).filter(|p| p.0.is_finite()).collect();
-    let fitted = match config.alignment {
-        _ if pairs.len() < LEAST_ANCHORS => None,
-        Alignment::Mad => by_mad(&pairs),
-        Alignment::Huber => by_huber(&pairs),
-        Alignment::Ransac => by_ransac(&pairs, seed, stage),
-    };
+    let fitted = if pairs.len() < LEAST_ANCHORS { None } else { scale_and_offset(&pairs) };
     let (scale, offset) = fitted.or_else(|| mono.is_metric().then_some((1.0, 0.0)))?;
     Some(AlignedPrior::new(mono, scale as f32, offset as f32, config))
 }
@@ -76,7 +69,7 @@ fn location_and_spread(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) 
 
 /// t = median, s = median|d − t|; scale = s_tri/s_mono, offset = t_tri − scale·t_mono; errors of 5× the median error and more are dropped and
 /// it is fitted once again.
-fn by_mad(pairs: &[(f64, f64)]) -> Option<(f64, f64)> {
+fn scale_and_offset(pairs: &[(f64, f64)]) -> Option<(f64, f64)> {
     let fit = |pairs: &[(f64, f64)]| {
         let (t_mono, s_mono) = location_and_spread(pairs.iter().map(|p| p.0));
         let (t_tri, s_tri) = location_and_spread(pairs.iter().map(|p| p.1));
@@ -89,68 +82,6 @@ fn by_mad(pairs: &[(f64, f64)]) -> Option<(f64, f64)> {
     let limit = 5.0 * median(&mut errors);
     let kept: Vec<(f64, f64)> = pairs.iter().copied().filter(|p| error(p) < limit).collect();
     if kept.len() < LEAST_ANCHORS { Some((scale, offset)) } else { fit(&kept) }
-}
-
-/// Weighted least squares of `y = scale·x + offset`.
-fn least_squares(points: impl Iterator<Item = (f64, f64, f64)>) -> Option<(f64, f64)> {
-    let (mut w, mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for (px, py, weight) in points {
-        w += weight;
-        x += weight * px;
-        y += weight * py;
-        xx += weight * px * px;
-        xy += weight * px * py;
-    }
-    let determinant = w * xx - x * x;
-    if determinant <= 1e-12 * w * xx {
-        return None;
-    }
-    let scale = (w * xy - x * y) / determinant;
-    (scale.is_finite() && scale > 0.0).then_some((scale, (y - scale * x) / w))
-}
-
-/// Iteratively reweighted least squares: Huber's weights at 1.345 σ, nothing beyond 6 σ, σ from the median absolute residual.
-fn by_huber(pairs: &[(f64, f64)]) -> Option<(f64, f64)> {
-    let (mut scale, mut offset) = by_mad(pairs)?;
-    for _ in 0..20 {
-        let mut residuals: Vec<f64> = pairs.iter().map(|p| (scale * p.0 + offset - p.1).abs()).collect();
-        // 1.4826 turns a median absolute deviation into the σ of a normal distribution.
-        let sigma = (1.4826 * median(&mut residuals)).max(1e-9);
-        let weight = |p: &(f64, f64)| {
-            let r = (scale * p.0 + offset - p.1).abs() / sigma;
-            if r > 6.0 { 0.0 } else { (1.345 / r).min(1.0) }
-        };
-        let (next_scale, next_offset) = least_squares(pairs.iter().map(|p| (p.0, p.1, weight(p))))?;
-        let change = (next_scale / scale - 1.0).abs();
-        (scale, offset) = (next_scale, next_offset);
-        if change < 1e-6 {
-            break;
-        }
-    }
-    Some((scale, offset))
-}
-
-/// 200 two-point hypotheses judged by their count of inliers within 8 % of the depth, then least squares on the best one's inliers.
-fn by_ransac(pairs: &[(f64, f64)], seed: u64, stage: u64) -> Option<(f64, f64)> {
-    const HYPOTHESES: u64 = 200;
-    const INLIER: f64 = 0.08;
-    let is_inlier = |p: &(f64, f64), (scale, offset): (f64, f64)| (scale * p.0 + offset - p.1).abs() < INLIER * p.1.abs();
-    let mut best: (usize, Option<(f64, f64)>) = (0, None);
-    for i in 0..HYPOTHESES {
-        let mut rng = Rng::keyed(seed, stage, i);
-        let (a, b) = (pairs[rng.below(pairs.len())], pairs[rng.below(pairs.len())]);
-        let scale = (a.1 - b.1) / (a.0 - b.0);
-        if !(scale.is_finite() && scale > 0.0) {
-            continue;
-        }
-        let hypothesis = (scale, a.1 - scale * a.0);
-        let count = pairs.iter().filter(|p| is_inlier(p, hypothesis)).count();
-        if count > best.0 {
-            best = (count, Some(hypothesis));
-        }
-    }
-    let hypothesis = best.1?;
-    least_squares(pairs.iter().filter(|p| is_inlier(p, hypothesis)).map(|p| (p.0, p.1, 1.0))).or(Some(hypothesis))
 }
 
 /// Median and median absolute deviation of a map.

@@ -46,7 +46,7 @@ fn maps_in_every_unit_are_aligned_to_the_same_depths() {
         write_atomic(dir.path().join("00004.exr"), &encode_exr_f32(&stored, "Y").unwrap()).unwrap();
         let dense = prior(dir.path(), kind, 1.0).read(3, SIZE).unwrap();
         assert!(!dense.is_known(5, 7) && !dense.is_known(30, 22) && dense.is_known(6, 7) && dense.is_known(27, 20));
-        let AlignedPrior { inverse_depth, confidence, .. } = align(&dense, &anchors(300), &config, 1, 1).unwrap();
+        let AlignedPrior { inverse_depth, confidence, .. } = align(&dense, &anchors(300), &config).unwrap();
         let exact = depth();
         for (x, y) in (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y))) {
             let (found, z) = (inverse_depth.at(x, y), exact[(x, y)]);
@@ -58,7 +58,7 @@ fn maps_in_every_unit_are_aligned_to_the_same_depths() {
         }
         assert!(confidence.at(6, 7) > 0.5 && confidence.at(5, 8) > 0.5, "what is beside a hole is as good as before");
         // Where nothing can be aligned to, metres are metres.
-        let unaligned = align(&dense, &anchors(5), &config, 1, 1);
+        let unaligned = align(&dense, &anchors(5), &config);
         match kind {
             FolderKind::InverseRelative | FolderKind::DepthRelative => assert!(unaligned.is_none()),
             _ => {

@@ -13,10 +13,10 @@ use rayon::prelude::*;
 /// Radius of the matching window, 7×7 pixels.
 const RADIUS: usize = 3;
 
-/// The shortest epipolar segment worth searching in an image of this width: 10 pixels at 640, in proportion elsewhere, 1.5 at least (the
+/// The shortest epipolar segment worth searching in an image of this width, pixels: in proportion to the width, half a pixel at least (the
 /// candidates of anything shorter see the same pixels).
 fn least_segment_px(config: &DepthConfig, width: usize) -> f32 {
-    (config.min_segment_px * width as f64 / 640.0).max(1.5) as f32
+    (config.min_segment_px * width as f64 / 640.0).max(0.5) as f32
 }
 
 /// Depths of sampled pixels around an aligned prior (`range` is the half range of the search, relative to it), in the pixels' order. A pixel

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    config::{Alignment, DepthConfig, PriorPreset},
+    config::{DepthConfig, PriorPreset},
     depth::prior::SimulatedPrior,
     synthetic,
 };
@@ -119,34 +119,32 @@ fn blank_walls_triangulate_nothing_and_match_nothing() {
 #[test]
 fn the_simulated_prior_errs_as_much_as_it_should_after_alignment() {
     let s = setup(192, 108, true);
-    for alignment in [Alignment::Mad, Alignment::Huber, Alignment::Ransac] {
-        for (preset, low, high) in
-            [(PriorPreset::Mild, 0.02, 0.06), (PriorPreset::Default, 0.035, 0.09), (PriorPreset::Hard, 0.05, 0.13)]
-        {
-            let config = DepthConfig { alignment, ..DepthConfig::default() };
-            let mut sum = 0.0;
-            let runs = 8;
-            for seed in 0..runs {
-                let prior = SimulatedPrior::new(preset, seed);
-                let k = &s.keyframes[5];
-                let mono = prior.estimate(k).unwrap();
-                let exact = truth(k);
-                // Anchors with a tenth of outliers, as real triangulation has.
-                let anchors: Vec<SparseDepth> = (0..400)
-                    .map(|i| {
-                        let (x, y) = ((i * 37) % 192, (i * 53) % 108);
-                        let factor = if i % 10 == 0 { 1.6 } else { 1.0 };
-                        SparseDepth { x, y, inverse_depth: factor / exact[(x, y)] }
-                    })
-                    .collect();
-                let aligned = align(&mono, &anchors, &config, seed, 1).unwrap();
-                let all = (0..192 * 108).map(|i| (i % 192, i / 192, aligned.inverse_depth.at(i % 192, i / 192)));
-                sum += mean(&errors(all, exact));
-            }
-            let absrel = sum / runs as f32;
-            eprintln!("{alignment:?} {preset:?}: AbsRel {absrel:.4}");
-            assert!(absrel > low && absrel < high, "{alignment:?} {preset:?}: AbsRel {absrel}");
+    for (preset, low, high) in
+        [(PriorPreset::Mild, 0.02, 0.06), (PriorPreset::Default, 0.035, 0.09), (PriorPreset::Hard, 0.05, 0.13)]
+    {
+        let config = DepthConfig::default();
+        let mut sum = 0.0;
+        let runs = 8;
+        for seed in 0..runs {
+            let prior = SimulatedPrior::new(preset, seed);
+            let k = &s.keyframes[5];
+            let mono = prior.estimate(k).unwrap();
+            let exact = truth(k);
+            // Anchors with a tenth of outliers, as real triangulation has.
+            let anchors: Vec<SparseDepth> = (0..400)
+                .map(|i| {
+                    let (x, y) = ((i * 37) % 192, (i * 53) % 108);
+                    let factor = if i % 10 == 0 { 1.6 } else { 1.0 };
+                    SparseDepth { x, y, inverse_depth: factor / exact[(x, y)] }
+                })
+                .collect();
+            let aligned = align(&mono, &anchors, &config).unwrap();
+            let all = (0..192 * 108).map(|i| (i % 192, i / 192, aligned.inverse_depth.at(i % 192, i / 192)));
+            sum += mean(&errors(all, exact));
         }
+        let absrel = sum / runs as f32;
+        eprintln!("{preset:?}: AbsRel {absrel:.4}");
+        assert!(absrel > low && absrel < high, "{preset:?}: AbsRel {absrel}");
     }
 }
 
@@ -168,7 +166,7 @@ fn a_large_image_gets_its_prior_at_the_networks_size() {
         .collect();
     let mono = SimulatedPrior::new(PriorPreset::Mild, SEED).estimate(&k).unwrap();
     assert_eq!((mono.grid().width(), mono.grid().height()), (667, 518));
-    let aligned = align(&mono, &anchors, &DepthConfig::default(), SEED, 1).unwrap();
+    let aligned = align(&mono, &anchors, &DepthConfig::default()).unwrap();
     let all = (0..w * h).map(|i| (i % w, i / w, aligned.inverse_depth.at(i % w, i / w)));
     let absrel = mean(&errors(all, exact));
     assert!(absrel > 0.002 && absrel < 0.06, "AbsRel {absrel}");
@@ -227,7 +225,7 @@ fn guided_matching_sharpens_the_prior_several_times_over() {
         let config = DepthConfig::default();
         let k = &s.keyframes[5];
         let mono = SimulatedPrior::new(PriorPreset::Default, SEED).estimate(k).unwrap();
-        let prior = align(&mono, &triangulate(reference, &near, &config), &config, SEED, 1).unwrap();
+        let prior = align(&mono, &triangulate(reference, &near, &config), &config).unwrap();
         let pixels: Vec<(usize, usize)> = (0..2000).map(|i| ((i * 37) % width, (i * 53) % height)).collect();
         let started = std::time::Instant::now();
         let found = match_guided(reference, &near, &prior, &pixels, config.match_range, &config);

@@ -126,8 +126,7 @@ impl Reconstructor {
         if let (None, Some(mono)) = (&keyframe.aligned, &keyframe.mono) {
             // Too little was triangulated: the field itself says how far things are.
             let anchors = rendered_anchors(seen, self.meta.optical_camera, LEAST_COVERAGE);
-            let stage = stage::keyed(stage::ALIGNMENT, keyframe.index);
-            keyframe.aligned = depth::align(mono, &anchors, &self.config.depth, self.seed, stage);
+            keyframe.aligned = depth::align(mono, &anchors, &self.config.depth);
             keyframe.training.inverse_depth = keyframe.aligned.as_ref().map(inverse_depth);
             keyframe.correct(&self.config);
         }

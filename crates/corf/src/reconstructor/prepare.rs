@@ -270,11 +270,10 @@ impl Preparer {
     pub fn complete(&self, placed: Placed) -> Result<Prepared> {
         let begin = Instant::now();
         let Placed { looked, neighbours, anchors, typical_depth_m } = placed;
-        let alignment = stage::keyed(stage::ALIGNMENT, looked.index);
         let mono = looked.mono;
         let aligned = mono.as_ref().and_then(|m| match self.prior.is_exact() {
             true => Some(AlignedPrior::new(m, 1.0, 0.0, &self.config.depth)),
-            false => depth::align(m, &anchors, &self.config.depth, self.seed, alignment),
+            false => depth::align(m, &anchors, &self.config.depth),
         });
         let grid = (aligned.is_none() && mono.is_some()).then(|| anchor_grid(self.meta.optical_camera));
         let mut asked = looked.candidates.clone();

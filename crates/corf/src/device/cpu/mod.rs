@@ -17,7 +17,6 @@ mod tiles;
 mod update;
 
 use super::{Device, DeviceState, Outline, PackedView, Packer, RenderRequest, Rendering, Step, StepReport, TrainingView, ViewId};
-use crate::gaussians::logit;
 use crate::{Appearance, Gaussians, OptimizerConfig, RasterConfig, Result};
 use std::sync::Arc;
 pub use step::StageTimes;
@@ -113,14 +112,7 @@ impl Device for CpuDevice {
     }
 
     fn reset_rf(&mut self, rf: &Appearance) {
-        let mut rf = rf.clone();
-        let floor = self.optimizer.rf.opacity_floor;
-        if floor > 0.0 {
-            // What starts below the floor would have no gradient to come back with.
-            let lowest = logit(floor);
-            rf.opacity_logit.iter_mut().for_each(|o| *o = o.max(lowest));
-        }
-        self.store.reset_rf(&rf);
+        self.store.reset_rf(rf);
     }
 
     fn set_position_rate_m(&mut self, rate_m: f32) {

@@ -7,7 +7,7 @@ use super::{
     simd::{Isa, Kernel, Lanes},
     store::{Core, LOG_SCALE, OPTICAL_OPACITY, POSITION, RF_OPACITY, ROTATION, Store},
 };
-use crate::{OptimizerConfig, gaussians::logit, sh};
+use crate::{OptimizerConfig, sh};
 use rayon::prelude::*;
 
 /// What becomes of the gradients.
@@ -90,13 +90,11 @@ const MAX_STRIDE: usize = 3 * sh::MAX_COEFFICIENTS;
 struct Constants {
     /// Rates along one Gaussian's harmonics.
     harmonic_rates: [[f32; MAX_STRIDE]; 2],
-    /// Opacity logits are not pushed below this.
-    lowest_logit: [f32; 2],
 }
 
 impl Default for Constants {
     fn default() -> Self {
-        Self { harmonic_rates: [[0.0; MAX_STRIDE]; 2], lowest_logit: [f32::NEG_INFINITY; 2] }
+        Self { harmonic_rates: [[0.0; MAX_STRIDE]; 2] }
     }
 }
 
@@ -106,9 +104,6 @@ impl Constants {
         for (g, r) in [&config.optical, &config.rf].into_iter().enumerate() {
             out.harmonic_rates[g] = [r.sh_dc / r.sh_rest_divisor; MAX_STRIDE];
             out.harmonic_rates[g].iter_mut().step_by(coefficients[g]).for_each(|rate| *rate = r.sh_dc);
-            if r.opacity_floor > 0.0 {
-                out.lowest_logit[g] = logit(r.opacity_floor);
-            }
         }
         out
     }
@@ -252,10 +247,6 @@ impl UpdateChunk<'_, '_> {
         let first = if *geometry { POSITION } else { OPTICAL_OPACITY };
         for k in (first..OPTICAL_OPACITY).chain((0..2).filter(|g| seen[*g]).map(|g| OPTICAL_OPACITY + g)) {
             (value[k], m[k], v[k]) = (state[0][k], state[1][k], state[2][k]);
-        }
-        for g in (0..2).filter(|g| seen[*g]) {
-            let opacity = &mut value[OPTICAL_OPACITY + g];
-            *opacity = opacity.max(self.constants.lowest_logit[g]);
         }
     }
 

@@ -15,6 +15,8 @@ use std::{
 /// images, large ones make fewer pairs to sort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpuOptions {
+    /// Which adapter, counted from 0, where a machine has several: the best kind first, those of one kind as the drivers list them.
+    pub adapter: usize,
     /// Whether a software adapter will do. A reconstruction is faster on the CPU device than on one; tests run on it.
     pub software: bool,
     /// Whether subgroup operations are used where the adapter has them.
@@ -39,6 +41,7 @@ pub struct GpuOptions {
 impl Default for GpuOptions {
     fn default() -> Self {
         Self {
+            adapter: 0,
             software: false,
             subgroups: true,
             timestamps: false,
@@ -193,15 +196,15 @@ fn adapters(options: &GpuOptions) -> Vec<wgpu::Adapter> {
 
 /// The adapter that these options choose, if there is one.
 pub fn adapter_name(options: &GpuOptions) -> Option<String> {
-    adapters(options).first().map(|a| a.get_info().name)
+    adapters(options).get(options.adapter).map(|a| a.get_info().name)
 }
 
 impl Context {
     pub fn open(options: &GpuOptions) -> Result<Self> {
         let _turn = locked(&COMING_AND_GOING);
         let adapters = adapters(options);
-        let Some(adapter) = adapters.first() else {
-            let what = if options.software { "no adapter was found" } else { "no GPU was found" };
+        let Some(adapter) = adapters.get(options.adapter) else {
+            let what = format!("there are {} adapters, and number {} was asked for", adapters.len(), options.adapter);
             return Err(Error::invalid(
                 "gpu",
                 what,

@@ -31,7 +31,7 @@ use super::{
     Device, DeviceState, Outline, PackedView, Packer, RenderRequest, Rendering, Step, StepReport, Survey, SurveyRequest,
     TrainingView, ViewId, check_channels,
 };
-use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result, gaussians::logit};
+use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result};
 use context::{Context, Reading};
 use frame::{Forward, Memory};
 use pyramid::{Packed, Pyramid};
@@ -218,14 +218,7 @@ impl Device for GpuDevice {
 
     fn reset_rf(&mut self, rf: &Appearance) {
         self.ready_or_defer();
-        let mut rf = rf.clone();
-        let floor = self.optimizer.rf.opacity_floor;
-        if floor > 0.0 {
-            // What starts below the floor would have no gradient to come back with.
-            let lowest = logit(floor);
-            rf.opacity_logit.iter_mut().for_each(|o| *o = o.max(lowest));
-        }
-        if let Err(error) = self.store.reset_rf(&self.context, &rf) {
+        if let Err(error) = self.store.reset_rf(&self.context, rf) {
             self.deferred.get_or_insert(error);
         }
     }

@@ -4,7 +4,6 @@ use super::{context::Context, frame::Room, shaders::LOSS_BLOCK};
 use crate::{
     OptimizerConfig, Result,
     device::cpu::geometry::{Grid, Pose},
-    gaussians::logit,
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -40,7 +39,7 @@ struct RateParams {
     sh_dc: f32,
     sh_rest: f32,
     opacity: f32,
-    lowest_logit: f32,
+    padding: u32,
 }
 
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -119,12 +118,7 @@ impl Params {
             p.blocks_total += out.blocks * size[1].div_ceil(LOSS_BLOCK[1]);
         }
         for (out, r) in p.rates.iter_mut().zip([&optimizer.optical, &optimizer.rf]) {
-            *out = RateParams {
-                sh_dc: r.sh_dc,
-                sh_rest: r.sh_dc / r.sh_rest_divisor,
-                opacity: r.opacity,
-                lowest_logit: if r.opacity_floor > 0.0 { logit(r.opacity_floor) } else { -3e38 },
-            };
+            *out = RateParams { sh_dc: r.sh_dc, sh_rest: r.sh_dc / r.sh_rest_divisor, opacity: r.opacity, padding: 0 };
         }
         p.position_rate = optimizer.position_rate_m;
         p.position_decay = optimizer.position_decay;

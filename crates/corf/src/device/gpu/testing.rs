@@ -4,6 +4,7 @@ use super::context::{Context, GpuOptions};
 
 /// Any adapter, subgroups if it has them, working memory full of NaN.
 pub(crate) const OPTIONS: GpuOptions = GpuOptions {
+    adapter: 0,
     software: true,
     subgroups: true,
     timestamps: false,

@@ -31,8 +31,7 @@ struct Rates {
     sh_dc: f32,
     sh_rest: f32,
     opacity: f32,
-    // Lowest logit, or −∞ (as −3e38).
-    lowest_logit: f32,
+    padding: u32,
 }
 
 struct Params {

@@ -14,7 +14,7 @@ struct Held { value: vec4<f32>, m: vec4<f32>, v: vec4<f32> }
 fn load(at: u32) -> Held { return Held(core[at], core_m[at], core_v[at]); }
 
 // Its step; only lanes of `mask` are written.
-fn step_core(at: u32, old: Held, g: vec4<f32>, rates: vec4<f32>, mask: vec4<bool>, lowest: vec4<f32>) {
+fn step_core(at: u32, old: Held, g: vec4<f32>, rates: vec4<f32>, mask: vec4<bool>) {
     if (WRITE_GRADIENTS) {
         core_m[at] = g;
         return;
@@ -22,7 +22,7 @@ fn step_core(at: u32, old: Held, g: vec4<f32>, rates: vec4<f32>, mask: vec4<bool
     var m = old.m;
     var v = old.v;
     let step = adam(g, &m, &v);
-    core[at] = select(old.value, max(old.value - rates * step, lowest), mask);
+    core[at] = select(old.value, old.value - rates * step, mask);
     core_m[at] = select(old.m, m, mask);
     core_v[at] = select(old.v, v, mask);
 }
@@ -76,16 +76,14 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     rate *= params.position_rate;
     let q = params.rotation_rate;
     let l = params.log_scale_rate;
-    let free = vec4(-3e38);
-    step_core(3u * i, held_0, vec4(d_mean, d_shape.rotation.x), vec4(vec3(rate), q), vec4(geometry), free);
-    step_core(3u * i + 1u, held_1, vec4(d_shape.rotation.yzw, d_shape.log_scale.x), vec4(vec3(q), l), vec4(geometry), free);
+    step_core(3u * i, held_0, vec4(d_mean, d_shape.rotation.x), vec4(vec3(rate), q), vec4(geometry));
+    step_core(3u * i + 1u, held_1, vec4(d_shape.rotation.yzw, d_shape.log_scale.x), vec4(vec3(q), l), vec4(geometry));
     step_core(
         3u * i + 2u,
         held_2,
         vec4(d_shape.log_scale.yz, d_logit),
         vec4(l, l, params.rates[0].opacity, params.rates[1].opacity),
         vec4(geometry, geometry, seen),
-        vec4(free.xy, params.rates[0].lowest_logit, params.rates[1].lowest_logit),
     );
 }
 
