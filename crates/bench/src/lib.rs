@@ -2,13 +2,13 @@
 
 pub mod commands;
 pub mod coverage_picture;
-pub mod demo;
 pub mod device;
 pub mod escape;
 pub mod generate;
 pub mod harness;
 pub mod input;
 pub mod interrupt;
+pub mod json;
 pub mod link;
 pub mod method;
 pub mod methods;
@@ -25,6 +25,7 @@ pub mod record;
 pub mod report;
 pub mod run;
 pub mod say;
+pub mod splice;
 pub mod split;
 pub mod stats;
 pub mod suite;

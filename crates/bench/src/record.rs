@@ -1,15 +1,20 @@
 //! One run's record: `metrics.json`.
 
+use crate::json::{read_json, write_numbers};
 use crate::metrics::{COLUMNS, FrameMetrics};
 use crate::numbers;
 use crate::provenance::Provenance;
-use crate::run::{read_json, write_numbers};
 use crate::split::Protocol;
 use anyhow::{Context, Result};
 use corf::LatencySummary;
 use corf::depth::DepthQuality;
+use corf_scene::io::write_atomic;
+use flate2::Compression;
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 
 /// Version of the record's layout.
@@ -106,6 +111,9 @@ pub struct CurvePoint {
     pub gaussians: Option<usize>,
 }
 
+/// No archive unpacks to more, bytes.
+const LARGEST_ARCHIVE: u64 = 1 << 30;
+
 impl Record {
     /// Reads a record.
     ///
@@ -124,6 +132,41 @@ impl Record {
     pub fn write(&self, path: &Path) -> Result<()> {
         write_numbers(path, self)
     }
+}
+
+/// File of a results folder that holds all its records, one a line.
+pub const ARCHIVE: &str = "records.jsonl.gz";
+
+/// Writes records into one file, in their order.
+///
+/// # Errors
+/// A number that is none, by its key; a folder that cannot be written.
+pub fn write_archive(path: &Path, records: &[Record]) -> Result<()> {
+    let mut packed = GzEncoder::new(Vec::new(), Compression::best());
+    for record in records {
+        let value = serde_json::to_value(record)?;
+        numbers::check(&value).with_context(|| format!("{} is not written", path.display()))?;
+        writeln!(packed, "{value}")?;
+    }
+    Ok(write_atomic(path, &packed.finish()?)?)
+}
+
+/// Reads what [`write_archive`] wrote.
+///
+/// # Errors
+/// A missing file, one that holds something else, or a number in it that is none; the line is named.
+pub fn read_archive(path: &Path) -> Result<Vec<Record>> {
+    let file = std::fs::File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let lines = BufReader::new(GzDecoder::new(file).take(LARGEST_ARCHIVE)).lines();
+    let record = |(number, line): (usize, std::io::Result<String>)| {
+        let read = || -> Result<Record> {
+            let value: serde_json::Value = serde_json::from_str(&line?)?;
+            numbers::check(&value)?;
+            Ok(serde_json::from_value(value)?)
+        };
+        read().with_context(|| format!("{}, line {}, is not the record expected here", path.display(), number + 1))
+    };
+    lines.enumerate().map(record).collect()
 }
 
 impl Numbers {

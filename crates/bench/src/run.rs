@@ -7,16 +7,15 @@
 //! RUN/metrics.json  written by `corf evaluate`
 //! ```
 
-use crate::numbers;
 use crate::provenance::Provenance;
 use crate::record::CurvePoint;
 use crate::split::Protocol;
 use anyhow::{Context, Result, bail};
 use corf::depth::DepthQuality;
 use corf::{KeyframeTiming, LatencySummary};
-use corf_scene::io::{remove_temporary_files, write_atomic};
+use corf_scene::io::remove_temporary_files;
 use corf_scene::lock::{self, FolderLock};
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Version of `run.json`.
@@ -69,34 +68,6 @@ pub struct RunInfo {
     /// What each keyframe took.
     #[serde(default)]
     pub keyframe_timings: Vec<KeyframeTiming>,
-}
-
-/// Writes pretty JSON atomically.
-///
-/// # Errors
-/// When the folder cannot be written; the path is named.
-pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
-    let mut text = serde_json::to_string_pretty(value)?;
-    text.push('\n');
-    Ok(write_atomic(path, text.as_bytes())?)
-}
-
-/// Writes pretty JSON atomically, its numbers checked.
-///
-/// # Errors
-/// A number that is none, by its key; a folder that cannot be written.
-pub fn write_numbers(path: &Path, value: &impl Serialize) -> Result<()> {
-    numbers::check(&serde_json::to_value(value)?).with_context(|| format!("{} is not written", path.display()))?;
-    write_json(path, value)
-}
-
-/// Reads JSON.
-///
-/// # Errors
-/// A missing file, or one that is not what it should be; line and column are named.
-pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    serde_json::from_str(&text).with_context(|| format!("{} is not the JSON expected here", path.display()))
 }
 
 /// Makes a folder for output, or refuses one that holds something already. It is this run's alone while the answer lives, and what a run
@@ -178,15 +149,5 @@ mod tests {
         let error = claim_fresh(dir.path()).unwrap_err().to_string();
         assert!(error.contains("--out") && !error.contains("--resume"), "{error}");
         assert!(dir.path().join("precious").exists());
-    }
-
-    #[test]
-    fn writing_replaces_whole_files_only() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.json");
-        write_json(&path, &[1, 2]).unwrap();
-        write_json(&path, &[3]).unwrap();
-        assert_eq!(read_json::<Vec<i32>>(&path).unwrap(), [3]);
-        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
     }
 }

@@ -29,7 +29,7 @@ use corf_scene::io::write_atomic;
 use std::path::{Path, PathBuf};
 
 /// Folder of the contiguous segment's cells, tables and report.
-const SEGMENT: &str = "segment";
+pub const SEGMENT: &str = "segment";
 
 /// What a suite leaves.
 pub struct Written {
@@ -148,15 +148,9 @@ pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
 /// # Errors
 /// When a file cannot be written.
 pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: &Path) -> Result<Written> {
-    let rows = table::rows(&records);
     let (table_path, report_path) = (out.join("table.md"), out.join("report.html"));
-    write_atomic(
-        &table_path,
-        format!("# {}\n\n{}\n\n{}", escape::markdown(&plan.name), escape::without_html(&plan.analysis), table::markdown(&rows))
-            .as_bytes(),
-    )?;
-    write_atomic(out.join("table.csv"), table::csv(&records).as_bytes())?;
-    write_atomic(out.join("table.tex"), table::latex(&rows).as_bytes())?;
+    let head = format!("# {}\n\n{}\n\n", escape::markdown(&plan.name), escape::without_html(&plan.analysis));
+    write_tables_with(&head, &records, out)?;
     let report = Report {
         plan,
         dataset,
@@ -167,4 +161,19 @@ pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: 
     };
     report::write(&report, &report_path)?;
     Ok(Written { records, segment: Vec::new(), report: report_path, table: table_path })
+}
+
+/// Writes `table.md`, `table.csv` and `table.tex`.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn write_tables(records: &[Record], out: &Path) -> Result<()> {
+    write_tables_with("", records, out)
+}
+
+fn write_tables_with(head: &str, records: &[Record], out: &Path) -> Result<()> {
+    let rows = table::rows(records);
+    write_atomic(out.join("table.md"), format!("{head}{}", table::markdown(&rows)).as_bytes())?;
+    write_atomic(out.join("table.csv"), table::csv(records).as_bytes())?;
+    Ok(write_atomic(out.join("table.tex"), table::latex(&rows).as_bytes())?)
 }

@@ -5,10 +5,11 @@ use crate::metrics::{COLUMNS, Column};
 use crate::record::{Numbers, Outcome, Record};
 use crate::split::Protocol;
 use crate::stats::{Summary, summarize};
+use anyhow::{Context, Result};
 use std::fmt::Write;
 
 /// The columns of the short table (terminal, README): the paper's, then the physical ones that differ most.
-const SHORT: &[&str] =
+pub const SHORT: &[&str] =
     &["psnr_opt", "ssim_opt", "psnr_rf_jet", "ssim_rf_jet", "psnr_rf_scalar", "rmse_db_30", "psp_similarity", "peak_error_deg"];
 
 /// The metric that ablation differences are taken of.
@@ -151,11 +152,16 @@ pub struct Line<'a> {
 
 /// The short table of these rows; differences are to the first.
 pub fn short<'a>(rows: &'a [Row<'a>]) -> Short<'a> {
+    with_columns(rows, &short_columns().collect::<Vec<_>>())
+}
+
+/// The same with other columns of metrics.
+fn with_columns<'a>(rows: &'a [Row<'a>], columns: &[&Column]) -> Short<'a> {
     let mut headings = vec!["method"];
-    headings.extend(short_columns().map(|c| c.heading));
+    headings.extend(columns.iter().map(|c| c.heading));
     headings.extend(["Δ PSNR rf to first row", "Gaussians", "time, s"]);
     let line = |row: &'a Row<'a>| {
-        let mut cells: Vec<String> = short_columns().map(|c| text(row.metric(c), c.digits, "±")).collect();
+        let mut cells: Vec<String> = columns.iter().map(|c| text(row.metric(c), c.digits, "±")).collect();
         let difference = if row.label == rows[0].label { None } else { row.difference(&rows[0]) };
         let bold = difference.is_some_and(|d| d.excludes_zero()).then_some(cells.len());
         cells.push(text(difference, 2, "±"));
@@ -168,8 +174,20 @@ pub fn short<'a>(rows: &'a [Row<'a>]) -> Short<'a> {
 
 /// The short table in Markdown, with a note of what it rests on. A difference to the first row is bold where its interval excludes zero.
 pub fn markdown(rows: &[Row<'_>]) -> String {
-    let short = short(rows);
-    let mut out = format!("| {} |\n|---|{}\n", short.headings.join(" | "), "---:|".repeat(SHORT.len() + 3));
+    in_markdown(&short(rows))
+}
+
+/// The same with the columns of these keys.
+///
+/// # Errors
+/// A key that is no metric's.
+pub fn markdown_of(rows: &[Row<'_>], keys: &[&str]) -> Result<String> {
+    let column = |key: &&str| COLUMNS.iter().find(|c| c.key == *key).with_context(|| format!("no metric is called {key}"));
+    Ok(in_markdown(&with_columns(rows, &keys.iter().map(column).collect::<Result<Vec<_>>>()?)))
+}
+
+fn in_markdown(short: &Short<'_>) -> String {
+    let mut out = format!("| {} |\n|---|{}\n", short.headings.join(" | "), "---:|".repeat(short.headings.len() - 1));
     for line in &short.lines {
         let _ = write!(out, "| {}{} |", escape::markdown(line.label), if line.failed { " (failed cells)" } else { "" });
         for (i, cell) in line.cells.iter().enumerate() {

@@ -115,7 +115,7 @@ struct CameraFile {
 /// # Errors
 /// A file that cannot be read, has no pose, or a matrix that is no rigid transform.
 pub fn read_rig(path: &Path, rf: Option<[usize; 2]>) -> Result<Rig> {
-    let file: CameraFile = crate::run::read_json(path)
+    let file: CameraFile = crate::json::read_json(path)
         .context("a camera file holds width, height, fx, fy, cx, cy and a list camera_from_world of 4x4 matrices by rows")?;
     ensure!(!file.camera_from_world.is_empty(), "{} names no pose", path.display());
     let optical = Pinhole { width: file.width, height: file.height, fx: file.fx, fy: file.fy, cx: file.cx, cy: file.cy };

@@ -4,13 +4,13 @@ use super::{Verdict, print, show};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::plan::Plan;
-use crate::record::Outcome;
-use crate::run::{claim_output, claim_shared};
+use crate::record::{ARCHIVE, Outcome, read_archive, write_archive};
+use crate::run::{claim_fresh, claim_output, claim_shared};
 use crate::sweep::Sweep;
 use crate::{suite, table};
-use anyhow::Result;
+use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Run plans, write tables and reports.
 #[derive(Subcommand)]
@@ -27,6 +27,8 @@ pub enum Bench {
     Light(super::bench_light::Light),
     /// What tracing a dataset's radio half costs, stage by stage, and its sampling error.
     Radio(super::bench_radio::Radio),
+    /// Put the records of a comparison into one file, with its tables, as results are published.
+    Pack(Pack),
     /// Measure training steps, stage by stage, beside the least time their bytes and operations take.
     Step(super::bench_step::Step),
 }
@@ -68,7 +70,7 @@ pub struct SweepCommand {
 /// `corf bench table`.
 #[derive(Args)]
 pub struct Table {
-    /// Folder of `corf bench run` or `corf demo`.
+    /// Folder of `corf bench run`, `corf demo` or `corf bench pack`.
     folder: PathBuf,
     /// Which notation.
     #[arg(long, value_enum, default_value_t = Notation::Markdown)]
@@ -82,6 +84,16 @@ enum Notation {
     Csv,
     Latex,
     Plain,
+}
+
+/// `corf bench pack`.
+#[derive(Args)]
+pub struct Pack {
+    /// Folder of `corf bench run` or `corf demo`.
+    folder: PathBuf,
+    /// Output folder: records.jsonl.gz, table.md, table.csv, table.tex; the same in segment/ where there is one.
+    #[arg(long)]
+    out: PathBuf,
 }
 
 /// `corf bench report`.
@@ -104,6 +116,7 @@ impl Bench {
             Self::Sweep(c) => c.run(json),
             Self::Table(c) => c.run(json),
             Self::Report(c) => c.run(json),
+            Self::Pack(c) => c.run(json),
             Self::Light(c) => c.run(json),
             Self::Radio(c) => c.run(json),
             Self::Step(c) => c.run(json),
@@ -145,7 +158,8 @@ impl SweepCommand {
 
 impl Table {
     fn run(self, json: bool) -> Result<Verdict> {
-        let (_, records) = suite::load(&self.folder)?;
+        let archive = self.folder.join(ARCHIVE);
+        let records = if archive.exists() { read_archive(&archive)? } else { suite::load(&self.folder)?.1 };
         let rows = table::rows(&records);
         if json {
             show(true, &records, "")?;
@@ -158,6 +172,28 @@ impl Table {
             })?;
         }
         Ok(verdict(&records))
+    }
+}
+
+impl Pack {
+    fn run(self, json: bool) -> Result<Verdict> {
+        let _held = claim_fresh(&self.out)?;
+        let mut all = Vec::new();
+        for part in [Path::new(""), Path::new(suite::SEGMENT)] {
+            let folder = self.folder.join(part);
+            if !folder.exists() {
+                continue;
+            }
+            let (_, records) = suite::load(&folder)?;
+            let out = self.out.join(part);
+            std::fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
+            write_archive(&out.join(ARCHIVE), &records)?;
+            suite::write_tables(&records, &out)?;
+            all.extend(records);
+        }
+        let text = format!("{} records in {}", all.len(), self.out.display());
+        show(json, &serde_json::json!({ "records": all.len(), "out": self.out }), &text)?;
+        Ok(Verdict::Done)
     }
 }
 

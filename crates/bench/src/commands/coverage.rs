@@ -3,10 +3,11 @@
 use super::{Verdict, show};
 use crate::coverage_picture::CoveragePicture;
 use crate::interrupt;
+use crate::json::write_json;
 use crate::link::{LinkArgs, LinkSetup, Point};
 use crate::note;
 use crate::progress::Progress;
-use crate::run::{claim_fresh, write_json};
+use crate::run::claim_fresh;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::radio::DiffuseSettings;

@@ -7,7 +7,9 @@ mod bench_step;
 mod check;
 mod coverage;
 mod dataset;
+mod demo;
 mod diffuse;
+mod docs;
 mod evaluate;
 mod export_light;
 mod paths;
@@ -35,7 +37,7 @@ pub enum Verdict {
 #[derive(Subcommand)]
 pub enum Command {
     /// The small lobby end to end: keyframes, all ablations, table and report (a couple of minutes on 2 cores).
-    Demo(crate::demo::Demo),
+    Demo(demo::Demo),
     /// Build, describe, check or export a scene.
     #[command(subcommand)]
     Scene(scene::Scene),
@@ -62,6 +64,9 @@ pub enum Command {
     /// Run plans, write tables and reports.
     #[command(subcommand)]
     Bench(bench::Bench),
+    /// Write tables and help into documents, for those who change this program.
+    #[command(hide = true)]
+    Docs(docs::Docs),
 }
 
 impl Command {
@@ -83,6 +88,7 @@ impl Command {
             Self::Render(c) => c.run(json),
             Self::Evaluate(c) => c.run(json),
             Self::Bench(c) => c.run(json),
+            Self::Docs(c) => c.run(),
         }
     }
 }

@@ -3,10 +3,11 @@
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::input::{Input, Verify};
+use crate::json::{read_json, write_numbers};
 use crate::method::{Advance, Checkpoints, TrainingSet};
 use crate::progress::Progress;
 use crate::provenance::Provenance;
-use crate::run::{RunInfo, SCHEMA, claim_output, write_numbers};
+use crate::run::{RunInfo, SCHEMA, claim_output};
 use crate::split::{Protocol, Split};
 use crate::{harness, interrupt, methods, note};
 use anyhow::{Context, Result};
@@ -94,7 +95,7 @@ impl Reconstruct {
         let _held = claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");
         if self.resume && info_path.exists() {
-            let info: RunInfo = crate::run::read_json(&info_path)?;
+            let info: RunInfo = read_json(&info_path)?;
             anyhow::ensure!(
                 info.method == self.method
                     && info.seed == self.seed

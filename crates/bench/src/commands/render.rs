@@ -6,7 +6,7 @@ use crate::input::Verify;
 use crate::methods::open;
 use crate::progress::Progress;
 use crate::run::claim_output;
-use crate::{interrupt, run};
+use crate::{interrupt, json};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use corf_scene::color::quantize8;
@@ -65,7 +65,7 @@ struct TrajectoryEntry {
 /// # Errors
 /// A file that is neither of the two, that names no pose, or one that is no rigid transform.
 pub(crate) fn read_poses(path: &Path) -> Result<Vec<Rigid3>> {
-    let poses: Poses = run::read_json(path)
+    let poses: Poses = json::read_json(path)
         .context("a pose file is a dataset's trajectory.json or a JSON array of 4x4 world_from_camera matrices by rows")?;
     let rows: Vec<[[f64; 4]; 4]> = match poses {
         Poses::Matrices(rows) => rows,
@@ -88,14 +88,14 @@ impl Render {
             Source { run: sha256_hex(&io::read(self.run.join("run.json"))?), poses: sha256_hex(&io::read(&self.poses)?) };
         let source_path = self.out.join("render.json");
         if source_path.exists() {
-            let before: Source = run::read_json(&source_path)?;
+            let before: Source = json::read_json(&source_path)?;
             ensure!(
                 before == source,
                 "{} holds renderings of another run or other poses\n  help: choose another --out",
                 self.out.display()
             );
         }
-        run::write_json(&source_path, &source)?;
+        json::write_json(&source_path, &source)?;
         let range = run.input.dataset.db_range();
         for folder in ["images", "jet", "db", "linear", "depth"] {
             std::fs::create_dir_all(self.out.join(folder))

@@ -1,9 +1,10 @@
 //! `corf spectrum`: angular spectra at one pose, as numbers and as pictures.
 
 use super::{Verdict, show};
+use crate::json::write_json;
 use crate::link::Point;
 use crate::radio_sensor::{Extent, RadioSensor, SensorPlan, warn_of_geometry};
-use crate::run::{claim_fresh, write_json};
+use crate::run::claim_fresh;
 use anyhow::{Result, ensure};
 use clap::{Args, ValueEnum};
 use corf_raytrace::bvh::Bvh;

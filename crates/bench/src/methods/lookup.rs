@@ -1,8 +1,8 @@
 //! Lookups: what a table must be beaten by to mean anything.
 
+use crate::json::write_json;
 use crate::method::{Advance, Method, Predictor, TrainingSet};
 use crate::metrics::Prediction;
-use crate::run::write_json;
 use anyhow::{Context, Result};
 use corf_scene::{Keyframe, Raster, Rigid3};
 use serde::{Deserialize, Serialize};

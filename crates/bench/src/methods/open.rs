@@ -3,8 +3,9 @@
 use super::{corf_gs, create};
 use crate::device::Backend;
 use crate::input::{Input, Verify};
+use crate::json::read_json;
 use crate::method::{Method, Predictor, TrainingSet};
-use crate::run::{RunInfo, SCHEMA, read_json};
+use crate::run::{RunInfo, SCHEMA};
 use crate::split::Split;
 use anyhow::{Context, Result, ensure};
 use corf_scene::dataset::Dataset;

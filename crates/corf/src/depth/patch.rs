@@ -1,10 +1,18 @@
 //! Grey images made for matching, square patches of them, and ZNCC under an affine warp.
 
-use super::view::Warp;
 use crate::device::cpu::simd::{Isa, Kernel, Lanes};
 use corf_scene::Raster;
-use glam::Vec2;
+use glam::{Mat2, Vec2};
 use rayon::prelude::*;
+
+/// The local affine map of a planar patch into a neighbour.
+#[derive(Clone, Copy, Debug)]
+pub struct Warp {
+    /// Where the patch centre lands, pixels.
+    pub center: Vec2,
+    /// Its derivative by the reference pixel position.
+    pub jacobian: Mat2,
+}
 
 /// Grey values in `[0, 1]` as 16-bit numbers, each beside its right neighbour: bilinear interpolation takes two loads instead of four.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! A keyframe as matching sees it, and the warp between two of them.
 
-use super::patch::GreyImage;
+use super::patch::{GreyImage, Warp};
 use corf_scene::{Pinhole, Raster, Rigid3};
 use glam::{DVec3, Mat2, Mat3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -58,15 +58,6 @@ pub struct Neighbour<'a> {
     translation: Vec3,
     /// Distance between the two centres, metres.
     pub baseline_m: f64,
-}
-
-/// The local affine map of a planar patch into a neighbour.
-#[derive(Clone, Copy, Debug)]
-pub struct Warp {
-    /// Where the patch centre lands, pixels.
-    pub center: Vec2,
-    /// Its derivative by the reference pixel position.
-    pub jacobian: Mat2,
 }
 
 impl<'a> Neighbour<'a> {

@@ -5,10 +5,12 @@ pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod packed;
+mod planes;
 mod state;
 mod survey;
 
 pub use packed::{PackedView, Packer};
+pub use planes::Planes;
 pub use state::{DeviceState, Outline};
 #[cfg(test)]
 pub(crate) use survey::judge;
@@ -24,19 +26,6 @@ pub struct View {
     pub camera: Pinhole,
     /// Pose (OpenCV camera axes, metres).
     pub world_from_camera: Rigid3,
-}
-
-/// A `height × width × channels` f32 image, row-major, channels innermost.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Planes {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// Channels.
-    pub channels: usize,
-    /// `pixels[(y·width + x)·channels + c]`.
-    pub pixels: Vec<f32>,
 }
 
 /// One keyframe as a training target. Both modalities share the pose and keep their own camera and resolution.

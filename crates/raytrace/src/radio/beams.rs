@@ -1,7 +1,8 @@
 //! Which sequences of faces light can run through: the beam that a mirror sends on holds, in part, the next one.
 
-use super::chains::{Chain, repeats};
-use super::geometry::{Face, Geometry};
+use super::chain::{Chain, repeats};
+use super::face::Face;
+use super::geometry::Geometry;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,10 +1,10 @@
 //! Which faces a specular path may bounce off, in order: candidates for the exact image method.
 
 use super::beams::{self, Beam};
-use super::diffraction::Wedges;
+use super::chain::{Chain, repeats};
 use super::geometry::Geometry;
-use super::walk::{Finding, Findings, Leg, Walk, Way, distinct};
-use super::{MAX_DEPTH, RadioSettings, Search};
+use super::walk::{Findings, Leg, Walk, Way, distinct};
+use super::{RadioSettings, Search};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -93,62 +93,6 @@ impl Density {
             }
             (tried, pass) = (pass, 2 * pass);
         }
-    }
-}
-
-/// The faces of a specular path in TX → RX order, with the transmitter's image behind the last one.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Chain {
-    faces: [u32; MAX_DEPTH],
-    length: u8,
-    /// The transmitter mirrored in every face in turn.
-    pub image: DVec3,
-}
-
-impl Chain {
-    /// The faces, TX → RX.
-    pub fn faces(&self) -> &[u32] {
-        &self.faces[..self.length as usize]
-    }
-
-    /// The line of sight: no face at all.
-    pub fn line_of_sight(tx: DVec3) -> Self {
-        Self { faces: [u32::MAX; MAX_DEPTH], length: 0, image: tx }
-    }
-
-    /// By face: the transmitter as that face sees it, mirrored in those before. What follows the last face means nothing.
-    pub fn images(&self, geometry: &Geometry<'_>, tx: DVec3) -> [DVec3; MAX_DEPTH] {
-        let faces = self.faces();
-        let mut images = [tx; MAX_DEPTH];
-        for i in 1..faces.len() {
-            images[i] = geometry.faces[faces[i - 1] as usize].mirror(images[i - 1]);
-        }
-        images
-    }
-
-    /// With one more face.
-    pub fn pushed(&self, face: u32, geometry: &Geometry<'_>) -> Self {
-        let mut next = *self;
-        next.faces[self.length as usize] = face;
-        next.length += 1;
-        next.image = geometry.faces[face as usize].mirror(self.image);
-        next
-    }
-}
-
-impl Finding for Chain {
-    type Key = (u8, [u32; MAX_DEPTH]);
-
-    fn key(&self) -> Self::Key {
-        (self.length, self.faces)
-    }
-}
-
-impl Finding for (u32, Chain) {
-    type Key = (u32, <Chain as Finding>::Key);
-
-    fn key(&self) -> Self::Key {
-        (self.0, self.1.key())
     }
 }
 
@@ -279,25 +223,6 @@ impl Large {
             })
             .collect()
     }
-}
-
-/// The wedges that a lattice of rays from a point comes by, each with the chain it bounced off before, sorted and without repeats.
-pub fn wedges_from_lattice(
-    geometry: &Geometry<'_>,
-    wedges: &Wedges,
-    from: DVec3,
-    settings: &RadioSettings,
-    rays: usize,
-) -> Vec<(u32, Chain)> {
-    Walk::new(geometry, settings).lattice(from, rays, |found, chain, triangle| {
-        found.extend(wedges.of_triangle(triangle).map(|wedge| (wedge, *chain)));
-    })
-}
-
-/// Whether a face lies in the plane of the last bounce: nothing bounces off a plane twice in a row.
-pub fn repeats(geometry: &Geometry<'_>, chain: &Chain, face: u32) -> bool {
-    let Some(&last) = chain.faces().last() else { return false };
-    last == face || geometry.faces[last as usize].shares_plane(&geometry.faces[face as usize])
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Gathering triangles into planar faces, in a time that grows with their number.
 
-use super::geometry::Face;
+use super::face::{COPLANAR_NORMAL, Face};
 use super::planar::PlanarIndex;
 use corf_scene::Scene;
 use glam::{DVec3, IVec3};
@@ -9,8 +9,6 @@ use std::hash::{BuildHasherDefault, Hasher};
 
 /// Triangles belong to one face when their corners lie this close to its plane, metres (float32 corners at 10 m are off by 1e-6).
 const COPLANAR_DISTANCE_M: f64 = 5e-6;
-/// … and their normals are this parallel: 1 − cos of [`COPLANAR_RAD`].
-pub(super) const COPLANAR_NORMAL: f64 = 5e-7;
 /// The angle of [`COPLANAR_NORMAL`], rounded up: normals of one face differ by no more per component.
 const COPLANAR_RAD: f64 = 1.001e-3;
 /// Side of a cell of normals.

@@ -1,23 +1,17 @@
 //! The scene as the image method sees it: f64 triangles gathered into planar faces of one object and one material.
 
-use super::planar::{Bounds, PlanarIndex};
+use super::face::Face;
 use super::{Slab, faces};
 use crate::bvh::{Bvh, Ray};
 use corf_scene::solids::Solids;
 use corf_scene::{Error, Result, Scene};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use std::ops::ControlFlow;
 
-/// Two faces lie in one plane when their normals are this parallel (1 − cos of 4e-5 rad) …
-const SAME_PLANE_NORMAL: f64 = 1e-9;
-/// … and their offsets this close, metres.
-const SAME_PLANE_M: f64 = 1e-6;
 /// A crossing this close to a segment's end belongs to the end itself, metres.
 pub(super) const END_CLEARANCE_M: f64 = 1e-9;
 /// Hits this close are at one place: a joint of panels or an edge between faces, metres.
 const SAME_CROSSING_M: f64 = 1e-9;
-/// Rounding of a point that the image method finds, metres.
-const BOUNCE_ROUNDING_M: f64 = 1e-12;
 /// What lies beside a point where faces meet is looked for this far off, metres, …
 pub(super) const BESIDE_M: f64 = 1e-6;
 /// … in so many directions.
@@ -26,81 +20,10 @@ const BESIDE: usize = 8;
 pub(super) const TOUCHING_M: f64 = 2e-5;
 /// A ray beside one that meets an edge, metres from it: the same whichever way it runs, and along no axis or diagonal.
 pub(super) const BESIDE_RAY_M: DVec3 = DVec3::new(3.7e-7, 5.3e-7, 7.6e-7);
+/// Two bounces this close, metres, are where two faces meet; rounding puts them on either side.
+const MEETING_M: f64 = 1e-12;
 /// Up to this many triangles all of them are tried; the list is exact and needs no bounding boxes.
 const BRUTE_FORCE_TRIANGLES: usize = 64;
-
-/// A planar patch: every triangle of one plane, object and material.
-#[derive(Clone, Debug)]
-pub struct Face {
-    /// Unit normal of the plane n·x = `offset_m`.
-    pub normal: DVec3,
-    /// Plane offset, metres.
-    pub offset_m: f64,
-    /// Index into [`Geometry::slabs`] (and the scene's materials).
-    pub material: u32,
-    /// Index into the scene's objects.
-    pub object: u32,
-    /// Total area, m².
-    pub area_m2: f64,
-    pub(super) index: PlanarIndex,
-}
-
-impl Face {
-    /// Signed distance of a point from the plane, metres.
-    pub fn distance(&self, point: DVec3) -> f64 {
-        self.normal.dot(point) - self.offset_m
-    }
-
-    /// The mirror image of a point.
-    pub fn mirror(&self, point: DVec3) -> DVec3 {
-        point - self.normal * (2.0 * self.distance(point))
-    }
-
-    /// Whether both lie in one plane, to rounding.
-    pub fn shares_plane(&self, other: &Self) -> bool {
-        let cos = self.normal.dot(other.normal);
-        cos.abs() > 1.0 - SAME_PLANE_NORMAL && (self.offset_m - other.offset_m * cos.signum()).abs() < SAME_PLANE_M
-    }
-
-    /// Whether both lie in parallel planes, as triangles of one plane do.
-    fn is_parallel(&self, other: &Self) -> bool {
-        self.normal.dot(other.normal).abs() >= 1.0 - faces::COPLANAR_NORMAL
-    }
-
-    /// Corners of a parallelogram of the plane that holds the face.
-    pub fn hull(&self) -> [DVec3; 4] {
-        self.index.hull(self.normal, self.offset_m)
-    }
-
-    /// The box of the face's triangles on two axes.
-    pub fn bounds(&self) -> Bounds {
-        self.index.bounds()
-    }
-
-    /// `count` points spread evenly over the face; a single one lies in its middle, where that is a part of it.
-    pub fn spread(&self, count: usize) -> Vec<DVec3> {
-        let centroid = (count == 1).then(|| self.index.centroid(self.normal, self.offset_m));
-        match centroid.filter(|&p| self.contains(p)) {
-            Some(middle) => vec![middle],
-            None => self.index.spread(self.normal, self.offset_m, count),
-        }
-    }
-
-    /// The point of the face at a `share` ∈ [0, 1) of its area and a `place` ∈ [0, 1)² there: evenly spread where both are.
-    pub fn point(&self, share: f64, place: DVec2) -> DVec3 {
-        self.index.point(self.normal, self.offset_m, share, place)
-    }
-
-    /// Whether a point of the plane lies on one of the triangles (edges belong to the face).
-    pub fn contains(&self, point: DVec3) -> bool {
-        self.index.contains(point, 0.0)
-    }
-
-    /// The same to rounding: a bounce in a corner lies on both faces, of whose edges it may be off by its last digits.
-    pub(super) fn reflects_at(&self, point: DVec3) -> bool {
-        self.index.contains(point, BOUNCE_ROUNDING_M)
-    }
-}
 
 /// A straight segment's crossing of a face.
 #[derive(Clone, Copy, Debug)]
@@ -425,6 +348,20 @@ fn line_meets_triangle(origin: DVec3, direction: DVec3, corners: &[DVec3; 3]) ->
     }
     let normal = (b - a).cross(c - a);
     Some(a.dot(normal) / direction.dot(normal))
+}
+
+impl Geometry<'_> {
+    /// Where the line from `target` to an `image` behind the face meets the face.
+    pub(super) fn bounce(&self, face: u32, target: DVec3, image: DVec3) -> Option<DVec3> {
+        let face = &self.faces[face as usize];
+        let (here, behind) = (face.distance(target), face.distance(image));
+        // A target on the face is the bounce before, where two faces meet.
+        if behind == 0.0 || (here * behind > 0.0 && here.abs() > MEETING_M) {
+            return None;
+        }
+        let point = if here.abs() > MEETING_M { target + (image - target) * (here / (here - behind)) } else { target };
+        face.reflects_at(point).then_some(point)
+    }
 }
 
 #[cfg(test)]

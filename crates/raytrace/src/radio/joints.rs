@@ -4,9 +4,9 @@
 //! one side of every other face that touches the point, or that face is in the way: it is passed as a slab, or blocks.
 
 use super::MAX_DEPTH;
-use super::geometry::{BESIDE_RAY_M, Crossing, END_CLEARANCE_M, Face, Geometry, TOUCHING_M};
-use super::paths::RadioTracer;
-use super::route::{Route, Turn};
+use super::face::Face;
+use super::geometry::{BESIDE_RAY_M, Crossing, END_CLEARANCE_M, Geometry, TOUCHING_M};
+use super::route::{Propagator, Route, Turn};
 use glam::DVec3;
 
 /// Where a face is looked for beside a bounce: far enough from the mirror to be clear of such a gap, but no further than this, metres.
@@ -60,7 +60,7 @@ impl Bounce<'_> {
     }
 }
 
-impl RadioTracer<'_> {
+impl Propagator<'_, '_> {
     /// Adds the faces that a route passes where it bounces to those it crosses on the way there; `None` once there are more than `budget`.
     pub(super) fn pass_joints(
         &self,

@@ -5,13 +5,16 @@
 
 pub mod antenna;
 mod beams;
+mod chain;
 mod chains;
 pub mod channel;
 mod complex;
 pub mod coverage;
 mod diffraction;
 pub mod diffuse;
+mod edges;
 pub mod export;
+mod face;
 mod faces;
 mod field;
 pub mod fresnel;
@@ -20,12 +23,13 @@ mod joints;
 pub mod json;
 pub mod lattice;
 pub mod materials;
-mod paths;
+mod path;
 mod planar;
 mod route;
 pub mod scattering;
 mod screen;
 mod tables;
+mod tracer;
 mod walk;
 
 pub use antenna::{Angles, Antenna, AntennaArray, AntennaPattern, Beam, PlanarArray, Polarization};
@@ -33,9 +37,11 @@ pub use complex::Complex;
 pub use corf_scene::solids::{Parting, Solids};
 pub use diffraction::{DiffractionModel, Wedge, transition};
 pub use diffuse::{DiffuseField, DiffuseSettings};
-pub use geometry::{Face, Geometry};
+pub use face::Face;
+pub use geometry::Geometry;
 pub use materials::Slab;
-pub use paths::{Interaction, InteractionKind, Path, RadioTracer, Transmitter};
+pub use path::{Interaction, InteractionKind, Path};
+pub use tracer::{RadioTracer, Transmitter};
 
 use corf_scene::{Error, Result, bounds};
 use glam::DVec3;

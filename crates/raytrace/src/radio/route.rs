@@ -1,20 +1,17 @@
 //! One way through the scene: where it turns, whether it is open, and what it does to the field.
 
 use super::antenna::{phi_hat, theta_hat};
-use super::chains::Chain;
+use super::chain::Chain;
 use super::diffraction::{EdgeFace, EdgeRay, Wedge, diffract};
 use super::field::{self, Field};
 use super::fresnel::{self, SlabResponse};
-use super::geometry::{BESIDE_M, Crossing};
-use super::paths::{Interaction, InteractionKind, Path, RadioTracer};
-use super::{Complex, MAX_DEPTH, SPEED_OF_LIGHT};
+use super::geometry::{BESIDE_M, Crossing, Geometry};
+use super::path::{Interaction, InteractionKind, Path};
+use super::{Complex, MAX_DEPTH, RadioSettings, SPEED_OF_LIGHT};
 use glam::DVec3;
 
 /// Just off a wedge, metres: where it is tested whether its edge stands in the open or is flush with another surface.
 const EDGE_CLEARANCE_M: f64 = 1e-3;
-
-/// Two bounces this close, metres, are where two faces meet; rounding puts them on either side.
-const MEETING_M: f64 = 1e-12;
 
 /// Sides on which a wave beside one that bounces in a corner is looked for.
 const SIDES: usize = 360;
@@ -58,7 +55,14 @@ impl Route<'_> {
     }
 }
 
-impl RadioTracer<'_> {
+/// Carries a field along routes through a scene.
+#[derive(Clone, Copy)]
+pub(super) struct Propagator<'p, 'a> {
+    pub geometry: &'p Geometry<'a>,
+    pub settings: &'p RadioSettings,
+}
+
+impl Propagator<'_, '_> {
     /// The one path that bounces off a chain of faces, if there is one.
     pub(super) fn trace(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<Path> {
         let faces = chain.faces();
@@ -106,10 +110,10 @@ impl RadioTracer<'_> {
         let mut vertices = [DVec3::ZERO; MAX_DEPTH];
         let Some((&last, _)) = faces.split_last() else { return Some(vertices) };
         // Most candidates end here, at the last face, before the other images are needed.
-        vertices[faces.len() - 1] = self.bounce(last, rx, chain.image)?;
-        let images = chain.images(&self.geometry, tx);
+        vertices[faces.len() - 1] = self.geometry.bounce(last, rx, chain.image)?;
+        let images = chain.images(self.geometry, tx);
         for i in (0..faces.len() - 1).rev() {
-            vertices[i] = self.bounce(faces[i], vertices[i + 1], images[i + 1])?;
+            vertices[i] = self.geometry.bounce(faces[i], vertices[i + 1], images[i + 1])?;
         }
         let mut first = 0;
         for at_one in vertices[..faces.len()].chunk_by(|a, b| a == b) {
@@ -140,18 +144,6 @@ impl RadioTracer<'_> {
             let angle = std::f64::consts::TAU * (i as f64 + 0.3) / SIDES as f64;
             bounces((u * angle.cos() + v * angle.sin()) * BESIDE_M)
         })
-    }
-
-    /// Where the line from `target` to an `image` behind the face meets the face.
-    pub(super) fn bounce(&self, face: u32, target: DVec3, image: DVec3) -> Option<DVec3> {
-        let face = &self.geometry.faces[face as usize];
-        let (here, behind) = (face.distance(target), face.distance(image));
-        // A target on the face is the bounce before, where two faces meet.
-        if behind == 0.0 || (here * behind > 0.0 && here.abs() > MEETING_M) {
-            return None;
-        }
-        let point = if here.abs() > MEETING_M { target + (image - target) * (here / (here - behind)) } else { target };
-        face.reflects_at(point).then_some(point)
     }
 
     /// The slab's coefficients for a ray on a face.

@@ -5,8 +5,9 @@
 //! axes on which the face's triangles are laid out, so that the test is a few operations on numbers that lie side by side. It lets pass
 //! what comes within a hair of the face's bounds; the exact image method decides.
 
-use super::chains::Chain;
-use super::geometry::{Face, Geometry};
+use super::chain::Chain;
+use super::face::Face;
+use super::geometry::Geometry;
 use super::planar::Bounds;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -149,7 +150,7 @@ mod tests {
             passed += passing.len();
             for (i, chain) in (0..).zip(&chains) {
                 let last = chain.faces()[chain.faces().len() - 1];
-                if tracer.bounce(last, rx, chain.image).is_some() {
+                if tracer.geometry.bounce(last, rx, chain.image).is_some() {
                     ends += 1;
                     assert!(passing.binary_search(&i).is_ok(), "{i}");
                 }

@@ -1,6 +1,6 @@
 //! Rays that look for chains of mirrors: through mirrors and slabs from surface to surface.
 
-use super::chains::{Chain, repeats};
+use super::chain::{Chain, repeats};
 use super::geometry::Geometry;
 use super::{MAX_DEPTH, RadioSettings, Slab, field, fresnel, lattice};
 use glam::DVec3;
@@ -21,6 +21,22 @@ pub trait Finding: Copy + Send {
     type Key: Ord + Hash + Send;
     /// This one's.
     fn key(&self) -> Self::Key;
+}
+
+impl Finding for Chain {
+    type Key = (u8, [u32; MAX_DEPTH]);
+
+    fn key(&self) -> Self::Key {
+        self.sort_key()
+    }
+}
+
+impl Finding for (u32, Chain) {
+    type Key = (u32, <Chain as Finding>::Key);
+
+    fn key(&self) -> Self::Key {
+        (self.0, self.1.key())
+    }
 }
 
 /// Sorted, without repeats; of equal keys all are alike.

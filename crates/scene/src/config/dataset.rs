@@ -215,7 +215,8 @@ impl RfConfig {
         if rf.edge_diffraction && !rf.diffraction {
             return fail("rf.edge_diffraction", "open edges diffract where edges do".into(), "set diffraction = true as well");
         }
-        super::lobe::check(rf, place)?;
+        let shown = (rf.spectrum == SpectrumKind::Mpc && rf.diffuse).then_some(rf.directions);
+        super::lobe::check(rf.lobe_width_deg, shown, place)?;
         bounds::number(&format!("{place}: rf.bandwidth_hz"), rf.bandwidth_hz, &(0.0..=*bounds::FREQUENCY_HZ.end()), "hertz")?;
         if rf.bandwidth_hz < 1e6 {
             return fail(

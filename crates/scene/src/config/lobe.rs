@@ -1,6 +1,5 @@
 //! Which lobes an `mpc` spectrum may have.
 
-use super::dataset::{RfConfig, SpectrumKind};
 use crate::{Error, Result};
 use std::f64::consts::PI;
 
@@ -17,16 +16,13 @@ const SPACINGS: f64 = 1.5;
 /// The most directions that may be asked for.
 pub(super) const MAX_DIRECTIONS: usize = 50_000_000;
 
-/// Checks the width of lobes, and that of diffuse power against the directions in which it is gathered.
-pub(super) fn check(rf: &RfConfig, place: &str) -> Result<()> {
-    let (lobe_deg, directions) = (rf.lobe_width_deg, rf.directions);
+/// Checks the width of lobes, and, where they show diffuse power, against the directions in which it is gathered.
+pub(super) fn check(lobe_deg: f64, directions: Option<usize>, place: &str) -> Result<()> {
     let fail = |what: String, help: String| Err(Error::invalid(format!("{place}: rf.lobe_width_deg"), what, help));
     if !(MIN_DEG..=MAX_DEG).contains(&lobe_deg) {
         return fail(format!("{lobe_deg} degrees"), format!("give {MIN_DEG} to {MAX_DEG} degrees; 1 is usual"));
     }
-    if rf.spectrum != SpectrumKind::Mpc || !rf.diffuse {
-        return Ok(());
-    }
+    let Some(directions) = directions else { return Ok(()) };
     if lobe_deg > MAX_OF_DIFFUSE_DEG {
         let what = format!("a lobe of {lobe_deg} degrees is wider than diffuse power is gathered for around the frame");
         return fail(what, format!("give at most {MAX_OF_DIFFUSE_DEG} degree, or leave diffuse power out"));
@@ -62,12 +58,9 @@ fn directions_for(lobe_deg: f64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::from_toml;
 
     fn checked(lobe_deg: f64, directions: usize, diffuse: bool) -> Result<(), String> {
-        let text = format!("width = 96\nheight = 64\ndirections = {directions}\ndiffuse = {diffuse}");
-        let rf = RfConfig { lobe_width_deg: lobe_deg, ..from_toml(&text, "d.toml").unwrap() };
-        check(&rf, "d.toml").map_err(|e| e.to_string())
+        check(lobe_deg, diffuse.then_some(directions), "d.toml").map_err(|e| e.to_string())
     }
 
     #[test]

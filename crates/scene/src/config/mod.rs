@@ -8,7 +8,8 @@ mod load;
 mod lobe;
 mod scene;
 
+pub use crate::import::UpAxis;
 pub use antenna::{AntennaPattern, BeamConfig, Orientation, Polarization, RearHalfSpace, ReceiverConfig, TransmitterConfig};
 pub use dataset::{DatasetConfig, Denoiser, LightMethod, OpticalConfig, RfConfig, SpectrumKind, SplitConfig};
 pub use load::{from_toml, nearest, read_toml};
-pub use scene::{RadioConfig, SceneConfig, SceneFile, UpAxis};
+pub use scene::{RadioConfig, SceneConfig, SceneFile};

@@ -2,10 +2,10 @@
 
 use super::{ReceiverConfig, TransmitterConfig, nearest, read_toml};
 use crate::contained::Reach;
-use crate::import::ImportOptions;
+use crate::import::{ImportOptions, UpAxis};
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::TrajectoryConfig;
-use crate::{Error, Finding, Result, Scene, Severity, bounds, radio_check};
+use crate::{Error, Finding, Result, Scene, bounds};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -51,16 +51,6 @@ pub struct SceneFile {
     /// Whether the mesh file may name files (textures, buffers, material libraries) outside of its own folder.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub allow_outside: bool,
-}
-
-/// Which axis of a mesh file points up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum UpAxis {
-    /// +y: world (x, −z, y).
-    Y,
-    /// +z: world (x, y, z).
-    Z,
 }
 
 /// `[radio]`.
@@ -197,50 +187,6 @@ impl SceneConfig {
             |near| format!("did you mean \"{near}\"?"),
         );
         Err(Error::invalid(place, format!("{} has no material of this name", scene.name), help))
-    }
-
-    /// Checks that every material a triangle uses has radio properties valid at the carrier; what no triangle uses does not matter.
-    ///
-    /// # Errors
-    /// All materials without radio properties by name, or all whose properties cannot be used at this frequency.
-    pub fn check_radio(&self, scene: &Scene) -> Result<()> {
-        let missing = scene.materials_without_radio();
-        if !missing.is_empty() {
-            return Err(Error::invalid(
-                self.source.display().to_string(),
-                format!(
-                    "{} of {} materials have no radio properties: {}",
-                    missing.len(),
-                    scene.materials.len(),
-                    missing.join(", ")
-                ),
-                format!(
-                    "add [radio_materials.\"{}\"] (and so on) here, or extras.corf_radio to the material in the mesh file",
-                    missing[0]
-                ),
-            ));
-        }
-        let mut errors = radio_check::material_findings(scene, self.radio.frequency_hz);
-        errors.retain(|f| f.severity == Severity::Error);
-        if errors.len() < 2 {
-            return radio_check::refuse(errors);
-        }
-        let all: Vec<String> = errors.iter().map(|f| format!("{}: {}", f.place, f.what)).collect();
-        let what = format!(
-            "{} materials cannot be traced at {} GHz:\n    {}",
-            all.len(),
-            self.radio.frequency_hz / 1e9,
-            all.join("\n    ")
-        );
-        Err(Error::invalid(self.source.display().to_string(), what, errors[0].help.clone()))
-    }
-
-    /// Checks that no transmitter lies inside of a closed object, nor the platform's way, nor the one on the other.
-    ///
-    /// # Errors
-    /// The first that does, with the object's name.
-    pub fn check_placement(&self, scene: &Scene) -> Result<()> {
-        radio_check::refuse(radio_check::placement_findings(self, scene))
     }
 }
 

@@ -1,6 +1,5 @@
 //! What a dataset says about itself: `dataset.json` and `trajectory.json`.
 
-use super::conventions::Conventions;
 use crate::config::{DatasetConfig, ReceiverConfig, SceneConfig, SpectrumKind, SplitConfig, TransmitterConfig};
 use crate::keyframe::DbRange;
 use crate::model::Permittivity;
@@ -9,7 +8,6 @@ use crate::trajectory::TrajectoryPose;
 use crate::{Equirectangular, Error, Pinhole, Result, Rigid3, Scene, fingerprint, io};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The version of the layout this crate writes and reads.
@@ -220,50 +218,6 @@ impl SplitLists {
     pub(super) fn of(split: &SplitConfig, count: usize) -> Self {
         Self { train: split.train(count), test: split.test(count), held_out_segment: split.held_out(count).collect() }
     }
-}
-
-/// One file of the dataset.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct FileRecord {
-    pub bytes: u64,
-    pub sha256: String,
-}
-
-impl FileRecord {
-    pub(super) fn of(bytes: &[u8]) -> Self {
-        Self { bytes: bytes.len() as u64, sha256: io::sha256_hex(bytes) }
-    }
-}
-
-/// `dataset.json`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct DatasetFile {
-    pub schema: String,
-    pub generator: String,
-    pub keyframes: usize,
-    pub conventions: Conventions,
-    pub db_range: DbRange,
-    /// Largest spectrum value of all keyframes, dB.
-    pub peak_db: f64,
-    pub rf_frames: RfFrames,
-    pub split: SplitLists,
-    pub header: DatasetHeader,
-    /// Relative path (forward slashes) → size and SHA-256, of every file but this one.
-    pub files: BTreeMap<String, FileRecord>,
-}
-
-/// What is known of the spectra, keyframe by keyframe.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RfFrames {
-    /// Largest spectrum value, dB; null without any power.
-    pub peak_db: Vec<Option<f64>>,
-    /// Share of the arriving power inside the RF frame.
-    pub share_in_frame: Vec<Option<f64>>,
-    /// Mean, smallest and largest of those.
-    pub share_in_frame_summary: Option<Summary>,
 }
 
 /// Of several numbers.

@@ -13,9 +13,11 @@
 //! File stems count from 1, indices from 0. Each modality's folder is self-contained: COLMAP and transforms.json readers open it as it is.
 //! No file but `images/N.png` ends in `N.png`, because some readers match images by suffix.
 
+mod checks;
 mod conventions;
 mod darkness;
 mod export;
+mod file;
 mod header;
 mod identity;
 mod layout;

@@ -1,16 +1,14 @@
 //! Reading a dataset.
 
+use super::checks::{check_spectrum, own_file};
 use super::conventions::Conventions;
-use super::header::{DATASET_SCHEMA, DatasetFile, DatasetHeader, Summary, from_json, read_trajectory};
-use super::{layout, validate, writer};
-use crate::contained::{self, Reach};
+use super::file::DatasetFile;
+use super::header::{DATASET_SCHEMA, DatasetHeader, Summary, from_json, read_trajectory};
+use super::layout;
 use crate::keyframe::DbRange;
 use crate::trajectory::TrajectoryPose;
 use crate::{Error, Keyframe, Pinhole, Raster, Result, io};
 use std::path::{Path, PathBuf};
-
-/// Further changed files that a message names.
-const NAMED: usize = 5;
 
 /// A finished dataset on disk. Keyframes are read one at a time.
 #[derive(Clone, Debug)]
@@ -70,23 +68,6 @@ impl Dataset {
             return Err(Error::invalid(path.display().to_string(), "db_range is empty", "max_db must be above min_db"));
         }
         Ok(Self { dir: dir.to_path_buf(), file, hash })
-    }
-
-    /// Checks every file that the dataset records against its SHA-256.
-    ///
-    /// # Errors
-    /// The files that are missing or others than the recorded ones, by name.
-    pub fn verify(&self) -> Result<()> {
-        let changed = validate::changed_files(self);
-        let Some(first) = changed.first() else { return Ok(()) };
-        let others: String = changed.iter().skip(1).take(NAMED).map(|f| format!("\n    {}: {}", f.place, f.what)).collect();
-        let more = changed.len().saturating_sub(1 + NAMED);
-        let more = if more > 0 { format!("\n    and {more} more") } else { String::new() };
-        Err(Error::invalid(
-            first.place.as_str(),
-            format!("{}{others}{more}", first.what),
-            "restore the original files or generate the dataset again; `corf dataset validate` lists all that is wrong",
-        ))
     }
 
     /// The folder.
@@ -191,7 +172,7 @@ impl Dataset {
             &r,
             own_file(&self.dir, &layout::spectrum(index)).and_then(io::read_exr_f32),
         )?;
-        writer::check_spectrum(&spectrum, &format!("{}: keyframe {index}", self.dir.join(layout::spectrum(index)).display()))?;
+        check_spectrum(&spectrum, &format!("{}: keyframe {index}", self.dir.join(layout::spectrum(index)).display()))?;
         let (depth, surface) = (layout::depth(index), layout::surface(index));
         let depth_m = has(&depth)
             .then(|| self.sized(index, &depth, &o, own_file(&self.dir, &depth).and_then(io::read_exr_f32)))
@@ -252,10 +233,4 @@ impl Dataset {
         }
         Ok(raster)
     }
-}
-
-/// The path of a file that a data set in `dir` names: its own, in its folder and regular.
-pub(super) fn own_file(dir: &Path, name: &str) -> Result<PathBuf> {
-    let place = dir.join(layout::DATASET_JSON).display().to_string();
-    contained::resolve(dir, Path::new(name), Reach::Folder, &place, contained::DATASET_HELP)
 }

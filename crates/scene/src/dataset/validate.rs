@@ -1,8 +1,8 @@
 //! Replays the rules of the tools that read a dataset, and its own.
 
+use super::checks::own_file;
 use super::darkness::{self, Sight};
 use super::export::Modality as Modalities;
-use super::reader::own_file;
 use super::{Dataset, layout};
 use crate::finding::Finding;
 use crate::{Error, Pinhole, Result, Rigid3, io};
@@ -13,6 +13,9 @@ use std::path::{Path, PathBuf};
 
 /// Text files keep f64 round trips; this is far above their rounding and far below any real offset (metres, matrix elements).
 const POSE_TOLERANCE: f64 = 1e-6;
+
+/// Further changed files that a message names.
+const NAMED: usize = 5;
 
 /// Checks a dataset's folder: SHA-256 of every file, every keyframe, the dB range, and what COLMAP, transforms.json, RF-3DGS and Brush
 /// readers rely on. An empty list means that all is well.
@@ -80,8 +83,27 @@ fn files_below(dir: &Path) -> Result<Vec<String>> {
     Ok(found)
 }
 
+impl Dataset {
+    /// Checks every file that the dataset records against its SHA-256.
+    ///
+    /// # Errors
+    /// The files that are missing or others than the recorded ones, by name.
+    pub fn verify(&self) -> Result<()> {
+        let changed = changed_files(self);
+        let Some(first) = changed.first() else { return Ok(()) };
+        let others: String = changed.iter().skip(1).take(NAMED).map(|f| format!("\n    {}: {}", f.place, f.what)).collect();
+        let more = changed.len().saturating_sub(1 + NAMED);
+        let more = if more > 0 { format!("\n    and {more} more") } else { String::new() };
+        Err(Error::invalid(
+            first.place.as_str(),
+            format!("{}{others}{more}", first.what),
+            "restore the original files or generate the dataset again; `corf dataset validate` lists all that is wrong",
+        ))
+    }
+}
+
 /// Every listed file that is not the one that was recorded, by name.
-pub(super) fn changed_files(dataset: &Dataset) -> Vec<Finding> {
+fn changed_files(dataset: &Dataset) -> Vec<Finding> {
     let listed = &dataset.file().files;
     let mut findings: Vec<Finding> = listed
         .par_iter()

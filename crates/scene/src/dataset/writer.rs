@@ -1,9 +1,11 @@
 //! Writing a dataset keyframe by keyframe, so that an interrupted run can go on where it stopped.
 
+use super::checks::check_spectrum;
 use super::conventions;
 use super::darkness::{self, Sight};
 use super::export::{self, Modality};
-use super::header::{DATASET_SCHEMA, DatasetFile, DatasetHeader, FileRecord, RfFrames, SplitLists, Summary};
+use super::file::{DatasetFile, FileRecord, RfFrames};
+use super::header::{DATASET_SCHEMA, DatasetHeader, SplitLists, Summary};
 use super::header::{from_json, generator, to_json, trajectory_json};
 use super::{identity, layout, leftovers};
 use crate::finding::Finding;
@@ -369,16 +371,4 @@ fn peak(spectrum: &Raster<f32>) -> f32 {
 
 fn decibels(linear: f32) -> f64 {
     10.0 * f64::from(linear).log10()
-}
-
-/// Every value finite and at least 0.
-pub(super) fn check_spectrum(spectrum: &Raster<f32>, place: &str) -> Result<()> {
-    match spectrum.pixels().iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
-        None => Ok(()),
-        Some(i) => Err(Error::invalid(
-            place,
-            format!("pixel ({}, {}) is {}", i % spectrum.width(), i / spectrum.width(), spectrum.pixels()[i]),
-            "a spectrum is linear power: finite and at least 0",
-        )),
-    }
 }

@@ -12,10 +12,20 @@ mod obj_material;
 mod obj_text;
 mod polygon;
 
-use crate::config::UpAxis;
 use crate::contained::{self, Reach};
 use crate::{Error, Finding, Result, Scene, Severity, io};
+use serde::{Deserialize, Serialize};
 use std::path::Path;
+
+/// Which axis of a mesh file points up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum UpAxis {
+    /// +y: world (x, −z, y).
+    Y,
+    /// +z: world (x, y, z).
+    Z,
+}
 
 /// How a mesh file is to be read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -5,6 +5,7 @@
 //! less than their neighbours), a closed plate thinner than its two slabs (a pane of 8 mm modelled with both faces and `thickness_m =
 //! 0.008` is 16 mm of glass), and an antenna inside of a body.
 
+mod config;
 mod parts;
 
 use crate::config::SceneConfig;

@@ -9,6 +9,7 @@
 mod tiled;
 
 use super::{
+    capacity::BufferCapacity,
     context::Context,
     kernel::{Bound, Kernel},
     params::{self, Params},
@@ -73,30 +74,14 @@ pub(crate) struct Memory {
     /// Sums of the visible Gaussians' records, and gradients of their directions.
     pub found: Scratch,
     pub directions: Scratch,
-    pub room: Room,
+    pub room: BufferCapacity,
 }
 
-/// How many (Gaussian, tile) pairs and visible Gaussians there is room for. Nobody knows before a frame is projected.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Room {
-    pub pairs: usize,
-    pub visible: usize,
-}
-
-impl Room {
-    /// A first guess for `n` Gaussians, not below `least`.
-    pub fn guess(n: usize, least: usize) -> Self {
-        Self { pairs: n.max(least), visible: (n / 4).max(least) }
-    }
-
+impl BufferCapacity {
     /// What the frames of a state needed, and an eighth more; it is read where one of them failed.
     pub fn asked(state: &[u32]) -> Self {
         let more = |slot: usize| state[slot] as usize + state[slot] as usize / 8;
         Self { pairs: more(NEEDED), visible: more(MOST_VISIBLE) }
-    }
-
-    fn with(self, other: Self) -> Self {
-        Self { pairs: self.pairs.max(other.pairs), visible: self.visible.max(other.visible) }
     }
 }
 
@@ -150,12 +135,12 @@ impl Memory {
             block_losses: scratch("losses")?,
             found: scratch("gradients of splats")?,
             directions: scratch("gradients of directions")?,
-            room: Room::default(),
+            room: BufferCapacity::default(),
         })
     }
 
     /// Room for frames of this extent, at least so much.
-    pub fn reserve(&mut self, context: &Context, fixed: &Fixed, extent: &Extent, room: Room) -> Result<()> {
+    pub fn reserve(&mut self, context: &Context, fixed: &Fixed, extent: &Extent, room: BufferCapacity) -> Result<()> {
         let (n, tiles) = (extent.gaussians, extent.tiles);
         let room = self.room.with(room);
         let (pairs, visible) = (room.pairs, room.visible.min(n));

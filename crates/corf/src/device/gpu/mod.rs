@@ -9,6 +9,7 @@
 //! No floating-point atomics: every sum has a fixed order, and a result has the same bytes each time on the same adapter and driver.
 //! Between adapters, and against the CPU device, results differ by rounding (exp2, sqrt and division are not correctly rounded).
 
+mod capacity;
 mod context;
 mod frame;
 mod kernel;

@@ -1,6 +1,6 @@
 //! The constants of one frame as the shaders read them (`shaders/params.wgsl`).
 
-use super::{context::Context, frame::Room, shaders::LOSS_BLOCK};
+use super::{capacity::BufferCapacity, context::Context, shaders::LOSS_BLOCK};
 use crate::{
     OptimizerConfig, Result,
     device::cpu::geometry::{Grid, Pose},
@@ -131,7 +131,7 @@ impl Params {
     }
 
     /// What there is room for.
-    pub fn set_room(&mut self, room: Room) {
+    pub fn set_room(&mut self, room: BufferCapacity) {
         self.pair_capacity = room.pairs as u32;
         self.visible_capacity = (room.visible as u32).min(self.gaussians);
     }

@@ -2,7 +2,8 @@
 
 use super::{
     GpuDevice,
-    frame::{Extent, FAILED, Leaves, Room, STATE_WORDS},
+    capacity::BufferCapacity,
+    frame::{Extent, FAILED, Leaves, STATE_WORDS},
     params::{Params, Uniforms},
     train::STEPS_PER_SUBMISSION,
 };
@@ -104,7 +105,7 @@ impl GpuDevice {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, ..Extent::default() };
         frames.iter().for_each(|p| extent.include(p));
-        let mut room = Room::guess(n, self.least_room);
+        let mut room = BufferCapacity::guess(n, self.least_room);
         loop {
             self.memory.reserve(&self.context, &self.shapes[0], &extent, room)?;
             let m = &self.memory;
@@ -127,7 +128,7 @@ impl GpuDevice {
             if state[0][FAILED] == 0 {
                 return Ok(());
             }
-            room = Room::asked(&state[0]);
+            room = BufferCapacity::asked(&state[0]);
         }
     }
 
@@ -136,7 +137,7 @@ impl GpuDevice {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, ..Extent::default() };
         extent.include(&params);
-        let mut room = Room::guess(n, self.least_room);
+        let mut room = BufferCapacity::guess(n, self.least_room);
         loop {
             self.memory.reserve(&self.context, &self.shapes[0], &extent, room)?;
             let m = &self.memory;
@@ -160,7 +161,7 @@ impl GpuDevice {
             ];
             let mut read = self.context.read::<u32>("rendering", &sources)?;
             if read[0][FAILED] != 0 {
-                room = Room::asked(&read[0]);
+                room = BufferCapacity::asked(&read[0]);
                 continue;
             }
             let main_contributor = read.pop().unwrap_or_default();

@@ -2,8 +2,9 @@
 
 use super::{
     GpuDevice,
+    capacity::BufferCapacity,
     context::Context,
-    frame::{Extent, FAILED, Leaves, Room, STATE_WORDS},
+    frame::{Extent, FAILED, Leaves, STATE_WORDS},
     kernel::Kernel,
     params::{self, Params, Uniforms},
     scratch::Scratch,
@@ -103,7 +104,7 @@ impl GpuDevice {
         self.context.queue.write_buffer(&self.surveyor.places.buffer, 0, bytemuck::cast_slice(&places));
         let mut extent = Extent { gaussians: n, ..Extent::default() };
         extent.include(&params);
-        let mut room = Room::guess(n, self.least_room);
+        let mut room = BufferCapacity::guess(n, self.least_room);
         loop {
             self.memory.reserve(&self.context, &self.shapes[0], &extent, room)?;
             params.set_room(self.memory.room);
@@ -113,7 +114,7 @@ impl GpuDevice {
             let sources = [(&self.memory.state, STATE_WORDS), (&s.answers.buffer, 4 * asked), (&s.judged.buffer, words)];
             let read = self.context.read::<u32>("looking at the field", &sources)?;
             if read[0][FAILED] != 0 {
-                room = Room::asked(&read[0]);
+                room = BufferCapacity::asked(&read[0]);
                 continue;
             }
             let shown = |a: &[u32; 4]| Shown {

@@ -2,8 +2,9 @@
 
 use super::{
     GpuDevice,
+    capacity::BufferCapacity,
     context::{Context, Reading},
-    frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, Room, STATE_WORDS, STEPS, VISIBLE},
+    frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, STATE_WORDS, STEPS, VISIBLE},
     kernel::{Bound, Kernel},
     params::{self, Params, Uniforms},
     shaders::{Fixed, HarmonicsShape},
@@ -109,7 +110,7 @@ pub(crate) struct Batch {
     extent: Extent,
     /// The constants of the last one.
     last: Params,
-    room: Room,
+    room: BufferCapacity,
     done: usize,
 }
 
@@ -229,7 +230,7 @@ impl GpuDevice {
         let mut extent = Extent { gaussians: n, training: true, ..Extent::default() };
         steps.iter().for_each(|p| extent.include(&p.params));
         let Some(last) = steps.last().map(|s| s.params) else { return Ok(None) };
-        Ok(Some(Batch { steps, extent, last, room: Room::guess(n, self.least_room), done: 0 }))
+        Ok(Some(Batch { steps, extent, last, room: BufferCapacity::guess(n, self.least_room), done: 0 }))
     }
 
     /// Goes on until a batch is through.
@@ -258,7 +259,7 @@ impl GpuDevice {
         let (state, last) = (&read[0], &batch.last);
         batch.done += state[STEPS] as usize;
         if state[FAILED] != 0 {
-            batch.room = Room::asked(state);
+            batch.room = BufferCapacity::asked(state);
             return Ok(None);
         }
         if batch.done < batch.steps.len() {

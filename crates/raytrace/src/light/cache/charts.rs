@@ -1,7 +1,6 @@
 //! The scene's surface cut into flat charts: connected coplanar triangles of one material share a plane and its coordinates.
 
 use super::super::surface::Surface;
-use super::field::TileKey;
 use corf_scene::Scene;
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
@@ -146,9 +145,9 @@ impl Charts {
         (index, side, chart.coordinates(surface.position))
     }
 
-    /// Unit normal of a chart on the side of a tile.
-    pub fn normal(&self, key: &TileKey) -> Vec3 {
-        self.list[key.chart as usize].normal * if key.side == 0 { 1.0 } else { -1.0 }
+    /// Unit normal of a chart on a side: 0 the front, 1 the back.
+    pub fn normal(&self, chart: u32, side: u32) -> Vec3 {
+        self.list[chart as usize].normal * if side == 0 { 1.0 } else { -1.0 }
     }
 
     /// The triangles of a chart.

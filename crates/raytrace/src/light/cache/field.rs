@@ -242,7 +242,7 @@ impl Field {
         let (mut sum, mut count) = (0.0f64, 0usize);
         for (number, tile) in self.tiles.iter().enumerate() {
             let key = self.key_of(charts, number);
-            let n = charts.normal(&key);
+            let n = charts.normal(key.chart, key.side);
             for point in tile.get().iter().flat_map(|t| &t.values).filter(|p| p.weight >= 1.0) {
                 let v = value(&point.received, n);
                 if v > 0.0 {

@@ -186,7 +186,7 @@ impl<'a> LightCache<'a> {
     }
 
     fn marked(&self, key: &field::TileKey, mut tile: Tile) -> Tile {
-        let n = self.charts.normal(key);
+        let n = self.charts.normal(key.chart, key.side);
         tile.rough = rough_cells(key.points, &tile.values, n, TOLERANCE, CONTRAST, DARK * self.mean_light);
         tile
     }

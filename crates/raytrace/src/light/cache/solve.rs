@@ -91,8 +91,10 @@ pub(super) fn solve(
         })
         .collect();
     let nodes: Vec<Node> = nodes.into_iter().collect::<Option<Vec<_>>>()?.into_iter().flatten().collect();
-    let normals: Vec<Vec3> =
-        keys.iter().flat_map(|key| std::iter::repeat_n(charts.normal(key), key.points.element_product() as usize)).collect();
+    let normals: Vec<Vec3> = keys
+        .iter()
+        .flat_map(|key| std::iter::repeat_n(charts.normal(key.chart, key.side), key.points.element_product() as usize))
+        .collect();
     let passed_on = iterate(&nodes, &normals, settings.max_passes);
     let totals: Vec<Point> = nodes
         .par_iter()
@@ -127,7 +129,7 @@ fn walks(
     let mut rng = Rng::keyed(settings.seed, STAGE_SOLVE, u64::from(point));
     let sites = Site::around(tracer, charts, key, at, field.spacing_m(), PARTS, &mut rng);
     let open: f32 = sites.iter().map(|(_, open)| open).sum();
-    let normal = charts.normal(key);
+    let normal = charts.normal(key.chart, key.side);
     let mut met = Received::default();
     if sites.is_empty() {
         return (met, Vec::new());

@@ -1,6 +1,6 @@
 //! The edges of a mesh that diffract.
 
-use super::super::faces::COPLANAR_NORMAL;
+use super::super::face::COPLANAR_NORMAL;
 use super::super::geometry::{Geometry, TOUCHING_M};
 use super::mesh_edges::{MeshEdge, Sheet, mesh_edges};
 use glam::DVec3;

@@ -9,7 +9,7 @@
 use super::cache::RadianceCache;
 use super::illumination::Illumination;
 use super::patches::Patches;
-use super::pilot::Pilot;
+use super::slots::Surroundings;
 use crate::radio::{field, lattice, scattering};
 use corf_scene::Rng;
 use corf_scene::model::ScatteringPattern;
@@ -31,6 +31,25 @@ const PRIOR_LEGS: f32 = 1.0;
 const CANDIDATES: usize = 8;
 /// Steps of their lattice: 1/g, 1/g² and 1/g³ of the root g of x⁴ = x + 1.
 const LATTICE: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_3];
+
+/// A way from one surface to the next.
+#[derive(Clone, Copy, Debug)]
+pub struct Leg {
+    /// Where it begins.
+    pub from: DVec3,
+    /// Unit.
+    pub direction: DVec3,
+    /// Where it ends: [`super::slots::Slots::slot`].
+    pub slot: u32,
+}
+
+/// What a few photons found out.
+pub struct Pilot {
+    /// By slot: power left there, as the photons carry it.
+    pub power: Vec<f64>,
+    /// Ways that photons went or could have gone.
+    pub legs: Vec<Leg>,
+}
 
 /// The worth of a photon by where it leaves and in which direction, relative to the mean.
 pub struct Guide {
@@ -151,19 +170,6 @@ fn of_slots(around: &[Surroundings], direct: &[f64], photon_weight: f64) -> Opti
     let mean = around.iter().zip(&worth).map(|(s, w)| s.own_power * w).sum::<f64>() / photons;
     let worth = worth.into_iter().map(|w| (w / mean).clamp(1.0 / MOST, MOST)).collect();
     (mean > 0.0).then_some(Slots { worth, disturbance })
-}
-
-/// A slot's area and photons, and those of the block it lies in.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Surroundings {
-    /// Of the slot itself, m².
-    pub own_m2: f64,
-    /// Photons' power, as they carry it.
-    pub own_power: f64,
-    /// Of the block, m².
-    pub area_m2: f64,
-    /// Photons' power.
-    pub power: f64,
 }
 
 /// A scattered photon's way.

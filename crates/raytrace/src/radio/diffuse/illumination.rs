@@ -133,7 +133,7 @@ impl<'t, 'a> Illumination<'t, 'a> {
         if mirror == face {
             return Lighting::Dark;
         }
-        let Some(at) = self.tracer.bounce(mirror, point, source.image) else { return Lighting::Dark };
+        let Some(at) = self.tracer.geometry.bounce(mirror, point, source.image) else { return Lighting::Dark };
         match leg(at, point, [Some(mirror), Some(face)]) {
             Lighting::Dark => Lighting::Dark,
             beyond => match leg(self.tx, at, [Some(mirror), None]) {
@@ -201,7 +201,7 @@ impl<'t, 'a> Illumination<'t, 'a> {
         let departure = field::mirrored(direction, plane.normal);
         let mut fields = self.emitted(departure);
         // Where the way is free the point of reflection is not needed.
-        let at = if lighting == Lighting::Free { point } else { self.tracer.bounce(mirror, point, source.image)? };
+        let at = if lighting == Lighting::Free { point } else { self.tracer.geometry.bounce(mirror, point, source.image)? };
         through(&mut fields[..ports], self.tx, at, [Some(mirror), None], departure)?;
         for field in &mut fields[..ports] {
             *field = self.bounce_field(field, mirror, departure);

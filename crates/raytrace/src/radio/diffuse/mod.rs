@@ -19,21 +19,24 @@ mod gather;
 mod grains;
 mod guide;
 mod illumination;
-mod landings;
+mod light_hit_tree;
+mod light_hits;
+mod mis;
 mod nodes;
 mod outliers;
 mod patches;
 mod photons;
 mod pilot;
-mod places;
 mod quadrature;
 mod refine;
 mod regard;
+mod sampling;
 mod slots;
 mod small;
 mod smooth;
 #[cfg(test)]
 mod tests;
+mod trace;
 mod views;
 
 use super::lattice::Directions;
@@ -43,7 +46,7 @@ use corf_scene::{Error, Pinhole, Result, Rigid3, Rng, bounds};
 use gather::{Lattice, Layer, Look};
 use glam::{DMat3, DVec2, DVec3};
 use illumination::Illumination;
-use landings::Landings;
+use light_hits::LightHits;
 use patches::Patches;
 pub(crate) use photons::Event;
 use photons::Photons;
@@ -194,7 +197,7 @@ pub struct DiffuseField<'t, 'a> {
     patches: Patches,
     cache: Option<RadianceCache>,
     /// Where as many rays of the transmitter fell as a receiver has directions; without them a receiver's directions meet all by themselves.
-    landings: Option<Landings>,
+    light_hits: Option<LightHits>,
     /// With [`DiffuseSettings::even_arrivals`].
     small: Option<SmallFaces>,
     /// Of patches and points.
@@ -243,11 +246,11 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             if settings.even_arrivals { directions.jittered(settings.phase) } else { directions }
         });
         let mut illumination = Illumination::new(tracer, tx, settings.min_mirror_sr);
-        let landings = if only.is_some() {
+        let light_hits = if only.is_some() {
             illumination.sources.clear();
             None
         } else {
-            Some(landings::trace(&illumination, &directions))
+            Some(light_hits::trace(&illumination, &directions))
         };
         let photons = Photons {
             illumination: &illumination,
@@ -266,7 +269,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             illumination,
             patches,
             cache,
-            landings,
+            light_hits,
             small,
             phase,
             luck,
@@ -361,7 +364,10 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let lattice = Lattice::new(self.directions.count(), true, true);
         let views = self.mirrors.as_ref().map(|(strong, pilots)| {
             let look = Look::new(self, rx, antenna, lattice);
-            Views::new(&self.tracer.geometry, &look, rx, strong, pilots, &lattice, &wanted)
+            let mirrors_along = |direction: DVec3, report: &mut dyn FnMut(views::MirrorSequence)| {
+                look.mirrors_along(direction, views::KEPT, report)
+            };
+            Views::new(&self.tracer.geometry, rx, strong, pilots, lattice.sampling, &wanted, mirrors_along)
         });
         Gathering {
             field: self,
@@ -409,10 +415,10 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         lattice: Lattice<'_>,
         wanted: impl Fn(DVec3) -> bool + Sync,
     ) -> Vec<(DVec3, Contribution)> {
-        let landings = self.landings.as_ref().filter(|_| lattice.shared).map_or(&[][..], |landings| &landings.all);
-        in_tasks(landings, |landings| {
+        let light_hits = self.light_hits.as_ref().filter(|_| lattice.shared).map_or(&[][..], |light_hits| &light_hits.all);
+        in_tasks(light_hits, |light_hits| {
             let look = Look::new(self, rx, antenna, lattice);
-            landings.iter().filter_map(|landing| look.landed(landing, &wanted)).collect()
+            light_hits.iter().filter_map(|hit| look.landed(hit, &wanted)).collect()
         })
     }
 }

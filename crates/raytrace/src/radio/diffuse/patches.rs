@@ -1,6 +1,7 @@
 //! World-fixed surface patches, on which indirect light is kept.
 
-use crate::radio::geometry::{Face, Geometry};
+use crate::radio::face::Face;
+use crate::radio::geometry::Geometry;
 use corf_scene::{Error, Result, bounds};
 use glam::{DVec2, DVec3};
 

@@ -3,33 +3,21 @@
 //! A photon carries its polarised field; its power is ‖E‖² in units of 1/N of the transmitter's sphere. Where it meets a surface it leaves
 //! what is scattered there in the cache and goes on mirrored, straight through, and scattered into one drawn direction, chosen among a few
 //! by what a [`Guide`] says of them, weak ones by roulette. What the sources of [`Illumination`] light already is not left again. Photons
-//! come in two crowds: light that was never scattered wants other departures, and other numbers, than light that was.
+//! come in two kinds: light that was never scattered wants other departures, and other numbers, than light that was.
 
 use super::cache::{Deposit, RadianceCache};
 use super::emission::Emission;
-use super::guide::{Drawn, Guide, draw};
+use super::guide::{Drawn, Guide, Leg, draw};
 use super::illumination::{CLEARANCE_M, Illumination};
 use super::patches::Patches;
-use super::pilot::Leg;
 use crate::radio::antenna::{phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
 use crate::radio::geometry::Meeting;
 use corf_scene::Rng;
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
 
 /// Photons a task traces.
 pub const PHOTONS_PER_TASK: usize = 2048;
-/// Tasks between two fillings of the cache: a quarter of a million photons leave some 100 MB of deposits.
-const TASKS_PER_ROUND: usize = 128;
-/// Stage of the random numbers, …
-const STAGE: u64 = 0x9407_0a5e;
-/// … of those for photons that bring scattered light, …
-const SCATTERED_STAGE: u64 = 0x9407_0a60;
-/// … and of those for where photons leave.
-const EMISSION_STAGE: u64 = 0x9407_0a61;
-/// Share of all photons that bring scattered light.
-const SCATTERED_SHARE: f64 = 0.3;
 /// Photons of less power times worth take part in roulette.
 const ROULETTE_POWER: f64 = 3e-3;
 
@@ -62,7 +50,7 @@ struct Photon {
 
 /// What some of the photons bring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Crowd {
+pub enum PhotonKind {
     /// Light that mirrors and slabs alone sent on.
     Unscattered,
     /// Light that was scattered before.
@@ -72,9 +60,9 @@ pub enum Crowd {
 }
 
 /// How photons are sent.
-pub struct Way<'g> {
-    /// What they bring.
-    pub crowd: Crowd,
+pub struct PhotonPass<'g> {
+    /// Which light they bring.
+    pub kind: PhotonKind,
     /// In which directions they leave.
     pub emission: Emission,
     /// What they are worth.
@@ -117,58 +105,14 @@ pub struct Photons<'p, 't, 'a> {
 }
 
 impl Photons<'_, '_, '_> {
-    /// Traces them all; `None` where no chain could leave anything.
-    pub fn trace(&self, patch_m: f64) -> Option<RadianceCache> {
-        let settings = &self.illumination.tracer.settings;
-        if self.count == 0 || settings.max_depth < 2 {
-            return None;
-        }
-        // A deposit is at least a second interaction.
-        let mut cache = RadianceCache::new(self.illumination, self.patches, patch_m, settings.max_depth - 1);
-        for way in self.ways(&self.guide(&cache)) {
-            let count = way.emission.len();
-            let tasks = count.div_ceil(PHOTONS_PER_TASK);
-            for first in (0..tasks).step_by(TASKS_PER_ROUND) {
-                let batches: Vec<Vec<Deposit>> = (first..(first + TASKS_PER_ROUND).min(tasks))
-                    .into_par_iter()
-                    .map(|task| {
-                        let mut trail = Trail::default();
-                        for i in task * PHOTONS_PER_TASK..((task + 1) * PHOTONS_PER_TASK).min(count) {
-                            self.follow(i, &way, &cache, &mut trail);
-                        }
-                        trail.deposits.sort_by_key(|d| d.slot);
-                        trail.deposits
-                    })
-                    .collect();
-                cache.add(&batches);
-            }
-        }
-        cache.finish(self.illumination.geometry(), self.patches, 4.0 * std::f64::consts::PI / self.count as f64);
-        Some(cache)
-    }
-
-    /// All photons at once without a guide; with one, in two crowds.
-    fn ways<'g>(&self, learned: &'g Option<(Guide, Vec<(DVec3, f64)>)>) -> Vec<Way<'g>> {
-        let even = |count: usize| Emission::Even { count, world_from_lattice: self.world_from_lattice };
-        let Some((guide, disturbances)) = learned else {
-            return vec![Way { crowd: Crowd::All, emission: even(self.count), guide: None, stage: STAGE }];
-        };
-        let scattered = (self.count as f64 * SCATTERED_SHARE) as usize;
-        let unscattered = Emission::learn(self.count - scattered, disturbances, self.seed, EMISSION_STAGE);
-        vec![
-            Way { crowd: Crowd::Unscattered, emission: unscattered, guide: Some(guide), stage: STAGE },
-            Way { crowd: Crowd::Scattered, emission: even(scattered), guide: Some(guide), stage: SCATTERED_STAGE },
-        ]
-    }
-
     /// Follows photon `i` and all it splits into.
-    pub fn follow(&self, i: usize, way: &Way<'_>, cache: &RadianceCache, trail: &mut Trail) {
+    pub fn follow(&self, i: usize, pass: &PhotonPass<'_>, cache: &RadianceCache, trail: &mut Trail) {
         let settings = &self.illumination.tracer.settings;
-        let mut rng = Rng::keyed(self.seed, way.stage, i as u64);
-        let (direction, solid_angle_sr) = way.emission.photon(i);
+        let mut rng = Rng::keyed(self.seed, pass.stage, i as u64);
+        let (direction, solid_angle_sr) = pass.emission.photon(i);
         // The ports of a transmitter share its power: every photon belongs to one of them.
         let ports = self.illumination.ports();
-        let port = if matches!(way.emission, Emission::Even { .. }) { i % ports } else { rng.below(ports) };
+        let port = if matches!(pass.emission, Emission::Even { .. }) { i % ports } else { rng.below(ports) };
         let share = solid_angle_sr * self.count as f64 / (4.0 * std::f64::consts::PI);
         let field = Field::real(settings.tx_antenna.port_field(port, direction)).scaled(share.sqrt());
         let origin = self.illumination.tx;
@@ -183,12 +127,12 @@ impl Photons<'_, '_, '_> {
             covered: true,
         });
         while let Some(photon) = trail.stack.pop() {
-            self.meet(&photon, way, cache, &mut rng, trail);
+            self.meet(&photon, pass, cache, &mut rng, trail);
         }
     }
 
     /// One photon meets the next surface.
-    fn meet(&self, photon: &Photon, way: &Way<'_>, cache: &RadianceCache, rng: &mut Rng, trail: &mut Trail) {
+    fn meet(&self, photon: &Photon, pass: &PhotonPass<'_>, cache: &RadianceCache, rng: &mut Rng, trail: &mut Trail) {
         let settings = &self.illumination.tracer.settings;
         let geometry = self.illumination.geometry();
         let (k, e) = (photon.direction, &photon.field);
@@ -217,7 +161,7 @@ impl Photons<'_, '_, '_> {
             }
         }
         let wanted = self.only.map_or(!photon.covered, |chain| chain.len() == interactions)
-            && (way.crowd == Crowd::All || photon.scattered == (way.crowd == Crowd::Scattered));
+            && (pass.kind == PhotonKind::All || photon.scattered == (pass.kind == PhotonKind::Scattered));
         if wanted && s2 > 0.0 {
             let (slot, grain) = place();
             let inverse = f64::from(entry.inverse_normalisation);
@@ -250,10 +194,10 @@ impl Photons<'_, '_, '_> {
         };
         let goes = |event: Event| next.is_none_or(|n| n == event);
         // Unscattered light is rouletted by its power alone: its departures are guided.
-        let guide = way.guide.filter(|_| way.crowd != Crowd::Unscattered);
+        let guide = pass.guide.filter(|_| pass.kind != PhotonKind::Unscattered);
         let departures = guide.map(|guide| guide.leaving(point));
         let worth = |direction: DVec3| departures.as_ref().map_or(1.0, |departures| departures.worth(direction));
-        let drawn = if s2 > 0.0 && goes(Event::Scattered) && way.crowd != Crowd::Unscattered {
+        let drawn = if s2 > 0.0 && goes(Event::Scattered) && pass.kind != PhotonKind::Unscattered {
             draw(slab.scattering.pattern, k, normal, worth, guide.is_some(), rng)
         } else {
             None

@@ -2,9 +2,9 @@
 
 use super::cache::{Deposit, RadianceCache};
 use super::emission::Emission;
-use super::guide::Guide;
+use super::guide::{Guide, Leg, Pilot};
 use super::illumination::CLEARANCE_M;
-use super::photons::{Crowd, PHOTONS_PER_TASK, Photons, Trail, Way};
+use super::photons::{PHOTONS_PER_TASK, PhotonKind, PhotonPass, Photons, Trail};
 use crate::radio::scattering;
 use corf_scene::Rng;
 use corf_scene::model::ScatteringPattern;
@@ -20,25 +20,6 @@ const PILOT_LOOKS: usize = 4;
 /// Stage of their random numbers.
 const PILOT_STAGE: u64 = 0x9407_0a5f;
 
-/// A way from one surface to the next.
-#[derive(Clone, Copy, Debug)]
-pub struct Leg {
-    /// Where it begins.
-    pub from: DVec3,
-    /// Unit.
-    pub direction: DVec3,
-    /// Where it ends: [`super::slots::Slots::slot`].
-    pub slot: u32,
-}
-
-/// What a few photons found out.
-pub struct Pilot {
-    /// By slot: power left there, as the photons carry it.
-    pub power: Vec<f64>,
-    /// Ways that photons went or could have gone.
-    pub legs: Vec<Leg>,
-}
-
 impl Photons<'_, '_, '_> {
     /// Sends a pilot ahead and learns from it: what photons are worth, and how much those of a direction disturb that were not scattered.
     pub fn guide(&self, cache: &RadianceCache) -> Option<(Guide, Vec<(DVec3, f64)>)> {
@@ -47,13 +28,13 @@ impl Photons<'_, '_, '_> {
             return None;
         }
         let emission = Emission::Even { count, world_from_lattice: self.world_from_lattice };
-        let way = Way { crowd: Crowd::All, emission, guide: None, stage: PILOT_STAGE };
+        let pass = PhotonPass { kind: PhotonKind::All, emission, guide: None, stage: PILOT_STAGE };
         let trails: Vec<(Trail, Vec<usize>)> = (0..count.div_ceil(PHOTONS_PER_TASK))
             .into_par_iter()
             .map(|task| {
                 let mut trail = Trail::of_pilot();
                 let until = (task * PHOTONS_PER_TASK..((task + 1) * PHOTONS_PER_TASK).min(count)).map(|i| {
-                    self.follow(i, &way, cache, &mut trail);
+                    self.follow(i, &pass, cache, &mut trail);
                     trail.deposits.len()
                 });
                 let until = until.collect();
@@ -75,7 +56,7 @@ impl Photons<'_, '_, '_> {
             for &until in until {
                 let unscattered = trail.deposits[from..until].iter().filter(|d| !d.scattered);
                 let square = unscattered.map(|d| (power(d) * disturbance[d.slot as usize]).powi(2)).sum();
-                disturbances.push((way.emission.photon(disturbances.len()).0, square));
+                disturbances.push((pass.emission.photon(disturbances.len()).0, square));
                 from = until;
             }
         }

@@ -13,6 +13,7 @@
 use super::bins::Bins;
 use super::gather::{Lattice, Layer, Look};
 use super::outliers;
+use super::sampling::MOST_ALONG_SIDE;
 use super::small;
 use super::views::Views;
 use super::{Contribution, DIRECTIONS_PER_TASK, DiffuseField, in_tasks};
@@ -24,8 +25,6 @@ use rayon::prelude::*;
 /// Difference of neighbours that is left alone, over the power within the reader's resolution. About twenty cells lie along an edge through it,
 /// each wrong by this over √12: three per cent together.
 const TOLERATED: f64 = 0.02;
-/// Directions along a cell's side, at most.
-pub(super) const MOST: usize = 8;
 /// Of a cell that its neighbours do not ask for: its own word is only made more even.
 const MOST_LUCKY: usize = 4;
 /// Regions this much fainter than the brightest are left alone.
@@ -82,7 +81,7 @@ impl Wish {
     /// Directions along the side that a difference asks for, so many times the tolerated one. The error of n samples across an edge falls
     /// as n^−¾, and n is the square of the side.
     fn side(times_tolerated: f64) -> usize {
-        (times_tolerated.powf(2.0 / 3.0).ceil() as usize).clamp(1, MOST)
+        (times_tolerated.powf(2.0 / 3.0).ceil() as usize).clamp(1, MOST_ALONG_SIDE)
     }
 
     /// How many times the tolerated difference lies between the neighbours' and a power that the cell's layer may receive.
@@ -178,7 +177,7 @@ impl Gathering<'_, '_, '_, '_> {
     /// One arrival per point that the transmitter's own rays fell on and that is seen by a way, by ways; chance decides about those that send
     /// less power than what is `faint`.
     pub fn landed_by(&self, views: &Views, faint: f64, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
-        let Some(landings) = &self.field.landings else { return Vec::new() };
+        let Some(light_hits) = &self.field.light_hits else { return Vec::new() };
         let lattice = self.lattice();
         let per_view: Vec<Vec<Arrival>> = views
             .all()
@@ -186,8 +185,8 @@ impl Gathering<'_, '_, '_, '_> {
             .map(|view| {
                 let look = Look::new(self.field, self.rx, self.antenna, lattice);
                 let mut arrivals = Vec::new();
-                landings.places.shown(view, &lattice, |i| {
-                    let landed = look.landed_by(view, i, &landings.all[i], faint, &wanted);
+                light_hits.tree.shown(view, lattice.sampling, |i| {
+                    let landed = look.landed_by(view, i, &light_hits.all[i], faint, &wanted);
                     arrivals.extend(landed.map(|(direction, object, c)| once(direction, object, &c)));
                 });
                 arrivals
@@ -274,7 +273,7 @@ impl Gathering<'_, '_, '_, '_> {
     ) -> Option<Seen> {
         let mut mean = Seen::of_side(side);
         let mut counted = 0;
-        let parts = self.directions.cell(cell.index, MOST);
+        let parts = self.directions.cell(cell.index, MOST_ALONG_SIDE);
         for i in 0..side * side {
             let (number, direction) = parts.part(i, side);
             let mut seen = [side; 2].map(Seen::of_side);

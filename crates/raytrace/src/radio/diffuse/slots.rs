@@ -2,7 +2,6 @@
 
 use super::exposure::{Exposed, exposed};
 use super::grains::Home;
-use super::guide::Surroundings;
 use super::patches::Patches;
 use crate::radio::geometry::Geometry;
 use glam::Vec3;
@@ -63,6 +62,19 @@ impl Place {
             }
         }
     }
+}
+
+/// A slot's area and photons, and those of the block it lies in.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Surroundings {
+    /// Of the slot itself, m².
+    pub own_m2: f64,
+    /// Photons' power, as they carry it.
+    pub own_power: f64,
+    /// Of the block, m².
+    pub area_m2: f64,
+    /// Photons' power.
+    pub power: f64,
 }
 
 /// Groups slots by block, and these by region, in the order of their places.

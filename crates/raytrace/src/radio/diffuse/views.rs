@@ -3,16 +3,16 @@
 //! Two metal faces at a right angle, a door in its jamb, show a strip of a lit wall edge-on and some 0.1 mrad wide: a direction meets it
 //! once in a hundred samplings, and then it is most of a dark view. The transmitter's rays fall on that strip as on any other surface. A
 //! point where one fell is sent to the receiver by way of each mirror, or pair of mirrors, in sight, and shared with the directions as in
-//! [`super::landings`]: mirrors keep densities per solid angle, so that all is as if the receiver stood at its own image. What it sees by way
+//! [`super::light_hits`]: mirrors keep densities per solid angle, so that all is as if the receiver stood at its own image. What it sees by way
 //! of none, through slabs or not, is shared in the same way.
 //!
 //! Which mirrors are in sight has to be told without looking at the directions themselves: a way that is known where they happened to find
 //! it would be counted too seldom. A coarser lattice of its own finds them, the same in every sampling.
 
-use super::gather::{Lattice, Look, REFINED};
 use super::illumination::{CLEARANCE_M, Illumination};
 use super::in_tasks;
-use super::landings;
+use super::mis;
+use super::sampling::{REFINED, Sampling};
 use crate::radio::field;
 use crate::radio::geometry::Geometry;
 use crate::radio::lattice::Directions;
@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 /// Directions of the receiver to one that looks for mirrors.
 const SPARSER: usize = 2;
 /// Power that a way keeps, at least, where it is found.
-const KEPT: f64 = 0.5;
+pub(super) const KEPT: f64 = 0.5;
 /// Share of the directions into a view that is relied on to be cut where it matters: one that looks into a mirror as small as it is
 /// itself has no neighbours there to differ from.
 const TRUST: f64 = 0.125;
@@ -38,18 +38,18 @@ pub struct Views {
     views: Vec<View>,
     /// By face: the view by way of it alone, or [`NONE`].
     by_one: Vec<u32>,
-    by_more: BTreeMap<Way, u32>,
+    by_more: BTreeMap<MirrorSequence, u32>,
 }
 
 /// The mirrors between the receiver and what it sees, slabs left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Way {
+pub struct MirrorSequence {
     /// The first of them, in the order in which a ray from the receiver meets them.
     mirrors: [u32; Self::MOST],
     count: usize,
 }
 
-impl Way {
+impl MirrorSequence {
     /// Mirrors that are told apart.
     pub const MOST: usize = 2;
     /// By way of none.
@@ -79,7 +79,7 @@ impl Way {
 #[derive(Clone, Debug)]
 pub struct View {
     /// In the order in which a ray from the receiver meets them.
-    pub way: Way,
+    pub way: MirrorSequence,
     /// Where from.
     pub vantage: Vantage,
     /// Inward normals of the planes through the image and the mirrors' outlines, those of the first mirror as the others show it.
@@ -99,11 +99,11 @@ pub struct Vantage {
 
 impl Vantage {
     /// How many times as densely as a receiver's directions the transmitter's rays, as many over the sphere, meet a point of a face: p_t/p_r of
-    /// [`super::landings`], from the [`super::landings::density`] of both there. Nothing where they look at different sides of the face.
-    pub fn density_ratio(&self, lattice: &Lattice<'_>, area_m2: f64, own_per_m2: f64, transmitters_per_m2: f64) -> f64 {
-        // Refinement finds no face that the lattice's own directions miss: how many meet one that is seen as it is here?
-        let met = (lattice.per_sr() * own_per_m2.abs() * area_m2).min(self.directions);
-        let directions = if lattice.refined { met.clamp(1.0, REFINED) } else { 1.0 };
+    /// [`super::light_hits`], from the [`super::mis::density`] of both there. Nothing where they look at different sides of the face.
+    pub fn density_ratio(&self, sampling: Sampling, area_m2: f64, own_per_m2: f64, transmitters_per_m2: f64) -> f64 {
+        // Refinement finds no face that the sampling's own directions miss: how many meet one that is seen as it is here?
+        let met = (sampling.per_sr() * own_per_m2.abs() * area_m2).min(self.directions);
+        let directions = if sampling.refined { met.clamp(1.0, REFINED) } else { 1.0 };
         (transmitters_per_m2 / (directions * own_per_m2)).max(0.0)
     }
 }
@@ -128,35 +128,35 @@ impl StrongMirrors {
 
 impl Views {
     /// Straight, by way of every strong mirror whose middle is in sight, and of whatever `pilots` find, in `wanted` directions; the receiver's own
-    /// directions are the `lattice`'s.
+    /// directions are sampled as `sampling` says. `mirrors_along` reports the mirrors that a direction meets while it keeps [`KEPT`] of its power.
     pub fn new(
         geometry: &Geometry<'_>,
-        look: &Look<'_, '_, '_>,
         rx: DVec3,
         strong: &StrongMirrors,
         pilots: &Directions,
-        lattice: &Lattice<'_>,
+        sampling: Sampling,
         wanted: impl Fn(DVec3) -> bool + Sync,
+        mirrors_along: impl Fn(DVec3, &mut dyn FnMut(MirrorSequence)) + Sync,
     ) -> Self {
         let mut this = Self { views: Vec::new(), by_one: vec![NONE; geometry.faces.len()], by_more: BTreeMap::new() };
-        this.add(View::new(geometry, rx, Way::STRAIGHT, f64::INFINITY));
+        this.add(View::new(geometry, rx, MirrorSequence::STRAIGHT, f64::INFINITY));
         for &(number, middle) in &strong.0 {
             if !wanted((middle - rx).normalize_or_zero()) || geometry.occluded(middle, rx, CLEARANCE_M, |face| face != number) {
                 continue;
             }
             let face = &geometry.faces[number as usize];
-            let size_sr = face.area_m2 * landings::density(face, rx, middle).abs();
-            this.add(View::new(geometry, rx, Way::STRAIGHT.by(number), size_sr * lattice.per_sr()));
+            let size_sr = face.area_m2 * mis::density(face, rx, middle).abs();
+            this.add(View::new(geometry, rx, MirrorSequence::STRAIGHT.by(number), size_sr * sampling.per_sr()));
         }
         let ways = in_tasks(pilots.along(), |numbers| {
             let mut ways = Vec::new();
             let directions = numbers.iter().map(|&number| pilots.of(number as usize)).filter(|direction| wanted(*direction));
-            directions.for_each(|direction| look.mirrors_along(direction, KEPT, |way| ways.push(way)));
+            directions.for_each(|direction| mirrors_along(direction, &mut |way| ways.push(way)));
             ways
         });
-        let mut found: BTreeMap<Way, usize> = BTreeMap::new();
+        let mut found: BTreeMap<MirrorSequence, usize> = BTreeMap::new();
         ways.into_iter().for_each(|way| *found.entry(way).or_default() += 1);
-        let scale = lattice.count as f64 / pilots.count() as f64;
+        let scale = sampling.count as f64 / pilots.count() as f64;
         for (way, times) in found {
             if this.by(&way).is_none() {
                 this.add(View::new(geometry, rx, way, times as f64 * scale));
@@ -180,7 +180,7 @@ impl Views {
     }
 
     /// The one by way of these mirrors.
-    pub fn by(&self, way: &Way) -> Option<&View> {
+    pub fn by(&self, way: &MirrorSequence) -> Option<&View> {
         let number = match way.mirrors() {
             [mirror] => self.by_one[*mirror as usize],
             _ => *self.by_more.get(way)?,
@@ -190,7 +190,7 @@ impl Views {
 }
 
 impl View {
-    fn new(geometry: &Geometry<'_>, rx: DVec3, way: Way, directions: f64) -> Self {
+    fn new(geometry: &Geometry<'_>, rx: DVec3, way: MirrorSequence, directions: f64) -> Self {
         let face = |number: &u32| &geometry.faces[*number as usize];
         let image = way.mirrors().iter().fold(rx, |image, mirror| face(mirror).mirror(image));
         let mut walls = Walls::default();
@@ -223,7 +223,7 @@ impl View {
 
     /// The unit direction in which the receiver sees a point by this way, if the mirrors' faces reach there.
     pub fn direction(&self, geometry: &Geometry<'_>, rx: DVec3, point: DVec3) -> Option<DVec3> {
-        let mut images = [rx; Way::MOST + 1];
+        let mut images = [rx; MirrorSequence::MOST + 1];
         for (i, &mirror) in self.way.mirrors().iter().enumerate() {
             images[i + 1] = geometry.faces[mirror as usize].mirror(images[i]);
         }
@@ -247,7 +247,7 @@ impl View {
 
 /// Normals, axis by axis; those not set are 0 and everything is inside.
 #[derive(Clone, Debug, Default)]
-struct Walls([[f32; 4 * Way::MOST]; 3]);
+struct Walls([[f32; 4 * MirrorSequence::MOST]; 3]);
 
 impl Walls {
     fn set(&mut self, number: usize, normal: Vec3) {
@@ -259,7 +259,7 @@ impl Walls {
     /// The least height above them of a point, as seen from where they all meet.
     fn least(&self, to: Vec3) -> f32 {
         let [x, y, z] = &self.0;
-        let heights: [f32; 4 * Way::MOST] = std::array::from_fn(|i| x[i] * to.x + y[i] * to.y + z[i] * to.z);
+        let heights: [f32; 4 * MirrorSequence::MOST] = std::array::from_fn(|i| x[i] * to.x + y[i] * to.y + z[i] * to.z);
         let halves: [f32; 4] = std::array::from_fn(|i| if heights[i] < heights[i + 4] { heights[i] } else { heights[i + 4] });
         halves.into_iter().fold(f32::INFINITY, f32::min)
     }

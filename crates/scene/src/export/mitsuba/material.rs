@@ -1,12 +1,11 @@
 //! Materials in terms of Mitsuba's own BSDFs.
 
-use super::mesh::{self, EmissionMap};
+use super::emission::{self, EmissionMap};
 use super::slug;
 use super::texture::{Textures, Use};
 use super::xml::Xml;
-use crate::model::{AlphaMode, OpticalMaterial, TextureRef, Wrap};
+use crate::model::{AlphaMode, OpticalMaterial, TextureRef};
 use crate::{Result, Scene};
-use glam::Affine2;
 use std::collections::BTreeSet;
 
 /// A material's id in the XML.
@@ -40,7 +39,7 @@ pub(super) fn write(
     let material = &scene.materials[index as usize];
     let m = &material.optical;
     let id = id(scene, index);
-    let colored = mesh::is_colored(scene, index);
+    let colored = emission::is_colored(scene, index);
     let map = EmissionMap::of(scene, index);
     let mut note = |what: &str| {
         approximated.insert(format!("material \"{}\": {what}", material.name));
@@ -157,23 +156,4 @@ fn opacity(m: &OpticalMaterial, textures: &Textures<'_>) -> Opacity {
         (AlphaMode::Blend, None) if m.alpha < 1.0 => Opacity::Even(m.alpha.max(0.0)),
         _ => Opacity::All,
     }
-}
-
-/// Whether a textured emission repeats beyond its image.
-pub(super) fn repeats(textures: &Textures<'_>, reference: &TextureRef) -> bool {
-    textures.get(Some(reference)).is_some_and(|t| t.wrap == [Wrap::Repeat; 2])
-}
-
-/// What an emitting surface's radiance is multiplied with: even coverage, which an emitter does not learn from its `mask`.
-pub(super) fn emission_share(m: &OpticalMaterial) -> f32 {
-    match m.alpha_mode {
-        AlphaMode::Opaque => 1.0,
-        AlphaMode::Mask { cutoff } => f32::from(m.alpha >= cutoff),
-        AlphaMode::Blend => m.alpha.clamp(0.0, 1.0),
-    }
-}
-
-/// `uv_from_mesh` of a texture whose mesh coordinates are those of another.
-pub(super) fn through(reference: &TextureRef, uv_from_mesh_inverse: Affine2) -> Affine2 {
-    reference.uv_from_uv * uv_from_mesh_inverse
 }

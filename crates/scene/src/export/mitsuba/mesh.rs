@@ -1,11 +1,11 @@
 //! Meshes: binary PLY with normals, texture coordinates and colours, and the emitters on them.
 
+use super::emission::{EmissionMap, emission_share, is_colored, repeats};
 use super::light::{luminance, sampling_weight};
-use super::material::{self, emission_share, repeats, through};
+use super::material;
 use super::texture::{Textures, Use};
 use super::xml::Xml;
 use super::{Files, slug};
-use crate::model::TextureRef;
 use crate::{Result, Scene};
 use glam::{Affine2, Vec2, Vec3};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -18,33 +18,6 @@ const MAX_UNFOLDED: usize = 2048;
 /// Indices of the materials that triangles have, in order.
 pub(super) fn used_materials(scene: &Scene) -> BTreeSet<u32> {
     scene.triangles.iter().map(|t| t.material).collect()
-}
-
-/// Whether a triangle of a material has a vertex that is not white.
-pub(super) fn is_colored(scene: &Scene, material: u32) -> bool {
-    let white = |i: &u32| scene.colors[*i as usize][..3] == [1.0; 3];
-    !scene.colors.is_empty() && scene.triangles.iter().any(|t| t.material == material && !t.vertices.iter().all(white))
-}
-
-/// Mitsuba samples a textured emitter by its texture, and needs mesh coordinates that are the texture's own: there the mesh's coordinates
-/// are taken through the emission's transform, and other textures look through its inverse.
-pub(super) struct EmissionMap {
-    /// Of the emissive texture.
-    pub uv_from_uv: Affine2,
-}
-
-impl EmissionMap {
-    pub(super) fn of(scene: &Scene, material: u32) -> Self {
-        let m = &scene.materials[material as usize].optical;
-        let transform = m.emissive_texture.filter(|_| m.emissive.iter().any(|e| *e > 0.0)).map(|t| t.uv_from_uv);
-        let invertible = |t: &Affine2| t.matrix2.determinant().abs() > 1e-12;
-        Self { uv_from_uv: transform.filter(invertible).unwrap_or(Affine2::IDENTITY) }
-    }
-
-    /// `uv_from_mesh` of another texture of the material.
-    pub(super) fn other(&self, reference: &TextureRef) -> Affine2 {
-        if self.uv_from_uv == Affine2::IDENTITY { reference.uv_from_uv } else { through(reference, self.uv_from_uv.inverse()) }
-    }
 }
 
 /// How many of them.

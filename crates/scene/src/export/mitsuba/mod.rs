@@ -19,6 +19,7 @@
 //! Colours with a factor are stored as 16-bit PNG, others as the 8 bits they are. What a scene needs and cannot have is listed in
 //! [`Summary::approximated`].
 
+mod emission;
 mod light;
 mod material;
 mod mesh;

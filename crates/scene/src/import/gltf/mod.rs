@@ -10,8 +10,7 @@ mod unread;
 
 use super::builder::{append, check_size};
 use super::notes::Notes;
-use super::{ImportOptions, ImportReport, scene_name};
-use crate::config::UpAxis;
+use super::{ImportOptions, ImportReport, UpAxis, scene_name};
 use crate::model::{Material, Object, OpticalMaterial, PunctualKind, PunctualLight, Scene};
 use crate::{Error, Result};
 use document::Source;

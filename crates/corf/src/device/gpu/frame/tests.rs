@@ -223,7 +223,7 @@ fn emitted(
     let mut extent = Extent { gaussians: g.len(), ..Extent::default() };
     extent.include(&params);
     let mut m = Memory::new(context).unwrap();
-    m.reserve(context, &fixed, &extent, Room { pairs: room, visible: g.len() }).unwrap();
+    m.reserve(context, &fixed, &extent, BufferCapacity { pairs: room, visible: g.len() }).unwrap();
     params.set_room(m.room);
     let uniforms = Uniforms::new(context, std::iter::once(&params)).unwrap();
     m.reset(context, g.len());

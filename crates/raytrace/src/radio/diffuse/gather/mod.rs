@@ -4,15 +4,15 @@
 //! through every mirror and slab, which by reciprocity is the forward way's transpose. What a surface scatters along the ray is then
 //! received as |c·E|².
 
-mod landed;
+mod light_hits;
 
 #[cfg(doc)]
 use super::DiffuseSettings;
 use super::illumination::{Incident, MAX_PORTS};
-use super::landings;
-use super::refine::MOST;
+use super::mis::{density, mis_weight};
+use super::sampling::Sampling;
 use super::small::{Seen, SmallPoint};
-use super::views::{Views, Way};
+use super::views::{MirrorSequence, Views};
 use super::{Contribution, DiffuseField};
 use crate::radio::antenna::{Antenna, phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
@@ -37,8 +37,6 @@ const EVEN_ROULETTE_THROUGHPUT: f64 = 0.02;
 const EVEN_LOOK_THROUGHPUT: f64 = 0.1;
 /// … and with more where it is met flatter than this, cosθ_s: its 1/cosθ_s and that of the probability do not make one heavy arrival together.
 const EVEN_LOOK_COS: f64 = 0.4;
-/// Directions to one where a lattice that is refined sees something bright edge-on and meets it often enough.
-pub(super) const REFINED: f64 = (MOST * MOST) as f64;
 /// Step of the low-discrepancy sequence that decides about a direction's rays.
 const ROULETTE_STEP: f64 = lattice::R2.x;
 
@@ -60,10 +58,8 @@ pub(super) struct Look<'f, 't, 'a> {
 /// The directions of a receiver that one of them belongs to.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lattice<'s> {
-    /// Over the whole sphere.
-    pub count: usize,
-    /// Whether more are added where these disagree, some [`REFINED`] to one at the outlines of bright things.
-    pub refined: bool,
+    /// How many there are.
+    pub sampling: Sampling,
     /// Whether what it meets is shared with the transmitter's own rays.
     pub shared: bool,
     /// What points of their own stand for.
@@ -75,12 +71,7 @@ pub(super) struct Lattice<'s> {
 impl Lattice<'_> {
     /// All by itself but for the transmitter's own rays, where `shared`.
     pub fn new(count: usize, refined: bool, shared: bool) -> Self {
-        Self { count, refined, shared, small: None, views: None }
-    }
-
-    /// Directions to a steradian.
-    pub fn per_sr(&self) -> f64 {
-        self.count as f64 / (4.0 * std::f64::consts::PI)
+        Self { sampling: Sampling { count, refined }, shared, small: None, views: None }
     }
 
     fn is_small(&self, face: u32) -> bool {
@@ -109,7 +100,7 @@ struct Ray {
     length_m: f64,
     hops: usize,
     /// What mirrored it.
-    way: Way,
+    way: MirrorSequence,
     /// 1 over the probability of having come this far.
     weight: f64,
 }
@@ -177,7 +168,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
                 seen = Some(geometry.faces[met.face as usize].object);
             }
             if (ray.hops > 0 || layer != Layer::Beyond)
-                && !(ray.way == Way::STRAIGHT && self.lattice.is_small(met.face))
+                && !(ray.way == MirrorSequence::STRAIGHT && self.lattice.is_small(met.face))
                 && let Some(ray) = self.looking(&ray, &met, &mut luck)
             {
                 self.scattered(&ray, &met, None, report);
@@ -237,7 +228,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     /// A ray that leaves the receiver.
     fn outwards(&self, direction: DVec3) -> Ray {
         let ports = self.port_fields(direction);
-        Ray { origin: self.rx, direction, ports, length_m: 0.0, hops: 0, way: Way::STRAIGHT, weight: 1.0 }
+        Ray { origin: self.rx, direction, ports, length_m: 0.0, hops: 0, way: MirrorSequence::STRAIGHT, weight: 1.0 }
     }
 
     /// Of a surface that a ray met.
@@ -302,7 +293,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         let cos_scatter = met.normal.dot(towards_rx);
         let received = self.received(&ray.ports, towards_rx);
         let received = &received[..self.ports()];
-        let per_area = self.spread(self.lattice.count) * ray.weight;
+        let per_area = self.spread(self.lattice.sampling.count) * ray.weight;
         let scale = match share_sr {
             Some(share_sr) => self.spreading() * share_sr * ray.weight,
             None => per_area / cos_scatter.max(MIN_COS_SCATTER),
@@ -332,9 +323,9 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             // What the transmitter's own rays find is theirs.
             let mut scale = scale;
             if let Some(vantage) = self.shared(ray).filter(|_| share_sr.is_none() && source.mirror.is_none()) {
-                let per_m2 = landings::density(&geometry.faces[met.face as usize], source.image, met.point);
+                let per_m2 = density(&geometry.faces[met.face as usize], source.image, met.point);
                 let density_ratio = self.density_ratio(&vantage, met.face, met.point, per_m2);
-                let own_share = 1.0 - landings::share(density_ratio);
+                let own_share = 1.0 - mis_weight(density_ratio);
                 if own_share == 0.0 {
                     continue;
                 }

@@ -118,7 +118,7 @@ fn a_hot_spot_is_resolved_between_the_directions_of_the_lattice() {
         let sampling = DiffuseSettings { directions, photons: 0, resolution_deg, phase, ..sampling() };
         let mut field = DiffuseField::new(&tracer, DVec3::new(0.2, 1.2, 1.1), &sampling).unwrap();
         // The transmitter's own rays would resolve it without.
-        field.landings = None;
+        field.light_hits = None;
         field.gather(rx).unwrap()
     };
     // Power per steradian within a few degrees of the hot spot behind the transmitter, where light varies the most.

@@ -1,11 +1,12 @@
-//! What the transmitter's own rays fell on, as a receiver sees it: their half of [`crate::radio::diffuse::landings`], straight and in
+//! What the transmitter's own rays fell on, as a receiver sees it: their half of [`crate::radio::diffuse::light_hits`], straight and in
 //! mirrors.
 
 use super::{CLEARANCE_M, Look, Luck, Ray};
 use crate::radio::diffuse::Contribution;
 use crate::radio::diffuse::illumination::{Lighting, Source};
-use crate::radio::diffuse::landings::{self, Landing};
-use crate::radio::diffuse::views::{Vantage, View, Way};
+use crate::radio::diffuse::light_hit_tree::LightHit;
+use crate::radio::diffuse::mis::{density, mis_weight};
+use crate::radio::diffuse::views::{MirrorSequence, Vantage, View};
 use crate::radio::geometry::Meeting;
 use crate::radio::{SPEED_OF_LIGHT, field};
 use glam::DVec3;
@@ -36,15 +37,15 @@ impl Sent {
 impl Look<'_, '_, '_> {
     /// What comes straight from a point that one of the transmitter's own rays fell on, as far as it is theirs, with its direction, where
     /// that is `wanted`.
-    pub fn landed(&self, landing: &Landing, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
-        let &Landing { point, face, lighting, density_per_m2 } = landing;
-        let share = landings::share(self.density_ratio(&self.straight(), face, point, density_per_m2));
+    pub fn landed(&self, hit: &LightHit, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
+        let &LightHit { point, face, lighting, density_per_m2 } = hit;
+        let share = mis_weight(self.density_ratio(&self.straight(), face, point, density_per_m2));
         if share == 0.0 {
             return None;
         }
         let Sent { towards_rx, share: sent, source_m, distance_m, .. } =
             self.sent(self.transmitter(), point, face, lighting, wanted)?;
-        let power = self.spread(self.lattice.count) * share * sent / (distance_m * distance_m);
+        let power = self.spread(self.lattice.sampling.count) * share * sent / (distance_m * distance_m);
         let contribution = self.once_scattered(power, source_m + distance_m, face, 0);
         (power > 0.0).then_some((-towards_rx, contribution))
     }
@@ -84,21 +85,21 @@ impl Look<'_, '_, '_> {
         &self,
         view: &View,
         index: usize,
-        landing: &Landing,
+        hit: &LightHit,
         faint: f64,
         wanted: impl Fn(DVec3) -> bool,
     ) -> Option<(DVec3, u32, Contribution)> {
-        let &Landing { point, face, lighting, density_per_m2 } = landing;
+        let &LightHit { point, face, lighting, density_per_m2 } = hit;
         let geometry = &self.field.tracer.geometry;
-        if !wanted(view.towards(geometry, point)) || (view.way == Way::STRAIGHT && self.lattice.is_small(face)) {
+        if !wanted(view.towards(geometry, point)) || (view.way == MirrorSequence::STRAIGHT && self.lattice.is_small(face)) {
             return None;
         }
-        let share = landings::share(self.density_ratio(&view.vantage, face, point, density_per_m2));
+        let share = mis_weight(self.density_ratio(&view.vantage, face, point, density_per_m2));
         if share == 0.0 {
             return None;
         }
-        let share = share * self.spread(self.lattice.count);
-        let most = share * self.most_sent(view, landing);
+        let share = share * self.spread(self.lattice.sampling.count);
+        let most = share * self.most_sent(view, hit);
         let kept = if most < faint { most / faint } else { 1.0 };
         let mut luck = self.luck(1.0, index);
         if !luck.allows(kept) {
@@ -119,13 +120,13 @@ impl Look<'_, '_, '_> {
     }
 
     /// S² f_s / r₂² of a point that the transmitter lights, 1/m²: what it would send by way of a view if nothing on the way took any of it.
-    fn most_sent(&self, view: &View, landing: &Landing) -> f64 {
-        let plane = &self.field.tracer.geometry.faces[landing.face as usize];
-        let to_image = view.vantage.image - landing.point;
+    fn most_sent(&self, view: &View, hit: &LightHit) -> f64 {
+        let plane = &self.field.tracer.geometry.faces[hit.face as usize];
+        let to_image = view.vantage.image - hit.point;
         let normal = if plane.distance(view.vantage.image) > 0.0 { plane.normal } else { -plane.normal };
-        let incidence = (landing.point - self.field.illumination.tx).normalize_or_zero();
+        let incidence = (hit.point - self.field.illumination.tx).normalize_or_zero();
         let distance2 = to_image.length_squared();
-        self.lobe(landing.face, normal, incidence, to_image / distance2.sqrt()) / distance2
+        self.lobe(hit.face, normal, incidence, to_image / distance2.sqrt()) / distance2
     }
 
     /// Of light that the transmitter sent straight to a face.
@@ -143,13 +144,13 @@ impl Look<'_, '_, '_> {
     /// [`Vantage::density_ratio`] at a point.
     pub(super) fn density_ratio(&self, vantage: &Vantage, face: u32, point: DVec3, transmitters_per_m2: f64) -> f64 {
         let plane = &self.field.tracer.geometry.faces[face as usize];
-        let own_per_m2 = landings::density(plane, vantage.image, point);
-        vantage.density_ratio(&self.lattice, plane.area_m2, own_per_m2, transmitters_per_m2)
+        let own_per_m2 = density(plane, vantage.image, point);
+        vantage.density_ratio(self.lattice.sampling, plane.area_m2, own_per_m2, transmitters_per_m2)
     }
 
     /// From where a ray looks whose surfaces the transmitter's own rays look at as well; without views, straight and not through slabs.
     pub(super) fn shared(&self, ray: &Ray) -> Option<Vantage> {
-        if !self.lattice.shared || self.field.landings.is_none() {
+        if !self.lattice.shared || self.field.light_hits.is_none() {
             return None;
         }
         match self.lattice.views {
@@ -168,10 +169,10 @@ impl Look<'_, '_, '_> {
     }
 
     /// Reports every way that a ray along a direction goes on mirrored, as long as it keeps so much of its power.
-    pub fn mirrors_along(&self, direction: DVec3, kept: f64, mut report: impl FnMut(Way)) {
+    pub fn mirrors_along(&self, direction: DVec3, kept: f64, mut report: impl FnMut(MirrorSequence)) {
         let mut ray = self.outwards(direction);
         let mut luck = self.luck(ray.power(), 0);
-        while ray.hops < self.deepest.min(Way::MOST) {
+        while ray.hops < self.deepest.min(MirrorSequence::MOST) {
             let Some(met) = self.field.tracer.geometry.meet(ray.origin, ray.direction, CLEARANCE_M) else { return };
             let Some(behind) = self.behind(&ray, &met, &self.response(&ray, &met), true, &mut luck) else { return };
             if behind.power() < kept * luck.whole {

@@ -1,13 +1,13 @@
 //! `corf demo`: the small lobby end to end.
 
-use crate::commands::Verdict;
+use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::generate::Options;
 use crate::input::Input;
 use crate::plan::Plan;
 use crate::record::Outcome;
 use crate::run::claim_output;
-use crate::{commands, generate, interrupt, suite};
+use crate::{generate, interrupt, suite};
 use anyhow::{Context, Result};
 use clap::Args;
 use corf_scene::config::DatasetConfig;
@@ -16,10 +16,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// The files the demo writes into its own `scene` folder before it starts: the ones of this repository.
-const LOBBY_GLB: &[u8] = include_bytes!("../../../scenes/lobby.glb");
-const SCENE_TOML: &str = include_str!("../../../scenes/lobby.toml");
-const DATASET_TOML: &str = include_str!("../../../scenes/lobby-mini.toml");
-const PLAN_TOML: &str = include_str!("../../../scenes/demo.toml");
+const LOBBY_GLB: &[u8] = include_bytes!("../../../../scenes/lobby.glb");
+const SCENE_TOML: &str = include_str!("../../../../scenes/lobby.toml");
+const DATASET_TOML: &str = include_str!("../../../../scenes/lobby-mini.toml");
+const PLAN_TOML: &str = include_str!("../../../../scenes/demo.toml");
 
 /// `corf demo`.
 #[derive(Args)]
@@ -60,7 +60,7 @@ impl Demo {
             written.report.display(),
             start.elapsed().as_secs_f64()
         );
-        commands::show(json, &written.records, &text)?;
+        show(json, &written.records, &text)?;
         let failed = written.records.iter().any(|r| matches!(r.outcome, Outcome::Failed { .. }));
         Ok(if failed { Verdict::CheckFailed } else { Verdict::Done })
     }

@@ -1,19 +1,32 @@
 //! Where the transmitter's rays fell, as a tree: which of thousands of points a mirror shows is asked for thousands of mirrors.
 
-use super::gather::Lattice;
-use super::landings::Landing;
+use super::illumination::Lighting;
+use super::sampling::Sampling;
 use super::views::View;
 use crate::radio::geometry::Geometry;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
-/// Places of a leaf.
+/// LightHitTree of a leaf.
 const LEAF: usize = 16;
-/// Places this near a view's outline count as within it: single precision, metres.
+/// LightHitTree this near a view's outline count as within it: single precision, metres.
 const NEAR_M: f32 = 1e-3;
+
+/// A point that the transmitter lights, straight or through slabs.
+#[derive(Clone, Copy, Debug)]
+pub struct LightHit {
+    /// On the face's plane.
+    pub point: DVec3,
+    /// What was met.
+    pub face: u32,
+    /// How it is lit.
+    pub lighting: Lighting,
+    /// The transmitter's height above the face over its distance³, 1/m², of the sign of the side that it lights.
+    pub density_per_m2: f64,
+}
 
 /// A point where a ray fell, in single precision.
 #[derive(Clone, Copy)]
-struct Place {
+struct Leaf {
     number: u32,
     point: Vec3,
     normal: Vec3,
@@ -33,27 +46,27 @@ struct Node {
 }
 
 /// The tree: nodes before what lies within them.
-pub struct Places {
-    places: Vec<Place>,
+pub struct LightHitTree {
+    places: Vec<Leaf>,
     nodes: Vec<Node>,
 }
 
-impl Places {
+impl LightHitTree {
     /// Of what fell on surfaces of a geometry.
-    pub fn new(geometry: &Geometry<'_>, landings: &[Landing]) -> Self {
-        let place = |(number, landing): (usize, &Landing)| {
-            let plane = &geometry.faces[landing.face as usize];
-            Place {
+    pub fn new(geometry: &Geometry<'_>, light_hits: &[LightHit]) -> Self {
+        let place = |(number, hit): (usize, &LightHit)| {
+            let plane = &geometry.faces[hit.face as usize];
+            Leaf {
                 number: number as u32,
-                point: landing.point.as_vec3(),
+                point: hit.point.as_vec3(),
                 normal: plane.normal.as_vec3(),
                 offset_m: plane.offset_m as f32,
                 area_m2: plane.area_m2 as f32,
-                density_per_m2: landing.density_per_m2 as f32,
+                density_per_m2: hit.density_per_m2 as f32,
             }
         };
-        let mut this = Self { places: landings.iter().enumerate().map(place).collect(), nodes: Vec::new() };
-        this.split(0, landings.len());
+        let mut this = Self { places: light_hits.iter().enumerate().map(place).collect(), nodes: Vec::new() };
+        this.split(0, light_hits.len());
         this
     }
 
@@ -81,15 +94,15 @@ impl Places {
 
     /// Reports the numbers of those that a view may show and that the transmitter's rays meet more densely than the receiver's directions: of
     /// others they have no share.
-    pub fn shown(&self, view: &View, lattice: &Lattice<'_>, mut report: impl FnMut(usize)) {
+    pub fn shown(&self, view: &View, sampling: Sampling, mut report: impl FnMut(usize)) {
         let from = view.vantage.image.as_vec3();
-        let denser = |place: &Place| {
+        let denser = |place: &Leaf| {
             let height_m = place.normal.dot(from) - place.offset_m;
             let distance2 = place.point.distance_squared(from);
             let own_per_m2 = f64::from(height_m / (distance2 * distance2.sqrt()));
             let [area_m2, transmitters_per_m2] = [place.area_m2, place.density_per_m2].map(f64::from);
             // A little less, for single precision.
-            view.vantage.density_ratio(lattice, area_m2, own_per_m2, transmitters_per_m2) > 0.99
+            view.vantage.density_ratio(sampling, area_m2, own_per_m2, transmitters_per_m2) > 0.99
         };
         let mut at = 0;
         while let Some(node) = self.nodes.get(at) {

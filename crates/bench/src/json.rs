@@ -1,0 +1,50 @@
+//! JSON files: read with the path in every error, written whole or not at all.
+
+use crate::numbers;
+use anyhow::{Context, Result};
+use corf_scene::io::write_atomic;
+use serde::{Serialize, de::DeserializeOwned};
+use std::path::Path;
+
+/// Writes pretty JSON atomically.
+///
+/// # Errors
+/// When the folder cannot be written; the path is named.
+pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
+    let mut text = serde_json::to_string_pretty(value)?;
+    text.push('\n');
+    Ok(write_atomic(path, text.as_bytes())?)
+}
+
+/// Writes pretty JSON atomically, its numbers checked.
+///
+/// # Errors
+/// A number that is none, by its key; a folder that cannot be written.
+pub fn write_numbers(path: &Path, value: &impl Serialize) -> Result<()> {
+    numbers::check(&serde_json::to_value(value)?).with_context(|| format!("{} is not written", path.display()))?;
+    write_json(path, value)
+}
+
+/// Reads JSON.
+///
+/// # Errors
+/// A missing file, or one that is not what it should be; line and column are named.
+pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    serde_json::from_str(&text).with_context(|| format!("{} is not the JSON expected here", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn writing_replaces_whole_files_only() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.json");
+        write_json(&path, &[1, 2]).unwrap();
+        write_json(&path, &[3]).unwrap();
+        assert_eq!(read_json::<Vec<i32>>(&path).unwrap(), [3]);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+}

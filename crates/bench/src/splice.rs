@@ -1,0 +1,80 @@
+//! What a program can write into documents, it writes: tables from records, and the help of every command, between markers.
+//!
+//! ```text
+//! <!-- corf docs: table results/FOLDER KEY,KEY -->    the table of a folder of records, with these columns of metrics
+//! <!-- corf docs: help -->                            the help of every command
+//! <!-- corf docs: end -->
+//! ```
+
+use crate::{record, table};
+use anyhow::{Context, Result, bail, ensure};
+use std::path::Path;
+
+const BEGIN: &str = "<!-- corf docs: ";
+const END: &str = "<!-- corf docs: end -->";
+
+/// A document whose marked places are written anew. Folders of records are relative to `folder`, the document's own; `help` is the text of all commands.
+///
+/// # Errors
+/// A marker that is not understood or has no end, by its line; records that cannot be read; a column that does not exist.
+pub fn spliced(text: &str, folder: &Path, help: &str) -> Result<String> {
+    let mut out = String::with_capacity(text.len());
+    let mut lines = text.lines().enumerate();
+    while let Some((number, line)) = lines.next() {
+        out.push_str(line);
+        out.push('\n');
+        let Some(order) = line.strip_prefix(BEGIN).and_then(|rest| rest.strip_suffix(" -->")) else { continue };
+        let place = || format!("line {}: {line}", number + 1);
+        ensure!(order != "end", "{}\n  help: an end without a beginning", place());
+        out.push('\n');
+        out.push_str(content(order, folder, help).with_context(place)?.trim_end());
+        out.push_str("\n\n");
+        if !lines.any(|(_, line)| line == END) {
+            bail!("{}\n  help: end the marked place with {END}", place());
+        }
+        out.push_str(END);
+        out.push('\n');
+    }
+    Ok(out)
+}
+
+fn content(order: &str, folder: &Path, help: &str) -> Result<String> {
+    let words: Vec<&str> = order.split_whitespace().collect();
+    match words[..] {
+        ["help"] => Ok(help.to_owned()),
+        ["table", records] => table_of(&folder.join(records), table::SHORT),
+        ["table", records, keys] => table_of(&folder.join(records), &keys.split(',').collect::<Vec<_>>()),
+        _ => bail!("neither `table FOLDER`, `table FOLDER KEY,KEY` nor `help`"),
+    }
+}
+
+fn table_of(folder: &Path, keys: &[&str]) -> Result<String> {
+    let records = record::read_archive(&folder.join(record::ARCHIVE))?;
+    table::markdown_of(&table::rows(&records), keys)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marked_places_are_written_anew_and_the_rest_is_left() {
+        let text = "before\n<!-- corf docs: help -->\nold\n<!-- corf docs: end -->\nafter\n";
+        let new = spliced(text, Path::new("."), "the help\n").unwrap();
+        assert_eq!(new, "before\n<!-- corf docs: help -->\n\nthe help\n\n<!-- corf docs: end -->\nafter\n");
+        assert_eq!(spliced(&new, Path::new("."), "the help\n").unwrap(), new);
+    }
+
+    #[test]
+    fn markers_that_mean_nothing_are_refused_with_their_line() {
+        for (text, said) in [
+            ("a\n<!-- corf docs: help -->\n", "end the marked place"),
+            ("<!-- corf docs: end -->\n", "without a beginning"),
+            ("<!-- corf docs: tables x -->\n<!-- corf docs: end -->\n", "neither `table FOLDER`"),
+            ("<!-- corf docs: table nowhere -->\n<!-- corf docs: end -->\n", "nowhere"),
+        ] {
+            let error = format!("{:#}", spliced(text, Path::new("."), "").unwrap_err());
+            assert!(error.contains(said) && error.contains("line "), "{error}");
+        }
+    }
+}

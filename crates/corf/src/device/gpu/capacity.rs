@@ -1,0 +1,20 @@
+//! How much a frame has room for.
+
+/// How many (Gaussian, tile) pairs and visible Gaussians there is room for. Nobody knows before a frame is projected.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct BufferCapacity {
+    pub pairs: usize,
+    pub visible: usize,
+}
+
+impl BufferCapacity {
+    /// A first guess for `n` Gaussians, not below `least`.
+    pub fn guess(n: usize, least: usize) -> Self {
+        Self { pairs: n.max(least), visible: (n / 4).max(least) }
+    }
+
+    /// Room for both.
+    pub fn with(self, other: Self) -> Self {
+        Self { pairs: self.pairs.max(other.pairs), visible: self.visible.max(other.visible) }
+    }
+}
