@@ -252,7 +252,7 @@ fn modules_import_one_way() {
         let read = Crate::read(&root.join(name).join("src"));
         // That it reads what it should: a crate without arrows would have no circles either.
         assert!(
-            read.arrows().len() * 2 >= read.text.len() - 2,
+            read.text.len() < 10 || read.arrows().len() * 2 >= read.text.len(),
             "{name}: {} of {} modules import",
             read.arrows().len(),
             read.text.len()
