@@ -75,9 +75,9 @@ class Side:
     """Mitsuba's views of one scene."""
 
     def __init__(self, folder, room, reflection):
-        from light_live import theirs
+        from light_live import mitsuba_runner
 
-        self.scene = theirs.Theirs(folder, room.max_bounces, reflection)
+        self.scene = mitsuba_runner.Theirs(folder, room.max_bounces, reflection)
 
     def render(self, samples, seed):
         import numpy as np
@@ -158,9 +158,9 @@ def controls(args, corf, scratch, known, samples):
 def main():
     args = arguments()
     machine = environment.prepare(args.threads)
-    from light_live import ours, report
+    from light_live import corf_runner, report
 
-    corf = ours.Corf(args.corf, args.threads)
+    corf = corf_runner.Corf(args.corf, args.threads)
     out = Path(args.out or ROOT / f"results/{datetime.date.today().isoformat()}-light-check")
     out.mkdir(parents=True, exist_ok=True)
     results, failing = [], []

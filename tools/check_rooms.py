@@ -4,7 +4,7 @@
     .venv/bin/python tools/check_rooms.py --out results/YYYY-MM-DD-rooms
 
 Every room is traced by Sionna RT to depth 4 (specular and transmitted) and depth 2 (with diffraction, and scattered); float64 coefficients are
-those of the third opinion (`sionna_live/referee.py`) on the triangles that Sionna RT names, of diffracted paths Sionna RT's own. The files have
+those of the third opinion (`sionna_live/float64_reference.py`) on the triangles that Sionna RT names, of diffracted paths Sionna RT's own. The files have
 the schemas of the published ones and stay in the output folder. `corf`'s paths, deeper still, are also compared with those of an enumeration that
 tries every chain of mirrors and every edge (`sionna_live/enumeration.py`). Exit code 0: every path is found, and no other but such as have a leg
 under a centimetre, which Sionna RT drops, or as it computes alike once it is told their faces (its search keeps one chain of those that share a
@@ -56,9 +56,9 @@ def arguments():
 def main():
     args = arguments()
     machine = environment.prepare(args.threads)
-    from sionna_live import enumeration, meshes, ours, rooms, theirs
+    from sionna_live import enumeration, meshes, corf_runner, rooms, sionna_runner
 
-    corf, out = ours.Corf(args.corf, args.threads), Path(args.out)
+    corf, out = corf_runner.Corf(args.corf, args.threads), Path(args.out)
     out.mkdir(parents=True, exist_ok=True)
     known = rooms.rooms()
     for name in args.rooms:
@@ -73,7 +73,7 @@ def main():
             room, folder = known[name], scratch / name
             scene, _ = meshes.write_scene(folder, room.parts, radio, lobby, 1)
             exported = corf.export(scene, folder / "scene", 1)
-            library, mesh = theirs.Theirs(folder / "scene"), meshes.Meshes(folder / "scene", exported)
+            library, mesh = sionna_runner.Theirs(folder / "scene"), meshes.Meshes(folder / "scene", exported)
             say(f"{name}: Sionna RT, specular and transmitted")
             specular = specular_reference(name, room, library, mesh, args)
             say(f"{name}: Sionna RT, diffracted")
@@ -126,7 +126,7 @@ def by_radio_id(materials):
 
 def header(schema, name, room, library, mesh):
     """What both schemas begin with."""
-    from sionna_live.referee import VACUUM_PERMITTIVITY_F_PER_M as EPSILON_0
+    from sionna_live.float64_reference import VACUUM_PERMITTIVITY_F_PER_M as EPSILON_0
     import numpy as np
 
     omega = 2 * np.pi * library.radio["frequency_hz"]
@@ -228,20 +228,20 @@ def recorded(path, tx, rx, library, mesh):
     """A path as a reference has it: in float64 on the triangles that are named. Where it diffracts, the point on the edge and the coefficient
     are Sionna RT's; mirrors it meets a millimetre off, on the way to a point beside the edge, so that theirs are computed here."""
     import numpy as np
-    from sionna_live import referee
+    from sionna_live import float64_reference
 
     types, a = path["types"], path["a"]
     planes = [mesh.plane(*triangle) for triangle in path["triangles"]]
     if "X" in types:
         at = types.index("X")
         point = path["vertices"][at]
-        before = referee.exact_corners(types[:at], planes[:at], tx, point)
-        after = referee.exact_corners(types[at + 1 :], planes[at + 1 :], point, rx)
+        before = float64_reference.exact_corners(types[:at], planes[:at], tx, point)
+        after = float64_reference.exact_corners(types[at + 1 :], planes[at + 1 :], point, rx)
         corners = np.vstack([before, point, after])
     else:
         materials = [library.radio["materials"][mesh.shapes[shape]["material"]] for shape, _ in path["triangles"]]
-        corners = referee.exact_corners(types, planes, tx, rx)
-        a = referee.coefficient(types, corners, [n for n, _ in planes], materials, tx, rx, library.radio["frequency_hz"])
+        corners = float64_reference.exact_corners(types, planes, tx, rx)
+        a = float64_reference.coefficient(types, corners, [n for n, _ in planes], materials, tx, rx, library.radio["frequency_hz"])
     return {
         "types": types,
         "objects": path["objects"],

@@ -63,17 +63,17 @@ def main():
     machine = environment.prepare(args.threads)
     import numpy as np
 
-    from sionna_live import dataset, diffuse, meshes, ours, report, specular, spectrum, theirs
+    from sionna_live import dataset, diffuse, meshes, corf_runner, report, specular, spectrum, sionna_runner
 
     out = Path(args.out or ROOT / f"results/{datetime.date.today().isoformat()}-sionna-check")
     out.mkdir(parents=True, exist_ok=True)
-    corf = ours.Corf(args.corf, args.threads)
+    corf = corf_runner.Corf(args.corf, args.threads)
     rays = ("--rays", args.rays) if args.rays else ()
     with tempfile.TemporaryDirectory() as scratch:
         scratch = Path(scratch)
         say("exporting the scene")
         radio = corf.export(args.scene, scratch / "scene", args.receivers)
-        mesh, library = meshes.Meshes(scratch / "scene", radio), theirs.Theirs(scratch / "scene", args.cache)
+        mesh, library = meshes.Meshes(scratch / "scene", radio), sionna_runner.Theirs(scratch / "scene", args.cache)
         # Both sides start from the same float32 numbers.
         tx = np.float32(radio["transmitter"]["position_m"])
         receivers = np.float32([pose["position_m"] for pose in radio["poses"]])

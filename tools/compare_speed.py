@@ -57,18 +57,18 @@ def main():
         environment.refuse("Sionna RT would run on the GPU here and corf on the processor\n  help: hide it with CUDA_VISIBLE_DEVICES=")
     import numpy as np
 
-    from sionna_live import meshes, ours, speed_report, theirs
+    from sionna_live import meshes, corf_runner, speed_report, sionna_runner
 
     out = Path(args.out or ROOT / f"results/{datetime.date.today().isoformat()}-sionna-speed")
     out.mkdir(parents=True, exist_ok=True)
-    corf = ours.Corf(args.corf, args.threads)
+    corf = corf_runner.Corf(args.corf, args.threads)
     dataset = Path(args.dataset).resolve()
     config = read_toml(dataset)
     scene, positions = dataset.parent / config["scene"], config["keyframes"]
     with tempfile.TemporaryDirectory() as scratch:
         scratch = Path(scratch)
         radio = corf.export(scene, scratch / "scene", positions)
-        library = theirs.Theirs(scratch / "scene")
+        library = sionna_runner.Theirs(scratch / "scene")
         tx = np.float32(radio["transmitter"]["position_m"])
         everywhere = np.float32([pose["position_m"] for pose in radio["poses"]])
         chosen = np.linspace(0, positions, args.positions, endpoint=False).astype(int)
@@ -180,7 +180,7 @@ def scaling(args, corf, dataset, scene, radio, mesh, library, tx, everywhere, sc
     """Seconds against triangles, depth and receivers, for both."""
     import numpy as np
 
-    from sionna_live import meshes, speed, theirs
+    from sionna_live import meshes, speed, sionna_runner
 
     rays = 500_000
     few = everywhere[np.linspace(0, len(everywhere), 7, endpoint=False).astype(int)]
@@ -208,7 +208,7 @@ def scaling(args, corf, dataset, scene, radio, mesh, library, tx, everywhere, sc
         toml, data = meshes.write_scene(folder, variant, radio, scene, len(few))
         mine = measure_ours(corf, data, "--positions", len(few), "--replicas", 0)
         corf.export(toml, folder / "sionna", 0)
-        record("triangles", sum(len(c) for _, _, c in variant), mine, theirs.Theirs(folder / "sionna"), few, args.depth)
+        record("triangles", sum(len(c) for _, _, c in variant), mine, sionna_runner.Theirs(folder / "sionna"), few, args.depth)
         shutil.rmtree(folder)
     for depth in range(1, 6):
         say(f"scaling: depth {depth}")

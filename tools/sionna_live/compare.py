@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from . import referee
+from . import float64_reference
 
 SPEED_OF_LIGHT = 299_792_458.0
 # Tolerances of the comparison with a float32 tracer.
@@ -83,7 +83,7 @@ def sort_out(runs, tx, rx, meshes):
 def mirror_error(path, tx, rx, meshes):
     """How far the vertices lie from the exact image construction through the planes of the path's own triangles, metres."""
     planes = [meshes.plane(*place) for place in path["triangles"]]
-    exact = referee.exact_corners(path["types"], planes, tx, rx)
+    exact = float64_reference.exact_corners(path["types"], planes, tx, rx)
     return float(np.nan_to_num(np.linalg.norm(exact - path["vertices"], axis=1), nan=np.inf).max(initial=0.0))
 
 

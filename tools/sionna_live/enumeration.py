@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from . import referee
+from . import float64_reference
 from .meshes import distance_to_triangles
 
 # Triangles of an object are one face where their normals and planes differ by less than this (unit normals, metres).
@@ -196,8 +196,8 @@ def edges(faces):
 
 
 def is_opaque(material, frequency_hz):
-    eta, wavelength = referee.permittivity(material, frequency_hz), referee.SPEED_OF_LIGHT / frequency_hz
-    return max(abs(t) for t in referee.slab(1.0, eta, material["thickness_m"], wavelength)[2:]) < OPAQUE
+    eta, wavelength = float64_reference.permittivity(material, frequency_hz), float64_reference.SPEED_OF_LIGHT / frequency_hz
+    return max(abs(t) for t in float64_reference.slab(1.0, eta, material["thickness_m"], wavelength)[2:]) < OPAQUE
 
 
 def compare(ours, enumerated):

@@ -1,6 +1,6 @@
 """The specular and transmitted part of the check: one verdict for every receiver."""
 
-from . import compare, referee
+from . import compare, float64_reference
 
 # A path this close to the third opinion is right: plane offsets are rounded by up to 5e-6 m when triangles are gathered into faces.
 REFEREE_RELATIVE_A = 1e-5
@@ -31,7 +31,7 @@ class Link:
     def ask_referee(self, tx, meshes, radio):
         """Notes in every pair how far our side of it is from the third opinion."""
         for pair in self.pairs:
-            pair["referee_vertex_m"], pair["referee_a"], readings = referee.judge(
+            pair["referee_vertex_m"], pair["referee_a"], readings = float64_reference.judge(
                 self.ours[pair["ours"]], tx, self.rx, meshes, radio
             )
             theirs = self.kept[pair["theirs"]]["a"]

@@ -21,7 +21,7 @@ def stopwatch(children=False):
 
 def theirs_totals(library, tx, receivers, depth, samples, seed):
     """One run with everything on: linear power at every receiver (all paths; diffuse ones), and its time."""
-    from .theirs import diffuse_cap, ends_scattering
+    from .sionna_runner import diffuse_cap, ends_scattering
 
     with stopwatch() as taken:
         s = library.solve(

@@ -1,22 +1,22 @@
 //! `lobby.glb + lobby.toml → raytrace at each pose → keyframes`: the world seen by both sensors, frame by frame.
 
 use crate::interrupt;
-use crate::note;
 use crate::oidn::Oidn;
-use crate::optical_sensor::OpticalSensor;
 use crate::progress::Progress;
-pub use crate::radio_sensor::diffuse_settings;
-use crate::radio_sensor::{Extent, Outputs, RadioSensor, SensorPlan, warn_of_geometry};
 use crate::run::claim_output;
+use crate::say;
 use anyhow::{Result, bail};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::LightTracer;
 use corf_raytrace::radio::RadioTracer;
+pub use corf_raytrace::sensor::diffuse_settings;
+use corf_raytrace::sensor::{Denoise, Extent, OpticalSensor, Outputs, Platform, RadioSensor, SensorPlan, geometry_warnings};
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, FrameData};
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Error, Finding, Scene, Severity, bounds, radio_check};
 use std::path::Path;
+use std::sync::Mutex;
 
 /// A dataset, and what is to be said of it.
 pub struct Generated {
@@ -42,7 +42,7 @@ pub struct Options {
 pub fn generate(config: &DatasetConfig, out: &Path, options: Options) -> Result<Generated> {
     let scene_config = config.load_scene_config()?;
     let (scene, left_out) = scene_config.load_scene_with_findings()?;
-    left_out.iter().for_each(|finding| note!("{finding}"));
+    say::findings(left_out);
     generate_from(config, &scene_config, &scene, out, options)
 }
 
@@ -66,7 +66,7 @@ pub fn generate_from(
     check_memory(config)?;
     let plan = SensorPlan::of(config, scene_config)?;
     let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;
-    let denoiser = OpticalSensor::denoiser(config)?;
+    let denoiser = Oidn::asked_for(config)?;
     header.denoiser = denoiser.as_ref().map(Oidn::name);
     if out.join("dataset.json").exists() {
         let _held = claim_output(out, resume)?;
@@ -80,22 +80,22 @@ pub fn generate_from(
     // Whatever can be refused is refused before the first file.
     let bvh = Bvh::build(scene);
     let tracer = RadioTracer::new(scene, &bvh, plan.tracing)?;
-    let ear = RadioSensor::new(&plan, scene, &tracer)?;
-    ear.check_distances(header.poses.iter().map(|pose| &pose.world_from_camera))?;
+    let array = RadioSensor::new(&plan, scene, &tracer)?;
+    say::findings(array.check(header.poses.iter().map(|pose| &pose.world_from_camera))?);
     let _held = claim_output(out, resume)?;
-    placement.iter().for_each(|finding| note!("{finding}"));
+    say::findings(placement);
     if config.rf.transmission {
-        warn_of_geometry(scene);
+        say::findings(geometry_warnings(scene));
     }
     let light = LightTracer::new(scene, &bvh);
-    let mut camera = OpticalSensor::new(config, &light, denoiser)?;
+    let mut camera = camera(config, &light, denoiser)?;
     if config.optical.exposure_ev.is_none() {
         header.exposure_ev = f64::from(camera.meter(&header.poses)?);
     }
     camera.expose(header.exposure_ev as f32);
-    header.sampling_error = ear.sampling_error(&header.rf_camera, &header.poses)?;
+    header.sampling_error = array.sampling_error(&header.rf_camera, &header.poses)?;
     if config.rf.tutorial_compat {
-        header.tutorial_range = ear.tutorial_range(&header.poses)?;
+        header.tutorial_range = array.tutorial_range(&header.poses)?;
     }
     let outputs = Outputs {
         extent: Extent::of_keyframe(&config.rf, &plan.receiver),
@@ -104,6 +104,7 @@ pub fn generate_from(
         tutorial: header.tutorial_range,
         paths: config.rf.write_paths,
     };
+    let platform = Platform { camera, array, outputs };
     let writer = DatasetWriter::create(out, &header, resume)?;
     let poses = &header.poses;
     let missing: Vec<&TrajectoryPose> = poses.iter().filter(|p| !writer.is_complete(p.index)).collect();
@@ -115,20 +116,9 @@ pub fn generate_from(
         for (i, pose) in missing.iter().enumerate() {
             interrupt::check()?;
             let write = || traced.take().map_or(Ok(()), |(index, frame)| writer.write_frame(index, &frame));
-            // Where one of them leaves a core idle, the others go on.
-            let (written, (seen, heard)) =
-                rayon::join(write, || rayon::join(|| camera.see(pose), || ear.keyframe(&pose.world_from_camera, &outputs)));
+            let (written, frame) = rayon::join(write, || platform.keyframe(pose));
             written?;
-            let (seen, heard) = (seen?, heard?);
-            let frame = FrameData {
-                spectrum: heard.spectrum,
-                sphere: heard.sphere,
-                tutorial: heard.tutorial,
-                share_in_frame: Some(heard.share_in_frame),
-                paths_jsonl: heard.paths_jsonl,
-                ..seen
-            };
-            traced = Some((pose.index, frame));
+            traced = Some((pose.index, frame?));
             progress.set(done_before + i, poses.len());
         }
         if let Some((index, frame)) = traced {
@@ -142,9 +132,32 @@ pub fn generate_from(
     tell(Generated { dataset: Dataset::open(out)?, findings })
 }
 
+/// A dataset's camera, ready: with cached light the scene's is solved, under a progress bar.
+///
+/// # Errors
+/// An interrupt.
+pub fn camera<'a>(config: &DatasetConfig, tracer: &'a LightTracer<'a>, denoiser: Option<Oidn>) -> Result<OpticalSensor<'a>> {
+    let progress = Mutex::new(Progress::start(format!("light of {}", config.name), 1, "tiles"));
+    let tell = |done: usize, all: usize| {
+        if let Ok(mut progress) = progress.lock() {
+            progress.set(done, all);
+        }
+        interrupt::check().is_ok()
+    };
+    let denoiser = denoiser.map(|filter| Box::new(filter) as Box<dyn Denoise>);
+    let Some(camera) = OpticalSensor::new(config, tracer, denoiser, &tell) else {
+        interrupt::check()?;
+        bail!("the light of {} was not solved", config.name);
+    };
+    if let Ok(progress) = progress.into_inner() {
+        progress.finish();
+    }
+    Ok(camera)
+}
+
 /// Says what is to be said.
 fn tell(generated: Generated) -> Result<Generated> {
-    generated.findings.iter().for_each(|finding| note!("{finding}"));
+    say::findings(generated.findings.iter().cloned());
     Ok(generated)
 }
 

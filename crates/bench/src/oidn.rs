@@ -4,6 +4,8 @@
 //! used that filter one HDR image with albedo and normals beside it, on the CPU.
 
 use corf_raytrace::light::LightFrame;
+use corf_raytrace::sensor::Denoise;
+use corf_scene::config::{DatasetConfig, Denoiser};
 use corf_scene::{Error, Raster, Result};
 use libloading::{Library, Symbol};
 use std::ffi::{CStr, c_char, c_int, c_void};
@@ -37,6 +39,15 @@ unsafe impl Send for Oidn {}
 unsafe impl Sync for Oidn {}
 
 impl Oidn {
+    /// The filter, if a dataset asks for it.
+    ///
+    /// # Errors
+    /// It is not on this machine.
+    pub fn asked_for(config: &DatasetConfig) -> Result<Option<Self>> {
+        let place = || format!("{}: optical.denoiser", config.source.display());
+        config.optical.denoiser.map(|Denoiser::Oidn| Self::find(&place())).transpose()
+    }
+
     /// Loads the library that [`LIBRARY_VARIABLE`] names, or else the system's, and makes its CPU device ready. `place` says who asks.
     ///
     /// # Errors
@@ -55,22 +66,6 @@ impl Oidn {
     pub fn name(&self) -> String {
         let [major, minor, patch] = self.version;
         format!("Intel Open Image Denoise {major}.{minor}.{patch}")
-    }
-
-    /// Takes the noise out of a frame's radiance, guided by its albedo and normals. What is seen of lamps straight has none and stays.
-    ///
-    /// # Errors
-    /// What the library says (memory it does not get).
-    pub fn denoise(&self, frame: &mut LightFrame) -> Result<()> {
-        let straight = frame.lamp.pixels();
-        let scattered = frame.radiance.pixels().iter().zip(straight).map(|(r, l)| std::array::from_fn(|c| r[c] - l[c]));
-        let (width, height) = (frame.radiance.width(), frame.radiance.height());
-        let noisy: Raster<[f32; 3]> = Raster::from_vec(width, height, scattered.collect());
-        let failed = |what| Error::invalid("denoising", what, "give fewer pixels, or leave `denoiser` out");
-        let clean = self.filter(&noisy, &frame.albedo, &frame.normal).map_err(failed)?;
-        let whole = clean.iter().zip(straight).map(|(c, l)| std::array::from_fn(|i| c[i].max(0.0) + l[i]));
-        frame.radiance = Raster::from_vec(width, height, whole.collect());
-        Ok(())
     }
 
     fn start(&mut self) -> Result<(), String> {
@@ -157,6 +152,24 @@ impl Oidn {
             let function: Symbol<'_, unsafe extern "C" fn(Handle)> = self.get(name)?;
             function(handle);
         }
+        Ok(())
+    }
+}
+
+impl Denoise for Oidn {
+    /// Takes the noise out of a frame's radiance, guided by its albedo and normals. What is seen of lamps straight has none and stays.
+    ///
+    /// # Errors
+    /// What the library says (memory it does not get).
+    fn denoise(&self, frame: &mut LightFrame) -> Result<()> {
+        let straight = frame.lamp.pixels();
+        let scattered = frame.radiance.pixels().iter().zip(straight).map(|(r, l)| std::array::from_fn(|c| r[c] - l[c]));
+        let (width, height) = (frame.radiance.width(), frame.radiance.height());
+        let noisy: Raster<[f32; 3]> = Raster::from_vec(width, height, scattered.collect());
+        let failed = |what| Error::invalid("denoising", what, "give fewer pixels, or leave `denoiser` out");
+        let clean = self.filter(&noisy, &frame.albedo, &frame.normal).map_err(failed)?;
+        let whole = clean.iter().zip(straight).map(|(c, l)| std::array::from_fn(|i| c[i].max(0.0) + l[i]));
+        frame.radiance = Raster::from_vec(width, height, whole.collect());
         Ok(())
     }
 }

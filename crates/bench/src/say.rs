@@ -1,6 +1,7 @@
 //! What the command says on standard error and standard output, in one place: names from files cannot steer a terminal, and a standard
 //! error that takes nothing ends no work.
 
+use corf_scene::Finding;
 use std::borrow::Cow;
 use std::fmt::{Arguments, Write as _};
 use std::io::{ErrorKind, Write};
@@ -19,6 +20,11 @@ pub fn to_stderr(words: Arguments<'_>) {
     let line = format!("{}\n", sanitized(&text));
     // The work goes on where nobody can be told of it.
     let _ = std::io::stderr().write_all(line.as_bytes());
+}
+
+/// Says findings on standard error, a line each.
+pub fn findings(findings: impl IntoIterator<Item = Finding>) {
+    findings.into_iter().for_each(|finding| to_stderr(format_args!("{finding}")));
 }
 
 /// Writes a result and a line's end to standard output; a reader that has gone away is no error.

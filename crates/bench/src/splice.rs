@@ -1,13 +1,15 @@
-//! What a program can write into documents, it writes: tables from records, and the help of every command, between markers.
+//! Tables from records, the help of every command and the keys of configuration files, written into documents between markers.
 //!
 //! ```text
 //! <!-- corf docs: table results/FOLDER KEY,KEY -->    the table of a folder of records, with these columns of metrics
 //! <!-- corf docs: help -->                            the help of every command
+//! <!-- corf docs: keys scene -->                      the keys of a scene file, or of a data-set file (`keys dataset`)
 //! <!-- corf docs: end -->
 //! ```
 
-use crate::{record, table};
+use crate::{record, schema, table};
 use anyhow::{Context, Result, bail, ensure};
+use corf_scene::config::{DatasetConfig, SceneConfig};
 use std::path::Path;
 
 const BEGIN: &str = "<!-- corf docs: ";
@@ -42,9 +44,11 @@ fn content(order: &str, folder: &Path, help: &str) -> Result<String> {
     let words: Vec<&str> = order.split_whitespace().collect();
     match words[..] {
         ["help"] => Ok(help.to_owned()),
+        ["keys", "scene"] => Ok(schema::tables::<SceneConfig>("Scene file")),
+        ["keys", "dataset"] => Ok(schema::tables::<DatasetConfig>("Data-set file")),
         ["table", records] => table_of(&folder.join(records), table::SHORT),
         ["table", records, keys] => table_of(&folder.join(records), &keys.split(',').collect::<Vec<_>>()),
-        _ => bail!("neither `table FOLDER`, `table FOLDER KEY,KEY` nor `help`"),
+        _ => bail!("neither `table FOLDER`, `table FOLDER KEY,KEY`, `help`, `keys scene` nor `keys dataset`"),
     }
 }
 

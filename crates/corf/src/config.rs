@@ -1,4 +1,4 @@
-//! What a reconstruction can be told to do. Every default is the paper's value where it gives one.
+//! The configuration of a reconstruction. Defaults are those of `corf-gs`; the paper's own values are in parentheses where they differ.
 
 use crate::{Appearance, Error, Gaussians, Result, target::RfTarget};
 use serde::{Deserialize, Serialize};
@@ -103,7 +103,7 @@ pub struct ReconstructionConfig {
     /// How many of these, the last ones, are taken between the next keyframe's look at the field and the moment that one's Gaussians and images
     /// join it: a GPU works on them while the processor decides what to add. After the last keyframe they follow without another. Default 0,
     /// as published.
-    pub iterations_before_joining: usize,
+    pub overlapped_iterations: usize,
     /// Pyramid levels (paper: 3).
     pub pyramid_levels: u32,
     /// Pyramid levels of the spectrum, at most `pyramid_levels`: with fewer it starts finer than the image. Default: as many, as published.
@@ -272,7 +272,7 @@ impl Default for ReconstructionConfig {
             least_probability: 0.0,
             rf_target: RfTarget::Jet,
             iterations_per_keyframe: 75,
-            iterations_before_joining: 0,
+            overlapped_iterations: 0,
             pyramid_levels: 3,
             rf_pyramid_levels: None,
             visits_per_level: 5,
@@ -314,8 +314,8 @@ impl ReconstructionConfig {
             ("least_probability", probability(self.least_probability), "a probability between 0 and 1"),
             ("iterations_per_keyframe", count(self.iterations_per_keyframe, 1_000_000), "1 to 1 000 000 (paper: 75)"),
             (
-                "iterations_before_joining",
-                self.iterations_before_joining <= self.iterations_per_keyframe,
+                "overlapped_iterations",
+                self.overlapped_iterations <= self.iterations_per_keyframe,
                 "at most iterations_per_keyframe",
             ),
             ("pyramid_levels", (1..=6).contains(&self.pyramid_levels), "between 1 and 6 (paper: 3)"),

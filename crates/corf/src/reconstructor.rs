@@ -1,10 +1,10 @@
 //! The online update operator U (paper Eq. (9)): expand the field where a new keyframe needs it, then optimise.
 
 mod admit;
-mod ahead;
 mod checkpoint;
 mod expand;
 mod latency;
+mod pipeline;
 mod prepare;
 mod report;
 
@@ -21,9 +21,9 @@ use crate::{
     schedule::{Schedule, StageWeights},
     sensor::RfSensor,
 };
-use ahead::Ahead;
 use checkpoint::Replay;
 use corf_scene::{Keyframe, Pinhole, Rigid3, keyframe::DbRange};
+use pipeline::KeyframePipeline;
 use prepare::Preparer;
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -60,7 +60,7 @@ pub struct Reconstructor {
     meta: FieldMeta,
     seed: u64,
     /// Received, not expanded, and when they were received.
-    ahead: Ahead,
+    ahead: KeyframePipeline,
     arrivals: VecDeque<Instant>,
     schedule: Schedule,
     /// Per Gaussian: keyframes expanded before it was born.
@@ -128,10 +128,10 @@ impl Reconstructor {
         }
         let background = (!device.trains_on_the_host()).then(rayon::current_num_threads);
         // Where steps are taken during an expansion, what it needs can wait for it.
-        let eager = background.is_some() && config.iterations_before_joining == 0;
+        let eager = background.is_some() && config.overlapped_iterations == 0;
         let preparer = Preparer::new(&config, &meta, seed, device.packer(), eager)?;
         Ok(Self {
-            ahead: Ahead::new(preparer, prepare::Past::new(&config), background),
+            ahead: KeyframePipeline::new(preparer, prepare::Past::new(&config), background),
             schedule: Schedule::new(seed, config.rf_target.floor_color()),
             device,
             config,
@@ -222,7 +222,7 @@ impl Reconstructor {
             self.end_timing(late.ended);
         }
         let expanded = Instant::now();
-        let steps = self.online_steps(self.config.iterations_per_keyframe - self.config.iterations_before_joining);
+        let steps = self.online_steps(self.config.iterations_per_keyframe - self.config.overlapped_iterations);
         let (device, ahead) = (&mut self.device, &mut self.ahead);
         let (trained, ()) = if device.trains_on_the_host() {
             rayon::join(|| device.train(&steps).map(|last| (last, Instant::now())), || ahead.prepare_one())
@@ -257,7 +257,7 @@ impl Reconstructor {
 
     /// Takes the steps that the last keyframe has left to be taken while another is expanded, and none has come.
     fn take_late_steps(&mut self, report: &mut KeyframeReport) -> Result<()> {
-        let late = self.online_steps(self.config.iterations_before_joining);
+        let late = self.online_steps(self.config.overlapped_iterations);
         if !late.is_empty() {
             self.train(&late, report)?;
             self.end_timing(Instant::now());
@@ -268,7 +268,7 @@ impl Reconstructor {
     /// When each keyframe expanded so far was waiting, expanded and trained with, in order. The latest is missing while it has steps left to
     /// be taken while another is expanded.
     pub fn timings(&self) -> &[KeyframeTiming] {
-        let open = self.config.iterations_before_joining > 0 && !self.finished;
+        let open = self.config.overlapped_iterations > 0 && !self.finished;
         &self.timings[..self.timings.len() - usize::from(open && !self.timings.is_empty())]
     }
 

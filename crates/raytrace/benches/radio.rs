@@ -55,12 +55,12 @@ fn radio(c: &mut Criterion) {
         ("bartlett-coherent", SpectrumKind::BartlettCoherent),
         ("mvdr", SpectrumKind::Mvdr),
     ];
-    let looks: Vec<Vec<Vec<Arrival>>> = arrivals.into_iter().map(|a| vec![a]).collect();
+    let port_pairs: Vec<Vec<Vec<Arrival>>> = arrivals.into_iter().map(|a| vec![a]).collect();
     for (name, kind) in beams {
         let settings = SpectrumSettings { kind, ..SpectrumSettings::new(&config.rf, &scene_config.receiver, config.seed) };
         group.bench_function(format!("{name} spectrum"), |b| {
             b.iter(|| {
-                poses.iter().zip(&looks).for_each(|(p, l)| drop(black_box(settings.form(l, &camera, &p.world_from_camera))));
+                poses.iter().zip(&port_pairs).for_each(|(p, l)| drop(black_box(settings.form(l, &camera, &p.world_from_camera))));
             });
         });
     }

@@ -6,6 +6,7 @@
 pub mod bvh;
 pub mod light;
 pub mod radio;
+pub mod sensor;
 pub mod sionna;
 pub mod spectrum;
 

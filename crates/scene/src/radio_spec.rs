@@ -2,6 +2,7 @@
 
 use crate::model::{Permittivity, RadioMaterial, Scattering, ScatteringPattern};
 use crate::{Error, Result};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A radio material as a person writes it: either `itu`, or `relative_permittivity` with `conductivity_s_per_m`.
@@ -14,7 +15,7 @@ use serde::{Deserialize, Serialize};
 /// scattering_pattern = "directive"
 /// alpha_r = 5
 /// ```
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RadioSpec {
     /// Identifier in reports; without it the ITU name, or else the material's own name.
@@ -52,7 +53,7 @@ pub struct RadioSpec {
 }
 
 /// The name of a scattering lobe.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum PatternName {
     /// cosθ_s / π.

@@ -2,11 +2,12 @@
 
 use crate::{Error, Result, Rigid3, bounds};
 use glam::{DVec2, DVec3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// `[trajectory]` of a scene file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrajectoryConfig {
     /// Corners of the loop in plan, `[x, y]` in metres, at least 3; the curve passes through every one and closes by itself.

@@ -1,16 +1,18 @@
 //! `corf bench light`: how far a dataset's images are from the converged ones, and what they cost.
 
 use super::{Verdict, show};
+use crate::generate;
 use crate::interrupt;
 use crate::metrics::image::psnr;
 use crate::note;
-use crate::optical_sensor::OpticalSensor;
+use crate::oidn::Oidn;
 use crate::progress::Progress;
 use crate::run::claim_fresh;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::{Bvh, Ray};
 use corf_raytrace::light::{self, LightFrame, LightSettings, LightTracer};
+use corf_raytrace::sensor::OpticalSensor;
 use corf_scene::config::DatasetConfig;
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Pinhole, Raster, Rigid3, Rng, Scene, io};
@@ -113,13 +115,13 @@ impl Light {
         let scene_config = config.load_scene_config()?;
         let (scene, left_out) = scene_config.load_scene_with_findings()?;
         left_out.iter().for_each(|finding| note!("{finding}"));
-        let denoiser = OpticalSensor::denoiser(&config)?;
+        let denoiser = Oidn::asked_for(&config)?;
         let _held = self.pictures.as_deref().map(claim_fresh).transpose()?;
         let poses = config.poses(&scene_config)?;
         let bvh = Bvh::build(&scene);
         let start = Instant::now();
         let tracer = LightTracer::new(&scene, &bvh);
-        let mut sensor = OpticalSensor::new(&config, &tracer, denoiser)?;
+        let mut sensor = generate::camera(&config, &tracer, denoiser)?;
         let prepare_seconds = start.elapsed().as_secs_f64();
         let exposure_ev = match config.optical.exposure_ev {
             Some(ev) => ev as f32,

@@ -5,13 +5,14 @@ use super::{Verdict, print};
 use crate::interrupt;
 use crate::note;
 use crate::progress::Progress;
-use crate::radio_sensor::{radio_settings, warn_of_geometry};
 use crate::run::claim_shared;
+use crate::say;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::diffuse::{Contribution, NO_MIRRORS_SR};
 use corf_raytrace::radio::{DiffuseField, DiffuseSettings, RadioSettings, RadioTracer, Solids};
+use corf_raytrace::sensor::{geometry_warnings, radio_settings};
 use corf_scene::config::SceneConfig;
 use corf_scene::npz::{Array, Values};
 use corf_scene::{Scene, bounds, io, near_field};
@@ -126,7 +127,7 @@ impl Diffuse {
             |rx: &Point| near_field::finding(&format!("receiver at {}", rx.0), rx.0.distance(tx), config.radio.frequency_hz);
         self.rx.iter().filter_map(near).for_each(|finding| note!("{finding}"));
         if !self.no_transmission {
-            warn_of_geometry(&scene);
+            say::findings(geometry_warnings(&scene));
         }
         let _held = self.arrivals.as_deref().map(claim_shared).transpose()?;
         let replicas = self.replicas;

@@ -3,12 +3,13 @@
 use super::{Verdict, show};
 use crate::json::write_json;
 use crate::link::Point;
-use crate::radio_sensor::{Extent, RadioSensor, SensorPlan, warn_of_geometry};
 use crate::run::claim_fresh;
+use crate::say;
 use anyhow::{Result, ensure};
 use clap::{Args, ValueEnum};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::{RadioTracer, Solids};
+use corf_raytrace::sensor::{Extent, RadioSensor, SensorPlan, geometry_warnings};
 use corf_raytrace::spectrum::{Grid, SpectrumSettings, share_in_frame};
 use corf_scene::config::{RfConfig, SceneConfig, SpectrumKind, from_toml};
 use corf_scene::dataset::{EQUIRECTANGULAR_AXES, Quantity};
@@ -141,7 +142,7 @@ impl Spectrum {
         let pose = Rigid3::looking_at(rx, towards, up);
         let grid = self.grid_of(&rf);
         if rf.transmission {
-            warn_of_geometry(&scene);
+            say::findings(geometry_warnings(&scene));
         }
 
         let bytes = BYTES_A_PIXEL * (grid.width() * grid.height()) as f64;
@@ -151,15 +152,15 @@ impl Spectrum {
         let plan = SensorPlan::from_parts(&rf, self.seed, transmitter, &config);
         let tracer = RadioTracer::new(&scene, &bvh, plan.tracing)?;
         let sensor = RadioSensor::new(&plan, &scene, &tracer)?;
-        sensor.check_distances([&pose])?;
+        say::findings(sensor.check([&pose])?);
         let kinds: Vec<SpectrumKind> = self.kind.iter().map(|kind| SpectrumKind::from(*kind)).collect();
         let received = sensor.receive(&pose, Extent::needed(&kinds, grid, config.receiver.rear))?;
         let _held = claim_fresh(&self.out)?;
-        let all = received.looks.concat();
+        let all = received.port_pairs.concat();
         let power: f64 = all.iter().map(|a| a.power).sum();
         let mut spectra = Vec::new();
         for kind in kinds {
-            let image = SpectrumSettings { kind, ..*sensor.settings() }.form(&received.looks, grid, &pose);
+            let image = SpectrumSettings { kind, ..*sensor.settings() }.form(&received.port_pairs, grid, &pose);
             spectra.push(self.write(kind.name(), Quantity::of(kind), &image)?);
         }
         let share = match &grid {

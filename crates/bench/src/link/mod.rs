@@ -5,7 +5,7 @@ mod receivers;
 pub use receivers::receivers;
 
 use crate::note;
-use crate::radio_sensor::{tell_of_open_edges, warn_of_geometry};
+use crate::say;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -13,6 +13,7 @@ use corf_raytrace::radio::{
     Antenna, AntennaArray, AntennaPattern, DiffuseField, DiffuseSettings, PlanarArray, Polarization, RadioSettings, RadioTracer,
     Search, Solids, Transmitter,
 };
+use corf_raytrace::sensor::{geometry_warnings, open_edges_note};
 use corf_scene::config::{Orientation, SceneConfig, read_toml};
 use corf_scene::near_field::SPEED_OF_LIGHT;
 use corf_scene::{Error, Scene, bounds, near_field};
@@ -252,7 +253,7 @@ impl LinkSetup {
         let scene = config.load_scene()?;
         config.check_radio(&scene)?;
         if link.transmission {
-            warn_of_geometry(&scene);
+            say::findings(geometry_warnings(&scene));
         }
         let solids = Solids::of(&scene);
         Ok(Self { config, scene, link, transmitters, rx_array, solids })
@@ -334,7 +335,7 @@ impl LinkSetup {
         let bvh = Bvh::build(&self.scene);
         let traced_from = |array: &AntennaArray| RadioTracer::new(&self.scene, &bvh, self.radio_settings(array));
         let mut tracer = traced_from(&self.transmitters[0].array)?;
-        tell_of_open_edges(&tracer);
+        say::findings(open_edges_note(&tracer));
         for (number, &TransmitEnd { position, array }) in self.transmitters.iter().enumerate() {
             if tracer.settings().tx_antenna != array.element {
                 tracer = traced_from(&array)?;

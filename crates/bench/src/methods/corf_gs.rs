@@ -68,7 +68,7 @@ impl CorfGsConfig {
 /// next one is expanded. docs/METHODOLOGY.md says what the missing steps cost.
 const FAST: &str = "\
 iterations_per_keyframe = 40
-iterations_before_joining = 40
+overlapped_iterations = 40
 ";
 
 /// What `corf-gs-paper` has in place of the defaults: the constants that the paper gives, and where it is silent those of on-the-fly

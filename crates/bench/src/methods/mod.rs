@@ -12,7 +12,7 @@ use anyhow::{Result, bail};
 pub const METHODS: &[(&str, &str)] = &[
     ("corf-gs", "coupled optimisation, optical-guided expansion: the paper's method at its best"),
     ("corf-gs-paper", "corf-gs with the paper's constants"),
-    ("corf-gs-fast", "corf-gs with fewer iterations at full resolution, in half the time"),
+    ("corf-gs-fast", "corf-gs with 40 iterations a keyframe instead of 75, overlapped with the next keyframe's expansion"),
     ("corf-gs-uniform", "ablation: every pixel spawns with probability 0.1 instead of optical-guided expansion"),
     ("corf-gs-frozen", "ablation: two stages, optical geometry frozen in the RF stage"),
     ("corf-gs-rf-tuned", "ablation: two stages, geometry refined by RF in the second"),

@@ -134,7 +134,7 @@ pub(super) fn figure(report: &Report<'_>) -> Result<String> {
         report.transmitter_m.map_or(String::new(), |t| format!("Transmitter at ({:.2}, {:.2}, {:.2}) m. ", t[0], t[1], t[2]));
     Ok(format!(
         "<div class=\"plan\"><figure>{svg}</figure><p class=\"note\">{transmitter}{trained} training keyframes (blue), {} held out \
-         (orange); the ticks point where the platform looks. The plan is put together from the keyframes' own images and depths, \
+         (orange); the ticks point where the platform port_pairs. The plan is put together from the keyframes' own images and depths, \
          the ceiling cut away; x to the right, y up.</p></div>",
         held_out.len()
     ))

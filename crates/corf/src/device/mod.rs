@@ -14,7 +14,7 @@ pub use planes::Planes;
 pub use state::{DeviceState, Outline};
 #[cfg(test)]
 pub(crate) use survey::judge;
-pub use survey::{Judgement, PruneRule, Shown, Survey, SurveyRequest};
+pub use survey::{PruneDecision, PruneRule, Shown, Survey, SurveyRequest};
 
 use crate::{Error, Gaussians, Result};
 use corf_scene::{Pinhole, Raster, Rigid3};

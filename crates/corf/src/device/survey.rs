@@ -44,7 +44,7 @@ pub struct Shown {
 
 /// What speaks against a Gaussian.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Judgement {
+pub struct PruneDecision {
     /// It hardly shows.
     pub faint: bool,
     /// In the image, it is too large.
@@ -57,7 +57,7 @@ pub struct Survey {
     /// One of each pixel, in the order of the question.
     pub shown: Vec<Shown>,
     /// One of each Gaussian.
-    pub judged: Vec<Judgement>,
+    pub judged: Vec<PruneDecision>,
 }
 
 impl Survey {
@@ -79,7 +79,7 @@ impl Survey {
 }
 
 /// What speaks against a Gaussian: low opacities, or a largest standard deviation beyond the rule's fraction of an image it is in front of.
-pub(crate) fn judge(gaussian: &Outline, view: &View, rule: &PruneRule) -> Judgement {
+pub(crate) fn judge(gaussian: &Outline, view: &View, rule: &PruneRule) -> PruneDecision {
     let extent_px = view.camera.width.max(view.camera.height) as f64;
     let focal_px = (view.camera.fx * view.camera.fy).sqrt();
     let [optical, rf] = gaussian.opacity_logit.map(sigmoid);
@@ -90,7 +90,7 @@ pub(crate) fn judge(gaussian: &Outline, view: &View, rule: &PruneRule) -> Judgem
         .project(p)
         .is_some_and(|u| u.x >= 0.0 && u.y >= 0.0 && u.x < view.camera.width as f64 && u.y < view.camera.height as f64);
     let sigma_m = f64::from(gaussian.largest_log_scale).exp();
-    Judgement {
+    PruneDecision {
         faint: opacity <= rule.opacity,
         oversized: in_frame && sigma_m * focal_px / p.z.max(1e-3) > f64::from(rule.image_fraction) * extent_px,
     }

@@ -3,7 +3,7 @@
 use crate::{
     config::ReconstructionConfig,
     depth::{PixelDepth, Reliability},
-    device::{Judgement, Shown},
+    device::{PruneDecision, Shown},
 };
 
 /// The Gaussians that give way to new ones: `true` where a Gaussian is the main contributor at `replace_at_samples` accurate samples or more.
@@ -24,7 +24,7 @@ pub fn replaced<'a>(
 /// The Gaussians to prune: old ones that are faint, and those that are oversized.
 ///
 /// `born[i]` is the count of keyframes expanded before Gaussian i's, `now` that before the present one.
-pub fn pruned(judged: &[Judgement], born: &[u32], now: u32, config: &ReconstructionConfig) -> Vec<bool> {
+pub fn pruned(judged: &[PruneDecision], born: &[u32], now: u32, config: &ReconstructionConfig) -> Vec<bool> {
     let old = |born: u32| now.saturating_sub(born) as usize >= config.prune_age_keyframes;
     judged.iter().zip(born).map(|(j, &born)| j.oversized || j.faint && old(born)).collect()
 }
@@ -73,7 +73,7 @@ mod tests {
             field.rf.sh.push(0.0);
         }
         let view = View { camera: Pinhole::from_horizontal_fov(64, 48, 90.0), world_from_camera: Rigid3::IDENTITY };
-        let judged = |both_modalities: bool| -> Vec<Judgement> {
+        let judged = |both_modalities: bool| -> Vec<PruneDecision> {
             let rule = PruneRule { opacity: config.prune_opacity, both_modalities, image_fraction: config.prune_image_fraction };
             Outline::of(&field).iter().map(|o| judge(o, &view, &rule)).collect()
         };

@@ -7,7 +7,7 @@ use super::{
 use crate::{
     Coupling, Gaussians, ReconstructionConfig, Result, Sampling,
     depth::{self, PixelDepth, Reliability, SparseDepth},
-    device::{Judgement, PruneRule, Shown, StepReport, Survey, SurveyRequest, View},
+    device::{PruneDecision, PruneRule, Shown, StepReport, Survey, SurveyRequest, View},
     expansion::{log, prune, spawn},
     field::over_coverage,
     stage,
@@ -57,7 +57,7 @@ impl Reconstructor {
     pub(super) fn expand(&mut self, mut keyframe: Prepared) -> Result<Expansion> {
         let view = View { camera: self.meta.optical_camera, world_from_camera: keyframe.training.world_from_camera };
         let (seen, judged) = self.survey(view, &mut keyframe)?;
-        let late = self.online_steps(self.config.iterations_before_joining);
+        let late = self.online_steps(self.config.overlapped_iterations);
         let trained = if late.is_empty() { None } else { self.device.begin_training(&late)? };
         let (change, mut expansion) = self.decide(view, &mut keyframe, &seen, &judged)?;
         let trained = if trained.is_some() { trained } else { self.device.end_training()? };
@@ -70,7 +70,7 @@ impl Reconstructor {
     }
 
     /// What to add and what to remove, which takes nothing of the device.
-    fn decide(&self, view: View, keyframe: &mut Prepared, seen: &Seen, judged: &[Judgement]) -> Result<(Change, Expansion)> {
+    fn decide(&self, view: View, keyframe: &mut Prepared, seen: &Seen, judged: &[PruneDecision]) -> Result<(Change, Expansion)> {
         // Where: Eqs. (13)–(15), or everywhere alike.
         let (seed, stage) = (self.seed, stage::keyed(stage::SAMPLING, keyframe.index));
         let chance = |keyframe: &Prepared, at: (usize, usize)| acceptance(&self.config, keyframe.probability[at], seen.at(at));
@@ -161,7 +161,7 @@ impl Reconstructor {
     }
 
     /// What the field shows where a new keyframe asks, and what speaks against each Gaussian; nothing while it is empty.
-    fn survey(&mut self, view: View, keyframe: &mut Prepared) -> Result<(Seen, Vec<Judgement>)> {
+    fn survey(&mut self, view: View, keyframe: &mut Prepared) -> Result<(Seen, Vec<PruneDecision>)> {
         if self.device.is_empty() {
             return Ok((Seen::default(), vec![]));
         }

@@ -18,7 +18,7 @@ pub struct KeyframeTiming {
     /// Its optimisation steps, without those of `late_s`.
     pub train_s: f64,
     /// From then to the end of those of its steps that are taken while the next keyframe is expanded
-    /// ([`iterations_before_joining`](crate::ReconstructionConfig)): it includes waiting for that keyframe, and is a part of its `expand_s`.
+    /// ([`overlapped_iterations`](crate::ReconstructionConfig)): it includes waiting for that keyframe, and is a part of its `expand_s`.
     #[serde(default)]
     pub late_s: f64,
 }

@@ -123,8 +123,8 @@ fn ways() -> [ReconstructionConfig; 6] {
         ReconstructionConfig { depth: no_prior, ..config() },
         ReconstructionConfig { depth: few_corners, ..config() },
         ReconstructionConfig { sampling: Sampling::Uniform, ..config() },
-        ReconstructionConfig { iterations_before_joining: 4, ..config() },
-        ReconstructionConfig { iterations_before_joining: 9, ..config() },
+        ReconstructionConfig { overlapped_iterations: 4, ..config() },
+        ReconstructionConfig { overlapped_iterations: 9, ..config() },
     ]
 }
 

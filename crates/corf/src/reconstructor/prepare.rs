@@ -26,7 +26,7 @@ const CORRECTED_BY: usize = 2500;
 const MATCHING_WINDOW: usize = 32;
 
 /// What a keyframe alone decides.
-pub(super) struct Looked {
+pub(super) struct Extracted {
     pub view: Arc<GreyView>,
     index: usize,
     world_from_camera: Rigid3,
@@ -40,8 +40,8 @@ pub(super) struct Looked {
 }
 
 /// A keyframe among those before it.
-pub(super) struct Placed {
-    looked: Looked,
+pub(super) struct Associated {
+    extracted: Extracted,
     neighbours: Vec<Arc<GreyView>>,
     anchors: Vec<SparseDepth>,
     typical_depth_m: f64,
@@ -163,7 +163,7 @@ impl Preparer {
         Ok(Self { config: config.clone(), meta: *meta, seed, prior, packer, eager })
     }
 
-    /// Refuses a keyframe that [`Self::look`] could not look at.
+    /// Refuses a keyframe that [`Self::extract`] could not look at.
     pub fn check(&self, keyframe: &Keyframe) -> Result<()> {
         self.prior.check(keyframe)
     }
@@ -219,7 +219,7 @@ impl Preparer {
     ///
     /// # Errors
     /// What the prior cannot be estimated from.
-    pub fn look(&self, keyframe: &Keyframe) -> Result<Looked> {
+    pub fn extract(&self, keyframe: &Keyframe) -> Result<Extracted> {
         let begin = Instant::now();
         let optical = Self::optical(keyframe);
         let sampling = self.config.sampling;
@@ -230,7 +230,7 @@ impl Preparer {
         };
         let stage = stage::keyed(stage::SAMPLING, keyframe.index);
         let candidates = log::draw(&probability, |p| acceptance(&self.config, p, None), self.seed, stage);
-        Ok(Looked {
+        Ok(Extracted {
             view: self.view(keyframe),
             index: keyframe.index,
             world_from_camera: keyframe.world_from_camera,
@@ -245,10 +245,10 @@ impl Preparer {
     }
 
     /// Where a keyframe stands among those that `past` has met, itself one of them; in order.
-    pub fn place(&self, past: &mut Past, mut looked: Looked) -> Placed {
+    pub fn associate(&self, past: &mut Past, mut extracted: Extracted) -> Associated {
         let begin = Instant::now();
-        let reference = &looked.view;
-        let others = past.views.iter().rev().filter(|v| v.index != looked.index).map(AsRef::as_ref);
+        let reference = &extracted.view;
+        let others = past.views.iter().rev().filter(|v| v.index != extracted.index).map(AsRef::as_ref);
         let config = &self.config.depth;
         let neighbours = depth::select_neighbours(reference, others, past.typical_depth_m, config.neighbours);
         let anchors = depth::triangulate(reference, &neighbours, config);
@@ -259,35 +259,35 @@ impl Preparer {
         }
         let chosen: Vec<usize> = neighbours.iter().map(|n| n.view.index).collect();
         let neighbours = chosen.iter().filter_map(|&i| past.views.iter().find(|v| v.index == i)).cloned().collect();
-        looked.work_s += begin.elapsed().as_secs_f64();
-        Placed { looked, neighbours, anchors, typical_depth_m: past.typical_depth_m }
+        extracted.work_s += begin.elapsed().as_secs_f64();
+        Associated { extracted, neighbours, anchors, typical_depth_m: past.typical_depth_m }
     }
 
     /// All that can be known of a keyframe without the field.
     ///
     /// # Errors
     /// A view the device would refuse.
-    pub fn complete(&self, placed: Placed) -> Result<Prepared> {
+    pub fn finalise(&self, associated: Associated) -> Result<Prepared> {
         let begin = Instant::now();
-        let Placed { looked, neighbours, anchors, typical_depth_m } = placed;
-        let mono = looked.mono;
+        let Associated { extracted, neighbours, anchors, typical_depth_m } = associated;
+        let mono = extracted.mono;
         let aligned = mono.as_ref().and_then(|m| match self.prior.is_exact() {
             true => Some(AlignedPrior::new(m, 1.0, 0.0, &self.config.depth)),
             false => depth::align(m, &anchors, &self.config.depth),
         });
         let grid = (aligned.is_none() && mono.is_some()).then(|| anchor_grid(self.meta.optical_camera));
-        let mut asked = looked.candidates.clone();
+        let mut asked = extracted.candidates.clone();
         asked.extend(anchors.iter().map(|a| (a.x, a.y)).chain(grid.into_iter().flatten()));
         // Nearly in order: what is drawn is.
         asked.sort_by_key(|&(x, y)| (y, x));
         asked.dedup();
         let mut prepared = Prepared {
-            index: looked.index,
-            training: self.target(looked.world_from_camera, looked.optical, looked.rf, aligned.as_ref()),
-            probability: looked.probability,
-            candidates: looked.candidates,
+            index: extracted.index,
+            training: self.target(extracted.world_from_camera, extracted.optical, extracted.rf, aligned.as_ref()),
+            probability: extracted.probability,
+            candidates: extracted.candidates,
             asked,
-            reference: looked.view,
+            reference: extracted.view,
             neighbours,
             anchors,
             mono,
@@ -296,7 +296,7 @@ impl Preparer {
             correction: None,
             matched: None,
             packed: None,
-            truth_m: looked.truth_m,
+            truth_m: extracted.truth_m,
             typical_depth_m,
             work_s: 0.0,
         };
@@ -312,7 +312,7 @@ impl Preparer {
                 prepared.matched = Some(prepared.match_pixels(&prepared.candidates, prepared.aligned.as_ref(), &self.config));
             }
         }
-        prepared.work_s = looked.work_s + begin.elapsed().as_secs_f64();
+        prepared.work_s = extracted.work_s + begin.elapsed().as_secs_f64();
         Ok(prepared)
     }
 }

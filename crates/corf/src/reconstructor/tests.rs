@@ -233,7 +233,7 @@ fn a_gaussian_that_new_ones_stand_on_gives_way() {
 fn a_keyframe_joins_after_the_last_steps_of_the_one_before() {
     let frames = keyframes(5);
     for late in [8, 20] {
-        let config = ReconstructionConfig { iterations_per_keyframe: 20, iterations_before_joining: late, ..Default::default() };
+        let config = ReconstructionConfig { iterations_per_keyframe: 20, overlapped_iterations: late, ..Default::default() };
         let (mut r, log) = reconstructor(config, 1);
         for (k, frame) in frames.iter().enumerate() {
             let before = log.lock().unwrap().steps.len();

@@ -3,7 +3,7 @@
 use super::beams::{self, Beam};
 use super::chain::{Chain, repeats};
 use super::geometry::Geometry;
-use super::walk::{Findings, Leg, Walk, Way, distinct};
+use super::walk::{ChainImages, Findings, Leg, Walk, distinct};
 use super::{RadioSettings, Search};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -69,7 +69,7 @@ impl Density {
                 for (chain, &count) in chunk.iter().zip(counts) {
                     let Some(&last) = chain.faces().last() else { continue };
                     let points = walk.geometry().faces[last as usize].spread(count);
-                    self.go_on(walk, &Way::new(walk.geometry(), tx, chain), &points, &mut legs, &mut found);
+                    self.go_on(walk, &ChainImages::new(walk.geometry(), tx, chain), &points, &mut legs, &mut found);
                 }
                 found.into_vec()
             })
@@ -77,7 +77,14 @@ impl Density {
     }
 
     /// Sends rays on from points of the last face on a way, pass after pass.
-    fn go_on(&self, walk: &Walk<'_, '_>, way: &Way<'_>, points: &[DVec3], legs: &mut Vec<Leg>, found: &mut Findings<Chain>) {
+    fn go_on(
+        &self,
+        walk: &Walk<'_, '_>,
+        way: &ChainImages<'_>,
+        points: &[DVec3],
+        legs: &mut Vec<Leg>,
+        found: &mut Findings<Chain>,
+    ) {
         let (count, step) = (points.len(), golden_step(points.len()));
         let (mut tried, mut pass) = (0, self.first_pass);
         while tried < count {
@@ -216,7 +223,7 @@ impl Large {
                 let in_beam = facets.iter().filter(|facet| beam.meets(&facet.hull) && !repeats(geometry, chain, facet.face));
                 let lit = in_beam.filter_map(|facet| {
                     let next = chain.pushed(facet.face, geometry);
-                    let way = Way::new(geometry, tx, &next);
+                    let way = ChainImages::new(geometry, tx, &next);
                     facet.points.iter().any(|&point| walk.lights(&way, point)).then_some(next)
                 });
                 lit.collect()

@@ -1,4 +1,5 @@
-//! Complex numbers in f64: the few operations that fields need.
+//! Complex numbers in f64: the few operations that fields need. `num-complex` takes square roots by way of polar coordinates and divides by |z|²;
+//! beside the negative real axis, and for a metal's permittivity, that loses digits which coefficients are compared to.
 
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, Div, Mul, Neg, Sub};

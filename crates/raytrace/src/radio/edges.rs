@@ -8,7 +8,7 @@ use super::chains;
 use super::diffraction::{Wedge, Wedges, keller_point};
 use super::geometry::Geometry;
 use super::path::Path;
-use super::route::{Propagator, Route, Turn};
+use super::ray_path::{PathEvent, Propagator, RayPath};
 use super::walk::Walk;
 use super::{MAX_DEPTH, RadioSettings, Search};
 use glam::DVec3;
@@ -157,18 +157,18 @@ fn at_edge(
     let (before, after) = (source.chain.faces(), target.chain.faces());
     let to_edge = propagator.specular_vertices(tx, point, source.chain)?;
     let from_edge = propagator.specular_vertices(rx, point, target.chain)?;
-    let mut turns = [Turn::Edge { wedge, lit: source.lit }; MAX_DEPTH];
+    let mut turns = [PathEvent::Edge { wedge, lit: source.lit }; MAX_DEPTH];
     let mut corners = [point; MAX_DEPTH];
     for (i, face) in before.iter().enumerate() {
-        (turns[i], corners[i]) = (Turn::Mirror(*face), to_edge[i]);
+        (turns[i], corners[i]) = (PathEvent::Mirror(*face), to_edge[i]);
     }
     for (i, face) in after.iter().enumerate() {
         // The receiver's chain runs towards the edge, the path away from it.
         let at = before.len() + after.len() - i;
-        (turns[at], corners[at]) = (Turn::Mirror(*face), from_edge[i]);
+        (turns[at], corners[at]) = (PathEvent::Mirror(*face), from_edge[i]);
     }
     let count = before.len() + 1 + after.len();
-    propagator.follow(&Route { tx, rx, turns: &turns[..count], corners: &corners[..count] })
+    propagator.follow(&RayPath { tx, rx, turns: &turns[..count], corners: &corners[..count] })
 }
 
 /// Whether the edge hides the source from the receiver: φ − φ′ > π.

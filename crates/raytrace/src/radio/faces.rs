@@ -4,8 +4,8 @@ use super::face::{COPLANAR_NORMAL, Face};
 use super::planar::PlanarIndex;
 use corf_scene::Scene;
 use glam::{DVec3, IVec3};
+use rustc_hash::FxHashMap;
 use std::collections::HashMap;
-use std::hash::{BuildHasherDefault, Hasher};
 
 /// Triangles belong to one face when their corners lie this close to its plane, metres (float32 corners at 10 m are off by 1e-6).
 const COPLANAR_DISTANCE_M: f64 = 5e-6;
@@ -26,23 +26,23 @@ struct Group {
     object: u32,
 }
 
-/// Planes filed under keys; what a key finds are candidates, whatever else shares it.
+/// Planes filed under keys; what a key finds are candidates.
 #[derive(Default)]
 struct Planes {
     /// The entry filed last under a key, plus 1.
-    last: HashMap<u64, u32, BuildHasherDefault<KeyHasher>>,
+    last: FxHashMap<Key, u32>,
     /// (group, the entry before under the same key plus 1).
     entries: Vec<(u32, u32)>,
 }
 
 impl Planes {
-    fn file(&mut self, key: u64, group: u32) {
+    fn file(&mut self, key: Key, group: u32) {
         let last = self.last.entry(key).or_default();
         self.entries.push((group, *last));
         *last = self.entries.len() as u32;
     }
 
-    fn under(&self, key: u64) -> impl Iterator<Item = u32> + '_ {
+    fn under(&self, key: Key) -> impl Iterator<Item = u32> + '_ {
         let mut next = self.last.get(&key).copied().unwrap_or(0);
         std::iter::from_fn(move || {
             let (group, before) = *self.entries.get(next.checked_sub(1)? as usize)?;
@@ -52,33 +52,9 @@ impl Planes {
     }
 }
 
-/// Keys are mixed when they are made.
-#[derive(Default)]
-struct KeyHasher(u64);
-
-impl Hasher for KeyHasher {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-
-    fn write(&mut self, bytes: &[u8]) {
-        bytes.iter().for_each(|b| self.write_u64(self.0.rotate_left(8) ^ u64::from(*b)));
-    }
-
-    fn write_u64(&mut self, key: u64) {
-        self.0 = key;
-    }
-}
-
-/// Where planes of a part may be found: by the cell of their normal, and within it by the bins along the cell's own direction that the
-/// plane reaches within the part.
-fn key(part: u32, cell: IVec3, bin: i64) -> u64 {
-    let words = [u64::from(part), cell.x as u64, cell.y as u64, cell.z as u64, bin as u64];
-    words.into_iter().fold(0, |key, word| {
-        let mixed = (key ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        mixed ^ (mixed >> 32)
-    })
-}
+/// Where planes of a part may be found: the part, the cell of their normal, and of the bins along the cell's own direction one that the plane
+/// reaches within the part.
+type Key = (u32, IVec3, i64);
 
 /// An area to eleven binary digits: the halves of a rectangle are the same size.
 fn size(area: f64) -> u32 {
@@ -98,17 +74,17 @@ impl Part {
     }
 
     /// The keys under which a plane is filed.
-    fn keys_of_plane(&self, normal: DVec3, point: DVec3) -> impl Iterator<Item = u64> + '_ {
+    fn keys_of_plane(&self, normal: DVec3, point: DVec3) -> impl Iterator<Item = Key> + '_ {
         let cell = (normal / NORMAL_CELL).round().as_ivec3();
         let direction = cell.as_dvec3() * NORMAL_CELL;
         // Points of the plane within the part differ along the cell's direction d by no more than |d − n|·2r.
         let reach_m = (direction - normal).length() * 2.0 * self.radius_m + COPLANAR_DISTANCE_M * 2.0;
         let at = direction.dot(point - self.centre);
-        (self.bin(at - reach_m)..=self.bin(at + reach_m)).map(move |bin| key(self.number, cell, bin))
+        (self.bin(at - reach_m)..=self.bin(at + reach_m)).map(move |bin| (self.number, cell, bin))
     }
 
     /// The keys under which planes that a triangle may lie in are filed: those of every cell near its normal, of either sign.
-    fn keys_of_triangle(&self, normal: DVec3, corner: DVec3) -> Vec<u64> {
+    fn keys_of_triangle(&self, normal: DVec3, corner: DVec3) -> Vec<Key> {
         let mut keys = Vec::new();
         for normal in [normal, -normal] {
             let low = ((normal - COPLANAR_RAD) / NORMAL_CELL).round().as_ivec3();
@@ -118,7 +94,7 @@ impl Part {
                     for z in low.z..=high.z {
                         let cell = IVec3::new(x, y, z);
                         let along_m = (cell.as_dvec3() * NORMAL_CELL).dot(corner - self.centre);
-                        keys.push(key(self.number, cell, self.bin(along_m)));
+                        keys.push((self.number, cell, self.bin(along_m)));
                     }
                 }
             }

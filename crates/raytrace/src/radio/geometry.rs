@@ -36,7 +36,7 @@ pub struct Crossing {
 
 /// Where a ray meets the first surface on its way.
 #[derive(Clone, Copy, Debug)]
-pub struct Meeting {
+pub struct SurfaceHit {
     /// Index into [`Geometry::faces`].
     pub face: u32,
     /// Along the ray, metres.
@@ -50,7 +50,7 @@ pub struct Meeting {
 }
 
 /// Where a ray meets a triangle.
-struct SurfaceHit {
+struct TriangleHit {
     distance_m: f64,
     face: u32,
 }
@@ -156,7 +156,7 @@ impl<'a> Geometry<'a> {
         }
         let direction = (to - from) / length;
         // Hits in order of their coming, and at how many places there are some: never more than crossings.
-        let (mut hits, mut places): (Vec<SurfaceHit>, usize) = (Vec::new(), 0);
+        let (mut hits, mut places): (Vec<TriangleHit>, usize) = (Vec::new(), 0);
         let mut visit = |triangle: usize| {
             let face = self.face_of_triangle[triangle];
             if skip.contains(&Some(face)) {
@@ -167,7 +167,7 @@ impl<'a> Geometry<'a> {
                 return ControlFlow::Continue(());
             }
             places += usize::from(!hits.iter().any(|hit| hit.face == face || (hit.distance_m - t).abs() < SAME_CROSSING_M));
-            hits.push(SurfaceHit { distance_m: t, face });
+            hits.push(TriangleHit { distance_m: t, face });
             if places > limit { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         match self.occluders {
@@ -196,7 +196,7 @@ impl<'a> Geometry<'a> {
         from: DVec3,
         direction: DVec3,
         length_m: f64,
-        mut hits: Vec<SurfaceHit>,
+        mut hits: Vec<TriangleHit>,
         skip: [Option<u32>; N],
     ) -> Vec<Crossing> {
         // Faces, not visiting order, break ties: the answer does not depend on the search structure.
@@ -225,13 +225,13 @@ impl<'a> Geometry<'a> {
     }
 
     /// What the ray beside one that hits something at a distance hits there, `skip` aside: the same, but at an edge.
-    fn hits_beside(&self, from: DVec3, direction: DVec3, distance_m: f64, skip: &[Option<u32>]) -> Vec<SurfaceHit> {
+    fn hits_beside(&self, from: DVec3, direction: DVec3, distance_m: f64, skip: &[Option<u32>]) -> Vec<TriangleHit> {
         let mut hits = Vec::new();
         self.visit_triangles_near(from + direction * distance_m, TOUCHING_M, |triangle| {
             let face = self.face_of_triangle[triangle];
             let meets = line_meets_triangle(from + BESIDE_RAY_M, direction, &self.corners[triangle]);
             if meets.is_some_and(|t| (t - distance_m).abs() < TOUCHING_M) && !skip.contains(&Some(face)) {
-                hits.push(SurfaceHit { distance_m, face });
+                hits.push(TriangleHit { distance_m, face });
             }
         });
         hits.sort_by_key(|hit| hit.face);
@@ -292,13 +292,13 @@ impl<'a> Geometry<'a> {
     }
 
     /// The first surface along a ray of unit direction, beyond `clearance_m`.
-    pub fn meet(&self, origin: DVec3, direction: DVec3, clearance_m: f64) -> Option<Meeting> {
+    pub fn intersect(&self, origin: DVec3, direction: DVec3, clearance_m: f64) -> Option<SurfaceHit> {
         let (distance_m, triangle) = self.closest(origin, direction, clearance_m)?;
         let face = self.face_of_triangle(triangle);
         let plane = &self.faces[face as usize];
         let reached = origin + direction * distance_m;
         let side = usize::from(plane.normal.dot(direction) > 0.0);
-        Some(Meeting {
+        Some(SurfaceHit {
             face,
             distance_m,
             point: reached - plane.normal * plane.distance(reached),

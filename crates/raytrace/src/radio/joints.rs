@@ -6,7 +6,7 @@
 use super::MAX_DEPTH;
 use super::face::Face;
 use super::geometry::{BESIDE_RAY_M, Crossing, END_CLEARANCE_M, Geometry, TOUCHING_M};
-use super::route::{Propagator, Route, Turn};
+use super::ray_path::{PathEvent, Propagator, RayPath};
 use glam::DVec3;
 
 /// Where a face is looked for beside a bounce: far enough from the mirror to be clear of such a gap, but no further than this, metres.
@@ -20,7 +20,7 @@ struct Bounce<'b> {
     /// Where these legs end.
     ends: [DVec3; 2],
     /// The faces bounced off.
-    mirrors: &'b [Turn<'b>],
+    mirrors: &'b [PathEvent<'b>],
     /// Faces that the legs' far ends lie on: a leg comes from their plane and does not cross it.
     beyond: [Option<u32>; 4],
 }
@@ -29,8 +29,8 @@ impl Bounce<'_> {
     /// The faces bounced off.
     fn faces(&self) -> impl Iterator<Item = u32> + '_ {
         self.mirrors.iter().filter_map(|turn| match turn {
-            Turn::Mirror(face) => Some(*face),
-            Turn::Edge { .. } => None,
+            PathEvent::Mirror(face) => Some(*face),
+            PathEvent::Edge { .. } => None,
         })
     }
 
@@ -54,7 +54,7 @@ impl Bounce<'_> {
 
     /// Whether a path beside this one bounces as well; of several bounces at one point that is known.
     fn goes_on_beside(&self, geometry: &Geometry<'_>) -> bool {
-        let [Turn::Mirror(face)] = self.mirrors else { return true };
+        let [PathEvent::Mirror(face)] = self.mirrors else { return true };
         let mirror = &geometry.faces[*face as usize];
         mirror.contains(self.at + BESIDE_RAY_M - mirror.normal * mirror.normal.dot(BESIDE_RAY_M))
     }
@@ -64,7 +64,7 @@ impl Propagator<'_, '_> {
     /// Adds the faces that a route passes where it bounces to those it crosses on the way there; `None` once there are more than `budget`.
     pub(super) fn pass_joints(
         &self,
-        route: &Route<'_>,
+        route: &RayPath<'_>,
         crossed: &mut [Vec<Crossing>; MAX_DEPTH + 1],
         mut budget: usize,
     ) -> Option<()> {
@@ -75,7 +75,7 @@ impl Propagator<'_, '_> {
             let next = first + same;
             let mirrors = &route.turns[first..next];
             // What stands on an edge that diffracts is looked for beside it.
-            if mirrors.iter().all(|turn| matches!(turn, Turn::Mirror(_))) {
+            if mirrors.iter().all(|turn| matches!(turn, PathEvent::Mirror(_))) {
                 let (from, _, before) = route.leg(first);
                 let (_, to, after) = route.leg(next);
                 let ends = [from, to];

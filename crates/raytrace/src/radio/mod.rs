@@ -5,6 +5,7 @@
 
 pub mod antenna;
 mod beams;
+mod candidate_filter;
 mod chain;
 mod chains;
 pub mod channel;
@@ -25,9 +26,8 @@ pub mod lattice;
 pub mod materials;
 mod path;
 mod planar;
-mod route;
+mod ray_path;
 pub mod scattering;
-mod screen;
 mod tables;
 mod tracer;
 mod walk;

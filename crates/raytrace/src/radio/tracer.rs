@@ -1,6 +1,7 @@
 //! The tracer: a scene made ready once, a transmitter's candidates, and the paths to a receiver.
 
 use super::RadioSettings;
+use super::candidate_filter::CandidateFilter;
 use super::chain::Chain;
 use super::chains;
 use super::diffraction::{Wedge, Wedges};
@@ -8,8 +9,7 @@ use super::edges::{self, EdgeChains};
 use super::face::Face;
 use super::geometry::Geometry;
 use super::path::{Path, SAME_PATH_M};
-use super::route::Propagator;
-use super::screen::Screen;
+use super::ray_path::Propagator;
 use crate::bvh::Bvh;
 use corf_scene::{Error, Result, Scene, near_field};
 use glam::DVec3;
@@ -93,9 +93,9 @@ impl<'a> RadioTracer<'a> {
     pub fn transmitter(&self, tx: DVec3) -> Result<Transmitter<'_, 'a>> {
         self.check_position("transmitter", tx)?;
         let chains = chains::candidates(&self.geometry, tx, &self.settings);
-        let screen = Screen::new(&self.geometry, &chains);
+        let filter = CandidateFilter::new(&self.geometry, &chains);
         let edge_chains = EdgeChains::from_point(&self.propagator(), &self.wedges, tx);
-        Ok(Transmitter { tracer: self, tx, chains, screen, edge_chains })
+        Ok(Transmitter { tracer: self, tx, chains, filter, edge_chains })
     }
 
     /// Refuses an end of links with scattered power that is not finite or closer to a surface than its rays start from it.
@@ -154,7 +154,7 @@ pub struct Transmitter<'t, 'a> {
     pub(super) tracer: &'t RadioTracer<'a>,
     tx: DVec3,
     chains: Vec<Chain>,
-    screen: Screen,
+    filter: CandidateFilter,
     edge_chains: EdgeChains,
 }
 
@@ -179,7 +179,7 @@ impl<'t, 'a> Transmitter<'t, 'a> {
         let propagator = self.tracer.propagator();
         let direct = propagator.trace(self.tx, rx, &Chain::line_of_sight(self.tx));
         paths.extend(direct.filter(|path| self.tracer.settings.line_of_sight || !path.interactions.is_empty()));
-        let passing = self.screen.passing(&self.tracer.geometry, rx);
+        let passing = self.filter.passing(&self.tracer.geometry, rx);
         let traced: Vec<Vec<Path>> = passing
             .par_chunks(CHAINS_PER_TASK)
             .map(|chunk| chunk.iter().filter_map(|&chain| propagator.trace(self.tx, rx, &self.chains[chain as usize])).collect())

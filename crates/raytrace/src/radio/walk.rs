@@ -76,12 +76,12 @@ impl<T: Finding> Findings<T> {
 }
 
 /// A chain with the transmitter's images before each of its faces.
-pub struct Way<'c> {
+pub struct ChainImages<'c> {
     chain: &'c Chain,
     images: [DVec3; MAX_DEPTH],
 }
 
-impl<'c> Way<'c> {
+impl<'c> ChainImages<'c> {
     /// From a transmitter.
     pub fn new(geometry: &Geometry<'_>, tx: DVec3, chain: &'c Chain) -> Self {
         Self { chain, images: chain.images(geometry, tx) }
@@ -127,7 +127,7 @@ impl<'w, 'a> Walk<'w, 'a> {
     }
 
     /// Whether a ray from the transmitter reaches a point of a chain's last face by way of the chain.
-    pub fn lights(&self, way: &Way<'_>, point: DVec3) -> bool {
+    pub fn lights(&self, way: &ChainImages<'_>, point: DVec3) -> bool {
         let geometry = self.geometry;
         let opaque = |face: u32| !self.transparent[geometry.faces[face as usize].material as usize];
         let faces = way.chain.faces();
@@ -157,7 +157,7 @@ impl<'w, 'a> Walk<'w, 'a> {
 
     /// Follows the ray that came to a point of a chain's last face by way of the chain, up to the greatest number of interactions; `visit`
     /// gets every hit, with the chain of faces bounced off before. `legs` is room, empty before and after.
-    pub fn go_on(&self, way: &Way<'_>, point: DVec3, legs: &mut Vec<Leg>, visit: impl FnMut(&Chain, u32)) {
+    pub fn go_on(&self, way: &ChainImages<'_>, point: DVec3, legs: &mut Vec<Leg>, visit: impl FnMut(&Chain, u32)) {
         if let Some(direction) = (point - way.chain.image).try_normalize() {
             legs.push(Leg { origin: point, direction, chain: *way.chain, interactions: way.chain.faces().len() });
             self.follow(legs, visit);

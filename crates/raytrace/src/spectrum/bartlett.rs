@@ -27,8 +27,8 @@ impl Bartlett {
     }
 
     /// P(u) = Σ_l |v(u)ᴴx_l|² / N²: coherent within a delay tap of 1/B, noncoherent over taps and over looks (pairs of antenna ports).
-    pub(super) fn coherent(aperture: &Aperture, looks: &[Vec<Arrival>], bandwidth_hz: f64, seed: u64) -> Self {
-        let covariance = aperture.covariance(looks, bandwidth_hz, seed);
+    pub(super) fn coherent(aperture: &Aperture, port_pairs: &[Vec<Arrival>], bandwidth_hz: f64, seed: u64) -> Self {
+        let covariance = aperture.covariance(port_pairs, bandwidth_hz, seed);
         Self {
             form: LagForm::of_matrix(aperture.array, covariance.entries()),
             elements2: (aperture.array.elements() as f64).powi(2),

@@ -45,8 +45,8 @@ impl SpectrumSettings {
 
     /// The spectrum at every pixel of a grid, linear; the array shares its frame with the camera, boresight along the optical axis.
     ///
-    /// `looks` are the arrivals of every pair of antenna ports ([`super::looks`]); diffuse power belongs into any one of them.
-    pub fn form(&self, looks: &[Vec<Arrival>], grid: impl Into<Grid>, world_from_camera: &Rigid3) -> Raster<f32> {
+    /// `port_pairs` are the arrivals of every pair of antenna ports ([`super::port_pairs`]); diffuse power belongs into any one of them.
+    pub fn form(&self, port_pairs: &[Vec<Arrival>], grid: impl Into<Grid>, world_from_camera: &Rigid3) -> Raster<f32> {
         let grid: Grid = grid.into();
         let array_from_camera = ARRAY_FROM_CAMERA.rotation;
         let aperture = Aperture { array: self.array, world_from_array: world_from_array(world_from_camera), rear: self.rear };
@@ -56,17 +56,17 @@ impl SpectrumSettings {
             Raster::from_vec(grid.width(), grid.height(), pixels)
         };
         match self.kind {
-            SpectrumKind::Mpc => mpc(&looks.concat(), grid, world_from_camera, self.lobe_width_deg),
+            SpectrumKind::Mpc => mpc(&port_pairs.concat(), grid, world_from_camera, self.lobe_width_deg),
             SpectrumKind::Bartlett => {
-                let bartlett = Bartlett::noncoherent(&aperture, &looks.concat());
+                let bartlett = Bartlett::noncoherent(&aperture, &port_pairs.concat());
                 evaluate(&|u| bartlett.power(u))
             }
             SpectrumKind::BartlettCoherent => {
-                let bartlett = Bartlett::coherent(&aperture, looks, self.bandwidth_hz, self.seed);
+                let bartlett = Bartlett::coherent(&aperture, port_pairs, self.bandwidth_hz, self.seed);
                 evaluate(&|u| bartlett.power(u))
             }
             SpectrumKind::Mvdr => {
-                let mvdr = Mvdr::new(self.array, aperture.covariance(looks, self.bandwidth_hz, self.seed), self.loading);
+                let mvdr = Mvdr::new(self.array, aperture.covariance(port_pairs, self.bandwidth_hz, self.seed), self.loading);
                 evaluate(&|u| mvdr.power(u))
             }
         }

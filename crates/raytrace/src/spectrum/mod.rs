@@ -16,10 +16,10 @@ mod grid;
 mod hermitian;
 mod lags;
 mod lobe;
-mod looks;
 mod mpc;
 mod mvdr;
 mod narrow;
+mod port_pairs;
 mod snapshots;
 #[cfg(test)]
 mod tests;
@@ -28,8 +28,8 @@ mod tutorial;
 pub use bartlett::{Bartlett, RearHalfSpace};
 pub use form::SpectrumSettings;
 pub use grid::Grid;
-pub use looks::looks;
 pub use mpc::mpc;
+pub use port_pairs::port_pairs;
 pub use tutorial::TutorialSphere;
 
 use crate::radio::Arrival;

@@ -28,8 +28,8 @@ impl Aperture {
     }
 
     /// R = Σ_l x_l x_lᴴ over the taps of every look.
-    pub fn covariance(&self, looks: &[Vec<Arrival>], bandwidth_hz: f64, seed: u64) -> Hermitian {
-        let snapshots: Vec<Vec<Complex>> = looks.iter().flat_map(|look| self.snapshots(look, bandwidth_hz, seed)).collect();
+    pub fn covariance(&self, port_pairs: &[Vec<Arrival>], bandwidth_hz: f64, seed: u64) -> Hermitian {
+        let snapshots: Vec<Vec<Complex>> = port_pairs.iter().flat_map(|look| self.snapshots(look, bandwidth_hz, seed)).collect();
         Hermitian::sum_of_products(self.array.elements(), &snapshots)
     }
 

@@ -41,8 +41,8 @@ fn resolved(direction: DVec3, power: f64, delay_s: f64, phase_rad: f64) -> Arriv
 }
 
 /// The spectrum that an array in the world's axes has towards one direction.
-fn value(settings: &SpectrumSettings, looks: &[Vec<Arrival>], direction: DVec3) -> f64 {
-    let image = settings.form(looks, &SPHERE, &ahead());
+fn value(settings: &SpectrumSettings, port_pairs: &[Vec<Arrival>], direction: DVec3) -> f64 {
+    let image = settings.form(port_pairs, &SPHERE, &ahead());
     let p = SPHERE.project(direction);
     f64::from(image[(p.x as usize, p.y as usize)])
 }
@@ -56,14 +56,14 @@ fn centre(azimuth_deg: f64, elevation_deg: f64) -> DVec3 {
 #[test]
 fn a_lone_path_reads_as_its_power_in_every_beam_kind() {
     let u = centre(20.0, -10.0);
-    let looks = [vec![resolved(u, 3e-9, 30e-9, 1.0)]];
+    let port_pairs = [vec![resolved(u, 3e-9, 30e-9, 1.0)]];
     for (kind, expected) in [
         (SpectrumKind::Bartlett, 3e-9),
         (SpectrumKind::BartlettCoherent, 3e-9),
         // The loading adds its share of one element.
         (SpectrumKind::Mvdr, 3e-9 * (1.0 + 1e-3 / 64.0)),
     ] {
-        let found = value(&settings(kind), &looks, u);
+        let found = value(&settings(kind), &port_pairs, u);
         assert!((found / expected - 1.0).abs() < F32, "{kind:?}: {found}");
     }
 }
@@ -74,7 +74,7 @@ fn a_capon_beam_falls_off_as_the_loading_lets_it() {
     let (array, u0, p) = (PlanarArray::default(), centre(5.0, 5.0), 2e-8);
     let s = settings(SpectrumKind::Mvdr);
     let delta = s.loading * p;
-    let looks = [vec![resolved(u0, p, 10e-9, 0.0)]];
+    let port_pairs = [vec![resolved(u0, p, 10e-9, 0.0)]];
     for u in [centre(6.0, 5.0), centre(15.0, 0.0), centre(-40.0, 20.0)] {
         let product = array
             .steering(u)
@@ -82,7 +82,7 @@ fn a_capon_beam_falls_off_as_the_loading_lets_it() {
             .zip(array.steering(u0))
             .fold(Complex::ZERO, |sum, (v, w)| sum + Complex::new(v.re, -v.im) * w);
         let expected = delta / (64.0 - p * product.norm_squared() / (delta + p * 64.0));
-        let found = value(&s, &looks, u);
+        let found = value(&s, &port_pairs, u);
         assert!((found / expected - 1.0).abs() < 1e-5, "{u}: {found} {expected}");
     }
 }
@@ -133,13 +133,13 @@ fn the_coherent_beam_is_the_sum_over_elements_of_true_path_lengths() {
 #[test]
 fn paths_cancel_within_a_tap_and_only_there() {
     let u = centre(0.0, 0.0);
-    let looks = [vec![resolved(u, 1e-9, 20.0e-9, 0.0), resolved(u, 1e-9, 20.4e-9, PI)]];
+    let port_pairs = [vec![resolved(u, 1e-9, 20.0e-9, 0.0), resolved(u, 1e-9, 20.4e-9, PI)]];
     let coherent =
-        |bandwidth_hz: f64| value(&SpectrumSettings { bandwidth_hz, ..settings(SpectrumKind::BartlettCoherent) }, &looks, u);
+        |bandwidth_hz: f64| value(&SpectrumSettings { bandwidth_hz, ..settings(SpectrumKind::BartlettCoherent) }, &port_pairs, u);
     assert!(coherent(1e9) < 1e-20, "{}", coherent(1e9));
     assert!((coherent(10e9) / 2e-9 - 1.0).abs() < F32);
     // Looks are listened to apart: nothing cancels between them.
-    let apart = [vec![looks[0][0]], vec![looks[0][1]]];
+    let apart = [vec![port_pairs[0][0]], vec![port_pairs[0][1]]];
     assert!((value(&settings(SpectrumKind::BartlettCoherent), &apart, u) / 2e-9 - 1.0).abs() < F32);
 }
 
@@ -147,16 +147,16 @@ fn paths_cancel_within_a_tap_and_only_there() {
 fn capon_resolves_two_paths_that_a_beam_merges() {
     // 8° apart under a beam of 12.8°, in different taps.
     let (a, b) = (centre(-4.0, 0.0), centre(4.0, 0.0));
-    let looks = [vec![resolved(a, 1e-9, 20e-9, 0.3), resolved(b, 1e-9, 23e-9, 2.0)]];
+    let port_pairs = [vec![resolved(a, 1e-9, 20e-9, 0.3), resolved(b, 1e-9, 23e-9, 2.0)]];
     let between = |kind| {
         let s = settings(kind);
-        value(&s, &looks, centre(0.0, 0.0)) / value(&s, &looks, a).min(value(&s, &looks, b))
+        value(&s, &port_pairs, centre(0.0, 0.0)) / value(&s, &port_pairs, a).min(value(&s, &port_pairs, b))
     };
     // One hill for the beam, a valley of more than 10 dB for Capon's.
     assert!(between(SpectrumKind::Bartlett) > 1.0, "{}", between(SpectrumKind::Bartlett));
     assert!(between(SpectrumKind::BartlettCoherent) > 1.0);
     assert!(between(SpectrumKind::Mvdr) < 0.1, "{}", between(SpectrumKind::Mvdr));
-    let peak = value(&settings(SpectrumKind::Mvdr), &looks, a);
+    let peak = value(&settings(SpectrumKind::Mvdr), &port_pairs, a);
     assert!((10.0 * (peak / 1e-9).log10()).abs() < 0.1, "{peak}");
 }
 
@@ -297,7 +297,7 @@ fn ports_share_the_field_and_the_power() {
     };
     let total = |tx: Polarization, rx: Polarization| -> f64 {
         let antenna = |polarization| Antenna { polarization, ..Antenna::default() };
-        let all = looks(std::slice::from_ref(&path), &antenna(tx), &antenna(rx), FREQUENCY_HZ);
+        let all = port_pairs(std::slice::from_ref(&path), &antenna(tx), &antenna(rx), FREQUENCY_HZ);
         assert_eq!(all.len(), tx.slants_rad().len() * rx.slants_rad().len());
         all.concat().iter().map(|a| a.power).sum()
     };
@@ -309,7 +309,7 @@ fn ports_share_the_field_and_the_power() {
     assert!((total(VH, V) / sent - 1.0).abs() < 1e-12 && (total(Cross, V) / sent - 1.0).abs() < 1e-12);
     let mut one = path.clone();
     one.a = path.coefficient(&Antenna::default(), 0, &Antenna::default(), 0);
-    let arrival = looks(std::slice::from_ref(&one), &Antenna::default(), &Antenna::default(), FREQUENCY_HZ)[0][0];
+    let arrival = port_pairs(std::slice::from_ref(&one), &Antenna::default(), &Antenna::default(), FREQUENCY_HZ)[0][0];
     assert_eq!(arrival, Arrival::from_path(&one, FREQUENCY_HZ));
 }
 

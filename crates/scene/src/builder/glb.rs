@@ -5,7 +5,7 @@
 use super::materials::{Mat, MaterialSpec, Radio};
 use super::mesh_builder::Object;
 use super::textures::Tex;
-use super::textures::canvas::Format;
+use crate::draw::Format;
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;

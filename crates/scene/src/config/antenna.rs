@@ -2,10 +2,11 @@
 
 use crate::{Error, Result, bounds};
 use glam::{DMat3, DVec3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// `[transmitter]`: an antenna, or a planar array that points a beam; 1 W altogether.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TransmitterConfig {
     /// World position, metres.
@@ -27,6 +28,7 @@ pub struct TransmitterConfig {
     pub cols: usize,
     /// Element spacing in wavelengths, `0.5` or `[between columns, between rows]`. Default 0.5.
     #[serde(default = "half", with = "spacing")]
+    #[schemars(with = "[f64; 2]")]
     pub spacing_wavelengths: [f64; 2],
     /// Where an array of several elements points its beam. Default: boresight.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -34,7 +36,7 @@ pub struct TransmitterConfig {
 }
 
 /// `transmitter.beam`: a direction in the array's own frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct BeamConfig {
     /// From boresight towards array +y (left), degrees.
@@ -52,7 +54,7 @@ impl BeamConfig {
 }
 
 /// `[receiver]`: a planar array in its own y–z plane, boresight +x, which is the platform camera's optical axis.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ReceiverConfig {
     /// Elements along array z. Default 8.
@@ -61,6 +63,7 @@ pub struct ReceiverConfig {
     pub cols: usize,
     /// Element spacing in wavelengths, `0.5` or `[between columns, between rows]`. Default 0.5.
     #[serde(with = "spacing")]
+    #[schemars(with = "[f64; 2]")]
     pub spacing_wavelengths: [f64; 2],
     /// Element pattern.
     pub pattern: AntennaPattern,
@@ -71,7 +74,7 @@ pub struct ReceiverConfig {
 }
 
 /// What a planar array, which cannot tell front from back, is told about the rear half-space.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum RearHalfSpace {
     /// Arrivals from behind the array's plane are left out: the platform's body shields it.
@@ -95,7 +98,7 @@ impl Default for ReceiverConfig {
 }
 
 /// An antenna element's pattern, in its own frame (boresight +x, zenith +z).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum AntennaPattern {
     /// Isotropic: C_θ = 1.
@@ -110,7 +113,7 @@ pub enum AntennaPattern {
 /// The polarisation of an antenna element: one port, or two that share a place.
 ///
 /// A port of slant ζ radiates F_θ = √G·cosζ, F_φ = √G·sinζ of the element's gain G (3GPP TR 38.901 §7.3.2, model 2).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 pub enum Polarization {
     /// One port along θ̂.
     #[default]
@@ -138,7 +141,7 @@ impl Polarization {
 }
 
 /// Intrinsic yaw, pitch, roll, degrees: `world_from_array = R_z(yaw)·R_y(pitch)·R_x(roll)`, so a positive pitch lowers the boresight.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Orientation {
     /// Counter-clockwise about world z, degrees; 0 looks along +x, 180 along −x (west).

@@ -3,11 +3,12 @@
 use super::{SceneConfig, TransmitterConfig, read_toml};
 use crate::trajectory::{TrajectoryPose, generate_between};
 use crate::{Error, Pinhole, Result, bounds};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// What `corf dataset generate` makes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DatasetConfig {
     /// Name of the dataset, e.g. `lobby-mini`.
@@ -38,7 +39,7 @@ pub struct DatasetConfig {
 }
 
 /// `[optical]`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OpticalConfig {
     /// Columns.
@@ -91,7 +92,7 @@ impl OpticalConfig {
 }
 
 /// How light is worked out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LightMethod {
     /// What diffuse surfaces receive is worked out once, in the world, for all keyframes; mirrors, highlights and glass are traced for
@@ -103,7 +104,7 @@ pub enum LightMethod {
 }
 
 /// Noise filters, which are programs of others.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Denoiser {
     /// Intel Open Image Denoise, guided by albedo and normals.
@@ -115,7 +116,7 @@ fn is_false(value: &bool) -> bool {
 }
 
 /// `[rf]`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RfConfig {
     /// Columns.
@@ -248,7 +249,7 @@ impl RfConfig {
 }
 
 /// Which spectrum is formed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SpectrumKind {
     /// Each path as a narrow Gaussian lobe at its angle of arrival: power per steradian.
@@ -275,7 +276,7 @@ impl SpectrumKind {
 }
 
 /// `[split]`: which keyframes are kept from training.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SplitConfig {
     /// A keyframe with index % `test_every` == 0 is a test one. Default 8.

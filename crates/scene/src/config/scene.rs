@@ -6,12 +6,13 @@ use crate::import::{ImportOptions, UpAxis};
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::TrajectoryConfig;
 use crate::{Error, Finding, Result, Scene, bounds};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// A scene file: geometry and everything about it that is not geometry.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneConfig {
     /// The mesh.
@@ -21,7 +22,7 @@ pub struct SceneConfig {
     pub radio: RadioConfig,
     /// The fixed transmitter.
     pub transmitter: TransmitterConfig,
-    /// More of them by name, `[transmitters.east]`; a dataset is of one, which `rf.transmitter` picks.
+    /// More of them by name, `[transmitters.east]`; a dataset is of one, which its own key `transmitter` picks.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub transmitters: BTreeMap<String, TransmitterConfig>,
     /// The platform's receiver array.
@@ -39,7 +40,7 @@ pub struct SceneConfig {
 }
 
 /// `[scene]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFile {
     /// Mesh file (.glb, .gltf, .obj), relative to the TOML file.
@@ -54,7 +55,7 @@ pub struct SceneFile {
 }
 
 /// `[radio]`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RadioConfig {
     /// Carrier frequency, Hz. Default 60 GHz.

@@ -14,11 +14,12 @@ mod polygon;
 
 use crate::contained::{self, Reach};
 use crate::{Error, Finding, Result, Scene, Severity, io};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Which axis of a mesh file points up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum UpAxis {
     /// +y: world (x, −z, y).

@@ -8,7 +8,7 @@ use crate::builder::materials::Mat;
 use crate::builder::mesh_builder::{Frame, Object};
 use crate::builder::shapes::{block, cuboid, picture, rounded_box, v};
 use crate::builder::shapes_round::{cylinder, disc, lathe, rod, sphere};
-use crate::builder::textures::text_layout;
+use crate::draw::text_layout;
 use glam::DVec2;
 
 /// Lower corners in plan of the 1.2 × 0.6 m ceiling panels, on the ceiling's 0.6 m grid.

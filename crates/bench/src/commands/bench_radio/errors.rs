@@ -159,7 +159,7 @@ impl Study<'_, '_> {
             Ok(Watched {
                 index,
                 pose: &self.poses[index],
-                resolved: self.platform.looks(&self.transmitter.paths(pose.translation)?, pose),
+                resolved: self.platform.port_pairs(&self.transmitter.paths(pose.translation)?, pose),
                 diffuse: Moments::default(),
                 total: Moments::default(),
                 pixels: vec![Moments::default(); pixels],
@@ -193,11 +193,11 @@ impl Study<'_, '_> {
                     let pose = &position.pose.world_from_camera;
                     let scattered = self.platform.gather(&field, pose)?;
                     position.diffuse.push(power(&scattered), number);
-                    let mut looks = position.resolved.clone();
-                    looks[0].extend(scattered);
-                    position.total.push(power(looks.iter().flatten()), number);
+                    let mut port_pairs = position.resolved.clone();
+                    port_pairs[0].extend(scattered);
+                    position.total.push(power(port_pairs.iter().flatten()), number);
                     if let Some(form) = self.form {
-                        let image = form.form(&looks, &camera, pose);
+                        let image = form.form(&port_pairs, &camera, pose);
                         for (moments, pixel) in position.pixels.iter_mut().zip(image.pixels()) {
                             moments.push(f64::from(*pixel), number);
                         }

@@ -9,11 +9,12 @@ use super::spectrum::Kind;
 use super::{Verdict, show};
 use crate::interrupt;
 use crate::progress::Progress;
-use crate::radio_sensor::{Extent, SensorPlan, element_at, noncoherent, warn_of_geometry};
+use crate::say;
 use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Path, RadioTracer};
+use corf_raytrace::sensor::{Extent, SensorPlan, element_at, geometry_warnings, noncoherent};
 use corf_raytrace::spectrum;
 use corf_scene::Rigid3;
 use corf_scene::config::{DatasetConfig, ReceiverConfig, SpectrumKind};
@@ -160,7 +161,7 @@ impl Radio {
         scene_config.check_radio(&scene)?;
         scene_config.check_placement(&scene)?;
         if config.rf.transmission {
-            warn_of_geometry(&scene);
+            say::findings(geometry_warnings(&scene));
         }
         let mut seconds = Stages::default();
         let bvh = timed(&mut seconds.hierarchy, || Bvh::build(&scene));
@@ -186,16 +187,18 @@ impl Radio {
                 let gather = |pose| field.as_ref().map_or_else(|| Ok(Vec::new()), |field| platform.gather(field, pose));
                 poses_of().map(gather).collect::<corf_scene::Result<Vec<_>>>()
             })?;
-            let mut looks: Vec<_> =
-                batch.iter().zip(&paths).map(|(pose, p)| platform.looks(p, &pose.world_from_camera)).collect();
-            for (looks, diffuse) in looks.iter_mut().zip(diffuse) {
-                specular_power += power(looks.iter().flatten()) / poses.len() as f64;
+            let mut port_pairs: Vec<_> =
+                batch.iter().zip(&paths).map(|(pose, p)| platform.port_pairs(p, &pose.world_from_camera)).collect();
+            for (port_pairs, diffuse) in port_pairs.iter_mut().zip(diffuse) {
+                specular_power += power(port_pairs.iter().flatten()) / poses.len() as f64;
                 diffuse_power += power(&diffuse) / poses.len() as f64;
-                looks[0].extend(diffuse);
+                port_pairs[0].extend(diffuse);
             }
             if !self.powers {
                 timed(&mut seconds.spectrum, || {
-                    poses_of().zip(&looks).for_each(|(pose, looks)| drop(std::hint::black_box(form.form(looks, &camera, pose))));
+                    poses_of()
+                        .zip(&port_pairs)
+                        .for_each(|(pose, port_pairs)| drop(std::hint::black_box(form.form(port_pairs, &camera, pose))));
                 });
             }
             progress.set(i * AT_ONCE + batch.len(), poses.len());
@@ -295,9 +298,9 @@ struct Platform<'a> {
 
 impl Platform<'_> {
     /// The resolved arrivals of every pair of antenna ports, the element at the platform's attitude.
-    fn looks(&self, paths: &[Path], pose: &Rigid3) -> Vec<Vec<Arrival>> {
+    fn port_pairs(&self, paths: &[Path], pose: &Rigid3) -> Vec<Vec<Arrival>> {
         let settings = self.tracer.settings();
-        spectrum::looks(paths, &settings.tx_antenna, &element_at(self.receiver, pose), settings.frequency_hz)
+        spectrum::port_pairs(paths, &settings.tx_antenna, &element_at(self.receiver, pose), settings.frequency_hz)
     }
 
     /// What it is scattered.

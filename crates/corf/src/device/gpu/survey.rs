@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     Result,
-    device::{Judgement, Shown, Survey, SurveyRequest},
+    device::{PruneDecision, Shown, Survey, SurveyRequest},
     expansion::log,
     gaussians::logit,
 };
@@ -125,7 +125,7 @@ impl GpuDevice {
             };
             let judged = |i: usize| {
                 let bits = read[2][i / JUDGED_A_WORD] >> (2 * (i % JUDGED_A_WORD));
-                Judgement { faint: bits & 1 != 0, oversized: bits & 2 != 0 }
+                PruneDecision { faint: bits & 1 != 0, oversized: bits & 2 != 0 }
             };
             return Ok(Survey {
                 shown: read[1].as_chunks().0.iter().map(shown).collect(),
@@ -179,7 +179,7 @@ mod tests {
     use crate::{
         Device, Gaussians, OptimizerConfig, RasterConfig,
         device::{
-            Judgement, PruneRule, RenderRequest, Survey, SurveyRequest, View,
+            PruneDecision, PruneRule, RenderRequest, Survey, SurveyRequest, View,
             gpu::{GpuDevice, GpuOptions, adapter_name},
         },
     };
@@ -234,7 +234,7 @@ mod tests {
             }
             let most = truth.shown.iter().fold(0.0, |m: f32, s| m.max(s.structure));
             assert!((most > 1e-3) == sigma_px.is_some(), "{most}");
-            let all = |f: fn(&Judgement) -> bool| truth.judged.iter().filter(|j| f(j)).count();
+            let all = |f: fn(&PruneDecision) -> bool| truth.judged.iter().filter(|j| f(j)).count();
             let counts = [all(|j| j.faint), all(|j| j.oversized)];
             assert!(counts[0] > 50 && (3..100).contains(&counts[1]), "{counts:?}");
             assert!(found.judged == truth.judged, "no Gaussian of this draw lies on a threshold");

@@ -2,7 +2,7 @@
 
 use super::super::{Angles, Antenna, AntennaArray, Arrival, Path};
 use super::ArrayLink;
-use crate::spectrum::looks;
+use crate::spectrum::port_pairs;
 use serde::Serialize;
 
 /// One transmitter–receiver pair between one element each. Powers are of all their ports: transmit ports share the power and send
@@ -47,13 +47,13 @@ impl LinkStatistics {
         tx_power_dbm: f64,
         seed: u64,
     ) -> Self {
-        let mut looks = looks(paths, tx, rx, frequency_hz);
-        let resolved: f64 = looks.iter().flatten().map(|a| a.power).sum();
-        looks[0].extend_from_slice(diffuse);
+        let mut port_pairs = port_pairs(paths, tx, rx, frequency_hz);
+        let resolved: f64 = port_pairs.iter().flatten().map(|a| a.power).sum();
+        port_pairs[0].extend_from_slice(diffuse);
         let [from, to] = [tx, rx].map(|element| AntennaArray::single(*element));
         let matrix = ArrayLink { paths, diffuse, tx: &from, rx: &to, seed }.matrix(frequency_hz);
         let coherent = matrix.norm_squared() / from.ports() as f64;
-        let arrivals = looks.concat();
+        let arrivals = port_pairs.concat();
         let total: f64 = arrivals.iter().map(|a| a.power).sum();
         let power = |path: &Path| path.received(tx, rx);
         let direct: f64 = paths.iter().filter(|p| p.interactions.is_empty()).map(power).sum();

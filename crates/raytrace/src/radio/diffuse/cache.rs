@@ -5,12 +5,12 @@
 //! so that interpolating the four numbers between directions and between patches is meaningful. Photons are kept apart by the number
 //! of interactions that their chain leaves to the way towards the receiver.
 
-use super::grains::{self, Home};
 use super::illumination::Illumination;
 use super::nodes::{self, Lobes, Nodes};
 use super::patches::{GRAINS, Patches};
-use super::slots::Slots;
 use super::smooth::smooth;
+use super::subcells::{self, SubcellRange};
+use super::surface_records::SurfaceRecords;
 use crate::radio::geometry::Geometry;
 use corf_scene::model::ScatteringPattern;
 use glam::{DVec3, Vec3};
@@ -23,16 +23,16 @@ const COMPONENTS: usize = 4;
 const EVENNESS: f32 = 0.25;
 /// Sums of all photons of a level: power, power × length, power² as far as it is by chance.
 const MEANS: usize = 3;
-/// Slots a task fills.
+/// SurfaceRecords a task fills.
 const SLOTS_PER_TASK: usize = 256;
 
 /// A share of a photon's power scattered at a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Deposit {
-    /// Where: [`Slots::place`].
+    /// Where: [`SurfaceRecords::place`].
     pub slot: u32,
-    /// … and on which of the slot's grains.
-    pub grain: u32,
+    /// … and on which of the slot's subcells.
+    pub subcell: u32,
     /// Interactions that may still follow.
     pub left: u32,
     /// Scattered coherency over F·f_s, watts.
@@ -61,16 +61,16 @@ pub struct Outgoing {
 /// Outgoing power of all patches.
 ///
 /// Memory: 16 bytes per node and level of every lit slot; a slot has 81 nodes for α = 5, 169 for α = 10, and there is a level per
-/// interaction that may follow (two at depth 3). 4 bytes per grain beside them.
+/// interaction that may follow (two at depth 3). 4 bytes per subcell beside them.
 pub struct RadianceCache {
-    slots: Slots,
+    slots: SurfaceRecords,
     /// By scene material.
     nodes: Vec<Option<(Nodes, ScatteringPattern)>>,
     levels: usize,
     /// By slot: coherencies by level and node, then [`MEANS`] by level; nothing where no photon came.
     values: Vec<Option<Box<[f32]>>>,
-    /// By slot: the photons' power by grain, and once they are finished the grains' weights; nothing where all are 1.
-    grains: Vec<Option<Box<[f32]>>>,
+    /// By slot: the photons' power by subcell, and once they are finished the subcells' weights; nothing where all are 1.
+    subcells: Vec<Option<Box<[f32]>>>,
 }
 
 impl RadianceCache {
@@ -81,13 +81,13 @@ impl RadianceCache {
             .slabs
             .iter()
             .map(|slab| slab.as_ref().map(|slab| (Nodes::new(slab.scattering.pattern), slab.scattering.pattern)));
-        let slots = Slots::new(geometry, patches, patch_m);
-        let (values, grains) = (vec![None; slots.len()], vec![None; slots.len()]);
-        Self { nodes: nodes.collect(), slots, levels, values, grains }
+        let slots = SurfaceRecords::new(geometry, patches, patch_m);
+        let (values, subcells) = (vec![None; slots.len()], vec![None; slots.len()]);
+        Self { nodes: nodes.collect(), slots, levels, values, subcells }
     }
 
     /// The slots.
-    pub fn slots(&self) -> &Slots {
+    pub fn slots(&self) -> &SurfaceRecords {
         &self.slots
     }
 
@@ -106,7 +106,7 @@ impl RadianceCache {
 
     /// Megabytes of tables.
     pub fn megabytes(&self) -> f64 {
-        let numbers = self.values.iter().chain(&self.grains).flatten().map(|numbers| numbers.len()).sum::<usize>();
+        let numbers = self.values.iter().chain(&self.subcells).flatten().map(|numbers| numbers.len()).sum::<usize>();
         (numbers * size_of::<f32>()) as f64 / 1e6
     }
 
@@ -118,10 +118,10 @@ impl RadianceCache {
 
     /// Adds batches of deposits, each sorted by slot; the batches' order, not the threads', decides the order of the sums.
     pub fn add(&mut self, batches: &[Vec<Deposit>]) {
-        let Self { slots, nodes, levels, values, grains } = self;
+        let Self { slots, nodes, levels, values, subcells } = self;
         let (slots, nodes, levels) = (&*slots, &*nodes, *levels);
-        let chunks = values.par_chunks_mut(SLOTS_PER_TASK).zip(grains.par_chunks_mut(SLOTS_PER_TASK));
-        chunks.enumerate().for_each(|(task, (values, grains))| {
+        let chunks = values.par_chunks_mut(SLOTS_PER_TASK).zip(subcells.par_chunks_mut(SLOTS_PER_TASK));
+        chunks.enumerate().for_each(|(task, (values, subcells))| {
             let first = (task * SLOTS_PER_TASK) as u32;
             let end = first + values.len() as u32;
             let mut lobes = Lobes::default();
@@ -143,16 +143,16 @@ impl RadianceCache {
                     table[means] += power;
                     table[means + 1] += power * deposit.length_m;
                     table[means + 2] += power * power * if deposit.scattered { 1.0 } else { EVENNESS };
-                    let count = slots.grain_count(deposit.slot);
-                    grains[(deposit.slot - first) as usize].get_or_insert_with(|| vec![0.0; count].into_boxed_slice())
-                        [deposit.grain as usize] += power;
+                    let count = slots.subcell_count(deposit.slot);
+                    subcells[(deposit.slot - first) as usize].get_or_insert_with(|| vec![0.0; count].into_boxed_slice())
+                        [deposit.subcell as usize] += power;
                 }
             }
         });
     }
 
     /// Turns sums into totals: what may be read with `j` interactions behind includes all that leaves more than `j`. Then weighs every
-    /// patch's photons against its surroundings', and its grains against each other.
+    /// patch's photons against its surroundings', and its subcells against each other.
     pub fn finish(&mut self, geometry: &Geometry<'_>, patches: &Patches, photon_weight: f64) {
         let (nodes, slots, levels) = (&self.nodes, &self.slots, self.levels);
         self.values.par_iter_mut().zip(slots.all()).for_each(|(table, slot)| {
@@ -173,7 +173,7 @@ impl RadianceCache {
         // Smoothing gives patches photons of their neighbours; how large a typical one is stays.
         let spreads = self.spreads();
         self.smooth();
-        self.weigh_grains(geometry, patches, &spreads);
+        self.weigh_subcells(geometry, patches, &spreads);
     }
 
     /// By slot: Σp²/Σp of all its photons.
@@ -182,30 +182,33 @@ impl RadianceCache {
         (0..self.slots.len() as u32).map(|slot| self.means(slot).map_or(0.0, spread)).collect()
     }
 
-    /// Turns the photons' power by grain into weights: see [`grains::weights`].
-    fn weigh_grains(&mut self, geometry: &Geometry<'_>, patches: &Patches, spreads: &[f64]) {
+    /// Turns the photons' power by subcell into weights: see [`subcells::weights`].
+    fn weigh_subcells(&mut self, geometry: &Geometry<'_>, patches: &Patches, spreads: &[f64]) {
         let this = &*self;
-        let per_face: Vec<Vec<(Home, [f32; GRAINS])>> = (geometry.faces.par_iter().enumerate())
+        let per_face: Vec<Vec<(SubcellRange, [f32; GRAINS])>> = (geometry.faces.par_iter().enumerate())
             .map(|(index, face)| {
                 let all = patches.of_face(index as u32).flat_map(|(patch, centre)| [0, 1].map(|side| (patch, centre, side)));
-                all.filter(|(patch, _, side)| this.grains[this.slots.slot(*patch, *side) as usize].is_some())
+                all.filter(|(patch, _, side)| this.subcells[this.slots.slot(*patch, *side) as usize].is_some())
                     .map(|(patch, centre, side)| {
                         let home = this.slots.homes(patch)[side];
                         let mut powers = [0.0; GRAINS];
-                        let mut expect = |grain: usize, part: Option<usize>, at: DVec3| {
-                            powers[grain] = this.mean_irradiance(patches, index as u32, at, part, side) * home.grain_m2(grain);
+                        let mut expect = |subcell: usize, part: Option<usize>, at: DVec3| {
+                            powers[subcell] =
+                                this.mean_irradiance(patches, index as u32, at, part, side) * home.subcell_m2(subcell);
                         };
-                        if home.is_grain() {
+                        if home.is_subcell() {
                             expect(0, None, centre);
                         } else {
-                            patches.grains(face, index as u32, patch).for_each(|(grain, at)| expect(grain, Some(grain), at));
+                            patches
+                                .subcells(face, index as u32, patch)
+                                .for_each(|(subcell, at)| expect(subcell, Some(subcell), at));
                         }
                         (home, powers)
                     })
                     .collect()
             })
             .collect();
-        let mut expected: Vec<Vec<f32>> = this.grains.iter().map(|g| vec![0.0; g.as_ref().map_or(0, |g| g.len())]).collect();
+        let mut expected: Vec<Vec<f32>> = this.subcells.iter().map(|g| vec![0.0; g.as_ref().map_or(0, |g| g.len())]).collect();
         for (home, powers) in per_face.iter().flatten() {
             expected[home.slot as usize][home.range()].copy_from_slice(&powers[..home.range().len()]);
         }
@@ -214,16 +217,16 @@ impl RadianceCache {
             .map(|slot| {
                 let [power, ..] = this.means(slot)?;
                 let i = slot as usize;
-                grains::weights(&expected[i], this.grains[i].as_ref()?, f64::from(power), spreads[i])
+                subcells::weights(&expected[i], this.subcells[i].as_ref()?, f64::from(power), spreads[i])
             })
             .collect();
-        self.grains = weights;
+        self.subcells = weights;
     }
 
-    /// The mean of [`Self::irradiance`] over one of a patch's grains, or over all of it, around its centre: in a dark patch beside bright ones
+    /// The mean of [`Self::irradiance`] over one of a patch's subcells, or over all of it, around its centre: in a dark patch beside bright ones
     /// the centre alone says next to nothing of it.
-    fn mean_irradiance(&self, patches: &Patches, face: u32, centre: DVec3, grain: Option<usize>, side: usize) -> f32 {
-        let all = patches.means(face, centre, grain).map(|at| self.irradiance(patches, face, at, side));
+    fn mean_irradiance(&self, patches: &Patches, face: u32, centre: DVec3, subcell: Option<usize>, side: usize) -> f32 {
+        let all = patches.means(face, centre, subcell).map(|at| self.irradiance(patches, face, at, side));
         let (sum, count) = all.fold((0.0, 0u8), |(sum, count), one| (sum + one, count + 1));
         sum / f32::from(count)
     }
@@ -312,8 +315,8 @@ impl RadianceCache {
         if power == 0.0 || area == 0.0 {
             return None;
         }
-        let (slot, grain) = self.slots.place(patches.at(face, point), side);
-        let weight = self.grains[slot as usize].as_ref().map_or(1.0, |weights| weights[grain as usize]);
+        let (slot, subcell) = self.slots.place(patches.at(face, point), side);
+        let weight = self.subcells[slot as usize].as_ref().map_or(1.0, |weights| weights[subcell as usize]);
         let scale = nodes::readout(shape, f64::from(cos_scatter)) * f64::from(weight / area);
         Some(Outgoing { coherency: sum.map(|c| f64::from(c) * scale), length_m: f64::from(moment / power) })
     }

@@ -17,8 +17,8 @@ pub struct Exposed {
     pub area_m2: f64,
     /// Whether all of it is covered.
     pub sealed: bool,
-    /// The grains that make up the area, a bit each; none where the face meets no grain's centre.
-    pub grains: u32,
+    /// The subcells that make up the area, a bit each; none where the face meets no subcell's centre.
+    pub subcells: u32,
 }
 
 /// Of both sides of every patch.
@@ -29,19 +29,19 @@ pub fn exposed(geometry: &Geometry<'_>, patches: &Patches) -> Vec<[Exposed; 2]> 
         .enumerate()
         .map(|(index, face)| {
             let sides = |(patch, _)| {
-                let grains: Vec<(usize, DVec3)> = patches.grains(face, index as u32, patch).collect();
+                let subcells: Vec<(usize, DVec3)> = patches.subcells(face, index as u32, patch).collect();
                 let bits = |open: &dyn Fn(DVec3) -> bool| {
-                    grains.iter().filter(|(_, point)| open(*point)).fold(0u32, |bits, (grain, _)| bits | 1 << grain)
+                    subcells.iter().filter(|(_, point)| open(*point)).fold(0u32, |bits, (subcell, _)| bits | 1 << subcell)
                 };
                 let area_m2 = patches.areas_m2()[patch];
                 let side = |sign: f64| {
                     let open = bits(&|p| !geometry.covered(p, face.normal * sign, CONTACT_M, CLEARANCE_M));
                     if open == 0 {
                         // Nothing arrives, but for what passes through what covers it.
-                        Exposed { area_m2, sealed: !grains.is_empty(), grains: bits(&|_| true) }
+                        Exposed { area_m2, sealed: !subcells.is_empty(), subcells: bits(&|_| true) }
                     } else {
-                        let share = f64::from(open.count_ones()) / grains.len() as f64;
-                        Exposed { area_m2: area_m2 * share, sealed: false, grains: open }
+                        let share = f64::from(open.count_ones()) / subcells.len() as f64;
+                        Exposed { area_m2: area_m2 * share, sealed: false, subcells: open }
                     }
                 };
                 (patch, [1.0, -1.0].map(side))

@@ -9,7 +9,7 @@
 use super::cache::RadianceCache;
 use super::illumination::Illumination;
 use super::patches::Patches;
-use super::slots::Surroundings;
+use super::surface_records::Surroundings;
 use crate::radio::{field, lattice, scattering};
 use corf_scene::Rng;
 use corf_scene::model::ScatteringPattern;
@@ -39,7 +39,7 @@ pub struct Leg {
     pub from: DVec3,
     /// Unit.
     pub direction: DVec3,
-    /// Where it ends: [`super::slots::Slots::slot`].
+    /// Where it ends: [`super::surface_records::SurfaceRecords::slot`].
     pub slot: u32,
 }
 

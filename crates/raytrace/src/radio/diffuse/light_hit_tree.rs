@@ -1,8 +1,8 @@
 //! Where the transmitter's rays fell, as a tree: which of thousands of points a mirror shows is asked for thousands of mirrors.
 
 use super::illumination::Lighting;
+use super::image_receivers::ImageReceiver;
 use super::sampling::Sampling;
-use super::views::View;
 use crate::radio::geometry::Geometry;
 use glam::{DVec3, Vec3};
 
@@ -94,7 +94,7 @@ impl LightHitTree {
 
     /// Reports the numbers of those that a view may show and that the transmitter's rays meet more densely than the receiver's directions: of
     /// others they have no share.
-    pub fn shown(&self, view: &View, sampling: Sampling, mut report: impl FnMut(usize)) {
+    pub fn shown(&self, view: &ImageReceiver, sampling: Sampling, mut report: impl FnMut(usize)) {
         let from = view.vantage.image.as_vec3();
         let denser = |place: &Leaf| {
             let height_m = place.normal.dot(from) - place.offset_m;

@@ -9,7 +9,7 @@ use super::illumination::{CLEARANCE_M, Illumination, Lighting, Source};
 use super::in_tasks;
 use super::light_hit_tree::{LightHit, LightHitTree};
 use super::mis::density;
-use crate::radio::geometry::Meeting;
+use crate::radio::geometry::SurfaceHit;
 use crate::radio::lattice::Directions;
 
 /// All of a transmitter's.
@@ -35,7 +35,7 @@ fn all(illumination: &Illumination<'_, '_>, directions: &Directions) -> Vec<Ligh
         for direction in numbers.iter().map(|&number| directions.of(number as usize)) {
             let mut origin = illumination.tx;
             for crossed in 0..=slabs {
-                let Some(Meeting { face, point, .. }) = geometry.meet(origin, direction, CLEARANCE_M) else { break };
+                let Some(SurfaceHit { face, point, .. }) = geometry.intersect(origin, direction, CLEARANCE_M) else { break };
                 let lighting = if crossed == 0 { Lighting::Free } else { Lighting::ThroughSlabs };
                 if geometry.slab(face).scattering.coefficient > 0.0 {
                     let density_per_m2 = density(&geometry.faces[face as usize], illumination.tx, point);

@@ -15,10 +15,11 @@ mod bins;
 mod cache;
 mod emission;
 mod exposure;
+mod extent;
 mod gather;
-mod grains;
 mod guide;
 mod illumination;
+mod image_receivers;
 mod light_hit_tree;
 mod light_hits;
 mod mis;
@@ -29,23 +30,23 @@ mod photons;
 mod pilot;
 mod quadrature;
 mod refine;
-mod regard;
 mod sampling;
-mod slots;
 mod small;
 mod smooth;
+mod subcells;
+mod surface_records;
 #[cfg(test)]
 mod tests;
 mod trace;
-mod views;
 
 use super::lattice::Directions;
 use super::{Antenna, Arrival, MAX_DEPTH, RadioTracer};
 use cache::RadianceCache;
 use corf_scene::{Error, Pinhole, Result, Rigid3, Rng, bounds};
-use gather::{Lattice, Layer, Look};
+use gather::{GatherTracer, Lattice, Layer};
 use glam::{DMat3, DVec2, DVec3};
 use illumination::Illumination;
+use image_receivers::{ImageReceivers, StrongMirrors};
 use light_hits::LightHits;
 use patches::Patches;
 pub(crate) use photons::Event;
@@ -55,7 +56,6 @@ use rayon::prelude::*;
 use refine::Gathering;
 use serde::{Deserialize, Serialize};
 use small::SmallFaces;
-use views::{StrongMirrors, Views};
 
 /// How much sparser [`DiffuseField::gather_for_view`] samples what is out of view.
 pub const OUTSIDE_SPARSITY: usize = 16;
@@ -263,7 +263,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let cache = photons.trace(settings.patch_size_m);
         let small = settings.even_arrivals.then(|| SmallFaces::new(&tracer.geometry));
         let mirrors = (settings.even_arrivals && settings.after > 0)
-            .then(|| (StrongMirrors::new(&tracer.geometry, &illumination), views::pilots(settings.directions)));
+            .then(|| (StrongMirrors::new(&tracer.geometry, &illumination), image_receivers::pilots(settings.directions)));
         Ok(Self {
             tracer,
             illumination,
@@ -328,7 +328,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// # Errors
     /// As [`DiffuseField::gather_for_view`].
     pub fn gather_for_view_with(&self, camera: &Pinhole, world_from_camera: &Rigid3, antenna: &Antenna) -> Result<Vec<Arrival>> {
-        self.gather_within(world_from_camera.translation, antenna, regard::view(camera, world_from_camera))
+        self.gather_within(world_from_camera.translation, antenna, extent::view(camera, world_from_camera))
     }
 
     /// As [`DiffuseField::gather_with`] for an array that is deaf behind its plane: all directions before the plane and a margin, and behind a
@@ -337,7 +337,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// # Errors
     /// A position that is not finite, or within 0.1 mm of a surface.
     pub fn gather_in_front_with(&self, rx: DVec3, boresight: DVec3, antenna: &Antenna) -> Result<Vec<Arrival>> {
-        self.gather_within(rx, antenna, regard::front(boresight))
+        self.gather_within(rx, antenna, extent::front(boresight))
     }
 
     fn gather_within(&self, rx: DVec3, antenna: &Antenna, inside: impl Fn(DVec3) -> bool + Sync) -> Result<Vec<Arrival>> {
@@ -363,11 +363,11 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let mirror_side = if self.settings.even_arrivals { MIRROR_SIDE } else { 1 };
         let lattice = Lattice::new(self.directions.count(), true, true);
         let views = self.mirrors.as_ref().map(|(strong, pilots)| {
-            let look = Look::new(self, rx, antenna, lattice);
-            let mirrors_along = |direction: DVec3, report: &mut dyn FnMut(views::MirrorSequence)| {
-                look.mirrors_along(direction, views::KEPT, report)
+            let look = GatherTracer::new(self, rx, antenna, lattice);
+            let mirrors_along = |direction: DVec3, report: &mut dyn FnMut(image_receivers::MirrorSequence)| {
+                look.mirrors_along(direction, image_receivers::KEPT, report)
             };
-            Views::new(&self.tracer.geometry, rx, strong, pilots, lattice.sampling, &wanted, mirrors_along)
+            ImageReceivers::new(&self.tracer.geometry, rx, strong, pilots, lattice.sampling, &wanted, mirrors_along)
         });
         Gathering {
             field: self,
@@ -392,7 +392,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let antenna = &self.tracer.settings.rx_antenna;
         let lattice = Lattice::new(self.directions.count(), false, true);
         let mut all = in_tasks(self.directions.along(), |numbers| {
-            let mut look = Look::new(self, rx, antenna, lattice);
+            let mut look = GatherTracer::new(self, rx, antenna, lattice);
             let mut found = Vec::new();
             for number in numbers.iter().map(|&number| number as usize) {
                 let direction = self.directions.of(number);
@@ -417,7 +417,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     ) -> Vec<(DVec3, Contribution)> {
         let light_hits = self.light_hits.as_ref().filter(|_| lattice.shared).map_or(&[][..], |light_hits| &light_hits.all);
         in_tasks(light_hits, |light_hits| {
-            let look = Look::new(self, rx, antenna, lattice);
+            let look = GatherTracer::new(self, rx, antenna, lattice);
             light_hits.iter().filter_map(|hit| look.landed(hit, &wanted)).collect()
         })
     }

@@ -5,9 +5,9 @@ use crate::radio::geometry::Geometry;
 use corf_scene::{Error, Result, bounds};
 use glam::{DVec2, DVec3};
 
-/// Grains along a patch's side: where within a patch light falls is known this finely.
+/// Subcells along a patch's side: where within a patch light falls is known this finely.
 const GRAIN_SIDE: usize = 5;
-/// Grains of a patch.
+/// Subcells of a patch.
 pub const GRAINS: usize = GRAIN_SIDE * GRAIN_SIDE;
 
 /// A face's grid of square patches, in an orthonormal frame of its plane.
@@ -82,7 +82,7 @@ impl Patches {
     }
 
     /// The centres of a patch's [`GRAINS`] with their numbers, of those that lie on the face.
-    pub fn grains<'f>(&'f self, face: &'f Face, number: u32, patch: usize) -> impl Iterator<Item = (usize, DVec3)> + 'f {
+    pub fn subcells<'f>(&'f self, face: &'f Face, number: u32, patch: usize) -> impl Iterator<Item = (usize, DVec3)> + 'f {
         let grid = &self.grids[number as usize];
         let centre = grid.centre(patch - grid.first);
         (0..GRAINS)
@@ -93,12 +93,12 @@ impl Patches {
             .filter(|(_, point)| face.contains(*point))
     }
 
-    /// Points at which what [`Self::around`] interpolates has its mean over one of a patch's grains, or over all of it: interpolation
-    /// bends at a patch's centre, so that whatever lies across that has a point in each half. `centre` is the grain's, or the patch's.
-    pub fn means(&self, face: u32, centre: DVec3, grain: Option<usize>) -> impl Iterator<Item = DVec3> {
+    /// Points at which what [`Self::around`] interpolates has its mean over one of a patch's subcells, or over all of it: interpolation
+    /// bends at a patch's centre, so that whatever lies across that has a point in each half. `centre` is the subcell's, or the patch's.
+    pub fn means(&self, face: u32, centre: DVec3, subcell: Option<usize>) -> impl Iterator<Item = DVec3> {
         let grid = &self.grids[face as usize];
         let half = |place: usize| if place == GRAIN_SIDE / 2 { 0.25 / GRAIN_SIDE as f64 } else { 0.0 };
-        let [x, y] = grain.map_or([0.25; 2], |grain| [half(grain % GRAIN_SIDE), half(grain / GRAIN_SIDE)]);
+        let [x, y] = subcell.map_or([0.25; 2], |subcell| [half(subcell % GRAIN_SIDE), half(subcell / GRAIN_SIDE)]);
         let [across, up] = [grid.along[0] * (x * grid.patch_m.x), grid.along[1] * (y * grid.patch_m.y)];
         let signs = |share: f64| [-1.0, 1.0].into_iter().take(if share == 0.0 { 1 } else { 2 });
         signs(x).flat_map(move |i| signs(y).map(move |j| centre + across * i + up * j))
@@ -115,11 +115,11 @@ impl Patches {
         self.grids[face as usize].along
     }
 
-    /// The patch that a point of a face lies on, and the number of its grain.
+    /// The patch that a point of a face lies on, and the number of its subcell.
     pub fn at(&self, face: u32, point: DVec3) -> (usize, usize) {
         let grid = &self.grids[face as usize];
-        let (cell, grain) = grid.cell(point);
-        (grid.first + cell, grain)
+        let (cell, subcell) = grid.cell(point);
+        (grid.first + cell, subcell)
     }
 
     /// The patches whose centres surround a point of a face.
@@ -203,7 +203,7 @@ impl PatchGrid {
         }
     }
 
-    /// The cell of a point, and the grain in it.
+    /// The cell of a point, and the subcell in it.
     fn cell(&self, point: DVec3) -> (usize, usize) {
         let p = point - self.origin;
         let index = |i: usize, size: f64| {
@@ -256,7 +256,7 @@ mod tests {
         );
         let patches = Patches { areas_m2: vec![0.0; grid.counts[0] * grid.counts[1]], grids: vec![grid] };
         let mut rng = corf_scene::Rng::keyed(9, 0, 0);
-        // Bright beside dark: nearly all that a dark patch's middle grain shows comes from its neighbours.
+        // Bright beside dark: nearly all that a dark patch's middle subcell shows comes from its neighbours.
         let values: Vec<f64> = (0..patches.len()).map(|_| 10f64.powf(6.0 * rng.uniform_f64())).collect();
         let value = |at: DVec3| {
             let around = patches.around(0, at);
@@ -269,18 +269,18 @@ mod tests {
         };
         let grid = &patches.grids[0];
         for (patch, centre) in patches.of_face(0) {
-            for grain in (0..GRAINS).map(Some).chain([None]) {
+            for subcell in (0..GRAINS).map(Some).chain([None]) {
                 let place = |i: usize| ((i as f64 + 0.5) / GRAIN_SIDE as f64 - 0.5) * grid.patch_m;
-                let side = if grain.is_some() { 1.0 / GRAIN_SIDE as f64 } else { 1.0 };
-                let [x, y] = grain.map_or([0.0; 2], |g| [place(g % GRAIN_SIDE).x, place(g / GRAIN_SIDE).y]);
+                let side = if subcell.is_some() { 1.0 / GRAIN_SIDE as f64 } else { 1.0 };
+                let [x, y] = subcell.map_or([0.0; 2], |g| [place(g % GRAIN_SIDE).x, place(g / GRAIN_SIDE).y]);
                 let middle = centre + grid.along[0] * x + grid.along[1] * y;
                 const FINE: usize = 40;
                 let off = |i: usize| ((i as f64 + 0.5) / FINE as f64 - 0.5) * side * grid.patch_m;
                 let fine = (0..FINE * FINE).map(|i| middle + grid.along[0] * off(i % FINE).x + grid.along[1] * off(i / FINE).y);
                 let wanted = fine.map(value).sum::<f64>() / (FINE * FINE) as f64;
-                let points: Vec<DVec3> = patches.means(0, middle, grain).collect();
+                let points: Vec<DVec3> = patches.means(0, middle, subcell).collect();
                 let found = points.iter().copied().map(value).sum::<f64>() / points.len() as f64;
-                assert!((found / wanted - 1.0).abs() < 2e-3, "patch {patch}, grain {grain:?}: {found} {wanted}");
+                assert!((found / wanted - 1.0).abs() < 2e-3, "patch {patch}, subcell {subcell:?}: {found} {wanted}");
             }
         }
     }

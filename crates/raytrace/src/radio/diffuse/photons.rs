@@ -12,7 +12,7 @@ use super::illumination::{CLEARANCE_M, Illumination};
 use super::patches::Patches;
 use crate::radio::antenna::{phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
-use crate::radio::geometry::Meeting;
+use crate::radio::geometry::SurfaceHit;
 use corf_scene::Rng;
 use glam::{DMat3, DVec3};
 
@@ -136,7 +136,7 @@ impl Photons<'_, '_, '_> {
         let settings = &self.illumination.tracer.settings;
         let geometry = self.illumination.geometry();
         let (k, e) = (photon.direction, &photon.field);
-        let Some(Meeting { face, distance_m, point, normal, side }) = geometry.meet(photon.origin, k, CLEARANCE_M) else {
+        let Some(SurfaceHit { face, distance_m, point, normal, side }) = geometry.intersect(photon.origin, k, CLEARANCE_M) else {
             return;
         };
         let slab = geometry.slab(face);
@@ -163,7 +163,7 @@ impl Photons<'_, '_, '_> {
         let wanted = self.only.map_or(!photon.covered, |chain| chain.len() == interactions)
             && (pass.kind == PhotonKind::All || photon.scattered == (pass.kind == PhotonKind::Scattered));
         if wanted && s2 > 0.0 {
-            let (slot, grain) = place();
+            let (slot, subcell) = place();
             let inverse = f64::from(entry.inverse_normalisation);
             let coherency = [
                 out_theta.norm_squared(),
@@ -173,7 +173,7 @@ impl Photons<'_, '_, '_> {
             ];
             trail.deposits.push(Deposit {
                 slot,
-                grain,
+                subcell,
                 left: (settings.max_depth - interactions) as u32,
                 coherency: coherency.map(|c| (c * inverse) as f32),
                 normal: normal.as_vec3(),

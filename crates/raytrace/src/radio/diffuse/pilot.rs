@@ -70,7 +70,7 @@ impl Photons<'_, '_, '_> {
             let uniform = [rng.uniform_f64(), rng.uniform_f64(), 0.0];
             let drawn = scattering::sample(ScatteringPattern::Lambertian, -normal, normal, uniform);
             let Some((direction, _)) = drawn else { continue };
-            let Some(met) = geometry.meet(point, direction, CLEARANCE_M) else { continue };
+            let Some(met) = geometry.intersect(point, direction, CLEARANCE_M) else { continue };
             let slot = cache.slots().slot(self.patches.at(met.face, met.point).0, met.side);
             legs.push(Leg { from: point, direction, slot });
         }

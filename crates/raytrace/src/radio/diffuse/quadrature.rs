@@ -6,7 +6,7 @@
 use super::DiffuseField;
 #[cfg(doc)]
 use super::DiffuseSettings;
-use super::gather::{Lattice, Look};
+use super::gather::{GatherTracer, Lattice};
 use super::illumination::{Lighting, Source};
 use corf_scene::Result;
 use glam::DVec3;
@@ -122,7 +122,7 @@ impl DiffuseField<'_, '_> {
     fn scattered_from(&self, source: Source, slabs: usize, rx: DVec3) -> Vec<f64> {
         let geometry = &self.tracer.geometry;
         let lattice = Lattice::new(self.directions.count(), false, false);
-        let look = Look::new(self, rx, &self.tracer.settings.rx_antenna, lattice);
+        let look = GatherTracer::new(self, rx, &self.tracer.settings.rx_antenna, lattice);
         let wavelength_m = self.tracer.settings.wavelength_m();
         let density = |point: DVec3, face: u32| {
             let lighting = self.illumination.lighting(source, point, face);

@@ -11,11 +11,11 @@
 //! bias is the neighbours', which such a cell still has cut: they find the rest of the thing besides.
 
 use super::bins::Bins;
-use super::gather::{Lattice, Layer, Look};
+use super::gather::{GatherTracer, Lattice, Layer};
+use super::image_receivers::ImageReceivers;
 use super::outliers;
 use super::sampling::MOST_ALONG_SIDE;
 use super::small;
-use super::views::Views;
 use super::{Contribution, DIRECTIONS_PER_TASK, DiffuseField, in_tasks};
 use crate::radio::lattice::{Directions, neighbours};
 use crate::radio::{Antenna, Arrival};
@@ -66,7 +66,7 @@ impl Seen {
 
 /// How a layer of a cell stands to its neighbours.
 #[derive(Clone, Copy)]
-struct Wish {
+struct RefinementRequest {
     /// Directions along the side that the neighbours' differences ask for.
     side: usize,
     /// What the neighbours receive, least and most.
@@ -75,7 +75,7 @@ struct Wish {
     others: f64,
 }
 
-impl Wish {
+impl RefinementRequest {
     const NONE: Self = Self { side: 1, neighbours: [0.0; 2], others: f64::INFINITY };
 
     /// Directions along the side that a difference asks for, so many times the tolerated one. The error of n samples across an edge falls
@@ -127,7 +127,7 @@ pub(super) struct Gathering<'g, 'f, 't, 'a> {
     /// What points of their own stand for.
     pub small: Option<small::Seen>,
     /// Mirrors in sight, where what they show is shared as well.
-    pub views: Option<Views>,
+    pub views: Option<ImageReceivers>,
     /// Directions along the side of a cell whose first direction finds a strong mirror.
     pub mirror_side: usize,
 }
@@ -167,7 +167,7 @@ impl Gathering<'_, '_, '_, '_> {
     fn small(&self, seen: &small::Seen, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let numbered: Vec<_> = seen.points.iter().enumerate().filter(|(_, point)| wanted(point.direction)).collect();
         in_tasks(&numbered, |points| {
-            let look = Look::new(self.field, self.rx, self.antenna, self.lattice());
+            let look = GatherTracer::new(self.field, self.rx, self.antenna, self.lattice());
             let arrivals =
                 points.iter().map(|&(i, point)| arrival(point.direction, |report| look.at(i, point, &mut |c| report(c))));
             arrivals.flatten().collect()
@@ -176,14 +176,14 @@ impl Gathering<'_, '_, '_, '_> {
 
     /// One arrival per point that the transmitter's own rays fell on and that is seen by a way, by ways; chance decides about those that send
     /// less power than what is `faint`.
-    pub fn landed_by(&self, views: &Views, faint: f64, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+    pub fn landed_by(&self, views: &ImageReceivers, faint: f64, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let Some(light_hits) = &self.field.light_hits else { return Vec::new() };
         let lattice = self.lattice();
         let per_view: Vec<Vec<Arrival>> = views
             .all()
             .par_iter()
             .map(|view| {
-                let look = Look::new(self.field, self.rx, self.antenna, lattice);
+                let look = GatherTracer::new(self.field, self.rx, self.antenna, lattice);
                 let mut arrivals = Vec::new();
                 light_hits.tree.shown(view, lattice.sampling, |i| {
                     let landed = look.landed_by(view, i, &light_hits.all[i], faint, &wanted);
@@ -220,10 +220,10 @@ impl Gathering<'_, '_, '_, '_> {
     fn look<T: Send>(
         &self,
         wanted: impl Fn(DVec3) -> bool + Sync,
-        find: impl Fn(&mut Look<'_, '_, '_>, usize, DVec3) -> T + Sync,
+        find: impl Fn(&mut GatherTracer<'_, '_, '_>, usize, DVec3) -> T + Sync,
     ) -> Vec<T> {
         in_tasks(self.directions.along(), |numbers| {
-            let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
+            let mut look = GatherTracer::new(self.field, self.rx, self.antenna, self.lattice());
             let directions = numbers.iter().map(|&number| (number as usize, self.directions.of(number as usize)));
             let directions = directions.filter(|(_, direction)| wanted(*direction));
             directions.map(|(number, direction)| find(&mut look, number, direction)).collect()
@@ -239,7 +239,7 @@ impl Gathering<'_, '_, '_, '_> {
     fn refine(&self, cells: &mut [Cell]) {
         let wishes = self.wishes(cells);
         cells.par_chunks_mut(DIRECTIONS_PER_TASK).zip(wishes.par_chunks(DIRECTIONS_PER_TASK)).for_each(|(cells, wishes)| {
-            let mut look = Look::new(self.field, self.rx, self.antenna, self.lattice());
+            let mut look = GatherTracer::new(self.field, self.rx, self.antenna, self.lattice());
             for (cell, wishes) in cells.iter_mut().zip(wishes) {
                 for (layer, wish) in wishes.iter().enumerate() {
                     let seen = &cell.seen[layer];
@@ -247,7 +247,7 @@ impl Gathering<'_, '_, '_, '_> {
                     let cut = if wish.side > seen.side || (wish.side > 1 && seen.partial) {
                         self.cut(cell, layer, wish.side, |_, _| true, &mut look)
                     } else if seen.side == 1 && own > 1.0 {
-                        let side = Wish::side(own).min(MOST_LUCKY);
+                        let side = RefinementRequest::side(own).min(MOST_LUCKY);
                         let lucky = self.cut(cell, layer, side, |_, power| wish.times_tolerated(power) > 1.0, &mut look);
                         lucky.map(|seen| Seen { partial: true, ..seen })
                     } else {
@@ -268,8 +268,8 @@ impl Gathering<'_, '_, '_, '_> {
         cell: &Cell,
         layer: usize,
         side: usize,
-        counts: impl Fn(&Look<'_, '_, '_>, f64) -> bool,
-        look: &mut Look<'_, '_, '_>,
+        counts: impl Fn(&GatherTracer<'_, '_, '_>, f64) -> bool,
+        look: &mut GatherTracer<'_, '_, '_>,
     ) -> Option<Seen> {
         let mut mean = Seen::of_side(side);
         let mut counted = 0;
@@ -290,7 +290,7 @@ impl Gathering<'_, '_, '_, '_> {
     }
 
     /// What each cell's neighbours ask of it, by layer.
-    fn wishes(&self, cells: &[Cell]) -> Vec<[Wish; 2]> {
+    fn wishes(&self, cells: &[Cell]) -> Vec<[RefinementRequest; 2]> {
         let count = self.directions.count();
         let mut by_index = vec![[f64::NAN; 2]; count];
         let mut bins = Bins::new(self.resolution_deg);
@@ -306,7 +306,7 @@ impl Gathering<'_, '_, '_, '_> {
             .map(|cell| {
                 let whole = seen[bins.at(cell.direction)].power;
                 if whole <= least {
-                    return [Wish::NONE; 2];
+                    return [RefinementRequest::NONE; 2];
                 }
                 let own = by_index[cell.index];
                 let steps = neighbours(cell.index, count);
@@ -318,12 +318,12 @@ impl Gathering<'_, '_, '_, '_> {
                     }
                 }
                 [0, 1].map(|layer| match ranges[layer] {
-                    [least, most] if least <= most => Wish {
-                        side: Wish::side((most - least) / (TOLERATED * whole)),
+                    [least, most] if least <= most => RefinementRequest {
+                        side: RefinementRequest::side((most - least) / (TOLERATED * whole)),
                         neighbours: ranges[layer],
                         others: (whole - own[layer]).max(0.0),
                     },
-                    _ => Wish::NONE,
+                    _ => RefinementRequest::NONE,
                 })
             })
             .collect()
@@ -365,7 +365,7 @@ fn arrival(direction: DVec3, look: impl FnOnce(&mut dyn FnMut(Contribution)) -> 
 }
 
 /// Looks along one direction and adds what comes from there to what was seen.
-fn along(look: &mut Look<'_, '_, '_>, number: usize, direction: DVec3, layer: Layer, seen: &mut [Seen; 2]) {
+fn along(look: &mut GatherTracer<'_, '_, '_>, number: usize, direction: DVec3, layer: Layer, seen: &mut [Seen; 2]) {
     let mut sums = [(0.0, 0.0); 2];
     let object = look.along(number, direction, layer, &mut |c| {
         let (power, weighted_delay) = &mut sums[usize::from(c.after > 0)];

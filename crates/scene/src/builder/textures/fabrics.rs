@@ -1,8 +1,8 @@
 //! Leather, woven cloth, rugs, brushed metal and leaves: fine structure meant to be multiplied by a material's colour.
 
-use super::canvas::{Canvas, Rgb, hex, mix, scale, smoothstep};
 use super::noise::{cells, fbm, lattice};
 use crate::builder::trig;
+use crate::draw::{Canvas, Rgb, hex, mix, scale, smoothstep};
 
 fn wave(x: f32) -> f32 {
     trig::sin(f64::from(x * std::f32::consts::TAU)) as f32

@@ -1,8 +1,6 @@
 //! Textures painted in code: every one is a pure function of its name.
 
-pub mod canvas;
 mod fabrics;
-mod glyphs;
 mod noise;
 mod office;
 mod posters;
@@ -10,10 +8,9 @@ mod signs;
 mod stone;
 mod wood;
 
-pub use glyphs::layout as text_layout;
 pub use signs::SPINES;
 
-use canvas::{Canvas, Format, hex};
+use crate::draw::{Canvas, Format, hex};
 
 /// Every texture: its name in the file, its encoding and its painter.
 macro_rules! textures {

@@ -1,7 +1,7 @@
 //! What an office has and a hall has not: carpet tiles, vinyl, wall tiles, a written whiteboard, a screen full of text, door signs.
 
-use super::canvas::{Canvas, Rgb, hex, mix, scale, smoothstep};
 use super::noise::{fbm, lattice};
+use crate::draw::{Canvas, Rgb, hex, mix, scale, smoothstep};
 
 /// Distance to the nearest joint of an `n` × `n` tiling, in tiles, and the tile's indices.
 fn tile(u: f32, v: f32, n: f32) -> (f32, i64, i64) {

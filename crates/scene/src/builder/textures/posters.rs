@@ -1,8 +1,8 @@
 //! Printed posters, a painting and a notice board.
 
-use super::canvas::{Canvas, Rgb, hex, mix, scale, smoothstep};
 use super::noise::{fbm, lattice, vein};
 use crate::builder::trig;
+use crate::draw::{Canvas, Rgb, hex, mix, scale, smoothstep};
 
 fn wave(x: f32) -> f32 {
     trig::sin(f64::from(x * std::f32::consts::TAU)) as f32

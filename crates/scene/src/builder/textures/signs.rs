@@ -1,8 +1,8 @@
 //! Screens, signs, a clock, printed fronts, book spines and the street outside.
 
-use super::canvas::{Canvas, Rgb, hex, mix, scale, smoothstep};
 use super::noise::{fbm, lattice};
 use crate::builder::trig;
+use crate::draw::{Canvas, Rgb, hex, mix, scale, smoothstep};
 
 /// The information screen at the lifts.
 pub fn screen_welcome() -> Canvas {

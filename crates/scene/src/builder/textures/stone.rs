@@ -1,7 +1,7 @@
 //! Floor tiles, marble, concrete, terrazzo, plaster, ceiling boards.
 
-use super::canvas::{Canvas, hex, mix, scale, smoothstep};
 use super::noise::{cells, fbm, lattice, value, vein};
+use crate::draw::{Canvas, hex, mix, scale, smoothstep};
 
 /// Tiles along one edge of the floor texture (2.4 m).
 const TILES: f32 = 4.0;

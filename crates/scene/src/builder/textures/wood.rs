@@ -1,8 +1,8 @@
 //! Wood: grain runs along u.
 
-use super::canvas::{Canvas, Rgb, hex, mix, scale, smoothstep};
 use super::noise::{fbm, lattice, value};
 use crate::builder::trig;
+use crate::draw::{Canvas, Rgb, hex, mix, scale, smoothstep};
 
 /// Growth rings cut lengthwise with a wandering centre: brightness in `[0, 1]`, fine pores included.
 fn grain(u: f32, v: f32, rings: f32, seed: u64) -> f32 {

@@ -1,13 +1,13 @@
 //! What the transmitter's own rays fell on, as a receiver sees it: their half of [`crate::radio::diffuse::light_hits`], straight and in
 //! mirrors.
 
-use super::{CLEARANCE_M, Look, Luck, Ray};
+use super::{CLEARANCE_M, GatherTracer, Ray, RussianRoulette};
 use crate::radio::diffuse::Contribution;
 use crate::radio::diffuse::illumination::{Lighting, Source};
+use crate::radio::diffuse::image_receivers::{ImageReceiver, MirrorSequence, VirtualReceiver};
 use crate::radio::diffuse::light_hit_tree::LightHit;
 use crate::radio::diffuse::mis::{density, mis_weight};
-use crate::radio::diffuse::views::{MirrorSequence, Vantage, View};
-use crate::radio::geometry::Meeting;
+use crate::radio::geometry::SurfaceHit;
 use crate::radio::{SPEED_OF_LIGHT, field};
 use glam::DVec3;
 
@@ -34,7 +34,7 @@ impl Sent {
     }
 }
 
-impl Look<'_, '_, '_> {
+impl GatherTracer<'_, '_, '_> {
     /// What comes straight from a point that one of the transmitter's own rays fell on, as far as it is theirs, with its direction, where
     /// that is `wanted`.
     pub fn landed(&self, hit: &LightHit, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
@@ -83,7 +83,7 @@ impl Look<'_, '_, '_> {
     /// count for all.
     pub fn landed_by(
         &self,
-        view: &View,
+        view: &ImageReceiver,
         index: usize,
         hit: &LightHit,
         faint: f64,
@@ -107,8 +107,9 @@ impl Look<'_, '_, '_> {
         }
         let direction = view.direction(geometry, self.rx, point)?;
         let ray = Ray { weight: 1.0 / kept, ..self.outwards(direction) };
-        let there = |met: &Meeting| met.face == face && met.point.distance_squared(point) < SAME_POINT_M * SAME_POINT_M;
-        let (ray, met, object) = self.walk(ray, view.way.mirrors(), &mut Luck { whole: ray.power(), ..luck }, there)?;
+        let there = |met: &SurfaceHit| met.face == face && met.point.distance_squared(point) < SAME_POINT_M * SAME_POINT_M;
+        let (ray, met, object) =
+            self.walk(ray, view.way.mirrors(), &mut RussianRoulette { whole: ray.power(), ..luck }, there)?;
         let incident = self.field.illumination.incident(self.transmitter(), lighting, point, face, ray.hops)?;
         let towards_rx = -ray.direction;
         let received = self.received(&ray.ports, towards_rx);
@@ -120,7 +121,7 @@ impl Look<'_, '_, '_> {
     }
 
     /// S² f_s / r₂² of a point that the transmitter lights, 1/m²: what it would send by way of a view if nothing on the way took any of it.
-    fn most_sent(&self, view: &View, hit: &LightHit) -> f64 {
+    fn most_sent(&self, view: &ImageReceiver, hit: &LightHit) -> f64 {
         let plane = &self.field.tracer.geometry.faces[hit.face as usize];
         let to_image = view.vantage.image - hit.point;
         let normal = if plane.distance(view.vantage.image) > 0.0 { plane.normal } else { -plane.normal };
@@ -141,15 +142,15 @@ impl Look<'_, '_, '_> {
         }
     }
 
-    /// [`Vantage::density_ratio`] at a point.
-    pub(super) fn density_ratio(&self, vantage: &Vantage, face: u32, point: DVec3, transmitters_per_m2: f64) -> f64 {
+    /// [`VirtualReceiver::density_ratio`] at a point.
+    pub(super) fn density_ratio(&self, vantage: &VirtualReceiver, face: u32, point: DVec3, transmitters_per_m2: f64) -> f64 {
         let plane = &self.field.tracer.geometry.faces[face as usize];
         let own_per_m2 = density(plane, vantage.image, point);
         vantage.density_ratio(self.lattice.sampling, plane.area_m2, own_per_m2, transmitters_per_m2)
     }
 
     /// From where a ray looks whose surfaces the transmitter's own rays look at as well; without views, straight and not through slabs.
-    pub(super) fn shared(&self, ray: &Ray) -> Option<Vantage> {
+    pub(super) fn shared(&self, ray: &Ray) -> Option<VirtualReceiver> {
         if !self.lattice.shared || self.field.light_hits.is_none() {
             return None;
         }
@@ -160,8 +161,8 @@ impl Look<'_, '_, '_> {
     }
 
     /// From the receiver itself.
-    fn straight(&self) -> Vantage {
-        Vantage { image: self.rx, directions: f64::INFINITY }
+    fn straight(&self) -> VirtualReceiver {
+        VirtualReceiver { image: self.rx, directions: f64::INFINITY }
     }
 
     fn transmitter(&self) -> Source {
@@ -173,7 +174,7 @@ impl Look<'_, '_, '_> {
         let mut ray = self.outwards(direction);
         let mut luck = self.luck(ray.power(), 0);
         while ray.hops < self.deepest.min(MirrorSequence::MOST) {
-            let Some(met) = self.field.tracer.geometry.meet(ray.origin, ray.direction, CLEARANCE_M) else { return };
+            let Some(met) = self.field.tracer.geometry.intersect(ray.origin, ray.direction, CLEARANCE_M) else { return };
             let Some(behind) = self.behind(&ray, &met, &self.response(&ray, &met), true, &mut luck) else { return };
             if behind.power() < kept * luck.whole {
                 return;

@@ -9,15 +9,15 @@ mod light_hits;
 #[cfg(doc)]
 use super::DiffuseSettings;
 use super::illumination::{Incident, MAX_PORTS};
+use super::image_receivers::{ImageReceivers, MirrorSequence};
 use super::mis::{density, mis_weight};
 use super::sampling::Sampling;
 use super::small::{Seen, SmallPoint};
-use super::views::{MirrorSequence, Views};
 use super::{Contribution, DiffuseField};
 use crate::radio::antenna::{Antenna, phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
 use crate::radio::fresnel::SlabResponse;
-use crate::radio::geometry::Meeting;
+use crate::radio::geometry::SurfaceHit;
 use crate::radio::{Complex, MAX_DEPTH, SPEED_OF_LIGHT, lattice, scattering};
 use glam::DVec3;
 
@@ -41,7 +41,7 @@ const EVEN_LOOK_COS: f64 = 0.4;
 const ROULETTE_STEP: f64 = lattice::R2.x;
 
 /// What a receiver looks for along one direction.
-pub(super) struct Look<'f, 't, 'a> {
+pub(super) struct GatherTracer<'f, 't, 'a> {
     field: &'f DiffuseField<'t, 'a>,
     antenna: Antenna,
     rx: DVec3,
@@ -65,7 +65,7 @@ pub(super) struct Lattice<'s> {
     /// What points of their own stand for.
     pub small: Option<&'s Seen>,
     /// Mirrors in which what is seen is shared with the transmitter's own rays as well.
-    pub views: Option<&'s Views>,
+    pub views: Option<&'s ImageReceivers>,
 }
 
 impl Lattice<'_> {
@@ -113,14 +113,14 @@ impl Ray {
 }
 
 /// What decides whether the rays of one direction go on.
-struct Luck {
+struct RussianRoulette {
     /// The power that left the receiver.
     whole: f64,
     /// Drawn from.
     sequence: f64,
 }
 
-impl Luck {
+impl RussianRoulette {
     /// The `index`th of a sequence that begins at `first` ∈ [0, 1).
     fn new(whole: f64, first: f64, index: usize) -> Self {
         Self { whole, sequence: (first + index as f64 * ROULETTE_STEP).fract() }
@@ -137,7 +137,7 @@ impl Luck {
     }
 }
 
-impl<'f, 't, 'a> Look<'f, 't, 'a> {
+impl<'f, 't, 'a> GatherTracer<'f, 't, 'a> {
     pub(super) fn new(field: &'f DiffuseField<'t, 'a>, rx: DVec3, antenna: &Antenna, lattice: Lattice<'f>) -> Self {
         let deepest = field.settings.after.min(field.tracer.settings.max_depth.saturating_sub(1)).min(MAX_DEPTH);
         let roulette_throughput = if field.settings.even_arrivals { EVEN_ROULETTE_THROUGHPUT } else { ROULETTE_THROUGHPUT };
@@ -163,7 +163,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
             if ray.hops > 0 {
                 self.beyond = self.beyond.max(ray.power() / luck.whole);
             }
-            let Some(met) = geometry.meet(ray.origin, ray.direction, CLEARANCE_M) else { continue };
+            let Some(met) = geometry.intersect(ray.origin, ray.direction, CLEARANCE_M) else { continue };
             if ray.hops == 0 {
                 seen = Some(geometry.faces[met.face as usize].object);
             }
@@ -197,13 +197,13 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         &self,
         mut ray: Ray,
         mirrors: &[u32],
-        luck: &mut Luck,
-        is_end: impl Fn(&Meeting) -> bool,
-    ) -> Option<(Ray, Meeting, u32)> {
+        luck: &mut RussianRoulette,
+        is_end: impl Fn(&SurfaceHit) -> bool,
+    ) -> Option<(Ray, SurfaceHit, u32)> {
         let geometry = &self.field.tracer.geometry;
         let mut object = None;
         loop {
-            let met = geometry.meet(ray.origin, ray.direction, CLEARANCE_M)?;
+            let met = geometry.intersect(ray.origin, ray.direction, CLEARANCE_M)?;
             let object = *object.get_or_insert(geometry.faces[met.face as usize].object);
             let next = mirrors.get(ray.way.count());
             if next.is_none() && is_end(&met) {
@@ -221,8 +221,8 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
         self.beyond
     }
 
-    fn luck(&self, whole: f64, index: usize) -> Luck {
-        Luck::new(whole, self.field.luck, index)
+    fn luck(&self, whole: f64, index: usize) -> RussianRoulette {
+        RussianRoulette::new(whole, self.field.luck, index)
     }
 
     /// A ray that leaves the receiver.
@@ -232,13 +232,20 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     }
 
     /// Of a surface that a ray met.
-    fn response(&self, ray: &Ray, met: &Meeting) -> SlabResponse {
+    fn response(&self, ray: &Ray, met: &SurfaceHit) -> SlabResponse {
         self.field.illumination.table(met.face).response(field::cos_incidence(ray.direction, met.normal))
     }
 
     /// A ray behind a surface, `mirrored` there or straight through: nothing where too little of its power is left, or by chance where
     /// little is.
-    fn behind(&self, ray: &Ray, met: &Meeting, response: &SlabResponse, mirrored: bool, luck: &mut Luck) -> Option<Ray> {
+    fn behind(
+        &self,
+        ray: &Ray,
+        met: &SurfaceHit,
+        response: &SlabResponse,
+        mirrored: bool,
+        luck: &mut RussianRoulette,
+    ) -> Option<Ray> {
         let settings = &self.field.tracer.settings;
         if !(if mirrored { settings.reflection } else { settings.transmission }) {
             return None;
@@ -273,7 +280,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     }
 
     /// The ray as it looks at what it met: by chance, where arrivals are to be even and little of its power is left.
-    fn looking(&self, ray: &Ray, met: &Meeting, luck: &mut Luck) -> Option<Ray> {
+    fn looking(&self, ray: &Ray, met: &SurfaceHit, luck: &mut RussianRoulette) -> Option<Ray> {
         if ray.hops == 0 || !self.field.settings.even_arrivals {
             return Some(*ray);
         }
@@ -283,7 +290,7 @@ impl<'f, 't, 'a> Look<'f, 't, 'a> {
     }
 
     /// What the surface scatters towards the receiver along a direction of the lattice, or from a point that stands for a share of ∫dΩ/cosθ_s.
-    fn scattered(&self, ray: &Ray, met: &Meeting, share_sr: Option<f64>, report: &mut impl FnMut(Contribution)) {
+    fn scattered(&self, ray: &Ray, met: &SurfaceHit, share_sr: Option<f64>, report: &mut impl FnMut(Contribution)) {
         let (field, illumination) = (self.field, &self.field.illumination);
         let geometry = &field.tracer.geometry;
         if geometry.slab(met.face).scattering.coefficient == 0.0 {
@@ -427,7 +434,7 @@ mod tests {
         for [first, second] in [[0.3, 0.5], [0.43, 0.56], [0.9, 0.1], [0.02, 0.4]] {
             let mut times = [[0usize; 2]; 2];
             for index in 0..COUNT {
-                let mut luck = Luck::new(1.0, 0.5, index);
+                let mut luck = RussianRoulette::new(1.0, 0.5, index);
                 let before = luck.allows(first);
                 times[usize::from(before)][usize::from(luck.allows(second))] += 1;
             }

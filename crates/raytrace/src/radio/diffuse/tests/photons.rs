@@ -112,11 +112,11 @@ fn no_point_of_dark_patches_outshines_the_bright_ones_beside_them() {
     for (_, centre) in patches.of_face(0).filter(|(_, centre)| tracer.geometry.faces[0].contains(*centre)) {
         let (patch, middle) = patches.at(0, centre);
         for i in 0..500 {
-            let (grain, power) = if is_bright(centre) { (i % patches::GRAINS, 1.0) } else { (middle, 1e-6) };
-            let (slot, grain) = cache.slots().place((patch, grain), side);
+            let (subcell, power) = if is_bright(centre) { (i % patches::GRAINS, 1.0) } else { (middle, 1e-6) };
+            let (slot, subcell) = cache.slots().place((patch, subcell), side);
             deposits.push(Deposit {
                 slot,
-                grain,
+                subcell,
                 left: 0,
                 coherency: [0.5 * power, 0.5 * power, 0.0, 0.0],
                 normal: Vec3::Z,

@@ -1,0 +1,44 @@
+//! What a platform's camera and array see from a pose: the one place where a pose becomes a keyframe.
+
+mod optical;
+mod radio;
+
+pub use optical::{Denoise, OpticalSensor};
+pub use radio::{
+    Extent, Outputs, RadioFrame, RadioSensor, Received, SensorPlan, diffuse_settings, element_at, geometry_warnings, noncoherent,
+    open_edges_note, radio_settings, sensor_settings,
+};
+
+use corf_scene::Result;
+use corf_scene::dataset::FrameData;
+use corf_scene::trajectory::TrajectoryPose;
+
+/// A camera and an array that travel together.
+pub struct Platform<'a> {
+    /// The camera.
+    pub camera: OpticalSensor<'a>,
+    /// The array.
+    pub array: RadioSensor<'a>,
+    /// What of the array's is kept.
+    pub outputs: Outputs,
+}
+
+impl Platform<'_> {
+    /// Everything that a dataset keeps of a pose. Light and radio are traced side by side: where one of them leaves a core idle, the other goes on.
+    ///
+    /// # Errors
+    /// A receiver at the transmitter; light that is not a finite number.
+    pub fn keyframe(&self, pose: &TrajectoryPose) -> Result<FrameData> {
+        let (optical, radio) =
+            rayon::join(|| self.camera.see(pose), || self.array.keyframe(&pose.world_from_camera, &self.outputs));
+        let (optical, radio) = (optical?, radio?);
+        Ok(FrameData {
+            spectrum: radio.spectrum,
+            sphere: radio.sphere,
+            tutorial: radio.tutorial,
+            share_in_frame: Some(radio.share_in_frame),
+            paths_jsonl: radio.paths_jsonl,
+            ..optical
+        })
+    }
+}

@@ -1,0 +1,108 @@
+//! Documents say what is so: marked places are what the program writes, links lead somewhere, files that are named exist, and the two that everybody
+//! reads stay short.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+use common::*;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Files of the repository, as far as they are not built or generated, relative to its root.
+fn repository() -> BTreeSet<String> {
+    fn walk(folder: &Path, out: &mut BTreeSet<String>) {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_str().unwrap();
+            if path.is_dir() {
+                if !["target", ".git", "data", "out", "corf-demo", "corpus"].contains(&name) {
+                    walk(&path, out);
+                }
+            } else {
+                out.insert(path.strip_prefix(root()).unwrap().to_str().unwrap().replace('\\', "/"));
+            }
+        }
+    }
+    let mut out = BTreeSet::new();
+    walk(&root(), &mut out);
+    out
+}
+
+/// Documents of today; results are records of their day.
+fn documents() -> Vec<PathBuf> {
+    let of = |name: &String| name.ends_with(".md") && !name.starts_with("results/") && !name.starts_with('.');
+    let all: Vec<PathBuf> = repository().iter().filter(|name| of(name)).map(|name| root().join(name)).collect();
+    assert!(all.len() > 15, "{all:?}");
+    all
+}
+
+#[test]
+fn marked_places_are_what_the_program_writes() {
+    let documents = documents();
+    let mut arguments = vec!["docs", "--check"];
+    arguments.extend(documents.iter().map(|path| path.to_str().unwrap()));
+    let output = corf(&arguments);
+    assert_eq!(output.status.code(), Some(0), "{}\nrun `corf docs` on what is stale", String::from_utf8_lossy(&output.stdout));
+}
+
+#[test]
+fn what_everybody_reads_is_short() {
+    for (name, most) in [("README.md", 150), ("ARCHITECTURE.md", 120)] {
+        let lines = std::fs::read_to_string(root().join(name)).unwrap().lines().count();
+        assert!(lines <= most, "{name} has {lines} lines; {most} at most");
+    }
+}
+
+#[test]
+fn links_lead_somewhere() {
+    let mut links = 0;
+    for document in documents() {
+        let text = std::fs::read_to_string(&document).unwrap();
+        for part in text.split("](").skip(1) {
+            let target = part.split([')', '#', ' ']).next().unwrap();
+            if target.is_empty() || target.contains("://") || target.starts_with('`') {
+                continue;
+            }
+            links += 1;
+            assert!(document.parent().unwrap().join(target).exists(), "{}: {target}", document.display());
+        }
+    }
+    assert!(links > 50, "{links} links");
+}
+
+#[test]
+fn files_that_are_named_exist() {
+    let files = repository();
+    let mut named = 0;
+    for document in documents().iter().filter(|d| !d.ends_with("CHANGELOG.md")) {
+        let text = std::fs::read_to_string(document).unwrap();
+        // What stands between backticks, outside of blocks of code.
+        let prose: String = text.split("```").step_by(2).collect();
+        for word in prose.split('`').skip(1).step_by(2) {
+            let code = ["rs", "wgsl", "py"].iter().any(|ending| word.rsplit_once('.').is_some_and(|(_, e)| e == *ending));
+            if !code || word.contains([' ', '*', '{', '<', '…']) || word.chars().any(char::is_uppercase) {
+                continue;
+            }
+            named += 1;
+            let word = word.trim_start_matches("./");
+            let found = files.iter().any(|file| file == word || file.ends_with(&format!("/{word}")));
+            assert!(found, "{}: there is no file {word}", document.display());
+        }
+    }
+    assert!(named > 50, "{named} files");
+}
+
+/// Golden files: the tables of published results are what this version makes of their records, byte for byte.
+#[test]
+fn published_tables_are_rebuilt_from_their_records() {
+    let archives: Vec<String> = repository().into_iter().filter(|name| name.ends_with("records.jsonl.gz")).collect();
+    assert!(archives.len() >= 3, "{archives:?}");
+    for archive in archives {
+        let folder = root().join(&archive).parent().unwrap().to_path_buf();
+        for (notation, file) in [("markdown", "table.md"), ("csv", "table.csv"), ("latex", "table.tex")] {
+            let made = corf_ok(&["bench", "table", text(&folder), "--format", notation]);
+            let kept = std::fs::read_to_string(folder.join(file)).unwrap();
+            assert_eq!(made.trim_end(), kept.trim_end(), "{} is not what {archive} makes", folder.join(file).display());
+        }
+    }
+}
