@@ -96,7 +96,7 @@ impl<'m> CoveragePicture<'m> {
         canvas.encode(Format::Png)
     }
 
-    /// Where a gain lies between the ends of the range.
+    /// Normalised level of a linear gain: 0 at the lower end of the dBm range, 1 at its upper end.
     fn scalar(&self, gain: f32) -> f32 {
         let dbm = 10.0 * f64::from(gain.max(f32::MIN_POSITIVE)).log10() + self.tx_power_dbm;
         ((dbm - self.range_dbm[0]) / (self.range_dbm[1] - self.range_dbm[0])) as f32

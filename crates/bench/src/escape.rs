@@ -5,7 +5,7 @@ fn one_line(text: &str) -> impl Iterator<Item = char> + '_ {
     text.chars().map(|c| if c.is_control() { ' ' } else { c })
 }
 
-/// As one line of text, for what escapes it by itself.
+/// Text on one line without escapes, for writers that escape it themselves.
 pub fn plain(text: &str) -> String {
     one_line(text).collect()
 }
@@ -22,7 +22,7 @@ fn replaced(text: &str, by: impl Fn(char) -> Option<&'static str>) -> String {
     out
 }
 
-/// As LaTeX text, also behind a `\\`, which takes a bracket or a star for its own.
+/// Escapes text for LaTeX, also behind a `\\`, which would take a bracket or a star for its argument.
 pub fn latex(text: &str) -> String {
     replaced(text, |c| {
         Some(match c {
@@ -47,13 +47,13 @@ pub fn latex(text: &str) -> String {
     })
 }
 
-/// As a quoted CSV cell; what a spreadsheet would take for a formula is marked as text by an apostrophe in front.
+/// Quotes text as a CSV cell; text that a spreadsheet would take for a formula is marked as text by an apostrophe in front.
 pub fn csv(text: &str) -> String {
     let formula = text.trim_start().starts_with(['=', '+', '-', '@']) || text.starts_with(['\t', '\r', '\n']);
     format!("\"{}{}\"", if formula { "'" } else { "" }, replaced(text, |c| (c == '"').then_some("\"\"")))
 }
 
-/// As Markdown text, in tables too.
+/// Escapes text for Markdown, in tables too.
 pub fn markdown(text: &str) -> String {
     replaced(text, |c| {
         Some(match c {
@@ -79,7 +79,7 @@ pub fn without_html(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
-/// As HTML text, in attributes too.
+/// Escapes text for HTML, in attributes too.
 pub fn html(text: &str) -> String {
     replaced(text, |c| {
         Some(match c {

@@ -26,7 +26,7 @@ pub struct Generated {
     pub findings: Vec<Finding>,
 }
 
-/// How to generate.
+/// Options of the generation of a dataset.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
     /// Go on in a folder that holds some of it.
@@ -49,7 +49,7 @@ pub fn generate(config: &DatasetConfig, out: &Path, options: Options) -> Result<
 /// [`generate`] of a scene in memory.
 ///
 /// # Errors
-/// As [`generate`].
+/// Those of [`generate`].
 pub fn generate_from(
     config: &DatasetConfig,
     scene_config: &SceneConfig,
@@ -161,7 +161,7 @@ fn tell(generated: Generated) -> Result<Generated> {
     Ok(generated)
 }
 
-/// What a keyframe's images take while they are rendered, filtered and written, bytes a pixel.
+/// Memory of a keyframe's images while they are rendered, filtered and written, bytes a pixel.
 const OPTICAL_BYTES_A_PIXEL: f64 = 300.0;
 const RF_BYTES_A_PIXEL: f64 = 120.0;
 

@@ -24,9 +24,9 @@ pub struct Reconstruction {
     pub curve: Vec<CurvePoint>,
     /// Peak resident memory of the process during it, bytes.
     pub peak_memory_bytes: Option<u64>,
-    /// What each keyframe took, for methods that work keyframe by keyframe.
+    /// Timing of each keyframe, for methods that work keyframe by keyframe.
     pub keyframes: Vec<KeyframeTiming>,
-    /// How wrong the depths of new Gaussians were, for methods that estimate depth, where the dataset has it.
+    /// Errors of the depths of new Gaussians, for methods that estimate depth, where the dataset has the true depth.
     pub depth: Option<DepthQuality>,
 }
 
@@ -49,7 +49,7 @@ pub fn check_training(method: &dyn Method, split: &Split) -> Result<()> {
 /// Runs a method on what a split trains with, on the harness's clock.
 ///
 /// # Errors
-/// Whatever the method answers; a dataset without training keyframes.
+/// The method's errors; a dataset without training keyframes.
 pub fn reconstruct(
     method: &dyn Method,
     dataset: &Dataset,

@@ -8,10 +8,10 @@ use std::time::Duration;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// How long the unit at hand may still take.
+/// Time that the current unit of work has to end after an interrupt.
 const GRACE: Duration = Duration::from_secs(2);
 
-/// How long the message may take.
+/// Time limit for writing the final message.
 const LAST_WORDS: Duration = Duration::from_millis(50);
 
 /// The user asked to stop.

@@ -1,4 +1,5 @@
-//! What every row of every table is: training keyframes in, a predictor out. The clock and the metrics are the harness's.
+//! Interface of the compared methods, one per row of a table: training keyframes in, a predictor out. The clock and the metrics are the
+//! harness's.
 
 use crate::metrics::Prediction;
 use crate::split::Split;
@@ -42,12 +43,12 @@ impl<'a> TrainingSet<'a> {
         *self.held.borrow_mut() = read;
     }
 
-    /// Which of the dataset's keyframes they are, in order.
+    /// Indices of the training keyframes in the dataset, ascending.
     pub fn indices(&self) -> &[usize] {
         &self.indices
     }
 
-    /// How many keyframes there are.
+    /// Number of training keyframes.
     pub fn len(&self) -> usize {
         self.indices.len()
     }
@@ -94,7 +95,7 @@ impl<'a> TrainingSet<'a> {
     }
 }
 
-/// Where a method keeps its state while it works (and on an interrupt, unless it never does), and whether it goes on from there.
+/// Checkpointing of a method: the file in which it saves its state while it works and on an interrupt, and whether it resumes from it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Checkpoints {
     /// The file.
@@ -103,11 +104,11 @@ pub struct Checkpoints {
     pub every: Option<usize>,
     /// Whether to go on from the file, if it is there.
     pub resume: bool,
-    /// What must be the same when it is resumed (the dataset's hash).
+    /// Tag that must be the same when it is resumed (the dataset's hash).
     pub tag: String,
 }
 
-/// What a method tells while it works; the harness stamps the time.
+/// Progress report of a method at work; the harness adds the time.
 #[derive(Clone, Copy, Debug)]
 pub struct Advance<'a> {
     /// Units of work done.
@@ -118,7 +119,7 @@ pub struct Advance<'a> {
     pub gaussians: Option<usize>,
     /// The keyframe that was finished, for methods that work keyframe by keyframe.
     pub keyframe: Option<&'a KeyframeTiming>,
-    /// How wrong the depths of new Gaussians were, at the end.
+    /// Errors of the depths of new Gaussians, at the end.
     pub depth: Option<DepthQuality>,
 }
 

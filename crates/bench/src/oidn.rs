@@ -13,7 +13,7 @@ use std::path::PathBuf;
 
 /// Names the library file, where the system's loader does not find it by itself.
 pub const LIBRARY_VARIABLE: &str = "CORF_OIDN_LIBRARY";
-/// What it is called on Linux, macOS and Windows.
+/// File names of the library on Linux, macOS and Windows.
 const NAMES: [&str; 4] =
     ["libOpenImageDenoise.so.2", "libOpenImageDenoise.so", "libOpenImageDenoise.2.dylib", "OpenImageDenoise.dll"];
 
@@ -119,7 +119,7 @@ impl Oidn {
         self.last_error().map_or(Ok(output), Err)
     }
 
-    /// What went wrong since this was asked last.
+    /// The library's error since the last call, if there was one.
     fn last_error(&self) -> Option<String> {
         // SAFETY: the signature is OIDN's; the message is the library's own and is copied at once.
         unsafe {
@@ -160,7 +160,7 @@ impl Denoise for Oidn {
     /// Takes the noise out of a frame's radiance, guided by its albedo and normals. What is seen of lamps straight has none and stays.
     ///
     /// # Errors
-    /// What the library says (memory it does not get).
+    /// The library's error (out of memory).
     fn denoise(&self, frame: &mut LightFrame) -> Result<()> {
         let straight = frame.lamp.pixels();
         let scattered = frame.radiance.pixels().iter().zip(straight).map(|(r, l)| std::array::from_fn(|c| r[c] - l[c]));

@@ -16,7 +16,7 @@ pub struct Plan {
     pub analysis: String,
     /// Dataset folder, relative to the plan file.
     pub dataset: PathBuf,
-    /// What trains and what is evaluated: `validation`, `test` or `segment`.
+    /// Evaluation protocol, which gives the training and the held-out split: `validation`, `test` or `segment`.
     #[serde(default)]
     pub protocol: Protocol,
     /// Whether every cell is run once more with the contiguous segment held out, into the folder `segment`. Default: no.
@@ -68,7 +68,7 @@ impl Plan {
     /// Parses and checks a plan's text.
     ///
     /// # Errors
-    /// As [`Self::load`].
+    /// Those of [`Self::load`].
     pub fn parse(text: &str) -> Result<Self> {
         let plan: Self = toml::from_str(text)?;
         if plan.seeds.is_empty() || plan.rows.is_empty() {

@@ -8,10 +8,10 @@ use corf_scene::{Keyframe, Raster};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use std::path::{Path, PathBuf};
 
-/// How many held-out frames a report shows.
+/// Number of held-out frames that a report shows.
 pub const SHOWN: usize = 4;
 
-/// Which of the held-out frames a report shows: evenly spread, first and last included.
+/// The held-out frames that a report shows: evenly spread, first and last included.
 pub fn shown(held_out: &[usize]) -> Vec<usize> {
     let n = held_out.len();
     if n <= SHOWN {

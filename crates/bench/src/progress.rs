@@ -6,7 +6,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-/// How often a plain line is written when nobody is watching a bar.
+/// Interval between plain lines of progress when standard error is no terminal.
 const PLAIN_INTERVAL: Duration = Duration::from_secs(5);
 
 /// One running task.

@@ -1,4 +1,4 @@
-//! Where a number comes from: source, machine, memory.
+//! Provenance of results: source, machine, memory.
 
 use corf_scene::io::sha256_hex;
 use serde::{Deserialize, Serialize};
@@ -25,7 +25,7 @@ pub struct Provenance {
 const LOCKFILE: &[u8] = include_bytes!("../../../Cargo.lock");
 
 impl Provenance {
-    /// Of this binary on this machine.
+    /// The provenance of results of this binary on this machine.
     pub fn here() -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),

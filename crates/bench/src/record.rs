@@ -21,7 +21,7 @@ use std::path::Path;
 pub const SCHEMA: &str = "corf-metrics/1";
 /// The evaluation protocol these numbers follow: held-out keyframes by [`Protocol`], metrics as the README defines them.
 pub const PROTOCOL: &str = "corf-heldout/2";
-/// What the clock of a record includes.
+/// Description of the interval that a record's clock measures.
 pub const CLOCK: &str = "from the first decoded training keyframe in memory to the finished field; reading and decoding files (ahead of the clock as far as memory allows), writing the field and evaluating are not included";
 
 /// Everything one cell (method × dataset × seed) has to say.
@@ -31,7 +31,7 @@ pub struct Record {
     pub schema: String,
     /// [`PROTOCOL`].
     pub protocol: String,
-    /// Which keyframes trained and which were evaluated.
+    /// Evaluation protocol: the split into training and held-out keyframes.
     #[serde(default)]
     pub split: Protocol,
     /// The row of the table this cell belongs to.
@@ -55,9 +55,9 @@ pub struct Record {
     pub device: String,
     /// Whether the method read ground-truth depth through the simulated monocular prior.
     pub uses_ground_truth_depth: bool,
-    /// What the clock includes.
+    /// Description of the interval that the clock measured ([`CLOCK`]).
     pub clock: String,
-    /// What came out, or why nothing did.
+    /// Results, or the reason why there are none.
     #[serde(flatten)]
     pub outcome: Outcome,
 }
@@ -95,7 +95,7 @@ pub struct Numbers {
     /// Latency of keyframes, for methods that work keyframe by keyframe.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<LatencySummary>,
-    /// How wrong the depths of new Gaussians were, for methods that estimate depth, where the dataset has it.
+    /// Errors of the depths of new Gaussians, for methods that estimate depth, where the dataset has the true depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<DepthQuality>,
 }
@@ -195,7 +195,7 @@ impl Numbers {
         Self { seconds, gaussians, peak_memory_bytes, means, peak_error_median_p90_deg, frames, curve, latency, depth: None }
     }
 
-    /// The same with what is known of the depths.
+    /// Adds the errors of the depths.
     pub fn with_depth(self, depth: Option<DepthQuality>) -> Self {
         Self { depth, ..self }
     }

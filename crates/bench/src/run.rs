@@ -32,7 +32,7 @@ pub struct RunInfo {
     pub overrides: toml::Table,
     /// Resolved configuration.
     pub config: serde_json::Value,
-    /// Which keyframes trained: what the run may be evaluated on.
+    /// Evaluation protocol of the training: the run may be evaluated on the split it held out.
     #[serde(default)]
     pub protocol: Protocol,
     /// Seed.
@@ -62,10 +62,10 @@ pub struct RunInfo {
     /// Latency of keyframes, for methods that work keyframe by keyframe.
     #[serde(default)]
     pub latency: Option<LatencySummary>,
-    /// How wrong the depths of new Gaussians were, for methods that estimate depth, where the dataset has it.
+    /// Errors of the depths of new Gaussians, for methods that estimate depth, where the dataset has the true depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<DepthQuality>,
-    /// What each keyframe took.
+    /// Timing of each keyframe.
     #[serde(default)]
     pub keyframe_timings: Vec<KeyframeTiming>,
 }
@@ -81,23 +81,23 @@ pub fn claim_output(folder: &Path, resume: bool) -> Result<FolderLock> {
     claim(folder, content, "choose another --out, or pass --resume to go on with what is there")
 }
 
-/// As [`claim_output`], for what is done at once.
+/// Claims an empty or new folder for output that cannot be resumed; see [`claim_output`].
 ///
 /// # Errors
-/// As [`claim_output`].
+/// Those of [`claim_output`].
 pub fn claim_fresh(folder: &Path) -> Result<FolderLock> {
     claim(folder, Content::Refused, "choose another --out")
 }
 
-/// As [`claim_output`], for what is written over files that are there already.
+/// Claims a folder for output that is written beside or over the files in it; see [`claim_output`].
 ///
 /// # Errors
-/// As [`claim_output`], but for the content.
+/// Those of [`claim_output`], but for the content.
 pub fn claim_shared(folder: &Path) -> Result<FolderLock> {
     claim(folder, Content::Kept, "")
 }
 
-/// What becomes of what a folder holds already.
+/// Treatment of the present content of an output folder.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Content {
     /// Nothing may be there.

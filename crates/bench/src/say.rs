@@ -1,5 +1,5 @@
-//! What the command says on standard error and standard output, in one place: names from files cannot steer a terminal, and a standard
-//! error that takes nothing ends no work.
+//! Output of the command to standard error and standard output, in one place: names from files are sanitised so that they cannot send
+//! control sequences to a terminal, and a standard error that cannot be written to ends no work.
 
 use corf_scene::Finding;
 use std::borrow::Cow;

@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 /// Folder of the contiguous segment's cells, tables and report.
 pub const SEGMENT: &str = "segment";
 
-/// What a suite leaves.
+/// Output of a suite: its records, and the paths of its report and table.
 pub struct Written {
     /// All records, in the plan's order.
     pub records: Vec<Record>,

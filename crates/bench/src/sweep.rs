@@ -141,7 +141,7 @@ impl Sweep {
         Ok((text, results.into_iter().flat_map(|r| r.1).collect()))
     }
 
-    /// What each row gains over the base.
+    /// Markdown table of each row's gains over the base row.
     fn table(&self, results: &[(String, Vec<Record>)]) -> String {
         let mut out = format!(
             "# {}\n\n{}, {} seeds, validation keyframes. Differences to the first row in dB of light / RF (Jet), paired by seed; the last columns \

@@ -25,7 +25,7 @@ pub struct Row<'a> {
     pub failed: Vec<(u64, &'a str)>,
     /// Whether any cell read ground-truth depth.
     pub uses_ground_truth_depth: bool,
-    /// What was evaluated.
+    /// Evaluation protocol.
     pub protocol: Protocol,
     /// Whether any cell's dataset was not checked against its recorded hashes.
     pub unverified: bool,
@@ -134,7 +134,7 @@ pub struct Short<'a> {
     pub headings: Vec<&'static str>,
     /// One a row.
     pub lines: Vec<Line<'a>>,
-    /// What it rests on.
+    /// Note on the number of seeds, the protocol and the caveats of the numbers.
     pub note: String,
 }
 
@@ -146,7 +146,7 @@ pub struct Line<'a> {
     pub failed: bool,
     /// Numbers, as text.
     pub cells: Vec<String>,
-    /// Which of them is a difference whose interval excludes zero.
+    /// Index of the cell with a difference whose confidence interval excludes zero, to be set in bold.
     pub bold: Option<usize>,
 }
 
@@ -155,7 +155,7 @@ pub fn short<'a>(rows: &'a [Row<'a>]) -> Short<'a> {
     with_columns(rows, &short_columns().collect::<Vec<_>>())
 }
 
-/// The same with other columns of metrics.
+/// The short table with the given columns of metrics.
 fn with_columns<'a>(rows: &'a [Row<'a>], columns: &[&Column]) -> Short<'a> {
     let mut headings = vec!["method"];
     headings.extend(columns.iter().map(|c| c.heading));
@@ -177,7 +177,7 @@ pub fn markdown(rows: &[Row<'_>]) -> String {
     in_markdown(&short(rows))
 }
 
-/// The same with the columns of these keys.
+/// The short table in Markdown, with the columns of these keys.
 ///
 /// # Errors
 /// A key that is no metric's.

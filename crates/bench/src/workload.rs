@@ -72,7 +72,7 @@ pub fn room(n: usize, seed: u64) -> Gaussians {
 
 /// Poses and intrinsics of a measurement.
 pub struct Rig {
-    /// Where the pictures are taken.
+    /// Camera poses, `world_from_camera`.
     pub world_from_camera: Vec<Rigid3>,
     /// Intrinsics of the optical images.
     pub optical: Pinhole,

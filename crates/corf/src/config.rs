@@ -4,7 +4,7 @@ use crate::{Appearance, Error, Gaussians, Result, target::RfTarget};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Where new Gaussians are sampled in a keyframe.
+/// Sampling rule for the pixels of a keyframe that spawn new Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sampling {
@@ -14,7 +14,7 @@ pub enum Sampling {
     Uniform,
 }
 
-/// How the two modalities meet.
+/// Coupling of the two modalities in training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Coupling {
@@ -36,7 +36,7 @@ pub enum SecondStageOpacity {
     Initial,
 }
 
-/// Where dense depth comes from before it is aligned and refined.
+/// Source of the dense depth prior, before it is aligned and refined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -54,8 +54,8 @@ pub enum DepthPriorKind {
     None,
 }
 
-/// What the maps of `depth.folder` say. All are aligned to triangulated depths, for metric networks too err in scale; only where too little was
-/// triangulated to do so are metric maps taken at their word.
+/// Quantity in the maps of `depth.folder`. All are aligned to triangulated depths, since metric networks too err in scale; metric maps are
+/// used unaligned only where too little was triangulated to align them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FolderKind {
@@ -69,7 +69,7 @@ pub enum FolderKind {
     InverseMetric,
 }
 
-/// How wrong the simulated prior is (γ, λ and κ of `depth::prior`).
+/// Error level of the simulated depth prior (γ, λ and κ of `depth::prior`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PriorPreset {
@@ -89,20 +89,20 @@ pub struct ReconstructionConfig {
     pub coupling: Coupling,
     /// The RF opacity a two-stage pipeline's second stage starts from. Default `optical`, the stronger of the two.
     pub second_stage_opacity: SecondStageOpacity,
-    /// Where Gaussians are spawned. Default `log`.
+    /// Sampling rule for the pixels that spawn Gaussians. Default `log`.
     pub sampling: Sampling,
     /// Spawn probability of `uniform` sampling (paper: 0.1).
     pub uniform_probability: f32,
     /// Least probability of `log` sampling where nothing covers a pixel yet: blank walls show no structure to light and are what radio meets.
     /// Published: 0.
     pub least_probability: f32,
-    /// What the RF field is trained on. Default `jet`, as the paper.
+    /// Encoding of the spectra that the RF field is trained on. Default `jet`, as in the paper.
     pub rf_target: RfTarget,
     /// Optimisation steps per keyframe (paper: 75).
     pub iterations_per_keyframe: usize,
-    /// How many of these, the last ones, are taken between the next keyframe's look at the field and the moment that one's Gaussians and images
-    /// join it: a GPU works on them while the processor decides what to add. After the last keyframe they follow without another. Default 0,
-    /// as published.
+    /// Number of these steps, the last ones of a keyframe, that overlap with the next keyframe's expansion: they run after it has surveyed
+    /// the field and before its Gaussians and images are added, so that a GPU trains while the processor decides what to add. After the
+    /// last keyframe they run without overlap. Default 0, as published.
     pub overlapped_iterations: usize,
     /// Pyramid levels (paper: 3).
     pub pyramid_levels: u32,
@@ -110,9 +110,9 @@ pub struct ReconstructionConfig {
     pub rf_pyramid_levels: Option<u32>,
     /// A keyframe moves one pyramid level finer after this many of its own visits (5).
     pub visits_per_level: usize,
-    /// Which share of a keyframe's visits at full resolution sees the whole image; the others see it one pyramid level coarser, at a
-    /// quarter of the price, beside the whole spectrum. Published: 1. Default: as many as keep such a visit at half a megapixel on
-    /// average, so all of them up to that size.
+    /// Share of a keyframe's visits at the finest pyramid level that render the optical image at full resolution; the others render it one
+    /// level coarser, at a quarter of the cost. The spectrum is at full resolution in all of them. Published: 1. Default: half a megapixel
+    /// over the number of the image's pixels, at most 1.
     pub finest_share: Option<f32>,
     /// Probability that a step visits the latest keyframe; otherwise it visits any of them. Published: 0.2. Default 0.05.
     pub latest_probability: f32,
@@ -144,7 +144,7 @@ pub struct ReconstructionConfig {
     pub prune_image_fraction: f32,
     /// Position rate in a world whose mean baseline is 0.1 (5e-5).
     pub position_rate: f32,
-    /// How many baselines define the world's scale (5).
+    /// Number of camera baselines whose mean defines the world's scale (5).
     pub scale_baselines: usize,
     /// Keyframes collected before the first expansion, so that the first ones have neighbours to be matched with (2 to 8).
     pub bootstrap_keyframes: usize,
@@ -163,7 +163,7 @@ pub struct DepthConfig {
     /// Folder of the `folder` prior's maps, from the current directory: `NNNNN.exr`, `.npy` or `.png` for the keyframe whose image is `NNNNN.png`
     /// (its index plus one). Given with that prior and no other.
     pub folder: Option<PathBuf>,
-    /// What those maps say. Default `inverse-relative`.
+    /// Quantity in those maps. Default `inverse-relative`.
     pub folder_kind: FolderKind,
     /// Value of a 16-bit PNG at one metre (or at 1/m, for `inverse-metric`); relative maps have no unit. Default 1000: millimetres.
     pub png_scale: f64,
@@ -371,7 +371,7 @@ impl ReconstructionConfig {
         }
     }
 
-    /// The same with what follows from the size of the images put in: the share of whole images, and σ in their own pixels.
+    /// The configuration for images of this size: with the default of `finest_share` resolved and `log_sigma_px` scaled to their pixels.
     pub(crate) fn for_images(&self, width: usize, height: usize) -> Self {
         /// Pixels that a visit at full resolution sees on average.
         const VISITED: f32 = 0.5e6;

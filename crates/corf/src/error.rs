@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-/// What can go wrong in a reconstruction.
+/// Error of a reconstruction.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file could not be read or written.
@@ -10,7 +10,7 @@ pub enum Error {
         action: &'static str,
         /// The file.
         path: PathBuf,
-        /// What the operating system answered.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// An input cannot be used: `place` says where, `help` what to do.
@@ -18,9 +18,9 @@ pub enum Error {
     Invalid {
         /// File, key, index.
         place: String,
-        /// What is wrong.
+        /// Description of the fault.
         what: String,
-        /// What to do about it.
+        /// Advice on how to correct it.
         help: String,
     },
     /// The caller's progress callback asked for the work to end.

@@ -15,7 +15,7 @@ use std::path::Path;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FieldMeta {
-    /// What the RF field's colours mean.
+    /// Encoding of the RF field's colours.
     pub rf_target: RfTarget,
     /// The dB range of scalar 0 and 1.
     pub db_range: DbRange,
@@ -23,7 +23,7 @@ pub struct FieldMeta {
     pub optical_camera: Pinhole,
     /// Intrinsics of the RF images.
     pub rf_camera: Pinhole,
-    /// How the receiver forms its spectrum.
+    /// Measurement model of the RF receiver.
     #[serde(default)]
     pub sensor: RfSensor,
 }
@@ -37,7 +37,7 @@ pub struct Field {
     pub meta: FieldMeta,
 }
 
-/// What a pose sees.
+/// Optical image and spectrum rendered at a pose.
 #[derive(Clone, Debug)]
 pub struct Prediction {
     /// Light: sRGB-encoded `[0, 1]`.

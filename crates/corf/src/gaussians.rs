@@ -84,7 +84,7 @@ impl Gaussians {
         }
     }
 
-    /// How many Gaussians there are.
+    /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.position.len()
     }

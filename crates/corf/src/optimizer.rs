@@ -3,7 +3,7 @@
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// How the pixel's own extent enters the projected covariance (`S = S₂ + h·I`).
+/// Antialiasing filter: the pixel's own extent in the projected covariance (`S = S₂ + h·I`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Antialias {
@@ -12,7 +12,7 @@ pub enum Antialias {
     /// h = 0.1 px², opacity times `ρ = sqrt(det S₂ / det S)`, and ρ differentiated (Mip-Splatting's compensation).
     #[default]
     On,
-    /// As [`Antialias::On`], with ρ held constant in the gradient.
+    /// [`Antialias::On`] with ρ held constant in the gradient.
     Detached,
 }
 
@@ -26,7 +26,7 @@ impl Antialias {
     }
 }
 
-/// How Gaussians become pixels.
+/// Settings of the rasteriser.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RasterConfig {
@@ -74,9 +74,9 @@ pub struct OptimizerConfig {
     /// in metres it is 5e-5 · baseline_m / 0.1, which the reconstructor sets once it knows the baselines
     /// ([`Device::set_position_rate_m`](crate::Device::set_position_rate_m)).
     pub position_rate_m: f32,
-    /// A Gaussian's position rate loses this fraction each step it is seen …
+    /// Decay of a Gaussian's position learning rate: the fraction lost at each step in which it is visible.
     pub position_decay: f32,
-    /// … down to this fraction of the full rate.
+    /// Floor of the decayed position learning rate, as a fraction of the full rate.
     pub position_rate_floor: f32,
     /// ln-scale, per step.
     pub log_scale_rate: f32,

@@ -35,7 +35,7 @@ pub fn write_optical(path: &Path, gaussians: &Gaussians) -> Result<()> {
 /// Writes geometry and RF appearance (`rf.ply`); a scalar field has the one channel `f_dc_0`.
 ///
 /// # Errors
-/// As [`write_optical`].
+/// Those of [`write_optical`].
 pub fn write_rf(path: &Path, gaussians: &Gaussians) -> Result<()> {
     write(path, gaussians, &[("", &gaussians.rf)])
 }
@@ -43,7 +43,7 @@ pub fn write_rf(path: &Path, gaussians: &Gaussians) -> Result<()> {
 /// Writes geometry and both appearances (`coupled.ply`).
 ///
 /// # Errors
-/// As [`write_optical`].
+/// Those of [`write_optical`].
 pub fn write_coupled(path: &Path, gaussians: &Gaussians) -> Result<()> {
     write(path, gaussians, &[("", &gaussians.optical), ("rf_", &gaussians.rf)])
 }
@@ -61,7 +61,7 @@ pub fn read_single(path: &Path) -> Result<SingleModality> {
 /// Reads a coupled file.
 ///
 /// # Errors
-/// As [`read_single`]; also a file without the RF columns.
+/// Those of [`read_single`]; also a file without the RF columns.
 pub fn read_coupled(path: &Path) -> Result<Gaussians> {
     let table = Table::read(path)?;
     let (position, rotation, log_scale) = table.geometry()?;

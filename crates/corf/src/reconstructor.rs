@@ -38,13 +38,13 @@ const PREPARED_AT_ONCE: usize = 8;
 /// Steps handed to the device at once where the policy does not need it back in between.
 const BATCH: usize = 75;
 
-/// What is kept of a keyframe that was expanded.
+/// Record of a keyframe that was expanded, kept for checkpoints.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Past {
     index: usize,
     /// Scale and offset of its aligned prior.
     alignment: Option<[f32; 2]>,
-    /// What was corrected in it.
+    /// Local correction of the aligned prior, if one was fitted.
     correction: Option<Correction>,
     /// Typical depth of the scene after it.
     typical_depth_m: f64,
@@ -186,7 +186,7 @@ impl Reconstructor {
         Ok(())
     }
 
-    /// How many keyframes, at most, are worth receiving before [`Self::process`] is called for the earliest: more would only take memory.
+    /// Largest useful number of keyframes to receive before [`Self::process`] is called for the earliest: more would only take memory.
     pub fn worth_receiving(&self) -> usize {
         if self.device.trains_on_the_host() { 2 } else { PREPARED_AT_ONCE }
     }
@@ -196,7 +196,7 @@ impl Reconstructor {
         self.arrivals.iter_mut().for_each(|at| *at += idle);
     }
 
-    /// How many received keyframes [`Self::process`] could expand now: none while the first ones are collected.
+    /// Number of received keyframes that [`Self::process`] could expand now: none while the first ones are collected.
     pub fn waiting(&self) -> usize {
         let collecting = self.keyframes_received < self.config.bootstrap_keyframes && !self.finished;
         if collecting { 0 } else { self.ahead.waiting() }
@@ -272,7 +272,7 @@ impl Reconstructor {
         &self.timings[..self.timings.len() - usize::from(open && !self.timings.is_empty())]
     }
 
-    /// How wrong the depths of all new Gaussians were, where keyframes carried the true one; after a checkpoint, of what followed it.
+    /// Errors of the depths of all new Gaussians, where keyframes carried the true depth; after a checkpoint, of those that followed it.
     pub fn depth_quality(&self) -> Option<DepthQuality> {
         self.depth_tally.quality()
     }
@@ -335,12 +335,12 @@ impl Reconstructor {
         self.meta.render(self.device.as_mut(), world_from_camera)
     }
 
-    /// How many Gaussians there are.
+    /// Number of Gaussians in the field.
     pub fn gaussian_count(&self) -> usize {
         self.device.len()
     }
 
-    /// How many keyframes have been expanded.
+    /// Number of keyframes that have been expanded.
     pub fn keyframes_expanded(&self) -> usize {
         self.past.len()
     }

@@ -1,4 +1,4 @@
-//! Which keyframe a step visits, at which pyramid level, with which depth weight (paper, Training Strategy).
+//! Schedule of the optimisation steps: keyframe, pyramid levels and depth weight of each (paper, Training Strategy).
 
 use crate::{
     config::ReconstructionConfig,
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// as 0.
 const LEAST_DEPTH_DECAY: f32 = 1e-3;
 
-/// What one stage of the optimisation trains.
+/// Loss weights of one stage of the optimisation, and whether it updates geometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageWeights {
     /// Weight of the optical loss.
@@ -38,7 +38,7 @@ pub struct Schedule {
     online: Vec<(ViewId, [u32; 2])>,
 }
 
-/// What a [`Schedule`] has drawn so far.
+/// Saved state of a [`Schedule`]: the steps drawn so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScheduleState {
     steps_drawn: u64,
@@ -47,7 +47,7 @@ pub struct ScheduleState {
 }
 
 impl Schedule {
-    /// What it has drawn so far.
+    /// The state to be saved: the steps drawn so far.
     pub fn state(&self) -> ScheduleState {
         ScheduleState {
             steps_drawn: self.steps_drawn,
@@ -78,7 +78,7 @@ impl Schedule {
         self.depth_weight = weight;
     }
 
-    /// How many online steps there have been.
+    /// Number of online steps so far.
     pub fn online_steps(&self) -> usize {
         self.online.len()
     }

@@ -8,7 +8,7 @@ use crate::device::Planes;
 use corf_scene::Pinhole;
 use serde::{Deserialize, Serialize};
 
-/// How a receiver forms its spectrum.
+/// Measurement model of a receiver: the mapping from the RF field to its angular power spectrum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]

@@ -10,7 +10,7 @@ pub const PRIOR_OBJECT: u64 = 3;
 pub const PRIOR_FRAME: u64 = 4;
 /// Per-pixel noise of the simulated prior; keyed by trajectory frame.
 pub const PRIOR_NOISE: u64 = 5;
-/// Which pixels spawn a Gaussian; keyed by trajectory frame.
+/// Random-number stage of the pixels that spawn a Gaussian; keyed by trajectory frame.
 pub const SAMPLING: u64 = 7;
 /// Keyframe and background of each optimisation step.
 pub const STEPS: u64 = 8;

@@ -14,7 +14,7 @@ const SUPERSAMPLES: usize = 3;
 
 pub const DB_RANGE: DbRange = DbRange { min_db: -120.0, max_db: -60.0 };
 
-/// What a ray meets: distance along the (unnormalised) ray, surface index, texture coordinates (metres).
+/// Intersection of a ray: distance along the (unnormalised) ray, surface index, texture coordinates (metres).
 struct Hit {
     t: f64,
     surface: u32,

@@ -1,4 +1,4 @@
-//! What the RF field is trained on, and how a prediction is read back as a spectrum.
+//! Encoding of spectra as training targets of the RF field, and decoding of predictions back to spectra.
 
 use crate::device::Planes;
 use corf_scene::{Raster, color, keyframe::DbRange};

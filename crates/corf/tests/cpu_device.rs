@@ -1,5 +1,5 @@
-//! What must hold of the CPU device beyond its gradients: blending truths, clamps, the optimiser, bookkeeping, and bytes that do not
-//! depend on the number of threads.
+//! Tests of the CPU device beyond its gradients: blending, clamps, the optimiser, bookkeeping, and bytes that do not depend on the number
+//! of threads.
 
 #![allow(clippy::unwrap_used)]
 

@@ -29,8 +29,8 @@ const OPTIONS: GpuOptions = GpuOptions {
 
 /// Rendered values: a few hundred f32 roundings of numbers near 1, in exp2 and division of some ulp.
 const IMAGE_TOLERANCE: f32 = 2e-5;
-/// Where a weight lies within rounding of 1/255, or a pixel's end within rounding of T = 1e-4, one device draws a Gaussian and the other
-/// does not: such a pixel is off by up to 1/255. This share of pixels may be.
+/// Largest share of pixels that may differ by up to 1/255: where a weight lies within rounding of 1/255, or a pixel's end within rounding
+/// of T = 1e-4, one device draws a Gaussian and the other does not.
 const THRESHOLD_SHARE: f64 = 1e-3;
 const THRESHOLD_STEP: f32 = 1.0 / 255.0 + IMAGE_TOLERANCE;
 /// Gradients relative to the largest of their class, in the norm over Gaussians: the pixels of [`THRESHOLD_SHARE`] are in them.

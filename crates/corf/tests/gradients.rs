@@ -18,7 +18,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use reference::{CLASS_NAMES, Field};
 
-/// How near to a threshold a weight may come: a hundred times what a difference step or f32 rounding moves it.
+/// Smallest distance of a weight from a threshold: a hundred times what a difference step or f32 rounding moves it.
 const MARGIN: f64 = 2e-6;
 /// Step of the central differences in f64: rounding 1e-16/1e-6, truncation (1e-6)².
 const STEP: f64 = 1e-6;

@@ -1,4 +1,4 @@
-//! What a scene file holds: triangles, materials with and without radio properties, and where its platform goes.
+//! Prints the contents of a scene file: triangles, materials with and without radio properties, and its platform's trajectory.
 //!
 //! ```text
 //! cargo run --release -p corf-scene --example scene_contents -- scenes/room.toml

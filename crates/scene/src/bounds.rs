@@ -77,10 +77,10 @@ pub fn position(place: &str, point: DVec3) -> Result<()> {
     Ok(())
 }
 
-/// Refuses work that would take more memory than there is; `what` is what would, `reduce` what to do.
+/// Refuses work that would take more memory than is available; `what` names the work in the message, `reduce` says how to need less.
 ///
 /// # Errors
-/// How much it would take, and how much it may.
+/// `bytes` exceeds the available memory; the message gives both.
 pub fn memory(place: &str, what: &str, bytes: f64, reduce: &str) -> Result<()> {
     memory_within(place, what, bytes, available_bytes(), reduce)
 }
@@ -94,7 +94,7 @@ fn memory_within(place: &str, what: &str, bytes: f64, limit: f64, reduce: &str) 
     Err(Error::invalid(place, what, reduce))
 }
 
-/// What is taken for available where the system does not say, bytes.
+/// Available memory assumed on systems that do not report it, bytes.
 const UNKNOWN_BYTES: f64 = 8e9;
 
 /// The memory that can still be taken, bytes: what Linux calls available, within the limit of the container.

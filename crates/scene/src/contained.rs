@@ -7,7 +7,7 @@
 use crate::{Error, Result};
 use std::path::{Component, Path, PathBuf};
 
-/// Which files a file may name.
+/// Policy for file references: where the files named by another file may lie.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reach {
     /// Regular files in its own folder and below.
@@ -66,11 +66,11 @@ pub fn check_regular(path: &Path, place: &str) -> Result<()> {
     Err(Error::invalid(place, format!("{} is {what}", path.display()), "give a regular file"))
 }
 
-/// What to do where a mesh file or its materials name a file outside of their folder.
+/// Help text of the error about a mesh file or material library that names a file outside its folder.
 pub const MESH_HELP: &str = "copy the file into the mesh's folder and name it there; where files outside are meant, say `allow_outside = true` \
                              under [scene] of the scene file, or --allow-outside for a bare mesh";
 
-/// What to do where a file of a data set lies outside of it.
+/// Help text of the error about a data set that names a file outside its folder.
 pub const DATASET_HELP: &str = "a data set holds its own files: copy the file in, or generate the data set again";
 
 /// A URI's path with `%20` and its like decoded; anything malformed stays as it is.

@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-/// What can go wrong with a user's input or files. Every message says what was wrong, where, and what to do.
+/// Error in a user's input or files. Every message says what was wrong, where, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file or folder could not be read, created, written or renamed.
@@ -10,7 +10,7 @@ pub enum Error {
         action: &'static str,
         /// The file or folder.
         path: PathBuf,
-        /// What the operating system answered.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// The input was read, and what it says cannot be used.
@@ -18,15 +18,15 @@ pub enum Error {
     Invalid {
         /// File, line, key, index: where the fault is.
         place: String,
-        /// What is wrong.
+        /// Description of the fault.
         what: String,
-        /// What to do about it.
+        /// Advice on how to correct it.
         help: String,
     },
     /// The user asked for the work to stop (Ctrl-C); what was finished is on disk.
     #[error("interrupted: {what}")]
     Interrupted {
-        /// What is complete and how to go on.
+        /// Summary of the completed part, and how to resume.
         what: String,
     },
 }

@@ -1,8 +1,8 @@
-//! What a validator has to say.
+//! Findings of a validator: errors, warnings and notes, each with its place and a remedy.
 
 use serde::{Deserialize, Serialize};
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
@@ -17,13 +17,13 @@ pub enum Severity {
 /// One finding of a validator.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Finding {
-    /// How bad it is.
+    /// Its severity.
     pub severity: Severity,
     /// File, material, index: where.
     pub place: String,
-    /// What was found.
+    /// Description of the finding.
     pub what: String,
-    /// What to do about it.
+    /// Suggested remedy.
     pub help: String,
 }
 

@@ -18,8 +18,8 @@ impl Drop for Guarding {
     }
 }
 
-/// What `decode` returns, or, where it panics, the words it panicked with. Nothing is printed for a panic inside; other threads' and other
-/// panics are reported as always. What `decode` wrote to is dropped with it, so no half-made value is seen.
+/// Runs `decode` and turns a panic inside it into an error. Such a panic is not printed; panics of other threads, and all others, are
+/// reported as usual. All that `decode` owns is dropped with it, so no half-made value is seen.
 ///
 /// # Errors
 /// The panic's message.

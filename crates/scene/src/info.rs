@@ -1,4 +1,4 @@
-//! What is in a scene, and what is wrong with it.
+//! Contents of a scene in numbers, and findings of its validation.
 
 use crate::finding::{Finding, Severity};
 use crate::model::{OpticalMaterial, Scene};

@@ -15,7 +15,7 @@ use sha2::{Digest, Sha256};
 use std::io::{Cursor, Write};
 use std::path::Path;
 
-/// What names of temporary files begin and end with.
+/// Prefix and suffix of the names of temporary files.
 const TEMPORARY: [&str; 2] = [".corf-", ".tmp"];
 
 /// Whether a file's name is one that [`write_atomic`] gives while it writes.
@@ -261,7 +261,7 @@ pub fn encode_exr_f32(image: &Raster<f32>, name: &str) -> Result<Vec<u8>> {
     encode_exr(image.width(), image.height(), vec![(name, ex::FlatSamples::F32(image.pixels().to_vec()))], None)
 }
 
-/// As [`encode_exr_f32`], with the values' unit as the file's attribute `unit`.
+/// Encodes one float channel as [`encode_exr_f32`] does, with the values' unit as the file's attribute `unit`.
 ///
 /// # Errors
 /// An image without pixels.
@@ -334,7 +334,7 @@ pub fn read_exr_f32(path: impl AsRef<Path>) -> Result<Raster<f32>> {
 /// Reads a one-channel EXR of unsigned integers.
 ///
 /// # Errors
-/// As [`read_exr_f32`], or the channel is not of unsigned integers.
+/// Those of [`read_exr_f32`], or the channel is not of unsigned integers.
 pub fn read_exr_u32(path: impl AsRef<Path>) -> Result<Raster<u32>> {
     let path = path.as_ref();
     let (width, height, mut channels) = decode_exr(&read(path)?, path)?;
@@ -350,7 +350,7 @@ pub fn read_exr_u32(path: impl AsRef<Path>) -> Result<Raster<u32>> {
 /// Reads an EXR's channels R, G, B as float32.
 ///
 /// # Errors
-/// As [`read_exr_f32`], or a channel is missing.
+/// Those of [`read_exr_f32`], or a channel is missing.
 pub fn read_exr_rgb(path: impl AsRef<Path>) -> Result<Raster<[f32; 3]>> {
     let path = path.as_ref();
     let (width, height, channels) = decode_exr(&read(path)?, path)?;

@@ -1,4 +1,4 @@
-//! What the world is: geometry, optical and radio materials, cameras, trajectories, the builders of the lobby and the office,
+//! Model of the scene: geometry, optical and radio materials, cameras, trajectories, the builders of the lobby and the office,
 //! glTF/OBJ import and the keyframe dataset on disk.
 //!
 //! World frame: right-handed, z up, metres. Camera frame: OpenCV axes (x right, y down, z forward).

@@ -45,11 +45,11 @@ impl FolderLock {
         }
     }
 
-    /// As [`FolderLock::acquire`], of a folder that is made where it does not exist; one that was made and is left empty, because the run
-    /// ended in an error, is taken away again.
+    /// Creates the folder where it does not exist, then locks it as [`FolderLock::acquire`] does. A folder that this call created is
+    /// removed again when the lock is dropped while it is empty, as after a run that ended in an error.
     ///
     /// # Errors
-    /// As [`FolderLock::acquire`], and where the folder cannot be made.
+    /// Those of [`FolderLock::acquire`], and where the folder cannot be made.
     pub fn make(folder: &Path) -> Result<Self> {
         let made = !folder.exists();
         std::fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
@@ -59,13 +59,13 @@ impl FolderLock {
     }
 }
 
-/// What is locked: the folder itself, which leaves nothing in it.
+/// Opens the file that carries the lock: the folder itself, so that no lock file is left in it.
 #[cfg(unix)]
 fn open(folder: &Path) -> std::io::Result<File> {
     File::open(folder)
 }
 
-/// What is locked: a file, where folders cannot be.
+/// Opens the file that carries the lock: a lock file in the folder, on systems that cannot lock folders.
 #[cfg(not(unix))]
 fn open(folder: &Path) -> std::io::Result<File> {
     File::options().create(true).truncate(false).write(true).open(folder.join(FILE_NAME))

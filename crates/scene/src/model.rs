@@ -52,9 +52,9 @@ pub struct Object {
 pub struct Material {
     /// Name in the file.
     pub name: String,
-    /// What light sees.
+    /// Optical properties (visible light).
     pub optical: OpticalMaterial,
-    /// What 60 GHz sees; `None` is an error the moment radio is traced over it.
+    /// Radio properties at 60 GHz; tracing radio over a material that is `None` is an error.
     pub radio: Option<RadioMaterial>,
 }
 
@@ -67,7 +67,7 @@ pub struct OpticalMaterial {
     pub base_color_texture: Option<TextureRef>,
     /// Alpha factor: the alpha of a place is this times the base colour texture's alpha times the vertices'.
     pub alpha: f32,
-    /// What alpha means to light.
+    /// Interpretation of alpha for light.
     pub alpha_mode: AlphaMode,
     /// 0 dielectric … 1 metal.
     pub metallic: f32,
@@ -112,12 +112,12 @@ impl Default for OpticalMaterial {
     }
 }
 
-/// What the alpha of a surface means to light (glTF 2.0 §3.9.4). Radio meets the whole surface in every mode.
+/// Alpha mode of a material (glTF 2.0 §3.9.4): the interpretation of alpha for light. Radio meets the whole surface in every mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AlphaMode {
-    /// Nothing: the surface covers all that is behind it.
+    /// Alpha is ignored: the surface covers all that is behind it.
     Opaque,
-    /// Where alpha is below the cutoff there is a hole.
+    /// Alpha test: the surface has a hole wherever alpha is below the cutoff.
     Mask {
         /// The smallest alpha that covers.
         cutoff: f32,
@@ -142,9 +142,9 @@ pub struct Texture {
     pub name: String,
     /// 8-bit RGBA as stored (sRGB or linear according to its use).
     pub texels: Raster<[u8; 4]>,
-    /// How coordinates outside `[0, 1)` map, along u and v.
+    /// Wrap modes along u and v: the mapping of texture coordinates outside `[0, 1)`.
     pub wrap: [Wrap; 2],
-    /// How values between texel centres arise.
+    /// Interpolation between texel centres.
     pub filter: Filter,
 }
 
@@ -172,7 +172,7 @@ pub enum Wrap {
 /// `KHR_lights_punctual`, in world space.
 #[derive(Clone, Copy, Debug)]
 pub struct PunctualLight {
-    /// What kind, with its own quantities.
+    /// Kind of light (point, spot or directional) with its own parameters.
     pub kind: PunctualKind,
     /// Position, metres (unused by a directional light).
     pub position: Vec3,
@@ -200,7 +200,7 @@ pub enum PunctualKind {
     Directional,
 }
 
-/// What 60 GHz sees of a surface: a slab of a uniform dielectric with an effective-roughness scattering lobe.
+/// Radio material of a surface: a slab of a uniform dielectric with an effective-roughness scattering lobe.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RadioMaterial {
     /// Identifier, e.g. `concrete` (ITU-R P.2040-3 name) or the user's own.
@@ -213,7 +213,7 @@ pub struct RadioMaterial {
     pub scattering: Scattering,
 }
 
-/// Where a slab's complex relative permittivity comes from.
+/// Source of a slab's complex relative permittivity.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Permittivity {
     /// A row of the ITU-R P.2040-3 table by name, e.g. `concrete`, evaluated at the carrier (an error outside its validity range).
@@ -336,7 +336,7 @@ pub const ARRAY_FROM_CAMERA: Rigid3 = Rigid3 {
     translation: DVec3::ZERO,
 };
 
-/// How the platform's array stands in the world: its boresight is the first column.
+/// Rotation `world_from_array` of the platform's antenna array; its first column is the boresight direction in the world.
 pub fn world_from_array(world_from_camera: &Rigid3) -> glam::DMat3 {
     world_from_camera.rotation * ARRAY_FROM_CAMERA.rotation.transpose()
 }

@@ -111,7 +111,7 @@ impl Array {
     }
 }
 
-/// What a ZIP without extensions can count.
+/// Size limit of a ZIP archive without ZIP64 extensions, bytes.
 const ZIP_LIMIT: usize = u32::MAX as usize;
 /// MS-DOS date of 1980-01-01.
 const ZIP_EPOCH: u16 = (1 << 5) | 1;

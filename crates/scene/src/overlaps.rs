@@ -7,13 +7,14 @@ use crate::Scene;
 use glam::{DVec2, DVec3, I64Vec3};
 use std::collections::{BTreeMap, HashMap};
 
-/// Triangles lie in one plane when their corners are this close to it, metres …
+/// Tolerance in position for triangles of one plane: their corners are at most this far from it, metres.
 const SAME_PLANE_M: f64 = 5e-6;
-/// … and their normals are this parallel (1 − cos of 1e-3 rad): what the radio tracer takes for one face.
+/// Tolerance in direction for triangles of one plane, as 1 − cos of the angle between their normals (1e-3 rad). The radio tracer joins
+/// triangles to faces by the same tolerances.
 const SAME_NORMAL: f64 = 5e-7;
-/// Cells of normals (components are doubled where one is near a border), …
+/// Cell size of the hash grid over the components of unit normals; a normal near a cell's border is entered in both cells.
 const NORMAL_CELL: f64 = 4e-3;
-/// … and of offsets, metres.
+/// Cell size of the hash grid over the planes' offsets from the origin, metres.
 const OFFSET_CELL_M: f64 = 1e-2;
 /// Less of a face than this share is rounding.
 const SHARE: f64 = 1e-3;
@@ -25,7 +26,7 @@ const COPY_SHARE: f64 = 0.01;
 pub struct Overlap {
     /// Indices into the scene's objects, ascending; the same for a face that is covered twice.
     pub objects: [u32; 2],
-    /// How much is covered twice, m².
+    /// Area that is covered twice, m².
     pub area_m2: f64,
     /// Whether both are of one object and one material, which a radio wave passes as one slab; otherwise each is one.
     pub one_slab: bool,
@@ -91,7 +92,7 @@ pub fn overlaps(scene: &Scene) -> Vec<Overlap> {
     found.into_iter().map(|((objects, one_slab), area_m2)| Overlap { objects, area_m2, one_slab }).collect()
 }
 
-/// What stands for a face: its first cell.
+/// Key of a face: object, material and the hash-grid cell of its plane (normal, offset).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 struct Face {
     object: u32,

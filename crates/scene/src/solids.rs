@@ -1,4 +1,4 @@
-//! Which objects are closed bodies, and which of them a point lies in.
+//! Detection of closed bodies among the objects, and of the bodies that contain a point.
 //!
 //! A radio wave meets every triangle as a slab of its own; a body is two of them with air between. A mesh is a body where its surface closes
 //! around a volume and faces outward. What faces inward is a room seen from inside; what has an open edge has no inside.

@@ -13,7 +13,7 @@ pub struct Rigid3 {
     pub translation: DVec3,
 }
 
-/// How far `RᵀR` may be from the identity before a matrix is refused as a rotation (float32 text files keep ~1e-6).
+/// Tolerance of `RᵀR` against the identity above which a matrix is refused as a rotation (float32 text files keep ~1e-6).
 const ORTHONORMAL_TOLERANCE: f64 = 1e-4;
 
 impl Rigid3 {

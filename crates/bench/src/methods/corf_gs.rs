@@ -64,15 +64,15 @@ impl CorfGsConfig {
     }
 }
 
-/// What `corf-gs-fast` has in place of the defaults, as overrides; a caller's own go over it. All of a keyframe's steps are taken while the
+/// Overrides of the default configuration in `corf-gs-fast`; a caller's own take precedence. All of a keyframe's steps are taken while the
 /// next one is expanded. docs/METHODOLOGY.md says what the missing steps cost.
 const FAST: &str = "\
 iterations_per_keyframe = 40
 overlapped_iterations = 40
 ";
 
-/// What `corf-gs-paper` has in place of the defaults: the constants that the paper gives, and where it is silent those of on-the-fly
-/// novel-view synthesis (Meuleman et al. 2025), which it builds on. docs/METHODOLOGY.md lists what each difference is worth.
+/// Overrides of the default configuration in `corf-gs-paper`: the constants that the paper gives, and where it is silent those of
+/// on-the-fly novel-view synthesis (Meuleman et al. 2025), which it builds on. docs/METHODOLOGY.md lists what each difference is worth.
 const PAPER: &str = "\
 visits_per_level = 5
 finest_share = 1.0
@@ -222,7 +222,7 @@ impl Relay<'_> {
         }
     }
 
-    /// What stopped the reconstruction, if anything did: the harness's own error before the echo of it.
+    /// Result of the reconstruction; where the harness's callback failed, the callback's error instead of the one about the stop it caused.
     fn settle<T>(&mut self, ended: corf::Result<T>) -> Result<T> {
         match self.failure.take() {
             Some(error) => Err(error),

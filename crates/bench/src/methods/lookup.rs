@@ -8,7 +8,7 @@ use corf_scene::{Keyframe, Raster, Rigid3};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// How far apart two headings must be to count as much as one metre, radians.
+/// Weight of rotation in the distance between poses: metres that one radian counts as.
 const METRES_PER_RADIAN: f64 = 1.0;
 /// Keyframes blended by `inverse-distance`.
 const BLENDED: usize = 4;
@@ -19,7 +19,7 @@ const SOFTENING_M: f64 = 1e-3;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LookupConfig {
-    /// How many keyframes are blended (1: the nearest alone).
+    /// Number of keyframes that are blended (1: the nearest alone).
     pub keyframes: usize,
     /// Metres that one radian of rotation counts.
     pub metres_per_radian: f64,

@@ -17,7 +17,7 @@ pub struct OpenRun {
     pub info: RunInfo,
     /// The dataset it was made from.
     pub input: Input,
-    /// What it trained with and what it may be evaluated on.
+    /// Its training and held-out split.
     pub split: Split,
     /// The method, made again.
     pub method: Box<dyn Method>,

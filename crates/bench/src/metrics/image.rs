@@ -3,7 +3,7 @@
 use corf::device::Planes;
 use corf_scene::Raster;
 
-/// What equal images are given, dB: records are JSON, which has no infinity, and a mean needs a number. One 8-bit step in one value of a
+/// PSNR assigned to equal images, dB: records are JSON, which has no infinity, and a mean needs a number. One 8-bit step in one value of a
 /// 1600×900 image is 114 dB; differences that small are not what PSNR is read for.
 pub const PSNR_OF_EQUAL_DB: f64 = 100.0;
 

@@ -1,4 +1,4 @@
-//! What is measured on a predicted image and a predicted spectrum, one value a frame; means are taken over frames afterwards.
+//! Metrics of a predicted image and a predicted spectrum, one value a frame; means are taken over frames afterwards.
 
 pub mod image;
 pub mod radio;
@@ -7,7 +7,7 @@ use corf_scene::keyframe::DbRange;
 use corf_scene::{Keyframe, Pinhole, Raster, color};
 use serde::{Deserialize, Serialize};
 
-/// What a method predicts at a pose.
+/// Prediction of a method at a pose.
 #[derive(Clone, Debug)]
 pub struct Prediction {
     /// Optical image, sRGB-encoded `[0, 1]`.

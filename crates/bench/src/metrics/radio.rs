@@ -6,7 +6,7 @@ use corf_scene::{Pinhole, Raster};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// How far below the true peak a pixel still counts as strong, dB.
+/// Range below the true peak within which a pixel counts as strong, dB.
 const STRONG_DB: f64 = 30.0;
 
 /// Physical metrics of one predicted spectrum.
@@ -26,7 +26,7 @@ pub struct RadioMetrics {
     pub beam_loss_db: f64,
     /// Share of the true in-frame power inside the predicted strongest 1 % of the frame's solid angle.
     pub energy_capture_1: f64,
-    /// The same for 5 %.
+    /// Share of the true in-frame power inside the predicted strongest 5 % of the frame's solid angle.
     pub energy_capture_5: f64,
     /// |difference| of the circular azimuth spreads (3GPP TR 38.901 Annex A, array frame), degrees.
     pub azimuth_spread_error_deg: f64,

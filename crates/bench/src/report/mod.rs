@@ -26,7 +26,7 @@ pub struct Report<'a> {
     pub plan: &'a Plan,
     /// Its dataset.
     pub dataset: &'a Dataset,
-    /// What trained and what was evaluated.
+    /// Training and held-out split.
     pub split: &'a Split,
     /// Transmitter position in the world, metres.
     pub transmitter_m: Option<[f64; 3]>,

@@ -13,7 +13,7 @@ const LEAST_MATCHES: usize = 24;
 const LEVELS: [[usize; 3]; 2] = [[7, 5, 9], [22, 13, 25]];
 /// A cell of the grid is drawn to no correction as if it held this much weight of it.
 const SHRINKAGE: f32 = 1.0;
-/// How often residuals are weighed anew at each level.
+/// Rounds of iteratively reweighted averaging at each level.
 const ROUNDS: usize = 3;
 
 /// The logarithm of matched over prior inverse depth, over the image and the prior's own inverse depth: a bilateral grid per level, whose
@@ -24,7 +24,7 @@ pub struct Correction {
     grids: Vec<Vec<f32>>,
 }
 
-/// Where something stands in a grid: eight cells and their weights.
+/// Trilinear interpolation in a grid: eight cells and their weights.
 type Corners = [(usize, f32); 8];
 
 /// Positions along the axes of a grid, in `[0, 1]`.
@@ -96,7 +96,7 @@ impl Correction {
     }
 }
 
-/// Where an inverse depth stands between far and near, logarithmically.
+/// Normalised logarithm of an inverse depth: 0 at the furthest depth considered, 1 at the nearest.
 fn depth_place(inverse_depth: f32, config: &DepthConfig) -> f32 {
     let range = (config.far_m / config.near_m).ln() as f32;
     (inverse_depth * config.far_m as f32).ln() / range

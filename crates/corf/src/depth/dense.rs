@@ -10,7 +10,7 @@ use std::sync::Arc;
 pub struct Dense {
     grid: Raster<f32>,
     image: (usize, usize),
-    /// Which cells nothing is known of, if there are any; they hold what is next to them.
+    /// Mask of the holes, cells without a known value, if there are any; they hold the values next to them.
     holes: Option<Arc<[bool]>>,
     /// Whether the values are inverse depths in 1/m as they are.
     is_metric: bool,
@@ -34,7 +34,7 @@ impl Dense {
         Self { holes, ..Self::new(grid, image) }
     }
 
-    /// The same map, its values inverse depths in 1/m that need no alignment.
+    /// Marks the map as metric: its values are inverse depths in 1/m that need no alignment.
     pub fn in_metres(self) -> Self {
         Self { is_metric: true, ..self }
     }
@@ -67,7 +67,7 @@ impl Dense {
         &self.grid
     }
 
-    /// The same image with other values on the grid.
+    /// A map of the same image with the values of `grid`.
     pub fn with(&self, grid: Raster<f32>) -> Self {
         Self::new(grid, self.image)
     }

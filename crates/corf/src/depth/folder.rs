@@ -7,9 +7,9 @@ use corf_scene::{Keyframe, dataset, io};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
-/// How a map may be named behind its stem.
+/// File extensions of the maps.
 const EXTENSIONS: [&str; 3] = ["exr", "npy", "png"];
-/// How much a map's ratio of sides may differ from the image's.
+/// Tolerance between the aspect ratios of a map and of the image.
 const ASPECT_TOLERANCE: f64 = 0.01;
 
 /// A folder of maps, one a keyframe.
@@ -60,7 +60,7 @@ impl FolderPrior {
     /// resolution or the image's, whichever is lower. Zeros and what is not finite are holes; so are negative depths.
     ///
     /// # Errors
-    /// As [`Self::file`]; a file that cannot be read; a map of another shape than the image, or without a value.
+    /// Those of [`Self::file`]; a file that cannot be read; a map of another shape than the image, or without a value.
     pub fn read(&self, index: usize, image: (usize, usize)) -> Result<Dense> {
         let file = self.file(index)?;
         let map = io::read_map(&file)?;
@@ -102,7 +102,7 @@ impl FolderPrior {
     /// Refuses a keyframe that has no map; what is in the map is not looked at.
     ///
     /// # Errors
-    /// As [`Self::file`].
+    /// Those of [`Self::file`].
     pub fn check(&self, keyframe: &Keyframe) -> Result<()> {
         self.file(keyframe.index).map(|_| ())
     }
@@ -110,7 +110,7 @@ impl FolderPrior {
     /// Reads the maps of all these keyframes, and throws them away: whatever is wrong with one is known then.
     ///
     /// # Errors
-    /// As [`Self::read`], of the first one in which something is wrong.
+    /// Those of [`Self::read`], of the first one in which something is wrong.
     pub fn check_all(&self, indices: &[usize], image: (usize, usize)) -> Result<()> {
         let found: Vec<Result<()>> = indices.par_iter().map(|&index| self.read(index, image).map(|_| ())).collect();
         found.into_iter().collect()

@@ -88,7 +88,7 @@ fn slope(prior: &AlignedPrior, reference: &GreyView, x: usize, y: usize) -> Vec2
 /// The parabola is fitted over steps of at most this many pixels.
 const FINEST_STEP_PX: f32 = 0.5;
 
-/// Where the search of one pixel begins.
+/// Start of one pixel's epipolar search.
 struct Start {
     /// Inverse depth, 1/m.
     guess: f32,

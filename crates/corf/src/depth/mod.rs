@@ -25,7 +25,7 @@ pub use quality::{DepthErrors, DepthQuality, DepthTally};
 pub use triangulate::{SparseDepth, triangulate};
 pub use view::{GreyView, Neighbour, select_neighbours};
 
-/// How far a depth can be trusted; the initial opacity follows from it.
+/// Reliability class of a depth, by its source; the initial opacity follows from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reliability {
     /// An accurate multi-view match.
@@ -45,7 +45,7 @@ pub struct PixelDepth {
     pub y: usize,
     /// 1/z, 1/m.
     pub inverse_depth: f32,
-    /// Where it comes from.
+    /// Its reliability class, by its source.
     pub reliability: Reliability,
 }
 

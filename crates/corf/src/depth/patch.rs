@@ -8,7 +8,7 @@ use rayon::prelude::*;
 /// The local affine map of a planar patch into a neighbour.
 #[derive(Clone, Copy, Debug)]
 pub struct Warp {
-    /// Where the patch centre lands, pixels.
+    /// Position of the patch centre in the neighbour, pixels.
     pub center: Vec2,
     /// Its derivative by the reference pixel position.
     pub jacobian: Mat2,
@@ -26,7 +26,7 @@ pub struct GreyImage {
 
 /// Most pixels of an image: their numbers are exact in f32.
 pub const MAX_PIXELS: usize = 1 << 24;
-/// What 1.0 is stored as. The images are 8-bit: rounding to 16 bits is 1/257 of their own.
+/// Stored 16-bit value of a grey value of 1. The images are 8-bit: rounding to 16 bits is 1/257 of their own.
 const FULL: f32 = 65535.0;
 
 impl GreyImage {
@@ -69,7 +69,7 @@ const MAX_RADIUS: usize = 3;
 /// Numbers of a patch, filled up with zeros to whole lanes of every width.
 const PADDED: usize = 64;
 
-/// Where the samples of a patch lie relative to its centre, and 1 for each (0 for padding).
+/// Offsets of a patch's samples from its centre, pixels, and 1 for each sample (0 for padding).
 struct Offsets {
     x: [f32; PADDED],
     y: [f32; PADDED],

@@ -77,7 +77,7 @@ impl DepthPrior {
     /// Refuses a keyframe that [`Self::estimate`] could not use, as far as a look at it tells; [`Self::check_all`] reads what is in files.
     ///
     /// # Errors
-    /// As [`Self::estimate`].
+    /// Those of [`Self::estimate`].
     pub fn check(&self, keyframe: &Keyframe) -> Result<()> {
         match self {
             Self::Simulated(_) | Self::Exact => true_depth_of(keyframe).map(|_| ()),
@@ -90,7 +90,7 @@ impl DepthPrior {
     /// Looks, before there are keyframes, for all that is needed of keyframes with these indices and of images of this size (columns, rows).
     ///
     /// # Errors
-    /// As [`Self::estimate`]; what keyframes bring with them is not known yet.
+    /// Those of [`Self::estimate`]; what keyframes bring with them is not known yet.
     pub fn check_all(&self, indices: &[usize], image: (usize, usize)) -> Result<()> {
         match self {
             Self::Folder(prior) => prior.check_all(indices, image),
@@ -109,7 +109,7 @@ impl DepthPrior {
 const MODES: u64 = 24;
 /// Correlation of the smooth random field from one frame of the trajectory to the next.
 const FRAME_CORRELATION: f64 = 0.8;
-/// How many frames are remembered: what came before weighs less than 1e-6.
+/// Number of frames over which the random field's recursion is summed: earlier ones weigh less than 1e-6.
 const FRAMES_REMEMBERED: usize = 64;
 /// Blur of the network's output, pixels of an image whose shorter side is [`NETWORK_SIDE_PX`].
 const BLUR_PX: f64 = 1.5;

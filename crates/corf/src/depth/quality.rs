@@ -1,4 +1,4 @@
-//! How wrong the depths of new Gaussians are, where a dataset knows the truth. Nothing that is reconstructed depends on it.
+//! Errors of the depths of new Gaussians, where a dataset has ground truth. Nothing that is reconstructed depends on them.
 
 use super::{PixelDepth, Reliability};
 use corf_scene::Raster;

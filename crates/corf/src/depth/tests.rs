@@ -181,7 +181,7 @@ fn a_large_image_gets_its_prior_at_the_networks_size() {
     }
 }
 
-/// The same map on fewer cells gives the same confidences, but for what interpolation smooths.
+/// Confidences do not depend on the grid's resolution, but for what interpolation smooths.
 #[test]
 fn a_slope_is_one_per_image_pixel_whatever_the_cells() {
     let (w, h) = (96, 64);

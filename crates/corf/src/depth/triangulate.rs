@@ -25,7 +25,7 @@ const RADIUS: usize = 3;
 const UNIQUENESS: f32 = 0.8;
 /// Hypotheses within this many steps of the best one belong to the same peak.
 const PEAK_STEPS: usize = 3;
-/// How far (pixels of the sweep's image) a match may land from its origin on the way back.
+/// Tolerance of the left-right consistency check: distance of the match back from its origin, pixels of the sweep's image.
 const LEFT_RIGHT_PX: f32 = 1.5;
 /// One corner is wanted per this many pixels of the sweep's image, up to the configured count.
 const PIXELS_PER_CORNER: usize = 20;

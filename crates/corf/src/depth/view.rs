@@ -78,7 +78,7 @@ impl<'a> Neighbour<'a> {
         self.warp_slanted(from, to, u, v, inverse_depth, Vec2::ZERO)
     }
 
-    /// As [`Self::warp`], for a plane whose inverse depth changes by `slope` per reference pixel (a plane is affine in inverse depth).
+    /// [`Self::warp`] for a slanted plane, whose inverse depth changes by `slope` per reference pixel (a plane is affine in inverse depth).
     pub fn warp_slanted(&self, from: &Pinhole, to: &Pinhole, u: f32, v: f32, inverse_depth: f32, slope: Vec2) -> Option<Warp> {
         let ray = Vec3::new((u - from.cx as f32) / from.fx as f32, (v - from.cy as f32) / from.fy as f32, 1.0);
         // The point is ray/w; w·(R ray/w + t) has the same image.

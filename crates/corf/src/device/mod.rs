@@ -1,5 +1,5 @@
-//! Where the arithmetic runs. The online policy (which keyframe, which level, when to expand or prune, random numbers) lives above
-//! this seam, once; a device stores keyframe pyramids and Gaussians, renders, and runs training steps.
+//! Compute devices (CPU, GPU) of the rasteriser and the optimiser. A device stores keyframe pyramids and Gaussians, renders, and runs
+//! training steps. The online policy (which keyframe, which level, when to expand or prune, random numbers) is above this interface, once.
 
 pub mod cpu;
 #[cfg(feature = "gpu")]
@@ -19,7 +19,7 @@ pub use survey::{PruneDecision, PruneRule, Shown, Survey, SurveyRequest};
 use crate::{Error, Gaussians, Result};
 use corf_scene::{Pinhole, Raster, Rigid3};
 
-/// Where a picture is taken from.
+/// Camera of a rendering: intrinsics and pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// Intrinsics of the image to render.
@@ -76,13 +76,13 @@ pub struct Step {
     pub depth_weight: f32,
     /// Whether position, rotation and scale are updated.
     pub train_geometry: bool,
-    /// What lies behind the optical field in this step.
+    /// Background colour of the optical image in this step.
     pub optical_background: [f32; 3],
-    /// What lies behind the RF field (the first C_rf channels are used): the floor colour.
+    /// Background colour of the RF image (the first C_rf channels are used): that of the dB range's floor.
     pub rf_background: [f32; 3],
 }
 
-/// What a step found (losses before the update).
+/// Losses of a step, before its update, and the number of visible Gaussians.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// Unweighted optical loss.
@@ -95,7 +95,7 @@ pub struct StepReport {
     pub visible: usize,
 }
 
-/// What to render.
+/// Request for a rendering: the modalities wanted, with their views and backgrounds.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RenderRequest {
     /// Optical view and background, if light is wanted.
@@ -113,7 +113,7 @@ pub struct Layer {
     pub color: Planes,
     /// Composited inverse depth Σ α T / z, 1/m (not divided by coverage).
     pub inverse_depth: Raster<f32>,
-    /// What remains behind the last Gaussian, T_N.
+    /// Transmittance behind the last Gaussian, T_N.
     pub transmittance: Raster<f32>,
 }
 
@@ -151,8 +151,8 @@ pub trait Device: Send {
     /// When the device has no memory for it.
     fn upload(&mut self, view: &TrainingView, levels: u32) -> Result<ViewId>;
 
-    /// What builds on any thread, ahead of [`Self::upload_packed`], what [`Self::upload`] builds when it is called; nothing from a device
-    /// that has nothing to build.
+    /// A function that prepares training views for [`Self::upload_packed`], on any thread: the work that [`Self::upload`] does when it is
+    /// called. `None` from a device that has nothing to prepare.
     fn packer(&self) -> Option<Packer> {
         None
     }
@@ -160,7 +160,7 @@ pub trait Device: Send {
     /// [`Self::upload`] of what this device's own [`Self::packer`] has built.
     ///
     /// # Errors
-    /// As [`Self::upload`]; another device's view.
+    /// Those of [`Self::upload`]; another device's view.
     fn upload_packed(&mut self, _view: PackedView) -> Result<ViewId> {
         Err(self.lacks("packed views", "give it the view itself, with Device::upload"))
     }
@@ -170,7 +170,7 @@ pub trait Device: Send {
         true
     }
 
-    /// How many Gaussians are held.
+    /// Number of Gaussians held.
     fn len(&self) -> usize;
 
     /// Whether no Gaussian is held.
@@ -199,10 +199,10 @@ pub trait Device: Send {
     /// A camera without pixels, or a main contributor asked for without an optical view.
     fn render(&mut self, request: &RenderRequest) -> Result<Rendering>;
 
-    /// What an expansion asks of the field: what some pixels of a view show, and which Gaussians do not stay.
+    /// Surveys the field for an expansion: the rendered values at some pixels of a view, and the pruning decision of each Gaussian.
     ///
     /// # Errors
-    /// As [`Self::render`]; when the device fails.
+    /// Those of [`Self::render`]; when the device fails.
     fn survey(&mut self, request: &SurveyRequest<'_>) -> Result<Survey> {
         let wanted = RenderRequest { optical: Some((request.view, [0.0; 3])), rf: None, main_contributor: true };
         let rendering = self.render(&wanted)?;
@@ -216,7 +216,7 @@ pub trait Device: Send {
     /// next waits, and has its errors.
     ///
     /// # Errors
-    /// As [`Self::train`].
+    /// Those of [`Self::train`].
     fn begin_training(&mut self, steps: &[Step]) -> Result<Option<StepReport>> {
         self.train(steps).map(Some)
     }
@@ -224,7 +224,7 @@ pub trait Device: Send {
     /// Waits for what was begun and reports its last step; `None` where nothing is under way.
     ///
     /// # Errors
-    /// As [`Self::train`].
+    /// Those of [`Self::train`].
     fn end_training(&mut self) -> Result<Option<StepReport>> {
         Ok(None)
     }

@@ -5,7 +5,7 @@ use crate::Result;
 use std::any::Any;
 use std::sync::Arc;
 
-/// What a device's packer made of a training view: for that device alone.
+/// A training view in the layout of one device, as made by its packer; for that device alone.
 pub struct PackedView(Box<dyn Any + Send + Sync>);
 
 /// Makes a training view, with the number of its pyramid levels, ready for upload; may be called on any thread.
@@ -17,7 +17,7 @@ impl PackedView {
         Self(Box::new(content))
     }
 
-    /// What was wrapped, if it is of this type.
+    /// The wrapped content, if it is of this type.
     pub fn unwrap_as<T: Any>(self) -> Option<T> {
         self.0.downcast().ok().map(|content| *content)
     }

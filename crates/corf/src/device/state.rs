@@ -1,8 +1,8 @@
-//! What is read back from a device, more or less than its Gaussians.
+//! State that is read back from a device: the outlines of its Gaussians, or Gaussians with their optimiser state.
 
 use crate::{Error, Gaussians, Result};
 
-/// As much of a Gaussian as decides whether it stays.
+/// Outline of a Gaussian: the parameters that pruning depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outline {
     /// Mean, metres, world frame.
@@ -33,7 +33,7 @@ pub struct DeviceState {
     pub gaussians: Gaussians,
     /// Adam's first and second moments, in the Gaussians' shape.
     pub moments: [Gaussians; 2],
-    /// What is left of each Gaussian's position rate, in `(0, 1]`; N.
+    /// Decay factor of each Gaussian's position learning rate, in `(0, 1]`; N.
     pub position_rate: Vec<f32>,
 }
 

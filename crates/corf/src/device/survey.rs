@@ -1,11 +1,11 @@
-//! What an expansion asks of the field that it finds.
+//! Survey of the field before an expansion: rendered values at some pixels, and pruning decisions.
 
 use super::{Outline, Rendering, View};
 use crate::{expansion::log, gaussians::sigmoid};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Which Gaussians do not stay.
+/// Rule for pruning Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PruneRule {
     /// Opacity at and below which a Gaussian is faint, strictly between 0 and 1 to have an effect.
@@ -19,30 +19,30 @@ pub struct PruneRule {
 /// A question to the field.
 #[derive(Clone, Copy, Debug)]
 pub struct SurveyRequest<'a> {
-    /// Where it is looked at from.
+    /// Camera and pose of the survey.
     pub view: View,
     /// σ of the Laplacian of Gaussian whose response to the rendered image is wanted (Eq. (14)), pixels; none is wanted without.
     pub sigma_px: Option<f32>,
     /// The pixels (column, row) that are asked about.
     pub pixels: &'a [(usize, usize)],
-    /// Which Gaussians do not stay.
+    /// Rule for pruning Gaussians.
     pub prune: PruneRule,
 }
 
-/// What a pixel shows.
+/// Rendered values at one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown {
     /// `P̃` of Eq. (14); 0 where it was not wanted.
     pub structure: f32,
     /// Composited inverse depth Σ α T / z, 1/m.
     pub inverse_depth: f32,
-    /// What remains behind the last Gaussian, T_N.
+    /// Transmittance behind the last Gaussian, T_N.
     pub transmittance: f32,
     /// The Gaussian of the largest weight α·T, `u32::MAX` if there is none.
     pub main_contributor: u32,
 }
 
-/// What speaks against a Gaussian.
+/// Reasons to prune a Gaussian.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PruneDecision {
     /// It hardly shows.
@@ -78,7 +78,8 @@ impl Survey {
     }
 }
 
-/// What speaks against a Gaussian: low opacities, or a largest standard deviation beyond the rule's fraction of an image it is in front of.
+/// Pruning decision of a Gaussian: faint by its opacities, or oversized where its mean projects into the image and its largest standard
+/// deviation exceeds the rule's fraction of it.
 pub(crate) fn judge(gaussian: &Outline, view: &View, rule: &PruneRule) -> PruneDecision {
     let extent_px = view.camera.width.max(view.camera.height) as f64;
     let focal_px = (view.camera.fx * view.camera.fy).sqrt();

@@ -1,4 +1,4 @@
-//! Which Gaussians make room for new ones.
+//! Removal of Gaussians: pruning of old ones, and replacement by accurate new samples.
 
 use crate::{
     config::ReconstructionConfig,

@@ -1,4 +1,4 @@
-//! What a new Gaussian starts as (paper Eqs. (16)–(18)).
+//! Initial parameters of new Gaussians (paper Eqs. (16)–(18)).
 
 use crate::{
     Gaussians,

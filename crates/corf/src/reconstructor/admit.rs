@@ -1,4 +1,4 @@
-//! Which keyframes belong to a sequence.
+//! Admission of keyframes to a sequence: checks of order, image sizes and poses.
 
 use super::Reconstructor;
 use crate::{Error, Result};

@@ -18,7 +18,7 @@ use std::path::Path;
 
 const MAGIC: &[u8] = b"corf-checkpoint/3\n";
 
-/// What is known of a checkpoint beside its numbers.
+/// Metadata of a checkpoint, beside the arrays of its Gaussians.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Header {
     tag: String,
@@ -44,7 +44,7 @@ impl Checkpoint {
         self.header.past.iter().map(|p| p.index).collect()
     }
 
-    /// What the caller wrote on it.
+    /// The caller's tag.
     pub fn tag(&self) -> &str {
         &self.header.tag
     }
@@ -208,7 +208,7 @@ impl Reconstructor {
     /// Takes a keyframe that the checkpoint holds once more: as a view to train with and to match with, nothing else.
     ///
     /// # Errors
-    /// As [`Self::receive`]; a keyframe that is not the next of the checkpoint's; the device's errors.
+    /// Those of [`Self::receive`]; a keyframe that is not the next of the checkpoint's; the device's errors.
     pub fn replay(&mut self, keyframe: Keyframe) -> Result<()> {
         let next = self.replay.as_ref().and_then(|r| r.left.front());
         let Some(past) = next.filter(|past| past.index == keyframe.index).cloned() else {

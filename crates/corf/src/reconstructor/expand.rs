@@ -19,7 +19,7 @@ use std::time::Instant;
 /// Coverage 1 − T from which on a rendered depth is believed.
 const LEAST_COVERAGE: f32 = 0.9;
 
-/// What an expansion did.
+/// Statistics of the expansion of the field by one keyframe.
 #[derive(Default)]
 pub(super) struct Expansion {
     pub sampled: usize,
@@ -43,12 +43,12 @@ pub(super) struct Late {
     pub ended: Instant,
 }
 
-/// What a keyframe changes about the field.
+/// Changes that a keyframe makes to the field's Gaussians.
 struct Change {
-    /// Which of the Gaussians held stay, if there are any.
+    /// Per Gaussian of the field, whether it stays; empty where the field is.
     keep: Vec<bool>,
     new: Gaussians,
-    /// What the new ones were made of.
+    /// Pixels and depths of the new Gaussians.
     samples: Vec<PixelDepth>,
 }
 
@@ -69,7 +69,7 @@ impl Reconstructor {
         Ok(expansion)
     }
 
-    /// What to add and what to remove, which takes nothing of the device.
+    /// Decides which Gaussians to add and which to remove, without the device.
     fn decide(&self, view: View, keyframe: &mut Prepared, seen: &Seen, judged: &[PruneDecision]) -> Result<(Change, Expansion)> {
         // Where: Eqs. (13)–(15), or everywhere alike.
         let (seed, stage) = (self.seed, stage::keyed(stage::SAMPLING, keyframe.index));
@@ -160,7 +160,8 @@ impl Reconstructor {
         Ok(())
     }
 
-    /// What the field shows where a new keyframe asks, and what speaks against each Gaussian; nothing while it is empty.
+    /// Surveys the field from a new keyframe's pose: the rendered values at the pixels it asks about, and the pruning decision of each
+    /// Gaussian. Both are empty while the field is.
     fn survey(&mut self, view: View, keyframe: &mut Prepared) -> Result<(Seen, Vec<PruneDecision>)> {
         if self.device.is_empty() {
             return Ok((Seen::default(), vec![]));
@@ -177,13 +178,13 @@ impl Reconstructor {
     }
 }
 
-/// What pixels show.
+/// Rendered values at some pixels, by pixel.
 #[derive(Default)]
 struct Seen {
     /// Row by row.
     pixels: Vec<(usize, usize)>,
     shown: Vec<Shown>,
-    /// Where each row begins.
+    /// Index into `pixels` at which each image row begins, and one past the last.
     rows: Vec<usize>,
 }
 
@@ -193,7 +194,7 @@ impl Seen {
         Self { pixels, shown, rows }
     }
 
-    /// Of one of the pixels.
+    /// The rendered values at one pixel (column, row); `None` where it was not asked about.
     fn at(&self, (x, y): (usize, usize)) -> Option<&Shown> {
         let (begin, end) = (*self.rows.get(y)?, *self.rows.get(y + 1)?);
         let place = self.pixels[begin..end].binary_search_by_key(&x, |p| p.0).ok()?;

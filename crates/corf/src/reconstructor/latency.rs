@@ -1,9 +1,9 @@
-//! How long keyframes take. Where keyframes are handed over as fast as they are taken, as from a dataset, a keyframe waits about as long as
+//! Latency of keyframes. Where keyframes are handed over as fast as they are taken, as from a dataset, a keyframe waits about as long as
 //! the one before takes: a camera slower than that sees expansion and training alone.
 
 use serde::{Deserialize, Serialize};
 
-/// What became of the time from a keyframe's arrival to the end of its optimisation, seconds.
+/// Breakdown of the time from a keyframe's arrival to the end of its optimisation, seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct KeyframeTiming {
     /// Index along the trajectory.
@@ -78,7 +78,7 @@ pub struct LatencySummary {
 }
 
 impl LatencySummary {
-    /// Of some keyframes; `None` of none.
+    /// Summarises the timings of some keyframes; `None` without any.
     pub fn of(timings: &[KeyframeTiming]) -> Option<Self> {
         let busy_s: f64 = timings.iter().map(|t| t.expand_s + t.train_s).sum();
         (!timings.is_empty()).then(|| Self {

@@ -44,7 +44,7 @@ impl Threads {
     }
 }
 
-/// What the threads that prepare keyframes have in common.
+/// State shared by the threads that prepare keyframes.
 struct Shared {
     preparer: Preparer,
     /// Without, everything happens when it is asked for.
@@ -59,7 +59,7 @@ struct State {
     first: Option<usize>,
     /// Missing while a keyframe is being associated.
     past: Option<Past>,
-    /// How many have been met, and associated.
+    /// Number of keyframes known to matching, and of those associated with their neighbours.
     met: usize,
     associated: usize,
     extracted: BTreeMap<usize, Result<Extracted>>,
@@ -80,14 +80,14 @@ impl KeyframePipeline {
         &self.shared.preparer
     }
 
-    /// What keyframes hand on to each other, before any is associated.
+    /// Changes the state that keyframes hand on to each other, before any is associated.
     pub fn with_past(&mut self, change: impl FnOnce(&mut Past)) {
         if let Some(past) = &mut self.shared.lock().past {
             change(past);
         }
     }
 
-    /// How many keyframes have arrived and not been taken.
+    /// Number of keyframes that have arrived and not been taken.
     pub fn waiting(&self) -> usize {
         self.received - self.taken
     }
@@ -140,7 +140,7 @@ impl KeyframePipeline {
     /// Takes the earliest keyframe, once it is prepared; `None` where none waits.
     ///
     /// # Errors
-    /// What its preparation met.
+    /// The error of its preparation.
     pub fn take(&mut self) -> Result<Option<Prepared>> {
         if self.waiting() == 0 {
             return Ok(None);

@@ -1,5 +1,6 @@
-//! What a keyframe's expansion needs and the field does not decide, in three steps: what the keyframe alone decides, where it stands among
-//! those before it (one keyframe after the other), and what follows from that. Steps of several keyframes may run at once.
+//! Preparation of a keyframe: all that its expansion needs and that does not depend on the field. It has three steps: extraction from the
+//! keyframe alone, association with those before it (one keyframe after the other), and completion from both. Steps of several keyframes
+//! may run at once.
 
 use crate::{
     Result, Sampling,
@@ -19,13 +20,13 @@ use std::time::Instant;
 /// Rendered depths that stand in for triangulated ones are taken every this many pixels.
 const RENDERED_ANCHOR_STRIDE: usize = 4;
 
-/// Of a keyframe's candidates at most this many are matched to correct its prior.
+/// Largest number of a keyframe's candidate pixels that are matched to correct its prior.
 const CORRECTED_BY: usize = 2500;
 
-/// How many of the latest keyframes are kept for matching; older ones hardly overlap, and a 1600×900 keyframe is 6 MB of grey values.
+/// Number of the latest keyframes kept for matching; older ones hardly overlap, and a 1600×900 keyframe is 6 MB of grey values.
 const MATCHING_WINDOW: usize = 32;
 
-/// What a keyframe alone decides.
+/// First stage of a keyframe's preparation: all that follows from the keyframe alone.
 pub(super) struct Extracted {
     pub view: Arc<GreyView>,
     index: usize,
@@ -39,7 +40,7 @@ pub(super) struct Extracted {
     work_s: f64,
 }
 
-/// A keyframe among those before it.
+/// Second stage of a keyframe's preparation: with its neighbours among the keyframes before it, and triangulated corners.
 pub(super) struct Associated {
     extracted: Extracted,
     neighbours: Vec<Arc<GreyView>>,
@@ -47,7 +48,7 @@ pub(super) struct Associated {
     typical_depth_m: f64,
 }
 
-/// A keyframe with all that is known of it without the field.
+/// Last stage of a keyframe's preparation: all that is known of it without the field.
 pub(super) struct Prepared {
     pub index: usize,
     /// The training target; its inverse depth is the prior aligned to triangulated corners, if that could be done and it was not packed.
@@ -66,7 +67,7 @@ pub(super) struct Prepared {
     /// The prior as it came.
     pub mono: Option<Dense>,
     pub aligned: Option<AlignedPrior>,
-    /// What was corrected in the aligned prior, if that was tried and enough was matched.
+    /// Local correction of the aligned prior, if one was tried and enough was matched.
     pub correction: Option<Correction>,
     /// Depths of all candidates, if they were worth finding ahead.
     pub matched: Option<Vec<PixelDepth>>,
@@ -118,7 +119,7 @@ impl Prepared {
     }
 }
 
-/// What one keyframe hands on to the next.
+/// State that one keyframe hands on to the next: the views to match with, and the typical depth.
 pub(super) struct Past {
     views: VecDeque<Arc<GreyView>>,
     typical_depth_m: f64,
@@ -215,10 +216,10 @@ impl Preparer {
         pack.map(|pack| pack(&keyframe.training, self.config.pyramid_levels)).transpose()
     }
 
-    /// What a keyframe alone decides.
+    /// First step of the preparation, from the keyframe alone: targets, sampling probability, candidate pixels, monocular prior.
     ///
     /// # Errors
-    /// What the prior cannot be estimated from.
+    /// A keyframe from which the prior cannot be estimated.
     pub fn extract(&self, keyframe: &Keyframe) -> Result<Extracted> {
         let begin = Instant::now();
         let optical = Self::optical(keyframe);
@@ -244,7 +245,8 @@ impl Preparer {
         })
     }
 
-    /// Where a keyframe stands among those that `past` has met, itself one of them; in order.
+    /// Second step, one keyframe after the other: selects its neighbours among the views in `past` (which holds its own too) and
+    /// triangulates corners with them.
     pub fn associate(&self, past: &mut Past, mut extracted: Extracted) -> Associated {
         let begin = Instant::now();
         let reference = &extracted.view;

@@ -1,9 +1,9 @@
-//! What is told of a keyframe.
+//! Report on a processed keyframe.
 
 use super::expand::Expansion;
 use crate::device::StepReport;
 
-/// What one pushed keyframe changed.
+/// Changes to the field by one pushed keyframe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct KeyframeReport {
     /// Index along the trajectory of the pushed keyframe.

@@ -11,14 +11,14 @@ use crate::{
 use corf_scene::Raster;
 use std::sync::{Arc, Mutex};
 
-/// What a device was told.
+/// Log of the calls to a recording device, and the answer that it renders.
 #[derive(Default)]
 struct Log {
     steps: Vec<Step>,
     views: Vec<TrainingView>,
     resets: Vec<Appearance>,
     position_rate_m: f32,
-    /// What a render answers: coverage and inverse depth everywhere, and the main contributor.
+    /// Values that a render returns: coverage and inverse depth everywhere, and the main contributor.
     coverage: f32,
     inverse_depth: f32,
     main: u32,

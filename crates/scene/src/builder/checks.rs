@@ -1,4 +1,4 @@
-//! What the tests of every scene built in code check.
+//! Checks shared by the tests of all scenes built in code.
 
 use super::materials::Mat;
 use super::mesh_builder::Object;

@@ -1,4 +1,4 @@
-//! What is fixed to a room's shell: doors, lights, vents, screens, signs, radiators. Things for a wall are made in the wall's coordinates
+//! Fittings of a room's shell: doors, lights, vents, screens, signs, radiators. Things for a wall are made in the wall's coordinates
 //! (x to the right, y up, z into the room); things for a ceiling hang below the height they are given.
 
 use super::materials::Mat;

@@ -6,7 +6,7 @@
 
 use super::textures::Tex;
 
-/// What a surface is for radio.
+/// Radio material of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Radio {
     /// A row of ITU-R P.2040-3 by its own name.
@@ -68,7 +68,7 @@ pub struct MaterialSpec {
     pub texture: Option<Tex>,
     /// Normal texture.
     pub normal: Option<Tex>,
-    /// What one repetition of the textures covers, metres; `[1, 1]` where the mesh carries picture coordinates.
+    /// Size of one repetition of the textures, metres; `[1, 1]` where the mesh carries picture coordinates.
     pub texture_size_m: [f64; 2],
     /// 0 or 1.
     pub metallic: f32,

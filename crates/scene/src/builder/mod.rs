@@ -1,4 +1,4 @@
-//! What rooms built in code are made of: meshes, walls, fittings, furniture, materials, textures, and the file they are written to.
+//! Building blocks of rooms built in code: meshes, walls, fittings, furniture, materials, textures, and the file they are written to.
 //!
 //! Textures, geometry and file layout use IEEE basic operations and integer hashing only, so the bytes depend on the crate's version and
 //! on that of the image encoders, not on the platform, the thread count or the time.

@@ -160,12 +160,12 @@ impl Partition {
         }
     }
 
-    /// Where the wall stands on the floor, in plan: `[x0, y0, x1, y1]` for each stretch between the openings that reach the floor.
+    /// Footprints of the wall on the floor, in plan: `[x0, y0, x1, y1]` for each stretch between the openings that reach the floor.
     pub fn footings(&self) -> Vec<[f64; 4]> {
         self.stretches().into_iter().map(|[from, to]| self.plan(from, to)).collect()
     }
 
-    /// Where the wall meets the ceiling, in plan.
+    /// Footprint of the wall at the ceiling, in plan: `[x0, y0, x1, y1]`.
     pub fn head(&self) -> [f64; 4] {
         self.plan(self.start, self.start + self.front.length)
     }

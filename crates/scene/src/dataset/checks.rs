@@ -1,4 +1,4 @@
-//! What is asked of every file that is read, and of every spectrum.
+//! Checks of the paths of a dataset's files, and of the values of spectra.
 
 use super::layout;
 use crate::contained::{self, Reach};

@@ -1,4 +1,4 @@
-//! What a user of a dataset would have to ask otherwise, in words: `dataset.json`'s `conventions`.
+//! Conventions of a dataset (frames, units, encodings) in words: `dataset.json`'s `conventions`.
 
 use super::header::{DatasetHeader, Quantity};
 use crate::color::TONE_KNEE;

@@ -6,7 +6,7 @@ use crate::finding::{Finding, Severity};
 /// Images without a value above this, of 255, are black.
 const BLACK: u8 = 3;
 
-/// What there is to see in one keyframe.
+/// Emptiness of one keyframe's optical image and depth map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Sight {
     /// Whether its image is black.

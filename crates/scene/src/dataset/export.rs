@@ -1,4 +1,4 @@
-//! What other tools read in each modality's folder: COLMAP text, transforms.json, split lists.
+//! Files for other tools in each modality's folder: COLMAP text, transforms.json, split lists.
 
 use super::header::{DatasetHeader, SplitLists, to_json};
 use super::layout;

@@ -25,7 +25,7 @@ pub(super) struct DatasetFile {
     pub files: BTreeMap<String, FileRecord>,
 }
 
-/// What is known of the spectra, keyframe by keyframe.
+/// Statistics of the spectra, one entry per keyframe.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RfFrames {

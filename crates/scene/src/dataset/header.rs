@@ -1,4 +1,4 @@
-//! What a dataset says about itself: `dataset.json` and `trajectory.json`.
+//! Metadata of a dataset: `dataset.json` and `trajectory.json`.
 
 use crate::config::{DatasetConfig, ReceiverConfig, SceneConfig, SpectrumKind, SplitConfig, TransmitterConfig};
 use crate::keyframe::DbRange;
@@ -15,7 +15,7 @@ pub const DATASET_SCHEMA: &str = "corf-dataset/2";
 /// The version of `trajectory.json`.
 const TRAJECTORY_SCHEMA: &str = "corf-trajectory/1";
 
-/// What a dataset is, known before its first keyframe is made.
+/// Metadata of a dataset that is known before its first keyframe is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DatasetHeader {
@@ -40,9 +40,9 @@ pub struct DatasetHeader {
     pub transmitter: Option<TransmitterConfig>,
     /// The platform's array.
     pub receiver: ReceiverConfig,
-    /// How the spectrum was formed.
+    /// Kind of the angular spectra.
     pub spectrum: SpectrumKind,
-    /// What a spectrum's value is.
+    /// Physical quantity of a spectrum's values.
     pub quantity: Quantity,
     /// Width of the one dB range below the dataset's peak, dB.
     pub dynamic_range_db: f64,
@@ -50,7 +50,7 @@ pub struct DatasetHeader {
     pub tutorial_range: Option<DbRange>,
     /// Radio materials in use.
     pub materials: Vec<MaterialRecord>,
-    /// What the sampling of the diffuse field leaves uncertain, where it was measured.
+    /// Standard errors from the sampling of the diffuse field, where they were measured.
     pub sampling_error: Option<SamplingError>,
     /// Training and test keyframes.
     pub split: SplitConfig,
@@ -77,13 +77,13 @@ pub struct DatasetHeader {
 pub struct MaterialRecord {
     /// Name in the mesh file.
     pub name: String,
-    /// Where its permittivity comes from.
+    /// Source of its permittivity.
     pub source: String,
     /// Real relative permittivity at the carrier.
     pub relative_permittivity: f64,
     /// Conductivity at the carrier, S/m.
     pub conductivity_s_per_m: f64,
-    /// As it was written, thickness and scattering included.
+    /// The material's specification as configured, thickness and scattering included.
     pub spec: RadioSpec,
 }
 
@@ -121,13 +121,13 @@ impl MaterialRecord {
 pub struct SamplingError {
     /// Keyframes at which two independent samplings were compared.
     pub keyframes: usize,
-    /// Of the total received power, dB.
+    /// Standard error of the total received power, dB.
     pub total_db: f64,
     /// Root mean square over the pixels within 30 dB of a spectrum's peak, dB.
     pub pixels_db: f64,
 }
 
-/// What one value of a spectrum is.
+/// Physical quantity of a spectrum's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
@@ -140,7 +140,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// What a kind of spectrum measures.
+    /// The quantity that a kind of spectrum gives.
     pub fn of(kind: SpectrumKind) -> Self {
         match kind {
             SpectrumKind::Mpc => Self::PowerPerSteradian,
@@ -204,7 +204,7 @@ impl DatasetHeader {
     }
 }
 
-/// Which keyframes are for what; indices from 0.
+/// Keyframe indices of the splits, from 0.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SplitLists {
@@ -220,7 +220,7 @@ impl SplitLists {
     }
 }
 
-/// Of several numbers.
+/// Mean and range of several numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Summary {

@@ -1,4 +1,4 @@
-//! Which file is where, relative to the dataset's folder.
+//! Paths of a dataset's files, relative to its folder.
 
 /// The file stem of keyframe `index`: counted from 1, five digits.
 pub fn stem(index: usize) -> String {

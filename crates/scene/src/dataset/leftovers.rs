@@ -1,4 +1,4 @@
-//! What the making of a dataset leaves beside it.
+//! Removal of the progress records and temporary files that the generation of a dataset leaves in its folder.
 
 use super::layout;
 use crate::{Error, Result, io};

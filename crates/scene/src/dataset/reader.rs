@@ -75,7 +75,7 @@ impl Dataset {
         &self.dir
     }
 
-    /// What the dataset says about itself.
+    /// The dataset's metadata.
     pub fn header(&self) -> &DatasetHeader {
         &self.file.header
     }
@@ -125,7 +125,7 @@ impl Dataset {
         &self.file.split.held_out_segment
     }
 
-    /// What everything in the folder means, in words.
+    /// The dataset's conventions (frames, units, encodings), in words.
     pub fn conventions(&self) -> &Conventions {
         &self.file.conventions
     }
@@ -186,7 +186,7 @@ impl Dataset {
     /// The linear radiance of keyframe `index`, where the dataset keeps it.
     ///
     /// # Errors
-    /// As [`Dataset::keyframe`].
+    /// Those of [`Dataset::keyframe`].
     pub fn linear(&self, index: usize) -> Result<Option<Raster<[f32; 3]>>> {
         self.float_image(index, layout::LINEAR)
     }
@@ -195,7 +195,7 @@ impl Dataset {
     /// mean shading normal in the world frame.
     ///
     /// # Errors
-    /// As [`Dataset::keyframe`].
+    /// Those of [`Dataset::keyframe`].
     pub fn guides(&self, index: usize) -> Result<[Option<Raster<[f32; 3]>>; 2]> {
         Ok([self.float_image(index, layout::ALBEDO)?, self.float_image(index, layout::NORMALS)?])
     }

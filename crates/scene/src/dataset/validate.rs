@@ -149,7 +149,7 @@ fn check_files(dataset: &Dataset) -> Result<Vec<Finding>> {
     Ok(findings)
 }
 
-/// What is wrong with a keyframe, and what it shows where it can be read.
+/// Findings about one keyframe, and the emptiness of its images where they can be read.
 fn check_keyframe(dataset: &Dataset, index: usize) -> (Vec<Finding>, Option<Sight>) {
     let keyframe = match dataset.keyframe(index) {
         Ok(keyframe) => keyframe,

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What one keyframe adds to a dataset.
+/// Images, spectra and paths of one keyframe, to be added to a dataset.
 #[derive(Clone, Debug)]
 pub struct FrameData {
     /// 8-bit sRGB image of the optical camera.
@@ -37,7 +37,7 @@ pub struct FrameData {
     pub sphere: Option<Raster<f32>>,
     /// RF image by the recipe of published sets, if it is to be kept.
     pub tutorial: Option<Raster<[u8; 3]>>,
-    /// Of the power that arrives, the share from directions inside the RF frame, in `[0, 1]`.
+    /// Share of the arriving power from directions inside the RF frame, in `[0, 1]`.
     pub share_in_frame: Option<f64>,
     /// Propagation paths, one JSON object a line.
     pub paths_jsonl: Option<String>,
@@ -57,7 +57,7 @@ fn millimetres(depth_m: f32) -> u16 {
     if millimetres <= f32::from(u16::MAX) { millimetres as u16 } else { 0 }
 }
 
-/// What is remembered of a finished keyframe until the dataset is.
+/// Record of a finished keyframe, kept until the dataset is complete.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FrameRecord {
@@ -169,7 +169,7 @@ impl DatasetWriter {
         from_json(&io::read_text(&path)?, &path)
     }
 
-    /// What is to be said of keyframes that show nothing, before [`DatasetWriter::finish`]: a black image, a depth without a surface.
+    /// Findings about keyframes that show nothing (a black image, a depth map without a surface), before [`DatasetWriter::finish`].
     ///
     /// # Errors
     /// A keyframe that is not there.

@@ -54,7 +54,7 @@ pub fn strokes(character: char) -> Vec<Vec<[f32; 2]>> {
     text.split(';').map(|line| line.split(' ').filter_map(point).collect()).filter(|l: &Vec<_>| !l.is_empty()).collect()
 }
 
-/// How far the pen moves on after one character, in grid units: the letter and the gap, narrower for thin ones.
+/// Advance width of a character in grid units: the glyph and the gap after it, narrower for thin ones.
 pub fn advance(character: char) -> f32 {
     match character {
         'I' | 'i' | '.' | ',' | ':' => 3.6,
@@ -87,7 +87,7 @@ impl super::canvas::Canvas {
         }
     }
 
-    /// As [`text`](Self::text), centred on `x`.
+    /// Draws [`text`](Self::text) centred on `x`.
     pub fn text_centred(&mut self, text: &str, x: f32, y: f32, cap: f32, pen: f32, colour: super::canvas::Rgb) {
         self.text(text, x - 0.5 * layout(text).1 * cap, y, cap, pen, colour);
     }

@@ -51,7 +51,7 @@ fn layout(text: &str) -> (Vec<Vec<[f32; 2]>>, f32) {
     (all, (pen - 1.6 / 6.0).max(0.0))
 }
 
-/// Where a line of text is held.
+/// Horizontal anchor of a line of text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// At its left end.

@@ -60,8 +60,8 @@ pub struct AntennaEntry {
     pub cols: usize,
     /// Between columns, between rows, wavelengths: `horizontal_spacing`, `vertical_spacing`.
     pub spacing_wavelengths: [f64; 2],
-    /// Where a transmit array of several elements points its one beam (conjugate steering weights of unit power), azimuth and elevation in the
-    /// array's frame, degrees. Sionna RT's paths are of the elements: weigh them by it.
+    /// Beam direction of a transmit array of several elements (conjugate steering weights of unit power): azimuth and elevation in the
+    /// array's frame, degrees. Sionna RT's paths are those of the elements: combine them with these weights.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub beam_deg: Option<[f64; 2]>,
 }
@@ -120,7 +120,7 @@ pub struct PoseEntry {
     pub world_from_array: [[f64; 3]; 3],
 }
 
-/// What [`write`] wrote.
+/// Summary of an export by [`write`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// The folder.

@@ -1,4 +1,4 @@
-//! What numbers a mesh file may hold: bounds of positions and of what materials and lights emit.
+//! Bounds on the numbers in a mesh file: vertex positions, and the emission of materials and lights.
 
 use crate::{Error, Result, Scene, bounds};
 use glam::Vec3;

@@ -156,7 +156,7 @@ impl MtlText {
     }
 }
 
-/// What a map's arguments say: a file, and options before or behind it.
+/// Parsed arguments of an MTL texture statement (`map_Kd` and its like): a file, and options before or behind it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct MapArguments {
     /// File name; spaces belong to it.
@@ -195,7 +195,7 @@ impl MapArguments {
     /// Reads a map's arguments.
     ///
     /// # Errors
-    /// What is wrong with them, as the end of a sentence.
+    /// A description of the fault in them, as the end of a sentence.
     pub(super) fn parse(arguments: &str) -> std::result::Result<Self, String> {
         let mut out =
             Self { name: String::new(), scale: [1.0; 2], offset: [0.0; 2], clamp: false, channel: None, unread: Vec::new() };

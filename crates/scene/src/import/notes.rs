@@ -1,4 +1,4 @@
-//! What an import leaves out or changes, one line a kind.
+//! Notes about what an import leaves out or changes, merged to one line a kind.
 
 use super::ImportReport;
 use crate::Severity;
@@ -8,7 +8,7 @@ use std::collections::HashMap;
 #[derive(Debug, Default)]
 pub(super) struct Notes {
     entries: Vec<Entry>,
-    /// Where a kind's entry is.
+    /// Index into `entries` by severity and kind.
     index_of: HashMap<(Severity, String), usize>,
 }
 

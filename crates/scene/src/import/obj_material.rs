@@ -16,7 +16,7 @@ const COVERS: f32 = 1.0 - 1e-6;
 /// A material of a library, and where it stands.
 #[derive(Clone, Debug)]
 pub(super) struct Entry {
-    /// What the parser read.
+    /// The material as the OBJ parser read it.
     pub material: tobj::Material,
     /// The library's path, for messages.
     file: String,

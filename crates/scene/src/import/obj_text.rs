@@ -57,7 +57,7 @@ pub(super) fn split(statement: &str) -> (&str, &str) {
     statement.split_once(char::is_whitespace).map_or((statement, ""), |(word, rest)| (word, rest.trim()))
 }
 
-/// What stands before a comment. Names may hold a `#`, so this is for numbers alone.
+/// The part of a line before a `#` comment. Names may hold a `#`, so this is for numbers alone.
 pub(super) fn without_comment(text: &str) -> &str {
     text.split_once('#').map_or(text, |(before, _)| before)
 }
@@ -100,7 +100,7 @@ enum Statement {
     Face { line: usize, start: usize, count: usize },
 }
 
-/// What a file has said up to a line.
+/// State of the OBJ reader: the attributes and statements read so far.
 #[derive(Default)]
 struct Reader {
     positions: Vec<[f32; 3]>,
@@ -306,7 +306,7 @@ impl Reader {
     }
 }
 
-/// What a corner's indices lead to.
+/// Names of the vertex attributes that a face corner's indices refer to, in their order.
 const ATTRIBUTES: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 /// The material of faces that ask for none.

@@ -1,4 +1,4 @@
-//! What image files say about themselves, looked at before memory is taken for their pixels.
+//! Checks of the headers of image files, before memory is allocated for their pixels.
 //!
 //! A header is a few bytes, and the size in it can be anything. Here a size must be within a stated bound, and the file must be long enough
 //! to hold it: no compression packs more than so many bytes into one.

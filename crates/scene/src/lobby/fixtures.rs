@@ -1,4 +1,4 @@
-//! What is fixed to the shell: lights, vents, screens, signs, cladding, radiators.
+//! Fixtures of the lobby's shell: lights, vents, screens, signs, cladding, radiators.
 
 use super::architecture::{EAST, HEIGHT, INNER, LIFT_HEIGHT, LIFTS, NICHE, NORTH, NORTH_DOOR, WEST};
 use crate::builder::fittings::{
@@ -29,7 +29,7 @@ const PANELS: [[f64; 2]; 14] = [
     [5.4, 13.2],
 ];
 
-/// Where the round downlights sit, plan.
+/// Positions of the round downlights in plan, metres.
 const DOWNLIGHTS: [[f64; 2]; 10] = [
     [0.9, 0.9],
     [0.9, 4.5],

@@ -1,4 +1,4 @@
-//! Where everything stands. The ring the platform travels stays clear; islands inside it, furniture along the walls.
+//! Layout of the lobby's furniture. The ring the platform travels stays clear; islands inside it, furniture along the walls.
 
 use crate::builder::decor;
 use crate::builder::furniture::{bench, chair, coffee_table, office_chair, reception_desk, round_table, sofa, stool};

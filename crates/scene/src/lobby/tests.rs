@@ -9,7 +9,7 @@ fn loaded() -> Scene {
     import::load(committed("lobby.glb")).unwrap()
 }
 
-/// What lies beyond the glass is no part of the room.
+/// Name prefix of objects beyond the glass, which are no part of the room.
 const OUTSIDE: &str = "Outdoor";
 
 #[test]

@@ -58,7 +58,7 @@ fn film(width: f64) -> Mesh {
     mesh
 }
 
-/// Where the wooden or glass leaf of a door hangs and how far it stands open.
+/// Hinge and opening angle of the wooden or glass leaf of a door.
 struct Swing {
     /// Clear width and height of the lining.
     size: [f64; 2],

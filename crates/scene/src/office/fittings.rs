@@ -1,4 +1,4 @@
-//! What is fixed to the shell: lights, vents, signs, boards, radiators, switches, the cable trays.
+//! Fittings of the office's shell: lights, vents, signs, boards, radiators, switches, the cable trays.
 
 use super::furniture::{cable_tray, whiteboard};
 use super::plan::{HEIGHT, NORTH, Partitions, SOUTH, WEST};

@@ -1,5 +1,5 @@
-//! Where everything loose stands, room by room. The platform's way stays clear: in by the open office's door, round the desks, out by its
-//! opening, up the corridor's southern leg, round the bend and back along the corridor.
+//! Layout of the office's furniture, room by room. The platform's way stays clear: in by the open office's door, round the desks, out by
+//! its opening, up the corridor's southern leg, round the bend and back along the corridor.
 
 use super::furniture::{cluster, copier, cupboard, desk, meeting_table, paper_boxes};
 use super::kitchen;

@@ -72,7 +72,7 @@ pub struct Partitions {
 const POSTER: [f64; 2] = [0.7, 1.0];
 
 impl Partitions {
-    /// As they stand.
+    /// The office's partitions with their openings, paint and posters.
     pub fn new() -> Self {
         let white = Mat::Plaster;
         let along_x = |name, y, ends| Partition::along_x(name, y, ends, HEIGHT);

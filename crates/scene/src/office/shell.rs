@@ -27,7 +27,7 @@ fn within(part: [f64; 4], [x0, y0, x1, y1]: [f64; 4]) -> Option<[f64; 4]> {
     (a < c && b < d).then_some([a - x0, b - y0, c - x0, d - y0])
 }
 
-/// Where partitions end at an outer wall, as openings of it.
+/// Openings of an outer wall where partitions abut it, so that it leaves out the area inside them.
 fn slots(wall: &Wall, heads: &[[f64; 4]]) -> Vec<[f64; 4]> {
     let right = DVec3::Z.cross(wall.inward);
     let of = |[x0, y0, x1, y1]: [f64; 4]| {

@@ -1,4 +1,4 @@
-//! What a scene must be for radio to be traced through it: materials, bodies, and where transmitters and receivers stand.
+//! Validation of a scene for radio tracing: materials, closed bodies, and the positions of transmitters and receivers.
 //!
 //! A triangle is a slab of its material's `thickness_m`. A sheet is therefore one slab and a closed body two, and both are sound. Three
 //! things are not, and are said here rather than traced: a body that lacks a part of its surface (rays through the hole cross one slab
@@ -198,7 +198,7 @@ fn outside_findings(config: &SceneConfig, scene: &Scene, poses: &[DVec3]) -> Vec
     findings
 }
 
-/// How far a point is from the straight line between two others, metres.
+/// Distance of a point from the straight segment between two others, metres.
 fn distance_to_leg_m(point: DVec3, from: DVec3, to: DVec3) -> f64 {
     let along = to - from;
     let t = ((point - from).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);

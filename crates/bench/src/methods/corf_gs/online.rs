@@ -39,14 +39,14 @@ impl Online<'_> {
         Ok(())
     }
 
-    /// What the next keyframe took of those that the harness has not been told of, once its optimisation has ended.
+    /// Timing of the next keyframe that the harness has not been told of, once its optimisation has ended.
     pub fn next_timing(&mut self) -> Option<KeyframeTiming> {
         let timing = self.reconstructor.timings().get(self.told).copied();
         self.told += usize::from(timing.is_some());
         timing
     }
 
-    /// How many keyframes the checkpoint stood for.
+    /// Restores the checkpoint, if there is one, and replays its keyframes; returns their number.
     fn resume(&mut self) -> Result<usize> {
         let Some(checkpoint) = self.keeper.read()? else { return Ok(0) };
         self.reconstructor.restore(&checkpoint)?;

@@ -35,7 +35,7 @@ struct Fusion {
     out: Layer,
 }
 
-/// What one of the four maps goes through before it is joined.
+/// Resampling of one of the four feature maps before the fusion.
 enum Resized {
     /// To 4 and 2 times the size.
     Spread(Layer, usize),

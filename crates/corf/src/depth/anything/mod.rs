@@ -85,7 +85,7 @@ impl Network {
     /// The inverse depth of an image up to scale and offset, at the network's resolution or the image's, whichever is lower.
     ///
     /// # Errors
-    /// As [`Self::input_size`]; weights that give what is no number.
+    /// Those of [`Self::input_size`]; weights that give what is no number.
     pub fn estimate(&self, image: &Raster<[u8; 3]>) -> Result<Dense> {
         let input = self.show(image)?;
         let map = self.forward(&input);
@@ -118,7 +118,7 @@ impl Network {
         Ok(seen)
     }
 
-    /// What the network makes of what it sees.
+    /// Forward pass of the network: the output map of an input image.
     fn forward(&self, input: &Map) -> Map {
         self.head.forward(&self.transformer.forward(input))
     }

@@ -1,4 +1,4 @@
-//! What the network is made of: products of matrices, convolutions, resampling and the functions in between, all in f32.
+//! Operations of the network: matrix products, convolutions, resampling and activation functions, all in f32.
 //!
 //! Work is cut into blocks of a fixed number of rows, so that every sum is taken in the same order whatever the number of threads. Maps have
 //! their channels innermost: a map's pixels and a transformer's tokens are both rows of a matrix.
@@ -61,7 +61,7 @@ impl Matrix<'_> {
         Self { rows, columns, row_stride: self.column_stride, column_stride: self.row_stride, ..self }
     }
 
-    /// How many values it reaches over.
+    /// Length of the slice that the matrix spans, values.
     fn reach(&self) -> usize {
         match (self.rows, self.columns) {
             (0, _) | (_, 0) => 0,
@@ -116,7 +116,7 @@ impl Layer {
         multiply(a, w.transposed(), 1.0, out, outputs);
     }
 
-    /// Of many rows.
+    /// Applies the layer to every row, in parallel.
     pub fn of_rows(&self, rows: &[f32]) -> Vec<f32> {
         let mut out = vec![0.0; rows.len() / self.inputs * self.outputs];
         let blocks = out.par_chunks_mut(BLOCK * self.outputs).zip(rows.par_chunks(BLOCK * self.inputs));
@@ -124,7 +124,7 @@ impl Layer {
         out
     }
 
-    /// Of every pixel alone: a 1×1 convolution.
+    /// Applies the layer to every pixel: a 1×1 convolution.
     pub fn of_pixels(&self, map: &Map) -> Map {
         Map { channels: self.outputs, values: self.of_rows(&map.values), ..*map }
     }
@@ -292,7 +292,7 @@ pub(super) fn bilinear(map: &Map, height: usize, width: usize) -> Map {
     out
 }
 
-/// Where a cubic kernel's four taps lie, and their weights.
+/// Indices and weights of a cubic kernel's four taps.
 type Taps = ([usize; 4], [f32; 4]);
 
 /// Resamples by Keys's cubic kernel with a = −0.75 and repeated borders, without smoothing beforehand. Along an axis the centre of pixel i comes from

@@ -6,9 +6,9 @@ use crate::Result;
 
 /// Side of a patch, pixels.
 pub(super) const PATCH: usize = 14;
-/// What is added to a variance before its root is taken.
+/// ε of the layer normalisation, added to the variance.
 const EPSILON: f32 = 1e-6;
-/// What the official code adds to the number of patches along an axis before it works out by how much to stretch the positional embedding.
+/// Offset that the official code adds to the number of patches along an axis when it scales the positional embedding.
 const STRETCH_OFFSET: f64 = 0.1;
 /// Sizes of heads that all published sizes have.
 const HEAD: usize = 64;

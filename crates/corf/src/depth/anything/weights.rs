@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 const HELP: &str = "give the model.safetensors of Depth-Anything-V2 Small, Base or Large for relative depth, whole, with its own tensor names \
                     or those of the official code";
 
-/// How the official names become those of the transformers library, one after the other.
+/// Replacements that turn the official tensor names into those of the transformers library, applied one after the other.
 const RENAMED: [(&str, &str); 26] = [
     ("pretrained.cls_token", "backbone.embeddings.cls_token"),
     ("pretrained.pos_embed", "backbone.embeddings.position_embeddings"),
@@ -66,7 +66,7 @@ struct Entry {
 /// Tensors by name: their entries, and where their bytes are.
 type Entries = BTreeMap<String, (Entry, Range<usize>)>;
 
-/// What a `config.json` of the transformers library says that shapes do not.
+/// The parts of the transformers library's `config.json` that do not follow from the tensors' shapes.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Config {
@@ -185,7 +185,7 @@ impl Weights {
     /// A linear layer.
     ///
     /// # Errors
-    /// As [`Self::values`].
+    /// Those of [`Self::values`].
     pub fn linear(&self, official: &str, inputs: usize, outputs: usize) -> Result<Layer> {
         let weights = self.values(&format!("{official}.weight"), &[outputs, inputs])?;
         Ok(Layer { inputs, outputs, weights, bias: self.values(&format!("{official}.bias"), &[outputs])? })
@@ -194,7 +194,7 @@ impl Weights {
     /// The layer of a block that gives queries, keys and values of `width` each, which the transformers library keeps apart.
     ///
     /// # Errors
-    /// As [`Self::values`].
+    /// Those of [`Self::values`].
     pub fn queries_keys_values(&self, block: usize, width: usize) -> Result<Layer> {
         if !self.is_renamed {
             return self.linear(&format!("pretrained.blocks.{block}.attn.qkv"), width, 3 * width);
@@ -211,7 +211,7 @@ impl Weights {
     /// A convolution of `side × side` pixels, its inputs in the order (row, column, channel).
     ///
     /// # Errors
-    /// As [`Self::values`].
+    /// Those of [`Self::values`].
     pub fn convolution(&self, official: &str, [inputs, outputs, side]: [usize; 3], has_bias: bool) -> Result<Layer> {
         let values = self.values(&format!("{official}.weight"), &[outputs, inputs, side, side])?;
         let mut weights = Vec::with_capacity(values.len());
@@ -225,7 +225,7 @@ impl Weights {
     /// A transposed convolution of `channels` to as many whose kernel and stride are `side`, its outputs in the order (row, column, channel).
     ///
     /// # Errors
-    /// As [`Self::values`].
+    /// Those of [`Self::values`].
     pub fn transposed(&self, official: &str, channels: usize, side: usize) -> Result<Layer> {
         let area = side * side;
         let values = self.values(&format!("{official}.weight"), &[channels, channels, side, side])?;

@@ -15,7 +15,7 @@ pub(crate) const AREA: usize = TILE_WIDTH * TILE_HEIGHT;
 const MIN_TRANSMITTANCE: f32 = 1e-4;
 /// No Gaussian hides more than this.
 const MAX_ALPHA: f32 = 0.999;
-/// How many Gaussians are blended between two looks at whether all pixels have ended.
+/// Number of Gaussians blended between two checks for early termination of the tile's pixels.
 const BATCH: usize = 16;
 
 /// Groups of lanes in a tile, at most (eight lanes a group).
@@ -41,7 +41,7 @@ static PIXEL_Y: [f32; 16] = {
     out
 };
 
-/// Where a tile lies, and which Gaussians reach it, near to far.
+/// A tile of an image with the list of Gaussians that reach it, near to far.
 #[derive(Clone, Copy)]
 pub(crate) struct Tile<'a> {
     /// Corner, pixels.
@@ -208,7 +208,7 @@ impl<const C: usize, const DEPTH: bool> Kernel for Forward<'_, C, DEPTH> {
     }
 }
 
-/// What a tile says about one of its Gaussians: dL/dcolour (3), dL/d(1/z), dL/d(oρ), Σ dL/dσ (dx², dx dy, dy²), Σ dL/dσ (dx, dy).
+/// Gradients of one Gaussian from one tile: dL/dcolour (3), dL/d(1/z), dL/d(oρ), Σ dL/dσ (dx², dx dy, dy²), Σ dL/dσ (dx, dy).
 pub(crate) type Record = [f32; 12];
 pub(crate) const COLOR: usize = 0;
 pub(crate) const INVERSE_Z: usize = 3;

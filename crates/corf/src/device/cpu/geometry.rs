@@ -11,7 +11,7 @@ pub(crate) const MIN_DETERMINANT_RATIO: f32 = 2.5e-5;
 /// `x/z` is held to this fraction of the image beyond its border in `J`.
 const BORDER: f64 = 0.15;
 
-/// Where both sensors are: `p_camera = rotation · p_world + translation`, by rows.
+/// Pose of both sensors: `p_camera = rotation · p_world + translation`, by rows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pose {
     pub rotation: [[f32; 3]; 3],
@@ -224,7 +224,7 @@ pub(crate) fn ellipse<L: Lanes>(grid: &Grid, p: Vec3<L>, covariance: Symmetric<L
     }
 }
 
-/// What the blend found for a Gaussian in one image.
+/// Gradients of a Gaussian's projected ellipse in one image, from the backward pass of the blending.
 pub(crate) struct EllipseGradient<L> {
     /// Σ dL/dσ · (dx², dx·dy, dy²), d = mean − pixel.
     pub moments: Vec3<L>,

@@ -1,4 +1,4 @@
-//! Which Gaussians the images see, as ellipses with opacity and colour, and which tiles each ellipse reaches.
+//! Projection of the visible Gaussians to ellipses with opacity and colour, and the tiles that each ellipse reaches.
 
 use super::{
     geometry::{Grid, Scene, ellipse, shape, to_camera},
@@ -94,7 +94,7 @@ impl Projection {
         );
     }
 
-    /// How many Gaussians reach a tile of any image.
+    /// Number of visible Gaussians: those that reach a tile of any image.
     pub fn visible(&self) -> usize {
         self.chunks.iter().map(|c| c.ids.len()).sum()
     }

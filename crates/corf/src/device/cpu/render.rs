@@ -20,7 +20,7 @@ use rayon::prelude::*;
 #[derive(Default)]
 pub(crate) struct Image {
     pub lists: TileLists,
-    /// Where each (Gaussian, tile) pair of each chunk landed in the lists.
+    /// Position in the lists of each (Gaussian, tile) pair of each chunk.
     pub places: Vec<Vec<u32>>,
     /// `[tile][channel][128]`, background included.
     pub color: Vec<f32>,

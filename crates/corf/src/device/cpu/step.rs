@@ -167,7 +167,7 @@ impl CpuDevice {
     /// The gradient of a step's loss with respect to every parameter, in the shape of the parameters, without taking the step.
     ///
     /// # Errors
-    /// As [`Device::train`](crate::Device::train).
+    /// Those of [`Device::train`](crate::Device::train).
     pub fn gradients(&mut self, step: &Step) -> Result<(StepReport, Gaussians)> {
         let scene = self.scene_of_step(step)?;
         let report = self.differentiate(step, &scene);

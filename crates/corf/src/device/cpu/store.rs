@@ -33,7 +33,7 @@ pub(crate) struct Store {
     pub value: Vec<Core>,
     pub moment1: Vec<Core>,
     pub moment2: Vec<Core>,
-    /// What is left of the position rate, in `[floor, 1]`.
+    /// Decay factor of each Gaussian's position learning rate, in `[floor, 1]`.
     pub position_rate: Vec<f32>,
     /// Optical, RF.
     pub harmonics: [Harmonics; 2],

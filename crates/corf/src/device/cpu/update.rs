@@ -10,7 +10,7 @@ use super::{
 use crate::{OptimizerConfig, sh};
 use rayon::prelude::*;
 
-/// What becomes of the gradients.
+/// Use of the gradients.
 pub(crate) enum Mode<'a> {
     /// One step of Adam; geometry only if `geometry`.
     Adam { config: &'a OptimizerConfig, geometry: bool },
@@ -86,7 +86,7 @@ impl Update<'_> {
 /// Most harmonics of one Gaussian in one modality: three channels of sixteen.
 const MAX_STRIDE: usize = 3 * sh::MAX_COEFFICIENTS;
 
-/// What a step's update needs of the configuration, per modality, in the shape in which it needs it.
+/// Constants of a step's update, from the configuration, per modality.
 struct Constants {
     /// Rates along one Gaussian's harmonics.
     harmonic_rates: [[f32; MAX_STRIDE]; 2],

@@ -1,6 +1,6 @@
-//! How much a frame has room for.
+//! Capacity of a frame's buffers.
 
-/// How many (Gaussian, tile) pairs and visible Gaussians there is room for. Nobody knows before a frame is projected.
+/// Capacity of the buffers in (Gaussian, tile) pairs and in visible Gaussians. The numbers needed are known once a frame is projected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct BufferCapacity {
     pub pairs: usize,

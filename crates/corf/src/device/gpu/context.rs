@@ -9,13 +9,13 @@ use std::{
     task::{Context as TaskContext, Poll, Waker},
 };
 
-/// Which adapter to take and what to use of it.
+/// Options of the GPU device: the adapter, and the features of it to use.
 ///
 /// The tile and the batch decide how fast a step is, not what it computes: small tiles follow thin ellipses and fill a GPU with small
 /// images, large ones make fewer pairs to sort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// Which adapter, counted from 0, where a machine has several: the best kind first, those of one kind as the drivers list them.
+    /// Index of the adapter, from 0, where a machine has several: the best kind first, those of one kind as the drivers list them.
     pub adapter: usize,
     /// Whether a software adapter will do. A reconstruction is faster on the CPU device than on one; tests run on it.
     pub software: bool,
@@ -97,7 +97,7 @@ pub(crate) const LARGEST_BLEND: u32 = 256;
 /// Largest tile in batches.
 const LARGEST_TILE_IN_BATCHES: u32 = 8;
 
-/// What went wrong on the device since it was last asked; later errors are mostly consequences.
+/// First error on the device since the last check; later errors are mostly consequences.
 #[derive(Default)]
 struct Failure {
     first: Option<String>,
@@ -171,7 +171,7 @@ const STORAGE_BUFFERS: u32 = 24;
 /// Bytes written at once.
 const PIECE: usize = 64 << 20;
 
-/// Which kinds of drivers are asked for.
+/// Graphics APIs that adapters are looked for in.
 const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
 
 /// The one way to the drivers of this process: they are loaded once, however many devices come and go.
@@ -267,7 +267,7 @@ impl Context {
         is_software(&self.info)
     }
 
-    /// As if an allocation had failed.
+    /// Simulates a failed allocation.
     #[cfg(test)]
     pub fn pretend_out_of_memory(&self) {
         let mut failure = locked(&self.failure);
@@ -275,7 +275,7 @@ impl Context {
         failure.first = Some("not enough memory left".to_owned());
     }
 
-    /// What has gone wrong, if anything, as an error of this crate.
+    /// Checks the device for errors since the last check, and returns the first as an error of this crate.
     pub fn check(&self, doing: &str) -> Result<()> {
         if locked(&self.failure).first.is_none() {
             return Ok(());

@@ -46,11 +46,11 @@ const BLOCK: usize = 256;
 pub(crate) struct Memory {
     pub state: wgpu::Buffer,
     pub args: wgpu::Buffer,
-    /// What visible Gaussians and pairs each block of Gaussians has, and where.
+    /// Per block of Gaussians: its counts of visible Gaussians and of (Gaussian, tile) pairs, and their offsets.
     blocks: Scratch,
-    /// Of shares of pairs: the block, which of its shares.
+    /// Per share of a block's pairs: the block, and the share's index within it.
     shares: Scratch,
-    /// Of visible Gaussians alone: their numbers, what their tiles take, what is drawn.
+    /// Per visible Gaussian: its index here; its pairs and rows of tiles in `drawn`; its projected ellipse in `splats`.
     pub gaussian_of: Scratch,
     pub drawn: Scratch,
     pub splats: Scratch,
@@ -58,11 +58,11 @@ pub(crate) struct Memory {
     tile_sizes: Scratch,
     pub lists: Scratch,
     pub entries: Scratch,
-    /// Of lists that are ordered by several workgroups: tile, number within the list.
+    /// Per part of a tile list that several workgroups sort: the tile, and the part's index within the list.
     chunks: Scratch,
     pub bucket_tiles: Scratch,
     pub checkpoints: Scratch,
-    /// How much of its list a tile's pixels have seen.
+    /// Per tile, the number of entries of its list that its pixels have processed.
     pub visited: Scratch,
     pub records: Scratch,
     pub image: Scratch,
@@ -78,14 +78,14 @@ pub(crate) struct Memory {
 }
 
 impl BufferCapacity {
-    /// What the frames of a state needed, and an eighth more; it is read where one of them failed.
+    /// Capacity that the frames of a state needed, and an eighth more: the size to grow to after one of them overflowed its buffers.
     pub fn asked(state: &[u32]) -> Self {
         let more = |slot: usize| state[slot] as usize + state[slot] as usize / 8;
         Self { pairs: more(NEEDED), visible: more(MOST_VISIBLE) }
     }
 }
 
-/// What a batch of frames needs room for.
+/// Buffer sizes that a batch of frames needs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Extent {
     pub gaussians: usize,
@@ -209,18 +209,18 @@ pub(crate) struct Forward {
     blend_and_name: Kernel,
 }
 
-/// What a forward pass leaves beside the images.
+/// Outputs of a forward pass beside the images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Leaves {
     /// Nothing.
     Images,
     /// The main contributor of each pixel.
     MainContributors,
-    /// What the backward pass begins with.
+    /// The blending state from which the backward pass restarts.
     Checkpoints,
 }
 
-/// The same with their memory: good until the memory grows.
+/// The forward kernels bound to their buffers; valid until the buffers grow.
 pub(crate) struct BoundForward {
     allot: Bound,
     place: Bound,

@@ -14,7 +14,7 @@ pub(crate) struct Kernel {
     bindings: usize,
 }
 
-/// What a kernel is run with.
+/// A kernel bound to its buffers: pipeline and bind group.
 #[derive(Clone)]
 pub(crate) struct Bound {
     pipeline: wgpu::ComputePipeline,
@@ -122,7 +122,7 @@ impl Bound {
         pass.dispatch_workgroups(groups.min(ROW), groups.div_ceil(ROW), 1);
     }
 
-    /// As [`Self::run`] with the number of groups from a buffer.
+    /// Runs the kernel as [`Self::run`] does, with the number of workgroups from a buffer (indirect dispatch).
     pub fn run_indirect(&self, pass: &mut wgpu::ComputePass<'_>, offset: u32, args: &wgpu::Buffer, slot: u64) {
         self.set(pass, offset);
         pass.dispatch_workgroups_indirect(args, slot * ARGS_STRIDE);

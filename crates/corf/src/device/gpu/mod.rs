@@ -64,7 +64,7 @@ pub struct GpuDevice {
     times: GpuStageTimes,
     timing: bool,
     last: Counts,
-    /// What a call that cannot answer with an error met; the next one that can does.
+    /// Error of a call that cannot return one; the next call that can returns it.
     deferred: Option<Error>,
     /// Steps that nobody has waited for.
     begun: Option<(Batch, Reading<u32>)>,
@@ -128,7 +128,7 @@ impl GpuDevice {
         self.context.is_software()
     }
 
-    /// How many (Gaussian, tile) pairs of one frame there is room for; grows when a frame has more.
+    /// Capacity for (Gaussian, tile) pairs of one frame; grows when a frame has more.
     pub fn pair_capacity(&self) -> usize {
         self.memory.room.pairs
     }
@@ -144,7 +144,7 @@ impl GpuDevice {
         self.deferred.take().map_or(Ok(()), Err)
     }
 
-    /// As [`Self::ready`] for a call that cannot answer with an error.
+    /// Waits as [`Self::ready`] does, in a call that cannot return an error: it is kept for the next one that can.
     fn ready_or_defer(&mut self) {
         if let Err(error) = self.settle() {
             self.deferred.get_or_insert(error);

@@ -66,7 +66,7 @@ pub(crate) struct Params {
     pub blocks_total: u32,
     pub fused: u32,
     pub visible_capacity: u32,
-    /// Which shape of tiles; for the host.
+    /// Index of the tile shape; used by the host alone.
     pub shape: u32,
     padding: [u32; 2],
 }
@@ -81,7 +81,7 @@ fn reach(f: f32, limits: [f32; 2]) -> f32 {
 }
 
 impl Params {
-    /// Where a frame is taken from, what is rendered (optical, RF), and before which colours.
+    /// Constants of a frame: its pose, the images to render (optical, RF) and their background colours.
     pub fn new(
         pose: &Pose,
         grids: &[Option<Grid>; 2],
@@ -130,7 +130,7 @@ impl Params {
         p
     }
 
-    /// What there is room for.
+    /// Sets the capacities of the buffers.
     pub fn set_room(&mut self, room: BufferCapacity) {
         self.pair_capacity = room.pairs as u32;
         self.visible_capacity = (room.visible as u32).min(self.gaussians);
@@ -166,7 +166,7 @@ impl Uniforms {
         Ok(Self { buffer, stride })
     }
 
-    /// Where a frame's constants begin.
+    /// Offset of a frame's constants in the buffer, bytes.
     pub fn offset(&self, frame: usize) -> u32 {
         (self.stride * frame as u64) as u32
     }

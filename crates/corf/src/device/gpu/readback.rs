@@ -1,4 +1,4 @@
-//! What is read back from the store beside the Gaussians themselves, and how it comes there again.
+//! Readback of outlines and optimiser state from the store, and restoring of that state.
 
 use super::{
     context::Context,
@@ -10,7 +10,7 @@ use crate::{
 };
 
 impl Store {
-    /// What decides whether a Gaussian is pruned: 48 bytes of each.
+    /// Reads the parameters that pruning depends on: 48 bytes of each Gaussian.
     pub fn outlines(&self, context: &Context) -> Result<Vec<Outline>> {
         let core = context.read::<f32>("reading outlines back", &[(&self.core.value.buffer, self.len() * CORE)])?;
         let outline = |row: &[f32]| Outline {

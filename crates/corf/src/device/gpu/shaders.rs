@@ -39,7 +39,7 @@ const FOUND: &str = include_str!("shaders/found.wgsl");
 const ADAM: &str = include_str!("shaders/adam.wgsl");
 const LOSS: &str = include_str!("shaders/loss.wgsl");
 
-/// What the kernels of one device have in common.
+/// Compile-time constants shared by the kernels of one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fixed {
     pub antialias: Antialias,
@@ -74,7 +74,7 @@ impl HarmonicsShape {
         self.coefficients() * self.channels
     }
 
-    /// The same in 32-bit words on the device: padded to words of four.
+    /// Size of a Gaussian's harmonics on the device in 32-bit words: padded to a multiple of four.
     pub fn words(self) -> usize {
         self.numbers().next_multiple_of(4)
     }
@@ -288,7 +288,7 @@ impl Fixed {
     }
 }
 
-/// Which blend.
+/// Variant of the blend kernel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Blend {
     /// Both modalities of one grid at once.

@@ -41,7 +41,7 @@ const GATHERED: u64 = 64 << 20;
 /// All Gaussians.
 pub(crate) struct Store {
     pub core: Trained,
-    /// What is left of the position rate.
+    /// Decay factor of each Gaussian's position learning rate.
     pub position_rate: Rows,
     /// Optical, RF.
     pub sh: [Harmonics; 2],
@@ -49,7 +49,7 @@ pub(crate) struct Store {
     len: usize,
     capacity: usize,
     gather: Kernel,
-    /// Where rows are gathered before they are copied back.
+    /// Scratch buffer in which rows are gathered before they are copied back.
     spare: Option<wgpu::Buffer>,
 }
 
@@ -275,7 +275,7 @@ impl Store {
         Ok(self.shaped(&read[0], [&read[1], &read[2]]))
     }
 
-    /// The same of numbers that have been read.
+    /// Converts numbers that have been read (rows of geometry, optical and RF harmonics) to the public shape.
     pub(super) fn shaped(&self, core: &[f32], sh: [&[f32]; 2]) -> Gaussians {
         let core: Vec<&[f32]> = core.chunks_exact(CORE).collect();
         let appearance = |g: usize| {

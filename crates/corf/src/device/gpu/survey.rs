@@ -1,4 +1,4 @@
-//! What an expansion asks, answered on the device: of a picture of millions of pixels only what is asked for comes back.
+//! Survey of the field on the GPU: of a rendering of millions of pixels, only the values asked for are read back.
 
 use super::{
     GpuDevice,

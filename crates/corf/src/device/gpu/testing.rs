@@ -1,4 +1,4 @@
-//! What the tests of this device share.
+//! Helpers shared by the tests of this device.
 
 use super::context::{Context, GpuOptions};
 

@@ -1,4 +1,4 @@
-//! What cannot be provoked from outside: adapters that bind little, that run out of memory, that go away.
+//! Tests of faults that cannot be provoked from outside: adapters that bind little, that run out of memory, that go away.
 
 #![allow(clippy::unwrap_used)]
 

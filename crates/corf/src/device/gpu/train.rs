@@ -39,11 +39,11 @@ pub struct GpuStageTimes {
     pub seconds: [f64; STAGES.len()],
 }
 
-/// What the last step counted.
+/// Counts of the last step, from which its work is estimated.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Counts {
     pub visible: usize,
-    /// Of the largest frame of the call.
+    /// (Gaussian, tile) pairs of the largest frame of the call.
     pub pairs: usize,
     pub pixels: usize,
     pub tiles: usize,
@@ -86,7 +86,7 @@ impl Training {
     }
 }
 
-/// Where gradients are written, if they are and no step is taken (geometry, optical and RF harmonics).
+/// Buffers that gradients are written to in place of a step (geometry, optical and RF harmonics); `None` for a step of Adam.
 type Destination<'a> = Option<[&'a wgpu::Buffer; 3]>;
 
 /// The kernels of a batch of steps with their memory.
@@ -335,7 +335,7 @@ impl GpuDevice {
     /// The gradient of a step's loss with respect to every parameter, in the shape of the parameters, without taking the step.
     ///
     /// # Errors
-    /// As [`Device::train`](crate::Device::train).
+    /// Those of [`Device::train`](crate::Device::train).
     pub fn gradients(&mut self, step: &Step) -> Result<(StepReport, Gaussians)> {
         self.ready()?;
         let [optical, rf] = self.store.harmonics.map(HarmonicsShape::words);

@@ -1,4 +1,4 @@
-//! What a step's kernels move and compute: the floor that no run of them can be below.
+//! Memory traffic and operations of a step's kernels: a lower bound on their run time, as in a roofline model.
 
 use super::{GpuDevice, shaders::Fixed, train::STAGES};
 

@@ -1,4 +1,4 @@
-//! What an office has and a hall has not: carpet tiles, vinyl, wall tiles, a written whiteboard, a screen full of text, door signs.
+//! Procedural textures of the office: carpet tiles, vinyl, wall tiles, a written whiteboard, a screen full of text, door signs.
 
 use super::noise::{fbm, lattice};
 use crate::draw::{Canvas, Rgb, hex, mix, scale, smoothstep};

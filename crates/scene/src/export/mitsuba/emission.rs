@@ -1,4 +1,4 @@
-//! What emission and textures ask of a mesh: vertex colours, texture coordinates, coverage.
+//! Mesh attributes that emission and textures need: vertex colours, texture coordinates, coverage.
 
 use super::texture::Textures;
 use crate::Scene;
@@ -14,7 +14,7 @@ pub(super) fn is_colored(scene: &Scene, material: u32) -> bool {
 /// Mitsuba samples a textured emitter by its texture, and needs mesh coordinates that are the texture's own: there the mesh's coordinates
 /// are taken through the emission's transform, and other textures look through its inverse.
 pub(super) struct EmissionMap {
-    /// Of the emissive texture.
+    /// Texture-coordinate transform of the emissive texture.
     pub uv_from_uv: Affine2,
 }
 
@@ -37,7 +37,7 @@ pub(super) fn repeats(textures: &Textures<'_>, reference: &TextureRef) -> bool {
     textures.get(Some(reference)).is_some_and(|t| t.wrap == [Wrap::Repeat; 2])
 }
 
-/// What an emitting surface's radiance is multiplied with: even coverage, which an emitter does not learn from its `mask`.
+/// Factor on an emitting surface's radiance: its uniform coverage (alpha), which Mitsuba's emitter does not take from the `mask`.
 pub(super) fn emission_share(m: &OpticalMaterial) -> f32 {
     match m.alpha_mode {
         AlphaMode::Opaque => 1.0,

@@ -10,7 +10,7 @@ pub(super) fn luminance(c: [f32; 3]) -> f32 {
     0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]
 }
 
-/// How often an emitter is asked: in proportion to its power, and never not at all.
+/// Writes the sampling weight of an emitter: proportional to its power, and never zero.
 pub(super) fn sampling_weight(xml: &mut Xml, power: f32) {
     xml.float("sampling_weight", if power.is_finite() { power.max(1e-6) } else { 1.0 });
 }

@@ -18,7 +18,7 @@ pub(super) fn is_seen_through(m: &OpticalMaterial) -> bool {
     m.transmission > 0.0 || m.alpha_mode != AlphaMode::Opaque
 }
 
-/// How much of a surface is there.
+/// Opacity of a surface: full, uniform, or by a texture.
 enum Opacity {
     All,
     Even(f32),

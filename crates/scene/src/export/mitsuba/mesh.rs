@@ -20,7 +20,7 @@ pub(super) fn used_materials(scene: &Scene) -> BTreeSet<u32> {
     scene.triangles.iter().map(|t| t.material).collect()
 }
 
-/// How many of them.
+/// Number of shapes and emitters written.
 pub(super) struct Written {
     pub shapes: usize,
     pub emitters: usize,
@@ -191,7 +191,8 @@ impl Mesh {
         [moved(1.0), moved(-1.0)]
     }
 
-    /// As little-endian binary PLY: `x y z nx ny nz u v`, `red green blue` (linear) where it has colours, `list uchar int vertex_indices`.
+    /// Encodes the mesh as little-endian binary PLY: `x y z nx ny nz u v`, `red green blue` (linear) where it has colours,
+    /// `list uchar int vertex_indices`.
     fn encode(&self) -> Vec<u8> {
         let mut names = vec!["x", "y", "z", "nx", "ny", "nz", "u", "v"];
         if self.colored {

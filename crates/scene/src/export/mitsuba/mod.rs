@@ -1,7 +1,7 @@
 //! A scene for Mitsuba 3 as light sees it: `scene.xml` with Mitsuba's own plugins, one PLY for every object and material, textures.
 //!
 //! World frame, metres, radiance and texture coordinates are those of the scene (Mitsuba, too, has the first row of a bitmap at v = 0).
-//! What becomes of what:
+//! The scene's features map to Mitsuba's plugins as follows:
 //!
 //! | here | there |
 //! |---|---|
@@ -34,7 +34,7 @@ use std::path::{Path, PathBuf};
 use texture::Textures;
 use xml::Xml;
 
-/// Where a view is taken from.
+/// Sensors of the exported scene: one camera at several poses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Views {
     /// The camera of all views; square pixels, principal point in the middle.
@@ -43,7 +43,7 @@ pub struct Views {
     pub poses: Vec<Rigid3>,
 }
 
-/// What [`write`] wrote.
+/// Summary of an export by [`write`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// The folder.
@@ -60,7 +60,7 @@ pub struct Summary {
     pub triangles: usize,
     /// Number of sensors.
     pub sensors: usize,
-    /// What the file format cannot say, in words.
+    /// Features of the scene that the file format cannot express and that were approximated, in words.
     pub approximated: BTreeSet<String>,
 }
 

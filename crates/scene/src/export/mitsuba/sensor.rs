@@ -4,7 +4,7 @@ use super::Views;
 use super::xml::Xml;
 use crate::{Error, Result, Rigid3};
 
-/// How far from square pixels and from a principal point in the middle a camera may be.
+/// Tolerance on the camera intrinsics: relative deviation from square pixels and from a central principal point.
 const CENTRED: f64 = 1e-9;
 /// Mitsuba's camera frame is x left, y up, z forward; ours x right, y down, z forward: both first axes turn.
 const OURS_FROM_MITSUBA_DIAGONAL: [f64; 4] = [-1.0, -1.0, 1.0, 1.0];

@@ -9,7 +9,7 @@ use glam::{Affine2, Vec3};
 use std::collections::HashMap;
 use std::io::Cursor;
 
-/// What of a texture is wanted, and its factor.
+/// Use of a texture: the quantity that is read from it, and its factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Use {
     /// Colour times a linear factor.
@@ -22,7 +22,7 @@ pub(super) enum Use {
     Normal(f32),
     /// Alpha times a factor: coverage.
     Coverage(f32),
-    /// Where alpha times the first reaches the second.
+    /// Binary opacity: opaque where alpha times the factor (first) reaches the cutoff (second).
     Cutoff(f32, f32),
 }
 
@@ -51,7 +51,7 @@ impl Use {
     }
 }
 
-/// How much finer than its texture an opacity mask with a cutoff is, and its longest side then.
+/// Upsampling factor of an opacity mask with a cutoff over its texture, and the longest side up to which it is upsampled, pixels.
 const CUTOFF_FINER: usize = 4;
 const CUTOFF_MAX_SIDE: usize = 4096;
 

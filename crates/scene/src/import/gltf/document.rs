@@ -38,7 +38,7 @@ pub(super) struct Source<'a> {
     /// The file's name in messages.
     pub name: String,
     pub document: gltf::Document,
-    /// The same JSON as it stands in the file, with what the reader does not know.
+    /// The glTF JSON as it stands in the file, with the properties and extensions that the reader does not know.
     pub raw: Value,
     /// `None` where a compressed buffer's plain data was left out of the file.
     buffers: Vec<Option<Vec<u8>>>,
@@ -168,7 +168,7 @@ fn compression(of: &Value) -> Option<&str> {
     extensions.keys().map(String::as_str).find(|name| name.ends_with("_meshopt_compression"))
 }
 
-/// What the format's own rules say: every reference leads somewhere, every enumeration is known, what is required is read.
+/// Checks a file by the rules of glTF 2.0: every index is in range, every enumeration is known, every required extension is supported.
 fn check(root: &gltf::json::Root, file: &str) -> Result<()> {
     use gltf::json::validation::{Error as Fault, Validate};
     if root.asset.version.split('.').next() != Some("2") {

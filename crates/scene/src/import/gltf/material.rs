@@ -8,7 +8,7 @@ use crate::{Error, Result};
 use glam::Affine2;
 use gltf::texture::Info;
 
-/// Which texture coordinates a material uses: those of its base colour, or of the first texture it has.
+/// Texture-coordinate set (`TEXCOORD_n`) of a material: that of its base colour, or of the first texture it has.
 pub(super) fn tex_coord_set(material: &gltf::Material<'_>) -> u32 {
     tex_coord_sets(material).first().copied().unwrap_or(0)
 }

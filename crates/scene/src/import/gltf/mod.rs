@@ -72,7 +72,7 @@ struct Reader<'a> {
     scene: Scene,
     report: ImportReport,
     notes: Notes,
-    /// Which nodes were visited.
+    /// Per node, whether it has been visited.
     seen: Vec<bool>,
 }
 

@@ -8,10 +8,10 @@ use gltf::texture::{Info, MagFilter, WrappingMode};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// What is made of a texture's texels.
+/// Conversion of a texture's texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Use {
-    /// Nothing: they are used as they are.
+    /// None: they are used as stored.
     AsStored,
     /// Glossiness in A becomes roughness in G: `1 − factor · A`, the factor in 1/255.
     RoughnessOfGlossiness(u8),

@@ -1,11 +1,11 @@
-//! What a glTF file holds beside what was read.
+//! Notes about the parts of a glTF file that are not read.
 
 use super::super::notes::Notes;
 use super::document::{READ, Source, WITH_FALLBACK};
 use super::node::describe;
 use serde_json::Value;
 
-/// What is missing where an extension is not read; `None` for one that changes nothing that is seen or heard.
+/// The effect of leaving out a glTF extension, in words; `None` for one that changes neither light nor radio.
 fn left_out(extension: &str) -> Option<&'static str> {
     Some(match extension {
         "KHR_materials_clearcoat" => "surfaces have no coat",

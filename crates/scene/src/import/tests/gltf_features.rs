@@ -1,4 +1,4 @@
-//! What glTF files hold beside triangles in place: colours, morphs, instances, visibility, other material models, other encodings.
+//! Tests of glTF features beside plain triangles: colours, morphs, instances, visibility, other material models, other encodings.
 
 use super::*;
 use crate::import::gltf;

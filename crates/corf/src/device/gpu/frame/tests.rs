@@ -17,7 +17,7 @@ use crate::{
 use corf_scene::{Pinhole, Rigid3, Rng};
 use std::collections::BTreeMap;
 
-/// What is ordered here does not depend on what is not ordered by.
+/// Constants of the kernels under test; the order of the lists depends on none of them.
 fn fixed() -> Fixed {
     let harmonics = [HarmonicsShape { channels: 3, degree: 0 }; 2];
     Fixed { antialias: Antialias::On, harmonics, tile: [8, 8], batch: 16, shuffles: false }
@@ -155,7 +155,7 @@ fn of_all_sizes(n: usize) -> Gaussians {
 /// Tiles of a Gaussian's pairs in each image, as counted.
 type Counts = [u32; 2];
 
-/// What projection and emission leave.
+/// Buffers after projection and emission of the pairs.
 struct Emitted {
     params: Params,
     counts: Vec<Counts>,
@@ -169,7 +169,7 @@ struct Emitted {
     records: Vec<u32>,
 }
 
-/// As `shaders/drawn.wgsl` has it: first pair, pairs in each image, rows in each.
+/// Row of `shaders/drawn.wgsl`: first pair, pairs in each image, rows in each.
 type Drawn = [u32; 5];
 
 /// Has emission find the counts changed, as if by another compiler: blocks, shares and what follows from them, laid out anew.

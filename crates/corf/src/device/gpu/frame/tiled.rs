@@ -17,7 +17,7 @@ const SMALL_PIXELS: u32 = 1 << 18;
 /// Threads that share a pixel's list in small images.
 const SMALL_SEGMENTS: u32 = 4;
 
-/// What a step is drawn with; apart, both at once.
+/// Rasterisation kernels of one tile shape. Pairs of kernels blend the images apart and both at once.
 pub(crate) struct Tiled {
     project: Kernel,
     emit: Kernel,
@@ -28,7 +28,7 @@ pub(crate) struct Tiled {
     small_tiles: u32,
 }
 
-/// The same with their memory, or what pictures are drawn with.
+/// Rasterisation kernels bound to their buffers, of a training step or of a rendering.
 pub(crate) struct BoundTiled {
     pub project: Bound,
     pub emit: Bound,

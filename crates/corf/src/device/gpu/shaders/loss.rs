@@ -60,7 +60,7 @@ fn keep(number: impl Fn(u32, u32) -> String) -> String {
     out
 }
 
-/// What [`keep`] put there for row `o` of a thread's column.
+/// WGSL expression that reads back the number `n` that [`keep`] stored for row `o` of a thread's column.
 fn kept(n: u32, o: u32) -> String {
     format!("shared_rows[{}u * PITCH + from_column]", n * ROWS + o)
 }
