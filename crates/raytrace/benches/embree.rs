@@ -18,7 +18,8 @@ use std::time::{Duration, Instant};
 const REPEATS: usize = 15;
 /// Two distances agree within this share of themselves: f32 rounding of two different triangle tests.
 const T_TOLERANCE: f32 = 1e-4;
-/// And within this length, metres: some ten roundings of a position at 15 m, which is what is left of a hit right at the ray's start.
+/// Largest absolute difference of two distances, metres: some ten roundings of a position at 15 m, the error of a hit right at the ray's
+/// start.
 const LENGTH_TOLERANCE: f32 = 1e-5;
 /// Rays, at most, that may disagree: those that graze an edge, where Embree's default test is not watertight.
 const DISAGREEING_SHARE: f64 = 2e-3;
@@ -26,7 +27,7 @@ const DISAGREEING_SHARE: f64 = 2e-3;
 /// Free rays end at this share of the way to what they would hit.
 const FREE_SHARE: f32 = 0.999;
 
-/// What the C library wants, after the Embree 3 API reference (`RTCRay`, `RTCHit`, `RTCIntersectContext` and the calls below).
+/// Bindings of the C library, after the Embree 3 API reference (`RTCRay`, `RTCHit`, `RTCIntersectContext` and the calls below).
 mod ffi {
     use std::ffi::{c_char, c_int, c_uint, c_void};
 
@@ -197,7 +198,7 @@ impl Drop for Embree {
     }
 }
 
-/// How long this thread has run.
+/// Processor time of the calling thread so far.
 fn thread_time() -> Duration {
     let mut time = ffi::Timespec::default();
     // SAFETY: the structure is the one that the call fills.

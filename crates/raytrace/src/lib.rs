@@ -1,5 +1,5 @@
-//! What a sensor sees from a pose: a bounding volume hierarchy over the scene's triangles, light (RGB, depth), 60 GHz paths and
-//! angular spectra.
+//! Simulation of a camera and a radio receiver by ray tracing: a bounding volume hierarchy over the scene's triangles, light (RGB, depth),
+//! 60 GHz multipath components and angular power spectra.
 //!
 //! World frame: z up, metres. Nothing in this crate knows how a field is reconstructed; it hands over images, spectra and depth.
 

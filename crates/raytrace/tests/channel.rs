@@ -167,8 +167,8 @@ fn deepmimo_matrices_rebuild_the_narrowband_channel() {
     assert!(column("inter_pos")[..3].iter().all(|v| v.is_nan()) && column("inter_pos")[5].abs() < 1e-6);
 }
 
-/// What couples into any port is a path, and powers are those of all ports: a horizontal wave at a dual-polarised receiver, and the reverse,
-/// where the transmitter's other port takes half of the power along.
+/// Paths include all that couples into any port, and powers are those of all ports: a horizontal wave at a dual-polarised receiver, and the
+/// reverse, where the transmitter's other port takes half of the power along.
 #[test]
 fn no_port_is_overlooked() {
     let scene = ground();

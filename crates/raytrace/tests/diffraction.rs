@@ -254,8 +254,8 @@ fn a_box_has_twelve_wedges_and_a_room_diffracts_nothing() {
     assert!(RadioTracer::without_bvh(&closed, off).unwrap().wedges().is_empty());
 }
 
-/// Where the sheet of one quad ends at the axis, so do sheets laid of panels, cut at T-junctions, with hairline gaps: their seams are no edges,
-/// and the edge that they share goes on through them.
+/// Sheets laid of panels, cut at T-junctions and with hairline gaps, diffract like the sheet of one quad: their seams are no edges, and the
+/// edge that they share goes on through them.
 #[test]
 fn seams_of_panels_are_no_edges() {
     let panel =

@@ -1,4 +1,4 @@
-//! From triangles to the eight-wide tree.
+//! Construction of the eight-wide bounding volume hierarchy from triangles.
 
 use super::Bvh;
 use super::collapse::Plan;
@@ -86,7 +86,7 @@ impl Collapse<'_> {
         }
     }
 
-    /// The packet of all triangles under a binary node that has at most [`PACKET`].
+    /// The packet of all triangles under a binary node that has at most [`PACKET`](super::kernel::PACKET).
     fn packet(&self, root: u32) -> Packet {
         let mut packet = Packet::EMPTY;
         let mut lane = 0;

@@ -12,17 +12,17 @@ const NODE_COST: f32 = 1.0;
 /// Cost of testing a ray against a packet of triangles, in the same unit.
 const PACKET_COST: f32 = 1.0;
 
-/// What becomes of each node of the binary tree.
+/// Plan of the collapse: which nodes of the binary tree become wide nodes, which become leaves and which vanish.
 pub(super) struct Plan<'a> {
     binary: &'a Bvh2,
     /// Triangles under each node.
     counts: Vec<u32>,
-    /// Their area, square metres.
+    /// Area of the triangles under each node, square metres.
     areas: Vec<f32>,
     /// Least cost of a node's triangles as a forest of at most 1, 2, … 7 wide nodes and leaves.
     costs: Vec<[f32; WIDTH - 1]>,
-    /// How many of those the first child gets for 2, 3, … 8 of them; 0 where one less is as good. The eighth is how the children of
-    /// a wide node are shared out; the first is 1 for a leaf and 0 for a wide node.
+    /// Optimal split of those slots: how many the first child gets of 2, 3, … 8; 0 where one slot less is as good. The eighth entry is the
+    /// split among the children of a wide node; the first is 1 for a leaf and 0 for a wide node.
     shares: Vec<[u8; WIDTH]>,
 }
 
@@ -94,8 +94,8 @@ impl<'a> Plan<'a> {
         self.shares[node as usize][0] == 1
     }
 
-    /// How much a ray that looks for any hit may expect of a child: the share of the rays through its box that its triangles stop, were
-    /// they spread evenly (their area over the box's half area), over the number of tests on the way, which grows as the logarithm of
+    /// Estimated worth of visiting a child early in a search for any hit: the share of the rays through its box that its triangles stop,
+    /// were they spread evenly (their area over the box's half area), over the number of tests on the way, which grows as the logarithm of
     /// the number of triangles.
     pub fn promise(&self, node: u32) -> f32 {
         let i = node as usize;

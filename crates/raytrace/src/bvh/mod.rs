@@ -39,9 +39,9 @@ use std::ops::ControlFlow;
 /// A ray: points `origin + t·direction` with `t_min < t < t_max`. The direction need not be of unit length; `t` counts in its length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Where it starts, metres.
+    /// Origin, metres.
     pub origin: Vec3,
-    /// Where it goes (not zero).
+    /// Direction of any length but zero.
     pub direction: Vec3,
     /// Hits at or before this are ignored.
     pub t_min: f32,
@@ -61,7 +61,7 @@ impl Ray {
     }
 }
 
-/// Where a ray met a triangle.
+/// The intersection of a ray with a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Along the ray, in units of its direction's length.

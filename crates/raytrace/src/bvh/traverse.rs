@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use std::mem::MaybeUninit;
 use std::ops::ControlFlow;
 
-/// Which kernel this processor runs.
+/// The traversal kernel that this processor runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Choice {
     /// Plain Rust.

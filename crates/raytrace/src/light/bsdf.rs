@@ -17,10 +17,10 @@ use std::sync::OnceLock;
 /// `alpha = roughness²` is at least this: a mirror is a very narrow lobe, not a special case.
 pub(super) const MIN_ALPHA: f32 = 1e-3;
 
-/// Of [`Bsdf::is_nearly_diffuse`]: `roughness²` of at least this, and a share of the light of at most this.
+/// Bounds of [`Bsdf::is_nearly_diffuse`]: least `roughness²`, and largest share of the specular lobe in the reflected light.
 const WIDE_ALPHA: f32 = 0.4;
 const WEAK_SHARE: f32 = 0.15;
-/// And of [`Bsdf::wide_highlight`].
+/// Least `roughness²` for [`Bsdf::wide_highlight`].
 const VERY_WIDE_ALPHA: f32 = 0.64;
 
 /// A point's reflection: linear colours and `alpha`.
@@ -37,7 +37,7 @@ pub(super) struct Bsdf {
     f0_max: f32,
     /// Probability of sampling the specular lobe.
     specular_probability: f32,
-    /// What is reflected towards v in all, under uniform light.
+    /// Directional albedo: share of uniform incident light that is reflected towards the viewing direction v, per colour channel.
     pub albedo: Vec3,
     v: Vec3,
 }

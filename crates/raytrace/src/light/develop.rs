@@ -1,4 +1,4 @@
-//! From linear radiance to an 8-bit picture.
+//! Tone mapping: from linear radiance to an 8-bit picture.
 
 use super::LightFrame;
 use corf_scene::Raster;
@@ -31,7 +31,7 @@ pub fn develop_pixel(radiance: [f32; 3], lamp: [f32; 4], exposure_ev: f32) -> [f
     std::array::from_fn(|c| srgb_from_linear(exposed(lamp[c], lamp[3]) + exposed(radiance[c] - lamp[c], 1.0 - lamp[3])))
 }
 
-/// What an exposed value (radiance × 2^EV) looks like, from 0 to 1: the value before rounding to 8 bits.
+/// Tone-mapped and sRGB-encoded value of an exposed radiance (radiance × 2^EV), from 0 to 1, before it is rounded to 8 bits.
 pub(super) fn develop_value(exposed: f32) -> f32 {
     srgb_from_linear(shoulder(exposed.max(0.0)))
 }

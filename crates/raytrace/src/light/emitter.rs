@@ -272,9 +272,9 @@ impl Emitters {
 /// A point of an emitting patch.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PatchPoint {
-    /// Just off the patch, on the side of who asked.
+    /// Position just off the patch, on the side of the shading point.
     pub position: Vec3,
-    /// Radiance towards who asked, times the share of the surface that is there.
+    /// Radiance towards the shading point, times the share of the surface that is there.
     pub radiance: Vec3,
     /// Area of the patch × cosine ÷ distance² as seen by who asked: a solid angle if the point stands for the whole patch.
     pub solid_angle: f32,
@@ -312,8 +312,8 @@ impl Emitters {
         f32::from(self.seen[self.cell(point) * self.list.len() + i]) / 255.0
     }
 
-    /// What an emitter could send into a box at best, up to shadows and the receiver's cosine: zero only if no point of the box can
-    /// see its shining side.
+    /// Bound on the contribution of an emitter to the points of a box, shadows and the receiver's cosine left out: zero only if no point of
+    /// the box can see its shining side.
     pub fn importance_in(&self, i: usize, low: Vec3, high: Vec3) -> f32 {
         self.list[i].importance(low, high)
     }
@@ -340,8 +340,9 @@ impl Emitters {
         if height > 0.0 { -vector } else { vector }
     }
 
-    /// As [`Emitters::patch_point`], but drawn evenly over the solid angle of patches that are near: over their area, the few nearest
-    /// square centimetres would bring most of the light and be met hardly ever.
+    /// Point of a patch as seen from `point`: drawn uniformly over the solid angle of patches that are near, and by
+    /// [`Emitters::patch_point`] for all others. Drawn over the area, the few nearest square centimetres would bring most of the light and
+    /// hardly ever be met.
     pub fn patch_toward(&self, scene: &Scene, covers: &[Cover], i: usize, point: Vec3, u: [f32; 2]) -> Option<PatchPoint> {
         let Kind::Patch { corners, weights, normal, area, double_sided, triangle } = &self.list[i].kind else { return None };
         let centre = (corners[0] + corners[1] + corners[2]) / 3.0;

@@ -38,7 +38,7 @@ use rayon::prelude::*;
 use sampler::Sampler;
 use surface::{Cover, covers};
 
-/// How to render.
+/// Settings of the path tracer for light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSettings {
     /// Camera paths per pixel; powers of two are stratified best.
@@ -84,7 +84,7 @@ pub struct RayCounts {
 pub struct LightFrame {
     /// The camera that saw it.
     pub camera: Pinhole,
-    /// Where it stood.
+    /// Pose of the camera in the world.
     pub world_from_camera: Rigid3,
     /// Linear radiance, mean over the pixel's area (box filter).
     pub radiance: Raster<[f32; 3]>,
@@ -96,8 +96,8 @@ pub struct LightFrame {
     pub albedo: Raster<[f32; 3]>,
     /// Mean shading normal (world frame) of what the pixel sees first; shorter than 1 across edges, 0 where nothing was hit.
     pub normal: Raster<[f32; 3]>,
-    /// Of the pixel's paths those that see an emitter or the background straight, if through panes: what of `radiance` they bring, and
-    /// their share of the paths. They are developed apart from the others, so that a lamp's edge is smooth though the lamp is white.
+    /// Contribution of the paths that see an emitter or the background directly, also through panes: their part of `radiance`, and their
+    /// share of the pixel's paths. They are developed apart from the others, so that a lamp's edge is smooth though the lamp is white.
     pub lamp: Raster<[f32; 4]>,
     /// Rays shot.
     pub rays: RayCounts,

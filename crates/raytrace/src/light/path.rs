@@ -22,7 +22,7 @@ pub(super) const MAX_SURVIVAL: f32 = 0.95;
 /// A ray whose direction was drawn with a lower density (1/sr) stands for a wide cone: what it meets is looked up coarsely.
 pub(super) const WIDE_RAY_PDF: f32 = 10.0;
 
-/// What one path brings to its pixel.
+/// Contribution of one camera path to its pixel.
 #[derive(Clone, Copy, Default)]
 pub(super) struct PathSample {
     /// Radiance straight from an emitter or the background.

@@ -1,4 +1,4 @@
-//! What a ray finds at a hit: position, normals and the material's values there.
+//! Shading data of a ray's hit: position, normals and the material's values there.
 
 use super::bsdf::{Bsdf, fresnel_pane};
 use super::texture::{Encoding, sample};
@@ -13,12 +13,12 @@ const OFFSET: f32 = 1e-5;
 /// Shading normals are at least this visible from where the ray came.
 const MIN_VISIBLE_COS: f32 = 0.01;
 
-/// What light can do at a triangle besides being stopped.
+/// Ways in which a triangle may let light through: holes of its alpha channel, and thin glass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Cover {
-    /// Its alpha may leave holes, or cover a part.
+    /// Whether its alpha channel may leave holes, or cover a part of the light.
     pub alpha: bool,
-    /// It is thin glass: what it covers lets part of the light through, straight.
+    /// Whether it is thin glass, which lets part of the light through in a straight line.
     pub pane: bool,
 }
 
@@ -71,18 +71,18 @@ pub(super) struct Surface {
     pub emitted: Vec3,
 }
 
-/// What becomes of a ray at a surface.
+/// Interaction of a ray with a surface, as chosen by Russian roulette.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fate {
-    /// It goes on where the surface is not there.
+    /// Passes a hole of the alpha channel: the surface is not there.
     Absent,
-    /// It goes on straight through a pane.
+    /// Passes straight through a pane.
     Passes,
-    /// A pane mirrors it.
+    /// Is mirrored by a pane.
     Mirrored,
-    /// It meets the base of a pane that is not wholly transparent.
+    /// Hits the base of a pane that is not wholly transparent.
     MeetsBase,
-    /// It meets a surface that is no pane.
+    /// Hits a surface that is no pane.
     Meets,
 }
 
@@ -195,7 +195,7 @@ impl Surface {
         }
     }
 
-    /// Where along a ray it goes on behind this hit.
+    /// Ray parameter from which a ray goes on behind this hit, in units of its direction's length.
     pub fn beyond(&self, hit: &Hit) -> f32 {
         hit.t + offset(self.position)
     }
@@ -227,7 +227,7 @@ impl Surface {
     }
 }
 
-/// How far off a surface rays start, metres.
+/// Distance from a surface at which rays that leave it start, metres; it grows with the coordinates as their rounding does.
 pub(super) fn offset(position: Vec3) -> f32 {
     OFFSET * (1.0 + position.abs().max_element())
 }

@@ -7,7 +7,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// How the stored bytes mean colour.
+/// Encoding of a texture's bytes.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
     /// Colour: sRGB-encoded.

@@ -182,7 +182,7 @@ impl PlanarArray {
 pub struct AntennaArray {
     /// The element; its `world_from_antenna` turns the grid as well.
     pub element: Antenna,
-    /// Where the elements are.
+    /// Positions of the elements.
     pub grid: PlanarArray,
 }
 

@@ -1,4 +1,4 @@
-//! Which sequences of faces light can run through: the beam that a mirror sends on holds, in part, the next one.
+//! Beam tracing: sequences of faces that light can run through. The beam that a mirror reflects meets, in part, the next face.
 
 use super::chain::{Chain, repeats};
 use super::face::Face;
@@ -11,12 +11,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const MARGIN_M: f64 = 1e-6;
 /// Most work for all sequences together, in faces held against a beam: some seconds of two cores.
 const MOST_WORK: usize = 500_000_000;
-/// What a chain costs beside, in the same unit: every receiver tries it.
+/// Cost of a chain itself, in faces held against a beam: every receiver tries it.
 const CHAIN_WORK: usize = 100;
-/// First faces whose sequences say what all would cost.
+/// Number of first faces from whose sequences the cost of all is estimated.
 const SAMPLED: usize = 32;
 
-/// What an image behind a mirror sees through it: inside is where every n·x > offset.
+/// Beam of an image source through its mirror, as a convex region of space: inside is where every n·x > offset.
 pub struct Beam {
     planes: Vec<(DVec3, f64)>,
 }
@@ -35,7 +35,7 @@ impl Beam {
         Self { planes: vec![front, side(0), side(1), side(2), side(3)] }
     }
 
-    /// What an image behind the last face of a chain sees by way of all of them; everything, where there is none.
+    /// The beam from the image source behind the last face of a chain through all of its faces; all of space for an empty chain.
     pub fn of_chain(geometry: &Geometry<'_>, tx: DVec3, chain: &Chain) -> Self {
         let plane = |face: u32| &geometry.faces[face as usize];
         let Some((&first, others)) = chain.faces().split_first() else { return Self { planes: Vec::new() } };
@@ -48,7 +48,7 @@ impl Beam {
         beam
     }
 
-    /// What of this beam a further mirror sends on: `image` is the source behind that mirror.
+    /// The part of this beam that a further mirror reflects: `image` is the image source behind that mirror.
     fn reflected(&self, face: &Face, image: DVec3, mirror: &[DVec3; 4]) -> Self {
         let mut next = Self::new(image, mirror);
         next.planes.extend(self.planes.iter().map(|(normal, offset)| {

@@ -1,9 +1,9 @@
-//! Which chains could end at a receiver: the last bounce of all of them at once.
+//! Filter of the chains that could end at a receiver: it tests the last bounce of all chains at once.
 //!
-//! Of some hundred thousand chains a few hundred have the line from the receiver to the transmitter's image cross their last face; for all
-//! others that is all there is to find out. Chains are kept by their last face, as the image's height above it and its place in the two
-//! axes on which the face's triangles are laid out, so that the test is a few operations on numbers that lie side by side. It lets pass
-//! what comes within a hair of the face's bounds; the exact image method decides.
+//! Among some hundred thousand chains only a few hundred have the line from the receiver to the transmitter's image cross their last face;
+//! all others fail this one test. Chains are kept by their last face, as the image's height above it and its coordinates along the two axes
+//! on which the face's triangles are laid out, so that the test is a few operations on numbers that are adjacent in memory. It lets pass
+//! points within a hair of the face's bounds; the exact image method decides.
 
 use super::chain::Chain;
 use super::face::Face;
@@ -24,11 +24,11 @@ const BLOCK: usize = 64;
 /// Chains with one last face.
 struct Group {
     face: u32,
-    /// Height of the image above the face, metres, …
+    /// Heights of the image sources above the face, metres.
     heights_m: Vec<f64>,
-    /// … its place along the face's two axes, …
+    /// Coordinates of the image sources along the face's two axes, metres.
     across_m: [Vec<f64>; 2],
-    /// … and whose it is.
+    /// Indices of the chains that the image sources belong to.
     chains: Vec<u32>,
 }
 
@@ -38,7 +38,7 @@ pub struct CandidateFilter {
 }
 
 impl CandidateFilter {
-    /// Of all chains, none of them empty.
+    /// A filter of all chains, none of them empty.
     pub fn new(geometry: &Geometry<'_>, chains: &[Chain]) -> Self {
         let mut order: Vec<(u32, u32)> = (0..).zip(chains).filter_map(|(i, chain)| Some((*chain.faces().last()?, i))).collect();
         order.par_sort_unstable();

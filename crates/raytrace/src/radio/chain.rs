@@ -24,7 +24,7 @@ impl Chain {
         Self { faces: [u32::MAX; MAX_DEPTH], length: 0, image: tx }
     }
 
-    /// By face: the transmitter as that face sees it, mirrored in those before. What follows the last face means nothing.
+    /// Image sources by face: the transmitter mirrored in all faces before that one. Entries behind the last face have no meaning.
     pub fn images(&self, geometry: &Geometry<'_>, tx: DVec3) -> [DVec3; MAX_DEPTH] {
         let faces = self.faces();
         let mut images = [tx; MAX_DEPTH];
@@ -34,12 +34,12 @@ impl Chain {
         images
     }
 
-    /// What tells two chains from one transmitter apart, and their order.
+    /// Sorting key, equal for equal chains from one transmitter only: the number of faces, and the faces.
     pub(super) fn sort_key(&self) -> (u8, [u32; MAX_DEPTH]) {
         (self.length, self.faces)
     }
 
-    /// With one more face.
+    /// The chain with one more face.
     pub fn pushed(&self, face: u32, geometry: &Geometry<'_>) -> Self {
         let mut next = *self;
         next.faces[self.length as usize] = face;

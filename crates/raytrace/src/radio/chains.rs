@@ -1,4 +1,4 @@
-//! Which faces a specular path may bounce off, in order: candidates for the exact image method.
+//! Candidate chains for specular paths: sequences of faces to bounce off, for the exact image method to check.
 
 use super::beams::{self, Beam};
 use super::chain::{Chain, repeats};
@@ -10,21 +10,21 @@ use rayon::prelude::*;
 
 /// Chains a task continues.
 const CHAINS_PER_TASK: usize = 128;
-/// Rays that go on from a square metre of a face that the transmitter lights straight, in shares of the lattice's; least and most, all of
-/// them in one pass …
+/// Ray density on a face that the transmitter lights directly, for chains to continue from there: rays per square metre as a share of the
+/// lattice's rays; least and most of a face, all of them in one pass.
 const FROM_FIRST: Density = Density { per_m2: 0.05, least: 16, most: 1024, first_pass: 1024 };
-/// … and from the last face of a chain of several, …
+/// Ray density on the last face of a chain of several, likewise.
 const FROM_LATER: Density = Density { per_m2: 0.00625, least: 4, most: 128, first_pass: 8 };
-/// … as long as all chains of a length together take no more than this many times the lattice's; none have less than one.
+/// Most rays that continue all chains of one length together, in multiples of the lattice's; every chain has at least one.
 const CONTINUING_RAYS: usize = 64;
-/// Smaller faces are neither continued from nor looked for, m²: what they mirror is left to the lattice.
+/// Least area of a face that chains are continued from or looked for at, m²: smaller mirrors are left to the lattice.
 const SMALL_FACE_M2: f64 = 1e-4;
-/// Every face lit by way of a large one is looked for …
+/// Direct search for faces lit by way of one large face.
 const BY_ONE: Large = Large { least_m2: 0.1, points: 8, most_pairs: 200_000_000 };
-/// … and by way of several large ones.
+/// Direct search for faces lit by way of several large faces.
 const BY_SEVERAL: Large = Large { least_m2: 3.0, points: 1, most_pairs: 20_000_000 };
 
-/// By way of which faces others are looked for, and how closely.
+/// Direct search for the next faces of chains: the faces that chains must consist of, and the sampling of the faces looked for.
 struct Large {
     /// Every face of the chain has at least this area, m².
     least_m2: f64,
@@ -34,7 +34,7 @@ struct Large {
     most_pairs: usize,
 }
 
-/// How many rays go on from the last faces of chains.
+/// Density of the rays that continue from the last faces of chains.
 struct Density {
     per_m2: f64,
     least: usize,
@@ -45,7 +45,7 @@ struct Density {
 }
 
 impl Density {
-    /// By chain; `rays` are the lattice's.
+    /// Number of rays that continue each chain; `rays` are the lattice's.
     fn counts(&self, geometry: &Geometry<'_>, chains: &[Chain], rays: usize) -> Vec<usize> {
         let area_m2 = |chain: &Chain| chain.faces().last().map_or(0.0, |&last| geometry.faces[last as usize].area_m2);
         let count = |chain: &Chain| ((area_m2(chain) * self.per_m2 * rays as f64) as usize).clamp(self.least, self.most);
@@ -108,8 +108,8 @@ pub fn candidates(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings) 
     all(geometry, tx, settings, usize::MAX).unwrap_or_else(|| by_rays(geometry, tx, settings, settings.search.rays()))
 }
 
-/// The same where every chain that light can run through is among them; `None` where a lattice is asked for, or there are too many: more
-/// than `wanted`, unless an exhaustive search is.
+/// Every chain that light can run through; `None` where the search is by a lattice of rays, or where there are more than `wanted` chains
+/// and the search is not exhaustive.
 pub fn all(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, wanted: usize) -> Option<Vec<Chain>> {
     if !settings.reflection || settings.max_depth == 0 {
         return Some(Vec::new());

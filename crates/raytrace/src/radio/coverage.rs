@@ -114,7 +114,7 @@ impl CoveragePlane {
 /// them, and may end the work.
 ///
 /// # Errors
-/// What tracing or `progress` say.
+/// Errors of the tracer or of `progress`.
 pub fn coverage<E: From<Error>>(
     transmitter: &Transmitter<'_, '_>,
     diffuse: Option<&DiffuseField<'_, '_>>,
@@ -148,8 +148,8 @@ pub fn coverage<E: From<Error>>(
     Ok(Raster::from_vec(plane.columns, plane.rows, cells))
 }
 
-/// Of several transmitters' maps of one plane: the largest gain of every cell, and which map has it (the first of equals): −1 where none is
-/// above 0. Not a number where no map has a value.
+/// Best-server map of several transmitters' coverage maps of one plane: the largest gain of every cell, and the index of the map that has
+/// it (the first of equals): −1 where none is above 0. Not a number where no map has a value.
 pub fn strongest(maps: &[Raster<f32>]) -> (Raster<f32>, Raster<f32>) {
     let (columns, rows) = maps.first().map_or((0, 0), |map| (map.width(), map.height()));
     let cell = |i: usize| {

@@ -27,7 +27,7 @@ const MOST_COMBINATIONS: usize = 50_000_000;
 pub enum EdgeChains {
     /// No diffraction.
     Off,
-    /// The same chains for every wedge.
+    /// One list of chains for every wedge.
     All(Vec<Chain>),
     /// (wedge, chain), sorted; the direct way to every wedge is left out.
     Found(Vec<(u32, Chain)>),
@@ -68,8 +68,8 @@ impl EdgeChains {
     }
 }
 
-/// How many chains before an edge and after it there are to try, if the other endpoint has as many: wedges × Σ n_i·n_j, i + j faces together
-/// within the depth.
+/// Number of pairs of chains before an edge and after it to try, if the other endpoint has as many chains: wedges × Σ n_i·n_j, i + j faces
+/// together within the depth.
 fn combinations(chains: &[Chain], before: &RadioSettings, wedges: usize) -> usize {
     let mut counts = [0usize; MAX_DEPTH + 1];
     counts[0] = 1;
@@ -81,11 +81,11 @@ fn combinations(chains: &[Chain], before: &RadioSettings, wedges: usize) -> usiz
 /// An image of an endpoint as an edge sees it.
 struct Image<'c> {
     chain: &'c Chain,
-    /// Along the edge from its origin, metres.
+    /// Distance along the edge from its origin, metres.
     u: f64,
-    /// From the edge's line, metres.
+    /// Distance from the edge's line, metres.
     rho: f64,
-    /// Which face it lights: the first that it is in front of.
+    /// Index of the wedge's face that it lights: the first that it is in front of.
     lit: usize,
 }
 

@@ -1,13 +1,13 @@
-//! Planar faces: what the image method mirrors points in.
+//! Planar faces: the mirrors of the image method.
 
 use super::planar::{Bounds, PlanarIndex};
 use glam::{DVec2, DVec3};
 
-/// Two faces lie in one plane when their normals are this parallel (1 − cos of 4e-5 rad) …
+/// Largest deviation of the normals of two faces of one plane: 1 − cos of 4e-5 rad.
 const SAME_PLANE_NORMAL: f64 = 1e-9;
-/// … and their offsets this close, metres.
+/// Largest distance between the planes of two faces that count as one plane, metres.
 const SAME_PLANE_M: f64 = 1e-6;
-/// Triangles belong to one face when their normals are this parallel: 1 − cos of 1e-3 rad.
+/// Largest deviation of two triangles' normals within one face: 1 − cos of the angle between them, 1e-3 rad.
 pub(super) const COPLANAR_NORMAL: f64 = 5e-7;
 /// Rounding of a point that the image method finds, metres.
 const BOUNCE_ROUNDING_M: f64 = 1e-12;
@@ -19,7 +19,7 @@ pub struct Face {
     pub normal: DVec3,
     /// Plane offset, metres.
     pub offset_m: f64,
-    /// Index into [`Geometry::slabs`] (and the scene's materials).
+    /// Index into [`Geometry::slabs`](super::Geometry::slabs) (and the scene's materials).
     pub material: u32,
     /// Index into the scene's objects.
     pub object: u32,
@@ -79,7 +79,8 @@ impl Face {
         self.index.contains(point, 0.0)
     }
 
-    /// The same to rounding: a bounce in a corner lies on both faces, of whose edges it may be off by its last digits.
+    /// Whether a bounce at a point is on the face, to rounding: a bounce in a corner lies on both faces, of whose edges it may be off by
+    /// its last digits.
     pub(super) fn reflects_at(&self, point: DVec3) -> bool {
         self.index.contains(point, BOUNCE_ROUNDING_M)
     }

@@ -52,8 +52,8 @@ impl Planes {
     }
 }
 
-/// Where planes of a part may be found: the part, the cell of their normal, and of the bins along the cell's own direction one that the plane
-/// reaches within the part.
+/// Search key of planes within a part: the part, the cell of the plane's normal, and one of the bins along the cell's own direction that
+/// the plane reaches within the part.
 type Key = (u32, IVec3, i64);
 
 /// An area to eleven binary digits: the halves of a rectangle are the same size.

@@ -12,9 +12,9 @@ use std::ops::ControlFlow;
 pub(super) const END_CLEARANCE_M: f64 = 1e-9;
 /// Hits this close are at one place: a joint of panels or an edge between faces, metres.
 const SAME_CROSSING_M: f64 = 1e-9;
-/// What lies beside a point where faces meet is looked for this far off, metres, …
+/// Distance from a point where faces meet at which its surroundings are probed, metres.
 pub(super) const BESIDE_M: f64 = 1e-6;
-/// … in so many directions.
+/// Number of directions in which they are probed.
 const BESIDE: usize = 8;
 /// Surfaces that come this near touch, metres: gaps of λ/250 at 60 GHz let nothing through, and float32 has steps of 8 µm at 100 m.
 pub(super) const TOUCHING_M: f64 = 2e-5;
@@ -34,12 +34,12 @@ pub struct Crossing {
     pub face: u32,
 }
 
-/// Where a ray meets the first surface on its way.
+/// The intersection of a ray with the first surface on its way.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfaceHit {
     /// Index into [`Geometry::faces`].
     pub face: u32,
-    /// Along the ray, metres.
+    /// Distance along the ray, metres.
     pub distance_m: f64,
     /// Exactly on the face's plane, off which single precision left it.
     pub point: DVec3,
@@ -49,13 +49,13 @@ pub struct SurfaceHit {
     pub side: usize,
 }
 
-/// Where a ray meets a triangle.
+/// The intersection of a ray with a triangle.
 struct TriangleHit {
     distance_m: f64,
     face: u32,
 }
 
-/// How blockers of a segment are found.
+/// Search for the triangles that block a segment: all in turn, or through the bounding volume hierarchy.
 enum Occluders<'a> {
     Brute,
     Bvh(&'a Bvh),
@@ -224,7 +224,8 @@ impl<'a> Geometry<'a> {
         found
     }
 
-    /// What the ray beside one that hits something at a distance hits there, `skip` aside: the same, but at an edge.
+    /// Hits near a hit's distance of the parallel ray beside it, by [`BESIDE_RAY_M`], `skip` aside: other triangles than the ray's own only
+    /// at an edge.
     fn hits_beside(&self, from: DVec3, direction: DVec3, distance_m: f64, skip: &[Option<u32>]) -> Vec<TriangleHit> {
         let mut hits = Vec::new();
         self.visit_triangles_near(from + direction * distance_m, TOUCHING_M, |triangle| {
@@ -333,7 +334,7 @@ impl<'a> Geometry<'a> {
     }
 }
 
-/// Where a line meets a triangle, as a signed distance along the unit `direction`.
+/// Intersection of a line with a triangle, as a signed distance along the unit `direction`.
 ///
 /// The edge functions of a shared edge are exact negatives of one another in the two triangles, so that no line slips through a mesh.
 fn line_meets_triangle(origin: DVec3, direction: DVec3, corners: &[DVec3; 3]) -> Option<f64> {
@@ -351,7 +352,7 @@ fn line_meets_triangle(origin: DVec3, direction: DVec3, corners: &[DVec3; 3]) ->
 }
 
 impl Geometry<'_> {
-    /// Where the line from `target` to an `image` behind the face meets the face.
+    /// Specular point of the image method: the intersection of the face with the line from `target` to an `image` behind the face.
     pub(super) fn bounce(&self, face: u32, target: DVec3, image: DVec3) -> Option<DVec3> {
         let face = &self.faces[face as usize];
         let (here, behind) = (face.distance(target), face.distance(image));

@@ -9,7 +9,7 @@ use super::geometry::{BESIDE_RAY_M, Crossing, END_CLEARANCE_M, Geometry, TOUCHIN
 use super::ray_path::{PathEvent, Propagator, RayPath};
 use glam::DVec3;
 
-/// Where a face is looked for beside a bounce: far enough from the mirror to be clear of such a gap, but no further than this, metres.
+/// Largest distance from a bounce at which another face is looked for, metres: enough to be clear of a gap between surfaces that touch.
 const MOST_BESIDE_M: f64 = 1e-3;
 
 /// The bounces of a path that fall on one point: several in a corner.
@@ -17,7 +17,7 @@ struct Bounce<'b> {
     at: DVec3,
     /// Unit directions from the point back to where the wave comes from and on to where it goes.
     legs: [DVec3; 2],
-    /// Where these legs end.
+    /// Far ends of these legs.
     ends: [DVec3; 2],
     /// The faces bounced off.
     mirrors: &'b [PathEvent<'b>],

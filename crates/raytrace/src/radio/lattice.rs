@@ -43,7 +43,7 @@ struct Jitter {
 }
 
 impl Jitter {
-    /// Where in a cell, or a part of one, a direction stands: two numbers in [−½, ½), its sides' shares.
+    /// Random place of a direction in its cell, or in a part of one: two numbers in [−½, ½), as shares of the cell's sides.
     fn place(seed: u64, number: usize) -> [f64; 2] {
         let mut rng = Rng::keyed(seed, STAGE_JITTER, number as u64);
         [0; 2].map(|_| rng.uniform_f64() - 0.5)
@@ -51,14 +51,14 @@ impl Jitter {
 }
 
 impl Directions {
-    /// Of `count` directions over the whole sphere, turned, in the middle of their cells.
+    /// A lattice of `count` directions over the whole sphere, turned, in the middle of their cells.
     pub fn new(count: usize, world_from_lattice: DMat3) -> Self {
         let mut along: Vec<u32> = (0..count as u32).collect();
         along.par_sort_by_cached_key(|&number| (z_curve(world_from_lattice * fibonacci(number as usize, count)), number));
         Self { world_from_lattice, along, jitter: None }
     }
 
-    /// The same anywhere in their cells, as the seed and their number draw.
+    /// The lattice with jitter: every direction at a random place in its cell, drawn by the seed and its number.
     pub fn jittered(self, seed: u64) -> Self {
         let directions = (0..self.count())
             .into_par_iter()
@@ -68,12 +68,12 @@ impl Directions {
         Self { jitter: Some(Jitter { seed, directions }), ..self }
     }
 
-    /// How many.
+    /// Number of directions.
     pub fn count(&self) -> usize {
         self.along.len()
     }
 
-    /// Their numbers, those of near ones together.
+    /// Numbers of the directions, ordered so that near ones are together.
     pub fn along(&self) -> &[u32] {
         &self.along
     }
@@ -96,7 +96,7 @@ impl Directions {
         }
     }
 
-    /// Of a number's cell.
+    /// Direction in the middle of a number's cell, world frame, unit length.
     fn middle(&self, number: usize) -> DVec3 {
         self.world_from_lattice * fibonacci(number, self.count())
     }
@@ -117,12 +117,12 @@ pub struct Cell {
     sides: [DVec3; 2],
     /// Number of its first part.
     first: usize,
-    /// Of its parts' places, where they are jittered.
+    /// Seed of its parts' places, where they are jittered.
     seed: Option<u64>,
 }
 
 impl Cell {
-    /// Of its side × side parts one's number, above those of all directions and unlike other cells' parts', and its unit direction, in the world.
+    /// One of the cell's side × side parts: a number that no direction and no other cell's part has, and its unit direction, in the world.
     pub fn part(&self, part: usize, side: usize) -> (usize, DVec3) {
         let number = self.first + part;
         let place = self.seed.map_or([0.0; 2], |seed| Jitter::place(seed, number));
@@ -132,7 +132,7 @@ impl Cell {
     }
 }
 
-/// By so much of each side.
+/// Moves a direction by shares of the two sides of its cell.
 fn shifted(from: DVec3, [u, v]: [DVec3; 2], [x, y]: [f64; 2]) -> DVec3 {
     from + u * x + v * y
 }

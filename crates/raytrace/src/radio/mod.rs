@@ -52,7 +52,7 @@ pub use corf_scene::near_field::SPEED_OF_LIGHT;
 /// The largest number of interactions the tracer supports.
 pub const MAX_DEPTH: usize = 5;
 
-/// How chains of faces are found.
+/// Method of finding candidate chains of faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "kind")]
 pub enum Search {
@@ -80,7 +80,7 @@ impl Search {
     }
 }
 
-/// What is traced and how.
+/// Settings of the radio path tracer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RadioSettings {
@@ -96,13 +96,13 @@ pub struct RadioSettings {
     pub transmission: bool,
     /// Trace paths that diffract once at an edge between faces, reflected and transmitted before and after as the other switches say.
     pub diffraction: bool,
-    /// … at open edges of single sheets as well.
+    /// Diffraction at open edges of single sheets as well.
     pub edge_diffraction: bool,
-    /// … into the region that the edge does not shadow as well, where the total field needs it to be continuous.
+    /// Diffraction into the region that the edge does not shadow as well, where the total field needs it to be continuous.
     pub diffraction_lit_region: bool,
-    /// … with the faces' reflections in this model.
+    /// Model of the faces' reflections in the diffraction coefficient.
     pub diffraction_model: DiffractionModel,
-    /// How candidate chains are found.
+    /// Method of finding candidate chains.
     pub search: Search,
     /// Faces smaller than this do not reflect specularly, m². The tessellation of a curved object yields flashes from facets far
     /// smaller than the first Fresnel zone (0.04 m² half way along 5 m at 60 GHz), where the image method has no meaning; 0 keeps all.

@@ -7,7 +7,7 @@ use glam::DVec3;
 /// Paths whose corners all lie this close are one, metres: it bounces where two faces meet.
 pub(super) const SAME_PATH_M: f64 = 1e-9;
 
-/// What happens at a vertex of a path.
+/// The kind of interaction at a vertex of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InteractionKind {
     /// Specular reflection, `S`.
@@ -41,11 +41,11 @@ impl InteractionKind {
 /// One vertex of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interaction {
-    /// What happens there.
+    /// Kind of the interaction.
     pub kind: InteractionKind,
     /// Index into the scene's objects.
     pub object: u32,
-    /// Where, world frame, metres.
+    /// Position, world frame, metres.
     pub vertex: DVec3,
 }
 

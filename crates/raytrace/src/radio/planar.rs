@@ -1,4 +1,4 @@
-//! Which triangle of a planar face a point of its plane lies on.
+//! Point location in a planar face: finds the triangle that a point of the plane lies on.
 
 use super::lattice::R2;
 use glam::{DVec2, DVec3};

@@ -10,13 +10,13 @@ use super::path::{Interaction, InteractionKind, Path};
 use super::{Complex, MAX_DEPTH, RadioSettings, SPEED_OF_LIGHT};
 use glam::DVec3;
 
-/// Just off a wedge, metres: where it is tested whether its edge stands in the open or is flush with another surface.
+/// Distance from a wedge, metres, at which it is tested whether its edge stands in the open or is flush with another surface.
 const EDGE_CLEARANCE_M: f64 = 1e-3;
 
 /// Sides on which a wave beside one that bounces in a corner is looked for.
 const SIDES: usize = 360;
 
-/// Where a path changes direction.
+/// A vertex at which a path changes direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum PathEvent<'w> {
     /// Bounces off a face.

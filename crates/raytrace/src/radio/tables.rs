@@ -14,7 +14,7 @@ pub struct SlabTable {
     pub transmitted_power: f64,
 }
 
-/// What the scattering of a polarised wave needs, small enough to stay in the cache: single precision is 6e-8 of power.
+/// Coefficients for the scattering of a polarised wave, small enough to stay in the cache: single precision is 6e-8 of power.
 #[derive(Clone, Copy, Debug)]
 pub struct ScatteringEntry {
     /// |R_TE|².

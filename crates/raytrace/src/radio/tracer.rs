@@ -40,10 +40,11 @@ impl<'a> RadioTracer<'a> {
         Self::over(scene, Some(bvh), settings)
     }
 
-    /// As [`RadioTracer::new`], but every triangle is tried against every segment: right by construction, for small scenes.
+    /// A tracer that tries every triangle against every segment, without a bounding volume hierarchy: right by construction, for small
+    /// scenes.
     ///
     /// # Errors
-    /// As [`RadioTracer::new`].
+    /// Those of [`RadioTracer::new`].
     pub fn without_bvh(scene: &Scene, settings: RadioSettings) -> Result<Self> {
         Self::over(scene, None, settings)
     }
@@ -61,7 +62,7 @@ impl<'a> RadioTracer<'a> {
         &self.wedges.wedges
     }
 
-    /// How many open edges of sheets there are that do not diffract though other edges do, and their length in all, metres.
+    /// Number and total length, metres, of the open edges of sheets that do not diffract though other edges do.
     pub fn open_edges_left_out(&self) -> (usize, f64) {
         self.wedges.left_out
     }
@@ -76,12 +77,12 @@ impl<'a> RadioTracer<'a> {
         &self.geometry
     }
 
-    /// What carries a field along a route through this scene.
+    /// Propagator of fields along routes through this scene.
     pub(super) fn propagator(&self) -> Propagator<'_, 'a> {
         Propagator { geometry: &self.geometry, settings: &self.settings }
     }
 
-    /// How many objects the scene has.
+    /// Number of objects of the scene.
     pub(super) fn objects(&self) -> usize {
         self.objects.len()
     }
@@ -101,7 +102,7 @@ impl<'a> RadioTracer<'a> {
     /// Refuses an end of links with scattered power that is not finite or closer to a surface than its rays start from it.
     ///
     /// # Errors
-    /// Where it is and what is wrong there.
+    /// Such a position, with its coordinates and the fault.
     pub fn check_in_the_open(&self, whose: &str, position: DVec3) -> Result<()> {
         self.check_clear(whose, position, NEAR_SURFACE_M)
     }
@@ -134,7 +135,7 @@ impl<'a> RadioTracer<'a> {
     /// Refuses a receiver that is not finite, on a surface, or within λ/2π of the transmitter ([`near_field`]).
     ///
     /// # Errors
-    /// Where it is and what is wrong there.
+    /// Such a position, with its coordinates and the fault.
     pub fn check_receiver(&self, tx: DVec3, rx: DVec3) -> Result<()> {
         self.check_position("receiver", rx)?;
         near_field::check(&format!("receiver at {rx}"), rx.distance(tx), self.settings.frequency_hz)

@@ -15,11 +15,11 @@ const RAYS_PER_TASK: usize = 2048;
 /// Clearance of a ray from the face it leaves, metres.
 const CLEARANCE_M: f64 = 1e-4;
 
-/// What rays look for.
+/// Result that rays look for: a chain, or a wedge reached by a chain.
 pub trait Finding: Copy + Send {
-    /// What tells two of them apart, and their order.
+    /// Sorting key, equal for equal results only.
     type Key: Ord + Hash + Send;
-    /// This one's.
+    /// Sorting key of this result.
     fn key(&self) -> Self::Key;
 }
 
@@ -45,7 +45,7 @@ pub fn distinct<T: Finding>(found: &mut Vec<T>) {
     found.dedup_by_key(|f| f.key());
 }
 
-/// What the rays of a task have found, each once: they meet the same again and again.
+/// Set of the results that the rays of a task have found: they meet the same ones again and again.
 pub struct Findings<T: Finding> {
     found: Vec<T>,
     keys: HashSet<T::Key>,
@@ -64,12 +64,12 @@ impl<T: Finding> Extend<T> for Findings<T> {
 }
 
 impl<T: Finding> Findings<T> {
-    /// How many.
+    /// Number of results.
     pub fn len(&self) -> usize {
         self.found.len()
     }
 
-    /// In the order in which they were found.
+    /// List of the results, in the order in which they were found.
     pub fn into_vec(self) -> Vec<T> {
         self.found
     }
@@ -82,7 +82,7 @@ pub struct ChainImages<'c> {
 }
 
 impl<'c> ChainImages<'c> {
-    /// From a transmitter.
+    /// The images of a transmitter in the faces of a chain.
     pub fn new(geometry: &Geometry<'_>, tx: DVec3, chain: &'c Chain) -> Self {
         Self { chain, images: chain.images(geometry, tx) }
     }

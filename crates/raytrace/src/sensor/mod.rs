@@ -1,4 +1,4 @@
-//! What a platform's camera and array see from a pose: the one place where a pose becomes a keyframe.
+//! Sensors of a platform, a camera and an antenna array: the one place where a pose becomes a keyframe.
 
 mod optical;
 mod radio;
@@ -19,7 +19,7 @@ pub struct Platform<'a> {
     pub camera: OpticalSensor<'a>,
     /// The array.
     pub array: RadioSensor<'a>,
-    /// What of the array's is kept.
+    /// Radio outputs of every pose.
     pub outputs: Outputs,
 }
 

@@ -11,8 +11,8 @@ const METERED_POSES: usize = 8;
 const METERED_WIDTH: usize = 64;
 const MAX_METERED_HEIGHT: usize = 512;
 const METERED_SAMPLES: u32 = 16;
-/// What the geometric mean of the metered radiance becomes, as a share of full scale: photography's middle grey, a little up for a
-/// room whose walls are light.
+/// Exposure target: share of full scale to which the geometric mean of the metered radiance is mapped. Photography's middle grey, a little
+/// up for a room whose walls are light.
 const MIDDLE_GREY: f32 = 0.24;
 /// Pixels whose paths disagree get this many times the paths of the others, at most.
 const MOST_EFFORT: u32 = 16;
@@ -25,7 +25,7 @@ pub trait Denoise: Send + Sync {
     /// Takes the noise out of a frame's radiance.
     ///
     /// # Errors
-    /// Whatever keeps the filter from its work.
+    /// A failure of the filter.
     fn denoise(&self, frame: &mut LightFrame) -> Result<()>;
 }
 

@@ -25,7 +25,8 @@ pub fn radio_settings(scene: &SceneConfig) -> RadioSettings {
     }
 }
 
-/// … for a platform's sensor: what couples into its element is known at a pose alone, so no path is dropped for the element's sake.
+/// Tracing settings for a platform's sensor: [`radio_settings`] with an isotropic receive element of both polarisations. The orientation of
+/// the real element is known at a pose alone, so no path is dropped because it does not couple into the element.
 pub fn sensor_settings(scene: &SceneConfig) -> RadioSettings {
     let any_polarization = Antenna { polarization: Polarization::VH, ..Antenna::default() };
     RadioSettings { rx_antenna: any_polarization, ..radio_settings(scene) }
@@ -52,10 +53,11 @@ pub fn element_at(receiver: &ReceiverConfig, world_from_camera: &Rigid3) -> Ante
     Antenna::element_of(receiver, world_from_array(world_from_camera))
 }
 
-/// What an array's spectrum tells apart, degrees: a third of the 12.8° of eight elements. Finer light than that it only averages.
+/// Angular resolution of an array's spectrum, degrees: a third of the 12.8° of eight elements. Finer structure of the field is only
+/// averaged.
 const ARRAY_RESOLUTION_DEG: f64 = 4.0;
 
-/// How a dataset samples the diffuse field.
+/// Sampling settings of the diffuse field for a dataset: the angular resolution follows from the kind of its spectra.
 pub fn diffuse_settings(rf: &RfConfig) -> DiffuseSettings {
     let is_array = rf.spectrum != SpectrumKind::Mpc;
     DiffuseSettings {
@@ -68,23 +70,23 @@ pub fn diffuse_settings(rf: &RfConfig) -> DiffuseSettings {
     }
 }
 
-/// What the radio half of a keyframe is made by: everything that a configuration asks of the tracer, in one place for all who trace it.
+/// Settings of the radio half of a keyframe: all that a configuration asks of the tracer, in one place for everyone who traces it.
 #[derive(Clone, Copy, Debug)]
 pub struct SensorPlan {
     /// The transmitter that is on.
     pub transmitter: TransmitterConfig,
     /// The platform's array.
     pub receiver: ReceiverConfig,
-    /// What is traced.
+    /// Settings of the path tracer.
     pub tracing: RadioSettings,
-    /// How the diffuse field is sampled; `None` where it is left out.
+    /// Sampling of the diffuse field; `None` where it is left out.
     pub sampling: Option<DiffuseSettings>,
-    /// How spectra are formed.
+    /// Settings of the angular power spectra.
     pub spectrum: SpectrumSettings,
 }
 
 impl SensorPlan {
-    /// Of a dataset.
+    /// The plan of a dataset.
     ///
     /// # Errors
     /// The dataset names a transmitter that the scene does not have.
@@ -92,7 +94,7 @@ impl SensorPlan {
         Ok(Self::from_parts(&config.rf, config.seed, config.transmitter_of(scene)?, scene))
     }
 
-    /// Of an `[rf]` with a seed and one of the scene's transmitters.
+    /// The plan of an `[rf]` section with a seed and one of the scene's transmitters.
     pub fn from_parts(rf: &RfConfig, seed: u64, transmitter: &TransmitterConfig, scene: &SceneConfig) -> Self {
         Self {
             transmitter: *transmitter,
@@ -121,7 +123,7 @@ pub struct RadioSensor<'a> {
     plan: SensorPlan,
 }
 
-/// What arrives at a pose.
+/// Multipath received at a pose: resolved paths and diffuse arrivals.
 pub struct Received {
     /// Resolved paths, antennas at the platform's attitude.
     pub paths: Vec<RadioPath>,
@@ -131,19 +133,20 @@ pub struct Received {
     pub port_pairs: Vec<Vec<Arrival>>,
 }
 
-/// How much of the sphere around a receiver is gathered finely.
+/// Part of the sphere around a receiver that is sampled at full density.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Extent {
     /// A camera's frame and a margin; the rest sixteen times sparser.
     View(Pinhole),
-    /// What lies before the array's plane and a margin; the rest four times sparser.
+    /// The half-space in front of the array's plane, and a margin; the rest four times sparser.
     Front,
-    /// All of it.
+    /// The whole sphere.
     Sphere,
 }
 
 impl Extent {
-    /// What spectra of these kinds on a grid need: lobes see where they point, an array's side lobes all that it does not leave out.
+    /// The extent that spectra of these kinds need on a grid: lobes only the directions of the grid; an array's side lobes all directions,
+    /// the rear half-space aside where the array does not receive from there.
     pub fn needed(kinds: &[SpectrumKind], grid: Grid, rear: RearHalfSpace) -> Self {
         let lobes = kinds.iter().filter(|kind| **kind == SpectrumKind::Mpc).count();
         match grid {
@@ -153,7 +156,7 @@ impl Extent {
         }
     }
 
-    /// What all that a dataset writes of a keyframe needs.
+    /// The extent that all outputs of a dataset's keyframe need together.
     pub fn of_keyframe(rf: &RfConfig, receiver: &ReceiverConfig) -> Self {
         if rf.tutorial_compat {
             return Self::Sphere;
@@ -165,7 +168,7 @@ impl Extent {
         Self::needed(&[rf.spectrum], widest, receiver.rear)
     }
 
-    /// What a receiver at a pose is scattered.
+    /// Gathers the diffuse arrivals of a receiver at a pose, sampled finely over this extent.
     ///
     /// # Errors
     /// A position that is not finite.
@@ -194,7 +197,7 @@ impl<'a> RadioSensor<'a> {
         })
     }
 
-    /// How its spectra are formed.
+    /// Settings of the sensor's spectra.
     pub fn settings(&self) -> &SpectrumSettings {
         &self.plan.spectrum
     }
@@ -218,7 +221,7 @@ impl<'a> RadioSensor<'a> {
         platform.distance_m(pose.translation, tx, settings.wavelength_m(), doubtful_m)
     }
 
-    /// What is to be said before poses are traced: a note of open edges that do not diffract, and a warning where the platform's array is
+    /// Findings to report before poses are traced: a note of open edges that do not diffract, and a warning where the platform's array is
     /// within 2λ of the transmitter's.
     ///
     /// # Errors
@@ -268,7 +271,7 @@ impl<'a> RadioSensor<'a> {
         lines + &format!("{summary}\n")
     }
 
-    /// What two independent samplings of the diffuse field differ by at a few poses; `None` without a diffuse field.
+    /// Sampling error of the diffuse field: the difference of two independent samplings at a few poses; `None` without a diffuse field.
     ///
     /// # Errors
     /// A receiver at the transmitter.
@@ -311,7 +314,7 @@ impl<'a> RadioSensor<'a> {
         Ok(TutorialSphere::range(&spheres))
     }
 
-    /// What a dataset keeps of a pose.
+    /// Radio data of a dataset at a pose.
     ///
     /// # Errors
     /// A receiver at the transmitter.
@@ -329,10 +332,10 @@ impl<'a> RadioSensor<'a> {
     }
 }
 
-/// What is made of every pose.
+/// Outputs computed at every pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outputs {
-    /// How much of the sphere they are gathered from.
+    /// Part of the sphere from which arrivals are gathered finely.
     pub extent: Extent,
     /// Camera of the spectra.
     pub camera: Pinhole,
@@ -361,7 +364,7 @@ pub struct RadioFrame {
 /// Powers that much smaller than that transmitted, −300 dB, are as good as none: where nothing arrives samplings agree.
 const NOTHING: f64 = 1e-30;
 
-/// How much more one power is than another, dB: a number also where there is none.
+/// Ratio of two powers, a/b, dB; finite also where one of them is zero.
 fn difference_db(a: f64, b: f64) -> f64 {
     10.0 * ((a + NOTHING) / (b + NOTHING)).log10()
 }
@@ -376,7 +379,8 @@ fn probes(poses: &[TrajectoryPose]) -> Vec<&TrajectoryPose> {
     indices.into_iter().filter_map(|i| poses.get(i)).collect()
 }
 
-/// Drawn phases would be compared with drawn phases: the sampling shows in the spectrum's mean over them.
+/// Settings of a noncoherent spectrum for measuring the sampling error: a coherent one would compare random phases with other random
+/// phases.
 pub fn noncoherent(settings: &SpectrumSettings) -> SpectrumSettings {
     use SpectrumKind::{Bartlett, Mpc};
     SpectrumSettings { kind: if settings.kind == Mpc { Mpc } else { Bartlett }, ..*settings }

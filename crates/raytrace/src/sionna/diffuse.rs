@@ -19,19 +19,20 @@ const QUADRATURE: f64 = 1e-3;
 const STANDARD_ERRORS: f64 = 4.0;
 /// Totals per type, dB.
 const TOTAL_DB: f64 = 0.1;
-/// … and this share of all diffuse power: of types that bring less, single rays make the library's mean, and its standard error means little.
+/// Tolerance of a type's power beside its standard error, as a share of all diffuse power: the library's mean of weaker types rests on a
+/// few rays, and its standard error means little.
 const NEGLIGIBLE: f64 = 1e-3;
 /// The Bartlett map, dB, where it is within [`MAP_DEPTH_DB`] of its peak.
 const MAP_DB: f64 = 0.2;
 const MAP_DEPTH_DB: f64 = 30.0;
 /// Directions of the gathering lattice behind a map.
 const DIRECTIONS: usize = 250_000;
-/// … where a total is wanted within a tenth of a decibel.
+/// Directions of the gathering lattice where a total is wanted within a tenth of a decibel.
 const COARSE_DIRECTIONS: usize = 40_000;
 /// Photons for one type of chain. Where few come, theirs are spread over neighbouring patches: a lobe scattered twice behind a pane came out
 /// 4 % too bright with a fourth of them.
 const PHOTONS: usize = 8_000_000;
-/// … and for all together behind a map.
+/// Photons for all types of chains together behind a map.
 const PHOTONS_OF_MAP: usize = 2_000_000;
 /// Side of the patches that one type's fall on, metres: half-lit ones of which a receiver sees the dark half count too much (RD by a tenth
 /// and SRD by a fifth at 0.16 m, next to the edge of a board).
@@ -101,7 +102,7 @@ pub(super) fn check(reference: &DiffuseReference) -> Result<CheckReport> {
     Ok(CheckReport::new(&format!("{} (diffuse)", reference.scene), comparisons))
 }
 
-/// How many slabs light of a type passes through before it is scattered, where nothing else happens to it: D, RD, RRD, …
+/// Number of slabs before the scattering in a type of chain without mirrors, D, RD, RRD and so on; `None` for all other types.
 fn slabs_before(types: &str) -> Option<usize> {
     types.strip_suffix('D').filter(|before| before.bytes().all(|b| b == b'R')).map(str::len)
 }
@@ -122,7 +123,7 @@ fn events(types: &str, max_depth: usize) -> Option<Vec<Event>> {
         .collect()
 }
 
-/// What quadratures and the image method say of a type; `None` for what neither knows.
+/// Power of an interaction type by quadrature or the image method, linear; `None` where neither covers it.
 fn power_of(types: &str, max_depth: usize, paths: &[Path], scattered: &Scattered) -> Option<f64> {
     match types {
         "SD" if max_depth >= 2 => Some(scattered.mirrored.iter().sum()),

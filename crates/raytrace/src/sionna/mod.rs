@@ -29,7 +29,7 @@ pub fn check(path: &Path) -> Result<CheckReport> {
 /// Compares a diffuse reference already in memory.
 ///
 /// # Errors
-/// As [`check`].
+/// Those of [`check`].
 pub fn check_diffuse(reference: &DiffuseReference) -> Result<CheckReport> {
     diffuse::check(reference)
 }
@@ -37,7 +37,7 @@ pub fn check_diffuse(reference: &DiffuseReference) -> Result<CheckReport> {
 /// Compares a specular reference already in memory.
 ///
 /// # Errors
-/// As [`check`].
+/// Those of [`check`].
 pub fn check_specular(reference: &SpecularReference) -> Result<CheckReport> {
     reference.validate(&reference.scene)?;
     paths::check(reference)

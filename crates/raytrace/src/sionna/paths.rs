@@ -61,7 +61,7 @@ pub(super) fn check(reference: &SpecularReference) -> Result<CheckReport> {
     Ok(CheckReport::new(&reference.scene, comparisons))
 }
 
-/// The same scene without faces of several triangles: every triangle is an object, of the name of the one that it belongs to.
+/// The scene with every triangle an object of its own, under the name of the object it belongs to, so that no face has several triangles.
 fn every_triangle_an_object(scene: &Scene) -> Scene {
     let mut apart = scene.clone();
     apart.objects = scene.triangles.iter().map(|t| scene.objects[t.object as usize].clone()).collect();
@@ -69,7 +69,7 @@ fn every_triangle_an_object(scene: &Scene) -> Scene {
     apart
 }
 
-/// What was traced in a scene.
+/// Paths traced between two points of a scene.
 struct Found<'s> {
     scene: &'s Scene,
     tx: DVec3,
@@ -94,8 +94,8 @@ impl<'s> Found<'s> {
         path.interactions.iter().map(|i| self.scene.objects[i.object as usize].name.as_str())
     }
 
-    /// The same path as a reference's among those not `taken`: same interactions, objects and places; nearest first, where two share all of
-    /// the names. Its distance from there, metres, and its number.
+    /// The path that matches a reference path, among those not `taken`: equal interaction types and objects, and the nearest of several
+    /// that share them. Distance between the two, metres, and the path's index.
     fn nearest(&self, reference: &ReferencePath, taken: &[bool]) -> Option<(f64, usize)> {
         let same_names =
             |path: &Path| path.types() == reference.types && self.objects(path).eq(reference.objects.iter().map(String::as_str));
@@ -262,7 +262,7 @@ mod tests {
         }
     }
 
-    /// What the planes of the triangles themselves give.
+    /// Fills in reference results from the paths on the planes of the single triangles.
     fn on_triangles(mut reference: SpecularReference) -> SpecularReference {
         let scene = every_triangle_an_object(&reference.scene().unwrap());
         let tracer = RadioTracer::without_bvh(&scene, RadioSettings::default()).unwrap();

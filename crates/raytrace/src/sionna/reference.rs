@@ -73,7 +73,7 @@ pub struct DiffuseCase {
     pub rx_results: Vec<DiffuseResult>,
 }
 
-/// What one receiver gets.
+/// Diffuse power received at one receiver.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct DiffuseResult {
     /// Index into the receivers.
@@ -107,7 +107,7 @@ pub struct Estimate {
 pub struct ObjectPower {
     /// The library's.
     pub sionna: Estimate,
-    /// By float64 quadrature.
+    /// Power by float64 quadrature.
     pub quadrature_f64: f64,
 }
 
@@ -171,7 +171,7 @@ pub struct SpecularReference {
     pub tx: [f64; 3],
     /// Receivers, metres.
     pub rx: Vec<[f64; 3]>,
-    /// What was traced.
+    /// Configurations traced in the scene.
     pub configs: Vec<ReferenceConfig>,
 }
 
@@ -229,10 +229,10 @@ pub struct ReferenceArgs {
     /// Diffraction.
     #[serde(default)]
     pub diffraction: bool,
-    /// … at open edges as well; the library's default is no.
+    /// Diffraction at open edges as well; the library's default is no.
     #[serde(default)]
     pub edge_diffraction: bool,
-    /// … into the region the edge does not shadow; the library's default is yes.
+    /// Diffraction into the region that the edge does not shadow as well; the library's default is yes.
     #[serde(default = "yes")]
     pub diffraction_lit_region: bool,
 }

@@ -1,4 +1,4 @@
-//! What the check found.
+//! Report of a reference check: quantities, their tolerances and faults.
 
 use serde::Serialize;
 use std::fmt;
@@ -37,16 +37,16 @@ pub struct Comparison {
     pub power_difference_db: f64,
     /// Further numbers of diffuse checks: name, found, expected, tolerance.
     pub quantities: Vec<Quantity>,
-    /// What could not be compared, and why.
+    /// Comparisons that could not be made, and why.
     pub notes: Vec<String>,
-    /// What fell outside its tolerance; empty is a pass.
+    /// Quantities outside their tolerance; empty is a pass.
     pub faults: Vec<String>,
 }
 
 /// A number against its reference.
 #[derive(Clone, Debug, Serialize)]
 pub struct Quantity {
-    /// What it is.
+    /// Name of the quantity.
     pub name: String,
     /// Found here.
     pub found: f64,

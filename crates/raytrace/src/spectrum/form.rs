@@ -10,14 +10,14 @@ use corf_scene::{Raster, Rigid3};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Which spectrum is formed, and by what array.
+/// Kind of an angular power spectrum, and the array that forms it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpectrumSettings {
     /// The kind.
     pub kind: SpectrumKind,
     /// The elements, in the platform's array frame; `mpc` needs none.
     pub array: PlanarArray,
-    /// What becomes of arrivals from behind the array; `mpc` knows where they come from.
+    /// Treatment of arrivals from behind the array; without effect on `mpc`, which knows every arrival's direction.
     pub rear: RearHalfSpace,
     /// Standard deviation of an `mpc` lobe, degrees per axis.
     pub lobe_width_deg: f64,
@@ -30,7 +30,7 @@ pub struct SpectrumSettings {
 }
 
 impl SpectrumSettings {
-    /// What a dataset's `[rf]` and its scene's `[receiver]` ask for.
+    /// The settings that a dataset's `[rf]` and its scene's `[receiver]` ask for.
     pub fn new(rf: &RfConfig, receiver: &ReceiverConfig, seed: u64) -> Self {
         Self {
             kind: rf.spectrum,
@@ -45,7 +45,7 @@ impl SpectrumSettings {
 
     /// The spectrum at every pixel of a grid, linear; the array shares its frame with the camera, boresight along the optical axis.
     ///
-    /// `port_pairs` are the arrivals of every pair of antenna ports ([`super::port_pairs`]); diffuse power belongs into any one of them.
+    /// `port_pairs` are the arrivals of every pair of antenna ports ([`super::port_pairs()`]); diffuse power belongs into any one of them.
     pub fn form(&self, port_pairs: &[Vec<Arrival>], grid: impl Into<Grid>, world_from_camera: &Rigid3) -> Raster<f32> {
         let grid: Grid = grid.into();
         let array_from_camera = ARRAY_FROM_CAMERA.rotation;

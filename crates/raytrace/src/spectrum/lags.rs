@@ -92,7 +92,7 @@ impl LagForm {
     }
 }
 
-/// How many lags of this size there are.
+/// Multiplicity of a lag: 2 for a positive one, which stands for both signs, and 1 for zero.
 fn both_signs(lag: usize) -> f64 {
     if lag > 0 { 2.0 } else { 1.0 }
 }

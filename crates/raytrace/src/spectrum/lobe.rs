@@ -6,18 +6,19 @@ use corf_scene::{Equirectangular, Pinhole};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, LN_10, PI, TAU};
 
-/// Where lobes are cut off: 80 dB under the peak of the strongest one. Its tail is part of the picture wherever the dataset's range is wide.
+/// Cut-off of all lobes, dB under the peak of the strongest one: its tail is part of the picture wherever the dataset's range is wide.
 const CUTOFF_DB: f64 = 80.0;
-/// … but no lobe less than this under its own peak, beyond which there is 1e-4 of its power. Most arrivals are faint: their lobes touch
-/// half as many pixels.
+/// Least cut-off of a lobe, dB under its own peak: 1e-4 of its power lies beyond. Most arrivals are faint, and their lobes then touch half
+/// as many pixels.
 const OWN_CUTOFF_DB: f64 = 40.0;
 
 /// Standard deviations, in pixels at the middle of a pinhole camera's image, from which on a lobe's values at the pixels' centres sum up to
 /// its power: by Poisson's formula within 2·2·2·exp(−2π²·0.6²) = 0.33 %, 0.014 dB, wherever between the pixels it stands.
 const RESOLVED_PIXELS: f64 = 0.6;
-/// … in rows of the sphere, whose meridians meet at the poles: there the sum is 1/(24·r²) too large, 4 % or 0.17 dB at r = 1 row.
+/// The limit of [`RESOLVED_PIXELS`] in rows of an image of the sphere, whose meridians meet at the poles: there the sum of a lobe's values
+/// is 1/(24·r²) too large, 4 % or 0.17 dB at r = 1 row.
 const RESOLVED_ROWS: f64 = 1.0;
-/// What rounding may take from a ratio that is meant to be one of these.
+/// Relative rounding error allowed in a ratio that is meant to equal one of these limits.
 const ROUNDING: f64 = 1e-9;
 
 /// The Gaussian of the sphere (von Mises–Fisher, κ = 1/σ²) of standard deviation σ per axis, whose integral over solid angle is exactly 1.
@@ -32,7 +33,7 @@ pub(super) struct Lobe {
 }
 
 impl Lobe {
-    /// Of a standard deviation in degrees.
+    /// The lobe of a standard deviation in degrees.
     pub fn new(width_deg: f64) -> Self {
         let sigma = width_deg.to_radians();
         let kappa = 1.0 / (sigma * sigma);
@@ -74,14 +75,14 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// Of a cone of half angle `radius` around a direction of the camera frame; `None` wholly behind a camera.
+    /// Extent of a cone of half angle `radius`, radians, around a direction of the camera frame; `None` wholly behind a camera.
     pub fn pinhole(camera: &Pinhole, direction: DVec3, radius: f64) -> Option<Self> {
         let columns = tangents(direction.x, direction.z, radius, camera.fx, camera.cx)?;
         let rows = tangents(direction.y, direction.z, radius, camera.fy, camera.cy)?;
         Some(Self { columns, rows })
     }
 
-    /// … on the sphere; `None` for its columns where the cone touches all of them.
+    /// Columns and rows of a cone in an image of the sphere; `None` for the columns where the cone touches all of them.
     pub fn sphere(sphere: &Equirectangular, direction: DVec3, radius: f64) -> (Option<(f64, f64)>, (f64, f64)) {
         let at = sphere.project(ARRAY_FROM_CAMERA.rotation * direction);
         let row_half = radius / PI * sphere.height as f64;

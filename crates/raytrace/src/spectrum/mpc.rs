@@ -148,7 +148,7 @@ fn pinhole_footprint(camera: &Pinhole, direction: DVec3, radius: f64) -> Option<
     Some(Footprint { rows, columns: [Some(columns), None] })
 }
 
-/// As [`pinhole_footprint`] on the sphere, whose columns wrap around.
+/// Pixels that a cone touches in an image of the sphere, whose columns wrap around.
 fn sphere_footprint(sphere: &Equirectangular, direction: DVec3, radius: f64) -> Footprint {
     let (columns, rows) = Extent::sphere(sphere, direction, radius);
     let last = |count: usize| count as i64 - 1;

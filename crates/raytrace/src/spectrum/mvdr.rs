@@ -8,12 +8,12 @@ use glam::DVec3;
 /// P(u) = 1 / (v(u)ᴴ R⁻¹ v(u)) with R = Σ_l x_l x_lᴴ + ε·tr(R)/N·I over the delay taps.
 #[derive(Clone, Debug)]
 pub(super) struct Mvdr {
-    /// Of R⁻¹; `None` where nothing arrives.
+    /// The quadratic form vᴴ R⁻¹ v, summed by lags; `None` where nothing arrives.
     form: Option<LagForm>,
 }
 
 impl Mvdr {
-    /// From the covariance without its loading; `loading` is ε, the loading in units of the mean eigenvalue.
+    /// The spectrum of a covariance without its loading; `loading` is ε, the diagonal loading in units of the mean eigenvalue.
     pub fn new(array: PlanarArray, mut covariance: Hermitian, loading: f64) -> Self {
         covariance.load(loading * covariance.trace() / array.elements() as f64);
         Self { form: covariance.inverse().map(|inverse| LagForm::of_matrix(array, inverse.entries())) }

@@ -164,9 +164,9 @@ mod tests {
     use super::*;
     use corf_scene::{Equirectangular, Rng};
 
-    /// What a sum over the pixels may differ from the power, dB: the tolerance that users are promised.
+    /// Tolerance of a sum over the pixels against the arrival's power, dB: that which users are promised.
     const TOLERANCE_DB: f64 = 0.2;
-    /// What means over pixels leave of a lobe: its tail beyond the cut-off of 80 dB, and the rule's error.
+    /// Error of the mean of a lobe over pixels, dB: its tail beyond the cut-off of 80 dB, and the quadrature rule's error.
     const INTEGRATED_DB: f64 = 0.01;
 
     fn total_db(direction: DVec3, grid: Grid, lobe_deg: f64) -> f64 {

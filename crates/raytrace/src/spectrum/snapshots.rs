@@ -1,4 +1,4 @@
-//! What the elements of an array receive, tap by tap.
+//! Array snapshots: the complex signals received by the elements of an array, one vector for each delay tap.
 
 use super::hermitian::Hermitian;
 use crate::radio::{Arrival, Complex, PlanarArray};

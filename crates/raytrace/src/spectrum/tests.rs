@@ -1,4 +1,4 @@
-//! What the kinds of spectra must agree on, and where they must differ.
+//! Tests of the kinds of spectra: the properties they must share, and those in which they must differ.
 
 use super::*;
 use crate::radio::{Antenna, Complex, Path, PlanarArray, Polarization};

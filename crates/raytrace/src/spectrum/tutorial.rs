@@ -6,7 +6,7 @@
 //! 3. Clipped to the range found at a few probed positions, coloured by Jet, 8 bit.
 //! 4. The colours, not the values, are resampled bilinearly at the camera's pixels.
 //!
-//! What this loses, `tests` of this module put into numbers.
+//! The `tests` of this module measure the errors of this recipe.
 
 use crate::radio::Arrival;
 use corf_scene::keyframe::DbRange;
@@ -27,8 +27,8 @@ pub struct TutorialSphere {
 }
 
 impl TutorialSphere {
-    /// Of the arrivals at a camera's pose. The sums depend on how finely diffuse power is split into arrivals: amplitudes do not add up
-    /// to the same whole.
+    /// Sums of the arrivals at a camera's pose. They depend on how finely diffuse power is split into arrivals: amplitudes do not add up to
+    /// the same whole.
     pub fn new(arrivals: &[Arrival], world_from_camera: &Rigid3) -> Self {
         let array_from_world = world_from_array(world_from_camera).transpose();
         let kernel = kernel();
@@ -65,7 +65,7 @@ impl TutorialSphere {
         })
     }
 
-    /// The same with the scalar resampled and coloured afterwards: what step 4 should have been.
+    /// Image of the scalar values, resampled bilinearly before any colouring: a correct step 4, for comparison.
     #[cfg(test)]
     fn scalar(&self, range: &DbRange, camera: &Pinhole) -> Raster<f32> {
         Raster::from_fn(camera.width, camera.height, |x, y| bilinear(camera, x, y, |i| [range.scalar(self.sums.pixels()[i])])[0])
@@ -80,7 +80,7 @@ fn kernel() -> Vec<f64> {
     all.into_iter().map(|w| w / sum).collect()
 }
 
-/// What the sphere's pixels around the direction of camera pixel `(x, y)` are worth there; `value` is asked by index.
+/// Bilinear interpolation between the sphere's pixels in the direction of camera pixel `(x, y)`; `value` gives a pixel's value by index.
 fn bilinear<const N: usize>(camera: &Pinhole, x: usize, y: usize, value: impl Fn(usize) -> [f32; N]) -> [f32; N] {
     let at = SPHERE.project(ARRAY_FROM_CAMERA.rotation * camera.pixel_direction(x, y));
     let (u, v) = (at.x - 0.5, at.y - 0.5);

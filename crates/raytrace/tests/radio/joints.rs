@@ -1,4 +1,4 @@
-//! Where surfaces meet: what a path at a joint does is what the paths beside it do.
+//! Joints of surfaces: a path that bounces at a joint has the same interactions as the paths beside it.
 
 use crate::rooms::{add_box, empty, material, settings, total};
 use corf_raytrace::Bvh;
@@ -25,10 +25,10 @@ fn add_sheet(scene: &mut Scene, name: &str, material: u32, corner: Vec3, u: Vec3
     scene.triangles.extend([[0, 1, 2], [0, 2, 3]].map(triangle));
 }
 
-/// Which materials and objects the sheets of a room get.
+/// Materials and objects of a room's sheets.
 #[derive(Clone, Copy, Debug)]
 struct Kind {
-    /// Of partitions: 0 metal, 1 glass.
+    /// Material of partitions: 0 metal, 1 glass.
     partition: u32,
     /// All sheets are one object.
     merged: bool,
@@ -71,7 +71,7 @@ fn partitioned(seed: u64, kind: Kind) -> Scene {
     scene
 }
 
-/// What paths do, told apart by place: types and vertices to a tenth of a millimetre, sorted.
+/// Signatures of paths: types and vertices, in steps of a tenth of a millimetre, sorted.
 fn signatures(paths: &[Path]) -> Vec<String> {
     let mut all: Vec<String> = paths
         .iter()
@@ -93,7 +93,7 @@ fn signatures(paths: &[Path]) -> Vec<String> {
     all
 }
 
-/// What comes more often in `a` than in `b`.
+/// Signatures that are more frequent in `a` than in `b`.
 fn only(a: &[String], b: &[String]) -> Vec<String> {
     let count = |list: &[String], s: &String| list.iter().filter(|other| *other == s).count();
     a.iter().filter(|s| count(a, s) > count(b, s)).cloned().collect()
@@ -183,7 +183,7 @@ fn nothing_is_seen_that_no_end_beside_sees() {
     assert!(compared > 800, "{compared}");
 }
 
-/// What is in both.
+/// Signatures that are in both lists.
 fn intersection(a: &[String], b: &[String]) -> Vec<String> {
     a.iter().filter(|s| b.contains(s)).cloned().collect()
 }

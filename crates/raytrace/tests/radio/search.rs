@@ -1,4 +1,4 @@
-//! Which paths the search finds: against every sequence of faces, and where rays alone find little.
+//! Completeness of the path search: against every sequence of faces, and where rays alone find little.
 
 use crate::rooms::{add_box, material, random_room, room, settings, total};
 use corf_raytrace::Bvh;

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 /// Triangles of a chart have normals within this of each other (cosine of 0.25°).
 const COPLANAR_COS: f32 = 0.999_990_5;
-/// And corners within this of the chart's plane, as a share of `1 + the largest absolute coordinate`.
+/// Largest distance of a chart's corners from its plane, as a share of `1 + the largest absolute coordinate`.
 const COPLANAR_OFFSET: f32 = 2e-5;
 /// Corners closer than this, metres, are one when triangles are joined.
 const WELD_M: f32 = 1e-5;
@@ -137,7 +137,8 @@ impl Charts {
         charts
     }
 
-    /// Where a surface that a ray met lies: its chart, the side it was met on (0 the front, 1 the back), and coordinates.
+    /// Place of a surface that a ray met on the charts: index of its chart, the side it was met on (0 the front, 1 the back), and
+    /// coordinates.
     pub fn locate(&self, surface: &Surface, triangle: u32) -> (u32, u32, Vec2) {
         let index = self.of_triangle[triangle as usize];
         let chart = &self.list[index as usize];

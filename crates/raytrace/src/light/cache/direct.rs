@@ -21,7 +21,7 @@ const PILOT_POINTS: usize = 16;
 const PILOT_RAYS: u32 = 6;
 /// Emitters below this share of the tile's light are neither looked at nor integrated in closed form.
 const WORTH_A_LOOK: f32 = 2e-3;
-/// What an emitter is worth to a tile at least, as a share of what it could send at best: a tile's probes may all lie in its shade.
+/// Least weight of an emitter in a tile, as a share of the most it could send there: a tile's probes may all lie in its shade.
 const LEAST_WORTH: f32 = 0.02;
 /// Variance of visibility that is suspected where every pilot ray agreed.
 const SUSPICION: f32 = 0.02;
@@ -29,7 +29,7 @@ const SUSPICION: f32 = 0.02;
 /// A point that this share of its shadow rays reaches lies open.
 const LIT_ENOUGH: f32 = 0.3;
 
-/// How to fill a tile.
+/// Settings for filling a tile with direct light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DirectSettings {
     pub seed: u64,

@@ -6,7 +6,8 @@ use std::sync::OnceLock;
 
 /// Cells of a tile along each coordinate; it holds the points on its far edges too, so that it can be read by itself.
 pub(super) const TILE_CELLS: u32 = 8;
-/// Added to every point's share in an interpolation.
+/// Small constant added to every point's weight in an interpolation, so that none is left out: four doubtful points are not read as
+/// darkness.
 const LEAST_SHARE: f32 = 1e-4;
 
 /// Light received at a point as a function of the surface's normal: `H(n) = (x y z)·n` per colour channel, exact for the normal of the
@@ -25,7 +26,7 @@ impl Received {
         Self { x: c * direction.x, y: c * direction.y, z: c * direction.z }
     }
 
-    /// What a surface of unit normal `n` receives.
+    /// Light received by a surface of unit normal `n` (irradiance ÷ π), per colour channel, not below zero.
     pub fn at(&self, n: Vec3) -> Vec3 {
         (self.x * n.x + self.y * n.y + self.z * n.z).max(Vec3::ZERO)
     }
@@ -115,7 +116,7 @@ pub(super) struct Tile {
     pub rough: u64,
 }
 
-/// Which tile: chart, side (0 the front, 1 the back), first point.
+/// Key of a tile: chart, side (0 the front, 1 the back), lattice and first point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TileKey {
     pub chart: u32,

@@ -12,7 +12,7 @@
 //! A ray's footprint says which level it needs; coarser ones are read where they are smooth. Mirrors, highlights, glass and emitters are
 //! traced for every camera path ([`view`]) and end in the lattices at the first diffuse surface.
 //!
-//! What is biased: light varies bilinearly between lattice points (down to [`CacheSettings::finest_m`]), is blurred by that much across
+//! Sources of bias: light varies bilinearly between lattice points (down to [`CacheSettings::finest_m`]), is blurred by that much across
 //! contact shadows, and wide rays see textures averaged and without normal maps.
 
 mod charts;
@@ -41,12 +41,12 @@ const STAGE_GATHER: u64 = 0xcac4_e100;
 const DOUBTFUL: f32 = 1e-3;
 /// A cell is read at a finer level where interpolation errs by more than this share of the light.
 const TOLERANCE: f32 = 0.01;
-/// Or where its corners differ by more than this share of it.
+/// Contrast limit: a cell is also read at a finer level where its corners differ by more than this share of the light.
 const CONTRAST: f32 = 0.3;
 /// Light below this share of the scene's mean counts as this much in both.
 const DARK: f32 = 0.1;
 
-/// How finely light is cached.
+/// Resolution and sampling of the light cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CacheSettings {
     /// Seed of all random numbers.

@@ -1,4 +1,4 @@
-//! Where a lattice point lies on its chart, and what the surface there does to light that arrives.
+//! Sites of lattice points: their position on a chart, and the reflection of the surface there.
 
 use super::super::LightTracer;
 use super::super::bsdf::Bsdf;
@@ -127,9 +127,9 @@ impl Site {
         })
     }
 
-    /// How far the site is to be believed for its surroundings, from 0 (not at all) to 1: little where most of what it sees are the backs
-    /// of closed surfaces or lies nearer than the next lattice point, `spacing_m` away. What such a place receives ends with it: a gap
-    /// under furniture, the inside of a wall.
+    /// Confidence that light received at the site represents its surroundings, from 0 (not at all) to 1: little where most of what the site
+    /// sees are the backs of closed surfaces or lies nearer than the next lattice point, `spacing_m` away. The light of such a place ends
+    /// with it: a gap under furniture, the inside of a wall.
     pub fn openness(&self, tracer: &LightTracer<'_>, spacing_m: f32, rays: u32) -> f32 {
         let mut buried = 0;
         for k in 0..rays {

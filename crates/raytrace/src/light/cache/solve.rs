@@ -22,7 +22,7 @@ const CONVERGED: f32 = 2e-4;
 /// Tangential parts of received light divide by the elevation's cosine, no less than this.
 const LEAST_COS: f32 = 0.1;
 
-/// Where a walk ended, and what of the light there arrives where it began.
+/// Transport from the end of a random walk to the lattice point where it began: the point at the end, and the throughput between them.
 #[derive(Clone, Copy)]
 struct Link {
     /// Number of the point in the coarse lattice; `u32::MAX` where the walk found no diffuse surface.
@@ -162,7 +162,8 @@ pub(super) fn spread(normal: Vec3, direction: Vec3) -> Vec3 {
     normal + (direction - normal * cos) / cos.max(LEAST_COS)
 }
 
-/// What every point receives from other surfaces along its normal, by passing light on until it stands still.
+/// Light received by every point along its normal after any number of diffuse reflections: the transport over all links is iterated until
+/// the mean converges, `max_passes` times at most.
 fn iterate(nodes: &[Node], normals: &[Vec3], max_passes: u32) -> Vec<Vec3> {
     let direct: Vec<Vec3> = nodes.iter().zip(normals).map(|(node, n)| node.direct.received.at(*n)).collect();
     let met: Vec<Vec3> = nodes.iter().zip(normals).map(|(node, n)| node.met.at(*n)).collect();

@@ -1,5 +1,5 @@
-//! What a camera sees of a scene whose diffuse light is cached: camera paths through mirrors, panes and highlights, more of them where
-//! they disagree.
+//! Rendering a camera's view from the light cache: camera paths are traced through mirrors, panes and highlights up to the first diffuse
+//! surface, and more of them in pixels where they disagree (adaptive sampling).
 
 use super::super::bsdf::Bsdf;
 use super::super::develop::develop_value;
@@ -15,7 +15,7 @@ use corf_scene::{Pinhole, Raster, Rigid3};
 use glam::{Mat3, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
-/// How a camera looks at cached light.
+/// Sampling of a camera's view rendered from the light cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ViewSettings {
     /// Seed of all random numbers.
@@ -38,18 +38,18 @@ impl Default for ViewSettings {
 
 /// A highlight is followed with this many times its share of the light as probability, at most 1.
 const HIGHLIGHT_EFFORT: f32 = 4.0;
-/// And no less than this, once followed at all.
+/// Least probability with which a highlight is followed, if it is followed at all.
 const LEAST_EFFORT: f32 = 0.05;
 /// Width of the cone a drawn direction of density p stands for: this over √p, radians.
 const CONE: f32 = 0.5;
-/// Of more lights without extent than this, one is drawn.
+/// Largest number of punctual lights (without extent) that are all sampled; of more, one is drawn.
 const FEW_PUNCTUAL: usize = 4;
 
-/// What one camera path brings.
+/// Contribution of one camera path to its pixel.
 #[derive(Clone, Copy, Default)]
 struct Seen {
     radiance: Vec3,
-    /// It saw an emitter or the background straight.
+    /// Whether the path saw an emitter or the background directly.
     lamp: bool,
     albedo: Vec3,
     normal: Vec3,
@@ -219,8 +219,8 @@ impl LightCache<'_> {
         out
     }
 
-    /// What a surface sends back of the light of emitters without extent, its highlight included where that is not followed: by one
-    /// shadow ray each; of many, one is drawn by its unshadowed share.
+    /// Radiance reflected from punctual lights, the surface's highlight included where no path follows it: by one shadow ray for each
+    /// light; of many lights, one is drawn by its unshadowed share.
     fn punctual(
         &self,
         surface: &Surface,

@@ -13,7 +13,7 @@ const ROUGH_ALPHA: f32 = 0.02;
 /// Walks of indirect light change from highlight to highlight at most so often.
 const MAX_HIGHLIGHTS: u32 = 6;
 
-/// Where a walk ends: on a surface, with what is left of it.
+/// End of a random walk: a diffuse surface, and the throughput up to there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WalkEnd {
     pub hit: Hit,
@@ -22,13 +22,13 @@ pub(super) struct WalkEnd {
     pub throughput: Vec3,
 }
 
-/// What a walk found.
+/// Outcome of a random walk.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Walk {
     /// Light met on the way: emitters seen in mirrors and highlights, and the background.
     pub light: Vec3,
     pub end: Option<WalkEnd>,
-    /// What it met first hides where it began ([`LightTracer::buries`]).
+    /// Whether the first surface met hides the point where the walk began ([`LightTracer::buries`]).
     pub buried: bool,
 }
 

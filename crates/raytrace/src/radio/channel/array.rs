@@ -36,7 +36,7 @@ impl ChannelMatrix {
     }
 }
 
-/// What lies between two arrays.
+/// The link between two antenna arrays: its multipath, and the arrays at both ends.
 ///
 /// Diffuse arrivals know from where they come, not to where they left, nor how their polarisation was turned: they get the receive
 /// array's steering vector and an independent phase for every transmit port and receive polarisation, their power shared equally by the
@@ -51,7 +51,7 @@ pub struct ArrayLink<'l> {
     pub tx: &'l AntennaArray,
     /// Receive array.
     pub rx: &'l AntennaArray,
-    /// Of the phases of diffuse arrivals.
+    /// Seed of the phases of diffuse arrivals.
     pub seed: u64,
 }
 
@@ -78,7 +78,7 @@ impl ArrayLink<'_> {
         sum
     }
 
-    /// What arrives between a receive and a transmit port, rays whose sum is their entry of [`Self::matrix`] at the carrier.
+    /// Rays between a receive and a transmit port: their sum is the ports' entry of [`Self::matrix`] at the carrier.
     pub fn rays(&self, row: usize, column: usize, carrier_hz: f64) -> Vec<Ray> {
         let place = |array: &AntennaArray, port: usize| {
             let elements = array.ports() / array.element.ports();
@@ -97,7 +97,7 @@ impl ArrayLink<'_> {
         paths.chain(diffuse).collect()
     }
 
-    /// What a diffuse arrival brings a receive polarisation from a transmit port.
+    /// Complex gain of a diffuse arrival from a transmit port to a receive polarisation.
     fn diffuse_gain(&self, index: usize, rx_port: usize, column: usize, frequency_hz: f64) -> Complex {
         let arrival = &self.diffuse[index];
         let link = (rx_port * self.tx.ports() + column) as u64;

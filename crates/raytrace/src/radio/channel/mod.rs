@@ -1,4 +1,4 @@
-//! What a link makes of its multipath: received power, spreads, responses over time and frequency, the matrix between two arrays.
+//! Channel of a link from its multipath: received power, spreads, responses over time and frequency, the matrix between two arrays.
 //!
 //! h(f) = Σ a_i e^{−j2πfτ_i}. Resolved paths bring their phase along. Diffuse power has none: every diffuse arrival is given one, drawn
 //! from its place in the list, so that a realisation depends on the seed alone and its mean power is the noncoherent sum.

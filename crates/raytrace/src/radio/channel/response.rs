@@ -41,7 +41,7 @@ impl Subcarriers {
     }
 }
 
-/// How a path of any delay falls on taps 1/W apart.
+/// Filter that distributes a path of any delay to taps 1/W apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TapFilter {
     /// Ideal band limitation: h_l = Σ g_i sinc(l − Wτ_i).

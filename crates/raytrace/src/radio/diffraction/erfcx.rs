@@ -45,7 +45,7 @@ fn continued_fraction(z: Complex, t: f64) -> Complex {
 mod tests {
     use super::*;
 
-    /// What the doc comment promises.
+    /// Relative error that the function's doc comment promises.
     const RELATIVE: f64 = 1e-13;
 
     #[test]

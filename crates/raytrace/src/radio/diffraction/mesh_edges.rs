@@ -9,11 +9,11 @@ const CELLS: f64 = 256.0;
 
 /// A piece of an edge between two corners with none between them.
 pub struct MeshEdge {
-    /// The corners: numbers that edges with a common end share …
+    /// Numbers of the two corners; edges with a common end share one.
     pub corners: [u32; 2],
-    /// … and where they are, metres.
+    /// Positions of the two corners, metres.
     pub ends: [DVec3; 2],
-    /// What begins there.
+    /// Faces that begin at the edge.
     pub sheets: Vec<Sheet>,
 }
 

@@ -17,15 +17,15 @@ pub struct EdgeRay {
     pub exterior_angle_rad: f64,
     /// Unit direction of propagation before the edge.
     pub incident: DVec3,
-    /// … and after it.
+    /// Unit direction of propagation after the edge.
     pub diffracted: DVec3,
     /// Unfolded length from the source to the edge, s′, metres.
     pub source_m: f64,
-    /// … and from the edge to the receiver, s, metres.
+    /// Unfolded length from the edge to the receiver, s, metres.
     pub target_m: f64,
 }
 
-/// How the reflections of the two faces enter.
+/// Model of the two faces' reflections in the diffraction coefficient.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DiffractionModel {
@@ -34,16 +34,16 @@ pub enum DiffractionModel {
     /// a conductor it is that of Kouyoumjian and Pathak.
     #[default]
     ItuP526,
-    /// What sionna-rt 2.2.0 computes, for comparison with it: R₀(D₁ − D₄) + R_n(D₂ − D₃) with both at the incident ray's angles, and −1 for
-    /// R_n when the source does not see face n. Its R₀ terms have the wrong sign: the field jumps at the reflection boundary of a lit face
-    /// (`a` is −0.49 of the reflected ray's on the lit side of a metal bar where +½ is due) and is not reciprocal on a conductor.
+    /// The coefficient of sionna-rt 2.2.0, for comparison with it: R₀(D₁ − D₄) + R_n(D₂ − D₃) with both at the incident ray's angles, and
+    /// −1 for R_n when the source does not see face n. Its R₀ terms have the wrong sign: the field jumps at the reflection boundary of a
+    /// lit face (`a` is −0.49 of the reflected ray's on the lit side of a metal bar where +½ is due) and is not reciprocal on a conductor.
     Sionna,
 }
 
 /// A face of the wedge.
 #[derive(Clone, Copy, Debug)]
 pub struct EdgeFace<'s> {
-    /// What it is made of.
+    /// Material and thickness of the face.
     pub slab: &'s Slab,
     /// Outward unit normal.
     pub normal: DVec3,
@@ -149,8 +149,8 @@ pub fn transition(x: f64) -> Complex {
     reduced_transition(x.sqrt()) * x.sqrt()
 }
 
-/// Where on an edge's line the way between two points is stationary (the Keller cone), metres along it: each point is given by its
-/// distance along the line and its distance from it, both half-planes unfolded into one.
+/// Diffraction point on an edge's line by the law of diffraction (Keller cone), metres along it: the way between the two points is
+/// stationary there. Each point is given by its distance along the line and its distance from it, both half-planes unfolded into one.
 pub fn keller_point(source: [f64; 2], target: [f64; 2]) -> f64 {
     source[0] + (target[0] - source[0]) * source[1] / (source[1] + target[1])
 }

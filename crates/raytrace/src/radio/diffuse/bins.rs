@@ -10,12 +10,12 @@ pub struct Bins {
     bins: Vec<Bin>,
 }
 
-/// What arrives from some directions.
+/// Power that arrives from the directions of a bin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bin {
-    /// All of it.
+    /// Sum over all arrivals.
     pub power: f64,
-    /// The most that came at once, and the most but for that.
+    /// Power of the strongest arrival and of the second strongest.
     pub largest: [f64; 2],
 }
 

@@ -1,4 +1,5 @@
-//! What the surfaces send out after all but the simplest lighting: outgoing power per patch, side, direction and polarisation.
+//! Radiance cache of indirect light: scattered power per patch, side, direction and polarisation, for all chains but those that are
+//! evaluated exactly at every point (straight from the transmitter and its larger mirror images).
 //!
 //! A photon that arrives at a surface leaves there its scattered power in all directions at once: F·f_s at every node of the patch's
 //! hemisphere times the coherency of the scattered field. Scattering leaves the field's (θ̂, φ̂) components the same in every direction,
@@ -23,15 +24,15 @@ const COMPONENTS: usize = 4;
 const EVENNESS: f32 = 0.25;
 /// Sums of all photons of a level: power, power × length, power² as far as it is by chance.
 const MEANS: usize = 3;
-/// SurfaceRecords a task fills.
+/// Number of slots that a task fills.
 const SLOTS_PER_TASK: usize = 256;
 
 /// A share of a photon's power scattered at a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Deposit {
-    /// Where: [`SurfaceRecords::place`].
+    /// Slot that it falls on: [`SurfaceRecords::place`].
     pub slot: u32,
-    /// … and on which of the slot's subcells.
+    /// Subcell of the slot that it falls on.
     pub subcell: u32,
     /// Interactions that may still follow.
     pub left: u32,
@@ -49,7 +50,7 @@ pub struct Deposit {
     pub scattered: bool,
 }
 
-/// What a patch sends out towards one direction.
+/// Radiance of a patch in one direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Outgoing {
     /// Coherency of the scattered field per patch area, f_s included, W/(m²·sr).
@@ -151,8 +152,8 @@ impl RadianceCache {
         });
     }
 
-    /// Turns sums into totals: what may be read with `j` interactions behind includes all that leaves more than `j`. Then weighs every
-    /// patch's photons against its surroundings', and its subcells against each other.
+    /// Turns the sums by level into cumulative ones: level `j` then holds all deposits that leave room for `j` interactions or more. Then
+    /// smooths every patch's photons with its surroundings', and its subcells against each other.
     pub fn finish(&mut self, geometry: &Geometry<'_>, patches: &Patches, photon_weight: f64) {
         let (nodes, slots, levels) = (&self.nodes, &self.slots, self.levels);
         self.values.par_iter_mut().zip(slots.all()).for_each(|(table, slot)| {
@@ -271,7 +272,8 @@ impl RadianceCache {
         }
     }
 
-    /// What the face's side sends towards a unit direction, when `after` interactions follow; `None` where no photon came.
+    /// Radiance of a face's side at a point towards a unit direction, from chains that leave room for `after` interactions on the way to
+    /// the receiver; `None` where no photon came.
     pub fn outgoing(
         &self,
         patches: &Patches,
@@ -322,7 +324,7 @@ impl RadianceCache {
     }
 }
 
-/// What a photon leaves at a surface, in the frame of its nodes.
+/// A photon's deposit at a surface, in the frame of the surface's nodes.
 struct Left<'a> {
     nodes: &'a Nodes,
     pattern: ScatteringPattern,

@@ -1,4 +1,4 @@
-//! In which directions photons leave the transmitter.
+//! Importance sampling of the directions in which photons leave the transmitter.
 //!
 //! Light that mirrors and slabs alone sent on keeps the evenness of the directions it left in, and its noise is made where few of them
 //! reach: by way of small facets, in places that nothing else lights. A pilot tells how much every direction's photons disturb what they
@@ -11,9 +11,9 @@ use std::f64::consts::PI;
 
 /// Bins along the side of the sphere's octahedral map: 1.6° wide.
 const BINS: usize = 128;
-/// No bin has less than this share of an even number of photons, …
+/// Least density of photons in a bin, as a share of the uniform density.
 const LEAST: f64 = 0.2;
-/// … nor more than this many times as many as an even number.
+/// Largest density of photons in a bin, in multiples of the uniform density.
 const MOST: f64 = 30.0;
 
 /// The directions of a number of photons.
@@ -35,7 +35,7 @@ pub enum Emission {
 }
 
 impl Emission {
-    /// At most about `count` photons, by how much the pilot's disturbed: pairs of direction and square of the disturbance.
+    /// Importance sampling of at most about `count` photons from a pilot's pairs of direction and squared disturbance.
     pub fn learn(count: usize, pilot: &[(DVec3, f64)], seed: u64, stage: u64) -> Self {
         let mut sums = vec![(0.0f64, 0.0f64); BINS * BINS];
         for (direction, square) in pilot {

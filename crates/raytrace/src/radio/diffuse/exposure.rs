@@ -1,5 +1,5 @@
-//! How much of a patch's sides lies open: furniture stands on the floor, panels cover a wall, and no light that falls on the rest of a
-//! patch belongs to what is covered.
+//! Exposed area of a patch's sides: furniture stands on the floor and panels cover a wall, and light that falls on the rest of a patch does
+//! not belong to the covered part.
 
 use super::illumination::CLEARANCE_M;
 use super::patches::Patches;
@@ -10,10 +10,10 @@ use rayon::prelude::*;
 /// Surfaces closer together than this leave no way for light between them, metres.
 const CONTACT_M: f64 = 5e-3;
 
-/// What lies open of one side of a patch.
+/// Exposed part of one side of a patch.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Exposed {
-    /// Its area, m²; a side that is covered all over keeps the patch's.
+    /// Exposed area, m²; a side that is covered all over keeps the patch's.
     pub area_m2: f64,
     /// Whether all of it is covered.
     pub sealed: bool,
@@ -21,7 +21,7 @@ pub struct Exposed {
     pub subcells: u32,
 }
 
-/// Of both sides of every patch.
+/// Exposed parts of both sides of every patch, that of the face's normal first.
 pub fn exposed(geometry: &Geometry<'_>, patches: &Patches) -> Vec<[Exposed; 2]> {
     let per_face: Vec<Vec<(usize, [Exposed; 2])>> = geometry
         .faces

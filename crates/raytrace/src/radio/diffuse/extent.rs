@@ -1,4 +1,4 @@
-//! Which directions a reader attends to; what comes from elsewhere counts for the total power alone.
+//! Angular extent that a receiver samples at full density; directions outside of it matter for the total power alone.
 
 use corf_scene::{Pinhole, Rigid3};
 use glam::DVec3;

@@ -1,4 +1,4 @@
-//! Where scattered photons are wanted: at surfaces that would be seen badly.
+//! Photon guiding: scattered photons are sent to surfaces whose estimates would have the largest relative error.
 //!
 //! Photons left to themselves crowd where the indirect light is bright, and much of that is outshone by what comes straight from the
 //! transmitter. What a reader sees is a surface's whole light B = B_direct + B_indirect; its relative variance is that of the indirect
@@ -35,15 +35,15 @@ const LATTICE: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.5
 /// A way from one surface to the next.
 #[derive(Clone, Copy, Debug)]
 pub struct Leg {
-    /// Where it begins.
+    /// Start, world frame, metres.
     pub from: DVec3,
-    /// Unit.
+    /// Unit direction.
     pub direction: DVec3,
-    /// Where it ends: [`super::surface_records::SurfaceRecords::slot`].
+    /// Slot at its end: [`super::surface_records::SurfaceRecords::slot`].
     pub slot: u32,
 }
 
-/// What a few photons found out.
+/// Record of a pilot pass with few photons.
 pub struct Pilot {
     /// By slot: power left there, as the photons carry it.
     pub power: Vec<f64>,
@@ -83,7 +83,7 @@ impl Guide {
         Some((Self { cells, worth: sums.into_iter().map(|[sum, count]| sum / count).collect() }, disturbance))
     }
 
-    /// What is known of departures from a place.
+    /// Learned worth of the photons that leave a place, by direction.
     pub fn leaving(&self, from: DVec3) -> Departures<'_> {
         Departures(self.cells.get(&cell(from)).map(|&first| &self.worth[first..first + BINS * BINS]))
     }
@@ -93,7 +93,7 @@ impl Guide {
 pub struct Departures<'g>(Option<&'g [f32]>);
 
 impl Departures<'_> {
-    /// Along a unit direction.
+    /// Worth of a photon along a unit direction, relative to the mean.
     pub fn worth(&self, direction: DVec3) -> f64 {
         self.0.map_or(1.0, |worth| f64::from(worth[lattice::octahedral(direction, BINS)]))
     }
@@ -141,7 +141,7 @@ fn direct_power(illumination: &Illumination<'_, '_>, patches: &Patches, cache: &
     (0..).zip(power).map(|(slot, power)| power / cache.slots().area_m2(slot).max(f64::MIN_POSITIVE)).collect()
 }
 
-/// What of every slot depends on how bright it is.
+/// Quantities of every slot that follow from its scattered power per area, B.
 struct Slots {
     /// W, relative to its mean over photons.
     worth: Vec<f64>,
@@ -149,7 +149,7 @@ struct Slots {
     disturbance: Vec<f64>,
 }
 
-/// From the slots' surroundings and their direct light; `None` without photons.
+/// Worth and disturbance of every slot from its surroundings and direct light; `None` without photons.
 fn of_slots(around: &[Surroundings], direct: &[f64], photon_weight: f64) -> Option<Slots> {
     let area_m2: f64 = around.iter().map(|s| s.own_m2).sum();
     let photons: f64 = around.iter().map(|s| s.own_power).sum();
@@ -174,11 +174,11 @@ fn of_slots(around: &[Surroundings], direct: &[f64], photon_weight: f64) -> Opti
 
 /// A scattered photon's way.
 pub struct Drawn {
-    /// Unit.
+    /// Unit direction.
     pub direction: DVec3,
     /// F·f_s over the density with which it was drawn.
     pub weight: f64,
-    /// What the guide says of it.
+    /// Worth of the direction by the guide.
     pub worth: f64,
 }
 

@@ -1,4 +1,4 @@
-//! What lights a point: the transmitter itself and its mirror images, straight through slabs where they let power pass.
+//! Direct illumination of a point: by the transmitter itself and its mirror images, straight through slabs where they let power pass.
 
 use crate::radio::field::{self, Field};
 use crate::radio::geometry::Geometry;
@@ -16,7 +16,7 @@ pub(super) const CLEARANCE_M: f64 = 5e-5;
 /// The transmitter, or its image in a face.
 #[derive(Clone, Copy, Debug)]
 pub struct Source {
-    /// Where the field seems to come from.
+    /// Position of the transmitter or of its image, world frame, metres.
     pub image: DVec3,
     /// The mirror; `None` for the transmitter itself.
     pub mirror: Option<u32>,
@@ -113,7 +113,7 @@ impl<'t, 'a> Illumination<'t, 'a> {
         Some(if self.tracer.settings.transmission { left } else { 0 })
     }
 
-    /// How a source lights a point of a face.
+    /// Visibility of a source from a point of a face.
     pub fn lighting(&self, source: Source, point: DVec3, face: u32) -> Lighting {
         let Some(slab_budget) = self.slab_budget(source, 0) else { return Lighting::Dark };
         let leg = |from: DVec3, to: DVec3, skip: [Option<u32>; 2]| -> Lighting {

@@ -1,4 +1,4 @@
-//! What a receiver sees in mirrors: the transmitter's own rays help there as well.
+//! Image receivers: surfaces that a receiver sees in mirrors, where the transmitter's own rays help as well.
 //!
 //! Two metal faces at a right angle, a door in its jamb, show a strip of a lit wall edge-on and some 0.1 mrad wide: a direction meets it
 //! once in a hundred samplings, and then it is most of a dark view. The transmitter's rays fall on that strip as on any other surface. A
@@ -6,8 +6,8 @@
 //! [`super::light_hits`]: mirrors keep densities per solid angle, so that all is as if the receiver stood at its own image. What it sees by way
 //! of none, through slabs or not, is shared in the same way.
 //!
-//! Which mirrors are in sight has to be told without looking at the directions themselves: a way that is known where they happened to find
-//! it would be counted too seldom. A coarser lattice of its own finds them, the same in every sampling.
+//! The mirrors in sight have to be found without the directions themselves: a way that is known only where they happened to find it would
+//! be counted too seldom. A coarser lattice of its own finds them, the same in every sampling.
 
 use super::illumination::{CLEARANCE_M, Illumination};
 use super::in_tasks;
@@ -52,10 +52,10 @@ pub struct MirrorSequence {
 impl MirrorSequence {
     /// Mirrors that are told apart.
     pub const MOST: usize = 2;
-    /// By way of none.
+    /// The empty sequence: no mirror.
     pub const STRAIGHT: Self = Self { mirrors: [0; Self::MOST], count: 0 };
 
-    /// With one mirror more.
+    /// The sequence with one more mirror.
     pub fn by(mut self, face: u32) -> Self {
         if let Some(mirror) = self.mirrors.get_mut(self.count) {
             *mirror = face;
@@ -64,7 +64,7 @@ impl MirrorSequence {
         self
     }
 
-    /// How many.
+    /// Number of mirrors, those beyond [`Self::MOST`] included.
     pub fn count(&self) -> usize {
         self.count
     }
@@ -75,12 +75,12 @@ impl MirrorSequence {
     }
 }
 
-/// What is seen straight, or by way of one or two mirrors.
+/// A view of the receiver: straight, or by way of one or two mirrors.
 #[derive(Clone, Debug)]
 pub struct ImageReceiver {
     /// In the order in which a ray from the receiver meets them.
     pub way: MirrorSequence,
-    /// Where from.
+    /// Viewpoint: the receiver or its image.
     pub vantage: VirtualReceiver,
     /// Inward normals of the planes through the image and the mirrors' outlines, those of the first mirror as the others show it.
     walls: FrustumPlanes,
@@ -88,7 +88,7 @@ pub struct ImageReceiver {
     front: (Vec3, f32),
 }
 
-/// Where a receiver looks from, straight or in mirrors.
+/// Viewpoint of a receiver: its own position, or its image in mirrors.
 #[derive(Clone, Copy, Debug)]
 pub struct VirtualReceiver {
     /// The receiver, or its image.
@@ -98,8 +98,9 @@ pub struct VirtualReceiver {
 }
 
 impl VirtualReceiver {
-    /// How many times as densely as a receiver's directions the transmitter's rays, as many over the sphere, meet a point of a face: p_t/p_r of
-    /// [`super::light_hits`], from the [`super::mis::density`] of both there. Nothing where they look at different sides of the face.
+    /// Ratio of the densities p_t/p_r of [`super::light_hits`] at a point of a face: of the transmitter's rays over the receiver's
+    /// directions, as many over the sphere, from the [`super::mis::density`] of both there. Zero where they look at different sides of the
+    /// face.
     pub fn density_ratio(&self, sampling: Sampling, area_m2: f64, own_per_m2: f64, transmitters_per_m2: f64) -> f64 {
         // Refinement finds no face that the sampling's own directions miss: how many meet one that is seen as it is here?
         let met = (sampling.per_sr() * own_per_m2.abs() * area_m2).min(self.directions);
@@ -114,7 +115,7 @@ pub fn pilots(count: usize) -> Directions {
 }
 
 impl StrongMirrors {
-    /// Of a scene.
+    /// The strong mirrors of a scene.
     pub fn new(geometry: &Geometry<'_>, illumination: &Illumination<'_, '_>) -> Self {
         let strong = |face: &u32| {
             let response = illumination.table(*face).response(1.0);
@@ -174,7 +175,7 @@ impl ImageReceivers {
         self.views.push(view);
     }
 
-    /// All of them.
+    /// All views of the receiver.
     pub fn all(&self) -> &[ImageReceiver] {
         &self.views
     }

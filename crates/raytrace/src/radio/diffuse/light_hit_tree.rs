@@ -1,4 +1,5 @@
-//! Where the transmitter's rays fell, as a tree: which of thousands of points a mirror shows is asked for thousands of mirrors.
+//! Bounding volume hierarchy over the hits of the transmitter's rays: finds those among thousands that a mirror shows, for thousands of
+//! mirrors.
 
 use super::illumination::Lighting;
 use super::image_receivers::ImageReceiver;
@@ -6,9 +7,9 @@ use super::sampling::Sampling;
 use crate::radio::geometry::Geometry;
 use glam::{DVec3, Vec3};
 
-/// LightHitTree of a leaf.
+/// Largest number of hits in a leaf.
 const LEAF: usize = 16;
-/// LightHitTree this near a view's outline count as within it: single precision, metres.
+/// Margin within which hits near a view's outline count as inside it, metres: the rounding of single precision.
 const NEAR_M: f32 = 1e-3;
 
 /// A point that the transmitter lights, straight or through slabs.
@@ -16,9 +17,9 @@ const NEAR_M: f32 = 1e-3;
 pub struct LightHit {
     /// On the face's plane.
     pub point: DVec3,
-    /// What was met.
+    /// Face that was hit.
     pub face: u32,
-    /// How it is lit.
+    /// Visibility of the transmitter from there.
     pub lighting: Lighting,
     /// The transmitter's height above the face over its distance³, 1/m², of the sign of the side that it lights.
     pub density_per_m2: f64,
@@ -52,7 +53,7 @@ pub struct LightHitTree {
 }
 
 impl LightHitTree {
-    /// Of what fell on surfaces of a geometry.
+    /// The tree over hits on the faces of a geometry.
     pub fn new(geometry: &Geometry<'_>, light_hits: &[LightHit]) -> Self {
         let place = |(number, hit): (usize, &LightHit)| {
             let plane = &geometry.faces[hit.face as usize];

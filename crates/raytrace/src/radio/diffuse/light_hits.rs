@@ -1,4 +1,5 @@
-//! Where the transmitter's own rays fall: the other half of what a receiver sees lit straight from the transmitter.
+//! Hits of the transmitter's own rays: the second sampling technique for surfaces lit straight from the transmitter, beside a receiver's
+//! directions.
 //!
 //! A receiver's directions meet a surface with p_r = N_r cosθ_s / (4π r₂²) points per area. Of one that it sees edge-on they meet next to
 //! nothing, and what they meet counts for 1/cosθ_s: where that surface is brightly lit, all error of the received power is made there. Rays
@@ -12,11 +13,11 @@ use super::mis::density;
 use crate::radio::geometry::SurfaceHit;
 use crate::radio::lattice::Directions;
 
-/// All of a transmitter's.
+/// All hits of a transmitter's rays.
 pub struct LightHits {
-    /// Near ones together.
+    /// List of the hits, near ones together.
     pub all: Vec<LightHit>,
-    /// Where they are.
+    /// Bounding volume hierarchy over their positions.
     pub tree: LightHitTree,
 }
 

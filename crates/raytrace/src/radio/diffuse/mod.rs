@@ -57,22 +57,22 @@ use refine::Gathering;
 use serde::{Deserialize, Serialize};
 use small::SmallFaces;
 
-/// How much sparser [`DiffuseField::gather_for_view`] samples what is out of view.
+/// Factor by which [`DiffuseField::gather_for_view`] samples directions out of view more sparsely.
 pub const OUTSIDE_SPARSITY: usize = 16;
-/// … and with [`DiffuseSettings::even_arrivals`], whose readers have fewer directions.
+/// Factor instead of [`OUTSIDE_SPARSITY`] with [`DiffuseSettings::even_arrivals`], whose readers have fewer directions.
 pub const EVEN_OUTSIDE_SPARSITY: usize = 4;
 /// More than the whole sphere: no mirror is evaluated exactly.
 pub const NO_MIRRORS_SR: f64 = 13.0;
 /// More photons are a mistake.
 const MAX_PHOTONS: usize = 100_000_000;
-/// What a direction takes, with what the transmitter's ray along it and the receiver's find, bytes.
+/// Memory per direction, with the hits of the transmitter's ray along it and of the receiver's, bytes.
 const DIRECTION_BYTES: f64 = 200.0;
 /// Directions along the side of a cell in which a strong mirror stands, with [`DiffuseSettings::even_arrivals`].
 const MIRROR_SIDE: usize = 2;
 /// Directions that a task looks along; few, for refinement makes some of them sixty-four, and the last task keeps all others waiting.
 const DIRECTIONS_PER_TASK: usize = 128;
 
-/// How the diffuse field is sampled.
+/// Sampling of the diffuse field.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DiffuseSettings {
@@ -89,14 +89,16 @@ pub struct DiffuseSettings {
     pub min_mirror_sr: f64,
     /// Photons that bring all indirect light; 0 leaves it out.
     pub photons: usize,
-    /// What a reader of the arrivals tells apart, degrees: where neighbouring directions differ by more than some per cent of the power
-    /// within it, a receiver looks again. 0 leaves it at the lattice.
+    /// Angular resolution of the arrivals' reader, degrees: where neighbouring directions differ by more than some per cent of the power
+    /// within it, a receiver samples more finely. 0 leaves it at the lattice.
     pub resolution_deg: f64,
-    /// Whether single arrivals are kept from counting for much: small faces are sampled over their area, what strong mirrors show with more
-    /// directions, directions stand anywhere in their cells, and outliers are cut. For readers whose lobes hold many arrivals, where the few heavy ones make the error.
+    /// Whether heavy single arrivals are avoided: small faces are sampled over their area, strong mirrors get more directions, all
+    /// directions are jittered in their cells, and outliers are clamped. For readers whose lobes hold many arrivals, where the few heavy
+    /// ones make the error.
     pub even_arrivals: bool,
-    /// Then, an arrival of more than this share of all others within the resolution around it, and more than any one of them, was met by luck and
-    /// counts for no more; what is cut goes to all. Less error for some bias, and less of both with more directions; 0 cuts nothing.
+    /// Firefly clamp, with `even_arrivals`: an arrival of more than this share of all others within the resolution around it, and of more
+    /// than any one of them, is cut to the larger of the two; the power cut goes to all arrivals. Less error for some bias, and less of
+    /// both with more directions; 0 cuts nothing.
     pub outlier_share: f64,
     /// Shifts the patches, turns the lattices and draws other photons; results of different phases differ by the sampling error alone.
     pub phase: u64,
@@ -196,17 +198,18 @@ pub struct DiffuseField<'t, 'a> {
     illumination: Illumination<'t, 'a>,
     patches: Patches,
     cache: Option<RadianceCache>,
-    /// Where as many rays of the transmitter fell as a receiver has directions; without them a receiver's directions meet all by themselves.
+    /// Hits of the transmitter's rays, as many as a receiver has directions; without them a receiver's directions are the only sampling
+    /// technique.
     light_hits: Option<LightHits>,
-    /// With [`DiffuseSettings::even_arrivals`].
+    /// Faces that are sampled over their area, with [`DiffuseSettings::even_arrivals`].
     small: Option<SmallFaces>,
-    /// Of patches and points.
+    /// Shift of the patches and sample points.
     phase: DVec2,
-    /// Where the numbers begin that decide by chance, in [0, 1).
+    /// First number of the low-discrepancy sequence for Russian roulette, in [0, 1).
     luck: f64,
     settings: DiffuseSettings,
     directions: Directions,
-    /// [`OUTSIDE_SPARSITY`] times fewer, or [`EVEN_OUTSIDE_SPARSITY`] times.
+    /// Directions out of view: [`OUTSIDE_SPARSITY`] times fewer, or [`EVEN_OUTSIDE_SPARSITY`] times.
     outside: Directions,
     /// With [`DiffuseSettings::even_arrivals`]: mirrors, and the directions that look for more of them.
     mirrors: Option<(StrongMirrors, Directions)>,
@@ -221,7 +224,8 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         Self::of_chains(tracer, tx, settings, None)
     }
 
-    /// As [`DiffuseField::new`], but all the light is that of one chain from the transmitter to its last scattering, brought by photons.
+    /// The diffuse field of a single chain of events from the transmitter to its last scattering, all of it brought by photons; otherwise
+    /// [`DiffuseField::new`].
     pub(crate) fn of_chain(tracer: &'t RadioTracer<'a>, tx: DVec3, settings: &DiffuseSettings, chain: &[Event]) -> Result<Self> {
         Self::of_chains(tracer, tx, settings, Some(chain))
     }
@@ -304,17 +308,17 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         self.gather_with(rx, &self.tracer.settings.rx_antenna)
     }
 
-    /// As [`DiffuseField::gather`] with an antenna of its own, which may turn from one position to the next.
+    /// The arrivals of [`DiffuseField::gather`] at an antenna of its own, which may turn from one position to the next.
     ///
     /// # Errors
-    /// As [`DiffuseField::gather`].
+    /// Those of [`DiffuseField::gather`].
     pub fn gather_with(&self, rx: DVec3, antenna: &Antenna) -> Result<Vec<Arrival>> {
         self.tracer.check_in_the_open("receiver", rx)?;
         finite(rx, self.gathering(rx, antenna, |_| true).arrivals(|_| true))
     }
 
-    /// As [`DiffuseField::gather`] for one view: all directions inside the camera's frame and a margin around it, and outside of it a
-    /// lattice [`OUTSIDE_SPARSITY`] times sparser, which keeps the total power. An array's side lobes want more:
+    /// The arrivals of [`DiffuseField::gather`] for one view: all directions inside the camera's frame and a margin around it, and outside
+    /// of it a lattice [`OUTSIDE_SPARSITY`] times sparser, which keeps the total power. An array's side lobes want more:
     /// [`DiffuseField::gather_in_front_with`].
     ///
     /// # Errors
@@ -323,16 +327,16 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         self.gather_for_view_with(camera, world_from_camera, &self.tracer.settings.rx_antenna)
     }
 
-    /// As [`DiffuseField::gather_for_view`] with an antenna of its own.
+    /// The arrivals of [`DiffuseField::gather_for_view`] at an antenna of its own.
     ///
     /// # Errors
-    /// As [`DiffuseField::gather_for_view`].
+    /// Those of [`DiffuseField::gather_for_view`].
     pub fn gather_for_view_with(&self, camera: &Pinhole, world_from_camera: &Rigid3, antenna: &Antenna) -> Result<Vec<Arrival>> {
         self.gather_within(world_from_camera.translation, antenna, extent::view(camera, world_from_camera))
     }
 
-    /// As [`DiffuseField::gather_with`] for an array that is deaf behind its plane: all directions before the plane and a margin, and behind a
-    /// sparser lattice, which keeps the total power. `boresight` is the array's, a unit vector.
+    /// The arrivals of [`DiffuseField::gather_with`] for an array without response behind its plane: all directions before the plane and a
+    /// margin, and behind a sparser lattice, which keeps the total power. `boresight` is the array's, a unit vector.
     ///
     /// # Errors
     /// A position that is not finite, or within 0.1 mm of a surface.
@@ -407,7 +411,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         }
     }
 
-    /// What the transmitter's own rays add to a receiver's `wanted` directions.
+    /// Contributions of the transmitter's ray hits in a receiver's `wanted` directions.
     fn landed(
         &self,
         rx: DVec3,

@@ -1,4 +1,4 @@
-//! What is met by luck counts for less than it says.
+//! Firefly clamp: caps single arrivals far above the power of their angular neighbourhood.
 //!
 //! A facet that a direction meets once in a hundred samplings counts a hundredfold when it is met, and then outweighs all that a reader sees
 //! around it. A hundred samplings are right together; each of them is closer to the truth without the thing than with it. So a single
@@ -10,7 +10,8 @@
 use super::bins::Bins;
 use crate::radio::Arrival;
 
-/// What is fainter than this share of the brightest is out of a reader's range: an arrival beside nothing brighter is what there is to see, and stays.
+/// Least power of an arrival's neighbourhood, as a share of the brightest one's, for the arrival to be capped: beside nothing brighter than
+/// this, an arrival is all there is to see, and stays.
 const FAINTEST: f64 = 1e-3;
 
 /// Cuts arrivals of more than `most_share` of what else arrives within the reader's resolution around them, degrees.
@@ -43,7 +44,7 @@ mod tests {
 
     const COUNT: usize = 5_000;
 
-    /// From everywhere alike, 1 each.
+    /// Arrivals of power 1 from all directions of a uniform lattice.
     fn even() -> Vec<Arrival> {
         let direction = |i| lattice::fibonacci(i, COUNT);
         (0..COUNT).map(|i| Arrival { direction: direction(i), power: 1.0, delay_s: 1e-8, object: 0, phase_rad: None }).collect()

@@ -35,7 +35,7 @@ pub struct Patches {
     areas_m2: Vec<f64>,
 }
 
-/// What a patch takes in all tables together while they are made, bytes; those of lit patches come on top.
+/// Memory of a patch in all tables together while they are made, bytes; those of lit patches come on top.
 const PATCH_BYTES: f64 = 600.0;
 
 /// Refuses more patches than fit the memory or can be numbered.

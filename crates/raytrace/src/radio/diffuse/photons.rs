@@ -21,7 +21,7 @@ pub const PHOTONS_PER_TASK: usize = 2048;
 /// Photons of less power times worth take part in roulette.
 const ROULETTE_POWER: f64 = 3e-3;
 
-/// What happens to a wave at a surface.
+/// The kind of interaction of a photon with a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// Mirrored.
@@ -48,10 +48,10 @@ struct Photon {
     covered: bool,
 }
 
-/// What some of the photons bring.
+/// The part of the indirect light that photons carry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PhotonKind {
-    /// Light that mirrors and slabs alone sent on.
+    /// Light that only mirrors and slabs passed on.
     Unscattered,
     /// Light that was scattered before.
     Scattered,
@@ -59,25 +59,25 @@ pub enum PhotonKind {
     All,
 }
 
-/// How photons are sent.
+/// One pass of photon tracing.
 pub struct PhotonPass<'g> {
-    /// Which light they bring.
+    /// Part of the light that the photons carry.
     pub kind: PhotonKind,
-    /// In which directions they leave.
+    /// Directions in which they leave the transmitter.
     pub emission: Emission,
-    /// What they are worth.
+    /// Worth of photons by place and direction, for guiding; `None` sends them unguided.
     pub guide: Option<&'g Guide>,
-    /// Of their random numbers.
+    /// Stage of their random numbers.
     pub stage: u64,
 }
 
-/// What photons leave on their way.
+/// Deposits and legs of the photons traced so far.
 #[derive(Default)]
 pub struct Trail {
     stack: Vec<Photon>,
     /// In the order of the photons.
     pub deposits: Vec<Deposit>,
-    /// Kept by the pilot only.
+    /// Legs of the photons' ways, recorded by the pilot only.
     pub legs: Option<Vec<Leg>>,
 }
 
@@ -88,17 +88,17 @@ impl Trail {
     }
 }
 
-/// What all photons of a transmitter have in common.
+/// Photon tracer of a transmitter: all that its photons share.
 pub struct Photons<'p, 't, 'a> {
     /// The sources, and the tables of the slabs.
     pub illumination: &'p Illumination<'t, 'a>,
-    /// Where deposits go.
+    /// Patches on which deposits fall.
     pub patches: &'p Patches,
-    /// How many are traced.
+    /// Number of photons.
     pub count: usize,
     /// Key of the random numbers.
     pub seed: u64,
-    /// Turns even departures.
+    /// Rotation of the lattice of uniform departures.
     pub world_from_lattice: DMat3,
     /// The one chain to follow, up to and with its last scattering; otherwise all chains that the sources do not light.
     pub only: Option<&'p [Event]>,

@@ -11,9 +11,9 @@ use corf_scene::model::ScatteringPattern;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// One photon in so many goes ahead as a pilot, …
+/// Number of photons per pilot photon.
 const PILOT_SHARE: usize = 16;
-/// … and no more than these: what they find out takes some 700 bytes each.
+/// Largest number of pilot photons: the records of one take some 700 bytes.
 const MOST_PILOTS: usize = 250_000;
 /// Directions that the pilot looks along from every place where a photon arrives, besides those that photons take.
 const PILOT_LOOKS: usize = 4;

@@ -14,15 +14,15 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// Estimated error of an object's power, relative, at which it is done: of straight light, …
+/// Relative error of an object's power, estimated, at which integration stops: of light straight from the transmitter.
 const STRAIGHT: f64 = 2e-5;
-/// … and of one mirror's, many of which make a sum; …
+/// Relative error of the power by way of one mirror; many of these make a sum.
 const OF_MIRROR: f64 = 5e-4;
-/// … or there are this many cells.
+/// Largest number of cells, at which integration stops in any case.
 const MOST_CELLS: usize = 400_000;
-/// Longest side of a cell to begin with, metres, …
+/// Longest side of a cell to begin with, metres.
 const LONGEST_SIDE_M: f64 = 0.25;
-/// … and fewest times that a triangle is quartered: what lights a part of it only is not to be missed.
+/// Fewest quarterings of a triangle to begin with, so that light on a part of it only is not missed.
 const LEAST_QUARTERINGS: usize = 3;
 /// Radon's rule of degree 5 on a triangle: the centroid, and two orbits of barycentric coordinates (t, t, 1 − 2t).
 const CENTRE_WEIGHT: f64 = 0.225;
@@ -88,7 +88,7 @@ fn pieces(corners: [DVec3; 3]) -> Vec<[DVec3; 3]> {
     (0..times).fold(vec![corners], |parts, _| parts.into_iter().flat_map(quarters).collect())
 }
 
-/// What a receiver gets by quadrature, by scene object: |a|², linear.
+/// Scattered power at a receiver by quadrature, by scene object: |a|², linear.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scattered {
     /// Straight from the transmitter to the surface: `D` with no slab between them, `RD`, `RRD`, … with as many as the index.
@@ -98,8 +98,8 @@ pub struct Scattered {
 }
 
 impl DiffuseField<'_, '_> {
-    /// What every object scatters straight to a receiver, to some 1e-4 of itself (1e-3 by way of mirrors): the same as
-    /// [`DiffuseField::contributions`] estimate from their lattice, photons aside. For checks: it looks at every triangle.
+    /// Power that every object scatters straight to a receiver, with a relative error of some 1e-4 (1e-3 by way of mirrors): the quantity
+    /// that [`DiffuseField::contributions`] estimate from their lattice, photons aside. For checks: it integrates over every triangle.
     ///
     /// # Errors
     /// A position that is not finite, or within 0.1 mm of a surface.
@@ -118,7 +118,7 @@ impl DiffuseField<'_, '_> {
         Ok(scattered)
     }
 
-    /// By object, what a source lights through a number of slabs.
+    /// Scattered power at a receiver by object, of light from a source through a number of slabs.
     fn scattered_from(&self, source: Source, slabs: usize, rx: DVec3) -> Vec<f64> {
         let geometry = &self.tracer.geometry;
         let lattice = Lattice::new(self.directions.count(), false, false);

@@ -1,4 +1,4 @@
-//! Where neighbouring directions of a receiver's lattice disagree, what lies between them is looked at as well.
+//! Adaptive refinement of a receiver's lattice: more directions are traced where neighbouring ones disagree.
 //!
 //! Outlines, shadow edges and things smaller than the lattice's spacing make nearly all of its error; smooth surfaces make none. The cell
 //! of a lattice direction is the parallelogram of its two shortest steps, whose copies tile the sphere. A cell whose neighbours differ by
@@ -25,18 +25,19 @@ use rayon::prelude::*;
 /// Difference of neighbours that is left alone, over the power within the reader's resolution. About twenty cells lie along an edge through it,
 /// each wrong by this over √12: three per cent together.
 const TOLERATED: f64 = 0.02;
-/// Of a cell that its neighbours do not ask for: its own word is only made more even.
+/// Most directions along the side of a cell that is refined only because it differs from neighbours that agree: that evens out its own
+/// value.
 const MOST_LUCKY: usize = 4;
 /// Regions this much fainter than the brightest are left alone.
 const FAINTEST: f64 = 1e-5;
 /// Share of power that a strong mirror, or a slab, passes on.
 const STRONG_MIRROR: f64 = 0.9;
-/// A point with less power than this share of the mean direction's counts by chance.
+/// Limit of Russian roulette for sample points: those of less power than this many times the mean direction's take part.
 const FAINT: f64 = 2.0;
-/// How often refined cells are compared with their neighbours again.
+/// Number of further comparisons of refined cells with their neighbours.
 const ROUNDS: usize = 2;
 
-/// What a cell receives by way of one object seen first.
+/// Power that a cell receives through one object seen first.
 #[derive(Clone, Copy)]
 struct Part {
     object: u32,
@@ -45,7 +46,7 @@ struct Part {
     weighted_direction: DVec3,
 }
 
-/// What a cell receives in one layer.
+/// Power that a cell receives in one layer, by object seen first.
 struct Seen {
     /// Directions along the cell's side that were looked along.
     side: usize,
@@ -64,14 +65,14 @@ impl Seen {
     }
 }
 
-/// How a layer of a cell stands to its neighbours.
+/// Refinement of a layer of a cell that the difference to its neighbours asks for.
 #[derive(Clone, Copy)]
 struct RefinementRequest {
     /// Directions along the side that the neighbours' differences ask for.
     side: usize,
-    /// What the neighbours receive, least and most.
+    /// Least and largest power of the neighbours.
     neighbours: [f64; 2],
-    /// What is received within the reader's resolution besides the cell's layer.
+    /// Power received within the reader's resolution, the cell's layer left out.
     others: f64,
 }
 
@@ -84,7 +85,7 @@ impl RefinementRequest {
         (times_tolerated.powf(2.0 / 3.0).ceil() as usize).clamp(1, MOST_ALONG_SIDE)
     }
 
-    /// How many times the tolerated difference lies between the neighbours' and a power that the cell's layer may receive.
+    /// Largest difference between the neighbours' powers and a power that the cell's layer may receive, in multiples of the tolerated one.
     fn times_tolerated(&self, power: f64) -> f64 {
         let [least, most] = self.neighbours;
         (power - least).max(most - power) / (TOLERATED * (self.others + power))
@@ -95,11 +96,11 @@ impl RefinementRequest {
 struct Cell {
     index: usize,
     direction: DVec3,
-    /// From the surfaces seen first, and from behind them: by [`LAYERS`].
+    /// Power from the surfaces seen first, and from behind them: by [`LAYERS`].
     seen: [Seen; 2],
 }
 
-/// Looked at with a fineness of its own each: most outlines are those of what is seen first, and what lies behind costs more rays.
+/// Layers that are refined independently: most outlines are those of the surfaces seen first, and surfaces behind them cost more rays.
 const LAYERS: [Layer; 2] = [Layer::Front, Layer::Beyond];
 
 impl Cell {
@@ -120,11 +121,11 @@ pub(super) struct Gathering<'g, 'f, 't, 'a> {
     pub antenna: &'g Antenna,
     /// Over the whole sphere.
     pub directions: &'f Directions,
-    /// What a reader tells apart, degrees; 0 refines nothing.
+    /// Angular resolution of the arrivals' reader, degrees; 0 refines nothing.
     pub resolution_deg: f64,
     /// Whether what the directions meet is shared with the transmitter's own rays.
     pub shared: bool,
-    /// What points of their own stand for.
+    /// Small faces, which are sampled over their area and not by directions.
     pub small: Option<small::Seen>,
     /// Mirrors in sight, where what they show is shared as well.
     pub views: Option<ImageReceivers>,
@@ -216,7 +217,7 @@ impl Gathering<'_, '_, '_, '_> {
         (cells.into_iter().flat_map(Cell::arrivals).collect(), directions)
     }
 
-    /// What is found along every direction of the lattice that is wanted.
+    /// Results of `find` along every `wanted` direction of the lattice.
     fn look<T: Send>(
         &self,
         wanted: impl Fn(DVec3) -> bool + Sync,
@@ -289,7 +290,7 @@ impl Gathering<'_, '_, '_, '_> {
         (counted > 0).then_some(mean)
     }
 
-    /// What each cell's neighbours ask of it, by layer.
+    /// Refinement that each cell's neighbours ask of it, by layer.
     fn wishes(&self, cells: &[Cell]) -> Vec<[RefinementRequest; 2]> {
         let count = self.directions.count();
         let mut by_index = vec![[f64::NAN; 2]; count];
@@ -353,7 +354,7 @@ fn once(direction: DVec3, object: u32, c: &Contribution) -> Arrival {
     Arrival { direction, power: c.power, delay_s: c.delay_s, object, phase_rad: None }
 }
 
-/// What comes from a direction all in all, as a look reports it.
+/// Sum of all contributions of one direction as an arrival; `None` where there is no power.
 fn arrival(direction: DVec3, look: impl FnOnce(&mut dyn FnMut(Contribution)) -> Option<u32>) -> Option<Arrival> {
     let (mut power, mut weighted_delay) = (0.0, 0.0);
     let object = look(&mut |c| {

@@ -1,4 +1,4 @@
-//! How densely a receiver looks around.
+//! Density of a receiver's directions.
 
 /// Directions along a cell's side, at most, where neighbouring directions disagree.
 pub(super) const MOST_ALONG_SIDE: usize = 8;

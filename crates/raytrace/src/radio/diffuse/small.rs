@@ -32,7 +32,7 @@ struct Outline {
 /// A point of a small face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SmallPoint {
-    /// What it lies on.
+    /// Face that it lies on.
     pub face: u32,
     /// From the receiver, a unit vector.
     pub direction: DVec3,
@@ -45,7 +45,7 @@ pub struct SmallPoint {
 pub struct Seen {
     /// By face: whether points stand for it.
     small: Vec<bool>,
-    /// Whether anything hides them is not asked.
+    /// Sample points on the small faces; their visibility from the receiver is not tested.
     pub points: Vec<SmallPoint>,
 }
 
@@ -57,7 +57,7 @@ impl Seen {
 }
 
 impl SmallFaces {
-    /// All faces that scatter: which are small is the receiver's to say.
+    /// Collects all faces that scatter; the receiver's position decides which of them are small.
     pub fn new(geometry: &Geometry<'_>) -> Self {
         let mut corners: Vec<Vec<DVec3>> = vec![Vec::new(); geometry.faces.len()];
         for triangle in 0..geometry.triangle_count() as u32 {
@@ -68,7 +68,7 @@ impl SmallFaces {
         Self { faces: scattering.map(|(face, corners)| Outline::new(face, corners)).collect(), count: geometry.faces.len() }
     }
 
-    /// What a receiver with so many directions over the sphere sees; `phase` ∈ [0, 1)² shifts the points.
+    /// Sample points of the small faces for a receiver with so many directions over the sphere; `phase` ∈ [0, 1)² shifts the points.
     pub fn seen_from(&self, geometry: &Geometry<'_>, rx: DVec3, directions: usize, phase: DVec2) -> Seen {
         let per_sr = directions as f64 / (4.0 * PI);
         let mut seen = Seen { small: vec![false; self.count], points: Vec::new() };

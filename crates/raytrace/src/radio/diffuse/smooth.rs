@@ -1,4 +1,4 @@
-//! What few photons say of a patch, weighed against what many say of its surroundings.
+//! Empirical Bayes smoothing of the photon map: a patch's own estimate is weighed against that of its surroundings.
 //!
 //! Photons are counted: a dark patch's estimate is noise long before its neighbourhood's is. Patches form blocks of 4×4, blocks form
 //! regions of 4×4. From its members' spread a block's own variation τ² is what counting photons does not explain, and every member is

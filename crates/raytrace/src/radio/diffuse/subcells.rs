@@ -1,4 +1,4 @@
-//! Where within a patch, or on which facets of a pool, light falls.
+//! Subcells: the distribution of light within a patch, or over the facets of a pool.
 //!
 //! A table holds what leaves a slot in every direction, as if light fell evenly on it. Behind slats, under furniture and in corners it
 //! does not: what light cannot reach a receiver often cannot see either, and an even share of the light would be spent on it unseen
@@ -9,7 +9,7 @@ use super::patches::GRAINS;
 use super::smooth::{Member, own_shares};
 use std::ops::Range;
 
-/// Where one side of a patch keeps its light.
+/// Slot and subcells of one side of a patch.
 #[derive(Clone, Copy, Debug)]
 pub struct SubcellRange {
     /// The slot.
@@ -52,7 +52,7 @@ impl SubcellRange {
     }
 }
 
-/// What every subcell sends out, relative to what is expected of it.
+/// Scattered power of every subcell, relative to its expected one.
 ///
 /// `expected` is the power that light interpolated between patches would leave there, `found` the photons', `power` that of the whole
 /// slot and `spread` that of a typical photon; `None` where they tell no more than chance.

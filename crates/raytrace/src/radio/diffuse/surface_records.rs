@@ -1,4 +1,4 @@
-//! Where light is kept: a slot for either side of every patch, or of a pool of patches with little of a face on them.
+//! Surface records of the radiance cache: a slot for either side of every patch, or of a pool of patches with little of a face on them.
 
 use super::exposure::{Exposed, exposed};
 use super::patches::Patches;
@@ -41,11 +41,11 @@ pub struct SurfaceRecords {
     of_patch: Vec<[SubcellRange; 2]>,
     /// By slot: how many subcells it has.
     subcell_counts: Vec<u32>,
-    /// SurfaceRecords by block, blocks by region.
+    /// Slots by block, blocks by region.
     regions: Vec<Vec<Vec<u32>>>,
 }
 
-/// Where a slot's surroundings are kept: on a face's side, or among the pools of small facets that look the same way.
+/// Cell of the grid in which a slot's surroundings are found: on a face's side, or among the pools of small facets of like orientation.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 enum Place {
     Grid { face: u32, side: usize, cell: [usize; 2] },
@@ -67,13 +67,13 @@ impl Place {
 /// A slot's area and photons, and those of the block it lies in.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Surroundings {
-    /// Of the slot itself, m².
+    /// Area of the slot itself, m².
     pub own_m2: f64,
-    /// Photons' power, as they carry it.
+    /// Power of the slot's photons, as they carry it.
     pub own_power: f64,
-    /// Of the block, m².
+    /// Area of the block, m².
     pub area_m2: f64,
-    /// Photons' power.
+    /// Power of the block's photons.
     pub power: f64,
 }
 
@@ -150,12 +150,12 @@ impl SurfaceRecords {
         &self.slots[slot as usize]
     }
 
-    /// All of them.
+    /// All slots.
     pub fn all(&self) -> &[SurfaceRecord] {
         &self.slots
     }
 
-    /// SurfaceRecords by block, blocks by region: 4×4 neighbours each; without those where no light is expected.
+    /// Slots by block, blocks by region: 4×4 neighbours each; without those where no light is expected.
     pub fn regions(&self) -> &[Vec<Vec<u32>>] {
         &self.regions
     }

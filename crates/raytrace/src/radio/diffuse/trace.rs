@@ -9,11 +9,11 @@ use rayon::prelude::*;
 
 /// Tasks between two fillings of the cache: a quarter of a million photons leave some 100 MB of deposits.
 const TASKS_PER_ROUND: usize = 128;
-/// Stage of the random numbers, …
+/// Stage of the photons' random numbers.
 const STAGE: u64 = 0x9407_0a5e;
-/// … of those for photons that bring scattered light, …
+/// Stage of the random numbers of photons that carry scattered light.
 const SCATTERED_STAGE: u64 = 0x9407_0a60;
-/// … and of those for where photons leave.
+/// Stage of the random numbers for the directions in which photons leave the transmitter.
 const EMISSION_STAGE: u64 = 0x9407_0a61;
 /// Share of all photons that bring scattered light.
 const SCATTERED_SHARE: f64 = 0.3;

@@ -4,9 +4,9 @@ use super::PathSet;
 use corf_scene::npz::{Array, Values};
 use serde_json::{Value, json};
 
-/// What stands for no object (Sionna's `INVALID_SHAPE`).
+/// Index that stands for no object (Sionna's `INVALID_SHAPE`).
 const INVALID_OBJECT: u32 = u32::MAX;
-/// What stands for no delay.
+/// Delay that stands for no path, seconds.
 const INVALID_DELAY: f64 = -1.0;
 
 /// The arrays; slots beyond a link's paths are not `valid` and hold what Sionna leaves there.

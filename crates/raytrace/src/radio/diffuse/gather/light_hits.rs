@@ -1,5 +1,5 @@
-//! What the transmitter's own rays fell on, as a receiver sees it: their half of [`crate::radio::diffuse::light_hits`], straight and in
-//! mirrors.
+//! Contributions of the transmitter's ray hits to a receiver, straight and in mirrors: one of the two techniques of the multiple importance
+//! sampling in [`crate::radio::diffuse::light_hits`].
 
 use super::{CLEARANCE_M, GatherTracer, Ray, RussianRoulette};
 use crate::radio::diffuse::Contribution;
@@ -14,15 +14,15 @@ use glam::DVec3;
 /// A ray that should meet a point meets it this closely, metres: single precision, and surfaces seen edge-on.
 const SAME_POINT_M: f64 = 2e-3;
 
-/// What a point of a surface sends from a source straight to the receiver.
+/// Scattering of a source's field by a surface point straight to the receiver.
 pub(in crate::radio::diffuse) struct Sent {
     towards_rx: DVec3,
     /// S²Γ² f_s, as the receiver's ports take it.
     share: f64,
     cos_incidence: f64,
-    /// From the source, metres.
+    /// Distance from the source, metres.
     source_m: f64,
-    /// To the receiver, metres.
+    /// Distance to the receiver, metres.
     distance_m: f64,
 }
 
@@ -35,8 +35,8 @@ impl Sent {
 }
 
 impl GatherTracer<'_, '_, '_> {
-    /// What comes straight from a point that one of the transmitter's own rays fell on, as far as it is theirs, with its direction, where
-    /// that is `wanted`.
+    /// Contribution of a hit of the transmitter's rays that the receiver sees straight, times its weight in multiple importance sampling,
+    /// with the direction of arrival; `None` where that is not `wanted`, nothing is received, or the weight is zero.
     pub fn landed(&self, hit: &LightHit, wanted: impl Fn(DVec3) -> bool) -> Option<(DVec3, Contribution)> {
         let &LightHit { point, face, lighting, density_per_m2 } = hit;
         let share = mis_weight(self.density_ratio(&self.straight(), face, point, density_per_m2));
@@ -50,7 +50,8 @@ impl GatherTracer<'_, '_, '_> {
         (power > 0.0).then_some((-towards_rx, contribution))
     }
 
-    /// What a point that a source lights sends straight to the receiver, where that is in a `wanted` direction and nothing is in the way.
+    /// Scattering by a point that a source lights straight to the receiver; `None` where that is not in a `wanted` direction or something
+    /// blocks it.
     pub fn sent(
         &self,
         source: Source,
@@ -78,9 +79,9 @@ impl GatherTracer<'_, '_, '_> {
         })
     }
 
-    /// What comes by way of mirrors in sight from the `index`th point that one of the transmitter's own rays fell on, as far as it is
-    /// theirs: the direction it comes from and the object seen there first. Of those with less power than what is `faint` chance lets some
-    /// count for all.
+    /// Contribution of the `index`th hit of the transmitter's rays in one view of the receiver, straight or by way of mirrors, times its
+    /// weight in multiple importance sampling; with the direction of arrival and the object seen first there. Hits that can bring less
+    /// power than `faint` take part in Russian roulette.
     pub fn landed_by(
         &self,
         view: &ImageReceiver,
@@ -130,7 +131,7 @@ impl GatherTracer<'_, '_, '_> {
         self.lobe(hit.face, normal, incidence, to_image / distance2.sqrt()) / distance2
     }
 
-    /// Of light that the transmitter sent straight to a face.
+    /// A contribution of light that the transmitter sent straight to a face, scattered there.
     fn once_scattered(&self, power: f64, length_m: f64, face: u32, after: usize) -> Contribution {
         Contribution {
             power,
@@ -149,7 +150,8 @@ impl GatherTracer<'_, '_, '_> {
         vantage.density_ratio(self.lattice.sampling, plane.area_m2, own_per_m2, transmitters_per_m2)
     }
 
-    /// From where a ray looks whose surfaces the transmitter's own rays look at as well; without views, straight and not through slabs.
+    /// Viewpoint of a ray whose hits are shared with the transmitter's own rays (multiple importance sampling); `None` where they are not.
+    /// Without views, only straight rays that crossed no slab are shared.
     pub(super) fn shared(&self, ray: &Ray) -> Option<VirtualReceiver> {
         if !self.lattice.shared || self.field.light_hits.is_none() {
             return None;
@@ -160,7 +162,7 @@ impl GatherTracer<'_, '_, '_> {
         }
     }
 
-    /// From the receiver itself.
+    /// The viewpoint of the receiver itself.
     fn straight(&self) -> VirtualReceiver {
         VirtualReceiver { image: self.rx, directions: f64::INFINITY }
     }

@@ -1,4 +1,5 @@
-//! From the receiver outwards: along every direction of its lattice, mirrored and straight through, to whatever scatters.
+//! Final gathering: rays from the receiver along every direction of its lattice, mirrored and straight through slabs, to surfaces that
+//! scatter.
 //!
 //! A ray carries what the receiver's ports make of a field that comes in along it: the antenna's own field vector taken backwards
 //! through every mirror and slab, which by reciprocity is the forward way's transpose. What a surface scatters along the ray is then
@@ -28,19 +29,21 @@ const CLEARANCE_M: f64 = 5e-5;
 const MIN_COS_SCATTER: f64 = 0.01;
 /// A ray that keeps less than this share of power (−60 dB) ends.
 const MIN_THROUGHPUT: f64 = 1e-6;
-/// A ray that keeps less than this share goes on with that much less probability, and counts for more.
+/// Threshold of Russian roulette: a ray that keeps less than this share of power goes on with that much less probability, and counts for
+/// more.
 const ROULETTE_THROUGHPUT: f64 = 0.01;
-/// … and with [`DiffuseSettings::even_arrivals`], whose readers average over many.
+/// Threshold of Russian roulette with [`DiffuseSettings::even_arrivals`], whose readers average over many arrivals.
 const EVEN_ROULETTE_THROUGHPUT: f64 = 0.02;
-/// Then, what a ray meets that keeps less than this share is looked at with that much less probability, for tracing is the lesser part of
-/// the cost, …
+/// Threshold of Russian roulette before the scattering of a surface is evaluated, with [`DiffuseSettings::even_arrivals`]: a ray that keeps
+/// less than this share of power evaluates with that much less probability, for tracing is the lesser part of the cost.
 const EVEN_LOOK_THROUGHPUT: f64 = 0.1;
-/// … and with more where it is met flatter than this, cosθ_s: its 1/cosθ_s and that of the probability do not make one heavy arrival together.
+/// Cosine of the scattering angle, cosθ_s, below which that probability rises by 1/cosθ_s: otherwise the 1/cosθ_s of the integrand and that
+/// of the probability together would make heavy arrivals.
 const EVEN_LOOK_COS: f64 = 0.4;
-/// Step of the low-discrepancy sequence that decides about a direction's rays.
+/// Step of the low-discrepancy sequence from which a direction's Russian roulette is drawn.
 const ROULETTE_STEP: f64 = lattice::R2.x;
 
-/// What a receiver looks for along one direction.
+/// Tracer of a receiver's gathering rays along one direction at a time: final gathering of the scattered power.
 pub(super) struct GatherTracer<'f, 't, 'a> {
     field: &'f DiffuseField<'t, 'a>,
     antenna: Antenna,
@@ -51,25 +54,25 @@ pub(super) struct GatherTracer<'f, 't, 'a> {
     /// Share of power below which chance decides whether a ray goes on.
     roulette_throughput: f64,
     stack: Vec<Ray>,
-    /// Of the last direction: the largest share of power that went on behind the surface seen first.
+    /// Largest share of power that went on behind the surface seen first, in the last direction traced.
     beyond: f64,
 }
 
 /// The directions of a receiver that one of them belongs to.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lattice<'s> {
-    /// How many there are.
+    /// Number and refinement of the directions.
     pub sampling: Sampling,
     /// Whether what it meets is shared with the transmitter's own rays.
     pub shared: bool,
-    /// What points of their own stand for.
+    /// Small faces, which are sampled over their area and not by directions.
     pub small: Option<&'s Seen>,
     /// Mirrors in which what is seen is shared with the transmitter's own rays as well.
     pub views: Option<&'s ImageReceivers>,
 }
 
 impl Lattice<'_> {
-    /// All by itself but for the transmitter's own rays, where `shared`.
+    /// A lattice that is the only sampling technique, but for the transmitter's own rays where `shared`.
     pub fn new(count: usize, refined: bool, shared: bool) -> Self {
         Self { sampling: Sampling { count, refined }, shared, small: None, views: None }
     }
@@ -79,12 +82,12 @@ impl Lattice<'_> {
     }
 }
 
-/// What is looked for along a direction.
+/// Depth layer of the surfaces whose scattering is gathered along a direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Layer {
-    /// What the surface seen first scatters.
+    /// Scattering of the surface seen first.
     Front,
-    /// What comes mirrored and through slabs from behind it.
+    /// Scattering of surfaces behind the first, seen mirrored and through slabs.
     Beyond,
     /// Both.
     All,
@@ -99,24 +102,24 @@ struct Ray {
     ports: [Field; MAX_PORTS],
     length_m: f64,
     hops: usize,
-    /// What mirrored it.
+    /// Mirrors on its way.
     way: MirrorSequence,
     /// 1 over the probability of having come this far.
     weight: f64,
 }
 
 impl Ray {
-    /// What the ports make of it.
+    /// Power gain of the receiver's ports along the ray, with the losses on its way so far.
     fn power(&self) -> f64 {
         self.ports.iter().map(Field::norm_squared).sum()
     }
 }
 
-/// What decides whether the rays of one direction go on.
+/// Russian roulette of the rays of one direction.
 struct RussianRoulette {
-    /// The power that left the receiver.
+    /// Power of the ray that left the receiver, to which that of a ray is compared.
     whole: f64,
-    /// Drawn from.
+    /// Random number in [0, 1) from which decisions are drawn.
     sequence: f64,
 }
 
@@ -126,7 +129,8 @@ impl RussianRoulette {
         Self { whole, sequence: (first + index as f64 * ROULETTE_STEP).fract() }
     }
 
-    /// Happens with a probability, whatever was decided before: what is left of the number drawn, spread out again, decides next.
+    /// Decides for an event with a probability, independent of the decisions before: the random number is rescaled to [0, 1) for the next
+    /// one.
     fn allows(&mut self, probability: f64) -> bool {
         if probability >= 1.0 {
             return true;
@@ -231,7 +235,7 @@ impl<'f, 't, 'a> GatherTracer<'f, 't, 'a> {
         Ray { origin: self.rx, direction, ports, length_m: 0.0, hops: 0, way: MirrorSequence::STRAIGHT, weight: 1.0 }
     }
 
-    /// Of a surface that a ray met.
+    /// Reflection and transmission coefficients of a surface at the angle at which a ray met it.
     fn response(&self, ray: &Ray, met: &SurfaceHit) -> SlabResponse {
         self.field.illumination.table(met.face).response(field::cos_incidence(ray.direction, met.normal))
     }
@@ -289,7 +293,8 @@ impl<'f, 't, 'a> GatherTracer<'f, 't, 'a> {
         luck.allows(kept).then(|| Ray { weight: ray.weight / kept, ..*ray })
     }
 
-    /// What the surface scatters towards the receiver along a direction of the lattice, or from a point that stands for a share of ∫dΩ/cosθ_s.
+    /// Scattering of a surface towards the receiver along a direction of the lattice, or from a sample point that stands for `share_sr` of
+    /// ∫dΩ/cosθ_s.
     fn scattered(&self, ray: &Ray, met: &SurfaceHit, share_sr: Option<f64>, report: &mut impl FnMut(Contribution)) {
         let (field, illumination) = (self.field, &self.field.illumination);
         let geometry = &field.tracer.geometry;
@@ -365,7 +370,7 @@ impl<'f, 't, 'a> GatherTracer<'f, 't, 'a> {
         fields
     }
 
-    /// What each port makes of a unit field along θ̂ and along φ̂ that leaves a point.
+    /// Response of each port to unit fields along θ̂ and along φ̂ that leave a point towards the receiver.
     fn received(&self, ports: &[Field; MAX_PORTS], towards_rx: DVec3) -> [(Complex, Complex); MAX_PORTS] {
         let (theta_out, phi_out) = (theta_hat(towards_rx), phi_hat(towards_rx));
         ports.map(|c| (c.along(theta_out), c.along(phi_out)))

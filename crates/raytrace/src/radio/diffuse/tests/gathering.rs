@@ -1,4 +1,4 @@
-//! What a receiver finds of it.
+//! Tests of gathering at a receiver.
 
 use super::*;
 

@@ -15,7 +15,7 @@ use glam::Vec3;
 const METAL_MIRROR: f64 = 1e-2;
 /// Several thousand deposits and more bring a total this close.
 const PHOTON_TOTAL: f64 = 1e-2;
-/// … and single lobes, all of one width, are interpolated between the nodes of a table this well on average.
+/// Mean relative error of single lobes, all of one width, interpolated between the nodes of a table.
 const LOBE_TOTAL: f64 = 1.5e-2;
 
 fn material(itu: &str, thickness_m: f64, scattering: Scattering) -> Material {

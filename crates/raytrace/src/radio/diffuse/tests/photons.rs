@@ -1,4 +1,4 @@
-//! What photons bring.
+//! Tests of the light that photons carry.
 
 use super::super::cache::{Deposit, RadianceCache};
 use super::*;
