@@ -78,7 +78,7 @@ fn guides_and_millimetres_are_what_is_seen() {
 
 #[test]
 #[ignore = "needs Intel Open Image Denoise 2, named by CORF_OIDN_LIBRARY"]
-fn needs_oidn_the_filter_takes_noise_and_leaves_the_light() {
+fn the_filter_takes_noise_and_leaves_the_light() {
     let folder = tempfile::tempdir().unwrap();
     let path =
         |samples: u32, more: &str| format!("method = \"path\"\nsamples_per_pixel = {samples}\nwrite_linear = true\n{more}");

@@ -100,18 +100,12 @@ fn uses(text: &str) -> (Vec<Use>, String) {
     for line in text.lines() {
         let trimmed = line.trim_start();
         if statement.is_none() {
-            let exported = trimmed.starts_with("pub");
-            let after = if exported { trimmed.split_once(" use ") } else { None };
-            let begins = match after {
-                Some((before, after))
-                    if !before.contains(['{', '(', ' ']) || before.starts_with("pub(") && before.ends_with(')') =>
-                {
-                    Some(after)
-                }
-                _ => trimmed.strip_prefix("use "),
-            };
+            let begins = trimmed.strip_prefix("use ").map(|rest| (false, rest)).or_else(|| {
+                let (visibility, rest) = trimmed.split_once(" use ")?;
+                (visibility == "pub" || visibility.starts_with("pub(") && visibility.ends_with(')')).then_some((true, rest))
+            });
             match begins {
-                Some(after) => statement = Some((exported, after.to_owned())),
+                Some((exported, rest)) => statement = Some((exported, rest.to_owned())),
                 None => {
                     rest.push_str(line);
                     rest.push('\n');

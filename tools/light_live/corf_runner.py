@@ -1,8 +1,6 @@
 """corf's side: the command, run as a user runs it."""
 
 import json
-import os
-import subprocess
 import tempfile
 import time
 from pathlib import Path
@@ -10,7 +8,7 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-from .environment import ROOT, refuse
+from sionna_live.command import Command
 
 # How a configuration asks for unbiased paths.
 UNBIASED = 'method = "path"'
@@ -27,24 +25,8 @@ rays = 2000
 """
 
 
-class Corf:
+class Corf(Command):
     """The `corf` command."""
-
-    def __init__(self, binary=None, threads=2):
-        if binary is None:
-            subprocess.run(["cargo", "build", "--release", "--quiet", "-p", "corf-bench"], cwd=ROOT, check=True)
-            binary = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release/corf"
-        self.binary, self.threads = Path(binary).resolve(), threads
-        if not self.binary.exists():
-            refuse(f"{self.binary} does not exist\n  help: build it with cargo build --release, or give --corf PATH")
-
-    def run(self, *arguments):
-        """Runs the command; returns standard output."""
-        call = [str(self.binary), *map(str, arguments), "--threads", str(self.threads)]
-        done = subprocess.run(call, capture_output=True, text=True)
-        if done.returncode != 0:
-            refuse(f"{' '.join(call)}\n{done.stderr.strip()}")
-        return done.stdout
 
     def export(self, room, folder):
         """`corf scene export --to mitsuba` of a room's views; returns the command's summary."""

@@ -160,15 +160,9 @@ class Theirs:
             )
         return paths
 
-    def diffuse(self, tx, receivers, depth, samples, seed):
-        """As `scattered`, from the cache where there is one."""
-        what = ("diffuse", np.array(tx).tobytes(), np.array(receivers).tobytes(), depth, int(samples), seed)
-        return self.remembered(lambda: self.scattered(tx, receivers, depth, samples, seed), what)
-
-    def scattered(self, tx, receivers, depth, samples, seed):
-        """One run with diffuse reflection; per receiver: power by (types, object of the last scattering), and the arrivals of the diffuse
-        paths that end with a scattering: directions (n, 3) and powers (n)."""
-        s = self.solve(
+    def solve_scattered(self, tx, receivers, depth, samples, seed):
+        """`solve` from one transmitter with diffuse reflection."""
+        return self.solve(
             [tx],
             receivers,
             max_depth=depth,
@@ -177,6 +171,16 @@ class Theirs:
             diffuse_reflection=True,
             seed=seed,
         )
+
+    def diffuse(self, tx, receivers, depth, samples, seed):
+        """As `scattered`, from the cache where there is one."""
+        what = ("diffuse", np.array(tx).tobytes(), np.array(receivers).tobytes(), depth, int(samples), seed)
+        return self.remembered(lambda: self.scattered(tx, receivers, depth, samples, seed), what)
+
+    def scattered(self, tx, receivers, depth, samples, seed):
+        """One run with diffuse reflection; per receiver: power by (types, object of the last scattering), and the arrivals of the diffuse
+        paths that end with a scattering: directions (n, 3) and powers (n)."""
+        s = self.solve_scattered(tx, receivers, depth, samples, seed)
         results = []
         for r in range(len(receivers)):
             valid = s["valid"][r, 0]

@@ -21,18 +21,10 @@ def stopwatch(children=False):
 
 def theirs_totals(library, tx, receivers, depth, samples, seed):
     """One run with everything on: linear power at every receiver (all paths; diffuse ones), and its time."""
-    from .sionna_runner import diffuse_cap, ends_scattering
+    from .sionna_runner import ends_scattering
 
     with stopwatch() as taken:
-        s = library.solve(
-            [tx],
-            receivers,
-            max_depth=depth,
-            samples_per_src=int(samples),
-            max_num_paths_per_src=diffuse_cap(samples, receivers),
-            diffuse_reflection=True,
-            seed=seed,
-        )
+        s = library.solve_scattered(tx, receivers, depth, samples, seed)
     power = np.where(s["valid"], np.abs(s["a"].astype(np.complex128)) ** 2, 0.0)[:, 0]
     scattered = (s["interactions"] == 2).any(0)[:, 0]
     ending = ends_scattering(s["interactions"])[:, 0]

@@ -71,21 +71,25 @@ impl DeviceChoice {
         use crate::note;
         use corf::device::gpu::{GpuOptions, adapter_name};
         let look = |adapter, software| adapter_name(&GpuOptions { adapter, software, ..GpuOptions::default() });
-        if let Self::Gpu(number) = self {
-            let found = look(number, false).or_else(|| look(number, true));
-            return found.map(|adapter| Backend::Gpu { adapter, number }).ok_or_else(|| {
-                anyhow::anyhow!("--device {self}: no such adapter was found\n  help: install a Vulkan driver, or choose another number or --device cpu")
-            });
-        }
-        match (self, look(0, false)) {
-            (Self::Cpu, _) => Ok(Backend::Cpu),
-            (Self::Auto, Some(adapter)) => {
-                note!("device: {adapter}");
-                Ok(Backend::Gpu { adapter, number: 0 })
-            }
-            _ => {
-                note!("device: no GPU was found, the processor does it");
-                Ok(Backend::Cpu)
+        match self {
+            Self::Cpu => Ok(Backend::Cpu),
+            Self::Auto => match look(0, false) {
+                Some(adapter) => {
+                    note!("device: {adapter}");
+                    Ok(Backend::Gpu { adapter, number: 0 })
+                }
+                None => {
+                    note!("device: no GPU was found, the processor does it");
+                    Ok(Backend::Cpu)
+                }
+            },
+            Self::Gpu(number) => {
+                let found = look(number, false).or_else(|| look(number, true));
+                found.map(|adapter| Backend::Gpu { adapter, number }).ok_or_else(|| {
+                    anyhow::anyhow!(
+                        "--device {self}: no such adapter was found\n  help: install a Vulkan driver, or choose another number or --device cpu"
+                    )
+                })
             }
         }
     }

@@ -157,7 +157,7 @@ pub fn camera<'a>(config: &DatasetConfig, tracer: &'a LightTracer<'a>, denoiser:
 
 /// Says what is to be said.
 fn tell(generated: Generated) -> Result<Generated> {
-    say::findings(generated.findings.iter().cloned());
+    say::findings(&generated.findings);
     Ok(generated)
 }
 

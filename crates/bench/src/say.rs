@@ -1,9 +1,8 @@
 //! Output of the command to standard error and standard output, in one place: names from files are sanitised so that they cannot send
 //! control sequences to a terminal, and a standard error that cannot be written to ends no work.
 
-use corf_scene::Finding;
 use std::borrow::Cow;
-use std::fmt::{Arguments, Write as _};
+use std::fmt::{Arguments, Display, Write as _};
 use std::io::{ErrorKind, Write};
 
 /// Says a line on standard error, as `eprintln!` would; where that cannot be written, nothing happens.
@@ -23,7 +22,7 @@ pub fn to_stderr(words: Arguments<'_>) {
 }
 
 /// Says findings on standard error, a line each.
-pub fn findings(findings: impl IntoIterator<Item = Finding>) {
+pub fn findings<F: Display>(findings: impl IntoIterator<Item = F>) {
     findings.into_iter().for_each(|finding| to_stderr(format_args!("{finding}")));
 }
 

@@ -7,7 +7,7 @@
 //! <!-- corf docs: end -->
 //! ```
 
-use crate::{record, schema, table};
+use crate::{schema, suite, table};
 use anyhow::{Context, Result, bail, ensure};
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use std::path::Path;
@@ -46,15 +46,12 @@ fn content(order: &str, folder: &Path, help: &str) -> Result<String> {
         ["help"] => Ok(help.to_owned()),
         ["keys", "scene"] => Ok(schema::tables::<SceneConfig>("Scene file")),
         ["keys", "dataset"] => Ok(schema::tables::<DatasetConfig>("Data-set file")),
-        ["table", records] => table_of(&folder.join(records), table::SHORT),
-        ["table", records, keys] => table_of(&folder.join(records), &keys.split(',').collect::<Vec<_>>()),
+        ["table", records] => Ok(table::markdown(&table::rows(&suite::records(&folder.join(records))?))),
+        ["table", records, keys] => {
+            table::markdown_of(&table::rows(&suite::records(&folder.join(records))?), &keys.split(',').collect::<Vec<_>>())
+        }
         _ => bail!("neither `table FOLDER`, `table FOLDER KEY,KEY`, `help`, `keys scene` nor `keys dataset`"),
     }
-}
-
-fn table_of(folder: &Path, keys: &[&str]) -> Result<String> {
-    let records = record::read_archive(&folder.join(record::ARCHIVE))?;
-    table::markdown_of(&table::rows(&records), keys)
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ use crate::note;
 use crate::plan::{Cell, Plan};
 use crate::predictions;
 use crate::progress::Progress;
-use crate::record::{Outcome, Record};
+use crate::record::{ARCHIVE, Outcome, Record, read_archive};
 use crate::report::{self, Report, row_folder};
 use crate::split::{Protocol, Split};
 use crate::table;
@@ -143,6 +143,15 @@ pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
     Ok((plan, records))
 }
 
+/// The records of a folder that `corf bench run` left or that `corf bench pack` made, in the plan's order.
+///
+/// # Errors
+/// A record that is missing or damaged.
+pub fn records(folder: &Path) -> Result<Vec<Record>> {
+    let archive = folder.join(ARCHIVE);
+    if archive.exists() { read_archive(&archive) } else { Ok(load(folder)?.1) }
+}
+
 /// Writes `table.md`, `table.csv`, `table.tex` and `report.html`.
 ///
 /// # Errors
@@ -150,7 +159,7 @@ pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
 pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: &Path) -> Result<Written> {
     let (table_path, report_path) = (out.join("table.md"), out.join("report.html"));
     let head = format!("# {}\n\n{}\n\n", escape::markdown(&plan.name), escape::without_html(&plan.analysis));
-    write_tables_with(&head, &records, out)?;
+    write_tables(&head, &records, out)?;
     let report = Report {
         plan,
         dataset,
@@ -163,15 +172,11 @@ pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: 
     Ok(Written { records, segment: Vec::new(), report: report_path, table: table_path })
 }
 
-/// Writes `table.md`, `table.csv` and `table.tex`.
+/// Writes `table.md`, which begins with `head`, `table.csv` and `table.tex`.
 ///
 /// # Errors
 /// When a file cannot be written.
-pub fn write_tables(records: &[Record], out: &Path) -> Result<()> {
-    write_tables_with("", records, out)
-}
-
-fn write_tables_with(head: &str, records: &[Record], out: &Path) -> Result<()> {
+pub fn write_tables(head: &str, records: &[Record], out: &Path) -> Result<()> {
     let rows = table::rows(records);
     write_atomic(out.join("table.md"), format!("{head}{}", table::markdown(&rows)).as_bytes())?;
     write_atomic(out.join("table.csv"), table::csv(records).as_bytes())?;

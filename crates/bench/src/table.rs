@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use std::fmt::Write;
 
 /// The columns of the short table (terminal, README): the paper's, then the physical ones that differ most.
-pub const SHORT: &[&str] =
+const SHORT: &[&str] =
     &["psnr_opt", "ssim_opt", "psnr_rf_jet", "ssim_rf_jet", "psnr_rf_scalar", "rmse_db_30", "psp_similarity", "peak_error_deg"];
 
 /// The metric that ablation differences are taken of.
@@ -91,8 +91,12 @@ fn text(summary: Option<Summary>, digits: usize, plus_minus: &str) -> String {
     }
 }
 
+fn column(key: &str) -> Option<&'static Column> {
+    COLUMNS.iter().find(|c| c.key == key)
+}
+
 fn short_columns() -> impl Iterator<Item = &'static Column> {
-    SHORT.iter().filter_map(|key| COLUMNS.iter().find(|c| c.key == *key))
+    SHORT.iter().filter_map(|key| column(key))
 }
 
 fn note(rows: &[Row<'_>]) -> String {
@@ -182,8 +186,8 @@ pub fn markdown(rows: &[Row<'_>]) -> String {
 /// # Errors
 /// A key that is no metric's.
 pub fn markdown_of(rows: &[Row<'_>], keys: &[&str]) -> Result<String> {
-    let column = |key: &&str| COLUMNS.iter().find(|c| c.key == *key).with_context(|| format!("no metric is called {key}"));
-    Ok(in_markdown(&with_columns(rows, &keys.iter().map(column).collect::<Result<Vec<_>>>()?)))
+    let named = |key: &&str| column(key).with_context(|| format!("no metric is called {key}"));
+    Ok(in_markdown(&with_columns(rows, &keys.iter().map(named).collect::<Result<Vec<_>>>()?)))
 }
 
 fn in_markdown(short: &Short<'_>) -> String {

@@ -4,7 +4,7 @@ use super::{Verdict, print, show};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::plan::Plan;
-use crate::record::{ARCHIVE, Outcome, read_archive, write_archive};
+use crate::record::{ARCHIVE, Outcome, write_archive};
 use crate::run::{claim_fresh, claim_output, claim_shared};
 use crate::sweep::Sweep;
 use crate::{suite, table};
@@ -158,8 +158,7 @@ impl SweepCommand {
 
 impl Table {
     fn run(self, json: bool) -> Result<Verdict> {
-        let archive = self.folder.join(ARCHIVE);
-        let records = if archive.exists() { read_archive(&archive)? } else { suite::load(&self.folder)?.1 };
+        let records = suite::records(&self.folder)?;
         let rows = table::rows(&records);
         if json {
             show(true, &records, "")?;
@@ -188,7 +187,7 @@ impl Pack {
             let out = self.out.join(part);
             std::fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
             write_archive(&out.join(ARCHIVE), &records)?;
-            suite::write_tables(&records, &out)?;
+            suite::write_tables("", &records, &out)?;
             all.extend(records);
         }
         let text = format!("{} records in {}", all.len(), self.out.display());

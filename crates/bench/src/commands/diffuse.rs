@@ -3,7 +3,6 @@
 use super::paths::Point;
 use super::{Verdict, print};
 use crate::interrupt;
-use crate::note;
 use crate::progress::Progress;
 use crate::run::claim_shared;
 use crate::say;
@@ -125,7 +124,7 @@ impl Diffuse {
         bounds::count("--replicas", samplings as usize, bounds::MAX_LINKS, "samplings of receivers")?;
         let near =
             |rx: &Point| near_field::finding(&format!("receiver at {}", rx.0), rx.0.distance(tx), config.radio.frequency_hz);
-        self.rx.iter().filter_map(near).for_each(|finding| note!("{finding}"));
+        say::findings(self.rx.iter().filter_map(near));
         if !self.no_transmission {
             say::findings(geometry_warnings(&scene));
         }

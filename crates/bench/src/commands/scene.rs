@@ -2,8 +2,8 @@
 
 use super::export_light::{self, LightViews};
 use super::{Verdict, show};
-use crate::note;
 use crate::run::{claim_fresh, claim_shared};
+use crate::say;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand, ValueEnum};
 use corf_scene::config::{SceneConfig, read_toml};
@@ -205,7 +205,7 @@ impl Scene {
             Self::Export(Export { file, to: Format::Mitsuba, out, poses, views }) => {
                 let whole = File { file, allow_outside: false };
                 let (scene, left_out) = load(&whole)?;
-                left_out.iter().for_each(|finding| note!("{finding}"));
+                say::findings(left_out);
                 let config = is_config(&whole.file).then(|| SceneConfig::load(&whole.file)).transpose()?;
                 let views = views.resolve(config.as_ref(), &poses)?;
                 let _held = claim_fresh(&out)?;

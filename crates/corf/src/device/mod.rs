@@ -5,7 +5,7 @@ pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod packed;
-mod planes;
+pub(crate) mod planes;
 mod state;
 mod survey;
 

@@ -1,8 +1,8 @@
 //! Sampling probability from the Laplacian of Gaussian (paper Eqs. (13)–(15)).
 
 use crate::device::{
-    Planes,
     cpu::simd::{Isa, Kernel, Lanes},
+    planes::Planes,
 };
 use corf_scene::{Raster, Rng};
 use rayon::prelude::*;

@@ -177,7 +177,7 @@ fn solve<'a>(
 ) -> Option<LightCache<'a>> {
     let is_small = config.optical.width * config.optical.height <= SMALL_IMAGE;
     let fineness = if is_small { CacheSettings::for_small_images() } else { CacheSettings::default() };
-    LightCache::new(tracer, &CacheSettings { seed: config.seed, max_passes: config.optical.max_bounces, ..fineness }, &tell)
+    LightCache::new(tracer, &CacheSettings { seed: config.seed, max_passes: config.optical.max_bounces, ..fineness }, tell)
 }
 
 fn not_finite(what: &str) -> Error {

@@ -204,7 +204,11 @@ impl Context {
         let _turn = locked(&COMING_AND_GOING);
         let adapters = adapters(options);
         let Some(adapter) = adapters.get(options.adapter) else {
-            let what = format!("there are {} adapters, and number {} was asked for", adapters.len(), options.adapter);
+            let what = match adapters.len() {
+                0 if options.software => "no adapter was found".to_owned(),
+                0 => "no GPU was found".to_owned(),
+                count => format!("number {} was asked for, and there are {count}, counted from 0", options.adapter),
+            };
             return Err(Error::invalid(
                 "gpu",
                 what,

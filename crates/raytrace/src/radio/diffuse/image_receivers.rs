@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 /// Directions of the receiver to one that looks for mirrors.
 const SPARSER: usize = 2;
 /// Power that a way keeps, at least, where it is found.
-pub(super) const KEPT: f64 = 0.5;
+const KEPT: f64 = 0.5;
 /// Share of the directions into a view that is relied on to be cut where it matters: one that looks into a mirror as small as it is
 /// itself has no neighbours there to differ from.
 const TRUST: f64 = 0.125;
@@ -129,7 +129,8 @@ impl StrongMirrors {
 
 impl ImageReceivers {
     /// Straight, by way of every strong mirror whose middle is in sight, and of whatever `pilots` find, in `wanted` directions; the receiver's own
-    /// directions are sampled as `sampling` says. `mirrors_along` reports the mirrors that a direction meets while it keeps [`KEPT`] of its power.
+    /// directions are sampled as `sampling` says. `mirrors_along` reports the mirrors that a direction meets while it keeps a
+    /// share of its power.
     pub fn new(
         geometry: &Geometry<'_>,
         rx: DVec3,
@@ -137,7 +138,7 @@ impl ImageReceivers {
         pilots: &Directions,
         sampling: Sampling,
         wanted: impl Fn(DVec3) -> bool + Sync,
-        mirrors_along: impl Fn(DVec3, &mut dyn FnMut(MirrorSequence)) + Sync,
+        mirrors_along: impl Fn(DVec3, f64, &mut dyn FnMut(MirrorSequence)) + Sync,
     ) -> Self {
         let mut this = Self { views: Vec::new(), by_one: vec![NONE; geometry.faces.len()], by_more: BTreeMap::new() };
         this.add(ImageReceiver::new(geometry, rx, MirrorSequence::STRAIGHT, f64::INFINITY));
@@ -152,7 +153,7 @@ impl ImageReceivers {
         let ways = in_tasks(pilots.along(), |numbers| {
             let mut ways = Vec::new();
             let directions = numbers.iter().map(|&number| pilots.of(number as usize)).filter(|direction| wanted(*direction));
-            directions.for_each(|direction| mirrors_along(direction, &mut |way| ways.push(way)));
+            directions.for_each(|direction| mirrors_along(direction, KEPT, &mut |way| ways.push(way)));
             ways
         });
         let mut found: BTreeMap<MirrorSequence, usize> = BTreeMap::new();

@@ -27,7 +27,7 @@ pub struct LightHit {
 
 /// A point where a ray fell, in single precision.
 #[derive(Clone, Copy)]
-struct Leaf {
+struct PackedHit {
     number: u32,
     point: Vec3,
     normal: Vec3,
@@ -48,7 +48,7 @@ struct Node {
 
 /// The tree: nodes before what lies within them.
 pub struct LightHitTree {
-    places: Vec<Leaf>,
+    places: Vec<PackedHit>,
     nodes: Vec<Node>,
 }
 
@@ -57,7 +57,7 @@ impl LightHitTree {
     pub fn new(geometry: &Geometry<'_>, light_hits: &[LightHit]) -> Self {
         let place = |(number, hit): (usize, &LightHit)| {
             let plane = &geometry.faces[hit.face as usize];
-            Leaf {
+            PackedHit {
                 number: number as u32,
                 point: hit.point.as_vec3(),
                 normal: plane.normal.as_vec3(),
@@ -97,7 +97,7 @@ impl LightHitTree {
     /// others they have no share.
     pub fn shown(&self, view: &ImageReceiver, sampling: Sampling, mut report: impl FnMut(usize)) {
         let from = view.vantage.image.as_vec3();
-        let denser = |place: &Leaf| {
+        let denser = |place: &PackedHit| {
             let height_m = place.normal.dot(from) - place.offset_m;
             let distance2 = place.point.distance_squared(from);
             let own_per_m2 = f64::from(height_m / (distance2 * distance2.sqrt()));

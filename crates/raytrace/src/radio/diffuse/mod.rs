@@ -368,8 +368,8 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let lattice = Lattice::new(self.directions.count(), true, true);
         let views = self.mirrors.as_ref().map(|(strong, pilots)| {
             let look = GatherTracer::new(self, rx, antenna, lattice);
-            let mirrors_along = |direction: DVec3, report: &mut dyn FnMut(image_receivers::MirrorSequence)| {
-                look.mirrors_along(direction, image_receivers::KEPT, report)
+            let mirrors_along = |direction: DVec3, kept: f64, report: &mut dyn FnMut(image_receivers::MirrorSequence)| {
+                look.mirrors_along(direction, kept, report)
             };
             ImageReceivers::new(&self.tracer.geometry, rx, strong, pilots, lattice.sampling, &wanted, mirrors_along)
         });
