@@ -5,7 +5,7 @@ use corf::{CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig};
 use std::fmt;
 use std::str::FromStr;
 
-/// What `--device` accepts.
+/// Choice of `--device`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DeviceChoice {
     /// A GPU if this build has the GPU device and the machine has one, otherwise the processor.
@@ -51,7 +51,7 @@ pub enum Backend {
     Gpu {
         /// The adapter's name.
         adapter: String,
-        /// What [`DeviceChoice::Gpu`] calls it.
+        /// The number that [`DeviceChoice::Gpu`] gives it.
         number: usize,
     },
 }
@@ -109,7 +109,7 @@ impl DeviceChoice {
 }
 
 impl Backend {
-    /// For records.
+    /// The device's name for records.
     pub fn name(&self) -> String {
         match self {
             Self::Cpu => format!("cpu ({} threads)", rayon::current_num_threads()),

@@ -4,7 +4,7 @@ use anyhow::{Result, bail};
 use corf_scene::dataset::Dataset;
 use serde::{Deserialize, Serialize};
 
-/// What an evaluation may look at. Constants are chosen under `validation`; what is published is under `test` and `segment`.
+/// Part of the keyframes that an evaluation may look at. Constants are chosen under `validation`; what is published is under `test` and `segment`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Protocol {
@@ -18,7 +18,7 @@ pub enum Protocol {
 }
 
 impl Protocol {
-    /// As it is spelt in plans and records.
+    /// The protocol's name in plans and records.
     pub fn name(self) -> &'static str {
         match self {
             Self::Validation => "validation",
@@ -33,9 +33,9 @@ impl Protocol {
 pub struct Split {
     /// The protocol.
     pub protocol: Protocol,
-    /// What a method is given.
+    /// Indices of the keyframes that a method is given.
     pub train: Vec<usize>,
-    /// What it is evaluated on.
+    /// Indices of the keyframes that it is evaluated on.
     pub held_out: Vec<usize>,
 }
 

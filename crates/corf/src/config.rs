@@ -8,9 +8,9 @@ use std::path::PathBuf;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sampling {
-    /// With the probability `max(P − P̃, 0)` of paper Eqs. (13)–(15).
+    /// Sampling with the probability `max(P − P̃, 0)` of paper Eqs. (13)–(15).
     Log,
-    /// With the same probability at every pixel: the paper's ablation "w/o optical-guided expansion".
+    /// Sampling with the same probability at every pixel: the paper's ablation "w/o optical-guided expansion".
     Uniform,
 }
 

@@ -6,7 +6,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 
 use corf_raytrace::Bvh;
-use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, RadioSettings, RadioTracer};
+use corf_raytrace::radio::{Arrival, DiffuseField, DiffuseSettings, Extent, RadioSettings, RadioTracer};
 use corf_raytrace::spectrum::{self, SpectrumSettings};
 use corf_scene::config::{DatasetConfig, SpectrumKind};
 use corf_scene::trajectory;
@@ -41,10 +41,28 @@ fn radio(c: &mut Criterion) {
         b.iter(|| poses.iter().for_each(|p| drop(black_box(transmitter.paths(p.world_from_camera.translation)))));
     });
     group.bench_function("diffuse field for one view (patches warm)", |b| {
-        b.iter(|| poses.iter().for_each(|p| drop(black_box(field.gather_for_view(&camera, &p.world_from_camera)))));
+        b.iter(|| {
+            poses.iter().for_each(|p| {
+                drop(black_box(field.gather(
+                    p.world_from_camera.translation,
+                    field.antenna(),
+                    &Extent::View { camera, world_from_camera: p.world_from_camera },
+                )))
+            })
+        });
     });
-    let arrivals: Vec<Vec<Arrival>> =
-        poses.iter().map(|p| field.gather_for_view(&camera, &p.world_from_camera).unwrap_or_default()).collect();
+    let arrivals: Vec<Vec<Arrival>> = poses
+        .iter()
+        .map(|p| {
+            field
+                .gather(
+                    p.world_from_camera.translation,
+                    field.antenna(),
+                    &Extent::View { camera, world_from_camera: p.world_from_camera },
+                )
+                .unwrap_or_default()
+        })
+        .collect();
     group.bench_function("mpc spectrum", |b| {
         b.iter(|| {
             poses.iter().zip(&arrivals).for_each(|(p, a)| drop(black_box(spectrum::mpc(a, &camera, &p.world_from_camera, 1.0))));

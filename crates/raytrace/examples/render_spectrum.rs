@@ -9,7 +9,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 
 use corf_raytrace::Bvh;
-use corf_raytrace::radio::{Antenna, Arrival, DiffuseField, DiffuseSettings, RadioSettings, RadioTracer};
+use corf_raytrace::radio::{Antenna, Arrival, DiffuseField, DiffuseSettings, Extent, RadioSettings, RadioTracer};
 use corf_raytrace::spectrum::{self, SpectrumSettings};
 use corf_scene::config::{DatasetConfig, SpectrumKind};
 use corf_scene::keyframe::DbRange;
@@ -170,7 +170,11 @@ fn main() -> Result<()> {
         paths_s += clock.elapsed().as_secs_f64();
         let specular: Vec<Arrival> = paths.iter().map(|p| Arrival::from_path(p, 60e9)).collect();
         let clock = Instant::now();
-        let scattered = field.gather_for_view(&camera, &pose.world_from_camera)?;
+        let scattered = field.gather(
+            pose.world_from_camera.translation,
+            field.antenna(),
+            &Extent::View { camera, world_from_camera: pose.world_from_camera },
+        )?;
         diffuse_s += clock.elapsed().as_secs_f64();
         let db = |arrivals: &[Arrival]| 10.0 * arrivals.iter().map(|a| a.power).sum::<f64>().log10();
         let line_of_sight = paths.first().is_some_and(|p| p.interactions.is_empty());
@@ -220,7 +224,11 @@ fn main() -> Result<()> {
         let (mut sum, mut worst) = (0.0, f64::INFINITY);
         for (pose, specular, image) in &frames {
             let mut arrivals = specular.clone();
-            arrivals.extend(other.gather_for_view(&camera, &pose.world_from_camera)?);
+            arrivals.extend(other.gather(
+                pose.world_from_camera.translation,
+                other.antenna(),
+                &Extent::View { camera, world_from_camera: pose.world_from_camera },
+            )?);
             let psnr = scalar_psnr(image, &form(&arrivals, &pose.world_from_camera), &range);
             sum += psnr;
             worst = f64::min(worst, psnr);

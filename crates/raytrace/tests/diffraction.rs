@@ -80,7 +80,7 @@ fn settings() -> RadioSettings {
     }
 }
 
-/// In the plane z = 0 at an azimuth about the z axis.
+/// Point of the plane z = 0 at an azimuth about the z axis.
 fn polar(radius_m: f64, azimuth_rad: f64) -> DVec3 {
     DVec3::new(radius_m * azimuth_rad.cos(), radius_m * azimuth_rad.sin(), 0.0)
 }

@@ -199,7 +199,7 @@ pub fn generate(config: &TrajectoryConfig, count: usize) -> Result<Vec<Trajector
     generate_between(config, count, [0.0, 1.0])
 }
 
-/// As [`generate`] for a part of the loop: `way` is where it starts and where it ends, in loops (`[0.75, 1.25]` crosses the first
+/// Poses of a part of the loop, otherwise as [`generate`]: `way` is where it starts and where it ends, in loops (`[0.75, 1.25]` crosses the first
 /// waypoint). The last pose stands one step before the end, so that a whole loop meets its first pose again.
 ///
 /// # Errors

@@ -23,9 +23,9 @@ pub enum Bench {
     Table(Table),
     /// Write a finished comparison's tables and report again.
     Report(Report),
-    /// How far a dataset's images are from the converged ones, and what they cost.
+    /// Measure how far a dataset's images are from converged ones, and their cost.
     Light(super::bench_light::Light),
-    /// What tracing a dataset's radio half costs, stage by stage, and its sampling error.
+    /// Measure the cost of tracing a dataset's radio half, stage by stage, and its sampling error.
     Radio(super::bench_radio::Radio),
     /// Put the records of a comparison into one file, with its tables, as results are published.
     Pack(Pack),
@@ -33,7 +33,7 @@ pub enum Bench {
     Step(super::bench_step::Step),
 }
 
-/// Where cells are kept and how they are run.
+/// Folder of the cells, and options of their runs.
 #[derive(Args)]
 struct Cells {
     /// Output folder.
@@ -44,7 +44,7 @@ struct Cells {
     resume: bool,
     #[command(flatten)]
     verify: Verify,
-    /// Where reconstructions run: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    /// Device that reconstructs: auto, cpu, gpu, or gpu:N for the N-th adapter.
     #[arg(long, default_value_t)]
     device: DeviceChoice,
 }
@@ -72,7 +72,7 @@ pub struct SweepCommand {
 pub struct Table {
     /// Folder of `corf bench run`, `corf demo` or `corf bench pack`.
     folder: PathBuf,
-    /// Which notation.
+    /// Notation of the table.
     #[arg(long, value_enum, default_value_t = Notation::Markdown)]
     format: Notation,
 }

@@ -59,7 +59,7 @@ const HALF_DB: f64 = 10.0 * std::f64::consts::LOG10_2;
 /// Errors are shown so many times enlarged.
 const ERROR_GAIN: f64 = 8.0;
 
-/// What is reported.
+/// Report of the command.
 #[derive(Debug, Serialize)]
 struct Report {
     dataset: String,
@@ -87,11 +87,11 @@ struct View {
     seconds: f64,
     /// Rendered again, with other random numbers: what it takes once the cached light that it needs is there.
     seconds_again: f64,
-    /// Of the noise of one rendering: half the mean squared difference of the two.
+    /// PSNR of the noise of one rendering: half the mean squared difference of the two.
     noise_psnr_db: f64,
-    /// Of the 8-bit sRGB image against the converged one, the reference's noise cancelled.
+    /// PSNR of the 8-bit sRGB image against the converged one, the reference's noise cancelled.
     psnr_db: f64,
-    /// Of the mean of both halves of the reference.
+    /// PSNR of the mean of both halves of the reference.
     reference_psnr_db: f64,
     /// Mean scattered radiance over the reference's (luminance).
     radiance_ratio: f64,

@@ -43,7 +43,7 @@ pub struct Step {
     /// Runs; the median is what counts.
     #[arg(long, default_value_t = 5)]
     repeats: usize,
-    /// Which pixel filter: off is what the peers measure with.
+    /// Pixel filter; the peers measure with it off.
     #[arg(long, value_enum, default_value_t = Filter::Off)]
     antialias: Filter,
     /// GPU: a tile and a batch such as 8x8/32, or 8x8/32/apart for two images of one camera blended one after the other, or
@@ -59,7 +59,7 @@ pub struct Step {
     /// Arithmetic for the floor, TFLOP/s (default: measured on an H200).
     #[arg(long, default_value_t = 64.0)]
     tflops: f64,
-    /// Where the steps run: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    /// Device that takes the steps: auto, cpu, gpu, or gpu:N for the N-th adapter.
     #[arg(long, default_value_t)]
     device: DeviceChoice,
 }
@@ -72,9 +72,9 @@ enum Filter {
 
 /// More steps, repeats or frames are more likely a mistake.
 const MAX_REPETITIONS: usize = 1_000_000;
-/// What images of all cameras, their targets, gradients and pyramids take, bytes for a pixel of one of them.
+/// Memory of the images of all cameras with their targets, gradients and pyramids, bytes for a pixel of one of them.
 const BYTES_A_PIXEL: f64 = 1000.0;
-/// What a Gaussian takes with its gradient and moments, bytes.
+/// Memory of a Gaussian with its gradient and moments, bytes.
 const BYTES_A_GAUSSIAN: f64 = 1000.0;
 
 /// `640x480`.
@@ -86,7 +86,7 @@ fn size(text: &str) -> Result<[usize; 2], String> {
     }
 }
 
-/// How the GPU device works: what is compared.
+/// Variant of the GPU device's work, which is compared with others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 struct Variant {
     /// Pixels across and down a tile, where that is not left to the frame.
@@ -118,7 +118,7 @@ fn variant(text: &str) -> Result<Variant, String> {
     Ok(variant)
 }
 
-/// What `--table` measures: Gaussians, optical and RF image.
+/// Workloads of `--table`: Gaussians, optical and RF image.
 const TABLE: [(usize, [usize; 2], [usize; 2]); 6] = [
     (200_000, [640, 480], [640, 480]),
     (200_000, [160, 120], [160, 120]),
@@ -154,7 +154,7 @@ struct Measured {
     step_ms: f64,
     step_ms_range: [f64; 2],
     stages: Vec<Stage>,
-    /// What the GPU device was told.
+    /// Variant that the GPU device was told to run.
     variant: Option<Variant>,
     /// Memory that the device holds after its steps, bytes.
     allocated_bytes: Option<u64>,

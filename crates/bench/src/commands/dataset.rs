@@ -69,7 +69,7 @@ impl DatasetCommand {
     }
 }
 
-/// What a dataset holds, in a line or two.
+/// Summary of a dataset's content, in a line or two.
 fn summary(dataset: &Dataset) -> String {
     let header = dataset.header();
     let mut text = format!("{}: {} keyframes, {:?} spectra", header.name, dataset.len(), header.spectrum);

@@ -30,7 +30,7 @@ pub struct Demo {
     /// Go on in a folder that an earlier demo has begun.
     #[arg(long)]
     resume: bool,
-    /// Where reconstructions run: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    /// Device that reconstructs: auto, cpu, gpu, or gpu:N for the N-th adapter.
     #[arg(long, default_value_t)]
     device: DeviceChoice,
 }

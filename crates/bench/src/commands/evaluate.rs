@@ -21,7 +21,7 @@ pub struct Evaluate {
     dataset: Option<PathBuf>,
     #[command(flatten)]
     verify: Verify,
-    /// What renders the field: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    /// Device that renders the field: auto, cpu, gpu, or gpu:N for the N-th adapter.
     #[arg(long, default_value_t)]
     device: DeviceChoice,
 }

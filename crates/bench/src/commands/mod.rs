@@ -24,7 +24,7 @@ use clap::Subcommand;
 use corf_scene::Severity;
 use serde::Serialize;
 
-/// How a command ended, when it ended well enough to say so.
+/// Outcome of a command that ended well enough to have one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// Exit code 0.

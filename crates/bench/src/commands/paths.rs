@@ -11,7 +11,7 @@ use corf_raytrace::radio::channel::{
     ArrayLink, LinkStatistics, Ray, Subcarriers, TapFilter, frequency_response, impulse_response,
 };
 use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays, sionna_json};
-use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseSettings, json};
+use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseSettings, Extent, json};
 use corf_scene::npz::{Array, Values, encode_npz};
 use corf_scene::{Error, bounds, io};
 use serde_json::{Value, json};
@@ -23,7 +23,7 @@ const TAPS_AFTER: i64 = 4;
 /// Complex numbers of a link's frequency response; more are more likely a mistake.
 const MAX_RESPONSES: usize = 20_000_000;
 
-/// What a link of a few paths takes at least, bytes.
+/// Least memory of a link of a few paths, bytes.
 const LINK_BYTES: f64 = 2e3;
 
 /// The longest impulse response, taps.
@@ -61,15 +61,15 @@ pub struct Paths {
     /// Subcarriers of the frequency response.
     #[arg(long, value_name = "N", default_value_t = 64, requires = "bandwidth")]
     subcarriers: usize,
-    /// What to write: paths with link statistics, Sionna RT's arrays, or DeepMIMO's matrices.
+    /// Output: paths with link statistics, Sionna RT's arrays, or DeepMIMO's matrices.
     #[arg(long, value_enum, default_value_t = Format::Json)]
     format: Format,
-    /// Where to write it; without it, standard output. `.npz` for `npz` and, if wished, `sionna`.
+    /// Output file; without it, standard output. `.npz` for `npz` and, if wished, `sionna`.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
 
-/// What `corf paths` writes.
+/// Output format of `corf paths`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Format {
     /// One object a link: paths under Sionna's names, link statistics, responses.
@@ -80,7 +80,7 @@ enum Format {
     Npz,
 }
 
-/// What was traced: paths and diffuse arrivals of each link.
+/// Result of tracing: paths and diffuse arrivals of each link.
 struct Traced<'s> {
     set: PathSet<'s>,
     diffuse: Vec<Vec<Arrival>>,
@@ -184,7 +184,7 @@ impl Paths {
             for (r, &rx) in receivers.iter().enumerate() {
                 interrupt::check()?;
                 links[r].push(Link { tx: transmitter.position(), rx, paths: transmitter.paths(rx)? });
-                diffuse[r].push(field.map_or_else(|| Ok(Vec::new()), |f| f.gather(rx))?);
+                diffuse[r].push(field.map_or_else(|| Ok(Vec::new()), |f| f.gather(rx, f.antenna(), &Extent::Sphere))?);
                 if let Some(progress) = &mut progress {
                     progress.set(t * receivers.len() + r + 1, total);
                 }

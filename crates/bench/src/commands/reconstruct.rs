@@ -36,7 +36,7 @@ pub struct Reconstruct {
     /// Seed of everything drawn at random.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Which keyframes train, and which `corf evaluate` then looks at.
+    /// Protocol: the keyframes that train, and those that `corf evaluate` then looks at.
     #[arg(long, value_enum, default_value_t)]
     protocol: Protocol,
     /// Epochs of offline fine-tuning over all training keyframes after the last one.
@@ -52,7 +52,7 @@ pub struct Reconstruct {
     checkpoint_every: Option<usize>,
     #[command(flatten)]
     verify: Verify,
-    /// Where the reconstruction runs: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    /// Device that reconstructs: auto, cpu, gpu, or gpu:N for the N-th adapter.
     #[arg(long, default_value_t)]
     device: DeviceChoice,
 }

@@ -34,7 +34,7 @@ pub struct Render {
     resume: bool,
     #[command(flatten)]
     verify: Verify,
-    /// What renders the field: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    /// Device that renders the field: auto, cpu, gpu, or gpu:N for the N-th adapter.
     #[arg(long, default_value_t)]
     device: DeviceChoice,
 }

@@ -64,13 +64,13 @@ enum Format {
 pub enum Build {
     /// The lobby: the same bytes each time.
     Lobby {
-        /// Where to write it.
+        /// Output file.
         #[arg(long, default_value = "scenes/lobby.glb")]
         out: PathBuf,
     },
     /// The office floor: the same bytes each time.
     Office {
-        /// Where to write it.
+        /// Output file.
         #[arg(long, default_value = "scenes/office.glb")]
         out: PathBuf,
     },
@@ -107,7 +107,7 @@ pub struct File {
 }
 
 impl File {
-    /// How the mesh is read, by a scene file or without one.
+    /// Options of the mesh's import, by a scene file or without one.
     fn options(&self, config: Option<&SceneConfig>) -> ImportOptions {
         let mut options = config.map(SceneConfig::import_options).unwrap_or_default();
         if self.allow_outside {

@@ -19,7 +19,7 @@ use glam::DVec3;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// What a spectrum takes while it is formed and written, bytes a pixel.
+/// Memory of a spectrum while it is formed and written, bytes a pixel.
 const BYTES_A_PIXEL: f64 = 120.0;
 
 /// `corf spectrum`.
@@ -30,13 +30,13 @@ pub struct Spectrum {
     /// Receiver, world metres `x,y,z`.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     rx: Point,
-    /// Where it looks, world metres `x,y,z`; without it the transmitter.
+    /// Point to look at, world metres `x,y,z`; without it the transmitter.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     towards: Option<Point>,
     /// Output folder: for every kind KIND.exr (linear), KIND-db.exr and KIND-jet.png, and spectrum.json.
     #[arg(long)]
     out: PathBuf,
-    /// Which spectra; several may be given.
+    /// Kinds of spectra; several may be given.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "mpc")]
     kind: Vec<Kind>,
     /// Directions: a pinhole camera's pixels, or the whole sphere (equirectangular).

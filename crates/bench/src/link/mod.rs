@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// How a link is traced: the keys of `--config RF.toml`, with the defaults of what it leaves out.
+/// Settings of a link's tracing: the keys of `--config RF.toml`, with the defaults of what it leaves out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LinkConfig {
@@ -70,7 +70,7 @@ pub struct ArrayConfig {
     pub pattern: Option<AntennaPattern>,
     /// Polarisation.
     pub polarization: Option<Polarization>,
-    /// Where its boresight (+x) and zenith (+z) point.
+    /// Attitude: where its boresight (+x) and zenith (+z) point.
     pub orientation: Option<Orientation>,
 }
 
@@ -205,7 +205,7 @@ pub struct LinkSetup {
     pub config: SceneConfig,
     /// Its geometry and materials.
     pub scene: Scene,
-    /// How links are traced.
+    /// Settings of the tracing.
     pub link: LinkConfig,
     /// The transmitters asked for, one at least.
     pub transmitters: Vec<TransmitEnd>,
@@ -299,7 +299,7 @@ impl LinkSetup {
         self.transmitters.iter().any(|tx| tx.array.ports() * self.rx_array.ports() > 1)
     }
 
-    /// What the tracer is to do for a transmit array.
+    /// Tracer settings for a transmit array.
     fn radio_settings(&self, tx_array: &AntennaArray) -> RadioSettings {
         RadioSettings {
             frequency_hz: self.config.radio.frequency_hz,
@@ -317,7 +317,7 @@ impl LinkSetup {
         }
     }
 
-    /// How the diffuse field is sampled, in so many directions unless others are asked for; these are asked for from now on.
+    /// Sampling of the diffuse field, in so many directions unless others are asked for; these are asked for from now on.
     pub fn diffuse_settings(&mut self, directions: usize) -> DiffuseSettings {
         let directions = *self.link.directions.get_or_insert(directions);
         DiffuseSettings { directions, ..DiffuseSettings::default() }

@@ -142,7 +142,7 @@ pub(crate) fn check_channels(view: &TrainingView, channels: [usize; 2]) -> Resul
 
 /// A place to run: `cpu` (rayon + SIMD, the embedded default) or `gpu`.
 pub trait Device: Send {
-    /// For records: "cpu (2 threads)", an adapter's name.
+    /// Name for records: "cpu (2 threads)", an adapter's name.
     fn name(&self) -> String;
 
     /// Stores a training view and builds its pyramid of `levels` levels (level l averages 2^l blocks).

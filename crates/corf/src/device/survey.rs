@@ -47,7 +47,7 @@ pub struct Shown {
 pub struct PruneDecision {
     /// It hardly shows.
     pub faint: bool,
-    /// In the image, it is too large.
+    /// Whether it is too large in the image.
     pub oversized: bool,
 }
 

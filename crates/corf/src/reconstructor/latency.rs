@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct KeyframeTiming {
     /// Index along the trajectory.
     pub index: usize,
-    /// From its arrival to its turn: it was being prepared, or the keyframes before it were being worked on.
+    /// Time from a keyframe's arrival to its turn, seconds: it was being prepared, or the keyframes before it were being worked on.
     pub wait_s: f64,
     /// The steps of its preparation, part of the wait where that happens ahead.
     #[serde(default)]
@@ -17,14 +17,14 @@ pub struct KeyframeTiming {
     pub expand_s: f64,
     /// Its optimisation steps, without those of `late_s`.
     pub train_s: f64,
-    /// From then to the end of those of its steps that are taken while the next keyframe is expanded
+    /// Time from then to the end of those of its steps, seconds, that are taken while the next keyframe is expanded
     /// ([`overlapped_iterations`](crate::ReconstructionConfig)): it includes waiting for that keyframe, and is a part of its `expand_s`.
     #[serde(default)]
     pub late_s: f64,
 }
 
 impl KeyframeTiming {
-    /// From arrival to the end of optimisation, seconds.
+    /// Time from arrival to the end of optimisation, seconds.
     pub fn total_s(&self) -> f64 {
         self.wait_s + self.expand_s + self.train_s + self.late_s
     }
@@ -42,7 +42,7 @@ pub struct Percentiles {
 }
 
 impl Percentiles {
-    /// By the nearest rank: each is one of the values.
+    /// Percentiles by the nearest rank: each is one of the values.
     fn of(values: impl Iterator<Item = f64>) -> Self {
         let mut sorted: Vec<f64> = values.collect();
         sorted.sort_by(f64::total_cmp);
@@ -61,7 +61,7 @@ pub struct LatencySummary {
     pub keyframes: usize,
     /// Keyframes through expansion and training per second of both together.
     pub keyframes_per_second: f64,
-    /// From arrival to the end of optimisation.
+    /// Time from arrival to the end of optimisation.
     pub total: Percentiles,
     /// Waiting for its turn.
     pub wait: Percentiles,

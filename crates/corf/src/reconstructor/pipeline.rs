@@ -22,7 +22,7 @@ const LANE: usize = 4;
 
 /// Threads that prepare keyframes.
 struct Threads {
-    /// In turn: in one pool for all, a thread that waits for a part of its keyframe begins with another in between, and some keyframes take
+    /// Pools that take keyframes in turn: in one pool for all, a thread that waits for a part of its keyframe begins with another in between, and some keyframes take
     /// three times as long as most.
     lanes: Vec<ThreadPool>,
     /// One after the other, what all later ones wait for.

@@ -140,7 +140,7 @@ pub(super) struct PacketHits {
 pub(super) trait Kernel {
     /// Per-ray constants in the form the tests want.
     type State: Copy;
-    /// From the plain constants.
+    /// The kernel's state of a ray, from the plain constants.
     unsafe fn state(ray: &Prepared) -> Self::State;
     /// Children whose boxes the ray enters before `t_max`; `near` gets the entry distances.
     unsafe fn boxes(node: &Node, ray: &Prepared, state: &Self::State, t_max: f32, near: &mut Entries) -> u32;

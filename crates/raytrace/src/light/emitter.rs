@@ -58,7 +58,7 @@ struct Emitter {
 /// Light arriving from a sampled point of an emitter.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightSample {
-    /// From the shading point towards the light, not normalised: the light is at `t = 1`.
+    /// Vector from the shading point to the light, not normalised: the light is at `t = 1`.
     pub to_light: Vec3,
     /// Radiance over the density (area lights), or irradiance over the choice's probability (punctual), before visibility.
     pub weight: Vec3,

@@ -71,7 +71,7 @@ impl Default for LightSettings {
 /// Rays shot for a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RayCounts {
-    /// From the camera, depth rays included.
+    /// Rays from the camera, depth rays included.
     pub camera: u64,
     /// Continuing a path.
     pub bounce: u64,

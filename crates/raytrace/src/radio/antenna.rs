@@ -32,7 +32,7 @@ pub fn amplitude(pattern: AntennaPattern, local: DVec3) -> f64 {
 pub struct Antenna {
     /// Element pattern.
     pub pattern: AntennaPattern,
-    /// In the antenna's own frame.
+    /// Polarisation in the antenna's own frame.
     pub polarization: Polarization,
     /// Rotation; identity has boresight along world +x and z up.
     pub world_from_antenna: DMat3,

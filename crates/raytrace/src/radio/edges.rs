@@ -20,7 +20,7 @@ use std::f64::consts::{PI, TAU};
 const EDGE_ON_M: f64 = 1e-5;
 /// An edge this close to a mirror's plane lies in it, metres.
 const IN_PLANE_M: f64 = 5e-6;
-/// With no more combinations of chains and wedges than this, all of them are tried.
+/// Largest number of combinations of chains and wedges that are all tried.
 const MOST_COMBINATIONS: usize = 50_000_000;
 
 /// Chains of faces by which an endpoint reaches edges.

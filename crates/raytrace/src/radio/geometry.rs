@@ -69,7 +69,7 @@ pub struct Geometry<'a> {
     pub slabs: Vec<Option<Slab>>,
     corners: Vec<[DVec3; 3]>,
     face_of_triangle: Vec<u32>,
-    /// By object: whether it closes around a volume and faces outward.
+    /// Whether an object closes around a volume and faces outward, by object.
     bodies: Vec<bool>,
     occluders: Occluders<'a>,
 }

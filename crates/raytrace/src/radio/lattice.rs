@@ -38,7 +38,7 @@ pub struct Directions {
 /// Directions that stand anywhere in their cells.
 struct Jitter {
     seed: u64,
-    /// By number.
+    /// Unit directions by number.
     directions: Vec<DVec3>,
 }
 

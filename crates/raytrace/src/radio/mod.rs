@@ -36,7 +36,7 @@ pub use antenna::{Angles, Antenna, AntennaArray, AntennaPattern, Beam, PlanarArr
 pub use complex::Complex;
 pub use corf_scene::solids::{Parting, Solids};
 pub use diffraction::{DiffractionModel, Wedge, transition};
-pub use diffuse::{DiffuseField, DiffuseSettings};
+pub use diffuse::{DiffuseField, DiffuseSettings, Extent};
 pub use face::Face;
 pub use geometry::Geometry;
 pub use materials::Slab;

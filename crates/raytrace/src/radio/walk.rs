@@ -102,7 +102,7 @@ pub struct Leg {
 pub struct Walk<'w, 'a> {
     geometry: &'w Geometry<'a>,
     settings: &'w RadioSettings,
-    /// By material: whether it lets a ray through.
+    /// Whether a material lets a ray through, by material.
     transparent: Vec<bool>,
 }
 

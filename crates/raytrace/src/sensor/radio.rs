@@ -2,7 +2,7 @@
 
 use crate::radio::{
     Antenna, AntennaArray, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, PlanarArray, Polarization, RadioSettings,
-    RadioTracer, Search, Transmitter, json,
+    RadioTracer, Search, Transmitter, diffuse, json,
 };
 use crate::spectrum::{self, Grid, SpectrumSettings, TutorialSphere};
 use corf_scene::config::{DatasetConfig, RearHalfSpace, ReceiverConfig, RfConfig, SceneConfig, SpectrumKind, TransmitterConfig};
@@ -173,11 +173,12 @@ impl Extent {
     /// # Errors
     /// A position that is not finite.
     pub fn gather(&self, field: &DiffuseField<'_, '_>, pose: &Rigid3, element: &Antenna) -> Result<Vec<Arrival>> {
-        match self {
-            Self::View(camera) => field.gather_for_view_with(camera, pose, element),
-            Self::Front => field.gather_in_front_with(pose.translation, world_from_array(pose).x_axis, element),
-            Self::Sphere => field.gather_with(pose.translation, element),
-        }
+        let extent = match *self {
+            Self::View(camera) => diffuse::Extent::View { camera, world_from_camera: *pose },
+            Self::Front => diffuse::Extent::Front { boresight: world_from_array(pose).x_axis },
+            Self::Sphere => diffuse::Extent::Sphere,
+        };
+        field.gather(pose.translation, element, &extent)
     }
 }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub struct TransmitterConfig {
     /// World position, metres.
     pub position_m: [f64; 3],
-    /// Where its +x (boresight) and +z point.
+    /// Attitude: where its +x (boresight) and +z point.
     #[serde(default)]
     pub orientation: Orientation,
     /// Element pattern.
@@ -30,7 +30,7 @@ pub struct TransmitterConfig {
     #[serde(default = "half", with = "spacing")]
     #[schemars(with = "[f64; 2]")]
     pub spacing_wavelengths: [f64; 2],
-    /// Where an array of several elements points its beam. Default: boresight.
+    /// Direction of the beam of an array of several elements. Default: boresight.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beam: Option<BeamConfig>,
 }
@@ -39,9 +39,9 @@ pub struct TransmitterConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct BeamConfig {
-    /// From boresight towards array +y (left), degrees.
+    /// Azimuth from boresight towards array +y (left), degrees.
     pub azimuth_deg: f64,
-    /// From the array's x–y plane towards +z (up), degrees.
+    /// Elevation from the array's x–y plane towards +z (up), degrees.
     pub elevation_deg: f64,
 }
 
@@ -69,11 +69,11 @@ pub struct ReceiverConfig {
     pub pattern: AntennaPattern,
     /// Polarisation.
     pub polarization: Polarization,
-    /// What becomes of power from behind the array's plane. Default `gated`.
+    /// Treatment of power from behind the array's plane. Default `gated`.
     pub rear: RearHalfSpace,
 }
 
-/// What a planar array, which cannot tell front from back, is told about the rear half-space.
+/// Treatment of the rear half-space by a planar array, which cannot tell front from back by itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum RearHalfSpace {

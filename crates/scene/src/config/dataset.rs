@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// What `corf dataset generate` makes.
+/// Configuration of `corf dataset generate`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DatasetConfig {
@@ -15,7 +15,7 @@ pub struct DatasetConfig {
     pub name: String,
     /// Scene file (TOML), relative to this file.
     pub scene: PathBuf,
-    /// Which of the scene's `[transmitters]` is on. Default: its `[transmitter]`.
+    /// Name of the one of the scene's `[transmitters]` that is on. Default: its `[transmitter]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transmitter: Option<String>,
     /// Number of keyframes along the trajectory.
@@ -33,7 +33,7 @@ pub struct DatasetConfig {
     /// Training and test keyframes.
     #[serde(default)]
     pub split: SplitConfig,
-    /// Where the file was read from (its folder resolves `scene`).
+    /// Path that the file was read from (its folder resolves `scene`).
     #[serde(skip)]
     pub source: PathBuf,
 }
@@ -49,7 +49,7 @@ pub struct OpticalConfig {
     /// Full horizontal field of view, degrees. Default 90.
     #[serde(default = "ninety")]
     pub horizontal_fov_deg: f64,
-    /// How light is worked out. Default `cached`.
+    /// Method by which light is computed. Default `cached`.
     #[serde(default)]
     pub method: LightMethod,
     /// Camera paths a pixel; with `cached`, sixteen times as many where they disagree. Default 4 with `cached`, 256 with `path`.
@@ -61,7 +61,7 @@ pub struct OpticalConfig {
     /// Exposure, EV (radiance × 2^EV); without it one exposure for the whole trajectory is metered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure_ev: Option<f64>,
-    /// What takes the noise out of images of the method `path`. Default: nothing does, and they are unbiased.
+    /// Denoiser of images of the method `path`. Default: none, and they are unbiased.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub denoiser: Option<Denoiser>,
     /// Datasets of earlier versions say `true` where a filter went over their images; it can be read of, not asked for. Default false.
@@ -91,11 +91,11 @@ impl OpticalConfig {
     }
 }
 
-/// How light is worked out.
+/// Method by which light is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LightMethod {
-    /// What diffuse surfaces receive is worked out once, in the world, for all keyframes; mirrors, highlights and glass are traced for
+    /// Irradiance of diffuse surfaces is computed once, in the world, for all keyframes; mirrors, highlights and glass are traced for
     /// each. Nearly free of noise; slightly biased, as `dataset.json` says.
     #[default]
     Cached,
@@ -153,7 +153,7 @@ pub struct RfConfig {
     /// Rays from the transmitter that find chains of mirrors. Default 200 000.
     #[serde(default = "rays")]
     pub rays: usize,
-    /// What is formed from the paths. Default `mpc`.
+    /// Kind of spectrum that is formed from the paths. Default `mpc`.
     #[serde(default)]
     pub spectrum: SpectrumKind,
     /// Standard deviation of an `mpc` lobe along each axis, degrees. Default 1.
@@ -248,7 +248,7 @@ impl RfConfig {
     }
 }
 
-/// Which spectrum is formed.
+/// Kind of spectrum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SpectrumKind {
@@ -264,7 +264,7 @@ pub enum SpectrumKind {
 }
 
 impl SpectrumKind {
-    /// As files and tables name it.
+    /// The kind's name in files and tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Mpc => "mpc",

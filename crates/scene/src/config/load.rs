@@ -44,7 +44,7 @@ fn line_column(text: &str, at: usize) -> (usize, usize) {
     (before.matches('\n').count() + 1, before[start..].chars().count() + 1)
 }
 
-/// What to do about one of serde's messages.
+/// Advice on one of serde's messages.
 fn help_for(message: &str) -> String {
     // serde writes: unknown field `a`, expected one of `b`, `c` / unknown variant `a`, expected `b` or `c`.
     if message.starts_with("unknown field") || message.starts_with("unknown variant") {

@@ -34,7 +34,7 @@ pub struct SceneConfig {
     /// The platform's way; a scene used for single paths needs none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trajectory: Option<TrajectoryConfig>,
-    /// Where the file was read from (its folder resolves `scene.file`).
+    /// Path that the file was read from (its folder resolves `scene.file`).
     #[serde(skip)]
     pub source: PathBuf,
 }
@@ -141,7 +141,7 @@ impl SceneConfig {
         self.load_scene_with_findings().map(|(scene, _)| scene)
     }
 
-    /// As [`SceneConfig::load_scene`], with what the mesh's import left out or changed.
+    /// The scene, as [`SceneConfig::load_scene`] gives it, and a report of what the mesh's import left out or changed.
     ///
     /// # Errors
     /// As [`SceneConfig::load_scene`].
@@ -152,7 +152,7 @@ impl SceneConfig {
         Ok((scene, report.findings(&mesh)))
     }
 
-    /// How `[scene]` says that the mesh file is to be read.
+    /// Options of the mesh file's import, from `[scene]`.
     pub fn import_options(&self) -> ImportOptions {
         let reach = if self.scene.allow_outside { Reach::Anywhere } else { Reach::Folder };
         ImportOptions { up: self.scene.up, reach }

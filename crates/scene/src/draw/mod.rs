@@ -54,11 +54,11 @@ fn layout(text: &str) -> (Vec<Vec<[f32; 2]>>, f32) {
 /// Horizontal anchor of a line of text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// At its left end.
+    /// The text's left end.
     Left,
-    /// In its middle.
+    /// The text's middle.
     Middle,
-    /// At its right end.
+    /// The text's right end.
     Right,
 }
 

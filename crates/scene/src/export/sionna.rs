@@ -33,9 +33,9 @@ pub struct RadioFile {
     pub transmitter: AntennaEntry,
     /// The receiver's element; its positions are `poses`.
     pub receiver: AntennaEntry,
-    /// By `bsdf` id.
+    /// Materials by `bsdf` id.
     pub materials: BTreeMap<String, MaterialEntry>,
-    /// In the order of `scene.xml`.
+    /// Shapes in the order of `scene.xml`.
     pub shapes: Vec<ShapeEntry>,
     /// Evenly spaced poses of the scene's trajectory.
     pub poses: Vec<PoseEntry>,

@@ -18,7 +18,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Which axis of a mesh file points up.
+/// The axis of a mesh file that points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum UpAxis {
@@ -28,16 +28,16 @@ pub enum UpAxis {
     Z,
 }
 
-/// How a mesh file is to be read.
+/// Options of a mesh file's import.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ImportOptions {
     /// The file's up axis: without one y for glTF, as its standard says, and z for an OBJ.
     pub up: Option<UpAxis>,
-    /// Which files the mesh file may name: buffers, textures, material libraries.
+    /// Files that the mesh file may name: buffers, textures, material libraries.
     pub reach: Reach,
 }
 
-/// What an import left out or made up.
+/// Report of what an import left out or made up.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ImportReport {
     /// Triangles without area, which were dropped.
@@ -48,7 +48,7 @@ pub struct ImportReport {
     pub computed_normals: usize,
     /// Features of the file that the scene model cannot hold and that change what is seen or heard, in words.
     pub notes: Vec<String>,
-    /// What else is in the file and was not read, in words.
+    /// Content of the file that was not read, in words.
     pub unread: Vec<String>,
 }
 
@@ -77,7 +77,7 @@ pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
     load_with_up(path, None)
 }
 
-/// As [`load`], with the file's up axis.
+/// Reads a mesh as [`load`] does, given the file's up axis.
 ///
 /// # Errors
 /// As [`load`].
@@ -85,7 +85,7 @@ pub fn load_with_up(path: impl AsRef<Path>, up: Option<UpAxis>) -> Result<Scene>
     load_with_report(path, &ImportOptions { up, ..ImportOptions::default() }).map(|(scene, _)| scene)
 }
 
-/// As [`load`], with all options, and with what was left out.
+/// Reads a mesh as [`load`] does, given all options, and reports what was left out.
 ///
 /// # Errors
 /// As [`load`].

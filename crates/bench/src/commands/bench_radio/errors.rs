@@ -30,9 +30,9 @@ const DB: f64 = 10.0 / std::f64::consts::LN_10;
 pub(super) struct Errors {
     replicas: u64,
     positions: usize,
-    /// Of all arriving power, at the worst position.
+    /// Error of all arriving power at the worst position, dB.
     total_worst_db: f64,
-    /// Of the diffuse power, at the worst position …
+    /// Error of the diffuse power at the worst position, dB.
     diffuse_worst_db: f64,
     /// … and root mean square over the positions, which says more of few samplings than their worst does.
     diffuse_rms_db: f64,
@@ -40,10 +40,10 @@ pub(super) struct Errors {
     pixels: usize,
     pixel_median_db: Option<f64>,
     pixel_p99_db: Option<f64>,
-    /// Of them, those with an error of [`WANTED_DB`] at most.
+    /// Share of them with an error of [`WANTED_DB`] at most.
     pixel_share_as_wanted: Option<f64>,
     pixel_worst_db: Option<f64>,
-    /// Where along the trajectory that one is, as an index of its positions.
+    /// Index of that pixel's position along the trajectory.
     pixel_worst_position: Option<usize>,
     /// Pixels of the whole dynamic range.
     pixel_all_median_db: Option<f64>,
@@ -63,15 +63,15 @@ struct AtPosition {
     /// Pixels within [`RANGE_DB`] of the spectrum's peak.
     pixels: usize,
     pixel_median_db: Option<f64>,
-    /// Of them, those with an error of more than [`WANTED_DB`].
+    /// Number of them with an error of more than [`WANTED_DB`].
     pixels_over: usize,
     pixel_worst_db: Option<f64>,
 }
 
-/// How far samplings' pixels are from a reference's.
+/// Distance of samplings' pixels from a reference's.
 #[derive(Clone, Serialize)]
 struct Beside {
-    /// Of a sampling of the reference, of which there are as many.
+    /// Directions of a sampling of the reference, of which there are as many.
     directions: usize,
     /// Distance of the means.
     bias_median_db: f64,
@@ -83,7 +83,7 @@ struct Beside {
     rms_median_db: f64,
     rms_p99_db: f64,
     rms_worst_db: f64,
-    /// Of the pixels, those where that is [`WANTED_DB`] at most.
+    /// Share of the pixels where that is [`WANTED_DB`] at most.
     rms_share_as_wanted: f64,
 }
 
@@ -111,17 +111,17 @@ impl Moments {
     }
 }
 
-/// What samplings have shown at one position.
+/// Results of the samplings at one position.
 #[derive(Clone)]
 struct Watched<'a> {
     /// Its index among all positions.
     index: usize,
     pose: &'a TrajectoryPose,
-    /// What arrives resolved, by pair of antenna ports.
+    /// Resolved arrivals by pair of antenna ports.
     resolved: Vec<Vec<Arrival>>,
     diffuse: Moments,
     total: Moments,
-    /// Of the spectrum; empty where none is formed.
+    /// Moments of the spectrum's pixels; empty where none is formed.
     pixels: Vec<Moments>,
 }
 
@@ -132,7 +132,7 @@ impl Watched<'_> {
     }
 }
 
-/// What errors are taken from.
+/// A study of sampling errors.
 pub(super) struct Study<'a, 'p> {
     pub platform: &'a Platform<'p>,
     pub transmitter: &'a Transmitter<'a, 'a>,
@@ -264,7 +264,7 @@ impl Errors {
         }
     }
 
-    /// What a person reads, by lines.
+    /// The errors as lines for a reader.
     pub(super) fn text(&self) -> Vec<String> {
         let mut lines = vec![format!(
             "standard error ({} samplings, {} positions): total {:.3} dB, diffuse {:.3} dB at worst, {:.3} dB rms",
@@ -290,7 +290,7 @@ impl Errors {
 }
 
 impl Beside {
-    /// Of samplings beside as many of a reference at the same positions; `None` without pixels.
+    /// Distance of samplings from as many of a reference at the same positions; `None` without pixels.
     fn of(positions: &[Watched<'_>], reference: &[Watched<'_>], directions: usize, replicas: u64) -> Option<Self> {
         let (mut biases, mut errors) = (Vec::new(), Vec::new());
         let mut variance = 0.0;
@@ -343,7 +343,7 @@ fn quantile(sorted: &[f64], q: f64) -> Option<f64> {
     sorted.get(((sorted.len() as f64 - 1.0) * q) as usize).copied()
 }
 
-/// How many of sorted errors are as small as wanted.
+/// Share of sorted errors that are as small as wanted.
 fn share_as_wanted(sorted: &[f64]) -> f64 {
     sorted.partition_point(|error| *error <= WANTED_DB) as f64 / sorted.len() as f64
 }

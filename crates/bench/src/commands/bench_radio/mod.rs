@@ -19,6 +19,7 @@ use corf_raytrace::spectrum;
 use corf_scene::Rigid3;
 use corf_scene::config::{DatasetConfig, ReceiverConfig, SpectrumKind};
 use corf_scene::trajectory;
+use cpu_time::ProcessTime;
 use errors::{Errors, Study};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -132,14 +133,9 @@ fn timed<T>(spent: &mut Spent, stage: impl FnOnce() -> T) -> T {
     result
 }
 
-/// Processor time of this process, all threads, in Linux's hundredths of a second.
+/// Processor time of this process over all threads, seconds, where the system tells it.
 fn cpu_seconds() -> Option<f64> {
-    const TICKS_PER_SECOND: f64 = 100.0;
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // Fields 14 and 15 of proc(5); the second, the name in brackets, may hold blanks.
-    let mut fields = stat.rsplit_once(')')?.1.split_ascii_whitespace().skip(11);
-    let mut ticks = || fields.next()?.parse::<f64>().ok();
-    Some((ticks()? + ticks()?) / TICKS_PER_SECOND)
+    ProcessTime::try_now().ok().map(|time| time.as_duration().as_secs_f64())
 }
 
 impl Radio {
@@ -287,12 +283,12 @@ impl Radio {
     }
 }
 
-/// What listens at every position.
+/// The receiver of every position.
 struct Platform<'a> {
     config: &'a DatasetConfig,
     receiver: &'a ReceiverConfig,
     tracer: &'a RadioTracer<'a>,
-    /// How much is gathered finely.
+    /// Extent that is gathered finely.
     extent: Extent,
 }
 
@@ -303,18 +299,18 @@ impl Platform<'_> {
         spectrum::port_pairs(paths, &settings.tx_antenna, &element_at(self.receiver, pose), settings.frequency_hz)
     }
 
-    /// What it is scattered.
+    /// Diffuse arrivals at a pose.
     fn gather(&self, field: &DiffuseField<'_, '_>, pose: &Rigid3) -> corf_scene::Result<Vec<Arrival>> {
         self.extent.gather(field, pose, &element_at(self.receiver, pose))
     }
 }
 
-/// Of a power relative to that transmitted; none of none.
+/// Decibels of a power relative to that transmitted; none of none.
 fn decibels(power: f64) -> Option<f64> {
     (power > 0.0).then(|| 10.0 * power.log10())
 }
 
-/// Of all arrivals, relative to 1 W transmitted.
+/// Power of all arrivals, relative to 1 W transmitted.
 fn power<'a>(arrivals: impl IntoIterator<Item = &'a Arrival>) -> f64 {
     arrivals.into_iter().map(|a| a.power).sum()
 }

@@ -37,10 +37,10 @@ struct Fusion {
 
 /// Resampling of one of the four feature maps before the fusion.
 enum Resized {
-    /// To 4 and 2 times the size.
+    /// Transposed convolution to 4 or 2 times the size.
     Spread(Layer, usize),
     Same,
-    /// To half the size.
+    /// Convolution of stride 2, to half the size.
     Halved(Layer),
 }
 
@@ -49,7 +49,7 @@ pub(super) struct Head {
     projected: [Layer; 4],
     resized: [Resized; 4],
     levelled: [Layer; 4],
-    /// From shallow to deep.
+    /// Fusion blocks from shallow to deep.
     fusions: [Fusion; 4],
     narrowed: Layer,
     last: [Layer; 2],

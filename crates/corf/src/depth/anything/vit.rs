@@ -33,10 +33,10 @@ impl Norm {
 struct Block {
     norms: [Norm; 2],
     queries_keys_values: Layer,
-    /// With the layer scale in it.
+    /// Its weights have the layer scale in them.
     attended: Layer,
     widened: Layer,
-    /// With the layer scale in it.
+    /// Its weights have the layer scale in them.
     narrowed: Layer,
 }
 

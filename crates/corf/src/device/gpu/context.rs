@@ -130,7 +130,7 @@ pub(crate) struct Context {
     pub timestamps: bool,
     pub poison: Option<u32>,
     failure: Arc<Mutex<Failure>>,
-    /// To be dropped last.
+    /// Reference that is dropped last.
     _last: LastReference,
 }
 

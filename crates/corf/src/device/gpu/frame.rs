@@ -230,7 +230,7 @@ pub(crate) struct BoundForward {
 }
 
 impl Forward {
-    /// For tiles of these shapes, with so many threads for a pixel's list, or as many as the image's size suggests.
+    /// A frame for tiles of these shapes, with so many threads for a pixel's list, or as many as the image's size suggests.
     pub fn new(context: &Context, shapes: &[Fixed], segments: Option<u32>) -> Result<Self> {
         let fixed = &shapes[0];
         let single = Blend { both: false, main_contributor: false, checkpoints: false, segments: 1 };

@@ -51,7 +51,7 @@ pub struct GpuDevice {
     optimizer: OptimizerConfig,
     raster: RasterConfig,
     store: Store,
-    /// By shape of tiles: the usual one, and one for some steps.
+    /// Buffers by shape of tiles: the usual one, and one for some steps.
     shapes: Vec<Fixed>,
     /// Whether two images with one camera are blended in one pass.
     fuse: bool,

@@ -55,7 +55,7 @@ pub(crate) struct Counts {
 pub(crate) struct Training {
     similarity: Kernel,
     gradient: Kernel,
-    /// For each shape of tiles: apart, both at once.
+    /// Kernels for each shape of tiles: the modalities apart, both at once.
     backward: Vec<[Kernel; 2]>,
     /// Appearance, geometry.
     update: [Kernel; 2],
@@ -92,7 +92,7 @@ type Destination<'a> = Option<[&'a wgpu::Buffer; 3]>;
 /// The kernels of a batch of steps with their memory.
 struct BoundTraining {
     losses: BTreeMap<usize, [Bound; 2]>,
-    /// For each shape of tiles: apart, both at once.
+    /// Kernels for each shape of tiles: the modalities apart, both at once.
     backward: Vec<[Bound; 2]>,
     /// Appearance, geometry.
     update: [Bound; 2],

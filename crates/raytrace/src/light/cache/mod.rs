@@ -86,7 +86,7 @@ impl Default for CacheSettings {
 }
 
 impl CacheSettings {
-    /// For images of few pixels, which are noisier themselves: half the rays and coarse points, and direct lattices of 2 cm at the finest. With
+    /// Density for images of few pixels, which are noisier themselves: half the rays and coarse points, and direct lattices of 2 cm at the finest. With
     /// 4 cm there, the lobby loses 0.5 % of its light; with a quarter of the rays, walls are blotched.
     pub fn for_small_images() -> Self {
         Self {

@@ -11,155 +11,37 @@
 //!
 //! Antennas with two ports: a receiver's ports add their powers; a transmitter's share its power, so that the result is their mean.
 
-mod bins;
-mod cache;
-mod emission;
-mod exposure;
-mod extent;
+mod check;
 mod gather;
-mod guide;
-mod illumination;
-mod image_receivers;
-mod light_hit_tree;
-mod light_hits;
-mod mis;
-mod nodes;
-mod outliers;
-mod patches;
-mod photons;
-mod pilot;
-mod quadrature;
-mod refine;
-mod sampling;
-mod small;
-mod smooth;
-mod subcells;
-mod surface_records;
+mod light;
+mod settings;
 #[cfg(test)]
 mod tests;
-mod trace;
 
 use super::lattice::Directions;
-use super::{Antenna, Arrival, MAX_DEPTH, RadioTracer};
-use cache::RadianceCache;
-use corf_scene::{Error, Pinhole, Result, Rigid3, Rng, bounds};
+use super::{Antenna, Arrival, RadioTracer};
+pub use check::Scattered;
+use corf_scene::{Error, Result, Rng, bounds};
+pub use gather::Extent;
+use gather::image_receivers::{self, ImageReceivers, MirrorSequence, StrongMirrors};
+use gather::light_hits::{self, LightHits};
+use gather::refine::Gathering;
+use gather::small_faces::SmallFaces;
 use gather::{GatherTracer, Lattice, Layer};
 use glam::{DMat3, DVec2, DVec3};
-use illumination::Illumination;
-use image_receivers::{ImageReceivers, StrongMirrors};
-use light_hits::LightHits;
-use patches::Patches;
-pub(crate) use photons::Event;
-use photons::Photons;
-pub use quadrature::Scattered;
+use light::cache::RadianceCache;
+use light::illumination::Illumination;
+use light::patches::Patches;
+pub(crate) use light::photons::Event;
+use light::photons::Photons;
 use rayon::prelude::*;
-use refine::Gathering;
-use serde::{Deserialize, Serialize};
-use small::SmallFaces;
+use settings::SamplingPolicy;
+pub use settings::{DiffuseSettings, NO_MIRRORS_SR};
 
-/// Factor by which [`DiffuseField::gather_for_view`] samples directions out of view more sparsely.
-pub const OUTSIDE_SPARSITY: usize = 16;
-/// Factor instead of [`OUTSIDE_SPARSITY`] with [`DiffuseSettings::even_arrivals`], whose readers have fewer directions.
-pub const EVEN_OUTSIDE_SPARSITY: usize = 4;
-/// More than the whole sphere: no mirror is evaluated exactly.
-pub const NO_MIRRORS_SR: f64 = 13.0;
-/// More photons are a mistake.
-const MAX_PHOTONS: usize = 100_000_000;
 /// Memory per direction, with the hits of the transmitter's ray along it and of the receiver's, bytes.
 const DIRECTION_BYTES: f64 = 200.0;
-/// Directions along the side of a cell in which a strong mirror stands, with [`DiffuseSettings::even_arrivals`].
-const MIRROR_SIDE: usize = 2;
 /// Directions that a task looks along; few, for refinement makes some of them sixty-four, and the last task keeps all others waiting.
 const DIRECTIONS_PER_TASK: usize = 128;
-
-/// Sampling of the diffuse field.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct DiffuseSettings {
-    /// Side of the world-fixed patches on which photons are gathered, metres: indirect light is resolved as finely as this.
-    pub patch_size_m: f64,
-    /// Directions over the whole sphere in which a receiver gathers, and rays of the transmitter that help it; 120 000 are 0.59° apart.
-    pub directions: usize,
-    /// Most interactions after the last scattering (mirrors and slabs between the surface and the receiver), within the tracer's depth.
-    pub after: usize,
-    /// Share of the directions that look on behind the first surface, mirrored and straight through; each then counts for more.
-    pub look_on: f64,
-    /// Faces that fill less of the transmitter's view than this mirror it onto surfaces by photons, not exactly, steradians. In the
-    /// lobby the seven that fill 0.3 sr and more cost as much as all else and do not change the sampling error; by default there are none.
-    pub min_mirror_sr: f64,
-    /// Photons that bring all indirect light; 0 leaves it out.
-    pub photons: usize,
-    /// Angular resolution of the arrivals' reader, degrees: where neighbouring directions differ by more than some per cent of the power
-    /// within it, a receiver samples more finely. 0 leaves it at the lattice.
-    pub resolution_deg: f64,
-    /// Whether heavy single arrivals are avoided: small faces are sampled over their area, strong mirrors get more directions, all
-    /// directions are jittered in their cells, and outliers are clamped. For readers whose lobes hold many arrivals, where the few heavy
-    /// ones make the error.
-    pub even_arrivals: bool,
-    /// Firefly clamp, with `even_arrivals`: an arrival of more than this share of all others within the resolution around it, and of more
-    /// than any one of them, is cut to the larger of the two; the power cut goes to all arrivals. Less error for some bias, and less of
-    /// both with more directions; 0 cuts nothing.
-    pub outlier_share: f64,
-    /// Shifts the patches, turns the lattices and draws other photons; results of different phases differ by the sampling error alone.
-    pub phase: u64,
-}
-
-impl Default for DiffuseSettings {
-    fn default() -> Self {
-        Self {
-            patch_size_m: 0.16,
-            directions: 120_000,
-            after: MAX_DEPTH,
-            look_on: 1.0,
-            min_mirror_sr: NO_MIRRORS_SR,
-            photons: 200_000,
-            resolution_deg: 1.0,
-            even_arrivals: false,
-            outlier_share: 0.1,
-            phase: 0,
-        }
-    }
-}
-
-impl DiffuseSettings {
-    /// Checks ranges.
-    ///
-    /// # Errors
-    /// The first setting out of range, by name.
-    pub fn validate(&self) -> Result<()> {
-        let fault = |key: &str, what: String, help: &str| Err(Error::invalid(format!("diffuse settings, `{key}`"), what, help));
-        if !(0.02..=1e3).contains(&self.patch_size_m) {
-            return fault("patch_size_m", format!("{:?}", self.patch_size_m), "give 0.02 m to 1000 m; 0.16 suits a lobby");
-        }
-        if !(100..=50_000_000).contains(&self.directions) {
-            return fault("directions", format!("{}", self.directions), "give 100 to 50 000 000; 120 000 suits a 1 degree lobe");
-        }
-        if !(self.look_on > 0.0 && self.look_on <= 1.0) {
-            return fault("look_on", format!("{}", self.look_on), "a share above 0, up to 1");
-        }
-        if self.photons > MAX_PHOTONS {
-            return fault("photons", format!("{}", self.photons), "give at most 100 000 000; a million suits a lobby");
-        }
-        if !(self.resolution_deg.is_finite() && (0.0..=90.0).contains(&self.resolution_deg)) {
-            return fault(
-                "resolution_deg",
-                format!("{}", self.resolution_deg),
-                "give 0 to 90 degrees; the width of a spectrum's lobe suits",
-            );
-        }
-        if !(self.outlier_share.is_finite() && self.outlier_share >= 0.0) {
-            return fault(
-                "outlier_share",
-                format!("{}", self.outlier_share),
-                "give a share of at least 0; 0.1 suits an array of 8 by 8",
-            );
-        }
-        if !(self.min_mirror_sr.is_finite() && self.min_mirror_sr >= 0.0) {
-            return fault("min_mirror_sr", format!("{}", self.min_mirror_sr), "give a solid angle of at least 0");
-        }
-        Ok(())
-    }
-}
 
 /// Arrivals that are numbers.
 fn finite(rx: DVec3, arrivals: Vec<Arrival>) -> Result<Vec<Arrival>> {
@@ -208,10 +90,11 @@ pub struct DiffuseField<'t, 'a> {
     /// First number of the low-discrepancy sequence for Russian roulette, in [0, 1).
     luck: f64,
     settings: DiffuseSettings,
+    policy: SamplingPolicy,
     directions: Directions,
-    /// Directions out of view: [`OUTSIDE_SPARSITY`] times fewer, or [`EVEN_OUTSIDE_SPARSITY`] times.
+    /// Directions outside of an extent, sparser.
     outside: Directions,
-    /// With [`DiffuseSettings::even_arrivals`]: mirrors, and the directions that look for more of them.
+    /// Mirrors, and the directions that look for more of them, with [`DiffuseSettings::even_arrivals`].
     mirrors: Option<(StrongMirrors, Directions)>,
 }
 
@@ -244,10 +127,10 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             (DVec2::new(rng.uniform_f64(), rng.uniform_f64()), turn, rng.uniform_f64())
         };
         let patches = Patches::new(&tracer.geometry, settings.patch_size_m, phase)?;
-        let outside_sparsity = if settings.even_arrivals { EVEN_OUTSIDE_SPARSITY } else { OUTSIDE_SPARSITY };
-        let [directions, outside] = [1, outside_sparsity].map(|sparser| {
+        let policy = settings.policy();
+        let [directions, outside] = [1, policy.outside_sparsity].map(|sparser| {
             let directions = Directions::new(settings.directions.div_ceil(sparser), world_from_lattice);
-            if settings.even_arrivals { directions.jittered(settings.phase) } else { directions }
+            if policy.is_even { directions.jittered(settings.phase) } else { directions }
         });
         let mut illumination = Illumination::new(tracer, tx, settings.min_mirror_sr);
         let light_hits = if only.is_some() {
@@ -265,8 +148,8 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             only,
         };
         let cache = photons.trace(settings.patch_size_m);
-        let small = settings.even_arrivals.then(|| SmallFaces::new(&tracer.geometry));
-        let mirrors = (settings.even_arrivals && settings.after > 0)
+        let small = policy.is_even.then(|| SmallFaces::new(&tracer.geometry));
+        let mirrors = (policy.is_even && settings.after > 0)
             .then(|| (StrongMirrors::new(&tracer.geometry, &illumination), image_receivers::pilots(settings.directions)));
         Ok(Self {
             tracer,
@@ -278,6 +161,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             phase,
             luck,
             settings: *settings,
+            policy,
             directions,
             outside,
             mirrors,
@@ -287,6 +171,11 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
     /// Megabytes of the tables that the photons filled.
     pub fn cache_megabytes(&self) -> f64 {
         self.cache.as_ref().map_or(0.0, RadianceCache::megabytes)
+    }
+
+    /// The tracer's receive element, for receivers that have none of their own.
+    pub fn antenna(&self) -> &'t Antenna {
+        &self.tracer.settings.rx_antenna
     }
 
     /// Number of surface patches.
@@ -299,59 +188,29 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         self.illumination.sources.len()
     }
 
-    /// The diffuse arrivals at the tracer's receive antenna, one per direction that receives anything, near ones together, then
-    /// those of the transmitter's own rays; delays are means weighted by power, objects those that the receiver sees.
+    /// The diffuse arrivals at a receiver, one per direction that receives anything, near ones together, then those of the transmitter's own
+    /// rays; delays are means weighted by power, objects those that the receiver sees. Directions outside of `extent` are sparser
+    /// and not refined, which keeps the total power. `antenna` may turn from one position to the next.
     ///
     /// # Errors
     /// A position that is not finite, or within 0.1 mm of a surface.
-    pub fn gather(&self, rx: DVec3) -> Result<Vec<Arrival>> {
-        self.gather_with(rx, &self.tracer.settings.rx_antenna)
-    }
-
-    /// The arrivals of [`DiffuseField::gather`] at an antenna of its own, which may turn from one position to the next.
-    ///
-    /// # Errors
-    /// Those of [`DiffuseField::gather`].
-    pub fn gather_with(&self, rx: DVec3, antenna: &Antenna) -> Result<Vec<Arrival>> {
+    pub fn gather(&self, rx: DVec3, antenna: &Antenna, extent: &Extent) -> Result<Vec<Arrival>> {
         self.tracer.check_in_the_open("receiver", rx)?;
-        finite(rx, self.gathering(rx, antenna, |_| true).arrivals(|_| true))
-    }
-
-    /// The arrivals of [`DiffuseField::gather`] for one view: all directions inside the camera's frame and a margin around it, and outside
-    /// of it a lattice [`OUTSIDE_SPARSITY`] times sparser, which keeps the total power. An array's side lobes want more:
-    /// [`DiffuseField::gather_in_front_with`].
-    ///
-    /// # Errors
-    /// A position that is not finite, or within 0.1 mm of a surface.
-    pub fn gather_for_view(&self, camera: &Pinhole, world_from_camera: &Rigid3) -> Result<Vec<Arrival>> {
-        self.gather_for_view_with(camera, world_from_camera, &self.tracer.settings.rx_antenna)
-    }
-
-    /// The arrivals of [`DiffuseField::gather_for_view`] at an antenna of its own.
-    ///
-    /// # Errors
-    /// Those of [`DiffuseField::gather_for_view`].
-    pub fn gather_for_view_with(&self, camera: &Pinhole, world_from_camera: &Rigid3, antenna: &Antenna) -> Result<Vec<Arrival>> {
-        self.gather_within(world_from_camera.translation, antenna, extent::view(camera, world_from_camera))
-    }
-
-    /// The arrivals of [`DiffuseField::gather_with`] for an array without response behind its plane: all directions before the plane and a
-    /// margin, and behind a sparser lattice, which keeps the total power. `boresight` is the array's, a unit vector.
-    ///
-    /// # Errors
-    /// A position that is not finite, or within 0.1 mm of a surface.
-    pub fn gather_in_front_with(&self, rx: DVec3, boresight: DVec3, antenna: &Antenna) -> Result<Vec<Arrival>> {
-        self.gather_within(rx, antenna, extent::front(boresight))
-    }
-
-    fn gather_within(&self, rx: DVec3, antenna: &Antenna, inside: impl Fn(DVec3) -> bool + Sync) -> Result<Vec<Arrival>> {
-        self.tracer.check_in_the_open("receiver", rx)?;
-        let view = self.gathering(rx, antenna, &inside);
-        let mut arrivals = view.arrivals(&inside);
-        // What lies outside counts for the total power alone.
-        let outside =
-            Gathering { directions: &self.outside, resolution_deg: 0.0, shared: false, small: None, views: None, ..view };
-        arrivals.extend(outside.arrivals(|d| !inside(d)));
+        let inside = extent.inside();
+        let gathering = self.gathering(rx, antenna, &inside);
+        let mut arrivals = gathering.arrivals(&inside);
+        if !matches!(extent, Extent::Sphere) {
+            // What lies outside counts for the total power alone.
+            let outside = Gathering {
+                directions: &self.outside,
+                resolution_deg: 0.0,
+                shared: false,
+                small: None,
+                views: None,
+                ..gathering
+            };
+            arrivals.extend(outside.arrivals(|d| !inside(d)));
+        }
         finite(rx, arrivals)
     }
 
@@ -364,13 +223,11 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
         let resolution_deg = self.settings.resolution_deg;
         let seen = |small: &SmallFaces| small.seen_from(&self.tracer.geometry, rx, self.directions.count(), self.phase);
         let small = self.small.as_ref().map(seen);
-        let mirror_side = if self.settings.even_arrivals { MIRROR_SIDE } else { 1 };
         let lattice = Lattice::new(self.directions.count(), true, true);
         let views = self.mirrors.as_ref().map(|(strong, pilots)| {
             let look = GatherTracer::new(self, rx, antenna, lattice);
-            let mirrors_along = |direction: DVec3, kept: f64, report: &mut dyn FnMut(image_receivers::MirrorSequence)| {
-                look.mirrors_along(direction, kept, report)
-            };
+            let mirrors_along =
+                |direction: DVec3, kept: f64, report: &mut dyn FnMut(MirrorSequence)| look.mirrors_along(direction, kept, report);
             ImageReceivers::new(&self.tracer.geometry, rx, strong, pilots, lattice.sampling, &wanted, mirrors_along)
         });
         Gathering {
@@ -382,7 +239,7 @@ impl<'t, 'a> DiffuseField<'t, 'a> {
             shared: true,
             small,
             views,
-            mirror_side,
+            mirror_side: self.policy.mirror_side,
         }
     }
 

@@ -22,7 +22,7 @@ pub(crate) struct Tiled {
     project: Kernel,
     emit: Kernel,
     keep: [Kernel; 2],
-    /// For small images, where they are drawn otherwise.
+    /// Kernels for small images, where these are drawn otherwise.
     keep_small: Option<[Kernel; 2]>,
     /// Tiles of the largest small image.
     small_tiles: u32,
@@ -38,7 +38,7 @@ pub(crate) struct BoundTiled {
 }
 
 impl Tiled {
-    /// With so many threads for a pixel's list, or as many as the image's size suggests.
+    /// Kernels with so many threads for a pixel's list, or as many as the image's size suggests.
     pub fn new(context: &Context, fixed: &Fixed, segments: Option<u32>) -> Result<Self> {
         let keep = |both, segments| fixed.forward(Blend { both, main_contributor: false, checkpoints: true, segments });
         let usual = segments.unwrap_or(1);
@@ -61,7 +61,7 @@ impl Tiled {
         Ok(Self { project, emit, keep: [single, double], keep_small: small.transpose()?, small_tiles: SMALL_PIXELS / area })
     }
 
-    /// With `blend` in place of the kernels that leave checkpoints, if it is given.
+    /// Binds buffers, with `blend` in place of the kernels that leave checkpoints, if it is given.
     pub fn bind(
         &self,
         projected: impl Fn(&Kernel) -> Result<Bound>,

@@ -1,10 +1,10 @@
 //! Tests of the light that photons carry.
 
-use super::super::cache::{Deposit, RadianceCache};
+use super::super::light::cache::{Deposit, RadianceCache};
 use super::*;
 
 /// Lobes are interpolated between nodes and few photons smoothed over patches, which adds 0.8 % to a lobe's total with all photons and
-/// half a per cent more with the third of them that a guide lets be scattered (means of twelve fields; Lambertian: −0.2 … +0.2 %).
+/// half a per cent more with the third of them that are scattered behind a pilot (means of twelve fields; Lambertian: −0.2 … +0.2 %).
 const TWICE_TOTAL: f64 = 1.5e-2;
 /// Fields whose mean is compared: each has its own photons.
 const REPEATS: u64 = 3;
@@ -30,7 +30,7 @@ fn light_scattered_twice_is_what_a_double_surface_integral_makes_of_it() {
         let received = |field: &DiffuseField<'_, '_>| power(field, rx, |c| c.indirect && c.object == 1);
         let chain = [Event::Scattered, Event::Scattered];
         let found = mean_of(&|s| received(&DiffuseField::of_chain(&tracer, tx, s, &chain).unwrap()));
-        let guided = mean_of(&|s| received(&DiffuseField::new(&tracer, tx, s).unwrap()));
+        let piloted = mean_of(&|s| received(&DiffuseField::new(&tracer, tx, s).unwrap()));
         let slab = tracer.geometry().slabs[0].clone().unwrap();
         let n = 24;
         let at = |i: usize| (0.5 + i as f64) / n as f64;
@@ -48,8 +48,8 @@ fn light_scattered_twice_is_what_a_double_surface_integral_makes_of_it() {
         }
         expected *= (SPEED_OF_LIGHT / 60e9 / (4.0 * std::f64::consts::PI) / (n * n) as f64).powi(2);
         assert!((found / expected - 1.0).abs() < TWICE_TOTAL, "{pattern:?}: {found:e} {expected:e}");
-        // A guide changes where photons go, not what they bring.
-        assert!((guided / found - 1.0).abs() < TWICE_TOTAL, "{pattern:?}: {guided:e} {found:e}");
+        // A pilot changes where photons go, not what they bring.
+        assert!((piloted / found - 1.0).abs() < TWICE_TOTAL, "{pattern:?}: {piloted:e} {found:e}");
     }
 }
 
@@ -112,7 +112,8 @@ fn no_point_of_dark_patches_outshines_the_bright_ones_beside_them() {
     for (_, centre) in patches.of_face(0).filter(|(_, centre)| tracer.geometry.faces[0].contains(*centre)) {
         let (patch, middle) = patches.at(0, centre);
         for i in 0..500 {
-            let (subcell, power) = if is_bright(centre) { (i % patches::GRAINS, 1.0) } else { (middle, 1e-6) };
+            let (subcell, power) =
+                if is_bright(centre) { (i % crate::radio::diffuse::light::patches::GRAINS, 1.0) } else { (middle, 1e-6) };
             let (slot, subcell) = cache.slots().place((patch, subcell), side);
             deposits.push(Deposit {
                 slot,

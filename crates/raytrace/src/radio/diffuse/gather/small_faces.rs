@@ -34,7 +34,7 @@ struct Outline {
 pub struct SmallPoint {
     /// Face that it lies on.
     pub face: u32,
-    /// From the receiver, a unit vector.
+    /// Unit vector from the receiver.
     pub direction: DVec3,
     /// ∫dA/d² that it stands for, steradians.
     pub share_sr: f64,
@@ -43,7 +43,7 @@ pub struct SmallPoint {
 /// The small faces as one receiver sees them.
 #[derive(Debug)]
 pub struct Seen {
-    /// By face: whether points stand for it.
+    /// Whether points stand for a face, by face.
     small: Vec<bool>,
     /// Sample points on the small faces; their visibility from the receiver is not tested.
     pub points: Vec<SmallPoint>,

@@ -11,7 +11,7 @@ const MIRROR_RAYS: usize = 40_000;
 /// Slabs that pass less than this share of power at normal incidence are opaque to the diffuse field (−30 dB).
 const OPAQUE_POWER: f64 = 1e-3;
 /// Distance from the ends of a shadow ray within which nothing is looked for, metres: float32 resolves 1e-6 at 10 m.
-pub(super) const CLEARANCE_M: f64 = 5e-5;
+pub const CLEARANCE_M: f64 = 5e-5;
 
 /// The transmitter, or its image in a face.
 #[derive(Clone, Copy, Debug)]
@@ -56,13 +56,13 @@ pub struct Incident {
 
 /// The sources of one transmitter.
 pub struct Illumination<'t, 'a> {
-    pub(super) tracer: &'t RadioTracer<'a>,
+    pub tracer: &'t RadioTracer<'a>,
     /// One per scene material.
-    pub(super) tables: Vec<Option<SlabTable>>,
-    pub(super) tx: DVec3,
+    pub tables: Vec<Option<SlabTable>>,
+    pub tx: DVec3,
     /// The transmitter first, then its images.
-    pub(super) sources: Vec<Source>,
-    /// By face: whether its image of the transmitter is among the sources.
+    pub sources: Vec<Source>,
+    /// Whether a face's image of the transmitter is among the sources, by face.
     mirrors: Vec<bool>,
 }
 
@@ -95,11 +95,11 @@ impl<'t, 'a> Illumination<'t, 'a> {
         Self { tracer, tables, tx, sources, mirrors }
     }
 
-    pub(super) fn geometry(&self) -> &Geometry<'a> {
+    pub fn geometry(&self) -> &Geometry<'a> {
         &self.tracer.geometry
     }
 
-    pub(super) fn table(&self, face: u32) -> &SlabTable {
+    pub fn table(&self, face: u32) -> &SlabTable {
         match &self.tables[self.geometry().faces[face as usize].material as usize] {
             Some(table) => table,
             None => unreachable!("a face's material is used by its triangles"),
@@ -107,7 +107,7 @@ impl<'t, 'a> Illumination<'t, 'a> {
     }
 
     /// Interactions a source's legs may still spend on slabs, after its mirror, the scattering itself and `after` more behind it.
-    pub(super) fn slab_budget(&self, source: Source, after: usize) -> Option<usize> {
+    pub fn slab_budget(&self, source: Source, after: usize) -> Option<usize> {
         let spent = 1 + after + usize::from(source.mirror.is_some());
         let left = self.tracer.settings.max_depth.checked_sub(spent)?;
         Some(if self.tracer.settings.transmission { left } else { 0 })
@@ -144,17 +144,17 @@ impl<'t, 'a> Illumination<'t, 'a> {
     }
 
     /// Whether the diffuse field takes a face for opaque.
-    pub(super) fn is_opaque(&self, face: u32) -> bool {
+    pub fn is_opaque(&self, face: u32) -> bool {
         self.table(face).transmitted_power < OPAQUE_POWER
     }
 
     /// Ports of the transmit antenna.
-    pub(super) fn ports(&self) -> usize {
+    pub fn ports(&self) -> usize {
         self.tracer.settings.tx_antenna.ports().min(MAX_PORTS)
     }
 
     /// Whether the sources hold the transmitter's image in a face.
-    pub(super) fn is_mirror(&self, face: u32) -> bool {
+    pub fn is_mirror(&self, face: u32) -> bool {
         self.mirrors[face as usize]
     }
 
@@ -211,13 +211,13 @@ impl<'t, 'a> Illumination<'t, 'a> {
     }
 
     /// The field behind a slab.
-    pub(super) fn pass(&self, e: &Field, face: u32, direction: DVec3) -> Field {
+    pub fn pass(&self, e: &Field, face: u32, direction: DVec3) -> Field {
         let normal = self.geometry().faces[face as usize].normal;
         field::transmit(e, direction, normal, &self.table(face).response(field::cos_incidence(direction, normal)))
     }
 
     /// The specularly reflected field.
-    pub(super) fn bounce_field(&self, e: &Field, face: u32, direction: DVec3) -> Field {
+    pub fn bounce_field(&self, e: &Field, face: u32, direction: DVec3) -> Field {
         let normal = self.geometry().faces[face as usize].normal;
         let response = self.table(face).response(field::cos_incidence(direction, normal));
         field::reflect(e, direction, normal, &response, self.geometry().slab(face).specular_amplitude())

@@ -11,12 +11,12 @@
 //! bias is the neighbours', which such a cell still has cut: they find the rest of the thing besides.
 
 use super::bins::Bins;
-use super::gather::{GatherTracer, Lattice, Layer};
+use super::fireflies;
 use super::image_receivers::ImageReceivers;
-use super::outliers;
+use super::ray::{GatherTracer, Lattice, Layer};
 use super::sampling::MOST_ALONG_SIDE;
-use super::small;
-use super::{Contribution, DIRECTIONS_PER_TASK, DiffuseField, in_tasks};
+use super::small_faces;
+use crate::radio::diffuse::{Contribution, DIRECTIONS_PER_TASK, DiffuseField, in_tasks};
 use crate::radio::lattice::{Directions, neighbours};
 use crate::radio::{Antenna, Arrival};
 use glam::DVec3;
@@ -115,7 +115,7 @@ impl Cell {
 }
 
 /// A receiver and the lattice it looks along.
-pub(super) struct Gathering<'g, 'f, 't, 'a> {
+pub struct Gathering<'g, 'f, 't, 'a> {
     pub field: &'f DiffuseField<'t, 'a>,
     pub rx: DVec3,
     pub antenna: &'g Antenna,
@@ -126,7 +126,7 @@ pub(super) struct Gathering<'g, 'f, 't, 'a> {
     /// Whether what the directions meet is shared with the transmitter's own rays.
     pub shared: bool,
     /// Small faces, which are sampled over their area and not by directions.
-    pub small: Option<small::Seen>,
+    pub small: Option<small_faces::Seen>,
     /// Mirrors in sight, where what they show is shared as well.
     pub views: Option<ImageReceivers>,
     /// Directions along the side of a cell whose first direction finds a strong mirror.
@@ -148,9 +148,9 @@ impl Gathering<'_, '_, '_, '_> {
             let landed = self.field.landed(self.rx, self.antenna, self.lattice(), &wanted);
             arrivals.extend(landed.into_iter().map(|(direction, c)| once(direction, c.object, &c)));
         }
-        let settings = &self.field.settings;
-        if settings.even_arrivals && settings.outlier_share > 0.0 && self.resolution_deg > 0.0 {
-            outliers::cut(&mut arrivals, self.resolution_deg, settings.outlier_share);
+        let share = self.field.policy.firefly_share;
+        if share > 0.0 && self.resolution_deg > 0.0 {
+            fireflies::cut(&mut arrivals, self.resolution_deg, share);
         }
         arrivals
     }
@@ -165,7 +165,7 @@ impl Gathering<'_, '_, '_, '_> {
     }
 
     /// One arrival per point of a small face in a `wanted` direction.
-    fn small(&self, seen: &small::Seen, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
+    fn small(&self, seen: &small_faces::Seen, wanted: impl Fn(DVec3) -> bool + Sync) -> Vec<Arrival> {
         let numbered: Vec<_> = seen.points.iter().enumerate().filter(|(_, point)| wanted(point.direction)).collect();
         in_tasks(&numbered, |points| {
             let look = GatherTracer::new(self.field, self.rx, self.antenna, self.lattice());

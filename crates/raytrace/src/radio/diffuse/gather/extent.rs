@@ -8,8 +8,41 @@ const VIEW_MARGIN_DEG: f64 = 6.1;
 /// Margin of an array's front, degrees: cells at its edge have all their neighbours, which decide how finely they are looked at.
 const FRONT_MARGIN_DEG: f64 = 2.0;
 
+/// Part of the sphere around a receiver that is sampled at full density.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Extent {
+    /// The whole sphere.
+    Sphere,
+    /// A camera's frame and a margin. The rest is sparser, which keeps the total power; an array's side lobes want more: [`Extent::Front`].
+    View {
+        /// Intrinsics of the camera.
+        camera: Pinhole,
+        /// Its attitude (OpenCV axes); where it stands plays no part.
+        world_from_camera: Rigid3,
+    },
+    /// The half-space before the plane of an array that does not receive from behind, and a margin.
+    Front {
+        /// The array's boresight, a unit vector of the world.
+        boresight: DVec3,
+    },
+}
+
+impl Extent {
+    /// Whether a unit direction of the world lies inside.
+    pub(crate) fn inside(&self) -> Box<dyn Fn(DVec3) -> bool + Sync> {
+        match *self {
+            Self::Sphere => Box::new(|_| true),
+            Self::View { camera, world_from_camera } => Box::new(view(&camera, &world_from_camera)),
+            Self::Front { boresight } => {
+                let least_cos = -FRONT_MARGIN_DEG.to_radians().sin();
+                Box::new(move |direction| boresight.dot(direction) > least_cos)
+            }
+        }
+    }
+}
+
 /// Whether a unit direction of the world lies in a camera's frame or close beside it.
-pub fn view(camera: &Pinhole, world_from_camera: &Rigid3) -> impl Fn(DVec3) -> bool + use<> {
+fn view(camera: &Pinhole, world_from_camera: &Rigid3) -> impl Fn(DVec3) -> bool + Sync + use<> {
     let camera_from_world = world_from_camera.rotation.transpose();
     let margin = VIEW_MARGIN_DEG.to_radians();
     let left = (-camera.cx / camera.fx).atan() - margin;
@@ -21,15 +54,9 @@ pub fn view(camera: &Pinhole, world_from_camera: &Rigid3) -> impl Fn(DVec3) -> b
     move |direction| inside(camera_from_world * direction)
 }
 
-/// Whether a unit direction lies before an array's plane or close behind it.
-pub fn front(boresight: DVec3) -> impl Fn(DVec3) -> bool {
-    let least_cos = -FRONT_MARGIN_DEG.to_radians().sin();
-    move |direction| boresight.dot(direction) > least_cos
-}
-
 /// Whether a unit direction d of a camera's axes has its azimuth atan2(x, z) in [left, right), within ±π, and its elevation asin(y) in
 /// [top, bottom): by half-planes and heights instead of angles, for every direction is asked.
-fn inside_of([left, right]: [f64; 2], elevation: [f64; 2]) -> impl Fn(DVec3) -> bool {
+fn inside_of([left, right]: [f64; 2], elevation: [f64; 2]) -> impl Fn(DVec3) -> bool + Sync {
     let wide = right - left >= std::f64::consts::PI;
     let ((sin_left, cos_left), (sin_right, cos_right)) = (left.sin_cos(), right.sin_cos());
     // Beyond a pole there is nothing to leave out.

@@ -1,24 +1,24 @@
 //! Photons from the transmitter: every chain of mirrors, slabs and scattering surfaces, kept where they arrive.
 //!
 //! A photon carries its polarised field; its power is ‖E‖² in units of 1/N of the transmitter's sphere. Where it meets a surface it leaves
-//! what is scattered there in the cache and goes on mirrored, straight through, and scattered into one drawn direction, chosen among a few
-//! by what a [`Guide`] says of them, weak ones by roulette. What the sources of [`Illumination`] light already is not left again. Photons
-//! come in two kinds: light that was never scattered wants other departures, and other numbers, than light that was.
+//! what is scattered there in the cache and goes on mirrored, straight through, and scattered into one drawn direction, weak ones by
+//! Russian roulette. What the sources of [`Illumination`] light already is not left again. Photons come in two kinds: light that was never
+//! scattered wants other departures, and other numbers, than light that was.
 
 use super::cache::{Deposit, RadianceCache};
 use super::emission::Emission;
-use super::guide::{Drawn, Guide, Leg, draw};
 use super::illumination::{CLEARANCE_M, Illumination};
 use super::patches::Patches;
 use crate::radio::antenna::{phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
 use crate::radio::geometry::SurfaceHit;
+use crate::radio::scattering;
 use corf_scene::Rng;
 use glam::{DMat3, DVec3};
 
 /// Photons a task traces.
 pub const PHOTONS_PER_TASK: usize = 2048;
-/// Photons of less power times worth take part in roulette.
+/// Photons of less power take part in roulette.
 const ROULETTE_POWER: f64 = 3e-3;
 
 /// The kind of interaction of a photon with a surface.
@@ -60,32 +60,21 @@ pub enum PhotonKind {
 }
 
 /// One pass of photon tracing.
-pub struct PhotonPass<'g> {
+pub struct PhotonPass {
     /// Part of the light that the photons carry.
     pub kind: PhotonKind,
     /// Directions in which they leave the transmitter.
     pub emission: Emission,
-    /// Worth of photons by place and direction, for guiding; `None` sends them unguided.
-    pub guide: Option<&'g Guide>,
     /// Stage of their random numbers.
     pub stage: u64,
 }
 
-/// Deposits and legs of the photons traced so far.
+/// Deposits of the photons traced so far.
 #[derive(Default)]
 pub struct Trail {
     stack: Vec<Photon>,
-    /// In the order of the photons.
+    /// Deposits in the order of the photons.
     pub deposits: Vec<Deposit>,
-    /// Legs of the photons' ways, recorded by the pilot only.
-    pub legs: Option<Vec<Leg>>,
-}
-
-impl Trail {
-    /// One that keeps legs.
-    pub fn of_pilot() -> Self {
-        Self { legs: Some(Vec::new()), ..Self::default() }
-    }
 }
 
 /// Photon tracer of a transmitter: all that its photons share.
@@ -106,7 +95,7 @@ pub struct Photons<'p, 't, 'a> {
 
 impl Photons<'_, '_, '_> {
     /// Follows photon `i` and all it splits into.
-    pub fn follow(&self, i: usize, pass: &PhotonPass<'_>, cache: &RadianceCache, trail: &mut Trail) {
+    pub fn follow(&self, i: usize, pass: &PhotonPass, cache: &RadianceCache, trail: &mut Trail) {
         let settings = &self.illumination.tracer.settings;
         let mut rng = Rng::keyed(self.seed, pass.stage, i as u64);
         let (direction, solid_angle_sr) = pass.emission.photon(i);
@@ -132,7 +121,7 @@ impl Photons<'_, '_, '_> {
     }
 
     /// One photon meets the next surface.
-    fn meet(&self, photon: &Photon, pass: &PhotonPass<'_>, cache: &RadianceCache, rng: &mut Rng, trail: &mut Trail) {
+    fn meet(&self, photon: &Photon, pass: &PhotonPass, cache: &RadianceCache, rng: &mut Rng, trail: &mut Trail) {
         let settings = &self.illumination.tracer.settings;
         let geometry = self.illumination.geometry();
         let (k, e) = (photon.direction, &photon.field);
@@ -151,19 +140,10 @@ impl Photons<'_, '_, '_> {
         let amplitude = (s2 * field::reflectivity(e, k, normal, f64::from(entry.te), f64::from(entry.tm))).sqrt();
         let (e_theta, e_phi) = (e.along(theta_hat(k)) * amplitude, e.along(phi_hat(k)) * amplitude);
         let (out_theta, out_phi) = (e_theta * co - e_phi * cross, e_theta * cross + e_phi * co);
-        let place = || cache.slots().place(self.patches.at(face, point), side);
-        if let Some(legs) = &mut trail.legs {
-            if photon.interactions > 0 {
-                legs.push(Leg { from: photon.origin, direction: k, slot: place().0 });
-            }
-            if interactions < settings.max_depth {
-                self.look_around(point, normal, cache, rng, legs);
-            }
-        }
         let wanted = self.only.map_or(!photon.covered, |chain| chain.len() == interactions)
             && (pass.kind == PhotonKind::All || photon.scattered == (pass.kind == PhotonKind::Scattered));
         if wanted && s2 > 0.0 {
-            let (slot, subcell) = place();
+            let (slot, subcell) = cache.slots().place(self.patches.at(face, point), side);
             let inverse = f64::from(entry.inverse_normalisation);
             let coherency = [
                 out_theta.norm_squared(),
@@ -193,17 +173,14 @@ impl Photons<'_, '_, '_> {
             Some(_) => return,
         };
         let goes = |event: Event| next.is_none_or(|n| n == event);
-        // Unscattered light is rouletted by its power alone: its departures are guided.
-        let guide = pass.guide.filter(|_| pass.kind != PhotonKind::Unscattered);
-        let departures = guide.map(|guide| guide.leaving(point));
-        let worth = |direction: DVec3| departures.as_ref().map_or(1.0, |departures| departures.worth(direction));
         let drawn = if s2 > 0.0 && goes(Event::Scattered) && pass.kind != PhotonKind::Unscattered {
-            draw(slab.scattering.pattern, k, normal, worth, guide.is_some(), rng)
+            let uniform = [rng.uniform_f64(), rng.uniform_f64(), rng.uniform_f64()];
+            scattering::sample(slab.scattering.pattern, k, normal, uniform)
         } else {
             None
         };
-        let mut go_on = |direction: DVec3, field: Field, worth: f64, mirrors: usize, scattered: bool, covered: bool| {
-            let kept = (field.norm_squared() * worth / ROULETTE_POWER).min(1.0);
+        let mut go_on = |direction: DVec3, field: Field, mirrors: usize, scattered: bool, covered: bool| {
+            let kept = (field.norm_squared() / ROULETTE_POWER).min(1.0);
             if kept < 1.0 && rng.uniform_f64() >= kept {
                 return;
             }
@@ -214,16 +191,16 @@ impl Photons<'_, '_, '_> {
             let covered = photon.covered && photon.mirrors == 0 && self.illumination.is_mirror(face);
             let reflected = field::reflect(e, k, normal, &table.response(cos_incidence), slab.specular_amplitude());
             let direction = field::mirrored(k, normal);
-            go_on(direction, reflected, worth(direction), photon.mirrors + 1, photon.scattered, covered);
+            go_on(direction, reflected, photon.mirrors + 1, photon.scattered, covered);
         }
         if settings.transmission && goes(Event::Transmitted) {
             let through = field::transmit(e, k, normal, &table.response(cos_incidence));
-            go_on(k, through, worth(k), photon.mirrors, photon.scattered, photon.covered);
+            go_on(k, through, photon.mirrors, photon.scattered, photon.covered);
         }
-        if let Some(Drawn { direction, weight, worth }) = drawn {
+        if let Some((direction, weight)) = drawn {
             let scale = (weight * f64::from(entry.inverse_normalisation)).sqrt();
             let (theta, phi) = (theta_hat(direction), phi_hat(direction));
-            go_on(direction, Field::of_components(out_theta * scale, theta, out_phi * scale, phi), worth, 0, true, false);
+            go_on(direction, Field::of_components(out_theta * scale, theta, out_phi * scale, phi), 0, true, false);
         }
     }
 }

@@ -3,11 +3,11 @@
 //! (λ/4π)² ∫ S²Γ² f_s cosθ_i dA / (r₁² r₂²) over all that source and receiver see. Triangles are cut into quarters, the cells with the
 //! largest estimated errors first; at the outlines of shadows, where no rule converges, cells become small instead.
 
-use super::DiffuseField;
+use crate::radio::diffuse::DiffuseField;
 #[cfg(doc)]
-use super::DiffuseSettings;
-use super::gather::{GatherTracer, Lattice};
-use super::illumination::{Lighting, Source};
+use crate::radio::diffuse::DiffuseSettings;
+use crate::radio::diffuse::gather::{GatherTracer, Lattice};
+use crate::radio::diffuse::light::illumination::{Lighting, Source};
 use corf_scene::Result;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -93,7 +93,7 @@ fn pieces(corners: [DVec3; 3]) -> Vec<[DVec3; 3]> {
 pub struct Scattered {
     /// Straight from the transmitter to the surface: `D` with no slab between them, `RD`, `RRD`, … with as many as the index.
     pub straight: Vec<Vec<f64>>,
-    /// By way of one of the mirrors that the field knows (see [`DiffuseSettings::min_mirror_sr`]), no slab anywhere: `SD`.
+    /// Power by way of one of the mirrors that the field knows (see [`DiffuseSettings::min_mirror_sr`]), no slab anywhere: `SD`.
     pub mirrored: Vec<f64>,
 }
 

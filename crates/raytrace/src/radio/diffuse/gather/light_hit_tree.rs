@@ -1,9 +1,9 @@
 //! Bounding volume hierarchy over the hits of the transmitter's rays: finds those among thousands that a mirror shows, for thousands of
 //! mirrors.
 
-use super::illumination::Lighting;
 use super::image_receivers::ImageReceiver;
 use super::sampling::Sampling;
+use crate::radio::diffuse::light::illumination::Lighting;
 use crate::radio::geometry::Geometry;
 use glam::{DVec3, Vec3};
 

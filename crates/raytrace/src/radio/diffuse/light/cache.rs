@@ -9,7 +9,7 @@
 use super::illumination::Illumination;
 use super::nodes::{self, Lobes, Nodes};
 use super::patches::{GRAINS, Patches};
-use super::smooth::smooth;
+use super::shrinkage::smooth;
 use super::subcells::{self, SubcellRange};
 use super::surface_records::SurfaceRecords;
 use crate::radio::geometry::Geometry;
@@ -65,12 +65,12 @@ pub struct Outgoing {
 /// interaction that may follow (two at depth 3). 4 bytes per subcell beside them.
 pub struct RadianceCache {
     slots: SurfaceRecords,
-    /// By scene material.
+    /// Nodes and scattering pattern by scene material.
     nodes: Vec<Option<(Nodes, ScatteringPattern)>>,
     levels: usize,
-    /// By slot: coherencies by level and node, then [`MEANS`] by level; nothing where no photon came.
+    /// Coherencies of a slot by level and node, then [`MEANS`] by level; nothing where no photon came.
     values: Vec<Option<Box<[f32]>>>,
-    /// By slot: the photons' power by subcell, and once they are finished the subcells' weights; nothing where all are 1.
+    /// Photon power of a slot by subcell, and once they are finished the subcells' weights; nothing where all are 1.
     subcells: Vec<Option<Box<[f32]>>>,
 }
 
@@ -177,7 +177,7 @@ impl RadianceCache {
         self.weigh_subcells(geometry, patches, &spreads);
     }
 
-    /// By slot: Σp²/Σp of all its photons.
+    /// Σp²/Σp of all photons, by slot.
     fn spreads(&self) -> Vec<f64> {
         let spread = |[power, _, squares]: [f32; MEANS]| f64::from(squares / power.max(f32::MIN_POSITIVE));
         (0..self.slots.len() as u32).map(|slot| self.means(slot).map_or(0.0, spread)).collect()

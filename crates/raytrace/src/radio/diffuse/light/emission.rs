@@ -25,11 +25,11 @@ pub enum Emission {
         /// Turns their lattice.
         world_from_lattice: DMat3,
     },
-    /// By bins of different density.
+    /// Directions by bins of different density.
     Guided {
-        /// By bin: the number of its first photon; the last entry is that of all photons.
+        /// Number of a bin's first photon, by bin; the last entry is that of all photons.
         first: Vec<usize>,
-        /// By bin: where its lattice begins, in [0, 1)².
+        /// Origin of a bin's lattice, in [0, 1)², by bin.
         shift: Vec<DVec2>,
     },
 }

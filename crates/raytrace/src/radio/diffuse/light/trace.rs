@@ -2,7 +2,6 @@
 
 use super::cache::{Deposit, RadianceCache};
 use super::emission::Emission;
-use super::guide::Guide;
 use super::photons::{PHOTONS_PER_TASK, PhotonKind, PhotonPass, Photons, Trail};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -27,7 +26,7 @@ impl Photons<'_, '_, '_> {
         }
         // A deposit is at least a second interaction.
         let mut cache = RadianceCache::new(self.illumination, self.patches, patch_m, settings.max_depth - 1);
-        for pass in self.passes(&self.guide(&cache)) {
+        for pass in self.passes(self.disturbances(&cache)) {
             let count = pass.emission.len();
             let tasks = count.div_ceil(PHOTONS_PER_TASK);
             for first in (0..tasks).step_by(TASKS_PER_ROUND) {
@@ -49,17 +48,17 @@ impl Photons<'_, '_, '_> {
         Some(cache)
     }
 
-    /// All photons at once without a guide; with one, in two passes.
-    fn passes<'g>(&self, learned: &'g Option<(Guide, Vec<(DVec3, f64)>)>) -> Vec<PhotonPass<'g>> {
+    /// All photons at once without a pilot; with one, in two passes.
+    fn passes(&self, pilot: Option<Vec<(DVec3, f64)>>) -> Vec<PhotonPass> {
         let even = |count: usize| Emission::Even { count, world_from_lattice: self.world_from_lattice };
-        let Some((guide, disturbances)) = learned else {
-            return vec![PhotonPass { kind: PhotonKind::All, emission: even(self.count), guide: None, stage: STAGE }];
+        let Some(pilot) = pilot else {
+            return vec![PhotonPass { kind: PhotonKind::All, emission: even(self.count), stage: STAGE }];
         };
         let scattered = (self.count as f64 * SCATTERED_SHARE) as usize;
-        let unscattered = Emission::learn(self.count - scattered, disturbances, self.seed, EMISSION_STAGE);
+        let unscattered = Emission::learn(self.count - scattered, &pilot, self.seed, EMISSION_STAGE);
         vec![
-            PhotonPass { kind: PhotonKind::Unscattered, emission: unscattered, guide: Some(guide), stage: STAGE },
-            PhotonPass { kind: PhotonKind::Scattered, emission: even(scattered), guide: Some(guide), stage: SCATTERED_STAGE },
+            PhotonPass { kind: PhotonKind::Unscattered, emission: unscattered, stage: STAGE },
+            PhotonPass { kind: PhotonKind::Scattered, emission: even(scattered), stage: SCATTERED_STAGE },
         ]
     }
 }

@@ -6,7 +6,7 @@
 //! counted by subcell as well, and a slot's light is moved between its subcells as far as they differ by more than chance.
 
 use super::patches::GRAINS;
-use super::smooth::{Member, own_shares};
+use super::shrinkage::{Member, own_shares};
 use std::ops::Range;
 
 /// Slot and subcells of one side of a patch.

@@ -9,10 +9,10 @@
 //! The mirrors in sight have to be found without the directions themselves: a way that is known only where they happened to find it would
 //! be counted too seldom. A coarser lattice of its own finds them, the same in every sampling.
 
-use super::illumination::{CLEARANCE_M, Illumination};
-use super::in_tasks;
 use super::mis;
 use super::sampling::{REFINED, Sampling};
+use crate::radio::diffuse::in_tasks;
+use crate::radio::diffuse::light::illumination::{CLEARANCE_M, Illumination};
 use crate::radio::field;
 use crate::radio::geometry::Geometry;
 use crate::radio::lattice::Directions;
@@ -36,7 +36,7 @@ pub struct StrongMirrors(Vec<(u32, DVec3)>);
 #[derive(Debug)]
 pub struct ImageReceivers {
     views: Vec<ImageReceiver>,
-    /// By face: the view by way of it alone, or [`NONE`].
+    /// The view by way of a face alone, or [`NONE`], by face.
     by_one: Vec<u32>,
     by_more: BTreeMap<MirrorSequence, u32>,
 }
@@ -78,7 +78,7 @@ impl MirrorSequence {
 /// A view of the receiver: straight, or by way of one or two mirrors.
 #[derive(Clone, Debug)]
 pub struct ImageReceiver {
-    /// In the order in which a ray from the receiver meets them.
+    /// Mirrors in the order in which a ray from the receiver meets them.
     pub way: MirrorSequence,
     /// Viewpoint: the receiver or its image.
     pub vantage: VirtualReceiver,

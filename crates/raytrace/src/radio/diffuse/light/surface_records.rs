@@ -1,6 +1,6 @@
 //! Surface records of the radiance cache: a slot for either side of every patch, or of a pool of patches with little of a face on them.
 
-use super::exposure::{Exposed, exposed};
+use super::coverage::{Exposed, exposed};
 use super::patches::Patches;
 use super::subcells::SubcellRange;
 use crate::radio::geometry::Geometry;
@@ -37,9 +37,9 @@ impl SurfaceRecord {
 /// Every place where light is kept.
 pub struct SurfaceRecords {
     slots: Vec<SurfaceRecord>,
-    /// By patch: the homes of its two sides, that of the face's normal first.
+    /// Subcell ranges of a patch's two sides, that of the face's normal first, by patch.
     of_patch: Vec<[SubcellRange; 2]>,
-    /// By slot: how many subcells it has.
+    /// Number of subcells, by slot.
     subcell_counts: Vec<u32>,
     /// Slots by block, blocks by region.
     regions: Vec<Vec<Vec<u32>>>,
