@@ -188,6 +188,14 @@ impl Plan {
         let seeds = |row: &PlanRow| if row.is_single() { &self.seeds[..1] } else { &self.seeds[..] };
         self.rows.iter().flat_map(move |row| seeds(row).iter().map(move |&seed| Cell { row, seed }))
     }
+
+    /// All cells with their places in [`Self::cells`], in the order in which they are run: every row with the first seed, then every row with
+    /// the second, so that a machine that slows down slows all rows down.
+    pub fn interleaved(&self) -> Vec<(usize, Cell<'_>)> {
+        let mut order: Vec<(usize, Cell<'_>)> = self.cells().enumerate().collect();
+        order.sort_by_key(|(_, cell)| self.seeds.iter().position(|seed| *seed == cell.seed));
+        order
+    }
 }
 
 /// A path as text of a plan.
@@ -253,6 +261,14 @@ mod tests {
             let error = format!("{:#}", Plan::parse(&text).unwrap_err());
             assert!(error.contains(said), "{error}");
         }
+    }
+
+    #[test]
+    fn rows_take_turns_seed_by_seed() {
+        let rows = "[[row]]\nlabel='a'\nmethod='nearest'\n[[row]]\nlabel='b'\nkind='predictions'\ndir='x'\n[[row]]\nlabel='c'\nmethod='nearest'\n";
+        let plan = Plan::parse(&format!("name='x'\ndataset='d'\nseeds=[5, 3]\n{rows}")).unwrap();
+        let order: Vec<_> = plan.interleaved().iter().map(|(at, c)| (*at, c.row.label.as_str(), c.seed)).collect();
+        assert_eq!(order, [(0, "a", 5), (2, "b", 5), (3, "c", 5), (1, "a", 3), (4, "c", 3)]);
     }
 
     #[test]

@@ -29,6 +29,7 @@ use anyhow::{Context, Result, bail};
 use corf_scene::Keyframe;
 use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Folder of the contiguous segment's cells, tables and report.
@@ -80,14 +81,14 @@ fn run_split(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Resul
     std::fs::create_dir_all(&cells).with_context(|| format!("cannot create {}", cells.display()))?;
     write_atomic(out.join("plan.toml"), toml::to_string(plan)?.as_bytes())?;
     let shown = predictions::shown(&split.held_out);
-    let mut records = Vec::new();
-    for cell in plan.cells() {
+    let mut records: BTreeMap<usize, Record> = BTreeMap::new();
+    for (place, cell) in plan.interleaved() {
         interrupt::check()?;
         let path = cells.join(format!("{}.json", cell.stem()));
         let source = Source::of(cell, &split, dataset, backend)?;
         if let Some(record) = finished(&path, cell, plan.protocol, &source, dataset)? {
             note!("{}, seed {}: already there", cell.row.label, cell.seed);
-            records.push(record);
+            records.insert(place, record);
             continue;
         }
         let label = format!("{}, seed {}", cell.row.label, cell.seed);
@@ -103,7 +104,7 @@ fn run_split(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Resul
                 warnings.iter().for_each(|warning| note!("{label}: {warning}"));
                 let record = harness::folder_record(&cell.row.label, folder, input, plan.protocol, cell.seed, frames);
                 record.write(&path)?;
-                records.push(record);
+                records.insert(place, record);
                 continue;
             }
         };
@@ -119,9 +120,9 @@ fn run_split(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Resul
             note!("{}, seed {}: FAILED: {error}", cell.row.label, cell.seed);
         }
         record.write(&path)?;
-        records.push(record);
+        records.insert(place, record);
     }
-    write_results(plan, dataset, records, out)
+    write_results(plan, dataset, records.into_values().collect(), out)
 }
 
 /// What a cell's numbers come from.
