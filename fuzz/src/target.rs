@@ -239,7 +239,12 @@ fn record(bytes: &[u8], folder: &Path) -> Result<()> {
     let record: corf_bench::record::Record = corf_bench::json::read_json(&put(folder, "metrics.json", bytes)?)?;
     let records = [record];
     let rows = corf_bench::table::rows(&records);
-    drop((corf_bench::table::markdown(&rows), corf_bench::table::csv(&records), corf_bench::table::latex(&rows)));
+    let columns = corf_bench::table::columns(&["all"])?;
+    drop((
+        corf_bench::table::markdown(&rows, &columns),
+        corf_bench::table::csv(&records),
+        corf_bench::table::latex(&rows, &columns),
+    ));
     Ok(())
 }
 

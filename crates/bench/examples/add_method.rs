@@ -57,6 +57,6 @@ fn main() -> Result<()> {
     let input = Verify::default().open(Path::new(&folder))?;
     let split = Split::of(&input.dataset, Protocol::Validation)?;
     let record = harness::run_cell("first keyframe", &FirstKeyframe, &input, &split, 1, &mut |_| Ok(()), |_, _| Ok(()))?;
-    println!("{}", table::plain(&table::rows(&[record])));
+    println!("{}", table::plain(&table::rows(&[record]), &table::short_columns()));
     Ok(())
 }

@@ -3,9 +3,10 @@
 use crate::input::Input;
 use crate::interrupt::{self, Interrupted};
 use crate::method::{Advance, Method, Predictor, TrainingSet};
-use crate::metrics::{self, FrameMetrics, Prediction};
+use crate::metrics::{Evaluator, FrameMetrics, Halves, Prediction};
+use crate::prediction_folder::{PredictionFolder, Tally};
 use crate::provenance::{Provenance, peak_memory_bytes, reset_peak_memory};
-use crate::record::{CLOCK, CurvePoint, Numbers, Outcome, PROTOCOL, Record, SCHEMA};
+use crate::record::{CLOCK, CurvePoint, Numbers, Outcome, PREDICTIONS, PROTOCOL, Record, SCHEMA, STATED_CLOCK};
 use crate::split::{Protocol, Split};
 use anyhow::{Context, Result, bail};
 use corf::depth::DepthQuality;
@@ -88,16 +89,70 @@ pub fn evaluate(
     split: &Split,
     mut look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
 ) -> Result<Vec<FrameMetrics>> {
-    let (range, camera) = (dataset.db_range(), dataset.rf_camera());
+    let evaluator = Evaluator::of(dataset);
     let mut frames = Vec::new();
     for &index in &split.held_out {
         interrupt::check()?;
         let truth = dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"))?;
         let prediction = predictor.render(&truth.world_from_camera)?;
-        frames.push(metrics::compare(&prediction, &truth, &camera, &range));
+        frames.push(evaluator.compare(prediction.halves(), &truth));
         look(&truth, &prediction)?;
     }
     Ok(frames)
+}
+
+/// Scores another program's predictions of the held-out keyframes; `look` sees every one beside its truth. Returns the metrics and what has to
+/// be said of the files.
+///
+/// # Errors
+/// Unreadable keyframes or predictions.
+pub fn evaluate_folder(
+    folder: &PredictionFolder,
+    dataset: &Dataset,
+    split: &Split,
+    mut look: impl FnMut(&Keyframe, Halves<'_>) -> Result<()>,
+) -> Result<(Vec<FrameMetrics>, Vec<String>)> {
+    let evaluator = Evaluator::of(dataset);
+    let (mut frames, mut tally) = (Vec::new(), Tally::default());
+    for &index in &split.held_out {
+        interrupt::check()?;
+        let predicted = folder.read(index, dataset, &mut tally)?;
+        let truth = dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"))?;
+        frames.push(evaluator.compare(predicted.halves(), &truth));
+        look(&truth, predicted.halves())?;
+    }
+    Ok((frames, folder.warnings(&tally, &dataset.db_range())))
+}
+
+/// The record of another program's predictions: what it is of is theirs to say, what it measures was measured here.
+pub fn folder_record(
+    row: &str,
+    folder: &PredictionFolder,
+    input: &Input,
+    protocol: Protocol,
+    seed: u64,
+    frames: Vec<FrameMetrics>,
+) -> Record {
+    let stated = folder.statement();
+    let numbers = Numbers::of(frames, stated.seconds, stated.gaussians, None, Vec::new(), None);
+    let dataset = &input.dataset;
+    Record {
+        schema: SCHEMA.to_owned(),
+        protocol: PROTOCOL.to_owned(),
+        split: protocol,
+        row: row.to_owned(),
+        method: PREDICTIONS.to_owned(),
+        config: folder.config(),
+        dataset: dataset.header().name.clone(),
+        dataset_hash: dataset.hash().to_owned(),
+        dataset_verified: input.verified,
+        seed,
+        provenance: Provenance::here(),
+        device: stated.device.clone().unwrap_or_else(|| "not stated".to_owned()),
+        uses_ground_truth_depth: stated.uses_ground_truth_depth.unwrap_or(false),
+        clock: STATED_CLOCK.to_owned(),
+        outcome: Outcome::Done(Box::new(numbers)),
+    }
 }
 
 /// A cell's record around its outcome.
@@ -139,8 +194,8 @@ pub fn run_cell(
     let outcome = checked.and_then(|()| reconstruct(method, &input.dataset, split, seed, watch)).and_then(|mut r| {
         let frames = evaluate(r.predictor.as_mut(), &input.dataset, split, look)?;
         let latency = LatencySummary::of(&r.keyframes);
-        let numbers =
-            Numbers::of(frames, r.seconds, r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency).with_depth(r.depth);
+        let numbers = Numbers::of(frames, Some(r.seconds), r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency)
+            .with_depth(r.depth);
         numbers.check()?;
         Ok(Outcome::Done(Box::new(numbers)))
     });

@@ -16,6 +16,7 @@ pub mod metrics;
 pub mod numbers;
 pub mod oidn;
 pub mod plan;
+pub mod prediction_folder;
 pub mod predictions;
 pub mod progress;
 pub mod provenance;

@@ -22,6 +22,9 @@ pub struct Plan {
     /// Whether every cell is run once more with the contiguous segment held out, into the folder `segment`. Default: no.
     #[serde(default)]
     pub segment: bool,
+    /// Columns of metrics in the tables: keys of metrics, `short`, `radio` or `all`. Default: `short`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub columns: Vec<String>,
     /// Seeds; every row is run with each.
     pub seeds: Vec<u64>,
     /// Rows of the table, in order. Differences are taken to the first.
@@ -35,11 +38,83 @@ pub struct Plan {
 pub struct PlanRow {
     /// Label in the table.
     pub label: String,
-    /// Method id.
+    /// Where the row's numbers come from.
+    #[serde(default, skip_serializing_if = "RowKind::is_method")]
+    pub kind: RowKind,
+    /// Method id, of a row of the kind `method`.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub method: String,
+    /// Folder of predictions, of a row of the kind `predictions`: relative to the plan file. `{seed}` in it stands for the seed (without it the
+    /// row has one cell, that of the first seed), `{protocol}` for the protocol.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dir: Option<String>,
     /// Overrides of the method's configuration.
     #[serde(default)]
     pub config: toml::Table,
+}
+
+/// Where the numbers of a row come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RowKind {
+    /// A method of this program, which is run.
+    #[default]
+    Method,
+    /// Another program's predictions, which are scored.
+    Predictions,
+}
+
+impl RowKind {
+    fn is_method(&self) -> bool {
+        *self == Self::Method
+    }
+}
+
+/// What stands for the seed in [`PlanRow::dir`], …
+const SEED: &str = "{seed}";
+/// … and what for the protocol.
+const PROTOCOL: &str = "{protocol}";
+
+impl PlanRow {
+    /// A row of a method.
+    pub fn of_method(label: String, method: String, config: toml::Table) -> Self {
+        Self { label, kind: RowKind::Method, method, dir: None, config }
+    }
+
+    /// The folder of predictions of a seed under a protocol; `None` for a method's row.
+    pub fn folder(&self, seed: u64, protocol: Protocol) -> Option<PathBuf> {
+        let dir = self.dir.as_ref()?;
+        Some(dir.replace(SEED, &seed.to_string()).replace(PROTOCOL, protocol.name()).into())
+    }
+
+    /// Whether it has one cell, however many seeds the plan has.
+    pub fn is_single(&self) -> bool {
+        self.dir.as_ref().is_some_and(|dir| !dir.contains(SEED))
+    }
+
+    /// Checks what the row's kind asks for.
+    fn check(&self, segment: bool) -> Result<()> {
+        match (self.kind, &self.dir) {
+            (RowKind::Method, None) => {
+                crate::methods::create(&self.method, &self.config, &crate::device::Backend::Cpu)?;
+            }
+            (RowKind::Method, Some(_)) => {
+                bail!("dir belongs to rows of kind = \"predictions\"\n  help: add the kind, or leave dir out")
+            }
+            (RowKind::Predictions, None) => {
+                bail!("a row of kind = \"predictions\" needs dir\n  help: name the folder of predictions")
+            }
+            (RowKind::Predictions, Some(_)) if !self.method.is_empty() || !self.config.is_empty() => {
+                bail!("predictions are scored as they are: method and config have no meaning here\n  help: leave them out")
+            }
+            (RowKind::Predictions, Some(dir)) if segment && !dir.contains(PROTOCOL) => bail!(
+                "segment = true needs predictions of the segment as well, by a model that has not seen it\n  help: put {PROTOCOL} into dir; it \
+                 stands for test and for segment"
+            ),
+            (RowKind::Predictions, Some(_)) => {}
+        }
+        Ok(())
+    }
 }
 
 /// One cell of a plan.
@@ -61,8 +136,23 @@ impl Plan {
         let mut plan = Self::parse(&text).with_context(|| format!("in plan {}", path.display()))?;
         if let Some(folder) = path.parent() {
             plan.dataset = folder.join(&plan.dataset);
+            for dir in plan.rows.iter_mut().filter_map(|row| row.dir.as_mut()) {
+                *dir = text_of(&folder.join(&*dir))?;
+            }
         }
         Ok(plan)
+    }
+
+    /// Makes the plan's paths absolute, so that it can be kept elsewhere.
+    ///
+    /// # Errors
+    /// When there is no working directory.
+    pub fn make_absolute(&mut self) -> Result<()> {
+        self.dataset = std::path::absolute(&self.dataset)?;
+        for dir in self.rows.iter_mut().filter_map(|row| row.dir.as_mut()) {
+            *dir = text_of(&std::path::absolute(&*dir)?)?;
+        }
+        Ok(())
     }
 
     /// Parses and checks a plan's text.
@@ -87,16 +177,32 @@ impl Plan {
             if plan.rows[..i].iter().any(|r| slug(&r.label) == slug(&row.label)) {
                 bail!("two rows have the label \"{}\"\n  help: labels name files and must differ", row.label);
             }
-            crate::methods::create(&row.method, &row.config, &crate::device::Backend::Cpu)
-                .with_context(|| format!("row \"{}\"", row.label))?;
+            row.check(plan.segment).with_context(|| format!("row \"{}\"", row.label))?;
         }
+        crate::table::columns(&plan.columns).context("columns")?;
         Ok(plan)
     }
 
-    /// All cells, row by row.
+    /// All cells, row by row; predictions of one run have one cell, for a value told several times is one value.
     pub fn cells(&self) -> impl Iterator<Item = Cell<'_>> {
-        self.rows.iter().flat_map(|row| self.seeds.iter().map(move |&seed| Cell { row, seed }))
+        let seeds = |row: &PlanRow| if row.is_single() { &self.seeds[..1] } else { &self.seeds[..] };
+        self.rows.iter().flat_map(move |row| seeds(row).iter().map(move |&seed| Cell { row, seed }))
     }
+
+    /// All cells with their places in [`Self::cells`], in the order in which they are run: every row with the first seed, then every row with
+    /// the second, so that a machine that slows down slows all rows down.
+    pub fn interleaved(&self) -> Vec<(usize, Cell<'_>)> {
+        let mut order: Vec<(usize, Cell<'_>)> = self.cells().enumerate().collect();
+        order.sort_by_key(|(_, cell)| self.seeds.iter().position(|seed| *seed == cell.seed));
+        order
+    }
+}
+
+/// A path as text of a plan.
+fn text_of(path: &Path) -> Result<String> {
+    path.to_str()
+        .map(str::to_owned)
+        .with_context(|| format!("{} cannot be written into a plan\n  help: it is no UTF-8", path.display()))
 }
 
 impl Cell<'_> {
@@ -131,6 +237,38 @@ mod tests {
         assert!(error.contains("iterations_per_keyframes"), "{error}");
         let error = format!("{:#}", Plan::parse("name='x'\ndatasett='d'\nseeds=[1]\nrow=[]").unwrap_err());
         assert!(error.contains("datasett"), "{error}");
+    }
+
+    #[test]
+    fn rows_of_predictions_have_a_folder_and_a_cell_for_each_that_is_there() {
+        let head = "name='x'\ndataset='d'\nseeds=[3, 5]\n";
+        let row = |more: &str| format!("[[row]]\nlabel='theirs'\nkind='predictions'\n{more}\n");
+        let plan = Plan::parse(&format!("{head}{}", row("dir='them/{seed}/{protocol}'"))).unwrap();
+        let folders: Vec<_> = plan.cells().map(|c| c.row.folder(c.seed, Protocol::Segment).unwrap()).collect();
+        assert_eq!(folders, [PathBuf::from("them/3/segment"), PathBuf::from("them/5/segment")]);
+        let plan = Plan::parse(&format!("{head}{}", row("dir='them'"))).unwrap();
+        assert_eq!(plan.cells().map(|c| c.seed).collect::<Vec<_>>(), [3], "one run is one value");
+        let kept = Plan::parse(&toml::to_string(&plan).unwrap()).unwrap();
+        assert_eq!(kept.rows[0].dir.as_deref(), Some("them"));
+        for (text, said) in [
+            (format!("{head}{}", row("")), "needs dir"),
+            (format!("{head}{}", row("dir='a'\nmethod='nearest'")), "no meaning"),
+            (format!("{head}{}", row("dir='a'\n[row.config]\nx=1")), "no meaning"),
+            (format!("{head}segment=true\n{}", row("dir='a'")), "{protocol}"),
+            (format!("{head}[[row]]\nlabel='a'\nmethod='nearest'\ndir='b'\n"), "kind"),
+            (format!("{head}columns=['psnr']\n{}", row("dir='a'")), "psnr_opt"),
+        ] {
+            let error = format!("{:#}", Plan::parse(&text).unwrap_err());
+            assert!(error.contains(said), "{error}");
+        }
+    }
+
+    #[test]
+    fn rows_take_turns_seed_by_seed() {
+        let rows = "[[row]]\nlabel='a'\nmethod='nearest'\n[[row]]\nlabel='b'\nkind='predictions'\ndir='x'\n[[row]]\nlabel='c'\nmethod='nearest'\n";
+        let plan = Plan::parse(&format!("name='x'\ndataset='d'\nseeds=[5, 3]\n{rows}")).unwrap();
+        let order: Vec<_> = plan.interleaved().iter().map(|(at, c)| (*at, c.row.label.as_str(), c.seed)).collect();
+        assert_eq!(order, [(0, "a", 5), (2, "b", 5), (3, "c", 5), (1, "a", 3), (4, "c", 3)]);
     }
 
     #[test]

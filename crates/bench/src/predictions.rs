@@ -1,6 +1,6 @@
 //! Predictions kept beside a record, for the report: a few held-out frames of each row's first seed.
 
-use crate::metrics::Prediction;
+use crate::metrics::Halves;
 use anyhow::{Context, Result};
 use corf_scene::color::quantize8;
 use corf_scene::io::{encode_png, write_atomic};
@@ -35,32 +35,39 @@ fn encode_grey_png(image: &Raster<u8>) -> Result<Vec<u8>> {
     Ok(out)
 }
 
-/// Keeps one prediction in `folder`.
+/// Keeps one prediction in `folder`, as far as there is one.
 ///
 /// # Errors
 /// When the folder cannot be written.
-pub fn keep(folder: &Path, truth: &Keyframe, prediction: &Prediction) -> Result<()> {
+pub fn keep(folder: &Path, truth: &Keyframe, prediction: Halves<'_>) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    write_atomic(optical_path(folder, truth.index), &encode_png(&prediction.image.map(|p| p.map(quantize8)))?)?;
-    Ok(write_atomic(scalar_path(folder, truth.index), &encode_grey_png(&prediction.rf_scalar.map(|&s| quantize8(s)))?)?)
+    if let Some(image) = prediction.image {
+        write_atomic(optical_path(folder, truth.index), &encode_png(&image.map(|p| p.map(quantize8)))?)?;
+    }
+    if let Some(spectrum) = prediction.spectrum {
+        write_atomic(scalar_path(folder, truth.index), &encode_grey_png(&spectrum.scalar.map(|&s| quantize8(s)))?)?;
+    }
+    Ok(())
 }
 
-/// A kept prediction: the image, and the spectrum as a scalar in `[0, 1]` on the dataset's dB range.
+/// A kept prediction: the image, and the spectrum as a scalar in `[0, 1]` on the dataset's dB range; one of the two at least.
 pub struct Kept {
     /// 8-bit sRGB.
-    pub image: Raster<[u8; 3]>,
+    pub image: Option<Raster<[u8; 3]>>,
     /// Scalar spectrum.
-    pub scalar: Raster<f32>,
+    pub scalar: Option<Raster<f32>>,
 }
 
 /// Reads a kept prediction; `None` where none was kept.
 pub fn load(folder: &Path, index: usize) -> Option<Kept> {
-    let optical = image::open(optical_path(folder, index)).ok()?.to_rgb8();
-    let grey = image::open(scalar_path(folder, index)).ok()?.to_luma8();
-    let pixels = optical.pixels().map(|p| p.0).collect();
-    let scalar = grey.pixels().map(|p| f32::from(p.0[0]) / 255.0).collect();
-    Some(Kept {
-        image: Raster::from_vec(optical.width() as usize, optical.height() as usize, pixels),
-        scalar: Raster::from_vec(grey.width() as usize, grey.height() as usize, scalar),
-    })
+    let image = image::open(optical_path(folder, index)).ok().map(|image| {
+        let image = image.to_rgb8();
+        Raster::from_vec(image.width() as usize, image.height() as usize, image.pixels().map(|p| p.0).collect())
+    });
+    let scalar = image::open(scalar_path(folder, index)).ok().map(|grey| {
+        let grey = grey.to_luma8();
+        let scalar = grey.pixels().map(|p| f32::from(p.0[0]) / 255.0).collect();
+        Raster::from_vec(grey.width() as usize, grey.height() as usize, scalar)
+    });
+    (image.is_some() || scalar.is_some()).then_some(Kept { image, scalar })
 }

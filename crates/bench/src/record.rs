@@ -1,11 +1,12 @@
 //! One run's record: `metrics.json`.
 
 use crate::json::{read_json, write_numbers};
-use crate::metrics::{COLUMNS, FrameMetrics};
+use crate::metrics::{COLUMNS, Column, FrameMetrics};
 use crate::numbers;
 use crate::provenance::Provenance;
 use crate::split::Protocol;
-use anyhow::{Context, Result};
+use crate::stats::quantile;
+use anyhow::{Context, Result, bail, ensure};
 use corf::LatencySummary;
 use corf::depth::DepthQuality;
 use corf_scene::io::write_atomic;
@@ -23,6 +24,11 @@ pub const SCHEMA: &str = "corf-metrics/1";
 pub const PROTOCOL: &str = "corf-heldout/2";
 /// Description of the interval that a record's clock measures.
 pub const CLOCK: &str = "from the first decoded training keyframe in memory to the finished field; reading and decoding files (ahead of the clock as far as memory allows), writing the field and evaluating are not included";
+
+/// Method id of records of predictions that another program made and `corf` only scored.
+pub const PREDICTIONS: &str = "predictions";
+/// Description of the interval of such a record's seconds.
+pub const STATED_CLOCK: &str = "as the maker of the predictions states it; not measured here";
 
 /// Everything one cell (method × dataset × seed) has to say.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -78,16 +84,18 @@ pub enum Outcome {
 /// The numbers of a finished cell.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Numbers {
-    /// Reconstruction time, seconds (see `clock`).
-    pub seconds: f64,
+    /// Reconstruction time, seconds (see `clock`); predictions made elsewhere may come without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
     /// Gaussians in the finished field.
     pub gaussians: Option<usize>,
     /// Peak resident memory of the process during the cell, bytes.
     pub peak_memory_bytes: Option<u64>,
-    /// Means over the held-out frames, by column key.
+    /// The columns' numbers by key: means over the held-out frames, or what else the column says.
     pub means: BTreeMap<String, f64>,
-    /// Median and 90th percentile of the peak AoA error, degrees.
-    pub peak_error_median_p90_deg: [f64; 2],
+    /// Median and 90th percentile of the peak AoA error, degrees, where spectra were predicted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_error_median_p90_deg: Option<[f64; 2]>,
     /// Raw metrics of every held-out frame.
     pub frames: Vec<FrameMetrics>,
     /// Growth over time.
@@ -122,7 +130,26 @@ impl Record {
     pub fn read(path: &Path) -> Result<Self> {
         let value: serde_json::Value = read_json(path)?;
         numbers::check(&value).with_context(|| format!("in {}", path.display()))?;
-        serde_json::from_value(value).with_context(|| format!("{} is not the JSON expected here", path.display()))
+        let record: Self =
+            serde_json::from_value(value).with_context(|| format!("{} is not the JSON expected here", path.display()))?;
+        record.check_whole().with_context(|| format!("in {}", path.display()))?;
+        Ok(record)
+    }
+
+    /// Checks that nothing is missing that the record cannot be without.
+    ///
+    /// # Errors
+    /// A method's time, or a frame's metric whose mean is there, by its key.
+    fn check_whole(&self) -> Result<()> {
+        const HELP: &str = "the record is damaged: make it again";
+        let Outcome::Done(numbers) = &self.outcome else { return Ok(()) };
+        ensure!(numbers.seconds.is_some() || self.method == PREDICTIONS, "seconds is missing\n  help: {HELP}");
+        for column in COLUMNS.iter().filter(|c| numbers.means.contains_key(c.key)) {
+            if let Some(frame) = numbers.frames.iter().find(|f| (column.of)(f).is_none()) {
+                bail!("the frame of keyframe {} lacks what {} needs\n  help: {HELP}", frame.index, column.key);
+            }
+        }
+        Ok(())
     }
 
     /// Writes it whole, or not at all.
@@ -162,7 +189,9 @@ pub fn read_archive(path: &Path) -> Result<Vec<Record>> {
         let read = || -> Result<Record> {
             let value: serde_json::Value = serde_json::from_str(&line?)?;
             numbers::check(&value)?;
-            Ok(serde_json::from_value(value)?)
+            let record: Record = serde_json::from_value(value)?;
+            record.check_whole()?;
+            Ok(record)
         };
         read().with_context(|| format!("{}, line {}, is not the record expected here", path.display(), number + 1))
     };
@@ -181,43 +210,26 @@ impl Numbers {
     /// Means and percentiles from raw frames.
     pub fn of(
         frames: Vec<FrameMetrics>,
-        seconds: f64,
+        seconds: Option<f64>,
         gaussians: Option<usize>,
         peak_memory_bytes: Option<u64>,
         curve: Vec<CurvePoint>,
         latency: Option<LatencySummary>,
     ) -> Self {
-        let mean = |of: fn(&FrameMetrics) -> f64| frames.iter().map(of).sum::<f64>() / frames.len().max(1) as f64;
-        let means = COLUMNS.iter().map(|c| (c.key.to_owned(), mean(c.of))).collect();
-        let mut errors: Vec<f64> = frames.iter().map(|f| f.radio.peak_error_deg).collect();
+        let means = COLUMNS.iter().filter_map(|c| Some((c.key.to_owned(), c.over(&frames)?))).collect();
+        let mut errors: Vec<f64> = frames.iter().filter_map(|f| Some(f.spectrum?.radio.peak_error_deg)).collect();
         errors.sort_by(f64::total_cmp);
-        let peak_error_median_p90_deg = [quantile(&errors, 0.5), quantile(&errors, 0.9)];
+        let peak_error_median_p90_deg = (!errors.is_empty()).then(|| [quantile(&errors, 0.5), quantile(&errors, 0.9)]);
         Self { seconds, gaussians, peak_memory_bytes, means, peak_error_median_p90_deg, frames, curve, latency, depth: None }
+    }
+
+    /// A column's number; of records that are older than the column, what their frames give. `None` where they give none.
+    pub fn value(&self, column: &Column) -> Option<f64> {
+        self.means.get(column.key).copied().or_else(|| column.over(&self.frames))
     }
 
     /// Adds the errors of the depths.
     pub fn with_depth(self, depth: Option<DepthQuality>) -> Self {
         Self { depth, ..self }
-    }
-}
-
-/// A quantile of sorted values by linear interpolation; 0 without any.
-fn quantile(sorted: &[f64], q: f64) -> f64 {
-    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
-    let at = q * last as f64;
-    let (low, high) = (at.floor() as usize, at.ceil() as usize);
-    sorted[low] + (sorted[high] - sorted[low]) * (at - low as f64)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn quantiles_interpolate() {
-        let values = [0.0, 1.0, 2.0, 3.0, 10.0];
-        assert_eq!(quantile(&values, 0.5), 2.0);
-        assert!((quantile(&values, 0.9) - 7.2).abs() < 1e-12);
-        assert_eq!(quantile(&[], 0.5), 0.0);
     }
 }

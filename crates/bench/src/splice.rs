@@ -2,11 +2,13 @@
 //!
 //! ```text
 //! <!-- corf docs: table results/FOLDER KEY,KEY -->    the table of a folder of records, with these columns of metrics
+//! <!-- corf docs: columns -->                         every metric: heading, key, definition
 //! <!-- corf docs: help -->                            the help of every command
 //! <!-- corf docs: keys scene -->                      the keys of a scene file, or of a data-set file (`keys dataset`)
 //! <!-- corf docs: end -->
 //! ```
 
+use crate::metrics::COLUMNS;
 use crate::{schema, suite, table};
 use anyhow::{Context, Result, bail, ensure};
 use corf_scene::config::{DatasetConfig, SceneConfig};
@@ -46,12 +48,24 @@ fn content(order: &str, folder: &Path, help: &str) -> Result<String> {
         ["help"] => Ok(help.to_owned()),
         ["keys", "scene"] => Ok(schema::tables::<SceneConfig>("Scene file")),
         ["keys", "dataset"] => Ok(schema::tables::<DatasetConfig>("Data-set file")),
-        ["table", records] => Ok(table::markdown(&table::rows(&suite::records(&folder.join(records))?))),
-        ["table", records, keys] => {
-            table::markdown_of(&table::rows(&suite::records(&folder.join(records))?), &keys.split(',').collect::<Vec<_>>())
-        }
-        _ => bail!("neither `table FOLDER`, `table FOLDER KEY,KEY`, `help`, `keys scene` nor `keys dataset`"),
+        ["columns"] => Ok(columns()),
+        ["table", records] => table_of(&folder.join(records), &[]),
+        ["table", records, keys] => table_of(&folder.join(records), &keys.split(',').collect::<Vec<_>>()),
+        _ => bail!("neither `table FOLDER`, `table FOLDER KEY,KEY`, `columns`, `help`, `keys scene` nor `keys dataset`"),
     }
+}
+
+fn table_of(folder: &Path, keys: &[&str]) -> Result<String> {
+    Ok(table::markdown(&table::rows(&suite::records(folder)?), &table::columns(keys)?))
+}
+
+/// Every metric with its key and its definition.
+fn columns() -> String {
+    let mut out = String::from("| column | key | definition |\n|---|---|---|\n");
+    for c in COLUMNS {
+        out.push_str(&format!("| {} | `{}` | {} |\n", c.heading, c.key, c.definition().replace('|', "\\|")));
+    }
+    out
 }
 
 #[cfg(test)]

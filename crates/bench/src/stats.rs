@@ -1,4 +1,4 @@
-//! Means and confidence intervals over seeds.
+//! Means and confidence intervals over seeds, and quantiles.
 
 use serde::Serialize;
 
@@ -47,9 +47,25 @@ fn t_quantile_975(dof: usize) -> f64 {
     z + (z.powi(3) + z) / (4.0 * v) + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * v * v)
 }
 
+/// A quantile of sorted values by linear interpolation; 0 without any.
+pub fn quantile(sorted: &[f64], q: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
+    let at = q * last as f64;
+    let (low, high) = (at.floor() as usize, at.ceil() as usize);
+    sorted[low] + (sorted[high] - sorted[low]) * (at - low as f64)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn quantiles_interpolate() {
+        let values = [0.0, 1.0, 2.0, 3.0, 10.0];
+        assert_eq!(quantile(&values, 0.5), 2.0);
+        assert!((quantile(&values, 0.9) - 7.2).abs() < 1e-12);
+        assert_eq!(quantile(&[], 0.5), 0.0);
+    }
 
     #[test]
     fn an_interval_matches_a_worked_example() {

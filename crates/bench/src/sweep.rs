@@ -100,7 +100,7 @@ impl Sweep {
         let row = |label: String, method: Option<&String>, changes: toml::Table| {
             let mut config = self.base.clone();
             merge(&mut config, changes);
-            PlanRow { label, method: method.unwrap_or(&self.method).clone(), config }
+            PlanRow::of_method(label, method.unwrap_or(&self.method).clone(), config)
         };
         let mut rows = vec![row(BASE.to_owned(), None, toml::Table::new())];
         for vary in &self.vary {
@@ -117,6 +117,7 @@ impl Sweep {
             dataset: dataset.to_owned(),
             protocol: Protocol::Validation,
             segment: false,
+            columns: Vec::new(),
             seeds: self.seeds.clone(),
             rows,
         };
@@ -174,7 +175,7 @@ impl Sweep {
                 light.extend(l);
                 rf.extend(r);
                 gaussians.extend(pairs.iter().filter_map(|(a, b)| Some(a.gaussians? as f64 / b.gaussians? as f64)));
-                time.extend(pairs.iter().map(|(a, b)| a.seconds / b.seconds));
+                time.extend(pairs.iter().filter_map(|(a, b)| Some(a.seconds? / b.seconds?)));
             }
             let ratio = |v: &[f64]| summarize(v).map_or("–".to_owned(), |s| format!("× {:.2}", s.mean));
             let gain = |v: &[f64]| summarize(v).map_or("–".to_owned(), |s| interval(s, label));

@@ -229,6 +229,18 @@ pub fn read_png(path: impl AsRef<Path>) -> Result<Raster<[u8; 3]>> {
     Ok(decode_rgba(&bytes, path)?.map(|p| [p[0], p[1], p[2]]))
 }
 
+/// Reads a PNG of 8 or 16 bits as 16-bit RGB: 8-bit values times 257, which is the same share of full scale; grey is three equal channels,
+/// alpha is dropped.
+///
+/// # Errors
+/// The file cannot be read or is no complete image.
+pub fn read_png16(path: impl AsRef<Path>) -> Result<Raster<[u16; 3]>> {
+    let path = path.as_ref();
+    let rgb = decode_image(&read(path)?, path, image::DynamicImage::into_rgb16)?;
+    let (width, height) = (rgb.width() as usize, rgb.height() as usize);
+    Ok(Raster::from_vec(width, height, rgb.pixels().map(|p| p.0).collect()))
+}
+
 /// Encodes named channels as a losslessly compressed EXR of one layer.
 fn encode_exr(width: usize, height: usize, channels: Vec<(&str, ex::FlatSamples)>, unit: Option<&str>) -> Result<Vec<u8>> {
     let list = channels.into_iter().map(|(name, samples)| ex::AnyChannel::new(name, samples)).collect();
@@ -404,6 +416,18 @@ mod tests {
             std::fs::write(&path, &exr[..cut]).unwrap();
             assert!(read_exr_f32(&path).unwrap_err().to_string().contains("cut.bin"), "{cut}");
         }
+    }
+
+    #[test]
+    fn pngs_of_either_depth_are_read_as_16_bits() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("x.png");
+        let rgb = Raster::from_fn(7, 5, |x, y| [x as u8 * 30, y as u8 * 50, 255]);
+        write_png(&path, &rgb).unwrap();
+        assert_eq!(read_png16(&path).unwrap(), rgb.map(|p| p.map(|v| u16::from(v) * 257)));
+        let grey = Raster::from_fn(7, 5, |x, y| (9000 * x + y) as u16);
+        write_atomic(&path, &encode_png16(&grey).unwrap()).unwrap();
+        assert_eq!(read_png16(&path).unwrap(), grey.map(|&v| [v; 3]));
     }
 
     #[test]

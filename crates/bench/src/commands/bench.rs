@@ -72,9 +72,12 @@ pub struct SweepCommand {
 pub struct Table {
     /// Folder of `corf bench run`, `corf demo` or `corf bench pack`.
     folder: PathBuf,
-    /// Notation of the table.
+    /// Notation of the table. CSV has every metric of every cell.
     #[arg(long, value_enum, default_value_t = Notation::Markdown)]
     format: Notation,
+    /// Columns of metrics, with commas between: keys of metrics (docs/METHODOLOGY.md lists them), short, radio or all. Without it those of the plan.
+    #[arg(long, value_delimiter = ',', value_name = "KEY,KEY")]
+    columns: Vec<String>,
 }
 
 /// Notations of a table.
@@ -133,10 +136,11 @@ fn verdict(records: &[crate::record::Record]) -> Verdict {
 impl Run {
     fn run(self, json: bool) -> Result<Verdict> {
         let mut plan = Plan::load(&self.plan)?;
+        plan.make_absolute()?;
         let input = self.cells.verify.open(&plan.dataset)?;
         let backend = self.cells.device.resolve()?;
+        suite::check_folders(&plan, &input.dataset)?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;
-        plan.dataset = std::path::absolute(&plan.dataset)?;
         let written = suite::run(&plan, &input, &self.cells.out, &backend)?;
         let text = format!("{}\nreport: {}", written.text(), written.report.display());
         let all = [written.records, written.segment].concat();
@@ -159,15 +163,16 @@ impl SweepCommand {
 impl Table {
     fn run(self, json: bool) -> Result<Verdict> {
         let records = suite::records(&self.folder)?;
-        let rows = table::rows(&records);
+        let words = if self.columns.is_empty() { suite::columns_of(&self.folder)? } else { self.columns };
+        let (rows, columns) = (table::rows(&records), table::columns(&words)?);
         if json {
             show(true, &records, "")?;
         } else {
             print(&match self.format {
-                Notation::Markdown => table::markdown(&rows),
+                Notation::Markdown => table::markdown(&rows, &columns),
                 Notation::Csv => table::csv(&records),
-                Notation::Latex => table::latex(&rows),
-                Notation::Plain => table::plain(&rows),
+                Notation::Latex => table::latex(&rows, &columns),
+                Notation::Plain => table::plain(&rows, &columns),
             })?;
         }
         Ok(verdict(&records))
@@ -187,7 +192,7 @@ impl Pack {
             let out = self.out.join(part);
             std::fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
             write_archive(&out.join(ARCHIVE), &records)?;
-            suite::write_tables("", &records, &out)?;
+            suite::write_tables("", &records, &table::short_columns(), &out)?;
             all.extend(records);
         }
         let text = format!("{} records in {}", all.len(), self.out.display());

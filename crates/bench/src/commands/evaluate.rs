@@ -1,43 +1,97 @@
-//! `corf evaluate`: a run's field against the held-out keyframes.
+//! `corf evaluate`: a run's field, or another program's predictions, against the held-out keyframes.
 
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::methods::open;
-use crate::record::{Numbers, Outcome};
+use crate::note;
+use crate::prediction_folder::{PredictionFolder, PredictionWriter, stated_of};
+use crate::record::{Numbers, Outcome, Record};
 use crate::run::claim_shared;
+use crate::split::{Protocol, Split};
 use crate::{harness, table};
-use anyhow::Result;
+use anyhow::{Context, Result};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// `corf evaluate`.
 #[derive(Args)]
 pub struct Evaluate {
     /// Run folder of `corf reconstruct`.
-    run: PathBuf,
-    /// Dataset folder, if it has moved since.
+    #[arg(required_unless_present = "predictions", conflicts_with = "predictions")]
+    run: Option<PathBuf>,
+    /// Instead of a run, a folder of predictions that any program wrote: images/*.png, and linear/*.exr or *.npy, scalar/*.png or jet/*.png, one
+    /// file for every held-out keyframe (docs/METHODOLOGY.md has the layout).
+    #[arg(long, value_name = "DIR", requires = "dataset")]
+    predictions: Option<PathBuf>,
+    /// Dataset folder: of a run if it has moved since, of predictions always.
     #[arg(long)]
     dataset: Option<PathBuf>,
+    /// Protocol of the predictions: the keyframes they were not trained with (default: what their predictions.json states, otherwise test).
+    #[arg(long, value_enum, conflicts_with = "run")]
+    protocol: Option<Protocol>,
+    /// Also write the run's predictions of the held-out keyframes into this folder, as --predictions reads them.
+    #[arg(long, value_name = "DIR", conflicts_with = "predictions")]
+    write_predictions: Option<PathBuf>,
+    /// Columns of the printed table, with commas between: keys of metrics (docs/METHODOLOGY.md lists them), short, radio or all.
+    #[arg(long, value_delimiter = ',', value_name = "KEY,KEY", default_value = "short")]
+    columns: Vec<String>,
     #[command(flatten)]
     verify: Verify,
-    /// Device that renders the field: auto, cpu, gpu, or gpu:N for the N-th adapter.
-    #[arg(long, default_value_t)]
+    /// Device that renders the field of a run: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    #[arg(long, default_value_t, conflicts_with = "predictions")]
     device: DeviceChoice,
 }
 
 impl Evaluate {
-    /// Runs the command; writes `metrics.json` into the run folder.
+    /// Runs the command; writes `metrics.json` into the folder that was evaluated.
     ///
     /// # Errors
-    /// A run or dataset that cannot be read.
+    /// A run, predictions or a dataset that cannot be read.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        let mut run = open::open(&self.run, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
-        let _held = claim_shared(&self.run)?;
-        let frames = harness::evaluate(run.predictor.as_mut(), &run.input.dataset, &run.split, |_, _| Ok(()))?;
+        let columns = table::columns(&self.columns)?;
+        let (folder, record) = match (&self.predictions, &self.run) {
+            (Some(folder), _) => (folder, self.of_predictions(folder)?),
+            (None, Some(run)) => (run, self.of_run(run)?),
+            (None, None) => anyhow::bail!("nothing to evaluate\n  help: name a run folder, or predictions with --predictions"),
+        };
+        let _held = claim_shared(folder)?;
+        record.write(&folder.join("metrics.json"))?;
+        let records = [record];
+        show(json, &records[0], &table::plain(&table::rows(&records), &columns))?;
+        Ok(Verdict::Done)
+    }
+
+    fn of_predictions(&self, folder: &Path) -> Result<Record> {
+        let dataset = self.dataset.as_deref().context("predictions are of a dataset\n  help: name it with --dataset")?;
+        let input = self.verify.open(dataset)?;
+        let protocol = match self.protocol {
+            Some(protocol) => protocol,
+            None => PredictionFolder::stated(folder)?.protocol.unwrap_or_default(),
+        };
+        let split = Split::of(&input.dataset, protocol)?;
+        let predictions = PredictionFolder::open(folder, &input.dataset, &split)?;
+        let (frames, warnings) = harness::evaluate_folder(&predictions, &input.dataset, &split, |_, _| Ok(()))?;
+        warnings.iter().for_each(|warning| note!("{warning}"));
+        let seed = predictions.statement().seed.unwrap_or(0);
+        Ok(harness::folder_record(&predictions.name(), &predictions, &input, protocol, seed, frames))
+    }
+
+    fn of_run(&self, folder: &Path) -> Result<Record> {
+        let mut run = open::open(folder, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
+        let _held = claim_shared(folder)?;
+        let dataset = &run.input.dataset;
+        let writer = self.write_predictions.as_deref().map(|dir| PredictionWriter::create(dir, dataset)).transpose()?;
+        let frames = harness::evaluate(run.predictor.as_mut(), dataset, &run.split, |truth, prediction| {
+            writer.as_ref().map_or(Ok(()), |writer| writer.write(truth.index, prediction))
+        })?;
         let info = &run.info;
-        let numbers = Numbers::of(frames, info.seconds, info.gaussians, info.peak_memory_bytes, info.curve.clone(), info.latency)
-            .with_depth(info.depth);
+        if let Some(writer) = writer {
+            writer.finish(&stated_of(info, run.method.uses_ground_truth_depth(), dataset))?;
+        }
+        let numbers =
+            Numbers::of(frames, Some(info.seconds), info.gaussians, info.peak_memory_bytes, info.curve.clone(), info.latency)
+                .with_depth(info.depth);
         let outcome = Outcome::Done(Box::new(numbers));
         let mut record = harness::record(&info.method, run.method.as_ref(), &run.input, info.protocol, info.seed, outcome);
         // The record is the run's, whoever evaluates it.
@@ -45,9 +99,6 @@ impl Evaluate {
         record.config = info.config.clone();
         record.device = info.device.clone();
         record.dataset_verified &= info.dataset_verified;
-        record.write(&self.run.join("metrics.json"))?;
-        let records = [record];
-        show(json, &records[0], &table::plain(&table::rows(&records)))?;
-        Ok(Verdict::Done)
+        Ok(record)
     }
 }

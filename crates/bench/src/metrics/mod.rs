@@ -1,8 +1,15 @@
-//! Metrics of a predicted image and a predicted spectrum, one value a frame; means are taken over frames afterwards.
+//! Metrics of a predicted image and a predicted spectrum, one value a frame; a [`Column`] says how the frames of a cell become one number.
 
+pub mod beams;
+mod columns;
 pub mod image;
 pub mod radio;
+pub mod rate;
 
+pub use columns::{COLUMNS, Column, RADIO, Statistic};
+
+use beams::{BeamMetrics, Codebook};
+use corf_scene::dataset::{Dataset, Quantity};
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Keyframe, Pinhole, Raster, color};
 use serde::{Deserialize, Serialize};
@@ -25,17 +32,56 @@ impl Prediction {
     pub fn from_scalar(image: Raster<[f32; 3]>, rf_scalar: Raster<f32>) -> Self {
         Self { image, rf_jet: rf_scalar.map(|&s| color::jet(s)), rf_scalar, depth_m: None }
     }
+
+    /// Both halves of it.
+    pub fn halves(&self) -> Halves<'_> {
+        Halves { image: Some(&self.image), spectrum: Some(Spectrum { jet: &self.rf_jet, scalar: &self.rf_scalar }) }
+    }
 }
 
-/// All metrics of one held-out frame. Names are those of `metrics.json`.
+/// What is predicted of a keyframe: a program that knows light alone, or radio alone, leaves the other half out.
+#[derive(Clone, Copy, Debug)]
+pub struct Halves<'a> {
+    /// Optical image, sRGB-encoded `[0, 1]`.
+    pub image: Option<&'a Raster<[f32; 3]>>,
+    /// The spectrum.
+    pub spectrum: Option<Spectrum<'a>>,
+}
+
+/// A predicted spectrum, as [`Prediction`] holds it.
+#[derive(Clone, Copy, Debug)]
+pub struct Spectrum<'a> {
+    /// Jet-coloured, `[0, 1]`.
+    pub jet: &'a Raster<[f32; 3]>,
+    /// On the dataset's dB range, `[0, 1]`.
+    pub scalar: &'a Raster<f32>,
+}
+
+/// All metrics of one held-out frame, as far as it was predicted. Names are those of `metrics.json`; what was not computed has no key.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameMetrics {
     /// Keyframe index along the trajectory.
     pub index: usize,
+    /// Metrics of the image.
+    #[serde(flatten)]
+    pub light: Option<LightMetrics>,
+    /// Metrics of the spectrum.
+    #[serde(flatten)]
+    pub spectrum: Option<SpectrumMetrics>,
+}
+
+/// Metrics of a predicted image.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LightMetrics {
     /// PSNR of the 8-bit optical image, dB.
     pub psnr_opt: f64,
     /// SSIM of the 8-bit optical image.
     pub ssim_opt: f64,
+}
+
+/// Metrics of a predicted spectrum.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpectrumMetrics {
     /// PSNR of the 8-bit Jet spectrum, dB (the paper's PSNR_rf).
     pub psnr_rf_jet: f64,
     /// SSIM of the 8-bit Jet spectrum (the paper's SSIM_rf).
@@ -47,132 +93,148 @@ pub struct FrameMetrics {
     /// Physical metrics of the spectrum.
     #[serde(flatten)]
     pub radio: radio::RadioMetrics,
+    /// What the beam that the prediction would choose loses; records made before it was computed have none, nor have spectra without beams.
+    #[serde(flatten)]
+    pub beams: Option<BeamMetrics>,
 }
 
-/// Compares a prediction with a keyframe.
-///
-/// `rf_camera` gives the solid angle of every spectrum pixel and `range` the dataset's dB range.
-pub fn compare(prediction: &Prediction, truth: &Keyframe, rf_camera: &Pinhole, range: &DbRange) -> FrameMetrics {
-    let image = prediction.image.map(|p| p.map(color::quantize8));
-    let scalar_truth = truth.spectrum.map(|&s| range.scalar(s));
-    let jet_truth = scalar_truth.map(|&s| color::jet(s).map(color::quantize8));
-    let jet = prediction.rf_jet.map(|p| p.map(color::quantize8));
-    let grey_truth = scalar_truth.map(|&s| [color::quantize8(s)]);
-    let grey = prediction.rf_scalar.map(|&s| [color::quantize8(s)]);
-    FrameMetrics {
-        index: truth.index,
-        psnr_opt: image::psnr(&image, &truth.image),
-        ssim_opt: image::ssim(&image, &truth.image),
-        psnr_rf_jet: image::psnr(&jet, &jet_truth),
-        ssim_rf_jet: image::ssim(&jet, &jet_truth),
-        psnr_rf_scalar: image::psnr(&grey, &grey_truth),
-        ssim_rf_scalar: image::ssim(&grey, &grey_truth),
-        radio: radio::compare(&prediction.rf_scalar, &truth.spectrum, rf_camera, range),
+/// Compares predictions with the keyframes of one dataset.
+#[derive(Clone, Debug)]
+pub struct Evaluator {
+    rf_camera: Pinhole,
+    range: DbRange,
+    codebook: Option<Codebook>,
+}
+
+impl Evaluator {
+    /// An evaluator of a dataset's keyframes.
+    pub fn of(dataset: &Dataset) -> Self {
+        Self::new(dataset.rf_camera(), dataset.db_range(), dataset.header().quantity)
+    }
+
+    /// `rf_camera` gives direction and solid angle of every spectrum pixel, `range` is the dataset's dB range, and `quantity` says what a
+    /// value is, and so what a beam of it is.
+    pub fn new(rf_camera: Pinhole, range: DbRange, quantity: Quantity) -> Self {
+        Self { rf_camera, range, codebook: Codebook::of(rf_camera, quantity) }
+    }
+
+    /// All metrics of what is predicted of a keyframe.
+    pub fn compare(&self, predicted: Halves<'_>, truth: &Keyframe) -> FrameMetrics {
+        FrameMetrics {
+            index: truth.index,
+            light: predicted.image.map(|image| light(image, &truth.image)),
+            spectrum: predicted.spectrum.map(|spectrum| self.spectrum(spectrum, &truth.spectrum)),
+        }
+    }
+
+    fn spectrum(&self, predicted: Spectrum<'_>, truth: &Raster<f32>) -> SpectrumMetrics {
+        let scalar_truth = truth.map(|&s| self.range.scalar(s));
+        let jet_truth = scalar_truth.map(|&s| color::jet(s).map(color::quantize8));
+        let jet = predicted.jet.map(|p| p.map(color::quantize8));
+        let grey_truth = scalar_truth.map(|&s| [color::quantize8(s)]);
+        let grey = predicted.scalar.map(|&s| [color::quantize8(s)]);
+        let linear = |s: &f32| radio::linear(*s, &self.range);
+        let beams = self.codebook.as_ref().map(|codebook| {
+            let observed = codebook.powers(&truth.map(|&s| f64::from(s).max(0.0)));
+            beams::compare(&codebook.powers(&predicted.scalar.map(linear)), &observed, self.range.max_db - self.range.min_db)
+        });
+        SpectrumMetrics {
+            psnr_rf_jet: image::psnr(&jet, &jet_truth),
+            ssim_rf_jet: image::ssim(&jet, &jet_truth),
+            psnr_rf_scalar: image::psnr(&grey, &grey_truth),
+            ssim_rf_scalar: image::ssim(&grey, &grey_truth),
+            radio: radio::compare(predicted.scalar, truth, &self.rf_camera, &self.range),
+            beams,
+        }
     }
 }
 
-/// One column of the tables: where it is found and how it is written (the arrow in a heading says which way is better).
-#[derive(Clone, Copy, Debug)]
-pub struct Column {
-    /// Key in records and CSV.
-    pub key: &'static str,
-    /// Heading in Markdown and HTML.
-    pub heading: &'static str,
-    /// Heading in LaTeX.
-    pub latex: &'static str,
-    /// Digits after the point.
-    pub digits: usize,
-    /// Reads it off a frame.
-    pub of: fn(&FrameMetrics) -> f64,
+fn light(image: &Raster<[f32; 3]>, truth: &Raster<[u8; 3]>) -> LightMetrics {
+    let image = image.map(|p| p.map(color::quantize8));
+    LightMetrics { psnr_opt: image::psnr(&image, truth), ssim_opt: image::ssim(&image, truth) }
 }
 
-/// Every metric, in the order of the tables; the first six are the paper's.
-pub const COLUMNS: &[Column] = &[
-    Column { key: "psnr_opt", heading: "PSNR opt ↑", latex: r"PSNR$_\mathrm{opt}^\uparrow$", digits: 2, of: |m| m.psnr_opt },
-    Column { key: "ssim_opt", heading: "SSIM opt ↑", latex: r"SSIM$_\mathrm{opt}^\uparrow$", digits: 3, of: |m| m.ssim_opt },
-    Column {
-        key: "psnr_rf_jet",
-        heading: "PSNR rf (Jet) ↑",
-        latex: r"PSNR$_\mathrm{rf}^\uparrow$",
-        digits: 2,
-        of: |m| m.psnr_rf_jet,
-    },
-    Column {
-        key: "ssim_rf_jet",
-        heading: "SSIM rf (Jet) ↑",
-        latex: r"SSIM$_\mathrm{rf}^\uparrow$",
-        digits: 3,
-        of: |m| m.ssim_rf_jet,
-    },
-    Column {
-        key: "psnr_rf_scalar",
-        heading: "PSNR rf (dB) ↑",
-        latex: r"PSNR$_\mathrm{rf,dB}^\uparrow$",
-        digits: 2,
-        of: |m| m.psnr_rf_scalar,
-    },
-    Column {
-        key: "ssim_rf_scalar",
-        heading: "SSIM rf (dB) ↑",
-        latex: r"SSIM$_\mathrm{rf,dB}^\uparrow$",
-        digits: 3,
-        of: |m| m.ssim_rf_scalar,
-    },
-    Column {
-        key: "rmse_db_30",
-        heading: "RMSE within 30 dB, dB ↓",
-        latex: r"RMSE$_{30}^\downarrow$ (dB)",
-        digits: 2,
-        of: |m| m.radio.rmse_db_30,
-    },
-    Column { key: "rmse_db", heading: "RMSE, dB ↓", latex: r"RMSE$^\downarrow$ (dB)", digits: 2, of: |m| m.radio.rmse_db },
-    Column {
-        key: "psp_similarity",
-        heading: "PSP similarity ↑",
-        latex: r"PSP$^\uparrow$",
-        digits: 3,
-        of: |m| m.radio.psp_similarity,
-    },
-    Column {
-        key: "total_power_error_db",
-        heading: "total power error, dB ↓",
-        latex: r"$|\Delta P|^\downarrow$ (dB)",
-        digits: 2,
-        of: |m| m.radio.total_power_error_db,
-    },
-    Column {
-        key: "peak_error_deg",
-        heading: "peak AoA error, ° ↓",
-        latex: r"AoA$^\downarrow$ ($^\circ$)",
-        digits: 1,
-        of: |m| m.radio.peak_error_deg,
-    },
-    Column {
-        key: "beam_loss_db",
-        heading: "beam loss, dB ↓",
-        latex: r"beam loss$^\downarrow$ (dB)",
-        digits: 2,
-        of: |m| m.radio.beam_loss_db,
-    },
-    Column {
-        key: "energy_capture_1",
-        heading: "energy in best 1 % ↑",
-        latex: r"$E_{1\%}^\uparrow$",
-        digits: 3,
-        of: |m| m.radio.energy_capture_1,
-    },
-    Column {
-        key: "energy_capture_5",
-        heading: "energy in best 5 % ↑",
-        latex: r"$E_{5\%}^\uparrow$",
-        digits: 3,
-        of: |m| m.radio.energy_capture_5,
-    },
-    Column {
-        key: "azimuth_spread_error_deg",
-        heading: "azimuth spread error, ° ↓",
-        latex: r"$|\Delta\mathrm{ASA}|^\downarrow$ ($^\circ$)",
-        digits: 2,
-        of: |m| m.radio.azimuth_spread_error_deg,
-    },
-];
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use corf_scene::Rigid3;
+
+    const RANGE: DbRange = DbRange { min_db: -110.0, max_db: -40.0 };
+
+    fn keyframe() -> Keyframe {
+        let spectrum = Raster::from_fn(48, 32, |x, y| {
+            (1e-6 * (-0.5 * ((x as f64 - 30.0).powi(2) + (y as f64 - 12.0).powi(2)) / 4.0).exp()) as f32
+        });
+        let image = Raster::from_fn(24, 16, |x, y| [(9 * x) as u8, (15 * y) as u8, 100]);
+        Keyframe { index: 8, time_s: 0.0, world_from_camera: Rigid3::IDENTITY, image, spectrum, depth_m: None, surface: None }
+    }
+
+    fn observed(truth: &Keyframe) -> Prediction {
+        Prediction::from_scalar(truth.image.map(|p| p.map(|v| f32::from(v) / 255.0)), truth.spectrum.map(|&s| RANGE.scalar(s)))
+    }
+
+    #[test]
+    fn the_observation_itself_is_the_best_prediction_in_every_column() {
+        let truth = keyframe();
+        for quantity in [Quantity::PowerPerSteradian, Quantity::BeamPower] {
+            let evaluator = Evaluator::new(Pinhole::from_horizontal_fov(48, 32, 90.0), RANGE, quantity);
+            let frame = evaluator.compare(observed(&truth).halves(), &truth);
+            for column in COLUMNS {
+                let value = (column.of)(&frame).unwrap();
+                let best = match column.key {
+                    key if key.starts_with("psnr") => image::PSNR_OF_EQUAL_DB,
+                    // What is strong is caught as far as it fits.
+                    key if key.starts_with("energy") => value,
+                    key if key.starts_with("ssim") || key.starts_with("psp") || key.starts_with("beam_top") => 1.0,
+                    _ => 0.0,
+                };
+                assert!((value - best).abs() < 2e-3, "{}: {value}, {best}", column.key);
+            }
+        }
+    }
+
+    #[test]
+    fn halves_that_are_not_predicted_have_no_numbers_and_no_keys() {
+        let truth = keyframe();
+        let evaluator = Evaluator::new(Pinhole::from_horizontal_fov(48, 32, 90.0), RANGE, Quantity::CaponPower);
+        let whole = observed(&truth);
+        let light = evaluator.compare(Halves { spectrum: None, ..whole.halves() }, &truth);
+        let radio = evaluator.compare(Halves { image: None, ..whole.halves() }, &truth);
+        for column in COLUMNS {
+            let beam = column.key.starts_with("codebook") || column.key.starts_with("beam_top") || column.key.starts_with("rate");
+            let optical = column.key.ends_with("_opt");
+            assert_eq!((column.of)(&light).is_some(), optical, "{}", column.key);
+            assert_eq!((column.of)(&radio).is_some(), !optical && !beam, "{}: Capon's estimate has no beams", column.key);
+        }
+        for frame in [light, radio, evaluator.compare(whole.halves(), &truth)] {
+            let json = serde_json::to_value(frame).unwrap();
+            assert!(json.as_object().unwrap().values().all(|v| !v.is_null()), "{json}");
+            assert_eq!(serde_json::from_value::<FrameMetrics>(json).unwrap(), frame);
+        }
+    }
+
+    #[test]
+    fn spectra_without_power_have_finite_numbers_on_either_side() {
+        let mut truth = keyframe();
+        let evaluator = Evaluator::new(Pinhole::from_horizontal_fov(48, 32, 90.0), RANGE, Quantity::PowerPerSteradian);
+        let nothing = Prediction::from_scalar(Raster::filled(24, 16, [0.0; 3]), Raster::filled(48, 32, 0.0));
+        let something = observed(&truth);
+        let finite = |frame: &FrameMetrics| {
+            COLUMNS.iter().for_each(|c| assert!((c.of)(frame).unwrap().is_finite(), "{}", c.key));
+            frame.spectrum.unwrap()
+        };
+        let missed = finite(&evaluator.compare(nothing.halves(), &truth));
+        let beams = missed.beams.unwrap();
+        assert!(beams.beam_top1 == 0.0 && beams.codebook_loss_db > 20.0 && beams.rate_loss_percent > 50.0, "{beams:?}");
+        truth.spectrum = Raster::filled(48, 32, 0.0);
+        for prediction in [&nothing, &something] {
+            let beams = finite(&evaluator.compare(prediction.halves(), &truth)).beams.unwrap();
+            // Where nothing arrives nothing can be lost.
+            assert_eq!((beams.codebook_loss_db, beams.rate_loss_bps_hz, beams.rate_loss_percent), (0.0, 0.0, 0.0));
+        }
+        // Under the dataset's floor there is power still: what was observed is not clipped, a prediction is.
+        truth.spectrum = Raster::filled(48, 32, 1e-12);
+        let faint = finite(&evaluator.compare(nothing.halves(), &truth));
+        assert_eq!((faint.radio.rmse_db, faint.radio.total_power_error_db), (0.0, 70.0));
+    }
+}

@@ -43,8 +43,7 @@ pub fn compare(predicted: &Raster<f32>, truth: &Raster<f32>, camera: &Pinhole, r
                 direction: camera.pixel_direction(x, y),
                 solid_angle_sr,
                 truth: f64::from(truth[(x, y)]).max(0.0),
-                // A bin on the floor is empty by the dataset's rule, not full of floor-level power.
-                predicted: if scalar > 0.0 { range.linear(scalar) } else { 0.0 },
+                predicted: linear(scalar, range),
                 truth_db: range.db(range.scalar(truth[(x, y)])),
                 predicted_db: range.db(scalar),
             }
@@ -68,6 +67,12 @@ pub fn compare(predicted: &Raster<f32>, truth: &Raster<f32>, camera: &Pinhole, r
         energy_capture_5: energy_capture(&pixels, 0.05, total_true),
         azimuth_spread_error_deg: (azimuth_spread_deg(&pixels, |p| p.predicted) - azimuth_spread_deg(&pixels, |p| p.truth)).abs(),
     }
+}
+
+/// Linear power of a predicted scalar: a bin on the floor is empty by the dataset's rule, not full of floor-level power.
+pub fn linear(scalar: f32, range: &DbRange) -> f64 {
+    let scalar = scalar.clamp(0.0, 1.0);
+    if scalar > 0.0 { range.linear(scalar) } else { 0.0 }
 }
 
 struct Pixel {
@@ -179,6 +184,47 @@ mod tests {
         let m = compare(&truth.map(|&s| RANGE.scalar(2.0 * s)), &truth, &camera(), &RANGE);
         assert!((m.total_power_error_db - 3.0103).abs() < 1e-3, "{m:?}");
         assert!((m.rmse_db - 3.0103).abs() < 1e-3 && (m.psp_similarity - 1.0).abs() < 1e-4);
+    }
+
+    /// Equal powers in the pixels of image row 32 whose columns are given.
+    fn paths(columns: &[usize]) -> Raster<f32> {
+        let camera = camera();
+        let power = |x: usize, y: usize| (1e-9 / camera.pixel_solid_angle_sr(x, y)) as f32;
+        Raster::from_fn(96, 64, |x, y| if y == 32 && columns.contains(&x) { power(x, y) } else { 0.0 })
+    }
+
+    #[test]
+    fn two_equal_paths_spread_as_the_formula_says() {
+        // Columns 27 and 68 lie as far left of the middle as right of it: R = cos θ, AS = √(−2 ln cos θ).
+        let (truth, camera) = (paths(&[27, 68]), camera());
+        let d = camera.pixel_direction(68, 32);
+        let theta = d.x.atan2(d.z);
+        let spread_deg = (-2.0 * theta.cos().ln()).sqrt().to_degrees();
+        assert!((20.0..30.0).contains(&spread_deg), "{spread_deg}");
+        let lone = paths(&[48]);
+        let m = compare(&lone.map(|&s| RANGE.scalar(s)), &truth, &camera, &RANGE);
+        assert!((m.azimuth_spread_error_deg - spread_deg).abs() < 1e-4, "{m:?}, {spread_deg}");
+        let m = compare(&truth.map(|&s| RANGE.scalar(s)), &truth, &camera, &RANGE);
+        assert!(m.azimuth_spread_error_deg < 1e-3, "{m:?}");
+    }
+
+    #[test]
+    fn total_power_is_counted_path_by_path_and_as_far_as_the_range_reaches() {
+        let camera = camera();
+        let total = |predicted: &Raster<f32>, truth: &Raster<f32>| {
+            compare(&predicted.map(|&s| RANGE.scalar(s)), truth, &camera, &RANGE).total_power_error_db
+        };
+        let two = paths(&[27, 68]);
+        assert!((total(&paths(&[27]), &two) - 10.0 * 2f64.log10()).abs() < 1e-4);
+        assert!(total(&paths(&[10, 80]), &two) < 1e-4, "where power is does not matter to how much it is");
+        // 1 e-4 /sr is over the range's upper end of −60 dB: the best that can be predicted is 20 dB less.
+        let strong = two.map(|&s| if s > 0.0 { 1e-4 } else { 0.0 });
+        assert!((total(&strong, &strong) - 20.0).abs() < 1e-4);
+        // What is observed under the floor counts as observed, and can only be predicted as nothing.
+        let with_floor = two.map(|&s| if s > 0.0 { s } else { 0.9e-12 });
+        let image_sr: f64 = (0..96 * 64).map(|i| camera.pixel_solid_angle_sr(i % 96, i / 96)).sum();
+        let expected = 10.0 * (1.0 + 0.9e-12 * image_sr / 2e-9).log10();
+        assert!((total(&with_floor, &with_floor) - expected).abs() < 1e-4, "{expected}");
     }
 
     #[test]

@@ -5,7 +5,7 @@ mod pictures;
 mod plan_view;
 
 use crate::escape::html as escape;
-use crate::metrics::COLUMNS;
+use crate::metrics::Column;
 use crate::plan::{Plan, slug};
 use crate::predictions;
 use crate::provenance::Provenance;
@@ -13,6 +13,7 @@ use crate::record::{Outcome, Record};
 use crate::split::Split;
 use crate::table;
 use anyhow::Result;
+use corf_scene::Raster;
 use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
 use std::fmt::Write;
@@ -54,7 +55,7 @@ fn html(report: &Report<'_>) -> Result<String> {
          <title>corf: {title}</title><style>{STYLE}</style></head><body><main><h1>{title}</h1>"
     )?;
     write!(out, "<p class=\"lede\">{}</p>", escape(&report.plan.analysis))?;
-    write!(out, "<h2>Comparison</h2>{}", html_table(&rows))?;
+    write!(out, "<h2>Comparison</h2>{}", html_table(&rows, &table::columns(&report.plan.columns)?))?;
     write!(out, "<h2>Where it was</h2>{}", plan_view::figure(report)?)?;
     write!(out, "<h2>What was there, what was predicted</h2>")?;
     if let Some(first) = report.plan.rows.first() {
@@ -69,8 +70,8 @@ fn html(report: &Report<'_>) -> Result<String> {
 }
 
 /// The short table.
-fn html_table(rows: &[table::Row<'_>]) -> String {
-    let short = table::short(rows);
+fn html_table(rows: &[table::Row<'_>], columns: &table::Columns) -> String {
+    let short = table::short(rows, columns);
     let mut out = String::from("<div class=\"scroll\"><table><tr>");
     short.headings.iter().for_each(|h| out.push_str(&format!("<th>{}</th>", escape(h))));
     out.push_str("</tr>");
@@ -88,20 +89,19 @@ fn html_table(rows: &[table::Row<'_>]) -> String {
 }
 
 fn all_metrics(records: &[Record]) -> String {
+    let columns = table::present(records);
     let mut out = String::from("<div class=\"scroll\"><table><tr><th>cell</th>");
-    COLUMNS.iter().for_each(|c| out.push_str(&format!("<th>{}</th>", escape(c.heading))));
+    columns.iter().for_each(|c| out.push_str(&format!("<th>{}</th>", escape(c.heading))));
     out.push_str("</tr>");
     for record in records {
         let _ = write!(out, "<tr><td>{}, seed {}</td>", escape(&record.row), record.seed);
         match &record.outcome {
             Outcome::Done(n) => {
-                for c in COLUMNS {
-                    let value = n.means.get(c.key).map_or("–".to_owned(), |v| format!("{v:.*}", c.digits));
-                    let _ = write!(out, "<td>{value}</td>");
-                }
+                let value = |c: &Column| n.value(c).map_or("–".to_owned(), |v| format!("{v:.*}", c.digits));
+                columns.iter().for_each(|c| out.push_str(&format!("<td>{}</td>", value(c))));
             }
             Outcome::Failed { error } => {
-                let _ = write!(out, "<td colspan=\"{}\">failed: {}</td>", COLUMNS.len(), escape(error));
+                let _ = write!(out, "<td colspan=\"{}\">failed: {}</td>", columns.len(), escape(error));
             }
         }
         out.push_str("</tr>");
@@ -148,8 +148,8 @@ pub fn row_folder(predictions: &Path, label: &str) -> std::path::PathBuf {
     predictions.join(slug(label))
 }
 
-/// Labels of the rows that kept a prediction of a keyframe, in the plan's order.
-fn kept<'a>(report: &'a Report<'_>, index: usize) -> Vec<(&'a str, predictions::Kept)> {
+/// Labels of the rows that kept a predicted spectrum of a keyframe, in the plan's order, with the spectrum as a scalar.
+fn kept<'a>(report: &'a Report<'_>, index: usize) -> Vec<(&'a str, Raster<f32>)> {
     let load = |label| predictions::load(&row_folder(report.predictions, label), index);
-    report.plan.rows.iter().filter_map(|r| Some((r.label.as_str(), load(&r.label)?))).collect()
+    report.plan.rows.iter().filter_map(|r| Some((r.label.as_str(), load(&r.label)?.scalar?))).collect()
 }

@@ -2,7 +2,7 @@
 
 use super::{Report, kept, row_folder};
 use crate::escape::html as escape;
-use crate::predictions::{self, Kept};
+use crate::predictions;
 use anyhow::Result;
 use base64::Engine;
 use corf_scene::color::{jet, quantize8};
@@ -74,19 +74,17 @@ fn scalar_truth(truth: &Keyframe, range: &DbRange) -> Raster<f32> {
     truth.spectrum.map(|&s| range.scalar(s))
 }
 
-fn optical_error(truth: &Keyframe, prediction: &Kept) -> Raster<[u8; 3]> {
+fn optical_error(truth: &Keyframe, prediction: &Raster<[u8; 3]>) -> Raster<[u8; 3]> {
     Raster::from_fn(truth.image.width(), truth.image.height(), |x, y| {
-        let (a, b) = (truth.image[(x, y)], prediction.image[(x, y)]);
+        let (a, b) = (truth.image[(x, y)], prediction[(x, y)]);
         let mean = (0..3).map(|c| (f32::from(a[c]) - f32::from(b[c])).abs()).sum::<f32>() / (3.0 * 255.0);
         heat(mean / ERROR_OPTICAL)
     })
 }
 
-fn spectrum_error(truth: &Raster<f32>, prediction: &Kept, range: &DbRange) -> Raster<[u8; 3]> {
+fn spectrum_error(truth: &Raster<f32>, prediction: &Raster<f32>, range: &DbRange) -> Raster<[u8; 3]> {
     let span_db = (range.max_db - range.min_db) as f32;
-    Raster::from_fn(truth.width(), truth.height(), |x, y| {
-        diverging((prediction.scalar[(x, y)] - truth[(x, y)]) * span_db / ERROR_DB)
-    })
+    Raster::from_fn(truth.width(), truth.height(), |x, y| diverging((prediction[(x, y)] - truth[(x, y)]) * span_db / ERROR_DB))
 }
 
 /// Truth / prediction / error of image and spectrum, on the shown frames of one row.
@@ -98,17 +96,23 @@ pub(super) fn triptychs(report: &Report<'_>, label: &str) -> Result<String> {
         let Some(prediction) = predictions::load(&folder, index) else { continue };
         let truth = report.dataset.keyframe(index)?;
         let scalar = scalar_truth(&truth, &range);
-        write!(out, "<h3>keyframe {}</h3><div class=\"row three\">", index + 1)?;
-        out.push_str(&figure(&truth.image, "image, observed")?);
-        out.push_str(&figure(&prediction.image, "image, predicted")?);
-        out.push_str(&figure(&optical_error(&truth, &prediction), "mean absolute error")?);
-        let percent = |t: f32| format!("{:.0} %", 100.0 * t * ERROR_OPTICAL);
-        out.push_str(&bar(ramp().map(heat), &[percent(1.0), percent(0.5), percent(0.0)]));
-        out.push_str("</div><div class=\"row three\">");
-        out.push_str(&figure(&jet_image(&scalar), "spectrum, observed")?);
-        out.push_str(&figure(&jet_image(&prediction.scalar), "spectrum, predicted")?);
-        out.push_str(&figure(&spectrum_error(&scalar, &prediction, &range), "predicted − observed")?);
-        write!(out, "<div>{}<div style=\"height:12px\"></div>{}</div></div>", jet_bar(&range), error_bar())?;
+        write!(out, "<h3>keyframe {}</h3>", index + 1)?;
+        if let Some(image) = &prediction.image {
+            out.push_str("<div class=\"row three\">");
+            out.push_str(&figure(&truth.image, "image, observed")?);
+            out.push_str(&figure(image, "image, predicted")?);
+            out.push_str(&figure(&optical_error(&truth, image), "mean absolute error")?);
+            let percent = |t: f32| format!("{:.0} %", 100.0 * t * ERROR_OPTICAL);
+            out.push_str(&bar(ramp().map(heat), &[percent(1.0), percent(0.5), percent(0.0)]));
+            out.push_str("</div>");
+        }
+        if let Some(predicted) = &prediction.scalar {
+            out.push_str("<div class=\"row three\">");
+            out.push_str(&figure(&jet_image(&scalar), "spectrum, observed")?);
+            out.push_str(&figure(&jet_image(predicted), "spectrum, predicted")?);
+            out.push_str(&figure(&spectrum_error(&scalar, predicted, &range), "predicted − observed")?);
+            write!(out, "<div>{}<div style=\"height:12px\"></div>{}</div></div>", jet_bar(&range), error_bar())?;
+        }
     }
     Ok(out)
 }
@@ -124,7 +128,7 @@ pub(super) fn gallery(report: &Report<'_>) -> Result<String> {
     let mut out = format!("<p class=\"note\">Keyframe {}.</p><div class=\"row gallery\">", index + 1);
     out.push_str(&figure(&jet_image(&scalar_truth(&truth, &range)), "observed")?);
     for (label, prediction) in kept(report, index) {
-        out.push_str(&figure(&jet_image(&prediction.scalar), label)?);
+        out.push_str(&figure(&jet_image(&prediction), label)?);
     }
     write!(out, "</div><div style=\"width:90px;height:130px\">{}</div>", jet_bar(&range))?;
     Ok(out)

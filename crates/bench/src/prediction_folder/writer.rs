@@ -1,0 +1,76 @@
+//! Writes a run's predictions as a folder that any evaluator, this one included, can score.
+
+use super::{STATEMENT, Statement, statement::SCHEMA};
+use crate::json::write_numbers;
+use crate::metrics::Prediction;
+use crate::run::{RunInfo, claim_fresh};
+use anyhow::{Context, Result, ensure};
+use corf_scene::color::quantize8;
+use corf_scene::dataset::{Dataset, stem};
+use corf_scene::io;
+use corf_scene::keyframe::DbRange;
+use corf_scene::lock::FolderLock;
+use std::path::{Path, PathBuf};
+
+/// A new folder that is being filled: `images/` and `jet/` as 8-bit PNG, which is what their metrics look at, `linear/` as EXR.
+pub struct PredictionWriter {
+    dir: PathBuf,
+    range: DbRange,
+    _held: FolderLock,
+}
+
+impl PredictionWriter {
+    /// Claims an empty or new folder for predictions of a data set's keyframes.
+    ///
+    /// # Errors
+    /// A folder that holds something already, or cannot be written.
+    pub fn create(dir: &Path, dataset: &Dataset) -> Result<Self> {
+        let held = claim_fresh(dir)?;
+        for name in ["images", "jet", "linear"] {
+            std::fs::create_dir_all(dir.join(name)).with_context(|| format!("cannot create {}/{name}", dir.display()))?;
+        }
+        Ok(Self { dir: dir.to_path_buf(), range: dataset.db_range(), _held: held })
+    }
+
+    /// Writes the prediction of a keyframe.
+    ///
+    /// # Errors
+    /// A pixel that is no number, or a file that cannot be written.
+    pub fn write(&self, index: usize, prediction: &Prediction) -> Result<()> {
+        let mut numbers = prediction.rf_scalar.pixels().iter().chain(prediction.image.pixels().iter().flatten());
+        ensure!(
+            numbers.all(|v| v.is_finite()),
+            "keyframe {index}: a pixel of the prediction is not a finite number\n  help: the field has diverged; reconstruct it with smaller rates"
+        );
+        let file = |folder: &str, ending: &str| self.dir.join(folder).join(format!("{}.{ending}", stem(index)));
+        io::write_png(file("images", "png"), &prediction.image.map(|c| c.map(quantize8)))?;
+        io::write_png(file("jet", "png"), &prediction.rf_jet.map(|c| c.map(quantize8)))?;
+        let linear = prediction.rf_scalar.map(|&s| crate::metrics::radio::linear(s, &self.range) as f32);
+        Ok(io::write_atomic(file("linear", "exr"), &io::encode_exr_f32(&linear, "Y")?)?)
+    }
+
+    /// Writes the statement, without which the folder is not finished.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn finish(self, statement: &Statement) -> Result<()> {
+        write_numbers(&self.dir.join(STATEMENT), statement)
+    }
+}
+
+/// What is to be stated of a run's predictions of a data set.
+pub fn stated_of(info: &RunInfo, uses_ground_truth_depth: bool, dataset: &Dataset) -> Statement {
+    Statement {
+        schema: Some(SCHEMA.to_owned()),
+        method: Some(info.method.clone()),
+        gaussians: info.gaussians,
+        seconds: Some(info.seconds),
+        seed: Some(info.seed),
+        device: Some(info.device.clone()),
+        uses_ground_truth_depth: Some(uses_ground_truth_depth),
+        dataset_hash: Some(dataset.hash().to_owned()),
+        protocol: Some(info.protocol),
+        names: None,
+        db_range: Some(dataset.db_range()),
+    }
+}

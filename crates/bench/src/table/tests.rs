@@ -1,0 +1,133 @@
+//! What tables say and how text stays text in them.
+
+use super::*;
+use crate::provenance::Provenance;
+use std::collections::BTreeMap;
+
+fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
+    let mut means: BTreeMap<String, f64> = COLUMNS.iter().map(|c| (c.key.to_owned(), 1.0)).collect();
+    means.insert("psnr_rf_jet".to_owned(), psnr_rf);
+    let numbers = Numbers {
+        seconds: Some(2.0),
+        gaussians: Some(10),
+        peak_memory_bytes: None,
+        means,
+        peak_error_median_p90_deg: None,
+        frames: vec![],
+        curve: vec![],
+        latency: None,
+        depth: None,
+    };
+    Record {
+        schema: String::new(),
+        protocol: String::new(),
+        split: Protocol::Test,
+        row: row.to_owned(),
+        method: "corf-gs".to_owned(),
+        config: serde_json::Value::Null,
+        dataset: "d".to_owned(),
+        dataset_hash: "h".to_owned(),
+        dataset_verified: true,
+        seed,
+        provenance: Provenance::here(),
+        device: String::new(),
+        uses_ground_truth_depth: row == "full",
+        clock: String::new(),
+        outcome: Outcome::Done(Box::new(numbers)),
+    }
+}
+
+#[test]
+fn differences_are_paired_by_seed_and_bold_only_when_they_exclude_zero() {
+    // The seeds spread by 4 dB, the paired difference is steady at −1: pairing is what finds it.
+    let mut records = vec![record("full", 1, 18.0), record("full", 2, 20.0), record("full", 3, 22.0)];
+    records.extend([record("frozen", 1, 17.0), record("frozen", 2, 18.9), record("frozen", 3, 21.1)]);
+    records.extend([record("noisy", 1, 17.0), record("noisy", 2, 21.0), record("noisy", 3, 22.1)]);
+    let table = markdown(&rows(&records), &short_columns());
+    assert!(table.contains("**-1.00 ± 0.25**"), "{table}");
+    assert!(!table.lines().find(|l| l.contains("noisy")).unwrap().contains("**"), "{table}");
+    assert!(table.contains("used by: full."), "{table}");
+}
+
+#[test]
+fn what_is_text_stays_text_in_every_notation() {
+    let label = "=50% {a}_b & \\x #1 ~^ <b>`c`</b>";
+    let mut failed = record(label, 2, 0.0);
+    failed.outcome = Outcome::Failed { error: "line one\nline | two\u{1b}[2J".to_owned() };
+    let records = [record("full", 1, 18.0), record(label, 1, 17.0), failed];
+    let rows = rows(&records);
+    let tex = latex(&rows, &short_columns());
+    assert!(tex.contains(r"=50\% \{a\}\_b \& \textbackslash{}x \#1 \textasciitilde{}\textasciicircum{} \textless{}b"), "{tex}");
+    let lines = tex.lines().filter(|l| !l.starts_with(' ') && !l.starts_with('%') && !l.starts_with('\\'));
+    assert_eq!(lines.count(), 0, "an error's line end must not leave the comment: {tex}");
+    let csv = csv(&records);
+    assert_eq!(csv.lines().count(), 4, "{csv}");
+    assert!(csv.contains("\"'=50% {a}_b"), "{csv}");
+    let markdown = markdown(&rows, &short_columns());
+    let columns = |line: &str| line.replace(r"\|", "").matches('|').count();
+    let table: Vec<usize> = markdown.lines().filter(|l| l.starts_with('|')).map(columns).collect();
+    assert!(table.len() == 4 && table.iter().all(|n| *n == table[0]), "{markdown}");
+    assert!(markdown.contains(r"&lt;b&gt;\`c\`&lt;/b&gt;"), "{markdown}");
+}
+
+#[test]
+fn unchecked_datasets_are_told() {
+    let mut records = [record("full", 1, 18.0), record("fast", 1, 17.0)];
+    assert!(!markdown(&rows(&records), &short_columns()).contains("SHA-256"));
+    records[1].dataset_verified = false;
+    assert!(markdown(&rows(&records), &short_columns()).contains("recorded SHA-256: fast."));
+}
+
+#[test]
+fn a_failed_cell_stays_in_every_table() {
+    let mut failed = record("frozen", 2, 0.0);
+    failed.outcome = Outcome::Failed { error: "out of memory".to_owned() };
+    let records = [record("full", 1, 18.0), failed];
+    assert!(markdown(&rows(&records), &short_columns()).contains("out of memory"));
+    assert!(latex(&rows(&records), &short_columns()).contains("frozen"));
+    let csv = csv(&records);
+    let columns: Vec<usize> = csv.lines().map(|l| l.matches(',').count()).collect();
+    assert!(columns.iter().all(|&n| n == columns[0]), "{csv}");
+}
+
+#[test]
+fn columns_are_named_by_key_or_group_and_shown_once() {
+    let keys = |words: &[&str]| columns(words).unwrap().iter().map(|c| c.key).collect::<Vec<_>>();
+    assert_eq!(keys(&[]), SHORT);
+    assert_eq!(keys(&["rmse_db_30", "radio"]), keys(&["radio"]));
+    assert_eq!(keys(&["short", "radio"]).len(), SHORT.len() + RADIO.len() - 1, "rmse_db_30 is in both");
+    assert_eq!(keys(&["all"]).len(), COLUMNS.len());
+    let error = columns(&["psnr_rf"]).unwrap_err().to_string();
+    assert!(error.contains("psnr_rf") && error.contains("psnr_rf_jet") && error.contains("radio"), "{error}");
+}
+
+#[test]
+fn what_a_record_lacks_is_a_dash_and_no_column_of_the_csv() {
+    let mut old = record("full", 1, 18.0);
+    let Outcome::Done(numbers) = &mut old.outcome else { unreachable!() };
+    numbers.means.retain(|key, _| !key.starts_with("codebook"));
+    let records = [old];
+    let table = markdown(&rows(&records), &columns(&["psnr_opt", "codebook_loss_db"]).unwrap());
+    assert!(table.contains("| full | 1.00 | – | – | 10 | 2.0 |"), "{table}");
+    // A column that a reader may not know is defined below the table.
+    assert!(table.contains(r"max\_b P\_b"), "{table}");
+    assert!(!csv(&records).contains("codebook") && csv(&records).contains("beam_top1"));
+}
+
+#[test]
+fn what_is_only_stated_is_marked_in_every_notation() {
+    let mut outsider = record("theirs", 1, 19.0);
+    outsider.method = PREDICTIONS.to_owned();
+    let mut silent = record("silent", 1, 19.0);
+    silent.method = PREDICTIONS.to_owned();
+    let Outcome::Done(numbers) = &mut silent.outcome else { unreachable!() };
+    (numbers.seconds, numbers.gaussians) = (None, None);
+    let records = [record("ours", 1, 18.0), outsider, silent];
+    let (rows, short) = (rows(&records), short_columns());
+    let table = markdown(&rows, &short);
+    assert!(table.contains("| 10 † | 2.0 † |") && table.contains("| – | – |") && table.contains("| 10 | 2.0 |"), "{table}");
+    assert!(table.contains("scored here: theirs, silent"), "{table}");
+    assert!(latex(&rows, &short).contains(r"& $10^\dagger$ & $2.0^\dagger$") && plain(&rows, &short).contains("2.0 †"));
+    assert!(latex(&rows, &short).contains("& $-$ & $-$"));
+    assert!(csv(&records).lines().nth(3).unwrap().contains(",done,,,"), "{}", csv(&records));
+}
