@@ -108,6 +108,18 @@ impl DeviceChoice {
     }
 }
 
+/// Number of this machine's GPUs, adapters in software left out; 0 in a build without the GPU device.
+pub fn gpu_count() -> usize {
+    #[cfg(feature = "gpu")]
+    {
+        use corf::device::gpu::{GpuOptions, adapter_name};
+        let is_there = |adapter: &usize| adapter_name(&GpuOptions { adapter: *adapter, ..GpuOptions::default() }).is_some();
+        (0..).take_while(is_there).count()
+    }
+    #[cfg(not(feature = "gpu"))]
+    0
+}
+
 impl Backend {
     /// The device's name for records.
     pub fn name(&self) -> String {

@@ -1,5 +1,8 @@
 //! The harness and the `corf` command: methods, metrics, plans, cells, tables, report.
 
+mod cell_clock;
+pub mod cells;
+pub mod cluster;
 pub mod commands;
 pub mod coverage_picture;
 pub mod device;

@@ -55,6 +55,9 @@ pub struct Record {
     pub dataset_verified: bool,
     /// Seed.
     pub seed: u64,
+    /// Id of the planned cell ([`crate::cluster`]) that the record is of, where it was one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cell: Option<String>,
     /// Source and machine.
     pub provenance: Provenance,
     /// Device the method ran on.
@@ -226,6 +229,12 @@ impl Numbers {
     /// A column's number; of records that are older than the column, what their frames give. `None` where they give none.
     pub fn value(&self, column: &Column) -> Option<f64> {
         self.means.get(column.key).copied().or_else(|| column.over(&self.frames))
+    }
+
+    /// Adds the time of processes before this one, which the cell was gone on with from a checkpoint. Points of the curve are those since.
+    pub fn add_earlier(&mut self, earlier_s: f64) {
+        self.seconds = self.seconds.map(|seconds| seconds + earlier_s);
+        self.curve.iter_mut().for_each(|point| point.seconds += earlier_s);
     }
 
     /// Adds the errors of the depths.

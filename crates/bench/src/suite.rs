@@ -8,25 +8,19 @@
 //! OUT/segment/           the same with a contiguous segment held out, if the plan asks for it
 //! ```
 
+use crate::cells::{self, Part};
 use crate::device::Backend;
 use crate::escape;
-use crate::harness;
 use crate::input::Input;
 use crate::interrupt;
-use crate::method::Method;
-use crate::methods;
-use crate::metrics::{Column, Halves, Prediction};
+use crate::metrics::Column;
 use crate::note;
-use crate::plan::{Cell, Plan};
-use crate::prediction_folder::{PredictionFolder, Tally};
-use crate::predictions;
-use crate::progress::Progress;
-use crate::record::{ARCHIVE, Outcome, PREDICTIONS, Record, read_archive};
-use crate::report::{self, Report, row_folder};
+use crate::plan::Plan;
+use crate::record::{ARCHIVE, Record, read_archive};
+use crate::report::{self, Report};
 use crate::split::{Protocol, Split};
 use crate::table;
-use anyhow::{Context, Result, bail};
-use corf_scene::Keyframe;
+use anyhow::{Context, Result};
 use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
 use std::collections::BTreeMap;
@@ -60,152 +54,46 @@ impl Written {
     }
 }
 
+/// The parts of a plan in a folder: its own protocol, and the contiguous segment if the plan asks for it.
+pub fn parts(plan: &Plan, out: &Path) -> Vec<Part> {
+    let own = Part { plan: Plan { segment: false, ..plan.clone() }, out: out.to_owned() };
+    let segment = Plan { protocol: Protocol::Segment, ..own.plan.clone() };
+    let segment = plan.segment.then(|| Part { plan: segment, out: out.join(SEGMENT) });
+    std::iter::once(own).chain(segment).collect()
+}
+
 /// Runs every cell of a plan that has no record yet on `backend`, then writes tables and report.
 ///
 /// # Errors
 /// A dataset that cannot be read, an interrupt, or a folder that cannot be written.
 pub fn run(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Result<Written> {
-    let mut written = run_split(plan, input, out, backend)?;
-    if plan.segment {
-        let plan = Plan { protocol: Protocol::Segment, segment: false, ..plan.clone() };
-        written.segment = run_split(&plan, input, &out.join(SEGMENT), backend)?.records;
+    let mut written = run_part(&Part { plan: plan.clone(), out: out.to_owned() }, input, backend)?;
+    for part in parts(plan, out).iter().skip(1) {
+        written.segment = run_part(part, input, backend)?.records;
     }
     Ok(written)
 }
 
-/// The cells of the plan's own protocol.
-fn run_split(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Result<Written> {
-    let dataset = &input.dataset;
-    let split = Split::of(dataset, plan.protocol)?;
-    let cells = out.join("cells");
-    std::fs::create_dir_all(&cells).with_context(|| format!("cannot create {}", cells.display()))?;
-    write_atomic(out.join("plan.toml"), toml::to_string(plan)?.as_bytes())?;
-    let shown = predictions::shown(&split.held_out);
+fn run_part(part: &Part, input: &Input, backend: &Backend) -> Result<Written> {
+    part.write_plan()?;
     let mut records: BTreeMap<usize, Record> = BTreeMap::new();
-    for (place, cell) in plan.interleaved() {
+    for (place, cell) in part.plan.interleaved() {
         interrupt::check()?;
-        let path = cells.join(format!("{}.json", cell.stem()));
-        let source = Source::of(cell, &split, dataset, backend)?;
-        if let Some(record) = finished(&path, cell, plan.protocol, &source, dataset)? {
-            note!("{}, seed {}: already there", cell.row.label, cell.seed);
-            records.insert(place, record);
-            continue;
-        }
-        let label = format!("{}, seed {}", cell.row.label, cell.seed);
-        let keep = cell.seed == plan.seeds[0];
-        let folder = row_folder(&out.join("predictions"), &cell.row.label);
-        let look = |truth: &Keyframe, prediction: Halves<'_>| {
-            if keep && shown.contains(&truth.index) { predictions::keep(&folder, truth, prediction) } else { Ok(()) }
-        };
-        let method = match &source {
-            Source::Method(method) => method.as_ref(),
-            Source::Folder(folder) => {
-                let (frames, warnings) = harness::evaluate_folder(folder, dataset, &split, look)?;
-                warnings.iter().for_each(|warning| note!("{label}: {warning}"));
-                let record = harness::folder_record(&cell.row.label, folder, input, plan.protocol, cell.seed, frames);
+        let path = part.record_path(cell);
+        let record = match part.finished(cell, &input.dataset)? {
+            Some(record) => {
+                note!("{}, seed {}: already there", cell.row.label, cell.seed);
+                record
+            }
+            None => {
+                let record = part.run_cell(cell, input, backend, None)?;
                 record.write(&path)?;
-                records.insert(place, record);
-                continue;
+                record
             }
         };
-        let mut progress = Progress::start(label, split.train.len(), "keyframes");
-        let mut watch = |advance: crate::method::Advance<'_>| {
-            progress.set(advance.done, advance.total);
-            interrupt::check()
-        };
-        let look = |truth: &Keyframe, prediction: &Prediction| look(truth, prediction.halves());
-        let record = harness::run_cell(&cell.row.label, method, input, &split, cell.seed, &mut watch, look)?;
-        progress.finish();
-        if let Outcome::Failed { error } = &record.outcome {
-            note!("{}, seed {}: FAILED: {error}", cell.row.label, cell.seed);
-        }
-        record.write(&path)?;
         records.insert(place, record);
     }
-    write_results(plan, dataset, records.into_values().collect(), out)
-}
-
-/// What a cell's numbers come from.
-enum Source {
-    Method(Box<dyn Method>),
-    Folder(PredictionFolder),
-}
-
-impl Source {
-    fn of(cell: Cell<'_>, split: &Split, dataset: &Dataset, backend: &Backend) -> Result<Self> {
-        Ok(match folder_of(cell, split, dataset)? {
-            Some(folder) => Self::Folder(folder),
-            None => Self::Method(methods::create(&cell.row.method, &cell.row.config, backend)?),
-        })
-    }
-
-    /// Method id and configuration, as the record has them.
-    fn identity(&self) -> (&str, serde_json::Value) {
-        match self {
-            Self::Method(method) => (method.id(), method.config()),
-            Self::Folder(folder) => (PREDICTIONS, folder.config()),
-        }
-    }
-}
-
-/// The predictions that a cell is of; `None` where it is of a method.
-fn folder_of(cell: Cell<'_>, split: &Split, dataset: &Dataset) -> Result<Option<PredictionFolder>> {
-    let Some(dir) = cell.row.folder(cell.seed, split.protocol) else { return Ok(None) };
-    let of_row = || format!("row \"{}\"", cell.row.label);
-    let folder = PredictionFolder::open(&dir, dataset, split).with_context(of_row)?;
-    let stated = folder.statement().seed;
-    if !cell.row.is_single() && stated.is_some_and(|seed| seed != cell.seed) {
-        bail!(
-            "row \"{}\": {} is stated to be of seed {}, and stands for seed {}\n  help: {{seed}} in dir stands for the seed",
-            cell.row.label,
-            dir.display(),
-            stated.unwrap_or_default(),
-            cell.seed
-        );
-    }
-    Ok(Some(folder))
-}
-
-/// Reads every file of the plan's predictions, so that what is wrong with them is found before anything is run.
-///
-/// # Errors
-/// The first that is missing or cannot be used, with its row.
-pub fn check_folders(plan: &Plan, dataset: &Dataset) -> Result<()> {
-    let protocols = [Some(plan.protocol), plan.segment.then_some(Protocol::Segment)];
-    for protocol in protocols.into_iter().flatten() {
-        let split = Split::of(dataset, protocol)?;
-        for cell in plan.cells() {
-            let Some(folder) = folder_of(cell, &split, dataset)? else { continue };
-            for &index in &split.held_out {
-                interrupt::check()?;
-                let read = folder.read(index, dataset, &mut Tally::default());
-                read.with_context(|| format!("row \"{}\"", cell.row.label))?;
-            }
-        }
-    }
-    Ok(())
-}
-
-/// The record of a cell that is finished already; a failed one is tried again.
-fn finished(path: &Path, cell: Cell<'_>, protocol: Protocol, source: &Source, dataset: &Dataset) -> Result<Option<Record>> {
-    if !path.exists() {
-        return Ok(None);
-    }
-    let record = Record::read(path)?;
-    let (method, config) = source.identity();
-    let same = record.dataset_hash == dataset.hash()
-        && record.method == method
-        && record.config == config
-        && record.row == cell.row.label
-        && record.split == protocol
-        && record.seed == cell.seed;
-    if !same {
-        bail!(
-            "{} is of another dataset, method, configuration, protocol or seed, or of other predictions\n  help: choose another --out, or remove that file",
-            path.display()
-        );
-    }
-    Ok(matches!(record.outcome, Outcome::Done(_)).then_some(record))
+    write_results(&part.plan, &input.dataset, records.into_values().collect(), &part.out)
 }
 
 /// Reads the records of a suite's folder in the plan's order.
@@ -215,13 +103,15 @@ fn finished(path: &Path, cell: Cell<'_>, protocol: Protocol, source: &Source, da
 pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
     let mut plan = load_plan(out)?;
     plan.dataset = out.join(&plan.dataset);
-    let records =
-        plan.cells().map(|cell| Record::read(&out.join("cells").join(format!("{}.json", cell.stem())))).collect::<Result<_>>()?;
+    let records = plan.cells().map(|cell| Record::read(&cells::record_path(out, cell))).collect::<Result<_>>()?;
     Ok((plan, records))
 }
 
 /// The plan of a suite's folder, as it was run.
-fn load_plan(out: &Path) -> Result<Plan> {
+///
+/// # Errors
+/// A file that is missing, or that is no plan.
+pub fn load_plan(out: &Path) -> Result<Plan> {
     let path = out.join("plan.toml");
     let text = std::fs::read_to_string(&path)
         .with_context(|| format!("cannot read {}: is this a folder of `corf bench run`?", path.display()))?;

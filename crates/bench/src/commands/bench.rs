@@ -1,6 +1,8 @@
 //! `corf bench`: plans to tables, and what the parts cost.
 
+use super::bench_cells::{CellCommand, Collect, PlanCommand, Submit};
 use super::{Verdict, print, show};
+use crate::cells;
 use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::plan::Plan;
@@ -17,6 +19,14 @@ use std::path::{Path, PathBuf};
 pub enum Bench {
     /// Run every cell of a plan, then write tables and report.
     Run(Run),
+    /// Write the list of a plan's cells, each named by a hash of all it depends on, to run them apart: on a cluster, or several at once.
+    Plan(PlanCommand),
+    /// Run one cell of a list; one that is finished answers at once.
+    Cell(CellCommand),
+    /// Run the unfinished cells of a list: as a Slurm job array with a collecting job, or several at once on this machine.
+    Submit(Submit),
+    /// Write tables and report from the records of a list's cells; cells without one are failed cells.
+    Collect(Collect),
     /// Compare changes of a method's constants on the validation keyframes of several datasets.
     Sweep(SweepCommand),
     /// Print a finished comparison's table.
@@ -116,6 +126,10 @@ impl Bench {
     pub fn run(self, json: bool) -> Result<Verdict> {
         match self {
             Self::Run(c) => c.run(json),
+            Self::Plan(c) => c.run(json),
+            Self::Cell(c) => c.run(json),
+            Self::Submit(c) => c.run(json),
+            Self::Collect(c) => c.run(json),
             Self::Sweep(c) => c.run(json),
             Self::Table(c) => c.run(json),
             Self::Report(c) => c.run(json),
@@ -128,7 +142,7 @@ impl Bench {
 }
 
 /// A finished comparison is done when no cell failed.
-fn verdict(records: &[crate::record::Record]) -> Verdict {
+pub(super) fn verdict(records: &[crate::record::Record]) -> Verdict {
     let failed = records.iter().any(|r| matches!(r.outcome, Outcome::Failed { .. }));
     if failed { Verdict::CheckFailed } else { Verdict::Done }
 }
@@ -139,7 +153,7 @@ impl Run {
         plan.make_absolute()?;
         let input = self.cells.verify.open(&plan.dataset)?;
         let backend = self.cells.device.resolve()?;
-        suite::check_folders(&plan, &input.dataset)?;
+        cells::check_folders(&plan, &input.dataset)?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;
         let written = suite::run(&plan, &input, &self.cells.out, &backend)?;
         let text = format!("{}\nreport: {}", written.text(), written.report.display());

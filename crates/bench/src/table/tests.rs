@@ -29,6 +29,7 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
         dataset_hash: "h".to_owned(),
         dataset_verified: true,
         seed,
+        cell: None,
         provenance: Provenance::here(),
         device: String::new(),
         uses_ground_truth_depth: row == "full",

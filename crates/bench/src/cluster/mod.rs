@@ -1,0 +1,251 @@
+//! Cells of a comparison as units of work of their own: listed, named by a hash of all they depend on, run one by one on any machine that
+//! sees the folder, and collected into tables.
+//!
+//! ```text
+//! OUT/cells.json         the list: id, row, seed and protocol of every cell
+//! OUT/work/ID/           lock and checkpoint of a cell while it runs
+//! OUT/logs/              what cells said while they ran
+//! OUT/slurm/             job scripts and the ids they run
+//! ```
+//! Everything else is as [`crate::suite`] lays it out.
+
+pub mod local;
+pub mod slurm;
+
+use crate::cells::{self, Part};
+use crate::device::Backend;
+use crate::input::Input;
+use crate::json::{read_json, write_numbers};
+use crate::plan::{Cell, Plan};
+use crate::provenance::Provenance;
+use crate::record::{Outcome, Record};
+use crate::split::{Protocol, Split};
+use crate::suite;
+use anyhow::{Context, Result, bail};
+use corf_scene::dataset::Dataset;
+use corf_scene::io::sha256_hex;
+use corf_scene::lock::FolderLock;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Version of `cells.json`.
+const SCHEMA: &str = "corf-cells/1";
+/// File of the list of cells.
+const LIST: &str = "cells.json";
+/// Hexadecimal digits of a cell's id, of its SHA-256.
+const ID_DIGITS: usize = 16;
+
+/// All cells of a planned comparison.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct CellList {
+    /// Version of the layout, `corf-cells/1`.
+    schema: String,
+    /// Hash of the dataset.
+    dataset_hash: String,
+    /// Cells, in the plan's order, those of the contiguous segment last.
+    pub cells: Vec<ListedCell>,
+}
+
+/// A cell of a list.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ListedCell {
+    /// Hash of all that the cell's numbers depend on: dataset, protocol, method with its resolved configuration, seed, and program.
+    pub id: String,
+    /// Label of the row.
+    pub row: String,
+    /// Seed.
+    pub seed: u64,
+    /// Evaluation protocol.
+    pub split: Protocol,
+}
+
+/// A planned comparison in its folder.
+pub struct Planned {
+    /// Folder of the comparison.
+    pub out: PathBuf,
+    /// Parts of the plan, one a protocol.
+    parts: Vec<Part>,
+    /// The list of its cells.
+    pub list: CellList,
+}
+
+/// Id of a cell by its method's resolved configuration.
+fn id_of(cell: Cell<'_>, split: Protocol, dataset: &Dataset) -> Result<String> {
+    let program = Provenance::here();
+    let (method, config) = cells::settings_of(cell, &Split::of(dataset, split)?, dataset)?;
+    let depends_on = serde_json::json!({
+        "schema": SCHEMA,
+        "dataset": dataset.hash(),
+        "split": split,
+        "row": cell.row.label,
+        "method": method,
+        "config": config,
+        "seed": cell.seed,
+        "version": program.version,
+        "commit": program.commit,
+        "lockfile": program.lockfile_sha256,
+        // Of sources that differ from their commit only the program itself tells which they are.
+        "program": program.dirty.then(own_hash).transpose()?,
+    });
+    Ok(sha256_hex(depends_on.to_string().as_bytes())[..ID_DIGITS].to_owned())
+}
+
+/// SHA-256 of this executable.
+fn own_hash() -> Result<String> {
+    let path = std::env::current_exe().context("the path of this program is not known")?;
+    Ok(sha256_hex(&std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?))
+}
+
+impl CellList {
+    /// The list of a plan's cells on a dataset, as this program would run them.
+    fn of(parts: &[Part], dataset: &Dataset) -> Result<Self> {
+        let mut cells = Vec::new();
+        for Part { plan, .. } in parts {
+            for cell in plan.cells() {
+                let id = id_of(cell, plan.protocol, dataset)?;
+                cells.push(ListedCell { id, row: cell.row.label.clone(), seed: cell.seed, split: plan.protocol });
+            }
+        }
+        Ok(Self { schema: SCHEMA.to_owned(), dataset_hash: dataset.hash().to_owned(), cells })
+    }
+}
+
+impl Planned {
+    /// Writes a plan and the list of its cells into a folder. Records that are there stay; those of cells that are in the list no more are
+    /// not read again.
+    ///
+    /// # Errors
+    /// A row that cannot run, or a folder that cannot be written.
+    pub fn write(plan: &Plan, dataset: &Dataset, out: &Path) -> Result<Self> {
+        let parts = suite::parts(plan, out);
+        let list = CellList::of(&parts, dataset)?;
+        parts.iter().try_for_each(Part::write_plan)?;
+        write_numbers(&out.join(LIST), &list)?;
+        Ok(Self { out: out.to_owned(), parts, list })
+    }
+
+    /// Reads a folder that [`Self::write`] wrote.
+    ///
+    /// # Errors
+    /// A folder without a list of cells, or with a damaged one.
+    pub fn read(out: &Path) -> Result<Self> {
+        let path = out.join(LIST);
+        if !path.exists() {
+            bail!(
+                "{} has no list of cells\n  help: write one with `corf bench plan PLAN.toml --out {}`",
+                out.display(),
+                out.display()
+            );
+        }
+        let list: CellList = serde_json::from_value(read_json(&path)?).with_context(|| format!("in {}", path.display()))?;
+        if list.schema != SCHEMA {
+            bail!(
+                "{} is of the layout {}, not {SCHEMA}\n  help: write it again with `corf bench plan`",
+                path.display(),
+                list.schema
+            );
+        }
+        let plan = suite::load_plan(out)?;
+        Ok(Self { out: out.to_owned(), parts: suite::parts(&plan, out), list })
+    }
+
+    /// Name of the comparison.
+    pub fn name(&self) -> &str {
+        &self.parts[0].plan.name
+    }
+
+    /// Path of the dataset.
+    pub fn dataset(&self) -> &Path {
+        &self.parts[0].plan.dataset
+    }
+
+    /// A cell and the part of the plan it belongs to.
+    fn find(&self, listed: &ListedCell) -> Option<(&Part, Cell<'_>)> {
+        let part = self.parts.iter().find(|part| part.plan.protocol == listed.split)?;
+        let cell = part.plan.cells().find(|cell| cell.row.label == listed.row && cell.seed == listed.seed)?;
+        Some((part, cell))
+    }
+
+    /// The record of a cell, if it is there and finished.
+    ///
+    /// # Errors
+    /// A damaged record.
+    pub fn record(&self, listed: &ListedCell) -> Result<Option<Record>> {
+        let Some((part, cell)) = self.find(listed) else { return Ok(None) };
+        let path = part.record_path(cell);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let record = Record::read(&path)?;
+        let is_it = record.cell.as_ref() == Some(&listed.id);
+        Ok((is_it && matches!(record.outcome, Outcome::Done(_))).then_some(record))
+    }
+
+    /// The cells without a finished record.
+    ///
+    /// # Errors
+    /// A damaged record.
+    pub fn unfinished(&self) -> Result<Vec<&ListedCell>> {
+        let mut unfinished = Vec::new();
+        for cell in &self.list.cells {
+            if self.record(cell)?.is_none() {
+                unfinished.push(cell);
+            }
+        }
+        Ok(unfinished)
+    }
+
+    /// Runs the cell of an id unless its record is there; the answer says whether it was.
+    ///
+    /// # Errors
+    /// An id that is not in the list, or that is another with this program, dataset or plan; another process that runs the cell; an
+    /// interrupt, after which the same command goes on.
+    pub fn run(&self, id: &str, input: &Input, backend: &Backend) -> Result<(Record, bool)> {
+        let again = format!("write the list again with `corf bench plan PLAN.toml --out {} --resume`", self.out.display());
+        let Some(listed) = self.list.cells.iter().find(|cell| cell.id == id) else {
+            bail!("{} has no cell {id}\n  help: {} lists them; {again}", self.out.display(), self.out.join(LIST).display());
+        };
+        let (part, cell) = self.find(listed).with_context(|| format!("cell {id} is not in the plan\n  help: {again}"))?;
+        let now = id_of(cell, listed.split, &input.dataset)?;
+        if now != id {
+            bail!(
+                "cell {id} would be {now} today: the dataset, the plan or this program is another than when the list was written\n  \
+                 help: {again}"
+            );
+        }
+        let work = self.out.join("work").join(id);
+        let _held = FolderLock::make(&work).with_context(|| format!("cell {id}"))?;
+        if let Some(record) = self.record(listed)? {
+            return Ok((record, true));
+        }
+        let mut record = part.run_cell(cell, input, backend, Some(&work))?;
+        record.cell = Some(id.to_owned());
+        record.write(&part.record_path(cell))?;
+        Ok((record, false))
+    }
+
+    /// Records of all cells, in the plan's order, by part; a cell without one is a failed cell that says so.
+    ///
+    /// # Errors
+    /// A damaged record, or a row that cannot run.
+    pub fn collect(&self, input: &Input) -> Result<Vec<(&Part, Vec<Record>)>> {
+        let of_part = |part: &Part| -> Result<Vec<Record>> {
+            let cells = self.list.cells.iter().filter(|listed| listed.split == part.plan.protocol);
+            cells.map(|listed| self.record_or_failure(listed, input)).collect()
+        };
+        self.parts.iter().map(|part| Ok((part, of_part(part)?))).collect()
+    }
+
+    fn record_or_failure(&self, listed: &ListedCell, input: &Input) -> Result<Record> {
+        let (part, cell) = self.find(listed).with_context(|| format!("cell {} is not in the plan", listed.id))?;
+        let path = part.record_path(cell);
+        if path.exists() {
+            let record = Record::read(&path)?;
+            if record.cell.as_ref() == Some(&listed.id) {
+                return Ok(record);
+            }
+        }
+        let error = format!("no record of cell {}: it has not run, or was ended while it did", listed.id);
+        part.failed(cell, input, error)
+    }
+}
