@@ -56,8 +56,8 @@ impl Written {
 
 /// The parts of a plan in a folder: its own protocol, and the contiguous segment if the plan asks for it.
 pub fn parts(plan: &Plan, out: &Path) -> Vec<Part> {
-    let own = Part { plan: Plan { segment: false, ..plan.clone() }, out: out.to_owned() };
-    let segment = Plan { protocol: Protocol::Segment, ..own.plan.clone() };
+    let own = Part { plan: plan.clone(), out: out.to_owned() };
+    let segment = Plan { protocol: Protocol::Segment, segment: false, ..plan.clone() };
     let segment = plan.segment.then(|| Part { plan: segment, out: out.join(SEGMENT) });
     std::iter::once(own).chain(segment).collect()
 }
@@ -67,8 +67,9 @@ pub fn parts(plan: &Plan, out: &Path) -> Vec<Part> {
 /// # Errors
 /// A dataset that cannot be read, an interrupt, or a folder that cannot be written.
 pub fn run(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Result<Written> {
-    let mut written = run_part(&Part { plan: plan.clone(), out: out.to_owned() }, input, backend)?;
-    for part in parts(plan, out).iter().skip(1) {
+    let parts = parts(plan, out);
+    let mut written = run_part(&parts[0], input, backend)?;
+    for part in &parts[1..] {
         written.segment = run_part(part, input, backend)?.records;
     }
     Ok(written)

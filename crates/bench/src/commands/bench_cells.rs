@@ -136,10 +136,8 @@ impl Submit {
         let planned = Planned::read(&self.folder)?;
         if let Some(at_once) = self.local {
             let failed = local::run(&planned, at_once.into(), self.device, !self.verify.wanted())?;
-            if failed > 0 {
-                note!("{failed} cells failed");
-            }
-            return Collect { folder: self.folder, verify: self.verify }.run(as_json);
+            let collected = Collect { folder: self.folder, verify: self.verify }.run(as_json)?;
+            return Ok(if failed > 0 { Verdict::CheckFailed } else { collected });
         }
         let options = slurm::Options {
             at_once: self.at_once.map(|n| n as usize),
