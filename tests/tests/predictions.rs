@@ -103,7 +103,10 @@ fn a_runs_predictions_written_and_read_back_have_the_runs_metrics() {
     }
     // What was stated is the run's.
     let (metrics, _) = score(&written);
-    assert_eq!((&metrics["seconds"], &metrics["gaussians"], &metrics["seed"]), (&own["seconds"], &own["gaussians"], &own["seed"]));
+    assert_eq!(
+        (&metrics["seconds"], &metrics["gaussians"], &metrics["seed"]),
+        (&own["seconds"], &own["gaussians"], &own["seed"])
+    );
     assert_eq!((&metrics["row"], &metrics["uses_ground_truth_depth"]), (&own["method"], &own["uses_ground_truth_depth"]));
     assert!(metrics["clock"].as_str().unwrap().contains("not measured here"));
     // A folder that holds something is not written into.
@@ -179,8 +182,16 @@ fn what_is_wrong_with_a_folder_is_said_with_the_file_and_what_to_do() {
     spoilt("linear/00001.exr", None, &["linear/00001.exr", "keyframe 0 is missing"]);
     spoilt("images/00000.png", Some(&image), &["00000.png", "names no keyframe", "count from 0"]);
     spoilt("images/00009.png", Some(&image[..image.len() / 2]), &["00009.png", "not a readable PNG"]);
-    spoilt("images/00009.png", Some(&corf_scene::io::encode_png(&Raster::filled(48, 27, [9; 3])).unwrap()), &["48x27", "96x54", "resolution"]);
-    spoilt("linear/00009.exr", Some(&encode_exr_f32(&Raster::filled(32, 48, 0.0), "Y").unwrap()), &["00009.exr", "32x48", "48x32"]);
+    spoilt(
+        "images/00009.png",
+        Some(&corf_scene::io::encode_png(&Raster::filled(48, 27, [9; 3])).unwrap()),
+        &["48x27", "96x54", "resolution"],
+    );
+    spoilt(
+        "linear/00009.exr",
+        Some(&encode_exr_f32(&Raster::filled(32, 48, 0.0), "Y").unwrap()),
+        &["00009.exr", "32x48", "48x32"],
+    );
     spoilt("linear/00009.exr", Some(&exr(-80.0)), &["00009.exr", "pixel (0, 0) is -80", "decibels", "scalar/"]);
     spoilt("linear/00009.exr", Some(&exr(f32::NAN)), &["00009.exr", "NaN", "finite"]);
     spoilt("linear/00009.exr", Some(&exr(0.5)), &["00009.exr", "every pixel with power is above", "1 W"]);
@@ -239,7 +250,10 @@ fn names_may_count_from_zero_and_what_is_clipped_or_empty_is_told() {
     assert!(told.contains("1 pixels of linear/ are above") && told.contains("1 spectra hold no power"), "{told}");
     assert_eq!((metrics["row"].as_str(), metrics["gaussians"].as_u64()), (Some("spike"), Some(5)));
     let empty = &metrics["frames"][1];
-    assert_eq!((empty["total_power_error_db"].as_f64(), empty["beam_top1"].as_f64()), (Some(range.max_db - range.min_db), Some(0.0)));
+    assert_eq!(
+        (empty["total_power_error_db"].as_f64(), empty["beam_top1"].as_f64()),
+        (Some(range.max_db - range.min_db), Some(0.0))
+    );
 }
 
 #[test]
@@ -249,13 +263,17 @@ fn predictions_stand_in_a_comparison_beside_methods() {
     for seed in [1, 2] {
         let dir = folder.path().join(format!("theirs/{seed}"));
         observed(&dir, &["images", "exr"]);
-        fs::write(dir.join("predictions.json"), format!("{{\"seconds\": {seed}.5, \"gaussians\": 1000, \"seed\": {seed}}}")).unwrap();
+        fs::write(dir.join("predictions.json"), format!("{{\"seconds\": {seed}.5, \"gaussians\": 1000, \"seed\": {seed}}}"))
+            .unwrap();
     }
     observed(&folder.path().join("light"), &["images"]);
     let rows = "[[row]]\nlabel = \"nearest\"\nmethod = \"nearest\"\n\
                 [[row]]\nlabel = \"theirs\"\nkind = \"predictions\"\ndir = \"theirs/{seed}\"\n\
                 [[row]]\nlabel = \"light alone\"\nkind = \"predictions\"\ndir = \"light\"\n";
-    let head = format!("name = \"outsiders\"\ndataset = {:?}\nseeds = [1, 2]\ncolumns = [\"short\", \"codebook_loss_db\"]\n", tiny_dataset());
+    let head = format!(
+        "name = \"outsiders\"\ndataset = {:?}\nseeds = [1, 2]\ncolumns = [\"short\", \"codebook_loss_db\"]\n",
+        tiny_dataset()
+    );
     fs::write(&plan, format!("{head}{rows}")).unwrap();
     let run = |more: &[&str]| corf(&[&["bench", "run", text(&plan), "--out", text(&out)], more].concat());
     // What is missing is found before anything is run or written.
@@ -284,7 +302,10 @@ fn predictions_stand_in_a_comparison_beside_methods() {
     write_png(&gone, &Raster::filled(96, 54, [1; 3])).unwrap();
     let changed = run(&["--resume"]);
     let said = String::from_utf8_lossy(&changed.stderr).into_owned();
-    assert!(changed.status.code() == Some(2) && said.contains("theirs-seed2.json") && said.contains("other predictions"), "{said}");
+    assert!(
+        changed.status.code() == Some(2) && said.contains("theirs-seed2.json") && said.contains("other predictions"),
+        "{said}"
+    );
     // A folder of another seed than it stands for.
     fs::write(folder.path().join("theirs/2/predictions.json"), "{\"seed\": 1}").unwrap();
     let swapped = run(&["--resume"]);
