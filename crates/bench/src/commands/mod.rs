@@ -60,7 +60,7 @@ pub enum Command {
     Reconstruct(reconstruct::Reconstruct),
     /// Render a reconstructed field at any poses: image, spectrum, depth.
     Render(render::Render),
-    /// Evaluate a reconstructed field on the held-out keyframes.
+    /// Evaluate a reconstructed field, or predictions of another program, on the held-out keyframes.
     Evaluate(evaluate::Evaluate),
     /// Run plans, write tables and reports.
     #[command(subcommand)]
