@@ -301,6 +301,7 @@ mod tests {
             curve: vec![],
             latency: None,
             depth: None,
+            stages: vec![],
         };
         Record {
             schema: String::new(),
