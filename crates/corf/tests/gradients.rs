@@ -206,7 +206,8 @@ impl Scenario {
             d.train_dense(&[step]).unwrap();
             let found = d.screen_gradients().unwrap();
             for (i, (ours, truth)) in found.iter().zip(&norms).enumerate() {
-                assert_eq!(ours.steps == 0, *truth == 0.0, "{name} on {device}: Gaussian {i}, {ours:?}, {truth:.2e}");
+                // One may reach a tile and no pixel's centre.
+                assert!(ours.steps == 1 || *truth == 0.0, "{name} on {device}: Gaussian {i}, {ours:?}, {truth:.2e}");
                 let error = (f64::from(ours.mean()) - truth).abs();
                 assert!(error <= GRADIENT_TOLERANCE * largest, "{name} on {device}: Gaussian {i}, {ours:?} against {truth:.6e}");
             }

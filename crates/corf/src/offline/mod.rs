@@ -281,9 +281,8 @@ fn control_density(
         }
         device.duplicate(&change.copies)?;
         change.keep.resize(change.keep.len() + change.copies.len(), true);
+        // The sums of gradients begin anew with this, also where all are kept.
         device.retain(&change.keep);
-        // Where nothing changed the sums begin anew all the same.
-        device.set_screen_gradients(&vec![Default::default(); device.len()])?;
         counts.cloned += change.counts.cloned;
         counts.split += change.counts.split;
         counts.pruned += change.counts.pruned;
