@@ -11,7 +11,7 @@ use super::{
     store::CORE,
 };
 use crate::{
-    Error, Gaussians, Result,
+    Error, Gaussians, OptimizerConfig, Result,
     device::{DenseStep, Step, StepReport, ViewId},
 };
 use rayon::prelude::*;
@@ -152,7 +152,7 @@ pub(crate) struct Batch {
 }
 
 impl GpuDevice {
-    fn plan_step(&self, step: &Step) -> Result<Planned> {
+    fn plan_step(&self, step: &Step, optimizer: &OptimizerConfig) -> Result<Planned> {
         let place = || format!("training step for view {}", step.view.0);
         let Some(pyramid) = self.pyramids.get(step.view.0) else {
             let what = format!("this device holds {} views", self.pyramids.len());
@@ -177,7 +177,7 @@ impl GpuDevice {
         let backgrounds = [step.optical_background, step.rf_background];
         let of_shape = |shape: usize| {
             let (tile, near_m) = (self.shapes[shape].tile, self.raster.near_m);
-            let mut p = Params::new(&pyramid.pose, &grids, backgrounds, near_m, self.store.len(), &self.optimizer, tile);
+            let mut p = Params::new(&pyramid.pose, &grids, backgrounds, near_m, self.store.len(), optimizer, tile);
             p.shape = shape as u32;
             if self.fuse {
                 p.fuse();
@@ -247,18 +247,15 @@ impl GpuDevice {
         steps.iter().try_for_each(DenseStep::check)?;
         self.training.prepare_dense(&self.context, &self.shapes[0])?;
         self.prepare_marks()?;
-        let optimizer = self.optimizer;
-        let planned = steps.iter().map(|dense| {
-            self.optimizer = dense.constants(&optimizer);
-            let mut planned = self.plan_step(&dense.step)?;
+        let mut planned = Vec::with_capacity(steps.len());
+        for dense in steps {
+            let mut one = self.plan_step(&dense.step, &dense.constants(&self.optimizer))?;
             // The last of all numbers is nobody's: what is marked by nobody has it.
             self.dense_steps = (self.dense_steps + 1) % u32::MAX;
-            planned.params.set_dense(dense, self.dense_steps);
-            Ok(planned)
-        });
-        let planned = planned.collect::<Result<Vec<_>>>();
-        self.optimizer = optimizer;
-        match self.batch(planned?) {
+            one.params.set_dense(dense, self.dense_steps);
+            planned.push(one);
+        }
+        match self.batch(planned) {
             Some(batch) => self.complete(batch, Destination::Dense),
             None => Ok(StepReport::default()),
         }
@@ -272,7 +269,7 @@ impl GpuDevice {
     }
 
     fn plan(&self, steps: &[Step]) -> Result<Vec<Planned>> {
-        steps.iter().map(|s| self.plan_step(s)).collect()
+        steps.iter().map(|s| self.plan_step(s, &self.optimizer)).collect()
     }
 
     /// Has the device begin with steps; [`GpuDevice::settle`] waits for them.
