@@ -117,7 +117,7 @@ impl Part {
             let tag = format!("{} {} {} {}", dataset.hash(), plan.protocol.name(), method.config(), cell.seed);
             method.keep_checkpoints(Checkpoints { path: clock.checkpoint().to_owned(), every: None, resume: true, tag });
         }
-        let mut progress = Progress::start(&label, split.train.len(), "keyframes");
+        let mut progress = Progress::start(&label, split.train.len(), method.unit());
         let mut watch = |advance: crate::method::Advance<'_>| {
             progress.set(advance.done, advance.total);
             clock.as_mut().map_or(Ok(()), CellClock::keep)?;

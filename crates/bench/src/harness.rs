@@ -2,7 +2,7 @@
 
 use crate::input::Input;
 use crate::interrupt::{self, Interrupted};
-use crate::method::{Advance, Method, Predictor, TrainingSet};
+use crate::method::{Advance, Method, Predictor, StageTime, TrainingSet};
 use crate::metrics::{Evaluator, FrameMetrics, Halves, Prediction};
 use crate::prediction_folder::{PredictionFolder, Tally};
 use crate::provenance::{Provenance, peak_memory_bytes, reset_peak_memory};
@@ -29,6 +29,10 @@ pub struct Reconstruction {
     pub keyframes: Vec<KeyframeTiming>,
     /// Errors of the depths of new Gaussians, for methods that estimate depth, where the dataset has the true depth.
     pub depth: Option<DepthQuality>,
+    /// What the stages took, for methods that have some.
+    pub stages: Vec<StageTime>,
+    /// Steps that came from a checkpoint, for methods that work in steps.
+    pub resumed_steps: usize,
 }
 
 /// Checks that there is enough to learn from.
@@ -63,6 +67,7 @@ pub fn reconstruct(
     training.read_ahead();
     reset_peak_memory();
     let (mut curve, mut keyframes, mut depth) = (Vec::new(), Vec::new(), None);
+    let (mut stages, mut resumed_steps) = (Vec::new(), 0);
     let start = Instant::now();
     let predictor = method.reconstruct(&training, seed, &mut |advance: Advance<'_>| {
         let seconds = (start.elapsed().saturating_sub(training.loading_time())).as_secs_f64();
@@ -73,10 +78,15 @@ pub fn reconstruct(
         });
         keyframes.extend(advance.keyframe);
         depth = advance.depth.or(depth);
+        if !advance.stages.is_empty() {
+            stages = advance.stages.to_vec();
+        }
+        resumed_steps = advance.resumed_steps.max(resumed_steps);
         watch(advance)
     })?;
     let seconds = (start.elapsed().saturating_sub(training.loading_time())).as_secs_f64();
-    Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes: peak_memory_bytes(), keyframes, depth })
+    let peak_memory_bytes = peak_memory_bytes();
+    Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes, keyframes, depth, stages, resumed_steps })
 }
 
 /// Evaluates a predictor on the held-out keyframes; `look` sees every prediction beside its truth.
@@ -197,7 +207,8 @@ pub fn run_cell(
         let frames = evaluate(r.predictor.as_mut(), &input.dataset, split, look)?;
         let latency = LatencySummary::of(&r.keyframes);
         let numbers = Numbers::of(frames, Some(r.seconds), r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency)
-            .with_depth(r.depth);
+            .with_depth(r.depth)
+            .with_stages(r.stages);
         numbers.check()?;
         Ok(Outcome::Done(Box::new(numbers)))
     });

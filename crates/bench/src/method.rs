@@ -10,6 +10,7 @@ use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Keyframe, Pinhole, Rigid3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -100,7 +101,8 @@ impl<'a> TrainingSet<'a> {
 pub struct Checkpoints {
     /// The file.
     pub path: PathBuf,
-    /// Written after every so many keyframes, never if 0; when not given, after a keyframe that ends half a minute or more after the last.
+    /// Written after every so many keyframes (or steps, by methods that work in steps), never if 0; when not given, after one that ends half a
+    /// minute or more after the last.
     pub every: Option<usize>,
     /// Whether to go on from the file, if it is there.
     pub resume: bool,
@@ -121,12 +123,25 @@ pub struct Advance<'a> {
     pub keyframe: Option<&'a KeyframeTiming>,
     /// Errors of the depths of new Gaussians, at the end.
     pub depth: Option<DepthQuality>,
+    /// What the stages took, at the end, for methods that have some.
+    pub stages: &'a [StageTime],
+    /// Steps that came from a checkpoint, for methods that work in steps.
+    pub resumed_steps: usize,
+}
+
+/// What a stage of a method took.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StageTime {
+    /// Its name.
+    pub name: String,
+    /// Seconds, summed over the sessions of a run that was resumed.
+    pub seconds: f64,
 }
 
 impl Advance<'_> {
     /// Units done of all, and no more to say.
     pub fn of(done: usize, total: usize) -> Self {
-        Self { done, total, gaussians: None, keyframe: None, depth: None }
+        Self { done, total, gaussians: None, keyframe: None, depth: None, stages: &[], resumed_steps: 0 }
     }
 }
 
@@ -146,6 +161,11 @@ pub trait Method {
     /// The device it runs on, for the record.
     fn device(&self) -> String {
         format!("cpu ({} threads)", rayon::current_num_threads())
+    }
+
+    /// The unit its progress is counted in.
+    fn unit(&self) -> &'static str {
+        "keyframes"
     }
 
     /// Fewer training keyframes than this are none to it.

@@ -1,6 +1,7 @@
 //! One run's record: `metrics.json`.
 
 use crate::json::{read_json, write_numbers};
+use crate::method::StageTime;
 use crate::metrics::{COLUMNS, Column, FrameMetrics};
 use crate::numbers;
 use crate::provenance::Provenance;
@@ -109,6 +110,9 @@ pub struct Numbers {
     /// Errors of the depths of new Gaussians, for methods that estimate depth, where the dataset has the true depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<DepthQuality>,
+    /// What the stages took, for methods that have some.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<StageTime>,
 }
 
 /// One point of the time and Gaussian-count curves.
@@ -223,7 +227,18 @@ impl Numbers {
         let mut errors: Vec<f64> = frames.iter().filter_map(|f| Some(f.spectrum?.radio.peak_error_deg)).collect();
         errors.sort_by(f64::total_cmp);
         let peak_error_median_p90_deg = (!errors.is_empty()).then(|| [quantile(&errors, 0.5), quantile(&errors, 0.9)]);
-        Self { seconds, gaussians, peak_memory_bytes, means, peak_error_median_p90_deg, frames, curve, latency, depth: None }
+        Self {
+            seconds,
+            gaussians,
+            peak_memory_bytes,
+            means,
+            peak_error_median_p90_deg,
+            frames,
+            curve,
+            latency,
+            depth: None,
+            stages: Vec::new(),
+        }
     }
 
     /// A column's number; of records that are older than the column, what their frames give. `None` where they give none.
@@ -240,5 +255,10 @@ impl Numbers {
     /// Adds the errors of the depths.
     pub fn with_depth(self, depth: Option<DepthQuality>) -> Self {
         Self { depth, ..self }
+    }
+
+    /// Adds what the stages took.
+    pub fn with_stages(self, stages: Vec<StageTime>) -> Self {
+        Self { stages, ..self }
     }
 }

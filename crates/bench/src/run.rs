@@ -3,10 +3,11 @@
 //! ```text
 //! RUN/checkpoint    the state after a keyframe, while the run lasts
 //! RUN/run.json      method, configuration, seed, dataset, time, curve (written last: a run without it is not finished)
-//! RUN/*.ply         the field (CORF-GS)
+//! RUN/*.ply         the field (CORF-GS, RF-3DGS), and the points that RF-3DGS began with
 //! RUN/metrics.json  written by `corf evaluate`
 //! ```
 
+use crate::method::StageTime;
 use crate::provenance::Provenance;
 use crate::record::CurvePoint;
 use crate::split::Protocol;
@@ -65,9 +66,19 @@ pub struct RunInfo {
     /// Errors of the depths of new Gaussians, for methods that estimate depth, where the dataset has the true depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<DepthQuality>,
+    /// What the stages took, for methods that have some; unlike `seconds` over all sessions of a run that was resumed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<StageTime>,
+    /// Steps that came from a checkpoint of an interrupted run, for methods that work in steps: time, memory and curve are of what followed.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub resumed_steps: usize,
     /// Timing of each keyframe.
     #[serde(default)]
     pub keyframe_timings: Vec<KeyframeTiming>,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Makes a folder for output, or refuses one that holds something already. It is this run's alone while the answer lives, and what a run

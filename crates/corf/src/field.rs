@@ -26,6 +26,9 @@ pub struct FieldMeta {
     /// Measurement model of the RF receiver.
     #[serde(default)]
     pub sensor: RfSensor,
+    /// Colour behind the RF field, where it is not that of a direction without power.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rf_background: Option<[f32; 3]>,
 }
 
 /// The coupled field: `(F_opt, F_rf)` and how to look at it.
@@ -76,9 +79,10 @@ impl FieldMeta {
     /// The device's.
     pub fn render(&self, device: &mut dyn Device, world_from_camera: Rigid3) -> Result<Prediction> {
         let view = |camera| View { camera, world_from_camera };
+        let background = self.rf_background.unwrap_or(self.rf_target.floor_color());
         let rendering = device.render(&RenderRequest {
             optical: Some((view(self.optical_camera), [0.0; 3])),
-            rf: Some((view(self.sensor.field_camera(&self.rf_camera)), self.rf_target.floor_color())),
+            rf: Some((view(self.sensor.field_camera(&self.rf_camera)), background)),
             main_contributor: false,
         })?;
         let missing = || {

@@ -95,7 +95,8 @@ impl Reconstructor {
     ) -> Result<Self> {
         config.validate()?;
         config = config.for_images(optical_camera.width, optical_camera.height);
-        let meta = FieldMeta { rf_target: config.rf_target, db_range, optical_camera, rf_camera, sensor: RfSensor::Identity };
+        let (rf_target, sensor) = (config.rf_target, RfSensor::Identity);
+        let meta = FieldMeta { rf_target, db_range, optical_camera, rf_camera, sensor, rf_background: None };
         meta.validate()?;
         if !device.is_empty() {
             return Err(Error::invalid(

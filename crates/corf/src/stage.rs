@@ -17,7 +17,14 @@ pub const STEPS: u64 = 8;
 /// Order of the keyframes in an epoch of fine-tuning.
 pub const EPOCHS: u64 = 9;
 
-/// A stage's key for one trajectory frame.
+/// Order of the views in an epoch of offline reconstruction; keyed by the stage.
+pub const OFFLINE_EPOCHS: u64 = 10;
+/// Places of the parts of a Gaussian that density control splits; keyed by the step.
+pub const SPLITS: u64 = 11;
+/// Random first Gaussians of an offline reconstruction.
+pub const INITIAL_POINTS: u64 = 12;
+
+/// A stage's key for one trajectory frame, or step.
 pub fn keyed(stage: u64, frame: usize) -> u64 {
     stage | (frame as u64 + 1) << 8
 }

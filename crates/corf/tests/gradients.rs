@@ -11,7 +11,7 @@ mod reference;
 
 use corf::{
     Antialias, Appearance, CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig,
-    device::{InverseDepth, Planes, RenderRequest, Step, StepReport, TrainingView, View, ViewId},
+    device::{DenseStep, InverseDepth, Planes, RenderRequest, Step, StepReport, TrainingView, View, ViewId},
 };
 use corf_scene::{Pinhole, Raster, Rigid3, Rng};
 use glam::DVec3;
@@ -180,6 +180,41 @@ impl Scenario {
         }
     }
 
+    /// The device's norms of dL/d(projected mean) in device coordinates against central differences, of the one modality that is trained.
+    fn check_screen_gradients(&self, name: &str) {
+        let field = Field::new(&self.gaussians);
+        self.assert_far_from_thresholds(&field);
+        let camera = if self.step.rf_weight > 0.0 { self.view.rf_camera } else { self.view.optical_camera };
+        let norms: Vec<f64> = (0..field.len())
+            .into_par_iter()
+            .map(|i| {
+                let slope = |axis: usize, size: usize| {
+                    let side = |sign: f64| {
+                        let mut moved = field.clone();
+                        moved.shift[i][axis] += sign * STEP;
+                        self.loss(&moved, None)
+                    };
+                    // An image is two device coordinates wide and high.
+                    (side(1.0) - side(-1.0)) / (2.0 * STEP) * 0.5 * size as f64
+                };
+                slope(0, camera.width).hypot(slope(1, camera.height))
+            })
+            .collect();
+        let largest = norms.iter().copied().fold(0.0, f64::max);
+        for (device, mut d) in self.devices() {
+            let step = DenseStep { step: self.step, number: 1, position_rate_m: 0.0, degree: 3, screen_gradients: true };
+            d.train_dense(&[step]).unwrap();
+            let found = d.screen_gradients().unwrap();
+            for (i, (ours, truth)) in found.iter().zip(&norms).enumerate() {
+                // One may reach a tile and no pixel's centre.
+                assert!(ours.steps == 1 || *truth == 0.0, "{name} on {device}: Gaussian {i}, {ours:?}, {truth:.2e}");
+                let error = (f64::from(ours.mean()) - truth).abs();
+                assert!(error <= GRADIENT_TOLERANCE * largest, "{name} on {device}: Gaussian {i}, {ours:?} against {truth:.6e}");
+            }
+            assert!(found.iter().filter(|g| g.steps == 1).count() > 10);
+        }
+    }
+
     /// Every `stride[class]`-th parameter of every class against central differences.
     fn check(&self, name: &str) {
         let field = Field::new(&self.gaussians);
@@ -303,4 +338,13 @@ fn gradients_of_one_modality_alone() {
     s.step.optical_weight = 0.0;
     s.step.depth_weight = 0.0;
     s.check("RF alone");
+}
+
+#[test]
+fn screen_gradients_are_those_of_the_projected_means() {
+    let mut s = scenario(SEEDS[1], 3, 1, Antialias::Off);
+    (s.step.rf_weight, s.step.depth_weight) = (0.0, 0.0);
+    s.check_screen_gradients("light");
+    (s.step.rf_weight, s.step.optical_weight) = (0.7, 0.0);
+    s.check_screen_gradients("RF");
 }

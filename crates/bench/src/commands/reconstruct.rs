@@ -24,7 +24,8 @@ pub struct Reconstruct {
     /// Output folder of the run.
     #[arg(long)]
     out: PathBuf,
-    /// Method: corf-gs, corf-gs-paper, corf-gs-fast, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, nearest, inverse-distance.
+    /// Method: corf-gs, corf-gs-paper, corf-gs-fast, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, rf-3dgs, rf-3dgs-corrected,
+    /// nearest, inverse-distance.
     #[arg(long, default_value = "corf-gs")]
     method: String,
     /// TOML file with keys of the method's configuration.
@@ -46,8 +47,8 @@ pub struct Reconstruct {
     /// processor. A finished run of the same command is left as it is.
     #[arg(long)]
     resume: bool,
-    /// Keep a checkpoint in the output folder after every N keyframes; 0 keeps none. Without it one is kept every half a minute, and on an
-    /// interrupt where the keyframe at hand ends within two seconds.
+    /// Keep a checkpoint in the output folder after every N keyframes (rf-3dgs: steps); 0 keeps none. Without it one is kept every half a minute,
+    /// and on an interrupt where the keyframe or steps at hand end within two seconds.
     #[arg(long, value_name = "N")]
     checkpoint_every: Option<usize>,
     #[command(flatten)]
@@ -118,7 +119,7 @@ impl Reconstruct {
         });
         write_atomic(self.out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
         let mut progress =
-            Progress::start(format!("{} on {}", self.method, dataset.header().name), split.train.len(), "keyframes");
+            Progress::start(format!("{} on {}", self.method, dataset.header().name), split.train.len(), method.unit());
         let result = harness::reconstruct(method.as_ref(), &dataset, &split, self.seed, &mut |advance: Advance<'_>| {
             progress.set(advance.done, advance.total);
             interrupt::check()
@@ -144,6 +145,8 @@ impl Reconstruct {
             resumed_keyframes: if self.method.starts_with("corf-gs") { split.train.len() - result.keyframes.len() } else { 0 },
             latency: LatencySummary::of(&result.keyframes),
             depth: result.depth,
+            stages: result.stages,
+            resumed_steps: result.resumed_steps,
             keyframe_timings: result.keyframes,
         };
         write_numbers(&info_path, &info)?;
@@ -162,6 +165,12 @@ fn summary(info: &RunInfo) -> String {
     let mut text = format!("{} in {:.2} s on {}{gaussians}", info.method, info.seconds, info.device);
     if info.resumed_keyframes > 0 {
         text += &format!("; {} keyframes came from a checkpoint", info.resumed_keyframes);
+    }
+    if info.resumed_steps > 0 {
+        text += &format!("; {} steps came from a checkpoint", info.resumed_steps);
+    }
+    for stage in &info.stages {
+        text += &format!("\n  {:<10} {:>10.2} s", stage.name, stage.seconds);
     }
     if let Some(d) = &info.depth {
         text += "\nrelative error of new Gaussians' depths    share   median      p90";

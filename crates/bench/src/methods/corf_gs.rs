@@ -4,20 +4,15 @@ mod online;
 
 use crate::device::Backend;
 use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
-use crate::metrics::Prediction;
+use crate::methods::field::FieldPredictor;
 use anyhow::{Context, Result};
 use corf::config::{Coupling, ReconstructionConfig, Sampling};
 use corf::depth::DepthPrior;
 use corf::optimizer::{OptimizerConfig, RasterConfig};
-use corf::target::RfTarget;
-use corf::{Device, Field, Reconstructor};
-use corf_scene::dataset::Dataset;
-use corf_scene::{Raster, Rigid3, color};
+use corf::{Device, Reconstructor};
 use online::{Keeper, Online};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::ops::ControlFlow;
-use std::path::Path;
-use std::thread::JoinHandle;
 
 /// Configuration of the four CORF-GS rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,15 +29,9 @@ pub struct CorfGsConfig {
 
 impl CorfGsConfig {
     fn parse(overrides: &toml::Table) -> Result<Self> {
-        /// Overrides over the defaults, table by table: part of an inner table leaves the rest of it as it is in the defaults *here*.
-        fn over<T: Serialize + DeserializeOwned + Default>(overrides: toml::Table) -> Result<T> {
-            let mut table = toml::Table::try_from(T::default())?;
-            super::merge(&mut table, overrides);
-            Ok(table.try_into()?)
-        }
         fn take<T: Serialize + DeserializeOwned + Default>(table: &mut toml::Table, key: &str) -> Result<T> {
             let overrides = table.remove(key).map_or_else(|| Ok(toml::Table::new()), toml::Value::try_into);
-            overrides.map_err(Into::into).and_then(over).with_context(|| format!("in key {key}"))
+            overrides.map_err(Into::into).and_then(super::over_defaults).with_context(|| format!("in key {key}"))
         }
         let mut rest = overrides.clone();
         let epochs = rest.remove("fine_tune_epochs").map_or_else(|| Ok(0), toml::Value::try_into);
@@ -50,12 +39,20 @@ impl CorfGsConfig {
             fine_tune_epochs: epochs.context("in key fine_tune_epochs")?,
             optimizer: take(&mut rest, "optimizer")?,
             raster: take(&mut rest, "raster")?,
-            reconstruction: over(rest)?,
+            reconstruction: super::over_defaults(rest)?,
         };
         config.reconstruction.validate()?;
         config.optimizer.validate()?;
         config.raster.validate()?;
         Ok(config)
+    }
+
+    /// The rasteriser's settings in a run's resolved configuration.
+    ///
+    /// # Errors
+    /// A configuration of another version.
+    pub fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
+        Ok(serde_json::from_value::<Self>(config.clone())?.raster)
     }
 
     /// A fresh device.
@@ -198,10 +195,8 @@ impl Method for CorfGs {
             depth,
             ..Advance::of(total, total)
         })?;
-        let mut field = CorfField::new(reconstructor.field(), &self.config, &self.backend);
-        // A gigabyte of keyframes goes back to the system while the field is looked at.
-        field.clearing = Some(std::thread::spawn(move || drop(reconstructor)));
-        Ok(Box::new(field))
+        let field = FieldPredictor::new(reconstructor.field(), self.config.raster, &self.backend);
+        Ok(Box::new(field.clearing(reconstructor)))
     }
 }
 
@@ -231,92 +226,11 @@ impl Relay<'_> {
     }
 }
 
-/// A finished field, on a device of its own once it is rendered.
-pub struct CorfField {
-    field: Field,
-    config: CorfGsConfig,
-    backend: Backend,
-    device: Option<Box<dyn Device>>,
-    /// Gives back what the reconstruction held.
-    clearing: Option<JoinHandle<()>>,
-}
-
-impl CorfField {
-    fn new(field: Field, config: &CorfGsConfig, backend: &Backend) -> Self {
-        Self { field, config: config.clone(), backend: backend.clone(), device: None, clearing: None }
-    }
-
-    /// Waits for what the reconstruction held: memory is not to hold two devices, nor is one to be cleared while the program ends.
-    fn clear(&mut self) {
-        if let Some(clearing) = self.clearing.take() {
-            let _ = clearing.join();
-        }
-    }
-
-    fn device(&mut self) -> Result<&mut dyn Device> {
-        self.clear();
-        let device = match self.device.take() {
-            Some(device) => device,
-            None => {
-                let mut device = self.config.device(&self.backend)?;
-                self.field.load(device.as_mut())?;
-                device
-            }
-        };
-        Ok(self.device.insert(device).as_mut())
-    }
-
-    /// Reads the field of a run folder.
-    ///
-    /// # Errors
-    /// A missing or damaged file, or a field of another dataset's cameras.
-    pub fn load(run: &Path, config: &serde_json::Value, dataset: &Dataset, backend: &Backend) -> Result<Self> {
-        let config: CorfGsConfig = serde_json::from_value(config.clone())
-            .with_context(|| format!("{}: the configuration is not of this version", run.join("run.json").display()))?;
-        let field = Field::read(run)?;
-        anyhow::ensure!(
-            field.meta.optical_camera == dataset.optical_camera() && field.meta.rf_camera == dataset.rf_camera(),
-            "{}: the field's cameras are not the dataset's",
-            run.display()
-        );
-        Ok(Self::new(field, &config, backend))
-    }
-}
-
-impl Drop for CorfField {
-    fn drop(&mut self) {
-        self.clear();
-    }
-}
-
-impl Predictor for CorfField {
-    fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
-        let meta = self.field.meta;
-        let p = meta.render(self.device()?, *world_from_camera)?;
-        let rf_jet = match self.field.meta.rf_target {
-            RfTarget::Jet => {
-                let colours = p.rf.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
-                Raster::from_vec(p.rf.width, p.rf.height, colours)
-            }
-            RfTarget::Db => p.scalar.map(|&s| color::jet(s)),
-        };
-        let depth_m = p.inverse_depth.map(|&i| if i > 0.0 { 1.0 / i } else { 0.0 });
-        Ok(Prediction { image: p.image, rf_jet, rf_scalar: p.scalar, depth_m: Some(depth_m) })
-    }
-
-    fn gaussians(&self) -> Option<usize> {
-        Some(self.field.gaussians.len())
-    }
-
-    fn save(&self, run: &Path) -> Result<()> {
-        Ok(self.field.write(run)?)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use corf::optimizer::AppearanceRates;
+    use std::path::Path;
 
     #[test]
     fn the_fast_preset_yields_to_overrides_and_leaves_the_rest_alone() {

@@ -1,12 +1,15 @@
 //! The methods by name.
 
 pub mod corf_gs;
+pub mod field;
 pub mod lookup;
 pub mod open;
+pub mod rf_3dgs;
 
 use crate::device::Backend;
 use crate::method::Method;
 use anyhow::{Result, bail};
+use serde::{Serialize, de::DeserializeOwned};
 
 /// All methods that `--method` and plans accept, with a line for `--help`.
 pub const METHODS: &[(&str, &str)] = &[
@@ -16,6 +19,8 @@ pub const METHODS: &[(&str, &str)] = &[
     ("corf-gs-uniform", "ablation: every pixel spawns with probability 0.1 instead of optical-guided expansion"),
     ("corf-gs-frozen", "ablation: two stages, optical geometry frozen in the RF stage"),
     ("corf-gs-rf-tuned", "ablation: two stages, geometry refined by RF in the second"),
+    ("rf-3dgs", "baseline RF-3DGS: offline 3D Gaussian splatting, then RF on its frozen geometry, as published"),
+    ("rf-3dgs-corrected", "rf-3dgs with a fresh optimiser in the RF stage and the background of a direction without power"),
     ("nearest", "the nearest training keyframe, as it was observed"),
     ("inverse-distance", "training keyframes blended by inverse distance"),
 ];
@@ -29,12 +34,23 @@ pub fn create(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Bo
         "corf-gs" | "corf-gs-paper" | "corf-gs-fast" | "corf-gs-uniform" | "corf-gs-frozen" | "corf-gs-rf-tuned" => {
             Ok(Box::new(corf_gs::CorfGs::new(id, overrides, backend)?))
         }
+        "rf-3dgs" | "rf-3dgs-corrected" => Ok(Box::new(rf_3dgs::Rf3dgs::new(id, overrides, backend)?)),
         "nearest" | "inverse-distance" => Ok(Box::new(lookup::Lookup::new(id, overrides)?)),
         _ => {
             let known: Vec<&str> = METHODS.iter().map(|m| m.0).collect();
             bail!("unknown method \"{id}\"\n  help: the methods are {}", known.join(", "))
         }
     }
+}
+
+/// Overrides over a configuration's defaults, table by table: part of an inner table leaves the rest of it as it is in those defaults.
+///
+/// # Errors
+/// A key that does not exist, or a value of the wrong kind.
+fn over_defaults<T: Serialize + DeserializeOwned + Default>(overrides: toml::Table) -> Result<T> {
+    let mut table = toml::Table::try_from(T::default())?;
+    merge(&mut table, overrides);
+    Ok(table.try_into()?)
 }
 
 /// Puts `from` over `into`, table by table.

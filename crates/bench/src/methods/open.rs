@@ -1,6 +1,6 @@
 //! A run folder back to a predictor.
 
-use super::{corf_gs, create};
+use super::{corf_gs::CorfGsConfig, create, field::FieldPredictor, rf_3dgs};
 use crate::device::Backend;
 use crate::input::{Input, Verify};
 use crate::json::read_json;
@@ -54,8 +54,16 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
         "{}: this version resolves the run's configuration differently\n  help: reconstruct again",
         folder.display()
     );
-    let predictor: Box<dyn Predictor> = if info.method.starts_with("corf-gs") {
-        Box::new(corf_gs::CorfField::load(folder, &info.config, dataset, backend)?)
+    let raster = match info.method.as_str() {
+        id if id.starts_with("corf-gs") => Some(CorfGsConfig::raster_of(&info.config)),
+        id if id.starts_with("rf-3dgs") => Some(rf_3dgs::raster_of(&info.config)),
+        _ => None,
+    };
+    let raster = raster
+        .transpose()
+        .with_context(|| format!("{}: the configuration is not of this version", folder.join("run.json").display()))?;
+    let predictor: Box<dyn Predictor> = if let Some(raster) = raster {
+        Box::new(FieldPredictor::load(folder, raster, dataset, backend)?)
     } else {
         // A lookup is its dataset.
         method.reconstruct(&TrainingSet::new(dataset, &split), info.seed, &mut |_| Ok(()))?

@@ -17,6 +17,7 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
         curve: vec![],
         latency: None,
         depth: None,
+        stages: vec![],
     };
     Record {
         schema: String::new(),

@@ -2,6 +2,7 @@
 //! training steps. The online policy (which keyframe, which level, when to expand or prune, random numbers) is above this interface, once.
 
 pub mod cpu;
+mod dense;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod packed;
@@ -9,6 +10,7 @@ pub(crate) mod planes;
 mod state;
 mod survey;
 
+pub use dense::{DenseStep, Duplicate, ScreenGradient};
 pub use packed::{PackedView, Packer};
 pub use planes::Planes;
 pub use state::{DeviceState, Outline};
@@ -227,6 +229,47 @@ pub trait Device: Send {
     /// Those of [`Self::train`].
     fn end_training(&mut self) -> Result<Option<StepReport>> {
         Ok(None)
+    }
+
+    /// Runs steps of dense Adam in order and reports the last.
+    ///
+    /// # Errors
+    /// Those of [`Self::train`]; a step that trains both modalities or none; a device without dense Adam.
+    fn train_dense(&mut self, _steps: &[DenseStep]) -> Result<StepReport> {
+        Err(self.lacks("dense Adam", "train with Device::train on this device"))
+    }
+
+    /// Reads the positional gradients on the screen that [`Self::train_dense`] has summed; zeros where no step has since the Gaussians held last
+    /// changed: adding, removing or restoring any forgets them.
+    ///
+    /// # Errors
+    /// When the device fails, or sums none.
+    fn screen_gradients(&mut self) -> Result<Vec<ScreenGradient>> {
+        Err(self.lacks("screen-space gradients", "do without density control on this device"))
+    }
+
+    /// Replaces those sums, so that a resumed reconstruction goes on with those it had; one per Gaussian.
+    ///
+    /// # Errors
+    /// Another number than that of Gaussians; when the device fails, or sums none.
+    fn set_screen_gradients(&mut self, _gradients: &[ScreenGradient]) -> Result<()> {
+        Err(self.lacks("screen-space gradients", "do without density control on this device"))
+    }
+
+    /// Adds copies of Gaussians behind those held, in order, with fresh optimiser state.
+    ///
+    /// # Errors
+    /// A source that is not held; when the device has no memory for them or cannot copy.
+    fn duplicate(&mut self, _duplicates: &[Duplicate]) -> Result<()> {
+        Err(self.lacks("copies of Gaussians", "do without density control on this device"))
+    }
+
+    /// Lowers opacities in light above `most` to it, and resets the optimiser state of all opacities in light.
+    ///
+    /// # Errors
+    /// When the device fails, or cannot.
+    fn cap_optical_opacity(&mut self, _most: f32) -> Result<()> {
+        Err(self.lacks("opacity resets", "do without density control on this device"))
     }
 
     /// Reads the Gaussians back.

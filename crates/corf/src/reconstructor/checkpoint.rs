@@ -1,22 +1,15 @@
-//! A reconstruction kept on disk while it runs: all that it depends on beside the keyframes, which are replayed when it goes on.
-//!
-//! ```text
-//! corf-checkpoint/3\n   length of the header (u64)   header (JSON)   numbers (f32 and u32)   checksum (u64)
-//! ```
-//! All little-endian. The numbers are, for the Gaussians and Adam's two moments, position, rotation, ln scale, opacity and harmonics in
-//! light, opacity and harmonics at 60 GHz; then the position rates and the keyframe at which each Gaussian was born.
+//! A reconstruction kept on disk while it runs: all that it depends on beside the keyframes, which are replayed when it goes on. Behind the
+//! device's state the file holds the keyframe at which each Gaussian was born.
 
 use super::{Past, Reconstructor};
 use crate::{
-    Appearance, Error, FieldMeta, Gaussians, ReconstructionConfig, Result, depth::AlignedPrior, device::DeviceState,
-    schedule::ScheduleState,
+    Error, FieldMeta, Gaussians, ReconstructionConfig, Result, depth::AlignedPrior, device::DeviceState, schedule::ScheduleState,
+    state_file,
 };
-use corf_scene::{Keyframe, io};
+use corf_scene::Keyframe;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::path::Path;
-
-const MAGIC: &[u8] = b"corf-checkpoint/3\n";
 
 /// Metadata of a checkpoint, beside the arrays of its Gaussians.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,6 +21,22 @@ struct Header {
     past: Vec<Past>,
     schedule: ScheduleState,
     gaussians: usize,
+}
+
+impl state_file::Header for Header {
+    const MAGIC: &'static str = "corf-checkpoint/3\n";
+
+    fn gaussians(&self) -> usize {
+        self.gaussians
+    }
+
+    fn empty_field(&self) -> Gaussians {
+        self.config.empty_field()
+    }
+
+    fn more_words(&self) -> Option<usize> {
+        Some(self.gaussians)
+    }
 }
 
 /// The state of a [`Reconstructor`] between two keyframes.
@@ -54,25 +63,7 @@ impl Checkpoint {
     /// # Errors
     /// When the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let header = serde_json::to_vec(&self.header).map_err(|e| Error::Io {
-            action: "write",
-            path: path.to_owned(),
-            source: e.into(),
-        })?;
-        let mut bytes = MAGIC.to_vec();
-        bytes.extend((header.len() as u64).to_le_bytes());
-        bytes.extend(&header);
-        let mut put = |numbers: &[f32]| {
-            bytes.reserve(4 * numbers.len());
-            numbers.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
-        };
-        for g in [&self.device.gaussians, &self.device.moments[0], &self.device.moments[1]] {
-            parts(g).into_iter().for_each(&mut put);
-        }
-        put(&self.device.position_rate);
-        bytes.extend(self.born.iter().flat_map(|v| v.to_le_bytes()));
-        bytes.extend(checksum(&bytes).to_le_bytes());
-        Ok(io::write_atomic(path, &bytes)?)
+        state_file::write(path, &self.header, &self.device, &self.born)
     }
 
     /// Reads one back.
@@ -80,78 +71,8 @@ impl Checkpoint {
     /// # Errors
     /// A file that is missing, damaged, or no checkpoint.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = io::read(path)?;
-        Self::decode(&bytes).ok_or_else(|| {
-            let help = "remove the file and start the reconstruction anew";
-            Error::invalid(path.display().to_string(), "this is no checkpoint of this version, or a damaged one", help)
-        })
-    }
-
-    fn decode(bytes: &[u8]) -> Option<Self> {
-        let (content, sum) = bytes.split_at_checked(bytes.len().checked_sub(8)?)?;
-        if checksum(content).to_le_bytes() != sum {
-            return None;
-        }
-        let rest = content.strip_prefix(MAGIC)?;
-        let (length, rest) = rest.split_at_checked(8)?;
-        let (header, numbers) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(length.try_into().ok()?)).ok()?)?;
-        let header: Header = serde_json::from_slice(header).ok()?;
-        let n = header.gaussians;
-        let mut words = Words(numbers);
-        let empty = header.config.empty_field();
-        let gaussians = words.gaussians(n, &empty)?;
-        let moments = [words.gaussians(n, &empty)?, words.gaussians(n, &empty)?];
-        let position_rate = words.take(n)?;
-        let born = words.take(n)?.into_iter().map(f32::to_bits).collect();
-        words.0.is_empty().then_some(Self { header, device: DeviceState { gaussians, moments, position_rate }, born })
-    }
-}
-
-/// The arrays of some Gaussians, in the file's order.
-fn parts(g: &Gaussians) -> [&[f32]; 7] {
-    [
-        g.position.as_flattened(),
-        g.rotation.as_flattened(),
-        g.log_scale.as_flattened(),
-        &g.optical.opacity_logit,
-        &g.optical.sh,
-        &g.rf.opacity_logit,
-        &g.rf.sh,
-    ]
-}
-
-/// FNV-1a over 64-bit words; the last one is filled up with zeros.
-fn checksum(bytes: &[u8]) -> u64 {
-    bytes.chunks(8).fold(0xcbf2_9ce4_8422_2325, |hash: u64, chunk| {
-        let mut word = [0; 8];
-        word[..chunk.len()].copy_from_slice(chunk);
-        (hash ^ u64::from_le_bytes(word)).wrapping_mul(0x0100_0000_01b3)
-    })
-}
-
-/// Numbers still to be read.
-struct Words<'a>(&'a [u8]);
-
-impl Words<'_> {
-    fn take(&mut self, count: usize) -> Option<Vec<f32>> {
-        let (now, later) = self.0.split_at_checked(count.checked_mul(4)?)?;
-        self.0 = later;
-        Some(now.as_chunks().0.iter().map(|word| f32::from_le_bytes(*word)).collect())
-    }
-
-    fn gaussians(&mut self, n: usize, like: &Gaussians) -> Option<Gaussians> {
-        fn grouped<const K: usize>(flat: &[f32]) -> Vec<[f32; K]> {
-            flat.as_chunks().0.to_vec()
-        }
-        let position = grouped(&self.take(n.checked_mul(3)?)?);
-        let rotation = grouped(&self.take(n.checked_mul(4)?)?);
-        let log_scale = grouped(&self.take(n.checked_mul(3)?)?);
-        let mut appearance = |like: &Appearance| {
-            let opacity_logit = self.take(n)?;
-            let sh = self.take(n.checked_mul(like.stride())?)?;
-            Some(Appearance { channels: like.channels, sh_degree: like.sh_degree, opacity_logit, sh })
-        };
-        Some(Gaussians { position, rotation, log_scale, optical: appearance(&like.optical)?, rf: appearance(&like.rf)? })
+        let (header, device, born) = state_file::read(path)?;
+        Ok(Self { header, device, born })
     }
 }
 

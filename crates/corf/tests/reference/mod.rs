@@ -12,6 +12,8 @@ pub struct Field {
     pub classes: [Vec<f64>; 7],
     pub channels: [usize; 2],
     pub coefficients: [usize; 2],
+    /// Displacement of each projected mean, pixels; zero but for gradients with respect to it.
+    pub shift: Vec<[f64; 2]>,
 }
 
 pub const CLASS_NAMES: [&str; 7] = ["position", "rotation", "log scale", "optical opacity", "RF opacity", "optical sh", "RF sh"];
@@ -38,6 +40,7 @@ impl Field {
             ],
             channels: [g.optical.channels, g.rf.channels],
             coefficients: [g.optical.coefficients(), g.rf.coefficients()],
+            shift: vec![[0.0; 2]; g.len()],
         }
     }
 
@@ -145,8 +148,8 @@ pub fn render(
         }
         splats.push(Splat {
             z: p.z,
-            u: camera.fx * p.x / p.z + camera.cx,
-            v: camera.fy * p.y / p.z + camera.cy,
+            u: camera.fx * p.x / p.z + camera.cx + field.shift[i][0],
+            v: camera.fy * p.y / p.z + camera.cy + field.shift[i][1],
             q: [(c + h) / det1, -b / det1, (a + h) / det1],
             opacity: rhos[i] / (1.0 + (-logit).exp()),
             color,

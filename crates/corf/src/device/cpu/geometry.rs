@@ -236,6 +236,14 @@ pub(crate) struct EllipseGradient<L> {
     pub rho: L,
 }
 
+/// dL/d(projected mean), pixels: what blending says about where a Gaussian lies in the image.
+#[inline(always)]
+pub(crate) fn mean_backward<L: Lanes>(e: &Ellipse<L>, g: &EllipseGradient<L>) -> [L; 2] {
+    let inverse = L::splat(1.0) / e.determinant;
+    let (qa, qb, qc) = (e.syy * inverse, -(e.bare[1] * inverse), e.sxx * inverse);
+    [qa * g.first[0] + qb * g.first[1], qb * g.first[0] + qc * g.first[1]]
+}
+
 /// Adds to dL/dp (camera axes) and dL/dV (full-matrix convention, symmetric).
 #[inline(always)]
 pub(crate) fn ellipse_backward<L: Lanes>(
@@ -251,8 +259,7 @@ pub(crate) fn ellipse_backward<L: Lanes>(
     let b = e.bare[1];
     // Q = S⁻¹.
     let (qa, qb, qc) = (e.syy * inverse, -(b * inverse), e.sxx * inverse);
-    let du = qa * g.first[0] + qb * g.first[1];
-    let dvv = qb * g.first[0] + qc * g.first[1];
+    let [du, dvv] = mean_backward(e, g);
     // dS = −Q dQ Q with dQ = ½ Σ dL/dσ d dᵀ.
     let [m0, m1, m2] = g.moments;
     let (r00, r01) = (qa * m0 + qb * m1, qa * m1 + qb * m2);

@@ -16,7 +16,10 @@ mod store;
 mod tiles;
 mod update;
 
-use super::{Device, DeviceState, Outline, PackedView, Packer, RenderRequest, Rendering, Step, StepReport, TrainingView, ViewId};
+use super::{
+    DenseStep, Device, DeviceState, Duplicate, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient, Step,
+    StepReport, TrainingView, ViewId,
+};
 use crate::{Appearance, Gaussians, OptimizerConfig, RasterConfig, Result};
 use std::sync::Arc;
 pub use step::StageTimes;
@@ -129,6 +132,35 @@ impl Device for CpuDevice {
             report = self.step(step)?;
         }
         Ok(report)
+    }
+
+    fn train_dense(&mut self, steps: &[DenseStep]) -> Result<StepReport> {
+        let mut report = StepReport::default();
+        for step in steps {
+            report = self.dense_step(step)?;
+        }
+        Ok(report)
+    }
+
+    fn screen_gradients(&mut self) -> Result<Vec<ScreenGradient>> {
+        let mut out = self.store.screen.clone();
+        out.resize(self.store.len(), ScreenGradient::default());
+        Ok(out)
+    }
+
+    fn set_screen_gradients(&mut self, gradients: &[ScreenGradient]) -> Result<()> {
+        ScreenGradient::check_all(gradients, self.store.len())?;
+        self.store.screen = gradients.to_vec();
+        Ok(())
+    }
+
+    fn duplicate(&mut self, duplicates: &[Duplicate]) -> Result<()> {
+        self.store.duplicate(duplicates)
+    }
+
+    fn cap_optical_opacity(&mut self, most: f32) -> Result<()> {
+        self.store.cap_optical_opacity(most);
+        Ok(())
     }
 
     fn gaussians(&mut self) -> Gaussians {

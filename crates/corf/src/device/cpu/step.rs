@@ -11,8 +11,8 @@ use super::{
     update::{Mode, Update},
 };
 use crate::{
-    Error, Gaussians, Result,
-    device::{Step, StepReport},
+    Error, Gaussians, OptimizerConfig, Result,
+    device::{DenseStep, ScreenGradient, Step, StepReport},
     loss::fused::{DepthLoss, ImageLoss, stride_of},
 };
 use rayon::prelude::*;
@@ -153,11 +153,24 @@ impl CpuDevice {
     }
 
     pub(super) fn step(&mut self, step: &Step) -> Result<StepReport> {
+        let config = self.optimizer;
+        self.step_with(step, &config, None)
+    }
+
+    pub(super) fn dense_step(&mut self, dense: &DenseStep) -> Result<StepReport> {
+        dense.check()?;
+        if dense.screen_gradients {
+            self.store.screen.resize(self.store.len(), ScreenGradient::default());
+        }
+        self.step_with(&dense.step, &dense.constants(&self.optimizer), Some(dense))
+    }
+
+    fn step_with(&mut self, step: &Step, config: &OptimizerConfig, dense: Option<&DenseStep>) -> Result<StepReport> {
         let scene = self.scene_of_step(step)?;
         let report = self.differentiate(step, &scene);
         let mut clock = Clock(Instant::now());
         let mut store = std::mem::replace(&mut self.store, super::store::Store::hollow());
-        self.update(&scene, Mode::Adam { config: &self.optimizer, geometry: step.train_geometry }).run(&mut store);
+        self.update(&scene, Mode::Adam { config, geometry: step.train_geometry, dense }).run(&mut store);
         self.store = store;
         clock.lap(&mut self.times.update_s);
         self.times.steps += 1;

@@ -5,7 +5,8 @@
 
 use crate::{
     Appearance, Gaussians, Result,
-    device::{DeviceState, Outline},
+    device::{DeviceState, Duplicate, Outline, ScreenGradient},
+    gaussians::logit,
 };
 
 /// Offsets in a Gaussian's twelve numbers.
@@ -35,6 +36,8 @@ pub(crate) struct Store {
     pub moment2: Vec<Core>,
     /// Decay factor of each Gaussian's position learning rate, in `[floor, 1]`.
     pub position_rate: Vec<f32>,
+    /// Sums of positional gradients on the screen; empty where none have been asked for.
+    pub screen: Vec<ScreenGradient>,
     /// Optical, RF.
     pub harmonics: [Harmonics; 2],
 }
@@ -98,13 +101,14 @@ impl Store {
     pub fn new(like: &Gaussians) -> Result<Self> {
         like.check_colours()?;
         let harmonics = [Harmonics::empty(&like.optical), Harmonics::empty(&like.rf)];
-        Ok(Self { value: vec![], moment1: vec![], moment2: vec![], position_rate: vec![], harmonics })
+        Ok(Self { value: vec![], moment1: vec![], moment2: vec![], position_rate: vec![], screen: vec![], harmonics })
     }
 
     /// Holds nothing and allocates nothing: stands in while the real store is being updated.
     pub fn hollow() -> Self {
         let harmonics = || Harmonics { channels: 0, degree: 0, value: vec![], moment1: vec![], moment2: vec![] };
-        Self { value: vec![], moment1: vec![], moment2: vec![], position_rate: vec![], harmonics: [harmonics(), harmonics()] }
+        let harmonics = [harmonics(), harmonics()];
+        Self { value: vec![], moment1: vec![], moment2: vec![], position_rate: vec![], screen: vec![], harmonics }
     }
 
     pub fn len(&self) -> usize {
@@ -133,14 +137,46 @@ impl Store {
 
     pub fn append(&mut self, new: &Gaussians) -> Result<()> {
         new.check_appendable(self.held())?;
-        self.value.extend(cores(new));
+        self.extend(cores(new));
+        self.harmonics[0].append(&new.optical);
+        self.harmonics[1].append(&new.rf);
+        Ok(())
+    }
+
+    /// Adds geometry and opacities with fresh optimiser state.
+    fn extend(&mut self, cores: impl Iterator<Item = Core>) {
+        self.value.extend(cores);
         let total = self.value.len();
         self.moment1.resize(total, [0.0; 12]);
         self.moment2.resize(total, [0.0; 12]);
         self.position_rate.resize(total, 1.0);
-        self.harmonics[0].append(&new.optical);
-        self.harmonics[1].append(&new.rf);
+        self.screen.clear();
+    }
+
+    /// Adds copies behind those held, with fresh optimiser state.
+    pub fn duplicate(&mut self, duplicates: &[Duplicate]) -> Result<()> {
+        Duplicate::check_all(duplicates, self.len())?;
+        let copies: Vec<Core> = duplicates.iter().map(|d| d.core(&self.value[d.source as usize])).collect();
+        self.extend(copies.into_iter());
+        for h in &mut self.harmonics {
+            let stride = h.stride();
+            for d in duplicates {
+                let first = d.source as usize * stride;
+                h.value.extend_from_within(first..first + stride);
+            }
+            h.moment1.resize(h.value.len(), 0.0);
+            h.moment2.resize(h.value.len(), 0.0);
+        }
         Ok(())
+    }
+
+    /// Lowers opacities in light above `most` to it, and clears the moments of all of them.
+    pub fn cap_optical_opacity(&mut self, most: f32) {
+        let most = logit(most);
+        for (value, (m, v)) in self.value.iter_mut().zip(self.moment1.iter_mut().zip(&mut self.moment2)) {
+            value[OPTICAL_OPACITY] = value[OPTICAL_OPACITY].min(most);
+            (m[OPTICAL_OPACITY], v[OPTICAL_OPACITY]) = (0.0, 0.0);
+        }
     }
 
     pub fn retain(&mut self, keep: &[bool]) {
@@ -149,6 +185,7 @@ impl Store {
         retain_runs(&mut self.moment1, 1, keep);
         retain_runs(&mut self.moment2, 1, keep);
         retain_runs(&mut self.position_rate, 1, keep);
+        self.screen.clear();
         for h in &mut self.harmonics {
             let stride = h.stride();
             retain_runs(&mut h.value, stride, keep);

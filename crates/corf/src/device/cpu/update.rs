@@ -2,18 +2,22 @@
 
 use super::{
     blend::{COLOR, FIRST, INVERSE_Z, MOMENTS, OPACITY, Record},
-    geometry::{EllipseGradient, Scene, ellipse, ellipse_backward, shape, shape_backward, to_camera},
+    geometry::{EllipseGradient, Scene, ellipse, ellipse_backward, mean_backward, shape, shape_backward, to_camera},
     project::{CHUNK, Projection, VisibleChunk, direction, gather3, gather4},
     simd::{Isa, Kernel, Lanes},
     store::{Core, LOG_SCALE, OPTICAL_OPACITY, POSITION, RF_OPACITY, ROTATION, Store},
 };
-use crate::{OptimizerConfig, sh};
+use crate::{
+    OptimizerConfig,
+    device::{DenseStep, ScreenGradient},
+    sh,
+};
 use rayon::prelude::*;
 
 /// Use of the gradients.
 pub(crate) enum Mode<'a> {
-    /// One step of Adam; geometry only if `geometry`.
-    Adam { config: &'a OptimizerConfig, geometry: bool },
+    /// One step of Adam; geometry only if `geometry`. A dense one steps the Gaussians that are not visible as well.
+    Adam { config: &'a OptimizerConfig, geometry: bool, dense: Option<&'a DenseStep> },
     /// Written over the parameters of a copy of the store.
     Write,
 }
@@ -33,6 +37,8 @@ struct Part<'a> {
     moment1: &'a mut [Core],
     moment2: &'a mut [Core],
     position_rate: &'a mut [f32],
+    /// Empty where no positional gradients on the screen are summed.
+    screen: &'a mut [ScreenGradient],
     harmonics: [HarmonicsPart<'a>; 2],
 }
 
@@ -68,13 +74,17 @@ impl Update<'_> {
                 .zip(h.moment2.chunks_mut(n))
                 .map(move |((value, moment1), moment2)| HarmonicsPart { value, moment1, moment2, channels, degree })
         });
+        let summed = matches!(self.mode, Mode::Adam { dense: Some(DenseStep { screen_gradients: true, .. }), .. });
+        let sums = if summed { store.screen.len() } else { 0 };
+        let mut screen = store.screen[..sums].chunks_mut(CHUNK);
         while let (Some((((value, moment1), moment2), position_rate)), Some(optical), Some(rf)) =
             (cores.next(), sh[0].next(), sh[1].next())
         {
-            parts.push(Part { value, moment1, moment2, position_rate, harmonics: [optical, rf] });
+            let screen = screen.next().unwrap_or_default();
+            parts.push(Part { value, moment1, moment2, position_rate, screen, harmonics: [optical, rf] });
         }
         let constants = match &self.mode {
-            Mode::Adam { config, .. } => Constants::new(config, coefficients),
+            Mode::Adam { config, dense, .. } => Constants::new(config, coefficients, *dense),
             Mode::Write => Constants::default(),
         };
         parts.into_par_iter().enumerate().for_each(|(chunk, part)| {
@@ -90,17 +100,20 @@ const MAX_STRIDE: usize = 3 * sh::MAX_COEFFICIENTS;
 struct Constants {
     /// Rates along one Gaussian's harmonics.
     harmonic_rates: [[f32; MAX_STRIDE]; 2],
+    /// Coefficients of a channel that have a gradient.
+    learnt: usize,
 }
 
 impl Default for Constants {
     fn default() -> Self {
-        Self { harmonic_rates: [[0.0; MAX_STRIDE]; 2] }
+        Self { harmonic_rates: [[0.0; MAX_STRIDE]; 2], learnt: sh::MAX_COEFFICIENTS }
     }
 }
 
 impl Constants {
-    fn new(config: &OptimizerConfig, coefficients: [usize; 2]) -> Self {
+    fn new(config: &OptimizerConfig, coefficients: [usize; 2], dense: Option<&DenseStep>) -> Self {
         let mut out = Self::default();
+        out.learnt = dense.map_or(out.learnt, DenseStep::coefficients);
         for (g, r) in [&config.optical, &config.rf].into_iter().enumerate() {
             out.harmonic_rates[g] = [r.sh_dc / r.sh_rest_divisor; MAX_STRIDE];
             out.harmonic_rates[g].iter_mut().step_by(coefficients[g]).for_each(|rate| *rate = r.sh_dc);
@@ -132,6 +145,14 @@ impl Kernel for UpdateChunk<'_, '_> {
             }
             self.group::<L>(visible, at, &ids, lanes);
             at += lanes;
+        }
+        if matches!(self.update.mode, Mode::Adam { dense: Some(_), .. }) {
+            let mut seen = visible.ids.iter().map(|id| *id as usize - first).peekable();
+            for id in 0..self.part.value.len() {
+                if seen.next_if_eq(&id).is_none() {
+                    self.coast::<L>(id);
+                }
+            }
         }
     }
 }
@@ -181,6 +202,16 @@ impl UpdateChunk<'_, '_> {
                 rho: d_opacity * opacity,
             };
             ellipse_backward(grid, &e, &gradient, &mut dp, &mut dv);
+            if !self.part.screen.is_empty() {
+                let [du, dv] = mean_backward(&e, &gradient);
+                let (du, dv) = (du * L::splat(0.5 * grid.width as f32), dv * L::splat(0.5 * grid.height as f32));
+                let mut norms = [0.0_f32; 16];
+                (du * du + dv * dv).sqrt().store(&mut norms);
+                for lane in (0..lanes).filter(|lane| seen[g][*lane]) {
+                    let sum = &mut self.part.screen[ids[lane] as usize];
+                    (sum.norm_sum, sum.steps) = (sum.norm_sum + norms[lane], sum.steps + 1);
+                }
+            }
             for lane in 0..lanes {
                 if !seen[g][lane] {
                     continue;
@@ -222,10 +253,25 @@ impl UpdateChunk<'_, '_> {
         }
     }
 
+    /// A step without a gradient, of a Gaussian that is not visible, in the modalities that are rendered.
+    #[inline(always)]
+    fn coast<L: Lanes>(&mut self, id: usize) {
+        let Mode::Adam { config, .. } = &self.update.mode else { return };
+        let rendered = [0, 1].map(|g| self.update.scene.grids[g].is_some());
+        self.core::<L>(id, &[0.0; 12], rendered);
+        for g in (0..2).filter(|g| rendered[*g]) {
+            let h = &mut self.part.harmonics[g];
+            let stride = (h.degree + 1) * (h.degree + 1) * h.channels;
+            let run = id * stride..(id + 1) * stride;
+            let state = [&mut h.value[run.clone()], &mut h.moment1[run.clone()], &mut h.moment2[run]];
+            adam::<L>(config, &self.constants.harmonic_rates[g], &[0.0; MAX_STRIDE][..stride], state);
+        }
+    }
+
     /// Geometry and opacities of one Gaussian.
     #[inline(always)]
     fn core<L: Lanes>(&mut self, id: usize, gradient: &Core, seen: [bool; 2]) {
-        let Mode::Adam { config, geometry } = &self.update.mode else {
+        let Mode::Adam { config, geometry, .. } = &self.update.mode else {
             self.part.value[id] = *gradient;
             return;
         };
@@ -277,6 +323,7 @@ impl UpdateChunk<'_, '_> {
         let rates = &self.constants.harmonic_rates[g];
         let mode = &self.update.mode;
         let h = &mut self.part.harmonics[g];
+        let learnt = self.constants.learnt.min(K);
         let (direction, inverse_distance) = d;
         let y = sh::basis::<K>(direction);
         // Σ_c dL/dc_c sh_c,k: the weights of ∇Y_k.
@@ -289,6 +336,9 @@ impl UpdateChunk<'_, '_> {
                 weights[k] += d_color[c] * value[c * K + k];
                 gradient[c * K + k] = d_color[c] * y[k];
             }
+        }
+        if learnt < K {
+            gradient[..K * C].chunks_exact_mut(K).for_each(|channel| channel[learnt..].fill(0.0));
         }
         match mode {
             Mode::Write => value.copy_from_slice(&gradient[..K * C]),

@@ -335,7 +335,7 @@ impl Context {
     }
 
     /// Writes numbers at a byte, in pieces, so that the memory in which they travel is soon free again.
-    pub fn fill(&self, buffer: &wgpu::Buffer, at: u64, values: &[f32]) {
+    pub fn fill<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer, at: u64, values: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(values);
         for (k, piece) in bytes.chunks(PIECE).enumerate() {
             self.queue.write_buffer(buffer, at + (k * PIECE) as u64, piece);

@@ -11,6 +11,7 @@
 
 mod capacity;
 mod context;
+mod density;
 mod frame;
 mod kernel;
 mod params;
@@ -29,13 +30,14 @@ mod train;
 mod work;
 
 use super::{
-    Device, DeviceState, Outline, PackedView, Packer, RenderRequest, Rendering, Step, StepReport, Survey, SurveyRequest,
-    TrainingView, ViewId, check_channels,
+    DenseStep, Device, DeviceState, Duplicate, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient, Step,
+    StepReport, Survey, SurveyRequest, TrainingView, ViewId, check_channels,
 };
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result};
 use context::{Context, Reading};
 use frame::{Forward, Memory};
 use pyramid::{Packed, Pyramid};
+use scratch::Scratch;
 use shaders::Fixed;
 use std::sync::Arc;
 use store::Store;
@@ -61,6 +63,12 @@ pub struct GpuDevice {
     surveyor: Surveyor,
     memory: Memory,
     pyramids: Vec<Pyramid>,
+    /// Of each Gaussian: the sum of its gradients on the screen, their number, and the dense step that saw it last.
+    marks: Scratch,
+    /// Number of Gaussians whose marks are held; none where they are to be cleared first.
+    marked: Option<usize>,
+    /// Dense steps so far.
+    dense_steps: u32,
     times: GpuStageTimes,
     timing: bool,
     last: Counts,
@@ -95,7 +103,11 @@ impl GpuDevice {
         );
         let (forward, training, surveyor) = (forward?, training?, surveyor?);
         let memory = Memory::new(&context)?;
+        let marks = Scratch::new(&context, "marks of Gaussians")?;
         Ok(Self {
+            marks,
+            marked: None,
+            dense_steps: 0,
             timing: context.timestamps,
             context,
             optimizer,
@@ -197,6 +209,7 @@ impl Device for GpuDevice {
 
     fn restore(&mut self, state: &DeviceState) -> Result<()> {
         self.ready()?;
+        self.marked = None;
         self.store.restore(&self.context, state)
     }
 
@@ -206,12 +219,14 @@ impl Device for GpuDevice {
 
     fn append(&mut self, new: &Gaussians) -> Result<()> {
         self.ready()?;
+        self.marked = None;
         self.store.append(&self.context, new)
     }
 
     fn retain(&mut self, keep: &[bool]) {
         assert_eq!(keep.len(), self.len(), "one flag per Gaussian");
         self.ready_or_defer();
+        self.marked = None;
         if let Err(error) = self.store.retain(&self.context, keep) {
             self.deferred.get_or_insert(error);
         }
@@ -241,6 +256,32 @@ impl Device for GpuDevice {
     fn train(&mut self, steps: &[Step]) -> Result<StepReport> {
         self.ready()?;
         self.run_steps(steps)
+    }
+
+    fn train_dense(&mut self, steps: &[DenseStep]) -> Result<StepReport> {
+        self.ready()?;
+        self.run_dense_steps(steps)
+    }
+
+    fn screen_gradients(&mut self) -> Result<Vec<ScreenGradient>> {
+        self.ready()?;
+        self.read_screen_gradients()
+    }
+
+    fn set_screen_gradients(&mut self, gradients: &[ScreenGradient]) -> Result<()> {
+        self.ready()?;
+        self.write_screen_gradients(gradients)
+    }
+
+    fn duplicate(&mut self, duplicates: &[Duplicate]) -> Result<()> {
+        self.ready()?;
+        self.marked = None;
+        self.store.duplicate(&self.context, duplicates)
+    }
+
+    fn cap_optical_opacity(&mut self, most: f32) -> Result<()> {
+        self.ready()?;
+        self.store.cap_optical_opacity(&self.context, most)
     }
 
     fn begin_training(&mut self, steps: &[Step]) -> Result<Option<StepReport>> {

@@ -3,7 +3,10 @@
 use super::{capacity::BufferCapacity, context::Context, shaders::LOSS_BLOCK};
 use crate::{
     OptimizerConfig, Result,
-    device::cpu::geometry::{Grid, Pose},
+    device::{
+        DenseStep,
+        cpu::geometry::{Grid, Pose},
+    },
 };
 use bytemuck::{Pod, Zeroable};
 
@@ -39,7 +42,8 @@ struct RateParams {
     sh_dc: f32,
     sh_rest: f32,
     opacity: f32,
-    padding: u32,
+    /// Coefficients of a channel that have a gradient; read by dense steps alone.
+    learnt: u32,
 }
 
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -68,7 +72,9 @@ pub(crate) struct Params {
     pub visible_capacity: u32,
     /// Index of the tile shape; used by the host alone.
     pub shape: u32,
-    padding: [u32; 2],
+    /// Of a dense step: what it marks the Gaussians it sees with, and whether it sums their gradients on the screen.
+    pub marker: u32,
+    pub screen_gradients: u32,
 }
 
 /// Bytes of one frame's constants.
@@ -118,7 +124,7 @@ impl Params {
             p.blocks_total += out.blocks * size[1].div_ceil(LOSS_BLOCK[1]);
         }
         for (out, r) in p.rates.iter_mut().zip([&optimizer.optical, &optimizer.rf]) {
-            *out = RateParams { sh_dc: r.sh_dc, sh_rest: r.sh_dc / r.sh_rest_divisor, opacity: r.opacity, padding: 0 };
+            *out = RateParams { sh_dc: r.sh_dc, sh_rest: r.sh_dc / r.sh_rest_divisor, opacity: r.opacity, learnt: 0 };
         }
         p.position_rate = optimizer.position_rate_m;
         p.position_decay = optimizer.position_decay;
@@ -128,6 +134,12 @@ impl Params {
         (p.beta1, p.beta2, p.epsilon) = (optimizer.beta1, optimizer.beta2, optimizer.epsilon);
         p.ssim_weight = optimizer.ssim_weight;
         p
+    }
+
+    /// Makes it a dense step.
+    pub fn set_dense(&mut self, dense: &DenseStep, marker: u32) {
+        (self.marker, self.screen_gradients) = (marker, u32::from(dense.screen_gradients));
+        self.rates.iter_mut().for_each(|r| r.learnt = dense.coefficients() as u32);
     }
 
     /// Sets the capacities of the buffers.

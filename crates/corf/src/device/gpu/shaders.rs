@@ -37,6 +37,7 @@ const LISTS: &str = include_str!("shaders/lists.wgsl");
 const DRAWN: &str = include_str!("shaders/drawn.wgsl");
 const FOUND: &str = include_str!("shaders/found.wgsl");
 const ADAM: &str = include_str!("shaders/adam.wgsl");
+const MARK: &str = include_str!("shaders/mark.wgsl");
 const LOSS: &str = include_str!("shaders/loss.wgsl");
 
 /// Compile-time constants shared by the kernels of one device.
@@ -136,18 +137,32 @@ impl Fixed {
         if both { 9 } else { 5 }
     }
 
-    /// One step of the harmonics of modality `g`, or its gradient instead.
-    fn step_harmonics(&self, g: usize, write_gradients: bool) -> String {
+    /// Sizes of modality `g`'s harmonics as constants, their names ending in `end`.
+    fn sizes(&self, g: usize, end: &str) -> String {
         let shape = self.harmonics[g];
         let sizes =
             [("IMAGE", g), ("COEFFICIENTS", shape.coefficients()), ("NUMBERS", shape.numbers()), ("QUADS", shape.words() / 4)];
-        let constants: String = sizes.iter().map(|(name, n)| format!("const {name}_{g} = {n}u;\n")).collect();
-        let store = if write_gradients {
-            "gradient_GRID[at] = w.gradient;"
-        } else {
-            "sh_GRID[at] = old - w.rates * adam(w.gradient, &m, &v);\nmoments_GRID[first] = m;\nmoments_GRID[first + QUADS_GRID] = v;"
+        sizes.iter().map(|(name, n)| format!("const {name}{end} = {n}u;\n")).collect()
+    }
+
+    /// One step of the harmonics of modality `g`, or its gradient instead.
+    fn step_harmonics(&self, g: usize, use_of: Gradients) -> String {
+        let constants = self.sizes(g, &format!("_{g}"));
+        let store = match use_of {
+            Gradients::Written => "gradient_GRID[at] = w.gradient;".to_owned(),
+            Gradients::Sparse | Gradients::Dense => {
+                let gradient = if use_of == Gradients::Dense {
+                    "learnt(w.gradient, 4u * quad, COEFFICIENTS_GRID, IMAGE_GRID)"
+                } else {
+                    "w.gradient"
+                };
+                format!(
+                    "sh_GRID[at] = old - w.rates * adam({gradient}, &m, &v);\nmoments_GRID[first] = m;\n\
+                     moments_GRID[first + QUADS_GRID] = v;"
+                )
+            }
         };
-        let source = include_str!("shaders/step_harmonics.wgsl").replace("STORE", store);
+        let source = include_str!("shaders/step_harmonics.wgsl").replace("STORE", &store);
         constants + &source.replace("_GRID", &format!("_{g}"))
     }
 
@@ -243,8 +258,8 @@ impl Fixed {
         self.loss_head() + &loss::gradient(include_str!("shaders/gradient.wgsl"))
     }
 
-    fn update_head(&self, write_gradients: bool) -> String {
-        let constants = format!("const WRITE_GRADIENTS = {write_gradients};\n");
+    fn update_head(&self, use_of: Gradients) -> String {
+        let constants = format!("const WRITE_GRADIENTS = {};\n", use_of == Gradients::Written);
         self.head() + &constants + GEOMETRY + FOUND + ADAM
     }
 
@@ -265,16 +280,20 @@ impl Fixed {
         out
     }
 
-    /// The update of the harmonics, or (`write_gradients`) the same with gradients written to two more buffers instead.
-    pub fn update_appearance(&self, write_gradients: bool) -> String {
-        let (a, b) = (self.step_harmonics(0, write_gradients), self.step_harmonics(1, write_gradients));
+    /// The update of the harmonics, or the same with gradients written to two more buffers instead.
+    pub fn update_appearance(&self, use_of: Gradients) -> String {
+        let (a, b) = (self.step_harmonics(0, use_of), self.step_harmonics(1, use_of));
         let binding =
             |g: usize| format!("@group(0) @binding({}) var<storage, read_write> gradient_{g}: array<vec4<f32>>;\n", 13 + g);
-        let gradients = if write_gradients { binding(0) + &binding(1) } else { String::new() };
+        let gradients = match use_of {
+            Gradients::Written => binding(0) + &binding(1),
+            Gradients::Dense => LEARNT.to_owned(),
+            Gradients::Sparse => String::new(),
+        };
         let source = include_str!("shaders/update_appearance.wgsl")
             .replace("GRADIENTS\n", &gradients)
             .replace("BASIS\n", &self.keep_basis());
-        self.update_head(write_gradients) + HARMONICS + DRAWN + SPLAT + &source + &a + &b
+        self.update_head(use_of) + HARMONICS + DRAWN + SPLAT + &source + &a + &b
     }
 
     /// A kernel of a survey.
@@ -283,10 +302,42 @@ impl Fixed {
     }
 
     /// The update of geometry and opacities, or the same with gradients written in place of the first moments.
-    pub fn update_geometry(&self, write_gradients: bool) -> String {
-        self.update_head(write_gradients) + include_str!("shaders/update_geometry.wgsl")
+    pub fn update_geometry(&self, use_of: Gradients) -> String {
+        let (marks, note) = match use_of {
+            Gradients::Dense => {
+                let marks = MARK.to_owned() + include_str!("shaders/note.wgsl");
+                (marks, "if (any(seen)) { note(i, p, s, seen.y, found_0.c.xy + found_1.c.xy); }\n")
+            }
+            Gradients::Sparse | Gradients::Written => (String::new(), ""),
+        };
+        let source = include_str!("shaders/update_geometry.wgsl").replace("MARKS\n", &marks).replace("    NOTE\n", note);
+        self.update_head(use_of) + &source
+    }
+
+    /// The rest of a dense step that renders modality `g` alone.
+    pub fn coast(&self, g: usize) -> String {
+        self.head() + &self.sizes(g, "") + ADAM + MARK + include_str!("shaders/coast.wgsl")
     }
 }
+
+/// Use of the gradients of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Gradients {
+    /// A step of Adam of the Gaussians it sees.
+    Sparse,
+    /// The same as part of a dense step: bands that are not learnt yet have none, and what is seen is marked.
+    Dense,
+    /// They are written instead.
+    Written,
+}
+
+/// The gradient of numbers `n` to n + 3 of an image's harmonics, as far as their bands are learnt.
+const LEARNT: &str = "\
+fn learnt(gradient: vec4<f32>, n: u32, coefficients: u32, image: u32) -> vec4<f32> {
+    let k = (vec4(n) + vec4(0u, 1u, 2u, 3u)) % vec4(coefficients);
+    return select(vec4(0.0), gradient, k < vec4(params.rates[image].learnt));
+}
+";
 
 /// Variant of the blend kernel.
 #[derive(Clone, Copy, Debug)]

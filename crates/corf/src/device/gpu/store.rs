@@ -180,7 +180,6 @@ impl Store {
         if n == 0 {
             return Ok(());
         }
-        self.reserve(context, self.len + n)?;
         let mut core = Vec::with_capacity(n * CORE);
         for i in 0..n {
             core.extend(new.position[i]);
@@ -188,13 +187,27 @@ impl Store {
             core.extend(new.log_scale[i]);
             core.extend([new.optical.opacity_logit[i], new.rf.opacity_logit[i]]);
         }
-        let first = self.len;
+        self.extend(context, &core, |store, first| {
+            for ((sh, shape), a) in store.sh.iter().zip(store.harmonics).zip([&new.optical, &new.rf]) {
+                context.fill(&sh.value.buffer, sh.value.bytes(first), &transposed(a, shape));
+            }
+            Ok(())
+        })
+    }
+
+    /// Adds Gaussians of this geometry and these opacities with fresh optimiser state; `harmonics` writes theirs, from the given row on.
+    pub(super) fn extend(
+        &mut self,
+        context: &Context,
+        core: &[f32],
+        harmonics: impl FnOnce(&mut Self, usize) -> Result<()>,
+    ) -> Result<()> {
+        let (n, first) = (core.len() / CORE, self.len);
+        self.reserve(context, first + n)?;
+        harmonics(self, first)?;
         let c = &self.core;
-        context.fill(&c.value.buffer, c.value.bytes(first), &core);
-        context.fill(&self.position_rate.buffer, self.position_rate.bytes(first), &vec![1.0; n]);
-        for ((sh, shape), a) in self.sh.iter().zip(self.harmonics).zip([&new.optical, &new.rf]) {
-            context.fill(&sh.value.buffer, sh.value.bytes(first), &transposed(a, shape));
-        }
+        context.fill(&c.value.buffer, c.value.bytes(first), core);
+        context.fill(&self.position_rate.buffer, self.position_rate.bytes(first), &vec![1.0_f32; n]);
         let mut encoder = context.encoder();
         for moment in [&c.moment1, &c.moment2, &self.sh[0].moments, &self.sh[1].moments] {
             encoder.clear_buffer(&moment.buffer, moment.bytes(first), Some(moment.bytes(n)));
@@ -214,36 +227,47 @@ impl Store {
         if kept.is_empty() {
             return Ok(());
         }
-        let held = self.spare.take();
+        self.spare = Some(self.gather_rows(context, &self.rows(), &kept, 0)?);
+        context.check("removing Gaussians")
+    }
+
+    /// Copies the harmonics of some Gaussians, in their order, to row `to` and those behind it, which none of them is in.
+    pub(super) fn copy_harmonics(&mut self, context: &Context, sources: &[u32], to: usize) -> Result<()> {
+        self.spare = Some(self.gather_rows(context, &[&self.sh[0].value, &self.sh[1].value], sources, to)?);
+        Ok(())
+    }
+
+    /// Copies rows of some arrays, in the order in which they are named, to row `to` and those behind it; no row may be written before it has
+    /// been copied itself. Returns the scratch buffer they were gathered in.
+    fn gather_rows(&self, context: &Context, arrays: &[&Rows], names: &[u32], to: usize) -> Result<wgpu::Buffer> {
         // Rows, the first of them in the new order, how many.
         let mut pieces = vec![];
-        for rows in self.rows() {
+        for rows in arrays {
             let at_once = (GATHERED.min(context.largest_buffer()) as usize / (4 * rows.words)).max(1);
-            pieces.extend((0..kept.len()).step_by(at_once).map(|first| (rows, first, at_once.min(kept.len() - first))));
+            pieces.extend((0..names.len()).step_by(at_once).map(|first| (rows, first, at_once.min(names.len() - first))));
         }
         let bytes = pieces.iter().map(|(rows, _, count)| rows.bytes(*count)).max().unwrap_or(0);
-        let spare = match held {
-            Some(spare) if spare.size() >= bytes => spare,
+        let spare = match &self.spare {
+            Some(spare) if spare.size() >= bytes => spare.clone(),
             _ => context.storage("rows being gathered", bytes)?,
         };
-        let names = context.storage("rows kept", 4 * kept.len() as u64)?;
-        context.queue.write_buffer(&names, 0, bytemuck::cast_slice(&kept));
+        let named = context.storage("rows kept", 4 * names.len() as u64)?;
+        context.queue.write_buffer(&named, 0, bytemuck::cast_slice(names));
         let constants = context.buffer("row sizes", 256 * pieces.len() as u64, wgpu::BufferUsages::UNIFORM)?;
         let mut encoder = context.encoder();
         // A row comes from its own place or from behind it: those that follow are not overwritten before their turn.
         for (k, (rows, first, count)) in pieces.into_iter().enumerate() {
             let sizes = [count as u32, rows.words as u32, first as u32, 0];
             context.queue.write_buffer(&constants, 256 * k as u64, bytemuck::cast_slice(&sizes));
-            let bound = self.gather.bind(context, 16, &[&constants, &names, &rows.buffer, &spare])?;
+            let bound = self.gather.bind(context, 16, &[&constants, &named, &rows.buffer, &spare])?;
             {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
                 bound.run(&mut pass, 256 * k as u32, (count * rows.words).div_ceil(256) as u32);
             }
-            encoder.copy_buffer_to_buffer(&spare, 0, &rows.buffer, rows.bytes(first), rows.bytes(count));
+            encoder.copy_buffer_to_buffer(&spare, 0, &rows.buffer, rows.bytes(to + first), rows.bytes(count));
         }
         context.submit(encoder);
-        self.spare = Some(spare);
-        context.check("removing Gaussians")
+        Ok(spare)
     }
 
     /// Replaces the RF appearance and its optimiser state, whose channels and degree stay as they are.

@@ -7,12 +7,12 @@ use super::{
     frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, STATE_WORDS, STEPS, VISIBLE},
     kernel::{Bound, Kernel},
     params::{self, Params, Uniforms},
-    shaders::{Fixed, HarmonicsShape},
+    shaders::{Fixed, Gradients, HarmonicsShape},
     store::CORE,
 };
 use crate::{
-    Error, Gaussians, Result,
-    device::{Step, StepReport, ViewId},
+    Error, Gaussians, OptimizerConfig, Result,
+    device::{DenseStep, Step, StepReport, ViewId},
 };
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -60,6 +60,16 @@ pub(crate) struct Training {
     /// Appearance, geometry.
     update: [Kernel; 2],
     write_gradients: [Kernel; 2],
+    /// For dense steps; made when there is one.
+    dense: Option<DenseUpdate>,
+}
+
+/// The update of a dense step.
+struct DenseUpdate {
+    /// Appearance, geometry.
+    update: [Kernel; 2],
+    /// Of steps that render light, and RF: the Gaussians that are not seen.
+    coast: [Kernel; 2],
 }
 
 impl Training {
@@ -75,19 +85,44 @@ impl Training {
             [
                 ("similarity", fixed.similarity()),
                 ("loss gradient", fixed.gradient()),
-                ("update appearance", fixed.update_appearance(false)),
-                ("update geometry", fixed.update_geometry(false)),
-                ("gradients of appearance", fixed.update_appearance(true)),
-                ("gradients of geometry", fixed.update_geometry(true)),
+                ("update appearance", fixed.update_appearance(Gradients::Sparse)),
+                ("update geometry", fixed.update_geometry(Gradients::Sparse)),
+                ("gradients of appearance", fixed.update_appearance(Gradients::Written)),
+                ("gradients of geometry", fixed.update_geometry(Gradients::Written)),
             ],
         )?;
         let (update, write_gradients) = ([appearance, geometry], [of_appearance, of_geometry]);
-        Ok(Self { similarity, gradient, backward, update, write_gradients })
+        Ok(Self { similarity, gradient, backward, update, write_gradients, dense: None })
+    }
+
+    /// Makes the kernels of dense steps, if there are none yet.
+    fn prepare_dense(&mut self, context: &Context, fixed: &Fixed) -> Result<()> {
+        if self.dense.is_none() {
+            let [appearance, geometry, light, rf] = Kernel::all(
+                context,
+                [
+                    ("dense update appearance", fixed.update_appearance(Gradients::Dense)),
+                    ("dense update geometry", fixed.update_geometry(Gradients::Dense)),
+                    ("coast in light", fixed.coast(0)),
+                    ("coast in RF", fixed.coast(1)),
+                ],
+            )?;
+            self.dense = Some(DenseUpdate { update: [appearance, geometry], coast: [light, rf] });
+        }
+        Ok(())
     }
 }
 
-/// Buffers that gradients are written to in place of a step (geometry, optical and RF harmonics); `None` for a step of Adam.
-type Destination<'a> = Option<[&'a wgpu::Buffer; 3]>;
+/// Use of the gradients of some steps.
+#[derive(Clone, Copy)]
+enum Destination<'a> {
+    /// Steps of sparse Adam.
+    Sparse,
+    /// Steps of dense Adam.
+    Dense,
+    /// They are written to buffers: geometry, optical and RF harmonics.
+    Written([&'a wgpu::Buffer; 3]),
+}
 
 /// The kernels of a batch of steps with their memory.
 struct BoundTraining {
@@ -96,6 +131,8 @@ struct BoundTraining {
     backward: Vec<[Bound; 2]>,
     /// Appearance, geometry.
     update: [Bound; 2],
+    /// Of dense steps: light, RF.
+    coast: Option<[Bound; 2]>,
 }
 
 /// One step's constants and place among the uniforms.
@@ -115,7 +152,7 @@ pub(crate) struct Batch {
 }
 
 impl GpuDevice {
-    fn plan_step(&self, step: &Step) -> Result<Planned> {
+    fn plan_step(&self, step: &Step, optimizer: &OptimizerConfig) -> Result<Planned> {
         let place = || format!("training step for view {}", step.view.0);
         let Some(pyramid) = self.pyramids.get(step.view.0) else {
             let what = format!("this device holds {} views", self.pyramids.len());
@@ -140,7 +177,7 @@ impl GpuDevice {
         let backgrounds = [step.optical_background, step.rf_background];
         let of_shape = |shape: usize| {
             let (tile, near_m) = (self.shapes[shape].tile, self.raster.near_m);
-            let mut p = Params::new(&pyramid.pose, &grids, backgrounds, near_m, self.store.len(), &self.optimizer, tile);
+            let mut p = Params::new(&pyramid.pose, &grids, backgrounds, near_m, self.store.len(), optimizer, tile);
             p.shape = shape as u32;
             if self.fuse {
                 p.fuse();
@@ -172,21 +209,28 @@ impl GpuDevice {
         let backward =
             [uniform, &m.state, lists, &m.bucket_tiles.buffer, entries, splats, image, gradient, checkpoints, visited, records];
         let of_shape = |[single, double]: &[Kernel; 2]| Ok([bind(single, &backward)?, bind(double, &backward)?]);
+        let dense = t.dense.as_ref().filter(|_| matches!(destination, Destination::Dense));
         let ([appearance, geometry], core_gradient) = match destination {
-            None => (&t.update, &s.core.moment1.buffer),
-            Some([core, ..]) => (&t.write_gradients, core),
+            Destination::Written([core, ..]) => (&t.write_gradients, core),
+            _ => (dense.map_or(&t.update, |d| &d.update), &s.core.moment1.buffer),
         };
         let (numbers, found, directions, core) =
             (&m.gaussian_of.buffer, &m.found.buffer, &m.directions.buffer, &s.core.value.buffer);
         let [optical, rf] = s.sh.each_ref().map(|sh| [&sh.value.buffer, &sh.moments.buffer]);
         let read = [uniform, &m.state, numbers, &m.drawn.buffer, records, splats, core];
         let mut appearance_buffers = [&read[..], &optical[..], &rf[..], &[found, directions]].concat();
-        if let Some([_, of_optical, of_rf]) = destination {
+        if let Destination::Written([_, of_optical, of_rf]) = destination {
             appearance_buffers.extend([of_optical, of_rf]);
         }
-        let geometry_buffers =
-            [uniform, &m.state, numbers, found, directions, core, core_gradient, &s.core.moment2.buffer, &s.position_rate.buffer];
+        let (second, rates, marks) = (&s.core.moment2.buffer, &s.position_rate.buffer, &self.marks.buffer);
+        let mut geometry_buffers = vec![uniform, &m.state, numbers, found, directions, core, core_gradient, second, rates];
+        geometry_buffers.extend(dense.map(|_| marks));
+        let coast = |kernel: &Kernel, [value, moments]: [&wgpu::Buffer; 2]| {
+            bind(kernel, &[uniform, &m.state, marks, rates, core, &s.core.moment1.buffer, second, value, moments])
+        };
+        let coast = dense.map(|d| Ok::<_, Error>([coast(&d.coast[0], optical)?, coast(&d.coast[1], rf)?])).transpose()?;
         Ok(BoundTraining {
+            coast,
             losses: by_view,
             backward: t.backward.iter().map(of_shape).collect::<Result<_>>()?,
             update: [bind(appearance, &appearance_buffers)?, bind(geometry, &geometry_buffers)?],
@@ -195,20 +239,43 @@ impl GpuDevice {
 
     /// Runs steps in order, however often room has to be made, and reports the last.
     pub(super) fn run_steps(&mut self, steps: &[Step]) -> Result<StepReport> {
-        self.run(steps, None)
+        self.run(steps, Destination::Sparse)
+    }
+
+    /// Runs dense steps as [`Self::run_steps`] does others.
+    pub(super) fn run_dense_steps(&mut self, steps: &[DenseStep]) -> Result<StepReport> {
+        steps.iter().try_for_each(DenseStep::check)?;
+        self.training.prepare_dense(&self.context, &self.shapes[0])?;
+        self.prepare_marks()?;
+        let mut planned = Vec::with_capacity(steps.len());
+        for dense in steps {
+            let mut one = self.plan_step(&dense.step, &dense.constants(&self.optimizer))?;
+            // The last of all numbers is nobody's: what is marked by nobody has it.
+            self.dense_steps = (self.dense_steps + 1) % u32::MAX;
+            one.params.set_dense(dense, self.dense_steps);
+            planned.push(one);
+        }
+        match self.batch(planned) {
+            Some(batch) => self.complete(batch, Destination::Dense),
+            None => Ok(StepReport::default()),
+        }
     }
 
     fn run(&mut self, steps: &[Step], destination: Destination<'_>) -> Result<StepReport> {
-        match self.batch(steps)? {
+        match self.batch(self.plan(steps)?) {
             Some(batch) => self.complete(batch, destination),
             None => Ok(StepReport::default()),
         }
     }
 
+    fn plan(&self, steps: &[Step]) -> Result<Vec<Planned>> {
+        steps.iter().map(|s| self.plan_step(s, &self.optimizer)).collect()
+    }
+
     /// Has the device begin with steps; [`GpuDevice::settle`] waits for them.
     pub(super) fn begin_steps(&mut self, steps: &[Step]) -> Result<()> {
-        if let Some(mut batch) = self.batch(steps)? {
-            let reading = self.launch(&mut batch, None)?;
+        if let Some(mut batch) = self.batch(self.plan(steps)?) {
+            let reading = self.launch(&mut batch, Destination::Sparse)?;
             self.begun = Some((batch, reading));
         }
         Ok(())
@@ -219,18 +286,17 @@ impl GpuDevice {
         let Some((mut batch, reading)) = self.begun.take() else { return Ok(None) };
         match self.absorb(&mut batch, reading)? {
             Some(report) => Ok(Some(report)),
-            None => self.complete(batch, None).map(Some),
+            None => self.complete(batch, Destination::Sparse).map(Some),
         }
     }
 
     /// Steps made ready; nothing of none.
-    fn batch(&self, steps: &[Step]) -> Result<Option<Batch>> {
-        let steps = steps.iter().map(|s| self.plan_step(s)).collect::<Result<Vec<_>>>()?;
+    fn batch(&self, steps: Vec<Planned>) -> Option<Batch> {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, training: true, ..Extent::default() };
         steps.iter().for_each(|p| extent.include(&p.params));
-        let Some(last) = steps.last().map(|s| s.params) else { return Ok(None) };
-        Ok(Some(Batch { steps, extent, last, room: BufferCapacity::guess(n, self.least_room), done: 0 }))
+        let last = steps.last().map(|s| s.params)?;
+        Some(Batch { steps, extent, last, room: BufferCapacity::guess(n, self.least_room), done: 0 })
     }
 
     /// Goes on until a batch is through.
@@ -316,6 +382,11 @@ impl GpuDevice {
                     training.update[0].run_indirect(&mut pass, offset, &m.args, ARGS_APPEARANCE);
                     mark(&mut pass);
                     training.update[1].run_indirect(&mut pass, offset, &m.args, ARGS_GEOMETRY);
+                    if let Some(coast) = &training.coast {
+                        let g = usize::from(p.grids[1].size[0] > 0);
+                        let words = n * (CORE + self.store.harmonics[g].words()) / 4;
+                        coast[g].run(&mut pass, offset, words.div_ceil(256) as u32);
+                    }
                     mark(&mut pass);
                 }
             }
@@ -349,7 +420,7 @@ impl GpuDevice {
         }
         self.context.submit(encoder);
         let buffers = [&gradients[0], &gradients[1], &gradients[2]];
-        let report = self.run(std::slice::from_ref(step), Some(buffers))?;
+        let report = self.run(std::slice::from_ref(step), Destination::Written(buffers))?;
         Ok((report, self.store.read(&self.context, buffers)?))
     }
 

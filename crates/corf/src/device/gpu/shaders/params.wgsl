@@ -31,7 +31,8 @@ struct Rates {
     sh_dc: f32,
     sh_rest: f32,
     opacity: f32,
-    padding: u32,
+    // Of a dense step: coefficients of a channel that have a gradient.
+    learnt: u32,
 }
 
 struct Params {
@@ -59,6 +60,10 @@ struct Params {
     // 1: both images have one camera and share one list of pairs.
     fused: u32,
     visible_capacity: u32,
+    shape: u32,
+    // Of a dense step: what it marks the Gaussians it sees with, and whether it sums their gradients on the screen.
+    marker: u32,
+    screen_gradients: u32,
 }
 
 fn is_finite(x: f32) -> bool { return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u; }

@@ -7,6 +7,7 @@
 @group(0) @binding(6) var<storage, read_write> core_m: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> core_v: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read_write> position_rates: array<f32>;
+MARKS
 
 // One word of four of the geometry and opacities, with Adam's moments.
 struct Held { value: vec4<f32>, m: vec4<f32>, v: vec4<f32> }
@@ -64,6 +65,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     if (seen.y) {
         d_logit.y = through(1u, p, s, c2.w, found_1, &dp, &dv);
     }
+    NOTE
     let d_shape = shape_backward(s, dv);
     // dL/dμ = Wᵀ dL/dp, and the way through the viewing direction: dd/dμ = (I − d dᵀ) / distance.
     let r0 = params.camera_from_world[0].xyz;

@@ -1,0 +1,102 @@
+//! A finished field of Gaussians as a predictor: what every method that trains Gaussians ends in.
+
+use crate::device::Backend;
+use crate::method::Predictor;
+use crate::metrics::Prediction;
+use anyhow::Result;
+use corf::target::RfTarget;
+use corf::{Device, Field, Gaussians, OptimizerConfig, RasterConfig};
+use corf_scene::dataset::Dataset;
+use corf_scene::{Raster, Rigid3, color};
+use std::path::Path;
+use std::thread::JoinHandle;
+
+/// A finished field, on a device of its own once it is rendered.
+pub struct FieldPredictor {
+    field: Field,
+    raster: RasterConfig,
+    backend: Backend,
+    device: Option<Box<dyn Device>>,
+    /// Gives back what the reconstruction held.
+    clearing: Option<JoinHandle<()>>,
+}
+
+impl FieldPredictor {
+    /// A field that `backend` renders with these settings.
+    pub fn new(field: Field, raster: RasterConfig, backend: &Backend) -> Self {
+        Self { field, raster, backend: backend.clone(), device: None, clearing: None }
+    }
+
+    /// The same, while the reconstruction goes: a gigabyte of keyframes is given back to the system while the field is looked at.
+    pub fn clearing(mut self, reconstruction: impl Send + 'static) -> Self {
+        self.clearing = Some(std::thread::spawn(move || drop(reconstruction)));
+        self
+    }
+
+    /// Waits for what the reconstruction held: memory is not to hold two devices, nor is one to be cleared while the program ends.
+    fn clear(&mut self) {
+        if let Some(clearing) = self.clearing.take() {
+            let _ = clearing.join();
+        }
+    }
+
+    fn device(&mut self) -> Result<&mut dyn Device> {
+        self.clear();
+        let device = match self.device.take() {
+            Some(device) => device,
+            None => {
+                let g = &self.field.gaussians;
+                let mut none = Gaussians::empty(g.rf.channels, g.optical.sh_degree);
+                none.rf.sh_degree = g.rf.sh_degree;
+                let mut device = self.backend.make(OptimizerConfig::default(), self.raster, &none)?;
+                self.field.load(device.as_mut())?;
+                device
+            }
+        };
+        Ok(self.device.insert(device).as_mut())
+    }
+
+    /// Reads the field of a run folder.
+    ///
+    /// # Errors
+    /// A missing or damaged file, or a field of another dataset's cameras.
+    pub fn load(run: &Path, raster: RasterConfig, dataset: &Dataset, backend: &Backend) -> Result<Self> {
+        let field = Field::read(run)?;
+        anyhow::ensure!(
+            field.meta.optical_camera == dataset.optical_camera() && field.meta.rf_camera == dataset.rf_camera(),
+            "{}: the field's cameras are not the dataset's",
+            run.display()
+        );
+        Ok(Self::new(field, raster, backend))
+    }
+}
+
+impl Drop for FieldPredictor {
+    fn drop(&mut self) {
+        self.clear();
+    }
+}
+
+impl Predictor for FieldPredictor {
+    fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
+        let meta = self.field.meta;
+        let p = meta.render(self.device()?, *world_from_camera)?;
+        let rf_jet = match self.field.meta.rf_target {
+            RfTarget::Jet => {
+                let colours = p.rf.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
+                Raster::from_vec(p.rf.width, p.rf.height, colours)
+            }
+            RfTarget::Db => p.scalar.map(|&s| color::jet(s)),
+        };
+        let depth_m = p.inverse_depth.map(|&i| if i > 0.0 { 1.0 / i } else { 0.0 });
+        Ok(Prediction { image: p.image, rf_jet, rf_scalar: p.scalar, depth_m: Some(depth_m) })
+    }
+
+    fn gaussians(&self) -> Option<usize> {
+        Some(self.field.gaussians.len())
+    }
+
+    fn save(&self, run: &Path) -> Result<()> {
+        Ok(self.field.write(run)?)
+    }
+}

@@ -1,0 +1,271 @@
+//! The baseline RF-3DGS (Zhang et al. 2026): stock 3D Gaussian splatting of the images, then RF on its frozen geometry. Two rows: as published, and
+//! with the two defects of the published RF stage mended (docs/baselines.md).
+
+use crate::device::Backend;
+use crate::method::{Advance, Checkpoints, Method, Predictor, StageTime, TrainingSet};
+use crate::methods::field::FieldPredictor;
+use crate::metrics::Prediction;
+use anyhow::{Context, Result, ensure};
+use corf::offline::{OfflineTimes, Point, RfBackground, RfMoments, write_ply};
+use corf::{OfflineCheckpoint, OfflineConfig, OfflineReconstructor, RasterConfig};
+use corf_scene::Rigid3;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Time between checkpoints that nobody asked for.
+const INTERVAL: Duration = Duration::from_secs(30);
+/// Steps between two reports of progress take about this long: short enough to be interrupted, long enough not to cost anything.
+const PORTION: Duration = Duration::from_millis(300);
+/// Most steps between two reports.
+const MOST_STEPS: usize = 200;
+/// File of a run folder with the points it began with.
+pub const POINTS: &str = "initial_points.ply";
+
+/// `rf-3dgs` and `rf-3dgs-corrected`.
+pub struct Rf3dgs {
+    id: String,
+    config: OfflineConfig,
+    backend: Backend,
+    checkpoints: Option<Checkpoints>,
+}
+
+/// The rasteriser's settings in a run's resolved configuration.
+///
+/// # Errors
+/// A configuration of another version.
+pub fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
+    Ok(serde_json::from_value::<OfflineConfig>(config.clone())?.raster())
+}
+
+impl Rf3dgs {
+    /// The row of that name; `overrides` are keys of [`OfflineConfig`].
+    ///
+    /// # Errors
+    /// A key that does not exist or that the name sets, or a value out of range.
+    pub fn new(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Self> {
+        for key in ["rf_moments", "rf_background"] {
+            // A record must not say one thing and do another.
+            ensure!(
+                !overrides.contains_key(key),
+                "{id}: the key {key} is set by the method's name\n  help: choose rf-3dgs or rf-3dgs-corrected"
+            );
+        }
+        let mut config: OfflineConfig =
+            super::over_defaults(overrides.clone()).with_context(|| format!("in the configuration of {id}"))?;
+        if id == "rf-3dgs-corrected" {
+            (config.rf_moments, config.rf_background) = (RfMoments::Zero, RfBackground::Floor);
+        }
+        config.validate()?;
+        Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None })
+    }
+}
+
+impl Method for Rf3dgs {
+    fn id(&self) -> &str {
+        &self.id
+    }
+
+    fn config(&self) -> serde_json::Value {
+        serde_json::json!(self.config)
+    }
+
+    fn device(&self) -> String {
+        self.backend.name()
+    }
+
+    fn unit(&self) -> &'static str {
+        "steps"
+    }
+
+    /// The scene's extent is that of the cameras, and points are triangulated.
+    fn least_keyframes(&self) -> usize {
+        2
+    }
+
+    fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {
+        self.checkpoints = Some(checkpoints);
+    }
+
+    fn reconstruct(
+        &self,
+        training: &TrainingSet<'_>,
+        seed: u64,
+        advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
+    ) -> Result<Box<dyn Predictor>> {
+        let config = &self.config;
+        let total = config.total_steps();
+        let device = self.backend.make(config.optimizer(), config.raster(), &config.empty_field())?;
+        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
+        let mut reconstructor = OfflineReconstructor::new(device, config.clone(), optical, rf, range, seed)?;
+        for k in 0..training.len() {
+            reconstructor.receive(training.keyframe(k)?)?;
+            advance(Advance::of(0, total))?;
+        }
+        let mut keeper = Keeper { checkpoints: self.checkpoints.clone(), kept: None, at: Instant::now() };
+        let resumed = keeper.begin(&mut reconstructor)?;
+        let mut portion = 1;
+        while !reconstructor.is_done() {
+            let start = Instant::now();
+            let most = keeper.steps_to_checkpoint(reconstructor.steps_done()).min(portion);
+            reconstructor.train(most).map_err(|e| keeper.explain(e.into()))?;
+            portion = next_portion(most, start.elapsed());
+            let done = reconstructor.steps_done();
+            if keeper.is_due(done) && done < total {
+                keeper.keep(&mut reconstructor)?;
+            }
+            let told =
+                Advance { gaussians: Some(reconstructor.gaussian_count()), resumed_steps: resumed, ..Advance::of(done, total) };
+            advance(told).inspect_err(|_| {
+                // An interrupt: what could not be kept is done again.
+                if keeper.kept != Some(done) {
+                    let _ = keeper.keep(&mut reconstructor);
+                }
+            })?;
+        }
+        let stages = stages(reconstructor.times());
+        let gaussians = Some(reconstructor.gaussian_count());
+        advance(Advance { gaussians, stages: &stages, resumed_steps: resumed, ..Advance::of(total, total) })?;
+        let points = reconstructor.points().to_vec();
+        let field = FieldPredictor::new(reconstructor.field(), config.raster(), &self.backend).clearing(reconstructor);
+        Ok(Box::new(WithPoints { field, points }))
+    }
+}
+
+/// Number of steps that should take [`PORTION`], after `count` that took `took`; it grows and shrinks by a factor of two at most.
+fn next_portion(count: usize, took: Duration) -> usize {
+    let wanted = count as f64 * PORTION.as_secs_f64() / took.as_secs_f64().max(1e-6);
+    (wanted as usize).clamp((count / 2).max(1), (2 * count).min(MOST_STEPS))
+}
+
+fn stages(times: OfflineTimes) -> Vec<StageTime> {
+    let named = [("points", times.points_s), ("optical", times.optical_s), ("rf", times.rf_s)];
+    named.map(|(name, seconds)| StageTime { name: name.to_owned(), seconds }).into()
+}
+
+/// Keeps checkpoints, if any are wanted.
+struct Keeper {
+    checkpoints: Option<Checkpoints>,
+    /// Steps in the last one.
+    kept: Option<usize>,
+    /// When it was kept, or the work began.
+    at: Instant,
+}
+
+impl Keeper {
+    /// Goes on from the checkpoint, if there is one, or makes the first Gaussians; returns the steps that came from it.
+    fn begin(&mut self, reconstructor: &mut OfflineReconstructor) -> Result<usize> {
+        let Some(c) = self.checkpoints.as_ref().filter(|c| c.resume && c.path.exists()) else {
+            reconstructor.begin()?;
+            return Ok(0);
+        };
+        let checkpoint = OfflineCheckpoint::read(&c.path)?;
+        ensure!(
+            checkpoint.tag() == c.tag,
+            "{} is of another dataset or configuration\n  help: choose another --out, or resume with the command that was interrupted",
+            c.path.display()
+        );
+        reconstructor.restore(&checkpoint)?;
+        self.kept = Some(checkpoint.steps());
+        Ok(checkpoint.steps())
+    }
+
+    /// Number of steps up to the next at which a checkpoint was asked for.
+    fn steps_to_checkpoint(&self, done: usize) -> usize {
+        match self.checkpoints.as_ref().and_then(|c| c.every) {
+            None | Some(0) => usize::MAX,
+            Some(every) => every - done % every,
+        }
+    }
+
+    fn is_due(&self, done: usize) -> bool {
+        match self.checkpoints.as_ref().map(|c| c.every) {
+            None | Some(Some(0)) => false,
+            Some(Some(every)) => done.is_multiple_of(every),
+            Some(None) => self.at.elapsed() >= INTERVAL,
+        }
+    }
+
+    fn keep(&mut self, reconstructor: &mut OfflineReconstructor) -> Result<()> {
+        let Some(c) = self.checkpoints.as_ref().filter(|c| c.every != Some(0)) else { return Ok(()) };
+        reconstructor.checkpoint(&c.tag)?.write(&c.path).context("while keeping a checkpoint")?;
+        (self.kept, self.at) = (Some(reconstructor.steps_done()), Instant::now());
+        Ok(())
+    }
+
+    /// A reconstruction's error with what survives it.
+    fn explain(&self, error: anyhow::Error) -> anyhow::Error {
+        match (&self.checkpoints, self.kept) {
+            (Some(c), Some(kept)) => {
+                error.context(format!("the last checkpoint, {}, holds {kept} steps: --resume goes on from it", c.path.display()))
+            }
+            _ => error,
+        }
+    }
+}
+
+/// The field, and the points it grew from for whoever wants to begin with the same.
+struct WithPoints {
+    field: FieldPredictor,
+    points: Vec<Point>,
+}
+
+impl Predictor for WithPoints {
+    fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
+        self.field.render(world_from_camera)
+    }
+
+    fn gaussians(&self) -> Option<usize> {
+        self.field.gaussians()
+    }
+
+    fn save(&self, run: &Path) -> Result<()> {
+        write_ply(&run.join(POINTS), &self.points)?;
+        self.field.save(run)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn make(id: &str, text: &str) -> Result<Rf3dgs> {
+        Rf3dgs::new(id, &text.parse().unwrap(), &Backend::Cpu)
+    }
+
+    #[test]
+    fn the_rows_differ_as_their_names_say_and_yield_to_overrides() {
+        let (published, corrected) = (make("rf-3dgs", "").unwrap().config, make("rf-3dgs-corrected", "").unwrap().config);
+        assert_eq!((published.optical_steps, published.rf_steps), (30_000, 10_000));
+        assert_eq!((published.rf_moments, published.rf_background), (RfMoments::Restored, RfBackground::Black));
+        let mended = OfflineConfig { rf_moments: RfMoments::Zero, rf_background: RfBackground::Floor, ..published };
+        assert_eq!(corrected, mended);
+        let short = make("rf-3dgs", "optical_steps = 15000\nrf_steps = 25000\ndensity.gradient = 1e-4").unwrap().config;
+        assert_eq!((short.optical_steps, short.rf_steps, short.density.gradient), (15_000, 25_000, 1e-4));
+        assert_eq!((short.density.every, short.rates), (100, OfflineConfig::default().rates));
+        for (text, words) in [
+            ("rf_background = \"floor\"", "rf-3dgs-corrected"),
+            ("optical_step = 1", "optical_step"),
+            ("density.evry = 1", "evry"),
+            ("sh_degree = 4", "`sh_degree`"),
+        ] {
+            let error = format!("{:#}", make("rf-3dgs", text).err().unwrap());
+            assert!(error.contains(words), "{error}");
+        }
+    }
+
+    #[test]
+    fn portions_follow_the_clock_and_end_at_checkpoints() {
+        let ms = Duration::from_millis;
+        assert_eq!((next_portion(1, ms(1)), next_portion(100, ms(100)), next_portion(200, ms(1))), (2, 200, 200));
+        assert_eq!((next_portion(64, ms(600)), next_portion(64, ms(60_000)), next_portion(1, ms(60_000))), (32, 32, 1));
+        let checkpoints = Checkpoints { path: "run/checkpoint".into(), every: Some(40), resume: false, tag: String::new() };
+        let mut keeper = Keeper { checkpoints: Some(checkpoints), kept: None, at: Instant::now() };
+        assert_eq!((keeper.steps_to_checkpoint(0), keeper.steps_to_checkpoint(79)), (40, 1));
+        assert!(keeper.is_due(80) && !keeper.is_due(81));
+        let lost = || anyhow::anyhow!("the device was lost");
+        assert!(!format!("{:#}", keeper.explain(lost())).contains("checkpoint"), "there is none yet");
+        keeper.kept = Some(80);
+        let text = format!("{:#}", keeper.explain(lost()));
+        assert!(text.contains("run/checkpoint") && text.contains("80 steps") && text.contains("lost"), "{text}");
+    }
+}
