@@ -8,8 +8,8 @@
 
 use super::{Past, Reconstructor};
 use crate::{
-    Appearance, Error, FieldMeta, Gaussians, ReconstructionConfig, Result, depth::AlignedPrior, device::DeviceState,
-    schedule::ScheduleState,
+    Appearance, Error, FieldMeta, Gaussians, ReconstructionConfig, Result, checksum::checksum, depth::AlignedPrior,
+    device::DeviceState, schedule::ScheduleState,
 };
 use corf_scene::{Keyframe, io};
 use serde::{Deserialize, Serialize};
@@ -118,15 +118,6 @@ fn parts(g: &Gaussians) -> [&[f32]; 7] {
         &g.rf.opacity_logit,
         &g.rf.sh,
     ]
-}
-
-/// FNV-1a over 64-bit words; the last one is filled up with zeros.
-fn checksum(bytes: &[u8]) -> u64 {
-    bytes.chunks(8).fold(0xcbf2_9ce4_8422_2325, |hash: u64, chunk| {
-        let mut word = [0; 8];
-        word[..chunk.len()].copy_from_slice(chunk);
-        (hash ^ u64::from_le_bytes(word)).wrapping_mul(0x0100_0000_01b3)
-    })
 }
 
 /// Numbers still to be read.

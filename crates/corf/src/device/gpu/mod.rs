@@ -10,9 +10,9 @@
 //! Between adapters, and against the CPU device, results differ by rounding (exp2, sqrt and division are not correctly rounded).
 
 mod capacity;
-mod context;
+pub(crate) mod context;
 mod frame;
-mod kernel;
+pub(crate) mod kernel;
 mod params;
 mod pyramid;
 mod readback;
