@@ -89,6 +89,11 @@ impl<'a> TrainingSet<'a> {
         self.dataset.db_range()
     }
 
+    /// Position of the fixed transmitter in the world frame, metres, if it is known.
+    pub fn transmitter_m(&self) -> Option<[f64; 3]> {
+        self.dataset.header().transmitter.map(|t| t.position_m)
+    }
+
     /// Time spent in [`Self::keyframe`] so far.
     pub fn loading_time(&self) -> Duration {
         self.loading.get()
@@ -151,6 +156,11 @@ pub trait Method {
     /// Fewer training keyframes than this are none to it.
     fn least_keyframes(&self) -> usize {
         1
+    }
+
+    /// Name of the units of work that [`Advance`] counts, in the plural.
+    fn units(&self) -> &'static str {
+        "keyframes"
     }
 
     /// Looks, before anything is begun, for what the method reads beside the keyframes.

@@ -41,26 +41,33 @@ fn encode_grey_png(image: &Raster<u8>) -> Result<Vec<u8>> {
 /// When the folder cannot be written.
 pub fn keep(folder: &Path, truth: &Keyframe, prediction: &Prediction) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
-    write_atomic(optical_path(folder, truth.index), &encode_png(&prediction.image.map(|p| p.map(quantize8)))?)?;
+    let optical = optical_path(folder, truth.index);
+    match &prediction.image {
+        Some(image) => write_atomic(optical, &encode_png(&image.map(|p| p.map(quantize8)))?)?,
+        // One of an earlier run would be taken for this one's.
+        None if optical.exists() => {
+            std::fs::remove_file(&optical).with_context(|| format!("cannot remove {}", optical.display()))?
+        }
+        None => {}
+    }
     Ok(write_atomic(scalar_path(folder, truth.index), &encode_grey_png(&prediction.rf_scalar.map(|&s| quantize8(s)))?)?)
 }
 
 /// A kept prediction: the image, and the spectrum as a scalar in `[0, 1]` on the dataset's dB range.
 pub struct Kept {
-    /// 8-bit sRGB.
-    pub image: Raster<[u8; 3]>,
+    /// 8-bit sRGB, if one was predicted.
+    pub image: Option<Raster<[u8; 3]>>,
     /// Scalar spectrum.
     pub scalar: Raster<f32>,
 }
 
 /// Reads a kept prediction; `None` where none was kept.
 pub fn load(folder: &Path, index: usize) -> Option<Kept> {
-    let optical = image::open(optical_path(folder, index)).ok()?.to_rgb8();
+    let optical = image::open(optical_path(folder, index)).ok().map(|image| {
+        let image = image.to_rgb8();
+        Raster::from_vec(image.width() as usize, image.height() as usize, image.pixels().map(|p| p.0).collect())
+    });
     let grey = image::open(scalar_path(folder, index)).ok()?.to_luma8();
-    let pixels = optical.pixels().map(|p| p.0).collect();
     let scalar = grey.pixels().map(|p| f32::from(p.0[0]) / 255.0).collect();
-    Some(Kept {
-        image: Raster::from_vec(optical.width() as usize, optical.height() as usize, pixels),
-        scalar: Raster::from_vec(grey.width() as usize, grey.height() as usize, scalar),
-    })
+    Some(Kept { image: optical, scalar: Raster::from_vec(grey.width() as usize, grey.height() as usize, scalar) })
 }

@@ -84,7 +84,7 @@ pub struct Numbers {
     pub gaussians: Option<usize>,
     /// Peak resident memory of the process during the cell, bytes.
     pub peak_memory_bytes: Option<u64>,
-    /// Means over the held-out frames, by column key.
+    /// Means over the held-out frames, by column key, of what was measured on all of them.
     pub means: BTreeMap<String, f64>,
     /// Median and 90th percentile of the peak AoA error, degrees.
     pub peak_error_median_p90_deg: [f64; 2],
@@ -187,8 +187,12 @@ impl Numbers {
         curve: Vec<CurvePoint>,
         latency: Option<LatencySummary>,
     ) -> Self {
-        let mean = |of: fn(&FrameMetrics) -> f64| frames.iter().map(of).sum::<f64>() / frames.len().max(1) as f64;
-        let means = COLUMNS.iter().map(|c| (c.key.to_owned(), mean(c.of))).collect();
+        // A mean over some of the frames would look like one over all.
+        let mean = |of: fn(&FrameMetrics) -> Option<f64>| {
+            let values = frames.iter().map(of).collect::<Option<Vec<_>>>()?;
+            Some(values.iter().sum::<f64>() / values.len().max(1) as f64)
+        };
+        let means = COLUMNS.iter().filter_map(|c| Some((c.key.to_owned(), mean(c.of)?))).collect();
         let mut errors: Vec<f64> = frames.iter().map(|f| f.radio.peak_error_deg).collect();
         errors.sort_by(f64::total_cmp);
         let peak_error_median_p90_deg = [quantile(&errors, 0.5), quantile(&errors, 0.9)];

@@ -86,7 +86,7 @@ fn run_split(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Resul
             continue;
         }
         let label = format!("{}, seed {}", cell.row.label, cell.seed);
-        let mut progress = Progress::start(label, split.train.len(), "keyframes");
+        let mut progress = Progress::start(label, split.train.len(), method.units());
         let mut watch = |advance: crate::method::Advance<'_>| {
             progress.set(advance.done, advance.total);
             interrupt::check()

@@ -31,6 +31,8 @@ pub enum Bench {
     Pack(Pack),
     /// Measure training steps, stage by stage, beside the least time their bytes and operations take.
     Step(super::bench_step::Step),
+    /// Measure the implicit baselines' networks: a layer's matrix products and a whole step, beside the device's peak.
+    Network(super::bench_network::Network),
 }
 
 /// Where cells are kept and how they are run.
@@ -120,6 +122,7 @@ impl Bench {
             Self::Light(c) => c.run(json),
             Self::Radio(c) => c.run(json),
             Self::Step(c) => c.run(json),
+            Self::Network(c) => c.run(json),
         }
     }
 }

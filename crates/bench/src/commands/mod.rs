@@ -2,6 +2,7 @@
 
 mod bench;
 mod bench_light;
+mod bench_network;
 mod bench_radio;
 mod bench_step;
 mod check;

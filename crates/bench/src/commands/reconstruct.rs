@@ -24,7 +24,8 @@ pub struct Reconstruct {
     /// Output folder of the run.
     #[arg(long)]
     out: PathBuf,
-    /// Method: corf-gs, corf-gs-paper, corf-gs-fast, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, nearest, inverse-distance.
+    /// Method: corf-gs, corf-gs-paper, corf-gs-fast, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, nerf2,
+    /// nerf2-corrected, nearest, inverse-distance.
     #[arg(long, default_value = "corf-gs")]
     method: String,
     /// TOML file with keys of the method's configuration.
@@ -46,7 +47,7 @@ pub struct Reconstruct {
     /// processor. A finished run of the same command is left as it is.
     #[arg(long)]
     resume: bool,
-    /// Keep a checkpoint in the output folder after every N keyframes; 0 keeps none. Without it one is kept every half a minute, and on an
+    /// Keep a checkpoint in the output folder after every N keyframes (nerf2: steps); 0 keeps none. Without it one is kept every half a minute, and on an
     /// interrupt where the keyframe at hand ends within two seconds.
     #[arg(long, value_name = "N")]
     checkpoint_every: Option<usize>,
@@ -118,7 +119,7 @@ impl Reconstruct {
         });
         write_atomic(self.out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
         let mut progress =
-            Progress::start(format!("{} on {}", self.method, dataset.header().name), split.train.len(), "keyframes");
+            Progress::start(format!("{} on {}", self.method, dataset.header().name), split.train.len(), method.units());
         let result = harness::reconstruct(method.as_ref(), &dataset, &split, self.seed, &mut |advance: Advance<'_>| {
             progress.set(advance.done, advance.total);
             interrupt::check()

@@ -2,6 +2,7 @@
 
 pub mod corf_gs;
 pub mod lookup;
+pub mod nerf2;
 pub mod open;
 
 use crate::device::Backend;
@@ -16,6 +17,8 @@ pub const METHODS: &[(&str, &str)] = &[
     ("corf-gs-uniform", "ablation: every pixel spawns with probability 0.1 instead of optical-guided expansion"),
     ("corf-gs-frozen", "ablation: two stages, optical geometry frozen in the RF stage"),
     ("corf-gs-rf-tuned", "ablation: two stages, geometry refined by RF in the second"),
+    ("nerf2", "baseline: NeRF² as published, an implicit field of the spectrum alone; for a GPU"),
+    ("nerf2-corrected", "baseline: NeRF² with its schedule, its sampling and its last sample corrected"),
     ("nearest", "the nearest training keyframe, as it was observed"),
     ("inverse-distance", "training keyframes blended by inverse distance"),
 ];
@@ -29,6 +32,7 @@ pub fn create(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Bo
         "corf-gs" | "corf-gs-paper" | "corf-gs-fast" | "corf-gs-uniform" | "corf-gs-frozen" | "corf-gs-rf-tuned" => {
             Ok(Box::new(corf_gs::CorfGs::new(id, overrides, backend)?))
         }
+        "nerf2" | "nerf2-corrected" => Ok(Box::new(nerf2::Nerf2::new(id, overrides, backend)?)),
         "nearest" | "inverse-distance" => Ok(Box::new(lookup::Lookup::new(id, overrides)?)),
         _ => {
             let known: Vec<&str> = METHODS.iter().map(|m| m.0).collect();

@@ -1,6 +1,6 @@
 //! A run folder back to a predictor.
 
-use super::{corf_gs, create};
+use super::{corf_gs, create, nerf2};
 use crate::device::Backend;
 use crate::input::{Input, Verify};
 use crate::json::read_json;
@@ -56,6 +56,8 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
     );
     let predictor: Box<dyn Predictor> = if info.method.starts_with("corf-gs") {
         Box::new(corf_gs::CorfField::load(folder, &info.config, dataset, backend)?)
+    } else if info.method.starts_with("nerf2") {
+        Box::new(nerf2::Nerf2Field::load(folder, dataset, backend)?)
     } else {
         // A lookup is its dataset.
         method.reconstruct(&TrainingSet::new(dataset, &split), info.seed, &mut |_| Ok(()))?

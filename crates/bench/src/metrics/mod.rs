@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 /// Prediction of a method at a pose.
 #[derive(Clone, Debug)]
 pub struct Prediction {
-    /// Optical image, sRGB-encoded `[0, 1]`.
-    pub image: Raster<[f32; 3]>,
+    /// Optical image, sRGB-encoded `[0, 1]`; methods that learn from spectra alone have none.
+    pub image: Option<Raster<[f32; 3]>>,
     /// Jet-coloured spectrum, `[0, 1]`: what the paper's RF metrics look at.
     pub rf_jet: Raster<[f32; 3]>,
     /// The spectrum as a scalar on the dataset's dB range, `[0, 1]`: what the physical metrics look at.
@@ -22,7 +22,7 @@ pub struct Prediction {
 
 impl Prediction {
     /// A prediction without depth from a scalar spectrum, coloured for the paper's metrics.
-    pub fn from_scalar(image: Raster<[f32; 3]>, rf_scalar: Raster<f32>) -> Self {
+    pub fn from_scalar(image: Option<Raster<[f32; 3]>>, rf_scalar: Raster<f32>) -> Self {
         Self { image, rf_jet: rf_scalar.map(|&s| color::jet(s)), rf_scalar, depth_m: None }
     }
 }
@@ -32,10 +32,12 @@ impl Prediction {
 pub struct FrameMetrics {
     /// Keyframe index along the trajectory.
     pub index: usize,
-    /// PSNR of the 8-bit optical image, dB.
-    pub psnr_opt: f64,
-    /// SSIM of the 8-bit optical image.
-    pub ssim_opt: f64,
+    /// PSNR of the 8-bit optical image, dB, if one was predicted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_opt: Option<f64>,
+    /// SSIM of the 8-bit optical image, if one was predicted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ssim_opt: Option<f64>,
     /// PSNR of the 8-bit Jet spectrum, dB (the paper's PSNR_rf).
     pub psnr_rf_jet: f64,
     /// SSIM of the 8-bit Jet spectrum (the paper's SSIM_rf).
@@ -53,7 +55,7 @@ pub struct FrameMetrics {
 ///
 /// `rf_camera` gives the solid angle of every spectrum pixel and `range` the dataset's dB range.
 pub fn compare(prediction: &Prediction, truth: &Keyframe, rf_camera: &Pinhole, range: &DbRange) -> FrameMetrics {
-    let image = prediction.image.map(|p| p.map(color::quantize8));
+    let image = prediction.image.as_ref().map(|image| image.map(|p| p.map(color::quantize8)));
     let scalar_truth = truth.spectrum.map(|&s| range.scalar(s));
     let jet_truth = scalar_truth.map(|&s| color::jet(s).map(color::quantize8));
     let jet = prediction.rf_jet.map(|p| p.map(color::quantize8));
@@ -61,8 +63,8 @@ pub fn compare(prediction: &Prediction, truth: &Keyframe, rf_camera: &Pinhole, r
     let grey = prediction.rf_scalar.map(|&s| [color::quantize8(s)]);
     FrameMetrics {
         index: truth.index,
-        psnr_opt: image::psnr(&image, &truth.image),
-        ssim_opt: image::ssim(&image, &truth.image),
+        psnr_opt: image.as_ref().map(|image| image::psnr(image, &truth.image)),
+        ssim_opt: image.as_ref().map(|image| image::ssim(image, &truth.image)),
         psnr_rf_jet: image::psnr(&jet, &jet_truth),
         ssim_rf_jet: image::ssim(&jet, &jet_truth),
         psnr_rf_scalar: image::psnr(&grey, &grey_truth),
@@ -82,8 +84,8 @@ pub struct Column {
     pub latex: &'static str,
     /// Digits after the point.
     pub digits: usize,
-    /// Reads it off a frame.
-    pub of: fn(&FrameMetrics) -> f64,
+    /// Reads it off a frame; nothing where it was not measured.
+    pub of: fn(&FrameMetrics) -> Option<f64>,
 }
 
 /// Every metric, in the order of the tables; the first six are the paper's.
@@ -95,84 +97,86 @@ pub const COLUMNS: &[Column] = &[
         heading: "PSNR rf (Jet) ↑",
         latex: r"PSNR$_\mathrm{rf}^\uparrow$",
         digits: 2,
-        of: |m| m.psnr_rf_jet,
+        of: |m| Some(m.psnr_rf_jet),
     },
     Column {
         key: "ssim_rf_jet",
         heading: "SSIM rf (Jet) ↑",
         latex: r"SSIM$_\mathrm{rf}^\uparrow$",
         digits: 3,
-        of: |m| m.ssim_rf_jet,
+        of: |m| Some(m.ssim_rf_jet),
     },
     Column {
         key: "psnr_rf_scalar",
         heading: "PSNR rf (dB) ↑",
         latex: r"PSNR$_\mathrm{rf,dB}^\uparrow$",
         digits: 2,
-        of: |m| m.psnr_rf_scalar,
+        of: |m| Some(m.psnr_rf_scalar),
     },
     Column {
         key: "ssim_rf_scalar",
         heading: "SSIM rf (dB) ↑",
         latex: r"SSIM$_\mathrm{rf,dB}^\uparrow$",
         digits: 3,
-        of: |m| m.ssim_rf_scalar,
+        of: |m| Some(m.ssim_rf_scalar),
     },
     Column {
         key: "rmse_db_30",
         heading: "RMSE within 30 dB, dB ↓",
         latex: r"RMSE$_{30}^\downarrow$ (dB)",
         digits: 2,
-        of: |m| m.radio.rmse_db_30,
+        of: |m| Some(m.radio.rmse_db_30),
     },
-    Column { key: "rmse_db", heading: "RMSE, dB ↓", latex: r"RMSE$^\downarrow$ (dB)", digits: 2, of: |m| m.radio.rmse_db },
+    Column {
+        key: "rmse_db", heading: "RMSE, dB ↓", latex: r"RMSE$^\downarrow$ (dB)", digits: 2, of: |m| Some(m.radio.rmse_db)
+    },
     Column {
         key: "psp_similarity",
         heading: "PSP similarity ↑",
         latex: r"PSP$^\uparrow$",
         digits: 3,
-        of: |m| m.radio.psp_similarity,
+        of: |m| Some(m.radio.psp_similarity),
     },
     Column {
         key: "total_power_error_db",
         heading: "total power error, dB ↓",
         latex: r"$|\Delta P|^\downarrow$ (dB)",
         digits: 2,
-        of: |m| m.radio.total_power_error_db,
+        of: |m| Some(m.radio.total_power_error_db),
     },
     Column {
         key: "peak_error_deg",
         heading: "peak AoA error, ° ↓",
         latex: r"AoA$^\downarrow$ ($^\circ$)",
         digits: 1,
-        of: |m| m.radio.peak_error_deg,
+        of: |m| Some(m.radio.peak_error_deg),
     },
     Column {
         key: "beam_loss_db",
         heading: "beam loss, dB ↓",
         latex: r"beam loss$^\downarrow$ (dB)",
         digits: 2,
-        of: |m| m.radio.beam_loss_db,
+        of: |m| Some(m.radio.beam_loss_db),
     },
     Column {
         key: "energy_capture_1",
         heading: "energy in best 1 % ↑",
         latex: r"$E_{1\%}^\uparrow$",
         digits: 3,
-        of: |m| m.radio.energy_capture_1,
+        of: |m| Some(m.radio.energy_capture_1),
     },
     Column {
         key: "energy_capture_5",
         heading: "energy in best 5 % ↑",
         latex: r"$E_{5\%}^\uparrow$",
         digits: 3,
-        of: |m| m.radio.energy_capture_5,
+        of: |m| Some(m.radio.energy_capture_5),
     },
     Column {
         key: "azimuth_spread_error_deg",
         heading: "azimuth spread error, ° ↓",
         latex: r"$|\Delta\mathrm{ASA}|^\downarrow$ ($^\circ$)",
         digits: 2,
-        of: |m| m.radio.azimuth_spread_error_deg,
+        of: |m| Some(m.radio.azimuth_spread_error_deg),
     },
 ];

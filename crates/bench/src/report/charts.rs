@@ -109,11 +109,11 @@ fn chart(title: &str, x: &str, y: &str, lines: &[Line<'_>], from_zero: bool) -> 
 /// PSNR of every held-out keyframe, both modalities.
 pub(super) fn per_frame(records: &[Record]) -> Result<String> {
     let cells = first_cells(records);
-    let lines = |of: fn(&crate::metrics::FrameMetrics) -> f64| -> Vec<Line<'_>> {
-        let points = |n: &Numbers| n.frames.iter().map(|f| ((f.index + 1) as f64, of(f))).collect();
-        cells.iter().map(|(label, n)| Line { label, points: points(n) }).collect()
+    let lines = |of: fn(&crate::metrics::FrameMetrics) -> Option<f64>| -> Vec<Line<'_>> {
+        let points = |n: &Numbers| n.frames.iter().filter_map(|f| Some(((f.index + 1) as f64, of(f)?))).collect::<Vec<_>>();
+        cells.iter().map(|(label, n)| Line { label, points: points(n) }).filter(|l| !l.points.is_empty()).collect()
     };
-    let rf = chart("PSNR of the Jet spectrum", "keyframe", "dB", &lines(|f| f.psnr_rf_jet), false)?;
+    let rf = chart("PSNR of the Jet spectrum", "keyframe", "dB", &lines(|f| Some(f.psnr_rf_jet)), false)?;
     let optical = chart("PSNR of the image", "keyframe", "dB", &lines(|f| f.psnr_opt), false)?;
     Ok(format!("<div class=\"charts\">{rf}{optical}</div>"))
 }

@@ -74,9 +74,9 @@ fn scalar_truth(truth: &Keyframe, range: &DbRange) -> Raster<f32> {
     truth.spectrum.map(|&s| range.scalar(s))
 }
 
-fn optical_error(truth: &Keyframe, prediction: &Kept) -> Raster<[u8; 3]> {
+fn optical_error(truth: &Keyframe, prediction: &Raster<[u8; 3]>) -> Raster<[u8; 3]> {
     Raster::from_fn(truth.image.width(), truth.image.height(), |x, y| {
-        let (a, b) = (truth.image[(x, y)], prediction.image[(x, y)]);
+        let (a, b) = (truth.image[(x, y)], prediction[(x, y)]);
         let mean = (0..3).map(|c| (f32::from(a[c]) - f32::from(b[c])).abs()).sum::<f32>() / (3.0 * 255.0);
         heat(mean / ERROR_OPTICAL)
     })
@@ -98,13 +98,17 @@ pub(super) fn triptychs(report: &Report<'_>, label: &str) -> Result<String> {
         let Some(prediction) = predictions::load(&folder, index) else { continue };
         let truth = report.dataset.keyframe(index)?;
         let scalar = scalar_truth(&truth, &range);
-        write!(out, "<h3>keyframe {}</h3><div class=\"row three\">", index + 1)?;
-        out.push_str(&figure(&truth.image, "image, observed")?);
-        out.push_str(&figure(&prediction.image, "image, predicted")?);
-        out.push_str(&figure(&optical_error(&truth, &prediction), "mean absolute error")?);
-        let percent = |t: f32| format!("{:.0} %", 100.0 * t * ERROR_OPTICAL);
-        out.push_str(&bar(ramp().map(heat), &[percent(1.0), percent(0.5), percent(0.0)]));
-        out.push_str("</div><div class=\"row three\">");
+        write!(out, "<h3>keyframe {}</h3>", index + 1)?;
+        if let Some(image) = &prediction.image {
+            out.push_str("<div class=\"row three\">");
+            out.push_str(&figure(&truth.image, "image, observed")?);
+            out.push_str(&figure(image, "image, predicted")?);
+            out.push_str(&figure(&optical_error(&truth, image), "mean absolute error")?);
+            let percent = |t: f32| format!("{:.0} %", 100.0 * t * ERROR_OPTICAL);
+            out.push_str(&bar(ramp().map(heat), &[percent(1.0), percent(0.5), percent(0.0)]));
+            out.push_str("</div>");
+        }
+        out.push_str("<div class=\"row three\">");
         out.push_str(&figure(&jet_image(&scalar), "spectrum, observed")?);
         out.push_str(&figure(&jet_image(&prediction.scalar), "spectrum, predicted")?);
         out.push_str(&figure(&spectrum_error(&scalar, &prediction, &range), "predicted − observed")?);

@@ -62,8 +62,10 @@ impl Default for Nerf2Config {
     }
 }
 
-/// Most points of a step: their positions and gradients take a megabyte for a thousand.
+/// Most points of a step.
 const MOST_POINTS: usize = 1 << 24;
+/// Most weights between hidden layers: a gradient of them is held for each thread.
+const MOST_WEIGHTS: usize = 1 << 24;
 
 impl Nerf2Config {
     /// The same with what is a defect in the published code corrected: the rate falls over the whole budget instead of rising again, points are
@@ -100,6 +102,12 @@ impl Nerf2Config {
         if self.skip >= self.layers {
             let what = format!("layer {} of {} counted from 0 does not exist", self.skip, self.layers);
             return Err(Error::invalid("skip", what, "give a number below `layers`"));
+        }
+        // The radiance network has one and a half, the attenuation network one less than it has layers.
+        let weights = (self.layers + 1) * self.width * self.width;
+        if weights > MOST_WEIGHTS {
+            let what = format!("{} layers of {} have about {weights} weights", self.layers, self.width);
+            return Err(Error::invalid("width, layers", what, format!("give so few that these are at most {MOST_WEIGHTS}")));
         }
         if !(self.near_m >= 0.0 && self.far_m > self.near_m && self.far_m <= 1e4) {
             let what = format!("rays from {} to {} m", self.near_m, self.far_m);
@@ -140,6 +148,7 @@ mod tests {
             ("samples", Nerf2Config { samples: 1, ..standard }),
             ("width", Nerf2Config { width: 7, ..standard }),
             ("skip", Nerf2Config { skip: 8, ..standard }),
+            ("width, layers", Nerf2Config { width: 4096, layers: 64, ..standard }),
             ("rays", Nerf2Config { rays: 1 << 20, ..standard }),
             ("far_m", Nerf2Config { far_m: f32::NAN, ..standard }),
             ("rate", Nerf2Config { rate: f64::NAN, ..standard }),

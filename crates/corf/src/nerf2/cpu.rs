@@ -132,8 +132,8 @@ impl<T: Real> CpuTrainer<T> {
             .zip(batch.distances.chunks(at_once * samples))
             .collect();
         let (mut loss, mut gradient) = (T::ZERO, vec![T::ZERO; self.trained.parameters.len()]);
-        // As many at once as keep the threads busy; the order of the sum is that of the blocks.
-        for wave in blocks.chunks(2 * rayon::current_num_threads()) {
+        // A gradient for each thread at once; the order of the sum is that of the blocks.
+        for wave in blocks.chunks(rayon::current_num_threads()) {
             let parts: Vec<_> = wave.par_iter().map(|((r, t), d)| self.block_gradient(r, t, d, scale)).collect();
             for (part_loss, part) in parts {
                 loss += part_loss;

@@ -12,8 +12,10 @@ use crate::nn::gpu::{CONSTANTS, GpuNetwork, LANES, vectors};
 use crate::nn::{Adam, Trained};
 use crate::{Error, Result};
 
-/// Points of a chunk: with the published network their activations and gradients take 1.4 GB.
+/// Most points of a chunk: with the published network their activations and gradients take 1.5 GB.
 const POINTS_A_CHUNK: usize = 1 << 16;
+/// Most memory for these, bytes.
+const MOST_MEMORY: usize = 2 << 30;
 /// Numbers of a ray on the GPU: origin and target, direction and the gradient's scale.
 const RAY: usize = 8;
 
@@ -60,10 +62,25 @@ impl GpuTrainer {
         config.validate()?;
         let context = Context::open(options)?;
         let model = Model::new(config);
+        let (inputs, layers) = (model.network.inputs().iter().copied(), model.network.layers().iter().map(|l| l.outputs));
+        let widest = inputs.clone().chain(layers.clone()).max().unwrap_or(1);
+        // Inputs once, layers with their gradients.
+        let bytes: usize = inputs.chain(layers.clone()).chain(layers).map(|width| 4 * LANES * vectors(width)).sum();
+        let bindable = usize::try_from(context.largest_buffer()).unwrap_or(usize::MAX) / (4 * LANES * vectors(widest));
+        let points = POINTS_A_CHUNK.min(bindable).min(MOST_MEMORY / bytes);
+        Self::in_chunks(context, config, transmitter_m, parameters, points)
+    }
+
+    /// [`Self::new`] with so many points a chunk, or those of one ray.
+    pub(super) fn in_chunks(
+        context: Context,
+        config: &Nerf2Config,
+        transmitter_m: [f32; 3],
+        parameters: &[f32],
+        points: usize,
+    ) -> Result<Self> {
+        let model = Model::new(config);
         check_state(&Trained::new(parameters.to_vec()), model.network.parameters())?;
-        let widest = model.network.layers().iter().map(|l| l.outputs).chain(model.network.inputs().iter().copied()).max();
-        let row_bytes = 4 * LANES * vectors(widest.unwrap_or(1));
-        let points = POINTS_A_CHUNK.min(usize::try_from(context.largest_buffer()).unwrap_or(usize::MAX) / row_bytes);
         let rays_a_chunk = (points / config.samples).clamp(1, config.rays);
         let chunks = config.rays.div_ceil(rays_a_chunk);
         let rays = rays_a_chunk * chunks;
@@ -122,6 +139,12 @@ impl GpuTrainer {
             network,
             context,
         })
+    }
+
+    /// The gradient of the last step.
+    #[cfg(test)]
+    pub(super) fn gradient(&self) -> Result<Vec<f32>> {
+        self.network.gradient(&self.context)
     }
 
     /// The adapter's name.

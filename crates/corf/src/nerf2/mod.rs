@@ -8,6 +8,8 @@ mod config;
 mod cpu;
 #[cfg(feature = "gpu")]
 mod gpu;
+#[cfg(all(test, feature = "gpu"))]
+mod gpu_tests;
 mod model;
 mod rays;
 pub mod rendering;

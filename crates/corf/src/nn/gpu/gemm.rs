@@ -15,7 +15,7 @@ use std::fmt::Write;
 /// Length of a step along the inner dimension.
 const INNER: u32 = 16;
 /// Rows of a batch that one part of a weight gradient sums over.
-pub(super) const ROWS_A_PART: u32 = 512;
+pub(super) const ROWS_A_PART: u32 = 1024;
 
 /// Which of a layer's three products.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -60,11 +60,11 @@ impl Tile {
     pub const THIN_ROWS: Self = Self { rows: 4, columns: 256, each: [4, 4] };
 
     /// The tile that suits a result of this size.
-    pub fn of(rows: u32, columns: u32) -> Self {
-        match (rows, columns) {
-            (_, ..=8) => Self::THIN_COLUMNS,
-            (..=8, _) => Self::THIN_ROWS,
-            (..=64, _) | (_, ..=64) => Self::MEDIUM,
+    pub fn of(product: Product, rows: u32, columns: u32) -> Self {
+        match (product, rows, columns) {
+            (Product::WeightGradient, ..=8, _) => Self::THIN_ROWS,
+            (Product::Forward | Product::DataGradient, _, ..=8) => Self::THIN_COLUMNS,
+            (_, ..=64, _) | (_, _, ..=64) => Self::MEDIUM,
             _ => Self::WIDE,
         }
     }

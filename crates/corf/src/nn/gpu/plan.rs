@@ -60,7 +60,7 @@ impl Planner<'_> {
 
     /// One product; `buffers` are A, B, the extra one and C.
     fn product(&mut self, product: Product, shape: &Shape, buffers: [&wgpu::Buffer; 4]) -> Result<Dispatch> {
-        let tile = Tile::of(shape.rows, shape.columns);
+        let tile = Tile::of(product, shape.rows, shape.columns);
         let constants = self.constants(bytemuck::bytes_of(shape));
         let kernel = self.products.get(self.context, product, tile)?;
         let bound = bind_product(self.context, kernel, &self.constants, buffers)?;

@@ -21,8 +21,18 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let weights = sum.rows * sum.columns;
     let all = weights + sum.with_bias * sum.rows / 4u;
     if (i >= all) { return; }
-    var total = vec4(0.0);
-    for (var p = 0u; p < sum.parts; p++) { total += parts[p * sum.part_stride + i]; }
+    // Four sums at once: none waits for the memory that another waits for.
+    var totals = mat4x4<f32>();
+    var p = 0u;
+    for (; p + 4u <= sum.parts; p += 4u) {
+        let first = p * sum.part_stride + i;
+        totals[0] += parts[first];
+        totals[1] += parts[first + sum.part_stride];
+        totals[2] += parts[first + 2u * sum.part_stride];
+        totals[3] += parts[first + 3u * sum.part_stride];
+    }
+    for (; p < sum.parts; p++) { totals[0] += parts[p * sum.part_stride + i]; }
+    let total = (totals[0] + totals[1]) + (totals[2] + totals[3]);
     var at = sum.bias_first + (i - weights);
     if (i < weights) { at = sum.weights_first + i / sum.columns * sum.weights_stride + i % sum.columns; }
     gradient[at] += total;
