@@ -48,7 +48,7 @@ impl Method for FirstKeyframe {
         let (keyframe, range) = (training.keyframe(0)?, training.db_range());
         advance(Advance::of(1, 1))?;
         let image = keyframe.image.map(|pixel| pixel.map(|v| f32::from(v) / 255.0));
-        Ok(Box::new(Shown(Prediction::from_scalar(image, keyframe.spectrum.map(|power| range.scalar(*power))))))
+        Ok(Box::new(Shown(Prediction::from_scalar(Some(image), keyframe.spectrum.map(|power| range.scalar(*power))))))
     }
 }
 

@@ -90,6 +90,11 @@ impl<'a> TrainingSet<'a> {
         self.dataset.db_range()
     }
 
+    /// Position of the fixed transmitter in the world frame, metres, if it is known.
+    pub fn transmitter_m(&self) -> Option<[f64; 3]> {
+        self.dataset.header().transmitter.map(|t| t.position_m)
+    }
+
     /// Time spent in [`Self::keyframe`] so far.
     pub fn loading_time(&self) -> Duration {
         self.loading.get()

@@ -166,11 +166,13 @@ impl Sweep {
             for (_, records) in results {
                 let pairs = pairs(records, label);
                 let of = |key: &str| -> Vec<f64> {
-                    let value = |n: &Numbers| n.means.get(key).copied().unwrap_or(f64::NAN);
-                    pairs.iter().map(|(own, base)| value(own) - if label == BASE { 0.0 } else { value(base) }).collect()
+                    let value = |n: &Numbers| n.means.get(key).copied();
+                    let gain = |own, base| Some(value(own)? - if label == BASE { 0.0 } else { value(base)? });
+                    pairs.iter().filter_map(|(own, base)| gain(own, base)).collect()
                 };
                 let (l, r) = (of("psnr_opt"), of("psnr_rf_jet"));
-                let mean = |v: &[f64]| summarize(v).map_or("failed".to_owned(), |s| signed(s.mean, label));
+                let nothing = if pairs.is_empty() { "failed" } else { "–" };
+                let mean = |v: &[f64]| summarize(v).map_or(nothing.to_owned(), |s| signed(s.mean, label));
                 let _ = write!(out, " {} / {} |", mean(&l), mean(&r));
                 light.extend(l);
                 rf.extend(r);

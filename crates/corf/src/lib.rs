@@ -3,6 +3,7 @@
 //!
 //! `Reconstructor::push(K_t)` is the paper's update operator U; a [`device::Device`] does the arithmetic.
 
+mod checksum;
 pub mod config;
 pub mod depth;
 pub mod device;
@@ -11,9 +12,13 @@ pub mod expansion;
 pub mod field;
 pub mod gaussians;
 pub mod loss;
+mod matrix;
+pub mod nerf2;
+pub mod nn;
 pub mod offline;
 pub mod optimizer;
 pub mod ply;
+mod real;
 pub mod reconstructor;
 pub mod schedule;
 pub mod sensor;
@@ -31,5 +36,6 @@ pub use field::{Field, FieldMeta, Prediction};
 pub use gaussians::{Appearance, Gaussians};
 pub use offline::{OfflineCheckpoint, OfflineConfig, OfflineReconstructor};
 pub use optimizer::{Antialias, AppearanceRates, OptimizerConfig, RasterConfig};
+pub use real::Real;
 pub use reconstructor::{Checkpoint, KeyframeReport, KeyframeTiming, LatencySummary, Reconstructor};
 pub use target::RfTarget;

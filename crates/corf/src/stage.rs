@@ -16,6 +16,12 @@ pub const SAMPLING: u64 = 7;
 pub const STEPS: u64 = 8;
 /// Order of the keyframes in an epoch of fine-tuning.
 pub const EPOCHS: u64 = 9;
+/// Initial parameters of a network; keyed by layer.
+pub const NETWORK: u64 = 10;
+/// Order of an implicit field's training rays; keyed by epoch.
+pub const RAYS: u64 = 11;
+/// Distances at which an implicit field is sampled; keyed by step.
+pub const DISTANCES: u64 = 12;
 
 /// Order of the views in an epoch of offline reconstruction; keyed by the stage.
 pub const OFFLINE_EPOCHS: u64 = 10;

@@ -6,7 +6,7 @@
 //! All little-endian. The numbers are, for the Gaussians and Adam's two moments, position, rotation, ln scale, opacity and harmonics in
 //! light, opacity and harmonics at 60 GHz; then the position rates, and then whatever words the kind of file adds.
 
-use crate::{Appearance, Error, Gaussians, Result, device::DeviceState};
+use crate::{Appearance, Error, Gaussians, Result, checksum::checksum, device::DeviceState};
 use corf_scene::io;
 use serde::{Serialize, de::DeserializeOwned};
 use std::path::Path;
@@ -84,15 +84,6 @@ fn parts(g: &Gaussians) -> [&[f32]; 7] {
         &g.rf.opacity_logit,
         &g.rf.sh,
     ]
-}
-
-/// FNV-1a over 64-bit words; the last one is filled up with zeros.
-fn checksum(bytes: &[u8]) -> u64 {
-    bytes.chunks(8).fold(0xcbf2_9ce4_8422_2325, |hash: u64, chunk| {
-        let mut word = [0; 8];
-        word[..chunk.len()].copy_from_slice(chunk);
-        (hash ^ u64::from_le_bytes(word)).wrapping_mul(0x0100_0000_01b3)
-    })
 }
 
 /// Numbers still to be read.

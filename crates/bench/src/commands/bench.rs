@@ -41,6 +41,8 @@ pub enum Bench {
     Pack(Pack),
     /// Measure training steps, stage by stage, beside the least time their bytes and operations take.
     Step(super::bench_step::Step),
+    /// Measure the implicit baselines' networks: a layer's matrix products and a whole step, beside the device's peak.
+    Network(super::bench_network::Network),
 }
 
 /// Folder of the cells, and options of their runs.
@@ -137,6 +139,7 @@ impl Bench {
             Self::Light(c) => c.run(json),
             Self::Radio(c) => c.run(json),
             Self::Step(c) => c.run(json),
+            Self::Network(c) => c.run(json),
         }
     }
 }

@@ -104,23 +104,26 @@ impl Render {
         let mut progress = Progress::start("rendering", poses.len(), "views");
         for (i, pose) in poses.iter().enumerate() {
             interrupt::check()?;
-            // The image is written last: with it a pose is finished.
+            // The Jet image is written last: with it a pose is finished.
             let file = |folder: &str, ending: &str| self.out.join(folder).join(format!("{:05}.{ending}", i + 1));
-            let image = file("images", "png");
-            if !image.exists() {
+            let jet = file("jet", "png");
+            if !jet.exists() {
                 let p = run.predictor.render(pose)?;
-                let numbers = p.rf_scalar.pixels().iter().chain(p.image.pixels().iter().flatten());
+                let colours = p.image.iter().flat_map(|image| image.pixels().iter().flatten());
+                let numbers = p.rf_scalar.pixels().iter().chain(colours);
                 ensure!(
                     numbers.chain(p.rf_jet.pixels().iter().flatten()).all(|v| v.is_finite()),
                     "pose {i}: a pixel of the rendering is not a finite number\n  help: the field has diverged; reconstruct it with smaller rates"
                 );
                 write_exr(&file("db", "exr"), &p.rf_scalar.map(|&s| range.db(s) as f32))?;
                 write_exr(&file("linear", "exr"), &p.rf_scalar.map(|&s| if s > 0.0 { range.linear(s) as f32 } else { 0.0 }))?;
-                io::write_png(file("jet", "png"), &p.rf_jet.map(|c| c.map(quantize8)))?;
                 if let Some(depth) = &p.depth_m {
                     write_exr(&file("depth", "exr"), depth)?;
                 }
-                io::write_png(&image, &p.image.map(|c| c.map(quantize8)))?;
+                if let Some(image) = &p.image {
+                    io::write_png(file("images", "png"), &image.map(|c| c.map(quantize8)))?;
+                }
+                io::write_png(&jet, &p.rf_jet.map(|c| c.map(quantize8)))?;
             }
             progress.set(i + 1, poses.len());
         }

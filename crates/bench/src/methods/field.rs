@@ -89,7 +89,7 @@ impl Predictor for FieldPredictor {
             RfTarget::Db => p.scalar.map(|&s| color::jet(s)),
         };
         let depth_m = p.inverse_depth.map(|&i| if i > 0.0 { 1.0 / i } else { 0.0 });
-        Ok(Prediction { image: p.image, rf_jet, rf_scalar: p.scalar, depth_m: Some(depth_m) })
+        Ok(Prediction { image: Some(p.image), rf_jet, rf_scalar: p.scalar, depth_m: Some(depth_m) })
     }
 
     fn gaussians(&self) -> Option<usize> {

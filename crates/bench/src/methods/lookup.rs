@@ -116,7 +116,7 @@ impl Predictor for Table {
         let scalar = Raster::from_fn(first.scalar.width(), first.scalar.height(), |x, y| {
             near.iter().map(|(w, o)| w * o.scalar[(x, y)]).sum()
         });
-        Ok(Prediction::from_scalar(image, scalar))
+        Ok(Prediction::from_scalar(Some(image), scalar))
     }
 
     fn save(&self, run: &Path) -> Result<()> {

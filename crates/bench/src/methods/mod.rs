@@ -3,6 +3,7 @@
 pub mod corf_gs;
 pub mod field;
 pub mod lookup;
+pub mod nerf2;
 pub mod open;
 pub mod rf_3dgs;
 
@@ -21,6 +22,8 @@ pub const METHODS: &[(&str, &str)] = &[
     ("corf-gs-rf-tuned", "ablation: two stages, geometry refined by RF in the second"),
     ("rf-3dgs", "baseline RF-3DGS: offline 3D Gaussian splatting, then RF on its frozen geometry, as published"),
     ("rf-3dgs-corrected", "rf-3dgs with a fresh optimiser in the RF stage and the background of a direction without power"),
+    ("nerf2", "baseline: NeRF² as published, an implicit field of the spectrum alone; for a GPU"),
+    ("nerf2-corrected", "baseline: NeRF² with its schedule, its sampling and its last sample corrected"),
     ("nearest", "the nearest training keyframe, as it was observed"),
     ("inverse-distance", "training keyframes blended by inverse distance"),
 ];
@@ -35,6 +38,7 @@ pub fn create(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Bo
             Ok(Box::new(corf_gs::CorfGs::new(id, overrides, backend)?))
         }
         "rf-3dgs" | "rf-3dgs-corrected" => Ok(Box::new(rf_3dgs::Rf3dgs::new(id, overrides, backend)?)),
+        "nerf2" | "nerf2-corrected" => Ok(Box::new(nerf2::Nerf2::new(id, overrides, backend)?)),
         "nearest" | "inverse-distance" => Ok(Box::new(lookup::Lookup::new(id, overrides)?)),
         _ => {
             let known: Vec<&str> = METHODS.iter().map(|m| m.0).collect();

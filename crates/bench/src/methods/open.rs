@@ -1,6 +1,6 @@
 //! A run folder back to a predictor.
 
-use super::{corf_gs::CorfGsConfig, create, field::FieldPredictor, rf_3dgs};
+use super::{corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs};
 use crate::device::Backend;
 use crate::input::{Input, Verify};
 use crate::json::read_json;
@@ -64,6 +64,8 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
         .with_context(|| format!("{}: the configuration is not of this version", folder.join("run.json").display()))?;
     let predictor: Box<dyn Predictor> = if let Some(raster) = raster {
         Box::new(FieldPredictor::load(folder, raster, dataset, backend)?)
+    } else if info.method.starts_with("nerf2") {
+        Box::new(nerf2::Nerf2Field::load(folder, dataset, backend)?)
     } else {
         // A lookup is its dataset.
         method.reconstruct(&TrainingSet::new(dataset, &split), info.seed, &mut |_| Ok(()))?

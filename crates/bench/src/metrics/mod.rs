@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 /// Prediction of a method at a pose.
 #[derive(Clone, Debug)]
 pub struct Prediction {
-    /// Optical image, sRGB-encoded `[0, 1]`.
-    pub image: Raster<[f32; 3]>,
+    /// Optical image, sRGB-encoded `[0, 1]`; methods that learn from spectra alone have none.
+    pub image: Option<Raster<[f32; 3]>>,
     /// Jet-coloured spectrum, `[0, 1]`: what the paper's RF metrics look at.
     pub rf_jet: Raster<[f32; 3]>,
     /// The spectrum as a scalar on the dataset's dB range, `[0, 1]`: what the physical metrics look at.
@@ -29,13 +29,13 @@ pub struct Prediction {
 
 impl Prediction {
     /// A prediction without depth from a scalar spectrum, coloured for the paper's metrics.
-    pub fn from_scalar(image: Raster<[f32; 3]>, rf_scalar: Raster<f32>) -> Self {
+    pub fn from_scalar(image: Option<Raster<[f32; 3]>>, rf_scalar: Raster<f32>) -> Self {
         Self { image, rf_jet: rf_scalar.map(|&s| color::jet(s)), rf_scalar, depth_m: None }
     }
 
     /// Both halves of it.
     pub fn halves(&self) -> Halves<'_> {
-        Halves { image: Some(&self.image), spectrum: Some(Spectrum { jet: &self.rf_jet, scalar: &self.rf_scalar }) }
+        Halves { image: self.image.as_ref(), spectrum: Some(Spectrum { jet: &self.rf_jet, scalar: &self.rf_scalar }) }
     }
 }
 
@@ -170,7 +170,8 @@ mod tests {
     }
 
     fn observed(truth: &Keyframe) -> Prediction {
-        Prediction::from_scalar(truth.image.map(|p| p.map(|v| f32::from(v) / 255.0)), truth.spectrum.map(|&s| RANGE.scalar(s)))
+        let image = truth.image.map(|p| p.map(|v| f32::from(v) / 255.0));
+        Prediction::from_scalar(Some(image), truth.spectrum.map(|&s| RANGE.scalar(s)))
     }
 
     #[test]
@@ -217,7 +218,7 @@ mod tests {
     fn spectra_without_power_have_finite_numbers_on_either_side() {
         let mut truth = keyframe();
         let evaluator = Evaluator::new(Pinhole::from_horizontal_fov(48, 32, 90.0), RANGE, Quantity::PowerPerSteradian);
-        let nothing = Prediction::from_scalar(Raster::filled(24, 16, [0.0; 3]), Raster::filled(48, 32, 0.0));
+        let nothing = Prediction::from_scalar(Some(Raster::filled(24, 16, [0.0; 3])), Raster::filled(48, 32, 0.0));
         let something = observed(&truth);
         let finite = |frame: &FrameMetrics| {
             COLUMNS.iter().for_each(|c| assert!((c.of)(frame).unwrap().is_finite(), "{}", c.key));

@@ -26,10 +26,15 @@ impl PredictionWriter {
     /// A folder that holds something already, or cannot be written.
     pub fn create(dir: &Path, dataset: &Dataset) -> Result<Self> {
         let held = claim_fresh(dir)?;
-        for name in ["images", "jet", "linear"] {
-            std::fs::create_dir_all(dir.join(name)).with_context(|| format!("cannot create {}/{name}", dir.display()))?;
-        }
-        Ok(Self { dir: dir.to_path_buf(), range: dataset.db_range(), _held: held })
+        let writer = Self { dir: dir.to_path_buf(), range: dataset.db_range(), _held: held };
+        writer.make("jet")?;
+        writer.make("linear")?;
+        Ok(writer)
+    }
+
+    /// Makes one of the folders, where it is not there.
+    fn make(&self, name: &str) -> Result<()> {
+        std::fs::create_dir_all(self.dir.join(name)).with_context(|| format!("cannot create {}/{name}", self.dir.display()))
     }
 
     /// Writes the prediction of a keyframe.
@@ -37,13 +42,17 @@ impl PredictionWriter {
     /// # Errors
     /// A pixel that is no number, or a file that cannot be written.
     pub fn write(&self, index: usize, prediction: &Prediction) -> Result<()> {
-        let mut numbers = prediction.rf_scalar.pixels().iter().chain(prediction.image.pixels().iter().flatten());
+        let mut numbers =
+            prediction.rf_scalar.pixels().iter().chain(prediction.image.iter().flat_map(|image| image.pixels()).flatten());
         ensure!(
             numbers.all(|v| v.is_finite()),
             "keyframe {index}: a pixel of the prediction is not a finite number\n  help: the field has diverged; reconstruct it with smaller rates"
         );
         let file = |folder: &str, ending: &str| self.dir.join(folder).join(format!("{}.{ending}", stem(index)));
-        io::write_png(file("images", "png"), &prediction.image.map(|c| c.map(quantize8)))?;
+        if let Some(image) = &prediction.image {
+            self.make("images")?;
+            io::write_png(file("images", "png"), &image.map(|c| c.map(quantize8)))?;
+        }
         io::write_png(file("jet", "png"), &prediction.rf_jet.map(|c| c.map(quantize8)))?;
         let linear = prediction.rf_scalar.map(|&s| crate::metrics::radio::linear(s, &self.range) as f32);
         Ok(io::write_atomic(file("linear", "exr"), &io::encode_exr_f32(&linear, "Y")?)?)

@@ -3,6 +3,7 @@
 //! Work is cut into blocks of a fixed number of rows, so that every sum is taken in the same order whatever the number of threads. Maps have
 //! their channels innermost: a map's pixels and a transformer's tokens are both rows of a matrix.
 
+use crate::matrix::{Matrix, multiply};
 use rayon::prelude::*;
 
 /// Rows that are worked on at once.
@@ -42,60 +43,6 @@ impl Map {
     }
 }
 
-/// Part of an array seen as a matrix.
-#[derive(Clone, Copy)]
-pub(super) struct Matrix<'a> {
-    pub values: &'a [f32],
-    pub rows: usize,
-    pub columns: usize,
-    /// Distance of one row from the next.
-    pub row_stride: usize,
-    /// Distance of one column from the next.
-    pub column_stride: usize,
-}
-
-impl Matrix<'_> {
-    /// Rows become columns.
-    pub fn transposed(self) -> Self {
-        let (rows, columns) = (self.columns, self.rows);
-        Self { rows, columns, row_stride: self.column_stride, column_stride: self.row_stride, ..self }
-    }
-
-    /// Length of the slice that the matrix spans, values.
-    fn reach(&self) -> usize {
-        match (self.rows, self.columns) {
-            (0, _) | (_, 0) => 0,
-            (r, c) => (r - 1) * self.row_stride + (c - 1) * self.column_stride + 1,
-        }
-    }
-}
-
-/// `out = a·b + keep·out`; rows of `out` are `stride` apart.
-pub(super) fn multiply(a: Matrix<'_>, b: Matrix<'_>, keep: f32, out: &mut [f32], stride: usize) {
-    let written = Matrix { values: out, rows: a.rows, columns: b.columns, row_stride: stride, column_stride: 1 };
-    assert!(a.columns == b.rows && b.columns <= stride, "matrices that do not fit");
-    assert!(a.reach() <= a.values.len() && b.reach() <= b.values.len() && written.reach() <= written.values.len());
-    // SAFETY: every matrix lies within its slice, as was just checked, and the one that is written is borrowed alone and has distinct entries.
-    unsafe {
-        matrixmultiply::sgemm(
-            a.rows,
-            a.columns,
-            b.columns,
-            1.0,
-            a.values.as_ptr(),
-            a.row_stride as isize,
-            a.column_stride as isize,
-            b.values.as_ptr(),
-            b.row_stride as isize,
-            b.column_stride as isize,
-            keep,
-            out.as_mut_ptr(),
-            stride as isize,
-            1,
-        );
-    }
-}
-
 /// An affine map of rows: `y = W·x + b`.
 #[derive(Clone, Debug)]
 pub(super) struct Layer {
@@ -111,8 +58,8 @@ impl Layer {
     fn apply(&self, rows: &[f32], out: &mut [f32]) {
         out.chunks_exact_mut(self.outputs).for_each(|row| row.copy_from_slice(&self.bias));
         let (inputs, outputs) = (self.inputs, self.outputs);
-        let a = Matrix { values: rows, rows: rows.len() / inputs, columns: inputs, row_stride: inputs, column_stride: 1 };
-        let w = Matrix { values: &self.weights, rows: outputs, columns: inputs, row_stride: inputs, column_stride: 1 };
+        let a = Matrix::by_rows(rows, rows.len() / inputs, inputs, inputs);
+        let w = Matrix::by_rows(&self.weights, outputs, inputs, inputs);
         multiply(a, w.transposed(), 1.0, out, outputs);
     }
 
@@ -249,8 +196,7 @@ fn softmax(row: &mut [f32], scale: f32) {
 pub(super) fn attention(qkv: &[f32], width: usize, heads: usize) -> Vec<f32> {
     const ROWS: usize = 64;
     let (tokens, stride, head) = (qkv.len() / (3 * width), 3 * width, width / heads);
-    let part =
-        |from: usize, rows: usize| Matrix { values: &qkv[from..], rows, columns: head, row_stride: stride, column_stride: 1 };
+    let part = |from: usize, rows: usize| Matrix::by_rows(&qkv[from..], rows, head, stride);
     let scale = 1.0 / (head as f32).sqrt();
     let mut out = vec![0.0; tokens * width];
     out.par_chunks_mut(ROWS * width).enumerate().for_each_init(
@@ -262,7 +208,7 @@ pub(super) fn attention(qkv: &[f32], width: usize, heads: usize) -> Vec<f32> {
                 let queries = part(block * ROWS * stride + h * head, rows);
                 multiply(queries, part(width + h * head, tokens).transposed(), 0.0, scores, tokens);
                 scores.chunks_exact_mut(tokens).for_each(|row| softmax(row, scale));
-                let weights = Matrix { values: scores, rows, columns: tokens, row_stride: tokens, column_stride: 1 };
+                let weights = Matrix::by_rows(scores, rows, tokens, tokens);
                 multiply(weights, part(2 * width + h * head, tokens), 0.0, &mut out[h * head..], width);
             }
         },

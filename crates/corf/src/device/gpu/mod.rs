@@ -10,10 +10,10 @@
 //! Between adapters, and against the CPU device, results differ by rounding (exp2, sqrt and division are not correctly rounded).
 
 mod capacity;
-mod context;
+pub(crate) mod context;
 mod density;
 mod frame;
-mod kernel;
+pub(crate) mod kernel;
 mod params;
 mod pyramid;
 mod readback;

@@ -1,0 +1,147 @@
+//! `corf bench network`: how fast the implicit baselines' networks are, beside the device's peak.
+
+use super::{Verdict, show};
+use crate::device::{Backend, DeviceChoice};
+use crate::interrupt;
+use crate::provenance::Provenance;
+use anyhow::Result;
+use clap::Args;
+use corf::nerf2::{CpuTrainer, Model, Nerf2Config, Trainer, TrainingRays};
+use corf_scene::{Pinhole, Raster, Rigid3, bounds};
+use serde::Serialize;
+use std::fmt::Write as _;
+use std::time::Instant;
+
+/// `corf bench network`.
+#[derive(Args)]
+pub struct Network {
+    /// Rows of the matrix products.
+    #[arg(long, default_value_t = 524_288)]
+    rows: usize,
+    /// Width of the layer whose products are measured.
+    #[arg(long, default_value_t = 256)]
+    width: usize,
+    /// Rays of a NeRF² step (64 samples each); 0 measures none.
+    #[arg(long, default_value_t = 8192)]
+    rays: usize,
+    /// Steps timed, after one that warms up.
+    #[arg(long, default_value_t = 10)]
+    steps: usize,
+    /// Peak of the device in f32, TFLOP/s (default: an H100 SXM's 66.9).
+    #[arg(long, default_value_t = 66.9)]
+    tflops: f64,
+    /// Where it runs: auto, cpu, gpu, or gpu:N for the N-th adapter. Products alone are measured on a GPU only.
+    #[arg(long, default_value_t)]
+    device: DeviceChoice,
+}
+
+/// One thing measured.
+#[derive(Serialize)]
+struct Measured {
+    name: String,
+    ms: f64,
+    tflops: f64,
+    share_of_peak: f64,
+}
+
+/// All that a run of the command found.
+#[derive(Serialize)]
+struct Report {
+    provenance: Provenance,
+    device: String,
+    rows: usize,
+    width: usize,
+    rays: usize,
+    peak_tflops: f64,
+    measured: Vec<Measured>,
+}
+
+impl Network {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// Sizes out of range, a device without memory, an interrupt.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        bounds::count("--steps", self.steps, 100_000, "of them")?;
+        bounds::count("--rows", self.rows, 1 << 22, "of them")?;
+        bounds::count("--width", self.width, 4096, "of them")?;
+        bounds::number("--tflops", self.tflops, &(1e-6..=1e9), "of the device")?;
+        let backend = self.device.resolve()?;
+        let mut measured = self.products(&backend)?;
+        if self.rays > 0 && self.steps > 0 {
+            measured.push(self.step(&backend)?);
+        }
+        let mut text = format!("{} (peak {} TFLOP/s)", backend.name(), self.tflops);
+        for m in &measured {
+            let share = 100.0 * m.share_of_peak;
+            let _ = write!(text, "\n  {:<44} {:>10.3} ms {:>8.3} TFLOP/s {share:>6.1} %", m.name, m.ms, m.tflops);
+        }
+        let report = Report {
+            provenance: Provenance::here(),
+            device: backend.name(),
+            rows: self.rows,
+            width: self.width,
+            rays: self.rays,
+            peak_tflops: self.tflops,
+            measured,
+        };
+        show(json, &report, &text)?;
+        Ok(Verdict::Done)
+    }
+
+    fn measured(&self, name: String, seconds: f64, operations: f64) -> Measured {
+        let tflops = operations / seconds / 1e12;
+        Measured { name, ms: 1e3 * seconds, tflops, share_of_peak: tflops / self.tflops }
+    }
+
+    /// The three products of a layer, by tile.
+    fn products(&self, backend: &Backend) -> Result<Vec<Measured>> {
+        match backend {
+            Backend::Cpu => Ok(vec![]),
+            #[cfg(feature = "gpu")]
+            Backend::Gpu { number, .. } => {
+                use corf::{device::gpu::GpuOptions, nn::gpu::measure_products};
+                anyhow::ensure!(self.rows > 0 && self.width > 0, "--rows and --width: give at least 1");
+                let options = GpuOptions { adapter: *number, software: true, ..GpuOptions::default() };
+                let times = measure_products(&options, self.rows, self.width)?;
+                let line = |t: corf::nn::gpu::ProductTime| {
+                    let name = format!("{}, {}x{}, tiles {}x{}", t.name, self.rows, self.width, t.tile[0], t.tile[1]);
+                    self.measured(name, t.seconds, t.operations)
+                };
+                Ok(times.into_iter().map(line).collect())
+            }
+        }
+    }
+
+    /// A whole training step of NeRF² as published, with as many rays as asked for.
+    fn step(&self, backend: &Backend) -> Result<Measured> {
+        let config = Nerf2Config { rays: self.rays, ..Nerf2Config::default() };
+        config.validate()?;
+        let network = Model::new(&config).network;
+        let mut rays = TrainingRays::new(Pinhole::from_horizontal_fov(300, 200, 90.0), 1);
+        rays.push(Rigid3::IDENTITY, &Raster::from_fn(300, 200, |x, y| ((x + y) % 50) as f32 / 50.0))?;
+        let mut trainer: Box<dyn Trainer> = match backend {
+            Backend::Cpu => Box::new(CpuTrainer::new(&config, [0.0; 3], network.initial(1))?),
+            #[cfg(feature = "gpu")]
+            Backend::Gpu { number, .. } => {
+                use corf::{device::gpu::GpuOptions, nerf2::GpuTrainer};
+                let options = GpuOptions { adapter: *number, software: true, ..GpuOptions::default() };
+                Box::new(GpuTrainer::new(&options, &config, [0.0; 3], &network.initial::<f32>(1))?)
+            }
+        };
+        let mut run = |steps: std::ops::Range<usize>| -> Result<f64> {
+            let start = Instant::now();
+            for step in steps {
+                interrupt::check()?;
+                trainer.step(&rays.batch(&config, step as u64), config.rate)?;
+            }
+            // Waits for the last one.
+            trainer.loss()?;
+            Ok(start.elapsed().as_secs_f64())
+        };
+        run(0..1)?;
+        let seconds = run(1..1 + self.steps)? / self.steps as f64;
+        let operations = (self.rays * config.samples) as f64 * network.operations();
+        Ok(self.measured(format!("NeRF² step, {} rays of {} samples", self.rays, config.samples), seconds, operations))
+    }
+}

@@ -1,0 +1,227 @@
+//! NeRF², as published and corrected: an implicit field of the spectrum alone.
+//!
+//! The published code regresses the grey value of a spectrum's image, a level in decibels; here the target is the data set's scalar level in
+//! `[0, 1]`. Jet colours, which the paper's metrics look at, are made of the prediction.
+
+use crate::device::Backend;
+use crate::interrupt;
+use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
+use crate::metrics::Prediction;
+use anyhow::{Context, Result, ensure};
+use corf::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Trainer, TrainingRays};
+use corf_scene::dataset::Dataset;
+use corf_scene::{Pinhole, Rigid3};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Time between checkpoints that nobody asked for.
+const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(30);
+/// Time between two reports of progress.
+const REPORT_INTERVAL: Duration = Duration::from_secs(2);
+/// File of a run folder with the field.
+const FIELD: &str = "nerf2";
+
+/// `nerf2` and `nerf2-corrected`.
+pub struct Nerf2 {
+    id: String,
+    config: Nerf2Config,
+    backend: Backend,
+    checkpoints: Option<Checkpoints>,
+}
+
+impl Nerf2 {
+    /// The row of that name; `overrides` are keys of [`Nerf2Config`].
+    ///
+    /// # Errors
+    /// A key that does not exist, or a value out of range.
+    pub fn new(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Self> {
+        let published = Nerf2Config::default();
+        let mut table = toml::Table::try_from(if id == "nerf2-corrected" { published.corrected() } else { published })?;
+        super::merge(&mut table, overrides.clone());
+        let parsed = table.try_into().map_err(anyhow::Error::from).and_then(|config: Nerf2Config| {
+            config.validate()?;
+            Ok(config)
+        });
+        let config = parsed.with_context(|| format!("in the configuration of {id}"))?;
+        Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None })
+    }
+}
+
+/// A trainer that holds these parameters.
+fn trainer(backend: &Backend, field: &Field) -> Result<Box<dyn Trainer>> {
+    match backend {
+        Backend::Cpu => Ok(Box::new(CpuTrainer::new(&field.config, field.transmitter_m, field.parameters.clone())?)),
+        #[cfg(feature = "gpu")]
+        Backend::Gpu { number, .. } => {
+            use corf::{device::gpu::GpuOptions, nerf2::GpuTrainer};
+            let options = GpuOptions { adapter: *number, software: true, ..GpuOptions::default() };
+            Ok(Box::new(GpuTrainer::new(&options, &field.config, field.transmitter_m, &field.parameters)?))
+        }
+    }
+}
+
+impl Method for Nerf2 {
+    fn id(&self) -> &str {
+        &self.id
+    }
+
+    fn config(&self) -> serde_json::Value {
+        serde_json::json!(self.config)
+    }
+
+    fn device(&self) -> String {
+        self.backend.name()
+    }
+
+    fn unit(&self) -> &'static str {
+        "steps"
+    }
+
+    fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {
+        self.checkpoints = Some(checkpoints);
+    }
+
+    fn reconstruct(
+        &self,
+        training: &TrainingSet<'_>,
+        seed: u64,
+        advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
+    ) -> Result<Box<dyn Predictor>> {
+        let (range, camera) = (training.db_range(), training.rf_camera());
+        let mut rays = TrainingRays::new(camera, seed);
+        for k in 0..training.len() {
+            let keyframe = training.keyframe(k)?;
+            rays.push(keyframe.world_from_camera, &keyframe.spectrum.map(|&s| range.scalar(s)))?;
+        }
+        let mut field = Field {
+            config: self.config,
+            // The same for all rays: where it is not known, any other constant does as well.
+            transmitter_m: training.transmitter_m().unwrap_or_default().map(|v| v as f32),
+            parameters: Model::new(&self.config).network.initial(seed),
+        };
+        let mut trainer = trainer(&self.backend, &field)?;
+        let mut keeper = Keeper { checkpoints: self.checkpoints.clone(), seed, at: Instant::now() };
+        let first = keeper.resume(trainer.as_mut())?;
+        let (schedule, total) = (self.config.schedule(), self.config.iterations);
+        let mut told = Instant::now();
+        for step in first..total {
+            let interrupted = |trainer: &mut dyn Trainer, error: anyhow::Error| {
+                // What could not be kept is done again.
+                let _ = keeper.keep(&field, trainer);
+                error
+            };
+            interrupt::check().map_err(|e| interrupted(trainer.as_mut(), e))?;
+            trainer.step(&rays.batch(&self.config, step as u64), schedule.at(step as u64))?;
+            let done = step + 1;
+            if done == total || told.elapsed() >= REPORT_INTERVAL {
+                told = Instant::now();
+                let loss = trainer.loss()?;
+                ensure!(
+                    loss.is_finite(),
+                    "{}: the mean squared error of step {done} is {loss}\n  help: the network has diverged; give a smaller rate",
+                    self.id
+                );
+                advance(Advance::of(done, total)).map_err(|e| interrupted(trainer.as_mut(), e))?;
+            }
+            if keeper.is_due(done) && done < total {
+                keeper.keep(&field, trainer.as_mut())?;
+                keeper.at = Instant::now();
+            }
+        }
+        field.parameters = trainer.state()?.parameters;
+        Ok(Box::new(Nerf2Field { field, camera, backend: self.backend.clone(), trainer: Some(trainer) }))
+    }
+}
+
+/// Keeps checkpoints, if any are wanted.
+struct Keeper {
+    checkpoints: Option<Checkpoints>,
+    seed: u64,
+    /// When the last one was kept, or the work began.
+    at: Instant,
+}
+
+impl Keeper {
+    fn tag(&self, checkpoints: &Checkpoints) -> String {
+        format!("{} seed {}", checkpoints.tag, self.seed)
+    }
+
+    /// Goes on from the checkpoint, if there is one; says how many steps it has behind it.
+    fn resume(&self, trainer: &mut dyn Trainer) -> Result<usize> {
+        let Some(c) = self.checkpoints.as_ref().filter(|c| c.resume && c.path.exists()) else { return Ok(0) };
+        let state = Field::read_state(&c.path, &self.tag(c))?;
+        trainer.restore(&state)?;
+        Ok(usize::try_from(state.steps)?)
+    }
+
+    fn is_due(&self, done: usize) -> bool {
+        match self.checkpoints.as_ref().map(|c| c.every) {
+            None | Some(Some(0)) => false,
+            Some(Some(every)) => done.is_multiple_of(every),
+            Some(None) => self.at.elapsed() >= CHECKPOINT_INTERVAL,
+        }
+    }
+
+    fn keep(&self, field: &Field, trainer: &mut dyn Trainer) -> Result<()> {
+        let Some(c) = self.checkpoints.as_ref().filter(|c| c.every != Some(0)) else { return Ok(()) };
+        field.write_state(&c.path, &self.tag(c), &trainer.state()?).context("while keeping a checkpoint")
+    }
+}
+
+/// A trained field.
+pub struct Nerf2Field {
+    field: Field,
+    camera: Pinhole,
+    backend: Backend,
+    /// Made when it is first needed.
+    trainer: Option<Box<dyn Trainer>>,
+}
+
+impl Nerf2Field {
+    /// Reads the field of a run folder.
+    ///
+    /// # Errors
+    /// A missing or damaged file.
+    pub fn load(run: &Path, dataset: &Dataset, backend: &Backend) -> Result<Self> {
+        let field = Field::read(&run.join(FIELD))?;
+        Ok(Self { field, camera: dataset.rf_camera(), backend: backend.clone(), trainer: None })
+    }
+}
+
+impl Predictor for Nerf2Field {
+    fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
+        let mut trainer = match self.trainer.take() {
+            Some(trainer) => trainer,
+            None => trainer(&self.backend, &self.field)?,
+        };
+        let amplitudes = self.field.render(trainer.as_mut(), &self.camera, world_from_camera)?;
+        self.trainer = Some(trainer);
+        ensure!(
+            amplitudes.pixels().iter().all(|v| v.is_finite()),
+            "a pixel of the prediction is not a finite number\n  help: the network has diverged; train it with a smaller rate"
+        );
+        Ok(Prediction::from_scalar(None, amplitudes.map(|v| v.clamp(0.0, 1.0))))
+    }
+
+    fn save(&self, run: &Path) -> Result<()> {
+        Ok(self.field.write(&run.join(FIELD))?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_two_rows_differ_in_what_is_corrected_and_yield_to_overrides() {
+        let config = |id: &str, text: &str| Nerf2::new(id, &text.parse().unwrap(), &Backend::Cpu).unwrap().config;
+        let (published, corrected) = (config("nerf2", ""), config("nerf2-corrected", ""));
+        assert_eq!((published, corrected), (Nerf2Config::default(), Nerf2Config::default().corrected()));
+        let small = config("nerf2-corrected", "width = 32\niterations = 5");
+        assert_eq!(small, Nerf2Config { width: 32, iterations: 5, ..corrected });
+        for wrong in ["widht = 32", "width = 0", "rate = -1.0", "samples = 1"] {
+            let error = Nerf2::new("nerf2", &wrong.parse().unwrap(), &Backend::Cpu).err().unwrap();
+            assert!(format!("{error:#}").contains("in the configuration of nerf2"), "{error:#}");
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! NeRF² (Zhao et al. 2023), the implicit baseline: one network says for every point how it attenuates a wave and turns its phase, and what it
+//! sends into a direction; a pixel of the spectrum is the magnitude of the complex sum along its ray.
+//!
+//! [`Model`] is the network, [`rendering`] the sum and its gradient, [`TrainingRays`] what it is trained on, and a [`Trainer`] does the
+//! arithmetic: [`CpuTrainer`], or `GpuTrainer` with the feature `gpu`. Positions are in metres in the world frame, as in the published code.
+
+mod config;
+mod cpu;
+#[cfg(feature = "gpu")]
+mod gpu;
+#[cfg(all(test, feature = "gpu"))]
+mod gpu_tests;
+mod model;
+mod rays;
+pub mod rendering;
+#[cfg(test)]
+mod tests;
+mod trainer;
+
+pub use config::Nerf2Config;
+pub use cpu::CpuTrainer;
+#[cfg(feature = "gpu")]
+pub use gpu::GpuTrainer;
+pub use model::Model;
+pub use rays::{Batch, Ray, TrainingRays};
+pub use trainer::{Field, Trainer};

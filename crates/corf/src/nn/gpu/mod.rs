@@ -1,0 +1,257 @@
+//! Networks on a GPU: the passes of [`Network`] as WGSL kernels over all rows of a batch at once.
+//!
+//! Arrays are rows of vectors of four numbers; widths are filled up to multiples of four with zeros, which stay zero. Every dispatch and its
+//! bindings are made once, for a fixed number of rows.
+
+mod gemm;
+mod layout;
+mod measure;
+mod plan;
+#[cfg(test)]
+mod tests;
+
+use super::network::{Activation, Network, Source};
+use super::{Adam, Trained};
+use crate::device::gpu::context::Context;
+use crate::device::gpu::kernel::{Bound, Kernel};
+use crate::{Error, Result};
+use gemm::{Product, Tile};
+use layout::Layout;
+use std::collections::HashMap;
+
+pub use measure::{ProductTime, measure_products};
+
+/// Bytes from one kernel's constants to the next.
+pub(crate) const CONSTANTS: u64 = 256;
+/// Numbers of a vector.
+pub(crate) const LANES: usize = 4;
+
+/// The number that shaders know an activation by.
+fn activation_number(activation: Activation) -> u32 {
+    match activation {
+        Activation::Identity => 0,
+        Activation::Relu => 1,
+        Activation::LeakyRelu => 2,
+        Activation::Sigmoid => 3,
+    }
+}
+
+/// A kernel bound to its buffers and constants.
+pub(crate) struct Dispatch {
+    pub bound: Bound,
+    pub constants: u32,
+    pub groups: u32,
+}
+
+impl Dispatch {
+    pub fn run(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.bound.run(pass, self.constants, self.groups);
+    }
+}
+
+/// Kernels of products, each compiled once.
+#[derive(Default)]
+struct Products(HashMap<(Product, Tile), Kernel>);
+
+impl Products {
+    fn get(&mut self, context: &Context, product: Product, tile: Tile) -> Result<&Kernel> {
+        use std::collections::hash_map::Entry;
+        match self.0.entry((product, tile)) {
+            Entry::Occupied(found) => Ok(found.into_mut()),
+            Entry::Vacant(place) => Ok(place.insert(Kernel::new(context, product.name(), &gemm::source(product, tile))?)),
+        }
+    }
+}
+
+/// A network with its parameters, optimiser and working memory on a GPU.
+pub(crate) struct GpuNetwork {
+    layout: Layout,
+    rows: usize,
+    /// What the network reads, to be written by others: `rows` rows of [`GpuNetwork::stride`] vectors.
+    pub inputs: Vec<wgpu::Buffer>,
+    /// Outputs of every layer.
+    values: Vec<wgpu::Buffer>,
+    /// Gradients in every layer's outputs before its activation; those of heads are to be written by others.
+    gradients: Vec<wgpu::Buffer>,
+    parameters: wgpu::Buffer,
+    moments: [wgpu::Buffer; 2],
+    gradient: wgpu::Buffer,
+    adam: Dispatch,
+    adam_constants: wgpu::Buffer,
+    forward: Vec<Dispatch>,
+    backward: Vec<Dispatch>,
+    optimizer: Adam,
+    steps: u64,
+}
+
+/// Constants of `adam.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct AdamConstants {
+    count: u32,
+    rate: f32,
+    root: f32,
+    beta1: f32,
+    beta2: f32,
+    epsilon: f32,
+    decay: f32,
+    padding: u32,
+}
+
+/// Vectors of a row of so many numbers.
+pub(crate) fn vectors(width: usize) -> usize {
+    width.div_ceil(LANES)
+}
+
+impl GpuNetwork {
+    /// A network over `rows` rows, with parameters in the order of [`Network`].
+    ///
+    /// # Errors
+    /// An adapter without memory; layers that this is not written for: a sigmoid of a width that has to be filled up in the middle of a network,
+    /// or a head with an activation.
+    pub fn new(context: &Context, network: &Network, parameters: &[f32], optimizer: Adam, rows: usize) -> Result<Self> {
+        check(network)?;
+        let layout = Layout::new(network);
+        let rows_of = |label: &str, width: usize| context.storage(label, (16 * rows * vectors(width)) as u64);
+        let inputs = network.inputs().iter().map(|w| rows_of("network inputs", *w)).collect::<Result<Vec<_>>>()?;
+        let widths = || network.layers().iter().map(|l| l.outputs);
+        let values = widths().map(|w| rows_of("layer outputs", w)).collect::<Result<Vec<_>>>()?;
+        let gradients = widths().map(|w| rows_of("layer gradients", w)).collect::<Result<Vec<_>>>()?;
+        let array = |label: &str| context.storage(label, (16 * layout.len()) as u64);
+        let (stored, gradient) = (array("network parameters")?, array("network gradient")?);
+        let moments = [array("first moments")?, array("second moments")?];
+        let adam_kernel = Kernel::new(context, "network adam", include_str!("shaders/adam.wgsl"))?;
+        let adam_constants = context.buffer("adam constants", CONSTANTS, wgpu::BufferUsages::UNIFORM)?;
+        let buffers = [&adam_constants, &gradient, &stored, &moments[0], &moments[1]];
+        let bound = adam_kernel.bind(context, size_of::<AdamConstants>() as u64, &buffers)?;
+        let adam = Dispatch { bound, constants: 0, groups: layout.len().div_ceil(64) as u32 };
+        let buffers =
+            plan::Buffers { inputs: &inputs, values: &values, gradients: &gradients, parameters: &stored, gradient: &gradient };
+        let (forward, backward) = plan::dispatches(context, network, &layout, rows, &buffers)?;
+        let mut made = Self {
+            rows,
+            inputs,
+            values,
+            gradients,
+            parameters: stored,
+            moments,
+            gradient,
+            adam,
+            adam_constants,
+            forward,
+            backward,
+            optimizer,
+            steps: 0,
+            layout,
+        };
+        made.restore(context, &Trained::new(parameters.to_vec()))?;
+        Ok(made)
+    }
+
+    /// Rows of a batch.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Outputs of a layer.
+    pub fn values(&self, layer: Source) -> &wgpu::Buffer {
+        &self.values[number(layer)]
+    }
+
+    /// Where the gradient in a head's outputs goes.
+    pub fn head_gradient(&self, head: Source) -> &wgpu::Buffer {
+        &self.gradients[number(head)]
+    }
+
+    /// Sets the gradient in the parameters to zero.
+    pub fn clear_gradient(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.clear_buffer(&self.gradient, 0, None);
+    }
+
+    /// Values of all layers from the inputs.
+    pub fn forward(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.forward.iter().for_each(|d| d.run(pass));
+    }
+
+    /// Adds the gradient in all parameters, from those in the heads' outputs.
+    pub fn backward(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.backward.iter().for_each(|d| d.run(pass));
+    }
+
+    /// Takes a step with the gradient; [`Self::begin_step`] says how long it is.
+    pub fn adam(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.adam.run(pass);
+    }
+
+    /// Sets the constants of the next step, before it is submitted.
+    pub fn begin_step(&mut self, context: &Context, rate: f64) {
+        self.steps += 1;
+        let Adam { beta1, beta2, epsilon, weight_decay } = self.optimizer;
+        let [rate, root] = self.optimizer.factors(self.steps, rate).map(|v| v as f32);
+        let constants = AdamConstants {
+            count: self.layout.len() as u32,
+            rate,
+            root,
+            beta1: beta1 as f32,
+            beta2: beta2 as f32,
+            epsilon: epsilon as f32,
+            decay: weight_decay as f32,
+            padding: 0,
+        };
+        context.queue.write_buffer(&self.adam_constants, 0, bytemuck::bytes_of(&constants));
+    }
+
+    /// Parameters and optimiser.
+    pub fn state(&self, context: &Context) -> Result<Trained<f32>> {
+        let count = LANES * self.layout.len();
+        let [first, second] = &self.moments;
+        let read =
+            context.read::<f32>("reading the network back", &[(&self.parameters, count), (first, count), (second, count)])?;
+        let mut arrays = read.iter().map(|a| self.layout.packed(a));
+        let mut next = || arrays.next().unwrap_or_default();
+        Ok(Trained { parameters: next(), moments: [next(), next()], steps: self.steps })
+    }
+
+    /// The gradient that is added up, in the order of [`Network`].
+    #[cfg(test)]
+    pub fn gradient(&self, context: &Context) -> Result<Vec<f32>> {
+        let read = context.read::<f32>("reading the gradient back", &[(&self.gradient, LANES * self.layout.len())])?;
+        Ok(self.layout.packed(&read[0]))
+    }
+
+    /// Holds a state of this network.
+    pub fn restore(&mut self, context: &Context, state: &Trained<f32>) -> Result<()> {
+        let [first, second] = &self.moments;
+        let [m, v] = &state.moments;
+        for (buffer, array) in [(&self.parameters, &state.parameters), (first, m), (second, v)] {
+            context.fill(buffer, 0, &self.layout.padded(array));
+        }
+        self.steps = state.steps;
+        context.check("holding a network")
+    }
+}
+
+fn number(layer: Source) -> usize {
+    match layer {
+        Source::Layer(l) => l,
+        Source::Input(_) => panic!("an input is no layer"),
+    }
+}
+
+/// Refuses what the kernels are not written for.
+fn check(network: &Network) -> Result<()> {
+    let read = |l: usize| network.layers().iter().any(|other| other.sources.contains(&Source::Layer(l)));
+    for (l, layer) in network.layers().iter().enumerate() {
+        let inside = read(l);
+        let filled_up = layer.activation == Activation::Sigmoid && !layer.outputs.is_multiple_of(LANES);
+        if (inside && filled_up) || (!inside && layer.activation != Activation::Identity) {
+            let what = format!("layer {l} with {} outputs and {:?}", layer.outputs, layer.activation);
+            return Err(Error::invalid(
+                "gpu network",
+                what,
+                "use widths that are multiples of 4 and heads without an activation",
+            ));
+        }
+    }
+    Ok(())
+}

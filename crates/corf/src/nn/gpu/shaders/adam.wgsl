@@ -1,0 +1,31 @@
+// A step of Adam with weight decay.
+struct Adam {
+    count: u32,
+    // The rate over 1 − β₁ᵗ, and 1/√(1 − β₂ᵗ).
+    rate: f32,
+    root: f32,
+    beta1: f32,
+    beta2: f32,
+    epsilon: f32,
+    decay: f32,
+    padding: u32,
+}
+
+@group(0) @binding(0) var<uniform> adam: Adam;
+@group(0) @binding(1) var<storage, read> gradient: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read_write> parameters: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> first: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> second: array<vec4<f32>>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t: u32) {
+    let i = 64u * (id.y * 32768u + id.x) + t;
+    if (i >= adam.count) { return; }
+    let p = parameters[i];
+    let g = gradient[i] + adam.decay * p;
+    let m = adam.beta1 * first[i] + (1.0 - adam.beta1) * g;
+    let v = adam.beta2 * second[i] + (1.0 - adam.beta2) * g * g;
+    first[i] = m;
+    second[i] = v;
+    parameters[i] = p - adam.rate * m / (sqrt(v) * adam.root + adam.epsilon);
+}

@@ -1,0 +1,153 @@
+//! Networks on a GPU against the same in double precision on the processor.
+
+#![allow(clippy::unwrap_used)]
+
+use super::*;
+use crate::device::gpu::testing::{OPTIONS, context};
+use corf_scene::Rng;
+
+/// Parts of weight gradients: five, one more than are added up at once and short.
+const ROWS: usize = 4 * 1024 + 90;
+
+/// Every tile and activation, a skip, branches, widths that are no multiples of four.
+fn network() -> (Network, [Source; 2]) {
+    let mut n = Network::new(&[63, 5]);
+    let a = n.add(&[Source::Input(0)], 130, Activation::Relu);
+    let b = n.add(&[Source::Input(0), a], 135, Activation::LeakyRelu);
+    let c = n.add(&[b], 24, Activation::Sigmoid);
+    let first = n.add(&[b, c], 2, Activation::Identity);
+    let d = n.add(&[c, Source::Input(1)], 67, Activation::Identity);
+    let second = n.add(&[d], 9, Activation::Identity);
+    (n, [first, second])
+}
+
+fn drawn(count: usize, seed: u64) -> Vec<f32> {
+    let mut rng = Rng::keyed(seed, 0, 0);
+    (0..count).map(|_| rng.normal() as f32).collect()
+}
+
+/// Rows of numbers, filled up with zeros.
+fn filled_up(values: &[f32], width: usize) -> Vec<f32> {
+    let row = |row: &[f32]| row.iter().copied().chain(std::iter::repeat(0.0)).take(LANES * vectors(width)).collect::<Vec<_>>();
+    values.chunks_exact(width).flat_map(row).collect()
+}
+
+fn widened(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|v| f64::from(*v)).collect()
+}
+
+/// Largest difference as a share of the largest number.
+fn error(found: &[f32], expected: &[f64]) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let largest = expected.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    let error = found.iter().zip(expected).fold(0.0, |m: f64, (a, b)| {
+        let difference = (f64::from(*a) - b).abs();
+        assert!(difference.is_finite(), "{a} {b}");
+        m.max(difference)
+    });
+    error / largest
+}
+
+struct Passed {
+    values: [Vec<f32>; 2],
+    gradient: Vec<f32>,
+    after: Trained<f32>,
+}
+
+const RATE: f64 = 1e-2;
+
+/// Forward, backward twice over the same rows, a step.
+fn on_gpu(context: &Context, parameters: &[f32], inputs: &[Vec<f32>], heads: &[Vec<f32>; 2]) -> Passed {
+    let (network, names) = network();
+    let mut gpu = GpuNetwork::new(context, &network, parameters, Adam::with_decay(1e-3), ROWS).unwrap();
+    for ((buffer, values), width) in gpu.inputs.iter().zip(inputs).zip(network.inputs()) {
+        context.fill(buffer, 0, &filled_up(values, *width));
+    }
+    for (head, values) in names.iter().zip(heads) {
+        context.fill(gpu.head_gradient(*head), 0, &filled_up(values, network.width(*head)));
+    }
+    gpu.begin_step(context, RATE);
+    let mut encoder = context.encoder();
+    gpu.clear_gradient(&mut encoder);
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        gpu.forward(&mut pass);
+        gpu.backward(&mut pass);
+        gpu.forward(&mut pass);
+        gpu.backward(&mut pass);
+        gpu.adam(&mut pass);
+    }
+    context.submit(encoder);
+    let values = names.map(|head| {
+        let (width, vectors) = (network.width(head), vectors(network.width(head)));
+        let read = context.read::<f32>("test", &[(gpu.values(head), LANES * vectors * ROWS)]).unwrap();
+        read[0].chunks_exact(LANES * vectors).flat_map(|row| row[..width].to_vec()).collect()
+    });
+    Passed { values, gradient: gpu.gradient(context).unwrap(), after: gpu.state(context).unwrap() }
+}
+
+#[test]
+fn passes_and_steps_are_those_of_the_processor() {
+    let Some(context) = context(&OPTIONS) else { return };
+    let (network, names) = network();
+    let parameters: Vec<f32> = network.initial(3);
+    let inputs: Vec<Vec<f32>> = network.inputs().iter().enumerate().map(|(i, w)| drawn(w * ROWS, i as u64)).collect();
+    let heads = names.map(|h| drawn(network.width(h) * ROWS, 10 + network.width(h) as u64));
+    let gpu = on_gpu(&context, &parameters, &inputs, &heads);
+
+    let exact: Vec<Vec<f64>> = inputs.iter().map(|i| widened(i)).collect();
+    let exact: Vec<&[f64]> = exact.iter().map(Vec::as_slice).collect();
+    let wide = widened(&parameters);
+    let tape = network.forward(&wide, &exact, ROWS);
+    let mut gradient = vec![0.0; network.parameters()];
+    for _ in 0..2 {
+        network.backward(&wide, &exact, &tape, names.into_iter().zip(heads.iter().map(|h| widened(h))), &mut gradient);
+    }
+    // A number is a sum of at most some 4000 products whose roundings (6e-8) mostly cancel.
+    const TOLERANCE: f64 = 5e-6;
+    for (head, values) in names.iter().zip(&gpu.values) {
+        let e = error(values, tape.of(*head));
+        assert!(e < TOLERANCE, "{head:?}: {e:e}");
+    }
+    for (l, layer) in network.layers().iter().enumerate() {
+        for (name, range) in [("weights", layer.weights()), ("biases", layer.bias())] {
+            let e = error(&gpu.gradient[range.clone()], &gradient[range]);
+            assert!(e < TOLERANCE, "{name} of layer {l}: {e:e}");
+        }
+    }
+    let mut trained = Trained::new(wide);
+    // With the GPU's gradient: a first step is its sign, whatever its size.
+    Adam::with_decay(1e-3).step(&mut trained, &widened(&gpu.gradient), RATE);
+    assert_eq!(gpu.after.steps, 1);
+    assert!(error(&gpu.after.parameters, &trained.parameters) < 1e-6);
+    for (found, expected) in gpu.after.moments.iter().zip(&trained.moments) {
+        assert!(error(found, expected) < 1e-6);
+    }
+
+    let again = on_gpu(&context, &parameters, &inputs, &heads);
+    assert!(again.gradient == gpu.gradient && again.after == gpu.after, "the same bytes each time");
+}
+
+#[test]
+fn a_restored_network_is_the_one_that_was_read() {
+    let Some(context) = context(&OPTIONS) else { return };
+    let (network, _) = network();
+    let count = network.parameters();
+    let state = Trained { parameters: drawn(count, 1), moments: [drawn(count, 2), drawn(count, 3)], steps: 7 };
+    let mut gpu = GpuNetwork::new(&context, &network, &drawn(count, 4), Adam::with_decay(0.0), 8).unwrap();
+    gpu.restore(&context, &state).unwrap();
+    assert!(gpu.state(&context).unwrap() == state);
+}
+
+#[test]
+fn what_the_kernels_are_not_written_for_is_refused() {
+    let mut head = Network::new(&[4]);
+    head.add(&[Source::Input(0)], 4, Activation::Relu);
+    let mut inside = Network::new(&[4]);
+    let x = inside.add(&[Source::Input(0)], 5, Activation::Sigmoid);
+    inside.add(&[x], 4, Activation::Identity);
+    for network in [head, inside] {
+        assert!(check(&network).unwrap_err().to_string().contains("multiples of 4"));
+    }
+    check(&network().0).unwrap();
+}

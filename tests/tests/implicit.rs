@@ -1,0 +1,91 @@
+//! The implicit baselines as a user runs them: trained, evaluated, rendered, compared, interrupted and resumed.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+use common::*;
+use std::fs;
+use std::time::{Duration, Instant};
+
+/// A network that trains in a second.
+const TINY: [&str; 10] =
+    ["--set", "rays=64", "--set", "samples=8", "--set", "width=16", "--set", "frequencies=4", "--set", "iterations=40"];
+
+#[test]
+fn a_field_of_spectra_alone_goes_the_whole_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let (dataset, run) = (text(tiny_dataset()), folder.path().join("run"));
+    let common = ["reconstruct", dataset, "--method", "nerf2-corrected", "--device", "cpu"];
+    corf_ok(&[&common[..], &TINY, &["--out", text(&run)]].concat());
+    let metrics: serde_json::Value = serde_json::from_str(&corf_ok(&["evaluate", text(&run), "--json"])).unwrap();
+    let means = metrics["means"].as_object().unwrap();
+    assert!(means["psnr_rf_jet"].as_f64().unwrap() > 5.0 && means["rmse_db"].as_f64().unwrap() > 0.0);
+    assert!(!means.contains_key("psnr_opt") && !means.contains_key("ssim_opt"), "it predicts no image");
+
+    let views = folder.path().join("views");
+    let poses = tiny_dataset().join("trajectory.json");
+    let arguments = ["render", text(&run), "--poses", text(&poses), "--out", text(&views), "--device", "cpu"];
+    corf_ok(&arguments);
+    assert!(views.join("jet/00010.png").exists() && views.join("db/00010.exr").exists());
+    assert!(!views.join("images/00010.png").exists() && !views.join("depth/00010.exr").exists());
+    let written = || fs::metadata(views.join("db/00010.exr")).unwrap().modified().unwrap();
+    let before = written();
+    corf_ok(&[&arguments[..], &["--resume"]].concat());
+    assert_eq!(written(), before, "a finished pose was rendered again");
+
+    let plan = folder.path().join("plan.toml");
+    let settings = "rays = 64\nsamples = 8\nwidth = 16\nfrequencies = 4\niterations = 20\n";
+    let rows = format!(
+        "[[row]]\nlabel = \"nearest\"\nmethod = \"nearest\"\n[[row]]\nlabel = \"implicit\"\nmethod = \"nerf2\"\n[row.config]\n{settings}"
+    );
+    fs::write(&plan, format!("name = \"t\"\ndataset = {dataset:?}\nseeds = [1, 2]\n{rows}")).unwrap();
+    let out = folder.path().join("bench");
+    corf_ok(&["bench", "run", text(&plan), "--out", text(&out), "--device", "cpu"]);
+    let table = fs::read_to_string(out.join("table.md")).unwrap();
+    let line = table.lines().find(|l| l.starts_with("| implicit")).unwrap();
+    assert!(line.starts_with("| implicit | – | – | "), "{line}");
+    let report = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(report.contains("spectrum, predicted"), "the report shows what there is");
+}
+
+#[test]
+fn an_interrupted_training_resumes_to_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
+    let common = ["reconstruct", text(tiny_dataset()), "--method", "nerf2", "--device", "cpu", "--checkpoint-every", "5"];
+    // Long enough to be caught in the middle.
+    let common = [&common[..], &TINY, &["--set", "iterations=1500"]].concat();
+    corf_ok(&[&common[..], &["--out", text(&whole)]].concat());
+    assert!(!whole.join("checkpoint").exists(), "a finished run needs none");
+    let arguments = [&common[..], &["--out", text(&broken)]].concat();
+    let mut child = start(&arguments);
+    let begin = Instant::now();
+    while !broken.join("checkpoint").exists() {
+        assert!(begin.elapsed() < Duration::from_secs(60), "no checkpoint came");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!broken.join("run.json").exists(), "an unfinished run must not look finished");
+    corf_refuses(&[&arguments[..], &["--resume", "--set", "rate=1e-3"]].concat(), &["checkpoint", "configuration"]);
+    corf_refuses(&[&arguments[..], &["--resume", "--seed", "2"]].concat(), &["checkpoint", "configuration"]);
+    corf_ok(&[&arguments[..], &["--resume"]].concat());
+    assert!(fs::read(whole.join("nerf2")).unwrap() == fs::read(broken.join("nerf2")).unwrap());
+}
+
+#[test]
+fn what_cannot_be_is_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    for (setting, words) in [
+        ("samples=1", ["samples", "2 to 4096"]),
+        ("width=100000", ["width", "4096"]),
+        ("skip=8", ["skip", "layers"]),
+        ("far_m=-1.0", ["far_m", "near_m"]),
+        ("widht=8", ["widht", "nerf2"]),
+    ] {
+        let arguments = ["reconstruct", text(tiny_dataset()), "--method", "nerf2", "--out", text(&out), "--set", setting];
+        corf_refuses(&arguments, &words);
+        assert!(!out.exists(), "{setting}");
+    }
+}
