@@ -226,7 +226,7 @@ fn what_is_wrong_with_a_folder_is_said_with_the_file_and_what_to_do() {
     fs::rename(mixed.path().join("scalar"), mixed.path().join("jet")).unwrap();
     refused(mixed.path(), &["00001.png", "is grey", "scalar/"]);
     // Flags that mean nothing together.
-    corf_refuses(&["evaluate"], &["RUN", "--predictions"]);
+    corf_refuses(&["evaluate"], &["nothing to evaluate", "--predictions"]);
     corf_refuses(&["evaluate", "--predictions", text(folder.path())], &["--dataset"]);
     corf_refuses(&[&arguments(folder.path())[..], &["--device", "cpu"]].concat(), &["--device"]);
     corf_refuses(&[&arguments(folder.path())[..], &["--columns", "psnr"]].concat(), &["psnr", "psnr_opt"]);

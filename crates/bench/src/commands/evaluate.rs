@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 #[derive(Args)]
 pub struct Evaluate {
     /// Run folder of `corf reconstruct`.
-    #[arg(required_unless_present = "predictions", conflicts_with = "predictions")]
+    #[arg(conflicts_with = "predictions")]
     run: Option<PathBuf>,
     /// Instead of a run, a folder of predictions that any program wrote: images/*.png, and linear/*.exr or *.npy, scalar/*.png or jet/*.png, one
     /// file for every held-out keyframe (docs/METHODOLOGY.md has the layout).

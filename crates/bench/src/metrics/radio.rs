@@ -189,7 +189,7 @@ mod tests {
     /// Equal powers in the pixels of image row 32 whose columns are given.
     fn paths(columns: &[usize]) -> Raster<f32> {
         let camera = camera();
-        let power = |x: usize, y: usize| (1e-9 / camera.pixel_solid_angle_sr(x, y)) as f32;
+        let power = |x: usize, y: usize| (1e-10 / camera.pixel_solid_angle_sr(x, y)) as f32;
         Raster::from_fn(96, 64, |x, y| if y == 32 && columns.contains(&x) { power(x, y) } else { 0.0 })
     }
 
@@ -217,13 +217,13 @@ mod tests {
         let two = paths(&[27, 68]);
         assert!((total(&paths(&[27]), &two) - 10.0 * 2f64.log10()).abs() < 1e-4);
         assert!(total(&paths(&[10, 80]), &two) < 1e-4, "where power is does not matter to how much it is");
-        // 1 e-4 /sr is over the range's upper end of −60 dB: the best that can be predicted is 20 dB less.
+        // 1e-4 /sr is over the range's upper end of −60 dB: the best that can be predicted is 20 dB less.
         let strong = two.map(|&s| if s > 0.0 { 1e-4 } else { 0.0 });
         assert!((total(&strong, &strong) - 20.0).abs() < 1e-4);
         // What is observed under the floor counts as observed, and can only be predicted as nothing.
         let with_floor = two.map(|&s| if s > 0.0 { s } else { 0.9e-12 });
         let image_sr: f64 = (0..96 * 64).map(|i| camera.pixel_solid_angle_sr(i % 96, i / 96)).sum();
-        let expected = 10.0 * (1.0 + 0.9e-12 * image_sr / 2e-9).log10();
+        let expected = 10.0 * (1.0 + 0.9e-12 * image_sr / 2e-10).log10();
         assert!((total(&with_floor, &with_floor) - expected).abs() < 1e-4, "{expected}");
     }
 

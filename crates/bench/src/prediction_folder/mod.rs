@@ -54,7 +54,7 @@ impl Kind {
 #[derive(Clone, Debug)]
 pub struct PredictionFolder {
     dir: PathBuf,
-    statement: Statement,
+    statement: Box<Statement>,
     images: Option<Files>,
     spectra: Option<(Kind, Files)>,
     jet: Option<Files>,
@@ -122,7 +122,7 @@ impl PredictionFolder {
         );
         let read: Vec<&Files> = [&images, &jet].into_iter().flatten().chain(spectra.iter().map(|(_, files)| files)).collect();
         let sha256 = files::hash(dir, &place, &read)?;
-        Ok(Self { dir: dir.to_path_buf(), statement, images, spectra, jet, sha256 })
+        Ok(Self { dir: dir.to_path_buf(), statement: Box::new(statement), images, spectra, jet, sha256 })
     }
 
     /// What the maker of a folder says; nothing where there is no `predictions.json`.
