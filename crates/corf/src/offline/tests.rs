@@ -52,10 +52,11 @@ fn quality(r: &mut OfflineReconstructor) -> [f64; 2] {
     let truth = keyframe(4);
     let meta = r.meta;
     let seen = meta.render(r.device.as_mut(), truth.world_from_camera).unwrap();
-    let image: Vec<f32> = seen.image.pixels().iter().flatten().copied().collect();
-    let target: Vec<f32> = truth.image.pixels().iter().flatten().map(|v| f32::from(*v) / 255.0).collect();
+    let planes = |pixels: Vec<f32>| Planes { width: seen.image.width(), height: seen.image.height(), channels: 3, pixels };
+    let image = planes(seen.image.pixels().as_flattened().to_vec());
+    let target = planes(truth.image.pixels().as_flattened().iter().map(|v| f32::from(*v) / 255.0).collect());
     let jet = meta.rf_target.encode(&truth.spectrum, &meta.db_range);
-    [psnr_8bit(&image, &target), psnr_8bit(&seen.rf.pixels, &jet.pixels)]
+    [psnr_8bit(&image, &target), psnr_8bit(&seen.rf, &jet)]
 }
 
 #[test]
