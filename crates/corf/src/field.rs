@@ -57,7 +57,7 @@ pub struct Prediction {
 
 impl FieldMeta {
     /// # Errors
-    /// A camera without pixels or focal length, or an empty dB range.
+    /// A camera without pixels or focal length, an empty dB range, or a background that is no colour.
     pub fn validate(&self) -> Result<()> {
         for (name, c) in [("optical_camera", &self.optical_camera), ("rf_camera", &self.rf_camera)] {
             let focal = |f: f64| f.is_finite() && f > 0.0;
@@ -69,6 +69,9 @@ impl FieldMeta {
         let DbRange { min_db, max_db } = self.db_range;
         if !(min_db.is_finite() && max_db.is_finite() && min_db < max_db) {
             return Err(Error::invalid("db_range", format!("{min_db} to {max_db} dB is empty"), "give min_db < max_db, finite"));
+        }
+        if let Some(color) = self.rf_background.filter(|c| c.iter().any(|v| !(0.0..=1.0).contains(v))) {
+            return Err(Error::invalid("rf_background", format!("{color:?} is no colour"), "give three numbers from 0 to 1"));
         }
         Ok(())
     }
