@@ -30,7 +30,7 @@ pub struct Network {
     /// Peak of the device in f32, TFLOP/s (default: an H100 SXM's 66.9).
     #[arg(long, default_value_t = 66.9)]
     tflops: f64,
-    /// Where it runs: auto, cpu, gpu, or gpu:N for the N-th adapter. Products alone are measured on a GPU only.
+    /// Device it runs on: auto, cpu, gpu, or gpu:N for the N-th adapter. Products alone are measured on a GPU only.
     #[arg(long, default_value_t)]
     device: DeviceChoice,
 }

@@ -137,7 +137,7 @@ impl Method for Nerf2 {
 struct Keeper {
     checkpoints: Option<Checkpoints>,
     seed: u64,
-    /// When the last one was kept, or the work began.
+    /// Time at which the last one was kept, or the work began.
     at: Instant,
 }
 

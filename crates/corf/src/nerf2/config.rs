@@ -22,9 +22,9 @@ pub struct Nerf2Config {
     pub skip: usize,
     /// Frequencies of the encodings of position, direction and transmitter.
     pub frequencies: usize,
-    /// Where rays begin, metres from the receiver (published: 0).
+    /// Beginning of rays, metres from the receiver (published: 0).
     pub near_m: f32,
-    /// Where rays end, metres from the receiver (published: 5, which does not reach the walls of a hall).
+    /// End of rays, metres from the receiver (published: 5, which does not reach the walls of a hall).
     pub far_m: f32,
     /// Adam's rate at the beginning.
     pub rate: f64,

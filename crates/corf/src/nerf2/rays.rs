@@ -119,7 +119,7 @@ pub(super) fn distances(config: &Nerf2Config, rays: usize, mut within: impl FnMu
     (0..rays).flat_map(|_| (0..config.samples).map(&mut distance).collect::<Vec<_>>()).collect()
 }
 
-/// Where the order of an epoch has place `place` of `count`: a Feistel network of four rounds over the least power of four that holds `count`,
+/// Element number `place` of an epoch's order of `count`: a Feistel network of four rounds over the least power of four that holds `count`,
 /// walked until it lands inside. Nothing has to be stored, and every step can be computed by itself.
 fn permuted(seed: u64, epoch: u64, place: u64, count: u64) -> u64 {
     let half = (u64::BITS - (count - 1).leading_zeros()).div_ceil(2).max(1);

@@ -18,7 +18,7 @@ pub const FREE_SPACE_M: f64 = 0.025;
 pub struct Outputs<'a, T> {
     /// Attenuation and phase per metre.
     pub attenuation: &'a [T],
-    /// What a sample sends.
+    /// Signal that a sample sends.
     pub signal: &'a [T],
 }
 

@@ -1,4 +1,4 @@
-//! What trains a field and predicts spectra, whatever it computes with; and the field on disk.
+//! Interface of what trains a field and predicts spectra, on either device; and the field on disk.
 
 use super::rays::{distances, view_rays};
 use super::{Batch, Model, Nerf2Config, Ray};

@@ -48,6 +48,11 @@ impl Adam {
         [rate / left(self.beta1), 1.0 / left(self.beta2).sqrt()]
     }
 
+    /// 1 − β₁ and 1 − β₂, which single precision would get wrong by 5e-5.
+    pub(crate) fn gains(&self) -> [f64; 2] {
+        [1.0 - self.beta1, 1.0 - self.beta2]
+    }
+
     /// Takes a step.
     ///
     /// # Panics
@@ -57,11 +62,12 @@ impl Adam {
         trained.steps += 1;
         let [rate, root] = self.factors(trained.steps, rate).map(T::of);
         let [beta1, beta2, epsilon, decay] = [self.beta1, self.beta2, self.epsilon, self.weight_decay].map(T::of);
+        let [gain1, gain2] = self.gains().map(T::of);
         let [first, second] = &mut trained.moments;
         for (((p, g), m), v) in trained.parameters.iter_mut().zip(gradient).zip(first).zip(second) {
             let g = *g + decay * *p;
-            *m = beta1 * *m + (T::ONE - beta1) * g;
-            *v = beta2 * *v + (T::ONE - beta2) * g * g;
+            *m = beta1 * *m + gain1 * g;
+            *v = beta2 * *v + gain2 * g * g;
             *p = *p - rate * *m / (v.sqrt() * root + epsilon);
         }
     }

@@ -100,7 +100,7 @@ impl Network {
         }
     }
 
-    /// What a source gives, as a matrix.
+    /// Rows of a source, as a matrix.
     fn rows_of<'a, T>(&self, source: Source, inputs: &[&'a [T]], tape: &'a Tape<T>) -> Matrix<'a, T> {
         let width = self.width(source);
         let values = match source {

@@ -17,7 +17,7 @@ const INNER: u32 = 16;
 /// Rows of a batch that one part of a weight gradient sums over.
 pub(super) const ROWS_A_PART: u32 = 1024;
 
-/// Which of a layer's three products.
+/// One of a layer's three products.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Product {
     /// Y = activation(X·Wᵀ + b).
@@ -114,7 +114,7 @@ impl Shape {
     }
 }
 
-/// How a panel is fetched: 4 × 4 blocks of it, each four vectors along the array's fast index.
+/// Functions that fetch a panel and keep it in workgroup memory, in 4 × 4 blocks, each four vectors along the array's fast index.
 fn fetch(out: &mut String, panel: char, extent: u32, bound: &str, along_inner: bool) {
     let (blocks, steps) = (extent / 4, INNER / 4);
     let (outer, inner) = if along_inner {
@@ -155,7 +155,7 @@ fn fetch(out: &mut String, panel: char, extent: u32, bound: &str, along_inner: b
     out.push_str("}\n");
 }
 
-/// What becomes of a vector of the result.
+/// Function that finishes a vector of the result and writes it.
 fn epilogue(product: Product) -> &'static str {
     match product {
         Product::Forward => include_str!("shaders/finish_forward.wgsl"),

@@ -1,4 +1,4 @@
-//! Where a network's parameters lie on a GPU: filled up so that every row, and every source's part of it, begins at a vector.
+//! Places of a network's parameters on a GPU: filled up so that every row, and every source's part of it, begins at a vector.
 
 use super::super::network::Network;
 use super::{LANES, vectors};
@@ -19,7 +19,7 @@ pub(super) struct Place {
 /// Places of all layers, and the way to them from the order of [`Network`].
 pub(super) struct Layout {
     pub layers: Vec<Place>,
-    /// Where each parameter goes.
+    /// Place of each parameter, counted in numbers.
     map: Vec<u32>,
     len: usize,
 }

@@ -1,4 +1,4 @@
-//! How fast the matrix products are.
+//! Timing of the matrix products.
 
 use super::gemm::{self, Product, Tile};
 use super::{CONSTANTS, Dispatch, plan, vectors};
@@ -11,7 +11,7 @@ use std::time::Instant;
 /// Time of one matrix product.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProductTime {
-    /// Which of a layer's products.
+    /// Name of the product.
     pub name: &'static str,
     /// Rows and columns of the tile that a workgroup computes.
     pub tile: [u32; 2],

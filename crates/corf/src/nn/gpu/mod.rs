@@ -67,7 +67,7 @@ impl Products {
 pub(crate) struct GpuNetwork {
     layout: Layout,
     rows: usize,
-    /// What the network reads, to be written by others: `rows` rows of [`GpuNetwork::stride`] vectors.
+    /// Inputs of the network, to be written by others: `rows` rows of vectors, filled up with zeros.
     pub inputs: Vec<wgpu::Buffer>,
     /// Outputs of every layer.
     values: Vec<wgpu::Buffer>,
@@ -93,9 +93,11 @@ struct AdamConstants {
     root: f32,
     beta1: f32,
     beta2: f32,
+    gain1: f32,
+    gain2: f32,
     epsilon: f32,
     decay: f32,
-    padding: u32,
+    padding: [u32; 3],
 }
 
 /// Vectors of a row of so many numbers.
@@ -158,7 +160,7 @@ impl GpuNetwork {
         &self.values[number(layer)]
     }
 
-    /// Where the gradient in a head's outputs goes.
+    /// Place for the gradient in a head's outputs, filled up with zeros.
     pub fn head_gradient(&self, head: Source) -> &wgpu::Buffer {
         &self.gradients[number(head)]
     }
@@ -188,15 +190,18 @@ impl GpuNetwork {
         self.steps += 1;
         let Adam { beta1, beta2, epsilon, weight_decay } = self.optimizer;
         let [rate, root] = self.optimizer.factors(self.steps, rate).map(|v| v as f32);
+        let [gain1, gain2] = self.optimizer.gains();
         let constants = AdamConstants {
             count: self.layout.len() as u32,
             rate,
             root,
             beta1: beta1 as f32,
             beta2: beta2 as f32,
+            gain1: gain1 as f32,
+            gain2: gain2 as f32,
             epsilon: epsilon as f32,
             decay: weight_decay as f32,
-            padding: 0,
+            padding: [0; 3],
         };
         context.queue.write_buffer(&self.adam_constants, 0, bytemuck::bytes_of(&constants));
     }

@@ -6,9 +6,14 @@ struct Adam {
     root: f32,
     beta1: f32,
     beta2: f32,
+    // 1 − β₁, 1 − β₂.
+    gain1: f32,
+    gain2: f32,
     epsilon: f32,
     decay: f32,
-    padding: u32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
 }
 
 @group(0) @binding(0) var<uniform> adam: Adam;
@@ -23,8 +28,8 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     if (i >= adam.count) { return; }
     let p = parameters[i];
     let g = gradient[i] + adam.decay * p;
-    let m = adam.beta1 * first[i] + (1.0 - adam.beta1) * g;
-    let v = adam.beta2 * second[i] + (1.0 - adam.beta2) * g * g;
+    let m = adam.beta1 * first[i] + adam.gain1 * g;
+    let v = adam.beta2 * second[i] + adam.gain2 * g * g;
     first[i] = m;
     second[i] = v;
     parameters[i] = p - adam.rate * m / (sqrt(v) * adam.root + adam.epsilon);
