@@ -11,6 +11,8 @@ pub mod expansion;
 pub mod field;
 pub mod gaussians;
 pub mod loss;
+pub mod lpips;
+mod network;
 pub mod optimizer;
 pub mod ply;
 pub mod reconstructor;
