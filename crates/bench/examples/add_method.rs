@@ -11,6 +11,7 @@ use anyhow::{Context, Result};
 use corf_bench::input::Verify;
 use corf_bench::method::{Advance, Method, Predictor, TrainingSet};
 use corf_bench::metrics::Prediction;
+use corf_bench::metrics::lpips::LpipsNetworks;
 use corf_bench::split::{Protocol, Split};
 use corf_bench::{harness, table};
 use corf_scene::Rigid3;
@@ -56,7 +57,16 @@ fn main() -> Result<()> {
     let folder = std::env::args().nth(1).context("give a data set's folder")?;
     let input = Verify::default().open(Path::new(&folder))?;
     let split = Split::of(&input.dataset, Protocol::Validation)?;
-    let record = harness::run_cell("first keyframe", &FirstKeyframe, &input, &split, 1, &mut |_| Ok(()), |_, _| Ok(()))?;
+    let record = harness::run_cell(
+        "first keyframe",
+        &FirstKeyframe,
+        &input,
+        &split,
+        1,
+        &LpipsNetworks::default(),
+        &mut |_| Ok(()),
+        |_, _| Ok(()),
+    )?;
     println!("{}", table::plain(&table::rows(&[record])));
     Ok(())
 }

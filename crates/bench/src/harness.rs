@@ -3,6 +3,7 @@
 use crate::input::Input;
 use crate::interrupt::{self, Interrupted};
 use crate::method::{Advance, Method, Predictor, TrainingSet};
+use crate::metrics::lpips::LpipsNetworks;
 use crate::metrics::{self, FrameMetrics, Prediction};
 use crate::provenance::{Provenance, peak_memory_bytes, reset_peak_memory};
 use crate::record::{CLOCK, CurvePoint, Numbers, Outcome, PROTOCOL, Record, SCHEMA};
@@ -81,27 +82,37 @@ pub fn reconstruct(
 /// Evaluates a predictor on the held-out keyframes; `look` sees every prediction beside its truth.
 ///
 /// # Errors
-/// Unreadable keyframes, or a predictor that answers with an error.
+/// Unreadable keyframes, images too small for a network, or a predictor that answers with an error.
 pub fn evaluate(
     predictor: &mut dyn Predictor,
     dataset: &Dataset,
     split: &Split,
+    networks: &LpipsNetworks,
     mut look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
 ) -> Result<Vec<FrameMetrics>> {
+    networks.check(dataset)?;
     let (range, camera) = (dataset.db_range(), dataset.rf_camera());
     let mut frames = Vec::new();
     for &index in &split.held_out {
         interrupt::check()?;
         let truth = dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"))?;
         let prediction = predictor.render(&truth.world_from_camera)?;
-        frames.push(metrics::compare(&prediction, &truth, &camera, &range));
+        frames.push(metrics::compare(&prediction, &truth, &camera, &range, networks));
         look(&truth, &prediction)?;
     }
     Ok(frames)
 }
 
 /// A cell's record around its outcome.
-pub fn record(row: &str, method: &dyn Method, input: &Input, protocol: Protocol, seed: u64, outcome: Outcome) -> Record {
+pub fn record(
+    row: &str,
+    method: &dyn Method,
+    input: &Input,
+    protocol: Protocol,
+    seed: u64,
+    networks: &LpipsNetworks,
+    outcome: Outcome,
+) -> Record {
     let dataset = &input.dataset;
     Record {
         schema: SCHEMA.to_owned(),
@@ -115,6 +126,7 @@ pub fn record(row: &str, method: &dyn Method, input: &Input, protocol: Protocol,
         dataset_verified: input.verified,
         seed,
         provenance: Provenance::here(),
+        lpips_weights: networks.sha256(),
         device: method.device(),
         uses_ground_truth_depth: method.uses_ground_truth_depth(),
         clock: CLOCK.to_owned(),
@@ -132,12 +144,13 @@ pub fn run_cell(
     input: &Input,
     split: &Split,
     seed: u64,
+    networks: &LpipsNetworks,
     watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
 ) -> Result<Record> {
     let checked = method.check_files(&TrainingSet::new(&input.dataset, split));
     let outcome = checked.and_then(|()| reconstruct(method, &input.dataset, split, seed, watch)).and_then(|mut r| {
-        let frames = evaluate(r.predictor.as_mut(), &input.dataset, split, look)?;
+        let frames = evaluate(r.predictor.as_mut(), &input.dataset, split, networks, look)?;
         let latency = LatencySummary::of(&r.keyframes);
         let numbers =
             Numbers::of(frames, r.seconds, r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency).with_depth(r.depth);
@@ -148,5 +161,5 @@ pub fn run_cell(
         Err(error) if error.is::<Interrupted>() => return Err(error),
         other => other.unwrap_or_else(|error| Outcome::Failed { error: format!("{error:#}") }),
     };
-    Ok(record(row, method, input, split.protocol, seed, outcome))
+    Ok(record(row, method, input, split.protocol, seed, networks, outcome))
 }

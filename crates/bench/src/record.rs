@@ -1,7 +1,7 @@
 //! One run's record: `metrics.json`.
 
 use crate::json::{read_json, write_numbers};
-use crate::metrics::{COLUMNS, FrameMetrics};
+use crate::metrics::{COLUMNS, Column, FrameMetrics};
 use crate::numbers;
 use crate::provenance::Provenance;
 use crate::split::Protocol;
@@ -51,6 +51,9 @@ pub struct Record {
     pub seed: u64,
     /// Source and machine.
     pub provenance: Provenance,
+    /// SHA-256 of the weights that LPIPS was computed with, by backbone; empty where it was not computed.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub lpips_weights: BTreeMap<String, String>,
     /// Device the method ran on.
     pub device: String,
     /// Whether the method read ground-truth depth through the simulated monocular prior.
@@ -84,7 +87,7 @@ pub struct Numbers {
     pub gaussians: Option<usize>,
     /// Peak resident memory of the process during the cell, bytes.
     pub peak_memory_bytes: Option<u64>,
-    /// Means over the held-out frames, by column key.
+    /// Means over the held-out frames, by column key, of what every frame has.
     pub means: BTreeMap<String, f64>,
     /// Median and 90th percentile of the peak AoA error, degrees.
     pub peak_error_median_p90_deg: [f64; 2],
@@ -187,8 +190,8 @@ impl Numbers {
         curve: Vec<CurvePoint>,
         latency: Option<LatencySummary>,
     ) -> Self {
-        let mean = |of: fn(&FrameMetrics) -> f64| frames.iter().map(of).sum::<f64>() / frames.len().max(1) as f64;
-        let means = COLUMNS.iter().map(|c| (c.key.to_owned(), mean(c.of))).collect();
+        let mean = |c: &Column| Some(frames.iter().map(c.of).sum::<Option<f64>>()? / frames.len().max(1) as f64);
+        let means = COLUMNS.iter().filter_map(|c| Some((c.key.to_owned(), mean(c)?))).collect();
         let mut errors: Vec<f64> = frames.iter().map(|f| f.radio.peak_error_deg).collect();
         errors.sort_by(f64::total_cmp);
         let peak_error_median_p90_deg = [quantile(&errors, 0.5), quantile(&errors, 0.9)];

@@ -15,6 +15,7 @@ use crate::input::Input;
 use crate::interrupt;
 use crate::method::Method;
 use crate::methods;
+use crate::metrics::lpips::LpipsNetworks;
 use crate::note;
 use crate::plan::{Cell, Plan};
 use crate::predictions;
@@ -57,18 +58,19 @@ impl Written {
 /// Runs every cell of a plan that has no record yet on `backend`, then writes tables and report.
 ///
 /// # Errors
-/// A dataset that cannot be read, an interrupt, or a folder that cannot be written.
-pub fn run(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Result<Written> {
-    let mut written = run_split(plan, input, out, backend)?;
+/// A dataset that cannot be read, images too small for a network of LPIPS, an interrupt, or a folder that cannot be written.
+pub fn run(plan: &Plan, input: &Input, out: &Path, backend: &Backend, networks: &LpipsNetworks) -> Result<Written> {
+    networks.check(&input.dataset)?;
+    let mut written = run_split(plan, input, out, backend, networks)?;
     if plan.segment {
         let plan = Plan { protocol: Protocol::Segment, segment: false, ..plan.clone() };
-        written.segment = run_split(&plan, input, &out.join(SEGMENT), backend)?.records;
+        written.segment = run_split(&plan, input, &out.join(SEGMENT), backend, networks)?.records;
     }
     Ok(written)
 }
 
 /// The cells of the plan's own protocol.
-fn run_split(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Result<Written> {
+fn run_split(plan: &Plan, input: &Input, out: &Path, backend: &Backend, networks: &LpipsNetworks) -> Result<Written> {
     let dataset = &input.dataset;
     let split = Split::of(dataset, plan.protocol)?;
     let cells = out.join("cells");
@@ -80,7 +82,7 @@ fn run_split(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Resul
         interrupt::check()?;
         let path = cells.join(format!("{}.json", cell.stem()));
         let method = methods::create(&cell.row.method, &cell.row.config, backend)?;
-        if let Some(record) = finished(&path, cell, plan.protocol, method.as_ref(), dataset)? {
+        if let Some(record) = finished(&path, cell, plan.protocol, method.as_ref(), dataset, networks)? {
             note!("{}, seed {}: already there", cell.row.label, cell.seed);
             records.push(record);
             continue;
@@ -96,7 +98,7 @@ fn run_split(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Resul
         let look = |truth: &corf_scene::Keyframe, prediction: &crate::metrics::Prediction| {
             if keep && shown.contains(&truth.index) { predictions::keep(&folder, truth, prediction) } else { Ok(()) }
         };
-        let record = harness::run_cell(&cell.row.label, method.as_ref(), input, &split, cell.seed, &mut watch, look)?;
+        let record = harness::run_cell(&cell.row.label, method.as_ref(), input, &split, cell.seed, networks, &mut watch, look)?;
         progress.finish();
         if let Outcome::Failed { error } = &record.outcome {
             note!("{}, seed {}: FAILED: {error}", cell.row.label, cell.seed);
@@ -108,7 +110,14 @@ fn run_split(plan: &Plan, input: &Input, out: &Path, backend: &Backend) -> Resul
 }
 
 /// The record of a cell that is finished already; a failed one is tried again.
-fn finished(path: &Path, cell: Cell<'_>, protocol: Protocol, method: &dyn Method, dataset: &Dataset) -> Result<Option<Record>> {
+fn finished(
+    path: &Path,
+    cell: Cell<'_>,
+    protocol: Protocol,
+    method: &dyn Method,
+    dataset: &Dataset,
+    networks: &LpipsNetworks,
+) -> Result<Option<Record>> {
     if !path.exists() {
         return Ok(None);
     }
@@ -122,6 +131,13 @@ fn finished(path: &Path, cell: Cell<'_>, protocol: Protocol, method: &dyn Method
     if !same {
         bail!(
             "{} is of another dataset, method, configuration, protocol or seed\n  help: choose another --out, or remove that file",
+            path.display()
+        );
+    }
+    if record.lpips_weights != networks.sha256() {
+        bail!(
+            "{} was evaluated with other weights of LPIPS, or with some where now there are none, or the other way round\n  help: give the \
+             same --lpips as before, choose another --out, or remove that file",
             path.display()
         );
     }

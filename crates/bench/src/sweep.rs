@@ -8,6 +8,7 @@
 use crate::device::Backend;
 use crate::input::Verify;
 use crate::methods::merge;
+use crate::metrics::lpips::LpipsNetworks;
 use crate::plan::{Plan, PlanRow, slug};
 use crate::record::{Numbers, Outcome, Record};
 use crate::split::Protocol;
@@ -127,13 +128,13 @@ impl Sweep {
     ///
     /// # Errors
     /// A dataset that cannot be read, an interrupt, or a folder that cannot be written.
-    pub fn run(&self, out: &Path, verify: Verify, backend: &Backend) -> Result<(String, Vec<Record>)> {
+    pub fn run(&self, out: &Path, verify: Verify, backend: &Backend, networks: &LpipsNetworks) -> Result<(String, Vec<Record>)> {
         let mut results = Vec::new();
         for dataset in &self.datasets {
             let mut plan = self.plan(dataset)?;
             plan.dataset = std::path::absolute(dataset)?;
             let input = verify.open(dataset)?;
-            let written = suite::run(&plan, &input, &out.join(folder_of(dataset)), backend)?;
+            let written = suite::run(&plan, &input, &out.join(folder_of(dataset)), backend, networks)?;
             results.push((folder_of(dataset), written.records));
         }
         let text = self.table(&results);

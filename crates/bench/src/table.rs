@@ -1,6 +1,7 @@
 //! Records to tables: Markdown, CSV and LaTeX. Rows keep the plan's order; failed cells stay in.
 
 use crate::escape;
+use crate::metrics::lpips::NO_WEIGHTS;
 use crate::metrics::{COLUMNS, Column};
 use crate::record::{Numbers, Outcome, Record};
 use crate::split::Protocol;
@@ -64,8 +65,10 @@ impl Row<'_> {
         summarize(&self.done.iter().filter_map(|(_, n)| of(n)).collect::<Vec<_>>())
     }
 
+    /// A metric over all seeds; `None` where one of them lacks it.
     fn metric(&self, column: &Column) -> Option<Summary> {
-        self.summary(|n| n.means.get(column.key).copied())
+        let values: Option<Vec<f64>> = self.done.iter().map(|(_, n)| n.means.get(column.key).copied()).collect();
+        summarize(&values?)
     }
 
     /// This row minus `reference` in PSNR_rf, paired by seed.
@@ -95,11 +98,26 @@ fn column(key: &str) -> Option<&'static Column> {
     COLUMNS.iter().find(|c| c.key == key)
 }
 
-fn short_columns() -> impl Iterator<Item = &'static Column> {
-    SHORT.iter().filter_map(|key| column(key))
+/// Whether a finished cell has a metric.
+fn has(numbers: &Numbers, column: &Column) -> bool {
+    numbers.means.contains_key(column.key)
 }
 
-fn note(rows: &[Row<'_>]) -> String {
+/// The columns of the short table: [`SHORT`], and where LPIPS was computed those of the first backbone.
+fn short_columns(rows: &[Row<'_>]) -> Vec<&'static Column> {
+    let computed = |c: &&Column| rows.iter().any(|row| row.done.iter().any(|(_, numbers)| has(numbers, c)));
+    let first = COLUMNS.iter().filter(computed).find_map(Column::backbone);
+    let lpips = COLUMNS.iter().filter(|c| first.is_some() && c.backbone() == first);
+    SHORT.iter().filter_map(|key| column(key)).chain(lpips).collect()
+}
+
+/// The columns of everything that was computed: all but those of LPIPS that no record has.
+pub fn computed_columns(records: &[Record]) -> Vec<&'static Column> {
+    let computed = |c: &Column| records.iter().any(|r| matches!(&r.outcome, Outcome::Done(numbers) if has(numbers, c)));
+    COLUMNS.iter().filter(|c| c.backbone().is_none() || computed(c)).collect()
+}
+
+fn note(rows: &[Row<'_>], columns: &[&Column]) -> String {
     let seeds = rows.iter().map(|r| r.done.len() + r.failed.len()).max().unwrap_or(0);
     let mut note = match seeds {
         0 | 1 => "One seed: no confidence intervals.".to_owned(),
@@ -123,6 +141,14 @@ fn note(rows: &[Row<'_>]) -> String {
     let unverified: Vec<&str> = rows.iter().filter(|r| r.unverified).map(|r| r.label).collect();
     if !unverified.is_empty() {
         let _ = write!(note, " Dataset files not checked against their recorded SHA-256: {}.", unverified.join(", "));
+    }
+    let lacks = |row: &&Row<'_>| {
+        let lpips = || columns.iter().filter(|c| c.backbone().is_some());
+        lpips().any(|c| row.done.iter().any(|(_, numbers)| !has(numbers, c)))
+    };
+    let without: Vec<&str> = rows.iter().filter(lacks).map(|r| r.label).collect();
+    if !without.is_empty() {
+        let _ = write!(note, " LPIPS not computed, for {NO_WEIGHTS}: {}.", without.join(", "));
     }
     for row in rows {
         for (seed, error) in &row.failed {
@@ -156,7 +182,7 @@ pub struct Line<'a> {
 
 /// The short table of these rows; differences are to the first.
 pub fn short<'a>(rows: &'a [Row<'a>]) -> Short<'a> {
-    with_columns(rows, &short_columns().collect::<Vec<_>>())
+    with_columns(rows, &short_columns(rows))
 }
 
 /// The short table with the given columns of metrics.
@@ -173,7 +199,7 @@ fn with_columns<'a>(rows: &'a [Row<'a>], columns: &[&Column]) -> Short<'a> {
         cells.push(text(row.summary(|n| Some(n.seconds)), 1, "±"));
         Line { label: row.label, failed: !row.failed.is_empty(), cells, bold }
     };
-    Short { headings, lines: rows.iter().map(line).collect(), note: note(rows) }
+    Short { headings, lines: rows.iter().map(line).collect(), note: note(rows, columns) }
 }
 
 /// The short table in Markdown, with a note of what it rests on. A difference to the first row is bold where its interval excludes zero.
@@ -207,7 +233,8 @@ fn in_markdown(short: &Short<'_>) -> String {
 /// One line a cell, every metric, nothing aggregated.
 pub fn csv(records: &[Record]) -> String {
     let mut out = String::from("row,method,dataset,dataset_hash,seed,status,seconds,gaussians,peak_memory_bytes");
-    COLUMNS.iter().for_each(|c| out.push_str(&format!(",{}", c.key)));
+    let columns = computed_columns(records);
+    columns.iter().for_each(|c| out.push_str(&format!(",{}", c.key)));
     out.push_str(",peak_error_median_deg,peak_error_p90_deg,uses_ground_truth_depth,error\n");
     let optional = |v: Option<u64>| v.map(|v| v.to_string()).unwrap_or_default();
     // Ids and hashes are plain words unless a record was tampered with.
@@ -226,12 +253,12 @@ pub fn csv(records: &[Record]) -> String {
                 let gaussians = optional(n.gaussians.map(|g| g as u64));
                 let _ = write!(out, ",done,{:.3},{gaussians},{}", n.seconds, optional(n.peak_memory_bytes));
                 let value = |c: &Column| n.means.get(c.key).map_or(String::new(), |v| format!("{v:.6}"));
-                COLUMNS.iter().for_each(|c| out.push_str(&format!(",{}", value(c))));
+                columns.iter().for_each(|c| out.push_str(&format!(",{}", value(c))));
                 let [median, p90] = n.peak_error_median_p90_deg;
                 let _ = writeln!(out, ",{median:.6},{p90:.6},{},", r.uses_ground_truth_depth);
             }
             Outcome::Failed { error } => {
-                let commas = ",".repeat(COLUMNS.len());
+                let commas = ",".repeat(columns.len());
                 let _ = writeln!(out, ",failed,,,{commas},,,{},{}", r.uses_ground_truth_depth, escape::csv(error));
             }
         }
@@ -241,30 +268,32 @@ pub fn csv(records: &[Record]) -> String {
 
 /// The short table as a LaTeX tabular.
 pub fn latex(rows: &[Row<'_>]) -> String {
-    let mut out = format!("\\begin{{tabular}}{{l|{}}}\n  \\toprule\n  Method", "c".repeat(SHORT.len() + 2));
-    short_columns().for_each(|c| out.push_str(&format!(" & {}", c.latex)));
+    let columns = short_columns(rows);
+    let mut out = format!("\\begin{{tabular}}{{l|{}}}\n  \\toprule\n  Method", "c".repeat(columns.len() + 2));
+    columns.iter().for_each(|c| out.push_str(&format!(" & {}", c.latex)));
     out.push_str(" & Gaussians & Time (s) \\\\\n  \\midrule\n");
     for row in rows {
         let _ = write!(out, "  {}", escape::latex(row.label));
-        short_columns().for_each(|c| out.push_str(&format!(" & ${}$", text(row.metric(c), c.digits, r"\pm").replace('–', "-"))));
+        columns.iter().for_each(|c| out.push_str(&format!(" & ${}$", text(row.metric(c), c.digits, r"\pm").replace('–', "-"))));
         let gaussians = row.summary(|n| n.gaussians.map(|g| g as f64));
         let seconds = row.summary(|n| Some(n.seconds));
         let cell = |s| text(s, 0, r"\pm").replace('–', "-");
         let _ = writeln!(out, " & ${}$ & ${}$ \\\\", cell(gaussians), text(seconds, 1, r"\pm").replace('–', "-"));
     }
     // A comment ends with its line.
-    let _ = write!(out, "  \\bottomrule\n\\end{{tabular}}\n% {}\n", note(rows).replace(char::is_control, " "));
+    let _ = write!(out, "  \\bottomrule\n\\end{{tabular}}\n% {}\n", note(rows, &columns).replace(char::is_control, " "));
     out
 }
 
 /// The short table for a terminal: aligned columns, no markup.
 pub fn plain(rows: &[Row<'_>]) -> String {
+    let columns = short_columns(rows);
     let mut lines = vec![vec!["method".to_owned()]];
-    lines[0].extend(short_columns().map(|c| c.heading.to_owned()));
+    lines[0].extend(columns.iter().map(|c| c.heading.to_owned()));
     lines[0].extend(["Gaussians".to_owned(), "time, s".to_owned()]);
     for row in rows {
         let mut line = vec![format!("{}{}", row.label, if row.failed.is_empty() { "" } else { " (FAILED)" })];
-        line.extend(short_columns().map(|c| text(row.metric(c), c.digits, "±")));
+        line.extend(columns.iter().map(|c| text(row.metric(c), c.digits, "±")));
         line.push(text(row.summary(|n| n.gaussians.map(|g| g as f64)), 0, "±"));
         line.push(text(row.summary(|n| Some(n.seconds)), 1, "±"));
         lines.push(line);
@@ -279,101 +308,9 @@ pub fn plain(rows: &[Row<'_>]) -> String {
         }
         out.push('\n');
     }
-    out + &note(rows) + "\n"
+    out + &note(rows, &columns) + "\n"
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::provenance::Provenance;
-    use std::collections::BTreeMap;
-
-    fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
-        let mut means: BTreeMap<String, f64> = COLUMNS.iter().map(|c| (c.key.to_owned(), 1.0)).collect();
-        means.insert("psnr_rf_jet".to_owned(), psnr_rf);
-        let numbers = Numbers {
-            seconds: 2.0,
-            gaussians: Some(10),
-            peak_memory_bytes: None,
-            means,
-            peak_error_median_p90_deg: [0.0, 0.0],
-            frames: vec![],
-            curve: vec![],
-            latency: None,
-            depth: None,
-        };
-        Record {
-            schema: String::new(),
-            protocol: String::new(),
-            split: Protocol::Test,
-            row: row.to_owned(),
-            method: "corf-gs".to_owned(),
-            config: serde_json::Value::Null,
-            dataset: "d".to_owned(),
-            dataset_hash: "h".to_owned(),
-            dataset_verified: true,
-            seed,
-            provenance: Provenance::here(),
-            device: String::new(),
-            uses_ground_truth_depth: row == "full",
-            clock: String::new(),
-            outcome: Outcome::Done(Box::new(numbers)),
-        }
-    }
-
-    #[test]
-    fn differences_are_paired_by_seed_and_bold_only_when_they_exclude_zero() {
-        // The seeds spread by 4 dB, the paired difference is steady at −1: pairing is what finds it.
-        let mut records = vec![record("full", 1, 18.0), record("full", 2, 20.0), record("full", 3, 22.0)];
-        records.extend([record("frozen", 1, 17.0), record("frozen", 2, 18.9), record("frozen", 3, 21.1)]);
-        records.extend([record("noisy", 1, 17.0), record("noisy", 2, 21.0), record("noisy", 3, 22.1)]);
-        let table = markdown(&rows(&records));
-        assert!(table.contains("**-1.00 ± 0.25**"), "{table}");
-        assert!(!table.lines().find(|l| l.contains("noisy")).unwrap().contains("**"), "{table}");
-        assert!(table.contains("used by: full."), "{table}");
-    }
-
-    #[test]
-    fn what_is_text_stays_text_in_every_notation() {
-        let label = "=50% {a}_b & \\x #1 ~^ <b>`c`</b>";
-        let mut failed = record(label, 2, 0.0);
-        failed.outcome = Outcome::Failed { error: "line one\nline | two\u{1b}[2J".to_owned() };
-        let records = [record("full", 1, 18.0), record(label, 1, 17.0), failed];
-        let rows = rows(&records);
-        let tex = latex(&rows);
-        assert!(
-            tex.contains(r"=50\% \{a\}\_b \& \textbackslash{}x \#1 \textasciitilde{}\textasciicircum{} \textless{}b"),
-            "{tex}"
-        );
-        let lines = tex.lines().filter(|l| !l.starts_with(' ') && !l.starts_with('%') && !l.starts_with('\\'));
-        assert_eq!(lines.count(), 0, "an error's line end must not leave the comment: {tex}");
-        let csv = csv(&records);
-        assert_eq!(csv.lines().count(), 4, "{csv}");
-        assert!(csv.contains("\"'=50% {a}_b"), "{csv}");
-        let markdown = markdown(&rows);
-        let columns = |line: &str| line.replace(r"\|", "").matches('|').count();
-        let table: Vec<usize> = markdown.lines().filter(|l| l.starts_with('|')).map(columns).collect();
-        assert!(table.len() == 4 && table.iter().all(|n| *n == table[0]), "{markdown}");
-        assert!(markdown.contains(r"&lt;b&gt;\`c\`&lt;/b&gt;"), "{markdown}");
-    }
-
-    #[test]
-    fn unchecked_datasets_are_told() {
-        let mut records = [record("full", 1, 18.0), record("fast", 1, 17.0)];
-        assert!(!markdown(&rows(&records)).contains("SHA-256"));
-        records[1].dataset_verified = false;
-        assert!(markdown(&rows(&records)).contains("recorded SHA-256: fast."));
-    }
-
-    #[test]
-    fn a_failed_cell_stays_in_every_table() {
-        let mut failed = record("frozen", 2, 0.0);
-        failed.outcome = Outcome::Failed { error: "out of memory".to_owned() };
-        let records = [record("full", 1, 18.0), failed];
-        assert!(markdown(&rows(&records)).contains("out of memory"));
-        assert!(latex(&rows(&records)).contains("frozen"));
-        let csv = csv(&records);
-        let columns: Vec<usize> = csv.lines().map(|l| l.matches(',').count()).collect();
-        assert!(columns.iter().all(|&n| n == columns[0]), "{csv}");
-    }
-}
+#[path = "table_tests.rs"]
+mod tests;

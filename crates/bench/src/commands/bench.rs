@@ -3,6 +3,7 @@
 use super::{Verdict, print, show};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
+use crate::metrics::lpips::LpipsOption;
 use crate::plan::Plan;
 use crate::record::{ARCHIVE, Outcome, write_archive};
 use crate::run::{claim_fresh, claim_output, claim_shared};
@@ -47,6 +48,8 @@ struct Cells {
     /// Where reconstructions run: auto, cpu, gpu, or gpu:N for the N-th adapter.
     #[arg(long, default_value_t)]
     device: DeviceChoice,
+    #[command(flatten)]
+    lpips: LpipsOption,
 }
 
 /// `corf bench run`.
@@ -133,11 +136,13 @@ fn verdict(records: &[crate::record::Record]) -> Verdict {
 impl Run {
     fn run(self, json: bool) -> Result<Verdict> {
         let mut plan = Plan::load(&self.plan)?;
+        let networks = self.cells.lpips.read()?;
         let input = self.cells.verify.open(&plan.dataset)?;
+        networks.check(&input.dataset)?;
         let backend = self.cells.device.resolve()?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;
         plan.dataset = std::path::absolute(&plan.dataset)?;
-        let written = suite::run(&plan, &input, &self.cells.out, &backend)?;
+        let written = suite::run(&plan, &input, &self.cells.out, &backend, &networks)?;
         let text = format!("{}\nreport: {}", written.text(), written.report.display());
         let all = [written.records, written.segment].concat();
         show(json, &all, &text)?;
@@ -149,8 +154,9 @@ impl SweepCommand {
     fn run(self, json: bool) -> Result<Verdict> {
         let sweep = Sweep::load(&self.sweep)?;
         let backend = self.cells.device.resolve()?;
+        let networks = self.cells.lpips.read()?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;
-        let (text, records) = sweep.run(&self.cells.out, self.cells.verify, &backend)?;
+        let (text, records) = sweep.run(&self.cells.out, self.cells.verify, &backend, &networks)?;
         show(json, &records, &text)?;
         Ok(verdict(&records))
     }

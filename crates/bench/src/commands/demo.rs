@@ -4,6 +4,7 @@ use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::generate::Options;
 use crate::input::Input;
+use crate::metrics::lpips::LpipsNetworks;
 use crate::plan::Plan;
 use crate::record::Outcome;
 use crate::run::claim_output;
@@ -52,7 +53,7 @@ impl Demo {
         let dataset = generate::generate(&config, &self.out.join("dataset"), Options { resume: true, strict: false })?.dataset;
         let input = Input::of(dataset, true)?;
         let plan = Plan::parse(PLAN_TOML)?;
-        let written = suite::run(&plan, &input, &self.out, &backend)?;
+        let written = suite::run(&plan, &input, &self.out, &backend, &LpipsNetworks::default())?;
         let text = format!(
             "\n{}\ntable:  {}\nreport: {}\nall of it in {:.0} s",
             written.text(),

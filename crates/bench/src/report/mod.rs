@@ -5,7 +5,7 @@ mod pictures;
 mod plan_view;
 
 use crate::escape::html as escape;
-use crate::metrics::COLUMNS;
+use crate::metrics::lpips::NO_WEIGHTS;
 use crate::plan::{Plan, slug};
 use crate::predictions;
 use crate::provenance::Provenance;
@@ -89,24 +89,29 @@ fn html_table(rows: &[table::Row<'_>]) -> String {
 
 fn all_metrics(records: &[Record]) -> String {
     let mut out = String::from("<div class=\"scroll\"><table><tr><th>cell</th>");
-    COLUMNS.iter().for_each(|c| out.push_str(&format!("<th>{}</th>", escape(c.heading))));
+    let columns = table::computed_columns(records);
+    columns.iter().for_each(|c| out.push_str(&format!("<th>{}</th>", escape(c.heading))));
     out.push_str("</tr>");
     for record in records {
         let _ = write!(out, "<tr><td>{}, seed {}</td>", escape(&record.row), record.seed);
         match &record.outcome {
             Outcome::Done(n) => {
-                for c in COLUMNS {
+                for c in &columns {
                     let value = n.means.get(c.key).map_or("–".to_owned(), |v| format!("{v:.*}", c.digits));
                     let _ = write!(out, "<td>{value}</td>");
                 }
             }
             Outcome::Failed { error } => {
-                let _ = write!(out, "<td colspan=\"{}\">failed: {}</td>", COLUMNS.len(), escape(error));
+                let _ = write!(out, "<td colspan=\"{}\">failed: {}</td>", columns.len(), escape(error));
             }
         }
         out.push_str("</tr>");
     }
-    out + "</table></div>"
+    out.push_str("</table></div>");
+    if columns.iter().all(|c| c.backbone().is_none()) {
+        let _ = write!(out, "<p class=\"note\">LPIPS not computed: {}.</p>", escape(NO_WEIGHTS));
+    }
+    out
 }
 
 fn provenance(report: &Report<'_>) -> String {
@@ -129,6 +134,8 @@ fn provenance(report: &Report<'_>) -> String {
         lines.push(("machine", format!("{} · {} threads", p.processor, p.threads)));
     }
     if let Some(record) = report.records.first() {
+        let weights = record.lpips_weights.iter();
+        lines.extend(weights.map(|(backbone, sha256)| ("LPIPS weights", format!("{backbone} · sha256 {sha256}"))));
         lines.push(("clock", record.clock.clone()));
     }
     let peak = report.records.iter().filter_map(|r| match &r.outcome {

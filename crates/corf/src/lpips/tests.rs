@@ -189,8 +189,8 @@ fn weights_by_chance_give_what_the_formula_gives() {
         for input in [Input::Signed, Input::Unit] {
             let (found, exact) = (lpips.layers(&a, &b, input), exact_layers(&lpips, [&a, &b], input));
             assert_eq!(found.len(), 3);
-            assert!(exact.iter().all(|v| *v > 0.01), "they see a difference: {exact:?}");
-            assert!(found.iter().zip(&exact).all(|(a, b)| (a - b).abs() < 1e-5 * b.max(1.0)), "{found:?} {exact:?}");
+            assert!(exact.iter().all(|v| *v > 1e-3), "they see a difference: {exact:?}");
+            assert!(found.iter().zip(&exact).all(|(a, b)| (a / b - 1.0).abs() < 1e-5), "{found:?} {exact:?}");
         }
     }
 }
@@ -202,10 +202,10 @@ fn a_distance_is_one() {
     for input in [Input::Signed, Input::Unit] {
         assert_eq!(lpips.distance(&a, &a, input), 0.0);
         assert_eq!(lpips.distance(&a, &b, input), lpips.distance(&b, &a, input));
-        assert!(lpips.distance(&a, &b, input) > 0.1);
+        assert!(lpips.distance(&a, &b, input) > 0.01);
     }
     assert_ne!(lpips.distance(&a, &b, Input::Signed), lpips.distance(&a, &b, Input::Unit));
-    // Black gives no feature a length of 0 alone by chance: what has none must not divide by it.
+    // Features that are all 0 have no length to be divided by.
     let dead = Lpips {
         steps: vec![
             Step::Convolution(Layer { inputs: 27, outputs: 2, weights: vec![0.0; 54], bias: vec![0.0; 2] }, Window::three(1)),

@@ -72,7 +72,9 @@ fn convolutions_are_sums_over_windows() {
             }
             exact.push(sum);
         }
-        assert!(worst(&found.values, &exact) < 1e-5, "{height}x{width}, {window:?}");
+        // An f32 sum's error grows with its terms.
+        let tolerance = 1e-5 * (layer.inputs as f64 / 27.0).max(1.0);
+        assert!(worst(&found.values, &exact) < tolerance, "{height}x{width}, {window:?}");
     }
     assert_eq!(plain(5, 1).places(4), None);
     // A pixel becomes a square of its own.
