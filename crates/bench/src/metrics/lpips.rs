@@ -3,7 +3,7 @@
 //! A key is `lpips_BACKBONE_IMAGE` for the input as LPIPS defines it, [−1, 1], and `lpips_BACKBONE_01_IMAGE` for the literature's, [0, 1].
 
 use crate::note;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use corf::lpips::{Backbone, Input, Lpips};
 use corf_scene::Raster;
