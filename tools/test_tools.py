@@ -3,6 +3,12 @@
 import itertools
 import json
 import math
+import contextlib
+import hashlib
+import io
+import json
+import math
+import pickle
 import struct
 import tempfile
 import unittest
@@ -11,6 +17,7 @@ from pathlib import Path
 import compare_devices
 import compare_gsplat
 import digests
+import fetch_weights
 
 
 class Digests(unittest.TestCase):
@@ -78,6 +85,94 @@ class CompareGsplat(unittest.TestCase):
         self.assertAlmostEqual(difference, 0.25)
         self.assertIn("+0.25", lines[-1])
         self.assertTrue(math.isfinite(difference))
+def numpy_pickle(shape, values, kind=b"f4", order=b"<", fortran=False):
+    """What pickle.dumps makes of a numpy array (protocol 2), written out, so that no numpy is needed."""
+    data = struct.pack(f"<{len(values)}f", *values)
+    text = lambda word: b"X" + struct.pack("<I", len(word)) + word
+    numbers = lambda items: b"(" + b"".join(b"K" + bytes([n]) for n in items) + b"t"
+    made = b"cnumpy.core.multiarray\n_reconstruct\n(cnumpy\nndarray\n" + numbers([0]) + text(b"b") + b"tR"
+    element = b"cnumpy\ndtype\n(" + text(kind) + b"K\x00K\x01tR(K\x03" + text(order) + b"NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\x00tb"
+    raw = b"B" + struct.pack("<I", len(data)) + data
+    return b"\x80\x03" + made + b"(K\x01" + numbers(shape) + element + (b"\x88" if fortran else b"\x89") + raw + b"tb."
+
+
+class FetchWeights(unittest.TestCase):
+    def read(self, data):
+        return fetch_weights.ArraysOnly(io.BytesIO(data)).load()
+
+    def test_an_array_is_read_without_numpy(self):
+        found = self.read(numpy_pickle([2, 3], [1.0, 2.0, 3.0, 4.0, 5.0, 6.5]))
+        self.assertEqual(found.shape, (2, 3))
+        self.assertEqual(list(fetch_weights.floats(found.data)), [1.0, 2.0, 3.0, 4.0, 5.0, 6.5])
+        self.assertEqual(self.read(pickle.dumps({"a": [1, 2.5, "b", None]})), {"a": [1, 2.5, "b", None]})
+
+    def test_whatever_a_pickle_could_call_is_refused(self):
+        class Evil:
+            def __reduce__(self):
+                return (eval, ("1 + 1",))
+
+        for data in (pickle.dumps(Evil()), pickle.dumps(Path("x")), b"cos\nsystem\n(X\x02\x00\x00\x00lstR.", b"cnumpy\nload\n."):
+            with self.assertRaises(pickle.UnpicklingError):
+                self.read(data)
+
+    def test_other_arrays_are_refused(self):
+        four = [1.0, 2.0, 3.0, 4.0]
+        wrong = [numpy_pickle([4], four, kind=b"i4"), numpy_pickle([4], four, order=b">"), numpy_pickle([2, 2], four, fortran=True)]
+        for data in [*wrong, numpy_pickle([3], four), numpy_pickle([2, 3], four)]:
+            with self.assertRaises(pickle.UnpicklingError):
+                self.read(data)
+
+    def test_a_kernels_outputs_come_first(self):
+        # The value at (row, column, input, output) says where it stands.
+        rows, columns, inputs, outputs = 2, 3, 4, 5
+        at = lambda r, c, i, o: float(1000 * r + 100 * c + 10 * i + o)
+        values = [at(r, c, i, o) for r in range(rows) for c in range(columns) for i in range(inputs) for o in range(outputs)]
+        turned = fetch_weights.outputs_first(fetch_weights.Array((rows, columns, inputs, outputs), struct.pack(f"<{len(values)}f", *values)))
+        self.assertEqual(turned.shape, (outputs, inputs, rows, columns))
+        expected = [at(r, c, i, o) for o in range(outputs) for i in range(inputs) for r in range(rows) for c in range(columns)]
+        self.assertEqual(list(fetch_weights.floats(turned.data)), expected)
+
+    def test_a_tree_of_parameters_becomes_named_tensors(self):
+        kernel = lambda *shape: fetch_weights.Array(shape, bytes(4 * math.prod(shape)))
+        tree = {"Trunk": {f"Conv_{k}": {"kernel": kernel(3, 3, 2, 4), "bias": fetch_weights.Array((4,), bytes(16))} for k in range(2)}}
+        tree.update({f"NetLinLayer_{k}": {"Conv_0": {"kernel": kernel(1, 1, 4, 1)}} for k in range(fetch_weights.HEADS)})
+        found = fetch_weights.tensors(tree, "Trunk", [0, 7])
+        self.assertEqual({name: t.shape for name, t in found.items() if name.startswith("features")}, {
+            "features.0.weight": (4, 2, 3, 3), "features.0.bias": (4,), "features.7.weight": (4, 2, 3, 3), "features.7.bias": (4,),
+        })
+        self.assertEqual({found[f"lin{k}.weight"].shape for k in range(fetch_weights.HEADS)}, {(4,)})
+
+    def test_a_file_says_where_its_tensors_are(self):
+        first, second = fetch_weights.Array((2,), b"abcdefgh"), fetch_weights.Array((1, 1), b"ijkl")
+        data = fetch_weights.safetensors({"b": second, "a": first})
+        (length,) = struct.unpack_from("<Q", data)
+        header = json.loads(data[8 : 8 + length])
+        self.assertEqual(length % 8, 0)
+        self.assertEqual(header["b"], {"dtype": "F32", "shape": [1, 1], "data_offsets": [8, 12]})
+        begin, end = header["a"]["data_offsets"]
+        self.assertEqual(data[8 + length :][begin:end], b"abcdefgh")
+        self.assertEqual(len(data), 8 + length + 12)
+
+    def test_a_file_that_is_not_the_expected_one_is_not_written(self):
+        with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
+            path = Path(folder) / "new" / "w.safetensors"
+            with self.assertRaises(SystemExit):
+                fetch_weights.write(path, b"data", "0" * 64)
+            self.assertFalse(path.parent.exists())
+            fetch_weights.write(path, b"data", hashlib.sha256(b"data").hexdigest())
+            self.assertEqual([(p.name, p.read_bytes()) for p in path.parent.iterdir()], [("w.safetensors", b"data")])
+
+    def test_squeezenets_tensors_keep_their_names(self):
+        layers = ["features.0"] + [f"features.{n}.{part}" for n in fetch_weights.FIRES for part in ("squeeze", "expand1x1", "expand3x3")]
+        trunk = {f"{layer}.{part}": fetch_weights.Array((1,), bytes(4)) for layer in layers for part in ("weight", "bias")}
+        trunk["classifier.1.weight"] = fetch_weights.Array((1,), bytes(4))
+        heads = {f"lin{k}.model.1.weight": fetch_weights.Array((1, 3, 1, 1), bytes(12)) for k in range(7)}
+        found = fetch_weights.squeeze_tensors(trunk, heads)
+        self.assertEqual(len(found), 2 * 25 + 7)
+        self.assertEqual(found["lin6.weight"].shape, (3,))
+        self.assertNotIn("classifier.1.weight", found)
+        with self.assertRaises(KeyError):
+            fetch_weights.squeeze_tensors({}, heads)
 
 
 if __name__ == "__main__":

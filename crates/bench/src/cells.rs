@@ -66,7 +66,8 @@ impl Part {
     ///
     /// # Errors
     /// A record of something else, or a damaged one.
-    pub fn finished(&self, cell: Cell<'_>, dataset: &Dataset) -> Result<Option<Record>> {
+    pub fn finished(&self, cell: Cell<'_>, input: &Input) -> Result<Option<Record>> {
+        let dataset = &input.dataset;
         let path = self.record_path(cell);
         if !path.exists() {
             return Ok(None);
@@ -82,6 +83,13 @@ impl Part {
         if !same {
             bail!(
                 "{} is of another dataset, method, configuration, protocol or seed, or of other predictions\n  help: choose another --out, or remove that file",
+                path.display()
+            );
+        }
+        if record.lpips_weights != input.networks.sha256() {
+            bail!(
+                "{} was evaluated with other weights of LPIPS, or with some where now there are none, or the other way round\n  help: give the \
+                 same --lpips as before, choose another --out, or remove that file",
                 path.display()
             );
         }
@@ -107,7 +115,7 @@ impl Part {
         let mut method = match Source::of(cell, &split, dataset, backend)? {
             Source::Method(method) => method,
             Source::Folder(folder) => {
-                let (frames, warnings) = harness::evaluate_folder(&folder, dataset, &split, look)?;
+                let (frames, warnings) = harness::evaluate_folder(&folder, input, &split, look)?;
                 warnings.iter().for_each(|warning| note!("{label}: {warning}"));
                 return Ok(harness::folder_record(&cell.row.label, &folder, input, plan.protocol, cell.seed, frames));
             }

@@ -92,14 +92,14 @@ pub fn reconstruct(
 /// Evaluates a predictor on the held-out keyframes; `look` sees every prediction beside its truth.
 ///
 /// # Errors
-/// Unreadable keyframes, or a predictor that answers with an error.
+/// Unreadable keyframes, images too small for a network, or a predictor that answers with an error.
 pub fn evaluate(
     predictor: &mut dyn Predictor,
-    dataset: &Dataset,
+    input: &Input,
     split: &Split,
     mut look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
 ) -> Result<Vec<FrameMetrics>> {
-    let evaluator = Evaluator::of(dataset);
+    let (dataset, evaluator) = (&input.dataset, Evaluator::of(input));
     let mut frames = Vec::new();
     for &index in &split.held_out {
         interrupt::check()?;
@@ -118,11 +118,11 @@ pub fn evaluate(
 /// Unreadable keyframes or predictions.
 pub fn evaluate_folder(
     folder: &PredictionFolder,
-    dataset: &Dataset,
+    input: &Input,
     split: &Split,
     mut look: impl FnMut(&Keyframe, Halves<'_>) -> Result<()>,
 ) -> Result<(Vec<FrameMetrics>, Vec<String>)> {
-    let evaluator = Evaluator::of(dataset);
+    let (dataset, evaluator) = (&input.dataset, Evaluator::of(input));
     let (mut frames, mut tally) = (Vec::new(), Tally::default());
     for &index in &split.held_out {
         interrupt::check()?;
@@ -159,6 +159,7 @@ pub fn folder_record(
         seed,
         cell: None,
         provenance: Provenance::here(),
+        lpips_weights: input.networks.sha256(),
         device: stated.device.clone().unwrap_or_else(|| "not stated".to_owned()),
         uses_ground_truth_depth: stated.uses_ground_truth_depth.unwrap_or(false),
         clock: STATED_CLOCK.to_owned(),
@@ -182,6 +183,7 @@ pub fn record(row: &str, method: &dyn Method, input: &Input, protocol: Protocol,
         seed,
         cell: None,
         provenance: Provenance::here(),
+        lpips_weights: input.networks.sha256(),
         device: method.device(),
         uses_ground_truth_depth: method.uses_ground_truth_depth(),
         clock: CLOCK.to_owned(),
@@ -204,7 +206,7 @@ pub fn run_cell(
 ) -> Result<Record> {
     let checked = method.check_files(&TrainingSet::new(&input.dataset, split));
     let outcome = checked.and_then(|()| reconstruct(method, &input.dataset, split, seed, watch)).and_then(|mut r| {
-        let frames = evaluate(r.predictor.as_mut(), &input.dataset, split, look)?;
+        let frames = evaluate(r.predictor.as_mut(), input, split, look)?;
         let latency = LatencySummary::of(&r.keyframes);
         let numbers = Numbers::of(frames, Some(r.seconds), r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency)
             .with_depth(r.depth)

@@ -1,9 +1,11 @@
 //! The dataset that numbers come from, and whether it is known to be the one that was generated.
 
+use crate::metrics::lpips::LpipsNetworks;
 use anyhow::Result;
 use clap::Args;
 use corf_scene::dataset::Dataset;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Whether a dataset's files are checked before they are read.
 #[derive(Args, Clone, Copy, Debug, Default)]
@@ -28,13 +30,15 @@ impl Verify {
     }
 }
 
-/// A dataset and whether its files were checked.
+/// A dataset, whether its files were checked, and the networks that its images are compared with.
 #[derive(Clone, Debug)]
 pub struct Input {
     /// The dataset.
     pub dataset: Dataset,
     /// Whether every file is the recorded one.
     pub verified: bool,
+    /// Networks of LPIPS; none where it is not computed.
+    pub networks: Arc<LpipsNetworks>,
 }
 
 impl Input {
@@ -46,6 +50,15 @@ impl Input {
         if verify {
             dataset.verify()?;
         }
-        Ok(Self { dataset, verified: verify })
+        Ok(Self { dataset, verified: verify, networks: Arc::default() })
+    }
+
+    /// The same with networks of LPIPS.
+    ///
+    /// # Errors
+    /// Images that are too small for one of them.
+    pub fn with_networks(self, networks: &Arc<LpipsNetworks>) -> Result<Self> {
+        networks.check(&self.dataset)?;
+        Ok(Self { networks: networks.clone(), ..self })
     }
 }

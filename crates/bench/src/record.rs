@@ -61,6 +61,9 @@ pub struct Record {
     pub cell: Option<String>,
     /// Source and machine.
     pub provenance: Provenance,
+    /// SHA-256 of the weights that LPIPS was computed with, by backbone; empty where it was not computed.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub lpips_weights: BTreeMap<String, String>,
     /// Device the method ran on.
     pub device: String,
     /// Whether the method read ground-truth depth through the simulated monocular prior.

@@ -81,7 +81,7 @@ fn run_part(part: &Part, input: &Input, backend: &Backend) -> Result<Written> {
     for (place, cell) in part.plan.interleaved() {
         interrupt::check()?;
         let path = part.record_path(cell);
-        let record = match part.finished(cell, &input.dataset)? {
+        let record = match part.finished(cell, input)? {
             Some(record) => {
                 note!("{}, seed {}: already there", cell.row.label, cell.seed);
                 record

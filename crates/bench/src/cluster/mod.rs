@@ -14,19 +14,20 @@ pub mod slurm;
 
 use crate::cells::{self, Part};
 use crate::device::Backend;
-use crate::input::Input;
+use crate::input::{Input, Verify};
 use crate::json::{read_json, write_numbers};
+use crate::metrics::lpips::LpipsNetworks;
 use crate::plan::{Cell, Plan};
 use crate::provenance::Provenance;
 use crate::record::{Outcome, Record};
 use crate::split::{Protocol, Split};
 use crate::suite;
 use anyhow::{Context, Result, bail};
-use corf_scene::dataset::Dataset;
 use corf_scene::io::sha256_hex;
 use corf_scene::lock::FolderLock;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Version of `cells.json`.
 const SCHEMA: &str = "corf-cells/1";
@@ -42,6 +43,9 @@ pub struct CellList {
     schema: String,
     /// Hash of the dataset.
     dataset_hash: String,
+    /// Folder of the weights that LPIPS is computed with, where it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    lpips: Option<PathBuf>,
     /// Cells, in the plan's order, those of the contiguous segment last.
     pub cells: Vec<ListedCell>,
 }
@@ -70,7 +74,8 @@ pub struct Planned {
 }
 
 /// Id of a cell by its method's resolved configuration.
-fn id_of(cell: Cell<'_>, split: Protocol, dataset: &Dataset) -> Result<String> {
+fn id_of(cell: Cell<'_>, split: Protocol, input: &Input) -> Result<String> {
+    let dataset = &input.dataset;
     let program = Provenance::here();
     let (method, config) = cells::settings_of(cell, &Split::of(dataset, split)?, dataset)?;
     let depends_on = serde_json::json!({
@@ -81,6 +86,7 @@ fn id_of(cell: Cell<'_>, split: Protocol, dataset: &Dataset) -> Result<String> {
         "method": method,
         "config": config,
         "seed": cell.seed,
+        "lpips": input.networks.sha256(),
         "version": program.version,
         "commit": program.commit,
         "lockfile": program.lockfile_sha256,
@@ -98,15 +104,15 @@ fn own_hash() -> Result<String> {
 
 impl CellList {
     /// The list of a plan's cells on a dataset, as this program would run them.
-    fn of(parts: &[Part], dataset: &Dataset) -> Result<Self> {
+    fn of(parts: &[Part], input: &Input, lpips: Option<PathBuf>) -> Result<Self> {
         let mut cells = Vec::new();
         for Part { plan, .. } in parts {
             for cell in plan.cells() {
-                let id = id_of(cell, plan.protocol, dataset)?;
+                let id = id_of(cell, plan.protocol, input)?;
                 cells.push(ListedCell { id, row: cell.row.label.clone(), seed: cell.seed, split: plan.protocol });
             }
         }
-        Ok(Self { schema: SCHEMA.to_owned(), dataset_hash: dataset.hash().to_owned(), cells })
+        Ok(Self { schema: SCHEMA.to_owned(), dataset_hash: input.dataset.hash().to_owned(), lpips, cells })
     }
 }
 
@@ -116,9 +122,9 @@ impl Planned {
     ///
     /// # Errors
     /// A row that cannot run, or a folder that cannot be written.
-    pub fn write(plan: &Plan, dataset: &Dataset, out: &Path) -> Result<Self> {
+    pub fn write(plan: &Plan, input: &Input, lpips: Option<PathBuf>, out: &Path) -> Result<Self> {
         let parts = suite::parts(plan, out);
-        let list = CellList::of(&parts, dataset)?;
+        let list = CellList::of(&parts, input, lpips)?;
         parts.iter().try_for_each(Part::write_plan)?;
         write_numbers(&out.join(LIST), &list)?;
         Ok(Self { out: out.to_owned(), parts, list })
@@ -154,8 +160,17 @@ impl Planned {
         &self.parts[0].plan.name
     }
 
+    /// Opens the dataset, with the networks of LPIPS that cells are evaluated with.
+    ///
+    /// # Errors
+    /// A dataset or weights that cannot be read.
+    pub fn open(&self, verify: Verify) -> Result<Input> {
+        let networks = self.list.lpips.as_deref().map(LpipsNetworks::read).transpose()?.unwrap_or_default();
+        verify.open(self.dataset())?.with_networks(&Arc::new(networks))
+    }
+
     /// Path of the dataset.
-    pub fn dataset(&self) -> &Path {
+    fn dataset(&self) -> &Path {
         &self.parts[0].plan.dataset
     }
 
@@ -206,7 +221,7 @@ impl Planned {
             bail!("{} has no cell {id}\n  help: {} lists them; {again}", self.out.display(), self.out.join(LIST).display());
         };
         let (part, cell) = self.find(listed).with_context(|| format!("cell {id} is not in the plan\n  help: {again}"))?;
-        let now = id_of(cell, listed.split, &input.dataset)?;
+        let now = id_of(cell, listed.split, input)?;
         if now != id {
             bail!(
                 "cell {id} would be {now} today: the dataset, the plan or this program is another than when the list was written\n  \

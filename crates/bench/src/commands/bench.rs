@@ -5,6 +5,7 @@ use super::{Verdict, print, show};
 use crate::cells;
 use crate::device::DeviceChoice;
 use crate::input::Verify;
+use crate::metrics::lpips::LpipsOption;
 use crate::plan::Plan;
 use crate::record::{ARCHIVE, Outcome, write_archive};
 use crate::run::{claim_fresh, claim_output, claim_shared};
@@ -68,6 +69,8 @@ pub struct Run {
     plan: PathBuf,
     #[command(flatten)]
     cells: Cells,
+    #[command(flatten)]
+    lpips: LpipsOption,
 }
 
 /// `corf bench sweep`.
@@ -154,7 +157,8 @@ impl Run {
     fn run(self, json: bool) -> Result<Verdict> {
         let mut plan = Plan::load(&self.plan)?;
         plan.make_absolute()?;
-        let input = self.cells.verify.open(&plan.dataset)?;
+        let networks = self.lpips.read()?;
+        let input = self.cells.verify.open(&plan.dataset)?.with_networks(&networks)?;
         let backend = self.cells.device.resolve()?;
         cells::check_folders(&plan, &input.dataset)?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;

@@ -6,6 +6,7 @@ use crate::cells;
 use crate::cluster::{Planned, local, slurm};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
+use crate::metrics::lpips::LpipsOption;
 use crate::note;
 use crate::plan::Plan;
 use crate::record::{Outcome, Record};
@@ -29,6 +30,8 @@ pub struct PlanCommand {
     resume: bool,
     #[command(flatten)]
     verify: Verify,
+    #[command(flatten)]
+    lpips: LpipsOption,
 }
 
 /// `corf bench cell`.
@@ -86,11 +89,12 @@ impl PlanCommand {
     /// Bad plans, unreadable datasets, an occupied folder.
     pub fn run(self, as_json: bool) -> Result<Verdict> {
         let mut plan = Plan::load(&self.plan)?;
-        let input = self.verify.open(&plan.dataset)?;
+        let networks = self.lpips.read()?;
+        let input = self.verify.open(&plan.dataset)?.with_networks(&networks)?;
         plan.make_absolute()?;
         cells::check_folders(&plan, &input.dataset)?;
         let _held = claim_output(&self.out, self.resume)?;
-        let planned = Planned::write(&plan, &input.dataset, &self.out)?;
+        let planned = Planned::write(&plan, &input, self.lpips.folder()?, &self.out)?;
         let unfinished = planned.unfinished()?.len();
         let lines: Vec<String> = planned
             .list
@@ -111,7 +115,7 @@ impl CellCommand {
     /// Those of [`Planned::run`].
     pub fn run(self, as_json: bool) -> Result<Verdict> {
         let planned = Planned::read(&self.folder)?;
-        let input = self.verify.open(planned.dataset())?;
+        let input = planned.open(self.verify)?;
         let (record, was_there) = planned.run(&self.id, &input, &self.device.resolve()?)?;
         let name = format!("{}, seed {}", record.row, record.seed);
         let text = match &record.outcome {
@@ -172,7 +176,7 @@ impl Collect {
     /// A folder without a list of cells, or with a damaged record.
     pub fn run(self, as_json: bool) -> Result<Verdict> {
         let planned = Planned::read(&self.folder)?;
-        let input = self.verify.open(planned.dataset())?;
+        let input = planned.open(self.verify)?;
         let _held = claim_shared(&self.folder)?;
         let mut written: Option<suite::Written> = None;
         for (part, records) in planned.collect(&input)? {

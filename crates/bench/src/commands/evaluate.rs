@@ -4,6 +4,7 @@ use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::methods::open;
+use crate::metrics::lpips::LpipsOption;
 use crate::note;
 use crate::prediction_folder::{PredictionFolder, PredictionWriter, stated_of};
 use crate::record::{Numbers, Outcome, Record};
@@ -41,6 +42,8 @@ pub struct Evaluate {
     /// Device that renders the field of a run: auto, cpu, gpu, or gpu:N for the N-th adapter.
     #[arg(long, default_value_t, conflicts_with = "predictions")]
     device: DeviceChoice,
+    #[command(flatten)]
+    lpips: LpipsOption,
 }
 
 impl Evaluate {
@@ -64,25 +67,28 @@ impl Evaluate {
 
     fn of_predictions(&self, folder: &Path) -> Result<Record> {
         let dataset = self.dataset.as_deref().context("predictions are of a dataset\n  help: name it with --dataset")?;
-        let input = self.verify.open(dataset)?;
+        let networks = self.lpips.read()?;
+        let input = self.verify.open(dataset)?.with_networks(&networks)?;
         let protocol = match self.protocol {
             Some(protocol) => protocol,
             None => PredictionFolder::stated(folder)?.protocol.unwrap_or_default(),
         };
         let split = Split::of(&input.dataset, protocol)?;
         let predictions = PredictionFolder::open(folder, &input.dataset, &split)?;
-        let (frames, warnings) = harness::evaluate_folder(&predictions, &input.dataset, &split, |_, _| Ok(()))?;
+        let (frames, warnings) = harness::evaluate_folder(&predictions, &input, &split, |_, _| Ok(()))?;
         warnings.iter().for_each(|warning| note!("{warning}"));
         let seed = predictions.statement().seed.unwrap_or(0);
         Ok(harness::folder_record(&predictions.name(), &predictions, &input, protocol, seed, frames))
     }
 
     fn of_run(&self, folder: &Path) -> Result<Record> {
+        let networks = self.lpips.read()?;
         let mut run = open::open(folder, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
+        run.input = run.input.with_networks(&networks)?;
         let _held = claim_shared(folder)?;
         let dataset = &run.input.dataset;
         let writer = self.write_predictions.as_deref().map(|dir| PredictionWriter::create(dir, dataset)).transpose()?;
-        let frames = harness::evaluate(run.predictor.as_mut(), dataset, &run.split, |truth, prediction| {
+        let frames = harness::evaluate(run.predictor.as_mut(), &run.input, &run.split, |truth, prediction| {
             writer.as_ref().map_or(Ok(()), |writer| writer.write(truth.index, prediction))
         })?;
         let info = &run.info;

@@ -89,7 +89,7 @@ impl Reconstruct {
     pub fn run(self, json: bool) -> Result<Verdict> {
         let overrides = self.overrides()?;
         let mut method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
-        let Input { dataset, verified } = self.verify.open(&self.dataset)?;
+        let Input { dataset, verified, .. } = self.verify.open(&self.dataset)?;
         let split = Split::of(&dataset, self.protocol)?;
         harness::check_training(method.as_ref(), &split)?;
         method.check_files(&TrainingSet::new(&dataset, &split))?;

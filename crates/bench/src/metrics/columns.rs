@@ -58,6 +58,11 @@ impl Column {
         })
     }
 
+    /// Name of the backbone of a column of LPIPS, which a record has only where its weights were given.
+    pub fn backbone(&self) -> Option<&'static str> {
+        self.key.strip_prefix("lpips_")?.split('_').next()
+    }
+
     const fn new(key: &'static str, heading: &'static str, latex: &'static str, digits: usize) -> Self {
         Self { key, heading, latex, digits, text: "", statistic: Statistic::Mean, of: |_| None }
     }
@@ -70,6 +75,29 @@ impl Column {
     const fn by(self, statistic: Statistic) -> Self {
         Self { statistic, ..self }
     }
+}
+
+/// A column of LPIPS: key, backbone, input, image, and the image's index in LaTeX.
+macro_rules! lpips {
+    ($key:literal, $backbone:literal, $input:literal, $image:literal, $index:literal) => {
+        Column::new(
+            $key,
+            concat!("LPIPS-", $backbone, " ", $input, " ", $image, " ↓"),
+            concat!(r"LPIPS$_\mathrm{", $index, r"}^\downarrow$ (", $backbone, ", $", $input, "$)"),
+            3,
+        )
+        .is(
+            |m| m.lpips.get($key).copied(),
+            concat!(
+                "learned perceptual image patch similarity v0.1 of the 8-bit ",
+                $image,
+                " image with the backbone ",
+                $backbone,
+                " on inputs scaled to ",
+                $input,
+            ),
+        )
+    };
 }
 
 /// The keys of the columns that tell how a spectrum serves a radio.
@@ -157,6 +185,18 @@ pub const COLUMNS: &[Column] = &[
         |m| Some(m.spectrum?.beams?.rate_loss_percent),
         "that rate loss in per cent of the best beam's rate; {budget}",
     ),
+    lpips!("lpips_vgg_opt", "VGG", "[-1,1]", "opt", "opt"),
+    lpips!("lpips_vgg_rf_jet", "VGG", "[-1,1]", "rf (Jet)", "rf"),
+    lpips!("lpips_vgg_01_opt", "VGG", "[0,1]", "opt", "opt"),
+    lpips!("lpips_vgg_01_rf_jet", "VGG", "[0,1]", "rf (Jet)", "rf"),
+    lpips!("lpips_alex_opt", "Alex", "[-1,1]", "opt", "opt"),
+    lpips!("lpips_alex_rf_jet", "Alex", "[-1,1]", "rf (Jet)", "rf"),
+    lpips!("lpips_alex_01_opt", "Alex", "[0,1]", "opt", "opt"),
+    lpips!("lpips_alex_01_rf_jet", "Alex", "[0,1]", "rf (Jet)", "rf"),
+    lpips!("lpips_squeeze_opt", "Squeeze", "[-1,1]", "opt", "opt"),
+    lpips!("lpips_squeeze_rf_jet", "Squeeze", "[-1,1]", "rf (Jet)", "rf"),
+    lpips!("lpips_squeeze_01_opt", "Squeeze", "[0,1]", "opt", "opt"),
+    lpips!("lpips_squeeze_01_rf_jet", "Squeeze", "[0,1]", "rf (Jet)", "rf"),
 ];
 
 #[cfg(test)]

@@ -3,16 +3,21 @@
 pub mod beams;
 mod columns;
 pub mod image;
+pub mod lpips;
 pub mod radio;
 pub mod rate;
 
 pub use columns::{COLUMNS, Column, RADIO, Statistic};
 
+use crate::input::Input;
 use beams::{BeamMetrics, Codebook};
-use corf_scene::dataset::{Dataset, Quantity};
+use corf_scene::dataset::Quantity;
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Keyframe, Pinhole, Raster, color};
+use lpips::LpipsNetworks;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Prediction of a method at a pose.
 #[derive(Clone, Debug)]
@@ -58,7 +63,7 @@ pub struct Spectrum<'a> {
 }
 
 /// All metrics of one held-out frame, as far as it was predicted. Names are those of `metrics.json`; what was not computed has no key.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameMetrics {
     /// Keyframe index along the trajectory.
     pub index: usize,
@@ -68,6 +73,9 @@ pub struct FrameMetrics {
     /// Metrics of the spectrum.
     #[serde(flatten)]
     pub spectrum: Option<SpectrumMetrics>,
+    /// LPIPS by column key, of the backbones whose weights were given.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub lpips: BTreeMap<String, f64>,
 }
 
 /// Metrics of a predicted image.
@@ -104,33 +112,53 @@ pub struct Evaluator {
     rf_camera: Pinhole,
     range: DbRange,
     codebook: Option<Codebook>,
+    networks: Arc<LpipsNetworks>,
 }
 
 impl Evaluator {
-    /// An evaluator of a dataset's keyframes.
-    pub fn of(dataset: &Dataset) -> Self {
-        Self::new(dataset.rf_camera(), dataset.db_range(), dataset.header().quantity)
+    /// An evaluator of a dataset's keyframes, which computes LPIPS with the networks there are.
+    pub fn of(input: &Input) -> Self {
+        let dataset = &input.dataset;
+        let networks = input.networks.clone();
+        Self { networks, ..Self::new(dataset.rf_camera(), dataset.db_range(), dataset.header().quantity) }
     }
 
     /// `rf_camera` gives direction and solid angle of every spectrum pixel, `range` is the dataset's dB range, and `quantity` says what a
     /// value is, and so what a beam of it is.
     pub fn new(rf_camera: Pinhole, range: DbRange, quantity: Quantity) -> Self {
-        Self { rf_camera, range, codebook: Codebook::of(rf_camera, quantity) }
+        Self { rf_camera, range, codebook: Codebook::of(rf_camera, quantity), networks: Arc::default() }
     }
 
     /// All metrics of what is predicted of a keyframe.
     pub fn compare(&self, predicted: Halves<'_>, truth: &Keyframe) -> FrameMetrics {
+        let image = predicted.image.map(|image| image.map(|p| p.map(color::quantize8)));
+        let jets = predicted.spectrum.map(|spectrum| {
+            let observed = truth.spectrum.map(|&s| color::jet(self.range.scalar(s)).map(color::quantize8));
+            (spectrum.jet.map(|p| p.map(color::quantize8)), observed)
+        });
+        let pairs: Vec<_> = (image.iter().map(|image| ("opt", image, &truth.image)))
+            .chain(jets.iter().map(|(jet, observed)| ("rf_jet", jet, observed)))
+            .collect();
         FrameMetrics {
             index: truth.index,
-            light: predicted.image.map(|image| light(image, &truth.image)),
-            spectrum: predicted.spectrum.map(|spectrum| self.spectrum(spectrum, &truth.spectrum)),
+            light: image.as_ref().map(|image| LightMetrics {
+                psnr_opt: image::psnr(image, &truth.image),
+                ssim_opt: image::ssim(image, &truth.image),
+            }),
+            spectrum: (predicted.spectrum.zip(jets.as_ref()))
+                .map(|(predicted, jets)| self.spectrum(predicted, jets, &truth.spectrum)),
+            lpips: self.networks.compare(&pairs),
         }
     }
 
-    fn spectrum(&self, predicted: Spectrum<'_>, truth: &Raster<f32>) -> SpectrumMetrics {
+    /// Metrics of a spectrum and of its Jet image beside the observed one's, both in 8 bits.
+    fn spectrum(
+        &self,
+        predicted: Spectrum<'_>,
+        (jet, jet_truth): &(Raster<[u8; 3]>, Raster<[u8; 3]>),
+        truth: &Raster<f32>,
+    ) -> SpectrumMetrics {
         let scalar_truth = truth.map(|&s| self.range.scalar(s));
-        let jet_truth = scalar_truth.map(|&s| color::jet(s).map(color::quantize8));
-        let jet = predicted.jet.map(|p| p.map(color::quantize8));
         let grey_truth = scalar_truth.map(|&s| [color::quantize8(s)]);
         let grey = predicted.scalar.map(|&s| [color::quantize8(s)]);
         let linear = |s: &f32| radio::linear(*s, &self.range);
@@ -139,8 +167,8 @@ impl Evaluator {
             beams::compare(&codebook.powers(&predicted.scalar.map(linear)), &observed, self.range.max_db - self.range.min_db)
         });
         SpectrumMetrics {
-            psnr_rf_jet: image::psnr(&jet, &jet_truth),
-            ssim_rf_jet: image::ssim(&jet, &jet_truth),
+            psnr_rf_jet: image::psnr(jet, jet_truth),
+            ssim_rf_jet: image::ssim(jet, jet_truth),
             psnr_rf_scalar: image::psnr(&grey, &grey_truth),
             ssim_rf_scalar: image::ssim(&grey, &grey_truth),
             radio: radio::compare(predicted.scalar, truth, &self.rf_camera, &self.range),
@@ -149,17 +177,17 @@ impl Evaluator {
     }
 }
 
-fn light(image: &Raster<[f32; 3]>, truth: &Raster<[u8; 3]>) -> LightMetrics {
-    let image = image.map(|p| p.map(color::quantize8));
-    LightMetrics { psnr_opt: image::psnr(&image, truth), ssim_opt: image::ssim(&image, truth) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use corf_scene::Rigid3;
 
     const RANGE: DbRange = DbRange { min_db: -110.0, max_db: -40.0 };
+
+    /// The columns that need no weights.
+    fn computed() -> impl Iterator<Item = &'static Column> {
+        COLUMNS.iter().filter(|c| c.backbone().is_none())
+    }
 
     fn keyframe() -> Keyframe {
         let spectrum = Raster::from_fn(48, 32, |x, y| {
@@ -180,7 +208,7 @@ mod tests {
         for quantity in [Quantity::PowerPerSteradian, Quantity::BeamPower] {
             let evaluator = Evaluator::new(Pinhole::from_horizontal_fov(48, 32, 90.0), RANGE, quantity);
             let frame = evaluator.compare(observed(&truth).halves(), &truth);
-            for column in COLUMNS {
+            for column in computed() {
                 let value = (column.of)(&frame).unwrap();
                 let best = match column.key {
                     key if key.starts_with("psnr") => image::PSNR_OF_EQUAL_DB,
@@ -201,14 +229,14 @@ mod tests {
         let whole = observed(&truth);
         let light = evaluator.compare(Halves { spectrum: None, ..whole.halves() }, &truth);
         let radio = evaluator.compare(Halves { image: None, ..whole.halves() }, &truth);
-        for column in COLUMNS {
+        for column in computed() {
             let beam = column.key.starts_with("codebook") || column.key.starts_with("beam_top") || column.key.starts_with("rate");
             let optical = column.key.ends_with("_opt");
             assert_eq!((column.of)(&light).is_some(), optical, "{}", column.key);
             assert_eq!((column.of)(&radio).is_some(), !optical && !beam, "{}: Capon's estimate has no beams", column.key);
         }
         for frame in [light, radio, evaluator.compare(whole.halves(), &truth)] {
-            let json = serde_json::to_value(frame).unwrap();
+            let json = serde_json::to_value(&frame).unwrap();
             assert!(json.as_object().unwrap().values().all(|v| !v.is_null()), "{json}");
             assert_eq!(serde_json::from_value::<FrameMetrics>(json).unwrap(), frame);
         }
@@ -221,7 +249,7 @@ mod tests {
         let nothing = Prediction::from_scalar(Some(Raster::filled(24, 16, [0.0; 3])), Raster::filled(48, 32, 0.0));
         let something = observed(&truth);
         let finite = |frame: &FrameMetrics| {
-            COLUMNS.iter().for_each(|c| assert!((c.of)(frame).unwrap().is_finite(), "{}", c.key));
+            computed().for_each(|c| assert!((c.of)(frame).unwrap().is_finite(), "{}", c.key));
             frame.spectrum.unwrap()
         };
         let missed = finite(&evaluator.compare(nothing.halves(), &truth));

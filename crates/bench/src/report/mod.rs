@@ -6,6 +6,7 @@ mod plan_view;
 
 use crate::escape::html as escape;
 use crate::metrics::Column;
+use crate::metrics::lpips::NO_WEIGHTS;
 use crate::plan::{Plan, slug};
 use crate::predictions;
 use crate::provenance::Provenance;
@@ -106,7 +107,11 @@ fn all_metrics(records: &[Record]) -> String {
         }
         out.push_str("</tr>");
     }
-    out + "</table></div>"
+    out.push_str("</table></div>");
+    if columns.iter().all(|c| c.backbone().is_none()) {
+        let _ = write!(out, "<p class=\"note\">LPIPS not computed: {}.</p>", escape(NO_WEIGHTS));
+    }
+    out
 }
 
 fn provenance(report: &Report<'_>) -> String {
@@ -129,6 +134,8 @@ fn provenance(report: &Report<'_>) -> String {
         lines.push(("machine", format!("{} · {} threads", p.processor, p.threads)));
     }
     if let Some(record) = report.records.first() {
+        let weights = record.lpips_weights.iter();
+        lines.extend(weights.map(|(backbone, sha256)| ("LPIPS weights", format!("{backbone} · sha256 {sha256}"))));
         lines.push(("clock", record.clock.clone()));
     }
     let peak = report.records.iter().filter_map(|r| match &r.outcome {

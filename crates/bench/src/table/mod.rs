@@ -6,6 +6,7 @@ mod tests;
 
 pub use notations::{csv, latex, markdown, plain, present};
 
+use crate::metrics::lpips::NO_WEIGHTS;
 use crate::metrics::{COLUMNS, Column, RADIO};
 use crate::record::{Numbers, Outcome, PREDICTIONS, Record};
 use crate::split::Protocol;
@@ -79,8 +80,10 @@ impl Row<'_> {
         summarize(&self.done.iter().filter_map(|(_, n)| of(n)).collect::<Vec<_>>())
     }
 
+    /// A metric over all seeds; `None` where one of them lacks it, for its mean would be of another set of seeds than the rest of the row.
     fn metric(&self, column: &Column) -> Option<Summary> {
-        self.summary(|n| n.value(column))
+        let values: Option<Vec<f64>> = self.done.iter().map(|(_, n)| n.value(column)).collect();
+        summarize(&values?)
     }
 
     fn gaussians(&self) -> Option<Summary> {
@@ -129,7 +132,7 @@ pub fn short_columns() -> Vec<&'static Column> {
 }
 
 /// The columns that these words name, each once: keys of metrics, `short` (the columns of a table that asks for none), `radio` (those that
-/// tell how a spectrum serves a radio), `all`. No word is `short`.
+/// tell how a spectrum serves a radio), `lpips` (those of VGG-16), `all`. No word is `short`.
 ///
 /// # Errors
 /// A word that is none of them.
@@ -143,11 +146,12 @@ pub fn columns<S: AsRef<str>>(words: &[S]) -> Result<Vec<&'static Column>> {
             "short" => short_columns(),
             "radio" => RADIO.iter().filter_map(|key| column(key)).collect(),
             "all" => COLUMNS.iter().collect(),
+            "lpips" => COLUMNS.iter().filter(|c| c.backbone() == Some("vgg")).collect(),
             key => match column(key) {
                 Some(one) => vec![one],
                 None => {
                     let keys: Vec<&str> = COLUMNS.iter().map(|c| c.key).collect();
-                    bail!("no metric is called {key}\n  help: give short, radio, all, or keys of {}", keys.join(", "))
+                    bail!("no metric is called {key}\n  help: give short, radio, lpips, all, or keys of {}", keys.join(", "))
                 }
             },
         };
@@ -193,6 +197,14 @@ fn note(rows: &[Row<'_>], columns: &Columns) -> String {
              from).",
             stated.join(", ")
         );
+    }
+    let lacks = |row: &&Row<'_>| {
+        let lpips = || columns.iter().filter(|c| c.backbone().is_some());
+        lpips().any(|c| row.done.iter().any(|(_, numbers)| numbers.value(c).is_none()))
+    };
+    let without: Vec<&str> = rows.iter().filter(lacks).map(|r| r.label).collect();
+    if !without.is_empty() {
+        let _ = write!(note, " LPIPS not computed, for {NO_WEIGHTS}: {}.", without.join(", "));
     }
     for row in rows {
         for (seed, error) in &row.failed {

@@ -5,7 +5,8 @@ use crate::provenance::Provenance;
 use std::collections::BTreeMap;
 
 fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
-    let mut means: BTreeMap<String, f64> = COLUMNS.iter().map(|c| (c.key.to_owned(), 1.0)).collect();
+    let mut means: BTreeMap<String, f64> =
+        COLUMNS.iter().filter(|c| c.backbone().is_none()).map(|c| (c.key.to_owned(), 1.0)).collect();
     means.insert("psnr_rf_jet".to_owned(), psnr_rf);
     let numbers = Numbers {
         seconds: Some(2.0),
@@ -32,6 +33,7 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
         seed,
         cell: None,
         provenance: Provenance::here(),
+        lpips_weights: BTreeMap::new(),
         device: String::new(),
         uses_ground_truth_depth: row == "full",
         clock: String::new(),
@@ -132,4 +134,38 @@ fn what_is_only_stated_is_marked_in_every_notation() {
     assert!(latex(&rows, &short).contains(r"& $10^\dagger$ & $2.0^\dagger$") && plain(&rows, &short).contains("2.0 †"));
     assert!(latex(&rows, &short).contains("& $-$ & $-$"));
     assert!(csv(&records).lines().nth(3).unwrap().contains(",done,,,"), "{}", csv(&records));
+}
+
+/// A record with LPIPS by these backbones.
+fn with_lpips(row: &str, seed: u64, backbones: &[&str]) -> Record {
+    let mut record = record(row, seed, 18.0);
+    if let Outcome::Done(numbers) = &mut record.outcome {
+        let computed = COLUMNS.iter().filter(|c| c.backbone().is_some_and(|b| backbones.contains(&b)));
+        numbers.means.extend(computed.map(|c| (c.key.to_owned(), 0.25)));
+    }
+    record
+}
+
+#[test]
+fn lpips_has_columns_where_it_is_asked_for_and_tells_whose_is_missing() {
+    let records = [
+        with_lpips("full", 1, &["vgg", "squeeze"]),
+        with_lpips("full", 2, &["vgg"]),
+        with_lpips("half", 1, &["vgg"]),
+        record("half", 2, 18.0),
+    ];
+    let rows = rows(&records);
+    let asked = columns(&["psnr_opt", "lpips"]).unwrap();
+    for text in [markdown(&rows, &asked), latex(&rows, &asked), plain(&rows, &asked)] {
+        assert!(text.contains("LPIPS not computed, for no weights were given") && text.contains("folder): half."), "{text}");
+    }
+    let table = markdown(&rows, &asked);
+    assert!(table.contains("| LPIPS-VGG [-1,1] opt ↓ | LPIPS-VGG [-1,1] rf (Jet) ↓ | LPIPS-VGG [0,1] opt ↓ |"), "{table}");
+    assert!(table.lines().any(|l| l.starts_with("| full |") && l.contains("| 0.250 ± 0.000 |")), "{table}");
+    assert!(table.lines().any(|l| l.starts_with("| half |") && l.contains("| – | – | – | – |")), "{table}");
+    let unasked = markdown(&rows, &columns(&["psnr_opt"]).unwrap());
+    assert!(!unasked.contains("LPIPS"), "{unasked}");
+    // CSV has what any record has.
+    let csv = csv(&records);
+    assert!(csv.contains("lpips_vgg_01_rf_jet") && csv.contains("lpips_squeeze_opt") && !csv.contains("alex"), "{csv}");
 }

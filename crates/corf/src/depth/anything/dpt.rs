@@ -1,9 +1,10 @@
 //! The head: a dense prediction transformer's (Ranftl et al. 2021), which brings four maps of the patches together to one map of the pixels.
 
-use super::ops::{Layer, Map, bilinear};
+use super::ops::bilinear;
 use super::vit::PATCH;
 use super::weights::Weights;
 use crate::Result;
+use crate::network::{Layer, Map, Window};
 
 const HEAD: &str = "depth_head";
 
@@ -20,7 +21,7 @@ impl Residual {
         let mut out = map.clone();
         for layer in &self.0 {
             out.rectify();
-            out = layer.convolve(&out, 1);
+            out = layer.convolve(&out, Window::three(1));
         }
         out.add(map);
         out
@@ -104,9 +105,9 @@ impl Head {
             let map = match &self.resized[i] {
                 Resized::Spread(layer, side) => layer.spread(&map, *side),
                 Resized::Same => map,
-                Resized::Halved(layer) => layer.convolve(&map, 2),
+                Resized::Halved(layer) => layer.convolve(&map, Window::three(2)),
             };
-            self.levelled[i].convolve(&map, 1)
+            self.levelled[i].convolve(&map, Window::three(1))
         });
         // Each is enlarged to the next one's size, and the last to twice its own.
         let size = |map: &Map| (map.height, map.width);
@@ -114,8 +115,9 @@ impl Head {
         let path = self.fusions[2].of(path, Some(&c), size(&b));
         let path = self.fusions[1].of(path, Some(&b), size(&a));
         let path = self.fusions[0].of(path, Some(&a), (2 * a.height, 2 * a.width));
-        let map = self.narrowed.convolve(&path, 1);
-        let mut map = self.last[0].convolve(&bilinear(&map, PATCH * patches[0].height, PATCH * patches[0].width), 1);
+        let map = self.narrowed.convolve(&path, Window::three(1));
+        let mut map =
+            self.last[0].convolve(&bilinear(&map, PATCH * patches[0].height, PATCH * patches[0].width), Window::three(1));
         map.rectify();
         let mut map = self.last[1].of_pixels(&map);
         map.rectify();

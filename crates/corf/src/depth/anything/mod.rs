@@ -11,10 +11,11 @@ mod vit;
 mod weights;
 
 use super::dense::Dense;
+use crate::network::Map;
 use crate::{Error, Result, config::DepthConfig};
 use corf_scene::Raster;
 use dpt::Head;
-use ops::{Map, bicubic};
+use ops::bicubic;
 use std::fmt;
 use std::path::Path;
 use vit::{PATCH, Transformer};

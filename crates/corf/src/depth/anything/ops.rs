@@ -1,127 +1,13 @@
-//! Operations of the network: matrix products, convolutions, resampling and activation functions, all in f32.
+//! Operations of the network that are its own: normalisation, activation functions, attention, resampling, all in f32.
 //!
-//! Work is cut into blocks of a fixed number of rows, so that every sum is taken in the same order whatever the number of threads. Maps have
-//! their channels innermost: a map's pixels and a transformer's tokens are both rows of a matrix.
+//! Work is cut into blocks of a fixed number of rows, so that every sum is taken in the same order whatever the number of threads.
 
 use crate::matrix::{Matrix, multiply};
+use crate::network::Map;
 use rayon::prelude::*;
 
-/// Rows that are worked on at once.
-const BLOCK: usize = 256;
 /// Lanes of a sum.
 const LANES: usize = 16;
-
-/// A map of `height × width` pixels of `channels` values each, row by row, channels innermost.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Map {
-    pub height: usize,
-    pub width: usize,
-    pub channels: usize,
-    pub values: Vec<f32>,
-}
-
-impl Map {
-    /// All zero.
-    pub fn zero(height: usize, width: usize, channels: usize) -> Self {
-        Self { height, width, channels, values: vec![0.0; height * width * channels] }
-    }
-
-    /// One pixel's channels.
-    fn pixel(&self, x: usize, y: usize) -> &[f32] {
-        let start = (y * self.width + x) * self.channels;
-        &self.values[start..start + self.channels]
-    }
-
-    /// Adds a map of the same size.
-    pub fn add(&mut self, other: &Self) {
-        self.values.par_iter_mut().zip(&other.values).with_min_len(4096).for_each(|(a, b)| *a += b);
-    }
-
-    /// Negative values become 0.
-    pub fn rectify(&mut self) {
-        self.values.par_iter_mut().with_min_len(4096).for_each(|v| *v = v.max(0.0));
-    }
-}
-
-/// An affine map of rows: `y = W·x + b`.
-#[derive(Clone, Debug)]
-pub(super) struct Layer {
-    pub inputs: usize,
-    pub outputs: usize,
-    /// Outputs × inputs.
-    pub weights: Vec<f32>,
-    pub bias: Vec<f32>,
-}
-
-impl Layer {
-    /// Row by row.
-    fn apply(&self, rows: &[f32], out: &mut [f32]) {
-        out.chunks_exact_mut(self.outputs).for_each(|row| row.copy_from_slice(&self.bias));
-        let (inputs, outputs) = (self.inputs, self.outputs);
-        let a = Matrix::by_rows(rows, rows.len() / inputs, inputs, inputs);
-        let w = Matrix::by_rows(&self.weights, outputs, inputs, inputs);
-        multiply(a, w.transposed(), 1.0, out, outputs);
-    }
-
-    /// Applies the layer to every row, in parallel.
-    pub fn of_rows(&self, rows: &[f32]) -> Vec<f32> {
-        let mut out = vec![0.0; rows.len() / self.inputs * self.outputs];
-        let blocks = out.par_chunks_mut(BLOCK * self.outputs).zip(rows.par_chunks(BLOCK * self.inputs));
-        blocks.for_each(|(out, rows)| self.apply(rows, out));
-        out
-    }
-
-    /// Applies the layer to every pixel: a 1×1 convolution.
-    pub fn of_pixels(&self, map: &Map) -> Map {
-        Map { channels: self.outputs, values: self.of_rows(&map.values), ..*map }
-    }
-
-    /// A 3×3 convolution with a border of zeros one wide, at every `stride`-th pixel; inputs are (row, column, channel) of the window.
-    pub fn convolve(&self, map: &Map, stride: usize) -> Map {
-        let [height, width] = [map.height, map.width].map(|n| (n - 1) / stride + 1);
-        let mut out = Map::zero(height, width, self.outputs);
-        out.values.par_chunks_mut(BLOCK * self.outputs).enumerate().for_each_init(
-            || vec![0.0; BLOCK * self.inputs],
-            |windows, (block, out)| {
-                let count = out.len() / self.outputs;
-                let windows = &mut windows[..count * self.inputs];
-                for (i, window) in windows.chunks_exact_mut(self.inputs).enumerate() {
-                    let at = block * BLOCK + i;
-                    let (x, y) = (stride * (at % width), stride * (at / width));
-                    for (k, part) in window.chunks_exact_mut(map.channels).enumerate() {
-                        // One to the right and below of the pixel meant.
-                        let (u, v) = (x + k % 3, y + k / 3);
-                        if (1..=map.width).contains(&u) && (1..=map.height).contains(&v) {
-                            part.copy_from_slice(map.pixel(u - 1, v - 1));
-                        } else {
-                            part.fill(0.0);
-                        }
-                    }
-                }
-                self.apply(windows, out);
-            },
-        );
-        out
-    }
-
-    /// A transposed convolution whose kernel is as large as its stride: every pixel becomes `side × side` of them; outputs are (row, column,
-    /// channel) of those.
-    pub fn spread(&self, map: &Map, side: usize) -> Map {
-        let channels = self.outputs / (side * side);
-        let mut out = Map::zero(side * map.height, side * map.width, channels);
-        let (row, run) = (out.width * channels, side * channels);
-        out.values.par_chunks_mut(side * row).zip(map.values.par_chunks(map.width * map.channels)).for_each(|(out, source)| {
-            let mut spread = vec![0.0; map.width * self.outputs];
-            self.apply(source, &mut spread);
-            for (x, pixels) in spread.chunks_exact(self.outputs).enumerate() {
-                for (j, pixels) in pixels.chunks_exact(run).enumerate() {
-                    out[j * row + x * run..][..run].copy_from_slice(pixels);
-                }
-            }
-        });
-        out
-    }
-}
 
 /// Sum of `f` of the values.
 fn sum(values: &[f32], f: impl Fn(f32) -> f32) -> f32 {
@@ -196,7 +82,8 @@ fn softmax(row: &mut [f32], scale: f32) {
 pub(super) fn attention(qkv: &[f32], width: usize, heads: usize) -> Vec<f32> {
     const ROWS: usize = 64;
     let (tokens, stride, head) = (qkv.len() / (3 * width), 3 * width, width / heads);
-    let part = |from: usize, rows: usize| Matrix::by_rows(&qkv[from..], rows, head, stride);
+    let part =
+        |from: usize, rows: usize| Matrix { values: &qkv[from..], rows, columns: head, row_stride: stride, column_stride: 1 };
     let scale = 1.0 / (head as f32).sqrt();
     let mut out = vec![0.0; tokens * width];
     out.par_chunks_mut(ROWS * width).enumerate().for_each_init(
@@ -208,7 +95,7 @@ pub(super) fn attention(qkv: &[f32], width: usize, heads: usize) -> Vec<f32> {
                 let queries = part(block * ROWS * stride + h * head, rows);
                 multiply(queries, part(width + h * head, tokens).transposed(), 0.0, scores, tokens);
                 scores.chunks_exact_mut(tokens).for_each(|row| softmax(row, scale));
-                let weights = Matrix::by_rows(scores, rows, tokens, tokens);
+                let weights = Matrix { values: scores, rows, columns: tokens, row_stride: tokens, column_stride: 1 };
                 multiply(weights, part(2 * width + h * head, tokens), 0.0, &mut out[h * head..], width);
             }
         },

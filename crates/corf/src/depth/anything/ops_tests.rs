@@ -12,10 +12,6 @@ fn map(seed: u64, height: usize, width: usize, channels: usize) -> Map {
     Map { height, width, channels, values: noise(seed, height * width * channels) }
 }
 
-fn layer(seed: u64, inputs: usize, outputs: usize) -> Layer {
-    Layer { inputs, outputs, weights: noise(seed, inputs * outputs), bias: noise(seed + 1, outputs) }
-}
-
 /// Largest difference.
 fn worst(found: &[f32], exact: &[f64]) -> f64 {
     assert_eq!(found.len(), exact.len());
@@ -66,55 +62,6 @@ fn rows_are_normalised_and_mapped() {
         })
         .collect();
     assert!(worst(&layer_norm(&rows, &scale, &shift, 1e-6), &exact) < 1e-5);
-
-    // More rows than a block, and a last block that is short.
-    let (layer, rows) = (layer(6, 19, 5), noise(8, 19 * 300));
-    let exact: Vec<f64> = rows
-        .chunks(19)
-        .flat_map(|row| {
-            let layer = &layer;
-            (0..5).map(move |o| {
-                let products = row.iter().zip(&layer.weights[19 * o..]).map(|(a, b)| f64::from(*a) * f64::from(*b));
-                products.sum::<f64>() + f64::from(layer.bias[o])
-            })
-        })
-        .collect();
-    assert!(worst(&layer.of_rows(&rows), &exact) < 1e-5);
-}
-
-#[test]
-fn convolutions_are_sums_over_windows() {
-    for (height, width, stride) in [(5, 7, 1), (5, 7, 2), (6, 8, 2), (1, 1, 1), (20, 30, 1)] {
-        let (map, layer) = (map(9, height, width, 3), layer(10, 27, 4));
-        let found = layer.convolve(&map, stride);
-        let [h, w] = [height, width].map(|n| (n + 2 - 3) / stride + 1);
-        assert_eq!((found.height, found.width, found.channels), (h, w, 4));
-        let mut exact = vec![];
-        for (y, x, o) in (0..h).flat_map(|y| (0..w).flat_map(move |x| (0..4).map(move |o| (y, x, o)))) {
-            let mut sum = f64::from(layer.bias[o]);
-            for (k, c) in (0..9).flat_map(|k| (0..3).map(move |c| (k, c))) {
-                let (v, u) = ((y * stride + k / 3) as isize - 1, (x * stride + k % 3) as isize - 1);
-                if (0..height as isize).contains(&v) && (0..width as isize).contains(&u) {
-                    let value = map.values[(v as usize * width + u as usize) * 3 + c];
-                    sum += f64::from(value) * f64::from(layer.weights[27 * o + 3 * k + c]);
-                }
-            }
-            exact.push(sum);
-        }
-        assert!(worst(&found.values, &exact) < 1e-5);
-    }
-    // A pixel becomes a square of its own.
-    let (map, layer) = (map(11, 2, 3, 5), layer(12, 5, 3 * 3 * 2));
-    let found = layer.spread(&map, 3);
-    assert_eq!((found.height, found.width, found.channels), (6, 9, 2));
-    let mut exact = vec![];
-    for (y, x, o) in (0..6).flat_map(|y| (0..9).flat_map(move |x| (0..2).map(move |o| (y, x, o)))) {
-        let out = ((y % 3) * 3 + x % 3) * 2 + o;
-        let source = &map.values[(y / 3 * 3 + x / 3) * 5..][..5];
-        let products = source.iter().zip(&layer.weights[5 * out..]).map(|(a, b)| f64::from(*a) * f64::from(*b));
-        exact.push(products.sum::<f64>() + f64::from(layer.bias[out]));
-    }
-    assert!(worst(&found.values, &exact) < 1e-5);
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! The whole network against what the official code gives, for small random weights; and what is said about files that are not its.
 
-use super::weights::read_golden;
 use super::*;
 use crate::config::DepthPriorKind;
+use crate::network::Tensors;
 
 #[path = "../../../../../tests/shared.rs"]
 mod reference_data;
@@ -15,9 +15,9 @@ fn network(path: &Path) -> Result<Network> {
 }
 
 /// An input of the golden file, channels last.
-fn golden_input(golden: &Path, name: &str) -> Map {
-    let (shape, values) = read_golden(golden, name);
-    let (height, width) = (shape[2], shape[3]);
+fn golden_input(golden: &Tensors, name: &str) -> Map {
+    let shape @ [_, _, height, width] = golden.shape(name).unwrap();
+    let values = golden.values(name, &shape).unwrap();
     let pixels = (0..height * width).flat_map(|i| (0..3).map(move |c| (i, c))).map(|(i, c)| values[c * height * width + i]);
     Map { height, width, channels: 3, values: pixels.collect() }
 }
@@ -25,13 +25,15 @@ fn golden_input(golden: &Path, name: &str) -> Map {
 #[test]
 fn both_kinds_of_names_give_what_the_official_code_gives() {
     let Some(folder) = shared(FOLDER) else { return };
-    let golden = folder.join("golden.safetensors");
+    let golden = Tensors::read(&folder.join("golden.safetensors"), "").unwrap();
     for file in ["model.safetensors", "model_orig_names.safetensors"] {
         let network = network(&folder.join(file)).unwrap();
         for size in ["56x56", "42x70"] {
             let found = network.forward(&golden_input(&golden, &format!("x_{size}")));
-            let (shape, official) = read_golden(&golden, &format!("yorig_{size}"));
-            assert_eq!((found.height, found.width, found.channels), (shape[1], shape[2], 1));
+            let name = format!("yorig_{size}");
+            let shape @ [_, height, width] = golden.shape(&name).unwrap();
+            let official = golden.values(&name, &shape).unwrap();
+            assert_eq!((found.height, found.width, found.channels), (height, width, 1));
             let error = found.values.iter().zip(&official).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             eprintln!("{file}, {size}: largest error {error:.2e}");
             assert!(error < 1e-4, "{file}, {size}: {error}");

@@ -1,8 +1,9 @@
 //! The transformer: DINOv2 (Oquab et al. 2023), a vision transformer with layer scale, on patches of 14×14 pixels.
 
-use super::ops::{Layer, Map, attention, bicubic, gelu, layer_norm};
+use super::ops::{attention, bicubic, gelu, layer_norm};
 use super::weights::Weights;
 use crate::Result;
+use crate::network::{Layer, Map};
 
 /// Side of a patch, pixels.
 pub(super) const PATCH: usize = 14;
