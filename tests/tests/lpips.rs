@@ -7,11 +7,15 @@ use common::*;
 use std::fs;
 use std::path::Path;
 
+/// Columns of a plan that asks for LPIPS.
+const COLUMNS: &str = "columns = ['short', 'lpips_alex_opt', 'lpips_alex_01_opt', 'lpips_alex_rf_jet', 'lpips_alex_01_rf_jet']";
+
 /// A plan of one lookup with two seeds.
-fn plan(folder: &Path) -> std::path::PathBuf {
+fn plan(folder: &Path, columns: &str) -> std::path::PathBuf {
     let path = folder.join("plan.toml");
     let row = "[[row]]\nlabel = \"nearest\"\nmethod = \"nearest\"\n";
-    fs::write(&path, format!("name = \"lookup\"\ndataset = {:?}\nseeds = [1, 2]\n{row}", text(tiny_dataset()))).unwrap();
+    fs::write(&path, format!("name = \"lookup\"\ndataset = {:?}\nseeds = [1, 2]\n{columns}\n{row}", text(tiny_dataset())))
+        .unwrap();
     path
 }
 
@@ -19,11 +23,11 @@ fn plan(folder: &Path) -> std::path::PathBuf {
 fn weights_add_columns_and_the_record_says_which() {
     let Some(weights) = shared("weights/lpips") else { return };
     let folder = tempfile::tempdir().unwrap();
-    let (plan, out) = (plan(folder.path()), folder.path().join("out"));
+    let (plan, out) = (plan(folder.path(), COLUMNS), folder.path().join("out"));
     let run = ["bench", "run", text(&plan), "--out", text(&out)];
     let with_weights = [&run[..], &["--lpips", text(&weights)]].concat();
     let said = corf_ok(&with_weights);
-    // The first backbone that is there, both inputs, by name.
+    // The columns that the plan asks for, both inputs, by name.
     for heading in
         ["LPIPS-Alex [-1,1] opt ↓", "LPIPS-Alex [0,1] opt ↓", "LPIPS-Alex [-1,1] rf (Jet) ↓", "LPIPS-Alex [0,1] rf (Jet) ↓"]
     {
@@ -60,7 +64,7 @@ fn weights_add_columns_and_the_record_says_which() {
 #[test]
 fn without_weights_it_is_said_and_nothing_else_changes() {
     let folder = tempfile::tempdir().unwrap();
-    let (plan, out) = (plan(folder.path()), folder.path().join("out"));
+    let (plan, out) = (plan(folder.path(), ""), folder.path().join("out"));
     let output = corf(&["bench", "run", text(&plan), "--out", text(&out)]);
     assert_eq!(output.status.code(), Some(0));
     assert!(String::from_utf8_lossy(&output.stderr).contains("LPIPS is not computed: no weights were given"));
@@ -82,7 +86,7 @@ fn without_weights_it_is_said_and_nothing_else_changes() {
 #[test]
 fn folders_without_weights_are_refused_before_any_work() {
     let folder = tempfile::tempdir().unwrap();
-    let (plan, out) = (plan(folder.path()), folder.path().join("out"));
+    let (plan, out) = (plan(folder.path(), ""), folder.path().join("out"));
     let weights = folder.path().join("weights");
     fs::create_dir(&weights).unwrap();
     let refused = |words: &[&str]| {

@@ -219,7 +219,7 @@ mod tests {
         assert_eq!((published, corrected), (Nerf2Config::default(), Nerf2Config::default().corrected()));
         let small = config("nerf2-corrected", "width = 32\niterations = 5");
         assert_eq!(small, Nerf2Config { width: 32, iterations: 5, ..corrected });
-        for wrong in ["widht = 32", "width = 0", "rate = -1.0", "samples = 1"] {
+        for wrong in ["breadth = 32", "width = 0", "rate = -1.0", "samples = 1"] {
             let error = Nerf2::new("nerf2", &wrong.parse().unwrap(), &Backend::Cpu).err().unwrap();
             assert!(format!("{error:#}").contains("in the configuration of nerf2"), "{error:#}");
         }

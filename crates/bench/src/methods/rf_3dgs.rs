@@ -245,7 +245,7 @@ mod tests {
         for (text, words) in [
             ("rf_background = \"floor\"", "rf-3dgs-corrected"),
             ("optical_step = 1", "optical_step"),
-            ("density.evry = 1", "evry"),
+            ("density.often = 1", "often"),
             ("sh_degree = 4", "`sh_degree`"),
         ] {
             let error = format!("{:#}", make("rf-3dgs", text).err().unwrap());
