@@ -82,7 +82,7 @@ fn what_cannot_be_is_refused_before_anything_is_written() {
         ("width=100000", ["width", "4096"]),
         ("skip=8", ["skip", "layers"]),
         ("far_m=-1.0", ["far_m", "near_m"]),
-        ("widht=8", ["widht", "nerf2"]),
+        ("breadth=8", ["breadth", "nerf2"]),
     ] {
         let arguments = ["reconstruct", text(tiny_dataset()), "--method", "nerf2", "--out", text(&out), "--set", setting];
         corf_refuses(&arguments, &words);

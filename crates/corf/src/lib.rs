@@ -22,6 +22,9 @@ pub mod optimizer;
 pub mod ply;
 mod real;
 pub mod reconstructor;
+#[cfg(test)]
+#[path = "../../../tests/shared.rs"]
+mod reference_data;
 pub mod schedule;
 pub mod sensor;
 mod sh;

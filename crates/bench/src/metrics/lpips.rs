@@ -46,6 +46,9 @@ impl LpipsOption {
     }
 }
 
+/// Two 8-bit images and the name that keys end with.
+pub type Pair<'a> = (&'a str, &'a Raster<[u8; 3]>, &'a Raster<[u8; 3]>);
+
 /// The networks that LPIPS is computed with; none where it is not.
 #[derive(Debug, Default)]
 pub struct LpipsNetworks(Vec<Lpips>);
@@ -97,7 +100,7 @@ impl LpipsNetworks {
     }
 
     /// Distances of pairs of images that have a name, by key.
-    pub fn compare(&self, pairs: &[(&str, &Raster<[u8; 3]>, &Raster<[u8; 3]>)]) -> BTreeMap<String, f64> {
+    pub fn compare(&self, pairs: &[Pair<'_>]) -> BTreeMap<String, f64> {
         let mut found = BTreeMap::new();
         for (network, (name, a, b)) in self.0.iter().flat_map(|n| pairs.iter().map(move |p| (n, p))) {
             for (input, mark) in [(Input::Signed, ""), (Input::Unit, "_01")] {

@@ -2,12 +2,9 @@
 
 use super::*;
 use crate::network::{Layer, MaxPool, Window};
+use crate::reference_data::shared;
 use corf_scene::Rng;
 use corf_scene::io::read_png;
-
-#[path = "../../../../tests/shared.rs"]
-mod reference_data;
-use reference_data::shared;
 
 /// Folder with the weights of VGG-16, as tools/fetch_weights.py writes it.
 const WEIGHTS_VARIABLE: &str = "CORF_LPIPS_WEIGHTS";

@@ -3,10 +3,7 @@
 use super::*;
 use crate::config::DepthPriorKind;
 use crate::network::Tensors;
-
-#[path = "../../../../../tests/shared.rs"]
-mod reference_data;
-use reference_data::shared;
+use crate::reference_data::shared;
 
 const FOLDER: &str = "weights/depth_anything_tiny";
 
