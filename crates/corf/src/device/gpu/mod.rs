@@ -11,6 +11,7 @@
 
 mod capacity;
 mod context;
+mod dense;
 mod density;
 mod frame;
 mod kernel;
