@@ -11,6 +11,7 @@
 
 mod capacity;
 pub(crate) mod context;
+mod dense;
 mod density;
 mod frame;
 pub(crate) mod kernel;

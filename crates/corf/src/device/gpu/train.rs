@@ -4,6 +4,7 @@ use super::{
     GpuDevice,
     capacity::BufferCapacity,
     context::{Context, Reading},
+    dense::DenseUpdate,
     frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, STATE_WORDS, STEPS, VISIBLE},
     kernel::{Bound, Kernel},
     params::{self, Params, Uniforms},
@@ -12,7 +13,7 @@ use super::{
 };
 use crate::{
     Error, Gaussians, OptimizerConfig, Result,
-    device::{DenseStep, Step, StepReport, ViewId},
+    device::{Step, StepReport, ViewId},
 };
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -61,15 +62,7 @@ pub(crate) struct Training {
     update: [Kernel; 2],
     write_gradients: [Kernel; 2],
     /// For dense steps; made when there is one.
-    dense: Option<DenseUpdate>,
-}
-
-/// The update of a dense step.
-struct DenseUpdate {
-    /// Appearance, geometry.
-    update: [Kernel; 2],
-    /// Of steps that render light, and RF: the Gaussians that are not seen.
-    coast: [Kernel; 2],
+    pub(super) dense: Option<DenseUpdate>,
 }
 
 impl Training {
@@ -94,28 +87,11 @@ impl Training {
         let (update, write_gradients) = ([appearance, geometry], [of_appearance, of_geometry]);
         Ok(Self { similarity, gradient, backward, update, write_gradients, dense: None })
     }
-
-    /// Makes the kernels of dense steps, if there are none yet.
-    fn prepare_dense(&mut self, context: &Context, fixed: &Fixed) -> Result<()> {
-        if self.dense.is_none() {
-            let [appearance, geometry, light, rf] = Kernel::all(
-                context,
-                [
-                    ("dense update appearance", fixed.update_appearance(Gradients::Dense)),
-                    ("dense update geometry", fixed.update_geometry(Gradients::Dense)),
-                    ("coast in light", fixed.coast(0)),
-                    ("coast in RF", fixed.coast(1)),
-                ],
-            )?;
-            self.dense = Some(DenseUpdate { update: [appearance, geometry], coast: [light, rf] });
-        }
-        Ok(())
-    }
 }
 
 /// Use of the gradients of some steps.
 #[derive(Clone, Copy)]
-enum Destination<'a> {
+pub(super) enum Destination<'a> {
     /// Steps of sparse Adam.
     Sparse,
     /// Steps of dense Adam.
@@ -136,8 +112,8 @@ struct BoundTraining {
 }
 
 /// One step's constants and place among the uniforms.
-struct Planned {
-    params: Params,
+pub(super) struct Planned {
+    pub params: Params,
     view: ViewId,
 }
 
@@ -152,7 +128,7 @@ pub(crate) struct Batch {
 }
 
 impl GpuDevice {
-    fn plan_step(&self, step: &Step, optimizer: &OptimizerConfig) -> Result<Planned> {
+    pub(super) fn plan_step(&self, step: &Step, optimizer: &OptimizerConfig) -> Result<Planned> {
         let place = || format!("training step for view {}", step.view.0);
         let Some(pyramid) = self.pyramids.get(step.view.0) else {
             let what = format!("this device holds {} views", self.pyramids.len());
@@ -242,25 +218,6 @@ impl GpuDevice {
         self.run(steps, Destination::Sparse)
     }
 
-    /// Runs dense steps as [`Self::run_steps`] does others.
-    pub(super) fn run_dense_steps(&mut self, steps: &[DenseStep]) -> Result<StepReport> {
-        steps.iter().try_for_each(DenseStep::check)?;
-        self.training.prepare_dense(&self.context, &self.shapes[0])?;
-        self.prepare_marks()?;
-        let mut planned = Vec::with_capacity(steps.len());
-        for dense in steps {
-            let mut one = self.plan_step(&dense.step, &dense.constants(&self.optimizer))?;
-            // The last of all numbers is nobody's: what is marked by nobody has it.
-            self.dense_steps = (self.dense_steps + 1) % u32::MAX;
-            one.params.set_dense(dense, self.dense_steps);
-            planned.push(one);
-        }
-        match self.batch(planned) {
-            Some(batch) => self.complete(batch, Destination::Dense),
-            None => Ok(StepReport::default()),
-        }
-    }
-
     fn run(&mut self, steps: &[Step], destination: Destination<'_>) -> Result<StepReport> {
         match self.batch(self.plan(steps)?) {
             Some(batch) => self.complete(batch, destination),
@@ -291,7 +248,7 @@ impl GpuDevice {
     }
 
     /// Steps made ready; nothing of none.
-    fn batch(&self, steps: Vec<Planned>) -> Option<Batch> {
+    pub(super) fn batch(&self, steps: Vec<Planned>) -> Option<Batch> {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, training: true, ..Extent::default() };
         steps.iter().for_each(|p| extent.include(&p.params));
@@ -300,7 +257,7 @@ impl GpuDevice {
     }
 
     /// Goes on until a batch is through.
-    fn complete(&mut self, mut batch: Batch, destination: Destination<'_>) -> Result<StepReport> {
+    pub(super) fn complete(&mut self, mut batch: Batch, destination: Destination<'_>) -> Result<StepReport> {
         loop {
             let reading = self.launch(&mut batch, destination)?;
             if let Some(report) = self.absorb(&mut batch, reading)? {

@@ -1,0 +1,59 @@
+//! Steps of dense Adam: kernels of their own for the update, and one more for the Gaussians that a step does not see.
+
+use super::{
+    GpuDevice,
+    context::Context,
+    kernel::Kernel,
+    shaders::{Fixed, Gradients},
+    train::Destination,
+};
+use crate::{
+    Result,
+    device::{DenseStep, StepReport},
+};
+
+/// The update of a dense step.
+pub(super) struct DenseUpdate {
+    /// Appearance, geometry.
+    pub update: [Kernel; 2],
+    /// Of steps that render light, and RF: the Gaussians that are not seen.
+    pub coast: [Kernel; 2],
+}
+
+impl DenseUpdate {
+    fn new(context: &Context, fixed: &Fixed) -> Result<Self> {
+        let [appearance, geometry, light, rf] = Kernel::all(
+            context,
+            [
+                ("dense update appearance", fixed.update_appearance(Gradients::Dense)),
+                ("dense update geometry", fixed.update_geometry(Gradients::Dense)),
+                ("coast in light", fixed.coast(0)),
+                ("coast in RF", fixed.coast(1)),
+            ],
+        )?;
+        Ok(Self { update: [appearance, geometry], coast: [light, rf] })
+    }
+}
+
+impl GpuDevice {
+    /// Runs dense steps as [`Self::run_steps`] does others; the first time makes their kernels.
+    pub(super) fn run_dense_steps(&mut self, steps: &[DenseStep]) -> Result<StepReport> {
+        steps.iter().try_for_each(DenseStep::check)?;
+        if self.training.dense.is_none() {
+            self.training.dense = Some(DenseUpdate::new(&self.context, &self.shapes[0])?);
+        }
+        self.prepare_marks()?;
+        let mut planned = Vec::with_capacity(steps.len());
+        for dense in steps {
+            let mut one = self.plan_step(&dense.step, &dense.constants(&self.optimizer))?;
+            // The last of all numbers is nobody's: what is marked by nobody has it.
+            self.dense_steps = (self.dense_steps + 1) % u32::MAX;
+            one.params.set_dense(dense, self.dense_steps);
+            planned.push(one);
+        }
+        match self.batch(planned) {
+            Some(batch) => self.complete(batch, Destination::Dense),
+            None => Ok(StepReport::default()),
+        }
+    }
+}
