@@ -54,7 +54,7 @@ fn an_interrupted_training_resumes_to_the_same_bytes() {
     let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
     let common = ["reconstruct", text(tiny_dataset()), "--method", "nerf2", "--device", "cpu", "--checkpoint-every", "5"];
     // Long enough to be caught in the middle.
-    let common = [&common[..], &TINY, &["--set", "iterations=1500"]].concat();
+    let common = [&common[..], &TINY, &["--set", "iterations=300"]].concat();
     corf_ok(&[&common[..], &["--out", text(&whole)]].concat());
     assert!(!whole.join("checkpoint").exists(), "a finished run needs none");
     let arguments = [&common[..], &["--out", text(&broken)]].concat();
