@@ -3,6 +3,7 @@
 mod bench;
 mod bench_cells;
 mod bench_light;
+mod bench_paper;
 mod bench_radio;
 mod bench_step;
 mod check;

@@ -1,7 +1,7 @@
 //! Truths about beams: plane waves, two paths by hand, orthogonality, ties.
 
 use super::*;
-use corf_raytrace::radio::PlanarArray;
+use corf_raytrace::radio::{Complex, PlanarArray};
 use corf_scene::keyframe::DbRange;
 
 const LIMIT_DB: f64 = 70.0;
@@ -38,9 +38,8 @@ fn the_gain_is_that_of_the_arrays_steering_vectors() {
         for u in [DVec3::X, DVec3::new(0.8, -0.36, 0.48), DVec3::new(0.6, 0.0, -0.8)] {
             // w_pq is the steering vector of the beam's sines, real direction or not: only y and z matter to a planar array.
             let w = array.steering(DVec3::new(0.0, sine(p), sine(q)));
-            let sum =
-                w.iter().zip(array.steering(u)).fold(corf_raytrace::radio::Complex::new(0.0, 0.0), |s, (w, v)| s + w.conj() * v);
-            let expected = sum.norm_sqr() / (ELEMENTS * ELEMENTS) as f64;
+            let sum = w.iter().zip(array.steering(u)).fold(Complex::new(0.0, 0.0), |s, (w, v)| s + Complex::new(w.re, -w.im) * v);
+            let expected = sum.norm_squared() / (ELEMENTS * ELEMENTS) as f64;
             let gain = axis_gain(u.y - sine(p)) * axis_gain(u.z - sine(q));
             assert!((gain - expected).abs() < 1e-12, "beam {p}, {q} towards {u}: {gain}, {expected}");
         }
