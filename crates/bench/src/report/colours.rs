@@ -73,8 +73,9 @@ pub(super) fn jet_bar(range: &DbRange) -> String {
 
 /// The bars of spectra and of both errors.
 pub(super) fn bars(range: &DbRange) -> String {
-    let decibels: Vec<String> = [-1.0, -0.5, 0.0, 0.5, 1.0].iter().map(|t| format!("{:+.0} dB", t * ERROR_DB)).collect();
-    let per_cent: Vec<String> = [0.0, 0.5, 1.0].iter().map(|t| format!("{:.1} %", 100.0 * t * ERROR_OPTICAL)).collect();
+    let share = |t: f32| if t == 0.0 { "0 dB".to_owned() } else { format!("{:+.0} dB", t * ERROR_DB) };
+    let decibels = [-1.0, -0.5, 0.0, 0.5, 1.0].map(share);
+    let per_cent = [0.0, 0.5, 1.0].map(|t: f32| format!("{:.1} %", 100.0 * t * ERROR_OPTICAL));
     format!(
         "<div class=\"bars\">{}{}{}</div>",
         jet_bar(range),

@@ -125,7 +125,7 @@ pub(super) fn figure(report: &Report<'_>) -> Result<String> {
     let metre = UNITS_PER_M * 2.0;
     write!(
         svg,
-        "<path d=\"M20 {0:.0}h{metre:.0}\" stroke=\"#1b2330\" stroke-width=\"3\"/><text x=\"20\" y=\"{1:.0}\">2 m</text></svg>",
+        "<path d=\"M20 {0:.0}h{metre:.0}\" stroke=\"#1b2330\" stroke-width=\"3\"/><text x=\"20\" y=\"{1:.0}\" stroke=\"#fff\" stroke-width=\"3\" paint-order=\"stroke\">2 m</text></svg>",
         height - 18.0,
         height - 26.0
     )?;

@@ -44,7 +44,7 @@ mod tests {
         let column = [cell(10.0, Some(0.5)), cell(12.0, Some(0.5)), None, cell(11.2, Some(0.4)), cell(12.0, Some(0.1))];
         assert_eq!(marks(&column, true), [Mark::None, Mark::Best, Mark::None, Mark::Near, Mark::Best]);
         assert_eq!(marks(&column, false), [Mark::Best, Mark::None, Mark::None, Mark::None, Mark::None]);
-        assert_eq!(marks(&[cell(10.0, Some(0.5)), cell(10.9, Some(0.4))], false), [Mark::Best, Mark::Near]);
+        assert_eq!(marks(&[cell(10.0, Some(0.5)), cell(10.8, Some(0.4))], false), [Mark::Best, Mark::Near]);
     }
 
     #[test]
