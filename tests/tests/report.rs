@@ -7,16 +7,30 @@ use common::*;
 use roxmltree::{Document, Node, ParsingOptions};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Labels with what a page and an attribute would take for theirs.
 const LABELS: [&str; 2] = ["nearest, <b>'raw'</b>", "blend & \"x\""];
+
+/// Ten keyframes whose light is quick and poor: what is in the pictures does not matter here.
+fn quick_dataset() -> &'static Path {
+    static DATASET: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    let (_, path) = DATASET.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let config = tiny_config(folder.path(), 10);
+        let out = folder.path().join("dataset");
+        corf_ok(&["dataset", "generate", text(&config), "--out", text(&out)]);
+        (folder, out)
+    });
+    path
+}
 
 /// A comparison of the two lookups, two seeds.
 fn comparison(folder: &Path) -> PathBuf {
     let (plan, out) = (folder.join("plan.toml"), folder.join("out"));
     let row = |label: &str, method: &str| format!("[[row]]\nlabel = {}\nmethod = \"{method}\"\n", serde_json::json!(label));
     let rows = row(LABELS[0], "nearest") + &row(LABELS[1], "inverse-distance");
-    let head = format!("name = \"two <lookups>\"\ndataset = {:?}\nseeds = [1, 2]\n", tiny_dataset());
+    let head = format!("name = \"two <lookups>\"\ndataset = {:?}\nseeds = [1, 2]\n", quick_dataset());
     fs::write(&plan, head + &rows).unwrap();
     corf_ok(&["bench", "run", text(&plan), "--out", text(&out), "--device", "cpu"]);
     out

@@ -51,6 +51,12 @@ fn bounds(values: impl Iterator<Item = f64>) -> (f64, f64) {
     (low - pad, high + pad)
 }
 
+/// A tick's number: no more digits than it has, and those of its rounding left out.
+fn tick(value: &f64) -> String {
+    let text = format!("{value:.9}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 fn chart(title: &str, x: &str, y: &str, lines: &[Line], from_zero: bool) -> Result<String> {
     let points = || lines.iter().flat_map(|l| l.points.iter().copied());
     if points().next().is_none() {
@@ -89,6 +95,8 @@ fn chart(title: &str, x: &str, y: &str, lines: &[Line], from_zero: bool) -> Resu
             .configure_mesh()
             .x_desc(x)
             .y_desc(y)
+            .x_label_formatter(&tick)
+            .y_label_formatter(&tick)
             .light_line_style(RGBColor(240, 242, 245))
             .bold_line_style(RGBColor(223, 228, 234))
             .draw()
