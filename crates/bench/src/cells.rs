@@ -96,7 +96,7 @@ impl Part {
         Ok(matches!(record.outcome, Outcome::Done(_)).then_some(record))
     }
 
-    /// Runs a cell; a method that fails gives a record that says so. A few predictions of the first seed are kept beside the records. With
+    /// Runs a cell; a method that fails gives a record that says so. The predictions of the first seed are kept beside the records, small. With
     /// a folder to `work` in, a method that keeps checkpoints keeps them there and goes on from them, and the record's time is that of all
     /// its processes.
     ///
@@ -106,11 +106,10 @@ impl Part {
         let (plan, dataset) = (&self.plan, &input.dataset);
         let split = Split::of(dataset, plan.protocol)?;
         let label = format!("{}, seed {}", cell.row.label, cell.seed);
-        let shown = predictions::shown(&split.held_out);
         let keep = cell.seed == plan.seeds[0];
         let folder = row_folder(&self.out.join("predictions"), &cell.row.label);
         let look = |truth: &Keyframe, prediction: Halves<'_>| {
-            if keep && shown.contains(&truth.index) { predictions::keep(&folder, truth, prediction) } else { Ok(()) }
+            if keep { predictions::keep(&folder, truth, prediction) } else { Ok(()) }
         };
         let mut method = match Source::of(cell, &split, dataset, backend)? {
             Source::Method(method) => method,

@@ -18,6 +18,7 @@ pub mod methods;
 pub mod metrics;
 pub mod numbers;
 pub mod oidn;
+pub mod paper;
 pub mod plan;
 pub mod prediction_folder;
 pub mod predictions;

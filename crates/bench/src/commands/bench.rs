@@ -34,6 +34,8 @@ pub enum Bench {
     Table(Table),
     /// Write a finished comparison's tables and report again.
     Report(Report),
+    /// Write the tables and the time figure of the CORF-GS paper from a finished comparison, each figure beside the paper's.
+    Paper(super::bench_paper::Paper),
     /// Measure how far a dataset's images are from converged ones, and their cost.
     Light(super::bench_light::Light),
     /// Measure the cost of tracing a dataset's radio half, stage by stage, and its sampling error.
@@ -138,6 +140,7 @@ impl Bench {
             Self::Sweep(c) => c.run(json),
             Self::Table(c) => c.run(json),
             Self::Report(c) => c.run(json),
+            Self::Paper(c) => c.run(json),
             Self::Pack(c) => c.run(json),
             Self::Light(c) => c.run(json),
             Self::Radio(c) => c.run(json),

@@ -4,6 +4,7 @@ mod bench;
 mod bench_cells;
 mod bench_light;
 mod bench_network;
+mod bench_paper;
 mod bench_radio;
 mod bench_step;
 mod check;

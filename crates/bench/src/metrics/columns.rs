@@ -44,6 +44,11 @@ impl Column {
         format!("{}; {over}", self.text.replace("{budget}", &rate::budget()))
     }
 
+    /// Whether more is better, which the arrow in the heading says.
+    pub fn higher_is_better(&self) -> bool {
+        self.heading.ends_with('↑')
+    }
+
     /// The column's number of some frames; `None` without frames, or where one of them has none.
     pub fn over(&self, frames: &[FrameMetrics]) -> Option<f64> {
         let mut values = frames.iter().map(self.of).collect::<Option<Vec<f64>>>().filter(|v| !v.is_empty())?;

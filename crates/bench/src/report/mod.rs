@@ -1,6 +1,8 @@
 //! `report.html`: one self-contained file beside `table.md`.
 
 mod charts;
+mod colours;
+mod embed;
 mod pictures;
 mod plan_view;
 
@@ -8,19 +10,18 @@ use crate::escape::html as escape;
 use crate::metrics::Column;
 use crate::metrics::lpips::NO_WEIGHTS;
 use crate::plan::{Plan, slug};
-use crate::predictions;
 use crate::provenance::Provenance;
 use crate::record::{Outcome, Record};
 use crate::split::Split;
-use crate::table;
+use crate::table::{self, Mark};
 use anyhow::Result;
-use corf_scene::Raster;
 use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
 use std::fmt::Write;
 use std::path::Path;
 
 const STYLE: &str = include_str!("style.css");
+const SCRIPT: &str = include_str!("script.js");
 
 /// Everything a report is made of.
 pub struct Report<'a> {
@@ -50,52 +51,69 @@ fn html(report: &Report<'_>) -> Result<String> {
     let rows = table::rows(report.records);
     let mut out = String::new();
     let title = escape(&report.plan.name);
+    // Well-formed as XML too, so that any parser can read it; the policy keeps it from asking anything of a network.
     write!(
         out,
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
-         <title>corf: {title}</title><style>{STYLE}</style></head><body><main><h1>{title}</h1>"
+        "<!DOCTYPE html><html lang=\"en\"><head><meta charset=\"utf-8\"/><meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src \
+         'unsafe-inline'\"/><title>corf: {title}</title><style>{STYLE}</style></head><body><main><h1>{title}</h1>"
     )?;
     write!(out, "<p class=\"lede\">{}</p>", escape(&report.plan.analysis))?;
     write!(out, "<h2>Comparison</h2>{}", html_table(&rows, &table::columns(&report.plan.columns)?))?;
     write!(out, "<h2>Where it was</h2>{}", plan_view::figure(report)?)?;
-    write!(out, "<h2>What was there, what was predicted</h2>")?;
-    if let Some(first) = report.plan.rows.first() {
-        out.push_str(&pictures::triptychs(report, &first.label)?);
-    }
-    write!(out, "<h2>All methods on one held-out keyframe</h2>{}", pictures::gallery(report)?)?;
+    let observations = pictures::Observations::read(report)?;
+    write!(out, "<h2>All methods on one held-out keyframe</h2>{}", pictures::gallery(report, &observations)?)?;
     write!(out, "<h2>Frame by frame</h2>{}", charts::per_frame(report.records)?)?;
     write!(out, "<h2>Time and Gaussians</h2>{}", charts::growth(report.records)?)?;
+    write!(out, "<h2>What was there, what was predicted</h2>{}", pictures::section(report, &observations)?)?;
     write!(out, "<h2>All metrics</h2>{}", all_metrics(report.records))?;
-    writeln!(out, "<h2>Provenance</h2>{}</main></body></html>", provenance(report))?;
+    writeln!(out, "<h2>Provenance</h2>{}</main><script>{SCRIPT}</script></body></html>", provenance(report))?;
     Ok(out)
+}
+
+/// A box that scrolls by itself where its table is wider than the page; a keyboard can enter it.
+fn scroll(name: &str, table: &str) -> String {
+    format!("<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{name}\"><table>{table}</table></div>")
 }
 
 /// The short table.
 fn html_table(rows: &[table::Row<'_>], columns: &table::Columns) -> String {
     let short = table::short(rows, columns);
-    let mut out = String::from("<div class=\"scroll\"><table><tr>");
-    short.headings.iter().for_each(|h| out.push_str(&format!("<th>{}</th>", escape(h))));
-    out.push_str("</tr>");
+    let mut out = String::from("<thead><tr>");
+    short.headings.iter().for_each(|h| out.push_str(&format!("<th scope=\"col\">{}</th>", escape(h))));
+    out.push_str("</tr></thead><tbody>");
     for line in &short.lines {
-        let _ = write!(out, "<tr><td>{}{}</td>", escape(line.label), if line.failed { " (failed cells)" } else { "" });
+        let failed = if line.failed { " (failed cells)" } else { "" };
+        let _ = write!(out, "<tr><th scope=\"row\">{}{failed}</th>", escape(line.label));
         for (i, cell) in line.cells.iter().enumerate() {
             let text = escape(cell);
             let text = if line.bold == Some(i) { format!("<b>{text}</b>") } else { text };
-            let _ = write!(out, "<td>{text}</td>");
+            let class = match line.marks[i] {
+                Mark::Best => " class=\"best\" title=\"the best of its column\"",
+                Mark::Near => " class=\"near\" title=\"its interval overlaps that of the best\"",
+                Mark::None => "",
+            };
+            let _ = write!(out, "<td{class}>{text}</td>");
         }
         out.push_str("</tr>");
     }
-    let _ = write!(out, "</table></div><p class=\"note\">{}</p>", escape(&short.note));
-    out
+    out.push_str("</tbody>");
+    let marks = if short.lines.iter().any(|l| l.marks.contains(&Mark::Best)) {
+        "<p class=\"note\"><span class=\"best\">Framed</span>: the best of its column. <span class=\"near\">Underlined</span>: its confidence \
+         interval overlaps that of the best. <b>Bold</b>: a difference to the first row whose interval excludes zero.</p>"
+    } else {
+        ""
+    };
+    format!("{}{marks}<p class=\"note\">{}</p>", scroll("comparison", &out), escape(&short.note))
 }
 
 fn all_metrics(records: &[Record]) -> String {
     let columns = table::present(records);
-    let mut out = String::from("<div class=\"scroll\"><table><tr><th>cell</th>");
-    columns.iter().for_each(|c| out.push_str(&format!("<th>{}</th>", escape(c.heading))));
-    out.push_str("</tr>");
+    let mut out = String::from("<thead><tr><th scope=\"col\">cell</th>");
+    columns.iter().for_each(|c| out.push_str(&format!("<th scope=\"col\">{}</th>", escape(c.heading))));
+    out.push_str("</tr></thead><tbody>");
     for record in records {
-        let _ = write!(out, "<tr><td>{}, seed {}</td>", escape(&record.row), record.seed);
+        let _ = write!(out, "<tr><th scope=\"row\">{}, seed {}</th>", escape(&record.row), record.seed);
         match &record.outcome {
             Outcome::Done(n) => {
                 let value = |c: &Column| n.value(c).map_or("–".to_owned(), |v| format!("{v:.*}", c.digits));
@@ -107,11 +125,11 @@ fn all_metrics(records: &[Record]) -> String {
         }
         out.push_str("</tr>");
     }
-    out.push_str("</table></div>");
-    if columns.iter().all(|c| c.backbone().is_none()) {
-        let _ = write!(out, "<p class=\"note\">LPIPS not computed: {}.</p>", escape(NO_WEIGHTS));
+    let table = scroll("all metrics", &(out + "</tbody>"));
+    if columns.iter().any(|c| c.backbone().is_some()) {
+        return table;
     }
-    out
+    format!("{table}<p class=\"note\">LPIPS not computed: {}.</p>", escape(NO_WEIGHTS))
 }
 
 fn provenance(report: &Report<'_>) -> String {
@@ -146,17 +164,11 @@ fn provenance(report: &Report<'_>) -> String {
         lines.push(("peak memory", format!("{:.0} MB, the whole process, largest cell", bytes as f64 / 1e6)));
     }
     let mut out = String::from("<table class=\"facts\">");
-    lines.iter().for_each(|(k, v)| out.push_str(&format!("<tr><th>{k}</th><td>{}</td></tr>", escape(v))));
+    lines.iter().for_each(|(k, v)| out.push_str(&format!("<tr><th scope=\"row\">{k}</th><td>{}</td></tr>", escape(v))));
     out + "</table>"
 }
 
 /// Folder of a row's kept predictions.
 pub fn row_folder(predictions: &Path, label: &str) -> std::path::PathBuf {
     predictions.join(slug(label))
-}
-
-/// Labels of the rows that kept a predicted spectrum of a keyframe, in the plan's order, with the spectrum as a scalar.
-fn kept<'a>(report: &'a Report<'_>, index: usize) -> Vec<(&'a str, Raster<f32>)> {
-    let load = |label| predictions::load(&row_folder(report.predictions, label), index);
-    report.plan.rows.iter().filter_map(|r| Some((r.label.as_str(), load(&r.label)?.scalar?))).collect()
 }

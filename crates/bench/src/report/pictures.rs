@@ -1,135 +1,217 @@
-//! Truth, prediction and error beside each other, with one shared colour bar.
+//! Every held-out keyframe: observed and predicted under one slider, for the row that is chosen, with the error beside it.
 
-use super::{Report, kept, row_folder};
+use super::colours::{bars, image_error, jet_bar, jet_image, spectrum_error};
+use super::embed::picture_uri;
+use super::{Report, row_folder};
 use crate::escape::html as escape;
-use crate::predictions;
+use crate::metrics::FrameMetrics;
+use crate::predictions::{self, IMAGE_COLUMNS, SPECTRUM_COLUMNS, shrunk_image, shrunk_scalar};
+use crate::record::Outcome;
 use anyhow::Result;
-use base64::Engine;
-use corf_scene::color::{jet, quantize8};
-use corf_scene::io::encode_png;
-use corf_scene::keyframe::DbRange;
-use corf_scene::{Keyframe, Raster};
+use corf_scene::Raster;
 use std::fmt::Write;
 
-/// Full scale of the spectrum's error map, dB.
-const ERROR_DB: f32 = 20.0;
-/// Full scale of the image's error map, share of full scale.
-const ERROR_OPTICAL: f32 = 0.25;
+/// Most bytes of the keyframes' pictures in a page; the rest of it has some hundred kilobytes.
+const MOST_BYTES: usize = 24_000_000;
+/// Widths that are tried until the pictures fit, as shares of the kept width, in hundredths.
+const SHARES: &[usize] = &[100, 75, 50, 35, 20];
+/// Width of an error map, as a share of the picture's, in hundredths.
+const ERROR_SHARE: usize = 67;
+/// Most columns of a spectrum in the gallery.
+const GALLERY_COLUMNS: usize = 240;
 
-/// An image as a data URI.
-pub(super) fn data_uri(image: &Raster<[u8; 3]>) -> Result<String> {
-    Ok(format!("data:image/png;base64,{}", base64::engine::general_purpose::STANDARD.encode(encode_png(image)?)))
+/// A held-out keyframe, small.
+struct Observed {
+    index: usize,
+    image: Raster<[u8; 3]>,
+    /// On the dataset's decibel range, `[0, 1]`.
+    scalar: Raster<f32>,
+    /// Sum of the spectrum, linear.
+    power: f64,
 }
 
-fn figure(image: &Raster<[u8; 3]>, caption: &str) -> Result<String> {
-    Ok(format!("<figure><img alt=\"{0}\" src=\"{1}\"><figcaption>{0}</figcaption></figure>", escape(caption), data_uri(image)?))
+/// The held-out keyframes of a report.
+pub(super) struct Observations(Vec<Observed>);
+
+impl Observations {
+    /// Reads them.
+    ///
+    /// # Errors
+    /// A keyframe that cannot be read.
+    pub(super) fn read(report: &Report<'_>) -> Result<Self> {
+        let range = report.dataset.db_range();
+        let read = |&index: &usize| {
+            let truth = report.dataset.keyframe(index)?;
+            Ok(Observed {
+                index,
+                image: shrunk_image(&truth.image, IMAGE_COLUMNS),
+                scalar: shrunk_scalar(&truth.spectrum.map(|&s| range.scalar(s)), SPECTRUM_COLUMNS),
+                power: truth.spectrum.pixels().iter().map(|&s| f64::from(s)).sum(),
+            })
+        };
+        Ok(Self(report.split.held_out.iter().map(read).collect::<Result<_>>()?))
+    }
 }
 
-fn jet_image(scalar: &Raster<f32>) -> Raster<[u8; 3]> {
-    scalar.map(|&s| jet(s).map(quantize8))
+/// A picture with its text.
+fn img(picture: &Raster<[u8; 3]>, attributes: &str, alt: &str) -> Result<String> {
+    let (uri, alt, width, height) = (picture_uri(picture)?, escape(alt), picture.width(), picture.height());
+    Ok(format!("<img {attributes} width=\"{width}\" height=\"{height}\" loading=\"lazy\" alt=\"{alt}\" src=\"{uri}\"/>"))
 }
 
-/// Blue (too low) – white – red (too high), `t` in `[−1, 1]`.
-fn diverging(t: f32) -> [u8; 3] {
-    let t = t.clamp(-1.0, 1.0);
-    let end = if t < 0.0 { [0.13, 0.30, 0.75] } else { [0.78, 0.12, 0.14] };
-    end.map(|e: f32| quantize8(1.0 + t.abs() * (e - 1.0)))
+/// One half of a keyframe, light or radio, as its figures are made.
+struct Half<'a> {
+    name: &'a str,
+    keyframe: usize,
+    pair: String,
+    errors: String,
+    captions: String,
 }
 
-/// Black – violet – orange – white, `t` in `[0, 1]`.
-fn heat(t: f32) -> [u8; 3] {
-    let t = t.clamp(0.0, 1.0);
-    [
-        quantize8(1.8 * t),
-        quantize8(1.6 * t * t),
-        quantize8(if t < 0.4 { 1.4 * t } else { 0.56 - 0.93 * (t - 0.4) + 1.7 * (t - 0.4).powi(2) }),
-    ]
+impl<'a> Half<'a> {
+    fn new(name: &'a str, index: usize, observed: &Raster<[u8; 3]>) -> Result<Self> {
+        let keyframe = index + 1;
+        let pair = img(observed, "class=\"observed\"", &format!("keyframe {keyframe}, {name}, observed"))?;
+        Ok(Self { name, keyframe, pair, errors: String::new(), captions: String::new() })
+    }
+
+    /// Adds a row's prediction and its error, or that there is none.
+    fn push(&mut self, row: usize, label: &str, pictures: Option<[Raster<[u8; 3]>; 2]>, psnr: Option<f64>) -> Result<()> {
+        let (name, keyframe) = (self.name, self.keyframe);
+        // Without the script the first row is seen.
+        let hidden = if row == 0 { "" } else { " hidden=\"hidden\"" };
+        let Some([predicted, error]) = pictures else {
+            let _ = write!(self.captions, "<span data-row=\"{row}\"{hidden}>no prediction kept</span>");
+            return Ok(());
+        };
+        let what = format!("keyframe {keyframe}, {name}, ");
+        let attributes = format!("class=\"predicted\" data-row=\"{row}\"{hidden}");
+        self.pair += &img(&predicted, &attributes, &format!("{what}predicted by {label}"))?;
+        self.errors += &img(&error, &format!("data-row=\"{row}\"{hidden}"), &format!("{what}error of {label}"))?;
+        let psnr = psnr.map_or(String::new(), |psnr| format!("PSNR {psnr:.1} dB"));
+        let _ = write!(self.captions, "<span data-row=\"{row}\"{hidden}>{psnr}</span>");
+        Ok(())
+    }
+
+    /// The figure with the slider, and that of the errors.
+    fn figures(self) -> [String; 2] {
+        let (name, keyframe) = (self.name, self.keyframe);
+        let label = format!("keyframe {keyframe}, {name}: observed left of the handle, predicted right of it");
+        let slider = format!("<input type=\"range\" min=\"0\" max=\"100\" value=\"50\" aria-label=\"{label}\"/>");
+        [
+            format!(
+                "<figure class=\"pair\"><div class=\"over\">{}{slider}</div><figcaption><span>{name}: observed | predicted</span>{}</figcaption></figure>",
+                self.pair, self.captions
+            ),
+            format!("<figure class=\"error\"><div>{}</div><figcaption>{name}: error</figcaption></figure>", self.errors),
+        ]
+    }
 }
 
-/// A vertical colour bar; `ticks` from top to bottom.
-fn bar(stops: impl Iterator<Item = [u8; 3]>, ticks: &[String]) -> String {
-    let colours: Vec<String> = stops.map(|[r, g, b]| format!("rgb({r},{g},{b})")).collect();
-    let ticks: String = ticks.iter().map(|t| format!("<b style=\"font-weight:400\">{t}</b>")).collect();
-    format!(
-        "<div class=\"bar\"><i style=\"background:linear-gradient(to top,{})\"></i><span>{ticks}</span></div>",
-        colours.join(",")
-    )
+/// The metrics of a row's kept predictions: those of the first seed.
+fn frames_of<'a>(report: &'a Report<'_>, label: &str) -> &'a [FrameMetrics] {
+    let first = report.plan.seeds.first();
+    let record = report.records.iter().find(|r| r.row == label && Some(&r.seed) == first);
+    match record.map(|r| &r.outcome) {
+        Some(Outcome::Done(numbers)) => &numbers.frames,
+        _ => &[],
+    }
 }
 
-fn ramp() -> impl Iterator<Item = f32> {
-    (0..=32).map(|i| i as f32 / 32.0)
-}
-
-fn jet_bar(range: &DbRange) -> String {
-    let ticks: Vec<String> = (0..5).rev().map(|i| format!("{:.0} dB", range.db(i as f32 / 4.0))).collect();
-    bar(ramp().map(|t| jet(t).map(quantize8)), &ticks)
-}
-
-fn error_bar() -> String {
-    let ticks: Vec<String> = [1.0, 0.5, 0.0, -0.5, -1.0].iter().map(|t| format!("{:+.0} dB", t * ERROR_DB)).collect();
-    bar(ramp().map(|t| diverging(2.0 * t - 1.0)), &ticks)
-}
-
-fn scalar_truth(truth: &Keyframe, range: &DbRange) -> Raster<f32> {
-    truth.spectrum.map(|&s| range.scalar(s))
-}
-
-fn optical_error(truth: &Keyframe, prediction: &Raster<[u8; 3]>) -> Raster<[u8; 3]> {
-    Raster::from_fn(truth.image.width(), truth.image.height(), |x, y| {
-        let (a, b) = (truth.image[(x, y)], prediction[(x, y)]);
-        let mean = (0..3).map(|c| (f32::from(a[c]) - f32::from(b[c])).abs()).sum::<f32>() / (3.0 * 255.0);
-        heat(mean / ERROR_OPTICAL)
-    })
-}
-
-fn spectrum_error(truth: &Raster<f32>, prediction: &Raster<f32>, range: &DbRange) -> Raster<[u8; 3]> {
-    let span_db = (range.max_db - range.min_db) as f32;
-    Raster::from_fn(truth.width(), truth.height(), |x, y| diverging((prediction[(x, y)] - truth[(x, y)]) * span_db / ERROR_DB))
-}
-
-/// Truth / prediction / error of image and spectrum, on the shown frames of one row.
-pub(super) fn triptychs(report: &Report<'_>, label: &str) -> Result<String> {
+/// A keyframe with the first `rows` rows' predictions, its pictures `share` hundredths as wide as they are kept.
+fn keyframe(report: &Report<'_>, observed: &Observed, rows: usize, share: usize) -> Result<String> {
     let range = report.dataset.db_range();
-    let folder = row_folder(report.predictions, label);
-    let mut out = format!("<p class=\"note\">{}, first seed, held-out keyframes. Spectra share one dB range.</p>", escape(label));
-    for index in predictions::shown(&report.split.held_out) {
-        let Some(prediction) = predictions::load(&folder, index) else { continue };
-        let truth = report.dataset.keyframe(index)?;
-        let scalar = scalar_truth(&truth, &range);
-        write!(out, "<h3>keyframe {}</h3>", index + 1)?;
-        if let Some(image) = &prediction.image {
-            out.push_str("<div class=\"row three\">");
-            out.push_str(&figure(&truth.image, "image, observed")?);
-            out.push_str(&figure(image, "image, predicted")?);
-            out.push_str(&figure(&optical_error(&truth, image), "mean absolute error")?);
-            let percent = |t: f32| format!("{:.0} %", 100.0 * t * ERROR_OPTICAL);
-            out.push_str(&bar(ramp().map(heat), &[percent(1.0), percent(0.5), percent(0.0)]));
-            out.push_str("</div>");
-        }
-        if let Some(predicted) = &prediction.scalar {
-            out.push_str("<div class=\"row three\">");
-            out.push_str(&figure(&jet_image(&scalar), "spectrum, observed")?);
-            out.push_str(&figure(&jet_image(predicted), "spectrum, predicted")?);
-            out.push_str(&figure(&spectrum_error(&scalar, predicted, &range), "predicted − observed")?);
-            write!(out, "<div>{}<div style=\"height:12px\"></div>{}</div></div>", jet_bar(&range), error_bar())?;
-        }
+    let [columns_opt, columns_rf] = [observed.image.width(), observed.scalar.width()].map(|w| (w * share / 100).max(1));
+    let [error_opt, error_rf] = [columns_opt, columns_rf].map(|w| (w * ERROR_SHARE / 100).max(1));
+    let mut light = Half::new("image", observed.index, &shrunk_image(&observed.image, columns_opt))?;
+    let mut radio = Half::new("spectrum", observed.index, &jet_image(&shrunk_scalar(&observed.scalar, columns_rf)))?;
+    for (row, label) in report.plan.rows.iter().map(|r| r.label.as_str()).enumerate().take(rows) {
+        let kept = predictions::load(&row_folder(report.predictions, label), observed.index);
+        let frame = frames_of(report, label).iter().find(|f| f.index == observed.index);
+        let (image, scalar) = kept.map_or((None, None), |k| (k.image, k.scalar));
+        let pictures = image.map(|image| {
+            let error = image_error(&observed.image, &image);
+            [shrunk_image(&image, columns_opt), shrunk_image(&error, error_opt)]
+        });
+        light.push(row, label, pictures, frame.and_then(|f| Some(f.light?.psnr_opt)))?;
+        let pictures = scalar.map(|scalar| {
+            let error = spectrum_error(&observed.scalar, &scalar, &range);
+            [jet_image(&shrunk_scalar(&scalar, columns_rf)), shrunk_image(&error, error_rf)]
+        });
+        radio.push(row, label, pictures, frame.and_then(|f| Some(f.spectrum?.psnr_rf_jet)))?;
     }
-    Ok(out)
+    let ([light, light_error], [radio, radio_error]) = (light.figures(), radio.figures());
+    let number = observed.index + 1;
+    Ok(format!(
+        "<article id=\"keyframe-{number}\"><h3>keyframe {number}</h3><div class=\"pictures\">{light}{radio}{light_error}{radio_error}</div></article>"
+    ))
 }
 
-/// One held-out keyframe as every row predicts its spectrum.
-pub(super) fn gallery(report: &Report<'_>) -> Result<String> {
-    let shown = predictions::shown(&report.split.held_out);
-    let keyframes = shown.into_iter().map(|index| report.dataset.keyframe(index)).collect::<corf_scene::Result<Vec<_>>>()?;
-    // The one that receives the most: there is the most to get wrong.
-    let power = |k: &Keyframe| k.spectrum.pixels().iter().map(|&s| f64::from(s)).sum::<f64>();
-    let Some(truth) = keyframes.into_iter().max_by(|a, b| power(a).total_cmp(&power(b))) else { return Ok(String::new()) };
-    let (range, index) = (report.dataset.db_range(), truth.index);
-    let mut out = format!("<p class=\"note\">Keyframe {}.</p><div class=\"row gallery\">", index + 1);
-    out.push_str(&figure(&jet_image(&scalar_truth(&truth, &range)), "observed")?);
-    for (label, prediction) in kept(report, index) {
-        out.push_str(&figure(&jet_image(&prediction), label)?);
+/// All keyframes; `None` where they take more bytes than a page may have.
+fn keyframes(report: &Report<'_>, observations: &Observations, rows: usize, share: usize) -> Result<Option<String>> {
+    let mut out = String::new();
+    for observed in &observations.0 {
+        out += &keyframe(report, observed, rows, share)?;
+        if out.len() > MOST_BYTES {
+            return Ok(None);
+        }
     }
-    write!(out, "</div><div style=\"width:90px;height:130px\">{}</div>", jet_bar(&range))?;
+    Ok(Some(out))
+}
+
+/// Every held-out keyframe as the chosen row predicts it. Pictures are made narrower until all fit into a page; where even the narrowest do
+/// not, rows are left out from the end, and it is said.
+///
+/// # Errors
+/// A picture that cannot be encoded.
+pub(super) fn section(report: &Report<'_>, observations: &Observations) -> Result<String> {
+    let all = report.plan.rows.len();
+    let tries = SHARES.iter().map(|&share| (all, share));
+    let fewer =
+        std::iter::successors(Some(all / 2), |n| Some(n / 2)).take_while(|n| *n > 0).map(|rows| (rows, SHARES[SHARES.len() - 1]));
+    for (rows, share) in tries.chain(fewer) {
+        let Some(pictures) = keyframes(report, observations, rows, share)? else { continue };
+        let options: String = (report.plan.rows.iter().take(rows).enumerate())
+            .map(|(i, row)| format!("<option value=\"{i}\">{}</option>", escape(&row.label)))
+            .collect();
+        let left_out = if rows < all {
+            format!(" Of {all} rows the pictures of the first {rows} are shown: more would not fit into one page.")
+        } else {
+            String::new()
+        };
+        return Ok(format!(
+            "<p class=\"note\">All {} held-out keyframes, of each row's first seed; spectra share one range of decibels. The slider parts what was \
+             observed (left) from what was predicted (right): drag it, or focus it and use the arrow keys. Pictures are at most {} and {} columns \
+             wide, and errors are taken at that size; the numbers are of the full size.{left_out}</p>\
+             <div class=\"choose\"><label for=\"row\">predicted by</label> <select id=\"row\">{options}</select></div>{}{pictures}",
+            observations.0.len(),
+            IMAGE_COLUMNS * share / 100,
+            SPECTRUM_COLUMNS * share / 100,
+            bars(&report.dataset.db_range())
+        ));
+    }
+    Ok("<p class=\"note\">The pictures would not fit into one page; the folder predictions holds them.</p>".to_owned())
+}
+
+/// The held-out keyframe that receives the most, as every row predicts its spectrum: there is the most to get wrong.
+///
+/// # Errors
+/// A picture that cannot be encoded.
+pub(super) fn gallery(report: &Report<'_>, observations: &Observations) -> Result<String> {
+    let Some(observed) = observations.0.iter().max_by(|a, b| a.power.total_cmp(&b.power)) else { return Ok(String::new()) };
+    let figure = |scalar: &Raster<f32>, caption: &str| -> Result<String> {
+        let picture = img(&jet_image(&shrunk_scalar(scalar, GALLERY_COLUMNS)), "", &format!("spectrum, {caption}"))?;
+        Ok(format!("<figure>{picture}<figcaption>{}</figcaption></figure>", escape(caption)))
+    };
+    let number = observed.index + 1;
+    let mut out = format!("<p class=\"note\">Keyframe {number}, the one that receives the most.</p><div class=\"gallery\">");
+    out += &figure(&observed.scalar, "observed")?;
+    for row in &report.plan.rows {
+        let kept = predictions::load(&row_folder(report.predictions, &row.label), observed.index);
+        if let Some(scalar) = kept.and_then(|k| k.scalar) {
+            out += &figure(&scalar, &row.label)?;
+        }
+    }
+    write!(out, "</div><div class=\"bars\">{}</div>", jet_bar(&report.dataset.db_range()))?;
     Ok(out)
 }

@@ -1,7 +1,7 @@
 //! The room from above, put together from what the keyframes saw, with transmitter and trajectory.
 
 use super::Report;
-use super::pictures::data_uri;
+use super::embed::png_uri;
 use anyhow::Result;
 use corf_scene::Raster;
 use glam::DVec3;
@@ -91,7 +91,7 @@ pub(super) fn figure(report: &Report<'_>) -> Result<String> {
     let mut svg = format!(
         "<svg viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\" font-size=\"15\"><image href=\"{}\" width=\"{width:.0}\" \
          height=\"{height:.0}\" preserveAspectRatio=\"none\" style=\"image-rendering:pixelated\"/>",
-        data_uri(&plan.picture)?
+        png_uri(&plan.picture)?
     );
     let track: Vec<String> =
         poses.iter().map(|p| to_svg(p.world_from_camera.translation)).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
@@ -125,7 +125,7 @@ pub(super) fn figure(report: &Report<'_>) -> Result<String> {
     let metre = UNITS_PER_M * 2.0;
     write!(
         svg,
-        "<path d=\"M20 {0:.0}h{metre:.0}\" stroke=\"#1b2330\" stroke-width=\"3\"/><text x=\"20\" y=\"{1:.0}\">2 m</text></svg>",
+        "<path d=\"M20 {0:.0}h{metre:.0}\" stroke=\"#1b2330\" stroke-width=\"3\"/><text x=\"20\" y=\"{1:.0}\" stroke=\"#fff\" stroke-width=\"3\" paint-order=\"stroke\">2 m</text></svg>",
         height - 18.0,
         height - 26.0
     )?;
@@ -134,7 +134,7 @@ pub(super) fn figure(report: &Report<'_>) -> Result<String> {
         report.transmitter_m.map_or(String::new(), |t| format!("Transmitter at ({:.2}, {:.2}, {:.2}) m. ", t[0], t[1], t[2]));
     Ok(format!(
         "<div class=\"plan\"><figure>{svg}</figure><p class=\"note\">{transmitter}{trained} training keyframes (blue), {} held out \
-         (orange); the ticks point where the platform port_pairs. The plan is put together from the keyframes' own images and depths, \
+         (orange); the ticks point where the platform looks. The plan is put together from the keyframes' own images and depths, \
          the ceiling cut away; x to the right, y up.</p></div>",
         held_out.len()
     ))

@@ -1,18 +1,20 @@
 //! Records to tables: Markdown, CSV and LaTeX. Rows keep the plan's order; failed cells stay in.
 
+mod marks;
 mod notations;
+mod note;
 #[cfg(test)]
 mod tests;
 
+pub use marks::Mark;
 pub use notations::{csv, latex, markdown, plain, present};
+pub use note::note;
 
-use crate::metrics::lpips::NO_WEIGHTS;
 use crate::metrics::{COLUMNS, Column, RADIO};
 use crate::record::{Numbers, Outcome, PREDICTIONS, Record};
 use crate::split::Protocol;
 use crate::stats::{Summary, summarize};
 use anyhow::{Result, bail};
-use std::fmt::Write;
 
 /// Columns of metrics, in their order.
 pub type Columns = [&'static Column];
@@ -31,6 +33,10 @@ const DIFFERENCE_KEY: &str = "psnr_rf_jet";
 pub struct Row<'a> {
     /// The row's label.
     pub label: &'a str,
+    /// Method id.
+    pub method: &'a str,
+    /// Resolved configuration of the method.
+    pub config: &'a serde_json::Value,
     /// Finished cells, by seed.
     pub done: Vec<(u64, &'a Numbers)>,
     /// Failed cells: seed and error.
@@ -54,6 +60,8 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
             None => {
                 rows.push(Row {
                     label: &record.row,
+                    method: &record.method,
+                    config: &record.config,
                     done: Vec::new(),
                     failed: Vec::new(),
                     uses_ground_truth_depth: false,
@@ -76,7 +84,8 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
 }
 
 impl Row<'_> {
-    fn summary(&self, of: impl Fn(&Numbers) -> Option<f64>) -> Option<Summary> {
+    /// Mean and interval of a number over the finished cells that have it; `None` where none has.
+    pub fn summary(&self, of: impl Fn(&Numbers) -> Option<f64>) -> Option<Summary> {
         summarize(&self.done.iter().filter_map(|(_, n)| of(n)).collect::<Vec<_>>())
     }
 
@@ -90,7 +99,8 @@ impl Row<'_> {
         self.summary(|n| n.gaussians.map(|g| g as f64))
     }
 
-    fn seconds(&self) -> Option<Summary> {
+    /// Reconstruction time, seconds.
+    pub fn seconds(&self) -> Option<Summary> {
         self.summary(|n| n.seconds)
     }
 
@@ -100,7 +110,7 @@ impl Row<'_> {
     }
 
     /// This row minus `reference` in PSNR_rf, paired by seed.
-    fn difference(&self, reference: &Row<'_>) -> Option<Summary> {
+    pub fn difference(&self, reference: &Row<'_>) -> Option<Summary> {
         let value = |n: &Numbers| n.means.get(DIFFERENCE_KEY).copied();
         let pairs: Vec<f64> = self
             .done
@@ -114,7 +124,8 @@ impl Row<'_> {
     }
 }
 
-fn text(summary: Option<Summary>, digits: usize, plus_minus: &str) -> String {
+/// A mean with its interval, where it has one, as text; a dash without a mean.
+pub fn text(summary: Option<Summary>, digits: usize, plus_minus: &str) -> String {
     match summary {
         None => "–".to_owned(),
         Some(Summary { mean, half_width_95: Some(h), .. }) => format!("{mean:.digits$} {plus_minus} {h:.digits$}"),
@@ -164,59 +175,6 @@ pub fn columns<S: AsRef<str>>(words: &[S]) -> Result<Vec<&'static Column>> {
     Ok(out)
 }
 
-fn note(rows: &[Row<'_>], columns: &Columns) -> String {
-    let seeds = rows.iter().map(|r| r.done.len() + r.failed.len()).max().unwrap_or(0);
-    let mut note = match seeds {
-        0 | 1 => "One seed: no confidence intervals.".to_owned(),
-        n => format!("Mean ± 95 % confidence interval (Student's t) over {n} seeds."),
-    };
-    match rows.first().map(|r| r.protocol) {
-        Some(Protocol::Validation) => {
-            note.push_str(" Validation keyframes; test keyframes were neither trained with nor looked at.")
-        }
-        Some(Protocol::Segment) => note.push_str(" A contiguous segment of the trajectory was held out."),
-        Some(Protocol::Test) | None => {}
-    }
-    let depth: Vec<&str> = rows.iter().filter(|r| r.uses_ground_truth_depth).map(|r| r.label).collect();
-    if !depth.is_empty() {
-        let _ = write!(
-            note,
-            " The ray tracer's depth (through the simulated monocular prior, or as it is) used by: {}.",
-            depth.join(", ")
-        );
-    }
-    let unverified: Vec<&str> = rows.iter().filter(|r| r.unverified).map(|r| r.label).collect();
-    if !unverified.is_empty() {
-        let _ = write!(note, " Dataset files not checked against their recorded SHA-256: {}.", unverified.join(", "));
-    }
-    let stated: Vec<&str> = rows.iter().filter(|r| r.stated).map(|r| r.label).collect();
-    if !stated.is_empty() {
-        let _ = write!(
-            note,
-            " Predictions of other programs, scored here: {} († time and Gaussians are as their makers state them, as is what they were made \
-             from).",
-            stated.join(", ")
-        );
-    }
-    let lacks = |row: &&Row<'_>| {
-        let lpips = || columns.iter().filter(|c| c.backbone().is_some());
-        lpips().any(|c| row.done.iter().any(|(_, numbers)| numbers.value(c).is_none()))
-    };
-    let without: Vec<&str> = rows.iter().filter(lacks).map(|r| r.label).collect();
-    if !without.is_empty() {
-        let _ = write!(note, " LPIPS not computed, for {NO_WEIGHTS}: {}.", without.join(", "));
-    }
-    for row in rows {
-        for (seed, error) in &row.failed {
-            let _ = write!(note, " FAILED: {}, seed {seed}: {error}.", row.label);
-        }
-    }
-    for column in columns.iter().filter(|c| !SHORT.contains(&c.key)) {
-        let _ = write!(note, " {}: {}.", column.heading, column.definition());
-    }
-    note
-}
-
 /// A table without a notation: what each has to escape and to mark.
 pub struct Short<'a> {
     /// Headings of all columns.
@@ -237,6 +195,8 @@ pub struct Line<'a> {
     pub cells: Vec<String>,
     /// Index of the cell with a difference whose confidence interval excludes zero, to be set in bold.
     pub bold: Option<usize>,
+    /// Marks of the cells; only metrics and measured times have any.
+    pub marks: Vec<Mark>,
 }
 
 /// The table of these rows with these columns of metrics; differences are to the first row.
@@ -244,14 +204,23 @@ pub fn short<'a>(rows: &'a [Row<'a>], columns: &Columns) -> Short<'a> {
     let mut headings = vec!["method"];
     headings.extend(columns.iter().map(|c| c.heading));
     headings.extend(["Δ PSNR rf to first row", "Gaussians", "time, s"]);
-    let line = |row: &'a Row<'a>| {
+    let mut marked: Vec<Vec<Mark>> = columns
+        .iter()
+        .map(|c| marks::marks(&rows.iter().map(|r| r.metric(c)).collect::<Vec<_>>(), c.higher_is_better()))
+        .collect();
+    // Differences follow a metric, a number of Gaussians is neither good nor bad, and what is only stated is no rival.
+    marked.extend([vec![Mark::None; rows.len()], vec![Mark::None; rows.len()]]);
+    let measured = |r: &Row<'_>| if r.stated { None } else { r.seconds() };
+    marked.push(marks::marks(&rows.iter().map(measured).collect::<Vec<_>>(), false));
+    let line = |(at, row): (usize, &'a Row<'a>)| {
         let mut cells: Vec<String> = columns.iter().map(|c| text(row.metric(c), c.digits, "±")).collect();
-        let difference = if row.label == rows[0].label { None } else { row.difference(&rows[0]) };
+        let difference = if at == 0 { None } else { row.difference(&rows[0]) };
         let bold = difference.is_some_and(|d| d.excludes_zero()).then_some(cells.len());
         cells.push(text(difference, 2, "±"));
         cells.push(row.marked(text(row.gaussians(), 0, "±"), STATED_MARK));
         cells.push(row.marked(text(row.seconds(), 1, "±"), STATED_MARK));
-        Line { label: row.label, failed: !row.failed.is_empty(), cells, bold }
+        Line { label: row.label, failed: !row.failed.is_empty(), cells, bold, marks: marked.iter().map(|m| m[at]).collect() }
     };
-    Short { headings, lines: rows.iter().map(line).collect(), note: note(rows, columns) }
+    let all: Vec<&Row<'_>> = rows.iter().collect();
+    Short { headings, lines: rows.iter().enumerate().map(line).collect(), note: note(&all, columns) }
 }

@@ -77,7 +77,8 @@ pub fn latex(rows: &[Row<'_>], columns: &Columns) -> String {
         let _ = writeln!(out, " & ${}$ & ${}$ \\\\", stated(cell(row.gaussians(), 0)), stated(cell(row.seconds(), 1)));
     }
     // A comment ends with its line.
-    let _ = write!(out, "  \\bottomrule\n\\end{{tabular}}\n% {}\n", note(rows, columns).replace(char::is_control, " "));
+    let all: Vec<&Row<'_>> = rows.iter().collect();
+    let _ = write!(out, "  \\bottomrule\n\\end{{tabular}}\n% {}\n", note(&all, columns).replace(char::is_control, " "));
     out
 }
 
@@ -102,5 +103,5 @@ pub fn plain(rows: &[Row<'_>], columns: &Columns) -> String {
         }
         out.push('\n');
     }
-    out + &note(rows, columns) + "\n"
+    out + &note(&rows.iter().collect::<Vec<_>>(), columns) + "\n"
 }

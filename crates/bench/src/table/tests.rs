@@ -83,6 +83,26 @@ fn unchecked_datasets_are_told() {
 }
 
 #[test]
+fn caveats_name_all_rows_or_their_exceptions_and_labels_may_contain_commas() {
+    let note_of = |labels: &[(&str, bool)]| {
+        let mut records: Vec<Record> = labels.iter().map(|(label, _)| record(label, 1, 18.0)).collect();
+        records.iter_mut().zip(labels).for_each(|(r, (_, verified))| r.dataset_verified = *verified);
+        let rows = rows(&records);
+        note(&rows.iter().collect::<Vec<_>>(), &short_columns())
+    };
+    for (labels, said) in [
+        (&[("a, one", false), ("b", false)][..], "SHA-256: all rows."),
+        (&[("a, one", false), ("b", false), ("c, two", true)], "SHA-256: all rows but c, two."),
+        (&[("a, one", false), ("b", false), ("c", true), ("d", true)], "SHA-256: a, one; b."),
+        (&[("a; one", false), ("b", true)], "SHA-256: \"a; one\"."),
+        (&[("a, one", false)], "SHA-256: a, one."),
+    ] {
+        let note = note_of(labels);
+        assert!(note.contains(said), "{note}");
+    }
+}
+
+#[test]
 fn a_failed_cell_stays_in_every_table() {
     let mut failed = record("frozen", 2, 0.0);
     failed.outcome = Outcome::Failed { error: "out of memory".to_owned() };
@@ -130,7 +150,7 @@ fn what_is_only_stated_is_marked_in_every_notation() {
     let (rows, short) = (rows(&records), short_columns());
     let table = markdown(&rows, &short);
     assert!(table.contains("| 10 † | 2.0 † |") && table.contains("| – | – |") && table.contains("| 10 | 2.0 |"), "{table}");
-    assert!(table.contains("scored here: theirs, silent"), "{table}");
+    assert!(table.contains("scored here: all rows but ours"), "{table}");
     assert!(latex(&rows, &short).contains(r"& $10^\dagger$ & $2.0^\dagger$") && plain(&rows, &short).contains("2.0 †"));
     assert!(latex(&rows, &short).contains("& $-$ & $-$"));
     assert!(csv(&records).lines().nth(3).unwrap().contains(",done,,,"), "{}", csv(&records));

@@ -1,0 +1,35 @@
+//! `corf bench paper`: the paper's tables from our records.
+
+use super::{Verdict, show};
+use crate::paper;
+use crate::run::claim_shared;
+use crate::suite;
+use anyhow::Result;
+use clap::Args;
+use std::path::PathBuf;
+
+/// `corf bench paper`.
+#[derive(Args)]
+pub struct Paper {
+    /// Folder of `corf bench run`, `corf demo` or `corf bench pack`.
+    folder: PathBuf,
+    /// Output folder: paper.md, paper.tex, paper.csv, paper.svg. Without it the folder itself.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+impl Paper {
+    /// Writes the tables and the figure.
+    ///
+    /// # Errors
+    /// Records that are missing or damaged, or a folder that cannot be written.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let records = suite::records(&self.folder)?;
+        let out = self.out.unwrap_or(self.folder);
+        let _held = claim_shared(&out)?;
+        let written = paper::write(&records, &out)?;
+        let text: Vec<String> = written.iter().map(|path| path.display().to_string()).collect();
+        show(json, &serde_json::json!({ "records": records.len(), "files": written }), &text.join("\n"))?;
+        Ok(super::bench::verdict(&records))
+    }
+}

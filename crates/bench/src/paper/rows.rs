@@ -1,0 +1,95 @@
+//! Rows of our records that stand for a row of the paper.
+
+use super::published::{Family, Figure};
+use crate::device::Backend;
+use crate::methods;
+use crate::stats::Summary;
+use crate::table::Row;
+use serde_json::Value;
+
+/// Settings that make a row another method than the paper's, whatever its name: another target of the radio, depth that no network could
+/// give, and no depth prior.
+const OTHER_METHODS: &[(&str, &[&str])] =
+    &[("/reconstruction/rf_target", &["db"]), ("/reconstruction/depth/prior", &["exact", "none"])];
+
+/// A row of ours beside one of the paper's.
+pub struct Matched<'r, 'a> {
+    /// The row.
+    pub row: &'r Row<'a>,
+    /// Its settings that are not the method's own, apart from the budget: paths of keys.
+    pub unusual: Vec<String>,
+    /// Labels of rows that would do as well, but are farther from the method's own settings or behind it.
+    pub others: Vec<&'a str>,
+}
+
+/// The row of a method with a budget, `None` without one. Of several the one with the fewest settings that are not the method's own is taken,
+/// and of equals the first.
+pub fn find<'r, 'a>(rows: &'r [Row<'a>], family: Family, method: &str, budget: &[u64]) -> Option<Matched<'r, 'a>> {
+    // What this version does not know (a method that was taken out) has no settings of its own to compare with.
+    let own = methods::create(method, &toml::Table::new(), &Backend::Cpu).ok().map(|m| m.config());
+    let mut found: Vec<(Vec<String>, &Row<'a>)> = rows
+        .iter()
+        .filter(|r| r.method == method && has_budget(r.config, family, budget) && !is_other_method(r.config))
+        .map(|r| (own.as_ref().map_or(Vec::new(), |own| differences(own, r.config, family)), r))
+        .collect();
+    found.sort_by_key(|(unusual, _)| unusual.len());
+    let mut found = found.into_iter();
+    let (unusual, row) = found.next()?;
+    Some(Matched { row, unusual, others: found.map(|(_, r)| r.label).collect() })
+}
+
+fn has_budget(config: &Value, family: Family, budget: &[u64]) -> bool {
+    let value = |names: &&[&str]| names.iter().find_map(|pointer| config.pointer(pointer)?.as_u64());
+    family.budget().iter().zip(budget).all(|(names, wanted)| value(names) == Some(*wanted))
+}
+
+fn is_other_method(config: &Value) -> bool {
+    let is =
+        |pointer: &str, values: &[&str]| config.pointer(pointer).and_then(Value::as_str).is_some_and(|v| values.contains(&v));
+    OTHER_METHODS.iter().any(|(pointer, values)| is(pointer, values))
+}
+
+/// Paths of the keys that both have with different values; keys that only one has are those of another version.
+fn differences(own: &Value, config: &Value, family: Family) -> Vec<String> {
+    fn walk(own: &Value, config: &Value, path: &str, out: &mut Vec<String>) {
+        match (own, config) {
+            (Value::Object(own), Value::Object(config)) => {
+                let both = own.iter().filter_map(|(key, value)| Some((key, value, config.get(key)?)));
+                both.for_each(|(key, a, b)| walk(a, b, &format!("{path}/{key}"), out));
+            }
+            _ if own != config => out.push(path.to_owned()),
+            _ => {}
+        }
+    }
+    let mut out = Vec::new();
+    walk(own, config, "", &mut out);
+    out.retain(|path| !family.budget().iter().any(|names| names.contains(&path.as_str())));
+    out
+}
+
+/// A cell of ours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Ours {
+    /// No record.
+    NotRun,
+    /// Records of failed cells alone.
+    Failed,
+    /// Records without this figure.
+    NotComputed,
+    /// A mean over seeds.
+    Value(Summary),
+}
+
+/// Our cell of a figure.
+pub fn cell(matched: Option<&Matched<'_, '_>>, figure: Figure) -> Ours {
+    let Some(Matched { row, .. }) = matched else { return Ours::NotRun };
+    if row.done.is_empty() {
+        return Ours::Failed;
+    }
+    let summary = match figure {
+        Figure::Time => row.seconds(),
+        // One key for all seeds: figures of two definitions have no common mean.
+        _ => figure.keys().iter().find_map(|key| row.summary(|n| n.means.get(*key).copied())),
+    };
+    summary.map_or(Ours::NotComputed, Ours::Value)
+}

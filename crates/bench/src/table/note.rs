@@ -1,0 +1,71 @@
+//! The note under a table: seeds, protocol, caveats of the numbers, failed cells, definitions of unusual columns.
+
+use super::{Columns, Row, SHORT};
+use crate::metrics::lpips::NO_WEIGHTS;
+use crate::split::Protocol;
+use std::fmt::Write;
+
+/// Most rows that a caveat names as its exceptions.
+const MOST_EXCEPTIONS: usize = 3;
+
+/// The rows that `has` holds for, as the object of "used by": all of them, all but a few, or each by its label. Labels contain commas, so
+/// they stand between semicolons, and one that contains a semicolon stands in quotation marks.
+fn named(rows: &[&Row<'_>], has: impl Fn(&Row<'_>) -> bool) -> Option<String> {
+    let (with, without): (Vec<&Row<'_>>, Vec<&Row<'_>>) = rows.iter().copied().partition(|r| has(r));
+    let list = |rows: &[&Row<'_>]| rows.iter().map(|r| name(r.label)).collect::<Vec<_>>().join("; ");
+    match (with.len(), without.len()) {
+        (0, _) => None,
+        (2.., 0) => Some("all rows".to_owned()),
+        (some, few) if few > 0 && few <= MOST_EXCEPTIONS && few < some => Some(format!("all rows but {}", list(&without))),
+        _ => Some(list(&with)),
+    }
+}
+
+fn name(label: &str) -> String {
+    if label.contains(';') { format!("\"{label}\"") } else { label.to_owned() }
+}
+
+/// The note under a table of these rows with these columns.
+pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
+    let seeds = rows.iter().map(|r| r.done.len() + r.failed.len()).max().unwrap_or(0);
+    let mut note = match seeds {
+        0 | 1 => "One seed: no confidence intervals.".to_owned(),
+        n => format!("Mean ± 95 % confidence interval (Student's t) over {n} seeds."),
+    };
+    match rows.first().map(|r| r.protocol) {
+        Some(Protocol::Validation) => {
+            note.push_str(" Validation keyframes; test keyframes were neither trained with nor looked at.")
+        }
+        Some(Protocol::Segment) => note.push_str(" A contiguous segment of the trajectory was held out."),
+        Some(Protocol::Test) | None => {}
+    }
+    if let Some(depth) = named(rows, |r| r.uses_ground_truth_depth) {
+        let _ = write!(note, " The ray tracer's depth (through the simulated monocular prior, or as it is) used by: {depth}.");
+    }
+    if let Some(unverified) = named(rows, |r| r.unverified) {
+        let _ = write!(note, " Dataset files not checked against their recorded SHA-256: {unverified}.");
+    }
+    if let Some(stated) = named(rows, |r| r.stated) {
+        let _ = write!(
+            note,
+            " Predictions of other programs, scored here: {stated} († time and Gaussians are as their makers state them, as is what they were \
+             made from)."
+        );
+    }
+    let lacks = |row: &Row<'_>| {
+        let mut lpips = columns.iter().filter(|c| c.backbone().is_some());
+        lpips.any(|c| row.done.iter().any(|(_, numbers)| numbers.value(c).is_none()))
+    };
+    if let Some(without) = named(rows, lacks) {
+        let _ = write!(note, " LPIPS not computed, for {NO_WEIGHTS}: {without}.");
+    }
+    for row in rows {
+        for (seed, error) in &row.failed {
+            let _ = write!(note, " FAILED: {}, seed {seed}: {error}.", name(row.label));
+        }
+    }
+    for column in columns.iter().filter(|c| !SHORT.contains(&c.key)) {
+        let _ = write!(note, " {}: {}.", column.heading, column.definition());
+    }
+    note
+}
