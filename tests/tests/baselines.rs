@@ -54,15 +54,18 @@ fn both_rows_reconstruct_evaluate_and_render_and_differ_in_rf_alone() {
         assert!(bytes(&place("published"), file) == bytes(&place("corrected"), file), "{file}");
     }
     assert!(bytes(&place("published"), "rf.ply") != bytes(&place("corrected"), "rf.ply"));
-    for name in ["published", "corrected"] {
-        let metrics: serde_json::Value =
-            serde_json::from_str(&corf_ok(&["evaluate", text(&place(name)), "--device", "cpu", "--json"])).unwrap();
+    run("rf-3dgs", &place("begun"), &["--set", "optical_steps=2", "--set", "rf_steps=1"]);
+    let [begun, published, corrected] = ["begun", "published", "corrected"].map(|name| -> serde_json::Value {
+        serde_json::from_str(&corf_ok(&["evaluate", text(&place(name)), "--device", "cpu", "--json"])).unwrap()
+    });
+    let psnr = |metrics: &serde_json::Value, key: &str| metrics["means"][key].as_f64().unwrap();
+    for metrics in [&published, &corrected] {
         assert_eq!(metrics["status"], "done");
         assert_eq!(metrics["uses_ground_truth_depth"], false, "points are triangulated");
-        // A short run is no better than that; black is 5 dB from the mean spectrum, grey images 11 dB from light.
-        assert!(metrics["means"]["psnr_opt"].as_f64().unwrap() > 12.0, "{}", metrics["means"]);
-        assert!(metrics["means"]["psnr_rf_jet"].as_f64().unwrap() > 8.0, "{}", metrics["means"]);
+        // So short a run is far from good, and better than one that has hardly begun.
+        assert!(psnr(metrics, "psnr_opt") > psnr(&begun, "psnr_opt") + 1.0, "{}, {}", metrics["means"], begun["means"]);
     }
+    assert_eq!(psnr(&published, "psnr_opt"), psnr(&corrected, "psnr_opt"));
     let views = folder.path().join("views");
     let poses = tiny_dataset().join("trajectory.json");
     corf_ok(&["render", text(&place("published")), "--poses", text(&poses), "--out", text(&views), "--device", "cpu"]);

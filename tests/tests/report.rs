@@ -164,7 +164,7 @@ fn the_papers_tables_stand_beside_what_was_run() {
     let read = |name: &str| fs::read_to_string(paper.join(name)).unwrap();
     assert!(read("paper.md").contains("| NeRF² | – | not run | 12.17 |") && read("paper.tex").contains("not run & $18.52$"));
     assert!(Document::parse(&read("paper.svg")).is_ok());
-    corf_refuses(&["bench", "paper", text(folder.path())], &["plan.toml"]);
+    corf_refuses(&["bench", "paper", text(&paper.join("none"))], &["plan.toml"]);
     let written = corf_ok(&["bench", "paper", "results/2026-11-27-lobby147", "--out", text(&paper)]);
     assert_eq!(written.lines().count(), 4);
     // Published records: the row of the paper's main result, and an ablation, by the numbers of the published table.

@@ -5,7 +5,6 @@ use super::{
     context::Context,
     kernel::Kernel,
     shaders::{Fixed, Gradients},
-    train::Destination,
 };
 use crate::{
     Result,
@@ -52,7 +51,7 @@ impl GpuDevice {
             planned.push(one);
         }
         match self.batch(planned) {
-            Some(batch) => self.complete(batch, Destination::Dense),
+            Some(batch) => self.complete_dense(batch),
             None => Ok(StepReport::default()),
         }
     }

@@ -256,6 +256,11 @@ impl GpuDevice {
         Some(Batch { steps, extent, last, room: BufferCapacity::guess(n, self.least_room), done: 0 })
     }
 
+    /// Goes on until a batch of dense steps is through.
+    pub(super) fn complete_dense(&mut self, batch: Batch) -> Result<StepReport> {
+        self.complete(batch, Destination::Dense)
+    }
+
     /// Goes on until a batch is through.
     pub(super) fn complete(&mut self, mut batch: Batch, destination: Destination<'_>) -> Result<StepReport> {
         loop {
