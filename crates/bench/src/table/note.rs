@@ -12,13 +12,16 @@ const MOST_EXCEPTIONS: usize = 3;
 /// they stand between semicolons, and one that contains a semicolon stands in quotation marks.
 fn named(rows: &[&Row<'_>], has: impl Fn(&Row<'_>) -> bool) -> Option<String> {
     let (with, without): (Vec<&Row<'_>>, Vec<&Row<'_>>) = rows.iter().copied().partition(|r| has(r));
-    let list = |rows: &[&Row<'_>]| rows.iter().map(|r| name(r.label)).collect::<Vec<_>>().join("; ");
     match (with.len(), without.len()) {
         (0, _) => None,
         (2.., 0) => Some("all rows".to_owned()),
         (some, few) if few > 0 && few <= MOST_EXCEPTIONS && few < some => Some(format!("all rows but {}", list(&without))),
         _ => Some(list(&with)),
     }
+}
+
+fn list(rows: &[&Row<'_>]) -> String {
+    rows.iter().map(|r| name(r.label)).collect::<Vec<_>>().join("; ")
 }
 
 fn name(label: &str) -> String {
@@ -45,7 +48,9 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
     if let Some(unverified) = named(rows, |r| r.unverified) {
         let _ = write!(note, " Dataset files not checked against their recorded SHA-256: {unverified}.");
     }
-    if let Some(stated) = named(rows, |r| r.stated) {
+    let stated: Vec<&Row<'_>> = rows.iter().copied().filter(|r| r.stated).collect();
+    if !stated.is_empty() {
+        let stated = list(&stated);
         let _ = write!(
             note,
             " Predictions of other programs, scored here: {stated} († time and Gaussians are as their makers state them, as is what they were \
