@@ -150,7 +150,7 @@ fn what_is_only_stated_is_marked_in_every_notation() {
     let (rows, short) = (rows(&records), short_columns());
     let table = markdown(&rows, &short);
     assert!(table.contains("| 10 † | 2.0 † |") && table.contains("| – | – |") && table.contains("| 10 | 2.0 |"), "{table}");
-    assert!(table.contains("scored here: all rows but ours"), "{table}");
+    assert!(table.contains("scored here: theirs; silent (†"), "{table}");
     assert!(latex(&rows, &short).contains(r"& $10^\dagger$ & $2.0^\dagger$") && plain(&rows, &short).contains("2.0 †"));
     assert!(latex(&rows, &short).contains("& $-$ & $-$"));
     assert!(csv(&records).lines().nth(3).unwrap().contains(",done,,,"), "{}", csv(&records));
