@@ -7,7 +7,7 @@ use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::metrics::lpips::LpipsOption;
 use crate::plan::Plan;
-use crate::record::{ARCHIVE, Outcome, write_archive};
+use crate::record::{ARCHIVE, write_archive};
 use crate::run::{claim_fresh, claim_output, claim_shared};
 use crate::sweep::Sweep;
 use crate::{suite, table};
@@ -150,12 +150,6 @@ impl Bench {
     }
 }
 
-/// A finished comparison is done when no cell failed.
-pub(super) fn verdict(records: &[crate::record::Record]) -> Verdict {
-    let failed = records.iter().any(|r| matches!(r.outcome, Outcome::Failed { .. }));
-    if failed { Verdict::CheckFailed } else { Verdict::Done }
-}
-
 impl Run {
     fn run(self, json: bool) -> Result<Verdict> {
         let mut plan = Plan::load(&self.plan)?;
@@ -169,7 +163,7 @@ impl Run {
         let text = format!("{}\nreport: {}", written.text(), written.report.display());
         let all = [written.records, written.segment].concat();
         show(json, &all, &text)?;
-        Ok(verdict(&all))
+        Ok(Verdict::of(&all))
     }
 }
 
@@ -180,7 +174,7 @@ impl SweepCommand {
         let _held = claim_output(&self.cells.out, self.cells.resume)?;
         let (text, records) = sweep.run(&self.cells.out, self.cells.verify, &backend)?;
         show(json, &records, &text)?;
-        Ok(verdict(&records))
+        Ok(Verdict::of(&records))
     }
 }
 
@@ -199,7 +193,7 @@ impl Table {
                 Notation::Plain => table::plain(&rows, &columns),
             })?;
         }
-        Ok(verdict(&records))
+        Ok(Verdict::of(&records))
     }
 }
 

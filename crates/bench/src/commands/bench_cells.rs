@@ -1,6 +1,5 @@
 //! `corf bench plan`, `cell`, `submit` and `collect`: a comparison's cells run apart.
 
-use super::bench::verdict;
 use super::{Verdict, show};
 use crate::cells;
 use crate::cluster::{Planned, local, slurm};
@@ -127,7 +126,7 @@ impl CellCommand {
             Outcome::Failed { error } => format!("{name}: FAILED: {error}"),
         };
         show(as_json, &record, &text)?;
-        Ok(verdict(&[record]))
+        Ok(Verdict::of(&[record]))
     }
 }
 
@@ -190,6 +189,6 @@ impl Collect {
         let text = format!("{}\nreport: {}", written.text(), written.report.display());
         let all: Vec<Record> = [written.records, written.segment].concat();
         show(as_json, &all, &text)?;
-        Ok(verdict(&all))
+        Ok(Verdict::of(&all))
     }
 }

@@ -30,6 +30,6 @@ impl Paper {
         let written = paper::write(&records, &out)?;
         let text: Vec<String> = written.iter().map(|path| path.display().to_string()).collect();
         show(json, &serde_json::json!({ "records": records.len(), "files": written }), &text.join("\n"))?;
-        Ok(super::bench::verdict(&records))
+        Ok(Verdict::of(&records))
     }
 }

@@ -21,6 +21,7 @@ mod render;
 mod scene;
 mod spectrum;
 
+use crate::record::{Outcome, Record};
 use crate::say;
 use anyhow::{Context, Result};
 use clap::Subcommand;
@@ -34,6 +35,14 @@ pub enum Verdict {
     Done,
     /// Exit code 1: the command worked, and what it checked is not so.
     CheckFailed,
+}
+
+impl Verdict {
+    /// A finished comparison is done when no cell failed.
+    fn of(records: &[Record]) -> Self {
+        let failed = records.iter().any(|r| matches!(r.outcome, Outcome::Failed { .. }));
+        if failed { Self::CheckFailed } else { Self::Done }
+    }
 }
 
 /// The sub-commands of `corf`.
