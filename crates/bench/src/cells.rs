@@ -133,15 +133,13 @@ impl Part {
         let look = |truth: &Keyframe, prediction: &Prediction| look(truth, prediction.halves());
         let record = harness::run_cell(&cell.row.label, method.as_ref(), input, &split, cell.seed, &mut watch, look);
         progress.finish();
-        let mut record = match (record, &mut clock) {
-            (Ok(record), _) => record,
-            (Err(interrupted), Some(clock)) => {
-                // The method has saved its state behind the last report.
-                clock.keep()?;
-                return Err(interrupted);
-            }
-            (Err(interrupted), None) => return Err(interrupted),
-        };
+        if record.is_err()
+            && let Some(clock) = &mut clock
+        {
+            // Interrupted: the method has saved its state behind the last report.
+            clock.keep()?;
+        }
+        let mut record = record?;
         match (&mut record.outcome, clock) {
             (Outcome::Failed { error }, _) => note!("{label}: FAILED: {error}"),
             (Outcome::Done(numbers), Some(clock)) => {

@@ -89,6 +89,14 @@ pub fn reconstruct(
     Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes, keyframes, depth, stages, resumed_steps })
 }
 
+/// The held-out keyframes, read one by one; an interrupt ends them with its error.
+fn held_out<'a>(dataset: &'a Dataset, split: &'a Split) -> impl Iterator<Item = Result<Keyframe>> + 'a {
+    split.held_out.iter().map(|&index| {
+        interrupt::check()?;
+        dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"))
+    })
+}
+
 /// Evaluates a predictor on the held-out keyframes; `look` sees every prediction beside its truth.
 ///
 /// # Errors
@@ -99,11 +107,10 @@ pub fn evaluate(
     split: &Split,
     mut look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
 ) -> Result<Vec<FrameMetrics>> {
-    let (dataset, evaluator) = (&input.dataset, Evaluator::of(input));
+    let evaluator = Evaluator::of(input);
     let mut frames = Vec::new();
-    for &index in &split.held_out {
-        interrupt::check()?;
-        let truth = dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"))?;
+    for truth in held_out(&input.dataset, split) {
+        let truth = truth?;
         let prediction = predictor.render(&truth.world_from_camera)?;
         frames.push(evaluator.compare(prediction.halves(), &truth));
         look(&truth, &prediction)?;
@@ -124,14 +131,47 @@ pub fn evaluate_folder(
 ) -> Result<(Vec<FrameMetrics>, Vec<String>)> {
     let (dataset, evaluator) = (&input.dataset, Evaluator::of(input));
     let (mut frames, mut tally) = (Vec::new(), Tally::default());
-    for &index in &split.held_out {
-        interrupt::check()?;
-        let predicted = folder.read(index, dataset, &mut tally)?;
-        let truth = dataset.keyframe(index).with_context(|| format!("while reading held-out keyframe {index}"))?;
+    for truth in held_out(dataset, split) {
+        let truth = truth?;
+        let predicted = folder.read(truth.index, dataset, &mut tally)?;
         frames.push(evaluator.compare(predicted.halves(), &truth));
         look(&truth, predicted.halves())?;
     }
     Ok((frames, folder.warnings(&tally, &dataset.db_range())))
+}
+
+/// The part of a record that its maker has to say: a method, or another program's predictions.
+struct Maker {
+    method: String,
+    config: serde_json::Value,
+    device: String,
+    uses_ground_truth_depth: bool,
+    clock: &'static str,
+}
+
+impl Maker {
+    fn record(self, row: &str, input: &Input, protocol: Protocol, seed: u64, outcome: Outcome) -> Record {
+        let dataset = &input.dataset;
+        Record {
+            schema: SCHEMA.to_owned(),
+            protocol: PROTOCOL.to_owned(),
+            split: protocol,
+            row: row.to_owned(),
+            method: self.method,
+            config: self.config,
+            dataset: dataset.header().name.clone(),
+            dataset_hash: dataset.hash().to_owned(),
+            dataset_verified: input.verified,
+            seed,
+            cell: None,
+            provenance: Provenance::here(),
+            lpips_weights: input.networks.sha256(),
+            device: self.device,
+            uses_ground_truth_depth: self.uses_ground_truth_depth,
+            clock: self.clock.to_owned(),
+            outcome,
+        }
+    }
 }
 
 /// The record of another program's predictions: what it is of is theirs to say, what it measures was measured here.
@@ -145,50 +185,26 @@ pub fn folder_record(
 ) -> Record {
     let stated = folder.statement();
     let numbers = Numbers::of(frames, stated.seconds, stated.gaussians, None, Vec::new(), None);
-    let dataset = &input.dataset;
-    Record {
-        schema: SCHEMA.to_owned(),
-        protocol: PROTOCOL.to_owned(),
-        split: protocol,
-        row: row.to_owned(),
+    let maker = Maker {
         method: PREDICTIONS.to_owned(),
         config: folder.config(),
-        dataset: dataset.header().name.clone(),
-        dataset_hash: dataset.hash().to_owned(),
-        dataset_verified: input.verified,
-        seed,
-        cell: None,
-        provenance: Provenance::here(),
-        lpips_weights: input.networks.sha256(),
         device: stated.device.clone().unwrap_or_else(|| "not stated".to_owned()),
         uses_ground_truth_depth: stated.uses_ground_truth_depth.unwrap_or(false),
-        clock: STATED_CLOCK.to_owned(),
-        outcome: Outcome::Done(Box::new(numbers)),
-    }
+        clock: STATED_CLOCK,
+    };
+    maker.record(row, input, protocol, seed, Outcome::Done(Box::new(numbers)))
 }
 
 /// A cell's record around its outcome.
 pub fn record(row: &str, method: &dyn Method, input: &Input, protocol: Protocol, seed: u64, outcome: Outcome) -> Record {
-    let dataset = &input.dataset;
-    Record {
-        schema: SCHEMA.to_owned(),
-        protocol: PROTOCOL.to_owned(),
-        split: protocol,
-        row: row.to_owned(),
+    let maker = Maker {
         method: method.id().to_owned(),
         config: method.config(),
-        dataset: dataset.header().name.clone(),
-        dataset_hash: dataset.hash().to_owned(),
-        dataset_verified: input.verified,
-        seed,
-        cell: None,
-        provenance: Provenance::here(),
-        lpips_weights: input.networks.sha256(),
         device: method.device(),
         uses_ground_truth_depth: method.uses_ground_truth_depth(),
-        clock: CLOCK.to_owned(),
-        outcome,
-    }
+        clock: CLOCK,
+    };
+    maker.record(row, input, protocol, seed, outcome)
 }
 
 /// Runs a whole cell; a method that fails gives a record that says so.

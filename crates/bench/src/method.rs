@@ -3,7 +3,7 @@
 
 use crate::metrics::Prediction;
 use crate::split::Split;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use corf::KeyframeTiming;
 use corf::depth::DepthQuality;
 use corf_scene::dataset::Dataset;
@@ -113,6 +113,43 @@ pub struct Checkpoints {
     pub resume: bool,
     /// Tag that must be the same when it is resumed (the dataset's hash).
     pub tag: String,
+}
+
+/// Time between checkpoints that nobody asked for: what is lost without them is no more, and what they cost is next to nothing.
+const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(30);
+
+impl Checkpoints {
+    /// Whether any are written.
+    pub fn are_kept(&self) -> bool {
+        self.every != Some(0)
+    }
+
+    /// Whether one is to be written now, after `done` units of work, where the last was written, or the work begun, at `last`.
+    pub fn is_due(&self, done: usize, last: Instant) -> bool {
+        match self.every {
+            Some(0) => false,
+            Some(every) => done.is_multiple_of(every),
+            None => last.elapsed() >= CHECKPOINT_INTERVAL,
+        }
+    }
+
+    /// The file to go on from, where one is there and is to be.
+    pub fn to_resume(&self) -> Option<&Path> {
+        (self.resume && self.path.exists()).then_some(&self.path)
+    }
+
+    /// Checks the tag of a checkpoint that was read.
+    ///
+    /// # Errors
+    /// Another tag than this one's.
+    pub fn check_tag(&self, tag: &str) -> Result<()> {
+        ensure!(
+            tag == self.tag,
+            "{} is of another dataset or configuration\n  help: choose another --out, or resume with the command that was interrupted",
+            self.path.display()
+        );
+        Ok(())
+    }
 }
 
 /// Progress report of a method at work; the harness adds the time.

@@ -11,6 +11,7 @@ mod error;
 pub mod expansion;
 pub mod field;
 pub mod gaussians;
+mod keyframe;
 pub mod loss;
 pub mod lpips;
 mod matrix;

@@ -73,27 +73,41 @@ pub struct Planned {
     pub list: CellList,
 }
 
-/// Id of a cell by its method's resolved configuration.
-fn id_of(cell: Cell<'_>, split: Protocol, input: &Input) -> Result<String> {
-    let dataset = &input.dataset;
-    let program = Provenance::here();
-    let (method, config) = cells::settings_of(cell, &Split::of(dataset, split)?, dataset)?;
-    let depends_on = serde_json::json!({
-        "schema": SCHEMA,
-        "dataset": dataset.hash(),
-        "split": split,
-        "row": cell.row.label,
-        "method": method,
-        "config": config,
-        "seed": cell.seed,
-        "lpips": input.networks.sha256(),
-        "version": program.version,
-        "commit": program.commit,
-        "lockfile": program.lockfile_sha256,
-        // Of sources that differ from their commit only the program itself tells which they are.
-        "program": program.dirty.then(own_hash).transpose()?,
-    });
-    Ok(sha256_hex(depends_on.to_string().as_bytes())[..ID_DIGITS].to_owned())
+/// Names cells: all that their numbers depend on and that is the same for every one of them.
+struct Namer<'a> {
+    input: &'a Input,
+    shared: serde_json::Value,
+}
+
+impl<'a> Namer<'a> {
+    fn new(input: &'a Input) -> Result<Self> {
+        let program = Provenance::here();
+        let shared = serde_json::json!({
+            "schema": SCHEMA,
+            "dataset": input.dataset.hash(),
+            "lpips": input.networks.sha256(),
+            "version": program.version,
+            "commit": program.commit,
+            "lockfile": program.lockfile_sha256,
+            // Of sources that differ from their commit only the program itself tells which they are.
+            "program": program.dirty.then(own_hash).transpose()?,
+        });
+        Ok(Self { input, shared })
+    }
+
+    /// Id of a cell, with its method's resolved configuration.
+    fn id_of(&self, cell: Cell<'_>, split: Protocol) -> Result<String> {
+        let dataset = &self.input.dataset;
+        let (method, config) = cells::settings_of(cell, &Split::of(dataset, split)?, dataset)?;
+        let own = serde_json::json!({
+            "split": split,
+            "row": cell.row.label,
+            "method": method,
+            "config": config,
+            "seed": cell.seed,
+        });
+        Ok(sha256_hex(serde_json::json!([self.shared, own]).to_string().as_bytes())[..ID_DIGITS].to_owned())
+    }
 }
 
 /// SHA-256 of this executable.
@@ -105,10 +119,11 @@ fn own_hash() -> Result<String> {
 impl CellList {
     /// The list of a plan's cells on a dataset, as this program would run them.
     fn of(parts: &[Part], input: &Input, lpips: Option<PathBuf>) -> Result<Self> {
+        let namer = Namer::new(input)?;
         let mut cells = Vec::new();
         for Part { plan, .. } in parts {
             for cell in plan.cells() {
-                let id = id_of(cell, plan.protocol, input)?;
+                let id = namer.id_of(cell, plan.protocol)?;
                 cells.push(ListedCell { id, row: cell.row.label.clone(), seed: cell.seed, split: plan.protocol });
             }
         }
@@ -181,19 +196,24 @@ impl Planned {
         Some((part, cell))
     }
 
+    /// The record of a cell, if it is there, finished or failed.
+    ///
+    /// # Errors
+    /// A damaged record.
+    fn record(&self, listed: &ListedCell) -> Result<Option<Record>> {
+        let Some(path) = self.find(listed).map(|(part, cell)| part.record_path(cell)).filter(|path| path.exists()) else {
+            return Ok(None);
+        };
+        let record = Record::read(&path)?;
+        Ok((record.cell.as_ref() == Some(&listed.id)).then_some(record))
+    }
+
     /// The record of a cell, if it is there and finished.
     ///
     /// # Errors
     /// A damaged record.
-    pub fn record(&self, listed: &ListedCell) -> Result<Option<Record>> {
-        let Some((part, cell)) = self.find(listed) else { return Ok(None) };
-        let path = part.record_path(cell);
-        if !path.exists() {
-            return Ok(None);
-        }
-        let record = Record::read(&path)?;
-        let is_it = record.cell.as_ref() == Some(&listed.id);
-        Ok((is_it && matches!(record.outcome, Outcome::Done(_))).then_some(record))
+    fn finished(&self, listed: &ListedCell) -> Result<Option<Record>> {
+        Ok(self.record(listed)?.filter(|record| matches!(record.outcome, Outcome::Done(_))))
     }
 
     /// The cells without a finished record.
@@ -203,7 +223,7 @@ impl Planned {
     pub fn unfinished(&self) -> Result<Vec<&ListedCell>> {
         let mut unfinished = Vec::new();
         for cell in &self.list.cells {
-            if self.record(cell)?.is_none() {
+            if self.finished(cell)?.is_none() {
                 unfinished.push(cell);
             }
         }
@@ -221,7 +241,7 @@ impl Planned {
             bail!("{} has no cell {id}\n  help: {} lists them; {again}", self.out.display(), self.out.join(LIST).display());
         };
         let (part, cell) = self.find(listed).with_context(|| format!("cell {id} is not in the plan\n  help: {again}"))?;
-        let now = id_of(cell, listed.split, input)?;
+        let now = Namer::new(input)?.id_of(cell, listed.split)?;
         if now != id {
             bail!(
                 "cell {id} would be {now} today: the dataset, the plan or this program is another than when the list was written\n  \
@@ -230,7 +250,7 @@ impl Planned {
         }
         let work = self.out.join("work").join(id);
         let _held = FolderLock::make(&work).with_context(|| format!("cell {id}"))?;
-        if let Some(record) = self.record(listed)? {
+        if let Some(record) = self.finished(listed)? {
             return Ok((record, true));
         }
         let mut record = part.run_cell(cell, input, backend, Some(&work))?;
@@ -252,14 +272,10 @@ impl Planned {
     }
 
     fn record_or_failure(&self, listed: &ListedCell, input: &Input) -> Result<Record> {
-        let (part, cell) = self.find(listed).with_context(|| format!("cell {} is not in the plan", listed.id))?;
-        let path = part.record_path(cell);
-        if path.exists() {
-            let record = Record::read(&path)?;
-            if record.cell.as_ref() == Some(&listed.id) {
-                return Ok(record);
-            }
+        if let Some(record) = self.record(listed)? {
+            return Ok(record);
         }
+        let (part, cell) = self.find(listed).with_context(|| format!("cell {} is not in the plan", listed.id))?;
         let error = format!("no record of cell {}: it has not run, or was ended while it did", listed.id);
         part.failed(cell, input, error)
     }

@@ -14,8 +14,6 @@ use corf_scene::{Pinhole, Rigid3};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Time between checkpoints that nobody asked for.
-const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(30);
 /// Time between two reports of progress.
 const REPORT_INTERVAL: Duration = Duration::from_secs(2);
 /// File of a run folder with the field.
@@ -148,22 +146,18 @@ impl Keeper {
 
     /// Goes on from the checkpoint, if there is one; says how many steps it has behind it.
     fn resume(&self, trainer: &mut dyn Trainer) -> Result<usize> {
-        let Some(c) = self.checkpoints.as_ref().filter(|c| c.resume && c.path.exists()) else { return Ok(0) };
-        let state = Field::read_state(&c.path, &self.tag(c))?;
+        let Some((c, path)) = self.checkpoints.as_ref().and_then(|c| Some((c, c.to_resume()?))) else { return Ok(0) };
+        let state = Field::read_state(path, &self.tag(c))?;
         trainer.restore(&state)?;
         Ok(usize::try_from(state.steps)?)
     }
 
     fn is_due(&self, done: usize) -> bool {
-        match self.checkpoints.as_ref().map(|c| c.every) {
-            None | Some(Some(0)) => false,
-            Some(Some(every)) => done.is_multiple_of(every),
-            Some(None) => self.at.elapsed() >= CHECKPOINT_INTERVAL,
-        }
+        self.checkpoints.as_ref().is_some_and(|c| c.is_due(done, self.at))
     }
 
     fn keep(&self, field: &Field, trainer: &mut dyn Trainer) -> Result<()> {
-        let Some(c) = self.checkpoints.as_ref().filter(|c| c.every != Some(0)) else { return Ok(()) };
+        let Some(c) = self.checkpoints.as_ref().filter(|c| c.are_kept()) else { return Ok(()) };
         field.write_state(&c.path, &self.tag(c), &trainer.state()?).context("while keeping a checkpoint")
     }
 }

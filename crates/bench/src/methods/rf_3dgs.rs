@@ -12,8 +12,6 @@ use corf_scene::Rigid3;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Time between checkpoints that nobody asked for.
-const INTERVAL: Duration = Duration::from_secs(30);
 /// Steps between two reports of progress take about this long: short enough to be interrupted, long enough not to cost anything.
 const PORTION: Duration = Duration::from_millis(300);
 /// Most steps between two reports.
@@ -154,16 +152,12 @@ struct Keeper {
 impl Keeper {
     /// Goes on from the checkpoint, if there is one, or makes the first Gaussians; returns the steps that came from it.
     fn begin(&mut self, reconstructor: &mut OfflineReconstructor) -> Result<usize> {
-        let Some(c) = self.checkpoints.as_ref().filter(|c| c.resume && c.path.exists()) else {
+        let Some((c, path)) = self.checkpoints.as_ref().and_then(|c| Some((c, c.to_resume()?))) else {
             reconstructor.begin()?;
             return Ok(0);
         };
-        let checkpoint = OfflineCheckpoint::read(&c.path)?;
-        ensure!(
-            checkpoint.tag() == c.tag,
-            "{} is of another dataset or configuration\n  help: choose another --out, or resume with the command that was interrupted",
-            c.path.display()
-        );
+        let checkpoint = OfflineCheckpoint::read(path)?;
+        c.check_tag(checkpoint.tag())?;
         reconstructor.restore(&checkpoint)?;
         self.kept = Some(checkpoint.steps());
         Ok(checkpoint.steps())
@@ -178,15 +172,11 @@ impl Keeper {
     }
 
     fn is_due(&self, done: usize) -> bool {
-        match self.checkpoints.as_ref().map(|c| c.every) {
-            None | Some(Some(0)) => false,
-            Some(Some(every)) => done.is_multiple_of(every),
-            Some(None) => self.at.elapsed() >= INTERVAL,
-        }
+        self.checkpoints.as_ref().is_some_and(|c| c.is_due(done, self.at))
     }
 
     fn keep(&mut self, reconstructor: &mut OfflineReconstructor) -> Result<()> {
-        let Some(c) = self.checkpoints.as_ref().filter(|c| c.every != Some(0)) else { return Ok(()) };
+        let Some(c) = self.checkpoints.as_ref().filter(|c| c.are_kept()) else { return Ok(()) };
         reconstructor.checkpoint(&c.tag)?.write(&c.path).context("while keeping a checkpoint")?;
         (self.kept, self.at) = (Some(reconstructor.steps_done()), Instant::now());
         Ok(())

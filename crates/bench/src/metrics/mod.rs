@@ -106,6 +106,14 @@ pub struct SpectrumMetrics {
     pub beams: Option<BeamMetrics>,
 }
 
+/// A predicted spectrum beside the observed one, in 8 bits.
+struct SpectrumPair<'a> {
+    predicted: Spectrum<'a>,
+    jet: Raster<[u8; 3]>,
+    jet_truth: Raster<[u8; 3]>,
+    grey_truth: Raster<[u8; 1]>,
+}
+
 /// Compares predictions with the keyframes of one dataset.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
@@ -132,12 +140,17 @@ impl Evaluator {
     /// All metrics of what is predicted of a keyframe.
     pub fn compare(&self, predicted: Halves<'_>, truth: &Keyframe) -> FrameMetrics {
         let image = predicted.image.map(|image| image.map(|p| p.map(color::quantize8)));
-        let jets = predicted.spectrum.map(|spectrum| {
-            let observed = truth.spectrum.map(|&s| color::jet(self.range.scalar(s)).map(color::quantize8));
-            (spectrum.jet.map(|p| p.map(color::quantize8)), observed)
+        let spectra = predicted.spectrum.map(|predicted| {
+            let scalar_truth = truth.spectrum.map(|&s| self.range.scalar(s));
+            SpectrumPair {
+                predicted,
+                jet: predicted.jet.map(|p| p.map(color::quantize8)),
+                jet_truth: scalar_truth.map(|&s| color::jet(s).map(color::quantize8)),
+                grey_truth: scalar_truth.map(|&s| [color::quantize8(s)]),
+            }
         });
         let pairs: Vec<_> = (image.iter().map(|image| ("opt", image, &truth.image)))
-            .chain(jets.iter().map(|(jet, observed)| ("rf_jet", jet, observed)))
+            .chain(spectra.iter().map(|pair| ("rf_jet", &pair.jet, &pair.jet_truth)))
             .collect();
         FrameMetrics {
             index: truth.index,
@@ -145,21 +158,13 @@ impl Evaluator {
                 psnr_opt: image::psnr(image, &truth.image),
                 ssim_opt: image::ssim(image, &truth.image),
             }),
-            spectrum: (predicted.spectrum.zip(jets.as_ref()))
-                .map(|(predicted, jets)| self.spectrum(predicted, jets, &truth.spectrum)),
+            spectrum: spectra.as_ref().map(|pair| self.spectrum(pair, &truth.spectrum)),
             lpips: self.networks.compare(&pairs),
         }
     }
 
-    /// Metrics of a spectrum and of its Jet image beside the observed one's, both in 8 bits.
-    fn spectrum(
-        &self,
-        predicted: Spectrum<'_>,
-        (jet, jet_truth): &(Raster<[u8; 3]>, Raster<[u8; 3]>),
-        truth: &Raster<f32>,
-    ) -> SpectrumMetrics {
-        let scalar_truth = truth.map(|&s| self.range.scalar(s));
-        let grey_truth = scalar_truth.map(|&s| [color::quantize8(s)]);
+    fn spectrum(&self, pair: &SpectrumPair<'_>, truth: &Raster<f32>) -> SpectrumMetrics {
+        let SpectrumPair { predicted, jet, jet_truth, grey_truth } = pair;
         let grey = predicted.scalar.map(|&s| [color::quantize8(s)]);
         let linear = |s: &f32| radio::linear(*s, &self.range);
         let beams = self.codebook.as_ref().map(|codebook| {
@@ -169,8 +174,8 @@ impl Evaluator {
         SpectrumMetrics {
             psnr_rf_jet: image::psnr(jet, jet_truth),
             ssim_rf_jet: image::ssim(jet, jet_truth),
-            psnr_rf_scalar: image::psnr(&grey, &grey_truth),
-            ssim_rf_scalar: image::ssim(&grey, &grey_truth),
+            psnr_rf_scalar: image::psnr(&grey, grey_truth),
+            ssim_rf_scalar: image::ssim(&grey, grey_truth),
             radio: radio::compare(predicted.scalar, truth, &self.rf_camera, &self.range),
             beams,
         }

@@ -17,11 +17,7 @@ pub use density::{DensityChange, DensityConfig, DensityCounts, decide};
 pub use points::{LEAST_POINTS, Point, write_ply};
 pub use schedule::OfflineSchedule;
 
-use crate::{
-    Device, Error, Field, FieldMeta, Gaussians, Result,
-    device::{Planes, StepReport, TrainingView},
-    sensor::RfSensor,
-};
+use crate::{Device, Error, Field, FieldMeta, Gaussians, Result, device::StepReport, sensor::RfSensor};
 use corf_scene::{Keyframe, Pinhole, Rigid3, keyframe::DbRange};
 use points::PointView;
 use serde::{Deserialize, Serialize};
@@ -102,37 +98,21 @@ impl OfflineReconstructor {
     /// Takes a training keyframe; its depth is not looked at.
     ///
     /// # Errors
-    /// After the beginning; a keyframe of the wrong size, or whose pose is not finite; the device's errors.
+    /// After the beginning; a keyframe of the wrong size, or whose pose or spectrum is not finite; the device's errors.
     pub fn receive(&mut self, keyframe: Keyframe) -> Result<()> {
-        let place = || format!("keyframe {}", keyframe.index);
         if self.schedule.is_some() {
-            return Err(Error::invalid(place(), "the reconstruction has begun", "give it all keyframes before"));
+            let place = format!("keyframe {}", keyframe.index);
+            return Err(Error::invalid(place, "the reconstruction has begun", "give it all keyframes before"));
         }
+        crate::keyframe::check(&keyframe, &self.meta)?;
         let meta = &self.meta;
-        let sizes = [
-            (keyframe.image.width(), keyframe.image.height(), meta.optical_camera),
-            (keyframe.spectrum.width(), keyframe.spectrum.height(), meta.rf_camera),
-        ];
-        if let Some((width, height, camera)) = sizes.iter().find(|(w, h, c)| (*w, *h) != (c.width, c.height)) {
-            let what = format!("an image of {width}x{height} pixels, with a camera of {}x{}", camera.width, camera.height);
-            return Err(Error::invalid(place(), what, "give images of the cameras' sizes"));
-        }
-        if !keyframe.world_from_camera.to_rows().as_flattened().iter().all(|v| v.is_finite()) {
-            return Err(Error::invalid(place(), "its pose is not finite", "give every keyframe a pose"));
-        }
-        let pixels = keyframe.image.pixels().as_flattened().iter().map(|v| f32::from(*v) / 255.0).collect();
-        let view = TrainingView {
-            world_from_camera: keyframe.world_from_camera,
-            optical_camera: meta.optical_camera,
-            optical: Planes { width: keyframe.image.width(), height: keyframe.image.height(), channels: 3, pixels },
-            rf_camera: meta.rf_camera,
-            rf: meta.rf_target.encode(&keyframe.spectrum, &meta.db_range),
-            inverse_depth: None,
-        };
+        let optical = crate::keyframe::optical(&keyframe.image);
+        let rf = meta.rf_target.encode(&keyframe.spectrum, &meta.db_range);
+        let view = crate::keyframe::training_view(keyframe.world_from_camera, optical, rf, None, meta);
         self.device.upload(&view, 1)?;
         self.poses.push(keyframe.world_from_camera);
         if self.config.initial_points == InitialPoints::Triangulated {
-            let view = PointView::new(keyframe.index, keyframe.image, meta.optical_camera, keyframe.world_from_camera);
+            let view = PointView::new(keyframe.index, keyframe.image, self.meta.optical_camera, keyframe.world_from_camera);
             self.views.push(view);
         }
         Ok(())

@@ -1,6 +1,7 @@
 #![allow(clippy::unwrap_used)]
 
 use super::*;
+use crate::device::Planes;
 use crate::{CpuDevice, device::RenderRequest, device::View, loss::psnr_8bit, synthetic};
 
 fn cameras() -> (Pinhole, Pinhole) {
@@ -195,6 +196,9 @@ fn what_cannot_be_a_beginning_is_refused() {
     assert!(r.checkpoint("").is_err());
     let small = Keyframe { image: corf_scene::Raster::filled(5, 5, [0; 3]), ..keyframe(4) };
     assert!(r.receive(small).unwrap_err().to_string().contains("5x5"));
+    let mut broken = keyframe(4);
+    broken.spectrum = broken.spectrum.map(|_| f32::NAN);
+    assert!(r.receive(broken).unwrap_err().to_string().contains("spectrum is NaN"));
     r.begin().unwrap();
     assert!(r.begin().is_err() && r.receive(keyframe(4)).is_err());
     let device = CpuDevice::new(config.optimizer(), config.raster(), &config.empty_field()).unwrap();

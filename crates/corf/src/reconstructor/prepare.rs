@@ -12,7 +12,6 @@ use crate::{
     stage,
 };
 use corf_scene::{Keyframe, Pinhole, Raster, Rigid3};
-use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -184,27 +183,14 @@ impl Preparer {
         self.prior.estimate(keyframe)
     }
 
-    fn optical(keyframe: &Keyframe) -> Planes {
-        let pixels =
-            keyframe.image.pixels().as_flattened().par_iter().with_min_len(1024).map(|v| f32::from(*v) / 255.0).collect();
-        Planes { width: keyframe.image.width(), height: keyframe.image.height(), channels: 3, pixels }
-    }
-
     /// The keyframe as a training target.
     pub fn training_view(&self, keyframe: &Keyframe, prior: Option<&AlignedPrior>) -> TrainingView {
         let rf = self.config.rf_target.encode(&keyframe.spectrum, &self.meta.db_range);
-        self.target(keyframe.world_from_camera, Self::optical(keyframe), rf, prior)
+        self.target(keyframe.world_from_camera, crate::keyframe::optical(&keyframe.image), rf, prior)
     }
 
     fn target(&self, world_from_camera: Rigid3, optical: Planes, rf: Planes, prior: Option<&AlignedPrior>) -> TrainingView {
-        TrainingView {
-            world_from_camera,
-            optical_camera: self.meta.optical_camera,
-            optical,
-            rf_camera: self.meta.rf_camera,
-            rf,
-            inverse_depth: prior.map(inverse_depth),
-        }
+        crate::keyframe::training_view(world_from_camera, optical, rf, prior.map(inverse_depth), &self.meta)
     }
 
     /// The training view of a keyframe that could not be packed before the field had aligned its prior, on a device that packs.
@@ -222,7 +208,7 @@ impl Preparer {
     /// A keyframe from which the prior cannot be estimated.
     pub fn extract(&self, keyframe: &Keyframe) -> Result<Extracted> {
         let begin = Instant::now();
-        let optical = Self::optical(keyframe);
+        let optical = crate::keyframe::optical(&keyframe.image);
         let sampling = self.config.sampling;
         let least = self.config.least_probability;
         let probability = match sampling {

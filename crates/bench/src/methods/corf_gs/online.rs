@@ -2,12 +2,9 @@
 
 use super::CorfGs;
 use crate::method::{Advance, Checkpoints, TrainingSet};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use corf::{Checkpoint, KeyframeTiming, Reconstructor};
-use std::time::{Duration, Instant};
-
-/// Time between checkpoints that nobody asked for: what is lost without them is no more, and what they cost is next to nothing.
-const INTERVAL: Duration = Duration::from_secs(30);
+use std::time::Instant;
 
 /// The online part of a reconstruction.
 pub(super) struct Online<'a> {
@@ -93,27 +90,20 @@ impl Keeper {
 
     /// Whether to keep one now; `last` says that stages without checkpoints follow.
     fn is_due(&self, done: usize, last: bool) -> bool {
-        match self.checkpoints.as_ref().map(|c| c.every) {
-            None | Some(Some(0)) => false,
-            Some(Some(every)) => done.is_multiple_of(every) || last,
-            Some(None) => self.at.elapsed() >= INTERVAL,
-        }
+        let Some(c) = self.checkpoints.as_ref().filter(|c| c.are_kept()) else { return false };
+        c.is_due(done, self.at) || last && c.every.is_some()
     }
 
     /// The checkpoint to go on from.
     fn read(&self) -> Result<Option<Checkpoint>> {
-        let Some(c) = self.checkpoints.as_ref().filter(|c| c.resume && c.path.exists()) else { return Ok(None) };
-        let checkpoint = Checkpoint::read(&c.path)?;
-        ensure!(
-            checkpoint.tag() == c.tag,
-            "{} is of another dataset or configuration\n  help: choose another --out, or resume with the command that was interrupted",
-            c.path.display()
-        );
+        let Some((c, path)) = self.checkpoints.as_ref().and_then(|c| Some((c, c.to_resume()?))) else { return Ok(None) };
+        let checkpoint = Checkpoint::read(path)?;
+        c.check_tag(checkpoint.tag())?;
         Ok(Some(checkpoint))
     }
 
     fn keep(&mut self, reconstructor: &mut Reconstructor) -> Result<()> {
-        let Some(c) = self.checkpoints.as_ref().filter(|c| c.every != Some(0)) else { return Ok(()) };
+        let Some(c) = self.checkpoints.as_ref().filter(|c| c.are_kept()) else { return Ok(()) };
         reconstructor.checkpoint(&c.tag)?.write(&c.path).context("while keeping a checkpoint")?;
         (self.kept, self.at) = (Some(reconstructor.keyframes_expanded()), Instant::now());
         Ok(())

@@ -37,9 +37,9 @@ pub struct GatherTracer<'f, 't, 'a> {
     pub(super) lattice: Lattice<'f>,
     /// Most interactions between a scattering surface and the receiver.
     pub(super) deepest: usize,
-    pub(super) stack: Vec<Ray>,
+    stack: Vec<Ray>,
     /// Largest share of power that went on behind the surface seen first, in the last direction traced.
-    pub(super) beyond: f64,
+    beyond: f64,
 }
 
 /// The directions of a receiver that one of them belongs to.
@@ -109,7 +109,7 @@ pub(super) struct RussianRoulette {
 
 impl RussianRoulette {
     /// The `index`th of a sequence that begins at `first` ∈ [0, 1).
-    pub(super) fn new(whole: f64, first: f64, index: usize) -> Self {
+    fn new(whole: f64, first: f64, index: usize) -> Self {
         Self { whole, sequence: (first + index as f64 * ROULETTE_STEP).fract() }
     }
 
@@ -260,7 +260,7 @@ impl<'f, 't, 'a> GatherTracer<'f, 't, 'a> {
     }
 
     /// The ray as it looks at what it met: by chance, where arrivals are to be even and little of its power is left.
-    pub(super) fn looking(&self, ray: &Ray, met: &SurfaceHit, luck: &mut RussianRoulette) -> Option<Ray> {
+    fn looking(&self, ray: &Ray, met: &SurfaceHit, luck: &mut RussianRoulette) -> Option<Ray> {
         let threshold = self.field.policy.shade_throughput;
         if ray.hops == 0 || threshold == 0.0 {
             return Some(*ray);

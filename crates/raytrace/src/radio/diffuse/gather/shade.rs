@@ -99,7 +99,7 @@ impl GatherTracer<'_, '_, '_> {
     }
 
     /// (λ/4π)², m².
-    pub(super) fn spreading(&self) -> f64 {
+    fn spreading(&self) -> f64 {
         (self.field.tracer.settings.wavelength_m() / (4.0 * std::f64::consts::PI)).powi(2)
     }
 
