@@ -1,9 +1,6 @@
 //! Bad input is answered with what, where and what to do; exit code 2; nothing half-written.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use std::fs;
 
 #[test]

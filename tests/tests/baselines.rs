@@ -1,10 +1,6 @@
 //! The baselines from the command line: to a field, its metrics and its renders; interrupted and resumed; what their names promise.
 
-#![cfg(unix)]
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

@@ -1,9 +1,6 @@
 //! A comparison's cells run apart: listed, run one by one or several at once, ended in the middle and run again, collected.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};

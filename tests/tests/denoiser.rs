@@ -1,13 +1,9 @@
 //! What is there for people who denoise: Intel Open Image Denoise where it is installed, and a denoiser's guides as files.
 //!
-//! The filter itself is not part of the project: `CORF_OIDN_LIBRARY=…/libOpenImageDenoise.so.2 cargo test --release -p corf-tests --test
+//! The filter itself is not part of the project: `CORF_OIDN_LIBRARY=…/libOpenImageDenoise.so.2 cargo test --release -p corf-tests
 //! denoiser -- --ignored` runs what needs it.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{command, corf_ok, corf_refuses, root, text};
+use crate::common::{command, corf_ok, corf_refuses, root, text};
 use corf_bench::metrics::image::psnr;
 use corf_scene::dataset::Dataset;
 use std::path::{Path, PathBuf};

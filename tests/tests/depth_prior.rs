@@ -1,9 +1,6 @@
 //! Depth priors that are not made here: maps in a folder, a network's weights; and none at all, where a dataset has no depth.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use corf_scene::dataset::Dataset;
 use corf_scene::io::{encode_exr_f32, encode_png16, write_atomic};
 use corf_scene::npz::{Array, Values};

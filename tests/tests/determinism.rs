@@ -1,9 +1,6 @@
 //! The same seed gives the same bytes, whatever the number of threads; another seed does not.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use std::fs;
 use std::path::Path;
 

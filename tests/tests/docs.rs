@@ -1,10 +1,7 @@
 //! Documents say what is so: marked places are what the program writes, links lead somewhere, files that are named exist, and the two that everybody
 //! reads stay short.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

@@ -1,10 +1,6 @@
 //! What other programs read: exported scenes, tables of arrivals.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{corf_ok, corf_refuses, room_with_pillar, text};
+use crate::common::{corf_ok, corf_refuses, room_with_pillar, text};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;

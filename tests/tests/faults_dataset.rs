@@ -1,9 +1,6 @@
 //! Datasets, records and folders that are not what they seem are told, not used; and nothing but the work itself ends the work.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};

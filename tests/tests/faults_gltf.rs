@@ -1,10 +1,6 @@
 //! Models that were read in part without a word, drawn wrongly, or that name files which are not theirs.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{corf, corf_ok, corf_refuses, shared, text};
+use crate::common::{corf, corf_ok, corf_refuses, shared, text};
 use corf_raytrace::{Bvh, LightSettings, LightTracer};
 use corf_scene::{Pinhole, Rigid3, Scene, import};
 use glam::{DVec3, Vec3};
@@ -217,7 +213,7 @@ fn data_sets_keep_to_their_folder() {
     use std::os::unix::fs::symlink;
     let folder = tempfile::tempdir().unwrap();
     let dataset = folder.path().join("dataset");
-    common::copy_folder(common::tiny_dataset(), &dataset);
+    crate::common::copy_folder(crate::common::tiny_dataset(), &dataset);
     corf_ok(&["dataset", "validate", text(&dataset)]);
     let spectrum = dataset.join("rf/spectra/00002.exr");
     let outside = folder.path().join("other.exr");

@@ -1,10 +1,7 @@
 //! Numbers that were wrong or not numbers at all with exit code 0: narrow lobes, antennas that touch, values beyond physics, sizes beyond
 //! the memory.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use corf_raytrace::spectrum::Grid;
 use corf_scene::{Equirectangular, Pinhole, io};
 use serde_json::Value;

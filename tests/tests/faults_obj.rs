@@ -1,10 +1,6 @@
 //! OBJ, MTL and image files that other programs wrote, or that are no such files: the right value, or a message that says where.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{corf_ok, corf_refuses, shared, text};
+use crate::common::{corf_ok, corf_refuses, shared, text};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::{LightFrame, LightSettings, LightTracer};
 use corf_scene::config::SceneConfig;

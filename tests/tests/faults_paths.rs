@@ -1,9 +1,6 @@
 //! Walls that stand where paths bounce, and edges of sheets laid of panels: the values that are right, through the command.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 
 /// Total power of all paths, dB; `None` where nothing arrives.
 fn power_db(arguments: &[&str]) -> Option<f64> {

@@ -1,9 +1,6 @@
 //! The implicit baselines as a user runs them: trained, evaluated, rendered, compared, interrupted and resumed.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use std::fs;
 use std::time::{Duration, Instant};
 

@@ -4,8 +4,6 @@
 //! that is written out, is an arrow from the module it stands in to the module where the name is defined, re-exports followed. Tests are left
 //! out. This reads text, not Rust: it knows `use` trees and paths that begin with `crate`, `self`, `super` or a module's name.
 
-#![allow(clippy::unwrap_used)]
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 

@@ -1,10 +1,6 @@
 //! Ctrl-C in the middle of every long command, then `--resume`: nothing is lost, nothing is half-written, the result is the same.
 
-#![cfg(unix)]
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};

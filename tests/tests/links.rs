@@ -1,9 +1,6 @@
 //! `corf paths` and `corf coverage` as a user runs them.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;

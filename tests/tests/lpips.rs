@@ -1,9 +1,6 @@
 //! LPIPS as columns: where weights are given, where they are not, and where they are none.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use std::fs;
 use std::path::Path;
 

@@ -1,10 +1,6 @@
 //! Scenes exported for Mitsuba 3: what a reader of XML, PLY and PNG finds in the folder.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{corf_ok, corf_refuses, root, text, tiny_config};
+use crate::common::{corf_ok, corf_refuses, root, text, tiny_config};
 use corf_scene::config::SceneConfig;
 use corf_scene::trajectory;
 use glam::{DMat3, DVec3};

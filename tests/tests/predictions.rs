@@ -1,9 +1,6 @@
 //! Predictions that any program wrote are scored as this program's own are, and what is wrong with them is said.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use corf_scene::dataset::Dataset;
 use corf_scene::io::{encode_exr_f32, encode_png16, write_atomic, write_png};
 use corf_scene::npz::{Array, Values};

@@ -1,9 +1,6 @@
 //! Which keyframes train and which are evaluated, and constants compared on those that are not published.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use serde_json::Value;
 use std::fs;
 

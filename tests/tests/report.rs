@@ -1,9 +1,6 @@
 //! The report of a comparison, read by a parser: every held-out keyframe of every row, the best marked, nothing asked of a network.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use roxmltree::{Document, Node, ParsingOptions};
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,9 +1,6 @@
 //! Spectra of every kind, from the command line and in datasets.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use corf_scene::dataset::Dataset;
 use corf_scene::io;
 use std::fs;

@@ -1,9 +1,6 @@
 //! From a glTF lobby to a table: every command once, in the order a researcher would use them.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::*;
 use std::fs;
 
 #[test]

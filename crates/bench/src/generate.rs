@@ -15,6 +15,7 @@ use corf_scene::config::{DatasetConfig, SceneConfig};
 use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, FrameData};
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Error, Finding, Scene, Severity, bounds, radio_check};
+use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -110,20 +111,21 @@ pub fn generate_from(
     let missing: Vec<&TrajectoryPose> = poses.iter().filter(|p| !writer.is_complete(p.index)).collect();
     if !missing.is_empty() {
         let mut progress = Progress::start(format!("keyframes of {}", config.name), poses.len(), "keyframes");
-        let done_before = poses.len() - missing.len();
-        // One keyframe is written while the next is traced.
-        let mut traced: Option<(usize, FrameData)> = None;
-        for (i, pose) in missing.iter().enumerate() {
+        let mut done = poses.len() - missing.len();
+        // Keyframes are written while the next are traced.
+        let mut traced: Vec<(usize, FrameData)> = Vec::new();
+        let write = |traced: &[(usize, FrameData)]| traced.par_iter().try_for_each(|(i, frame)| writer.write_frame(*i, frame));
+        let trace = |pose: &&TrajectoryPose| Ok((pose.index, platform.keyframe(pose)?));
+        for together in missing.chunks(keyframes_at_once()) {
             interrupt::check()?;
-            let write = || traced.take().map_or(Ok(()), |(index, frame)| writer.write_frame(index, &frame));
-            let (written, frame) = rayon::join(write, || platform.keyframe(pose));
+            let (written, frames) =
+                rayon::join(|| write(&traced), || together.par_iter().map(trace).collect::<corf_scene::Result<Vec<_>>>());
             written?;
-            traced = Some((pose.index, frame?));
-            progress.set(done_before + i, poses.len());
+            done += traced.len();
+            traced = frames?;
+            progress.set(done, poses.len());
         }
-        if let Some((index, frame)) = traced {
-            writer.write_frame(index, &frame)?;
-        }
+        write(&traced)?;
         progress.set(poses.len(), poses.len());
         progress.finish();
     }
@@ -154,6 +156,16 @@ pub fn camera<'a>(config: &DatasetConfig, tracer: &'a LightTracer<'a>, denoiser:
     }
     Ok(camera)
 }
+
+/// Keyframes traced together: what one of them leaves of many processors idle is used by the others, and few take little memory.
+fn keyframes_at_once() -> usize {
+    (rayon::current_num_threads() / THREADS_A_KEYFRAME).clamp(1, MOST_AT_ONCE)
+}
+
+/// Threads that a single keyframe keeps busy.
+const THREADS_A_KEYFRAME: usize = 8;
+/// Most keyframes traced together; at 1600×900 each takes some 0.4 GB until it is written.
+const MOST_AT_ONCE: usize = 8;
 
 /// Says what is to be said.
 fn tell(generated: Generated) -> Result<Generated> {

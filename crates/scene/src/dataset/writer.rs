@@ -57,6 +57,9 @@ fn millimetres(depth_m: f32) -> u16 {
     if millimetres <= f32::from(u16::MAX) { millimetres as u16 } else { 0 }
 }
 
+/// Makes the bytes of a file.
+type Encode<'a> = Box<dyn Fn() -> Result<Vec<u8>> + Send + Sync + 'a>;
+
 /// Record of a finished keyframe, kept until the dataset is complete.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -196,36 +199,39 @@ impl DatasetWriter {
             return Ok(());
         }
         self.check(&place, frame)?;
-        let mut files = BTreeMap::new();
-        let mut put = |path: String, bytes: Vec<u8>| -> Result<()> {
-            io::write_atomic(self.dir.join(&path), &bytes)?;
-            files.insert(path, FileRecord::of(&bytes));
-            Ok(())
-        };
-        put(layout::image(index), io::encode_png(&frame.image)?)?;
+        let unit = self.header.quantity.unit();
+        let mut contents: Vec<(String, Encode<'_>)> = vec![
+            (layout::image(index), Box::new(|| io::encode_png(&frame.image))),
+            (layout::spectrum(index), Box::new(move || io::encode_exr_f32_in(&frame.spectrum, "Y", unit))),
+        ];
         for (name, image) in frame.float_images() {
-            put(layout::float_image(name, index), io::encode_exr_rgb(image)?)?;
+            contents.push((layout::float_image(name, index), Box::new(|| io::encode_exr_rgb(image))));
         }
         if let Some(depth) = &frame.depth_m {
-            put(layout::depth(index), io::encode_exr_f32(&depth.map(|d| if d.is_finite() { *d } else { 0.0 }), "Z")?)?;
+            let seen = || depth.map(|d| if d.is_finite() { *d } else { 0.0 });
+            contents.push((layout::depth(index), Box::new(move || io::encode_exr_f32(&seen(), "Z"))));
             if self.header.config.as_ref().is_some_and(|c| c.optical.write_depth_png) {
-                put(layout::depth_png(index), io::encode_png16(&depth.map(|d| millimetres(*d)))?)?;
+                contents.push((layout::depth_png(index), Box::new(|| io::encode_png16(&depth.map(|d| millimetres(*d))))));
             }
         }
         if let Some(surface) = &frame.surface {
-            put(layout::surface(index), io::encode_exr_u32(surface)?)?;
+            contents.push((layout::surface(index), Box::new(|| io::encode_exr_u32(surface))));
         }
-        let unit = self.header.quantity.unit();
-        put(layout::spectrum(index), io::encode_exr_f32_in(&frame.spectrum, "Y", unit)?)?;
         if let Some(sphere) = &frame.sphere {
-            put(layout::sphere(index), io::encode_exr_f32_in(sphere, "Y", unit)?)?;
+            contents.push((layout::sphere(index), Box::new(move || io::encode_exr_f32_in(sphere, "Y", unit))));
         }
         if let Some(tutorial) = &frame.tutorial {
-            put(layout::tutorial_image(index), io::encode_png(tutorial)?)?;
+            contents.push((layout::tutorial_image(index), Box::new(|| io::encode_png(tutorial))));
         }
         if let Some(paths) = &frame.paths_jsonl {
-            put(layout::paths(index), io::gzip(paths.as_bytes())?)?;
+            contents.push((layout::paths(index), Box::new(|| io::gzip(paths.as_bytes()))));
         }
+        let files = contents.into_par_iter().map(|(path, encode)| {
+            let bytes = encode()?;
+            io::write_atomic(self.dir.join(&path), &bytes)?;
+            Ok((path, FileRecord::of(&bytes)))
+        });
+        let files = files.collect::<Result<BTreeMap<_, _>>>()?;
         let Sight { black, empty } = Sight::of(&frame.image, frame.depth_m.as_ref());
         let record = FrameRecord { peak: peak(&frame.spectrum), share_in_frame: frame.share_in_frame, black, empty, files };
         io::write_atomic(self.dir.join(layout::progress(index)), to_json(&record)?.as_bytes())
@@ -327,8 +333,9 @@ impl DatasetWriter {
         };
         let rf_images: Vec<Raster<[u8; 3]>> =
             (0..self.len()).into_par_iter().map(|i| Ok(db_range.jet_image(&self.spectrum(i)?))).collect::<Result<_>>()?;
-        for (i, image) in rf_images.iter().enumerate() {
-            put(layout::rf_image(i), &io::encode_png(image)?)?;
+        let encoded: Vec<Vec<u8>> = rf_images.par_iter().map(io::encode_png).collect::<Result<_>>()?;
+        for (i, bytes) in encoded.iter().enumerate() {
+            put(layout::rf_image(i), bytes)?;
         }
         if self.header.config.as_ref().is_some_and(|c| c.rf.write_db) {
             for i in 0..self.len() {

@@ -1,0 +1,42 @@
+//! The command as a user runs it, bad input and interrupts included: one program, so that what all tests need is linked and made once.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+mod bad_input;
+#[cfg(all(unix, feature = "slow"))]
+mod baselines;
+#[cfg(feature = "slow")]
+mod cells;
+mod denoiser;
+mod depth_prior;
+#[cfg(feature = "slow")]
+mod determinism;
+mod docs;
+mod exchange;
+#[cfg(feature = "slow")]
+mod faults_dataset;
+#[cfg(feature = "slow")]
+mod faults_gltf;
+#[cfg(feature = "slow")]
+mod faults_numbers;
+mod faults_obj;
+mod faults_paths;
+#[cfg(feature = "slow")]
+mod implicit;
+mod import_circles;
+#[cfg(all(unix, feature = "slow"))]
+mod interrupt;
+mod links;
+#[cfg(feature = "slow")]
+mod lpips;
+mod mitsuba;
+#[cfg(feature = "slow")]
+mod predictions;
+#[cfg(feature = "slow")]
+mod protocols;
+#[cfg(feature = "slow")]
+mod report;
+mod spectra;
+mod whole_way;
