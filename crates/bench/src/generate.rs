@@ -186,7 +186,7 @@ fn check_memory(config: &DatasetConfig) -> Result<()> {
         ("rf.sphere", sphere_columns, sphere_rows, RF_BYTES_A_PIXEL),
     ] {
         let place = format!("{}: {key}", config.source.display());
-        let bytes = bytes_a_pixel * columns as f64 * rows as f64;
+        let bytes = keyframes_at_once() as f64 * bytes_a_pixel * columns as f64 * rows as f64;
         bounds::memory(&place, &format!("images of {columns}x{rows} pixels"), bytes, "give fewer pixels")?;
     }
     Ok(())

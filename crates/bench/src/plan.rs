@@ -25,7 +25,7 @@ pub struct Plan {
     /// Columns of metrics in the tables: keys of metrics, `short`, `radio` or `all`. Default: `short`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub columns: Vec<String>,
-    /// Seeds; every row is run with each.
+    /// Seeds; every row is run with each, unless it says how many.
     pub seeds: Vec<u64>,
     /// Rows of the table, in order. Differences are taken to the first.
     #[serde(rename = "row")]
@@ -48,6 +48,9 @@ pub struct PlanRow {
     /// row has one cell, that of the first seed), `{protocol}` for the protocol.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dir: Option<String>,
+    /// Number of seeds that the row is run with, the first of the plan's: for a row that is too slow for all of them. Default: all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seeds: Option<usize>,
     /// Overrides of the method's configuration.
     #[serde(default)]
     pub config: toml::Table,
@@ -78,7 +81,7 @@ const PROTOCOL: &str = "{protocol}";
 impl PlanRow {
     /// A row of a method.
     pub fn of_method(label: String, method: String, config: toml::Table) -> Self {
-        Self { label, kind: RowKind::Method, method, dir: None, config }
+        Self { label, kind: RowKind::Method, method, dir: None, seeds: None, config }
     }
 
     /// The folder of predictions of a seed under a protocol; `None` for a method's row.
@@ -92,8 +95,19 @@ impl PlanRow {
         self.dir.as_ref().is_some_and(|dir| !dir.contains(SEED))
     }
 
+    /// The seeds that it is run with, of a plan's.
+    fn seeds<'p>(&self, of_plan: &'p [u64]) -> &'p [u64] {
+        let wanted = if self.is_single() { 1 } else { self.seeds.unwrap_or(of_plan.len()) };
+        &of_plan[..wanted.min(of_plan.len())]
+    }
+
     /// Checks what the row's kind asks for.
-    fn check(&self, segment: bool) -> Result<()> {
+    fn check(&self, segment: bool, seeds: usize) -> Result<()> {
+        if let Some(wanted) = self.seeds.filter(|wanted| !(1..=seeds).contains(wanted)) {
+            bail!(
+                "seeds = {wanted}, and the plan has {seeds}\n  help: a row is run with the first of the plan's seeds, one at least"
+            );
+        }
         match (self.kind, &self.dir) {
             (RowKind::Method, None) => {
                 crate::methods::create(&self.method, &self.config, &crate::device::Backend::Cpu)?;
@@ -177,7 +191,7 @@ impl Plan {
             if plan.rows[..i].iter().any(|r| slug(&r.label) == slug(&row.label)) {
                 bail!("two rows have the label \"{}\"\n  help: labels name files and must differ", row.label);
             }
-            row.check(plan.segment).with_context(|| format!("row \"{}\"", row.label))?;
+            row.check(plan.segment, plan.seeds.len()).with_context(|| format!("row \"{}\"", row.label))?;
         }
         crate::table::columns(&plan.columns).context("columns")?;
         Ok(plan)
@@ -185,8 +199,7 @@ impl Plan {
 
     /// All cells, row by row; predictions of one run have one cell, for a value told several times is one value.
     pub fn cells(&self) -> impl Iterator<Item = Cell<'_>> {
-        let seeds = |row: &PlanRow| if row.is_single() { &self.seeds[..1] } else { &self.seeds[..] };
-        self.rows.iter().flat_map(move |row| seeds(row).iter().map(move |&seed| Cell { row, seed }))
+        self.rows.iter().flat_map(|row| row.seeds(&self.seeds).iter().map(move |&seed| Cell { row, seed }))
     }
 
     /// All cells with their places in [`Self::cells`], in the order in which they are run: every row with the first seed, then every row with
@@ -269,6 +282,20 @@ mod tests {
         let plan = Plan::parse(&format!("name='x'\ndataset='d'\nseeds=[5, 3]\n{rows}")).unwrap();
         let order: Vec<_> = plan.interleaved().iter().map(|(at, c)| (*at, c.row.label.as_str(), c.seed)).collect();
         assert_eq!(order, [(0, "a", 5), (2, "b", 5), (3, "c", 5), (1, "a", 3), (4, "c", 3)]);
+    }
+
+    #[test]
+    fn a_slow_row_is_run_with_the_first_seeds_alone() {
+        let plan = |n: usize| {
+            let rows = format!("[[row]]\nlabel='a'\nmethod='nearest'\n[[row]]\nlabel='slow'\nmethod='nearest'\nseeds={n}\n");
+            Plan::parse(&format!("name='x'\ndataset='d'\nseeds=[5, 3, 8]\n{rows}"))
+        };
+        let cells: Vec<_> = plan(2).unwrap().cells().map(|c| (c.row.label.clone(), c.seed)).collect();
+        let expected = [("a", 5), ("a", 3), ("a", 8), ("slow", 5), ("slow", 3)].map(|(label, seed)| (label.to_owned(), seed));
+        assert_eq!(cells, expected);
+        for wrong in [0, 4] {
+            assert!(format!("{:#}", plan(wrong).unwrap_err()).contains("the plan has 3"));
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! <!-- corf docs: table results/FOLDER KEY,KEY -->    the table of a folder of records, with these columns of metrics
+//! <!-- corf docs: paper results/FOLDER I -->          a table of the paper (I to IV) with a folder's records beside it
 //! <!-- corf docs: columns -->                         every metric: heading, key, definition
 //! <!-- corf docs: help -->                            the help of every command
 //! <!-- corf docs: keys scene -->                      the keys of a scene file, or of a data-set file (`keys dataset`)
@@ -9,7 +10,7 @@
 //! ```
 
 use crate::metrics::COLUMNS;
-use crate::{schema, suite, table};
+use crate::{paper, schema, suite, table};
 use anyhow::{Context, Result, bail, ensure};
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use std::path::Path;
@@ -51,12 +52,24 @@ fn content(order: &str, folder: &Path, help: &str) -> Result<String> {
         ["columns"] => Ok(columns()),
         ["table", records] => table_of(&folder.join(records), &[]),
         ["table", records, keys] => table_of(&folder.join(records), &keys.split(',').collect::<Vec<_>>()),
-        _ => bail!("neither `table FOLDER`, `table FOLDER KEY,KEY`, `columns`, `help`, `keys scene` nor `keys dataset`"),
+        ["paper", records, number] => paper_table(&folder.join(records), number),
+        _ => bail!(
+            "neither `table FOLDER`, `table FOLDER KEY,KEY`, `paper FOLDER I`, `columns`, `help`, `keys scene` nor `keys dataset`"
+        ),
     }
 }
 
 fn table_of(folder: &Path, keys: &[&str]) -> Result<String> {
     Ok(table::markdown(&table::rows(&suite::records(folder)?), &table::columns(keys)?))
+}
+
+/// A table of the paper beside a folder's records.
+fn paper_table(folder: &Path, number: &str) -> Result<String> {
+    let records = suite::records(folder)?;
+    let rows = table::rows(&records);
+    let tables = paper::tables(&rows);
+    let wanted = tables.iter().find(|t| t.table.number == number);
+    Ok(paper::markdown_of(wanted.with_context(|| format!("the paper has no table {number}\n  help: I, II, III or IV"))?))
 }
 
 /// Every metric with its key and its definition.
@@ -81,11 +94,21 @@ mod tests {
     }
 
     #[test]
+    fn a_table_of_the_paper_has_its_figures_and_ours() {
+        let text = "<!-- corf docs: paper ../../results/2026-11-27-lobby147 IV -->\n<!-- corf docs: end -->\n";
+        let new = spliced(text, Path::new("."), "").unwrap();
+        let frozen = new.lines().find(|l| l.starts_with("| w/o joint (frozen geometry)")).unwrap();
+        assert!(frozen.contains("| 24.03 ± 0.14 | 17.11 |") && frozen.contains("| -1.68 ± 0.30 | -1.41 |"), "{frozen}");
+        assert!(new.contains("over 5 seeds") && !new.contains("(30, 10)"), "{new}");
+    }
+
+    #[test]
     fn markers_that_mean_nothing_are_refused_with_their_line() {
         for (text, said) in [
             ("a\n<!-- corf docs: help -->\n", "end the marked place"),
             ("<!-- corf docs: end -->\n", "without a beginning"),
             ("<!-- corf docs: tables x -->\n<!-- corf docs: end -->\n", "neither `table FOLDER`"),
+            ("<!-- corf docs: paper ../../results/2026-11-27-lobby147 V -->\n<!-- corf docs: end -->\n", "no table V"),
             ("<!-- corf docs: table nowhere -->\n<!-- corf docs: end -->\n", "nowhere"),
         ] {
             let error = format!("{:#}", spliced(text, Path::new("."), "").unwrap_err());

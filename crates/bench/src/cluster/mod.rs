@@ -16,7 +16,7 @@ use crate::cells::{self, Part};
 use crate::device::Backend;
 use crate::input::{Input, Verify};
 use crate::json::{read_json, write_numbers};
-use crate::metrics::lpips::LpipsNetworks;
+use crate::metrics::lpips::LpipsOption;
 use crate::plan::{Cell, Plan};
 use crate::provenance::Provenance;
 use crate::record::{Outcome, Record};
@@ -27,10 +27,9 @@ use corf_scene::io::sha256_hex;
 use corf_scene::lock::FolderLock;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Version of `cells.json`.
-const SCHEMA: &str = "corf-cells/1";
+const SCHEMA: &str = "corf-cells/2";
 /// File of the list of cells.
 const LIST: &str = "cells.json";
 /// Hexadecimal digits of a cell's id, of its SHA-256.
@@ -39,13 +38,12 @@ const ID_DIGITS: usize = 16;
 /// All cells of a planned comparison.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CellList {
-    /// Version of the layout, `corf-cells/1`.
+    /// Version of the layout, `corf-cells/2`.
     schema: String,
     /// Hash of the dataset.
     dataset_hash: String,
-    /// Folder of the weights that LPIPS is computed with, where it is.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    lpips: Option<PathBuf>,
+    /// Which LPIPS is computed.
+    lpips: LpipsOption,
     /// Cells, in the plan's order, those of the contiguous segment last.
     pub cells: Vec<ListedCell>,
 }
@@ -118,7 +116,7 @@ fn own_hash() -> Result<String> {
 
 impl CellList {
     /// The list of a plan's cells on a dataset, as this program would run them.
-    fn of(parts: &[Part], input: &Input, lpips: Option<PathBuf>) -> Result<Self> {
+    fn of(parts: &[Part], input: &Input, lpips: LpipsOption) -> Result<Self> {
         let namer = Namer::new(input)?;
         let mut cells = Vec::new();
         for Part { plan, .. } in parts {
@@ -137,7 +135,7 @@ impl Planned {
     ///
     /// # Errors
     /// A row that cannot run, or a folder that cannot be written.
-    pub fn write(plan: &Plan, input: &Input, lpips: Option<PathBuf>, out: &Path) -> Result<Self> {
+    pub fn write(plan: &Plan, input: &Input, lpips: LpipsOption, out: &Path) -> Result<Self> {
         let parts = suite::parts(plan, out);
         let list = CellList::of(&parts, input, lpips)?;
         parts.iter().try_for_each(Part::write_plan)?;
@@ -180,8 +178,7 @@ impl Planned {
     /// # Errors
     /// A dataset or weights that cannot be read.
     pub fn open(&self, verify: Verify) -> Result<Input> {
-        let networks = self.list.lpips.as_deref().map(LpipsNetworks::read).transpose()?.unwrap_or_default();
-        verify.open(self.dataset())?.with_networks(&Arc::new(networks))
+        verify.open(self.dataset())?.with_networks(&self.list.lpips.networks()?)
     }
 
     /// Path of the dataset.

@@ -93,7 +93,7 @@ impl PlanCommand {
         plan.make_absolute()?;
         cells::check_folders(&plan, &input.dataset)?;
         let _held = claim_output(&self.out, self.resume)?;
-        let planned = Planned::write(&plan, &input, self.lpips.folder()?, &self.out)?;
+        let planned = Planned::write(&plan, &input, self.lpips.absolute()?, &self.out)?;
         let unfinished = planned.unfinished()?.len();
         let lines: Vec<String> = planned
             .list

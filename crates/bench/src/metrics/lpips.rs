@@ -4,10 +4,11 @@
 
 use crate::note;
 use anyhow::{Result, bail};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use corf::lpips::{Backbone, Input, Lpips};
 use corf_scene::Raster;
 use corf_scene::dataset::Dataset;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,50 +16,87 @@ use std::sync::Arc;
 /// Advice to who wants LPIPS and has no weights.
 pub const NO_WEIGHTS: &str = "no weights were given (tools/fetch_weights.py gets them, --lpips names their folder)";
 
-/// Where weights of LPIPS are.
-#[derive(Args, Clone, Debug)]
+/// Which LPIPS is computed: where its weights are, and of which images.
+#[derive(Args, Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LpipsOption {
     /// Compute LPIPS as well, with the weights in this folder: lpips_vgg.safetensors, lpips_alex.safetensors or lpips_squeeze.safetensors, as
     /// tools/fetch_weights.py gets them.
     #[arg(long, value_name = "FOLDER")]
     lpips: Option<PathBuf>,
+    /// Images that LPIPS is computed of: large ones take long (VGG-16 needs 0.9 TFLOP for 1600×900 pixels, and LPIPS four such passes).
+    #[arg(long, value_enum, default_value_t, requires = "lpips")]
+    lpips_images: LpipsImages,
+}
+
+/// Images that LPIPS is computed of.
+#[derive(ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LpipsImages {
+    /// Images and Jet spectra.
+    #[default]
+    Both,
+    /// Jet spectra alone.
+    Spectra,
+}
+
+impl LpipsImages {
+    fn include(self, name: &str) -> bool {
+        self == Self::Both || name != LIGHT
+    }
 }
 
 impl LpipsOption {
-    /// The folder, as an absolute path.
+    /// The same with its folder as an absolute path.
     ///
     /// # Errors
     /// When there is no working directory.
-    pub fn folder(&self) -> Result<Option<PathBuf>> {
-        Ok(self.lpips.as_deref().map(std::path::absolute).transpose()?)
+    pub fn absolute(&self) -> Result<Self> {
+        let lpips = self.lpips.as_deref().map(std::path::absolute).transpose()?;
+        Ok(Self { lpips, lpips_images: self.lpips_images })
     }
 
-    /// The networks whose weights are in the folder; none without a folder, which is said.
+    /// The networks whose weights are in the folder; none without a folder.
+    ///
+    /// # Errors
+    /// Those of [`LpipsNetworks::read`].
+    pub fn networks(&self) -> Result<Arc<LpipsNetworks>> {
+        let networks = self.lpips.as_deref().map(|folder| LpipsNetworks::read(folder, self.lpips_images)).transpose()?;
+        Ok(Arc::new(networks.unwrap_or_default()))
+    }
+
+    /// [`Self::networks`], and says so if LPIPS is not computed.
     ///
     /// # Errors
     /// Those of [`LpipsNetworks::read`].
     pub fn read(&self) -> Result<Arc<LpipsNetworks>> {
-        if let Some(folder) = &self.lpips {
-            return Ok(Arc::new(LpipsNetworks::read(folder)?));
+        if self.lpips.is_none() {
+            note!("LPIPS is not computed: {NO_WEIGHTS}");
         }
-        note!("LPIPS is not computed: {NO_WEIGHTS}");
-        Ok(Arc::default())
+        self.networks()
     }
 }
+
+/// Name of the image of light among [`Pair`]s …
+pub const LIGHT: &str = "opt";
+/// … and that of the Jet spectrum.
+pub const SPECTRUM: &str = "rf_jet";
 
 /// Two 8-bit images and the name that keys end with.
 pub type Pair<'a> = (&'a str, &'a Raster<[u8; 3]>, &'a Raster<[u8; 3]>);
 
 /// The networks that LPIPS is computed with; none where it is not.
 #[derive(Debug, Default)]
-pub struct LpipsNetworks(Vec<Lpips>);
+pub struct LpipsNetworks {
+    networks: Vec<Lpips>,
+    images: LpipsImages,
+}
 
 impl LpipsNetworks {
     /// Reads the weights that are in a folder.
     ///
     /// # Errors
     /// A folder without any, or weights that are not those of LPIPS v0.1.
-    pub fn read(folder: &Path) -> Result<Self> {
+    pub fn read(folder: &Path, images: LpipsImages) -> Result<Self> {
         let file = |backbone: Backbone| folder.join(backbone.file());
         let there = Backbone::ALL.into_iter().filter(|b| file(*b).exists());
         let networks: Vec<Lpips> = there.map(|b| Lpips::read(&file(b), b)).collect::<corf::Result<_>>()?;
@@ -69,7 +107,7 @@ impl LpipsNetworks {
                 folder.display()
             );
         }
-        Ok(Self(networks))
+        Ok(Self { networks, images })
     }
 
     /// Checks that a dataset's images are large enough for every network.
@@ -77,8 +115,9 @@ impl LpipsNetworks {
     /// # Errors
     /// Images that are too small, and the size that is needed.
     pub fn check(&self, dataset: &Dataset) -> Result<()> {
-        let cameras = [("images", dataset.optical_camera()), ("spectra", dataset.rf_camera())];
-        for (network, (what, camera)) in self.0.iter().flat_map(|n| cameras.iter().map(move |c| (n, c))) {
+        let cameras = [(LIGHT, "images", dataset.optical_camera()), (SPECTRUM, "spectra", dataset.rf_camera())];
+        let compared = cameras.iter().filter(|(name, ..)| self.images.include(name));
+        for (network, (_, what, camera)) in self.networks.iter().flat_map(|n| compared.clone().map(move |c| (n, c))) {
             let (least, name) = (network.least_px(), network.backbone().name());
             if camera.width.min(camera.height) < least {
                 bail!(
@@ -94,15 +133,20 @@ impl LpipsNetworks {
         Ok(())
     }
 
-    /// SHA-256 of the weights, by backbone.
+    /// SHA-256 of the weights, by backbone and, if they are not all, the images that it sees.
     pub fn sha256(&self) -> BTreeMap<String, String> {
-        self.0.iter().map(|n| (n.backbone().name().to_owned(), n.sha256().to_owned())).collect()
+        let of = match self.images {
+            LpipsImages::Both => "",
+            LpipsImages::Spectra => " (spectra)",
+        };
+        self.networks.iter().map(|n| (format!("{}{of}", n.backbone().name()), n.sha256().to_owned())).collect()
     }
 
     /// Distances of pairs of images that have a name, by key.
     pub fn compare(&self, pairs: &[Pair<'_>]) -> BTreeMap<String, f64> {
         let mut found = BTreeMap::new();
-        for (network, (name, a, b)) in self.0.iter().flat_map(|n| pairs.iter().map(move |p| (n, p))) {
+        let compared = pairs.iter().filter(|(name, ..)| self.images.include(name));
+        for (network, (name, a, b)) in self.networks.iter().flat_map(|n| compared.clone().map(move |p| (n, p))) {
             for (input, mark) in [(Input::Signed, ""), (Input::Unit, "_01")] {
                 found.insert(format!("lpips_{}{mark}_{name}", network.backbone().name()), network.distance(a, b, input));
             }

@@ -149,8 +149,8 @@ impl Evaluator {
                 grey_truth: scalar_truth.map(|&s| [color::quantize8(s)]),
             }
         });
-        let pairs: Vec<_> = (image.iter().map(|image| ("opt", image, &truth.image)))
-            .chain(spectra.iter().map(|pair| ("rf_jet", &pair.jet, &pair.jet_truth)))
+        let pairs: Vec<_> = (image.iter().map(|image| (lpips::LIGHT, image, &truth.image)))
+            .chain(spectra.iter().map(|pair| (lpips::SPECTRUM, &pair.jet, &pair.jet_truth)))
             .collect();
         FrameMetrics {
             index: truth.index,

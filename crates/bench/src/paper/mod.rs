@@ -7,7 +7,7 @@ mod rows;
 #[cfg(test)]
 mod tests;
 
-pub use notations::{csv, latex, markdown};
+pub use notations::{csv, latex, markdown, markdown_of};
 pub use published::{Family, Figure, PaperRow, PaperTable, TABLES};
 pub use rows::Ours;
 

@@ -94,28 +94,40 @@ fn title(table: &Beside<'_, '_>) -> String {
     format!("Table {}: {}", table.table.number, table.table.title)
 }
 
+/// A table in Markdown.
+fn markdown_table(table: &Beside<'_, '_>) -> String {
+    let figures = table.table.figures;
+    let mut out = "| the paper's row | our row |".to_owned();
+    figures.iter().for_each(|f| out.push_str(&format!(" {0}, ours | {0}, paper |", f.heading())));
+    let _ = write!(out, " Δ PSNR rf, ours | Δ PSNR rf, paper |\n|---|---|{}\n", "---:|".repeat(2 * figures.len() + 2));
+    for line in &table.lines {
+        let label = line.label().map_or("–".to_owned(), escape::markdown);
+        let _ = write!(out, "| {} | {label} |", escape::markdown(&line.name));
+        for (figure, paper) in figures.iter().zip(line.paper.values) {
+            let _ = write!(out, " {} | {paper:.*} |", ours(line.cell(*figure), *figure, "±"), figure.digits());
+        }
+        let _ = writeln!(out, " {} | {} |", signed(line.difference, "±"), paper_signed(line.paper_difference(table.table)));
+    }
+    out
+}
+
+fn markdown_notes(tables: &[Beside<'_, '_>]) -> String {
+    notes(tables).iter().map(|note| format!("\n{}\n", escape::markdown(note))).collect()
+}
+
+/// One of the tables in Markdown, with the notes on its rows.
+pub fn markdown_of(table: &Beside<'_, '_>) -> String {
+    format!("{}{}", markdown_table(table), markdown_notes(std::slice::from_ref(table)))
+}
+
 /// All four tables in Markdown.
 pub fn markdown(tables: &[Beside<'_, '_>], head: &str) -> String {
     let mut out = format!("# The paper's tables from our records\n\n{}\n", escape::markdown(head));
     for table in tables {
-        let figures = table.table.figures;
-        let _ = write!(out, "\n## {} (`{}`)\n\n| the paper's row | our row |", title(table), table.table.label);
-        figures.iter().for_each(|f| out.push_str(&format!(" {0}, ours | {0}, paper |", f.heading())));
-        let _ = write!(out, " Δ PSNR rf, ours | Δ PSNR rf, paper |\n|---|---|{}\n", "---:|".repeat(2 * figures.len() + 2));
-        for line in &table.lines {
-            let label = line.label().map_or("–".to_owned(), escape::markdown);
-            let _ = write!(out, "| {} | {label} |", escape::markdown(&line.name));
-            for (figure, paper) in figures.iter().zip(line.paper.values) {
-                let _ = write!(out, " {} | {paper:.*} |", ours(line.cell(*figure), *figure, "±"), figure.digits());
-            }
-            let _ = writeln!(out, " {} | {} |", signed(line.difference, "±"), paper_signed(line.paper_difference(table.table)));
-        }
+        let _ = write!(out, "\n## {} (`{}`)\n\n{}", title(table), table.table.label, markdown_table(table));
     }
     out.push_str("\n## PSNR rf over time\n\n![PSNR rf over reconstruction time, ours and the paper's](paper.svg)\n");
-    for note in notes(tables) {
-        let _ = write!(out, "\n{}\n", escape::markdown(&note));
-    }
-    out
+    out + &markdown_notes(tables)
 }
 
 /// All four tables in LaTeX, with the packages booktabs and multirow.

@@ -1,6 +1,6 @@
 //! The note under a table: seeds, protocol, caveats of the numbers, failed cells, definitions of unusual columns.
 
-use super::{Columns, Row, SHORT};
+use super::{Column, Columns, Row, SHORT};
 use crate::metrics::lpips::NO_WEIGHTS;
 use crate::split::Protocol;
 use std::fmt::Write;
@@ -28,12 +28,24 @@ fn name(label: &str) -> String {
     if label.contains(';') { format!("\"{label}\"") } else { label.to_owned() }
 }
 
+/// Which rows have fewer seeds than the others, by their number.
+fn fewer_seeds(rows: &[&Row<'_>], most: usize) -> String {
+    let mut said = String::new();
+    for n in (1..most).rev() {
+        let with: Vec<&Row<'_>> = rows.iter().copied().filter(|r| r.done.len() + r.failed.len() == n).collect();
+        if !with.is_empty() {
+            let _ = write!(said, ", {n} of {}", list(&with));
+        }
+    }
+    said
+}
+
 /// The note under a table of these rows with these columns.
 pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
     let seeds = rows.iter().map(|r| r.done.len() + r.failed.len()).max().unwrap_or(0);
     let mut note = match seeds {
         0 | 1 => "One seed: no confidence intervals.".to_owned(),
-        n => format!("Mean ± 95 % confidence interval (Student's t) over {n} seeds."),
+        n => format!("Mean ± 95 % confidence interval (Student's t) over {n} seeds{}.", fewer_seeds(rows, n)),
     };
     match rows.first().map(|r| r.protocol) {
         Some(Protocol::Validation) => {
@@ -57,12 +69,14 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
              made from)."
         );
     }
-    let lacks = |row: &Row<'_>| {
-        let mut lpips = columns.iter().filter(|c| c.backbone().is_some());
-        lpips.any(|c| row.done.iter().any(|(_, numbers)| numbers.value(c).is_none()))
-    };
-    if let Some(without) = named(rows, lacks) {
+    let lpips: Vec<&Column> = columns.iter().copied().filter(|c| c.backbone().is_some()).collect();
+    let lacks = |row: &Row<'_>, c: &Column| row.done.iter().any(|(_, numbers)| numbers.value(c).is_none());
+    let without = |row: &Row<'_>| !lpips.is_empty() && lpips.iter().all(|c| lacks(row, c));
+    if let Some(without) = named(rows, without) {
         let _ = write!(note, " LPIPS not computed, for {NO_WEIGHTS}: {without}.");
+    }
+    if let Some(partly) = named(rows, |row| !without(row) && lpips.iter().any(|c| lacks(row, c))) {
+        let _ = write!(note, " LPIPS computed of some images or with some networks alone: {partly}.");
     }
     for row in rows {
         for (seed, error) in &row.failed {

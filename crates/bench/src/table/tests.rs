@@ -167,6 +167,22 @@ fn with_lpips(row: &str, seed: u64, backbones: &[&str]) -> Record {
 }
 
 #[test]
+fn rows_with_lpips_of_spectra_alone_and_rows_with_fewer_seeds_are_named() {
+    let spectra = |seed: u64| {
+        let mut record = with_lpips("spectra", seed, &["vgg"]);
+        if let Outcome::Done(numbers) = &mut record.outcome {
+            numbers.means.retain(|key, _| !(key.starts_with("lpips") && key.ends_with("_opt")));
+        }
+        record
+    };
+    let records = [spectra(1), spectra(2), with_lpips("both", 1, &["vgg"])];
+    let text = markdown(&rows(&records), &columns(&["lpips"]).unwrap());
+    assert!(text.contains("over 2 seeds, 1 of both."), "{text}");
+    assert!(text.contains("LPIPS computed of some images or with some networks alone: spectra."), "{text}");
+    assert!(!text.contains("LPIPS not computed"), "{text}");
+}
+
+#[test]
 fn lpips_has_columns_where_it_is_asked_for_and_tells_whose_is_missing() {
     let records = [
         with_lpips("full", 1, &["vgg", "squeeze"]),
