@@ -22,9 +22,11 @@ pub struct LpipsOption {
     /// Compute LPIPS as well, with the weights in this folder: lpips_vgg.safetensors, lpips_alex.safetensors or lpips_squeeze.safetensors, as
     /// tools/fetch_weights.py gets them.
     #[arg(long, value_name = "FOLDER")]
+    #[serde(default, rename = "folder", skip_serializing_if = "Option::is_none")]
     lpips: Option<PathBuf>,
     /// Images that LPIPS is computed of: large ones take long (VGG-16 needs 0.9 TFLOP for 1600×900 pixels, and LPIPS four such passes).
     #[arg(long, value_enum, default_value_t, requires = "lpips")]
+    #[serde(rename = "images")]
     lpips_images: LpipsImages,
 }
 
