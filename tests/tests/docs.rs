@@ -101,5 +101,14 @@ fn published_tables_are_rebuilt_from_their_records() {
             let kept = std::fs::read_to_string(folder.join(file)).unwrap();
             assert_eq!(made.trim_end(), kept.trim_end(), "{} is not what {archive} makes", folder.join(file).display());
         }
+        if folder.join("paper.md").exists() {
+            let made = tempfile::tempdir().unwrap();
+            corf_ok(&["bench", "paper", text(&folder), "--out", text(made.path())]);
+            for file in ["paper.md", "paper.tex", "paper.csv", "paper.svg"] {
+                let [made, kept] =
+                    [made.path(), folder.as_path()].map(|folder| std::fs::read_to_string(folder.join(file)).unwrap());
+                assert!(made == kept, "{} is not what {archive} makes", folder.join(file).display());
+            }
+        }
     }
 }

@@ -44,7 +44,7 @@ pub struct CellList {
     dataset_hash: String,
     /// Which LPIPS is computed.
     lpips: LpipsOption,
-    /// Cells, in the plan's order, those of the contiguous segment last.
+    /// Cells in the order in which they are run: every row with the first seed, then with the second; those of the contiguous segment last.
     pub cells: Vec<ListedCell>,
 }
 
@@ -120,7 +120,7 @@ impl CellList {
         let namer = Namer::new(input)?;
         let mut cells = Vec::new();
         for Part { plan, .. } in parts {
-            for cell in plan.cells() {
+            for (_, cell) in plan.interleaved() {
                 let id = namer.id_of(cell, plan.protocol)?;
                 cells.push(ListedCell { id, row: cell.row.label.clone(), seed: cell.seed, split: plan.protocol });
             }
