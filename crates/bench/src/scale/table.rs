@@ -144,7 +144,8 @@ pub fn markdown(points: &[Point]) -> String {
             }
             out.push('\n');
         }
-        let _ = write!(out, "\n![{}]({}.svg)\n\nHeld fixed: `{}`. ", title(axis), axis.name(), first.settings);
+        let fixed = escape::markdown(&first.settings.to_string());
+        let _ = write!(out, "\n![{}]({}.svg)\n\nHeld fixed: {}. ", title(axis), axis.name(), fixed);
         out.push_str(&made_with(&own));
     }
     out
