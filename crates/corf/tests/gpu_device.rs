@@ -445,7 +445,7 @@ fn results_do_not_depend_on_the_memory_for_keyframes() {
         (0..count).map(one).collect()
     };
     let run = |keyframe_bytes: u64, packed: bool| {
-        let options = GpuOptions { keyframe_bytes, ..OPTIONS };
+        let options = GpuOptions { keyframe_bytes, tile: Some([8, 8]), segments: Some(1), ..OPTIONS };
         let mut d = open(&options, metric_rates(), RasterConfig::default(), &g)?;
         let pack = d.packer().unwrap();
         let mut reports = vec![];
