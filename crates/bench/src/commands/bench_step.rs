@@ -14,6 +14,7 @@ use corf_scene::bounds;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::PathBuf;
+#[cfg(feature = "gpu")]
 use std::time::Instant;
 
 /// `corf bench step`.

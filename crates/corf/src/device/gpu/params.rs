@@ -82,7 +82,7 @@ pub(crate) struct Params {
 impl GridParams {
     /// Bytes of the target of an image that is rendered.
     pub fn target_bytes(&self) -> usize {
-        (self.size[0] * self.size[1] * self.channels) as usize * 4 >> self.target_shift
+        ((self.size[0] * self.size[1] * self.channels) as usize * 4) >> self.target_shift
     }
 }
 
