@@ -114,7 +114,8 @@ impl Tracing {
             (config.optical.method, config.optical.samples_per_pixel) = (LightMethod::Path, Some(2));
             (config.rf.width, config.rf.height) = (48, 32);
             (config.rf.max_reflections, config.rf.directions, config.rf.photons) = (1, 2_000, 10_000);
-            config.rf.patch_size_m = 0.5;
+            // Lobes as wide as so few directions allow.
+            (config.rf.patch_size_m, config.rf.lobe_width_deg) = (0.5, 8.0);
         }
         config.rf.sphere = None;
         config.rf.tutorial_compat = false;
