@@ -140,7 +140,13 @@ impl Backend {
             #[cfg(feature = "gpu")]
             Self::Gpu { number, .. } => {
                 use corf::device::gpu::{GpuDevice, GpuOptions};
-                let options = GpuOptions { adapter: *number, software: true, tile: raster.tile_px, ..GpuOptions::default() };
+                let options = GpuOptions {
+                    adapter: *number,
+                    software: true,
+                    tile: raster.tile_px,
+                    keyframe_bytes: raster.keyframe_bytes(),
+                    ..GpuOptions::default()
+                };
                 Ok(Box::new(GpuDevice::new(&options, optimizer, raster, initial)?))
             }
         }

@@ -3,20 +3,22 @@
 //! The room and the cameras are those of the peer measurements on which the figures to beat were taken; a file of Gaussians and one of
 //! cameras may take their places, so that a peer and this program are given the same ones.
 
+use crate::interrupt;
 use anyhow::{Context, Result, ensure};
 use corf::{
-    AppearanceRates, Gaussians, OptimizerConfig,
+    AppearanceRates, Device, Gaussians, OptimizerConfig,
     device::{Planes, RenderRequest, Step, TrainingView, View, ViewId},
 };
 use corf_scene::{Pinhole, Rigid3, Rng};
 use glam::DVec3;
 use serde::Deserialize;
 use std::path::Path;
+use std::time::Instant;
 
 /// Size of the room, metres.
-const ROOM_M: [f64; 3] = [14.0, 15.0, 3.2];
+pub const ROOM_M: [f64; 3] = [14.0, 15.0, 3.2];
 /// Corners of what stands in it, metres.
-const FURNITURE_M: [[[f64; 3]; 2]; 6] = [
+pub const FURNITURE_M: [[[f64; 3]; 2]; 6] = [
     [[2.0, 3.0, 0.0], [3.5, 4.0, 0.8]],
     [[9.0, 2.0, 0.0], [12.0, 2.8, 1.1]],
     [[6.5, 7.0, 0.0], [7.1, 7.6, 3.2]],
@@ -129,18 +131,19 @@ pub fn read_rig(path: &Path, rf: Option<[usize; 2]>) -> Result<Rig> {
 }
 
 impl Rig {
-    /// A training view of noise at every pose.
+    /// A training view of noise at every pose: of 8 bits in light, as images are.
     pub fn views(&self, rf_channels: usize) -> impl Iterator<Item = TrainingView> + '_ {
-        let noise = |i: usize, camera: &Pinhole, channels: usize| {
+        let noise = |i: usize, camera: &Pinhole, channels: usize, of: fn(f32) -> f32| {
             let mut rng = Rng::keyed(1, i as u64, channels as u64);
-            let pixels = (0..camera.width * camera.height * channels).map(|_| rng.uniform()).collect();
+            let pixels = (0..camera.width * camera.height * channels).map(|_| of(rng.uniform())).collect();
             Planes { width: camera.width, height: camera.height, channels, pixels }
         };
+        let image = |value: f32| f32::from((value * 255.0) as u8) / 255.0;
         self.world_from_camera.iter().enumerate().map(move |(i, pose)| TrainingView {
             world_from_camera: *pose,
-            optical: noise(i, &self.optical, 3),
+            optical: noise(i, &self.optical, 3, image),
             optical_camera: self.optical,
-            rf: noise(i, &self.rf, rf_channels),
+            rf: noise(i, &self.rf, rf_channels, |value| value),
             rf_camera: self.rf,
             inverse_depth: None,
         })
@@ -176,6 +179,35 @@ impl Rig {
         };
         (0..count).map(request).collect()
     }
+}
+
+/// Wall clock of a training step.
+pub struct StepTime {
+    /// Median of the runs, milliseconds.
+    pub median_ms: f64,
+    /// Least and greatest of them.
+    pub range_ms: [f64; 2],
+    /// Gaussians that reach a tile, in the last step.
+    pub visible: usize,
+}
+
+/// Times whole runs of steps on the rig's views, which the device has, after some that warm it up.
+///
+/// # Errors
+/// The device's; an interrupt.
+pub fn time_steps(device: &mut dyn Device, rig: &Rig, steps: usize, repeats: usize) -> Result<StepTime> {
+    ensure!(steps > 0 && repeats > 0, "steps and runs to time: give at least 1");
+    let steps = rig.steps(steps);
+    let mut visible = device.train(&steps[..steps.len().min(CAMERAS)])?.visible;
+    let mut ms = vec![];
+    for _ in 0..repeats {
+        interrupt::check()?;
+        let start = Instant::now();
+        visible = device.train(&steps)?.visible;
+        ms.push(start.elapsed().as_secs_f64() * 1e3 / steps.len() as f64);
+    }
+    ms.sort_by(f64::total_cmp);
+    Ok(StepTime { median_ms: ms[ms.len() / 2], range_ms: [ms[0], ms[ms.len() - 1]], visible })
 }
 
 /// The optimiser of a measurement: every rate alike, and so small that the scene stays what it is.

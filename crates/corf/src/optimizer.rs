@@ -38,11 +38,19 @@ pub struct RasterConfig {
     /// small tiles follow thin ellipses and fill a GPU with small images, large ones make fewer pairs to sort where Gaussians are wide.
     /// Without a value, steps choose by the size of their images.
     pub tile_px: Option<[u32; 2]>,
+    /// Device memory for keyframes on the GPU device, MB (10⁶ bytes): more than that wait in main memory and come back when a step names
+    /// them. What is computed does not depend on it.
+    pub keyframe_memory_mb: u64,
 }
+
+/// Half of a card of 8 GB.
+const KEYFRAME_MEMORY_MB: u64 = 4000;
+/// More than any device has.
+const MAX_KEYFRAME_MEMORY_MB: u64 = 10_000_000;
 
 impl Default for RasterConfig {
     fn default() -> Self {
-        Self { antialias: Antialias::On, near_m: 0.1, tile_px: None }
+        Self { antialias: Antialias::On, near_m: 0.1, tile_px: None, keyframe_memory_mb: KEYFRAME_MEMORY_MB }
     }
 }
 
@@ -170,13 +178,23 @@ impl OptimizerConfig {
 }
 
 impl RasterConfig {
+    /// Bytes of device memory for keyframes.
+    pub fn keyframe_bytes(&self) -> u64 {
+        self.keyframe_memory_mb * 1_000_000
+    }
+
     /// # Errors
-    /// A near plane that is not 1 µm to 1000 km away.
+    /// A near plane that is not 1 µm to 1000 km away; memory for keyframes that no device has.
     pub fn validate(&self) -> Result<()> {
-        if (1e-6..=1e6).contains(&self.near_m) {
-            return Ok(());
+        if !(1e-6..=1e6).contains(&self.near_m) {
+            let what = format!("{:?} is no distance in front of the camera", self.near_m);
+            return Err(Error::invalid("raster.near_m", what, "give metres > 0, from 1e-6 to 1e6"));
         }
-        let what = format!("{:?} is no distance in front of the camera", self.near_m);
-        Err(Error::invalid("raster.near_m", what, "give metres > 0, from 1e-6 to 1e6"))
+        if self.keyframe_memory_mb > MAX_KEYFRAME_MEMORY_MB {
+            let what = format!("{} MB are more than any device has", self.keyframe_memory_mb);
+            let help = format!("give the megabytes of the device that keyframes may take, at most {MAX_KEYFRAME_MEMORY_MB}");
+            return Err(Error::invalid("raster.keyframe_memory_mb", what, help));
+        }
+        Ok(())
     }
 }

@@ -341,6 +341,11 @@ impl Reconstructor {
         self.device.len()
     }
 
+    /// Memory that the device has taken at present, bytes, where it has memory of its own and counts it.
+    pub fn device_memory_bytes(&self) -> Option<u64> {
+        self.device.memory_bytes()
+    }
+
     /// Number of keyframes that have been expanded.
     pub fn keyframes_expanded(&self) -> usize {
         self.past.len()

@@ -41,7 +41,7 @@ impl Trained for corf::device::gpu::GpuDevice {
 
 /// Every device there is, holding `g` and two views.
 fn devices(g: &Gaussians) -> Vec<Box<dyn Trained>> {
-    let raster = RasterConfig { antialias: Antialias::Off, near_m: 0.2, tile_px: None };
+    let raster = RasterConfig { antialias: Antialias::Off, near_m: 0.2, ..RasterConfig::default() };
     let mut out: Vec<Box<dyn Trained>> = vec![Box::new(CpuDevice::new(optimizer(), raster, g).unwrap())];
     #[cfg(feature = "gpu")]
     {

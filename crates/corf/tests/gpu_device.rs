@@ -24,6 +24,7 @@ const OPTIONS: GpuOptions = GpuOptions {
     segments: None,
     fused: true,
     least_room: 16,
+    keyframe_bytes: u64::MAX,
     poison: Some(0xffc0_ffee),
 };
 
@@ -95,16 +96,25 @@ fn noise(rng: &mut Rng, camera: &Pinhole, channels: usize) -> Planes {
     Planes { width: camera.width, height: camera.height, channels, pixels }
 }
 
+/// Noise of 8 bits, as images are.
+fn image(rng: &mut Rng, camera: &Pinhole) -> Planes {
+    let mut image = noise(rng, camera, 3);
+    image.pixels.iter_mut().for_each(|v| *v = f32::from((*v * 255.0) as u8) / 255.0);
+    image
+}
+
+/// A view of noise; every third has a target in light that is of no 8-bit image.
 fn training_view(k: usize, rf_channels: usize, depth: bool) -> TrainingView {
     let mut rng = Rng::keyed(77, k as u64, 0);
     let (optical_camera, rf_camera) = cameras();
+    // Half-precision floats, as the GPU device keeps them: it is compared with the same targets.
     let inverse_depth = depth.then(|| InverseDepth {
-        value: Raster::from_fn(optical_camera.width, optical_camera.height, |_, _| 0.6 + 0.2 * rng.uniform()),
-        confidence: Raster::from_fn(optical_camera.width, optical_camera.height, |x, _| if x % 3 == 0 { 0.0 } else { 0.7 }),
+        value: Raster::from_fn(optical_camera.width, optical_camera.height, |_, _| (40 + rng.below(12)) as f32 / 64.0),
+        confidence: Raster::from_fn(optical_camera.width, optical_camera.height, |x, _| if x % 3 == 0 { 0.0 } else { 0.75 }),
     });
     TrainingView {
         world_from_camera: pose(k),
-        optical: noise(&mut rng, &optical_camera, 3),
+        optical: if k % 3 == 1 { noise(&mut rng, &optical_camera, 3) } else { image(&mut rng, &optical_camera) },
         optical_camera,
         rf: noise(&mut rng, &rf_camera, rf_channels),
         rf_camera,
@@ -427,6 +437,43 @@ fn without_subgroups_the_same_bytes() {
 }
 
 #[test]
+fn results_do_not_depend_on_the_memory_for_keyframes() {
+    let g = room(15, 400, 3, [0, 0]);
+    // Batches of steps over nine keyframes, with and without depths, at levels of each form.
+    let steps = |batch: usize, count: usize| -> Vec<Step> {
+        let one = |i: usize| step((7 * i * i + 3 * batch + i) % 9, ((i + batch) % 3) as u32);
+        (0..count).map(one).collect()
+    };
+    let run = |keyframe_bytes: u64, packed: bool| {
+        let options = GpuOptions { keyframe_bytes, tile: Some([8, 8]), segments: Some(1), ..OPTIONS };
+        let mut d = open(&options, metric_rates(), RasterConfig::default(), &g)?;
+        let pack = d.packer().unwrap();
+        let mut reports = vec![];
+        for k in 0..9 {
+            let view = training_view(k, 3, k != 4);
+            let id = if packed { d.upload_packed(pack(&view, 3).unwrap()) } else { d.upload(&view, 3) };
+            assert_eq!(id.unwrap(), ViewId(k));
+        }
+        for batch in 0..2 {
+            reports.push(d.train(&steps(batch, 25)).unwrap());
+        }
+        d.begin_training(&steps(2, 9)).unwrap();
+        reports.push(d.end_training().unwrap().unwrap());
+        Some((reports, bits(&d.gaussians()), d.keyframe_bytes()))
+    };
+    let Some((reports, unbounded, [all, came])) = run(u64::MAX, false) else { return };
+    assert_eq!(came, 0, "nothing leaves where all is room");
+    // Room for none, for four or five of them, for all but one.
+    for (most, packed) in [(0, false), (all / 2, true), (all - 1, true)] {
+        let (bounded_reports, bounded, [taken, came]) = run(most, packed).unwrap();
+        assert_eq!(bounded_reports, reports, "{most} of {all} bytes");
+        assert!(bounded == unbounded, "{most} of {all} bytes: other Gaussians");
+        assert!(taken <= most.max(all / 8), "{taken} bytes taken of {most}");
+        assert!(came > 0, "{most} of {all} bytes: nothing had to leave");
+    }
+}
+
+#[test]
 fn steps_that_find_no_room_are_run_again() {
     // 3000 Gaussians of half a metre and more reach over a hundred thousand tiles between them, more than there is room for at first.
     let mut g = room(6, 3000, 3, [0, 0]);
@@ -435,7 +482,7 @@ fn steps_that_find_no_room_are_run_again() {
     let (optical_camera, rf_camera) = (Pinhole::from_horizontal_fov(320, 180, 90.0), Pinhole::from_horizontal_fov(96, 64, 90.0));
     let mut rng = Rng::keyed(1, 2, 3);
     let view = TrainingView {
-        optical: noise(&mut rng, &optical_camera, 3),
+        optical: image(&mut rng, &optical_camera),
         optical_camera,
         rf: noise(&mut rng, &rf_camera, 3),
         rf_camera,

@@ -46,6 +46,8 @@ pub enum Bench {
     Step(super::bench_step::Step),
     /// Measure the implicit baselines' networks: a layer's matrix products and a whole step, beside the device's peak.
     Network(super::bench_network::Network),
+    /// Measure how time and memory grow with Gaussians, pixels, triangles, receivers and keyframes: tables, fitted exponents, plots.
+    Scale(super::bench_scale::Scale),
 }
 
 /// Folder of the cells, and options of their runs.
@@ -146,6 +148,7 @@ impl Bench {
             Self::Radio(c) => c.run(json),
             Self::Step(c) => c.run(json),
             Self::Network(c) => c.run(json),
+            Self::Scale(c) => c.run(json),
         }
     }
 }

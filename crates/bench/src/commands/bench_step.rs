@@ -14,6 +14,7 @@ use corf_scene::bounds;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::PathBuf;
+#[cfg(feature = "gpu")]
 use std::time::Instant;
 
 /// `corf bench step`.
@@ -78,7 +79,7 @@ const BYTES_A_PIXEL: f64 = 1000.0;
 const BYTES_A_GAUSSIAN: f64 = 1000.0;
 
 /// `640x480`.
-fn size(text: &str) -> Result<[usize; 2], String> {
+pub(super) fn size(text: &str) -> Result<[usize; 2], String> {
     let parse = |t: &str| t.parse::<usize>().ok().filter(|n| (1..=16384).contains(n));
     match text.split_once('x').map(|(w, h)| (parse(w), parse(h))) {
         Some((Some(w), Some(h))) => Ok([w, h]),
@@ -304,19 +305,9 @@ impl Run {
         for view in views {
             device.upload(view, 1).context("while uploading the views")?;
         }
-        let steps = rig.steps(self.steps);
-        device.train(&steps[..steps.len().min(workload::CAMERAS)])?;
-        let mut ms = vec![];
-        for _ in 0..self.repeats {
-            interrupt::check()?;
-            let start = Instant::now();
-            let report = device.train(&steps)?;
-            ms.push(start.elapsed().as_secs_f64() * 1e3 / steps.len() as f64);
-            self.measured.visible = report.visible;
-        }
-        ms.sort_by(f64::total_cmp);
-        self.measured.step_ms = ms[ms.len() / 2];
-        self.measured.step_ms_range = [ms[0], ms[ms.len() - 1]];
+        let timed = workload::time_steps(device, rig, self.steps, self.repeats)?;
+        (self.measured.step_ms, self.measured.step_ms_range, self.measured.visible) =
+            (timed.median_ms, timed.range_ms, timed.visible);
         Ok(())
     }
 
@@ -365,7 +356,7 @@ impl Run {
         self.measured.device = device.adapter();
         self.time(&mut device, rig, views)?;
         self.measured.pairs = Some(device.pairs());
-        self.measured.allocated_bytes = device.allocated_bytes();
+        self.measured.allocated_bytes = device.memory_bytes();
         let work = device.work();
         if wanted.frames > 0 {
             self.measured.frames_per_s = Some(frames_per_s(&mut device, rig, wanted.frames)?);

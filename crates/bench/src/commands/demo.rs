@@ -7,18 +7,13 @@ use crate::input::Input;
 use crate::plan::Plan;
 use crate::record::Outcome;
 use crate::run::claim_output;
-use crate::{generate, interrupt, suite};
-use anyhow::{Context, Result};
+use crate::{generate, interrupt, lobby, suite};
+use anyhow::Result;
 use clap::Args;
 use corf_scene::config::DatasetConfig;
-use corf_scene::io::write_atomic;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
-/// The files the demo writes into its own `scene` folder before it starts: the ones of this repository.
-const LOBBY_GLB: &[u8] = include_bytes!("../../../../scenes/lobby.glb");
-const SCENE_TOML: &str = include_str!("../../../../scenes/lobby.toml");
-const DATASET_TOML: &str = include_str!("../../../../scenes/lobby-mini.toml");
 const PLAN_TOML: &str = include_str!("../../../../scenes/demo.toml");
 
 /// `corf demo`.
@@ -45,10 +40,9 @@ impl Demo {
         let backend = self.device.resolve()?;
         let _held = claim_output(&self.out, self.resume)?;
         let scene = self.out.join("scene");
-        std::fs::create_dir_all(&scene).with_context(|| format!("cannot create {}", scene.display()))?;
-        build_scene(&scene)?;
+        lobby::unpack(&scene)?;
         interrupt::check()?;
-        let config = DatasetConfig::load(scene.join("lobby-mini.toml"))?;
+        let config = DatasetConfig::load(scene.join(lobby::MINI))?;
         let dataset = generate::generate(&config, &self.out.join("dataset"), Options { resume: true, strict: false })?.dataset;
         let input = Input::of(dataset, true)?;
         let plan = Plan::parse(PLAN_TOML)?;
@@ -64,10 +58,4 @@ impl Demo {
         let failed = written.records.iter().any(|r| matches!(r.outcome, Outcome::Failed { .. }));
         Ok(if failed { Verdict::CheckFailed } else { Verdict::Done })
     }
-}
-
-fn build_scene(folder: &Path) -> Result<()> {
-    write_atomic(folder.join("lobby.glb"), LOBBY_GLB)?;
-    write_atomic(folder.join("lobby.toml"), SCENE_TOML.as_bytes())?;
-    Ok(write_atomic(folder.join("lobby-mini.toml"), DATASET_TOML.as_bytes())?)
 }

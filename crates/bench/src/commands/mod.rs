@@ -6,6 +6,7 @@ mod bench_light;
 mod bench_network;
 mod bench_paper;
 mod bench_radio;
+mod bench_scale;
 mod bench_step;
 mod check;
 mod coverage;

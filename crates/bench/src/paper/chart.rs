@@ -3,10 +3,9 @@
 
 use super::published::{Family, Figure};
 use super::{Beside, Line, Ours};
+use crate::decades::Decades;
 use anyhow::{Result, anyhow};
-use plotters::coord::ranged1d::{NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::prelude::*;
-use std::ops::Range;
 
 const SIZE: (u32, u32) = (900, 540);
 const INK: RGBColor = RGBColor(27, 35, 48);
@@ -22,33 +21,6 @@ const SERIES: [(&[Family], &str, RGBColor); 5] = [
 
 /// A point: seconds, PSNR in dB, half width of its interval.
 type Point = (f64, f64, Option<f64>);
-
-/// A logarithmic axis of seconds with a tick at each decade.
-struct Seconds(f64, f64);
-
-impl Ranged for Seconds {
-    type FormatOption = NoDefaultFormatting;
-    type ValueType = f64;
-
-    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
-        let share = (value.log10() - self.0.log10()) / (self.1.log10() - self.0.log10());
-        limit.0 + (share * f64::from(limit.1 - limit.0)).round() as i32
-    }
-
-    fn key_points<Hint: plotters::coord::ranged1d::KeyPointHint>(&self, _: Hint) -> Vec<f64> {
-        (self.0.log10().ceil() as i32..=self.1.log10().floor() as i32).map(|e| 10f64.powi(e)).collect()
-    }
-
-    fn range(&self) -> Range<f64> {
-        self.0..self.1
-    }
-}
-
-impl ValueFormatter<f64> for Seconds {
-    fn format_ext(&self, value: &f64) -> String {
-        format!("{value}")
-    }
-}
 
 fn ours(line: &Line<'_, '_>) -> Option<Point> {
     match (line.cell(Figure::Time), line.cell(Figure::PsnrRf)) {
@@ -95,7 +67,7 @@ pub(super) fn svg(tables: &[Beside<'_, '_>]) -> Result<String> {
             .x_label_area_size(42)
             .y_label_area_size(54)
             .right_y_label_area_size(0)
-            .build_cartesian_2d(Seconds(seconds.0 / 1.6, seconds.1 * 1.6), psnr.0 - 1.0..psnr.1 + 1.0)
+            .build_cartesian_2d(Decades(seconds.0 / 1.6, seconds.1 * 1.6), psnr.0 - 1.0..psnr.1 + 1.0)
             .map_err(|e| wrong(&e))?;
         chart
             .configure_mesh()

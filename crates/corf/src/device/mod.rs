@@ -172,6 +172,11 @@ pub trait Device: Send {
         true
     }
 
+    /// Memory that the device has taken at present, bytes, where it has memory of its own and counts it.
+    fn memory_bytes(&self) -> Option<u64> {
+        None
+    }
+
     /// Number of Gaussians held.
     fn len(&self) -> usize;
 

@@ -163,7 +163,7 @@ impl OfflineConfig {
 
     /// The rasteriser's settings: stock 3DGS filters without antialiasing.
     pub fn raster(&self) -> RasterConfig {
-        RasterConfig { antialias: Antialias::Off, near_m: self.near_m, tile_px: None }
+        RasterConfig { antialias: Antialias::Off, near_m: self.near_m, ..RasterConfig::default() }
     }
 
     /// The device's constants: Adam as published; the rate of positions is each step's own.

@@ -1,6 +1,6 @@
 //! The adapter, and the smallest runtime over it: buffers, submissions, readback, and errors that say what happened.
 
-use crate::{Error, Result};
+use crate::{Error, RasterConfig, Result};
 use std::{
     future::Future,
     marker::PhantomData,
@@ -34,6 +34,9 @@ pub struct GpuOptions {
     pub fused: bool,
     /// Pairs, and visible Gaussians, there is room for at first, at least; there is always more once a frame has more.
     pub least_room: usize,
+    /// Most device memory that keyframes take, bytes; the others wait in main memory until a step names them. A step's own keyframe has room
+    /// in any case. What is computed does not depend on it.
+    pub keyframe_bytes: u64,
     /// Fills new working memory with this pattern, so that a test sees what reads before it writes.
     pub poison: Option<u32>,
 }
@@ -50,6 +53,7 @@ impl Default for GpuOptions {
             segments: None,
             fused: true,
             least_room: 1 << 16,
+            keyframe_bytes: RasterConfig::default().keyframe_bytes(),
             poison: None,
         }
     }

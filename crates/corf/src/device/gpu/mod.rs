@@ -21,6 +21,7 @@ mod readback;
 mod render;
 mod scratch;
 mod shaders;
+mod shelf;
 mod store;
 mod survey;
 #[cfg(test)]
@@ -37,9 +38,10 @@ use super::{
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result};
 use context::{Context, Reading};
 use frame::{Forward, Memory};
-use pyramid::{Packed, Pyramid};
+use pyramid::Packed;
 use scratch::Scratch;
 use shaders::Fixed;
+use shelf::{Keyframe, Shelf};
 use std::sync::Arc;
 use store::Store;
 use survey::Surveyor;
@@ -63,7 +65,7 @@ pub struct GpuDevice {
     training: Training,
     surveyor: Surveyor,
     memory: Memory,
-    pyramids: Vec<Pyramid>,
+    shelf: Shelf,
     /// Of each Gaussian: the sum of its gradients on the screen, their number, and the dense step that saw it last.
     marks: Scratch,
     /// Number of Gaussians whose marks are held; none where they are to be cleared first.
@@ -121,7 +123,7 @@ impl GpuDevice {
             training,
             surveyor,
             memory,
-            pyramids: vec![],
+            shelf: Shelf::new(options.keyframe_bytes),
             times: GpuStageTimes::default(),
             last: Counts::default(),
             deferred: None,
@@ -146,9 +148,9 @@ impl GpuDevice {
         self.memory.room.pairs
     }
 
-    /// Memory taken from the adapter, bytes, if its backend counts it.
-    pub fn allocated_bytes(&self) -> Option<u64> {
-        self.context.device.generate_allocator_report().map(|r| r.total_allocated_bytes)
+    /// Bytes of device memory that keyframes take, and bytes of keyframes that have come back from main memory for want of more.
+    pub fn keyframe_bytes(&self) -> [u64; 2] {
+        [self.shelf.taken_bytes(), self.shelf.brought_bytes()]
     }
 
     /// Waits for what was begun, and raises what could not be raised when it was met.
@@ -173,29 +175,32 @@ impl Device for GpuDevice {
     fn upload(&mut self, view: &TrainingView, levels: u32) -> Result<ViewId> {
         self.ready()?;
         check_channels(view, self.store.harmonics.map(|h| h.channels))?;
-        self.pyramids.push(Packed::new(view, levels, self.raster.antialias)?.upload(&self.context)?);
-        Ok(ViewId(self.pyramids.len() - 1))
+        let packed = Packed::new(view, levels, self.raster.antialias)?;
+        Ok(ViewId(self.shelf.push(Keyframe::new(packed, &self.context, &self.shelf.budget)?)))
     }
 
     fn packer(&self) -> Option<Packer> {
         let (antialias, channels) = (self.raster.antialias, self.store.harmonics.map(|h| h.channels));
-        let context = self.context.clone();
+        let (context, budget) = (self.context.clone(), self.shelf.budget.clone());
         Some(Arc::new(move |view, levels| {
             check_channels(view, channels)?;
-            // On its way before it is asked for: only its place among the views is left to be given.
-            Ok(PackedView::new(Packed::new(view, levels, antialias)?.upload(&context)?))
+            // On its way before it is asked for, if there is room: only its number is left to be given.
+            Ok(PackedView::new(Keyframe::new(Packed::new(view, levels, antialias)?, &context, &budget)?))
         }))
     }
 
     fn upload_packed(&mut self, view: PackedView) -> Result<ViewId> {
         self.ready()?;
         let foreign = || self.lacks("packed views of other devices", "upload what its own packer has built");
-        self.pyramids.push(view.unwrap_as().ok_or_else(foreign)?);
-        Ok(ViewId(self.pyramids.len() - 1))
+        Ok(ViewId(self.shelf.push(view.unwrap_as().ok_or_else(foreign)?)))
     }
 
     fn trains_on_the_host(&self) -> bool {
         self.is_software()
+    }
+
+    fn memory_bytes(&self) -> Option<u64> {
+        self.context.device.generate_allocator_report().map(|r| r.total_allocated_bytes)
     }
 
     fn outlines(&mut self) -> Result<Vec<Outline>> {

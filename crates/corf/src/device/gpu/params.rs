@@ -33,7 +33,9 @@ pub(crate) struct GridParams {
     pub scale: f32,
     pub depth_scale: f32,
     pub depth_at: u32,
-    padding: u32,
+    pub target_shift: u32,
+    pub target_unit: f32,
+    padding: [u32; 3],
 }
 
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -75,6 +77,13 @@ pub(crate) struct Params {
     /// Of a dense step: what it marks the Gaussians it sees with, and whether it sums their gradients on the screen.
     pub marker: u32,
     pub screen_gradients: u32,
+}
+
+impl GridParams {
+    /// Bytes of the target of an image that is rendered.
+    pub fn target_bytes(&self) -> usize {
+        ((self.size[0] * self.size[1] * self.channels) as usize * 4) >> self.target_shift
+    }
 }
 
 /// Bytes of one frame's constants.

@@ -13,6 +13,7 @@ pub(crate) const OPTIONS: GpuOptions = GpuOptions {
     segments: Some(1),
     fused: true,
     least_room: 16,
+    keyframe_bytes: u64::MAX,
     poison: Some(0xffc0_ffee),
 };
 

@@ -7,7 +7,7 @@ use super::{
     dense::DenseUpdate,
     frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, STATE_WORDS, STEPS, VISIBLE},
     kernel::{Bound, Kernel},
-    params::{self, Params, Uniforms},
+    params::{self, GridParams, Params, Uniforms},
     shaders::{Fixed, Gradients, HarmonicsShape},
     store::CORE,
 };
@@ -16,7 +16,7 @@ use crate::{
     device::{Step, StepReport, ViewId},
 };
 use rayon::prelude::*;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Names of a step's kernels, in order.
 pub const STAGES: [&str; 11] =
@@ -47,6 +47,8 @@ pub(crate) struct Counts {
     /// (Gaussian, tile) pairs of the largest frame of the call.
     pub pairs: usize,
     pub pixels: usize,
+    /// Bytes of the images' targets, inverse depths left out.
+    pub target_bytes: usize,
     pub tiles: usize,
     pub fused: bool,
     pub shape: usize,
@@ -102,13 +104,19 @@ pub(super) enum Destination<'a> {
 
 /// The kernels of a batch of steps with their memory.
 struct BoundTraining {
-    losses: BTreeMap<usize, [Bound; 2]>,
     /// Kernels for each shape of tiles: the modalities apart, both at once.
     backward: Vec<[Bound; 2]>,
     /// Appearance, geometry.
     update: [Bound; 2],
     /// Of dense steps: light, RF.
     coast: Option<[Bound; 2]>,
+}
+
+/// The loss kernels with a keyframe, where it is at present.
+struct BoundLoss {
+    placing: u64,
+    similarity: Bound,
+    gradient: Bound,
 }
 
 /// One step's constants and place among the uniforms.
@@ -130,8 +138,8 @@ pub(crate) struct Batch {
 impl GpuDevice {
     pub(super) fn plan_step(&self, step: &Step, optimizer: &OptimizerConfig) -> Result<Planned> {
         let place = || format!("training step for view {}", step.view.0);
-        let Some(pyramid) = self.pyramids.get(step.view.0) else {
-            let what = format!("this device holds {} views", self.pyramids.len());
+        let Some(pyramid) = self.shelf.get(step.view.0) else {
+            let what = format!("this device holds {} views", self.shelf.len());
             return Err(Error::invalid(place(), what, "upload the view to the device that trains on it"));
         };
         let at = step.levels.map(|l| l as usize);
@@ -169,17 +177,10 @@ impl GpuDevice {
         Ok(Planned { params, view: step.view })
     }
 
-    fn bind_training(&self, uniform: &wgpu::Buffer, steps: &[Planned], destination: Destination<'_>) -> Result<BoundTraining> {
+    fn bind_training(&self, uniform: &wgpu::Buffer, destination: Destination<'_>) -> Result<BoundTraining> {
         let (m, s, t, context) = (&self.memory, &self.store, &self.training, &self.context);
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
-        let (image, derivatives, gradient) = (&m.image.buffer, &m.derivatives.buffer, &m.gradient.buffer);
-        let losses = &m.block_losses.buffer;
-        let mut by_view = BTreeMap::new();
-        for view in steps.iter().map(|s| s.view.0).collect::<BTreeSet<_>>() {
-            let target = &self.pyramids[view].buffer;
-            let similarity = bind(&t.similarity, &[uniform, image, target, derivatives, losses])?;
-            by_view.insert(view, [similarity, bind(&t.gradient, &[uniform, image, target, derivatives, gradient, losses])?]);
-        }
+        let (image, gradient) = (&m.image.buffer, &m.gradient.buffer);
         let (lists, entries, splats) = (&m.lists.buffer, &m.entries.buffer, &m.splats.buffer);
         let (checkpoints, visited, records) = (&m.checkpoints.buffer, &m.visited.buffer, &m.records.buffer);
         let backward =
@@ -207,10 +208,26 @@ impl GpuDevice {
         let coast = dense.map(|d| Ok::<_, Error>([coast(&d.coast[0], optical)?, coast(&d.coast[1], rf)?])).transpose()?;
         Ok(BoundTraining {
             coast,
-            losses: by_view,
             backward: t.backward.iter().map(of_shape).collect::<Result<_>>()?,
             update: [bind(appearance, &appearance_buffers)?, bind(geometry, &geometry_buffers)?],
         })
+    }
+
+    /// Binds the loss kernels to the keyframes of some steps; what is bound to a keyframe that has moved is bound again.
+    fn bind_losses(&self, uniform: &wgpu::Buffer, steps: &[Planned], bound: &mut BTreeMap<usize, BoundLoss>) -> Result<()> {
+        let (m, t) = (&self.memory, &self.training);
+        let (image, derivatives, gradient) = (&m.image.buffer, &m.derivatives.buffer, &m.gradient.buffer);
+        let losses = &m.block_losses.buffer;
+        bound.retain(|view, loss| self.shelf.place(*view).is_some_and(|(_, placing)| placing == loss.placing));
+        for view in steps.iter().map(|s| s.view.0) {
+            if let (false, Some((target, placing))) = (bound.contains_key(&view), self.shelf.place(view)) {
+                let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(&self.context, params::SIZE, buffers);
+                let similarity = bind(&t.similarity, &[uniform, image, target, derivatives, losses])?;
+                let gradient = bind(&t.gradient, &[uniform, image, target, derivatives, gradient, losses])?;
+                bound.insert(view, BoundLoss { placing, similarity, gradient });
+            }
+        }
+        Ok(())
     }
 
     /// Runs steps in order, however often room has to be made, and reports the last.
@@ -297,6 +314,7 @@ impl GpuDevice {
             visible: state[VISIBLE] as usize,
             pairs: state[NEEDED] as usize,
             pixels: last.pixel_total as usize,
+            target_bytes: last.grids.iter().map(GridParams::target_bytes).sum(),
             tiles: last.tile_total as usize,
             fused: last.fused == 1,
             shape: last.shape as usize,
@@ -306,17 +324,22 @@ impl GpuDevice {
 
     /// Records and submits steps.
     fn submit(&mut self, steps: &[Planned], destination: Destination<'_>) -> Result<()> {
+        self.shelf.announce(steps.iter().map(|s| s.view.0));
         let context = &self.context;
         let uniforms = Uniforms::new(context, steps.iter().map(|s| &s.params))?;
         let uniform = &uniforms.buffer;
         let (n, m) = (self.store.len(), &self.memory);
         m.reset(context, n);
         let forward = self.forward.bind(context, uniform, &self.store, m, Leaves::Checkpoints)?;
-        let training = self.bind_training(uniform, steps, destination)?;
-        // The device begins with the first few while more are recorded.
+        let training = self.bind_training(uniform, destination)?;
+        let mut losses = BTreeMap::new();
+        // The device begins with the first few while more are recorded, and their keyframes come.
         let (mut done, mut many) = (0, FIRST_STEPS);
         while done < steps.len() {
             let some = &steps[done..steps.len().min(done + many)];
+            let views: Vec<usize> = some.iter().map(|s| s.view.0).collect();
+            let some = &some[..self.shelf.bring(context, &views)?];
+            self.bind_losses(uniform, some, &mut losses)?;
             let clock = if self.timing { Some(Clock::new(context, some.len())?) } else { None };
             let mut encoder = context.encoder();
             {
@@ -333,10 +356,10 @@ impl GpuDevice {
                     let offset = uniforms.offset(done + k);
                     mark(&mut pass);
                     forward.record(&mut pass, p, offset, n, m, &mut mark);
-                    if let Some([similarity, gradient]) = training.losses.get(&step.view.0) {
-                        similarity.run(&mut pass, offset, 3 * p.blocks_total);
+                    if let Some(loss) = losses.get(&step.view.0) {
+                        loss.similarity.run(&mut pass, offset, 3 * p.blocks_total);
                         mark(&mut pass);
-                        gradient.run(&mut pass, offset, 3 * p.blocks_total);
+                        loss.gradient.run(&mut pass, offset, 3 * p.blocks_total);
                     }
                     mark(&mut pass);
                     training.backward[p.shape as usize][p.fused as usize].run_indirect(&mut pass, offset, &m.args, ARGS_BUCKETS);

@@ -1,6 +1,6 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> image: array<f32>;
-@group(0) @binding(2) var<storage, read> goal: array<f32>;
+@group(0) @binding(2) var<storage, read> goal: array<u32>;
 @group(0) @binding(3) var<storage, read> derivatives: array<f32>;
 @group(0) @binding(4) var<storage, read_write> gradient: array<f32>;
 @group(0) @binding(5) var<storage, read_write> block_losses: array<vec4<f32>>;
@@ -11,9 +11,10 @@ var<workgroup> reduce: array<f32, THREADS>;
 
 // dL/d(inverse depth) at a pixel, and what it adds to the loss.
 fn of_depth(grid: Grid, own: u32) -> vec2<f32> {
-    let confidence = goal[grid.depth_at + grid.size.x * grid.size.y + own];
-    let difference = image[3u * params.pixel_total + grid.first_pixel + own] - goal[grid.depth_at + own];
-    return confidence * vec2(grid.depth_scale * sign(difference), abs(difference));
+    // Inverse depth, confidence.
+    let truth = unpack2x16float(goal[grid.depth_at + own]);
+    let difference = image[3u * params.pixel_total + grid.first_pixel + own] - truth.x;
+    return truth.y * vec2(grid.depth_scale * sign(difference), abs(difference));
 }
 
 // dL/dimage of one channel of a block: the derivatives of S blurred once more, the sign of the difference. With the first channel the
@@ -51,7 +52,7 @@ KEEP
     }
     workgroupBarrier();
     if (is_own) {
-        let target_at = grid.target_at + c * grid.size.x * grid.size.y;
+        let plane = c * grid.size.x * grid.size.y;
         let from_column = thread - RADIUS;
 STORE
     }

@@ -69,7 +69,7 @@ pub(super) fn similarity(source: &str) -> String {
     let load = |k: u32| {
         format!(
             "let x{k} = select(0.0, image[source + row{k}.at], row{k}.inside);\n\
-             let y{k} = select(0.0, goal[target_at + row{k}.at], row{k}.inside);\n"
+             let y{k} = select(0.0, target_value(grid, plane + row{k}.at), row{k}.inside);\n"
         )
     };
     let products: [fn(u32) -> String; 5] = [
@@ -115,7 +115,7 @@ pub(super) fn gradient(source: &str) -> String {
         let k = o + RADIUS;
         let _ = writeln!(
             store,
-            "let row{k} = row_of(b, thread, {k});\nlet x{k} = image[to + row{k}.at];\nlet y{k} = goal[target_at + row{k}.at];"
+            "let row{k} = row_of(b, thread, {k});\nlet x{k} = image[to + row{k}.at];\nlet y{k} = target_value(grid, plane + row{k}.at);"
         );
     }
     for o in 0..ROWS {

@@ -38,3 +38,11 @@ fn row_of(b: Block, thread: u32, row: i32) -> Row {
     let held = clamp(p, vec2(0), b.size - 1);
     return Row(all(p == held), u32(held.y * b.size.x + held.x));
 }
+
+// Number `element` of an image's target, channel after channel.
+fn target_value(grid: Grid, element: u32) -> f32 {
+    let word = goal[grid.target_at + (element >> grid.target_shift)];
+    let mask = 0xffffffffu >> (32u - (32u >> grid.target_shift));
+    let number = (word >> ((element << (5u - grid.target_shift)) & 31u)) & mask;
+    return select(f32(number) * grid.target_unit, bitcast<f32>(word), grid.target_shift == 0u);
+}

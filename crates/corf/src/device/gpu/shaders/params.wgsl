@@ -23,8 +23,11 @@ struct Grid {
     scale: f32,
     // dL/d(inverse depth) per unit of confidence; 0 without a depth target.
     depth_scale: f32,
+    // First word of the inverse depths and their confidences.
     depth_at: u32,
-    padding: u32,
+    // Numbers of a word of the target, as a power of two: 4 bytes, 2 sums of bytes, 1 float; value of a byte's or a sum's unit.
+    target_shift: u32,
+    target_unit: f32,
 }
 
 struct Rates {

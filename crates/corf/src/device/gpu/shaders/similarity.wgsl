@@ -1,6 +1,6 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> image: array<f32>;
-@group(0) @binding(2) var<storage, read> goal: array<f32>;
+@group(0) @binding(2) var<storage, read> goal: array<u32>;
 @group(0) @binding(3) var<storage, read_write> derivatives: array<f32>;
 @group(0) @binding(4) var<storage, read_write> block_losses: array<vec4<f32>>;
 
@@ -38,7 +38,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         return;
     }
     let source = c * params.pixel_total + grid.first_pixel;
-    let target_at = grid.target_at + c * grid.size.x * grid.size.y;
+    let plane = c * grid.size.x * grid.size.y;
     var sums = vec2(0.0);
     let is_own = thread - RADIUS < BLOCK_WIDTH;
     {
