@@ -31,7 +31,7 @@ mod train;
 mod work;
 
 use super::{
-    DenseStep, Device, DeviceState, Duplicate, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient, Step,
+    DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient, Step,
     StepReport, Survey, SurveyRequest, TrainingView, ViewId, check_channels,
 };
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result};
@@ -280,9 +280,9 @@ impl Device for GpuDevice {
         self.store.duplicate(&self.context, duplicates)
     }
 
-    fn cap_optical_opacity(&mut self, most: f32) -> Result<()> {
+    fn cap_opacity(&mut self, modality: Modality, most: f32) -> Result<()> {
         self.ready()?;
-        self.store.cap_optical_opacity(&self.context, most)
+        self.store.cap_opacity(&self.context, modality, most)
     }
 
     fn begin_training(&mut self, steps: &[Step]) -> Result<Option<StepReport>> {
