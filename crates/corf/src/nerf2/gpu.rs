@@ -8,7 +8,7 @@ use super::{Batch, Model, Nerf2Config, Ray};
 use crate::device::gpu::GpuOptions;
 use crate::device::gpu::context::Context;
 use crate::device::gpu::kernel::{Bound, Kernel};
-use crate::nn::gpu::{CONSTANTS, GpuNetwork, LANES, vectors};
+use crate::nn::gpu::{CONSTANTS, ENCODING, GpuNetwork, LANES, vectors};
 use crate::nn::{Adam, Trained};
 use crate::{Error, Result};
 
@@ -112,7 +112,7 @@ impl GpuTrainer {
             };
             context.queue.write_buffer(&constants, CONSTANTS * chunk as u64, bytemuck::bytes_of(&values));
         }
-        let head = include_str!("shaders/chunk.wgsl").to_owned() + include_str!("shaders/sin_cos.wgsl");
+        let head = include_str!("shaders/chunk.wgsl").to_owned() + ENCODING;
         let [points, sums] = Kernel::all(
             &context,
             [

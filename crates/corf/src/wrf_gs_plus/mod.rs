@@ -10,6 +10,10 @@ mod config;
 mod cpu;
 mod deformation;
 mod field;
+#[cfg(feature = "gpu")]
+mod gpu;
+#[cfg(all(test, feature = "gpu"))]
+mod gpu_tests;
 mod model;
 mod reconstructor;
 mod rule;

@@ -168,21 +168,26 @@ fn gradients_in_gaussians_and_network_are_those_of_finite_differences() {
 
 #[test]
 fn a_field_beats_the_mean_spectrum_and_looks_different_to_other_receivers() {
-    for rf_target in [RfTarget::Jet, RfTarget::Db] {
-        let config = WrfGsPlusConfig { rf_target, ..small() };
+    for (rf_target, iterations) in [(RfTarget::Jet, 400), (RfTarget::Db, 200)] {
+        let mut config = WrfGsPlusConfig { rf_target, iterations, random_points: 3000, random_extent: 3.0, ..small() };
+        (config.density.reset_every, config.density.until) = (10_000, iterations / 2);
+        (config.rates.sh_dc, config.rates.opacity) = (0.02, 0.05);
         let mut r = on_cpu(&config, 1);
         r.begin().unwrap();
-        let at_first = quality(&mut r);
         while r.train(50).unwrap().is_some() {}
+        // Two decibels more than what any field without a place would say; 3.4 and 3.8 are what is seen.
         let (at_last, mean) = (quality(&mut r), quality_of_mean(&r));
-        assert!(at_last > at_first + 3.0 && at_last > mean + 0.5, "{at_first} {at_last}, mean {mean}");
+        assert!(at_last > mean + 2.0, "{at_last}, mean {mean}");
         let counts = r.density_counts();
-        assert!(counts.cloned + counts.split > 10, "{counts:?}");
-        // The same view of what another receiver would find: only the network knows the difference.
+        assert!(counts.cloned > 100 && counts.split > 100, "{counts:?}");
+        // What two receivers see of one Gaussian: only the network knows the difference.
         let field = r.field().unwrap();
-        let deformation = Deformation::new(&config, field.parameters.clone());
+        let deformation = Deformation::new(&config, field.parameters);
         let base = [Shape { rotation: [1.0, 0.0, 0.0, 0.0], ..Shape::default() }];
-        let [a, b] = [[0.0; 3], [1.5, 1.0, 0.0]].map(|receiver| deformation.apply(&base, receiver)[0].1);
+        let [a, b] = [0, 7].map(|i| {
+            let receiver = keyframe(i).world_from_camera.translation.as_vec3().to_array();
+            deformation.apply(&base, receiver)[0].1
+        });
         let largest = (0..rf_target.channels()).map(|c| (a.signal[c] - b.signal[c]).abs()).fold(0.0, f32::max);
         assert!(largest > 1e-3, "{a:?} {b:?}");
     }

@@ -11,6 +11,7 @@
 
 mod capacity;
 pub(crate) mod context;
+pub(crate) mod deformed;
 mod dense;
 mod density;
 mod frame;
@@ -36,6 +37,7 @@ use super::{
 };
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result};
 use context::{Context, Reading};
+use deformed::StandIns;
 use frame::{Forward, Memory};
 use pyramid::{Packed, Pyramid};
 use scratch::Scratch;
@@ -70,6 +72,8 @@ pub struct GpuDevice {
     marked: Option<usize>,
     /// Dense steps so far.
     dense_steps: u32,
+    /// Gaussians that stand in the place of those held; made when there are some.
+    stand_ins: Option<StandIns>,
     times: GpuStageTimes,
     timing: bool,
     last: Counts,
@@ -109,6 +113,7 @@ impl GpuDevice {
             marks,
             marked: None,
             dense_steps: 0,
+            stand_ins: None,
             timing: context.timestamps,
             context,
             optimizer,

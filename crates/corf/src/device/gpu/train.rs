@@ -5,7 +5,7 @@ use super::{
     capacity::BufferCapacity,
     context::{Context, Reading},
     dense::DenseUpdate,
-    frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, STATE_WORDS, STEPS, VISIBLE},
+    frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, Mark, Memory, NEEDED, STATE_WORDS, STEPS, VISIBLE},
     kernel::{Bound, Kernel},
     params::{self, Params, Uniforms},
     shaders::{Fixed, Gradients, HarmonicsShape},
@@ -63,6 +63,8 @@ pub(crate) struct Training {
     write_gradients: [Kernel; 2],
     /// For dense steps; made when there is one.
     pub(super) dense: Option<DenseUpdate>,
+    /// Gradients of geometry that are noted as well; made when there is such a step.
+    pub(super) noted: Option<Kernel>,
 }
 
 impl Training {
@@ -85,7 +87,7 @@ impl Training {
             ],
         )?;
         let (update, write_gradients) = ([appearance, geometry], [of_appearance, of_geometry]);
-        Ok(Self { similarity, gradient, backward, update, write_gradients, dense: None })
+        Ok(Self { similarity, gradient, backward, update, write_gradients, dense: None, noted: None })
     }
 }
 
@@ -98,10 +100,12 @@ pub(super) enum Destination<'a> {
     Dense,
     /// They are written to buffers: geometry, optical and RF harmonics.
     Written([&'a wgpu::Buffer; 3]),
+    /// The same, and gradients on the screen are summed if the step asks for it.
+    Noted([&'a wgpu::Buffer; 3]),
 }
 
 /// The kernels of a batch of steps with their memory.
-struct BoundTraining {
+pub(super) struct BoundTraining {
     losses: BTreeMap<usize, [Bound; 2]>,
     /// Kernels for each shape of tiles: the modalities apart, both at once.
     backward: Vec<[Bound; 2]>,
@@ -109,6 +113,24 @@ struct BoundTraining {
     update: [Bound; 2],
     /// Of dense steps: light, RF.
     coast: Option<[Bound; 2]>,
+}
+
+impl BoundTraining {
+    /// Records what comes behind a step's forward pass, up to the update; `mark` is called between the kernels.
+    pub fn record(&self, pass: &mut wgpu::ComputePass<'_>, step: &Planned, offset: u32, m: &Memory, mark: Mark<'_>) {
+        let p = &step.params;
+        if let Some([similarity, gradient]) = self.losses.get(&step.view.0) {
+            similarity.run(pass, offset, 3 * p.blocks_total);
+            mark(pass);
+            gradient.run(pass, offset, 3 * p.blocks_total);
+        }
+        mark(pass);
+        self.backward[p.shape as usize][p.fused as usize].run_indirect(pass, offset, &m.args, ARGS_BUCKETS);
+        mark(pass);
+        self.update[0].run_indirect(pass, offset, &m.args, ARGS_APPEARANCE);
+        mark(pass);
+        self.update[1].run_indirect(pass, offset, &m.args, ARGS_GEOMETRY);
+    }
 }
 
 /// One step's constants and place among the uniforms.
@@ -119,12 +141,12 @@ pub(super) struct Planned {
 
 /// Steps on their way.
 pub(crate) struct Batch {
-    steps: Vec<Planned>,
+    pub(super) steps: Vec<Planned>,
     extent: Extent,
     /// The constants of the last one.
     last: Params,
     room: BufferCapacity,
-    done: usize,
+    pub(super) done: usize,
 }
 
 impl GpuDevice {
@@ -169,7 +191,14 @@ impl GpuDevice {
         Ok(Planned { params, view: step.view })
     }
 
-    fn bind_training(&self, uniform: &wgpu::Buffer, steps: &[Planned], destination: Destination<'_>) -> Result<BoundTraining> {
+    /// Binds the kernels behind a forward pass from `values`.
+    pub(super) fn bind_training(
+        &self,
+        uniform: &wgpu::Buffer,
+        [core, of_light, of_rf]: [&wgpu::Buffer; 3],
+        steps: &[Planned],
+        destination: Destination<'_>,
+    ) -> Result<BoundTraining> {
         let (m, s, t, context) = (&self.memory, &self.store, &self.training, &self.context);
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
         let (image, derivatives, gradient) = (&m.image.buffer, &m.derivatives.buffer, &m.gradient.buffer);
@@ -187,20 +216,27 @@ impl GpuDevice {
         let of_shape = |[single, double]: &[Kernel; 2]| Ok([bind(single, &backward)?, bind(double, &backward)?]);
         let dense = t.dense.as_ref().filter(|_| matches!(destination, Destination::Dense));
         let ([appearance, geometry], core_gradient) = match destination {
-            Destination::Written([core, ..]) => (&t.write_gradients, core),
-            _ => (dense.map_or(&t.update, |d| &d.update), &s.core.moment1.buffer),
+            Destination::Written([core, ..]) => (t.write_gradients.each_ref(), core),
+            Destination::Noted([core, ..]) => {
+                let noted = t.noted.as_ref().unwrap_or(&t.write_gradients[1]);
+                ([&t.write_gradients[0], noted], core)
+            }
+            Destination::Sparse | Destination::Dense => {
+                (dense.map_or(&t.update, |d| &d.update).each_ref(), &s.core.moment1.buffer)
+            }
         };
-        let (numbers, found, directions, core) =
-            (&m.gaussian_of.buffer, &m.found.buffer, &m.directions.buffer, &s.core.value.buffer);
-        let [optical, rf] = s.sh.each_ref().map(|sh| [&sh.value.buffer, &sh.moments.buffer]);
+        let (numbers, found, directions) = (&m.gaussian_of.buffer, &m.found.buffer, &m.directions.buffer);
+        let (optical, rf) = ([of_light, &s.sh[0].moments.buffer], [of_rf, &s.sh[1].moments.buffer]);
         let read = [uniform, &m.state, numbers, &m.drawn.buffer, records, splats, core];
         let mut appearance_buffers = [&read[..], &optical[..], &rf[..], &[found, directions]].concat();
-        if let Destination::Written([_, of_optical, of_rf]) = destination {
-            appearance_buffers.extend([of_optical, of_rf]);
+        if let Destination::Written([_, light, radio]) | Destination::Noted([_, light, radio]) = destination {
+            appearance_buffers.extend([light, radio]);
         }
         let (second, rates, marks) = (&s.core.moment2.buffer, &s.position_rate.buffer, &self.marks.buffer);
         let mut geometry_buffers = vec![uniform, &m.state, numbers, found, directions, core, core_gradient, second, rates];
-        geometry_buffers.extend(dense.map(|_| marks));
+        if matches!(destination, Destination::Dense | Destination::Noted(_)) {
+            geometry_buffers.push(marks);
+        }
         let coast = |kernel: &Kernel, [value, moments]: [&wgpu::Buffer; 2]| {
             bind(kernel, &[uniform, &m.state, marks, rates, core, &s.core.moment1.buffer, second, value, moments])
         };
@@ -273,16 +309,27 @@ impl GpuDevice {
 
     /// Submits what is left of a batch.
     fn launch(&mut self, batch: &mut Batch, destination: Destination<'_>) -> Result<Reading<u32>> {
+        self.make_room(batch)?;
+        self.submit(&batch.steps[batch.done..], destination)?;
+        self.begin_report(batch)
+    }
+
+    /// Makes the room that a batch asks for.
+    pub(super) fn make_room(&mut self, batch: &mut Batch) -> Result<()> {
         self.memory.reserve(&self.context, &self.shapes[0], &batch.extent, batch.room)?;
         let held = self.memory.room;
         batch.steps.iter_mut().for_each(|p| p.params.set_room(held));
-        self.submit(&batch.steps[batch.done..], destination)?;
+        Ok(())
+    }
+
+    /// Has the device say how far a batch came that was submitted.
+    pub(super) fn begin_report(&self, batch: &Batch) -> Result<Reading<u32>> {
         let losses = 12 * batch.last.blocks_total as usize;
         self.context.begin_reading("training", &[(&self.memory.state, STATE_WORDS), (&self.memory.block_losses.buffer, losses)])
     }
 
     /// Waits for what was submitted of a batch; nothing to report where steps are left for lack of room.
-    fn absorb(&mut self, batch: &mut Batch, reading: Reading<u32>) -> Result<Option<StepReport>> {
+    pub(super) fn absorb(&mut self, batch: &mut Batch, reading: Reading<u32>) -> Result<Option<StepReport>> {
         let read = reading.finish(&self.context)?;
         let (state, last) = (&read[0], &batch.last);
         batch.done += state[STEPS] as usize;
@@ -311,8 +358,8 @@ impl GpuDevice {
         let uniform = &uniforms.buffer;
         let (n, m) = (self.store.len(), &self.memory);
         m.reset(context, n);
-        let forward = self.forward.bind(context, uniform, &self.store, m, Leaves::Checkpoints)?;
-        let training = self.bind_training(uniform, steps, destination)?;
+        let forward = self.forward.bind(context, uniform, self.store.values(), m, Leaves::Checkpoints)?;
+        let training = self.bind_training(uniform, self.store.values(), steps, destination)?;
         // The device begins with the first few while more are recorded.
         let (mut done, mut many) = (0, FIRST_STEPS);
         while done < steps.len() {
@@ -329,23 +376,12 @@ impl GpuDevice {
                     }
                 };
                 for (k, step) in some.iter().enumerate() {
-                    let p = &step.params;
                     let offset = uniforms.offset(done + k);
                     mark(&mut pass);
-                    forward.record(&mut pass, p, offset, n, m, &mut mark);
-                    if let Some([similarity, gradient]) = training.losses.get(&step.view.0) {
-                        similarity.run(&mut pass, offset, 3 * p.blocks_total);
-                        mark(&mut pass);
-                        gradient.run(&mut pass, offset, 3 * p.blocks_total);
-                    }
-                    mark(&mut pass);
-                    training.backward[p.shape as usize][p.fused as usize].run_indirect(&mut pass, offset, &m.args, ARGS_BUCKETS);
-                    mark(&mut pass);
-                    training.update[0].run_indirect(&mut pass, offset, &m.args, ARGS_APPEARANCE);
-                    mark(&mut pass);
-                    training.update[1].run_indirect(&mut pass, offset, &m.args, ARGS_GEOMETRY);
+                    forward.record(&mut pass, &step.params, offset, n, m, &mut mark);
+                    training.record(&mut pass, step, offset, m, &mut mark);
                     if let Some(coast) = &training.coast {
-                        let g = usize::from(p.grids[1].size[0] > 0);
+                        let g = usize::from(step.params.grids[1].size[0] > 0);
                         let words = n * (CORE + self.store.harmonics[g].words()) / 4;
                         coast[g].run(&mut pass, offset, words.div_ceil(256) as u32);
                     }
