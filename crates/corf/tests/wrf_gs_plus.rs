@@ -95,7 +95,8 @@ fn scenario(seed: u64, rf_target: RfTarget, move_positions: bool) -> Scenario {
 }
 
 /// Parameters of a Gaussian as the oracle differentiates them: position, quaternion, ln scale, colours.
-const CLASSES: [(&str, std::ops::Range<usize>); 4] = [("position", 0..3), ("rotation", 3..7), ("scale", 7..10), ("signal", 10..13)];
+const CLASSES: [(&str, std::ops::Range<usize>); 4] =
+    [("position", 0..3), ("rotation", 3..7), ("scale", 7..10), ("signal", 10..13)];
 
 fn shapes(g: &Gaussians) -> Vec<Shape<f64>> {
     let wide = |v: &[f32]| -> Vec<f64> { v.iter().map(|v| f64::from(*v)).collect() };
@@ -176,7 +177,10 @@ impl Scenario {
         let channels = self.gaussians.rf.channels;
         let of_class = |range: &std::ops::Range<usize>| {
             let ks: Vec<usize> = range.clone().filter(|k| *k < 10 + channels).collect();
-            (0..COUNT).into_par_iter().flat_map_iter(|i| ks.iter().map(move |k| (i, *k)).collect::<Vec<_>>()).map(|(i, k)| slope(i, k))
+            (0..COUNT)
+                .into_par_iter()
+                .flat_map_iter(|i| ks.iter().map(move |k| (i, *k)).collect::<Vec<_>>())
+                .map(|(i, k)| slope(i, k))
         };
         (of_network, CLASSES.iter().map(|(_, range)| of_class(range).collect()).collect())
     }
@@ -219,8 +223,7 @@ fn the_gradient_of_the_whole_loss_is_that_of_finite_differences() {
             use corf::device::gpu::{GpuOptions, adapter_name};
             let options = GpuOptions { software: true, poison: Some(0xffc0_ffee), ..GpuOptions::default() };
             if adapter_name(&options).is_some() {
-                let mut gpu =
-                    corf::wrf_gs_plus::GpuTrainer::new(&options, &scenario.config, &scenario.parameters).unwrap();
+                let mut gpu = corf::wrf_gs_plus::GpuTrainer::new(&options, &scenario.config, &scenario.parameters).unwrap();
                 scenario.check("gpu", &mut gpu, &truth);
             } else {
                 assert!(std::env::var_os("CORF_REQUIRE_GPU").is_none_or(|v| v != "1"), "no adapter");

@@ -167,12 +167,8 @@ impl Network {
     fn deformed_step(&self, backend: &Backend) -> Result<Measured> {
         // Nothing is cloned, split, pruned or reset, but what decides it is summed up.
         let density = DensityConfig { from: usize::MAX, until: usize::MAX, reset_every: usize::MAX, ..DensityConfig::default() };
-        let config = WrfGsPlusConfig {
-            random_points: self.gaussians,
-            iterations: self.steps + 1,
-            density,
-            ..WrfGsPlusConfig::default()
-        };
+        let config =
+            WrfGsPlusConfig { random_points: self.gaussians, iterations: self.steps + 1, density, ..WrfGsPlusConfig::default() };
         config.validate()?;
         let network = wrf_gs_plus::Model::new(&config).network;
         let rig = workload::rig([1, 1], [300, 200]);

@@ -198,8 +198,7 @@ mod tests {
 
     #[test]
     fn the_rows_differ_as_their_names_say_and_yield_to_overrides() {
-        let (published, corrected) =
-            (make("wrf-gs-plus", "").unwrap().config, make("wrf-gs-plus-corrected", "").unwrap().config);
+        let (published, corrected) = (make("wrf-gs-plus", "").unwrap().config, make("wrf-gs-plus-corrected", "").unwrap().config);
         assert_eq!(published, WrfGsPlusConfig::default());
         assert_eq!(corrected, WrfGsPlusConfig { move_positions: true, ..published });
         let other = make("wrf-gs-plus", "iterations = 5000\nrf_target = \"db\"\nrates.network = [1e-3, 1e-4]").unwrap().config;

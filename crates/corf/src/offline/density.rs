@@ -142,7 +142,8 @@ pub fn decide(
     let mut change = DensityChange { keep: Vec::with_capacity(outlines.len()), ..DensityChange::default() };
     let bounded = step > config.reset_every;
     let stays = |outline: &Outline, deviation_m: f32| {
-        sigmoid(outline.opacity_logit[modality.index()]) >= config.prune_opacity && !(bounded && deviation_m > config.prune_fraction * extent_m)
+        sigmoid(outline.opacity_logit[modality.index()]) >= config.prune_opacity
+            && !(bounded && deviation_m > config.prune_fraction * extent_m)
     };
     for (i, (gradient, outline)) in gradients.iter().zip(outlines).enumerate() {
         let deviation_m = outline.largest_log_scale.exp();
@@ -223,7 +224,8 @@ mod tests {
     fn offsets_of_parts_are_standard_normal() {
         let n = 4000;
         let gradients = vec![ScreenGradient { norm_sum: 1.0, steps: 1 }; n];
-        let change = decide(&DensityConfig::default(), &gradients, &vec![outline(0.3, 0.5); n], Modality::Optical, EXTENT_M, 600, 3);
+        let change =
+            decide(&DensityConfig::default(), &gradients, &vec![outline(0.3, 0.5); n], Modality::Optical, EXTENT_M, 600, 3);
         let all: Vec<f64> = change.copies.iter().flat_map(|c| c.offset).map(f64::from).collect();
         assert_eq!(all.len(), 6 * n);
         let mean = all.iter().sum::<f64>() / all.len() as f64;

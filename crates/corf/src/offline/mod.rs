@@ -18,7 +18,11 @@ pub use points::{LEAST_POINTS, Point, write_ply};
 pub use schedule::OfflineSchedule;
 pub(crate) use schedule::{Epochs, log_linear};
 
-use crate::{Device, Error, Field, FieldMeta, Gaussians, Result, device::{Modality, StepReport}, sensor::RfSensor};
+use crate::{
+    Device, Error, Field, FieldMeta, Gaussians, Result,
+    device::{Modality, StepReport},
+    sensor::RfSensor,
+};
 use corf_scene::{Keyframe, Pinhole, Rigid3, keyframe::DbRange};
 use points::PointView;
 use serde::{Deserialize, Serialize};

@@ -20,12 +20,7 @@ fn shapes(rows: &Rows, channels: usize) -> Vec<Shape<f32>> {
     let shape = |(c, rf): (&[f32; 12], &[f32])| {
         let mut dc = [0.0; 3];
         dc[..channels].copy_from_slice(rf);
-        Shape {
-            position: [c[0], c[1], c[2]],
-            rotation: [c[3], c[4], c[5], c[6]],
-            log_scale: [c[7], c[8], c[9]],
-            dc,
-        }
+        Shape { position: [c[0], c[1], c[2]], rotation: [c[3], c[4], c[5], c[6]], log_scale: [c[7], c[8], c[9]], dc }
     };
     rows.core.iter().zip(rows.rf.chunks_exact(channels)).map(shape).collect()
 }
@@ -95,9 +90,9 @@ impl Trainer for CpuTrainer {
         put(&mut rows, self.channels, deformed.iter().map(|d| &d.0));
         let request = RenderRequest { rf: Some((*view, background)), ..RenderRequest::default() };
         let rendering = self.device.render_rows(&request, rows)?;
-        rendering.rf.ok_or_else(|| {
-            Error::invalid(self.device.name(), "the device rendered no RF", "this is a defect of the device")
-        })
+        rendering
+            .rf
+            .ok_or_else(|| Error::invalid(self.device.name(), "the device rendered no RF", "this is a defect of the device"))
     }
 
     fn network(&mut self) -> Result<Trained<f32>> {

@@ -103,7 +103,8 @@ impl<T: Real> Deformation<T> {
             let all = |read: fn(&Offsets<T>) -> &[T], width: usize| -> Vec<T> {
                 offsets.iter().flat_map(|o| read(o)[..width].iter().copied()).collect()
             };
-            let gradients = [all(|o| &o.position, 3), all(|o| &o.scale, 3), all(|o| &o.rotation, 4), all(|o| &o.signal, channels)];
+            let gradients =
+                [all(|o| &o.position, 3), all(|o| &o.scale, 3), all(|o| &o.rotation, 4), all(|o| &o.signal, channels)];
             let heads = self.model.heads().into_iter().zip(gradients);
             let mut gradient = vec![T::ZERO; self.trained.parameters.len()];
             let read = [&inputs[0][..], &inputs[1]];

@@ -245,9 +245,9 @@ impl Trainer for GpuTrainer {
         self.deforming.receiver_m = view.world_from_camera.translation.as_vec3().to_array();
         let request = RenderRequest { rf: Some((*view, background)), ..RenderRequest::default() };
         let rendering = self.device.render_deformed(&request, &mut self.deforming)?;
-        rendering.rf.ok_or_else(|| {
-            Error::invalid(self.device.name(), "the device rendered no RF", "this is a defect of the device")
-        })
+        rendering
+            .rf
+            .ok_or_else(|| Error::invalid(self.device.name(), "the device rendered no RF", "this is a defect of the device"))
     }
 
     fn network(&mut self) -> Result<Trained<f32>> {

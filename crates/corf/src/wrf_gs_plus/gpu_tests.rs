@@ -62,7 +62,8 @@ fn a_few_steps_on_both_devices_are_the_same_but_for_rounding() {
             }
             (r.render(&pose).unwrap(), r.gaussian_count())
         });
-        let difference: f32 = a.0.pixels.iter().zip(&b.0.pixels).map(|(a, b)| (a - b).abs()).sum::<f32>() / a.0.pixels.len() as f32;
+        let difference: f32 =
+            a.0.pixels.iter().zip(&b.0.pixels).map(|(a, b)| (a - b).abs()).sum::<f32>() / a.0.pixels.len() as f32;
         assert!(difference < 0.01 && a.1.abs_diff(b.1) < 25, "{difference}, {} and {} Gaussians", a.1, b.1);
     }
 }

@@ -43,8 +43,7 @@ impl WrfGsPlusReconstructor {
     ) -> Result<Self> {
         config.validate()?;
         let rf_target = config.rf_target;
-        let meta =
-            FieldMeta { rf_target, db_range, optical_camera, rf_camera, sensor: RfSensor::Identity, rf_background: None };
+        let meta = FieldMeta { rf_target, db_range, optical_camera, rf_camera, sensor: RfSensor::Identity, rf_background: None };
         meta.validate()?;
         let device = trainer.device();
         if device.gaussians() != config.empty_field() {
@@ -125,8 +124,7 @@ impl WrfGsPlusReconstructor {
         let mut last = StepReport::default();
         while self.done < target {
             let count = self.config.density.steps_to_event(self.done).min(target - self.done);
-            let steps: Vec<_> =
-                (1..=count).map(|k| step(&self.config, &self.meta, epochs, &self.poses, self.done + k)).collect();
+            let steps: Vec<_> = (1..=count).map(|k| step(&self.config, &self.meta, epochs, &self.poses, self.done + k)).collect();
             last = self.trainer.train(&steps)?;
             self.done += count;
             if !last.rf_loss.is_finite() {

@@ -18,8 +18,8 @@ mod tiles;
 mod update;
 
 use super::{
-    DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient, Step,
-    StepReport, TrainingView, ViewId,
+    DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient,
+    Step, StepReport, TrainingView, ViewId,
 };
 use crate::{Appearance, Gaussians, OptimizerConfig, RasterConfig, Result};
 use std::sync::Arc;

@@ -10,7 +10,8 @@ use super::{
     scratch::Scratch,
     shaders::Gradients,
     store::CORE,
-    train::{Batch, Destination},
+    train::Batch,
+    training::Destination,
 };
 use crate::{
     Error, Result,
@@ -100,9 +101,7 @@ impl GpuDevice {
             None => self.stand_ins.insert(StandIns::new(&context)?),
         };
         let [core, light, rf] = &mut s.gradients;
-        for (scratch, words) in
-            [(&mut s.core, CORE), (&mut s.rf, 4), (core, CORE), (light, h[0].words()), (rf, h[1].words())]
-        {
+        for (scratch, words) in [(&mut s.core, CORE), (&mut s.rf, 4), (core, CORE), (light, h[0].words()), (rf, h[1].words())] {
             scratch.reserve(&context, n, 4 * words)?;
         }
         Ok(())

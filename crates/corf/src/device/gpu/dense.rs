@@ -5,7 +5,6 @@ use super::{
     context::Context,
     kernel::Kernel,
     shaders::{Fixed, Gradients},
-    train::Planned,
 };
 use crate::{
     Result,
@@ -48,14 +47,5 @@ impl GpuDevice {
             Some(batch) => self.complete_dense(batch),
             None => Ok(StepReport::default()),
         }
-    }
-
-    /// A dense step's constants.
-    pub(super) fn plan_dense(&mut self, dense: &DenseStep) -> Result<Planned> {
-        let mut one = self.plan_step(&dense.step, &dense.constants(&self.optimizer))?;
-        // The last of all numbers is nobody's: what is marked by nobody has it.
-        self.dense_steps = (self.dense_steps + 1) % u32::MAX;
-        one.params.set_dense(dense, self.dense_steps);
-        Ok(one)
     }
 }

@@ -29,11 +29,12 @@ pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
 mod train;
+mod training;
 mod work;
 
 use super::{
-    DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient, Step,
-    StepReport, Survey, SurveyRequest, TrainingView, ViewId, check_channels,
+    DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient,
+    Step, StepReport, Survey, SurveyRequest, TrainingView, ViewId, check_channels,
 };
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result};
 use context::{Context, Reading};
@@ -45,7 +46,8 @@ use shaders::Fixed;
 use std::sync::Arc;
 use store::Store;
 use survey::Surveyor;
-use train::{Batch, Counts, Training};
+use train::{Batch, Counts};
+use training::Training;
 
 pub use context::{GpuOptions, adapter_name};
 pub use train::{GpuStageTimes, STAGES};
