@@ -34,6 +34,7 @@ mod state_file;
 #[cfg(test)]
 mod synthetic;
 pub mod target;
+pub mod wrf_gs_plus;
 
 pub use config::{Coupling, ReconstructionConfig, Sampling};
 pub use device::{Device, cpu::CpuDevice};

@@ -33,6 +33,12 @@ pub trait Real:
     /// eˣ.
     fn exp(self) -> Self;
 
+    /// ln x.
+    fn ln(self) -> Self;
+
+    /// |x|.
+    fn abs(self) -> Self;
+
     /// √x.
     fn sqrt(self) -> Self;
 
@@ -68,6 +74,14 @@ macro_rules! real {
 
             fn exp(self) -> Self {
                 self.exp()
+            }
+
+            fn ln(self) -> Self {
+                self.ln()
+            }
+
+            fn abs(self) -> Self {
+                self.abs()
             }
 
             fn sqrt(self) -> Self {

@@ -5,7 +5,7 @@
 
 use corf::{
     Antialias, CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig,
-    device::{DenseStep, DeviceState, Duplicate, Planes, ScreenGradient, Step, TrainingView, ViewId},
+    device::{DenseStep, DeviceState, Duplicate, Modality, Planes, ScreenGradient, Step, TrainingView, ViewId},
     gaussians::{logit, sigmoid},
 };
 use corf_scene::{Pinhole, Rigid3, Rng};
@@ -322,7 +322,7 @@ fn an_opacity_reset_caps_light_alone_and_forgets_its_moments() {
     for mut device in devices(&cloud(200)) {
         device.train_dense(&[dense(0, 1), dense(1, 2)]).unwrap();
         let before = device.state().unwrap();
-        device.cap_optical_opacity(0.3).unwrap();
+        device.cap_opacity(Modality::Optical, 0.3).unwrap();
         let mut after = device.state().unwrap();
         for (new, old) in after.gaussians.optical.opacity_logit.iter().zip(&before.gaussians.optical.opacity_logit) {
             assert!((sigmoid(*new) - sigmoid(*old).min(0.3)).abs() < 1e-6 && (*old > logit(0.3) || new == old));

@@ -44,7 +44,7 @@ pub enum Bench {
     Pack(Pack),
     /// Measure training steps, stage by stage, beside the least time their bytes and operations take.
     Step(super::bench_step::Step),
-    /// Measure the implicit baselines' networks: a layer's matrix products and a whole step, beside the device's peak.
+    /// Measure the networks of the baselines NeRF² and WRF-GS+: a layer's matrix products and whole steps, beside the device's peak.
     Network(super::bench_network::Network),
     /// Measure how time and memory grow with Gaussians, pixels, triangles, receivers and keyframes: tables, fitted exponents, plots.
     Scale(super::bench_scale::Scale),

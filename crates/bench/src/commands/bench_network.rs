@@ -1,13 +1,18 @@
-//! `corf bench network`: how fast the implicit baselines' networks are, beside the device's peak.
+//! `corf bench network`: how fast the networks of the baselines NeRF² and WRF-GS+ are, beside the device's peak.
 
 use super::{Verdict, show};
 use crate::device::{Backend, DeviceChoice};
 use crate::interrupt;
+use crate::methods;
 use crate::provenance::Provenance;
+use crate::workload;
 use anyhow::Result;
 use clap::Args;
 use corf::nerf2::{CpuTrainer, Model, Nerf2Config, Trainer, TrainingRays};
-use corf_scene::{Pinhole, Raster, Rigid3, bounds};
+use corf::offline::DensityConfig;
+use corf::wrf_gs_plus::{self, WrfGsPlusConfig, WrfGsPlusReconstructor};
+use corf_scene::keyframe::DbRange;
+use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, bounds};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -24,6 +29,9 @@ pub struct Network {
     /// Rays of a NeRF² step (64 samples each); 0 measures none.
     #[arg(long, default_value_t = 8192)]
     rays: usize,
+    /// Gaussians of a WRF-GS+ step (one 300x200 spectrum); 0 measures none.
+    #[arg(long, default_value_t = 200_000)]
+    gaussians: usize,
     /// Steps timed, after one that warms up.
     #[arg(long, default_value_t = 10)]
     steps: usize,
@@ -34,6 +42,9 @@ pub struct Network {
     #[arg(long, default_value_t)]
     device: DeviceChoice,
 }
+
+/// WRF-GS+ steps between two looks for an interrupt.
+const SUBMITTED: usize = 20;
 
 /// One thing measured.
 #[derive(Serialize)]
@@ -52,6 +63,7 @@ struct Report {
     rows: usize,
     width: usize,
     rays: usize,
+    gaussians: usize,
     peak_tflops: f64,
     measured: Vec<Measured>,
 }
@@ -65,11 +77,15 @@ impl Network {
         bounds::count("--steps", self.steps, 100_000, "of them")?;
         bounds::count("--rows", self.rows, 1 << 22, "of them")?;
         bounds::count("--width", self.width, 4096, "of them")?;
+        bounds::count("--gaussians", self.gaussians, 20_000_000, "of them")?;
         bounds::number("--tflops", self.tflops, &(1e-6..=1e9), "of the device")?;
         let backend = self.device.resolve()?;
         let mut measured = self.products(&backend)?;
         if self.rays > 0 && self.steps > 0 {
             measured.push(self.step(&backend)?);
+        }
+        if self.gaussians > 0 && self.steps > 0 {
+            measured.push(self.deformed_step(&backend)?);
         }
         let mut text = format!("{} (peak {} TFLOP/s)", backend.name(), self.tflops);
         for m in &measured {
@@ -82,6 +98,7 @@ impl Network {
             rows: self.rows,
             width: self.width,
             rays: self.rays,
+            gaussians: self.gaussians,
             peak_tflops: self.tflops,
             measured,
         };
@@ -143,5 +160,40 @@ impl Network {
         let seconds = run(1..1 + self.steps)? / self.steps as f64;
         let operations = (self.rays * config.samples) as f64 * network.operations();
         Ok(self.measured(format!("NeRF² step, {} rays of {} samples", self.rays, config.samples), seconds, operations))
+    }
+
+    /// A whole training step of WRF-GS+ as published, with as many Gaussians as asked for: deformation, a spectrum, both ways, both optimisers. The
+    /// operations counted are the network's.
+    fn deformed_step(&self, backend: &Backend) -> Result<Measured> {
+        // Nothing is cloned, split, pruned or reset, but what decides it is summed up.
+        let density = DensityConfig { from: usize::MAX, until: usize::MAX, reset_every: usize::MAX, ..DensityConfig::default() };
+        let config =
+            WrfGsPlusConfig { random_points: self.gaussians, iterations: self.steps + 1, density, ..WrfGsPlusConfig::default() };
+        config.validate()?;
+        let network = wrf_gs_plus::Model::new(&config).network;
+        let rig = workload::rig([1, 1], [300, 200]);
+        let range = DbRange { min_db: -120.0, max_db: -60.0 };
+        let trainer = methods::wrf_gs_plus::trainer(backend, &config, network.initial(1))?;
+        let mut reconstructor = WrfGsPlusReconstructor::new(trainer, config, rig.optical, rig.rf, range, 1)?;
+        for (index, pose) in rig.world_from_camera.iter().enumerate() {
+            reconstructor.receive(&Keyframe {
+                index,
+                time_s: 0.0,
+                world_from_camera: *pose,
+                image: Raster::filled(1, 1, [0; 3]),
+                spectrum: Raster::from_fn(300, 200, |x, y| 10_f32.powf(-12.0 + 0.1 * ((x + y + index) % 50) as f32)),
+                depth_m: None,
+                surface: None,
+            })?;
+        }
+        reconstructor.begin()?;
+        reconstructor.train(1)?;
+        let start = Instant::now();
+        while reconstructor.train(SUBMITTED)?.is_some() {
+            interrupt::check()?;
+        }
+        let seconds = start.elapsed().as_secs_f64() / self.steps as f64;
+        let operations = self.gaussians as f64 * network.operations();
+        Ok(self.measured(format!("WRF-GS+ step, {} Gaussians, 300x200", self.gaussians), seconds, operations))
     }
 }

@@ -25,7 +25,7 @@ pub struct Reconstruct {
     #[arg(long)]
     out: PathBuf,
     /// Method: corf-gs, corf-gs-paper, corf-gs-fast, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, rf-3dgs, rf-3dgs-corrected,
-    /// nerf2, nerf2-corrected, nearest, inverse-distance.
+    /// nerf2, nerf2-corrected, wrf-gs-plus, wrf-gs-plus-corrected, nearest, inverse-distance.
     #[arg(long, default_value = "corf-gs")]
     method: String,
     /// TOML file with keys of the method's configuration.
@@ -47,8 +47,8 @@ pub struct Reconstruct {
     /// processor. A finished run of the same command is left as it is.
     #[arg(long)]
     resume: bool,
-    /// Keep a checkpoint in the output folder after every N keyframes (rf-3dgs, nerf2: steps); 0 keeps none. Without it one is kept every half a minute,
-    /// and on an interrupt where the keyframe or steps at hand end within two seconds.
+    /// Keep a checkpoint in the output folder after every N keyframes (rf-3dgs, nerf2, wrf-gs-plus: steps); 0 keeps none. Without it one is kept
+    /// every half a minute, and on an interrupt where the keyframe or steps at hand end within two seconds.
     #[arg(long, value_name = "N")]
     checkpoint_every: Option<usize>,
     #[command(flatten)]

@@ -4,12 +4,24 @@ use crate::device::Backend;
 use crate::method::Predictor;
 use crate::metrics::Prediction;
 use anyhow::Result;
+use corf::device::Planes;
 use corf::target::RfTarget;
 use corf::{Device, Field, Gaussians, OptimizerConfig, RasterConfig};
 use corf_scene::dataset::Dataset;
 use corf_scene::{Raster, Rigid3, color};
 use std::path::Path;
 use std::thread::JoinHandle;
+
+/// The Jet image of a rendering in a target's channels, whose scalar level is `scalar`.
+pub fn jet_of(target: RfTarget, rf: &Planes, scalar: &Raster<f32>) -> Raster<[f32; 3]> {
+    match target {
+        RfTarget::Jet => {
+            let colours = rf.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
+            Raster::from_vec(rf.width, rf.height, colours)
+        }
+        RfTarget::Db => scalar.map(|&s| color::jet(s)),
+    }
+}
 
 /// A finished field, on a device of its own once it is rendered.
 pub struct FieldPredictor {
@@ -81,13 +93,7 @@ impl Predictor for FieldPredictor {
     fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
         let meta = self.field.meta;
         let p = meta.render(self.device()?, *world_from_camera)?;
-        let rf_jet = match self.field.meta.rf_target {
-            RfTarget::Jet => {
-                let colours = p.rf.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
-                Raster::from_vec(p.rf.width, p.rf.height, colours)
-            }
-            RfTarget::Db => p.scalar.map(|&s| color::jet(s)),
-        };
+        let rf_jet = jet_of(meta.rf_target, &p.rf, &p.scalar);
         let depth_m = p.inverse_depth.map(|&i| if i > 0.0 { 1.0 / i } else { 0.0 });
         Ok(Prediction { image: Some(p.image), rf_jet, rf_scalar: p.scalar, depth_m: Some(depth_m) })
     }

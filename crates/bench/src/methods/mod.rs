@@ -6,6 +6,8 @@ pub mod lookup;
 pub mod nerf2;
 pub mod open;
 pub mod rf_3dgs;
+pub mod stepwise;
+pub mod wrf_gs_plus;
 
 use crate::device::Backend;
 use crate::method::Method;
@@ -24,6 +26,8 @@ pub const METHODS: &[(&str, &str)] = &[
     ("rf-3dgs-corrected", "rf-3dgs with a fresh optimiser in the RF stage and the background of a direction without power"),
     ("nerf2", "baseline: NeRF² as published, an implicit field of the spectrum alone; for a GPU"),
     ("nerf2-corrected", "baseline: NeRF² with its schedule, its sampling and its last sample corrected"),
+    ("wrf-gs-plus", "baseline: WRF-GS+ as published, Gaussians of the spectrum alone that a network deforms; for a GPU"),
+    ("wrf-gs-plus-corrected", "wrf-gs-plus with the predicted displacements used"),
     ("nearest", "the nearest training keyframe, as it was observed"),
     ("inverse-distance", "training keyframes blended by inverse distance"),
 ];
@@ -39,6 +43,7 @@ pub fn create(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Bo
         }
         "rf-3dgs" | "rf-3dgs-corrected" => Ok(Box::new(rf_3dgs::Rf3dgs::new(id, overrides, backend)?)),
         "nerf2" | "nerf2-corrected" => Ok(Box::new(nerf2::Nerf2::new(id, overrides, backend)?)),
+        "wrf-gs-plus" | "wrf-gs-plus-corrected" => Ok(Box::new(wrf_gs_plus::WrfGsPlus::new(id, overrides, backend)?)),
         "nearest" | "inverse-distance" => Ok(Box::new(lookup::Lookup::new(id, overrides)?)),
         _ => {
             let known: Vec<&str> = METHODS.iter().map(|m| m.0).collect();

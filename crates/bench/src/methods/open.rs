@@ -1,6 +1,6 @@
 //! A run folder back to a predictor.
 
-use super::{corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs};
+use super::{corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs, wrf_gs_plus};
 use crate::device::Backend;
 use crate::input::{Input, Verify};
 use crate::json::read_json;
@@ -66,6 +66,8 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
         Box::new(FieldPredictor::load(folder, raster, dataset, backend)?)
     } else if info.method.starts_with("nerf2") {
         Box::new(nerf2::Nerf2Field::load(folder, dataset, backend)?)
+    } else if info.method.starts_with("wrf-gs-plus") {
+        Box::new(wrf_gs_plus::WrfGsPlusPredictor::load(folder, dataset, backend)?)
     } else {
         // A lookup is its dataset.
         method.reconstruct(&TrainingSet::new(dataset, &split), info.seed, &mut |_| Ok(()))?

@@ -4,18 +4,14 @@
 use crate::device::Backend;
 use crate::method::{Advance, Checkpoints, Method, Predictor, StageTime, TrainingSet};
 use crate::methods::field::FieldPredictor;
+use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::Prediction;
 use anyhow::{Context, Result, ensure};
 use corf::offline::{OfflineTimes, Point, RfBackground, RfMoments, write_ply};
 use corf::{OfflineCheckpoint, OfflineConfig, OfflineReconstructor, RasterConfig};
 use corf_scene::Rigid3;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
-/// Steps between two reports of progress take about this long: short enough to be interrupted, long enough not to cost anything.
-const PORTION: Duration = Duration::from_millis(300);
-/// Most steps between two reports.
-const MOST_STEPS: usize = 200;
 /// File of a run folder with the points it began with.
 pub const POINTS: &str = "initial_points.ply";
 
@@ -99,27 +95,7 @@ impl Method for Rf3dgs {
             reconstructor.receive(training.keyframe(k)?)?;
             advance(Advance::of(0, total))?;
         }
-        let mut keeper = Keeper { checkpoints: self.checkpoints.clone(), kept: None, at: Instant::now() };
-        let resumed = keeper.begin(&mut reconstructor)?;
-        let mut portion = 1;
-        while !reconstructor.is_done() {
-            let start = Instant::now();
-            let most = keeper.steps_to_checkpoint(reconstructor.steps_done()).min(portion);
-            reconstructor.train(most).map_err(|e| keeper.explain(e.into()))?;
-            portion = next_portion(most, start.elapsed());
-            let done = reconstructor.steps_done();
-            if keeper.is_due(done) && done < total {
-                keeper.keep(&mut reconstructor)?;
-            }
-            let told =
-                Advance { gaussians: Some(reconstructor.gaussian_count()), resumed_steps: resumed, ..Advance::of(done, total) };
-            advance(told).inspect_err(|_| {
-                // An interrupt: what could not be kept is done again.
-                if keeper.kept != Some(done) {
-                    let _ = keeper.keep(&mut reconstructor);
-                }
-            })?;
-        }
+        let resumed = stepwise::run(&mut reconstructor, total, self.checkpoints.as_ref(), advance)?;
         let stages = stages(reconstructor.times());
         let gaussians = Some(reconstructor.gaussian_count());
         advance(Advance { gaussians, stages: &stages, resumed_steps: resumed, ..Advance::of(total, total) })?;
@@ -129,67 +105,36 @@ impl Method for Rf3dgs {
     }
 }
 
-/// Number of steps that should take [`PORTION`], after `count` that took `took`; it grows and shrinks by a factor of two at most.
-fn next_portion(count: usize, took: Duration) -> usize {
-    let wanted = count as f64 * PORTION.as_secs_f64() / took.as_secs_f64().max(1e-6);
-    (wanted as usize).clamp((count / 2).max(1), (2 * count).min(MOST_STEPS))
-}
-
 fn stages(times: OfflineTimes) -> Vec<StageTime> {
     let named = [("points", times.points_s), ("optical", times.optical_s), ("rf", times.rf_s)];
     named.map(|(name, seconds)| StageTime { name: name.to_owned(), seconds }).into()
 }
 
-/// Keeps checkpoints, if any are wanted.
-struct Keeper {
-    checkpoints: Option<Checkpoints>,
-    /// Steps in the last one.
-    kept: Option<usize>,
-    /// When it was kept, or the work began.
-    at: Instant,
-}
+impl Stepwise for OfflineReconstructor {
+    fn begin(&mut self) -> corf::Result<()> {
+        Self::begin(self)
+    }
 
-impl Keeper {
-    /// Goes on from the checkpoint, if there is one, or makes the first Gaussians; returns the steps that came from it.
-    fn begin(&mut self, reconstructor: &mut OfflineReconstructor) -> Result<usize> {
-        let Some((c, path)) = self.checkpoints.as_ref().and_then(|c| Some((c, c.to_resume()?))) else {
-            reconstructor.begin()?;
-            return Ok(0);
-        };
+    fn resume(&mut self, path: &Path, checkpoints: &Checkpoints) -> Result<()> {
         let checkpoint = OfflineCheckpoint::read(path)?;
-        c.check_tag(checkpoint.tag())?;
-        reconstructor.restore(&checkpoint)?;
-        self.kept = Some(checkpoint.steps());
-        Ok(checkpoint.steps())
+        checkpoints.check_tag(checkpoint.tag())?;
+        Ok(self.restore(&checkpoint)?)
     }
 
-    /// Number of steps up to the next at which a checkpoint was asked for.
-    fn steps_to_checkpoint(&self, done: usize) -> usize {
-        match self.checkpoints.as_ref().and_then(|c| c.every) {
-            None | Some(0) => usize::MAX,
-            Some(every) => every - done % every,
-        }
+    fn keep(&mut self, path: &Path, tag: &str) -> corf::Result<()> {
+        self.checkpoint(tag)?.write(path)
     }
 
-    fn is_due(&self, done: usize) -> bool {
-        self.checkpoints.as_ref().is_some_and(|c| c.is_due(done, self.at))
+    fn train(&mut self, most: usize) -> corf::Result<()> {
+        Self::train(self, most).map(|_| ())
     }
 
-    fn keep(&mut self, reconstructor: &mut OfflineReconstructor) -> Result<()> {
-        let Some(c) = self.checkpoints.as_ref().filter(|c| c.are_kept()) else { return Ok(()) };
-        reconstructor.checkpoint(&c.tag)?.write(&c.path).context("while keeping a checkpoint")?;
-        (self.kept, self.at) = (Some(reconstructor.steps_done()), Instant::now());
-        Ok(())
+    fn steps_done(&self) -> usize {
+        Self::steps_done(self)
     }
 
-    /// A reconstruction's error with what survives it.
-    fn explain(&self, error: anyhow::Error) -> anyhow::Error {
-        match (&self.checkpoints, self.kept) {
-            (Some(c), Some(kept)) => {
-                error.context(format!("the last checkpoint, {}, holds {kept} steps: --resume goes on from it", c.path.display()))
-            }
-            _ => error,
-        }
+    fn gaussian_count(&mut self) -> usize {
+        Self::gaussian_count(self)
     }
 }
 
@@ -241,21 +186,5 @@ mod tests {
             let error = format!("{:#}", make("rf-3dgs", text).err().unwrap());
             assert!(error.contains(words), "{error}");
         }
-    }
-
-    #[test]
-    fn portions_follow_the_clock_and_end_at_checkpoints() {
-        let ms = Duration::from_millis;
-        assert_eq!((next_portion(1, ms(1)), next_portion(100, ms(100)), next_portion(200, ms(1))), (2, 200, 200));
-        assert_eq!((next_portion(64, ms(600)), next_portion(64, ms(60_000)), next_portion(1, ms(60_000))), (32, 32, 1));
-        let checkpoints = Checkpoints { path: "run/checkpoint".into(), every: Some(40), resume: false, tag: String::new() };
-        let mut keeper = Keeper { checkpoints: Some(checkpoints), kept: None, at: Instant::now() };
-        assert_eq!((keeper.steps_to_checkpoint(0), keeper.steps_to_checkpoint(79)), (40, 1));
-        assert!(keeper.is_due(80) && !keeper.is_due(81));
-        let lost = || anyhow::anyhow!("the device was lost");
-        assert!(!format!("{:#}", keeper.explain(lost())).contains("checkpoint"), "there is none yet");
-        keeper.kept = Some(80);
-        let text = format!("{:#}", keeper.explain(lost()));
-        assert!(text.contains("run/checkpoint") && text.contains("80 steps") && text.contains("lost"), "{text}");
     }
 }

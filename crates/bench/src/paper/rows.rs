@@ -10,7 +10,7 @@ use serde_json::Value;
 /// Settings that make a row another method than the paper's, whatever its name: another target of the radio, depth that no network could
 /// give, and no depth prior.
 const OTHER_METHODS: &[(&str, &[&str])] =
-    &[("/reconstruction/rf_target", &["db"]), ("/reconstruction/depth/prior", &["exact", "none"])];
+    &[("/reconstruction/rf_target", &["db"]), ("/rf_target", &["db"]), ("/reconstruction/depth/prior", &["exact", "none"])];
 
 /// A row of ours beside one of the paper's.
 pub struct Matched<'r, 'a> {

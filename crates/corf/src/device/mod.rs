@@ -56,6 +56,25 @@ pub struct InverseDepth {
     pub confidence: Raster<f32>,
 }
 
+/// One of a field's two modalities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Modality {
+    /// Light.
+    Optical,
+    /// 60 GHz.
+    Rf,
+}
+
+impl Modality {
+    /// Its place where both stand in an array.
+    pub fn index(self) -> usize {
+        match self {
+            Self::Optical => 0,
+            Self::Rf => 1,
+        }
+    }
+}
+
 /// Names an uploaded [`TrainingView`] on the device it was uploaded to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ViewId(pub usize);
@@ -269,11 +288,11 @@ pub trait Device: Send {
         Err(self.lacks("copies of Gaussians", "do without density control on this device"))
     }
 
-    /// Lowers opacities in light above `most` to it, and resets the optimiser state of all opacities in light.
+    /// Lowers a modality's opacities above `most` to it, and resets the optimiser state of all its opacities.
     ///
     /// # Errors
     /// When the device fails, or cannot.
-    fn cap_optical_opacity(&mut self, _most: f32) -> Result<()> {
+    fn cap_opacity(&mut self, _modality: Modality, _most: f32) -> Result<()> {
         Err(self.lacks("opacity resets", "do without density control on this device"))
     }
 

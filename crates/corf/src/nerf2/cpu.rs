@@ -4,7 +4,7 @@
 //! do not depend on the number of threads.
 
 use super::rendering::{Outputs, Sum};
-use super::trainer::{Trainer, check_rays, check_state};
+use super::trainer::{Trainer, check_rays};
 use super::{Batch, Model, Nerf2Config, Ray};
 use crate::nn::{Adam, Tape, Trained};
 use crate::real::Real;
@@ -176,7 +176,7 @@ impl Trainer for CpuTrainer {
     }
 
     fn restore(&mut self, state: &Trained<f32>) -> Result<()> {
-        check_state(state, self.trained.parameters.len())?;
+        state.check(self.trained.parameters.len())?;
         self.trained = state.clone();
         Ok(())
     }

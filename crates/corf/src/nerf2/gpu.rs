@@ -3,12 +3,12 @@
 //! Rays are taken in chunks, so that the activations of a chunk's points, which the backward pass needs, have a bounded size; a step is one
 //! submission of all its chunks. The next one is prepared while it runs.
 
-use super::trainer::{Trainer, check_rays, check_state};
+use super::trainer::{Trainer, check_rays};
 use super::{Batch, Model, Nerf2Config, Ray};
 use crate::device::gpu::GpuOptions;
 use crate::device::gpu::context::Context;
 use crate::device::gpu::kernel::{Bound, Kernel};
-use crate::nn::gpu::{CONSTANTS, GpuNetwork, LANES, vectors};
+use crate::nn::gpu::{CONSTANTS, ENCODING, GpuNetwork, LANES, vectors};
 use crate::nn::{Adam, Trained};
 use crate::{Error, Result};
 
@@ -80,7 +80,7 @@ impl GpuTrainer {
         points: usize,
     ) -> Result<Self> {
         let model = Model::new(config);
-        check_state(&Trained::new(parameters.to_vec()), model.network.parameters())?;
+        Trained::new(parameters.to_vec()).check(model.network.parameters())?;
         let rays_a_chunk = (points / config.samples).clamp(1, config.rays);
         let chunks = config.rays.div_ceil(rays_a_chunk);
         let rays = rays_a_chunk * chunks;
@@ -112,7 +112,7 @@ impl GpuTrainer {
             };
             context.queue.write_buffer(&constants, CONSTANTS * chunk as u64, bytemuck::bytes_of(&values));
         }
-        let head = include_str!("shaders/chunk.wgsl").to_owned() + include_str!("shaders/sin_cos.wgsl");
+        let head = include_str!("shaders/chunk.wgsl").to_owned() + ENCODING;
         let [points, sums] = Kernel::all(
             &context,
             [
@@ -247,7 +247,7 @@ impl Trainer for GpuTrainer {
     fn restore(&mut self, state: &Trained<f32>) -> Result<()> {
         self.wait()?;
         let parameters = Model::new(&self.config).network.parameters();
-        check_state(state, parameters)?;
+        state.check(parameters)?;
         self.network.restore(&self.context, state)
     }
 }

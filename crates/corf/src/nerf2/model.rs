@@ -24,13 +24,7 @@ impl Model {
         let encoding = FrequencyEncoding { frequencies: config.frequencies };
         let (position, outside) = (Source::Input(0), Source::Input(1));
         let mut network = Network::new(&[encoding.width(), 2 * encoding.width()]);
-        let mut x = network.add(&[position], config.width, Activation::Relu);
-        for behind in 0..config.layers - 1 {
-            let sources = if behind == config.skip { vec![position, x] } else { vec![x] };
-            x = network.add(&sources, config.width, Activation::Relu);
-        }
-        // A skip behind the last layer is read by the heads.
-        let read = if config.skip == config.layers - 1 { vec![position, x] } else { vec![x] };
+        let read = network.trunk(&[position], config.layers, config.width, config.skip);
         let attenuation = network.add(&read, 2, Activation::Identity);
         let features = network.add(&read, config.width, Activation::Identity);
         let first = network.add(&[features, outside], config.width, Activation::Relu);

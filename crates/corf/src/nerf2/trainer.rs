@@ -125,16 +125,6 @@ fn read_header<T: DeserializeOwned>(path: &Path, count: usize) -> Result<(Header
     })
 }
 
-/// Refuses a state of another size.
-pub(super) fn check_state(state: &Trained<f32>, parameters: usize) -> Result<()> {
-    let fits = |a: &Vec<f32>| a.len() == parameters;
-    if fits(&state.parameters) && state.moments.iter().all(fits) {
-        return Ok(());
-    }
-    let what = format!("{} parameters where the network has {parameters}", state.parameters.len());
-    Err(Error::invalid("network", what, "take the state of a network of the same shape"))
-}
-
 /// Refuses rays whose samples or values are not as many as they should be.
 pub(super) fn check_rays(rays: usize, distances: usize, samples: usize) -> Result<()> {
     if distances == rays * samples {

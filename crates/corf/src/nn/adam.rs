@@ -2,6 +2,7 @@
 //! cosine schedule of its rate.
 
 use crate::real::Real;
+use crate::{Error, Result};
 use std::f64::consts::PI;
 
 /// Parameters with what the optimiser remembers of them.
@@ -20,6 +21,16 @@ impl<T: Real> Trained<T> {
     pub fn new(parameters: Vec<T>) -> Self {
         let moments = [vec![T::ZERO; parameters.len()], vec![T::ZERO; parameters.len()]];
         Self { parameters, moments, steps: 0 }
+    }
+
+    /// Refuses a state of other than so many parameters.
+    pub(crate) fn check(&self, parameters: usize) -> Result<()> {
+        let fits = |a: &Vec<T>| a.len() == parameters;
+        if fits(&self.parameters) && self.moments.iter().all(fits) {
+            return Ok(());
+        }
+        let what = format!("{} parameters where the network has {parameters}", self.parameters.len());
+        Err(Error::invalid("network", what, "take the state of a network of the same shape"))
     }
 }
 

@@ -109,6 +109,20 @@ impl Network {
         Source::Layer(self.layers.len() - 1)
     }
 
+    /// Adds `layers` hidden layers of `width`, rectified, that begin with what `read` gives; behind layer `skip`, counted from 0, that is put in
+    /// again. Returns what is read behind the last one.
+    ///
+    /// # Panics
+    /// As [`Self::add`]; no layers.
+    pub fn trunk(&mut self, read: &[Source], layers: usize, width: usize, skip: usize) -> Vec<Source> {
+        let mut next = read.to_vec();
+        for layer in 0..layers {
+            let x = self.add(&next, width, Activation::Relu);
+            next = if layer == skip { [read, &[x]].concat() } else { vec![x] };
+        }
+        next
+    }
+
     /// Lengths of the inputs.
     pub fn inputs(&self) -> &[usize] {
         &self.inputs

@@ -8,7 +8,7 @@ mod checkpoint;
 mod config;
 mod density;
 mod nearest;
-mod points;
+pub(crate) mod points;
 mod schedule;
 
 pub use checkpoint::OfflineCheckpoint;
@@ -16,8 +16,13 @@ pub use config::{InitialPoints, OfflineConfig, OfflineRates, RfBackground, RfMom
 pub use density::{DensityChange, DensityConfig, DensityCounts, decide};
 pub use points::{LEAST_POINTS, Point, write_ply};
 pub use schedule::OfflineSchedule;
+pub(crate) use schedule::{Epochs, log_linear};
 
-use crate::{Device, Error, Field, FieldMeta, Gaussians, Result, device::StepReport, sensor::RfSensor};
+use crate::{
+    Device, Error, Field, FieldMeta, Gaussians, Result,
+    device::{Modality, StepReport},
+    sensor::RfSensor,
+};
 use corf_scene::{Keyframe, Pinhole, Rigid3, keyframe::DbRange};
 use points::PointView;
 use serde::{Deserialize, Serialize};
@@ -131,7 +136,7 @@ impl OfflineReconstructor {
             InitialPoints::Random => points::random(&self.poses, self.config.random_points, half_side_m, self.seed),
         };
         self.views = vec![];
-        self.device.append(&points::gaussians(&self.points, &self.config)?)?;
+        self.device.append(&points::gaussians(&self.points, self.config.empty_field(), self.config.initial_opacity)?)?;
         self.times.points_s += start.elapsed().as_secs_f64();
         Ok(())
     }
@@ -180,6 +185,7 @@ impl OfflineReconstructor {
             if !rf {
                 control_density(
                     self.device.as_mut(),
+                    Modality::Optical,
                     &self.config.density,
                     self.done,
                     self.extent_m,
@@ -241,8 +247,9 @@ impl OfflineReconstructor {
 
 /// Clones, splits, prunes and resets, whatever is due after step `step`. The step itself has been taken with its update: published programs differ
 /// in whether that of the step before a change is.
-fn control_density(
+pub(crate) fn control_density(
     device: &mut dyn Device,
+    modality: Modality,
     config: &DensityConfig,
     step: usize,
     extent_m: f64,
@@ -251,10 +258,10 @@ fn control_density(
 ) -> Result<()> {
     if config.is_due(step) {
         let gradients = device.screen_gradients()?;
-        let mut change = decide(config, &gradients, &device.outlines()?, extent_m as f32, step, seed);
+        let mut change = decide(config, &gradients, &device.outlines()?, modality, extent_m as f32, step, seed);
         if change.copies.is_empty() && change.keep.iter().all(|k| !k) {
             return Err(Error::invalid(
-                format!("optical step {step}"),
+                format!("training step {step}"),
                 "density control would prune every Gaussian",
                 "set a lower density.prune_opacity or a larger density.prune_fraction",
             ));
@@ -268,7 +275,7 @@ fn control_density(
         counts.pruned += change.counts.pruned;
     }
     if config.resets(step) {
-        device.cap_optical_opacity(config.reset_opacity)?;
+        device.cap_opacity(modality, config.reset_opacity)?;
     }
     Ok(())
 }

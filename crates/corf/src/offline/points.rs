@@ -1,7 +1,7 @@
 //! The first Gaussians of an offline reconstruction: sparse points with colours. Published methods take them from structure from motion; here
 //! poses are known, so corners are triangulated with the neighbouring keyframes. The ray tracer's depth is not read.
 
-use super::{config::OfflineConfig, nearest::mean_squared_distance_to_3};
+use super::nearest::mean_squared_distance_to_3;
 use crate::{
     Error, Gaussians, Result,
     config::DepthConfig,
@@ -85,24 +85,24 @@ pub fn random(poses: &[Rigid3], count: usize, half_side_m: f64, seed: u64) -> Ve
     (0..count).map(point).collect()
 }
 
-/// The Gaussians that points become: round, as wide as the mean (by squares) distance to the three nearest others, of the point's colour in
+/// The Gaussians that points become, of the channels and degrees of `none`: round, as wide as the mean (by squares) distance to the three nearest others, of the point's colour in
 /// light and grey in RF.
 ///
 /// # Errors
 /// Fewer than [`LEAST_POINTS`].
-pub fn gaussians(points: &[Point], config: &OfflineConfig) -> Result<Gaussians> {
+pub fn gaussians(points: &[Point], none: Gaussians, initial_opacity: f32) -> Result<Gaussians> {
     if points.len() < LEAST_POINTS {
         let what = format!("only {} corners could be triangulated", points.len());
         let help = "set initial_points = \"random\", or give overlapping images with structure";
         return Err(Error::invalid("the first Gaussians", what, help));
     }
-    let mut out = config.empty_field();
+    let mut out = none;
     out.position = points.iter().map(|p| p.position).collect();
     out.rotation = vec![[1.0, 0.0, 0.0, 0.0]; points.len()];
     let squared = mean_squared_distance_to_3(&out.position);
     out.log_scale = squared.iter().map(|d| [0.5 * d.max(LEAST_SQUARED_M).ln(); 3]).collect();
     for a in [&mut out.optical, &mut out.rf] {
-        a.opacity_logit = vec![logit(config.initial_opacity); points.len()];
+        a.opacity_logit = vec![logit(initial_opacity); points.len()];
         a.sh = vec![0.0; points.len() * a.stride()];
     }
     let stride = out.optical.stride();
@@ -136,7 +136,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
-    use crate::synthetic;
+    use crate::{OfflineConfig, synthetic};
 
     #[test]
     fn the_extent_is_a_tenth_more_than_the_farthest_camera() {
@@ -150,13 +150,13 @@ mod tests {
             .map(|i| Point { position: [i % 3, i / 3 % 3, i / 9].map(|v| 0.5 * v as f32), color: [255, 128, 0] })
             .collect();
         let config = OfflineConfig::default();
-        let g = gaussians(&points, &config).unwrap();
+        let g = gaussians(&points, config.empty_field(), config.initial_opacity).unwrap();
         // Three neighbours of a corner of the grid are half a metre away.
         assert!(g.log_scale.iter().all(|s| (s[0] - 0.5f32.ln()).abs() < 1e-6 && s[0] == s[1] && s[1] == s[2]));
         let shown = |c: usize| 0.5 + SH_C0 * g.optical.sh[c];
         assert!((shown(0) - 1.0).abs() < 1e-6 && (shown(2)).abs() < 1e-6);
         assert!(g.rf.sh.iter().all(|v| *v == 0.0) && g.optical.sh[3..48].iter().all(|v| *v == 0.0));
-        let error = gaussians(&points[..5], &config).unwrap_err().to_string();
+        let error = gaussians(&points[..5], config.empty_field(), config.initial_opacity).unwrap_err().to_string();
         assert!(error.contains("5 corners") && error.contains("random"), "{error}");
     }
 

@@ -7,49 +7,67 @@ use crate::{
 };
 use corf_scene::Rng;
 
-/// Draws the steps of both stages. A step depends on its number and the seed alone, so that nothing has to be kept to go on from any.
+/// The view of each step of a stage: each epoch visits every view once, in an order of its own that its number and the seed decide.
 #[derive(Clone, Debug)]
-pub struct OfflineSchedule {
-    config: OfflineConfig,
-    extent_m: f64,
+pub(crate) struct Epochs {
     seed: u64,
     views: usize,
-    /// Number of an epoch of a stage with the order of its views: the one last asked for.
-    epoch: Option<([usize; 2], Vec<usize>)>,
+    /// Number of an epoch with the order of its views: the one last asked for.
+    held: Option<(usize, Vec<usize>)>,
+    stage: usize,
 }
 
-impl OfflineSchedule {
-    /// For `views` uploaded views of a scene of this extent.
-    pub fn new(config: &OfflineConfig, extent_m: f64, seed: u64, views: usize) -> Self {
-        Self { config: config.clone(), extent_m, seed, views, epoch: None }
+impl Epochs {
+    /// For `views` uploaded views in a stage of this number.
+    pub fn new(seed: u64, views: usize, stage: usize) -> Self {
+        Self { seed, views, held: None, stage }
     }
 
-    /// Rate of positions in optical step `step` (from 1), metres: log-linear from the first to the last, which it then stays at.
-    pub fn position_rate_m(&self, step: usize) -> f64 {
-        let [first, last] = self.config.rates.position.map(f64::from);
-        let t = (step as f64 / self.config.rates.position_steps as f64).min(1.0);
-        self.extent_m * ((1.0 - t) * first.ln() + t * last.ln()).exp()
-    }
-
-    /// Highest degree of harmonics that is learnt in optical step `step` (from 1).
-    pub fn degree(&self, step: usize) -> usize {
-        (step / self.config.degree_interval).min(self.config.sh_degree)
-    }
-
-    /// The view of step `step` (from 1) of a stage: each epoch visits every view once, in an order of its own.
-    fn view(&mut self, rf: bool, step: usize) -> ViewId {
+    /// The view of step `step` (from 1).
+    pub fn view(&mut self, step: usize) -> ViewId {
         let (epoch, place) = ((step - 1) / self.views, (step - 1) % self.views);
-        let key = [usize::from(rf), epoch];
-        if self.epoch.as_ref().is_none_or(|(held, _)| *held != key) {
-            let mut rng = Rng::keyed(self.seed, stage::keyed(stage::OFFLINE_EPOCHS, usize::from(rf)), epoch as u64);
+        if self.held.as_ref().is_none_or(|(held, _)| *held != epoch) {
+            let mut rng = Rng::keyed(self.seed, stage::keyed(stage::OFFLINE_EPOCHS, self.stage), epoch as u64);
             let mut order: Vec<usize> = (0..self.views).collect();
             // Fisher–Yates.
             for i in (1..order.len()).rev() {
                 order.swap(i, rng.below(i + 1));
             }
-            self.epoch = Some((key, order));
+            self.held = Some((epoch, order));
         }
-        ViewId(self.epoch.as_ref().map_or(0, |(_, order)| order[place]))
+        ViewId(self.held.as_ref().map_or(0, |(_, order)| order[place]))
+    }
+}
+
+/// A rate that falls log-linearly from the first to the last within `steps` steps, and then stays.
+pub(crate) fn log_linear([first, last]: [f64; 2], steps: usize, step: usize) -> f64 {
+    let t = (step as f64 / steps as f64).min(1.0);
+    ((1.0 - t) * first.ln() + t * last.ln()).exp()
+}
+
+/// Draws the steps of both stages. A step depends on its number and the seed alone, so that nothing has to be kept to go on from any.
+#[derive(Clone, Debug)]
+pub struct OfflineSchedule {
+    config: OfflineConfig,
+    extent_m: f64,
+    /// Of light, and of RF.
+    epochs: [Epochs; 2],
+}
+
+impl OfflineSchedule {
+    /// For `views` uploaded views of a scene of this extent.
+    pub fn new(config: &OfflineConfig, extent_m: f64, seed: u64, views: usize) -> Self {
+        Self { config: config.clone(), extent_m, epochs: [0, 1].map(|stage| Epochs::new(seed, views, stage)) }
+    }
+
+    /// Rate of positions in optical step `step` (from 1), metres: log-linear from the first to the last, which it then stays at.
+    pub fn position_rate_m(&self, step: usize) -> f64 {
+        self.extent_m * log_linear(self.config.rates.position.map(f64::from), self.config.rates.position_steps, step)
+    }
+
+    /// Highest degree of harmonics that is learnt in optical step `step` (from 1).
+    pub fn degree(&self, step: usize) -> usize {
+        (step / self.config.degree_interval).min(self.config.sh_degree)
     }
 
     /// The step of number `number` of both stages, from 1: light with its geometry first, then RF on frozen geometry.
@@ -59,7 +77,7 @@ impl OfflineSchedule {
         let counted = if rf && self.config.rf_moments == RfMoments::Zero { within } else { number };
         DenseStep {
             step: Step {
-                view: self.view(rf, within),
+                view: self.epochs[usize::from(rf)].view(within),
                 levels: [0; 2],
                 optical_weight: if rf { 0.0 } else { 1.0 },
                 rf_weight: if rf { 1.0 } else { 0.0 },

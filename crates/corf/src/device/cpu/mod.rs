@@ -6,6 +6,7 @@
 //! result do not depend on the number of threads.
 
 pub(crate) mod blend;
+pub(crate) mod deformed;
 pub(crate) mod geometry;
 pub(crate) mod project;
 pub(crate) mod pyramid;
@@ -17,8 +18,8 @@ mod tiles;
 mod update;
 
 use super::{
-    DenseStep, Device, DeviceState, Duplicate, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient, Step,
-    StepReport, TrainingView, ViewId,
+    DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient,
+    Step, StepReport, TrainingView, ViewId,
 };
 use crate::{Appearance, Gaussians, OptimizerConfig, RasterConfig, Result};
 use std::sync::Arc;
@@ -158,8 +159,8 @@ impl Device for CpuDevice {
         self.store.duplicate(duplicates)
     }
 
-    fn cap_optical_opacity(&mut self, most: f32) -> Result<()> {
-        self.store.cap_optical_opacity(most);
+    fn cap_opacity(&mut self, modality: Modality, most: f32) -> Result<()> {
+        self.store.cap_opacity(modality, most);
         Ok(())
     }
 

@@ -54,7 +54,7 @@ pub(crate) struct Scratch {
 }
 
 impl CpuDevice {
-    fn scene_of_step(&self, step: &Step) -> Result<Scene> {
+    pub(super) fn scene_of_step(&self, step: &Step) -> Result<Scene> {
         let place = || format!("training step for view {}", step.view.0);
         let Some(pyramid) = self.pyramids.get(step.view.0) else {
             let what = format!("this device holds {} views", self.pyramids.len());
@@ -79,7 +79,7 @@ impl CpuDevice {
     }
 
     /// Forward, loss and backward: fills the frame and the records.
-    fn differentiate(&mut self, step: &Step, scene: &Scene) -> StepReport {
+    pub(super) fn differentiate(&mut self, step: &Step, scene: &Scene) -> StepReport {
         let isa = self.isa;
         let pyramid = &self.pyramids[step.view.0];
         let at = step.levels.map(|l| l as usize);
@@ -169,12 +169,17 @@ impl CpuDevice {
         let scene = self.scene_of_step(step)?;
         let report = self.differentiate(step, &scene);
         let mut clock = Clock(Instant::now());
-        let mut store = std::mem::replace(&mut self.store, super::store::Store::hollow());
-        self.update(&scene, Mode::Adam { config, geometry: step.train_geometry, dense }).run(&mut store);
-        self.store = store;
+        self.update_store(&scene, Mode::Adam { config, geometry: step.train_geometry, dense });
         clock.lap(&mut self.times.update_s);
         self.times.steps += 1;
         Ok(report)
+    }
+
+    /// Updates the store that the frame was made from.
+    pub(super) fn update_store(&mut self, scene: &Scene, mode: Mode<'_>) {
+        let mut store = std::mem::replace(&mut self.store, super::store::Store::hollow());
+        self.update(scene, mode).run(&mut store);
+        self.store = store;
     }
 
     /// The gradient of a step's loss with respect to every parameter, in the shape of the parameters, without taking the step.
@@ -185,7 +190,7 @@ impl CpuDevice {
         let scene = self.scene_of_step(step)?;
         let report = self.differentiate(step, &scene);
         let mut gradient = self.store.clone();
-        self.update(&scene, Mode::Write).run(&mut gradient);
+        self.update(&scene, Mode::Write { screen: false }).run(&mut gradient);
         gradient.clear_unless(&self.frame.projection.seen(self.store.len()));
         Ok((report, gradient.to_gaussians()))
     }

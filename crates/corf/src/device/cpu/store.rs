@@ -5,7 +5,7 @@
 
 use crate::{
     Appearance, Gaussians, Result,
-    device::{DeviceState, Duplicate, Outline, ScreenGradient},
+    device::{DeviceState, Duplicate, Modality, Outline, ScreenGradient},
     gaussians::logit,
 };
 
@@ -15,8 +15,10 @@ pub(crate) const ROTATION: usize = 3;
 pub(crate) const LOG_SCALE: usize = 7;
 pub(crate) const OPTICAL_OPACITY: usize = 10;
 pub(crate) const RF_OPACITY: usize = 11;
+/// Numbers of a [`Core`].
+pub(crate) const CORE: usize = 12;
 /// Position (3), quaternion (4), ln scale (3), opacity logits (optical, RF).
-pub(crate) type Core = [f32; 12];
+pub(crate) type Core = [f32; CORE];
 
 /// One modality's harmonics: `[gaussian][channel][coefficient]`.
 #[derive(Clone, Debug)]
@@ -170,12 +172,12 @@ impl Store {
         Ok(())
     }
 
-    /// Lowers opacities in light above `most` to it, and clears the moments of all of them.
-    pub fn cap_optical_opacity(&mut self, most: f32) {
-        let most = logit(most);
+    /// Lowers a modality's opacities above `most` to it, and clears the moments of all of them.
+    pub fn cap_opacity(&mut self, modality: Modality, most: f32) {
+        let (most, at) = (logit(most), OPTICAL_OPACITY + modality.index());
         for (value, (m, v)) in self.value.iter_mut().zip(self.moment1.iter_mut().zip(&mut self.moment2)) {
-            value[OPTICAL_OPACITY] = value[OPTICAL_OPACITY].min(most);
-            (m[OPTICAL_OPACITY], v[OPTICAL_OPACITY]) = (0.0, 0.0);
+            value[at] = value[at].min(most);
+            (m[at], v[at]) = (0.0, 0.0);
         }
     }
 

@@ -18,8 +18,8 @@ use rayon::prelude::*;
 pub(crate) enum Mode<'a> {
     /// One step of Adam; geometry only if `geometry`. A dense one steps the Gaussians that are not visible as well.
     Adam { config: &'a OptimizerConfig, geometry: bool, dense: Option<&'a DenseStep> },
-    /// Written over the parameters of a copy of the store.
-    Write,
+    /// Written over the parameters, of a copy of the store mostly; gradients on the screen may be summed as well.
+    Write { screen: bool },
 }
 
 /// Per chunk, a modality's harmonics and its moments.
@@ -74,7 +74,10 @@ impl Update<'_> {
                 .zip(h.moment2.chunks_mut(n))
                 .map(move |((value, moment1), moment2)| HarmonicsPart { value, moment1, moment2, channels, degree })
         });
-        let summed = matches!(self.mode, Mode::Adam { dense: Some(DenseStep { screen_gradients: true, .. }), .. });
+        let summed = match self.mode {
+            Mode::Adam { dense, .. } => dense.is_some_and(|d| d.screen_gradients),
+            Mode::Write { screen } => screen,
+        };
         let sums = if summed { store.screen.len() } else { 0 };
         let mut screen = store.screen[..sums].chunks_mut(CHUNK);
         while let (Some((((value, moment1), moment2), position_rate)), Some(optical), Some(rf)) =
@@ -85,7 +88,7 @@ impl Update<'_> {
         }
         let constants = match &self.mode {
             Mode::Adam { config, dense, .. } => Constants::new(config, coefficients, *dense),
-            Mode::Write => Constants::default(),
+            Mode::Write { .. } => Constants::default(),
         };
         parts.into_par_iter().enumerate().for_each(|(chunk, part)| {
             self.isa.dispatch(UpdateChunk { update: self, chunk, constants: &constants, part });
@@ -341,7 +344,7 @@ impl UpdateChunk<'_, '_> {
             gradient[..K * C].chunks_exact_mut(K).for_each(|channel| channel[learnt..].fill(0.0));
         }
         match mode {
-            Mode::Write => value.copy_from_slice(&gradient[..K * C]),
+            Mode::Write { .. } => value.copy_from_slice(&gradient[..K * C]),
             Mode::Adam { config, .. } => {
                 let (m, v) = (&mut h.moment1[run.clone()], &mut h.moment2[run]);
                 adam::<L>(config, rates, &gradient[..K * C], [value, m, v]);
@@ -363,7 +366,7 @@ impl UpdateChunk<'_, '_> {
 
 /// Adam without bias correction on (value, first moment, second moment), all as long as the gradient; `rates` may be longer.
 #[inline(always)]
-fn adam<L: Lanes>(config: &OptimizerConfig, rates: &[f32], gradient: &[f32], [value, m, v]: [&mut [f32]; 3]) {
+pub(super) fn adam<L: Lanes>(config: &OptimizerConfig, rates: &[f32], gradient: &[f32], [value, m, v]: [&mut [f32]; 3]) {
     let count = gradient.len();
     let whole = count - count % L::WIDTH;
     for at in (0..whole).step_by(L::WIDTH) {

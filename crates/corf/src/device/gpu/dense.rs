@@ -42,14 +42,7 @@ impl GpuDevice {
             self.training.dense = Some(DenseUpdate::new(&self.context, &self.shapes[0])?);
         }
         self.prepare_marks()?;
-        let mut planned = Vec::with_capacity(steps.len());
-        for dense in steps {
-            let mut one = self.plan_step(&dense.step, &dense.constants(&self.optimizer))?;
-            // The last of all numbers is nobody's: what is marked by nobody has it.
-            self.dense_steps = (self.dense_steps + 1) % u32::MAX;
-            one.params.set_dense(dense, self.dense_steps);
-            planned.push(one);
-        }
+        let planned = steps.iter().map(|dense| self.plan_dense(dense)).collect::<Result<_>>()?;
         match self.batch(planned) {
             Some(batch) => self.complete_dense(batch),
             None => Ok(StepReport::default()),

@@ -7,13 +7,13 @@ use super::{
 };
 use crate::{
     Result,
-    device::{Duplicate, ScreenGradient},
+    device::{Duplicate, Modality, ScreenGradient},
     gaussians::logit,
 };
 
 /// Words of a mark (`shaders/mark.wgsl`).
 const MARK: usize = 3;
-/// Place of light's opacity among a Gaussian's geometry and opacities.
+/// Place of light's opacity among a Gaussian's geometry and opacities; that of 60 GHz is behind it.
 const OPTICAL_OPACITY: usize = 10;
 /// Number of a dense step that there is none of.
 const NOBODY: u32 = u32::MAX;
@@ -67,15 +67,15 @@ impl Store {
         self.extend(context, &cores, |store, first| store.copy_harmonics(context, &sources, first))
     }
 
-    /// Lowers opacities in light above `most` to it, and clears the moments of all of them.
-    pub fn cap_optical_opacity(&mut self, context: &Context, most: f32) -> Result<()> {
+    /// Lowers a modality's opacities above `most` to it, and clears the moments of all of them.
+    pub fn cap_opacity(&mut self, context: &Context, modality: Modality, most: f32) -> Result<()> {
         let doing = "resetting opacities";
-        let (c, numbers, most) = (&self.core, self.len() * CORE, logit(most));
+        let (c, numbers, most, at) = (&self.core, self.len() * CORE, logit(most), OPTICAL_OPACITY + modality.index());
         let sources = [(&c.value.buffer, numbers), (&c.moment1.buffer, numbers), (&c.moment2.buffer, numbers)];
         let mut read = context.read::<f32>(doing, &sources)?;
         for (k, (rows, values)) in [&c.value, &c.moment1, &c.moment2].into_iter().zip(&mut read).enumerate() {
             for row in values.chunks_exact_mut(CORE) {
-                row[OPTICAL_OPACITY] = if k == 0 { row[OPTICAL_OPACITY].min(most) } else { 0.0 };
+                row[at] = if k == 0 { row[at].min(most) } else { 0.0 };
             }
             context.fill(&rows.buffer, 0, values);
         }

@@ -15,7 +15,6 @@ use super::{
     params::{self, Params},
     scratch::Scratch,
     shaders::{Blend, CHUNK, COUNTER, Fixed, SHARE},
-    store::Store,
 };
 use crate::Result;
 use rayon::prelude::*;
@@ -255,15 +254,16 @@ impl Forward {
         Ok(Self { allot, place, order, merge, tiled: tiled?, blend: [blend, blend_both], blend_and_name })
     }
 
+    /// Binds the kernels; `values` are those of [`Store::values`](super::store::Store::values).
     pub fn bind(
         &self,
         context: &Context,
         params: &wgpu::Buffer,
-        store: &Store,
+        values: [&wgpu::Buffer; 3],
         m: &Memory,
         leaves: Leaves,
     ) -> Result<BoundForward> {
-        let sh = store.sh.each_ref().map(|sh| &sh.value.buffer);
+        let [core, optical, rf] = values;
         let (blocks, shares, splats) = (&m.blocks.buffer, &m.shares.buffer, &m.splats.buffer);
         let (pairs, sizes, lists, entries) = (&m.pairs.buffer, &m.tile_sizes.buffer, &m.lists.buffer, &m.entries.buffer);
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
@@ -281,8 +281,8 @@ impl Forward {
         let shapes = if blend.is_none() { self.tiled.len() } else { 1 };
         let (drawn, numbers) = (&m.drawn.buffer, &m.gaussian_of.buffer);
         let emitted = [params, &m.state, drawn, splats, blocks, shares, sizes, pairs, &m.records.buffer];
-        let (core, chunks) = (&store.core.value.buffer, &m.chunks.buffer);
-        let projected = [params, core, sh[0], sh[1], blocks, splats, numbers, &m.state, drawn, shares, &m.args];
+        let chunks = &m.chunks.buffer;
+        let projected = [params, core, optical, rf, blocks, splats, numbers, &m.state, drawn, shares, &m.args];
         let tiled = |t: &Tiled| t.bind(|k| bind(k, &projected), |k| bind(k, &emitted), blended, blend);
         Ok(BoundForward {
             allot: bind(&self.allot, &[params, &m.state, sizes, lists, &m.bucket_tiles.buffer, &m.args, chunks])?,

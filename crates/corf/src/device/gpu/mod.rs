@@ -11,6 +11,7 @@
 
 mod capacity;
 pub(crate) mod context;
+pub(crate) mod deformed;
 mod dense;
 mod density;
 mod frame;
@@ -29,14 +30,16 @@ pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
 mod train;
+mod training;
 mod work;
 
 use super::{
-    DenseStep, Device, DeviceState, Duplicate, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient, Step,
-    StepReport, Survey, SurveyRequest, TrainingView, ViewId, check_channels,
+    DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient,
+    Step, StepReport, Survey, SurveyRequest, TrainingView, ViewId, check_channels,
 };
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result};
 use context::{Context, Reading};
+use deformed::StandIns;
 use frame::{Forward, Memory};
 use pyramid::Packed;
 use scratch::Scratch;
@@ -45,7 +48,8 @@ use shelf::{Keyframe, Shelf};
 use std::sync::Arc;
 use store::Store;
 use survey::Surveyor;
-use train::{Batch, Counts, Training};
+use train::{Batch, Counts};
+use training::Training;
 
 pub use context::{GpuOptions, adapter_name};
 pub use train::{GpuStageTimes, STAGES};
@@ -72,6 +76,8 @@ pub struct GpuDevice {
     marked: Option<usize>,
     /// Dense steps so far.
     dense_steps: u32,
+    /// Gaussians that stand in the place of those held; made when there are some.
+    stand_ins: Option<StandIns>,
     times: GpuStageTimes,
     timing: bool,
     last: Counts,
@@ -111,6 +117,7 @@ impl GpuDevice {
             marks,
             marked: None,
             dense_steps: 0,
+            stand_ins: None,
             timing: context.timestamps,
             context,
             optimizer,
@@ -285,9 +292,9 @@ impl Device for GpuDevice {
         self.store.duplicate(&self.context, duplicates)
     }
 
-    fn cap_optical_opacity(&mut self, most: f32) -> Result<()> {
+    fn cap_opacity(&mut self, modality: Modality, most: f32) -> Result<()> {
         self.ready()?;
-        self.store.cap_optical_opacity(&self.context, most)
+        self.store.cap_opacity(&self.context, modality, most)
     }
 
     fn begin_training(&mut self, steps: &[Step]) -> Result<Option<StepReport>> {

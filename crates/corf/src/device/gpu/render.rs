@@ -112,7 +112,7 @@ impl GpuDevice {
             frames.iter_mut().for_each(|p| p.set_room(m.room));
             let uniforms = Uniforms::new(&self.context, frames.iter())?;
             m.reset(&self.context, n);
-            let bound = self.forward.bind(&self.context, &uniforms.buffer, &self.store, m, Leaves::Images)?;
+            let bound = self.forward.bind(&self.context, &uniforms.buffer, self.store.values(), m, Leaves::Images)?;
             for (batch, some) in frames.chunks(STEPS_PER_SUBMISSION).enumerate() {
                 let mut encoder = self.context.encoder();
                 {
@@ -145,7 +145,7 @@ impl GpuDevice {
             let uniforms = Uniforms::new(&self.context, std::iter::once(&params))?;
             m.reset(&self.context, n);
             let leaves = if name { Leaves::MainContributors } else { Leaves::Images };
-            let bound = self.forward.bind(&self.context, &uniforms.buffer, &self.store, m, leaves)?;
+            let bound = self.forward.bind(&self.context, &uniforms.buffer, self.values(), m, leaves)?;
             let mut encoder = self.context.encoder();
             {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());

@@ -24,7 +24,8 @@ pub(crate) const CHUNK: u32 = ORDER_THREADS * ENTRIES_A_THREAD;
 /// Lists of more chunks are ordered by one workgroup each.
 pub(crate) const MOST_CHUNKS: u32 = 512;
 
-const GROUPS: &str = include_str!("shaders/groups.wgsl");
+/// Numbers of workgroups, and the slots of the state.
+pub(crate) const GROUPS: &str = include_str!("shaders/groups.wgsl");
 const PARAMS: &str = include_str!("shaders/params.wgsl");
 const GEOMETRY: &str = include_str!("shaders/geometry.wgsl");
 const HARMONICS: &str = include_str!("shaders/harmonics.wgsl");
@@ -36,7 +37,8 @@ const ARGS: &str = include_str!("shaders/args.wgsl");
 const LISTS: &str = include_str!("shaders/lists.wgsl");
 const DRAWN: &str = include_str!("shaders/drawn.wgsl");
 const FOUND: &str = include_str!("shaders/found.wgsl");
-const ADAM: &str = include_str!("shaders/adam.wgsl");
+/// Adam of four numbers.
+pub(crate) const ADAM: &str = include_str!("shaders/adam.wgsl");
 const MARK: &str = include_str!("shaders/mark.wgsl");
 const LOSS: &str = include_str!("shaders/loss.wgsl");
 
@@ -149,7 +151,7 @@ impl Fixed {
     fn step_harmonics(&self, g: usize, use_of: Gradients) -> String {
         let constants = self.sizes(g, &format!("_{g}"));
         let store = match use_of {
-            Gradients::Written => "gradient_GRID[at] = w.gradient;".to_owned(),
+            Gradients::Written | Gradients::Noted => "gradient_GRID[at] = w.gradient;".to_owned(),
             Gradients::Sparse | Gradients::Dense => {
                 let gradient = if use_of == Gradients::Dense {
                     "learnt(w.gradient, 4u * quad, COEFFICIENTS_GRID, IMAGE_GRID)"
@@ -259,7 +261,8 @@ impl Fixed {
     }
 
     fn update_head(&self, use_of: Gradients) -> String {
-        let constants = format!("const WRITE_GRADIENTS = {};\n", use_of == Gradients::Written);
+        let written = matches!(use_of, Gradients::Written | Gradients::Noted);
+        let constants = format!("const WRITE_GRADIENTS = {written};\n");
         self.head() + &constants + GEOMETRY + FOUND + ADAM
     }
 
@@ -286,7 +289,7 @@ impl Fixed {
         let binding =
             |g: usize| format!("@group(0) @binding({}) var<storage, read_write> gradient_{g}: array<vec4<f32>>;\n", 13 + g);
         let gradients = match use_of {
-            Gradients::Written => binding(0) + &binding(1),
+            Gradients::Written | Gradients::Noted => binding(0) + &binding(1),
             Gradients::Dense => LEARNT.to_owned(),
             Gradients::Sparse => String::new(),
         };
@@ -304,7 +307,7 @@ impl Fixed {
     /// The update of geometry and opacities, or the same with gradients written in place of the first moments.
     pub fn update_geometry(&self, use_of: Gradients) -> String {
         let (marks, note) = match use_of {
-            Gradients::Dense => {
+            Gradients::Dense | Gradients::Noted => {
                 let marks = MARK.to_owned() + include_str!("shaders/note.wgsl");
                 (marks, "if (any(seen)) { note(i, p, s, seen.y, found_0.c.xy + found_1.c.xy); }\n")
             }
@@ -329,6 +332,8 @@ pub(crate) enum Gradients {
     Dense,
     /// They are written instead.
     Written,
+    /// They are written, and what is seen is marked.
+    Noted,
 }
 
 /// The gradient of numbers `n` to n + 3 of an image's harmonics, as far as their bands are learnt.

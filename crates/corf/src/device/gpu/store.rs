@@ -131,6 +131,11 @@ impl Store {
         self.len
     }
 
+    /// Geometry with opacities, optical and RF harmonics: what a frame is made from.
+    pub fn values(&self) -> [&wgpu::Buffer; 3] {
+        [&self.core.value.buffer, &self.sh[0].value.buffer, &self.sh[1].value.buffer]
+    }
+
     fn rows(&self) -> [&Rows; 8] {
         let ([a, b], c) = (&self.sh, &self.core);
         [&c.value, &c.moment1, &c.moment2, &self.position_rate, &a.value, &a.moments, &b.value, &b.moments]
@@ -325,6 +330,6 @@ impl Store {
     }
 
     pub fn to_gaussians(&self, context: &Context) -> Result<Gaussians> {
-        self.read(context, [&self.core.value.buffer, &self.sh[0].value.buffer, &self.sh[1].value.buffer])
+        self.read(context, self.values())
     }
 }

@@ -138,7 +138,7 @@ impl GpuDevice {
         let (context, m, s, n) = (&self.context, &self.memory, &self.surveyor, self.store.len());
         let uniforms = Uniforms::new(context, std::iter::once(params))?;
         m.reset(context, n);
-        let forward = self.forward.bind(context, &uniforms.buffer, &self.store, m, Leaves::MainContributors)?;
+        let forward = self.forward.bind(context, &uniforms.buffer, self.store.values(), m, Leaves::MainContributors)?;
         let (uniform, question, image) = (&uniforms.buffer, &s.question.buffer, &m.image.buffer);
         let [smoothed, down] = [&s.planes[0].buffer, &s.planes[1].buffer];
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);

@@ -4,18 +4,16 @@ use super::{
     GpuDevice,
     capacity::BufferCapacity,
     context::{Context, Reading},
-    dense::DenseUpdate,
-    frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Extent, FAILED, Leaves, NEEDED, STATE_WORDS, STEPS, VISIBLE},
-    kernel::{Bound, Kernel},
-    params::{self, GridParams, Params, Uniforms},
-    shaders::{Fixed, Gradients, HarmonicsShape},
+    frame::{Extent, FAILED, Leaves, NEEDED, STATE_WORDS, STEPS, VISIBLE},
+    params::{GridParams, Params, Uniforms},
+    shaders::HarmonicsShape,
     store::CORE,
+    training::{Destination, Planned},
 };
 use crate::{
     Error, Gaussians, OptimizerConfig, Result,
-    device::{Step, StepReport, ViewId},
+    device::{DenseStep, Step, StepReport},
 };
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Names of a step's kernels, in order.
@@ -54,85 +52,14 @@ pub(crate) struct Counts {
     pub shape: usize,
 }
 
-/// The kernels of a step beyond the forward pass.
-pub(crate) struct Training {
-    similarity: Kernel,
-    gradient: Kernel,
-    /// Kernels for each shape of tiles: the modalities apart, both at once.
-    backward: Vec<[Kernel; 2]>,
-    /// Appearance, geometry.
-    update: [Kernel; 2],
-    write_gradients: [Kernel; 2],
-    /// For dense steps; made when there is one.
-    pub(super) dense: Option<DenseUpdate>,
-}
-
-impl Training {
-    pub fn new(context: &Context, shapes: &[Fixed]) -> Result<Self> {
-        let fixed = &shapes[0];
-        let backward = |fixed: &Fixed| {
-            let kernels = [("blend backwards", fixed.backward(false)), ("blend both backwards", fixed.backward(true))];
-            Kernel::all(context, kernels)
-        };
-        let backward = shapes.par_iter().map(backward).collect::<Result<_>>()?;
-        let [similarity, gradient, appearance, geometry, of_appearance, of_geometry] = Kernel::all(
-            context,
-            [
-                ("similarity", fixed.similarity()),
-                ("loss gradient", fixed.gradient()),
-                ("update appearance", fixed.update_appearance(Gradients::Sparse)),
-                ("update geometry", fixed.update_geometry(Gradients::Sparse)),
-                ("gradients of appearance", fixed.update_appearance(Gradients::Written)),
-                ("gradients of geometry", fixed.update_geometry(Gradients::Written)),
-            ],
-        )?;
-        let (update, write_gradients) = ([appearance, geometry], [of_appearance, of_geometry]);
-        Ok(Self { similarity, gradient, backward, update, write_gradients, dense: None })
-    }
-}
-
-/// Use of the gradients of some steps.
-#[derive(Clone, Copy)]
-pub(super) enum Destination<'a> {
-    /// Steps of sparse Adam.
-    Sparse,
-    /// Steps of dense Adam.
-    Dense,
-    /// They are written to buffers: geometry, optical and RF harmonics.
-    Written([&'a wgpu::Buffer; 3]),
-}
-
-/// The kernels of a batch of steps with their memory.
-struct BoundTraining {
-    /// Kernels for each shape of tiles: the modalities apart, both at once.
-    backward: Vec<[Bound; 2]>,
-    /// Appearance, geometry.
-    update: [Bound; 2],
-    /// Of dense steps: light, RF.
-    coast: Option<[Bound; 2]>,
-}
-
-/// The loss kernels with a keyframe, where it is at present.
-struct BoundLoss {
-    placing: u64,
-    similarity: Bound,
-    gradient: Bound,
-}
-
-/// One step's constants and place among the uniforms.
-pub(super) struct Planned {
-    pub params: Params,
-    view: ViewId,
-}
-
 /// Steps on their way.
 pub(crate) struct Batch {
-    steps: Vec<Planned>,
+    pub(super) steps: Vec<Planned>,
     extent: Extent,
     /// The constants of the last one.
     last: Params,
     room: BufferCapacity,
-    done: usize,
+    pub(super) done: usize,
 }
 
 impl GpuDevice {
@@ -177,57 +104,13 @@ impl GpuDevice {
         Ok(Planned { params, view: step.view })
     }
 
-    fn bind_training(&self, uniform: &wgpu::Buffer, destination: Destination<'_>) -> Result<BoundTraining> {
-        let (m, s, t, context) = (&self.memory, &self.store, &self.training, &self.context);
-        let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
-        let (image, gradient) = (&m.image.buffer, &m.gradient.buffer);
-        let (lists, entries, splats) = (&m.lists.buffer, &m.entries.buffer, &m.splats.buffer);
-        let (checkpoints, visited, records) = (&m.checkpoints.buffer, &m.visited.buffer, &m.records.buffer);
-        let backward =
-            [uniform, &m.state, lists, &m.bucket_tiles.buffer, entries, splats, image, gradient, checkpoints, visited, records];
-        let of_shape = |[single, double]: &[Kernel; 2]| Ok([bind(single, &backward)?, bind(double, &backward)?]);
-        let dense = t.dense.as_ref().filter(|_| matches!(destination, Destination::Dense));
-        let ([appearance, geometry], core_gradient) = match destination {
-            Destination::Written([core, ..]) => (&t.write_gradients, core),
-            _ => (dense.map_or(&t.update, |d| &d.update), &s.core.moment1.buffer),
-        };
-        let (numbers, found, directions, core) =
-            (&m.gaussian_of.buffer, &m.found.buffer, &m.directions.buffer, &s.core.value.buffer);
-        let [optical, rf] = s.sh.each_ref().map(|sh| [&sh.value.buffer, &sh.moments.buffer]);
-        let read = [uniform, &m.state, numbers, &m.drawn.buffer, records, splats, core];
-        let mut appearance_buffers = [&read[..], &optical[..], &rf[..], &[found, directions]].concat();
-        if let Destination::Written([_, of_optical, of_rf]) = destination {
-            appearance_buffers.extend([of_optical, of_rf]);
-        }
-        let (second, rates, marks) = (&s.core.moment2.buffer, &s.position_rate.buffer, &self.marks.buffer);
-        let mut geometry_buffers = vec![uniform, &m.state, numbers, found, directions, core, core_gradient, second, rates];
-        geometry_buffers.extend(dense.map(|_| marks));
-        let coast = |kernel: &Kernel, [value, moments]: [&wgpu::Buffer; 2]| {
-            bind(kernel, &[uniform, &m.state, marks, rates, core, &s.core.moment1.buffer, second, value, moments])
-        };
-        let coast = dense.map(|d| Ok::<_, Error>([coast(&d.coast[0], optical)?, coast(&d.coast[1], rf)?])).transpose()?;
-        Ok(BoundTraining {
-            coast,
-            backward: t.backward.iter().map(of_shape).collect::<Result<_>>()?,
-            update: [bind(appearance, &appearance_buffers)?, bind(geometry, &geometry_buffers)?],
-        })
-    }
-
-    /// Binds the loss kernels to the keyframes of some steps; what is bound to a keyframe that has moved is bound again.
-    fn bind_losses(&self, uniform: &wgpu::Buffer, steps: &[Planned], bound: &mut BTreeMap<usize, BoundLoss>) -> Result<()> {
-        let (m, t) = (&self.memory, &self.training);
-        let (image, derivatives, gradient) = (&m.image.buffer, &m.derivatives.buffer, &m.gradient.buffer);
-        let losses = &m.block_losses.buffer;
-        bound.retain(|view, loss| self.shelf.place(*view).is_some_and(|(_, placing)| placing == loss.placing));
-        for view in steps.iter().map(|s| s.view.0) {
-            if let (false, Some((target, placing))) = (bound.contains_key(&view), self.shelf.place(view)) {
-                let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(&self.context, params::SIZE, buffers);
-                let similarity = bind(&t.similarity, &[uniform, image, target, derivatives, losses])?;
-                let gradient = bind(&t.gradient, &[uniform, image, target, derivatives, gradient, losses])?;
-                bound.insert(view, BoundLoss { placing, similarity, gradient });
-            }
-        }
-        Ok(())
+    /// A dense step's constants.
+    pub(super) fn plan_dense(&mut self, dense: &DenseStep) -> Result<Planned> {
+        let mut one = self.plan_step(&dense.step, &dense.constants(&self.optimizer))?;
+        // The last of all numbers is nobody's: what is marked by nobody has it.
+        self.dense_steps = (self.dense_steps + 1) % u32::MAX;
+        one.params.set_dense(dense, self.dense_steps);
+        Ok(one)
     }
 
     /// Runs steps in order, however often room has to be made, and reports the last.
@@ -290,16 +173,27 @@ impl GpuDevice {
 
     /// Submits what is left of a batch.
     fn launch(&mut self, batch: &mut Batch, destination: Destination<'_>) -> Result<Reading<u32>> {
+        self.make_room(batch)?;
+        self.submit(&batch.steps[batch.done..], destination)?;
+        self.begin_report(batch)
+    }
+
+    /// Makes the room that a batch asks for.
+    pub(super) fn make_room(&mut self, batch: &mut Batch) -> Result<()> {
         self.memory.reserve(&self.context, &self.shapes[0], &batch.extent, batch.room)?;
         let held = self.memory.room;
         batch.steps.iter_mut().for_each(|p| p.params.set_room(held));
-        self.submit(&batch.steps[batch.done..], destination)?;
+        Ok(())
+    }
+
+    /// Has the device say how far a batch came that was submitted.
+    pub(super) fn begin_report(&self, batch: &Batch) -> Result<Reading<u32>> {
         let losses = 12 * batch.last.blocks_total as usize;
         self.context.begin_reading("training", &[(&self.memory.state, STATE_WORDS), (&self.memory.block_losses.buffer, losses)])
     }
 
     /// Waits for what was submitted of a batch; nothing to report where steps are left for lack of room.
-    fn absorb(&mut self, batch: &mut Batch, reading: Reading<u32>) -> Result<Option<StepReport>> {
+    pub(super) fn absorb(&mut self, batch: &mut Batch, reading: Reading<u32>) -> Result<Option<StepReport>> {
         let read = reading.finish(&self.context)?;
         let (state, last) = (&read[0], &batch.last);
         batch.done += state[STEPS] as usize;
@@ -330,8 +224,8 @@ impl GpuDevice {
         let uniform = &uniforms.buffer;
         let (n, m) = (self.store.len(), &self.memory);
         m.reset(context, n);
-        let forward = self.forward.bind(context, uniform, &self.store, m, Leaves::Checkpoints)?;
-        let training = self.bind_training(uniform, destination)?;
+        let forward = self.forward.bind(context, uniform, self.store.values(), m, Leaves::Checkpoints)?;
+        let training = self.bind_training(uniform, self.store.values(), destination)?;
         let mut losses = BTreeMap::new();
         // The device begins with the first few while more are recorded, and their keyframes come.
         let (mut done, mut many) = (0, FIRST_STEPS);
@@ -352,23 +246,12 @@ impl GpuDevice {
                     }
                 };
                 for (k, step) in some.iter().enumerate() {
-                    let p = &step.params;
                     let offset = uniforms.offset(done + k);
                     mark(&mut pass);
-                    forward.record(&mut pass, p, offset, n, m, &mut mark);
-                    if let Some(loss) = losses.get(&step.view.0) {
-                        loss.similarity.run(&mut pass, offset, 3 * p.blocks_total);
-                        mark(&mut pass);
-                        loss.gradient.run(&mut pass, offset, 3 * p.blocks_total);
-                    }
-                    mark(&mut pass);
-                    training.backward[p.shape as usize][p.fused as usize].run_indirect(&mut pass, offset, &m.args, ARGS_BUCKETS);
-                    mark(&mut pass);
-                    training.update[0].run_indirect(&mut pass, offset, &m.args, ARGS_APPEARANCE);
-                    mark(&mut pass);
-                    training.update[1].run_indirect(&mut pass, offset, &m.args, ARGS_GEOMETRY);
+                    forward.record(&mut pass, &step.params, offset, n, m, &mut mark);
+                    training.record(&mut pass, step, losses.get(&step.view.0), offset, m, &mut mark);
                     if let Some(coast) = &training.coast {
-                        let g = usize::from(p.grids[1].size[0] > 0);
+                        let g = usize::from(step.params.grids[1].size[0] > 0);
                         let words = n * (CORE + self.store.harmonics[g].words()) / 4;
                         coast[g].run(&mut pass, offset, words.div_ceil(256) as u32);
                     }

@@ -2,14 +2,6 @@
 @group(0) @binding(3) var<storage, read_write> position: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> outside: array<vec4<f32>>;
 
-// Number `column` of the encoding of x: x, then sines and cosines of x at doubling frequencies.
-fn encoded(x: vec3<f32>, column: u32) -> f32 {
-    if (column < 3u) { return x[column]; }
-    let wave = (column - 3u) / 6u;
-    let kind = (column - 3u) % 6u;
-    return sin_cos(x[kind % 3u] * f32(1u << wave))[kind / 3u];
-}
-
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t: u32) {
     let i = 64u * (id.y * 32768u + id.x) + t;

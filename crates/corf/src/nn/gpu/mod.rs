@@ -23,6 +23,8 @@ pub use measure::{ProductTime, measure_products};
 
 /// Bytes from one kernel's constants to the next.
 pub(crate) const CONSTANTS: u64 = 256;
+/// WGSL of the frequency encoding, and of sines and cosines that are right on every adapter.
+pub(crate) const ENCODING: &str = include_str!("shaders/encoding.wgsl");
 /// Numbers of a vector.
 pub(crate) const LANES: usize = 4;
 
@@ -65,8 +67,12 @@ impl Products {
 
 /// A network with its parameters, optimiser and working memory on a GPU.
 pub(crate) struct GpuNetwork {
+    network: Network,
     layout: Layout,
+    kernels: plan::Kernels,
     rows: usize,
+    /// Rows that there is memory for.
+    capacity: usize,
     /// Inputs of the network, to be written by others: `rows` rows of vectors, filled up with zeros.
     pub inputs: Vec<wgpu::Buffer>,
     /// Outputs of every layer.
@@ -76,6 +82,8 @@ pub(crate) struct GpuNetwork {
     parameters: wgpu::Buffer,
     moments: [wgpu::Buffer; 2],
     gradient: wgpu::Buffer,
+    /// A word that is 0; where another writes anything else, [`Self::adam`] does nothing.
+    pub gate: wgpu::Buffer,
     adam: Dispatch,
     adam_constants: wgpu::Buffer,
     forward: Vec<Dispatch>,
@@ -114,40 +122,79 @@ impl GpuNetwork {
     pub fn new(context: &Context, network: &Network, parameters: &[f32], optimizer: Adam, rows: usize) -> Result<Self> {
         check(network)?;
         let layout = Layout::new(network);
-        let rows_of = |label: &str, width: usize| context.storage(label, (16 * rows * vectors(width)) as u64);
-        let inputs = network.inputs().iter().map(|w| rows_of("network inputs", *w)).collect::<Result<Vec<_>>>()?;
-        let widths = || network.layers().iter().map(|l| l.outputs);
-        let values = widths().map(|w| rows_of("layer outputs", w)).collect::<Result<Vec<_>>>()?;
-        let gradients = widths().map(|w| rows_of("layer gradients", w)).collect::<Result<Vec<_>>>()?;
         let array = |label: &str| context.storage(label, (16 * layout.len()) as u64);
         let (stored, gradient) = (array("network parameters")?, array("network gradient")?);
         let moments = [array("first moments")?, array("second moments")?];
+        let gate = context.storage("gate of a step", 16)?;
+        context.fill(&gate, 0, &[0_u32; 4]);
         let adam_kernel = Kernel::new(context, "network adam", include_str!("shaders/adam.wgsl"))?;
         let adam_constants = context.buffer("adam constants", CONSTANTS, wgpu::BufferUsages::UNIFORM)?;
-        let buffers = [&adam_constants, &gradient, &stored, &moments[0], &moments[1]];
+        let buffers = [&adam_constants, &gradient, &stored, &moments[0], &moments[1], &gate];
         let bound = adam_kernel.bind(context, size_of::<AdamConstants>() as u64, &buffers)?;
         let adam = Dispatch { bound, constants: 0, groups: layout.len().div_ceil(64) as u32 };
-        let buffers =
-            plan::Buffers { inputs: &inputs, values: &values, gradients: &gradients, parameters: &stored, gradient: &gradient };
-        let (forward, backward) = plan::dispatches(context, network, &layout, rows, &buffers)?;
         let mut made = Self {
-            rows,
-            inputs,
-            values,
-            gradients,
+            network: network.clone(),
+            kernels: plan::Kernels::new(context)?,
+            rows: 0,
+            capacity: 0,
+            inputs: vec![],
+            values: vec![],
+            gradients: vec![],
             parameters: stored,
             moments,
             gradient,
+            gate,
             adam,
             adam_constants,
-            forward,
-            backward,
+            forward: vec![],
+            backward: vec![],
             optimizer,
             steps: 0,
             layout,
         };
+        made.set_rows(context, rows)?;
         made.restore(context, &Trained::new(parameters.to_vec()))?;
         Ok(made)
+    }
+
+    /// Makes batches of another number of rows. Inputs, and everything bound to them, to values and to heads, are others afterwards.
+    ///
+    /// # Errors
+    /// An adapter without memory.
+    pub fn set_rows(&mut self, context: &Context, rows: usize) -> Result<()> {
+        if rows == self.rows {
+            return Ok(());
+        }
+        if rows > self.capacity {
+            // The old memory goes before the new comes; an eighth more than is asked for, so that growth by and by does not ask each time.
+            (self.rows, self.capacity) = (0, 0);
+            for old in [&mut self.inputs, &mut self.values, &mut self.gradients] {
+                old.drain(..).for_each(|buffer| buffer.destroy());
+            }
+            let capacity = if self.forward.is_empty() { rows } else { rows + rows / 8 };
+            let rows_of = |label: &str, width: usize| context.storage(label, (16 * capacity * vectors(width)) as u64);
+            let widths = || self.network.layers().iter().map(|l| l.outputs);
+            self.inputs = self.network.inputs().iter().map(|w| rows_of("network inputs", *w)).collect::<Result<_>>()?;
+            self.values = widths().map(|w| rows_of("layer outputs", w)).collect::<Result<_>>()?;
+            self.gradients = widths().map(|w| rows_of("layer gradients", w)).collect::<Result<_>>()?;
+            self.capacity = capacity;
+        }
+        let buffers = plan::Buffers {
+            inputs: &self.inputs,
+            values: &self.values,
+            gradients: &self.gradients,
+            parameters: &self.parameters,
+            gradient: &self.gradient,
+        };
+        (self.forward, self.backward) =
+            plan::dispatches(context, &self.network, &self.layout, rows, &buffers, &mut self.kernels)?;
+        self.rows = rows;
+        Ok(())
+    }
+
+    /// Steps taken, or begun.
+    pub fn steps(&self) -> u64 {
+        self.steps
     }
 
     /// Rows of a batch.
@@ -180,14 +227,19 @@ impl GpuNetwork {
         self.backward.iter().for_each(|d| d.run(pass));
     }
 
-    /// Takes a step with the gradient; [`Self::begin_step`] says how long it is.
+    /// Takes a step with the gradient; [`Self::begin_step`] says how long it is. Nothing where [`Self::gate`] is not 0.
     pub fn adam(&self, pass: &mut wgpu::ComputePass<'_>) {
         self.adam.run(pass);
     }
 
     /// Sets the constants of the next step, before it is submitted.
     pub fn begin_step(&mut self, context: &Context, rate: f64) {
-        self.steps += 1;
+        self.begin_step_number(context, self.steps + 1, rate);
+    }
+
+    /// Sets the constants of step `number`, from 1: one that was begun in vain is begun again.
+    pub fn begin_step_number(&mut self, context: &Context, number: u64, rate: f64) {
+        self.steps = number;
         let Adam { beta1, beta2, epsilon, weight_decay } = self.optimizer;
         let [rate, root] = self.optimizer.factors(self.steps, rate).map(|v| v as f32);
         let [gain1, gain2] = self.optimizer.gains();

@@ -40,11 +40,23 @@ struct Sum {
     bias_first: u32,
 }
 
+/// Compiled kernels of a network's passes, whatever the number of rows.
+pub(super) struct Kernels {
+    products: Products,
+    reduce: Kernel,
+}
+
+impl Kernels {
+    pub fn new(context: &Context) -> Result<Self> {
+        let reduce = Kernel::new(context, "sum of weight gradients", include_str!("shaders/reduce.wgsl"))?;
+        Ok(Self { products: Products::default(), reduce })
+    }
+}
+
 /// Collects dispatches and the constants of each.
 struct Planner<'a> {
     context: &'a Context,
-    products: Products,
-    reduce: Kernel,
+    kernels: &'a mut Kernels,
     constants: wgpu::Buffer,
     used: u64,
 }
@@ -62,7 +74,7 @@ impl Planner<'_> {
     fn product(&mut self, product: Product, shape: &Shape, buffers: [&wgpu::Buffer; 4]) -> Result<Dispatch> {
         let tile = Tile::of(product, shape.rows, shape.columns);
         let constants = self.constants(bytemuck::bytes_of(shape));
-        let kernel = self.products.get(self.context, product, tile)?;
+        let kernel = self.kernels.products.get(self.context, product, tile)?;
         let bound = bind_product(self.context, kernel, &self.constants, buffers)?;
         Ok(Dispatch { bound, constants, groups: tile.count(shape.rows, shape.columns) * shape.parts() })
     }
@@ -90,12 +102,12 @@ pub(super) fn dispatches(
     layout: &Layout,
     rows: usize,
     buffers: &Buffers<'_>,
+    kernels: &mut Kernels,
 ) -> Result<(Vec<Dispatch>, Vec<Dispatch>)> {
     let edges: usize = network.layers().iter().map(|l| l.sources.len()).sum();
     // A forward product, a data gradient, a weight gradient and its sum for each edge.
     let constants = context.buffer("network constants", CONSTANTS * 4 * edges as u64, wgpu::BufferUsages::UNIFORM)?;
-    let reduce = Kernel::new(context, "sum of weight gradients", include_str!("shaders/reduce.wgsl"))?;
-    let mut planner = Planner { context, products: Products::default(), reduce, constants, used: 0 };
+    let mut planner = Planner { context, kernels, constants, used: 0 };
     let forward = forward(&mut planner, network, layout, rows, buffers)?;
     let backward = backward(&mut planner, network, layout, rows, buffers)?;
     context.check("planning a network")?;
@@ -170,7 +182,7 @@ fn backward(
                 bias_first: place.bias as u32,
             };
             let constants = p.constants(bytemuck::bytes_of(&sum));
-            let bound = p.reduce.bind(p.context, size_of::<Sum>() as u64, &[&p.constants, &partial, buffers.gradient])?;
+            let bound = p.kernels.reduce.bind(p.context, size_of::<Sum>() as u64, &[&p.constants, &partial, buffers.gradient])?;
             out.push(Dispatch { bound, constants, groups: shape.c_part.div_ceil(64) });
             let Source::Layer(from) = *source else { continue };
             let shape = Shape {

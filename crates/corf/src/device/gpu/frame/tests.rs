@@ -10,6 +10,7 @@ use crate::{
         gpu::{
             params::Uniforms,
             shaders::{HarmonicsShape, MOST_CHUNKS},
+            store::Store,
             testing,
         },
     },
@@ -228,7 +229,7 @@ fn emitted(
     let uniforms = Uniforms::new(context, std::iter::once(&params)).unwrap();
     m.reset(context, g.len());
     let forward = Forward::new(context, &[fixed], None).unwrap();
-    let bound = forward.bind(context, &uniforms.buffer, &store, &m, Leaves::Images).unwrap();
+    let bound = forward.bind(context, &uniforms.buffer, store.values(), &m, Leaves::Images).unwrap();
     let run = |kernels: &dyn Fn(&mut wgpu::ComputePass<'_>)| {
         let mut encoder = context.encoder();
         kernels(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()));

@@ -1,0 +1,217 @@
+//! The baseline WRF-GS+ (Wen et al. 2025): Gaussians of the spectrum alone, deformed by a network for each receiver. Two rows: as published, and
+//! with the displacement used that the published program predicts and leaves unused (docs/baselines.md).
+
+use crate::device::Backend;
+use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
+use crate::methods::field::jet_of;
+use crate::methods::stepwise::{self, Stepwise};
+use crate::metrics::Prediction;
+use anyhow::{Context, Result, ensure};
+use corf::wrf_gs_plus::{
+    CpuTrainer, Model, Trainer, WrfGsPlusCheckpoint, WrfGsPlusConfig, WrfGsPlusField, WrfGsPlusReconstructor,
+};
+use corf_scene::Rigid3;
+use corf_scene::dataset::Dataset;
+use std::path::Path;
+
+/// File of a run folder with the field.
+const FIELD: &str = "wrf-gs-plus";
+
+/// `wrf-gs-plus` and `wrf-gs-plus-corrected`.
+pub struct WrfGsPlus {
+    id: String,
+    config: WrfGsPlusConfig,
+    backend: Backend,
+    checkpoints: Option<Checkpoints>,
+}
+
+impl WrfGsPlus {
+    /// The row of that name; `overrides` are keys of [`WrfGsPlusConfig`].
+    ///
+    /// # Errors
+    /// A key that does not exist or that the name sets, or a value out of range.
+    pub fn new(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Self> {
+        // A record must not say one thing and do another.
+        ensure!(
+            !overrides.contains_key("move_positions"),
+            "{id}: the key move_positions is set by the method's name\n  help: choose wrf-gs-plus or wrf-gs-plus-corrected"
+        );
+        let mut config: WrfGsPlusConfig =
+            super::over_defaults(overrides.clone()).with_context(|| format!("in the configuration of {id}"))?;
+        config.move_positions = id == "wrf-gs-plus-corrected";
+        config.validate()?;
+        Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None })
+    }
+}
+
+/// A trainer without Gaussians, with these parameters of its network.
+pub fn trainer(backend: &Backend, config: &WrfGsPlusConfig, parameters: Vec<f32>) -> Result<Box<dyn Trainer>> {
+    match backend {
+        Backend::Cpu => Ok(Box::new(CpuTrainer::new(config, parameters)?)),
+        #[cfg(feature = "gpu")]
+        Backend::Gpu { number, .. } => {
+            use corf::{device::gpu::GpuOptions, wrf_gs_plus::GpuTrainer};
+            let options = GpuOptions { adapter: *number, software: true, ..GpuOptions::default() };
+            Ok(Box::new(GpuTrainer::new(&options, config, &parameters)?))
+        }
+    }
+}
+
+impl Stepwise for WrfGsPlusReconstructor {
+    fn begin(&mut self) -> corf::Result<()> {
+        Self::begin(self)
+    }
+
+    fn resume(&mut self, path: &Path, checkpoints: &Checkpoints) -> Result<()> {
+        let checkpoint = WrfGsPlusCheckpoint::read(path)?;
+        checkpoints.check_tag(checkpoint.tag())?;
+        Ok(self.restore(&checkpoint)?)
+    }
+
+    fn keep(&mut self, path: &Path, tag: &str) -> corf::Result<()> {
+        self.checkpoint(tag)?.write(path)
+    }
+
+    fn train(&mut self, most: usize) -> corf::Result<()> {
+        Self::train(self, most).map(|_| ())
+    }
+
+    fn steps_done(&self) -> usize {
+        Self::steps_done(self)
+    }
+
+    fn gaussian_count(&mut self) -> usize {
+        Self::gaussian_count(self)
+    }
+}
+
+impl Method for WrfGsPlus {
+    fn id(&self) -> &str {
+        &self.id
+    }
+
+    fn config(&self) -> serde_json::Value {
+        serde_json::json!(self.config)
+    }
+
+    fn device(&self) -> String {
+        self.backend.name()
+    }
+
+    fn unit(&self) -> &'static str {
+        "steps"
+    }
+
+    /// The box in which the first Gaussians lie follows from the extent of the receivers.
+    fn least_keyframes(&self) -> usize {
+        2
+    }
+
+    fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {
+        self.checkpoints = Some(checkpoints);
+    }
+
+    fn reconstruct(
+        &self,
+        training: &TrainingSet<'_>,
+        seed: u64,
+        advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
+    ) -> Result<Box<dyn Predictor>> {
+        let (config, total) = (&self.config, self.config.iterations);
+        let trainer = trainer(&self.backend, config, Model::new(config).network.initial(seed))?;
+        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
+        let mut reconstructor = WrfGsPlusReconstructor::new(trainer, config.clone(), optical, rf, range, seed)?;
+        for k in 0..training.len() {
+            reconstructor.receive(&training.keyframe(k)?)?;
+            advance(Advance::of(0, total))?;
+        }
+        let resumed_steps = stepwise::run(&mut reconstructor, total, self.checkpoints.as_ref(), advance)?;
+        let gaussians = Some(reconstructor.gaussian_count());
+        advance(Advance { gaussians, resumed_steps, ..Advance::of(total, total) })?;
+        let field = reconstructor.field()?;
+        Ok(Box::new(WrfGsPlusPredictor { field, backend: self.backend.clone(), trainer: Some(reconstructor.into_trainer()) }))
+    }
+}
+
+/// A trained field.
+pub struct WrfGsPlusPredictor {
+    field: WrfGsPlusField,
+    backend: Backend,
+    /// One that holds the field; made when it is first needed.
+    trainer: Option<Box<dyn Trainer>>,
+}
+
+impl WrfGsPlusPredictor {
+    /// Reads the field of a run folder.
+    ///
+    /// # Errors
+    /// A missing or damaged file, or a field of another dataset's camera.
+    pub fn load(run: &Path, dataset: &Dataset, backend: &Backend) -> Result<Self> {
+        let field = WrfGsPlusField::read(&run.join(FIELD))?;
+        ensure!(
+            field.meta.rf_camera == dataset.rf_camera(),
+            "{}: the field's camera is not the dataset's",
+            run.join(FIELD).display()
+        );
+        Ok(Self { field, backend: backend.clone(), trainer: None })
+    }
+}
+
+impl Predictor for WrfGsPlusPredictor {
+    fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
+        let mut trainer = match self.trainer.take() {
+            Some(trainer) => trainer,
+            None => {
+                let mut made = trainer(&self.backend, &self.field.config, self.field.parameters.clone())?;
+                self.field.load(made.as_mut())?;
+                made
+            }
+        };
+        let rf = self.field.render(trainer.as_mut(), world_from_camera)?;
+        self.trainer = Some(trainer);
+        ensure!(
+            rf.pixels.iter().all(|v| v.is_finite()),
+            "a pixel of the prediction is not a finite number\n  help: the network has diverged; train it with smaller rates.network"
+        );
+        let target = self.field.meta.rf_target;
+        let scalar = target.scalar(&rf);
+        Ok(Prediction { image: None, rf_jet: jet_of(target, &rf, &scalar), rf_scalar: scalar, depth_m: None })
+    }
+
+    fn gaussians(&self) -> Option<usize> {
+        Some(self.field.gaussians.len())
+    }
+
+    fn save(&self, run: &Path) -> Result<()> {
+        Ok(self.field.write(&run.join(FIELD))?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use corf::target::RfTarget;
+
+    fn make(id: &str, text: &str) -> Result<WrfGsPlus> {
+        WrfGsPlus::new(id, &text.parse().unwrap(), &Backend::Cpu)
+    }
+
+    #[test]
+    fn the_rows_differ_as_their_names_say_and_yield_to_overrides() {
+        let (published, corrected) = (make("wrf-gs-plus", "").unwrap().config, make("wrf-gs-plus-corrected", "").unwrap().config);
+        assert_eq!(published, WrfGsPlusConfig::default());
+        assert_eq!(corrected, WrfGsPlusConfig { move_positions: true, ..published });
+        let other = make("wrf-gs-plus", "iterations = 5000\nrf_target = \"db\"\nrates.network = [1e-3, 1e-4]").unwrap().config;
+        assert_eq!((other.iterations, other.rf_target, other.rates.network), (5000, RfTarget::Db, [1e-3, 1e-4]));
+        assert_eq!((other.rates.sh_dc, other.density), (2.5e-3, WrfGsPlusConfig::default().density));
+        for (text, words) in [
+            ("move_positions = true", "wrf-gs-plus-corrected"),
+            ("steps = 1", "steps"),
+            ("density.often = 1", "often"),
+            ("skip = 9", "`skip`"),
+        ] {
+            let error = format!("{:#}", make("wrf-gs-plus", text).err().unwrap());
+            assert!(error.contains(words), "{error}");
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! The kernels of a training step behind its forward pass: losses, the blend backwards, the update.
+
+use super::{
+    GpuDevice,
+    context::Context,
+    dense::DenseUpdate,
+    frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Mark, Memory},
+    kernel::{Bound, Kernel},
+    params::{self, Params},
+    shaders::{Fixed, Gradients},
+};
+use crate::{Error, Result, device::ViewId};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// The kernels of a step beyond the forward pass.
+pub(crate) struct Training {
+    similarity: Kernel,
+    gradient: Kernel,
+    /// Kernels for each shape of tiles: the modalities apart, both at once.
+    backward: Vec<[Kernel; 2]>,
+    /// Appearance, geometry.
+    update: [Kernel; 2],
+    write_gradients: [Kernel; 2],
+    /// For dense steps; made when there is one.
+    pub(super) dense: Option<DenseUpdate>,
+    /// Gradients of geometry that are noted as well; made when there is such a step.
+    pub(super) noted: Option<Kernel>,
+}
+
+impl Training {
+    pub fn new(context: &Context, shapes: &[Fixed]) -> Result<Self> {
+        let fixed = &shapes[0];
+        let backward = |fixed: &Fixed| {
+            let kernels = [("blend backwards", fixed.backward(false)), ("blend both backwards", fixed.backward(true))];
+            Kernel::all(context, kernels)
+        };
+        let backward = shapes.par_iter().map(backward).collect::<Result<_>>()?;
+        let [similarity, gradient, appearance, geometry, of_appearance, of_geometry] = Kernel::all(
+            context,
+            [
+                ("similarity", fixed.similarity()),
+                ("loss gradient", fixed.gradient()),
+                ("update appearance", fixed.update_appearance(Gradients::Sparse)),
+                ("update geometry", fixed.update_geometry(Gradients::Sparse)),
+                ("gradients of appearance", fixed.update_appearance(Gradients::Written)),
+                ("gradients of geometry", fixed.update_geometry(Gradients::Written)),
+            ],
+        )?;
+        let (update, write_gradients) = ([appearance, geometry], [of_appearance, of_geometry]);
+        Ok(Self { similarity, gradient, backward, update, write_gradients, dense: None, noted: None })
+    }
+}
+
+/// Use of the gradients of some steps.
+#[derive(Clone, Copy)]
+pub(super) enum Destination<'a> {
+    /// Steps of sparse Adam.
+    Sparse,
+    /// Steps of dense Adam.
+    Dense,
+    /// They are written to buffers: geometry, optical and RF harmonics.
+    Written([&'a wgpu::Buffer; 3]),
+    /// The same, and gradients on the screen are summed if the step asks for it.
+    Noted([&'a wgpu::Buffer; 3]),
+}
+
+/// The kernels of a batch of steps with their memory.
+pub(super) struct BoundTraining {
+    /// Kernels for each shape of tiles: the modalities apart, both at once.
+    backward: Vec<[Bound; 2]>,
+    /// Appearance, geometry.
+    update: [Bound; 2],
+    /// Of dense steps: light, RF.
+    pub coast: Option<[Bound; 2]>,
+}
+
+/// The loss kernels with a keyframe, where it is at present.
+pub(super) struct BoundLoss {
+    placing: u64,
+    similarity: Bound,
+    gradient: Bound,
+}
+
+impl BoundTraining {
+    /// Records what comes behind a step's forward pass, up to the update; `mark` is called between the kernels.
+    pub fn record(
+        &self,
+        pass: &mut wgpu::ComputePass<'_>,
+        step: &Planned,
+        loss: Option<&BoundLoss>,
+        offset: u32,
+        m: &Memory,
+        mark: Mark<'_>,
+    ) {
+        let p = &step.params;
+        if let Some(BoundLoss { similarity, gradient, .. }) = loss {
+            similarity.run(pass, offset, 3 * p.blocks_total);
+            mark(pass);
+            gradient.run(pass, offset, 3 * p.blocks_total);
+        }
+        mark(pass);
+        self.backward[p.shape as usize][p.fused as usize].run_indirect(pass, offset, &m.args, ARGS_BUCKETS);
+        mark(pass);
+        self.update[0].run_indirect(pass, offset, &m.args, ARGS_APPEARANCE);
+        mark(pass);
+        self.update[1].run_indirect(pass, offset, &m.args, ARGS_GEOMETRY);
+    }
+}
+
+/// One step's constants and place among the uniforms.
+pub(super) struct Planned {
+    pub params: Params,
+    pub view: ViewId,
+}
+
+impl GpuDevice {
+    /// Binds the kernels behind a forward pass from `values`.
+    pub(super) fn bind_training(
+        &self,
+        uniform: &wgpu::Buffer,
+        [core, of_light, of_rf]: [&wgpu::Buffer; 3],
+        destination: Destination<'_>,
+    ) -> Result<BoundTraining> {
+        let (m, s, t, context) = (&self.memory, &self.store, &self.training, &self.context);
+        let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
+        let (image, gradient) = (&m.image.buffer, &m.gradient.buffer);
+        let (lists, entries, splats) = (&m.lists.buffer, &m.entries.buffer, &m.splats.buffer);
+        let (checkpoints, visited, records) = (&m.checkpoints.buffer, &m.visited.buffer, &m.records.buffer);
+        let backward =
+            [uniform, &m.state, lists, &m.bucket_tiles.buffer, entries, splats, image, gradient, checkpoints, visited, records];
+        let of_shape = |[single, double]: &[Kernel; 2]| Ok([bind(single, &backward)?, bind(double, &backward)?]);
+        let dense = t.dense.as_ref().filter(|_| matches!(destination, Destination::Dense));
+        let ([appearance, geometry], core_gradient) = match destination {
+            Destination::Written([core, ..]) => (t.write_gradients.each_ref(), core),
+            Destination::Noted([core, ..]) => {
+                let noted = t.noted.as_ref().unwrap_or(&t.write_gradients[1]);
+                ([&t.write_gradients[0], noted], core)
+            }
+            Destination::Sparse | Destination::Dense => {
+                (dense.map_or(&t.update, |d| &d.update).each_ref(), &s.core.moment1.buffer)
+            }
+        };
+        let (numbers, found, directions) = (&m.gaussian_of.buffer, &m.found.buffer, &m.directions.buffer);
+        let (optical, rf) = ([of_light, &s.sh[0].moments.buffer], [of_rf, &s.sh[1].moments.buffer]);
+        let read = [uniform, &m.state, numbers, &m.drawn.buffer, records, splats, core];
+        let mut appearance_buffers = [&read[..], &optical[..], &rf[..], &[found, directions]].concat();
+        if let Destination::Written([_, light, radio]) | Destination::Noted([_, light, radio]) = destination {
+            appearance_buffers.extend([light, radio]);
+        }
+        let (second, rates, marks) = (&s.core.moment2.buffer, &s.position_rate.buffer, &self.marks.buffer);
+        let mut geometry_buffers = vec![uniform, &m.state, numbers, found, directions, core, core_gradient, second, rates];
+        if matches!(destination, Destination::Dense | Destination::Noted(_)) {
+            geometry_buffers.push(marks);
+        }
+        let coast = |kernel: &Kernel, [value, moments]: [&wgpu::Buffer; 2]| {
+            bind(kernel, &[uniform, &m.state, marks, rates, core, &s.core.moment1.buffer, second, value, moments])
+        };
+        let coast = dense.map(|d| Ok::<_, Error>([coast(&d.coast[0], optical)?, coast(&d.coast[1], rf)?])).transpose()?;
+        Ok(BoundTraining {
+            coast,
+            backward: t.backward.iter().map(of_shape).collect::<Result<_>>()?,
+            update: [bind(appearance, &appearance_buffers)?, bind(geometry, &geometry_buffers)?],
+        })
+    }
+
+    /// Binds the loss kernels to the keyframes of some steps; what is bound to a keyframe that has moved is bound again.
+    pub(super) fn bind_losses(
+        &self,
+        uniform: &wgpu::Buffer,
+        steps: &[Planned],
+        bound: &mut BTreeMap<usize, BoundLoss>,
+    ) -> Result<()> {
+        let (m, t) = (&self.memory, &self.training);
+        let (image, derivatives, gradient) = (&m.image.buffer, &m.derivatives.buffer, &m.gradient.buffer);
+        let losses = &m.block_losses.buffer;
+        bound.retain(|view, loss| self.shelf.place(*view).is_some_and(|(_, placing)| placing == loss.placing));
+        for view in steps.iter().map(|s| s.view.0) {
+            if let (false, Some((target, placing))) = (bound.contains_key(&view), self.shelf.place(view)) {
+                let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(&self.context, params::SIZE, buffers);
+                let similarity = bind(&t.similarity, &[uniform, image, target, derivatives, losses])?;
+                let gradient = bind(&t.gradient, &[uniform, image, target, derivatives, gradient, losses])?;
+                bound.insert(view, BoundLoss { placing, similarity, gradient });
+            }
+        }
+        Ok(())
+    }
+}
