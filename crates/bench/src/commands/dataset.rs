@@ -72,7 +72,13 @@ impl DatasetCommand {
 /// Summary of a dataset's content, in a line or two.
 fn summary(dataset: &Dataset) -> String {
     let header = dataset.header();
-    let mut text = format!("{}: {} keyframes, {:?} spectra", header.name, dataset.len(), header.spectrum);
+    let spectra = match (header.modalities.radio, header.spectrum) {
+        (false, _) => "no spectra".to_owned(),
+        (true, None) => "imported spectra".to_owned(),
+        (true, Some(kind)) => format!("{kind:?} spectra"),
+    };
+    let images = if header.modalities.light { "" } else { ", no images" };
+    let mut text = format!("{}: {} keyframes, {spectra}{images}", header.name, dataset.len());
     if let Some(share) = dataset.share_in_frame_summary() {
         let [mean, min, max] = [share.mean, share.min, share.max].map(|s| 100.0 * s);
         text += &format!("\nof the arriving power {mean:.1} % falls into the RF frame ({min:.1} to {max:.1} % a keyframe)");

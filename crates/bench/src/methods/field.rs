@@ -2,7 +2,7 @@
 
 use crate::device::Backend;
 use crate::method::Predictor;
-use crate::metrics::Prediction;
+use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::Result;
 use corf::target::RfTarget;
 use corf::{Device, Field, Gaussians, OptimizerConfig, RasterConfig};
@@ -81,7 +81,7 @@ impl Predictor for FieldPredictor {
     fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
         let meta = self.field.meta;
         let p = meta.render(self.device()?, *world_from_camera)?;
-        let rf_jet = match self.field.meta.rf_target {
+        let jet = match self.field.meta.rf_target {
             RfTarget::Jet => {
                 let colours = p.rf.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
                 Raster::from_vec(p.rf.width, p.rf.height, colours)
@@ -89,7 +89,8 @@ impl Predictor for FieldPredictor {
             RfTarget::Db => p.scalar.map(|&s| color::jet(s)),
         };
         let depth_m = p.inverse_depth.map(|&i| if i > 0.0 { 1.0 / i } else { 0.0 });
-        Ok(Prediction { image: Some(p.image), rf_jet, rf_scalar: p.scalar, depth_m: Some(depth_m) })
+        let radio = Some(RadioPrediction { jet, scalar: p.scalar });
+        Ok(Prediction { image: Some(p.image), radio, depth_m: Some(depth_m) }.within(meta.modalities))
     }
 
     fn gaussians(&self) -> Option<usize> {

@@ -77,7 +77,9 @@ impl LpipsNetworks {
     /// # Errors
     /// Images that are too small, and the size that is needed.
     pub fn check(&self, dataset: &Dataset) -> Result<()> {
-        let cameras = [("images", dataset.optical_camera()), ("spectra", dataset.rf_camera())];
+        let has = dataset.modalities();
+        let cameras = [(has.light, "images", dataset.optical_camera()), (has.radio, "spectra", dataset.rf_camera())];
+        let cameras: Vec<_> = cameras.into_iter().filter(|c| c.0).map(|(_, what, camera)| (what, camera)).collect();
         for (network, (what, camera)) in self.0.iter().flat_map(|n| cameras.iter().map(move |c| (n, c))) {
             let (least, name) = (network.least_px(), network.backbone().name());
             if camera.width.min(camera.height) < least {

@@ -27,8 +27,13 @@ pub(super) struct Modality {
 impl Modality {
     /// The folders that a dataset has.
     pub fn all(header: &DatasetHeader) -> Vec<Self> {
-        let mut list =
-            vec![Self { root: "optical", camera: header.optical_camera }, Self { root: "rf", camera: header.rf_camera }];
+        let mut list = Vec::new();
+        if header.modalities.light {
+            list.push(Self { root: "optical", camera: header.optical_camera });
+        }
+        if header.modalities.radio {
+            list.push(Self { root: "rf", camera: header.rf_camera });
+        }
         if header.tutorial_range.is_some() {
             list.push(Self { root: layout::TUTORIAL_ROOT, camera: header.rf_camera });
         }
@@ -41,12 +46,13 @@ const POINTS: usize = 20_000;
 /// Random stream of the point samples.
 const STAGE_POINTS: u64 = 0x706f_696e_7473;
 
-/// Surface points seen by the training keyframes, coloured by image and by RF image, in this order.
+/// Surface points seen by the training keyframes, coloured by image and by RF image, in this order, and those that are `known` besides.
 pub(super) fn sample_points(
     dir: &Path,
     header: &DatasetHeader,
     train: &[usize],
     rf_images: &[Raster<[u8; 3]>],
+    known: &[ColoredPoint],
 ) -> Result<[Vec<ColoredPoint>; 2]> {
     let (optical, rf) = (&header.optical_camera, &header.rf_camera);
     let mut points = [Vec::new(), Vec::new()];
@@ -69,15 +75,16 @@ pub(super) fn sample_points(
             let in_camera = optical.unproject(x as f64 + 0.5, y as f64 + 0.5) * z;
             let position = pose.transform_point(in_camera);
             points[0].push(ColoredPoint { position, color: image[(x, y)] });
-            if let Some(p) = rf.project(in_camera)
+            if let (Some(p), Some(rf_image)) = (rf.project(in_camera), rf_images.get(index))
                 && (0.0..rf.width as f64).contains(&p.x)
                 && (0.0..rf.height as f64).contains(&p.y)
             {
-                points[1].push(ColoredPoint { position, color: rf_images[index][(p.x as usize, p.y as usize)] });
+                points[1].push(ColoredPoint { position, color: rf_image[(p.x as usize, p.y as usize)] });
             }
         }
     }
     for list in &mut points {
+        list.extend(known);
         if list.is_empty() {
             // Readers insist on one point: the camera centres' mean says at least where the scene is.
             let mean = header.poses.iter().map(|p| p.world_from_camera.translation).sum::<DVec3>() / header.poses.len() as f64;

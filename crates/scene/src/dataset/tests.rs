@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::config::{ReceiverConfig, SpectrumKind, SplitConfig};
-use crate::keyframe::DbRange;
+use crate::keyframe::{DbRange, Modalities};
 use crate::trajectory::{TrajectoryConfig, TrajectoryPose, generate};
 use crate::{Equirectangular, Error, Pinhole, Raster, Rigid3, Severity, io};
 use glam::DVec3;
@@ -26,40 +26,43 @@ fn header() -> DatasetHeader {
     DatasetHeader {
         name: "tiny".into(),
         seed: 3,
+        modalities: Modalities::BOTH,
         optical_camera: Pinhole::from_horizontal_fov(16, 9, 90.0),
         rf_camera: Pinhole::from_horizontal_fov(12, 8, 90.0),
         sphere: Some(Equirectangular { width: 6, height: 3 }),
-        exposure_ev: 0.5,
+        exposure_ev: Some(0.5),
         denoiser: None,
-        frequency_hz: 60e9,
+        frequency_hz: Some(60e9),
         transmitter: None,
-        receiver: ReceiverConfig::default(),
-        spectrum: SpectrumKind::Mpc,
+        receiver: Some(ReceiverConfig::default()),
+        spectrum: Some(SpectrumKind::Mpc),
         quantity: Quantity::PowerPerSteradian,
         dynamic_range_db: 50.0,
         tutorial_range: Some(DbRange { min_db: -90.0, max_db: -40.0 }),
         materials: vec![],
         sampling_error: None,
         split: SplitConfig { test_every: 4, held_out_segment: Some([5, 2]) },
+        stated_split: None,
         objects: vec!["floor".into(), "wall".into()],
         scene_sha256: None,
         scene_content_sha256: None,
         config: None,
         scene: None,
+        imported: None,
         poses: poses(),
     }
 }
 
 fn frame(index: usize) -> FrameData {
     FrameData {
-        image: Raster::from_fn(16, 9, |x, y| [x as u8 * 10, y as u8 * 20, index as u8]),
+        image: Some(Raster::from_fn(16, 9, |x, y| [x as u8 * 10, y as u8 * 20, index as u8])),
         linear: Some(Raster::from_fn(16, 9, |x, y| [x as f32, y as f32, index as f32])),
         albedo: Some(Raster::from_fn(16, 9, |x, y| [x as f32 / 16.0, y as f32 / 9.0, 0.5])),
         normals: Some(Raster::filled(16, 9, [0.0, 0.0, 1.0])),
         depth_m: Some(Raster::from_fn(16, 9, |x, y| if y == 0 { f32::INFINITY } else { 1.0 + x as f32 / 4.0 })),
         surface: Some(Raster::from_fn(16, 9, |x, y| if y == 0 { u32::MAX } else { (x % 2) as u32 })),
         // Peak of the dataset: keyframe 7, 2e-6 = −56.99 dB.
-        spectrum: Raster::from_fn(12, 8, |x, y| if (x, y) == (5, 4) && index == 7 { 2e-6 } else { 1e-9 * (x * y) as f32 }),
+        spectrum: Some(Raster::from_fn(12, 8, |x, y| if (x, y) == (5, 4) && index == 7 { 2e-6 } else { 1e-9 * (x * y) as f32 })),
         sphere: Some(Raster::from_fn(6, 3, |x, y| 1e-8 * (x + y) as f32)),
         tutorial: Some(Raster::filled(12, 8, [index as u8, 1, 2])),
         share_in_frame: Some(0.25 + 0.05 * index as f64),
@@ -89,7 +92,7 @@ fn what_is_written_is_read() {
     assert_eq!(dataset.train_indices().len(), 7);
     for i in 0..COUNT {
         let (k, f) = (dataset.keyframe(i).unwrap(), frame(i));
-        assert_eq!((k.image, k.spectrum, k.surface), (f.image, f.spectrum, f.surface));
+        assert_eq!((Some(k.image), Some(k.spectrum), k.surface), (f.image, f.spectrum, f.surface));
         assert_eq!(k.depth_m.unwrap(), f.depth_m.unwrap().map(|d| if d.is_finite() { *d } else { 0.0 }));
         assert_eq!((k.index, k.world_from_camera), (i, poses()[i].world_from_camera));
         assert_eq!(dataset.linear(i).unwrap(), f.linear);
@@ -201,10 +204,10 @@ fn frames_that_are_no_measurements_are_refused() {
         assert!(message.contains("keyframe 3") && message.contains(expected), "{message}");
         assert!(!writer.is_complete(3));
     };
-    refused(&|f| f.spectrum = Raster::filled(13, 8, 0.0), "spectrum: is 13x8 pixels where the camera has 12x8");
-    refused(&|f| f.image = Raster::filled(9, 16, [0; 3]), "image");
-    refused(&|f| f.spectrum[(2, 3)] = f32::NAN, "pixel (2, 3) is NaN");
-    refused(&|f| f.spectrum[(2, 3)] = -1e-12, "pixel (2, 3)");
+    refused(&|f| f.spectrum = Some(Raster::filled(13, 8, 0.0)), "spectrum: is 13x8 pixels where the camera has 12x8");
+    refused(&|f| f.image = Some(Raster::filled(9, 16, [0; 3])), "image");
+    refused(&|f| f.spectrum.as_mut().unwrap()[(2, 3)] = f32::NAN, "pixel (2, 3) is NaN");
+    refused(&|f| f.spectrum.as_mut().unwrap()[(2, 3)] = -1e-12, "pixel (2, 3)");
     refused(&|f| f.depth_m.as_mut().unwrap()[(1, 1)] = f32::NAN, "pixel (1, 1)");
     refused(&|f| f.linear.as_mut().unwrap()[(1, 1)][2] = f32::INFINITY, "linear");
     refused(&|f| f.albedo = Some(Raster::filled(9, 16, [0.0; 3])), "albedo");

@@ -3,6 +3,7 @@
 use super::checks::own_file;
 use super::darkness::{self, Sight};
 use super::export::Modality as Modalities;
+use super::writer::STATED_RANGE_TOLERANCE_DB;
 use super::{Dataset, layout};
 use crate::finding::Finding;
 use crate::{Error, Pinhole, Result, Rigid3, io};
@@ -37,7 +38,7 @@ pub fn validate(dir: impl AsRef<Path>) -> Result<Vec<Finding>> {
     findings.extend(of_frames.into_iter().flat_map(|(of_frame, _)| of_frame));
     findings.extend(darkness::findings(&dataset.dir().display().to_string(), &sights));
     let file = dataset.file();
-    if file.conventions != super::conventions::of(&file.header, &file.db_range) {
+    if file.conventions != super::conventions::of(&file.header, file.db_range.as_ref()) {
         let place = dataset.dir().join(layout::DATASET_JSON).display().to_string();
         findings.push(Finding::error(
             place,
@@ -155,22 +156,25 @@ fn check_keyframe(dataset: &Dataset, index: usize) -> (Vec<Finding>, Option<Sigh
         Ok(keyframe) => keyframe,
         Err(e) => return (vec![of_error(e)], None),
     };
-    let sight = Some(Sight::of(&keyframe.image, keyframe.depth_m.as_ref()));
+    let has = dataset.modalities();
+    let sight = Some(Sight::of(has.light.then_some(&keyframe.image), keyframe.depth_m.as_ref()));
     let mut findings = Vec::new();
     let mut fail = |name: String, what: &str, help: &str| {
         findings.push(Finding::error(dataset.dir().join(name).display().to_string(), what, help));
     };
     let range = dataset.db_range();
-    let peak = keyframe.spectrum.pixels().iter().copied().fold(0.0, f32::max);
-    if peak > 0.0 && 10.0 * f64::from(peak).log10() > range.max_db {
-        fail(layout::spectrum(index), "its peak is above the dataset's dB range", "generate the dataset again");
-    }
-    match io::read_png(dataset.dir().join(layout::rf_image(index))) {
-        Err(e) => return (findings.into_iter().chain([of_error(e)]).collect(), sight),
-        Ok(image) if image != range.jet_image(&keyframe.spectrum) => {
-            fail(layout::rf_image(index), "is not the Jet image of the spectrum", "generate the dataset again");
+    if has.radio {
+        let peak = keyframe.spectrum.pixels().iter().copied().fold(0.0, f32::max);
+        if peak > 0.0 && 10.0 * f64::from(peak).log10() > range.max_db + STATED_RANGE_TOLERANCE_DB {
+            fail(layout::spectrum(index), "its peak is above the dataset's dB range", "generate the dataset again");
         }
-        Ok(_) => {}
+        match io::read_png(dataset.dir().join(layout::rf_image(index))) {
+            Err(e) => return (findings.into_iter().chain([of_error(e)]).collect(), sight),
+            Ok(image) if image != range.jet_image(&keyframe.spectrum) => {
+                fail(layout::rf_image(index), "is not the Jet image of the spectrum", "generate the dataset again");
+            }
+            Ok(_) => {}
+        }
     }
     let objects = dataset.header().objects.len();
     if let Some(surface) = &keyframe.surface
