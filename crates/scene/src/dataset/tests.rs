@@ -217,7 +217,8 @@ fn frames_that_are_no_measurements_are_refused() {
     bad.poses[4].world_from_camera.translation.y = f64::NAN;
     let other = tempfile::tempdir().unwrap();
     assert!(text(DatasetWriter::create(other.path(), &bad, false).unwrap_err()).contains("keyframe 4"));
-    (0..COUNT).for_each(|i| writer.write_frame(i, &FrameData { spectrum: Raster::filled(12, 8, 0.0), ..frame(i) }).unwrap());
+    (0..COUNT)
+        .for_each(|i| writer.write_frame(i, &FrameData { spectrum: Some(Raster::filled(12, 8, 0.0)), ..frame(i) }).unwrap());
     assert!(text(writer.finish().unwrap_err()).contains("no keyframe received any power"));
 }
 
