@@ -1,5 +1,6 @@
-//! `corf dataset`: generate and check keyframe datasets.
+//! `corf dataset`: generate, import and check keyframe datasets.
 
+use super::dataset_import::Import;
 use super::{Verdict, print, show};
 use crate::generate::{self, Generated, Options};
 use anyhow::Result;
@@ -9,11 +10,14 @@ use corf_scene::config::DatasetConfig;
 use corf_scene::dataset::{self, Dataset};
 use std::path::PathBuf;
 
-/// Generate or check a keyframe dataset.
+/// Generate, import or check a keyframe dataset.
 #[derive(Subcommand)]
 pub enum DatasetCommand {
     /// Trace a scene in light and at 60 GHz at every pose of its trajectory.
     Generate(Generate),
+    /// Import a capture: images, spectra and poses that other programs recorded or made. What its files leave open is asked for by the flag that says it;
+    /// a failed import leaves nothing.
+    Import(Box<Import>),
     /// Check a dataset: hashes, sizes, poses, and the rules of the tools that read it; exit 1 when one is broken.
     Validate {
         /// Dataset folder.
@@ -54,6 +58,7 @@ impl DatasetCommand {
     pub fn run(self, json: bool) -> Result<Verdict> {
         match self {
             Self::Generate(c) => c.run(json),
+            Self::Import(c) => c.run(json),
             Self::Validate { folder, strict } => {
                 let findings = dataset::validate(&folder)?;
                 if !json {
