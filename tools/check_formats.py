@@ -1,7 +1,8 @@
 """What corf writes, read by the programs that it is written for, with numbers that must come out.
 
     python -m venv .venv && .venv/bin/pip install -r tools/requirements-formats.txt
-    .venv/bin/python tools/check_formats.py data/mini --run runs/a
+    corf dataset export data/mini --to numpy --out npz
+    .venv/bin/python tools/check_formats.py data/mini --run runs/a --numpy npz --controls
 
 For every folder of a data set that other programs open (`optical/`, `rf/`):
 
@@ -10,6 +11,9 @@ For every folder of a data set that other programs open (`optical/`, `rf/`):
   intrinsics, or pixel centres elsewhere would each break this.
 - transforms.json, read by its rules (camera-to-world in OpenGL axes), projects all of these points to the same pixels.
 - the lists of RF-3DGS are those of dataset.json.
+
+`--numpy DIR`, as `corf dataset export --to numpy` writes it: images, peaks, poses and conventions are the data set's, and every point of the COLMAP model lies at the depth
+that the archive has at its pixel.
 
 Of a run: plyfile reads the models, whose columns are INRIA's, with as many rows as run.json says. nerfstudio's and nerfbaselines' own loaders are asked
 where they are installed, and are named as skipped where they are not.
@@ -44,10 +48,13 @@ def arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("dataset", type=Path, help="folder of a data set")
     parser.add_argument("--run", type=Path, help="folder of a run of a method that trains Gaussians")
+    parser.add_argument("--numpy", type=Path, help="folder of corf dataset export --to numpy")
     parser.add_argument("--controls", action="store_true", help="also make sure that a shifted camera fails")
     args = parser.parse_args()
     if not (args.dataset / "dataset.json").is_file():
         parser.error(f"{args.dataset} holds no dataset.json")
+    if args.numpy and not (args.numpy / "00001.npz").is_file():
+        parser.error(f"{args.numpy} holds no 00001.npz")
     if args.run and not (args.run / "run.json").is_file():
         parser.error(f"{args.run} holds no run.json")
     return args
@@ -186,6 +193,41 @@ def check_models(run):
     insist(all((p == positions[0]).all() for p in positions), "the models' rows are in another order")
 
 
+def check_numpy(folder, dataset, header, poses):
+    """Archives of all keyframes, against the data set's own files and the points of its COLMAP model."""
+    import numpy as np
+    import pycolmap
+    from PIL import Image
+
+    archives = [dict(np.load(folder / f"{index + 1:05}.npz")) for index in range(len(poses))]
+    for index, (archive, pose) in enumerate(zip(archives, poses)):
+        name = f"{index + 1:05}"
+        insist(np.array_equal(archive["world_from_camera"], pose), f"{name} has another pose")
+        insist(json.loads(str(archive["conventions"])) == header["conventions"], f"{name} has other conventions")
+        insist(bool(archive["is_test"]) == (index in header["split"]["test"]), f"{name} is on the other side of the split")
+        if "image" in archive:
+            picture = np.asarray(Image.open(dataset / "optical/images" / f"{name}.png").convert("RGB"))
+            insist(np.array_equal(archive["image"], picture), f"{name} has another image")
+        peak = header["rf_frames"]["peak_db"][index]
+        if "spectrum" in archive and peak is not None:
+            insist(abs(10 * np.log10(archive["spectrum"].max()) - peak) < 1e-3, f"{name} has another peak")
+    if "depth_m" not in archives[0]:
+        return
+    model = pycolmap.Reconstruction(str(dataset / "optical/sparse/0"))
+    compared = 0
+    for point in model.points3D.values():
+        for element in point.track.elements:
+            archive = archives[element.image_id - 1]
+            x, y = model.images[element.image_id].points2D[element.point2D_idx].xy
+            local = np.linalg.inv(archive["world_from_camera"]) @ np.append(point.xyz, 1.0)
+            at = archive["optical_intrinsics"] @ local[:3] / local[2]
+            insist(abs(at[0] - x) < PIXEL_TOLERANCE and abs(at[1] - y) < PIXEL_TOLERANCE, f"a point is projected to {at} instead of {x}, {y}")
+            insist(abs(archive["depth_m"][int(y), int(x)] - local[2]) < 1e-4, f"a point at {local[2]} m has another depth")
+            compared += 1
+    insist(compared > 0, "no point has a track")
+    print(f"        {compared} observations at the depth of their pixel")
+
+
 def check(name, test):
     try:
         test()
@@ -227,6 +269,8 @@ def main():
         if args.controls and root == "optical":
             _, share = check_colmap(folder, camera, poses, train, centred=True, shift_px=0.5)
             results.append(check(f"{root}: half a pixel off is noticed", lambda: insist(share < 0.5, f"{share} found")))
+    if args.numpy:
+        results.append(check("NumPy archives", lambda: check_numpy(args.numpy, args.dataset, header, poses)))
     if args.run:
         results.append(check("models by plyfile", lambda: check_models(args.run)))
     return 0 if all(results) else 1

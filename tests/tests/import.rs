@@ -53,10 +53,16 @@ fn a_data_set_exported_as_colmap_comes_back_the_same() {
     let path = |name: &str| ours.join(name).to_str().unwrap().to_owned();
     let (optical, rf, depth) = (path("optical"), path("rf/spectra"), path("optical/depth"));
     let given = ["--rf", &rf, "--rf-camera", "90", "--rf-quantity", "power-per-steradian", "--depth", &depth];
-    corf_ok(&[&["dataset", "import", &optical, "--from", "colmap", "--out", text(&out), "--frequency-hz", "60e9"], &given[..]].concat());
+    corf_ok(
+        &[&["dataset", "import", &optical, "--from", "colmap", "--out", text(&out), "--frequency-hz", "60e9"], &given[..]]
+            .concat(),
+    );
     assert!(corf_ok(&["dataset", "validate", text(&out)]).contains("passed"));
     let (a, b) = (Dataset::open(ours).unwrap(), Dataset::open(&out).unwrap());
-    assert_eq!((a.len(), a.optical_camera(), a.rf_camera(), a.db_range()), (b.len(), b.optical_camera(), b.rf_camera(), b.db_range()));
+    assert_eq!(
+        (a.len(), a.optical_camera(), a.rf_camera(), a.db_range()),
+        (b.len(), b.optical_camera(), b.rf_camera(), b.db_range())
+    );
     assert_eq!((a.train_indices(), a.test_indices()), (b.train_indices(), b.test_indices()));
     for i in 0..a.len() {
         let (a, b) = (a.keyframe(i).unwrap(), b.keyframe(i).unwrap());
@@ -74,7 +80,10 @@ fn a_data_set_exported_as_colmap_comes_back_the_same() {
     assert!(points(&out) > points(ours));
     // The same capture makes the same bytes.
     let again = folder.path().join("again");
-    corf_ok(&[&["dataset", "import", &optical, "--from", "colmap", "--out", text(&again), "--frequency-hz", "60e9"], &given[..]].concat());
+    corf_ok(
+        &[&["dataset", "import", &optical, "--from", "colmap", "--out", text(&again), "--frequency-hz", "60e9"], &given[..]]
+            .concat(),
+    );
     assert_eq!(Dataset::open(&again).unwrap().hash(), b.hash());
 }
 
@@ -108,13 +117,10 @@ fn a_turned_moved_and_scaled_world_comes_back_by_up_and_scale() {
     assert!(DVec3::from(up).dot(DVec3::Y) > 0.99, "{up:?}");
 }
 
-/// Overrides that make a reconstruction without depth short.
-const SHORT: [&str; 4] = ["--set", "depth.prior=\"none\"", "--set", "iterations_per_keyframe=20"];
-
 /// Reconstructs, evaluates and renders a data set of one modality; returns the record, the printed table and the folder of views.
-fn the_whole_way(dataset: &Path, folder: &Path) -> (Value, String, std::path::PathBuf) {
+fn the_whole_way(dataset: &Path, folder: &Path, overrides: &[&str]) -> (Value, String, std::path::PathBuf) {
     let (run, views) = (folder.join("run"), folder.join("views"));
-    corf_ok(&[&["reconstruct", text(dataset), "--out", text(&run)], &SHORT[..]].concat());
+    corf_ok(&[&["reconstruct", text(dataset), "--out", text(&run), "--set", "iterations_per_keyframe=40"], overrides].concat());
     let record = serde_json::from_str(&corf_ok(&["evaluate", text(&run), "--json"])).unwrap();
     let table = corf_ok(&["evaluate", text(&run), "--columns", "all"]);
     corf_ok(&["render", text(&run), "--poses", text(&dataset.join("trajectory.json")), "--out", text(&views)]);
@@ -135,7 +141,8 @@ fn light_alone_goes_the_whole_way_and_has_no_number_of_radio() {
     assert!(corf_ok(&["dataset", "validate", text(&out)]).contains("passed"));
     assert!(!out.join("rf").exists() && !out.join("optical/depth").exists());
     // What is missing is named with the flag that supplies it, before anything is begun.
-    let reconstruct = |method: &'static str| ["reconstruct", text(&out), "--out", text(&run), "--method", method].map(str::to_owned);
+    let reconstruct =
+        |method: &'static str| ["reconstruct", text(&out), "--out", text(&run), "--method", method].map(str::to_owned);
     let refused = |method, words: &[&str]| {
         let arguments = reconstruct(method);
         corf_refuses(&arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
@@ -144,9 +151,27 @@ fn light_alone_goes_the_whole_way_and_has_no_number_of_radio() {
     refused("corf-gs", &["depth.prior=\"none\"", "depth.folder", "--depth"]);
     refused("nerf2", &["nerf2 needs spectra", "--rf"]);
     refused("corf-gs-frozen", &["needs spectra"]);
-    let (record, table, views) = the_whole_way(&out, folder.path());
+    let without = folder.path().join("without");
+    corf_ok(&[
+        "reconstruct",
+        text(&out),
+        "--out",
+        text(&without),
+        "--set",
+        "depth.prior=\"none\"",
+        "--set",
+        "iterations_per_keyframe=5",
+    ]);
+    // Measured depth can be the prior, and then the record says so.
+    let (measured, depth) = (folder.path().join("measured"), optical.join("depth"));
+    corf_ok(&["dataset", "import", text(&optical), "--from", "colmap", "--depth", text(&depth), "--out", text(&measured)]);
+    let (record, table, views) = the_whole_way(&measured, folder.path(), &["--set", "depth.prior=\"exact\""]);
+    assert!(record["uses_ground_truth_depth"].as_bool().unwrap());
     let numbers = numbers(&record);
-    assert!(numbers.contains(&"psnr_opt") && !numbers.iter().any(|k| k.contains("rf") || k.contains("db") || k.contains("beam")), "{numbers:?}");
+    assert!(
+        numbers.contains(&"psnr_opt") && !numbers.iter().any(|k| k.contains("rf") || k.contains("db") || k.contains("beam")),
+        "{numbers:?}"
+    );
     assert!(record["means"]["psnr_opt"].as_f64().unwrap() > 10.0, "{record}");
     assert!(table.contains('–'), "{table}");
     assert!(views.join("images/00010.png").exists() && views.join("depth/00010.exr").exists());
@@ -182,7 +207,7 @@ fn radio_alone_goes_the_whole_way_and_has_no_number_of_light() {
         // Eight bits of Jet, and the part of it that is one colour.
         assert!(off < 0.012, "{i}: {off}");
     }
-    let (record, _, views) = the_whole_way(&out, folder.path());
+    let (record, _, views) = the_whole_way(&out, folder.path(), &["--set", "depth.prior=\"none\""]);
     let numbers = numbers(&record);
     assert!(numbers.contains(&"psnr_rf_jet") && !numbers.iter().any(|k| k.ends_with("_opt")), "{numbers:?}");
     assert!(record["means"]["psnr_rf_jet"].as_f64().unwrap() > 8.0, "{record}");

@@ -1,5 +1,6 @@
-//! `corf dataset`: generate, import and check keyframe datasets.
+//! `corf dataset`: generate, import, export and check keyframe datasets.
 
+use super::dataset_export::Export;
 use super::dataset_import::Import;
 use super::{Verdict, print, show};
 use crate::generate::{self, Generated, Options};
@@ -10,7 +11,7 @@ use corf_scene::config::DatasetConfig;
 use corf_scene::dataset::{self, Dataset};
 use std::path::PathBuf;
 
-/// Generate, import or check a keyframe dataset.
+/// Generate, import, export or check a keyframe dataset.
 #[derive(Subcommand)]
 pub enum DatasetCommand {
     /// Trace a scene in light and at 60 GHz at every pose of its trajectory.
@@ -18,6 +19,8 @@ pub enum DatasetCommand {
     /// Import a capture: images, spectra and poses that other programs recorded or made. What its files leave open is asked for by the flag that says it;
     /// a failed import leaves nothing.
     Import(Box<Import>),
+    /// Write keyframes for programs that read neither EXR nor COLMAP.
+    Export(Export),
     /// Check a dataset: hashes, sizes, poses, and the rules of the tools that read it; exit 1 when one is broken.
     Validate {
         /// Dataset folder.
@@ -59,6 +62,7 @@ impl DatasetCommand {
         match self {
             Self::Generate(c) => c.run(json),
             Self::Import(c) => c.run(json),
+            Self::Export(c) => c.run(json),
             Self::Validate { folder, strict } => {
                 let findings = dataset::validate(&folder)?;
                 if !json {

@@ -10,6 +10,7 @@ mod bench_step;
 mod check;
 mod coverage;
 mod dataset;
+mod dataset_export;
 mod dataset_import;
 mod demo;
 mod diffuse;

@@ -29,6 +29,9 @@ pub(super) enum Encoding {
 /// more than 0.2.
 const LARGEST_MISS: f32 = 0.05;
 
+/// Middle of the scalars 0.11 to 0.125, for all of which Jet has pure blue.
+const ONE_COLOUR_MIDDLE: f32 = 0.1175;
+
 /// Reads a spectrum.
 ///
 /// # Errors
@@ -58,7 +61,8 @@ pub(super) fn read(path: &Path, values: RfValues, range: Option<&DbRange>) -> Re
     if picture.pixels().iter().all(|[r, g, b]| r == g && g == b) {
         return Ok((picture.map(|p| power(p[0])), Encoding::Grey));
     }
-    let scalar = picture.map(|&p| color::scalar_from_jet(p));
+    // All of a part of the range has one colour: its middle is off by the least.
+    let scalar = picture.map(|&p| if p == [0.0, 0.0, 1.0] { ONE_COLOUR_MIDDLE } else { color::scalar_from_jet(p) });
     let miss = |(p, s): (&[f32; 3], &f32)| color::jet(*s).iter().zip(p).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     let mean = picture.pixels().iter().zip(scalar.pixels()).map(miss).sum::<f32>() / scalar.pixels().len() as f32;
     if mean > LARGEST_MISS {

@@ -143,6 +143,72 @@ fn what_a_user_would_have_to_ask_is_answered() {
     assert!((json["rf_frames"]["peak_db"][7].as_f64().unwrap() + 56.9897).abs() < 1e-3);
 }
 
+/// The files of a stored ZIP archive.
+fn unzipped(bytes: &[u8]) -> std::collections::BTreeMap<String, Vec<u8>> {
+    let number = |at: usize, n: usize| bytes[at..at + n].iter().rev().fold(0usize, |sum, b| sum << 8 | usize::from(*b));
+    let (mut at, mut found) = (0, std::collections::BTreeMap::new());
+    while bytes[at..].starts_with(b"PK\x03\x04") {
+        let (size, name) = (number(at + 22, 4), number(at + 26, 2));
+        let start = at + 30 + name;
+        found.insert(String::from_utf8(bytes[at + 30..start].to_vec()).unwrap(), bytes[start..start + size].to_vec());
+        at = start + size;
+    }
+    found
+}
+
+#[test]
+fn a_numpy_archive_holds_the_keyframe_and_says_what_it_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let dataset = written(dir.path());
+    let files = unzipped(&keyframe_npz(&dataset, 4).unwrap());
+    let floats = |name: &str| crate::npz::decode_npy(&files[&format!("{name}.npy")], name).unwrap();
+    let keyframe = dataset.keyframe(4).unwrap();
+    let spectrum: Vec<f64> = keyframe.spectrum.pixels().iter().map(|v| f64::from(*v)).collect();
+    assert_eq!(floats("spectrum"), (vec![8, 12], spectrum));
+    assert_eq!(floats("world_from_camera"), (vec![4, 4], keyframe.world_from_camera.to_rows().concat()));
+    let camera = dataset.optical_camera();
+    assert_eq!(floats("optical_intrinsics").1, [camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0]);
+    assert_eq!(floats("db_range").1, [-106.0, -56.0]);
+    assert_eq!(floats("depth_m").0, [9, 16]);
+    let image = &files["image.npy"];
+    let text = String::from_utf8_lossy(image);
+    assert!(text.contains("'|u1'") && text.contains("(9, 16, 3)"), "{text}");
+    assert!(image.ends_with(keyframe.image.pixels().as_flattened()), "row by row, channels last");
+    // Keyframe 4 is held out; of what is not there, there is no array.
+    assert_eq!((files["is_test.npy"].last(), files["is_train.npy"].last()), (Some(&1), Some(&0)));
+    assert_eq!(files.len(), 13);
+    assert!(files["conventions.npy"].len() > 4 * 5000, "four bytes a character");
+}
+
+#[test]
+fn the_points_of_the_model_say_where_they_were_seen() {
+    let dir = tempfile::tempdir().unwrap();
+    let dataset = written(dir.path());
+    for (root, camera) in [("optical", dataset.optical_camera()), ("rf", dataset.rf_camera())] {
+        let read = |name: &str| io::read_text(dir.path().join(format!("{root}/sparse/0/{name}.txt"))).unwrap();
+        let numbers = |line: &str| line.split(' ').filter(|f| !f.is_empty()).map(|f| f.parse().unwrap()).collect::<Vec<f64>>();
+        let images = read("images");
+        let observed: Vec<Vec<f64>> = images.lines().skip(1).skip(1).step_by(2).map(numbers).collect();
+        assert_eq!(observed.len(), COUNT);
+        let points = read("points3D");
+        let mut count = 0;
+        for point in points.lines().skip(1).map(numbers) {
+            let [id, x, y, z, _, _, _, _, image, place] = point[..] else { panic!("{root}: {point:?}") };
+            let index = image as usize - 1;
+            assert!(dataset.train_indices().contains(&index), "{root}: a held-out keyframe gives no points");
+            let [u, v, named] = observed[index][3 * place as usize..][..3] else { unreachable!() };
+            assert_eq!(named, id);
+            let pose = dataset.poses()[index].world_from_camera.inverse();
+            let at = camera.project(pose.transform_point(DVec3::new(x, y, z))).unwrap();
+            // Positions are written to a micrometre.
+            assert!((at.x - u).abs() < 1e-3 && (at.y - v).abs() < 1e-3, "{root}: {at} ({u}, {v})");
+            count += 1;
+        }
+        assert!(count > 1000);
+        assert_eq!(io::read_text(dir.path().join(format!("{root}/nb-info.json"))).unwrap(), "{\"loader\": \"colmap\"}\n");
+    }
+}
+
 #[test]
 fn the_same_header_and_keyframes_make_the_same_bytes() {
     let dirs = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
@@ -289,7 +355,16 @@ fn the_validator_finds_tampering_and_what_would_mislead_other_readers() {
     tampered("rf-tutorial/test_index.txt", &replace("00001\n", ""), "is not the split");
     tampered("dataset.json", &replace("isotropic elements", "patch elements"), "conventions are not those of its header");
     tampered("optical/sparse/0/cameras.txt", &replace("PINHOLE", "SIMPLE_PINHOLE"), "PINHOLE camera");
-    tampered("rf/sparse/0/images.txt", &replace("00002.png\n\n", "00002.png\n"), "two each");
+    tampered("rf/sparse/0/images.txt", &replace("00001.png\n\n", "00001.png\n"), "two each");
+    // What is empty now was the list of points of a training image.
+    let forgotten = |t: &str| {
+        let points = t.split_once("00002.png\n").unwrap().1.lines().next().unwrap();
+        assert!(!points.is_empty());
+        t.replacen(points, "", 1)
+    };
+    tampered("rf/sparse/0/images.txt", &forgotten, "its tracks name");
+    tampered("rf/sparse/0/images.txt", &replace("00001.png\n\n", "00001.png\n1 2\n"), "not followed by a line");
+    tampered("optical/nb-info.json", &replace("colmap", "nerfstudio"), "loader is not colmap");
     tampered("rf/sparse/0/images.txt", &replace("00002.png", "00003.png"), "names 00003.png");
     tampered("rf/sparse/0/points3D.txt", &|_| "# none\n".into(), "no point");
     tampered("optical/transforms.json", &replace("\"frames\"", "\"camera_model\": \"PINHOLE\", \"frames\""), "camera_model");

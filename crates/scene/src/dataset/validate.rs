@@ -48,7 +48,7 @@ pub fn validate(dir: impl AsRef<Path>) -> Result<Vec<Finding>> {
     }
     for Modalities { root, camera } in Modalities::all(&file.header) {
         let modality = Modality { dataset: &dataset, root: dataset.dir().join(root), camera };
-        for check in [Modality::colmap, Modality::transforms, Modality::split, Modality::suffixes] {
+        for check in [Modality::colmap, Modality::transforms, Modality::split, Modality::suffixes, Modality::nerfbaselines] {
             if let Err(e) = check(&modality, &mut findings) {
                 findings.push(of_error(e));
             }
@@ -211,7 +211,7 @@ impl Modality<'_> {
         own.iter().flatten().zip(pose.to_rows().iter().flatten()).all(|(a, b)| (a - b).abs() <= POSE_TOLERANCE)
     }
 
-    /// COLMAP text: one PINHOLE camera; two lines an image, the second empty; at least one point.
+    /// COLMAP text: one PINHOLE camera; two lines an image, the second `X Y POINT3D_ID` triples, as many as the points' tracks name; at least one point.
     fn colmap(&self, findings: &mut Vec<Finding>) -> Result<()> {
         let read = |name: &str| io::read_text(self.root.join(name));
         let lines = |text: &str| text.lines().filter(|l| !l.starts_with('#')).map(str::to_string).collect::<Vec<_>>();
@@ -233,6 +233,7 @@ impl Modality<'_> {
         if images.len() != 2 * names.len() {
             fail("sparse/0/images.txt", format!("has {} lines for {} images, two each", images.len(), names.len()));
         }
+        let mut observations = 0;
         for (index, pair) in images.chunks(2).take(names.len()).enumerate() {
             let fields: Vec<&str> = pair[0].split_whitespace().collect();
             let v: Vec<f64> = fields.iter().skip(1).take(7).filter_map(|f| f.parse().ok()).collect();
@@ -241,9 +242,12 @@ impl Modality<'_> {
                 fail("sparse/0/images.txt", format!("image {} is not `ID qw qx qy qz tx ty tz CAMERA NAME`", index + 1));
                 continue;
             }
-            if pair.get(1).is_none_or(|l| !l.is_empty()) {
-                fail("sparse/0/images.txt", format!("image {} is not followed by an empty line", index + 1));
+            let observed: Option<Vec<f64>> = pair.get(1).and_then(|l| l.split_whitespace().map(|f| f.parse().ok()).collect());
+            let observed = observed.filter(|v| v.len() % 3 == 0 && v.iter().all(|x| x.is_finite()));
+            if observed.is_none() {
+                fail("sparse/0/images.txt", format!("image {} is not followed by a line of `X Y POINT3D_ID`", index + 1));
             }
+            observations += observed.map_or(0, |v| v.len() / 3);
             let q = DQuat::from_xyzw(v[1], v[2], v[3], v[0]);
             let camera_from_world =
                 Rigid3 { rotation: DMat3::from_quat(q.normalize()), translation: DVec3::new(v[4], v[5], v[6]) };
@@ -257,6 +261,10 @@ impl Modality<'_> {
 
         // RF-3DGS raises without this file or without a point.
         let points = lines(&read("sparse/0/points3D.txt")?);
+        let tracked: usize = points.iter().map(|l| l.split_whitespace().count().saturating_sub(8) / 2).sum();
+        if tracked != observations {
+            fail("sparse/0/points3D.txt", format!("its tracks name {tracked} observations and images.txt has {observations}"));
+        }
         if points.is_empty() {
             fail("sparse/0/points3D.txt", "has no point".into());
         }
@@ -339,6 +347,24 @@ impl Modality<'_> {
                     "restore it, or generate the dataset again",
                 ));
             }
+        }
+        Ok(())
+    }
+
+    /// nerfbaselines wants to be told which of the two descriptions it is to read.
+    fn nerfbaselines(&self, findings: &mut Vec<Finding>) -> Result<()> {
+        let path = self.root.join("nb-info.json");
+        // Data sets of earlier versions have none.
+        if !path.exists() {
+            return Ok(());
+        }
+        let json: serde_json::Value = super::header::from_json(&io::read_text(&path)?, &path)?;
+        if json["loader"] != "colmap" {
+            findings.push(Finding::error(
+                path.display().to_string(),
+                "its loader is not colmap",
+                "restore it, or generate the dataset again",
+            ));
         }
         Ok(())
     }
