@@ -27,7 +27,7 @@ pub(super) fn recognise(dir: &Path) -> Option<&'static str> {
     let is_model = |folder: &&str| {
         ["txt", "bin"].iter().any(|e| has(&format!("{folder}/images.{e}")) && has(&format!("{folder}/cameras.{e}")))
     };
-    if models.iter().any(|folder| is_model(&folder)) {
+    if models.iter().any(is_model) {
         return Some(if has("train_index.txt") && has("test_index.txt") { "rf-3dgs" } else { "colmap" });
     }
     if has("transforms.json") {
