@@ -90,10 +90,12 @@ pub fn generate_from(
     }
     let light = LightTracer::new(scene, &bvh);
     let mut camera = camera(config, &light, denoiser)?;
-    if config.optical.exposure_ev.is_none() {
-        header.exposure_ev = f64::from(camera.meter(&header.poses)?);
-    }
-    camera.expose(header.exposure_ev as f32);
+    let exposure_ev = match config.optical.exposure_ev {
+        Some(exposure_ev) => exposure_ev,
+        None => f64::from(camera.meter(&header.poses)?),
+    };
+    header.exposure_ev = Some(exposure_ev);
+    camera.expose(exposure_ev as f32);
     header.sampling_error = array.sampling_error(&header.rf_camera, &header.poses)?;
     if config.rf.tutorial_compat {
         header.tutorial_range = array.tutorial_range(&header.poses)?;

@@ -38,8 +38,21 @@ pub struct Reconstruction {
 /// Checks that there is enough to learn from.
 ///
 /// # Errors
-/// Fewer training keyframes than the method needs.
-pub fn check_training(method: &dyn Method, split: &Split) -> Result<()> {
+/// Fewer training keyframes than the method needs; images or spectra that it needs and the dataset lacks.
+pub fn check_training(method: &dyn Method, dataset: &Dataset, split: &Split) -> Result<()> {
+    let (has, needs) = (dataset.modalities(), method.needs());
+    for (missing, what, flag) in
+        [(needs.light && !has.light, "images", "--images or another --from"), (needs.radio && !has.radio, "spectra", "--rf")]
+    {
+        if missing {
+            bail!(
+                "{} needs {what}, and {} has none\n  help: import the capture with them (`corf dataset import`, {flag}), or choose corf-gs, \
+                 nearest or inverse-distance",
+                method.id(),
+                dataset.dir().display()
+            );
+        }
+    }
     let (count, least) = (split.train.len(), method.least_keyframes());
     if count < least {
         bail!(
@@ -62,7 +75,7 @@ pub fn reconstruct(
     seed: u64,
     watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
 ) -> Result<Reconstruction> {
-    check_training(method, split)?;
+    check_training(method, dataset, split)?;
     let training = TrainingSet::new(dataset, split);
     training.read_ahead();
     reset_peak_memory();
@@ -111,7 +124,7 @@ pub fn evaluate(
     let mut frames = Vec::new();
     for truth in held_out(&input.dataset, split) {
         let truth = truth?;
-        let prediction = predictor.render(&truth.world_from_camera)?;
+        let prediction = predictor.render(&truth.world_from_camera)?.within(input.dataset.modalities());
         frames.push(evaluator.compare(prediction.halves(), &truth));
         look(&truth, &prediction)?;
     }

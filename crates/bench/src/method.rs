@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use corf::KeyframeTiming;
 use corf::depth::DepthQuality;
 use corf_scene::dataset::Dataset;
-use corf_scene::keyframe::DbRange;
+use corf_scene::keyframe::{DbRange, Modalities};
 use corf_scene::{Keyframe, Pinhole, Rigid3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -73,6 +73,16 @@ impl<'a> TrainingSet<'a> {
         let keyframe = self.dataset.keyframe(index).with_context(|| format!("while reading training keyframe {index}"))?;
         self.loading.set(self.loading.get() + start.elapsed());
         Ok(keyframe)
+    }
+
+    /// Whether there are images, and whether there are spectra; [`Keyframe`] says what stands in the place of a missing one.
+    pub fn modalities(&self) -> Modalities {
+        self.dataset.modalities()
+    }
+
+    /// Whether every keyframe comes with depth.
+    pub fn has_depth(&self) -> bool {
+        self.dataset.has_depth()
     }
 
     /// Intrinsics of the optical images.
@@ -213,6 +223,11 @@ pub trait Method {
     /// Fewer training keyframes than this are none to it.
     fn least_keyframes(&self) -> usize {
         1
+    }
+
+    /// Whether it needs images, and whether it needs spectra.
+    fn needs(&self) -> Modalities {
+        Modalities::BOTH
     }
 
     /// Looks, before anything is begun, for what the method reads beside the keyframes.

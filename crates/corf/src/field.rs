@@ -7,7 +7,11 @@ use crate::{
     sensor::RfSensor,
     target::{RfTarget, linear_from_scalar},
 };
-use corf_scene::{Pinhole, Raster, Rigid3, io::write_atomic, keyframe::DbRange};
+use corf_scene::{
+    Pinhole, Raster, Rigid3,
+    io::write_atomic,
+    keyframe::{DbRange, Modalities},
+};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -29,6 +33,9 @@ pub struct FieldMeta {
     /// Colour behind the RF field, where it is not that of a direction without power.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rf_background: Option<[f32; 3]>,
+    /// What the field was trained on. Opacity and colour of the other modality are those that Gaussians are born with, and mean nothing.
+    #[serde(default, skip_serializing_if = "Modalities::are_both")]
+    pub modalities: Modalities,
 }
 
 /// The coupled field: `(F_opt, F_rf)` and how to look at it.
@@ -107,12 +114,17 @@ impl FieldMeta {
 
 impl Field {
     /// Writes `optical.ply`, `rf.ply`, `coupled.ply` and `field.json` (the [`FieldMeta`]) into an existing folder, each whole or not at all.
+    /// Of a modality that was not trained there is no file.
     ///
     /// # Errors
     /// When a file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        ply::write_optical(&folder.join("optical.ply"), &self.gaussians)?;
-        ply::write_rf(&folder.join("rf.ply"), &self.gaussians)?;
+        if self.meta.modalities.light {
+            ply::write_optical(&folder.join("optical.ply"), &self.gaussians)?;
+        }
+        if self.meta.modalities.radio {
+            ply::write_rf(&folder.join("rf.ply"), &self.gaussians)?;
+        }
         ply::write_coupled(&folder.join("coupled.ply"), &self.gaussians)?;
         let path = folder.join("field.json");
         let text = serde_json::to_vec_pretty(&self.meta).map_err(|e| Error::Io {

@@ -22,7 +22,10 @@ use crate::{
     sensor::RfSensor,
 };
 use checkpoint::Replay;
-use corf_scene::{Keyframe, Pinhole, Rigid3, keyframe::DbRange};
+use corf_scene::{
+    Keyframe, Pinhole, Rigid3,
+    keyframe::{DbRange, Modalities},
+};
 use pipeline::KeyframePipeline;
 use prepare::Preparer;
 use std::collections::VecDeque;
@@ -96,7 +99,15 @@ impl Reconstructor {
         config.validate()?;
         config = config.for_images(optical_camera.width, optical_camera.height);
         let (rf_target, sensor) = (config.rf_target, RfSensor::Identity);
-        let meta = FieldMeta { rf_target, db_range, optical_camera, rf_camera, sensor, rf_background: None };
+        let meta = FieldMeta {
+            rf_target,
+            db_range,
+            optical_camera,
+            rf_camera,
+            sensor,
+            rf_background: None,
+            modalities: Modalities::BOTH,
+        };
         meta.validate()?;
         if !device.is_empty() {
             return Err(Error::invalid(

@@ -3,6 +3,32 @@
 use crate::{Raster, Rigid3, color};
 use serde::{Deserialize, Serialize};
 
+/// What a capture has seen: light, radio, or both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Modalities {
+    /// Whether there are images.
+    pub light: bool,
+    /// Whether there are spectra.
+    pub radio: bool,
+}
+
+impl Modalities {
+    /// Light and radio.
+    pub const BOTH: Self = Self { light: true, radio: true };
+
+    /// Whether neither is missing.
+    pub fn are_both(&self) -> bool {
+        *self == Self::BOTH
+    }
+}
+
+impl Default for Modalities {
+    fn default() -> Self {
+        Self::BOTH
+    }
+}
+
 /// One keyframe: an image, an angular power spectrum and the pose they share.
 #[derive(Clone, Debug)]
 pub struct Keyframe {
@@ -12,11 +38,13 @@ pub struct Keyframe {
     pub time_s: f64,
     /// Pose `P_t` (OpenCV camera axes).
     pub world_from_camera: Rigid3,
-    /// Image `I_t`: 8-bit sRGB.
+    /// Image `I_t`: 8-bit sRGB. In a data set without light its place is taken by the Jet picture of the spectrum, which then guides growth;
+    /// no metric looks at it.
     pub image: Raster<[u8; 3]>,
-    /// Spectrum `S_t`: linear power per steradian relative to 1 W transmitted (1/sr), one value a pixel of the RF camera.
+    /// Spectrum `S_t`: linear power per steradian relative to 1 W transmitted (1/sr), one value a pixel of the RF camera. In a data
+    /// set without radio it is 0 everywhere, and nothing is trained on it or compared with it.
     pub spectrum: Raster<f32>,
-    /// z-depth in metres from the ray tracer, `0` or infinite where nothing was hit; only the `Simulated` prior and reports read it.
+    /// z-depth in metres from the ray tracer or from a depth sensor, `0` or infinite where nothing was hit; only the `Simulated` prior and reports read it.
     pub depth_m: Option<Raster<f32>>,
     /// Object index per pixel, `u32::MAX` where nothing was hit; only the `Simulated` prior reads it.
     pub surface: Option<Raster<u32>>,

@@ -7,6 +7,7 @@
 pub mod bounds;
 mod builder;
 pub mod camera;
+pub mod capture;
 pub mod color;
 pub mod config;
 pub mod contained;

@@ -8,6 +8,8 @@ use crate::{Error, Result};
 /// The values of an array, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
+    /// `|u1`.
+    U8(Vec<u8>),
     /// `<f4`.
     F32(Vec<f32>),
     /// `<f8`.
@@ -37,6 +39,7 @@ impl Values {
     /// Number of values.
     pub fn len(&self) -> usize {
         match self {
+            Self::U8(v) => v.len(),
             Self::F32(v) => v.len(),
             Self::F64(v) => v.len(),
             Self::Complex(v) => v.len(),
@@ -53,6 +56,7 @@ impl Values {
 
     fn descr(&self) -> String {
         match self {
+            Self::U8(_) => "|u1".into(),
             Self::F32(_) => "<f4".into(),
             Self::F64(_) => "<f8".into(),
             Self::Complex(_) => "<c16".into(),
@@ -64,6 +68,7 @@ impl Values {
 
     fn bytes(&self) -> Vec<u8> {
         match self {
+            Self::U8(v) => v.clone(),
             Self::F32(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
             Self::F64(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
             Self::Complex(v) => v.iter().flatten().flat_map(|x| x.to_le_bytes()).collect(),

@@ -1,5 +1,7 @@
-//! `corf dataset`: generate and check keyframe datasets.
+//! `corf dataset`: generate, import, export and check keyframe datasets.
 
+use super::dataset_export::Export;
+use super::dataset_import::Import;
 use super::{Verdict, print, show};
 use crate::generate::{self, Generated, Options};
 use anyhow::Result;
@@ -9,11 +11,16 @@ use corf_scene::config::DatasetConfig;
 use corf_scene::dataset::{self, Dataset};
 use std::path::PathBuf;
 
-/// Generate or check a keyframe dataset.
+/// Generate, import, export or check a keyframe dataset.
 #[derive(Subcommand)]
 pub enum DatasetCommand {
     /// Trace a scene in light and at 60 GHz at every pose of its trajectory.
     Generate(Generate),
+    /// Import a capture: images, spectra and poses that other programs recorded or made. What its files leave open is asked for by the flag that says it;
+    /// a failed import leaves nothing.
+    Import(Box<Import>),
+    /// Write keyframes for programs that read neither EXR nor COLMAP.
+    Export(Export),
     /// Check a dataset: hashes, sizes, poses, and the rules of the tools that read it; exit 1 when one is broken.
     Validate {
         /// Dataset folder.
@@ -54,6 +61,8 @@ impl DatasetCommand {
     pub fn run(self, json: bool) -> Result<Verdict> {
         match self {
             Self::Generate(c) => c.run(json),
+            Self::Import(c) => c.run(json),
+            Self::Export(c) => c.run(json),
             Self::Validate { folder, strict } => {
                 let findings = dataset::validate(&folder)?;
                 if !json {
@@ -72,7 +81,13 @@ impl DatasetCommand {
 /// Summary of a dataset's content, in a line or two.
 fn summary(dataset: &Dataset) -> String {
     let header = dataset.header();
-    let mut text = format!("{}: {} keyframes, {:?} spectra", header.name, dataset.len(), header.spectrum);
+    let spectra = match (header.modalities.radio, header.spectrum) {
+        (false, _) => "no spectra".to_owned(),
+        (true, None) => "imported spectra".to_owned(),
+        (true, Some(kind)) => format!("{kind:?} spectra"),
+    };
+    let images = if header.modalities.light { "" } else { ", no images" };
+    let mut text = format!("{}: {} keyframes, {spectra}{images}", header.name, dataset.len());
     if let Some(share) = dataset.share_in_frame_summary() {
         let [mean, min, max] = [share.mean, share.min, share.max].map(|s| 100.0 * s);
         text += &format!("\nof the arriving power {mean:.1} % falls into the RF frame ({min:.1} to {max:.1} % a keyframe)");

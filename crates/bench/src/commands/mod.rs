@@ -11,6 +11,8 @@ mod bench_step;
 mod check;
 mod coverage;
 mod dataset;
+mod dataset_export;
+mod dataset_import;
 mod demo;
 mod diffuse;
 mod docs;

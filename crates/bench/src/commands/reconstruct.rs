@@ -91,7 +91,7 @@ impl Reconstruct {
         let mut method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
         let Input { dataset, verified, .. } = self.verify.open(&self.dataset)?;
         let split = Split::of(&dataset, self.protocol)?;
-        harness::check_training(method.as_ref(), &split)?;
+        harness::check_training(method.as_ref(), &dataset, &split)?;
         method.check_files(&TrainingSet::new(&dataset, &split))?;
         let _held = claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");

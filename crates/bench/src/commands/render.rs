@@ -97,33 +97,40 @@ impl Render {
         }
         json::write_json(&source_path, &source)?;
         let range = run.input.dataset.db_range();
-        for folder in ["images", "jet", "db", "linear", "depth"] {
+        let has = run.input.dataset.modalities();
+        let light: &[&str] = if has.light { &["images"] } else { &[] };
+        let radio: &[&str] = if has.radio { &["jet", "db", "linear"] } else { &[] };
+        for folder in light.iter().chain(radio).chain(&["depth"]) {
             std::fs::create_dir_all(self.out.join(folder))
                 .with_context(|| format!("cannot create {}/{folder}", self.out.display()))?;
         }
         let mut progress = Progress::start("rendering", poses.len(), "views");
         for (i, pose) in poses.iter().enumerate() {
             interrupt::check()?;
-            // The Jet image is written last: with it a pose is finished.
+            // The Jet image (without radio, the image) is written last: with it a pose is finished.
             let file = |folder: &str, ending: &str| self.out.join(folder).join(format!("{:05}.{ending}", i + 1));
-            let jet = file("jet", "png");
-            if !jet.exists() {
-                let p = run.predictor.render(pose)?;
-                let colours = p.image.iter().flat_map(|image| image.pixels().iter().flatten());
-                let numbers = p.rf_scalar.pixels().iter().chain(colours);
+            let [image, jet] = [file("images", "png"), file("jet", "png")];
+            let last = if has.radio { &jet } else { &image };
+            if !last.exists() {
+                let p = run.predictor.render(pose)?.within(has);
                 ensure!(
-                    numbers.chain(p.rf_jet.pixels().iter().flatten()).all(|v| v.is_finite()),
+                    p.is_finite(),
                     "pose {i}: a pixel of the rendering is not a finite number\n  help: the field has diverged; reconstruct it with smaller rates"
                 );
-                write_exr(&file("db", "exr"), &p.rf_scalar.map(|&s| range.db(s) as f32))?;
-                write_exr(&file("linear", "exr"), &p.rf_scalar.map(|&s| if s > 0.0 { range.linear(s) as f32 } else { 0.0 }))?;
                 if let Some(depth) = &p.depth_m {
                     write_exr(&file("depth", "exr"), depth)?;
                 }
-                if let Some(image) = &p.image {
-                    io::write_png(file("images", "png"), &image.map(|c| c.map(quantize8)))?;
+                if let Some(predicted) = &p.image {
+                    io::write_png(&image, &predicted.map(|c| c.map(quantize8)))?;
                 }
-                io::write_png(&jet, &p.rf_jet.map(|c| c.map(quantize8)))?;
+                if let Some(radio) = &p.radio {
+                    write_exr(&file("db", "exr"), &radio.scalar.map(|&s| range.db(s) as f32))?;
+                    write_exr(
+                        &file("linear", "exr"),
+                        &radio.scalar.map(|&s| if s > 0.0 { range.linear(s) as f32 } else { 0.0 }),
+                    )?;
+                    io::write_png(&jet, &radio.jet.map(|c| c.map(quantize8)))?;
+                }
             }
             progress.set(i + 1, poses.len());
         }

@@ -5,11 +5,13 @@ mod online;
 use crate::device::Backend;
 use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::methods::field::FieldPredictor;
+use crate::note;
 use anyhow::{Context, Result};
 use corf::config::{Coupling, ReconstructionConfig, Sampling};
 use corf::depth::DepthPrior;
 use corf::optimizer::{OptimizerConfig, RasterConfig};
 use corf::{Device, Reconstructor};
+use corf_scene::keyframe::Modalities;
 use online::{Keeper, Online};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::ops::ControlFlow;
@@ -145,7 +147,20 @@ impl Method for CorfGs {
         2
     }
 
+    /// One modality by itself is learnt as well; what couples the two in stages has nothing to couple then.
+    fn needs(&self) -> Modalities {
+        let staged = self.config.reconstruction.coupling != Coupling::Joint;
+        Modalities { light: staged, radio: staged }
+    }
+
     fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {
+        anyhow::ensure!(
+            training.has_depth() || !self.uses_ground_truth_depth(),
+            "{}: its depth prior is made from the depth of the keyframes, and the data set has none\n  help: pass --set 'depth.prior=\"none\"', or \
+             bring maps of your own with --set 'depth.prior=\"folder\"' --set 'depth.folder=\"DIR\"', or measured depth with `corf dataset import \
+             --depth` (docs/reconstruction.md)",
+            self.id
+        );
         let camera = training.optical_camera();
         // Nothing that is drawn matters to files.
         let prior = DepthPrior::new(&self.config.reconstruction.depth, 0)?;
@@ -162,7 +177,18 @@ impl Method for CorfGs {
         seed: u64,
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
-        let config = &self.config.reconstruction;
+        let mut config = self.config.reconstruction.clone();
+        let has = training.modalities();
+        if !has.radio {
+            config.rf_weight = 0.0;
+            note!("{}: the data set has no spectra, so light alone is reconstructed", self.id);
+        }
+        if !has.light {
+            note!(
+                "{}: the data set has no images, so radio alone is reconstructed; the Jet picture of the spectrum guides growth",
+                self.id
+            );
+        }
         let device = self.config.device(&self.backend)?;
         let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
         let reconstructor = Reconstructor::new(device, config.clone(), optical, rf, range, seed)?;
@@ -195,7 +221,9 @@ impl Method for CorfGs {
             depth,
             ..Advance::of(total, total)
         })?;
-        let field = FieldPredictor::new(reconstructor.field(), self.config.raster, &self.backend);
+        let mut field = reconstructor.field();
+        field.meta.modalities = has;
+        let field = FieldPredictor::new(field, self.config.raster, &self.backend);
         Ok(Box::new(field.clearing(reconstructor)))
     }
 }

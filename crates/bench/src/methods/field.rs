@@ -2,7 +2,7 @@
 
 use crate::device::Backend;
 use crate::method::Predictor;
-use crate::metrics::Prediction;
+use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::Result;
 use corf::device::Planes;
 use corf::target::RfTarget;
@@ -93,9 +93,10 @@ impl Predictor for FieldPredictor {
     fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
         let meta = self.field.meta;
         let p = meta.render(self.device()?, *world_from_camera)?;
-        let rf_jet = jet_of(meta.rf_target, &p.rf, &p.scalar);
+        let jet = jet_of(meta.rf_target, &p.rf, &p.scalar);
         let depth_m = p.inverse_depth.map(|&i| if i > 0.0 { 1.0 / i } else { 0.0 });
-        Ok(Prediction { image: Some(p.image), rf_jet, rf_scalar: p.scalar, depth_m: Some(depth_m) })
+        let radio = Some(RadioPrediction { jet, scalar: p.scalar });
+        Ok(Prediction { image: Some(p.image), radio, depth_m: Some(depth_m) }.within(meta.modalities))
     }
 
     fn gaussians(&self) -> Option<usize> {

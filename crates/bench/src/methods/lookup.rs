@@ -4,6 +4,7 @@ use crate::json::write_json;
 use crate::method::{Advance, Method, Predictor, TrainingSet};
 use crate::metrics::Prediction;
 use anyhow::{Context, Result};
+use corf_scene::keyframe::Modalities;
 use corf_scene::{Keyframe, Raster, Rigid3};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -14,6 +15,9 @@ const METRES_PER_RADIAN: f64 = 1.0;
 const BLENDED: usize = 4;
 /// Added to a distance before it is inverted, metres.
 const SOFTENING_M: f64 = 1e-3;
+
+/// Whatever was observed is looked up.
+const NEITHER: Modalities = Modalities { light: false, radio: false };
 
 /// Configuration of a lookup.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,6 +64,10 @@ impl Method for Lookup {
         serde_json::json!(self.config)
     }
 
+    fn needs(&self) -> Modalities {
+        NEITHER
+    }
+
     fn reconstruct(
         &self,
         training: &TrainingSet<'_>,
@@ -74,7 +82,7 @@ impl Method for Lookup {
             observed.push(Observed { world_from_camera, image, scalar: spectrum.map(|&s| range.scalar(s)) });
             advance(Advance::of(k + 1, training.len()))?;
         }
-        Ok(Box::new(Table { config: self.config, observed }))
+        Ok(Box::new(Table { config: self.config, observed, has: training.modalities() }))
     }
 }
 
@@ -87,6 +95,7 @@ struct Observed {
 struct Table {
     config: LookupConfig,
     observed: Vec<Observed>,
+    has: Modalities,
 }
 
 impl Table {
@@ -116,7 +125,7 @@ impl Predictor for Table {
         let scalar = Raster::from_fn(first.scalar.width(), first.scalar.height(), |x, y| {
             near.iter().map(|(w, o)| w * o.scalar[(x, y)]).sum()
         });
-        Ok(Prediction::from_scalar(Some(image), scalar))
+        Ok(Prediction::from_scalar(Some(image), scalar).within(self.has))
     }
 
     fn save(&self, run: &Path) -> Result<()> {

@@ -10,6 +10,7 @@ use crate::metrics::Prediction;
 use anyhow::{Context, Result, ensure};
 use corf::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Trainer, TrainingRays};
 use corf_scene::dataset::Dataset;
+use corf_scene::keyframe::Modalities;
 use corf_scene::{Pinhole, Rigid3};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -77,6 +78,10 @@ impl Method for Nerf2 {
 
     fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {
         self.checkpoints = Some(checkpoints);
+    }
+
+    fn needs(&self) -> Modalities {
+        Modalities { light: false, radio: true }
     }
 
     fn reconstruct(

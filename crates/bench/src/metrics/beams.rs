@@ -62,7 +62,7 @@ fn axis_gain(d: f64) -> f64 {
 }
 
 impl Codebook {
-    /// The codebook over the pixels of `camera`; `None` where a value of the spectrum is no power of beams ([`Quantity::CaponPower`]), or the
+    /// The codebook over the pixels of `camera`; `None` where a value of the spectrum is no power of beams ([`Quantity::CaponPower`], [`Quantity::Unknown`]), or the
     /// image shows no beam.
     pub fn of(camera: Pinhole, quantity: Quantity) -> Option<Self> {
         match quantity {
@@ -71,7 +71,7 @@ impl Codebook {
                 let places = beams_in(&camera);
                 (!places.is_empty()).then_some(Self::Sampled(places))
             }
-            Quantity::CaponPower => None,
+            Quantity::CaponPower | Quantity::Unknown => None,
         }
     }
 

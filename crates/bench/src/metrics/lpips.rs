@@ -117,9 +117,11 @@ impl LpipsNetworks {
     /// # Errors
     /// Images that are too small, and the size that is needed.
     pub fn check(&self, dataset: &Dataset) -> Result<()> {
-        let cameras = [(LIGHT, "images", dataset.optical_camera()), (SPECTRUM, "spectra", dataset.rf_camera())];
-        let compared = cameras.iter().filter(|(name, ..)| self.images.include(name));
-        for (network, (_, what, camera)) in self.networks.iter().flat_map(|n| compared.clone().map(move |c| (n, c))) {
+        let has = dataset.modalities();
+        let cameras =
+            [(has.light, LIGHT, "images", dataset.optical_camera()), (has.radio, SPECTRUM, "spectra", dataset.rf_camera())];
+        let compared = cameras.iter().filter(|(is_there, name, ..)| *is_there && self.images.include(name));
+        for (network, (_, _, what, camera)) in self.networks.iter().flat_map(|n| compared.clone().map(move |c| (n, c))) {
             let (least, name) = (network.least_px(), network.backbone().name());
             if camera.width.min(camera.height) < least {
                 bail!(

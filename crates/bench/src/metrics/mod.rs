@@ -12,7 +12,7 @@ pub use columns::{COLUMNS, Column, RADIO, Statistic};
 use crate::input::Input;
 use beams::{BeamMetrics, Codebook};
 use corf_scene::dataset::Quantity;
-use corf_scene::keyframe::DbRange;
+use corf_scene::keyframe::{DbRange, Modalities};
 use corf_scene::{Keyframe, Pinhole, Raster, color};
 use lpips::LpipsNetworks;
 use serde::{Deserialize, Serialize};
@@ -24,23 +24,43 @@ use std::sync::Arc;
 pub struct Prediction {
     /// Optical image, sRGB-encoded `[0, 1]`; methods that learn from spectra alone have none.
     pub image: Option<Raster<[f32; 3]>>,
-    /// Jet-coloured spectrum, `[0, 1]`: what the paper's RF metrics look at.
-    pub rf_jet: Raster<[f32; 3]>,
-    /// The spectrum as a scalar on the dataset's dB range, `[0, 1]`: what the physical metrics look at.
-    pub rf_scalar: Raster<f32>,
+    /// The spectrum; methods that learn from images alone have none.
+    pub radio: Option<RadioPrediction>,
     /// z-depth of the optical view, metres, 0 where the field has nothing; methods without geometry have none.
     pub depth_m: Option<Raster<f32>>,
+}
+
+/// Prediction of a spectrum.
+#[derive(Clone, Debug)]
+pub struct RadioPrediction {
+    /// Jet-coloured, `[0, 1]`: what the paper's RF metrics look at.
+    pub jet: Raster<[f32; 3]>,
+    /// On the dataset's dB range, `[0, 1]`: what the physical metrics look at.
+    pub scalar: Raster<f32>,
 }
 
 impl Prediction {
     /// A prediction without depth from a scalar spectrum, coloured for the paper's metrics.
     pub fn from_scalar(image: Option<Raster<[f32; 3]>>, rf_scalar: Raster<f32>) -> Self {
-        Self { image, rf_jet: rf_scalar.map(|&s| color::jet(s)), rf_scalar, depth_m: None }
+        Self { image, radio: Some(RadioPrediction { jet: rf_scalar.map(|&s| color::jet(s)), scalar: rf_scalar }), depth_m: None }
+    }
+
+    /// What of it is of modalities that the dataset has: of the others there is nothing that could be right or wrong.
+    pub fn within(self, has: Modalities) -> Self {
+        Self { image: self.image.filter(|_| has.light), radio: self.radio.filter(|_| has.radio), ..self }
+    }
+
+    /// Whether every pixel of image and spectrum is a finite number.
+    pub fn is_finite(&self) -> bool {
+        let colours = self.image.iter().flat_map(|image| image.pixels().iter().flatten());
+        let radio = self.radio.iter().flat_map(|r| r.scalar.pixels().iter().chain(r.jet.pixels().iter().flatten()));
+        colours.chain(radio).all(|v| v.is_finite())
     }
 
     /// Both halves of it.
     pub fn halves(&self) -> Halves<'_> {
-        Halves { image: self.image.as_ref(), spectrum: Some(Spectrum { jet: &self.rf_jet, scalar: &self.rf_scalar }) }
+        let spectrum = self.radio.as_ref().map(|r| Spectrum { jet: &r.jet, scalar: &r.scalar });
+        Halves { image: self.image.as_ref(), spectrum }
     }
 }
 
@@ -121,6 +141,7 @@ pub struct Evaluator {
     range: DbRange,
     codebook: Option<Codebook>,
     networks: Arc<LpipsNetworks>,
+    has: Modalities,
 }
 
 impl Evaluator {
@@ -128,17 +149,24 @@ impl Evaluator {
     pub fn of(input: &Input) -> Self {
         let dataset = &input.dataset;
         let networks = input.networks.clone();
-        Self { networks, ..Self::new(dataset.rf_camera(), dataset.db_range(), dataset.header().quantity) }
+        Self {
+            networks,
+            has: dataset.modalities(),
+            ..Self::new(dataset.rf_camera(), dataset.db_range(), dataset.header().quantity)
+        }
     }
 
     /// `rf_camera` gives direction and solid angle of every spectrum pixel, `range` is the dataset's dB range, and `quantity` says what a
     /// value is, and so what a beam of it is.
     pub fn new(rf_camera: Pinhole, range: DbRange, quantity: Quantity) -> Self {
-        Self { rf_camera, range, codebook: Codebook::of(rf_camera, quantity), networks: Arc::default() }
+        Self { rf_camera, range, codebook: Codebook::of(rf_camera, quantity), networks: Arc::default(), has: Modalities::BOTH }
     }
 
-    /// All metrics of what is predicted of a keyframe.
+    /// All metrics of what is predicted of a keyframe, as far as it was observed.
     pub fn compare(&self, predicted: Halves<'_>, truth: &Keyframe) -> FrameMetrics {
+        // What stands in the place of a missing modality is no truth.
+        let predicted =
+            Halves { image: predicted.image.filter(|_| self.has.light), spectrum: predicted.spectrum.filter(|_| self.has.radio) };
         let image = predicted.image.map(|image| image.map(|p| p.map(color::quantize8)));
         let spectra = predicted.spectrum.map(|predicted| {
             let scalar_truth = truth.spectrum.map(|&s| self.range.scalar(s));

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, ensure};
 use corf_scene::color::quantize8;
 use corf_scene::dataset::{Dataset, stem};
 use corf_scene::io;
-use corf_scene::keyframe::DbRange;
+use corf_scene::keyframe::{DbRange, Modalities};
 use corf_scene::lock::FolderLock;
 use std::path::{Path, PathBuf};
 
@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 pub struct PredictionWriter {
     dir: PathBuf,
     range: DbRange,
+    has: Modalities,
     _held: FolderLock,
 }
 
@@ -26,9 +27,11 @@ impl PredictionWriter {
     /// A folder that holds something already, or cannot be written.
     pub fn create(dir: &Path, dataset: &Dataset) -> Result<Self> {
         let held = claim_fresh(dir)?;
-        let writer = Self { dir: dir.to_path_buf(), range: dataset.db_range(), _held: held };
-        writer.make("jet")?;
-        writer.make("linear")?;
+        let writer = Self { dir: dir.to_path_buf(), range: dataset.db_range(), has: dataset.modalities(), _held: held };
+        if writer.has.radio {
+            writer.make("jet")?;
+            writer.make("linear")?;
+        }
         Ok(writer)
     }
 
@@ -42,10 +45,8 @@ impl PredictionWriter {
     /// # Errors
     /// A pixel that is no number, or a file that cannot be written.
     pub fn write(&self, index: usize, prediction: &Prediction) -> Result<()> {
-        let mut numbers =
-            prediction.rf_scalar.pixels().iter().chain(prediction.image.iter().flat_map(|image| image.pixels()).flatten());
         ensure!(
-            numbers.all(|v| v.is_finite()),
+            prediction.is_finite(),
             "keyframe {index}: a pixel of the prediction is not a finite number\n  help: the field has diverged; reconstruct it with smaller rates"
         );
         let file = |folder: &str, ending: &str| self.dir.join(folder).join(format!("{}.{ending}", stem(index)));
@@ -53,9 +54,12 @@ impl PredictionWriter {
             self.make("images")?;
             io::write_png(file("images", "png"), &image.map(|c| c.map(quantize8)))?;
         }
-        io::write_png(file("jet", "png"), &prediction.rf_jet.map(|c| c.map(quantize8)))?;
-        let linear = prediction.rf_scalar.map(|&s| crate::metrics::radio::linear(s, &self.range) as f32);
-        Ok(io::write_atomic(file("linear", "exr"), &io::encode_exr_f32(&linear, "Y")?)?)
+        if let Some(radio) = &prediction.radio {
+            io::write_png(file("jet", "png"), &radio.jet.map(|c| c.map(quantize8)))?;
+            let linear = radio.scalar.map(|&s| crate::metrics::radio::linear(s, &self.range) as f32);
+            io::write_atomic(file("linear", "exr"), &io::encode_exr_f32(&linear, "Y")?)?;
+        }
+        Ok(())
     }
 
     /// Writes the statement, without which the folder is not finished.

@@ -140,7 +140,10 @@ fn keyframe(report: &Report<'_>, observed: &Observed, rows: usize, share: usize)
         });
         radio.push(row, label, pictures, frame.and_then(|f| Some(f.spectrum?.psnr_rf_jet)))?;
     }
-    let ([light, light_error], [radio, radio_error]) = (light.figures(), radio.figures());
+    // A half that was not observed is not shown: what stands in its place is no picture of it.
+    let has = report.dataset.modalities();
+    let shown = |half: Half<'_>, there: bool| if there { half.figures() } else { Default::default() };
+    let ([light, light_error], [radio, radio_error]) = (shown(light, has.light), shown(radio, has.radio));
     let number = observed.index + 1;
     Ok(format!(
         "<article id=\"keyframe-{number}\"><h3>keyframe {number}</h3><div class=\"pictures\">{light}{radio}{light_error}{radio_error}</div></article>"
@@ -198,6 +201,9 @@ pub(super) fn section(report: &Report<'_>, observations: &Observations) -> Resul
 /// # Errors
 /// A picture that cannot be encoded.
 pub(super) fn gallery(report: &Report<'_>, observations: &Observations) -> Result<String> {
+    if !report.dataset.modalities().radio {
+        return Ok(String::new());
+    }
     let Some(observed) = observations.0.iter().max_by(|a, b| a.power.total_cmp(&b.power)) else { return Ok(String::new()) };
     let figure = |scalar: &Raster<f32>, caption: &str| -> Result<String> {
         let picture = img(&jet_image(&shrunk_scalar(scalar, GALLERY_COLUMNS)), "", &format!("spectrum, {caption}"))?;

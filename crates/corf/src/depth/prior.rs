@@ -237,7 +237,7 @@ impl SimulatedPrior {
 
 /// The depth of a keyframe that has one.
 fn true_depth_of(keyframe: &Keyframe) -> Result<&Raster<f32>> {
-    let help = "generate the dataset with depth, or set depth.prior = \"none\"";
+    let help = "pass --set 'depth.prior=\"none\"', bring maps of your own with depth.prior = \"folder\", or import measured depth with --depth";
     let place = || format!("keyframe {}, depth prior from ground truth", keyframe.index);
     let depth = keyframe.depth_m.as_ref().ok_or_else(|| Error::invalid(place(), "the keyframe carries no depth", help))?;
     if !depth.pixels().iter().any(|z| *z > 0.0 && z.is_finite()) {

@@ -77,7 +77,15 @@ impl OfflineReconstructor {
     ) -> Result<Self> {
         config.validate()?;
         let (rf_target, rf_background) = (OfflineConfig::RF_TARGET, Some(config.rf_background_color()));
-        let meta = FieldMeta { rf_target, db_range, optical_camera, rf_camera, sensor: RfSensor::Identity, rf_background };
+        let meta = FieldMeta {
+            rf_target,
+            db_range,
+            optical_camera,
+            rf_camera,
+            sensor: RfSensor::Identity,
+            rf_background,
+            modalities: Default::default(),
+        };
         meta.validate()?;
         if device.gaussians() != config.empty_field() {
             let what = "the device holds Gaussians, or was made for other channels or harmonic degrees than the configuration's";

@@ -168,8 +168,8 @@ impl Reconstructor {
         }
         let prune = PruneRule {
             opacity: self.config.prune_opacity,
-            // A stage that light trains alone leaves the RF opacities as they were born: they say nothing there.
-            both_modalities: self.config.coupling == Coupling::Joint,
+            // What light trains alone leaves the RF opacities as they were born: they say nothing there.
+            both_modalities: self.config.coupling == Coupling::Joint && self.config.rf_weight > 0.0,
             image_fraction: self.config.prune_image_fraction,
         };
         let sigma_px = (self.config.sampling == Sampling::Log).then_some(self.config.log_sigma_px);

@@ -33,7 +33,7 @@ impl Platform<'_> {
             rayon::join(|| self.camera.see(pose), || self.array.keyframe(&pose.world_from_camera, &self.outputs));
         let (optical, radio) = (optical?, radio?);
         Ok(FrameData {
-            spectrum: radio.spectrum,
+            spectrum: Some(radio.spectrum),
             sphere: radio.sphere,
             tutorial: radio.tutorial,
             share_in_frame: Some(radio.share_in_frame),

@@ -4,7 +4,7 @@ use crate::light::{self, CacheSettings, LightCache, LightFrame, LightSettings, L
 use corf_scene::config::{DatasetConfig, LightMethod, OpticalConfig};
 use corf_scene::dataset::FrameData;
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Error, Pinhole, Raster, Result, Rigid3, bounds};
+use corf_scene::{Error, Pinhole, Result, Rigid3, bounds};
 
 /// Poses along the trajectory at which the exposure is metered, and the size and samples of each.
 const METERED_POSES: usize = 8;
@@ -154,13 +154,13 @@ impl<'a> OpticalSensor<'a> {
     pub fn see(&self, pose: &TrajectoryPose) -> Result<FrameData> {
         let frame = self.look(&pose.world_from_camera, frame_key(pose))?;
         Ok(FrameData {
-            image: light::develop_frame(&frame, self.exposure_ev()),
+            image: Some(light::develop_frame(&frame, self.exposure_ev())),
             linear: self.writes.write_linear.then_some(frame.radiance),
             albedo: self.writes.write_albedo.then_some(frame.albedo),
             normals: self.writes.write_normals.then_some(frame.normal),
             depth_m: Some(frame.depth_m),
             surface: Some(frame.surface),
-            spectrum: Raster::filled(0, 0, 0.0),
+            spectrum: None,
             sphere: None,
             tutorial: None,
             share_in_frame: None,

@@ -1,5 +1,7 @@
 //! Conventions of a dataset (frames, units, encodings) in words: `dataset.json`'s `conventions`.
 
+mod imported;
+
 use super::header::{DatasetHeader, Quantity};
 use crate::color::TONE_KNEE;
 use crate::config::{DatasetConfig, LightMethod, RearHalfSpace, SpectrumKind};
@@ -13,9 +15,13 @@ pub type Conventions = BTreeMap<String, BTreeMap<String, String>>;
 pub const EQUIRECTANGULAR_AXES: &str = "equirectangular in the array frame; columns from azimuth +180 (left edge) to -180 degrees, rows from \
                                         elevation +90 (top) to -90 degrees, boresight in the middle, pixel centres at +0.5";
 
-/// The conventions of the dataset that `header` describes and whose spectra were mapped to images over `range`.
-pub(super) fn of(header: &DatasetHeader, range: &DbRange) -> Conventions {
-    let topics: [(&str, Vec<(&str, String)>); 10] = [
+/// The conventions of the dataset that `header` describes and whose spectra, where there are some, were mapped to images over `range`.
+pub(super) fn of(header: &DatasetHeader, range: Option<&DbRange>) -> Conventions {
+    if let Some(imported) = &header.imported {
+        return owned(imported::topics(header, imported, range).into());
+    }
+    let Some(range) = range else { return owned(vec![("frames", frames()), ("cameras", cameras(header))]) };
+    let topics: [Topic; 10] = [
         ("frames", frames()),
         ("angles", angles()),
         ("cameras", cameras(header)),
@@ -27,10 +33,17 @@ pub(super) fn of(header: &DatasetHeader, range: &DbRange) -> Conventions {
         ("sampling", sampling(header)),
         ("files", files(header)),
     ];
-    let owned = |(topic, answers): (&str, Vec<(&str, String)>)| {
+    owned(topics.into())
+}
+
+/// A topic, its questions and their answers.
+type Topic = (&'static str, Vec<(&'static str, String)>);
+
+fn owned(topics: Vec<Topic>) -> Conventions {
+    let one = |(topic, answers): Topic| {
         (topic.to_string(), answers.into_iter().map(|(question, answer)| (question.to_string(), answer)).collect())
     };
-    topics.into_iter().map(owned).collect()
+    topics.into_iter().map(one).collect()
 }
 
 fn frames() -> Vec<(&'static str, String)> {
@@ -104,7 +117,7 @@ fn optical(header: &DatasetHeader) -> Vec<(&'static str, String)> {
             format!(
                 "x = radiance x 2^{}; linear up to the knee {knee}, above it highlights roll off as {knee} + {rest:.1} (1 - exp(-(x - \
                  {knee})/{rest:.1})); then the sRGB transfer function",
-                header.exposure_ev,
+                header.exposure_ev.map_or("(unknown)".into(), |ev| ev.to_string()),
                 knee = TONE_KNEE,
                 rest = 1.0 - TONE_KNEE
             ),
@@ -134,9 +147,11 @@ fn spectrum(header: &DatasetHeader) -> Vec<(&'static str, String)> {
         Quantity::CaponPower => {
             "linear power that Capon's beamformer estimates from the pixel's direction, relative to 1 W transmitted"
         }
+        Quantity::Unknown => "linear power in a unit that is not known",
     };
     let bandwidth = rf.map_or("the bandwidth".into(), |rf| format!("{} Hz", rf.bandwidth_hz));
-    let (formed, phases) = match header.spectrum {
+    let Some(kind) = header.spectrum else { return vec![("value", value.into())] };
+    let (formed, phases) = match kind {
         SpectrumKind::Mpc => (
             format!(
                 "mpc: every arrival's |a|^2 spread by a von Mises-Fisher lobe of standard deviation {} degrees per axis and unit integral \
@@ -187,13 +202,15 @@ fn drawn_phases(header: &DatasetHeader) -> String {
 }
 
 fn rear(header: &DatasetHeader) -> String {
-    match (header.spectrum, header.receiver.rear) {
-        (SpectrumKind::Mpc, _) => "mpc knows where each arrival comes from; those from behind the camera are outside the frame".into(),
-        (_, RearHalfSpace::Gated) => {
+    let rear = header.receiver.map(|receiver| receiver.rear);
+    match (header.spectrum, rear) {
+        (None, _) | (_, None) => "unknown".into(),
+        (Some(SpectrumKind::Mpc), _) => "mpc knows where each arrival comes from; those from behind the camera are outside the frame".into(),
+        (_, Some(RearHalfSpace::Gated)) => {
             "gated: a planar array cannot tell front from back, and arrivals from behind its plane are left out before the beam is formed"
                 .into()
         }
-        (_, RearHalfSpace::Aliased) => "aliased: arrivals from behind the array's plane appear mirrored in front of it".into(),
+        (_, Some(RearHalfSpace::Aliased)) => "aliased: arrivals from behind the array's plane appear mirrored in front of it".into(),
     }
 }
 
@@ -231,7 +248,7 @@ fn rf_image(header: &DatasetHeader, range: &DbRange) -> Vec<(&'static str, Strin
 }
 
 fn antennas(header: &DatasetHeader) -> Vec<(&'static str, String)> {
-    let rx = &header.receiver;
+    let Some(rx) = &header.receiver else { return vec![("receiver_array", "unknown".into())] };
     let receiver_element = format!(
         "{:?} pattern, {:?} polarised, fixed to the array's axes; V is along theta^ of the antenna's own frame, H along phi^, cross is \
          -45 and +45 degrees from theta^ to phi^; powers add over a receiver's ports",
@@ -280,7 +297,7 @@ fn antennas(header: &DatasetHeader) -> Vec<(&'static str, String)> {
 
 fn propagation(header: &DatasetHeader) -> Vec<(&'static str, String)> {
     let mut list = vec![
-        ("carrier", format!("{} Hz", header.frequency_hz)),
+        ("carrier", header.frequency_hz.map_or("unknown".into(), |f| format!("{f} Hz"))),
         ("time", "e^{+j omega t}; permittivity e_r - j sigma/(omega e_0)".into()),
         (
             "coefficient",

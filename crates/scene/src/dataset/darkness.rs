@@ -9,17 +9,17 @@ const BLACK: u8 = 3;
 /// Emptiness of one keyframe's optical image and depth map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Sight {
-    /// Whether its image is black.
+    /// Whether its image, where there is one, is black.
     pub black: bool,
     /// Whether its depth, where there is one, is empty: no pixel shows a surface.
     pub empty: bool,
 }
 
 impl Sight {
-    pub(super) fn of(image: &Raster<[u8; 3]>, depth_m: Option<&Raster<f32>>) -> Self {
+    pub(super) fn of(image: Option<&Raster<[u8; 3]>>, depth_m: Option<&Raster<f32>>) -> Self {
         let is_surface = |d: &f32| d.is_finite() && *d > 0.0;
         Self {
-            black: image.pixels().iter().flatten().all(|v| *v <= BLACK),
+            black: image.is_some_and(|image| image.pixels().iter().flatten().all(|v| *v <= BLACK)),
             empty: depth_m.is_some_and(|depth| !depth.pixels().iter().any(is_surface)),
         }
     }
@@ -60,7 +60,7 @@ mod tests {
         let nothing = Raster::filled(4, 3, 0f32);
         let mut wall = nothing.clone();
         wall[(2, 2)] = 3.5;
-        let sights = [Sight::of(&black, Some(&nothing)), Sight::of(&lit, Some(&wall)), Sight::of(&lit, None)];
+        let sights = [Sight::of(Some(&black), Some(&nothing)), Sight::of(Some(&lit), Some(&wall)), Sight::of(Some(&lit), None)];
         let texts: Vec<String> = findings("d", &sights).iter().map(ToString::to_string).collect();
         assert_eq!(texts.len(), 2);
         assert!(texts[0].contains("1 of 3 images are black") && texts[1].contains("1 of 3 depth images are empty"), "{texts:?}");

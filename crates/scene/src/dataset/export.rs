@@ -18,6 +18,13 @@ pub struct ColoredPoint {
     pub color: [u8; 3],
 }
 
+/// A point, and where a keyframe saw it.
+pub(super) struct SeenPoint {
+    point: ColoredPoint,
+    /// Index of the keyframe, and the image position, pixels; none of a point that came without.
+    seen: Option<(usize, [f64; 2])>,
+}
+
 /// `optical`, `rf` or `rf-tutorial`: a folder other tools open directly.
 pub(super) struct Modality {
     pub root: &'static str,
@@ -27,8 +34,13 @@ pub(super) struct Modality {
 impl Modality {
     /// The folders that a dataset has.
     pub fn all(header: &DatasetHeader) -> Vec<Self> {
-        let mut list =
-            vec![Self { root: "optical", camera: header.optical_camera }, Self { root: "rf", camera: header.rf_camera }];
+        let mut list = Vec::new();
+        if header.modalities.light {
+            list.push(Self { root: "optical", camera: header.optical_camera });
+        }
+        if header.modalities.radio {
+            list.push(Self { root: "rf", camera: header.rf_camera });
+        }
         if header.tutorial_range.is_some() {
             list.push(Self { root: layout::TUTORIAL_ROOT, camera: header.rf_camera });
         }
@@ -41,13 +53,14 @@ const POINTS: usize = 20_000;
 /// Random stream of the point samples.
 const STAGE_POINTS: u64 = 0x706f_696e_7473;
 
-/// Surface points seen by the training keyframes, coloured by image and by RF image, in this order.
+/// Surface points seen by the training keyframes, coloured by image and by RF image, in this order, and those that are `known` besides.
 pub(super) fn sample_points(
     dir: &Path,
     header: &DatasetHeader,
     train: &[usize],
     rf_images: &[Raster<[u8; 3]>],
-) -> Result<[Vec<ColoredPoint>; 2]> {
+    known: &[ColoredPoint],
+) -> Result<[Vec<SeenPoint>; 2]> {
     let (optical, rf) = (&header.optical_camera, &header.rf_camera);
     let mut points = [Vec::new(), Vec::new()];
     // A dataset of one keyframe has no training ones; its own depth is all there is.
@@ -68,20 +81,23 @@ pub(super) fn sample_points(
             }
             let in_camera = optical.unproject(x as f64 + 0.5, y as f64 + 0.5) * z;
             let position = pose.transform_point(in_camera);
-            points[0].push(ColoredPoint { position, color: image[(x, y)] });
-            if let Some(p) = rf.project(in_camera)
+            let at = [x as f64 + 0.5, y as f64 + 0.5];
+            points[0].push(SeenPoint { point: ColoredPoint { position, color: image[(x, y)] }, seen: Some((index, at)) });
+            if let (Some(p), Some(rf_image)) = (rf.project(in_camera), rf_images.get(index))
                 && (0.0..rf.width as f64).contains(&p.x)
                 && (0.0..rf.height as f64).contains(&p.y)
             {
-                points[1].push(ColoredPoint { position, color: rf_images[index][(p.x as usize, p.y as usize)] });
+                let point = ColoredPoint { position, color: rf_image[(p.x as usize, p.y as usize)] };
+                points[1].push(SeenPoint { point, seen: Some((index, p.to_array())) });
             }
         }
     }
     for list in &mut points {
+        list.extend(known.iter().map(|point| SeenPoint { point: *point, seen: None }));
         if list.is_empty() {
             // Readers insist on one point: the camera centres' mean says at least where the scene is.
             let mean = header.poses.iter().map(|p| p.world_from_camera.translation).sum::<DVec3>() / header.poses.len() as f64;
-            list.push(ColoredPoint { position: mean, color: [128; 3] });
+            list.push(SeenPoint { point: ColoredPoint { position: mean, color: [128; 3] }, seen: None });
         }
     }
     Ok(points)
@@ -92,13 +108,15 @@ pub(super) fn files(
     modality: &Modality,
     poses: &[TrajectoryPose],
     split: &SplitLists,
-    points: &[ColoredPoint],
+    points: &[SeenPoint],
 ) -> Result<Vec<(&'static str, String)>> {
     let stems = |list: &[usize]| list.iter().map(|i| layout::stem(*i) + "\n").collect::<String>();
     Ok(vec![
         ("sparse/0/cameras.txt", cameras_txt(&modality.camera)),
-        ("sparse/0/images.txt", images_txt(poses)),
-        ("sparse/0/points3D.txt", points_txt(points)),
+        ("sparse/0/images.txt", images_txt(poses, points)),
+        ("sparse/0/points3D.txt", points_txt(poses.len(), points)),
+        // Without it nerfbaselines cannot choose between the model and transforms.json.
+        ("nb-info.json", "{\"loader\": \"colmap\"}\n".to_owned()),
         ("transforms.json", transforms_json(&modality.camera, poses, split)?),
         ("train_index.txt", stems(&split.train)),
         ("test_index.txt", stems(&split.test)),
@@ -113,8 +131,15 @@ fn cameras_txt(c: &Pinhole) -> String {
     )
 }
 
-/// COLMAP's `images.txt`: `ID qw qx qy qz tx ty tz CAMERA NAME`, camera_from_world, OpenCV axes; the line of 2-D points is empty.
-fn images_txt(poses: &[TrajectoryPose]) -> String {
+/// COLMAP's `images.txt`: `ID qw qx qy qz tx ty tz CAMERA NAME`, camera_from_world, OpenCV axes; then `X Y
+/// POINT3D_ID` of the points that were taken in it, or an empty line.
+fn images_txt(poses: &[TrajectoryPose], points: &[SeenPoint]) -> String {
+    let mut observed = vec![Vec::new(); poses.len()];
+    for (i, point) in points.iter().enumerate() {
+        if let Some((index, [x, y])) = point.seen {
+            observed[index].push(format!("{x} {y} {}", i + 1));
+        }
+    }
     let mut text = "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME (camera_from_world), then POINTS2D\n".to_string();
     for p in poses {
         let camera_from_world = p.world_from_camera.inverse();
@@ -123,7 +148,7 @@ fn images_txt(poses: &[TrajectoryPose]) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(
             text,
-            "{} {} {} {} {} {} {} {} 1 {}.png\n",
+            "{} {} {} {} {} {} {} {} 1 {}.png\n{}",
             p.index + 1,
             q.w,
             q.x,
@@ -132,18 +157,25 @@ fn images_txt(poses: &[TrajectoryPose]) -> String {
             t.x,
             t.y,
             t.z,
-            layout::stem(p.index)
+            layout::stem(p.index),
+            observed[p.index].join(" ")
         );
     }
     text
 }
 
-/// COLMAP's `points3D.txt`: `ID X Y Z R G B ERROR TRACK[]`, with empty tracks.
-fn points_txt(points: &[ColoredPoint]) -> String {
-    let mut text = "# POINT3D_ID X Y Z R G B ERROR TRACK[]\n".to_string();
-    for (i, p) in points.iter().enumerate() {
-        let ([r, g, b], x) = (p.color, p.position);
-        let _ = writeln!(text, "{} {:.6} {:.6} {:.6} {r} {g} {b} 0", i + 1, x.x, x.y, x.z);
+/// COLMAP's `points3D.txt`: `ID X Y Z R G B ERROR TRACK[]`; a track is the image that the point was taken in and its place in that image's list.
+fn points_txt(images: usize, points: &[SeenPoint]) -> String {
+    let mut text = "# POINT3D_ID X Y Z R G B ERROR TRACK[] as (IMAGE_ID, POINT2D_IDX)\n".to_string();
+    let mut listed = vec![0; images];
+    for (i, SeenPoint { point, seen }) in points.iter().enumerate() {
+        let ([r, g, b], x) = (point.color, point.position);
+        let _ = write!(text, "{} {:.6} {:.6} {:.6} {r} {g} {b} 0", i + 1, x.x, x.y, x.z);
+        if let Some((index, _)) = seen {
+            let _ = write!(text, " {} {}", index + 1, listed[*index]);
+            listed[*index] += 1;
+        }
+        text.push('\n');
     }
     text
 }

@@ -15,9 +15,10 @@ pub(super) struct DatasetFile {
     pub generator: String,
     pub keyframes: usize,
     pub conventions: Conventions,
-    pub db_range: DbRange,
-    /// Largest spectrum value of all keyframes, dB.
-    pub peak_db: f64,
+    /// The one dB range; null without radio.
+    pub db_range: Option<DbRange>,
+    /// Largest spectrum value of all keyframes, dB; null without radio.
+    pub peak_db: Option<f64>,
     pub rf_frames: RfFrames,
     pub split: SplitLists,
     pub header: DatasetHeader,

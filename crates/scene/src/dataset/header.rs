@@ -1,13 +1,14 @@
 //! Metadata of a dataset: `dataset.json` and `trajectory.json`.
 
 use crate::config::{DatasetConfig, ReceiverConfig, SceneConfig, SpectrumKind, SplitConfig, TransmitterConfig};
-use crate::keyframe::DbRange;
+use crate::keyframe::{DbRange, Modalities};
 use crate::model::Permittivity;
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::TrajectoryPose;
 use crate::{Equirectangular, Error, Pinhole, Result, Rigid3, Scene, fingerprint, io};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The version of the layout this crate writes and reads.
@@ -23,25 +24,28 @@ pub struct DatasetHeader {
     pub name: String,
     /// Seed of everything drawn at random.
     pub seed: u64,
-    /// Camera of `optical/`.
+    /// Whether there are images, and whether there are spectra; nothing is written where there are both.
+    #[serde(default, skip_serializing_if = "Modalities::are_both")]
+    pub modalities: Modalities,
+    /// Camera of `optical/`; without light that of `rf/`.
     pub optical_camera: Pinhole,
-    /// Camera of `rf/`.
+    /// Camera of `rf/`; without radio a nominal one that took nothing.
     pub rf_camera: Pinhole,
     /// Image of `rf/sphere`, where it is written.
     pub sphere: Option<Equirectangular>,
-    /// Exposure the images were developed with, EV.
-    pub exposure_ev: f64,
+    /// Exposure the images were developed with, EV, if known.
+    pub exposure_ev: Option<f64>,
     /// The filter that took noise out of the images, with its version, where one did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub denoiser: Option<String>,
-    /// Carrier, Hz.
-    pub frequency_hz: f64,
+    /// Carrier, Hz, if known.
+    pub frequency_hz: Option<f64>,
     /// The fixed transmitter, if known.
     pub transmitter: Option<TransmitterConfig>,
-    /// The platform's array.
-    pub receiver: ReceiverConfig,
-    /// Kind of the angular spectra.
-    pub spectrum: SpectrumKind,
+    /// The platform's array, if known.
+    pub receiver: Option<ReceiverConfig>,
+    /// Kind of the angular spectra, if known.
+    pub spectrum: Option<SpectrumKind>,
     /// Physical quantity of a spectrum's values.
     pub quantity: Quantity,
     /// Width of the one dB range below the dataset's peak, dB.
@@ -54,6 +58,9 @@ pub struct DatasetHeader {
     pub sampling_error: Option<SamplingError>,
     /// Training and test keyframes.
     pub split: SplitConfig,
+    /// Training and test keyframes that were stated one by one; they take the place of the rule in `split`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stated_split: Option<StatedSplit>,
     /// Names by surface index.
     pub objects: Vec<String>,
     /// SHA-256 of the mesh file.
@@ -66,9 +73,42 @@ pub struct DatasetHeader {
     pub config: Option<DatasetConfig>,
     /// The resolved scene configuration it was generated from.
     pub scene: Option<SceneConfig>,
+    /// Source of a capture that was imported.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub imported: Option<Imported>,
     /// The trajectory (written to `trajectory.json`).
     #[serde(skip)]
     pub poses: Vec<TrajectoryPose>,
+}
+
+/// Training and test keyframes by index, ascending.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StatedSplit {
+    /// Those that train.
+    pub train: Vec<usize>,
+    /// Those that are held out.
+    pub test: Vec<usize>,
+}
+
+/// Source of an imported capture, and what was done to it on the way.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Imported {
+    /// Layout that was read, e.g. `colmap`.
+    pub format: String,
+    /// Name of every keyframe's file in the capture, in the order of the keyframes.
+    pub names: Vec<String>,
+    /// Direction in the capture's frame that became +z; `None` where the frame was kept.
+    pub up: Option<[f64; 3]>,
+    /// Metres that one unit of length of the capture was taken for.
+    pub metres_per_unit: f64,
+    /// The decibel range that was stated with the spectra.
+    pub db_range: Option<DbRange>,
+    /// Changes and assumptions, in words.
+    pub notes: Vec<String>,
+    /// SHA-256 of every file that was read, by its path below the folder it was given with.
+    pub sources: BTreeMap<String, String>,
 }
 
 /// A radio material as the tracer used it.
@@ -137,6 +177,8 @@ pub enum Quantity {
     BeamPower,
     /// Capon's estimate of the linear power from the pixel's direction, relative to 1 W transmitted.
     CaponPower,
+    /// Linear power in a unit that is not known.
+    Unknown,
 }
 
 impl Quantity {
@@ -154,6 +196,7 @@ impl Quantity {
         match self {
             Self::PowerPerSteradian => "1/sr",
             Self::BeamPower | Self::CaponPower => "1",
+            Self::Unknown => "unknown",
         }
     }
 }
@@ -170,26 +213,29 @@ impl DatasetHeader {
         Ok(Self {
             name: config.name.clone(),
             seed: config.seed,
+            modalities: Modalities::BOTH,
             optical_camera: config.optical_camera(),
             rf_camera: config.rf_camera(),
             sphere: config.rf.sphere.map(|[width, height]| Equirectangular { width, height }),
-            exposure_ev: config.optical.exposure_ev.unwrap_or(exposure_ev),
+            exposure_ev: Some(config.optical.exposure_ev.unwrap_or(exposure_ev)),
             denoiser: None,
-            frequency_hz: scene_config.radio.frequency_hz,
+            frequency_hz: Some(scene_config.radio.frequency_hz),
             transmitter: Some(*config.transmitter_of(scene_config)?),
-            receiver: scene_config.receiver,
-            spectrum: config.rf.spectrum,
+            receiver: Some(scene_config.receiver),
+            spectrum: Some(config.rf.spectrum),
             quantity: Quantity::of(config.rf.spectrum),
             dynamic_range_db: config.rf.dynamic_range_db,
             tutorial_range: None,
             materials: MaterialRecord::all(scene, scene_config.radio.frequency_hz)?,
             sampling_error: None,
             split: config.split,
+            stated_split: None,
             objects: scene.objects.iter().map(|o| o.name.clone()).collect(),
             scene_sha256: Some(io::sha256_hex(&mesh)),
             scene_content_sha256: (!stands_alone).then(|| fingerprint::of_scene(scene)),
             config: Some(config.clone()),
             scene: Some(scene_config.clone()),
+            imported: None,
             poses: config.poses(scene_config)?,
         })
     }
@@ -215,8 +261,14 @@ pub(super) struct SplitLists {
 }
 
 impl SplitLists {
-    pub(super) fn of(split: &SplitConfig, count: usize) -> Self {
-        Self { train: split.train(count), test: split.test(count), held_out_segment: split.held_out(count).collect() }
+    /// The lists of a data set of `count` keyframes.
+    pub(super) fn of(header: &DatasetHeader, count: usize) -> Self {
+        let split = &header.split;
+        let (train, test) = match &header.stated_split {
+            Some(stated) => (stated.train.clone(), stated.test.clone()),
+            None => (split.train(count), split.test(count)),
+        };
+        Self { train, test, held_out_segment: split.held_out(count).collect() }
     }
 }
 

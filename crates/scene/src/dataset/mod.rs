@@ -10,6 +10,8 @@
 //!   each of the three  sparse/0/{cameras,images,points3D}.txt  transforms.json  train_index.txt  test_index.txt
 //! ```
 //!
+//! A data set that was imported may lack one of the two modalities, depth and surfaces; what it lacks has no files.
+//!
 //! File stems count from 1, indices from 0. Each modality's folder is self-contained: COLMAP and transforms.json readers open it as it is.
 //! No file but `images/N.png` ends in `N.png`, because some readers match images by suffix.
 
@@ -18,19 +20,22 @@ mod conventions;
 mod darkness;
 mod export;
 mod file;
+mod foreign;
 mod header;
 mod identity;
 mod layout;
 mod leftovers;
+mod numpy;
 mod reader;
 mod validate;
 mod writer;
 
 pub use conventions::{Conventions, EQUIRECTANGULAR_AXES};
 pub use export::ColoredPoint;
-pub use header::{DATASET_SCHEMA, DatasetHeader, MaterialRecord, Quantity, SamplingError, Summary};
+pub use header::{DATASET_SCHEMA, DatasetHeader, Imported, MaterialRecord, Quantity, SamplingError, StatedSplit, Summary};
 pub use identity::check_finished;
 pub use layout::stem;
+pub use numpy::keyframe_npz;
 pub use reader::Dataset;
 pub use validate::validate;
 pub use writer::{DatasetWriter, FrameData};

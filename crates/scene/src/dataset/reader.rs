@@ -4,8 +4,8 @@ use super::checks::{check_spectrum, own_file};
 use super::conventions::Conventions;
 use super::file::DatasetFile;
 use super::header::{DATASET_SCHEMA, DatasetHeader, Summary, from_json, read_trajectory};
-use super::layout;
-use crate::keyframe::DbRange;
+use super::{foreign, layout};
+use crate::keyframe::{DbRange, Modalities};
 use crate::trajectory::TrajectoryPose;
 use crate::{Error, Keyframe, Pinhole, Raster, Result, io};
 use std::path::{Path, PathBuf};
@@ -28,9 +28,9 @@ impl Dataset {
         let path = dir.join(layout::DATASET_JSON);
         if !path.exists() {
             let (what, help) = if dir.join(layout::PARTIAL_JSON).exists() {
-                ("its generation was not finished", "go on with `corf dataset generate ... --resume`")
+                ("its generation was not finished", "go on with `corf dataset generate ... --resume`".to_owned())
             } else {
-                ("there is no dataset.json in it", "give the folder `corf dataset generate` wrote")
+                ("there is no dataset.json in it", foreign::advice(dir))
             };
             return Err(Error::invalid(dir.display().to_string(), what, help));
         }
@@ -64,7 +64,12 @@ impl Dataset {
                 "indices count from 0; restore the original or generate the dataset again",
             ));
         }
-        if file.db_range.max_db <= file.db_range.min_db {
+        let has = file.header.modalities;
+        if file.db_range.is_some() != has.radio || !(has.light || has.radio) {
+            let what = "db_range and header.modalities do not agree on whether there are spectra, or there is nothing at all";
+            return Err(Error::invalid(path.display().to_string(), what, "restore the original or import the capture again"));
+        }
+        if file.db_range.is_some_and(|range| range.max_db <= range.min_db) {
             return Err(Error::invalid(path.display().to_string(), "db_range is empty", "max_db must be above min_db"));
         }
         Ok(Self { dir: dir.to_path_buf(), file, hash })
@@ -90,17 +95,27 @@ impl Dataset {
         self.file.keyframes == 0
     }
 
-    /// The one dB range of the dataset.
+    /// The one dB range of the dataset; without radio a stand-in of which no number comes.
     pub fn db_range(&self) -> DbRange {
-        self.file.db_range
+        self.file.db_range.unwrap_or(DbRange { min_db: -100.0, max_db: 0.0 })
     }
 
-    /// The camera of the optical images.
+    /// Whether there are images, and whether there are spectra.
+    pub fn modalities(&self) -> Modalities {
+        self.file.header.modalities
+    }
+
+    /// Whether every keyframe comes with depth.
+    pub fn has_depth(&self) -> bool {
+        (0..self.len()).all(|i| self.file.files.contains_key(&layout::depth(i)))
+    }
+
+    /// The camera of the optical images; without light that of the spectra.
     pub fn optical_camera(&self) -> Pinhole {
         self.file.header.optical_camera
     }
 
-    /// The camera of the spectra.
+    /// The camera of the spectra; without radio a nominal one.
     pub fn rf_camera(&self) -> Pinhole {
         self.file.header.rf_camera
     }
@@ -149,7 +164,7 @@ impl Dataset {
         &self.file
     }
 
-    /// Reads keyframe `index`.
+    /// Reads keyframe `index`. Where a modality is missing, [`Keyframe`] says what stands in its place.
     ///
     /// # Errors
     /// An index outside the dataset; a file that is missing, cut short, of the wrong size, or with values that are no measurements.
@@ -164,15 +179,20 @@ impl Dataset {
         };
         let has = |path: &str| self.file.files.contains_key(path);
         let (o, r) = (self.optical_camera(), self.rf_camera());
-        let image =
-            self.sized(index, &layout::image(index), &o, own_file(&self.dir, &layout::image(index)).and_then(io::read_png))?;
-        let spectrum = self.sized(
-            index,
-            &layout::spectrum(index),
-            &r,
-            own_file(&self.dir, &layout::spectrum(index)).and_then(io::read_exr_f32),
-        )?;
-        check_spectrum(&spectrum, &format!("{}: keyframe {index}", self.dir.join(layout::spectrum(index)).display()))?;
+        let modalities = self.modalities();
+        let spectrum = if modalities.radio {
+            let name = layout::spectrum(index);
+            let spectrum = self.sized(index, &name, &r, own_file(&self.dir, &name).and_then(io::read_exr_f32))?;
+            check_spectrum(&spectrum, &format!("{}: keyframe {index}", self.dir.join(&name).display()))?;
+            spectrum
+        } else {
+            Raster::filled(r.width, r.height, 0.0)
+        };
+        let image = if modalities.light {
+            self.sized(index, &layout::image(index), &o, own_file(&self.dir, &layout::image(index)).and_then(io::read_png))?
+        } else {
+            self.db_range().jet_image(&spectrum)
+        };
         let (depth, surface) = (layout::depth(index), layout::surface(index));
         let depth_m = has(&depth)
             .then(|| self.sized(index, &depth, &o, own_file(&self.dir, &depth).and_then(io::read_exr_f32)))

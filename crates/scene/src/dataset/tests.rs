@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::config::{ReceiverConfig, SpectrumKind, SplitConfig};
-use crate::keyframe::DbRange;
+use crate::keyframe::{DbRange, Modalities};
 use crate::trajectory::{TrajectoryConfig, TrajectoryPose, generate};
 use crate::{Equirectangular, Error, Pinhole, Raster, Rigid3, Severity, io};
 use glam::DVec3;
@@ -26,40 +26,43 @@ fn header() -> DatasetHeader {
     DatasetHeader {
         name: "tiny".into(),
         seed: 3,
+        modalities: Modalities::BOTH,
         optical_camera: Pinhole::from_horizontal_fov(16, 9, 90.0),
         rf_camera: Pinhole::from_horizontal_fov(12, 8, 90.0),
         sphere: Some(Equirectangular { width: 6, height: 3 }),
-        exposure_ev: 0.5,
+        exposure_ev: Some(0.5),
         denoiser: None,
-        frequency_hz: 60e9,
+        frequency_hz: Some(60e9),
         transmitter: None,
-        receiver: ReceiverConfig::default(),
-        spectrum: SpectrumKind::Mpc,
+        receiver: Some(ReceiverConfig::default()),
+        spectrum: Some(SpectrumKind::Mpc),
         quantity: Quantity::PowerPerSteradian,
         dynamic_range_db: 50.0,
         tutorial_range: Some(DbRange { min_db: -90.0, max_db: -40.0 }),
         materials: vec![],
         sampling_error: None,
         split: SplitConfig { test_every: 4, held_out_segment: Some([5, 2]) },
+        stated_split: None,
         objects: vec!["floor".into(), "wall".into()],
         scene_sha256: None,
         scene_content_sha256: None,
         config: None,
         scene: None,
+        imported: None,
         poses: poses(),
     }
 }
 
 fn frame(index: usize) -> FrameData {
     FrameData {
-        image: Raster::from_fn(16, 9, |x, y| [x as u8 * 10, y as u8 * 20, index as u8]),
+        image: Some(Raster::from_fn(16, 9, |x, y| [x as u8 * 10, y as u8 * 20, index as u8])),
         linear: Some(Raster::from_fn(16, 9, |x, y| [x as f32, y as f32, index as f32])),
         albedo: Some(Raster::from_fn(16, 9, |x, y| [x as f32 / 16.0, y as f32 / 9.0, 0.5])),
         normals: Some(Raster::filled(16, 9, [0.0, 0.0, 1.0])),
         depth_m: Some(Raster::from_fn(16, 9, |x, y| if y == 0 { f32::INFINITY } else { 1.0 + x as f32 / 4.0 })),
         surface: Some(Raster::from_fn(16, 9, |x, y| if y == 0 { u32::MAX } else { (x % 2) as u32 })),
         // Peak of the dataset: keyframe 7, 2e-6 = −56.99 dB.
-        spectrum: Raster::from_fn(12, 8, |x, y| if (x, y) == (5, 4) && index == 7 { 2e-6 } else { 1e-9 * (x * y) as f32 }),
+        spectrum: Some(Raster::from_fn(12, 8, |x, y| if (x, y) == (5, 4) && index == 7 { 2e-6 } else { 1e-9 * (x * y) as f32 })),
         sphere: Some(Raster::from_fn(6, 3, |x, y| 1e-8 * (x + y) as f32)),
         tutorial: Some(Raster::filled(12, 8, [index as u8, 1, 2])),
         share_in_frame: Some(0.25 + 0.05 * index as f64),
@@ -89,7 +92,7 @@ fn what_is_written_is_read() {
     assert_eq!(dataset.train_indices().len(), 7);
     for i in 0..COUNT {
         let (k, f) = (dataset.keyframe(i).unwrap(), frame(i));
-        assert_eq!((k.image, k.spectrum, k.surface), (f.image, f.spectrum, f.surface));
+        assert_eq!((Some(k.image), Some(k.spectrum), k.surface), (f.image, f.spectrum, f.surface));
         assert_eq!(k.depth_m.unwrap(), f.depth_m.unwrap().map(|d| if d.is_finite() { *d } else { 0.0 }));
         assert_eq!((k.index, k.world_from_camera), (i, poses()[i].world_from_camera));
         assert_eq!(dataset.linear(i).unwrap(), f.linear);
@@ -138,6 +141,72 @@ fn what_a_user_would_have_to_ask_is_answered() {
     let json: serde_json::Value = serde_json::from_str(&io::read_text(dir.path().join("dataset.json")).unwrap()).unwrap();
     assert_eq!(json["generator"], format!("corf {}", env!("CARGO_PKG_VERSION")));
     assert!((json["rf_frames"]["peak_db"][7].as_f64().unwrap() + 56.9897).abs() < 1e-3);
+}
+
+/// The files of a stored ZIP archive.
+fn unzipped(bytes: &[u8]) -> std::collections::BTreeMap<String, Vec<u8>> {
+    let number = |at: usize, n: usize| bytes[at..at + n].iter().rev().fold(0usize, |sum, b| sum << 8 | usize::from(*b));
+    let (mut at, mut found) = (0, std::collections::BTreeMap::new());
+    while bytes[at..].starts_with(b"PK\x03\x04") {
+        let (size, name) = (number(at + 22, 4), number(at + 26, 2));
+        let start = at + 30 + name;
+        found.insert(String::from_utf8(bytes[at + 30..start].to_vec()).unwrap(), bytes[start..start + size].to_vec());
+        at = start + size;
+    }
+    found
+}
+
+#[test]
+fn a_numpy_archive_holds_the_keyframe_and_says_what_it_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let dataset = written(dir.path());
+    let files = unzipped(&keyframe_npz(&dataset, 4).unwrap());
+    let floats = |name: &str| crate::npz::decode_npy(&files[&format!("{name}.npy")], name).unwrap();
+    let keyframe = dataset.keyframe(4).unwrap();
+    let spectrum: Vec<f64> = keyframe.spectrum.pixels().iter().map(|v| f64::from(*v)).collect();
+    assert_eq!(floats("spectrum"), (vec![8, 12], spectrum));
+    assert_eq!(floats("world_from_camera"), (vec![4, 4], keyframe.world_from_camera.to_rows().concat()));
+    let camera = dataset.optical_camera();
+    assert_eq!(floats("optical_intrinsics").1, [camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0]);
+    assert_eq!(floats("db_range").1, [-106.0, -56.0]);
+    assert_eq!(floats("depth_m").0, [9, 16]);
+    let image = &files["image.npy"];
+    let text = String::from_utf8_lossy(image);
+    assert!(text.contains("'|u1'") && text.contains("(9, 16, 3)"), "{text}");
+    assert!(image.ends_with(keyframe.image.pixels().as_flattened()), "row by row, channels last");
+    // Keyframe 4 is held out; of what is not there, there is no array.
+    assert_eq!((files["is_test.npy"].last(), files["is_train.npy"].last()), (Some(&1), Some(&0)));
+    assert_eq!(files.len(), 13);
+    assert!(files["conventions.npy"].len() > 4 * 5000, "four bytes a character");
+}
+
+#[test]
+fn the_points_of_the_model_say_where_they_were_seen() {
+    let dir = tempfile::tempdir().unwrap();
+    let dataset = written(dir.path());
+    for (root, camera) in [("optical", dataset.optical_camera()), ("rf", dataset.rf_camera())] {
+        let read = |name: &str| io::read_text(dir.path().join(format!("{root}/sparse/0/{name}.txt"))).unwrap();
+        let numbers = |line: &str| line.split(' ').filter(|f| !f.is_empty()).map(|f| f.parse().unwrap()).collect::<Vec<f64>>();
+        let images = read("images");
+        let observed: Vec<Vec<f64>> = images.lines().skip(1).skip(1).step_by(2).map(numbers).collect();
+        assert_eq!(observed.len(), COUNT);
+        let points = read("points3D");
+        let mut count = 0;
+        for point in points.lines().skip(1).map(numbers) {
+            let [id, x, y, z, _, _, _, _, image, place] = point[..] else { panic!("{root}: {point:?}") };
+            let index = image as usize - 1;
+            assert!(dataset.train_indices().contains(&index), "{root}: a held-out keyframe gives no points");
+            let [u, v, named] = observed[index][3 * place as usize..][..3] else { unreachable!() };
+            assert_eq!(named, id);
+            let pose = dataset.poses()[index].world_from_camera.inverse();
+            let at = camera.project(pose.transform_point(DVec3::new(x, y, z))).unwrap();
+            // Positions are written to a micrometre.
+            assert!((at.x - u).abs() < 1e-3 && (at.y - v).abs() < 1e-3, "{root}: {at} ({u}, {v})");
+            count += 1;
+        }
+        assert!(count > 1000);
+        assert_eq!(io::read_text(dir.path().join(format!("{root}/nb-info.json"))).unwrap(), "{\"loader\": \"colmap\"}\n");
+    }
 }
 
 #[test]
@@ -201,10 +270,10 @@ fn frames_that_are_no_measurements_are_refused() {
         assert!(message.contains("keyframe 3") && message.contains(expected), "{message}");
         assert!(!writer.is_complete(3));
     };
-    refused(&|f| f.spectrum = Raster::filled(13, 8, 0.0), "spectrum: is 13x8 pixels where the camera has 12x8");
-    refused(&|f| f.image = Raster::filled(9, 16, [0; 3]), "image");
-    refused(&|f| f.spectrum[(2, 3)] = f32::NAN, "pixel (2, 3) is NaN");
-    refused(&|f| f.spectrum[(2, 3)] = -1e-12, "pixel (2, 3)");
+    refused(&|f| f.spectrum = Some(Raster::filled(13, 8, 0.0)), "spectrum: is 13x8 pixels where the camera has 12x8");
+    refused(&|f| f.image = Some(Raster::filled(9, 16, [0; 3])), "image");
+    refused(&|f| f.spectrum.as_mut().unwrap()[(2, 3)] = f32::NAN, "pixel (2, 3) is NaN");
+    refused(&|f| f.spectrum.as_mut().unwrap()[(2, 3)] = -1e-12, "pixel (2, 3)");
     refused(&|f| f.depth_m.as_mut().unwrap()[(1, 1)] = f32::NAN, "pixel (1, 1)");
     refused(&|f| f.linear.as_mut().unwrap()[(1, 1)][2] = f32::INFINITY, "linear");
     refused(&|f| f.albedo = Some(Raster::filled(9, 16, [0.0; 3])), "albedo");
@@ -214,7 +283,8 @@ fn frames_that_are_no_measurements_are_refused() {
     bad.poses[4].world_from_camera.translation.y = f64::NAN;
     let other = tempfile::tempdir().unwrap();
     assert!(text(DatasetWriter::create(other.path(), &bad, false).unwrap_err()).contains("keyframe 4"));
-    (0..COUNT).for_each(|i| writer.write_frame(i, &FrameData { spectrum: Raster::filled(12, 8, 0.0), ..frame(i) }).unwrap());
+    (0..COUNT)
+        .for_each(|i| writer.write_frame(i, &FrameData { spectrum: Some(Raster::filled(12, 8, 0.0)), ..frame(i) }).unwrap());
     assert!(text(writer.finish().unwrap_err()).contains("no keyframe received any power"));
 }
 
@@ -285,7 +355,16 @@ fn the_validator_finds_tampering_and_what_would_mislead_other_readers() {
     tampered("rf-tutorial/test_index.txt", &replace("00001\n", ""), "is not the split");
     tampered("dataset.json", &replace("isotropic elements", "patch elements"), "conventions are not those of its header");
     tampered("optical/sparse/0/cameras.txt", &replace("PINHOLE", "SIMPLE_PINHOLE"), "PINHOLE camera");
-    tampered("rf/sparse/0/images.txt", &replace("00002.png\n\n", "00002.png\n"), "two each");
+    tampered("rf/sparse/0/images.txt", &replace("00001.png\n\n", "00001.png\n"), "two each");
+    // What is empty now was the list of points of a training image.
+    let forgotten = |t: &str| {
+        let points = t.split_once("00002.png\n").unwrap().1.lines().next().unwrap();
+        assert!(!points.is_empty());
+        t.replacen(points, "", 1)
+    };
+    tampered("rf/sparse/0/images.txt", &forgotten, "its tracks name");
+    tampered("rf/sparse/0/images.txt", &replace("00001.png\n\n", "00001.png\n1 2\n"), "not followed by a line");
+    tampered("optical/nb-info.json", &replace("colmap", "nerfstudio"), "loader is not colmap");
     tampered("rf/sparse/0/images.txt", &replace("00002.png", "00003.png"), "names 00003.png");
     tampered("rf/sparse/0/points3D.txt", &|_| "# none\n".into(), "no point");
     tampered("optical/transforms.json", &replace("\"frames\"", "\"camera_model\": \"PINHOLE\", \"frames\""), "camera_model");

@@ -3,6 +3,7 @@
 use super::checks::own_file;
 use super::darkness::{self, Sight};
 use super::export::Modality as Modalities;
+use super::writer::STATED_RANGE_TOLERANCE_DB;
 use super::{Dataset, layout};
 use crate::finding::Finding;
 use crate::{Error, Pinhole, Result, Rigid3, io};
@@ -37,7 +38,7 @@ pub fn validate(dir: impl AsRef<Path>) -> Result<Vec<Finding>> {
     findings.extend(of_frames.into_iter().flat_map(|(of_frame, _)| of_frame));
     findings.extend(darkness::findings(&dataset.dir().display().to_string(), &sights));
     let file = dataset.file();
-    if file.conventions != super::conventions::of(&file.header, &file.db_range) {
+    if file.conventions != super::conventions::of(&file.header, file.db_range.as_ref()) {
         let place = dataset.dir().join(layout::DATASET_JSON).display().to_string();
         findings.push(Finding::error(
             place,
@@ -47,7 +48,7 @@ pub fn validate(dir: impl AsRef<Path>) -> Result<Vec<Finding>> {
     }
     for Modalities { root, camera } in Modalities::all(&file.header) {
         let modality = Modality { dataset: &dataset, root: dataset.dir().join(root), camera };
-        for check in [Modality::colmap, Modality::transforms, Modality::split, Modality::suffixes] {
+        for check in [Modality::colmap, Modality::transforms, Modality::split, Modality::suffixes, Modality::nerfbaselines] {
             if let Err(e) = check(&modality, &mut findings) {
                 findings.push(of_error(e));
             }
@@ -155,22 +156,25 @@ fn check_keyframe(dataset: &Dataset, index: usize) -> (Vec<Finding>, Option<Sigh
         Ok(keyframe) => keyframe,
         Err(e) => return (vec![of_error(e)], None),
     };
-    let sight = Some(Sight::of(&keyframe.image, keyframe.depth_m.as_ref()));
+    let has = dataset.modalities();
+    let sight = Some(Sight::of(has.light.then_some(&keyframe.image), keyframe.depth_m.as_ref()));
     let mut findings = Vec::new();
     let mut fail = |name: String, what: &str, help: &str| {
         findings.push(Finding::error(dataset.dir().join(name).display().to_string(), what, help));
     };
     let range = dataset.db_range();
-    let peak = keyframe.spectrum.pixels().iter().copied().fold(0.0, f32::max);
-    if peak > 0.0 && 10.0 * f64::from(peak).log10() > range.max_db {
-        fail(layout::spectrum(index), "its peak is above the dataset's dB range", "generate the dataset again");
-    }
-    match io::read_png(dataset.dir().join(layout::rf_image(index))) {
-        Err(e) => return (findings.into_iter().chain([of_error(e)]).collect(), sight),
-        Ok(image) if image != range.jet_image(&keyframe.spectrum) => {
-            fail(layout::rf_image(index), "is not the Jet image of the spectrum", "generate the dataset again");
+    if has.radio {
+        let peak = keyframe.spectrum.pixels().iter().copied().fold(0.0, f32::max);
+        if peak > 0.0 && 10.0 * f64::from(peak).log10() > range.max_db + STATED_RANGE_TOLERANCE_DB {
+            fail(layout::spectrum(index), "its peak is above the dataset's dB range", "generate the dataset again");
         }
-        Ok(_) => {}
+        match io::read_png(dataset.dir().join(layout::rf_image(index))) {
+            Err(e) => return (findings.into_iter().chain([of_error(e)]).collect(), sight),
+            Ok(image) if image != range.jet_image(&keyframe.spectrum) => {
+                fail(layout::rf_image(index), "is not the Jet image of the spectrum", "generate the dataset again");
+            }
+            Ok(_) => {}
+        }
     }
     let objects = dataset.header().objects.len();
     if let Some(surface) = &keyframe.surface
@@ -207,7 +211,7 @@ impl Modality<'_> {
         own.iter().flatten().zip(pose.to_rows().iter().flatten()).all(|(a, b)| (a - b).abs() <= POSE_TOLERANCE)
     }
 
-    /// COLMAP text: one PINHOLE camera; two lines an image, the second empty; at least one point.
+    /// COLMAP text: one PINHOLE camera; two lines an image, the second `X Y POINT3D_ID` triples, as many as the points' tracks name; at least one point.
     fn colmap(&self, findings: &mut Vec<Finding>) -> Result<()> {
         let read = |name: &str| io::read_text(self.root.join(name));
         let lines = |text: &str| text.lines().filter(|l| !l.starts_with('#')).map(str::to_string).collect::<Vec<_>>();
@@ -229,6 +233,7 @@ impl Modality<'_> {
         if images.len() != 2 * names.len() {
             fail("sparse/0/images.txt", format!("has {} lines for {} images, two each", images.len(), names.len()));
         }
+        let mut observations = 0;
         for (index, pair) in images.chunks(2).take(names.len()).enumerate() {
             let fields: Vec<&str> = pair[0].split_whitespace().collect();
             let v: Vec<f64> = fields.iter().skip(1).take(7).filter_map(|f| f.parse().ok()).collect();
@@ -237,9 +242,12 @@ impl Modality<'_> {
                 fail("sparse/0/images.txt", format!("image {} is not `ID qw qx qy qz tx ty tz CAMERA NAME`", index + 1));
                 continue;
             }
-            if pair.get(1).is_none_or(|l| !l.is_empty()) {
-                fail("sparse/0/images.txt", format!("image {} is not followed by an empty line", index + 1));
+            let observed: Option<Vec<f64>> = pair.get(1).and_then(|l| l.split_whitespace().map(|f| f.parse().ok()).collect());
+            let observed = observed.filter(|v| v.len() % 3 == 0 && v.iter().all(|x| x.is_finite()));
+            if observed.is_none() {
+                fail("sparse/0/images.txt", format!("image {} is not followed by a line of `X Y POINT3D_ID`", index + 1));
             }
+            observations += observed.map_or(0, |v| v.len() / 3);
             let q = DQuat::from_xyzw(v[1], v[2], v[3], v[0]);
             let camera_from_world =
                 Rigid3 { rotation: DMat3::from_quat(q.normalize()), translation: DVec3::new(v[4], v[5], v[6]) };
@@ -253,6 +261,10 @@ impl Modality<'_> {
 
         // RF-3DGS raises without this file or without a point.
         let points = lines(&read("sparse/0/points3D.txt")?);
+        let tracked: usize = points.iter().map(|l| l.split_whitespace().count().saturating_sub(8) / 2).sum();
+        if tracked != observations {
+            fail("sparse/0/points3D.txt", format!("its tracks name {tracked} observations and images.txt has {observations}"));
+        }
         if points.is_empty() {
             fail("sparse/0/points3D.txt", "has no point".into());
         }
@@ -335,6 +347,24 @@ impl Modality<'_> {
                     "restore it, or generate the dataset again",
                 ));
             }
+        }
+        Ok(())
+    }
+
+    /// nerfbaselines wants to be told which of the two descriptions it is to read.
+    fn nerfbaselines(&self, findings: &mut Vec<Finding>) -> Result<()> {
+        let path = self.root.join("nb-info.json");
+        // Data sets of earlier versions have none.
+        if !path.exists() {
+            return Ok(());
+        }
+        let json: serde_json::Value = super::header::from_json(&io::read_text(&path)?, &path)?;
+        if json["loader"] != "colmap" {
+            findings.push(Finding::error(
+                path.display().to_string(),
+                "its loader is not colmap",
+                "restore it, or generate the dataset again",
+            ));
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use super::checks::check_spectrum;
 use super::conventions;
 use super::darkness::{self, Sight};
-use super::export::{self, Modality};
+use super::export::{self, ColoredPoint, Modality};
 use super::file::{DatasetFile, FileRecord, RfFrames};
 use super::header::{DATASET_SCHEMA, DatasetHeader, SplitLists, Summary};
 use super::header::{from_json, generator, to_json, trajectory_json};
@@ -19,8 +19,8 @@ use std::path::{Path, PathBuf};
 /// Images, spectra and paths of one keyframe, to be added to a dataset.
 #[derive(Clone, Debug)]
 pub struct FrameData {
-    /// 8-bit sRGB image of the optical camera.
-    pub image: Raster<[u8; 3]>,
+    /// 8-bit sRGB image of the optical camera; none in a data set without light.
+    pub image: Option<Raster<[u8; 3]>>,
     /// Linear radiance, if it is to be kept.
     pub linear: Option<Raster<[f32; 3]>>,
     /// Mean reflectance of what each pixel sees first, if it is to be kept.
@@ -31,8 +31,8 @@ pub struct FrameData {
     pub depth_m: Option<Raster<f32>>,
     /// Object index, `u32::MAX` where nothing was hit.
     pub surface: Option<Raster<u32>>,
-    /// Spectrum of the RF camera: linear, finite, at least 0.
-    pub spectrum: Raster<f32>,
+    /// Spectrum of the RF camera: linear, finite, at least 0; none in a data set without radio.
+    pub spectrum: Option<Raster<f32>>,
     /// Spectrum over the whole sphere, if it is to be kept: as `spectrum`.
     pub sphere: Option<Raster<f32>>,
     /// RF image by the recipe of published sets, if it is to be kept.
@@ -59,6 +59,8 @@ fn millimetres(depth_m: f32) -> u16 {
 
 /// Makes the bytes of a file.
 type Encode<'a> = Box<dyn Fn() -> Result<Vec<u8>> + Send + Sync + 'a>;
+/// Excess over a stated range that is rounding: a float32 power at its upper end is off by less.
+pub(super) const STATED_RANGE_TOLERANCE_DB: f64 = 1e-5;
 
 /// Record of a finished keyframe, kept until the dataset is complete.
 #[derive(Debug, Serialize, Deserialize)]
@@ -200,10 +202,10 @@ impl DatasetWriter {
         }
         self.check(&place, frame)?;
         let unit = self.header.quantity.unit();
-        let mut contents: Vec<(String, Encode<'_>)> = vec![
-            (layout::image(index), Box::new(|| io::encode_png(&frame.image))),
-            (layout::spectrum(index), Box::new(move || io::encode_exr_f32_in(&frame.spectrum, "Y", unit))),
-        ];
+        let mut contents: Vec<(String, Encode<'_>)> = Vec::new();
+        if let Some(image) = &frame.image {
+            contents.push((layout::image(index), Box::new(|| io::encode_png(image))));
+        }
         for (name, image) in frame.float_images() {
             contents.push((layout::float_image(name, index), Box::new(|| io::encode_exr_rgb(image))));
         }
@@ -216,6 +218,9 @@ impl DatasetWriter {
         }
         if let Some(surface) = &frame.surface {
             contents.push((layout::surface(index), Box::new(|| io::encode_exr_u32(surface))));
+        }
+        if let Some(spectrum) = &frame.spectrum {
+            contents.push((layout::spectrum(index), Box::new(move || io::encode_exr_f32_in(spectrum, "Y", unit))));
         }
         if let Some(sphere) = &frame.sphere {
             contents.push((layout::sphere(index), Box::new(move || io::encode_exr_f32_in(sphere, "Y", unit))));
@@ -232,15 +237,35 @@ impl DatasetWriter {
             Ok((path, FileRecord::of(&bytes)))
         });
         let files = files.collect::<Result<BTreeMap<_, _>>>()?;
-        let Sight { black, empty } = Sight::of(&frame.image, frame.depth_m.as_ref());
-        let record = FrameRecord { peak: peak(&frame.spectrum), share_in_frame: frame.share_in_frame, black, empty, files };
+        let Sight { black, empty } = Sight::of(frame.image.as_ref(), frame.depth_m.as_ref());
+        let record = FrameRecord {
+            peak: frame.spectrum.as_ref().map_or(0.0, peak),
+            share_in_frame: frame.share_in_frame,
+            black,
+            empty,
+            files,
+        };
         io::write_atomic(self.dir.join(layout::progress(index)), to_json(&record)?.as_bytes())
     }
 
     fn check(&self, place: &str, frame: &FrameData) -> Result<()> {
         let (o, r) = (&self.header.optical_camera, &self.header.rf_camera);
+        let has = self.header.modalities;
+        for (name, given, wanted) in
+            [("image", frame.image.is_some(), has.light), ("spectrum", frame.spectrum.is_some(), has.radio)]
+        {
+            if given != wanted {
+                let (what, help) = match wanted {
+                    true => ("is missing", "give one for every keyframe"),
+                    false => {
+                        ("is there, and the data set is one without", "leave it out, or say in the header that there are some")
+                    }
+                };
+                return Err(Error::invalid(format!("{place}: {name}"), what, help));
+            }
+        }
         let optical = [
-            ("image", Some((frame.image.width(), frame.image.height()))),
+            ("image", frame.image.as_ref().map(|i| (i.width(), i.height()))),
             ("depth_m", frame.depth_m.as_ref().map(|d| (d.width(), d.height()))),
             ("surface", frame.surface.as_ref().map(|s| (s.width(), s.height()))),
         ];
@@ -248,7 +273,7 @@ impl DatasetWriter {
         let optical = optical.into_iter().chain(floats).map(|(n, s)| (n, s, (o.width, o.height)));
         let sphere = self.header.sphere.map_or((0, 0), |s| (s.width, s.height));
         let rf = [
-            ("spectrum", Some((frame.spectrum.width(), frame.spectrum.height())), (r.width, r.height)),
+            ("spectrum", frame.spectrum.as_ref().map(|s| (s.width(), s.height())), (r.width, r.height)),
             ("sphere", frame.sphere.as_ref().map(|s| (s.width(), s.height())), sphere),
             ("tutorial", frame.tutorial.as_ref().map(|t| (t.width(), t.height())), (r.width, r.height)),
         ];
@@ -261,7 +286,9 @@ impl DatasetWriter {
                 ));
             }
         }
-        check_spectrum(&frame.spectrum, &format!("{place}: spectrum"))?;
+        if let Some(spectrum) = &frame.spectrum {
+            check_spectrum(spectrum, &format!("{place}: spectrum"))?;
+        }
         if let Some(sphere) = &frame.sphere {
             check_spectrum(sphere, &format!("{place}: sphere"))?;
         }
@@ -290,8 +317,16 @@ impl DatasetWriter {
     /// Makes the dataset a whole: the one dB range, RF images, COLMAP and transforms.json files, split lists, and `dataset.json` last.
     ///
     /// # Errors
-    /// A keyframe is missing, no keyframe received any power, or a file cannot be read or written.
+    /// A keyframe is missing, no keyframe received any power or one more than a stated range has, or a file cannot be read or written.
     pub fn finish(&self) -> Result<()> {
+        self.finish_with_points(&[])
+    }
+
+    /// The same, where points of the scene are known without depth: they join those that other programs are given to start from.
+    ///
+    /// # Errors
+    /// Those of [`Self::finish`].
+    pub fn finish_with_points(&self, known: &[ColoredPoint]) -> Result<()> {
         if self.finished {
             return leftovers::forget_progress(&self.dir);
         }
@@ -304,17 +339,7 @@ impl DatasetWriter {
             ));
         }
         let records: Vec<FrameRecord> = (0..self.len()).map(|i| self.record(i)).collect::<Result<_>>()?;
-        let peak = records.iter().map(|r| r.peak).fold(0.0, f32::max);
-        if peak <= 0.0 {
-            return Err(Error::invalid(
-                self.dir.display().to_string(),
-                "no keyframe received any power",
-                "check the transmitter's position (inside the room, not inside furniture) and the radio materials",
-            ));
-        }
-        let peak_db = decibels(peak);
-        let max_db = peak_db.ceil();
-        let db_range = DbRange { min_db: max_db - self.header.dynamic_range_db, max_db };
+        let range = self.range_of(records.iter().map(|r| r.peak).fold(0.0, f32::max))?;
 
         let shares = records.iter().map(|r| r.share_in_frame);
         let rf_frames = RfFrames {
@@ -331,19 +356,24 @@ impl DatasetWriter {
             files.insert(path, FileRecord::of(bytes));
             Ok(())
         };
-        let rf_images: Vec<Raster<[u8; 3]>> =
-            (0..self.len()).into_par_iter().map(|i| Ok(db_range.jet_image(&self.spectrum(i)?))).collect::<Result<_>>()?;
+        let spectra = range.as_ref().map(|(range, _)| range);
+        let rf_images: Vec<Raster<[u8; 3]>> = match spectra {
+            Some(range) => {
+                (0..self.len()).into_par_iter().map(|i| Ok(range.jet_image(&self.spectrum(i)?))).collect::<Result<_>>()?
+            }
+            None => Vec::new(),
+        };
         let encoded: Vec<Vec<u8>> = rf_images.par_iter().map(io::encode_png).collect::<Result<_>>()?;
         for (i, bytes) in encoded.iter().enumerate() {
             put(layout::rf_image(i), bytes)?;
         }
-        if self.header.config.as_ref().is_some_and(|c| c.rf.write_db) {
+        if let Some(range) = spectra.filter(|_| self.header.config.as_ref().is_some_and(|c| c.rf.write_db)) {
             for i in 0..self.len() {
-                put(layout::db(i), &io::encode_exr_f32_in(&db_range.db_image(&self.spectrum(i)?), "Y", "dB")?)?;
+                put(layout::db(i), &io::encode_exr_f32_in(&range.db_image(&self.spectrum(i)?), "Y", "dB")?)?;
             }
         }
-        let split = SplitLists::of(&self.header.split, self.len());
-        let points = export::sample_points(&self.dir, &self.header, &split.train, &rf_images)?;
+        let split = SplitLists::of(&self.header, self.len());
+        let points = export::sample_points(&self.dir, &self.header, &split.train, &rf_images, known)?;
         for modality in Modality::all(&self.header) {
             let points = &points[usize::from(modality.root != "optical")];
             for (name, text) in export::files(&modality, &self.header.poses, &split, points)? {
@@ -355,9 +385,9 @@ impl DatasetWriter {
             schema: DATASET_SCHEMA.into(),
             generator: generator(),
             keyframes: self.len(),
-            conventions: conventions::of(&self.header, &db_range),
-            db_range,
-            peak_db,
+            conventions: conventions::of(&self.header, spectra),
+            db_range: range.map(|(range, _)| range),
+            peak_db: range.map(|(_, peak_db)| peak_db),
             rf_frames,
             split,
             header: self.header.clone(),
@@ -365,6 +395,32 @@ impl DatasetWriter {
         };
         io::write_atomic(self.dir.join(layout::DATASET_JSON), to_json(&file)?.as_bytes())?;
         leftovers::forget_progress(&self.dir)
+    }
+
+    /// The one dB range of spectra whose largest value is `peak`, and that value in dB; none without radio.
+    fn range_of(&self, peak: f32) -> Result<Option<(DbRange, f64)>> {
+        if !self.header.modalities.radio {
+            return Ok(None);
+        }
+        let place = self.dir.display().to_string();
+        if peak <= 0.0 {
+            let help = if self.header.imported.is_some() {
+                "check the files of the spectra and the decibel range that was stated with them"
+            } else {
+                "check the transmitter's position (inside the room, not inside furniture) and the radio materials"
+            };
+            return Err(Error::invalid(place, "no keyframe received any power", help));
+        }
+        let peak_db = decibels(peak);
+        if let Some(range) = self.header.imported.as_ref().and_then(|i| i.db_range) {
+            if peak_db > range.max_db + STATED_RANGE_TOLERANCE_DB {
+                let what = format!("a spectrum reaches {peak_db:.2} dB, and the stated range ends at {} dB", range.max_db);
+                return Err(Error::invalid(place, what, "state a range that holds the strongest value"));
+            }
+            return Ok(Some((range, peak_db)));
+        }
+        let max_db = peak_db.ceil();
+        Ok(Some((DbRange { min_db: max_db - self.header.dynamic_range_db, max_db }, peak_db)))
     }
 
     fn spectrum(&self, index: usize) -> Result<Raster<f32>> {

@@ -97,6 +97,7 @@ pub fn sionna_json(set: &PathSet<'_>) -> Value {
 
 fn values(values: &Values) -> Vec<Value> {
     match values {
+        Values::U8(v) => v.iter().map(|x| json!(x)).collect(),
         Values::F32(v) => v.iter().map(|x| json!(x)).collect(),
         Values::F64(v) => v.iter().map(|x| json!(x)).collect(),
         Values::Complex(v) => v.iter().map(|x| json!(x)).collect(),

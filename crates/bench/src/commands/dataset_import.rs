@@ -1,0 +1,271 @@
+//! `corf dataset import`: a capture that others' programs made becomes a data set.
+
+use super::{Verdict, show};
+use crate::progress::Progress;
+use crate::run::claim_fresh;
+use crate::{interrupt, note, say};
+use anyhow::{Context, Result};
+use clap::{Args, ValueEnum};
+use corf_scene::capture::{self, Format, ImportOptions, RfCamera, RfValues, SplitRule, Up};
+use corf_scene::dataset::{Dataset, Quantity};
+use corf_scene::keyframe::DbRange;
+use corf_scene::lock;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Mutex;
+
+/// `corf dataset import`.
+#[derive(Args)]
+#[command(allow_negative_numbers = true)]
+pub struct Import {
+    /// Folder of the capture.
+    source: PathBuf,
+    /// Layout of the capture.
+    #[arg(long, value_enum)]
+    from: Layout,
+    /// Output folder: a new data set.
+    #[arg(long)]
+    out: PathBuf,
+    /// Name of the data set (default: that of the capture's folder).
+    #[arg(long)]
+    name: Option<String>,
+    /// Folder of the images, where it is not the layout's own (images/).
+    #[arg(long, value_name = "DIR", conflicts_with = "no_images")]
+    images: Option<PathBuf>,
+    /// Leave the images out: radio alone.
+    #[arg(long)]
+    no_images: bool,
+    /// Folder of spectra, one for every image by file stem: EXR or .npy of linear power, grey PNG of 8 or 16 bits, or Jet PNG.
+    #[arg(long, value_name = "DIR")]
+    rf: Option<PathBuf>,
+    /// Camera of the spectra, which stands where the images' does and is turned as it: its full horizontal field of view in degrees (square pixels, axis in the
+    /// middle), or FX,FY,CX,CY in pixels. rf-3dgs has one; elsewhere it must be given.
+    #[arg(long, value_name = "HFOV|FX,FY,CX,CY")]
+    rf_camera: Option<Numbers>,
+    /// Levels of the darkest and the brightest value of spectra that are pictures, dB; of others, the range that the data set is to have.
+    #[arg(long, value_name = "MIN,MAX")]
+    rf_db: Option<Numbers>,
+    /// Unit of the values in EXR and .npy spectra.
+    #[arg(long, value_enum, default_value_t)]
+    rf_values: Values,
+    /// Physical quantity of the spectra; of an unknown one no metrics of beams are computed.
+    #[arg(long, value_enum, default_value_t)]
+    rf_quantity: SpectrumQuantity,
+    /// Carrier, Hz.
+    #[arg(long)]
+    frequency_hz: Option<f64>,
+    /// Width of the range below the strongest value, dB, where --rf-db does not state one.
+    #[arg(long, default_value_t = 70.0)]
+    dynamic_range_db: f64,
+    /// Folder of depth maps, one for every image by file stem and of its size: z-depth in metres as EXR or .npy, or 16-bit PNG.
+    #[arg(long, value_name = "DIR")]
+    depth: Option<PathBuf>,
+    /// Metres that a step of a depth PNG counts.
+    #[arg(long, value_name = "M", default_value_t = 1e-3)]
+    depth_unit: f64,
+    /// Direction of the capture's frame that is up, X,Y,Z, or `cameras`: the mean upward axis of all cameras. The world is turned so that it is +z.
+    #[arg(long, value_name = "X,Y,Z|cameras")]
+    up: Option<UpArgument>,
+    /// Metres that a unit of length of the capture counts.
+    #[arg(long, value_name = "M", default_value_t = 1.0)]
+    scale: f64,
+    /// Keyframes that are held out: N for every N-th, or a file with their stems (or their indices from 0), one a line. Default: what the capture lists, or
+    /// every 8th.
+    #[arg(long, value_name = "N|FILE")]
+    split: Option<String>,
+    /// Import images whole that come with masks.
+    #[arg(long)]
+    ignore_masks: bool,
+}
+
+/// Layout of a capture.
+#[derive(Clone, Copy, ValueEnum)]
+enum Layout {
+    /// COLMAP model (text or binary, in sparse/0) and images/.
+    Colmap,
+    /// transforms.json.
+    Nerfstudio,
+    /// COLMAP model, spectra in spectrum/ (or in images/, where there is none), train_index.txt and test_index.txt.
+    #[value(name = "rf-3dgs")]
+    Rf3dgs,
+    /// NeRF²: refused, for its receiver stands still and its transmitter moves.
+    Nerf2,
+    /// trajectory.json, camera.json and images/: for captures of no program (docs/import.md).
+    CorfFolder,
+}
+
+/// Unit of spectra that are no pictures.
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum Values {
+    /// Linear power.
+    #[default]
+    Linear,
+    /// Decibels: 10·log10 of power.
+    Db,
+}
+
+/// Physical quantity of spectra.
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum SpectrumQuantity {
+    /// Power in a unit that is not known.
+    #[default]
+    Unknown,
+    /// Received power per steradian for 1 W transmitted.
+    PowerPerSteradian,
+    /// Output power of a beam steered at the pixel for 1 W transmitted.
+    BeamPower,
+    /// Capon's estimate of the power from the pixel's direction for 1 W transmitted.
+    CaponPower,
+}
+
+/// Numbers with commas between.
+#[derive(Clone)]
+struct Numbers(Vec<f64>);
+
+impl FromStr for Numbers {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |part: &str| match part.trim().parse::<f64>() {
+            Ok(v) if v.is_finite() => Ok(v),
+            _ => Err(format!("\"{part}\" is no finite number")),
+        };
+        text.split(',').map(number).collect::<Result<_, _>>().map(Self)
+    }
+}
+
+#[derive(Clone)]
+struct UpArgument(Up);
+
+impl FromStr for UpArgument {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "cameras" {
+            return Ok(Self(Up::Cameras));
+        }
+        match text.parse::<Numbers>()?.0.as_slice() {
+            &[x, y, z] => Ok(Self(Up::Direction([x, y, z]))),
+            _ => Err("give three numbers, e.g. --up=0,-1,0 for y down, or `cameras`".to_owned()),
+        }
+    }
+}
+
+impl Import {
+    fn options(&self) -> Result<ImportOptions> {
+        let format = match self.from {
+            Layout::Colmap => Format::Colmap,
+            Layout::Nerfstudio => Format::Nerfstudio,
+            Layout::Rf3dgs => Format::Rf3dgs,
+            Layout::Nerf2 => Format::Nerf2,
+            Layout::CorfFolder => Format::CorfFolder,
+        };
+        let rf_camera = match self.rf_camera.as_ref().map(|n| n.0.as_slice()) {
+            None => None,
+            Some(&[hfov]) => Some(RfCamera::HorizontalFovDeg(hfov)),
+            Some(&[fx, fy, cx, cy]) => Some(RfCamera::Intrinsics([fx, fy, cx, cy])),
+            Some(_) => anyhow::bail!("--rf-camera takes one number or four\n  help: HFOV in degrees, or FX,FY,CX,CY in pixels"),
+        };
+        let rf_db = match self.rf_db.as_ref().map(|n| n.0.as_slice()) {
+            None => None,
+            Some(&[min_db, max_db]) if min_db < max_db => Some(DbRange { min_db, max_db }),
+            Some(_) => anyhow::bail!("--rf-db takes two rising numbers\n  help: MIN,MAX in decibels, e.g. --rf-db=-110,-40"),
+        };
+        anyhow::ensure!(
+            self.dynamic_range_db.is_finite() && self.dynamic_range_db >= 1.0,
+            "--dynamic-range-db {} is no range\n  help: give decibels, e.g. 70",
+            self.dynamic_range_db
+        );
+        let split = self.split.as_ref().map(|text| match text.parse() {
+            Ok(every) => SplitRule::Every(every),
+            Err(_) => SplitRule::Listed(PathBuf::from(text)),
+        });
+        Ok(ImportOptions {
+            name: self.name.clone(),
+            images: self.images.clone(),
+            without_images: self.no_images,
+            rf: self.rf.clone(),
+            rf_camera,
+            rf_db,
+            rf_values: match self.rf_values {
+                Values::Linear => RfValues::Linear,
+                Values::Db => RfValues::Db,
+            },
+            quantity: match self.rf_quantity {
+                SpectrumQuantity::Unknown => Quantity::Unknown,
+                SpectrumQuantity::PowerPerSteradian => Quantity::PowerPerSteradian,
+                SpectrumQuantity::BeamPower => Quantity::BeamPower,
+                SpectrumQuantity::CaponPower => Quantity::CaponPower,
+            },
+            frequency_hz: self.frequency_hz,
+            dynamic_range_db: self.dynamic_range_db,
+            depth: self.depth.clone(),
+            depth_png_m: self.depth_unit,
+            up: self.up.as_ref().map(|u| u.0),
+            metres_per_unit: self.scale,
+            split,
+            ignore_masks: self.ignore_masks,
+            ..ImportOptions::new(format, &self.source)
+        })
+    }
+
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A capture that cannot be read or leaves something open, an occupied output folder, an interrupt; nothing is left then.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let options = self.options()?;
+        let held = claim_fresh(&self.out)?;
+        let progress = Mutex::new(Progress::start(format!("import of {}", self.source.display()), 1, "keyframes"));
+        let tell = |done: usize, all: usize| -> Result<()> {
+            if let Ok(mut progress) = progress.lock() {
+                progress.set(done, all);
+            }
+            interrupt::check()
+        };
+        let imported = capture::import(&options, &self.out, &tell);
+        if let Ok(progress) = progress.into_inner() {
+            progress.finish();
+        }
+        let report = match imported {
+            Ok(report) => report,
+            Err(error) => {
+                clear(&self.out)?;
+                return Err(error);
+            }
+        };
+        drop(held);
+        report.notes.iter().for_each(|line| note!("{line}"));
+        say::findings(report.findings);
+        let dataset = Dataset::open(&self.out)?;
+        let has = dataset.modalities();
+        let mut text = format!("{}: {} keyframes", self.out.display(), dataset.len());
+        text += if has.light { ", images" } else { ", no images" };
+        text += if dataset.has_depth() {
+            " with depth"
+        } else {
+            ", no depth (reconstruct with --set 'depth.prior=\"none\"' or maps of your own)"
+        };
+        text += &match has.radio {
+            true => format!(", spectra from {} to {} dB", dataset.db_range().min_db, dataset.db_range().max_db),
+            false => ", no spectra".to_owned(),
+        };
+        show(json, dataset.header(), &format!("{text}, hash {}", dataset.hash()))?;
+        Ok(Verdict::Done)
+    }
+}
+
+/// Removes what a failed import wrote into its folder, which was empty; its lock removes the folder itself if it made it.
+fn clear(folder: &Path) -> Result<()> {
+    let context = || format!("cannot remove what was written into {}", folder.display());
+    for entry in std::fs::read_dir(folder).with_context(context)? {
+        let entry = entry.with_context(context)?;
+        if entry.file_name() == lock::FILE_NAME {
+            continue;
+        }
+        let is_dir = entry.file_type().with_context(context)?.is_dir();
+        let path = entry.path();
+        (if is_dir { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) }).with_context(context)?;
+    }
+    Ok(())
+}

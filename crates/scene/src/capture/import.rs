@@ -1,0 +1,117 @@
+//! From a capture to a data set.
+
+use super::options::ImportOptions;
+use super::plan::Plan;
+use super::spectra;
+use crate::dataset::{DatasetWriter, FrameData};
+use crate::finding::Finding;
+use crate::{Error, Raster, Result, io};
+use rayon::prelude::*;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Words about an import.
+#[derive(Clone, Debug)]
+pub struct ImportReport {
+    /// Changes and assumptions.
+    pub notes: Vec<String>,
+    /// Warnings: black images, empty depth.
+    pub findings: Vec<Finding>,
+}
+
+/// Imports a capture into a folder, new or empty, as a data set. `tell(done, all)` is called from several threads, and may end it with an error.
+///
+/// # Errors
+/// A capture that cannot be read, or that leaves open what only its maker knows: the message says which option settles it. What was
+/// written until then is left to the caller to remove.
+pub fn import<E: From<Error> + Send>(
+    options: &ImportOptions,
+    out: &Path,
+    tell: &(dyn Fn(usize, usize) -> std::result::Result<(), E> + Sync),
+) -> std::result::Result<ImportReport, E> {
+    let plan = Plan::of(options)?;
+    let writer = DatasetWriter::create(out, &plan.header, false)?;
+    let (done, all) = (AtomicUsize::new(0), plan.shots.len());
+    (0..all).into_par_iter().try_for_each(|i| {
+        writer.write_frame(i, &frame(&plan, i, options)?)?;
+        tell(done.fetch_add(1, Ordering::Relaxed) + 1, all)
+    })?;
+    let findings = writer.dark_findings()?;
+    writer.finish_with_points(&plan.points)?;
+    Ok(ImportReport { notes: plan.header.imported.map(|i| i.notes).unwrap_or_default(), findings })
+}
+
+/// Everything of one keyframe.
+fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<FrameData> {
+    let (shot, header) = (&plan.shots[index], &plan.header);
+    let own = &shot.lens.pinhole;
+    let image = match &shot.image {
+        None => None,
+        Some(path) => {
+            let image = io::read_png(path)?;
+            check_size(
+                path,
+                &image,
+                (own.width, own.height),
+                "the capture's camera",
+                "give the images that the cameras were made for",
+            )?;
+            Some(shot.lens.resample(&image, &header.optical_camera))
+        }
+    };
+    let depth_m = match &plan.depths {
+        None => None,
+        Some(depths) => Some(depth(&depths[index], plan, index, options)?),
+    };
+    let spectrum = match (&plan.spectra, plan.encoding) {
+        (Some(paths), Some(encoding)) => {
+            let path = &paths[index];
+            let (spectrum, own) = spectra::read(path, options.rf_values, options.rf_db.as_ref())?;
+            if own != encoding {
+                let what = format!("it is read as {own:?} and {} as {encoding:?}", paths[0].display());
+                return Err(Error::invalid(path.display().to_string(), what, "give all spectra in one form"));
+            }
+            let camera = &header.rf_camera;
+            check_size(path, &spectrum, (camera.width, camera.height), "the first spectrum", "give spectra of one size")?;
+            Some(spectrum)
+        }
+        _ => None,
+    };
+    Ok(FrameData {
+        image,
+        linear: None,
+        albedo: None,
+        normals: None,
+        depth_m,
+        surface: None,
+        spectrum,
+        sphere: None,
+        tutorial: None,
+        share_in_frame: None,
+        paths_jsonl: None,
+    })
+}
+
+/// A depth map in metres, 0 where there is none, as the data set's camera sees it.
+fn depth(path: &Path, plan: &Plan, index: usize, options: &ImportOptions) -> Result<Raster<f32>> {
+    let lens = &plan.shots[index].lens;
+    let map = io::read_map(path)?;
+    check_size(path, &map, (lens.pinhole.width, lens.pinhole.height), "the image's camera", "give depth of the images' size")?;
+    let is_picture = path.extension().and_then(|e| e.to_str()).is_some_and(|e| e.eq_ignore_ascii_case("png"));
+    let metres = if is_picture { options.depth_png_m as f32 } else { 1.0 };
+    // Sensors write what they did not see as 0, NaN or infinity.
+    let depth = map.map(|&d| if d.is_finite() { d * metres } else { 0.0 });
+    if let Some(i) = depth.pixels().iter().position(|d| *d < 0.0) {
+        let what = format!("pixel ({}, {}) is {} m", i % depth.width(), i / depth.width(), depth.pixels()[i]);
+        return Err(Error::invalid(path.display().to_string(), what, "depths are metres along the optical axis, at least 0"));
+    }
+    Ok(lens.resample_nearest(&depth, &plan.header.optical_camera))
+}
+
+fn check_size<T>(path: &Path, raster: &Raster<T>, (width, height): (usize, usize), whose: &str, help: &str) -> Result<()> {
+    if (raster.width(), raster.height()) == (width, height) {
+        return Ok(());
+    }
+    let what = format!("is {}x{} pixels where {whose} has {width}x{height}", raster.width(), raster.height());
+    Err(Error::invalid(path.display().to_string(), what, help))
+}

@@ -1,0 +1,154 @@
+//! Options of an import.
+
+use crate::dataset::Quantity;
+use crate::keyframe::DbRange;
+use crate::{Pinhole, Result};
+use std::path::PathBuf;
+
+/// Layout of a capture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// A COLMAP model, text or binary, and a folder of images.
+    Colmap,
+    /// `transforms.json` of nerfstudio, Instant-NGP and their like.
+    Nerfstudio,
+    /// A COLMAP model, a folder of spectra, and two lists of stems.
+    Rf3dgs,
+    /// A NeRF² set, which is refused.
+    Nerf2,
+    /// `trajectory.json`, `camera.json` and a folder of images.
+    CorfFolder,
+}
+
+impl Format {
+    /// Its name on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Colmap => "colmap",
+            Self::Nerfstudio => "nerfstudio",
+            Self::Rf3dgs => "rf-3dgs",
+            Self::Nerf2 => "nerf2",
+            Self::CorfFolder => "corf-folder",
+        }
+    }
+}
+
+/// Direction of the capture's frame that is up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Up {
+    /// A direction in the capture's frame.
+    Direction([f64; 3]),
+    /// The mean upward axis of all cameras.
+    Cameras,
+}
+
+/// Camera of the spectra, which shares position and axes with that of the images.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RfCamera {
+    /// Full horizontal field of view, degrees; square pixels, the axis in the middle of the image.
+    HorizontalFovDeg(f64),
+    /// fx, fy, cx, cy, pixels.
+    Intrinsics([f64; 4]),
+}
+
+impl RfCamera {
+    /// The camera of spectra of a size.
+    ///
+    /// # Errors
+    /// A field of view that no pinhole has.
+    pub(super) fn of(self, width: usize, height: usize) -> Result<Pinhole> {
+        match self {
+            Self::HorizontalFovDeg(fov) => {
+                crate::bounds::number("--rf-camera", fov, &(0.01..=179.0), "degrees of horizontal field of view")?;
+                Ok(Pinhole::from_horizontal_fov(width, height, fov))
+            }
+            Self::Intrinsics([fx, fy, cx, cy]) => Ok(Pinhole { width, height, fx, fy, cx, cy }),
+        }
+    }
+}
+
+/// Unit of the values in EXR and `.npy` spectra.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RfValues {
+    /// Linear power.
+    #[default]
+    Linear,
+    /// Decibels of power: 10·log10.
+    Db,
+}
+
+/// Rule by which keyframes are held out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SplitRule {
+    /// Those whose index can be divided by this.
+    Every(usize),
+    /// Those that a file lists, by stem or by index from 0, one a line.
+    Listed(PathBuf),
+}
+
+/// What to import, and how to read what its files leave open.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImportOptions {
+    /// Layout of the capture.
+    pub format: Format,
+    /// The capture's folder.
+    pub source: PathBuf,
+    /// Name of the data set; that of the folder if there is none.
+    pub name: Option<String>,
+    /// Folder of the images, where it is not the layout's own.
+    pub images: Option<PathBuf>,
+    /// Leaves the images out.
+    pub without_images: bool,
+    /// Folder of spectra, one for every image by its stem.
+    pub rf: Option<PathBuf>,
+    /// Camera of the spectra.
+    pub rf_camera: Option<RfCamera>,
+    /// Levels of black and white (of blue and red, in Jet), or the range that the data set is to have.
+    pub rf_db: Option<DbRange>,
+    /// Unit of the values of spectra that are no pictures.
+    pub rf_values: RfValues,
+    /// Physical quantity of the spectra.
+    pub quantity: Quantity,
+    /// Carrier, Hz.
+    pub frequency_hz: Option<f64>,
+    /// Width of the range below the strongest value where none is stated, dB.
+    pub dynamic_range_db: f64,
+    /// Folder of depth maps, one for every image by its stem.
+    pub depth: Option<PathBuf>,
+    /// Metres that a step of a PNG depth map counts.
+    pub depth_png_m: f64,
+    /// What is up.
+    pub up: Option<Up>,
+    /// Metres that a unit of length of the capture counts.
+    pub metres_per_unit: f64,
+    /// Which keyframes are held out, where the capture does not say or is not followed.
+    pub split: Option<SplitRule>,
+    /// Imports images whole that come with masks.
+    pub ignore_masks: bool,
+}
+
+impl ImportOptions {
+    /// Options of a capture that leaves nothing open.
+    pub fn new(format: Format, source: impl Into<PathBuf>) -> Self {
+        Self {
+            format,
+            source: source.into(),
+            name: None,
+            images: None,
+            without_images: false,
+            rf: None,
+            rf_camera: None,
+            rf_db: None,
+            rf_values: RfValues::Linear,
+            quantity: Quantity::Unknown,
+            frequency_hz: None,
+            dynamic_range_db: 70.0,
+            depth: None,
+            depth_png_m: 1e-3,
+            up: None,
+            metres_per_unit: 1.0,
+            split: None,
+            ignore_masks: false,
+        }
+    }
+}

@@ -1,0 +1,304 @@
+//! All that is decided about an import before its first pixel is written.
+
+use super::frame::WorldFromCapture;
+use super::lens::{self, Lens};
+use super::names::Folder;
+use super::options::{Format, ImportOptions, RfValues};
+use super::spectra::{self, Encoding};
+use super::{Capture, Shot, colmap, nerfstudio, plain, rf_3dgs, split};
+use crate::dataset::{ColoredPoint, DatasetHeader, Imported};
+use crate::keyframe::Modalities;
+use crate::trajectory::TrajectoryPose;
+use crate::{Error, Pinhole, Result, bounds, io};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A capture in the world's frame, with all that belongs to each shot.
+pub(super) struct Plan {
+    pub shots: Vec<Shot>,
+    pub points: Vec<ColoredPoint>,
+    pub spectra: Option<Vec<PathBuf>>,
+    pub encoding: Option<Encoding>,
+    pub depths: Option<Vec<PathBuf>>,
+    pub header: DatasetHeader,
+}
+
+/// Spectra of all shots.
+struct Radio {
+    folder: PathBuf,
+    files: Vec<PathBuf>,
+    encoding: Encoding,
+    camera: Pinhole,
+}
+
+/// Endings of depth maps.
+const DEPTHS: &[&str] = &["exr", "npy", "png"];
+/// Shorter side of the nominal camera of spectra where there are none, pixels.
+const NOMINAL_PX: usize = 64;
+
+/// Reads a layout.
+fn capture(options: &ImportOptions) -> Result<Capture> {
+    let source = &options.source;
+    let place = source.display().to_string();
+    if !source.exists() {
+        return Err(Error::invalid(place, "there is no such folder", "give the folder of a capture"));
+    }
+    let images = options.images.clone().unwrap_or_else(|| source.join("images"));
+    let wanted = !options.without_images;
+    let mut capture = match options.format {
+        Format::Colmap => colmap::read(source, &images, wanted),
+        Format::Nerfstudio => nerfstudio::read(source, options.images.as_deref(), wanted),
+        Format::Rf3dgs => rf_3dgs::read(source, &images, wanted, options.split.is_none()),
+        Format::CorfFolder => plain::read(source, &images, wanted),
+        Format::Nerf2 => Err(Error::invalid(
+            &place,
+            "a NeRF\u{b2} set cannot be imported: its receiver stands still and its transmitter moves, and its spectra cover a half-sphere by azimuth \
+             and elevation. A keyframe here is a moving receiver that looks through a pinhole at a fixed transmitter; with the roles swapped the angles \
+             would have to be those of departure, which the files do not hold",
+            "record or simulate with a moving receiver (`corf dataset generate`); NeRF\u{b2} itself can be run on that with --method nerf2",
+        )),
+    }?;
+    if let Some(pair) = capture.shots.windows(2).find(|w| w[0].name == w[1].name) {
+        return Err(Error::invalid(
+            place,
+            format!("two images are called {}", pair[0].name),
+            "take one of them out of the capture",
+        ));
+    }
+    bounds::count(&place, capture.shots.len(), bounds::MAX_KEYFRAMES, "images")?;
+    if let Some(path) = capture.shots.iter().filter_map(|s| s.image.as_ref()).find(|p| !p.is_file()) {
+        let help = "restore it, give the folder of the images with --images, take it out of the capture, or say --no-images";
+        return Err(Error::invalid(path.display().to_string(), "the image is missing", help));
+    }
+    if let Some(shot) = capture.shots.iter().find(|s| s.mask.is_some()) {
+        if !options.ignore_masks {
+            let help =
+                "reconstructions train on whole images: say --ignore-masks to import them so, or paint over what is masked";
+            return Err(Error::invalid(place, format!("image {} comes with a mask", shot.name), help));
+        }
+        capture.notes.push("masks were left out: images are trained on whole".into());
+    }
+    Ok(capture)
+}
+
+impl Plan {
+    /// Reads a capture and finds, and hashes, all that belongs to it.
+    ///
+    /// # Errors
+    /// Those of [`super::import`].
+    pub fn of(options: &ImportOptions) -> Result<Self> {
+        let Capture { mut shots, points, lists, spectra, files, mut notes } = capture(options)?;
+        let light = shots.iter().all(|s| s.image.is_some());
+        let radio = radio(options, spectra, &shots, &mut notes)?;
+        let (optical_camera, rf_camera) = match (light, &radio) {
+            (true, _) => {
+                let camera = optical_camera(&shots, &mut notes)?;
+                (camera, radio.as_ref().map_or_else(|| nominal(&camera), |r| r.camera))
+            }
+            (false, Some(radio)) => (radio.camera, radio.camera),
+            (false, None) => {
+                let what = "neither images nor spectra are to be imported";
+                return Err(Error::invalid(options.source.display().to_string(), what, "give spectra with --rf DIR, or images"));
+            }
+        };
+        let depths = depths(options, &shots, light, &mut notes)?;
+        let sources = sources(options, &files, &shots, radio.as_ref(), depths.as_deref())?;
+        let (split, stated_split) = split::of(options.split.as_ref(), lists.as_ref(), &shots)?;
+        let world = WorldFromCapture::new(options.up, options.metres_per_unit, &shots)?;
+        for shot in &mut shots {
+            shot.world_from_camera = world.pose(&shot.world_from_camera, &format!("image {}", shot.name))?;
+        }
+        if options.up.is_none() {
+            notes.push("the capture's frame was taken to be z-up (--up says otherwise)".into());
+        }
+        if options.metres_per_unit == 1.0 {
+            notes.push("the capture's unit of length was taken for a metre (--scale says otherwise)".into());
+        }
+        let header = DatasetHeader {
+            name: name(options),
+            seed: 0,
+            modalities: Modalities { light, radio: radio.is_some() },
+            optical_camera,
+            rf_camera,
+            sphere: None,
+            exposure_ev: None,
+            denoiser: None,
+            frequency_hz: options.frequency_hz,
+            transmitter: None,
+            receiver: None,
+            spectrum: None,
+            quantity: options.quantity,
+            dynamic_range_db: options.rf_db.map_or(options.dynamic_range_db, |r| r.max_db - r.min_db),
+            tutorial_range: None,
+            materials: Vec::new(),
+            sampling_error: None,
+            split,
+            stated_split,
+            objects: Vec::new(),
+            scene_sha256: None,
+            scene_content_sha256: None,
+            config: None,
+            scene: None,
+            imported: Some(Imported {
+                format: options.format.name().into(),
+                names: shots.iter().map(|s| s.name.clone()).collect(),
+                up: world.up,
+                metres_per_unit: options.metres_per_unit,
+                db_range: options.rf_db.filter(|_| radio.is_some()),
+                notes,
+                sources,
+            }),
+            poses: poses(&shots),
+        };
+        let points = points.iter().map(|p| ColoredPoint { position: world.point(p.position), ..*p }).collect();
+        let (spectra, encoding) = radio.map_or((None, None), |r| (Some(r.files), Some(r.encoding)));
+        Ok(Self { shots, points, spectra, encoding, depths, header })
+    }
+}
+
+/// The data set's name: that which was given, or the folder's.
+fn name(options: &ImportOptions) -> String {
+    let folder = || Some(options.source.canonicalize().ok()?.file_name()?.to_string_lossy().into_owned());
+    options.name.clone().or_else(folder).unwrap_or_else(|| "capture".into())
+}
+
+/// Poses in order. Times are the capture's where it has one for every shot and they rise, otherwise the index.
+fn poses(shots: &[Shot]) -> Vec<TrajectoryPose> {
+    let times: Option<Vec<f64>> = shots.iter().map(|s| s.time_s).collect();
+    let times = times.filter(|t| t.is_sorted());
+    let pose = |(index, shot): (usize, &Shot)| TrajectoryPose {
+        index,
+        time_s: times.as_ref().map_or(index as f64, |t| t[index]),
+        world_from_camera: shot.world_from_camera,
+    };
+    shots.iter().enumerate().map(pose).collect()
+}
+
+/// The one camera of all images.
+fn optical_camera(shots: &[Shot], notes: &mut Vec<String>) -> Result<Pinhole> {
+    let lenses: Vec<(&str, Lens)> = shots.iter().map(|s| (s.name.as_str(), s.lens)).collect();
+    let (camera, changed) = lens::common_pinhole(&lenses)?;
+    if changed {
+        notes.push(format!(
+            "images were resampled (bilinearly) to one pinhole without distortion, the widest without blank pixels: {}x{} pixels, fx {:.3}, fy {:.3}",
+            camera.width, camera.height, camera.fx, camera.fy
+        ));
+    }
+    Ok(camera)
+}
+
+/// A camera for spectra that nobody took: the images' view in few pixels.
+fn nominal(optical: &Pinhole) -> Pinhole {
+    let shorter = optical.width.min(optical.height);
+    if shorter <= NOMINAL_PX {
+        return *optical;
+    }
+    let reduced = |side: usize| (side * NOMINAL_PX).div_ceil(shorter);
+    rf_3dgs::resized(optical, reduced(optical.width), reduced(optical.height))
+}
+
+/// The spectra, where there are any, and their camera.
+fn radio(options: &ImportOptions, own: Option<PathBuf>, shots: &[Shot], notes: &mut Vec<String>) -> Result<Option<Radio>> {
+    let Some(folder) = options.rf.clone().or(own) else {
+        for (given, flag) in [(options.rf_db.is_some(), "--rf-db"), (options.rf_camera.is_some(), "--rf-camera")] {
+            if given {
+                return Err(Error::invalid(flag, "there are no spectra that it could be of", "give their folder with --rf"));
+            }
+        }
+        return Ok(None);
+    };
+    if let Some(r) = options.rf_db.filter(|r| !(r.min_db.is_finite() && r.max_db.is_finite() && r.min_db < r.max_db)) {
+        return Err(Error::invalid(
+            "--rf-db",
+            format!("{} to {} dB is no range", r.min_db, r.max_db),
+            "give MIN,MAX with MIN below MAX",
+        ));
+    }
+    let names: Vec<&str> = shots.iter().map(|s| s.name.as_str()).collect();
+    let list = Folder::list(&folder, spectra::ENDINGS, "--rf")?;
+    let files = list.of(&names, "spectrum")?;
+    if list.len() > files.len() {
+        notes.push(format!("{} spectra belong to no image and were left out", list.len() - files.len()));
+    }
+    let (first, encoding) = spectra::read(&files[0], options.rf_values, options.rf_db.as_ref())?;
+    let (width, height) = (first.width(), first.height());
+    let camera = match (options.rf_camera, options.format) {
+        (Some(camera), _) => camera.of(width, height)?,
+        // There the model's camera is that of the spectra.
+        (None, Format::Rf3dgs) => rf_3dgs::camera_of_spectra(shots, width, height)?,
+        (None, _) => {
+            let help = "say which way its pixels look: --rf-camera HFOV (degrees), or --rf-camera FX,FY,CX,CY (pixels)";
+            return Err(Error::invalid(
+                files[0].display().to_string(),
+                "nothing says which field of view the spectra have",
+                help,
+            ));
+        }
+    };
+    Lens::plain(camera).check("--rf-camera")?;
+    notes.push(match (encoding, options.rf_db) {
+        (Encoding::Numbers, _) => {
+            format!("spectra were read as numbers: {}", if options.rf_values == RfValues::Db { "decibels" } else { "linear power" })
+        }
+        (Encoding::Grey, range) => format!("spectra were read from grey pictures over {}; black is no power", words(range)),
+        (Encoding::Jet, range) => format!(
+            "spectra were read from Jet pictures over {}, each pixel as the level of the nearest Jet colour: 8 bits give it to half a 255th of the range, and \
+             to 0.75 % between 11 and 12.5 %, where Jet is one colour",
+            words(range)
+        ),
+    });
+    Ok(Some(Radio { folder, files, encoding, camera }))
+}
+
+/// A range in words.
+fn words(range: Option<crate::keyframe::DbRange>) -> String {
+    range.map_or_else(|| "no stated range".into(), |r| format!("{} to {} dB", r.min_db, r.max_db))
+}
+
+/// Depth maps of all shots: those that were asked for, or the capture's own.
+fn depths(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<String>) -> Result<Option<Vec<PathBuf>>> {
+    bounds::number("--depth-unit", options.depth_png_m, &(1e-9..=1e3), "metres a step")?;
+    let names: Vec<&str> = shots.iter().map(|s| s.name.as_str()).collect();
+    let found = match &options.depth {
+        Some(folder) if light => Some(Folder::list(folder, DEPTHS, "--depth")?.of(&names, "depth map")?),
+        Some(folder) => {
+            let what = "depth maps are of images, and none are imported";
+            return Err(Error::invalid(folder.display().to_string(), what, "leave --depth out"));
+        }
+        None if light => shots.iter().map(|s| s.depth.clone()).collect(),
+        None => None,
+    };
+    if found.is_some() {
+        notes.push(
+            "depth was taken for z-depth (along the optical axis) in metres, as measured; --scale does not change it".into(),
+        );
+    }
+    Ok(found)
+}
+
+/// SHA-256 of all files that are read, by their path below the folder they were given with.
+fn sources(
+    options: &ImportOptions,
+    files: &[PathBuf],
+    shots: &[Shot],
+    radio: Option<&Radio>,
+    depths: Option<&[PathBuf]>,
+) -> Result<BTreeMap<String, String>> {
+    let roots =
+        [Some(options.source.as_path()), options.images.as_deref(), radio.map(|r| r.folder.as_path()), options.depth.as_deref()];
+    let images = shots.iter().filter_map(|s| s.image.as_ref());
+    let radio = radio.iter().flat_map(|r| &r.files);
+    let all: Vec<&PathBuf> = files.iter().chain(images).chain(radio).chain(depths.into_iter().flatten()).collect();
+    let label = |path: &Path| {
+        let below = roots.iter().flatten().find_map(|root| Some((root, path.strip_prefix(root).ok()?)));
+        let name = |p: &Path| p.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/");
+        match below {
+            Some((root, rest)) if **root == options.source => name(rest),
+            // Folders that were named by themselves: by the last part of their names.
+            Some((root, rest)) => format!("{}:{}", root.file_name().unwrap_or_default().to_string_lossy(), name(rest)),
+            None => path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        }
+    };
+    all.into_par_iter().map(|path| Ok((label(path), io::sha256_hex(&io::read(path)?)))).collect()
+}

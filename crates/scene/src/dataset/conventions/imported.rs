@@ -1,0 +1,103 @@
+//! Conventions of a capture that was imported: what its maker said of it, what was done to it, and what is not known.
+
+use super::{Topic, cameras, frames};
+use crate::dataset::header::{DatasetHeader, Imported, Quantity};
+use crate::keyframe::DbRange;
+
+/// Topics of an imported data set.
+pub(super) fn topics(header: &DatasetHeader, imported: &Imported, range: Option<&DbRange>) -> [Topic; 7] {
+    [
+        ("frames", world(imported)),
+        ("cameras", cameras(header)),
+        ("import", import(imported)),
+        ("optical", optical(header)),
+        ("spectrum", spectrum(header)),
+        ("rf_image", rf_image(range)),
+        ("sampling", sampling(header)),
+    ]
+}
+
+fn world(imported: &Imported) -> Vec<(&'static str, String)> {
+    let turned = match imported.up {
+        Some([x, y, z]) => format!("the capture's frame, turned so that its direction ({x}, {y}, {z}) is up"),
+        None => "the capture's frame, which was taken to be z-up".into(),
+    };
+    let scale = format!("one unit of the capture was taken for {} m", imported.metres_per_unit);
+    let mut list = frames();
+    list.retain(|(question, _)| *question != "world");
+    list.insert(0, ("world", format!("right-handed, z up, metres: {turned}; {scale}")));
+    list
+}
+
+fn import(imported: &Imported) -> Vec<(&'static str, String)> {
+    vec![
+        (
+            "from",
+            format!("a capture in the layout {}; header.imported.sources lists what was read with its SHA-256", imported.format),
+        ),
+        (
+            "keyframes",
+            "in the order of their file names (numbers in them by their value); header.imported.names has the names".into(),
+        ),
+        ("time", "index along the capture: no clock is known".into()),
+        ("changes", if imported.notes.is_empty() { "none".into() } else { imported.notes.join("; ") }),
+    ]
+}
+
+fn optical(header: &DatasetHeader) -> Vec<(&'static str, String)> {
+    if !header.modalities.light {
+        return vec![(
+            "image",
+            "there are none: the Jet picture of the spectrum guides growth, and no metric of images is computed".into(),
+        )];
+    }
+    vec![
+        ("image", "8-bit sRGB as in the capture; its exposure and tone curve are not known".into()),
+        (
+            "depth",
+            "where there is any: z-depth (along the optical axis, not along the ray), metres, float32, channel Z, as measured"
+                .into(),
+        ),
+        ("depth_empty", "0 where nothing was measured".into()),
+    ]
+}
+
+fn spectrum(header: &DatasetHeader) -> Vec<(&'static str, String)> {
+    if !header.modalities.radio {
+        return vec![("value", "there are none: radio is not trained, and no metric of spectra is computed".into())];
+    }
+    let value = match header.quantity {
+        Quantity::PowerPerSteradian => "linear received power per steradian, as its maker states",
+        Quantity::BeamPower => "linear output power of a beam steered at the pixel, as its maker states",
+        Quantity::CaponPower => "linear power that Capon's beamformer estimates from the pixel's direction, as its maker states",
+        Quantity::Unknown => "linear power in a unit that is not known",
+    };
+    let carrier = header.frequency_hz.map_or("unknown".into(), |f| format!("{f} Hz"));
+    vec![
+        ("value", value.into()),
+        ("unit", format!("{} (linear; dB and Jet are views of it)", header.quantity.unit())),
+        ("file", "rf/spectra: EXR, float32, one channel Y, lossless; the unit is the file's attribute `unit` as well".into()),
+        ("empty_bin", "0".into()),
+        ("carrier", carrier),
+    ]
+}
+
+fn rf_image(range: Option<&DbRange>) -> Vec<(&'static str, String)> {
+    let Some(range) = range else { return vec![("image", "there are none".into())] };
+    vec![
+        ("scalar", "(10 log10 S - min_db) / (max_db - min_db), clamped to [0, 1]; 0 where S is 0".into()),
+        ("range", format!("one for the whole dataset, {} to {} dB", range.min_db, range.max_db)),
+        (
+            "image",
+            "rf/images: the scalar's Jet colour, 8 bit, rounded to nearest, stored without a further transfer function".into(),
+        ),
+    ]
+}
+
+fn sampling(header: &DatasetHeader) -> Vec<(&'static str, String)> {
+    let split = match &header.stated_split {
+        Some(_) => "test and training keyframes were stated one by one".to_owned(),
+        None => format!("index from 0; test: index % {} == 0, train: the others", header.split.test_every),
+    };
+    vec![("split", split)]
+}
