@@ -2,16 +2,8 @@
 //! What becomes of the gradient is up to the other as well.
 
 use super::{
-    GpuDevice,
-    context::Context,
-    frame::Leaves,
-    kernel::Kernel,
-    params::Uniforms,
-    scratch::Scratch,
-    shaders::Gradients,
-    store::CORE,
-    train::Batch,
-    training::Destination,
+    GpuDevice, context::Context, frame::Leaves, kernel::Kernel, params::Uniforms, scratch::Scratch, shaders::Gradients,
+    store::CORE, train::Batch, training::Destination,
 };
 use crate::{
     Error, Result,
