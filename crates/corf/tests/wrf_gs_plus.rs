@@ -10,7 +10,7 @@ mod reference;
 
 use corf::device::{DenseStep, Planes, Step, TrainingView, ViewId};
 use corf::wrf_gs_plus::{CpuTrainer, Deformation, DeformedStep, Model, Offsets, Shape, Trainer, WrfGsPlusConfig};
-use corf::{Antialias, Gaussians, RfTarget, device::Device};
+use corf::{Antialias, Gaussians, RfTarget};
 use corf_scene::{Pinhole, Rigid3, Rng};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -175,14 +175,11 @@ impl Scenario {
             (at(STEP) - at(-STEP)) / (2.0 * STEP)
         };
         let channels = self.gaussians.rf.channels;
-        let of_class = |range: &std::ops::Range<usize>| {
+        let of_class = |range: &std::ops::Range<usize>| -> Vec<f64> {
             let ks: Vec<usize> = range.clone().filter(|k| *k < 10 + channels).collect();
-            (0..COUNT)
-                .into_par_iter()
-                .flat_map_iter(|i| ks.iter().map(move |k| (i, *k)).collect::<Vec<_>>())
-                .map(|(i, k)| slope(i, k))
+            (0..COUNT * ks.len()).into_par_iter().map(|n| slope(n / ks.len(), ks[n % ks.len()])).collect()
         };
-        (of_network, CLASSES.iter().map(|(_, range)| of_class(range).collect()).collect())
+        (of_network, CLASSES.iter().map(|(_, range)| of_class(range)).collect())
     }
 
     fn check(&self, name: &str, trainer: &mut dyn Trainer, truth: &(Vec<f64>, Vec<Vec<f64>>)) {

