@@ -5,7 +5,7 @@ use crate::device::Backend;
 use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::methods::field::jet_of;
 use crate::methods::stepwise::{self, Stepwise};
-use crate::metrics::Prediction;
+use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Context, Result, ensure};
 use corf::wrf_gs_plus::{
     CpuTrainer, Model, Trainer, WrfGsPlusCheckpoint, WrfGsPlusConfig, WrfGsPlusField, WrfGsPlusReconstructor,
@@ -175,7 +175,8 @@ impl Predictor for WrfGsPlusPredictor {
         );
         let target = self.field.meta.rf_target;
         let scalar = target.scalar(&rf);
-        Ok(Prediction { image: None, rf_jet: jet_of(target, &rf, &scalar), rf_scalar: scalar, depth_m: None })
+        let jet = jet_of(target, &rf, &scalar);
+        Ok(Prediction { image: None, radio: Some(RadioPrediction { jet, scalar }), depth_m: None })
     }
 
     fn gaussians(&self) -> Option<usize> {

@@ -43,7 +43,15 @@ impl WrfGsPlusReconstructor {
     ) -> Result<Self> {
         config.validate()?;
         let rf_target = config.rf_target;
-        let meta = FieldMeta { rf_target, db_range, optical_camera, rf_camera, sensor: RfSensor::Identity, rf_background: None };
+        let meta = FieldMeta {
+            rf_target,
+            db_range,
+            optical_camera,
+            rf_camera,
+            sensor: RfSensor::Identity,
+            rf_background: None,
+            modalities: Default::default(),
+        };
         meta.validate()?;
         let device = trainer.device();
         if device.gaussians() != config.empty_field() {
