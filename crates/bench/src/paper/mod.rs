@@ -17,7 +17,7 @@ use crate::table::{self, Row};
 use anyhow::Result;
 use corf_scene::io::write_atomic;
 use published::{USUAL, USUAL_PSNR_RF};
-use rows::{Matched, cell, find};
+use rows::{Matched, cell, find, find_shorter};
 use std::path::{Path, PathBuf};
 
 /// Files that [`write`] makes: Markdown, LaTeX, CSV and the figure.
@@ -67,8 +67,10 @@ pub struct Beside<'r, 'a> {
 /// The four tables; every row of the paper is there, whether there are records of it or not.
 pub fn tables<'r, 'a>(rows: &'r [Row<'a>]) -> Vec<Beside<'r, 'a>> {
     let usual = find(rows, USUAL.0, USUAL.0.methods().0, USUAL.1);
-    let line = |paper: &'static PaperRow, method: &'static str, variant: Option<&str>| {
+    let line = |table: &PaperTable, paper: &'static PaperRow, method: &'static str, variant: Option<&str>| {
         let ours = find(rows, paper.family, method, paper.budget);
+        // Where methods are compared, what did not fit is shown at the largest budget that did; where budgets are, it is not.
+        let ours = ours.or_else(|| find_shorter(rows, paper.family, method, paper.budget).filter(|_| table.compares_methods));
         let reference = usual.as_ref().map(|u| u.row);
         let difference = ours.as_ref().zip(reference).and_then(|(m, reference)| {
             let itself = m.row.label == reference.label;
@@ -80,8 +82,8 @@ pub fn tables<'r, 'a>(rows: &'r [Row<'a>]) -> Vec<Beside<'r, 'a>> {
     let lines = |table: &'static PaperTable| {
         let of = |paper: &'static PaperRow| {
             let (method, variant) = paper.family.methods();
-            let variant = variant.map(|(id, how)| line(paper, id, Some(how))).filter(|l| l.ours.is_some());
-            std::iter::once(line(paper, method, None)).chain(variant)
+            let variant = variant.map(|(id, how)| line(table, paper, id, Some(how))).filter(|l| l.ours.is_some());
+            std::iter::once(line(table, paper, method, None)).chain(variant)
         };
         table.rows.iter().flat_map(of).collect()
     };

@@ -79,6 +79,9 @@ fn notes(tables: &[Beside<'_, '_>]) -> Vec<String> {
                 keys.join(", ")
             ));
         }
+        if matched.shorter {
+            out.push(format!("\"{}\" has a smaller budget than the paper's row {}.", matched.row.label, line.paper.name));
+        }
         if !matched.others.is_empty() {
             let others = matched.others.join("; ");
             out.push(format!("Rows of {} with this budget that stand behind \"{}\": {others}.", line.method, matched.row.label));

@@ -155,6 +155,8 @@ pub struct PaperTable {
     pub label: &'static str,
     /// Its subject.
     pub title: &'static str,
+    /// Whether its rows are methods, each at its usual budget.
+    pub compares_methods: bool,
     /// Columns.
     pub figures: &'static [Figure],
     /// Rows.
@@ -178,6 +180,7 @@ pub const TABLES: &[PaperTable] = &[
         number: "I",
         label: "tab:baseline-results-metric",
         title: "methods",
+        compares_methods: true,
         figures: &[PsnrRf, SsimRf, LpipsRf, Time],
         rows: &[
             row("NeRF²", Family::Nerf2, &[30_000], &[12.17, 0.594, 0.527, 14_941.0]),
@@ -191,6 +194,7 @@ pub const TABLES: &[PaperTable] = &[
         number: "II",
         label: "tab:baseline-iter",
         title: "budgets",
+        compares_methods: false,
         figures: &[PsnrRf, SsimRf, LpipsRf],
         rows: &[
             row("WRF-GS+, 5 000", Family::WrfGsPlus, &[5_000], &[16.75, 0.826, 0.271]),
@@ -213,6 +217,7 @@ pub const TABLES: &[PaperTable] = &[
         number: "III",
         label: "tab:finetune",
         title: "offline fine-tuning",
+        compares_methods: false,
         figures: &[PsnrOpt, SsimOpt, LpipsOpt, PsnrRf, SsimRf, LpipsRf, Time],
         rows: &[
             row("CORF-GS, fine-tuned 25", Family::CorfGs, &[75, 25], &[38.13, 0.980, 0.069, 18.85, 0.862, 0.229, 191.69]),
@@ -227,6 +232,7 @@ pub const TABLES: &[PaperTable] = &[
         number: "IV",
         label: "tab:ablation",
         title: "ablations",
+        compares_methods: false,
         figures: &[PsnrOpt, SsimOpt, LpipsOpt, PsnrRf, SsimRf, LpipsRf, Time],
         rows: &[
             row("w/o optical-guided expansion", Family::Uniform, &[75, 0], &[31.89, 0.966, 0.112, 15.69, 0.780, 0.317, 435.0]),

@@ -18,6 +18,8 @@ pub struct Matched<'r, 'a> {
     pub row: &'r Row<'a>,
     /// Its settings that are not the method's own, apart from the budget: paths of keys.
     pub unusual: Vec<String>,
+    /// Whether its budget is smaller than the paper's.
+    pub shorter: bool,
     /// Labels of rows that would do as well, but are farther from the method's own settings or behind it.
     pub others: Vec<&'a str>,
 }
@@ -35,12 +37,25 @@ pub fn find<'r, 'a>(rows: &'r [Row<'a>], family: Family, method: &str, budget: &
     found.sort_by_key(|(unusual, _)| unusual.len());
     let mut found = found.into_iter();
     let (unusual, row) = found.next()?;
-    Some(Matched { row, unusual, others: found.map(|(_, r)| r.label).collect() })
+    Some(Matched { row, unusual, shorter: false, others: found.map(|(_, r)| r.label).collect() })
+}
+
+/// The row of a method with the largest budget below one that was not run.
+pub fn find_shorter<'r, 'a>(rows: &'r [Row<'a>], family: Family, method: &str, budget: &[u64]) -> Option<Matched<'r, 'a>> {
+    let of = |row: &Row<'_>| -> Option<Vec<u64>> { family.budget().iter().map(|names| value(row.config, names)).collect() };
+    let below = |mine: &Vec<u64>| mine.iter().zip(budget).all(|(mine, papers)| mine <= papers);
+    let budgets = rows.iter().filter(|r| r.method == method).filter_map(of).filter(below);
+    let found = find(rows, family, method, &budgets.max()?)?;
+    Some(Matched { shorter: true, ..found })
+}
+
+/// The value of a setting by any of its names.
+fn value(config: &Value, names: &[&str]) -> Option<u64> {
+    names.iter().find_map(|pointer| config.pointer(pointer)?.as_u64())
 }
 
 fn has_budget(config: &Value, family: Family, budget: &[u64]) -> bool {
-    let value = |names: &&[&str]| names.iter().find_map(|pointer| config.pointer(pointer)?.as_u64());
-    family.budget().iter().zip(budget).all(|(names, wanted)| value(names) == Some(*wanted))
+    family.budget().iter().zip(budget).all(|(names, wanted)| value(config, names) == Some(*wanted))
 }
 
 fn is_other_method(config: &Value) -> bool {
