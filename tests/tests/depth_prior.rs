@@ -143,5 +143,5 @@ fn without_a_prior_a_dataset_needs_no_depth() {
     let poses = blind.join("trajectory.json");
     corf_ok(&["render", text(&run), "--poses", text(&poses), "--out", text(&folder.path().join("views"))]);
     // The default prior says what it lacks, and what to do.
-    corf_refuses(&reconstruct(&blind, &out, &[]), &["carries no depth", "depth.prior = \"none\""]);
+    corf_refuses(&reconstruct(&blind, &out, &[]), &["the data set has none", "depth.prior=\"none\""]);
 }
