@@ -33,6 +33,9 @@ pub trait Real:
     /// eˣ.
     fn exp(self) -> Self;
 
+    /// ln x.
+    fn ln(self) -> Self;
+
     /// √x.
     fn sqrt(self) -> Self;
 
@@ -68,6 +71,10 @@ macro_rules! real {
 
             fn exp(self) -> Self {
                 self.exp()
+            }
+
+            fn ln(self) -> Self {
+                self.ln()
             }
 
             fn sqrt(self) -> Self {
