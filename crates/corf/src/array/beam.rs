@@ -5,7 +5,7 @@
 //! lags between elements alone. Σ p·h(y′)h(z′)ᵀ with the harmonics h(x) = (cos l·x, sin l·x), l ∈ [0, n), therefore holds all that the array
 //! can know of the waves, wherever they come from, and a wave costs as much as a pixel.
 
-use super::wave::{WAVES_PER_TASK, Wave, WaveGradient};
+use super::wave::{WAVES_PER_TASK, Wave};
 use crate::Real;
 use corf_scene::Pinhole;
 use corf_scene::model::ARRAY_FROM_CAMERA;
@@ -58,13 +58,6 @@ impl<T: Real> ArrayBeam<T> {
         let evaluate = |pixels: &[T]| pixels.chunks_exact(stride).map(|h| self.value(&table, h)).collect::<Vec<T>>();
         let parts: Vec<Vec<T>> = self.pixels.par_chunks(stride * PIXELS_PER_TASK).map(evaluate).collect();
         parts.concat()
-    }
-
-    /// Derivatives of a loss by the waves, from those by the pixels.
-    pub fn pull(&self, waves: &[Wave<T>], by_pixel: &[T]) -> Vec<WaveGradient<T>> {
-        let table = self.table_of(by_pixel);
-        let chunk = |waves: &[Wave<T>]| waves.iter().map(|wave| self.wave_gradient(&table, wave)).collect::<Vec<_>>();
-        waves.par_chunks(WAVES_PER_TASK).map(chunk).collect::<Vec<_>>().concat()
     }
 
     /// Derivatives of two losses by the waves' powers alone, from those by the pixels.
@@ -153,30 +146,6 @@ impl<T: Real> ArrayBeam<T> {
         }
         sums.iter().zip(z).fold(T::ZERO, |total, (sum, z)| total + *sum * *z)
     }
-
-    fn wave_gradient(&self, table: &[T], wave: &Wave<T>) -> WaveGradient<T> {
-        let (of_y, of_z) = (2 * self.columns, 2 * self.rows);
-        let (mut y, mut z) = ([T::ZERO; MOST], [T::ZERO; MOST]);
-        harmonics(self.steps[0] * wave.direction[1], &mut y[..of_y]);
-        harmonics(self.steps[1] * wave.direction[2], &mut z[..of_z]);
-        let (mut plain, mut turned) = ([T::ZERO; MOST], [T::ZERO; MOST]);
-        let (plain, turned) = (&mut plain[..of_z], &mut turned[..of_z]);
-        for (a, row) in table.chunks_exact(of_z).enumerate() {
-            let (value, slope) = (y[a], slope(&y, self.columns, a));
-            for ((plain, turned), entry) in plain.iter_mut().zip(turned.iter_mut()).zip(row) {
-                *plain += value * *entry;
-                *turned += slope * *entry;
-            }
-        }
-        let (mut power, mut by_y, mut by_z) = (T::ZERO, T::ZERO, T::ZERO);
-        for b in 0..of_z {
-            power += plain[b] * z[b];
-            by_y += turned[b] * z[b];
-            by_z += plain[b] * slope(&z, self.rows, b);
-        }
-        let direction = [T::ZERO, by_y * self.steps[0] * wave.power, by_z * self.steps[1] * wave.power];
-        WaveGradient { direction, power }
-    }
 }
 
 /// cos(l·x) for l = 0, 1, … in the first half, sin(l·x) in the second.
@@ -188,9 +157,4 @@ fn harmonics<T: Real>(x: T, into: &mut [T]) {
         (*c, *s) = (re, im);
         (re, im) = (re * cos - im * sin, re * sin + im * cos);
     }
-}
-
-/// d/dx of entry `i` of `n` + `n` harmonics.
-fn slope<T: Real>(h: &[T], n: usize, i: usize) -> T {
-    if i < n { -(T::of(i as f64) * h[n + i]) } else { T::of((i - n) as f64) * h[i - n] }
 }

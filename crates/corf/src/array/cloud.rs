@@ -3,7 +3,7 @@
 //! An emitter at x is received at r as a plane wave of the power exp(g)/|x − r|² from the direction of x − r, where g, its log gain, is
 //! b + Σ_k φ_k(r)·w_k: a gain of its own and a correction for where it is seen from, interpolated between [`Anchors`](super::anchors::Anchors).
 
-use super::wave::{WAVES_PER_TASK, Wave, WaveGradient, dot};
+use super::wave::{WAVES_PER_TASK, Wave, dot};
 use crate::Real;
 use corf_scene::{Pinhole, Rigid3};
 use corf_scene::model::world_from_array;
@@ -85,20 +85,6 @@ impl<T: Real> Cloud<T> {
         let chunk = |first: &usize| (*first..(*first + WAVES_PER_TASK).min(self.len())).filter_map(wave).collect::<Vec<_>>();
         starts.par_iter().map(chunk).collect::<Vec<_>>().concat()
     }
-
-    /// Derivatives of a loss by the log gain of a wave's emitter, and by its position, from those by the wave.
-    pub fn pull(&self, receiver: &Receiver<T>, emitter: usize, wave: &Wave<T>, by: &WaveGradient<T>) -> (T, [T; 3]) {
-        let by_gain = by.power * wave.power;
-        let x = &self.position[emitter];
-        let (v, d2) = receiver.offset(x);
-        let d = d2.sqrt();
-        let a = &receiver.array_from_world;
-        let world = [0, 1, 2].map(|i| a[0][i] * by.direction[0] + a[1][i] * by.direction[1] + a[2][i] * by.direction[2]);
-        let unit = v.map(|c| c / d);
-        let along = dot(world, unit);
-        let two = T::ONE + T::ONE;
-        (by_gain, [0, 1, 2].map(|i| (world[i] - unit[i] * along) / d - two * by_gain * unit[i] / d))
-    }
 }
 
 impl<T: Real> Receiver<T> {
@@ -170,12 +156,5 @@ impl Cloud<f32> {
             row.iter_mut().zip(&self.seen_from[*k]).for_each(|(to, from)| *to += *weight as f32 * from);
         }
         self.seen_from.push(row);
-    }
-}
-
-impl Receiver<f32> {
-    /// Distance of a place, metres.
-    pub(super) fn distance(&self, x: &[f32; 3]) -> f32 {
-        self.offset(x).1.sqrt()
     }
 }

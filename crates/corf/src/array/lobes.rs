@@ -3,7 +3,7 @@
 //! A lobe is the Gaussian of the sphere (von Mises–Fisher) of unit integral, value κ/(2π(1 − e^{−2κ}))·exp(−κ·|d − u|²/2) at a pixel's unit
 //! direction d, with 1/κ the variance per axis: the data set's lobe, widened by the angle that the wave's emitter subtends.
 
-use super::wave::{WAVES_PER_TASK, Wave, WaveGradient};
+use super::wave::{WAVES_PER_TASK, Wave};
 use crate::Real;
 use corf_scene::Pinhole;
 use corf_scene::model::ARRAY_FROM_CAMERA;
@@ -67,31 +67,6 @@ impl<T: Real> Lobes<T> {
             image.iter_mut().zip(part).for_each(|(pixel, more)| *pixel += *more);
         }
         image
-    }
-
-    /// Derivatives of a loss by the waves, from those by the pixels.
-    pub fn pull(&self, waves: &[Wave<T>], by_pixel: &[T]) -> Vec<WaveGradient<T>> {
-        let gradient = |wave: &Wave<T>| {
-            let mut gradient = WaveGradient { direction: [T::ZERO; 3], power: T::ZERO };
-            let Some(lobe) = self.lobe(wave) else { return gradient };
-            let kappa = lobe.half_kappa + lobe.half_kappa;
-            for row in lobe.rows.clone() {
-                let run = row * self.camera.width + lobe.columns.start..row * self.camera.width + lobe.columns.end;
-                for (by_pixel, d) in by_pixel[run.clone()].iter().zip(&self.pixels[run]) {
-                    let chord2 = chord2(d, &wave.direction);
-                    if chord2 < lobe.end {
-                        let value = *by_pixel * lobe.peak * (-(lobe.half_kappa * chord2)).exp();
-                        gradient.power += value;
-                        for axis in 0..3 {
-                            gradient.direction[axis] += value * kappa * (d[axis] - wave.direction[axis]) * wave.power;
-                        }
-                    }
-                }
-            }
-            gradient
-        };
-        let parts: Vec<Vec<_>> = waves.par_chunks(WAVES_PER_TASK).map(|c| c.iter().map(gradient).collect()).collect();
-        parts.concat()
     }
 
     /// Derivatives of two losses by the waves' powers alone, from those by the pixels.

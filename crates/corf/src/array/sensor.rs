@@ -2,7 +2,7 @@
 
 use super::beam::{ArrayBeam, MOST_ELEMENTS};
 use super::lobes::Lobes;
-use super::wave::{Wave, WaveGradient};
+use super::wave::Wave;
 use crate::{Error, Real, Result};
 use corf_scene::Pinhole;
 use serde::{Deserialize, Serialize};
@@ -22,14 +22,6 @@ impl<T: Real> ArraySensor<T> {
         match self {
             Self::Beam(beam) => beam.observe(waves),
             Self::Lobes(lobes) => lobes.observe(waves),
-        }
-    }
-
-    /// Derivatives of a loss by the waves, from those by the pixels.
-    pub fn pull(&self, waves: &[Wave<T>], by_pixel: &[T]) -> Vec<WaveGradient<T>> {
-        match self {
-            Self::Beam(beam) => beam.pull(waves, by_pixel),
-            Self::Lobes(lobes) => lobes.pull(waves, by_pixel),
         }
     }
 

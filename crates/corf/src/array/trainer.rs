@@ -21,7 +21,6 @@ struct View {
     pose: Rigid3,
     /// ln of the observed power plus the floor.
     log: Vec<f32>,
-    weight: Vec<f32>,
     receiver: Receiver<f32>,
 }
 
@@ -37,8 +36,6 @@ pub struct ArrayTrainer {
     sightings: Vec<Sighting>,
     cells: HashSet<[i32; 3]>,
     steps: u64,
-    /// Running means of the gradient by a source's direction and of its square.
-    moments: Vec<([f32; 3], f32)>,
 }
 
 impl ArrayTrainer {
@@ -54,7 +51,7 @@ impl ArrayTrainer {
             sources: Cloud::default(),
             points: Cloud::default(),
         };
-        let floor = 10f64.powf(0.1 * (range.min_db - f64::from(config.floor_db))) as f32;
+        let floor = 10f64.powf(0.1 * range.min_db) as f32;
         Self {
             config,
             sensor: settings.build(&camera),
@@ -65,7 +62,6 @@ impl ArrayTrainer {
             sightings: vec![],
             cells: HashSet::new(),
             steps: 0,
-            moments: vec![],
         }
     }
 
@@ -84,13 +80,10 @@ impl ArrayTrainer {
             self.sightings.push(Sighting::new(pose, &found));
             self.bear_sources();
         }
-        let log: Vec<f32> = spectrum.pixels().iter().map(|s| (s + self.floor).ln()).collect();
-        let top = log.iter().copied().fold(f32::MIN, f32::max);
-        let weight: Vec<f32> = log.iter().map(|l| (self.config.emphasis * (l - top)).exp()).collect();
-        let mean = weight.iter().sum::<f32>() / weight.len() as f32;
-        let weight = weight.iter().map(|w| w / mean).collect();
+        let log = spectrum.pixels().iter().map(|s| (s + self.floor).ln()).collect();
         let receiver = self.field.receiver(pose);
-        self.views.push(View { pose: *pose, log, weight, receiver });
+        self.views.push(View { pose: *pose, log, receiver });
+        // A new anchor takes weight from the others.
         for i in 0..self.views.len() {
             self.views[i].receiver = self.field.receiver(&self.views[i].pose);
         }
@@ -149,7 +142,6 @@ impl ArrayTrainer {
             let m = meeting(latest, ray, others, width);
             if m.votes >= self.config.votes {
                 self.field.sources.push(m.place_m.as_vec3().to_array(), m.gain.ln() as f32);
-                self.moments.push(([0.0; 3], 0.0));
             }
         }
     }
@@ -183,12 +175,12 @@ impl ArrayTrainer {
         let c = &self.config;
         let (mut up, mut own) = (Vec::with_capacity(power.len()), Vec::with_capacity(power.len()));
         let mut squares = 0.0;
-        for ((p, log), weight) in power.iter().zip(&view.log).zip(&view.weight) {
+        for (p, log) in power.iter().zip(&view.log) {
             let p = p.max(0.0) + self.floor;
             let residual = p.ln() - log;
             squares += residual * residual;
-            up.push(weight * residual.clamp(-c.clip, c.clip) / p);
-            own.push(weight / p);
+            up.push(residual.clamp(-c.clip, c.clip) / p);
+            own.push(p.recip());
         }
         let pulls = self.sensor.pull_powers(&waves, [&up, &own]);
         let damping = c.damping * power.len() as f32 / waves.len().max(1) as f32;
@@ -202,26 +194,7 @@ impl ArrayTrainer {
             let gain = &mut cloud.gain[emitter];
             *gain = (*gain + (1.0 - share) * step).clamp(-MOST_GAIN, MOST_GAIN);
             for (k, weight) in weights {
-                let w = &mut cloud.seen_from[*k][emitter];
-                *w = *w * (1.0 - c.forget * weight) + share * weight / norm * step;
-            }
-        }
-        if c.turn_rate > 0.0 && count > 0 {
-            let gradients = self.sensor.pull(&waves[..count], &up);
-            for ((emitter, wave), by) in seen[..count].iter().zip(&gradients) {
-                let emitter = *emitter as usize;
-                let (_, by_place) = self.field.sources.pull(&view.receiver, emitter, wave, by);
-                let (m, v) = &mut self.moments[emitter];
-                let mut square = 0.0;
-                for axis in 0..3 {
-                    m[axis] += 0.1 * (by_place[axis] - m[axis]);
-                    square += by_place[axis] * by_place[axis];
-                }
-                *v += 0.01 * (square - *v);
-                let at = &mut self.field.sources.position[emitter];
-                let distance = view.receiver.distance(at);
-                let scale = c.turn_rate * distance / (v.sqrt() + 1e-20);
-                (0..3).for_each(|axis| at[axis] -= scale * m[axis]);
+                cloud.seen_from[*k][emitter] += share * weight / norm * step;
             }
         }
         squares / power.len() as f32

@@ -13,15 +13,6 @@ pub struct Wave<T> {
     pub spread2: T,
 }
 
-/// Derivatives of a loss by what a [`Wave`] is made of; the direction is varied freely, not only on the sphere.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct WaveGradient<T> {
-    /// By its direction.
-    pub direction: [T; 3],
-    /// By its power.
-    pub power: T,
-}
-
 /// Waves that a task takes; fixed, so that sums come out the same for any thread count.
 pub(super) const WAVES_PER_TASK: usize = 1024;
 
