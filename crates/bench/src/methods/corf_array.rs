@@ -273,6 +273,58 @@ impl Predictor for ArrayPredictor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use corf::array::Wave;
+    use corf_raytrace::radio::{Arrival, PlanarArray};
+    use corf_raytrace::spectrum::SpectrumSettings;
+    use corf_scene::model::world_from_array;
+    use corf_scene::{Pinhole, Rng};
+    use glam::DVec3;
+
+    /// Arrivals from everywhere, with their waves where the array is let see them.
+    fn arrivals(pose: &Rigid3) -> (Vec<Arrival>, Vec<Wave<f64>>) {
+        let mut rng = Rng::keyed(1, 2, 3);
+        let mut direction = || DVec3::new(rng.normal(), rng.normal(), rng.normal()).normalize();
+        let arrival = |i: usize| {
+            let power = 1e-9 * (1.0 + i as f64);
+            Arrival { direction: direction(), power, delay_s: 1e-9 * i as f64, object: 0, phase_rad: None }
+        };
+        let arrivals: Vec<Arrival> = (0..60).map(arrival).collect();
+        let array_from_world = world_from_array(pose).transpose();
+        let wave = |a: &Arrival| Wave { direction: (array_from_world * a.direction).to_array(), power: a.power, spread2: 0.0 };
+        let waves = arrivals.iter().map(wave).collect();
+        (arrivals, waves)
+    }
+
+    #[test]
+    fn observations_are_those_that_data_sets_are_made_with() {
+        let camera = Pinhole::from_horizontal_fov(48, 32, 90.0);
+        let pose = Rigid3::looking_at(DVec3::new(1.0, 2.0, 1.6), DVec3::new(4.0, 3.0, 1.5), DVec3::Z);
+        let (arrivals, waves) = arrivals(&pose);
+        let array = PlanarArray { rows: 8, columns: 8, spacing_wavelengths: [0.5, 0.6] };
+        for (kind, rear) in [
+            (SpectrumKind::Bartlett, RearHalfSpace::Gated),
+            (SpectrumKind::Bartlett, RearHalfSpace::Aliased),
+            (SpectrumKind::Mpc, RearHalfSpace::Gated),
+        ] {
+            let made = SpectrumSettings { kind, array, rear, lobe_width_deg: 2.0, bandwidth_hz: 1e9, loading: 0.1, seed: 1 };
+            let truth = made.form(std::slice::from_ref(&arrivals), &camera, &pose);
+            let gated = rear == RearHalfSpace::Gated;
+            let (settings, seen) = match kind {
+                SpectrumKind::Mpc => (SensorSettings::Lobes { width_deg: 2.0 }, waves.clone()),
+                _ => (
+                    SensorSettings::Beam { elements: [8, 8], spacing_wavelengths: [0.5, 0.6], gated },
+                    waves.iter().filter(|w| !gated || w.direction[0] > 0.0).copied().collect(),
+                ),
+            };
+            let ours = settings.build::<f64>(&camera).observe(&seen);
+            let top = truth.pixels().iter().copied().fold(0.0, f32::max);
+            for (i, (a, b)) in ours.iter().zip(truth.pixels()).enumerate() {
+                // Lobes end at 1e-4 of their own peaks, and their exponential is good to 6e-4 there.
+                let tolerance = if kind == SpectrumKind::Mpc { 1e-3 * b + 1e-3 * top } else { 1e-5 * b + 1e-9 * top };
+                assert!((a - f64::from(*b)).abs() <= f64::from(tolerance), "{kind:?} {rear:?}, pixel {i}: {a} {b}");
+            }
+        }
+    }
 
     #[test]
     fn light_and_radio_have_their_own_keys() {
@@ -282,7 +334,13 @@ mod tests {
         let other = config("rate = 0.25\nlight.iterations_per_keyframe = 40\nlight.optimizer.rf.sh_dc = 0.01").unwrap();
         assert_eq!((other.radio.rate, other.light.reconstruction.iterations_per_keyframe), (0.25, 40));
         assert_eq!(other.light.reconstruction.rf_weight, 0.0);
-        for wrong in ["rate = -1.0", "rf_weight = 0.1", "light.iterations = 3", "light.fine_tune_epochs = 1", "light.coupling = \"frozen\""] {
+        for wrong in [
+            "rate = -1.0",
+            "rf_weight = 0.1",
+            "light.iterations = 3",
+            "light.fine_tune_epochs = 1",
+            "light.coupling = \"frozen\"",
+        ] {
             assert!(config(wrong).is_err(), "{wrong}");
         }
     }

@@ -5,8 +5,8 @@
 
 use super::wave::{WAVES_PER_TASK, Wave, dot};
 use crate::Real;
-use corf_scene::{Pinhole, Rigid3};
 use corf_scene::model::world_from_array;
+use corf_scene::{Pinhole, Rigid3};
 use rayon::prelude::*;
 
 /// Nearest distance that free-space loss and directions are taken at, metres.

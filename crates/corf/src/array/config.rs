@@ -47,16 +47,16 @@ pub struct ArrayConfig {
 impl Default for ArrayConfig {
     fn default() -> Self {
         Self {
-            iterations_per_keyframe: 75,
+            iterations_per_keyframe: 20,
             latest_probability: 0.2,
             rate: 0.5,
-            damping: 0.1,
+            damping: 0.3,
             clip: 3.0,
             visibility: 0.5,
             anchor_spacing_m: 0.3,
-            anchor_width_m: 0.35,
-            point_spacing_m: 0.3,
-            point_extent: 0.4,
+            anchor_width_m: 0.5,
+            point_spacing_m: 0.2,
+            point_extent: 0.3,
             array_response: true,
             half_space: true,
             sources: true,

@@ -8,6 +8,7 @@ use crate::Real;
 use corf_scene::Pinhole;
 use corf_scene::model::ARRAY_FROM_CAMERA;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Standard deviations at which a lobe ends: 1e-4 of its power lies beyond, as in the data set's own lobes.
 const REACH: f64 = 4.292;
@@ -20,49 +21,78 @@ pub struct Lobes<T> {
     camera: Pinhole,
     /// Variance of a lobe per axis, rad².
     variance: f64,
-    /// Unit directions of the pixels, array frame.
-    pixels: Vec<[T; 3]>,
+    /// Components of the pixels' unit directions, array frame.
+    pixels: [Vec<T>; 3],
 }
 
 /// Where a wave's lobe lies, and what it is made of.
 struct Lobe<T> {
-    columns: std::ops::Range<usize>,
-    rows: std::ops::Range<usize>,
+    columns: Range<usize>,
+    rows: Range<usize>,
     peak: T,
     half_kappa: T,
     /// Squared chord at which it ends.
     end: T,
 }
 
+impl<T: Real> Lobe<T> {
+    /// The pixels it touches, row by row.
+    fn runs(&self, width: usize) -> impl Iterator<Item = Range<usize>> {
+        let Range { start, end } = self.columns;
+        self.rows.clone().map(move |row| row * width + start..row * width + end)
+    }
+
+    /// Its values at pixels, for a power of 1.
+    #[inline(always)]
+    fn values(&self, [xs, ys, zs]: [&[T]; 3], [x, y, z]: &[T; 3], mut take: impl FnMut(usize, T)) {
+        const BLOCK: usize = 16;
+        let mut values = [T::ZERO; BLOCK];
+        for (block, ((xs, ys), zs)) in xs.chunks(BLOCK).zip(ys.chunks(BLOCK)).zip(zs.chunks(BLOCK)).enumerate() {
+            for (value, ((px, py), pz)) in values.iter_mut().zip(xs.iter().zip(ys).zip(zs)) {
+                let [dx, dy, dz] = [*px - *x, *py - *y, *pz - *z];
+                let chord2 = dx * dx + dy * dy + dz * dz;
+                let inside = self.peak * exp_of_negative(self.half_kappa * chord2);
+                *value = if chord2 < self.end { inside } else { T::ZERO };
+            }
+            values[..xs.len()].iter().enumerate().for_each(|(i, value)| take(block * BLOCK + i, *value));
+        }
+    }
+}
+
+/// e^−x for 0 ≤ x ≤ 10 within 6e-4, and within 1e-6 below 2, in operations that vectorise: (e^(−x/32))³², the inner one by its series.
+#[inline(always)]
+fn exp_of_negative<T: Real>(x: T) -> T {
+    let y = T::of(1.0 / 32.0) * x;
+    let mut e = T::ONE - y * (T::ONE - y * (T::of(0.5) - y * (T::of(1.0 / 6.0) - y * T::of(1.0 / 24.0))));
+    for _ in 0..5 {
+        e = e * e;
+    }
+    e
+}
+
 impl<T: Real> Lobes<T> {
     /// Lobes of a standard deviation per axis, in degrees, over a camera's pixels.
     pub fn new(camera: &Pinhole, width_deg: f64) -> Self {
         let direction = |i| ARRAY_FROM_CAMERA.rotation * camera.pixel_direction(i % camera.width, i / camera.width);
-        let pixels = (0..camera.width * camera.height).map(|i| direction(i).to_array().map(T::of)).collect();
+        let pixels = [0, 1, 2].map(|axis| (0..camera.width * camera.height).map(|i| T::of(direction(i)[axis])).collect());
         Self { camera: *camera, variance: width_deg.to_radians().powi(2), pixels }
     }
 
     /// Power per steradian at every pixel, 1/sr.
     pub fn observe(&self, waves: &[Wave<T>]) -> Vec<T> {
         let splat = |chunk: &[Wave<T>]| {
-            let mut image = vec![T::ZERO; self.pixels.len()];
+            let mut image = vec![T::ZERO; self.camera.width * self.camera.height];
             for wave in chunk {
                 let Some(lobe) = self.lobe(wave) else { continue };
-                let peak = lobe.peak * wave.power;
-                for row in lobe.rows.clone() {
-                    let run = row * self.camera.width + lobe.columns.start..row * self.camera.width + lobe.columns.end;
-                    for (pixel, d) in image[run.clone()].iter_mut().zip(&self.pixels[run]) {
-                        let chord2 = chord2(d, &wave.direction);
-                        if chord2 < lobe.end {
-                            *pixel += peak * (-(lobe.half_kappa * chord2)).exp();
-                        }
-                    }
+                for run in lobe.runs(self.camera.width) {
+                    let pixels = self.pixels.each_ref().map(|axis| &axis[run.clone()]);
+                    lobe.values(pixels, &wave.direction, |i, value| image[run.start + i] += value * wave.power);
                 }
             }
             image
         };
         let partial: Vec<Vec<T>> = waves.par_chunks(WAVES_PER_TASK).map(splat).collect();
-        let mut image = vec![T::ZERO; self.pixels.len()];
+        let mut image = vec![T::ZERO; self.camera.width * self.camera.height];
         for part in &partial {
             image.iter_mut().zip(part).for_each(|(pixel, more)| *pixel += *more);
         }
@@ -74,16 +104,13 @@ impl<T: Real> Lobes<T> {
         let powers = |wave: &Wave<T>| {
             let mut powers = [T::ZERO; 2];
             let Some(lobe) = self.lobe(wave) else { return powers };
-            for row in lobe.rows.clone() {
-                let run = row * self.camera.width + lobe.columns.start..row * self.camera.width + lobe.columns.end;
-                for i in run {
-                    let chord2 = chord2(&self.pixels[i], &wave.direction);
-                    if chord2 < lobe.end {
-                        let value = lobe.peak * (-(lobe.half_kappa * chord2)).exp();
-                        powers[0] += by_pixel[0][i] * value;
-                        powers[1] += by_pixel[1][i] * value;
-                    }
-                }
+            for run in lobe.runs(self.camera.width) {
+                let pixels = self.pixels.each_ref().map(|axis| &axis[run.clone()]);
+                let [one, two] = by_pixel.map(|by_pixel| &by_pixel[run.clone()]);
+                lobe.values(pixels, &wave.direction, |i, value| {
+                    powers[0] += one[i] * value;
+                    powers[1] += two[i] * value;
+                });
             }
             powers
         };
@@ -105,7 +132,7 @@ impl<T: Real> Lobes<T> {
 }
 
 /// Pixels along an axis that a cone of half angle `radius` around a direction touches, of `count`; `x` is the direction's component along it.
-fn extent(x: f64, forward: f64, radius: f64, focal: f64, centre: f64, count: usize) -> Option<std::ops::Range<usize>> {
+fn extent(x: f64, forward: f64, radius: f64, focal: f64, centre: f64, count: usize) -> Option<Range<usize>> {
     const EDGE: f64 = 1.5;
     let length = x.hypot(forward);
     let half = if length <= radius.sin() { EDGE } else { (radius.sin() / length).asin() };
@@ -116,9 +143,4 @@ fn extent(x: f64, forward: f64, radius: f64, focal: f64, centre: f64, count: usi
     let place = |angle: f64| focal * angle.clamp(-EDGE, EDGE).tan() + centre;
     let (first, last) = (place(angle - half).floor().max(0.0), place(angle + half).ceil().min(count as f64));
     (first < last).then(|| first as usize..last as usize)
-}
-
-fn chord2<T: Real>(a: &[T; 3], b: &[T; 3]) -> T {
-    let [x, y, z] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-    x * x + y * y + z * z
 }

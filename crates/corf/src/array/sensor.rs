@@ -81,7 +81,10 @@ impl SensorSettings {
         match *self {
             Self::Beam { elements, spacing_wavelengths, .. } => {
                 if elements.iter().any(|n| !(1..=MOST_ELEMENTS).contains(n)) {
-                    return refuse(format!("an array of {} x {} elements", elements[0], elements[1]), "1 to 16 along each side are supported");
+                    return refuse(
+                        format!("an array of {} x {} elements", elements[0], elements[1]),
+                        "1 to 16 along each side are supported",
+                    );
                 }
                 if spacing_wavelengths.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
                     return refuse(format!("elements {spacing_wavelengths:?} wavelengths apart"), "give positive numbers");

@@ -83,7 +83,10 @@ fn gradients_by_powers_are_those_of_finite_differences() {
                 loss(&sensor.observe(&changed)).0
             };
             let expected = (at(STEP) - at(-STEP)) / (2.0 * STEP);
-            assert!((by_power[0] / expected - 1.0).abs() < 1e-6 && (by_power[1] / by_power[0] - 2.0).abs() < 1e-12, "{settings:?} {i}");
+            assert!(
+                (by_power[0] / expected - 1.0).abs() < 1e-6 && (by_power[1] / by_power[0] - 2.0).abs() < 1e-12,
+                "{settings:?} {i}"
+            );
         }
     }
 }
@@ -135,7 +138,11 @@ fn gradients_by_emitters_are_those_of_finite_differences() {
 
 /// Spectra of three sources, one of them far behind the others, at these poses.
 fn observed(settings: SensorSettings, poses: &[Rigid3]) -> Vec<Raster<f32>> {
-    let cloud = Cloud { position: vec![[9.0, 1.0, 2.0], [6.0, 4.0, 1.0], [30.0, 9.0, -2.0]], gain: vec![2.0, 1.0, 4.0], seen_from: vec![] };
+    let cloud = Cloud {
+        position: vec![[9.0, 1.0, 2.0], [6.0, 4.0, 1.0], [30.0, 9.0, -2.0]],
+        gain: vec![2.0, 1.0, 4.0],
+        seen_from: vec![],
+    };
     let sensor = settings.build::<f64>(&camera());
     let observe = |pose: &Rigid3| {
         let waves: Vec<_> = cloud.waves(&Receiver::new(pose, &[], true), 0.0).into_iter().map(|w| w.1).collect();
@@ -173,10 +180,12 @@ fn a_field_is_learnt_online_and_its_bytes_do_not_depend_on_threads() {
             let config = ArrayConfig { point_spacing_m: 1.0, ..ArrayConfig::default() };
             let mut trainer = ArrayTrainer::new(config, settings, camera(), range, 3);
             for k in (0..all.len()).filter(|k| *k != held) {
-                let surface: Vec<[f32; 3]> = (0..200).map(|i| {
-                    let mut rng = Rng::keyed(4, k as u64, i);
-                    [10.0, 16.0 * rng.uniform() - 8.0, 8.0 * rng.uniform() - 3.0]
-                }).collect();
+                let surface: Vec<[f32; 3]> = (0..200)
+                    .map(|i| {
+                        let mut rng = Rng::keyed(4, k as u64, i);
+                        [10.0, 16.0 * rng.uniform() - 8.0, 8.0 * rng.uniform() - 3.0]
+                    })
+                    .collect();
                 trainer.receive(&all[k], &spectra[k], &surface).unwrap();
                 trainer.train();
             }
@@ -191,7 +200,8 @@ fn a_field_is_learnt_online_and_its_bytes_do_not_depend_on_threads() {
         assert_eq!(ArrayField::read(&path).unwrap(), field);
         let predicted = field.observe(&settings.build(&camera()), &all[held]);
         let error = |other: &Raster<f32>| {
-            let squares = other.pixels().iter().zip(spectra[held].pixels()).map(|(a, b)| (range.scalar(*a) - range.scalar(*b)).powi(2));
+            let squares =
+                other.pixels().iter().zip(spectra[held].pixels()).map(|(a, b)| (range.scalar(*a) - range.scalar(*b)).powi(2));
             (squares.sum::<f32>() / (48.0 * 32.0)).sqrt()
         };
         let (ours, nearest) = (error(&predicted), error(&spectra[held - 1]));

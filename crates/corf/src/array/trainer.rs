@@ -2,8 +2,8 @@
 
 use super::anchors::Anchors;
 use super::births::{Sighting, meeting};
-use super::config::ArrayConfig;
 use super::cloud::{Cloud, Receiver};
+use super::config::ArrayConfig;
 use super::field::ArrayField;
 use super::peaks::rays;
 use super::sensor::{ArraySensor, SensorSettings};
@@ -109,9 +109,11 @@ impl ArrayTrainer {
         if side <= 0.0 {
             return;
         }
-        let fresh: Vec<[f32; 3]> = surface.iter().copied().filter(|p| self.cells.insert(p.map(|v| (v / side).floor() as i32))).collect();
+        let fresh: Vec<[f32; 3]> =
+            surface.iter().copied().filter(|p| self.cells.insert(p.map(|v| (v / side).floor() as i32))).collect();
         let level = if self.field.points.is_empty() {
-            let mean = spectrum.pixels().iter().map(|s| f64::from((s + self.floor).ln())).sum::<f64>() / spectrum.pixels().len() as f64;
+            let mean =
+                spectrum.pixels().iter().map(|s| f64::from((s + self.floor).ln())).sum::<f64>() / spectrum.pixels().len() as f64;
             let place = pose.translation.as_vec3();
             let spread = fresh.iter().map(|p| f64::from(glam::Vec3::from(*p).distance_squared(place)).ln()).sum::<f64>();
             let count = fresh.len().max(1) as f64;
