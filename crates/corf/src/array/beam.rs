@@ -129,7 +129,7 @@ impl<T: Real> ArrayBeam<T> {
             for (a, row) in table.chunks_exact_mut(of_z).enumerate() {
                 let [p, q, r, s] = y.each_ref().map(|y| y[a]);
                 for ((((entry, z0), z1), z2), z3) in row.iter_mut().zip(z0).zip(z1).zip(z2).zip(z3) {
-                    *entry = *entry + ((p * *z0 + q * *z1) + (r * *z2 + s * *z3));
+                    *entry += (p * *z0 + q * *z1) + (r * *z2 + s * *z3);
                 }
             }
         }

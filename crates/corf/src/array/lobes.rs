@@ -142,5 +142,5 @@ fn extent(x: f64, forward: f64, radius: f64, focal: f64, centre: f64, count: usi
     }
     let place = |angle: f64| focal * angle.clamp(-EDGE, EDGE).tan() + centre;
     let (first, last) = (place(angle - half).floor().max(0.0), place(angle + half).ceil().min(count as f64));
-    (first < last).then(|| first as usize..last as usize)
+    (first < last).then_some(first as usize..last as usize)
 }
