@@ -255,7 +255,7 @@ mod tests {
     #[test]
     fn the_committed_configurations_and_plans_are_of_this_version() {
         let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
-        for plan in ["lobby147-plan.toml", "ablation.toml", "demo.toml", "paper.toml", "rf-3dgs.toml"] {
+        for plan in ["lobby147-plan.toml", "ablation.toml", "demo.toml", "paper.toml", "rf-3dgs.toml", "array.toml"] {
             crate::plan::Plan::load(&scenes.join(plan)).unwrap();
         }
     }
