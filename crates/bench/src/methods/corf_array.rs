@@ -35,7 +35,7 @@ pub struct CorfArrayConfig {
 impl CorfArrayConfig {
     fn parse(overrides: &toml::Table) -> Result<Self> {
         let mut rest = overrides.clone();
-        // Radio has a field of its own: the Gaussians' costs a third of the time and changes what they look like in light by nothing.
+        // Radio has a field of its own, and the Gaussians need not show it.
         let mut light: toml::Table = "rf_weight = 0.0".parse()?;
         let own = rest.remove("light").map_or_else(|| Ok(toml::Table::new()), toml::Value::try_into);
         super::merge(&mut light, own.context("in key light")?);
