@@ -6,6 +6,7 @@ use crate::split::Split;
 use anyhow::{Context, Result, ensure};
 use corf::KeyframeTiming;
 use corf::depth::DepthQuality;
+use corf_scene::config::{ReceiverConfig, SpectrumKind};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::{DbRange, Modalities};
 use corf_scene::{Keyframe, Pinhole, Rigid3};
@@ -103,6 +104,21 @@ impl<'a> TrainingSet<'a> {
     /// Position of the fixed transmitter in the world frame, metres, if it is known.
     pub fn transmitter_m(&self) -> Option<[f64; 3]> {
         self.dataset.header().transmitter.map(|t| t.position_m)
+    }
+
+    /// Kind of the spectra, if it is known.
+    pub fn spectrum(&self) -> Option<SpectrumKind> {
+        self.dataset.header().spectrum
+    }
+
+    /// The array of the platform, if it is known.
+    pub fn receiver(&self) -> Option<ReceiverConfig> {
+        self.dataset.header().receiver
+    }
+
+    /// Standard deviation of an `mpc` lobe, degrees, if it is known.
+    pub fn lobe_width_deg(&self) -> Option<f64> {
+        self.dataset.header().config.as_ref().map(|c| c.rf.lobe_width_deg)
     }
 
     /// Time spent in [`Self::keyframe`] so far.

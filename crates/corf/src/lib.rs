@@ -3,6 +3,7 @@
 //!
 //! `Reconstructor::push(K_t)` is the paper's update operator U; a [`device::Device`] does the arithmetic.
 
+pub mod array;
 mod checksum;
 pub mod config;
 pub mod depth;

@@ -30,7 +30,7 @@ pub struct CorfGsConfig {
 }
 
 impl CorfGsConfig {
-    fn parse(overrides: &toml::Table) -> Result<Self> {
+    pub(super) fn parse(overrides: &toml::Table) -> Result<Self> {
         fn take<T: Serialize + DeserializeOwned + Default>(table: &mut toml::Table, key: &str) -> Result<T> {
             let overrides = table.remove(key).map_or_else(|| Ok(toml::Table::new()), toml::Value::try_into);
             overrides.map_err(Into::into).and_then(super::over_defaults).with_context(|| format!("in key {key}"))
@@ -58,7 +58,7 @@ impl CorfGsConfig {
     }
 
     /// A fresh device.
-    fn device(&self, backend: &Backend) -> Result<Box<dyn Device>> {
+    pub(super) fn device(&self, backend: &Backend) -> Result<Box<dyn Device>> {
         backend.make(self.optimizer, self.raster, &self.reconstruction.empty_field())
     }
 }
@@ -286,6 +286,7 @@ mod tests {
         for plan in [
             "lobby147-plan.toml",
             "ablation.toml",
+            "array.toml",
             "demo.toml",
             "paper.toml",
             "paper-budgets.toml",

@@ -1,5 +1,6 @@
 //! The methods by name.
 
+pub mod corf_array;
 pub mod corf_gs;
 pub mod field;
 pub mod lookup;
@@ -22,6 +23,7 @@ pub const METHODS: &[(&str, &str)] = &[
     ("corf-gs-uniform", "ablation: every pixel spawns with probability 0.1 instead of optical-guided expansion"),
     ("corf-gs-frozen", "ablation: two stages, optical geometry frozen in the RF stage"),
     ("corf-gs-rf-tuned", "ablation: two stages, geometry refined by RF in the second"),
+    ("corf-array", "beyond the paper: light as in corf-gs, radio as emitters seen through the receiver's own array"),
     ("rf-3dgs", "baseline RF-3DGS: offline 3D Gaussian splatting, then RF on its frozen geometry, as published"),
     ("rf-3dgs-corrected", "rf-3dgs with a fresh optimiser in the RF stage and the background of a direction without power"),
     ("nerf2", "baseline: NeRF² as published, an implicit field of the spectrum alone; for a GPU"),
@@ -41,6 +43,7 @@ pub fn create(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Bo
         "corf-gs" | "corf-gs-paper" | "corf-gs-fast" | "corf-gs-uniform" | "corf-gs-frozen" | "corf-gs-rf-tuned" => {
             Ok(Box::new(corf_gs::CorfGs::new(id, overrides, backend)?))
         }
+        "corf-array" => Ok(Box::new(corf_array::CorfArray::new(overrides, backend)?)),
         "rf-3dgs" | "rf-3dgs-corrected" => Ok(Box::new(rf_3dgs::Rf3dgs::new(id, overrides, backend)?)),
         "nerf2" | "nerf2-corrected" => Ok(Box::new(nerf2::Nerf2::new(id, overrides, backend)?)),
         "wrf-gs-plus" | "wrf-gs-plus-corrected" => Ok(Box::new(wrf_gs_plus::WrfGsPlus::new(id, overrides, backend)?)),

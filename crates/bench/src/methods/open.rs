@@ -1,6 +1,6 @@
 //! A run folder back to a predictor.
 
-use super::{corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs, wrf_gs_plus};
+use super::{corf_array::ArrayPredictor, corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs, wrf_gs_plus};
 use crate::device::Backend;
 use crate::input::{Input, Verify};
 use crate::json::read_json;
@@ -50,7 +50,7 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
     let split = Split::of(dataset, info.protocol)?;
     let method = create(&info.method, &info.overrides, backend)?;
     ensure!(
-        info.method.starts_with("corf-gs") || method.config() == info.config,
+        info.method.starts_with("corf-") || method.config() == info.config,
         "{}: this version resolves the run's configuration differently\n  help: reconstruct again",
         folder.display()
     );
@@ -64,6 +64,8 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
         .with_context(|| format!("{}: the configuration is not of this version", folder.join("run.json").display()))?;
     let predictor: Box<dyn Predictor> = if let Some(raster) = raster {
         Box::new(FieldPredictor::load(folder, raster, dataset, backend)?)
+    } else if info.method == "corf-array" {
+        Box::new(ArrayPredictor::load(folder, &info.config, dataset, backend)?)
     } else if info.method.starts_with("nerf2") {
         Box::new(nerf2::Nerf2Field::load(folder, dataset, backend)?)
     } else if info.method.starts_with("wrf-gs-plus") {

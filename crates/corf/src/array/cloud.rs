@@ -1,0 +1,160 @@
+//! Emitters: points of which each sends power to the receiver.
+//!
+//! An emitter at x is received at r as a plane wave of the power exp(g)/|x − r|² from the direction of x − r, where g, its log gain, is
+//! b + Σ_k φ_k(r)·w_k: a gain of its own and a correction for where it is seen from, interpolated between [`Anchors`](super::anchors::Anchors).
+
+use super::wave::{WAVES_PER_TASK, Wave, dot};
+use crate::Real;
+use corf_scene::model::world_from_array;
+use corf_scene::{Pinhole, Rigid3};
+use rayon::prelude::*;
+
+/// Nearest distance that free-space loss and directions are taken at, metres.
+const NEAREST_M: f64 = 0.2;
+
+/// Emitters, or anything that there is one of for each of their parameters.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cloud<T> {
+    /// World frame, metres.
+    pub position: Vec<[T; 3]>,
+    /// Log gain b, nepers of power.
+    pub gain: Vec<T>,
+    /// Corrections of the log gain: of every anchor one for each emitter.
+    pub seen_from: Vec<Vec<T>>,
+}
+
+/// A receiver: where it is, how its array is turned, and which anchors it is near.
+#[derive(Clone, Debug)]
+pub struct Receiver<T> {
+    place: [T; 3],
+    /// Rows of the rotation from the world into the array's frame.
+    array_from_world: [[T; 3]; 3],
+    weights: Vec<(usize, T)>,
+    /// Whether what comes from behind the array is left out.
+    gated: bool,
+    /// Least and greatest tangents to the left and upwards of the directions that are let in, where not all are.
+    frame: Option<[[T; 2]; 2]>,
+}
+
+impl<T: Real> Receiver<T> {
+    /// The receiver of a camera's pose.
+    pub fn new(world_from_camera: &Rigid3, weights: &[(usize, f64)], gated: bool) -> Self {
+        let turned = world_from_array(world_from_camera);
+        let row = |axis: usize| turned.col(axis).to_array().map(T::of);
+        Self {
+            place: world_from_camera.translation.to_array().map(T::of),
+            array_from_world: [row(0), row(1), row(2)],
+            weights: weights.iter().map(|(k, w)| (*k, T::of(*w))).collect(),
+            gated,
+            frame: None,
+        }
+    }
+
+    /// The same, to which what comes from outside a camera's frame does not exist.
+    pub fn within(mut self, camera: &Pinhole) -> Self {
+        let tangents = |focal: f64, centre: f64, count: usize| [(centre - count as f64) / focal, centre / focal].map(T::of);
+        self.frame = Some([tangents(camera.fx, camera.cx, camera.width), tangents(camera.fy, camera.cy, camera.height)]);
+        self
+    }
+}
+
+impl<T: Real> Cloud<T> {
+    /// Number of emitters.
+    pub fn len(&self) -> usize {
+        self.gain.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.gain.is_empty()
+    }
+
+    /// Log gain of an emitter for a receiver.
+    fn log_gain(&self, emitter: usize, receiver: &Receiver<T>) -> T {
+        receiver.weights.iter().fold(self.gain[emitter], |sum, (k, w)| sum + *w * self.seen_from[*k][emitter])
+    }
+
+    /// The waves that reach a receiver, with the emitters they come from, ascending; `extent2` is the variance of an emitter's size, m².
+    pub fn waves(&self, receiver: &Receiver<T>, extent2: T) -> Vec<(u32, Wave<T>)> {
+        let wave = |emitter: usize| {
+            let (direction, d2) = receiver.towards(&self.position[emitter])?;
+            let power = self.log_gain(emitter, receiver).exp() / d2;
+            Some((emitter as u32, Wave { direction, power, spread2: extent2 / d2 }))
+        };
+        let starts: Vec<usize> = (0..self.len()).step_by(WAVES_PER_TASK).collect();
+        let chunk = |first: &usize| (*first..(*first + WAVES_PER_TASK).min(self.len())).filter_map(wave).collect::<Vec<_>>();
+        starts.par_iter().map(chunk).collect::<Vec<_>>().concat()
+    }
+}
+
+impl<T: Real> Receiver<T> {
+    /// Anchors and their weights.
+    pub fn weights(&self) -> &[(usize, T)] {
+        &self.weights
+    }
+
+    fn offset(&self, x: &[T; 3]) -> ([T; 3], T) {
+        let v = [0, 1, 2].map(|i| x[i] - self.place[i]);
+        (v, dot(v, v))
+    }
+
+    /// Direction in the array's frame and squared distance of a place that the array is let see.
+    fn towards(&self, x: &[T; 3]) -> Option<([T; 3], T)> {
+        let (v, d2) = self.offset(x);
+        if d2 < T::of(NEAREST_M * NEAREST_M) {
+            return None;
+        }
+        let d = d2.sqrt();
+        let u = self.array_from_world.map(|row| dot(row, v) / d);
+        let inside = |[left, up]: &[[T; 2]; 2]| {
+            let within = |v: T, [least, most]: &[T; 2]| v > *least * u[0] && v < *most * u[0];
+            u[0] > T::ZERO && within(u[1], left) && within(u[2], up)
+        };
+        let let_in = self.frame.as_ref().map_or(!self.gated || u[0] > T::ZERO, inside);
+        let_in.then_some((u, d2))
+    }
+}
+
+impl Cloud<f32> {
+    /// The same in double precision.
+    pub(super) fn to_double(&self) -> Cloud<f64> {
+        let wide = |values: &Vec<f32>| values.iter().map(|v| f64::from(*v)).collect();
+        Cloud {
+            position: self.position.iter().map(|p| p.map(f64::from)).collect(),
+            gain: wide(&self.gain),
+            seen_from: self.seen_from.iter().map(wide).collect(),
+        }
+    }
+
+    /// Its numbers for a file: positions, gains, and the corrections of each anchor.
+    pub(super) fn arrays(&self) -> Vec<&[f32]> {
+        let own = [self.position.as_flattened(), self.gain.as_slice()];
+        own.into_iter().chain(self.seen_from.iter().map(Vec::as_slice)).collect()
+    }
+
+    /// The cloud of such numbers.
+    pub(super) fn of_arrays(arrays: &[Vec<f32>]) -> Self {
+        let array = |i: usize| arrays.get(i).cloned().unwrap_or_default();
+        Self {
+            position: array(0).as_chunks().0.to_vec(),
+            gain: array(1),
+            seen_from: arrays.get(2..).unwrap_or_default().to_vec(),
+        }
+    }
+
+    /// Adds an emitter that is seen alike from everywhere.
+    pub(super) fn push(&mut self, position: [f32; 3], gain: f32) {
+        self.position.push(position);
+        self.gain.push(gain);
+        self.seen_from.iter_mut().for_each(|row| row.push(0.0));
+    }
+
+    /// Adds an anchor, near others by these weights: emitters are seen from it as interpolation would have it.
+    pub(super) fn add_anchor(&mut self, weights: &[(usize, f64)]) {
+        let mut row = vec![0.0; self.len()];
+        for (k, weight) in weights {
+            row.iter_mut().zip(&self.seen_from[*k]).for_each(|(to, from)| *to += *weight as f32 * from);
+        }
+        self.seen_from.push(row);
+    }
+}

@@ -1,0 +1,28 @@
+//! A radio field that knows its array: emitters whose waves are observed through the receiver's own beam pattern.
+//!
+//! A spectrum is not a photograph. An array sees through its beam pattern, side lobes included, and what is strongest stands nowhere on a surface:
+//! mirror images of the transmitter, metres behind a wall. [`ArrayField`] is therefore a set of points that send: points on the surfaces that light
+//! knows, and virtual sources anywhere. [`ArraySensor`] forms the observation of their waves, and [`ArrayTrainer`] learns them online.
+//!
+//! An emitter's power depends on where it is seen from: its log gain is interpolated between [`anchors`] at places of the receiver. Training takes
+//! residuals in decibels off in proportion to the part that an emitter has in each pixel (a multiplicative update in the manner of Richardson and Lucy).
+
+pub mod anchors;
+mod beam;
+mod births;
+pub mod cloud;
+mod config;
+mod field;
+mod lobes;
+mod peaks;
+mod sensor;
+#[cfg(test)]
+mod tests;
+mod trainer;
+mod wave;
+
+pub use config::ArrayConfig;
+pub use field::ArrayField;
+pub use sensor::{ArraySensor, SensorSettings};
+pub use trainer::ArrayTrainer;
+pub use wave::Wave;

@@ -1,0 +1,117 @@
+//! The sensor that forms an observation of the waves at a receiver, by kind of spectrum.
+
+use super::beam::{ArrayBeam, MOST_ELEMENTS};
+use super::lobes::Lobes;
+use super::wave::Wave;
+use crate::{Error, Real, Result};
+use corf_scene::Pinhole;
+use serde::{Deserialize, Serialize};
+
+/// A sensor and the pixels it is looked at over.
+#[derive(Clone, Debug)]
+pub enum ArraySensor<T> {
+    /// Beams of an array.
+    Beam(ArrayBeam<T>),
+    /// A lobe for each wave.
+    Lobes(Lobes<T>),
+}
+
+impl<T: Real> ArraySensor<T> {
+    /// The spectrum of waves at every pixel, linear.
+    pub fn observe(&self, waves: &[Wave<T>]) -> Vec<T> {
+        match self {
+            Self::Beam(beam) => beam.observe(waves),
+            Self::Lobes(lobes) => lobes.observe(waves),
+        }
+    }
+
+    /// Derivatives of two losses by the waves' powers alone.
+    pub fn pull_powers(&self, waves: &[Wave<T>], by_pixel: [&[T]; 2]) -> Vec<[T; 2]> {
+        match self {
+            Self::Beam(beam) => beam.pull_powers(waves, by_pixel),
+            Self::Lobes(lobes) => lobes.pull_powers(waves, by_pixel),
+        }
+    }
+}
+
+/// The kind of a sensor, with all that its observations depend on beside the camera.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SensorSettings {
+    /// Beams of an array: `bartlett`, and the mean of `bartlett-coherent` over the arrivals' phases.
+    Beam {
+        /// Columns and rows.
+        elements: [usize; 2],
+        /// Distances of columns and of rows, wavelengths.
+        spacing_wavelengths: [f64; 2],
+        /// Whether what comes from behind is left out.
+        gated: bool,
+    },
+    /// A lobe for each wave: `mpc`.
+    Lobes {
+        /// Standard deviation per axis, degrees.
+        width_deg: f64,
+    },
+}
+
+impl SensorSettings {
+    /// Whether waves from behind the array's plane are left out.
+    pub fn is_gated(&self) -> bool {
+        matches!(self, Self::Beam { gated: true, .. })
+    }
+
+    /// A sensor that shows a lobe as wide as the array's beam, and none beside it; gains of emitters then mean power per steradian.
+    pub fn without_side_lobes(self) -> Self {
+        match self {
+            // Half-power width of an even array: 0.886 over its length in wavelengths; that of a Gaussian is 2.355 standard deviations.
+            Self::Beam { elements, spacing_wavelengths, .. } => {
+                let length = elements[0] as f64 * spacing_wavelengths[0];
+                Self::Lobes { width_deg: (0.886 / length / 2.355).to_degrees() }
+            }
+            lobes => lobes,
+        }
+    }
+
+    /// Checks that a camera can look at it.
+    ///
+    /// # Errors
+    /// An array without elements or with too many, a spacing or a width that is no number, lobes that fall between the camera's pixels.
+    pub fn check(&self, camera: &Pinhole) -> Result<()> {
+        let refuse = |what: String, help: &str| Err(Error::invalid("the radio sensor", what, help));
+        match *self {
+            Self::Beam { elements, spacing_wavelengths, .. } => {
+                if elements.iter().any(|n| !(1..=MOST_ELEMENTS).contains(n)) {
+                    return refuse(
+                        format!("an array of {} x {} elements", elements[0], elements[1]),
+                        "1 to 16 along each side are supported",
+                    );
+                }
+                if spacing_wavelengths.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
+                    return refuse(format!("elements {spacing_wavelengths:?} wavelengths apart"), "give positive numbers");
+                }
+            }
+            Self::Lobes { width_deg } => {
+                // As where the data set's own lobes become means over pixels.
+                const LEAST_PIXELS: f64 = 0.6 - 1e-9;
+                let pixels = width_deg.to_radians() * camera.fx.min(camera.fy);
+                if !(LEAST_PIXELS..1e3).contains(&pixels) {
+                    return refuse(
+                        format!("lobes of {width_deg}° are {pixels:.2} pixels wide"),
+                        "generate the spectra with more pixels or wider lobes (0.6 pixels at least)",
+                    );
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The sensor over a camera's pixels.
+    pub fn build<T: Real>(&self, camera: &Pinhole) -> ArraySensor<T> {
+        match *self {
+            Self::Beam { elements, spacing_wavelengths, .. } => {
+                ArraySensor::Beam(ArrayBeam::new(camera, elements, spacing_wavelengths))
+            }
+            Self::Lobes { width_deg } => ArraySensor::Lobes(Lobes::new(camera, width_deg)),
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! The sensors against their definitions, gradients against finite differences, and a field learnt from what planted sources send.
+
+#![allow(clippy::unwrap_used)]
+
+use super::births::{Sighting, meeting};
+use super::cloud::{Cloud, Receiver};
+use super::peaks::rays;
+use super::wave::Wave;
+use super::{ArrayConfig, ArrayField, ArraySensor, ArrayTrainer, SensorSettings};
+use corf_scene::keyframe::DbRange;
+use corf_scene::model::ARRAY_FROM_CAMERA;
+use corf_scene::{Pinhole, Raster, Rigid3, Rng};
+use glam::DVec3;
+use std::f64::consts::TAU;
+
+const BEAM: SensorSettings = SensorSettings::Beam { elements: [8, 6], spacing_wavelengths: [0.5, 0.6], gated: true };
+const LOBES: SensorSettings = SensorSettings::Lobes { width_deg: 3.0 };
+
+fn camera() -> Pinhole {
+    Pinhole::from_horizontal_fov(48, 32, 90.0)
+}
+
+fn directions(count: u64) -> impl Iterator<Item = DVec3> {
+    (0..count).map(|i| {
+        let mut rng = Rng::keyed(1, 2, i);
+        DVec3::new(1.0 + rng.uniform_f64(), rng.normal(), rng.normal()).normalize()
+    })
+}
+
+fn waves(count: u64) -> Vec<Wave<f64>> {
+    let wave = |(i, u): (usize, DVec3)| Wave { direction: u.to_array(), power: 0.5 + i as f64, spread2: 1e-4 * i as f64 };
+    directions(count).enumerate().map(wave).collect()
+}
+
+#[test]
+fn a_beams_power_is_that_of_its_steering_vectors() {
+    let (camera, waves) = (camera(), waves(7));
+    let power = BEAM.build::<f64>(&camera).observe(&waves);
+    for pixel in [0, 77, 48 * 16 + 24, 48 * 32 - 1] {
+        let u = ARRAY_FROM_CAMERA.rotation * camera.pixel_direction(pixel % 48, pixel / 48);
+        let gain = |from: &[f64; 3]| {
+            let (mut re, mut im) = (0.0, 0.0);
+            for (column, row) in (0..8).flat_map(|c| (0..6).map(move |r| (c, r))) {
+                let phase = TAU * (0.5 * f64::from(column) * (from[1] - u.y) + 0.6 * f64::from(row) * (from[2] - u.z));
+                (re, im) = (re + phase.cos(), im + phase.sin());
+            }
+            (re * re + im * im) / (48.0 * 48.0)
+        };
+        let expected: f64 = waves.iter().map(|w| w.power * gain(&w.direction)).sum();
+        assert!((power[pixel] / expected - 1.0).abs() < 1e-11, "{pixel}: {} {expected}", power[pixel]);
+    }
+}
+
+#[test]
+fn a_lobes_integral_is_its_power_wherever_it_stands_and_however_wide_it_is() {
+    let camera = Pinhole::from_horizontal_fov(96, 64, 100.0);
+    let sensor = LOBES.build::<f64>(&camera);
+    for (direction, spread2) in [(DVec3::X, 0.0), (DVec3::new(1.0, 0.5, -0.3).normalize(), 2e-3)] {
+        let image = sensor.observe(&[Wave { direction: direction.to_array(), power: 3.0, spread2 }]);
+        let sum: f64 = image.iter().enumerate().map(|(i, v)| v * camera.pixel_solid_angle_sr(i % 96, i / 96)).sum();
+        assert!((sum / 3.0 - 1.0).abs() < 2e-3, "{direction}: {sum}");
+    }
+}
+
+/// Σ of the logarithms of an observation's pixels, some more than others, and its derivatives by pixel.
+fn loss(power: &[f64]) -> (f64, Vec<f64>) {
+    let weight = |i: usize| 1.0 + (i % 7) as f64;
+    let sum = power.iter().enumerate().map(|(i, p)| weight(i) * (p + 0.1).ln()).sum();
+    (sum, power.iter().enumerate().map(|(i, p)| weight(i) / (p + 0.1)).collect())
+}
+
+#[test]
+fn gradients_by_powers_are_those_of_finite_differences() {
+    const STEP: f64 = 1e-6;
+    for settings in [BEAM, LOBES] {
+        let (sensor, waves) = (settings.build::<f64>(&camera()), waves(5));
+        let (_, by_pixel) = loss(&sensor.observe(&waves));
+        let twice: Vec<f64> = by_pixel.iter().map(|d| 2.0 * d).collect();
+        for (i, by_power) in sensor.pull_powers(&waves, [&by_pixel, &twice]).into_iter().enumerate() {
+            let at = |h: f64| {
+                let mut changed = waves.clone();
+                changed[i].power += h;
+                loss(&sensor.observe(&changed)).0
+            };
+            let expected = (at(STEP) - at(-STEP)) / (2.0 * STEP);
+            assert!(
+                (by_power[0] / expected - 1.0).abs() < 1e-6 && (by_power[1] / by_power[0] - 2.0).abs() < 1e-12,
+                "{settings:?} {i}"
+            );
+        }
+    }
+}
+
+fn poses(count: u64) -> Vec<Rigid3> {
+    (0..count)
+        .map(|i| {
+            let place = DVec3::new(0.3 * i as f64, 0.1 * (i as f64).sin(), 1.5);
+            Rigid3::looking_at(place, place + DVec3::new(4.0, 1.0 + 0.3 * (i as f64).cos(), 0.1), DVec3::Z)
+        })
+        .collect()
+}
+
+#[test]
+fn gradients_by_emitters_are_those_of_finite_differences() {
+    let sensor = BEAM.build::<f64>(&camera());
+    let cloud = Cloud {
+        position: vec![[5.0, 1.0, 2.0], [7.0, -1.0, 1.0], [3.0, 2.0, 0.5]],
+        gain: vec![1.0, 2.0, 0.5],
+        seen_from: vec![vec![0.2, -0.1, 0.3], vec![0.0, 0.5, -0.4]],
+    };
+    let receiver = Receiver::new(&poses(1)[0], &[(0, 0.75), (1, 0.25)], true);
+    let value = |cloud: &Cloud<f64>| {
+        let waves: Vec<_> = cloud.waves(&receiver, 0.0).into_iter().map(|w| w.1).collect();
+        loss(&sensor.observe(&waves)).0
+    };
+    let seen = cloud.waves(&receiver, 0.0);
+    assert_eq!(seen.iter().map(|w| w.0).collect::<Vec<_>>(), [0, 1, 2]);
+    let waves: Vec<_> = seen.iter().map(|w| w.1).collect();
+    let by_pixel = loss(&sensor.observe(&waves)).1;
+    let by_power = sensor.pull_powers(&waves, [&by_pixel, &by_pixel]);
+    let difference = |change: &dyn Fn(&mut Cloud<f64>, f64)| {
+        const STEP: f64 = 1e-6;
+        let at = |h: f64| {
+            let mut moved = cloud.clone();
+            change(&mut moved, h);
+            value(&moved)
+        };
+        (at(STEP) - at(-STEP)) / (2.0 * STEP)
+    };
+    for i in 0..3 {
+        let by_gain = by_power[i][0] * waves[i].power;
+        let expected = difference(&|c, h| c.gain[i] += h);
+        assert!((by_gain - expected).abs() < 1e-5 * expected.abs().max(1.0), "{i}: {by_gain} {expected}");
+        let from = difference(&|c, h| c.seen_from[0][i] += h);
+        assert!((0.75 * by_gain - from).abs() < 1e-5 * expected.abs().max(1.0), "{i}: {by_gain} {from}");
+    }
+}
+
+/// Spectra of three sources, one of them far behind the others, at these poses.
+fn observed(settings: SensorSettings, poses: &[Rigid3]) -> Vec<Raster<f32>> {
+    let cloud = Cloud {
+        position: vec![[9.0, 1.0, 2.0], [6.0, 4.0, 1.0], [30.0, 9.0, -2.0]],
+        gain: vec![2.0, 1.0, 4.0],
+        seen_from: vec![],
+    };
+    let sensor = settings.build::<f64>(&camera());
+    let observe = |pose: &Rigid3| {
+        let waves: Vec<_> = cloud.waves(&Receiver::new(pose, &[], true), 0.0).into_iter().map(|w| w.1).collect();
+        Raster::from_vec(48, 32, sensor.observe(&waves).iter().map(|p| *p as f32).collect())
+    };
+    poses.iter().map(observe).collect()
+}
+
+#[test]
+fn rays_of_planted_sources_meet_where_they_are() {
+    let poses = poses(8);
+    let sensor = BEAM.build::<f32>(&camera());
+    let sightings: Vec<Sighting> = poses
+        .iter()
+        .zip(observed(BEAM, &poses))
+        .map(|(pose, spectrum)| Sighting::new(pose, &rays(&sensor, &camera(), spectrum.pixels(), 20.0)))
+        .collect();
+    let (latest, others) = sightings.split_last().unwrap();
+    let found: Vec<_> = (0..latest.rays.len()).map(|ray| meeting(latest, ray, others, 0.02)).collect();
+    for place in [DVec3::new(9.0, 1.0, 2.0), DVec3::new(6.0, 4.0, 1.0)] {
+        let near = found.iter().find(|m| m.place_m.distance(place) < 0.25 * place.distance(latest.place_m));
+        assert!(near.is_some_and(|m| m.votes > 4.0), "{place}: {found:?}");
+    }
+}
+
+#[test]
+fn a_field_is_learnt_online_and_its_bytes_do_not_depend_on_threads() {
+    let all = poses(12);
+    let folder = tempfile::tempdir().unwrap();
+    let range = DbRange { min_db: -60.0, max_db: 10.0 };
+    for settings in [BEAM, LOBES] {
+        let spectra = observed(settings, &all);
+        let held = 7;
+        let learn = || {
+            let config = ArrayConfig { point_spacing_m: 1.0, ..ArrayConfig::default() };
+            let mut trainer = ArrayTrainer::new(config, settings, camera(), range, 3);
+            for k in (0..all.len()).filter(|k| *k != held) {
+                let surface: Vec<[f32; 3]> = (0..200)
+                    .map(|i| {
+                        let mut rng = Rng::keyed(4, k as u64, i);
+                        [10.0, 16.0 * rng.uniform() - 8.0, 8.0 * rng.uniform() - 3.0]
+                    })
+                    .collect();
+                trainer.receive(&all[k], &spectra[k], &surface).unwrap();
+                trainer.train();
+            }
+            trainer.into_field()
+        };
+        let field = learn();
+        let single = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(learn);
+        assert_eq!(field, single);
+        assert!(!field.sources.is_empty(), "{settings:?}");
+        let path = folder.path().join("field");
+        field.write(&path).unwrap();
+        assert_eq!(ArrayField::read(&path).unwrap(), field);
+        let predicted = field.observe(&settings.build(&camera()), &all[held]);
+        let error = |other: &Raster<f32>| {
+            let squares =
+                other.pixels().iter().zip(spectra[held].pixels()).map(|(a, b)| (range.scalar(*a) - range.scalar(*b)).powi(2));
+            (squares.sum::<f32>() / (48.0 * 32.0)).sqrt()
+        };
+        let (ours, nearest) = (error(&predicted), error(&spectra[held - 1]));
+        assert!(ours < 0.6 * nearest, "{settings:?}: {ours} against {nearest} of the nearest");
+    }
+}
+
+#[test]
+fn a_sensor_is_built_as_it_is_called() {
+    assert!(matches!(BEAM.build::<f32>(&camera()), ArraySensor::Beam(_)) && BEAM.is_gated());
+    assert!(matches!(LOBES.build::<f32>(&camera()), ArraySensor::Lobes(_)) && !LOBES.is_gated());
+}

@@ -1,0 +1,204 @@
+//! Online training of a radio field: emitters are born where keyframes ask for them, and take residuals off in proportion.
+
+use super::anchors::Anchors;
+use super::births::{Sighting, meeting};
+use super::cloud::{Cloud, Receiver};
+use super::config::ArrayConfig;
+use super::field::ArrayField;
+use super::peaks::rays;
+use super::sensor::{ArraySensor, SensorSettings};
+use super::wave::Wave;
+use crate::{Error, Result};
+use corf_scene::{Pinhole, Raster, Rigid3, Rng, keyframe::DbRange};
+use std::collections::HashSet;
+
+/// Stream of the keyframes that are visited.
+const STAGE_VISIT: u64 = 0x6172_7261_795f_7669;
+/// Bounds of log gains, nepers.
+const MOST_GAIN: f32 = 40.0;
+
+struct View {
+    pose: Rigid3,
+    /// ln of the observed power plus the floor.
+    log: Vec<f32>,
+    receiver: Receiver<f32>,
+}
+
+/// Trains one field.
+pub struct ArrayTrainer {
+    config: ArrayConfig,
+    sensor: ArraySensor<f32>,
+    /// The field.
+    pub field: ArrayField,
+    floor: f32,
+    seed: u64,
+    views: Vec<View>,
+    sightings: Vec<Sighting>,
+    cells: HashSet<[i32; 3]>,
+    steps: u64,
+}
+
+impl ArrayTrainer {
+    /// An empty field.
+    pub fn new(config: ArrayConfig, settings: SensorSettings, camera: Pinhole, range: DbRange, seed: u64) -> Self {
+        let settings = if config.array_response { settings } else { settings.without_side_lobes() };
+        let field = ArrayField {
+            sensor: settings,
+            camera,
+            half_space: config.half_space,
+            extent_m: config.point_extent * config.point_spacing_m,
+            anchors: Anchors { positions_m: vec![], width_m: config.anchor_width_m },
+            sources: Cloud::default(),
+            points: Cloud::default(),
+        };
+        let floor = 10f64.powf(0.1 * range.min_db) as f32;
+        Self {
+            config,
+            sensor: settings.build(&camera),
+            field,
+            floor,
+            seed,
+            views: vec![],
+            sightings: vec![],
+            cells: HashSet::new(),
+            steps: 0,
+        }
+    }
+
+    /// Takes a keyframe: its spectrum, and where surfaces are known by now.
+    pub fn receive(&mut self, pose: &Rigid3, spectrum: &Raster<f32>, surface: &[[f32; 3]]) -> Result<()> {
+        let (camera, size) = (&self.field.camera, (spectrum.width(), spectrum.height()));
+        if size != (camera.width, camera.height) {
+            let what = format!("the spectrum is {}x{} and the camera says {}x{}", size.0, size.1, camera.width, camera.height);
+            return Err(Error::invalid("the radio field", what, "all keyframes of a sequence share their cameras"));
+        }
+        self.add_anchor(pose);
+        self.add_points(pose, spectrum, surface);
+        if self.config.sources {
+            let mut found = rays(&self.sensor, &self.field.camera, spectrum.pixels(), self.config.ray_range_db);
+            found.truncate(self.config.rays);
+            self.sightings.push(Sighting::new(pose, &found));
+            self.bear_sources();
+        }
+        let log = spectrum.pixels().iter().map(|s| (s + self.floor).ln()).collect();
+        let receiver = self.field.receiver(pose);
+        self.views.push(View { pose: *pose, log, receiver });
+        // A new anchor takes weight from the others.
+        for i in 0..self.views.len() {
+            self.views[i].receiver = self.field.receiver(&self.views[i].pose);
+        }
+        Ok(())
+    }
+
+    fn add_anchor(&mut self, pose: &Rigid3) {
+        if self.config.visibility == 0.0 {
+            return;
+        }
+        let place = pose.translation;
+        let near = |a: &glam::DVec3| a.distance(place) < self.config.anchor_spacing_m;
+        if !self.field.anchors.positions_m.iter().any(near) {
+            let weights = self.field.anchors.weights(place);
+            self.field.anchors.positions_m.push(place);
+            self.field.sources.add_anchor(&weights);
+            self.field.points.add_anchor(&weights);
+        }
+    }
+
+    fn add_points(&mut self, pose: &Rigid3, spectrum: &Raster<f32>, surface: &[[f32; 3]]) {
+        let side = self.config.point_spacing_m as f32;
+        if side <= 0.0 {
+            return;
+        }
+        let fresh: Vec<[f32; 3]> =
+            surface.iter().copied().filter(|p| self.cells.insert(p.map(|v| (v / side).floor() as i32))).collect();
+        let level = if self.field.points.is_empty() {
+            let mean =
+                spectrum.pixels().iter().map(|s| f64::from((s + self.floor).ln())).sum::<f64>() / spectrum.pixels().len() as f64;
+            let place = pose.translation.as_vec3();
+            let spread = fresh.iter().map(|p| f64::from(glam::Vec3::from(*p).distance_squared(place)).ln()).sum::<f64>();
+            let count = fresh.len().max(1) as f64;
+            (mean + spread / count - (0.03 * count).max(1.0).ln()) as f32
+        } else {
+            let mut gains = self.field.points.gain.clone();
+            gains.sort_by(f32::total_cmp);
+            gains[gains.len() / 2]
+        };
+        fresh.into_iter().for_each(|p| self.field.points.push(p, level));
+    }
+
+    /// Sources are born where rays of the latest keyframe meet those of others.
+    fn bear_sources(&mut self) {
+        let Some((latest, others)) = self.sightings.split_last() else { return };
+        let width = self.config.ray_width_deg.to_radians();
+        for ray in 0..latest.rays.len() {
+            let place = latest.place_m;
+            let (direction, power) = latest.rays[ray];
+            let known = |i: usize| {
+                let v = glam::Vec3::from(self.field.sources.position[i]).as_dvec3() - place;
+                let received = f64::from(self.field.sources.gain[i]).exp() / v.length_squared();
+                (v.normalize() - direction).length() < 1.5 * width && received > 0.1 * power
+            };
+            if (0..self.field.sources.len()).any(known) {
+                continue;
+            }
+            let m = meeting(latest, ray, others, width);
+            if m.votes >= self.config.votes {
+                self.field.sources.push(m.place_m.as_vec3().to_array(), m.gain.ln() as f32);
+            }
+        }
+    }
+
+    /// The field as it stands.
+    pub fn into_field(self) -> ArrayField {
+        self.field
+    }
+
+    /// Takes the steps of a keyframe; returns the mean squared residual of the last, nepers².
+    pub fn train(&mut self) -> f32 {
+        let mut last = 0.0;
+        for _ in 0..self.config.iterations_per_keyframe {
+            let mut rng = Rng::keyed(self.seed, STAGE_VISIT, self.steps);
+            self.steps += 1;
+            let latest = rng.uniform() < self.config.latest_probability;
+            let view = if latest { self.views.len() - 1 } else { rng.below(self.views.len()) };
+            last = self.step(view);
+        }
+        last
+    }
+
+    fn step(&mut self, view: usize) -> f32 {
+        let view = &self.views[view];
+        let extent2 = (self.field.extent_m * self.field.extent_m) as f32;
+        let mut seen = self.field.sources.waves(&view.receiver, 0.0);
+        let count = seen.len();
+        seen.extend(self.field.points.waves(&view.receiver, extent2));
+        let waves: Vec<Wave<f32>> = seen.iter().map(|w| w.1).collect();
+        let power = self.sensor.observe(&waves);
+        let c = &self.config;
+        let (mut up, mut own) = (Vec::with_capacity(power.len()), Vec::with_capacity(power.len()));
+        let mut squares = 0.0;
+        for (p, log) in power.iter().zip(&view.log) {
+            let p = p.max(0.0) + self.floor;
+            let residual = p.ln() - log;
+            squares += residual * residual;
+            up.push(residual.clamp(-c.clip, c.clip) / p);
+            own.push(p.recip());
+        }
+        let pulls = self.sensor.pull_powers(&waves, [&up, &own]);
+        let damping = c.damping * power.len() as f32 / waves.len().max(1) as f32;
+        let weights = view.receiver.weights();
+        let norm: f32 = weights.iter().map(|w| w.1 * w.1).sum();
+        let share = if weights.is_empty() { 0.0 } else { c.visibility };
+        for (i, ((emitter, wave), pull)) in seen.iter().zip(&pulls).enumerate() {
+            let cloud = if i < count { &mut self.field.sources } else { &mut self.field.points };
+            let emitter = *emitter as usize;
+            let step = -c.rate * wave.power * pull[0] / (wave.power * pull[1] + damping);
+            let gain = &mut cloud.gain[emitter];
+            *gain = (*gain + (1.0 - share) * step).clamp(-MOST_GAIN, MOST_GAIN);
+            for (k, weight) in weights {
+                cloud.seen_from[*k][emitter] += share * weight / norm * step;
+            }
+        }
+        squares / power.len() as f32
+    }
+}
