@@ -5,22 +5,6 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Longest wait for a command to come to the point where it is interrupted.
-const PATIENCE: Duration = Duration::from_secs(60);
-
-/// Starts a command, interrupts it when `ready` says so, and returns its exit code (`None` when it finished before).
-fn interrupt_when(arguments: &[&str], ready: impl Fn() -> bool) -> Option<i32> {
-    let mut child = start(arguments);
-    let begin = Instant::now();
-    while !ready() && child.try_wait().unwrap().is_none() {
-        assert!(begin.elapsed() < PATIENCE, "corf {arguments:?} did not come to the point");
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    let code = child.wait().unwrap().code();
-    if kill.success() { code } else { None }
-}
-
 fn files(folder: &Path) -> usize {
     fs::read_dir(folder).map_or(0, Iterator::count)
 }

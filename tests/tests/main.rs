@@ -4,6 +4,8 @@
 
 mod common;
 
+#[cfg(all(unix, feature = "slow"))]
+mod array;
 mod bad_input;
 #[cfg(all(unix, feature = "slow"))]
 mod baselines;

@@ -10,6 +10,7 @@ pub use reference_data::shared;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 
 /// The workspace's root.
 pub fn root() -> PathBuf {
@@ -50,6 +51,22 @@ pub fn corf_refuses(arguments: &[&str], words: &[&str]) {
 /// Starts the command in the background, its messages thrown away.
 pub fn start(arguments: &[&str]) -> Child {
     command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+}
+
+/// Longest wait for a command to come to the point where it is interrupted.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Starts a command, interrupts it when `ready` says so, and returns its exit code (`None` when it finished before).
+pub fn interrupt_when(arguments: &[&str], ready: impl Fn() -> bool) -> Option<i32> {
+    let mut child = start(arguments);
+    let begin = Instant::now();
+    while !ready() && child.try_wait().unwrap().is_none() {
+        assert!(begin.elapsed() < PATIENCE, "corf {arguments:?} did not come to the point");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let code = child.wait().unwrap().code();
+    if kill.success() { code } else { None }
 }
 
 /// A path as an argument.

@@ -12,7 +12,8 @@ use corf::depth::DepthPrior;
 use corf::optimizer::{OptimizerConfig, RasterConfig};
 use corf::{Device, Reconstructor};
 use corf_scene::keyframe::Modalities;
-use online::{Keeper, Online};
+pub(super) use online::Keeper;
+use online::Online;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::ops::ControlFlow;
 
@@ -194,7 +195,7 @@ impl Method for CorfGs {
         let reconstructor = Reconstructor::new(device, config.clone(), optical, rf, range, seed)?;
         let stages = if config.coupling == Coupling::Joint { 1 } else { 2 };
         let total = training.len() * stages + self.config.fine_tune_epochs;
-        let mut online = Online { reconstructor, training, keeper: Keeper::new(self), total, told: 0 };
+        let mut online = Online { reconstructor, training, keeper: Keeper::new(self.checkpoints.clone()), total, told: 0 };
         online.run(advance)?;
         let Online { mut reconstructor, keeper, told, .. } = online;
         // The second stage counts as many units as the first had keyframes.

@@ -4,6 +4,7 @@ use super::peaks::Ray;
 use corf_scene::Rigid3;
 use corf_scene::model::world_from_array;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Nearest and furthest distance of a place along a ray, metres.
 const DISTANCES_M: [f64; 2] = [0.5, 60.0];
@@ -62,5 +63,6 @@ pub fn meeting(of: &Sighting, ray: usize, others: &[Sighting], width_rad: f64) -
         let (place_m, gain) = (of.place_m + direction * distance, power * distance * distance);
         Meeting { place_m, gain, votes: others.iter().map(|o| o.agreement(place_m, gain, width_rad)).sum() }
     };
-    (1..TRIED).map(at).fold(at(0), |best, m| if m.votes > best.votes { m } else { best })
+    let tried: Vec<Meeting> = (0..TRIED).into_par_iter().map(at).collect();
+    tried.iter().fold(tried[0], |best, m| if m.votes > best.votes { *m } else { best })
 }

@@ -70,14 +70,16 @@ impl<T: Real> Cloud<T> {
     }
 
     /// Log gain of an emitter for a receiver.
-    fn log_gain(&self, emitter: usize, receiver: &Receiver<T>) -> T {
-        receiver.weights.iter().fold(self.gain[emitter], |sum, (k, w)| sum + *w * self.seen_from[*k][emitter])
+    fn log_gain<U: Real>(&self, emitter: usize, receiver: &Receiver<U>) -> U {
+        let own = in_precision(self.gain[emitter]);
+        receiver.weights.iter().fold(own, |sum, (k, w)| sum + *w * in_precision(self.seen_from[*k][emitter]))
     }
 
-    /// The waves that reach a receiver, with the emitters they come from, ascending; `extent2` is the variance of an emitter's size, m².
-    pub fn waves(&self, receiver: &Receiver<T>, extent2: T) -> Vec<(u32, Wave<T>)> {
+    /// The waves that reach a receiver, in its precision, with the emitters they come from, ascending; `extent2` is the variance of an emitter's
+    /// size, m².
+    pub fn waves<U: Real>(&self, receiver: &Receiver<U>, extent2: U) -> Vec<(u32, Wave<U>)> {
         let wave = |emitter: usize| {
-            let (direction, d2) = receiver.towards(&self.position[emitter])?;
+            let (direction, d2) = receiver.towards(&self.position[emitter].map(in_precision))?;
             let power = self.log_gain(emitter, receiver).exp() / d2;
             Some((emitter as u32, Wave { direction, power, spread2: extent2 / d2 }))
         };
@@ -115,17 +117,12 @@ impl<T: Real> Receiver<T> {
     }
 }
 
-impl Cloud<f32> {
-    /// The same in double precision.
-    pub(super) fn to_double(&self) -> Cloud<f64> {
-        let wide = |values: &Vec<f32>| values.iter().map(|v| f64::from(*v)).collect();
-        Cloud {
-            position: self.position.iter().map(|p| p.map(f64::from)).collect(),
-            gain: wide(&self.gain),
-            seen_from: self.seen_from.iter().map(wide).collect(),
-        }
-    }
+/// A number in another precision.
+fn in_precision<T: Real, U: Real>(value: T) -> U {
+    U::of(value.to_f64())
+}
 
+impl Cloud<f32> {
     /// Its numbers for a file: positions, gains, and the corrections of each anchor.
     pub(super) fn arrays(&self) -> Vec<&[f32]> {
         let own = [self.position.as_flattened(), self.gain.as_slice()];

@@ -3,6 +3,16 @@
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
+/// What stands for the power that surfaces send.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Surface {
+    /// Points of this field, one for each cube of the surface.
+    Points,
+    /// The Gaussians that light shares, which splat what is left of a spectrum without its lobes; of `mpc` spectra alone.
+    Splats,
+}
+
 /// Settings of an [`ArrayTrainer`](super::ArrayTrainer).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -24,6 +34,9 @@ pub struct ArrayConfig {
     pub anchor_spacing_m: f64,
     /// Width of an anchor's kernel, metres.
     pub anchor_width_m: f64,
+    /// What stands for surfaces; when not given, points where the spectra are an array's beams and splats where they are lobes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surface: Option<Surface>,
     /// Side of the cube in which there is one surface point, metres.
     pub point_spacing_m: f64,
     /// Standard deviation of a surface point's extent per axis, in units of that side.
@@ -55,6 +68,7 @@ impl Default for ArrayConfig {
             visibility: 0.5,
             anchor_spacing_m: 0.3,
             anchor_width_m: 0.5,
+            surface: None,
             point_spacing_m: 0.2,
             point_extent: 0.3,
             array_response: true,

@@ -19,6 +19,8 @@ pub struct ArrayField {
     pub camera: Pinhole,
     /// Whether emitters outside the frame count.
     pub half_space: bool,
+    /// Whether emitters add to a picture of the surfaces that is made elsewhere, instead of being all there is.
+    pub over_splats: bool,
     /// Standard deviation of a surface point's extent per axis, metres.
     pub extent_m: f64,
     /// Places of the receiver between which visibility is interpolated.
@@ -42,7 +44,7 @@ impl ArrayField {
         let receiver = self.receiver::<f64>(world_from_camera);
         let mut waves: Vec<Wave<f64>> = vec![];
         for (cloud, extent_m) in [(&self.sources, 0.0), (&self.points, self.extent_m)] {
-            waves.extend(cloud.to_double().waves(&receiver, extent_m * extent_m).into_iter().map(|w| w.1));
+            waves.extend(cloud.waves(&receiver, extent_m * extent_m).into_iter().map(|w| w.1));
         }
         let pixels = sensor.observe(&waves).into_iter().map(|p| p.max(0.0) as f32).collect();
         Raster::from_vec(self.camera.width, self.camera.height, pixels)
@@ -56,6 +58,8 @@ struct Header {
     sensor: SensorSettings,
     camera: Pinhole,
     half_space: bool,
+    #[serde(default)]
+    over_splats: bool,
     extent_m: f64,
     anchors: Anchors,
     sources: usize,
@@ -76,6 +80,7 @@ impl ArrayField {
             sensor: self.sensor,
             camera: self.camera,
             half_space: self.half_space,
+            over_splats: self.over_splats,
             extent_m: self.extent_m,
             anchors: self.anchors.clone(),
             sources: self.sources.len(),
@@ -102,9 +107,9 @@ impl ArrayField {
             };
             Ok([sizes(header.sources)?, sizes(header.points)?].concat())
         })?;
-        let Header { sensor, camera, half_space, extent_m, anchors, .. } = header;
+        let Header { sensor, camera, half_space, over_splats, extent_m, anchors, .. } = header;
         let (sources, points) = arrays.split_at(arrays.len() / 2);
         let (sources, points) = (Cloud::of_arrays(sources), Cloud::of_arrays(points));
-        Ok(Self { sensor, camera, half_space, extent_m, anchors, sources, points })
+        Ok(Self { sensor, camera, half_space, over_splats, extent_m, anchors, sources, points })
     }
 }

@@ -15,14 +15,16 @@ mod config;
 mod field;
 mod lobes;
 mod peaks;
+mod peel;
 mod sensor;
 #[cfg(test)]
 mod tests;
 mod trainer;
 mod wave;
 
-pub use config::ArrayConfig;
+pub use config::{ArrayConfig, Surface};
 pub use field::ArrayField;
+pub use peel::Peeled;
 pub use sensor::{ArraySensor, SensorSettings};
-pub use trainer::ArrayTrainer;
+pub use trainer::{ArrayTrainer, Observed};
 pub use wave::Wave;

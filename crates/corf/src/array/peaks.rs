@@ -50,7 +50,7 @@ pub fn rays(sensor: &ArraySensor<f32>, camera: &Pinhole, spectrum: &[f32], range
 }
 
 /// Direction of the peak at a pixel in the array's frame: the vertices of parabolas through the logarithms of its neighbours.
-fn refined(camera: &Pinhole, image: &[f32], at: usize) -> [f64; 3] {
+pub(super) fn refined(camera: &Pinhole, image: &[f32], at: usize) -> [f64; 3] {
     let (x, y) = (at % camera.width, at / camera.width);
     let vertex = |place: usize, count: usize, stride: usize| {
         if place == 0 || place + 1 == count {

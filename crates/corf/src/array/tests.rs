@@ -186,7 +186,8 @@ fn a_field_is_learnt_online_and_its_bytes_do_not_depend_on_threads() {
                         [10.0, 16.0 * rng.uniform() - 8.0, 8.0 * rng.uniform() - 3.0]
                     })
                     .collect();
-                trainer.receive(&all[k], &spectra[k], &surface).unwrap();
+                let observed = trainer.observe(&all[k], &spectra[k]);
+                trainer.receive(&observed, &surface).unwrap();
                 trainer.train();
             }
             trainer.into_field()
@@ -213,4 +214,64 @@ fn a_field_is_learnt_online_and_its_bytes_do_not_depend_on_threads() {
 fn a_sensor_is_built_as_it_is_called() {
     assert!(matches!(BEAM.build::<f32>(&camera()), ArraySensor::Beam(_)) && BEAM.is_gated());
     assert!(matches!(LOBES.build::<f32>(&camera()), ArraySensor::Lobes(_)) && !LOBES.is_gated());
+}
+
+#[test]
+fn a_field_that_is_gone_on_with_is_the_one_that_was_not_interrupted() {
+    let all = poses(8);
+    let range = DbRange { min_db: -60.0, max_db: 10.0 };
+    for settings in [BEAM, LOBES] {
+        let spectra = observed(settings, &all);
+        let surface: Vec<[f32; 3]> = directions(80).map(|u| (8.0 * u).as_vec3().to_array()).collect();
+        let fresh = || ArrayTrainer::new(ArrayConfig::default(), settings, camera(), range, 3);
+        let take = |trainer: &mut ArrayTrainer, k: usize| {
+            trainer.receive(&trainer.observe(&all[k], &spectra[k]), &surface[..10 * k]).unwrap();
+            trainer.train();
+        };
+        let (mut whole, mut second) = (fresh(), fresh());
+        (0..5).for_each(|k| take(&mut whole, k));
+        second.restore(whole.field.clone(), 5).unwrap();
+        (0..5).for_each(|k| second.replay(&second.observe(&all[k], &spectra[k])));
+        for k in 5..8 {
+            take(&mut whole, k);
+            take(&mut second, k);
+        }
+        assert_eq!(whole.field, second.field, "{settings:?}");
+        let other = ArrayConfig { half_space: false, ..ArrayConfig::default() };
+        let mut other = ArrayTrainer::new(other, settings, camera(), range, 3);
+        assert!(other.restore(whole.into_field(), 8).is_err());
+    }
+}
+
+/// A smooth picture of surfaces, from 1e-6 to 1e-5.
+fn surfaces() -> Vec<f32> {
+    (0..48 * 32).map(|i| 1e-6 * (1.0 + 9.0 * (i % 48) as f32 / 47.0)).collect()
+}
+
+#[test]
+fn lobes_are_peeled_off_and_what_they_hide_is_filled_in() {
+    let sensor = LOBES.build::<f32>(&camera());
+    let planted: Vec<Wave<f32>> = [(0.0, 0.1, 1e-4), (0.4, -0.2, 1e-5), (-0.5, 0.3, 3e-6)]
+        .map(|(left, up, power)| Wave {
+            direction: DVec3::new(1.0, left, up).normalize().as_vec3().to_array(),
+            power,
+            spread2: 0.0,
+        })
+        .to_vec();
+    let below = surfaces();
+    let pixels = sensor.observe(&planted).iter().zip(&below).map(|(lobes, below)| lobes + below).collect();
+    let spectrum = Raster::from_vec(48, 32, pixels);
+    let peeled = super::peel::peel(&sensor, &camera(), &spectrum, 3.0, 1e-9);
+    assert_eq!(peeled.rays.len(), planted.len(), "{:?}", peeled.rays);
+    for (ray, wave) in peeled.rays.iter().zip(&planted) {
+        let off = super::wave::dot(ray.direction, wave.direction).min(1.0).acos().to_degrees();
+        assert!(off < 0.4 && (ray.power / wave.power - 1.0).abs() < 0.1, "{ray:?} {wave:?}: {off} degrees");
+    }
+    for (i, (left, below)) in peeled.remainder.pixels().iter().zip(&below).enumerate() {
+        assert!((left / below).log10().abs() < 0.2, "pixel {i}: {left} {below}");
+    }
+    // Nothing stands out of a smooth picture.
+    let smooth = Raster::from_vec(48, 32, below);
+    let peeled = super::peel::peel(&sensor, &camera(), &smooth, 3.0, 1e-9);
+    assert!(peeled.rays.is_empty() && peeled.remainder == smooth);
 }

@@ -3,9 +3,10 @@
 use super::anchors::Anchors;
 use super::births::{Sighting, meeting};
 use super::cloud::{Cloud, Receiver};
-use super::config::ArrayConfig;
+use super::config::{ArrayConfig, Surface};
 use super::field::ArrayField;
-use super::peaks::rays;
+use super::peaks::{Ray, rays};
+use super::peel::{Peeled, peel};
 use super::sensor::{ArraySensor, SensorSettings};
 use super::wave::Wave;
 use crate::{Error, Result};
@@ -17,8 +18,21 @@ const STAGE_VISIT: u64 = 0x6172_7261_795f_7669;
 /// Bounds of log gains, nepers.
 const MOST_GAIN: f32 = 40.0;
 
+/// What a keyframe brings.
+#[derive(Clone, Debug)]
+pub struct Observed {
+    /// `world_from_camera`.
+    pub pose: Rigid3,
+    /// The spectrum, linear.
+    pub spectrum: Raster<f32>,
+    /// Its parts, where surfaces are splatted.
+    pub peeled: Option<Peeled>,
+}
+
 struct View {
     pose: Rigid3,
+    /// Power that others than the field's emitters show, where there are some.
+    background: Option<Vec<f32>>,
     /// ln of the observed power plus the floor.
     log: Vec<f32>,
     receiver: Receiver<f32>,
@@ -41,11 +55,15 @@ pub struct ArrayTrainer {
 impl ArrayTrainer {
     /// An empty field.
     pub fn new(config: ArrayConfig, settings: SensorSettings, camera: Pinhole, range: DbRange, seed: u64) -> Self {
+        let lobes = matches!(settings, SensorSettings::Lobes { .. });
+        let by_kind = if lobes { Surface::Splats } else { Surface::Points };
+        let over_splats = config.surface.unwrap_or(by_kind) == Surface::Splats;
         let settings = if config.array_response { settings } else { settings.without_side_lobes() };
         let field = ArrayField {
             sensor: settings,
             camera,
             half_space: config.half_space,
+            over_splats,
             extent_m: config.point_extent * config.point_spacing_m,
             anchors: Anchors { positions_m: vec![], width_m: config.anchor_width_m },
             sources: Cloud::default(),
@@ -65,29 +83,80 @@ impl ArrayTrainer {
         }
     }
 
-    /// Takes a keyframe: its spectrum, and where surfaces are known by now.
-    pub fn receive(&mut self, pose: &Rigid3, spectrum: &Raster<f32>, surface: &[[f32; 3]]) -> Result<()> {
+    /// Takes a spectrum apart where surfaces are splatted: its remainder is what they are to show.
+    pub fn observe(&self, pose: &Rigid3, spectrum: &Raster<f32>) -> Observed {
+        let peeled = match self.field.sensor {
+            SensorSettings::Lobes { width_deg } if self.field.over_splats && self.config.sources => {
+                Some(peel(&self.sensor, &self.field.camera, spectrum, width_deg, self.floor))
+            }
+            _ => None,
+        };
+        Observed { pose: *pose, spectrum: spectrum.clone(), peeled }
+    }
+
+    /// Takes a keyframe, and where surfaces are known by now.
+    ///
+    /// # Errors
+    /// A spectrum that is not of the camera's size.
+    pub fn receive(&mut self, observed: &Observed, surface: &[[f32; 3]]) -> Result<()> {
+        let Observed { pose, spectrum, .. } = observed;
         let (camera, size) = (&self.field.camera, (spectrum.width(), spectrum.height()));
         if size != (camera.width, camera.height) {
             let what = format!("the spectrum is {}x{} and the camera says {}x{}", size.0, size.1, camera.width, camera.height);
             return Err(Error::invalid("the radio field", what, "all keyframes of a sequence share their cameras"));
         }
         self.add_anchor(pose);
-        self.add_points(pose, spectrum, surface);
+        if !self.field.over_splats {
+            self.add_points(pose, spectrum, surface);
+        }
+        self.remember(observed);
         if self.config.sources {
-            let mut found = rays(&self.sensor, &self.field.camera, spectrum.pixels(), self.config.ray_range_db);
-            found.truncate(self.config.rays);
-            self.sightings.push(Sighting::new(pose, &found));
             self.bear_sources();
         }
-        let log = spectrum.pixels().iter().map(|s| (s + self.floor).ln()).collect();
-        let receiver = self.field.receiver(pose);
-        self.views.push(View { pose: *pose, log, receiver });
         // A new anchor takes weight from the others.
         for i in 0..self.views.len() {
             self.views[i].receiver = self.field.receiver(&self.views[i].pose);
         }
         Ok(())
+    }
+
+    /// Goes on with a field as it stood after so many keyframes, which have to be [replayed](Self::replay).
+    ///
+    /// # Errors
+    /// A field of another sensor, camera or configuration.
+    pub fn restore(&mut self, field: ArrayField, keyframes: usize) -> Result<()> {
+        let fixed = |f: &ArrayField| (f.sensor, f.camera, f.half_space, f.over_splats, f.extent_m, f.anchors.width_m);
+        if fixed(&field) != fixed(&self.field) {
+            let what = "it is of another sensor, camera or configuration";
+            return Err(Error::invalid("checkpoint", what, "resume with the command that was interrupted, or start anew"));
+        }
+        let side = self.config.point_spacing_m as f32;
+        self.cells = field.points.position.iter().map(|p| cell(p, side)).collect();
+        self.field = field;
+        self.steps = (keyframes * self.config.iterations_per_keyframe) as u64;
+        Ok(())
+    }
+
+    /// Takes a keyframe that the field has learnt from already: as a view to train with and rays to meet, nothing else.
+    pub fn replay(&mut self, observed: &Observed) {
+        self.remember(observed);
+    }
+
+    fn remember(&mut self, Observed { pose, spectrum, peeled }: &Observed) {
+        if self.config.sources {
+            let found = peeled.as_ref().map_or_else(|| self.strongest(spectrum), |p| p.rays.clone());
+            self.sightings.push(Sighting::new(pose, &found));
+        }
+        let log = spectrum.pixels().iter().map(|s| (s + self.floor).ln()).collect();
+        let background = peeled.as_ref().map(|p| p.remainder.pixels().to_vec());
+        let receiver = self.field.receiver(pose);
+        self.views.push(View { pose: *pose, background, log, receiver });
+    }
+
+    fn strongest(&self, spectrum: &Raster<f32>) -> Vec<Ray> {
+        let mut found = rays(&self.sensor, &self.field.camera, spectrum.pixels(), self.config.ray_range_db);
+        found.truncate(self.config.rays);
+        found
     }
 
     fn add_anchor(&mut self, pose: &Rigid3) {
@@ -109,8 +178,7 @@ impl ArrayTrainer {
         if side <= 0.0 {
             return;
         }
-        let fresh: Vec<[f32; 3]> =
-            surface.iter().copied().filter(|p| self.cells.insert(p.map(|v| (v / side).floor() as i32))).collect();
+        let fresh: Vec<[f32; 3]> = surface.iter().copied().filter(|p| self.cells.insert(cell(p, side))).collect();
         let level = if self.field.points.is_empty() {
             let mean =
                 spectrum.pixels().iter().map(|s| f64::from((s + self.floor).ln())).sum::<f64>() / spectrum.pixels().len() as f64;
@@ -173,7 +241,10 @@ impl ArrayTrainer {
         let count = seen.len();
         seen.extend(self.field.points.waves(&view.receiver, extent2));
         let waves: Vec<Wave<f32>> = seen.iter().map(|w| w.1).collect();
-        let power = self.sensor.observe(&waves);
+        let mut power = self.sensor.observe(&waves);
+        if let Some(background) = &view.background {
+            power.iter_mut().zip(background).for_each(|(power, more)| *power += more);
+        }
         let c = &self.config;
         let (mut up, mut own) = (Vec::with_capacity(power.len()), Vec::with_capacity(power.len()));
         let mut squares = 0.0;
@@ -185,7 +256,12 @@ impl ArrayTrainer {
             own.push(p.recip());
         }
         let pulls = self.sensor.pull_powers(&waves, [&up, &own]);
-        let damping = c.damping * power.len() as f32 / waves.len().max(1) as f32;
+        // Without a background all emitters together account for every pixel.
+        let accounted = match view.background {
+            None => power.len() as f32,
+            Some(_) => waves.iter().zip(&pulls).map(|(wave, pull)| wave.power * pull[1]).sum(),
+        };
+        let damping = c.damping * accounted / waves.len().max(1) as f32;
         let weights = view.receiver.weights();
         let norm: f32 = weights.iter().map(|w| w.1 * w.1).sum();
         let share = if weights.is_empty() { 0.0 } else { c.visibility };
@@ -201,4 +277,9 @@ impl ArrayTrainer {
         }
         squares / power.len() as f32
     }
+}
+
+/// The cube of the grid that a point is in.
+fn cell(p: &[f32; 3], side: f32) -> [i32; 3] {
+    p.map(|v| (v / side).floor() as i32)
 }

@@ -1,9 +1,9 @@
 //! Keyframe after keyframe through a reconstructor, with checkpoints on the way.
 
-use super::CorfGs;
 use crate::method::{Advance, Checkpoints, TrainingSet};
 use anyhow::{Context, Result};
 use corf::{Checkpoint, KeyframeTiming, Reconstructor};
+use std::path::Path;
 use std::time::Instant;
 
 /// The online part of a reconstruction.
@@ -51,7 +51,7 @@ impl Online<'_> {
         for k in 0..count {
             self.reconstructor.replay(self.training.keyframe(k)?)?;
         }
-        self.keeper.kept = Some(count);
+        self.keeper.resumed(count);
         Ok(count)
     }
 
@@ -75,7 +75,7 @@ impl Online<'_> {
 }
 
 /// Keeps checkpoints, if any are wanted.
-pub(super) struct Keeper {
+pub(in crate::methods) struct Keeper {
     checkpoints: Option<Checkpoints>,
     /// Keyframes in the last one.
     kept: Option<usize>,
@@ -84,25 +84,40 @@ pub(super) struct Keeper {
 }
 
 impl Keeper {
-    pub fn new(method: &CorfGs) -> Self {
-        Self { checkpoints: method.checkpoints.clone(), kept: None, at: Instant::now() }
+    pub fn new(checkpoints: Option<Checkpoints>) -> Self {
+        Self { checkpoints, kept: None, at: Instant::now() }
+    }
+
+    /// Keyframes in the last one.
+    pub fn kept(&self) -> Option<usize> {
+        self.kept
+    }
+
+    /// Where they are kept, if they are.
+    pub fn path(&self) -> Option<&Path> {
+        self.checkpoints.as_ref().filter(|c| c.are_kept()).map(|c| c.path.as_path())
+    }
+
+    /// Takes note of the checkpoint that was gone on from.
+    pub fn resumed(&mut self, count: usize) {
+        self.kept = Some(count);
     }
 
     /// Whether to keep one now; `last` says that stages without checkpoints follow.
-    fn is_due(&self, done: usize, last: bool) -> bool {
+    pub fn is_due(&self, done: usize, last: bool) -> bool {
         let Some(c) = self.checkpoints.as_ref().filter(|c| c.are_kept()) else { return false };
         c.is_due(done, self.at) || last && c.every.is_some()
     }
 
     /// The checkpoint to go on from.
-    fn read(&self) -> Result<Option<Checkpoint>> {
+    pub fn read(&self) -> Result<Option<Checkpoint>> {
         let Some((c, path)) = self.checkpoints.as_ref().and_then(|c| Some((c, c.to_resume()?))) else { return Ok(None) };
         let checkpoint = Checkpoint::read(path)?;
         c.check_tag(checkpoint.tag())?;
         Ok(Some(checkpoint))
     }
 
-    fn keep(&mut self, reconstructor: &mut Reconstructor) -> Result<()> {
+    pub fn keep(&mut self, reconstructor: &mut Reconstructor) -> Result<()> {
         let Some(c) = self.checkpoints.as_ref().filter(|c| c.are_kept()) else { return Ok(()) };
         reconstructor.checkpoint(&c.tag)?.write(&c.path).context("while keeping a checkpoint")?;
         (self.kept, self.at) = (Some(reconstructor.keyframes_expanded()), Instant::now());

@@ -1,27 +1,23 @@
 //! A field that knows its array: light as in `corf-gs`, radio as emitters that are looked at through the receiver's own beam pattern.
 
-use super::corf_gs::CorfGsConfig;
+mod online;
+mod predictor;
+
+pub use predictor::ArrayPredictor;
+
+use super::corf_gs::{CorfGsConfig, Keeper};
 use super::field::FieldPredictor;
 use crate::device::Backend;
-use crate::method::{Advance, Method, Predictor, StageTime, TrainingSet};
-use crate::metrics::Prediction;
+use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use anyhow::{Context, Result, bail, ensure};
-use corf::array::{ArrayConfig, ArrayField, ArraySensor, ArrayTrainer, SensorSettings};
+use corf::Reconstructor;
+use corf::array::{ArrayConfig, ArrayTrainer, SensorSettings, Surface};
 use corf::config::Coupling;
 use corf::depth::DepthPrior;
-use corf::{KeyframeTiming, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
-use corf_scene::dataset::Dataset;
-use corf_scene::keyframe::DbRange;
-use corf_scene::{Raster, Rigid3};
+use online::Online;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
-use std::ops::ControlFlow;
-use std::path::Path;
-use std::time::Instant;
-
-/// File of a run folder with the radio field.
-const FIELD: &str = "array";
 
 /// Configuration of `corf-array`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,10 +31,8 @@ pub struct CorfArrayConfig {
 impl CorfArrayConfig {
     fn parse(overrides: &toml::Table) -> Result<Self> {
         let mut rest = overrides.clone();
-        // Radio has a field of its own, and the Gaussians need not show it.
-        let mut light: toml::Table = "rf_weight = 0.0".parse()?;
         let own = rest.remove("light").map_or_else(|| Ok(toml::Table::new()), toml::Value::try_into);
-        super::merge(&mut light, own.context("in key light")?);
+        let light: toml::Table = own.context("in key light")?;
         let light = CorfGsConfig::parse(&light).context("in key light")?;
         ensure!(
             light.fine_tune_epochs == 0 && light.reconstruction.coupling == Coupling::Joint,
@@ -90,6 +84,7 @@ fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
 pub struct CorfArray {
     config: CorfArrayConfig,
     backend: Backend,
+    checkpoints: Option<Checkpoints>,
 }
 
 impl CorfArray {
@@ -99,7 +94,19 @@ impl CorfArray {
     /// A key that does not exist, or a value out of range.
     pub fn new(overrides: &toml::Table, backend: &Backend) -> Result<Self> {
         let config = CorfArrayConfig::parse(overrides).context("in the configuration of corf-array")?;
-        Ok(Self { config, backend: backend.clone() })
+        Ok(Self { config, backend: backend.clone(), checkpoints: None })
+    }
+}
+
+impl CorfArray {
+    /// The sensor, where the configuration fits it.
+    fn sensor(&self, training: &TrainingSet<'_>) -> Result<SensorSettings> {
+        let sensor = sensor_of(training)?;
+        ensure!(
+            matches!(sensor, SensorSettings::Lobes { .. }) || self.config.radio.surface != Some(Surface::Splats),
+            "corf-array: surface = \"splats\" is for mpc spectra: what a beam sees is no picture of surfaces\n  help: leave the key out"
+        );
+        Ok(sensor)
     }
 }
 
@@ -126,11 +133,15 @@ impl Method for CorfArray {
     }
 
     fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {
-        sensor_of(training)?;
+        self.sensor(training)?;
         let camera = training.optical_camera();
         // Nothing that is drawn matters to files.
         let prior = DepthPrior::new(&self.config.light.reconstruction.depth, 0)?;
         Ok(prior.check_all(training.indices(), (camera.width, camera.height))?)
+    }
+
+    fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {
+        self.checkpoints = Some(checkpoints);
     }
 
     fn reconstruct(
@@ -141,26 +152,23 @@ impl Method for CorfArray {
     ) -> Result<Box<dyn Predictor>> {
         let CorfArrayConfig { light, radio } = &self.config;
         let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
+        let radio = ArrayTrainer::new(*radio, self.sensor(training)?, rf, range, seed);
+        let mut reconstruction = light.reconstruction.clone();
+        if !radio.field.over_splats {
+            // Radio has a field of its own, and the Gaussians need not show it.
+            reconstruction.rf_weight = 0.0;
+        }
         let device = light.device(&self.backend)?;
-        let mut online = Online {
-            light: Reconstructor::new(device, light.reconstruction.clone(), optical, rf, range, seed)?,
-            radio: ArrayTrainer::new(*radio, sensor_of(training)?, rf, range, seed),
+        let online = Online {
+            light: Reconstructor::new(device, reconstruction, optical, rf, range, seed)?,
+            radio,
+            training,
+            keeper: Keeper::new(self.checkpoints.clone()),
             ahead: VecDeque::new(),
             radio_s: vec![],
-            total: training.len(),
             advance,
         };
-        for k in 0..training.len() {
-            let before = training.loading_time();
-            let keyframe = training.keyframe(k)?;
-            online.light.discount_wait(training.loading_time() - before);
-            online.ahead.push_back((keyframe.world_from_camera, keyframe.spectrum.clone()));
-            online.light.receive(keyframe)?;
-            while online.light.waiting() >= online.light.worth_receiving() {
-                online.process()?;
-            }
-        }
-        let Online { mut light, radio, .. } = online.finish()?;
+        let (mut light, radio) = online.run()?;
         ensure!(
             light.gaussian_count() > 0,
             "corf-array: {} training keyframes gave no Gaussians, so there is no field\n  help: `corf dataset validate` says whether images are \
@@ -172,111 +180,13 @@ impl Method for CorfArray {
     }
 }
 
-/// Light and radio, keyframe after keyframe.
-struct Online<'a> {
-    light: Reconstructor,
-    radio: ArrayTrainer,
-    /// Poses and spectra of keyframes that light has received and radio has not.
-    ahead: VecDeque<(Rigid3, Raster<f32>)>,
-    /// Time that radio took, by keyframe.
-    radio_s: Vec<f64>,
-    total: usize,
-    advance: &'a mut dyn FnMut(Advance<'_>) -> Result<()>,
-}
-
-impl Online<'_> {
-    /// One keyframe in light, and then in radio.
-    fn process(&mut self) -> Result<()> {
-        if self.light.process()?.is_some() {
-            self.radio()?;
-        }
-        Ok(())
-    }
-
-    /// The next keyframe in radio.
-    fn radio(&mut self) -> Result<()> {
-        let Some((pose, spectrum)) = self.ahead.pop_front() else { return Ok(()) };
-        let start = Instant::now();
-        self.radio.receive(&pose, &spectrum, &self.light.field().gaussians.position)?;
-        self.radio.train();
-        self.radio_s.push(start.elapsed().as_secs_f64());
-        let done = self.radio_s.len();
-        (self.advance)(Advance { gaussians: Some(self.light.gaussian_count()), ..Advance::of(done, self.total) })
-    }
-
-    /// The keyframes that are left, and what there is to say at the end.
-    fn finish(mut self) -> Result<Self> {
-        while self.light.waiting() > 0 {
-            self.process()?;
-        }
-        self.light.finish(&mut |_, _| ControlFlow::Continue(()))?;
-        while !self.ahead.is_empty() {
-            self.radio()?;
-        }
-        // Radio is the end of a keyframe, and is waited for by those behind it, which light's own clock has counted.
-        let timings: Vec<KeyframeTiming> = self.light.timings().to_vec();
-        let last = Advance { gaussians: Some(self.light.gaussian_count()), ..Advance::of(self.total, self.total) };
-        for (timing, radio_s) in timings.iter().zip(&self.radio_s) {
-            let keyframe = KeyframeTiming { train_s: timing.train_s + radio_s, ..*timing };
-            (self.advance)(Advance { keyframe: Some(&keyframe), ..last })?;
-        }
-        let stages = [StageTime { name: "radio".to_owned(), seconds: self.radio_s.iter().sum() }];
-        (self.advance)(Advance { depth: self.light.depth_quality(), stages: &stages, ..last })?;
-        Ok(self)
-    }
-}
-
-/// A finished field.
-pub struct ArrayPredictor {
-    light: FieldPredictor,
-    radio: ArrayField,
-    sensor: ArraySensor<f64>,
-    range: DbRange,
-}
-
-impl ArrayPredictor {
-    fn new(light: FieldPredictor, radio: ArrayField, range: DbRange) -> Self {
-        Self { sensor: radio.sensor.build(&radio.camera), light, radio, range }
-    }
-
-    /// Reads the field of a run folder, whose configuration is `config`.
-    ///
-    /// # Errors
-    /// A configuration of another version; a missing or damaged file, or a field of another data set's cameras.
-    pub fn load(run: &Path, config: &serde_json::Value, dataset: &Dataset, backend: &Backend) -> Result<Self> {
-        let config: CorfArrayConfig = serde_json::from_value(config.clone())
-            .with_context(|| format!("{}: the configuration is not of this version", run.join("run.json").display()))?;
-        let light = FieldPredictor::load(run, config.light.raster, dataset, backend)?;
-        let radio = ArrayField::read(&run.join(FIELD))?;
-        ensure!(radio.camera == dataset.rf_camera(), "{}: the radio field's camera is not the data set's", run.display());
-        Ok(Self::new(light, radio, dataset.db_range()))
-    }
-}
-
-impl Predictor for ArrayPredictor {
-    fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
-        let light = self.light.render(world_from_camera)?;
-        let spectrum = self.radio.observe(&self.sensor, world_from_camera);
-        let radio = Prediction::from_scalar(light.image, spectrum.map(|&s| self.range.scalar(s)));
-        Ok(Prediction { depth_m: light.depth_m, ..radio })
-    }
-
-    fn gaussians(&self) -> Option<usize> {
-        self.light.gaussians()
-    }
-
-    fn save(&self, run: &Path) -> Result<()> {
-        self.radio.write(&run.join(FIELD))?;
-        self.light.save(run)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use corf::array::Wave;
     use corf_raytrace::radio::{Arrival, PlanarArray};
     use corf_raytrace::spectrum::SpectrumSettings;
+    use corf_scene::Rigid3;
     use corf_scene::model::world_from_array;
     use corf_scene::{Pinhole, Rng};
     use glam::DVec3;
@@ -331,10 +241,9 @@ mod tests {
     fn light_and_radio_have_their_own_keys() {
         let config = |text: &str| CorfArrayConfig::parse(&text.parse().unwrap());
         let plain = config("").unwrap();
-        assert_eq!((plain.light.reconstruction.rf_weight, plain.radio), (0.0, ArrayConfig::default()));
+        assert_eq!(plain.radio, ArrayConfig::default());
         let other = config("rate = 0.25\nlight.iterations_per_keyframe = 40\nlight.optimizer.rf.sh_dc = 0.01").unwrap();
         assert_eq!((other.radio.rate, other.light.reconstruction.iterations_per_keyframe), (0.25, 40));
-        assert_eq!(other.light.reconstruction.rf_weight, 0.0);
         for wrong in [
             "rate = -1.0",
             "rf_weight = 0.1",

@@ -1,0 +1,141 @@
+//! Keyframe after keyframe through light and radio, with checkpoints on the way.
+
+use crate::method::{Advance, StageTime, TrainingSet};
+use crate::methods::corf_gs::Keeper;
+use anyhow::{Context, Result};
+use corf::array::{ArrayField, ArrayTrainer, Observed};
+use corf::{KeyframeTiming, Reconstructor};
+use corf_scene::Keyframe;
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Light and radio, keyframe after keyframe.
+pub(super) struct Online<'a> {
+    pub light: Reconstructor,
+    pub radio: ArrayTrainer,
+    pub training: &'a TrainingSet<'a>,
+    pub keeper: Keeper,
+    /// Keyframes that light has received and radio has not.
+    pub ahead: VecDeque<Observed>,
+    /// Time that radio took, by keyframe of this session.
+    pub radio_s: Vec<f64>,
+    pub advance: &'a mut dyn FnMut(Advance<'_>) -> Result<()>,
+}
+
+impl Online<'_> {
+    /// Takes every training keyframe, from the checkpoint on if there is one, and says what there is to say at the end.
+    pub fn run(mut self) -> Result<(Reconstructor, ArrayTrainer)> {
+        for k in self.resume()?..self.training.len() {
+            let before = self.training.loading_time();
+            let keyframe = self.training.keyframe(k)?;
+            self.light.discount_wait(self.training.loading_time() - before);
+            let (keyframe, observed) = self.observe(keyframe);
+            self.ahead.push_back(observed);
+            self.light.receive(keyframe)?;
+            while self.light.waiting() >= self.light.worth_receiving() {
+                self.process()?;
+            }
+        }
+        while self.light.waiting() > 0 {
+            self.process()?;
+        }
+        self.light.finish(&mut |_, _| ControlFlow::Continue(()))?;
+        self.report()?;
+        self.forget(None);
+        Ok((self.light, self.radio))
+    }
+
+    /// A keyframe for light, whose spectrum is what splats are to show, and for radio.
+    fn observe(&self, mut keyframe: Keyframe) -> (Keyframe, Observed) {
+        let observed = self.radio.observe(&keyframe.world_from_camera, &keyframe.spectrum);
+        if let Some(peeled) = &observed.peeled {
+            keyframe.spectrum = peeled.remainder.clone();
+        }
+        (keyframe, observed)
+    }
+
+    /// Restores the checkpoint, if there is one, and replays its keyframes; returns their number.
+    fn resume(&mut self) -> Result<usize> {
+        let Some(checkpoint) = self.keeper.read()? else { return Ok(0) };
+        self.light.restore(&checkpoint)?;
+        let count = checkpoint.keyframes().len();
+        let path = self.radio_file(count).context("a checkpoint was read, and there is no place for one")?;
+        self.radio.restore(ArrayField::read(&path)?, count)?;
+        for k in 0..count {
+            let (keyframe, observed) = self.observe(self.training.keyframe(k)?);
+            self.light.replay(keyframe)?;
+            self.radio.replay(&observed);
+        }
+        self.keeper.resumed(count);
+        Ok(count)
+    }
+
+    /// One keyframe in light and then in radio, and its checkpoint if it is due.
+    fn process(&mut self) -> Result<()> {
+        if self.light.process().map_err(|e| self.keeper.explain(e.into()))?.is_none() {
+            return Ok(());
+        }
+        let Some(observed) = self.ahead.pop_front() else { return Ok(()) };
+        let start = Instant::now();
+        self.radio.receive(&observed, &self.light.field().gaussians.position)?;
+        self.radio.train();
+        self.radio_s.push(start.elapsed().as_secs_f64());
+        let done = self.light.keyframes_expanded();
+        if self.keeper.is_due(done, false) {
+            self.keep(done)?;
+        }
+        let told = Advance { gaussians: Some(self.light.gaussian_count()), ..Advance::of(done, self.training.len()) };
+        (self.advance)(told).inspect_err(|_| {
+            // An interrupt: what could not be kept is done again.
+            if self.keeper.kept() != Some(done) {
+                let _ = self.keep(done);
+            }
+        })
+    }
+
+    /// Keeps both: radio's file is named by its keyframes, so that one of another time is never taken for it.
+    fn keep(&mut self, done: usize) -> Result<()> {
+        let Some(path) = self.radio_file(done) else { return Ok(()) };
+        self.radio.field.write(&path).context("while keeping a checkpoint")?;
+        self.keeper.keep(&mut self.light)?;
+        self.forget(Some(done));
+        Ok(())
+    }
+
+    /// Radio's file of a checkpoint of so many keyframes, where checkpoints are kept.
+    fn radio_file(&self, done: usize) -> Option<PathBuf> {
+        let path = self.keeper.path()?;
+        Some(path.with_file_name(format!("{}-{done}", Self::stem(path)?)))
+    }
+
+    fn stem(path: &std::path::Path) -> Option<String> {
+        Some(format!("{}-array", path.file_name()?.to_str()?))
+    }
+
+    /// Removes radio's files of other checkpoints than one; what cannot be removed is no harm.
+    fn forget(&self, but: Option<usize>) {
+        let Some((path, stem)) = self.keeper.path().and_then(|p| Some((p, Self::stem(p)?))) else { return };
+        let keep = but.and_then(|done| self.radio_file(done));
+        for entry in path.parent().and_then(|p| p.read_dir().ok()).into_iter().flatten().flatten() {
+            let ours = entry.file_name().to_str().and_then(|n| n.strip_prefix(&stem)?.strip_prefix('-')?.parse::<usize>().ok());
+            if ours.is_some() && Some(entry.path()) != keep {
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
+    }
+
+    fn report(&mut self) -> Result<()> {
+        // Radio is the end of a keyframe, and is waited for by those behind it, which light's own clock has counted.
+        let timings: Vec<KeyframeTiming> = self.light.timings().to_vec();
+        let total = self.training.len();
+        let last = Advance { gaussians: Some(self.light.gaussian_count()), ..Advance::of(total, total) };
+        for (timing, radio_s) in timings.iter().zip(&self.radio_s) {
+            let keyframe = KeyframeTiming { train_s: timing.train_s + radio_s, ..*timing };
+            (self.advance)(Advance { keyframe: Some(&keyframe), ..last })?;
+        }
+        let stages = [StageTime { name: "radio".to_owned(), seconds: self.radio_s.iter().sum() }];
+        (self.advance)(Advance { depth: self.light.depth_quality(), stages: &stages, ..last })
+    }
+}

@@ -1,0 +1,81 @@
+//! A finished field of both: light splatted, radio observed through its sensor, over splats where surfaces are splatted.
+
+use super::CorfArrayConfig;
+use crate::device::Backend;
+use crate::method::Predictor;
+use crate::methods::field::FieldPredictor;
+use crate::metrics::{Prediction, RadioPrediction};
+use anyhow::{Context, Result, ensure};
+use corf::array::{ArrayField, ArraySensor};
+use corf_scene::dataset::Dataset;
+use corf_scene::keyframe::DbRange;
+use corf_scene::{Raster, Rigid3, color};
+use std::path::Path;
+
+/// File of a run folder with the radio field.
+const FIELD: &str = "array";
+
+/// A finished field.
+pub struct ArrayPredictor {
+    light: FieldPredictor,
+    radio: ArrayField,
+    sensor: ArraySensor<f64>,
+    range: DbRange,
+}
+
+impl ArrayPredictor {
+    pub(super) fn new(light: FieldPredictor, radio: ArrayField, range: DbRange) -> Self {
+        Self { sensor: radio.sensor.build(&radio.camera), light, radio, range }
+    }
+
+    /// Reads the field of a run folder, whose configuration is `config`.
+    ///
+    /// # Errors
+    /// A configuration of another version; a missing or damaged file, or a field of another data set's cameras.
+    pub fn load(run: &Path, config: &serde_json::Value, dataset: &Dataset, backend: &Backend) -> Result<Self> {
+        let config: CorfArrayConfig = serde_json::from_value(config.clone())
+            .with_context(|| format!("{}: the configuration is not of this version", run.join("run.json").display()))?;
+        let light = FieldPredictor::load(run, config.light.raster, dataset, backend)?;
+        let radio = ArrayField::read(&run.join(FIELD))?;
+        ensure!(radio.camera == dataset.rf_camera(), "{}: the radio field's camera is not the data set's", run.display());
+        Ok(Self::new(light, radio, dataset.db_range()))
+    }
+}
+
+impl Predictor for ArrayPredictor {
+    fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
+        let light = self.light.render(world_from_camera)?;
+        let emitted = self.radio.observe(&self.sensor, world_from_camera);
+        let radio = match light.radio.filter(|_| self.radio.over_splats) {
+            Some(splats) => over(splats, &emitted, self.range),
+            None => {
+                let scalar = emitted.map(|&s| self.range.scalar(s));
+                RadioPrediction { jet: scalar.map(|&s| color::jet(s)), scalar }
+            }
+        };
+        Ok(Prediction { radio: Some(radio), ..light })
+    }
+
+    fn gaussians(&self) -> Option<usize> {
+        self.light.gaussians()
+    }
+
+    fn save(&self, run: &Path) -> Result<()> {
+        self.radio.write(&run.join(FIELD))?;
+        self.light.save(run)
+    }
+}
+
+/// What emitters add to splatted surfaces. Where they add next to nothing the splats' own colours stay.
+fn over(mut splats: RadioPrediction, emitted: &Raster<f32>, range: DbRange) -> RadioPrediction {
+    const NOTHING: f64 = 0.01;
+    let pixels = splats.scalar.pixels_mut().iter_mut().zip(splats.jet.pixels_mut()).zip(emitted.pixels());
+    for ((scalar, jet), emitted) in pixels {
+        let (below, emitted) = (if *scalar > 0.0 { range.linear(*scalar) } else { 0.0 }, f64::from(*emitted));
+        if emitted > NOTHING * below {
+            *scalar = range.scalar((below + emitted) as f32);
+            *jet = color::jet(*scalar);
+        }
+    }
+    splats
+}
