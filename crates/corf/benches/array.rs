@@ -28,6 +28,7 @@ fn field(sources: usize, points: usize, anchors: usize, camera: Pinhole) -> Arra
         camera,
         half_space: true,
         over_splats: false,
+        most_power: None,
         extent_m: 0.06,
         anchors: Anchors { positions_m: (0..anchors).map(along).collect(), width_m: 0.5 },
         sources: cloud(sources, anchors, 1),

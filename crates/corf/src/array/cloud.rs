@@ -32,6 +32,8 @@ pub struct Receiver<T> {
     weights: Vec<(usize, T)>,
     /// Whether what comes from behind the array is left out.
     gated: bool,
+    /// Greatest power of a wave.
+    most_power: T,
     /// Least and greatest tangents to the left and upwards of the directions that are let in, where not all are.
     frame: Option<[[T; 2]; 2]>,
 }
@@ -46,8 +48,15 @@ impl<T: Real> Receiver<T> {
             array_from_world: [row(0), row(1), row(2)],
             weights: weights.iter().map(|(k, w)| (*k, T::of(*w))).collect(),
             gated,
+            most_power: T::of(f64::INFINITY),
             frame: None,
         }
+    }
+
+    /// The same, of waves of no more than a power.
+    pub fn of_power_up_to(mut self, most: f64) -> Self {
+        self.most_power = T::of(most);
+        self
     }
 
     /// The same, to which what comes from outside a camera's frame does not exist.
@@ -81,6 +90,7 @@ impl<T: Real> Cloud<T> {
         let wave = |emitter: usize| {
             let (direction, d2) = receiver.towards(&self.position[emitter].map(in_precision))?;
             let power = self.log_gain(emitter, receiver).exp() / d2;
+            let power = if power < receiver.most_power { power } else { receiver.most_power };
             Some((emitter as u32, Wave { direction, power, spread2: extent2 / d2 }))
         };
         let starts: Vec<usize> = (0..self.len()).step_by(WAVES_PER_TASK).collect();

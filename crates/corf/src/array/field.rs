@@ -21,6 +21,8 @@ pub struct ArrayField {
     pub half_space: bool,
     /// Whether emitters add to a picture of the surfaces that is made elsewhere, instead of being all there is.
     pub over_splats: bool,
+    /// Greatest power of a wave, linear, where it is known. Away from the places that an emitter has been seen from, nothing else bounds it.
+    pub most_power: Option<f64>,
     /// Standard deviation of a surface point's extent per axis, metres.
     pub extent_m: f64,
     /// Places of the receiver between which visibility is interpolated.
@@ -35,7 +37,8 @@ impl ArrayField {
     /// The receiver of a pose.
     pub(super) fn receiver<T: Real>(&self, world_from_camera: &Rigid3) -> Receiver<T> {
         let weights = self.anchors.weights(world_from_camera.translation);
-        let receiver = Receiver::new(world_from_camera, &weights, self.sensor.is_gated());
+        let most = self.most_power.unwrap_or(f64::INFINITY);
+        let receiver = Receiver::new(world_from_camera, &weights, self.sensor.is_gated()).of_power_up_to(most);
         if self.half_space { receiver } else { receiver.within(&self.camera) }
     }
 
@@ -60,6 +63,7 @@ struct Header {
     half_space: bool,
     #[serde(default)]
     over_splats: bool,
+    most_power: Option<f64>,
     extent_m: f64,
     anchors: Anchors,
     sources: usize,
@@ -81,6 +85,7 @@ impl ArrayField {
             camera: self.camera,
             half_space: self.half_space,
             over_splats: self.over_splats,
+            most_power: self.most_power,
             extent_m: self.extent_m,
             anchors: self.anchors.clone(),
             sources: self.sources.len(),
@@ -107,9 +112,9 @@ impl ArrayField {
             };
             Ok([sizes(header.sources)?, sizes(header.points)?].concat())
         })?;
-        let Header { sensor, camera, half_space, over_splats, extent_m, anchors, .. } = header;
+        let Header { sensor, camera, half_space, over_splats, most_power, extent_m, anchors, .. } = header;
         let (sources, points) = arrays.split_at(arrays.len() / 2);
         let (sources, points) = (Cloud::of_arrays(sources), Cloud::of_arrays(points));
-        Ok(Self { sensor, camera, half_space, over_splats, extent_m, anchors, sources, points })
+        Ok(Self { sensor, camera, half_space, over_splats, most_power, extent_m, anchors, sources, points })
     }
 }

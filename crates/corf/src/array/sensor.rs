@@ -60,6 +60,22 @@ impl SensorSettings {
         matches!(self, Self::Beam { gated: true, .. })
     }
 
+    /// Spectrum of a wave of the power 1 in its own direction.
+    pub fn peak(&self) -> f64 {
+        match *self {
+            Self::Beam { .. } => 1.0,
+            Self::Lobes { width_deg } => (std::f64::consts::TAU * width_deg.to_radians().powi(2)).recip(),
+        }
+    }
+
+    /// By how much a wave may be stronger than all that is seen in a frame, dB: outside of it a beam's side lobes show what a lobe does not.
+    pub fn unseen_db(&self) -> f64 {
+        match *self {
+            Self::Beam { .. } => 40.0,
+            Self::Lobes { .. } => 0.0,
+        }
+    }
+
     /// A sensor that shows a lobe as wide as the array's beam, and none beside it; gains of emitters then mean power per steradian.
     pub fn without_side_lobes(self) -> Self {
         match self {

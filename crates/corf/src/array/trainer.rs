@@ -64,6 +64,7 @@ impl ArrayTrainer {
             camera,
             half_space: config.half_space,
             over_splats,
+            most_power: Some(10f64.powf(0.1 * (range.max_db + settings.unseen_db())) / settings.peak()),
             extent_m: config.point_extent * config.point_spacing_m,
             anchors: Anchors { positions_m: vec![], width_m: config.anchor_width_m },
             sources: Cloud::default(),
@@ -125,7 +126,8 @@ impl ArrayTrainer {
     /// # Errors
     /// A field of another sensor, camera or configuration.
     pub fn restore(&mut self, field: ArrayField, keyframes: usize) -> Result<()> {
-        let fixed = |f: &ArrayField| (f.sensor, f.camera, f.half_space, f.over_splats, f.extent_m, f.anchors.width_m);
+        let fixed =
+            |f: &ArrayField| (f.sensor, f.camera, f.half_space, f.over_splats, f.most_power, f.extent_m, f.anchors.width_m);
         if fixed(&field) != fixed(&self.field) {
             let what = "it is of another sensor, camera or configuration";
             return Err(Error::invalid("checkpoint", what, "resume with the command that was interrupted, or start anew"));
@@ -261,6 +263,7 @@ impl ArrayTrainer {
             None => power.len() as f32,
             Some(_) => waves.iter().zip(&pulls).map(|(wave, pull)| wave.power * pull[1]).sum(),
         };
+        let most_power = self.field.most_power.map_or(f32::INFINITY, |most| most as f32);
         let damping = c.damping * accounted / waves.len().max(1) as f32;
         let weights = view.receiver.weights();
         let norm: f32 = weights.iter().map(|w| w.1 * w.1).sum();
@@ -269,6 +272,7 @@ impl ArrayTrainer {
             let cloud = if i < count { &mut self.field.sources } else { &mut self.field.points };
             let emitter = *emitter as usize;
             let step = -c.rate * wave.power * pull[0] / (wave.power * pull[1] + damping);
+            let step = step.min((most_power / wave.power).ln());
             let gain = &mut cloud.gain[emitter];
             *gain = (*gain + (1.0 - share) * step).clamp(-MOST_GAIN, MOST_GAIN);
             for (k, weight) in weights {
