@@ -10,6 +10,7 @@ pub mod depth;
 pub mod device;
 mod error;
 pub mod expansion;
+pub mod export;
 pub mod field;
 pub mod gaussians;
 mod keyframe;
