@@ -13,6 +13,7 @@ pub mod expansion;
 pub mod export;
 pub mod field;
 pub mod gaussians;
+pub mod initial;
 mod keyframe;
 pub mod loss;
 pub mod lpips;

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail, ensure};
 use corf::array::{ArrayConfig, ArrayField, ArraySensor, ArrayTrainer, SensorSettings};
 use corf::config::Coupling;
 use corf::depth::DepthPrior;
-use corf::{KeyframeTiming, Reconstructor};
+use corf::{KeyframeTiming, RasterConfig, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
@@ -41,8 +41,8 @@ impl CorfArrayConfig {
         super::merge(&mut light, own.context("in key light")?);
         let light = CorfGsConfig::parse(&light).context("in key light")?;
         ensure!(
-            light.fine_tune_epochs == 0 && light.reconstruction.coupling == Coupling::Joint,
-            "light.fine_tune_epochs and light.coupling are stages of corf-gs\n  help: leave them out"
+            light.fine_tune_epochs == 0 && light.initial_gaussians.is_none() && light.reconstruction.coupling == Coupling::Joint,
+            "light.fine_tune_epochs, light.initial_gaussians and light.coupling are stages of corf-gs\n  help: leave them out"
         );
         let radio: ArrayConfig = super::over_defaults(rest)?;
         radio.validate()?;
@@ -224,6 +224,14 @@ impl Online<'_> {
         (self.advance)(Advance { depth: self.light.depth_quality(), stages: &stages, ..last })?;
         Ok(self)
     }
+}
+
+/// The rasteriser's settings in a run's resolved configuration.
+///
+/// # Errors
+/// A configuration of another version.
+pub fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
+    Ok(serde_json::from_value::<CorfArrayConfig>(config.clone())?.light.raster)
 }
 
 /// A finished field.
