@@ -96,11 +96,11 @@ class Field:
         Raises CorfError for a pose that is no rigid transform, and for what the program refuses.
         """
         array = np.asarray(poses, dtype=np.float64)
+        if array.size == 0:
+            return []
         if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):
             raise CorfError(f"a pose has the shape (4, 4), and this has {array.shape}\n  help: give world_from_camera, one or several")
         several = array.reshape(-1, 4, 4)
-        if len(several) == 0:
-            return []
         if not np.isfinite(several).all():
             raise CorfError("a pose has a number that is not finite\n  help: give world_from_camera, rotation and metres")
         with tempfile.TemporaryDirectory() as scratch:
