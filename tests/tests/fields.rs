@@ -58,7 +58,8 @@ fn a_field_goes_out_in_every_format_and_comes_back_as_a_beginning() {
     assert_eq!(said["file_from_world"][1], serde_json::json!([0.0, 0.0, 1.0]), "y of the file is z of the world");
 
     let place = text(&run);
-    let refuses = |more: &[&str], words: &[&str]| corf_refuses(&[&["field", "export"], more, &["--out", text(&at("no"))]].concat(), words);
+    let refuses =
+        |more: &[&str], words: &[&str]| corf_refuses(&[&["field", "export"], more, &["--out", text(&at("no"))]].concat(), words);
     refuses(&[place, "--to", "ply", "--field", "rf", "--pad-sh", "1"], &["--pad-sh 1 is below", "degree 3"]);
     refuses(&[place, "--to", "spz", "--pad-sh", "3"], &["--pad-sh pads a PLY"]);
     refuses(&[dataset, "--to", "ply"], &["no finished run", "corf reconstruct"]);

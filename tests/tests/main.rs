@@ -15,7 +15,6 @@ mod depth_prior;
 mod determinism;
 mod docs;
 mod exchange;
-mod fields;
 #[cfg(feature = "slow")]
 mod faults_dataset;
 #[cfg(feature = "slow")]
@@ -24,6 +23,7 @@ mod faults_gltf;
 mod faults_numbers;
 mod faults_obj;
 mod faults_paths;
+mod fields;
 #[cfg(feature = "slow")]
 mod implicit;
 mod import_circles;

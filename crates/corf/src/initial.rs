@@ -1,12 +1,6 @@
 //! Gaussians of light that another program trained, as the beginning of a coupled field.
 
-use crate::{
-    Gaussians,
-    device::Planes,
-    expansion::spawn::bilinear,
-    gaussians::SH_C0,
-    ply::SingleModality,
-};
+use crate::{Gaussians, device::Planes, expansion::spawn::bilinear, gaussians::SH_C0, ply::SingleModality};
 use corf_scene::{Pinhole, Rigid3};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -106,7 +100,8 @@ mod tests {
         let views = [view(0.0, 0.25), view(4.0, 0.75)];
         let poses: Vec<Rigid3> = views.iter().map(|v| v.world_from_camera).collect();
         assert_eq!(in_view(&field, &camera(), &poses), 2, "one is behind both cameras");
-        let config = ReconstructionConfig { rf_target: RfTarget::Db, optical_sh_degree: 1, rf_sh_degree: 1, ..Default::default() };
+        let config =
+            ReconstructionConfig { rf_target: RfTarget::Db, optical_sh_degree: 1, rf_sh_degree: 1, ..Default::default() };
         let out = coupled(&field, config.empty_field(), &views, &camera(), [0.0; 3]);
         assert_eq!((out.optical.sh.len(), out.rf.sh.len()), (3 * 12, 3 * 4));
         assert_eq!(out.optical.sh[12..24], (27..39).map(|v| v as f32).collect::<Vec<_>>(), "bands 0 and 1 of the second");

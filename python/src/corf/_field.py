@@ -25,6 +25,7 @@ class Gaussians:
     """N coupled Gaussians: one geometry, an opacity and a colour per modality.
 
     Colour towards a unit direction d (from the camera to the Gaussian, world axes) is ``max(0, 0.5 + Σ_k sh[:, k] · Y_k(d))``.
+    Opacity and colour of a modality that the field was not trained on are those that Gaussians are born with, and mean nothing.
     """
 
     position_m: npt.NDArray[np.float32]

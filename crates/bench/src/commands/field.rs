@@ -115,7 +115,9 @@ impl Export {
             let DbRange { min_db, max_db } = meta.db_range;
             let encoding = if meta.rf_target == RfTarget::Jet { "Jet colours" } else { "levels" };
             let background = &meta.rf_background_color()[..meta.rf_target.channels()];
-            said.push(format!("colours are {encoding} of {min_db} to {max_db} dB, to be drawn over the background {background:?}"));
+            said.push(format!(
+                "colours are {encoding} of {min_db} to {max_db} dB, to be drawn over the background {background:?}"
+            ));
         }
         let degree = gaussians.appearance.sh_degree;
         if let Some(wanted) = self.pad_sh {
@@ -166,10 +168,15 @@ impl Export {
         let info = open::read_info(&self.run)?;
         let place = self.run.display();
         let Some(raster) = open::raster_of(&self.run, &info)? else {
-            bail!("{place}: {} keeps no Gaussians that other programs could read\n  help: export a run of corf-gs or rf-3dgs", info.method);
+            bail!(
+                "{place}: {} keeps no Gaussians that other programs could read\n  help: export a run of corf-gs or rf-3dgs",
+                info.method
+            );
         };
         if self.field == Half::Rf && info.method == "corf-array" {
-            bail!("{place}: radio of corf-array is emitters seen through an array, no splats\n  help: export --field optical, or a run of corf-gs");
+            bail!(
+                "{place}: radio of corf-array is emitters seen through an array, no splats\n  help: export --field optical, or a run of corf-gs"
+            );
         }
         let field = Field::read(&self.run)?;
         let trained = match self.field {
@@ -185,7 +192,9 @@ impl Export {
 fn lost_in_splat(degree: usize, antialiased: bool) -> Vec<String> {
     let mut said = vec![];
     if degree > 0 {
-        said.push(format!("the format has no harmonics: bands 1 to {degree} are left out, colour is the mean over all directions"));
+        said.push(format!(
+            "the format has no harmonics: bands 1 to {degree} are left out, colour is the mean over all directions"
+        ));
     }
     if antialiased {
         said.push(
@@ -200,6 +209,8 @@ fn lost_in_splat(degree: usize, antialiased: bool) -> Vec<String> {
 fn lost_in_spz(clamped: SpzClamped) -> Option<String> {
     let SpzClamped { colors, scales, harmonics } = clamped;
     (clamped != SpzClamped::default()).then(|| {
-        format!("beyond the format's range, and set to its end: {colors} colours, {scales} scales, {harmonics} higher coefficients")
+        format!(
+            "beyond the format's range, and set to its end: {colors} colours, {scales} scales, {harmonics} higher coefficients"
+        )
     })
 }

@@ -58,14 +58,20 @@ impl Initial {
             note!(
                 "{method}: its harmonics of degree {} to {theirs} are left out, for the field's degree is {sh_degree}{}",
                 sh_degree + 1,
-                if method.starts_with("corf-gs") { format!("; --set optical_sh_degree={theirs} keeps them") } else { String::new() }
+                if method.starts_with("corf-gs") {
+                    format!("; --set optical_sh_degree={theirs} keeps them")
+                } else {
+                    String::new()
+                }
             );
         }
         let ours = antialias != Antialias::Off;
         if ours != self.field.antialiased.unwrap_or(false) {
             let (trained, drawn) = if ours { ("without", "with") } else { ("with", "without") };
             let said = if self.field.antialiased.is_some() { "its header says" } else { "its header does not say otherwise" };
-            note!("{method}: it was trained {trained} antialiasing ({said}) and is drawn {drawn} it, some dB off before training makes up for it");
+            note!(
+                "{method}: it was trained {trained} antialiasing ({said}) and is drawn {drawn} it, some dB off before training makes up for it"
+            );
         }
     }
 

@@ -1,6 +1,8 @@
 //! A run folder back to a predictor.
 
-use super::{corf_array, corf_array::ArrayPredictor, corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs, wrf_gs_plus};
+use super::{
+    corf_array, corf_array::ArrayPredictor, corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs, wrf_gs_plus,
+};
 use crate::device::Backend;
 use crate::input::{Input, Verify};
 use crate::json::read_json;
@@ -49,9 +51,7 @@ pub fn raster_of(folder: &Path, info: &RunInfo) -> Result<Option<RasterConfig>> 
         id if id.starts_with("rf-3dgs") => Some(rf_3dgs::raster_of(&info.config)),
         _ => None,
     };
-    raster
-        .transpose()
-        .with_context(|| format!("{}: the configuration is not of this version", folder.join("run.json").display()))
+    raster.transpose().with_context(|| format!("{}: the configuration is not of this version", folder.join("run.json").display()))
 }
 
 /// Opens a run folder; `dataset` says where the dataset is now, if it has moved, `verify` whether its files are checked, and `backend`

@@ -1,7 +1,7 @@
 //! One modality's Gaussians in the formats of splat viewers.
 
-mod spz;
 mod splat;
+mod spz;
 mod turn;
 
 pub use splat::encode_splat;

@@ -156,7 +156,8 @@ fn headers_say_how_the_gaussians_are_to_be_drawn() {
 
     // A file of before there were comments is read as it was.
     let bytes = std::fs::read(&path).unwrap();
-    let before: Vec<u8> = bytes.split_inclusive(|b| *b == b'\n').filter(|l| !l.starts_with(b"comment")).flatten().copied().collect();
+    let before: Vec<u8> =
+        bytes.split_inclusive(|b| *b == b'\n').filter(|l| !l.starts_with(b"comment")).flatten().copied().collect();
     assert!(before.len() < bytes.len());
     let with = read_single(&path).unwrap();
     std::fs::write(&path, before).unwrap();
