@@ -65,13 +65,14 @@ impl Initial {
                 }
             );
         }
-        let ours = antialias != Antialias::Off;
-        if ours != self.field.antialiased.unwrap_or(false) {
-            let (trained, drawn) = if ours { ("without", "with") } else { ("with", "without") };
-            let said = if self.field.antialiased.is_some() { "its header says" } else { "its header does not say otherwise" };
-            note!(
-                "{method}: it was trained {trained} antialiasing ({said}) and is drawn {drawn} it, some dB off before training makes up for it"
-            );
+        let (ours, says) = (antialias != Antialias::Off, self.field.antialiased);
+        if ours != says.unwrap_or(false) {
+            let trained = match says {
+                Some(true) => "its header says that it was trained with antialiasing, and it is drawn without",
+                Some(false) => "its header says that it was trained without antialiasing, and it is drawn with it",
+                None => "its header does not say that it was trained with antialiasing, and it is drawn with it",
+            };
+            note!("{method}: {trained}; if so, it is some dB off before training makes up for it");
         }
     }
 
