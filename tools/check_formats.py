@@ -15,7 +15,8 @@ For every folder of a data set that other programs open (`optical/`, `rf/`):
 `--numpy DIR`, as `corf dataset export --to numpy` writes it: images, peaks, poses and conventions are the data set's, and every point of the COLMAP model lies at the depth
 that the archive has at its pixel.
 
-Of a run: plyfile reads the models, whose columns are INRIA's, with as many rows as run.json says. nerfstudio's and nerfbaselines' own loaders are asked
+Of a run: plyfile reads the models, whose columns are INRIA's, with as many rows as run.json says (tools/check_fields.py compares their numbers, and the other
+formats of fields). nerfstudio's and nerfbaselines' own loaders are asked
 where they are installed, and are named as skipped where they are not.
 
 Exit code 0: everything agrees; 1: something does not; 2: bad input.

@@ -25,6 +25,7 @@ mod faults_gltf;
 mod faults_numbers;
 mod faults_obj;
 mod faults_paths;
+mod fields;
 #[cfg(feature = "slow")]
 mod implicit;
 mod import_circles;

@@ -9,7 +9,7 @@ use corf::depth::DepthQuality;
 use corf_scene::config::{ReceiverConfig, SpectrumKind};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::{DbRange, Modalities};
-use corf_scene::{Keyframe, Pinhole, Rigid3};
+use corf_scene::{Keyframe, Pinhole, Raster, Rigid3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::cell::{Cell, RefCell};
@@ -74,6 +74,21 @@ impl<'a> TrainingSet<'a> {
         let keyframe = self.dataset.keyframe(index).with_context(|| format!("while reading training keyframe {index}"))?;
         self.loading.set(self.loading.get() + start.elapsed());
         Ok(keyframe)
+    }
+
+    /// Poses of the training keyframes.
+    pub fn poses(&self) -> Vec<Rigid3> {
+        let all = self.dataset.poses();
+        self.indices.iter().map(|i| all[*i].world_from_camera).collect()
+    }
+
+    /// The spectrum of training keyframe `k`, which stays to be asked for.
+    ///
+    /// # Errors
+    /// Those of [`Self::keyframe`].
+    pub fn spectrum_of(&self, k: usize) -> Result<Raster<f32>> {
+        let held = self.held.borrow().get(k).and_then(|held| Some(held.as_ref()?.spectrum.clone()));
+        held.map_or_else(|| Ok(self.keyframe(k)?.spectrum), Ok)
     }
 
     /// Whether there are images, and whether there are spectra; [`Keyframe`] says what stands in the place of a missing one.

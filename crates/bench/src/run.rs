@@ -33,6 +33,9 @@ pub struct RunInfo {
     pub overrides: toml::Table,
     /// Resolved configuration.
     pub config: serde_json::Value,
+    /// SHA-256 of the Gaussians that the run began with, where another program had trained some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub initial_gaussians_sha256: Option<String>,
     /// Evaluation protocol of the training: the run may be evaluated on the split it held out.
     #[serde(default)]
     pub protocol: Protocol,

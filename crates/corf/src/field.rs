@@ -1,7 +1,7 @@
 //! A finished reconstruction: renders both modalities at any pose (paper Eq. (11)).
 
 use crate::{
-    Device, Error, Gaussians, Result,
+    Antialias, Device, Error, Gaussians, Result,
     device::{Layer, Planes, RenderRequest, View},
     ply,
     sensor::RfSensor,
@@ -83,13 +83,24 @@ impl FieldMeta {
         Ok(())
     }
 
+    /// The colour behind the RF field.
+    pub fn rf_background_color(&self) -> [f32; 3] {
+        self.rf_background.unwrap_or(self.rf_target.floor_color())
+    }
+
+    /// What headers say of a field in the world frame that was trained with this filter.
+    pub fn notes(&self, antialias: Antialias) -> ply::Notes {
+        let rf_background = self.rf_background_color();
+        ply::Notes { antialias, up: [0, 0, 1], rf_target: self.rf_target, db_range: self.db_range, rf_background }
+    }
+
     /// Renders the Gaussians that `device` holds at a pose, both cameras at once.
     ///
     /// # Errors
     /// The device's.
     pub fn render(&self, device: &mut dyn Device, world_from_camera: Rigid3) -> Result<Prediction> {
         let view = |camera| View { camera, world_from_camera };
-        let background = self.rf_background.unwrap_or(self.rf_target.floor_color());
+        let background = self.rf_background_color();
         let rendering = device.render(&RenderRequest {
             optical: Some((view(self.optical_camera), [0.0; 3])),
             rf: Some((view(self.sensor.field_camera(&self.rf_camera)), background)),
@@ -114,18 +125,19 @@ impl FieldMeta {
 
 impl Field {
     /// Writes `optical.ply`, `rf.ply`, `coupled.ply` and `field.json` (the [`FieldMeta`]) into an existing folder, each whole or not at all.
-    /// Of a modality that was not trained there is no file.
+    /// Of a modality that was not trained there is no file. `antialias` is the filter that the field was trained with, which headers name.
     ///
     /// # Errors
     /// When a file cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<()> {
+    pub fn write(&self, folder: &Path, antialias: Antialias) -> Result<()> {
+        let notes = self.meta.notes(antialias);
         if self.meta.modalities.light {
-            ply::write_optical(&folder.join("optical.ply"), &self.gaussians)?;
+            ply::write_optical(&folder.join("optical.ply"), &self.gaussians, &notes)?;
         }
         if self.meta.modalities.radio {
-            ply::write_rf(&folder.join("rf.ply"), &self.gaussians)?;
+            ply::write_rf(&folder.join("rf.ply"), &self.gaussians, &notes)?;
         }
-        ply::write_coupled(&folder.join("coupled.ply"), &self.gaussians)?;
+        ply::write_coupled(&folder.join("coupled.ply"), &self.gaussians, &notes)?;
         let path = folder.join("field.json");
         let text = serde_json::to_vec_pretty(&self.meta).map_err(|e| Error::Io {
             action: "write",

@@ -13,7 +13,7 @@ pub use latency::{KeyframeTiming, LatencySummary, Percentiles};
 pub use report::KeyframeReport;
 
 use crate::{
-    Device, Error, Field, FieldMeta, Prediction, Result,
+    Device, Error, Field, FieldMeta, Gaussians, Prediction, Result,
     config::{Coupling, ReconstructionConfig, SecondStageOpacity},
     depth,
     depth::{Correction, DepthQuality, DepthTally},
@@ -162,6 +162,21 @@ impl Reconstructor {
             trained: None,
             finished: false,
         })
+    }
+
+    /// Begins with Gaussians that are there already, of the channels and degrees of [`ReconstructionConfig::empty_field`]: the first keyframe adds to
+    /// them what they lack.
+    ///
+    /// # Errors
+    /// After the first keyframe; Gaussians that are incomplete; the device's errors.
+    pub fn begin_with(&mut self, gaussians: &Gaussians) -> Result<()> {
+        if self.keyframes_received > 0 || !self.device.is_empty() {
+            let help = "give a fresh reconstruction the Gaussians that it begins with";
+            return Err(Error::invalid("the reconstruction", "it has begun already", help));
+        }
+        self.device.append(gaussians)?;
+        self.born.resize(self.device.len(), 0);
+        Ok(())
     }
 
     /// Receives `K_t` and processes whatever waits: expands the field and optimises it. The first `bootstrap_keyframes − 1` keyframes are

@@ -18,6 +18,7 @@ mod diffuse;
 mod docs;
 mod evaluate;
 mod export_light;
+mod field;
 mod paths;
 mod reconstruct;
 mod render;
@@ -72,6 +73,9 @@ pub enum Command {
     Check(check::Check),
     /// Reconstruct a field from a dataset's training keyframes.
     Reconstruct(reconstruct::Reconstruct),
+    /// Write a reconstructed field for other programs.
+    #[command(subcommand)]
+    Field(field::FieldCommand),
     /// Render a reconstructed field at any poses: image, spectrum, depth.
     Render(render::Render),
     /// Evaluate a reconstructed field, or predictions of another program, on the held-out keyframes.
@@ -100,6 +104,7 @@ impl Command {
             Self::Spectrum(c) => c.run(json),
             Self::Check(c) => c.run(json),
             Self::Reconstruct(c) => c.run(json),
+            Self::Field(c) => c.run(json),
             Self::Render(c) => c.run(json),
             Self::Evaluate(c) => c.run(json),
             Self::Bench(c) => c.run(json),

@@ -13,7 +13,7 @@ use crate::{harness, interrupt, methods, note};
 use anyhow::{Context, Result};
 use clap::Args;
 use corf::LatencySummary;
-use corf_scene::io::write_atomic;
+use corf_scene::io::{self, sha256_hex, write_atomic};
 use std::path::PathBuf;
 
 /// `corf reconstruct`.
@@ -34,6 +34,11 @@ pub struct Reconstruct {
     /// One key of the configuration, `key=value` in TOML notation; may be repeated and wins over --config.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
+    /// Begin with Gaussians of light that another program trained on this data set: a PLY as INRIA's 3DGS, gsplat, nerfstudio or `corf field export`
+    /// write it, in the data set's own frame (metres, z up). corf-gs and its variants go on from them in light and radio; rf-3dgs takes them for its optical
+    /// stage.
+    #[arg(long, value_name = "FILE.ply")]
+    from: Option<PathBuf>,
     /// Seed of everything drawn at random.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -79,6 +84,15 @@ impl Reconstruct {
         if let Some(epochs) = self.fine_tune {
             table.insert("fine_tune_epochs".to_owned(), toml::Value::Integer(i64::try_from(epochs)?));
         }
+        if let Some(file) = &self.from {
+            anyhow::ensure!(
+                self.method.starts_with("corf-gs") || self.method.starts_with("rf-3dgs"),
+                "{}: --from gives Gaussians to begin with, which this method has no place for\n  help: choose corf-gs, one of its variants, or rf-3dgs",
+                self.method
+            );
+            let file = std::path::absolute(file)?.display().to_string();
+            table.insert("initial_gaussians".to_owned(), toml::Value::String(file));
+        }
         Ok(table)
     }
 
@@ -93,6 +107,8 @@ impl Reconstruct {
         let split = Split::of(&dataset, self.protocol)?;
         harness::check_training(method.as_ref(), &dataset, &split)?;
         method.check_files(&TrainingSet::new(&dataset, &split))?;
+        let initial = overrides.get("initial_gaussians").and_then(toml::Value::as_str);
+        let initial = initial.map(|file| Ok::<_, anyhow::Error>(sha256_hex(&io::read(file)?))).transpose()?;
         let _held = claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");
         if self.resume && info_path.exists() {
@@ -102,8 +118,9 @@ impl Reconstruct {
                     && info.seed == self.seed
                     && info.protocol == self.protocol
                     && info.config == method.config()
+                    && info.initial_gaussians_sha256 == initial
                     && info.dataset_hash == dataset.hash(),
-                "{} holds a finished run of another method, configuration, seed, protocol or dataset\n  help: choose another --out",
+                "{} holds a finished run of another method, configuration, seed, protocol, dataset or other first Gaussians\n  help: choose another --out",
                 self.out.display()
             );
             note!("{} is finished already", self.out.display());
@@ -115,7 +132,7 @@ impl Reconstruct {
             path: checkpoint.clone(),
             every: self.checkpoint_every,
             resume: self.resume,
-            tag: format!("{} {} {}", dataset.hash(), self.protocol.name(), method.config()),
+            tag: format!("{} {} {}{}", dataset.hash(), self.protocol.name(), method.config(), initial.as_deref().unwrap_or("")),
         });
         write_atomic(self.out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
         let mut progress =
@@ -131,6 +148,7 @@ impl Reconstruct {
             method: self.method.clone(),
             overrides,
             config: method.config(),
+            initial_gaussians_sha256: initial,
             protocol: self.protocol,
             seed: self.seed,
             dataset: std::path::absolute(&self.dataset)?,

@@ -5,6 +5,7 @@ mod online;
 use crate::device::Backend;
 use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::methods::field::FieldPredictor;
+use crate::methods::initial::Initial;
 use crate::note;
 use anyhow::{Context, Result};
 use corf::config::{Coupling, ReconstructionConfig, Sampling};
@@ -16,12 +17,16 @@ pub(super) use online::Keeper;
 use online::Online;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::ops::ControlFlow;
+use std::path::PathBuf;
 
 /// Configuration of the four CORF-GS rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CorfGsConfig {
     /// Epochs of offline fine-tuning after the last keyframe (paper: "iterations" of the fine-tuning table).
     pub fine_tune_epochs: usize,
+    /// Gaussians of light that another program trained (PLY), which the field begins with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub initial_gaussians: Option<PathBuf>,
     /// Rates and constants of the optimiser; table `optimizer` of the overrides.
     pub optimizer: OptimizerConfig,
     /// Constants of the rasteriser; table `raster` of the overrides.
@@ -38,7 +43,9 @@ impl CorfGsConfig {
         }
         let mut rest = overrides.clone();
         let epochs = rest.remove("fine_tune_epochs").map_or_else(|| Ok(0), toml::Value::try_into);
+        let initial = rest.remove("initial_gaussians").map_or_else(|| Ok(None), |v| v.try_into().map(Some));
         let config = Self {
+            initial_gaussians: initial.context("in key initial_gaussians")?,
             fine_tune_epochs: epochs.context("in key fine_tune_epochs")?,
             optimizer: take(&mut rest, "optimizer")?,
             raster: take(&mut rest, "raster")?,
@@ -162,6 +169,9 @@ impl Method for CorfGs {
              --depth` (docs/reconstruction.md)",
             self.id
         );
+        if let Some(file) = &self.config.initial_gaussians {
+            Initial::read(file)?.check(training)?;
+        }
         let camera = training.optical_camera();
         // Nothing that is drawn matters to files.
         let prior = DepthPrior::new(&self.config.reconstruction.depth, 0)?;
@@ -192,7 +202,13 @@ impl Method for CorfGs {
         }
         let device = self.config.device(&self.backend)?;
         let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
-        let reconstructor = Reconstructor::new(device, config.clone(), optical, rf, range, seed)?;
+        let mut reconstructor = Reconstructor::new(device, config.clone(), optical, rf, range, seed)?;
+        let resumed = self.checkpoints.as_ref().is_some_and(|c| c.to_resume().is_some());
+        if let Some(file) = self.config.initial_gaussians.as_ref().filter(|_| !resumed) {
+            let initial = Initial::read(file)?;
+            initial.tell(&self.id, config.optical_sh_degree, self.config.raster.antialias);
+            reconstructor.begin_with(&initial.coupled(config.empty_field(), config.rf_target, training)?)?;
+        }
         let stages = if config.coupling == Coupling::Joint { 1 } else { 2 };
         let total = training.len() * stages + self.config.fine_tune_epochs;
         let mut online = Online { reconstructor, training, keeper: Keeper::new(self.checkpoints.clone()), total, told: 0 };

@@ -104,6 +104,6 @@ impl Predictor for FieldPredictor {
     }
 
     fn save(&self, run: &Path) -> Result<()> {
-        Ok(self.field.write(run)?)
+        Ok(self.field.write(run, self.raster.antialias)?)
     }
 }

@@ -3,6 +3,7 @@
 pub mod corf_array;
 pub mod corf_gs;
 pub mod field;
+mod initial;
 pub mod lookup;
 pub mod nerf2;
 pub mod open;

@@ -1,6 +1,8 @@
 //! A run folder back to a predictor.
 
-use super::{corf_array::ArrayPredictor, corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs, wrf_gs_plus};
+use super::{
+    corf_array, corf_array::ArrayPredictor, corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs, wrf_gs_plus,
+};
 use crate::device::Backend;
 use crate::input::{Input, Verify};
 use crate::json::read_json;
@@ -8,6 +10,7 @@ use crate::method::{Method, Predictor, TrainingSet};
 use crate::run::{RunInfo, SCHEMA};
 use crate::split::Split;
 use anyhow::{Context, Result, ensure};
+use corf::RasterConfig;
 use corf_scene::dataset::Dataset;
 use std::path::Path;
 
@@ -25,16 +28,39 @@ pub struct OpenRun {
     pub predictor: Box<dyn Predictor>,
 }
 
+/// `run.json` of a run folder.
+///
+/// # Errors
+/// A folder without it (not a run, or not finished), or one of another schema.
+pub fn read_info(folder: &Path) -> Result<RunInfo> {
+    let info: RunInfo = read_json(&folder.join("run.json")).with_context(|| {
+        format!("{} holds no finished run\n  help: run `corf reconstruct` with --out {0} first", folder.display())
+    })?;
+    ensure!(info.schema == SCHEMA, "{}: schema {} is not {SCHEMA}", folder.display(), info.schema);
+    Ok(info)
+}
+
+/// The rasteriser's settings that a run's Gaussians were trained with; none where its method keeps no PLY of Gaussians.
+///
+/// # Errors
+/// A configuration of another version.
+pub fn raster_of(folder: &Path, info: &RunInfo) -> Result<Option<RasterConfig>> {
+    let raster = match info.method.as_str() {
+        "corf-array" => Some(corf_array::raster_of(&info.config)),
+        id if id.starts_with("corf-gs") => Some(CorfGsConfig::raster_of(&info.config)),
+        id if id.starts_with("rf-3dgs") => Some(rf_3dgs::raster_of(&info.config)),
+        _ => None,
+    };
+    raster.transpose().with_context(|| format!("{}: the configuration is not of this version", folder.join("run.json").display()))
+}
+
 /// Opens a run folder; `dataset` says where the dataset is now, if it has moved, `verify` whether its files are checked, and `backend`
 /// what renders its field.
 ///
 /// # Errors
 /// A folder without `run.json` (not a run, or not finished), a changed dataset, a damaged field.
 pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Backend) -> Result<OpenRun> {
-    let info: RunInfo = read_json(&folder.join("run.json")).with_context(|| {
-        format!("{} holds no finished run\n  help: run `corf reconstruct` with --out {0} first", folder.display())
-    })?;
-    ensure!(info.schema == SCHEMA, "{}: schema {} is not {SCHEMA}", folder.display(), info.schema);
+    let info = read_info(folder)?;
     let place = dataset.unwrap_or(&info.dataset);
     let dataset = Dataset::open(place).with_context(|| "the run's dataset cannot be opened; name its place with --dataset")?;
     // Which dataset it is comes first: another one is whole as well.
@@ -54,14 +80,7 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
         "{}: this version resolves the run's configuration differently\n  help: reconstruct again",
         folder.display()
     );
-    let raster = match info.method.as_str() {
-        id if id.starts_with("corf-gs") => Some(CorfGsConfig::raster_of(&info.config)),
-        id if id.starts_with("rf-3dgs") => Some(rf_3dgs::raster_of(&info.config)),
-        _ => None,
-    };
-    let raster = raster
-        .transpose()
-        .with_context(|| format!("{}: the configuration is not of this version", folder.join("run.json").display()))?;
+    let raster = if info.method == "corf-array" { None } else { raster_of(folder, &info)? };
     let predictor: Box<dyn Predictor> = if let Some(raster) = raster {
         Box::new(FieldPredictor::load(folder, raster, dataset, backend)?)
     } else if info.method == "corf-array" {

@@ -4,6 +4,7 @@
 use crate::device::Backend;
 use crate::method::{Advance, Checkpoints, Method, Predictor, StageTime, TrainingSet};
 use crate::methods::field::FieldPredictor;
+use crate::methods::initial::Initial;
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::Prediction;
 use anyhow::{Context, Result, ensure};
@@ -80,6 +81,10 @@ impl Method for Rf3dgs {
         self.checkpoints = Some(checkpoints);
     }
 
+    fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {
+        self.config.initial_gaussians.as_ref().map_or(Ok(()), |file| Initial::read(file)?.check(training))
+    }
+
     fn reconstruct(
         &self,
         training: &TrainingSet<'_>,
@@ -91,6 +96,11 @@ impl Method for Rf3dgs {
         let device = self.backend.make(config.optimizer(), config.raster(), &config.empty_field())?;
         let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
         let mut reconstructor = OfflineReconstructor::new(device, config.clone(), optical, rf, range, seed)?;
+        if let Some(file) = &config.initial_gaussians {
+            let initial = Initial::read(file)?;
+            initial.tell(&self.id, config.sh_degree, config.raster().antialias);
+            reconstructor.start_from(initial.coupled(config.empty_field(), OfflineConfig::RF_TARGET, training)?);
+        }
         for k in 0..training.len() {
             reconstructor.receive(training.keyframe(k)?)?;
             advance(Advance::of(0, total))?;
@@ -154,7 +164,9 @@ impl Predictor for WithPoints {
     }
 
     fn save(&self, run: &Path) -> Result<()> {
-        write_ply(&run.join(POINTS), &self.points)?;
+        if !self.points.is_empty() {
+            write_ply(&run.join(POINTS), &self.points)?;
+        }
         self.field.save(run)
     }
 }

@@ -4,6 +4,7 @@
 use super::density::DensityConfig;
 use crate::{Antialias, Appearance, AppearanceRates, Error, Gaussians, OptimizerConfig, RasterConfig, Result, target::RfTarget};
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// Source of the first Gaussians. Neither reads the ray tracer's depth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -87,6 +88,9 @@ pub struct OfflineConfig {
     pub degree_interval: usize,
     /// Source of the first Gaussians. Default `triangulated`.
     pub initial_points: InitialPoints,
+    /// Gaussians of light that another program trained (PLY), in the place of the optical stage: the RF stage begins with them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub initial_gaussians: Option<PathBuf>,
     /// Number of points of `random` (100 000).
     pub random_points: usize,
     /// Half side of the cube of `random`, in units of the scene's extent (3).
@@ -113,6 +117,7 @@ impl Default for OfflineConfig {
             sh_degree: 3,
             degree_interval: 1000,
             initial_points: InitialPoints::Triangulated,
+            initial_gaussians: None,
             random_points: 100_000,
             random_extent: 3.0,
             initial_opacity: 0.1,

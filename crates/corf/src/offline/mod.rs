@@ -51,6 +51,8 @@ pub struct OfflineReconstructor {
     /// Of the keyframes, until the first Gaussians are there.
     views: Vec<PointView>,
     points: Vec<Point>,
+    /// What it is to begin with, in the place of points and the optical stage.
+    given: Option<Gaussians>,
     schedule: Option<OfflineSchedule>,
     extent_m: f64,
     /// Steps of both stages taken.
@@ -99,6 +101,7 @@ impl OfflineReconstructor {
             poses: vec![],
             views: vec![],
             points: vec![],
+            given: None,
             schedule: None,
             extent_m: 0.0,
             done: 0,
@@ -124,20 +127,31 @@ impl OfflineReconstructor {
         let view = crate::keyframe::training_view(keyframe.world_from_camera, optical, rf, None, meta);
         self.device.upload(&view, 1)?;
         self.poses.push(keyframe.world_from_camera);
-        if self.config.initial_points == InitialPoints::Triangulated {
+        if self.config.initial_points == InitialPoints::Triangulated && self.given.is_none() {
             let view = PointView::new(keyframe.index, keyframe.image, self.meta.optical_camera, keyframe.world_from_camera);
             self.views.push(view);
         }
         Ok(())
     }
 
-    /// Makes the first Gaussians from the keyframes received.
+    /// Gives it the result of an optical stage that another program has run, before it begins.
+    pub fn start_from(&mut self, gaussians: Gaussians) {
+        self.given = Some(gaussians);
+    }
+
+    /// Makes the first Gaussians from the keyframes received, or takes those it was given, with the optical stage behind it.
     ///
     /// # Errors
     /// No keyframes, all of them in one place, or too little to triangulate; the device's errors.
     pub fn begin(&mut self) -> Result<()> {
         let start = Instant::now();
         self.settle()?;
+        if let Some(given) = self.given.take() {
+            self.views = vec![];
+            self.device.append(&given)?;
+            self.done = self.config.optical_steps;
+            return Ok(());
+        }
         let half_side_m = f64::from(self.config.random_extent) * self.extent_m;
         self.points = match self.config.initial_points {
             InitialPoints::Triangulated => points::triangulated(&self.views),

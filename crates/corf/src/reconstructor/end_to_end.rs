@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    CpuDevice, OptimizerConfig, RasterConfig, ReconstructionConfig, RfTarget,
+    Antialias, CpuDevice, OptimizerConfig, RasterConfig, ReconstructionConfig, RfTarget,
     device::Planes,
     loss::psnr_8bit,
     synthetic::{self, DB_RANGE},
@@ -103,8 +103,8 @@ fn fields_are_the_same_bytes_for_a_seed_whatever_the_threads_and_survive_the_dis
     };
     let field = with(1, 5);
     let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    field.write(one.path()).unwrap();
-    with(2, 5).write(two.path()).unwrap();
+    field.write(one.path(), Antialias::On).unwrap();
+    with(2, 5).write(two.path(), Antialias::On).unwrap();
     for name in ["optical.ply", "rf.ply", "coupled.ply", "field.json"] {
         let bytes = |d: &tempfile::TempDir| std::fs::read(d.path().join(name)).unwrap();
         assert!(bytes(&one) == bytes(&two), "{name} depends on the number of threads");

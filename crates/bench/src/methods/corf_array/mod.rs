@@ -10,10 +10,10 @@ use super::field::FieldPredictor;
 use crate::device::Backend;
 use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use anyhow::{Context, Result, bail, ensure};
-use corf::Reconstructor;
 use corf::array::{ArrayConfig, ArrayTrainer, SensorSettings, Surface};
 use corf::config::Coupling;
 use corf::depth::DepthPrior;
+use corf::{RasterConfig, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
 use online::Online;
 use serde::{Deserialize, Serialize};
@@ -35,13 +35,21 @@ impl CorfArrayConfig {
         let light: toml::Table = own.context("in key light")?;
         let light = CorfGsConfig::parse(&light).context("in key light")?;
         ensure!(
-            light.fine_tune_epochs == 0 && light.reconstruction.coupling == Coupling::Joint,
-            "light.fine_tune_epochs and light.coupling are stages of corf-gs\n  help: leave them out"
+            light.fine_tune_epochs == 0 && light.initial_gaussians.is_none() && light.reconstruction.coupling == Coupling::Joint,
+            "light.fine_tune_epochs, light.initial_gaussians and light.coupling are stages of corf-gs\n  help: leave them out"
         );
         let radio: ArrayConfig = super::over_defaults(rest)?;
         radio.validate()?;
         Ok(Self { light, radio })
     }
+}
+
+/// The rasteriser's settings in a run's resolved configuration.
+///
+/// # Errors
+/// A configuration of another version.
+pub fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
+    Ok(serde_json::from_value::<CorfArrayConfig>(config.clone())?.light.raster)
 }
 
 /// The sensor behind a data set's spectra.

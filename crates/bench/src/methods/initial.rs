@@ -1,0 +1,92 @@
+//! Gaussians of another program that a method begins with.
+
+use crate::method::TrainingSet;
+use crate::note;
+use anyhow::{Result, ensure};
+use corf::initial::{RfView, coupled, in_view};
+use corf::ply::{self, ForeignField};
+use corf::{Antialias, Gaussians, RfTarget};
+use std::path::{Path, PathBuf};
+
+/// A field of light in a file.
+pub struct Initial {
+    file: PathBuf,
+    field: ForeignField,
+}
+
+/// A file of which less than this share is in view of the training cameras deserves a word.
+const LITTLE_IN_VIEW: f64 = 0.2;
+
+impl Initial {
+    /// Reads a PLY of Gaussians.
+    ///
+    /// # Errors
+    /// A file that cannot be read, of another layout, or with numbers that mean nothing.
+    pub fn read(file: &Path) -> Result<Self> {
+        Ok(Self { file: file.to_path_buf(), field: ply::read_foreign(file)? })
+    }
+
+    /// Makes sure that the file can be of this data set.
+    ///
+    /// # Errors
+    /// Gaussians of which the training keyframes see none.
+    pub fn check(&self, training: &TrainingSet<'_>) -> Result<()> {
+        let gaussians = &self.field.gaussians;
+        let (seen, all) = (in_view(gaussians, &training.optical_camera(), &training.poses()), gaussians.position.len());
+        ensure!(
+            seen > 0,
+            "{}: none of its {all} Gaussians lies in the view of a training keyframe\n  help: the file must be in the data set's frame (metres, z up): \
+             train the other program on the folder optical/ and switch off its centring, scaling and turning of the world",
+            self.file.display()
+        );
+        let share = seen as f64 / all as f64;
+        if share < LITTLE_IN_VIEW {
+            note!(
+                "{}: only {:.0} % of its Gaussians lie in the view of a training keyframe; is it in the data set's frame (metres, z up)?",
+                self.file.display(),
+                100.0 * share
+            );
+        }
+        Ok(())
+    }
+
+    /// Says how the file differs from what the method works with.
+    pub fn tell(&self, method: &str, sh_degree: usize, antialias: Antialias) {
+        let (file, theirs) = (self.file.display(), self.field.gaussians.appearance.sh_degree);
+        note!("{method}: begins with {} Gaussians of {file}", self.field.gaussians.position.len());
+        if theirs > sh_degree {
+            note!(
+                "{method}: its harmonics of degree {} to {theirs} are left out, for the field's degree is {sh_degree}{}",
+                sh_degree + 1,
+                if method.starts_with("corf-gs") {
+                    format!("; --set optical_sh_degree={theirs} keeps them")
+                } else {
+                    String::new()
+                }
+            );
+        }
+        let (ours, says) = (antialias != Antialias::Off, self.field.antialiased);
+        if ours != says.unwrap_or(false) {
+            let trained = match says {
+                Some(true) => "its header says that it was trained with antialiasing, and it is drawn without",
+                Some(false) => "its header says that it was trained without antialiasing, and it is drawn with it",
+                None => "its header does not say that it was trained with antialiasing, and it is drawn with it",
+            };
+            note!("{method}: {trained}; if so, it is some dB off before training makes up for it");
+        }
+    }
+
+    /// The file's Gaussians with RF attributes; channels and degrees are those of `none`.
+    ///
+    /// # Errors
+    /// A spectrum that cannot be read.
+    pub fn coupled(&self, none: Gaussians, target: RfTarget, training: &TrainingSet<'_>) -> Result<Gaussians> {
+        let mut views = vec![];
+        if training.modalities().radio {
+            for (k, world_from_camera) in training.poses().into_iter().enumerate() {
+                views.push(RfView { world_from_camera, rf: target.encode(&training.spectrum_of(k)?, &training.db_range()) });
+            }
+        }
+        Ok(coupled(&self.field.gaussians, none, &views, &training.rf_camera(), target.floor_color()))
+    }
+}

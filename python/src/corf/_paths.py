@@ -1,0 +1,135 @@
+"""Propagation paths between two points (`corf paths`)."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from ._program import Argument, CorfError, run
+
+Point = Union[Sequence[float], npt.NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Paths:
+    """The P paths of one link, strongest interactions or not, in the program's order. Angles are of the world frame."""
+
+    frequency_hz: float
+    """Carrier, Hz."""
+    tx_m: npt.NDArray[np.float64]
+    """Transmitter, (3,), metres."""
+    rx_m: npt.NDArray[np.float64]
+    """Receiver, (3,), metres."""
+    a: npt.NDArray[np.complex128]
+    """Coefficients between the first ports, (P,), without the phase of propagation: h(f) = Σ a·exp(−j2πfτ)."""
+    delay_s: npt.NDArray[np.float64]
+    """Delay τ, (P,), seconds."""
+    length_m: npt.NDArray[np.float64]
+    """Length, (P,), metres."""
+    aoa_zenith_rad: npt.NDArray[np.float64]
+    """Zenith of arrival, (P,), of the direction from the receiver to the last interaction."""
+    aoa_azimuth_rad: npt.NDArray[np.float64]
+    """Azimuth of arrival, (P,)."""
+    aod_zenith_rad: npt.NDArray[np.float64]
+    """Zenith of departure, (P,), of the direction in which the path leaves the transmitter."""
+    aod_azimuth_rad: npt.NDArray[np.float64]
+    """Azimuth of departure, (P,)."""
+    types: list[str]
+    """Letters of the interactions of each path, from transmitter to receiver; "" is the direct ray."""
+    objects: list[list[str]]
+    """Names of the objects of its interactions."""
+    vertices_m: list[npt.NDArray[np.float64]]
+    """Positions of its interactions, each (interactions, 3), metres."""
+    document: dict[str, Any]
+    """All that the program said of the link: link statistics in ``["channel"]``, responses, channels between ports (docs/cli.md, `corf paths`)."""
+
+    @property
+    def gain_db(self) -> npt.NDArray[np.float64]:
+        """Path gain 20·log10|a|, (P,), dB."""
+        with np.errstate(divide="ignore"):
+            gain: npt.NDArray[np.float64] = 20 * np.log10(np.abs(self.a))
+        return gain
+
+    def h(self, offset_hz: float | npt.NDArray[np.float64] = 0.0) -> npt.NDArray[np.complex128]:
+        """Channel between the first ports at the carrier plus `offset_hz` (any shape), of the same shape."""
+        frequencies = self.frequency_hz + np.asarray(offset_hz, dtype=np.float64)
+        phases = np.exp(-2j * np.pi * frequencies[..., None] * self.delay_s)
+        total: npt.NDArray[np.complex128] = (phases * self.a).sum(axis=-1)
+        return total
+
+    def __len__(self) -> int:
+        return len(self.a)
+
+
+def paths(scene: str | os.PathLike[str], tx: Point | None, rx: Point, **options: Any) -> Paths:
+    """Traces the paths from `tx` to `rx` (x, y, z, world, metres) in a scene file; without `tx` from the scene's own transmitter.
+
+    `options` are the flags of `corf paths`: ``depth=2``, ``diffraction=True``, ``bandwidth=400e6``, ``rx_array="8x8"``; docs/cli.md has all.
+
+    Raises CorfError for what the program refuses.
+    """
+    found = links(scene, None if tx is None else [tx], [rx], **options)
+    if len(found) != 1:
+        raise CorfError(f"{len(found)} links were traced where one was asked for\n  help: name one transmitter, or use corf.links")
+    return found[0]
+
+
+def links(scene: str | os.PathLike[str], tx: Sequence[Point] | None, rx: Sequence[Point], **options: Any) -> list[Paths]:
+    """The paths of every pair: receivers in their order, and for each the transmitters in theirs. Otherwise as :func:`paths`."""
+    for name in ("format", "out", "json", "tx", "rx"):
+        if name in options:
+            raise CorfError(f"{name} is no option of corf.paths\n  help: run the command with corf.run(\"paths\", …) instead")
+    arguments: list[Argument] = ["paths", scene]
+    for flag, points in (("--tx", tx or []), ("--rx", rx)):
+        for point in points:
+            arguments.append(f"{flag}={_point(point)}")
+    for name, value in options.items():
+        arguments.extend(_flag("--" + name.replace("_", "-"), value))
+    document = json.loads(run(*arguments))
+    return [_link(link) for link in document.get("links", [document])]
+
+
+def _point(point: Point) -> str:
+    values = np.asarray(point, dtype=np.float64)
+    if values.shape != (3,) or not np.isfinite(values).all():
+        raise CorfError(f"{point!r} is no point\n  help: give x, y, z in metres")
+    return ",".join(repr(float(v)) for v in values)
+
+
+def _flag(flag: str, value: Any) -> list[str]:
+    """A flag as words: alone where it is true, left out where it is false or None, repeated for a list."""
+    if value is None or value is False:
+        return []
+    if value is True:
+        return [flag]
+    return [f"{flag}={v}" for v in (value if isinstance(value, (list, tuple)) else [value])]
+
+
+def _link(link: dict[str, Any]) -> Paths:
+    each = link["paths"]
+
+    def column(key: str) -> npt.NDArray[np.float64]:
+        return np.array([p[key] for p in each], dtype=np.float64)
+
+    return Paths(
+        frequency_hz=float(link["frequency_hz"]),
+        tx_m=np.array(link["tx"], dtype=np.float64),
+        rx_m=np.array(link["rx"], dtype=np.float64),
+        a=np.array([complex(*p["a"]) for p in each], dtype=np.complex128),
+        delay_s=column("tau"),
+        length_m=column("length_m"),
+        aoa_zenith_rad=column("theta_r"),
+        aoa_azimuth_rad=column("phi_r"),
+        aod_zenith_rad=column("theta_t"),
+        aod_azimuth_rad=column("phi_t"),
+        types=[p["types"] for p in each],
+        objects=[list(p["objects"]) for p in each],
+        vertices_m=[np.array(p["vertices"], dtype=np.float64).reshape(-1, 3) for p in each],
+        document=link,
+    )
