@@ -19,6 +19,7 @@ mod docs;
 mod evaluate;
 mod export_light;
 mod paths;
+mod paths_scenario;
 mod reconstruct;
 mod render;
 mod scene;

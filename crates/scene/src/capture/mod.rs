@@ -24,6 +24,7 @@ mod rf_3dgs;
 mod spectra;
 mod split;
 
+pub(crate) use colmap::read_points;
 pub use import::{ImportReport, import};
 pub use options::{Format, ImportOptions, RfCamera, RfValues, SplitRule, Up};
 
