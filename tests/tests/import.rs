@@ -166,7 +166,8 @@ fn light_alone_goes_the_whole_way_and_has_no_number_of_radio() {
     let (measured, depth) = (folder.path().join("measured"), optical.join("depth"));
     corf_ok(&["dataset", "import", text(&optical), "--from", "colmap", "--depth", text(&depth), "--out", text(&measured)]);
     let (record, table, views) = the_whole_way(&measured, folder.path(), &["--set", "depth.prior=\"exact\""]);
-    assert!(record["uses_ground_truth_depth"].as_bool().unwrap());
+    assert!(record["uses_ground_truth_depth"].as_bool().unwrap() && record["depth_imported"].as_bool().unwrap());
+    assert!(table.contains("imported capture") && !table.contains("ray tracer"), "{table}");
     let numbers = numbers(&record);
     assert!(
         numbers.contains(&"psnr_opt") && !numbers.iter().any(|k| k.contains("rf") || k.contains("db") || k.contains("beam")),

@@ -25,7 +25,7 @@ mod spectra;
 mod split;
 
 pub(crate) use colmap::read_points;
-pub use import::{ImportReport, import};
+pub use import::{ImportReport, examine, import};
 pub use options::{Format, ImportOptions, RfCamera, RfValues, SplitRule, Up};
 
 use crate::Rigid3;
