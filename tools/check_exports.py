@@ -138,3 +138,61 @@ def check_rf_3dgs_export(folder, header, poses, archives):
         worst = max(worst, np.abs(jet(scalar) - picture).max())
     insist(worst <= JET_STEPS, f"a pixel of a spectrum is {worst} of 255 off its ray's power")
     print(f"        {len(images)} spectra within {worst:.0f} of 255 of what arrives along the model's rays")
+
+
+def check_nerf2_export(folder, header, poses, shift=0):
+    """NeRF²'s loader by its rules: a grey spectrum for every line of tx_pos.csv behind its header, rays of 1 to 360 and 1 to 90 degrees in the gateway's frame.
+
+    A transmitter in front of the array shows where it is: the pixel whose ray is nearest to it has the level of free space, as the lobe falls off to that
+    ray, or more, for reflections and scattering add to it; and the strongest pixel lies there. `shift` moves the columns, for the control.
+    """
+    import numpy as np
+    from PIL import Image
+
+    statement = json.loads((folder / "export.json").read_text())
+    fields = (folder / "gateway_info.yml").read_text().split("position:")[1].split("orientation:")
+    position, (x, y, z, w) = (np.array(json.loads(text.strip())) for text in fields)
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    lines = (folder / "tx_pos.csv").read_text().split()
+    insist(lines[0] == "x,y,z" and len(lines) == 1 + len(poses), f"{len(lines)} lines in tx_pos.csv")
+    places = np.array([[float(v) for v in line.split(",")] for line in lines[1:]])
+    insist(np.abs(places - np.array([pose[:3, 3] for pose in poses])).max() < 1e-9, "a transmitter is not where the platform was")
+    for name in ("train", "test"):
+        stems = (folder / f"{name}_index.txt").read_text().split()
+        insist([int(stem) - 1 for stem in stems] == header["split"][name], f"{name}_index.txt is not the split")
+    azimuth, elevation = np.meshgrid(np.radians(np.arange(1, 361)), np.radians(np.arange(1, 91)))
+    rays = np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], axis=-1)
+    low, high = statement["db_range"]["min_db"], statement["db_range"]["max_db"]
+    wavelength = 299_792_458.0 / statement["frequency_hz"]
+    kappa = np.radians(statement["lobe_width_deg"]) ** -2
+    in_front, near, misses = 0, 0, []
+    for index, place in enumerate(places):
+        picture = np.asarray(Image.open(folder / "spectrum" / f"{index + 1:05}.png"))
+        insist(picture.shape == (90, 360) and picture.dtype == np.uint8, f"spectrum {index + 1} is {picture.shape} {picture.dtype}")
+        picture = np.roll(picture, shift, axis=1)
+        way = rotation.T @ (place - position)
+        distance = np.linalg.norm(way)
+        if way[2] < np.sin(np.radians(3)) * distance:
+            continue
+        in_front += 1
+        angles = np.degrees(np.arccos((rays @ (way / distance)).clip(-1, 1)))
+        at = np.unravel_index(angles.argmin(), angles.shape)
+        near += angles[np.unravel_index(picture.argmax(), picture.shape)] < 2
+        if statement["spectrum"] == "mpc":
+            lobe = kappa / (2 * np.pi) * np.exp(-kappa * (1 - np.cos(np.radians(angles[at]))))
+            free_db = 20 * np.log10(wavelength / (4 * np.pi * distance)) + 10 * np.log10(lobe)
+            misses.append(low + (high - low) * picture[at] / 255 - free_db)
+    insist(in_front > 0, "no transmitter is in front of the array")
+    insist(near >= 0.9 * in_front, f"the strongest pixel is at the transmitter in {near} of {in_front} spectra")
+    told = ""
+    if misses:
+        miss = float(np.median(misses))
+        insist(abs(miss) < 0.5, f"the level at the transmitter is {miss:.2f} dB off free space")
+        told = f", its level {miss:+.2f} dB from free space (median)"
+    print(f"        the strongest pixel is at the transmitter in {near} of {in_front} spectra{told}")

@@ -8,6 +8,7 @@ and, of further exports (`tools/check_formats.sh data/mini` makes and checks the
 
     corf dataset export data/mini --to nerfstudio --out ns           # --nerfstudio ns
     corf dataset export data/mini --to rf-3dgs --out rf3             # --rf-3dgs rf3, with --numpy
+    corf dataset export data/mini --to nerf2 --scene scenes/lobby.toml --out nerf2         # --nerf2 nerf2
     corf paths scenes/room.toml --rx-trajectory 5 --out links.json
     corf paths scenes/room.toml --rx-trajectory 5 --format deepmimo --out room      # --deepmimo room --links links.json
 
@@ -27,7 +28,7 @@ that the archive has at its pixel.
 Of a run: plyfile reads the models, whose columns are INRIA's, with as many rows as run.json says. nerfstudio's and nerfbaselines' own loaders are asked
 where they are installed, and are named as skipped where they are not.
 
-`--nerfstudio`, `--rf-3dgs`: see check_exports.py; nerfstudio's dataparser is asked as well where it is installed. `--deepmimo`: deepmimo loads the scenario and computes
+`--nerfstudio`, `--rf-3dgs`, `--nerf2`: see check_exports.py; nerfstudio's dataparser is asked as well where it is installed. `--deepmimo`: deepmimo loads the scenario and computes
 channels, which are those of the paths: see check_channels.py. Scenes have checks of their own, each with the program that reads them: check_sionna.py (Sionna RT),
 check_light.py (Mitsuba 3); models on gsplat's rasteriser: compare_gsplat.py.
 
@@ -41,7 +42,7 @@ import sys
 from pathlib import Path
 
 from check_channels import check_deepmimo, controls, links
-from check_exports import check_nerfstudio_export, check_nerfstudio_reader, check_rf_3dgs_export
+from check_exports import check_nerf2_export, check_nerfstudio_export, check_nerfstudio_reader, check_rf_3dgs_export
 from format_rules import Failed, insist, project
 
 # Text files hold 17 digits; quaternions are normalised once more by readers.
@@ -59,6 +60,7 @@ def arguments():
     parser.add_argument("--numpy", type=Path, help="folder of corf dataset export --to numpy")
     parser.add_argument("--nerfstudio", type=Path, help="folder of corf dataset export --to nerfstudio")
     parser.add_argument("--rf-3dgs", type=Path, help="folder of corf dataset export --to rf-3dgs; needs --numpy")
+    parser.add_argument("--nerf2", type=Path, help="folder of corf dataset export --to nerf2")
     parser.add_argument("--deepmimo", type=Path, help="folder of corf paths --format deepmimo; needs --links")
     parser.add_argument("--links", type=Path, help="the same links of corf paths --format json")
     parser.add_argument("--controls", action="store_true", help="also make sure that shifted cameras and channels fail")
@@ -304,6 +306,11 @@ def check_folders(args, header, poses):
         results.append(check("RF-3DGS's folder by pycolmap", spectra))
         if args.controls:
             results.append(check("RF-3DGS's folder: a pixel off is noticed", lambda: fails(lambda: spectra(1))))
+    if args.nerf2:
+        results.append(check("NeRF²'s folder by its rules", lambda: check_nerf2_export(args.nerf2, header, poses)))
+        if args.controls:
+            shifted = lambda: check_nerf2_export(args.nerf2, header, poses, shift=5)
+            results.append(check("NeRF²'s folder: five degrees off are noticed", lambda: fails(shifted)))
     if args.deepmimo:
         truth = links(args.links)
         results.append(check("DeepMIMO's scenario", lambda: check_deepmimo(args.deepmimo, truth)))

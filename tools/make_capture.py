@@ -72,7 +72,7 @@ def scene(mi):
     """The room for Mitsuba."""
     import numpy as np
 
-    parts = {"type": "scene", "integrator": {"type": "path", "max_depth": 6}}
+    parts = {"type": "scene", "integrator": {"type": "path", "max_depth": 4}}
     for name, corner, a, b, dark, light, per_metre in rectangles():
         # Mitsuba's rectangle reaches from -1 to 1 in its own x and y.
         normal = np.cross(a, b)

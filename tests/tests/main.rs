@@ -15,6 +15,7 @@ mod depth_prior;
 mod determinism;
 mod docs;
 mod exchange;
+mod exports;
 #[cfg(feature = "slow")]
 mod faults_dataset;
 #[cfg(feature = "slow")]
