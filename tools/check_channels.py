@@ -73,7 +73,7 @@ def check_deepmimo(folder, truth):
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         loaded = deepmimo.load(folder.name, max_paths=most)
         deepmimo.summary(folder.name)
-    transmitters = list(loaded.datasets) if hasattr(loaded, "datasets") else [loaded]
+    transmitters = list(loaded.datasets) if isinstance(loaded, deepmimo.MacroDataset) else [loaded]
     insist(len(truth) % len(transmitters) == 0, f"{len(truth)} links of {len(transmitters)} transmitters")
     worst = {"dB": 0.0, "s": 0.0, "deg": 0.0, "of the amplitudes": 0.0, "m": 0.0}
     for tx, data in enumerate(transmitters):
@@ -105,10 +105,10 @@ def check_paths(data, users, worst):
         insist(data.los[user] == (int(direct) if paths else -1), f"user {user}: line of sight {data.los[user]}")
         for i, path in enumerate(paths):
             power = path["a"][0] ** 2 + path["a"][1] ** 2
-            worst["dB"] = max(worst["dB"], abs(data.power[user, i] - 10 * np.log10(power)))
-            worst["s"] = max(worst["s"], abs(data.delay[user, i] - path["tau"]))
+            worst["dB"] = max(worst["dB"], abs(float(data.power[user, i]) - 10 * np.log10(power)))
+            worst["s"] = max(worst["s"], abs(float(data.delay[user, i]) - path["tau"]))
             for name, angle in (("aoa_az", "phi_r"), ("aoa_el", "theta_r"), ("aod_az", "phi_t"), ("aod_el", "theta_t")):
-                off = data[name][user, i] - np.degrees(path[angle])
+                off = float(data[name][user, i]) - np.degrees(path[angle])
                 worst["deg"] = max(worst["deg"], abs((off + 180) % 360 - 180))
             digits = int("".join(str(DIGITS[flag]) for flag in path["interactions"]) or 0)
             insist(data.inter[user, i] == digits, f"path {i} of user {user} does {data.inter[user, i]} instead of {digits}")
@@ -142,7 +142,7 @@ def check_response(deepmimo, data, users, worst):
     for user, link in enumerate(users):
         gain = link.get("channel", {}).get("path_gain_coherent_db")
         if gain is not None:
-            worst["dB"] = max(worst["dB"], abs(loss[user] + gain))
+            worst["dB"] = max(worst["dB"], abs(float(loss[user]) + gain))
 
 
 def check_scene(data, users, worst):
@@ -156,5 +156,5 @@ def check_scene(data, users, worst):
     for user, link in enumerate(users):
         for i, path in enumerate(in_order(link["paths"])[:8]):
             for k, vertex in enumerate(path["vertices"]):
-                worst["m"] = max(worst["m"], np.abs(data.inter_pos[user, i, k] - vertex).max())
+                worst["m"] = max(worst["m"], np.abs(data.inter_pos[user, i, k].astype(float) - vertex).max())
                 worst["m"] = max(worst["m"], distance_to_triangles(data.inter_pos[user, i, k].astype(float), corners))

@@ -1,10 +1,6 @@
 //! Captures in, data sets out: what was exported comes back, and one modality by itself goes all the way.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{copy_folder, corf_ok, corf_refuses, text, tiny_dataset};
+use crate::common::{copy_folder, corf_ok, corf_refuses, text, tiny_dataset};
 use corf_scene::dataset::{Dataset, stem};
 use corf_scene::{Raster, Rigid3, io};
 use glam::{DMat3, DVec3};

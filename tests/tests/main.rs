@@ -26,6 +26,8 @@ mod faults_obj;
 mod faults_paths;
 #[cfg(feature = "slow")]
 mod implicit;
+#[cfg(feature = "slow")]
+mod import;
 mod import_circles;
 #[cfg(all(unix, feature = "slow"))]
 mod interrupt;
