@@ -4,6 +4,14 @@
     corf dataset export data/mini --to numpy --out npz
     .venv/bin/python tools/check_formats.py data/mini --run runs/a --numpy npz --controls
 
+and, of further exports (`tools/check_formats.sh data/mini` makes and checks them all):
+
+    corf dataset export data/mini --to nerfstudio --out ns           # --nerfstudio ns
+    corf dataset export data/mini --to rf-3dgs --out rf3             # --rf-3dgs rf3, with --numpy
+    corf dataset export data/mini --to nerf2 --scene scenes/lobby.toml --out nerf2         # --nerf2 nerf2
+    corf paths scenes/room.toml --rx-trajectory 5 --out links.json
+    corf paths scenes/room.toml --rx-trajectory 5 --format deepmimo --out room      # --deepmimo room --links links.json
+
 For every folder of a data set that other programs open (`optical/`, `rf/`):
 
 - COLMAP's own reader (pycolmap) gives the cameras, poses and names of dataset.json and trajectory.json. Every point of the model is found again: a training
@@ -11,6 +19,8 @@ For every folder of a data set that other programs open (`optical/`, `rf/`):
   intrinsics, or pixel centres elsewhere would each break this.
 - transforms.json, read by its rules (camera-to-world in OpenGL axes), projects all of these points to the same pixels.
 - the lists of RF-3DGS are those of dataset.json.
+- gsplat's parser (examples/datasets/colmap.py), by its rules: every image that trains has points with tracks, which its `load_depths` needs, and these are projected
+  into the image; its split by every eighth image is the data set's where that is what the data set has.
 
 `--numpy DIR`, as `corf dataset export --to numpy` writes it: images, peaks, poses and conventions are the data set's, and every point of the COLMAP model lies at the depth
 that the archive has at its pixel.
@@ -18,6 +28,10 @@ that the archive has at its pixel.
 Of a run: plyfile reads the models, whose columns are INRIA's, with as many rows as run.json says (tools/check_fields.py compares their numbers, and the other
 formats of fields). nerfstudio's and nerfbaselines' own loaders are asked
 where they are installed, and are named as skipped where they are not.
+
+`--nerfstudio`, `--rf-3dgs`, `--nerf2`: see check_exports.py; nerfstudio's dataparser is asked as well where it is installed. `--deepmimo`: deepmimo loads the scenario and computes
+channels, which are those of the paths: see check_channels.py. Scenes have checks of their own, each with the program that reads them: check_sionna.py (Sionna RT),
+check_light.py (Mitsuba 3); models on gsplat's rasteriser: compare_gsplat.py.
 
 Exit code 0: everything agrees; 1: something does not; 2: bad input.
 """
@@ -28,6 +42,10 @@ import json
 import sys
 from pathlib import Path
 
+from check_channels import check_deepmimo, controls, links
+from check_exports import check_nerf2_export, check_nerfstudio_export, check_nerfstudio_reader, check_rf_3dgs_export
+from format_rules import Failed, insist, project
+
 # Text files hold 17 digits; quaternions are normalised once more by readers.
 POSE_TOLERANCE = 1e-9
 # Points are written to a micrometre: at 0.2 m and 1500 pixels of focal length, less than this.
@@ -36,22 +54,22 @@ PIXEL_TOLERANCE = 0.02
 LEAST_FOUND = 0.999
 
 
-class Failed(Exception):
-    """Something does not agree."""
-
-
-def insist(holds, what):
-    if not holds:
-        raise Failed(what)
-
-
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("dataset", type=Path, help="folder of a data set")
     parser.add_argument("--run", type=Path, help="folder of a run of a method that trains Gaussians")
     parser.add_argument("--numpy", type=Path, help="folder of corf dataset export --to numpy")
-    parser.add_argument("--controls", action="store_true", help="also make sure that a shifted camera fails")
+    parser.add_argument("--nerfstudio", type=Path, help="folder of corf dataset export --to nerfstudio")
+    parser.add_argument("--rf-3dgs", type=Path, help="folder of corf dataset export --to rf-3dgs; needs --numpy")
+    parser.add_argument("--nerf2", type=Path, help="folder of corf dataset export --to nerf2")
+    parser.add_argument("--deepmimo", type=Path, help="folder of corf paths --format deepmimo; needs --links")
+    parser.add_argument("--links", type=Path, help="the same links of corf paths --format json")
+    parser.add_argument("--controls", action="store_true", help="also make sure that shifted cameras and channels fail")
     args = parser.parse_args()
+    if args.rf_3dgs and not args.numpy:
+        parser.error("--rf-3dgs is checked against the spectra of --numpy")
+    if bool(args.deepmimo) != bool(args.links):
+        parser.error("--deepmimo and --links belong together")
     if not (args.dataset / "dataset.json").is_file():
         parser.error(f"{args.dataset} holds no dataset.json")
     if args.numpy and not (args.numpy / "00001.npz").is_file():
@@ -68,17 +86,6 @@ def truth(dataset):
     header = json.loads((dataset / "dataset.json").read_text())
     keyframes = json.loads((dataset / "trajectory.json").read_text())["keyframes"]
     return header, [np.array(k["world_from_camera"]) for k in keyframes]
-
-
-def project(camera, world_from_camera, points):
-    """Image positions of points in OpenCV axes, and their depths."""
-    import numpy as np
-
-    local = (points - world_from_camera[:3, 3]) @ world_from_camera[:3, :3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u = camera["fx"] * local[:, 0] / local[:, 2] + camera["cx"]
-        v = camera["fy"] * local[:, 1] / local[:, 2] + camera["cy"]
-    return np.stack([u, v], axis=1), local[:, 2]
 
 
 def check_colmap(root, camera, poses, train, centred, shift_px=0.0):
@@ -142,6 +149,30 @@ def check_lists(root, split):
     for name in ("train", "test"):
         stems = (root / f"{name}_index.txt").read_text().split()
         insist(stems == [f"{i + 1:05}" for i in split[name]], f"{name}_index.txt is not the split")
+
+
+def check_gsplat(root, camera, split):
+    """What gsplat's parser and its `load_depths` make of the model."""
+    import numpy as np
+    import pycolmap
+
+    model = pycolmap.Reconstruction(str(root / "sparse/0"))
+    images = sorted(model.images.values(), key=lambda image: image.name)
+    every = [i for i in range(len(images)) if i % 8]
+    if split["test"] == [i for i in range(len(images)) if i % 8 == 0]:
+        insist(every == split["train"], "another split")
+    least = None
+    for index in split["train"]:
+        image = images[index]
+        points = np.array([model.points3D[p.point3D_id].xyz for p in image.points2D if p.has_point3D()])
+        insist(len(points), f"{image.name} has no point with a track: load_depths raises KeyError")
+        pose = np.eye(4)
+        pose[:3] = image.cam_from_world().inverse().matrix()
+        at, depth = project(camera, pose, points)
+        inside = (at >= 0).all(1) & (at[:, 0] < camera["width"]) & (at[:, 1] < camera["height"]) & (depth > 0)
+        insist(inside.all(), f"{(~inside).sum()} points of {image.name} lie outside of it")
+        least = min(least or len(points), len(points))
+    print(f"        {least} points or more in each of {len(split['train'])} images")
 
 
 def check_nerfstudio(root, camera, poses):
@@ -239,6 +270,57 @@ def check(name, test):
     return True
 
 
+def fails(test):
+    """Insists that a test which must fail does."""
+    try:
+        test()
+    except Failed:
+        return
+    raise Failed("it is not noticed")
+
+
+def check_folders(args, header, poses):
+    """Folders of exports, and of channels."""
+    import numpy as np
+
+    results = []
+    if args.nerfstudio:
+
+        def export(shift_px=0.0):
+            check_nerfstudio_export(args.nerfstudio, args.dataset, header, poses, shift_px)
+
+        results.append(check("nerfstudio's folder by its rules, points by plyfile", export))
+        if args.controls:
+            results.append(check("nerfstudio's folder: half a pixel off is noticed", lambda: fails(lambda: export(0.5))))
+        if importlib.util.find_spec("nerfstudio") is None:
+            print("skipped nerfstudio's own dataparser: nerfstudio is not installed")
+        else:
+            results.append(check("nerfstudio's own dataparser", lambda: check_nerfstudio_reader(args.nerfstudio, poses)))
+    if args.rf_3dgs:
+
+        def spectra(shift=0):
+            archives = [dict(np.load(args.numpy / f"{index + 1:05}.npz")) for index in range(len(poses))]
+            for archive in archives:
+                archive["spectrum"] = np.roll(archive["spectrum"], shift, axis=1)
+            check_rf_3dgs_export(args.rf_3dgs, header, poses, archives)
+
+        results.append(check("RF-3DGS's folder by pycolmap", spectra))
+        if args.controls:
+            results.append(check("RF-3DGS's folder: a pixel off is noticed", lambda: fails(lambda: spectra(1))))
+    if args.nerf2:
+        results.append(check("NeRF²'s folder by its rules", lambda: check_nerf2_export(args.nerf2, header, poses)))
+        if args.controls:
+            shifted = lambda: check_nerf2_export(args.nerf2, header, poses, shift=5)
+            results.append(check("NeRF²'s folder: five degrees off are noticed", lambda: fails(shifted)))
+    if args.deepmimo:
+        truth = links(args.links)
+        results.append(check("DeepMIMO's scenario", lambda: check_deepmimo(args.deepmimo, truth)))
+        if args.controls:
+            for what, changed in controls(truth):
+                results.append(check(f"DeepMIMO's scenario: {what} off is noticed", lambda: fails(lambda: check_deepmimo(args.deepmimo, changed))))
+    return results
+
+
 def main():
     args = arguments()
     header, poses = truth(args.dataset)
@@ -262,6 +344,9 @@ def main():
         if points:
             results.append(check(f"{root}: transforms.json", lambda: check_transforms(folder, camera, poses, points[0])))
         results.append(check(f"{root}: lists of RF-3DGS", lambda: check_lists(folder, split)))
+        # Points that came with a capture without their tracks are in no image.
+        if root == "optical" and "imported" not in header["header"]:
+            results.append(check(f"{root}: gsplat's rules", lambda: check_gsplat(folder, camera, split)))
         for module, test in (("nerfstudio", check_nerfstudio), ("nerfbaselines", check_nerfbaselines)):
             if importlib.util.find_spec(module) is None:
                 print(f"skipped {root}: {module} is not installed")
@@ -274,6 +359,7 @@ def main():
         results.append(check("NumPy archives", lambda: check_numpy(args.numpy, args.dataset, header, poses)))
     if args.run:
         results.append(check("models by plyfile", lambda: check_models(args.run)))
+    results += check_folders(args, header, poses)
     return 0 if all(results) else 1
 
 

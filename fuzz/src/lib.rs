@@ -8,6 +8,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod alloc;
+mod capture;
 pub mod mutate;
 pub mod run;
 pub mod target;

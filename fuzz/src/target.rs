@@ -1,5 +1,6 @@
 //! The parsers, each behind one function of bytes.
 
+use crate::capture;
 use anyhow::{Context, Result};
 use corf_scene::config::{DatasetConfig, SceneConfig, from_toml};
 use corf_scene::dataset::Dataset;
@@ -20,7 +21,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 18] = [
+pub const TARGETS: [Target; 24] = [
     Target { name: "gltf", read: gltf, mend: keep },
     Target { name: "glb", read: gltf, mend: glb_lengths },
     Target { name: "obj", read: obj, mend: keep },
@@ -39,6 +40,12 @@ pub const TARGETS: [Target; 18] = [
     Target { name: "record-json", read: record, mend: keep },
     Target { name: "field-json", read: field, mend: keep },
     Target { name: "receivers", read: receivers, mend: keep },
+    Target { name: "colmap-text", read: capture::colmap_text, mend: keep },
+    Target { name: "colmap-binary", read: capture::colmap_binary, mend: keep },
+    Target { name: "transforms-json", read: capture::transforms, mend: keep },
+    Target { name: "rf-3dgs-lists", read: capture::rf_3dgs_lists, mend: keep },
+    Target { name: "spectrum-npy", read: capture::spectrum_npy, mend: keep },
+    Target { name: "spectrum-png", read: capture::spectrum_png, mend: png_checksums },
 ];
 
 /// No parser: it fails in every way that is to be found, and shows that it is. It runs by name alone.
@@ -97,7 +104,7 @@ fn png_checksums(bytes: &mut [u8]) {
 }
 
 /// An input's files: what stands before the first separator, between it and the next, and so on.
-fn parts<const N: usize>(bytes: &[u8]) -> [&[u8]; N] {
+pub(crate) fn parts<const N: usize>(bytes: &[u8]) -> [&[u8]; N] {
     let mut rest = bytes;
     std::array::from_fn(|_| match rest.windows(SEPARATOR.len()).position(|w| w == SEPARATOR) {
         Some(at) => {
@@ -110,7 +117,7 @@ fn parts<const N: usize>(bytes: &[u8]) -> [&[u8]; N] {
 }
 
 /// Writes an input to a file of the folder.
-fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf> {
+pub(crate) fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf> {
     let path = folder.join(name);
     std::fs::write(&path, bytes)?;
     Ok(path)

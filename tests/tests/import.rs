@@ -1,10 +1,6 @@
 //! Captures in, data sets out: what was exported comes back, and one modality by itself goes all the way.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-
-use common::{copy_folder, corf_ok, corf_refuses, text, tiny_dataset};
+use crate::common::{copy_folder, corf_ok, corf_refuses, text, tiny_dataset};
 use corf_scene::dataset::{Dataset, stem};
 use corf_scene::{Raster, Rigid3, io};
 use glam::{DMat3, DVec3};
@@ -166,7 +162,8 @@ fn light_alone_goes_the_whole_way_and_has_no_number_of_radio() {
     let (measured, depth) = (folder.path().join("measured"), optical.join("depth"));
     corf_ok(&["dataset", "import", text(&optical), "--from", "colmap", "--depth", text(&depth), "--out", text(&measured)]);
     let (record, table, views) = the_whole_way(&measured, folder.path(), &["--set", "depth.prior=\"exact\""]);
-    assert!(record["uses_ground_truth_depth"].as_bool().unwrap());
+    assert!(record["uses_ground_truth_depth"].as_bool().unwrap() && record["depth_imported"].as_bool().unwrap());
+    assert!(table.contains("imported capture") && !table.contains("ray tracer"), "{table}");
     let numbers = numbers(&record);
     assert!(
         numbers.contains(&"psnr_opt") && !numbers.iter().any(|k| k.contains("rf") || k.contains("db") || k.contains("beam")),

@@ -17,6 +17,7 @@ mod depth_prior;
 mod determinism;
 mod docs;
 mod exchange;
+mod exports;
 #[cfg(feature = "slow")]
 mod faults_dataset;
 #[cfg(feature = "slow")]
@@ -28,6 +29,8 @@ mod faults_paths;
 mod fields;
 #[cfg(feature = "slow")]
 mod implicit;
+#[cfg(feature = "slow")]
+mod import;
 mod import_circles;
 #[cfg(all(unix, feature = "slow"))]
 mod interrupt;

@@ -181,6 +181,7 @@ impl Maker {
             lpips_weights: input.networks.sha256(),
             device: self.device,
             uses_ground_truth_depth: self.uses_ground_truth_depth,
+            depth_imported: self.uses_ground_truth_depth && dataset.header().imported.is_some(),
             clock: self.clock.to_owned(),
             outcome,
         }

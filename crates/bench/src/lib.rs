@@ -18,6 +18,7 @@ mod lobby;
 pub mod method;
 pub mod methods;
 pub mod metrics;
+pub mod nerf2_set;
 pub mod numbers;
 pub mod oidn;
 pub mod paper;

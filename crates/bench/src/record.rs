@@ -66,8 +66,11 @@ pub struct Record {
     pub lpips_weights: BTreeMap<String, String>,
     /// Device the method ran on.
     pub device: String,
-    /// Whether the method read ground-truth depth through the simulated monocular prior.
+    /// Whether the method read the data set's depth, as it is or through the simulated monocular prior: the ray tracer's own, but for `depth_imported`.
     pub uses_ground_truth_depth: bool,
+    /// Whether the depth that was read came with an imported capture, and is as true as whatever measured it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub depth_imported: bool,
     /// Description of the interval that the clock measured ([`CLOCK`]).
     pub clock: String,
     /// Results, or the reason why there are none.

@@ -171,6 +171,14 @@ pub fn encode_png(image: &Raster<[u8; 3]>) -> Result<Vec<u8>> {
     png_bytes(image.pixels().as_flattened(), image.width(), image.height(), image::ColorType::Rgb8)
 }
 
+/// Encodes 8-bit grey as PNG.
+///
+/// # Errors
+/// An image without pixels.
+pub fn encode_png8(image: &Raster<u8>) -> Result<Vec<u8>> {
+    png_bytes(image.pixels(), image.width(), image.height(), image::ColorType::L8)
+}
+
 /// Encodes 16-bit grey as PNG.
 ///
 /// # Errors

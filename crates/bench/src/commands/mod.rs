@@ -20,6 +20,7 @@ mod evaluate;
 mod export_light;
 mod field;
 mod paths;
+mod paths_scenario;
 mod reconstruct;
 mod render;
 mod scene;

@@ -1,10 +1,11 @@
 //! `corf paths`: propagation paths between points, what a link makes of them, and their export.
 
-use super::{Verdict, print};
+use super::{Verdict, paths_scenario, print};
 use crate::interrupt;
 pub(super) use crate::link::Point;
 use crate::link::{Grid, LinkArgs, LinkSetup, receivers};
 use crate::progress::Progress;
+use crate::run::claim_fresh;
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use corf_raytrace::radio::channel::{
@@ -61,11 +62,11 @@ pub struct Paths {
     /// Subcarriers of the frequency response.
     #[arg(long, value_name = "N", default_value_t = 64, requires = "bandwidth")]
     subcarriers: usize,
-    /// Output: paths with link statistics, Sionna RT's arrays, or DeepMIMO's matrices.
+    /// Output: paths with link statistics, Sionna RT's arrays, DeepMIMO's matrices, or a scenario that DeepMIMO loads.
     #[arg(long, value_enum, default_value_t = Format::Json)]
     format: Format,
-    /// Output file; without it, standard output. `.npz` for `npz` and, if wished, `sionna`.
-    #[arg(long, value_name = "FILE")]
+    /// Output file; without it, standard output. `.npz` for `npz` and, if wished, `sionna`; a new folder for `deepmimo`, the scenario's name.
+    #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
 }
 
@@ -78,6 +79,8 @@ enum Format {
     Sionna,
     /// DeepMIMO's matrices, one archive.
     Npz,
+    /// A scenario folder of DeepMIMO 4, which forms channels of it: paths of single elements with their first ports, the scene, its materials.
+    Deepmimo,
 }
 
 /// Result of tracing: paths and diffuse arrivals of each link.
@@ -92,6 +95,9 @@ impl Paths {
     /// # Errors
     /// A scene that cannot be read or traced, a transmitter at the receiver, an end inside of a body.
     pub fn run(self) -> Result<Verdict> {
+        if self.format == Format::Deepmimo {
+            return self.scenario();
+        }
         let archive = self.out.as_ref().is_some_and(|p| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz")));
         match (self.format, &self.out) {
             (Format::Npz, Some(_)) if archive => {}
@@ -124,12 +130,29 @@ impl Paths {
             Format::Json => self.json(&setup, &traced, subcarriers)?.into_bytes(),
             Format::Sionna if archive => encode_npz(&sionna_arrays(&traced.set))?,
             Format::Sionna => serde_json::to_string(&sionna_json(&traced.set))?.into_bytes(),
-            Format::Npz => encode_npz(&self.deepmimo(&setup, &traced, subcarriers))?,
+            // A scenario is a folder, written above.
+            Format::Npz | Format::Deepmimo => encode_npz(&self.deepmimo(&setup, &traced, subcarriers))?,
         };
         match &self.out {
             Some(path) => io::write_atomic(path, &bytes)?,
             None => print(&String::from_utf8_lossy(&bytes))?,
         }
+        Ok(Verdict::Done)
+    }
+
+    /// Traces and writes a scenario folder.
+    fn scenario(&self) -> Result<Verdict> {
+        let out = paths_scenario::name(self.out.as_deref())?;
+        if self.bandwidth.is_some() {
+            let help = "leave it out, and give compute_channels the band: ChannelParameters(ofdm={\"bandwidth\": …})";
+            return Err(Error::invalid("--bandwidth", "DeepMIMO forms the channel itself", help).into());
+        }
+        let mut setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
+        setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
+        paths_scenario::check(&setup)?;
+        let _held = claim_fresh(out)?;
+        let traced = self.trace(&setup, &DiffuseSettings::default())?;
+        paths_scenario::write(&setup, &traced.set, out)?;
         Ok(Verdict::Done)
     }
 

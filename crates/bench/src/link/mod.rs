@@ -300,7 +300,7 @@ impl LinkSetup {
     }
 
     /// Tracer settings for a transmit array.
-    fn radio_settings(&self, tx_array: &AntennaArray) -> RadioSettings {
+    pub fn radio_settings(&self, tx_array: &AntennaArray) -> RadioSettings {
         RadioSettings {
             frequency_hz: self.config.radio.frequency_hz,
             max_depth: self.link.max_depth,

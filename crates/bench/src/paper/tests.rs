@@ -31,6 +31,7 @@ fn record_of(row: &str, method: &str, config: serde_json::Value, seed: u64, psnr
         lpips_weights: Default::default(),
         device: "gpu | x".to_owned(),
         uses_ground_truth_depth: true,
+        depth_imported: false,
         clock: String::new(),
         outcome: Outcome::Done(Box::new(numbers)),
     }

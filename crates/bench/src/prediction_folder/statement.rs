@@ -32,7 +32,7 @@ pub struct Statement {
     /// Device that it ran on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
-    /// Whether the ray tracer's depth was read (the points of `sparse/0/points3D.txt` are made from it).
+    /// Whether the data set's depth was read, the ray tracer's or a capture's (the points of `sparse/0/points3D.txt` are made from it).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub uses_ground_truth_depth: Option<bool>,
     /// SHA-256 of the data set's `dataset.json`.

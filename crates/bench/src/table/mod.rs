@@ -41,8 +41,10 @@ pub struct Row<'a> {
     pub done: Vec<(u64, &'a Numbers)>,
     /// Failed cells: seed and error.
     pub failed: Vec<(u64, &'a str)>,
-    /// Whether any cell read ground-truth depth.
-    pub uses_ground_truth_depth: bool,
+    /// Whether any cell read the ray tracer's depth.
+    pub traced_depth: bool,
+    /// Whether any cell read depth that came with an imported capture.
+    pub imported_depth: bool,
     /// Evaluation protocol.
     pub protocol: Protocol,
     /// Whether any cell's dataset was not checked against its recorded hashes.
@@ -64,7 +66,8 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
                     config: &record.config,
                     done: Vec::new(),
                     failed: Vec::new(),
-                    uses_ground_truth_depth: false,
+                    traced_depth: false,
+                    imported_depth: false,
                     protocol: record.split,
                     unverified: false,
                     stated: false,
@@ -74,7 +77,8 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
         };
         row.stated |= record.method == PREDICTIONS;
         row.unverified |= !record.dataset_verified;
-        row.uses_ground_truth_depth |= record.uses_ground_truth_depth;
+        row.traced_depth |= record.uses_ground_truth_depth && !record.depth_imported;
+        row.imported_depth |= record.depth_imported;
         match &record.outcome {
             Outcome::Done(numbers) => row.done.push((record.seed, numbers)),
             Outcome::Failed { error } => row.failed.push((record.seed, error)),

@@ -54,8 +54,15 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
         Some(Protocol::Segment) => note.push_str(" A contiguous segment of the trajectory was held out."),
         Some(Protocol::Test) | None => {}
     }
-    if let Some(depth) = named(rows, |r| r.uses_ground_truth_depth) {
+    if let Some(depth) = named(rows, |r| r.traced_depth) {
         let _ = write!(note, " The ray tracer's depth (through the simulated monocular prior, or as it is) used by: {depth}.");
+    }
+    if let Some(depth) = named(rows, |r| r.imported_depth) {
+        let _ = write!(
+            note,
+            " Depth that came with the imported capture, as true as whatever measured it (through the simulated monocular prior, or as it is) used by: \
+             {depth}."
+        );
     }
     if let Some(unverified) = named(rows, |r| r.unverified) {
         let _ = write!(note, " Dataset files not checked against their recorded SHA-256: {unverified}.");

@@ -36,6 +36,7 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
         lpips_weights: BTreeMap::new(),
         device: String::new(),
         uses_ground_truth_depth: row == "full",
+        depth_imported: false,
         clock: String::new(),
         outcome: Outcome::Done(Box::new(numbers)),
     }
@@ -80,6 +81,18 @@ fn unchecked_datasets_are_told() {
     assert!(!markdown(&rows(&records), &short_columns()).contains("SHA-256"));
     records[1].dataset_verified = false;
     assert!(markdown(&rows(&records), &short_columns()).contains("recorded SHA-256: fast."));
+}
+
+#[test]
+fn depth_is_said_to_be_the_ray_tracers_or_a_captures() {
+    let mut records = [record("full", 1, 18.0), record("measured", 1, 17.0), record("none", 1, 16.0)];
+    (records[1].uses_ground_truth_depth, records[1].depth_imported) = (true, true);
+    let rows = rows(&records);
+    let note = note(&rows.iter().collect::<Vec<_>>(), &short_columns());
+    let sentences: Vec<&str> = note.split(". ").filter(|s| s.contains("used by")).collect();
+    assert_eq!(sentences.len(), 2, "{note}");
+    assert!(sentences[0].contains("ray tracer's depth") && sentences[0].ends_with("used by: full"), "{note}");
+    assert!(sentences[1].contains("imported capture") && sentences[1].contains("used by: measured"), "{note}");
 }
 
 #[test]

@@ -171,6 +171,14 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
     Ok(Capture { shots, points: sparse.points, lists: None, spectra: None, files, notes: Vec::new() })
 }
 
+/// The points of a `points3D.txt`, in its order.
+///
+/// # Errors
+/// A file that is missing or not of the format.
+pub(crate) fn read_points(path: &Path) -> Result<Vec<ColoredPoint>> {
+    text::points(path)
+}
+
 const HELP: &str = "the images of a capture lie in one folder: give it with --images";
 
 #[cfg(test)]

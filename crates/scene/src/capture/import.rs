@@ -41,6 +41,16 @@ pub fn import<E: From<Error> + Send>(
     Ok(ImportReport { notes: plan.header.imported.map(|i| i.notes).unwrap_or_default(), findings })
 }
 
+/// Reads all of a capture as [`import`] does, and writes nothing; how many keyframes there are.
+///
+/// # Errors
+/// Those of [`import`], but for what only writing can find.
+pub fn examine(options: &ImportOptions) -> Result<usize> {
+    let plan = Plan::of(options)?;
+    (0..plan.shots.len()).try_for_each(|i| frame(&plan, i, options).map(drop))?;
+    Ok(plan.shots.len())
+}
+
 /// Everything of one keyframe.
 fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<FrameData> {
     let (shot, header) = (&plan.shots[index], &plan.header);

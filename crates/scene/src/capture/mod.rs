@@ -24,7 +24,8 @@ mod rf_3dgs;
 mod spectra;
 mod split;
 
-pub use import::{ImportReport, import};
+pub(crate) use colmap::read_points;
+pub use import::{ImportReport, examine, import};
 pub use options::{Format, ImportOptions, RfCamera, RfValues, SplitRule, Up};
 
 use crate::Rigid3;

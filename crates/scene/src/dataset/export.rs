@@ -117,7 +117,7 @@ pub(super) fn files(
         ("sparse/0/points3D.txt", points_txt(poses.len(), points)),
         // Without it nerfbaselines cannot choose between the model and transforms.json.
         ("nb-info.json", "{\"loader\": \"colmap\"}\n".to_owned()),
-        ("transforms.json", transforms_json(&modality.camera, poses, split)?),
+        ("transforms.json", transforms_json(&modality.camera, poses, [&split.train, &split.test], None)?),
         ("train_index.txt", stems(&split.train)),
         ("test_index.txt", stems(&split.test)),
     ])
@@ -180,20 +180,38 @@ fn points_txt(images: usize, points: &[SeenPoint]) -> String {
     text
 }
 
+/// Files that a transforms.json names beside images.
+pub(crate) struct Besides<'a> {
+    /// Point cloud.
+    pub points: &'a str,
+    /// 16-bit depth of a keyframe, millimetres; none without depth.
+    pub depth: Option<fn(usize) -> String>,
+}
+
 /// transforms.json: world_from_camera in OpenGL axes (y up, z backward: columns 1 and 2 negated); no `camera_model`, whose names no
 /// two readers agree on, and no reorientation of a world that is z-up already.
-fn transforms_json(c: &Pinhole, poses: &[TrajectoryPose], split: &SplitLists) -> Result<String> {
+pub(crate) fn transforms_json(
+    c: &Pinhole,
+    poses: &[TrajectoryPose],
+    [train, test]: [&[usize]; 2],
+    besides: Option<&Besides<'_>>,
+) -> Result<String> {
     let name = |i: usize| format!("images/{}.png", layout::stem(i));
+    let depth = besides.and_then(|b| b.depth);
     let frames: Vec<serde_json::Value> = poses
         .iter()
         .map(|p| {
             let rows = p.world_from_camera.to_rows().map(|[a, b, c, d]| [a, -b, -c, d]);
-            json!({ "file_path": name(p.index), "transform_matrix": rows })
+            let mut frame = json!({ "file_path": name(p.index), "transform_matrix": rows });
+            if let Some(depth) = depth {
+                frame["depth_file_path"] = json!(depth(p.index));
+            }
+            frame
         })
         .collect();
     let names = |list: &[usize]| list.iter().map(|i| name(*i)).collect::<Vec<String>>();
-    let test = names(&split.test);
-    to_json(&json!({
+    let test = names(test);
+    let mut file = json!({
         "w": c.width,
         "h": c.height,
         "fl_x": c.fx,
@@ -202,8 +220,12 @@ fn transforms_json(c: &Pinhole, poses: &[TrajectoryPose], split: &SplitLists) ->
         "cy": c.cy,
         "orientation_override": "none",
         "frames": frames,
-        "train_filenames": names(&split.train),
+        "train_filenames": names(train),
         "val_filenames": test,
         "test_filenames": test,
-    }))
+    });
+    if let Some(besides) = besides {
+        file["ply_file_path"] = json!(besides.points);
+    }
+    to_json(&file)
 }

@@ -32,12 +32,14 @@ mod writer;
 
 pub use conventions::{Conventions, EQUIRECTANGULAR_AXES};
 pub use export::ColoredPoint;
+pub(crate) use export::{Besides, transforms_json};
 pub use header::{DATASET_SCHEMA, DatasetHeader, Imported, MaterialRecord, Quantity, SamplingError, StatedSplit, Summary};
 pub use identity::check_finished;
 pub use layout::stem;
 pub use numpy::keyframe_npz;
 pub use reader::Dataset;
 pub use validate::validate;
+pub(crate) use writer::millimetres;
 pub use writer::{DatasetWriter, FrameData};
 
 #[cfg(test)]

@@ -52,7 +52,7 @@ impl FrameData {
 }
 
 /// A depth for a 16-bit image: whole millimetres, 0 where there is none or where it is too far to be written.
-fn millimetres(depth_m: f32) -> u16 {
+pub(crate) fn millimetres(depth_m: f32) -> u16 {
     let millimetres = (1e3 * depth_m).round();
     if millimetres <= f32::from(u16::MAX) { millimetres as u16 } else { 0 }
 }

@@ -15,7 +15,7 @@ fn code(kind: InteractionKind) -> u32 {
 }
 
 /// The matrices of one transmitter (index `tx` of the set) and all receivers ("users"), float32 as DeepMIMO stores them; `NaN` where a
-/// user has fewer paths. Paths are sorted by falling power.
+/// user has fewer paths. The line of sight comes first, where DeepMIMO looks for it, then paths by falling power.
 ///
 /// | name | shape | unit |
 /// |---|---|---|
@@ -43,7 +43,10 @@ pub fn deepmimo_arrays(set: &PathSet<'_>, tx: usize) -> Vec<Array> {
     let mut vertices = vec![f32::NAN; users * n * depth * 3];
     for user in 0..users {
         let mut paths: Vec<&Path> = set.paths(user, tx).iter().collect();
-        paths.sort_by(|a, b| b.power().total_cmp(&a.power()));
+        paths.sort_by(|a, b| {
+            let behind = |p: &Path| !p.interactions.is_empty();
+            behind(a).cmp(&behind(b)).then(b.power().total_cmp(&a.power()))
+        });
         for (i, path) in paths.iter().enumerate() {
             let slot = user * n + i;
             for (matrix, value) in matrices.iter_mut().zip(columns) {

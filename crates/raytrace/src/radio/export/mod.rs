@@ -1,9 +1,11 @@
 //! Path sets as arrays under the names other tools know.
 
 mod deepmimo;
+mod scenario;
 mod sionna;
 
 pub use deepmimo::deepmimo_arrays;
+pub use scenario::deepmimo_scenario;
 pub use sionna::{sionna_arrays, sionna_json};
 
 use super::{AntennaArray, Path};

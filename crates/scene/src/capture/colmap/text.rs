@@ -98,7 +98,7 @@ fn image(line: &str, path: &Path, number: usize) -> Result<Image> {
     })
 }
 
-fn points(path: &Path) -> Result<Vec<ColoredPoint>> {
+pub(super) fn points(path: &Path) -> Result<Vec<ColoredPoint>> {
     let mut points = Vec::new();
     for (line, text) in lines(&io::read_text(path)?) {
         let fields: Vec<&str> = text.split_whitespace().take(7).collect();

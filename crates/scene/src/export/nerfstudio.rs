@@ -1,0 +1,82 @@
+//! A data set's light as nerfstudio reads it: images, depth in millimetres, and points to start from.
+//!
+//! ```text
+//! transforms.json          cameras, poses, lists of the split, `ply_file_path`, and `depth_file_path` of every frame where there is depth
+//! images/00001.png         8-bit sRGB
+//! depths/00001_depth.png   16 bits, whole millimetres along the optical axis; 0 where there is none, and beyond 65.535 m
+//! sparse_pc.ply            the points of the data set's COLMAP model: `double x y z`, `uchar red green blue`
+//! ```
+//!
+//! A data set's own `optical/transforms.json` names neither points nor depth: a PLY in that folder would be taken for Gaussians by other
+//! readers, and depth in millimetres would be there twice.
+
+use super::{File, FolderExport};
+use crate::capture::read_points;
+use crate::dataset::{Besides, ColoredPoint, Dataset, millimetres, stem, transforms_json};
+use crate::{Error, Result, io};
+
+/// Name of the point cloud, nerfstudio's own.
+const POINTS: &str = "sparse_pc.ply";
+
+/// Path of a keyframe's depth. It does not end as the image's does: some readers match images by the end of their path.
+fn depth_path(index: usize) -> String {
+    format!("depths/{}_depth.png", stem(index))
+}
+
+/// The export of a data set.
+#[derive(Debug)]
+pub struct Nerfstudio<'d> {
+    dataset: &'d Dataset,
+    whole: Vec<File>,
+}
+
+impl<'d> Nerfstudio<'d> {
+    /// Prepares the export.
+    ///
+    /// # Errors
+    /// A data set without images; points that cannot be read.
+    pub fn new(dataset: &'d Dataset) -> Result<Self> {
+        if !dataset.modalities().light {
+            let help = "nerfstudio opens its folder rf/ as it is";
+            return Err(Error::invalid(dataset.dir().display().to_string(), "the data set has no images", help));
+        }
+        let points = read_points(&dataset.dir().join("optical/sparse/0/points3D.txt"))?;
+        let besides = Besides { points: POINTS, depth: dataset.has_depth().then_some(depth_path as fn(usize) -> String) };
+        let split = [dataset.train_indices(), dataset.test_indices()];
+        let transforms = transforms_json(&dataset.optical_camera(), dataset.poses(), split, Some(&besides))?;
+        let whole = vec![(POINTS.to_owned(), cloud(&points)), ("transforms.json".to_owned(), transforms.into_bytes())];
+        Ok(Self { dataset, whole })
+    }
+}
+
+impl FolderExport for Nerfstudio<'_> {
+    fn keyframe(&self, index: usize) -> Result<Vec<File>> {
+        let keyframe = self.dataset.keyframe(index)?;
+        let mut files = vec![(format!("images/{}.png", stem(index)), io::encode_png(&keyframe.image)?)];
+        if self.dataset.has_depth()
+            && let Some(depth) = &keyframe.depth_m
+        {
+            files.push((depth_path(index), io::encode_png16(&depth.map(|d| millimetres(*d)))?));
+        }
+        Ok(files)
+    }
+
+    fn whole(&self) -> Vec<File> {
+        self.whole.clone()
+    }
+}
+
+/// Coloured points as little-endian binary PLY.
+fn cloud(points: &[ColoredPoint]) -> Vec<u8> {
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
+        points.len()
+    )
+    .into_bytes();
+    for point in points {
+        bytes.extend(point.position.to_array().iter().flat_map(|v| v.to_le_bytes()));
+        bytes.extend(point.color);
+    }
+    bytes
+}

@@ -1,0 +1,158 @@
+//! A data set of light and radio as one folder for RF-3DGS: images, spectra as Jet pictures, and one COLMAP model for both.
+//!
+//! ```text
+//! images/00001.png     8-bit sRGB
+//! spectrum/00001.png   Jet, 8 bits, over the data set's range of decibels
+//! sparse/0/{cameras,images,points3D}.txt, train_index.txt, test_index.txt
+//! ```
+//!
+//! RF-3DGS trains first on `images/`, then with `--images spectrum` on the spectra. It has one camera for both, that of the model, and takes from it the
+//! field of view alone: pictures may have any number of pixels, but they must show one frame. Spectra of a data set often show more above and below
+//! than its images; they are then resampled to the images' frame, bilinearly in linear power, at their own number of columns. Nothing else may be lost:
+//! where the images show more than the spectra, the export is refused, and RF-3DGS is to be given the folders `optical/` and `rf/`.
+
+use super::{File, FolderExport};
+use crate::dataset::{Dataset, stem};
+use crate::{Error, Finding, Pinhole, Raster, Result, Severity, io};
+
+/// Difference of two frames, in pixels of the spectrum, that is rounding.
+const SAME_FRAME_PX: f64 = 1e-6;
+
+/// The export of a data set.
+#[derive(Debug)]
+pub struct Rf3dgs<'d> {
+    dataset: &'d Dataset,
+    camera: Pinhole,
+    resampled: bool,
+    whole: Vec<File>,
+}
+
+impl<'d> Rf3dgs<'d> {
+    /// Prepares the export.
+    ///
+    /// # Errors
+    /// A data set without images or without spectra; images that show more than the spectra; files that cannot be read.
+    pub fn new(dataset: &'d Dataset) -> Result<Self> {
+        let place = || dataset.dir().display().to_string();
+        if !dataset.modalities().are_both() {
+            let help = "RF-3DGS opens the folder that there is, optical/ or rf/, as it is";
+            return Err(Error::invalid(place(), "the data set has not both images and spectra", help));
+        }
+        let (optical, rf) = (dataset.optical_camera(), dataset.rf_camera());
+        let camera = in_frame_of(&optical, &rf);
+        let corners = [(0.0, 0.0), (camera.width as f64, camera.height as f64)];
+        let seen = corners.map(|(x, y)| {
+            let ray = camera.unproject(x, y);
+            [rf.fx * ray.x + rf.cx, rf.fy * ray.y + rf.cy]
+        });
+        let inside = seen.iter().all(|[x, y]| {
+            (-SAME_FRAME_PX..=rf.width as f64 + SAME_FRAME_PX).contains(x)
+                && (-SAME_FRAME_PX..=rf.height as f64 + SAME_FRAME_PX).contains(y)
+        });
+        if !inside {
+            let what = "the images show directions of which the spectra know nothing, and RF-3DGS has one camera for both";
+            let help = "give RF-3DGS the folders optical/ and rf/ of the data set, which it opens as they are";
+            return Err(Error::invalid(place(), what, help));
+        }
+        let size = [rf.width as f64, rf.height as f64];
+        let off = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+        let resampled = camera.height != rf.height || off(seen[0], [0.0; 2]).max(off(seen[1], size)) > SAME_FRAME_PX;
+        let whole = ["sparse/0/cameras.txt", "sparse/0/images.txt", "sparse/0/points3D.txt", "train_index.txt", "test_index.txt"]
+            .into_iter()
+            .map(|name| Ok((name.to_owned(), io::read(dataset.dir().join("optical").join(name))?)))
+            .collect::<Result<_>>()?;
+        Ok(Self { dataset, camera, resampled, whole })
+    }
+}
+
+impl FolderExport for Rf3dgs<'_> {
+    fn keyframe(&self, index: usize) -> Result<Vec<File>> {
+        let keyframe = self.dataset.keyframe(index)?;
+        let resampled = self.resampled.then(|| resample(&keyframe.spectrum, &self.dataset.rf_camera(), &self.camera));
+        let jet = self.dataset.db_range().jet_image(resampled.as_ref().unwrap_or(&keyframe.spectrum));
+        Ok(vec![
+            (format!("images/{}.png", stem(index)), io::encode_png(&keyframe.image)?),
+            (format!("spectrum/{}.png", stem(index)), io::encode_png(&jet)?),
+        ])
+    }
+
+    fn whole(&self) -> Vec<File> {
+        self.whole.clone()
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        let (rf, c) = (self.dataset.rf_camera(), &self.camera);
+        let what = format!("resampled from {}x{} to {}x{} pixels, the frame of images/", rf.width, rf.height, c.width, c.height);
+        let help = "the data set's own folder rf/ has them as they are; RF-3DGS opens it as well";
+        let finding = Finding::new(Severity::Note, "spectrum/", what, help);
+        self.resampled.then_some(finding).into_iter().collect()
+    }
+}
+
+/// The camera that shows what `frame` shows, with as many columns as `rf` and pixels about square.
+fn in_frame_of(frame: &Pinhole, rf: &Pinhole) -> Pinhole {
+    let x = rf.width as f64 / frame.width as f64;
+    let height = ((frame.height as f64 * x * frame.fx / frame.fy).round() as usize).max(1);
+    let y = height as f64 / frame.height as f64;
+    Pinhole { width: rf.width, height, fx: x * frame.fx, fy: y * frame.fy, cx: x * frame.cx, cy: y * frame.cy }
+}
+
+/// Linear power at the centres of the pixels of `to`, bilinear between the centres of those of `from`; at its border their own.
+fn resample(spectrum: &Raster<f32>, from: &Pinhole, to: &Pinhole) -> Raster<f32> {
+    let mut out = Raster::filled(to.width, to.height, 0.0);
+    let last = [spectrum.width() - 1, spectrum.height() - 1];
+    for y in 0..to.height {
+        for x in 0..to.width {
+            let ray = to.unproject(x as f64 + 0.5, y as f64 + 0.5);
+            let at = [from.fx * ray.x + from.cx - 0.5, from.fy * ray.y + from.cy - 0.5];
+            let at = [0, 1].map(|k| at[k].clamp(0.0, last[k] as f64));
+            let near = at.map(|v| v.floor() as usize);
+            let share = [0, 1].map(|k| at[k] - near[k] as f64);
+            let far = [0, 1].map(|k| (near[k] + 1).min(last[k]));
+            let value = |x: usize, y: usize| f64::from(spectrum[(x, y)]);
+            let row = |y: usize| (1.0 - share[0]) * value(near[0], y) + share[0] * value(far[0], y);
+            out[(x, y)] = ((1.0 - share[1]) * row(near[1]) + share[1] * row(far[1])) as f32;
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RF: Pinhole = Pinhole { width: 48, height: 32, fx: 24.0, fy: 24.0, cx: 24.0, cy: 16.0 };
+
+    #[test]
+    fn the_frame_of_the_images_is_kept_in_the_columns_of_the_spectra() {
+        let wide = Pinhole { width: 1600, height: 900, fx: 800.0, fy: 800.0, cx: 800.0, cy: 450.0 };
+        let camera = in_frame_of(&wide, &RF);
+        assert_eq!((camera.width, camera.height, camera.fx, camera.cx, camera.cy), (48, 27, 24.0, 24.0, 13.5));
+        assert_eq!(in_frame_of(&RF, &RF), RF);
+        // Pixels that are not square stay in the frame.
+        let tall = Pinhole { fy: 400.0, ..wide };
+        assert_eq!(in_frame_of(&tall, &RF).height, 54);
+    }
+
+    #[test]
+    fn a_plane_of_power_is_resampled_to_itself() {
+        // Linear in the picture plane, so linear between pixels.
+        let plane = |camera: &Pinhole, x: usize, y: usize| {
+            let ray = camera.unproject(x as f64 + 0.5, y as f64 + 0.5);
+            3.0 + ray.x - 2.0 * ray.y
+        };
+        let mut spectrum = Raster::filled(RF.width, RF.height, 0.0);
+        for y in 0..RF.height {
+            for x in 0..RF.width {
+                spectrum[(x, y)] = plane(&RF, x, y) as f32;
+            }
+        }
+        let to = Pinhole { width: 40, height: 20, fx: 24.0, fy: 24.0, cx: 19.0, cy: 11.0 };
+        let out = resample(&spectrum, &RF, &to);
+        for y in 0..to.height {
+            for x in 0..to.width {
+                assert!((f64::from(out[(x, y)]) - plane(&to, x, y)).abs() < 1e-6, "{x} {y}");
+            }
+        }
+    }
+}

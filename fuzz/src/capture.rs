@@ -1,0 +1,104 @@
+//! Readers of captures that others' programs made: the input is a file of one, and the rest of it is as it should be.
+
+use crate::target::{parts, put};
+use anyhow::Result;
+use corf_scene::capture::{self, Format, ImportOptions, RfCamera};
+use corf_scene::dataset::stem;
+use corf_scene::keyframe::DbRange;
+use corf_scene::{Raster, io};
+use std::path::Path;
+
+/// Size of the pictures, pixels.
+const SIZE: (usize, usize) = (4, 3);
+const CAMERAS: &str = "1 PINHOLE 4 3 2 2 2 1.5\n";
+const IMAGES: &str = "1 1 0 0 0 0 0 0 1 a.png\n\n2 1 0 0 0 -1 0 0 1 b.png\n\n";
+const POINTS: &str = "1 0 0 2 9 9 9 0\n";
+
+/// Puts the two pictures that all corpora name into a folder, once.
+fn pictures(folder: &Path, name: &str) -> Result<()> {
+    for (i, picture) in ["a.png", "b.png"].iter().enumerate() {
+        let path = folder.join(name).join(picture);
+        if !path.exists() {
+            io::write_png(path, &Raster::from_fn(SIZE.0, SIZE.1, |x, y| [(60 * x + 20 * y + i) as u8; 3]))?;
+        }
+    }
+    Ok(())
+}
+
+/// Reads a capture. A number of keyframes that is none is as bad as a panic.
+fn examine(options: &ImportOptions) -> Result<()> {
+    let count = capture::examine(options)?;
+    assert!(count > 0 && stem(count - 1).len() >= 5, "a capture of {count} keyframes");
+    Ok(())
+}
+
+fn colmap(bytes: &[u8], folder: &Path, ending: &str) -> Result<()> {
+    pictures(folder, "images")?;
+    std::fs::create_dir_all(folder.join("sparse/0"))?;
+    let files: [&[u8]; 3] = parts(bytes);
+    for (name, content) in ["cameras", "images", "points3D"].iter().zip(files) {
+        put(folder, &format!("sparse/0/{name}.{ending}"), content)?;
+    }
+    examine(&ImportOptions::new(Format::Colmap, folder))
+}
+
+pub(crate) fn colmap_text(bytes: &[u8], folder: &Path) -> Result<()> {
+    colmap(bytes, folder, "txt")
+}
+
+pub(crate) fn colmap_binary(bytes: &[u8], folder: &Path) -> Result<()> {
+    colmap(bytes, folder, "bin")
+}
+
+pub(crate) fn transforms(bytes: &[u8], folder: &Path) -> Result<()> {
+    pictures(folder, "images")?;
+    put(folder, "transforms.json", bytes)?;
+    examine(&ImportOptions { ignore_masks: true, ..ImportOptions::new(Format::Nerfstudio, folder) })
+}
+
+/// A whole COLMAP model of the two pictures.
+fn model(folder: &Path) -> Result<()> {
+    if !folder.join("sparse/0/points3D.txt").exists() {
+        std::fs::create_dir_all(folder.join("sparse/0"))?;
+        for (name, content) in [("cameras", CAMERAS), ("images", IMAGES), ("points3D", POINTS)] {
+            put(folder, &format!("sparse/0/{name}.txt"), content.as_bytes())?;
+        }
+    }
+    pictures(folder, "images")
+}
+
+const LEVELS: DbRange = DbRange { min_db: -110.0, max_db: -40.0 };
+
+pub(crate) fn rf_3dgs_lists(bytes: &[u8], folder: &Path) -> Result<()> {
+    model(folder)?;
+    pictures(folder, "spectrum")?;
+    let [train, test] = parts(bytes);
+    put(folder, "train_index.txt", train)?;
+    put(folder, "test_index.txt", test)?;
+    examine(&ImportOptions { rf_db: Some(LEVELS), ..ImportOptions::new(Format::Rf3dgs, folder) })
+}
+
+/// Both pictures with one spectrum.
+fn spectrum(bytes: &[u8], folder: &Path, ending: &str) -> Result<()> {
+    model(folder)?;
+    let spectra = folder.join("spectra");
+    std::fs::create_dir_all(&spectra)?;
+    for name in ["a", "b"] {
+        put(&spectra, &format!("{name}.{ending}"), bytes)?;
+    }
+    let options = ImportOptions::new(Format::Colmap, folder);
+    examine(&ImportOptions {
+        rf: Some(spectra),
+        rf_camera: Some(RfCamera::HorizontalFovDeg(90.0)),
+        rf_db: (ending == "png").then_some(LEVELS),
+        ..options
+    })
+}
+
+pub(crate) fn spectrum_npy(bytes: &[u8], folder: &Path) -> Result<()> {
+    spectrum(bytes, folder, "npy")
+}
+
+pub(crate) fn spectrum_png(bytes: &[u8], folder: &Path) -> Result<()> {
+    spectrum(bytes, folder, "png")
+}

@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# Makes every export of a data set and of its scene's links in a scratch folder, and has check_formats.py read them with the programs that they are for.
+#
+#     tools/check_formats.sh DATASET SCENE.toml [RUN]        (corf from target/release or $CORF; Python with tools/requirements-formats.txt from $PYTHON)
+set -euo pipefail
+dataset=$1 scene=$2 run=${3:-}
+corf=${CORF:-target/release/corf} python=${PYTHON:-python3}
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+for form in numpy nerfstudio rf-3dgs; do
+    "$corf" dataset export "$dataset" --to "$form" --out "$scratch/$form"
+done
+"$corf" dataset export "$dataset" --to nerf2 --scene "$scene" --out "$scratch/nerf2"
+links=("$scene" --rx-trajectory 5)
+"$corf" paths "${links[@]}" --out "$scratch/links.json"
+"$corf" paths "${links[@]}" --format deepmimo --out "$scratch/links"
+"$python" "$(dirname "$0")/check_formats.py" "$dataset" ${run:+--run "$run"} --numpy "$scratch/numpy" --nerfstudio "$scratch/nerfstudio" \
+    --rf-3dgs "$scratch/rf-3dgs" --nerf2 "$scratch/nerf2" --deepmimo "$scratch/links" --links "$scratch/links.json" --controls
