@@ -3,7 +3,6 @@
 use crate::common::*;
 use std::fs;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 fn files(folder: &Path) -> usize {
     fs::read_dir(folder).map_or(0, Iterator::count)
