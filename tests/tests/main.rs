@@ -30,6 +30,8 @@ mod import_circles;
 mod interrupt;
 mod links;
 #[cfg(feature = "slow")]
+mod live;
+#[cfg(feature = "slow")]
 mod lpips;
 mod mitsuba;
 #[cfg(feature = "slow")]

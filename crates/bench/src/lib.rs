@@ -14,6 +14,7 @@ pub mod input;
 pub mod interrupt;
 pub mod json;
 pub mod link;
+pub mod live;
 mod lobby;
 pub mod method;
 pub mod methods;

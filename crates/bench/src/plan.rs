@@ -178,6 +178,9 @@ impl Plan {
         if plan.seeds.is_empty() || plan.rows.is_empty() {
             bail!("a plan needs at least one seed and one [[row]]");
         }
+        if plan.protocol == Protocol::All {
+            bail!("protocol = \"all\" leaves no keyframe to evaluate\n  help: choose \"test\", \"validation\" or \"segment\"");
+        }
         if plan.segment && plan.protocol != Protocol::Test {
             bail!("segment = true belongs to protocol = \"test\": the segment's keyframes are test keyframes too");
         }

@@ -46,6 +46,9 @@ pub enum DepthPriorKind {
     /// The ray tracer's depth as it is, neither aligned nor matched: the row that says what better depth could bring. Consumes ground truth,
     /// and every result says so.
     Exact,
+    /// The keyframe's own depth, as a sensor measured it, neither aligned nor matched; a keyframe that brings none is treated as with `none`.
+    /// Results say that they used the data set's depth.
+    Measured,
     /// Maps that are there already, one a keyframe, of any network's making: `depth.folder`.
     Folder,
     /// Depth-Anything-V2 with the user's weights: `depth.weights`.
@@ -392,9 +395,9 @@ impl ReconstructionConfig {
         field
     }
 
-    /// Whether the dense prior reads the ray tracer's depth: every result made with it says so.
+    /// Whether the dense prior reads the depth that keyframes bring, which is the ray tracer's or a sensor's: every result made with it says so.
     pub fn consumes_ground_truth_depth(&self) -> bool {
-        matches!(self.depth.prior, DepthPriorKind::Simulated | DepthPriorKind::Exact)
+        matches!(self.depth.prior, DepthPriorKind::Simulated | DepthPriorKind::Exact | DepthPriorKind::Measured)
     }
 }
 
