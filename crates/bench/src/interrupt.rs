@@ -34,7 +34,9 @@ pub fn listen() -> Result<()> {
     ctrlc::set_handler(|| {
         if ENDS_INPUT.swap(false, Ordering::SeqCst) {
             INPUT_ENDED.store(true, Ordering::SeqCst);
-            note!("\nno further input is taken; what has arrived is worked off, then the result is finished (again to stop without one)");
+            note!(
+                "\nno further input is taken; what has arrived is worked off, then the result is finished (again to stop without one)"
+            );
             return;
         }
         if INTERRUPTED.swap(true, Ordering::SeqCst) {

@@ -53,7 +53,6 @@ impl Follow<'_> {
         let description = described(folder)?;
         let overrides = live_overrides(&self.overrides, &description)?;
         let method = CorfGs::new(self.method, &overrides, &self.backend)?;
-        write_atomic(out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
         let mut session = Session::open(SessionOptions {
             folder,
             run: out,
@@ -63,6 +62,7 @@ impl Follow<'_> {
             strict: self.strict,
             collected: method.collected(),
         })?;
+        write_atomic(out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
         interrupt::let_first_end_input(true);
         note!("following {}: {} on {}", folder.display(), self.method, method.device());
         session.wait_for_first()?;

@@ -1,9 +1,8 @@
 //! Arrivals: a thread that looks into the live folder, stamps what has landed, and reads it.
 
-use super::log::EndedBy;
 use super::order::Order;
+use super::outcome::{EndedBy, WhenBehind};
 use corf_scene::live::{END, LiveDescription, LiveFrame, POSES, number_of};
-use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,17 +16,6 @@ const POLL: Duration = Duration::from_millis(8);
 const REVISIT: Duration = Duration::from_secs(1);
 /// Keyframes that are read ahead of their turn; more would only take memory.
 const READ_AHEAD: usize = 8;
-
-/// What happens to keyframes that come faster than they are taken.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum WhenBehind {
-    /// They wait, all of them, in order; the result does not depend on when they came.
-    #[default]
-    Queue,
-    /// The latest one waits and takes the place of those before it, which are left out, named and counted.
-    Drop,
-}
 
 /// A keyframe that has been read.
 pub(super) struct Arrival {
@@ -221,7 +209,8 @@ impl<'a> Receiver<'a> {
             } else {
                 None
             };
-            self.look();
+            // And the last look is a thorough one.
+            self.look(end.is_some());
             if self.shared.abandoned.load(Ordering::SeqCst) {
                 return;
             }
@@ -238,12 +227,12 @@ impl<'a> Receiver<'a> {
         }
     }
 
-    /// Finds pose files that are new, or that were written again.
-    fn look(&mut self) {
+    /// Finds pose files that are new and, now and then or where `thorough`, that were written again.
+    fn look(&mut self, thorough: bool) {
         let folder = self.shared.dir.join(POSES);
         // It may not be there yet.
         let Ok(entries) = std::fs::read_dir(&folder) else { return };
-        let revisit = self.revisited.elapsed() >= REVISIT;
+        let revisit = thorough || self.revisited.elapsed() >= REVISIT;
         if revisit {
             self.revisited = Instant::now();
         }

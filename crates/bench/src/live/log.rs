@@ -1,6 +1,7 @@
 //! A line for everything that happens to a keyframe, on standard error and in `live.jsonl`, and the record of the whole.
 
-use super::inbox::{Notice, Tally, WhenBehind};
+use super::inbox::{Notice, Tally};
+use super::outcome::{EndedBy, WhenBehind};
 use crate::note;
 use anyhow::{Context, Result};
 use corf::{KeyframeTiming, LatencySummary, Percentiles};
@@ -15,28 +16,6 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 const FILE: &str = "live.jsonl";
 /// Waiting keyframes from which on it is said that the device is behind; said again at every doubling.
 const BEHIND: usize = 4;
-
-/// Why a live run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum EndedBy {
-    /// The file `end`.
-    Marker,
-    /// Ctrl-C.
-    Interrupt,
-    /// The live folder is no longer there.
-    FolderGone,
-}
-
-impl EndedBy {
-    fn words(self) -> &'static str {
-        match self {
-            Self::Marker => "the file `end`",
-            Self::Interrupt => "an interrupt",
-            Self::FolderGone => "the live folder is gone",
-        }
-    }
-}
 
 /// Where the depths of the keyframes came from: number of keyframes of each kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -59,6 +38,7 @@ pub struct LiveRecord {
     /// Why it ended.
     pub ended_by: EndedBy,
     /// Keyframes that were announced, if any were.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub announced: Option<usize>,
     /// Keyframes that landed, whatever became of them.
     pub arrived: usize,
@@ -72,9 +52,11 @@ pub struct LiveRecord {
     pub refused: Vec<[String; 2]>,
     /// The most keyframes that waited at once, those included that are collected at the beginning.
     pub longest_queue: usize,
-    /// Keyframes that landed per second between the first and the last.
+    /// Keyframes that landed per second between the first and the last, where these were seen at different times.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub arrivals_per_second: Option<f64>,
     /// Keyframes per second of expansion and training: what the device can take.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub capacity_per_second: Option<f64>,
     /// Time from arrival to the end of a keyframe's training.
     pub latency: Percentiles,

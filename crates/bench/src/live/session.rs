@@ -1,7 +1,8 @@
 //! A live reconstruction's side of the folder: numbers keyframes as a data set does, holds some out, and keeps record.
 
-use super::inbox::{Arrival, Inbox, WhenBehind};
+use super::inbox::{Arrival, Inbox};
 use super::log::{LiveRecord, Log, Trained};
+use super::outcome::WhenBehind;
 use super::recorder::{Entry, Recorder};
 use crate::interrupt;
 use crate::split::{Protocol, Role};

@@ -208,9 +208,7 @@ impl Dataset {
     /// # Errors
     /// A file that is no regular file of the dataset.
     pub fn files_of(&self, index: usize) -> Result<[Option<PathBuf>; 3]> {
-        let path = |name: String| {
-            self.file.files.contains_key(&name).then(|| own_file(&self.dir, &name)).transpose()
-        };
+        let path = |name: String| self.file.files.contains_key(&name).then(|| own_file(&self.dir, &name)).transpose();
         Ok([path(layout::image(index))?, path(layout::spectrum(index))?, path(layout::depth(index))?])
     }
 

@@ -74,7 +74,9 @@ impl CorfGs {
         };
         loop {
             live.receive(session)?;
-            session.begin();
+            if live.reconstructor.waiting() > 0 {
+                session.begin();
+            }
             if live.reconstructor.process()?.is_some() {
                 live.tell(session, advance)?;
             } else if session.is_over() {
