@@ -23,6 +23,7 @@ pub mod numbers;
 pub mod oidn;
 pub mod paper;
 pub mod plan;
+pub mod poses;
 pub mod prediction_folder;
 pub mod predictions;
 pub mod progress;
@@ -39,6 +40,7 @@ pub mod stats;
 pub mod suite;
 pub mod sweep;
 pub mod table;
+pub mod video;
 pub mod workload;
 
 pub use corf_scene::bounds;
