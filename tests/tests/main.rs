@@ -14,6 +14,7 @@ mod depth_prior;
 #[cfg(feature = "slow")]
 mod determinism;
 mod docs;
+mod doppler;
 mod exchange;
 #[cfg(feature = "slow")]
 mod faults_dataset;
@@ -38,7 +39,10 @@ mod mitsuba;
 mod predictions;
 #[cfg(feature = "slow")]
 mod protocols;
+mod questions;
 #[cfg(feature = "slow")]
 mod report;
 mod spectra;
+#[cfg(feature = "slow")]
+mod views;
 mod whole_way;

@@ -8,6 +8,7 @@ pub mod coverage_picture;
 mod decades;
 pub mod device;
 pub mod escape;
+pub mod explain;
 pub mod generate;
 pub mod harness;
 pub mod input;

@@ -2,10 +2,11 @@
 
 use anyhow::{Result, bail};
 use corf_scene::dataset::Dataset;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Part of the keyframes that an evaluation may look at. Constants are chosen under `validation`; what is published is under `test` and `segment`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Protocol {
     /// Every `test_every`-th keyframe is left out altogether; of the rest, those half-way between two of them are evaluated and the others train.

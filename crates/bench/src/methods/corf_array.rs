@@ -13,7 +13,8 @@ use corf::{KeyframeTiming, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
-use corf_scene::{Raster, Rigid3};
+use corf_scene::{Pinhole, Raster, Rigid3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -24,7 +25,7 @@ use std::time::Instant;
 const FIELD: &str = "array";
 
 /// Configuration of `corf-array`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CorfArrayConfig {
     /// Light: keys of `corf-gs`, table `light` of the overrides.
     pub light: CorfGsConfig,
@@ -265,6 +266,10 @@ impl Predictor for ArrayPredictor {
         self.light.gaussians()
     }
 
+    fn set_optical_camera(&mut self, camera: Pinhole) -> Result<()> {
+        self.light.set_optical_camera(camera)
+    }
+
     fn save(&self, run: &Path) -> Result<()> {
         self.radio.write(&run.join(FIELD))?;
         self.light.save(run)
@@ -277,8 +282,8 @@ mod tests {
     use corf::array::Wave;
     use corf_raytrace::radio::{Arrival, PlanarArray};
     use corf_raytrace::spectrum::SpectrumSettings;
+    use corf_scene::Rng;
     use corf_scene::model::world_from_array;
-    use corf_scene::{Pinhole, Rng};
     use glam::DVec3;
 
     /// Arrivals from everywhere, with their waves where the array is let see them.

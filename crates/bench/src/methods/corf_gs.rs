@@ -15,11 +15,12 @@ use corf::{Device, Reconstructor};
 use corf_scene::keyframe::Modalities;
 pub use live::live_overrides;
 use online::{Keeper, Online};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::ops::ControlFlow;
 
 /// Configuration of the four CORF-GS rows.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CorfGsConfig {
     /// Epochs of offline fine-tuning after the last keyframe (paper: "iterations" of the fine-tuning table).
     pub fine_tune_epochs: usize,

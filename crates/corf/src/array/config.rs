@@ -1,10 +1,11 @@
 //! Settings of the radio field.
 
 use crate::{Error, Result};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Settings of an [`ArrayTrainer`](super::ArrayTrainer).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArrayConfig {
     /// Steps per keyframe.
