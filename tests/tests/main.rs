@@ -16,6 +16,7 @@ mod depth_prior;
 #[cfg(feature = "slow")]
 mod determinism;
 mod docs;
+mod doppler;
 mod exchange;
 mod exports;
 #[cfg(feature = "slow")]
@@ -36,13 +37,18 @@ mod import_circles;
 mod interrupt;
 mod links;
 #[cfg(feature = "slow")]
+mod live;
+#[cfg(feature = "slow")]
 mod lpips;
 mod mitsuba;
 #[cfg(feature = "slow")]
 mod predictions;
 #[cfg(feature = "slow")]
 mod protocols;
+mod questions;
 #[cfg(feature = "slow")]
 mod report;
 mod spectra;
+#[cfg(feature = "slow")]
+mod views;
 mod whole_way;

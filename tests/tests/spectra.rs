@@ -94,3 +94,31 @@ fn a_dataset_holds_every_view_it_is_asked_for() {
     corf_refuses(&["dataset", "generate", text(&config), "--out", text(&other)], &["attic", "tiny.toml: transmitter"]);
     assert!(!other.exists());
 }
+
+#[test]
+fn several_transmitters_are_seen_from_one_pose() {
+    let folder = tempfile::tempdir().unwrap();
+    let extra = "[transmitters.left]\nposition_m = [1.0, 4.0, 2.0]\n[transmitters.right]\nposition_m = [5.0, 4.0, 2.0]\n";
+    let scene = room_with_pillar(folder.path(), [1.0, 1.0, 2.0], extra);
+    let out = |name: &str| folder.path().join(name);
+    let spectra = |name: &str, more: &[&str]| -> serde_json::Value {
+        let folder = out(name);
+        let arguments =
+            ["spectrum", text(&scene), "--rx", "4,1,1.5", "--out", text(&folder), "--size", "24x16", "--no-diffuse", "--json"];
+        serde_json::from_str(&corf_ok(&[&arguments[..], more].concat())).unwrap()
+    };
+    let towards = ["--towards", "3,4,2"];
+    let both = spectra("both", &[&towards[..], &["--transmitter", "left", "--transmitter", "right"]].concat());
+    for (number, name) in ["left", "right"].into_iter().enumerate() {
+        let alone = spectra(name, &[&towards[..], &["--transmitter", name]].concat());
+        assert_eq!(both["transmitters"][number], alone, "{name}");
+        let file = |folder: std::path::PathBuf| fs::read(folder.join("mpc.exr")).unwrap();
+        assert!(file(out("both").join(format!("tx{number}"))) == file(out(name)), "{name}");
+    }
+    assert_eq!(both["names"], serde_json::json!(["left", "right"]));
+    let refused = out("refused");
+    let arguments =
+        ["spectrum", text(&scene), "--rx", "4,1,1.5", "--out", text(&refused), "--transmitter", "left", "--transmitter", "right"];
+    corf_refuses(&arguments, &["--towards"]);
+    corf_refuses(&[&arguments[..], &["--transmitter", "rigth", "--towards", "3,4,2"]].concat(), &["did you mean \"right\"?"]);
+}

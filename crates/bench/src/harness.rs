@@ -13,7 +13,7 @@ use corf::depth::DepthQuality;
 use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::Keyframe;
 use corf_scene::dataset::Dataset;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A finished reconstruction and what the clock says of it.
 pub struct Reconstruction {
@@ -78,12 +78,24 @@ pub fn reconstruct(
     check_training(method, dataset, split)?;
     let training = TrainingSet::new(dataset, split);
     training.read_ahead();
+    clocked(|advance| method.reconstruct(&training, seed, advance), &|| training.loading_time(), watch)
+}
+
+/// Runs a reconstruction on the harness's clock; `idle` is the time so far that is none of its work.
+///
+/// # Errors
+/// The reconstruction's.
+pub fn clocked(
+    work: impl FnOnce(&mut dyn FnMut(Advance<'_>) -> Result<()>) -> Result<Box<dyn Predictor>>,
+    idle: &dyn Fn() -> Duration,
+    watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
+) -> Result<Reconstruction> {
     reset_peak_memory();
     let (mut curve, mut keyframes, mut depth) = (Vec::new(), Vec::new(), None);
     let (mut stages, mut resumed_steps) = (Vec::new(), 0);
     let start = Instant::now();
-    let predictor = method.reconstruct(&training, seed, &mut |advance: Advance<'_>| {
-        let seconds = (start.elapsed().saturating_sub(training.loading_time())).as_secs_f64();
+    let predictor = work(&mut |advance: Advance<'_>| {
+        let seconds = (start.elapsed().saturating_sub(idle())).as_secs_f64();
         curve.push(CurvePoint {
             seconds,
             progress: advance.done as f64 / advance.total.max(1) as f64,
@@ -97,7 +109,7 @@ pub fn reconstruct(
         resumed_steps = advance.resumed_steps.max(resumed_steps);
         watch(advance)
     })?;
-    let seconds = (start.elapsed().saturating_sub(training.loading_time())).as_secs_f64();
+    let seconds = (start.elapsed().saturating_sub(idle())).as_secs_f64();
     let peak_memory_bytes = peak_memory_bytes();
     Ok(Reconstruction { predictor, seconds, curve, peak_memory_bytes, keyframes, depth, stages, resumed_steps })
 }
@@ -120,6 +132,7 @@ pub fn evaluate(
     split: &Split,
     mut look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
 ) -> Result<Vec<FrameMetrics>> {
+    split.check_held_out()?;
     let evaluator = Evaluator::of(input);
     let mut frames = Vec::new();
     for truth in held_out(&input.dataset, split) {
@@ -142,6 +155,7 @@ pub fn evaluate_folder(
     split: &Split,
     mut look: impl FnMut(&Keyframe, Halves<'_>) -> Result<()>,
 ) -> Result<(Vec<FrameMetrics>, Vec<String>)> {
+    split.check_held_out()?;
     let (dataset, evaluator) = (&input.dataset, Evaluator::of(input));
     let (mut frames, mut tally) = (Vec::new(), Tally::default());
     for truth in held_out(dataset, split) {

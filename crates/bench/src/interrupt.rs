@@ -7,6 +7,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// Whether the next interrupt ends the input alone.
+static ENDS_INPUT: AtomicBool = AtomicBool::new(false);
+/// Whether an interrupt has ended the input.
+static INPUT_ENDED: AtomicBool = AtomicBool::new(false);
 
 /// Time that the current unit of work has to end after an interrupt.
 const GRACE: Duration = Duration::from_secs(2);
@@ -28,6 +32,13 @@ pub const EXIT_CODE: u8 = 130;
 /// When a handler is installed already.
 pub fn listen() -> Result<()> {
     ctrlc::set_handler(|| {
+        if ENDS_INPUT.swap(false, Ordering::SeqCst) {
+            INPUT_ENDED.store(true, Ordering::SeqCst);
+            note!(
+                "\nno further input is taken; what has arrived is worked off, then the result is finished (again to stop without one)"
+            );
+            return;
+        }
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
             end_now();
         }
@@ -52,6 +63,16 @@ fn end_now() -> ! {
     }
     #[cfg(not(unix))]
     std::process::exit(i32::from(EXIT_CODE))
+}
+
+/// Says whether the next Ctrl-C is to end the input of a command that takes some without end, and not the command.
+pub fn let_first_end_input(yes: bool) {
+    ENDS_INPUT.store(yes, Ordering::SeqCst);
+}
+
+/// Whether Ctrl-C has ended the input.
+pub fn input_ended() -> bool {
+    INPUT_ENDED.load(Ordering::SeqCst)
 }
 
 /// Whether to stop; called between units of work.

@@ -1,28 +1,14 @@
 //! The `corf` command. Exit codes: 0 done, 1 a check failed, 2 the input was bad, 130 interrupted.
 
 use clap::Parser;
-use corf_bench::commands::{Command, Verdict};
-use corf_bench::{bounds, interrupt, note};
+use corf_bench::commands::{Arguments, Verdict};
+use corf_bench::{interrupt, note};
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 /// Keyframe after keyframe takes and frees tens of megabytes on many threads: from the system they cost a fault a page, each time.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
-/// Reconstruct what a room looks like to a radio at 60 GHz, from keyframes of a camera and an 8×8 array.
-#[derive(Parser)]
-#[command(name = "corf", version, arg_required_else_help = true)]
-struct Arguments {
-    /// Print results as JSON on standard output (progress stays on standard error).
-    #[arg(long, global = true)]
-    json: bool,
-    /// Worker threads (default: one per core).
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=bounds::MAX_THREADS))]
-    threads: Option<u64>,
-    #[command(subcommand)]
-    command: Command,
-}
 
 /// The allocator's option that says after how many milliseconds freed memory goes back to the system, which its bindings do not name.
 const PURGE_DELAY: libmimalloc_sys::mi_option_t = 15;

@@ -3,7 +3,7 @@
 
 use crate::metrics::Prediction;
 use crate::split::Split;
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use corf::KeyframeTiming;
 use corf::depth::DepthQuality;
 use corf_scene::config::{ReceiverConfig, SpectrumKind};
@@ -295,6 +295,16 @@ pub trait Predictor {
     /// Gaussians in the field, for methods that have them.
     fn gaussians(&self) -> Option<usize> {
         None
+    }
+
+    /// Changes the camera that images are predicted for from now on; spectra keep theirs.
+    ///
+    /// # Errors
+    /// A method that predicts the data set's images alone; a camera without pixels.
+    fn set_optical_camera(&mut self, _camera: Pinhole) -> Result<()> {
+        bail!(
+            "this method predicts images of the data set's camera alone\n  help: leave --size and --fov out, or use a run of corf-gs or rf-3dgs"
+        )
     }
 
     /// Writes the field into a run folder, for `corf render` and `corf evaluate`.

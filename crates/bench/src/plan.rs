@@ -2,11 +2,12 @@
 
 use crate::split::Protocol;
 use anyhow::{Context, Result, bail};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// A plan file.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
     /// Name of the comparison.
@@ -33,7 +34,7 @@ pub struct Plan {
 }
 
 /// A row of a plan.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlanRow {
     /// Label in the table.
@@ -53,11 +54,12 @@ pub struct PlanRow {
     pub seeds: Option<usize>,
     /// Overrides of the method's configuration.
     #[serde(default)]
+    #[schemars(with = "serde_json::Map<String, serde_json::Value>")]
     pub config: toml::Table,
 }
 
 /// Where the numbers of a row come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RowKind {
     /// A method of this program, which is run.
@@ -177,6 +179,9 @@ impl Plan {
         let plan: Self = toml::from_str(text)?;
         if plan.seeds.is_empty() || plan.rows.is_empty() {
             bail!("a plan needs at least one seed and one [[row]]");
+        }
+        if plan.protocol == Protocol::All {
+            bail!("protocol = \"all\" leaves no keyframe to evaluate\n  help: choose \"test\", \"validation\" or \"segment\"");
         }
         if plan.segment && plan.protocol != Protocol::Test {
             bail!("segment = true belongs to protocol = \"test\": the segment's keyframes are test keyframes too");

@@ -5,8 +5,10 @@
 //! RUN/run.json      method, configuration, seed, dataset, time, curve (written last: a run without it is not finished)
 //! RUN/*.ply         the field (CORF-GS, RF-3DGS), and the points that RF-3DGS began with
 //! RUN/metrics.json  written by `corf evaluate`
+//! RUN/live.jsonl    what became of every keyframe, RUN/dataset the keyframes themselves (`corf reconstruct --follow`)
 //! ```
 
+use crate::live::LiveRecord;
 use crate::method::StageTime;
 use crate::provenance::Provenance;
 use crate::record::CurvePoint;
@@ -75,6 +77,9 @@ pub struct RunInfo {
     /// Steps that came from a checkpoint of an interrupted run, for methods that work in steps: time, memory and curve are of what followed.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub resumed_steps: usize,
+    /// What came of the keyframes of a live folder, where they came from one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub live: Option<LiveRecord>,
     /// Timing of each keyframe.
     #[serde(default)]
     pub keyframe_timings: Vec<KeyframeTiming>,

@@ -47,13 +47,13 @@ fn describe(name: &str, schema: &Value, out: &mut String) {
 }
 
 /// A description in one line of a table.
-fn text(schema: &Value) -> String {
+pub(crate) fn text(schema: &Value) -> String {
     let words: Vec<&str> = schema["description"].as_str().unwrap_or_default().split_whitespace().collect();
     words.join(" ").replace('|', "\\|")
 }
 
 /// The type of a key, in words.
-fn kind(schema: &Value) -> String {
+pub(crate) fn kind(schema: &Value) -> String {
     let named = |reference: &str| reference.rsplit('/').next().unwrap_or(reference).to_owned();
     if let Some(reference) = schema["$ref"].as_str() {
         return named(reference);

@@ -1,11 +1,12 @@
 //! The configuration of a reconstruction. Defaults are those of `corf-gs`; the paper's own values are in parentheses where they differ.
 
 use crate::{Appearance, Error, Gaussians, Result, target::RfTarget};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// Sampling rule for the pixels of a keyframe that spawn new Gaussians.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sampling {
     /// Sampling with the probability `max(P − P̃, 0)` of paper Eqs. (13)–(15).
@@ -15,7 +16,7 @@ pub enum Sampling {
 }
 
 /// Coupling of the two modalities in training.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Coupling {
     /// Both losses shape the shared geometry in every step (paper Eq. (21)).
@@ -27,7 +28,7 @@ pub enum Coupling {
 }
 
 /// The RF opacity a second stage starts from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SecondStageOpacity {
     /// The opacity light has learnt, as RF-3DGS does.
@@ -37,7 +38,7 @@ pub enum SecondStageOpacity {
 }
 
 /// Source of the dense depth prior, before it is aligned and refined.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum DepthPriorKind {
@@ -46,6 +47,9 @@ pub enum DepthPriorKind {
     /// The ray tracer's depth as it is, neither aligned nor matched: the row that says what better depth could bring. Consumes ground truth,
     /// and every result says so.
     Exact,
+    /// The keyframe's own depth, as a sensor measured it, neither aligned nor matched; a keyframe that brings none is treated as with `none`.
+    /// Results say that they used the data set's depth.
+    Measured,
     /// Maps that are there already, one a keyframe, of any network's making: `depth.folder`.
     Folder,
     /// Depth-Anything-V2 with the user's weights: `depth.weights`.
@@ -56,7 +60,7 @@ pub enum DepthPriorKind {
 
 /// Quantity in the maps of `depth.folder`. All are aligned to triangulated depths, since metric networks too err in scale; metric maps are
 /// used unaligned only where too little was triangulated to align them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FolderKind {
     /// Inverse depth up to scale and offset, larger where nearer: MiDaS, Depth-Anything.
@@ -70,7 +74,7 @@ pub enum FolderKind {
 }
 
 /// Error level of the simulated depth prior (γ, λ and κ of `depth::prior`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PriorPreset {
     /// AbsRel about 0.04 after alignment.
@@ -82,7 +86,7 @@ pub enum PriorPreset {
 }
 
 /// The configuration of a [`crate::Reconstructor`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ReconstructionConfig {
     /// Joint, or one of the two-stage pipelines. Default `joint`.
@@ -153,7 +157,7 @@ pub struct ReconstructionConfig {
 }
 
 /// Settings of depth estimation (`corf::depth`).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthConfig {
     /// Dense prior. Default `simulated`.
@@ -392,9 +396,9 @@ impl ReconstructionConfig {
         field
     }
 
-    /// Whether the dense prior reads the ray tracer's depth: every result made with it says so.
+    /// Whether the dense prior reads the depth that keyframes bring, which is the ray tracer's or a sensor's: every result made with it says so.
     pub fn consumes_ground_truth_depth(&self) -> bool {
-        matches!(self.depth.prior, DepthPriorKind::Simulated | DepthPriorKind::Exact)
+        matches!(self.depth.prior, DepthPriorKind::Simulated | DepthPriorKind::Exact | DepthPriorKind::Measured)
     }
 }
 

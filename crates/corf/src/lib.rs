@@ -47,5 +47,5 @@ pub use gaussians::{Appearance, Gaussians};
 pub use offline::{OfflineCheckpoint, OfflineConfig, OfflineReconstructor};
 pub use optimizer::{Antialias, AppearanceRates, OptimizerConfig, RasterConfig};
 pub use real::Real;
-pub use reconstructor::{Checkpoint, KeyframeReport, KeyframeTiming, LatencySummary, Reconstructor};
+pub use reconstructor::{Checkpoint, KeyframeReport, KeyframeTiming, LatencySummary, Percentiles, Reconstructor};
 pub use target::RfTarget;

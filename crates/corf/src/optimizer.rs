@@ -1,10 +1,11 @@
 //! The constants of rasterisation and optimisation; every device honours the same ones.
 
 use crate::{Error, Result};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Antialiasing filter: the pixel's own extent in the projected covariance (`S = S₂ + h·I`).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Antialias {
     /// h = 0.3 px², opacity as it is: a Gaussian thinner than a pixel grows brighter as it is seen from further away.
@@ -27,7 +28,7 @@ impl Antialias {
 }
 
 /// Settings of the rasteriser.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RasterConfig {
     /// Pixel filter.
@@ -55,7 +56,7 @@ impl Default for RasterConfig {
 }
 
 /// One modality's learning rates.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AppearanceRates {
     /// Degree-0 spherical-harmonic coefficients, per step.
@@ -75,7 +76,7 @@ impl Default for AppearanceRates {
 /// Sparse Adam without bias correction over the Gaussians a step sees, and the weights inside the image loss.
 ///
 /// The defaults are those of on-the-fly novel-view synthesis (Meuleman et al. 2025), which CORF-GS builds on.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OptimizerConfig {
     /// Position rate in metres per step. The published 5e-5 holds in a world where the mean of the first five camera baselines is 0.1:

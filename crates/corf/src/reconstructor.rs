@@ -199,6 +199,14 @@ impl Reconstructor {
     /// # Errors
     /// A keyframe of the wrong size, out of order, with a pose that is not finite, or without the depth or map the prior needs.
     pub fn receive(&mut self, keyframe: Keyframe) -> Result<()> {
+        self.receive_at(keyframe, Instant::now())
+    }
+
+    /// The same for a keyframe that arrived before, from when on it counts as waiting.
+    ///
+    /// # Errors
+    /// Those of [`Self::receive`]; the sequence is then as it was.
+    pub fn receive_at(&mut self, keyframe: Keyframe, arrived: Instant) -> Result<()> {
         if self.replay.is_some() {
             let what = "the checkpoint's keyframes have not been replayed";
             return Err(Error::invalid(
@@ -208,7 +216,7 @@ impl Reconstructor {
             ));
         }
         self.admit(&keyframe)?;
-        self.arrivals.push_back(Instant::now());
+        self.arrivals.push_back(arrived);
         self.ahead.receive(keyframe);
         Ok(())
     }

@@ -2,10 +2,11 @@
 
 use crate::device::Planes;
 use corf_scene::{Raster, color, keyframe::DbRange};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The picture an angular power spectrum is turned into before it is learnt.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RfTarget {
     /// Three channels: the Jet colour of the scalar dB level (as the paper).

@@ -90,6 +90,7 @@ fn two_users() -> PathSet<'static> {
         tx_arrays: vec![array(1, 2)],
         rx_array: array(2, 2),
         object_names: vec!["ground"],
+        velocities: None,
     }
 }
 

@@ -98,7 +98,7 @@ fn memory_within(place: &str, what: &str, bytes: f64, limit: f64, reduce: &str) 
 const UNKNOWN_BYTES: f64 = 8e9;
 
 /// The memory that can still be taken, bytes: what Linux calls available, within the limit of the container.
-fn available_bytes() -> f64 {
+pub fn available_bytes() -> f64 {
     let system = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
         let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
         Some(1024.0 * line.split_whitespace().next()?.parse::<f64>().ok()?)

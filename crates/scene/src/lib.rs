@@ -23,6 +23,7 @@ pub mod info;
 pub mod io;
 pub mod itu;
 pub mod keyframe;
+pub mod live;
 pub mod lobby;
 pub mod lock;
 pub mod model;

@@ -1,7 +1,8 @@
-//! `corf dataset`: generate, import, export and check keyframe datasets.
+//! `corf dataset`: generate, import, export, play and check keyframe datasets.
 
 use super::dataset_export::Export;
 use super::dataset_import::Import;
+use super::dataset_play::Play;
 use super::{Verdict, print, show};
 use crate::generate::{self, Generated, Options};
 use anyhow::Result;
@@ -11,7 +12,7 @@ use corf_scene::config::DatasetConfig;
 use corf_scene::dataset::{self, Dataset};
 use std::path::PathBuf;
 
-/// Generate, import, export or check a keyframe dataset.
+/// Generate, import, export, play or check a keyframe dataset.
 #[derive(Subcommand)]
 pub enum DatasetCommand {
     /// Trace a scene in light and at 60 GHz at every pose of its trajectory.
@@ -21,6 +22,8 @@ pub enum DatasetCommand {
     Import(Box<Import>),
     /// Write keyframes for programs that read neither EXR nor COLMAP.
     Export(Export),
+    /// Play a dataset back into a live folder, keyframe after keyframe, for `corf reconstruct --follow`.
+    Play(Play),
     /// Check a dataset: hashes, sizes, poses, and the rules of the tools that read it; exit 1 when one is broken.
     Validate {
         /// Dataset folder.
@@ -63,6 +66,7 @@ impl DatasetCommand {
             Self::Generate(c) => c.run(json),
             Self::Import(c) => c.run(json),
             Self::Export(c) => c.run(json),
+            Self::Play(c) => c.run(json),
             Self::Validate { folder, strict } => {
                 let findings = dataset::validate(&folder)?;
                 if !json {

@@ -1,8 +1,8 @@
 //! `corf scene export --to mitsuba`: the scene's light, and the views to render it from.
 
-use super::render::read_poses;
 use super::{Verdict, show};
 use crate::note;
+use crate::poses::read_poses;
 use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_scene::config::{DatasetConfig, SceneConfig};

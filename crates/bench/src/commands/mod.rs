@@ -9,27 +9,32 @@ mod bench_radio;
 mod bench_scale;
 mod bench_step;
 mod check;
+mod completions;
+mod config;
 mod coverage;
 mod dataset;
 mod dataset_export;
 mod dataset_import;
+mod dataset_play;
 mod demo;
 mod diffuse;
 mod docs;
+mod doctor;
 mod evaluate;
 mod export_light;
 mod field;
 mod paths;
 mod paths_scenario;
 mod reconstruct;
+mod reconstruct_follow;
 mod render;
 mod scene;
 mod spectrum;
 
 use crate::record::{Outcome, Record};
-use crate::say;
+use crate::{bounds, say};
 use anyhow::{Context, Result};
-use clap::Subcommand;
+use clap::{Parser, Subcommand};
 use corf_scene::Severity;
 use serde::Serialize;
 
@@ -48,6 +53,21 @@ impl Verdict {
         let failed = records.iter().any(|r| matches!(r.outcome, Outcome::Failed { .. }));
         if failed { Self::CheckFailed } else { Self::Done }
     }
+}
+
+/// Reconstruct what a room looks like to a radio at 60 GHz, from keyframes of a camera and an 8×8 array.
+#[derive(Parser)]
+#[command(name = "corf", version, arg_required_else_help = true)]
+pub struct Arguments {
+    /// Print results as JSON on standard output (progress stays on standard error).
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Worker threads (default: one per core).
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=bounds::MAX_THREADS))]
+    pub threads: Option<u64>,
+    /// What is to be done.
+    #[command(subcommand)]
+    pub command: Command,
 }
 
 /// The sub-commands of `corf`.
@@ -84,6 +104,12 @@ pub enum Command {
     /// Run plans, write tables and reports.
     #[command(subcommand)]
     Bench(bench::Bench),
+    /// What this program and this machine can do, and why not the rest: devices, memory, optional libraries.
+    Doctor(doctor::Doctor),
+    /// Explain every key of a scene file, a data-set configuration, a plan or a method.
+    Config(config::Config),
+    /// Completions of commands and flags for a shell, on standard output.
+    Completions(completions::Completions),
     /// Write tables and help into documents, for those who change this program.
     #[command(hide = true)]
     Docs(docs::Docs),
@@ -109,6 +135,9 @@ impl Command {
             Self::Render(c) => c.run(json),
             Self::Evaluate(c) => c.run(json),
             Self::Bench(c) => c.run(json),
+            Self::Doctor(c) => c.run(json),
+            Self::Config(c) => c.run(json),
+            Self::Completions(c) => c.run(),
             Self::Docs(c) => c.run(),
         }
     }

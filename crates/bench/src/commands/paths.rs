@@ -15,8 +15,10 @@ use corf_raytrace::radio::export::{Link, PathSet, deepmimo_arrays, sionna_arrays
 use corf_raytrace::radio::{AntennaArray, Arrival, Complex, DiffuseSettings, Extent, json};
 use corf_scene::npz::{Array, Values, encode_npz};
 use corf_scene::{Error, bounds, io};
+use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use std::str::FromStr;
 
 /// Taps after the last path that an impulse response shows.
 const TAPS_AFTER: i64 = 4;
@@ -53,6 +55,13 @@ pub struct Paths {
     /// Elements of the receive array (default 1x1).
     #[arg(long, value_name = "ROWSxCOLS")]
     rx_array: Option<Grid>,
+    /// Velocity of the receivers, m/s in world axes: every path then has its Doppler shift, `doppler_hz`, which is positive where the path becomes shorter (json and
+    /// sionna).
+    #[arg(long, value_name = "VX,VY,VZ", allow_hyphen_values = true)]
+    velocity: Option<Velocity>,
+    /// Velocity of the transmitters, m/s in world axes: as --velocity.
+    #[arg(long, value_name = "VX,VY,VZ", allow_hyphen_values = true)]
+    tx_velocity: Option<Velocity>,
     #[command(flatten)]
     link: LinkArgs,
     /// Bandwidth over which to give the frequency and impulse response, Hz: between single elements with the first polarisations (`h`), and of
@@ -68,6 +77,25 @@ pub struct Paths {
     /// Output file; without it, standard output. `.npz` for `npz` and, if wished, `sionna`; a new folder for `deepmimo`, the scenario's name.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
+}
+
+/// A velocity on the command line.
+#[derive(Clone, Copy, Debug, Default)]
+struct Velocity(DVec3);
+
+/// The largest speed: beyond it the shift is no longer proportional to it to 1e-4.
+const MAX_SPEED_M_S: f64 = 3e4;
+
+impl FromStr for Velocity {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let v = text.parse::<Point>().map_err(|_| format!("\"{text}\" is not three numbers vx,vy,vz"))?.0;
+        if v.length() > MAX_SPEED_M_S {
+            return Err(format!("\"{text}\": speeds are in metres per second, up to {MAX_SPEED_M_S}"));
+        }
+        Ok(Self(v))
+    }
 }
 
 /// Output format of `corf paths`.
@@ -117,6 +145,10 @@ impl Paths {
                 Error::invalid("--transmitter", what, "give transmitters alike, one at a time, or --format json or npz").into()
             );
         }
+        if self.format == Format::Npz && self.velocities().is_some() {
+            let help = "choose --format json or sionna, or leave the velocity out";
+            return Err(Error::invalid("--velocity", "DeepMIMO's matrices are of things that stand still", help).into());
+        }
         let channel = self.bandwidth.is_some() || setup.has_ports();
         if setup.link.diffuse && (self.format == Format::Sionna || self.format == Format::Npz && !channel) {
             let what = "scattered power has no coefficient that this format could hold";
@@ -154,6 +186,12 @@ impl Paths {
         let traced = self.trace(&setup, &DiffuseSettings::default())?;
         paths_scenario::write(&setup, &traced.set, out)?;
         Ok(Verdict::Done)
+    }
+
+    /// Velocities of transmitters and receivers, if one was given.
+    fn velocities(&self) -> Option<[DVec3; 2]> {
+        (self.tx_velocity.is_some() || self.velocity.is_some())
+            .then(|| [self.tx_velocity, self.velocity].map(|v| v.unwrap_or_default().0))
     }
 
     /// The band asked for.
@@ -225,6 +263,7 @@ impl Paths {
             tx_arrays: transmitters.iter().map(|tx| tx.array).collect(),
             rx_array: setup.rx_array,
             object_names: setup.scene.objects.iter().map(|o| o.name.as_str()).collect(),
+            velocities: self.velocities(),
         };
         Ok(Traced { set, diffuse: diffuse.into_iter().flatten().collect() })
     }
@@ -252,6 +291,12 @@ impl Paths {
     ) -> Result<Value> {
         let (f, seed) = (setup.config.radio.frequency_hz, setup.link.seed);
         let mut value = json::paths_to_json(&setup.scene, f, link.tx, link.rx, &link.paths);
+        if let Some([v_tx, v_rx]) = self.velocities() {
+            (value["tx_velocity_m_s"], value["rx_velocity_m_s"]) = (json!(v_tx.to_array()), json!(v_rx.to_array()));
+            for (value, path) in value["paths"].as_array_mut().into_iter().flatten().zip(&link.paths) {
+                value["doppler_hz"] = json!(path.doppler_hz(f, v_tx, v_rx));
+            }
+        }
         value["tx_power_dbm"] = json!(setup.link.tx_power_dbm);
         let elements @ [tx, rx] = [&tx_array.element, &setup.rx_array.element];
         value["channel"] = json!(LinkStatistics::of(&link.paths, diffuse, elements, f, setup.link.tx_power_dbm, seed));

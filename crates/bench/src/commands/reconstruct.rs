@@ -1,26 +1,38 @@
 //! `corf reconstruct`: a dataset's training keyframes to a field on disk.
 
+use super::reconstruct_follow::Follow;
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::input::{Input, Verify};
 use crate::json::{read_json, write_numbers};
+use crate::live::WhenBehind;
 use crate::method::{Advance, Checkpoints, TrainingSet};
 use crate::progress::Progress;
 use crate::provenance::Provenance;
 use crate::run::{RunInfo, SCHEMA, claim_output};
 use crate::split::{Protocol, Split};
 use crate::{harness, interrupt, methods, note};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use corf::LatencySummary;
 use corf_scene::io::{self, sha256_hex, write_atomic};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// `corf reconstruct`.
 #[derive(Args)]
 pub struct Reconstruct {
     /// Dataset folder.
-    dataset: PathBuf,
+    #[arg(required_unless_present = "follow")]
+    dataset: Option<PathBuf>,
+    /// Take keyframes from this live folder as they land (docs/live.md), instead of a dataset, until it says `end` or Ctrl-C; corf-gs methods.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["dataset", "resume", "checkpoint_every", "no_verify"])]
+    follow: Option<PathBuf>,
+    /// What happens to keyframes of --follow that come faster than they are taken: all wait, or the latest takes the place of those that wait.
+    #[arg(long, value_enum, default_value_t, requires = "follow")]
+    when_behind: WhenBehind,
+    /// End a run of --follow at the first keyframe that cannot be used, with exit code 2, instead of leaving it out.
+    #[arg(long, requires = "follow")]
+    strict: bool,
     /// Output folder of the run.
     #[arg(long)]
     out: PathBuf,
@@ -42,9 +54,9 @@ pub struct Reconstruct {
     /// Seed of everything drawn at random.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Protocol: the keyframes that train, and those that `corf evaluate` then looks at.
-    #[arg(long, value_enum, default_value_t)]
-    protocol: Protocol,
+    /// Protocol: the keyframes that train, and those that `corf evaluate` then looks at (default: test; with --follow: all).
+    #[arg(long, value_enum)]
+    protocol: Option<Protocol>,
     /// Epochs of offline fine-tuning over all training keyframes after the last one.
     #[arg(long)]
     fine_tune: Option<usize>,
@@ -64,6 +76,26 @@ pub struct Reconstruct {
 }
 
 impl Reconstruct {
+    /// Reconstructs from a live folder.
+    fn follow(self, folder: &Path, json: bool) -> Result<Verdict> {
+        let overrides = self.overrides()?;
+        let live = Follow {
+            folder,
+            out: &self.out,
+            method: &self.method,
+            overrides,
+            seed: self.seed,
+            protocol: self.protocol.unwrap_or(Protocol::All),
+            when_behind: self.when_behind,
+            strict: self.strict,
+            backend: self.device.resolve()?,
+        };
+        let info = live.run()?;
+        let text = info.live.as_ref().map_or(String::new(), |live| format!("\n{}", live.summary()));
+        show(json, &info, &(summary(&info) + &text))?;
+        Ok(Verdict::Done)
+    }
+
     /// The overrides of file and command line as one table.
     fn overrides(&self) -> Result<toml::Table> {
         let mut table = match &self.config {
@@ -101,10 +133,14 @@ impl Reconstruct {
     /// # Errors
     /// Bad input, an occupied output folder, an interrupt.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        let overrides = self.overrides()?;
+        if let Some(folder) = self.follow.clone() {
+            return self.follow(&folder, json);
+        }
+        let Some(dataset_folder) = &self.dataset else { bail!("no dataset is named\n  help: name its folder, or --follow DIR") };
+        let (protocol, overrides) = (self.protocol.unwrap_or_default(), self.overrides()?);
         let mut method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
-        let Input { dataset, verified, .. } = self.verify.open(&self.dataset)?;
-        let split = Split::of(&dataset, self.protocol)?;
+        let Input { dataset, verified, .. } = self.verify.open(dataset_folder)?;
+        let split = Split::of(&dataset, protocol)?;
         harness::check_training(method.as_ref(), &dataset, &split)?;
         method.check_files(&TrainingSet::new(&dataset, &split))?;
         let initial = overrides.get("initial_gaussians").and_then(toml::Value::as_str);
@@ -116,7 +152,7 @@ impl Reconstruct {
             anyhow::ensure!(
                 info.method == self.method
                     && info.seed == self.seed
-                    && info.protocol == self.protocol
+                    && info.protocol == protocol
                     && info.config == method.config()
                     && info.initial_gaussians_sha256 == initial
                     && info.dataset_hash == dataset.hash(),
@@ -132,7 +168,7 @@ impl Reconstruct {
             path: checkpoint.clone(),
             every: self.checkpoint_every,
             resume: self.resume,
-            tag: format!("{} {} {}{}", dataset.hash(), self.protocol.name(), method.config(), initial.as_deref().unwrap_or("")),
+            tag: format!("{} {} {}{}", dataset.hash(), protocol.name(), method.config(), initial.as_deref().unwrap_or("")),
         });
         write_atomic(self.out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
         let mut progress =
@@ -149,9 +185,9 @@ impl Reconstruct {
             overrides,
             config: method.config(),
             initial_gaussians_sha256: initial,
-            protocol: self.protocol,
+            protocol,
             seed: self.seed,
-            dataset: std::path::absolute(&self.dataset)?,
+            dataset: std::path::absolute(dataset_folder)?,
             dataset_hash: dataset.hash().to_owned(),
             dataset_verified: verified,
             device: method.device(),
@@ -165,6 +201,7 @@ impl Reconstruct {
             depth: result.depth,
             stages: result.stages,
             resumed_steps: result.resumed_steps,
+            live: None,
             keyframe_timings: result.keyframes,
         };
         write_numbers(&info_path, &info)?;

@@ -3,15 +3,18 @@
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
-use crate::methods::open;
+use crate::methods::open::{self, OpenRun};
+use crate::poses::{self, read_poses};
 use crate::progress::Progress;
 use crate::run::claim_output;
+use crate::video::Video;
 use crate::{interrupt, json};
-use anyhow::{Context, Result, ensure};
-use clap::Args;
+use anyhow::{Context, Result, bail, ensure};
+use clap::{Args, ValueEnum};
 use corf_scene::color::quantize8;
+use corf_scene::dataset::Dataset;
 use corf_scene::io::sha256_hex;
-use corf_scene::{Raster, Rigid3, io};
+use corf_scene::{Pinhole, Raster, Rigid3, io};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -20,9 +23,34 @@ use std::path::{Path, PathBuf};
 pub struct Render {
     /// Run folder of `corf reconstruct`.
     run: PathBuf,
-    /// Poses: a `trajectory.json` of a dataset, or a JSON array of 4×4 `world_from_camera` matrices by rows.
-    #[arg(long)]
-    poses: PathBuf,
+    /// Poses: a `trajectory.json` of a dataset, a `transforms.json` (nerfstudio, Blender, Instant-NGP: OpenGL axes, converted), or a JSON array of 4×4
+    /// `world_from_camera` matrices by rows.
+    #[arg(long, required_unless_present = "orbit")]
+    poses: Option<PathBuf>,
+    /// N poses on a circle instead: around the middle of the dataset's keyframes, at their mean height, looking inwards; or about --keyframe.
+    #[arg(long, value_name = "N", conflicts_with = "poses", value_parser = clap::value_parser!(u64).range(1..=poses::MAX_ORBIT as u64))]
+    orbit: Option<u64>,
+    /// The circle is about this keyframe (its index in the dataset, from 0), in its image plane, and looks at what is in front of it.
+    #[arg(long, value_name = "K", requires = "orbit")]
+    keyframe: Option<usize>,
+    /// Radius of the circle, metres (default: the median distance of the keyframes from their middle; about a keyframe 0.3).
+    #[arg(long, value_name = "M", requires = "orbit")]
+    radius: Option<f64>,
+    /// Size of the images, pixels, instead of the dataset's; spectra keep theirs. The field of view stays, unless --fov gives another.
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
+    size: Option<(usize, usize)>,
+    /// Full horizontal field of view of the images, degrees, with square pixels and the axis in the middle.
+    #[arg(long, value_name = "DEG")]
+    fov: Option<f64>,
+    /// Make a video of the pictures as well, .mp4 or .gif, by ffmpeg.
+    #[arg(long, value_name = "FILE")]
+    video: Option<PathBuf>,
+    /// Frames per second of the video.
+    #[arg(long, value_name = "FPS", default_value_t = 30.0, requires = "video")]
+    fps: f64,
+    /// Pictures that the video shows (default: images, or jet where there are none).
+    #[arg(long, value_enum, requires = "video")]
+    video_of: Option<Pictures>,
     /// Output folder.
     #[arg(long)]
     out: PathBuf,
@@ -44,35 +72,43 @@ pub struct Render {
 struct Source {
     /// SHA-256 of the run's `run.json`.
     run: String,
-    /// SHA-256 of the pose file.
+    /// SHA-256 of the pose file, or of the poses of a circle.
     poses: String,
+    /// Camera of the images, where it is not the dataset's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    optical_camera: Option<Pinhole>,
 }
 
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Poses {
-    Matrices(Vec<[[f64; 4]; 4]>),
-    Trajectory { keyframes: Vec<TrajectoryEntry> },
+/// Pictures that a video can show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Pictures {
+    /// Light.
+    Images,
+    /// Spectra in the colours of Jet.
+    Jet,
 }
 
-#[derive(Deserialize)]
-struct TrajectoryEntry {
-    world_from_camera: [[f64; 4]; 4],
+impl Pictures {
+    /// Their folder.
+    fn folder(self) -> &'static str {
+        match self {
+            Self::Images => "images",
+            Self::Jet => "jet",
+        }
+    }
 }
 
-/// The `world_from_camera` of every pose of a file.
-///
-/// # Errors
-/// A file that is neither of the two, that names no pose, or one that is no rigid transform.
-pub(crate) fn read_poses(path: &Path) -> Result<Vec<Rigid3>> {
-    let poses: Poses = json::read_json(path)
-        .context("a pose file is a dataset's trajectory.json or a JSON array of 4x4 world_from_camera matrices by rows")?;
-    let rows: Vec<[[f64; 4]; 4]> = match poses {
-        Poses::Matrices(rows) => rows,
-        Poses::Trajectory { keyframes } => keyframes.into_iter().map(|k| k.world_from_camera).collect(),
-    };
-    ensure!(!rows.is_empty(), "{} names no pose", path.display());
-    rows.iter().enumerate().map(|(i, rows)| Ok(Rigid3::from_rows(rows, &format!("{}: pose {i}", path.display()))?)).collect()
+/// Distance at which a circle about a keyframe looks where the field shows nothing there, metres.
+const UNKNOWN_DISTANCE_M: f64 = 3.0;
+/// Radius of a circle about a keyframe, metres.
+const KEYFRAME_RADIUS_M: f64 = 0.3;
+
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let side = |t: &str| t.trim().parse::<usize>().ok().filter(|n| (8..=16_384).contains(n));
+    match text.split_once(['x', 'X']).map(|(w, h)| (side(w), side(h))) {
+        Some((Some(width), Some(height))) => Ok((width, height)),
+        _ => Err(format!("\"{text}\" is not WIDTHxHEIGHT with 8 to 16384 pixels a side")),
+    }
 }
 
 impl Render {
@@ -81,23 +117,43 @@ impl Render {
     /// # Errors
     /// Bad poses, a run that cannot be read, an occupied output folder.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        let poses = read_poses(&self.poses)?;
+        let of_file = self.poses.as_deref().map(read_poses).transpose()?;
+        if let Some(radius) = self.radius.filter(|r| !(1e-3..=1e5).contains(r)) {
+            bail!("--radius {radius} is no radius\n  help: give metres, e.g. 2");
+        }
+        let video = self.video.as_deref().map(|file| Video::plan(file, self.fps)).transpose()?;
         let mut run = open::open(&self.run, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
+        let has = run.input.dataset.modalities();
+        let pictures = self.video_of.unwrap_or(if has.light { Pictures::Images } else { Pictures::Jet });
+        let are_there = if pictures == Pictures::Images { has.light } else { has.radio };
+        ensure!(are_there, "--video-of {}: the run has none\n  help: choose the other ones", pictures.folder());
+        let poses = match of_file {
+            Some(poses) => poses,
+            None => self.circle(&mut run)?,
+        };
+        let camera = self.camera(&run.input.dataset)?;
+        if let Some(camera) = camera {
+            ensure!(has.light, "--size and --fov are of images, and the run has none\n  help: leave them out");
+            run.predictor.set_optical_camera(camera)?;
+        }
         let _held = claim_output(&self.out, self.resume)?;
+        let poses_sha256 = match &self.poses {
+            Some(path) => sha256_hex(&io::read(path)?),
+            None => sha256_hex(&serde_json::to_vec(&poses.iter().map(Rigid3::to_rows).collect::<Vec<_>>())?),
+        };
         let source =
-            Source { run: sha256_hex(&io::read(self.run.join("run.json"))?), poses: sha256_hex(&io::read(&self.poses)?) };
+            Source { run: sha256_hex(&io::read(self.run.join("run.json"))?), poses: poses_sha256, optical_camera: camera };
         let source_path = self.out.join("render.json");
         if source_path.exists() {
             let before: Source = json::read_json(&source_path)?;
             ensure!(
                 before == source,
-                "{} holds renderings of another run or other poses\n  help: choose another --out",
+                "{} holds renderings of another run, other poses or another camera\n  help: choose another --out",
                 self.out.display()
             );
         }
         json::write_json(&source_path, &source)?;
         let range = run.input.dataset.db_range();
-        let has = run.input.dataset.modalities();
         let light: &[&str] = if has.light { &["images"] } else { &[] };
         let radio: &[&str] = if has.radio { &["jet", "db", "linear"] } else { &[] };
         for folder in light.iter().chain(radio).chain(&["depth"]) {
@@ -135,12 +191,48 @@ impl Render {
             progress.set(i + 1, poses.len());
         }
         progress.finish();
-        show(
-            json,
-            &serde_json::json!({ "rendered": poses.len(), "out": self.out }),
-            &format!("{} views in {}", poses.len(), self.out.display()),
-        )?;
+        let mut text = format!("{} views in {}", poses.len(), self.out.display());
+        if let (Some(video), Some(file)) = (video, &self.video) {
+            video.encode(&self.out.join(pictures.folder()), poses.len())?;
+            text += &format!(", and as a video in {}", file.display());
+        }
+        show(json, &serde_json::json!({ "rendered": poses.len(), "out": self.out, "video": self.video }), &text)?;
         Ok(Verdict::Done)
+    }
+
+    /// The poses of the circle.
+    fn circle(&self, run: &mut OpenRun) -> Result<Vec<Rigid3>> {
+        let keyframes: Vec<Rigid3> = run.input.dataset.poses().iter().map(|p| p.world_from_camera).collect();
+        let count = usize::try_from(self.orbit.unwrap_or(1))?;
+        let Some(k) = self.keyframe else { return Ok(poses::around_keyframes(&keyframes, count, self.radius)) };
+        let keyframe = keyframes
+            .get(k)
+            .with_context(|| format!("--keyframe {k}: the dataset has {}\n  help: indices count from 0", keyframes.len()))?;
+        let depth = run.predictor.render(keyframe)?.depth_m;
+        let mut seen: Vec<f32> = depth.iter().flat_map(|d| d.pixels()).copied().filter(|d| *d > 0.0 && d.is_finite()).collect();
+        seen.sort_by(f32::total_cmp);
+        let distance_m = seen.get(seen.len() / 2).map_or(UNKNOWN_DISTANCE_M, |d| f64::from(*d));
+        Ok(poses::about_keyframe(keyframe, count, self.radius.unwrap_or(KEYFRAME_RADIUS_M), distance_m))
+    }
+
+    /// The camera of the images, where it is another than the dataset's.
+    fn camera(&self, dataset: &Dataset) -> Result<Option<Pinhole>> {
+        let own = dataset.optical_camera();
+        if let Some(fov) = self.fov.filter(|f| !(1.0..=170.0).contains(f)) {
+            bail!("--fov {fov} is no field of view\n  help: give 1 to 170 degrees");
+        }
+        let (width, height) = self.size.unwrap_or((own.width, own.height));
+        Ok(match (self.size, self.fov) {
+            (None, None) => None,
+            (_, Some(fov)) => Some(Pinhole::from_horizontal_fov(width, height, fov)),
+            // The same view across, with the pixels' own shape.
+            (Some(_), None) => {
+                let scale = width as f64 / own.width as f64;
+                let (fx, fy) = (own.fx * scale, own.fy * scale);
+                let [right, down] = [own.cx / own.width as f64, own.cy / own.height as f64];
+                Some(Pinhole { width, height, fx, fy, cx: right * width as f64, cy: down * height as f64 })
+            }
+        })
     }
 }
 

@@ -5,19 +5,19 @@ use crate::json::write_json;
 use crate::link::Point;
 use crate::run::claim_fresh;
 use crate::say;
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::{RadioTracer, Solids};
 use corf_raytrace::sensor::{Extent, RadioSensor, SensorPlan, geometry_warnings};
 use corf_raytrace::spectrum::{Grid, SpectrumSettings, share_in_frame};
-use corf_scene::config::{RfConfig, SceneConfig, SpectrumKind, from_toml};
+use corf_scene::config::{RfConfig, SceneConfig, SpectrumKind, TransmitterConfig, from_toml};
 use corf_scene::dataset::{EQUIRECTANGULAR_AXES, Quantity};
 use corf_scene::keyframe::DbRange;
-use corf_scene::{Equirectangular, Error, Pinhole, Raster, Rigid3, bounds, io};
+use corf_scene::{Equirectangular, Error, Pinhole, Raster, Rigid3, Scene, bounds, io};
 use glam::DVec3;
-use serde_json::json;
-use std::path::PathBuf;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
 
 /// Memory of a spectrum while it is formed and written, bytes a pixel.
 const BYTES_A_PIXEL: f64 = 120.0;
@@ -30,7 +30,7 @@ pub struct Spectrum {
     /// Receiver, world metres `x,y,z`.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     rx: Point,
-    /// Point to look at, world metres `x,y,z`; without it the transmitter.
+    /// Point to look at, world metres `x,y,z`; without it the transmitter, where there is one.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     towards: Option<Point>,
     /// Output folder: for every kind KIND.exr (linear), KIND-db.exr and KIND-jet.png, and spectrum.json.
@@ -48,9 +48,10 @@ pub struct Spectrum {
     /// Full horizontal field of view of the pinhole camera, degrees.
     #[arg(long, default_value_t = 90.0, allow_hyphen_values = true)]
     fov_deg: f64,
-    /// One of the scene's [transmitters], instead of its [transmitter].
-    #[arg(long)]
-    transmitter: Option<String>,
+    /// One of the scene's [transmitters], instead of its [transmitter]; may be repeated: the files of each then go into OUT/tx0, OUT/tx1 … in this order, all at
+    /// one pose, for which --towards is needed.
+    #[arg(long, value_name = "NAME")]
+    transmitter: Vec<String>,
     /// Largest number of interactions on a path.
     #[arg(long, default_value_t = 3)]
     depth: usize,
@@ -123,6 +124,14 @@ fn size(text: &str) -> Result<(usize, usize), String> {
     Ok((side(width)?, side(height)?))
 }
 
+/// The spectra of one transmitter before they are written.
+struct Formed {
+    summary: Value,
+    images: Vec<(SpectrumKind, Raster<f32>)>,
+    /// In words.
+    line: String,
+}
+
 impl Spectrum {
     /// Runs the command.
     ///
@@ -131,12 +140,21 @@ impl Spectrum {
     pub fn run(self, json: bool) -> Result<Verdict> {
         let rf = self.rf()?;
         let config = SceneConfig::load(&self.scene)?;
-        let transmitter = config.transmitter_named(self.transmitter.as_deref(), "--transmitter")?;
+        let named = |name: &str| config.transmitter_named(Some(name), "--transmitter");
+        let transmitters: Vec<&TransmitterConfig> = match self.transmitter.as_slice() {
+            [] => vec![config.transmitter_named(None, "--transmitter")?],
+            names => names.iter().map(|name| named(name)).collect::<corf_scene::Result<_>>()?,
+        };
         let scene = config.load_scene()?;
         config.check_radio(&scene)?;
         let rx = self.rx.0;
-        Solids::of(&scene).check_link(&scene, transmitter.position(), rx)?;
-        let towards = self.towards.map_or(transmitter.position(), |p| p.0);
+        let solids = Solids::of(&scene);
+        transmitters.iter().try_for_each(|tx| solids.check_link(&scene, tx.position(), rx))?;
+        let towards = match (self.towards, transmitters.as_slice()) {
+            (Some(point), _) => point.0,
+            (None, [one]) => one.position(),
+            _ => bail!("--transmitter: spectra of several are of one pose\n  help: say with --towards X,Y,Z where it looks"),
+        };
         ensure!(rx.distance(towards) > 0.0, "--towards: it is where the receiver is\n  help: give another point to look at");
         let up = if (towards - rx).normalize().cross(DVec3::Z).length() > 1e-6 { DVec3::Z } else { DVec3::X };
         let pose = Rigid3::looking_at(rx, towards, up);
@@ -149,22 +167,63 @@ impl Spectrum {
         let what = format!("spectra of {}x{} pixels", grid.width(), grid.height());
         bounds::memory("--size", &what, bytes, "give fewer pixels")?;
         let bvh = Bvh::build(&scene);
-        let plan = SensorPlan::from_parts(&rf, self.seed, transmitter, &config);
-        let tracer = RadioTracer::new(&scene, &bvh, plan.tracing)?;
-        let sensor = RadioSensor::new(&plan, &scene, &tracer)?;
-        say::findings(sensor.check([&pose])?);
-        let kinds: Vec<SpectrumKind> = self.kind.iter().map(|kind| SpectrumKind::from(*kind)).collect();
-        let received = sensor.receive(&pose, Extent::needed(&kinds, grid, config.receiver.rear))?;
+        let formed: Vec<Formed> = transmitters
+            .iter()
+            .map(|transmitter| self.form(transmitter, &rf, &config, &scene, &bvh, &pose, grid))
+            .collect::<Result<_>>()?;
         let _held = claim_fresh(&self.out)?;
+        let mut summaries = Vec::new();
+        let mut lines = Vec::new();
+        for (number, of_one) in formed.into_iter().enumerate() {
+            let out = if transmitters.len() == 1 { self.out.clone() } else { self.out.join(format!("tx{number}")) };
+            let Formed { mut summary, images, line } = of_one;
+            let written: Vec<Value> = images
+                .iter()
+                .map(|(kind, image)| self.write(&out, kind.name(), Quantity::of(*kind), image))
+                .collect::<Result<_>>()?;
+            lines.push(format!("{line}; {} spectra in {}", written.len(), out.display()));
+            summary["spectra"] = json!(written);
+            write_json(&out.join("spectrum.json"), &summary)?;
+            summaries.push(summary);
+        }
+        let summary = match (summaries.len(), summaries.pop()) {
+            (1, Some(only)) => only,
+            (_, last) => {
+                summaries.extend(last);
+                let all = json!({ "schema": "corf-spectra/1", "names": self.transmitter, "transmitters": summaries });
+                write_json(&self.out.join("spectrum.json"), &all)?;
+                all
+            }
+        };
+        show(json, &summary, &lines.join("\n"))?;
+        Ok(Verdict::Done)
+    }
+
+    /// The spectra of one transmitter, and what is to be said of them.
+    fn form(
+        &self,
+        transmitter: &TransmitterConfig,
+        rf: &RfConfig,
+        config: &SceneConfig,
+        scene: &Scene,
+        bvh: &Bvh,
+        pose: &Rigid3,
+        grid: Grid,
+    ) -> Result<Formed> {
+        let plan = SensorPlan::from_parts(rf, self.seed, transmitter, config);
+        let tracer = RadioTracer::new(scene, bvh, plan.tracing)?;
+        let sensor = RadioSensor::new(&plan, scene, &tracer)?;
+        say::findings(sensor.check([pose])?);
+        let kinds: Vec<SpectrumKind> = self.kind.iter().map(|kind| SpectrumKind::from(*kind)).collect();
+        let received = sensor.receive(pose, Extent::needed(&kinds, grid, config.receiver.rear))?;
         let all = received.port_pairs.concat();
         let power: f64 = all.iter().map(|a| a.power).sum();
-        let mut spectra = Vec::new();
-        for kind in kinds {
-            let image = SpectrumSettings { kind, ..*sensor.settings() }.form(&received.port_pairs, grid, &pose);
-            spectra.push(self.write(kind.name(), Quantity::of(kind), &image)?);
-        }
+        let images = kinds
+            .into_iter()
+            .map(|kind| (kind, SpectrumSettings { kind, ..*sensor.settings() }.form(&received.port_pairs, grid, pose)))
+            .collect();
         let share = match &grid {
-            Grid::Pinhole(camera) => share_in_frame(&all, camera, &pose),
+            Grid::Pinhole(camera) => share_in_frame(&all, camera, pose),
             Grid::Sphere(_) => 1.0,
         };
         let summary = json!({
@@ -184,23 +243,14 @@ impl Spectrum {
             "share_in_frame": share,
             "rf": rf,
             "seed": self.seed,
-            "spectra": spectra,
         });
-        write_json(&self.out.join("spectrum.json"), &summary)?;
         let arriving = if power > 0.0 {
             format!("{:.2} dB in all, {:.1} % of it in the frame", 10.0 * power.log10(), 100.0 * share)
         } else {
             "nothing arrives".into()
         };
-        let text = format!(
-            "{} paths and {} diffuse arrivals, {arriving}; {} spectra in {}",
-            received.paths.len(),
-            received.diffuse.len(),
-            spectra.len(),
-            self.out.display()
-        );
-        show(json, &summary, &text)?;
-        Ok(Verdict::Done)
+        let line = format!("{} paths and {} diffuse arrivals, {arriving}", received.paths.len(), received.diffuse.len());
+        Ok(Formed { summary, images, line })
     }
 
     /// The options as a dataset's `[rf]` would have them.
@@ -235,7 +285,7 @@ impl Spectrum {
     }
 
     /// The files of one spectrum and what is to be said about them.
-    fn write(&self, name: &str, quantity: Quantity, image: &Raster<f32>) -> Result<serde_json::Value> {
+    fn write(&self, out: &Path, name: &str, quantity: Quantity, image: &Raster<f32>) -> Result<Value> {
         if let Some(i) = image.pixels().iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
             let (x, y) = (i % image.width(), i / image.width());
             let what = format!("pixel ({x}, {y}) is {}", image.pixels()[i]);
@@ -246,7 +296,7 @@ impl Spectrum {
         let peak = image.pixels().iter().copied().fold(0f32, f32::max);
         let max_db = if peak > 0.0 { (10.0 * f64::from(peak).log10()).ceil() } else { 0.0 };
         let range = DbRange { min_db: max_db - self.range_db, max_db };
-        let file = |ending: &str| self.out.join(format!("{name}{ending}"));
+        let file = |ending: &str| out.join(format!("{name}{ending}"));
         io::write_atomic(file(".exr"), &io::encode_exr_f32_in(image, "Y", quantity.unit())?)?;
         io::write_atomic(file("-db.exr"), &io::encode_exr_f32_in(&range.db_image(image), "Y", "dB")?)?;
         io::write_png(file("-jet.png"), &range.jet_image(image))?;

@@ -1,5 +1,6 @@
 //! CORF-GS and its ablations.
 
+mod live;
 mod online;
 
 use crate::device::Backend;
@@ -8,19 +9,21 @@ use crate::methods::field::FieldPredictor;
 use crate::methods::initial::Initial;
 use crate::note;
 use anyhow::{Context, Result};
-use corf::config::{Coupling, ReconstructionConfig, Sampling};
+use corf::config::{Coupling, DepthPriorKind, ReconstructionConfig, Sampling};
 use corf::depth::DepthPrior;
 use corf::optimizer::{OptimizerConfig, RasterConfig};
 use corf::{Device, Reconstructor};
 use corf_scene::keyframe::Modalities;
+pub use live::live_overrides;
 pub(super) use online::Keeper;
 use online::Online;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 /// Configuration of the four CORF-GS rows.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CorfGsConfig {
     /// Epochs of offline fine-tuning after the last keyframe (paper: "iterations" of the fine-tuning table).
     pub fine_tune_epochs: usize,
@@ -162,8 +165,9 @@ impl Method for CorfGs {
     }
 
     fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {
+        let prior = self.config.reconstruction.depth.prior;
         anyhow::ensure!(
-            training.has_depth() || !self.uses_ground_truth_depth(),
+            training.has_depth() || !self.uses_ground_truth_depth() || prior == DepthPriorKind::Measured,
             "{}: its depth prior is made from the depth of the keyframes, and the data set has none\n  help: pass --set 'depth.prior=\"none\"', or \
              bring maps of your own with --set 'depth.prior=\"folder\"' --set 'depth.folder=\"DIR\"', or measured depth with `corf dataset import \
              --depth` (docs/reconstruction.md)",
@@ -213,25 +217,46 @@ impl Method for CorfGs {
         let total = training.len() * stages + self.config.fine_tune_epochs;
         let mut online = Online { reconstructor, training, keeper: Keeper::new(self.checkpoints.clone()), total, told: 0 };
         online.run(advance)?;
-        let Online { mut reconstructor, keeper, told, .. } = online;
+        let Online { reconstructor, keeper, told, .. } = online;
+        self.conclude(reconstructor, training.len(), told, has, &|error| keeper.explain(error), advance)
+    }
+}
+
+impl CorfGs {
+    /// Ends a sequence of `keyframes` training keyframes, of `told` of which the harness knows the timing: second stage, fine-tuning, field.
+    /// `explain` adds to an error what survives it.
+    fn conclude(
+        &self,
+        mut reconstructor: Reconstructor,
+        keyframes: usize,
+        told: usize,
+        has: Modalities,
+        explain: &dyn Fn(anyhow::Error) -> anyhow::Error,
+        advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
+    ) -> Result<Box<dyn Predictor>> {
+        let stages = if self.config.reconstruction.coupling == Coupling::Joint { 1 } else { 2 };
+        let total = keyframes * stages + self.config.fine_tune_epochs;
         // The second stage counts as many units as the first had keyframes.
         let mut relay = Relay { advance, failure: None };
-        let second = (stages - 1) * training.len();
-        let ended = reconstructor.finish(&mut |done, of| relay.tell(training.len() + second * done / of.max(1), total));
-        relay.settle(ended).map_err(|e| keeper.explain(e))?;
-        let before = training.len() * stages;
+        let second = (stages - 1) * keyframes;
+        let ended = reconstructor.finish(&mut |done, of| relay.tell(keyframes + second * done / of.max(1), total));
+        relay.settle(ended).map_err(explain)?;
+        let before = keyframes * stages;
         let ended = reconstructor.fine_tune(self.config.fine_tune_epochs, &mut |done, _| relay.tell(before + done, total));
-        relay.settle(ended).map_err(|e| keeper.explain(e))?;
+        relay.settle(ended).map_err(explain)?;
         anyhow::ensure!(
             reconstructor.gaussian_count() > 0,
-            "{}: {} training keyframes gave no Gaussians, so there is no field\n  help: `corf dataset validate` says whether images are black or \
-             depth is empty; with `depth.prior = \"none\"` neighbouring keyframes must see the same things",
-            self.id,
-            training.len()
+            "{}: {keyframes} training keyframes gave no Gaussians, so there is no field\n  help: `corf dataset validate` says whether images are \
+             black or depth is empty; with `depth.prior = \"none\"` neighbouring keyframes must see the same things",
+            self.id
         );
-        // A keyframe whose last steps waited for another has ended now.
-        let keyframe = reconstructor.timings().get(told);
+        // Keyframes whose last steps waited for another, or that were still collected, have ended now.
         let depth = reconstructor.depth_quality();
+        let mut ended = reconstructor.timings()[told..].iter();
+        let keyframe = ended.next_back();
+        for timing in ended {
+            (relay.advance)(Advance { keyframe: Some(timing), ..Advance::of(total, total) })?;
+        }
         (relay.advance)(Advance {
             gaussians: Some(reconstructor.gaussian_count()),
             keyframe,

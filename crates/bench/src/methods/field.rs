@@ -8,7 +8,7 @@ use corf::device::Planes;
 use corf::target::RfTarget;
 use corf::{Device, Field, Gaussians, OptimizerConfig, RasterConfig};
 use corf_scene::dataset::Dataset;
-use corf_scene::{Raster, Rigid3, color};
+use corf_scene::{Pinhole, Raster, Rigid3, color};
 use std::path::Path;
 use std::thread::JoinHandle;
 
@@ -101,6 +101,11 @@ impl Predictor for FieldPredictor {
 
     fn gaussians(&self) -> Option<usize> {
         Some(self.field.gaussians.len())
+    }
+
+    fn set_optical_camera(&mut self, camera: Pinhole) -> Result<()> {
+        self.field.meta.optical_camera = camera;
+        Ok(self.field.meta.validate()?)
     }
 
     fn save(&self, run: &Path) -> Result<()> {

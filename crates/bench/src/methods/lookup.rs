@@ -6,6 +6,7 @@ use crate::metrics::Prediction;
 use anyhow::{Context, Result};
 use corf_scene::keyframe::Modalities;
 use corf_scene::{Keyframe, Raster, Rigid3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -20,7 +21,7 @@ const SOFTENING_M: f64 = 1e-3;
 const NEITHER: Modalities = Modalities { light: false, radio: false };
 
 /// Configuration of a lookup.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LookupConfig {
     /// Number of keyframes that are blended (1: the nearest alone).

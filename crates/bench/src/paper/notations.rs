@@ -26,6 +26,7 @@ pub fn head(records: &[Record]) -> String {
             Protocol::Test => "its test keyframes held out",
             Protocol::Validation => "its validation keyframes held out",
             Protocol::Segment => "a contiguous segment held out",
+            Protocol::All => "no keyframe held out",
         }
         .to_owned()
     });

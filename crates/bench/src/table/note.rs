@@ -52,7 +52,7 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
             note.push_str(" Validation keyframes; test keyframes were neither trained with nor looked at.")
         }
         Some(Protocol::Segment) => note.push_str(" A contiguous segment of the trajectory was held out."),
-        Some(Protocol::Test) | None => {}
+        Some(Protocol::Test | Protocol::All) | None => {}
     }
     if let Some(depth) = named(rows, |r| r.traced_depth) {
         let _ = write!(note, " The ray tracer's depth (through the simulated monocular prior, or as it is) used by: {depth}.");

@@ -1,10 +1,11 @@
 //! Settings of the radio field.
 
 use crate::{Error, Result};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What stands for the power that surfaces send.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Surface {
     /// Points of this field, one for each cube of the surface.
@@ -14,7 +15,7 @@ pub enum Surface {
 }
 
 /// Settings of an [`ArrayTrainer`](super::ArrayTrainer).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArrayConfig {
     /// Steps per keyframe.

@@ -21,6 +21,8 @@ pub enum DepthPrior {
     Simulated(SimulatedPrior),
     /// The ray tracer's depth. **Consumes ground-truth depth.**
     Exact,
+    /// The keyframe's own depth, where it has one. **Consumes the data set's depth.**
+    Measured,
     /// Maps that are there already.
     Folder(FolderPrior),
     /// Depth-Anything-V2.
@@ -42,6 +44,7 @@ impl DepthPrior {
         Ok(match config.prior {
             DepthPriorKind::Simulated => Self::Simulated(SimulatedPrior::new(config.preset, seed)),
             DepthPriorKind::Exact => Self::Exact,
+            DepthPriorKind::Measured => Self::Measured,
             DepthPriorKind::Folder => Self::Folder(FolderPrior::new(named("folder", &config.folder)?, config)),
             DepthPriorKind::DepthAnything => {
                 Self::DepthAnything(Arc::new(Network::read(&named("weights", &config.weights)?, config)?))
@@ -50,7 +53,7 @@ impl DepthPrior {
         })
     }
 
-    /// The dense prior of a keyframe; `None` from [`Self::None`].
+    /// The dense prior of a keyframe; `None` from [`Self::None`], and from [`Self::Measured`] where the keyframe brings no depth.
     ///
     /// # Errors
     /// A keyframe without the depth, the map or the image that the prior needs.
@@ -58,11 +61,8 @@ impl DepthPrior {
         let image = &keyframe.image;
         match self {
             Self::Simulated(prior) => prior.estimate(keyframe).map(Some),
-            Self::Exact => {
-                let depth = true_depth_of(keyframe)?;
-                let inverse = depth.map(|&z| if z > 0.0 && z.is_finite() { 1.0 / z } else { 0.0 });
-                Ok(Some(Dense::new(inverse, (depth.width(), depth.height()))))
-            }
+            Self::Exact => true_depth_of(keyframe).map(|depth| Some(inverse_of(depth))),
+            Self::Measured => Ok(keyframe.depth_m.as_ref().filter(|depth| has_depth(depth)).map(inverse_of)),
             Self::Folder(prior) => prior.read(keyframe.index, (image.width(), image.height())).map(Some),
             Self::DepthAnything(network) => network.estimate(image).map(Some),
             Self::None => Ok(None),
@@ -71,7 +71,7 @@ impl DepthPrior {
 
     /// Whether it is metric and right: it is neither aligned nor matched.
     pub fn is_exact(&self) -> bool {
-        matches!(self, Self::Exact)
+        matches!(self, Self::Exact | Self::Measured)
     }
 
     /// Refuses a keyframe that [`Self::estimate`] could not use, as far as a look at it tells; [`Self::check_all`] reads what is in files.
@@ -83,7 +83,7 @@ impl DepthPrior {
             Self::Simulated(_) | Self::Exact => true_depth_of(keyframe).map(|_| ()),
             Self::Folder(prior) => prior.check(keyframe),
             Self::DepthAnything(network) => network.input_size((keyframe.image.width(), keyframe.image.height())).map(|_| ()),
-            Self::None => Ok(()),
+            Self::Measured | Self::None => Ok(()),
         }
     }
 
@@ -95,13 +95,18 @@ impl DepthPrior {
         match self {
             Self::Folder(prior) => prior.check_all(indices, image),
             Self::DepthAnything(network) => network.input_size(image).map(|_| ()),
-            Self::Simulated(_) | Self::Exact | Self::None => Ok(()),
+            Self::Simulated(_) | Self::Exact | Self::Measured | Self::None => Ok(()),
         }
     }
 
-    /// Whether results made with this prior must say that they used ground-truth depth.
+    /// Whether results made with this prior must say that they used the depth that keyframes bring.
     pub fn consumes_ground_truth_depth(&self) -> bool {
-        matches!(self, Self::Simulated(_) | Self::Exact)
+        matches!(self, Self::Simulated(_) | Self::Exact | Self::Measured)
+    }
+
+    /// Whether the depth that keyframes bring can judge the depths found: not where it is what they were found from and may itself be wrong.
+    pub fn leaves_a_truth(&self) -> bool {
+        !matches!(self, Self::Measured)
     }
 }
 
@@ -235,12 +240,23 @@ impl SimulatedPrior {
     }
 }
 
+/// Whether any pixel has a positive, finite depth.
+fn has_depth(depth: &Raster<f32>) -> bool {
+    depth.pixels().iter().any(|z| *z > 0.0 && z.is_finite())
+}
+
+/// Depth as an exact prior, 0 where there is none.
+fn inverse_of(depth: &Raster<f32>) -> Dense {
+    let inverse = depth.map(|&z| if z > 0.0 && z.is_finite() { 1.0 / z } else { 0.0 });
+    Dense::new(inverse, (depth.width(), depth.height()))
+}
+
 /// The depth of a keyframe that has one.
 fn true_depth_of(keyframe: &Keyframe) -> Result<&Raster<f32>> {
     let help = "pass --set 'depth.prior=\"none\"', bring maps of your own with depth.prior = \"folder\", or import measured depth with --depth";
     let place = || format!("keyframe {}, depth prior from ground truth", keyframe.index);
     let depth = keyframe.depth_m.as_ref().ok_or_else(|| Error::invalid(place(), "the keyframe carries no depth", help))?;
-    if !depth.pixels().iter().any(|z| *z > 0.0 && z.is_finite()) {
+    if !has_depth(depth) {
         return Err(Error::invalid(place(), "no pixel has a positive, finite depth", help));
     }
     Ok(depth)

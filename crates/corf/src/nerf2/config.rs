@@ -2,10 +2,11 @@
 
 use crate::nn::Cosine;
 use crate::{Error, Result};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Constants of NeRF²; the defaults are the published ones, but for where rays begin and end.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Nerf2Config {
     /// Training steps.

@@ -3,11 +3,12 @@
 
 use super::density::DensityConfig;
 use crate::{Antialias, Appearance, AppearanceRates, Error, Gaussians, OptimizerConfig, RasterConfig, Result, target::RfTarget};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// Source of the first Gaussians. Neither reads the ray tracer's depth.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum InitialPoints {
     /// Corners of the training images, triangulated with their neighbours at the known poses: what structure from motion gives the published
@@ -18,7 +19,7 @@ pub enum InitialPoints {
 }
 
 /// Adam's moments of opacity and colour at the start of the RF stage.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RfMoments {
     /// Those of the optical stage, and its step counter: what restoring a checkpoint with its optimiser does.
@@ -28,7 +29,7 @@ pub enum RfMoments {
 }
 
 /// Colour behind the RF field.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RfBackground {
     /// Black, which is no colour of the Jet scale.
@@ -38,7 +39,7 @@ pub enum RfBackground {
 }
 
 /// Learning rates of both stages, per step, and the weight inside the image loss.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OfflineRates {
     /// Rate of positions in the first step and in the last, as a fraction of the scene's extent; exponential in between.
@@ -75,7 +76,7 @@ impl Default for OfflineRates {
 }
 
 /// The configuration of an [`OfflineReconstructor`](super::OfflineReconstructor).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OfflineConfig {
     /// Steps of the optical stage (30 000).

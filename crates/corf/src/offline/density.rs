@@ -10,10 +10,11 @@ use crate::{
     stage,
 };
 use corf_scene::Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Settings of adaptive density control; the published values are the defaults.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DensityConfig {
     /// Gaussians are first cloned, split and pruned after more steps than this (500).

@@ -43,7 +43,7 @@ pub struct Percentiles {
 
 impl Percentiles {
     /// Percentiles by the nearest rank: each is one of the values.
-    fn of(values: impl Iterator<Item = f64>) -> Self {
+    pub fn of(values: impl Iterator<Item = f64>) -> Self {
         let mut sorted: Vec<f64> = values.collect();
         sorted.sort_by(f64::total_cmp);
         let at = |share: f64| match sorted.len() {

@@ -226,7 +226,7 @@ impl Preparer {
             mono: self.mono(keyframe)?,
             probability,
             candidates,
-            truth_m: keyframe.depth_m.clone(),
+            truth_m: keyframe.depth_m.clone().filter(|_| self.prior.leaves_a_truth()),
             work_s: begin.elapsed().as_secs_f64(),
         })
     }

@@ -2,10 +2,11 @@
 
 use crate::offline::DensityConfig;
 use crate::{Antialias, Appearance, AppearanceRates, Error, Gaussians, OptimizerConfig, RasterConfig, Result, target::RfTarget};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Learning rates, per step, and the weight inside the image loss.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WrfGsPlusRates {
     /// Rate of positions in the first step and in the last, metres; exponential in between.
@@ -45,7 +46,7 @@ impl Default for WrfGsPlusRates {
 }
 
 /// The configuration of a WRF-GS+ reconstruction.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WrfGsPlusConfig {
     /// Training steps (10 000).

@@ -203,6 +203,15 @@ impl Dataset {
         Ok(Keyframe { index, time_s: pose.time_s, world_from_camera: pose.world_from_camera, image, spectrum, depth_m, surface })
     }
 
+    /// The files of image, spectrum and depth of keyframe `index`, where it has them; each is its own, in the dataset's folder and regular.
+    ///
+    /// # Errors
+    /// A file that is no regular file of the dataset.
+    pub fn files_of(&self, index: usize) -> Result<[Option<PathBuf>; 3]> {
+        let path = |name: String| self.file.files.contains_key(&name).then(|| own_file(&self.dir, &name)).transpose();
+        Ok([path(layout::image(index))?, path(layout::spectrum(index))?, path(layout::depth(index))?])
+    }
+
     /// The linear radiance of keyframe `index`, where the dataset keeps it.
     ///
     /// # Errors

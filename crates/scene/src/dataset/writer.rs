@@ -10,6 +10,7 @@ use super::header::{from_json, generator, to_json, trajectory_json};
 use super::{identity, layout, leftovers};
 use crate::finding::Finding;
 use crate::keyframe::DbRange;
+use crate::trajectory::TrajectoryPose;
 use crate::{Error, Raster, Result, io};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -154,12 +155,49 @@ impl DatasetWriter {
         Ok(writer)
     }
 
+    /// Starts a dataset in an empty or new folder whose keyframes are not known yet: [`Self::append`] adds each as it comes. It cannot be resumed.
+    ///
+    /// # Errors
+    /// The folder is not empty, or cannot be made.
+    pub fn growing(dir: impl AsRef<Path>, header: DatasetHeader) -> Result<Self> {
+        let dir = dir.as_ref();
+        std::fs::create_dir_all(dir).map_err(Error::io("create", dir))?;
+        if std::fs::read_dir(dir).map_err(Error::io("read", dir))?.next().is_some() {
+            return Err(Error::invalid(dir.display().to_string(), "the folder is not empty", "give a new folder"));
+        }
+        Ok(Self { dir: dir.to_path_buf(), header, finished: false })
+    }
+
+    /// Adds the next keyframe of a dataset that grows: its name in the capture, the hashes of the files it was read from, its pose and its content.
+    ///
+    /// # Errors
+    /// A pose of another index than the next one; those of [`Self::write_frame`].
+    pub fn append(
+        &mut self,
+        name: String,
+        sources: BTreeMap<String, String>,
+        pose: TrajectoryPose,
+        frame: &FrameData,
+    ) -> Result<()> {
+        if pose.index != self.len() {
+            let what = format!("it is to follow {} keyframes", self.len());
+            return Err(Error::invalid(format!("keyframe {}", pose.index), what, "append keyframes in order"));
+        }
+        self.header.poses.push(pose);
+        self.write_frame(pose.index, frame)?;
+        if let Some(imported) = &mut self.header.imported {
+            imported.names.push(name);
+            imported.sources.extend(sources);
+        }
+        Ok(())
+    }
+
     /// Number of keyframes the dataset will have.
     pub fn len(&self) -> usize {
         self.header.poses.len()
     }
 
-    /// Never: a dataset has at least one keyframe.
+    /// Whether there is none, as in a dataset that has begun to grow.
     pub fn is_empty(&self) -> bool {
         self.header.poses.is_empty()
     }

@@ -16,11 +16,12 @@ use corf::depth::DepthPrior;
 use corf::{RasterConfig, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
 use online::Online;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Configuration of `corf-array`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CorfArrayConfig {
     /// Light: keys of `corf-gs`, table `light` of the overrides.
     pub light: CorfGsConfig,
@@ -196,7 +197,6 @@ mod tests {
     use corf_raytrace::spectrum::SpectrumSettings;
     use corf_scene::Rigid3;
     use corf_scene::model::world_from_array;
-    use corf_scene::{Pinhole, Rng};
     use glam::DVec3;
 
     /// Arrivals from everywhere, with their waves where the array is let see them.

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 use corf::array::{ArrayField, ArraySensor};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
-use corf_scene::{Raster, Rigid3, color};
+use corf_scene::{Pinhole, Raster, Rigid3, color};
 use std::path::Path;
 
 /// File of a run folder with the radio field.
@@ -54,6 +54,10 @@ impl Predictor for ArrayPredictor {
             }
         };
         Ok(Prediction { radio: Some(radio), ..light })
+    }
+
+    fn set_optical_camera(&mut self, camera: Pinhole) -> Result<()> {
+        self.light.set_optical_camera(camera)
     }
 
     fn gaussians(&self) -> Option<usize> {

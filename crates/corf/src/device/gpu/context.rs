@@ -154,7 +154,7 @@ fn ready<T>(future: impl Future<Output = T>) -> T {
     }
 }
 
-fn is_software(info: &wgpu::AdapterInfo) -> bool {
+pub(super) fn is_software(info: &wgpu::AdapterInfo) -> bool {
     info.device_type == wgpu::DeviceType::Cpu
 }
 
@@ -191,7 +191,7 @@ fn instance() -> &'static wgpu::Instance {
 }
 
 /// The adapters that will do, the best first.
-fn adapters(options: &GpuOptions) -> Vec<wgpu::Adapter> {
+pub(super) fn adapters(options: &GpuOptions) -> Vec<wgpu::Adapter> {
     let mut adapters = ready(instance().enumerate_adapters(BACKENDS));
     adapters.retain(|a| options.software || !is_software(&a.get_info()));
     adapters.sort_by_key(|a| rank(&a.get_info()));

@@ -9,6 +9,7 @@
 //! No floating-point atomics: every sum has a fixed order, and a result has the same bytes each time on the same adapter and driver.
 //! Between adapters, and against the CPU device, results differ by rounding (exp2, sqrt and division are not correctly rounded).
 
+mod adapters;
 mod capacity;
 pub(crate) mod context;
 pub(crate) mod deformed;
@@ -51,6 +52,7 @@ use survey::Surveyor;
 use train::{Batch, Counts};
 use training::Training;
 
+pub use adapters::{AdapterReport, adapter_reports};
 pub use context::{GpuOptions, adapter_name};
 pub use train::{GpuStageTimes, STAGES};
 pub use work::StageWork;

@@ -39,6 +39,8 @@ pub struct PathSet<'s> {
     pub rx_array: AntennaArray,
     /// Names of the scene's objects, by index.
     pub object_names: Vec<&'s str>,
+    /// Velocities of all transmitters and of all receivers, m/s, where Doppler shifts are wanted.
+    pub velocities: Option<[DVec3; 2]>,
 }
 
 impl PathSet<'_> {

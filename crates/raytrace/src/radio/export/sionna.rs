@@ -20,6 +20,7 @@ const INVALID_DELAY: f64 = -1.0;
 /// | `interactions` | depth, rx, tx, paths | 0 none, 1 specular, 2 diffuse, 4 refraction, 8 diffraction |
 /// | `objects` | depth, rx, tx, paths | index into `object_names`; 2³²−1 none |
 /// | `vertices` | depth, rx, tx, paths, 3 | world metres |
+/// | `doppler` | rx, tx, paths | Hz, 0 for those that do not exist; where velocities are given |
 /// | `sources`, `targets` | tx, 3 and rx, 3 | world metres |
 /// | `frequency`, `object_names` | scalar, objects | Hz |
 pub fn sionna_arrays(set: &PathSet<'_>) -> Vec<Array> {
@@ -30,6 +31,7 @@ pub fn sionna_arrays(set: &PathSet<'_>) -> Vec<Array> {
     let mut tau = vec![INVALID_DELAY; slots];
     let mut angles = [(); 4].map(|()| vec![0.0; slots]);
     let mut valid = vec![false; slots];
+    let mut doppler = vec![0.0; slots];
     let mut interactions = vec![0; depth * slots];
     let mut objects = vec![INVALID_OBJECT; depth * slots];
     let mut vertices = vec![0.0; depth * slots * 3];
@@ -44,6 +46,9 @@ pub fn sionna_arrays(set: &PathSet<'_>) -> Vec<Array> {
                 let (aod, aoa) = (path.aod(), path.aoa());
                 angles.iter_mut().zip([aod.theta, aod.phi, aoa.theta, aoa.phi]).for_each(|(list, angle)| list[slot] = angle);
                 (tau[slot], valid[slot]) = (path.delay_s, true);
+                if let Some([v_tx, v_rx]) = set.velocities {
+                    doppler[slot] = path.doppler_hz(set.frequency_hz, v_tx, v_rx);
+                }
                 for (d, interaction) in path.interactions.iter().enumerate() {
                     let at = d * slots + slot;
                     (interactions[at], objects[at]) = (interaction.kind.flag(), interaction.object);
@@ -58,7 +63,7 @@ pub fn sionna_arrays(set: &PathSet<'_>) -> Vec<Array> {
     let flat = |points: &[glam::DVec3]| Values::F64(points.iter().flat_map(|p| p.to_array()).collect());
     let [theta_t, phi_t, theta_r, phi_r] = angles;
     let names: Vec<String> = set.object_names.iter().map(|n| (*n).to_owned()).collect();
-    vec![
+    let mut arrays = vec![
         Array::new("a_real", &per_antenna, Values::F64(a.iter().map(|a| a[0]).collect())),
         Array::new("a_imag", &per_antenna, Values::F64(a.iter().map(|a| a[1]).collect())),
         Array::new("tau", &per_slot, Values::F64(tau)),
@@ -74,7 +79,11 @@ pub fn sionna_arrays(set: &PathSet<'_>) -> Vec<Array> {
         Array::new("targets", &[n_rx, 3], flat(&set.receivers)),
         Array::new("frequency", &[], Values::F64(vec![set.frequency_hz])),
         Array::new("object_names", &[names.len()], Values::Text(names)),
-    ]
+    ];
+    if set.velocities.is_some() {
+        arrays.push(Array::new("doppler", &per_slot, Values::F64(doppler)));
+    }
+    arrays
 }
 
 /// [`sionna_arrays`] as nested JSON lists; `a` is the pair of the real and the imaginary array, as Sionna returns it.

@@ -1,0 +1,147 @@
+//! `corf config`: what can be configured.
+
+use super::{Verdict, show};
+use crate::device::Backend;
+use crate::explain::{Key, keys, plain};
+use crate::methods;
+use crate::methods::corf_array::CorfArrayConfig;
+use crate::methods::corf_gs::CorfGsConfig;
+use crate::methods::lookup::LookupConfig;
+use crate::plan::Plan;
+use anyhow::Result;
+use clap::Args;
+use corf::OfflineConfig;
+use corf::nerf2::Nerf2Config;
+use corf::wrf_gs_plus::WrfGsPlusConfig;
+use corf_scene::config::{DatasetConfig, SceneConfig};
+use schemars::{JsonSchema, schema_for};
+use serde_json::Value;
+
+/// `corf config`.
+#[derive(Args)]
+pub struct Config {
+    /// Every key of: scene (scene files), dataset (configurations of `corf dataset generate`), plan (of `corf bench run`), or a method (what --set,
+    /// --config and a plan's `config` take), with type, default, unit and meaning.
+    #[arg(long, value_name = "scene|dataset|plan|METHOD")]
+    explain: String,
+    /// Only keys that contain this.
+    #[arg(long, value_name = "WORD")]
+    key: Option<String>,
+}
+
+impl Config {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// Neither a kind of file nor a method, or no key with that word.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let mut list = match self.explain.as_str() {
+            "scene" => of_type::<SceneConfig>(),
+            "dataset" => of_type::<DatasetConfig>(),
+            "plan" => of_type::<Plan>(),
+            method => of_method(method)?,
+        };
+        if let Some(word) = &self.key {
+            list.retain(|key| key.key.contains(word));
+            anyhow::ensure!(!list.is_empty(), "{} has no key with \"{word}\"\n  help: leave --key out to see all", self.explain);
+        }
+        show(json, &list, &plain(&list))?;
+        Ok(Verdict::Done)
+    }
+}
+
+fn of_type<T: JsonSchema>() -> Vec<Key> {
+    keys(&schema_for!(T).to_value(), &Value::Null)
+}
+
+/// The keys of a method with the values that its name gives them.
+///
+/// # Errors
+/// A name that is no method's.
+fn of_method(id: &str) -> Result<Vec<Key>> {
+    let method = methods::create(id, &toml::Table::new(), &Backend::Cpu)
+        .map_err(|e| anyhow::anyhow!("{e:#}; scene, dataset and plan are files that can be explained as well"))?;
+    let values = method.config();
+    let of = |schema: schemars::Schema| keys(&schema.to_value(), &values);
+    // Tables that records have and users do not write: their keys stand at the top level.
+    let (mut list, inlined): (Vec<Key>, &[&str]) = match id {
+        _ if id.starts_with("corf-gs") => (of(schema_for!(CorfGsConfig)), &["reconstruction"]),
+        "corf-array" => (of(schema_for!(CorfArrayConfig)), &["light.reconstruction", "radio"]),
+        _ if id.starts_with("rf-3dgs") => (of(schema_for!(OfflineConfig)), &[]),
+        _ if id.starts_with("nerf2") => (of(schema_for!(Nerf2Config)), &[]),
+        _ if id.starts_with("wrf-gs-plus") => (of(schema_for!(WrfGsPlusConfig)), &[]),
+        _ => (of(schema_for!(LookupConfig)), &[]),
+    };
+    for table in inlined {
+        list.retain(|key| key.key != *table);
+        for key in &mut list {
+            if let Some(rest) = key.key.strip_prefix(table).and_then(|rest| rest.strip_prefix('.')) {
+                let outer = table.rsplit_once('.').map_or(String::new(), |(outer, _)| format!("{outer}."));
+                key.key = format!("{outer}{rest}");
+            }
+        }
+    }
+    list.retain(|key| is_settable(id, key));
+    for key in &mut list {
+        // All of a method's keys have defaults.
+        key.required = false;
+    }
+    Ok(list)
+}
+
+/// Whether a key can be set: what cannot, even to the value that it has, is decided by the method's name.
+fn is_settable(id: &str, key: &Key) -> bool {
+    let Some(default) = &key.default else { return true };
+    let table = format!("{} = {default}", key.key).parse::<toml::Table>();
+    table.is_ok_and(|table| methods::create(id, &table, &Backend::Cpu).is_ok())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    /// The value at a dotted key.
+    fn at<'v>(value: &'v Value, key: &str) -> &'v Value {
+        key.split('.').fold(value, |v, part| &v[part])
+    }
+
+    #[test]
+    fn every_key_of_every_method_is_explained_with_its_value() {
+        for (id, _) in methods::METHODS {
+            let list = of_method(id).unwrap();
+            assert!(!list.is_empty(), "{id}");
+            let method = methods::create(id, &toml::Table::new(), &Backend::Cpu).unwrap();
+            for key in &list {
+                assert!(!key.meaning.is_empty(), "{id}: {} has no meaning", key.key);
+                let Some(default) = key.default.as_ref().filter(|_| key.kind != "table") else { continue };
+                let tables = ["", "reconstruction.", "radio.", "light.reconstruction."];
+                let stripped = key.key.strip_prefix("light.").unwrap_or(&key.key);
+                let holds = tables
+                    .iter()
+                    .any(|t| [key.key.as_str(), stripped].iter().any(|k| at(&method.config(), &format!("{t}{k}")) == default));
+                assert!(holds, "{id}: {} is not {default}", key.key);
+            }
+        }
+        // A preset's values are its own.
+        let of = |id: &str, key: &str| of_method(id).unwrap().into_iter().find(|k| k.key == key).and_then(|k| k.default);
+        assert_eq!(
+            (of("corf-gs", "iterations_per_keyframe"), of("corf-gs-fast", "iterations_per_keyframe")),
+            (Some(json!(75)), Some(json!(40)))
+        );
+        assert!(of_method("nothing").is_err());
+        // Keys that the name decides are no keys to set; all others are there.
+        let has = |id: &str, key: &str| of_method(id).unwrap().iter().any(|k| k.key == key);
+        for (id, decided, free) in [("corf-gs", "coupling", "rf_target"), ("rf-3dgs", "rf_background", "density")] {
+            assert!(!has(id, decided) && has(id, free), "{id}");
+        }
+    }
+
+    #[test]
+    fn every_key_of_every_file_is_explained() {
+        for list in [of_type::<SceneConfig>(), of_type::<DatasetConfig>(), of_type::<Plan>()] {
+            let unexplained: Vec<&str> = list.iter().filter(|k| k.meaning.is_empty()).map(|k| k.key.as_str()).collect();
+            assert!(unexplained.is_empty() && list.len() > 5, "{unexplained:?}");
+        }
+    }
+}

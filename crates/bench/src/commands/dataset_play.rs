@@ -1,0 +1,105 @@
+//! `corf dataset play`: a data set as if it were being captured.
+
+use super::{Verdict, show};
+use crate::progress::Progress;
+use crate::run::claim_fresh;
+use crate::{interrupt, note};
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use corf_scene::dataset::{Dataset, stem};
+use corf_scene::io::{read, write_atomic};
+use corf_scene::live::{DEPTH, DESCRIPTION, END, IMAGES, LiveDescription, POSES, SPECTRA, pose_text};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Longest sleep without a look at whether somebody interrupts.
+const LOOK: Duration = Duration::from_millis(50);
+/// Lateness from which on it is said that the rate was not kept, seconds.
+const LATE_S: f64 = 0.1;
+
+/// `corf dataset play`.
+#[derive(Args)]
+pub struct Play {
+    /// Dataset folder, with images and spectra.
+    dataset: PathBuf,
+    /// Live folder to write into: new or empty.
+    #[arg(long, value_name = "DIR")]
+    to: PathBuf,
+    /// Keyframes per second.
+    #[arg(long, default_value_t = 10.0)]
+    rate: f64,
+    /// Keyframes to play, from the first; all if not given.
+    #[arg(long, value_name = "N")]
+    keyframes: Option<usize>,
+    /// Play the depth of the keyframes as well, as a depth sensor would give it; it is the ray tracer's in a generated dataset.
+    #[arg(long)]
+    depth: bool,
+}
+
+impl Play {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A dataset that cannot be read or lacks what is to be played, an occupied folder, an interrupt.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        ensure!(
+            (1e-3..=1e4).contains(&self.rate),
+            "--rate {} is no rate\n  help: give keyframes per second, 0.001 to 10000",
+            self.rate
+        );
+        let dataset = Dataset::open(&self.dataset)?;
+        ensure!(!self.depth || dataset.has_depth(), "{} has no depth to play\n  help: leave --depth out", self.dataset.display());
+        let count = self.keyframes.unwrap_or(dataset.len());
+        ensure!(
+            (1..=dataset.len()).contains(&count),
+            "--keyframes {count}: the dataset has {}\n  help: give a number from 1 to that",
+            dataset.len()
+        );
+        let description = LiveDescription { keyframes: Some(count), ..LiveDescription::of(&dataset, self.depth)? };
+        let _held = claim_fresh(&self.to)?;
+        for folder in [POSES, IMAGES, SPECTRA].into_iter().chain(self.depth.then_some(DEPTH)) {
+            let path = self.to.join(folder);
+            std::fs::create_dir(&path).with_context(|| format!("cannot create {}", path.display()))?;
+        }
+        write_atomic(self.to.join(DESCRIPTION), description.to_toml()?.as_bytes())?;
+        let mut progress = Progress::start(format!("playing {}", self.dataset.display()), count, "keyframes");
+        let (begin, mut latest_s) = (Instant::now(), 0.0_f64);
+        for index in 0..count {
+            let due = Duration::from_secs_f64(index as f64 / self.rate);
+            while let Some(left) = due.checked_sub(begin.elapsed()).filter(|d| !d.is_zero()) {
+                interrupt::check()?;
+                std::thread::sleep(left.min(LOOK));
+            }
+            interrupt::check()?;
+            self.put(&dataset, index)?;
+            latest_s = latest_s.max((begin.elapsed().saturating_sub(due)).as_secs_f64());
+            progress.set(index + 1, count);
+        }
+        write_atomic(self.to.join(END), b"")?;
+        progress.finish();
+        if latest_s > LATE_S {
+            note!("the rate was not kept: a keyframe landed {latest_s:.2} s late");
+        }
+        let seconds = begin.elapsed().as_secs_f64();
+        show(
+            json,
+            &serde_json::json!({ "keyframes": count, "seconds": seconds, "latest_s": latest_s, "to": self.to }),
+            &format!("{count} keyframes in {seconds:.1} s into {}", self.to.display()),
+        )?;
+        Ok(Verdict::Done)
+    }
+
+    /// One keyframe: the pose last.
+    fn put(&self, dataset: &Dataset, index: usize) -> Result<()> {
+        let stem = stem(index);
+        let [image, spectrum, depth] = dataset.files_of(index)?;
+        for (folder, source, wanted) in [(IMAGES, image, true), (SPECTRA, spectrum, true), (DEPTH, depth, self.depth)] {
+            let Some(source) = source.filter(|_| wanted) else { continue };
+            let ending = source.extension().and_then(|e| e.to_str()).unwrap_or("");
+            write_atomic(self.to.join(folder).join(format!("{stem}.{ending}")), &read(&source)?)?;
+        }
+        let pose = &dataset.poses()[index];
+        let text = pose_text(&pose.world_from_camera, Some(pose.time_s))?;
+        Ok(write_atomic(self.to.join(POSES).join(format!("{stem}.json")), text.as_bytes())?)
+    }
+}

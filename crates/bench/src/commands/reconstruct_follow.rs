@@ -1,0 +1,117 @@
+//! `corf reconstruct --follow`: a live folder to a field on disk.
+
+use crate::device::Backend;
+use crate::harness;
+use crate::json::write_numbers;
+use crate::live::{Session, SessionOptions, WhenBehind};
+use crate::method::Method as _;
+use crate::methods::corf_gs::{CorfGs, live_overrides};
+use crate::provenance::Provenance;
+use crate::run::{RunInfo, SCHEMA, claim_fresh};
+use crate::split::Protocol;
+use crate::{interrupt, note};
+use anyhow::{Result, ensure};
+use corf::LatencySummary;
+use corf_scene::io::write_atomic;
+use corf_scene::live::{DESCRIPTION, LiveDescription};
+use std::path::Path;
+use std::time::Duration;
+
+/// Pause between looks for a description that has not landed.
+const POLL: Duration = Duration::from_millis(50);
+
+/// A live run to be done.
+pub(super) struct Follow<'a> {
+    pub folder: &'a Path,
+    pub out: &'a Path,
+    pub method: &'a str,
+    pub overrides: toml::Table,
+    pub seed: u64,
+    pub protocol: Protocol,
+    pub when_behind: WhenBehind,
+    pub strict: bool,
+    pub backend: Backend,
+}
+
+impl Follow<'_> {
+    /// Follows the folder to its end, and writes the run.
+    ///
+    /// # Errors
+    /// A method that does not take keyframes one by one, an occupied output folder, a description or a choice that cannot be used, a refused
+    /// keyframe of a strict run, too few keyframes.
+    pub fn run(self) -> Result<RunInfo> {
+        let Self { folder, out, .. } = self;
+        ensure!(
+            self.method.starts_with("corf-gs"),
+            "{} trains on all keyframes at once, and a live folder brings one after the other\n  help: choose corf-gs, or another method whose name \
+             begins so; or follow first and train on RUN/dataset then",
+            self.method
+        );
+        // A key that does not exist, and a folder that is occupied, are known before anybody waits.
+        CorfGs::new(self.method, &self.overrides, &self.backend)?;
+        let _held = claim_fresh(out)?;
+        let description = described(folder)?;
+        let overrides = live_overrides(&self.overrides, &description)?;
+        let method = CorfGs::new(self.method, &overrides, &self.backend)?;
+        let mut session = Session::open(SessionOptions {
+            folder,
+            run: out,
+            description: &description,
+            protocol: self.protocol,
+            when_behind: self.when_behind,
+            strict: self.strict,
+            collected: method.collected(),
+        })?;
+        write_atomic(out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
+        interrupt::let_first_end_input(true);
+        note!("following {}: {} on {}", folder.display(), self.method, method.device());
+        session.wait_for_first()?;
+        let work = harness::clocked(|advance| method.follow(&mut session, self.seed, advance), &|| Duration::ZERO, &mut |_| {
+            interrupt::check()
+        });
+        interrupt::let_first_end_input(false);
+        let result = work?;
+        result.predictor.save(out)?;
+        let (dataset, live) = session.finish()?;
+        let info = RunInfo {
+            schema: SCHEMA.to_owned(),
+            method: self.method.to_owned(),
+            overrides,
+            config: method.config(),
+            protocol: self.protocol,
+            seed: self.seed,
+            dataset: std::path::absolute(dataset.dir())?,
+            dataset_hash: dataset.hash().to_owned(),
+            // Each file was written, and its hash taken, from what was trained on.
+            dataset_verified: true,
+            device: method.device(),
+            provenance: Provenance::here(),
+            seconds: result.seconds,
+            gaussians: result.predictor.gaussians(),
+            peak_memory_bytes: result.peak_memory_bytes,
+            curve: result.curve,
+            resumed_keyframes: 0,
+            latency: LatencySummary::of(&result.keyframes),
+            depth: result.depth,
+            stages: result.stages,
+            resumed_steps: result.resumed_steps,
+            live: Some(live),
+            keyframe_timings: result.keyframes,
+        };
+        write_numbers(&out.join("run.json"), &info)?;
+        Ok(info)
+    }
+}
+
+/// The description of a live folder, waited for if it has not landed.
+fn described(folder: &Path) -> Result<LiveDescription> {
+    let path = folder.join(DESCRIPTION);
+    if !path.exists() {
+        note!("waiting for {}", path.display());
+    }
+    while !path.exists() {
+        interrupt::check()?;
+        std::thread::sleep(POLL);
+    }
+    Ok(LiveDescription::read(folder)?)
+}

@@ -1,0 +1,270 @@
+//! A line for everything that happens to a keyframe, on standard error and in `live.jsonl`, and the record of the whole.
+
+use super::inbox::{Notice, Tally};
+use super::outcome::{EndedBy, WhenBehind};
+use crate::note;
+use anyhow::{Context, Result};
+use corf::{KeyframeTiming, LatencySummary, Percentiles};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+/// File of the lines, in the run folder.
+const FILE: &str = "live.jsonl";
+/// Waiting keyframes from which on it is said that the device is behind; said again at every doubling.
+const BEHIND: usize = 4;
+
+/// Where the depths of the keyframes came from: number of keyframes of each kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DepthSources {
+    /// The depth file that came with the keyframe.
+    pub files: usize,
+    /// A network, from the image alone.
+    pub network: usize,
+    /// Matching with earlier keyframes alone.
+    pub matching: usize,
+}
+
+/// A live run as `run.json` has it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LiveRecord {
+    /// The live folder.
+    pub folder: PathBuf,
+    /// What happened to keyframes that came too fast.
+    pub when_behind: WhenBehind,
+    /// Why it ended.
+    pub ended_by: EndedBy,
+    /// Keyframes that were announced, if any were.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub announced: Option<usize>,
+    /// Keyframes that landed, whatever became of them.
+    pub arrived: usize,
+    /// Keyframes that trained.
+    pub trained: usize,
+    /// Keyframes that were held out by the protocol.
+    pub held_out: usize,
+    /// Numbers of keyframes that were left out because the device was behind.
+    pub dropped: Vec<u64>,
+    /// Pose files that were refused, with the reason.
+    pub refused: Vec<[String; 2]>,
+    /// The most keyframes that waited at once, those included that are collected at the beginning.
+    pub longest_queue: usize,
+    /// Keyframes that landed per second between the first and the last, where these were seen at different times.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arrivals_per_second: Option<f64>,
+    /// Keyframes per second of expansion and training: what the device can take.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub capacity_per_second: Option<f64>,
+    /// Time from arrival to the end of a keyframe's training.
+    pub latency: Percentiles,
+    /// Whether keyframes were dropped, or more than `bootstrap_keyframes` waited at once.
+    pub fell_behind: bool,
+    /// Where depths came from.
+    pub depth: DepthSources,
+}
+
+impl LiveRecord {
+    /// It in a few lines.
+    pub fn summary(&self) -> String {
+        let [median, p90] = [self.latency.median_s, self.latency.p90_s].map(|s| 1e3 * s);
+        let mut text = format!(
+            "live: {} keyframes arrived, {} trained, {} held out, {} dropped, {} refused; ended by {}\nlatency from arrival to trained: median \
+             {median:.0} ms, P90 {p90:.0} ms; longest queue {}",
+            self.arrived,
+            self.trained,
+            self.held_out,
+            self.dropped.len(),
+            self.refused.len(),
+            self.ended_by.words(),
+            self.longest_queue,
+        );
+        let rate = |rate: Option<f64>| rate.map_or("–".to_owned(), |r| format!("{r:.2}"));
+        text += &format!(
+            "\nkeyframes came at {}/s, the device takes {}/s: it {}",
+            rate(self.arrivals_per_second),
+            rate(self.capacity_per_second),
+            if self.fell_behind { "FELL BEHIND" } else { "kept up" }
+        );
+        let DepthSources { files, network, matching } = self.depth;
+        text +=
+            &format!("\ndepth of {files} keyframes from files, of {network} from a network, of {matching} from matching alone");
+        if let Some(missing) = self.announced.and_then(|n| n.checked_sub(self.arrived)).filter(|m| *m > 0) {
+            text += &format!("\n{missing} of the announced keyframes did not come");
+        }
+        text
+    }
+}
+
+/// Writes the lines and counts.
+pub(super) struct Log {
+    file: File,
+    path: PathBuf,
+    start: Instant,
+    announced: Option<usize>,
+    trained: usize,
+    held_out: usize,
+    dropped: Vec<u64>,
+    refused: Vec<[String; 2]>,
+    latencies_s: Vec<f64>,
+    depth: DepthSources,
+    warned_at: usize,
+}
+
+/// A trained keyframe, to be told of.
+pub(super) struct Trained<'a> {
+    pub number: u64,
+    pub arrived: Instant,
+    pub timing: &'a KeyframeTiming,
+    pub gaussians: usize,
+    pub queue: usize,
+    pub depth: &'static str,
+}
+
+impl Log {
+    pub fn create(run: &Path, announced: Option<usize>) -> Result<Self> {
+        let path = run.join(FILE);
+        let file = File::create(&path).with_context(|| format!("cannot create {}", path.display()))?;
+        let mut log = Self {
+            file,
+            path,
+            start: Instant::now(),
+            announced,
+            trained: 0,
+            held_out: 0,
+            dropped: Vec::new(),
+            refused: Vec::new(),
+            latencies_s: Vec::new(),
+            depth: DepthSources::default(),
+            warned_at: BEHIND,
+        };
+        let unix_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
+        log.line(&json!({ "event": "begin", "unix_s": unix_s, "announced": announced }))?;
+        Ok(log)
+    }
+
+    fn line(&mut self, value: &serde_json::Value) -> Result<()> {
+        writeln!(self.file, "{value}").with_context(|| format!("cannot write {}", self.path.display()))
+    }
+
+    fn since_start(&self, at: Instant) -> f64 {
+        at.saturating_duration_since(self.start).as_secs_f64()
+    }
+
+    pub fn trained(&mut self, t: &Trained<'_>) -> Result<()> {
+        let KeyframeTiming { index, wait_s, prepare_s, expand_s, train_s, late_s } = *t.timing;
+        let (arrived_s, latency_s) = (self.since_start(t.arrived), t.timing.total_s());
+        self.trained += 1;
+        self.latencies_s.push(latency_s);
+        match t.depth {
+            "file" => self.depth.files += 1,
+            "network" => self.depth.network += 1,
+            _ => self.depth.matching += 1,
+        }
+        let of = self.announced.map_or(String::new(), |n| format!("/{n}"));
+        note!(
+            "keyframe {} ({}{of}): {:.0} ms from arrival (waited {:.0}, expanded {:.0}, trained {:.0}), queue {}, {} Gaussians, depth: {}",
+            t.number,
+            index + 1,
+            1e3 * latency_s,
+            1e3 * wait_s,
+            1e3 * expand_s,
+            1e3 * (train_s + late_s),
+            t.queue,
+            t.gaussians,
+            t.depth
+        );
+        self.line(&json!({
+            "event": "trained",
+            "number": t.number,
+            "index": index,
+            "arrived_s": arrived_s,
+            "began_s": arrived_s + wait_s,
+            "done_s": arrived_s + latency_s,
+            "latency_ms": 1e3 * latency_s,
+            "prepare_ms": 1e3 * prepare_s,
+            "expand_ms": 1e3 * expand_s,
+            "train_ms": 1e3 * (train_s + late_s),
+            "queue": t.queue,
+            "gaussians": t.gaussians,
+            "depth": t.depth,
+        }))
+    }
+
+    pub fn held_out(&mut self, number: u64, index: usize, arrived: Instant) -> Result<()> {
+        self.held_out += 1;
+        let arrived_s = self.since_start(arrived);
+        note!("keyframe {number} ({}): held out", index + 1);
+        self.line(&json!({ "event": "held-out", "number": number, "index": index, "arrived_s": arrived_s }))
+    }
+
+    pub fn refused(&mut self, file: &str, number: Option<u64>, reason: &str, at: Instant) -> Result<()> {
+        self.refused.push([file.to_owned(), reason.to_owned()]);
+        let at_s = self.since_start(at);
+        note!("REFUSED {file}: {reason}");
+        self.line(&json!({ "event": "refused", "file": file, "number": number, "reason": reason, "at_s": at_s }))
+    }
+
+    /// Tells of a notice; returns the reason of a refusal.
+    pub fn notice(&mut self, notice: &Notice) -> Result<Option<String>> {
+        match notice {
+            Notice::Refused { file, number, reason, at } => {
+                self.refused(file, *number, reason, *at)?;
+                Ok(Some(format!("{file}: {reason}")))
+            }
+            Notice::Dropped { number, arrived } => {
+                self.dropped.push(*number);
+                let arrived_s = self.since_start(*arrived);
+                note!("DROPPED keyframe {number}: a later one came before its turn");
+                self.line(&json!({ "event": "dropped", "number": number, "arrived_s": arrived_s }))?;
+                Ok(None)
+            }
+        }
+    }
+
+    /// Says that the device is behind, where it is.
+    pub fn watch(&mut self, queue: usize) -> Result<()> {
+        if queue < self.warned_at {
+            return Ok(());
+        }
+        self.warned_at = 2 * queue;
+        note!("BEHIND: {queue} keyframes wait; they come faster than this device takes them");
+        self.line(&json!({ "event": "behind", "queue": queue, "at_s": self.start.elapsed().as_secs_f64() }))
+    }
+
+    /// Ends the lines and sums them up.
+    pub fn finish(
+        mut self,
+        folder: &Path,
+        policy: WhenBehind,
+        ended_by: EndedBy,
+        tally: &Tally,
+        collected: usize,
+        timings: &[KeyframeTiming],
+    ) -> Result<LiveRecord> {
+        self.line(&json!({ "event": "end", "by": ended_by, "at_s": self.start.elapsed().as_secs_f64() }))?;
+        let rate = |(first, last): (Instant, Instant)| {
+            let seconds = last.saturating_duration_since(first).as_secs_f64();
+            (seconds > 0.0).then(|| (tally.arrived - 1) as f64 / seconds)
+        };
+        Ok(LiveRecord {
+            folder: std::path::absolute(folder)?,
+            when_behind: policy,
+            ended_by,
+            announced: self.announced,
+            arrived: tally.arrived,
+            trained: self.trained,
+            held_out: self.held_out,
+            fell_behind: !self.dropped.is_empty() || tally.longest_queue > collected,
+            dropped: self.dropped,
+            refused: self.refused,
+            longest_queue: tally.longest_queue,
+            arrivals_per_second: tally.first_and_last.and_then(rate),
+            capacity_per_second: LatencySummary::of(timings).map(|l| l.keyframes_per_second),
+            latency: Percentiles::of(self.latencies_s.into_iter()),
+            depth: self.depth,
+        })
+    }
+}

@@ -1,0 +1,271 @@
+//! A live reconstruction's side of the folder: numbers keyframes as a data set does, holds some out, and keeps record.
+
+use super::inbox::{Arrival, Inbox};
+use super::log::{LiveRecord, Log, Trained};
+use super::outcome::WhenBehind;
+use super::recorder::{Entry, Recorder};
+use crate::interrupt;
+use crate::split::{Protocol, Role};
+use anyhow::{Result, bail};
+use corf::KeyframeTiming;
+use corf_scene::Keyframe;
+use corf_scene::dataset::{Dataset, FrameData};
+use corf_scene::live::{LiveDescription, LiveFrame};
+use corf_scene::trajectory::TrajectoryPose;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Folder of the data set of what was taken, in the run folder.
+pub const DATASET: &str = "dataset";
+/// Longest time without a look at whether somebody interrupts.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// What a session needs to know.
+pub struct SessionOptions<'a> {
+    /// The live folder.
+    pub folder: &'a Path,
+    /// The run folder.
+    pub run: &'a Path,
+    /// Its `capture.toml`.
+    pub description: &'a LiveDescription,
+    /// Which keyframes are held out.
+    pub protocol: Protocol,
+    /// What happens to keyframes that come too fast.
+    pub when_behind: WhenBehind,
+    /// Whether a refused keyframe ends the run.
+    pub strict: bool,
+    /// Number of first keyframes that are collected before any is expanded.
+    pub collected: usize,
+}
+
+/// Keyframes from a live folder.
+pub struct Session {
+    folder: PathBuf,
+    description: LiveDescription,
+    protocol: Protocol,
+    when_behind: WhenBehind,
+    strict: bool,
+    collected: usize,
+    inbox: Inbox,
+    log: Log,
+    recorder: Recorder,
+    /// Index of the next keyframe.
+    next: usize,
+    /// Those accepted whose training has not ended.
+    open: BTreeMap<usize, Open>,
+    timings: Vec<KeyframeTiming>,
+}
+
+/// A keyframe that was accepted and is not trained yet.
+struct Open {
+    number: u64,
+    arrived: Instant,
+    depth: &'static str,
+}
+
+/// A keyframe to train with.
+pub struct Taken {
+    /// It.
+    pub keyframe: Keyframe,
+    /// When it landed.
+    pub arrived: Instant,
+    /// What [`Session::accept`] or [`Session::refuse`] must be given.
+    pub receipt: Receipt,
+}
+
+/// A keyframe's other half, until it is known whether it was accepted.
+pub struct Receipt {
+    number: u64,
+    arrived: Instant,
+    entry: Entry,
+}
+
+impl Receipt {
+    /// Whether a depth file came with it.
+    pub fn has_depth(&self) -> bool {
+        self.entry.frame.depth_m.is_some()
+    }
+}
+
+impl Session {
+    /// Begins to look into a live folder.
+    ///
+    /// # Errors
+    /// A protocol that needs the end of the trajectory; a run folder that cannot be written.
+    pub fn open(options: SessionOptions<'_>) -> Result<Self> {
+        let SessionOptions { folder, run, description, protocol, when_behind, strict, collected } = options;
+        let header = description.header();
+        if protocol.role(0, header.split.test_every).is_none() {
+            bail!(
+                "the {} protocol holds out what lies in the middle of a trajectory, and the end of a live one is not known\n  help: choose \
+                 --protocol test, validation or all",
+                protocol.name()
+            );
+        }
+        Ok(Self {
+            folder: folder.to_owned(),
+            description: description.clone(),
+            protocol,
+            when_behind,
+            strict,
+            collected,
+            log: Log::create(run, description.keyframes)?,
+            recorder: Recorder::start(&run.join(DATASET), header)?,
+            inbox: Inbox::open(folder, description, when_behind, collected)?,
+            next: 0,
+            open: BTreeMap::new(),
+            timings: Vec::new(),
+        })
+    }
+
+    /// The description of the capture.
+    pub fn description(&self) -> &LiveDescription {
+        &self.description
+    }
+
+    /// Whether only the latest keyframe waits.
+    pub fn drops(&self) -> bool {
+        self.when_behind == WhenBehind::Drop
+    }
+
+    /// The next keyframe to train with, if one is there.
+    ///
+    /// # Errors
+    /// An interrupt; a refused keyframe of a strict session; a file that cannot be written.
+    pub fn take(&mut self) -> Result<Option<Taken>> {
+        loop {
+            interrupt::check()?;
+            if interrupt::input_ended() {
+                self.inbox.stop();
+            }
+            self.tell_notices()?;
+            self.log.watch(self.inbox.queue())?;
+            let Some(Arrival { stem, frame, arrived }) = self.inbox.take() else { return Ok(None) };
+            let index = self.next;
+            let LiveFrame { number, time_s, world_from_camera, image, spectrum, depth_m, sources } = frame;
+            let pose = TrajectoryPose { index, time_s: time_s.unwrap_or(index as f64), world_from_camera };
+            let kept = FrameData {
+                image: Some(image.clone()),
+                linear: None,
+                albedo: None,
+                normals: None,
+                depth_m: depth_m.clone(),
+                surface: None,
+                spectrum: Some(spectrum.clone()),
+                sphere: None,
+                tutorial: None,
+                share_in_frame: None,
+                paths_jsonl: None,
+            };
+            let receipt = Receipt { number, arrived, entry: Entry { name: stem, sources, pose, frame: kept } };
+            if self.protocol.role(index, self.description.header().split.test_every) != Some(Role::Trains) {
+                self.log.held_out(number, index, arrived)?;
+                self.keep(receipt)?;
+                continue;
+            }
+            let time_s = pose.time_s;
+            let keyframe = Keyframe { index, time_s, world_from_camera, image, spectrum, depth_m, surface: None };
+            return Ok(Some(Taken { keyframe, arrived, receipt }));
+        }
+    }
+
+    /// The keyframe was received; `depth` says where its depths come from: `file`, `network` or `matching`.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn accept(&mut self, receipt: Receipt, depth: &'static str) -> Result<()> {
+        let open = Open { number: receipt.number, arrived: receipt.arrived, depth };
+        self.open.insert(self.next, open);
+        self.inbox.set_in_hand(self.open.len());
+        self.keep(receipt)
+    }
+
+    fn keep(&mut self, receipt: Receipt) -> Result<()> {
+        self.next += 1;
+        self.recorder.put(receipt.entry)
+    }
+
+    /// The keyframe cannot be used after all; its index goes to the next one.
+    ///
+    /// # Errors
+    /// The reason, in a strict session.
+    pub fn refuse(&mut self, receipt: &Receipt, reason: &str) -> Result<()> {
+        let file = format!("poses/{}.json", receipt.entry.name);
+        self.log.refused(&file, Some(receipt.number), reason, Instant::now())?;
+        self.refuse_strictly(Some(format!("{file}: {reason}")))
+    }
+
+    fn refuse_strictly(&self, reason: Option<String>) -> Result<()> {
+        match reason.filter(|_| self.strict) {
+            Some(reason) => bail!("{reason}\n  help: without --strict a keyframe is refused and the run goes on"),
+            None => Ok(()),
+        }
+    }
+
+    fn tell_notices(&mut self) -> Result<()> {
+        for notice in self.inbox.notices() {
+            let refusal = self.log.notice(&notice)?;
+            self.refuse_strictly(refusal)?;
+        }
+        Ok(())
+    }
+
+    /// The earliest of those accepted is worked on from now on.
+    pub fn begin(&self) {
+        self.inbox.set_in_hand(self.open.len().saturating_sub(1));
+    }
+
+    /// A keyframe's training has ended.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn trained(&mut self, timing: &KeyframeTiming, gaussians: usize) -> Result<()> {
+        self.timings.push(*timing);
+        let Some(Open { number, arrived, depth }) = self.open.remove(&timing.index) else { return Ok(()) };
+        self.inbox.set_in_hand(self.open.len());
+        let queue = self.inbox.queue();
+        self.log.trained(&Trained { number, arrived, timing, gaussians, queue, depth })
+    }
+
+    /// Waits for the first keyframe, or for the end.
+    ///
+    /// # Errors
+    /// An interrupt; the thread that looks into the folder is gone.
+    pub fn wait_for_first(&mut self) -> Result<()> {
+        while self.inbox.queue() == 0 && !self.is_over() {
+            interrupt::check()?;
+            if interrupt::input_ended() {
+                self.inbox.stop();
+            }
+            self.tell_notices()?;
+            self.wait()?;
+        }
+        Ok(())
+    }
+
+    /// Whether nothing comes any more and all that came was taken.
+    pub fn is_over(&self) -> bool {
+        self.inbox.ended().is_some()
+    }
+
+    /// Waits a moment for a keyframe.
+    ///
+    /// # Errors
+    /// The thread that looks into the folder is gone.
+    pub fn wait(&self) -> Result<()> {
+        self.inbox.wait(LOOK)
+    }
+
+    /// Finishes the data set of what was taken, and the record.
+    ///
+    /// # Errors
+    /// The session is not over; no keyframe was taken; the data set cannot be finished.
+    pub fn finish(mut self) -> Result<(Dataset, LiveRecord)> {
+        self.tell_notices()?;
+        let Some(ended_by) = self.inbox.ended() else { bail!("the live folder has not ended") };
+        let tally = self.inbox.tally();
+        let record = self.log.finish(&self.folder, self.when_behind, ended_by, &tally, self.collected, &self.timings)?;
+        Ok((self.recorder.finish()?, record))
+    }
+}

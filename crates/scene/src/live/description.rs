@@ -1,0 +1,238 @@
+//! Description of a live capture: all that its keyframes share.
+
+use crate::config::{ReceiverConfig, SpectrumKind, SplitConfig, TransmitterConfig};
+use crate::dataset::{Dataset, DatasetHeader, Imported, Quantity};
+use crate::keyframe::{DbRange, Modalities};
+use crate::{Error, Pinhole, Result, bounds, io};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The version of the live folder that this crate writes and reads.
+pub const LIVE_SCHEMA: &str = "corf-live/1";
+/// File of the description, in the live folder.
+pub const DESCRIPTION: &str = "capture.toml";
+
+/// `capture.toml` of a live folder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LiveDescription {
+    /// [`LIVE_SCHEMA`].
+    pub schema: String,
+    /// Name of the capture, e.g. `hall-3`.
+    pub name: String,
+    /// Number of keyframes to come, if known: it is shown, and missing ones are reported.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keyframes: Option<usize>,
+    /// Physical quantity of a spectrum's values. Default `unknown`.
+    #[serde(default = "unknown")]
+    pub quantity: Quantity,
+    /// Kind of the angular spectra, if known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spectrum: Option<SpectrumKind>,
+    /// Carrier, Hz, if known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frequency_hz: Option<f64>,
+    /// Whether files in `depth/` belong to keyframes; each keyframe may have one. Default false: none is looked at.
+    #[serde(default)]
+    pub depth: bool,
+    /// Smallest and largest corner of the space in which the platform moves, metres; a keyframe outside is refused. Default: anywhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bounds_m: Option<[[f64; 3]; 2]>,
+    /// Camera of the images.
+    pub optical_camera: Pinhole,
+    /// Camera of the spectra, at the position and with the axes of the optical one.
+    pub rf_camera: Pinhole,
+    /// The one decibel range of all spectra. Its upper end must hold the strongest value to come.
+    pub db_range: DbRange,
+    /// The fixed transmitter, if known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transmitter: Option<TransmitterConfig>,
+    /// The platform's array, if known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub receiver: Option<ReceiverConfig>,
+}
+
+fn unknown() -> Quantity {
+    Quantity::Unknown
+}
+
+impl LiveDescription {
+    /// Reads and checks `capture.toml` of a folder.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is of another version, or describes no cameras and no range.
+    pub fn read(dir: &Path) -> Result<Self> {
+        let path = dir.join(DESCRIPTION);
+        let place = path.display().to_string();
+        let help = "docs/live.md lists its keys";
+        let text = io::read_text(&path)?;
+        let table: toml::Table = text.parse().map_err(|e| Error::invalid(&place, format!("is no TOML: {e}"), help))?;
+        // The schema first: a file of another version should say so, not complain about its keys.
+        let schema = table.get("schema").and_then(|s| s.as_str()).unwrap_or("(none)");
+        if schema != LIVE_SCHEMA {
+            let what = format!("schema is \"{schema}\"");
+            return Err(Error::invalid(place, what, format!("this version reads schema = \"{LIVE_SCHEMA}\"")));
+        }
+        let description: Self = toml::from_str(&text).map_err(|e| Error::invalid(&place, e.to_string(), help))?;
+        description.check(&place)?;
+        Ok(description)
+    }
+
+    /// The description of a finished data set, for whoever plays it back.
+    ///
+    /// # Errors
+    /// A data set without images or without spectra.
+    pub fn of(dataset: &Dataset, depth: bool) -> Result<Self> {
+        let header = dataset.header();
+        if !header.modalities.are_both() {
+            let what = "it has no images or no spectra, and a keyframe of a live folder has both";
+            return Err(Error::invalid(dataset.dir().display().to_string(), what, "play a data set of light and radio"));
+        }
+        Ok(Self {
+            schema: LIVE_SCHEMA.to_owned(),
+            name: header.name.clone(),
+            keyframes: Some(dataset.len()),
+            quantity: header.quantity,
+            spectrum: header.spectrum,
+            frequency_hz: header.frequency_hz,
+            depth,
+            bounds_m: None,
+            optical_camera: dataset.optical_camera(),
+            rf_camera: dataset.rf_camera(),
+            db_range: dataset.db_range(),
+            transmitter: header.transmitter,
+            receiver: header.receiver,
+        })
+    }
+
+    /// Its text as TOML.
+    ///
+    /// # Errors
+    /// A number that TOML does not have.
+    pub fn to_toml(&self) -> Result<String> {
+        toml::to_string(self)
+            .map_err(|e| Error::invalid(DESCRIPTION, format!("cannot be written: {e}"), "report this as a defect"))
+    }
+
+    fn check(&self, place: &str) -> Result<()> {
+        for (name, c) in [("optical_camera", &self.optical_camera), ("rf_camera", &self.rf_camera)] {
+            let positive = |v: f64| v.is_finite() && v > 0.0;
+            let pixels = c.width.checked_mul(c.height).filter(|n| (1..=io::MAX_PIXELS).contains(&(*n as u64)));
+            if pixels.is_none() || !positive(c.fx) || !positive(c.fy) || !c.cx.is_finite() || !c.cy.is_finite() {
+                let what = format!("{name} is no camera: {c:?}");
+                return Err(Error::invalid(place, what, "give width and height, and fx, fy, cx, cy in pixels"));
+            }
+        }
+        let DbRange { min_db, max_db } = self.db_range;
+        if !(min_db.is_finite() && max_db.is_finite() && min_db < max_db) {
+            let what = format!("db_range reaches from {min_db} to {max_db} dB");
+            return Err(Error::invalid(place, what, "give min_db and max_db, the latter above the strongest value to come"));
+        }
+        if let Some(frequency) = self.frequency_hz {
+            bounds::number(&format!("{place}, key `frequency_hz`"), frequency, &bounds::FREQUENCY_HZ, "Hz")?;
+        }
+        if let Some(keyframes) = self.keyframes {
+            bounds::count(&format!("{place}, key `keyframes`"), keyframes, bounds::MAX_KEYFRAMES, "keyframes")?;
+        }
+        if let Some([low, high]) = self.bounds_m {
+            let (low, high) = (DVec3::from(low), DVec3::from(high));
+            if !(low.is_finite() && high.is_finite() && low.cmplt(high).all()) {
+                let what = format!("bounds_m from {low} to {high} hold nothing");
+                return Err(Error::invalid(
+                    place,
+                    what,
+                    "give [[x, y, z], [x, y, z]]: the smallest and the largest corner, metres",
+                ));
+            }
+        }
+        if let Some(transmitter) = &self.transmitter {
+            bounds::position(&format!("{place}, key `transmitter.position_m`"), DVec3::from(transmitter.position_m))?;
+        }
+        Ok(())
+    }
+
+    /// The header of the data set that the keyframes make, without any yet: test keyframes are those whose index can be divided by eight.
+    pub fn header(&self) -> DatasetHeader {
+        let notes = vec!["keyframes were taken as they landed in a live folder, numbered in that order".to_owned()];
+        DatasetHeader {
+            name: self.name.clone(),
+            seed: 0,
+            modalities: Modalities::BOTH,
+            optical_camera: self.optical_camera,
+            rf_camera: self.rf_camera,
+            sphere: None,
+            exposure_ev: None,
+            denoiser: None,
+            frequency_hz: self.frequency_hz,
+            transmitter: self.transmitter,
+            receiver: self.receiver,
+            spectrum: self.spectrum,
+            quantity: self.quantity,
+            dynamic_range_db: self.db_range.max_db - self.db_range.min_db,
+            tutorial_range: None,
+            materials: Vec::new(),
+            sampling_error: None,
+            split: SplitConfig::default(),
+            stated_split: None,
+            objects: Vec::new(),
+            scene_sha256: None,
+            scene_content_sha256: None,
+            config: None,
+            scene: None,
+            imported: Some(Imported {
+                format: LIVE_SCHEMA.to_owned(),
+                names: Vec::new(),
+                up: None,
+                metres_per_unit: 1.0,
+                db_range: Some(self.db_range),
+                notes,
+                sources: BTreeMap::new(),
+            }),
+            poses: Vec::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "schema = \"corf-live/1\"\nname = \"hall\"\nbounds_m = [[0, 0, 0], [9, 9, 3]]\n\
+        [optical_camera]\nwidth = 64\nheight = 48\nfx = 32.0\nfy = 32.0\ncx = 32.0\ncy = 24.0\n\
+        [rf_camera]\nwidth = 32\nheight = 24\nfx = 16.0\nfy = 16.0\ncx = 16.0\ncy = 12.0\n\
+        [db_range]\nmin_db = -110.0\nmax_db = -40.0\n[transmitter]\nposition_m = [1.0, 2.0, 3.0]\n";
+
+    fn read(text: &str) -> Result<LiveDescription> {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join(DESCRIPTION), text).unwrap();
+        LiveDescription::read(dir.path())
+    }
+
+    #[test]
+    fn a_description_is_read_and_written_alike() {
+        let description = read(TEXT).unwrap();
+        assert_eq!((description.keyframes, description.depth, description.quantity), (None, false, Quantity::Unknown));
+        assert_eq!(read(&description.to_toml().unwrap()).unwrap(), description);
+        let header = description.header();
+        assert_eq!((header.dynamic_range_db, header.transmitter.unwrap().position_m), (70.0, [1.0, 2.0, 3.0]));
+    }
+
+    #[test]
+    fn what_describes_nothing_is_refused_and_named() {
+        for (from, to, word) in [
+            ("corf-live/1", "corf-live/9", "corf-live/9"),
+            ("width = 64", "width = 0", "optical_camera"),
+            ("fx = 16.0", "fx = nan", "rf_camera"),
+            ("max_db = -40.0", "max_db = -140.0", "db_range"),
+            ("[9, 9, 3]", "[9, 0, 3]", "bounds_m"),
+            ("[1.0, 2.0, 3.0]", "[1.0, inf, 3.0]", "transmitter"),
+            ("name = \"hall\"", "nome = \"hall\"", "nome"),
+        ] {
+            assert!(TEXT.contains(from));
+            let error = read(&TEXT.replacen(from, to, 1)).unwrap_err().to_string();
+            assert!(error.contains(word) && error.contains("help"), "{to}: {error}");
+        }
+    }
+}

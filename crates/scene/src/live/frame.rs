@@ -1,0 +1,265 @@
+//! One keyframe of a live folder: read, checked, and known by what it was read from.
+
+use super::description::LiveDescription;
+use super::{DEPTH, IMAGES, POSES, SPECTRA};
+use crate::contained::{self, Reach};
+use crate::{Error, Pinhole, Raster, Result, Rigid3, bounds, io};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Excess of a spectrum over the stated range that is rounding, dB.
+const TOLERANCE_DB: f64 = 1e-5;
+
+/// A keyframe as its files describe it.
+#[derive(Clone, Debug)]
+pub struct LiveFrame {
+    /// Its number: rising along the trajectory, with or without gaps.
+    pub number: u64,
+    /// Time, seconds, if its pose file says one.
+    pub time_s: Option<f64>,
+    /// Pose (OpenCV camera axes).
+    pub world_from_camera: Rigid3,
+    /// 8-bit sRGB.
+    pub image: Raster<[u8; 3]>,
+    /// Linear power.
+    pub spectrum: Raster<f32>,
+    /// z-depth, metres, 0 where there is none.
+    pub depth_m: Option<Raster<f32>>,
+    /// SHA-256 of every file it was read from, by its path below the live folder.
+    pub sources: BTreeMap<String, String>,
+}
+
+/// A pose file.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PoseFile {
+    world_from_camera: [[f64; 4]; 4],
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    time_s: Option<f64>,
+}
+
+/// The number that a pose file's name states: digits and `.json`.
+pub fn number_of(file_name: &str) -> Option<u64> {
+    let stem = file_name.strip_suffix(".json")?;
+    stem.bytes().all(|b| b.is_ascii_digit()).then(|| stem.parse().ok()).flatten()
+}
+
+/// The text of a pose file.
+///
+/// # Errors
+/// A pose or a time that is not finite.
+pub fn pose_text(world_from_camera: &Rigid3, time_s: Option<f64>) -> Result<String> {
+    let rows = world_from_camera.to_rows();
+    Rigid3::from_rows(&rows, "pose")?;
+    serde_json::to_string(&PoseFile { world_from_camera: rows, time_s: time_s.filter(|t| t.is_finite()) })
+        .map(|text| text + "\n")
+        .map_err(|e| Error::invalid("pose", format!("cannot be written: {e}"), "report this as a defect"))
+}
+
+impl LiveFrame {
+    /// Reads the keyframe whose pose file is `poses/STEM.json` of the live folder.
+    ///
+    /// # Errors
+    /// A file that is missing, there twice, cut short or unreadable; of another size than the description says; with a pose that is no rigid
+    /// transform or outside of the bounds; with a value that is no power or no depth, or a power above the stated range.
+    pub fn read(dir: &Path, stem: &str, description: &LiveDescription) -> Result<Self> {
+        let mut files = Files { dir, stem, sources: BTreeMap::new() };
+        let number = number_of(&format!("{stem}.json"))
+            .ok_or_else(|| Error::invalid(stem, "its name is no number", "name keyframes by a counter or a time stamp"))?;
+        let (path, name) = files.one(POSES, &["json"])?.ok_or_else(|| files.missing(POSES, "json"))?;
+        let text = io::read_text(&path)?;
+        let help = "give {\"world_from_camera\": 4x4 by rows, \"time_s\": seconds}, written under another name and renamed";
+        let pose: PoseFile = serde_json::from_str(&text).map_err(|e| Error::invalid(&name, format!("is no pose: {e}"), help))?;
+        let world_from_camera = Rigid3::from_rows(&pose.world_from_camera, &name)?;
+        bounds::position(&name, world_from_camera.translation)?;
+        if let Some([low, high]) = description.bounds_m {
+            let at = world_from_camera.translation;
+            if at.cmplt(DVec3::from(low)).any() || at.cmpgt(DVec3::from(high)).any() {
+                let what = format!("the camera stands at {at} m, outside of bounds_m");
+                return Err(Error::invalid(name, what, "check the unit (metres) and the frame of the poses"));
+            }
+        }
+        files.sources.insert(name, io::sha256_hex(text.as_bytes()));
+
+        let (path, name) = files.take(IMAGES, &["png", "jpg", "jpeg"])?.ok_or_else(|| files.missing(IMAGES, "png"))?;
+        let image = io::read_png(path)?;
+        sized(&name, &image, &description.optical_camera)?;
+
+        let (path, name) = files.take(SPECTRA, &["exr", "npy"])?.ok_or_else(|| files.missing(SPECTRA, "exr"))?;
+        let spectrum = io::read_map(path)?;
+        sized(&name, &spectrum, &description.rf_camera)?;
+        check_power(&name, &spectrum, description)?;
+
+        let depth_m = match description.depth {
+            true => files.take(DEPTH, &["exr", "npy"])?.map(|(path, name)| read_depth(&path, &name, description)).transpose()?,
+            false => None,
+        };
+        let time_s = pose.time_s.filter(|t| t.is_finite());
+        Ok(Self { number, time_s, world_from_camera, image, spectrum, depth_m, sources: files.sources })
+    }
+}
+
+/// The files of a keyframe.
+struct Files<'a> {
+    dir: &'a Path,
+    stem: &'a str,
+    sources: BTreeMap<String, String>,
+}
+
+impl Files<'_> {
+    /// The keyframe's one file in a folder, and its name; none where it has none.
+    fn one(&self, folder: &str, endings: &[&str]) -> Result<Option<(PathBuf, String)>> {
+        let names = endings.iter().map(|ending| format!("{folder}/{}.{ending}", self.stem));
+        let there: Vec<String> = names.filter(|name| self.dir.join(name).symlink_metadata().is_ok()).collect();
+        match there.as_slice() {
+            [] => Ok(None),
+            [name] => {
+                let help = "files of a keyframe are regular files in the live folder";
+                let path = contained::resolve(self.dir, Path::new(name), Reach::Folder, name, help)?;
+                Ok(Some((path, name.clone())))
+            }
+            [a, b, ..] => Err(Error::invalid(a, format!("{b} is there as well"), "give one of them")),
+        }
+    }
+
+    /// The same, and its hash among the sources.
+    fn take(&mut self, folder: &str, endings: &[&str]) -> Result<Option<(PathBuf, String)>> {
+        let found = self.one(folder, endings)?;
+        if let Some((path, name)) = &found {
+            self.sources.insert(name.clone(), io::sha256_hex(&io::read(path)?));
+        }
+        Ok(found)
+    }
+
+    fn missing(&self, folder: &str, ending: &str) -> Error {
+        let what = "is not there, though the pose is";
+        Error::invalid(format!("{folder}/{}.{ending}", self.stem), what, "the pose file lands last: write the others before it")
+    }
+}
+
+fn sized<T>(name: &str, raster: &Raster<T>, camera: &Pinhole) -> Result<()> {
+    if (raster.width(), raster.height()) == (camera.width, camera.height) {
+        return Ok(());
+    }
+    let what =
+        format!("is {}x{} pixels where the camera has {}x{}", raster.width(), raster.height(), camera.width, camera.height);
+    Err(Error::invalid(name, what, "all keyframes have the cameras of capture.toml"))
+}
+
+fn check_power(name: &str, spectrum: &Raster<f32>, description: &LiveDescription) -> Result<()> {
+    let at = |i: usize| format!("pixel ({}, {})", i % spectrum.width(), i / spectrum.width());
+    if let Some(i) = spectrum.pixels().iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
+        let what = format!("{} is {}", at(i), spectrum.pixels()[i]);
+        return Err(Error::invalid(name, what, "a spectrum is linear power: finite and at least 0"));
+    }
+    let peak = spectrum.pixels().iter().copied().fold(0.0_f32, f32::max);
+    let (peak_db, max_db) = (10.0 * f64::from(peak).log10(), description.db_range.max_db);
+    if peak_db > max_db + TOLERANCE_DB {
+        let what = format!("it reaches {peak_db:.2} dB, above the {max_db} dB at which db_range ends");
+        return Err(Error::invalid(name, what, "state a range in capture.toml that holds the strongest value"));
+    }
+    Ok(())
+}
+
+fn read_depth(path: &Path, name: &str, description: &LiveDescription) -> Result<Raster<f32>> {
+    // Sensors write what they did not see as 0, NaN or infinity.
+    let depth = io::read_map(path)?.map(|&d| if d.is_finite() { d } else { 0.0 });
+    sized(name, &depth, &description.optical_camera)?;
+    if let Some(i) = depth.pixels().iter().position(|d| *d < 0.0) {
+        let what = format!("pixel ({}, {}) is {} m", i % depth.width(), i / depth.width(), depth.pixels()[i]);
+        return Err(Error::invalid(name, what, "depths are metres along the optical axis, at least 0"));
+    }
+    Ok(depth)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::LIVE_SCHEMA;
+    use super::*;
+    use crate::dataset::Quantity;
+    use crate::keyframe::DbRange;
+    use std::fs;
+
+    fn description() -> LiveDescription {
+        LiveDescription {
+            schema: LIVE_SCHEMA.to_owned(),
+            name: "test".to_owned(),
+            keyframes: None,
+            quantity: Quantity::Unknown,
+            spectrum: None,
+            frequency_hz: None,
+            depth: true,
+            bounds_m: Some([[-1.0; 3], [1.0; 3]]),
+            optical_camera: Pinhole::from_horizontal_fov(16, 8, 90.0),
+            rf_camera: Pinhole::from_horizontal_fov(8, 4, 90.0),
+            db_range: DbRange { min_db: -90.0, max_db: -20.0 },
+            transmitter: None,
+            receiver: None,
+        }
+    }
+
+    fn write(dir: &Path) {
+        let put = |name: &str, bytes: &[u8]| io::write_atomic(dir.join(name), bytes).unwrap();
+        put("images/7.png", &io::encode_png(&Raster::filled(16, 8, [1, 2, 3])).unwrap());
+        put("spectra/7.exr", &io::encode_exr_f32(&Raster::filled(8, 4, 1e-3), "Y").unwrap());
+        put(
+            "depth/7.exr",
+            &io::encode_exr_f32(&Raster::from_fn(16, 8, |x, _| if x == 0 { f32::NAN } else { 2.0 }), "Z").unwrap(),
+        );
+        put("poses/7.json", pose_text(&Rigid3::IDENTITY, Some(0.5)).unwrap().as_bytes());
+    }
+
+    #[test]
+    fn a_keyframe_is_what_its_files_say() {
+        let dir = tempfile::tempdir().unwrap();
+        write(dir.path());
+        let frame = LiveFrame::read(dir.path(), "7", &description()).unwrap();
+        assert_eq!((frame.number, frame.time_s, frame.sources.len()), (7, Some(0.5), 4));
+        assert_eq!((frame.image[(3, 3)], frame.spectrum[(1, 1)]), ([1, 2, 3], 1e-3));
+        let depth = frame.depth_m.unwrap();
+        assert_eq!((depth[(0, 0)], depth[(1, 0)]), (0.0, 2.0));
+        // Depth that was not announced is not looked at.
+        let frame = LiveFrame::read(dir.path(), "7", &LiveDescription { depth: false, ..description() }).unwrap();
+        assert!(frame.depth_m.is_none() && frame.sources.len() == 3);
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_keyframe_is_said() {
+        let exr = |w: usize, v: f32| io::encode_exr_f32(&Raster::filled(w, 4, v), "Y").unwrap();
+        let far = Rigid3 { translation: DVec3::new(0.0, 5.0, 0.0), ..Rigid3::IDENTITY };
+        let cases: [(&str, Option<Vec<u8>>, &str); 11] = [
+            ("images/7.png", None, "lands last"),
+            ("images/7.png", Some(b"\x89PNG cut".to_vec()), "7.png"),
+            ("images/7.png", Some(io::encode_png(&Raster::filled(8, 8, [0; 3])).unwrap()), "8x8"),
+            ("images/7.jpg", Some(vec![0]), "as well"),
+            ("spectra/7.exr", Some(exr(8, f32::NAN)), "NaN"),
+            ("spectra/7.exr", Some(exr(8, -1.0)), "linear power"),
+            ("spectra/7.exr", Some(exr(8, 0.1)), "-10.00 dB"),
+            ("spectra/7.exr", Some(exr(9, 0.001)), "9x4"),
+            ("poses/7.json", Some(b"{\"world_from_camera\": [[1,0".to_vec()), "is no pose"),
+            ("poses/7.json", Some(pose_text(&far, None).unwrap().into_bytes()), "bounds_m"),
+            ("depth/7.exr", Some(io::encode_exr_f32(&Raster::filled(16, 8, -1.0), "Z").unwrap()), "depths are metres"),
+        ];
+        for (name, bytes, word) in cases {
+            let dir = tempfile::tempdir().unwrap();
+            write(dir.path());
+            match bytes {
+                Some(bytes) => fs::write(dir.path().join(name), bytes).unwrap(),
+                None => fs::remove_file(dir.path().join(name)).unwrap(),
+            }
+            let error = LiveFrame::read(dir.path(), "7", &description()).unwrap_err().to_string();
+            assert!(error.contains(word), "{name}: {error}");
+        }
+    }
+
+    #[test]
+    fn numbers_are_digits_and_nothing_else() {
+        assert_eq!(number_of("00017.json"), Some(17));
+        assert_eq!(number_of("1732728372123456789.json"), Some(1_732_728_372_123_456_789));
+        for name in [".json", "17", "17.json.tmp", ".17.json", "a.json", "-1.json", "99999999999999999999.json"] {
+            assert_eq!(number_of(name), None, "{name}");
+        }
+    }
+}
