@@ -38,6 +38,7 @@ pub mod stats;
 pub mod suite;
 pub mod sweep;
 pub mod table;
+pub mod view;
 pub mod workload;
 
 pub use corf_scene::bounds;

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail, ensure};
 use corf::array::{ArrayConfig, ArrayField, ArraySensor, ArrayTrainer, SensorSettings};
 use corf::config::Coupling;
 use corf::depth::DepthPrior;
-use corf::{KeyframeTiming, Reconstructor};
+use corf::{KeyframeTiming, RasterConfig, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
@@ -224,6 +224,14 @@ impl Online<'_> {
         (self.advance)(Advance { depth: self.light.depth_quality(), stages: &stages, ..last })?;
         Ok(self)
     }
+}
+
+/// Settings by which a run's Gaussians are drawn.
+///
+/// # Errors
+/// A configuration of another version.
+pub fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
+    Ok(serde_json::from_value::<CorfArrayConfig>(config.clone())?.light.raster)
 }
 
 /// A finished field.

@@ -1,6 +1,8 @@
 //! A run folder back to a predictor.
 
-use super::{corf_array::ArrayPredictor, corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs, wrf_gs_plus};
+use super::{
+    corf_array, corf_array::ArrayPredictor, corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs, wrf_gs_plus,
+};
 use crate::device::Backend;
 use crate::input::{Input, Verify};
 use crate::json::read_json;
@@ -8,6 +10,7 @@ use crate::method::{Method, Predictor, TrainingSet};
 use crate::run::{RunInfo, SCHEMA};
 use crate::split::Split;
 use anyhow::{Context, Result, ensure};
+use corf::RasterConfig;
 use corf_scene::dataset::Dataset;
 use std::path::Path;
 
@@ -23,6 +26,21 @@ pub struct OpenRun {
     pub method: Box<dyn Method>,
     /// The field.
     pub predictor: Box<dyn Predictor>,
+}
+
+/// Settings by which the Gaussians in a run folder are drawn; `None` where the method leaves no field of Gaussians.
+///
+/// # Errors
+/// A configuration of another version.
+pub fn raster_of(info: &RunInfo, folder: &Path) -> Result<Option<RasterConfig>> {
+    let raster = match info.method.as_str() {
+        "corf-array" => Some(corf_array::raster_of(&info.config)),
+        id if id.starts_with("corf-gs") => Some(CorfGsConfig::raster_of(&info.config)),
+        id if id.starts_with("rf-3dgs") => Some(rf_3dgs::raster_of(&info.config)),
+        _ => None,
+    };
+    let other = || format!("{}: the configuration is not of this version", folder.join("run.json").display());
+    raster.transpose().with_context(other)
 }
 
 /// Opens a run folder; `dataset` says where the dataset is now, if it has moved, `verify` whether its files are checked, and `backend`
@@ -54,18 +72,10 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
         "{}: this version resolves the run's configuration differently\n  help: reconstruct again",
         folder.display()
     );
-    let raster = match info.method.as_str() {
-        id if id.starts_with("corf-gs") => Some(CorfGsConfig::raster_of(&info.config)),
-        id if id.starts_with("rf-3dgs") => Some(rf_3dgs::raster_of(&info.config)),
-        _ => None,
-    };
-    let raster = raster
-        .transpose()
-        .with_context(|| format!("{}: the configuration is not of this version", folder.join("run.json").display()))?;
-    let predictor: Box<dyn Predictor> = if let Some(raster) = raster {
-        Box::new(FieldPredictor::load(folder, raster, dataset, backend)?)
-    } else if info.method == "corf-array" {
+    let predictor: Box<dyn Predictor> = if info.method == "corf-array" {
         Box::new(ArrayPredictor::load(folder, &info.config, dataset, backend)?)
+    } else if let Some(raster) = raster_of(&info, folder)? {
+        Box::new(FieldPredictor::load(folder, raster, dataset, backend)?)
     } else if info.method.starts_with("nerf2") {
         Box::new(nerf2::Nerf2Field::load(folder, dataset, backend)?)
     } else if info.method.starts_with("wrf-gs-plus") {

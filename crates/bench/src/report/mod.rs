@@ -1,8 +1,8 @@
 //! `report.html`: one self-contained file beside `table.md`.
 
 mod charts;
-mod colours;
-mod embed;
+pub(crate) mod colours;
+pub(crate) mod embed;
 mod pictures;
 mod plan_view;
 
