@@ -39,4 +39,5 @@ mod protocols;
 #[cfg(feature = "slow")]
 mod report;
 mod spectra;
+mod view;
 mod whole_way;

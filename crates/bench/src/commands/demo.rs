@@ -48,10 +48,11 @@ impl Demo {
         let plan = Plan::parse(PLAN_TOML)?;
         let written = suite::run(&plan, &input, &self.out, &backend)?;
         let text = format!(
-            "\n{}\ntable:  {}\nreport: {}\nall of it in {:.0} s",
+            "\n{}\ntable:  {}\nreport: {}\nlook around in it: corf view {}\nall of it in {:.0} s",
             written.text(),
             written.table.display(),
             written.report.display(),
+            self.out.display(),
             start.elapsed().as_secs_f64()
         );
         show(json, &written.records, &text)?;

@@ -2,18 +2,15 @@
 
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
-use crate::input::{Input, Verify};
-use crate::json::{read_json, write_numbers};
+use crate::input::Verify;
+use crate::json::read_json;
 use crate::method::{Advance, Checkpoints, TrainingSet};
 use crate::progress::Progress;
-use crate::provenance::Provenance;
-use crate::run::{RunInfo, SCHEMA, claim_output};
+use crate::run::{RunInfo, claim_output, write_config, write_finished};
 use crate::split::{Protocol, Split};
 use crate::{harness, interrupt, methods, note};
 use anyhow::{Context, Result};
 use clap::Args;
-use corf::LatencySummary;
-use corf_scene::io::write_atomic;
 use std::path::PathBuf;
 
 /// `corf reconstruct`.
@@ -89,10 +86,11 @@ impl Reconstruct {
     pub fn run(self, json: bool) -> Result<Verdict> {
         let overrides = self.overrides()?;
         let mut method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
-        let Input { dataset, verified, .. } = self.verify.open(&self.dataset)?;
-        let split = Split::of(&dataset, self.protocol)?;
-        harness::check_training(method.as_ref(), &dataset, &split)?;
-        method.check_files(&TrainingSet::new(&dataset, &split))?;
+        let input = self.verify.open(&self.dataset)?;
+        let dataset = &input.dataset;
+        let split = Split::of(dataset, self.protocol)?;
+        harness::check_training(method.as_ref(), dataset, &split)?;
+        method.check_files(&TrainingSet::new(dataset, &split))?;
         let _held = claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");
         if self.resume && info_path.exists() {
@@ -117,39 +115,16 @@ impl Reconstruct {
             resume: self.resume,
             tag: format!("{} {} {}", dataset.hash(), self.protocol.name(), method.config()),
         });
-        write_atomic(self.out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
+        write_config(&self.out, &method.config())?;
         let mut progress =
             Progress::start(format!("{} on {}", self.method, dataset.header().name), split.train.len(), method.unit());
-        let result = harness::reconstruct(method.as_ref(), &dataset, &split, self.seed, &mut |advance: Advance<'_>| {
+        let result = harness::reconstruct(method.as_ref(), dataset, &split, self.seed, &mut |advance: Advance<'_>| {
             progress.set(advance.done, advance.total);
             interrupt::check()
         })?;
         progress.finish();
-        result.predictor.save(&self.out)?;
-        let info = RunInfo {
-            schema: SCHEMA.to_owned(),
-            method: self.method.clone(),
-            overrides,
-            config: method.config(),
-            protocol: self.protocol,
-            seed: self.seed,
-            dataset: std::path::absolute(&self.dataset)?,
-            dataset_hash: dataset.hash().to_owned(),
-            dataset_verified: verified,
-            device: method.device(),
-            provenance: Provenance::here(),
-            seconds: result.seconds,
-            gaussians: result.predictor.gaussians(),
-            peak_memory_bytes: result.peak_memory_bytes,
-            curve: result.curve,
-            resumed_keyframes: if self.method.starts_with("corf-gs") { split.train.len() - result.keyframes.len() } else { 0 },
-            latency: LatencySummary::of(&result.keyframes),
-            depth: result.depth,
-            stages: result.stages,
-            resumed_steps: result.resumed_steps,
-            keyframe_timings: result.keyframes,
-        };
-        write_numbers(&info_path, &info)?;
+        let info = RunInfo::of(method.as_ref(), &overrides, self.seed, &input, &split, &result)?;
+        write_finished(&self.out, &info, &result)?;
         // What it was kept for is there.
         let _ = std::fs::remove_file(&checkpoint);
         show(json, &info, &summary(&info))?;

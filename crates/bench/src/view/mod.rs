@@ -1,7 +1,7 @@
 //! The viewer: a page that shows a field from any pose beside what was observed at its keyframes.
 //!
 //! ```text
-//! subject     a run, a demo folder or a data set, opened
+//! subject     a run, a comparison that keeps one, or a data set, opened
 //! scene       what the page has to know of it: cameras, poses, ranges, colours
 //! splats      the Gaussians as the page's graphics program reads them
 //! points      the points of a data set's sparse model

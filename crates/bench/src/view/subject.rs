@@ -1,5 +1,6 @@
 //! What is looked at: a run with its data set, or a data set alone.
 
+use crate::cells::MODELS;
 use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::method::Predictor;
@@ -11,12 +12,7 @@ use anyhow::{Result, bail, ensure};
 use corf::{Field, RasterConfig};
 use corf_scene::dataset::Dataset;
 use serde::Serialize;
-use std::path::Path;
-
-/// Folder of the run that `corf demo` keeps.
-pub const DEMO_RUN: &str = "model";
-/// Folder of the data set that `corf demo` generates.
-pub const DEMO_DATASET: &str = "dataset";
+use std::path::{Path, PathBuf};
 
 /// Part that a keyframe plays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -52,8 +48,29 @@ pub struct Subject {
     pub(super) run: Option<Run>,
 }
 
+/// The one run that a comparison's folder keeps.
+fn kept_run(folder: &Path) -> Result<PathBuf> {
+    let models = folder.join(MODELS);
+    let mut runs: Vec<PathBuf> = std::fs::read_dir(&models).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+    runs.retain(|run| run.join("run.json").exists());
+    runs.sort();
+    match runs.as_slice() {
+        [run] => Ok(run.clone()),
+        [] => bail!(
+            "{} holds a comparison and no model\n  help: `keep_model = true` in a row of its plan keeps one; or make a run with `corf reconstruct`",
+            folder.display()
+        ),
+        several => bail!(
+            "{} holds {} models\n  help: name one of them: {}",
+            folder.display(),
+            several.len(),
+            several.iter().map(|run| run.display().to_string()).collect::<Vec<_>>().join(", ")
+        ),
+    }
+}
+
 impl Subject {
-    /// Opens a run folder, the folder of a demo, or a data set; `dataset` says where a run's data set is now, `device` renders its predictions.
+    /// Opens a run folder, the folder of a comparison that keeps one run (`corf demo`), or a data set; `dataset` says where a run's data set is now, `device` renders its predictions.
     ///
     /// # Errors
     /// A folder that is not there or is none of the three, a run or data set that is not finished, damaged or elsewhere, or no such device.
@@ -67,19 +84,12 @@ impl Subject {
         if holds("run.json") || holds("config.json") {
             return Self::of_run(folder, dataset, verify, device);
         }
-        let kept = folder.join(DEMO_RUN);
-        if kept.join("run.json").exists() {
-            // The folder may have been moved with all that is in it.
-            let beside = folder.join(DEMO_DATASET);
+        if holds("plan.toml") {
+            let kept = kept_run(folder)?;
+            // The folder of a demo may have been moved, with the data set in it.
+            let beside = folder.join("dataset");
             let beside = beside.join("dataset.json").exists().then_some(beside);
             return Self::of_run(&kept, dataset.or(beside.as_deref()), verify, device);
-        }
-        if holds("plan.toml") {
-            bail!(
-                "{} holds a comparison and no model\n  help: comparisons keep numbers and pictures only; make a run with `corf reconstruct`, or the \
-                 demo again",
-                folder.display()
-            );
         }
         if !holds("dataset.json") && !holds("dataset.partial.json") {
             bail!(
