@@ -122,7 +122,9 @@ impl PlanRow {
                 bail!("a row of kind = \"predictions\" needs dir\n  help: name the folder of predictions")
             }
             (RowKind::Predictions, Some(_)) if !self.method.is_empty() || !self.config.is_empty() || self.keep_model => {
-                bail!("predictions are scored as they are: method, config and keep_model have no meaning here\n  help: leave them out")
+                bail!(
+                    "predictions are scored as they are: method, config and keep_model have no meaning here\n  help: leave them out"
+                )
             }
             (RowKind::Predictions, Some(dir)) if segment && !dir.contains(PROTOCOL) => bail!(
                 "segment = true needs predictions of the segment as well, by a model that has not seen it\n  help: put {PROTOCOL} into dir; it \

@@ -49,6 +49,7 @@ class App {
     this.choose(this.chosen);
     new ResizeObserver(() => this.redraw()).observe(this.at('stage'));
     window.addEventListener('keydown', (e) => this.#key(e));
+    this.at('picture').addEventListener('webglcontextlost', () => this.#say('The graphics device was lost: load the page again.', true));
     const frame = (now) => {
       if (this.controls.fly(now)) this.#dirty = true;
       if (this.#dirty) this.#draw(now);
@@ -204,17 +205,17 @@ class App {
   /** The views on the stage: which half, where on the page, through which camera. */
   #layout(width, height) {
     const { scene } = this, halves = this.mode === 'both' ? ['optical', 'rf'] : [this.mode];
-    const beside = width > height, gap = halves.length > 1 ? 2 : 0;
+    const shape = this.locked || !scene.modalities.light ? scene.rf_camera : scene.optical_camera, gap = halves.length > 1 ? 2 : 0;
+    // Beside or above each other, whichever leaves them larger.
+    const fit = (w, h) => Math.min(w / shape.width, h / shape.height);
+    const beside = fit(width / 2, height) >= fit(width, height / 2);
     return halves.map((half, i) => {
       const part = halves.length === 1 ? { x: 0, y: 0, width, height }
         : beside ? { x: Math.round(i * (width + gap) / 2), y: 0, width: Math.floor((width - gap) / 2), height }
           : { x: 0, y: Math.round(i * (height + gap) / 2), width, height: Math.floor((height - gap) / 2) };
-      if (!this.locked) {
-        const shape = scene.modalities.light ? scene.optical_camera : scene.rf_camera;
-        return { half, place: part, page: cameraOfView(part.width, part.height, this.fov, shape) };
-      }
-      const { rf_camera: rf } = scene, fit = Math.min(part.width / rf.width, part.height / rf.height);
-      const inner = { width: Math.max(1, Math.round(rf.width * fit)), height: Math.max(1, Math.round(rf.height * fit)) };
+      if (!this.locked) return { half, place: part, page: cameraOfView(part.width, part.height, this.fov, shape) };
+      const { rf_camera: rf } = scene, scale = fit(part.width, part.height);
+      const inner = { width: Math.max(1, Math.round(rf.width * scale)), height: Math.max(1, Math.round(rf.height * scale)) };
       const place = { ...inner, x: part.x + Math.floor((part.width - inner.width) / 2), y: part.y + Math.floor((part.height - inner.height) / 2) };
       return { half, place, page: scaledCamera(rf, inner.width, inner.height) };
     });

@@ -3,6 +3,9 @@
 const INK = { path: '#8fa3bf', train: '#7fb2ff', test: '#ffb454', other: '#8b93a1', chosen: '#ffffff', transmitter: '#ff5d73' };
 /** Lines end this far in front of the eye, metres. */
 const NEAR_LINE = 0.03;
+/** Room around a pyramid in which a click still hits it, and the width from which on its inside is none, pixels. */
+const GRACE_PX = 6;
+const LARGE_PX = 120;
 
 class Overlay {
   /** @param scene The scene document; frusta are sized by the distance between keyframes. */
@@ -66,11 +69,12 @@ class Overlay {
     for (let i = 1; i < this.eyes.length; i++) this.#line(axes, eye, camera, this.eyes[i - 1], this.eyes[i]);
     ink.stroke();
     for (let i = 0; i < this.eyes.length; i++) {
-      // From where it stands a keyframe's own lines would cross the whole picture.
-      if (Math.hypot(...minus(this.eyes[i], eye)) < this.size) continue;
-      const near = i === chosen || i === this.hovered;
-      ink.globalAlpha = near ? 1 : 0.85;
-      ink.lineWidth = near ? 2 : 1;
+      // From where it stands a keyframe's own lines would cross the whole picture, and those close by much of it.
+      const distance = Math.hypot(...minus(this.eyes[i], eye)) / this.size;
+      if (distance < 1) continue;
+      const marked = i === chosen || i === this.hovered;
+      ink.globalAlpha = marked ? 1 : clamp((distance - 1) / 8, 0.1, 0.85);
+      ink.lineWidth = marked ? 2 : 1;
       ink.strokeStyle = i === chosen ? INK.chosen : INK[scene.keyframes[i].role] ?? INK.other;
       ink.beginPath();
       const corners = this.frusta[i];
@@ -145,9 +149,10 @@ class Overlay {
       const at = corners.map((p) => this.#project(camera, p));
       const [left, right] = [Math.min(...at.map((p) => p[0])), Math.max(...at.map((p) => p[0]))];
       const [top, bottom] = [Math.min(...at.map((p) => p[1])), Math.max(...at.map((p) => p[1]))];
-      const grace = 6;
-      const inside = x > left - grace && x < right + grace && y > top - grace && y < bottom + grace;
-      if (inside && corners[0][2] < bestDepth) [best, bestDepth] = [i, corners[0][2]];
+      const inside = x > left - GRACE_PX && x < right + GRACE_PX && y > top - GRACE_PX && y < bottom + GRACE_PX;
+      // One that fills the view is hit at its tip alone.
+      const tip = Math.hypot(x - at[0][0], y - at[0][1]) < 2 * GRACE_PX;
+      if ((tip || (inside && right - left < LARGE_PX)) && corners[0][2] < bestDepth) [best, bestDepth] = [i, corners[0][2]];
     }
     return best;
   }

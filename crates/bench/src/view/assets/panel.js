@@ -139,17 +139,18 @@ class Panel {
   }
 
   #peaks(s, both) {
-    const rows = [];
-    const list = (name, peaks) => peaks.forEach((p, i) => rows.push(make('tr', {},
-      make('th', {}, make('i', { textContent: i + 1 }), i === 0 ? name : ''),
-      make('td', { textContent: `${decibels(p.azimuth_deg)}°, ${decibels(p.elevation_deg)}°` }),
-      make('td', { textContent: `${decibels(p.db)} dB` }))));
-    list(both ? 'observed' : '', s.peaks_observed);
-    if (both) list('predicted', s.peaks_predicted);
-    if (!rows.length) return make('p', { className: 'note', textContent: 'No power arrives from the directions in this frame.' });
+    if (!both && !s.peaks_observed.length) {
+      return make('p', { className: 'note', textContent: 'No power arrives from the directions in this frame.' });
+    }
     const title = 'The strongest directions, numbered in the pictures. Azimuth is positive to the left of straight ahead, elevation above it';
-    const head = make('tr', {}, make('th', { textContent: 'peak' }), make('th', { textContent: 'azimuth, elevation' }), make('th', { textContent: 'level' }));
-    return make('table', { className: 'numbers peaks', title }, make('thead', {}, head), make('tbody', {}, ...rows));
+    const head = ['', 'azimuth', 'elevation', 'level'].map((textContent) => make('th', { textContent }));
+    const group = (name, peaks) => make('tbody', {},
+      ...(both ? [make('tr', {}, make('th', { textContent: peaks.length ? name : `${name}: none`, colSpan: 4 }))] : []),
+      ...peaks.map((p, i) => make('tr', {},
+        make('th', {}, make('i', { textContent: i + 1 })),
+        ...[`${decibels(p.azimuth_deg)}°`, `${decibels(p.elevation_deg)}°`, `${decibels(p.db)} dB`].map((textContent) => make('td', { textContent })))));
+    const groups = [group('observed', s.peaks_observed), ...(both ? [group('predicted', s.peaks_predicted)] : [])];
+    return make('table', { className: 'numbers peaks', title }, make('thead', {}, make('tr', {}, ...head)), ...groups);
   }
 
   #image(image) {
