@@ -37,12 +37,9 @@ pub fn record_path(out: &Path, cell: Cell<'_>) -> PathBuf {
     out.join("cells").join(format!("{}.json", cell.stem()))
 }
 
-/// Folder of the runs that a comparison keeps.
-pub const MODELS: &str = "models";
-
 /// Run folder of a row's first seed in a comparison's folder.
 fn model_folder(out: &Path, label: &str) -> PathBuf {
-    out.join(MODELS).join(slug(label))
+    out.join(run::MODELS).join(slug(label))
 }
 
 /// Method id and resolved configuration of a cell, as its record has them.

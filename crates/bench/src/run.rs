@@ -22,6 +22,9 @@ use corf_scene::lock::{self, FolderLock};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
+/// Folder of the runs that a comparison keeps, in its own.
+pub const MODELS: &str = "models";
+
 /// Version of `run.json`.
 pub const SCHEMA: &str = "corf-run/1";
 

@@ -1,12 +1,11 @@
 //! What is looked at: a run with its data set, or a data set alone.
 
-use crate::cells::MODELS;
 use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::method::Predictor;
 use crate::methods::open::{self, OpenRun};
 use crate::metrics::Evaluator;
-use crate::run::RunInfo;
+use crate::run::{MODELS, RunInfo};
 use crate::split::Split;
 use anyhow::{Result, bail, ensure};
 use corf::{Field, RasterConfig};
