@@ -51,6 +51,8 @@ struct Spectra {
 /// A metric with its definition.
 #[derive(Serialize)]
 struct Number {
+    /// Of the `image` or of the `spectrum`.
+    half: &'static str,
     name: &'static str,
     title: String,
     value: String,
@@ -96,7 +98,13 @@ fn numbers(run: &Run, predicted: &Prediction, truth: &Keyframe) -> Vec<Number> {
     let number = |key: &&str| {
         let column = COLUMNS.iter().find(|c| c.key == *key)?;
         let value = (column.of)(&frame)?;
-        Some(Number { name: column.heading, title: column.definition_of_frame(), value: format!("{value:.*}", column.digits) })
+        let half = if key.ends_with("_opt") { "image" } else { "spectrum" };
+        Some(Number {
+            half,
+            name: column.heading,
+            title: column.definition_of_frame(),
+            value: format!("{value:.*}", column.digits),
+        })
     };
     SHOWN.iter().filter_map(number).collect()
 }

@@ -26,8 +26,12 @@ class App {
 
   async start() {
     const { scene, source, asked } = this;
-    this.renderer = new Renderer(this.at('picture'), scene, () => this.redraw());
+    this.renderer = new Renderer(this.at('picture'), scene, () => {
+      this.#say('');
+      this.redraw();
+    });
     this.overlay = new Overlay(this.at('lines'), scene);
+    this.#say('loading …');
     if (scene.field) this.renderer.loadField(await source.bytes('field'));
     for (const half of ['optical', 'rf']) if (scene.points[half]) this.renderer.loadPoints(half, await source.bytes(`points-${half}`));
     this.controls = new Controls(this.at('lines'), this.view, {
@@ -140,6 +144,7 @@ class App {
     if (scene.modalities.radio) this.at('scale').append(powerBar(scene));
     if (this.asked.get('panel') === '0') this.#fold();
     if (!this.modes.length) this.#say(scene.missing);
+    else if (!scene.field) this.#say('');
     for (const note of scene.notes) this.at('legend').after(make('p', { className: 'note', textContent: note }));
     this.#update();
   }
@@ -206,9 +211,9 @@ class App {
   #layout(width, height) {
     const { scene } = this, halves = this.mode === 'both' ? ['optical', 'rf'] : [this.mode];
     const shape = this.locked || !scene.modalities.light ? scene.rf_camera : scene.optical_camera, gap = halves.length > 1 ? 2 : 0;
-    // Beside or above each other, whichever leaves them larger.
+    // Beside each other, unless they are much larger above each other.
     const fit = (w, h) => Math.min(w / shape.width, h / shape.height);
-    const beside = fit(width / 2, height) >= fit(width, height / 2);
+    const beside = 1.5 * fit(width / 2, height) >= fit(width, height / 2);
     return halves.map((half, i) => {
       const part = halves.length === 1 ? { x: 0, y: 0, width, height }
         : beside ? { x: Math.round(i * (width + gap) / 2), y: 0, width: Math.floor((width - gap) / 2), height }

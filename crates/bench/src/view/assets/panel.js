@@ -79,10 +79,11 @@ class Panel {
 
   #details(data) {
     const out = [];
-    if (data.spectrum) out.push(...this.#spectrum(data.spectrum));
-    if (data.image) out.push(...this.#image(data.image));
-    if (data.numbers.length) out.push(...this.#numbers(data.numbers));
-    if (data.note) out.push(make('p', { className: 'note', textContent: data.note }));
+    if (data.spectrum) out.push(...this.#spectrum(data.spectrum, this.#numbers(data.numbers, 'spectrum')));
+    if (data.image) out.push(...this.#image(data.image, this.#numbers(data.numbers, 'image')));
+    const learnt = data.numbers.length && this.scene.keyframes[this.index].role === 'train';
+    const notes = [data.note, learnt && 'The reconstruction was trained on this keyframe: its numbers are not those of places it has not seen.'];
+    out.push(...notes.filter(Boolean).map((textContent) => make('p', { className: 'note', textContent })));
     return out;
   }
 
@@ -100,7 +101,7 @@ class Panel {
     this.at('large').showModal();
   }
 
-  #spectrum(s) {
+  #spectrum(s, numbers) {
     const { scene } = this, { width, height } = s;
     const { min_db: low, max_db: high } = scene.db_range;
     const observed = levelsOf(s.observed), predicted = s.predicted && levelsOf(s.predicted);
@@ -128,32 +129,30 @@ class Panel {
       const bar = barOf(scene.ramps.heat, ['0', `${full / 2}`, `≥ ${full} dB`], 'Absolute error, decibels');
       figures.push(this.#figure(picture, 'absolute error', 'Predicted minus observed, without sign', bar));
     }
-    const out = [
+    return [
       make('h2', {}, 'Spectrum ', make('small', { textContent: scene.unit_short, title: scene.unit })),
-      make('div', { className: 'figures' }, ...figures),
+      make('div', { className: 'figures' }, ...figures, ...numbers),
+      this.#peaks(s, Boolean(predicted)),
     ];
-    const table = this.#peaks(s, Boolean(predicted));
-    if (predicted) figures.at(-1).after(table);
-    else out.push(table);
-    return out;
   }
 
   #peaks(s, both) {
-    if (!both && !s.peaks_observed.length) {
-      return make('p', { className: 'note', textContent: 'No power arrives from the directions in this frame.' });
-    }
+    const columns = [['observed', s.peaks_observed], ...(both ? [['predicted', s.peaks_predicted]] : [])];
+    const most = Math.max(...columns.map(([, peaks]) => peaks.length));
+    if (!most) return make('p', { className: 'note', textContent: 'No power arrives from the directions in this frame.' });
+    const cells = (peak) => (peak ? [`${decibels(peak.azimuth_deg)}°`, `${decibels(peak.elevation_deg)}°`, `${decibels(peak.db)} dB`] : ['', '', ''])
+      .map((textContent) => make('td', { textContent }));
+    const rows = Array.from({ length: most }, (_, i) => make('tr', {}, make('th', {}, make('i', { textContent: i + 1 })),
+      ...columns.flatMap(([, peaks]) => cells(peaks[i]))));
     const title = 'The strongest directions, numbered in the pictures. Azimuth is positive to the left of straight ahead, elevation above it';
-    const head = ['', 'azimuth', 'elevation', 'level'].map((textContent) => make('th', { textContent }));
-    const group = (name, peaks) => make('tbody', {},
-      ...(both ? [make('tr', {}, make('th', { textContent: peaks.length ? name : `${name}: none`, colSpan: 4 }))] : []),
-      ...peaks.map((p, i) => make('tr', {},
-        make('th', {}, make('i', { textContent: i + 1 })),
-        ...[`${decibels(p.azimuth_deg)}°`, `${decibels(p.elevation_deg)}°`, `${decibels(p.db)} dB`].map((textContent) => make('td', { textContent })))));
-    const groups = [group('observed', s.peaks_observed), ...(both ? [group('predicted', s.peaks_predicted)] : [])];
-    return make('table', { className: 'numbers peaks', title }, make('thead', {}, make('tr', {}, ...head)), ...groups);
+    const head = [
+      make('tr', {}, make('th', { textContent: 'peaks' }), ...columns.map(([textContent]) => make('th', { textContent, colSpan: 3 }))),
+      make('tr', {}, make('th'), ...columns.flatMap(() => ['azim.', 'elev.', 'level']).map((textContent) => make('th', { textContent }))),
+    ];
+    return make('table', { className: 'numbers peaks', title }, make('thead', {}, ...head), make('tbody', {}, ...rows));
   }
 
-  #image(image) {
+  #image(image, numbers) {
     const picture = (url, name) => make('img', { src: url, alt: `image, ${name}` });
     const figures = [this.#figure(picture(image.observed, 'observed'), 'observed', 'What the camera saw')];
     if (image.predicted) {
@@ -162,16 +161,12 @@ class Panel {
       const bar = barOf(this.scene.ramps.heat, ['0', `${full / 2}`, `≥ ${full} %`], 'Absolute error, mean over colours, in per cent of full scale');
       figures.push(this.#figure(picture(image.error, 'absolute error'), 'absolute error', 'Predicted minus observed, without sign', bar));
     }
-    return [make('h2', { textContent: 'Image' }), make('div', { className: 'figures' }, ...figures)];
+    return [make('h2', { textContent: 'Image' }), make('div', { className: 'figures' }, ...figures, ...numbers)];
   }
 
-  #numbers(numbers) {
-    const keyframe = this.scene.keyframes[this.index];
-    const rows = numbers.map((n) => make('tr', {}, make('th', { textContent: n.name, title: n.title }), make('td', { textContent: n.value })));
-    const out = [make('h2', { textContent: 'How close' }), make('table', { className: 'numbers' }, make('tbody', {}, ...rows))];
-    if (keyframe.role === 'train') {
-      out.push(make('p', { className: 'note', textContent: 'The reconstruction was trained on this keyframe: these numbers are not those of places it has not seen.' }));
-    }
-    return out;
+  /** The metrics of one half, as a table or none. */
+  #numbers(numbers, half) {
+    const rows = numbers.filter((n) => n.half === half).map((n) => make('tr', {}, make('th', { textContent: n.name, title: n.title }), make('td', { textContent: n.value })));
+    return rows.length ? [make('table', { className: 'numbers' }, make('tbody', {}, ...rows))] : [];
   }
 }

@@ -144,7 +144,7 @@ void main() {
   tint = shade.rgb;
   vec2 place = (focal * p.xy / p.z + centre) / size * 2.0 - 1.0;
   gl_Position = p.z > near ? vec4(place.x, -place.y, 1.0 - 2.0 * near / p.z, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);
-  gl_PointSize = clamp(0.03 * focal.x / p.z, 2.0, 12.0);
+  gl_PointSize = clamp(0.025 * focal.x / p.z, 2.0, 9.0);
 }`;
 
 const POINT_FRAGMENT = `#version 300 es
