@@ -130,7 +130,8 @@ impl SceneDocument {
             None => PointCounts { optical: count("optical")?, rf: count("rf")? },
         };
         let mut parts = vec![header.name.clone(), format!("{} keyframes", dataset.len())];
-        let mut about = format!("data set {}, hash {}", dataset.dir().display(), dataset.hash());
+        // No path: a page may be sent elsewhere.
+        let mut about = format!("data set {}, hash {}", header.name, dataset.hash());
         let mut notes = Vec::new();
         let title = match &subject.run {
             Some(run) => {
