@@ -103,9 +103,8 @@ impl Part {
     }
 
     /// Runs a cell; a method that fails gives a record that says so. The predictions of the first seed are kept beside the records, small, and its
-    /// run folder, where the row asks for it. With
-    /// a folder to `work` in, a method that keeps checkpoints keeps them there and goes on from them, and the record's time is that of all
-    /// its processes.
+    /// run folder where the row asks for it. With a folder to `work` in, a method that keeps checkpoints keeps them there and goes on from
+    /// them, and the record's time is that of all its processes.
     ///
     /// # Errors
     /// An interrupt, or files that cannot be read or written.
@@ -143,6 +142,10 @@ impl Part {
                 return Ok(());
             }
             let folder = model_folder(&self.out, &cell.row.label);
+            // One that an interrupted or failed cell has left is none any more.
+            if folder.exists() {
+                std::fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
+            }
             std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
             let info = RunInfo::of(method.as_ref(), &cell.row.config, cell.seed, input, &split, result)?;
             run::write_config(&folder, &info.config)?;
