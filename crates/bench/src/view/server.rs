@@ -60,7 +60,9 @@ fn respond(subject: &mut Subject, port: u16, request: Request) {
     }
     let headers = [("Content-Type", kind)].into_iter().chain(HEADERS);
     let headers = headers.filter_map(|(name, value)| Header::from_bytes(name, value).ok());
-    let response = headers.fold(Response::from_data(body).with_status_code(status), Response::with_header);
+    // A body of known length is sent with its length, and in one piece.
+    let whole = Response::from_data(body).with_status_code(status).with_chunked_threshold(usize::MAX);
+    let response = headers.fold(whole, Response::with_header);
     // Somebody who has gone away misses nothing.
     let _ = request.respond(response);
 }
