@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// `corf view`.
 #[derive(Args)]
 pub struct View {
-    /// Run folder of `corf reconstruct`, folder of a comparison that keeps one run (as `corf demo` does), or data set.
+    /// Run of `corf reconstruct`, comparison that keeps one run (`corf demo` does), or data set.
     folder: PathBuf,
     /// Port on 127.0.0.1 (default: one that is free).
     #[arg(long, default_value_t = 0, hide_default_value = true, conflicts_with = "export")]
