@@ -12,8 +12,10 @@ import pickle
 import struct
 import tempfile
 import unittest
+import zlib
 from pathlib import Path
 
+import check_view
 import compare_devices
 import compare_gsplat
 import digests
@@ -33,6 +35,39 @@ class Digests(unittest.TestCase):
             first, again, other = map(digests.digest, paths)
         self.assertEqual(first, again)
         self.assertNotEqual(first, other)
+
+
+class CheckView(unittest.TestCase):
+    WIDTH, CHANNELS = 5, 3
+
+    def png(self, rows, kinds):
+        """A PNG of rows of bytes, each filtered as its kind says."""
+        filtered, above = b"", bytes(len(rows[0]))
+        for row, kind in zip(rows, kinds):
+            left = bytes(self.CHANNELS) + row
+            corner = bytes(self.CHANNELS) + above
+            values = [(v - check_view.predicted(kind, left[x], above[x], corner[x])) & 255 for x, v in enumerate(row)]
+            filtered, above = filtered + bytes([kind, *values]), row
+        chunks = [(b"IHDR", struct.pack(">IIBBBBB", self.WIDTH, len(rows), 8, 2, 0, 0, 0)), (b"IDAT", zlib.compress(filtered)), (b"IEND", b"")]
+        return b"\x89PNG\r\n\x1a\n" + b"".join(struct.pack(">I", len(c)) + k + c + bytes(4) for k, c in chunks)
+
+    def test_pictures_are_read_whichever_way_they_are_filtered(self):
+        rows = [bytes((37 * x * (y + 1) + 11 * y) % 256 for x in range(self.WIDTH * self.CHANNELS)) for y in range(6)]
+        for kinds in itertools.product(range(5), repeat=2):
+            decoded = check_view.decode_png(self.png(rows, (kinds * 3)[:6]))
+            self.assertEqual(decoded, (self.WIDTH, 6, b"".join(rows)))
+
+    def test_the_predictor_is_that_of_the_standard(self):
+        self.assertEqual([check_view.predicted(k, 10, 20, 13) for k in range(5)], [0, 10, 20, 15, 20])
+        self.assertEqual(check_view.predicted(4, 10, 20, 19), 10)
+        self.assertEqual(check_view.predicted(4, 10, 10, 10), 10)
+
+    def test_one_step_everywhere_is_48_db_and_sizes_must_agree(self):
+        a, b = (2, 1, bytes([0, 10, 20, 30, 40, 50])), (2, 1, bytes([1, 11, 21, 31, 41, 51]))
+        self.assertAlmostEqual(check_view.psnr(a, b), 48.1308, places=3)
+        self.assertEqual(check_view.psnr(a, a), math.inf)
+        with self.assertRaises(ValueError):
+            check_view.psnr(a, (1, 2, a[2]))
 
 
 class CompareDevices(unittest.TestCase):

@@ -49,6 +49,7 @@ mod questions;
 #[cfg(feature = "slow")]
 mod report;
 mod spectra;
+mod view;
 #[cfg(feature = "slow")]
 mod views;
 mod whole_way;

@@ -56,7 +56,8 @@ fn main() -> Result<()> {
     let folder = std::env::args().nth(1).context("give a data set's folder")?;
     let input = Verify::default().open(Path::new(&folder))?;
     let split = Split::of(&input.dataset, Protocol::Validation)?;
-    let record = harness::run_cell("first keyframe", &FirstKeyframe, &input, &split, 1, &mut |_| Ok(()), |_, _| Ok(()))?;
+    let record =
+        harness::run_cell("first keyframe", &FirstKeyframe, &input, &split, 1, &mut |_| Ok(()), |_, _| Ok(()), |_| Ok(()))?;
     println!("{}", table::plain(&table::rows(&[record]), &table::short_columns()));
     Ok(())
 }

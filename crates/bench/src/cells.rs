@@ -2,19 +2,20 @@
 
 use crate::cell_clock::CellClock;
 use crate::device::Backend;
-use crate::harness;
+use crate::harness::{self, Reconstruction};
 use crate::input::Input;
 use crate::interrupt;
 use crate::method::{Checkpoints, Method};
 use crate::methods;
 use crate::metrics::{Halves, Prediction};
 use crate::note;
-use crate::plan::{Cell, Plan};
+use crate::plan::{Cell, Plan, slug};
 use crate::prediction_folder::{PredictionFolder, Tally};
 use crate::predictions;
 use crate::progress::Progress;
 use crate::record::{Outcome, PREDICTIONS, Record};
 use crate::report::row_folder;
+use crate::run::{self, RunInfo};
 use crate::split::{Protocol, Split};
 use anyhow::{Context, Result, bail};
 use corf_scene::Keyframe;
@@ -34,6 +35,11 @@ pub struct Part {
 /// Path of a cell's record in a comparison's folder.
 pub fn record_path(out: &Path, cell: Cell<'_>) -> PathBuf {
     out.join("cells").join(format!("{}.json", cell.stem()))
+}
+
+/// Run folder of a row's first seed in a comparison's folder.
+fn model_folder(out: &Path, label: &str) -> PathBuf {
+    out.join(run::MODELS).join(slug(label))
 }
 
 /// Method id and resolved configuration of a cell, as its record has them.
@@ -96,9 +102,9 @@ impl Part {
         Ok(matches!(record.outcome, Outcome::Done(_)).then_some(record))
     }
 
-    /// Runs a cell; a method that fails gives a record that says so. The predictions of the first seed are kept beside the records, small. With
-    /// a folder to `work` in, a method that keeps checkpoints keeps them there and goes on from them, and the record's time is that of all
-    /// its processes.
+    /// Runs a cell; a method that fails gives a record that says so. The predictions of the first seed are kept beside the records, small, and its
+    /// run folder where the row asks for it. With a folder to `work` in, a method that keeps checkpoints keeps them there and goes on from
+    /// them, and the record's time is that of all its processes.
     ///
     /// # Errors
     /// An interrupt, or files that cannot be read or written.
@@ -131,7 +137,21 @@ impl Part {
             interrupt::check()
         };
         let look = |truth: &Keyframe, prediction: &Prediction| look(truth, prediction.halves());
-        let record = harness::run_cell(&cell.row.label, method.as_ref(), input, &split, cell.seed, &mut watch, look);
+        let keep_model = |result: &Reconstruction| {
+            if !(keep && cell.row.keep_model) {
+                return Ok(());
+            }
+            let folder = model_folder(&self.out, &cell.row.label);
+            // One that an interrupted or failed cell has left is none any more.
+            if folder.exists() {
+                std::fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
+            }
+            std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+            let info = RunInfo::of(method.as_ref(), &cell.row.config, cell.seed, input, &split, result)?;
+            run::write_config(&folder, &info.config)?;
+            run::write_finished(&folder, &info, result)
+        };
+        let record = harness::run_cell(&cell.row.label, method.as_ref(), input, &split, cell.seed, &mut watch, look, keep_model);
         progress.finish();
         if record.is_err()
             && let Some(clock) = &mut clock

@@ -235,7 +235,8 @@ pub fn record(row: &str, method: &dyn Method, input: &Input, protocol: Protocol,
     maker.record(row, input, protocol, seed, outcome)
 }
 
-/// Runs a whole cell; a method that fails gives a record that says so.
+/// Runs a whole cell; a method that fails gives a record that says so. `look` sees every prediction beside its truth, `keep` then the
+/// reconstruction.
 ///
 /// # Errors
 /// An interrupt; a failing method is an outcome.
@@ -247,10 +248,12 @@ pub fn run_cell(
     seed: u64,
     watch: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     look: impl FnMut(&Keyframe, &Prediction) -> Result<()>,
+    keep: impl FnOnce(&Reconstruction) -> Result<()>,
 ) -> Result<Record> {
     let checked = method.check_files(&TrainingSet::new(&input.dataset, split));
     let outcome = checked.and_then(|()| reconstruct(method, &input.dataset, split, seed, watch)).and_then(|mut r| {
         let frames = evaluate(r.predictor.as_mut(), input, split, look)?;
+        keep(&r)?;
         let latency = LatencySummary::of(&r.keyframes);
         let numbers = Numbers::of(frames, Some(r.seconds), r.predictor.gaussians(), r.peak_memory_bytes, r.curve, latency)
             .with_depth(r.depth)

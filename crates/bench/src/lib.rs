@@ -43,6 +43,7 @@ pub mod suite;
 pub mod sweep;
 pub mod table;
 pub mod video;
+pub mod view;
 pub mod workload;
 
 pub use corf_scene::bounds;

@@ -52,6 +52,9 @@ pub struct PlanRow {
     /// Number of seeds that the row is run with, the first of the plan's: for a row that is too slow for all of them. Default: all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seeds: Option<usize>,
+    /// Whether the run folder of the row's first seed is kept, as `models/ROW`, for `corf view`, `corf render` and `corf evaluate`. Default: no.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub keep_model: bool,
     /// Overrides of the method's configuration.
     #[serde(default)]
     #[schemars(with = "serde_json::Map<String, serde_json::Value>")]
@@ -83,7 +86,7 @@ const PROTOCOL: &str = "{protocol}";
 impl PlanRow {
     /// A row of a method.
     pub fn of_method(label: String, method: String, config: toml::Table) -> Self {
-        Self { label, kind: RowKind::Method, method, dir: None, seeds: None, config }
+        Self { label, kind: RowKind::Method, method, dir: None, seeds: None, keep_model: false, config }
     }
 
     /// The folder of predictions of a seed under a protocol; `None` for a method's row.
@@ -120,8 +123,10 @@ impl PlanRow {
             (RowKind::Predictions, None) => {
                 bail!("a row of kind = \"predictions\" needs dir\n  help: name the folder of predictions")
             }
-            (RowKind::Predictions, Some(_)) if !self.method.is_empty() || !self.config.is_empty() => {
-                bail!("predictions are scored as they are: method and config have no meaning here\n  help: leave them out")
+            (RowKind::Predictions, Some(_)) if !self.method.is_empty() || !self.config.is_empty() || self.keep_model => {
+                bail!(
+                    "predictions are scored as they are: method, config and keep_model have no meaning here\n  help: leave them out"
+                )
             }
             (RowKind::Predictions, Some(dir)) if segment && !dir.contains(PROTOCOL) => bail!(
                 "segment = true needs predictions of the segment as well, by a model that has not seen it\n  help: put {PROTOCOL} into dir; it \

@@ -8,18 +8,24 @@
 //! RUN/live.jsonl    what became of every keyframe, RUN/dataset the keyframes themselves (`corf reconstruct --follow`)
 //! ```
 
+use crate::harness::Reconstruction;
+use crate::input::Input;
+use crate::json::write_numbers;
 use crate::live::LiveRecord;
-use crate::method::StageTime;
+use crate::method::{Method, StageTime};
 use crate::provenance::Provenance;
 use crate::record::CurvePoint;
-use crate::split::Protocol;
+use crate::split::{Protocol, Split};
 use anyhow::{Context, Result, bail};
 use corf::depth::DepthQuality;
 use corf::{KeyframeTiming, LatencySummary};
-use corf_scene::io::remove_temporary_files;
+use corf_scene::io::{self, remove_temporary_files, sha256_hex, write_atomic};
 use corf_scene::lock::{self, FolderLock};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+
+/// Folder of the runs that a comparison keeps, in its own.
+pub const MODELS: &str = "models";
 
 /// Version of `run.json`.
 pub const SCHEMA: &str = "corf-run/1";
@@ -83,6 +89,74 @@ pub struct RunInfo {
     /// Timing of each keyframe.
     #[serde(default)]
     pub keyframe_timings: Vec<KeyframeTiming>,
+}
+
+/// SHA-256 of the file of first Gaussians that a configuration names, if it names one.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn initial_hash(overrides: &toml::Table) -> Result<Option<String>> {
+    let file = overrides.get("initial_gaussians").and_then(toml::Value::as_str);
+    file.map(|file| Ok(sha256_hex(&io::read(file)?))).transpose()
+}
+
+impl RunInfo {
+    /// What there is to say of a finished reconstruction by a method that was made with `overrides`.
+    ///
+    /// # Errors
+    /// When there is no working directory to make the data set's path absolute with.
+    pub fn of(
+        method: &dyn Method,
+        overrides: &toml::Table,
+        seed: u64,
+        input: &Input,
+        split: &Split,
+        result: &Reconstruction,
+    ) -> Result<Self> {
+        let online = method.id().starts_with("corf-gs");
+        Ok(Self {
+            schema: SCHEMA.to_owned(),
+            method: method.id().to_owned(),
+            overrides: overrides.clone(),
+            config: method.config(),
+            initial_gaussians_sha256: initial_hash(overrides)?,
+            protocol: split.protocol,
+            seed,
+            dataset: std::path::absolute(input.dataset.dir())?,
+            dataset_hash: input.dataset.hash().to_owned(),
+            dataset_verified: input.verified,
+            device: method.device(),
+            provenance: Provenance::here(),
+            seconds: result.seconds,
+            gaussians: result.predictor.gaussians(),
+            peak_memory_bytes: result.peak_memory_bytes,
+            curve: result.curve.clone(),
+            resumed_keyframes: if online { split.train.len() - result.keyframes.len() } else { 0 },
+            latency: LatencySummary::of(&result.keyframes),
+            depth: result.depth,
+            stages: result.stages.clone(),
+            resumed_steps: result.resumed_steps,
+            live: None,
+            keyframe_timings: result.keyframes.clone(),
+        })
+    }
+}
+
+/// Writes the configuration into a run folder, which is then a run's, finished or not.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn write_config(folder: &Path, config: &serde_json::Value) -> Result<()> {
+    Ok(write_atomic(folder.join("config.json"), format!("{config:#}\n").as_bytes())?)
+}
+
+/// Writes a finished reconstruction into a run folder, `run.json` last.
+///
+/// # Errors
+/// When a file cannot be written; a number that is none.
+pub fn write_finished(folder: &Path, info: &RunInfo, result: &Reconstruction) -> Result<()> {
+    result.predictor.save(folder)?;
+    write_numbers(&folder.join("run.json"), info)
 }
 
 fn is_zero(count: &usize) -> bool {

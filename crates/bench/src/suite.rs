@@ -3,6 +3,7 @@
 //! ```text
 //! OUT/plan.toml          the plan as it was run
 //! OUT/cells/*.json       one record a cell: what is there is not run again
+//! OUT/models/*/          run folders of the rows that ask for it, first seed
 //! OUT/predictions/*/     the held-out keyframes as every row's first seed predicts them, small
 //! OUT/table.md|csv|tex   OUT/report.html
 //! OUT/segment/           the same with a contiguous segment held out, if the plan asks for it

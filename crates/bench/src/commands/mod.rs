@@ -30,6 +30,7 @@ mod reconstruct_follow;
 mod render;
 mod scene;
 mod spectrum;
+mod view;
 
 use crate::record::{Outcome, Record};
 use crate::{bounds, say};
@@ -101,6 +102,8 @@ pub enum Command {
     Render(render::Render),
     /// Evaluate a reconstructed field, or predictions of another program, on the held-out keyframes.
     Evaluate(evaluate::Evaluate),
+    /// Look at a field, or at a dataset, in a browser: serves a page on this machine, or writes it.
+    View(view::View),
     /// Run plans, write tables and reports.
     #[command(subcommand)]
     Bench(bench::Bench),
@@ -134,6 +137,7 @@ impl Command {
             Self::Field(c) => c.run(json),
             Self::Render(c) => c.run(json),
             Self::Evaluate(c) => c.run(json),
+            Self::View(c) => c.run(json),
             Self::Bench(c) => c.run(json),
             Self::Doctor(c) => c.run(json),
             Self::Config(c) => c.run(json),

@@ -3,19 +3,16 @@
 use super::reconstruct_follow::Follow;
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
-use crate::input::{Input, Verify};
-use crate::json::{read_json, write_numbers};
+use crate::input::Verify;
+use crate::json::read_json;
 use crate::live::WhenBehind;
 use crate::method::{Advance, Checkpoints, TrainingSet};
 use crate::progress::Progress;
-use crate::provenance::Provenance;
-use crate::run::{RunInfo, SCHEMA, claim_output};
+use crate::run::{RunInfo, claim_output, initial_hash, write_config, write_finished};
 use crate::split::{Protocol, Split};
 use crate::{harness, interrupt, methods, note};
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use corf::LatencySummary;
-use corf_scene::io::{self, sha256_hex, write_atomic};
 use std::path::{Path, PathBuf};
 
 /// `corf reconstruct`.
@@ -139,12 +136,12 @@ impl Reconstruct {
         let Some(dataset_folder) = &self.dataset else { bail!("no dataset is named\n  help: name its folder, or --follow DIR") };
         let (protocol, overrides) = (self.protocol.unwrap_or_default(), self.overrides()?);
         let mut method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
-        let Input { dataset, verified, .. } = self.verify.open(dataset_folder)?;
-        let split = Split::of(&dataset, protocol)?;
-        harness::check_training(method.as_ref(), &dataset, &split)?;
-        method.check_files(&TrainingSet::new(&dataset, &split))?;
-        let initial = overrides.get("initial_gaussians").and_then(toml::Value::as_str);
-        let initial = initial.map(|file| Ok::<_, anyhow::Error>(sha256_hex(&io::read(file)?))).transpose()?;
+        let input = self.verify.open(dataset_folder)?;
+        let dataset = &input.dataset;
+        let split = Split::of(dataset, protocol)?;
+        harness::check_training(method.as_ref(), dataset, &split)?;
+        method.check_files(&TrainingSet::new(dataset, &split))?;
+        let initial = initial_hash(&overrides)?;
         let _held = claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");
         if self.resume && info_path.exists() {
@@ -170,41 +167,19 @@ impl Reconstruct {
             resume: self.resume,
             tag: format!("{} {} {}{}", dataset.hash(), protocol.name(), method.config(), initial.as_deref().unwrap_or("")),
         });
-        write_atomic(self.out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
+        write_config(&self.out, &method.config())?;
         let mut progress =
             Progress::start(format!("{} on {}", self.method, dataset.header().name), split.train.len(), method.unit());
-        let result = harness::reconstruct(method.as_ref(), &dataset, &split, self.seed, &mut |advance: Advance<'_>| {
+        let result = harness::reconstruct(method.as_ref(), dataset, &split, self.seed, &mut |advance: Advance<'_>| {
             progress.set(advance.done, advance.total);
             interrupt::check()
         })?;
         progress.finish();
-        result.predictor.save(&self.out)?;
         let info = RunInfo {
-            schema: SCHEMA.to_owned(),
-            method: self.method.clone(),
-            overrides,
-            config: method.config(),
             initial_gaussians_sha256: initial,
-            protocol,
-            seed: self.seed,
-            dataset: std::path::absolute(dataset_folder)?,
-            dataset_hash: dataset.hash().to_owned(),
-            dataset_verified: verified,
-            device: method.device(),
-            provenance: Provenance::here(),
-            seconds: result.seconds,
-            gaussians: result.predictor.gaussians(),
-            peak_memory_bytes: result.peak_memory_bytes,
-            curve: result.curve,
-            resumed_keyframes: if self.method.starts_with("corf-gs") { split.train.len() - result.keyframes.len() } else { 0 },
-            latency: LatencySummary::of(&result.keyframes),
-            depth: result.depth,
-            stages: result.stages,
-            resumed_steps: result.resumed_steps,
-            live: None,
-            keyframe_timings: result.keyframes,
+            ..RunInfo::of(method.as_ref(), &overrides, self.seed, &input, &split, &result)?
         };
-        write_numbers(&info_path, &info)?;
+        write_finished(&self.out, &info, &result)?;
         // What it was kept for is there.
         let _ = std::fs::remove_file(&checkpoint);
         show(json, &info, &summary(&info))?;

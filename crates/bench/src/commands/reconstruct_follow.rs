@@ -47,6 +47,10 @@ impl Follow<'_> {
              begins so; or follow first and train on RUN/dataset then",
             self.method
         );
+        ensure!(
+            !self.overrides.contains_key("initial_gaussians"),
+            "--follow begins with nothing, and --from names Gaussians\n  help: follow first, and reconstruct RUN/dataset with --from then"
+        );
         // A key that does not exist, and a folder that is occupied, are known before anybody waits.
         CorfGs::new(self.method, &self.overrides, &self.backend)?;
         let _held = claim_fresh(out)?;
@@ -78,6 +82,7 @@ impl Follow<'_> {
             method: self.method.to_owned(),
             overrides,
             config: method.config(),
+            initial_gaussians_sha256: None,
             protocol: self.protocol,
             seed: self.seed,
             dataset: std::path::absolute(dataset.dir())?,

@@ -80,11 +80,10 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
         "{}: this version resolves the run's configuration differently\n  help: reconstruct again",
         folder.display()
     );
-    let raster = if info.method == "corf-array" { None } else { raster_of(folder, &info)? };
-    let predictor: Box<dyn Predictor> = if let Some(raster) = raster {
-        Box::new(FieldPredictor::load(folder, raster, dataset, backend)?)
-    } else if info.method == "corf-array" {
+    let predictor: Box<dyn Predictor> = if info.method == "corf-array" {
         Box::new(ArrayPredictor::load(folder, &info.config, dataset, backend)?)
+    } else if let Some(raster) = raster_of(folder, &info)? {
+        Box::new(FieldPredictor::load(folder, raster, dataset, backend)?)
     } else if info.method.starts_with("nerf2") {
         Box::new(nerf2::Nerf2Field::load(folder, dataset, backend)?)
     } else if info.method.starts_with("wrf-gs-plus") {

@@ -34,6 +34,11 @@ pub struct Column {
 }
 
 impl Column {
+    /// Definition for one frame, with formula, unit and constants.
+    pub fn definition_of_frame(&self) -> String {
+        self.text.replace("{budget}", &rate::budget())
+    }
+
     /// Definition, with formula, unit and constants: for one frame, and then over frames.
     pub fn definition(&self) -> String {
         let over = match self.statistic {
@@ -41,7 +46,7 @@ impl Column {
             Statistic::Median => "median over keyframes",
             Statistic::P90 => "90th percentile over keyframes",
         };
-        format!("{}; {over}", self.text.replace("{budget}", &rate::budget()))
+        format!("{}; {over}", self.definition_of_frame())
     }
 
     /// Whether more is better, which the arrow in the heading says.

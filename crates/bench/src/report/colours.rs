@@ -6,9 +6,9 @@ use corf_scene::color::{jet, quantize8};
 use corf_scene::keyframe::DbRange;
 
 /// Full scale of the spectrum's error map, dB.
-const ERROR_DB: f32 = 20.0;
+pub(crate) const ERROR_DB: f32 = 20.0;
 /// Full scale of the image's error map, share of full scale.
-const ERROR_OPTICAL: f32 = 0.25;
+pub(crate) const ERROR_OPTICAL: f32 = 0.25;
 
 /// A scalar spectrum in Jet colours.
 pub(super) fn jet_image(scalar: &Raster<f32>) -> Raster<[u8; 3]> {
@@ -23,7 +23,7 @@ fn diverging(t: f32) -> [u8; 3] {
 }
 
 /// Black – violet – orange – white, `t` in `[0, 1]`.
-fn heat(t: f32) -> [u8; 3] {
+pub(crate) fn heat(t: f32) -> [u8; 3] {
     let t = t.clamp(0.0, 1.0);
     [
         quantize8(1.8 * t),
@@ -33,7 +33,7 @@ fn heat(t: f32) -> [u8; 3] {
 }
 
 /// Mean absolute error over the channels, in colours; both pictures are shrunk to the narrower one first.
-pub(super) fn image_error(observed: &Raster<[u8; 3]>, predicted: &Raster<[u8; 3]>) -> Raster<[u8; 3]> {
+pub(crate) fn image_error(observed: &Raster<[u8; 3]>, predicted: &Raster<[u8; 3]>) -> Raster<[u8; 3]> {
     let columns = observed.width().min(predicted.width());
     let (a, b) = (shrunk_image(observed, columns), shrunk_image(predicted, columns));
     Raster::from_fn(columns, a.height().min(b.height()), |x, y| {

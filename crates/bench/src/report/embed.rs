@@ -25,7 +25,7 @@ pub(super) fn png_uri(picture: &Raster<[u8; 3]>) -> Result<String> {
 ///
 /// # Errors
 /// A picture without pixels.
-pub(super) fn picture_uri(picture: &Raster<[u8; 3]>) -> Result<String> {
+pub(crate) fn picture_uri(picture: &Raster<[u8; 3]>) -> Result<String> {
     let (png, jpeg) = (encode_png(picture)?, encode_jpeg(picture, QUALITY)?);
     Ok(if png.len() <= jpeg.len() { uri("png", &png) } else { uri("jpeg", &jpeg) })
 }

@@ -1,8 +1,8 @@
 //! `report.html`: one self-contained file beside `table.md`.
 
 mod charts;
-mod colours;
-mod embed;
+pub(crate) mod colours;
+pub(crate) mod embed;
 mod pictures;
 mod plan_view;
 
@@ -12,6 +12,7 @@ use crate::metrics::lpips::NO_WEIGHTS;
 use crate::plan::{Plan, slug};
 use crate::provenance::Provenance;
 use crate::record::{Outcome, Record};
+use crate::run::MODELS;
 use crate::split::Split;
 use crate::table::{self, Mark};
 use anyhow::Result;
@@ -155,6 +156,12 @@ fn provenance(report: &Report<'_>) -> String {
         let weights = record.lpips_weights.iter();
         lines.extend(weights.map(|(backbone, sha256)| ("LPIPS weights", format!("{backbone} · sha256 {sha256}"))));
         lines.push(("clock", record.clock.clone()));
+    }
+    if report.predictions.parent().is_some_and(|out| out.join(MODELS).is_dir()) {
+        lines.push((
+            "model",
+            format!("in {MODELS}/, beside this page: `corf view` with the folder of this page shows it from any place"),
+        ));
     }
     let peak = report.records.iter().filter_map(|r| match &r.outcome {
         Outcome::Done(n) => n.peak_memory_bytes,

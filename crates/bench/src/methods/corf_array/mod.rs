@@ -195,8 +195,8 @@ mod tests {
     use corf::array::Wave;
     use corf_raytrace::radio::{Arrival, PlanarArray};
     use corf_raytrace::spectrum::SpectrumSettings;
-    use corf_scene::Rigid3;
     use corf_scene::model::world_from_array;
+    use corf_scene::{Pinhole, Rigid3, Rng};
     use glam::DVec3;
 
     /// Arrivals from everywhere, with their waves where the array is let see them.

@@ -1,0 +1,28 @@
+//! The viewer: a page that shows a field from any pose beside what was observed at its keyframes.
+//!
+//! ```text
+//! subject     a run, a comparison that keeps one, or a data set, opened
+//! scene       what the page has to know of it: cameras, poses, ranges, colours
+//! splats      the Gaussians as the page's graphics program reads them
+//! points      the points of a data set's sparse model
+//! keyframe    pictures and numbers of one keyframe; `peaks` finds a spectrum's strongest directions
+//! page        the parts in one HTML file, exported whole
+//! routes      what the local server answers; `server` runs it
+//! assets/     the page itself: HTML, style, and one script a job
+//! ```
+//!
+//! The page draws as the rasteriser of the `corf` crate draws (`tools/check_view.py` compares the two).
+
+mod keyframe;
+mod page;
+mod peaks;
+mod points;
+mod routes;
+mod scene;
+mod server;
+mod splats;
+mod subject;
+
+pub use page::export;
+pub use server::serve;
+pub use subject::Subject;

@@ -1,0 +1,124 @@
+//! What is looked at: a run with its data set, or a data set alone.
+
+use crate::device::DeviceChoice;
+use crate::input::Verify;
+use crate::method::Predictor;
+use crate::methods::open::{self, OpenRun};
+use crate::metrics::Evaluator;
+use crate::run::{MODELS, RunInfo};
+use crate::split::Split;
+use anyhow::{Result, bail, ensure};
+use corf::{Field, RasterConfig};
+use corf_scene::dataset::Dataset;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Part that a keyframe plays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Role {
+    /// Reconstructions learn from it.
+    Train,
+    /// They are judged by it.
+    Test,
+    /// Neither.
+    Other,
+}
+
+/// A finished run.
+pub(super) struct Run {
+    /// `run.json`.
+    pub info: RunInfo,
+    /// Keyframes that it was trained on, and that it is judged by.
+    pub split: Split,
+    /// What predicts a keyframe.
+    pub predictor: Box<dyn Predictor>,
+    /// What compares a prediction with the keyframe.
+    pub evaluator: Evaluator,
+    /// Its Gaussians and how they are drawn; methods without Gaussians have none.
+    pub field: Option<(Field, RasterConfig)>,
+}
+
+/// A run with its data set, or a data set alone.
+pub struct Subject {
+    /// The data set.
+    pub(super) dataset: Dataset,
+    /// The run.
+    pub(super) run: Option<Run>,
+}
+
+/// The one run that a comparison's folder keeps.
+fn kept_run(folder: &Path) -> Result<PathBuf> {
+    let models = folder.join(MODELS);
+    let mut runs: Vec<PathBuf> = std::fs::read_dir(&models).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+    runs.retain(|run| run.join("run.json").exists());
+    runs.sort();
+    match runs.as_slice() {
+        [run] => Ok(run.clone()),
+        [] => bail!(
+            "{} holds a comparison and no model\n  help: `keep_model = true` in a row of its plan keeps one; or make a run with `corf reconstruct`",
+            folder.display()
+        ),
+        several => bail!(
+            "{} holds {} models\n  help: name one of them: {}",
+            folder.display(),
+            several.len(),
+            several.iter().map(|run| run.display().to_string()).collect::<Vec<_>>().join(", ")
+        ),
+    }
+}
+
+impl Subject {
+    /// Opens a run folder, the folder of a comparison that keeps one run (`corf demo`), or a data set; `dataset` says where a run's data set is now, `device` renders its predictions.
+    ///
+    /// # Errors
+    /// A folder that is not there or is none of the three, a run or data set that is not finished, damaged or elsewhere, or no such device.
+    pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, device: DeviceChoice) -> Result<Self> {
+        ensure!(
+            folder.is_dir(),
+            "{} is no folder\n  help: name a run (`corf reconstruct`), a data set, or the folder of `corf demo`",
+            folder.display()
+        );
+        let holds = |file: &str| folder.join(file).exists();
+        if holds("run.json") || holds("config.json") {
+            return Self::of_run(folder, dataset, verify, device);
+        }
+        if holds("plan.toml") {
+            let kept = kept_run(folder)?;
+            // The folder of a demo may have been moved, with the data set in it.
+            let beside = folder.join("dataset");
+            let beside = beside.join("dataset.json").exists().then_some(beside);
+            return Self::of_run(&kept, dataset.or(beside.as_deref()), verify, device);
+        }
+        if !holds("dataset.json") && !holds("dataset.partial.json") {
+            bail!(
+                "{} is neither a run nor a data set: there is no run.json and no dataset.json in it\n  help: name the folder that `corf reconstruct`, \
+                 `corf dataset` or `corf demo` wrote",
+                folder.display()
+            );
+        }
+        ensure!(dataset.is_none(), "{} is a data set itself\n  help: leave --dataset out", folder.display());
+        Ok(Self { dataset: verify.open(folder)?.dataset, run: None })
+    }
+
+    fn of_run(folder: &Path, dataset: Option<&Path>, verify: Verify, device: DeviceChoice) -> Result<Self> {
+        let OpenRun { info, input, split, predictor, .. } = open::open(folder, dataset, verify, &device.resolve()?)?;
+        let raster = open::raster_of(folder, &info)?;
+        let field = raster.map(|raster| Ok::<_, corf::Error>((Field::read(folder)?, raster))).transpose()?;
+        let evaluator = Evaluator::of(&input);
+        Ok(Self { dataset: input.dataset, run: Some(Run { info, split, predictor, evaluator, field }) })
+    }
+
+    /// The part that keyframe `index` plays.
+    pub(super) fn role(&self, index: usize) -> Role {
+        let (train, test) = match &self.run {
+            Some(run) => (run.split.train.as_slice(), run.split.held_out.as_slice()),
+            None => (self.dataset.train_indices(), self.dataset.test_indices()),
+        };
+        match index {
+            i if test.contains(&i) => Role::Test,
+            i if train.contains(&i) => Role::Train,
+            _ => Role::Other,
+        }
+    }
+}

@@ -1,0 +1,182 @@
+//! `corf view`: the page that is written, the server and what it refuses.
+
+use crate::common::*;
+use serde_json::Value;
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::process::{Child, Stdio};
+
+/// A small run on the tiny data set.
+fn run_in(folder: &Path) -> std::path::PathBuf {
+    let run = folder.join("run");
+    let few = ["--set", "iterations_per_keyframe=4", "--no-verify"];
+    corf_ok(&[&["reconstruct", text(tiny_dataset()), "--out", text(&run), "--device", "cpu"], &few[..]].concat());
+    run
+}
+
+/// The JSON of an exported page's element.
+fn element(html: &str, name: &str) -> Value {
+    let (_, rest) = html.split_once(&format!("id=\"data-{name}\">")).unwrap_or_else(|| panic!("no {name}"));
+    serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
+}
+
+#[test]
+fn a_page_is_one_file_that_holds_everything() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = run_in(folder.path());
+    let out = folder.path().join("out");
+    fs::create_dir(&out).unwrap();
+    let page = out.join("view.html");
+    let arguments = ["view", text(&run), "--export", text(&page), "--device", "cpu", "--no-verify"];
+    corf_ok(&arguments);
+    assert_eq!(fs::read_dir(&out).unwrap().count(), 1, "one file and nothing beside it");
+    let html = fs::read_to_string(&page).unwrap();
+    assert!(!html.contains("http://") && !html.contains("https://") && !html.contains(" src=\"") && !html.contains("<link"));
+    assert!(html.contains("default-src 'none'") && !html.contains("connect-src"), "the page may ask nothing of a network");
+    let scene = element(&html, "scene");
+    let info: Value = serde_json::from_slice(&fs::read(run.join("run.json")).unwrap()).unwrap();
+    assert_eq!(scene["field"]["count"], info["gaussians"]);
+    let roles: Vec<&str> = scene["keyframes"].as_array().unwrap().iter().map(|k| k["role"].as_str().unwrap()).collect();
+    assert_eq!(roles, ["test", "train", "train", "train", "train", "train", "train", "train", "test", "train"]);
+    for number in 1..=10 {
+        let keyframe = element(&html, &format!("keyframe-{number}"));
+        for (half, key) in [("image", "predicted"), ("image", "error"), ("spectrum", "observed"), ("spectrum", "predicted")] {
+            assert!(keyframe[half][key].as_str().unwrap().len() > 100, "{number}: {half}, {key}");
+        }
+        assert!(!keyframe["spectrum"]["peaks_observed"].as_array().unwrap().is_empty());
+    }
+    // The numbers are those of `corf evaluate`.
+    let metrics: Value = serde_json::from_str(&corf_ok(&["evaluate", text(&run), "--json", "--device", "cpu"])).unwrap();
+    let keyframe = element(&html, "keyframe-9");
+    let shown: f64 = keyframe["numbers"][0]["value"].as_str().unwrap().parse().unwrap();
+    assert!((metrics["frames"][1]["psnr_opt"].as_f64().unwrap() - shown).abs() < 0.006, "{shown}");
+    // The same again, over the old file.
+    let before = fs::read(&page).unwrap();
+    corf_ok(&arguments);
+    assert!(fs::read(&page).unwrap() == before);
+    let bytes = before.len();
+    corf_ok(&["view", text(tiny_dataset()), "--export", text(&page), "--no-verify"]);
+    let html = fs::read_to_string(&page).unwrap();
+    assert!(html.len() != bytes && element(&html, "scene")["points"]["optical"].as_u64().unwrap() > 100);
+    assert!(element(&html, "keyframe-1")["image"]["predicted"].is_null());
+}
+
+#[test]
+fn what_cannot_be_viewed_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = run_in(folder.path());
+    let missing = folder.path().join("missing");
+    corf_refuses(&["view", text(&missing)], &["missing", "no folder", "help"]);
+    corf_refuses(&["view", text(folder.path())], &["neither a run nor a data set", "run.json", "help"]);
+    let dataset = text(tiny_dataset());
+    corf_refuses(&["view", dataset, "--dataset", dataset], &["is a data set itself"]);
+    corf_refuses(&["view", text(&run), "--export", text(&run)], &["is a folder", "--export"]);
+    corf_refuses(&["view", text(&run), "--export", text(&missing.join("view.html"))], &["missing", "help"]);
+    assert!(!missing.exists());
+    corf_refuses(&["view", text(&run), "--export", "v.html", "--port", "80"], &["--port", "--export"]);
+    // A comparison that keeps no model.
+    let comparison = folder.path().join("comparison");
+    fs::create_dir(&comparison).unwrap();
+    fs::write(comparison.join("plan.toml"), "").unwrap();
+    corf_refuses(&["view", text(&comparison)], &["no model", "keep_model"]);
+    // A data set that has moved.
+    let info = run.join("run.json");
+    let moved = fs::read_to_string(&info).unwrap().replace(dataset, text(&missing));
+    fs::write(&info, moved).unwrap();
+    corf_refuses(&["view", text(&run)], &["missing", "--dataset"]);
+    let page = folder.path().join("view.html");
+    corf_ok(&["view", text(&run), "--dataset", dataset, "--export", text(&page), "--no-verify"]);
+    // A field that is cut short, and a run that is not finished.
+    let field = fs::read(run.join("coupled.ply")).unwrap();
+    fs::write(run.join("coupled.ply"), &field[..field.len() - 9]).unwrap();
+    fs::remove_file(&page).unwrap();
+    corf_refuses(&["view", text(&run), "--dataset", dataset, "--export", text(&page)], &["coupled.ply", "truncated"]);
+    assert!(!page.exists());
+    fs::remove_file(&info).unwrap();
+    corf_refuses(&["view", text(&run)], &["no finished run"]);
+}
+
+/// A server of the tiny data set; ended when it goes out of scope.
+struct Served {
+    child: Child,
+    port: u16,
+}
+
+impl Served {
+    fn start(folder: &str) -> Self {
+        let arguments = ["view", folder, "--no-verify", "--json"];
+        let mut child = command(&arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut said = String::new();
+        let mut lines = BufReader::new(child.stdout.take().unwrap());
+        while !said.contains('}') {
+            assert!(lines.read_line(&mut said).unwrap() > 0, "it ended: {said}");
+        }
+        let url = serde_json::from_str::<Value>(&said).unwrap()["url"].as_str().unwrap().to_owned();
+        let port = url.strip_prefix("http://127.0.0.1:").unwrap().trim_end_matches('/').parse().unwrap();
+        Self { child, port }
+    }
+
+    /// Status, head and body of an answer.
+    fn ask(&self, method: &str, target: &str, host: &str) -> (u16, String, Vec<u8>) {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        write!(stream, "{method} {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        let end = answer.windows(4).position(|w| w == b"\r\n\r\n").unwrap();
+        let head = String::from_utf8(answer[..end].to_vec()).unwrap();
+        let status = head.split(' ').nth(1).unwrap().parse().unwrap();
+        (status, head, answer[end + 4..].to_vec())
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[test]
+fn the_server_answers_to_its_own_name_and_routes_alone() {
+    let served = Served::start(text(tiny_dataset()));
+    let own = format!("127.0.0.1:{}", served.port);
+    let (status, head, body) = served.ask("GET", "/", &own);
+    assert!(status == 200 && head.contains("text/html") && head.contains("nosniff"), "{head}");
+    assert!(String::from_utf8(body).unwrap().contains("connect-src 'self'"));
+    let (status, head, body) = served.ask("GET", "/data/scene", &format!("localhost:{}", served.port));
+    assert!(status == 200 && head.contains("application/json") && !head.contains("Access-Control-Allow-Origin"), "{head}");
+    let scene: Value = serde_json::from_slice(&body).unwrap();
+    let (status, _, body) = served.ask("GET", "/data/points-optical", &own);
+    assert_eq!((status, body.len() as u64), (200, 16 * scene["points"]["optical"].as_u64().unwrap()));
+    let (status, _, body) = served.ask("GET", "/data/keyframe-10", &own);
+    let keyframe: Value = serde_json::from_slice(&body).unwrap();
+    assert!(status == 200 && keyframe["image"]["observed"].as_str().unwrap().starts_with("data:image/"));
+    let (status, _, body) = served.ask("HEAD", "/data/scene", &own);
+    assert_eq!((status, body.len()), (200, 0));
+    for target in ["/dataset.json", "/data/../dataset.json", "/%2e%2e/dataset.json", "/data/keyframe-11", "/favicon.ico"] {
+        assert_eq!(served.ask("GET", target, &own).0, 404, "{target}");
+    }
+    assert_eq!(served.ask("POST", "/data/scene", &own).0, 405);
+    for host in ["evil.example", "evil.example:80", "127.0.0.1", "169.254.169.254"] {
+        assert_eq!(served.ask("GET", "/", host).0, 403, "{host}");
+    }
+}
+
+#[test]
+fn a_port_in_use_is_named() {
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    corf_refuses(&["view", text(tiny_dataset()), "--no-verify", "--port", &port], &[&port, "another", "--port"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_the_server_cleanly() {
+    let mut served = Served::start(text(tiny_dataset()));
+    let kill = std::process::Command::new("kill").args(["-INT", &served.child.id().to_string()]).status().unwrap();
+    assert!(kill.success());
+    assert_eq!(served.child.wait().unwrap().code(), Some(0));
+    assert!(TcpStream::connect(("127.0.0.1", served.port)).is_err(), "nobody listens any more");
+}
