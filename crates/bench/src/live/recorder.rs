@@ -46,10 +46,10 @@ impl Recorder {
     /// # Errors
     /// An earlier one could not be written.
     pub fn put(&mut self, entry: Entry) -> Result<()> {
-        match self.entries.as_ref().map(|entries| entries.send(entry)) {
-            Some(Ok(())) => Ok(()),
-            _ => Err(self.join().err().unwrap_or_else(|| anyhow!("the data set was finished already"))),
+        if self.entries.as_ref().is_some_and(|entries| entries.send(entry).is_ok()) {
+            return Ok(());
         }
+        Err(self.join().err().unwrap_or_else(|| anyhow!("the data set was finished already")))
     }
 
     /// Finishes the data set and opens it.
