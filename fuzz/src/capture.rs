@@ -1,6 +1,6 @@
 //! Readers of captures that others' programs made: the input is a file of one, and the rest of it is as it should be.
 
-use crate::target::{parts, put};
+use crate::files::{parts, put};
 use anyhow::Result;
 use corf_scene::capture::{self, Format, ImportOptions, RfCamera};
 use corf_scene::dataset::stem;

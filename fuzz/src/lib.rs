@@ -9,6 +9,7 @@
 
 pub mod alloc;
 mod capture;
+mod files;
 pub mod mutate;
 pub mod run;
 pub mod target;

@@ -1,14 +1,12 @@
 //! The parsers, each behind one function of bytes.
 
 use crate::capture;
+use crate::files::{parts, put};
 use anyhow::{Context, Result};
 use corf_scene::config::{DatasetConfig, SceneConfig, from_toml};
 use corf_scene::dataset::Dataset;
 use corf_scene::{Pinhole, import, io, npz};
 use std::path::{Path, PathBuf};
-
-/// What stands between the files of an input that has several.
-pub const SEPARATOR: &[u8] = b"\n=====\n";
 
 /// A parser.
 pub struct Target {
@@ -101,26 +99,6 @@ fn png_checksums(bytes: &mut [u8]) {
         bytes[end..end + 4].copy_from_slice(&sum.to_be_bytes());
         at = end + 4;
     }
-}
-
-/// An input's files: what stands before the first separator, between it and the next, and so on.
-pub(crate) fn parts<const N: usize>(bytes: &[u8]) -> [&[u8]; N] {
-    let mut rest = bytes;
-    std::array::from_fn(|_| match rest.windows(SEPARATOR.len()).position(|w| w == SEPARATOR) {
-        Some(at) => {
-            let part = &rest[..at];
-            rest = &rest[at + SEPARATOR.len()..];
-            part
-        }
-        None => std::mem::take(&mut rest),
-    })
-}
-
-/// Writes an input to a file of the folder.
-pub(crate) fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf> {
-    let path = folder.join(name);
-    std::fs::write(&path, bytes)?;
-    Ok(path)
 }
 
 /// An imported scene that is none is as bad as a panic: later stages index by it.

@@ -81,7 +81,7 @@ fn a_nerf2_set_is_traced_anew_with_the_array_standing_still() {
     let config = folder.path().join("data.toml");
     let body = format!(
         "name = \"room\"\nscene = {scene:?}\nkeyframes = 16\n[optical]\nwidth = 16\nheight = 12\nmethod = \"path\"\nsamples_per_pixel = 1\n\
-         [rf]\nwidth = 16\nheight = 12\ndirections = 2000\nphotons = 2000\n"
+         [rf]\nwidth = 16\nheight = 12\ndiffuse = false\n"
     );
     fs::write(&config, body).unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("nerf2"));
