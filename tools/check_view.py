@@ -3,7 +3,7 @@
     python3 tools/check_view.py runs/a --corf target/release/corf [--dataset data/mini] [--keyframes 1,17] [--controls]
 
 Exports the run's page, opens it with the network shut off (`#keyframe=N&mode=optical|rf&bare=1`, where the page puts its canvas into an attribute), and
-compares the canvas with the PNGs that `corf render` writes for the same poses, in 8 bits. What differs is rounding: harmonics in half precision, blending
+compares the canvas with the images that `corf render` writes for the same poses, in 8 bits. What differs is rounding: harmonics in half precision, blending
 in half-precision frame buffers from far to near instead of single precision from near to far.
 
 `--controls` breaks what the comparison rests on and insists that it notices: opacity that does not make up for the pixel filter, colours of the lowest

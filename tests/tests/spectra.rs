@@ -120,5 +120,5 @@ fn several_transmitters_are_seen_from_one_pose() {
     let arguments =
         ["spectrum", text(&scene), "--rx", "4,1,1.5", "--out", text(&refused), "--transmitter", "left", "--transmitter", "right"];
     corf_refuses(&arguments, &["--towards"]);
-    corf_refuses(&[&arguments[..], &["--transmitter", "rigth", "--towards", "3,4,2"]].concat(), &["did you mean \"right\"?"]);
+    corf_refuses(&[&arguments[..], &["--transmitter", "right1", "--towards", "3,4,2"]].concat(), &["did you mean \"right\"?"]);
 }

@@ -54,7 +54,7 @@ pub fn start(arguments: &[&str]) -> Child {
 }
 
 /// Longest wait for a command to come to the point where it is interrupted.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+pub const PATIENCE: Duration = Duration::from_secs(180);
 
 /// Starts a command, interrupts it when `ready` says so, and returns its exit code (`None` when it finished before).
 pub fn interrupt_when(arguments: &[&str], ready: impl Fn() -> bool) -> Option<i32> {
