@@ -76,7 +76,7 @@ fn an_rf_3dgs_folder_has_one_camera_and_its_spectra_are_those_of_its_rays() {
 #[test]
 fn a_nerf2_set_is_traced_anew_with_the_array_standing_still() {
     let folder = tempfile::tempdir().unwrap();
-    let trajectory = "[trajectory]\nwaypoints_m = [[4, 0.8], [5, 1.6]]\nheight_m = 1.5\n";
+    let trajectory = "[trajectory]\nwaypoints_m = [[4, 0.8], [5, 1.6], [4.6, 0.9]]\nheight_m = 1.5\n";
     let scene = room_with_pillar(folder.path(), [1.0, 2.0, 1.5], trajectory);
     let config = folder.path().join("data.toml");
     let body = format!(
