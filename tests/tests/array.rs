@@ -32,6 +32,8 @@ fn beams_and_lobes_go_the_whole_way() {
         assert_eq!(interrupt_when(&arguments, || broken.join("checkpoint").exists()), Some(130));
         assert!(!broken.join("run.json").exists(), "an unfinished run must not look finished");
         corf_ok(&[&arguments[..], &["--resume"]].concat());
+        let run: serde_json::Value = serde_json::from_slice(&fs::read(broken.join("run.json")).unwrap()).unwrap();
+        assert!(run["resumed_keyframes"].as_u64().unwrap() >= 2, "keyframes came from the checkpoint");
         assert!(fs::read(broken.join("array")).unwrap() == field, "{name}: not the field of the run that was not interrupted");
         assert!(fs::read(whole.join("coupled.ply")).unwrap() == fs::read(broken.join("coupled.ply")).unwrap());
 

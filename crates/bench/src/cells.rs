@@ -147,7 +147,14 @@ impl Part {
                 std::fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
             }
             std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
-            let info = RunInfo::of(method.as_ref(), &cell.row.config, cell.seed, input, &split, result)?;
+            let info = RunInfo::of(
+                method.as_ref(),
+                &cell.row.config,
+                cell.seed,
+                (&input.dataset, input.verified),
+                (split.protocol, split.train.len()),
+                result,
+            )?;
             run::write_config(&folder, &info.config)?;
             run::write_finished(&folder, &info, result)
         };

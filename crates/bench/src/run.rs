@@ -9,16 +9,16 @@
 //! ```
 
 use crate::harness::Reconstruction;
-use crate::input::Input;
 use crate::json::write_numbers;
 use crate::live::LiveRecord;
 use crate::method::{Method, StageTime};
 use crate::provenance::Provenance;
 use crate::record::CurvePoint;
-use crate::split::{Protocol, Split};
+use crate::split::Protocol;
 use anyhow::{Context, Result, bail};
 use corf::depth::DepthQuality;
 use corf::{KeyframeTiming, LatencySummary};
+use corf_scene::dataset::Dataset;
 use corf_scene::io::{self, remove_temporary_files, sha256_hex, write_atomic};
 use corf_scene::lock::{self, FolderLock};
 use serde::{Deserialize, Serialize};
@@ -101,7 +101,7 @@ pub fn initial_hash(overrides: &toml::Table) -> Result<Option<String>> {
 }
 
 impl RunInfo {
-    /// What there is to say of a finished reconstruction by a method that was made with `overrides`.
+    /// What there is to say of a finished reconstruction by a method that was made with `overrides`, on a data set whose files were `verified` or not, from `trained` keyframes.
     ///
     /// # Errors
     /// When there is no working directory to make the data set's path absolute with.
@@ -109,29 +109,30 @@ impl RunInfo {
         method: &dyn Method,
         overrides: &toml::Table,
         seed: u64,
-        input: &Input,
-        split: &Split,
+        (dataset, verified): (&Dataset, bool),
+        (protocol, trained): (Protocol, usize),
         result: &Reconstruction,
     ) -> Result<Self> {
-        let online = method.id().starts_with("corf-gs");
+        // These say what every keyframe of their session took.
+        let online = method.id().starts_with("corf-");
         Ok(Self {
             schema: SCHEMA.to_owned(),
             method: method.id().to_owned(),
             overrides: overrides.clone(),
             config: method.config(),
             initial_gaussians_sha256: initial_hash(overrides)?,
-            protocol: split.protocol,
+            protocol,
             seed,
-            dataset: std::path::absolute(input.dataset.dir())?,
-            dataset_hash: input.dataset.hash().to_owned(),
-            dataset_verified: input.verified,
+            dataset: std::path::absolute(dataset.dir())?,
+            dataset_hash: dataset.hash().to_owned(),
+            dataset_verified: verified,
             device: method.device(),
             provenance: Provenance::here(),
             seconds: result.seconds,
             gaussians: result.predictor.gaussians(),
             peak_memory_bytes: result.peak_memory_bytes,
             curve: result.curve.clone(),
-            resumed_keyframes: if online { split.train.len() - result.keyframes.len() } else { 0 },
+            resumed_keyframes: if online { trained - result.keyframes.len() } else { 0 },
             latency: LatencySummary::of(&result.keyframes),
             depth: result.depth,
             stages: result.stages.clone(),
@@ -156,6 +157,14 @@ pub fn write_config(folder: &Path, config: &serde_json::Value) -> Result<()> {
 /// When a file cannot be written; a number that is none.
 pub fn write_finished(folder: &Path, info: &RunInfo, result: &Reconstruction) -> Result<()> {
     result.predictor.save(folder)?;
+    write_info(folder, info)
+}
+
+/// Writes `run.json`, with which a run folder is a finished run's.
+///
+/// # Errors
+/// When it cannot be written; a number that is none.
+pub fn write_info(folder: &Path, info: &RunInfo) -> Result<()> {
     write_numbers(&folder.join("run.json"), info)
 }
 

@@ -177,7 +177,14 @@ impl Reconstruct {
         progress.finish();
         let info = RunInfo {
             initial_gaussians_sha256: initial,
-            ..RunInfo::of(method.as_ref(), &overrides, self.seed, &input, &split, &result)?
+            ..RunInfo::of(
+                method.as_ref(),
+                &overrides,
+                self.seed,
+                (dataset, input.verified),
+                (protocol, split.train.len()),
+                &result,
+            )?
         };
         write_finished(&self.out, &info, &result)?;
         // What it was kept for is there.

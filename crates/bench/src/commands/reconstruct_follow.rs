@@ -2,17 +2,13 @@
 
 use crate::device::Backend;
 use crate::harness;
-use crate::json::write_numbers;
 use crate::live::{Session, SessionOptions, WhenBehind};
 use crate::method::Method as _;
 use crate::methods::corf_gs::{CorfGs, live_overrides};
-use crate::provenance::Provenance;
-use crate::run::{RunInfo, SCHEMA, claim_fresh};
+use crate::run::{RunInfo, claim_fresh, write_config, write_info};
 use crate::split::Protocol;
 use crate::{interrupt, note};
 use anyhow::{Result, ensure};
-use corf::LatencySummary;
-use corf_scene::io::write_atomic;
 use corf_scene::live::{DESCRIPTION, LiveDescription};
 use std::path::Path;
 use std::time::Duration;
@@ -66,7 +62,7 @@ impl Follow<'_> {
             strict: self.strict,
             collected: method.collected(),
         })?;
-        write_atomic(out.join("config.json"), format!("{:#}\n", method.config()).as_bytes())?;
+        write_config(out, &method.config())?;
         interrupt::let_first_end_input(true);
         note!("following {}: {} on {}", folder.display(), self.method, method.device());
         session.wait_for_first()?;
@@ -75,35 +71,14 @@ impl Follow<'_> {
         });
         interrupt::let_first_end_input(false);
         let result = work?;
+        // First: what is reconstructed stays, whatever becomes of the data set.
         result.predictor.save(out)?;
         let (dataset, live) = session.finish()?;
-        let info = RunInfo {
-            schema: SCHEMA.to_owned(),
-            method: self.method.to_owned(),
-            overrides,
-            config: method.config(),
-            initial_gaussians_sha256: None,
-            protocol: self.protocol,
-            seed: self.seed,
-            dataset: std::path::absolute(dataset.dir())?,
-            dataset_hash: dataset.hash().to_owned(),
-            // Each file was written, and its hash taken, from what was trained on.
-            dataset_verified: true,
-            device: method.device(),
-            provenance: Provenance::here(),
-            seconds: result.seconds,
-            gaussians: result.predictor.gaussians(),
-            peak_memory_bytes: result.peak_memory_bytes,
-            curve: result.curve,
-            resumed_keyframes: 0,
-            latency: LatencySummary::of(&result.keyframes),
-            depth: result.depth,
-            stages: result.stages,
-            resumed_steps: result.resumed_steps,
-            live: Some(live),
-            keyframe_timings: result.keyframes,
-        };
-        write_numbers(&out.join("run.json"), &info)?;
+        // Each file was written, and its hash taken, from what was trained on.
+        let source = (&dataset, true);
+        let trained = (self.protocol, result.keyframes.len());
+        let info = RunInfo { live: Some(live), ..RunInfo::of(&method, &overrides, self.seed, source, trained, &result)? };
+        write_info(out, &info)?;
         Ok(info)
     }
 }

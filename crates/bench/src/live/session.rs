@@ -44,6 +44,8 @@ pub struct Session {
     folder: PathBuf,
     description: LiveDescription,
     protocol: Protocol,
+    /// Every so many keyframes one is for tests.
+    test_every: usize,
     when_behind: WhenBehind,
     strict: bool,
     collected: usize,
@@ -96,7 +98,8 @@ impl Session {
     pub fn open(options: SessionOptions<'_>) -> Result<Self> {
         let SessionOptions { folder, run, description, protocol, when_behind, strict, collected } = options;
         let header = description.header();
-        if protocol.role(0, header.split.test_every).is_none() {
+        let test_every = header.split.test_every;
+        if protocol.role(0, test_every).is_none() {
             bail!(
                 "the {} protocol holds out what lies in the middle of a trajectory, and the end of a live one is not known\n  help: choose \
                  --protocol test, validation or all",
@@ -107,6 +110,7 @@ impl Session {
             folder: folder.to_owned(),
             description: description.clone(),
             protocol,
+            test_every,
             when_behind,
             strict,
             collected,
@@ -159,7 +163,7 @@ impl Session {
                 paths_jsonl: None,
             };
             let receipt = Receipt { number, arrived, entry: Entry { name: stem, sources, pose, frame: kept } };
-            if self.protocol.role(index, self.description.header().split.test_every) != Some(Role::Trains) {
+            if self.protocol.role(index, self.test_every) != Some(Role::Trains) {
                 self.log.held_out(number, index, arrived)?;
                 self.keep(receipt)?;
                 continue;

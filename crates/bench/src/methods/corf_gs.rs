@@ -68,6 +68,24 @@ impl CorfGsConfig {
         Ok(serde_json::from_value::<Self>(config.clone())?.raster)
     }
 
+    /// Looks for what the depth prior reads of a data set and beside it; `table` is that of the overrides in which the keys of `method` stand, with its dot.
+    ///
+    /// # Errors
+    /// No depth where the prior is made from it; a map that is missing or cannot be used.
+    pub(super) fn check_depth(&self, method: &str, table: &str, training: &TrainingSet<'_>) -> Result<()> {
+        let depth = &self.reconstruction.depth;
+        anyhow::ensure!(
+            training.has_depth() || !self.reconstruction.consumes_ground_truth_depth() || depth.prior == DepthPriorKind::Measured,
+            "{method}: its depth prior is made from the depth of the keyframes, and the data set has none\n  help: pass --set '{table}depth.prior=\"none\"', \
+             or bring maps of your own with --set '{table}depth.prior=\"folder\"' --set '{table}depth.folder=\"DIR\"', or measured depth with `corf dataset \
+             import --depth` (docs/reconstruction.md)"
+        );
+        let camera = training.optical_camera();
+        // Nothing that is drawn matters to files.
+        let prior = DepthPrior::new(depth, 0)?;
+        Ok(prior.check_all(training.indices(), (camera.width, camera.height))?)
+    }
+
     /// A fresh device.
     pub(super) fn device(&self, backend: &Backend) -> Result<Box<dyn Device>> {
         backend.make(self.optimizer, self.raster, &self.reconstruction.empty_field())
@@ -165,21 +183,11 @@ impl Method for CorfGs {
     }
 
     fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {
-        let prior = self.config.reconstruction.depth.prior;
-        anyhow::ensure!(
-            training.has_depth() || !self.uses_ground_truth_depth() || prior == DepthPriorKind::Measured,
-            "{}: its depth prior is made from the depth of the keyframes, and the data set has none\n  help: pass --set 'depth.prior=\"none\"', or \
-             bring maps of your own with --set 'depth.prior=\"folder\"' --set 'depth.folder=\"DIR\"', or measured depth with `corf dataset import \
-             --depth` (docs/reconstruction.md)",
-            self.id
-        );
+        self.config.check_depth(&self.id, "", training)?;
         if let Some(file) = &self.config.initial_gaussians {
             Initial::read(file)?.check(training)?;
         }
-        let camera = training.optical_camera();
-        // Nothing that is drawn matters to files.
-        let prior = DepthPrior::new(&self.config.reconstruction.depth, 0)?;
-        Ok(prior.check_all(training.indices(), (camera.width, camera.height))?)
+        Ok(())
     }
 
     fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {

@@ -175,7 +175,7 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
 ///
 /// # Errors
 /// A file that is missing or not of the format.
-pub(crate) fn read_points(path: &Path) -> Result<Vec<ColoredPoint>> {
+pub fn read_points(path: &Path) -> Result<Vec<ColoredPoint>> {
     text::points(path)
 }
 

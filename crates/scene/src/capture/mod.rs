@@ -24,7 +24,7 @@ mod rf_3dgs;
 mod spectra;
 mod split;
 
-pub(crate) use colmap::read_points;
+pub use colmap::read_points;
 pub use import::{ImportReport, examine, import};
 pub use options::{Format, ImportOptions, RfCamera, RfValues, SplitRule, Up};
 

@@ -115,41 +115,23 @@ impl Plan {
         if options.metres_per_unit == 1.0 {
             notes.push("the capture's unit of length was taken for a metre (--scale says otherwise)".into());
         }
+        let imported = Imported {
+            format: options.format.name().into(),
+            names: shots.iter().map(|s| s.name.clone()).collect(),
+            up: world.up,
+            metres_per_unit: options.metres_per_unit,
+            db_range: options.rf_db.filter(|_| radio.is_some()),
+            notes,
+            sources,
+        };
+        let modalities = Modalities { light, radio: radio.is_some() };
+        let levels = (options.quantity, options.rf_db.map_or(options.dynamic_range_db, |r| r.max_db - r.min_db));
         let header = DatasetHeader {
-            name: name(options),
-            seed: 0,
-            modalities: Modalities { light, radio: radio.is_some() },
-            optical_camera,
-            rf_camera,
-            sphere: None,
-            exposure_ev: None,
-            denoiser: None,
             frequency_hz: options.frequency_hz,
-            transmitter: None,
-            receiver: None,
-            spectrum: None,
-            quantity: options.quantity,
-            dynamic_range_db: options.rf_db.map_or(options.dynamic_range_db, |r| r.max_db - r.min_db),
-            tutorial_range: None,
-            materials: Vec::new(),
-            sampling_error: None,
             split,
             stated_split,
-            objects: Vec::new(),
-            scene_sha256: None,
-            scene_content_sha256: None,
-            config: None,
-            scene: None,
-            imported: Some(Imported {
-                format: options.format.name().into(),
-                names: shots.iter().map(|s| s.name.clone()).collect(),
-                up: world.up,
-                metres_per_unit: options.metres_per_unit,
-                db_range: options.rf_db.filter(|_| radio.is_some()),
-                notes,
-                sources,
-            }),
             poses: poses(&shots),
+            ..DatasetHeader::of_capture(name(options), modalities, [optical_camera, rf_camera], levels, imported)
         };
         let points = points.iter().map(|p| ColoredPoint { position: world.point(p.position), ..*p }).collect();
         let (spectra, encoding) = radio.map_or((None, None), |r| (Some(r.files), Some(r.encoding)));

@@ -202,6 +202,44 @@ impl Quantity {
 }
 
 impl DatasetHeader {
+    /// The header of a capture without its poses: what a scene alone could say is left out.
+    pub(crate) fn of_capture(
+        name: String,
+        modalities: Modalities,
+        [optical_camera, rf_camera]: [Pinhole; 2],
+        (quantity, dynamic_range_db): (Quantity, f64),
+        imported: Imported,
+    ) -> Self {
+        Self {
+            name,
+            seed: 0,
+            modalities,
+            optical_camera,
+            rf_camera,
+            sphere: None,
+            exposure_ev: None,
+            denoiser: None,
+            frequency_hz: None,
+            transmitter: None,
+            receiver: None,
+            spectrum: None,
+            quantity,
+            dynamic_range_db,
+            tutorial_range: None,
+            materials: Vec::new(),
+            sampling_error: None,
+            split: SplitConfig::default(),
+            stated_split: None,
+            objects: Vec::new(),
+            scene_sha256: None,
+            scene_content_sha256: None,
+            config: None,
+            scene: None,
+            imported: Some(imported),
+            poses: Vec::new(),
+        }
+    }
+
     /// The header of a dataset about to be generated; `exposure_ev` is the metered exposure, used where the configuration gives none.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Description of a live capture: all that its keyframes share.
 
-use crate::config::{ReceiverConfig, SpectrumKind, SplitConfig, TransmitterConfig};
+use crate::config::{ReceiverConfig, SpectrumKind, TransmitterConfig};
 use crate::dataset::{Dataset, DatasetHeader, Imported, Quantity};
 use crate::keyframe::{DbRange, Modalities};
 use crate::{Error, Pinhole, Result, bounds, io};
@@ -156,41 +156,23 @@ impl LiveDescription {
     /// The header of the data set that the keyframes make, without any yet: test keyframes are those whose index can be divided by eight.
     pub fn header(&self) -> DatasetHeader {
         let notes = vec!["keyframes were taken as they landed in a live folder, numbered in that order".to_owned()];
+        let imported = Imported {
+            format: LIVE_SCHEMA.to_owned(),
+            names: Vec::new(),
+            up: None,
+            metres_per_unit: 1.0,
+            db_range: Some(self.db_range),
+            notes,
+            sources: BTreeMap::new(),
+        };
+        let cameras = [self.optical_camera, self.rf_camera];
+        let levels = (self.quantity, self.db_range.max_db - self.db_range.min_db);
         DatasetHeader {
-            name: self.name.clone(),
-            seed: 0,
-            modalities: Modalities::BOTH,
-            optical_camera: self.optical_camera,
-            rf_camera: self.rf_camera,
-            sphere: None,
-            exposure_ev: None,
-            denoiser: None,
             frequency_hz: self.frequency_hz,
             transmitter: self.transmitter,
             receiver: self.receiver,
             spectrum: self.spectrum,
-            quantity: self.quantity,
-            dynamic_range_db: self.db_range.max_db - self.db_range.min_db,
-            tutorial_range: None,
-            materials: Vec::new(),
-            sampling_error: None,
-            split: SplitConfig::default(),
-            stated_split: None,
-            objects: Vec::new(),
-            scene_sha256: None,
-            scene_content_sha256: None,
-            config: None,
-            scene: None,
-            imported: Some(Imported {
-                format: LIVE_SCHEMA.to_owned(),
-                names: Vec::new(),
-                up: None,
-                metres_per_unit: 1.0,
-                db_range: Some(self.db_range),
-                notes,
-                sources: BTreeMap::new(),
-            }),
-            poses: Vec::new(),
+            ..DatasetHeader::of_capture(self.name.clone(), Modalities::BOTH, cameras, levels, imported)
         }
     }
 }

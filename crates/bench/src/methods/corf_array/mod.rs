@@ -12,7 +12,6 @@ use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use anyhow::{Context, Result, bail, ensure};
 use corf::array::{ArrayConfig, ArrayTrainer, SensorSettings, Surface};
 use corf::config::Coupling;
-use corf::depth::DepthPrior;
 use corf::{RasterConfig, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
 use online::Online;
@@ -23,7 +22,7 @@ use std::collections::VecDeque;
 /// Configuration of `corf-array`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CorfArrayConfig {
-    /// Light: keys of `corf-gs`, table `light` of the overrides.
+    /// Light: keys of `corf-gs`, table `light` of the overrides. Its `rf_weight` is of splatted spectra, and without effect where surfaces are points.
     pub light: CorfGsConfig,
     /// Radio: everything else, at the top level of the overrides.
     pub radio: ArrayConfig,
@@ -105,9 +104,7 @@ impl CorfArray {
         let config = CorfArrayConfig::parse(overrides).context("in the configuration of corf-array")?;
         Ok(Self { config, backend: backend.clone(), checkpoints: None })
     }
-}
 
-impl CorfArray {
     /// The sensor, where the configuration fits it.
     fn sensor(&self, training: &TrainingSet<'_>) -> Result<SensorSettings> {
         let sensor = sensor_of(training)?;
@@ -143,10 +140,7 @@ impl Method for CorfArray {
 
     fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {
         self.sensor(training)?;
-        let camera = training.optical_camera();
-        // Nothing that is drawn matters to files.
-        let prior = DepthPrior::new(&self.config.light.reconstruction.depth, 0)?;
-        Ok(prior.check_all(training.indices(), (camera.width, camera.height))?)
+        self.config.light.check_depth(self.id(), "light.", training)
     }
 
     fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {

@@ -79,7 +79,9 @@ impl Online<'_> {
         }
         let Some(observed) = self.ahead.pop_front() else { return Ok(()) };
         let start = Instant::now();
-        self.radio.receive(&observed, &self.light.field().gaussians.position)?;
+        // Where surfaces are splatted nobody looks at points of theirs, and a field is read back from the device.
+        let surface = if self.radio.field.over_splats { Vec::new() } else { self.light.field().gaussians.position };
+        self.radio.receive(&observed, &surface)?;
         self.radio.train();
         self.radio_s.push(start.elapsed().as_secs_f64());
         let done = self.light.keyframes_expanded();
