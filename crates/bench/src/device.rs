@@ -120,7 +120,28 @@ pub fn gpu_count() -> usize {
     0
 }
 
+/// Options of an adapter that a baseline's network runs on, in half precision if it is to.
+#[cfg(feature = "gpu")]
+pub fn network_options(number: usize, half: bool) -> corf::device::gpu::GpuOptions {
+    corf::device::gpu::GpuOptions { adapter: number, software: true, half, ..Default::default() }
+}
+
 impl Backend {
+    /// Whether a network that is to multiply in half precision does so here: a GPU with matrix units.
+    pub fn multiplies_in_half(&self, wanted: bool) -> bool {
+        match self {
+            Self::Cpu => false,
+            #[cfg(feature = "gpu")]
+            Self::Gpu { number, .. } => corf::device::gpu::multiplies_in_half(&network_options(*number, wanted)),
+        }
+    }
+
+    /// [`Self::name`], with the precision where a network multiplies in half.
+    pub fn name_with_precision(&self, half: bool) -> String {
+        let precision = if self.multiplies_in_half(half) { ", f16 products" } else { "" };
+        format!("{}{precision}", self.name())
+    }
+
     /// The device's name for records.
     pub fn name(&self) -> String {
         match self {

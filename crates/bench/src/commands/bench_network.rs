@@ -1,6 +1,8 @@
 //! `corf bench network`: how fast the networks of the baselines NeRF² and WRF-GS+ are, beside the device's peak.
 
 use super::{Verdict, show};
+#[cfg(feature = "gpu")]
+use crate::device::network_options;
 use crate::device::{Backend, DeviceChoice};
 use crate::interrupt;
 use crate::methods;
@@ -46,6 +48,11 @@ pub struct Network {
 /// WRF-GS+ steps between two looks for an interrupt.
 const SUBMITTED: usize = 20;
 
+/// How the name of what was measured ends.
+fn precision(half: bool) -> &'static str {
+    if half { ", f16" } else { "" }
+}
+
 /// One thing measured.
 #[derive(Serialize)]
 struct Measured {
@@ -80,12 +87,16 @@ impl Network {
         bounds::count("--gaussians", self.gaussians, 20_000_000, "of them")?;
         bounds::number("--tflops", self.tflops, &(1e-6..=1e9), "of the device")?;
         let backend = self.device.resolve()?;
-        let mut measured = self.products(&backend)?;
-        if self.rays > 0 && self.steps > 0 {
-            measured.push(self.step(&backend)?);
-        }
-        if self.gaussians > 0 && self.steps > 0 {
-            measured.push(self.deformed_step(&backend)?);
+        let mut measured = vec![];
+        // In half precision as well, where the device has it.
+        for half in [false, true].into_iter().filter(|half| !half || backend.multiplies_in_half(true)) {
+            measured.extend(self.products(&backend, half)?);
+            if self.rays > 0 && self.steps > 0 {
+                measured.push(self.step(&backend, half)?);
+            }
+            if self.gaussians > 0 && self.steps > 0 {
+                measured.push(self.deformed_step(&backend, half)?);
+            }
         }
         let mut text = format!("{} (peak {} TFLOP/s)", backend.name(), self.tflops);
         for m in &measured {
@@ -112,17 +123,19 @@ impl Network {
     }
 
     /// The three products of a layer, by tile.
-    fn products(&self, backend: &Backend) -> Result<Vec<Measured>> {
+    fn products(&self, backend: &Backend, half: bool) -> Result<Vec<Measured>> {
         match backend {
-            Backend::Cpu => Ok(vec![]),
+            Backend::Cpu => {
+                let _ = half;
+                Ok(vec![])
+            }
             #[cfg(feature = "gpu")]
             Backend::Gpu { number, .. } => {
-                use corf::{device::gpu::GpuOptions, nn::gpu::measure_products};
                 anyhow::ensure!(self.rows > 0 && self.width > 0, "--rows and --width: give at least 1");
-                let options = GpuOptions { adapter: *number, software: true, ..GpuOptions::default() };
-                let times = measure_products(&options, self.rows, self.width)?;
+                let times = corf::nn::gpu::measure_products(&network_options(*number, half), self.rows, self.width)?;
                 let line = |t: corf::nn::gpu::ProductTime| {
-                    let name = format!("{}, {}x{}, tiles {}x{}", t.name, self.rows, self.width, t.tile[0], t.tile[1]);
+                    let precision = precision(t.half);
+                    let name = format!("{}, {}x{}, tiles {}x{}{precision}", t.name, self.rows, self.width, t.tile[0], t.tile[1]);
                     self.measured(name, t.seconds, t.operations)
                 };
                 Ok(times.into_iter().map(line).collect())
@@ -131,8 +144,8 @@ impl Network {
     }
 
     /// A whole training step of NeRF² as published, with as many rays as asked for.
-    fn step(&self, backend: &Backend) -> Result<Measured> {
-        let config = Nerf2Config { rays: self.rays, ..Nerf2Config::default() };
+    fn step(&self, backend: &Backend, half: bool) -> Result<Measured> {
+        let config = Nerf2Config { rays: self.rays, half_precision: half, ..Nerf2Config::default() };
         config.validate()?;
         let network = Model::new(&config).network;
         let mut rays = TrainingRays::new(Pinhole::from_horizontal_fov(300, 200, 90.0), 1);
@@ -141,9 +154,8 @@ impl Network {
             Backend::Cpu => Box::new(CpuTrainer::new(&config, [0.0; 3], network.initial(1))?),
             #[cfg(feature = "gpu")]
             Backend::Gpu { number, .. } => {
-                use corf::{device::gpu::GpuOptions, nerf2::GpuTrainer};
-                let options = GpuOptions { adapter: *number, software: true, ..GpuOptions::default() };
-                Box::new(GpuTrainer::new(&options, &config, [0.0; 3], &network.initial::<f32>(1))?)
+                let options = network_options(*number, half);
+                Box::new(corf::nerf2::GpuTrainer::new(&options, &config, [0.0; 3], &network.initial::<f32>(1))?)
             }
         };
         let mut run = |steps: std::ops::Range<usize>| -> Result<f64> {
@@ -159,16 +171,25 @@ impl Network {
         run(0..1)?;
         let seconds = run(1..1 + self.steps)? / self.steps as f64;
         let operations = (self.rays * config.samples) as f64 * network.operations();
-        Ok(self.measured(format!("NeRF² step, {} rays of {} samples", self.rays, config.samples), seconds, operations))
+        Ok(self.measured(
+            format!("NeRF² step, {} rays of {} samples{}", self.rays, config.samples, precision(half)),
+            seconds,
+            operations,
+        ))
     }
 
     /// A whole training step of WRF-GS+ as published, with as many Gaussians as asked for: deformation, a spectrum, both ways, both optimisers. The
     /// operations counted are the network's.
-    fn deformed_step(&self, backend: &Backend) -> Result<Measured> {
+    fn deformed_step(&self, backend: &Backend, half: bool) -> Result<Measured> {
         // Nothing is cloned, split, pruned or reset, but what decides it is summed up.
         let density = DensityConfig { from: usize::MAX, until: usize::MAX, reset_every: usize::MAX, ..DensityConfig::default() };
-        let config =
-            WrfGsPlusConfig { random_points: self.gaussians, iterations: self.steps + 1, density, ..WrfGsPlusConfig::default() };
+        let config = WrfGsPlusConfig {
+            random_points: self.gaussians,
+            iterations: self.steps + 1,
+            half_precision: half,
+            density,
+            ..WrfGsPlusConfig::default()
+        };
         config.validate()?;
         let network = wrf_gs_plus::Model::new(&config).network;
         let rig = workload::rig([1, 1], [300, 200]);
@@ -194,6 +215,6 @@ impl Network {
         }
         let seconds = start.elapsed().as_secs_f64() / self.steps as f64;
         let operations = self.gaussians as f64 * network.operations();
-        Ok(self.measured(format!("WRF-GS+ step, {} Gaussians, 300x200", self.gaussians), seconds, operations))
+        Ok(self.measured(format!("WRF-GS+ step, {} Gaussians, 300x200{}", self.gaussians, precision(half)), seconds, operations))
     }
 }

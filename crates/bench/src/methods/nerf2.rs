@@ -4,6 +4,8 @@
 //! `[0, 1]`. Jet colours, which the paper's metrics look at, are made of the prediction.
 
 use crate::device::Backend;
+#[cfg(feature = "gpu")]
+use crate::device::network_options;
 use crate::interrupt;
 use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::metrics::Prediction;
@@ -52,9 +54,8 @@ fn trainer(backend: &Backend, field: &Field) -> Result<Box<dyn Trainer>> {
         Backend::Cpu => Ok(Box::new(CpuTrainer::new(&field.config, field.transmitter_m, field.parameters.clone())?)),
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
-            use corf::{device::gpu::GpuOptions, nerf2::GpuTrainer};
-            let options = GpuOptions { adapter: *number, software: true, ..GpuOptions::default() };
-            Ok(Box::new(GpuTrainer::new(&options, &field.config, field.transmitter_m, &field.parameters)?))
+            let options = network_options(*number, field.config.half_precision);
+            Ok(Box::new(corf::nerf2::GpuTrainer::new(&options, &field.config, field.transmitter_m, &field.parameters)?))
         }
     }
 }
@@ -69,7 +70,7 @@ impl Method for Nerf2 {
     }
 
     fn device(&self) -> String {
-        self.backend.name()
+        self.backend.name_with_precision(self.config.half_precision)
     }
 
     fn unit(&self) -> &'static str {

@@ -2,6 +2,8 @@
 //! with the displacement used that the published program predicts and leaves unused (docs/baselines.md).
 
 use crate::device::Backend;
+#[cfg(feature = "gpu")]
+use crate::device::network_options;
 use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::methods::field::jet_of;
 use crate::methods::stepwise::{self, Stepwise};
@@ -50,9 +52,8 @@ pub fn trainer(backend: &Backend, config: &WrfGsPlusConfig, parameters: Vec<f32>
         Backend::Cpu => Ok(Box::new(CpuTrainer::new(config, parameters)?)),
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
-            use corf::{device::gpu::GpuOptions, wrf_gs_plus::GpuTrainer};
-            let options = GpuOptions { adapter: *number, software: true, ..GpuOptions::default() };
-            Ok(Box::new(GpuTrainer::new(&options, config, &parameters)?))
+            let options = network_options(*number, config.half_precision);
+            Ok(Box::new(corf::wrf_gs_plus::GpuTrainer::new(&options, config, &parameters)?))
         }
     }
 }
@@ -95,7 +96,7 @@ impl Method for WrfGsPlus {
     }
 
     fn device(&self) -> String {
-        self.backend.name()
+        self.backend.name_with_precision(self.config.half_precision)
     }
 
     fn unit(&self) -> &'static str {

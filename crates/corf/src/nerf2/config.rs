@@ -39,6 +39,8 @@ pub struct Nerf2Config {
     pub jitter: bool,
     /// Whether a ray's last point counts; the published rendering gives it an infinite distance and with it no power.
     pub last_sample: bool,
+    /// Whether the network multiplies in f16 (sums in f32) where a GPU has matrix units; without them, and on the processor, in f32 always.
+    pub half_precision: bool,
 }
 
 impl Default for Nerf2Config {
@@ -59,6 +61,7 @@ impl Default for Nerf2Config {
             cosine_steps: 10_000,
             jitter: false,
             last_sample: false,
+            half_precision: false,
         }
     }
 }

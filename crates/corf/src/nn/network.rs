@@ -133,6 +133,11 @@ impl Network {
         &self.layers
     }
 
+    /// Whether no other layer reads this one, by its number: its outputs are the network's.
+    pub fn is_head(&self, layer: usize) -> bool {
+        !self.layers.iter().any(|other| other.sources.contains(&Source::Layer(layer)))
+    }
+
     /// Length of what a source gives.
     ///
     /// # Panics

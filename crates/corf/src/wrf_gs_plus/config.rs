@@ -79,6 +79,8 @@ pub struct WrfGsPlusConfig {
     pub receiver_features: usize,
     /// Whether the predicted displacement moves a Gaussian; set by the method's name.
     pub move_positions: bool,
+    /// Whether the network multiplies in f16 (sums in f32) where a GPU has matrix units; without them, and on the processor, in f32 always.
+    pub half_precision: bool,
     /// Learning rates.
     pub rates: WrfGsPlusRates,
     /// Adaptive density control.
@@ -103,6 +105,7 @@ impl Default for WrfGsPlusConfig {
             receiver_width: 256,
             receiver_features: 90,
             move_positions: false,
+            half_precision: false,
             rates: WrfGsPlusRates::default(),
             density: DensityConfig::default(),
         }

@@ -37,6 +37,8 @@ pub struct GpuOptions {
     /// Most device memory that keyframes take, bytes; the others wait in main memory until a step names them. A step's own keyframe has room
     /// in any case. What is computed does not depend on it.
     pub keyframe_bytes: u64,
+    /// Whether networks multiply in half precision where the adapter has matrix units that their kernels are written for; sums are f32 always.
+    pub half: bool,
     /// Fills new working memory with this pattern, so that a test sees what reads before it writes.
     pub poison: Option<u32>,
 }
@@ -54,6 +56,7 @@ impl Default for GpuOptions {
             fused: true,
             least_room: 1 << 16,
             keyframe_bytes: RasterConfig::default().keyframe_bytes(),
+            half: false,
             poison: None,
         }
     }
@@ -132,6 +135,8 @@ pub(crate) struct Context {
     pub subgroups: Option<(u32, u32)>,
     /// Whether timestamps may be written inside a pass.
     pub timestamps: bool,
+    /// Whether networks multiply by matrix units.
+    pub matrix_units: bool,
     pub poison: Option<u32>,
     failure: Arc<Mutex<Failure>>,
     /// Reference that is dropped last.
@@ -198,9 +203,40 @@ pub(super) fn adapters(options: &GpuOptions) -> Vec<wgpu::Adapter> {
     adapters
 }
 
+/// What kernels that multiply by matrix units need.
+const MATRIX_FEATURES: wgpu::Features =
+    wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX.union(wgpu::Features::SHADER_F16).union(wgpu::Features::SUBGROUP);
+
+/// Whether an adapter multiplies matrices of 16 × 16 numbers in f16 with sums in f32, in subgroups of 32 threads always.
+fn has_matrix_units(adapter: &wgpu::Adapter) -> bool {
+    let info = adapter.get_info();
+    let fits = |p: &wgpu::CooperativeMatrixProperties| {
+        (p.m_size, p.n_size, p.k_size) == (16, 16, 16)
+            && p.ab_type == wgpu::CooperativeScalarType::F16
+            && p.cr_type == wgpu::CooperativeScalarType::F32
+    };
+    adapter.features().contains(MATRIX_FEATURES)
+        && (info.subgroup_min_size, info.subgroup_max_size) == (32, 32)
+        && adapter.cooperative_matrix_properties().iter().any(fits)
+}
+
+/// Whether [`GpuOptions::half`] makes a difference on the adapter that these options choose.
+pub fn multiplies_in_half(options: &GpuOptions) -> bool {
+    options.half && adapters(options).get(options.adapter).is_some_and(has_matrix_units)
+}
+
 /// The adapter that these options choose, if there is one.
 pub fn adapter_name(options: &GpuOptions) -> Option<String> {
     adapters(options).get(options.adapter).map(|a| a.get_info().name)
+}
+
+/// Cooperative matrices are an experiment of wgpu's.
+fn experimental(wanted: bool) -> wgpu::ExperimentalFeatures {
+    if !wanted {
+        return wgpu::ExperimentalFeatures::disabled();
+    }
+    // SAFETY: the kernels that use them are tested against f64 on every adapter that has them.
+    unsafe { wgpu::ExperimentalFeatures::enabled() }
 }
 
 impl Context {
@@ -230,12 +266,14 @@ impl Context {
         let mut wanted = wgpu::Features::empty();
         wanted.set(wgpu::Features::SUBGROUP, options.subgroups);
         wanted.set(stamps, options.timestamps);
+        let matrix_units = options.half && has_matrix_units(adapter);
+        wanted.set(MATRIX_FEATURES, matrix_units);
         let features = adapter.features() & wanted;
         let opened = ready(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("corf"),
             required_features: features,
             required_limits: limits.clone(),
-            experimental_features: wgpu::ExperimentalFeatures::disabled(),
+            experimental_features: experimental(matrix_units),
             memory_hints: wgpu::MemoryHints::Performance,
             trace: wgpu::Trace::Off,
         }));
@@ -260,6 +298,7 @@ impl Context {
         let subgroups = (usable && info.subgroup_min_size >= 4).then_some((info.subgroup_min_size, info.subgroup_max_size));
         Ok(Self {
             timestamps: features.contains(stamps),
+            matrix_units,
             poison: options.poison,
             _last: LastReference(Some(device.clone())),
             device,

@@ -53,7 +53,7 @@ use train::{Batch, Counts};
 use training::Training;
 
 pub use adapters::{AdapterReport, adapter_reports};
-pub use context::{GpuOptions, adapter_name};
+pub use context::{GpuOptions, adapter_name, multiplies_in_half};
 pub use train::{GpuStageTimes, STAGES};
 pub use work::StageWork;
 

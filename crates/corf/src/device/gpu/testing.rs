@@ -14,6 +14,7 @@ pub(crate) const OPTIONS: GpuOptions = GpuOptions {
     fused: true,
     least_room: 16,
     keyframe_bytes: u64::MAX,
+    half: false,
     poison: Some(0xffc0_ffee),
 };
 

@@ -1,6 +1,6 @@
 //! Timing of the matrix products.
 
-use super::gemm::{self, Product, Tile};
+use super::gemm::{self, Arithmetic, Product, Tile};
 use super::{CONSTANTS, Dispatch, plan, vectors};
 use crate::Result;
 use crate::device::gpu::GpuOptions;
@@ -13,6 +13,8 @@ use std::time::Instant;
 pub struct ProductTime {
     /// Name of the product.
     pub name: &'static str,
+    /// Whether the numbers multiplied were f16.
+    pub half: bool,
     /// Rows and columns of the tile that a workgroup computes.
     pub tile: [u32; 2],
     /// Floating-point operations.
@@ -25,7 +27,8 @@ pub struct ProductTime {
 const DISPATCHES: u32 = 8;
 const RUNS: usize = 5;
 
-/// Times the three products of a square layer of `width` on `rows` rows, with each tile for large matrices.
+/// Times the three products of a square layer of `width` on `rows` rows, with each tile for large matrices; in half precision where the options ask for
+/// it and the adapter has it.
 ///
 /// # Errors
 /// No adapter, or one without memory for it.
@@ -45,9 +48,12 @@ pub fn measure_products(options: &GpuOptions, rows: usize, width: usize) -> Resu
     fill(&x, rows);
     fill(&other, rows);
     fill(&weights, 4 * vectors(width));
+    let arithmetic = if context.matrix_units { Arithmetic::Half } else { Arithmetic::Single };
+    let scale = context.storage("scale of gradients", 16)?;
+    context.fill(&scale, 0, &[1.0_f32; 4]);
     let mut times = vec![];
     for product in Product::ALL {
-        for tile in [Tile::WIDE, Tile::MEDIUM] {
+        for tile in Tile::large(arithmetic) {
             let shape = plan::alone(product, rows, width);
             let constants = context.buffer("constants", CONSTANTS, wgpu::BufferUsages::UNIFORM)?;
             context.queue.write_buffer(&constants, 0, bytemuck::bytes_of(&shape));
@@ -61,7 +67,7 @@ pub fn measure_products(options: &GpuOptions, rows: usize, width: usize) -> Resu
                 Product::DataGradient => [&x, &weights, &other, &result],
                 Product::WeightGradient => [&x, &other, &other, &result],
             };
-            let bound = plan::bind_product(&context, &kernel, &constants, buffers)?;
+            let bound = plan::bind_product(&context, &kernel, &constants, buffers, tile.scales(product).then_some(&scale))?;
             let groups = tile.count(shape.rows, shape.columns) * shape.parts();
             let dispatch = Dispatch { bound, constants: 0, groups };
             let run = || -> Result<f64> {
@@ -80,7 +86,8 @@ pub fn measure_products(options: &GpuOptions, rows: usize, width: usize) -> Resu
                 seconds = run()?.min(seconds);
             }
             let tile = [tile.rows, tile.columns];
-            times.push(ProductTime { name: product.name(), tile, operations: plan::operations(&shape), seconds });
+            let operations = plan::operations(&shape);
+            times.push(ProductTime { name: product.name(), half: context.matrix_units, tile, operations, seconds });
         }
     }
     Ok(times)

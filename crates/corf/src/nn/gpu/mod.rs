@@ -1,5 +1,7 @@
 //! Networks on a GPU: the passes of [`Network`] as WGSL kernels over all rows of a batch at once.
 //!
+//! Products of large matrices are f32, or of f16 numbers where the context was opened for its adapter's matrix units ([`GpuOptions::half`](crate::device::gpu::GpuOptions)).
+//!
 //! Arrays are rows of vectors of four numbers; widths are filled up to multiples of four with zeros, which stay zero. Every dispatch and its
 //! bindings are made once, for a fixed number of rows.
 
@@ -297,9 +299,8 @@ fn number(layer: Source) -> usize {
 
 /// Refuses what the kernels are not written for.
 fn check(network: &Network) -> Result<()> {
-    let read = |l: usize| network.layers().iter().any(|other| other.sources.contains(&Source::Layer(l)));
     for (l, layer) in network.layers().iter().enumerate() {
-        let inside = read(l);
+        let inside = !network.is_head(l);
         let filled_up = layer.activation == Activation::Sigmoid && !layer.outputs.is_multiple_of(LANES);
         if (inside && filled_up) || (!inside && layer.activation != Activation::Identity) {
             let what = format!("layer {l} with {} outputs and {:?}", layer.outputs, layer.activation);

@@ -1,7 +1,7 @@
 //! The dispatches of a network's forward and backward pass.
 
 use super::super::network::{Activation, Network, Source};
-use super::gemm::{Product, ROWS_A_PART, Shape, Tile};
+use super::gemm::{Arithmetic, Product, ROWS_A_PART, Shape, Tile};
 use super::layout::Layout;
 use super::{CONSTANTS, Dispatch, LANES, Products, activation_number, vectors};
 use crate::Result;
@@ -40,16 +40,47 @@ struct Sum {
     bias_first: u32,
 }
 
+/// Parts in which the largest number of a head's gradient is looked for.
+const GROUPS: usize = 64;
+
+/// What products in half precision need beside their own kernels: the scale of gradients ([`super::gemm`], `half.rs`).
+pub(super) struct Scaling {
+    largest: Kernel,
+    scale: Kernel,
+    /// The scale and its inverse.
+    pub value: wgpu::Buffer,
+}
+
+impl Scaling {
+    pub fn new(context: &Context) -> Result<Self> {
+        let head = include_str!("shaders/largest_of_group.wgsl");
+        let largest = format!("const GROUPS = {GROUPS}u;\n{head}{}", include_str!("shaders/largest.wgsl"));
+        let [largest, scale] = Kernel::all(
+            context,
+            [("largest gradient", largest), ("scale of gradients", head.to_owned() + include_str!("shaders/scale.wgsl"))],
+        )?;
+        Ok(Self { largest, scale, value: context.storage("scale of gradients", 16)? })
+    }
+}
+
 /// Compiled kernels of a network's passes, whatever the number of rows.
 pub(super) struct Kernels {
     products: Products,
     reduce: Kernel,
+    /// There where products are in half precision.
+    scaling: Option<Scaling>,
 }
 
 impl Kernels {
+    /// For the arithmetic that the context was opened for.
     pub fn new(context: &Context) -> Result<Self> {
         let reduce = Kernel::new(context, "sum of weight gradients", include_str!("shaders/reduce.wgsl"))?;
-        Ok(Self { products: Products::default(), reduce })
+        let scaling = context.matrix_units.then(|| Scaling::new(context)).transpose()?;
+        Ok(Self { products: Products::default(), reduce, scaling })
+    }
+
+    fn arithmetic(&self) -> Arithmetic {
+        if self.scaling.is_some() { Arithmetic::Half } else { Arithmetic::Single }
     }
 }
 
@@ -72,22 +103,25 @@ impl Planner<'_> {
 
     /// One product; `buffers` are A, B, the extra one and C.
     fn product(&mut self, product: Product, shape: &Shape, buffers: [&wgpu::Buffer; 4]) -> Result<Dispatch> {
-        let tile = Tile::of(product, shape.rows, shape.columns);
+        let tile = Tile::of(product, shape.rows, shape.columns, self.kernels.arithmetic());
         let constants = self.constants(bytemuck::bytes_of(shape));
         let kernel = self.kernels.products.get(self.context, product, tile)?;
-        let bound = bind_product(self.context, kernel, &self.constants, buffers)?;
+        let scale = self.kernels.scaling.as_ref().filter(|_| tile.scales(product)).map(|s| &s.value);
+        let bound = bind_product(self.context, kernel, &self.constants, buffers, scale)?;
         Ok(Dispatch { bound, constants, groups: tile.count(shape.rows, shape.columns) * shape.parts() })
     }
 }
 
-/// A product's kernel with its buffers.
+/// A product's kernel with its buffers; with that of the scale, where the tile scales the product's gradients.
 pub(super) fn bind_product(
     context: &Context,
     kernel: &Kernel,
     constants: &wgpu::Buffer,
     [a, b, extra, c]: [&wgpu::Buffer; 4],
+    scale: Option<&wgpu::Buffer>,
 ) -> Result<Bound> {
-    kernel.bind(context, size_of::<Shape>() as u64, &[constants, a, b, extra, c])
+    let buffers: Vec<_> = [constants, a, b, extra, c].into_iter().chain(scale).collect();
+    kernel.bind(context, size_of::<Shape>() as u64, &buffers)
 }
 
 /// Numbers of a row, filled up to whole vectors.
@@ -105,13 +139,39 @@ pub(super) fn dispatches(
     kernels: &mut Kernels,
 ) -> Result<(Vec<Dispatch>, Vec<Dispatch>)> {
     let edges: usize = network.layers().iter().map(|l| l.sources.len()).sum();
-    // A forward product, a data gradient, a weight gradient and its sum for each edge.
-    let constants = context.buffer("network constants", CONSTANTS * 4 * edges as u64, wgpu::BufferUsages::UNIFORM)?;
+    // A forward product, a data gradient, a weight gradient and its sum for each edge; the largest gradient of each head and of all.
+    let most = 4 * edges + network.layers().len() + 1;
+    let constants = context.buffer("network constants", CONSTANTS * most as u64, wgpu::BufferUsages::UNIFORM)?;
     let mut planner = Planner { context, kernels, constants, used: 0 };
     let forward = forward(&mut planner, network, layout, rows, buffers)?;
-    let backward = backward(&mut planner, network, layout, rows, buffers)?;
+    let mut all_backward = scale(&mut planner, network, rows, buffers)?;
+    all_backward.extend(backward(&mut planner, network, layout, rows, buffers)?);
     context.check("planning a network")?;
-    Ok((forward, backward))
+    Ok((forward, all_backward))
+}
+
+/// The scale of gradients from those of the heads; nothing in single precision.
+fn scale(p: &mut Planner<'_>, network: &Network, rows: usize, buffers: &Buffers<'_>) -> Result<Vec<Dispatch>> {
+    if p.kernels.scaling.is_none() {
+        return Ok(vec![]);
+    }
+    let heads: Vec<usize> = (0..network.layers().len()).filter(|l| network.is_head(*l)).collect();
+    let parts = p.context.storage("parts of the largest gradient", (4 * GROUPS * heads.len()) as u64)?;
+    let mut constants = vec![];
+    for (k, head) in heads.iter().enumerate() {
+        let vectors = rows * vectors(network.layers()[*head].outputs);
+        constants.push(p.constants(bytemuck::bytes_of(&[vectors as u32, (k * GROUPS) as u32, 0, 0])));
+    }
+    let count = p.constants(bytemuck::bytes_of(&[(GROUPS * heads.len()) as u32, 0, 0, 0]));
+    let Some(scaling) = &p.kernels.scaling else { return Ok(vec![]) };
+    let mut out = vec![];
+    for (head, constants) in heads.iter().zip(constants) {
+        let bound = scaling.largest.bind(p.context, 16, &[&p.constants, &buffers.gradients[*head], &parts])?;
+        out.push(Dispatch { bound, constants, groups: GROUPS as u32 });
+    }
+    let bound = scaling.scale.bind(p.context, 16, &[&p.constants, &parts, &scaling.value])?;
+    out.push(Dispatch { bound, constants: count, groups: 1 });
+    Ok(out)
 }
 
 fn forward(p: &mut Planner<'_>, network: &Network, layout: &Layout, rows: usize, buffers: &Buffers<'_>) -> Result<Vec<Dispatch>> {

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use super::*;
+use crate::device::gpu::GpuOptions;
 use crate::device::gpu::testing::{OPTIONS, context};
 use corf_scene::Rng;
 
@@ -89,11 +90,33 @@ fn on_gpu(context: &Context, parameters: &[f32], inputs: &[Vec<f32>], heads: &[V
 #[test]
 fn passes_and_steps_are_those_of_the_processor() {
     let Some(context) = context(&OPTIONS) else { return };
+    // A number is a sum of at most some 4000 products whose roundings (6e-8) mostly cancel.
+    passes_and_steps_are_exact_to(&context, 1.0, 5e-6);
+}
+
+#[test]
+fn half_precision_is_as_exact_as_its_numbers() {
+    let Some(context) = context(&GpuOptions { half: true, ..OPTIONS }) else { return };
+    if !context.matrix_units {
+        println!("skipped: no matrix units");
+        return;
+    }
+    // Factors have 11 bits (5e-4 is half the last one), and pass through three layers. Gradients of the second size are below f16's smallest number.
+    for size in [1.0, 1e-10] {
+        passes_and_steps_are_exact_to(&context, size, 3e-3);
+    }
+}
+
+/// Everything against double precision, with gradients of that size.
+fn passes_and_steps_are_exact_to(context: &Context, size: f32, tolerance: f64) {
     let (network, names) = network();
     let parameters: Vec<f32> = network.initial(3);
     let inputs: Vec<Vec<f32>> = network.inputs().iter().enumerate().map(|(i, w)| drawn(w * ROWS, i as u64)).collect();
-    let heads = names.map(|h| drawn(network.width(h) * ROWS, 10 + network.width(h) as u64));
-    let gpu = on_gpu(&context, &parameters, &inputs, &heads);
+    let heads = names.map(|h| {
+        let drawn = drawn(network.width(h) * ROWS, 10 + network.width(h) as u64);
+        drawn.into_iter().map(|v| size * v).collect::<Vec<_>>()
+    });
+    let gpu = on_gpu(context, &parameters, &inputs, &heads);
 
     let exact: Vec<Vec<f64>> = inputs.iter().map(|i| widened(i)).collect();
     let exact: Vec<&[f64]> = exact.iter().map(Vec::as_slice).collect();
@@ -103,16 +126,14 @@ fn passes_and_steps_are_those_of_the_processor() {
     for _ in 0..2 {
         network.backward(&wide, &exact, &tape, names.into_iter().zip(heads.iter().map(|h| widened(h))), &mut gradient);
     }
-    // A number is a sum of at most some 4000 products whose roundings (6e-8) mostly cancel.
-    const TOLERANCE: f64 = 5e-6;
     for (head, values) in names.iter().zip(&gpu.values) {
         let e = error(values, tape.of(*head));
-        assert!(e < TOLERANCE, "{head:?}: {e:e}");
+        assert!(e < tolerance, "{head:?}: {e:e}");
     }
     for (l, layer) in network.layers().iter().enumerate() {
         for (name, range) in [("weights", layer.weights()), ("biases", layer.bias())] {
             let e = error(&gpu.gradient[range.clone()], &gradient[range]);
-            assert!(e < TOLERANCE, "{name} of layer {l}: {e:e}");
+            assert!(e < tolerance, "{name} of layer {l}: {e:e}");
         }
     }
     let mut trained = Trained::new(wide);
@@ -124,8 +145,22 @@ fn passes_and_steps_are_those_of_the_processor() {
         assert!(error(found, expected) < 1e-6);
     }
 
-    let again = on_gpu(&context, &parameters, &inputs, &heads);
+    let again = on_gpu(context, &parameters, &inputs, &heads);
     assert!(again.gradient == gpu.gradient && again.after == gpu.after, "the same bytes each time");
+}
+
+/// Matrix units are rare where tests run: that their kernels are well-formed is checked without.
+#[test]
+fn kernels_in_half_precision_are_valid() {
+    use wgpu::naga::{front::wgsl, valid};
+    for product in Product::ALL {
+        for tile in Tile::large(gemm::Arithmetic::Half) {
+            let source = gemm::source(product, tile);
+            let module = wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&source)));
+            let mut validator = valid::Validator::new(valid::ValidationFlags::all(), valid::Capabilities::all());
+            validator.validate(&module).unwrap_or_else(|e| panic!("{}: {}", product.name(), e.emit_to_string(&source)));
+        }
+    }
 }
 
 #[test]
