@@ -207,7 +207,11 @@ pub(super) fn adapters(options: &GpuOptions) -> Vec<wgpu::Adapter> {
 const MATRIX_FEATURES: wgpu::Features =
     wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX.union(wgpu::Features::SHADER_F16).union(wgpu::Features::SUBGROUP);
 
-/// Whether an adapter multiplies matrices of 16 × 16 numbers in f16 with sums in f32, in subgroups of 32 threads always.
+/// Threads of a workgroup that multiplies by matrix units.
+const MATRIX_THREADS: u32 = 512;
+
+/// Whether an adapter multiplies matrices of 16 × 16 numbers in f16 with sums in f32, in subgroups of 32 threads always, in workgroups of the size that
+/// the kernels have.
 fn has_matrix_units(adapter: &wgpu::Adapter) -> bool {
     let info = adapter.get_info();
     let fits = |p: &wgpu::CooperativeMatrixProperties| {
@@ -216,6 +220,7 @@ fn has_matrix_units(adapter: &wgpu::Adapter) -> bool {
             && p.cr_type == wgpu::CooperativeScalarType::F32
     };
     adapter.features().contains(MATRIX_FEATURES)
+        && adapter.limits().max_compute_invocations_per_workgroup >= MATRIX_THREADS
         && (info.subgroup_min_size, info.subgroup_max_size) == (32, 32)
         && adapter.cooperative_matrix_properties().iter().any(fits)
 }

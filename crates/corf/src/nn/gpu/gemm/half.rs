@@ -12,6 +12,8 @@ use std::fmt::Write;
 pub(super) const SUBGROUP: u32 = 32;
 /// Rows and columns of a cooperative matrix.
 const SIDE: u32 = 16;
+/// Vectors of a matrix of sums.
+const STAGED: u32 = SIDE * SIDE / 4;
 /// Vectors between a panel's rows beyond what they need: 16 bytes, so that rows are aligned to them and lie in different banks.
 pub(super) const PAD: u32 = 2;
 /// What the language is asked for.
@@ -47,7 +49,7 @@ pub(super) fn begin(out: &mut String, product: Product, tile: Tile) {
          @compute @workgroup_size({})\n\
          fn main(\n    @builtin(workgroup_id) id: vec3<u32>,\n    @builtin(local_invocation_index) t: u32,\n    @builtin(subgroup_id) group: u32,\n\
          \x20   @builtin(subgroup_invocation_id) lane: u32,\n) {{\n{}",
-        subgroups * SIDE * SIDE / 4,
+        subgroups * STAGED,
         tile.threads(),
         include_str!("../shaders/place_of_tile.wgsl"),
     );
@@ -55,8 +57,7 @@ pub(super) fn begin(out: &mut String, product: Product, tile: Tile) {
     let [down_each, across_each] = tile.each;
     let _ = writeln!(
         out,
-        "    let down = {down_each}u * (group / {across}u);\n    let across = {across_each}u * (group % {across}u);\n    let stage = {}u * group;",
-        SIDE * SIDE / 4
+        "    let down = {down_each}u * (group / {across}u);\n    let across = {across_each}u * (group % {across}u);\n    let stage = {STAGED}u * group;"
     );
     let [down, across] = matrices(tile);
     for r in 0..down {
@@ -72,12 +73,12 @@ pub(super) fn multiply(out: &mut String, tile: Tile) {
     for k in (0..tile.inner()).step_by(SIDE as usize) {
         out.push_str("        {\n");
         for r in 0..down {
-            let place = format!("{k}u * a_STRIDE + down / 4u + {}u", SIDE / 4 * r);
-            let _ = writeln!(out, "            let a{r} = coopLoad<coop_mat16x16<f16, A>>(&a_panel[{place}], a_STRIDE);");
+            let place = format!("(down + {}u) * a_STRIDE + {}u", SIDE * r, k / 4);
+            let _ = writeln!(out, "            let a{r} = coopLoadT<coop_mat16x16<f16, A>>(&a_panel[{place}], a_STRIDE);");
         }
         for h in 0..across {
-            let place = format!("{k}u * b_STRIDE + across / 4u + {}u", SIDE / 4 * h);
-            let _ = writeln!(out, "            let b{h} = coopLoadT<coop_mat16x16<f16, B>>(&b_panel[{place}], b_STRIDE);");
+            let place = format!("(across + {}u) * b_STRIDE + {}u", SIDE * h, k / 4);
+            let _ = writeln!(out, "            let b{h} = coopLoad<coop_mat16x16<f16, B>>(&b_panel[{place}], b_STRIDE);");
         }
         for r in 0..down {
             for h in 0..across {
@@ -91,20 +92,18 @@ pub(super) fn multiply(out: &mut String, tile: Tile) {
 /// The accumulators into the result, one matrix of each subgroup at a time.
 pub(super) fn finish(out: &mut String, product: Product, tile: Tile) {
     let [down, across] = matrices(tile);
-    let vectors = SIDE * SIDE / 4;
+    // Vectors of a staged row.
+    let stride = SIDE / 4;
     let inverse = if scaled(product) { "scale[0].y * " } else { "" };
     for r in 0..down {
         for h in 0..across {
             let _ = write!(
                 out,
-                "    workgroupBarrier();\n    coopStoreT(c{r}_{h}, &staged[stage], {}u);\n    workgroupBarrier();\n\
-                 \x20   for (var v = lane; v < {vectors}u; v += {SUBGROUP}u) {{\n\
-                 \x20       finish(part, row + down + {}u + v / {}u, column + across + {}u + 4u * (v % {}u), {inverse}staged[stage + v]);\n    }}\n",
-                SIDE / 4,
+                "    workgroupBarrier();\n    coopStoreT(c{r}_{h}, &staged[stage], {stride}u);\n    workgroupBarrier();\n\
+                 \x20   for (var v = lane; v < {STAGED}u; v += {SUBGROUP}u) {{\n\
+                 \x20       finish(part, row + down + {}u + v / {stride}u, column + across + {}u + 4u * (v % {stride}u), {inverse}staged[stage + v]);\n    }}\n",
                 SIDE * r,
-                SIDE / 4,
                 SIDE * h,
-                SIDE / 4,
             );
         }
     }

@@ -2,8 +2,8 @@
 //!
 //! A workgroup computes one tile of the result. It walks along the inner dimension in steps of [`Tile::inner`]: while one step's two panels
 //! are multiplied out of workgroup memory, the next is on its way into registers. Panels lie in workgroup memory with the inner index
-//! slowest, so a panel whose array has it fastest is transposed in 4 × 4 blocks on its way. What multiplies them is written by [`single`] or
-//! [`half`]; arrays, biases, activations and sums are f32 in both.
+//! slowest in f32 and fastest in f16, as what multiplies them reads them ([`single`], [`half`]); a panel whose array has it the other way round
+//! is transposed in 4 × 4 blocks on its way. Arrays, biases, activations and sums are f32 in both.
 //!
 //! The sums run along the inner dimension in order. Weight gradients, whose inner dimension is the rows of a batch, are cut into parts of
 //! [`ROWS_A_PART`] rows with a result each, which `reduce.wgsl` adds up in order: no atomics, the same bytes each time.
@@ -67,8 +67,8 @@ impl Tile {
     pub const THIN_COLUMNS: Self = Self { rows: 256, columns: 4, each: [4, 4], arithmetic: Arithmetic::Single };
     /// 64 threads with 4 columns each, for the weight gradient of a layer with few outputs.
     pub const THIN_ROWS: Self = Self { rows: 4, columns: 256, each: [4, 4], arithmetic: Arithmetic::Single };
-    /// Eight subgroups with 2 × 4 matrices each.
-    pub const HALF_WIDE: Self = Self { rows: 128, columns: 128, each: [32, 64], arithmetic: Arithmetic::Half };
+    /// Sixteen subgroups with 2 × 2 matrices each: sums in few registers leave room for more threads, and these hide the time that memory takes.
+    pub const HALF_WIDE: Self = Self { rows: 128, columns: 128, each: [32, 32], arithmetic: Arithmetic::Half };
     /// Four subgroups with 2 × 2 matrices each.
     pub const HALF_MEDIUM: Self = Self { rows: 64, columns: 64, each: [32, 32], arithmetic: Arithmetic::Half };
 
@@ -159,14 +159,15 @@ impl Shape {
     }
 }
 
-/// Functions that fetch a panel and keep it in workgroup memory, in 4 × 4 blocks, each four vectors along the array's fast index. `kept` is what becomes
+/// Functions that fetch a panel, and keep it in workgroup memory, in 4 × 4 blocks, each four vectors along the array's fast index. `kept` is what becomes
 /// of a vector as it is kept.
 fn fetch(out: &mut String, tile: Tile, panel: char, extent: u32, bound: &str, along_inner: bool, kept: &str) {
     let (blocks, steps) = (extent / 4, tile.inner() / 4);
-    let (outer, inner) = if along_inner {
-        (format!("block / {steps}u"), format!("block % {steps}u"))
-    } else {
-        (format!("block % {blocks}u"), format!("block / {blocks}u"))
+    // Threads beside each other read beside each other, and write to different banks.
+    let (outer, inner) = match (along_inner, tile.arithmetic) {
+        (true, _) => (format!("block / {steps}u"), format!("block % {steps}u")),
+        (false, Arithmetic::Single) => (format!("block % {blocks}u"), format!("block / {blocks}u")),
+        (false, Arithmetic::Half) => (format!("block % 8u + block / {}u * 8u", 8 * steps), format!("block / 8u % {steps}u")),
     };
     let _ = writeln!(
         out,
@@ -187,13 +188,18 @@ fn fetch(out: &mut String, tile: Tile, panel: char, extent: u32, bound: &str, al
         }
     };
     let vectors: Vec<String> = (0..4).map(vector).collect();
-    let block = format!("mat4x4({})", vectors.join(", "));
-    let block = if along_inner { format!("transpose({block})") } else { block };
+    let (slow, fast) = match tile.arithmetic {
+        Arithmetic::Single => ("inner", "outer"),
+        Arithmetic::Half => ("outer", "inner"),
+    };
+    let turned = if along_inner == (fast == "inner") { "fetched" } else { "transpose(fetched)" };
     let _ = writeln!(
         out,
-        "    return {block};\n}}\n\
-         fn keep_{panel}(block: u32, m: mat4x4<f32>) {{\n\
-         \x20   let at = 4u * {panel}_inner(block) * {panel}_STRIDE + {panel}_outer(block);"
+        "    return mat4x4({});\n}}\n\
+         fn keep_{panel}(block: u32, fetched: mat4x4<f32>) {{\n\
+         \x20   let m = {turned};\n\
+         \x20   let at = 4u * {panel}_{slow}(block) * {panel}_STRIDE + {panel}_{fast}(block);",
+        vectors.join(", ")
     );
     for n in 0..4 {
         let value = kept.replace('$', &format!("m[{n}]"));
@@ -216,12 +222,17 @@ fn head(out: &mut String, product: Product, tile: Tile) {
     let Tile { rows, columns, arithmetic, .. } = tile;
     let inner = tile.inner();
     let [a_blocks, b_blocks] = tile.blocks();
-    // Columns of a block lie in different banks.
-    let (number, room, pad) = match arithmetic {
-        Arithmetic::Single => ("f32", "", 1),
-        Arithmetic::Half => ("f16", half::ENABLED, half::PAD),
+    // Vectors of a block lie in different banks.
+    let (number, room, [a_stride, b_stride], [a_len, b_len]) = match arithmetic {
+        Arithmetic::Single => {
+            let strides = [rows / 4 + 1, columns / 4 + 1];
+            ("f32", "", strides, strides.map(|stride| inner * stride))
+        }
+        Arithmetic::Half => {
+            let stride = inner / 4 + half::PAD;
+            ("f16", half::ENABLED, [stride; 2], [rows * stride, columns * stride])
+        }
     };
-    let (a_stride, b_stride) = (rows / 4 + pad, columns / 4 + pad);
     let _ = write!(
         out,
         "{room}const ROWS = {rows}u;\nconst COLUMNS = {columns}u;\nconst INNER = {inner}u;\n\
@@ -230,8 +241,8 @@ fn head(out: &mut String, product: Product, tile: Tile) {
         a_blocks + b_blocks,
         include_str!("../shaders/product.wgsl"),
         include_str!("../shaders/activation.wgsl"),
-        inner * a_stride,
-        inner * b_stride,
+        a_len,
+        b_len,
     );
     if product == Product::WeightGradient {
         let _ = writeln!(out, "var<workgroup> row_sums: array<vec4<f32>, {}>;", rows / 4 * inner / 4);
