@@ -1,7 +1,7 @@
 //! The predicted best beam along the way.
 
 use super::Way;
-use super::canvas::{self, BAD, Cell, FAIR, GOOD, HEAD, INK};
+use super::canvas::{self, BAD, Cell, FAIR, GOOD, HEAD, INK, Sample};
 use crate::metrics::beams::BeamMetrics;
 use anyhow::Result;
 use plotters::style::{RGBColor, WHITE};
@@ -34,7 +34,7 @@ pub(super) fn svg(way: &Way) -> Result<String> {
         let cells: Vec<Vec<Cell>> = way.tracks.iter().map(|t| t.stops.iter().map(|stop| cell(&stop.0)).collect()).collect();
         for (i, track) in way.tracks.iter().enumerate() {
             let y = HEAD + canvas::ROW * (i as i32 + 1) + canvas::ROW / 2;
-            canvas::name(root, y, &track.label, Some(canvas::colour(track)))?;
+            canvas::name(root, y, &track.label, Sample::Line(canvas::colour(track)))?;
         }
         let end = canvas::strips(root, way, HEAD, &cells, None)?;
         let entries = [

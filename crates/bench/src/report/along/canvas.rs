@@ -23,8 +23,10 @@ pub(super) const AXIS: i32 = 40;
 pub(super) const ROW: i32 = 22;
 /// Longest name that has room, characters.
 const LONGEST_NAME: usize = 36;
-/// Width of a character of a note, about.
-const CHARACTER: f64 = 6.1;
+/// Size of labels.
+const LABEL: i32 = 14;
+/// Width of a character of a label, about.
+const CHARACTER: f64 = 6.3;
 /// Narrowest mark that a number of up to three characters has room in, pixels.
 const NARROWEST_NUMBERED: f64 = 21.0;
 /// Axes longer than this have no ticks to be read.
@@ -55,8 +57,8 @@ pub(super) fn figure(height: i32, title: &str, line: &str, draw: impl FnOnce(&Ar
     {
         let root = SVGBackend::with_string(&mut svg, (WIDTH, height as u32)).into_drawing_area();
         root.fill(&WHITE).map_err(wrong)?;
-        write(&root, title, (14, 22), 17, INK, HPos::Left)?;
-        write(&root, line, (14, 43), 12, DIM, HPos::Left)?;
+        write(&root, title, (14, 22), 20, INK, HPos::Left)?;
+        write(&root, line, (14, 45), 14, DIM, HPos::Left)?;
         draw(&root)?;
         root.present().map_err(wrong)?;
     }
@@ -101,10 +103,10 @@ pub(super) fn chart<'a, 'b>(
         .build_cartesian_2d(x, y)
         .map_err(wrong)?;
     let mut mesh = chart.configure_mesh();
-    mesh.disable_x_mesh().light_line_style(TRANSPARENT).bold_line_style(GRID).axis_style(DIM).label_style(("sans-serif", 12));
+    mesh.disable_x_mesh().light_line_style(TRANSPARENT).bold_line_style(GRID).axis_style(DIM).label_style(("sans-serif", LABEL));
     mesh.x_label_formatter(&tick).y_label_formatter(&tick);
     match name {
-        Some(name) => mesh.x_desc(name).axis_desc_style(("sans-serif", 12)),
+        Some(name) => mesh.x_desc(name).axis_desc_style(("sans-serif", LABEL)),
         None => mesh.x_labels(0),
     };
     if !ticks {
@@ -147,14 +149,35 @@ pub(super) fn colour(track: &Track) -> RGBColor {
     PALETTE[track.row % PALETTE.len()]
 }
 
-/// A name in the column at the left, behind a line of its colour.
-pub(super) fn name(root: &Area<'_>, y: i32, text: &str, colour: Option<RGBColor>) -> Result<()> {
-    if let Some(colour) = colour {
-        root.draw(&Rectangle::new([(14, y - 2), (32, y + 2)], colour.filled())).map_err(wrong)?;
+/// What stands before a name.
+#[derive(Clone, Copy)]
+pub(super) enum Sample {
+    /// A line of a row's colour.
+    Line(RGBColor),
+    /// A line in strokes of a length.
+    Dashed(i32, RGBColor),
+    /// The shade of [`shade`].
+    Shade,
+}
+
+/// A name in the column at the left, behind a sample of what it names.
+pub(super) fn name(root: &Area<'_>, y: i32, text: &str, sample: Sample) -> Result<()> {
+    const FROM: i32 = 14;
+    const TO: i32 = 34;
+    let bar = |from: i32, to: i32, half: i32, colour: RGBColor| {
+        root.draw(&Rectangle::new([(from, y - half), (to, y + half)], colour.filled())).map_err(wrong)
+    };
+    match sample {
+        Sample::Line(colour) => bar(FROM, TO, 2, colour)?,
+        Sample::Dashed(stroke, colour) => {
+            let strokes = (FROM..TO).step_by(2 * stroke as usize);
+            strokes.into_iter().try_for_each(|from| bar(from, (from + stroke).min(TO), 1, colour))?;
+        }
+        Sample::Shade => bar(FROM, TO, 8, SHADE)?,
     }
     let long = text.chars().count() > LONGEST_NAME;
     let text = if long { text.chars().take(LONGEST_NAME - 1).chain(['…']).collect() } else { text.to_owned() };
-    write(root, &text, (if colour.is_some() { 40 } else { 14 }, y), 12, INK, HPos::Left)
+    write(root, &text, (TO + 8, y), LABEL, INK, HPos::Left)
 }
 
 /// A cell of a strip.
@@ -187,14 +210,14 @@ pub(super) fn strips(root: &Area<'_>, way: &Way, top: i32, rows: &[Vec<Cell>], a
     };
     if way.axis.mark_share() * plot >= NARROWEST_NUMBERED {
         for (i, at) in way.axis.stops.iter().enumerate() {
-            write(root, &way.axis.numbers[i].to_string(), (x(*at), top + ROW / 2 + 2), 11, DIM, HPos::Center)?;
+            write(root, &way.axis.numbers[i].to_string(), (x(*at), top + ROW / 2 + 2), 12, DIM, HPos::Center)?;
             for (row, cells) in rows.iter().enumerate() {
                 if let Some((word, colour)) = cells.get(i).and_then(|cell| cell.word.as_ref()) {
-                    write(root, word, (x(*at), top + ROW + row as i32 * ROW + ROW / 2), 11, *colour, HPos::Center)?;
+                    write(root, word, (x(*at), top + ROW + row as i32 * ROW + ROW / 2), 12, *colour, HPos::Center)?;
                 }
             }
         }
-        write(root, "keyframe", (NAMES as i32 - 8, top + ROW / 2 + 2), 11, DIM, HPos::Right)?;
+        write(root, "keyframe", (NAMES as i32 - 8, top + ROW / 2 + 2), 12, DIM, HPos::Right)?;
     }
     Ok(top + ROW + height)
 }
@@ -208,7 +231,7 @@ pub(super) fn key(root: &Area<'_>, top: i32, entries: &[(RGBColor, &str)]) -> Re
             (x, y) = (NAMES as i32, y + ROW);
         }
         root.draw(&Rectangle::new([(x, y - 6), (x + 14, y + 6)], colour.filled())).map_err(wrong)?;
-        write(root, text, (x + 20, y), 12, INK, HPos::Left)?;
+        write(root, text, (x + 20, y), LABEL, INK, HPos::Left)?;
         x += width;
     }
     Ok(y + ROW / 2)
@@ -216,5 +239,5 @@ pub(super) fn key(root: &Area<'_>, top: i32, entries: &[(RGBColor, &str)]) -> Re
 
 /// The heading of a chart, over its axis.
 pub(super) fn heading(root: &Area<'_>, top: i32, text: &str) -> Result<()> {
-    write(root, text, (NAMES as i32, top + ROW / 2), 13, INK, HPos::Left)
+    write(root, text, (NAMES as i32, top + ROW / 2), LABEL, INK, HPos::Left)
 }

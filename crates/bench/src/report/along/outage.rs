@@ -1,7 +1,7 @@
 //! Outage along the way: where the best beam is in outage, who says so, and how large the share is for any target.
 
 use super::Way;
-use super::canvas::{self, BAD, Cell, FAIR, GOOD, HEAD, INK, OUT, wrong};
+use super::canvas::{self, BAD, Cell, FAIR, GOOD, HEAD, INK, OUT, Sample, wrong};
 use crate::metrics::outage::LinkRates;
 use crate::metrics::rate::TARGET_RATE_BPS_HZ;
 use anyhow::Result;
@@ -49,9 +49,9 @@ pub(super) fn svg(way: &Way) -> Result<String> {
         let mut cells: Vec<Vec<Cell>> = vec![way.truth.iter().map(place).collect()];
         cells.extend(way.tracks.iter().map(|t| t.stops.iter().map(|stop| said(&stop.1)).collect()));
         let y = |row: i32| HEAD + canvas::ROW * (row + 1) + canvas::ROW / 2;
-        canvas::name(root, y(0), "best beam, as observed", Some(INK))?;
+        canvas::name(root, y(0), "best beam, as observed", Sample::Line(INK))?;
         for (i, track) in way.tracks.iter().enumerate() {
-            canvas::name(root, y(i as i32 + 1), &track.label, Some(canvas::colour(track)))?;
+            canvas::name(root, y(i as i32 + 1), &track.label, Sample::Line(canvas::colour(track)))?;
         }
         let end = canvas::strips(root, way, HEAD, &cells, Some(way.axis.name))?;
         let far = way.truth.iter().any(|link| link.outage().best && link.outage().blocked == Some(false));
@@ -59,7 +59,7 @@ pub(super) fn svg(way: &Way) -> Result<String> {
             (GOOD, "no outage, none predicted"),
             (OUT, "outage, predicted"),
             (BAD, "outage, missed"),
-            (FAIR, "predicted, and there is none"),
+            (FAIR, "outage predicted, and none there"),
             (WHITE, "×  chosen beam in outage, the best is not"),
         ];
         if far {
