@@ -218,7 +218,7 @@ impl Pack {
             write_archive(&out.join(ARCHIVE), &records)?;
             suite::write_tables("", &records, &table::short_columns(), &out)?;
             for figure in along::FILES.iter().filter(|name| folder.join(name).exists()) {
-                write_atomic(out.join(figure), &read(&folder.join(figure))?)?;
+                write_atomic(out.join(figure), &read(folder.join(figure))?)?;
             }
             all.extend(records);
         }
