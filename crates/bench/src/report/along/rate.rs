@@ -50,7 +50,7 @@ fn rates(way: &Way, area: &canvas::Area<'_>, free: Option<&[f64]>) -> Result<()>
     }
     let ends = [way.axis.range.start, way.axis.range.end].map(|x| (x, TARGET_RATE_BPS_HZ));
     chart.draw_series(DashedLineSeries::new(ends, TARGET, TARGET, INK.stroke_width(1))).map_err(wrong)?;
-    canvas::line(&mut chart, way, way.truth.iter().map(|l| l.best_rate_bps_hz), INK, 4)?;
+    canvas::line(&mut chart, way, way.truth.iter().map(|l| l.best_rate_bps_hz), INK, 6)?;
     for track in way.tracks.iter().rev() {
         let width = if track.row == 0 { 3 } else { 2 };
         canvas::line(&mut chart, way, track.stops.iter().map(|stop| stop.1.chosen_rate_bps_hz), canvas::colour(track), width)?;
