@@ -132,6 +132,14 @@ fn the_observation_is_a_perfect_prediction_in_every_kind_of_file() {
         if kinds.contains(&"exr") {
             assert_eq!((mean(&metrics, "beam_top1"), mean(&metrics, "rate_loss_bps_hz")), (Some(1.0), Some(0.0)));
             assert!(mean(&metrics, "peak_error_p90_deg").unwrap() < 1e-5);
+            // Whoever sees what is there is in outage where everybody is, and knows it.
+            assert_eq!(mean(&metrics, "outage_percent"), mean(&metrics, "outage_best_percent"));
+            assert_eq!((mean(&metrics, "outage_missed_percent"), mean(&metrics, "outage_false_percent")), (Some(0.0), Some(0.0)));
+            for frame in metrics["frames"].as_array().unwrap() {
+                assert_eq!(frame["best_beam"], frame["chosen_beam"]);
+                let [free, best] = ["free_space_rate_bps_hz", "best_rate_bps_hz"].map(|key| frame[key].as_f64().unwrap());
+                assert!(free > 5.0 && best > 0.0, "{frame}");
+            }
         }
     }
 }

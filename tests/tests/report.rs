@@ -78,6 +78,16 @@ fn every_held_out_keyframe_of_every_row_is_there_and_the_best_is_marked() {
     let options: Vec<&str> = all(root, "option").iter().map(|o| o.text().unwrap()).collect();
     assert_eq!(options, LABELS);
 
+    // Figures along the way, in the page and beside it.
+    let along = root.descendants().find(|n| class(n) == "along").unwrap();
+    assert_eq!(all(along, "svg").len(), 3);
+    for figure in ["beam.svg", "rate.svg", "outage.svg"] {
+        let svg = fs::read_to_string(out.join(figure)).unwrap();
+        let names: Vec<String> = all(parsed(&svg).root(), "text").iter().map(|t| t.text().unwrap().trim().to_owned()).collect();
+        assert!(LABELS.iter().all(|label| names.iter().any(|name| name == label)), "{figure}: {names:?}");
+        assert!(names.iter().any(|name| name == "distance travelled, m"), "{figure}: {names:?}");
+    }
+
     // The best of each column of metrics, by the records.
     let records: serde_json::Value = serde_json::from_str(&corf_ok(&["bench", "table", text(&out), "--json"])).unwrap();
     let mean = |row: usize, key: &str| records[2 * row]["means"][key].as_f64().unwrap();

@@ -21,6 +21,10 @@ fn lobby_to_keyframes_to_field_to_table() {
     assert_eq!(metrics["frames"].as_array().unwrap().len(), 2, "keyframes 0 and 8 of 10 are held out");
     assert!(metrics["means"]["psnr_rf_jet"].as_f64().unwrap() > 8.0);
     assert!(run.join("metrics.json").exists());
+    for figure in ["beam.svg", "rate.svg", "outage.svg"] {
+        let svg = fs::read_to_string(run.join(figure)).unwrap();
+        assert!(svg.contains("<svg") && svg.contains("corf-gs"), "{figure}");
+    }
 
     let views = folder.path().join("views");
     let poses = tiny_dataset().join("trajectory.json");

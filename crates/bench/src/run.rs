@@ -4,7 +4,7 @@
 //! RUN/checkpoint    the state after a keyframe, while the run lasts
 //! RUN/run.json      method, configuration, seed, dataset, time, curve (written last: a run without it is not finished)
 //! RUN/*.ply         the field (CORF-GS, RF-3DGS), and the points that RF-3DGS began with
-//! RUN/metrics.json  written by `corf evaluate`
+//! RUN/metrics.json  written by `corf evaluate`, with beam.svg, rate.svg and outage.svg where spectra have beams
 //! RUN/live.jsonl    what became of every keyframe, RUN/dataset the keyframes themselves (`corf reconstruct --follow`)
 //! ```
 

@@ -6,6 +6,7 @@
 //! OUT/models/*/          run folders of the rows that ask for it, first seed
 //! OUT/predictions/*/     the held-out keyframes as every row's first seed predicts them, small
 //! OUT/table.md|csv|tex   OUT/report.html
+//! OUT/beam.svg, rate.svg, outage.svg    best beam, rate and outage along the way
 //! OUT/segment/           the same with a contiguous segment held out, if the plan asks for it
 //! ```
 
@@ -18,6 +19,7 @@ use crate::metrics::Column;
 use crate::note;
 use crate::plan::Plan;
 use crate::record::{ARCHIVE, Record, read_archive};
+use crate::report::along::Figures;
 use crate::report::{self, Report};
 use crate::split::{Protocol, Split};
 use crate::table;
@@ -137,7 +139,7 @@ pub fn columns_of(folder: &Path) -> Result<Vec<String>> {
     if folder.join(ARCHIVE).exists() { Ok(Vec::new()) } else { Ok(load_plan(folder)?.columns) }
 }
 
-/// Writes `table.md`, `table.csv`, `table.tex` and `report.html`.
+/// Writes `table.md`, `table.csv`, `table.tex`, the figures along the way and `report.html`.
 ///
 /// # Errors
 /// When a file cannot be written.
@@ -146,6 +148,8 @@ pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: 
     let head = format!("# {}\n\n{}\n\n", escape::markdown(&plan.name), escape::without_html(&plan.analysis));
     let columns = table::columns(&plan.columns)?;
     write_tables(&head, &records, &columns, out)?;
+    let figures = Figures::of(&records, dataset)?;
+    figures.iter().try_for_each(|figures| figures.write(out))?;
     let report = Report {
         plan,
         dataset,
@@ -153,6 +157,7 @@ pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: 
         transmitter_m: dataset.header().transmitter.map(|t| t.position_m),
         records: &records,
         predictions: &out.join("predictions"),
+        figures,
     };
     report::write(&report, &report_path)?;
     Ok(Written { records, segment: Vec::new(), report: report_path, table: table_path, columns })

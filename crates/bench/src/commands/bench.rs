@@ -8,11 +8,13 @@ use crate::input::Verify;
 use crate::metrics::lpips::LpipsOption;
 use crate::plan::Plan;
 use crate::record::{ARCHIVE, write_archive};
+use crate::report::along;
 use crate::run::{claim_fresh, claim_output, claim_shared};
 use crate::sweep::Sweep;
 use crate::{suite, table};
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
+use corf_scene::io::{read, write_atomic};
 use std::path::{Path, PathBuf};
 
 /// Run plans, write tables and reports.
@@ -113,7 +115,8 @@ enum Notation {
 pub struct Pack {
     /// Folder of `corf bench run` or `corf demo`.
     folder: PathBuf,
-    /// Output folder: records.jsonl.gz, table.md, table.csv, table.tex; the same in segment/ where there is one.
+    /// Output folder: records.jsonl.gz, table.md, table.csv, table.tex, and the figures beam.svg, rate.svg and outage.svg where the comparison has them;
+    /// the same in segment/ where there is one.
     #[arg(long)]
     out: PathBuf,
 }
@@ -214,6 +217,9 @@ impl Pack {
             std::fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
             write_archive(&out.join(ARCHIVE), &records)?;
             suite::write_tables("", &records, &table::short_columns(), &out)?;
+            for figure in along::FILES.iter().filter(|name| folder.join(name).exists()) {
+                write_atomic(out.join(figure), &read(folder.join(figure))?)?;
+            }
             all.extend(records);
         }
         let text = format!("{} records in {}", all.len(), self.out.display());

@@ -8,11 +8,13 @@ use crate::metrics::lpips::LpipsOption;
 use crate::note;
 use crate::prediction_folder::{PredictionFolder, PredictionWriter, stated_of};
 use crate::record::{Numbers, Outcome, Record};
+use crate::report::along::Figures;
 use crate::run::claim_shared;
 use crate::split::{Protocol, Split};
 use crate::{harness, table};
 use anyhow::{Context, Result};
 use clap::Args;
+use corf_scene::dataset::Dataset;
 use std::path::{Path, PathBuf};
 
 /// `corf evaluate`.
@@ -47,25 +49,27 @@ pub struct Evaluate {
 }
 
 impl Evaluate {
-    /// Runs the command; writes `metrics.json` into the folder that was evaluated.
+    /// Runs the command; writes `metrics.json` and the figures along the way into the folder that was evaluated.
     ///
     /// # Errors
     /// A run, predictions or a dataset that cannot be read.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let columns = table::columns(&self.columns)?;
-        let (folder, record) = match (&self.predictions, &self.run) {
+        let (folder, (record, dataset)) = match (&self.predictions, &self.run) {
             (Some(folder), _) => (folder, self.of_predictions(folder)?),
             (None, Some(run)) => (run, self.of_run(run)?),
             (None, None) => anyhow::bail!("nothing to evaluate\n  help: name a run folder, or predictions with --predictions"),
         };
         let _held = claim_shared(folder)?;
-        record.write(&folder.join("metrics.json"))?;
         let records = [record];
+        let figures = Figures::of(&records, &dataset)?;
+        records[0].write(&folder.join("metrics.json"))?;
+        figures.iter().try_for_each(|figures| figures.write(folder))?;
         show(json, &records[0], &table::plain(&table::rows(&records), &columns))?;
         Ok(Verdict::Done)
     }
 
-    fn of_predictions(&self, folder: &Path) -> Result<Record> {
+    fn of_predictions(&self, folder: &Path) -> Result<(Record, Dataset)> {
         let dataset = self.dataset.as_deref().context("predictions are of a dataset\n  help: name it with --dataset")?;
         let networks = self.lpips.read()?;
         let input = self.verify.open(dataset)?.with_networks(&networks)?;
@@ -78,10 +82,11 @@ impl Evaluate {
         let (frames, warnings) = harness::evaluate_folder(&predictions, &input, &split, |_, _| Ok(()))?;
         warnings.iter().for_each(|warning| note!("{warning}"));
         let seed = predictions.statement().seed.unwrap_or(0);
-        Ok(harness::folder_record(&predictions.name(), &predictions, &input, protocol, seed, frames))
+        let record = harness::folder_record(&predictions.name(), &predictions, &input, protocol, seed, frames);
+        Ok((record, input.dataset))
     }
 
-    fn of_run(&self, folder: &Path) -> Result<Record> {
+    fn of_run(&self, folder: &Path) -> Result<(Record, Dataset)> {
         let networks = self.lpips.read()?;
         let mut run = open::open(folder, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
         run.input = run.input.with_networks(&networks)?;
@@ -105,6 +110,6 @@ impl Evaluate {
         record.config = info.config.clone();
         record.device = info.device.clone();
         record.dataset_verified &= info.dataset_verified;
-        Ok(record)
+        Ok((record, run.input.dataset))
     }
 }

@@ -45,7 +45,16 @@ pub enum Codebook {
     /// Power per steradian: a beam's power is the integral of the spectrum over the image, weighted with the beam's gain.
     Integrated(Pinhole),
     /// Beam power: the image's value at the beam's own direction is the beam's power. Beams that point out of the image are left out.
-    Sampled(Vec<[f64; 2]>),
+    Sampled(Vec<SampledBeam>),
+}
+
+/// A beam that points into the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampledBeam {
+    /// Its number in the codebook, 8p + q.
+    pub number: usize,
+    /// Image position, pixels.
+    pub at: [f64; 2],
 }
 
 /// Sine of the direction of beam `k` along an axis.
@@ -68,8 +77,8 @@ impl Codebook {
         match quantity {
             Quantity::PowerPerSteradian => Some(Self::Integrated(camera)),
             Quantity::BeamPower => {
-                let places = beams_in(&camera);
-                (!places.is_empty()).then_some(Self::Sampled(places))
+                let beams = beams_in(&camera);
+                (!beams.is_empty()).then_some(Self::Sampled(beams))
             }
             Quantity::CaponPower | Quantity::Unknown => None,
         }
@@ -79,23 +88,31 @@ impl Codebook {
     pub fn powers(&self, spectrum: &Raster<f64>) -> Vec<f64> {
         match self {
             Self::Integrated(camera) => integrated(camera, spectrum),
-            Self::Sampled(places) => places.iter().map(|&place| interpolated(spectrum, place)).collect(),
+            Self::Sampled(beams) => beams.iter().map(|beam| interpolated(spectrum, beam.at)).collect(),
+        }
+    }
+
+    /// The number 8p + q of the beam whose power is at this place among [`Self::powers`].
+    pub fn number(&self, place: usize) -> usize {
+        match self {
+            Self::Integrated(_) => place,
+            Self::Sampled(beams) => beams[place].number,
         }
     }
 }
 
-/// Image positions (pixels) of the beams that point into the image.
-fn beams_in(camera: &Pinhole) -> Vec<[f64; 2]> {
+/// The beams that point into the image.
+fn beams_in(camera: &Pinhole) -> Vec<SampledBeam> {
     let camera_from_array = ARRAY_FROM_CAMERA.inverse();
-    let place = |i: usize| {
-        let (y, z) = (sine(i / SIDE), sine(i % SIDE));
+    let beam = |number: usize| {
+        let (y, z) = (sine(number / SIDE), sine(number % SIDE));
         let ahead = 1.0 - y * y - z * z;
         let direction = (ahead > 0.0).then(|| camera_from_array.transform_vector(DVec3::new(ahead.sqrt(), y, z)))?;
         let at = camera.project(direction)?;
         let inside = (0.0..=camera.width as f64).contains(&at.x) && (0.0..=camera.height as f64).contains(&at.y);
-        inside.then_some([at.x, at.y])
+        inside.then_some(SampledBeam { number, at: [at.x, at.y] })
     };
-    (0..ELEMENTS).filter_map(place).collect()
+    (0..ELEMENTS).filter_map(beam).collect()
 }
 
 /// `P_pq = Σ S·Ω·g_pq` over the pixels.
@@ -131,16 +148,30 @@ fn interpolated(spectrum: &Raster<f64>, [u, v]: [f64; 2]) -> f64 {
     (1.0 - t) * row(y0) + t * row(y1)
 }
 
+/// The beams, by their places, from the strongest predicted one on. Beams that the prediction holds for equally strong are ordered against it, the
+/// weakest observed one first: a prediction without power chooses the worst beam.
+fn ranked(predicted: &[f64], observed: &[f64]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..predicted.len()).collect();
+    order.sort_by(|&a, &b| predicted[b].total_cmp(&predicted[a]).then(observed[a].total_cmp(&observed[b])));
+    order
+}
+
+/// Places of the best beam as observed and of the one that the prediction chooses, of which there is one at least. Of several best ones it is the
+/// chosen one, if that is among them, and the first otherwise.
+pub fn best_and_chosen(predicted: &[f64], observed: &[f64]) -> [usize; 2] {
+    let chosen = ranked(predicted, observed)[0];
+    let best = (0..observed.len()).fold(chosen, |best, i| if observed[i] > observed[best] { i } else { best });
+    [best, chosen]
+}
+
 /// What choosing by `predicted` beam powers loses where the `observed` ones are true; losses in dB end at `limit_db`.
 ///
-/// Beams that the prediction holds for equally strong are ordered against it, the weakest observed one first: a prediction without power
-/// chooses the worst beam. Where nothing is observed every beam is a best one and nothing is lost.
+/// Equally strong beams are ordered against the prediction. Where nothing is observed every beam is a best one and nothing is lost.
 pub fn compare(predicted: &[f64], observed: &[f64], limit_db: f64) -> BeamMetrics {
-    let mut order: Vec<(f64, f64)> = predicted.iter().copied().zip(observed.iter().copied()).collect();
-    order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.total_cmp(&b.1)));
+    let order = ranked(predicted, observed);
     let best = observed.iter().copied().fold(0.0, f64::max);
-    let chosen = order.first().map_or(0.0, |beam| beam.1);
-    let hit = |among: usize| f64::from(u8::from(order.iter().take(among).any(|beam| beam.1 >= best)));
+    let chosen = order.first().map_or(0.0, |beam| observed[*beam]);
+    let hit = |among: usize| f64::from(u8::from(order.iter().take(among).any(|beam| observed[*beam] >= best)));
     let (most, got) = (spectral_efficiency_bps_hz(best, ELEMENTS), spectral_efficiency_bps_hz(chosen, ELEMENTS));
     BeamMetrics {
         codebook_loss_db: if chosen >= best { 0.0 } else { (10.0 * (best / chosen).log10()).min(limit_db) },

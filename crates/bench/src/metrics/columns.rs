@@ -1,5 +1,6 @@
 //! The columns of the tables: what each measures, how it is written, and how the frames of a cell become one number.
 
+use super::outage::percent;
 use super::{FrameMetrics, rate};
 use crate::stats::quantile;
 
@@ -25,7 +26,7 @@ pub struct Column {
     pub latex: &'static str,
     /// Digits after the point.
     pub digits: usize,
-    /// Definition for one frame; `{budget}` stands for the link budget ([`Column::definition`] puts it in).
+    /// Definition for one frame; `{budget}` stands for the link budget, `{target}` for the target rate ([`Column::definition`] puts them in).
     text: &'static str,
     /// How frames become one number.
     pub statistic: Statistic,
@@ -36,7 +37,7 @@ pub struct Column {
 impl Column {
     /// Definition for one frame, with formula, unit and constants.
     pub fn definition_of_frame(&self) -> String {
-        self.text.replace("{budget}", &rate::budget())
+        self.text.replace("{budget}", &rate::budget()).replace("{target}", &rate::target())
     }
 
     /// Definition, with formula, unit and constants: for one frame, and then over frames.
@@ -49,9 +50,9 @@ impl Column {
         format!("{}; {over}", self.definition_of_frame())
     }
 
-    /// Whether more is better, which the arrow in the heading says.
-    pub fn higher_is_better(&self) -> bool {
-        self.heading.ends_with('↑')
+    /// Whether more is better, which the arrow in the heading says; `None` without one: a fact of the data, which no method changes.
+    pub fn higher_is_better(&self) -> Option<bool> {
+        if self.heading.ends_with('↑') { Some(true) } else { self.heading.ends_with('↓').then_some(false) }
     }
 
     /// The column's number of some frames; `None` without frames, or where one of them has none.
@@ -121,6 +122,11 @@ pub const RADIO: &[&str] = &[
     "beam_top3",
     "rate_loss_bps_hz",
     "rate_loss_percent",
+    "outage_best_percent",
+    "outage_blocked_percent",
+    "outage_percent",
+    "outage_missed_percent",
+    "outage_false_percent",
     "total_power_error_db",
     "azimuth_spread_error_deg",
 ];
@@ -195,6 +201,26 @@ pub const COLUMNS: &[Column] = &[
         |m| Some(m.spectrum?.beams?.rate_loss_percent),
         "that rate loss in per cent of the best beam's rate; {budget}",
     ),
+    Column::new("outage_best_percent", "outage of the best beam, %", r"outage of the best beam (\%)", 1).is(
+        |m| Some(percent(m.spectrum?.link?.outage().best)),
+        "100 where log2(1 + SNR) of the best beam as observed is below {target}, else 0: what the place allows, whatever is predicted; {budget}",
+    ),
+    Column::new("outage_blocked_percent", "outage by blockage, %", r"outage by blockage (\%)", 1).is(
+        |m| Some(percent(m.spectrum?.link?.outage().blocked?)),
+        "100 where the best beam is in outage and one steered at the transmitter through free space would not be, else 0; {target}, {budget}",
+    ),
+    Column::new("outage_percent", "outage, % ↓", r"outage$^\downarrow$ (\%)", 1).is(
+        |m| Some(percent(m.spectrum?.link?.outage().chosen)),
+        "100 where log2(1 + SNR), as observed, of the beam that is strongest in the prediction is below {target}, else 0; {budget}",
+    ),
+    Column::new("outage_missed_percent", "missed outage, % ↓", r"missed outage$^\downarrow$ (\%)", 1).is(
+        |m| Some(percent(m.spectrum?.link?.outage().missed())),
+        "100 where the best beam as observed is in outage and the strongest beam of the prediction, as predicted, is not, else 0; {target}, {budget}",
+    ),
+    Column::new("outage_false_percent", "false outage, % ↓", r"false outage$^\downarrow$ (\%)", 1).is(
+        |m| Some(percent(m.spectrum?.link?.outage().false_alarm())),
+        "100 where the strongest beam of the prediction, as predicted, is in outage and the best beam as observed is not, else 0; {target}, {budget}",
+    ),
     lpips!("lpips_vgg_opt", "VGG", "[-1,1]", "opt", "opt"),
     lpips!("lpips_vgg_rf_jet", "VGG", "[-1,1]", "rf (Jet)", "rf"),
     lpips!("lpips_vgg_01_opt", "VGG", "[0,1]", "opt", "opt"),
@@ -217,12 +243,12 @@ mod tests {
     fn every_column_says_what_it_is_and_which_way_is_better() {
         for (i, c) in COLUMNS.iter().enumerate() {
             assert!(COLUMNS[..i].iter().all(|other| other.key != c.key && other.heading != c.heading), "{}", c.key);
-            let (up, latex_up) = (c.heading.ends_with(" ↑"), c.latex.contains(r"\uparrow"));
-            assert!(
-                up != c.heading.ends_with(" ↓") && latex_up != c.latex.contains(r"\downarrow") && up == latex_up,
-                "{}",
-                c.key
-            );
+            let arrows = |up: bool, down: bool| [up, down];
+            let heading = arrows(c.heading.ends_with(" ↑"), c.heading.ends_with(" ↓"));
+            let fact = ["outage_best_percent", "outage_blocked_percent"].contains(&c.key);
+            assert_eq!(heading.iter().filter(|arrow| **arrow).count(), usize::from(!fact), "{}", c.key);
+            assert_eq!(heading, arrows(c.latex.contains(r"\uparrow"), c.latex.contains(r"\downarrow")), "{}", c.key);
+            assert_eq!(c.higher_is_better(), (!fact).then_some(heading[0]), "{}", c.key);
             let definition = c.definition();
             assert!(
                 definition.len() > 40 && !definition.contains('{') || definition.contains("e^{jφ}"),
@@ -238,9 +264,14 @@ mod tests {
 
     #[test]
     fn the_link_budget_stands_in_the_definition() {
-        for key in ["rate_loss_bps_hz", "rate_loss_percent"] {
-            let column = COLUMNS.iter().find(|c| c.key == key).unwrap();
+        for column in COLUMNS.iter().filter(|c| c.key.starts_with("rate_loss") || c.key.starts_with("outage")) {
             assert!(column.definition().contains(&rate::budget()), "{}", column.definition());
+            assert_eq!(
+                column.definition().contains(&rate::target()),
+                column.key.starts_with("outage"),
+                "{}",
+                column.definition()
+            );
         }
     }
 }

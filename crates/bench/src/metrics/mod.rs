@@ -2,8 +2,10 @@
 
 pub mod beams;
 mod columns;
+pub mod free_space;
 pub mod image;
 pub mod lpips;
+pub mod outage;
 pub mod radio;
 pub mod rate;
 
@@ -14,7 +16,9 @@ use beams::{BeamMetrics, Codebook};
 use corf_scene::dataset::Quantity;
 use corf_scene::keyframe::{DbRange, Modalities};
 use corf_scene::{Keyframe, Pinhole, Raster, color};
+use free_space::FreeSpace;
 use lpips::LpipsNetworks;
+use outage::{BeamGains, LinkRates};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -124,6 +128,9 @@ pub struct SpectrumMetrics {
     /// What the beam that the prediction would choose loses; records made before it was computed have none, nor have spectra without beams.
     #[serde(flatten)]
     pub beams: Option<BeamMetrics>,
+    /// Rates of the best and of the chosen beam, which outage follows from; where there are beams, in records made since they are computed.
+    #[serde(flatten)]
+    pub link: Option<LinkRates>,
 }
 
 /// A predicted spectrum beside the observed one, in 8 bits.
@@ -140,6 +147,7 @@ pub struct Evaluator {
     rf_camera: Pinhole,
     range: DbRange,
     codebook: Option<Codebook>,
+    free_space: Option<FreeSpace>,
     networks: Arc<LpipsNetworks>,
     has: Modalities,
 }
@@ -152,6 +160,7 @@ impl Evaluator {
         Self {
             networks,
             has: dataset.modalities(),
+            free_space: FreeSpace::of(dataset.header()),
             ..Self::new(dataset.rf_camera(), dataset.db_range(), dataset.header().quantity)
         }
     }
@@ -159,7 +168,8 @@ impl Evaluator {
     /// `rf_camera` gives direction and solid angle of every spectrum pixel, `range` is the dataset's dB range, and `quantity` says what a
     /// value is, and so what a beam of it is.
     pub fn new(rf_camera: Pinhole, range: DbRange, quantity: Quantity) -> Self {
-        Self { rf_camera, range, codebook: Codebook::of(rf_camera, quantity), networks: Arc::default(), has: Modalities::BOTH }
+        let codebook = Codebook::of(rf_camera, quantity);
+        Self { rf_camera, range, codebook, free_space: None, networks: Arc::default(), has: Modalities::BOTH }
     }
 
     /// All metrics of what is predicted of a keyframe, as far as it was observed.
@@ -186,27 +196,42 @@ impl Evaluator {
                 psnr_opt: image::psnr(image, &truth.image),
                 ssim_opt: image::ssim(image, &truth.image),
             }),
-            spectrum: spectra.as_ref().map(|pair| self.spectrum(pair, &truth.spectrum)),
+            spectrum: spectra.as_ref().map(|pair| self.spectrum(pair, truth)),
             lpips: self.networks.compare(&pairs),
         }
     }
 
-    fn spectrum(&self, pair: &SpectrumPair<'_>, truth: &Raster<f32>) -> SpectrumMetrics {
+    fn spectrum(&self, pair: &SpectrumPair<'_>, truth: &Keyframe) -> SpectrumMetrics {
         let SpectrumPair { predicted, jet, jet_truth, grey_truth } = pair;
         let grey = predicted.scalar.map(|&s| [color::quantize8(s)]);
         let linear = |s: &f32| radio::linear(*s, &self.range);
         let beams = self.codebook.as_ref().map(|codebook| {
-            let observed = codebook.powers(&truth.map(|&s| f64::from(s).max(0.0)));
-            beams::compare(&codebook.powers(&predicted.scalar.map(linear)), &observed, self.range.max_db - self.range.min_db)
+            let observed = codebook.powers(&truth.spectrum.map(|&s| f64::from(s).max(0.0)));
+            let predicted = codebook.powers(&predicted.scalar.map(linear));
+            let limit_db = self.range.max_db - self.range.min_db;
+            (beams::compare(&predicted, &observed, limit_db), self.link(codebook, &predicted, &observed, truth))
         });
         SpectrumMetrics {
             psnr_rf_jet: image::psnr(jet, jet_truth),
             ssim_rf_jet: image::ssim(jet, jet_truth),
             psnr_rf_scalar: image::psnr(&grey, grey_truth),
             ssim_rf_scalar: image::ssim(&grey, grey_truth),
-            radio: radio::compare(predicted.scalar, truth, &self.rf_camera, &self.range),
-            beams,
+            radio: radio::compare(predicted.scalar, &truth.spectrum, &self.rf_camera, &self.range),
+            beams: beams.map(|b| b.0),
+            link: beams.map(|b| b.1),
         }
+    }
+
+    /// The link behind the beam that a prediction chooses, by the powers of the codebook's beams.
+    fn link(&self, codebook: &Codebook, predicted: &[f64], observed: &[f64], truth: &Keyframe) -> LinkRates {
+        let [best, chosen] = beams::best_and_chosen(predicted, observed);
+        let gains = BeamGains {
+            best: observed[best],
+            chosen: observed[chosen],
+            predicted: predicted[chosen],
+            free_space: self.free_space.and_then(|free| free.gain(&truth.world_from_camera)),
+        };
+        LinkRates::new([codebook.number(best), codebook.number(chosen)], gains, beams::ELEMENTS)
     }
 }
 
@@ -217,9 +242,9 @@ mod tests {
 
     const RANGE: DbRange = DbRange { min_db: -110.0, max_db: -40.0 };
 
-    /// The columns that need no weights.
+    /// The columns that need neither weights nor a transmitter.
     fn computed() -> impl Iterator<Item = &'static Column> {
-        COLUMNS.iter().filter(|c| c.backbone().is_none())
+        COLUMNS.iter().filter(|c| c.backbone().is_none() && c.key != "outage_blocked_percent")
     }
 
     fn keyframe() -> Keyframe {
@@ -256,6 +281,28 @@ mod tests {
     }
 
     #[test]
+    fn whoever_sees_what_is_there_is_in_outage_where_everybody_is_and_knows_it() {
+        let wide = DbRange { min_db: -160.0, max_db: -40.0 };
+        let camera = Pinhole::from_horizontal_fov(48, 32, 90.0);
+        let mut out = Vec::new();
+        for weaker_db in (0..=60).step_by(4) {
+            let mut truth = keyframe();
+            truth.spectrum = truth.spectrum.map(|&s| s * 10f32.powf(-0.1 * weaker_db as f32));
+            let prediction = Prediction::from_scalar(None, truth.spectrum.map(|&s| wide.scalar(s)));
+            let evaluator = Evaluator::new(camera, wide, Quantity::PowerPerSteradian);
+            let frame = evaluator.compare(prediction.halves(), &truth).spectrum.unwrap();
+            let (beams, link) = (frame.beams.unwrap(), frame.link.unwrap());
+            assert!(beams.codebook_loss_db == 0.0 && link.best_beam == link.chosen_beam);
+            assert!((link.predicted_rate_bps_hz - link.best_rate_bps_hz).abs() < 1e-3, "{link:?}");
+            let outage = link.outage();
+            assert!(outage.chosen == outage.best && !outage.missed() && !outage.false_alarm(), "{link:?}");
+            out.push(outage.best);
+        }
+        // Weaker and weaker: in service first, then in outage, and never back.
+        assert!(!out[0] && out[out.len() - 1] && out.windows(2).all(|pair| pair[0] <= pair[1]), "{out:?}");
+    }
+
+    #[test]
     fn halves_that_are_not_predicted_have_no_numbers_and_no_keys() {
         let truth = keyframe();
         let evaluator = Evaluator::new(Pinhole::from_horizontal_fov(48, 32, 90.0), RANGE, Quantity::CaponPower);
@@ -263,7 +310,7 @@ mod tests {
         let light = evaluator.compare(Halves { spectrum: None, ..whole.halves() }, &truth);
         let radio = evaluator.compare(Halves { image: None, ..whole.halves() }, &truth);
         for column in computed() {
-            let beam = column.key.starts_with("codebook") || column.key.starts_with("beam_top") || column.key.starts_with("rate");
+            let beam = ["codebook", "beam_top", "rate", "outage"].iter().any(|start| column.key.starts_with(start));
             let optical = column.key.ends_with("_opt");
             assert_eq!((column.of)(&light).is_some(), optical, "{}", column.key);
             assert_eq!((column.of)(&radio).is_some(), !optical && !beam, "{}: Capon's estimate has no beams", column.key);

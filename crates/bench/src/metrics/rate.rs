@@ -8,6 +8,8 @@ pub const BANDWIDTH_HZ: f64 = 1e9;
 pub const NOISE_FIGURE_DB: f64 = 7.0;
 /// Temperature of the noise at the receiver's input, kelvin (the standard noise temperature of IEEE).
 pub const NOISE_TEMPERATURE_K: f64 = 290.0;
+/// Rate below which a link is in outage, bit/s/Hz: over the bandwidth above 1 Gbit/s, reached at an SNR of 0 dB.
+pub const TARGET_RATE_BPS_HZ: f64 = 1.0;
 /// Boltzmann's constant, J/K (exact in SI).
 const BOLTZMANN_J_PER_K: f64 = 1.380_649e-23;
 
@@ -17,6 +19,11 @@ pub fn budget() -> String {
         "{TRANSMIT_POWER_DBM} dBm sent, {} GHz of bandwidth, noise figure {NOISE_FIGURE_DB} dB at {NOISE_TEMPERATURE_K} K",
         BANDWIDTH_HZ / 1e9
     )
+}
+
+/// The target in words, for definitions.
+pub fn target() -> String {
+    format!("{TARGET_RATE_BPS_HZ} bit/s/Hz")
 }
 
 /// Power of the noise behind a beam of unit weight, watts: `k·T·B·F`.

@@ -6,7 +6,7 @@ use anyhow::{Result, anyhow};
 use plotters::prelude::*;
 
 /// Colours of the rows, in the plan's order.
-const PALETTE: [RGBColor; 14] = [
+pub(super) const PALETTE: [RGBColor; 14] = [
     RGBColor(10, 90, 208),
     RGBColor(232, 89, 12),
     RGBColor(43, 138, 62),
@@ -33,7 +33,7 @@ struct Line {
 }
 
 /// The first finished cell of every row.
-fn first_cells(records: &[Record]) -> Vec<(&str, &Numbers)> {
+pub(super) fn first_cells(records: &[Record]) -> Vec<(&str, &Numbers)> {
     let mut cells: Vec<(&str, &Numbers)> = Vec::new();
     for record in records {
         if let Outcome::Done(numbers) = &record.outcome

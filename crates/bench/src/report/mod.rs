@@ -1,5 +1,6 @@
 //! `report.html`: one self-contained file beside `table.md`.
 
+pub mod along;
 mod charts;
 pub(crate) mod colours;
 pub(crate) mod embed;
@@ -38,6 +39,8 @@ pub struct Report<'a> {
     pub records: &'a [Record],
     /// Folder of the kept predictions, one sub-folder a row.
     pub predictions: &'a Path,
+    /// Figures along the way, where there are some.
+    pub figures: Option<along::Figures>,
 }
 
 /// Writes the report atomically.
@@ -65,6 +68,9 @@ fn html(report: &Report<'_>) -> Result<String> {
     let observations = pictures::Observations::read(report)?;
     write!(out, "<h2>All methods on one held-out keyframe</h2>{}", pictures::gallery(report, &observations)?)?;
     write!(out, "<h2>Frame by frame</h2>{}", charts::per_frame(report.records)?)?;
+    if let Some(figures) = &report.figures {
+        write!(out, "<h2>Along the way</h2>{}", figures.html())?;
+    }
     write!(out, "<h2>Time and Gaussians</h2>{}", charts::growth(report.records)?)?;
     write!(out, "<h2>What was there, what was predicted</h2>{}", pictures::section(report, &observations)?)?;
     write!(out, "<h2>All metrics</h2>{}", all_metrics(report.records))?;

@@ -210,7 +210,10 @@ pub fn short<'a>(rows: &'a [Row<'a>], columns: &Columns) -> Short<'a> {
     headings.extend(["Δ PSNR rf to first row", "Gaussians", "time, s"]);
     let mut marked: Vec<Vec<Mark>> = columns
         .iter()
-        .map(|c| marks::marks(&rows.iter().map(|r| r.metric(c)).collect::<Vec<_>>(), c.higher_is_better()))
+        .map(|c| match c.higher_is_better() {
+            Some(higher) => marks::marks(&rows.iter().map(|r| r.metric(c)).collect::<Vec<_>>(), higher),
+            None => vec![Mark::None; rows.len()],
+        })
         .collect();
     // Differences follow a metric, a number of Gaussians is neither good nor bad, and what is only stated is no rival.
     marked.extend([vec![Mark::None; rows.len()], vec![Mark::None; rows.len()]]);

@@ -72,7 +72,8 @@ fn a_plane_wave_from_a_beams_direction_picks_that_beam() {
 #[test]
 fn beam_power_is_sampled_where_a_beam_points_into_the_image() {
     let camera = camera();
-    let Some(Codebook::Sampled(places)) = Codebook::of(camera, Quantity::BeamPower) else { panic!("beams are sampled") };
+    let codebook = Codebook::of(camera, Quantity::BeamPower).unwrap();
+    let Codebook::Sampled(places) = &codebook else { panic!("beams are sampled") };
     // 90° by 67°: |u_y| up to 5/8 and |u_z| up to 3/8 lie within, as the doc page counts.
     assert_eq!(places.len(), 24);
     // A Bartlett spectrum of one wave reads, at every beam, the beam's gain towards the wave.
@@ -81,10 +82,11 @@ fn beam_power_is_sampled_where_a_beam_points_into_the_image() {
         let u = ARRAY_FROM_CAMERA.transform_vector(camera.pixel_direction(x, y));
         2e-8 * axis_gain(u.y - from.y) * axis_gain(u.z - from.z)
     });
-    let powers = Codebook::Sampled(places.clone()).powers(&spectrum);
+    let powers = codebook.powers(&spectrum);
     let best = strongest(&powers);
     let at = camera.project(ARRAY_FROM_CAMERA.inverse().transform_vector(from)).unwrap();
-    assert_eq!(places[best], [at.x, at.y]);
+    assert_eq!(places[best], SampledBeam { number: 5 * SIDE + 3, at: [at.x, at.y] });
+    assert_eq!(codebook.number(best), 5 * SIDE + 3);
     for (i, power) in powers.iter().enumerate() {
         assert!((power / 2e-8 - f64::from(u8::from(i == best))).abs() < 2e-3, "beam {i}: {power}");
     }
@@ -125,6 +127,21 @@ fn scale_does_not_matter_to_the_choice_and_order_does() {
     assert_eq!(compare(&[0.1, 0.5, 0.2, 0.4], &observed, LIMIT_DB).codebook_loss_db, 0.0);
     let m = compare(&[9.0, 1.0, 3.0, 2.0], &observed, LIMIT_DB);
     assert!((m.codebook_loss_db - 10.0 * 5f64.log10()).abs() < 1e-12 && m.beam_top3 == 0.0);
+}
+
+#[test]
+fn the_best_beam_and_the_chosen_one_are_named() {
+    let observed = [1.0, 5.0, 2.0, 5.0];
+    assert_eq!(
+        best_and_chosen(&observed, &observed)[0],
+        best_and_chosen(&observed, &observed)[1],
+        "of two best ones the chosen one"
+    );
+    assert_eq!(best_and_chosen(&[0.0, 1.0, 2.0, 9.0], &observed), [3, 3]);
+    assert_eq!(best_and_chosen(&[9.0, 1.0, 2.0, 3.0], &observed), [1, 0], "of two best ones the first");
+    assert_eq!(best_and_chosen(&[0.0; 4], &[3.0, 1.0, 2.0, 0.5]), [0, 3], "a prediction that knows nothing has the worst");
+    let camera = camera();
+    assert_eq!(Codebook::of(camera, Quantity::PowerPerSteradian).unwrap().number(41), 41);
 }
 
 #[test]
