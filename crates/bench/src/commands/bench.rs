@@ -48,6 +48,8 @@ pub enum Bench {
     Step(super::bench_step::Step),
     /// Measure the networks of the baselines NeRF² and WRF-GS+: a layer's matrix products and whole steps, beside the device's peak.
     Network(super::bench_network::Network),
+    /// Measure how many poses a second the radio field of `corf-array` is observed at, beside the least time its bytes and operations take.
+    Array(super::bench_array::Array),
     /// Measure how time and memory grow with Gaussians, pixels, triangles, receivers and keyframes: tables, fitted exponents, plots.
     Scale(super::bench_scale::Scale),
 }
@@ -151,6 +153,7 @@ impl Bench {
             Self::Radio(c) => c.run(json),
             Self::Step(c) => c.run(json),
             Self::Network(c) => c.run(json),
+            Self::Array(c) => c.run(json),
             Self::Scale(c) => c.run(json),
         }
     }

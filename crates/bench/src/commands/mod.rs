@@ -1,6 +1,7 @@
 //! One file a sub-command: arguments in, library calls, a verdict out.
 
 mod bench;
+mod bench_array;
 mod bench_cells;
 mod bench_light;
 mod bench_network;

@@ -10,7 +10,7 @@ use corf_scene::{Pinhole, Rigid3};
 use rayon::prelude::*;
 
 /// Nearest distance that free-space loss and directions are taken at, metres.
-const NEAREST_M: f64 = 0.2;
+pub(super) const NEAREST_M: f64 = 0.2;
 
 /// Emitters, or anything that there is one of for each of their parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,16 +26,16 @@ pub struct Cloud<T> {
 /// A receiver: where it is, how its array is turned, and which anchors it is near.
 #[derive(Clone, Debug)]
 pub struct Receiver<T> {
-    place: [T; 3],
+    pub(super) place: [T; 3],
     /// Rows of the rotation from the world into the array's frame.
-    array_from_world: [[T; 3]; 3],
+    pub(super) array_from_world: [[T; 3]; 3],
     weights: Vec<(usize, T)>,
     /// Whether what comes from behind the array is left out.
-    gated: bool,
+    pub(super) gated: bool,
     /// Greatest power of a wave.
-    most_power: T,
+    pub(super) most_power: T,
     /// Least and greatest tangents to the left and upwards of the directions that are let in, where not all are.
-    frame: Option<[[T; 2]; 2]>,
+    pub(super) frame: Option<[[T; 2]; 2]>,
 }
 
 impl<T: Real> Receiver<T> {

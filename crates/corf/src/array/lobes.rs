@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Standard deviations at which a lobe ends: 1e-4 of its power lies beyond, as in the data set's own lobes.
-const REACH: f64 = 4.292;
+pub(super) const REACH: f64 = 4.292;
 /// Standard deviation beyond which a lobe is not widened, radians.
-const WIDEST: f64 = 0.3;
+pub(super) const WIDEST: f64 = 0.3;
 
 /// A camera among waves.
 #[derive(Clone, Debug)]

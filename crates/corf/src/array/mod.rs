@@ -13,18 +13,25 @@ mod births;
 pub mod cloud;
 mod config;
 mod field;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod lobes;
+mod observer;
 mod peaks;
 mod peel;
 mod sensor;
+mod stepper;
 #[cfg(test)]
 mod tests;
 mod trainer;
 mod wave;
+mod work;
 
 pub use config::{ArrayConfig, Surface};
 pub use field::ArrayField;
+pub use observer::{CpuObserver, Observer};
 pub use peel::Peeled;
 pub use sensor::{ArraySensor, SensorSettings};
 pub use trainer::{ArrayTrainer, Observed};
 pub use wave::Wave;
+pub use work::Work;

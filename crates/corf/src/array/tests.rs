@@ -13,10 +13,10 @@ use corf_scene::{Pinhole, Raster, Rigid3, Rng};
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-const BEAM: SensorSettings = SensorSettings::Beam { elements: [8, 6], spacing_wavelengths: [0.5, 0.6], gated: true };
-const LOBES: SensorSettings = SensorSettings::Lobes { width_deg: 3.0 };
+pub(super) const BEAM: SensorSettings = SensorSettings::Beam { elements: [8, 6], spacing_wavelengths: [0.5, 0.6], gated: true };
+pub(super) const LOBES: SensorSettings = SensorSettings::Lobes { width_deg: 3.0 };
 
-fn camera() -> Pinhole {
+pub(super) fn camera() -> Pinhole {
     Pinhole::from_horizontal_fov(48, 32, 90.0)
 }
 
@@ -91,7 +91,7 @@ fn gradients_by_powers_are_those_of_finite_differences() {
     }
 }
 
-fn poses(count: u64) -> Vec<Rigid3> {
+pub(super) fn poses(count: u64) -> Vec<Rigid3> {
     (0..count)
         .map(|i| {
             let place = DVec3::new(0.3 * i as f64, 0.1 * (i as f64).sin(), 1.5);
@@ -137,7 +137,7 @@ fn gradients_by_emitters_are_those_of_finite_differences() {
 }
 
 /// Spectra of three sources, one of them far behind the others, at these poses.
-fn observed(settings: SensorSettings, poses: &[Rigid3]) -> Vec<Raster<f32>> {
+pub(super) fn observed(settings: SensorSettings, poses: &[Rigid3]) -> Vec<Raster<f32>> {
     let cloud = Cloud {
         position: vec![[9.0, 1.0, 2.0], [6.0, 4.0, 1.0], [30.0, 9.0, -2.0]],
         gain: vec![2.0, 1.0, 4.0],
@@ -188,7 +188,7 @@ fn a_field_is_learnt_online_and_its_bytes_do_not_depend_on_threads() {
                     .collect();
                 let observed = trainer.observe(&all[k], &spectra[k]);
                 trainer.receive(&observed, &surface).unwrap();
-                trainer.train();
+                trainer.train().unwrap();
             }
             trainer.into_field()
         };
@@ -226,7 +226,7 @@ fn a_field_that_is_gone_on_with_is_the_one_that_was_not_interrupted() {
         let fresh = || ArrayTrainer::new(ArrayConfig::default(), settings, camera(), range, 3);
         let take = |trainer: &mut ArrayTrainer, k: usize| {
             trainer.receive(&trainer.observe(&all[k], &spectra[k]), &surface[..10 * k]).unwrap();
-            trainer.train();
+            trainer.train().unwrap();
         };
         let (mut whole, mut second) = (fresh(), fresh());
         (0..5).for_each(|k| take(&mut whole, k));

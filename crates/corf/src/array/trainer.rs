@@ -2,21 +2,19 @@
 
 use super::anchors::Anchors;
 use super::births::{Sighting, meeting};
-use super::cloud::{Cloud, Receiver};
+use super::cloud::Cloud;
 use super::config::{ArrayConfig, Surface};
 use super::field::ArrayField;
 use super::peaks::{Ray, rays};
 use super::peel::{Peeled, peel};
 use super::sensor::{ArraySensor, SensorSettings};
-use super::wave::Wave;
+use super::stepper::{CpuStepper, Rule, Stepper, View};
 use crate::{Error, Result};
 use corf_scene::{Pinhole, Raster, Rigid3, Rng, keyframe::DbRange};
 use std::collections::HashSet;
 
 /// Stream of the keyframes that are visited.
 const STAGE_VISIT: u64 = 0x6172_7261_795f_7669;
-/// Bounds of log gains, nepers.
-const MOST_GAIN: f32 = 40.0;
 
 /// What a keyframe brings.
 #[derive(Clone, Debug)]
@@ -29,15 +27,6 @@ pub struct Observed {
     pub peeled: Option<Peeled>,
 }
 
-struct View {
-    pose: Rigid3,
-    /// Power that others than the field's emitters show, where there are some.
-    background: Option<Vec<f32>>,
-    /// ln of the observed power plus the floor.
-    log: Vec<f32>,
-    receiver: Receiver<f32>,
-}
-
 /// Trains one field.
 pub struct ArrayTrainer {
     config: ArrayConfig,
@@ -46,6 +35,8 @@ pub struct ArrayTrainer {
     pub field: ArrayField,
     floor: f32,
     seed: u64,
+    /// Takes the steps.
+    pub(super) stepper: Box<dyn Stepper>,
     views: Vec<View>,
     sightings: Vec<Sighting>,
     cells: HashSet<[i32; 3]>,
@@ -71,9 +62,11 @@ impl ArrayTrainer {
             points: Cloud::default(),
         };
         let floor = 10f64.powf(0.1 * range.min_db) as f32;
+        let sensor: ArraySensor<f32> = settings.build(&camera);
         Self {
             config,
-            sensor: settings.build(&camera),
+            stepper: Box::new(CpuStepper { rule: rule_of(&config, floor), sensor: sensor.clone() }),
+            sensor,
             field,
             floor,
             seed,
@@ -224,63 +217,32 @@ impl ArrayTrainer {
     }
 
     /// Takes the steps of a keyframe; returns the mean squared residual of the last, nepers².
-    pub fn train(&mut self) -> f32 {
-        let mut last = 0.0;
-        for _ in 0..self.config.iterations_per_keyframe {
-            let mut rng = Rng::keyed(self.seed, STAGE_VISIT, self.steps);
-            self.steps += 1;
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn train(&mut self) -> Result<f32> {
+        let visit = |step: u64| {
+            let mut rng = Rng::keyed(self.seed, STAGE_VISIT, step);
             let latest = rng.uniform() < self.config.latest_probability;
-            let view = if latest { self.views.len() - 1 } else { rng.below(self.views.len()) };
-            last = self.step(view);
-        }
-        last
+            &self.views[if latest { self.views.len() - 1 } else { rng.below(self.views.len()) }]
+        };
+        let end = self.steps + self.config.iterations_per_keyframe as u64;
+        let views: Vec<&View> = (self.steps..end).map(visit).collect();
+        let last = self.stepper.take(&mut self.field, &views)?;
+        self.steps = end;
+        Ok(last)
     }
 
-    fn step(&mut self, view: usize) -> f32 {
-        let view = &self.views[view];
-        let extent2 = (self.field.extent_m * self.field.extent_m) as f32;
-        let mut seen = self.field.sources.waves(&view.receiver, 0.0);
-        let count = seen.len();
-        seen.extend(self.field.points.waves(&view.receiver, extent2));
-        let waves: Vec<Wave<f32>> = seen.iter().map(|w| w.1).collect();
-        let mut power = self.sensor.observe(&waves);
-        if let Some(background) = &view.background {
-            power.iter_mut().zip(background).for_each(|(power, more)| *power += more);
-        }
-        let c = &self.config;
-        let (mut up, mut own) = (Vec::with_capacity(power.len()), Vec::with_capacity(power.len()));
-        let mut squares = 0.0;
-        for (p, log) in power.iter().zip(&view.log) {
-            let p = p.max(0.0) + self.floor;
-            let residual = p.ln() - log;
-            squares += residual * residual;
-            up.push(residual.clamp(-c.clip, c.clip) / p);
-            own.push(p.recip());
-        }
-        let pulls = self.sensor.pull_powers(&waves, [&up, &own]);
-        // Without a background all emitters together account for every pixel.
-        let accounted = match view.background {
-            None => power.len() as f32,
-            Some(_) => waves.iter().zip(&pulls).map(|(wave, pull)| wave.power * pull[1]).sum(),
-        };
-        let most_power = self.field.most_power.map_or(f32::INFINITY, |most| most as f32);
-        let damping = c.damping * accounted / waves.len().max(1) as f32;
-        let weights = view.receiver.weights();
-        let norm: f32 = weights.iter().map(|w| w.1 * w.1).sum();
-        let share = if weights.is_empty() { 0.0 } else { c.visibility };
-        for (i, ((emitter, wave), pull)) in seen.iter().zip(&pulls).enumerate() {
-            let cloud = if i < count { &mut self.field.sources } else { &mut self.field.points };
-            let emitter = *emitter as usize;
-            let step = -c.rate * wave.power * pull[0] / (wave.power * pull[1] + damping);
-            let step = step.min((most_power / wave.power).ln());
-            let gain = &mut cloud.gain[emitter];
-            *gain = (*gain + (1.0 - share) * step).clamp(-MOST_GAIN, MOST_GAIN);
-            for (k, weight) in weights {
-                cloud.seen_from[*k][emitter] += share * weight / norm * step;
-            }
-        }
-        squares / power.len() as f32
+    /// What its steps depend on.
+    #[cfg(feature = "gpu")]
+    pub(super) fn rule(&self) -> Rule {
+        rule_of(&self.config, self.floor)
     }
+}
+
+fn rule_of(config: &ArrayConfig, floor: f32) -> Rule {
+    let ArrayConfig { rate, damping, clip, visibility, .. } = *config;
+    Rule { rate, damping, clip, visibility, floor }
 }
 
 /// The cube of the grid that a point is in.

@@ -3,7 +3,7 @@
 mod online;
 mod predictor;
 
-pub use predictor::ArrayPredictor;
+pub use predictor::{ArrayPredictor, observer};
 
 use super::corf_gs::{CorfGsConfig, Keeper};
 use super::field::FieldPredictor;
@@ -88,6 +88,21 @@ fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
     Ok(settings)
 }
 
+/// A trainer whose steps are taken on a device.
+///
+/// # Errors
+/// The device's.
+pub fn on_device(trainer: ArrayTrainer, backend: &Backend) -> Result<ArrayTrainer> {
+    match backend {
+        Backend::Cpu => Ok(trainer),
+        #[cfg(feature = "gpu")]
+        Backend::Gpu { number, .. } => {
+            use corf::device::gpu::GpuOptions;
+            Ok(trainer.on_gpu(&GpuOptions { adapter: *number, software: true, ..GpuOptions::default() })?)
+        }
+    }
+}
+
 /// `corf-array`.
 pub struct CorfArray {
     config: CorfArrayConfig,
@@ -155,7 +170,7 @@ impl Method for CorfArray {
     ) -> Result<Box<dyn Predictor>> {
         let CorfArrayConfig { light, radio } = &self.config;
         let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
-        let radio = ArrayTrainer::new(*radio, self.sensor(training)?, rf, range, seed);
+        let radio = on_device(ArrayTrainer::new(*radio, self.sensor(training)?, rf, range, seed), &self.backend)?;
         let mut reconstruction = light.reconstruction.clone();
         if !radio.field.over_splats {
             // Radio has a field of its own, and the Gaussians need not show it.
@@ -179,7 +194,7 @@ impl Method for CorfArray {
             training.len()
         );
         let field = FieldPredictor::new(light.field(), self.config.light.raster, &self.backend).clearing(light);
-        Ok(Box::new(ArrayPredictor::new(field, radio.into_field(), range)))
+        Ok(Box::new(ArrayPredictor::new(field, radio.into_field(), range, &self.backend)))
     }
 }
 

@@ -82,7 +82,7 @@ impl Online<'_> {
         // Where surfaces are splatted nobody looks at points of theirs, and a field is read back from the device.
         let surface = if self.radio.field.over_splats { Vec::new() } else { self.light.field().gaussians.position };
         self.radio.receive(&observed, &surface)?;
-        self.radio.train();
+        self.radio.train()?;
         self.radio_s.push(start.elapsed().as_secs_f64());
         let done = self.light.keyframes_expanded();
         if self.keeper.is_due(done, false) {

@@ -6,11 +6,12 @@ use crate::method::Predictor;
 use crate::methods::field::FieldPredictor;
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Context, Result, ensure};
-use corf::array::{ArrayField, ArraySensor};
+use corf::array::{ArrayField, CpuObserver, Observer};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Pinhole, Raster, Rigid3, color};
 use std::path::Path;
+use std::sync::Arc;
 
 /// File of a run folder with the radio field.
 const FIELD: &str = "array";
@@ -18,14 +19,42 @@ const FIELD: &str = "array";
 /// A finished field.
 pub struct ArrayPredictor {
     light: FieldPredictor,
-    radio: ArrayField,
-    sensor: ArraySensor<f64>,
+    radio: Arc<ArrayField>,
+    backend: Backend,
+    /// What observes the radio field; made when it is first needed.
+    observer: Option<Box<dyn Observer>>,
     range: DbRange,
 }
 
+/// What observes a field on a device.
+///
+/// # Errors
+/// The device's.
+pub fn observer(backend: &Backend, field: &Arc<ArrayField>) -> Result<Box<dyn Observer>> {
+    match backend {
+        Backend::Cpu => Ok(Box::new(CpuObserver::new(Arc::clone(field)))),
+        #[cfg(feature = "gpu")]
+        Backend::Gpu { number, .. } => {
+            use corf::{array::gpu::GpuObserver, device::gpu::GpuOptions};
+            let options = GpuOptions { adapter: *number, software: true, ..GpuOptions::default() };
+            Ok(Box::new(GpuObserver::new(&options, Arc::clone(field))?))
+        }
+    }
+}
+
 impl ArrayPredictor {
-    pub(super) fn new(light: FieldPredictor, radio: ArrayField, range: DbRange) -> Self {
-        Self { sensor: radio.sensor.build(&radio.camera), light, radio, range }
+    /// Fields that `backend` renders.
+    pub(super) fn new(light: FieldPredictor, radio: ArrayField, range: DbRange, backend: &Backend) -> Self {
+        Self { light, radio: Arc::new(radio), backend: backend.clone(), observer: None, range }
+    }
+
+    /// The radio field at a pose, linear.
+    fn observe(&mut self, world_from_camera: &Rigid3) -> Result<Raster<f32>> {
+        let observer = match &mut self.observer {
+            Some(observer) => observer,
+            none => none.insert(observer(&self.backend, &self.radio)?),
+        };
+        observer.observe(std::slice::from_ref(world_from_camera))?.pop().context("a radio field was observed at no pose")
     }
 
     /// Reads the field of a run folder, whose configuration is `config`.
@@ -38,14 +67,14 @@ impl ArrayPredictor {
         let light = FieldPredictor::load(run, config.light.raster, dataset, backend)?;
         let radio = ArrayField::read(&run.join(FIELD))?;
         ensure!(radio.camera == dataset.rf_camera(), "{}: the radio field's camera is not the data set's", run.display());
-        Ok(Self::new(light, radio, dataset.db_range()))
+        Ok(Self::new(light, radio, dataset.db_range(), backend))
     }
 }
 
 impl Predictor for ArrayPredictor {
     fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
         let light = self.light.render(world_from_camera)?;
-        let emitted = self.radio.observe(&self.sensor, world_from_camera);
+        let emitted = self.observe(world_from_camera)?;
         let radio = match light.radio.filter(|_| self.radio.over_splats) {
             Some(splats) => over(splats, &emitted, self.range),
             None => {
