@@ -21,7 +21,7 @@ const SPECTRUM_COLUMNS: usize = 320;
 const SHOWN: &[&str] = &["psnr_opt", "ssim_opt", "psnr_rf_jet", "psnr_rf_scalar", "rmse_db_30", "peak_error_deg"];
 
 /// Why a reconstruction at work has no predictions at its keyframes.
-const WHILE_AT_WORK: &str = "What is predicted here, and how wrong it is, `corf view` shows once the reconstruction has ended: it would take time from it now.";
+const WHILE_AT_WORK: &str = "What is predicted here, and how wrong it is, corf view shows once the reconstruction has ended: it would take time from it now.";
 
 /// The document of a keyframe.
 #[derive(Serialize)]

@@ -60,7 +60,8 @@ class Growth {
   #words(now) {
     const all = this.scene.keyframes.filter((k) => k.role === 'train').length, { unit, done, total } = now;
     if (unit !== 'keyframes') return `${unit.slice(0, -1)} ${grouped(done)} of ${grouped(total)}`;
-    return done <= all ? `training keyframe ${done} of ${all}` : `all ${all} training keyframes, then round ${done - all} of ${total - all}`;
+    if (done < all) return `training keyframe ${done} of ${all}`;
+    return `all ${all} training keyframes${done > all ? `, and round ${done - all} of ${total - all} after them` : ''}`;
   }
 
   #say(now) {
