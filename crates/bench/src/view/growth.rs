@@ -8,8 +8,11 @@ use serde::Serialize;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Somebody is looking who has asked within this time, and nobody is waited for longer at the end. A page asks twice a second.
-const PRESENCE: Duration = Duration::from_secs(3);
+/// Somebody is looking who has asked within this time. A page asks twice a second, but where the processor draws it, every few.
+const PRESENCE: Duration = Duration::from_secs(10);
+
+/// Longest wait at the end for a page that is looking: it may have been closed.
+const LONGEST_WAIT: Duration = Duration::from_secs(5);
 
 /// How the Gaussians of a reconstruction are drawn.
 #[derive(Clone, Copy, Debug)]
@@ -137,7 +140,7 @@ impl Growth {
     }
 
     /// The reconstruction has ended. Where somebody is looking, `field` gives what it ended with, and this waits until a page knows of the
-    /// end and has fetched it, but no longer than [`PRESENCE`].
+    /// end and has fetched it, but no longer than [`LONGEST_WAIT`].
     pub(super) fn finish(&self, field: impl FnOnce() -> Option<Field>) {
         let present = self.state().seen.is_some_and(|seen| seen.elapsed() < PRESENCE);
         if !present {
@@ -150,7 +153,7 @@ impl Growth {
         let mut state = self.state();
         (state.done, state.finished) = (state.total, true);
         let waits = |s: &mut State| !s.told_end || s.snapshot.as_ref().is_some_and(|snapshot| s.fetched < snapshot.version);
-        let _ = self.fetched.wait_timeout_while(state, PRESENCE, waits);
+        let _ = self.fetched.wait_timeout_while(state, LONGEST_WAIT, waits);
     }
 }
 
@@ -208,7 +211,7 @@ mod tests {
         let growth = growth();
         let start = Instant::now();
         growth.finish(|| panic!("nobody looks"));
-        assert!(start.elapsed() < PRESENCE);
+        assert!(start.elapsed() < LONGEST_WAIT);
         growth.document(true);
         std::thread::scope(|scope| {
             let end = scope.spawn(|| growth.finish(|| Some(field())));
@@ -219,6 +222,6 @@ mod tests {
             assert!(!end.is_finished(), "what it ended with has not been fetched");
             assert_eq!(growth.bytes().0, 1);
         });
-        assert!(start.elapsed() < PRESENCE, "it was fetched, so nobody waits any more");
+        assert!(start.elapsed() < LONGEST_WAIT, "it was fetched, so nobody waits any more");
     }
 }

@@ -75,9 +75,10 @@ class Growth {
   }
 
   #lost() {
-    const shown = this.#loaded ? 'What it had made by then stays here.' : 'It had made nothing to show.';
-    const when = this.#last ? ` after ${this.#words(this.#last)}` : '';
-    this.text.textContent = `The program has ended${when}, before the reconstruction was finished. ${shown}`;
+    const heard = this.#last ? `: ${this.#words(this.#last)} was the last that it said` : '';
+    const shown = this.#loaded ? 'What was brought by then stays here.' : 'It brought nothing to show.';
+    this.text.textContent = `The program has ended${heard}. ${shown}`;
+    this.box.title = 'It was interrupted, or ended sooner than this page could ask: where the run is finished, corf view shows it';
     this.box.classList.add('ended', 'lost');
   }
 }
