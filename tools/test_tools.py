@@ -15,6 +15,7 @@ import unittest
 import zlib
 from pathlib import Path
 
+import check_page
 import check_view
 import compare_devices
 import compare_gsplat
@@ -68,6 +69,26 @@ class CheckView(unittest.TestCase):
         self.assertEqual(check_view.psnr(a, a), math.inf)
         with self.assertRaises(ValueError):
             check_view.psnr(a, (1, 2, a[2]))
+
+
+class CheckPage(unittest.TestCase):
+    ASSETS = Path(__file__).parent.parent / "crates/bench/src/view/assets"
+
+    def test_ways_and_views_are_compared_by_their_greatest_difference(self):
+        self.assertEqual(check_page.way((1, 2), (3, -1), 2), [(1, 2), (4, 1), (7, 0)])
+        self.assertEqual(check_page.moved([0, 1, 5], [0.5, 1, 3]), 2)
+
+    def test_the_page_holds_what_is_exposed_and_what_is_broken(self):
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = Path(scratch)
+            page = folder / "a.html"
+            page.write_text("".join(path.read_text() for path in sorted(self.ASSETS.glob("*.js"))))
+            exposed = check_page.exposed(page, folder)
+            self.assertIn("window.app", exposed.read_text())
+            self.assertEqual(len({changed.read_text() for _, changed in check_page.broken(exposed, folder)}), 3)
+            page.write_text("another page")
+            with self.assertRaises(ValueError):
+                check_page.exposed(page, folder)
 
 
 class CompareDevices(unittest.TestCase):

@@ -28,6 +28,7 @@ mod faults_numbers;
 mod faults_obj;
 mod faults_paths;
 mod fields;
+mod growing;
 #[cfg(feature = "slow")]
 mod implicit;
 #[cfg(feature = "slow")]

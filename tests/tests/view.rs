@@ -3,7 +3,7 @@
 use crate::common::*;
 use serde_json::Value;
 use std::fs;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, Stdio};
@@ -64,6 +64,30 @@ fn a_page_is_one_file_that_holds_everything() {
 }
 
 #[test]
+fn a_report_links_to_a_page_of_the_model_that_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let (plan, out) = (folder.path().join("plan.toml"), folder.path().join("out"));
+    let row =
+        "[[row]]\nlabel = \"CORF-GS <1>\"\nmethod = \"corf-gs\"\nkeep_model = true\nconfig = { iterations_per_keyframe = 2 }\n";
+    fs::write(&plan, format!("name = \"kept\"\ndataset = {:?}\nseeds = [1]\n{row}", tiny_dataset())).unwrap();
+    let arguments = ["bench", "run", text(&plan), "--out", text(&out), "--device", "cpu", "--no-verify"];
+    corf_ok(&arguments);
+    let (page, report) = (out.join("viewer.html"), || fs::read_to_string(out.join("report.html")).unwrap());
+    let link = "<a href=\"viewer.html\">Look around in the field of CORF-GS &lt;1&gt;</a>";
+    assert!(report().contains(link));
+    // It is the page that `corf view --export` writes of the model.
+    let own = folder.path().join("own.html");
+    corf_ok(&["view", text(&out), "--export", text(&own), "--device", "cpu"]);
+    assert!(fs::read(&page).unwrap() == fs::read(&own).unwrap());
+    // No link leads nowhere; and a page that has gone is written again.
+    fs::remove_file(&page).unwrap();
+    corf_ok(&["bench", "report", text(&out), "--no-verify"]);
+    assert!(!report().contains("viewer.html"));
+    corf_ok(&[&arguments[..], &["--resume"]].concat());
+    assert!(page.exists() && report().contains(link));
+}
+
+#[test]
 fn what_cannot_be_viewed_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let run = run_in(folder.path());
@@ -120,14 +144,8 @@ impl Served {
 
     /// Status, head and body of an answer.
     fn ask(&self, method: &str, target: &str, host: &str) -> (u16, String, Vec<u8>) {
-        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
-        write!(stream, "{method} {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
-        let mut answer = Vec::new();
-        stream.read_to_end(&mut answer).unwrap();
-        let end = answer.windows(4).position(|w| w == b"\r\n\r\n").unwrap();
-        let head = String::from_utf8(answer[..end].to_vec()).unwrap();
-        let status = head.split(' ').nth(1).unwrap().parse().unwrap();
-        (status, head, answer[end + 4..].to_vec())
+        let Answer { status, head, body } = try_ask(self.port, method, target, host).unwrap();
+        (status, head, body)
     }
 }
 

@@ -128,11 +128,12 @@ pub fn network_options(number: usize, half: bool) -> corf::device::gpu::GpuOptio
 
 impl Backend {
     /// Whether a network that is to multiply in half precision does so here: a GPU with matrix units.
+    #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "the processor never does"))]
     pub fn multiplies_in_half(&self, wanted: bool) -> bool {
         match self {
             Self::Cpu => false,
             #[cfg(feature = "gpu")]
-            Self::Gpu { number, .. } => corf::device::gpu::multiplies_in_half(&network_options(*number, wanted)),
+            Self::Gpu { number, .. } => wanted && corf::device::gpu::multiplies_in_half(&network_options(*number, true)),
         }
     }
 

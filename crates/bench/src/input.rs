@@ -16,6 +16,9 @@ pub struct Verify {
 }
 
 impl Verify {
+    /// Files that were checked already are not checked again.
+    pub const DONE: Self = Self { no_verify: true };
+
     /// Whether to check.
     pub fn wanted(self) -> bool {
         !self.no_verify

@@ -4,8 +4,8 @@
 use crate::metrics::Prediction;
 use crate::split::Split;
 use anyhow::{Context, Result, bail, ensure};
-use corf::KeyframeTiming;
 use corf::depth::DepthQuality;
+use corf::{Field, KeyframeTiming};
 use corf_scene::config::{ReceiverConfig, SpectrumKind};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::{DbRange, Modalities};
@@ -210,6 +210,30 @@ pub struct Advance<'a> {
     pub stages: &'a [StageTime],
     /// Steps that came from a checkpoint, for methods that work in steps.
     pub resumed_steps: usize,
+    /// The field as it stands, for whoever wants to look at it, from methods that have one.
+    pub field: Option<FieldReader<'a>>,
+}
+
+/// Reads the Gaussians of a reconstruction at work back from its device: work that is done only where somebody asks for it.
+#[derive(Clone, Copy)]
+pub struct FieldReader<'a>(&'a dyn Fn() -> Option<Field>);
+
+impl<'a> FieldReader<'a> {
+    /// A reader that calls `read`.
+    pub fn new(read: &'a dyn Fn() -> Option<Field>) -> Self {
+        Self(read)
+    }
+
+    /// The field as it stands; none where the method has no Gaussians that a rasteriser could draw.
+    pub fn read(self) -> Option<Field> {
+        (self.0)()
+    }
+}
+
+impl std::fmt::Debug for FieldReader<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("FieldReader")
+    }
 }
 
 /// What a stage of a method took.
@@ -224,7 +248,7 @@ pub struct StageTime {
 impl Advance<'_> {
     /// Units done of all, and no more to say.
     pub fn of(done: usize, total: usize) -> Self {
-        Self { done, total, gaussians: None, keyframe: None, depth: None, stages: &[], resumed_steps: 0 }
+        Self { done, total, gaussians: None, keyframe: None, depth: None, stages: &[], resumed_steps: 0, field: None }
     }
 }
 

@@ -27,6 +27,37 @@ use std::path::{Path, PathBuf};
 /// Folder of the runs that a comparison keeps, in its own.
 pub const MODELS: &str = "models";
 
+/// A run that a comparison keeps, and the viewer's page of it beside the report.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KeptModel {
+    /// Its run folder, which is named after its row.
+    pub folder: PathBuf,
+    /// The page, whether it is there or not: `viewer.html`, or of several models `viewer-ROW.html`.
+    pub page: PathBuf,
+}
+
+impl KeptModel {
+    /// The finished runs that the folder of a comparison keeps, by name.
+    pub fn all(comparison: &Path) -> Vec<Self> {
+        let models = std::fs::read_dir(comparison.join(MODELS));
+        let mut folders: Vec<PathBuf> = models.into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+        folders.retain(|run| run.join("run.json").exists());
+        folders.sort();
+        let alone = folders.len() == 1;
+        let page = |folder: &Path| match folder.file_name() {
+            Some(name) if !alone => format!("viewer-{}.html", name.to_string_lossy()),
+            _ => "viewer.html".to_owned(),
+        };
+        folders.into_iter().map(|folder| Self { page: comparison.join(page(&folder)), folder }).collect()
+    }
+
+    /// Whether the page is there and not older than the run.
+    pub fn has_page(&self) -> bool {
+        let changed = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
+        changed(&self.page).is_some_and(|page| changed(&self.folder.join("run.json")).is_some_and(|run| run <= page))
+    }
+}
+
 /// Version of `run.json`.
 pub const SCHEMA: &str = "corf-run/1";
 
@@ -240,6 +271,32 @@ fn claim(folder: &Path, content: Content, help: &str) -> Result<FolderLock> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn kept_models_are_the_finished_ones_and_each_has_a_page_of_its_own() {
+        let dir = tempfile::tempdir().unwrap();
+        assert!(KeptModel::all(dir.path()).is_empty());
+        let make = |name: &str, file: &str| {
+            let folder = dir.path().join(MODELS).join(name);
+            std::fs::create_dir_all(&folder).unwrap();
+            std::fs::write(folder.join(file), "{}").unwrap();
+        };
+        let pages = || -> Vec<String> {
+            let models = KeptModel::all(dir.path());
+            models.iter().map(|m| m.page.file_name().unwrap().to_string_lossy().into_owned()).collect()
+        };
+        make("corf-gs", "run.json");
+        make("rf-3dgs", "config.json");
+        assert_eq!(pages(), ["viewer.html"]);
+        let [model] = KeptModel::all(dir.path()).try_into().unwrap();
+        assert!(!model.has_page());
+        std::fs::write(&model.page, "").unwrap();
+        assert!(model.has_page());
+        std::fs::File::open(&model.page).unwrap().set_modified(std::time::UNIX_EPOCH).unwrap();
+        assert!(!model.has_page(), "a page of an earlier run is none of this one");
+        make("rf-3dgs", "run.json");
+        assert_eq!(pages(), ["viewer-corf-gs.html", "viewer-rf-3dgs.html"]);
+    }
 
     #[test]
     fn an_occupied_folder_is_refused_and_kept() {

@@ -4,6 +4,7 @@
 //! OUT/plan.toml          the plan as it was run
 //! OUT/cells/*.json       one record a cell: what is there is not run again
 //! OUT/models/*/          run folders of the rows that ask for it, first seed
+//! OUT/viewer*.html       a page of each, to look around in it; the report links to it
 //! OUT/predictions/*/     the held-out keyframes as every row's first seed predicts them, small
 //! OUT/table.md|csv|tex   OUT/report.html
 //! OUT/beam.svg, rate.svg, outage.svg    best beam, rate and outage along the way
@@ -13,16 +14,18 @@
 use crate::cells::{self, Part};
 use crate::device::Backend;
 use crate::escape;
-use crate::input::Input;
-use crate::interrupt;
+use crate::input::{Input, Verify};
+use crate::interrupt::{self, Interrupted};
 use crate::metrics::Column;
 use crate::note;
 use crate::plan::Plan;
 use crate::record::{ARCHIVE, Record, read_archive};
 use crate::report::along::Figures;
 use crate::report::{self, Report};
+use crate::run::KeptModel;
 use crate::split::{Protocol, Split};
 use crate::table;
+use crate::view::{self, Subject};
 use anyhow::{Context, Result};
 use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
@@ -97,7 +100,26 @@ fn run_part(part: &Part, input: &Input, backend: &Backend) -> Result<Written> {
         };
         records.insert(place, record);
     }
+    write_viewers(&part.out, input, backend)?;
     write_results(&part.plan, &input.dataset, records.into_values().collect(), &part.out)
+}
+
+/// Writes the viewer's page of every model that a comparison keeps, unless it is there. It is no result: where it cannot be written, that is said
+/// and the comparison goes on.
+fn write_viewers(out: &Path, input: &Input, backend: &Backend) -> Result<()> {
+    for model in KeptModel::all(out).into_iter().filter(|model| !model.has_page()) {
+        let subject = Subject::of_run(&model.folder, Some(input.dataset.dir()), Verify::DONE, backend);
+        match subject.and_then(|mut subject| view::export(&mut subject, &model.page)) {
+            Ok(bytes) => note!("{} ({:.1} MB)", model.page.display(), bytes as f64 / 1e6),
+            Err(error) if error.is::<Interrupted>() => return Err(error),
+            Err(error) => {
+                // One that is there is of an earlier model.
+                let _ = std::fs::remove_file(&model.page);
+                note!("{} has no viewer's page: {error:#}", model.folder.display());
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Reads the records of a suite's folder in the plan's order.
@@ -158,6 +180,7 @@ pub fn write_results(plan: &Plan, dataset: &Dataset, records: Vec<Record>, out: 
         records: &records,
         predictions: &out.join("predictions"),
         figures,
+        models: &KeptModel::all(out),
     };
     report::write(&report, &report_path)?;
     Ok(Written { records, segment: Vec::new(), report: report_path, table: table_path, columns })

@@ -6,7 +6,7 @@ use crate::generate::Options;
 use crate::input::Input;
 use crate::plan::Plan;
 use crate::record::Outcome;
-use crate::run::{MODELS, claim_output};
+use crate::run::{KeptModel, claim_output};
 use crate::{generate, interrupt, lobby, suite};
 use anyhow::Result;
 use clap::Args;
@@ -47,9 +47,8 @@ impl Demo {
         let input = Input::of(dataset, true)?;
         let plan = Plan::parse(PLAN_TOML)?;
         let written = suite::run(&plan, &input, &self.out, &backend)?;
-        // A demo that an earlier version began has none.
-        let model = self.out.join(MODELS).is_dir();
-        let view = if model { format!("look around in it: corf view {}\n", self.out.display()) } else { String::new() };
+        let page = |model: KeptModel| model.has_page().then(|| format!("viewer: {}\n", model.page.display()));
+        let view: String = KeptModel::all(&self.out).into_iter().filter_map(page).collect();
         let text = format!(
             "\n{}\ntable:  {}\nreport: {}\n{view}all of it in {:.0} s",
             written.text(),

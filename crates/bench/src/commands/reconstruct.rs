@@ -10,9 +10,11 @@ use crate::method::{Advance, Checkpoints, TrainingSet};
 use crate::progress::Progress;
 use crate::run::{RunInfo, claim_output, initial_hash, write_config, write_finished};
 use crate::split::{Protocol, Split};
+use crate::view::{Port, Watching};
 use crate::{harness, interrupt, methods, note};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
+use corf::Field;
 use std::path::{Path, PathBuf};
 
 /// `corf reconstruct`.
@@ -65,11 +67,21 @@ pub struct Reconstruct {
     /// every half a minute, and on an interrupt where the keyframe or steps at hand end within two seconds.
     #[arg(long, value_name = "N")]
     checkpoint_every: Option<usize>,
+    /// Show the field in a browser while it grows: serves a page on 127.0.0.1 until the reconstruction ends, at this port or at one that is free.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", value_parser = view_port)]
+    view: Option<u16>,
     #[command(flatten)]
     verify: Verify,
     /// Device that reconstructs: auto, cpu, gpu, or gpu:N for the N-th adapter.
     #[arg(long, default_value_t)]
     device: DeviceChoice,
+}
+
+/// The port of `--view`; a word behind it that was meant for something else is told so.
+fn view_port(text: &str) -> Result<u16, String> {
+    text.parse().map_err(|_| {
+        format!("a port is a number from 1 to 65535, or 0 for one that is free; if {text} is the dataset, name it before --view")
+    })
 }
 
 impl Reconstruct {
@@ -114,7 +126,7 @@ impl Reconstruct {
             table.insert("fine_tune_epochs".to_owned(), toml::Value::Integer(i64::try_from(epochs)?));
         }
         if let Some(file) = &self.from {
-            anyhow::ensure!(
+            ensure!(
                 self.method.starts_with("corf-gs") || self.method.starts_with("rf-3dgs"),
                 "{}: --from gives Gaussians to begin with, which this method has no place for\n  help: choose corf-gs, one of its variants, or rf-3dgs",
                 self.method
@@ -131,11 +143,21 @@ impl Reconstruct {
     /// Bad input, an occupied output folder, an interrupt.
     pub fn run(self, json: bool) -> Result<Verdict> {
         if let Some(folder) = self.follow.clone() {
+            ensure!(
+                self.view.is_none(),
+                "--view shows keyframes that a dataset names in advance, and those of --follow come one by one\n  help: leave --view out, and look \
+                 at the run with `corf view` once it has ended"
+            );
             return self.follow(&folder, json);
         }
         let Some(dataset_folder) = &self.dataset else { bail!("no dataset is named\n  help: name its folder, or --follow DIR") };
+        // A port that cannot be had is known before any work.
+        let port = self.view.map(|port| Port::hold(port, "--view")).transpose()?;
         let (protocol, overrides) = (self.protocol.unwrap_or_default(), self.overrides()?);
         let mut method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
+        if port.is_some() {
+            Watching::check(method.as_ref())?;
+        }
         let input = self.verify.open(dataset_folder)?;
         let dataset = &input.dataset;
         let split = Split::of(dataset, protocol)?;
@@ -146,7 +168,7 @@ impl Reconstruct {
         let info_path = self.out.join("run.json");
         if self.resume && info_path.exists() {
             let info: RunInfo = read_json(&info_path)?;
-            anyhow::ensure!(
+            ensure!(
                 info.method == self.method
                     && info.seed == self.seed
                     && info.protocol == protocol
@@ -168,10 +190,14 @@ impl Reconstruct {
             tag: format!("{} {} {}{}", dataset.hash(), protocol.name(), method.config(), initial.as_deref().unwrap_or("")),
         });
         write_config(&self.out, &method.config())?;
+        let watching = port.map(|port| Watching::start(port, method.as_ref(), self.seed, dataset, &split)).transpose()?;
         let mut progress =
             Progress::start(format!("{} on {}", self.method, dataset.header().name), split.train.len(), method.unit());
         let result = harness::reconstruct(method.as_ref(), dataset, &split, self.seed, &mut |advance: Advance<'_>| {
             progress.set(advance.done, advance.total);
+            if let Some(watching) = &watching {
+                watching.tell(&advance);
+            }
             interrupt::check()
         })?;
         progress.finish();
@@ -190,6 +216,10 @@ impl Reconstruct {
         // What it was kept for is there.
         let _ = std::fs::remove_file(&checkpoint);
         show(json, &info, &summary(&info))?;
+        if let Some(watching) = watching {
+            // What is shown at the end is what was written.
+            watching.finish(|| Field::read(&self.out).inspect_err(|error| note!("{error}")).ok());
+        }
         Ok(Verdict::Done)
     }
 }

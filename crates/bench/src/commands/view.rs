@@ -44,11 +44,10 @@ impl View {
             show(json, &serde_json::json!({ "page": path, "bytes": bytes }), &text)?;
             return Ok(Verdict::Done);
         }
-        view::serve(&mut subject, self.port, |url| {
-            show(json, &serde_json::json!({ "url": url }), url)?;
-            note!("open it in a browser on this machine; Ctrl-C ends it");
-            Ok(())
-        })?;
+        let port = view::Port::hold(self.port, "--port")?;
+        show(json, &serde_json::json!({ "url": port.url() }), &port.url())?;
+        note!("open it in a browser on this machine; Ctrl-C ends it");
+        view::serve(&mut subject, &port)?;
         Ok(Verdict::Done)
     }
 }

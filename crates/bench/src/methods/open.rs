@@ -45,13 +45,22 @@ pub fn read_info(folder: &Path) -> Result<RunInfo> {
 /// # Errors
 /// A configuration of another version.
 pub fn raster_of(folder: &Path, info: &RunInfo) -> Result<Option<RasterConfig>> {
-    let raster = match info.method.as_str() {
-        "corf-array" => Some(corf_array::raster_of(&info.config)),
-        id if id.starts_with("corf-gs") => Some(CorfGsConfig::raster_of(&info.config)),
-        id if id.starts_with("rf-3dgs") => Some(rf_3dgs::raster_of(&info.config)),
+    raster_of_method(&info.method, &info.config)
+        .with_context(|| format!("{}: the configuration is not of this version", folder.join("run.json").display()))
+}
+
+/// The rasteriser's settings in a method's resolved configuration; none where it has no Gaussians that a rasteriser could draw.
+///
+/// # Errors
+/// A configuration of another version.
+pub fn raster_of_method(id: &str, config: &serde_json::Value) -> Result<Option<RasterConfig>> {
+    let raster = match id {
+        "corf-array" => Some(corf_array::raster_of(config)),
+        id if id.starts_with("corf-gs") => Some(CorfGsConfig::raster_of(config)),
+        id if id.starts_with("rf-3dgs") => Some(rf_3dgs::raster_of(config)),
         _ => None,
     };
-    raster.transpose().with_context(|| format!("{}: the configuration is not of this version", folder.join("run.json").display()))
+    raster.transpose()
 }
 
 /// Opens a run folder; `dataset` says where the dataset is now, if it has moved, `verify` whether its files are checked, and `backend`

@@ -9,7 +9,7 @@ use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::Prediction;
 use anyhow::{Context, Result, ensure};
 use corf::offline::{OfflineTimes, Point, RfBackground, RfMoments, write_ply};
-use corf::{OfflineCheckpoint, OfflineConfig, OfflineReconstructor, RasterConfig};
+use corf::{Field, OfflineCheckpoint, OfflineConfig, OfflineReconstructor, RasterConfig};
 use corf_scene::Rigid3;
 use std::path::Path;
 
@@ -145,6 +145,10 @@ impl Stepwise for OfflineReconstructor {
 
     fn gaussian_count(&mut self) -> usize {
         Self::gaussian_count(self)
+    }
+
+    fn field(&mut self) -> Option<Field> {
+        Some(Self::field(self))
     }
 }
 

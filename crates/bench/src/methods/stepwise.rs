@@ -1,7 +1,9 @@
 //! Reconstructions that work in steps: portions that follow the clock, progress, checkpoints, interrupts.
 
-use crate::method::{Advance, Checkpoints};
+use crate::method::{Advance, Checkpoints, FieldReader};
 use anyhow::{Context, Result};
+use corf::Field;
+use std::cell::RefCell;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -41,6 +43,11 @@ pub trait Stepwise {
 
     /// Number of Gaussians held.
     fn gaussian_count(&mut self) -> usize;
+
+    /// The field as it stands, where a rasteriser could draw it.
+    fn field(&mut self) -> Option<Field> {
+        None
+    }
 }
 
 /// Takes all `total` steps, or those that are left; returns how many came from a checkpoint.
@@ -66,8 +73,10 @@ pub fn run(
             keeper.keep(reconstruction)?;
         }
         let gaussians = Some(reconstruction.gaussian_count());
-        let told = Advance { gaussians, resumed_steps: resumed, ..Advance::of(done, total) };
-        advance(told).inspect_err(|_| {
+        let held = RefCell::new(&mut *reconstruction);
+        let read = || held.borrow_mut().field();
+        let field = Some(FieldReader::new(&read));
+        advance(Advance { gaussians, resumed_steps: resumed, field, ..Advance::of(done, total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
             if keeper.kept != Some(done) {
                 let _ = keeper.keep(reconstruction);

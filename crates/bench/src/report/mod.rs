@@ -13,7 +13,7 @@ use crate::metrics::lpips::NO_WEIGHTS;
 use crate::plan::{Plan, slug};
 use crate::provenance::Provenance;
 use crate::record::{Outcome, Record};
-use crate::run::MODELS;
+use crate::run::{KeptModel, MODELS};
 use crate::split::Split;
 use crate::table::{self, Mark};
 use anyhow::Result;
@@ -41,6 +41,8 @@ pub struct Report<'a> {
     pub predictions: &'a Path,
     /// Figures along the way, where there are some.
     pub figures: Option<along::Figures>,
+    /// Models that the comparison keeps.
+    pub models: &'a [KeptModel],
 }
 
 /// Writes the report atomically.
@@ -63,6 +65,7 @@ fn html(report: &Report<'_>) -> Result<String> {
          'unsafe-inline'\"/><title>corf: {title}</title><style>{STYLE}</style></head><body><main><h1>{title}</h1>"
     )?;
     write!(out, "<p class=\"lede\">{}</p>", escape(&report.plan.analysis))?;
+    out += &viewers(report);
     write!(out, "<h2>Comparison</h2>{}", html_table(&rows, &table::columns(&report.plan.columns)?))?;
     write!(out, "<h2>Where it was</h2>{}", plan_view::figure(report)?)?;
     let observations = pictures::Observations::read(report)?;
@@ -76,6 +79,21 @@ fn html(report: &Report<'_>) -> Result<String> {
     write!(out, "<h2>All metrics</h2>{}", all_metrics(report.records))?;
     writeln!(out, "<h2>Provenance</h2>{}</main><script>{SCRIPT}</script></body></html>", provenance(report))?;
     Ok(out)
+}
+
+/// Links to the viewer's pages of kept models, as far as they are there.
+fn viewers(report: &Report<'_>) -> String {
+    let link = |model: &KeptModel| {
+        let (name, page) = (model.folder.file_name()?.to_str()?, model.page.file_name()?.to_str()?);
+        let megabytes = std::fs::metadata(&model.page).ok().filter(|_| model.has_page())?.len() as f64 / 1e6;
+        let row = report.plan.rows.iter().find(|row| slug(&row.label) == name).map_or(name, |row| &row.label);
+        Some(format!(
+            "<p class=\"lede viewer\"><a href=\"{}\">Look around in the field of {}</a>, in light and in radio ({megabytes:.1} MB, beside this page)</p>",
+            escape(page),
+            escape(row)
+        ))
+    };
+    report.models.iter().filter_map(link).collect()
 }
 
 /// A box that scrolls by itself where its table is wider than the page; a keyboard can enter it.
@@ -163,10 +181,10 @@ fn provenance(report: &Report<'_>) -> String {
         lines.extend(weights.map(|(backbone, sha256)| ("LPIPS weights", format!("{backbone} · sha256 {sha256}"))));
         lines.push(("clock", record.clock.clone()));
     }
-    if report.predictions.parent().is_some_and(|out| out.join(MODELS).is_dir()) {
+    if !report.models.is_empty() {
         lines.push((
             "model",
-            format!("in {MODELS}/, beside this page: `corf view` with the folder of this page shows it from any place"),
+            format!("in {MODELS}/, beside this page: a run folder for `corf view`, `corf render` and `corf evaluate`"),
         ));
     }
     let peak = report.records.iter().filter_map(|r| match &r.outcome {

@@ -20,6 +20,9 @@ const SPECTRUM_COLUMNS: usize = 320;
 /// The metrics that are shown, by key.
 const SHOWN: &[&str] = &["psnr_opt", "ssim_opt", "psnr_rf_jet", "psnr_rf_scalar", "rmse_db_30", "peak_error_deg"];
 
+/// Why a reconstruction at work has no predictions at its keyframes.
+const WHILE_AT_WORK: &str = "What is predicted here, and how wrong it is, corf view shows once the reconstruction has ended: it would take time from it now.";
+
 /// The document of a keyframe.
 #[derive(Serialize)]
 pub(super) struct KeyframeDocument {
@@ -75,9 +78,10 @@ impl Subject {
         let image = has.light.then(|| images(&truth, predicted.as_ref())).transpose()?;
         let spectrum = has.radio.then(|| spectra(&truth, predicted.as_ref(), &camera, &range));
         let lacks = |there: bool, half: &str| (self.run.is_some() && !there).then(|| format!("This method predicts no {half}."));
-        let note = predicted.as_ref().and_then(|p| {
+        let lacking = predicted.as_ref().and_then(|p| {
             lacks(p.image.is_some() || !has.light, "image").or_else(|| lacks(p.radio.is_some() || !has.radio, "spectrum"))
         });
+        let note = lacking.or_else(|| self.work.is_some().then(|| WHILE_AT_WORK.to_owned()));
         Ok(KeyframeDocument { image, spectrum, numbers, note })
     }
 }

@@ -1,18 +1,20 @@
 //! The viewer: a page that shows a field from any pose beside what was observed at its keyframes.
 //!
 //! ```text
-//! subject     a run, a comparison that keeps one, or a data set, opened
+//! subject     a run, a comparison that keeps one, a data set, or a reconstruction at work
 //! scene       what the page has to know of it: cameras, poses, ranges, colours
 //! splats      the Gaussians as the page's graphics program reads them
 //! points      the points of a data set's sparse model
 //! keyframe    pictures and numbers of one keyframe; `peaks` finds a spectrum's strongest directions
+//! growth      what a reconstruction at work and its page tell each other; `watching` serves that page from a thread
 //! page        the parts in one HTML file, exported whole
-//! routes      what the local server answers; `server` runs it
+//! routes      what the local server answers; `server` holds its port and runs it
 //! assets/     the page itself: HTML, style, and one script a job
 //! ```
 //!
 //! The page draws as the rasteriser of the `corf` crate draws (`tools/check_view.py` compares the two).
 
+mod growth;
 mod keyframe;
 mod page;
 mod peaks;
@@ -22,7 +24,9 @@ mod scene;
 mod server;
 mod splats;
 mod subject;
+mod watching;
 
 pub use page::export;
-pub use server::serve;
+pub use server::{Port, serve};
 pub use subject::Subject;
+pub use watching::Watching;

@@ -17,7 +17,7 @@ use std::path::Path;
 const PAGE: &str = include_str!("assets/page.html");
 const STYLE: &str = include_str!("assets/style.css");
 /// The scripts, in the order in which they need each other.
-const SCRIPTS: [&str; 10] = [
+const SCRIPTS: [&str; 11] = [
     include_str!("assets/math.js"),
     include_str!("assets/source.js"),
     include_str!("assets/sorter.js"),
@@ -27,6 +27,7 @@ const SCRIPTS: [&str; 10] = [
     include_str!("assets/overlay.js"),
     include_str!("assets/spectrum.js"),
     include_str!("assets/panel.js"),
+    include_str!("assets/growth.js"),
     include_str!("assets/main.js"),
 ];
 

@@ -15,6 +15,8 @@ pub(super) enum Route {
     Scene,
     /// The Gaussians.
     Field,
+    /// How far a reconstruction at work is; `asks` for a snapshot of its field.
+    Growth { asks: bool },
     /// The points of a modality's sparse model.
     Points(&'static str),
     /// The document of a keyframe, by index.
@@ -28,6 +30,8 @@ impl Route {
             "/" => Some(Self::Page),
             "/data/scene" => Some(Self::Scene),
             "/data/field" => Some(Self::Field),
+            "/data/growth" => Some(Self::Growth { asks: true }),
+            "/data/progress" => Some(Self::Growth { asks: false }),
             "/data/points-optical" => Some(Self::Points("optical")),
             "/data/points-rf" => Some(Self::Points("rf")),
             path => {
@@ -56,11 +60,17 @@ pub(super) struct Answer {
     pub kind: &'static str,
     /// Content.
     pub body: Vec<u8>,
+    /// Version of the content, where there are several.
+    pub version: Option<u64>,
 }
 
 impl Answer {
+    fn of(kind: &'static str, body: Vec<u8>) -> Self {
+        Self { status: 200, kind, body, version: None }
+    }
+
     fn text(status: u16, text: &str) -> Self {
-        Self { status, kind: "text/plain; charset=utf-8", body: format!("{text}\n").into_bytes() }
+        Self { status, ..Self::of("text/plain; charset=utf-8", format!("{text}\n").into_bytes()) }
     }
 }
 
@@ -72,23 +82,33 @@ pub(super) fn answer(subject: &mut Subject, port: u16, method: &str, target: &st
     if method != "GET" && method != "HEAD" {
         return Answer::text(405, "this server is only read");
     }
-    let Some(route) = Route::of(target, subject.dataset.len()) else { return Answer::text(404, "there is nothing here") };
-    content(subject, route).unwrap_or_else(|error| Answer::text(500, &format!("{error:#}")))
+    let route = Route::of(target, subject.dataset.len());
+    let answered = route.map_or(Ok(None), |route| content(subject, route));
+    match answered {
+        Ok(answer) => answer.unwrap_or_else(|| Answer::text(404, "there is nothing here")),
+        Err(error) => Answer::text(500, &format!("{error:#}")),
+    }
 }
 
-fn content(subject: &mut Subject, route: Route) -> Result<Answer> {
-    let json = |body: Vec<u8>| Answer { status: 200, kind: "application/json", body };
-    let binary = |body: Vec<u8>| Answer { status: 200, kind: "application/octet-stream", body };
-    Ok(match route {
-        Route::Page => {
-            let html = page::served(&SceneDocument::of(subject)?);
-            Answer { status: 200, kind: "text/html; charset=utf-8", body: html.into_bytes() }
-        }
+/// The content of a route; none where the subject has no such thing.
+fn content(subject: &mut Subject, route: Route) -> Result<Option<Answer>> {
+    let json = |body: Vec<u8>| Answer::of("application/json", body);
+    let binary = |body: Vec<u8>| Answer::of("application/octet-stream", body);
+    let growth = subject.work.as_ref().map(|work| &work.growth);
+    Ok(Some(match route {
+        Route::Page => Answer::of("text/html; charset=utf-8", page::served(&SceneDocument::of(subject)?).into_bytes()),
         Route::Scene => json(serde_json::to_vec(&SceneDocument::of(subject)?)?),
-        Route::Field => binary(page::field_bytes(subject)),
+        Route::Growth { asks } => {
+            let Some(growth) = growth else { return Ok(None) };
+            json(serde_json::to_vec(&growth.document(asks))?)
+        }
+        Route::Field => match growth.map(|growth| growth.bytes()) {
+            Some((version, bytes)) => Answer { version: Some(version), ..binary(bytes) },
+            None => binary(page::field_bytes(subject)),
+        },
         Route::Points(modality) => binary(points::read(&subject.dataset, modality)?),
         Route::Keyframe(index) => json(serde_json::to_vec(&subject.keyframe(index)?)?),
-    })
+    }))
 }
 
 #[cfg(test)]
@@ -102,6 +122,8 @@ mod tests {
         assert_eq!(of("/?x=1"), Some(Route::Page));
         assert_eq!(of("/data/scene"), Some(Route::Scene));
         assert_eq!(of("/data/field"), Some(Route::Field));
+        assert_eq!(of("/data/growth"), Some(Route::Growth { asks: true }));
+        assert_eq!(of("/data/progress"), Some(Route::Growth { asks: false }));
         assert_eq!(of("/data/points-rf"), Some(Route::Points("rf")));
         assert_eq!(of("/data/keyframe-1"), Some(Route::Keyframe(0)));
         assert_eq!(of("/data/keyframe-40"), Some(Route::Keyframe(39)));

@@ -2,8 +2,9 @@
 
 use super::points;
 use super::splats::{self, FieldLayout};
-use super::subject::{Role, Run, Subject};
+use super::subject::{Role, Run, Subject, Work};
 use crate::report::colours::{ERROR_DB, ERROR_OPTICAL, heat};
+use crate::run::RunInfo;
 use anyhow::Result;
 use corf_scene::Pinhole;
 use corf_scene::color::{jet, quantize8};
@@ -25,6 +26,8 @@ pub(super) struct SceneDocument {
     about: String,
     /// Whether it is a run.
     run: bool,
+    /// Of a reconstruction at work, the halves of its field, which comes and grows.
+    growing: Option<Halves>,
     modalities: Modalities,
     optical_camera: Pinhole,
     rf_camera: Pinhole,
@@ -45,6 +48,13 @@ pub(super) struct SceneDocument {
     missing: String,
     /// What has to be said under the list of keyframes.
     notes: Vec<String>,
+}
+
+/// Halves of a field that can be drawn.
+#[derive(Serialize)]
+struct Halves {
+    optical: bool,
+    rf: bool,
 }
 
 #[derive(Serialize)]
@@ -84,14 +94,14 @@ fn unit(quantity: Quantity) -> (&'static str, &'static str) {
     }
 }
 
-/// Whether the RF colours of a run's Gaussians are its spectra.
-fn has_rf_colours(run: &Run) -> bool {
-    run.info.method != "corf-array"
+/// Whether the RF colours of a method's Gaussians are its spectra.
+pub(super) fn has_rf_colours(method: &str) -> bool {
+    method != "corf-array"
 }
 
 /// Layout of a run's Gaussians.
 pub(super) fn field_layout(run: &Run) -> Option<FieldLayout> {
-    run.field.as_ref().map(|(field, raster)| splats::layout(field, raster, has_rf_colours(run)))
+    run.field.as_ref().map(|(field, raster)| splats::layout(field, raster, has_rf_colours(&run.info.method)))
 }
 
 fn missing(subject: &Subject, field: Option<&FieldLayout>) -> String {
@@ -100,18 +110,52 @@ fn missing(subject: &Subject, field: Option<&FieldLayout>) -> String {
         let half = if has.light { "no spectra" } else { "no images" };
         return format!("The data set has {half}.");
     }
-    match (&subject.run, field) {
-        (Some(run), Some(_)) if !has_rf_colours(run) => format!(
-            "Radio in {} is no colour of Gaussians, and its spectra cannot be drawn from everywhere: see them at the keyframes.",
-            run.info.method
-        ),
-        (Some(run), None) => {
+    match (&subject.run, &subject.work, field) {
+        (Some(run), _, None) => {
             format!(
                 "{} has no Gaussians that could be drawn from everywhere: see its predictions at the keyframes.",
                 run.info.method
             )
         }
+        (Some(Run { info: RunInfo { method, .. }, .. }), _, _) | (_, Some(Work { method, .. }), _) if !has_rf_colours(method) => {
+            format!(
+                "Radio in {method} is no colour of Gaussians, and its spectra cannot be drawn from everywhere: see them at the keyframes."
+            )
+        }
         _ => "The data set has no points to draw.".to_owned(),
+    }
+}
+
+/// What is looked at, in a word, in a line, and in more words.
+struct Names {
+    title: String,
+    subtitle: String,
+    about: String,
+}
+
+impl Names {
+    fn of(subject: &Subject, points: &PointCounts) -> Self {
+        let (dataset, name) = (&subject.dataset, &subject.dataset.header().name);
+        let mut parts = vec![name.clone(), format!("{} keyframes", dataset.len())];
+        // No path: a page may be sent elsewhere.
+        let mut about = format!("data set {name}, hash {}", dataset.hash());
+        let title = match (&subject.run, &subject.work) {
+            (Some(Run { info, .. }), _) => {
+                parts.extend(info.gaussians.map(|n| format!("{n} Gaussians")));
+                let protocol = info.protocol.name();
+                about = format!("seed {}, {protocol} protocol, {:.1} s on {}; {about}", info.seed, info.seconds, info.device);
+                info.method.clone()
+            }
+            (None, Some(work)) => {
+                about = format!("seed {}, {} protocol; {about}", work.seed, work.split.protocol.name());
+                work.method.clone()
+            }
+            (None, None) => {
+                parts.extend((points.optical > 0).then(|| format!("{} points", points.optical)));
+                "data set".to_owned()
+            }
+        };
+        Self { title, subtitle: parts.join(" · "), about }
     }
 }
 
@@ -125,35 +169,19 @@ impl SceneDocument {
         let field = subject.run.as_ref().and_then(field_layout);
         let count = |modality| Ok::<_, anyhow::Error>(points::read(dataset, modality)?.len() / 16);
         // A run is looked at by what it made.
-        let points = match subject.run {
-            Some(_) => PointCounts { optical: 0, rf: 0 },
-            None => PointCounts { optical: count("optical")?, rf: count("rf")? },
+        let points = match (&subject.run, &subject.work) {
+            (None, None) => PointCounts { optical: count("optical")?, rf: count("rf")? },
+            _ => PointCounts { optical: 0, rf: 0 },
         };
-        let mut parts = vec![header.name.clone(), format!("{} keyframes", dataset.len())];
-        // No path: a page may be sent elsewhere.
-        let mut about = format!("data set {}, hash {}", header.name, dataset.hash());
+        let Names { title, subtitle, about } = Names::of(subject, &points);
         let mut notes = Vec::new();
-        let title = match &subject.run {
-            Some(run) => {
-                parts.extend(run.info.gaussians.map(|n| format!("{n} Gaussians")));
-                about = format!(
-                    "seed {}, {} protocol, {:.1} s on {}; {about}",
-                    run.info.seed,
-                    run.info.protocol.name(),
-                    run.info.seconds,
-                    run.info.device
-                );
-                run.info.method.clone()
-            }
-            None => {
-                parts.extend((points.optical > 0).then(|| format!("{} points", points.optical)));
-                "data set".to_owned()
-            }
-        };
         let missing = missing(subject, field.as_ref());
-        if subject.run.as_ref().is_some_and(|run| !has_rf_colours(run)) {
+        let method = subject.run.as_ref().map(|run| &run.info.method).or(subject.work.as_ref().map(|work| &work.method));
+        let rf_colours = method.is_none_or(|method| has_rf_colours(method));
+        if !rf_colours {
             notes.push(missing.clone());
         }
+        let has = dataset.modalities();
         let (unit, unit_short) = unit(header.quantity);
         let keyframe = |(index, pose): (usize, &corf_scene::trajectory::TrajectoryPose)| {
             let [a, b, c, _] = pose.world_from_camera.to_rows();
@@ -161,10 +189,11 @@ impl SceneDocument {
         };
         Ok(Self {
             title,
-            subtitle: parts.join(" · "),
+            subtitle,
             about,
             run: subject.run.is_some(),
-            modalities: dataset.modalities(),
+            growing: subject.work.is_some().then_some(Halves { optical: has.light, rf: has.radio && rf_colours }),
+            modalities: has,
             optical_camera: dataset.optical_camera(),
             rf_camera: dataset.rf_camera(),
             db_range: dataset.db_range(),

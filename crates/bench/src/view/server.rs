@@ -1,4 +1,4 @@
-//! The local server: loopback only, one request after another, until Ctrl-C.
+//! The local server: loopback only, one request after another, until Ctrl-C or until a reconstruction ends.
 
 use super::routes::{self, Answer};
 use super::subject::Subject;
@@ -21,45 +21,64 @@ const HEADERS: [(&str, &str); 5] = [
     ("Referrer-Policy", "no-referrer"),
 ];
 
-fn bind(port: u16) -> Result<(Server, u16)> {
-    let failed = |error: Box<dyn std::error::Error + Send + Sync>| {
-        let kind = error.downcast_ref::<std::io::Error>().map(std::io::Error::kind);
-        let help = match kind {
-            Some(ErrorKind::AddrInUse) => {
-                "another program listens there; choose another --port, or leave it out for one that is free"
-            }
-            _ => "choose another --port, or leave it out for one that is free",
-        };
-        anyhow!("cannot listen on 127.0.0.1:{port}: {error}\n  help: {help}")
-    };
-    let server = Server::http(SocketAddr::from((Ipv4Addr::LOCALHOST, port))).map_err(failed)?;
-    let Some(address) = server.server_addr().to_ip() else { bail!("the server has no address") };
-    Ok((server, address.port()))
+/// A port on 127.0.0.1 that is held.
+pub struct Port {
+    server: Server,
+    number: u16,
 }
 
-/// Serves the viewer of a subject on 127.0.0.1 until an interrupt; port 0 is one that is free. `ready` is told the address once it answers.
+impl Port {
+    /// Holds a port; 0 is one that is free. `flag` is the option of the command that chooses it.
+    ///
+    /// # Errors
+    /// A port that cannot be had.
+    pub fn hold(port: u16, flag: &str) -> Result<Self> {
+        let failed = |error: Box<dyn std::error::Error + Send + Sync>| {
+            let kind = error.downcast_ref::<std::io::Error>().map(std::io::Error::kind);
+            let used = if kind == Some(ErrorKind::AddrInUse) { "another program listens there; " } else { "" };
+            anyhow!(
+                "cannot listen on 127.0.0.1:{port}: {error}\n  help: {used}choose another port with {flag}, or leave the number out for one that is free"
+            )
+        };
+        let server = Server::http(SocketAddr::from((Ipv4Addr::LOCALHOST, port))).map_err(failed)?;
+        let Some(address) = server.server_addr().to_ip() else { bail!("the server has no address") };
+        Ok(Self { server, number: address.port() })
+    }
+
+    /// The address of the page.
+    pub fn url(&self) -> String {
+        format!("http://127.0.0.1:{}/", self.number)
+    }
+
+    /// Answers one request, if one comes within a moment.
+    pub(super) fn answer_one(&self, subject: &mut Subject) -> Result<()> {
+        if let Some(request) = self.server.recv_timeout(WAIT).context("the server cannot receive")? {
+            respond(subject, self.number, request);
+        }
+        Ok(())
+    }
+}
+
+/// Serves the viewer of a subject until an interrupt.
 ///
 /// # Errors
-/// A port that cannot be had; what `ready` answers.
-pub fn serve(subject: &mut Subject, port: u16, ready: impl FnOnce(&str) -> Result<()>) -> Result<()> {
-    let (server, port) = bind(port)?;
-    ready(&format!("http://127.0.0.1:{port}/"))?;
+/// A server that cannot receive any more.
+pub fn serve(subject: &mut Subject, port: &Port) -> Result<()> {
     while interrupt::check().is_ok() {
-        if let Some(request) = server.recv_timeout(WAIT).context("the server cannot receive")? {
-            respond(subject, port, request);
-        }
+        port.answer_one(subject)?;
     }
     Ok(())
 }
 
 fn respond(subject: &mut Subject, port: u16, request: Request) {
     let host = request.headers().iter().find(|h| h.field.equiv("Host")).map(|h| h.value.as_str());
-    let Answer { status, kind, body } = routes::answer(subject, port, request.method().as_str(), request.url(), host);
+    let Answer { status, kind, body, version } = routes::answer(subject, port, request.method().as_str(), request.url(), host);
     if status == 500 {
         note!("{}: {}", request.url(), String::from_utf8_lossy(&body).trim_end());
     }
     let headers = [("Content-Type", kind)].into_iter().chain(HEADERS);
-    let headers = headers.filter_map(|(name, value)| Header::from_bytes(name, value).ok());
+    let tag = version.map(|version| Header::from_bytes("ETag", format!("\"{version}\"")));
+    let headers = headers.map(|(name, value)| Header::from_bytes(name, value)).chain(tag).flatten();
     // A body of known length is sent with its length, and in one piece.
     let whole = Response::from_data(body).with_status_code(status).with_chunked_threshold(usize::MAX);
     let response = headers.fold(whole, Response::with_header);

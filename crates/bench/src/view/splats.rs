@@ -90,13 +90,14 @@ pub(super) fn bytes(field: &Field, layout: &FieldLayout) -> Vec<u8> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use corf::{FieldMeta, Gaussians, target::RfTarget};
     use corf_scene::Pinhole;
     use corf_scene::keyframe::{DbRange, Modalities};
 
-    fn field() -> Field {
+    /// Two Gaussians.
+    pub fn field() -> Field {
         let mut gaussians = Gaussians::empty(1, 0);
         gaussians.rf.sh_degree = 1;
         gaussians.position = vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]];

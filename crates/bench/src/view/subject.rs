@@ -1,17 +1,19 @@
-//! What is looked at: a run with its data set, or a data set alone.
+//! What is looked at: a run with its data set, a data set alone, or a reconstruction at work.
 
-use crate::device::DeviceChoice;
+use super::growth::Growth;
+use crate::device::{Backend, DeviceChoice};
 use crate::input::Verify;
 use crate::method::Predictor;
 use crate::methods::open::{self, OpenRun};
 use crate::metrics::Evaluator;
-use crate::run::{MODELS, RunInfo};
+use crate::run::{KeptModel, RunInfo};
 use crate::split::Split;
 use anyhow::{Result, bail, ensure};
 use corf::{Field, RasterConfig};
 use corf_scene::dataset::Dataset;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Part that a keyframe plays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -39,20 +41,31 @@ pub(super) struct Run {
     pub field: Option<(Field, RasterConfig)>,
 }
 
-/// A run with its data set, or a data set alone.
+/// A reconstruction at work.
+pub(super) struct Work {
+    /// Id of its method.
+    pub method: String,
+    /// Its seed.
+    pub seed: u64,
+    /// Keyframes that it is trained on, and that it will be judged by.
+    pub split: Split,
+    /// How far it is.
+    pub growth: Arc<Growth>,
+}
+
+/// A run with its data set, a data set alone, or a reconstruction at work with the data set that it works on.
 pub struct Subject {
     /// The data set.
     pub(super) dataset: Dataset,
     /// The run.
     pub(super) run: Option<Run>,
+    /// The reconstruction at work.
+    pub(super) work: Option<Work>,
 }
 
 /// The one run that a comparison's folder keeps.
 fn kept_run(folder: &Path) -> Result<PathBuf> {
-    let models = folder.join(MODELS);
-    let mut runs: Vec<PathBuf> = std::fs::read_dir(&models).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
-    runs.retain(|run| run.join("run.json").exists());
-    runs.sort();
+    let runs: Vec<PathBuf> = KeptModel::all(folder).into_iter().map(|model| model.folder).collect();
     match runs.as_slice() {
         [run] => Ok(run.clone()),
         [] => bail!(
@@ -81,14 +94,14 @@ impl Subject {
         );
         let holds = |file: &str| folder.join(file).exists();
         if holds("run.json") || holds("config.json") {
-            return Self::of_run(folder, dataset, verify, device);
+            return Self::of_run(folder, dataset, verify, &device.resolve()?);
         }
         if holds("plan.toml") {
             let kept = kept_run(folder)?;
             // The folder of a demo may have been moved, with the data set in it.
             let beside = folder.join("dataset");
             let beside = beside.join("dataset.json").exists().then_some(beside);
-            return Self::of_run(&kept, dataset.or(beside.as_deref()), verify, device);
+            return Self::of_run(&kept, dataset.or(beside.as_deref()), verify, &device.resolve()?);
         }
         if !holds("dataset.json") && !holds("dataset.partial.json") {
             bail!(
@@ -98,21 +111,35 @@ impl Subject {
             );
         }
         ensure!(dataset.is_none(), "{} is a data set itself\n  help: leave --dataset out", folder.display());
-        Ok(Self { dataset: verify.open(folder)?.dataset, run: None })
+        Ok(Self { dataset: verify.open(folder)?.dataset, run: None, work: None })
     }
 
-    fn of_run(folder: &Path, dataset: Option<&Path>, verify: Verify, device: DeviceChoice) -> Result<Self> {
-        let OpenRun { info, input, split, predictor, .. } = open::open(folder, dataset, verify, &device.resolve()?)?;
+    /// Opens a run folder; `dataset` says where its data set is now, if it has moved, `backend` renders its predictions.
+    ///
+    /// # Errors
+    /// A run or data set that is not finished, damaged or elsewhere.
+    pub fn of_run(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Backend) -> Result<Self> {
+        let OpenRun { info, input, split, predictor, .. } = open::open(folder, dataset, verify, backend)?;
         let raster = open::raster_of(folder, &info)?;
         let field = raster.map(|raster| Ok::<_, corf::Error>((Field::read(folder)?, raster))).transpose()?;
         let evaluator = Evaluator::of(&input);
-        Ok(Self { dataset: input.dataset, run: Some(Run { info, split, predictor, evaluator, field }) })
+        Ok(Self { dataset: input.dataset, run: Some(Run { info, split, predictor, evaluator, field }), work: None })
+    }
+
+    /// A reconstruction at work on a data set.
+    pub(super) fn at_work(dataset: Dataset, work: Work) -> Self {
+        Self { dataset, run: None, work: Some(work) }
+    }
+
+    /// The split that training keeps to, where there is one.
+    fn split(&self) -> Option<&Split> {
+        self.run.as_ref().map(|run| &run.split).or(self.work.as_ref().map(|work| &work.split))
     }
 
     /// The part that keyframe `index` plays.
     pub(super) fn role(&self, index: usize) -> Role {
-        let (train, test) = match &self.run {
-            Some(run) => (run.split.train.as_slice(), run.split.held_out.as_slice()),
+        let (train, test) = match self.split() {
+            Some(split) => (split.train.as_slice(), split.held_out.as_slice()),
             None => (self.dataset.train_indices(), self.dataset.test_indices()),
         };
         match index {

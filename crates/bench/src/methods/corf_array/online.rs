@@ -1,11 +1,12 @@
 //! Keyframe after keyframe through light and radio, with checkpoints on the way.
 
-use crate::method::{Advance, StageTime, TrainingSet};
+use crate::method::{Advance, FieldReader, StageTime, TrainingSet};
 use crate::methods::corf_gs::Keeper;
 use anyhow::{Context, Result};
 use corf::array::{ArrayField, ArrayTrainer, Observed};
 use corf::{KeyframeTiming, Reconstructor};
 use corf_scene::Keyframe;
+use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -88,8 +89,11 @@ impl Online<'_> {
         if self.keeper.is_due(done, false) {
             self.keep(done)?;
         }
-        let told = Advance { gaussians: Some(self.light.gaussian_count()), ..Advance::of(done, self.training.len()) };
-        (self.advance)(told).inspect_err(|_| {
+        let (gaussians, total) = (Some(self.light.gaussian_count()), self.training.len());
+        let light = RefCell::new(&mut self.light);
+        let read = || Some(light.borrow_mut().field());
+        let field = Some(FieldReader::new(&read));
+        (self.advance)(Advance { gaussians, field, ..Advance::of(done, total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
             if self.keeper.kept() != Some(done) {
                 let _ = self.keep(done);

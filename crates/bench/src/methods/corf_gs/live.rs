@@ -3,12 +3,13 @@
 use super::{CorfGs, Relay};
 use crate::interrupt;
 use crate::live::{Receipt, Session, Taken};
-use crate::method::{Advance, Predictor};
+use crate::method::{Advance, FieldReader, Predictor};
 use anyhow::{Result, bail};
 use corf::Reconstructor;
 use corf::config::DepthPriorKind;
 use corf_scene::keyframe::Modalities;
 use corf_scene::live::LiveDescription;
+use std::cell::RefCell;
 
 /// The overrides of a live run: the user's, and what follows from nothing being known in advance. A prior that is not chosen is the
 /// keyframes' own depth, where the description announces some, and matching alone elsewhere. No steps are left for the next
@@ -149,7 +150,10 @@ impl Live {
             self.told += 1;
             session.trained(&timing, gaussians)?;
             let total = self.announced.max(self.received);
-            advance(Advance { gaussians: Some(gaussians), keyframe: Some(&timing), ..Advance::of(self.told, total) })?;
+            let reconstructor = RefCell::new(&mut self.reconstructor);
+            let read = || Some(reconstructor.borrow_mut().field());
+            let field = Some(FieldReader::new(&read));
+            advance(Advance { gaussians: Some(gaussians), keyframe: Some(&timing), field, ..Advance::of(self.told, total) })?;
         }
         Ok(())
     }

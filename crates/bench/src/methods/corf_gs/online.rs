@@ -1,8 +1,9 @@
 //! Keyframe after keyframe through a reconstructor, with checkpoints on the way.
 
-use crate::method::{Advance, Checkpoints, TrainingSet};
+use crate::method::{Advance, Checkpoints, FieldReader, TrainingSet};
 use anyhow::{Context, Result};
 use corf::{Checkpoint, KeyframeTiming, Reconstructor};
+use std::cell::RefCell;
 use std::path::Path;
 use std::time::Instant;
 
@@ -64,8 +65,11 @@ impl Online<'_> {
             self.keeper.keep(&mut self.reconstructor)?;
         }
         let keyframe = self.next_timing();
-        let told = Advance { gaussians: Some(report.gaussians), keyframe: keyframe.as_ref(), ..Advance::of(done, self.total) };
-        advance(told).inspect_err(|_| {
+        let reconstructor = RefCell::new(&mut self.reconstructor);
+        let read = || Some(reconstructor.borrow_mut().field());
+        let field = Some(FieldReader::new(&read));
+        let gaussians = Some(report.gaussians);
+        advance(Advance { gaussians, keyframe: keyframe.as_ref(), field, ..Advance::of(done, self.total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
             if self.keeper.kept != Some(done) {
                 let _ = self.keeper.keep(&mut self.reconstructor);

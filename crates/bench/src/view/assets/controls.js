@@ -4,21 +4,23 @@
 const LEAST_DISTANCE = 0.4;
 /** Speed of flight, metres a second. */
 const SPEED = 1.6;
-/** Farthest a press may wander and still be a click, pixels. */
+/** Farthest a press may wander and still be a click, pixels: of a mouse, and of a finger, which is broad and never quite still. */
 const CLICK_PX = 5;
+const TAP_PX = 14;
 
 class Controls {
   /**
    * @param element What is dragged on.
    * @param view The view, which is changed in place.
-   * @param hooks changed(), clicked(x, y), hovered(x, y), focal(): pixels of the page a radian spans.
+   * @param hooks changed(), clicked(x, y, whether by a finger), hovered(x, y), focal(): pixels of the page a radian spans.
    */
   constructor(element, view, hooks) {
     Object.assign(this, { element, view, hooks, distance: 2.5, around: true, keys: new Set(), pointers: new Map(), last: 0 });
     element.addEventListener('pointerdown', (e) => this.#down(e));
     element.addEventListener('pointermove', (e) => this.#move(e));
     for (const end of ['pointerup', 'pointercancel']) element.addEventListener(end, (e) => this.#up(e));
-    element.addEventListener('pointerleave', () => hooks.hovered(-1, -1));
+    // A finger leaves with every touch; what it has pointed at stays.
+    element.addEventListener('pointerleave', (e) => e.pointerType === 'mouse' && hooks.hovered(-1, -1));
     element.addEventListener('contextmenu', (e) => e.preventDefault());
     element.addEventListener('wheel', (e) => this.#wheel(e), { passive: false });
     window.addEventListener('keydown', (e) => this.#key(e, true));
@@ -41,7 +43,8 @@ class Controls {
     const pointer = this.pointers.get(e.pointerId);
     if (!pointer) return this.hooks.hovered(e.offsetX, e.offsetY);
     const dx = e.offsetX - pointer.x, dy = e.offsetY - pointer.y;
-    if (Math.hypot(e.offsetX - pointer.from[0], e.offsetY - pointer.from[1]) > CLICK_PX) pointer.still = false;
+    const most = e.pointerType === 'touch' ? TAP_PX : CLICK_PX;
+    if (Math.hypot(e.offsetX - pointer.from[0], e.offsetY - pointer.from[1]) > most) pointer.still = false;
     if (pointer.still) return;
     const before = this.#spread();
     [pointer.x, pointer.y] = [e.offsetX, e.offsetY];
@@ -62,7 +65,10 @@ class Controls {
   #up(e) {
     const pointer = this.pointers.get(e.pointerId);
     this.pointers.delete(e.pointerId);
-    if (pointer?.still && e.type === 'pointerup' && e.button === 0) this.hooks.clicked(e.offsetX, e.offsetY);
+    if (pointer?.still && e.type === 'pointerup' && e.button === 0) {
+      if (e.pointerType !== 'mouse') this.hooks.hovered(e.offsetX, e.offsetY);
+      this.hooks.clicked(e.offsetX, e.offsetY, e.pointerType === 'touch');
+    }
     this.hooks.changed();
   }
 

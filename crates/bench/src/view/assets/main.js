@@ -32,16 +32,16 @@ class App {
     });
     this.overlay = new Overlay(this.at('lines'), scene);
     this.#say('loading …');
-    if (scene.field) this.renderer.loadField(await source.bytes('field'));
+    if (scene.field) this.renderer.loadField(await source.bytes('field'), scene.field);
     for (const half of ['optical', 'rf']) if (scene.points[half]) this.renderer.loadPoints(half, await source.bytes(`points-${half}`));
     this.controls = new Controls(this.at('lines'), this.view, {
       changed: () => this.redraw(),
-      clicked: (x, y) => this.#clicked(x, y),
+      clicked: (x, y, finger) => this.#clicked(x, y, finger),
       hovered: (x, y) => this.#hovered(x, y),
       focal: () => this.views[0]?.page.fx ?? 500,
     });
     this.views = [];
-    const halves = ['optical', 'rf'].filter((half) => this.renderer.has(half));
+    const halves = ['optical', 'rf'].filter((half) => scene.growing?.[half] || this.renderer.has(half));
     this.modes = halves.length === 2 ? ['optical', 'rf', 'both'] : halves;
     this.mode = this.modes.includes(asked.get('mode')) ? asked.get('mode') : this.modes[0] ?? 'optical';
     this.locked = asked.get('lock') === '1' && scene.modalities.radio;
@@ -60,6 +60,26 @@ class App {
       requestAnimationFrame(frame);
     };
     requestAnimationFrame(frame);
+    if (scene.growing) this.#grow();
+  }
+
+  /** Takes every new field of a reconstruction at work, and leaves the camera where it is. */
+  #grow() {
+    this.#say('waiting for the first keyframes …');
+    const field = (buffer, layout) => {
+      const first = !this.scene.field;
+      this.scene.field = layout;
+      this.renderer.loadField(buffer, layout);
+      // What is turned around lies where there is something now.
+      if (first) this.controls.distance = this.#ahead();
+    };
+    const told = (keyframes) => {
+      if (keyframes === this.overlay.grown) return;
+      this.overlay.grown = keyframes;
+      this.panel.grown(keyframes);
+      this.redraw();
+    };
+    new Growth(this.scene, this.source, { field, told }).follow().then(() => this.scene.field || this.#say(''));
   }
 
   redraw() {
@@ -144,7 +164,7 @@ class App {
     if (scene.modalities.radio) this.at('scale').append(powerBar(scene));
     if (this.asked.get('panel') === '0') this.#fold();
     if (!this.modes.length) this.#say(scene.missing);
-    else if (!scene.field) this.#say('');
+    else if (!scene.field && !scene.growing) this.#say('');
     for (const note of scene.notes) this.at('legend').after(make('p', { className: 'note', textContent: note }));
     this.#update();
   }
@@ -268,9 +288,9 @@ class App {
     return null;
   }
 
-  #clicked(x, y) {
-    const under = this.#under(x, y);
-    const hit = under ? this.overlay.hit(axesOf(this.view), this.view.eye, under.view.page, under.u, under.v) : -1;
+  #clicked(x, y, finger) {
+    const under = this.#under(x, y), grace = finger ? FINGER_PX : GRACE_PX;
+    const hit = under ? this.overlay.hit(axesOf(this.view), this.view.eye, under.view.page, under.u, under.v, grace) : -1;
     if (hit >= 0) this.choose(hit);
   }
 

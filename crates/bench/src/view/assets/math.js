@@ -67,6 +67,9 @@ function anglesOfPixel(camera, u, v) {
   return { azimuth: degrees(Math.atan2(-x, 1)), elevation: degrees(Math.atan2(-y, Math.hypot(x, 1))) };
 }
 
+/** A whole number with its thousands apart. */
+const grouped = (count) => String(count).replace(/\B(?=(\d{3})+$)/g, '\u202f');
+
 /** The bytes of a base64 text. */
 function bytesOf(base64) {
   const text = atob(base64);

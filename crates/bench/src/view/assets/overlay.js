@@ -3,14 +3,18 @@
 const INK = { path: '#8fa3bf', train: '#7fb2ff', test: '#ffb454', other: '#8b93a1', chosen: '#ffffff', transmitter: '#ff5d73' };
 /** Lines end this far in front of the eye, metres. */
 const NEAR_LINE = 0.03;
-/** Room around a pyramid in which a click still hits it, and the width from which on its inside is none, pixels. */
+/** Room around a pyramid in which a click or a finger still hits it, and the width from which on its inside is none, pixels. */
 const GRACE_PX = 6;
+const FINGER_PX = 16;
 const LARGE_PX = 120;
 
 class Overlay {
   /** @param scene The scene document; frusta are sized by the distance between keyframes. */
   constructor(canvas, scene) {
-    Object.assign(this, { canvas, scene, ink: canvas.getContext('2d'), hovered: -1 });
+    Object.assign(this, { canvas, scene, ink: canvas.getContext('2d'), hovered: -1, grown: 0 });
+    // Of a reconstruction at work: which of its training keyframes each is.
+    let trained = 0;
+    this.turn = scene.keyframes.map((k) => (k.role === 'train' ? trained++ : -1));
     const eyes = scene.keyframes.map((k) => [k.pose[0][3], k.pose[1][3], k.pose[2][3]]);
     const steps = eyes.slice(1).map((e, i) => Math.hypot(...minus(e, eyes[i]))).filter((s) => s > 0).sort((a, b) => a - b);
     this.size = clamp(0.4 * (steps[steps.length >> 1] ?? 0.4), 0.06, 0.3);
@@ -73,7 +77,8 @@ class Overlay {
       const distance = Math.hypot(...minus(this.eyes[i], eye)) / this.size;
       if (distance < 1) continue;
       const marked = i === chosen || i === this.hovered;
-      ink.globalAlpha = marked ? 1 : clamp((distance - 1) / 8, 0.1, 0.85);
+      const ahead = scene.growing && this.turn[i] >= this.grown ? 0.3 : 1;
+      ink.globalAlpha = marked ? 1 : ahead * clamp((distance - 1) / 8, 0.1, 0.85);
       ink.lineWidth = marked ? 2 : 1;
       ink.strokeStyle = i === chosen ? INK.chosen : INK[scene.keyframes[i].role] ?? INK.other;
       ink.beginPath();
@@ -140,7 +145,7 @@ class Overlay {
   }
 
   /** The keyframe drawn at a place of a view, the nearest to the eye of several; -1 if there is none. */
-  hit(axes, eye, camera, x, y) {
+  hit(axes, eye, camera, x, y, grace = GRACE_PX) {
     let best = -1, bestDepth = Infinity;
     for (let i = 0; i < this.eyes.length; i++) {
       if (Math.hypot(...minus(this.eyes[i], eye)) < this.size) continue;
@@ -149,9 +154,9 @@ class Overlay {
       const at = corners.map((p) => this.#project(camera, p));
       const [left, right] = [Math.min(...at.map((p) => p[0])), Math.max(...at.map((p) => p[0]))];
       const [top, bottom] = [Math.min(...at.map((p) => p[1])), Math.max(...at.map((p) => p[1]))];
-      const inside = x > left - GRACE_PX && x < right + GRACE_PX && y > top - GRACE_PX && y < bottom + GRACE_PX;
+      const inside = x > left - grace && x < right + grace && y > top - grace && y < bottom + grace;
       // One that fills the view is hit at its tip alone.
-      const tip = Math.hypot(x - at[0][0], y - at[0][1]) < 2 * GRACE_PX;
+      const tip = Math.hypot(x - at[0][0], y - at[0][1]) < 2 * grace;
       if ((tip || (inside && right - left < LARGE_PX)) && corners[0][2] < bestDepth) [best, bestDepth] = [i, corners[0][2]];
     }
     return best;

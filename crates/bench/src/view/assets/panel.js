@@ -45,8 +45,18 @@ class Panel {
       swatch.style.background = colours[role];
       this.at('legend').append(swatch, make('span', { textContent: `${count} ${roles[role][0]}`, title: roles[role][1] }));
     }
+    if (scene.growing) {
+      this.at('legend').append(make('span', { className: 'ahead', textContent: 'faint: to come' }));
+      this.grown(0);
+    }
     const large = this.at('large');
     large.addEventListener('click', (e) => e.target === large && large.close());
+  }
+
+  /** Of a reconstruction at work: its first `count` training keyframes are done. */
+  grown(count) {
+    const cells = [...this.at('strip').children].filter((_, i) => this.scene.keyframes[i].role === 'train');
+    cells.forEach((cell, i) => cell.classList.toggle('ahead', i >= count));
   }
 
   /** Shows a keyframe. */

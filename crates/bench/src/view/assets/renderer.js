@@ -64,8 +64,10 @@ class Target {
 
 class Renderer {
   #gl;
-  #scene;
+  /** What is drawn, and what takes its place once it is in order. */
   #splats = null;
+  #next = null;
+  #row = null;
   #points = {};
   #ramp;
   #targets;
@@ -75,10 +77,10 @@ class Renderer {
     const gl = canvas.getContext('webgl2', { alpha: false, antialias: false, preserveDrawingBuffer: true, powerPreference: 'high-performance' });
     if (!gl) throw new Error('this browser offers no WebGL 2, which drawing needs; another browser, or its hardware acceleration, may');
     this.#gl = gl;
-    this.#scene = scene;
     this.drawn = drawn;
     const halves = gl.getExtension('EXT_color_buffer_float') || gl.getExtension('EXT_color_buffer_half_float');
     this.#targets = { optical: new Target(gl, halves ? gl.RGBA16F : gl.RGBA8), rf: new Target(gl, halves ? gl.RGBA16F : gl.RGBA8) };
+    this.splat = program(gl, SPLAT_VERTEX, SPLAT_FRAGMENT);
     this.resolve = program(gl, RESOLVE_VERTEX, RESOLVE_FRAGMENT);
     this.pointProgram = program(gl, POINT_VERTEX, POINT_FRAGMENT);
     this.empty = gl.createVertexArray();
@@ -90,17 +92,39 @@ class Renderer {
     for (const what of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, what, gl.CLAMP_TO_EDGE);
   }
 
-  /** Takes the Gaussians of a field: 12 floats each, then the harmonics of light, then those of radio, as halves. */
-  loadField(buffer) {
-    const gl = this.#gl, { field } = this.#scene;
-    const geometry = new Float32Array(buffer, 0, 12 * field.count);
-    const position = new Float32Array(3 * field.count);
-    for (let i = 0; i < field.count; i++) position.set(geometry.subarray(12 * i, 12 * i + 3), 3 * i);
+  /**
+   * Takes the Gaussians of a field: 12 floats each, then the harmonics of light, then those of radio, as halves. Those that are drawn already stay
+   * until these are in order.
+   */
+  loadField(buffer, layout) {
+    const gl = this.#gl, next = this.#upload(buffer, layout);
+    next.sorter = new DepthOrder(next.position, layout.near_m, (sorted, row) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, next.order);
+      gl.bufferSubData(gl.ARRAY_BUFFER, 0, sorted);
+      next.count = sorted.length;
+      next.row = row.join();
+      if (this.#next === next) {
+        this.#release(this.#splats);
+        [this.#splats, this.#next] = [next, null];
+      }
+      this.drawn();
+    });
+    this.#release(this.#next);
+    this.#next = next;
+    if (this.#row) next.sorter.request(this.#row);
+  }
+
+  #upload(buffer, layout) {
+    const gl = this.#gl, halves = ['optical', 'rf'].filter((half) => layout[half]);
+    // Bytes say how many there are: a field that grows may have gone on since its layout was told.
+    const each = 48 + halves.reduce((sum, half) => sum + 8 * layout[half].texels, 0), total = buffer.byteLength / each;
+    const geometry = new Float32Array(buffer, 0, 12 * total);
+    const position = new Float32Array(3 * total);
+    for (let i = 0; i < total; i++) position.set(geometry.subarray(12 * i, 12 * i + 3), 3 * i);
     let at = geometry.byteLength;
     const harmonics = {};
-    for (const half of ['optical', 'rf']) {
-      if (!field[half]) continue;
-      const values = new Uint16Array(buffer, at, 4 * field[half].texels * field.count);
+    for (const half of halves) {
+      const values = new Uint16Array(buffer, at, 4 * layout[half].texels * total);
       at += values.byteLength;
       harmonics[half] = dataTexture(gl, gl.RGBA16F, gl.HALF_FLOAT, values);
     }
@@ -108,22 +132,22 @@ class Renderer {
     gl.bindVertexArray(array);
     const order = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, order);
-    gl.bufferData(gl.ARRAY_BUFFER, 4 * field.count, gl.DYNAMIC_DRAW);
+    gl.bufferData(gl.ARRAY_BUFFER, 4 * total, gl.DYNAMIC_DRAW);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
     gl.vertexAttribDivisor(0, 1);
     gl.bindVertexArray(null);
-    this.#splats = {
-      ...program(gl, SPLAT_VERTEX, SPLAT_FRAGMENT),
-      geometry: dataTexture(gl, gl.RGBA32F, gl.FLOAT, geometry), harmonics, array, order, count: 0, row: '', position,
-    };
-    this.sorter = new DepthOrder(position, field.near_m, (sorted, row) => {
-      gl.bindBuffer(gl.ARRAY_BUFFER, order);
-      gl.bufferSubData(gl.ARRAY_BUFFER, 0, sorted);
-      this.#splats.count = sorted.length;
-      this.#splats.row = row.join();
-      this.drawn();
-    });
+    return { layout, geometry: dataTexture(gl, gl.RGBA32F, gl.FLOAT, geometry), harmonics, array, order, count: 0, row: '', position };
+  }
+
+  /** Gives back what the graphics device holds of Gaussians that are drawn no more. */
+  #release(splats) {
+    if (!splats) return;
+    const gl = this.#gl;
+    splats.sorter.close();
+    for (const texture of [splats.geometry, ...Object.values(splats.harmonics)]) gl.deleteTexture(texture);
+    gl.deleteBuffer(splats.order);
+    gl.deleteVertexArray(splats.array);
   }
 
   /** Takes the points of a data set: x, y, z as floats and a colour as bytes. */
@@ -145,20 +169,21 @@ class Renderer {
 
   /** Middles of the Gaussians, or the points: what can be turned around. */
   get positions() {
-    return this.#splats?.position ?? this.#points.optical?.position ?? this.#points.rf?.position ?? [];
+    return (this.#splats ?? this.#next)?.position ?? this.#points.optical?.position ?? this.#points.rf?.position ?? [];
   }
 
   /** Whether half a field ('optical', 'rf') can be drawn. */
   has(half) {
-    return Boolean(this.#splats?.harmonics[half] || this.#points[half]);
+    return Boolean((this.#splats ?? this.#next)?.harmonics[half] || this.#points[half]);
   }
 
   /** Asks for the depth order of a view, unless it is at hand; true if it is. */
   order(axes, eye) {
-    if (!this.#splats) return true;
-    const row = [...axes.forward, -dot(axes.forward, eye)];
+    const row = this.#row = [...axes.forward, -dot(axes.forward, eye)];
+    this.#next?.sorter.request(row);
+    if (!this.#splats) return !this.#next;
     if (row.join() === this.#splats.row) return true;
-    this.sorter.request(row);
+    this.#splats.sorter.request(row);
     return false;
   }
 
@@ -197,7 +222,7 @@ class Renderer {
   }
 
   #drawSplats(half, axes, eye, camera, place, crisp) {
-    const gl = this.#gl, { field } = this.#scene, splats = this.#splats, { places } = splats;
+    const gl = this.#gl, splats = this.#splats, field = splats.layout, { places } = this.splat;
     const appearance = field[half], target = this.#targets[half];
     target.resize(camera.width, camera.height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
@@ -205,8 +230,8 @@ class Renderer {
     gl.disable(gl.DEPTH_TEST);
     gl.clearColor(...appearance.background, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
-    gl.useProgram(splats.made);
-    this.#pose(splats, axes, eye, camera);
+    gl.useProgram(this.splat.made);
+    this.#pose(this.splat, axes, eye, camera);
     gl.uniform3fv(places.eye, eye);
     const limit = (size, f, c) => [(-BORDER * size - c) / f, ((1 + BORDER) * size - c) / f];
     const [left, right] = limit(camera.width, camera.fx, camera.cx), [top, bottom] = limit(camera.height, camera.fy, camera.cy);

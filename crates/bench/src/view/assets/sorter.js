@@ -45,6 +45,7 @@ function makeSorter(position) {
 
 /** Orders Gaussians in a worker, one request at a time; of requests that come meanwhile the last one counts. */
 class DepthOrder {
+  #url;
   #worker;
   #busy = null;
   #waiting = null;
@@ -55,8 +56,8 @@ class DepthOrder {
     this.#near = near;
     const program = `${makeSorter};let sort;onmessage=({data})=>{if(data.position)sort=makeSorter(data.position);` +
       'else{const order=sort(data.row,data.near);postMessage({order,row:data.row},[order.buffer]);}};';
-    const url = URL.createObjectURL(new Blob([program], { type: 'text/javascript' }));
-    this.#worker = new Worker(url);
+    this.#url = URL.createObjectURL(new Blob([program], { type: 'text/javascript' }));
+    this.#worker = new Worker(this.#url);
     this.#worker.onmessage = ({ data }) => {
       this.#busy = null;
       done(data.order, data.row);
@@ -70,6 +71,12 @@ class DepthOrder {
     if (!this.#busy) this.#send(row);
     else if (this.#busy.join() !== row.join()) this.#waiting = row;
     else this.#waiting = null;
+  }
+
+  /** Ends the worker. */
+  close() {
+    this.#worker.terminate();
+    URL.revokeObjectURL(this.#url);
   }
 
   #send(row) {

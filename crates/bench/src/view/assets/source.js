@@ -22,7 +22,7 @@ class ServedSource {
     try {
       answer = await fetch(`data/${name}`);
     } catch {
-      throw new Error('the program that serves this page has ended: start corf view again');
+      throw new Error('the program that serves this page has ended');
     }
     if (!answer.ok) throw new Error((await answer.text()).trim() || `the server answered ${answer.status}`);
     return answer;
@@ -32,6 +32,11 @@ class ServedSource {
   }
   async bytes(name) {
     return (await this.#get(name)).arrayBuffer();
+  }
+  /** The field of a reconstruction at work, and which version it is. */
+  async field() {
+    const answer = await this.#get('field');
+    return { buffer: await answer.arrayBuffer(), version: Number(answer.headers.get('ETag').replaceAll('"', '')) };
   }
 }
 
