@@ -22,7 +22,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from check_view import BROWSERS, Browser
+from check_view import BROWSERS, Browser, changed
 
 # Hands are given the page's own objects.
 START = "await new App(await source.json('scene'), source, asked).start();"
@@ -248,24 +248,17 @@ def exposed(page, folder):
     text = page.read_text()
     if text.count(START) != 1:
         raise ValueError(f"{page} is no page of corf view --export of this version")
-    changed = folder / "page.html"
-    changed.write_text(text.replace(START, EXPOSED))
-    return changed
+    copy = folder / "page.html"
+    copy.write_text(text.replace(START, EXPOSED))
+    return copy
 
 
-def broken(page, folder):
-    """Pages whose fingers do other things, by what is wrong with them."""
-    text = page.read_text()
-    for name, before, after in [
-        ("no pinch", "if (before > 0) this.dolly", "if (before < 0) this.dolly"),
-        ("a pan of each finger's own", "const share = 1 / this.pointers.size", "const share = 1"),
-        ("fingers without grace", "const TAP_PX = 14", "const TAP_PX = 2"),
-    ]:
-        if text.count(before) != 1:
-            raise ValueError(f"the page does not hold {before} once")
-        changed = folder / f"{name.replace(' ', '-').replace(chr(39), '')}.html"
-        changed.write_text(text.replace(before, after))
-        yield name, changed
+# What makes fingers do other things than they should.
+BROKEN = [
+    ("no pinch", "if (before > 0) this.dolly", "if (before < 0) this.dolly"),
+    ("a pan of each finger's own", "const share = 1 / this.pointers.size", "const share = 1"),
+    ("fingers without grace", "const TAP_PX = 14", "const TAP_PX = 2"),
+]
 
 
 def main():
@@ -285,8 +278,8 @@ def main():
             for name, words, good in check(browser, page):
                 failures += not good
                 print(f"{name:<50} {words:<36} {'ok' if good else 'NOT AS IT SHOULD BE'}", flush=True)
-            for name, changed in broken(page, folder) if given.controls else []:
-                noticed = not all(good for _, _, good in check(browser, changed))
+            for name, copy in changed(page, folder, BROKEN) if given.controls else []:
+                noticed = not all(good for _, _, good in check(browser, copy))
                 failures += not noticed
                 print(f"control: {name:<41} {'noticed' if noticed else 'not noticed':<36} {'ok' if noticed else 'NOT AS IT SHOULD BE'}", flush=True)
             if given.sort:

@@ -164,18 +164,22 @@ class Browser:
         self.profile.cleanup()
 
 
-def broken(page, folder):
-    """Pages that draw otherwise than corf does, by what is wrong with them."""
+def changed(page, folder, changes):
+    """Copies of a page, each with one thing replaced: names with the copies. A change is its name, the text before and the text after."""
     text = page.read_text()
-    for name, before, after in [
-        ("uncompensated", '"compensated":true', '"compensated":false'),
-        ("lowest harmonic alone", "k < coefficients;", "k < 1;"),
-    ]:
+    for name, before, after in changes:
         if text.count(before) != 1:
             raise ValueError(f"the page does not hold {before} once")
-        changed = folder / f"{name.replace(' ', '-')}.html"
-        changed.write_text(text.replace(before, after))
-        yield name, changed
+        copy = folder / f"{name.replace(' ', '-').replace(chr(39), '')}.html"
+        copy.write_text(text.replace(before, after))
+        yield name, copy
+
+
+# What makes a page draw otherwise than corf does.
+BROKEN = [
+    ("uncompensated", '"compensated":true', '"compensated":false'),
+    ("lowest harmonic alone", "k < coefficients;", "k < 1;"),
+]
 
 
 def main():
@@ -241,9 +245,9 @@ def compare(browser, given, page, views, numbers, folder):
                 tell(f"control: {field}, beside the keyframe next to it", other, other < given.least_db)
     if not compared:
         raise ValueError("corf render wrote no picture to compare with")
-    for name, changed in broken(page, folder) if given.controls else []:
+    for name, copy in changed(page, folder, BROKEN) if given.controls else []:
         worst = min(
-            psnr(browser.picture(changed, f"keyframe={numbers[0]}&mode={field}&bare=1"), rendering(0, field))
+            psnr(browser.picture(copy, f"keyframe={numbers[0]}&mode={field}&bare=1"), rendering(0, field))
             for field in FIELDS
             if rendering(0, field)
         )

@@ -85,7 +85,7 @@ class CheckPage(unittest.TestCase):
             page.write_text("".join(path.read_text() for path in sorted(self.ASSETS.glob("*.js"))))
             exposed = check_page.exposed(page, folder)
             self.assertIn("window.app", exposed.read_text())
-            self.assertEqual(len({changed.read_text() for _, changed in check_page.broken(exposed, folder)}), 3)
+            self.assertEqual(len({changed.read_text() for _, changed in check_page.changed(exposed, folder, check_page.BROKEN)}), 3)
             page.write_text("another page")
             with self.assertRaises(ValueError):
                 check_page.exposed(page, folder)

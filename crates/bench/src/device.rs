@@ -133,7 +133,7 @@ impl Backend {
         match self {
             Self::Cpu => false,
             #[cfg(feature = "gpu")]
-            Self::Gpu { number, .. } => wanted && corf::device::gpu::multiplies_in_half(&network_options(*number, true)),
+            Self::Gpu { number, .. } => corf::device::gpu::multiplies_in_half(&network_options(*number, wanted)),
         }
     }
 

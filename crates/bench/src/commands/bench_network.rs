@@ -134,8 +134,8 @@ impl Network {
                 anyhow::ensure!(self.rows > 0 && self.width > 0, "--rows and --width: give at least 1");
                 let times = corf::nn::gpu::measure_products(&network_options(*number, half), self.rows, self.width)?;
                 let line = |t: corf::nn::gpu::ProductTime| {
-                    let precision = precision(t.half);
-                    let name = format!("{}, {}x{}, tiles {}x{}{precision}", t.name, self.rows, self.width, t.tile[0], t.tile[1]);
+                    let [down, across] = t.tile;
+                    let name = format!("{}, {}x{}, tiles {down}x{across}{}", t.name, self.rows, self.width, precision(half));
                     self.measured(name, t.seconds, t.operations)
                 };
                 Ok(times.into_iter().map(line).collect())

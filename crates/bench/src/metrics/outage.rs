@@ -102,20 +102,22 @@ pub fn percent(holds: bool) -> f64 {
     if holds { 100.0 } else { 0.0 }
 }
 
+/// Rates of two beams, the best one's and the chosen one's, to look at in tests.
+#[cfg(test)]
+pub(crate) fn rates(best: f64, chosen: f64, predicted: f64, free: Option<f64>) -> LinkRates {
+    LinkRates {
+        best_beam: 27,
+        chosen_beam: 28,
+        best_rate_bps_hz: best,
+        chosen_rate_bps_hz: chosen,
+        predicted_rate_bps_hz: predicted,
+        free_space_rate_bps_hz: free,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn rates(best: f64, chosen: f64, predicted: f64, free: Option<f64>) -> LinkRates {
-        LinkRates {
-            best_beam: 27,
-            chosen_beam: 28,
-            best_rate_bps_hz: best,
-            chosen_rate_bps_hz: chosen,
-            predicted_rate_bps_hz: predicted,
-            free_space_rate_bps_hz: free,
-        }
-    }
 
     #[test]
     fn rates_are_those_of_the_gains() {

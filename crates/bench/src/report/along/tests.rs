@@ -1,18 +1,8 @@
 //! Truths about figures along the way: who is in them, what is said of outages, and that they are sound SVG.
 
 use super::*;
+use crate::metrics::outage::rates as link;
 use crate::metrics::{FrameMetrics, SpectrumMetrics, radio};
-
-fn link(best: f64, chosen: f64, predicted: f64, free: Option<f64>) -> LinkRates {
-    LinkRates {
-        best_beam: 27,
-        chosen_beam: 28,
-        best_rate_bps_hz: best,
-        chosen_rate_bps_hz: chosen,
-        predicted_rate_bps_hz: predicted,
-        free_space_rate_bps_hz: free,
-    }
-}
 
 fn frame(index: usize, link: Option<LinkRates>) -> FrameMetrics {
     let radio = radio::RadioMetrics {

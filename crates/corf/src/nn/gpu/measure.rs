@@ -13,8 +13,6 @@ use std::time::Instant;
 pub struct ProductTime {
     /// Name of the product.
     pub name: &'static str,
-    /// Whether the numbers multiplied were f16.
-    pub half: bool,
     /// Rows and columns of the tile that a workgroup computes.
     pub tile: [u32; 2],
     /// Floating-point operations.
@@ -87,7 +85,7 @@ pub fn measure_products(options: &GpuOptions, rows: usize, width: usize) -> Resu
             }
             let tile = [tile.rows, tile.columns];
             let operations = plan::operations(&shape);
-            times.push(ProductTime { name: product.name(), half: context.matrix_units, tile, operations, seconds });
+            times.push(ProductTime { name: product.name(), tile, operations, seconds });
         }
     }
     Ok(times)

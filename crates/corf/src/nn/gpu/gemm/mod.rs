@@ -40,9 +40,8 @@ impl Product {
 }
 
 /// What the numbers of both panels are while they are multiplied; sums are f32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Arithmetic {
-    #[default]
     Single,
     /// f16, by the adapter's matrix units.
     Half,
