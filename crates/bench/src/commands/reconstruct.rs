@@ -249,7 +249,11 @@ fn summary(info: &RunInfo) -> String {
         text += &format!("\n{:.1} % of the sampled pixels found no depth", 100.0 * d.dropped_without_depth);
     }
     if let Some(l) = &info.latency {
-        text += &format!("\n{:.2} keyframes/s; latency of a keyframe, ms    median      p90      p99", l.keyframes_per_second);
+        let rate = l.keyframes_per_second;
+        text += &format!(
+            "\nexpansion and training alone: {rate:.2} keyframes/s\n{:<48}   median      p90      p99",
+            "latency of a keyframe, ms"
+        );
         for (name, p) in [
             ("arrival to optimised", l.total),
             ("  wait", l.wait),

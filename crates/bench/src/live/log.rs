@@ -55,9 +55,12 @@ pub struct LiveRecord {
     /// Keyframes that landed per second between the first and the last, where these were seen at different times.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub arrivals_per_second: Option<f64>,
-    /// Keyframes per second of expansion and training: what the device can take.
+    /// Keyframes per second of expansion and training alone. Preparation (decoding, depth) runs beside them, and may be slower.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub capacity_per_second: Option<f64>,
+    /// Keyframes whose training ended per second between the first and the last: what was taken in fact. Where the device kept up, it could have taken more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub taken_per_second: Option<f64>,
     /// Time from arrival to the end of a keyframe's training.
     pub latency: Percentiles,
     /// Whether keyframes were dropped, or more than `bootstrap_keyframes` waited at once.
@@ -83,8 +86,9 @@ impl LiveRecord {
         );
         let rate = |rate: Option<f64>| rate.map_or("–".to_owned(), |r| format!("{r:.2}"));
         text += &format!(
-            "\nkeyframes came at {}/s, the device takes {}/s: it {}",
+            "\nkeyframes came at {}/s and were taken at {}/s (expansion and training alone: {}/s): it {}",
             rate(self.arrivals_per_second),
+            rate(self.taken_per_second),
             rate(self.capacity_per_second),
             if self.fell_behind { "FELL BEHIND" } else { "kept up" }
         );
@@ -109,6 +113,8 @@ pub(super) struct Log {
     dropped: Vec<u64>,
     refused: Vec<[String; 2]>,
     latencies_s: Vec<f64>,
+    /// When the training of the first and of the latest keyframe ended, after the start.
+    done_s: Option<[f64; 2]>,
     depth: DepthSources,
     warned_at: usize,
 }
@@ -137,6 +143,7 @@ impl Log {
             dropped: Vec::new(),
             refused: Vec::new(),
             latencies_s: Vec::new(),
+            done_s: None,
             depth: DepthSources::default(),
             warned_at: BEHIND,
         };
@@ -158,6 +165,8 @@ impl Log {
         let (arrived_s, latency_s) = (self.since_start(t.arrived), t.timing.total_s());
         self.trained += 1;
         self.latencies_s.push(latency_s);
+        let done_s = arrived_s + latency_s;
+        self.done_s = Some([self.done_s.map_or(done_s, |d| d[0]), done_s]);
         match t.depth {
             "file" => self.depth.files += 1,
             "network" => self.depth.network += 1,
@@ -182,7 +191,7 @@ impl Log {
             "index": index,
             "arrived_s": arrived_s,
             "began_s": arrived_s + wait_s,
-            "done_s": arrived_s + latency_s,
+            "done_s": done_s,
             "latency_ms": 1e3 * latency_s,
             "prepare_ms": 1e3 * prepare_s,
             "expand_ms": 1e3 * expand_s,
@@ -262,6 +271,7 @@ impl Log {
             refused: self.refused,
             longest_queue: tally.longest_queue,
             arrivals_per_second: tally.first_and_last.and_then(rate),
+            taken_per_second: self.done_s.filter(|d| d[1] > d[0]).map(|d| (self.trained - 1) as f64 / (d[1] - d[0])),
             capacity_per_second: LatencySummary::of(timings).map(|l| l.keyframes_per_second),
             latency: Percentiles::of(self.latencies_s.into_iter()),
             depth: self.depth,

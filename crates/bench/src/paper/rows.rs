@@ -25,7 +25,7 @@ pub struct Matched<'r, 'a> {
 }
 
 /// The row of a method with a budget, `None` without one. Of several the one with the fewest settings that are not the method's own is taken,
-/// and of equals the first.
+/// and of equals the first; one that has failed in all its cells stands behind all others.
 pub fn find<'r, 'a>(rows: &'r [Row<'a>], family: Family, method: &str, budget: &[u64]) -> Option<Matched<'r, 'a>> {
     // What this version does not know (a method that was taken out) has no settings of its own to compare with.
     let own = methods::create(method, &toml::Table::new(), &Backend::Cpu).ok().map(|m| m.config());
@@ -34,7 +34,7 @@ pub fn find<'r, 'a>(rows: &'r [Row<'a>], family: Family, method: &str, budget: &
         .filter(|r| r.method == method && has_budget(r.config, family, budget) && !is_other_method(r.config))
         .map(|r| (own.as_ref().map_or(Vec::new(), |own| differences(own, r.config, family)), r))
         .collect();
-    found.sort_by_key(|(unusual, _)| unusual.len());
+    found.sort_by_key(|(unusual, row)| (row.done.is_empty(), unusual.len()));
     let mut found = found.into_iter();
     let (unusual, row) = found.next()?;
     Some(Matched { row, unusual, shorter: false, others: found.map(|(_, r)| r.label).collect() })

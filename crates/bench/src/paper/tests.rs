@@ -92,6 +92,19 @@ fn rows_are_found_by_method_and_budget_and_the_methods_own_settings_come_first()
 }
 
 #[test]
+fn a_row_that_failed_gives_way_to_one_with_other_settings() {
+    let mut records = records();
+    records.push(record("uniform, fewer", "corf-gs-uniform", "uniform_probability = 0.03", 1, 20.0));
+    let rows = table::rows(&records);
+    let tables = tables(&rows);
+    let line = tables[3].lines.iter().find(|l| l.name == "w/o optical-guided expansion").unwrap();
+    assert_eq!(line.label(), Some("uniform, fewer"));
+    let md = markdown(&tables, &notations::head(&records));
+    assert!(md.contains("\"uniform, fewer\" has settings that are not those of corf-gs-uniform"), "{md}");
+    assert!(md.contains("stand behind \"uniform, fewer\": uniform."), "{md}");
+}
+
+#[test]
 fn every_row_of_the_paper_stands_in_every_notation_with_both_figures() {
     let records = records();
     let rows = table::rows(&records);
