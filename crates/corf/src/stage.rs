@@ -1,4 +1,4 @@
-//! Keys of the random streams. One number each, never reused: two stages with one key would draw the same numbers.
+//! Keys of the random streams. Two stages of a run with one key would draw the same numbers.
 
 /// Wave vectors of the simulated prior's smooth field.
 pub const PRIOR_WAVES: u64 = 1;
@@ -22,6 +22,9 @@ pub const NETWORK: u64 = 10;
 pub const RAYS: u64 = 11;
 /// Distances at which an implicit field is sampled; keyed by step.
 pub const DISTANCES: u64 = 12;
+
+// The three below have the numbers of the three above, and their published bytes depend on them. No run draws from both of a pair: implicit fields
+// have no Gaussians, and WRF-GS+, which has a network beside them, draws for it from `NETWORK` alone, which is not keyed as `OFFLINE_EPOCHS` is.
 
 /// Order of the views in an epoch of offline reconstruction; keyed by the stage.
 pub const OFFLINE_EPOCHS: u64 = 10;
