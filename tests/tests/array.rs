@@ -54,6 +54,9 @@ fn beams_and_lobes_go_the_whole_way() {
 
 #[test]
 fn an_oracle_of_true_images_needs_the_data_sets_own_scene_and_says_what_it_is() {
+    fn words(arguments: &[String]) -> Vec<&str> {
+        arguments.iter().map(String::as_str).collect()
+    }
     let folder = tempfile::tempdir().unwrap();
     let data = dataset(folder.path(), "beams", "spectrum = \"bartlett\"");
     let scene = root().join("scenes/lobby.toml");
@@ -62,7 +65,6 @@ fn an_oracle_of_true_images_needs_the_data_sets_own_scene_and_says_what_it_is() 
         let common = ["reconstruct", text(&data), "--method", "corf-array", "--device", "cpu", "--set", &key, "--out", text(out)];
         [&common[..], more].concat().into_iter().map(str::to_owned).collect::<Vec<_>>()
     };
-    let words = |arguments: &[String]| arguments.iter().map(String::as_str).collect::<Vec<_>>();
     let (run, broken) = (folder.path().join("run"), folder.path().join("broken"));
     corf_ok(&words(&reconstruct(&scene, &run, &[])));
     let metrics: serde_json::Value = serde_json::from_str(&corf_ok(&["evaluate", text(&run), "--json"])).unwrap();
