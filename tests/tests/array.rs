@@ -51,3 +51,37 @@ fn beams_and_lobes_go_the_whole_way() {
     corf_refuses(&arguments, &["surface", "mpc"]);
     assert!(!out.exists());
 }
+
+#[test]
+fn an_oracle_of_true_images_needs_the_data_sets_own_scene_and_says_what_it_is() {
+    fn words(arguments: &[String]) -> Vec<&str> {
+        arguments.iter().map(String::as_str).collect()
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let data = dataset(folder.path(), "beams", "spectrum = \"bartlett\"");
+    let scene = root().join("scenes/lobby.toml");
+    let reconstruct = |scene: &Path, out: &Path, more: &[&str]| {
+        let key = format!("oracle_scene={:?}", text(scene));
+        let common = ["reconstruct", text(&data), "--method", "corf-array", "--device", "cpu", "--set", &key, "--out", text(out)];
+        [&common[..], more].concat().into_iter().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let (run, broken) = (folder.path().join("run"), folder.path().join("broken"));
+    corf_ok(&words(&reconstruct(&scene, &run, &[])));
+    let metrics: serde_json::Value = serde_json::from_str(&corf_ok(&["evaluate", text(&run), "--json"])).unwrap();
+    assert_eq!(metrics["uses_scene"], true, "an oracle must be owned up to");
+    let arguments = reconstruct(&scene, &broken, &["--checkpoint-every", "2"]);
+    assert_eq!(interrupt_when(&words(&arguments), || broken.join("checkpoint").exists()), Some(130));
+    corf_ok(&words(&[&arguments[..], &["--resume".to_owned()]].concat()));
+    assert!(
+        fs::read(run.join("array")).unwrap() == fs::read(broken.join("array")).unwrap(),
+        "not the field of the run that was not interrupted"
+    );
+
+    let refused = folder.path().join("refused");
+    corf_refuses(
+        &words(&reconstruct(&root().join("scenes/office.toml"), &refused, &[])),
+        &["oracle_scene", "not the scene", "generated from"],
+    );
+    corf_refuses(&words(&reconstruct(&folder.path().join("none.toml"), &refused, &[])), &["oracle_scene", "none.toml"]);
+    assert!(!refused.exists());
+}

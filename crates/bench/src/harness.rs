@@ -173,6 +173,7 @@ struct Maker {
     config: serde_json::Value,
     device: String,
     uses_ground_truth_depth: bool,
+    uses_scene: bool,
     clock: &'static str,
 }
 
@@ -195,6 +196,7 @@ impl Maker {
             lpips_weights: input.networks.sha256(),
             device: self.device,
             uses_ground_truth_depth: self.uses_ground_truth_depth,
+            uses_scene: self.uses_scene,
             depth_imported: self.uses_ground_truth_depth && dataset.header().imported.is_some(),
             clock: self.clock.to_owned(),
             outcome,
@@ -218,6 +220,7 @@ pub fn folder_record(
         config: folder.config(),
         device: stated.device.clone().unwrap_or_else(|| "not stated".to_owned()),
         uses_ground_truth_depth: stated.uses_ground_truth_depth.unwrap_or(false),
+        uses_scene: stated.uses_scene.unwrap_or(false),
         clock: STATED_CLOCK,
     };
     maker.record(row, input, protocol, seed, Outcome::Done(Box::new(numbers)))
@@ -230,6 +233,7 @@ pub fn record(row: &str, method: &dyn Method, input: &Input, protocol: Protocol,
         config: method.config(),
         device: method.device(),
         uses_ground_truth_depth: method.uses_ground_truth_depth(),
+        uses_scene: method.uses_scene(),
         clock: CLOCK,
     };
     maker.record(row, input, protocol, seed, outcome)

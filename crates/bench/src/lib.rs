@@ -35,6 +35,7 @@ pub mod report;
 pub mod run;
 pub mod say;
 pub mod scale;
+pub mod scene_behind;
 pub mod schema;
 pub mod splice;
 pub mod split;

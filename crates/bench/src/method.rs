@@ -2,6 +2,7 @@
 //! harness's.
 
 use crate::metrics::Prediction;
+use crate::scene_behind::SceneBehind;
 use crate::split::Split;
 use anyhow::{Context, Result, bail, ensure};
 use corf::depth::DepthQuality;
@@ -136,6 +137,14 @@ impl<'a> TrainingSet<'a> {
         self.dataset.header().config.as_ref().map(|c| c.rf.lobe_width_deg)
     }
 
+    /// The true scene, from the file that the data set was generated from: of oracles alone, whose [`Method::uses_scene`] says so.
+    ///
+    /// # Errors
+    /// Those of [`SceneBehind::open`].
+    pub fn scene_behind(&self, path: &Path) -> Result<SceneBehind> {
+        SceneBehind::open(self.dataset, path)
+    }
+
     /// Time spent in [`Self::keyframe`] so far.
     pub fn loading_time(&self) -> Duration {
         self.loading.get()
@@ -262,6 +271,11 @@ pub trait Method {
 
     /// Whether the method reads ground-truth depth (through the simulated monocular prior).
     fn uses_ground_truth_depth(&self) -> bool {
+        false
+    }
+
+    /// Whether the method knows the true scene: an oracle, which bounds what a method could gain and is none.
+    fn uses_scene(&self) -> bool {
         false
     }
 

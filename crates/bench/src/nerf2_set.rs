@@ -16,17 +16,18 @@
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::say;
+use crate::scene_behind::{SceneBehind, recorded};
 use anyhow::Result;
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::{Antenna, RadioTracer};
 use corf_raytrace::sensor::{Extent, RadioSensor, SensorPlan};
 use corf_raytrace::spectrum::Grid;
-use corf_scene::config::{DatasetConfig, Orientation, SceneConfig, SpectrumKind, TransmitterConfig};
+use corf_scene::config::{Orientation, SpectrumKind, TransmitterConfig};
 use corf_scene::dataset::{Dataset, stem};
 use corf_scene::export::File;
 use corf_scene::keyframe::DbRange;
 use corf_scene::model::ARRAY_FROM_CAMERA;
-use corf_scene::{Equirectangular, Error, Raster, Rigid3, Scene, bounds, fingerprint, io};
+use corf_scene::{Equirectangular, Error, Raster, Rigid3, bounds, io};
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::json;
 use std::path::Path;
@@ -52,9 +53,7 @@ pub struct Gateway {
 /// What is traced.
 pub struct Nerf2Set<'d> {
     dataset: &'d Dataset,
-    config: DatasetConfig,
-    scene_config: SceneConfig,
-    scene: Scene,
+    behind: SceneBehind,
     /// Pose of a camera whose array is the gateway's.
     pose: Rigid3,
 }
@@ -65,13 +64,9 @@ impl<'d> Nerf2Set<'d> {
     /// # Errors
     /// A data set that was imported, another scene than the recorded one, a list of one keyframe, a gateway that looks nowhere.
     pub fn new(dataset: &'d Dataset, scene: Option<&Path>, gateway: Gateway) -> Result<Self> {
-        let header = dataset.header();
         let place = dataset.dir().display().to_string();
-        let (Some(config), Some(recorded)) = (&header.config, &header.scene) else {
-            let what = "it was imported, and there is no scene that could be traced with a transmitter at other places";
-            let help = "relabelling arrivals as departures would be wrong; generate a data set from a scene";
-            return Err(Error::invalid(place, what, help).into());
-        };
+        // Whoever imported a data set is not asked for a scene.
+        recorded(dataset)?;
         let Some(path) = scene else {
             let help = "give --scene SCENE.toml, the file that the data set was generated from";
             return Err(Error::invalid(place, "its spectra have to be traced anew, and a data set holds no mesh", help).into());
@@ -82,15 +77,8 @@ impl<'d> Nerf2Set<'d> {
                 return Err(Error::invalid(place, what, "take a data set of more keyframes").into());
             }
         }
-        let scene_config = SceneConfig::load(path)?;
-        let scene = scene_config.load_scene()?;
-        let same_mesh = header.scene_sha256.as_deref() == Some(io::sha256_hex(&io::read(scene_config.mesh_path())?).as_str())
-            && header.scene_content_sha256.as_ref().is_none_or(|hash| *hash == fingerprint::of_scene(&scene));
-        if serde_json::to_value(&scene_config)? != serde_json::to_value(recorded)? || !same_mesh {
-            let what = format!("not the scene that {place} was generated from");
-            return Err(Error::invalid(path.display().to_string(), what, "give that one, with the mesh as it was").into());
-        }
-        let stands = config.transmitter_of(&scene_config)?;
+        let behind = SceneBehind::open(dataset, path)?;
+        let stands = behind.config.transmitter_of(&behind.scene_config)?;
         let position = gateway.position.unwrap_or_else(|| stands.position());
         bounds::position("--gateway", position)?;
         let pose = match gateway.towards {
@@ -107,7 +95,7 @@ impl<'d> Nerf2Set<'d> {
                 return Err(Error::invalid("--gateway-towards", what, "give another point on the boresight").into());
             }
         };
-        Ok(Self { dataset, config: config.clone(), scene_config, scene, pose })
+        Ok(Self { dataset, behind, pose })
     }
 
     /// Traces all spectra and gives the files of the set, in the order in which they are to be written.
@@ -122,7 +110,7 @@ impl<'d> Nerf2Set<'d> {
             return Err(Error::invalid("--gateway", what, "stand it, or turn it, elsewhere").into());
         }
         let max_db = 10.0 * f64::from(peak).log10();
-        let range = DbRange { min_db: max_db - self.config.rf.dynamic_range_db, max_db };
+        let range = DbRange { min_db: max_db - self.behind.config.rf.dynamic_range_db, max_db };
         let mut files = Vec::with_capacity(spectra.len() + 5);
         for (index, spectrum) in spectra.iter().enumerate() {
             let grey = spectrum.map(|linear| (255.0 * range.scalar(*linear)).round() as u8);
@@ -144,7 +132,8 @@ impl<'d> Nerf2Set<'d> {
 
     /// Linear spectra at the gateway, one a place of the transmitter.
     fn spectra(&self) -> Result<Vec<Raster<f32>>> {
-        let receiver = self.scene_config.receiver;
+        let SceneBehind { config, scene_config, scene } = &self.behind;
+        let receiver = scene_config.receiver;
         let element = TransmitterConfig {
             pattern: receiver.pattern,
             polarization: receiver.polarization,
@@ -155,10 +144,10 @@ impl<'d> Nerf2Set<'d> {
             spacing_wavelengths: receiver.spacing_wavelengths,
             beam: None,
         };
-        let mut plan = SensorPlan::from_parts(&self.config.rf, self.config.seed, &element, &self.scene_config);
+        let mut plan = SensorPlan::from_parts(&config.rf, config.seed, &element, scene_config);
         plan.tracing.tx_antenna = Antenna::from(&element);
-        let bvh = Bvh::build(&self.scene);
-        let tracer = RadioTracer::new(&self.scene, &bvh, plan.tracing)?;
+        let bvh = Bvh::build(scene);
+        let tracer = RadioTracer::new(scene, &bvh, plan.tracing)?;
         let extent = match plan.spectrum.kind {
             // Of a lobe's spectrum nothing behind the array is read off.
             SpectrumKind::Mpc => Extent::Front,
@@ -170,7 +159,7 @@ impl<'d> Nerf2Set<'d> {
         for place in poses {
             interrupt::check()?;
             let transmitter = TransmitterConfig { position_m: place.world_from_camera.translation.to_array(), ..element };
-            let sensor = RadioSensor::new(&SensorPlan { transmitter, ..plan }, &self.scene, &tracer)?;
+            let sensor = RadioSensor::new(&SensorPlan { transmitter, ..plan }, scene, &tracer)?;
             let findings = sensor.check([&self.pose])?;
             if place.index == 0 {
                 say::findings(findings);
@@ -192,17 +181,18 @@ impl<'d> Nerf2Set<'d> {
 
     fn statement(&self, range: DbRange) -> serde_json::Value {
         let header = self.dataset.header();
+        let SceneBehind { config, scene_config, scene } = &self.behind;
         json!({
             "schema": "corf-nerf2/1",
             "dataset": header.name,
             "dataset_hash": self.dataset.hash(),
-            "scene": self.scene.name,
+            "scene": scene.name,
             "frequency_hz": header.frequency_hz,
             "roles": "the array stands at the gateway, the transmitter goes where the platform went; traced, not relabelled",
-            "gateway_array": self.scene_config.receiver,
+            "gateway_array": scene_config.receiver,
             "transmitter": "one element of the platform's array, upright",
-            "spectrum": self.config.rf.spectrum,
-            "lobe_width_deg": self.config.rf.lobe_width_deg,
+            "spectrum": config.rf.spectrum,
+            "lobe_width_deg": config.rf.lobe_width_deg,
             "unit": header.quantity.unit(),
             "grey": "255 times the level's place in db_range, rounded; 10 log10 of linear power relative to 1 W transmitted",
             "db_range": range,

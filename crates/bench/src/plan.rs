@@ -1,5 +1,6 @@
 //! Plans: which rows, which seeds, on which dataset. A plan is data; the cells it names are run one by one and can be resumed.
 
+use crate::methods::corf_array::ORACLE_SCENE;
 use crate::split::Protocol;
 use anyhow::{Context, Result, bail};
 use schemars::JsonSchema;
@@ -83,7 +84,21 @@ const SEED: &str = "{seed}";
 /// … and what for the protocol.
 const PROTOCOL: &str = "{protocol}";
 
+/// Word in the label of every row that knows the true scene.
+const ORACLE: &str = "oracle";
+
 impl PlanRow {
+    /// Paths of the row, of predictions and of an oracle's scene, each put through `change`.
+    fn change_paths(&mut self, change: impl Fn(&Path) -> Result<PathBuf>) -> Result<()> {
+        if let Some(dir) = &mut self.dir {
+            *dir = text_of(&change(Path::new(dir))?)?;
+        }
+        if let Some(toml::Value::String(scene)) = self.config.get_mut(ORACLE_SCENE) {
+            *scene = text_of(&change(Path::new(scene))?)?;
+        }
+        Ok(())
+    }
+
     /// A row of a method.
     pub fn of_method(label: String, method: String, config: toml::Table) -> Self {
         Self { label, kind: RowKind::Method, method, dir: None, seeds: None, keep_model: false, config }
@@ -115,7 +130,12 @@ impl PlanRow {
         }
         match (self.kind, &self.dir) {
             (RowKind::Method, None) => {
-                crate::methods::create(&self.method, &self.config, &crate::device::Backend::Cpu)?;
+                let method = crate::methods::create(&self.method, &self.config, &crate::device::Backend::Cpu)?;
+                if method.uses_scene() && !self.label.to_lowercase().contains(ORACLE) {
+                    bail!(
+                        "it knows the true scene, and its label does not say so\n  help: put the word \"{ORACLE}\" into the label"
+                    );
+                }
             }
             (RowKind::Method, Some(_)) => {
                 bail!("dir belongs to rows of kind = \"predictions\"\n  help: add the kind, or leave dir out")
@@ -148,7 +168,7 @@ pub struct Cell<'a> {
 }
 
 impl Plan {
-    /// Reads and checks a plan; the dataset's path becomes relative to the working directory.
+    /// Reads and checks a plan; its paths become relative to the working directory.
     ///
     /// # Errors
     /// A file that cannot be read or parsed (line and key are named), no seeds, no rows, a label used twice, an unknown method or key.
@@ -157,9 +177,7 @@ impl Plan {
         let mut plan = Self::parse(&text).with_context(|| format!("in plan {}", path.display()))?;
         if let Some(folder) = path.parent() {
             plan.dataset = folder.join(&plan.dataset);
-            for dir in plan.rows.iter_mut().filter_map(|row| row.dir.as_mut()) {
-                *dir = text_of(&folder.join(&*dir))?;
-            }
+            plan.rows.iter_mut().try_for_each(|row| row.change_paths(|path| Ok(folder.join(path))))?;
         }
         Ok(plan)
     }
@@ -170,10 +188,7 @@ impl Plan {
     /// When there is no working directory.
     pub fn make_absolute(&mut self) -> Result<()> {
         self.dataset = std::path::absolute(&self.dataset)?;
-        for dir in self.rows.iter_mut().filter_map(|row| row.dir.as_mut()) {
-            *dir = text_of(&std::path::absolute(&*dir)?)?;
-        }
-        Ok(())
+        self.rows.iter_mut().try_for_each(|row| row.change_paths(|path| Ok(std::path::absolute(path)?)))
     }
 
     /// Parses and checks a plan's text.
@@ -284,6 +299,21 @@ mod tests {
             let error = format!("{:#}", Plan::parse(&text).unwrap_err());
             assert!(error.contains(said), "{error}");
         }
+    }
+
+    #[test]
+    fn a_row_that_knows_the_scene_says_that_it_is_an_oracle_and_finds_the_scene_beside_the_plan() {
+        let plan = |label: &str| {
+            let row = format!("label='{label}'\nmethod='corf-array'\nconfig={{ oracle_scene = 'lobby.toml' }}\n");
+            format!("name='x'\ndataset='d'\nseeds=[1]\n[[row]]\n{row}")
+        };
+        let error = format!("{:#}", Plan::parse(&plan("CORF-Array, true images")).unwrap_err());
+        assert!(error.contains("row \"CORF-Array, true images\"") && error.contains("the word \"oracle\""), "{error}");
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("plan.toml");
+        std::fs::write(&file, plan("CORF-Array, true images (Oracle)")).unwrap();
+        let plan = Plan::load(&file).unwrap();
+        assert_eq!(plan.rows[0].config["oracle_scene"].as_str(), folder.path().join("lobby.toml").to_str());
     }
 
     #[test]

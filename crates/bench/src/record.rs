@@ -71,6 +71,9 @@ pub struct Record {
     /// Whether the depth that was read came with an imported capture, and is as true as whatever measured it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub depth_imported: bool,
+    /// Whether the method knew the true scene, as an oracle does.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub uses_scene: bool,
     /// Description of the interval that the clock measured ([`CLOCK`]).
     pub clock: String,
     /// Results, or the reason why there are none.

@@ -98,7 +98,7 @@ impl Evaluate {
         })?;
         let info = &run.info;
         if let Some(writer) = writer {
-            writer.finish(&stated_of(info, run.method.uses_ground_truth_depth(), dataset))?;
+            writer.finish(&stated_of(info, run.method.as_ref(), dataset))?;
         }
         let numbers =
             Numbers::of(frames, Some(info.seconds), info.gaussians, info.peak_memory_bytes, info.curve.clone(), info.latency)

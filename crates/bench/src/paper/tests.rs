@@ -32,6 +32,7 @@ fn record_of(row: &str, method: &str, config: serde_json::Value, seed: u64, psnr
         device: "gpu | x".to_owned(),
         uses_ground_truth_depth: true,
         depth_imported: false,
+        uses_scene: false,
         clock: String::new(),
         outcome: Outcome::Done(Box::new(numbers)),
     }

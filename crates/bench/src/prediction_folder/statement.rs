@@ -35,6 +35,9 @@ pub struct Statement {
     /// Whether the data set's depth was read, the ray tracer's or a capture's (the points of `sparse/0/points3D.txt` are made from it).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub uses_ground_truth_depth: Option<bool>,
+    /// Whether the true scene was known, as an oracle's is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uses_scene: Option<bool>,
     /// SHA-256 of the data set's `dataset.json`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dataset_hash: Option<String>,

@@ -2,6 +2,7 @@
 
 use super::{STATEMENT, Statement, statement::SCHEMA};
 use crate::json::write_numbers;
+use crate::method::Method;
 use crate::metrics::Prediction;
 use crate::run::{RunInfo, claim_fresh};
 use anyhow::{Context, Result, ensure};
@@ -71,8 +72,8 @@ impl PredictionWriter {
     }
 }
 
-/// What is to be stated of a run's predictions of a data set.
-pub fn stated_of(info: &RunInfo, uses_ground_truth_depth: bool, dataset: &Dataset) -> Statement {
+/// What is to be stated of predictions of a data set by a method's run.
+pub fn stated_of(info: &RunInfo, method: &dyn Method, dataset: &Dataset) -> Statement {
     Statement {
         schema: Some(SCHEMA.to_owned()),
         method: Some(info.method.clone()),
@@ -80,7 +81,8 @@ pub fn stated_of(info: &RunInfo, uses_ground_truth_depth: bool, dataset: &Datase
         seconds: Some(info.seconds),
         seed: Some(info.seed),
         device: Some(info.device.clone()),
-        uses_ground_truth_depth: Some(uses_ground_truth_depth),
+        uses_ground_truth_depth: Some(method.uses_ground_truth_depth()),
+        uses_scene: method.uses_scene().then_some(true),
         dataset_hash: Some(dataset.hash().to_owned()),
         protocol: Some(info.protocol),
         names: None,

@@ -45,6 +45,8 @@ pub struct Row<'a> {
     pub traced_depth: bool,
     /// Whether any cell read depth that came with an imported capture.
     pub imported_depth: bool,
+    /// Whether any cell knew the true scene.
+    pub true_scene: bool,
     /// Evaluation protocol.
     pub protocol: Protocol,
     /// Whether any cell's dataset was not checked against its recorded hashes.
@@ -68,6 +70,7 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
                     failed: Vec::new(),
                     traced_depth: false,
                     imported_depth: false,
+                    true_scene: false,
                     protocol: record.split,
                     unverified: false,
                     stated: false,
@@ -79,6 +82,7 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
         row.unverified |= !record.dataset_verified;
         row.traced_depth |= record.uses_ground_truth_depth && !record.depth_imported;
         row.imported_depth |= record.depth_imported;
+        row.true_scene |= record.uses_scene;
         match &record.outcome {
             Outcome::Done(numbers) => row.done.push((record.seed, numbers)),
             Outcome::Failed { error } => row.failed.push((record.seed, error)),

@@ -28,12 +28,13 @@ pub fn present(records: &[Record]) -> Vec<&'static Column> {
     COLUMNS.iter().filter(has).collect()
 }
 
-/// One line a cell, every metric that any cell has, nothing aggregated.
+/// One line a cell, every metric that any cell has, nothing aggregated; `uses_scene` where there are oracles.
 pub fn csv(records: &[Record]) -> String {
     let columns = present(records);
     let mut out = String::from("row,method,dataset,dataset_hash,seed,status,seconds,gaussians,peak_memory_bytes");
     columns.iter().for_each(|c| out.push_str(&format!(",{}", c.key)));
-    out.push_str(",uses_ground_truth_depth,error\n");
+    let oracles = records.iter().any(|r| r.uses_scene);
+    out.push_str(if oracles { ",uses_ground_truth_depth,uses_scene,error\n" } else { ",uses_ground_truth_depth,error\n" });
     let optional = |v: Option<u64>| v.map(|v| v.to_string()).unwrap_or_default();
     // Ids and hashes are plain words unless a record was tampered with.
     let word = |s: &str| {
@@ -44,6 +45,7 @@ pub fn csv(records: &[Record]) -> String {
         }
     };
     for r in records {
+        let scene = if oracles { format!(",{}", r.uses_scene) } else { String::new() };
         let (row, dataset) = (escape::csv(&r.row), escape::csv(&r.dataset));
         let _ = write!(out, "{row},{},{dataset},{},{}", word(&r.method), word(&r.dataset_hash), r.seed);
         match &r.outcome {
@@ -53,11 +55,11 @@ pub fn csv(records: &[Record]) -> String {
                 let _ = write!(out, ",done,{seconds},{gaussians},{}", optional(n.peak_memory_bytes));
                 let value = |c: &Column| n.value(c).map_or(String::new(), |v| format!("{v:.6}"));
                 columns.iter().for_each(|c| out.push_str(&format!(",{}", value(c))));
-                let _ = writeln!(out, ",{},", r.uses_ground_truth_depth);
+                let _ = writeln!(out, ",{}{scene},", r.uses_ground_truth_depth);
             }
             Outcome::Failed { error } => {
                 let commas = ",".repeat(columns.len());
-                let _ = writeln!(out, ",failed,,,{commas},{},{}", r.uses_ground_truth_depth, escape::csv(error));
+                let _ = writeln!(out, ",failed,,,{commas},{}{scene},{}", r.uses_ground_truth_depth, escape::csv(error));
             }
         }
     }

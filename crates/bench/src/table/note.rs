@@ -64,6 +64,9 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
              {depth}."
         );
     }
+    if let Some(oracles) = named(rows, |r| r.true_scene) {
+        let _ = write!(note, " The true scene (mirror images of the transmitter) used by: {oracles}.");
+    }
     if let Some(unverified) = named(rows, |r| r.unverified) {
         let _ = write!(note, " Dataset files not checked against their recorded SHA-256: {unverified}.");
     }

@@ -37,6 +37,7 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
         device: String::new(),
         uses_ground_truth_depth: row == "full",
         depth_imported: false,
+        uses_scene: false,
         clock: String::new(),
         outcome: Outcome::Done(Box::new(numbers)),
     }
@@ -93,6 +94,23 @@ fn depth_is_said_to_be_the_ray_tracers_or_a_captures() {
     assert_eq!(sentences.len(), 2, "{note}");
     assert!(sentences[0].contains("ray tracer's depth") && sentences[0].ends_with("used by: full"), "{note}");
     assert!(sentences[1].contains("imported capture") && sentences[1].contains("used by: measured"), "{note}");
+}
+
+#[test]
+fn oracles_are_said_under_the_table_and_other_tables_stay_as_they_are() {
+    let mut records = [record("full", 1, 18.0), record("true images (oracle)", 1, 19.0)];
+    let texts = |records: &[Record]| (markdown(&rows(records), &short_columns()), csv(records));
+    let (table, list) = texts(&records);
+    assert!(!table.contains("true scene") && !list.contains("uses_scene"));
+    records[1].uses_scene = true;
+    let (table, list) = texts(&records);
+    assert!(table.contains("The true scene (mirror images of the transmitter) used by: true images (oracle)."), "{table}");
+    let lines: Vec<&str> = list.lines().collect();
+    assert!(lines[0].ends_with(",uses_ground_truth_depth,uses_scene,error"), "{list}");
+    assert!(lines[1].ends_with(",true,false,") && lines[2].ends_with(",false,true,"), "{list}");
+    // Records of before know nothing of it.
+    let old = serde_json::to_value(&records[0]).unwrap();
+    assert!(old.get("uses_scene").is_none() && !serde_json::from_value::<Record>(old).unwrap().uses_scene);
 }
 
 #[test]

@@ -32,6 +32,6 @@ pub use field::ArrayField;
 pub use observer::{CpuObserver, Observer};
 pub use peel::Peeled;
 pub use sensor::{ArraySensor, SensorSettings};
-pub use trainer::{ArrayTrainer, Observed};
+pub use trainer::{ArrayTrainer, Image, Observed};
 pub use wave::Wave;
 pub use work::Work;

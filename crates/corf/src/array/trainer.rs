@@ -11,6 +11,7 @@ use super::sensor::{ArraySensor, SensorSettings};
 use super::stepper::{CpuStepper, Rule, Stepper, View};
 use crate::{Error, Result};
 use corf_scene::{Pinhole, Raster, Rigid3, Rng, keyframe::DbRange};
+use glam::DVec3;
 use std::collections::HashSet;
 
 /// Stream of the keyframes that are visited.
@@ -25,7 +26,21 @@ pub struct Observed {
     pub spectrum: Raster<f32>,
     /// Its parts, where surfaces are splatted.
     pub peeled: Option<Peeled>,
+    /// True images of the transmitter that are seen from here, where an oracle knows them: they are the sources, and none is born from rays.
+    pub images: Option<Vec<Image>>,
 }
+
+/// A virtual source that is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Image {
+    /// World frame, metres.
+    pub place_m: DVec3,
+    /// Linear power times squared distance, m².
+    pub gain: f64,
+}
+
+/// Images closer to one another than this are one, metres.
+const SAME_IMAGE_M: f64 = 0.05;
 
 /// Trains one field.
 pub struct ArrayTrainer {
@@ -85,7 +100,7 @@ impl ArrayTrainer {
             }
             _ => None,
         };
-        Observed { pose: *pose, spectrum: spectrum.clone(), peeled }
+        Observed { pose: *pose, spectrum: spectrum.clone(), peeled, images: None }
     }
 
     /// Takes a keyframe, and where surfaces are known by now.
@@ -104,8 +119,10 @@ impl ArrayTrainer {
             self.add_points(pose, spectrum, surface);
         }
         self.remember(observed);
-        if self.config.sources {
-            self.bear_sources();
+        match &observed.images {
+            Some(images) => self.add_images(images),
+            None if self.config.sources => self.bear_sources(),
+            None => {}
         }
         // A new anchor takes weight from the others.
         for i in 0..self.views.len() {
@@ -137,8 +154,8 @@ impl ArrayTrainer {
         self.remember(observed);
     }
 
-    fn remember(&mut self, Observed { pose, spectrum, peeled }: &Observed) {
-        if self.config.sources {
+    fn remember(&mut self, Observed { pose, spectrum, peeled, images }: &Observed) {
+        if self.config.sources && images.is_none() {
             let found = peeled.as_ref().map_or_else(|| self.strongest(spectrum), |p| p.rays.clone());
             self.sightings.push(Sighting::new(pose, &found));
         }
@@ -159,7 +176,7 @@ impl ArrayTrainer {
             return;
         }
         let place = pose.translation;
-        let near = |a: &glam::DVec3| a.distance(place) < self.config.anchor_spacing_m;
+        let near = |a: &DVec3| a.distance(place) < self.config.anchor_spacing_m;
         if !self.field.anchors.positions_m.iter().any(near) {
             let weights = self.field.anchors.weights(place);
             self.field.anchors.positions_m.push(place);
@@ -187,6 +204,16 @@ impl ArrayTrainer {
             gains[gains.len() / 2]
         };
         fresh.into_iter().for_each(|p| self.field.points.push(p, level));
+    }
+
+    /// Images that are not known yet become sources.
+    fn add_images(&mut self, images: &[Image]) {
+        for image in images {
+            let known = |p: &[f32; 3]| glam::Vec3::from(*p).as_dvec3().distance(image.place_m) < SAME_IMAGE_M;
+            if !self.field.sources.position.iter().any(known) {
+                self.field.sources.push(image.place_m.as_vec3().to_array(), image.gain.ln() as f32);
+            }
+        }
     }
 
     /// Sources are born where rays of the latest keyframe meet those of others.

@@ -1,5 +1,6 @@
 //! A field that knows its array: light as in `corf-gs`, radio as emitters that are looked at through the receiver's own beam pattern.
 
+mod images;
 mod online;
 mod predictor;
 
@@ -9,23 +10,39 @@ use super::corf_gs::{CorfGsConfig, Keeper};
 use super::field::FieldPredictor;
 use crate::device::Backend;
 use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
+use crate::note;
+use crate::scene_behind::SceneBehind;
 use anyhow::{Context, Result, bail, ensure};
-use corf::array::{ArrayConfig, ArrayTrainer, SensorSettings, Surface};
+use corf::array::{ArrayConfig, ArrayTrainer, Image, SensorSettings, Surface};
 use corf::config::Coupling;
 use corf::{RasterConfig, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
 use online::Online;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+
+/// Key of the scene file that the true images are traced in.
+pub const ORACLE_SCENE: &str = "oracle_scene";
 
 /// Configuration of `corf-array`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CorfArrayConfig {
     /// Light: keys of `corf-gs`, table `light` of the overrides. Its `rf_weight` is of splatted spectra, and without effect where surfaces are points.
     pub light: CorfGsConfig,
+    /// An oracle, no method: the scene file that the data set was generated from. Virtual sources are then the transmitter's true mirror images, traced
+    /// in that scene, and rows say so. A path in a plan is relative to the plan's file.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "file_name")]
+    pub oracle_scene: Option<PathBuf>,
     /// Radio: everything else, at the top level of the overrides.
     pub radio: ArrayConfig,
+}
+
+/// Of the scene's path records keep the file's name: the data set, whose hash they have, tells which scene it is.
+fn file_name<S: Serializer>(path: &Option<PathBuf>, serializer: S) -> Result<S::Ok, S::Error> {
+    let name = path.as_deref().and_then(Path::file_name);
+    name.map(|name| name.to_string_lossy()).serialize(serializer)
 }
 
 impl CorfArrayConfig {
@@ -38,9 +55,15 @@ impl CorfArrayConfig {
             light.fine_tune_epochs == 0 && light.initial_gaussians.is_none() && light.reconstruction.coupling == Coupling::Joint,
             "light.fine_tune_epochs, light.initial_gaussians and light.coupling are stages of corf-gs\n  help: leave them out"
         );
+        let oracle_scene = rest.remove(ORACLE_SCENE).map_or_else(|| Ok(None), |v| v.try_into().map(Some));
+        let oracle_scene: Option<PathBuf> = oracle_scene.with_context(|| format!("in key {ORACLE_SCENE}"))?;
         let radio: ArrayConfig = super::over_defaults(rest)?;
         radio.validate()?;
-        Ok(Self { light, radio })
+        ensure!(
+            oracle_scene.is_none() || radio.sources,
+            "{ORACLE_SCENE} says which sources there are, and sources = false that there are none\n  help: leave one of them out"
+        );
+        Ok(Self { light, oracle_scene, radio })
     }
 }
 
@@ -129,6 +152,13 @@ impl CorfArray {
         );
         Ok(sensor)
     }
+
+    /// The true images that are seen from each training keyframe. A note says that this is no method.
+    fn images(&self, scene: &SceneBehind, training: &TrainingSet<'_>) -> Result<Vec<Vec<Image>>> {
+        note!("corf-array: an oracle, no method: sources are the transmitter's true mirror images in {}", scene.scene.name);
+        let least_power = 10f64.powf(0.1 * training.db_range().min_db) / self.sensor(training)?.peak();
+        images::seen(scene, &training.poses(), least_power)
+    }
 }
 
 impl Method for CorfArray {
@@ -148,6 +178,10 @@ impl Method for CorfArray {
         self.config.light.reconstruction.consumes_ground_truth_depth()
     }
 
+    fn uses_scene(&self) -> bool {
+        self.config.oracle_scene.is_some()
+    }
+
     /// Depth comes from views of one thing from several places.
     fn least_keyframes(&self) -> usize {
         2
@@ -155,6 +189,9 @@ impl Method for CorfArray {
 
     fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {
         self.sensor(training)?;
+        if let Some(path) = &self.config.oracle_scene {
+            training.scene_behind(path).with_context(|| format!("in key {ORACLE_SCENE}"))?;
+        }
         self.config.light.check_depth(self.id(), "light.", training)
     }
 
@@ -168,8 +205,9 @@ impl Method for CorfArray {
         seed: u64,
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
-        let CorfArrayConfig { light, radio } = &self.config;
+        let CorfArrayConfig { light, oracle_scene, radio } = &self.config;
         let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
+        let images = oracle_scene.as_ref().map(|path| self.images(&training.scene_behind(path)?, training)).transpose()?;
         let radio = on_device(ArrayTrainer::new(*radio, self.sensor(training)?, rf, range, seed), &self.backend)?;
         let mut reconstruction = light.reconstruction.clone();
         if !radio.field.over_splats {
@@ -181,6 +219,7 @@ impl Method for CorfArray {
             light: Reconstructor::new(device, reconstruction, optical, rf, range, seed)?,
             radio,
             training,
+            images,
             keeper: Keeper::new(self.checkpoints.clone()),
             ahead: VecDeque::new(),
             radio_s: vec![],
@@ -267,8 +306,13 @@ mod tests {
             "light.iterations = 3",
             "light.fine_tune_epochs = 1",
             "light.coupling = \"frozen\"",
+            "oracle_scene = \"lobby.toml\"\nsources = false",
         ] {
             assert!(config(wrong).is_err(), "{wrong}");
         }
+        // Of an oracle's scene a record keeps no path of this machine; without one it is as ever.
+        let oracle = config("oracle_scene = \"/here/lobby.toml\"").unwrap();
+        assert_eq!(serde_json::json!(oracle)["oracle_scene"], "lobby.toml");
+        assert!(serde_json::json!(plain).get("oracle_scene").is_none());
     }
 }

@@ -3,7 +3,7 @@
 use crate::method::{Advance, FieldReader, StageTime, TrainingSet};
 use crate::methods::corf_gs::Keeper;
 use anyhow::{Context, Result};
-use corf::array::{ArrayField, ArrayTrainer, Observed};
+use corf::array::{ArrayField, ArrayTrainer, Image, Observed};
 use corf::{KeyframeTiming, Reconstructor};
 use corf_scene::Keyframe;
 use std::cell::RefCell;
@@ -17,6 +17,8 @@ pub(super) struct Online<'a> {
     pub light: Reconstructor,
     pub radio: ArrayTrainer,
     pub training: &'a TrainingSet<'a>,
+    /// True images that are seen from each training keyframe, of an oracle.
+    pub images: Option<Vec<Vec<Image>>>,
     pub keeper: Keeper,
     /// Keyframes that light has received and radio has not.
     pub ahead: VecDeque<Observed>,
@@ -32,7 +34,7 @@ impl Online<'_> {
             let before = self.training.loading_time();
             let keyframe = self.training.keyframe(k)?;
             self.light.discount_wait(self.training.loading_time() - before);
-            let (keyframe, observed) = self.observe(keyframe);
+            let (keyframe, observed) = self.observe(k, keyframe);
             self.ahead.push_back(observed);
             self.light.receive(keyframe)?;
             while self.light.waiting() >= self.light.worth_receiving() {
@@ -48,9 +50,10 @@ impl Online<'_> {
         Ok((self.light, self.radio))
     }
 
-    /// A keyframe for light, whose spectrum is what splats are to show, and for radio.
-    fn observe(&self, mut keyframe: Keyframe) -> (Keyframe, Observed) {
-        let observed = self.radio.observe(&keyframe.world_from_camera, &keyframe.spectrum);
+    /// Training keyframe `k` for light, whose spectrum is what splats are to show, and for radio.
+    fn observe(&self, k: usize, mut keyframe: Keyframe) -> (Keyframe, Observed) {
+        let mut observed = self.radio.observe(&keyframe.world_from_camera, &keyframe.spectrum);
+        observed.images = self.images.as_ref().map(|images| images[k].clone());
         if let Some(peeled) = &observed.peeled {
             keyframe.spectrum = peeled.remainder.clone();
         }
@@ -65,7 +68,7 @@ impl Online<'_> {
         let path = self.radio_file(count).context("a checkpoint was read, and there is no place for one")?;
         self.radio.restore(ArrayField::read(&path)?, count)?;
         for k in 0..count {
-            let (keyframe, observed) = self.observe(self.training.keyframe(k)?);
+            let (keyframe, observed) = self.observe(k, self.training.keyframe(k)?);
             self.light.replay(keyframe)?;
             self.radio.replay(&observed);
         }
