@@ -38,7 +38,7 @@ def main(demo, keyframe, out):
     low, high = db_range(json.loads((demo / "dataset/dataset.json").read_text()))
     predictions = demo / "predictions/corf-gs"
     observed = np.array(Image.open(demo / f"dataset/optical/images/{stem}.png").convert("RGB"))
-    predicted = np.array(Image.open(predictions / f"{stem}-optical.png").convert("RGB"))
+    predicted = np.array(Image.open(predictions / f"{stem}-optical.jpg").convert("RGB"))
     with OpenEXR.File(str(demo / f"dataset/rf/spectra/{stem}.exr")) as exr:
         power = np.array(next(iter(exr.channels().values())).pixels)
     truth = np.clip((10 * np.log10(np.maximum(power, 1e-30)) - low) / (high - low), 0, 1)
