@@ -180,6 +180,7 @@ mod tests {
             spectrum: scalar.clone(),
             depth_m: None,
             surface: None,
+            mask: None,
         };
         let halves = Halves { image: Some(&image), spectrum: Some(Spectrum { jet: &jet, scalar: &scalar }) };
         keep(folder.path(), &truth, halves).unwrap();

@@ -114,6 +114,7 @@ pub fn keyframe(index: usize, world_from_camera: Rigid3, optical: &Pinhole, rf: 
         spectrum: Raster::from_fn(rf.width, rf.height, |x, y| power(origin, ray(rf, x as f64 + 0.5, y as f64 + 0.5))),
         depth_m: Some(Raster::from_fn(optical.width, optical.height, |x, y| hit(x, y).t as f32)),
         surface: Some(Raster::from_fn(optical.width, optical.height, |x, y| hit(x, y).surface)),
+        mask: None,
     }
 }
 

@@ -237,6 +237,14 @@ pub fn read_png(path: impl AsRef<Path>) -> Result<Raster<[u8; 3]>> {
     Ok(decode_rgba(&bytes, path)?.map(|p| [p[0], p[1], p[2]]))
 }
 
+/// Reads a mask: a pixel counts where it is not black. Alpha is dropped.
+///
+/// # Errors
+/// The file cannot be read or is no complete image.
+pub fn read_mask(path: impl AsRef<Path>) -> Result<Raster<bool>> {
+    Ok(read_png(path)?.map(|p| *p != [0; 3]))
+}
+
 /// Reads a PNG of 8 or 16 bits as 16-bit RGB: 8-bit values times 257, which is the same share of full scale; grey is three equal channels,
 /// alpha is dropped.
 ///

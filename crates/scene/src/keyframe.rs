@@ -48,6 +48,9 @@ pub struct Keyframe {
     pub depth_m: Option<Raster<f32>>,
     /// Object index per pixel, `u32::MAX` where nothing was hit; only the `Simulated` prior reads it.
     pub surface: Option<Raster<u32>>,
+    /// Whether a pixel of the image counts, of the image's size: `false` where something is in the picture that is not of the room (a passer-by, the
+    /// platform itself). Such pixels are neither learnt from nor compared. `None`: all count.
+    pub mask: Option<Raster<bool>>,
 }
 
 /// The one dB range of a whole dataset: `scalar = (10·log10(S) − min_db) / (max_db − min_db)`, clamped to `[0, 1]`.

@@ -205,6 +205,7 @@ impl Network {
                 spectrum: Raster::from_fn(300, 200, |x, y| 10_f32.powf(-12.0 + 0.1 * ((x + y + index) % 50) as f32)),
                 depth_m: None,
                 surface: None,
+                mask: None,
             })?;
         }
         reconstructor.begin()?;

@@ -63,6 +63,10 @@ pub struct Import {
     /// Metres that a step of a depth PNG counts.
     #[arg(long, value_name = "M", default_value_t = 1e-3)]
     depth_unit: f64,
+    /// Folder of masks, by file stem (or `NAME.jpg.png` for `NAME.jpg`) and of the images' size, for as many images as have one: black pixels are
+    /// neither learnt from nor compared. Without it, the masks that the capture names.
+    #[arg(long, value_name = "DIR")]
+    masks: Option<PathBuf>,
     /// Direction of the capture's frame that is up, X,Y,Z, or `cameras`: the mean upward axis of all cameras. The world is turned so that it is +z.
     #[arg(long, value_name = "X,Y,Z|cameras")]
     up: Option<UpArgument>,
@@ -73,7 +77,7 @@ pub struct Import {
     /// every 8th.
     #[arg(long, value_name = "N|FILE")]
     split: Option<String>,
-    /// Import images whole that come with masks.
+    /// Let all pixels count, also those that a mask of the capture leaves out.
     #[arg(long)]
     ignore_masks: bool,
 }
@@ -200,6 +204,7 @@ impl Import {
             frequency_hz: self.frequency_hz,
             dynamic_range_db: self.dynamic_range_db,
             depth: self.depth.clone(),
+            masks: self.masks.clone(),
             depth_png_m: self.depth_unit,
             up: self.up.as_ref().map(|u| u.0),
             metres_per_unit: self.scale,

@@ -156,6 +156,7 @@ impl Session {
                 normals: None,
                 depth_m: depth_m.clone(),
                 surface: None,
+                mask: None,
                 spectrum: Some(spectrum.clone()),
                 sphere: None,
                 tutorial: None,
@@ -169,7 +170,7 @@ impl Session {
                 continue;
             }
             let time_s = pose.time_s;
-            let keyframe = Keyframe { index, time_s, world_from_camera, image, spectrum, depth_m, surface: None };
+            let keyframe = Keyframe { index, time_s, world_from_camera, image, spectrum, depth_m, surface: None, mask: None };
             return Ok(Some(Taken { keyframe, arrived, receipt }));
         }
     }

@@ -252,7 +252,16 @@ mod tests {
             (1e-6 * (-0.5 * ((x as f64 - 30.0).powi(2) + (y as f64 - 12.0).powi(2)) / 4.0).exp()) as f32
         });
         let image = Raster::from_fn(24, 16, |x, y| [(9 * x) as u8, (15 * y) as u8, 100]);
-        Keyframe { index: 8, time_s: 0.0, world_from_camera: Rigid3::IDENTITY, image, spectrum, depth_m: None, surface: None }
+        Keyframe {
+            index: 8,
+            time_s: 0.0,
+            world_from_camera: Rigid3::IDENTITY,
+            image,
+            spectrum,
+            depth_m: None,
+            surface: None,
+            mask: None,
+        }
     }
 
     fn observed(truth: &Keyframe) -> Prediction {

@@ -146,6 +146,7 @@ pub fn keyframe(i: usize, optical: &Pinhole, rf: &Pinhole) -> Keyframe {
         spectrum: Raster::from_fn(rf.width, rf.height, |x, y| power(eye, ray(x, y))),
         depth_m: Some(Raster::from_vec(width, height, ends.iter().map(|e| e.1).collect())),
         surface: Some(Raster::from_vec(width, height, ends.iter().map(|e| e.2).collect())),
+        mask: None,
     }
 }
 

@@ -160,6 +160,7 @@ impl<'a> OpticalSensor<'a> {
             normals: self.writes.write_normals.then_some(frame.normal),
             depth_m: Some(frame.depth_m),
             surface: Some(frame.surface),
+            mask: None,
             spectrum: None,
             sphere: None,
             tutorial: None,

@@ -73,6 +73,7 @@ fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<FrameData
         None => None,
         Some(depths) => Some(depth(&depths[index], plan, index, options)?),
     };
+    let mask = plan.masks[index].as_ref().map(|path| mask(path, plan, index)).transpose()?;
     let spectrum = match (&plan.spectra, plan.encoding) {
         (Some(paths), Some(encoding)) => {
             let path = &paths[index];
@@ -94,6 +95,7 @@ fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<FrameData
         normals: None,
         depth_m,
         surface: None,
+        mask,
         spectrum,
         sphere: None,
         tutorial: None,
@@ -116,6 +118,15 @@ fn depth(path: &Path, plan: &Plan, index: usize, options: &ImportOptions) -> Res
         return Err(Error::invalid(path.display().to_string(), what, "depths are metres along the optical axis, at least 0"));
     }
     Ok(lens.resample_nearest(&depth, &plan.header.optical_camera))
+}
+
+/// Which pixels of the data set's image count: those in which no pixel of the capture's image that does not has a part.
+fn mask(path: &Path, plan: &Plan, index: usize) -> Result<Raster<bool>> {
+    let lens = &plan.shots[index].lens;
+    let mask = io::read_mask(path)?;
+    check_size(path, &mask, (lens.pinhole.width, lens.pinhole.height), "the image's camera", "give masks of the images' size")?;
+    let picture = mask.map(|counts| [if *counts { u8::MAX } else { 0 }; 3]);
+    Ok(lens.resample(&picture, &plan.header.optical_camera).map(|p| p[0] == u8::MAX))
 }
 
 fn check_size<T>(path: &Path, raster: &Raster<T>, (width, height): (usize, usize), whose: &str, help: &str) -> Result<()> {

@@ -120,6 +120,27 @@ impl Folder {
         names.iter().map(find).collect()
     }
 
+    /// The file of every name that has one, as [`Self::of`] finds it, or by the whole name with one more ending (`a.jpg.png` for `a.jpg`).
+    ///
+    /// # Errors
+    /// No name has a file.
+    pub fn of_some(&self, names: &[&str], what: &str) -> Result<Vec<Option<PathBuf>>> {
+        let parts: std::collections::BTreeSet<&str> = names.iter().map(|n| last(stem(n))).collect();
+        let find = |name: &&str| {
+            let by_parts = if parts.len() == names.len() { [last(stem(name)), last(name)] } else { [stem(name), name] };
+            [stem(name), name].into_iter().chain(by_parts).find_map(|key| self.by_stem.get(key).cloned())
+        };
+        let found: Vec<Option<PathBuf>> = names.iter().map(find).collect();
+        if found.iter().all(Option::is_none) {
+            return Err(Error::invalid(
+                self.dir.display().to_string(),
+                format!("no image has a {what} here"),
+                "files belong together by their stems: rename them",
+            ));
+        }
+        Ok(found)
+    }
+
     /// Number of files.
     pub fn len(&self) -> usize {
         self.by_stem.len()
@@ -129,6 +150,20 @@ impl Folder {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn files_that_only_some_have_are_found_by_stem_and_by_whole_name() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["b.png", "c.jpg.png", "strange.png"] {
+            std::fs::write(dir.path().join(name), "").unwrap();
+        }
+        let folder = Folder::list(dir.path(), &["png"], "--masks").unwrap();
+        let found = folder.of_some(&["left/a.jpg", "left/b.jpg", "left/c.jpg"], "mask").unwrap();
+        let path = |name: &str| Some(dir.path().join(name));
+        assert_eq!(found, [None, path("b.png"), path("c.jpg.png")]);
+        let nothing = folder.of_some(&["x.jpg"], "mask").unwrap_err().to_string();
+        assert!(nothing.contains("no image has a mask here"), "{nothing}");
+    }
 
     #[test]
     fn numbers_in_names_count_by_their_value() {

@@ -115,6 +115,8 @@ pub struct ImportOptions {
     pub dynamic_range_db: f64,
     /// Folder of depth maps, one for every image by its stem.
     pub depth: Option<PathBuf>,
+    /// Folder of masks, one for every image by its stem: black where a pixel does not count. Without it, those that the capture names.
+    pub masks: Option<PathBuf>,
     /// Metres that a step of a PNG depth map counts.
     pub depth_png_m: f64,
     /// What is up.
@@ -144,6 +146,7 @@ impl ImportOptions {
             frequency_hz: None,
             dynamic_range_db: 70.0,
             depth: None,
+            masks: None,
             depth_png_m: 1e-3,
             up: None,
             metres_per_unit: 1.0,

@@ -21,6 +21,8 @@ pub(super) struct Plan {
     pub spectra: Option<Vec<PathBuf>>,
     pub encoding: Option<Encoding>,
     pub depths: Option<Vec<PathBuf>>,
+    /// A mask for each shot that has one.
+    pub masks: Vec<Option<PathBuf>>,
     pub header: DatasetHeader,
 }
 
@@ -34,6 +36,8 @@ struct Radio {
 
 /// Endings of depth maps.
 const DEPTHS: &[&str] = &["exr", "npy", "png"];
+/// Endings of masks.
+const MASKS: &[&str] = &["png", "jpg", "jpeg"];
 /// Shorter side of the nominal camera of spectra where there are none, pixels.
 const NOMINAL_PX: usize = 64;
 
@@ -71,14 +75,6 @@ fn capture(options: &ImportOptions) -> Result<Capture> {
         let help = "restore it, give the folder of the images with --images, take it out of the capture, or say --no-images";
         return Err(Error::invalid(path.display().to_string(), "the image is missing", help));
     }
-    if let Some(shot) = capture.shots.iter().find(|s| s.mask.is_some()) {
-        if !options.ignore_masks {
-            let help =
-                "reconstructions train on whole images: say --ignore-masks to import them so, or paint over what is masked";
-            return Err(Error::invalid(place, format!("image {} comes with a mask", shot.name), help));
-        }
-        capture.notes.push("masks were left out: images are trained on whole".into());
-    }
     Ok(capture)
 }
 
@@ -103,7 +99,8 @@ impl Plan {
             }
         };
         let depths = depths(options, &shots, light, &mut notes)?;
-        let sources = sources(options, &files, &shots, radio.as_ref(), depths.as_deref())?;
+        let masks = masks(options, &shots, light, &mut notes)?;
+        let sources = sources(options, &files, &shots, radio.as_ref(), depths.as_deref(), &masks)?;
         let (split, stated_split) = split::of(options.split.as_ref(), lists.as_ref(), &shots)?;
         let world = WorldFromCapture::new(options.up, options.metres_per_unit, &shots)?;
         for shot in &mut shots {
@@ -135,7 +132,7 @@ impl Plan {
         };
         let points = points.iter().map(|p| ColoredPoint { position: world.point(p.position), ..*p }).collect();
         let (spectra, encoding) = radio.map_or((None, None), |r| (Some(r.files), Some(r.encoding)));
-        Ok(Self { shots, points, spectra, encoding, depths, header })
+        Ok(Self { shots, points, spectra, encoding, depths, masks, header })
     }
 }
 
@@ -259,6 +256,36 @@ fn depths(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<
     Ok(found)
 }
 
+/// The masks of all shots, where they have one: those that were asked for, or the capture's own.
+fn masks(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<String>) -> Result<Vec<Option<PathBuf>>> {
+    let names: Vec<&str> = shots.iter().map(|s| s.name.as_str()).collect();
+    let found: Vec<Option<PathBuf>> = match &options.masks {
+        Some(folder) if options.ignore_masks => {
+            let what = "masks are given and to be ignored";
+            return Err(Error::invalid(folder.display().to_string(), what, "leave out --masks or --ignore-masks"));
+        }
+        Some(folder) if !light => {
+            let what = "masks are of images, and none are imported";
+            return Err(Error::invalid(folder.display().to_string(), what, "leave --masks out"));
+        }
+        Some(folder) => Folder::list(folder, MASKS, "--masks")?.of_some(&names, "mask")?,
+        None => shots.iter().map(|s| s.mask.clone().filter(|_| light)).collect(),
+    };
+    let count = found.iter().flatten().count();
+    if count == 0 {
+        return Ok(found);
+    }
+    if options.ignore_masks {
+        notes.push("masks were left out: all pixels count".into());
+        return Ok(vec![None; shots.len()]);
+    }
+    notes.push(format!(
+        "{count} of {} images have masks: pixels where they are black are neither learnt from nor compared",
+        shots.len()
+    ));
+    Ok(found)
+}
+
 /// SHA-256 of all files that are read, by their path below the folder they were given with.
 fn sources(
     options: &ImportOptions,
@@ -266,12 +293,15 @@ fn sources(
     shots: &[Shot],
     radio: Option<&Radio>,
     depths: Option<&[PathBuf]>,
+    masks: &[Option<PathBuf>],
 ) -> Result<BTreeMap<String, String>> {
-    let roots =
-        [Some(options.source.as_path()), options.images.as_deref(), radio.map(|r| r.folder.as_path()), options.depth.as_deref()];
+    let given = [&options.images, &options.depth, &options.masks].map(Option::as_deref);
+    let roots: Vec<Option<&Path>> =
+        [Some(options.source.as_path()), radio.map(|r| r.folder.as_path())].into_iter().chain(given).collect();
     let images = shots.iter().filter_map(|s| s.image.as_ref());
     let radio = radio.iter().flat_map(|r| &r.files);
-    let all: Vec<&PathBuf> = files.iter().chain(images).chain(radio).chain(depths.into_iter().flatten()).collect();
+    let all: Vec<&PathBuf> =
+        files.iter().chain(images).chain(radio).chain(depths.into_iter().flatten()).chain(masks.iter().flatten()).collect();
     let label = |path: &Path| {
         let below = roots.iter().flatten().find_map(|root| Some((root, path.strip_prefix(root).ok()?)));
         let name = |p: &Path| p.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/");

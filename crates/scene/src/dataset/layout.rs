@@ -31,6 +31,10 @@ pub(super) fn depth(index: usize) -> String {
 pub(super) fn surface(index: usize) -> String {
     format!("optical/surfaces/{}.exr", stem(index))
 }
+/// Which pixels of the image count. Not called as the image is, as the file below.
+pub(super) fn mask(index: usize) -> String {
+    format!("optical/masks/{}_mask.png", stem(index))
+}
 /// Not called as the image is: readers that match images by their last letters would take it for one.
 pub(super) fn depth_png(index: usize) -> String {
     format!("optical/depth_mm/{}_depth.png", stem(index))

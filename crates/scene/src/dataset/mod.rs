@@ -4,7 +4,7 @@
 //! lobby147/
 //!   dataset.json       what everything is: units, axes, cameras, carrier, dB range, split, SHA-256 of every file
 //!   trajectory.json    per keyframe: index, time, world_from_camera
-//!   optical/           images/00001.png  depth/00001.exr  surfaces/00001.exr  linear/00001.exr (optional)
+//!   optical/           images/00001.png  depth/00001.exr  surfaces/00001.exr  linear/00001.exr, masks/00001_mask.png (optional)
 //!   rf/                images/00001.png  spectra/00001.exr  db/00001.exr  sphere/00001.exr  paths/00001.jsonl.gz (the last three optional)
 //!   rf-tutorial/       images/00001.png (optional: by the recipe of published sets)
 //!   each of the three  sparse/0/{cameras,images,points3D}.txt  transforms.json  train_index.txt  test_index.txt

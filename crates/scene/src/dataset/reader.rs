@@ -200,7 +200,11 @@ impl Dataset {
         let surface = has(&surface)
             .then(|| self.sized(index, &surface, &o, own_file(&self.dir, &surface).and_then(io::read_exr_u32)))
             .transpose()?;
-        Ok(Keyframe { index, time_s: pose.time_s, world_from_camera: pose.world_from_camera, image, spectrum, depth_m, surface })
+        let mask = layout::mask(index);
+        let mask =
+            has(&mask).then(|| self.sized(index, &mask, &o, own_file(&self.dir, &mask).and_then(io::read_mask))).transpose()?;
+        let world_from_camera = pose.world_from_camera;
+        Ok(Keyframe { index, time_s: pose.time_s, world_from_camera, image, spectrum, depth_m, surface, mask })
     }
 
     /// The files of image, spectrum and depth of keyframe `index`, where it has them; each is its own, in the dataset's folder and regular.

@@ -61,6 +61,7 @@ fn frame(index: usize) -> FrameData {
         normals: Some(Raster::filled(16, 9, [0.0, 0.0, 1.0])),
         depth_m: Some(Raster::from_fn(16, 9, |x, y| if y == 0 { f32::INFINITY } else { 1.0 + x as f32 / 4.0 })),
         surface: Some(Raster::from_fn(16, 9, |x, y| if y == 0 { u32::MAX } else { (x % 2) as u32 })),
+        mask: None,
         // Peak of the dataset: keyframe 7, 2e-6 = −56.99 dB.
         spectrum: Some(Raster::from_fn(12, 8, |x, y| if (x, y) == (5, 4) && index == 7 { 2e-6 } else { 1e-9 * (x * y) as f32 })),
         sphere: Some(Raster::from_fn(6, 3, |x, y| 1e-8 * (x + y) as f32)),

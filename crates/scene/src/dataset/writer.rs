@@ -32,6 +32,8 @@ pub struct FrameData {
     pub depth_m: Option<Raster<f32>>,
     /// Object index, `u32::MAX` where nothing was hit.
     pub surface: Option<Raster<u32>>,
+    /// Whether a pixel of the image counts, as in [`crate::Keyframe::mask`].
+    pub mask: Option<Raster<bool>>,
     /// Spectrum of the RF camera: linear, finite, at least 0; none in a data set without radio.
     pub spectrum: Option<Raster<f32>>,
     /// Spectrum over the whole sphere, if it is to be kept: as `spectrum`.
@@ -257,6 +259,10 @@ impl DatasetWriter {
         if let Some(surface) = &frame.surface {
             contents.push((layout::surface(index), Box::new(|| io::encode_exr_u32(surface))));
         }
+        if let Some(mask) = &frame.mask {
+            contents
+                .push((layout::mask(index), Box::new(|| io::encode_png8(&mask.map(|counts| if *counts { u8::MAX } else { 0 })))));
+        }
         if let Some(spectrum) = &frame.spectrum {
             contents.push((layout::spectrum(index), Box::new(move || io::encode_exr_f32_in(spectrum, "Y", unit))));
         }
@@ -306,6 +312,7 @@ impl DatasetWriter {
             ("image", frame.image.as_ref().map(|i| (i.width(), i.height()))),
             ("depth_m", frame.depth_m.as_ref().map(|d| (d.width(), d.height()))),
             ("surface", frame.surface.as_ref().map(|s| (s.width(), s.height()))),
+            ("mask", frame.mask.as_ref().map(|m| (m.width(), m.height()))),
         ];
         let floats = frame.float_images().map(|(name, image)| (name, Some((image.width(), image.height()))));
         let optical = optical.into_iter().chain(floats).map(|(n, s)| (n, s, (o.width, o.height)));
