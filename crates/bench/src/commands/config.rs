@@ -70,7 +70,10 @@ fn of_method(id: &str) -> Result<Vec<Key>> {
         _ if id.starts_with("rf-3dgs") => (of(schema_for!(OfflineConfig)), &[]),
         _ if id.starts_with("nerf2") => (of(schema_for!(Nerf2Config)), &[]),
         _ if id.starts_with("wrf-gs-plus") => (of(schema_for!(WrfGsPlusConfig)), &[]),
-        _ => (of(schema_for!(LookupConfig)), &[]),
+        "nearest" | "inverse-distance" => (of(schema_for!(LookupConfig)), &[]),
+        _ => anyhow::bail!(
+            "the keys of {id} are not described here\n  help: add its configuration to `of_method` in commands/config.rs"
+        ),
     };
     for table in inlined {
         list.retain(|key| key.key != *table);

@@ -88,7 +88,7 @@ fn summary(dataset: &Dataset) -> String {
     let spectra = match (header.modalities.radio, header.spectrum) {
         (false, _) => "no spectra".to_owned(),
         (true, None) => "imported spectra".to_owned(),
-        (true, Some(kind)) => format!("{kind:?} spectra"),
+        (true, Some(kind)) => format!("{} spectra", kind.name()),
     };
     let images = if header.modalities.light { "" } else { ", no images" };
     let mut text = format!("{}: {} keyframes, {spectra}{images}", header.name, dataset.len());

@@ -35,9 +35,8 @@ pub struct Reconstruct {
     /// Output folder of the run.
     #[arg(long)]
     out: PathBuf,
-    /// Method: corf-gs, corf-gs-paper, corf-gs-fast, corf-gs-uniform, corf-gs-frozen, corf-gs-rf-tuned, rf-3dgs, rf-3dgs-corrected,
-    /// nerf2, nerf2-corrected, wrf-gs-plus, wrf-gs-plus-corrected, nearest, inverse-distance.
-    #[arg(long, default_value = "corf-gs")]
+    /// Method that reconstructs.
+    #[arg(long, default_value = "corf-gs", value_parser = methods::names())]
     method: String,
     /// TOML file with keys of the method's configuration.
     #[arg(long)]

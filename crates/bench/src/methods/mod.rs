@@ -14,6 +14,7 @@ pub mod wrf_gs_plus;
 use crate::device::Backend;
 use crate::method::Method;
 use anyhow::{Result, bail};
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use serde::{Serialize, de::DeserializeOwned};
 
 /// All methods that `--method` and plans accept, with a line for `--help`.
@@ -34,6 +35,11 @@ pub const METHODS: &[(&str, &str)] = &[
     ("nearest", "the nearest training keyframe, as it was observed"),
     ("inverse-distance", "training keyframes blended by inverse distance"),
 ];
+
+/// The names that `--method` takes, with their lines for `--help`.
+pub fn names() -> PossibleValuesParser {
+    PossibleValuesParser::new(METHODS.iter().map(|&(id, line)| PossibleValue::new(id).help(line)))
+}
 
 /// Makes a method; `overrides` are TOML keys of its configuration, `backend` is where it runs if it needs a device.
 ///

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 const STRONG_DB: f64 = 30.0;
 
 /// Physical metrics of one predicted spectrum.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RadioMetrics {
     /// Root mean square error in dB over pixels within 30 dB of the true peak.
     pub rmse_db_30: f64,

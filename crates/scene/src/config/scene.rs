@@ -58,7 +58,7 @@ pub struct SceneFile {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RadioConfig {
-    /// Carrier frequency, Hz. Default 60 GHz.
+    /// Carrier frequency, Hz. A scene file without `[radio]` is at 60 GHz.
     pub frequency_hz: f64,
 }
 

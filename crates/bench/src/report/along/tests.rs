@@ -5,17 +5,7 @@ use crate::metrics::outage::rates as link;
 use crate::metrics::{FrameMetrics, SpectrumMetrics, radio};
 
 fn frame(index: usize, link: Option<LinkRates>) -> FrameMetrics {
-    let radio = radio::RadioMetrics {
-        rmse_db_30: 0.0,
-        rmse_db: 0.0,
-        psp_similarity: 1.0,
-        total_power_error_db: 0.0,
-        peak_error_deg: 0.0,
-        beam_loss_db: 0.0,
-        energy_capture_1: 1.0,
-        energy_capture_5: 1.0,
-        azimuth_spread_error_deg: 0.0,
-    };
+    let radio = radio::RadioMetrics { psp_similarity: 1.0, energy_capture_1: 1.0, energy_capture_5: 1.0, ..Default::default() };
     let beams =
         BeamMetrics { codebook_loss_db: 3.0, beam_top1: 0.0, beam_top3: 1.0, rate_loss_bps_hz: 0.5, rate_loss_percent: 9.0 };
     let spectrum = SpectrumMetrics {
