@@ -282,12 +282,12 @@ fn faulty_captures_are_refused_and_leave_nothing() {
         &["receiver stands still", "moving receiver", "angles"],
     );
     assert!(!out.exists());
-    // Masks are not trained with, so nobody is to believe they were.
+    // A mask that is named and missing is no mask that lets everything count.
     let masked = folder.path().join("masked");
     foreign_world(&masked);
     replace(&masked.join("transforms.json"), "\"file_path\"", "\"mask_path\":\"m.png\",\"file_path\"");
     let import = ["dataset", "import", text(&masked), "--from", "nerfstudio", "--out", text(&out)];
-    corf_refuses(&import, &["mask", "--ignore-masks"]);
+    corf_refuses(&import, &["m.png"]);
     assert!(!out.exists());
     // An occupied folder is refused and kept.
     fs::create_dir(&out).unwrap();

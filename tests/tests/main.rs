@@ -41,6 +41,8 @@ mod links;
 mod live;
 #[cfg(feature = "slow")]
 mod lpips;
+#[cfg(feature = "slow")]
+mod masks;
 mod mitsuba;
 #[cfg(feature = "slow")]
 mod predictions;
@@ -49,6 +51,8 @@ mod protocols;
 mod questions;
 #[cfg(feature = "slow")]
 mod report;
+#[cfg(feature = "slow")]
+mod scale;
 mod spectra;
 mod view;
 #[cfg(feature = "slow")]

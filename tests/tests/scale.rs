@@ -1,9 +1,6 @@
 //! `corf bench scale`: points, tables and plots of every axis, going on, and what it refuses.
 
-#![allow(clippy::unwrap_used)]
-
-mod common;
-use common::*;
+use crate::common::{corf_ok, corf_refuses, text, tiny_config};
 use serde_json::Value;
 use std::fs;
 

@@ -237,6 +237,14 @@ pub fn read_png(path: impl AsRef<Path>) -> Result<Raster<[u8; 3]>> {
     Ok(decode_rgba(&bytes, path)?.map(|p| [p[0], p[1], p[2]]))
 }
 
+/// Encodes a mask as an 8-bit grey PNG: white where a pixel counts, black where it does not.
+///
+/// # Errors
+/// An image without pixels.
+pub fn encode_mask(mask: &Raster<bool>) -> Result<Vec<u8>> {
+    encode_png8(&mask.map(|counts| if *counts { u8::MAX } else { 0 }))
+}
+
 /// Reads a mask: a pixel counts where it is not black. Alpha is dropped.
 ///
 /// # Errors

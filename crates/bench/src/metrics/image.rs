@@ -17,6 +17,23 @@ pub fn ssim<const C: usize>(a: &Raster<[u8; C]>, b: &Raster<[u8; C]>) -> f64 {
     corf::loss::ssim(&unit(a), &unit(b))
 }
 
+/// A prediction where pixels count, and the observation elsewhere; and the share of pixels that count.
+pub fn unmasked(predicted: &Raster<[u8; 3]>, observed: &Raster<[u8; 3]>, mask: &Raster<bool>) -> (Raster<[u8; 3]>, f64) {
+    let shown = |x, y| if mask[(x, y)] { predicted[(x, y)] } else { observed[(x, y)] };
+    let share = mask.pixels().iter().filter(|counts| **counts).count() as f64 / mask.pixels().len() as f64;
+    (Raster::from_fn(predicted.width(), predicted.height(), shown), share)
+}
+
+/// [`psnr`] over the pixels that count, of images that agree in all others.
+pub fn psnr_where(a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>, share: f64) -> f64 {
+    (corf::loss::psnr_8bit(&unit(a), &unit(b)) + 10.0 * share.log10()).min(PSNR_OF_EQUAL_DB)
+}
+
+/// [`ssim`] over the pixels that count.
+pub fn ssim_where(a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>, mask: &Raster<bool>) -> f64 {
+    corf::loss::ssim_where(&unit(a), &unit(b), |i| mask.pixels()[i])
+}
+
 /// 8-bit values as `[0, 1]`.
 fn unit<const C: usize>(image: &Raster<[u8; C]>) -> Planes {
     let pixels = image.pixels().iter().flatten().map(|&v| f32::from(v) / 255.0).collect();
@@ -32,6 +49,15 @@ mod tests {
         let image = Raster::from_fn(24, 16, |x, y| [(x * 9) as u8, (y * 15) as u8, 77]);
         assert_eq!(psnr(&image, &image), PSNR_OF_EQUAL_DB);
         assert!((ssim(&image, &image) - 1.0).abs() < 1e-9);
+        // Three quarters of the pixels are painted over and do not count; of what does, every value is off by one.
+        let mask = Raster::from_fn(24, 16, |x, _| x < 6);
+        let painted = Raster::from_fn(24, 16, |x, y| if mask[(x, y)] { image[(x, y)].map(|v| v ^ 1) } else { [0, 255, 9] });
+        let (shown, share) = unmasked(&painted, &image, &mask);
+        assert_eq!(share, 0.25);
+        assert!((psnr_where(&shown, &image, share) - 20.0 * 255.0_f64.log10()).abs() < 1e-9);
+        let ssim_there = ssim_where(&shown, &image, &mask);
+        assert!(ssim_there < ssim(&shown, &image) && ssim_there > 0.9, "{ssim_there}");
+        assert_eq!(psnr_where(&image, &image, share), PSNR_OF_EQUAL_DB);
         let off_by_one = image.map(|p| p.map(|v| v ^ 1));
         assert!((psnr(&image, &off_by_one) - 20.0 * 255.0_f64.log10()).abs() < 1e-9);
     }

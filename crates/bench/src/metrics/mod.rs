@@ -178,6 +178,14 @@ impl Evaluator {
         let predicted =
             Halves { image: predicted.image.filter(|_| self.has.light), spectrum: predicted.spectrum.filter(|_| self.has.radio) };
         let image = predicted.image.map(|image| image.map(|p| p.map(color::quantize8)));
+        // Where a pixel does not count, the observation is shown, so that nothing is found there. An image none of whose pixels count is not compared.
+        let (image, share) = match (&image, &truth.mask) {
+            (Some(predicted), Some(mask)) => {
+                let (shown, share) = image::unmasked(predicted, &truth.image, mask);
+                (Some(shown).filter(|_| share > 0.0), share)
+            }
+            _ => (image, 1.0),
+        };
         let spectra = predicted.spectrum.map(|predicted| {
             let scalar_truth = truth.spectrum.map(|&s| self.range.scalar(s));
             SpectrumPair {
@@ -192,9 +200,12 @@ impl Evaluator {
             .collect();
         FrameMetrics {
             index: truth.index,
-            light: image.as_ref().map(|image| LightMetrics {
-                psnr_opt: image::psnr(image, &truth.image),
-                ssim_opt: image::ssim(image, &truth.image),
+            light: image.as_ref().map(|image| match &truth.mask {
+                None => LightMetrics { psnr_opt: image::psnr(image, &truth.image), ssim_opt: image::ssim(image, &truth.image) },
+                Some(mask) => LightMetrics {
+                    psnr_opt: image::psnr_where(image, &truth.image, share),
+                    ssim_opt: image::ssim_where(image, &truth.image, mask),
+                },
             }),
             spectrum: spectra.as_ref().map(|pair| self.spectrum(pair, truth)),
             lpips: self.networks.compare(&pairs),

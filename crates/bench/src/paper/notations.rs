@@ -116,7 +116,8 @@ fn markdown_table(table: &Beside<'_, '_>) -> String {
 }
 
 fn markdown_notes(tables: &[Beside<'_, '_>]) -> String {
-    notes(tables).iter().map(|note| format!("\n{}\n", escape::markdown(note))).collect()
+    let notes: Vec<String> = notes(tables).iter().map(|note| escape::markdown(note)).collect();
+    if notes.is_empty() { String::new() } else { format!("\n{}\n", notes.join(" ")) }
 }
 
 /// One of the tables in Markdown, with the notes on its rows.

@@ -9,6 +9,14 @@ use rayon::prelude::*;
 /// # Panics
 /// If the two differ in width, height or channels.
 pub fn ssim(a: &Planes, b: &Planes) -> f64 {
+    ssim_where(a, b, |_| true)
+}
+
+/// The same over the pixels of some numbers, by rows from the top left; NaN without any. Windows take in the other pixels as well.
+///
+/// # Panics
+/// If the two differ in width, height or channels.
+pub fn ssim_where(a: &Planes, b: &Planes, counts: impl Fn(usize) -> bool + Sync) -> f64 {
     assert_same_size(a, b);
     let (w, h) = (a.width, a.height);
     let sums: Vec<f64> = (0..a.channels)
@@ -21,6 +29,7 @@ pub fn ssim(a: &Planes, b: &Planes) -> f64 {
             let (mean_x, mean_y) = (blur(&x, w, h), blur(&y, w, h));
             let (xx, yy, xy) = (product(&x, &x), product(&y, &y), product(&x, &y));
             (0..w * h)
+                .filter(|i| counts(*i))
                 .map(|i| {
                     let (mx, my) = (mean_x[i], mean_y[i]);
                     let structure = 2.0 * (xy[i] - mx * my) + C2;
@@ -30,7 +39,8 @@ pub fn ssim(a: &Planes, b: &Planes) -> f64 {
                 .sum()
         })
         .collect();
-    sums.iter().sum::<f64>() / (w * h * a.channels) as f64
+    let counted = (0..w * h).filter(|i| counts(*i)).count();
+    sums.iter().sum::<f64>() / (counted * a.channels) as f64
 }
 
 /// Peak signal-to-noise ratio in dB of two images with values in `[0, 1]`, both rounded to 8 bits first; infinite if they then agree.

@@ -50,7 +50,7 @@ fn capture(options: &ImportOptions) -> Result<Capture> {
     }
     let images = options.images.clone().unwrap_or_else(|| source.join("images"));
     let wanted = !options.without_images;
-    let mut capture = match options.format {
+    let capture = match options.format {
         Format::Colmap => colmap::read(source, &images, wanted),
         Format::Nerfstudio => nerfstudio::read(source, options.images.as_deref(), wanted),
         Format::Rf3dgs => rf_3dgs::read(source, &images, wanted, options.split.is_none()),

@@ -186,6 +186,8 @@ pub(crate) struct Besides<'a> {
     pub points: &'a str,
     /// 16-bit depth of a keyframe, millimetres; none without depth.
     pub depth: Option<fn(usize) -> String>,
+    /// 8-bit mask of a keyframe; none without masks.
+    pub mask: Option<fn(usize) -> String>,
 }
 
 /// transforms.json: world_from_camera in OpenGL axes (y up, z backward: columns 1 and 2 negated); no `camera_model`, whose names no
@@ -197,7 +199,7 @@ pub(crate) fn transforms_json(
     besides: Option<&Besides<'_>>,
 ) -> Result<String> {
     let name = |i: usize| format!("images/{}.png", layout::stem(i));
-    let depth = besides.and_then(|b| b.depth);
+    let (depth, mask) = (besides.and_then(|b| b.depth), besides.and_then(|b| b.mask));
     let frames: Vec<serde_json::Value> = poses
         .iter()
         .map(|p| {
@@ -205,6 +207,9 @@ pub(crate) fn transforms_json(
             let mut frame = json!({ "file_path": name(p.index), "transform_matrix": rows });
             if let Some(depth) = depth {
                 frame["depth_file_path"] = json!(depth(p.index));
+            }
+            if let Some(mask) = mask {
+                frame["mask_path"] = json!(mask(p.index));
             }
             frame
         })

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | `image` | (H, W, 3) uint8 | sRGB; missing without light |
 //! | `depth_m` | (H, W) float32 | z-depth in metres, 0 where there is none; missing without depth |
+//! | `mask` | (H, W) bool | whether a pixel of the image counts; missing where all do |
 //! | `optical_intrinsics` | (3, 3) float64 | pixels; (0, 0) is the outer corner of the top left pixel; missing without light |
 //! | `spectrum` | (h, w) float32 | linear power in `spectrum_unit`; missing without radio |
 //! | `rf_intrinsics` | (3, 3) float64 | as the optical ones; missing without radio |
@@ -40,6 +41,9 @@ pub fn keyframe_npz(dataset: &Dataset, index: usize) -> Result<Vec<u8>> {
     }
     if let Some(depth) = &keyframe.depth_m {
         arrays.push(Array::new("depth_m", &[depth.height(), depth.width()], Values::F32(depth.pixels().to_vec())));
+    }
+    if let Some(mask) = &keyframe.mask {
+        arrays.push(Array::new("mask", &[mask.height(), mask.width()], Values::Bool(mask.pixels().to_vec())));
     }
     if has.radio {
         let (spectrum, range) = (&keyframe.spectrum, dataset.db_range());

@@ -105,6 +105,11 @@ impl Dataset {
         self.file.header.modalities
     }
 
+    /// Whether any keyframe has a mask.
+    pub fn has_masks(&self) -> bool {
+        (0..self.len()).any(|i| self.file.files.contains_key(&layout::mask(i)))
+    }
+
     /// Whether every keyframe comes with depth.
     pub fn has_depth(&self) -> bool {
         (0..self.len()).all(|i| self.file.files.contains_key(&layout::depth(i)))

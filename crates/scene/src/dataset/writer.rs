@@ -260,8 +260,7 @@ impl DatasetWriter {
             contents.push((layout::surface(index), Box::new(|| io::encode_exr_u32(surface))));
         }
         if let Some(mask) = &frame.mask {
-            contents
-                .push((layout::mask(index), Box::new(|| io::encode_png8(&mask.map(|counts| if *counts { u8::MAX } else { 0 })))));
+            contents.push((layout::mask(index), Box::new(|| io::encode_mask(mask))));
         }
         if let Some(spectrum) = &frame.spectrum {
             contents.push((layout::spectrum(index), Box::new(move || io::encode_exr_f32_in(spectrum, "Y", unit))));

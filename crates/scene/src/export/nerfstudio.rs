@@ -4,6 +4,7 @@
 //! transforms.json          cameras, poses, lists of the split, `ply_file_path`, and `depth_file_path` of every frame where there is depth
 //! images/00001.png         8-bit sRGB
 //! depths/00001_depth.png   16 bits, whole millimetres along the optical axis; 0 where there is none, and beyond 65.535 m
+//! masks/00001_mask.png     8 bits, 0 where a pixel does not count; of all keyframes or, where none has a mask, of none: nerfstudio takes nothing between
 //! sparse_pc.ply            the points of the data set's COLMAP model: `double x y z`, `uchar red green blue`
 //! ```
 //!
@@ -13,7 +14,8 @@
 use super::{File, FolderExport};
 use crate::capture::read_points;
 use crate::dataset::{Besides, ColoredPoint, Dataset, millimetres, stem, transforms_json};
-use crate::{Error, Result, io};
+use crate::io::encode_mask;
+use crate::{Error, Raster, Result, io};
 
 /// Name of the point cloud, nerfstudio's own.
 const POINTS: &str = "sparse_pc.ply";
@@ -21,6 +23,10 @@ const POINTS: &str = "sparse_pc.ply";
 /// Path of a keyframe's depth. It does not end as the image's does: some readers match images by the end of their path.
 fn depth_path(index: usize) -> String {
     format!("depths/{}_depth.png", stem(index))
+}
+
+fn mask_path(index: usize) -> String {
+    format!("masks/{}_mask.png", stem(index))
 }
 
 /// The export of a data set.
@@ -41,7 +47,11 @@ impl<'d> Nerfstudio<'d> {
             return Err(Error::invalid(dataset.dir().display().to_string(), "the data set has no images", help));
         }
         let points = read_points(&dataset.dir().join("optical/sparse/0/points3D.txt"))?;
-        let besides = Besides { points: POINTS, depth: dataset.has_depth().then_some(depth_path as fn(usize) -> String) };
+        let besides = Besides {
+            points: POINTS,
+            depth: dataset.has_depth().then_some(depth_path as fn(usize) -> String),
+            mask: dataset.has_masks().then_some(mask_path as fn(usize) -> String),
+        };
         let split = [dataset.train_indices(), dataset.test_indices()];
         let transforms = transforms_json(&dataset.optical_camera(), dataset.poses(), split, Some(&besides))?;
         let whole = vec![(POINTS.to_owned(), cloud(&points)), ("transforms.json".to_owned(), transforms.into_bytes())];
@@ -57,6 +67,10 @@ impl FolderExport for Nerfstudio<'_> {
             && let Some(depth) = &keyframe.depth_m
         {
             files.push((depth_path(index), io::encode_png16(&depth.map(|d| millimetres(*d)))?));
+        }
+        if self.dataset.has_masks() {
+            let all = || Raster::filled(keyframe.image.width(), keyframe.image.height(), true);
+            files.push((mask_path(index), encode_mask(&keyframe.mask.unwrap_or_else(all))?));
         }
         Ok(files)
     }
