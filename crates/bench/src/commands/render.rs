@@ -154,12 +154,6 @@ impl Render {
         }
         json::write_json(&source_path, &source)?;
         let range = run.input.dataset.db_range();
-        let light: &[&str] = if has.light { &["images"] } else { &[] };
-        let radio: &[&str] = if has.radio { &["jet", "db", "linear"] } else { &[] };
-        for folder in light.iter().chain(radio).chain(&["depth"]) {
-            std::fs::create_dir_all(self.out.join(folder))
-                .with_context(|| format!("cannot create {}/{folder}", self.out.display()))?;
-        }
         let mut progress = Progress::start("rendering", poses.len(), "views");
         for (i, pose) in poses.iter().enumerate() {
             interrupt::check()?;

@@ -113,9 +113,9 @@ impl Tracing {
             (config.optical.width, config.optical.height) = (96, 54);
             (config.optical.method, config.optical.samples_per_pixel) = (LightMethod::Path, Some(2));
             (config.rf.width, config.rf.height) = (48, 32);
-            (config.rf.max_reflections, config.rf.directions, config.rf.photons) = (1, 2_000, 10_000);
-            // Lobes as wide as so few directions allow.
-            (config.rf.patch_size_m, config.rf.lobe_width_deg) = (0.5, 8.0);
+            // As few directions as lobes of a degree allow, beyond which no diffuse power is gathered around the frame.
+            (config.rf.max_reflections, config.rf.directions, config.rf.photons) = (1, 100_000, 10_000);
+            (config.rf.patch_size_m, config.rf.lobe_width_deg) = (0.5, 1.0);
         }
         config.rf.sphere = None;
         config.rf.tutorial_compat = false;
