@@ -146,6 +146,7 @@ impl Rig {
             rf: noise(i, &self.rf, rf_channels, |value| value),
             rf_camera: self.rf,
             inverse_depth: None,
+            mask: None,
         })
     }
 

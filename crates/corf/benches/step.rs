@@ -64,6 +64,7 @@ fn device(rf_channels: usize, degree: usize) -> CpuDevice {
         rf: noise(&rf_camera, rf_channels),
         rf_camera,
         inverse_depth: None,
+        mask: None,
     };
     device.upload(&view, LEVELS).expect("a valid view");
     device

@@ -1,9 +1,11 @@
 //! A keyframe as a reconstruction takes it: what it has to be, and what becomes of it as a training target.
 
+use crate::depth::fill;
 use crate::device::{InverseDepth, Planes, TrainingView};
 use crate::{Error, FieldMeta, Result};
 use corf_scene::{Keyframe, Pinhole, Raster, Rigid3};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Refuses a keyframe whose images are not the cameras', whose pose is not finite, or whose spectrum is no power.
 pub(crate) fn check(keyframe: &Keyframe, meta: &FieldMeta) -> Result<()> {
@@ -15,6 +17,9 @@ pub(crate) fn check(keyframe: &Keyframe, meta: &FieldMeta) -> Result<()> {
     }
     if let Some(surface) = &keyframe.surface {
         check_size(&place, "surface index", size(surface), &meta.optical_camera)?;
+    }
+    if let Some(mask) = &keyframe.mask {
+        check_size(&place, "mask", size(mask), &meta.optical_camera)?;
     }
     let pose = &keyframe.world_from_camera;
     if !pose.translation.is_finite() || !pose.rotation.is_finite() {
@@ -43,8 +48,13 @@ fn check_size(place: &str, what: &str, got: (usize, usize), camera: &Pinhole) ->
     ))
 }
 
-/// An 8-bit image as the target in light: 3 channels, sRGB-encoded `[0, 1]`.
-pub(crate) fn optical(image: &Raster<[u8; 3]>) -> Planes {
+/// An 8-bit image as the target in light: 3 channels, sRGB-encoded `[0, 1]`. Where its mask leaves pixels out, it continues with the nearest
+/// that count: what is in their place there leaves no edge around it, where Gaussians would grow, nor contrast in the windows of SSIM.
+pub(crate) fn optical(keyframe: &Keyframe) -> Planes {
+    let mut image = Cow::Borrowed(&keyframe.image);
+    if let Some(mask) = keyframe.mask.as_ref().filter(|m| m.pixels().contains(&false)) {
+        fill(image.to_mut(), &mask.map(|counts| !counts).into_vec());
+    }
     let pixels = image.pixels().as_flattened().par_iter().with_min_len(1024).map(|v| f32::from(*v) / 255.0).collect();
     Planes { width: image.width(), height: image.height(), channels: 3, pixels }
 }
@@ -55,7 +65,9 @@ pub(crate) fn training_view(
     optical: Planes,
     rf: Planes,
     inverse_depth: Option<InverseDepth>,
+    mask: Option<Raster<bool>>,
     meta: &FieldMeta,
 ) -> TrainingView {
-    TrainingView { world_from_camera, optical_camera: meta.optical_camera, optical, rf_camera: meta.rf_camera, rf, inverse_depth }
+    let (optical_camera, rf_camera) = (meta.optical_camera, meta.rf_camera);
+    TrainingView { world_from_camera, optical_camera, optical, rf_camera, rf, inverse_depth, mask }
 }

@@ -141,6 +141,7 @@ fn training_view(rf_channels: usize, seed: u64) -> TrainingView {
             value: Raster::filled(37, 29, 0.35),
             confidence: Raster::from_fn(37, 29, |x, _| if x % 3 == 0 { 0.0 } else { 0.8 }),
         }),
+        mask: None,
     }
 }
 
@@ -396,6 +397,20 @@ fn hopeless_gaussians_do_no_harm() {
 }
 
 #[test]
+fn a_mask_that_leaves_nothing_out_changes_no_byte() {
+    let g = wall(300, 3, 1);
+    let trained = |mask: Option<Raster<bool>>| {
+        let mut d = device(&g);
+        d.upload(&TrainingView { mask, ..training_view(3, 4) }, 2).unwrap();
+        d.train(&[step(0), step(1), step(0)]).unwrap();
+        d.gaussians()
+    };
+    let plain = trained(None);
+    assert!(plain == trained(Some(Raster::filled(37, 29, true))));
+    assert!(plain != trained(Some(Raster::from_fn(37, 29, |x, _| x > 5))));
+}
+
+#[test]
 fn bad_input_is_named() {
     let message = |e: corf::Error| e.to_string();
     let bad = OptimizerConfig { beta1: 1.0, ..OptimizerConfig::default() };
@@ -408,6 +423,8 @@ fn bad_input_is_named() {
     let mut broken = training_view(3, 4);
     broken.optical.pixels[(2 * 37 + 5) * 3] = f32::NAN;
     assert!(message(d.upload(&broken, 1).unwrap_err()).contains("(5, 2)"));
+    let narrow = TrainingView { mask: Some(Raster::filled(36, 29, true)), ..training_view(3, 4) };
+    assert!(message(d.upload(&narrow, 1).unwrap_err()).contains("mask: 36x29 pixels"));
     assert!(message(d.train(&[step(0)]).unwrap_err()).contains("view 0"));
     d.upload(&training_view(3, 4), 1).unwrap();
     assert!(message(d.train(&[step(1)]).unwrap_err()).contains("level 1"));

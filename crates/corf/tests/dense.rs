@@ -96,6 +96,7 @@ fn view(k: usize) -> TrainingView {
         optical_camera,
         rf_camera,
         inverse_depth: None,
+        mask: None,
     }
 }
 

@@ -120,6 +120,7 @@ fn training_view(k: usize, rf_channels: usize, depth: bool) -> TrainingView {
         rf: noise(&mut rng, &rf_camera, rf_channels),
         rf_camera,
         inverse_depth,
+        mask: None,
     }
 }
 

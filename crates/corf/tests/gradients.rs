@@ -125,6 +125,7 @@ fn scenario(seed: u64, rf_channels: usize, degree: usize, antialias: Antialias) 
         rf: noise(&mut rng, 17, 13, rf_channels),
         rf_camera,
         inverse_depth: Some(inverse_depth),
+        mask: None,
     };
     let step = Step {
         view: ViewId(0),
@@ -153,6 +154,13 @@ impl Scenario {
         devices
     }
 
+    /// The scenario with a mask that leaves out a block at the border and scattered pixels.
+    fn masked(mut self) -> Self {
+        let (w, h) = (self.view.optical.width, self.view.optical.height);
+        self.view.mask = Some(Raster::from_fn(w, h, |x, y| (x < 18 || y < 9) && (5 * x + 3 * y) % 11 != 0));
+        self
+    }
+
     fn render(&self, field: &Field, g: usize, rho: Option<&[f64]>) -> reference::Image {
         let (camera, background) = [(self.view.optical_camera, OPTICAL_BACKGROUND), (self.view.rf_camera, RF_BACKGROUND)][g];
         let near = f64::from(RasterConfig::default().near_m);
@@ -163,8 +171,14 @@ impl Scenario {
     fn loss(&self, field: &Field, rho: Option<&[Vec<f64>; 2]>) -> f64 {
         let mut loss = 0.0;
         if self.step.optical_weight > 0.0 {
-            let image = self.render(field, 0, rho.map(|r| &r[0][..]));
-            let depth = self.view.inverse_depth.as_ref().unwrap();
+            let mut image = self.render(field, 0, rho.map(|r| &r[0][..]));
+            let mut depth = self.view.inverse_depth.clone().unwrap();
+            let mask = self.view.mask.iter().flat_map(|m| m.pixels().iter().enumerate());
+            for (i, _) in mask.filter(|(_, counts)| !**counts) {
+                let target = &self.view.optical.pixels[3 * i..3 * i + 3];
+                image.color[3 * i..3 * i + 3].iter_mut().zip(target).for_each(|(x, y)| *x = f64::from(*y));
+                depth.confidence.pixels_mut()[i] = 0.0;
+            }
             loss += f64::from(self.step.optical_weight) * reference::image_loss(&image, &self.view.optical);
             loss += f64::from(self.step.depth_weight) * reference::depth_loss(&image, &depth.value, &depth.confidence);
         }
@@ -329,6 +343,30 @@ fn gradients_with_the_antialias_factor_detached() {
 #[test]
 fn gradients_without_antialiasing() {
     scenario(SEEDS[1], 1, 2, Antialias::Off).check("coupled, dB, antialias off");
+}
+
+#[test]
+fn gradients_where_pixels_do_not_count() {
+    scenario(SEEDS[0], 3, 1, Antialias::On).masked().check("coupled, Jet, masked");
+    let mut s = scenario(SEEDS[1], 1, 2, Antialias::Off).masked();
+    s.step.rf_weight = 0.0;
+    s.check("optical alone, masked");
+}
+
+/// Nothing is learnt of an image of which nothing counts, and no number of it becomes infinite.
+#[test]
+fn an_image_of_which_nothing_counts_has_no_gradient() {
+    let mut s = scenario(SEEDS[0], 3, 1, Antialias::On);
+    s.view.mask = Some(Raster::filled(27, 18, false));
+    s.step.rf_weight = 0.0;
+    for (device, mut d) in s.devices() {
+        let (report, gradient) = d.differentiate(&s.step).unwrap();
+        assert!(report.optical_loss.abs() < 1e-6 && report.depth_loss == 0.0, "{device}: {report:?}");
+        assert!(report.visible > 10);
+        for (name, class) in CLASS_NAMES.iter().zip(&Field::new(&gradient).classes) {
+            assert!(class.iter().all(|v| *v == 0.0), "{name} on {device}: {class:?}");
+        }
+    }
 }
 
 #[test]

@@ -70,6 +70,7 @@ fn scenario(seed: u64, rf_target: RfTarget, move_positions: bool) -> Scenario {
         rf: Planes { width: 17, height: 13, channels, pixels: (0..17 * 13 * channels).map(|_| value(&mut rng)).collect() },
         rf_camera,
         inverse_depth: None,
+        mask: None,
     };
     let step = Step {
         view: ViewId(0),

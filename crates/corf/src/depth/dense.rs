@@ -34,6 +34,21 @@ impl Dense {
         Self { holes, ..Self::new(grid, image) }
     }
 
+    /// Takes the cells that have a pixel of the image's mask that does not count as holes, as in [`Self::reduced`]. A map of an image of which
+    /// nothing counts is a hole throughout and keeps its values.
+    pub fn masked(mut self, mask: &Raster<bool>) -> Self {
+        let (width, height) = (self.grid.width(), self.grid.height());
+        let cell = |at: usize, pixels: usize, cells: usize| (2 * at + 1) * cells / (2 * pixels);
+        let mut holes = self.holes.as_ref().map_or_else(|| vec![false; width * height], |h| h.to_vec());
+        for (i, _) in mask.pixels().iter().enumerate().filter(|(_, counts)| !**counts) {
+            let (x, y) = (i % mask.width(), i / mask.width());
+            holes[cell(y, mask.height(), height) * width + cell(x, mask.width(), width)] = true;
+        }
+        fill(&mut self.grid, &holes);
+        self.holes = holes.contains(&true).then(|| holes.into());
+        self
+    }
+
     /// Marks the map as metric: its values are inverse depths in 1/m that need no alignment.
     pub fn in_metres(self) -> Self {
         Self { is_metric: true, ..self }
@@ -177,11 +192,16 @@ fn reduce(map: Raster<f32>, image: (usize, usize)) -> Raster<f32> {
 /// are finite, or none is.
 fn fill_holes(grid: &mut Raster<f32>) -> Option<Vec<bool>> {
     let holes: Vec<bool> = grid.pixels().iter().map(|v| !v.is_finite()).collect();
+    fill(grid, &holes).then_some(holes)
+}
+
+/// Gives every hole the value of the nearest pixel that is none, counted in steps along the axes; returns whether it did, which takes both.
+pub(crate) fn fill<T: Copy>(grid: &mut Raster<T>, holes: &[bool]) -> bool {
     if holes.iter().all(|h| *h) || !holes.contains(&true) {
-        return None;
+        return false;
     }
     let (width, height) = (grid.width(), grid.height());
-    let mut left = holes.clone();
+    let mut left = holes.to_vec();
     let mut queue: VecDeque<usize> = (0..holes.len()).filter(|&i| !holes[i]).collect();
     while let Some(from) = queue.pop_front() {
         let (x, y) = (from % width, from / width);
@@ -195,7 +215,7 @@ fn fill_holes(grid: &mut Raster<f32>) -> Option<Vec<bool>> {
             }
         }
     }
-    Some(holes)
+    true
 }
 
 #[cfg(test)]
@@ -227,6 +247,23 @@ mod tests {
         assert_eq!(zeros, 16);
         assert_eq!(dense.at_unless_zero(4, 4), 0.0);
         assert_eq!(dense.at_unless_zero(5, 4), 1.0);
+    }
+
+    #[test]
+    fn a_cell_with_a_pixel_that_does_not_count_is_a_hole_filled_from_beside() {
+        // Columns 0 to 3 hold 0 to 3, on pixels twice as fine, of which one in cell (2, 1) does not count.
+        let dense = Dense::new(Raster::from_fn(4, 4, |x, _| x as f32), (8, 8)).in_metres();
+        let mask = Raster::from_fn(8, 8, |x, y| (x, y) != (5, 2));
+        let masked = dense.clone().masked(&mask);
+        let others = (0..16).filter(|i| *i != 6);
+        assert!(others.into_iter().all(|i| masked.grid().pixels()[i] == dense.grid().pixels()[i]));
+        // Beside it in its row; above or below it stands what it had.
+        assert!([1.0, 2.0, 3.0].contains(&masked.grid()[(2, 1)]) && masked.is_metric());
+        assert!(!masked.is_known(5, 2) && !masked.is_known(4, 2) && masked.is_known(1, 6));
+        let mut confidence = Raster::filled(4, 4, 1.0);
+        masked.clear_holes(&mut confidence);
+        assert_eq!(masked.with(confidence).at_unless_zero(5, 2), 0.0);
+        assert_eq!(dense.clone().masked(&mask.map(|_| true)), dense, "a mask that leaves nothing out changes nothing");
     }
 
     #[test]

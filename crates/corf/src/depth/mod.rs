@@ -18,6 +18,7 @@ pub mod view;
 pub use align::{AlignedPrior, align};
 pub use correct::Correction;
 pub use dense::Dense;
+pub(crate) use dense::fill;
 pub use matching::{match_guided, match_wide};
 pub use patch::{GreyImage, Patch};
 pub use prior::DepthPrior;

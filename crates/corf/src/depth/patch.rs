@@ -21,6 +21,8 @@ pub struct GreyImage {
     height: usize,
     /// `value(x, y) | value(x + 1, y) << 16`; the last column stands beside itself.
     pairs: Vec<u32>,
+    /// Number of pixels in the rectangle before column x and row y that do not count, at `y·(width + 1) + x`; nothing where all count.
+    left_out: Vec<u32>,
     isa: Isa,
 }
 
@@ -45,7 +47,28 @@ impl GreyImage {
                 }
             });
         }
-        Self { width, height, pairs, isa: Isa::detect() }
+        Self { width, height, pairs, left_out: vec![], isa: Isa::detect() }
+    }
+
+    /// The image with pixels that do not count: no patch holds one, nor lands on one.
+    pub fn masked(mut self, mask: Option<&Raster<bool>>) -> Self {
+        let Some(mask) = mask.filter(|m| m.pixels().contains(&false)) else { return self };
+        let stride = self.width + 1;
+        self.left_out = vec![0; stride * (self.height + 1)];
+        for (y, row) in mask.pixels().chunks_exact(self.width).enumerate() {
+            let mut sum = 0;
+            for (x, counts) in row.iter().enumerate() {
+                sum += u32::from(!counts);
+                self.left_out[(y + 1) * stride + x + 1] = self.left_out[y * stride + x + 1] + sum;
+            }
+        }
+        self
+    }
+
+    /// Whether all pixels of a rectangle inside the image count, from its first column and row to its last.
+    pub fn counts(&self, [x0, y0]: [usize; 2], [x1, y1]: [usize; 2]) -> bool {
+        let before = |x: usize, y: usize| self.left_out[y * (self.width + 1) + x];
+        self.left_out.is_empty() || before(x1 + 1, y1 + 1) + before(x0, y0) == before(x0, y1 + 1) + before(x1 + 1, y0)
     }
 
     /// Columns.
@@ -103,10 +126,14 @@ pub struct Patch {
 const LEAST_CONTRAST: f32 = 1.5 / 255.0;
 
 impl Patch {
-    /// The `(2·radius+1)²` patch around pixel `(x, y)`, radius 1 to 3; `None` where it leaves the image or has no texture.
+    /// The `(2·radius+1)²` patch around pixel `(x, y)`, radius 1 to 3; `None` where it leaves the image, holds a pixel that does not count, or has no
+    /// texture.
     pub fn new(image: &GreyImage, x: usize, y: usize, radius: usize) -> Option<Self> {
         debug_assert!((1..=MAX_RADIUS).contains(&radius));
         if x < radius || y < radius || x + radius >= image.width || y + radius >= image.height {
+            return None;
+        }
+        if !image.counts([x - radius, y - radius], [x + radius, y + radius]) {
             return None;
         }
         let side = 2 * radius + 1;
@@ -125,17 +152,19 @@ impl Patch {
         Some(Self { radius, values })
     }
 
-    /// Whether all samples of the warped patch lie inside `image`.
+    /// Whether all samples of the warped patch lie inside `image`, and all pixels of the upright rectangle around it count.
     pub fn lands_inside(&self, image: &GreyImage, warp: &Warp) -> bool {
         let r = self.radius as f32;
         let j = warp.jacobian;
         let reach = Vec2::new(r * (j.x_axis.x.abs() + j.y_axis.x.abs()), r * (j.x_axis.y.abs() + j.y_axis.y.abs()));
         let c = index_space(warp.center);
         let (low, high) = (c - reach, c + reach);
-        low.x >= 0.0 && low.y >= 0.0 && high.x < (image.width - 1) as f32 && high.y < (image.height - 1) as f32
+        let inside = low.x >= 0.0 && low.y >= 0.0 && high.x < (image.width - 1) as f32 && high.y < (image.height - 1) as f32;
+        // A sample lies between two columns and two rows.
+        inside && image.counts([low.x as usize, low.y as usize], [high.x as usize + 1, high.y as usize + 1])
     }
 
-    /// ZNCC in `[-1, 1]` of the patch with `image` under a warp; `None` where the warped patch leaves the image.
+    /// ZNCC in `[-1, 1]` of the patch with `image` under a warp; `None` where the warped patch does not [land inside](Self::lands_inside).
     pub fn zncc(&self, image: &GreyImage, warp: &Warp) -> Option<f32> {
         self.lands_inside(image, warp).then(|| image.isa.dispatch(Zncc { patch: self, image, warp }))
     }
@@ -254,5 +283,27 @@ mod tests {
         let flat = GreyImage::new(&Raster::filled(20, 20, 0.4));
         assert!(Patch::new(&flat, 10, 10, 3).is_none());
         assert!(Patch::new(&flat, 2, 10, 3).is_none());
+    }
+
+    #[test]
+    fn no_patch_holds_or_lands_on_a_pixel_that_does_not_count() {
+        let mut rng = Rng::keyed(8, 0, 0);
+        let raster = Raster::from_fn(40, 30, |_, _| rng.uniform());
+        let plain = GreyImage::new(&raster);
+        let hole = (24, 15);
+        let masked = GreyImage::new(&raster).masked(Some(&Raster::from_fn(40, 30, |x, y| (x, y) != hole)));
+        for (x, y) in (3..27).flat_map(|y| (3..37).map(move |x| (x, y))) {
+            let touches = hole.0.abs_diff(x) <= 3 && hole.1.abs_diff(y) <= 3;
+            assert_eq!(Patch::new(&masked, x, y, 3).is_some(), !touches, "({x}, {y})");
+        }
+        let patch = Patch::new(&plain, 10, 10, 3).unwrap();
+        // Samples lie half way between pixels: the patch rests on eight columns.
+        for x in 4..35 {
+            let warp = Warp { center: Vec2::new(x as f32 + 1.0, 15.5), jacobian: Mat2::IDENTITY };
+            let touches = (x - 3..=x + 4).contains(&hole.0);
+            assert_eq!(patch.zncc(&masked, &warp), patch.zncc(&plain, &warp).filter(|_| !touches), "{x}");
+        }
+        let whole = GreyImage::new(&raster).masked(Some(&Raster::filled(40, 30, true)));
+        assert!(whole.left_out.is_empty(), "a mask that leaves nothing out is none");
     }
 }

@@ -16,7 +16,7 @@ fn sequence(camera: &Pinhole, count: usize, textured: bool) -> Vec<Keyframe> {
 }
 
 fn grey(keyframes: &[Keyframe], camera: &Pinhole) -> Vec<GreyView> {
-    keyframes.iter().map(|k| GreyView::new(k.index, &k.image, *camera, k.world_from_camera)).collect()
+    keyframes.iter().map(|k| GreyView::of(k, *camera)).collect()
 }
 
 fn truth(k: &Keyframe) -> &Raster<f32> {
@@ -90,6 +90,42 @@ fn triangulated_corners_lie_on_the_surfaces() {
         assert!(e[e.len() / 2] < 0.01, "{width}: median {}", e[e.len() / 2]);
         assert!(outliers < 0.1, "{width}: {outliers} of the corners are off by 10 %");
     }
+}
+
+/// A sign that stands still before each camera would match wherever it is; masked, no depth comes of it on either side.
+#[test]
+fn what_does_not_count_is_neither_corner_nor_match() {
+    let s = setup(192, 108, true);
+    let mut rng = corf_scene::Rng::keyed(4, 0, 0);
+    let sign = Raster::from_fn(60, 50, |_, _| [(255.0 * rng.uniform()) as u8; 3]);
+    let is_sign = |x: usize, y: usize| (70..130).contains(&x) && (30..80).contains(&y);
+    let views = |mask: bool| -> Vec<GreyView> {
+        let painted = |k: &Keyframe| {
+            let image =
+                Raster::from_fn(192, 108, |x, y| if is_sign(x, y) { sign[(x - 70, y - 30)] } else { k.image[(x, y)] });
+            let mask = mask.then(|| Raster::from_fn(192, 108, |x, y| !is_sign(x, y)));
+            GreyView::of(&Keyframe { image, mask, ..k.clone() }, s.camera)
+        };
+        s.keyframes.iter().map(painted).collect()
+    };
+    let config = DepthConfig::default();
+    let found = |views: &[GreyView]| {
+        let (reference, others) = views.split_last().unwrap();
+        let near = select_neighbours(reference, others, 4.0, 6);
+        let pixels: Vec<(usize, usize)> = (0..108).step_by(2).flat_map(|y| (0..192).step_by(3).map(move |x| (x, y))).collect();
+        let matched = match_wide(reference, &near, &pixels, &config).into_iter().map(|d| (d.x, d.y));
+        (triangulate(reference, &near, &config), matched.collect::<Vec<_>>())
+    };
+    let (corners, matched) = found(&views(true));
+    let near_sign = |x: usize, y: usize| (67..133).contains(&x) && (27..83).contains(&y);
+    assert!(corners.len() > 80 && matched.len() > 200, "{} {}", corners.len(), matched.len());
+    assert!(!corners.iter().any(|c| near_sign(c.x, c.y)) && !matched.iter().any(|m| near_sign(m.0, m.1)));
+    let e = errors(corners.iter().map(|c| (c.x, c.y, c.inverse_depth)), truth(&s.keyframes[5]));
+    assert!(e[e.len() * 9 / 10] < 0.1, "{e:?}");
+    // Without masks the sign takes part.
+    let (corners, matched) = found(&views(false));
+    let inside = corners.iter().filter(|c| near_sign(c.x, c.y)).count() + matched.iter().filter(|m| near_sign(m.0, m.1)).count();
+    assert!(inside > 0);
 }
 
 #[test]

@@ -153,8 +153,8 @@ fn leads_back(
     claimed.is_some_and(|c| (c.center - returned.center).length() <= LEFT_RIGHT_PX)
 }
 
-/// The strongest Shi–Tomasi corners (smaller eigenvalue of the 5×5 structure tensor) that are maxima of their 3×3 neighbourhood; by row, then
-/// column.
+/// The strongest Shi–Tomasi corners (smaller eigenvalue of the 5×5 structure tensor) that are maxima of their 3×3 neighbourhood and rest on pixels
+/// that count alone; by row, then column.
 fn corners(image: &GreyImage, count: usize) -> Vec<(usize, usize)> {
     const BORDER: usize = RADIUS + 1;
     let (w, h) = (image.width(), image.height());
@@ -170,6 +170,10 @@ fn corners(image: &GreyImage, count: usize) -> Vec<(usize, usize)> {
         .map(|i| {
             let (x, y) = (i % w, i / w);
             if x < BORDER || y < BORDER || x >= w - BORDER || y >= h - BORDER {
+                return 0.0;
+            }
+            // The gradients of the window reach one pixel beyond it.
+            if !image.counts([x - RADIUS, y - RADIUS], [x + RADIUS, y + RADIUS]) {
                 return 0.0;
             }
             let (mut xx, mut xy, mut yy) = (0.0f32, 0.0, 0.0);

@@ -1,7 +1,7 @@
 //! A keyframe as matching sees it, and the warp between two of them.
 
 use super::patch::{GreyImage, Warp};
-use corf_scene::{Pinhole, Raster, Rigid3};
+use corf_scene::{Keyframe, Pinhole, Raster, Rigid3};
 use glam::{DVec3, Mat2, Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -28,8 +28,9 @@ pub struct GreyView {
 }
 
 impl GreyView {
-    /// Builds the view of an sRGB image.
-    pub fn new(index: usize, image: &Raster<[u8; 3]>, camera: Pinhole, world_from_camera: Rigid3) -> Self {
+    /// Builds the view of a keyframe. A pixel of the coarse image counts if all of its block do.
+    pub fn of(keyframe: &Keyframe, camera: Pinhole) -> Self {
+        let Keyframe { index, world_from_camera, image, mask, .. } = keyframe;
         let luma = |c: &[u8; 3]| (0.299 * f32::from(c[0]) + 0.587 * f32::from(c[1]) + 0.114 * f32::from(c[2])) / 255.0;
         let fine = image.pixels().par_iter().with_min_len(1024).map(luma).collect();
         let fine = Raster::from_vec(image.width(), image.height(), fine);
@@ -43,7 +44,13 @@ impl GreyView {
             let sum: f32 = (0..block * block).map(|i| fine[(x * block + i % block, y * block + i / block)]).sum();
             sum / (block * block) as f32
         });
-        let (fine, coarse) = (GreyImage::new(&fine), GreyImage::new(&coarse));
+        let counts = mask.as_ref().map(|mask| {
+            let all = |x: usize, y: usize| (0..block * block).all(|i| mask[(x * block + i % block, y * block + i / block)]);
+            Raster::from_fn(coarse.width(), coarse.height(), all)
+        });
+        let fine = GreyImage::new(&fine).masked(mask.as_ref());
+        let coarse = GreyImage::new(&coarse).masked(counts.as_ref());
+        let (index, world_from_camera) = (*index, *world_from_camera);
         Self { index, world_from_camera, fine, fine_camera: camera, coarse, coarse_camera, coarse_level }
     }
 }

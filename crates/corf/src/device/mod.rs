@@ -5,6 +5,7 @@ pub mod cpu;
 mod dense;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+mod mask;
 mod packed;
 pub(crate) mod planes;
 mod state;
@@ -45,6 +46,9 @@ pub struct TrainingView {
     pub rf: Planes,
     /// Aligned inverse depth (1/m, z-depth) with a confidence in `[0, 1]` per optical pixel; a confidence of 0 leaves a pixel out.
     pub inverse_depth: Option<InverseDepth>,
+    /// Whether a pixel of the optical image counts, of its size; the others are not learnt from, whatever the image and the depth hold there.
+    /// `None`: all count.
+    pub mask: Option<Raster<bool>>,
 }
 
 /// An inverse-depth map with confidences, of the optical image's size.

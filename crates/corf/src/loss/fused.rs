@@ -38,10 +38,13 @@ pub(crate) struct Target {
     /// μ_y and E y² under the window, likewise.
     mean: Vec<f32>,
     mean_square: Vec<f32>,
+    /// Per row of a channel, the columns that do not count, if there are any: what is rendered there is taken to be the target, and has no gradient.
+    left_out: Option<Vec<Vec<usize>>>,
 }
 
 impl Target {
-    pub fn new(isa: Isa, image: &Planes) -> Self {
+    /// An image of which only those pixels count, row-major, that `mask` has true.
+    pub fn new(isa: Isa, image: &Planes, mask: Option<&[bool]>) -> Self {
         let stride = stride_of(image.width);
         let mut pixels = vec![0.0; image.channels * image.height * stride];
         for (i, v) in image.pixels.iter().enumerate() {
@@ -58,7 +61,14 @@ impl Target {
         mean.par_chunks_mut(stride).zip(mean_square.par_chunks_mut(stride)).enumerate().for_each(|(row, (mean, square))| {
             isa.dispatch(Down { across: &across, row, height: image.height, stride, out: [mean, square] });
         });
-        Self { width: image.width, height: image.height, channels: image.channels, stride, pixels, mean, mean_square }
+        let columns = |row: &[bool]| row.iter().enumerate().filter(|(_, counts)| !**counts).map(|(x, _)| x).collect();
+        let left_out = mask.map(|m| m.chunks(image.width.max(1)).map(columns).collect());
+        Self { width: image.width, height: image.height, channels: image.channels, stride, pixels, mean, mean_square, left_out }
+    }
+
+    /// Columns of a row (of all channels' rows) that do not count.
+    fn left_out(&self, row: usize) -> &[usize] {
+        self.left_out.as_ref().map_or(&[], |rows| &rows[row % self.height])
     }
 }
 
@@ -220,6 +230,7 @@ impl Kernel for AlongRows<'_> {
             // The buffer may hold a larger level's image; pass 3 counts on zeros here.
             image[width..].fill(0.0);
             let truth = &t.pixels[row * stride..(row + 1) * stride];
+            t.left_out(row).iter().for_each(|&x| image[x] = truth[x]);
             for i in 0..width {
                 let x = image[i];
                 x_row[MARGIN + i] = x;
@@ -327,6 +338,7 @@ impl Kernel for Gradient<'_> {
                 let s = d_mean + two * x * d_xx + y * d_xy;
                 s.mul_add(dissimilarity, sign).store(&mut out[at..at + L::WIDTH]);
             }
+            t.left_out(row).iter().for_each(|&x| out[x] = 0.0);
             sums[1] = f64::from(difference.sum());
         }
     }

@@ -122,14 +122,13 @@ impl OfflineReconstructor {
         }
         crate::keyframe::check(&keyframe, &self.meta)?;
         let meta = &self.meta;
-        let optical = crate::keyframe::optical(&keyframe.image);
+        let optical = crate::keyframe::optical(&keyframe);
         let rf = meta.rf_target.encode(&keyframe.spectrum, &meta.db_range);
-        let view = crate::keyframe::training_view(keyframe.world_from_camera, optical, rf, None, meta);
+        let view = crate::keyframe::training_view(keyframe.world_from_camera, optical, rf, None, keyframe.mask.clone(), meta);
         self.device.upload(&view, 1)?;
         self.poses.push(keyframe.world_from_camera);
         if self.config.initial_points == InitialPoints::Triangulated && self.given.is_none() {
-            let view = PointView::new(keyframe.index, keyframe.image, self.meta.optical_camera, keyframe.world_from_camera);
-            self.views.push(view);
+            self.views.push(PointView::new(keyframe, self.meta.optical_camera));
         }
         Ok(())
     }

@@ -9,7 +9,7 @@ use crate::{
     gaussians::{SH_C0, logit},
     stage,
 };
-use corf_scene::{Pinhole, Raster, Rigid3, Rng, io::write_atomic};
+use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, Rng, io::write_atomic};
 use glam::DVec3;
 use std::path::Path;
 
@@ -45,8 +45,8 @@ pub struct PointView {
 
 impl PointView {
     /// Of a training keyframe.
-    pub fn new(index: usize, image: Raster<[u8; 3]>, camera: Pinhole, world_from_camera: Rigid3) -> Self {
-        Self { grey: GreyView::new(index, &image, camera, world_from_camera), image }
+    pub fn new(keyframe: Keyframe, camera: Pinhole) -> Self {
+        Self { grey: GreyView::of(&keyframe, camera), image: keyframe.image }
     }
 }
 
@@ -176,7 +176,7 @@ mod tests {
         let (camera, rf) = (Pinhole::from_horizontal_fov(160, 120, 80.0), Pinhole::from_horizontal_fov(12, 8, 80.0));
         let keyframes: Vec<_> = (0..6).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64), &camera, &rf, true)).collect();
         let views: Vec<PointView> =
-            keyframes.iter().map(|k| PointView::new(k.index, k.image.clone(), camera, k.world_from_camera)).collect();
+            keyframes.iter().map(|k| PointView::new(k.clone(), camera)).collect();
         let points = triangulated(&views);
         assert!(points.len() > 100, "{} points", points.len());
         // Against the depth that the synthetic keyframes carry, which nothing above has looked at.

@@ -190,6 +190,7 @@ fn one_field_trained_on_either_device_ends_at_the_same_errors() {
                 rf_camera,
                 rf: config.rf_target.encode(&k.spectrum, &DB_RANGE),
                 inverse_depth: Some(inverse_depth),
+                mask: None,
             };
             schedule.push(device.upload(&view, config.pyramid_levels).unwrap());
         }

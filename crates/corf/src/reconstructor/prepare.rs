@@ -32,6 +32,7 @@ pub(super) struct Extracted {
     world_from_camera: Rigid3,
     optical: Planes,
     rf: Planes,
+    mask: Option<Raster<bool>>,
     mono: Option<Dense>,
     probability: Raster<f32>,
     candidates: Vec<(usize, usize)>,
@@ -52,7 +53,7 @@ pub(super) struct Prepared {
     pub index: usize,
     /// The training target; its inverse depth is the prior aligned to triangulated corners, if that could be done and it was not packed.
     pub training: TrainingView,
-    /// `P_t` of Eq. (13), or the constant of uniform sampling.
+    /// `P_t` of Eq. (13), or the constant of uniform sampling; 0 where a pixel does not count.
     pub probability: Raster<f32>,
     /// Pixels that are drawn wherever nothing is rendered yet, a superset of those that will be.
     pub candidates: Vec<(usize, usize)>,
@@ -175,22 +176,23 @@ impl Preparer {
 
     /// The keyframe as matching sees it.
     pub fn view(&self, keyframe: &Keyframe) -> Arc<GreyView> {
-        Arc::new(GreyView::new(keyframe.index, &keyframe.image, self.meta.optical_camera, keyframe.world_from_camera))
+        Arc::new(GreyView::of(keyframe, self.meta.optical_camera))
     }
 
-    /// The keyframe's prior, as it comes.
+    /// The keyframe's prior, as it comes, with holes where the keyframe's mask leaves pixels out.
     pub fn mono(&self, keyframe: &Keyframe) -> Result<Option<Dense>> {
-        self.prior.estimate(keyframe)
+        let prior = self.prior.estimate(keyframe)?;
+        Ok(match &keyframe.mask {
+            Some(mask) => prior.map(|p| p.masked(mask)),
+            None => prior,
+        })
     }
 
     /// The keyframe as a training target.
     pub fn training_view(&self, keyframe: &Keyframe, prior: Option<&AlignedPrior>) -> TrainingView {
         let rf = self.config.rf_target.encode(&keyframe.spectrum, &self.meta.db_range);
-        self.target(keyframe.world_from_camera, crate::keyframe::optical(&keyframe.image), rf, prior)
-    }
-
-    fn target(&self, world_from_camera: Rigid3, optical: Planes, rf: Planes, prior: Option<&AlignedPrior>) -> TrainingView {
-        crate::keyframe::training_view(world_from_camera, optical, rf, prior.map(inverse_depth), &self.meta)
+        let (pose, mask) = (keyframe.world_from_camera, keyframe.mask.clone());
+        crate::keyframe::training_view(pose, crate::keyframe::optical(keyframe), rf, prior.map(inverse_depth), mask, &self.meta)
     }
 
     /// The training view of a keyframe that could not be packed before the field had aligned its prior, on a device that packs.
@@ -208,13 +210,17 @@ impl Preparer {
     /// A keyframe from which the prior cannot be estimated.
     pub fn extract(&self, keyframe: &Keyframe) -> Result<Extracted> {
         let begin = Instant::now();
-        let optical = crate::keyframe::optical(&keyframe.image);
+        let optical = crate::keyframe::optical(keyframe);
         let sampling = self.config.sampling;
         let least = self.config.least_probability;
-        let probability = match sampling {
+        let mut probability = match sampling {
             Sampling::Uniform => Raster::filled(optical.width, optical.height, self.config.uniform_probability),
             Sampling::Log => log::probability(&optical, self.config.log_sigma_px).map(|p| p.max(least)),
         };
+        if let Some(mask) = &keyframe.mask {
+            let pixels = probability.pixels_mut().iter_mut().zip(mask.pixels());
+            pixels.filter(|(_, counts)| !**counts).for_each(|(p, _)| *p = 0.0);
+        }
         let stage = stage::keyed(stage::SAMPLING, keyframe.index);
         let candidates = log::draw(&probability, |p| acceptance(&self.config, p, None), self.seed, stage);
         Ok(Extracted {
@@ -223,6 +229,7 @@ impl Preparer {
             world_from_camera: keyframe.world_from_camera,
             optical,
             rf: self.config.rf_target.encode(&keyframe.spectrum, &self.meta.db_range),
+            mask: keyframe.mask.clone(),
             mono: self.mono(keyframe)?,
             probability,
             candidates,
@@ -269,9 +276,12 @@ impl Preparer {
         // Nearly in order: what is drawn is.
         asked.sort_by_key(|&(x, y)| (y, x));
         asked.dedup();
+        let (pose, depth) = (extracted.world_from_camera, aligned.as_ref().map(inverse_depth));
+        let training =
+            crate::keyframe::training_view(pose, extracted.optical, extracted.rf, depth, extracted.mask, &self.meta);
         let mut prepared = Prepared {
             index: extracted.index,
-            training: self.target(extracted.world_from_camera, extracted.optical, extracted.rf, aligned.as_ref()),
+            training,
             probability: extracted.probability,
             candidates: extracted.candidates,
             asked,

@@ -216,6 +216,67 @@ fn without_a_prior_depths_come_from_matching_alone() {
     assert!(error.contains("keyframe 0") && error.contains("no depth"), "{error}");
 }
 
+/// A picture that something white with black dots has walked through, and the mask that says where.
+fn with_a_passer_by(mut k: Keyframe) -> Keyframe {
+    let left = 20 + 8 * k.index;
+    let mask = Raster::from_fn(k.image.width(), k.image.height(), |x, y| !((left..left + 30).contains(&x) && y > 10));
+    let (white, black) = ([255; 3], [0; 3]);
+    k.image = Raster::from_fn(k.image.width(), k.image.height(), |x, y| match mask[(x, y)] {
+        true => k.image[(x, y)],
+        false => [white, black][usize::from((x - left) % 4 < 2 && y % 4 < 2)],
+    });
+    k.mask = Some(mask);
+    k
+}
+
+#[test]
+fn nothing_is_born_where_pixels_do_not_count_and_no_depth_is_learnt_there() {
+    let frames: Vec<Keyframe> = keyframes(5).into_iter().map(with_a_passer_by).collect();
+    let pose = |k: usize| frames[k].world_from_camera;
+    for (sampling, prior) in [
+        (Sampling::Log, DepthPriorKind::Simulated),
+        (Sampling::Uniform, DepthPriorKind::Simulated),
+        (Sampling::Log, DepthPriorKind::Exact),
+        (Sampling::Log, DepthPriorKind::None),
+    ] {
+        let depth = DepthConfig { prior, ..Default::default() };
+        let (mut r, log, _) = run(ReconstructionConfig { sampling, depth, ..Default::default() }, 1, &frames);
+        let field = r.field().gaussians;
+        assert!(field.len() > 150, "{sampling:?}, {prior:?}: {}", field.len());
+        for (p, born) in field.position.iter().zip(&r.born) {
+            let seen = pose(*born).inverse().transform_point(glam::Vec3::from(*p).as_dvec3());
+            let at = cameras().0.project(seen).unwrap();
+            let pixel = (at.x as usize, at.y as usize);
+            assert!(frames[*born].mask.as_ref().unwrap()[pixel], "{sampling:?}, {prior:?}: {pixel:?} of keyframe {born}");
+        }
+        for (view, k) in log.lock().unwrap().views.iter().zip(&frames) {
+            assert_eq!(view.mask, k.mask);
+            assert_eq!(view.inverse_depth.is_some(), prior != DepthPriorKind::None);
+            let mask = k.mask.as_ref().unwrap().pixels();
+            let confident = view.inverse_depth.iter().flat_map(|d| d.confidence.pixels().iter().zip(mask));
+            assert!(confident.clone().all(|(confidence, counts)| *counts || *confidence == 0.0));
+            assert!(prior == DepthPriorKind::None || confident.filter(|c| *c.0 > 0.0).count() > 1000);
+        }
+    }
+}
+
+/// The picture around the passer-by is taken for what is behind it, so that no outline of it draws Gaussians.
+#[test]
+fn a_target_continues_under_its_mask_and_is_the_image_elsewhere() {
+    let k = with_a_passer_by(keyframes(1).remove(0));
+    let plain = crate::keyframe::optical(&Keyframe { mask: None, ..k.clone() });
+    let target = crate::keyframe::optical(&k);
+    let mask = k.mask.as_ref().unwrap();
+    for (i, (a, b)) in target.pixels.chunks(3).zip(plain.pixels.chunks(3)).enumerate() {
+        assert!(!mask.pixels()[i] || a == b);
+    }
+    // In the passer-by's lower left corner: the pixel beside it.
+    assert_eq!(target.pixels[(63 * 96 + 20) * 3..][..3], plain.pixels[(63 * 96 + 19) * 3..][..3]);
+    let whole = Keyframe { mask: Some(mask.map(|_| true)), ..k.clone() };
+    assert_eq!(crate::keyframe::optical(&whole), plain);
+    assert_eq!(crate::keyframe::optical(&Keyframe { mask: Some(mask.map(|_| false)), ..k }), plain, "of nothing nothing is known");
+}
+
 #[test]
 fn a_gaussian_that_new_ones_stand_on_gives_way() {
     let frames = keyframes(4);

@@ -82,6 +82,7 @@ impl WrfGsPlusReconstructor {
             rf: meta.rf_target.encode(&keyframe.spectrum, &meta.db_range),
             rf_camera: meta.rf_camera,
             inverse_depth: None,
+            mask: None,
         };
         self.trainer.device().upload(&view, 1)?;
         self.poses.push(keyframe.world_from_camera);

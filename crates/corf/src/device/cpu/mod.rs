@@ -230,6 +230,7 @@ mod tests {
             rf: image(&rf_camera, 1),
             rf_camera,
             inverse_depth: None,
+            mask: None,
         };
         let step = Step {
             view: ViewId(0),

@@ -3,7 +3,10 @@
 use super::{geometry::Grid, simd::Isa};
 use crate::{
     Error, Result,
-    device::{Planes, TrainingView},
+    device::{
+        Planes, TrainingView,
+        mask::{mask_levels, usable_depths},
+    },
     loss::fused::{DepthTarget, Target},
 };
 use corf_scene::{Pinhole, Rigid3};
@@ -46,6 +49,10 @@ pub(crate) fn check_view(view: &TrainingView, levels: u32) -> Result<()> {
         }
     }
     let size = (view.optical_camera.width, view.optical_camera.height);
+    if let Some(mask) = view.mask.as_ref().filter(|m| (m.width(), m.height()) != size) {
+        let what = format!("{}x{} pixels against an image of {}x{}", mask.width(), mask.height(), size.0, size.1);
+        return Err(Error::invalid("training view, mask", what, "give it in the optical image's size"));
+    }
     match &view.inverse_depth {
         Some(d) if [&d.value, &d.confidence].iter().any(|r| (r.width(), r.height()) != size) => {
             let what = format!("{}x{} pixels against an image of {}x{}", d.value.width(), d.value.height(), size.0, size.1);
@@ -61,10 +68,9 @@ pub(crate) fn levels_of(view: &TrainingView, levels: u32) -> Result<Levels> {
     let levels = levels.max(1) as usize;
     check_view(view, levels as u32)?;
     let mut images = vec![[(view.optical_camera, view.optical.clone()), (view.rf_camera, view.rf.clone())]];
-    let mut depth: Option<Vec<DepthTarget>> = view.inverse_depth.as_ref().map(|d| {
-        let pairs = d.value.pixels().iter().zip(d.confidence.pixels()).map(|(v, c)| usable(*v, *c));
-        let (value, confidence) = pairs.unzip();
-        vec![DepthTarget { width: d.value.width(), height: d.value.height(), value, confidence }]
+    let mut depth: Option<Vec<DepthTarget>> = usable_depths(view).map(|pairs| {
+        let (value, confidence) = pairs.into_iter().unzip();
+        vec![DepthTarget { width: view.optical.width, height: view.optical.height, value, confidence }]
     });
     while let Some(last) = images.last().filter(|_| images.len() < levels) {
         images.push([0, 1].map(|g| (last[g].0.downsampled(1), halve(&last[g].1))));
@@ -80,9 +86,12 @@ pub(crate) fn levels_of(view: &TrainingView, levels: u32) -> Result<Levels> {
 impl Pyramid {
     pub fn new(isa: Isa, view: &TrainingView, levels: u32) -> Result<Self> {
         let Levels { images, depth } = levels_of(view, levels)?;
-        let level =
-            |level: &[(Pinhole, Planes); 2]| [0, 1].map(|g| Level { camera: level[g].0, target: Target::new(isa, &level[g].1) });
-        Ok(Self { world_from_camera: view.world_from_camera, levels: images.iter().map(level).collect(), depth })
+        let masks = mask_levels(view, levels);
+        let level = |(l, level): (usize, &[(Pinhole, Planes); 2])| {
+            let mask = masks.as_ref().map(|m| m[l].pixels());
+            [(0, mask), (1, None)].map(|(g, mask)| Level { camera: level[g].0, target: Target::new(isa, &level[g].1, mask) })
+        };
+        Ok(Self { world_from_camera: view.world_from_camera, levels: images.iter().enumerate().map(level).collect(), depth })
     }
 
     /// The images to render, each at its level.
@@ -130,11 +139,6 @@ fn halve(image: &Planes) -> Planes {
         }
     });
     Planes { width, height, channels: n, pixels }
-}
-
-/// An inverse depth with its confidence; a pixel without a finite value and a positive confidence is left out, whatever it holds.
-pub(crate) fn usable(value: f32, confidence: f32) -> (f32, f32) {
-    if value.is_finite() && confidence.is_finite() && confidence > 0.0 { (value, confidence) } else { (0.0, 0.0) }
 }
 
 /// Inverse depths weighted by their confidences; the confidence of a block is the mean of its four.

@@ -8,11 +8,12 @@ use super::params::Params;
 use crate::{
     Antialias, Result,
     device::{
-        InverseDepth, Planes, TrainingView,
+        Planes, TrainingView,
         cpu::{
             geometry::{Grid, Pose},
-            pyramid::{check_view, usable},
+            pyramid::check_view,
         },
+        mask::{mask_levels, usable_depths},
     },
 };
 use corf_scene::Pinhole;
@@ -164,9 +165,9 @@ struct Depths {
 }
 
 impl Depths {
-    fn new(d: &InverseDepth) -> Self {
-        let pairs = d.value.pixels().iter().zip(d.confidence.pixels()).map(|(v, c)| <[f32; 2]>::from(usable(*v, *c)));
-        Self { width: d.value.width(), height: d.value.height(), pairs: pairs.collect() }
+    fn new(view: &TrainingView) -> Option<Self> {
+        let pairs = usable_depths(view)?.into_iter().map(<[f32; 2]>::from);
+        Some(Self { width: view.optical.width, height: view.optical.height, pairs: pairs.collect() })
     }
 
     /// The next level: means weighted by confidences, and the means of those.
@@ -197,7 +198,10 @@ impl Packed {
         check_view(view, levels)?;
         let mut cameras = [view.optical_camera, view.rf_camera];
         let mut images = [&view.optical, &view.rf].map(Image::new);
-        let mut depths = view.inverse_depth.as_ref().map(Depths::new);
+        if mask_levels(view, levels).is_some() {
+            return Err(crate::Error::invalid("training view, mask", "the GPU device has no masks", "pass --device cpu"));
+        }
+        let mut depths = Depths::new(view);
         let mut words = vec![];
         let mut out = vec![];
         for level in 0..levels {
@@ -279,7 +283,7 @@ mod tests {
                 |unknown: f32| Raster::from_fn(197, 102, |_, _| if rng.uniform() < 0.2 { unknown } else { rng.uniform() });
             let inverse_depth = Some(InverseDepth { value: map(f32::NAN), confidence: map(0.0) });
             let view =
-                TrainingView { world_from_camera: Rigid3::IDENTITY, optical_camera, optical, rf_camera, rf, inverse_depth };
+                TrainingView { world_from_camera: Rigid3::IDENTITY, optical_camera, optical, rf_camera, rf, inverse_depth, mask: None };
             let Packed { pyramid, words } = Packed::new(&view, 6, Antialias::On).unwrap();
             let truth = levels_of(&view, 6).unwrap();
             for (l, level) in pyramid.levels.iter().enumerate() {
@@ -320,6 +324,7 @@ mod tests {
                 rf_camera: camera.downsampled(2),
                 rf: Planes { width: 40, height: 22, channels: 1, pixels: vec![0.3; 40 * 22] },
                 inverse_depth: Some(InverseDepth { value: map(), confidence: map() }),
+                mask: None,
             };
             Packed::new(&view, 3, Antialias::On).unwrap().words.len()
         };

@@ -111,6 +111,7 @@ mod tests {
             rf: planes(&rf_camera, 1),
             rf_camera,
             inverse_depth: None,
+            mask: None,
         }
     }
 

@@ -39,6 +39,7 @@ fn device(n: usize) -> Option<GpuDevice> {
         rf_camera: CAMERA,
         rf: gray,
         inverse_depth: None,
+        mask: None,
     };
     device.upload(&view, 1).unwrap();
     Some(device)
