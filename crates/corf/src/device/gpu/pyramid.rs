@@ -282,8 +282,15 @@ mod tests {
             let mut map =
                 |unknown: f32| Raster::from_fn(197, 102, |_, _| if rng.uniform() < 0.2 { unknown } else { rng.uniform() });
             let inverse_depth = Some(InverseDepth { value: map(f32::NAN), confidence: map(0.0) });
-            let view =
-                TrainingView { world_from_camera: Rigid3::IDENTITY, optical_camera, optical, rf_camera, rf, inverse_depth, mask: None };
+            let view = TrainingView {
+                world_from_camera: Rigid3::IDENTITY,
+                optical_camera,
+                optical,
+                rf_camera,
+                rf,
+                inverse_depth,
+                mask: None,
+            };
             let Packed { pyramid, words } = Packed::new(&view, 6, Antialias::On).unwrap();
             let truth = levels_of(&view, 6).unwrap();
             for (l, level) in pyramid.levels.iter().enumerate() {
