@@ -90,6 +90,14 @@ class Dataset(Folder):
         np.testing.assert_array_equal(keyframe.transmitter_m, [1, 2, 3])
         self.assertEqual((keyframe.time_s, keyframe.is_test, dataset[0].is_test), (0.5, False, True))
         self.assertIsNone(keyframe.surface)
+        self.assertIsNone(keyframe.mask)
+
+    def test_a_mask_says_which_pixels_count(self) -> None:
+        write_dataset(self.folder)
+        write_png(self.folder / "optical/masks/00002_mask.png", np.array([[255, 0, 255, 255], [0, 0, 1, 255], [255] * 4], dtype=np.uint8))
+        dataset = corf.Dataset(self.folder)
+        np.testing.assert_array_equal(dataset[1].mask, [[True, False, True, True], [False, False, True, True], [True] * 4])
+        self.assertIsNone(dataset[0].mask)
 
     def test_it_is_a_sequence(self) -> None:
         write_dataset(self.folder)

@@ -162,6 +162,12 @@ class Keyframe:
         return self._optional("optical/depth", "Z", np.float32)
 
     @cached_property
+    def mask(self) -> npt.NDArray[np.bool_] | None:
+        """Whether a pixel of the image counts, (H, W); what does not is neither learnt from nor compared. None where all count."""
+        path = self._dataset.path / "optical/masks" / f"{self.name}_mask.png"
+        return read_png(path).any(axis=2) if path.exists() else None
+
+    @cached_property
     def surface(self) -> npt.NDArray[np.uint32] | None:
         """Index into ``dataset.header["objects"]`` of what a pixel shows, (H, W); 4294967295 where nothing was hit. None where there is none."""
         return self._optional("optical/surfaces", "id", np.uint32)

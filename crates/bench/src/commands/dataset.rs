@@ -91,7 +91,8 @@ fn summary(dataset: &Dataset) -> String {
         (true, Some(kind)) => format!("{} spectra", kind.name()),
     };
     let images = if header.modalities.light { "" } else { ", no images" };
-    let mut text = format!("{}: {} keyframes, {spectra}{images}", header.name, dataset.len());
+    let masks = if dataset.has_masks() { ", masks" } else { "" };
+    let mut text = format!("{}: {} keyframes, {spectra}{images}{masks}", header.name, dataset.len());
     if let Some(share) = dataset.share_in_frame_summary() {
         let [mean, min, max] = [share.mean, share.min, share.max].map(|s| 100.0 * s);
         text += &format!("\nof the arriving power {mean:.1} % falls into the RF frame ({min:.1} to {max:.1} % a keyframe)");

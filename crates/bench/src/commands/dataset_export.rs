@@ -2,12 +2,11 @@
 
 use super::{Verdict, show};
 use crate::input::{Input, Verify};
-use crate::interrupt;
 use crate::link::Point;
 use crate::nerf2_set::{Gateway, Nerf2Set};
 use crate::progress::Progress;
 use crate::run::claim_fresh;
-use crate::say;
+use crate::{interrupt, note, say};
 use anyhow::Result;
 use clap::{Args, ValueEnum};
 use corf_scene::Error;
@@ -92,6 +91,9 @@ impl Export {
             Form::Nerf2 => return self.nerf2(&dataset, json),
         };
         let _held = claim_fresh(&self.out)?;
+        if self.to == Form::Rf3dgs && dataset.has_masks() {
+            note!("masks are not written, for RF-3DGS knows none: all pixels of the images will count there");
+        }
         let mut progress = Progress::start(format!("export of {}", dataset.header().name), dataset.len(), "keyframes");
         let put = |files: Vec<File>| -> Result<()> {
             files.into_iter().try_for_each(|(name, bytes)| Ok(write_atomic(self.out.join(name), &bytes)?))

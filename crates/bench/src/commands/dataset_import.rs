@@ -251,6 +251,7 @@ impl Import {
         } else {
             ", no depth (reconstruct with --set 'depth.prior=\"none\"' or maps of your own)"
         };
+        text += if dataset.has_masks() { ", masks" } else { "" };
         text += &match has.radio {
             true => format!(", spectra from {} to {} dB", dataset.db_range().min_db, dataset.db_range().max_db),
             false => ", no spectra".to_owned(),

@@ -57,6 +57,9 @@ impl Play {
         );
         let description = LiveDescription { keyframes: Some(count), ..LiveDescription::of(&dataset, self.depth)? };
         let _held = claim_fresh(&self.to)?;
+        if dataset.has_masks() {
+            note!("masks are not played, for a live folder has none: all pixels of the images will count");
+        }
         for folder in [POSES, IMAGES, SPECTRA].into_iter().chain(self.depth.then_some(DEPTH)) {
             let path = self.to.join(folder);
             std::fs::create_dir(&path).with_context(|| format!("cannot create {}", path.display()))?;
