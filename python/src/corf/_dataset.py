@@ -165,7 +165,7 @@ class Keyframe:
     def mask(self) -> npt.NDArray[np.bool_] | None:
         """Whether a pixel of the image counts, (H, W); what does not is neither learnt from nor compared. None where all count."""
         path = self._dataset.path / "optical/masks" / f"{self.name}_mask.png"
-        return read_png(path).any(axis=2) if path.exists() else None
+        return (read_png(path) > 0).max(axis=2) if path.exists() else None
 
     @cached_property
     def surface(self) -> npt.NDArray[np.uint32] | None:
