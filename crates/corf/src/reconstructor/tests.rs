@@ -232,7 +232,6 @@ fn with_a_passer_by(mut k: Keyframe) -> Keyframe {
 #[test]
 fn nothing_is_born_where_pixels_do_not_count_and_no_depth_is_learnt_there() {
     let frames: Vec<Keyframe> = keyframes(5).into_iter().map(with_a_passer_by).collect();
-    let pose = |k: usize| frames[k].world_from_camera;
     for (sampling, prior) in [
         (Sampling::Log, DepthPriorKind::Simulated),
         (Sampling::Uniform, DepthPriorKind::Simulated),
@@ -244,10 +243,11 @@ fn nothing_is_born_where_pixels_do_not_count_and_no_depth_is_learnt_there() {
         let field = r.field().gaussians;
         assert!(field.len() > 150, "{sampling:?}, {prior:?}: {}", field.len());
         for (p, born) in field.position.iter().zip(&r.born) {
-            let seen = pose(*born).inverse().transform_point(glam::Vec3::from(*p).as_dvec3());
+            let k = &frames[*born as usize];
+            let seen = k.world_from_camera.inverse().transform_point(glam::Vec3::from(*p).as_dvec3());
             let at = cameras().0.project(seen).unwrap();
             let pixel = (at.x as usize, at.y as usize);
-            assert!(frames[*born].mask.as_ref().unwrap()[pixel], "{sampling:?}, {prior:?}: {pixel:?} of keyframe {born}");
+            assert!(k.mask.as_ref().unwrap()[pixel], "{sampling:?}, {prior:?}: {pixel:?} of keyframe {born}");
         }
         for (view, k) in log.lock().unwrap().views.iter().zip(&frames) {
             assert_eq!(view.mask, k.mask);

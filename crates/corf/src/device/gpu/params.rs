@@ -1,6 +1,10 @@
 //! The constants of one frame as the shaders read them (`shaders/params.wgsl`).
 
-use super::{capacity::BufferCapacity, context::Context, shaders::LOSS_BLOCK};
+use super::{
+    capacity::BufferCapacity,
+    context::Context,
+    shaders::{LOSS_BLOCK, MASK_GROUP},
+};
 use crate::{
     OptimizerConfig, Result,
     device::{
@@ -12,6 +16,8 @@ use bytemuck::{Pod, Zeroable};
 
 /// Widest σ at which opacity 1 still gives 1/255: sqrt(2 ln 255) standard deviations.
 const MAX_DEVIATIONS: f32 = 3.33;
+/// Place of the mask of an image of which all pixels count.
+const NO_MASK: u32 = u32::MAX;
 
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
@@ -35,7 +41,9 @@ pub(crate) struct GridParams {
     pub depth_at: u32,
     pub target_shift: u32,
     pub target_unit: f32,
-    padding: [u32; 3],
+    /// First word of the mask; [`NO_MASK`] without one.
+    pub mask_at: u32,
+    padding: [u32; 2],
 }
 
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -116,6 +124,7 @@ impl Params {
         p.gaussians = gaussians as u32;
         for (g, grid) in grids.iter().enumerate() {
             let out = &mut p.grids[g];
+            out.mask_at = NO_MASK;
             (out.first_tile, out.first_pixel, out.first_block) = (p.tile_total, p.pixel_total, p.blocks_total);
             let Some(grid) = grid else { continue };
             let size = [grid.width as u32, grid.height as u32];
@@ -143,6 +152,12 @@ impl Params {
         (p.beta1, p.beta2, p.epsilon) = (optimizer.beta1, optimizer.beta2, optimizer.epsilon);
         p.ssim_weight = optimizer.ssim_weight;
         p
+    }
+
+    /// Workgroups that give another value to pixels of the optical image that do not count; none where all do.
+    pub fn mask_groups(&self) -> u32 {
+        let [width, height] = self.grids[0].size;
+        if self.grids[0].mask_at == NO_MASK { 0 } else { (width * height).div_ceil(MASK_GROUP) }
     }
 
     /// Makes it a dense step.

@@ -1,4 +1,5 @@
-//! Keyframes as training targets in device memory: per level and modality one plane a channel, then inverse depths with their confidences.
+//! Keyframes as training targets in device memory: per level and modality one plane a channel, then inverse depths with their confidences and
+//! the optical image's mask, one bit a pixel, each where there is one.
 //!
 //! An image that came from bytes stays bytes: level 0 holds them, four to a word, and levels 1 to 4 the sums of their 4^level bytes, two to a
 //! word. Both are exact. Other images, and deeper levels, are floats. An inverse depth and its confidence are two half-precision floats of
@@ -16,7 +17,7 @@ use crate::{
         mask::{mask_levels, usable_depths},
     },
 };
-use corf_scene::Pinhole;
+use corf_scene::{Pinhole, Raster};
 use half::f16;
 
 /// Deepest level whose sums of bytes fit into 16 bits.
@@ -40,6 +41,7 @@ struct Level {
     grids: [Grid; 2],
     targets: [Target; 2],
     depth_at: Option<u32>,
+    mask_at: Option<u32>,
 }
 
 /// A keyframe's pose, and the layout of its words.
@@ -192,15 +194,20 @@ impl Depths {
     }
 }
 
+/// Adds one level of a mask to a keyframe's words; returns its place.
+fn put_mask(mask: &Raster<bool>, words: &mut Vec<u32>) -> u32 {
+    let at = words.len() as u32;
+    words.extend(mask.pixels().chunks(32).map(|some| some.iter().rev().fold(0, |word, counts| word << 1 | u32::from(*counts))));
+    at
+}
+
 impl Packed {
     pub fn new(view: &TrainingView, levels: u32, antialias: Antialias) -> Result<Self> {
         let levels = levels.max(1);
         check_view(view, levels)?;
         let mut cameras = [view.optical_camera, view.rf_camera];
         let mut images = [&view.optical, &view.rf].map(Image::new);
-        if mask_levels(view, levels).is_some() {
-            return Err(crate::Error::invalid("training view, mask", "the GPU device has no masks", "pass --device cpu"));
-        }
+        let masks = mask_levels(view, levels);
         let mut depths = Depths::new(view);
         let mut words = vec![];
         let mut out = vec![];
@@ -212,7 +219,8 @@ impl Packed {
             }
             let targets = images.each_ref().map(|image| image.put(&mut words));
             let depth_at = depths.as_ref().map(|d| d.put(&mut words));
-            out.push(Level { grids: cameras.map(|c| Grid::new(&c, antialias)), targets, depth_at });
+            let mask_at = masks.as_ref().map(|m| put_mask(&m[level as usize], &mut words));
+            out.push(Level { grids: cameras.map(|c| Grid::new(&c, antialias)), targets, depth_at, mask_at });
         }
         Ok(Self { pyramid: Pyramid { pose: Pose::new(&view.world_from_camera), levels: out }, words })
     }
@@ -221,6 +229,11 @@ impl Packed {
 impl Pyramid {
     pub fn levels(&self) -> usize {
         self.levels.len()
+    }
+
+    /// Whether any pixel of the optical image does not count.
+    pub fn has_mask(&self) -> bool {
+        self.levels.iter().any(|l| l.mask_at.is_some())
     }
 
     pub fn grids(&self, levels: [usize; 2]) -> [Grid; 2] {
@@ -237,6 +250,9 @@ impl Pyramid {
             grid.channels = channels[g] as u32;
             grid.scale = weights[g] / (pixels * channels[g] as f32).max(1.0);
         }
+        if let (Some(at), true) = (self.levels[levels[0]].mask_at, p.grids[0].size[0] > 0) {
+            p.grids[0].mask_at = at;
+        }
         if let (Some(at), true) = (self.levels[levels[0]].depth_at, depth_weight > 0.0 && p.grids[0].size[0] > 0) {
             p.grids[0].depth_at = at;
             // η multiplies the depth term inside L_opt (paper Eq. (19)).
@@ -251,7 +267,7 @@ mod tests {
 
     use super::*;
     use crate::device::{InverseDepth, cpu::pyramid::levels_of};
-    use corf_scene::{Pinhole, Raster, Rigid3, Rng};
+    use corf_scene::{Rigid3, Rng};
 
     /// What the kernels read of an image's element (`shaders/loss.wgsl`).
     fn read(words: &[u32], target: Target, element: usize) -> f32 {
@@ -282,15 +298,9 @@ mod tests {
             let mut map =
                 |unknown: f32| Raster::from_fn(197, 102, |_, _| if rng.uniform() < 0.2 { unknown } else { rng.uniform() });
             let inverse_depth = Some(InverseDepth { value: map(f32::NAN), confidence: map(0.0) });
-            let view = TrainingView {
-                world_from_camera: Rigid3::IDENTITY,
-                optical_camera,
-                optical,
-                rf_camera,
-                rf,
-                inverse_depth,
-                mask: None,
-            };
+            let mask = Some(Raster::from_fn(197, 102, |x, y| (x * y) % 37 != 1));
+            let view =
+                TrainingView { world_from_camera: Rigid3::IDENTITY, optical_camera, optical, rf_camera, rf, inverse_depth, mask };
             let Packed { pyramid, words } = Packed::new(&view, 6, Antialias::On).unwrap();
             let truth = levels_of(&view, 6).unwrap();
             for (l, level) in pyramid.levels.iter().enumerate() {
@@ -305,6 +315,10 @@ mod tests {
                         let tolerance = if g == 0 && bytes { 2e-7 } else { 0.0 };
                         assert!((found - value).abs() <= tolerance, "level {l}: {found} against {value}");
                     }
+                }
+                for (i, counts) in mask_levels(&view, 6).unwrap()[l].pixels().iter().enumerate() {
+                    let word = words[level.mask_at.unwrap() as usize + i / 32];
+                    assert_eq!(word >> (i % 32) & 1 == 1, *counts, "level {l}");
                 }
                 let depth = &truth.depth.as_ref().unwrap()[l];
                 for (i, (value, confidence)) in depth.value.iter().zip(&depth.confidence).enumerate() {

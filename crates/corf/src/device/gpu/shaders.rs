@@ -7,6 +7,8 @@ use std::fmt::Write;
 
 /// Pixels across and down a block of the loss kernels: with the window's halo nearly 128 columns, a thread each.
 pub(crate) const LOSS_BLOCK: [u32; 2] = [112, 8];
+/// Pixels of a workgroup of the kernels that leave out what a mask does.
+pub(crate) const MASK_GROUP: u32 = 256;
 /// Visible Gaussians per workgroup of the update of appearances.
 const EACH: u32 = 8;
 /// Pairs that one workgroup emits: blocks of Gaussians with more are cut into shares, so that no workgroup has much more to do than others.
@@ -258,6 +260,21 @@ impl Fixed {
 
     pub fn gradient(&self) -> String {
         self.loss_head() + &loss::gradient(include_str!("shaders/gradient.wgsl"))
+    }
+
+    /// Gives pixels of the optical image that do not count the target's value.
+    pub fn take_target(&self) -> String {
+        self.left_out("target_value(grid, c * pixels + i)")
+    }
+
+    /// Gives them no gradient.
+    pub fn clear_gradient(&self) -> String {
+        self.left_out("0.0")
+    }
+
+    fn left_out(&self, value: &str) -> String {
+        let source = include_str!("shaders/left_out.wgsl").replace("VALUE", value);
+        self.loss_head() + &source.replace("PIXELS", &format!("{MASK_GROUP}u"))
     }
 
     fn update_head(&self, use_of: Gradients) -> String {

@@ -7,6 +7,7 @@ use super::{
     frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Mark, Memory},
     kernel::{Bound, Kernel},
     params::{self, Params},
+    pyramid::Pyramid,
     shaders::{Fixed, Gradients},
 };
 use crate::{Error, Result, device::ViewId};
@@ -17,6 +18,8 @@ use std::collections::BTreeMap;
 pub(crate) struct Training {
     similarity: Kernel,
     gradient: Kernel,
+    /// Of pixels that do not count: the image before the loss, its gradient behind.
+    left_out: [Kernel; 2],
     /// Kernels for each shape of tiles: the modalities apart, both at once.
     backward: Vec<[Kernel; 2]>,
     /// Appearance, geometry.
@@ -36,11 +39,13 @@ impl Training {
             Kernel::all(context, kernels)
         };
         let backward = shapes.par_iter().map(backward).collect::<Result<_>>()?;
-        let [similarity, gradient, appearance, geometry, of_appearance, of_geometry] = Kernel::all(
+        let [similarity, gradient, take_target, clear_gradient, appearance, geometry, of_appearance, of_geometry] = Kernel::all(
             context,
             [
                 ("similarity", fixed.similarity()),
                 ("loss gradient", fixed.gradient()),
+                ("targets of masked pixels", fixed.take_target()),
+                ("gradients of masked pixels", fixed.clear_gradient()),
                 ("update appearance", fixed.update_appearance(Gradients::Sparse)),
                 ("update geometry", fixed.update_geometry(Gradients::Sparse)),
                 ("gradients of appearance", fixed.update_appearance(Gradients::Written)),
@@ -48,7 +53,8 @@ impl Training {
             ],
         )?;
         let (update, write_gradients) = ([appearance, geometry], [of_appearance, of_geometry]);
-        Ok(Self { similarity, gradient, backward, update, write_gradients, dense: None, noted: None })
+        let left_out = [take_target, clear_gradient];
+        Ok(Self { similarity, gradient, left_out, backward, update, write_gradients, dense: None, noted: None })
     }
 }
 
@@ -80,6 +86,8 @@ pub(super) struct BoundLoss {
     placing: u64,
     similarity: Bound,
     gradient: Bound,
+    /// Of a keyframe with a mask.
+    left_out: Option<[Bound; 2]>,
 }
 
 impl BoundTraining {
@@ -94,10 +102,17 @@ impl BoundTraining {
         mark: Mark<'_>,
     ) {
         let p = &step.params;
-        if let Some(BoundLoss { similarity, gradient, .. }) = loss {
+        if let Some(BoundLoss { similarity, gradient, left_out, .. }) = loss {
+            let left_out = left_out.as_ref().filter(|_| p.mask_groups() > 0);
+            if let Some([take_target, _]) = left_out {
+                take_target.run(pass, offset, p.mask_groups());
+            }
             similarity.run(pass, offset, 3 * p.blocks_total);
             mark(pass);
             gradient.run(pass, offset, 3 * p.blocks_total);
+            if let Some([_, clear_gradient]) = left_out {
+                clear_gradient.run(pass, offset, p.mask_groups());
+            }
         }
         mark(pass);
         self.backward[p.shape as usize][p.fused as usize].run_indirect(pass, offset, &m.args, ARGS_BUCKETS);
@@ -179,8 +194,15 @@ impl GpuDevice {
             if let (false, Some((target, placing))) = (bound.contains_key(&view), self.shelf.place(view)) {
                 let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(&self.context, params::SIZE, buffers);
                 let similarity = bind(&t.similarity, &[uniform, image, target, derivatives, losses])?;
+                let has_mask = self.shelf.get(view).is_some_and(Pyramid::has_mask);
+                let [take_target, clear_gradient] = &t.left_out;
+                let left_out = || {
+                    let take_target = bind(take_target, &[uniform, target, image])?;
+                    Ok::<_, Error>([take_target, bind(clear_gradient, &[uniform, target, gradient])?])
+                };
+                let left_out = has_mask.then(left_out).transpose()?;
                 let gradient = bind(&t.gradient, &[uniform, image, target, derivatives, gradient, losses])?;
-                bound.insert(view, BoundLoss { placing, similarity, gradient });
+                bound.insert(view, BoundLoss { placing, similarity, gradient, left_out });
             }
         }
         Ok(())

@@ -28,6 +28,8 @@ struct Grid {
     // Numbers of a word of the target, as a power of two: 4 bytes, 2 sums of bytes, 1 float; value of a byte's or a sum's unit.
     target_shift: u32,
     target_unit: f32,
+    // First word of the mask, one bit a pixel, 1 where it counts; all ones without a mask.
+    mask_at: u32,
 }
 
 struct Rates {
