@@ -248,9 +248,17 @@ pub fn encode_mask(mask: &Raster<bool>) -> Result<Vec<u8>> {
 /// Reads a mask: a pixel counts where it is not black. Alpha is dropped.
 ///
 /// # Errors
-/// The file cannot be read or is no complete image.
+/// The file cannot be read or is no complete image, or it is a JPEG, whose black is not quite black.
 pub fn read_mask(path: impl AsRef<Path>) -> Result<Raster<bool>> {
-    Ok(read_png(path)?.map(|p| *p != [0; 3]))
+    let path = path.as_ref();
+    if image::guess_format(&read(path)?).ok() == Some(image::ImageFormat::Jpeg) {
+        return Err(Error::invalid(
+            path.display().to_string(),
+            "a mask as a JPEG, whose black is not quite black",
+            "write masks as PNG",
+        ));
+    }
+    Ok(read_png16(path)?.map(|p| *p != [0; 3]))
 }
 
 /// Reads a PNG of 8 or 16 bits as 16-bit RGB: 8-bit values times 257, which is the same share of full scale; grey is three equal channels,

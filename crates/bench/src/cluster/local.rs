@@ -29,7 +29,7 @@ fn device_of(device: DeviceChoice, worker: usize, gpus: usize) -> DeviceChoice {
     }
 }
 
-/// Runs every unfinished cell, `at_once` processes at a time; their messages go to `OUT/logs/ID.log`. Returns how many ended badly.
+/// Runs every unfinished cell, `at_once` processes at a time, each with the threads that were asked for, but no more than its share of the cores; their messages go to `OUT/logs/ID.log`. Returns how many ended badly.
 ///
 /// # Errors
 /// A process that cannot be started, or an interrupt, after which all processes have ended and finished cells stay.
@@ -40,7 +40,8 @@ pub fn run(planned: &Planned, at_once: usize, device: DeviceChoice, no_verify: b
     let total = cells.len();
     let mut waiting = cells.into_iter().map(|cell| cell.id.clone());
     let gpus = gpu_count();
-    let threads = (std::thread::available_parallelism().map_or(1, usize::from) / at_once).max(1);
+    let share = std::thread::available_parallelism().map_or(1, usize::from) / at_once;
+    let threads = share.min(rayon::current_num_threads()).max(1);
     let mut free: Vec<usize> = (0..at_once).rev().collect();
     let mut running: Vec<Running> = Vec::new();
     let (mut done, mut failed) = (0, 0);

@@ -20,8 +20,8 @@ pub struct Matched<'r, 'a> {
     pub unusual: Vec<String>,
     /// Whether its budget is smaller than the paper's.
     pub shorter: bool,
-    /// Labels of rows that would do as well, but are farther from the method's own settings or behind it.
-    pub others: Vec<&'a str>,
+    /// Labels of rows that would do as well, but are farther from the method's own settings, behind it, or have failed.
+    pub others: Vec<String>,
 }
 
 /// The row of a method with a budget, `None` without one. Of several the one with the fewest settings that are not the method's own is taken,
@@ -36,8 +36,12 @@ pub fn find<'r, 'a>(rows: &'r [Row<'a>], family: Family, method: &str, budget: &
         .collect();
     found.sort_by_key(|(unusual, row)| (row.done.is_empty(), unusual.len()));
     let mut found = found.into_iter();
+    let other = |(_, row): (Vec<String>, &Row<'a>)| match row.done.is_empty() {
+        true => format!("{} (failed)", row.label),
+        false => row.label.to_owned(),
+    };
     let (unusual, row) = found.next()?;
-    Some(Matched { row, unusual, shorter: false, others: found.map(|(_, r)| r.label).collect() })
+    Some(Matched { row, unusual, shorter: false, others: found.map(other).collect() })
 }
 
 /// The row of a method with the largest budget below one that was not run.

@@ -102,7 +102,7 @@ fn a_row_that_failed_gives_way_to_one_with_other_settings() {
     assert_eq!(line.label(), Some("uniform, fewer"));
     let md = markdown(&tables, &notations::head(&records));
     assert!(md.contains("\"uniform, fewer\" has settings that are not those of corf-gs-uniform"), "{md}");
-    assert!(md.contains("stand behind \"uniform, fewer\": uniform."), "{md}");
+    assert!(md.contains("stand behind \"uniform, fewer\": uniform (failed)."), "{md}");
 }
 
 #[test]

@@ -31,8 +31,8 @@ fn name(label: &str) -> String {
 /// Which rows have fewer seeds than the others, by their number.
 fn fewer_seeds(rows: &[&Row<'_>], most: usize) -> String {
     let mut said = String::new();
-    for n in (1..most).rev() {
-        let with: Vec<&Row<'_>> = rows.iter().copied().filter(|r| r.done.len() + r.failed.len() == n).collect();
+    for n in (0..most).rev() {
+        let with: Vec<&Row<'_>> = rows.iter().copied().filter(|r| r.done.len() == n).collect();
         if !with.is_empty() {
             let _ = write!(said, ", {n} of {}", list(&with));
         }
@@ -42,7 +42,7 @@ fn fewer_seeds(rows: &[&Row<'_>], most: usize) -> String {
 
 /// The note under a table of these rows with these columns.
 pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
-    let seeds = rows.iter().map(|r| r.done.len() + r.failed.len()).max().unwrap_or(0);
+    let seeds = rows.iter().map(|r| r.done.len()).max().unwrap_or(0);
     let mut note = match seeds {
         0 | 1 => "One seed: no confidence intervals.".to_owned(),
         n => format!("Mean ± 95 % confidence interval (Student's t) over {n} seeds{}.", fewer_seeds(rows, n)),

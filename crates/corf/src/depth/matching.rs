@@ -130,6 +130,15 @@ fn match_pixel(
     }
     let count = config.match_candidates;
     let step = (high - low) / (count - 1) as f32;
+    // Only a mask leaves out what lies between: such a neighbour would lower the scores of the candidates that it cannot tell of.
+    let whole = |n: &&Neighbour<'_>| {
+        n.view.fine.all_count()
+            || (0..count).all(|k| at(n, low + step * k as f32).is_some_and(|warp| patch.lands_inside(&n.view.fine, &warp)))
+    };
+    let useful: Vec<&Neighbour<'_>> = useful.into_iter().filter(whole).collect();
+    if useful.is_empty() {
+        return None;
+    }
     let score = |w: f32| {
         let sum: f32 = useful.iter().filter_map(|n| patch.zncc(&n.view.fine, &at(n, w)?)).sum();
         sum / useful.len() as f32

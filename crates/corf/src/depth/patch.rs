@@ -65,6 +65,11 @@ impl GreyImage {
         self
     }
 
+    /// Whether there is no pixel that does not count.
+    pub fn all_count(&self) -> bool {
+        self.left_out.is_empty()
+    }
+
     /// Whether all pixels of a rectangle inside the image count, from its first column and row to its last.
     pub fn counts(&self, [x0, y0]: [usize; 2], [x1, y1]: [usize; 2]) -> bool {
         let before = |x: usize, y: usize| self.left_out[y * (self.width + 1) + x];

@@ -120,7 +120,8 @@ impl Folder {
         names.iter().map(find).collect()
     }
 
-    /// The file of every name that has one, as [`Self::of`] finds it, or by the whole name with one more ending (`a.jpg.png` for `a.jpg`).
+    /// The file of every name that has one, as [`Self::of`] finds it, by the whole name with one more ending (`a.jpg.png` for `a.jpg`), or by the stem with
+    /// `_WHAT` behind it (`a_mask.png`).
     ///
     /// # Errors
     /// No name has a file.
@@ -128,7 +129,8 @@ impl Folder {
         let parts: std::collections::BTreeSet<&str> = names.iter().map(|n| last(stem(n))).collect();
         let find = |name: &&str| {
             let by_parts = if parts.len() == names.len() { [last(stem(name)), last(name)] } else { [stem(name), name] };
-            [stem(name), name].into_iter().chain(by_parts).find_map(|key| self.by_stem.get(key).cloned())
+            let keys = [stem(name), name].into_iter().chain(by_parts);
+            keys.flat_map(|key| [key.to_owned(), format!("{key}_{what}")]).find_map(|key| self.by_stem.get(&key).cloned())
         };
         let found: Vec<Option<PathBuf>> = names.iter().map(find).collect();
         if found.iter().all(Option::is_none) {
@@ -154,13 +156,13 @@ mod tests {
     #[test]
     fn files_that_only_some_have_are_found_by_stem_and_by_whole_name() {
         let dir = tempfile::tempdir().unwrap();
-        for name in ["b.png", "c.jpg.png", "strange.png"] {
+        for name in ["b.png", "c.jpg.png", "d_mask.png", "strange.png"] {
             std::fs::write(dir.path().join(name), "").unwrap();
         }
         let folder = Folder::list(dir.path(), &["png"], "--masks").unwrap();
-        let found = folder.of_some(&["left/a.jpg", "left/b.jpg", "left/c.jpg"], "mask").unwrap();
+        let found = folder.of_some(&["left/a.jpg", "left/b.jpg", "left/c.jpg", "left/d.jpg"], "mask").unwrap();
         let path = |name: &str| Some(dir.path().join(name));
-        assert_eq!(found, [None, path("b.png"), path("c.jpg.png")]);
+        assert_eq!(found, [None, path("b.png"), path("c.jpg.png"), path("d_mask.png")]);
         let nothing = folder.of_some(&["x.jpg"], "mask").unwrap_err().to_string();
         assert!(nothing.contains("no image has a mask here"), "{nothing}");
     }

@@ -115,7 +115,7 @@ pub struct ImportOptions {
     pub dynamic_range_db: f64,
     /// Folder of depth maps, one for every image by its stem.
     pub depth: Option<PathBuf>,
-    /// Folder of masks, one for every image by its stem: black where a pixel does not count. Without it, those that the capture names.
+    /// Folder of masks, for as many images as have one by their stems: black where a pixel does not count. Without it, those that the capture names.
     pub masks: Option<PathBuf>,
     /// Metres that a step of a PNG depth map counts.
     pub depth_png_m: f64,

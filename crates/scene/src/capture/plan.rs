@@ -37,7 +37,7 @@ struct Radio {
 /// Endings of depth maps.
 const DEPTHS: &[&str] = &["exr", "npy", "png"];
 /// Endings of masks.
-const MASKS: &[&str] = &["png", "jpg", "jpeg"];
+const MASKS: &[&str] = &["png"];
 /// Shorter side of the nominal camera of spectra where there are none, pixels.
 const NOMINAL_PX: usize = 64;
 

@@ -71,12 +71,13 @@ pub(super) fn sample_points(
             continue;
         }
         let (depth, image) = (io::read_exr_f32(&path)?, io::read_png(dir.join(layout::image(index)))?);
+        let mask = Some(dir.join(layout::mask(index))).filter(|path| path.exists()).map(io::read_mask).transpose()?;
         let pose = header.poses[index].world_from_camera;
         let mut rng = Rng::keyed(header.seed, STAGE_POINTS, index as u64);
         for _ in 0..POINTS.div_ceil(frames.len()) {
             let (x, y) = (rng.below(optical.width), rng.below(optical.height));
             let z = f64::from(depth[(x, y)]);
-            if !(z > 0.0 && z.is_finite()) {
+            if !(z > 0.0 && z.is_finite()) || mask.as_ref().is_some_and(|mask| !mask[(x, y)]) {
                 continue;
             }
             let in_camera = optical.unproject(x as f64 + 0.5, y as f64 + 0.5) * z;
