@@ -277,8 +277,7 @@ impl Preparer {
         asked.sort_by_key(|&(x, y)| (y, x));
         asked.dedup();
         let (pose, depth) = (extracted.world_from_camera, aligned.as_ref().map(inverse_depth));
-        let training =
-            crate::keyframe::training_view(pose, extracted.optical, extracted.rf, depth, extracted.mask, &self.meta);
+        let training = crate::keyframe::training_view(pose, extracted.optical, extracted.rf, depth, extracted.mask, &self.meta);
         let mut prepared = Prepared {
             index: extracted.index,
             training,

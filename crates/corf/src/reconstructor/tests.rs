@@ -274,7 +274,11 @@ fn a_target_continues_under_its_mask_and_is_the_image_elsewhere() {
     assert_eq!(target.pixels[(63 * 96 + 20) * 3..][..3], plain.pixels[(63 * 96 + 19) * 3..][..3]);
     let whole = Keyframe { mask: Some(mask.map(|_| true)), ..k.clone() };
     assert_eq!(crate::keyframe::optical(&whole), plain);
-    assert_eq!(crate::keyframe::optical(&Keyframe { mask: Some(mask.map(|_| false)), ..k }), plain, "of nothing nothing is known");
+    assert_eq!(
+        crate::keyframe::optical(&Keyframe { mask: Some(mask.map(|_| false)), ..k }),
+        plain,
+        "of nothing nothing is known"
+    );
 }
 
 #[test]
