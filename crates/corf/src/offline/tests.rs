@@ -3,6 +3,7 @@
 use super::*;
 use crate::device::Planes;
 use crate::{CpuDevice, device::RenderRequest, device::View, loss::psnr_8bit, synthetic};
+use corf_scene::Raster;
 
 fn cameras() -> (Pinhole, Pinhole) {
     (Pinhole::from_horizontal_fov(96, 72, 80.0), Pinhole::from_horizontal_fov(48, 36, 80.0))
@@ -36,15 +37,22 @@ fn config() -> OfflineConfig {
 }
 
 fn received(config: &OfflineConfig, seed: u64) -> OfflineReconstructor {
+    received_from(config, seed, keyframe)
+}
+
+fn received_from(config: &OfflineConfig, seed: u64, of: impl Fn(usize) -> Keyframe) -> OfflineReconstructor {
     let device = CpuDevice::new(config.optimizer(), config.raster(), &config.empty_field()).unwrap();
     let (optical, rf) = cameras();
     let mut r = OfflineReconstructor::new(Box::new(device), config.clone(), optical, rf, synthetic::DB_RANGE, seed).unwrap();
-    (0..8).filter(|i| *i != 4).for_each(|i| r.receive(keyframe(i)).unwrap());
+    (0..8).filter(|i| *i != 4).for_each(|i| r.receive(of(i)).unwrap());
     r
 }
 
 fn run(config: &OfflineConfig, seed: u64, portion: usize) -> OfflineReconstructor {
-    let mut r = received(config, seed);
+    finished(received(config, seed), portion)
+}
+
+fn finished(mut r: OfflineReconstructor, portion: usize) -> OfflineReconstructor {
     r.begin().unwrap();
     while r.train(portion).unwrap().is_some() {}
     assert!(r.is_done());
@@ -61,6 +69,21 @@ fn quality(r: &mut OfflineReconstructor) -> [f64; 2] {
     let target = planes(truth.image.pixels().as_flattened().iter().map(|v| f32::from(*v) / 255.0).collect());
     let jet = meta.rf_target.encode(&truth.spectrum, &meta.db_range);
     [psnr_8bit(&image, &target), psnr_8bit(&seen.rf, &jet)]
+}
+
+#[test]
+fn what_is_under_a_mask_changes_no_byte_of_a_field() {
+    let config = OfflineConfig { optical_steps: 40, rf_steps: 5, ..config() };
+    let mask = |k: &Keyframe| Raster::from_fn(96, 72, |x, y| !(5 * k.index..5 * k.index + 30).contains(&x) || y < 20);
+    let masked = |i: usize| Keyframe { mask: Some(mask(&keyframe(i))), ..keyframe(i) };
+    let painted = |i: usize| {
+        let (k, mut rng) = (masked(i), corf_scene::Rng::keyed(3, i as u64, 0));
+        let mut at = |x: usize, y: usize| if mask(&k)[(x, y)] { k.image[(x, y)] } else { [255 * rng.below(2) as u8; 3] };
+        Keyframe { image: Raster::from_fn(96, 72, &mut at), ..k }
+    };
+    let field = |of: &dyn Fn(usize) -> Keyframe| finished(received_from(&config, 1, of), 1000).field();
+    let clean = field(&masked);
+    assert!(field(&painted) == clean && field(&keyframe) != clean);
 }
 
 #[test]

@@ -8,6 +8,7 @@ use crate::{
     synthetic::{self, DB_RANGE},
 };
 use corf_scene::{
+    Raster,
     dataset::stem,
     npz::{Array, Values},
 };
@@ -19,9 +20,15 @@ fn cameras() -> (Pinhole, Pinhole) {
     (Pinhole::from_horizontal_fov(64, 48, 90.0), Pinhole::from_horizontal_fov(48, 32, 90.0))
 }
 
+/// Every second one with a mask.
 fn keyframes() -> Vec<Keyframe> {
     let (optical, rf) = cameras();
-    (0..COUNT).map(|i| synthetic::keyframe(2 * i, synthetic::pose(i as f64 * 1.5), &optical, &rf, true)).collect()
+    let one = |i: usize| {
+        let plain = synthetic::keyframe(2 * i, synthetic::pose(i as f64 * 1.5), &optical, &rf, true);
+        let mask = Raster::from_fn(optical.width, optical.height, |x, y| x > 9 * i || y < 8);
+        Keyframe { mask: (i % 2 == 1).then_some(mask), ..plain }
+    };
+    (0..COUNT).map(one).collect()
 }
 
 fn config() -> ReconstructionConfig {
