@@ -2,7 +2,7 @@
 
 use super::{
     AlignedPrior, PixelDepth, Reliability,
-    patch::Patch,
+    patch::{Patch, Warp},
     triangulate::sweep,
     view::{GreyView, Neighbour, parabola_offset},
 };
@@ -115,27 +115,23 @@ fn match_pixel(
     let shortest = least_segment_px(config, camera.width);
     // The patch leans as the prior does, in proportion to the inverse depth tried.
     let at = |n: &Neighbour<'_>, w: f32| n.warp_slanted(camera, &n.view.fine_camera, u, v, w, slope * (w / guess));
-    // A neighbour takes part where both ends of the range land inside it, far enough apart.
+    let count = config.match_candidates;
+    let step = (high - low) / (count - 1) as f32;
+    let lands = |n: &Neighbour<'_>, warp: &Warp| patch.lands_inside(&n.view.fine, warp);
+    let lands_throughout =
+        |n: &Neighbour<'_>| (0..count).all(|k| at(n, low + step * k as f32).is_some_and(|warp| lands(n, &warp)));
+    // A neighbour takes part where both ends of the range land inside it, far enough apart, and all between them, which only a mask leaves out: it would
+    // lower the scores of the candidates that it cannot tell of.
     let useful: Vec<&Neighbour<'_>> = neighbours
         .iter()
         .filter(|n| {
             let (Some(a), Some(b)) = (at(n, low), at(n, high)) else { return false };
-            patch.lands_inside(&n.view.fine, &a)
-                && patch.lands_inside(&n.view.fine, &b)
+            lands(n, &a)
+                && lands(n, &b)
                 && (a.center - b.center).length() > shortest
+                && (n.view.fine.all_count() || lands_throughout(n))
         })
         .collect();
-    if useful.is_empty() {
-        return None;
-    }
-    let count = config.match_candidates;
-    let step = (high - low) / (count - 1) as f32;
-    // Only a mask leaves out what lies between: such a neighbour would lower the scores of the candidates that it cannot tell of.
-    let whole = |n: &&Neighbour<'_>| {
-        n.view.fine.all_count()
-            || (0..count).all(|k| at(n, low + step * k as f32).is_some_and(|warp| patch.lands_inside(&n.view.fine, &warp)))
-    };
-    let useful: Vec<&Neighbour<'_>> = useful.into_iter().filter(whole).collect();
     if useful.is_empty() {
         return None;
     }
