@@ -32,14 +32,19 @@ impl Sighting {
 
     /// How well a place with a gain (power times squared distance) agrees with these rays, `[0, 1]`.
     fn agreement(&self, place_m: DVec3, gain: f64, width_rad: f64) -> f64 {
+        self.best(place_m, gain, width_rad).map_or(0.0, |best| best.1)
+    }
+
+    /// The direction of the ray that agrees best with such a place, and how well; none where no ray was seen.
+    pub(super) fn best(&self, place_m: DVec3, gain: f64, width_rad: f64) -> Option<(DVec3, f64)> {
         let v = place_m - self.place_m;
         let (d2, unit) = (v.length_squared(), v.normalize());
         let one = |(direction, power): &(DVec3, f64)| {
             let ratio = (power * d2 / gain).ln() / MOST_RATIO;
             let chord2 = (*direction - unit).length_squared() / (width_rad * width_rad);
-            (-0.5 * (chord2 + ratio * ratio)).exp()
+            (*direction, (-0.5 * (chord2 + ratio * ratio)).exp())
         };
-        self.rays.iter().map(one).fold(0.0, f64::max)
+        self.rays.iter().map(one).reduce(|best, ray| if ray.1 > best.1 { ray } else { best })
     }
 }
 

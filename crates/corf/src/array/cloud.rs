@@ -156,6 +156,15 @@ impl Cloud<f32> {
         self.seen_from.iter_mut().for_each(|row| row.push(0.0));
     }
 
+    /// Leaves out those that are not to stay.
+    pub(super) fn keep(&mut self, stays: &[bool]) {
+        let mut stays = stays.iter().copied().cycle();
+        self.position.retain(|_| stays.next() == Some(true));
+        for numbers in std::iter::once(&mut self.gain).chain(&mut self.seen_from) {
+            numbers.retain(|_| stays.next() == Some(true));
+        }
+    }
+
     /// Adds an anchor, near others by these weights: emitters are seen from it as interpolation would have it.
     pub(super) fn add_anchor(&mut self, weights: &[(usize, f64)]) {
         let mut row = vec![0.0; self.len()];

@@ -56,6 +56,9 @@ pub struct ArrayConfig {
     pub votes: f64,
     /// Standard deviation of a ray's direction, degrees.
     pub ray_width_deg: f64,
+    /// Whether sources move, with every keyframe, to where the rays that see them meet; when not given, where spectra are lobes, whose rays are narrow enough.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refine_sources: Option<bool>,
 }
 
 impl Default for ArrayConfig {
@@ -79,6 +82,7 @@ impl Default for ArrayConfig {
             ray_range_db: 25.0,
             votes: 1.5,
             ray_width_deg: 1.5,
+            refine_sources: None,
         }
     }
 }

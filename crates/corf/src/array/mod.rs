@@ -19,6 +19,7 @@ mod lobes;
 mod observer;
 mod peaks;
 mod peel;
+mod refine;
 mod sensor;
 mod stepper;
 #[cfg(test)]

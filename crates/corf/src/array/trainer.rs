@@ -7,6 +7,7 @@ use super::config::{ArrayConfig, Surface};
 use super::field::ArrayField;
 use super::peaks::{Ray, rays};
 use super::peel::{Peeled, peel};
+use super::refine::{prune, refine};
 use super::sensor::{ArraySensor, SensorSettings};
 use super::stepper::{CpuStepper, Rule, Stepper, View};
 use crate::{Error, Result};
@@ -53,6 +54,7 @@ pub struct ArrayTrainer {
     /// Takes the steps.
     pub(super) stepper: Box<dyn Stepper>,
     views: Vec<View>,
+    sources_move: bool,
     sightings: Vec<Sighting>,
     cells: HashSet<[i32; 3]>,
     steps: u64,
@@ -79,6 +81,7 @@ impl ArrayTrainer {
         let floor = 10f64.powf(0.1 * range.min_db) as f32;
         let sensor: ArraySensor<f32> = settings.build(&camera);
         Self {
+            sources_move: config.refine_sources.unwrap_or(lobes),
             config,
             stepper: Box::new(CpuStepper { rule: rule_of(&config, floor), sensor: sensor.clone() }),
             sensor,
@@ -121,12 +124,21 @@ impl ArrayTrainer {
         self.remember(observed);
         match &observed.images {
             Some(images) => self.add_images(images),
-            None if self.config.sources => self.bear_sources(),
+            None if self.config.sources => {
+                self.bear_sources();
+                if self.sources_move {
+                    refine(&mut self.field.sources, &self.sightings, self.config.ray_width_deg.to_radians());
+                }
+            }
             None => {}
         }
         // A new anchor takes weight from the others.
         for i in 0..self.views.len() {
             self.views[i].receiver = self.field.receiver(&self.views[i].pose);
+        }
+        if observed.images.is_none() {
+            let receivers: Vec<_> = self.views.iter().map(|view| &view.receiver).collect();
+            prune(&mut self.field.sources, &receivers, self.floor / self.field.sensor.peak() as f32);
         }
         Ok(())
     }
