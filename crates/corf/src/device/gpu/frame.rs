@@ -60,7 +60,9 @@ pub(crate) struct Memory {
     /// Per part of a tile list that several workgroups sort: the tile, and the part's index within the list.
     chunks: Scratch,
     pub bucket_tiles: Scratch,
-    pub checkpoints: Scratch,
+    /// The blending state from which the backward pass restarts (`shaders/tile.wgsl`), a part of its numbers in each.
+    pub checkpoint_heads: Scratch,
+    pub checkpoint_tails: Scratch,
     /// Per tile, the number of entries of its list that its pixels have processed.
     pub visited: Scratch,
     pub records: Scratch,
@@ -123,7 +125,8 @@ impl Memory {
             entries: scratch("entries of lists")?,
             chunks: scratch("chunks of lists")?,
             bucket_tiles: scratch("tiles of buckets")?,
-            checkpoints: scratch("checkpoints")?,
+            checkpoint_heads: scratch("heads of checkpoints")?,
+            checkpoint_tails: scratch("tails of checkpoints")?,
             visited: scratch("visited")?,
             records: scratch("records of pairs")?,
             image: scratch("image")?,
@@ -147,7 +150,7 @@ impl Memory {
         let bucket = fixed.batch as usize;
         let trained = |count: usize| if extent.training { count } else { 0 };
         let record = if extent.both { 64 } else { 48 };
-        let state = 4 * Fixed::state_numbers(extent.both) as usize * area;
+        let [head, tail] = Fixed::checkpoint_numbers(extent.both).map(|numbers| 4 * numbers as usize * area);
         for (items, bytes, scratch) in [
             (n.div_ceil(BLOCK), 16, &mut self.blocks),
             // The last share of a block may be small.
@@ -161,7 +164,8 @@ impl Memory {
             // Each is of a list of more than one, so half full on the average at least.
             (2 * pairs / CHUNK as usize, 8, &mut self.chunks),
             (pairs / bucket + tiles, 4, &mut self.bucket_tiles),
-            (trained(pairs / bucket), state, &mut self.checkpoints),
+            (trained(pairs / bucket), head, &mut self.checkpoint_heads),
+            (trained(pairs / bucket), tail, &mut self.checkpoint_tails),
             (trained(tiles), 4, &mut self.visited),
             // Emission clears the records of pairs without a tile, also where nothing is trained.
             (pairs, record, &mut self.records),
@@ -269,8 +273,12 @@ impl Forward {
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
         let blended = |kernel: &Kernel| {
             let (image, transmittance) = (&m.image.buffer, &m.transmittance.buffer);
-            let (names, kept, visited) = (&m.main_contributor.buffer, &m.checkpoints.buffer, &m.visited.buffer);
-            bind(kernel, &[params, lists, entries, splats, image, transmittance, names, kept, visited, &m.gaussian_of.buffer])
+            let (names, visited) = (&m.main_contributor.buffer, &m.visited.buffer);
+            let (heads, tails) = (&m.checkpoint_heads.buffer, &m.checkpoint_tails.buffer);
+            bind(
+                kernel,
+                &[params, lists, entries, splats, image, transmittance, names, heads, tails, visited, &m.gaussian_of.buffer],
+            )
         };
         let blend = match leaves {
             Leaves::Images => Some(self.blend.each_ref()),

@@ -136,9 +136,14 @@ impl Fixed {
         self.batch.max(BACKWARD_THREADS)
     }
 
-    /// Numbers of a pixel's state that are kept for a bucket.
+    /// Numbers of a pixel's state that are kept for a bucket: in the heads of checkpoints, and in their tails.
+    pub fn checkpoint_numbers(both: bool) -> [u32; 2] {
+        if both { [5, 4] } else { [3, 2] }
+    }
+
+    /// All of them.
     pub fn state_numbers(both: bool) -> u32 {
-        if both { 9 } else { 5 }
+        Self::checkpoint_numbers(both).iter().sum()
     }
 
     /// Sizes of modality `g`'s harmonics as constants, their names ending in `end`.
@@ -173,9 +178,10 @@ impl Fixed {
     /// Constants of the blends.
     fn blend_head(&self, both: bool) -> String {
         let area = self.tile[0] * self.tile[1];
+        let [head, tail] = Self::checkpoint_numbers(both);
         format!(
-            "const BOTH = {both};\nconst STATE_NUMBERS = {}u;\nconst RADIO_AREA = {}u;\n{LISTS}{SPLAT}{TILE_SOURCE}",
-            Self::state_numbers(both),
+            "const BOTH = {both};\nconst HEAD_NUMBERS = {head}u;\nconst TAIL_NUMBERS = {tail}u;\nconst RADIO_AREA = {}u;\n\
+             {LISTS}{SPLAT}{TILE_SOURCE}",
             if both { area } else { 1 },
         )
     }

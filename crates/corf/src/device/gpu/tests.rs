@@ -77,6 +77,19 @@ fn what_an_adapter_does_not_bind_is_named_and_the_device_works_on() {
     assert!(device.gaussians() != before);
 }
 
+/// Checkpoints take most of a step's memory: 144 bytes a pair here, of which records take 64 and the heads of checkpoints 80.
+#[test]
+fn checkpoints_may_be_larger_than_what_an_adapter_binds_at_once() {
+    let (Some(mut free), Some(mut limited)) = (device(2000), device(2000)) else { return };
+    free.train(&[step(); 2]).unwrap();
+    let most = 100 * free.memory.room.pairs as u64;
+    std::sync::Arc::get_mut(&mut limited.context).unwrap().limits.max_storage_buffer_binding_size = most;
+    limited.train(&[step(); 2]).unwrap();
+    let sizes = [&limited.memory.checkpoint_heads, &limited.memory.checkpoint_tails].map(|part| part.buffer.size());
+    assert!(sizes.iter().all(|size| *size <= most) && sizes.iter().sum::<u64>() > most, "{sizes:?} of {most}");
+    assert!(limited.state().unwrap() == free.state().unwrap());
+}
+
 #[test]
 fn rows_are_the_same_gathered_in_pieces_or_at_once() {
     let (Some(mut whole), Some(mut pieces)) = (device(1500), device(1500)) else { return };

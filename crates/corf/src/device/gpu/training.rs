@@ -141,9 +141,9 @@ impl GpuDevice {
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
         let (image, gradient) = (&m.image.buffer, &m.gradient.buffer);
         let (lists, entries, splats) = (&m.lists.buffer, &m.entries.buffer, &m.splats.buffer);
-        let (checkpoints, visited, records) = (&m.checkpoints.buffer, &m.visited.buffer, &m.records.buffer);
-        let backward =
-            [uniform, &m.state, lists, &m.bucket_tiles.buffer, entries, splats, image, gradient, checkpoints, visited, records];
+        let (heads, tails) = (&m.checkpoint_heads.buffer, &m.checkpoint_tails.buffer);
+        let (tiles, visited, records) = (&m.bucket_tiles.buffer, &m.visited.buffer, &m.records.buffer);
+        let backward = [uniform, &m.state, lists, tiles, entries, splats, image, gradient, heads, tails, visited, records];
         let of_shape = |[single, double]: &[Kernel; 2]| Ok([bind(single, &backward)?, bind(double, &backward)?]);
         let dense = t.dense.as_ref().filter(|_| matches!(destination, Destination::Dense));
         let ([appearance, geometry], core_gradient) = match destination {

@@ -6,9 +6,10 @@
 @group(0) @binding(5) var<storage, read> splats: array<Splat>;
 @group(0) @binding(6) var<storage, read> image: array<f32>;
 @group(0) @binding(7) var<storage, read> gradient: array<f32>;
-@group(0) @binding(8) var<storage, read> checkpoints: array<f32>;
-@group(0) @binding(9) var<storage, read> visited: array<u32>;
-@group(0) @binding(10) var<storage, read_write> records: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read> checkpoint_heads: array<f32>;
+@group(0) @binding(9) var<storage, read> checkpoint_tails: array<f32>;
+@group(0) @binding(10) var<storage, read> visited: array<u32>;
+@group(0) @binding(11) var<storage, read_write> records: array<vec4<f32>>;
 
 // A lane is a splat, a bucket is BUCKET splats of one tile that stand one behind the other. The tile's pixels pass through the bucket,
 // from lane to lane, one a step; what a pixel is when it comes to the bucket's first splat was kept by the forward pass. Each lane sums
@@ -52,12 +53,12 @@ fn bring(index: u32, pixel: u32, to: u32, checkpoint: u32, is_first: bool) -> bo
     var t = 1.0;
     var passed = vec4(0.0);
     if (!is_first) {
-        t = checkpoints[checkpoint_at(checkpoint, 0u, pixel)];
+        t = checkpoint_heads[head_at(checkpoint, 0u, pixel)];
         passed = vec4(
-            checkpoints[checkpoint_at(checkpoint, 1u, pixel)],
-            checkpoints[checkpoint_at(checkpoint, 2u, pixel)],
-            checkpoints[checkpoint_at(checkpoint, 3u, pixel)],
-            checkpoints[checkpoint_at(checkpoint, 4u, pixel)],
+            checkpoint_heads[head_at(checkpoint, 1u, pixel)],
+            checkpoint_heads[head_at(checkpoint, 2u, pixel)],
+            checkpoint_tails[tail_at(checkpoint, 0u, pixel)],
+            checkpoint_tails[tail_at(checkpoint, 1u, pixel)],
         );
     }
     let g = vec4(gradient_of(tile.at), gradient[3u * params.pixel_total + tile.at]);
@@ -70,11 +71,11 @@ fn bring(index: u32, pixel: u32, to: u32, checkpoint: u32, is_first: bool) -> bo
         t = 1.0;
         var passed = vec3(0.0);
         if (!is_first) {
-            t = checkpoints[checkpoint_at(checkpoint, 5u, pixel)];
+            t = checkpoint_heads[head_at(checkpoint, 3u, pixel)];
             passed = vec3(
-                checkpoints[checkpoint_at(checkpoint, 6u, pixel)],
-                checkpoints[checkpoint_at(checkpoint, 7u, pixel)],
-                checkpoints[checkpoint_at(checkpoint, 8u, pixel)],
+                checkpoint_heads[head_at(checkpoint, 4u, pixel)],
+                checkpoint_tails[tail_at(checkpoint, 2u, pixel)],
+                checkpoint_tails[tail_at(checkpoint, 3u, pixel)],
             );
         }
         let g = gradient_of(second);
