@@ -310,7 +310,7 @@ impl Fixed {
     pub fn update_appearance(&self, use_of: Gradients) -> String {
         let (a, b) = (self.step_harmonics(0, use_of), self.step_harmonics(1, use_of));
         let binding =
-            |g: usize| format!("@group(0) @binding({}) var<storage, read_write> gradient_{g}: array<vec4<f32>>;\n", 13 + g);
+            |g: usize| format!("@group(0) @binding({}) var<storage, read_write> gradient_{g}: array<vec4<f32>>;\n", 14 + g);
         let gradients = match use_of {
             Gradients::Written | Gradients::Noted => binding(0) + &binding(1),
             Gradients::Dense => LEARNT.to_owned(),

@@ -9,11 +9,13 @@
 @group(0) @binding(8) var<storage, read> checkpoint_heads: array<f32>;
 @group(0) @binding(9) var<storage, read> checkpoint_tails: array<f32>;
 @group(0) @binding(10) var<storage, read> visited: array<u32>;
-@group(0) @binding(11) var<storage, read_write> records: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read_write> record_heads: array<vec4<f32>>;
+@group(0) @binding(12) var<storage, read_write> record_tails: array<vec4<f32>>;
 
 // A lane is a splat, a bucket is BUCKET splats of one tile that stand one behind the other. The tile's pixels pass through the bucket,
 // from lane to lane, one a step; what a pixel is when it comes to the bucket's first splat was kept by the forward pass. Each lane sums
-// over the pixels on its own, in their order: no atomics, and a fixed order. One record per pair. A record of one image: dL/dcolour,
+// over the pixels on its own, in their order: no atomics, and a fixed order. One record per pair, its first two words in the heads of
+// records, the others in their tails. A record of one image: dL/dcolour,
 // dL/d(1/z); dL/d(oρ), Σ dL/dσ (dx², dx dy, dy²); Σ dL/dσ (dx, dy). Of both: dL/dcolour of light, dL/d(1/z); dL/dcolour of radio,
 // dL/d(oρ) of light; dL/d(oρ) of radio, Σ dL/dσ (dx², dx dy, dy²) of both; Σ dL/dσ (dx, dy) of both.
 // T and g·(what is composited from here on, background included) of a bucket's pixels as they come to it.
@@ -179,16 +181,14 @@ fn backward(group: u32, thread: u32) {
     if (lane >= count) { return; }
     // α = oρ·G: Σ G dL/dα = −Σ dL/dσ / (oρ).
     let d_opacity = -mass / max(vec2(splat.place.z, splat.radio.w), vec2(1e-30));
+    let to = 2u * pair;
+    record_heads[to] = d_light;
     if (BOTH) {
-        let to = 4u * pair;
-        records[to] = d_light;
-        records[to + 1u] = vec4(d_radio, d_opacity.x);
-        records[to + 2u] = vec4(d_opacity.y, second);
-        records[to + 3u] = vec4(first, 0.0, 0.0);
+        record_heads[to + 1u] = vec4(d_radio, d_opacity.x);
+        record_tails[to] = vec4(d_opacity.y, second);
+        record_tails[to + 1u] = vec4(first, 0.0, 0.0);
     } else {
-        let to = 3u * pair;
-        records[to] = d_light;
-        records[to + 1u] = vec4(d_opacity.x, second);
-        records[to + 2u] = vec4(first, 0.0, 0.0);
+        record_heads[to + 1u] = vec4(d_opacity.x, second);
+        record_tails[pair] = vec4(first, 0.0, 0.0);
     }
 }
