@@ -2,7 +2,7 @@
 
 use crate::{Error, Result};
 use std::cmp::Ordering;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// The order of file names in which numbers count by their value: `f2.png` comes before `f10.png`. Names that are padded are in plain order.
@@ -41,6 +41,11 @@ pub(super) fn stem(name: &str) -> &str {
 /// The last part of a stem: `left/00017` is `00017`.
 pub(super) fn last(stem: &str) -> &str {
     stem.rsplit('/').next().unwrap_or(stem)
+}
+
+/// Whether the last parts of all stems differ, so that they tell the names apart.
+fn differ_in_last(names: &[&str]) -> bool {
+    names.iter().map(|n| last(stem(n))).collect::<BTreeSet<_>>().len() == names.len()
 }
 
 /// The files of a folder that have one of some endings, by stem.
@@ -105,8 +110,8 @@ impl Folder {
         if let Some(found) = whole {
             return Ok(found);
         }
-        let parts: std::collections::BTreeSet<&str> = names.iter().map(|n| last(stem(n))).collect();
-        let by = |name: &str| if parts.len() == names.len() { last(stem(name)).to_owned() } else { stem(name).to_owned() };
+        let by_last = differ_in_last(names);
+        let by = |name: &str| if by_last { last(stem(name)).to_owned() } else { stem(name).to_owned() };
         let find = |name: &&str| {
             let stem = by(name);
             self.by_stem.get(&stem).cloned().ok_or_else(|| {
@@ -126,9 +131,9 @@ impl Folder {
     /// # Errors
     /// No name has a file.
     pub fn of_some(&self, names: &[&str], what: &str) -> Result<Vec<Option<PathBuf>>> {
-        let parts: std::collections::BTreeSet<&str> = names.iter().map(|n| last(stem(n))).collect();
+        let by_last = differ_in_last(names);
         let find = |name: &&str| {
-            let by_parts = if parts.len() == names.len() { [last(stem(name)), last(name)] } else { [stem(name), name] };
+            let by_parts = if by_last { [last(stem(name)), last(name)] } else { [stem(name), name] };
             let keys = [stem(name), name].into_iter().chain(by_parts);
             keys.flat_map(|key| [key.to_owned(), format!("{key}_{what}")]).find_map(|key| self.by_stem.get(&key).cloned())
         };

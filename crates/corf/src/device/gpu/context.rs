@@ -1,6 +1,6 @@
 //! The adapter, and the smallest runtime over it: buffers, submissions, readback, and errors that say what happened.
 
-use crate::{Error, RasterConfig, Result};
+use crate::{Error, RasterConfig, Result, nn::gpu::MATRIX_THREADS};
 use std::{
     future::Future,
     marker::PhantomData,
@@ -206,9 +206,6 @@ pub(super) fn adapters(options: &GpuOptions) -> Vec<wgpu::Adapter> {
 /// What kernels that multiply by matrix units need.
 const MATRIX_FEATURES: wgpu::Features =
     wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX.union(wgpu::Features::SHADER_F16).union(wgpu::Features::SUBGROUP);
-
-/// Threads of a workgroup that multiplies by matrix units.
-const MATRIX_THREADS: u32 = 512;
 
 /// Whether an adapter multiplies matrices of 16 × 16 numbers in f16 with sums in f32, in subgroups of 32 threads always, in workgroups of the size that
 /// the kernels have.

@@ -38,6 +38,9 @@ const ARGS_ORDER: u64 = 5;
 const ARGS_MERGE: u64 = 6;
 const ARGS: u64 = 7;
 
+/// Bytes of the head of a pair's record.
+const RECORD_HEAD: usize = 32;
+
 /// Gaussians of a block, threads of a workgroup of the kernels around lists.
 const BLOCK: usize = 256;
 
@@ -60,10 +63,14 @@ pub(crate) struct Memory {
     /// Per part of a tile list that several workgroups sort: the tile, and the part's index within the list.
     chunks: Scratch,
     pub bucket_tiles: Scratch,
-    pub checkpoints: Scratch,
+    /// The blending state from which the backward pass restarts (`shaders/tile.wgsl`), a part of its numbers in each.
+    pub checkpoint_heads: Scratch,
+    pub checkpoint_tails: Scratch,
     /// Per tile, the number of entries of its list that its pixels have processed.
     pub visited: Scratch,
-    pub records: Scratch,
+    /// Gradients of a pair (`shaders/backward.wgsl`), a part of their words in each.
+    pub record_heads: Scratch,
+    pub record_tails: Scratch,
     pub image: Scratch,
     pub transmittance: Scratch,
     pub main_contributor: Scratch,
@@ -77,10 +84,11 @@ pub(crate) struct Memory {
 }
 
 impl BufferCapacity {
-    /// Capacity that the frames of a state needed, and an eighth more: the size to grow to after one of them overflowed its buffers.
-    pub fn asked(state: &[u32]) -> Self {
+    /// Capacity that the frames of a state needed, and an eighth more, as far as that does not take it beyond `most_pairs`: the size to grow to
+    /// after one of them overflowed its buffers.
+    pub fn asked(state: &[u32], most_pairs: usize) -> Self {
         let more = |slot: usize| state[slot] as usize + state[slot] as usize / 8;
-        Self { pairs: more(NEEDED), visible: more(MOST_VISIBLE) }
+        Self { pairs: more(NEEDED).min(most_pairs).max(state[NEEDED] as usize), visible: more(MOST_VISIBLE) }
     }
 }
 
@@ -91,17 +99,33 @@ pub(crate) struct Extent {
     pub tiles: usize,
     pub pixels: usize,
     pub blocks: usize,
+    /// Pixels of the largest tile.
+    pub area: usize,
     pub training: bool,
     /// Whether any frame blends both images at once.
     pub both: bool,
 }
 
 impl Extent {
-    pub fn include(&mut self, p: &Params) {
+    /// Takes in a frame for tiles of one of these shapes.
+    pub fn include(&mut self, p: &Params, shapes: &[Fixed]) {
+        let [width, height] = shapes[p.shape as usize].tile;
+        self.area = self.area.max((width * height) as usize);
         self.tiles = self.tiles.max(p.tile_total as usize);
         self.pixels = self.pixels.max(p.pixel_total as usize);
         self.blocks = self.blocks.max(p.blocks_total as usize);
         self.both |= p.fused == 1;
+    }
+
+    /// Bytes of a bucket's checkpoint: its head, its tail.
+    fn checkpoint_bytes(&self) -> [usize; 2] {
+        Fixed::checkpoint_numbers(self.both).map(|numbers| 4 * numbers as usize * self.area)
+    }
+
+    /// The most pairs for which an adapter binds every buffer that grows with them.
+    pub fn most_pairs(&self, context: &Context, fixed: &Fixed) -> usize {
+        let checkpoints = if self.training { self.checkpoint_bytes()[0].div_ceil(fixed.batch as usize) } else { 0 };
+        context.largest_buffer() as usize / RECORD_HEAD.max(checkpoints)
     }
 }
 
@@ -123,9 +147,11 @@ impl Memory {
             entries: scratch("entries of lists")?,
             chunks: scratch("chunks of lists")?,
             bucket_tiles: scratch("tiles of buckets")?,
-            checkpoints: scratch("checkpoints")?,
+            checkpoint_heads: scratch("heads of checkpoints")?,
+            checkpoint_tails: scratch("tails of checkpoints")?,
             visited: scratch("visited")?,
-            records: scratch("records of pairs")?,
+            record_heads: scratch("heads of records")?,
+            record_tails: scratch("tails of records")?,
             image: scratch("image")?,
             transmittance: scratch("transmittance")?,
             main_contributor: scratch("main contributors")?,
@@ -143,11 +169,10 @@ impl Memory {
         let (n, tiles) = (extent.gaussians, extent.tiles);
         let room = self.room.with(room);
         let (pairs, visible) = (room.pairs, room.visible.min(n));
-        let area = (fixed.tile[0] * fixed.tile[1]) as usize;
         let bucket = fixed.batch as usize;
         let trained = |count: usize| if extent.training { count } else { 0 };
-        let record = if extent.both { 64 } else { 48 };
-        let state = 4 * Fixed::state_numbers(extent.both) as usize * area;
+        let record_tail = if extent.both { 32 } else { 16 };
+        let [head, tail] = extent.checkpoint_bytes();
         for (items, bytes, scratch) in [
             (n.div_ceil(BLOCK), 16, &mut self.blocks),
             // The last share of a block may be small.
@@ -161,10 +186,12 @@ impl Memory {
             // Each is of a list of more than one, so half full on the average at least.
             (2 * pairs / CHUNK as usize, 8, &mut self.chunks),
             (pairs / bucket + tiles, 4, &mut self.bucket_tiles),
-            (trained(pairs / bucket), state, &mut self.checkpoints),
+            (trained(pairs / bucket), head, &mut self.checkpoint_heads),
+            (trained(pairs / bucket), tail, &mut self.checkpoint_tails),
             (trained(tiles), 4, &mut self.visited),
             // Emission clears the records of pairs without a tile, also where nothing is trained.
-            (pairs, record, &mut self.records),
+            (pairs, RECORD_HEAD, &mut self.record_heads),
+            (pairs, record_tail, &mut self.record_tails),
             (extent.pixels, 16, &mut self.image),
             (extent.pixels, 4, &mut self.transmittance),
             (extent.pixels, 4, &mut self.main_contributor),
@@ -269,8 +296,12 @@ impl Forward {
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
         let blended = |kernel: &Kernel| {
             let (image, transmittance) = (&m.image.buffer, &m.transmittance.buffer);
-            let (names, kept, visited) = (&m.main_contributor.buffer, &m.checkpoints.buffer, &m.visited.buffer);
-            bind(kernel, &[params, lists, entries, splats, image, transmittance, names, kept, visited, &m.gaussian_of.buffer])
+            let (names, visited) = (&m.main_contributor.buffer, &m.visited.buffer);
+            let (heads, tails) = (&m.checkpoint_heads.buffer, &m.checkpoint_tails.buffer);
+            bind(
+                kernel,
+                &[params, lists, entries, splats, image, transmittance, names, heads, tails, visited, &m.gaussian_of.buffer],
+            )
         };
         let blend = match leaves {
             Leaves::Images => Some(self.blend.each_ref()),
@@ -280,7 +311,8 @@ impl Forward {
         // Steps alone have tiles of more than one shape.
         let shapes = if blend.is_none() { self.tiled.len() } else { 1 };
         let (drawn, numbers) = (&m.drawn.buffer, &m.gaussian_of.buffer);
-        let emitted = [params, &m.state, drawn, splats, blocks, shares, sizes, pairs, &m.records.buffer];
+        let (heads, tails) = (&m.record_heads.buffer, &m.record_tails.buffer);
+        let emitted = [params, &m.state, drawn, splats, blocks, shares, sizes, pairs, heads, tails];
         let chunks = &m.chunks.buffer;
         let projected = [params, core, optical, rf, blocks, splats, numbers, &m.state, drawn, shares, &m.args];
         let tiled = |t: &Tiled| t.bind(|k| bind(k, &projected), |k| bind(k, &emitted), blended, blend);

@@ -104,7 +104,7 @@ impl GpuDevice {
         let mut frames: Vec<Params> = requests.iter().filter_map(|r| self.frame([r.optical, r.rf], false)).collect();
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, ..Extent::default() };
-        frames.iter().for_each(|p| extent.include(p));
+        frames.iter().for_each(|p| extent.include(p, &self.shapes));
         let mut room = BufferCapacity::guess(n, self.least_room);
         loop {
             self.memory.reserve(&self.context, &self.shapes[0], &extent, room)?;
@@ -128,7 +128,7 @@ impl GpuDevice {
             if state[0][FAILED] == 0 {
                 return Ok(());
             }
-            room = BufferCapacity::asked(&state[0]);
+            room = BufferCapacity::asked(&state[0], extent.most_pairs(&self.context, &self.shapes[0]));
         }
     }
 
@@ -136,7 +136,7 @@ impl GpuDevice {
     fn picture(&mut self, mut params: Params, name: bool) -> Result<Picture> {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, ..Extent::default() };
-        extent.include(&params);
+        extent.include(&params, &self.shapes);
         let mut room = BufferCapacity::guess(n, self.least_room);
         loop {
             self.memory.reserve(&self.context, &self.shapes[0], &extent, room)?;
@@ -161,7 +161,7 @@ impl GpuDevice {
             ];
             let mut read = self.context.read::<u32>("rendering", &sources)?;
             if read[0][FAILED] != 0 {
-                room = BufferCapacity::asked(&read[0]);
+                room = BufferCapacity::asked(&read[0], extent.most_pairs(&self.context, &self.shapes[0]));
                 continue;
             }
             let main_contributor = read.pop().unwrap_or_default();

@@ -136,9 +136,14 @@ impl Fixed {
         self.batch.max(BACKWARD_THREADS)
     }
 
-    /// Numbers of a pixel's state that are kept for a bucket.
+    /// Numbers of a pixel's state that are kept for a bucket: in the heads of checkpoints, and in their tails.
+    pub fn checkpoint_numbers(both: bool) -> [u32; 2] {
+        if both { [5, 4] } else { [3, 2] }
+    }
+
+    /// All of them.
     pub fn state_numbers(both: bool) -> u32 {
-        if both { 9 } else { 5 }
+        Self::checkpoint_numbers(both).iter().sum()
     }
 
     /// Sizes of modality `g`'s harmonics as constants, their names ending in `end`.
@@ -173,9 +178,10 @@ impl Fixed {
     /// Constants of the blends.
     fn blend_head(&self, both: bool) -> String {
         let area = self.tile[0] * self.tile[1];
+        let [head, tail] = Self::checkpoint_numbers(both);
         format!(
-            "const BOTH = {both};\nconst STATE_NUMBERS = {}u;\nconst RADIO_AREA = {}u;\n{LISTS}{SPLAT}{TILE_SOURCE}",
-            Self::state_numbers(both),
+            "const BOTH = {both};\nconst HEAD_NUMBERS = {head}u;\nconst TAIL_NUMBERS = {tail}u;\nconst RADIO_AREA = {}u;\n\
+             {LISTS}{SPLAT}{TILE_SOURCE}",
             if both { area } else { 1 },
         )
     }
@@ -304,7 +310,7 @@ impl Fixed {
     pub fn update_appearance(&self, use_of: Gradients) -> String {
         let (a, b) = (self.step_harmonics(0, use_of), self.step_harmonics(1, use_of));
         let binding =
-            |g: usize| format!("@group(0) @binding({}) var<storage, read_write> gradient_{g}: array<vec4<f32>>;\n", 13 + g);
+            |g: usize| format!("@group(0) @binding({}) var<storage, read_write> gradient_{g}: array<vec4<f32>>;\n", 14 + g);
         let gradients = match use_of {
             Gradients::Written | Gradients::Noted => binding(0) + &binding(1),
             Gradients::Dense => LEARNT.to_owned(),

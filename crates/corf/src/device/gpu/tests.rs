@@ -77,6 +77,26 @@ fn what_an_adapter_does_not_bind_is_named_and_the_device_works_on() {
     assert!(device.gaussians() != before);
 }
 
+/// Checkpoints take most of a step's memory: 144 bytes a pair here, 80 of them in their heads; records take 64, half of them in their heads.
+#[test]
+fn checkpoints_may_be_larger_than_what_an_adapter_binds_at_once() {
+    let Some(mut free) = device(2000) else { return };
+    free.train(&[step(); 2]).unwrap();
+    let (room, needed) = (free.memory.room.pairs, free.pairs());
+    assert!(room > needed + needed / 20, "{room} of {needed}");
+    // Heads alone fit; they do without the room to spare.
+    for most in [100 * room, 80 * (needed + needed / 50)] {
+        let mut limited = device(2000).unwrap();
+        std::sync::Arc::get_mut(&mut limited.context).unwrap().limits.max_storage_buffer_binding_size = most as u64;
+        limited.train(&[step(); 2]).unwrap();
+        let m = &limited.memory;
+        let sizes = [&m.checkpoint_heads, &m.checkpoint_tails, &m.record_heads, &m.record_tails].map(|part| part.buffer.size());
+        assert!(sizes.iter().all(|size| *size <= most as u64) && sizes[0] + sizes[1] > most as u64, "{sizes:?} of {most}");
+        assert!(m.room.pairs >= needed && m.room.pairs <= room, "{} of {room}", m.room.pairs);
+        assert!(limited.state().unwrap() == free.state().unwrap());
+    }
+}
+
 #[test]
 fn rows_are_the_same_gathered_in_pieces_or_at_once() {
     let (Some(mut whole), Some(mut pieces)) = (device(1500), device(1500)) else { return };

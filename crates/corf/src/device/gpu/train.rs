@@ -151,7 +151,7 @@ impl GpuDevice {
     pub(super) fn batch(&self, steps: Vec<Planned>) -> Option<Batch> {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, training: true, ..Extent::default() };
-        steps.iter().for_each(|p| extent.include(&p.params));
+        steps.iter().for_each(|p| extent.include(&p.params, &self.shapes));
         let last = steps.last().map(|s| s.params)?;
         Some(Batch { steps, extent, last, room: BufferCapacity::guess(n, self.least_room), done: 0 })
     }
@@ -198,7 +198,7 @@ impl GpuDevice {
         let (state, last) = (&read[0], &batch.last);
         batch.done += state[STEPS] as usize;
         if state[FAILED] != 0 {
-            batch.room = BufferCapacity::asked(state);
+            batch.room = BufferCapacity::asked(state, batch.extent.most_pairs(&self.context, &self.shapes[0]));
             return Ok(None);
         }
         if batch.done < batch.steps.len() {

@@ -141,9 +141,11 @@ impl GpuDevice {
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
         let (image, gradient) = (&m.image.buffer, &m.gradient.buffer);
         let (lists, entries, splats) = (&m.lists.buffer, &m.entries.buffer, &m.splats.buffer);
-        let (checkpoints, visited, records) = (&m.checkpoints.buffer, &m.visited.buffer, &m.records.buffer);
+        let (heads, tails) = (&m.checkpoint_heads.buffer, &m.checkpoint_tails.buffer);
+        let (tiles, visited, records) =
+            (&m.bucket_tiles.buffer, &m.visited.buffer, [&m.record_heads.buffer, &m.record_tails.buffer]);
         let backward =
-            [uniform, &m.state, lists, &m.bucket_tiles.buffer, entries, splats, image, gradient, checkpoints, visited, records];
+            [uniform, &m.state, lists, tiles, entries, splats, image, gradient, heads, tails, visited, records[0], records[1]];
         let of_shape = |[single, double]: &[Kernel; 2]| Ok([bind(single, &backward)?, bind(double, &backward)?]);
         let dense = t.dense.as_ref().filter(|_| matches!(destination, Destination::Dense));
         let ([appearance, geometry], core_gradient) = match destination {
@@ -158,7 +160,7 @@ impl GpuDevice {
         };
         let (numbers, found, directions) = (&m.gaussian_of.buffer, &m.found.buffer, &m.directions.buffer);
         let (optical, rf) = ([of_light, &s.sh[0].moments.buffer], [of_rf, &s.sh[1].moments.buffer]);
-        let read = [uniform, &m.state, numbers, &m.drawn.buffer, records, splats, core];
+        let read = [uniform, &m.state, numbers, &m.drawn.buffer, records[0], records[1], splats, core];
         let mut appearance_buffers = [&read[..], &optical[..], &rf[..], &[found, directions]].concat();
         if let Destination::Written([_, light, radio]) | Destination::Noted([_, light, radio]) = destination {
             appearance_buffers.extend([light, radio]);

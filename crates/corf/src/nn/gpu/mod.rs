@@ -27,6 +27,8 @@ pub use measure::{ProductTime, measure_products};
 pub(crate) const CONSTANTS: u64 = 256;
 /// WGSL of the frequency encoding, and of sines and cosines that are right on every adapter.
 pub(crate) const ENCODING: &str = include_str!("shaders/encoding.wgsl");
+/// Threads of the largest workgroup that multiplies by matrix units.
+pub(crate) const MATRIX_THREADS: u32 = Tile::HALF_WIDE.threads();
 /// Numbers of a vector.
 pub(crate) const LANES: usize = 4;
 

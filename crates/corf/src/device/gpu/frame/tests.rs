@@ -167,7 +167,8 @@ struct Emitted {
     drawn: Vec<Drawn>,
     sizes: Vec<u32>,
     pairs: Vec<u32>,
-    records: Vec<u32>,
+    /// Heads and tails.
+    records: [Vec<u32>; 2],
 }
 
 /// Row of `shaders/drawn.wgsl`: first pair, pairs in each image, rows in each.
@@ -222,7 +223,7 @@ fn emitted(
         params.fuse();
     }
     let mut extent = Extent { gaussians: g.len(), ..Extent::default() };
-    extent.include(&params);
+    extent.include(&params, &[fixed]);
     let mut m = Memory::new(context).unwrap();
     m.reserve(context, &fixed, &extent, BufferCapacity { pairs: room, visible: g.len() }).unwrap();
     params.set_room(m.room);
@@ -241,7 +242,7 @@ fn emitted(
         recount(context, &m, g.len(), edit);
     }
     run(&|pass| bound.tiled[0].emit.run_indirect(pass, 0, &m.args, ARGS_SHARES));
-    let record = if fused { 16 } else { 12 };
+    let record_tail = if fused { 8 } else { 4 };
     let read = |sources: &[(&wgpu::Buffer, usize)]| context.read::<u32>("test", sources).unwrap();
     let state = read(&[(&m.state, STATE_WORDS)]).remove(0);
     let visible = state[VISIBLE] as usize;
@@ -252,7 +253,8 @@ fn emitted(
         (&m.drawn.buffer, 5 * visible),
         (&m.tile_sizes.buffer, COUNTER as usize * params.tile_total as usize),
         (&m.pairs.buffer, 4 * room),
-        (&m.records.buffer, record * room),
+        (&m.record_heads.buffer, 8 * room),
+        (&m.record_tails.buffer, record_tail * room),
     ])
     .into_iter();
     let mut next = || left.next().unwrap();
@@ -263,7 +265,7 @@ fn emitted(
         counts[*i as usize] = [d[1], d[2]];
     }
     let sizes = next().iter().step_by(COUNTER as usize).copied().collect();
-    let (pairs, records) = (next(), next());
+    let (pairs, records) = (next(), [next(), next()]);
     let (blocks, shares) = (of_blocks.as_chunks().0.to_vec(), shares.as_chunks().0.to_vec());
     Emitted { params, counts, state, blocks, shares, gaussian_of, drawn, sizes, pairs, records }
 }
@@ -337,9 +339,11 @@ impl Emitted {
 
     /// Pairs that were counted and not found have no tile, and records of nothing.
     fn check_rest(&self, begin: usize, end: usize) {
-        let words = self.records.len() / (self.pairs.len() / 4);
         assert!((begin..end).all(|at| self.pairs[4 * at] == self.params.tile_total));
-        assert!(self.records[words * begin..words * end].iter().all(|w| *w == 0));
+        for part in &self.records {
+            let words = part.len() / (self.pairs.len() / 4);
+            assert!(part[words * begin..words * end].iter().all(|w| *w == 0));
+        }
     }
 }
 
@@ -400,6 +404,7 @@ fn a_frame_without_room_emits_nothing() {
     assert_eq!(state([FAILED, VISIBLE, PAIRS, SHARES]), [1, 0, 0, 0]);
     assert!(all.state[NEEDED] > 4000 && all.state[NEEDED] == all.blocks.iter().map(|b| b[1]).sum::<u32>());
     let untouched = |words: &[u32]| words.iter().all(|w| Some(*w) == testing::OPTIONS.poison);
-    assert!(untouched(&all.pairs) && untouched(&all.records), "memory of pairs is as it was");
+    let buffers = [&all.pairs, &all.records[0], &all.records[1]];
+    assert!(buffers.into_iter().all(|words| untouched(words)), "memory of pairs is as it was");
     assert!(all.sizes.iter().all(|s| *s == 0));
 }

@@ -6,13 +6,16 @@
 @group(0) @binding(5) var<storage, read> splats: array<Splat>;
 @group(0) @binding(6) var<storage, read> image: array<f32>;
 @group(0) @binding(7) var<storage, read> gradient: array<f32>;
-@group(0) @binding(8) var<storage, read> checkpoints: array<f32>;
-@group(0) @binding(9) var<storage, read> visited: array<u32>;
-@group(0) @binding(10) var<storage, read_write> records: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read> checkpoint_heads: array<f32>;
+@group(0) @binding(9) var<storage, read> checkpoint_tails: array<f32>;
+@group(0) @binding(10) var<storage, read> visited: array<u32>;
+@group(0) @binding(11) var<storage, read_write> record_heads: array<vec4<f32>>;
+@group(0) @binding(12) var<storage, read_write> record_tails: array<vec4<f32>>;
 
 // A lane is a splat, a bucket is BUCKET splats of one tile that stand one behind the other. The tile's pixels pass through the bucket,
 // from lane to lane, one a step; what a pixel is when it comes to the bucket's first splat was kept by the forward pass. Each lane sums
-// over the pixels on its own, in their order: no atomics, and a fixed order. One record per pair. A record of one image: dL/dcolour,
+// over the pixels on its own, in their order: no atomics, and a fixed order. One record per pair, its first two words in the heads of
+// records, the others in their tails. A record of one image: dL/dcolour,
 // dL/d(1/z); dL/d(oρ), Σ dL/dσ (dx², dx dy, dy²); Σ dL/dσ (dx, dy). Of both: dL/dcolour of light, dL/d(1/z); dL/dcolour of radio,
 // dL/d(oρ) of light; dL/d(oρ) of radio, Σ dL/dσ (dx², dx dy, dy²) of both; Σ dL/dσ (dx, dy) of both.
 // T and g·(what is composited from here on, background included) of a bucket's pixels as they come to it.
@@ -52,12 +55,12 @@ fn bring(index: u32, pixel: u32, to: u32, checkpoint: u32, is_first: bool) -> bo
     var t = 1.0;
     var passed = vec4(0.0);
     if (!is_first) {
-        t = checkpoints[checkpoint_at(checkpoint, 0u, pixel)];
+        t = checkpoint_heads[head_at(checkpoint, 0u, pixel)];
         passed = vec4(
-            checkpoints[checkpoint_at(checkpoint, 1u, pixel)],
-            checkpoints[checkpoint_at(checkpoint, 2u, pixel)],
-            checkpoints[checkpoint_at(checkpoint, 3u, pixel)],
-            checkpoints[checkpoint_at(checkpoint, 4u, pixel)],
+            checkpoint_heads[head_at(checkpoint, 1u, pixel)],
+            checkpoint_heads[head_at(checkpoint, 2u, pixel)],
+            checkpoint_tails[tail_at(checkpoint, 0u, pixel)],
+            checkpoint_tails[tail_at(checkpoint, 1u, pixel)],
         );
     }
     let g = vec4(gradient_of(tile.at), gradient[3u * params.pixel_total + tile.at]);
@@ -70,11 +73,11 @@ fn bring(index: u32, pixel: u32, to: u32, checkpoint: u32, is_first: bool) -> bo
         t = 1.0;
         var passed = vec3(0.0);
         if (!is_first) {
-            t = checkpoints[checkpoint_at(checkpoint, 5u, pixel)];
+            t = checkpoint_heads[head_at(checkpoint, 3u, pixel)];
             passed = vec3(
-                checkpoints[checkpoint_at(checkpoint, 6u, pixel)],
-                checkpoints[checkpoint_at(checkpoint, 7u, pixel)],
-                checkpoints[checkpoint_at(checkpoint, 8u, pixel)],
+                checkpoint_heads[head_at(checkpoint, 4u, pixel)],
+                checkpoint_tails[tail_at(checkpoint, 2u, pixel)],
+                checkpoint_tails[tail_at(checkpoint, 3u, pixel)],
             );
         }
         let g = gradient_of(second);
@@ -178,16 +181,14 @@ fn backward(group: u32, thread: u32) {
     if (lane >= count) { return; }
     // α = oρ·G: Σ G dL/dα = −Σ dL/dσ / (oρ).
     let d_opacity = -mass / max(vec2(splat.place.z, splat.radio.w), vec2(1e-30));
+    let to = 2u * pair;
+    record_heads[to] = d_light;
     if (BOTH) {
-        let to = 4u * pair;
-        records[to] = d_light;
-        records[to + 1u] = vec4(d_radio, d_opacity.x);
-        records[to + 2u] = vec4(d_opacity.y, second);
-        records[to + 3u] = vec4(first, 0.0, 0.0);
+        record_heads[to + 1u] = vec4(d_radio, d_opacity.x);
+        record_tails[to] = vec4(d_opacity.y, second);
+        record_tails[to + 1u] = vec4(first, 0.0, 0.0);
     } else {
-        let to = 3u * pair;
-        records[to] = d_light;
-        records[to + 1u] = vec4(d_opacity.x, second);
-        records[to + 2u] = vec4(first, 0.0, 0.0);
+        record_heads[to + 1u] = vec4(d_opacity.x, second);
+        record_tails[pair] = vec4(first, 0.0, 0.0);
     }
 }

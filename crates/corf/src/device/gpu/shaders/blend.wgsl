@@ -29,16 +29,16 @@ fn falloffs(slot: u32, centre: vec2<f32>) -> vec4<f32> {
 }
 
 fn save(p: Pixel, checkpoint: u32, thread: u32) {
-    checkpoints[checkpoint_at(checkpoint, 0u, thread)] = p.t.x;
-    checkpoints[checkpoint_at(checkpoint, 1u, thread)] = p.light.x;
-    checkpoints[checkpoint_at(checkpoint, 2u, thread)] = p.light.y;
-    checkpoints[checkpoint_at(checkpoint, 3u, thread)] = p.light.z;
-    checkpoints[checkpoint_at(checkpoint, 4u, thread)] = p.light.w;
+    checkpoint_heads[head_at(checkpoint, 0u, thread)] = p.t.x;
+    checkpoint_heads[head_at(checkpoint, 1u, thread)] = p.light.x;
+    checkpoint_heads[head_at(checkpoint, 2u, thread)] = p.light.y;
+    checkpoint_tails[tail_at(checkpoint, 0u, thread)] = p.light.z;
+    checkpoint_tails[tail_at(checkpoint, 1u, thread)] = p.light.w;
     if (BOTH) {
-        checkpoints[checkpoint_at(checkpoint, 5u, thread)] = p.t.y;
-        checkpoints[checkpoint_at(checkpoint, 6u, thread)] = p.radio.x;
-        checkpoints[checkpoint_at(checkpoint, 7u, thread)] = p.radio.y;
-        checkpoints[checkpoint_at(checkpoint, 8u, thread)] = p.radio.z;
+        checkpoint_heads[head_at(checkpoint, 3u, thread)] = p.t.y;
+        checkpoint_heads[head_at(checkpoint, 4u, thread)] = p.radio.x;
+        checkpoint_tails[tail_at(checkpoint, 2u, thread)] = p.radio.y;
+        checkpoint_tails[tail_at(checkpoint, 3u, thread)] = p.radio.z;
     }
 }
 

@@ -6,7 +6,8 @@
 @group(0) @binding(5) var<storage, read> shares: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read_write> tile_sizes: array<atomic<u32>>;
 @group(0) @binding(7) var<storage, read_write> pairs: array<vec4<u32>>;
-@group(0) @binding(8) var<storage, read_write> records: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> record_heads: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> record_tails: array<vec4<f32>>;
 
 // Of the block's visible Gaussians: pairs up to and with each, how many of its own are in the first image; the same of rows of tiles,
 // none where a Gaussian has no pair in the share.
@@ -118,8 +119,10 @@ fn emit(pair: u32, block: Block) {
         pairs[at] = vec4(tile, atomicAdd(&tile_sizes[COUNTER * tile], 1u), owner, bitcast<u32>(splats[owner].color.w));
     } else {
         // Compilers made the count larger than what is found here.
-        let words = 3u + params.fused;
-        for (var w = 0u; w < words; w++) { records[words * at + w] = vec4(0.0); }
+        record_heads[2u * at] = vec4(0.0);
+        record_heads[2u * at + 1u] = vec4(0.0);
+        let words = 1u + params.fused;
+        for (var w = 0u; w < words; w++) { record_tails[words * at + w] = vec4(0.0); }
         pairs[at] = vec4(params.tile_total, 0u, 0u, 0u);
     }
 }

@@ -5,6 +5,7 @@
 @group(0) @binding(4) var<storage, read_write> image: array<f32>;
 @group(0) @binding(5) var<storage, read_write> transmittance: array<f32>;
 @group(0) @binding(6) var<storage, read_write> main_contributor: array<u32>;
-@group(0) @binding(7) var<storage, read_write> checkpoints: array<f32>;
-@group(0) @binding(8) var<storage, read_write> visited: array<u32>;
-@group(0) @binding(9) var<storage, read> gaussian_of: array<u32>;
+@group(0) @binding(7) var<storage, read_write> checkpoint_heads: array<f32>;
+@group(0) @binding(8) var<storage, read_write> checkpoint_tails: array<f32>;
+@group(0) @binding(9) var<storage, read_write> visited: array<u32>;
+@group(0) @binding(10) var<storage, read> gaussian_of: array<u32>;

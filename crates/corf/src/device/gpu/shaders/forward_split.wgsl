@@ -7,7 +7,7 @@ var<workgroup> batch_power: array<vec3<f32>, BATCH>;
 var<workgroup> batch_color: array<vec3<f32>, BATCH>;
 var<workgroup> batch_radio: array<vec4<f32>, RADIO_BATCH>;
 // What each bucket does to a pixel.
-var<workgroup> parts: array<f32, (STATE_NUMBERS + 1u) * SPLIT_THREADS>;
+var<workgroup> parts: array<f32, (HEAD_NUMBERS + TAIL_NUMBERS + 1u) * SPLIT_THREADS>;
 var<workgroup> open: atomic<u32>;
 var<workgroup> any_open: u32;
 

@@ -55,5 +55,9 @@ fn falloff(power: vec3<f32>, d: vec2<f32>) -> f32 {
     return exp2(min(d.x * (power.x * d.x + power.y * d.y) + power.z * d.y * d.y, 0.0));
 }
 
-// A pixel's state before every BUCKET-th splat but the first: T, then Σ c α T and Σ (1/z) α T; with BOTH the RF's T and Σ c α T as well.
-fn checkpoint_at(checkpoint: u32, number: u32, thread: u32) -> u32 { return (checkpoint * STATE_NUMBERS + number) * AREA + thread; }
+// A checkpoint is the state of a tile's pixels before every BUCKET-th splat but the first: T, Σ c α T of three channels and Σ (1/z) α T;
+// with BOTH the radio's T and Σ c α T as well. It lies in two buffers, as an adapter limits what one binding holds: the head is T and two
+// channels, with BOTH the radio's T and one channel; the tail is what is left of each.
+fn head_at(checkpoint: u32, number: u32, pixel: u32) -> u32 { return (checkpoint * HEAD_NUMBERS + number) * AREA + pixel; }
+
+fn tail_at(checkpoint: u32, number: u32, pixel: u32) -> u32 { return (checkpoint * TAIL_NUMBERS + number) * AREA + pixel; }

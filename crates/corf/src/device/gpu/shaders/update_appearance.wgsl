@@ -2,15 +2,16 @@
 @group(0) @binding(1) var<storage, read> state: array<u32>;
 @group(0) @binding(2) var<storage, read> gaussian_of: array<u32>;
 @group(0) @binding(3) var<storage, read> drawn: array<Drawn>;
-@group(0) @binding(4) var<storage, read> records: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read> splats: array<Splat>;
-@group(0) @binding(6) var<storage, read> core: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read_write> sh_0: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> moments_0: array<vec4<f32>>;
-@group(0) @binding(9) var<storage, read_write> sh_1: array<vec4<f32>>;
-@group(0) @binding(10) var<storage, read_write> moments_1: array<vec4<f32>>;
-@group(0) @binding(11) var<storage, read_write> found: array<OfEllipse>;
-@group(0) @binding(12) var<storage, read_write> directions: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> record_heads: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> record_tails: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read> splats: array<Splat>;
+@group(0) @binding(7) var<storage, read> core: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> sh_0: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read_write> moments_0: array<vec4<f32>>;
+@group(0) @binding(10) var<storage, read_write> sh_1: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read_write> moments_1: array<vec4<f32>>;
+@group(0) @binding(12) var<storage, read_write> found: array<OfEllipse>;
+@group(0) @binding(13) var<storage, read_write> directions: array<vec4<f32>>;
 GRADIENTS
 // EACH visible Gaussians a workgroup, LANES threads each: they sum its records, then step its harmonics word by word. What is computed once a
 // Gaussian is left to as few subgroups as hold that many threads.
@@ -39,23 +40,26 @@ var<workgroup> stripes: array<vec4<f32>, THREADS>;
 var<workgroup> firsts: array<vec2<u32>, EACH>;
 var<workgroup> counts: array<vec2<u32>, EACH>;
 
+fn word_of_record(pair: u32, word: u32) -> vec4<f32> {
+    if (word < 2u) { return record_heads[2u * pair + word]; }
+    return record_tails[(1u + params.fused) * pair + word - 2u];
+}
+
 // Word `word` of every `stride`-th record.
 fn sum_of(first: u32, count: u32, stride: u32, word: u32) -> vec4<f32> {
     var sum = vec4(0.0);
-    let words = 3u + params.fused;
-    if (word < words) {
-        let apart = words * stride;
-        var at = words * first + word;
-        let end = at + words * count;
+    if (word < 3u + params.fused) {
+        var pair = first;
+        let end = first + count;
         // Four are on their way at once; they are added in their order.
-        for (; at + 3u * apart < end; at += 4u * apart) {
-            let a = records[at];
-            let b = records[at + apart];
-            let c = records[at + 2u * apart];
-            let d = records[at + 3u * apart];
+        for (; pair + 3u * stride < end; pair += 4u * stride) {
+            let a = word_of_record(pair, word);
+            let b = word_of_record(pair + stride, word);
+            let c = word_of_record(pair + 2u * stride, word);
+            let d = word_of_record(pair + 3u * stride, word);
             sum = sum + a + b + c + d;
         }
-        for (; at < end; at += apart) { sum += records[at]; }
+        for (; pair < end; pair += stride) { sum += word_of_record(pair, word); }
     }
     return sum;
 }

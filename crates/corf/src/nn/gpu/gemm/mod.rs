@@ -104,7 +104,7 @@ impl Tile {
         self.arithmetic == Arithmetic::Half && half::scaled(product)
     }
 
-    pub fn threads(self) -> u32 {
+    pub const fn threads(self) -> u32 {
         let pieces = self.rows / self.each[0] * (self.columns / self.each[1]);
         match self.arithmetic {
             Arithmetic::Single => pieces,

@@ -3,172 +3,19 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr)]
 
+mod masks;
+mod support;
+
 use corf::{
     Antialias, CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig,
-    device::{
-        InverseDepth, Planes, RenderRequest, Rendering, Step, StepReport, TrainingView, View, ViewId,
-        gpu::{GpuDevice, GpuOptions, adapter_name},
-    },
+    device::{RenderRequest, Step, StepReport, TrainingView, View, ViewId, gpu::GpuOptions},
     gaussians::logit,
 };
-use corf_scene::{Pinhole, Raster, Rigid3, Rng};
-use glam::DVec3;
-
-const OPTIONS: GpuOptions = GpuOptions {
-    adapter: 0,
-    software: true,
-    subgroups: true,
-    timestamps: false,
-    tile: None,
-    batch: 16,
-    segments: None,
-    fused: true,
-    least_room: 16,
-    keyframe_bytes: u64::MAX,
-    half: false,
-    poison: Some(0xffc0_ffee),
+use corf_scene::{Pinhole, Rng};
+use support::{
+    OPTIONS, THRESHOLD_SHARE, bits, both, cameras, classes, compare_gradients, compare_renderings, image, metric_rates, noise,
+    norm, one_camera, open, pair, pose, room, step, training_view,
 };
-
-/// Rendered values: a few hundred f32 roundings of numbers near 1, in exp2 and division of some ulp.
-const IMAGE_TOLERANCE: f32 = 2e-5;
-/// Largest share of pixels that may differ by up to 1/255: where a weight lies within rounding of 1/255, or a pixel's end within rounding
-/// of T = 1e-4, one device draws a Gaussian and the other does not.
-const THRESHOLD_SHARE: f64 = 1e-3;
-const THRESHOLD_STEP: f32 = 1.0 / 255.0 + IMAGE_TOLERANCE;
-/// Gradients relative to the largest of their class, in the norm over Gaussians: the pixels of [`THRESHOLD_SHARE`] are in them.
-const GRADIENT_TOLERANCE: f64 = 1e-3;
-
-/// Tiles differ in size between the devices: an ellipse between two rows of pixel centres is within one's tile and in neither of the
-/// other's. It is drawn nowhere, but counts as visible.
-const UNDRAWN_SHARE: f64 = 0.03;
-
-fn open(options: &GpuOptions, optimizer: OptimizerConfig, raster: RasterConfig, g: &Gaussians) -> Option<GpuDevice> {
-    if adapter_name(options).is_some() {
-        return Some(GpuDevice::new(options, optimizer, raster, g).unwrap());
-    }
-    let required = std::env::var_os("CORF_REQUIRE_GPU").is_some_and(|v| v == "1");
-    assert!(!required, "no adapter");
-    println!("skipped: no adapter");
-    None
-}
-
-/// Both devices holding the same Gaussians.
-fn pair(optimizer: OptimizerConfig, raster: RasterConfig, g: &Gaussians) -> Option<(CpuDevice, GpuDevice)> {
-    let gpu = open(&OPTIONS, optimizer, raster, g)?;
-    Some((CpuDevice::new(optimizer, raster, g).unwrap(), gpu))
-}
-
-/// Gaussians on the walls of a room around the origin, some wide, some thin, some behind any camera.
-fn room(seed: u64, n: usize, rf_channels: usize, degrees: [usize; 2]) -> Gaussians {
-    let mut rng = Rng::keyed(seed, 0, 0);
-    let mut g = Gaussians::empty(rf_channels, degrees[0]);
-    g.rf.sh_degree = degrees[1];
-    let half = [4.0_f32, 3.0, 1.5];
-    for _ in 0..n {
-        let mut p = [0, 1, 2].map(|k| (rng.uniform() * 2.0 - 1.0) * half[k]);
-        let axis = rng.below(3);
-        p[axis] = half[axis].copysign(p[axis]);
-        g.position.push(p);
-        g.rotation.push([0; 4].map(|_| rng.normal() as f32));
-        g.log_scale.push([0; 3].map(|_| -3.5 + 2.5 * rng.uniform()));
-        for a in [&mut g.optical, &mut g.rf] {
-            a.opacity_logit.push(logit(0.02 + 0.9 * rng.uniform()));
-            let stride = a.stride();
-            a.sh.extend((0..stride).map(|i| (rng.uniform() - 0.5) * if i < a.channels { 1.6 } else { 0.2 }));
-        }
-    }
-    g
-}
-
-fn cameras() -> (Pinhole, Pinhole) {
-    // Neither a multiple of a tile, and principal points off the middle.
-    let optical = Pinhole { width: 149, height: 83, fx: 80.0, fy: 82.0, cx: 72.2, cy: 44.7 };
-    (optical, Pinhole { width: 53, height: 41, fx: 25.0, fy: 26.0, cx: 27.1, cy: 19.2 })
-}
-
-fn pose(k: usize) -> Rigid3 {
-    let angle = 0.7 * k as f64;
-    let eye = DVec3::new(0.5 * angle.cos(), 0.4 * angle.sin(), 0.1);
-    Rigid3::looking_at(eye, eye + DVec3::new(angle.cos(), angle.sin(), -0.1), DVec3::Z)
-}
-
-fn noise(rng: &mut Rng, camera: &Pinhole, channels: usize) -> Planes {
-    let pixels = (0..camera.width * camera.height * channels).map(|_| rng.uniform()).collect();
-    Planes { width: camera.width, height: camera.height, channels, pixels }
-}
-
-/// Noise of 8 bits, as images are.
-fn image(rng: &mut Rng, camera: &Pinhole) -> Planes {
-    let mut image = noise(rng, camera, 3);
-    image.pixels.iter_mut().for_each(|v| *v = f32::from((*v * 255.0) as u8) / 255.0);
-    image
-}
-
-/// A view of noise; every third has a target in light that is of no 8-bit image.
-fn training_view(k: usize, rf_channels: usize, depth: bool) -> TrainingView {
-    let mut rng = Rng::keyed(77, k as u64, 0);
-    let (optical_camera, rf_camera) = cameras();
-    // Half-precision floats, as the GPU device keeps them: it is compared with the same targets.
-    let inverse_depth = depth.then(|| InverseDepth {
-        value: Raster::from_fn(optical_camera.width, optical_camera.height, |_, _| (40 + rng.below(12)) as f32 / 64.0),
-        confidence: Raster::from_fn(optical_camera.width, optical_camera.height, |x, _| if x % 3 == 0 { 0.0 } else { 0.75 }),
-    });
-    TrainingView {
-        world_from_camera: pose(k),
-        optical: if k % 3 == 1 { noise(&mut rng, &optical_camera, 3) } else { image(&mut rng, &optical_camera) },
-        optical_camera,
-        rf: noise(&mut rng, &rf_camera, rf_channels),
-        rf_camera,
-        inverse_depth,
-        mask: None,
-    }
-}
-
-fn step(view: usize, level: u32) -> Step {
-    Step {
-        view: ViewId(view),
-        levels: [level; 2],
-        optical_weight: 1.0,
-        rf_weight: 0.3,
-        depth_weight: 0.5,
-        train_geometry: true,
-        optical_background: [0.3, 0.6, 0.1],
-        rf_background: [0.0, 0.1, 0.5],
-    }
-}
-
-fn both(k: usize) -> RenderRequest {
-    let (optical, rf) = cameras();
-    let view = |camera| View { camera, world_from_camera: pose(k) };
-    RenderRequest {
-        optical: Some((view(optical), [0.9, 0.2, 0.4])),
-        rf: Some((view(rf), [0.1, 0.3, 0.6])),
-        main_contributor: true,
-    }
-}
-
-/// Compares value by value and returns the share beyond rounding; none may be beyond a threshold's step.
-fn compare(what: &str, a: &[f32], b: &[f32]) {
-    assert_eq!(a.len(), b.len(), "{what}");
-    let mut beyond = 0;
-    for (i, (a, b)) in a.iter().zip(b).enumerate() {
-        let error = (a - b).abs();
-        assert!(error <= THRESHOLD_STEP, "{what}, {i}: {a} against {b}");
-        beyond += usize::from(error > IMAGE_TOLERANCE);
-    }
-    assert!(beyond as f64 <= THRESHOLD_SHARE * a.len() as f64, "{what}: {beyond} of {} beyond rounding", a.len());
-}
-
-fn compare_renderings(a: &Rendering, b: &Rendering) {
-    for (what, a, b) in [("optical", &a.optical, &b.optical), ("rf", &a.rf, &b.rf)] {
-        assert_eq!(a.is_some(), b.is_some());
-        let (Some(a), Some(b)) = (a, b) else { continue };
-        assert_eq!((a.color.width, a.color.height, a.color.channels), (b.color.width, b.color.height, b.color.channels));
-        compare(&format!("{what} colour"), &a.color.pixels, &b.color.pixels);
-        compare(&format!("{what} inverse depth"), a.inverse_depth.pixels(), b.inverse_depth.pixels());
-        compare(&format!("{what} transmittance"), a.transmittance.pixels(), b.transmittance.pixels());
-    }
-}
 
 #[test]
 fn pictures_agree() {
@@ -237,42 +84,6 @@ fn gaussians_of_very_different_sizes_agree() {
     }
 }
 
-fn classes(g: &Gaussians) -> [Vec<f32>; 7] {
-    [
-        g.position.as_flattened().to_vec(),
-        g.rotation.as_flattened().to_vec(),
-        g.log_scale.as_flattened().to_vec(),
-        g.optical.opacity_logit.clone(),
-        g.rf.opacity_logit.clone(),
-        g.optical.sh.clone(),
-        g.rf.sh.clone(),
-    ]
-}
-
-fn norm(v: impl Iterator<Item = f64>) -> f64 {
-    v.map(|v| v * v).sum::<f64>().sqrt()
-}
-
-/// Gradients of a step on both devices.
-fn compare_gradients(cpu: &mut CpuDevice, gpu: &mut GpuDevice, s: &Step) {
-    let (a_report, a) = cpu.gradients(s).unwrap();
-    let (b_report, b) = gpu.gradients(s).unwrap();
-    for (a, b) in [
-        (a_report.optical_loss, b_report.optical_loss),
-        (a_report.rf_loss, b_report.rf_loss),
-        (a_report.depth_loss, b_report.depth_loss),
-    ] {
-        assert!((a - b).abs() < 1e-5, "loss {a} against {b}");
-    }
-    let (a_seen, b_seen) = (a_report.visible, b_report.visible);
-    assert!(a_seen.abs_diff(b_seen) as f64 <= UNDRAWN_SHARE * a_seen as f64, "{a_seen} visible against {b_seen}");
-    for (class, (a, b)) in classes(&a).iter().zip(classes(&b)).enumerate() {
-        let size = norm(a.iter().map(|v| f64::from(*v)));
-        let error = norm(a.iter().zip(&b).map(|(a, b)| f64::from(a - b)));
-        assert!(error <= GRADIENT_TOLERANCE * size, "class {class} of {s:?}: {error:.2e} of {size:.2e}");
-    }
-}
-
 #[test]
 fn gradients_agree() {
     for (rf_channels, degrees, antialias, depth) in
@@ -293,78 +104,6 @@ fn gradients_agree() {
             compare_gradients(&mut cpu, &mut gpu, &s);
         }
     }
-}
-
-/// A view of which a block at the border and scattered pixels do not count.
-fn masked(view: TrainingView) -> TrainingView {
-    let (w, h) = (view.optical_camera.width, view.optical_camera.height);
-    let mask = Raster::from_fn(w, h, |x, y| (x < 90 || y > 50) && (5 * x + 3 * y) % 101 != 0);
-    TrainingView { mask: Some(mask), ..view }
-}
-
-#[test]
-fn gradients_agree_where_pixels_do_not_count() {
-    for (rf_channels, antialias) in [(3, Antialias::On), (1, Antialias::Detached)] {
-        let raster = RasterConfig { antialias, ..RasterConfig::default() };
-        let g = room(16, 2500, rf_channels, [1, 2]);
-        let options = GpuOptions { tile: Some([8, 8]), ..OPTIONS };
-        let Some(mut gpu) = open(&options, OptimizerConfig::default(), raster, &g) else { return };
-        let mut cpu = CpuDevice::new(OptimizerConfig::default(), raster, &g).unwrap();
-        // Of bytes, of floats, and with both images of one camera, which are drawn at once.
-        let views = [training_view(0, rf_channels, true), training_view(1, rf_channels, false), one_camera(rf_channels)];
-        for view in views.map(masked) {
-            let id = gpu.upload(&view, 3).unwrap();
-            assert_eq!(cpu.upload(&view, 3).unwrap(), id);
-            let optical = Step { rf_weight: 0.0, ..step(id.0, 0) };
-            let radio = Step { optical_weight: 0.0, depth_weight: 0.0, ..step(id.0, 0) };
-            for s in [step(id.0, 0), step(id.0, 1), step(id.0, 2), optical, radio] {
-                compare_gradients(&mut cpu, &mut gpu, &s);
-            }
-        }
-    }
-}
-
-/// Keyframes with and without masks take turns in a batch, and leave the device in between.
-#[test]
-fn masks_travel_with_their_keyframes() {
-    let g = room(17, 400, 3, [0, 0]);
-    let views: Vec<TrainingView> =
-        (0..6).map(|k| training_view(k, 3, k != 4)).enumerate().map(|(k, v)| if k % 2 == 0 { masked(v) } else { v }).collect();
-    let steps: Vec<Step> = (0..30).map(|i| step((7 * i * i + i) % 6, (i % 3) as u32)).collect();
-    let run = |keyframe_bytes: u64, batch: usize| {
-        let options = GpuOptions { keyframe_bytes, tile: Some([8, 8]), ..OPTIONS };
-        let mut d = open(&options, metric_rates(), RasterConfig::default(), &g)?;
-        let pack = d.packer().unwrap();
-        views.iter().for_each(|view| assert!(d.upload_packed(pack(view, 3).unwrap()).is_ok()));
-        steps.chunks(batch).for_each(|some| assert!(d.train(some).is_ok()));
-        Some((bits(&d.gaussians()), d.keyframe_bytes()))
-    };
-    let Some((whole, [all, _])) = run(u64::MAX, 30) else { return };
-    assert!(run(u64::MAX, 1).unwrap().0 == whole, "one by one");
-    let (bounded, [_, came]) = run(all / 2, 30).unwrap();
-    assert!(bounded == whole && came > 0, "half of them in main memory");
-}
-
-#[test]
-fn a_mask_that_leaves_nothing_out_changes_no_byte() {
-    let g = room(18, 400, 3, [0, 0]);
-    let trained = |mask: Option<Raster<bool>>| {
-        let mut d = open(&OPTIONS, metric_rates(), RasterConfig::default(), &g)?;
-        d.upload(&TrainingView { mask, ..training_view(0, 3, true) }, 2).unwrap();
-        d.train(&[step(0, 0), step(0, 1), step(0, 0)]).unwrap();
-        Some(bits(&d.gaussians()))
-    };
-    let Some(plain) = trained(None) else { return };
-    let (w, h) = (cameras().0.width, cameras().0.height);
-    assert!(trained(Some(Raster::filled(w, h, true))).unwrap() == plain);
-    assert!(trained(masked(training_view(0, 3, true)).mask).unwrap() != plain);
-}
-
-/// A training view whose images have one camera.
-fn one_camera(rf_channels: usize) -> TrainingView {
-    let view = training_view(0, rf_channels, true);
-    let mut rng = Rng::keyed(78, 0, 0);
-    TrainingView { rf_camera: view.optical_camera, rf: noise(&mut rng, &view.optical_camera, rf_channels), ..view }
 }
 
 #[test]
@@ -404,15 +143,6 @@ fn both_images_at_once_give_what_each_gives_alone() {
             assert_ne!(after.position, g.position);
         }
     }
-}
-
-/// The walls as seen by rates in metres.
-fn metric_rates() -> OptimizerConfig {
-    OptimizerConfig { position_rate_m: 1e-3, ..OptimizerConfig::default() }
-}
-
-fn bits(g: &Gaussians) -> Vec<u32> {
-    classes(g).iter().flatten().map(|v| v.to_bits()).collect()
 }
 
 fn schedule(count: usize) -> Vec<Step> {
