@@ -161,7 +161,7 @@ impl Record {
         let Outcome::Done(numbers) = &self.outcome else { return Ok(()) };
         ensure!(numbers.seconds.is_some() || self.method == PREDICTIONS, "seconds is missing\n  help: {HELP}");
         for column in COLUMNS.iter().filter(|c| numbers.means.contains_key(c.key)) {
-            if let Some(frame) = numbers.frames.iter().find(|f| (column.of)(f).is_none()) {
+            if let Some(frame) = numbers.frames.iter().find(|f| !column.leaves_out(f) && (column.of)(f).is_none()) {
                 bail!("the frame of keyframe {} lacks what {} needs\n  help: {HELP}", frame.index, column.key);
             }
         }
@@ -248,6 +248,11 @@ impl Numbers {
             depth: None,
             stages: Vec::new(),
         }
+    }
+
+    /// Held-out images that the metrics of images leave out, for none of their pixels count.
+    pub fn masked_out(&self) -> usize {
+        self.frames.iter().filter(|f| f.masked_out).count()
     }
 
     /// A column's number; of records that are older than the column, what their frames give. `None` where they give none.

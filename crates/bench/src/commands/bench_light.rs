@@ -208,7 +208,7 @@ impl Light {
             keyframe: pose.index,
             seconds,
             seconds_again,
-            noise_psnr_db: psnr(&image, &light::develop_frame(&again, ev)) + HALF_DB,
+            noise_psnr_db: psnr(&image, &light::develop_frame(&again, ev), None) + HALF_DB,
             psnr_db: psnr_db(compared.squared_error),
             reference_psnr_db: psnr_db(compared.reference_error),
             radiance_ratio: compared.ratio,

@@ -55,9 +55,20 @@ impl Column {
         if self.heading.ends_with('↑') { Some(true) } else { self.heading.ends_with('↓').then_some(false) }
     }
 
-    /// The column's number of some frames; `None` without frames, or where one of them has none.
+    /// Whether it is of the image, not of the spectrum.
+    pub fn is_of_image(&self) -> bool {
+        self.key.ends_with("_opt")
+    }
+
+    /// Whether a frame is left out of the column: its image is masked out.
+    pub fn leaves_out(&self, frame: &FrameMetrics) -> bool {
+        frame.masked_out && self.is_of_image()
+    }
+
+    /// The column's number of some frames, as far as it does not leave them out; `None` without frames, or where one of them has none.
     pub fn over(&self, frames: &[FrameMetrics]) -> Option<f64> {
-        let mut values = frames.iter().map(self.of).collect::<Option<Vec<f64>>>().filter(|v| !v.is_empty())?;
+        let frames = frames.iter().filter(|f| !self.leaves_out(f));
+        let mut values = frames.map(self.of).collect::<Option<Vec<f64>>>().filter(|v| !v.is_empty())?;
         let quantile = |values: &mut Vec<f64>, q: f64| {
             values.sort_by(f64::total_cmp);
             quantile(values, q)

@@ -91,6 +91,9 @@ pub struct Spectrum<'a> {
 pub struct FrameMetrics {
     /// Keyframe index along the trajectory.
     pub index: usize,
+    /// Whether an image was predicted that has no metrics, for none of the observed one's pixels count.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub masked_out: bool,
     /// Metrics of the image.
     #[serde(flatten)]
     pub light: Option<LightMetrics>,
@@ -178,14 +181,14 @@ impl Evaluator {
         let predicted =
             Halves { image: predicted.image.filter(|_| self.has.light), spectrum: predicted.spectrum.filter(|_| self.has.radio) };
         let image = predicted.image.map(|image| image.map(|p| p.map(color::quantize8)));
-        // Where a pixel does not count, the observation is shown, so that nothing is found there. An image none of whose pixels count is not compared.
-        let (image, share) = match (&image, &truth.mask) {
-            (Some(predicted), Some(mask)) => {
-                let (shown, share) = image::unmasked(predicted, &truth.image, mask);
-                (Some(shown).filter(|_| share > 0.0), share)
-            }
-            _ => (image, 1.0),
+        let mask = truth.mask.as_ref();
+        // An image none of whose pixels count is not compared. Where a pixel does not count, the observation is shown, so that nothing is found there.
+        let masked_out = image.is_some() && mask.is_some_and(|mask| image::share(mask) == 0.0);
+        let unmasked = |predicted| match mask {
+            Some(mask) => image::unmasked(&predicted, &truth.image, mask),
+            None => predicted,
         };
+        let image = image.filter(|_| !masked_out).map(unmasked);
         let spectra = predicted.spectrum.map(|predicted| {
             let scalar_truth = truth.spectrum.map(|&s| self.range.scalar(s));
             SpectrumPair {
@@ -200,12 +203,10 @@ impl Evaluator {
             .collect();
         FrameMetrics {
             index: truth.index,
-            light: image.as_ref().map(|image| match &truth.mask {
-                None => LightMetrics { psnr_opt: image::psnr(image, &truth.image), ssim_opt: image::ssim(image, &truth.image) },
-                Some(mask) => LightMetrics {
-                    psnr_opt: image::psnr_where(image, &truth.image, share),
-                    ssim_opt: image::ssim_where(image, &truth.image, mask),
-                },
+            masked_out,
+            light: image.as_ref().map(|image| LightMetrics {
+                psnr_opt: image::psnr(image, &truth.image, mask),
+                ssim_opt: image::ssim(image, &truth.image, mask),
             }),
             spectrum: spectra.as_ref().map(|pair| self.spectrum(pair, truth)),
             lpips: self.networks.compare(&pairs),
@@ -223,10 +224,10 @@ impl Evaluator {
             (beams::compare(&predicted, &observed, limit_db), self.link(codebook, &predicted, &observed, truth))
         });
         SpectrumMetrics {
-            psnr_rf_jet: image::psnr(jet, jet_truth),
-            ssim_rf_jet: image::ssim(jet, jet_truth),
-            psnr_rf_scalar: image::psnr(&grey, grey_truth),
-            ssim_rf_scalar: image::ssim(&grey, grey_truth),
+            psnr_rf_jet: image::psnr(jet, jet_truth, None),
+            ssim_rf_jet: image::ssim(jet, jet_truth, None),
+            psnr_rf_scalar: image::psnr(&grey, grey_truth, None),
+            ssim_rf_scalar: image::ssim(&grey, grey_truth, None),
             radio: radio::compare(predicted.scalar, &truth.spectrum, &self.rf_camera, &self.range),
             beams: beams.map(|b| b.0),
             link: beams.map(|b| b.1),
@@ -331,7 +332,7 @@ mod tests {
         let radio = evaluator.compare(Halves { image: None, ..whole.halves() }, &truth);
         for column in computed() {
             let beam = ["codebook", "beam_top", "rate", "outage"].iter().any(|start| column.key.starts_with(start));
-            let optical = column.key.ends_with("_opt");
+            let optical = column.is_of_image();
             assert_eq!((column.of)(&light).is_some(), optical, "{}", column.key);
             assert_eq!((column.of)(&radio).is_some(), !optical && !beam, "{}: Capon's estimate has no beams", column.key);
         }
@@ -340,6 +341,28 @@ mod tests {
             assert!(json.as_object().unwrap().values().all(|v| !v.is_null()), "{json}");
             assert_eq!(serde_json::from_value::<FrameMetrics>(json).unwrap(), frame);
         }
+    }
+
+    #[test]
+    fn images_that_a_mask_covers_are_left_out_of_the_columns_of_images_and_counted() {
+        let mut truths = [(); 3].map(|()| keyframe());
+        let [w, h] = [truths[0].image.width(), truths[0].image.height()];
+        truths[1].mask = Some(Raster::filled(w, h, false));
+        truths[2].mask = Some(Raster::from_fn(w, h, |x, _| x > 4));
+        let evaluator = Evaluator::new(Pinhole::from_horizontal_fov(48, 32, 90.0), RANGE, Quantity::PowerPerSteradian);
+        let mut predicted = observed(&truths[0]);
+        predicted.image = predicted.image.map(|image| image.map(|p| p.map(|v| 0.9 * v)));
+        let frames = truths.each_ref().map(|truth| evaluator.compare(predicted.halves(), truth));
+        assert_eq!(frames.each_ref().map(|f| (f.masked_out, f.light.is_some())), [(false, true), (true, false), (false, true)]);
+        for column in computed() {
+            let values: Vec<f64> = frames.iter().filter_map(column.of).collect();
+            assert_eq!(values.len(), if column.is_of_image() { 2 } else { 3 }, "{}", column.key);
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            assert!(column.statistic != Statistic::Mean || column.over(&frames) == Some(mean), "{}", column.key);
+        }
+        // A program that predicts no images leaves none out.
+        let radio = evaluator.compare(Halves { image: None, ..predicted.halves() }, &truths[1]);
+        assert!(!radio.masked_out && serde_json::to_value(&radio).unwrap().get("masked_out").is_none());
     }
 
     #[test]

@@ -79,6 +79,13 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
              made from)."
         );
     }
+    let masked_out = rows.iter().flat_map(|r| &r.done).map(|(_, numbers)| numbers.masked_out()).max().unwrap_or(0);
+    if masked_out > 0 {
+        let _ = write!(
+            note,
+            " Held-out images left out of the metrics of images, for a mask covers all of their pixels: {masked_out}."
+        );
+    }
     let lpips: Vec<&Column> = columns.iter().copied().filter(|c| c.backbone().is_some()).collect();
     let lacks = |row: &Row<'_>, c: &Column| row.done.iter().any(|(_, numbers)| numbers.value(c).is_none());
     let without = |row: &Row<'_>| !lpips.is_empty() && lpips.iter().all(|c| lacks(row, c));

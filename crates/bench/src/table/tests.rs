@@ -1,6 +1,7 @@
 //! What tables say and how text stays text in them.
 
 use super::*;
+use crate::metrics::{FrameMetrics, LightMetrics};
 use crate::provenance::Provenance;
 use std::collections::BTreeMap;
 
@@ -82,6 +83,31 @@ fn unchecked_datasets_are_told() {
     assert!(!markdown(&rows(&records), &short_columns()).contains("SHA-256"));
     records[1].dataset_verified = false;
     assert!(markdown(&rows(&records), &short_columns()).contains("recorded SHA-256: fast."));
+}
+
+#[test]
+fn images_that_a_mask_covers_are_counted_under_the_table() {
+    let mut records = [record("full", 1, 18.0), record("radio alone", 1, 17.0)];
+    assert!(!markdown(&rows(&records), &short_columns()).contains("mask"));
+    let light = LightMetrics { psnr_opt: 30.0, ssim_opt: 0.9 };
+    let frame = |index: usize, masked_out: bool| {
+        let light = (!masked_out).then_some(light);
+        FrameMetrics { index, masked_out, light, spectrum: None, lpips: BTreeMap::new() }
+    };
+    let frames = vec![frame(0, false), frame(8, true), frame(16, true)];
+    records[0].outcome = Outcome::Done(Box::new(Numbers::of(frames, Some(2.0), Some(10), None, vec![], None)));
+    let table = markdown(&rows(&records), &short_columns());
+    assert!(table.contains("for a mask covers all of their pixels: 2."), "{table}");
+    // The record is whole although two of its frames have no metrics; one that lacks them for no reason is not.
+    let path = tempfile::tempdir().unwrap();
+    let path = path.path().join("metrics.json");
+    records[0].write(&path).unwrap();
+    let Outcome::Done(numbers) = &mut records[0].outcome else { panic!() };
+    assert!(numbers.means["psnr_opt"] == 30.0 && numbers.masked_out() == 2);
+    assert!(matches!(Record::read(&path).unwrap().outcome, Outcome::Done(read) if read.frames == numbers.frames));
+    numbers.frames[1].masked_out = false;
+    records[0].write(&path).unwrap();
+    assert!(format!("{:#}", Record::read(&path).unwrap_err()).contains("lacks what psnr_opt needs"));
 }
 
 #[test]

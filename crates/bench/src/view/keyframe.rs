@@ -102,7 +102,7 @@ fn numbers(run: &Run, predicted: &Prediction, truth: &Keyframe) -> Vec<Number> {
     let number = |key: &&str| {
         let column = COLUMNS.iter().find(|c| c.key == *key)?;
         let value = (column.of)(&frame)?;
-        let half = if key.ends_with("_opt") { "image" } else { "spectrum" };
+        let half = if column.is_of_image() { "image" } else { "spectrum" };
         Some(Number {
             half,
             name: column.heading,

@@ -2,23 +2,19 @@
 
 use super::{C1, C2, RADIUS, WINDOW};
 use crate::device::Planes;
+use corf_scene::Raster;
 use rayon::prelude::*;
 
-/// Mean structural similarity of two images with values in `[0, 1]` (Wang et al. 2004, zero padding; see the module's head).
+/// Mean structural similarity of two images with values in `[0, 1]` (Wang et al. 2004, zero padding; see the module's head) over the pixels that count,
+/// all without a mask; NaN where none counts. Windows take in the other pixels as well.
 ///
 /// # Panics
-/// If the two differ in width, height or channels.
-pub fn ssim(a: &Planes, b: &Planes) -> f64 {
-    ssim_where(a, b, |_| true)
-}
-
-/// The same over the pixels of some numbers, by rows from the top left; NaN without any. Windows take in the other pixels as well.
-///
-/// # Panics
-/// If the two differ in width, height or channels.
-pub fn ssim_where(a: &Planes, b: &Planes, counts: impl Fn(usize) -> bool + Sync) -> f64 {
+/// If the images differ in width, height or channels, or the mask in width or height.
+pub fn ssim(a: &Planes, b: &Planes, mask: Option<&Raster<bool>>) -> f64 {
     assert_same_size(a, b);
     let (w, h) = (a.width, a.height);
+    assert!(mask.is_none_or(|mask| (mask.width(), mask.height()) == (w, h)), "a mask is of its image's size");
+    let counts = |i: usize| mask.is_none_or(|mask| mask.pixels()[i]);
     let sums: Vec<f64> = (0..a.channels)
         .into_par_iter()
         .map(|channel| {

@@ -6,7 +6,7 @@
 pub(crate) mod fused;
 mod metrics;
 
-pub use metrics::{psnr_8bit, ssim, ssim_where};
+pub use metrics::{psnr_8bit, ssim};
 
 /// Half width of the SSIM window.
 pub(crate) const RADIUS: usize = 5;

@@ -17,7 +17,7 @@ fn frame(index: usize, link: Option<LinkRates>) -> FrameMetrics {
         beams: link.map(|_| beams),
         link,
     };
-    FrameMetrics { index, light: None, spectrum: Some(spectrum), lpips: Default::default() }
+    FrameMetrics { index, masked_out: false, light: None, spectrum: Some(spectrum), lpips: Default::default() }
 }
 
 fn numbers(frames: Vec<FrameMetrics>) -> Numbers {
