@@ -10,6 +10,7 @@
 pub mod anchors;
 mod beam;
 mod births;
+mod capon;
 pub mod cloud;
 mod config;
 mod field;
@@ -21,6 +22,7 @@ mod peaks;
 mod peel;
 mod sensor;
 mod stepper;
+mod symmetric;
 #[cfg(test)]
 mod tests;
 mod trainer;
