@@ -86,8 +86,8 @@ impl Capon {
         let [columns, rows] = self.beam.elements();
         Symmetric::new(columns * rows, |m, n| {
             let [difference, sum] = self.lags(m, n);
-            let [cos, sin] = [difference.cosine(), sum.sine()]
-                .map(|terms| terms.iter().map(|(factor, at)| factor * table[*at]).sum::<f64>());
+            let [cos, sin] =
+                [difference.cosine(), sum.sine()].map(|terms| terms.iter().map(|(factor, at)| factor * table[*at]).sum::<f64>());
             cos + sin + if m == n { diagonal } else { 0.0 }
         })
     }
@@ -143,11 +143,7 @@ impl Lag {
 }
 
 fn in_double<T: Real>(waves: &[Wave<T>]) -> Vec<Wave<f64>> {
-    let wave = |w: &Wave<T>| Wave {
-        direction: w.direction.map(T::to_f64),
-        power: w.power.to_f64(),
-        spread2: w.spread2.to_f64(),
-    };
+    let wave = |w: &Wave<T>| Wave { direction: w.direction.map(T::to_f64), power: w.power.to_f64(), spread2: w.spread2.to_f64() };
     waves.iter().map(wave).collect()
 }
 

@@ -41,20 +41,19 @@ pub fn rays(sensor: &ArraySensor<f32>, camera: &Pinhole, spectrum: &[f32], range
 /// Rays that are less than a share `below` of the strongest are left out.
 fn maxima(camera: &Pinhole, spectrum: &[f32], peak: f32, below: f32) -> Vec<Ray> {
     let (width, height) = (camera.width, camera.height);
-    let around = |at: usize| [at - width - 1, at - width, at - width + 1, at - 1, at + 1, at + width - 1, at + width, at + width + 1];
+    let around =
+        |at: usize| [at - width - 1, at - width, at - width + 1, at - 1, at + 1, at + width - 1, at + width, at + width + 1];
     let inside = |at: &usize| (1..width - 1).contains(&(at % width)) && (1..height - 1).contains(&(at / width));
     // Of equal neighbours the first.
     let highest = |at: &usize| {
-        spectrum[*at] > 0.0 && around(*at).iter().all(|i| spectrum[*i] < spectrum[*at] || (spectrum[*i] == spectrum[*at] && i > at))
+        spectrum[*at] > 0.0
+            && around(*at).iter().all(|i| spectrum[*i] < spectrum[*at] || (spectrum[*i] == spectrum[*at] && i > at))
     };
     let ray = |at: usize| {
         let vertices = [1, width].map(|stride| Vertex::of([at - stride, at, at + stride].map(|i| -1.0 / f64::from(spectrum[i]))));
         let reciprocal = 1.0 / f64::from(spectrum[at]);
         let lowest = (reciprocal - vertices.map(|v| v.rise).iter().sum::<f64>()).max(reciprocal / MOST_BETWEEN);
-        Ray {
-            direction: between(camera, at, vertices.map(|v| v.offset)).map(|v| v as f32),
-            power: (1.0 / lowest) as f32 / peak,
-        }
+        Ray { direction: between(camera, at, vertices.map(|v| v.offset)).map(|v| v as f32), power: (1.0 / lowest) as f32 / peak }
     };
     let mut rays: Vec<Ray> = (0..spectrum.len()).filter(inside).filter(highest).map(ray).collect();
     let least = below * rays.iter().map(|ray| ray.power).fold(0.0, f32::max);

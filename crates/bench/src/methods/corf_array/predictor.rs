@@ -6,9 +6,9 @@ use crate::method::Predictor;
 use crate::methods::field::FieldPredictor;
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Context, Result, ensure};
-use corf::array::{ArrayField, CpuObserver, Observer};
 #[cfg(feature = "gpu")]
 use corf::array::SensorSettings;
+use corf::array::{ArrayField, CpuObserver, Observer};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Pinhole, Raster, Rigid3, color};

@@ -35,9 +35,11 @@ impl Shape {
         match *sensor {
             SensorSettings::Beam { elements: [columns, rows], .. } => Ok(Self::Beam { columns, rows }),
             SensorSettings::Lobes { .. } => Ok(Self::Lobes),
-            SensorSettings::Capon { .. } => {
-                Err(Error::invalid("the radio field", "a GPU forms no Capon (mvdr) spectra", "train and observe it on the processor"))
-            }
+            SensorSettings::Capon { .. } => Err(Error::invalid(
+                "the radio field",
+                "a GPU forms no Capon (mvdr) spectra",
+                "train and observe it on the processor",
+            )),
         }
     }
 
