@@ -56,7 +56,7 @@ fn beams_capons_spectra_and_lobes_go_the_whole_way() {
     // A header without the settings that spectra were made with does not say Capon's loading.
     let capon = folder.path().join("capon");
     let mut header: serde_json::Value = serde_json::from_slice(&fs::read(capon.join("dataset.json")).unwrap()).unwrap();
-    header.as_object_mut().unwrap().remove("config").unwrap();
+    header["header"].as_object_mut().unwrap().remove("config").unwrap();
     fs::write(capon.join("dataset.json"), header.to_string()).unwrap();
     let arguments = ["reconstruct", text(&capon), "--method", "corf-array", "--no-verify", "--out", text(&out)];
     corf_refuses(&arguments, &["diagonal loading", "dataset.json"]);
