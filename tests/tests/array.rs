@@ -1,4 +1,4 @@
-//! The field that knows its array, as a user runs it: on spectra of both kinds, interrupted and gone on with, evaluated and rendered.
+//! The field that knows its array, as a user runs it: on spectra of all kinds, interrupted and gone on with, evaluated and rendered.
 
 use crate::common::*;
 use std::fs;
@@ -15,9 +15,13 @@ fn dataset(folder: &Path, name: &str, spectrum: &str) -> PathBuf {
 }
 
 #[test]
-fn beams_and_lobes_go_the_whole_way() {
+fn beams_capons_spectra_and_lobes_go_the_whole_way() {
     let folder = tempfile::tempdir().unwrap();
-    for (name, spectrum) in [("beams", "spectrum = \"bartlett\""), ("lobes", "lobe_width_deg = 2.0\ndiffuse = false")] {
+    for (name, spectrum) in [
+        ("beams", "spectrum = \"bartlett\""),
+        ("capon", "spectrum = \"mvdr\"\nmvdr_loading = 0.05"),
+        ("lobes", "lobe_width_deg = 2.0\ndiffuse = false"),
+    ] {
         let data = dataset(folder.path(), name, spectrum);
         let place = |run: &str| folder.path().join(format!("{name}-{run}"));
         let common = ["reconstruct", text(&data), "--method", "corf-array", "--device", "cpu", "--checkpoint-every", "2"];
@@ -49,6 +53,13 @@ fn beams_and_lobes_go_the_whole_way() {
     let out = folder.path().join("refused");
     let arguments = ["reconstruct", text(&beams), "--method", "corf-array", "--set", "surface=\"splats\"", "--out", text(&out)];
     corf_refuses(&arguments, &["surface", "mpc"]);
+    // A header without the settings that spectra were made with does not say Capon's loading.
+    let capon = folder.path().join("capon");
+    let mut header: serde_json::Value = serde_json::from_slice(&fs::read(capon.join("dataset.json")).unwrap()).unwrap();
+    header["header"].as_object_mut().unwrap().remove("config").unwrap();
+    fs::write(capon.join("dataset.json"), header.to_string()).unwrap();
+    let arguments = ["reconstruct", text(&capon), "--method", "corf-array", "--no-verify", "--out", text(&out)];
+    corf_refuses(&arguments, &["diagonal loading", "dataset.json"]);
     assert!(!out.exists());
 }
 

@@ -137,6 +137,11 @@ impl<'a> TrainingSet<'a> {
         self.dataset.header().config.as_ref().map(|c| c.rf.lobe_width_deg)
     }
 
+    /// Diagonal loading of `mvdr` spectra, in units of the covariance's mean eigenvalue, if it is known.
+    pub fn mvdr_loading(&self) -> Option<f64> {
+        self.dataset.header().config.as_ref().map(|c| c.rf.mvdr_loading)
+    }
+
     /// The true scene, from the file that the data set was generated from: of oracles alone, whose [`Method::uses_scene`] says so.
     ///
     /// # Errors

@@ -52,23 +52,35 @@ impl<T: Real> ArrayBeam<T> {
 
     /// The spectrum of waves at every pixel.
     pub fn observe(&self, waves: &[Wave<T>]) -> Vec<T> {
-        let partial: Vec<Vec<T>> = waves.par_chunks(WAVES_PER_TASK).map(|chunk| self.products(chunk)).collect();
-        let table = self.weighted_sum(partial);
-        let stride = 2 * (self.columns + self.rows);
-        let evaluate = |pixels: &[T]| pixels.chunks_exact(stride).map(|h| self.value(&table, h)).collect::<Vec<T>>();
-        let parts: Vec<Vec<T>> = self.pixels.par_chunks(stride * PIXELS_PER_TASK).map(evaluate).collect();
-        parts.concat()
+        self.at_pixels(&self.weighted(self.table_of_waves(waves)))
     }
 
     /// Derivatives of two losses by the waves' powers alone, from those by the pixels.
     pub fn pull_powers(&self, waves: &[Wave<T>], by_pixel: [&[T]; 2]) -> Vec<[T; 2]> {
-        let tables = by_pixel.map(|by_pixel| self.table_of(by_pixel));
-        let chunk = |waves: &[Wave<T>]| waves.iter().map(|wave| self.wave_powers(&tables, wave)).collect::<Vec<_>>();
+        self.at_waves(&by_pixel.map(|by_pixel| self.weighted(self.table_of_pixels(by_pixel))), waves)
+    }
+
+    /// Σ p·h(y)h(z)ᵀ of waves.
+    pub(super) fn table_of_waves(&self, waves: &[Wave<T>]) -> Vec<T> {
+        self.sum(waves.par_chunks(WAVES_PER_TASK).map(|chunk| self.products(chunk)).collect())
+    }
+
+    /// h(y)ᵀ T h(z) at every pixel.
+    pub(super) fn at_pixels(&self, table: &[T]) -> Vec<T> {
+        let stride = 2 * (self.columns + self.rows);
+        let evaluate = |pixels: &[T]| pixels.chunks_exact(stride).map(|h| self.value(table, h)).collect::<Vec<T>>();
+        let parts: Vec<Vec<T>> = self.pixels.par_chunks(stride * PIXELS_PER_TASK).map(evaluate).collect();
+        parts.concat()
+    }
+
+    /// h(y)ᵀ T h(z) of two tables in the direction of every wave.
+    pub(super) fn at_waves(&self, tables: &[Vec<T>; 2], waves: &[Wave<T>]) -> Vec<[T; 2]> {
+        let chunk = |waves: &[Wave<T>]| waves.iter().map(|wave| self.at_wave(tables, wave)).collect::<Vec<_>>();
         waves.par_chunks(WAVES_PER_TASK).map(chunk).collect::<Vec<_>>().concat()
     }
 
-    /// Derivatives by the table's entries, before they are weighted.
-    fn table_of(&self, by_pixel: &[T]) -> Vec<T> {
+    /// Σ d·h(y)h(z)ᵀ of pixels, each as much as a number says.
+    pub(super) fn table_of_pixels(&self, by_pixel: &[T]) -> Vec<T> {
         let (of_y, of_z) = (2 * self.columns, 2 * self.rows);
         let stride = of_y + of_z;
         let gather = |(pixels, by_pixel): (&[T], &[T])| {
@@ -83,19 +95,33 @@ impl<T: Real> ArrayBeam<T> {
             table
         };
         let pairs = self.pixels.par_chunks(stride * PIXELS_PER_TASK).zip(by_pixel.par_chunks(PIXELS_PER_TASK));
-        self.weighted_sum(pairs.map(gather).collect())
+        self.sum(pairs.map(gather).collect())
     }
 
-    fn weighted_sum(&self, partial: Vec<Vec<T>>) -> Vec<T> {
+    fn sum(&self, partial: Vec<Vec<T>>) -> Vec<T> {
         let mut table = vec![T::ZERO; self.weights.len()];
         for sums in &partial {
             table.iter_mut().zip(sums).for_each(|(entry, sum)| *entry += *sum);
         }
+        table
+    }
+
+    fn weighted(&self, mut table: Vec<T>) -> Vec<T> {
         table.iter_mut().zip(&self.weights).for_each(|(entry, weight)| *entry = *entry * *weight);
         table
     }
 
-    fn wave_powers(&self, [one, two]: &[Vec<T>; 2], wave: &Wave<T>) -> [T; 2] {
+    /// Number of pixels.
+    pub(super) fn pixel_count(&self) -> usize {
+        self.pixels.len() / (2 * (self.columns + self.rows))
+    }
+
+    /// Columns and rows.
+    pub(super) fn elements(&self) -> [usize; 2] {
+        [self.columns, self.rows]
+    }
+
+    fn at_wave(&self, [one, two]: &[Vec<T>; 2], wave: &Wave<T>) -> [T; 2] {
         let (of_y, of_z) = (2 * self.columns, 2 * self.rows);
         let (mut y, mut z) = ([T::ZERO; MOST], [T::ZERO; MOST]);
         harmonics(self.steps[0] * wave.direction[1], &mut y[..of_y]);

@@ -10,6 +10,7 @@
 pub mod anchors;
 mod beam;
 mod births;
+mod capon;
 pub mod cloud;
 mod config;
 mod field;
@@ -22,6 +23,7 @@ mod peel;
 mod refine;
 mod sensor;
 mod stepper;
+mod symmetric;
 #[cfg(test)]
 mod tests;
 mod trainer;

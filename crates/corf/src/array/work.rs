@@ -16,8 +16,8 @@ pub struct Work {
 const OF_A_LOBES_PIXEL: f64 = 28.0;
 
 impl ArrayField {
-    /// The least work of an observation at a pose. An array costs two operations an entry of its table for each wave and each pixel, and a lobe
-    /// its pixels; an emitter is read with its gain and the corrections of the anchors that are near, a pixel's direction is read and its power written.
+    /// The least work of an observation at a pose. An array costs two operations an entry of its table for each wave and each pixel, Capon's
+    /// beamformer the inverse of a real matrix on top, and a lobe its pixels; an emitter is read with its gain and the corrections of the anchors that are near, a pixel's direction is read and its power written.
     pub fn work_of(&self, pose: &Rigid3) -> Work {
         let receiver = self.receiver::<f64>(pose);
         let seen = [&self.sources, &self.points].map(|cloud| cloud.waves(&receiver, 0.0).len() as f64);
@@ -26,6 +26,10 @@ impl ArrayField {
         let pixels = (self.camera.width * self.camera.height) as f64;
         let operations = match self.sensor {
             SensorSettings::Beam { elements: [columns, rows], .. } => 8.0 * (columns * rows) as f64 * (waves + pixels),
+            SensorSettings::Capon { elements: [columns, rows], .. } => {
+                let n = (columns * rows) as f64;
+                8.0 * n * (waves + pixels) + 2.0 * n.powi(3)
+            }
             SensorSettings::Lobes { width_deg } => {
                 let radius = [self.camera.fx, self.camera.fy].map(|f| REACH * width_deg.to_radians() * f);
                 OF_A_LOBES_PIXEL * waves * (std::f64::consts::PI * radius[0] * radius[1]).min(pixels)

@@ -12,7 +12,7 @@ use crate::device::Backend;
 use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::note;
 use crate::scene_behind::SceneBehind;
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use corf::array::{ArrayConfig, ArrayTrainer, Image, SensorSettings, Surface};
 use corf::config::Coupling;
 use corf::{RasterConfig, Reconstructor};
@@ -87,6 +87,8 @@ fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
         "corf-array: the receiver's elements have the pattern {:?}, and the method knows isotropic ones\n  help: use corf-gs for this data set",
         receiver.pattern
     );
+    let (elements, spacing_wavelengths) = ([receiver.cols, receiver.rows], receiver.spacing_wavelengths);
+    let gated = receiver.rear == RearHalfSpace::Gated;
     let settings = match spectrum {
         SpectrumKind::Mpc => {
             let width_deg = training.lobe_width_deg().context(
@@ -95,29 +97,31 @@ fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
             SensorSettings::Lobes { width_deg }
         }
         // Phases of arrivals are not in a data set: the mean over them is.
-        SpectrumKind::Bartlett | SpectrumKind::BartlettCoherent => SensorSettings::Beam {
-            elements: [receiver.cols, receiver.rows],
-            spacing_wavelengths: receiver.spacing_wavelengths,
-            gated: receiver.rear == RearHalfSpace::Gated,
-        },
-        kind @ SpectrumKind::Mvdr => {
-            bail!(
-                "corf-array: {} spectra are no power that adds up, and the method forms mpc and bartlett ones\n  help: use corf-gs for this data set",
-                kind.name()
-            )
+        SpectrumKind::Bartlett | SpectrumKind::BartlettCoherent => SensorSettings::Beam { elements, spacing_wavelengths, gated },
+        SpectrumKind::Mvdr => {
+            let loading = training.mvdr_loading().context(
+                "corf-array: the data set does not say with which diagonal loading its mvdr spectra were formed\n  help: keep `config` in its \
+                 dataset.json, of which rf.mvdr_loading says it, or use corf-gs",
+            )?;
+            SensorSettings::Capon { elements, spacing_wavelengths, gated, loading }
         }
     };
     settings.check(&training.rf_camera())?;
     Ok(settings)
 }
 
-/// A trainer whose steps are taken on a device.
+/// A trainer whose steps are taken on a device; on the processor where a GPU has no kernels for the sensor, which is said.
 ///
 /// # Errors
 /// The device's.
 pub fn on_device(trainer: ArrayTrainer, backend: &Backend) -> Result<ArrayTrainer> {
     match backend {
         Backend::Cpu => Ok(trainer),
+        #[cfg(feature = "gpu")]
+        Backend::Gpu { .. } if matches!(trainer.field.sensor, SensorSettings::Capon { .. }) => {
+            note!("corf-array: mvdr spectra are learnt and observed on the processor; light is on the GPU");
+            Ok(trainer)
+        }
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
             use corf::device::gpu::GpuOptions;
@@ -272,17 +276,21 @@ mod tests {
             (SpectrumKind::Bartlett, RearHalfSpace::Gated),
             (SpectrumKind::Bartlett, RearHalfSpace::Aliased),
             (SpectrumKind::Mpc, RearHalfSpace::Gated),
+            (SpectrumKind::Mvdr, RearHalfSpace::Gated),
+            (SpectrumKind::Mvdr, RearHalfSpace::Aliased),
         ] {
+            // Every arrival is in a delay tap of its own, so that none of them are coherent.
             let made = SpectrumSettings { kind, array, rear, lobe_width_deg: 2.0, bandwidth_hz: 1e9, loading: 0.1, seed: 1 };
             let truth = made.form(std::slice::from_ref(&arrivals), &camera, &pose);
             let gated = rear == RearHalfSpace::Gated;
-            let (settings, seen) = match kind {
-                SpectrumKind::Mpc => (SensorSettings::Lobes { width_deg: 2.0 }, waves.clone()),
-                _ => (
-                    SensorSettings::Beam { elements: [8, 8], spacing_wavelengths: [0.5, 0.6], gated },
-                    waves.iter().filter(|w| !gated || w.direction[0] > 0.0).copied().collect(),
-                ),
+            let (elements, spacing_wavelengths) = ([8, 8], [0.5, 0.6]);
+            let settings = match kind {
+                SpectrumKind::Mpc => SensorSettings::Lobes { width_deg: 2.0 },
+                SpectrumKind::Mvdr => SensorSettings::Capon { elements, spacing_wavelengths, gated, loading: 0.1 },
+                _ => SensorSettings::Beam { elements, spacing_wavelengths, gated },
             };
+            let seen: Vec<_> =
+                waves.iter().filter(|w| kind == SpectrumKind::Mpc || !gated || w.direction[0] > 0.0).copied().collect();
             let ours = settings.build::<f64>(&camera).observe(&seen);
             let top = truth.pixels().iter().copied().fold(0.0, f32::max);
             for (i, (a, b)) in ours.iter().zip(truth.pixels()).enumerate() {

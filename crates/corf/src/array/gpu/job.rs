@@ -92,7 +92,7 @@ impl Job {
         // All receivers of a field let the same in.
         let receiver: Receiver<f32> = field.receiver(&Rigid3::IDENTITY);
         let (steps, variance) = match field.sensor {
-            SensorSettings::Beam { spacing_wavelengths, .. } => {
+            SensorSettings::Beam { spacing_wavelengths, .. } | SensorSettings::Capon { spacing_wavelengths, .. } => {
                 (spacing_wavelengths.map(|s| (std::f64::consts::TAU * s) as f32), 0.0)
             }
             SensorSettings::Lobes { width_deg } => ([0.0; 2], width_deg.to_radians().powi(2) as f32),

@@ -37,7 +37,7 @@ impl GpuObserver {
 
     /// [`Self::new`] with at most so many poses at once.
     pub(super) fn in_batches(context: Context, field: Arc<ArrayField>, most: usize) -> Result<Self> {
-        let kernels = Kernels::new(&context, Shape::of(&field.sensor))?;
+        let kernels = Kernels::new(&context, Shape::of(&field.sensor)?)?;
         let (emitters, pixels) = (Emitters::new(&context, &field)?, Pixels::new(&context, &field)?);
         let bytes = bytes_a_pose(kernels.shape, emitters.count, pixels.count, emitters.anchors);
         let bindable = usize::try_from(context.largest_buffer()).unwrap_or(usize::MAX);

@@ -25,7 +25,7 @@ impl Pixels {
         let count = camera.width * camera.height;
         let directions: Vec<DVec3> = (0..count).map(|i| direction(camera, i % camera.width, i / camera.width)).collect();
         let (looks, tiles, groups) = match field.sensor {
-            SensorSettings::Beam { spacing_wavelengths, .. } => {
+            SensorSettings::Beam { spacing_wavelengths, .. } | SensorSettings::Capon { spacing_wavelengths, .. } => {
                 let [y, z] = spacing_wavelengths.map(|s| std::f64::consts::TAU * s);
                 let phases: Vec<f32> = directions.iter().flat_map(|u| [(y * u.y) as f32, (z * u.z) as f32]).collect();
                 (phases, vec![], count.div_ceil(64))

@@ -5,6 +5,7 @@ use super::super::cloud::NEAREST_M;
 use super::super::lobes::{REACH, WIDEST};
 use super::super::stepper::MOST_GAIN;
 use crate::nn::gpu::ENCODING;
+use crate::{Error, Result};
 
 /// Emitters or pixels that one part of a table sums over.
 pub(super) const CHUNK: usize = 256;
@@ -28,10 +29,17 @@ pub(super) enum Shape {
 }
 
 impl Shape {
-    pub fn of(sensor: &SensorSettings) -> Self {
+    /// # Errors
+    /// A sensor that there are no kernels for.
+    pub fn of(sensor: &SensorSettings) -> Result<Self> {
         match *sensor {
-            SensorSettings::Beam { elements: [columns, rows], .. } => Self::Beam { columns, rows },
-            SensorSettings::Lobes { .. } => Self::Lobes,
+            SensorSettings::Beam { elements: [columns, rows], .. } => Ok(Self::Beam { columns, rows }),
+            SensorSettings::Lobes { .. } => Ok(Self::Lobes),
+            SensorSettings::Capon { .. } => Err(Error::invalid(
+                "the radio field",
+                "a GPU forms no Capon (mvdr) spectra",
+                "train and observe it on the processor",
+            )),
         }
     }
 

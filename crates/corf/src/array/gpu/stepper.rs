@@ -40,7 +40,7 @@ impl ArrayTrainer {
 impl GpuStepper {
     /// Of fields with the sensor and camera of this one.
     pub fn new(context: Context, rule: Rule, field: &ArrayField, steps_at_once: usize) -> Result<Self> {
-        let shape = Shape::of(&field.sensor);
+        let shape = Shape::of(&field.sensor)?;
         Ok(Self {
             rule,
             forward: Kernels::new(&context, shape)?,

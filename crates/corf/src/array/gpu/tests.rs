@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use super::GpuObserver;
+use super::shape::Shape;
 use super::stepper::GpuStepper;
 use crate::array::anchors::Anchors;
 use crate::array::cloud::Cloud;
@@ -113,6 +114,7 @@ fn observations_are_those_of_the_processor() {
                     SensorSettings::Lobes { .. } => {
                         OF_LOBES[0] * b + OF_LOBES[1] * field.most_power.unwrap().min(all) * field.sensor.peak()
                     }
+                    SensorSettings::Capon { .. } => unreachable!("there are no kernels for it"),
                 };
                 assert!((a - b).abs() <= tolerance, "{:?}: {a:e} {b:e}, tolerance {tolerance:e}", field.sensor);
                 worst = worst.max((a - b).abs() / tolerance.max(f64::MIN_POSITIVE));
@@ -122,6 +124,12 @@ fn observations_are_those_of_the_processor() {
         assert_eq!(seen > 0.0, !field.sources.is_empty(), "{:?}", field.sensor);
         println!("{:?}: {worst:.3} of the tolerance", field.sensor);
     }
+}
+
+#[test]
+fn a_sensor_without_kernels_is_refused() {
+    let error = Shape::of(&online::CAPON).unwrap_err().to_string();
+    assert!(error.contains("mvdr"), "{error}");
 }
 
 #[test]
