@@ -9,6 +9,9 @@ use std::{
     task::{Context as TaskContext, Poll, Waker},
 };
 
+/// Bytes that sizes of buffers are multiples of.
+const BUFFER_UNIT: u64 = 16;
+
 /// Options of the GPU device: the adapter, and the features of it to use.
 ///
 /// The tile and the batch decide how fast a step is, not what it computes: small tiles follow thin ellipses and fill a GPU with small
@@ -350,14 +353,14 @@ impl Context {
         Err(Error::invalid(place, text, "this is a defect of the device or its driver; --device cpu avoids it"))
     }
 
-    /// Most bytes that one buffer may have.
+    /// Most bytes that one buffer may have, in whole units of what buffers are made of.
     pub fn largest_buffer(&self) -> u64 {
-        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
+        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size) / BUFFER_UNIT * BUFFER_UNIT
     }
 
     /// Memory of at least `bytes`, its contents undefined.
     pub fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
-        let size = bytes.max(16).next_multiple_of(16);
+        let size = bytes.max(1).next_multiple_of(BUFFER_UNIT);
         let largest = self.largest_buffer();
         if size > largest {
             let what = format!("{label} needs {} MiB and the adapter binds at most {} MiB at once", size >> 20, largest >> 20);
