@@ -1,8 +1,8 @@
 //! Data sets in the layouts of other programs, and what refuses to be written in them.
 
 use crate::common::{corf_ok, corf_refuses, room_with_pillar, text, tiny_dataset};
-use corf_scene::dataset::{Dataset, stem};
-use corf_scene::{Raster, io};
+use corf_scene::Raster;
+use corf_scene::dataset::Dataset;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -96,7 +96,8 @@ fn a_nerf2_set_is_traced_anew_with_the_array_standing_still() {
     for (i, place) in places[1..].iter().enumerate() {
         let at: Vec<f64> = place.split(',').map(|v| v.parse().unwrap()).collect();
         let way = glam::DVec3::new(at[0] - 1.0, at[1] - 2.0, at[2] - 1.5).normalize();
-        let image = io::read_png16(out.join(format!("spectrum/{}.png", stem(i)))).unwrap();
+        let file = format!("spectrum/{}.png", corf_scene::dataset::stem(i));
+        let image = corf_scene::io::read_png16(out.join(file)).unwrap();
         assert_eq!((image.width(), image.height()), (360, 90));
         let peak = (0..360 * 90).max_by_key(|&k| (image.pixels()[k][0], std::cmp::Reverse(k))).unwrap();
         let [azimuth, elevation] = [peak % 360 + 1, peak / 360 + 1].map(|v| (v as f64).to_radians());
