@@ -221,7 +221,7 @@ impl Shape {
     pub fn invert(self, room: usize) -> String {
         const WITHIN: &str =
             "for (var e = t; e < SIZE * SIZE; e += SWEEPERS) { held[e] = matrices[first + e]; }\n    workgroupBarrier();";
-        // The pivot's column is there as well.
+        // The row that is swept is there as well.
         let fits = 4 * (self.squared() + self.squared().isqrt()) <= room;
         let (take, at, declare) = if fits {
             (WITHIN, "held[", "var<workgroup> held: array<f32, SIZE * SIZE>;\n")
