@@ -23,13 +23,13 @@ use std::time::Instant;
 /// `corf bench array`.
 #[derive(Args)]
 pub struct Array {
-    /// Kinds of spectra; both when not given.
+    /// Kinds of spectra; all when not given.
     #[arg(long, value_enum)]
     kind: Vec<Kind>,
     /// Virtual sources (as many as corf-array has after 40 keyframes of lobby-mini; 500 after the 147 of lobby147).
     #[arg(long, default_value_t = 100)]
     sources: usize,
-    /// Surface points, under bartlett (4000 after lobby-mini, 40000 after lobby147); lobes are over splats, and have none.
+    /// Surface points, under bartlett and mvdr (4000 after lobby-mini, 40000 after lobby147); lobes are over splats, and have none.
     #[arg(long, default_value_t = 4000)]
     points: usize,
     /// Anchors (30 after lobby-mini, 130 after lobby147).
@@ -64,6 +64,8 @@ pub struct Array {
 enum Kind {
     /// An 8×8 array.
     Bartlett,
+    /// Capon's beamformer on an 8×8 array, with a loading of 0.1.
+    Mvdr,
     /// Lobes of 1°.
     Mpc,
 }
@@ -120,7 +122,7 @@ impl Array {
         let images = 4.0 * self.poses as f64 * (self.size[0] * self.size[1]) as f64;
         bounds::memory("--poses", "their spectra", 3.0 * images, "give fewer poses or pixels")?;
         let backend = self.device.resolve()?;
-        let kinds = if self.kind.is_empty() { &[Kind::Bartlett, Kind::Mpc][..] } else { &self.kind };
+        let kinds = if self.kind.is_empty() { &[Kind::Bartlett, Kind::Mvdr, Kind::Mpc][..] } else { &self.kind };
         let mut text = format!("{}, {}x{}", backend.name(), self.size[0], self.size[1]);
         let mut measured = vec![];
         for kind in kinds {
@@ -219,10 +221,10 @@ impl Array {
     /// Emitters all over a hall, and anchors along it.
     fn field(&self, kind: Kind) -> ArrayField {
         let along = |i: usize| DVec3::new(4.0 + 12.0 * i as f64 / self.anchors as f64, 8.0, 1.5);
+        let (elements, spacing_wavelengths, gated) = ([8, 8], [0.5, 0.5], true);
         let (sensor, points) = match kind {
-            Kind::Bartlett => {
-                (SensorSettings::Beam { elements: [8, 8], spacing_wavelengths: [0.5, 0.5], gated: true }, self.points)
-            }
+            Kind::Bartlett => (SensorSettings::Beam { elements, spacing_wavelengths, gated }, self.points),
+            Kind::Mvdr => (SensorSettings::Capon { elements, spacing_wavelengths, gated, loading: 0.1 }, self.points),
             Kind::Mpc => (SensorSettings::Lobes { width_deg: 1.0 }, 0),
         };
         ArrayField {

@@ -110,7 +110,7 @@ fn sensor_of(training: &TrainingSet<'_>) -> Result<SensorSettings> {
     Ok(settings)
 }
 
-/// A trainer whose steps are taken on a device; on the processor where a GPU has no kernels for the sensor, which is said.
+/// A trainer whose steps are taken on a device; on the processor where the sensor needs double precision, which is said.
 ///
 /// # Errors
 /// The device's.
@@ -118,8 +118,11 @@ pub fn on_device(trainer: ArrayTrainer, backend: &Backend) -> Result<ArrayTraine
     match backend {
         Backend::Cpu => Ok(trainer),
         #[cfg(feature = "gpu")]
-        Backend::Gpu { .. } if matches!(trainer.field.sensor, SensorSettings::Capon { .. }) => {
-            note!("corf-array: mvdr spectra are learnt and observed on the processor; light is on the GPU");
+        Backend::Gpu { .. } if !corf::array::gpu::forms(&trainer.field.sensor) => {
+            note!(
+                "corf-array: mvdr spectra with a loading under a ten-thousandth of the number of elements need double precision: they are learnt and observed \
+                 on the processor; light is on the GPU"
+            );
             Ok(trainer)
         }
         #[cfg(feature = "gpu")]

@@ -6,8 +6,6 @@ use crate::method::Predictor;
 use crate::methods::field::FieldPredictor;
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Context, Result, ensure};
-#[cfg(feature = "gpu")]
-use corf::array::SensorSettings;
 use corf::array::{ArrayField, CpuObserver, Observer};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
@@ -28,7 +26,7 @@ pub struct ArrayPredictor {
     range: DbRange,
 }
 
-/// What observes a field on a device; the processor where a GPU has no kernels for the sensor.
+/// What observes a field on a device; the processor where the sensor needs double precision.
 ///
 /// # Errors
 /// The device's.
@@ -36,10 +34,7 @@ pub fn observer(backend: &Backend, field: &Arc<ArrayField>) -> Result<Box<dyn Ob
     match backend {
         Backend::Cpu => Ok(Box::new(CpuObserver::new(Arc::clone(field)))),
         #[cfg(feature = "gpu")]
-        // There are no kernels for it.
-        Backend::Gpu { .. } if matches!(field.sensor, SensorSettings::Capon { .. }) => {
-            Ok(Box::new(CpuObserver::new(Arc::clone(field))))
-        }
+        Backend::Gpu { .. } if !corf::array::gpu::forms(&field.sensor) => Ok(Box::new(CpuObserver::new(Arc::clone(field)))),
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
             use corf::{array::gpu::GpuObserver, device::gpu::GpuOptions};

@@ -1,10 +1,11 @@
 //! From observations to a step: residuals, what pulls at each wave, and the step that follows from it.
 
+use super::capon::{Adjoint, BoundAdjoint};
 use super::emitters::Emitters;
 use super::forward::Forward;
 use super::job::Job;
 use super::pixels::Pixels;
-use super::shape::{CHUNK, Shape};
+use super::shape::{CHUNK, Shape, TABLES};
 use crate::Result;
 use crate::device::gpu::context::Context;
 use crate::device::gpu::kernel::{Bound, Kernel};
@@ -16,6 +17,7 @@ pub(super) struct BackwardKernels {
     residual: Kernel,
     /// Parts of the pixels' tables and their sums, of beams.
     tables: Option<[Kernel; 2]>,
+    adjoint: Option<Adjoint>,
     pull: Kernel,
     account: Kernel,
     update: Kernel,
@@ -31,13 +33,13 @@ impl BackwardKernels {
         ];
         let [residual, pull, account, update] = Kernel::all(context, sources)?;
         let tables = match shape {
-            Shape::Beam { .. } => {
+            Shape::Beam { .. } | Shape::Capon { .. } => {
                 let sources = [("collect pixels", shape.collect_pixels()), ("sum tables of pixels", shape.sum_pixels())];
                 Some(Kernel::all(context, sources)?)
             }
             Shape::Lobes => None,
         };
-        Ok(Self { shape, residual, tables, pull, account, update })
+        Ok(Self { shape, residual, tables, adjoint: Adjoint::new(context, shape)?, pull, account, update })
     }
 }
 
@@ -49,6 +51,7 @@ pub(super) struct Backward {
     pub residuals: wgpu::Buffer,
     residual: Bound,
     tables: Option<[Bound; 2]>,
+    adjoint: Option<BoundAdjoint>,
     pull: Bound,
     account: Bound,
     update: Bound,
@@ -73,10 +76,11 @@ impl Backward {
         let by_pixel = context.storage("derivatives by pixels", 8 * pixels.count as u64)?;
         let pulls = context.storage("pulls at waves", 8 * count)?;
         let accounts = context.storage("accounts", 8 * count.div_ceil(64))?;
-        let Forward { jobs, receivers, anchors, waves, lobes, parts, tables, observed, .. } = forward;
+        let Forward { jobs, receivers, anchors, waves, lobes, parts, tables, totals, observed, .. } = forward;
         let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, size_of::<Job>() as u64, buffers);
         let pull = match kernels.shape {
             Shape::Beam { .. } => bind(&kernels.pull, &[jobs, waves, tables, &pulls])?,
+            Shape::Capon { .. } => bind(&kernels.pull, &[jobs, waves, tables, &pulls, totals])?,
             Shape::Lobes => bind(&kernels.pull, &[jobs, &pixels.looks, &pixels.tiles, waves, lobes, &by_pixel, &pulls])?,
         };
         let of_tables = match &kernels.tables {
@@ -85,9 +89,16 @@ impl Backward {
             }
             None => None,
         };
+        let adjoint = match &kernels.adjoint {
+            Some(adjoint) => Some(adjoint.bind(context, kernels.shape, &forward.jobs, [&forward.tables, &forward.matrices])?),
+            None => None,
+        };
+        let of_residuals = [jobs, observed, &targets, &by_pixel, &residuals, totals];
+        let bound = if kernels.shape.is_capon() { 6 } else { 5 };
         Ok(Self {
-            residual: bind(&kernels.residual, &[jobs, observed, &targets, &by_pixel, &residuals])?,
+            residual: bind(&kernels.residual, &of_residuals[..bound])?,
             tables: of_tables,
+            adjoint,
             pull,
             account: bind(&kernels.account, &[jobs, waves, &pulls, &accounts])?,
             update: bind(
@@ -111,12 +122,12 @@ impl Backward {
             collect.run(pass, at, self.pixels.div_ceil(CHUNK) as u32);
             sum.run(pass, at, (TABLES * self.shape.entries()).div_ceil(64) as u32);
         }
+        if let Some(adjoint) = &self.adjoint {
+            adjoint.run(pass, at, self.shape);
+        }
         // A workgroup a wave where lobes are looked for, a thread elsewhere.
         self.pull.run(pass, at, if self.shape == Shape::Lobes { self.emitters as u32 } else { groups });
         self.account.run(pass, at, groups);
         self.update.run(pass, at, groups);
     }
 }
-
-/// Tables of pixels: of what pulls, and of what a power accounts for.
-pub(super) const TABLES: usize = 2;

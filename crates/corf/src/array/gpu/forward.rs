@@ -1,5 +1,6 @@
 //! From receivers to observations: working memory for a batch of poses, and kernels bound to it.
 
+use super::capon::{BoundInversion, Inversion};
 use super::emitters::Emitters;
 use super::job::{Job, Near, ReceiverRow, Receivers};
 use super::pixels::Pixels;
@@ -15,6 +16,7 @@ pub(super) struct Kernels {
     waves: Kernel,
     /// Parts of tables and their sums, of beams.
     tables: Option<[Kernel; 2]>,
+    inversion: Option<Inversion>,
     observe: Kernel,
 }
 
@@ -22,20 +24,21 @@ impl Kernels {
     pub fn new(context: &Context, shape: Shape) -> Result<Self> {
         let [waves, observe] = Kernel::all(context, [("waves", shape.waves()), ("observe waves", shape.observe())])?;
         let tables = match shape {
-            Shape::Beam { .. } => {
+            Shape::Beam { .. } | Shape::Capon { .. } => {
                 let sources = [("collect waves", shape.collect_waves()), ("sum tables of waves", shape.sum_waves())];
                 Some(Kernel::all(context, sources)?)
             }
             Shape::Lobes => None,
         };
-        Ok(Self { shape, waves, tables, observe })
+        Ok(Self { shape, waves, tables, inversion: Inversion::new(context, shape)?, observe })
     }
 }
 
 /// Bytes of working memory that a pose takes.
 pub(super) fn bytes_a_pose(shape: Shape, emitters: usize, pixels: usize, anchors: usize) -> usize {
     let tables = 16 * shape.entries() * (1 + emitters.div_ceil(CHUNK));
-    32 * emitters + tables + 4 * pixels + size_of::<ReceiverRow>() + size_of::<Near>() * anchors
+    let matrices = 4 * (1 + shape.squared());
+    32 * emitters + tables + matrices + 4 * pixels + size_of::<ReceiverRow>() + size_of::<Near>() * anchors
 }
 
 /// A batch of poses.
@@ -49,9 +52,13 @@ pub(super) struct Forward {
     pub lobes: wgpu::Buffer,
     pub parts: wgpu::Buffer,
     pub tables: wgpu::Buffer,
+    /// Of Capon's beamformer: inverse covariances of waves of the power 1 in all, and the power of all waves.
+    pub matrices: wgpu::Buffer,
+    pub totals: wgpu::Buffer,
     pub observed: wgpu::Buffer,
     of_waves: Bound,
     of_tables: Option<[Bound; 2]>,
+    of_matrices: Option<BoundInversion>,
     of_pixels: Bound,
     emitters: usize,
     groups: usize,
@@ -73,6 +80,8 @@ impl Forward {
         let lobes = context.storage("lobes", lobes)?;
         let parts = context.storage("parts of tables", entries * parts)?;
         let tables = context.storage("tables", entries * lists)?;
+        let matrices = context.storage("inverse covariances", (4 * batch * shape.squared()) as u64)?;
+        let totals = context.storage("powers of all waves", 4 * batch as u64)?;
         let observed = context.storage("observations", (4 * batch * pixels.count) as u64)?;
         let uniform = size_of::<Job>() as u64;
         let of_waves = kernels.waves.bind(
@@ -87,8 +96,15 @@ impl Forward {
             ]),
             None => None,
         };
+        let of_matrices = match &kernels.inversion {
+            Some(inversion) => Some(inversion.bind(context, &jobs, [&tables, &matrices, &totals])?),
+            None => None,
+        };
         let of_pixels = match shape {
             Shape::Beam { .. } => kernels.observe.bind(context, uniform, &[&jobs, &pixels.looks, &tables, &observed])?,
+            Shape::Capon { .. } => {
+                kernels.observe.bind(context, uniform, &[&jobs, &pixels.looks, &tables, &observed, &totals])?
+            }
             Shape::Lobes => {
                 kernels.observe.bind(context, uniform, &[&jobs, &pixels.looks, &pixels.tiles, &waves, &lobes, &observed])?
             }
@@ -103,9 +119,12 @@ impl Forward {
             lobes,
             parts,
             tables,
+            matrices,
+            totals,
             observed,
             of_waves,
             of_tables,
+            of_matrices,
             of_pixels,
             emitters,
             groups,
@@ -128,6 +147,9 @@ impl Forward {
         if let Some([collect, sum]) = &self.of_tables {
             collect.run(pass, at, (receivers * self.emitters.div_ceil(CHUNK)) as u32);
             sum.run(pass, at, (receivers * self.shape.entries()).div_ceil(64) as u32);
+        }
+        if let Some(inversion) = &self.of_matrices {
+            inversion.run(pass, at, self.shape, receivers);
         }
         self.of_pixels.run(pass, at, (receivers * self.groups) as u32);
     }

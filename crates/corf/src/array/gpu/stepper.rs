@@ -2,12 +2,12 @@
 
 use super::super::stepper::{Residuals, Rule, Stepper, View};
 use super::super::{ArrayField, ArrayTrainer};
-use super::backward::{Backward, BackwardKernels, TABLES};
+use super::backward::{Backward, BackwardKernels};
 use super::emitters::Emitters;
 use super::forward::{Forward, Kernels, Room};
 use super::job::{Job, Receivers};
 use super::pixels::Pixels;
-use super::shape::Shape;
+use super::shape::{Shape, TABLES};
 use crate::Result;
 use crate::device::gpu::GpuOptions;
 use crate::device::gpu::context::Context;

@@ -1,6 +1,6 @@
 //! The adapter, and the smallest runtime over it: buffers, submissions, readback, and errors that say what happened.
 
-use crate::{Error, RasterConfig, Result, nn::gpu::MATRIX_THREADS};
+use crate::{Error, RasterConfig, Result};
 use std::{
     future::Future,
     marker::PhantomData,
@@ -8,6 +8,9 @@ use std::{
     sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError},
     task::{Context as TaskContext, Poll, Waker},
 };
+
+/// Threads of the largest workgroup that multiplies by matrix units.
+pub(crate) const MATRIX_THREADS: u32 = 512;
 
 /// Bytes that sizes of buffers are multiples of.
 const BUFFER_UNIT: u64 = 16;

@@ -14,7 +14,7 @@ mod tests;
 
 use super::network::{Activation, Network, Source};
 use super::{Adam, Trained};
-use crate::device::gpu::context::Context;
+use crate::device::gpu::context::{Context, MATRIX_THREADS};
 use crate::device::gpu::kernel::{Bound, Kernel};
 use crate::{Error, Result};
 use gemm::{Product, Tile};
@@ -27,8 +27,8 @@ pub use measure::{ProductTime, measure_products};
 pub(crate) const CONSTANTS: u64 = 256;
 /// WGSL of the frequency encoding, and of sines and cosines that are right on every adapter.
 pub(crate) const ENCODING: &str = include_str!("shaders/encoding.wgsl");
-/// Threads of the largest workgroup that multiplies by matrix units.
-pub(crate) const MATRIX_THREADS: u32 = Tile::HALF_WIDE.threads();
+// What an adapter is asked for is what the largest tile needs.
+const _: () = assert!(Tile::HALF_WIDE.threads() == MATRIX_THREADS);
 /// Numbers of a vector.
 pub(crate) const LANES: usize = 4;
 

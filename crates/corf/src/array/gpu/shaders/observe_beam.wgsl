@@ -12,5 +12,5 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     hold(receiver * ENTRIES, t);
     let i = group % groups * 64u + t;
     if (i >= job.pixels) { return; }
-    observed[receiver * job.pixels + i] = value(0u, phases[i]);
+    observed[receiver * job.pixels + i] = SEEN;
 }

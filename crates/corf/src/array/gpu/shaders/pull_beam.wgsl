@@ -10,5 +10,5 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     if (i >= job.emitters) { return; }
     let wave = waves[i];
     let phases = job.steps * wave.yz;
-    pulls[i] = max(wave.w, 0.0) * vec2(value(0u, phases), value(ENTRIES, phases));
+    pulls[i] = POWER * vec2(value(0u, phases), value(ENTRIES, phases));
 }

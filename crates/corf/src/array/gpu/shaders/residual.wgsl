@@ -15,5 +15,5 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     p = max(p, 0.0) + job.floor;
     let residual = log(p) - targets[at];
     residuals[i] = residual;
-    by_pixel[i] = vec2(clamp(residual, -job.clip, job.clip), 1.0) / p;
+    by_pixel[i] = RESPONSE * vec2(clamp(residual, -job.clip, job.clip), 1.0) / p;
 }

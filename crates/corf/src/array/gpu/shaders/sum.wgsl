@@ -1,6 +1,13 @@
-// Tables from the parts of their chunks, added up in order, and weighted: one thread an entry.
+// Tables from the parts of their chunks, added up in order, and weighted where that makes a beam of them: one thread an entry.
 @group(0) @binding(1) var<storage, read> parts: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> tables: array<vec4<f32>>;
+
+// Weights of two neighbouring lags, cosines and sines.
+fn weight(entry: u32) -> vec4<f32> {
+    let of_y = share(entry / QUADS / 2u, COLUMNS);
+    let of_z = vec2(share(2u * (entry % QUADS), ROWS), share(2u * (entry % QUADS) + 1u, ROWS));
+    return of_y * of_z.xxyy;
+}
 
 // Pairs of elements at a lag, twice for a lag that stands for both signs, as a share of all elements squared.
 fn share(lag: u32, elements: u32) -> f32 {
@@ -29,7 +36,5 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         totals[0] += parts[at];
         at += ENTRIES;
     }
-    let of_y = share(entry / QUADS / 2u, COLUMNS);
-    let of_z = vec2(share(2u * (entry % QUADS), ROWS), share(2u * (entry % QUADS) + 1u, ROWS));
-    tables[i] = of_y * of_z.xxyy * ((totals[0] + totals[1]) + (totals[2] + totals[3]));
+    tables[i] = WEIGHT * ((totals[0] + totals[1]) + (totals[2] + totals[3]));
 }
