@@ -6,8 +6,8 @@ use corf_scene::model::world_from_array;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Nearest and furthest distance of a place along a ray, metres.
-const DISTANCES_M: [f64; 2] = [0.5, 60.0];
+/// Nearest and furthest distance of a source from a receiver that sees it, metres.
+pub(super) const DISTANCES_M: [f64; 2] = [0.5, 60.0];
 /// Distances tried along a ray.
 const TRIED: usize = 96;
 /// Ratio of powers beyond which two rays are not of one source, nepers.

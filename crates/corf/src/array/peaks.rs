@@ -120,7 +120,11 @@ struct Vertex {
 impl Vertex {
     fn of([a, b, c]: [f64; 3]) -> Self {
         let (slope, curvature) = (0.5 * (c - a), a - 2.0 * b + c);
-        let offset = if curvature < 0.0 && curvature.is_finite() { (-slope / curvature).clamp(-0.5, 0.5) } else { 0.0 };
+        // Next to a pixel of no power there is no parabola.
+        if !(curvature < 0.0 && curvature.is_finite()) {
+            return Self { offset: 0.0, rise: 0.0 };
+        }
+        let offset = (-slope / curvature).clamp(-0.5, 0.5);
         Self { offset, rise: offset * (slope + 0.5 * offset * curvature) }
     }
 }

@@ -1,6 +1,6 @@
 //! What becomes of sources after their birth: they move to where the rays that see them meet, and those that nobody sees any more are removed.
 
-use super::births::Sighting;
+use super::births::{DISTANCES_M, Sighting};
 use super::cloud::{Cloud, Receiver};
 use glam::{DMat3, DVec3};
 
@@ -8,8 +8,6 @@ use glam::{DMat3, DVec3};
 const OF_IT: f64 = 0.3;
 /// Keyframes that have to see a source before it moves.
 const LEAST_RAYS: usize = 3;
-/// Nearest that a source comes to a receiver, metres.
-const NEAREST_M: f64 = 0.5;
 /// How strongly a source is held where it is, in units of the mean over directions of what rays tell: along a ray that nothing crosses it stays.
 const HOLD: f64 = 1e-2;
 
@@ -35,7 +33,12 @@ pub(super) fn refine(sources: &mut Cloud<f32>, sightings: &[Sighting], width_rad
             continue;
         }
         let moved = place + step(place, &rays);
-        if !moved.is_finite() || rays.iter().any(|ray| moved.distance(ray.receiver_m) < NEAREST_M) {
+        // Nearly parallel rays meet anywhere along themselves, also behind.
+        let ahead = |ray: &Seen| {
+            let v = moved - ray.receiver_m;
+            (DISTANCES_M[0]..=DISTANCES_M[1]).contains(&v.length()) && v.dot(ray.direction) > 0.0
+        };
+        if !rays.iter().all(ahead) {
             continue;
         }
         let further = |r: &Seen| r.weight * (moved.distance_squared(r.receiver_m) / place.distance_squared(r.receiver_m)).ln();
@@ -124,6 +127,20 @@ mod tests {
             refine(&mut cloud, &sightings, 0.03);
             assert_eq!(cloud, before);
         }
+    }
+
+    #[test]
+    fn parallel_rays_do_not_send_a_source_away() {
+        let place = DVec3::new(50.0, 0.0, 1.5);
+        let (poses, _) = sightings(place, 6);
+        let ray = |pose: &Rigid3| Sighting::new(pose, &[Ray { direction: [1.0, 0.0, 0.0], power: 2.0 / 2500.0 }]);
+        let sightings: Vec<Sighting> = poses.iter().map(ray).collect();
+        let mut cloud = source(place, 2.0);
+        for _ in 0..300 {
+            refine(&mut cloud, &sightings, 0.03);
+        }
+        let found = glam::Vec3::from(cloud.position[0]).as_dvec3();
+        assert!(found != place && poses.iter().all(|pose| found.distance(pose.translation) <= DISTANCES_M[1] + 1e-3), "{found}");
     }
 
     #[test]

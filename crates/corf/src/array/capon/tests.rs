@@ -97,6 +97,11 @@ fn rays_are_found_between_pixels_with_their_powers() {
         assert!(off < 0.2 && (f64::from(ray.power) / power - 1.0).abs() < 0.2, "{ray:?} {power}: {off} degrees");
     }
     assert!(rays(&settings.build(&camera), &camera, &vec![0.0; 96 * 64], 25.0).is_empty());
+    // A pixel alone among pixels of no power says what it says.
+    let mut alone = vec![0.0; 96 * 64];
+    alone[30 * 96 + 40] = 1e-8;
+    let found = rays(&settings.build(&camera), &camera, &alone, 25.0);
+    assert!(found.len() == 1 && (found[0].power / 1e-8 * settings.peak() as f32 - 1.0).abs() < 1e-5, "{found:?}");
 }
 
 #[test]

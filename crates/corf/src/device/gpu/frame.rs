@@ -167,7 +167,9 @@ impl Memory {
     /// Room for frames of this extent, at least so much.
     pub fn reserve(&mut self, context: &Context, fixed: &Fixed, extent: &Extent, room: BufferCapacity) -> Result<()> {
         let (n, tiles) = (extent.gaussians, extent.tiles);
-        let room = self.room.with(room);
+        // What frames of another kind had room for may be more than this kind can have.
+        let kept = BufferCapacity { pairs: self.room.pairs.min(extent.most_pairs(context, fixed)), ..self.room };
+        let room = kept.with(room);
         let (pairs, visible) = (room.pairs, room.visible.min(n));
         let bucket = fixed.batch as usize;
         let trained = |count: usize| if extent.training { count } else { 0 };
