@@ -69,7 +69,10 @@ pub(super) struct LightSample {
 /// All emitters of a scene, with the cells.
 #[derive(Debug)]
 pub(super) struct Emitters {
+    /// Patches, then lights without extent.
     list: Vec<Emitter>,
+    /// Where in `list` the lights without extent begin.
+    first_punctual: usize,
     /// Per triangle of the scene: its first patch, or `u32::MAX`, and into how many parts its edges are divided.
     of_triangle: Vec<(u32, u32)>,
     grid_min: Vec3,
@@ -122,6 +125,7 @@ impl Emitters {
                 }
             }
         }
+        let first_punctual = list.len();
         for light in &scene.lights {
             let power = Vec3::from(light.intensity);
             let luminance = luminance(power);
@@ -131,6 +135,7 @@ impl Emitters {
         }
         let mut emitters = Self {
             list,
+            first_punctual,
             of_triangle,
             grid_min: Vec3::ZERO,
             cells_per_metre: Vec3::ONE,
@@ -288,18 +293,17 @@ impl Emitters {
 
     /// Whether an emitter has no extent.
     pub fn is_punctual(&self, i: usize) -> bool {
-        matches!(self.list[i].kind, Kind::Punctual(_))
+        i >= self.first_punctual
     }
 
     /// Whether any emitter has no extent.
     pub fn has_punctual(&self) -> bool {
-        self.list.last().is_some_and(|e| matches!(e.kind, Kind::Punctual(_)))
+        self.first_punctual < self.list.len()
     }
 
     /// The emitters without extent.
     pub fn punctual(&self) -> std::ops::Range<usize> {
-        let first = self.list.iter().position(|e| matches!(e.kind, Kind::Punctual(_))).unwrap_or(self.list.len());
-        first..self.list.len()
+        self.first_punctual..self.list.len()
     }
 
     /// Mean radiance of a patch.
