@@ -9,6 +9,7 @@ import io
 import json
 import math
 import pickle
+import re
 import struct
 import tempfile
 import unittest
@@ -21,6 +22,27 @@ import compare_devices
 import compare_gsplat
 import digests
 import fetch_weights
+
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+class Index(unittest.TestCase):
+    def test_every_tool_stands_in_the_index(self):
+        index = (REPOSITORY / "tools/README.md").read_text()
+        tools = [p.name for p in (REPOSITORY / "tools").iterdir() if p.suffix in {".py", ".sh", ".txt"} or (p.is_dir() and p.name[0] not in "._")]
+        self.assertEqual([name for name in tools if f"`{name}" not in index and name != "__pycache__"], [])
+
+    def test_a_pull_request_runs_the_steps_that_a_person_runs(self):
+        script = (REPOSITORY / "tools/check.sh").read_text()
+        steps = re.search(r"#   tools/check.sh.*: ([a-z ]+)\n", script).group(1).split()
+        workflow = (REPOSITORY / ".github/workflows/ci.yml").read_text()
+        self.assertEqual(sorted(re.search(r"step: \[(.*)\]", workflow).group(1).split(", ")), sorted(steps))
+
+    def test_actions_stand_by_commit(self):
+        for workflow in (REPOSITORY / ".github/workflows").iterdir():
+            for use in re.findall(r"uses: (\S+)", workflow.read_text()):
+                self.assertRegex(use, r"@[0-9a-f]{40}$", workflow.name)
 
 
 class Digests(unittest.TestCase):

@@ -20,7 +20,7 @@ use published::{USUAL, USUAL_PSNR_RF};
 use rows::{Matched, cell, find, find_shorter};
 use std::path::{Path, PathBuf};
 
-/// Files that [`write`] makes: Markdown, LaTeX, CSV and the figure.
+/// Files that [`write()`] makes: Markdown, LaTeX, CSV and the figure.
 pub const FILES: [&str; 4] = ["paper.md", "paper.tex", "paper.csv", "paper.svg"];
 
 /// A line of a table: the paper's row, and what stands for it here.

@@ -33,7 +33,7 @@ pub fn write(path: &Path, header: &impl Serialize, arrays: &[&[f32]]) -> Result<
     Ok(io::write_atomic(path, &bytes)?)
 }
 
-/// Reads what [`write`] wrote; `sizes` says from the header how many numbers each array has.
+/// Reads what [`write()`] wrote; `sizes` says from the header how many numbers each array has.
 ///
 /// # Errors
 /// A file that is missing, damaged or something else, a header that `sizes` refuses.
