@@ -90,18 +90,18 @@ impl Refusal {
 
 /// A request, as far as it decides whether it is answered.
 #[derive(Clone, Copy, Debug)]
-pub struct Asked<'r, H> {
+pub struct Asked<'r> {
     /// Its method.
     pub method: &'r str,
     /// Its target as it was sent: path and query.
     pub target: &'r str,
     /// Names and values of its headers, in order.
-    pub headers: H,
+    pub headers: &'r [(&'r str, &'r [u8])],
 }
 
-impl<'r, H: Iterator<Item = (&'r str, &'r [u8])> + Clone> Asked<'r, H> {
-    fn all(&self, name: &'static str) -> impl Iterator<Item = &'r [u8]> {
-        self.headers.clone().filter(move |(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, value)| value)
+impl<'r> Asked<'r> {
+    fn all(&self, name: &'static str) -> impl Iterator<Item = &'r [u8]> + use<'r> {
+        self.headers.iter().filter(move |(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, value)| *value)
     }
 
     /// The one value of a header; an empty one, which no check takes, where there are several.
@@ -164,7 +164,7 @@ impl Guard {
     }
 
     /// Whether the token is in the query or, where the query has none, in a cookie.
-    fn knows_token<'r, H: Iterator<Item = (&'r str, &'r [u8])> + Clone>(&self, asked: &Asked<'r, H>) -> bool {
+    fn knows_token(&self, asked: &Asked<'_>) -> bool {
         if let Some(token) = of_query(asked.target, "token") {
             return self.token.is(token.as_bytes());
         }
@@ -177,7 +177,7 @@ impl Guard {
     }
 
     /// Whether a page of another site asks. A link of another site may open the page, but for that it must know the address.
-    fn is_of_other_site<'r, H: Iterator<Item = (&'r str, &'r [u8])> + Clone>(&self, asked: &Asked<'r, H>) -> bool {
+    fn is_of_other_site(&self, asked: &Asked<'_>) -> bool {
         let other_origin =
             asked.one("origin").is_some_and(|origin| !origin.strip_prefix(b"http://").is_some_and(|host| self.is_own(host)));
         let opens = asked.one("sec-fetch-mode") == Some(b"navigate")
@@ -191,7 +191,7 @@ impl Guard {
     ///
     /// # Errors
     /// The first reason against it.
-    pub fn check<'r, H: Iterator<Item = (&'r str, &'r [u8])> + Clone>(&self, asked: &Asked<'r, H>) -> Result<(), Refusal> {
+    pub fn check(&self, asked: &Asked<'_>) -> Result<(), Refusal> {
         let must = |is: bool, refusal: Refusal| if is { Ok(()) } else { Err(refusal) };
         must(asked.method == "GET" || asked.method == "HEAD", Refusal::Method)?;
         must(!asked.has_body(), Refusal::Body)?;
@@ -218,8 +218,8 @@ mod tests {
 
     /// The answer to a request that is right but for what is given.
     fn check(method: &str, target: &str, headers: &[(&str, &str)]) -> Result<(), Refusal> {
-        let headers = headers.iter().map(|(name, value)| (*name, value.as_bytes()));
-        guard().check(&Asked { method, target, headers })
+        let headers: Vec<(&str, &[u8])> = headers.iter().map(|(name, value)| (*name, value.as_bytes())).collect();
+        guard().check(&Asked { method, target, headers: &headers })
     }
 
     fn own() -> (&'static str, &'static str) {

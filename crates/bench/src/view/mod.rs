@@ -30,6 +30,7 @@ mod subject;
 mod watching;
 
 pub use page::export;
+pub use routes::leads_somewhere;
 pub use server::{Port, serve};
 pub use subject::Subject;
 pub use watching::Watching;

@@ -45,6 +45,11 @@ impl Route {
     }
 }
 
+/// Whether a request's target leads to something, of a data set with so many keyframes.
+pub fn leads_somewhere(target: &str, keyframes: usize) -> bool {
+    Route::of(target, keyframes).is_some()
+}
+
 /// What an answer may load unless it is the page: nothing.
 const NOTHING: &str = "default-src 'none'; base-uri 'none'; form-action 'none'";
 

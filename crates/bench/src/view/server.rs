@@ -308,8 +308,8 @@ async fn answer(request: Request<Incoming>, hall: Arc<Hall>, standing: Arc<Stand
     let uri = request.uri();
     // The target of a request to a proxy has an authority, and is none of this server's.
     let target = uri.path_and_query().filter(|_| uri.authority().is_none()).map_or("", |target| target.as_str());
-    let headers = request.headers().iter().map(|(name, value)| (name.as_str(), value.as_bytes()));
-    let passed = match hall.guard.check(&Asked { method: request.method().as_str(), target, headers }) {
+    let headers: Vec<(&str, &[u8])> = request.headers().iter().map(|(name, value)| (name.as_str(), value.as_bytes())).collect();
+    let passed = match hall.guard.check(&Asked { method: request.method().as_str(), target, headers: &headers }) {
         Ok(()) if !request.body().is_end_stream() => Err(Refusal::Body),
         checked => checked,
     };
