@@ -314,7 +314,7 @@ async fn answer(request: Request<Incoming>, hall: Arc<Hall>, standing: Arc<Stand
         checked => checked,
     };
     let response = match passed {
-        Err(refusal) => refuse(refusal, hall.guard.port(), &standing),
+        Err(refusal) => refuse(refusal, target, hall.guard.port(), &standing),
         Ok(()) => {
             standing.trust();
             let made = make(target.to_owned(), &hall).await;
@@ -363,11 +363,11 @@ fn respond(answer: Answer, standing: &Arc<Standing>) -> Response<Whole> {
     response
 }
 
-/// The response to a request that is not answered, after which nothing more is read.
-fn refuse(refusal: Refusal, port: u16, standing: &Arc<Standing>) -> Response<Whole> {
+/// The response to a request that is not answered, after which nothing more is read: a page for a person, a line for a script.
+fn refuse(refusal: Refusal, target: &str, port: u16, standing: &Arc<Standing>) -> Response<Whole> {
     let words = refusal.words(port);
     let answer = match refusal {
-        Refusal::Token => Answer::notice(refusal.status(), &words),
+        Refusal::Token if !target.starts_with("/data/") => Answer::notice(refusal.status(), &words),
         _ => Answer::text(refusal.status(), &words),
     };
     let mut response = respond(answer, standing);
