@@ -31,6 +31,7 @@ fn with(server: &Page, request_line: &str, lines: &[&str], body: &str) -> Answer
 fn is_closed(client: &mut TcpStream, within: Duration) -> bool {
     let until = Instant::now() + within;
     let mut bytes = [0; 1 << 16];
+    client.set_nonblocking(false).unwrap();
     while Instant::now() < until {
         client.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
         match client.read(&mut bytes) {
