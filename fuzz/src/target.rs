@@ -268,17 +268,24 @@ fn view_request(bytes: &[u8], _: &Path) -> Result<()> {
     let asked = Asked { method, target, headers: &headers };
     let passed = guard.check(&asked);
     let leads = corf_bench::view::leads_somewhere(target, 40);
-    assert!(!leads || target == "/" || target.starts_with("/?") || target.starts_with("/data/"), "a target of no route leads somewhere");
+    assert!(
+        !leads || target == "/" || target.starts_with("/?") || target.starts_with("/data/"),
+        "a target of no route leads somewhere"
+    );
     match passed {
         Ok(()) => {
             let token = Token::of(TOKEN).to_string();
             let holds = |bytes: &[u8]| bytes.windows(token.len()).any(|w| w == token.as_bytes());
-            let of = |name: &str| headers.iter().filter(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, v)| *v).collect::<Vec<_>>();
+            let of =
+                |name: &str| headers.iter().filter(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, v)| *v).collect::<Vec<_>>();
             assert!(matches!(method, "GET" | "HEAD") && target.starts_with('/'), "what is no reading passed");
             assert!(holds(target.as_bytes()) || of("cookie").into_iter().any(holds), "who does not know the token passed");
             let [host] = of("host")[..] else { panic!("a request of no name, or of several, passed") };
             let (name, port) = utf8(host)?.rsplit_once(':').context("no port")?;
-            assert!(["127.0.0.1", "localhost", "[::1]"].contains(&&*name.to_ascii_lowercase()) && port == "8000", "another host passed");
+            assert!(
+                ["127.0.0.1", "localhost", "[::1]"].contains(&&*name.to_ascii_lowercase()) && port == "8000",
+                "another host passed"
+            );
             assert!(of("transfer-encoding").is_empty() && of("content-length").iter().all(|n| *n == b"0"), "a body passed");
             Ok(())
         }

@@ -140,9 +140,13 @@ fn other_sites_get_nothing_and_answers_say_what_browsers_must_not_do() {
     let served = Served::start(text(tiny_dataset()), &[]);
     let server = &served.page;
     let cookie = format!("Cookie: {}", server.cookie());
-    for line in
-        ["Origin: http://evil.example", "Origin: null", "Sec-Fetch-Site: cross-site", "Sec-Fetch-Site: same-site", "Host: evil.example"]
-    {
+    for line in [
+        "Origin: http://evil.example",
+        "Origin: null",
+        "Sec-Fetch-Site: cross-site",
+        "Sec-Fetch-Site: same-site",
+        "Host: evil.example",
+    ] {
         let answer = with(server, "GET /data/scene", &[&cookie, line], "");
         assert_eq!(answer.status, 403, "{line}");
         assert!(!answer.head.to_ascii_lowercase().contains("access-control"), "{}", answer.head);
@@ -156,7 +160,10 @@ fn other_sites_get_nothing_and_answers_say_what_browsers_must_not_do() {
         let answer = server.try_ask("GET", target, &server.host()).unwrap();
         assert_eq!(answer.status, status);
         let header = |name: &str| answer.header(name).unwrap_or_else(|| panic!("{target} has no {name}")).to_owned();
-        assert_eq!([header("x-content-type-options"), header("referrer-policy"), header("cache-control")], ["nosniff", "no-referrer", "no-store"]);
+        assert_eq!(
+            [header("x-content-type-options"), header("referrer-policy"), header("cache-control")],
+            ["nosniff", "no-referrer", "no-store"]
+        );
         let policy = header("content-security-policy");
         assert!(policy.contains("default-src 'none'") && policy.contains("frame-ancestors 'none'"), "{policy}");
         assert_eq!(policy.contains("script-src"), target == "/", "{policy}");
@@ -274,7 +281,9 @@ fn no_client_ends_delays_or_changes_a_reconstruction() {
     drop(clients);
     assert!(server.connect().is_err(), "nobody listens any more");
     let unseen = at("unseen");
-    corf_ok(&[&["reconstruct", text(tiny_dataset()), "--out", text(&unseen), "--device", "cpu", "--no-verify"], &steps[..]].concat());
+    corf_ok(
+        &[&["reconstruct", text(tiny_dataset()), "--out", text(&unseen), "--device", "cpu", "--no-verify"], &steps[..]].concat(),
+    );
     assert!(results(&at("seen")) == results(&unseen), "clients must not change a byte");
 }
 

@@ -77,7 +77,9 @@ impl Refusal {
         match self {
             Self::Target => "this server is no proxy: a request names a path that begins with /".to_owned(),
             Self::Host => format!("this server answers to http://127.0.0.1:{port}/ only: open the address that corf has printed"),
-            Self::Site => "this server does not answer to pages of other sites: open the address that corf has printed".to_owned(),
+            Self::Site => {
+                "this server does not answer to pages of other sites: open the address that corf has printed".to_owned()
+            }
             Self::Method => "this server is only read: GET and HEAD are what it answers to".to_owned(),
             Self::Body => "this server takes nothing in: a request has no body".to_owned(),
             Self::Token => format!(
@@ -171,7 +173,10 @@ impl Guard {
         let name = self.cookie_name();
         let is_it = |cookie: &[u8]| {
             let cookie = cookie.trim_ascii();
-            cookie.strip_prefix(name.as_bytes()).and_then(|rest| rest.strip_prefix(b"=")).is_some_and(|value| self.token.is(value))
+            cookie
+                .strip_prefix(name.as_bytes())
+                .and_then(|rest| rest.strip_prefix(b"="))
+                .is_some_and(|value| self.token.is(value))
         };
         asked.all("cookie").flat_map(|line| line.split(|byte| *byte == b';')).any(is_it)
     }
@@ -247,7 +252,9 @@ mod tests {
         let by_query = |query: &str| check("GET", &format!("/data/scene{query}"), &[own()]);
         assert_eq!(by_query(&format!("?token={token}")), Ok(()));
         assert_eq!(by_query(&format!("?a=1&token={token}&b")), Ok(()));
-        for query in ["", "?", "?token", "?token=", &format!("?token={wrong}"), &format!("?xtoken={token}"), &format!("?token={token}0")] {
+        for query in
+            ["", "?", "?token", "?token=", &format!("?token={wrong}"), &format!("?xtoken={token}"), &format!("?token={token}0")]
+        {
             assert_eq!(by_query(query), Err(Refusal::Token), "{query}");
         }
         let by_cookie = |cookie: &str| check("HEAD", "/data/scene", &[own(), ("cookie", cookie)]);
@@ -270,7 +277,8 @@ mod tests {
         for host in ["127.0.0.1:8123", "localhost:8123", "LocalHost:8123", "[::1]:8123"] {
             assert_eq!(of(host), Ok(()), "{host}");
         }
-        let others = ["", "127.0.0.1", "localhost", "127.0.0.1:80", "127.0.0.1:81230", "evil.example:8123", "127.0.0.1:8123.evil.example"];
+        let others =
+            ["", "127.0.0.1", "localhost", "127.0.0.1:80", "127.0.0.1:81230", "evil.example:8123", "127.0.0.1:8123.evil.example"];
         for host in others {
             assert_eq!(of(host), Err(Refusal::Host), "{host}");
         }
@@ -281,7 +289,8 @@ mod tests {
 
     #[test]
     fn other_sites_fetch_nothing_and_may_open_the_page_by_its_address() {
-        let with = |path: &str, more: &[(&str, &str)]| check("GET", &format!("{path}?token={}", token()), &[&[own()], more].concat());
+        let with =
+            |path: &str, more: &[(&str, &str)]| check("GET", &format!("{path}?token={}", token()), &[&[own()], more].concat());
         for site in ["same-origin", "none"] {
             assert_eq!(with("/data/scene", &[("Sec-Fetch-Site", site)]), Ok(()), "{site}");
         }
@@ -308,7 +317,9 @@ mod tests {
         for method in ["POST", "PUT", "DELETE", "OPTIONS", "CONNECT", "TRACE", "get", ""] {
             assert_eq!(check(method, &target, &[own()]), Err(Refusal::Method), "{method}");
         }
-        for body in [("Content-Length", "5"), ("content-length", "many"), ("transfer-encoding", "chunked"), ("Transfer-Encoding", "")] {
+        for body in
+            [("Content-Length", "5"), ("content-length", "many"), ("transfer-encoding", "chunked"), ("Transfer-Encoding", "")]
+        {
             assert_eq!(check("GET", &target, &[own(), body]), Err(Refusal::Body), "{body:?}");
         }
         assert_eq!(check("GET", &target, &[own(), ("content-length", "0")]), Ok(()));

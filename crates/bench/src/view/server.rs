@@ -240,11 +240,13 @@ async fn receive(listeners: &[tokio::net::TcpListener], hall: &Arc<Hall>, mut en
                 if end.as_mut().poll(cx).is_ready() {
                     return Poll::Ready(None);
                 }
-                listeners.iter().find_map(|l| match l.poll_accept(cx) {
-                    Poll::Ready(taken) => Some(Poll::Ready(Some(taken))),
-                    Poll::Pending => None,
-                })
-                .unwrap_or(Poll::Pending)
+                listeners
+                    .iter()
+                    .find_map(|l| match l.poll_accept(cx) {
+                        Poll::Ready(taken) => Some(Poll::Ready(Some(taken))),
+                        Poll::Pending => None,
+                    })
+                    .unwrap_or(Poll::Pending)
             });
             match next.await {
                 None => break,
