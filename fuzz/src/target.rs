@@ -252,7 +252,8 @@ fn receivers(bytes: &[u8], folder: &Path) -> Result<()> {
 /// The token of the corpus's requests.
 const TOKEN: [u8; 16] = *b"of the corpus...";
 
-/// A request as the viewer's server sees it: method and target in the first line, then headers. What passes must know the token and name the server.
+/// A request as the viewer's server sees it: method and target in the first line, then headers. What passes must know the token
+/// and name the server.
 fn view_request(bytes: &[u8], _: &Path) -> Result<()> {
     use corf_bench::view::guard::{Asked, Guard, Token};
     let mut lines = bytes.split(|byte| *byte == b'\n').map(|line| line.strip_suffix(b"\r").unwrap_or(line));

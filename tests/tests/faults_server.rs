@@ -230,9 +230,8 @@ fn slow_and_idle_clients_keep_nobody_waiting_and_are_let_go() {
         assert!(start.elapsed() < Duration::from_secs(30), "a slow client is kept for ever");
     }
     assert!(asked > 20 && start.elapsed() > PROMPT, "a client may take some seconds: {:?}", start.elapsed());
-    // Those who are idle, who have begun or who do not read are gone as well, none of them kept. Who reads again in time is answered on, so the last
-    // has to be left alone for all of its time.
-    // The system takes some megabytes for it first, over seconds.
+    // Those who are idle, who have begun or who do not read are gone as well. Who reads again in time is answered on, so the
+    // last is left alone for all of its time, and the system takes some megabytes for it first, over seconds.
     std::thread::sleep(Duration::from_secs(9));
     for (n, client) in clients.iter_mut().enumerate() {
         assert!(is_closed(client, PROMPT), "client {n} is kept");

@@ -1,5 +1,5 @@
-//! A reconstruction that can be looked at while it works: threads of their own speak to browsers and make what they ask for. It neither waits for
-//! them nor ends with them.
+//! A reconstruction that can be looked at while it works: threads of their own speak to browsers and make what they ask for.
+//! It neither waits for them nor ends with them.
 
 use super::growth::{Drawing, Growth};
 use super::routes::Desk;
