@@ -87,11 +87,13 @@ class Browser:
     """A headless Chromium without a network, spoken to through a pipe (the DevTools protocol: JSON with a null byte behind)."""
 
     PATIENCE_S = 300
+    # Which names lead anywhere.
+    RULES = "MAP * ~NOTFOUND"
 
     def __init__(self, program):
         self.profile = tempfile.TemporaryDirectory()
         flags = ["--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-        flags += ["--remote-debugging-pipe", "--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={self.profile.name}", "about:blank"]
+        flags += ["--remote-debugging-pipe", f"--host-resolver-rules={self.RULES}", f"--user-data-dir={self.profile.name}", "about:blank"]
         (theirs, self.to), (self.out, answers) = os.pipe(), os.pipe()
         # Its end of the pipe is file descriptors 3 and 4; the first two calls keep them from being overwritten by each other.
         high = [os.dup(theirs), os.dup(answers)]
@@ -122,10 +124,14 @@ class Browser:
                 self.rest += part
             text, self.rest = self.rest.split(b"\0", 1)
             answer = json.loads(text)
+            self.heard(answer)
             if answer.get("id") == self.number:
                 if "error" in answer:
                     raise ValueError(f"{method}: {answer['error']['message']}")
                 return answer["result"]
+
+    def heard(self, answer):
+        """Takes note of what the browser says, asked or not."""
 
     def open(self, url):
         """A fresh page."""

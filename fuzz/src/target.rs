@@ -19,7 +19,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 24] = [
+pub const TARGETS: [Target; 25] = [
     Target { name: "gltf", read: gltf, mend: keep },
     Target { name: "glb", read: gltf, mend: glb_lengths },
     Target { name: "obj", read: obj, mend: keep },
@@ -38,6 +38,7 @@ pub const TARGETS: [Target; 24] = [
     Target { name: "record-json", read: record, mend: keep },
     Target { name: "field-json", read: field, mend: keep },
     Target { name: "receivers", read: receivers, mend: keep },
+    Target { name: "view-request", read: view_request, mend: keep },
     Target { name: "colmap-text", read: capture::colmap_text, mend: keep },
     Target { name: "colmap-binary", read: capture::colmap_binary, mend: keep },
     Target { name: "transforms-json", read: capture::transforms, mend: keep },
@@ -246,4 +247,52 @@ fn receivers(bytes: &[u8], folder: &Path) -> Result<()> {
     let text = put(folder, "receivers.csv", bytes)?;
     corf_bench::link::receivers(&config, &[], Some(&text), None)?;
     Ok(())
+}
+
+/// The token of the corpus's requests.
+const TOKEN: [u8; 16] = *b"of the corpus...";
+
+/// A request as the viewer's server sees it: method and target in the first line, then headers. What passes must know the token
+/// and name the server.
+fn view_request(bytes: &[u8], _: &Path) -> Result<()> {
+    use corf_bench::view::guard::{Asked, Guard, Token};
+    let mut lines = bytes.split(|byte| *byte == b'\n').map(|line| line.strip_suffix(b"\r").unwrap_or(line));
+    let mut first = utf8(lines.next().unwrap_or_default())?.split(' ');
+    let (method, target) = (first.next().unwrap_or_default(), first.next().unwrap_or_default());
+    let headers: Vec<(&str, &[u8])> = lines
+        .filter_map(|line| {
+            let colon = line.iter().position(|byte| *byte == b':')?;
+            Some((utf8(&line[..colon]).ok()?, line[colon + 1..].trim_ascii()))
+        })
+        .collect();
+    let guard = Guard::new(8000, Token::of(TOKEN));
+    let asked = Asked { method, target, headers: &headers };
+    let passed = guard.check(&asked);
+    let leads = corf_bench::view::leads_somewhere(target, 40);
+    assert!(
+        !leads || target == "/" || target.starts_with("/?") || target.starts_with("/data/"),
+        "a target of no route leads somewhere"
+    );
+    match passed {
+        Ok(()) => {
+            let token = Token::of(TOKEN).to_string();
+            let holds = |bytes: &[u8]| bytes.windows(token.len()).any(|w| w == token.as_bytes());
+            let of =
+                |name: &str| headers.iter().filter(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, v)| *v).collect::<Vec<_>>();
+            assert!(matches!(method, "GET" | "HEAD") && target.starts_with('/'), "what is no reading passed");
+            assert!(holds(target.as_bytes()) || of("cookie").into_iter().any(holds), "who does not know the token passed");
+            let [host] = of("host")[..] else { panic!("a request of no name, or of several, passed") };
+            let (name, port) = utf8(host)?.rsplit_once(':').context("no port")?;
+            assert!(
+                ["127.0.0.1", "localhost", "[::1]"].contains(&&*name.to_ascii_lowercase()) && port == "8000",
+                "another host passed"
+            );
+            assert!(of("transfer-encoding").is_empty() && of("content-length").iter().all(|n| *n == b"0"), "a body passed");
+            Ok(())
+        }
+        Err(refusal) => {
+            assert!((400..500).contains(&refusal.status()) && !refusal.words(8000).is_empty());
+            anyhow::bail!("{refusal:?}")
+        }
+    }
 }

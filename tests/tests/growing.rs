@@ -15,16 +15,16 @@ const RESULT: [&str; 5] = ["coupled.ply", "optical.ply", "rf.ply", "field.json",
 const POLL: Duration = Duration::from_millis(20);
 
 /// A reconstruction at work that is looked at.
-struct Growing {
+pub struct Growing {
     child: Child,
     /// Standard error stays open, or the command has nobody to tell of its progress.
     said: BufReader<ChildStderr>,
-    port: u16,
+    pub page: Page,
 }
 
 impl Growing {
     /// Starts one on the tiny data set that takes some seconds.
-    fn start(run: &Path, more: &[&str]) -> Self {
+    pub fn start(run: &Path, more: &[&str]) -> Self {
         let arguments = ["reconstruct", text(tiny_dataset()), "--out", text(run), "--device", "cpu", "--no-verify", "--view"];
         let mut child = command(&[&arguments[..], more].concat()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let mut said = BufReader::new(child.stderr.take().unwrap());
@@ -33,19 +33,19 @@ impl Growing {
             line.clear();
             assert!(said.read_line(&mut line).unwrap() > 0, "it ended without an address");
         }
-        let port = line["http://127.0.0.1:".len()..].split('/').next().unwrap().parse().unwrap();
-        Self { child, said, port }
+        let page = Page::of(line.split_whitespace().next().unwrap());
+        Self { child, said, page }
     }
 
     /// What it answers; nothing once it has ended.
     fn ask(&self, target: &str) -> Option<Answer> {
-        let answer = try_ask(self.port, "GET", target, &format!("127.0.0.1:{}", self.port)).ok()?;
+        let answer = self.page.try_ask("GET", target, &self.page.host()).ok()?;
         assert_eq!(answer.status, 200, "{target}: {}", String::from_utf8_lossy(&answer.body));
         Some(answer)
     }
 
     /// Waits for its end; the exit code.
-    fn end(mut self) -> Option<i32> {
+    pub fn end(mut self) -> Option<i32> {
         let mut rest = String::new();
         while self.said.read_line(&mut rest).unwrap() > 0 {}
         assert!(!rest.contains("panicked"), "{rest}");
@@ -59,7 +59,7 @@ fn bytes_a_gaussian(layout: &Value) -> usize {
     48 + 8 * (texels("optical") + texels("rf"))
 }
 
-fn results(run: &Path) -> Vec<Vec<u8>> {
+pub fn results(run: &Path) -> Vec<Vec<u8>> {
     RESULT.iter().map(|file| fs::read(run.join(file)).unwrap()).collect()
 }
 
@@ -86,7 +86,7 @@ fn a_page_sees_the_field_grow_to_its_end_and_changes_no_byte_of_it() {
         assert!(done >= before && told["total"] == 8 && told["snapshot_done"].as_u64().unwrap() <= done, "{told}");
         if told["version"].as_u64().unwrap() > versions.last().copied().unwrap_or(0) {
             let Some(field) = growing.ask("/data/field") else { break };
-            let tag = field.head.lines().find_map(|line| line.strip_prefix("ETag: \"")).unwrap().trim_end_matches(['"', '\r']);
+            let tag = field.header("etag").unwrap().trim_matches('"');
             versions.push(tag.parse().unwrap());
             assert_eq!(field.body.len() % bytes_a_gaussian(&told["field"]), 0);
             sizes.push(field.body.len());
@@ -126,7 +126,7 @@ fn an_interrupt_ends_the_server_with_the_run() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
     let growing = Growing::start(&run, &["--set", "iterations_per_keyframe=200"]);
-    let (port, start) = (growing.port, Instant::now());
+    let (page, start) = (growing.page.clone(), Instant::now());
     while growing.ask("/data/growth").unwrap().json()["done"] == 0 {
         assert!(start.elapsed() < PATIENCE);
         std::thread::sleep(POLL);
@@ -134,7 +134,7 @@ fn an_interrupt_ends_the_server_with_the_run() {
     let kill = std::process::Command::new("kill").args(["-INT", &growing.child.id().to_string()]).status().unwrap();
     assert!(kill.success());
     assert_eq!(growing.end(), Some(130));
-    assert!(try_ask(port, "GET", "/", "localhost").is_err(), "nobody listens any more");
+    assert!(page.connect().is_err(), "nobody listens any more");
     assert!(!run.join("run.json").exists());
 }
 

@@ -3,10 +3,8 @@
 use crate::common::*;
 use serde_json::Value;
 use std::fs;
-use std::io::{BufRead, BufReader};
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpListener;
 use std::path::Path;
-use std::process::{Child, Stdio};
 
 /// A small run on the tiny data set.
 fn run_in(folder: &Path) -> std::path::PathBuf {
@@ -122,63 +120,29 @@ fn what_cannot_be_viewed_is_refused() {
     corf_refuses(&["view", text(&run)], &["no finished run"]);
 }
 
-/// A server of the tiny data set; ended when it goes out of scope.
-struct Served {
-    child: Child,
-    port: u16,
-}
-
-impl Served {
-    fn start(folder: &str) -> Self {
-        let arguments = ["view", folder, "--no-verify", "--json"];
-        let mut child = command(&arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-        let mut said = String::new();
-        let mut lines = BufReader::new(child.stdout.take().unwrap());
-        while !said.contains('}') {
-            assert!(lines.read_line(&mut said).unwrap() > 0, "it ended: {said}");
-        }
-        let url = serde_json::from_str::<Value>(&said).unwrap()["url"].as_str().unwrap().to_owned();
-        let port = url.strip_prefix("http://127.0.0.1:").unwrap().trim_end_matches('/').parse().unwrap();
-        Self { child, port }
-    }
-
-    /// Status, head and body of an answer.
-    fn ask(&self, method: &str, target: &str, host: &str) -> (u16, String, Vec<u8>) {
-        let Answer { status, head, body } = try_ask(self.port, method, target, host).unwrap();
-        (status, head, body)
-    }
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
 #[test]
 fn the_server_answers_to_its_own_name_and_routes_alone() {
-    let served = Served::start(text(tiny_dataset()));
-    let own = format!("127.0.0.1:{}", served.port);
-    let (status, head, body) = served.ask("GET", "/", &own);
-    assert!(status == 200 && head.contains("text/html") && head.contains("nosniff"), "{head}");
-    assert!(String::from_utf8(body).unwrap().contains("connect-src 'self'"));
-    let (status, head, body) = served.ask("GET", "/data/scene", &format!("localhost:{}", served.port));
-    assert!(status == 200 && head.contains("application/json") && !head.contains("Access-Control-Allow-Origin"), "{head}");
-    let scene: Value = serde_json::from_slice(&body).unwrap();
-    let (status, _, body) = served.ask("GET", "/data/points-optical", &own);
-    assert_eq!((status, body.len() as u64), (200, 16 * scene["points"]["optical"].as_u64().unwrap()));
-    let (status, _, body) = served.ask("GET", "/data/keyframe-10", &own);
-    let keyframe: Value = serde_json::from_slice(&body).unwrap();
-    assert!(status == 200 && keyframe["image"]["observed"].as_str().unwrap().starts_with("data:image/"));
-    let (status, _, body) = served.ask("HEAD", "/data/scene", &own);
-    assert_eq!((status, body.len()), (200, 0));
+    let served = Served::start(text(tiny_dataset()), &[]);
+    let own = served.page.host();
+    let ask = |method: &str, target: &str, host: &str| served.page.try_ask(method, target, host).unwrap();
+    let page = ask("GET", "/", &own);
+    assert!(page.status == 200 && page.header("content-type").unwrap().contains("text/html"), "{}", page.head);
+    assert!(String::from_utf8(page.body).unwrap().contains("connect-src 'self'"));
+    let scene = ask("GET", "/data/scene", &format!("localhost:{}", served.page.port));
+    assert!(scene.status == 200 && scene.header("content-type") == Some("application/json"), "{}", scene.head);
+    let scene = scene.json();
+    let points = ask("GET", "/data/points-optical", &own);
+    assert_eq!((points.status, points.body.len() as u64), (200, 16 * scene["points"]["optical"].as_u64().unwrap()));
+    let keyframe = ask("GET", "/data/keyframe-10", &own);
+    assert!(keyframe.status == 200 && keyframe.json()["image"]["observed"].as_str().unwrap().starts_with("data:image/"));
+    let head = ask("HEAD", "/data/scene", &own);
+    assert_eq!((head.status, head.body.len()), (200, 0));
     for target in ["/dataset.json", "/data/../dataset.json", "/%2e%2e/dataset.json", "/data/keyframe-11", "/favicon.ico"] {
-        assert_eq!(served.ask("GET", target, &own).0, 404, "{target}");
+        assert_eq!(ask("GET", target, &own).status, 404, "{target}");
     }
-    assert_eq!(served.ask("POST", "/data/scene", &own).0, 405);
+    assert_eq!(ask("POST", "/data/scene", &own).status, 405);
     for host in ["evil.example", "evil.example:80", "127.0.0.1", "169.254.169.254"] {
-        assert_eq!(served.ask("GET", "/", host).0, 403, "{host}");
+        assert_eq!(ask("GET", "/", host).status, 403, "{host}");
     }
 }
 
@@ -192,9 +156,9 @@ fn a_port_in_use_is_named() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_the_server_cleanly() {
-    let mut served = Served::start(text(tiny_dataset()));
+    let mut served = Served::start(text(tiny_dataset()), &[]);
     let kill = std::process::Command::new("kill").args(["-INT", &served.child.id().to_string()]).status().unwrap();
     assert!(kill.success());
     assert_eq!(served.child.wait().unwrap().code(), Some(0));
-    assert!(TcpStream::connect(("127.0.0.1", served.port)).is_err(), "nobody listens any more");
+    assert!(served.page.connect().is_err(), "nobody listens any more");
 }

@@ -7,7 +7,7 @@ mod reference_data;
 #[allow(unused_imports)]
 pub use reference_data::shared;
 
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -71,7 +71,56 @@ pub fn interrupt_when(arguments: &[&str], ready: impl Fn() -> bool) -> Option<i3
     if kill.success() { code } else { None }
 }
 
-/// An answer of a server on 127.0.0.1.
+/// The address of a viewer's page on this machine.
+#[derive(Clone)]
+pub struct Page {
+    pub port: u16,
+    pub token: String,
+}
+
+impl Page {
+    /// The parts of an address that was printed.
+    pub fn of(url: &str) -> Self {
+        let rest = url.strip_prefix("http://127.0.0.1:").unwrap_or_else(|| panic!("{url} is no address of this machine"));
+        let (port, token) = rest.split_once("/?token=").unwrap_or_else(|| panic!("{url} has no token"));
+        assert!(token.len() == 32 && token.bytes().all(|b| b.is_ascii_hexdigit()), "{url}");
+        Self { port: port.parse().unwrap(), token: token.to_owned() }
+    }
+
+    /// The server's own name.
+    pub fn host(&self) -> String {
+        format!("127.0.0.1:{}", self.port)
+    }
+
+    /// The cookie that a browser sends.
+    pub fn cookie(&self) -> String {
+        format!("corf-view-{}={}", self.port, self.token)
+    }
+
+    /// A connection.
+    pub fn connect(&self) -> std::io::Result<TcpStream> {
+        let stream = TcpStream::connect(("127.0.0.1", self.port))?;
+        stream.set_read_timeout(Some(PATIENCE))?;
+        Ok(stream)
+    }
+
+    /// Asks as a browser does that knows the token.
+    pub fn try_ask(&self, method: &str, target: &str, host: &str) -> std::io::Result<Answer> {
+        let cookie = self.cookie();
+        self.send(&format!("{method} {target} HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\nConnection: close\r\n\r\n"))
+    }
+
+    /// Sends a request as it stands, and reads until the server closes the connection.
+    pub fn send(&self, request: &str) -> std::io::Result<Answer> {
+        let mut stream = self.connect()?;
+        stream.write_all(request.as_bytes())?;
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer)?;
+        Answer::of(&answer).ok_or(std::io::ErrorKind::UnexpectedEof.into())
+    }
+}
+
+/// An answer of a server.
 pub struct Answer {
     pub status: u16,
     pub head: String,
@@ -79,22 +128,51 @@ pub struct Answer {
 }
 
 impl Answer {
+    /// The parts of an answer; none of one that is cut short within its head.
+    fn of(bytes: &[u8]) -> Option<Self> {
+        let end = bytes.windows(4).position(|w| w == b"\r\n\r\n")?;
+        let head = String::from_utf8(bytes[..end].to_vec()).unwrap();
+        let status = head.split(' ').nth(1).unwrap().parse().unwrap();
+        Some(Self { status, head, body: bytes[end + 4..].to_vec() })
+    }
+
+    /// The value of a header.
+    pub fn header(&self, name: &str) -> Option<&str> {
+        let lines = self.head.lines().skip(1).filter_map(|line| line.split_once(": "));
+        lines.filter(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, value)| value.trim()).next()
+    }
+
     /// The body as JSON.
     pub fn json(&self) -> serde_json::Value {
         serde_json::from_slice(&self.body).unwrap()
     }
 }
 
-/// Asks a server on 127.0.0.1, which may have ended.
-pub fn try_ask(port: u16, method: &str, target: &str, host: &str) -> std::io::Result<Answer> {
-    let mut stream = TcpStream::connect(("127.0.0.1", port))?;
-    write!(stream, "{method} {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n")?;
-    let mut answer = Vec::new();
-    stream.read_to_end(&mut answer)?;
-    let end = answer.windows(4).position(|w| w == b"\r\n\r\n").ok_or(std::io::ErrorKind::UnexpectedEof)?;
-    let head = String::from_utf8(answer[..end].to_vec()).unwrap();
-    let status = head.split(' ').nth(1).unwrap().parse().unwrap();
-    Ok(Answer { status, head, body: answer[end + 4..].to_vec() })
+/// `corf view --json` at work; ended when it goes out of scope.
+pub struct Served {
+    pub child: Child,
+    pub page: Page,
+}
+
+impl Served {
+    pub fn start(folder: &str, more: &[&str]) -> Self {
+        let arguments = [&["view", folder, "--no-verify", "--json"], more].concat();
+        let mut child = command(&arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut said = String::new();
+        let mut lines = BufReader::new(child.stdout.take().unwrap());
+        while !said.contains('}') {
+            assert!(lines.read_line(&mut said).unwrap() > 0, "it ended: {said}");
+        }
+        let url = serde_json::from_str::<serde_json::Value>(&said).unwrap()["url"].as_str().unwrap().to_owned();
+        Self { child, page: Page::of(&url) }
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
 }
 
 /// A path as an argument.

@@ -47,7 +47,7 @@ impl View {
         let port = view::Port::hold(self.port, "--port")?;
         show(json, &serde_json::json!({ "url": port.url() }), &port.url())?;
         note!("open it in a browser on this machine; Ctrl-C ends it");
-        view::serve(&mut subject, &port)?;
+        view::serve(&mut subject, port)?;
         Ok(Verdict::Done)
     }
 }

@@ -8,13 +8,16 @@
 //! keyframe    pictures and numbers of one keyframe; `peaks` finds a spectrum's strongest directions
 //! growth      what a reconstruction at work and its page tell each other; `watching` serves that page from a thread
 //! page        the parts in one HTML file, exported whole
-//! routes      what the local server answers; `server` holds its port and runs it
+//! guard       who is answered by the local server; `routes` what
+//! server      holds its port and speaks to browsers, each in a `connection`
 //! assets/     the page itself: HTML, style, and one script a job
 //! ```
 //!
 //! The page draws as the rasteriser of the `corf` crate draws (`tools/check_view.py` compares the two).
 
+mod connection;
 mod growth;
+pub mod guard;
 mod keyframe;
 mod page;
 mod peaks;
@@ -27,6 +30,7 @@ mod subject;
 mod watching;
 
 pub use page::export;
+pub use routes::leads_somewhere;
 pub use server::{Port, serve};
 pub use subject::Subject;
 pub use watching::Watching;

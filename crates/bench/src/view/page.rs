@@ -38,6 +38,10 @@ const MOST_CHARACTERS: usize = 500_000_000;
 const POLICY: &str =
     "default-src 'none'; base-uri 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; worker-src blob:";
 
+/// What a page that is served may ask for beside: the routes of its server.
+pub(super) const SERVED_POLICY: &str = "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data:; style-src 'unsafe-inline'; \
+     script-src 'unsafe-inline'; worker-src blob:; connect-src 'self'";
+
 /// Puts values into a template's `{{NAME}}`s, once: what a value holds stays as it is.
 fn fill(template: &str, values: &[(&str, &str)]) -> String {
     let mut out = String::with_capacity(template.len() + values.iter().map(|v| v.1.len()).sum::<usize>());
@@ -65,7 +69,15 @@ fn page(scene: &SceneDocument, policy: &str, data: &str) -> String {
 
 /// A page that asks the server it comes from for its data.
 pub(super) fn served(scene: &SceneDocument) -> String {
-    page(scene, &format!("{POLICY}; connect-src 'self'"), "")
+    page(scene, SERVED_POLICY, "")
+}
+
+/// A page of one paragraph.
+pub(super) fn notice(text: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>corf view</title></head>\n<body><p>{}</p></body></html>\n",
+        escape(text)
+    )
 }
 
 /// JSON that ends no element it stands in.
@@ -153,6 +165,7 @@ mod tests {
         for name in ["TITLE", "POLICY", "STYLE", "UNIT", "SCRIPT", "DATA"] {
             assert!(PAGE.contains(&format!("{{{{{name}}}}}")), "{name}");
         }
+        assert_eq!(SERVED_POLICY.replace("; form-action 'none'", ""), format!("{POLICY}; connect-src 'self'"));
         let all = [PAGE, STYLE, &SCRIPTS.join("\n")].concat();
         assert!(!all.contains("http://") && !all.contains("https://") && !all.contains("@import") && !all.contains("url("));
         assert!(!SCRIPTS.join("\n").contains("</script"), "a script must not end its element");

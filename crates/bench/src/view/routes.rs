@@ -5,6 +5,7 @@ use super::points;
 use super::scene::SceneDocument;
 use super::subject::Subject;
 use anyhow::Result;
+use std::sync::{Arc, Weak};
 
 /// One thing that can be asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,12 +45,13 @@ impl Route {
     }
 }
 
-/// Whether a request's `Host` is this server by its own name: a page of another name that resolves to this machine is not answered (DNS
-/// rebinding).
-pub(super) fn is_own_host(host: Option<&str>, port: u16) -> bool {
-    let own = |name: &str| host == Some(format!("{name}:{port}").as_str()) || (port == 80 && host == Some(name));
-    own("127.0.0.1") || own("localhost")
+/// Whether a request's target leads to something, of a data set with so many keyframes.
+pub fn leads_somewhere(target: &str, keyframes: usize) -> bool {
+    Route::of(target, keyframes).is_some()
 }
+
+/// What an answer may load unless it is the page: nothing.
+const NOTHING: &str = "default-src 'none'; base-uri 'none'; form-action 'none'";
 
 /// An answer.
 #[derive(Debug, PartialEq, Eq)]
@@ -58,57 +60,91 @@ pub(super) struct Answer {
     pub status: u16,
     /// Media type.
     pub kind: &'static str,
-    /// Content.
-    pub body: Vec<u8>,
+    /// Content, which all who are sent it share.
+    pub body: Arc<Vec<u8>>,
     /// Version of the content, where there are several.
     pub version: Option<u64>,
+    /// What a browser may load for it.
+    pub policy: &'static str,
 }
 
 impl Answer {
-    fn of(kind: &'static str, body: Vec<u8>) -> Self {
-        Self { status: 200, kind, body, version: None }
+    fn of(kind: &'static str, body: Arc<Vec<u8>>) -> Self {
+        Self { status: 200, kind, body, version: None, policy: NOTHING }
     }
 
-    fn text(status: u16, text: &str) -> Self {
-        Self { status, ..Self::of("text/plain; charset=utf-8", format!("{text}\n").into_bytes()) }
+    /// A line of text.
+    pub fn text(status: u16, text: &str) -> Self {
+        Self { status, ..Self::of("text/plain; charset=utf-8", Arc::new(format!("{text}\n").into_bytes())) }
+    }
+
+    /// A page that says one thing.
+    pub fn notice(status: u16, text: &str) -> Self {
+        Self { status, ..Self::of(HTML, Arc::new(page::notice(text).into_bytes())) }
     }
 }
 
-/// Answers a request; what goes wrong inside is an answer too.
-pub(super) fn answer(subject: &mut Subject, port: u16, method: &str, target: &str, host: Option<&str>) -> Answer {
-    if !is_own_host(host, port) {
-        return Answer::text(403, &format!("this server answers to http://127.0.0.1:{port}/ only"));
-    }
-    if method != "GET" && method != "HEAD" {
-        return Answer::text(405, "this server is only read");
-    }
-    let route = Route::of(target, subject.dataset.len());
-    let answered = route.map_or(Ok(None), |route| content(subject, route));
-    match answered {
-        Ok(answer) => answer.unwrap_or_else(|| Answer::text(404, "there is nothing here")),
-        Err(error) => Answer::text(500, &format!("{error:#}")),
-    }
+const HTML: &str = "text/html; charset=utf-8";
+
+/// What answers: a subject, and the contents that somebody is being sent.
+pub(super) struct Desk<'s> {
+    subject: &'s mut Subject,
+    /// Contents that never change, by route, as long as somebody is sent them: who asks meanwhile is sent the same.
+    under_way: Vec<(Route, Weak<Vec<u8>>)>,
 }
 
-/// The content of a route; none where the subject has no such thing.
-fn content(subject: &mut Subject, route: Route) -> Result<Option<Answer>> {
-    let json = |body: Vec<u8>| Answer::of("application/json", body);
-    let binary = |body: Vec<u8>| Answer::of("application/octet-stream", body);
-    let growth = subject.work.as_ref().map(|work| &work.growth);
-    Ok(Some(match route {
-        Route::Page => Answer::of("text/html; charset=utf-8", page::served(&SceneDocument::of(subject)?).into_bytes()),
-        Route::Scene => json(serde_json::to_vec(&SceneDocument::of(subject)?)?),
-        Route::Growth { asks } => {
-            let Some(growth) = growth else { return Ok(None) };
-            json(serde_json::to_vec(&growth.document(asks))?)
+impl<'s> Desk<'s> {
+    pub fn new(subject: &'s mut Subject) -> Self {
+        Self { subject, under_way: Vec::new() }
+    }
+
+    /// Answers a request's target; what goes wrong inside is an answer too.
+    pub fn answer(&mut self, target: &str) -> Answer {
+        let route = Route::of(target, self.subject.dataset.len());
+        let answered = route.map_or(Ok(None), |route| self.content(route));
+        match answered {
+            Ok(answer) => answer.unwrap_or_else(|| Answer::text(404, "there is nothing here")),
+            Err(error) => Answer::text(500, &format!("{error:#}")),
         }
-        Route::Field => match growth.map(|growth| growth.bytes()) {
-            Some((version, bytes)) => Answer { version: Some(version), ..binary(bytes) },
-            None => binary(page::field_bytes(subject)),
-        },
-        Route::Points(modality) => binary(points::read(&subject.dataset, modality)?),
-        Route::Keyframe(index) => json(serde_json::to_vec(&subject.keyframe(index)?)?),
-    }))
+    }
+
+    /// The content of a route that never changes.
+    fn once(&mut self, route: Route, make: impl FnOnce(&mut Subject) -> Result<Vec<u8>>) -> Result<Arc<Vec<u8>>> {
+        self.under_way.retain(|(_, body)| body.strong_count() > 0);
+        if let Some(body) = self.under_way.iter().find(|(of, _)| *of == route).and_then(|(_, body)| body.upgrade()) {
+            return Ok(body);
+        }
+        let body = Arc::new(make(self.subject)?);
+        self.under_way.push((route, Arc::downgrade(&body)));
+        Ok(body)
+    }
+
+    /// The content of a route; none where the subject has no such thing.
+    fn content(&mut self, route: Route) -> Result<Option<Answer>> {
+        let json = |body: Arc<Vec<u8>>| Answer::of("application/json", body);
+        let binary = |body: Arc<Vec<u8>>| Answer::of("application/octet-stream", body);
+        let growth = self.subject.work.as_ref().map(|work| work.growth.clone());
+        Ok(Some(match route {
+            Route::Page => {
+                let html = page::served(&SceneDocument::of(self.subject)?);
+                Answer { policy: page::SERVED_POLICY, ..Answer::of(HTML, Arc::new(html.into_bytes())) }
+            }
+            Route::Scene => json(Arc::new(serde_json::to_vec(&SceneDocument::of(self.subject)?)?)),
+            Route::Growth { asks } => {
+                let Some(growth) = growth else { return Ok(None) };
+                json(Arc::new(serde_json::to_vec(&growth.document(asks))?))
+            }
+            Route::Field => match growth {
+                Some(growth) => {
+                    let (version, bytes) = growth.bytes();
+                    Answer { version: Some(version), ..binary(bytes) }
+                }
+                None => binary(self.once(route, |subject| Ok(page::field_bytes(subject)))?),
+            },
+            Route::Points(modality) => binary(self.once(route, |subject| points::read(&subject.dataset, modality))?),
+            Route::Keyframe(index) => json(self.once(route, |subject| Ok(serde_json::to_vec(&subject.keyframe(index)?)?))?),
+        }))
+    }
 }
 
 #[cfg(test)]
@@ -142,24 +178,5 @@ mod tests {
         ] {
             assert_eq!(of(none), None, "{none}");
         }
-    }
-
-    #[test]
-    fn only_its_own_names_are_answered_to() {
-        for own in ["127.0.0.1:8123", "localhost:8123"] {
-            assert!(is_own_host(Some(own), 8123), "{own}");
-        }
-        for other in [
-            None,
-            Some(""),
-            Some("127.0.0.1"),
-            Some("localhost"),
-            Some("127.0.0.1:80"),
-            Some("evil.example:8123"),
-            Some("127.0.0.1:8123.evil.example"),
-        ] {
-            assert!(!is_own_host(other, 8123), "{other:?}");
-        }
-        assert!(is_own_host(Some("localhost"), 80));
     }
 }

@@ -1,7 +1,9 @@
-//! A reconstruction that can be looked at while it works: its server has a thread of its own.
+//! A reconstruction that can be looked at while it works: threads of their own speak to browsers and make what they ask for.
+//! It neither waits for them nor ends with them.
 
 use super::growth::{Drawing, Growth};
-use super::server::Port;
+use super::routes::Desk;
+use super::server::{Port, Server};
 use super::subject::{Subject, Work};
 use crate::method::{Advance, Method};
 use crate::methods::open::raster_of_method;
@@ -11,14 +13,15 @@ use anyhow::{Context, Result};
 use corf::Field;
 use corf_scene::dataset::Dataset;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Longest wait at the end for a page that is looking, which may have been closed, and for what it is sent.
+const LONGEST_WAIT: Duration = Duration::from_secs(4);
 
 /// The page of a reconstruction at work. The server ends with it.
 pub struct Watching {
     growth: Arc<Growth>,
-    over: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    server: Server,
 }
 
 impl Watching {
@@ -39,20 +42,17 @@ impl Watching {
         let drawing = Drawing { raster, radio, modalities: dataset.modalities() };
         let growth = Arc::new(Growth::new(drawing, method.unit(), split.train.len()));
         let work = Work { method: method.id().to_owned(), seed, split: split.clone(), growth: growth.clone() };
-        let over = Arc::new(AtomicBool::new(false));
-        let (url, ends, dataset) = (port.url(), over.clone(), dataset.clone());
-        let serve = move || {
+        let (url, dataset) = (port.url(), dataset.clone());
+        let (server, jobs) = port.open()?;
+        // It ends with the server, which sends the jobs; one that is at work then is not waited for.
+        let answer = move || {
             let mut subject = Subject::at_work(dataset, work);
-            while !ends.load(Ordering::SeqCst) {
-                if let Err(error) = port.answer_one(&mut subject) {
-                    note!("nobody can look any more: {error:#}");
-                    break;
-                }
-            }
+            let mut desk = Desk::new(&mut subject);
+            jobs.into_iter().for_each(|job| job.answer(&mut desk));
         };
-        let thread = std::thread::Builder::new().name("view".to_owned()).spawn(serve).context("the viewer gets no thread")?;
+        std::thread::Builder::new().name("view".to_owned()).spawn(answer).context("the viewer gets no thread")?;
         note!("{url} shows the field while it grows: open it in a browser on this machine");
-        Ok(Self { growth, over, thread: Some(thread) })
+        Ok(Self { growth, server })
     }
 
     /// Takes note of progress; the field is read only where a page has asked for it.
@@ -60,17 +60,11 @@ impl Watching {
         self.growth.tell(advance);
     }
 
-    /// Shows a page that is looking what the reconstruction ended with, and ends the server.
+    /// Shows a page that is looking what the reconstruction ended with, and ends the server: within five seconds, whatever its clients do.
     pub fn finish(self, field: impl FnOnce() -> Option<Field>) {
-        self.growth.finish(field);
-    }
-}
-
-impl Drop for Watching {
-    fn drop(&mut self) {
-        self.over.store(true, Ordering::SeqCst);
-        // An answer that has begun is given.
-        let _ = self.thread.take().map(JoinHandle::join);
+        let until = Instant::now() + LONGEST_WAIT;
+        self.growth.finish(until, field);
+        self.server.end(until);
     }
 }
 

@@ -15,12 +15,12 @@ class EmbeddedSource {
   }
 }
 
-/** A served page: every part is a route of the same server. */
+/** A served page: every part is a route of the same server. What the address says of the token is said again, for browsers that keep no cookie. */
 class ServedSource {
   async #get(name) {
     let answer;
     try {
-      answer = await fetch(`data/${name}`);
+      answer = await fetch(`data/${name}${location.search}`);
     } catch {
       throw new Error('the program that serves this page has ended');
     }
