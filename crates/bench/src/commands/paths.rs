@@ -43,7 +43,7 @@ pub struct Paths {
     /// Receiver, world metres; may be repeated.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     rx: Vec<Point>,
-    /// More receivers: x, y, z a line (.csv), or a NumPy array N x 3 (.npy).
+    /// More receivers: x, y, z in metres a line, or the columns of these names in any order (.csv), or a NumPy array N x 3 (.npy).
     #[arg(long, value_name = "FILE")]
     rx_file: Option<PathBuf>,
     /// More receivers: this many, equally spaced along the scene's trajectory.

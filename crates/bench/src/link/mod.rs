@@ -1,6 +1,7 @@
 //! What `corf paths` and `corf coverage` share: a scene, how its radio is traced, and between which antennas.
 
 mod receivers;
+mod table;
 
 pub use receivers::receivers;
 
