@@ -332,7 +332,8 @@ fn rectangle(centre: [f64; 2], size: [f64; 2], turn_rad: f64) -> Vec<[f64; 2]> {
 fn edges_m(scene: &Scene) -> f64 {
     let length = |tracer: RadioTracer<'_>| tracer.wedges().iter().flat_map(|w| &w.spans).map(|[u, v]| v - u).sum::<f64>();
     let bvh = Bvh::build(scene);
-    let [one, other] = [RadioTracer::without_bvh(scene, settings()), RadioTracer::new(scene, &bvh, settings())].map(|t| length(t.unwrap()));
+    let [one, other] =
+        [RadioTracer::without_bvh(scene, settings()), RadioTracer::new(scene, &bvh, settings())].map(|t| length(t.unwrap()));
     assert!((one - other).abs() < 1e-9, "{one} {other}");
     one
 }
@@ -361,11 +362,7 @@ fn the_edge_of_sheets_in_one_plane_is_the_border_of_them_all() {
         ("beside", vec![rectangle([0.0; 2], [2.0, 4.0], 0.0), rectangle([2.0, 0.5], [2.0, 1.0], 0.0)], 12.0 + 6.0 - 2.0),
         ("corners", vec![rectangle([0.0; 2], [2.0, 2.0], 0.0), rectangle([2.0, 2.0], [2.0, 2.0], 0.0)], 16.0),
         ("apart", vec![rectangle([0.0; 2], [2.0, 2.0], 0.0), rectangle([2.001, 0.0], [2.0, 2.0], 0.0)], 16.0),
-        (
-            "chain",
-            (0..4).map(|i| rectangle([f64::from(i) * 0.9, 0.0], [1.0, 1.0], 0.0)).collect(),
-            2.0 * (3.0 * 0.9 + 1.0) + 2.0,
-        ),
+        ("chain", (0..4).map(|i| rectangle([f64::from(i) * 0.9, 0.0], [1.0, 1.0], 0.0)).collect(), 2.0 * (3.0 * 0.9 + 1.0) + 2.0),
     ];
     for (name, pieces, expected) in cases {
         for (turned, glass) in [(false, 0), (true, 0), (false, 1), (true, 1)] {

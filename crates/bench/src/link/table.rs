@@ -58,14 +58,44 @@ const UNITS: [(&[&str], f64); 8] = [
 
 /// Words that a coordinate's name may have about it.
 const ABOUT: [&str; 17] = [
-    "pos", "position", "coord", "coordinate", "coordinates", "loc", "location", "point", "rx", "receiver", "ue", "user", "world", "axis",
-    "value", "local", "scene",
+    "pos",
+    "position",
+    "coord",
+    "coordinate",
+    "coordinates",
+    "loc",
+    "location",
+    "point",
+    "rx",
+    "receiver",
+    "ue",
+    "user",
+    "world",
+    "axis",
+    "value",
+    "local",
+    "scene",
 ];
 
 /// Words of places on the earth.
 const GEOGRAPHIC: [&str; 17] = [
-    "lat", "latitude", "lon", "long", "lng", "longitude", "alt", "altitude", "elev", "elevation", "easting", "northing", "east", "north",
-    "utm", "wgs84", "geo",
+    "lat",
+    "latitude",
+    "lon",
+    "long",
+    "lng",
+    "longitude",
+    "alt",
+    "altitude",
+    "elev",
+    "elevation",
+    "easting",
+    "northing",
+    "east",
+    "north",
+    "utm",
+    "wgs84",
+    "geo",
 ];
 
 /// Reads a table; `place` names the file.
@@ -179,9 +209,8 @@ impl Separator {
         let (mut fields, mut rest) = (Vec::new(), line.trim_start_matches([' ', '\u{a0}']));
         loop {
             if let Some(quoted) = rest.strip_prefix('"') {
-                let (field, behind) = unquoted(quoted).ok_or_else(|| {
-                    Error::invalid(at, "a quotation mark is not closed", "close it, or leave it out")
-                })?;
+                let (field, behind) = unquoted(quoted)
+                    .ok_or_else(|| Error::invalid(at, "a quotation mark is not closed", "close it, or leave it out"))?;
                 let behind = behind.trim_start_matches([' ', '\u{a0}']);
                 if behind.chars().next().is_some_and(|c| !is_separator(c)) && self != Self::Blanks {
                     let what = format!("`{}` stands behind a closing quotation mark", behind.trim());
@@ -242,7 +271,9 @@ fn has_decimal_comma(word: &str) -> bool {
 /// Whether a line's words, parted by anything but commas, are three at least and have decimal commas.
 fn decimal_commas(line: &str) -> bool {
     let words: Vec<&str> = line.split([';', ' ', '\t']).filter(|w| !w.trim().is_empty()).collect();
-    words.len() >= 3 && words.iter().any(|w| has_decimal_comma(w)) && words.iter().all(|w| number(w).is_some() || has_decimal_comma(w))
+    words.len() >= 3
+        && words.iter().any(|w| has_decimal_comma(w))
+        && words.iter().all(|w| number(w).is_some() || has_decimal_comma(w))
 }
 
 /// Whether some field between tabs holds blanks within: then tabs are blanks as any.
@@ -257,7 +288,13 @@ fn plain(fields: &[String], line: &str, at: &str) -> Result<DVec3, Error> {
     {
         return Ok(DVec3::new(x, y, z));
     }
-    Err(misfit(fields, line, at, "is not x, y, z", "give three numbers a line, in metres, or the names of the columns in a first line: name,x,y,z"))
+    Err(misfit(
+        fields,
+        line,
+        at,
+        "is not x, y, z",
+        "give three numbers a line, in metres, or the names of the columns in a first line: name,x,y,z",
+    ))
 }
 
 /// The error of a line that is no point.
@@ -291,7 +328,13 @@ impl Columns {
             match meaning(name) {
                 Column::Axis(axis, unit) => {
                     if let Some(other) = of_axis[axis].replace(i) {
-                        let what = format!("columns {} and {} are both {}: `{}` and `{name}`", other + 1, i + 1, AXES[axis], names[other]);
+                        let what = format!(
+                            "columns {} and {} are both {}: `{}` and `{name}`",
+                            other + 1,
+                            i + 1,
+                            AXES[axis],
+                            names[other]
+                        );
                         return Err(Error::invalid(at, what, "name one x, one y and one z"));
                     }
                     units[axis] = unit;
@@ -303,7 +346,8 @@ impl Columns {
         if let [Some(x), Some(y), Some(z)] = of_axis {
             return Ok(Self { names: names.to_vec(), of_axis: [x, y, z], units });
         }
-        let missing: Vec<&str> = AXES.into_iter().zip(of_axis).filter(|(_, column)| column.is_none()).map(|(axis, _)| axis).collect();
+        let missing: Vec<&str> =
+            AXES.into_iter().zip(of_axis).filter(|(_, column)| column.is_none()).map(|(axis, _)| axis).collect();
         let help = "name the columns x, y and z, world metres of the scene (x_cm and the like are converted), begin a comment with #, or leave names out";
         let what = match geographic.as_slice() {
             [] => format!("`{}` names no column {}", names.join(", "), missing.join(", ")),
@@ -325,7 +369,8 @@ impl Columns {
                 return Err(Error::invalid(at, what, "give numbers, or a unit: m, cm, mm, km, ft, in"));
             };
             if self.units[axis].is_some_and(|said| said != unit) {
-                let what = format!("the unit of {} is `{word}` here and another in `{}`", AXES[axis], self.names[self.of_axis[axis]]);
+                let what =
+                    format!("the unit of {} is `{word}` here and another in `{}`", AXES[axis], self.names[self.of_axis[axis]]);
                 return Err(Error::invalid(at, what, "say one of them"));
             }
             self.units[axis] = Some(unit);
@@ -334,7 +379,9 @@ impl Columns {
     }
 
     fn point(&self, fields: &[String], line: &str, at: &str) -> Result<DVec3, Error> {
-        let misfit = |how: &str| misfit(fields, line, at, how, "give a number for every x, y and z, and as many fields a line as there are names");
+        let misfit = |how: &str| {
+            misfit(fields, line, at, how, "give a number for every x, y and z, and as many fields a line as there are names")
+        };
         if fields.len() > self.names.len() {
             return Err(misfit(&format!("has {} fields, and {} columns have names", fields.len(), self.names.len())));
         }
@@ -494,7 +541,10 @@ mod tests {
             assert!(table.notes.iter().any(|note| note.contains(said)), "{text:?}: {:?}", table.notes);
         }
         let table = read("# all in cm\n4,1.5,1.2", "rx.csv").unwrap();
-        assert!(table.points == [DVec3::from(ONE)] && table.notes[0].contains("rx.csv:1") && table.notes[0].contains("cm"), "{table:?}");
+        assert!(
+            table.points == [DVec3::from(ONE)] && table.notes[0].contains("rx.csv:1") && table.notes[0].contains("cm"),
+            "{table:?}"
+        );
     }
 
     #[test]
@@ -559,7 +609,10 @@ mod tests {
     #[test]
     fn any_text_is_read_or_refused() {
         let mut rng = corf_scene::Rng::keyed(7, 7, 7);
-        let parts = ["x", "y", "z", ",", ";", "\t", " ", "\n", "\r\n", "\"", "#", "1", "-2.5", "1,5", "cm", "lat", "é", "\u{feff}", "sep=", "nan"];
+        let parts = [
+            "x", "y", "z", ",", ";", "\t", " ", "\n", "\r\n", "\"", "#", "1", "-2.5", "1,5", "cm", "lat", "é", "\u{feff}",
+            "sep=", "nan",
+        ];
         for _ in 0..20_000 {
             let count = (rng.uniform_f64() * 24.0) as usize;
             let text: String = (0..count).map(|_| parts[(rng.uniform_f64() * parts.len() as f64) as usize]).collect();

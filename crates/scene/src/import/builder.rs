@@ -99,11 +99,8 @@ pub(super) fn append(
 /// mirror's sign, which is taken out.
 pub(super) fn normal_map(linear: &DMat3) -> DMat3 {
     let sign = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
-    DMat3::from_cols(
-        linear.y_axis.cross(linear.z_axis),
-        linear.z_axis.cross(linear.x_axis),
-        linear.x_axis.cross(linear.y_axis),
-    ) * sign
+    DMat3::from_cols(linear.y_axis.cross(linear.z_axis), linear.z_axis.cross(linear.x_axis), linear.x_axis.cross(linear.y_axis))
+        * sign
 }
 
 /// Most triangles of a scene: with their vertices, hierarchy and tables more fit no ordinary memory.

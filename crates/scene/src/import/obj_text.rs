@@ -141,9 +141,13 @@ pub(super) fn mend(bytes: &[u8], file: &str, notes: &mut Notes) -> Result<ObjTex
             "mtllib" if !rest.is_empty() => reader.libraries.push((line, rest.to_string())),
             // Smoothing, levels of detail and the like change no geometry here.
             "s" | "mg" | "lod" | "bevel" | "c_interp" | "d_interp" | "mtllib" | "end" => {}
-            "surf" | "curv" | "curv2" | "bsp" | "bzp" | "cdc" | "cdp" | "res" => notes.warn("free-form curves and surfaces are not read; export them as meshes", place()),
+            "surf" | "curv" | "curv2" | "bsp" | "bzp" | "cdc" | "cdp" | "res" => {
+                notes.warn("free-form curves and surfaces are not read; export them as meshes", place())
+            }
             "cstype" | "deg" | "bmat" | "step" | "parm" | "trim" | "hole" | "scrv" | "sp" | "con" | "vp" | "stech" | "ctech" => {}
-            "call" => notes.warn("`call` is not carried out: what is in the other file stands nowhere; put all into one file", place()),
+            "call" => {
+                notes.warn("`call` is not carried out: what is in the other file stands nowhere; put all into one file", place())
+            }
             "csh" => notes.warn("`csh` is not carried out: files run no commands", place()),
             "shadow_obj" | "trace_obj" => {
                 notes.warn(format!("`{keyword}` is not read: shadows and reflections are of the object itself"), place());

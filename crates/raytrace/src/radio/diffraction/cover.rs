@@ -76,7 +76,9 @@ fn uncovered(mut covered: Vec<[f64; 2]>, length_m: f64) -> Vec<[f64; 2]> {
         }
     }
     let (mut open, mut at) = (Vec::new(), 0.0);
-    for [from, to] in joined.into_iter().map(|[from, to]| [from.max(0.0), to.min(length_m)]).filter(|[from, to]| to - from > TOUCHING_M) {
+    for [from, to] in
+        joined.into_iter().map(|[from, to]| [from.max(0.0), to.min(length_m)]).filter(|[from, to]| to - from > TOUCHING_M)
+    {
         if from - at > TOUCHING_M {
             open.push([at, from]);
         }
@@ -114,7 +116,10 @@ mod tests {
         let sheet = Sheet { face: 0, triangle: 0, into: -DVec3::Y };
         let beyond = |corners: [[f64; 3]; 3]| covered_beyond(&corners.map(DVec3::from), DVec3::ZERO, DVec3::X, &sheet);
         let near = |found: Option<[f64; 2]>, expected: [f64; 2]| {
-            assert!(found.is_some_and(|f| (f[0] - expected[0]).abs().max((f[1] - expected[1]).abs()) < 1e-9), "{found:?} {expected:?}");
+            assert!(
+                found.is_some_and(|f| (f[0] - expected[0]).abs().max((f[1] - expected[1]).abs()) < 1e-9),
+                "{found:?} {expected:?}"
+            );
         };
         // On a side, across the edge, from a gap, tilted out of the plane: as far as its planes touch.
         near(beyond([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0]]), [1.0, 2.0]);

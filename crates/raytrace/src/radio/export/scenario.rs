@@ -54,9 +54,7 @@ pub fn deepmimo_scenario(set: &PathSet<'_>, scene: &Scene, settings: &RadioSetti
         serde_json::to_vec_pretty(value).map_err(|e| Error::invalid("JSON", e.to_string(), "report this as a defect"))
     };
     // DeepMIMO takes an object's id for its place in the list.
-    let described = |(id, object): (usize, &Object)| {
-        json!({ "name": object.name, "label": object.label, "id": id, "mesh_key": id.to_string() })
-    };
+    let described = |(id, object): (usize, &Object)| json!({ "name": object.name, "label": object.label, "id": id, "mesh_key": id.to_string() });
     let described: Vec<Value> = objects.iter().enumerate().map(described).collect();
     let params = json!({
         "version": DEEPMIMO,
@@ -141,7 +139,8 @@ fn objects(scene: &Scene, of_material: &BTreeMap<u32, u32>) -> Vec<Object> {
     objects.extend(cut_off);
     if ground.is_none() {
         // Nothing is level: the object that reaches up least.
-        let top = |object: &Object| object.vertices.iter().map(|v| scene.positions[*v as usize].z).fold(f32::NEG_INFINITY, f32::max);
+        let top =
+            |object: &Object| object.vertices.iter().map(|v| scene.positions[*v as usize].z).fold(f32::NEG_INFINITY, f32::max);
         if let Some(lowest) = objects.iter_mut().min_by(|a, b| top(a).total_cmp(&top(b))) {
             lowest.label = TERRAIN;
         }
@@ -310,7 +309,8 @@ mod tests {
 
     #[test]
     fn exactly_one_object_is_the_ground() {
-        let named = |list: &[(&str, &'static str, usize)]| list.iter().map(|(n, l, t)| (n.to_string(), *l, *t)).collect::<Vec<_>>();
+        let named =
+            |list: &[(&str, &'static str, usize)]| list.iter().map(|(n, l, t)| (n.to_string(), *l, *t)).collect::<Vec<_>>();
         // A floor of its own; the ceiling is as large, and a pit's bottom small.
         let floor = [(0, level_at(3.0, 4.0)), (1, WALL), (2, level_at(0.0, 4.0)), (3, level_at(-2.0, 1.0))];
         let expected = [("o0", OBJECTS, 2), ("o1", OBJECTS, 2), ("o2", TERRAIN, 2), ("o3", OBJECTS, 2)];

@@ -5,8 +5,8 @@ use super::super::notes::Notes;
 use super::document::Source;
 use super::{accessor, node};
 use crate::{Error, Result};
-use gltf::Semantic;
 use glam::{DMat3, DMat4, DVec3};
+use gltf::Semantic;
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -30,7 +30,12 @@ pub(super) struct Skins<'a> {
 
 impl<'a> Skins<'a> {
     /// Of a file whose scene has these roots.
-    pub(super) fn new(source: &'a Source<'a>, world_from_file: DMat4, parents: Rc<[Option<usize>]>, roots: &[gltf::Node<'_>]) -> Self {
+    pub(super) fn new(
+        source: &'a Source<'a>,
+        world_from_file: DMat4,
+        parents: Rc<[Option<usize>]>,
+        roots: &[gltf::Node<'_>],
+    ) -> Self {
         let mut is_root = vec![false; parents.len()];
         roots.iter().for_each(|root| is_root[root.index()] = true);
         let world_from_node = vec![None; parents.len()];
@@ -140,7 +145,8 @@ pub(super) fn pose(
     let mut blends = vec![(DMat4::ZERO, 0.0); count];
     let sets = sets(primitive, place)?;
     for set in 0..sets {
-        let (Some(joints), Some(weights)) = (primitive.get(&Semantic::Joints(set)), primitive.get(&Semantic::Weights(set))) else {
+        let (Some(joints), Some(weights)) = (primitive.get(&Semantic::Joints(set)), primitive.get(&Semantic::Weights(set)))
+        else {
             let what = format!("has a skin, and not both of JOINTS_{set} and WEIGHTS_{set}");
             return Err(Error::invalid(place, what, "export the model again, or without its skin"));
         };

@@ -19,7 +19,15 @@ impl File {
     }
 
     /// Adds an accessor of its own view; returns its number. `stride` 0 is tight.
-    pub(super) fn accessor(&mut self, component: u32, kind: &str, count: usize, normalized: bool, stride: usize, bytes: &[u8]) -> usize {
+    pub(super) fn accessor(
+        &mut self,
+        component: u32,
+        kind: &str,
+        count: usize,
+        normalized: bool,
+        stride: usize,
+        bytes: &[u8],
+    ) -> usize {
         self.bin.resize(self.bin.len().next_multiple_of(4), 0);
         let mut view = json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len() });
         if stride > 0 {
