@@ -13,6 +13,11 @@ ANGLE_TOLERANCE_DEG = 1e-4
 CHANNEL_TOLERANCE = 1e-5
 # A vertex of a path lies on a triangle of the scene; both are float32.
 SURFACE_TOLERANCE_M = 1e-3
+# Speeds of some metres a second; angles are float32 degrees.
+DOPPLER_TOLERANCE_HZ = 1e-2
+SPEED_OF_LIGHT = 299792458.0
+# The x part of a receiver's velocity has the wrong sign in DeepMIMO 4.0.5, which negates all spherical coordinates of a direction.
+TX_VELOCITY, RX_VELOCITY = (3.0, -2.0, 1.0), (0.0, 2.0, -1.0)
 # DeepMIMO's digits of Sionna's flags.
 DIGITS = {1: 1, 2: 3, 4: 4, 8: 2}
 
@@ -75,14 +80,15 @@ def check_deepmimo(folder, truth):
         deepmimo.summary(folder.name)
     transmitters = list(loaded.datasets) if isinstance(loaded, deepmimo.MacroDataset) else [loaded]
     insist(len(truth) % len(transmitters) == 0, f"{len(truth)} links of {len(transmitters)} transmitters")
-    worst = {"dB": 0.0, "s": 0.0, "deg": 0.0, "of the amplitudes": 0.0, "m": 0.0}
+    worst = {"dB": 0.0, "s": 0.0, "deg": 0.0, "of the amplitudes": 0.0, "m": 0.0, "Hz": 0.0}
     for tx, data in enumerate(transmitters):
         users = truth[tx :: len(transmitters)]
         insist(data.n_ue == len(users), f"{data.n_ue} users instead of {len(users)}")
         check_paths(data, users, worst)
         check_response(deepmimo, data, users, worst)
         check_scene(data, users, worst)
-    limits = (POWER_TOLERANCE_DB, DELAY_TOLERANCE_S, ANGLE_TOLERANCE_DEG, CHANNEL_TOLERANCE, SURFACE_TOLERANCE_M)
+        check_motion(data, users, worst)
+    limits = (POWER_TOLERANCE_DB, DELAY_TOLERANCE_S, ANGLE_TOLERANCE_DEG, CHANNEL_TOLERANCE, SURFACE_TOLERANCE_M, DOPPLER_TOLERANCE_HZ)
     for (unit, value), limit in zip(worst.items(), limits):
         insist(value < limit, f"{value:.3g} {unit} off, where {limit} is allowed")
     print(f"        {len(truth)} links, {most} paths at most: " + ", ".join(f"{v:.1e} {u}" for u, v in worst.items()))
@@ -158,3 +164,33 @@ def check_scene(data, users, worst):
             for k, vertex in enumerate(path["vertices"]):
                 worst["m"] = max(worst["m"], np.abs(data.inter_pos[user, i, k].astype(float) - vertex).max())
                 worst["m"] = max(worst["m"], distance_to_triangles(data.inter_pos[user, i, k].astype(float), corners))
+
+
+def check_motion(data, users, worst):
+    """Doppler shifts of ends that move, which need one terrain; and whatever a path meets belongs to an object that is there."""
+    import numpy as np
+
+    terrain = [thing for thing in data.scene.objects if thing.label == "terrain"]
+    insist(len(terrain) == 1, f"{len(terrain)} objects are terrain")
+    insist([thing.object_id for thing in data.scene.objects] == list(range(len(data.scene.objects))), "ids are no places in the list")
+    data.tx_vel, data.rx_vel = np.array(TX_VELOCITY), np.array(RX_VELOCITY)
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        shifts, owners = np.asarray(data.doppler), np.asarray(data.inter_obj)
+    triangles = [np.array([face.vertices for face in thing.faces], float) for thing in data.scene.objects]
+    ground = terrain[0].bounding_box.z_max
+
+    def towards(theta, phi):
+        return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+
+    for user, link in enumerate(users):
+        for i, path in enumerate(in_order(link["paths"])):
+            departing, arriving = towards(path["theta_t"], path["phi_t"]), towards(path["theta_r"], path["phi_r"])
+            shift = link["frequency_hz"] / SPEED_OF_LIGHT * (departing @ TX_VELOCITY + arriving @ RX_VELOCITY)
+            worst["Hz"] = max(worst["Hz"], abs(float(shifts[user, i]) - shift))
+            for k, vertex in enumerate(path["vertices"]):
+                owner = owners[user, i, k]
+                insist(0 <= owner < len(triangles), f"path {i} of user {user} meets object {owner}")
+                # Within a millimetre of the terrain's height all is the terrain's.
+                if abs(vertex[2] - ground) > SURFACE_TOLERANCE_M:
+                    off = distance_to_triangles(np.array(vertex), triangles[int(owner)])
+                    insist(off < SURFACE_TOLERANCE_M, f"path {i} of user {user} is {off} m from object {owner}")

@@ -140,6 +140,14 @@ fn a_deepmimo_scenario_is_whole_or_refused() {
     assert_eq!(params["txrx_sets"]["txrx_set_1"]["num_points"], 2);
     assert_eq!((&params["scene"]["n_triangular_faces"], &params["rt_params"]["frequency"]), (&24.into(), &60e9.into()));
     assert_eq!(params["materials"].as_object().unwrap().len(), 2);
+    // DeepMIMO's Doppler shifts need one terrain: the floor, cut off the room.
+    let objects: Value = serde_json::from_slice(&fs::read(out.join("objects.json")).unwrap()).unwrap();
+    let described: Vec<[&Value; 3]> = objects.as_array().unwrap().iter().map(|o| [&o["name"], &o["label"], &o["id"]]).collect();
+    let expected = [("room", "objects"), ("pillar", "objects"), ("room (ground)", "terrain")];
+    for (i, (found, (name, label))) in described.iter().zip(expected).enumerate() {
+        assert_eq!(found, &[&Value::from(name), &Value::from(label), &Value::from(i)], "{objects}");
+    }
+    assert_eq!((described.len(), &params["scene"]["n_objects"]), (3, &3.into()));
     assert!((params["materials"]["material_0"]["permittivity"].as_f64().unwrap() - 2.73).abs() < 0.01, "plasterboard");
     for (more, words) in [
         (&["--out", text(&folder.path().join("Room"))][..], &["capital letters"][..]),
@@ -148,6 +156,8 @@ fn a_deepmimo_scenario_is_whole_or_refused() {
         (&["--out", text(&folder.path().join("a")), "--bandwidth", "1e8"], &["--bandwidth", "compute_channels"]),
         (&["--out", text(&folder.path().join("a")), "--rx-array", "2x2"], &["[receiver]", "ue_antenna"]),
         (&["--out", text(&folder.path().join("a")), "--diffuse"], &["--diffuse", "no coefficient"]),
+        (&["--out", text(&folder.path().join("a")), "--velocity", "1,0,0"], &["--velocity", "rx_vel", "set_doppler"]),
+        (&["--out", text(&folder.path().join("a")), "--tx-velocity", "0,0,1"], &["--tx-velocity", "no velocities"]),
     ] {
         corf_refuses(&[&call[..], more].concat(), words);
     }

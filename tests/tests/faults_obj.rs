@@ -12,7 +12,7 @@ use std::path::Path;
 /// The scene of a scene file, as its commands see it.
 fn load(path: &Path) -> Scene {
     let config = SceneConfig::load(path).unwrap();
-    let scene = config.load_scene().unwrap();
+    let (scene, _) = config.load_scene().unwrap();
     config.check_radio(&scene).unwrap();
     scene
 }

@@ -28,6 +28,7 @@ mod faults_numbers;
 mod faults_obj;
 mod faults_paths;
 mod faults_server;
+mod faults_scenes;
 mod fields;
 mod growing;
 #[cfg(feature = "slow")]

@@ -5,6 +5,7 @@ use crate::oidn::Oidn;
 use crate::progress::Progress;
 use crate::run::claim_output;
 use crate::say;
+use crate::scene_in_use;
 use anyhow::{Result, bail};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::LightTracer;
@@ -42,8 +43,7 @@ pub struct Options {
 /// A scene that cannot be read or traced, an occupied or unwritable folder, an interrupt.
 pub fn generate(config: &DatasetConfig, out: &Path, options: Options) -> Result<Generated> {
     let scene_config = config.load_scene_config()?;
-    let (scene, left_out) = scene_config.load_scene_with_findings()?;
-    say::findings(left_out);
+    let scene = scene_in_use::load(&scene_config)?;
     generate_from(config, &scene_config, &scene, out, options)
 }
 

@@ -36,6 +36,7 @@ pub mod run;
 pub mod say;
 pub mod scale;
 pub mod scene_behind;
+pub mod scene_in_use;
 pub mod schema;
 pub mod splice;
 pub mod split;

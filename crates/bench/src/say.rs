@@ -2,8 +2,10 @@
 //! control sequences to a terminal, and a standard error that cannot be written to ends no work.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::fmt::{Arguments, Display, Write as _};
 use std::io::{ErrorKind, Write};
+use std::sync::{Mutex, PoisonError};
 
 /// Says a line on standard error, as `eprintln!` would; where that cannot be written, nothing happens.
 #[macro_export]
@@ -24,6 +26,13 @@ pub fn to_stderr(words: Arguments<'_>) {
 /// Says findings on standard error, a line each.
 pub fn findings<F: Display>(findings: impl IntoIterator<Item = F>) {
     findings.into_iter().for_each(|finding| to_stderr(format_args!("{finding}")));
+}
+
+/// Says findings on standard error, each text once in the life of the process.
+pub fn once<F: Display>(findings: impl IntoIterator<Item = F>) {
+    static SAID: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    let mut said = SAID.lock().unwrap_or_else(PoisonError::into_inner);
+    self::findings(findings.into_iter().map(|finding| finding.to_string()).filter(|text| said.insert(text.clone())));
 }
 
 /// Writes a result and a line's end to standard output; a reader that has gone away is no error.

@@ -1,5 +1,6 @@
 //! The scene that a data set was generated from, read again from its file: what re-traces a data set starts here, and refuses any other scene.
 
+use crate::scene_in_use;
 use anyhow::Result;
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use corf_scene::dataset::Dataset;
@@ -37,7 +38,7 @@ impl SceneBehind {
         let (config, recorded) = recorded(dataset)?;
         let header = dataset.header();
         let scene_config = SceneConfig::load(path)?;
-        let scene = scene_config.load_scene()?;
+        let scene = scene_in_use::load(&scene_config)?;
         let same_mesh = header.scene_sha256.as_deref() == Some(io::sha256_hex(&io::read(scene_config.mesh_path())?).as_str())
             && header.scene_content_sha256.as_ref().is_none_or(|hash| *hash == fingerprint::of_scene(&scene));
         if serde_json::to_value(&scene_config)? != serde_json::to_value(recorded)? || !same_mesh {

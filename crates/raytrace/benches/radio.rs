@@ -17,7 +17,7 @@ use std::path::Path;
 fn radio(c: &mut Criterion) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/lobby-mini.toml");
     let Ok(config) = DatasetConfig::load(&file) else { return println!("no {}: nothing to time", file.display()) };
-    let loaded = config.load_scene_config().and_then(|s| s.load_scene().map(|scene| (s, scene)));
+    let loaded = config.load_scene_config().and_then(|s| s.load_scene().map(|(scene, _)| (s, scene)));
     let (scene_config, scene) = match loaded {
         Ok(loaded) => loaded,
         Err(error) => return println!("nothing to time: {error}"),

@@ -112,7 +112,8 @@ fn main() -> Result<()> {
     let o = options()?;
     let config = DatasetConfig::load(&o.config)?;
     let scene_config = config.load_scene_config()?;
-    let scene = scene_config.load_scene()?;
+    let (scene, left_out) = scene_config.load_scene()?;
+    left_out.iter().for_each(|finding| eprintln!("{finding}"));
     let Some(loop_config) = &scene_config.trajectory else {
         return Err(Error::invalid(config.scene_path().display().to_string(), "no [trajectory]", "give one"));
     };

@@ -4,7 +4,7 @@
 //! cargo run --release -p corf-raytrace --example trace_paths -- scenes/room.toml
 //! ```
 
-#![allow(clippy::print_stdout)]
+#![allow(clippy::print_stdout, clippy::print_stderr)]
 
 use corf_raytrace::Bvh;
 use corf_raytrace::radio::RadioTracer;
@@ -16,7 +16,8 @@ use glam::DVec3;
 fn main() -> Result<()> {
     let path = std::env::args().nth(1).unwrap_or_else(|| "scenes/room.toml".into());
     let config = SceneConfig::load(&path)?;
-    let scene = config.load_scene()?;
+    let (scene, left_out) = config.load_scene()?;
+    left_out.iter().for_each(|finding| eprintln!("{finding}"));
     let rf = RfConfig { spectrum: SpectrumKind::Bartlett, diffuse: false, ..from_toml("width = 96\nheight = 64", "example")? };
     let plan = SensorPlan::from_parts(&rf, 1, &config.transmitter, &config);
     let bvh = Bvh::build(&scene);

@@ -279,16 +279,155 @@ fn seams_of_panels_are_no_edges() {
         (0..16).map(|i| panel([-20.0 + 5.0 * (i % 4) as f32, -15.0 + 5.0 * (i % 4) as f32], rows[i / 4])).collect();
     let junction = [panel([-20.0, 0.0], [0.0, 20.0]), panel([-20.0, -10.0], [-20.0, 0.0]), panel([-10.0, 0.0], [-20.0, 0.0])];
     let gap = [panel([-20.0, 0.0], [-1.0, 20.0]), panel([-20.0, 0.0], [-20.0, -1.00001])];
+    let overlap = [panel([-20.0, 0.0], [-1.01, 20.0]), panel([-20.0, 0.0], [-20.0, -1.0]), panel([-9.0, 0.0], [-3.0, 5.0])];
+    let whole = panel([-20.0, 0.0], [-20.0, 20.0]);
+    let poster = [whole, panel([-2.0, -1.0], [-1.0, 1.0]), panel([-3.0, 0.0], [-0.7, 0.4])];
     for (panels, objects, rounding) in [
         (&tiles[..], true, 1e-9),
         (&tiles[..], false, 1e-9),
         (&junction, true, 1e-9),
         (&junction, false, 1e-9),
         (&gap, true, 1e-4),
+        // By a centimetre, and by a half of one within the other; a smaller one within, and one flush with the edge.
+        (&overlap, true, 1e-9),
+        (&overlap, false, 1e-9),
+        (&poster, true, 1e-9),
+        (&poster, false, 1e-9),
     ] {
         for (found, expected) in gain(panels, objects).into_iter().zip(one) {
             assert!((found / expected - 1.0).abs() < rounding, "{} panels, {objects}: {found:e}, {expected:e}", panels.len());
         }
+    }
+}
+
+/// Sheets of the plane x = 0 by their corners (y, z), one object each, and the material of each.
+fn sheets(pieces: &[(Vec<[f64; 2]>, u32)]) -> Scene {
+    let materials = vec![conductor(), slab("glass", 6.31, 0.867)];
+    let mut scene = Scene { name: "sheets".into(), materials, ..Scene::default() };
+    for (i, (corners, material)) in pieces.iter().enumerate() {
+        let object = i as u32;
+        scene.objects.push(Object { name: format!("piece{i}") });
+        let first = scene.positions.len() as u32;
+        scene.positions.extend(corners.iter().map(|[y, z]| Vec3::new(0.0, *y as f32, *z as f32)));
+        scene.normals.extend(corners.iter().map(|_| Vec3::X));
+        scene.uvs.extend(corners.iter().map(|_| [0.0; 2]));
+        for k in 2..corners.len() as u32 {
+            let vertices = [first, first + k - 1, first + k];
+            scene.triangles.push(Triangle { vertices, material: *material, object });
+        }
+    }
+    scene
+}
+
+/// A rectangle of sides `size` about `centre`, turned by an angle.
+fn rectangle(centre: [f64; 2], size: [f64; 2], turn_rad: f64) -> Vec<[f64; 2]> {
+    let (sin, cos) = turn_rad.sin_cos();
+    [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
+        .map(|[u, v]| [u * size[0], v * size[1]])
+        .map(|[u, v]| [centre[0] + cos * u - sin * v, centre[1] + sin * u + cos * v])
+        .to_vec()
+}
+
+/// Length of all edges that diffract, metres, by the list of all triangles and by the hierarchy.
+fn edges_m(scene: &Scene) -> f64 {
+    let length = |tracer: RadioTracer<'_>| tracer.wedges().iter().flat_map(|w| &w.spans).map(|[u, v]| v - u).sum::<f64>();
+    let bvh = Bvh::build(scene);
+    let [one, other] =
+        [RadioTracer::without_bvh(scene, settings()), RadioTracer::new(scene, &bvh, settings())].map(|t| length(t.unwrap()));
+    assert!((one - other).abs() < 1e-9, "{one} {other}");
+    one
+}
+
+/// float32 corners at some metres, over a dozen edges.
+const PERIMETER_M: f64 = 2e-5;
+
+#[test]
+fn the_edge_of_sheets_in_one_plane_is_the_border_of_them_all() {
+    let star = 16.0 * (2.0 - 2f64.sqrt());
+    let at_45 = FRAC_PI_4;
+    // Outer and inner border of a frame of four bars that lie on each other at its corners.
+    let frame: Vec<Vec<[f64; 2]>> = [-1.5, 1.5]
+        .into_iter()
+        .flat_map(|c| [rectangle([c, 0.0], [1.0, 4.0], 0.0), rectangle([0.0, c], [4.0, 1.0], 0.0)])
+        .collect();
+    let cases: Vec<(&str, Vec<Vec<[f64; 2]>>, f64)> = vec![
+        ("one", vec![rectangle([0.0; 2], [3.0, 2.0], 0.3)], 10.0),
+        ("twice", vec![rectangle([0.0; 2], [3.0, 2.0], 0.3); 2], 10.0),
+        ("inset", vec![rectangle([0.0; 2], [3.0, 2.0], 0.3), rectangle([0.2, 0.1], [1.0, 0.5], 0.7)], 10.0),
+        ("flush", vec![rectangle([0.0; 2], [3.0, 2.0], 0.0), rectangle([-1.0, 0.0], [1.0, 1.0], 0.0)], 10.0),
+        ("overlap", vec![rectangle([0.0; 2], [2.0, 2.0], 0.0), rectangle([1.5, 0.5], [2.0, 2.0], 0.0)], 8.0 + 8.0 - 4.0),
+        ("cross", vec![rectangle([0.0; 2], [4.0, 1.0], 0.4), rectangle([0.0; 2], [1.0, 3.0], 0.4)], 14.0),
+        ("star", vec![rectangle([0.0; 2], [2.0, 2.0], 0.0), rectangle([0.0; 2], [2.0, 2.0], at_45)], star),
+        ("frame", frame, 16.0 + 8.0),
+        ("beside", vec![rectangle([0.0; 2], [2.0, 4.0], 0.0), rectangle([2.0, 0.5], [2.0, 1.0], 0.0)], 12.0 + 6.0 - 2.0),
+        ("corners", vec![rectangle([0.0; 2], [2.0, 2.0], 0.0), rectangle([2.0, 2.0], [2.0, 2.0], 0.0)], 16.0),
+        ("apart", vec![rectangle([0.0; 2], [2.0, 2.0], 0.0), rectangle([2.001, 0.0], [2.0, 2.0], 0.0)], 16.0),
+        ("chain", (0..4).map(|i| rectangle([f64::from(i) * 0.9, 0.0], [1.0, 1.0], 0.0)).collect(), 2.0 * (3.0 * 0.9 + 1.0) + 2.0),
+    ];
+    for (name, pieces, expected) in cases {
+        for (turned, glass) in [(false, 0), (true, 0), (false, 1), (true, 1)] {
+            // Every second piece wound the other way, and its diagonal elsewhere; of another material.
+            let of_piece = |(i, corners): (usize, &Vec<[f64; 2]>)| {
+                let mut corners = corners.clone();
+                if turned && i % 2 == 1 {
+                    corners.reverse();
+                    corners.rotate_left(1);
+                }
+                (corners, if i % 2 == 1 { glass } else { 0 })
+            };
+            let mut scene = sheets(&pieces.iter().enumerate().map(of_piece).collect::<Vec<_>>());
+            let found = edges_m(&scene);
+            assert!((found - expected).abs() < PERIMETER_M, "{name}, {turned}, {glass}: {found} m, not {expected} m");
+            // As one object, and so as one face where it is of one material.
+            scene.triangles.iter_mut().for_each(|t| t.object = 0);
+            let found = edges_m(&scene);
+            assert!((found - expected).abs() < PERIMETER_M, "{name} as one object, {turned}, {glass}: {found} m");
+            // Out of the plane by as much as float32 leaves at ten metres, in one piece.
+            if let Some(last) = scene.positions.last_mut() {
+                last.x += 2e-6;
+            }
+            let found = edges_m(&scene);
+            assert!((found - expected).abs() < PERIMETER_M, "{name} bent, {turned}, {glass}: {found} m");
+        }
+    }
+}
+
+/// A sheet of many small pieces, on another of many: more triangles than are tried one by one.
+#[test]
+fn the_edge_of_many_pieces_is_the_border_of_them_all() {
+    let tiles = |n: i32, size: f64, at: [f64; 2], turn_rad: f64| {
+        let (sin, cos) = turn_rad.sin_cos();
+        (0..n * n).map(move |i| {
+            let [u, v] = [f64::from(i % n) + 0.5, f64::from(i / n) + 0.5].map(|k| k * size - 0.5 * size * f64::from(n));
+            (rectangle([at[0] + cos * u - sin * v, at[1] + sin * u + cos * v], [size, size], turn_rad), 0)
+        })
+    };
+    let laid_over = |at, turn_rad| sheets(&tiles(6, 0.5, [0.0; 2], 0.0).chain(tiles(7, 0.3, at, turn_rad)).collect::<Vec<_>>());
+    // Within, whichever way it is turned, and over a side by 0.6 m.
+    for (at, turn_rad, expected) in [([0.0; 2], 0.0, 12.0), ([0.02, -0.01], 0.6, 12.0), ([1.05, 0.0], 0.0, 12.0 + 1.2)] {
+        let found = edges_m(&laid_over(at, turn_rad));
+        assert!((found - expected).abs() < PERIMETER_M, "{at:?}, {turn_rad}: {found} m, not {expected} m");
+    }
+}
+
+/// A plate that goes on from a box's top takes that edge from it, as far as it lies there; what lies on the top takes nothing.
+#[test]
+fn a_sheet_level_with_a_face_goes_on_from_it() {
+    let solid_m = |extra: &[[f32; 4]]| {
+        let mut scene = scene_of(conductor(), &box_quads(Vec3::new(-1.0, -1.0, 0.0), Vec3::ONE));
+        for [x0, x1, y0, y1] in extra {
+            let quad = [[*x0, *y0], [*x1, *y0], [*x1, *y1], [*x0, *y1]].map(|[x, y]| Vec3::new(x, y, 1.0));
+            add_quads(&mut scene, "plate", 0, &[quad]);
+        }
+        let tracer = RadioTracer::without_bvh(&scene, settings()).unwrap();
+        let solid = tracer.wedges().iter().filter(|w| !w.is_screen());
+        solid.flat_map(|w| &w.spans).map(|[u, v]| v - u).sum::<f64>()
+    };
+    let whole = solid_m(&[]);
+    assert!((whole - 20.0).abs() < PERIMETER_M, "{whole}");
+    for (plate, expected) in [([-0.5, 0.5, -0.5, 0.5], 20.0), ([0.5, 1.5, -0.25, 0.75], 19.0), ([1.0, 2.0, -3.0, 3.0], 18.0)] {
+        let found = solid_m(&[plate]);
+        assert!((found - expected).abs() < PERIMETER_M, "{plate:?}: {found}");
     }
 }
 

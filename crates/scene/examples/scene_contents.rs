@@ -4,7 +4,7 @@
 //! cargo run --release -p corf-scene --example scene_contents -- scenes/room.toml
 //! ```
 
-#![allow(clippy::print_stdout)]
+#![allow(clippy::print_stdout, clippy::print_stderr)]
 
 use corf_scene::config::SceneConfig;
 use corf_scene::{Result, trajectory};
@@ -13,7 +13,8 @@ fn main() -> Result<()> {
     let path = std::env::args().nth(1).unwrap_or_else(|| "scenes/room.toml".into());
     let config = SceneConfig::load(&path)?;
     // Reads the mesh and gives its materials what the scene file says of them at radio frequencies.
-    let scene = config.load_scene()?;
+    let (scene, left_out) = config.load_scene()?;
+    left_out.iter().for_each(|finding| eprintln!("{finding}"));
     println!("{}: {} triangles of {} objects", scene.name, scene.triangles.len(), scene.objects.len());
     for material in &scene.materials {
         match &material.radio {

@@ -7,7 +7,7 @@ use crate::metrics::image::psnr;
 use crate::oidn::Oidn;
 use crate::progress::Progress;
 use crate::run::claim_fresh;
-use crate::say;
+use crate::scene_in_use;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::{Bvh, Ray};
@@ -113,8 +113,7 @@ impl Light {
     pub fn run(self, json: bool) -> Result<Verdict> {
         let config = DatasetConfig::load(&self.config)?;
         let scene_config = config.load_scene_config()?;
-        let (scene, left_out) = scene_config.load_scene_with_findings()?;
-        say::findings(left_out);
+        let scene = scene_in_use::load(&scene_config)?;
         let denoiser = Oidn::asked_for(&config)?;
         let _held = self.pictures.as_deref().map(claim_fresh).transpose()?;
         let poses = config.poses(&scene_config)?;

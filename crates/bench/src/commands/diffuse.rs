@@ -6,6 +6,7 @@ use crate::interrupt;
 use crate::progress::Progress;
 use crate::run::claim_shared;
 use crate::say;
+use crate::scene_in_use;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -103,7 +104,7 @@ impl Diffuse {
     /// A scene that cannot be read or traced, settings out of range, files that cannot be written.
     pub fn run(self) -> Result<Verdict> {
         let config = SceneConfig::load(&self.scene)?;
-        let scene = config.load_scene()?;
+        let scene = scene_in_use::load(&config)?;
         config.check_radio(&scene)?;
         let tx = self.tx.map_or(config.transmitter.position(), |p| p.0);
         let bvh = Bvh::build(&scene);

@@ -43,7 +43,7 @@ pub struct Paths {
     /// Receiver, world metres; may be repeated.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     rx: Vec<Point>,
-    /// More receivers: x, y, z a line (.csv), or a NumPy array N x 3 (.npy).
+    /// More receivers: x, y, z in metres a line, or the columns of these names in any order (.csv), or a NumPy array N x 3 (.npy).
     #[arg(long, value_name = "FILE")]
     rx_file: Option<PathBuf>,
     /// More receivers: this many, equally spaced along the scene's trajectory.
@@ -147,7 +147,7 @@ impl Paths {
         }
         if self.format == Format::Npz && self.velocities().is_some() {
             let help = "choose --format json or sionna, or leave the velocity out";
-            return Err(Error::invalid("--velocity", "DeepMIMO's matrices are of things that stand still", help).into());
+            return Err(Error::invalid(self.moving(), "DeepMIMO's matrices are of things that stand still", help).into());
         }
         let channel = self.bandwidth.is_some() || setup.has_ports();
         if setup.link.diffuse && (self.format == Format::Sionna || self.format == Format::Npz && !channel) {
@@ -179,6 +179,11 @@ impl Paths {
             let help = "leave it out, and give compute_channels the band: ChannelParameters(ofdm={\"bandwidth\": …})";
             return Err(Error::invalid("--bandwidth", "DeepMIMO forms the channel itself", help).into());
         }
+        if self.velocities().is_some() {
+            let what = "a scenario of DeepMIMO holds no velocities: they would be lost";
+            let help = "leave it out, and give them to what deepmimo.load returns: rx_vel, tx_vel, or set_doppler with the doppler_hz of --format json";
+            return Err(Error::invalid(self.moving(), what, help).into());
+        }
         let mut setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
         setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
         paths_scenario::check(&setup)?;
@@ -186,6 +191,11 @@ impl Paths {
         let traced = self.trace(&setup, &DiffuseSettings::default())?;
         paths_scenario::write(&setup, &traced.set, out)?;
         Ok(Verdict::Done)
+    }
+
+    /// The flag that something moves by.
+    fn moving(&self) -> &'static str {
+        if self.velocity.is_some() { "--velocity" } else { "--tx-velocity" }
     }
 
     /// Velocities of transmitters and receivers, if one was given.

@@ -3,7 +3,7 @@
 use super::export_light::{self, LightViews};
 use super::{Verdict, show};
 use crate::run::{claim_fresh, claim_shared};
-use crate::say;
+use crate::scene_in_use;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand, ValueEnum};
 use corf_scene::config::{SceneConfig, read_toml};
@@ -205,7 +205,7 @@ impl Scene {
             Self::Export(Export { file, to: Format::Mitsuba, out, poses, views }) => {
                 let whole = File { file, allow_outside: false };
                 let (scene, left_out) = load(&whole)?;
-                say::findings(left_out);
+                scene_in_use::say_left_out(&left_out);
                 let config = is_config(&whole.file).then(|| SceneConfig::load(&whole.file)).transpose()?;
                 let views = views.resolve(config.as_ref(), &poses)?;
                 let _held = claim_fresh(&out)?;
@@ -215,7 +215,7 @@ impl Scene {
                 views.refuse()?;
                 let poses = poses.parse().with_context(|| format!("--poses {poses}: for Sionna RT it is a number"))?;
                 let config = SceneConfig::load(&file)?;
-                let scene = config.load_scene()?;
+                let scene = scene_in_use::load(&config)?;
                 let _held = claim_shared(&out)?;
                 let summary = sionna::write(&scene, &config, poses, &out)?;
                 let text = format!(

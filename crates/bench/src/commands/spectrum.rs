@@ -5,6 +5,7 @@ use crate::json::write_json;
 use crate::link::Point;
 use crate::run::claim_fresh;
 use crate::say;
+use crate::scene_in_use;
 use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use corf_raytrace::bvh::Bvh;
@@ -145,7 +146,7 @@ impl Spectrum {
             [] => vec![config.transmitter_named(None, "--transmitter")?],
             names => names.iter().map(|name| named(name)).collect::<corf_scene::Result<_>>()?,
         };
-        let scene = config.load_scene()?;
+        let scene = scene_in_use::load(&config)?;
         config.check_radio(&scene)?;
         let rx = self.rx.0;
         let solids = Solids::of(&scene);

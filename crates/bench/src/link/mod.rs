@@ -1,11 +1,13 @@
 //! What `corf paths` and `corf coverage` share: a scene, how its radio is traced, and between which antennas.
 
 mod receivers;
+mod table;
 
 pub use receivers::receivers;
 
 use crate::note;
 use crate::say;
+use crate::scene_in_use;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -250,7 +252,7 @@ impl LinkSetup {
         };
         let of_scene = (Antenna::element_of(&config.receiver, DMat3::IDENTITY), config.receiver.spacing_wavelengths);
         let rx_array = array(&link.receiver, rx_grid, of_scene, &place("receiver"))?;
-        let scene = config.load_scene()?;
+        let scene = scene_in_use::load(&config)?;
         config.check_radio(&scene)?;
         if link.transmission {
             say::findings(geometry_warnings(&scene));

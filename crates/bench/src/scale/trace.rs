@@ -4,7 +4,7 @@ use super::{Measured, memory};
 use crate::generate::camera;
 use crate::progress::Progress;
 use crate::provenance::reset_peak_memory;
-use crate::{interrupt, lobby};
+use crate::{interrupt, lobby, scene_in_use};
 use anyhow::{Context, Result, ensure};
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::light::LightTracer;
@@ -126,7 +126,7 @@ impl Tracing {
             "{}: no [trajectory]\n  help: positions are taken along it",
             scene_config.source.display()
         );
-        let scene = scene_config.load_scene()?;
+        let scene = scene_in_use::load(&scene_config)?;
         scene_config.check_radio(&scene)?;
         scene_config.check_placement(&scene)?;
         Ok(Self { config, scene_config, scene, poses: settings.poses })

@@ -240,10 +240,15 @@ impl<'a> Geometry<'a> {
     }
 
     /// Calls `visit` with the triangles whose boxes come within `reach_m` of a point, and maybe others.
-    pub(super) fn visit_triangles_near(&self, point: DVec3, reach_m: f64, mut visit: impl FnMut(usize)) {
+    pub(super) fn visit_triangles_near(&self, point: DVec3, reach_m: f64, visit: impl FnMut(usize)) {
+        self.visit_triangles_in_box(point - reach_m, point + reach_m, visit);
+    }
+
+    /// Calls `visit` with the triangles whose boxes meet the one between two corners, and maybe others.
+    pub(super) fn visit_triangles_in_box(&self, min: DVec3, max: DVec3, mut visit: impl FnMut(usize)) {
         match self.occluders {
             Occluders::Brute => (0..self.corners.len()).for_each(visit),
-            Occluders::Bvh(bvh) => bvh.visit_box(point - reach_m, point + reach_m, |triangle| visit(triangle as usize)),
+            Occluders::Bvh(bvh) => bvh.visit_box(min, max, |triangle| visit(triangle as usize)),
         }
     }
 

@@ -132,7 +132,7 @@ fn scalar_psnr(a: &Raster<f32>, b: &Raster<f32>, range: &DbRange) -> f64 {
 fn lobby_mini_is_converged_with_its_own_settings() {
     let config = DatasetConfig::load(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/lobby-mini.toml")).unwrap();
     let scene_config = config.load_scene_config().unwrap();
-    let scene = scene_config.load_scene().unwrap();
+    let (scene, _) = scene_config.load_scene().unwrap();
     let bvh = Bvh::build(&scene);
     let setup = RadioSettings { max_depth: config.rf.max_reflections, ..settings(Search::Auto { rays: config.rf.rays }) };
     let tracer = RadioTracer::new(&scene, &bvh, setup).unwrap();

@@ -133,19 +133,12 @@ impl SceneConfig {
         self.source.parent().unwrap_or(Path::new("")).join(&self.scene.file)
     }
 
-    /// Reads the mesh and gives its materials the radio properties of `[radio_materials]`.
+    /// Reads the mesh and gives its materials the radio properties of `[radio_materials]`. With the scene comes what the mesh's import left
+    /// out or changed: whoever uses the scene has to say so.
     ///
     /// # Errors
     /// The mesh cannot be read, or `[radio_materials]` names a material the mesh does not have.
-    pub fn load_scene(&self) -> Result<Scene> {
-        self.load_scene_with_findings().map(|(scene, _)| scene)
-    }
-
-    /// The scene, as [`SceneConfig::load_scene`] gives it, and a report of what the mesh's import left out or changed.
-    ///
-    /// # Errors
-    /// As [`SceneConfig::load_scene`].
-    pub fn load_scene_with_findings(&self) -> Result<(Scene, Vec<Finding>)> {
+    pub fn load_scene(&self) -> Result<(Scene, Vec<Finding>)> {
         let mesh = self.mesh_path();
         let (mut scene, report) = crate::import::load_with_report(&mesh, &self.import_options())?;
         self.apply_radio_materials(&mut scene)?;

@@ -33,13 +33,8 @@ pub(super) fn append(
     check(p, place)?;
     check_size(scene.triangles.len(), p.triangles.len(), 1, place)?;
     let linear = DMat3::from_mat4(*world_from_primitive);
-    // Normals map with the inverse transpose, up to length: the cofactor matrix has no division and keeps a mirror's sign.
     let sign = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
-    let normal_map = DMat3::from_cols(
-        linear.y_axis.cross(linear.z_axis),
-        linear.z_axis.cross(linear.x_axis),
-        linear.x_axis.cross(linear.y_axis),
-    ) * sign;
+    let normal_map = normal_map(&linear);
     let world: Vec<Vec3> =
         p.positions.iter().map(|v| world_from_primitive.transform_point3(Vec3::from_array(*v).as_dvec3()).as_vec3()).collect();
     if let Some(i) = world.iter().position(|v| !v.is_finite()) {
@@ -98,6 +93,14 @@ pub(super) fn append(
         scene.triangles.push(Triangle { vertices, material: p.material, object: p.object });
     }
     Ok(())
+}
+
+/// How normals map where points map by `linear`, up to length: by the inverse transpose. The cofactor matrix has no division and keeps a
+/// mirror's sign, which is taken out.
+pub(super) fn normal_map(linear: &DMat3) -> DMat3 {
+    let sign = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
+    DMat3::from_cols(linear.y_axis.cross(linear.z_axis), linear.z_axis.cross(linear.x_axis), linear.x_axis.cross(linear.y_axis))
+        * sign
 }
 
 /// Most triangles of a scene: with their vertices, hierarchy and tables more fit no ordinary memory.

@@ -86,6 +86,8 @@ pub(super) fn mend(bytes: &[u8], file: &str, notes: &mut Notes) -> Result<MtlTex
                 if unknown.contains(&keyword) || unknown.len() < MAX_UNKNOWN {
                     notes.note(format!("`{keyword}` is no statement that is read"), place);
                     unknown.insert(keyword);
+                } else {
+                    notes.note("further statements are of kinds that are not read", place);
                 }
             }
         }

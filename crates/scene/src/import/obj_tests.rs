@@ -137,7 +137,7 @@ fn lines_points_and_short_faces_are_counted_and_curves_and_unknown_words_reporte
     let (s, report) = read(dir.path(), text.replace("l 1 2", "v 0 0 1\nl 1 1"), "newmtl red\n").unwrap();
     assert_eq!((s.triangles.len(), report.skipped_primitives), (2, 4));
     assert!(
-        report.notes.len() == 1 && report.notes[0].contains("and 1 more") && report.notes[0].contains("curves"),
+        report.notes.len() == 2 && report.notes[0].contains("and 1 more") && report.notes[0].contains("curves"),
         "{report:?}"
     );
     assert!(

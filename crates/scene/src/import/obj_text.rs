@@ -140,15 +140,26 @@ pub(super) fn mend(bytes: &[u8], file: &str, notes: &mut Notes) -> Result<ObjTex
             "usemtl" => reader.statements.push(Statement::Material(line, (!rest.is_empty()).then(|| rest.to_string()))),
             "mtllib" if !rest.is_empty() => reader.libraries.push((line, rest.to_string())),
             // Smoothing, levels of detail and the like change no geometry here.
-            "s" | "mg" | "lod" | "bevel" | "c_interp" | "d_interp" | "shadow_obj" | "trace_obj" | "mtllib" | "end" => {}
-            "curv" | "curv2" | "surf" => notes.warn("free-form curves and surfaces are not read; export them as meshes", place()),
+            "s" | "mg" | "lod" | "bevel" | "c_interp" | "d_interp" | "mtllib" | "end" => {}
+            "surf" | "curv" | "curv2" | "bsp" | "bzp" | "cdc" | "cdp" | "res" => {
+                notes.warn("free-form curves and surfaces are not read; export them as meshes", place())
+            }
             "cstype" | "deg" | "bmat" | "step" | "parm" | "trim" | "hole" | "scrv" | "sp" | "con" | "vp" | "stech" | "ctech" => {}
-            "call" | "csh" => notes.warn(format!("`{keyword}` is not carried out"), place()),
+            "call" => {
+                notes.warn("`call` is not carried out: what is in the other file stands nowhere; put all into one file", place())
+            }
+            "csh" => notes.warn("`csh` is not carried out: files run no commands", place()),
+            "shadow_obj" | "trace_obj" => {
+                notes.warn(format!("`{keyword}` is not read: shadows and reflections are of the object itself"), place());
+            }
+            "usemap" | "maplib" => notes.warn(format!("`{keyword}` is not read: textures are those of the materials"), place()),
             other => {
                 let other: String = other.chars().take(40).collect();
                 if unknown.contains(&other) || unknown.len() < MAX_UNKNOWN {
-                    notes.note(format!("`{other}` is no statement that is read"), place());
+                    notes.warn(format!("`{other}` is no statement that is read"), place());
                     unknown.insert(other);
+                } else {
+                    notes.warn("further statements are of kinds that are not read", place());
                 }
             }
         }

@@ -2,6 +2,7 @@
 
 mod contained_files;
 mod gltf_features;
+mod skins;
 
 use super::{ImportOptions, from_glb, load_with_report, load_with_up};
 use crate::config::UpAxis;

@@ -10,6 +10,7 @@ use super::{Verdict, show};
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::say;
+use crate::scene_in_use;
 use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -153,7 +154,7 @@ impl Radio {
             bail!("{}: no [trajectory]\n  help: positions are taken along it", scene_config.source.display());
         };
         let poses = trajectory::generate_between(way, self.positions.unwrap_or(config.keyframes), config.way)?;
-        let scene = scene_config.load_scene()?;
+        let scene = scene_in_use::load(&scene_config)?;
         scene_config.check_radio(&scene)?;
         scene_config.check_placement(&scene)?;
         if config.rf.transmission {

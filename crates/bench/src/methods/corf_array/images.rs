@@ -51,7 +51,7 @@ mod tests {
         let mut config = DatasetConfig::load(scenes.join("room-mini.toml")).unwrap();
         config.rf.max_reflections = 2;
         let scene_config = SceneConfig::load(scenes.join("room.toml")).unwrap();
-        let scene = scene_config.load_scene().unwrap();
+        let (scene, _) = scene_config.load_scene().unwrap();
         let tx = scene_config.transmitter.position();
         let behind = SceneBehind { config, scene_config, scene };
         let pose = |x: f64, y: f64| Rigid3::looking_at(DVec3::new(x, y, 1.5), DVec3::new(2.5, 2.0, 1.2), DVec3::Z);

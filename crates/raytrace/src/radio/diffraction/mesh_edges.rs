@@ -17,6 +17,13 @@ pub struct MeshEdge {
     pub sheets: Vec<Sheet>,
 }
 
+impl MeshEdge {
+    /// Its length, metres.
+    pub fn length_m(&self) -> f64 {
+        self.ends[0].distance(self.ends[1])
+    }
+}
+
 /// A face that begins at an edge.
 pub struct Sheet {
     /// Index into [`Geometry::faces`].

@@ -1,5 +1,6 @@
 //! Edges and what they do to a field: which there are, where on one the stationary point lies, and the uniform theory of diffraction.
 
+mod cover;
 mod erfcx;
 mod mesh_edges;
 mod utd;

@@ -2,8 +2,10 @@
 
 use super::super::face::COPLANAR_NORMAL;
 use super::super::geometry::{Geometry, TOUCHING_M};
+use super::cover::open_parts;
 use super::mesh_edges::{MeshEdge, Sheet, mesh_edges};
 use glam::DVec3;
+use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::f64::consts::{PI, TAU};
 
@@ -79,6 +81,17 @@ pub struct Wedges {
     by_triangle: Vec<(u32, u32)>,
 }
 
+/// An edge that diffracts.
+struct Diffracting {
+    edge: MeshEdge,
+    /// Without spans.
+    wedge: Wedge,
+    /// Triangles on the wedge's faces.
+    triangles: Vec<u32>,
+    /// The parts of the edge that are no inside of a sheet, metres from its first end.
+    parts: Vec<[f64; 2]>,
+}
+
 /// A piece of an edge: its ends among the welded corners, the direction from the first, and its wedge.
 struct Piece {
     ends: [u32; 2],
@@ -88,17 +101,27 @@ struct Piece {
 
 impl Wedges {
     /// The edges at which faces of any objects meet around more open space than a half space, wherever triangles are cut and to whichever
-    /// object they belong; `open_edges` adds those of sheets that end in the open, as screens.
+    /// object they belong; `open_edges` adds those of sheets that end in the open, as screens. Pieces of one plane that overlap or touch are one
+    /// sheet, which ends where all of them together do.
     pub fn new(geometry: &Geometry<'_>, open_edges: bool) -> Self {
         let mut index = Self::default();
         // One wedge per pair of faces and sense: all its edges lie on one line. Screens of one face have several lines.
         let mut known: BTreeMap<([u32; 2], [bool; 2]), Vec<u32>> = BTreeMap::new();
         let mut pieces = Vec::new();
-        for edge in mesh_edges(geometry) {
-            let Some((wedge, triangles)) = wedge(geometry, &edge) else { continue };
-            let [a, b] = edge.ends;
+        let found: Vec<Diffracting> = mesh_edges(geometry)
+            .into_par_iter()
+            .filter_map(|edge| {
+                let (wedge, triangles) = wedge(geometry, &edge)?;
+                let parts = open_parts(geometry, &edge);
+                (!parts.is_empty()).then_some(Diffracting { edge, wedge, triangles, parts })
+            })
+            .collect();
+        // Ends of parts that are no corners of the mesh have numbers of their own.
+        let mut ends_within = (0..u32::MAX).rev();
+        for Diffracting { edge, wedge, triangles, parts } in found {
             if wedge.is_screen() && !open_edges {
-                index.left_out = (index.left_out.0 + 1, index.left_out.1 + a.distance(b));
+                let length_m = parts.iter().map(|[from, to]| to - from).sum::<f64>();
+                index.left_out = (index.left_out.0 + 1, index.left_out.1 + length_m);
                 continue;
             }
             let sense = [0, 1].map(|i| geometry.faces[wedge.faces[i] as usize].normal.dot(wedge.normals[i]) > 0.0);
@@ -117,10 +140,23 @@ impl Wedges {
                 }
             };
             let home = &mut index.wedges[number as usize];
-            let [u, v] = [a, b].map(|p| (p - home.origin).dot(home.edge));
-            home.spans.push([u.min(v), u.max(v)]);
             index.by_triangle.extend(triangles.into_iter().map(|triangle| (triangle, number)));
-            pieces.push(Piece { ends: edge.corners, direction: (b - a).normalize(), wedge: number });
+            let ([a, b], length_m) = (edge.ends, edge.length_m());
+            let direction = (b - a).normalize();
+            for part in parts {
+                let [from, to] = part.map(|at_m| {
+                    if at_m == 0.0 {
+                        (edge.corners[0], a)
+                    } else if at_m == length_m {
+                        (edge.corners[1], b)
+                    } else {
+                        (ends_within.next().unwrap_or(u32::MAX), a + direction * at_m)
+                    }
+                });
+                let [u, v] = [from.1, to.1].map(|p| (p - home.origin).dot(home.edge));
+                home.spans.push([u.min(v), u.max(v)]);
+                pieces.push(Piece { ends: [from.0, to.0], direction, wedge: number });
+            }
         }
         index.close_seams(&pieces);
         index.wedges.iter_mut().for_each(|wedge| join(&mut wedge.spans));

@@ -3,13 +3,13 @@
 //! ```text
 //! params.json                    `version`, `rt_params`, `txrx_sets`, `materials`, `scene`
 //! power_t000_tx000_r001.npz      and the other ten matrices of [`deepmimo_arrays`]: transmitter `tx000` of set 0 to the receivers of set 1
-//! objects.json vertices.npz      names of objects, their key in the two below; all vertices, float32, world metres
+//! objects.json vertices.npz      objects, their key in the two below, one of them the ground, `terrain`; all vertices, float32, world metres
 //! faces.npz materials.npz        by object: vertices of its triangles, and the material of each, as numbers of `materials` in params.json
 //! ```
 //!
 //! The format is that of DeepMIMO 4.0.5 (<https://deepmimo.net>), found by what its `load`, `Scene.from_data`, `MaterialList.from_dict` and
 //! `compute_channels` ask for. Matrices are of single elements with their first ports; DeepMIMO forms arrays by itself, of isotropic elements,
-//! whose patterns multiply ours.
+//! whose patterns multiply ours. Velocities are no part of the format: a loaded data set is given them.
 
 use super::PathSet;
 use super::deepmimo::deepmimo_arrays;
@@ -48,16 +48,14 @@ pub fn deepmimo_scenario(set: &PathSet<'_>, scene: &Scene, settings: &RadioSetti
         }
     }
     let (materials, of_material) = materials(scene, set.frequency_hz)?;
-    let meshes = meshes(scene, &of_material);
-    let triangles: usize = meshes.values().map(|mesh| mesh.materials.len()).sum();
+    let objects = objects(scene, &of_material);
+    let triangles: usize = objects.iter().map(|object| object.materials.len()).sum();
     let json = |value: &Value| {
         serde_json::to_vec_pretty(value).map_err(|e| Error::invalid("JSON", e.to_string(), "report this as a defect"))
     };
-    let objects: Vec<Value> = meshes
-        .keys()
-        .map(|&o| json!({ "name": scene.objects[o].name, "label": "objects", "id": o, "mesh_key": o.to_string() }))
-        .collect();
-    let objects = Value::Array(objects);
+    // DeepMIMO takes an object's id for its place in the list.
+    let described = |(id, object): (usize, &Object)| json!({ "name": object.name, "label": object.label, "id": id, "mesh_key": id.to_string() });
+    let described: Vec<Value> = objects.iter().enumerate().map(described).collect();
     let params = json!({
         "version": DEEPMIMO,
         "rt_params": rt_params(settings),
@@ -65,7 +63,7 @@ pub fn deepmimo_scenario(set: &PathSet<'_>, scene: &Scene, settings: &RadioSetti
         "materials": materials,
         "scene": {
             "num_scenes": 1,
-            "n_objects": meshes.len(),
+            "n_objects": objects.len(),
             "n_vertices": scene.positions.len(),
             "n_faces": triangles,
             "n_triangular_faces": triangles,
@@ -73,8 +71,8 @@ pub fn deepmimo_scenario(set: &PathSet<'_>, scene: &Scene, settings: &RadioSetti
         },
     });
     let vertices = scene.positions.iter().flat_map(|p| p.to_array()).collect();
-    let by_object = |array: &dyn Fn(&str, Mesh) -> Array| -> Result<Vec<u8>> {
-        let arrays: Vec<Array> = meshes.iter().map(|(o, mesh)| array(&o.to_string(), mesh.clone())).collect();
+    let by_object = |array: &dyn Fn(&str, &Object) -> Array| -> Result<Vec<u8>> {
+        let arrays: Vec<Array> = objects.iter().enumerate().map(|(id, object)| array(&id.to_string(), object)).collect();
         encode_npz(&arrays)
     };
     files.push((
@@ -83,36 +81,94 @@ pub fn deepmimo_scenario(set: &PathSet<'_>, scene: &Scene, settings: &RadioSetti
     ));
     files.push((
         "faces.npz".into(),
-        by_object(&|key, mesh| Array::new(key, &[mesh.materials.len(), 3], Values::U32(mesh.vertices)))?,
+        by_object(&|key, object| Array::new(key, &[object.materials.len(), 3], Values::U32(object.vertices.clone())))?,
     ));
     files.push((
         "materials.npz".into(),
-        by_object(&|key, mesh| Array::new(key, &[mesh.materials.len()], Values::U32(mesh.materials)))?,
+        by_object(&|key, object| Array::new(key, &[object.materials.len()], Values::U32(object.materials.clone())))?,
     ));
-    files.push(("objects.json".into(), json(&objects)?));
+    files.push(("objects.json".into(), json(&Value::Array(described))?));
     // Last: without it there is no scenario.
     files.push(("params.json".into(), json(&params)?));
     Ok(files)
 }
 
-/// An object's triangles.
-#[derive(Clone, Default)]
-struct Mesh {
+/// An object as DeepMIMO has it.
+struct Object {
+    name: String,
+    label: &'static str,
     /// Three a triangle, into the scene's positions.
     vertices: Vec<u32>,
     /// One a triangle, into the materials that are written.
     materials: Vec<u32>,
 }
 
-/// Objects that have triangles, by index.
-fn meshes(scene: &Scene, of_material: &BTreeMap<u32, u32>) -> BTreeMap<usize, Mesh> {
-    let mut meshes: BTreeMap<usize, Mesh> = BTreeMap::new();
-    for triangle in &scene.triangles {
-        let mesh = meshes.entry(triangle.object as usize).or_default();
-        mesh.vertices.extend(triangle.vertices);
-        mesh.materials.push(of_material[&triangle.material]);
+/// DeepMIMO's label of the ground, which exactly one object has to have: what happens within a millimetre of its highest point's height
+/// happens to it, and Doppler shifts are worked out with one alone.
+const TERRAIN: &str = "terrain";
+/// Its label of all else.
+const OBJECTS: &str = "objects";
+
+/// The objects that have triangles, in their order, the ground among them: the floor, or the part of an object that is one, behind all others.
+fn objects(scene: &Scene, of_material: &BTreeMap<u32, u32>) -> Vec<Object> {
+    let ground = ground(scene);
+    // By object, those that are floor and those that are not.
+    let mut parts: BTreeMap<u32, [Vec<usize>; 2]> = BTreeMap::new();
+    for (i, triangle) in scene.triangles.iter().enumerate() {
+        let is_ground = ground == level(scene, i).map(|level| (triangle.object, level)) && ground.is_some();
+        parts.entry(triangle.object).or_default()[usize::from(is_ground)].push(i);
     }
-    meshes
+    let object = |name: String, label: &'static str, triangles: &[usize]| Object {
+        name,
+        label,
+        vertices: triangles.iter().flat_map(|i| scene.triangles[*i].vertices).collect(),
+        materials: triangles.iter().map(|i| of_material[&scene.triangles[*i].material]).collect(),
+    };
+    let name = |index: u32| scene.objects[index as usize].name.clone();
+    let (mut objects, mut cut_off) = (Vec::new(), None);
+    for (index, [others, of_ground]) in &parts {
+        match (others.is_empty(), of_ground.is_empty()) {
+            (true, _) => objects.push(object(name(*index), TERRAIN, of_ground)),
+            (false, true) => objects.push(object(name(*index), OBJECTS, others)),
+            (false, false) => {
+                objects.push(object(name(*index), OBJECTS, others));
+                cut_off = Some(object(format!("{} (ground)", name(*index)), TERRAIN, of_ground));
+            }
+        }
+    }
+    objects.extend(cut_off);
+    if ground.is_none() {
+        // Nothing is level: the object that reaches up least.
+        let top =
+            |object: &Object| object.vertices.iter().map(|v| scene.positions[*v as usize].z).fold(f32::NEG_INFINITY, f32::max);
+        if let Some(lowest) = objects.iter_mut().min_by(|a, b| top(a).total_cmp(&top(b))) {
+            lowest.label = TERRAIN;
+        }
+    }
+    objects
+}
+
+/// The height of a level triangle, in whole millimetres.
+fn level(scene: &Scene, triangle: usize) -> Option<i64> {
+    let [a, b, c] = scene.corners_f64(triangle).map(|p| p.z);
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    (high - low < 0.5e-3).then(|| (low * 1e3).round() as i64)
+}
+
+/// Least share of the largest level surface that ground has.
+const GROUND_SHARE: f64 = 0.5;
+
+/// The ground as an object and its height in millimetres: of the level surfaces that are not much smaller than the largest the lowest.
+fn ground(scene: &Scene) -> Option<(u32, i64)> {
+    let mut areas: BTreeMap<(i64, u32), f64> = BTreeMap::new();
+    for (i, triangle) in scene.triangles.iter().enumerate() {
+        if let Some(level) = level(scene, i) {
+            let [a, b, c] = scene.corners_f64(i);
+            *areas.entry((level, triangle.object)).or_default() += 0.5 * (b - a).cross(c - a).length();
+        }
+    }
+    let largest = areas.values().copied().fold(0.0, f64::max);
+    areas.into_iter().find(|(_, area)| *area > 0.0 && *area >= GROUND_SHARE * largest).map(|((level, object), _)| (object, level))
 }
 
 /// Materials in use at the carrier under DeepMIMO's names, and the number of each of the scene's among them. Those alike share a number, for
@@ -215,4 +271,57 @@ fn txrx_sets(set: &PathSet<'_>) -> Value {
         "txrx_set_0": entry("transmitters", TX_SET, n_tx, active_tx),
         "txrx_set_1": entry("receivers", RX_SET, n_rx, active_rx),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use corf_scene::model::{Object as SceneObject, Triangle};
+    use glam::Vec3;
+
+    /// Rectangles by object: corners (x, y, z) of three corners in order, the fourth follows.
+    fn scene(rectangles: &[(u32, [[f32; 3]; 3])]) -> Scene {
+        let mut scene = Scene::default();
+        for (object, [a, b, c]) in rectangles {
+            while scene.objects.len() <= *object as usize {
+                scene.objects.push(SceneObject { name: format!("o{}", scene.objects.len()) });
+            }
+            let first = scene.positions.len() as u32;
+            let [a, b, c] = [*a, *b, *c].map(Vec3::from);
+            scene.positions.extend([a, b, c, a + c - b]);
+            let triangle = |t: [u32; 3]| Triangle { vertices: t.map(|v| first + v), material: 0, object: *object };
+            scene.triangles.extend([[0, 1, 2], [0, 2, 3]].map(triangle));
+        }
+        scene
+    }
+
+    /// Name, label and number of triangles of every object.
+    fn labels(rectangles: &[(u32, [[f32; 3]; 3])]) -> Vec<(String, &'static str, usize)> {
+        let scene = scene(rectangles);
+        objects(&scene, &BTreeMap::from([(0, 0)])).into_iter().map(|o| (o.name, o.label, o.materials.len())).collect()
+    }
+
+    fn level_at(z: f32, side: f32) -> [[f32; 3]; 3] {
+        [[0.0, 0.0, z], [side, 0.0, z], [side, side, z]]
+    }
+
+    const WALL: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 0.0, 3.0]];
+
+    #[test]
+    fn exactly_one_object_is_the_ground() {
+        let named =
+            |list: &[(&str, &'static str, usize)]| list.iter().map(|(n, l, t)| (n.to_string(), *l, *t)).collect::<Vec<_>>();
+        // A floor of its own; the ceiling is as large, and a pit's bottom small.
+        let floor = [(0, level_at(3.0, 4.0)), (1, WALL), (2, level_at(0.0, 4.0)), (3, level_at(-2.0, 1.0))];
+        let expected = [("o0", OBJECTS, 2), ("o1", OBJECTS, 2), ("o2", TERRAIN, 2), ("o3", OBJECTS, 2)];
+        assert_eq!(labels(&floor), named(&expected));
+        // A room in one piece is parted from its floor; an object without triangles leaves no hole in the numbers.
+        let room = [(1, level_at(0.0, 4.0)), (1, WALL), (1, level_at(3.0, 4.0)), (3, WALL)];
+        let expected = [("o1", OBJECTS, 4), ("o3", OBJECTS, 2), ("o1 (ground)", TERRAIN, 2)];
+        assert_eq!(labels(&room), named(&expected));
+        // Walls alone: the lower one.
+        let low = [[0.0, 5.0, 0.0], [4.0, 5.0, 0.0], [4.0, 5.0, 1.0]];
+        assert_eq!(labels(&[(0, WALL), (1, low)]), named(&[("o0", OBJECTS, 2), ("o1", TERRAIN, 2)]));
+        assert_eq!(labels(&[(0, WALL)]), named(&[("o0", TERRAIN, 2)]));
+    }
 }

@@ -12,7 +12,9 @@ pub(super) fn floats<const N: usize>(accessor: &gltf::Accessor<'_>, source: &Sou
         Dimensions::Vec2 => 2,
         Dimensions::Vec3 => 3,
         Dimensions::Vec4 => 4,
-        Dimensions::Mat2 | Dimensions::Mat3 | Dimensions::Mat4 => 0,
+        // Column by column; the columns of smaller matrices are padded.
+        Dimensions::Mat4 => 16,
+        Dimensions::Mat2 | Dimensions::Mat3 => 0,
     };
     if components != N {
         return Err(Error::invalid(place, format!("has {components} components instead of {N}"), "export the model again"));
@@ -41,6 +43,31 @@ pub(super) fn colors(accessor: &gltf::Accessor<'_>, source: &Source<'_>, place: 
         Dimensions::Vec3 => Ok(floats::<3>(accessor, source, place)?.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()),
         _ => floats::<4>(accessor, source, place),
     }
+}
+
+/// Four joints a vertex, as numbers within the skin.
+pub(super) fn joints(accessor: &gltf::Accessor<'_>, source: &Source<'_>, place: &str) -> Result<Vec<[u32; 4]>> {
+    let place = format!("{place}: accessor {}", accessor.index());
+    let data_type = accessor.data_type();
+    if accessor.dimensions() != Dimensions::Vec4 || !matches!(data_type, DataType::U8 | DataType::U16) {
+        return Err(Error::invalid(place, "joints are no four unsigned integers of 8 or 16 bits", "export the model again"));
+    }
+    let size = size_of(data_type);
+    let element = |bytes: &[u8]| std::array::from_fn(|c| unsigned(data_type, &bytes[c * size..]));
+    elements(accessor, source, size * 4, &place, [0; 4], element)
+}
+
+/// Weights of four joints a vertex.
+pub(super) fn weights(accessor: &gltf::Accessor<'_>, source: &Source<'_>, place: &str) -> Result<Vec<[f32; 4]>> {
+    let shares = matches!(accessor.data_type(), DataType::U8 | DataType::U16) && accessor.normalized();
+    if accessor.data_type() != DataType::F32 && !shares {
+        return Err(Error::invalid(
+            format!("{place}: accessor {}", accessor.index()),
+            "weights of joints are neither floats nor normalised integers of 8 or 16 bits",
+            "set `normalized` on the accessor; export the model again",
+        ));
+    }
+    floats::<4>(accessor, source, place)
 }
 
 /// An accessor's elements as indices.

@@ -5,6 +5,7 @@ mod document;
 mod material;
 mod node;
 mod primitive;
+mod skin;
 mod texture;
 mod unread;
 
@@ -37,9 +38,10 @@ pub(super) fn load(bytes: &[u8], path: &Path, options: &ImportOptions) -> Result
     }
     scene.textures = textures.decode()?;
 
+    let parents = node::parents(document);
     let roots: Vec<gltf::Node<'_>> = match document.default_scene().or_else(|| document.scenes().next()) {
         Some(scene) => scene.nodes().collect(),
-        None => document.nodes().collect(),
+        None => document.nodes().filter(|node| parents[node.index()].is_none()).collect(),
     };
     let world_from_file = match options.up {
         // The standard knows no other axis; files that were exported without turning say so in the scene file.
@@ -47,7 +49,8 @@ pub(super) fn load(bytes: &[u8], path: &Path, options: &ImportOptions) -> Result
         Some(UpAxis::Y) | None => WORLD_FROM_GLTF,
     };
     let seen = vec![false; document.nodes().len()];
-    let mut reader = Reader { source: &source, scene, report: ImportReport::default(), notes, seen };
+    let skins = skin::Skins::new(&source, world_from_file, parents, &roots);
+    let mut reader = Reader { source: &source, scene, report: ImportReport::default(), notes, seen, skins };
     // Depth first, in the file's order: object numbers follow the order a person sees in the file.
     let mut stack: Vec<Visit<'_>> = roots.into_iter().rev().map(|n| (n, world_from_file, true)).collect();
     while let Some((node, world_from_parent, shown)) = stack.pop() {
@@ -74,6 +77,7 @@ struct Reader<'a> {
     notes: Notes,
     /// Per node, whether it has been visited.
     seen: Vec<bool>,
+    skins: skin::Skins<'a>,
 }
 
 impl Reader<'_> {
@@ -99,9 +103,6 @@ impl Reader<'_> {
             }
             return Ok((world_from_node, false));
         }
-        if node.skin().is_some() {
-            self.notes.warn("its skin is not applied; the mesh is taken in its bind pose", &short);
-        }
         if let Some(light) = node.light() {
             self.scene.lights.push(punctual(&light, &world_from_node));
         }
@@ -115,6 +116,7 @@ impl Reader<'_> {
     fn mesh(&mut self, node: &gltf::Node<'_>, mesh: &gltf::Mesh<'_>, world_from_node: &DMat4, place: &str) -> Result<()> {
         let name = node.name().or(mesh.name()).map_or_else(|| format!("node {}", node.index()), str::to_string);
         let weights = node.weights().or(mesh.weights()).unwrap_or(&[]);
+        let joints = node.skin().map(|skin| self.skins.joints(&skin, place, &mut self.notes)).transpose()?;
         let mut primitives = Vec::new();
         for primitive in mesh.primitives() {
             if !primitive::is_surface(&primitive) {
@@ -126,12 +128,21 @@ impl Reader<'_> {
                 Some(i) => i as u32,
                 None => self.default_material(),
             };
-            let data = primitive::read(mesh, &primitive, weights, material, self.source, &mut self.notes, &place)?;
+            let mut data = primitive::read(mesh, &primitive, weights, material, self.source, &mut self.notes, &place)?;
+            if let Some(world_from_bind) = &joints {
+                skin::pose(&mut data, &primitive, world_from_bind, self.source, &mut self.notes, &place)?;
+            }
             primitives.push((data, place));
         }
         let Some(instances) = node::instances(node, self.source, place, &mut self.notes)? else {
-            return self.object(name, &mut primitives, world_from_node);
+            // Joints have put a skinned mesh where it stands.
+            let world_from_mesh = if joints.is_some() { DMat4::IDENTITY } else { *world_from_node };
+            return self.object(name, &mut primitives, &world_from_mesh);
         };
+        if joints.is_some() {
+            let what = "it has a skin and EXT_mesh_gpu_instancing, and nothing says where the instances of a skinned mesh stand";
+            return Err(Error::invalid(place, what, "export the instances as nodes, or the mesh without its skin"));
+        }
         let triangles = primitives.iter().map(|(p, _)| p.triangles.len()).sum();
         check_size(self.scene.triangles.len(), triangles, instances.len(), place)?;
         let objects = self.scene.objects.len() + instances.len();

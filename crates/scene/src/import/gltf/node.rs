@@ -6,6 +6,7 @@ use super::document::Source;
 use crate::{Error, Result};
 use glam::{DMat4, DQuat, DVec3, Mat4};
 use serde_json::Value;
+use std::rc::Rc;
 
 /// A rotation whose squared length is this near to 1 is unit to float32, and is taken as it is.
 const UNIT: f64 = 1e-6;
@@ -16,6 +17,17 @@ const WRONG_QUANTISED: f64 = 0.05;
 /// A node's name and number, for messages.
 pub(super) fn describe(node: &gltf::Node<'_>) -> String {
     format!("nodes[{}]{}", node.index(), node.name().map(|n| format!(" \"{n}\"")).unwrap_or_default())
+}
+
+/// Every node's parent: the first that lists it. That there is one at most is checked where the scene comes by the node.
+pub(super) fn parents(document: &gltf::Document) -> Rc<[Option<usize>]> {
+    let mut parents = vec![None; document.nodes().len()];
+    for node in document.nodes() {
+        for child in node.children() {
+            parents[child.index()].get_or_insert(node.index());
+        }
+    }
+    parents.into()
 }
 
 /// Whether a node is shown (`KHR_node_visibility`); its descendants go with it.

@@ -46,6 +46,11 @@ pub(super) fn note(source: &Source<'_>, seen: &[bool], notes: &mut Notes) {
             notes.warn("is in no scene that is read (the file's default scene, else its first)", describe(&node));
         }
     }
+    let mut used = vec![false; document.meshes().len()];
+    document.nodes().filter_map(|node| node.mesh()).for_each(|mesh| used[mesh.index()] = true);
+    for mesh in document.meshes().filter(|mesh| !used[mesh.index()]) {
+        notes.note("no node uses it: it stands nowhere", format!("meshes[{}]", mesh.index()));
+    }
     for material in document.materials().filter(|m| m.occlusion_texture().is_some()) {
         let place = format!("materials[{}]", material.index().unwrap_or(0));
         notes.note("its occlusion texture is not read: occlusion is traced", place);
