@@ -1,6 +1,6 @@
 //! One run's record: `metrics.json`.
 
-use crate::json::{read_json, write_numbers};
+use crate::json::write_numbers;
 use crate::method::StageTime;
 use crate::metrics::{COLUMNS, Column, FrameMetrics};
 use crate::numbers;
@@ -10,24 +10,27 @@ use crate::stats::quantile;
 use anyhow::{Context, Result, bail, ensure};
 use corf::LatencySummary;
 use corf::depth::DepthQuality;
-use corf_scene::io::write_atomic;
+use corf_scene::io::{GzipLines, LineBounds, read_text_within, write_atomic};
 use flate2::Compression;
-use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
 use std::path::Path;
 
 /// Version of the record's layout.
 pub const SCHEMA: &str = "corf-metrics/1";
 /// The evaluation protocol these numbers follow: held-out keyframes by [`Protocol`], metrics as the README defines them.
 pub const PROTOCOL: &str = "corf-heldout/2";
+/// Protocols whose records are read.
+const PROTOCOLS: [&str; 2] = ["corf-heldout/1", PROTOCOL];
 /// Description of the interval that a record's clock measures.
 pub const CLOCK: &str = "from the first decoded training keyframe in memory to the finished field; reading and decoding files (ahead of the clock as far as memory allows), writing the field and evaluating are not included";
 
 /// Method id of records of predictions that another program made and `corf` only scored.
 pub const PREDICTIONS: &str = "predictions";
+/// Device of such a record where its maker says none.
+pub const NOT_STATED: &str = "not stated";
 /// Description of the interval of such a record's seconds.
 pub const STATED_CLOCK: &str = "as the maker of the predictions states it; not measured here";
 
@@ -66,6 +69,9 @@ pub struct Record {
     pub lpips_weights: BTreeMap<String, String>,
     /// Device the method ran on.
     pub device: String,
+    /// Devices that it ran on before, where it was begun on others and gone on with from a checkpoint.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub earlier_devices: Vec<String>,
     /// Whether the method read the data set's depth, as it is or through the simulated monocular prior: the ray tracer's own, but for `depth_imported`.
     pub uses_ground_truth_depth: bool,
     /// Whether the depth that was read came with an imported capture, and is as true as whatever measured it.
@@ -135,37 +141,56 @@ pub struct CurvePoint {
     pub gaussians: Option<usize>,
 }
 
-/// No archive unpacks to more, bytes.
-const LARGEST_ARCHIVE: u64 = 1 << 30;
+/// Most bytes of a record: one with ten thousand held-out keyframes has fewer.
+const MOST_BYTES: u64 = 1 << 25;
+/// Most numbers and texts in it.
+const MOST_VALUES: usize = 1 << 20;
+/// Most bytes that an archive unpacks to, and most of them for each of its own beyond [`MOST_BYTES`]: records shrink to a seventh or so, and a
+/// file that unpacks to a thousand times its size was made to.
+const MOST_UNPACKED_BYTES: (u64, u64) = (1 << 30, 64);
+
+/// Largest difference between a mean and what its frames give, as a share of it: what sums in another order may differ by.
+const ROUNDING: f64 = 1e-9;
+const HELP: &str = "the record is damaged: make it again";
+
+fn is_same(a: f64, b: f64) -> bool {
+    (a - b).abs() <= ROUNDING * a.abs().max(b.abs()).max(1.0)
+}
 
 impl Record {
     /// Reads a record.
     ///
     /// # Errors
-    /// A missing file, one that is not a record, or a number in it that is none, by its key.
+    /// A missing file, one that is not a record, or whatever in it cannot be, by its key.
     pub fn read(path: &Path) -> Result<Self> {
-        let value: serde_json::Value = read_json(path)?;
-        numbers::check(&value).with_context(|| format!("in {}", path.display()))?;
+        let text = read_text_within(path, MOST_BYTES)?;
+        numbers::check_text(&text, true, MOST_VALUES).with_context(|| format!("in {}", path.display()))?;
         let record: Self =
-            serde_json::from_value(value).with_context(|| format!("{} is not the JSON expected here", path.display()))?;
+            serde_json::from_str(&text).with_context(|| format!("{} is not the JSON expected here", path.display()))?;
         record.check_whole().with_context(|| format!("in {}", path.display()))?;
         Ok(record)
     }
 
-    /// Checks that nothing is missing that the record cannot be without.
+    /// Checks that it is a record of this version, that nothing is missing that it cannot be without, and that its means are those of its frames.
     ///
     /// # Errors
-    /// A method's time, or a frame's metric whose mean is there, by its key.
-    fn check_whole(&self) -> Result<()> {
-        const HELP: &str = "the record is damaged: make it again";
+    /// What is not so, by its key.
+    pub fn check_whole(&self) -> Result<()> {
+        ensure!(
+            self.schema == SCHEMA,
+            "schema is {:?}, and this version reads {SCHEMA:?}\n  help: read it with the version that wrote it, or make the record again",
+            self.schema
+        );
+        ensure!(
+            PROTOCOLS.contains(&self.protocol.as_str()),
+            "protocol is {:?}, and this version knows {}\n  help: metrics of another protocol mean something else: evaluate again",
+            self.protocol,
+            PROTOCOLS.join(" and ")
+        );
         let Outcome::Done(numbers) = &self.outcome else { return Ok(()) };
         ensure!(numbers.seconds.is_some() || self.method == PREDICTIONS, "seconds is missing\n  help: {HELP}");
-        for column in COLUMNS.iter().filter(|c| numbers.means.contains_key(c.key)) {
-            if let Some(frame) = numbers.frames.iter().find(|f| !column.leaves_out(f) && (column.of)(f).is_none()) {
-                bail!("the frame of keyframe {} lacks what {} needs\n  help: {HELP}", frame.index, column.key);
-            }
-        }
-        Ok(())
+        numbers.check_frames()?;
+        numbers.check_means()
     }
 
     /// Writes it whole, or not at all.
@@ -194,24 +219,39 @@ pub fn write_archive(path: &Path, records: &[Record]) -> Result<()> {
     Ok(write_atomic(path, &packed.finish()?)?)
 }
 
-/// Reads what [`write_archive`] wrote.
+/// Reads what [`write_archive`] wrote, every member of the file, one line in memory at a time.
 ///
 /// # Errors
-/// A missing file, one that holds something else, or a number in it that is none; the line is named.
+/// A missing file, one that holds something else or nothing, or whatever in a record cannot be; the line is named.
 pub fn read_archive(path: &Path) -> Result<Vec<Record>> {
-    let file = std::fs::File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let lines = BufReader::new(GzDecoder::new(file).take(LARGEST_ARCHIVE)).lines();
-    let record = |(number, line): (usize, std::io::Result<String>)| {
+    let packed_bytes = std::fs::metadata(path).map_or(0, |file| file.len());
+    let (most, ratio) = MOST_UNPACKED_BYTES;
+    let file_bytes = most.min(packed_bytes.saturating_mul(ratio).saturating_add(MOST_BYTES));
+    let mut records = Vec::new();
+    for (number, line) in GzipLines::open(path, LineBounds { line_bytes: MOST_BYTES, file_bytes })?.enumerate() {
+        let line = line?;
         let read = || -> Result<Record> {
-            let value: serde_json::Value = serde_json::from_str(&line?)?;
-            numbers::check(&value)?;
-            let record: Record = serde_json::from_value(value)?;
+            numbers::check_text(&line, true, MOST_VALUES)?;
+            let record: Record = serde_json::from_str(&line)?;
             record.check_whole()?;
             Ok(record)
         };
-        read().with_context(|| format!("{}, line {}, is not the record expected here", path.display(), number + 1))
-    };
-    lines.enumerate().map(record).collect()
+        records
+            .push(read().with_context(|| format!("{}, line {}, is not the record expected here", path.display(), number + 1))?);
+    }
+    ensure!(
+        !records.is_empty(),
+        "{} holds no records\n  help: pack the comparison again (`corf bench pack`)",
+        path.display()
+    );
+    Ok(records)
+}
+
+/// Median and 90th percentile of the peak AoA error of frames with spectra, degrees.
+fn peak_errors(frames: &[FrameMetrics]) -> Option<[f64; 2]> {
+    let mut errors: Vec<f64> = frames.iter().filter_map(|f| Some(f.spectrum?.radio.peak_error_deg)).collect();
+    errors.sort_by(f64::total_cmp);
+    (!errors.is_empty()).then(|| [quantile(&errors, 0.5), quantile(&errors, 0.9)])
 }
 
 impl Numbers {
@@ -221,6 +261,47 @@ impl Numbers {
     /// The first that is not, by its key.
     pub fn check(&self) -> Result<()> {
         numbers::check(&serde_json::to_value(self)?)
+    }
+
+    /// Checks that there are frames, each of another keyframe, and that all tell the same.
+    fn check_frames(&self) -> Result<()> {
+        let Some(first) = self.frames.first() else { bail!("frames is empty\n  help: {HELP}") };
+        let mut seen = BTreeSet::new();
+        // An image that a mask covers has no metrics.
+        let kinds = |frame: &FrameMetrics| [frame.light.is_some() || frame.masked_out, frame.spectrum.is_some()];
+        for frame in &self.frames {
+            let index = frame.index;
+            ensure!(seen.insert(index), "the frame of keyframe {index} is there twice\n  help: {HELP}");
+            ensure!(kinds(frame).contains(&true), "the frame of keyframe {index} has no metrics\n  help: {HELP}");
+            ensure!(
+                kinds(frame) == kinds(first),
+                "the frames of keyframes {} and {index} have metrics of different kinds\n  help: {HELP}",
+                first.index
+            );
+        }
+        Ok(())
+    }
+
+    /// Checks that the means are those of the frames; a record that is older than a column has none of it.
+    fn check_means(&self) -> Result<()> {
+        for column in COLUMNS {
+            let key = column.key;
+            let Some(&mean) = self.means.get(key) else { continue };
+            if let Some(frame) = self.frames.iter().find(|f| !column.leaves_out(f) && (column.of)(f).is_none()) {
+                bail!("the frame of keyframe {} lacks what {key} needs\n  help: {HELP}", frame.index);
+            }
+            let Some(found) = column.over(&self.frames) else { bail!("means.{key} is of no frame\n  help: {HELP}") };
+            ensure!(is_same(mean, found), "means.{key} is {mean}, and the frames give {found}\n  help: {HELP}");
+        }
+        if let Some(stated) = self.peak_error_median_p90_deg {
+            let found = peak_errors(&self.frames);
+            ensure!(
+                found.is_some_and(|found| stated.iter().zip(found).all(|(a, b)| is_same(*a, b))),
+                "peak_error_median_p90_deg is {stated:?}, and the frames give {}\n  help: {HELP}",
+                found.map_or("none".to_owned(), |found| format!("{found:?}"))
+            );
+        }
+        Ok(())
     }
 
     /// Means and percentiles from raw frames.
@@ -233,9 +314,7 @@ impl Numbers {
         latency: Option<LatencySummary>,
     ) -> Self {
         let means = COLUMNS.iter().filter_map(|c| Some((c.key.to_owned(), c.over(&frames)?))).collect();
-        let mut errors: Vec<f64> = frames.iter().filter_map(|f| Some(f.spectrum?.radio.peak_error_deg)).collect();
-        errors.sort_by(f64::total_cmp);
-        let peak_error_median_p90_deg = (!errors.is_empty()).then(|| [quantile(&errors, 0.5), quantile(&errors, 0.9)]);
+        let peak_error_median_p90_deg = peak_errors(&frames);
         Self {
             seconds,
             gaussians,

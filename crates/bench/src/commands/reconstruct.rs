@@ -4,7 +4,7 @@ use super::reconstruct_follow::Follow;
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
-use crate::json::read_json;
+use crate::json::{read_json, read_text};
 use crate::live::WhenBehind;
 use crate::method::{Advance, Checkpoints, TrainingSet};
 use crate::progress::Progress;
@@ -109,7 +109,7 @@ impl Reconstruct {
         let mut table = match &self.config {
             None => toml::Table::new(),
             Some(path) => {
-                let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+                let text = read_text(path)?;
                 text.parse().with_context(|| format!("{} is no TOML", path.display()))?
             }
         };

@@ -3,6 +3,7 @@
 use super::*;
 use crate::metrics::{FrameMetrics, LightMetrics};
 use crate::provenance::Provenance;
+use crate::record::{PROTOCOL, SCHEMA};
 use std::collections::BTreeMap;
 
 fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
@@ -22,8 +23,8 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
         stages: vec![],
     };
     Record {
-        schema: String::new(),
-        protocol: String::new(),
+        schema: SCHEMA.to_owned(),
+        protocol: PROTOCOL.to_owned(),
         split: Protocol::Test,
         row: row.to_owned(),
         method: "corf-gs".to_owned(),
@@ -35,7 +36,8 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
         cell: None,
         provenance: Provenance::here(),
         lpips_weights: BTreeMap::new(),
-        device: String::new(),
+        device: "cpu (2 threads)".to_owned(),
+        earlier_devices: Vec::new(),
         uses_ground_truth_depth: row == "full",
         depth_imported: false,
         uses_scene: false,
