@@ -48,7 +48,7 @@ pub fn read_record(path: &Path, cell: Cell<'_>, protocol: Protocol) -> Result<Re
     let record = Record::read(path)?;
     let method = if cell.row.kind == RowKind::Predictions { PREDICTIONS } else { &cell.row.method };
     let is = (record.row.as_str(), record.seed, record.split, record.method.as_str());
-    if is != (&cell.row.label, cell.seed, protocol, method) {
+    if is != (cell.row.label.as_str(), cell.seed, protocol, method) {
         bail!(
             "{} holds the record of {:?}, seed {}, {} ({}), where that of {:?}, seed {}, {} ({method}) belongs\n  help: put every record \
              under its own name, or remove that file and run the cell again",

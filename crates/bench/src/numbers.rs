@@ -133,7 +133,7 @@ impl<'de> Visitor<'de> for Look<'_> {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
-        for i in 0.. {
+        for i in 0_usize.. {
             let path = if self.checked { format!("{}[{i}]", self.path) } else { String::new() };
             if list.next_element_seed(Look { path: &path, ..self })?.is_none() {
                 break;

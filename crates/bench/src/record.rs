@@ -355,3 +355,113 @@ impl Numbers {
         Self { stages, ..self }
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::metrics::LightMetrics;
+    use serde_json::{Value, json};
+
+    /// A finished cell of `corf-gs` with its own settings, of two held-out keyframes.
+    pub(crate) fn done(row: &str, seed: u64) -> Record {
+        let light = |psnr_opt| Some(LightMetrics { psnr_opt, ssim_opt: 0.5 });
+        let frame =
+            |index, psnr| FrameMetrics { index, masked_out: false, light: light(psnr), spectrum: None, lpips: BTreeMap::new() };
+        let frames = vec![frame(0, 20.0 + seed as f64), frame(8, 21.0)];
+        let curve = vec![CurvePoint { seconds: 0.5, progress: 1.0, gaussians: Some(10) }];
+        Record {
+            schema: SCHEMA.to_owned(),
+            protocol: PROTOCOL.to_owned(),
+            split: Protocol::Test,
+            row: row.to_owned(),
+            method: "corf-gs".to_owned(),
+            config: json!({"fine_tune_epochs": 0}),
+            dataset: "d".to_owned(),
+            dataset_hash: "f00d".repeat(16),
+            dataset_verified: true,
+            seed,
+            cell: None,
+            provenance: Provenance::here(),
+            lpips_weights: BTreeMap::from([("vgg".to_owned(), "0".repeat(64))]),
+            device: "cpu (2 threads)".to_owned(),
+            earlier_devices: Vec::new(),
+            uses_ground_truth_depth: false,
+            depth_imported: false,
+            uses_scene: false,
+            clock: CLOCK.to_owned(),
+            outcome: Outcome::Done(Box::new(Numbers::of(frames, Some(1.0), Some(10), None, curve, None))),
+        }
+    }
+
+    /// Reads the record as JSON, changed.
+    fn read(change: impl Fn(&mut Value)) -> Result<Record> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("metrics.json");
+        let mut value = serde_json::to_value(done("a", 1)).unwrap();
+        change(&mut value);
+        std::fs::write(&path, value.to_string()).unwrap();
+        Record::read(&path)
+    }
+
+    #[test]
+    fn what_a_record_cannot_say_is_named() {
+        let whole = read(|_| ()).unwrap();
+        assert!(matches!(whole.outcome, Outcome::Done(numbers) if numbers.means["psnr_opt"] == 21.0));
+        let of_old = read(|r| drop(r["means"].as_object_mut().unwrap().remove("psnr_opt"))).unwrap();
+        let Outcome::Done(numbers) = &of_old.outcome else { panic!() };
+        assert_eq!(numbers.value(&COLUMNS[0]), Some(21.0), "what an older record has no mean of is of its frames");
+        let set = |pointer: &'static str, to: Value| move |r: &mut Value| *r.pointer_mut(pointer).unwrap() = to.clone();
+        for (change, said) in [
+            (set("/schema", json!("corf-x/999")), "schema is \"corf-x/999\", and this version reads \"corf-metrics/1\""),
+            (set("/protocol", json!("corf-heldout/3")), "protocol is \"corf-heldout/3\""),
+            (set("/seconds", json!(-1.5)), "seconds is -1.5, and no time is negative"),
+            (set("/seconds", json!(-1)), "seconds is -1, and no time is negative"),
+            (set("/curve/0/seconds", json!(-1e-3)), "curve[0].seconds is -0.001"),
+            (set("/means/psnr_opt", json!(21.001)), "means.psnr_opt is 21.001, and the frames give 21"),
+            (set("/means/psnr_opt", Value::Null), "means.psnr_opt is not a finite number"),
+            (set("/means/ssim_opt", json!("0.5")), "invalid type: string"),
+            (set("/frames/1/psnr_opt", json!(25.0)), "means.psnr_opt is 21, and the frames give 23"),
+            (set("/frames/1/index", json!(0)), "keyframe 0 is there twice"),
+            (set("/frames/1", json!({"index": 8})), "keyframe 8 has no metrics"),
+            (set("/frames/1", json!({"index": 8, "ssim_opt": 0.5})), "keyframe 8 has no metrics"),
+            (set("/frames", json!([])), "frames is empty"),
+            (set("/peak_memory_bytes", json!(-1)), "invalid value"),
+        ] {
+            let error = format!("{:#}", read(change).unwrap_err());
+            assert!(error.contains(said) && error.contains("metrics.json"), "{said}: {error}");
+        }
+    }
+
+    #[test]
+    fn an_archive_is_all_of_its_members_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let [one, two, path] = ["1", "2", ARCHIVE].map(|name| folder.path().join(name));
+        write_archive(&one, &[done("a", 1), done("b", 1)]).unwrap();
+        write_archive(&two, &[done("a", 2)]).unwrap();
+        let [one, two] = [one, two].map(|path| std::fs::read(path).unwrap());
+        let read = |bytes: &[&[u8]]| {
+            std::fs::write(&path, bytes.concat()).unwrap();
+            read_archive(&path).map(|records| records.iter().map(|r| (r.row.clone(), r.seed)).collect::<Vec<_>>())
+        };
+        let cells = [("a", 1), ("b", 1), ("a", 2)].map(|(row, seed)| (row.to_owned(), seed));
+        assert_eq!(read(&[&one, &two]).unwrap(), cells);
+        let gzip = |text: &str| corf_scene::io::gzip(text.as_bytes()).unwrap();
+        for (bytes, said) in [
+            (vec![&one[..], b"more"], "line 3"),
+            (vec![&one[..], &two[..two.len() - 3]], "gzip text"),
+            (vec![&gzip("")[..]], "holds no records"),
+            (vec![&b""[..]], ARCHIVE),
+            (vec![&one[..], &gzip("\n")], "line 3, is not the record"),
+            (vec![&one[..], &gzip("{}\n")], "line 3, is not the record"),
+        ] {
+            let error = format!("{:#}", read(&bytes).unwrap_err());
+            assert!(error.contains(said) && error.contains(ARCHIVE), "{said}: {error}");
+        }
+        // What unpacks to a thousand times its size, in one line and in many.
+        for (text, said) in [("[".repeat(1 << 26), "line 1"), ("\n".repeat(1 << 26), "line 1, is not"), ("[0,".repeat(1 << 21), "more than 1048576")]
+        {
+            let error = format!("{:#}", read(&[&gzip(&text)]).unwrap_err());
+            assert!(error.contains(said), "{said}: {error}");
+        }
+    }
+}

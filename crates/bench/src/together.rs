@@ -10,7 +10,6 @@ use anyhow::{Context, Result, bail, ensure};
 use serde::Deserialize;
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::path::Path;
 
 /// File of a results folder that says which of its records' data sets count as one, and why.
@@ -74,7 +73,7 @@ const SEPARATE: &str = "records of different ones cannot be compared: keep them 
 /// Two records that may not, both by their places, with what differs.
 pub fn check(records: &[Record], place: &dyn Fn(usize) -> String, joined: &Joined) -> Result<()> {
     let mut cells: BTreeMap<(&str, u64), usize> = BTreeMap::new();
-    let mut rows: BTreeMap<&str, Row<'_>> = BTreeMap::new();
+    let mut rows: BTreeMap<&str, usize> = BTreeMap::new();
     let Some(first) = records.first() else { return Ok(()) };
     let mut weights: BTreeMap<&str, usize> = BTreeMap::new();
     let mut first_done: Option<(usize, Vec<usize>)> = None;
@@ -97,27 +96,17 @@ pub fn check(records: &[Record], place: &dyn Fn(usize) -> String, joined: &Joine
                 bail!(differ(other, "LPIPS weights", &a, &b, SEPARATE));
             }
         }
-        if let Some(other) = cells.insert((&record.row, record.seed), at) {
+        if let Some(other) = cells.insert((record.row.as_str(), record.seed), at) {
             let same = serde_json::to_value(&records[other])? == serde_json::to_value(record)?;
             let how = if same { "the same record twice" } else { "two records of one cell that differ" };
             bail!("{} is in {} and in {}: {how}\n  help: a cell counts once: keep one of them", name(), place(other), place(at));
         }
-        match rows.entry(&record.row) {
-            Entry::Vacant(entry) => drop(entry.insert(Row { first: at, config: None })),
-            Entry::Occupied(mut entry) => {
-                let row = entry.get_mut();
-                let one = &records[row.first];
-                ensure!(one.method == record.method, differ(row.first, "method", &one.method, &record.method, ANOTHER_ROW));
-                let config = row.config.get_or_insert_with(|| Settings::of(one));
-                if let Some(key) = config.difference(&Settings::of(record)) {
-                    bail!(
-                        "{}: {} has another configuration than {}: {key}\n  help: {ANOTHER_ROW}",
-                        place(at),
-                        name(),
-                        place(row.first)
-                    );
-                }
-            }
+        let from = *rows.entry(&record.row).or_insert(at);
+        let one = &records[from];
+        ensure!(one.method == record.method, differ(from, "method", &one.method, &record.method, ANOTHER_ROW));
+        if let Some(key) = other_setting(one, record) {
+            let (at, from) = (place(at), place(from));
+            bail!("{at}: {} has another configuration than {from}: {key}\n  help: {ANOTHER_ROW}", name());
         }
         if let Outcome::Done(numbers) = &record.outcome {
             let indices = || numbers.frames.iter().map(|frame| frame.index).collect::<Vec<_>>();
@@ -138,39 +127,20 @@ pub fn check(records: &[Record], place: &dyn Fn(usize) -> String, joined: &Joine
 
 const ANOTHER_ROW: &str = "a row is one method with one configuration: give one of them another label, or leave it out";
 
-/// The first record of a row, and its settings once they are compared with others.
-struct Row<'a> {
-    first: usize,
-    config: Option<Settings<'a>>,
-}
+/// What predictions of all seeds have in common: their statement and their hash are those of one.
+const OF_PREDICTIONS: [&str; 3] = ["images", "spectra", "jet"];
 
-/// A method's settings as a record has them, with the method's own where the record is of a version that did not have them yet.
-struct Settings<'a> {
-    config: &'a Value,
-    own: Option<Value>,
-    /// Whether only what was predicted counts, for the statement and the hash of predictions are those of one seed.
-    of_predictions: bool,
-}
-
-/// What predictions of all seeds have in common.
-const OF_PREDICTIONS: [&str; 3] = ["/images", "/spectra", "/jet"];
-
-impl<'a> Settings<'a> {
-    fn of(record: &'a Record) -> Self {
-        // What this version does not know has no settings of its own.
-        let own = methods::create(&record.method, &toml::Table::new(), &Backend::Cpu).ok().map(|method| method.config());
-        Self { config: &record.config, own, of_predictions: record.method == PREDICTIONS }
+/// A setting in which two records of one method differ, with both values. What one of them lacks, for it is of a version that did not have it yet, is
+/// as it is by itself in this one.
+fn other_setting(one: &Record, other: &Record) -> Option<String> {
+    if one.config == other.config {
+        return None;
     }
-
-    /// The first key with another value in `other`, with both values.
-    fn difference(&self, other: &Settings<'_>) -> Option<String> {
-        if self.of_predictions {
-            let differs = |key: &&&str| self.config.pointer(key) != other.config.pointer(key);
-            return OF_PREDICTIONS.iter().find(differs).map(|key| key[1..].to_owned());
-        }
-        let nothing = Value::Null;
-        difference(self.config, other.config, self.own.as_ref().unwrap_or(&nothing), "")
+    if one.method == PREDICTIONS {
+        return OF_PREDICTIONS.iter().find_map(|key| difference(&one.config[key], &other.config[key], &Value::Null, key));
     }
+    let own = methods::create(&one.method, &toml::Table::new(), &Backend::Cpu).map_or(Value::Null, |method| method.config());
+    difference(&one.config, &other.config, &own, "")
 }
 
 /// The first path at which two values differ; what one of them lacks is as in `own`, where that has it.
@@ -183,7 +153,10 @@ fn difference(a: &Value, b: &Value, own: &Value, path: &str) -> Option<String> {
             difference(one.get(key).unwrap_or(own), other.get(key).unwrap_or(own), own, &format!("{path}{dot}{key}"))
         });
     }
-    let short = |value: &Value| format!("{:.60}", value.to_string());
+    let short = |value: &Value| {
+        let text = value.to_string();
+        format!("{text:.60}")
+    };
     (a != b).then(|| format!("{path} is {} and {}", short(b), short(a)))
 }
 

@@ -1,7 +1,7 @@
 //! Cells as Slurm job arrays, and a job that collects them once all have ended.
 //!
 //! Slurm decides what runs where and when, and runs a job again whose node died (`--requeue`); a cell that is finished answers at once. Arrays are no
-//! longer than the site allows. Jobs run in the comparison's folder, so that no path of it stands where Slurm would read it its own way.
+//! longer than the site allows. No path stands where Slurm would read it its own way: those of logs are options of `sbatch` and no lines of a script.
 
 use super::Planned;
 use crate::device::DeviceChoice;
@@ -40,7 +40,7 @@ pub struct Submitted {
 const MAX_ARRAY_SIZE: usize = 1001;
 
 /// Options of `sbatch` that decide what is submitted, and so are not the user's.
-const RESERVED: [&str; 9] = ["array", "chdir", "parsable", "test-only", "wait", "wrap", "help", "usage", "version"];
+const RESERVED: [&str; 8] = ["array", "parsable", "test-only", "wait", "wrap", "help", "usage", "version"];
 /// Options that the collecting job takes over: on whose account, and on which cluster.
 const SHARED: [&str; 2] = ["account", "clusters"];
 
@@ -57,6 +57,18 @@ fn path_text(path: &Path) -> Result<String> {
         bail!("{text:?} cannot stand in a job script: it holds {control:?}\n  help: choose a path without line breaks and control characters");
     }
     Ok(text.to_owned())
+}
+
+/// The option for a log in a comparison's folder: in the folder's own name % stands for itself.
+///
+/// # Errors
+/// A folder with a backslash, behind which Slurm replaces nothing in a log's name.
+fn log_option(out: &str, name: &str) -> Result<OsString> {
+    ensure!(
+        !out.contains('\\'),
+        "{out:?} cannot be the folder of a Slurm job's log: it holds '\\\\', which Slurm reads its own way\n  help: choose a path without backslashes"
+    );
+    Ok(format!("--output={}/logs/{name}", out.replace('%', "%%")).into())
 }
 
 /// The name of an option of `sbatch` and the words that it is on a command line: `--name`, `--name=value` or `--name value`.
@@ -78,7 +90,7 @@ fn array_script(name: &str, program: &str, out: &str, ids: &str, options: &Optio
     let no_verify = if options.no_verify { " --no-verify" } else { "" };
     let (program, folder) = (quoted(program), quoted(out));
     format!(
-        "#!/bin/sh\n#SBATCH --job-name=corf-{name}\n#SBATCH --output=logs/%A_%a.log\n#SBATCH --open-mode=append\n#SBATCH --requeue\n\
+        "#!/bin/sh\n#SBATCH --job-name=corf-{name}\n#SBATCH --open-mode=append\n#SBATCH --requeue\n\
          exec {program} bench cell {folder} \"$(sed -n \"$((SLURM_ARRAY_TASK_ID + ${{1:-0}} + 1))p\" {folder}/slurm/{ids})\" --device {}{no_verify}\n",
         options.device
     )
@@ -88,7 +100,7 @@ fn array_script(name: &str, program: &str, out: &str, ids: &str, options: &Optio
 fn collect_script(name: &str, program: &str, out: &str, options: &Options<'_>) -> String {
     let no_verify = if options.no_verify { " --no-verify" } else { "" };
     format!(
-        "#!/bin/sh\n#SBATCH --job-name=corf-{name}-collect\n#SBATCH --output=logs/collect.log\n#SBATCH --open-mode=append\n\
+        "#!/bin/sh\n#SBATCH --job-name=corf-{name}-collect\n#SBATCH --open-mode=append\n\
          exec {} bench collect {}{no_verify}\n",
         quoted(program),
         quoted(out)
@@ -97,10 +109,10 @@ fn collect_script(name: &str, program: &str, out: &str, options: &Options<'_>) -
 
 /// Job scripts in the folder of a comparison.
 struct Scripts {
-    /// Folder of the comparison, absolute.
-    out: PathBuf,
-    array: PathBuf,
-    collect: PathBuf,
+    /// The array's, and the option for its logs.
+    array: (PathBuf, OsString),
+    /// The collecting job's, and the option for its log.
+    collect: (PathBuf, OsString),
     /// Cells in the list that the array's script reads.
     cells: usize,
 }
@@ -120,6 +132,7 @@ impl Scripts {
             program.display()
         );
         let (out_text, program) = (path_text(&out)?, path_text(&program)?);
+        let logs = [log_option(&out_text, "%A_%a.log")?, log_option(&out_text, "collect.log")?];
         let folder = out.join("slurm");
         for folder in [&folder, &out.join("logs")] {
             std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
@@ -132,32 +145,34 @@ impl Scripts {
         let (array, collect) = (folder.join("array.sh"), folder.join("collect.sh"));
         write_atomic(&array, array_script(&name, &program, &out_text, &ids, options).as_bytes())?;
         write_atomic(&collect, collect_script(&name, &program, &out_text, options).as_bytes())?;
-        Ok(Some(Self { out, array, collect, cells: cells.len() }))
+        let [of_array, of_collect] = logs;
+        Ok(Some(Self { array: (array, of_array), collect: (collect, of_collect), cells: cells.len() }))
     }
+}
 
-    /// Submits a script with options and arguments; its job's number.
-    fn sbatch(&self, options: &[OsString], script: &Path, argument: Option<usize>) -> Result<String> {
-        let mut command = Command::new("sbatch");
-        // Variables stand in for options that are not given.
-        command.current_dir(&self.out).env_remove("SBATCH_ARRAY_INX").env_remove("SBATCH_WAIT");
-        let answer = command
-            .arg("--parsable")
-            .args(options)
-            .arg(script)
-            .args(argument.map(|number| number.to_string()))
-            .output()
-            .context("cannot run sbatch\n  help: submit from a machine of the cluster, or run the cells here with --local N")?;
-        if !answer.status.success() {
-            bail!("sbatch refused the job: {}", String::from_utf8_lossy(&answer.stderr).trim());
-        }
-        // The job's number; behind a semicolon the cluster's name.
-        let text = String::from_utf8_lossy(&answer.stdout);
-        let number = text.trim().lines().next_back().and_then(|line| line.split(';').next()).unwrap_or_default().trim();
-        if number.is_empty() || !number.bytes().all(|b| b.is_ascii_digit()) {
-            bail!("sbatch answered {:?}, which is no job's number\n  help: look with squeue for what it has submitted", text.trim());
-        }
-        Ok(number.to_owned())
+/// Submits a script with the option for its log, further options and an argument; its job's number.
+fn sbatch((script, log): &(PathBuf, OsString), options: &[OsString], argument: Option<usize>) -> Result<String> {
+    let mut command = Command::new("sbatch");
+    // Variables stand in for options that are not given.
+    command.env_remove("SBATCH_ARRAY_INX").env_remove("SBATCH_WAIT");
+    let answer = command
+        .arg("--parsable")
+        .arg(log)
+        .args(options)
+        .arg(script)
+        .args(argument.map(|number| number.to_string()))
+        .output()
+        .context("cannot run sbatch\n  help: submit from a machine of the cluster, or run the cells here with --local N")?;
+    if !answer.status.success() {
+        bail!("sbatch refused the job: {}", String::from_utf8_lossy(&answer.stderr).trim());
     }
+    // The job's number; behind a semicolon the cluster's name.
+    let text = String::from_utf8_lossy(&answer.stdout);
+    let number = text.trim().lines().next_back().and_then(|line| line.split(';').next()).unwrap_or_default().trim();
+    if number.is_empty() || !number.bytes().all(|b| b.is_ascii_digit()) {
+        bail!("sbatch answered {:?}, which is no job's number\n  help: look with squeue for what it has submitted", text.trim());
+    }
+    Ok(number.to_owned())
 }
 
 /// The largest number of tasks of an array on this cluster.
@@ -217,11 +232,11 @@ pub fn submit(planned: &Planned, options: &Options<'_>) -> Result<Option<Submitt
             if let Some(before) = arrays.last().filter(|_| options.at_once.is_some()) {
                 words.push(format!("--dependency=afterany:{before}").into());
             }
-            arrays.push(scripts.sbatch(&words, &scripts.array, Some(first))?);
+            arrays.push(sbatch(&scripts.array, &words, Some(first))?);
         }
         let mut words = shared.clone();
         words.push(format!("--dependency=afterany:{}", arrays.join(":")).into());
-        scripts.sbatch(&words, &scripts.collect, None)
+        sbatch(&scripts.collect, &words, None)
     };
     match submit() {
         Ok(collect) => Ok(Some(Submitted { arrays, collect, cells: scripts.cells })),
@@ -249,9 +264,9 @@ mod tests {
     #[test]
     fn a_script_names_its_cells_by_line_and_quotes_paths() {
         let options = Options { at_once: Some(4), device: DeviceChoice::Gpu(0), no_verify: false, sbatch: &[] };
-        let script = array_script("lobby", "/opt/corf it's", "/data/my #1 %A\\out", "ids-1", &options);
-        assert!(script.contains("\nexec '/opt/corf it'\\''s' bench cell '/data/my #1 %A\\out' "), "{script}");
-        assert!(script.ends_with("'/data/my #1 %A\\out'/slurm/ids-1)\" --device gpu:0\n"), "{script}");
+        let script = array_script("lobby", "/opt/corf it's", "/data/my #1 %A", "ids-1", &options);
+        assert!(script.contains("\nexec '/opt/corf it'\\''s' bench cell '/data/my #1 %A' "), "{script}");
+        assert!(script.ends_with("'/data/my #1 %A'/slurm/ids-1)\" --device gpu:0\n"), "{script}");
         // What Slurm reads holds nothing of the folder; and it is read up to the first command alone.
         let (options, commands) = script.split_at(script.find("exec").unwrap());
         assert!(!options.contains("data") && options.contains("--open-mode=append") && !commands.contains("#SBATCH"), "{script}");
@@ -266,6 +281,8 @@ mod tests {
             let error = path_text(Path::new(name)).unwrap_err().to_string();
             assert!(error.contains(&format!("{:?}", name.chars().nth(1).unwrap())), "{error}");
         }
+        assert_eq!(log_option("/a/50% %A", "%A_%a.log").unwrap(), "--output=/a/50%% %%A/logs/%A_%a.log");
+        assert!(log_option("/a\\b", "collect.log").unwrap_err().to_string().contains("without backslashes"));
     }
 
     #[test]
@@ -287,7 +304,7 @@ mod tests {
         assert_eq!(words("--comment=two words, #3"), ("comment", vec!["--comment=two words, #3"]));
         assert_eq!(words("--constraint a=b"), ("constraint", vec!["--constraint", "a=b"]));
         assert_eq!(words("--exclusive"), ("exclusive", vec!["--exclusive"]));
-        for bad in ["partition=x", "-p x", "--", "--a\nb", "", "--array=0-3", "--arr 0-3", "--chdir=/", "--test-only", "--wrap=ls"] {
+        for bad in ["partition=x", "-p x", "--", "--a\nb", "", "--array=0-3", "--arr 0-3", "--test-only", "--wrap=ls"] {
             assert!(option_words(bad).unwrap_err().to_string().contains("help: "), "{bad}");
         }
     }

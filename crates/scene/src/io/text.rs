@@ -84,7 +84,7 @@ impl GzipLines {
     /// The next line, without its end.
     fn read(&mut self) -> Result<Option<String>> {
         let mut bytes = Vec::new();
-        let most = self.bounds.line_bytes.min(self.bounds.file_bytes - self.read_bytes);
+        let most = self.bounds.line_bytes.min(self.bounds.file_bytes.saturating_sub(self.read_bytes));
         // The end of a line counts as well.
         let read = self.reader.by_ref().take(most + 1).read_until(b'\n', &mut bytes);
         let place = |line: usize| format!("{}, line {line}", self.path.display());
