@@ -125,7 +125,7 @@ fn archives_are_read_whole_or_not_at_all_and_bombs_end_with_a_message() {
         ("no lines", gzip(String::new()), "holds no records"),
         ("plain text", lines.clone().into_bytes(), "gzip text"),
         ("one long line", gzip("x".repeat(1 << 27)), "line 1"),
-        ("many values", gzip(format!("{{\"config\":[{}0]}}", "0,".repeat(1 << 21))), "more than 1048576"),
+        ("many values", gzip(format!("{{\"config\":[{}0]}}", "0,".repeat(1 << 21))), "more than 524288"),
         ("many lines", gzip(lines.clone() + &"\n".repeat(1 << 27)), "line 5"),
     ];
     for (name, bytes, words) in bad {
@@ -144,7 +144,7 @@ fn archives_are_read_whole_or_not_at_all_and_bombs_end_with_a_message() {
     // Records and runs of other people have bounds as well.
     let record = cell(&out, "nearest-seed1");
     fs::write(&record, format!("{{\"config\":[{}0]}}", "0,".repeat(1 << 21))).unwrap();
-    corf_refuses(&["bench", "table", text(&out)], &["nearest-seed1.json", "more than 1048576"]);
+    corf_refuses(&["bench", "table", text(&out)], &["nearest-seed1.json", "more than 524288"]);
     let run = folder.path().join("run");
     fs::create_dir(&run).unwrap();
     fs::write(run.join("run.json"), format!("[{}0]", "0,".repeat(1 << 23))).unwrap();
@@ -163,12 +163,12 @@ fn rows_of_several_devices_are_not_averaged_and_every_notation_names_them() {
         let table = corf_ok(&["bench", "table", text(&out), "--format", format]);
         assert!(table.contains("gpu (X)"), "{format}: {table}");
         if format != "csv" {
-            assert!(table.contains("blend [cpu (") && table.contains("blend [gpu (X)]"), "{format}: {table}");
+            assert!(table.contains("blend, on cpu (") && table.contains("blend, on gpu (X)"), "{format}: {table}");
             assert!(table.contains("Ran on gpu (X): blend"), "{format}: {table}");
         }
     }
     corf_ok(&["bench", "report", text(&out)]);
-    assert!(fs::read_to_string(out.join("report.html")).unwrap().contains("blend [gpu (X)]"));
+    assert!(fs::read_to_string(out.join("report.html")).unwrap().contains("blend, on gpu (X)"));
     record["earlier_devices"] = Value::Array(vec!["cpu (64 threads)".into()]);
     fs::write(&path, record.to_string()).unwrap();
     let table = corf_ok(&["bench", "table", text(&out)]);
@@ -184,7 +184,7 @@ fn archives_that_were_put_together_wrongly_are_refused() {
         ("records-mixed/r-means edited", Some("means.azimuth_spread_error_deg is 99"), ""),
         ("records-mixed/r-means null", Some("means.azimuth_spread_error_deg is not a finite number"), ""),
         ("records-mixed/r-other config same row", Some("iterations_per_keyframe is 9999 and 75"), ""),
-        ("records-mixed/r-other device", None, "CORF-GS [gpu X]"),
+        ("records-mixed/r-other device", None, "CORF-GS, on gpu X"),
         ("records-mixed/r-other split", Some("split segment"), ""),
         ("records-mixed/r-schema 999", Some("corf-x/999"), ""),
     ];

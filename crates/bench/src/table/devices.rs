@@ -64,7 +64,7 @@ pub(super) fn tell_apart(rows: &mut [Row<'_>]) {
         {
             let with_processor = need_processor(of_label().filter_map(|row| row.place.as_ref()));
             let precision = if place.device.ends_with(PRECISION) { PRECISION } else { "" };
-            rows[at].label = format!("{} [{}{precision}]", rows[at].cells_of, place.name(with_processor)).into();
+            rows[at].label = format!("{}, on {}{precision}", rows[at].cells_of, place.name(with_processor)).into();
         }
     }
 }

@@ -281,8 +281,8 @@ fn cells_of_different_devices_have_rows_of_their_own_and_the_note_says_which_ran
     let mut records = vec![on("full", 1, "gpu (A)"), on("full", 2, "cpu (2 threads)"), on("full", 3, "gpu (A)"), lookup("cpu (2 threads)")];
     let table = markdown(&rows(&records), &short_columns());
     let lines: Vec<&str> = table.lines().skip(2).take(3).map(|line| line.split(" | ").next().unwrap()).collect();
-    assert_eq!(lines, ["| full [gpu (A)]", "| full [cpu (2 threads)]", "| nearest"]);
-    assert!(table.contains("over 2 seeds, 1 of full"), "{table}");
+    assert_eq!(lines, ["| full, on gpu (A)", "| full, on cpu (2 threads)", "| nearest"]);
+    assert!(table.contains("over 2 seeds, 1 of full, on cpu (2 threads); nearest"), "{table}");
     assert!(table.contains("Ran on gpu (A): full") && table.contains("Ran on cpu (2 threads): full"), "{table}");
     let list = csv(&records);
     assert!(list.lines().next().unwrap().ends_with(",device,error") && list.contains(",\"gpu (A)\","), "{list}");
@@ -294,14 +294,14 @@ fn cells_of_different_devices_have_rows_of_their_own_and_the_note_says_which_ran
     records.remove(1);
     records[1].earlier_devices = vec!["cpu (2 threads)".to_owned()];
     let table = markdown(&rows(&records), &short_columns());
-    assert!(table.contains("| full [gpu (A), begun on cpu (2 threads)] |") && table.contains("| full [gpu (A)] |"), "{table}");
+    assert!(table.contains("| full, on gpu (A), begun on cpu (2 threads) |") && table.contains("| full, on gpu (A) |"), "{table}");
     let table = markdown(&rows(&records[1..]), &short_columns());
     assert!(table.contains("| full |") && table.contains("Ran on gpu (A), begun on cpu (2 threads): full."), "{table}");
     // Two makes of processor are two devices.
     let mut records = [on("full", 1, "cpu (2 threads)"), on("full", 2, "cpu (2 threads)")];
     records[1].provenance.processor = "another make".to_owned();
     let table = markdown(&rows(&records), &short_columns());
-    assert!(table.contains("| full [cpu (2 threads), another make] |"), "{table}");
+    assert!(table.contains("| full, on cpu (2 threads), another make |"), "{table}");
     // What was evaluated by an older protocol says so.
     records.iter_mut().for_each(|record| record.protocol = "corf-heldout/1".to_owned());
     let table = markdown(&rows(&records), &short_columns());
