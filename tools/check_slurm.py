@@ -2,9 +2,9 @@
 
     tools/slurm_local.sh start; python3 tools/check_slurm.py CORF; tools/slurm_local.sh stop
 
-CORF is the program. The folder has an odd name. One job is requeued while it runs, as when its node had died; its log has both of its beginnings. A
-plan of one cell more than an array takes is submitted as two arrays, held, and cancelled. Exit code 1 where a number differs, a job does not end, or
-something else was submitted than is said.
+CORF is the program. The folder has an odd name. One job is requeued while it runs, as when its node had died; its log keeps what was
+said before. A plan of one cell more than an array takes is submitted as two arrays, held, and cancelled. Exit code 1 where a number
+differs, a job does not end, or something else was submitted than is said.
 """
 
 import json

@@ -229,7 +229,9 @@ fn record(bytes: &[u8], folder: &Path) -> Result<()> {
 /// Tables of records that were read; that one of them mixes what may not be mixed is as bad as a panic.
 fn tables(records: &[corf_bench::record::Record]) -> Result<()> {
     let rows = corf_bench::table::rows(records);
-    let finished = |row: &corf_bench::table::Row<'_>| row.done.iter().map(|(seed, _)| *seed).collect::<std::collections::BTreeSet<_>>().len();
+    let finished = |row: &corf_bench::table::Row<'_>| {
+        row.done.iter().map(|(seed, _)| *seed).collect::<std::collections::BTreeSet<_>>().len()
+    };
     assert!(rows.iter().all(|row| finished(row) == row.done.len()), "a seed counts twice");
     let columns = corf_bench::table::columns(&["all"])?;
     drop((

@@ -1,5 +1,5 @@
-//! Tables from records of other people, and sweeps on a cluster: what may not stand in one table is refused with both places, and what was submitted
-//! is what is reported.
+//! Tables from records of other people, and sweeps on a cluster: what may not stand in one table is refused with both places, and
+//! what was submitted is what is reported.
 
 use crate::common::*;
 use corf_scene::io;
@@ -149,6 +149,8 @@ fn archives_are_read_whole_or_not_at_all_and_bombs_end_with_a_message() {
     fs::create_dir(&run).unwrap();
     fs::write(run.join("run.json"), format!("[{}0]", "0,".repeat(1 << 23))).unwrap();
     corf_refuses(&["evaluate", text(&run)], &["run.json", "more than 8388608"]);
+    fs::write(run.join("run.json"), "{\"curve\": [{\"seconds\": -3}]}").unwrap();
+    corf_refuses(&["evaluate", text(&run)], &["run.json", "curve[0].seconds is -3"]);
 }
 
 #[test]
@@ -221,7 +223,9 @@ for word; do
     esac
 done
 if [ -n "$tasks" ]; then
-    for i in $(seq 0 "$tasks"); do SLURM_ARRAY_TASK_ID=$i sh "$script" $argument >>"$logs/${n}_$i.log" 2>&1 || echo "task $i failed" >>"$CALLS/failed"; done
+    for i in $(seq 0 "$tasks"); do
+        SLURM_ARRAY_TASK_ID=$i sh "$script" $argument >>"$logs/${n}_$i.log" 2>&1 || echo "task $i failed" >>"$CALLS/failed"
+    done
 else
     sh "$script" >>"$logs/collect.log" 2>&1 || echo "collecting failed" >>"$CALLS/failed"
 fi
@@ -302,7 +306,8 @@ fn long_sweeps_are_several_arrays_and_any_folder_will_do() {
     let out = folder.path().join("-y it's");
     six_cells(folder.path(), &out);
     let name = out.file_name().unwrap().to_str().unwrap();
-    let local = command(&["bench", "submit", "--local", "2", "--device", "cpu", "--", name]).current_dir(folder.path()).output().unwrap();
+    let local =
+        command(&["bench", "submit", "--local", "2", "--device", "cpu", "--", name]).current_dir(folder.path()).output().unwrap();
     assert!(local.status.success(), "{}", String::from_utf8_lossy(&local.stderr));
 }
 

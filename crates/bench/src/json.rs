@@ -35,8 +35,20 @@ const MOST_VALUES: usize = 1 << 23;
 /// # Errors
 /// A missing file, one that is not what it should be (line and column are named), or one that is larger than any of its kind.
 pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    read(path, false)
+}
+
+/// Reads what [`write_numbers`] wrote.
+///
+/// # Errors
+/// Those of [`read_json`]; a number that is none, by its key.
+pub fn read_numbers<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    read(path, true)
+}
+
+fn read<T: DeserializeOwned>(path: &Path, of_record: bool) -> Result<T> {
     let text = read_text(path)?;
-    numbers::check_text(&text, false, MOST_VALUES).with_context(|| path.display().to_string())?;
+    numbers::check_text(&text, of_record, MOST_VALUES).with_context(|| format!("in {}", path.display()))?;
     serde_json::from_str(&text).with_context(|| format!("{} is not the JSON expected here", path.display()))
 }
 

@@ -1,5 +1,5 @@
-//! Numbers of a record are numbers: none that is infinite or none at all, and none so large that it can only be damage. They are looked at as
-//! they are read; nothing is kept of them.
+//! Numbers of a record are numbers: none that is infinite or none at all, and none so large that it can only be damage. They are
+//! looked at as they are read; nothing is kept of them.
 
 use anyhow::{Result, bail};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
@@ -26,8 +26,9 @@ pub fn check(value: &Value) -> Result<()> {
     look(value, true, usize::MAX).map(drop)
 }
 
-/// Checks JSON text before it is taken for anything: it holds no more than `most_values` values, for what is small as text may be large in
-/// memory; and where it is a record's, its numbers are numbers. Returns how many values it holds. Text that is no JSON is left to whoever reads it.
+/// Checks JSON text before it is taken for anything: it holds no more than `most_values` values, for what is small as text may be
+/// large in memory; and where it is a record's, its numbers are numbers. Returns how many values it holds. Text that is no JSON is
+/// left to whoever reads it.
 ///
 /// # Errors
 /// More values, or those of [`check`].
@@ -45,7 +46,8 @@ fn look<'de>(source: impl Deserializer<'de>, of_record: bool, most_values: usize
         None => Ok(most_values - left),
         Some(Fault::Number(fault)) => bail!("{fault}\n  help: {HELP}"),
         Some(Fault::Size) => bail!(
-            "it holds more than {most_values} numbers and texts\n  help: a file of its kind is smaller than that; it is damaged, or of another kind"
+            "it holds more than {most_values} numbers and texts\n  help: a file of its kind is smaller than that; it is damaged, or \
+             of another kind"
         ),
     }
 }
@@ -160,14 +162,18 @@ mod tests {
 
     #[test]
     fn what_is_no_number_is_named() {
-        let sound = json!({"config": {"x": null, "late_s": -1}, "means": {"a": -1.5}, "gaussians": null, "curve": [{"seconds": 0.0, "gaussians": null}]});
+        let curve = json!([{"seconds": 0.0, "gaussians": null}]);
+        let sound = json!({"config": {"x": null, "late_s": -1}, "means": {"a": -1.5}, "gaussians": null, "curve": curve});
         check(&sound).unwrap();
         assert_eq!(check_text(&sound.to_string(), true, 12).unwrap(), 11);
         for (value, said) in [
             (json!({"means": {"psnr": f64::NAN}}), "means.psnr is not a finite number"),
             (json!({"frames": [{"a": 1.0}, {"a": 1.7e308}]}), "frames[1].a is 1.7e308"),
             (json!({"curve": [[0.0, -1e13]]}), "curve[0][1] is -1"),
-            (json!({"curve": [{"seconds": 1.0}, {"seconds": -1e-9}]}), "curve[1].seconds is -0.000000001, and no time is negative"),
+            (
+                json!({"curve": [{"seconds": 1.0}, {"seconds": -1e-9}]}),
+                "curve[1].seconds is -0.000000001, and no time is negative",
+            ),
             (json!({"latency": {"total": {"p90_s": -2}}}), "latency.total.p90_s is -2, and no time is negative"),
         ] {
             for error in [check(&value).unwrap_err(), check_text(&value.to_string(), true, 100).unwrap_err()] {

@@ -145,8 +145,8 @@ pub struct CurvePoint {
 const MOST_BYTES: u64 = 1 << 25;
 /// Most numbers and texts in it.
 const MOST_VALUES: usize = 1 << 19;
-/// Most bytes that an archive unpacks to, and most of them for each of its own beyond [`MOST_BYTES`]: records shrink to a seventh or so, and a
-/// file that unpacks to a thousand times its size was made to.
+/// Most bytes that an archive unpacks to, and most of them for each of its own beyond [`MOST_BYTES`]: records shrink to a seventh or
+/// so, and a file that unpacks to a thousand times its size was made to.
 const MOST_UNPACKED_BYTES: (u64, u64) = (1 << 30, 64);
 
 /// Largest difference between a mean and what its frames give, as a share of it: what sums in another order may differ by.
@@ -176,7 +176,8 @@ impl Record {
         Ok(record)
     }
 
-    /// Checks that it is a record of this version, that nothing is missing that it cannot be without, and that its means are those of its frames.
+    /// Checks that it is a record of this version, that nothing is missing that it cannot be without, and that its means are those of
+    /// its frames.
     ///
     /// # Errors
     /// What is not so, by its key.
@@ -237,11 +238,7 @@ pub fn read_archive(path: &Path) -> Result<Vec<Record>> {
         let place = || format!("{}, line {}, is not the record expected here", path.display(), number + 1);
         records.push(Record::parse(&line?).with_context(place)?);
     }
-    ensure!(
-        !records.is_empty(),
-        "{} holds no records\n  help: pack the comparison again (`corf bench pack`)",
-        path.display()
-    );
+    ensure!(!records.is_empty(), "{} holds no records\n  help: pack the comparison again (`corf bench pack`)", path.display());
     Ok(records)
 }
 
@@ -456,8 +453,11 @@ pub(crate) mod tests {
             assert!(error.contains(said) && error.contains(ARCHIVE), "{said}: {error}");
         }
         // What unpacks to a thousand times its size, in one line and in many.
-        for (text, said) in [("[".repeat(1 << 26), "line 1"), ("\n".repeat(1 << 26), "line 1, is not"), ("[0,".repeat(1 << 21), "more than 524288")]
-        {
+        for (text, said) in [
+            ("[".repeat(1 << 26), "line 1"),
+            ("\n".repeat(1 << 26), "line 1, is not"),
+            ("[0,".repeat(1 << 21), "more than 524288"),
+        ] {
             let error = format!("{:#}", read(&[&gzip(&text)]).unwrap_err());
             assert!(error.contains(said), "{said}: {error}");
         }

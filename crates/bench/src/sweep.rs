@@ -192,7 +192,8 @@ impl Sweep {
         if other_devices > 0 {
             let _ = write!(
                 out,
-                "\n{other_devices} cells ran on another device than the first row's of their seed; ratios of time are without them.\n"
+                "\n{other_devices} cells ran on another device than the first row's of their seed; ratios of time are without \
+                 them.\n"
             );
         }
         out

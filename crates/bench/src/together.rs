@@ -1,5 +1,6 @@
-//! Which records may stand in one table: those of one data set, one split and one protocol, each of its own row and seed, and in a row those of one
-//! method with one configuration. What the harness wrote keeps to this by itself; a folder that was put together by hand may not.
+//! Which records may stand in one table: those of one data set, one split and one protocol, each of its own row and seed, and in
+//! a row those of one method with one configuration. What the harness wrote keeps to this by itself; a folder that was put
+//! together by hand may not.
 
 use crate::device::Backend;
 use crate::json::read_text;
@@ -130,8 +131,8 @@ const ANOTHER_ROW: &str = "a row is one method with one configuration: give one 
 /// What predictions of all seeds have in common: their statement and their hash are those of one.
 const OF_PREDICTIONS: [&str; 3] = ["images", "spectra", "jet"];
 
-/// A setting in which two records of one method differ, with both values. What one of them lacks, for it is of a version that did not have it yet, is
-/// as it is by itself in this one.
+/// A setting in which two records of one method differ, with both values. What one of them lacks, for it is of a version that did
+/// not have it yet, is as it is by itself in this one.
 fn other_setting(one: &Record, other: &Record) -> Option<String> {
     if one.config == other.config {
         return None;
@@ -184,13 +185,29 @@ mod tests {
         let all: [(&str, &dyn Fn(&mut Record), &str); 9] = [
             ("twice", &|r| r.seed = 1, "\"a\", seed 1 is in line 1 and in line 3: the same record twice"),
             ("changed", &|r| (r.seed, r.device) = (1, "x".into()), "line 1 and in line 3: two records of one cell that differ"),
-            ("data set", &|r| r.dataset_hash = "0123456789abcdef".into(), "line 3: \"a\", seed 2 is of the data set d (hash 0123456789ab)"),
+            (
+                "data set",
+                &|r| r.dataset_hash = "0123456789abcdef".into(),
+                "line 3: \"a\", seed 2 is of the data set d (hash 0123456789ab)",
+            ),
             ("split", &|r| r.split = Protocol::Segment, "is of the split segment, line 1 of test"),
-            ("protocol", &|r| r.protocol = "corf-heldout/1".into(), "is of the protocol corf-heldout/1, line 1 of corf-heldout/2"),
+            (
+                "protocol",
+                &|r| r.protocol = "corf-heldout/1".into(),
+                "is of the protocol corf-heldout/1, line 1 of corf-heldout/2",
+            ),
             ("method", &|r| r.method = "corf-array".into(), "is of the method corf-array, line 1 of corf-gs"),
             ("config", &|r| r.config = json!({"fine_tune_epochs": 3}), "than line 1: fine_tune_epochs is 3 and 0"),
             ("weights", &|r| drop(r.lpips_weights.insert("vgg".into(), "f".repeat(64))), "LPIPS weights vgg ffffffffffff"),
-            ("frames", &|r| if let Outcome::Done(n) = &mut r.outcome { n.frames.truncate(1) }, "was evaluated on other keyframes"),
+            (
+                "frames",
+                &|r| {
+                    if let Outcome::Done(n) = &mut r.outcome {
+                        n.frames.truncate(1)
+                    }
+                },
+                "was evaluated on other keyframes",
+            ),
         ];
         for (name, change, said) in all {
             let error = changed(change);
@@ -235,7 +252,8 @@ mod tests {
         check_all(&records, &joined).unwrap();
         records[1].dataset_hash = "a third".to_owned();
         assert!(check_all(&records, &joined).is_err());
-        for bad in ["[[dataset]]\nhashes = ['a', 'b']\nreason = ' '", "[[dataset]]\nhashes = ['a']\nreason = 'x'", "dataset = 3"] {
+        for bad in ["[[dataset]]\nhashes = ['a', 'b']\nreason = ' '", "[[dataset]]\nhashes = ['a']\nreason = 'x'", "dataset = 3"]
+        {
             write(bad);
             assert!(format!("{:#}", Joined::of(folder.path()).unwrap_err()).contains(JOINED));
         }

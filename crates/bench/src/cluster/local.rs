@@ -87,7 +87,9 @@ pub fn run(planned: &Planned, at_once: usize, device: DeviceChoice, no_verify: b
 
 fn start(out: &Path, id: &str, device: DeviceChoice, threads: usize, no_verify: bool, logs: &Path) -> Result<Child> {
     let path = logs.join(format!("{id}.log"));
-    let log = File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
+    // What was said before stays, as of an array's tasks.
+    let log =
+        File::options().append(true).create(true).open(&path).with_context(|| format!("cannot write {}", path.display()))?;
     let mut command = Command::new(std::env::current_exe().context("the path of this program is not known")?);
     command.args(["--threads", &threads.to_string(), "bench", "cell"]).arg(out).arg(id);
     command.args(["--device", &device.to_string()]).args(no_verify.then_some("--no-verify"));

@@ -1,7 +1,8 @@
 //! Cells as Slurm job arrays, and a job that collects them once all have ended.
 //!
-//! Slurm decides what runs where and when, and runs a job again whose node died (`--requeue`); a cell that is finished answers at once. Arrays are no
-//! longer than the site allows. No path stands where Slurm would read it its own way: those of logs are options of `sbatch` and no lines of a script.
+//! Slurm decides what runs where and when, and runs a job again whose node died (`--requeue`); a cell that is finished answers at
+//! once. Arrays are no longer than the site allows. No path stands where Slurm would read it its own way: those of logs are
+//! options of `sbatch` and no lines of a script.
 
 use super::Planned;
 use crate::device::DeviceChoice;
@@ -54,7 +55,10 @@ fn path_text(path: &Path) -> Result<String> {
     let text =
         path.to_str().with_context(|| format!("{} cannot stand in a job script\n  help: it is no UTF-8", path.display()))?;
     if let Some(control) = text.chars().find(|c| c.is_control()) {
-        bail!("{text:?} cannot stand in a job script: it holds {control:?}\n  help: choose a path without line breaks and control characters");
+        bail!(
+            "{text:?} cannot stand in a job script: it holds {control:?}\n  help: choose a path without line breaks and \
+             control characters"
+        );
     }
     Ok(text.to_owned())
 }
@@ -66,7 +70,8 @@ fn path_text(path: &Path) -> Result<String> {
 fn log_option(out: &str, name: &str) -> Result<OsString> {
     ensure!(
         !out.contains('\\'),
-        "{out:?} cannot be the folder of a Slurm job's log: it holds '\\\\', which Slurm reads its own way\n  help: choose a path without backslashes"
+        "{out:?} cannot be the folder of a Slurm job's log: it holds '\\', which Slurm reads its own way\n  help: choose a path \
+         without backslashes"
     );
     Ok(format!("--output={}/logs/{name}", out.replace('%', "%%")).into())
 }
@@ -91,7 +96,8 @@ fn array_script(name: &str, program: &str, out: &str, ids: &str, options: &Optio
     let (program, folder) = (quoted(program), quoted(out));
     format!(
         "#!/bin/sh\n#SBATCH --job-name=corf-{name}\n#SBATCH --open-mode=append\n#SBATCH --requeue\n\
-         exec {program} bench cell {folder} \"$(sed -n \"$((SLURM_ARRAY_TASK_ID + ${{1:-0}} + 1))p\" {folder}/slurm/{ids})\" --device {}{no_verify}\n",
+         exec {program} bench cell {folder} \"$(sed -n \"$((SLURM_ARRAY_TASK_ID + ${{1:-0}} + 1))p\" {folder}/slurm/{ids})\" \
+         --device {}{no_verify}\n",
         options.device
     )
 }
@@ -186,12 +192,14 @@ fn most_tasks(clusters: &[OsString]) -> Result<usize> {
     let tasks = tasks_of(&String::from_utf8_lossy(&text));
     ensure!(
         tasks > 0,
-        "this cluster has no job arrays (MaxArraySize is 0 in `scontrol show config`)\n  help: run the cells on a machine of it with --local N"
+        "this cluster has no job arrays (MaxArraySize is 0 in `scontrol show config`)\n  help: run the cells on a machine of it \
+         with --local N"
     );
     Ok(tasks)
 }
 
-/// The largest number of tasks of an array by the text of `scontrol show config`: indices stay below `MaxArraySize`, and a site may set fewer tasks.
+/// The largest number of tasks of an array by the text of `scontrol show config`: indices stay below `MaxArraySize`, and a site may
+/// set fewer tasks.
 fn tasks_of(config: &str) -> usize {
     let value = |key: &str| {
         let of = |line: &str| Some(line.split_once('=').filter(|(name, _)| name.trim() == key)?.1.trim().to_owned());
@@ -203,11 +211,12 @@ fn tasks_of(config: &str) -> usize {
     tasks.map_or(size, |tasks: usize| tasks.min(size))
 }
 
-/// Submits job arrays over the unfinished cells, and a job that collects them whatever became of them; `None` where all are finished.
+/// Submits job arrays over the unfinished cells, and a job that collects them whatever became of them; `None` where all are
+/// finished.
 ///
 /// # Errors
-/// A folder whose name a job script cannot hold, an option that is none, no `sbatch` on this machine, or its own message; nothing stays in the
-/// queue then.
+/// A folder whose name a job script cannot hold, an option that is none, no `sbatch` on this machine, or its own message; nothing
+/// stays in the queue then.
 pub fn submit(planned: &Planned, options: &Options<'_>) -> Result<Option<Submitted>> {
     let mut given: Vec<(&str, Vec<OsString>)> = Vec::new();
     for option in options.sbatch {
@@ -288,7 +297,9 @@ mod tests {
     #[test]
     fn arrays_are_as_long_as_the_site_allows() {
         let config = |size: &str, parameters: &str| {
-            format!("Configuration data as of 2026-11-28\nMaxArraySize            = {size}\nSchedulerParameters     = {parameters}\n")
+            format!(
+                "Configuration data as of 2026-11-28\nMaxArraySize            = {size}\nSchedulerParameters     = {parameters}\n"
+            )
         };
         assert_eq!(tasks_of(&config("1001", "(null)")), 1001);
         assert_eq!(tasks_of(&config("40000", "defer,max_array_tasks=5000,batch_sched_delay=3")), 5000);

@@ -4,7 +4,7 @@ use super::reconstruct_follow::Follow;
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
-use crate::json::{read_json, read_text};
+use crate::json::{read_numbers, read_text};
 use crate::live::WhenBehind;
 use crate::method::{Advance, Checkpoints, TrainingSet};
 use crate::progress::Progress;
@@ -166,7 +166,7 @@ impl Reconstruct {
         let _held = claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");
         if self.resume && info_path.exists() {
-            let info: RunInfo = read_json(&info_path)?;
+            let info: RunInfo = read_numbers(&info_path)?;
             ensure!(
                 info.method == self.method
                     && info.seed == self.seed

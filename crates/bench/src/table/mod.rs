@@ -64,15 +64,13 @@ pub struct Row<'a> {
     pub stated: bool,
 }
 
-/// Records grouped into rows, in order of appearance. Cells of one label that ran on different devices are rows of their own; a failed cell has no
-/// numbers that could be mixed with others, and stands in the first of them.
+/// Records grouped into rows, in order of appearance. Cells of one label that ran on different devices are rows of their own; a
+/// failed cell has no numbers that could be mixed with others, and stands in the first of them.
 pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
     let mut rows: Vec<Row<'_>> = Vec::new();
     for record in records {
         let place = matches!(record.outcome, Outcome::Done(_)).then(|| Place::of(record));
-        let fits = |row: &Row<'_>| {
-            row.cells_of == record.row && (row.place == place || row.place.is_none() || place.is_none())
-        };
+        let fits = |row: &Row<'_>| row.cells_of == record.row && (row.place == place || row.place.is_none() || place.is_none());
         let row = match rows.iter().position(fits) {
             Some(at) => &mut rows[at],
             None => {

@@ -28,7 +28,8 @@ pub fn present(records: &[Record]) -> Vec<&'static Column> {
     COLUMNS.iter().filter(has).collect()
 }
 
-/// One line a cell, every metric that any cell has, nothing aggregated; `uses_scene` where there are oracles, `device` where cells ran on several.
+/// One line a cell, every metric that any cell has, nothing aggregated; `uses_scene` where there are oracles, `device` where cells
+/// ran on several.
 pub fn csv(records: &[Record]) -> String {
     let columns = present(records);
     let mut out = String::from("row,method,dataset,dataset_hash,seed,status,seconds,gaussians,peak_memory_bytes");

@@ -278,7 +278,8 @@ fn cells_of_different_devices_have_rows_of_their_own_and_the_note_says_which_ran
         let (table, csv) = (markdown(&rows(&records), &short_columns()), csv(&records));
         assert!(!table.contains(" ran on ") && !table.contains("Ran on") && !csv.contains("device"), "{table}{csv}");
     }
-    let mut records = vec![on("full", 1, "gpu (A)"), on("full", 2, "cpu (2 threads)"), on("full", 3, "gpu (A)"), lookup("cpu (2 threads)")];
+    let mut records =
+        vec![on("full", 1, "gpu (A)"), on("full", 2, "cpu (2 threads)"), on("full", 3, "gpu (A)"), lookup("cpu (2 threads)")];
     let table = markdown(&rows(&records), &short_columns());
     let lines: Vec<&str> = table.lines().skip(2).take(3).map(|line| line.split(" | ").next().unwrap()).collect();
     assert_eq!(lines, ["| full, on gpu (A)", "| full, on cpu (2 threads)", "| nearest"]);
@@ -294,7 +295,10 @@ fn cells_of_different_devices_have_rows_of_their_own_and_the_note_says_which_ran
     records.remove(1);
     records[1].earlier_devices = vec!["cpu (2 threads)".to_owned()];
     let table = markdown(&rows(&records), &short_columns());
-    assert!(table.contains("| full, on gpu (A), begun on cpu (2 threads) |") && table.contains("| full, on gpu (A) |"), "{table}");
+    assert!(
+        table.contains("| full, on gpu (A), begun on cpu (2 threads) |") && table.contains("| full, on gpu (A) |"),
+        "{table}"
+    );
     let table = markdown(&rows(&records[1..]), &short_columns());
     assert!(table.contains("| full |") && table.contains("Ran on gpu (A), begun on cpu (2 threads): full."), "{table}");
     // Two makes of processor are two devices.

@@ -48,7 +48,11 @@ fn text_within(reader: impl Read, path: &Path, kind: &str, most_bytes: u64) -> R
 }
 
 fn too_long(place: &str, what: &str) -> Error {
-    Error::invalid(place, format!("it holds {what}"), "a file of its kind is smaller than that; it is damaged, or of another kind")
+    Error::invalid(
+        place,
+        format!("it holds {what}"),
+        "a file of its kind is smaller than that; it is damaged, or of another kind",
+    )
 }
 
 /// The lines of a gzip-compressed text file, all of its members, one in memory at a time.
