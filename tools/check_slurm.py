@@ -1,8 +1,10 @@
-"""Runs a small comparison's cells as a Slurm job array and checks that they are those of `corf bench run`.
+"""Runs a small comparison's cells as Slurm job arrays and checks that they are those of `corf bench run`.
 
     tools/slurm_local.sh start; python3 tools/check_slurm.py CORF; tools/slurm_local.sh stop
 
-CORF is the program. One job is requeued while it runs, as when its node had died. Exit code 1 where a number differs or a job does not end.
+CORF is the program. The folder has an odd name. One job is requeued while it runs, as when its node had died; its log keeps what was
+said before. A plan of one cell more than an array takes is submitted as two arrays, held, and cancelled. Exit code 1 where a number
+differs, a job does not end, or something else was submitted than is said.
 """
 
 import json
@@ -20,6 +22,15 @@ label = "CORF-GS"
 method = "corf-gs"
 [row.config]
 iterations_per_keyframe = 60
+[[row]]
+label = "nearest"
+method = "nearest"
+"""
+# What Slurm and the shell read their own way.
+ODD_NAME = "an array #1 it's \"50% %A\" $HOME `x` ;*?"
+LONG_PLAN = """name = "long"
+dataset = "{dataset}"
+seeds = [{seeds}]
 [[row]]
 label = "nearest"
 method = "nearest"
@@ -54,7 +65,7 @@ def main(corf):
         run(corf, "dataset", "generate", "scenes/room-tiny.toml", "--out", folder / "data")
         (folder / "plan.toml").write_text(PLAN.format(dataset=folder / "data"))
         run(corf, "bench", "run", folder / "plan.toml", "--out", folder / "whole", "--device", "cpu")
-        out = folder / "array"
+        out = folder / ODD_NAME
         run(corf, "bench", "plan", folder / "plan.toml", "--out", out)
         print(run(corf, "bench", "submit", out, "--slurm", "--device", "cpu", "--sbatch=--cpus-per-task=1").strip())
         requeued, begin = None, time.time()
@@ -65,7 +76,7 @@ def main(corf):
             if requeued is None and running:
                 time.sleep(0.5)
                 requeued = running[0]
-                subprocess.run(["scontrol", "requeue", requeued], check=False)
+                subprocess.run(["scontrol", "requeue", requeued], check=True)
                 print(f"requeued {requeued}")
             time.sleep(0.5)
         if requeued is None:
@@ -76,7 +87,33 @@ def main(corf):
                 sys.exit(f"{name}: the job array's numbers are others")
         if not (out / "report.html").exists():
             sys.exit("the collecting job wrote no report; see " + (out / "logs/collect.log").read_text())
-    print("4 cells of a job array have the numbers of `corf bench run`, one of them requeued while it ran")
+        logs = sorted(path.name for path in (out / "logs").iterdir())
+        if len(logs) != 5 or "collect.log" not in logs:
+            sys.exit(f"the logs of four cells and of the collecting job are {logs}")
+        if "REQUEUE" not in (out / f"logs/{requeued}.log").read_text():
+            sys.exit(f"the log of {requeued} does not hold what was said before it was requeued")
+        print("4 cells of a job array have the numbers of `corf bench run`, one of them requeued while it ran")
+        long_sweep(corf, folder)
+
+
+def long_sweep(corf, folder):
+    """Submits one cell more than an array takes, and looks at what is in the queue."""
+    config = run("scontrol", "show", "config")
+    most = int(next(line.split("=")[1] for line in config.splitlines() if line.startswith("MaxArraySize")))
+    seeds = ", ".join(str(seed) for seed in range(most + 1))
+    (folder / "long.toml").write_text(LONG_PLAN.format(dataset=folder / "data", seeds=seeds))
+    out = folder / "long"
+    run(corf, "bench", "plan", folder / "long.toml", "--out", out)
+    said = json.loads(run(corf, "--json", "bench", "submit", out, "--slurm", "--device", "cpu", "--sbatch=--hold"))
+    waiting = [job.split("_")[0] for job, _ in queue()]
+    run("scancel", *said["arrays"], said["collect"])
+    counts = [waiting.count(job) for job in [*said["arrays"], said["collect"]]]
+    if said["cells"] != most + 1 or counts != [most, 1, 1] or len(waiting) != most + 2:
+        sys.exit(f"{said} was submitted, and the queue holds {counts} of {len(waiting)} jobs")
+    ids = (out / "slurm").glob("ids-*")
+    if [len(path.read_text().split()) for path in ids] != [most + 1]:
+        sys.exit("the list of ids is not that of all cells")
+    print(f"{most + 1} cells are arrays of {most} and 1, and a job that collects them")
 
 
 if __name__ == "__main__":

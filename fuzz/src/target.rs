@@ -19,7 +19,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 25] = [
+pub const TARGETS: [Target; 27] = [
     Target { name: "gltf", read: gltf, mend: keep },
     Target { name: "glb", read: gltf, mend: glb_lengths },
     Target { name: "obj", read: obj, mend: keep },
@@ -36,6 +36,8 @@ pub const TARGETS: [Target; 25] = [
     Target { name: "paths-gzip", read: paths, mend: keep },
     Target { name: "sionna-json", read: sionna, mend: keep },
     Target { name: "record-json", read: record, mend: keep },
+    Target { name: "records-archive", read: archive, mend: keep },
+    Target { name: "predictions", read: predictions, mend: keep },
     Target { name: "field-json", read: field, mend: keep },
     Target { name: "receivers", read: receivers, mend: keep },
     Target { name: "view-request", read: view_request, mend: keep },
@@ -222,15 +224,61 @@ fn sionna(bytes: &[u8], folder: &Path) -> Result<()> {
 }
 
 fn record(bytes: &[u8], folder: &Path) -> Result<()> {
-    let record: corf_bench::record::Record = corf_bench::json::read_json(&put(folder, "metrics.json", bytes)?)?;
-    let records = [record];
-    let rows = corf_bench::table::rows(&records);
+    tables(&[corf_bench::record::Record::read(&put(folder, "metrics.json", bytes)?)?])
+}
+
+/// Tables of records that were read; that one of them mixes what may not be mixed is as bad as a panic.
+fn tables(records: &[corf_bench::record::Record]) -> Result<()> {
+    let rows = corf_bench::table::rows(records);
+    let finished = |row: &corf_bench::table::Row<'_>| {
+        row.done.iter().map(|(seed, _)| *seed).collect::<std::collections::BTreeSet<_>>().len()
+    };
+    assert!(rows.iter().all(|row| finished(row) == row.done.len()), "a seed counts twice");
     let columns = corf_bench::table::columns(&["all"])?;
     drop((
         corf_bench::table::markdown(&rows, &columns),
-        corf_bench::table::csv(&records),
+        corf_bench::table::csv(records),
         corf_bench::table::latex(&rows, &columns),
     ));
+    Ok(())
+}
+
+/// The parts of the input are members of one archive, each compressed; one that begins as gzip does stands as it is.
+fn archive(bytes: &[u8], folder: &Path) -> Result<()> {
+    let members: [&[u8]; 4] = parts(bytes);
+    let mut packed = Vec::new();
+    for member in members.iter().filter(|member| !member.is_empty()) {
+        match member {
+            [0x1f, 0x8b, ..] => packed.extend_from_slice(member),
+            _ => packed.extend(io::gzip(member)?),
+        }
+    }
+    put(folder, corf_bench::record::ARCHIVE, &packed)?;
+    tables(&corf_bench::suite::records(folder)?)
+}
+
+/// A folder of predictions: what its maker states, an image and a spectrum, of a data set of two keyframes of which the first is held out.
+fn predictions(bytes: &[u8], folder: &Path) -> Result<()> {
+    use corf_bench::prediction_folder::{PredictionFolder, Tally};
+    use corf_bench::split::{Protocol, Split};
+    let [header, trajectory, statement, image, spectrum] = parts(bytes);
+    let (data, predicted) = (folder.join("data"), folder.join("predicted"));
+    for place in [data.clone(), predicted.join("images"), predicted.join("linear")] {
+        std::fs::create_dir_all(place)?;
+    }
+    put(&data, "dataset.json", header)?;
+    put(&data, "trajectory.json", trajectory)?;
+    put(&predicted, "predictions.json", statement)?;
+    put(&predicted.join("images"), "00001.png", image)?;
+    put(&predicted.join("linear"), "00001.npy", spectrum)?;
+    let dataset = Dataset::open(&data)?;
+    let split = Split::of(&dataset, Protocol::Test)?;
+    let opened = PredictionFolder::open(&predicted, &dataset, &split)?;
+    for &index in split.held_out.iter().take(2) {
+        let read = opened.read(index, &dataset, &mut Tally::default())?;
+        let finite = read.halves().spectrum.is_none_or(|s| s.scalar.pixels().iter().all(|v| (0.0..=1.0).contains(v)));
+        assert!(finite, "a predicted spectrum is not within its range");
+    }
     Ok(())
 }
 

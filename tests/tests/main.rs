@@ -29,6 +29,7 @@ mod faults_obj;
 mod faults_paths;
 mod faults_server;
 mod faults_scenes;
+mod faults_records;
 mod fields;
 mod growing;
 #[cfg(feature = "slow")]

@@ -9,11 +9,11 @@ use crate::method::{Checkpoints, Method};
 use crate::methods;
 use crate::metrics::{Halves, Prediction};
 use crate::note;
-use crate::plan::{Cell, Plan, slug};
+use crate::plan::{Cell, Plan, RowKind, slug};
 use crate::prediction_folder::{PredictionFolder, Tally};
 use crate::predictions;
 use crate::progress::Progress;
-use crate::record::{Outcome, PREDICTIONS, Record};
+use crate::record::{Outcome, PREDICTIONS, PROTOCOL, Record};
 use crate::report::row_folder;
 use crate::run::{self, RunInfo};
 use crate::split::{Protocol, Split};
@@ -32,9 +32,37 @@ pub struct Part {
     pub out: PathBuf,
 }
 
+/// Folder of the records in a comparison's folder.
+pub const CELLS: &str = "cells";
+
 /// Path of a cell's record in a comparison's folder.
 pub fn record_path(out: &Path, cell: Cell<'_>) -> PathBuf {
-    out.join("cells").join(format!("{}.json", cell.stem()))
+    out.join(CELLS).join(format!("{}.json", cell.stem()))
+}
+
+/// Reads a cell's record.
+///
+/// # Errors
+/// A damaged record, or one of another cell than its file is named after.
+pub fn read_record(path: &Path, cell: Cell<'_>, protocol: Protocol) -> Result<Record> {
+    let record = Record::read(path)?;
+    let method = if cell.row.kind == RowKind::Predictions { PREDICTIONS } else { &cell.row.method };
+    let is = (record.row.as_str(), record.seed, record.split, record.method.as_str());
+    if is != (cell.row.label.as_str(), cell.seed, protocol, method) {
+        bail!(
+            "{} holds the record of {:?}, seed {}, {} ({}), where that of {:?}, seed {}, {} ({method}) belongs\n  help: put every record \
+             under its own name, or remove that file and run the cell again",
+            path.display(),
+            record.row,
+            record.seed,
+            record.split.name(),
+            record.method,
+            cell.row.label,
+            cell.seed,
+            protocol.name()
+        );
+    }
+    Ok(record)
 }
 
 /// Run folder of a row's first seed in a comparison's folder.
@@ -63,7 +91,7 @@ impl Part {
     /// # Errors
     /// When they cannot be written.
     pub fn write_plan(&self) -> Result<()> {
-        let cells = self.out.join("cells");
+        let cells = self.out.join(CELLS);
         std::fs::create_dir_all(&cells).with_context(|| format!("cannot create {}", cells.display()))?;
         Ok(write_atomic(self.out.join("plan.toml"), toml::to_string(&self.plan)?.as_bytes())?)
     }
@@ -78,17 +106,15 @@ impl Part {
         if !path.exists() {
             return Ok(None);
         }
-        let record = Record::read(&path)?;
+        let record = read_record(&path, cell, self.plan.protocol)?;
         let (method, config) = settings_of(cell, &Split::of(dataset, self.plan.protocol)?, dataset)?;
         let same = record.dataset_hash == dataset.hash()
             && record.method == method
             && record.config == config
-            && record.row == cell.row.label
-            && record.split == self.plan.protocol
-            && record.seed == cell.seed;
+            && record.protocol == PROTOCOL;
         if !same {
             bail!(
-                "{} is of another dataset, method, configuration, protocol or seed, or of other predictions\n  help: choose another --out, or remove that file",
+                "{} is of another dataset, method, configuration or protocol, or of other predictions\n  help: choose another --out, or remove that file",
                 path.display()
             );
         }

@@ -6,7 +6,7 @@ use crate::method::{Advance, Method, Predictor, StageTime, TrainingSet};
 use crate::metrics::{Evaluator, FrameMetrics, Halves, Prediction};
 use crate::prediction_folder::{PredictionFolder, Tally};
 use crate::provenance::{Provenance, peak_memory_bytes, reset_peak_memory};
-use crate::record::{CLOCK, CurvePoint, Numbers, Outcome, PREDICTIONS, PROTOCOL, Record, SCHEMA, STATED_CLOCK};
+use crate::record::{CLOCK, CurvePoint, NOT_STATED, Numbers, Outcome, PREDICTIONS, PROTOCOL, Record, SCHEMA, STATED_CLOCK};
 use crate::split::{Protocol, Split};
 use anyhow::{Context, Result, bail};
 use corf::depth::DepthQuality;
@@ -195,6 +195,7 @@ impl Maker {
             provenance: Provenance::here(),
             lpips_weights: input.networks.sha256(),
             device: self.device,
+            earlier_devices: Vec::new(),
             uses_ground_truth_depth: self.uses_ground_truth_depth,
             uses_scene: self.uses_scene,
             depth_imported: self.uses_ground_truth_depth && dataset.header().imported.is_some(),
@@ -218,7 +219,7 @@ pub fn folder_record(
     let maker = Maker {
         method: PREDICTIONS.to_owned(),
         config: folder.config(),
-        device: stated.device.clone().unwrap_or_else(|| "not stated".to_owned()),
+        device: stated.device.clone().unwrap_or_else(|| NOT_STATED.to_owned()),
         uses_ground_truth_depth: stated.uses_ground_truth_depth.unwrap_or(false),
         uses_scene: stated.uses_scene.unwrap_or(false),
         clock: STATED_CLOCK,

@@ -44,6 +44,7 @@ pub mod stats;
 pub mod suite;
 pub mod sweep;
 pub mod table;
+pub mod together;
 pub mod video;
 pub mod view;
 pub mod workload;

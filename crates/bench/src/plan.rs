@@ -1,5 +1,6 @@
 //! Plans: which rows, which seeds, on which dataset. A plan is data; the cells it names are run one by one and can be resumed.
 
+use crate::json::read_text;
 use crate::methods::corf_array::ORACLE_SCENE;
 use crate::split::Protocol;
 use anyhow::{Context, Result, bail};
@@ -173,7 +174,7 @@ impl Plan {
     /// # Errors
     /// A file that cannot be read or parsed (line and key are named), no seeds, no rows, a label used twice, an unknown method or key.
     pub fn load(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read plan {}", path.display()))?;
+        let text = read_text(path).context("cannot read the plan")?;
         let mut plan = Self::parse(&text).with_context(|| format!("in plan {}", path.display()))?;
         if let Some(folder) = path.parent() {
             plan.dataset = folder.join(&plan.dataset);

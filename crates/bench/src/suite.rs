@@ -11,11 +11,12 @@
 //! OUT/segment/           the same with a contiguous segment held out, if the plan asks for it
 //! ```
 
-use crate::cells::{self, Part};
+use crate::cells::{self, CELLS, Part};
 use crate::device::Backend;
 use crate::escape;
 use crate::input::{Input, Verify};
 use crate::interrupt::{self, Interrupted};
+use crate::json::read_text;
 use crate::metrics::Column;
 use crate::note;
 use crate::plan::Plan;
@@ -25,8 +26,9 @@ use crate::report::{self, Report};
 use crate::run::KeptModel;
 use crate::split::{Protocol, Split};
 use crate::table;
+use crate::together::{self, Joined};
 use crate::view::{self, Subject};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use corf_scene::dataset::Dataset;
 use corf_scene::io::write_atomic;
 use std::collections::BTreeMap;
@@ -125,11 +127,14 @@ fn write_viewers(out: &Path, input: &Input, backend: &Backend) -> Result<()> {
 /// Reads the records of a suite's folder in the plan's order.
 ///
 /// # Errors
-/// A record that is missing or damaged.
+/// A record that is missing, damaged or of another cell, or records that may not stand in one table.
 pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
     let mut plan = load_plan(out)?;
     plan.dataset = out.join(&plan.dataset);
-    let records = plan.cells().map(|cell| Record::read(&cells::record_path(out, cell))).collect::<Result<_>>()?;
+    let paths: Vec<PathBuf> = plan.cells().map(|cell| cells::record_path(out, cell)).collect();
+    let read = |(cell, path): (_, &PathBuf)| cells::read_record(path, cell, plan.protocol);
+    let records: Vec<Record> = plan.cells().zip(&paths).map(read).collect::<Result<_>>()?;
+    together::check(&records, &|at| paths[at].display().to_string(), &Joined::of(out)?)?;
     Ok((plan, records))
 }
 
@@ -139,18 +144,28 @@ pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
 /// A file that is missing, or that is no plan.
 pub fn load_plan(out: &Path) -> Result<Plan> {
     let path = out.join("plan.toml");
-    let text = std::fs::read_to_string(&path)
-        .with_context(|| format!("cannot read {}: is this a folder of `corf bench run`?", path.display()))?;
+    let text =
+        read_text(&path).with_context(|| format!("cannot read {}: is this a folder of `corf bench run`?", path.display()))?;
     Plan::parse(&text).with_context(|| format!("in {}", path.display()))
 }
 
 /// The records of a folder that `corf bench run` left or that `corf bench pack` made, in the plan's order.
 ///
 /// # Errors
-/// A record that is missing or damaged.
+/// Those of [`load`], or an archive beside cells.
 pub fn records(folder: &Path) -> Result<Vec<Record>> {
     let archive = folder.join(ARCHIVE);
-    if archive.exists() { read_archive(&archive) } else { Ok(load(folder)?.1) }
+    if !archive.exists() {
+        return Ok(load(folder)?.1);
+    }
+    ensure!(
+        !folder.join(CELLS).exists(),
+        "{} has records in {ARCHIVE} and in {CELLS}/\n  help: they may differ: keep those that are meant",
+        folder.display()
+    );
+    let records = read_archive(&archive)?;
+    together::check(&records, &|at| format!("{}, line {}", archive.display(), at + 1), &Joined::of(folder)?)?;
+    Ok(records)
 }
 
 /// The words for the columns of a folder's tables: the plan's, where there is a plan.

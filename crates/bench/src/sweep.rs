@@ -7,11 +7,13 @@
 
 use crate::device::Backend;
 use crate::input::Verify;
+use crate::json::read_text;
 use crate::methods::merge;
 use crate::plan::{Plan, PlanRow, slug};
 use crate::record::{Numbers, Outcome, Record};
 use crate::split::Protocol;
 use crate::stats::{Summary, summarize};
+use crate::table::Place;
 use crate::{escape, suite};
 use anyhow::{Context, Result, bail};
 use corf_scene::io::write_atomic;
@@ -74,7 +76,7 @@ impl Sweep {
     /// # Errors
     /// A file that cannot be read or parsed, nothing to compare, datasets whose folders have one name, and whatever a plan of its rows answers.
     pub fn load(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read sweep {}", path.display()))?;
+        let text = read_text(path).context("cannot read the sweep")?;
         let mut sweep: Self = toml::from_str(&text).with_context(|| format!("in sweep {}", path.display()))?;
         if let Some(folder) = path.parent() {
             sweep.datasets.iter_mut().for_each(|d| *d = folder.join(&*d));
@@ -160,6 +162,7 @@ impl Sweep {
                 labels.push(&record.row);
             }
         }
+        let mut other_devices = 0;
         for label in labels {
             let _ = write!(out, "\n| {} |", escape::markdown(label));
             let (mut light, mut rf, mut gaussians, mut time) = (vec![], vec![], vec![], vec![]);
@@ -168,7 +171,7 @@ impl Sweep {
                 let of = |key: &str| -> Vec<f64> {
                     let value = |n: &Numbers| n.means.get(key).copied();
                     let gain = |own, base| Some(value(own)? - if label == BASE { 0.0 } else { value(base)? });
-                    pairs.iter().filter_map(|(own, base)| gain(own, base)).collect()
+                    pairs.iter().filter_map(|((_, own), (_, base))| gain(own, base)).collect()
                 };
                 let (l, r) = (of("psnr_opt"), of("psnr_rf_jet"));
                 let nothing = if pairs.is_empty() { "failed" } else { "–" };
@@ -176,14 +179,23 @@ impl Sweep {
                 let _ = write!(out, " {} / {} |", mean(&l), mean(&r));
                 light.extend(l);
                 rf.extend(r);
-                gaussians.extend(pairs.iter().filter_map(|(a, b)| Some(a.gaussians? as f64 / b.gaussians? as f64)));
-                time.extend(pairs.iter().filter_map(|(a, b)| Some(a.seconds? / b.seconds?)));
+                gaussians.extend(pairs.iter().filter_map(|((_, a), (_, b))| Some(a.gaussians? as f64 / b.gaussians? as f64)));
+                let (alike, apart): (Vec<_>, Vec<_>) = pairs.iter().partition(|(own, base)| own.0 == base.0);
+                time.extend(alike.iter().filter_map(|((_, a), (_, b))| Some(a.seconds? / b.seconds?)));
+                other_devices += apart.len();
             }
             let ratio = |v: &[f64]| summarize(v).map_or("–".to_owned(), |s| format!("× {:.2}", s.mean));
             let gain = |v: &[f64]| summarize(v).map_or("–".to_owned(), |s| interval(s, label));
             let _ = write!(out, " {} | {} | {} | {} |", gain(&light), gain(&rf), ratio(&gaussians), ratio(&time));
         }
         out.push('\n');
+        if other_devices > 0 {
+            let _ = write!(
+                out,
+                "\n{other_devices} cells ran on another device than the first row's of their seed; ratios of time are without \
+                 them.\n"
+            );
+        }
         out
     }
 }
@@ -201,12 +213,15 @@ fn interval(s: Summary, label: &str) -> String {
     if s.excludes_zero() { format!("**{text}**") } else { text }
 }
 
-/// A row's numbers beside the base's of the same seed.
-fn pairs<'a>(records: &'a [Record], label: &str) -> Vec<(&'a Numbers, &'a Numbers)> {
+/// A finished cell: where it ran, and its numbers.
+type Done<'a> = (Place, &'a Numbers);
+
+/// A row's cells beside the base's of the same seed.
+fn pairs<'a>(records: &'a [Record], label: &str) -> Vec<(Done<'a>, Done<'a>)> {
     let done = |row: &str, seed: Option<u64>| {
         let row = row.to_owned();
         records.iter().filter(move |r| r.row == row && seed.is_none_or(|s| r.seed == s)).filter_map(|r| match &r.outcome {
-            Outcome::Done(numbers) => Some((r.seed, numbers.as_ref())),
+            Outcome::Done(numbers) => Some((r.seed, (Place::of(r), numbers.as_ref()))),
             Outcome::Failed { .. } => None,
         })
     };

@@ -5,6 +5,7 @@
 mod bounds_tests;
 mod image_header;
 mod map;
+mod text;
 
 use crate::guard::guarded;
 use crate::{Error, Raster, Result};
@@ -14,6 +15,7 @@ pub use map::read_map;
 use sha2::{Digest, Sha256};
 use std::io::{Cursor, Write};
 use std::path::Path;
+pub use text::{GzipLines, LineBounds, MAX_GZIP_TEXT_BYTES, read_gzip_text, read_text_within};
 
 /// Prefix and suffix of the names of temporary files.
 const TEMPORARY: [&str; 2] = [".corf-", ".tmp"];
@@ -112,37 +114,6 @@ pub fn read_text(path: impl AsRef<Path>) -> Result<String> {
 pub fn gzip(bytes: &[u8]) -> Result<Vec<u8>> {
     let mut encoder = flate2::GzBuilder::new().mtime(0).write(Vec::new(), flate2::Compression::best());
     encoder.write_all(bytes).and_then(|()| encoder.finish()).map_err(Error::io("compress into", "memory"))
-}
-
-/// Most bytes of text that a gzip file may hold: a few hundred thousand paths of a keyframe.
-pub const MAX_GZIP_TEXT_BYTES: u64 = 1 << 28;
-
-/// Reads a gzip-compressed text file, all of its members.
-///
-/// # Errors
-/// The file cannot be read, is no whole gzip file, holds no UTF-8 or more than [`MAX_GZIP_TEXT_BYTES`].
-pub fn read_gzip_text(path: impl AsRef<Path>) -> Result<String> {
-    gunzip_text(&read(path.as_ref())?, path, MAX_GZIP_TEXT_BYTES)
-}
-
-/// The text of up to `most_bytes` in gzip's `bytes`; `path` names them in messages.
-fn gunzip_text(bytes: &[u8], path: impl AsRef<Path>, most_bytes: u64) -> Result<String> {
-    use std::io::Read as _;
-    let path = path.as_ref();
-    let mut text = Vec::new();
-    // Nothing is taken in advance: memory grows with what comes out, up to the bound.
-    flate2::read::MultiGzDecoder::new(bytes)
-        .take(most_bytes + 1)
-        .read_to_end(&mut text)
-        .map_err(|e| corrupt(path, "gzip text", e))?;
-    if text.len() as u64 > most_bytes {
-        return Err(Error::invalid(
-            path.display().to_string(),
-            format!("its {} bytes hold more than {most_bytes} bytes of text", bytes.len()),
-            "a file of paths is smaller than that; the file is damaged, or no file of paths",
-        ));
-    }
-    String::from_utf8(text).map_err(|e| corrupt(path, "gzip text", e))
 }
 
 /// SHA-256 in lower-case hexadecimal.

@@ -35,7 +35,9 @@ fn device_of(device: DeviceChoice, worker: usize, gpus: usize) -> DeviceChoice {
 /// # Errors
 /// A process that cannot be started, or an interrupt, after which all processes have ended and finished cells stay.
 pub fn run(planned: &Planned, at_once: usize, device: DeviceChoice, no_verify: bool) -> Result<usize> {
-    let logs = planned.out.join("logs");
+    // A name that begins like an option is none behind its folder.
+    let out = std::path::absolute(&planned.out)?;
+    let logs = out.join("logs");
     std::fs::create_dir_all(&logs).with_context(|| format!("cannot create {}", logs.display()))?;
     let cells = planned.unfinished()?;
     let total = cells.len();
@@ -54,7 +56,7 @@ pub fn run(planned: &Planned, at_once: usize, device: DeviceChoice, no_verify: b
         }
         while let Some(worker) = free.pop() {
             let Some(id) = waiting.next() else { break };
-            let process = start(&planned.out, &id, device_of(device, worker, gpus), threads, no_verify, &logs)
+            let process = start(&out, &id, device_of(device, worker, gpus), threads, no_verify, &logs)
                 .inspect_err(|_| running.iter_mut().for_each(|cell| end(&mut cell.process)))?;
             running.push(Running { id, worker, process });
         }
@@ -85,7 +87,9 @@ pub fn run(planned: &Planned, at_once: usize, device: DeviceChoice, no_verify: b
 
 fn start(out: &Path, id: &str, device: DeviceChoice, threads: usize, no_verify: bool, logs: &Path) -> Result<Child> {
     let path = logs.join(format!("{id}.log"));
-    let log = File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
+    // What was said before stays, as of an array's tasks.
+    let log =
+        File::options().append(true).create(true).open(&path).with_context(|| format!("cannot write {}", path.display()))?;
     let mut command = Command::new(std::env::current_exe().context("the path of this program is not known")?);
     command.args(["--threads", &threads.to_string(), "bench", "cell"]).arg(out).arg(id);
     command.args(["--device", &device.to_string()]).args(no_verify.then_some("--no-verify"));

@@ -5,7 +5,7 @@
 //! OUT/cells.json         the list: id, row, seed and protocol of every cell
 //! OUT/work/ID/           lock and checkpoint of a cell while it runs
 //! OUT/logs/              what cells said while they ran
-//! OUT/slurm/             job scripts and the ids they run
+//! OUT/slurm/             job scripts and the lists of ids they run
 //! ```
 //! Everything else is as [`crate::suite`] lays it out.
 
@@ -22,6 +22,7 @@ use crate::provenance::Provenance;
 use crate::record::{Outcome, Record};
 use crate::split::{Protocol, Split};
 use crate::suite;
+use crate::together::{self, Joined};
 use anyhow::{Context, Result, bail};
 use corf_scene::io::sha256_hex;
 use corf_scene::lock::FolderLock;
@@ -156,7 +157,7 @@ impl Planned {
                 out.display()
             );
         }
-        let list: CellList = serde_json::from_value(read_json(&path)?).with_context(|| format!("in {}", path.display()))?;
+        let list: CellList = read_json(&path)?;
         if list.schema != SCHEMA {
             bail!(
                 "{} is of the layout {}, not {SCHEMA}\n  help: write it again with `corf bench plan`",
@@ -198,10 +199,12 @@ impl Planned {
     /// # Errors
     /// A damaged record.
     fn record(&self, listed: &ListedCell) -> Result<Option<Record>> {
-        let Some(path) = self.find(listed).map(|(part, cell)| part.record_path(cell)).filter(|path| path.exists()) else {
+        let Some((part, cell)) = self.find(listed) else { return Ok(None) };
+        let path = part.record_path(cell);
+        if !path.exists() {
             return Ok(None);
-        };
-        let record = Record::read(&path)?;
+        }
+        let record = cells::read_record(&path, cell, part.plan.protocol)?;
         Ok((record.cell.as_ref() == Some(&listed.id)).then_some(record))
     }
 
@@ -259,11 +262,14 @@ impl Planned {
     /// Records of all cells, in the plan's order, by part; a cell without one is a failed cell that says so.
     ///
     /// # Errors
-    /// A damaged record, or a row that cannot run.
+    /// A damaged record, records that may not stand in one table, or a row that cannot run.
     pub fn collect(&self, input: &Input) -> Result<Vec<(&Part, Vec<Record>)>> {
         let of_part = |part: &Part| -> Result<Vec<Record>> {
-            let cells = self.list.cells.iter().filter(|listed| listed.split == part.plan.protocol);
-            cells.map(|listed| self.record_or_failure(listed, input)).collect()
+            let cells: Vec<_> = self.list.cells.iter().filter(|listed| listed.split == part.plan.protocol).collect();
+            let records: Vec<Record> = cells.iter().map(|listed| self.record_or_failure(listed, input)).collect::<Result<_>>()?;
+            let place = |at: usize| format!("cell {}", cells[at].id);
+            together::check(&records, &place, &Joined::default())?;
+            Ok(records)
         };
         self.parts.iter().map(|part| Ok((part, of_part(part)?))).collect()
     }

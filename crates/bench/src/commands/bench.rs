@@ -11,6 +11,7 @@ use crate::record::{ARCHIVE, write_archive};
 use crate::report::along;
 use crate::run::{claim_fresh, claim_output, claim_shared};
 use crate::sweep::Sweep;
+use crate::together::JOINED;
 use crate::{suite, table};
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
@@ -208,19 +209,17 @@ impl Table {
 
 impl Pack {
     fn run(self, json: bool) -> Result<Verdict> {
+        let parts = [Path::new(""), Path::new(suite::SEGMENT)].into_iter().filter(|part| self.folder.join(part).exists());
+        // All of them are read before anything is written.
+        let parts: Vec<_> = parts.map(|part| Ok((part, suite::load(&self.folder.join(part))?.1))).collect::<Result<_>>()?;
         let _held = claim_fresh(&self.out)?;
         let mut all = Vec::new();
-        for part in [Path::new(""), Path::new(suite::SEGMENT)] {
-            let folder = self.folder.join(part);
-            if !folder.exists() {
-                continue;
-            }
-            let (_, records) = suite::load(&folder)?;
-            let out = self.out.join(part);
+        for (part, records) in parts {
+            let (folder, out) = (self.folder.join(part), self.out.join(part));
             std::fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
             write_archive(&out.join(ARCHIVE), &records)?;
             suite::write_tables("", &records, &table::short_columns(), &out)?;
-            for figure in along::FILES.iter().filter(|name| folder.join(name).exists()) {
+            for figure in along::FILES.iter().chain([&JOINED]).filter(|name| folder.join(name).exists()) {
                 write_atomic(out.join(figure), &read(folder.join(figure))?)?;
             }
             all.extend(records);

@@ -53,7 +53,7 @@ pub struct CellCommand {
 pub struct Submit {
     /// Folder of `corf bench plan`.
     folder: PathBuf,
-    /// Submit a Slurm job array over the unfinished cells, and a job that collects them once all have ended.
+    /// Submit Slurm job arrays over the unfinished cells, as long as the cluster takes them, and a job that collects them once all have ended.
     #[arg(long)]
     slurm: bool,
     /// Run the unfinished cells here, N processes at once (one GPU each where there are several), and collect them. Each has its share of the cores, or
@@ -63,7 +63,7 @@ pub struct Submit {
     /// With --slurm: largest number of cells that run at once.
     #[arg(long, requires = "slurm", value_parser = clap::value_parser!(u32).range(1..))]
     at_once: Option<u32>,
-    /// With --slurm: an option of sbatch for the array, as in --sbatch=--partition=gpu; may be given several times.
+    /// With --slurm: an option of sbatch for the arrays, as in --sbatch=--partition=gpu; may be given several times.
     #[arg(long, requires = "slurm", value_name = "OPTION", allow_hyphen_values = true)]
     sbatch: Vec<String>,
     #[command(flatten)]
@@ -156,13 +156,15 @@ impl Submit {
             }
             Some(jobs) => {
                 let text = format!(
-                    "job array {} of {} cells, and job {} that collects them into {}",
-                    jobs.array,
+                    "{} {} of {} cells, and job {} that collects them into {}",
+                    if jobs.arrays.len() == 1 { "job array" } else { "job arrays" },
+                    jobs.arrays.join(", "),
                     jobs.cells,
                     jobs.collect,
                     self.folder.display()
                 );
-                show(as_json, &json!({ "array": jobs.array, "collect": jobs.collect, "cells": jobs.cells }), &text)?;
+                let (arrays, collect) = (&jobs.arrays, &jobs.collect);
+                show(as_json, &json!({ "array": arrays[0], "arrays": arrays, "collect": collect, "cells": jobs.cells }), &text)?;
                 Ok(Verdict::Done)
             }
         }

@@ -4,7 +4,7 @@ use super::reconstruct_follow::Follow;
 use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
-use crate::json::read_json;
+use crate::json::{read_numbers, read_text};
 use crate::live::WhenBehind;
 use crate::method::{Advance, Checkpoints, TrainingSet};
 use crate::progress::Progress;
@@ -109,7 +109,7 @@ impl Reconstruct {
         let mut table = match &self.config {
             None => toml::Table::new(),
             Some(path) => {
-                let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+                let text = read_text(path)?;
                 text.parse().with_context(|| format!("{} is no TOML", path.display()))?
             }
         };
@@ -166,7 +166,7 @@ impl Reconstruct {
         let _held = claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");
         if self.resume && info_path.exists() {
-            let info: RunInfo = read_json(&info_path)?;
+            let info: RunInfo = read_numbers(&info_path)?;
             ensure!(
                 info.method == self.method
                     && info.seed == self.seed

@@ -5,7 +5,7 @@ use super::{
 };
 use crate::device::Backend;
 use crate::input::{Input, Verify};
-use crate::json::read_json;
+use crate::json::read_numbers;
 use crate::method::{Method, Predictor, TrainingSet};
 use crate::run::{RunInfo, SCHEMA};
 use crate::split::Split;
@@ -33,7 +33,7 @@ pub struct OpenRun {
 /// # Errors
 /// A folder without it (not a run, or not finished), or one of another schema.
 pub fn read_info(folder: &Path) -> Result<RunInfo> {
-    let info: RunInfo = read_json(&folder.join("run.json")).with_context(|| {
+    let info: RunInfo = read_numbers(&folder.join("run.json")).with_context(|| {
         format!("{} holds no finished run\n  help: run `corf reconstruct` with --out {0} first", folder.display())
     })?;
     ensure!(info.schema == SCHEMA, "{}: schema {} is not {SCHEMA}", folder.display(), info.schema);

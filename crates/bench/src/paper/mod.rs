@@ -40,7 +40,7 @@ pub struct Line<'r, 'a> {
 impl Line<'_, '_> {
     /// The label of our row.
     pub fn label(&self) -> Option<&str> {
-        Some(self.ours.as_ref()?.row.label)
+        Some(&self.ours.as_ref()?.row.label)
     }
 
     /// Our cell of a figure.

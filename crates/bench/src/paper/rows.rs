@@ -38,7 +38,7 @@ pub fn find<'r, 'a>(rows: &'r [Row<'a>], family: Family, method: &str, budget: &
     let mut found = found.into_iter();
     let other = |(_, row): (Vec<String>, &Row<'a>)| match row.done.is_empty() {
         true => format!("{} (failed)", row.label),
-        false => row.label.to_owned(),
+        false => row.label.clone().into_owned(),
     };
     let (unusual, row) = found.next()?;
     Some(Matched { row, unusual, shorter: false, others: found.map(other).collect() })

@@ -17,7 +17,7 @@ fn record_of(row: &str, method: &str, config: serde_json::Value, seed: u64, psnr
     let numbers = Numbers { means, ..Numbers::of(vec![], Some(9.0 + seed as f64), Some(10), None, vec![], None) };
     Record {
         schema: String::new(),
-        protocol: String::new(),
+        protocol: crate::record::PROTOCOL.to_owned(),
         split: Protocol::Test,
         row: row.to_owned(),
         method: method.to_owned(),
@@ -30,6 +30,7 @@ fn record_of(row: &str, method: &str, config: serde_json::Value, seed: u64, psnr
         provenance: crate::provenance::Provenance::here(),
         lpips_weights: Default::default(),
         device: "gpu | x".to_owned(),
+        earlier_devices: Vec::new(),
         uses_ground_truth_depth: true,
         depth_imported: false,
         uses_scene: false,

@@ -1,5 +1,6 @@
 //! Records to tables: Markdown, CSV and LaTeX. Rows keep the plan's order; failed cells stay in.
 
+mod devices;
 mod marks;
 mod notations;
 mod note;
@@ -15,6 +16,8 @@ use crate::record::{Numbers, Outcome, PREDICTIONS, Record};
 use crate::split::Protocol;
 use crate::stats::{Summary, summarize};
 use anyhow::{Result, bail};
+pub use devices::Place;
+use std::borrow::Cow;
 
 /// Columns of metrics, in their order.
 pub type Columns = [&'static Column];
@@ -29,10 +32,14 @@ const STATED_MARK: &str = " †";
 /// The metric that ablation differences are taken of.
 const DIFFERENCE_KEY: &str = "psnr_rf_jet";
 
-/// One row: all seeds of one method with one configuration.
+/// One row: all seeds of one method with one configuration on one device.
 pub struct Row<'a> {
-    /// The row's label.
-    pub label: &'a str,
+    /// The row's label; where its cells ran on several devices, with the row's own behind it.
+    pub label: Cow<'a, str>,
+    /// Label of its cells' records.
+    pub cells_of: &'a str,
+    /// Where its finished cells ran; `None` where all failed.
+    pub place: Option<Place>,
     /// Method id.
     pub method: &'a str,
     /// Resolved configuration of the method.
@@ -49,21 +56,28 @@ pub struct Row<'a> {
     pub true_scene: bool,
     /// Evaluation protocol.
     pub protocol: Protocol,
+    /// Version of what the metrics mean.
+    pub metrics: &'a str,
     /// Whether any cell's dataset was not checked against its recorded hashes.
     pub unverified: bool,
     /// Whether it is predictions made elsewhere, whose time and Gaussians are as their maker states them.
     pub stated: bool,
 }
 
-/// Records grouped into rows, in order of appearance.
+/// Records grouped into rows, in order of appearance. Cells of one label that ran on different devices are rows of their own; a
+/// failed cell has no numbers that could be mixed with others, and stands in the first of them.
 pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
     let mut rows: Vec<Row<'_>> = Vec::new();
     for record in records {
-        let row = match rows.iter_mut().position(|r| r.label == record.row) {
+        let place = matches!(record.outcome, Outcome::Done(_)).then(|| Place::of(record));
+        let fits = |row: &Row<'_>| row.cells_of == record.row && (row.place == place || row.place.is_none() || place.is_none());
+        let row = match rows.iter().position(fits) {
             Some(at) => &mut rows[at],
             None => {
                 rows.push(Row {
-                    label: &record.row,
+                    label: Cow::Borrowed(&record.row),
+                    cells_of: &record.row,
+                    place: None,
                     method: &record.method,
                     config: &record.config,
                     done: Vec::new(),
@@ -72,12 +86,14 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
                     imported_depth: false,
                     true_scene: false,
                     protocol: record.split,
+                    metrics: &record.protocol,
                     unverified: false,
                     stated: false,
                 });
                 rows.last_mut().expect("just pushed")
             }
         };
+        row.place = row.place.take().or(place);
         row.stated |= record.method == PREDICTIONS;
         row.unverified |= !record.dataset_verified;
         row.traced_depth |= record.uses_ground_truth_depth && !record.depth_imported;
@@ -88,6 +104,7 @@ pub fn rows(records: &[Record]) -> Vec<Row<'_>> {
             Outcome::Failed { error } => row.failed.push((record.seed, error)),
         }
     }
+    devices::tell_apart(&mut rows);
     rows
 }
 
@@ -230,7 +247,7 @@ pub fn short<'a>(rows: &'a [Row<'a>], columns: &Columns) -> Short<'a> {
         cells.push(text(difference, 2, "±"));
         cells.push(row.marked(text(row.gaussians(), 0, "±"), STATED_MARK));
         cells.push(row.marked(text(row.seconds(), 1, "±"), STATED_MARK));
-        Line { label: row.label, failed: !row.failed.is_empty(), cells, bold, marks: marked.iter().map(|m| m[at]).collect() }
+        Line { label: &row.label, failed: !row.failed.is_empty(), cells, bold, marks: marked.iter().map(|m| m[at]).collect() }
     };
     let all: Vec<&Row<'_>> = rows.iter().collect();
     Short { headings, lines: rows.iter().enumerate().map(line).collect(), note: note(&all, columns) }

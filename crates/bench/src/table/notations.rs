@@ -1,6 +1,6 @@
 //! The notations of a table: Markdown, CSV, LaTeX, and aligned text for a terminal.
 
-use super::{Columns, Row, STATED_MARK, note, short, text};
+use super::{Columns, Row, STATED_MARK, devices, note, short, text};
 use crate::escape;
 use crate::metrics::{COLUMNS, Column};
 use crate::record::{Outcome, Record};
@@ -28,13 +28,17 @@ pub fn present(records: &[Record]) -> Vec<&'static Column> {
     COLUMNS.iter().filter(has).collect()
 }
 
-/// One line a cell, every metric that any cell has, nothing aggregated; `uses_scene` where there are oracles.
+/// One line a cell, every metric that any cell has, nothing aggregated; `uses_scene` where there are oracles, `device` where cells
+/// ran on several.
 pub fn csv(records: &[Record]) -> String {
     let columns = present(records);
     let mut out = String::from("row,method,dataset,dataset_hash,seed,status,seconds,gaussians,peak_memory_bytes");
     columns.iter().for_each(|c| out.push_str(&format!(",{}", c.key)));
     let oracles = records.iter().any(|r| r.uses_scene);
-    out.push_str(if oracles { ",uses_ground_truth_depth,uses_scene,error\n" } else { ",uses_ground_truth_depth,error\n" });
+    let devices = devices::differ(records);
+    out.push_str(",uses_ground_truth_depth");
+    out.push_str(if oracles { ",uses_scene" } else { "" });
+    out.push_str(if devices { ",device,error\n" } else { ",error\n" });
     let optional = |v: Option<u64>| v.map(|v| v.to_string()).unwrap_or_default();
     // Ids and hashes are plain words unless a record was tampered with.
     let word = |s: &str| {
@@ -45,7 +49,11 @@ pub fn csv(records: &[Record]) -> String {
         }
     };
     for r in records {
-        let scene = if oracles { format!(",{}", r.uses_scene) } else { String::new() };
+        let mut facts = if oracles { format!(",{}", r.uses_scene) } else { String::new() };
+        if devices {
+            let earlier = r.earlier_devices.iter().map(|device| format!("{device}, then "));
+            let _ = write!(facts, ",{}", escape::csv(&(earlier.collect::<String>() + &r.device)));
+        }
         let (row, dataset) = (escape::csv(&r.row), escape::csv(&r.dataset));
         let _ = write!(out, "{row},{},{dataset},{},{}", word(&r.method), word(&r.dataset_hash), r.seed);
         match &r.outcome {
@@ -55,11 +63,11 @@ pub fn csv(records: &[Record]) -> String {
                 let _ = write!(out, ",done,{seconds},{gaussians},{}", optional(n.peak_memory_bytes));
                 let value = |c: &Column| n.value(c).map_or(String::new(), |v| format!("{v:.6}"));
                 columns.iter().for_each(|c| out.push_str(&format!(",{}", value(c))));
-                let _ = writeln!(out, ",{}{scene},", r.uses_ground_truth_depth);
+                let _ = writeln!(out, ",{}{facts},", r.uses_ground_truth_depth);
             }
             Outcome::Failed { error } => {
                 let commas = ",".repeat(columns.len());
-                let _ = writeln!(out, ",failed,,,{commas},{}{scene},{}", r.uses_ground_truth_depth, escape::csv(error));
+                let _ = writeln!(out, ",failed,,,{commas},{}{facts},{}", r.uses_ground_truth_depth, escape::csv(error));
             }
         }
     }
@@ -72,7 +80,7 @@ pub fn latex(rows: &[Row<'_>], columns: &Columns) -> String {
     columns.iter().for_each(|c| out.push_str(&format!(" & {}", c.latex)));
     out.push_str(" & Gaussians & Time (s) \\\\\n  \\midrule\n");
     for row in rows {
-        let _ = write!(out, "  {}", escape::latex(row.label));
+        let _ = write!(out, "  {}", escape::latex(&row.label));
         let cell = |summary, digits| text(summary, digits, r"\pm").replace('–', "-");
         columns.iter().for_each(|c| out.push_str(&format!(" & ${}$", cell(row.metric(c), c.digits))));
         let stated = |cell: String| if row.stated && cell != "-" { format!("{cell}^\\dagger") } else { cell };

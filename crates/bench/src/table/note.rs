@@ -1,7 +1,8 @@
 //! The note under a table: seeds, protocol, caveats of the numbers, failed cells, definitions of unusual columns.
 
-use super::{Column, Columns, Row, SHORT};
+use super::{Column, Columns, Row, SHORT, devices};
 use crate::metrics::lpips::NO_WEIGHTS;
+use crate::record::PROTOCOL;
 use crate::split::Protocol;
 use std::fmt::Write;
 
@@ -21,7 +22,7 @@ fn named(rows: &[&Row<'_>], has: impl Fn(&Row<'_>) -> bool) -> Option<String> {
 }
 
 fn list(rows: &[&Row<'_>]) -> String {
-    rows.iter().map(|r| name(r.label)).collect::<Vec<_>>().join("; ")
+    rows.iter().map(|r| name(&r.label)).collect::<Vec<_>>().join("; ")
 }
 
 fn name(label: &str) -> String {
@@ -53,6 +54,12 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
         }
         Some(Protocol::Segment) => note.push_str(" A contiguous segment of the trajectory was held out."),
         Some(Protocol::Test | Protocol::All) | None => {}
+    }
+    for (device, of_device) in devices::groups(rows) {
+        let _ = write!(note, " Ran on {device}: {}.", list(&of_device));
+    }
+    if let Some(protocol) = rows.iter().find(|r| r.metrics != PROTOCOL).map(|r| r.metrics) {
+        let _ = write!(note, " Metrics are those of {protocol}; this version's are {PROTOCOL}.");
     }
     if let Some(depth) = named(rows, |r| r.traced_depth) {
         let _ = write!(note, " The ray tracer's depth (through the simulated monocular prior, or as it is) used by: {depth}.");
@@ -97,7 +104,7 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
     }
     for row in rows {
         for (seed, error) in &row.failed {
-            let _ = write!(note, " FAILED: {}, seed {seed}: {error}.", name(row.label));
+            let _ = write!(note, " FAILED: {}, seed {seed}: {error}.", name(&row.label));
         }
     }
     for column in columns.iter().filter(|c| !SHORT.contains(&c.key)) {

@@ -3,6 +3,7 @@
 use super::*;
 use crate::metrics::{FrameMetrics, LightMetrics};
 use crate::provenance::Provenance;
+use crate::record::{NOT_STATED, PROTOCOL, SCHEMA};
 use std::collections::BTreeMap;
 
 fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
@@ -22,8 +23,8 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
         stages: vec![],
     };
     Record {
-        schema: String::new(),
-        protocol: String::new(),
+        schema: SCHEMA.to_owned(),
+        protocol: PROTOCOL.to_owned(),
         split: Protocol::Test,
         row: row.to_owned(),
         method: "corf-gs".to_owned(),
@@ -35,7 +36,8 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
         cell: None,
         provenance: Provenance::here(),
         lpips_weights: BTreeMap::new(),
-        device: String::new(),
+        device: "cpu (2 threads)".to_owned(),
+        earlier_devices: Vec::new(),
         uses_ground_truth_depth: row == "full",
         depth_imported: false,
         uses_scene: false,
@@ -261,4 +263,51 @@ fn lpips_has_columns_where_it_is_asked_for_and_tells_whose_is_missing() {
     // CSV has what any record has.
     let csv = csv(&records);
     assert!(csv.contains("lpips_vgg_01_rf_jet") && csv.contains("lpips_squeeze_opt") && !csv.contains("alex"), "{csv}");
+}
+
+#[test]
+fn cells_of_different_devices_have_rows_of_their_own_and_the_note_says_which_ran_where() {
+    let on = |row: &str, seed, device: &str| Record { device: device.to_owned(), ..record(row, seed, 18.0 + seed as f64) };
+    let lookup = |device: &str| Record { method: "nearest".to_owned(), ..on("nearest", 1, device) };
+    // A lookup runs on the processor, whatever the others run on; half precision is no other device.
+    for records in [
+        vec![on("full", 1, "gpu (A)"), on("full", 2, "gpu (A)"), lookup("cpu (2 threads)")],
+        vec![on("full", 1, "gpu (A)"), on("f16", 1, "gpu (A), f16 products")],
+        vec![on("full", 1, "gpu (A)"), Record { method: PREDICTIONS.to_owned(), ..on("theirs", 1, NOT_STATED) }],
+    ] {
+        let (table, csv) = (markdown(&rows(&records), &short_columns()), csv(&records));
+        assert!(!table.contains(" ran on ") && !table.contains("Ran on") && !csv.contains("device"), "{table}{csv}");
+    }
+    let mut records =
+        vec![on("full", 1, "gpu (A)"), on("full", 2, "cpu (2 threads)"), on("full", 3, "gpu (A)"), lookup("cpu (2 threads)")];
+    let table = markdown(&rows(&records), &short_columns());
+    let lines: Vec<&str> = table.lines().skip(2).take(3).map(|line| line.split(" | ").next().unwrap()).collect();
+    assert_eq!(lines, ["| full, on gpu (A)", "| full, on cpu (2 threads)", "| nearest"]);
+    assert!(table.contains("over 2 seeds, 1 of full, on cpu (2 threads); nearest"), "{table}");
+    assert!(table.contains("Ran on gpu (A): full") && table.contains("Ran on cpu (2 threads): full"), "{table}");
+    let list = csv(&records);
+    assert!(list.lines().next().unwrap().ends_with(",device,error") && list.contains(",\"gpu (A)\","), "{list}");
+    // A cell that failed has nothing that could be mixed with others.
+    records[1].outcome = Outcome::Failed { error: "out of memory".to_owned() };
+    let table = markdown(&rows(&records), &short_columns());
+    assert!(table.contains("| full (failed cells) |") && !table.contains("Ran on"), "{table}");
+    // One that was gone on with on another device is a row of its own as well, alone or not.
+    records.remove(1);
+    records[1].earlier_devices = vec!["cpu (2 threads)".to_owned()];
+    let table = markdown(&rows(&records), &short_columns());
+    assert!(
+        table.contains("| full, on gpu (A), begun on cpu (2 threads) |") && table.contains("| full, on gpu (A) |"),
+        "{table}"
+    );
+    let table = markdown(&rows(&records[1..]), &short_columns());
+    assert!(table.contains("| full |") && table.contains("Ran on gpu (A), begun on cpu (2 threads): full."), "{table}");
+    // Two makes of processor are two devices.
+    let mut records = [on("full", 1, "cpu (2 threads)"), on("full", 2, "cpu (2 threads)")];
+    records[1].provenance.processor = "another make".to_owned();
+    let table = markdown(&rows(&records), &short_columns());
+    assert!(table.contains("| full, on cpu (2 threads), another make |"), "{table}");
+    // What was evaluated by an older protocol says so.
+    records.iter_mut().for_each(|record| record.protocol = "corf-heldout/1".to_owned());
+    let table = markdown(&rows(&records), &short_columns());
+    assert!(table.contains("Metrics are those of corf-heldout/1; this version's are corf-heldout/2."), "{table}");
 }

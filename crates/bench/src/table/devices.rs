@@ -1,0 +1,104 @@
+//! Devices of rows: cells that ran on different ones have rows of their own, and the note says which ran where.
+
+use super::Row;
+use crate::record::{NOT_STATED, PREDICTIONS, Record};
+
+/// What a device's name has behind it where a network multiplies in half precision, which is a setting and no other device.
+const PRECISION: &str = ", f16 products";
+/// Beginning of the processor's name as a device.
+const PROCESSOR: &str = "cpu";
+/// Methods that run on the processor wherever others run.
+const LOOKUPS: [&str; 2] = ["nearest", "inverse-distance"];
+
+/// Where a cell ran: its device, of the processor with its make, and those before it where it was gone on with on another.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    device: String,
+    processor: Option<String>,
+    earlier: Vec<String>,
+}
+
+impl Place {
+    /// Where a record's cell ran. The machine that scored another program's predictions is not where they were made.
+    pub fn of(record: &Record) -> Self {
+        let on_processor = record.device.starts_with(PROCESSOR) && record.method != PREDICTIONS;
+        Self {
+            device: record.device.clone(),
+            processor: on_processor.then(|| record.provenance.processor.clone()),
+            earlier: record.earlier_devices.clone(),
+        }
+    }
+
+    /// Whether it is told from others in a table: not where a lookup ran on the processor, and not what nobody knows.
+    fn is_told(&self, method: &str) -> bool {
+        self.device != NOT_STATED && !(LOOKUPS.contains(&method) && self.device.starts_with(PROCESSOR))
+    }
+
+    /// The name by which rows are compared, with the processor's make where devices differ by nothing else.
+    fn name(&self, with_processor: bool) -> String {
+        let mut name = self.device.strip_suffix(PRECISION).unwrap_or(&self.device).to_owned();
+        if let Some(processor) = self.processor.as_ref().filter(|_| with_processor) {
+            name += &format!(", {processor}");
+        }
+        if !self.earlier.is_empty() {
+            name += &format!(", begun on {}", self.earlier.join(", then on "));
+        }
+        name
+    }
+}
+
+/// Whether the names of some places need the processor's make to differ.
+fn need_processor<'p>(places: impl Iterator<Item = &'p Place>) -> bool {
+    let mut makes: Vec<(&str, &Option<String>)> = places.map(|place| (place.device.as_str(), &place.processor)).collect();
+    makes.sort();
+    makes.dedup();
+    makes.windows(2).any(|pair| pair[0].0 == pair[1].0)
+}
+
+/// Puts the device behind the label of every row that is not the only one of its cells' label.
+pub(super) fn tell_apart(rows: &mut [Row<'_>]) {
+    for at in 0..rows.len() {
+        let of_label = || rows.iter().filter(|row| row.cells_of == rows[at].cells_of);
+        if of_label().count() > 1
+            && let Some(place) = &rows[at].place
+        {
+            let with_processor = need_processor(of_label().filter_map(|row| row.place.as_ref()));
+            let precision = if place.device.ends_with(PRECISION) { PRECISION } else { "" };
+            rows[at].label = format!("{}, on {}{precision}", rows[at].cells_of, place.name(with_processor)).into();
+        }
+    }
+}
+
+/// The rows by the device that they ran on, in order of appearance; none where all ran on one, which then goes without saying.
+pub(super) fn groups<'r, 'a>(rows: &[&'r Row<'a>]) -> Vec<(String, Vec<&'r Row<'a>>)> {
+    let placed: Vec<(&Place, &'r Row<'a>)> = rows.iter().filter_map(|row| Some((row.place.as_ref()?, *row))).collect();
+    let with_processor = need_processor(placed.iter().map(|(place, _)| *place));
+    let mut groups: Vec<(String, Vec<&Row<'_>>)> = Vec::new();
+    let mut told: Vec<String> = Vec::new();
+    for (place, row) in placed {
+        let name = place.name(with_processor);
+        if place.is_told(row.method) && !told.contains(&name) {
+            told.push(name.clone());
+        }
+        match groups.iter_mut().find(|group| group.0 == name) {
+            Some(group) => group.1.push(row),
+            None => groups.push((name, vec![row])),
+        }
+    }
+    let begun_elsewhere = rows.iter().any(|row| row.place.as_ref().is_some_and(|place| !place.earlier.is_empty()));
+    if told.len() > 1 || begun_elsewhere { groups } else { Vec::new() }
+}
+
+/// Whether some records ran on devices that a table tells apart.
+pub(super) fn differ(records: &[Record]) -> bool {
+    let places = records.iter().map(|record| (Place::of(record), record)).filter(|(place, record)| place.is_told(&record.method));
+    let mut places: Vec<Place> = places.map(|(place, _)| place).collect();
+    places.iter_mut().for_each(|place| {
+        if let Some(device) = place.device.strip_suffix(PRECISION) {
+            place.device = device.to_owned();
+        }
+    });
+    places.sort();
+    places.dedup();
+    places.len() > 1 || places.iter().any(|place| !place.earlier.is_empty())
+}
