@@ -273,7 +273,7 @@ impl CorfGs {
         })?;
         let mut field = reconstructor.field()?;
         field.meta.modalities = has;
-        let field = FieldPredictor::new(field, self.config.raster, &self.backend);
+        let field = FieldPredictor::learnt(field, self.config.raster, &self.backend)?;
         Ok(Box::new(field.clearing(reconstructor)))
     }
 }

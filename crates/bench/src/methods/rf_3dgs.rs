@@ -110,7 +110,7 @@ impl Method for Rf3dgs {
         let gaussians = Some(reconstructor.gaussian_count());
         advance(Advance { gaussians, stages: &stages, resumed_steps: resumed, ..Advance::of(total, total) })?;
         let points = reconstructor.points().to_vec();
-        let field = FieldPredictor::new(reconstructor.field()?, config.raster(), &self.backend).clearing(reconstructor);
+        let field = FieldPredictor::learnt(reconstructor.field()?, config.raster(), &self.backend)?.clearing(reconstructor);
         Ok(Box::new(WithPoints { field, points }))
     }
 }
