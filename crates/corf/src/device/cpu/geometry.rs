@@ -102,6 +102,22 @@ pub(crate) fn each<L: Lanes>(a: Vec3<L>, b: Vec3<L>) -> Vec3<L> {
 }
 
 #[inline(always)]
+fn scaled<L: Lanes>(a: L, v: Vec3<L>) -> Vec3<L> {
+    [a * v[0], a * v[1], a * v[2]]
+}
+
+#[inline(always)]
+fn added<L: Lanes>(a: Vec3<L>, b: Vec3<L>) -> Vec3<L> {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+/// `a v + b w`.
+#[inline(always)]
+fn sum_of<L: Lanes>(a: L, v: Vec3<L>, b: L, w: Vec3<L>) -> Vec3<L> {
+    [a.mul_add(v[0], b * w[0]), a.mul_add(v[1], b * w[1]), a.mul_add(v[2], b * w[2])]
+}
+
+#[inline(always)]
 pub(crate) fn symmetric_times<L: Lanes>(s: Symmetric<L>, v: Vec3<L>) -> Vec3<L> {
     [dot([s[0], s[1], s[2]], v), dot([s[1], s[3], s[4]], v), dot([s[2], s[4], s[5]], v)]
 }
@@ -204,14 +220,13 @@ pub(crate) fn ellipse<L: Lanes>(grid: &Grid, p: Vec3<L>, s: &Shape<L>) -> Ellips
     let (j02, j12) = (-(j00 * x), -(j11 * y));
     // Rows with one zero entry each.
     let [ax, ay, az] = s.axes;
-    let of_row = |j: L, x: Vec3<L>, j2: L| [0, 1, 2].map(|k| j.mul_add(x[k], j2 * az[k]));
-    let (along0, along1) = (of_row(j00, ax, j02), of_row(j11, ay, j12));
+    let (along0, along1) = (sum_of(j00, ax, j02, az), sum_of(j11, ay, j12, az));
     let (v0, v1) = (each(s.variance, along0), each(s.variance, along1));
     let (a, b, c) = (dot(v0, along0), dot(v0, along1), dot(v1, along1));
     // det S₂ = a c − b² cancels where an ellipse is thin. It is the sum of the squares of the minors of J A diag(s) (Cauchy and Binet), which is
     // (j₀ × j₁)ᵀ adj(V) (j₀ × j₁).
     let cross = [-(j02 * j11), -(j00 * j12), j00 * j11];
-    let cross_along = [0, 1, 2].map(|k| cross[0].mul_add(ax[k], cross[1].mul_add(ay[k], cross[2] * az[k])));
+    let cross_along = added(sum_of(cross[0], ax, cross[1], ay), scaled(cross[2], az));
     let bare_determinant = dot(each(s.of_pairs, cross_along), cross_along);
     let h = L::splat(grid.antialias.dilation());
     let (sxx, syy) = (a + h, c + h);
@@ -276,6 +291,19 @@ impl<L: Lanes> ShapeGradient<L> {
         let zero = L::splat(0.0);
         Self { p: [zero; 3], covariance: [zero; 6], adjugate: [zero; 6] }
     }
+
+    /// Adds another's lanes of a mask.
+    #[inline(always)]
+    pub fn add_where(&mut self, mask: L::Mask, more: &Self) {
+        let zero = L::splat(0.0);
+        for k in 0..3 {
+            self.p[k] = self.p[k] + L::select(mask, more.p[k], zero);
+        }
+        for k in 0..6 {
+            self.covariance[k] = self.covariance[k] + L::select(mask, more.covariance[k], zero);
+            self.adjugate[k] = self.adjugate[k] + L::select(mask, more.adjugate[k], zero);
+        }
+    }
 }
 
 /// What one image says.
@@ -308,8 +336,16 @@ pub(crate) fn ellipse_backward<L: Lanes>(grid: &Grid, s: &Shape<L>, e: &Ellipse<
         // D₀ = nᵀ adj(V) n, n = j₀ × j₁.
         let by_bare = k * (e.bare[0] + e.syy) * inverse;
         let [x, y, z] = e.cross;
-        adjugate = [x * x, x * y, x * z, y * y, y * z, z * z].map(|product| by_bare * product);
-        d_cross = times(&s.axes, each(s.of_pairs, e.cross_along)).map(|v| two * by_bare * v);
+        let scaled_cross = scaled(by_bare, e.cross);
+        adjugate = [
+            scaled_cross[0] * x,
+            scaled_cross[0] * y,
+            scaled_cross[0] * z,
+            scaled_cross[1] * y,
+            scaled_cross[1] * z,
+            scaled_cross[2] * z,
+        ];
+        d_cross = scaled(two * by_bare, times(&s.axes, each(s.of_pairs, e.cross_along)));
     }
     // dV = Jᵀ dS J.
     let covariance = [
@@ -321,7 +357,8 @@ pub(crate) fn ellipse_backward<L: Lanes>(grid: &Grid, s: &Shape<L>, e: &Ellipse<
         s00 * j02 * j02 + two * s01 * j02 * j12 + s11 * j12 * j12,
     ];
     // dJ = 2 dS J V, only the entries that exist; and through n = (−j02 j11, −j00 j12, j00 j11).
-    let [v0, v1] = e.along.map(|along| times(&s.axes, each(s.variance, along)));
+    let v0 = times(&s.axes, each(s.variance, e.along[0]));
+    let v1 = times(&s.axes, each(s.variance, e.along[1]));
     let dj00 = two * (s00 * v0[0] + s01 * v1[0]) + (d_cross[2] * j11 - d_cross[1] * j12);
     let dj02 = two * (s00 * v0[2] + s01 * v1[2]) - d_cross[0] * j11;
     let dj11 = two * (s01 * v0[1] + s11 * v1[1]) + (d_cross[2] * j00 - d_cross[0] * j02);
@@ -354,17 +391,18 @@ pub(crate) fn shape_backward<L: Lanes>(pose: &Pose, s: &Shape<L>, d: &ShapeGradi
     let mut dr = [[zero; 3]; 3];
     for k in 0..3 {
         let column = [s.axes[0][k], s.axes[1][k], s.axes[2][k]];
-        let g = symmetric_times(d.covariance, column).map(|v| two * s.variance[k] * v);
-        let u = symmetric_times(d.adjugate, column).map(|v| two * s.of_pairs[k] * v);
+        let g = scaled(two * s.variance[k], symmetric_times(d.covariance, column));
+        let u = scaled(two * s.of_pairs[k], symmetric_times(d.adjugate, column));
         (by_variance[k], by_pairs[k]) = (dot(column, g), dot(column, u));
-        let g = [g[0] + u[0], g[1] + u[1], g[2] + u[2]];
+        let g = added(g, u);
         for r in 0..3 {
             let w = [L::splat(pose.rotation[0][r]), L::splat(pose.rotation[1][r]), L::splat(pose.rotation[2][r])];
             dr[r][k] = dot(w, g);
         }
     }
     // A scale is in its own variance, and in the products that the other axes have.
-    let d_log_scale = [0, 1, 2].map(|k| by_variance[k] + (by_pairs[(k + 1) % 3] + by_pairs[(k + 2) % 3]));
+    let by_others = [by_pairs[1] + by_pairs[2], by_pairs[2] + by_pairs[0], by_pairs[0] + by_pairs[1]];
+    let d_log_scale = added(by_variance, by_others);
     let [w, x, y, z] = s.q;
     let dq = [
         two * (x * (dr[2][1] - dr[1][2]) + y * (dr[0][2] - dr[2][0]) + z * (dr[1][0] - dr[0][1])),

@@ -207,11 +207,7 @@ impl UpdateChunk<'_, '_> {
             };
             // Of an image in which a Gaussian is not seen nothing is said, whatever numbers its ellipse there has.
             let sees = L::load(&seen[g].map(|seen| f32::from(u8::from(seen)))).gt(zero);
-            let said = ellipse_backward(grid, &s, &e, &gradient);
-            let pairs = said.p.iter().chain(&said.covariance).chain(&said.adjugate);
-            for (sum, more) in d_shape.p.iter_mut().chain(&mut d_shape.covariance).chain(&mut d_shape.adjugate).zip(pairs) {
-                *sum = *sum + L::select(sees, *more, zero);
-            }
+            d_shape.add_where(sees, &ellipse_backward(grid, &s, &e, &gradient));
             if !self.part.screen.is_empty() {
                 let [du, dv] = mean_backward(&e, &gradient);
                 let (du, dv) = (du * L::splat(0.5 * grid.width as f32), dv * L::splat(0.5 * grid.height as f32));
