@@ -8,7 +8,7 @@ use crate::device::Backend;
 use crate::device::network_options;
 use crate::interrupt;
 use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
-use crate::methods::stepwise::told;
+use crate::methods::stepwise::say_unless_kept;
 use crate::metrics::Prediction;
 use anyhow::{Context, Result, ensure};
 use corf::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Trainer, TrainingRays};
@@ -113,7 +113,7 @@ impl Method for Nerf2 {
         for step in first..total {
             let interrupted = |trainer: &mut dyn Trainer, error: anyhow::Error| {
                 // What could not be kept is done again.
-                told(keeper.keep(&field, trainer));
+                say_unless_kept(keeper.keep(&field, trainer));
                 error
             };
             interrupt::check().map_err(|e| interrupted(trainer.as_mut(), e))?;

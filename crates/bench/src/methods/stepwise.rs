@@ -80,7 +80,7 @@ pub fn run(
         advance(Advance { gaussians, resumed_steps: resumed, field, ..Advance::of(done, total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
             if keeper.kept != Some(done) {
-                told(keeper.keep(reconstruction));
+                say_unless_kept(keeper.keep(reconstruction));
             }
         })?;
     }
@@ -88,7 +88,7 @@ pub fn run(
 }
 
 /// Says what kept the state from being kept at an interrupt, which itself goes on.
-pub fn told(kept: Result<()>) {
+pub fn say_unless_kept(kept: Result<()>) {
     if let Err(error) = kept {
         note!("the state at the interrupt is not kept: {error:#}");
     }

@@ -2,7 +2,7 @@
 
 use crate::method::{Advance, FieldReader, StageTime, TrainingSet, shown};
 use crate::methods::corf_gs::Keeper;
-use crate::methods::stepwise::told;
+use crate::methods::stepwise::say_unless_kept;
 use anyhow::{Context, Result};
 use corf::array::{ArrayField, ArrayTrainer, Image, Observed};
 use corf::{KeyframeTiming, Reconstructor};
@@ -100,7 +100,7 @@ impl Online<'_> {
         (self.advance)(Advance { gaussians, field, ..Advance::of(done, total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
             if self.keeper.kept() != Some(done) {
-                told(self.keep(done));
+                say_unless_kept(self.keep(done));
             }
         })
     }

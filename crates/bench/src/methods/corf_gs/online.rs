@@ -1,7 +1,7 @@
 //! Keyframe after keyframe through a reconstructor, with checkpoints on the way.
 
 use crate::method::{Advance, Checkpoints, FieldReader, TrainingSet, shown};
-use crate::methods::stepwise::told;
+use crate::methods::stepwise::say_unless_kept;
 use anyhow::{Context, Result};
 use corf::{Checkpoint, KeyframeTiming, Reconstructor};
 use std::cell::RefCell;
@@ -73,7 +73,7 @@ impl Online<'_> {
         advance(Advance { gaussians, keyframe: keyframe.as_ref(), field, ..Advance::of(done, self.total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
             if self.keeper.kept != Some(done) {
-                told(self.keeper.keep(&mut self.reconstructor));
+                say_unless_kept(self.keeper.keep(&mut self.reconstructor));
             }
         })
     }
