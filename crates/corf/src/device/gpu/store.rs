@@ -237,8 +237,8 @@ impl Store {
         }
         if !kept.is_empty() {
             self.spare = Some(self.gather_rows(context, &self.rows(), &kept, 0)?);
-            context.check("removing Gaussians")?;
         }
+        context.check("removing Gaussians")?;
         self.len = kept.len();
         Ok(())
     }
