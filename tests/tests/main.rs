@@ -21,6 +21,7 @@ mod exchange;
 mod exports;
 #[cfg(feature = "slow")]
 mod faults_dataset;
+mod faults_device;
 #[cfg(feature = "slow")]
 mod faults_gltf;
 #[cfg(feature = "slow")]

@@ -151,10 +151,12 @@ impl Part {
                 return Ok(harness::folder_record(&cell.row.label, &folder, input, plan.protocol, cell.seed, frames));
             }
         };
-        let mut clock = work.map(CellClock::open).transpose()?;
+        let device = method.device();
+        let mut clock = work.map(|work| CellClock::open(work, &device)).transpose()?;
         if let Some(clock) = &clock {
             let tag = format!("{} {} {} {}", dataset.hash(), plan.protocol.name(), method.config(), cell.seed);
-            method.keep_checkpoints(Checkpoints { path: clock.checkpoint().to_owned(), every: None, resume: true, tag });
+            let path = clock.checkpoint().to_owned();
+            method.keep_checkpoints(Checkpoints { path, every: None, resume: true, tag, device });
         }
         let mut progress = Progress::start(&label, split.train.len(), method.unit());
         let mut watch = |advance: crate::method::Advance<'_>| {

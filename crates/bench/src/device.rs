@@ -69,7 +69,7 @@ impl DeviceChoice {
     #[cfg(feature = "gpu")]
     pub fn resolve(self) -> Result<Backend> {
         use crate::note;
-        use corf::device::gpu::{GpuOptions, adapter_name};
+        use corf::device::gpu::{GpuOptions, adapter_name, adapter_names};
         let look = |adapter, software| adapter_name(&GpuOptions { adapter, software, ..GpuOptions::default() });
         match self {
             Self::Cpu => Ok(Backend::Cpu),
@@ -84,12 +84,14 @@ impl DeviceChoice {
                 }
             },
             Self::Gpu(number) => {
-                let found = look(number, false).or_else(|| look(number, true));
-                found.map(|adapter| Backend::Gpu { adapter, number }).ok_or_else(|| {
-                    anyhow::anyhow!(
-                        "--device {self}: no such adapter was found\n  help: install a Vulkan driver, or choose another number or --device cpu"
-                    )
-                })
+                let there = adapter_names();
+                let Some((adapter, in_software)) = there.get(number).cloned() else { anyhow::bail!(no_adapter(self, &there)) };
+                if in_software {
+                    note!(
+                        "device: {adapter} is an adapter in software: it computes on the processor, where --device cpu is faster"
+                    );
+                }
+                Ok(Backend::Gpu { adapter, number })
             }
         }
     }
@@ -105,6 +107,23 @@ impl DeviceChoice {
             "--device {self}: this program was built without the GPU device\n  help: build it with `--features gpu`, or choose --device cpu"
         );
         Ok(Backend::Cpu)
+    }
+}
+
+/// That there is no adapter of the number that `choice` names, and which there are: their names, and whether each is in software.
+#[cfg(feature = "gpu")]
+fn no_adapter(choice: DeviceChoice, there: &[(String, bool)]) -> String {
+    let named = |(number, (name, in_software)): (usize, &(String, bool))| {
+        format!("gpu:{number} {name}{}", if *in_software { " (in software)" } else { "" })
+    };
+    let names: Vec<String> = there.iter().enumerate().map(named).collect();
+    match names.as_slice() {
+        [] => format!("--device {choice}: no adapter was found\n  help: install a Vulkan driver, or choose --device cpu"),
+        [one] => format!("--device {choice}: there is no such adapter\n  help: there is {one}; choose it or --device cpu"),
+        _ => format!(
+            "--device {choice}: there is no such adapter\n  help: there are {}; choose one or --device cpu",
+            names.join(", ")
+        ),
     }
 }
 
@@ -194,5 +213,16 @@ mod tests {
         for text in ["", "cuda", "cpu:1", "auto:0", "gpu:", "gpu:-1", "gpu:one", "gpu:0:1"] {
             assert!(text.parse::<DeviceChoice>().is_err(), "{text}");
         }
+    }
+
+    #[cfg(feature = "gpu")]
+    #[test]
+    fn an_adapter_that_is_not_there_is_answered_by_those_that_are() {
+        let choice = DeviceChoice::Gpu(7);
+        let text = no_adapter(choice, &[("One".to_owned(), false), ("llvmpipe".to_owned(), true)]);
+        for part in ["--device gpu:7", "gpu:0 One", "gpu:1 llvmpipe (in software)", "--device cpu"] {
+            assert!(text.contains(part), "{part} in {text}");
+        }
+        assert!(no_adapter(choice, &[]).contains("install a Vulkan driver"));
     }
 }

@@ -4,6 +4,7 @@
 use crate::note;
 use anyhow::Result;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -18,10 +19,34 @@ const GRACE: Duration = Duration::from_secs(2);
 /// Time limit for writing the final message.
 const LAST_WORDS: Duration = Duration::from_millis(50);
 
+/// What is on disk to go on from, of a command that says it itself.
+static KEPT: Mutex<Option<String>> = Mutex::new(None);
+
 /// The user asked to stop.
 #[derive(Debug, thiserror::Error)]
-#[error("interrupted; what was finished is kept: where the command has --resume, the same command with it goes on from there")]
+#[error("interrupted; {}", last_words())]
 pub struct Interrupted;
+
+/// What is left after an interrupt.
+fn last_words() -> String {
+    let kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    kept.unwrap_or_else(|| {
+        "what was finished is kept: where the command has --resume, the same command with it goes on from there".to_owned()
+    })
+}
+
+/// Says from now on what an interrupt leaves, in the place of what is true of most commands; [`kept`] changes it.
+pub fn say_what_is_kept(text: impl Into<String>) {
+    *KEPT.lock().unwrap_or_else(PoisonError::into_inner) = Some(text.into());
+}
+
+/// Takes note of what has been written to go on from, where the command says what that is.
+pub fn kept(text: impl FnOnce() -> String) {
+    let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(said) = kept.as_mut() {
+        *said = text();
+    }
+}
 
 /// Exit code after an interrupt (128 + SIGINT), as shells expect.
 pub const EXIT_CODE: u8 = 130;
@@ -81,4 +106,20 @@ pub fn input_ended() -> bool {
 /// [`Interrupted`] after Ctrl-C.
 pub fn check() -> Result<()> {
     if INTERRUPTED.load(Ordering::SeqCst) { Err(Interrupted.into()) } else { Ok(()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_an_interrupt_leaves_is_what_was_last_written() {
+        kept(|| "a checkpoint of a command that says nothing of its own".to_owned());
+        assert!(Interrupted.to_string().contains("what was finished is kept"), "{Interrupted}");
+        say_what_is_kept("nothing is kept yet");
+        assert_eq!(Interrupted.to_string(), "interrupted; nothing is kept yet");
+        kept(|| "run/checkpoint holds 12 keyframes".to_owned());
+        assert_eq!(Interrupted.to_string(), "interrupted; run/checkpoint holds 12 keyframes");
+        *KEPT.lock().unwrap() = None;
+    }
 }

@@ -1,7 +1,9 @@
 //! Interface of the compared methods, one per row of a table: training keyframes in, a predictor out. The clock and the metrics are the
 //! harness's.
 
+use crate::interrupt;
 use crate::metrics::Prediction;
+use crate::note;
 use crate::scene_behind::SceneBehind;
 use crate::split::Split;
 use anyhow::{Context, Result, bail, ensure};
@@ -168,6 +170,22 @@ pub struct Checkpoints {
     pub resume: bool,
     /// Tag that must be the same when it is resumed (the dataset's hash).
     pub tag: String,
+    /// The device that works, as records name it: a run stays on the device that it began on.
+    pub device: String,
+}
+
+/// What a checkpoint carries, in the words of its file's tag; before there was a device in it, it was the run alone.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Tag {
+    run: String,
+    device: String,
+}
+
+/// What bytes depend on of a device's name for records: of the processor not the number of its threads.
+pub fn same_device(a: &str, b: &str) -> bool {
+    let processor = |name: &str| name == "cpu" || name.starts_with("cpu (");
+    a == b || processor(a) && processor(b)
 }
 
 /// Time between checkpoints that nobody asked for: what is lost without them is no more, and what they cost is next to nothing.
@@ -193,17 +211,41 @@ impl Checkpoints {
         (self.resume && self.path.exists()).then_some(&self.path)
     }
 
-    /// Checks the tag of a checkpoint that was read.
+    /// The tag that a checkpoint is written with.
+    pub fn written_tag(&self) -> String {
+        serde_json::json!(Tag { run: self.tag.clone(), device: self.device.clone() }).to_string()
+    }
+
+    /// Checks the tag of a checkpoint that was read. Of one that says no device, as older versions wrote them, that is said.
     ///
     /// # Errors
-    /// Another tag than this one's.
+    /// Another tag than this one's, or one of another device.
     pub fn check_tag(&self, tag: &str) -> Result<()> {
+        let read: Option<Tag> = serde_json::from_str(tag).ok();
+        let (run, device) = read.as_ref().map_or((tag, None), |read| (read.run.as_str(), Some(read.device.as_str())));
+        let (path, now) = (self.path.display(), &self.device);
         ensure!(
-            tag == self.tag,
-            "{} is of another dataset or configuration\n  help: choose another --out, or resume with the command that was interrupted",
-            self.path.display()
+            run == self.tag,
+            "{path} is of another dataset or configuration\n  help: choose another --out, or resume with the command that was interrupted"
+        );
+        let Some(before) = device else {
+            note!(
+                "{path} does not say on which device it was kept; the run goes on on {now}, whose results another device's differ from by rounding"
+            );
+            return Ok(());
+        };
+        ensure!(
+            same_device(before, now),
+            "{path} was kept on {before}, and this is {now}: devices differ by rounding, and a run that changes them is neither's\n  help: \
+             resume on the device that it began on (--device cpu, or gpu:N; `corf doctor` lists them), or start anew with another --out"
         );
         Ok(())
+    }
+
+    /// Takes note that the file holds so many units of work.
+    pub fn holds(&self, done: usize, unit: &str) {
+        let path = self.path.display();
+        interrupt::kept(|| format!("{path} holds {done} {unit}: the same command with --resume goes on from there"));
     }
 }
 
@@ -248,6 +290,12 @@ impl std::fmt::Debug for FieldReader<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("FieldReader")
     }
+}
+
+/// A field that was read to be looked at, if it could be; where not, that is said, and the reconstruction goes on: what is wrong with its device it
+/// will find itself.
+pub fn shown(read: corf::Result<Field>) -> Option<Field> {
+    read.inspect_err(|error| note!("the field cannot be shown as it stands now: {error}")).ok()
 }
 
 /// What a stage of a method took.
@@ -355,4 +403,45 @@ pub trait Predictor {
     /// # Errors
     /// When a file cannot be written.
     fn save(&self, run: &Path) -> Result<()>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(device: &str) -> Checkpoints {
+        Checkpoints {
+            path: "run/checkpoint".into(),
+            every: None,
+            resume: true,
+            tag: "hash test {}".to_owned(),
+            device: device.to_owned(),
+        }
+    }
+
+    #[test]
+    fn a_checkpoint_is_gone_on_from_on_the_device_that_kept_it() {
+        let (gpu, other) = ("gpu (NVIDIA H200)", "gpu (llvmpipe (LLVM 15.0.6, 256 bits))");
+        for (before, now) in [("cpu (2 threads)", "cpu (16 threads)"), ("cpu (1 thread)", "cpu (1 threads)"), (gpu, gpu)] {
+            of(now).check_tag(&of(before).written_tag()).unwrap();
+        }
+        for (before, now) in
+            [(gpu, "cpu (2 threads)"), ("cpu (2 threads)", gpu), (gpu, other), (gpu, "gpu (NVIDIA H200), f16 products")]
+        {
+            let error = of(now).check_tag(&of(before).written_tag()).unwrap_err().to_string();
+            for part in ["run/checkpoint", before, now, "--device", "--out"] {
+                assert!(error.contains(part), "{part} in {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_older_versions_kept_is_gone_on_from_and_other_runs_are_not() {
+        of("cpu (2 threads)").check_tag("hash test {}").unwrap();
+        let another = Checkpoints { tag: "another test {}".to_owned(), ..of("cpu (2 threads)") };
+        for tag in ["another test {}".to_owned(), another.written_tag(), String::new()] {
+            let error = of("cpu (2 threads)").check_tag(&tag).unwrap_err().to_string();
+            assert!(error.contains("another dataset or configuration"), "{error}");
+        }
+    }
 }

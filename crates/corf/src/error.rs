@@ -39,4 +39,13 @@ impl Error {
     pub fn invalid(place: impl Into<String>, what: impl Into<String>, help: impl Into<String>) -> Self {
         Self::Invalid { place: place.into(), what: what.into(), help: help.into() }
     }
+
+    /// The same error once more, for another who asks.
+    #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "devices of their own keep errors"))]
+    pub(crate) fn repeated(&self) -> Self {
+        match self {
+            Self::Invalid { place, what, help } => Self::invalid(place, what, help),
+            other => Self::invalid("the device", other.to_string(), "start again"),
+        }
+    }
 }

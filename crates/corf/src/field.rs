@@ -177,7 +177,7 @@ impl Field {
     pub fn load(&self, device: &mut dyn Device) -> Result<()> {
         if !device.is_empty() {
             let none = vec![false; device.len()];
-            device.retain(&none);
+            device.retain(&none)?;
         }
         device.append(&self.gaussians)
     }

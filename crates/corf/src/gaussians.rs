@@ -72,6 +72,9 @@ impl Appearance {
     }
 }
 
+/// ln of a hundred kilometres in metres.
+const LARGEST_LOG_SCALE: f32 = 11.6;
+
 impl Gaussians {
     /// No Gaussians yet; `rf_channels` is 3 (Jet) or 1 (dB).
     pub fn empty(rf_channels: usize, sh_degree: usize) -> Self {
@@ -92,6 +95,42 @@ impl Gaussians {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.position.is_empty()
+    }
+
+    /// Refuses what no reconstruction learns unless it diverges: numbers that are none, and standard deviations of more than a hundred kilometres.
+    /// Gaussians of either kind may be drawn nowhere, so that no image says a word of them.
+    ///
+    /// # Errors
+    /// The first of them, by its number in the field.
+    pub fn check_learnt(&self) -> Result<()> {
+        let diverged = |i: usize, name: &str, value: f32| {
+            let what = format!("Gaussian {i} has {name} = {value}: the reconstruction has diverged");
+            Err(Error::invalid("the reconstructed field", what, "set smaller learning rates or weights"))
+        };
+        let is_none = |v: &f32| !v.is_finite();
+        for i in 0..self.len() {
+            for (names, values) in [
+                (&["x", "y", "z"][..], &self.position[i][..]),
+                (&["rot_0", "rot_1", "rot_2", "rot_3"], &self.rotation[i]),
+                (&["scale_0", "scale_1", "scale_2"], &self.log_scale[i]),
+            ] {
+                if let Some(k) = values.iter().position(is_none) {
+                    return diverged(i, names[k], values[k]);
+                }
+            }
+            if let Some(k) = self.log_scale[i].iter().position(|s| *s > LARGEST_LOG_SCALE) {
+                return diverged(i, ["scale_0", "scale_1", "scale_2"][k], self.log_scale[i][k]);
+            }
+            for (prefix, a) in [("", &self.optical), ("rf_", &self.rf)] {
+                if is_none(&a.opacity_logit[i]) {
+                    return diverged(i, &format!("{prefix}opacity"), a.opacity_logit[i]);
+                }
+                if let Some(v) = a.sh[i * a.stride()..(i + 1) * a.stride()].iter().find(|v| is_none(v)) {
+                    return diverged(i, &format!("{prefix}f_dc or {prefix}f_rest"), *v);
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Refuses colours that no device holds: harmonics above degree 3, light of other than 3 channels, RF of other than 3 or 1.
@@ -129,4 +168,39 @@ pub fn sigmoid(x: f32) -> f32 {
 /// The inverse of [`sigmoid`], for a probability strictly between 0 and 1.
 pub fn logit(p: f32) -> f32 {
     (p / (1.0 - p)).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_diverged_is_named() {
+        let mut g = Gaussians::empty(1, 1);
+        for _ in 0..3 {
+            g.position.push([1.0, 2.0, 3.0e6]);
+            g.rotation.push([1.0, 0.0, 0.0, 0.0]);
+            g.log_scale.push([-60.0, 11.0, 0.0]);
+            for a in [&mut g.optical, &mut g.rf] {
+                a.opacity_logit.push(-200.0);
+                a.sh.extend(vec![0.1; a.stride()]);
+            }
+        }
+        assert!(g.check_learnt().is_ok());
+        let of = |change: &dyn Fn(&mut Gaussians)| {
+            let mut changed = g.clone();
+            change(&mut changed);
+            changed.check_learnt().err().map(|e| e.to_string()).unwrap_or_default()
+        };
+        for (text, words) in [
+            (of(&|g| g.position[1][0] = f32::NAN), "Gaussian 1 has x = NaN: the reconstruction has diverged"),
+            (of(&|g| g.rotation[2][3] = f32::INFINITY), "Gaussian 2 has rot_3 = inf"),
+            (of(&|g| g.log_scale[0][1] = 12.9), "Gaussian 0 has scale_1 = 12.9"),
+            (of(&|g| g.log_scale[0][1] = f32::NEG_INFINITY), "scale_1 = -inf"),
+            (of(&|g| g.rf.opacity_logit[2] = f32::NAN), "Gaussian 2 has rf_opacity = NaN"),
+            (of(&|g| g.optical.sh[13] = f32::NAN), "Gaussian 1 has f_dc or f_rest = NaN"),
+        ] {
+            assert!(text.contains(words) && text.contains("set smaller learning rates"), "{words} in {text}");
+        }
+    }
 }

@@ -116,21 +116,30 @@ impl Reconstructor {
                 "start every reconstruction on a fresh device",
             ));
         }
-        if device.gaussians() != config.empty_field() {
+        if device.gaussians()? != config.empty_field() {
             return Err(Error::invalid(
                 device.name(),
                 "the device was made for other channels or harmonic degrees than the configuration's",
                 "make it with ReconstructionConfig::empty_field",
             ));
         }
-        // The smallest pyramid level must still be an image.
-        let coarsest = config.pyramid_levels - 1;
-        for (name, camera) in [("optical", &optical_camera), ("RF", &rf_camera)] {
+        // The smallest pyramid level that steps look at must still be an image.
+        let of_light = config.pyramid_levels;
+        let (of_rf, rf_key) =
+            config.rf_pyramid_levels.map_or((of_light, "pyramid_levels"), |n| (n.min(of_light), "rf_pyramid_levels"));
+        for (name, key, levels, camera) in
+            [("optical", "pyramid_levels", of_light, &optical_camera), ("RF", rf_key, of_rf, &rf_camera)]
+        {
+            let coarsest = levels - 1;
             if camera.width >> coarsest < 8 || camera.height >> coarsest < 8 {
                 return Err(Error::invalid(
-                    "reconstruction config, key `pyramid_levels`",
+                    format!("reconstruction config, key `{key}`"),
                     format!("level {coarsest} of the {}x{} {name} image is below 8 pixels", camera.width, camera.height),
-                    "use fewer levels or larger images",
+                    if name == "RF" {
+                        "use fewer levels (rf_pyramid_levels) or larger spectra"
+                    } else {
+                        "use fewer levels or larger images"
+                    },
                 ));
             }
         }
@@ -358,8 +367,11 @@ impl Reconstructor {
     }
 
     /// The field as it stands: reads the Gaussians back.
-    pub fn field(&mut self) -> Field {
-        Field { gaussians: self.device.gaussians(), meta: self.meta }
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn field(&mut self) -> Result<Field> {
+        Ok(Field { gaussians: self.device.gaussians()?, meta: self.meta })
     }
 
     /// Renders the field as it stands at any pose.
@@ -436,12 +448,12 @@ impl Reconstructor {
         progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
     ) -> Result<()> {
         // No step has touched the RF appearance: colour and opacity are those the Gaussians were born with.
-        let field = self.device.gaussians();
+        let field = self.device.gaussians()?;
         let mut rf = field.rf;
         if self.config.second_stage_opacity == SecondStageOpacity::Optical {
             rf.opacity_logit = field.optical.opacity_logit;
         }
-        self.device.reset_rf(&rf);
+        self.device.reset_rf(&rf)?;
         let (weights, total) = (self.second_stage_weights(), self.schedule.online_steps());
         let mut done = 0;
         while done < total {

@@ -187,7 +187,7 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
             let steps: Vec<Step> = (0..12).map(|i| step(i % 2)).collect();
             let report = d.train(&steps).unwrap();
             let image = d.render(&optical([0.0; 3])).unwrap().optical.unwrap().color;
-            (report, d.gaussians(), image)
+            (report, d.gaussians().unwrap(), image)
         })
     };
     let one = run(1);
@@ -238,7 +238,7 @@ fn frozen_geometry_and_unweighted_modalities_stay_as_they_are_with_their_moments
     let frozen = Step { train_geometry: false, optical_weight: 0.0, depth_weight: 0.0, ..step(0) };
     let mut d = fresh();
     d.train(&[frozen; 5]).unwrap();
-    let g = d.gaussians();
+    let g = d.gaussians().unwrap();
     assert_eq!(
         (&g.position, &g.rotation, &g.log_scale, &g.optical),
         (&start.position, &start.rotation, &start.log_scale, &start.optical)
@@ -249,7 +249,7 @@ fn frozen_geometry_and_unweighted_modalities_stay_as_they_are_with_their_moments
     d.train(&[optical_only]).unwrap();
     let mut other = fresh();
     other.train(&[optical_only]).unwrap();
-    let (a, b) = (d.gaussians(), other.gaussians());
+    let (a, b) = (d.gaussians().unwrap(), other.gaussians().unwrap());
     assert_eq!((&a.position, &a.rotation, &a.log_scale, &a.optical), (&b.position, &b.rotation, &b.log_scale, &b.optical));
     assert_ne!(b.position, start.position);
     assert_eq!(b.rf, start.rf);
@@ -263,9 +263,9 @@ fn the_first_step_of_adam_is_its_closed_form() {
     let mut d = CpuDevice::new(config, RasterConfig::default(), &start).unwrap();
     d.upload(&training_view(1, 4), 1).unwrap();
     let (_, gradient) = d.gradients(&step(0)).unwrap();
-    assert_eq!(d.gaussians(), start, "gradients() takes no step");
+    assert_eq!(d.gaussians().unwrap(), start, "gradients() takes no step");
     d.train(&[step(0)]).unwrap();
-    let after = d.gaussians();
+    let after = d.gaussians().unwrap();
     let moved = |name: &str, before: f32, after: f32, gradient: f32, rate: f32| {
         if gradient != 0.0 {
             let expected = -5.0 * rate * gradient.signum();
@@ -318,10 +318,10 @@ fn retained_gaussians_keep_their_optimiser_state_and_appended_ones_start_fresh()
     let mut d = CpuDevice::new(metric_rates(), RasterConfig::default(), &both).unwrap();
     d.upload(&training_view(3, 4), 1).unwrap();
     d.train(&[step(0); 3]).unwrap();
-    let before = d.gaussians();
-    d.retain(&keep);
+    let before = d.gaussians().unwrap();
+    d.retain(&keep).unwrap();
     let kept: Vec<usize> = (0..600).filter(|i| keep[*i]).collect();
-    let after = d.gaussians();
+    let after = d.gaussians().unwrap();
     assert_eq!(after.len(), 400);
     let stride = before.rf.stride();
     for (new, old) in kept.iter().enumerate() {
@@ -332,12 +332,12 @@ fn retained_gaussians_keep_their_optimiser_state_and_appended_ones_start_fresh()
     let mut same = CpuDevice::new(metric_rates(), RasterConfig::default(), &both).unwrap();
     same.upload(&training_view(3, 4), 1).unwrap();
     same.train(&[step(0); 3]).unwrap();
-    same.retain(&[true; 600]);
+    same.retain(&[true; 600]).unwrap();
     same.train(&[step(0)]).unwrap();
     let mut reference = CpuDevice::new(metric_rates(), RasterConfig::default(), &both).unwrap();
     reference.upload(&training_view(3, 4), 1).unwrap();
     reference.train(&[step(0); 4]).unwrap();
-    assert_eq!(same.gaussians(), reference.gaussians());
+    assert_eq!(same.gaussians().unwrap(), reference.gaussians().unwrap());
 
     // One Gaussian far from the others: after retain drops those before it, its next step is still its own fourth, not a first.
     let lone = field(&[([-0.9, -0.5, 3.0], 0.1, 0.5, [0.2; 3]), ([0.9, 0.5, 3.0], 0.1, 0.5, [0.8; 3])]);
@@ -348,16 +348,16 @@ fn retained_gaussians_keep_their_optimiser_state_and_appended_ones_start_fresh()
         d.upload(&view, 1).unwrap();
         d.train(&[step(0); 3]).unwrap();
         if prune {
-            d.retain(&[false, true]);
+            d.retain(&[false, true]).unwrap();
         }
         if fresh {
-            let g = d.gaussians();
-            d.retain(&[false]);
+            let g = d.gaussians().unwrap();
+            d.retain(&[false]).unwrap();
             d.append(&g).unwrap();
         }
-        let before = d.gaussians().log_scale.last().unwrap()[0];
+        let before = d.gaussians().unwrap().log_scale.last().unwrap()[0];
         d.train(&[step(0)]).unwrap();
-        d.gaussians().log_scale.last().unwrap()[0] - before
+        d.gaussians().unwrap().log_scale.last().unwrap()[0] - before
     };
     // L1's sign is all the other Gaussian could change, and SSIM windows of the two do not meet.
     assert!((run(true, false) - run(false, false)).abs() < 1e-6);
@@ -371,9 +371,9 @@ fn resetting_rf_replaces_it_and_leaves_the_rest() {
     let mut d = CpuDevice::new(metric_rates(), RasterConfig::default(), &start).unwrap();
     d.upload(&training_view(3, 4), 1).unwrap();
     d.train(&[step(0); 3]).unwrap();
-    let before = d.gaussians();
-    d.reset_rf(&start.rf);
-    let after = d.gaussians();
+    let before = d.gaussians().unwrap();
+    d.reset_rf(&start.rf).unwrap();
+    let after = d.gaussians().unwrap();
     assert_eq!(after.rf, start.rf);
     assert_eq!((after.position, after.optical), (before.position, before.optical));
 }
@@ -393,7 +393,7 @@ fn hopeless_gaussians_do_no_harm() {
     assert!(report.optical_loss.is_finite() && report.rf_loss.is_finite());
     let layer = d.render(&optical([0.0; 3])).unwrap().optical.unwrap();
     assert!(layer.color.pixels.iter().all(|v| v.is_finite()));
-    assert!(d.gaussians().position[0].iter().all(|v| v.is_finite()));
+    assert!(d.gaussians().unwrap().position[0].iter().all(|v| v.is_finite()));
 }
 
 #[test]
@@ -403,7 +403,7 @@ fn a_mask_that_leaves_nothing_out_changes_no_byte() {
         let mut d = device(&g);
         d.upload(&TrainingView { mask, ..training_view(3, 4) }, 2).unwrap();
         d.train(&[step(0), step(1), step(0)]).unwrap();
-        d.gaussians()
+        d.gaussians().unwrap()
     };
     let plain = trained(None);
     assert!(plain == trained(Some(Raster::filled(37, 29, true))));

@@ -247,7 +247,7 @@ fn screen_gradients_are_summed_over_visits_and_forgotten_with_the_gaussians() {
         assert!(end.iter().filter(|g| g.steps == 3 && g.norm_sum > 0.0).count() > 20);
         // A device that is given what another had goes on to the same bytes.
         let restart = |device: &mut Box<dyn Trained>, state: &DeviceState| {
-            device.retain(&vec![false; 400]);
+            device.retain(&vec![false; 400]).unwrap();
             device.restore(state).unwrap();
         };
         let finished = device.state().unwrap();
@@ -261,7 +261,7 @@ fn screen_gradients_are_summed_over_visits_and_forgotten_with_the_gaussians() {
         assert!(device.screen_gradients().unwrap() == end && device.state().unwrap() == finished);
         let mut keep = vec![true; 400];
         keep[7] = false;
-        device.retain(&keep);
+        device.retain(&keep).unwrap();
         assert!(device.screen_gradients().unwrap().iter().all(|g| *g == ScreenGradient::default()), "removing forgets");
         assert!(device.set_screen_gradients(&half).is_err(), "one is missing now");
     }
@@ -308,7 +308,7 @@ fn copies_have_their_sources_colours_and_no_moments() {
         // Those held are as they were.
         let mut keep = vec![true; n + 3];
         keep[n..].fill(false);
-        device.retain(&keep);
+        device.retain(&keep).unwrap();
         assert!(device.state().unwrap() == before);
         let text = device.duplicate(&[Duplicate { source: n as u32, offset: [0.0; 3], shrink: 1.0 }]).unwrap_err().to_string();
         assert!(text.contains("Gaussian 300 of 300"), "{text}");

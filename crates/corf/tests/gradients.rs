@@ -295,6 +295,7 @@ impl Scenario {
 
 /// Seeds for which no pixel is near a threshold.
 const SEEDS: [u64; 2] = [1, 2];
+const NEEDLE_SEED: u64 = 1;
 
 #[test]
 fn images_agree_with_the_oracle() {
@@ -333,6 +334,17 @@ fn images_agree_with_the_oracle() {
 #[test]
 fn gradients_of_both_modalities_with_depth_and_antialiasing() {
     scenario(SEEDS[0], 3, 3, Antialias::On).check("coupled, Jet, antialias on");
+}
+
+/// Needles a hundred times as long as wide, thinner than a pixel: ρ is what their opacity is made of.
+#[test]
+fn gradients_of_needles() {
+    let mut s = scenario(NEEDLE_SEED, 3, 1, Antialias::On);
+    s.gaussians.log_scale.iter_mut().for_each(|s| *s = [s[0] + 1.0, s[1] - 3.0, s[2] - 3.0]);
+    for a in [&mut s.gaussians.optical, &mut s.gaussians.rf] {
+        a.opacity_logit.iter_mut().for_each(|o| *o += 2.0);
+    }
+    s.check("needles");
 }
 
 #[test]

@@ -178,7 +178,9 @@ impl Array {
         let floor_s = (work.operations / (1e12 * self.tflops)).max(work.bytes / (1e9 * self.bandwidth_gb_s));
         let largest_difference_db = difference_db(field, observer.as_mut(), &poses[..poses.len().min(4)])?;
         let keyframe_ms = self.training_ms(field, backend, OF_A_KEYFRAME)?;
-        let step_ms = (self.training_ms(field, backend, self.steps)? - keyframe_ms) / (self.steps - OF_A_KEYFRAME) as f64;
+        // More steps may have taken less time where a machine is busy with something else.
+        let more_ms = (self.training_ms(field, backend, self.steps)? - keyframe_ms).max(0.0);
+        let step_ms = more_ms / (self.steps - OF_A_KEYFRAME) as f64;
         Ok(Measured {
             kind,
             emitters: field.sources.len() + field.points.len(),

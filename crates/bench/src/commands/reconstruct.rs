@@ -187,6 +187,11 @@ impl Reconstruct {
             every: self.checkpoint_every,
             resume: self.resume,
             tag: format!("{} {} {}{}", dataset.hash(), protocol.name(), method.config(), initial.as_deref().unwrap_or("")),
+            device: method.device(),
+        });
+        interrupt::say_what_is_kept(match self.checkpoint_every {
+            Some(0) => "nothing is kept of it (--checkpoint-every 0): with --resume it begins anew",
+            _ => "nothing is kept of it yet: with --resume it begins anew",
         });
         write_config(&self.out, &method.config())?;
         let watching = port.map(|port| Watching::start(port, method.as_ref(), self.seed, dataset, &split)).transpose()?;
@@ -212,6 +217,7 @@ impl Reconstruct {
             )?
         };
         write_finished(&self.out, &info, &result)?;
+        interrupt::kept(|| format!("{} is finished", self.out.display()));
         // What it was kept for is there.
         let _ = std::fs::remove_file(&checkpoint);
         show(json, &info, &summary(&info))?;

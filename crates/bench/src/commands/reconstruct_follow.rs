@@ -63,6 +63,7 @@ impl Follow<'_> {
             collected: method.collected(),
         })?;
         write_config(out, &method.config())?;
+        interrupt::say_what_is_kept("nothing is kept of it to go on from; the live folder has what landed there");
         interrupt::let_first_end_input(true);
         note!("following {}: {} on {}", folder.display(), self.method, method.device());
         session.wait_for_first()?;
@@ -79,6 +80,7 @@ impl Follow<'_> {
         let trained = (self.protocol, result.keyframes.len());
         let info = RunInfo { live: Some(live), ..RunInfo::of(&method, &overrides, self.seed, source, trained, &result)? };
         write_info(out, &info)?;
+        interrupt::kept(|| format!("{} is finished", out.display()));
         Ok(info)
     }
 }

@@ -271,9 +271,9 @@ impl CorfGs {
             depth,
             ..Advance::of(total, total)
         })?;
-        let mut field = reconstructor.field();
+        let mut field = reconstructor.field()?;
         field.meta.modalities = has;
-        let field = FieldPredictor::new(field, self.config.raster, &self.backend);
+        let field = FieldPredictor::learnt(field, self.config.raster, &self.backend)?;
         Ok(Box::new(field.clearing(reconstructor)))
     }
 }

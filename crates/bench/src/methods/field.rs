@@ -39,6 +39,15 @@ impl FieldPredictor {
         Self { field, raster, backend: backend.clone(), device: None, clearing: None }
     }
 
+    /// The field that a reconstruction has ended with, which is looked at before anybody is told of it.
+    ///
+    /// # Errors
+    /// A field that has diverged.
+    pub fn learnt(field: Field, raster: RasterConfig, backend: &Backend) -> Result<Self> {
+        field.gaussians.check_learnt()?;
+        Ok(Self::new(field, raster, backend))
+    }
+
     /// The same, while the reconstruction goes: a gigabyte of keyframes is given back to the system while the field is looked at.
     pub fn clearing(mut self, reconstruction: impl Send + 'static) -> Self {
         self.clearing = Some(std::thread::spawn(move || drop(reconstruction)));

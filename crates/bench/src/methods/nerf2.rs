@@ -8,6 +8,7 @@ use crate::device::Backend;
 use crate::device::network_options;
 use crate::interrupt;
 use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
+use crate::methods::stepwise::say_unless_kept;
 use crate::metrics::Prediction;
 use anyhow::{Context, Result, ensure};
 use corf::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Trainer, TrainingRays};
@@ -104,14 +105,15 @@ impl Method for Nerf2 {
             parameters: Model::new(&self.config).network.initial(seed),
         };
         let mut trainer = trainer(&self.backend, &field)?;
-        let mut keeper = Keeper { checkpoints: self.checkpoints.clone(), seed, at: Instant::now() };
+        let with_seed = |c: Checkpoints| Checkpoints { tag: format!("{} seed {seed}", c.tag), ..c };
+        let mut keeper = Keeper { checkpoints: self.checkpoints.clone().map(with_seed), at: Instant::now() };
         let first = keeper.resume(trainer.as_mut())?;
         let (schedule, total) = (self.config.schedule(), self.config.iterations);
         let mut told = Instant::now();
         for step in first..total {
             let interrupted = |trainer: &mut dyn Trainer, error: anyhow::Error| {
                 // What could not be kept is done again.
-                let _ = keeper.keep(&field, trainer);
+                say_unless_kept(keeper.keep(&field, trainer));
                 error
             };
             interrupt::check().map_err(|e| interrupted(trainer.as_mut(), e))?;
@@ -139,23 +141,22 @@ impl Method for Nerf2 {
 
 /// Keeps checkpoints, if any are wanted.
 struct Keeper {
+    /// With the seed in their tag.
     checkpoints: Option<Checkpoints>,
-    seed: u64,
     /// Time at which the last one was kept, or the work began.
     at: Instant,
 }
 
 impl Keeper {
-    fn tag(&self, checkpoints: &Checkpoints) -> String {
-        format!("{} seed {}", checkpoints.tag, self.seed)
-    }
-
     /// Goes on from the checkpoint, if there is one; says how many steps it has behind it.
     fn resume(&self, trainer: &mut dyn Trainer) -> Result<usize> {
         let Some((c, path)) = self.checkpoints.as_ref().and_then(|c| Some((c, c.to_resume()?))) else { return Ok(0) };
-        let state = Field::read_state(path, &self.tag(c))?;
+        let (tag, state) = Field::read_state(path)?;
+        c.check_tag(&tag)?;
         trainer.restore(&state)?;
-        Ok(usize::try_from(state.steps)?)
+        let steps = usize::try_from(state.steps)?;
+        c.holds(steps, "steps");
+        Ok(steps)
     }
 
     fn is_due(&self, done: usize) -> bool {
@@ -164,7 +165,10 @@ impl Keeper {
 
     fn keep(&self, field: &Field, trainer: &mut dyn Trainer) -> Result<()> {
         let Some(c) = self.checkpoints.as_ref().filter(|c| c.are_kept()) else { return Ok(()) };
-        field.write_state(&c.path, &self.tag(c), &trainer.state()?).context("while keeping a checkpoint")
+        let state = trainer.state()?;
+        field.write_state(&c.path, &c.written_tag(), &state).context("while keeping a checkpoint")?;
+        c.holds(usize::try_from(state.steps)?, "steps");
+        Ok(())
     }
 }
 

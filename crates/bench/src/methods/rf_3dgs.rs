@@ -2,7 +2,7 @@
 //! with the two defects of the published RF stage mended (docs/baselines.md).
 
 use crate::device::Backend;
-use crate::method::{Advance, Checkpoints, Method, Predictor, StageTime, TrainingSet};
+use crate::method::{Advance, Checkpoints, Method, Predictor, StageTime, TrainingSet, shown};
 use crate::methods::field::FieldPredictor;
 use crate::methods::initial::Initial;
 use crate::methods::stepwise::{self, Stepwise};
@@ -110,7 +110,7 @@ impl Method for Rf3dgs {
         let gaussians = Some(reconstructor.gaussian_count());
         advance(Advance { gaussians, stages: &stages, resumed_steps: resumed, ..Advance::of(total, total) })?;
         let points = reconstructor.points().to_vec();
-        let field = FieldPredictor::new(reconstructor.field(), config.raster(), &self.backend).clearing(reconstructor);
+        let field = FieldPredictor::learnt(reconstructor.field()?, config.raster(), &self.backend)?.clearing(reconstructor);
         Ok(Box::new(WithPoints { field, points }))
     }
 }
@@ -148,7 +148,7 @@ impl Stepwise for OfflineReconstructor {
     }
 
     fn field(&mut self) -> Option<Field> {
-        Some(Self::field(self))
+        shown(Self::field(self))
     }
 }
 

@@ -1,6 +1,7 @@
 //! Reconstructions that work in steps: portions that follow the clock, progress, checkpoints, interrupts.
 
 use crate::method::{Advance, Checkpoints, FieldReader};
+use crate::note;
 use anyhow::{Context, Result};
 use corf::Field;
 use std::cell::RefCell;
@@ -79,11 +80,18 @@ pub fn run(
         advance(Advance { gaussians, resumed_steps: resumed, field, ..Advance::of(done, total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
             if keeper.kept != Some(done) {
-                let _ = keeper.keep(reconstruction);
+                say_unless_kept(keeper.keep(reconstruction));
             }
         })?;
     }
     Ok(resumed)
+}
+
+/// Says what kept the state from being kept at an interrupt, which itself goes on.
+pub fn say_unless_kept(kept: Result<()>) {
+    if let Err(error) = kept {
+        note!("the state at the interrupt is not kept: {error:#}");
+    }
 }
 
 /// Number of steps that should take [`PORTION`], after `count` that took `took`; it grows and shrinks by a factor of two at most.
@@ -111,6 +119,7 @@ impl Keeper<'_> {
         reconstruction.resume(path, c)?;
         let steps = reconstruction.steps_done();
         self.kept = Some(steps);
+        c.holds(steps, "steps");
         Ok(steps)
     }
 
@@ -128,8 +137,10 @@ impl Keeper<'_> {
 
     fn keep(&mut self, reconstruction: &mut dyn Stepwise) -> Result<()> {
         let Some(c) = self.checkpoints.filter(|c| c.are_kept()) else { return Ok(()) };
-        reconstruction.keep(&c.path, &c.tag).context("while keeping a checkpoint")?;
-        (self.kept, self.at) = (Some(reconstruction.steps_done()), Instant::now());
+        reconstruction.keep(&c.path, &c.written_tag()).context("while keeping a checkpoint")?;
+        let steps = reconstruction.steps_done();
+        (self.kept, self.at) = (Some(steps), Instant::now());
+        c.holds(steps, "steps");
         Ok(())
     }
 
@@ -153,7 +164,8 @@ mod tests {
         let ms = Duration::from_millis;
         assert_eq!((next_portion(1, ms(1)), next_portion(100, ms(100)), next_portion(200, ms(1))), (2, 200, 200));
         assert_eq!((next_portion(64, ms(600)), next_portion(64, ms(60_000)), next_portion(1, ms(60_000))), (32, 32, 1));
-        let checkpoints = Checkpoints { path: "run/checkpoint".into(), every: Some(40), resume: false, tag: String::new() };
+        let (tag, device) = (String::new(), "cpu (1 thread)".to_owned());
+        let checkpoints = Checkpoints { path: "run/checkpoint".into(), every: Some(40), resume: false, tag, device };
         let mut keeper = Keeper { checkpoints: Some(&checkpoints), kept: None, at: Instant::now() };
         assert_eq!((keeper.steps_to_checkpoint(0), keeper.steps_to_checkpoint(79)), (40, 1));
         assert!(keeper.is_due(80) && !keeper.is_due(81));

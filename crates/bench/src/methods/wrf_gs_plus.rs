@@ -130,6 +130,7 @@ impl Method for WrfGsPlus {
         let gaussians = Some(reconstructor.gaussian_count());
         advance(Advance { gaussians, resumed_steps, ..Advance::of(total, total) })?;
         let field = reconstructor.field()?;
+        field.gaussians.check_learnt()?;
         Ok(Box::new(WrfGsPlusPredictor { field, backend: self.backend.clone(), trainer: Some(reconstructor.into_trainer()) }))
     }
 }

@@ -215,10 +215,16 @@ pub trait Device: Send {
     fn append(&mut self, new: &Gaussians) -> Result<()>;
 
     /// Keeps the Gaussians whose flag is true, in order, with their optimiser state. `keep.len() == self.len()`.
-    fn retain(&mut self, keep: &[bool]);
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn retain(&mut self, keep: &[bool]) -> Result<()>;
 
     /// Replaces the RF appearance of all Gaussians and resets its optimiser state: the start of a second stage.
-    fn reset_rf(&mut self, rf: &crate::Appearance);
+    ///
+    /// # Errors
+    /// An appearance of another number of Gaussians, other channels or another degree; when the device fails.
+    fn reset_rf(&mut self, rf: &crate::Appearance) -> Result<()>;
 
     /// Sets the rate of positions in metres per step (see [`OptimizerConfig`](crate::OptimizerConfig)).
     fn set_position_rate_m(&mut self, rate_m: f32);
@@ -301,14 +307,17 @@ pub trait Device: Send {
     }
 
     /// Reads the Gaussians back.
-    fn gaussians(&mut self) -> Gaussians;
+    ///
+    /// # Errors
+    /// When the device fails: there is no field then, not an empty one.
+    fn gaussians(&mut self) -> Result<Gaussians>;
 
     /// Reads back what decides whether a Gaussian is pruned, and no more.
     ///
     /// # Errors
     /// When the device fails.
     fn outlines(&mut self) -> Result<Vec<Outline>> {
-        Ok(Outline::of(&self.gaussians()))
+        Ok(Outline::of(&self.gaussians()?))
     }
 
     /// Reads the Gaussians back with the state of their optimiser.

@@ -8,7 +8,7 @@ use super::{Batch, Model, Nerf2Config, Ray};
 use crate::device::gpu::GpuOptions;
 use crate::device::gpu::context::Context;
 use crate::device::gpu::kernel::{Bound, Kernel};
-use crate::nn::gpu::{CONSTANTS, ENCODING, GpuNetwork, LANES, vectors};
+use crate::nn::gpu::{CONSTANTS, ENCODING, GpuNetwork, LANES, most_rows, vectors};
 use crate::nn::{Adam, Trained};
 use crate::{Error, Result};
 
@@ -63,11 +63,9 @@ impl GpuTrainer {
         let context = Context::open(options)?;
         let model = Model::new(config);
         let (inputs, layers) = (model.network.inputs().iter().copied(), model.network.layers().iter().map(|l| l.outputs));
-        let widest = inputs.clone().chain(layers.clone()).max().unwrap_or(1);
         // Inputs once, layers with their gradients.
         let bytes: usize = inputs.chain(layers.clone()).chain(layers).map(|width| 4 * LANES * vectors(width)).sum();
-        let bindable = usize::try_from(context.largest_buffer()).unwrap_or(usize::MAX) / (4 * LANES * vectors(widest));
-        let points = POINTS_A_CHUNK.min(bindable).min(MOST_MEMORY / bytes);
+        let points = POINTS_A_CHUNK.min(most_rows(&context, &model.network)).min(MOST_MEMORY / bytes);
         Self::in_chunks(context, config, transmitter_m, parameters, points)
     }
 

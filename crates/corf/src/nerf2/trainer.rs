@@ -102,18 +102,14 @@ impl Field {
         file::write(path, &header, &[&state.parameters, first, second])
     }
 
-    /// Reads what [`Self::write_state`] wrote.
+    /// Reads what [`Self::write_state`] wrote: the tag, which the caller checks, and the state.
     ///
     /// # Errors
-    /// A file that is missing, damaged, something else, or of another tag.
-    pub fn read_state(path: &Path, tag: &str) -> Result<Trained<f32>> {
+    /// A file that is missing, damaged or something else.
+    pub fn read_state(path: &Path) -> Result<(String, Trained<f32>)> {
         let (header, arrays) = read_header::<String>(path, 3)?;
-        if header.tag != tag {
-            let help = "choose another --out, or resume with the command that was interrupted";
-            return Err(Error::invalid(path.display().to_string(), "it is of another dataset or configuration", help));
-        }
         let Ok([parameters, first, second]) = <[Vec<f32>; 3]>::try_from(arrays) else { unreachable!("three were read") };
-        Ok(Trained { parameters, moments: [first, second], steps: header.steps })
+        Ok((header.tag, Trained { parameters, moments: [first, second], steps: header.steps }))
     }
 }
 

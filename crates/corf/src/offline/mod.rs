@@ -89,7 +89,7 @@ impl OfflineReconstructor {
             modalities: Default::default(),
         };
         meta.validate()?;
-        if device.gaussians() != config.empty_field() {
+        if device.gaussians()? != config.empty_field() {
             let what = "the device holds Gaussians, or was made for other channels or harmonic degrees than the configuration's";
             return Err(Error::invalid(device.name(), what, "make a fresh one with OfflineConfig::empty_field"));
         }
@@ -261,8 +261,11 @@ impl OfflineReconstructor {
     }
 
     /// The field as it stands: reads the Gaussians back. Without an RF stage, or before it, RF is grey.
-    pub fn field(&mut self) -> Field {
-        Field { gaussians: self.device.gaussians(), meta: self.meta }
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn field(&mut self) -> Result<Field> {
+        Ok(Field { gaussians: self.device.gaussians()?, meta: self.meta })
     }
 }
 
@@ -290,7 +293,7 @@ pub(crate) fn control_density(
         device.duplicate(&change.copies)?;
         change.keep.resize(change.keep.len() + change.copies.len(), true);
         // The sums of gradients begin anew with this, also where all are kept.
-        device.retain(&change.keep);
+        device.retain(&change.keep)?;
         counts.cloned += change.counts.cloned;
         counts.split += change.counts.split;
         counts.pruned += change.counts.pruned;
@@ -313,7 +316,7 @@ fn begin_rf(device: &mut dyn Device, moments: RfMoments) -> Result<()> {
             RfMoments::Zero => *part = zeros(part),
         }
     }
-    device.retain(&vec![false; n]);
+    device.retain(&vec![false; n])?;
     device.restore(&state)
 }
 

@@ -136,7 +136,7 @@ fn paint_that_is_masked_does_no_harm_and_paint_that_is_not_does() {
 fn what_is_under_a_mask_changes_no_byte_of_a_field() {
     let frames = keyframes();
     let config = ReconstructionConfig { iterations_per_keyframe: 5, ..Default::default() };
-    let field = |frames: Vec<Keyframe>| reconstruct(&config, 1, &frames).field();
+    let field = |frames: Vec<Keyframe>| reconstruct(&config, 1, &frames).field().unwrap();
     let masked: Vec<Keyframe> = frames.iter().map(painted).collect();
     let clean = frames.iter().zip(&masked).map(|(k, m)| Keyframe { mask: m.mask.clone(), ..k.clone() }).collect();
     let masked = field(masked);
@@ -149,7 +149,7 @@ fn a_mask_that_leaves_nothing_out_changes_no_byte_of_a_field() {
     let frames = keyframes();
     let whole: Vec<Keyframe> = frames.iter().map(|k| Keyframe { mask: Some(k.image.map(|_| true)), ..k.clone() }).collect();
     let config = ReconstructionConfig { iterations_per_keyframe: 5, ..Default::default() };
-    assert_eq!(reconstruct(&config, 1, &frames).field(), reconstruct(&config, 1, &whole).field());
+    assert_eq!(reconstruct(&config, 1, &frames).field().unwrap(), reconstruct(&config, 1, &whole).field().unwrap());
 }
 
 #[test]
@@ -158,7 +158,7 @@ fn fields_are_the_same_bytes_for_a_seed_whatever_the_threads_and_survive_the_dis
     let config = ReconstructionConfig { iterations_per_keyframe: 10, rf_target: RfTarget::Db, ..Default::default() };
     let with = |threads, seed| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| reconstruct(&config, seed, &frames).field())
+        pool.install(|| reconstruct(&config, seed, &frames).field().unwrap())
     };
     let field = with(1, 5);
     let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
@@ -232,7 +232,7 @@ fn one_field_trained_on_either_device_ends_at_the_same_errors() {
     }
     let frames = keyframes();
     let config = ReconstructionConfig { iterations_per_keyframe: 20, ..Default::default() };
-    let field = reconstruct(&config, 3, &frames).field();
+    let field = reconstruct(&config, 3, &frames).field().unwrap();
     let (optimizer, raster) = (OptimizerConfig { position_rate_m: 1e-4, ..Default::default() }, RasterConfig::default());
     let (optical_camera, rf_camera) = cameras();
     let trained = |device: &mut dyn Device| {

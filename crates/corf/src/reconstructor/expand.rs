@@ -140,7 +140,7 @@ impl Reconstructor {
     /// Changes the field, and makes the keyframe one that is trained with.
     fn join(&mut self, mut keyframe: Prepared, change: &Change) -> Result<()> {
         if !change.keep.is_empty() {
-            self.device.retain(&change.keep);
+            self.device.retain(&change.keep)?;
             let mut kept = change.keep.iter();
             self.born.retain(|_| kept.next().copied().unwrap_or(false));
         }

@@ -47,7 +47,7 @@ fn fresh(device: Box<dyn Device>, config: &ReconstructionConfig) -> Reconstructo
 
 fn finish(r: &mut Reconstructor) -> Gaussians {
     r.finish(&mut |_, _| ControlFlow::Continue(())).unwrap();
-    r.field().gaussians
+    r.field().unwrap().gaussians
 }
 
 /// The CPU device behind a seam that offers nothing ahead, or everything, or fails after some calls to train.
@@ -79,11 +79,11 @@ impl Device for Wrapped {
     fn append(&mut self, new: &Gaussians) -> Result<()> {
         self.inner.append(new)
     }
-    fn retain(&mut self, keep: &[bool]) {
-        self.inner.retain(keep);
+    fn retain(&mut self, keep: &[bool]) -> Result<()> {
+        self.inner.retain(keep)
     }
-    fn reset_rf(&mut self, rf: &crate::Appearance) {
-        self.inner.reset_rf(rf);
+    fn reset_rf(&mut self, rf: &crate::Appearance) -> Result<()> {
+        self.inner.reset_rf(rf)
     }
     fn set_position_rate_m(&mut self, rate_m: f32) {
         self.inner.set_position_rate_m(rate_m);
@@ -101,11 +101,11 @@ impl Device for Wrapped {
         self.trainings_left -= 1;
         self.inner.train(steps)
     }
-    fn gaussians(&mut self) -> Gaussians {
+    fn gaussians(&mut self) -> Result<Gaussians> {
         self.inner.gaussians()
     }
     fn outlines(&mut self) -> Result<Vec<Outline>> {
-        if self.eager { self.inner.outlines() } else { Ok(Outline::of(&self.inner.gaussians())) }
+        if self.eager { self.inner.outlines() } else { Ok(Outline::of(&self.inner.gaussians()?)) }
     }
     fn state(&mut self) -> Result<DeviceState> {
         self.inner.state()
@@ -191,7 +191,7 @@ fn a_checkpoint_goes_on_to_the_same_bytes_from_every_keyframe() {
         frames.iter().for_each(|k| assert!(straight.push(k).is_ok()));
         let mut truth = vec![finish(&mut straight)];
         straight.fine_tune(1, &mut |_, _| ControlFlow::Continue(())).unwrap();
-        truth.push(straight.field().gaussians);
+        truth.push(straight.field().unwrap().gaussians);
         for stop in 1..=COUNT {
             let mut first = fresh(cpu(&config), &config);
             let mut given = frames.iter().cloned();
@@ -214,7 +214,7 @@ fn a_checkpoint_goes_on_to_the_same_bytes_from_every_keyframe() {
             frames[stop..].iter().for_each(|k| assert!(second.push(k).is_ok()));
             assert!(finish(&mut second) == truth[0], "{coupling:?}, after {stop} keyframes");
             second.fine_tune(1, &mut |_, _| ControlFlow::Continue(())).unwrap();
-            assert!(second.field().gaussians == truth[1], "{coupling:?}, fine-tuned, after {stop} keyframes");
+            assert!(second.field().unwrap().gaussians == truth[1], "{coupling:?}, fine-tuned, after {stop} keyframes");
         }
     }
 }

@@ -56,7 +56,7 @@ impl Device for Recorder {
         }
         Ok(())
     }
-    fn retain(&mut self, keep: &[bool]) {
+    fn retain(&mut self, keep: &[bool]) -> Result<()> {
         fn filter<T: Clone>(values: &mut Vec<T>, keep: &[bool], stride: usize) {
             *values = values.chunks(stride).zip(keep).filter(|c| *c.1).flat_map(|c| c.0.to_vec()).collect();
         }
@@ -69,10 +69,12 @@ impl Device for Recorder {
             filter(&mut a.opacity_logit, keep, 1);
             filter(&mut a.sh, keep, stride);
         }
+        Ok(())
     }
-    fn reset_rf(&mut self, rf: &Appearance) {
+    fn reset_rf(&mut self, rf: &Appearance) -> Result<()> {
         self.field.rf = rf.clone();
         self.log.lock().unwrap().resets.push(rf.clone());
+        Ok(())
     }
     fn set_position_rate_m(&mut self, rate_m: f32) {
         self.log.lock().unwrap().position_rate_m = rate_m;
@@ -101,8 +103,8 @@ impl Device for Recorder {
         self.field.optical.opacity_logit.iter_mut().for_each(|o| *o += 0.01);
         Ok(StepReport { optical_loss: 0.5, rf_loss: 0.25, depth_loss: 0.125, visible: self.field.len() })
     }
-    fn gaussians(&mut self) -> Gaussians {
-        self.field.clone()
+    fn gaussians(&mut self) -> Result<Gaussians> {
+        Ok(self.field.clone())
     }
 }
 
@@ -129,6 +131,30 @@ fn run(config: ReconstructionConfig, seed: u64, keyframes: &[Keyframe]) -> (Reco
     (r, log, reports)
 }
 
+/// Steps look at no more levels of the spectrum than it is to have: how many an image has says nothing of it.
+#[test]
+fn the_size_check_heeds_the_levels_of_the_spectrum() {
+    let make = |levels: u32, of_rf: Option<u32>, rf: [usize; 2]| {
+        let config = ReconstructionConfig { pyramid_levels: levels, rf_pyramid_levels: of_rf, ..Default::default() };
+        let device = Recorder { log: Arc::default(), field: config.empty_field() };
+        let optical = Pinhole::from_horizontal_fov(33, 19, 90.0);
+        let rf = Pinhole::from_horizontal_fov(rf[0], rf[1], 90.0);
+        Reconstructor::new(Box::new(device), config, optical, rf, synthetic::DB_RANGE, 1).map(|_| ()).map_err(|e| e.to_string())
+    };
+    assert_eq!(make(2, Some(1), [17, 9]), Ok(()));
+    assert_eq!(make(1, None, [8, 8]), Ok(()));
+    assert_eq!(make(2, Some(2), [16, 16]), Ok(()));
+    for (levels, of_rf, rf, key, words) in [
+        (2, None, [17, 9], "`pyramid_levels`", "level 1 of the 17x9 RF image"),
+        (2, Some(2), [17, 9], "`rf_pyramid_levels`", "level 1 of the 17x9 RF image"),
+        (2, Some(1), [17, 7], "`rf_pyramid_levels`", "level 0 of the 17x7 RF image"),
+        (3, Some(1), [17, 9], "`pyramid_levels`", "level 2 of the 33x19 optical image"),
+    ] {
+        let error = make(levels, of_rf, rf).unwrap_err();
+        assert!(error.contains(key) && error.contains(words), "{error}");
+    }
+}
+
 #[test]
 fn every_keyframe_is_expanded_once_and_gets_its_iterations() {
     let frames = keyframes(5);
@@ -149,7 +175,7 @@ fn every_keyframe_is_expanded_once_and_gets_its_iterations() {
     assert!(log.steps.iter().all(|s| s.optical_weight == 1.0 && s.rf_weight == 0.1 && s.train_geometry));
     assert!(log.steps.iter().all(|s| s.rf_background == RfTarget::Jet.floor_color()));
     // The world scale is that of the first baselines: 0.36 m on this walk.
-    let field = r.field().gaussians;
+    let field = r.field().unwrap().gaussians;
     let mean = (1..5)
         .map(|i| (frames[i].world_from_camera.translation - frames[i - 1].world_from_camera.translation).length())
         .sum::<f64>()
@@ -167,7 +193,7 @@ fn two_stage_couplings_take_as_many_radio_steps_on_a_geometry_that_light_made() 
         let config = ReconstructionConfig { coupling, rf_target: RfTarget::Db, ..Default::default() };
         let (mut r, log) = reconstructor(config, 1);
         frames.iter().for_each(|k| assert!(r.push(k).is_ok()));
-        let before = r.field().gaussians;
+        let before = r.field().unwrap().gaussians;
         let mut progress = Vec::new();
         r.finish(&mut |done, total| {
             progress.push((done, total));
@@ -240,7 +266,7 @@ fn nothing_is_born_where_pixels_do_not_count_and_no_depth_is_learnt_there() {
     ] {
         let depth = DepthConfig { prior, ..Default::default() };
         let (mut r, log, _) = run(ReconstructionConfig { sampling, depth, ..Default::default() }, 1, &frames);
-        let field = r.field().gaussians;
+        let field = r.field().unwrap().gaussians;
         assert!(field.len() > 150, "{sampling:?}, {prior:?}: {}", field.len());
         for (p, born) in field.position.iter().zip(&r.born) {
             let k = &frames[*born as usize];
@@ -287,10 +313,10 @@ fn a_gaussian_that_new_ones_stand_on_gives_way() {
     let (mut r, log) = reconstructor(ReconstructionConfig::default(), 1);
     frames[..3].iter().for_each(|k| assert!(r.push(k).is_ok()));
     log.lock().unwrap().main = 7;
-    let before = r.field().gaussians;
+    let before = r.field().unwrap().gaussians;
     let report = r.push(&frames[3]).unwrap();
     assert_eq!(report.replaced, 1);
-    let after = r.field().gaussians;
+    let after = r.field().unwrap().gaussians;
     assert!(before.position.contains(&before.position[7]) && !after.position.contains(&before.position[7]));
 }
 
@@ -327,7 +353,7 @@ fn a_keyframe_joins_after_the_last_steps_of_the_one_before() {
 #[test]
 fn new_gaussians_are_born_with_the_same_opacity_in_both_modalities() {
     let (mut r, _, _) = run(ReconstructionConfig { iterations_per_keyframe: 1, ..Default::default() }, 1, &keyframes(3));
-    let rf = r.field().gaussians.rf.opacity_logit;
+    let rf = r.field().unwrap().gaussians.rf.opacity_logit;
     let born: std::collections::BTreeSet<u32> = rf.iter().map(|&o| (sigmoid(o) * 1000.0).round() as u32).collect();
     assert!(born.is_subset(&[70, 20, 200].into()), "{born:?}");
     assert!(born.contains(&70) && born.contains(&20));
@@ -341,7 +367,7 @@ fn the_same_seed_gives_the_same_bytes_with_any_number_of_threads() {
             .num_threads(threads)
             .build()
             .unwrap()
-            .install(|| run(ReconstructionConfig::default(), seed, &frames).0.field().gaussians)
+            .install(|| run(ReconstructionConfig::default(), seed, &frames).0.field().unwrap().gaussians)
     };
     let one = with(1, 7);
     assert_eq!(one, with(3, 7));
@@ -353,7 +379,7 @@ fn bad_keyframes_are_refused_with_their_index_and_leave_the_field_alone() {
     let frames = keyframes(4);
     let (mut r, _) = reconstructor(ReconstructionConfig::default(), 1);
     frames[..3].iter().for_each(|k| assert!(r.push(k).is_ok()));
-    let before = r.field().gaussians;
+    let before = r.field().unwrap().gaussians;
     let mut refused = |k: &Keyframe, word: &str| {
         let error = r.push(k).unwrap_err().to_string();
         assert!(error.contains(&format!("keyframe {}", k.index)) && error.contains(word), "{error}");
@@ -368,7 +394,7 @@ fn bad_keyframes_are_refused_with_their_index_and_leave_the_field_alone() {
     let mut bad = frames[3].clone();
     bad.spectrum[(5, 2)] = f32::NAN;
     refused(&bad, "row 2, column 5");
-    assert_eq!(r.field().gaussians, before);
+    assert_eq!(r.field().unwrap().gaussians, before);
     r.push(&frames[3]).unwrap();
     assert!(r.fine_tune(1, &mut |_, _| std::ops::ControlFlow::Continue(())).is_err(), "fine-tuning comes after the end");
     r.finish(&mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();

@@ -106,6 +106,7 @@ impl GpuTrainer {
             ],
         )?;
         let network = GpuNetwork::new(context, &model.network, parameters, NETWORK_ADAM, 1)?;
+        let most_rows = most_rows.min(crate::nn::gpu::most_rows(context, &model.network)).max(1);
         let deforming = Deforming {
             config: config.clone(),
             optimizer: config.optimizer(),

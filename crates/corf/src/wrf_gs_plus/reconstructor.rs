@@ -54,7 +54,7 @@ impl WrfGsPlusReconstructor {
         };
         meta.validate()?;
         let device = trainer.device();
-        if device.gaussians() != config.empty_field() {
+        if device.gaussians()? != config.empty_field() {
             let what = "the device holds Gaussians, or was made for other channels than the configuration's";
             return Err(Error::invalid(device.name(), what, "make a fresh trainer of the same configuration"));
         }
@@ -184,7 +184,7 @@ impl WrfGsPlusReconstructor {
     /// # Errors
     /// The trainer's.
     pub fn field(&mut self) -> Result<WrfGsPlusField> {
-        let gaussians = self.trainer.device().gaussians();
+        let gaussians = self.trainer.device().gaussians()?;
         let parameters = self.trainer.network()?.parameters;
         Ok(WrfGsPlusField { config: self.config.clone(), meta: self.meta, gaussians, parameters })
     }

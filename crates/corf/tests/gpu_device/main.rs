@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr)]
 
 mod masks;
+mod needles;
 mod support;
 
 use corf::{
@@ -137,7 +138,7 @@ fn both_images_at_once_give_what_each_gives_alone() {
             }
             // A Gaussian of which a modality sees nothing keeps its appearance there.
             gpu.train(&[step(0, 0); 2]).unwrap();
-            let after = gpu.gaussians();
+            let after = gpu.gaussians().unwrap();
             assert!((0..g.len()).step_by(3).all(|i| after.rf.opacity_logit[i] == g.rf.opacity_logit[i]));
             assert!((1..g.len()).step_by(3).all(|i| after.optical.opacity_logit[i] == g.optical.opacity_logit[i]));
             assert_ne!(after.position, g.position);
@@ -160,7 +161,7 @@ fn training_follows_the_cpu_and_ends_at_the_same_losses() {
     // The first step is rate·(1−β₁)/sqrt(1−β₂) against the gradient's sign, whatever its size: where a gradient is rounding, so is its sign.
     cpu.train(&schedule(1)).unwrap();
     gpu.train(&schedule(1)).unwrap();
-    let (a, b) = (classes(&cpu.gaussians()), classes(&gpu.gaussians()));
+    let (a, b) = (classes(&cpu.gaussians().unwrap()), classes(&gpu.gaussians().unwrap()));
     for (class, (a, b)) in a.iter().zip(&b).enumerate() {
         let differ = a.iter().zip(b).filter(|(a, b)| (**a - **b).abs() > 1e-5).count();
         assert!(differ as f64 <= 0.01 * a.len() as f64, "class {class}: {differ} of {} differ after a step", a.len());
@@ -186,7 +187,7 @@ fn the_same_bytes_every_time_however_steps_are_batched() {
         for steps in schedule(40).chunks(batch) {
             report = d.train(steps).unwrap();
         }
-        Some((report, bits(&d.gaussians())))
+        Some((report, bits(&d.gaussians().unwrap())))
     };
     let Some(whole) = run(40) else { return };
     assert!(whole.1 != bits(&g), "the steps change something");
@@ -215,8 +216,8 @@ fn large_and_small_images_take_turns() {
     for s in &steps {
         last = single.train(std::slice::from_ref(s)).unwrap();
     }
-    assert!((last, bits(&single.gaussians())) == (whole, bits(&gpu.gaussians())));
-    assert!(bits(&gpu.gaussians()) != bits(&g), "the steps change something");
+    assert!((last, bits(&single.gaussians().unwrap())) == (whole, bits(&gpu.gaussians().unwrap())));
+    assert!(bits(&gpu.gaussians().unwrap()) != bits(&g), "the steps change something");
 }
 
 #[test]
@@ -227,7 +228,7 @@ fn without_subgroups_the_same_bytes() {
         let mut d = open(&GpuOptions { subgroups, batch: 8, ..OPTIONS }, metric_rates(), RasterConfig::default(), &g)?;
         d.upload(&training_view(0, 3, false), 1).unwrap();
         d.train(&[step(0, 0); 5]).unwrap();
-        Some(bits(&d.gaussians()))
+        Some(bits(&d.gaussians().unwrap()))
     };
     let Some(with) = run(true) else { return };
     assert!(run(false).unwrap() == with);
@@ -256,7 +257,7 @@ fn results_do_not_depend_on_the_memory_for_keyframes() {
         }
         d.begin_training(&steps(2, 9)).unwrap();
         reports.push(d.end_training().unwrap().unwrap());
-        Some((reports, bits(&d.gaussians()), d.keyframe_bytes()))
+        Some((reports, bits(&d.gaussians().unwrap()), d.keyframe_bytes()))
     };
     let Some((reports, unbounded, [all, came])) = run(u64::MAX, false) else { return };
     assert_eq!(came, 0, "nothing leaves where all is room");
@@ -301,25 +302,25 @@ fn gaussians_come_go_and_keep_their_moments() {
     let view = training_view(0, 1, false);
     cpu.upload(&view, 1).unwrap();
     gpu.upload(&view, 1).unwrap();
-    assert_eq!(bits(&gpu.gaussians()), bits(&g));
+    assert_eq!(bits(&gpu.gaussians().unwrap()), bits(&g));
     let keep: Vec<bool> = (0..900 + 333).map(|i| i % 7 != 3).collect();
     for d in [&mut cpu as &mut dyn Device, &mut gpu] {
         d.train(&[step(0, 0); 2]).unwrap();
         d.append(&more).unwrap();
         assert_eq!(d.len(), 1233);
     }
-    let before = gpu.gaussians();
-    cpu.retain(&keep);
-    gpu.retain(&keep);
+    let before = gpu.gaussians().unwrap();
+    cpu.retain(&keep).unwrap();
+    gpu.retain(&keep).unwrap();
     assert_eq!((cpu.len(), gpu.len()), (1057, 1057));
     let mut kept = (0..1233).filter(|i| keep[*i]);
-    let after = gpu.gaussians();
+    let after = gpu.gaussians().unwrap();
     assert!(after.position.iter().all(|p| *p == before.position[kept.next().unwrap()]));
     assert_eq!(after.rf.sh[..4], before.rf.sh[..4]);
     // With its moments in the wrong rows the next steps would go elsewhere.
     let (a, b) = (cpu.train(&[step(0, 0); 3]).unwrap(), gpu.train(&[step(0, 0); 3]).unwrap());
     assert!((a.optical_loss - b.optical_loss).abs() < 1e-3 * a.optical_loss, "{a:?} {b:?}");
-    let (a, b) = (classes(&cpu.gaussians()), classes(&gpu.gaussians()));
+    let (a, b) = (classes(&cpu.gaussians().unwrap()), classes(&gpu.gaussians().unwrap()));
     for (class, (a, b)) in a.iter().zip(&b).enumerate() {
         let size = norm(a.iter().map(|v| f64::from(*v)));
         let error = norm(a.iter().zip(b).map(|(a, b)| f64::from(a - b)));
@@ -328,27 +329,27 @@ fn gaussians_come_go_and_keep_their_moments() {
     // A second stage: new RF appearance, no memory of the old one's moments.
     let rf = room(9, 1057, 1, [2, 1]).rf;
     for d in [&mut cpu as &mut dyn Device, &mut gpu] {
-        d.reset_rf(&rf);
+        d.reset_rf(&rf).unwrap();
     }
-    assert_eq!(gpu.gaussians().rf.sh, rf.sh);
+    assert_eq!(gpu.gaussians().unwrap().rf.sh, rf.sh);
     let frozen = Step { train_geometry: false, optical_weight: 0.0, depth_weight: 0.0, ..step(0, 0) };
-    let geometry = gpu.gaussians();
+    let geometry = gpu.gaussians().unwrap();
     let (a, b) = (cpu.train(&[frozen; 3]).unwrap(), gpu.train(&[frozen; 3]).unwrap());
     assert!((a.rf_loss - b.rf_loss).abs() < 1e-3 * a.rf_loss, "{a:?} {b:?}");
-    let after = gpu.gaussians();
+    let after = gpu.gaussians().unwrap();
     assert_eq!(
         (&after.position, &after.rotation, &after.log_scale, &after.optical),
         (&geometry.position, &geometry.rotation, &geometry.log_scale, &geometry.optical)
     );
     assert_ne!(after.rf, geometry.rf);
     // Nothing left, and from nothing again.
-    gpu.retain(&vec![false; 1057]);
+    gpu.retain(&vec![false; 1057]).unwrap();
     assert!(gpu.is_empty());
     let layer = gpu.render(&both(0)).unwrap().optical.unwrap();
     assert!(layer.color.pixels.chunks_exact(3).all(|p| p == [0.9, 0.2, 0.4]));
     gpu.train(&[step(0, 0)]).unwrap();
     gpu.append(&g).unwrap();
-    assert_eq!(bits(&gpu.gaussians()), bits(&g));
+    assert_eq!(bits(&gpu.gaussians().unwrap()), bits(&g));
 }
 
 #[test]
@@ -383,11 +384,33 @@ fn numbers_that_are_none_hurt_no_other_gaussian() {
     let Some(mut d) = open(&OPTIONS, metric_rates(), RasterConfig::default(), &hurt) else { return };
     d.upload(&training_view(0, 3, true), 2).unwrap();
     d.train(&[step(0, 0), step(0, 1), step(0, 0)]).unwrap();
-    let after = d.gaussians();
+    let after = d.gaussians().unwrap();
     let rows = |g: &Gaussians| (60..600).flat_map(|i| g.position[i].into_iter().chain(g.log_scale[i])).collect::<Vec<f32>>();
     let (before, after) = (rows(&g), rows(&after));
     assert!(after.iter().all(|v| v.is_finite()), "a number that is none has spread");
     assert!(before != after);
+}
+
+/// A spectrum of few pixels beside an image of many levels: it has those that it has, on both devices.
+#[test]
+fn a_spectrum_has_fewer_levels_than_the_image() {
+    let g = room(23, 500, 3, [1, 1]);
+    let Some((mut cpu, mut gpu)) = pair(metric_rates(), RasterConfig::default(), &g) else { return };
+    let rf_camera = Pinhole { width: 13, height: 9, fx: 6.0, fy: 6.5, cx: 6.1, cy: 4.4 };
+    let view = TrainingView { rf_camera, rf: noise(&mut Rng::keyed(5, 0, 0), &rf_camera, 3), ..training_view(0, 3, true) };
+    // 149x83 pixels have seven levels, 13x9 have four.
+    cpu.upload(&view, 6).unwrap();
+    gpu.upload(&view, 6).unwrap();
+    for levels in [[5, 0], [3, 3], [0, 2]] {
+        compare_gradients(&mut cpu, &mut gpu, &Step { levels, ..step(0, 0) });
+    }
+    for d in [&mut cpu as &mut dyn Device, &mut gpu] {
+        let error = d.train(&[Step { levels: [5, 4], ..step(0, 0) }]).unwrap_err().to_string();
+        assert!(error.contains("level 4 of the RF image's pyramid of 4"), "{error}");
+        let error = d.train(&[Step { levels: [6, 0], ..step(0, 0) }]).unwrap_err().to_string();
+        assert!(error.contains("level 6 of the optical image's pyramid of 6"), "{error}");
+        assert!(d.upload(&view, 8).is_err(), "an image of 83 rows has no level 7");
+    }
 }
 
 #[test]

@@ -49,7 +49,7 @@ fn masks_travel_with_their_keyframes() {
         let pack = d.packer().unwrap();
         views.iter().for_each(|view| assert!(d.upload_packed(pack(view, 3).unwrap()).is_ok()));
         steps.chunks(batch).for_each(|some| assert!(d.train(some).is_ok()));
-        Some((bits(&d.gaussians()), d.keyframe_bytes()))
+        Some((bits(&d.gaussians().unwrap()), d.keyframe_bytes()))
     };
     let Some((whole, [all, _])) = run(u64::MAX, 30) else { return };
     assert!(run(u64::MAX, 1).unwrap().0 == whole, "one by one");
@@ -64,7 +64,7 @@ fn a_mask_that_leaves_nothing_out_changes_no_byte() {
         let mut d = open(&OPTIONS, metric_rates(), RasterConfig::default(), &g)?;
         d.upload(&TrainingView { mask, ..training_view(0, 3, true) }, 2).unwrap();
         d.train(&[step(0, 0), step(0, 1), step(0, 0)]).unwrap();
-        Some(bits(&d.gaussians()))
+        Some(bits(&d.gaussians().unwrap()))
     };
     let Some(plain) = trained(None) else { return };
     let (w, h) = (cameras().0.width, cameras().0.height);

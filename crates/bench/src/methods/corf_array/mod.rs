@@ -239,7 +239,7 @@ impl Method for CorfArray {
              black or depth is empty",
             training.len()
         );
-        let field = FieldPredictor::new(light.field(), self.config.light.raster, &self.backend).clearing(light);
+        let field = FieldPredictor::learnt(light.field()?, self.config.light.raster, &self.backend)?.clearing(light);
         Ok(Box::new(ArrayPredictor::new(field, radio.into_field(), range, &self.backend)))
     }
 }

@@ -1,7 +1,8 @@
 //! Keyframe after keyframe through light and radio, with checkpoints on the way.
 
-use crate::method::{Advance, FieldReader, StageTime, TrainingSet};
+use crate::method::{Advance, FieldReader, StageTime, TrainingSet, shown};
 use crate::methods::corf_gs::Keeper;
+use crate::methods::stepwise::say_unless_kept;
 use anyhow::{Context, Result};
 use corf::array::{ArrayField, ArrayTrainer, Image, Observed};
 use corf::{KeyframeTiming, Reconstructor};
@@ -84,7 +85,7 @@ impl Online<'_> {
         let Some(observed) = self.ahead.pop_front() else { return Ok(()) };
         let start = Instant::now();
         // Where surfaces are splatted nobody looks at points of theirs, and a field is read back from the device.
-        let surface = if self.radio.field.over_splats { Vec::new() } else { self.light.field().gaussians.position };
+        let surface = if self.radio.field.over_splats { Vec::new() } else { self.light.field()?.gaussians.position };
         self.radio.receive(&observed, &surface)?;
         self.radio.train()?;
         self.radio_s.push(start.elapsed().as_secs_f64());
@@ -94,12 +95,12 @@ impl Online<'_> {
         }
         let (gaussians, total) = (Some(self.light.gaussian_count()), self.training.len());
         let light = RefCell::new(&mut self.light);
-        let read = || Some(light.borrow_mut().field());
+        let read = || shown(light.borrow_mut().field());
         let field = Some(FieldReader::new(&read));
         (self.advance)(Advance { gaussians, field, ..Advance::of(done, total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
             if self.keeper.kept() != Some(done) {
-                let _ = self.keep(done);
+                say_unless_kept(self.keep(done));
             }
         })
     }

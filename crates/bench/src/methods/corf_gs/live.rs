@@ -3,7 +3,7 @@
 use super::{CorfGs, Relay};
 use crate::interrupt;
 use crate::live::{Receipt, Session, Taken};
-use crate::method::{Advance, FieldReader, Predictor};
+use crate::method::{Advance, FieldReader, Predictor, shown};
 use anyhow::{Result, bail};
 use corf::Reconstructor;
 use corf::config::DepthPriorKind;
@@ -151,7 +151,7 @@ impl Live {
             session.trained(&timing, gaussians)?;
             let total = self.announced.max(self.received);
             let reconstructor = RefCell::new(&mut self.reconstructor);
-            let read = || Some(reconstructor.borrow_mut().field());
+            let read = || shown(reconstructor.borrow_mut().field());
             let field = Some(FieldReader::new(&read));
             advance(Advance { gaussians: Some(gaussians), keyframe: Some(&timing), field, ..Advance::of(self.told, total) })?;
         }

@@ -1,6 +1,7 @@
 //! Keyframe after keyframe through a reconstructor, with checkpoints on the way.
 
-use crate::method::{Advance, Checkpoints, FieldReader, TrainingSet};
+use crate::method::{Advance, Checkpoints, FieldReader, TrainingSet, shown};
+use crate::methods::stepwise::say_unless_kept;
 use anyhow::{Context, Result};
 use corf::{Checkpoint, KeyframeTiming, Reconstructor};
 use std::cell::RefCell;
@@ -66,13 +67,13 @@ impl Online<'_> {
         }
         let keyframe = self.next_timing();
         let reconstructor = RefCell::new(&mut self.reconstructor);
-        let read = || Some(reconstructor.borrow_mut().field());
+        let read = || shown(reconstructor.borrow_mut().field());
         let field = Some(FieldReader::new(&read));
         let gaussians = Some(report.gaussians);
         advance(Advance { gaussians, keyframe: keyframe.as_ref(), field, ..Advance::of(done, self.total) }).inspect_err(|_| {
             // An interrupt: what could not be kept is done again.
             if self.keeper.kept != Some(done) {
-                let _ = self.keeper.keep(&mut self.reconstructor);
+                say_unless_kept(self.keeper.keep(&mut self.reconstructor));
             }
         })
     }
@@ -105,6 +106,7 @@ impl Keeper {
     /// Takes note of the checkpoint that was gone on from.
     pub fn resumed(&mut self, count: usize) {
         self.kept = Some(count);
+        self.checkpoints.iter().for_each(|c| c.holds(count, "keyframes"));
     }
 
     /// Whether to keep one now; `last` says that stages without checkpoints follow.
@@ -123,8 +125,10 @@ impl Keeper {
 
     pub fn keep(&mut self, reconstructor: &mut Reconstructor) -> Result<()> {
         let Some(c) = self.checkpoints.as_ref().filter(|c| c.are_kept()) else { return Ok(()) };
-        reconstructor.checkpoint(&c.tag)?.write(&c.path).context("while keeping a checkpoint")?;
-        (self.kept, self.at) = (Some(reconstructor.keyframes_expanded()), Instant::now());
+        reconstructor.checkpoint(&c.written_tag())?.write(&c.path).context("while keeping a checkpoint")?;
+        let count = reconstructor.keyframes_expanded();
+        (self.kept, self.at) = (Some(count), Instant::now());
+        c.holds(count, "keyframes");
         Ok(())
     }
 
@@ -148,7 +152,8 @@ mod tests {
     #[test]
     fn a_device_that_fails_leaves_a_checkpoint_that_is_named() {
         let path = std::path::PathBuf::from("run/checkpoint");
-        let checkpoints = Checkpoints { path, every: Some(4), resume: false, tag: String::new() };
+        let device = "cpu (1 thread)".to_owned();
+        let checkpoints = Checkpoints { path, every: Some(4), resume: false, tag: String::new(), device };
         let lost = || anyhow::Error::from(corf::Error::invalid("gpu, training", "the device was lost", "use another"));
         let mut keeper = Keeper { checkpoints: Some(checkpoints), kept: None, at: Instant::now() };
         assert!(keeper.is_due(8, false) && !keeper.is_due(9, false) && keeper.is_due(9, true));

@@ -89,7 +89,10 @@ impl Stepper for GpuStepper {
         // All keyframes of a field have a background or none has.
         let planes = if last.background.is_some() { 2 } else { 1 };
         let emitters = Emitters::new(&self.context, field)?;
-        let held = views.len().min(self.steps_at_once);
+        // No more at once than an adapter binds the targets of; a step's own may be too many.
+        let bindable =
+            usize::try_from(self.context.largest_buffer()).unwrap_or(usize::MAX) / (4 * planes * self.pixels.count).max(1);
+        let held = views.len().min(self.steps_at_once).min(bindable.max(1));
         let room = Room { batch: 1, held, tables: TABLES, directions: self.pixels.count };
         let forward = Forward::new(&self.context, &self.forward, &emitters, &self.pixels, room)?;
         let backward = Backward::new(&self.context, &self.backward, &forward, &emitters, &self.pixels, [held, planes])?;

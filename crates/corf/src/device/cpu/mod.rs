@@ -111,12 +111,13 @@ impl Device for CpuDevice {
         self.store.append(new)
     }
 
-    fn retain(&mut self, keep: &[bool]) {
+    fn retain(&mut self, keep: &[bool]) -> Result<()> {
         self.store.retain(keep);
+        Ok(())
     }
 
-    fn reset_rf(&mut self, rf: &Appearance) {
-        self.store.reset_rf(rf);
+    fn reset_rf(&mut self, rf: &Appearance) -> Result<()> {
+        self.store.reset_rf(rf)
     }
 
     fn set_position_rate_m(&mut self, rate_m: f32) {
@@ -164,8 +165,8 @@ impl Device for CpuDevice {
         Ok(())
     }
 
-    fn gaussians(&mut self) -> Gaussians {
-        self.store.to_gaussians()
+    fn gaussians(&mut self) -> Result<Gaussians> {
+        Ok(self.store.to_gaussians())
     }
 
     fn outlines(&mut self) -> Result<Vec<Outline>> {

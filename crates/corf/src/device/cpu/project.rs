@@ -233,10 +233,10 @@ impl ProjectChunk<'_> {
         let p = to_camera(&self.scene.pose, gather3::<L>(values, ids, POSITION));
         let s = shape(&self.scene.pose, gather4::<L>(values, ids, ROTATION), gather3(values, ids, LOG_SCALE));
         let one = L::splat(1.0);
-        let mut images = [[[0.0_f32; 16]; 12]; 2];
+        let mut images = [[[0.0_f32; 16]; 13]; 2];
         for (g, grid) in self.scene.grids.iter().enumerate() {
             let Some(grid) = grid else { continue };
-            let e = ellipse(grid, p, s.covariance);
+            let e = ellipse(grid, p, &s);
             let inverse = one / e.determinant;
             let (qa, qb, qc) = (e.syy * inverse, -(e.bare[1] * inverse), e.sxx * inverse);
             let opacity = e.rho / (one + (-gather::<L>(values, ids, OPTICAL_OPACITY + g)).exp());
@@ -246,7 +246,7 @@ impl ProjectChunk<'_> {
             let height = (L::splat(2.0) * tau * e.syy).max(L::splat(0.0)).sqrt();
             let valid = L::and(e.determinant.gt(L::splat(0.0)), tau.gt(L::splat(0.0)));
             let tau = L::select(valid, tau, L::splat(-1.0));
-            images[g] = spill([e.u, e.v, qa, qb, qc, opacity, e.inverse_z, tau, width, height, p[2], one]);
+            images[g] = spill([e.u, e.v, qa, qb, qc, opacity, e.inverse_z, tau, width, height, p[2], one, inverse]);
         }
         for lane in 0..lanes {
             let id = ids[lane];
@@ -259,8 +259,9 @@ impl ProjectChunk<'_> {
                 if let Some(grid) = grid {
                     let i = &images[g];
                     let [u, v, qa, qb, qc] = [i[0][lane], i[1][lane], i[2][lane], i[3][lane], i[4][lane]];
+                    let conic = [qa, qb, qc, i[12][lane]];
                     depth = i[10][lane];
-                    if emit_tiles(grid, [u, v], [qa, qb, qc], i[7][lane], [i[8][lane], i[9][lane]], &mut list.tiles) {
+                    if emit_tiles(grid, [u, v], conic, i[7][lane], [i[8][lane], i[9][lane]], &mut list.tiles) {
                         const LOG2E: f32 = std::f32::consts::LOG2_E;
                         let harmonics = &self.store.harmonics[g];
                         let core = &values[id as usize];
@@ -326,9 +327,10 @@ fn color_of<const K: usize>(h: &Harmonics, id: usize, d: [f32; 3]) -> [f32; 3] {
     out
 }
 
-/// Appends the tiles in which some point has σ ≤ τ, row by row; false if there is none.
+/// Appends the tiles in which some point has σ ≤ τ, row by row; false if there is none. `q` is Q's xx, xy, yy and its determinant, which these would
+/// not give of a thin ellipse.
 #[inline(always)]
-fn emit_tiles(grid: &Grid, [u, v]: [f32; 2], q: [f32; 3], tau: f32, [width, height]: [f32; 2], out: &mut Vec<u32>) -> bool {
+fn emit_tiles(grid: &Grid, [u, v]: [f32; 2], q: [f32; 4], tau: f32, [width, height]: [f32; 2], out: &mut Vec<u32>) -> bool {
     /// Farther than this from the image nothing is drawn; keeps conversions to integers exact.
     const FAR: f32 = 1e6;
     // Written so that NaN leaves.
@@ -346,8 +348,7 @@ fn emit_tiles(grid: &Grid, [u, v]: [f32; 2], q: [f32; 3], tau: f32, [width, heig
         }
         return out.len() > before;
     }
-    let [qa, qb, qc] = q;
-    let determinant = qa * qc - qb * qb;
+    let [qa, qb, qc, determinant] = q;
     let (slope, inverse_a) = (-qb / qa, 1.0 / qa);
     // Height, relative to the mean, at which the ellipse reaches farthest to the right; to the left it is the opposite.
     let rightmost = -qb / qc * width;

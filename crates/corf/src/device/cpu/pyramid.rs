@@ -23,6 +23,8 @@ pub(crate) struct Pyramid {
     pub world_from_camera: Rigid3,
     /// Per level: optical, RF.
     pub levels: Vec<[Level; 2]>,
+    /// Levels of the RF image; those beyond are its last one again.
+    pub rf_levels: usize,
     /// Per level, if the keyframe has inverse depths.
     pub depth: Option<Vec<DepthTarget>>,
 }
@@ -35,10 +37,22 @@ pub(crate) struct Levels {
     pub depth: Option<Vec<DepthTarget>>,
 }
 
-/// Refuses a training view that is no target, or has too few pixels for so many levels.
+/// Levels of an RF image's pyramid where so many are asked for: each has pixels. Steps may look at fewer of them than of the optical image's.
+pub(crate) fn rf_levels(view: &TrainingView, levels: u32) -> usize {
+    let has_pixels = |level: &u32| [view.rf_camera.width, view.rf_camera.height].iter().all(|size| size >> level > 0);
+    (0..levels.max(1)).take_while(has_pixels).count()
+}
+
+/// Refuses a step that looks at a level that is not there.
+pub(crate) fn check_levels(asked: [u32; 2], there: [usize; 2]) -> std::result::Result<(), String> {
+    let missing = asked.into_iter().zip(there).zip(["optical", "RF"]).find(|((level, there), _)| *level as usize >= *there);
+    missing.map_or(Ok(()), |((level, there), name)| Err(format!("level {level} of the {name} image's pyramid of {there}")))
+}
+
+/// Refuses a training view that is no target, or has too few pixels for so many levels; of RF the first is enough.
 pub(crate) fn check_view(view: &TrainingView, levels: u32) -> Result<()> {
-    let images = [(&view.optical_camera, &view.optical, "optical"), (&view.rf_camera, &view.rf, "rf")];
-    for (camera, image, name) in images {
+    let images = [(&view.optical_camera, &view.optical, "optical", levels), (&view.rf_camera, &view.rf, "rf", 1)];
+    for (camera, image, name, levels) in images {
         check(camera, image, name)?;
         for level in 0..levels {
             let camera = camera.downsampled(level);
@@ -67,13 +81,15 @@ pub(crate) fn check_view(view: &TrainingView, levels: u32) -> Result<()> {
 pub(crate) fn levels_of(view: &TrainingView, levels: u32) -> Result<Levels> {
     let levels = levels.max(1) as usize;
     check_view(view, levels as u32)?;
+    let rf_levels = rf_levels(view, levels as u32);
     let mut images = vec![[(view.optical_camera, view.optical.clone()), (view.rf_camera, view.rf.clone())]];
     let mut depth: Option<Vec<DepthTarget>> = usable_depths(view).map(|pairs| {
         let (value, confidence) = pairs.into_iter().unzip();
         vec![DepthTarget { width: view.optical.width, height: view.optical.height, value, confidence }]
     });
     while let Some(last) = images.last().filter(|_| images.len() < levels) {
-        images.push([0, 1].map(|g| (last[g].0.downsampled(1), halve(&last[g].1))));
+        let next = |g: usize| (last[g].0.downsampled(1), halve(&last[g].1));
+        images.push([next(0), if images.len() < rf_levels { next(1) } else { last[1].clone() }]);
         if let Some(depths) = &mut depth
             && let Some(last) = depths.last()
         {
@@ -91,7 +107,9 @@ impl Pyramid {
             let mask = masks.as_ref().map(|m| m[l].pixels());
             [(0, mask), (1, None)].map(|(g, mask)| Level { camera: level[g].0, target: Target::new(isa, &level[g].1, mask) })
         };
-        Ok(Self { world_from_camera: view.world_from_camera, levels: images.iter().enumerate().map(level).collect(), depth })
+        let levels_of_images = images.iter().enumerate().map(level).collect();
+        let (world_from_camera, rf_levels) = (view.world_from_camera, rf_levels(view, levels));
+        Ok(Self { world_from_camera, levels: levels_of_images, rf_levels, depth })
     }
 
     /// The images to render, each at its level.

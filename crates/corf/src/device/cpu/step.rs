@@ -5,6 +5,7 @@ use super::{
     blend::{AREA, Backward, Record},
     geometry::{Grid, Scene},
     project::Splat,
+    pyramid::check_levels,
     render::{Image, tile_at},
     simd::Isa,
     tiles::tile_count,
@@ -60,10 +61,8 @@ impl CpuDevice {
             let what = format!("this device holds {} views", self.pyramids.len());
             return Err(Error::invalid(place(), what, "upload the view to the device that trains on it"));
         };
-        if let Some(level) = step.levels.iter().find(|l| **l as usize >= pyramid.levels.len()) {
-            let what = format!("level {level} of a pyramid of {}", pyramid.levels.len());
-            return Err(Error::invalid(place(), what, "upload the view with more levels, or train on a lower one"));
-        }
+        check_levels(step.levels, [pyramid.levels.len(), pyramid.rf_levels])
+            .map_err(|what| Error::invalid(place(), what, "upload the view with more levels, or train on a lower one"))?;
         let weights = [step.optical_weight, step.rf_weight, step.depth_weight];
         if weights.iter().any(|w| !(w.is_finite() && *w >= 0.0)) {
             return Err(Error::invalid(place(), format!("loss weights {weights:?}"), "give finite weights ≥ 0"));

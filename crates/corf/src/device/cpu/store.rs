@@ -196,9 +196,9 @@ impl Store {
         }
     }
 
-    pub fn reset_rf(&mut self, rf: &Appearance) {
-        assert_eq!(rf.opacity_logit.len(), self.len(), "one RF opacity per Gaussian");
-        assert_eq!(rf.sh.len(), self.len() * rf.stride(), "(degree+1)² RF coefficients per Gaussian and channel");
+    pub fn reset_rf(&mut self, rf: &Appearance) -> Result<()> {
+        let held = &self.harmonics[1];
+        rf.check_complete("RF appearance", self.len(), (held.channels, held.degree))?;
         for (i, logit) in rf.opacity_logit.iter().enumerate() {
             self.value[i][RF_OPACITY] = *logit;
             self.moment1[i][RF_OPACITY] = 0.0;
@@ -206,6 +206,7 @@ impl Store {
         }
         self.harmonics[1] = Harmonics::empty(rf);
         self.harmonics[1].append(rf);
+        Ok(())
     }
 
     /// The parameters (or their gradients) in the shape of the public structure.

@@ -2,7 +2,9 @@
 
 use super::{
     blend::{COLOR, FIRST, INVERSE_Z, MOMENTS, OPACITY, Record},
-    geometry::{EllipseGradient, Scene, ellipse, ellipse_backward, mean_backward, shape, shape_backward, to_camera},
+    geometry::{
+        EllipseGradient, Scene, ShapeGradient, ellipse, ellipse_backward, mean_backward, shape, shape_backward, to_camera,
+    },
     project::{CHUNK, Projection, VisibleChunk, direction, gather3, gather4},
     simd::{Isa, Kernel, Lanes},
     store::{Core, LOG_SCALE, OPTICAL_OPACITY, POSITION, RF_OPACITY, ROTATION, Store},
@@ -170,8 +172,7 @@ impl UpdateChunk<'_, '_> {
         let mean = gather3::<L>(self.part.value, ids, POSITION);
         let p = to_camera(&scene.pose, mean);
         let s = shape(&scene.pose, gather4::<L>(self.part.value, ids, ROTATION), gather3(self.part.value, ids, LOG_SCALE));
-        let mut dp = [zero; 3];
-        let mut dv = [zero; 6];
+        let mut d_shape = ShapeGradient::zero();
         let mut d_logit = [[0.0_f32; 16]; 2];
         let mut d_direction = [[0.0_f32; 16]; 3];
         let mut seen = [[false; 16]; 2];
@@ -193,7 +194,7 @@ impl UpdateChunk<'_, '_> {
                     sums[k][lane] = sum[k];
                 }
             }
-            let e = ellipse(grid, p, s.covariance);
+            let e = ellipse(grid, p, &s);
             let opacity =
                 L::splat(1.0) / (L::splat(1.0) + (-super::project::gather::<L>(self.part.value, ids, OPTICAL_OPACITY + g)).exp());
             let d_opacity = L::load(&sums[OPACITY]);
@@ -204,7 +205,9 @@ impl UpdateChunk<'_, '_> {
                 inverse_z: L::load(&sums[INVERSE_Z]),
                 rho: d_opacity * opacity,
             };
-            ellipse_backward(grid, &e, &gradient, &mut dp, &mut dv);
+            // Of an image in which a Gaussian is not seen nothing is said, whatever numbers its ellipse there has.
+            let sees = L::load(&seen[g].map(|seen| f32::from(u8::from(seen)))).gt(zero);
+            d_shape.add_where(sees, &ellipse_backward(grid, &s, &e, &gradient));
             if !self.part.screen.is_empty() {
                 let [du, dv] = mean_backward(&e, &gradient);
                 let (du, dv) = (du * L::splat(0.5 * grid.width as f32), dv * L::splat(0.5 * grid.height as f32));
@@ -233,13 +236,13 @@ impl UpdateChunk<'_, '_> {
                 }
             }
         }
-        let (d_rotation, d_log_scale) = shape_backward(&scene.pose, &s, &dv);
+        let (d_rotation, d_log_scale) = shape_backward(&scene.pose, &s, &d_shape);
         let mut gradient = [[0.0_f32; 16]; 12];
         for k in 0..3 {
             // dL/dμ = Wᵀ dL/dp, and the way through the viewing direction.
             let w =
                 [L::splat(scene.pose.rotation[0][k]), L::splat(scene.pose.rotation[1][k]), L::splat(scene.pose.rotation[2][k])];
-            (super::geometry::dot(w, dp) + L::load(&d_direction[k])).store(&mut gradient[POSITION + k]);
+            (super::geometry::dot(w, d_shape.p) + L::load(&d_direction[k])).store(&mut gradient[POSITION + k]);
             d_log_scale[k].store(&mut gradient[LOG_SCALE + k]);
         }
         for k in 0..4 {

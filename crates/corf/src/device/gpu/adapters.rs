@@ -25,6 +25,13 @@ pub struct AdapterReport {
     pub usable: Result<(), String>,
 }
 
+/// Names of every adapter, those in software included, as [`GpuOptions::adapter`] counts them, and whether each computes on the processor. None is opened.
+pub fn adapter_names() -> Vec<(String, bool)> {
+    let options = GpuOptions { software: true, ..GpuOptions::default() };
+    let named = |adapter: &wgpu::Adapter| (adapter.get_info().name, is_software(&adapter.get_info()));
+    adapters(&options).iter().map(named).collect()
+}
+
 /// Every adapter, those in software included, the best first; each is opened for a moment.
 pub fn adapter_reports() -> Vec<AdapterReport> {
     let options = GpuOptions { software: true, ..GpuOptions::default() };

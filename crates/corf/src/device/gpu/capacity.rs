@@ -8,9 +8,9 @@ pub(crate) struct BufferCapacity {
 }
 
 impl BufferCapacity {
-    /// A first guess for `n` Gaussians, not below `least`.
-    pub fn guess(n: usize, least: usize) -> Self {
-        Self { pairs: n.max(least), visible: (n / 4).max(least) }
+    /// A first guess for `n` Gaussians, not below `least`, and not beyond the `most` that there can be room for.
+    pub fn guess(n: usize, least: usize, most: Self) -> Self {
+        Self { pairs: n.max(least).min(most.pairs), visible: (n / 4).max(least).min(most.visible) }
     }
 
     /// Room for both.

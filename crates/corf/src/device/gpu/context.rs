@@ -144,6 +144,9 @@ pub(crate) struct Context {
     /// Whether networks multiply by matrix units.
     pub matrix_units: bool,
     pub poison: Option<u32>,
+    /// Bytes beyond which an allocation fails, to try what is done then.
+    #[cfg(test)]
+    pub most_allocated: std::sync::atomic::AtomicU64,
     failure: Arc<Mutex<Failure>>,
     /// Reference that is dropped last.
     _last: LastReference,
@@ -165,13 +168,18 @@ fn ready<T>(future: impl Future<Output = T>) -> T {
     }
 }
 
+/// Adapters in software by name, where drivers and layers between them and us do not say what they are.
+const SOFTWARE: [&str; 5] = ["llvmpipe", "lavapipe", "softpipe", "swiftshader", "microsoft basic render"];
+
 pub(super) fn is_software(info: &wgpu::AdapterInfo) -> bool {
-    info.device_type == wgpu::DeviceType::Cpu
+    let name = info.name.to_lowercase();
+    info.device_type == wgpu::DeviceType::Cpu || SOFTWARE.iter().any(|known| name.contains(known))
 }
 
 /// Better adapters first.
 fn rank(info: &wgpu::AdapterInfo) -> u32 {
     match info.device_type {
+        _ if is_software(info) => 4,
         wgpu::DeviceType::DiscreteGpu => 0,
         wgpu::DeviceType::IntegratedGpu => 1,
         wgpu::DeviceType::VirtualGpu => 2,
@@ -255,7 +263,11 @@ impl Context {
             let what = match adapters.len() {
                 0 if options.software => "no adapter was found".to_owned(),
                 0 => "no GPU was found".to_owned(),
-                count => format!("number {} was asked for, and there are {count}, counted from 0", options.adapter),
+                _ => {
+                    let names: Vec<String> =
+                        adapters.iter().enumerate().map(|(n, a)| format!("{n}: {}", a.get_info().name)).collect();
+                    format!("number {} was asked for, and there are {}", options.adapter, names.join(", "))
+                }
             };
             return Err(Error::invalid(
                 "gpu",
@@ -308,6 +320,8 @@ impl Context {
             timestamps: features.contains(stamps),
             matrix_units,
             poison: options.poison,
+            #[cfg(test)]
+            most_allocated: u64::MAX.into(),
             _last: LastReference(Some(device.clone())),
             device,
             queue,
@@ -373,6 +387,10 @@ impl Context {
         let usage = usage | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         let buffer =
             self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false });
+        #[cfg(test)]
+        if size > self.most_allocated.load(std::sync::atomic::Ordering::Relaxed) {
+            self.pretend_out_of_memory();
+        }
         self.check(label)?;
         if let Some(pattern) = self.poison {
             self.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&vec![pattern; size as usize / 4]));

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use tiled::{BoundTiled, Tiled};
 
 /// Words of the state (`shaders/groups.wgsl`), and the places of what is read back.
-pub(crate) const STATE_WORDS: usize = 16;
+pub(crate) const STATE_WORDS: usize = 17;
 pub(crate) const VISIBLE: usize = 1;
 pub(crate) const FAILED: usize = 3;
 pub(crate) const NEEDED: usize = 4;
@@ -40,6 +40,9 @@ const ARGS: u64 = 7;
 
 /// Bytes of the head of a pair's record.
 const RECORD_HEAD: usize = 32;
+
+/// Bytes of a splat, of which a visible Gaussian has one in each image.
+const SPLAT: usize = 48;
 
 /// Gaussians of a block, threads of a workgroup of the kernels around lists.
 const BLOCK: usize = 256;
@@ -84,11 +87,14 @@ pub(crate) struct Memory {
 }
 
 impl BufferCapacity {
-    /// Capacity that the frames of a state needed, and an eighth more, as far as that does not take it beyond `most_pairs`: the size to grow to
-    /// after one of them overflowed its buffers.
-    pub fn asked(state: &[u32], most_pairs: usize) -> Self {
-        let more = |slot: usize| state[slot] as usize + state[slot] as usize / 8;
-        Self { pairs: more(NEEDED).min(most_pairs).max(state[NEEDED] as usize), visible: more(MOST_VISIBLE) }
+    /// Capacity that the frames of a state needed, and an eighth more, as far as that does not take it beyond `most`: the size to grow to after one
+    /// of them overflowed its buffers.
+    pub fn asked(state: &[u32], most: Self) -> Self {
+        let more = |slot: usize, most: usize| {
+            let needed = state[slot] as usize;
+            (needed + needed / 8).min(most).max(needed)
+        };
+        Self { pairs: more(NEEDED, most.pairs), visible: more(MOST_VISIBLE, most.visible) }
     }
 }
 
@@ -122,10 +128,11 @@ impl Extent {
         Fixed::checkpoint_numbers(self.both).map(|numbers| 4 * numbers as usize * self.area)
     }
 
-    /// The most pairs for which an adapter binds every buffer that grows with them.
-    pub fn most_pairs(&self, context: &Context, fixed: &Fixed) -> usize {
+    /// The most pairs, and visible Gaussians, for which an adapter binds every buffer that grows with them.
+    pub fn most(&self, context: &Context, fixed: &Fixed) -> BufferCapacity {
         let checkpoints = if self.training { self.checkpoint_bytes()[0].div_ceil(fixed.batch as usize) } else { 0 };
-        context.largest_buffer() as usize / RECORD_HEAD.max(checkpoints)
+        let largest = usize::try_from(context.largest_buffer()).unwrap_or(usize::MAX);
+        BufferCapacity { pairs: largest / RECORD_HEAD.max(checkpoints), visible: largest / (2 * SPLAT) }
     }
 }
 
@@ -168,7 +175,8 @@ impl Memory {
     pub fn reserve(&mut self, context: &Context, fixed: &Fixed, extent: &Extent, room: BufferCapacity) -> Result<()> {
         let (n, tiles) = (extent.gaussians, extent.tiles);
         // What frames of another kind had room for may be more than this kind can have.
-        let kept = BufferCapacity { pairs: self.room.pairs.min(extent.most_pairs(context, fixed)), ..self.room };
+        let most = extent.most(context, fixed);
+        let kept = BufferCapacity { pairs: self.room.pairs.min(most.pairs), visible: self.room.visible.min(most.visible) };
         let room = kept.with(room);
         let (pairs, visible) = (room.pairs, room.visible.min(n));
         let bucket = fixed.batch as usize;
@@ -180,8 +188,8 @@ impl Memory {
             // The last share of a block may be small.
             (n.div_ceil(BLOCK) + pairs / SHARE as usize, 8, &mut self.shares),
             (visible, 4, &mut self.gaussian_of),
-            (visible, 20, &mut self.drawn),
-            (2 * visible, 48, &mut self.splats),
+            (visible, 28, &mut self.drawn),
+            (2 * visible, SPLAT, &mut self.splats),
             (pairs, 16, &mut self.pairs),
             (tiles, 16, &mut self.lists),
             (pairs, 8, &mut self.entries),

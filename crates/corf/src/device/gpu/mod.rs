@@ -52,7 +52,7 @@ use survey::Surveyor;
 use train::{Batch, Counts};
 use training::Training;
 
-pub use adapters::{AdapterReport, adapter_reports};
+pub use adapters::{AdapterReport, adapter_names, adapter_reports};
 pub use context::{GpuOptions, adapter_name, multiplies_in_half};
 pub use train::{GpuStageTimes, STAGES};
 pub use work::StageWork;
@@ -83,8 +83,8 @@ pub struct GpuDevice {
     times: GpuStageTimes,
     timing: bool,
     last: Counts,
-    /// Error of a call that cannot return one; the next call that can returns it.
-    deferred: Option<Error>,
+    /// Error of steps that were begun and came to nothing: what is held is not what was asked for, and every call from then on says so.
+    failed: Option<Error>,
     /// Steps that nobody has waited for.
     begun: Option<(Batch, Reading<u32>)>,
     /// Last, for what is made of it to be dropped before.
@@ -135,7 +135,7 @@ impl GpuDevice {
             shelf: Shelf::new(options.keyframe_bytes),
             times: GpuStageTimes::default(),
             last: Counts::default(),
-            deferred: None,
+            failed: None,
             begun: None,
         })
     }
@@ -162,17 +162,9 @@ impl GpuDevice {
         [self.shelf.taken_bytes(), self.shelf.brought_bytes()]
     }
 
-    /// Waits for what was begun, and raises what could not be raised when it was met.
+    /// Waits for what was begun.
     fn ready(&mut self) -> Result<()> {
-        self.settle()?;
-        self.deferred.take().map_or(Ok(()), Err)
-    }
-
-    /// Waits as [`Self::ready`] does, in a call that cannot return an error: it is kept for the next one that can.
-    fn ready_or_defer(&mut self) {
-        if let Err(error) = self.settle() {
-            self.deferred.get_or_insert(error);
-        }
+        self.settle().map(|_| ())
     }
 }
 
@@ -238,20 +230,16 @@ impl Device for GpuDevice {
         self.store.append(&self.context, new)
     }
 
-    fn retain(&mut self, keep: &[bool]) {
+    fn retain(&mut self, keep: &[bool]) -> Result<()> {
         assert_eq!(keep.len(), self.len(), "one flag per Gaussian");
-        self.ready_or_defer();
+        self.ready()?;
         self.marked = None;
-        if let Err(error) = self.store.retain(&self.context, keep) {
-            self.deferred.get_or_insert(error);
-        }
+        self.store.retain(&self.context, keep)
     }
 
-    fn reset_rf(&mut self, rf: &Appearance) {
-        self.ready_or_defer();
-        if let Err(error) = self.store.reset_rf(&self.context, rf) {
-            self.deferred.get_or_insert(error);
-        }
+    fn reset_rf(&mut self, rf: &Appearance) -> Result<()> {
+        self.ready()?;
+        self.store.reset_rf(&self.context, rf)
     }
 
     fn set_position_rate_m(&mut self, rate_m: f32) {
@@ -308,14 +296,8 @@ impl Device for GpuDevice {
         self.settle()
     }
 
-    fn gaussians(&mut self) -> Gaussians {
-        self.ready_or_defer();
-        let shape = self.store.harmonics;
-        self.store.to_gaussians(&self.context).unwrap_or_else(|error| {
-            self.deferred.get_or_insert(error);
-            let mut none = Gaussians::empty(shape[1].channels, shape[0].degree);
-            none.rf = Appearance::empty(shape[1].channels, shape[1].degree);
-            none
-        })
+    fn gaussians(&mut self) -> Result<Gaussians> {
+        self.ready()?;
+        self.store.to_gaussians(&self.context)
     }
 }

@@ -12,12 +12,12 @@ use crate::{
         Planes, TrainingView,
         cpu::{
             geometry::{Grid, Pose},
-            pyramid::check_view,
+            pyramid::{check_view, rf_levels},
         },
         mask::{mask_levels, usable_depths},
     },
 };
-use corf_scene::{Pinhole, Raster};
+use corf_scene::Raster;
 use half::f16;
 
 /// Deepest level whose sums of bytes fit into 16 bits.
@@ -48,6 +48,8 @@ struct Level {
 pub(crate) struct Pyramid {
     pub pose: Pose,
     levels: Vec<Level>,
+    /// Levels of the RF image; those beyond are its last one again.
+    rf_levels: usize,
 }
 
 /// A keyframe laid out for device memory; made on any thread.
@@ -205,30 +207,39 @@ impl Packed {
     pub fn new(view: &TrainingView, levels: u32, antialias: Antialias) -> Result<Self> {
         let levels = levels.max(1);
         check_view(view, levels)?;
+        let rf_levels = rf_levels(view, levels);
         let mut cameras = [view.optical_camera, view.rf_camera];
         let mut images = [&view.optical, &view.rf].map(Image::new);
+        let mut of_rf = Target::default();
         let masks = mask_levels(view, levels);
         let mut depths = Depths::new(view);
         let mut words = vec![];
         let mut out = vec![];
         for level in 0..levels {
+            let has_rf = (level as usize) < rf_levels;
             if level > 0 {
-                cameras = cameras.map(|c: Pinhole| c.downsampled(1));
-                images = images.map(|image| image.halved());
+                for g in [Some(0), has_rf.then_some(1)].into_iter().flatten() {
+                    (cameras[g], images[g]) = (cameras[g].downsampled(1), images[g].halved());
+                }
                 depths = depths.map(|d| d.halved());
             }
-            let targets = images.each_ref().map(|image| image.put(&mut words));
+            let of_light = images[0].put(&mut words);
+            if has_rf {
+                of_rf = images[1].put(&mut words);
+            }
+            let targets = [of_light, of_rf];
             let depth_at = depths.as_ref().map(|d| d.put(&mut words));
             let mask_at = masks.as_ref().map(|m| put_mask(&m[level as usize], &mut words));
             out.push(Level { grids: cameras.map(|c| Grid::new(&c, antialias)), targets, depth_at, mask_at });
         }
-        Ok(Self { pyramid: Pyramid { pose: Pose::new(&view.world_from_camera), levels: out }, words })
+        Ok(Self { pyramid: Pyramid { pose: Pose::new(&view.world_from_camera), levels: out, rf_levels }, words })
     }
 }
 
 impl Pyramid {
-    pub fn levels(&self) -> usize {
-        self.levels.len()
+    /// Levels of the optical image and of the RF image.
+    pub fn levels(&self) -> [usize; 2] {
+        [self.levels.len(), self.rf_levels]
     }
 
     /// Whether any pixel of the optical image does not count.
@@ -267,7 +278,7 @@ mod tests {
 
     use super::*;
     use crate::device::{InverseDepth, cpu::pyramid::levels_of};
-    use corf_scene::{Rigid3, Rng};
+    use corf_scene::{Pinhole, Rigid3, Rng};
 
     /// What the kernels read of an image's element (`shaders/loss.wgsl`).
     fn read(words: &[u32], target: Target, element: usize) -> f32 {

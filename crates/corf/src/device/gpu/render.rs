@@ -105,7 +105,7 @@ impl GpuDevice {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, ..Extent::default() };
         frames.iter().for_each(|p| extent.include(p, &self.shapes));
-        let mut room = BufferCapacity::guess(n, self.least_room);
+        let mut room = BufferCapacity::guess(n, self.least_room, extent.most(&self.context, &self.shapes[0]));
         loop {
             self.memory.reserve(&self.context, &self.shapes[0], &extent, room)?;
             let m = &self.memory;
@@ -128,7 +128,7 @@ impl GpuDevice {
             if state[0][FAILED] == 0 {
                 return Ok(());
             }
-            room = BufferCapacity::asked(&state[0], extent.most_pairs(&self.context, &self.shapes[0]));
+            room = BufferCapacity::asked(&state[0], extent.most(&self.context, &self.shapes[0]));
         }
     }
 
@@ -137,7 +137,7 @@ impl GpuDevice {
         let n = self.store.len();
         let mut extent = Extent { gaussians: n, ..Extent::default() };
         extent.include(&params, &self.shapes);
-        let mut room = BufferCapacity::guess(n, self.least_room);
+        let mut room = BufferCapacity::guess(n, self.least_room, extent.most(&self.context, &self.shapes[0]));
         loop {
             self.memory.reserve(&self.context, &self.shapes[0], &extent, room)?;
             let m = &self.memory;
@@ -161,7 +161,7 @@ impl GpuDevice {
             ];
             let mut read = self.context.read::<u32>("rendering", &sources)?;
             if read[0][FAILED] != 0 {
-                room = BufferCapacity::asked(&read[0], extent.most_pairs(&self.context, &self.shapes[0]));
+                room = BufferCapacity::asked(&read[0], extent.most(&self.context, &self.shapes[0]));
                 continue;
             }
             let main_contributor = read.pop().unwrap_or_default();

@@ -36,6 +36,8 @@ const SPLAT: &str = include_str!("shaders/splat.wgsl");
 const TILE_SOURCE: &str = include_str!("shaders/tile.wgsl");
 const SCAN: &str = include_str!("shaders/scan.wgsl");
 const ARGS: &str = include_str!("shaders/args.wgsl");
+/// The counter of pairs, of an array `state` of atomics.
+pub(crate) const COUNTER_OF_PAIRS: &str = include_str!("shaders/counter.wgsl");
 const LISTS: &str = include_str!("shaders/lists.wgsl");
 const DRAWN: &str = include_str!("shaders/drawn.wgsl");
 const FOUND: &str = include_str!("shaders/found.wgsl");
@@ -188,7 +190,8 @@ impl Fixed {
 
     pub fn project(&self) -> String {
         let (a, b) = (self.color(0), self.color(1));
-        self.head() + GEOMETRY + HARMONICS + SPANS + DRAWN + SPLAT + SCAN + ARGS + include_str!("shaders/project.wgsl") + &a + &b
+        let parts = GEOMETRY.to_owned() + HARMONICS + SPANS + DRAWN + SPLAT + SCAN + ARGS + COUNTER_OF_PAIRS;
+        self.head() + &parts + include_str!("shaders/project.wgsl") + &a + &b
     }
 
     pub fn emit(&self) -> String {

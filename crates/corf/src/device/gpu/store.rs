@@ -160,13 +160,20 @@ impl Store {
         if n <= self.capacity {
             return Ok(());
         }
-        // Half as much again, so that keyframe after keyframe does not copy each time.
-        let capacity = n.max(self.capacity + self.capacity / 2);
+        // Half as much again, so that keyframe after keyframe does not copy each time; as much as is needed where there is no more.
+        let largest = context.largest_buffer() / self.rows().iter().map(|rows| rows.bytes(1)).max().unwrap_or(1);
+        let capacity = n.max((self.capacity + self.capacity / 2).min(usize::try_from(largest).unwrap_or(usize::MAX)));
+        let fresh = |capacity: usize| -> Result<Vec<Rows>> {
+            self.rows().iter().map(|rows| Rows::new(context, rows.label, rows.words, capacity)).collect()
+        };
+        // What went wrong before is not what is tried again.
+        context.check("growing")?;
+        let (capacity, fresh) = match fresh(capacity) {
+            Ok(rows) => (capacity, rows),
+            Err(error) if capacity == n => return Err(error),
+            Err(_) => (n, fresh(n)?),
+        };
         let len = self.len;
-        let mut fresh = vec![];
-        for rows in self.rows() {
-            fresh.push(Rows::new(context, rows.label, rows.words, capacity)?);
-        }
         let mut encoder = context.encoder();
         for (rows, new) in self.rows_mut().into_iter().zip(fresh) {
             if len > 0 {
@@ -228,12 +235,12 @@ impl Store {
         if kept.len() == self.len {
             return Ok(());
         }
-        self.len = kept.len();
-        if kept.is_empty() {
-            return Ok(());
+        if !kept.is_empty() {
+            self.spare = Some(self.gather_rows(context, &self.rows(), &kept, 0)?);
         }
-        self.spare = Some(self.gather_rows(context, &self.rows(), &kept, 0)?);
-        context.check("removing Gaussians")
+        context.check("removing Gaussians")?;
+        self.len = kept.len();
+        Ok(())
     }
 
     /// Copies the harmonics of some Gaussians, in their order, to row `to` and those behind it, which none of them is in.

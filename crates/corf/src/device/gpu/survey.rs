@@ -104,7 +104,7 @@ impl GpuDevice {
         self.context.queue.write_buffer(&self.surveyor.places.buffer, 0, bytemuck::cast_slice(&places));
         let mut extent = Extent { gaussians: n, ..Extent::default() };
         extent.include(&params, &self.shapes);
-        let mut room = BufferCapacity::guess(n, self.least_room);
+        let mut room = BufferCapacity::guess(n, self.least_room, extent.most(&self.context, &self.shapes[0]));
         loop {
             self.memory.reserve(&self.context, &self.shapes[0], &extent, room)?;
             params.set_room(self.memory.room);
@@ -114,7 +114,7 @@ impl GpuDevice {
             let sources = [(&self.memory.state, STATE_WORDS), (&s.answers.buffer, 4 * asked), (&s.judged.buffer, words)];
             let read = self.context.read::<u32>("looking at the field", &sources)?;
             if read[0][FAILED] != 0 {
-                room = BufferCapacity::asked(&read[0], extent.most_pairs(&self.context, &self.shapes[0]));
+                room = BufferCapacity::asked(&read[0], extent.most(&self.context, &self.shapes[0]));
                 continue;
             }
             let shown = |a: &[u32; 4]| Shown {

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     Error, Gaussians, OptimizerConfig, Result,
-    device::{DenseStep, Step, StepReport},
+    device::{DenseStep, Step, StepReport, cpu::pyramid::check_levels},
 };
 use std::collections::BTreeMap;
 
@@ -70,10 +70,8 @@ impl GpuDevice {
             return Err(Error::invalid(place(), what, "upload the view to the device that trains on it"));
         };
         let at = step.levels.map(|l| l as usize);
-        if let Some(level) = at.iter().find(|l| **l >= pyramid.levels()) {
-            let what = format!("level {level} of a pyramid of {}", pyramid.levels());
-            return Err(Error::invalid(place(), what, "upload the view with more levels, or train on a lower one"));
-        }
+        check_levels(step.levels, pyramid.levels())
+            .map_err(|what| Error::invalid(place(), what, "upload the view with more levels, or train on a lower one"))?;
         let weights = [step.optical_weight, step.rf_weight];
         if [weights[0], weights[1], step.depth_weight].iter().any(|w| !(w.is_finite() && *w >= 0.0)) {
             let what = format!("loss weights {:?}", [weights[0], weights[1], step.depth_weight]);
@@ -138,12 +136,22 @@ impl GpuDevice {
         Ok(())
     }
 
-    /// Waits for steps that were begun, if any were, and reports the last.
+    /// Waits for steps that were begun, if any were, and reports the last. Where they come to nothing, whoever calls next may not be the one
+    /// that began them: the error stays.
     pub(super) fn settle(&mut self) -> Result<Option<StepReport>> {
-        let Some((mut batch, reading)) = self.begun.take() else { return Ok(None) };
+        if let Some((batch, reading)) = self.begun.take() {
+            match self.complete_begun(batch, reading) {
+                Ok(report) => return Ok(Some(report)),
+                Err(error) => self.failed = Some(error),
+            }
+        }
+        self.failed.as_ref().map_or(Ok(None), |error| Err(error.repeated()))
+    }
+
+    fn complete_begun(&mut self, mut batch: Batch, reading: Reading<u32>) -> Result<StepReport> {
         match self.absorb(&mut batch, reading)? {
-            Some(report) => Ok(Some(report)),
-            None => self.complete(batch, Destination::Sparse).map(Some),
+            Some(report) => Ok(report),
+            None => self.complete(batch, Destination::Sparse),
         }
     }
 
@@ -153,7 +161,8 @@ impl GpuDevice {
         let mut extent = Extent { gaussians: n, training: true, ..Extent::default() };
         steps.iter().for_each(|p| extent.include(&p.params, &self.shapes));
         let last = steps.last().map(|s| s.params)?;
-        Some(Batch { steps, extent, last, room: BufferCapacity::guess(n, self.least_room), done: 0 })
+        let room = BufferCapacity::guess(n, self.least_room, extent.most(&self.context, &self.shapes[0]));
+        Some(Batch { steps, extent, last, room, done: 0 })
     }
 
     /// Goes on until a batch of dense steps is through.
@@ -198,7 +207,7 @@ impl GpuDevice {
         let (state, last) = (&read[0], &batch.last);
         batch.done += state[STEPS] as usize;
         if state[FAILED] != 0 {
-            batch.room = BufferCapacity::asked(state, batch.extent.most_pairs(&self.context, &self.shapes[0]));
+            batch.room = BufferCapacity::asked(state, batch.extent.most(&self.context, &self.shapes[0]));
             return Ok(None);
         }
         if batch.done < batch.steps.len() {

@@ -34,7 +34,7 @@ impl GpuDevice {
         let sh: f64 = self.store.harmonics.iter().map(|h| 4.0 * h.words() as f64).sum();
         let (core, splat, record) = (48.0, 48.0, if c.fused { 64.0 } else { 48.0 });
         // What a visible Gaussian's tiles take, a pair as it is emitted, an entry of a list, what is found of a Gaussian.
-        let (taken, pair, entry, found) = (24.0, 16.0, 8.0, 80.0);
+        let (taken, pair, entry, found) = (32.0, 16.0, 8.0, 80.0);
         // What the forward pass keeps for each bucket but a tile's first.
         let kept = e * area * 4.0 * f64::from(Fixed::state_numbers(c.fused)) / f64::from(fixed.batch);
         let tiles = c.tiles as f64;

@@ -117,6 +117,13 @@ pub(crate) fn vectors(width: usize) -> usize {
     width.div_ceil(LANES)
 }
 
+/// Rows of a batch for which an adapter binds what each layer takes.
+pub(crate) fn most_rows(context: &Context, network: &Network) -> usize {
+    let widths = network.inputs().iter().copied().chain(network.layers().iter().map(|l| l.outputs));
+    let bytes = 4 * LANES * vectors(widths.max().unwrap_or(1)).max(1);
+    usize::try_from(context.largest_buffer()).unwrap_or(usize::MAX) / bytes
+}
+
 impl GpuNetwork {
     /// A network over `rows` rows, with parameters in the order of [`Network`].
     ///
@@ -170,12 +177,14 @@ impl GpuNetwork {
             return Ok(());
         }
         if rows > self.capacity {
-            // The old memory goes before the new comes; an eighth more than is asked for, so that growth by and by does not ask each time.
+            // The old memory goes before the new comes; an eighth more than is asked for, so that growth by and by does not ask each time, as far as
+            // an adapter binds that much.
             (self.rows, self.capacity) = (0, 0);
             for old in [&mut self.inputs, &mut self.values, &mut self.gradients] {
                 old.drain(..).for_each(|buffer| buffer.destroy());
             }
-            let capacity = if self.forward.is_empty() { rows } else { rows + rows / 8 };
+            let more = if self.forward.is_empty() { 0 } else { rows / 8 };
+            let capacity = (rows + more).min(most_rows(context, &self.network)).max(rows);
             let rows_of = |label: &str, width: usize| context.storage(label, (16 * capacity * vectors(width)) as u64);
             let widths = || self.network.layers().iter().map(|l| l.outputs);
             self.inputs = self.network.inputs().iter().map(|w| rows_of("network inputs", *w)).collect::<Result<_>>()?;

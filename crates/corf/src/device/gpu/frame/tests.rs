@@ -9,7 +9,7 @@ use crate::{
         cpu::geometry::{Grid, Pose},
         gpu::{
             params::Uniforms,
-            shaders::{HarmonicsShape, MOST_CHUNKS},
+            shaders::{COUNTER_OF_PAIRS, GROUPS, HarmonicsShape, MOST_CHUNKS},
             store::Store,
             testing,
         },
@@ -121,6 +121,54 @@ fn lists_of_many_chunks() {
     check(&context, &[30_001, 5], u32::MAX, 100);
 }
 
+/// Pairs of blocks, as they are counted, and what is said of them all: never fewer than there are.
+#[test]
+fn more_pairs_than_a_word_counts_are_the_most_that_it_holds() {
+    let Some(context) = testing::context(&testing::OPTIONS) else { return };
+    let source = format!(
+        "@group(0) @binding(0) var<storage, read_write> state: array<atomic<u32>>;\n\
+         @group(0) @binding(1) var<storage, read> counts: array<u32>;\n\
+         @group(0) @binding(2) var<storage, read_write> said: array<u32>;\n{GROUPS}{COUNTER_OF_PAIRS}\n\
+         @compute @workgroup_size(256)\nfn main(@builtin(local_invocation_index) thread: u32) {{\n\
+             if (thread < arrayLength(&counts)) {{ _ = take_pairs(counts[thread]); }}\n\
+             storageBarrier();\n\
+             if (thread == 0u) {{ said[0] = all_pairs(); said[1] = all_pairs(); }}\n}}\n"
+    );
+    let kernel = Kernel::new(&context, "counter of pairs", &source).unwrap();
+    let most = u64::from(u32::MAX);
+    for counts in [
+        vec![0_u32; 4],
+        vec![1 << 31, (1 << 31) - 1, 0, 0],
+        vec![1 << 31, 1 << 31, 0, 0],
+        vec![u32::MAX, 1, 0, 0],
+        vec![u32::MAX, u32::MAX, u32::MAX, 3],
+        // Twice around, to a number for which there would be room.
+        vec![1 << 25; 256],
+        vec![(1 << 24) - 1; 256],
+    ] {
+        let truth: u64 = counts.iter().map(|c| u64::from(*c)).sum();
+        let filled = |words: &[u32]| {
+            let buffer = context.storage("test", 4 * words.len() as u64).unwrap();
+            context.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(words));
+            buffer
+        };
+        let (state, counted, said) = (filled(&[0; STATE_WORDS]), filled(&counts), filled(&[7; 4]));
+        let bound = kernel.bind(&context, 0, &[&state, &counted, &said]).unwrap();
+        let mut encoder = context.encoder();
+        bound.run(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), 0, 1);
+        context.submit(encoder);
+        let read = context.read::<u32>("test", &[(&said, 2)]).unwrap();
+        assert_eq!(u64::from(read[0][0]), truth.min(most), "{counts:?}");
+        assert_eq!(read[0][1], 0, "the next frame counts from nothing");
+        // Such a frame asks for what no adapter binds, and is refused by name.
+        let mut state = [0_u32; STATE_WORDS];
+        (state[FAILED], state[NEEDED]) = (1, read[0][0]);
+        let most = BufferCapacity { pairs: 1 << 22, visible: 1 << 20 };
+        let asked = BufferCapacity::asked(&state, most);
+        assert!(asked.pairs as u64 >= truth.min(u64::from(u32::MAX)), "{asked:?}");
+    }
+}
+
 /// 64 Mi entries need 1.6 GiB and an adapter that binds 1 GiB: run with `--ignored` on a GPU.
 #[test]
 #[ignore = "needs a GPU with 2 GiB"]
@@ -171,23 +219,23 @@ struct Emitted {
     records: [Vec<u32>; 2],
 }
 
-/// Row of `shaders/drawn.wgsl`: first pair, pairs in each image, rows in each.
-type Drawn = [u32; 5];
+/// Row of `shaders/drawn.wgsl`: first pair, pairs in each image, rows in each, determinants.
+type Drawn = [u32; 7];
 
 /// Has emission find the counts changed, as if by another compiler: blocks, shares and what follows from them, laid out anew.
 fn recount(context: &Context, m: &Memory, n: usize, edit: impl Fn(usize, Counts) -> Counts) {
     let blocks = n.div_ceil(BLOCK);
     let read = context.read::<u32>(
         "test",
-        &[(&m.state, STATE_WORDS), (&m.blocks.buffer, 4 * blocks), (&m.gaussian_of.buffer, n), (&m.drawn.buffer, 5 * n)],
+        &[(&m.state, STATE_WORDS), (&m.blocks.buffer, 4 * blocks), (&m.gaussian_of.buffer, n), (&m.drawn.buffer, 7 * n)],
     );
     let [mut state, mut of_blocks, numbers, mut drawn]: [Vec<u32>; 4] = read.unwrap().try_into().unwrap();
     let (mut begin, mut shares) = (0, vec![]);
     for (block, own) in of_blocks.chunks_exact_mut(4).enumerate() {
         own[3] = begin;
         for place in (own[2] as usize..).take(own[0] as usize) {
-            let counts = edit(numbers[place] as usize, [drawn[5 * place + 1], drawn[5 * place + 2]]);
-            drawn[5 * place..5 * place + 3].copy_from_slice(&[begin, counts[0], counts[1]]);
+            let counts = edit(numbers[place] as usize, [drawn[7 * place + 1], drawn[7 * place + 2]]);
+            drawn[7 * place..7 * place + 3].copy_from_slice(&[begin, counts[0], counts[1]]);
             begin += counts[0] + counts[1];
         }
         own[1] = begin - own[3];
@@ -250,7 +298,7 @@ fn emitted(
         (&m.blocks.buffer, 4 * blocks),
         (&m.shares.buffer, 2 * state[SHARES] as usize),
         (&m.gaussian_of.buffer, visible),
-        (&m.drawn.buffer, 5 * visible),
+        (&m.drawn.buffer, 7 * visible),
         (&m.tile_sizes.buffer, COUNTER as usize * params.tile_total as usize),
         (&m.pairs.buffer, 4 * room),
         (&m.record_heads.buffer, 8 * room),

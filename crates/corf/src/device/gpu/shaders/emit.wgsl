@@ -70,7 +70,9 @@ fn row_at(row: u32, splats_before: u32) -> Row {
     found.part = 2u * k + g;
     let tiles = params.grids[g].tiles;
     let splat = g * params.visible_capacity + splats_before + k;
-    let reach = reach_of(tiles, splats[splat].place.xy, splats[splat].conic.xyz, splats[splat].conic.w);
+    let own = splats_before + k;
+    let determinant = select(drawn[own].in_first_determinant, drawn[own].in_second_determinant, g == 1u);
+    let reach = reach_of(tiles, splats[splat].place.xy, splats[splat].conic.xyz, determinant, splats[splat].conic.w);
     let y = reach.rows.x + i32(down);
     if (y <= reach.rows.y) {
         let columns = columns_of(reach, tiles, y);

@@ -14,13 +14,14 @@ fn times(s: Symmetric, v: vec3<f32>) -> vec3<f32> {
     return vec3(dot(s.a, v), dot(vec3(s.a.y, s.b.x, s.b.y), v), dot(vec3(s.a.z, s.b.y, s.b.z), v));
 }
 
-// Shape in camera axes: V = A diag(s²) Aᵀ with A = R_camera_from_world · R(q).
+// Shape in camera axes: V = A diag(s²) Aᵀ with A = R_camera_from_world · R(q). It is never multiplied out: of a needle the small variances would be
+// lost in the rounding of the large one.
 struct Shape {
     q: vec4<f32>,         // unit, w x y z
     inverse_norm: f32,
     axes: array<vec3<f32>, 3>,  // columns of A
     variance: vec3<f32>,
-    covariance: Symmetric,
+    of_pairs: vec3<f32>,  // products of the two other variances: V's adjugate is A diag(of_pairs) Aᵀ
 }
 
 fn shape_of(stored: vec4<f32>, log_scale: vec3<f32>) -> Shape {
@@ -38,15 +39,14 @@ fn shape_of(stored: vec4<f32>, log_scale: vec3<f32>) -> Shape {
     s.axes[1] = vec3(dot(r0, c1), dot(r1, c1), dot(r2, c1));
     s.axes[2] = vec3(dot(r0, c2), dot(r1, c2), dot(r2, c2));
     s.variance = exp(2.0 * log_scale);
-    let a = vec3(s.axes[0].x, s.axes[1].x, s.axes[2].x);
-    let b = vec3(s.axes[0].y, s.axes[1].y, s.axes[2].y);
-    let c = vec3(s.axes[0].z, s.axes[1].z, s.axes[2].z);
-    let av = a * s.variance;
-    let bv = b * s.variance;
-    s.covariance.a = vec3(dot(av, a), dot(av, b), dot(av, c));
-    s.covariance.b = vec3(dot(bv, b), dot(bv, c), dot(c * s.variance, c));
+    s.of_pairs = s.variance.yzx * s.variance.zxy;
     return s;
 }
+
+// A v and Aᵀ v.
+fn from_axes(s: Shape, v: vec3<f32>) -> vec3<f32> { return s.axes[0] * v.x + s.axes[1] * v.y + s.axes[2] * v.z; }
+
+fn along_axes(s: Shape, v: vec3<f32>) -> vec3<f32> { return vec3(dot(s.axes[0], v), dot(s.axes[1], v), dot(s.axes[2], v)); }
 
 // A Gaussian's ellipse in one image.
 struct Ellipse {
@@ -56,17 +56,19 @@ struct Ellipse {
     held: vec2<f32>,      // the same inside their limits, as used in J
     free: vec2<f32>,      // 1 where they were free to move
     j: vec4<f32>,         // j00, j02, j11, j12
-    v0: vec3<f32>,        // V j₀ᵀ
-    v1: vec3<f32>,        // V j₁ᵀ
+    along0: vec3<f32>,    // Aᵀ j₀ᵀ
+    along1: vec3<f32>,    // Aᵀ j₁ᵀ
+    cross: vec3<f32>,     // j₀ × j₁
+    cross_along: vec3<f32>,
     bare: vec3<f32>,      // S₂: xx, xy, yy
     s: vec2<f32>,         // S: xx, yy
+    bare_determinant: f32,
     determinant: f32,
-    ratio: f32,           // det S₂ / det S, bounded below
-    ratio_free: f32,
+    ratio_free: f32,      // 1 where det S₂ / det S is not at its lower bound
     rho: f32,
 }
 
-fn ellipse_of(grid: Grid, p: vec3<f32>, covariance: Symmetric) -> Ellipse {
+fn ellipse_of(grid: Grid, p: vec3<f32>, shape: Shape) -> Ellipse {
     var e: Ellipse;
     e.inverse_z = 1.0 / p.z;
     e.slope = p.xy * e.inverse_z;
@@ -78,22 +80,22 @@ fn ellipse_of(grid: Grid, p: vec3<f32>, covariance: Symmetric) -> Ellipse {
     let j0 = grid.focal * e.inverse_z;
     let j2 = -j0 * e.held;
     e.j = vec4(j0.x, j2.x, j0.y, j2.y);
-    let a = covariance.a;
-    let b = covariance.b;
-    e.v0 = vec3(a.x, a.y, a.z) * e.j.x + vec3(a.z, b.y, b.z) * e.j.y;
-    e.v1 = vec3(a.y, b.x, b.y) * e.j.z + vec3(a.z, b.y, b.z) * e.j.w;
-    e.bare = vec3(
-        e.j.x * e.v0.x + e.j.y * e.v0.z,
-        e.j.z * e.v0.y + e.j.w * e.v0.z,
-        e.j.z * e.v1.y + e.j.w * e.v1.z,
-    );
+    e.along0 = along_axes(shape, vec3(e.j.x, 0.0, e.j.y));
+    e.along1 = along_axes(shape, vec3(0.0, e.j.z, e.j.w));
+    let v0 = shape.variance * e.along0;
+    e.bare = vec3(dot(v0, e.along0), dot(v0, e.along1), dot(shape.variance * e.along1, e.along1));
+    // det S₂ = S₂_xx S₂_yy − S₂_xy² cancels where an ellipse is thin. It is the sum of the squares of the minors of J A diag(s) (Cauchy and Binet),
+    // which is (j₀ × j₁)ᵀ adj(V) (j₀ × j₁).
+    e.cross = vec3(-(e.j.y * e.j.z), -(e.j.x * e.j.w), e.j.x * e.j.z);
+    e.cross_along = along_axes(shape, e.cross);
+    e.bare_determinant = dot(shape.of_pairs * e.cross_along, e.cross_along);
     e.s = e.bare.xz + DILATION;
-    e.determinant = e.s.x * e.s.y - e.bare.y * e.bare.y;
-    let raw = (e.bare.x * e.bare.z - e.bare.y * e.bare.y) / e.determinant;
-    e.ratio = max(raw, MIN_DETERMINANT_RATIO);
+    e.determinant = fma(DILATION, e.bare.x + e.s.y, e.bare_determinant);
+    let raw = e.bare_determinant / e.determinant;
+    let ratio = max(raw, MIN_DETERMINANT_RATIO);
     e.ratio_free = select(0.0, 1.0, raw > MIN_DETERMINANT_RATIO);
     e.rho = 1.0;
-    if (ANTIALIAS != ANTIALIAS_OFF) { e.rho = sqrt(e.ratio); }
+    if (ANTIALIAS != ANTIALIAS_OFF) { e.rho = sqrt(ratio); }
     return e;
 }
 
@@ -106,8 +108,11 @@ fn conic_of(e: Ellipse) -> vec3<f32> {
 // What a modality's image says about a Gaussian: Σ dL/dσ (dx², dx dy, dy²), Σ dL/dσ (dx, dy), dL/d(1/z), dL/dρ.
 struct EllipseGradient { moments: vec3<f32>, first: vec2<f32>, inverse_z: f32, rho: f32 }
 
-// Adds to dL/dp (camera axes) and dL/dV (full-matrix convention).
-fn ellipse_backward(grid: Grid, e: Ellipse, g: EllipseGradient, dp: ptr<function, vec3<f32>>, dv: ptr<function, Symmetric>) {
+// dL/dp (camera axes), dL/dV and dL/d(adj V) (full-matrix convention).
+struct OfShape { p: vec3<f32>, covariance: Symmetric, adjugate: Symmetric }
+
+// Adds what one image says.
+fn ellipse_backward(grid: Grid, s: Shape, e: Ellipse, g: EllipseGradient, d: ptr<function, OfShape>) {
     let inverse = 1.0 / e.determinant;
     let b = e.bare.y;
     let q = vec3(e.s.y * inverse, -b * inverse, e.s.x * inverse);
@@ -117,32 +122,40 @@ fn ellipse_backward(grid: Grid, e: Ellipse, g: EllipseGradient, dp: ptr<function
     let r0 = vec2(q.x * m.x + q.y * m.y, q.x * m.y + q.y * m.z);
     let r1 = vec2(q.y * m.x + q.z * m.y, q.y * m.y + q.z * m.z);
     var s00 = -0.5 * (r0.x * q.x + r0.y * q.y);
-    var s01 = -0.5 * (r0.x * q.y + r0.y * q.z);
+    let s01 = -0.5 * (r0.x * q.y + r0.y * q.z);
     var s11 = -0.5 * (r1.x * q.y + r1.y * q.z);
+    var d_cross = vec3(0.0);
     if (ANTIALIAS == ANTIALIAS_ON) {
-        // ∂ρ/∂a = (c − (D₀/D₁) C)/(2ρ D₁); b and c likewise. Full-matrix: half of ∂ρ/∂b off the diagonal.
-        let k = g.rho * e.ratio_free * inverse * 0.5 / e.rho;
-        s00 += k * (e.bare.z - e.ratio * e.s.y);
-        s11 += k * (e.bare.x - e.ratio * e.s.x);
-        s01 -= k * b * (1.0 - e.ratio);
+        // ρ² = D₀/D₁ with D₁ = D₀ + h (tr S₂ + h): ∂ρ/∂D₀ = h (tr S₂ + h)/(2ρ D₁²), ∂ρ/∂tr = −h D₀/(2ρ D₁²).
+        let k = g.rho * e.ratio_free * 0.5 * DILATION * inverse / e.rho;
+        let by_trace = k * e.bare_determinant * inverse;
+        s00 -= by_trace;
+        s11 -= by_trace;
+        // D₀ = nᵀ adj(V) n, n = j₀ × j₁.
+        let by_bare = k * (e.bare.x + e.s.y) * inverse;
+        (*d).adjugate.a += by_bare * (e.cross.x * e.cross);
+        (*d).adjugate.b += by_bare * (e.cross.yyz * e.cross.yzz);
+        d_cross = 2.0 * by_bare * from_axes(s, s.of_pairs * e.cross_along);
     }
     let j00 = e.j.x; let j02 = e.j.y; let j11 = e.j.z; let j12 = e.j.w;
-    // dV += Jᵀ dS J.
-    (*dv).a += vec3(s00 * j00 * j00, s01 * j00 * j11, j00 * (s00 * j02 + s01 * j12));
-    (*dv).b += vec3(
+    // dV = Jᵀ dS J.
+    (*d).covariance.a += vec3(s00 * j00 * j00, s01 * j00 * j11, j00 * (s00 * j02 + s01 * j12));
+    (*d).covariance.b += vec3(
         s11 * j11 * j11,
         j11 * (s01 * j02 + s11 * j12),
         s00 * j02 * j02 + 2.0 * s01 * j02 * j12 + s11 * j12 * j12,
     );
-    // dJ = 2 dS J V, only the entries that exist.
-    let dj00 = 2.0 * (s00 * e.v0.x + s01 * e.v1.x);
-    let dj02 = 2.0 * (s00 * e.v0.z + s01 * e.v1.z);
-    let dj11 = 2.0 * (s01 * e.v0.y + s11 * e.v1.y);
-    let dj12 = 2.0 * (s01 * e.v0.z + s11 * e.v1.z);
+    // dJ = 2 dS J V, only the entries that exist; and through n = (−j02 j11, −j00 j12, j00 j11).
+    let v0 = from_axes(s, s.variance * e.along0);
+    let v1 = from_axes(s, s.variance * e.along1);
+    let dj00 = 2.0 * (s00 * v0.x + s01 * v1.x) + (d_cross.z * j11 - d_cross.y * j12);
+    let dj02 = 2.0 * (s00 * v0.z + s01 * v1.z) - d_cross.x * j11;
+    let dj11 = 2.0 * (s01 * v0.y + s11 * v1.y) + (d_cross.z * j00 - d_cross.x * j02);
+    let dj12 = 2.0 * (s01 * v0.z + s11 * v1.z) - d_cross.y * j00;
     let f = grid.focal;
     let iz = e.inverse_z;
     let iz2 = iz * iz;
-    *dp += vec3(
+    (*d).p += vec3(
         d_mean.x * f.x * iz - dj02 * f.x * iz2 * e.free.x,
         d_mean.y * f.y * iz - dj12 * f.y * iz2 * e.free.y,
         -d_mean.x * f.x * e.slope.x * iz - d_mean.y * f.y * e.slope.y * iz - (dj00 * f.x + dj11 * f.y) * iz2
@@ -151,23 +164,30 @@ fn ellipse_backward(grid: Grid, e: Ellipse, g: EllipseGradient, dp: ptr<function
     );
 }
 
-// dL/d(quaternion as stored) and dL/d(ln scale) from dL/dV.
+// dL/d(quaternion as stored) and dL/d(ln scale).
 struct ShapeGradient { rotation: vec4<f32>, log_scale: vec3<f32> }
 
-fn shape_backward(s: Shape, dv: Symmetric) -> ShapeGradient {
+fn shape_backward(s: Shape, d: OfShape) -> ShapeGradient {
     var out: ShapeGradient;
-    // Columns of dR: d(column k of A) = 2 dV a_k s_k², d(column k of R) = Wᵀ of it.
+    // Columns of dR: d(column k of A) = 2 (dV s_k² + d(adj V) s_l² s_m²) a_k, d(column k of R) = Wᵀ of it.
     let r0 = params.camera_from_world[0].xyz;
     let r1 = params.camera_from_world[1].xyz;
     let r2 = params.camera_from_world[2].xyz;
-    let g0 = times(dv, s.axes[0]);
-    let g1 = times(dv, s.axes[1]);
-    let g2 = times(dv, s.axes[2]);
-    let doubled = 2.0 * s.variance;
-    out.log_scale = doubled * vec3(dot(s.axes[0], g0), dot(s.axes[1], g1), dot(s.axes[2], g2));
-    let c0 = doubled.x * (r0 * g0.x + r1 * g0.y + r2 * g0.z);
-    let c1 = doubled.y * (r0 * g1.x + r1 * g1.y + r2 * g1.z);
-    let c2 = doubled.z * (r0 * g2.x + r1 * g2.y + r2 * g2.z);
+    let v0 = 2.0 * s.variance.x * times(d.covariance, s.axes[0]);
+    let v1 = 2.0 * s.variance.y * times(d.covariance, s.axes[1]);
+    let v2 = 2.0 * s.variance.z * times(d.covariance, s.axes[2]);
+    let u0 = 2.0 * s.of_pairs.x * times(d.adjugate, s.axes[0]);
+    let u1 = 2.0 * s.of_pairs.y * times(d.adjugate, s.axes[1]);
+    let u2 = 2.0 * s.of_pairs.z * times(d.adjugate, s.axes[2]);
+    // A scale is in its own variance, and in the products that the other axes have.
+    let by_pairs = vec3(dot(s.axes[0], u0), dot(s.axes[1], u1), dot(s.axes[2], u2));
+    out.log_scale = vec3(dot(s.axes[0], v0), dot(s.axes[1], v1), dot(s.axes[2], v2)) + (by_pairs.yzx + by_pairs.zxy);
+    let g0 = v0 + u0;
+    let g1 = v1 + u1;
+    let g2 = v2 + u2;
+    let c0 = r0 * g0.x + r1 * g0.y + r2 * g0.z;
+    let c1 = r0 * g1.x + r1 * g1.y + r2 * g1.z;
+    let c2 = r0 * g2.x + r1 * g2.y + r2 * g2.z;
     let w = s.q.x; let x = s.q.y; let y = s.q.z; let z = s.q.w;
     let dq = 2.0 * vec4(
         x * (c1.z - c2.y) + y * (c2.x - c0.z) + z * (c0.y - c1.x),

@@ -18,3 +18,4 @@ const SHARES = 12u;      // shares of blocks' pairs; none where there is no room
 const CHUNKS = 13u;      // chunks of lists that are longer than one
 const COUNTED = 14u;     // while Gaussians are projected: pairs
 const CUT = 15u;         // while Gaussians are projected: shares
+const WRAPPED = 16u;     // while Gaussians are projected: 1 once there were more pairs than a word counts

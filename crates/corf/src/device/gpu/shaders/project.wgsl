@@ -32,13 +32,14 @@ struct Seen {
     rows: vec2<u32>,
     place: array<vec4<f32>, 2>,
     conic: array<vec4<f32>, 2>,
+    determinant: vec2<f32>,
     z: f32,
     direction: vec3<f32>,
 }
 
 // Tiles and the rows of tiles they are in.
-fn tiles_of(grid: Grid, e: Ellipse, q: vec3<f32>, tau: f32) -> vec2<u32> {
-    let r = reach_of(grid.tiles, e.mean, q, tau);
+fn tiles_of(grid: Grid, e: Ellipse, q: vec3<f32>, determinant: f32, tau: f32) -> vec2<u32> {
+    let r = reach_of(grid.tiles, e.mean, q, determinant, tau);
     var count = 0u;
     for (var row = r.rows.x; row <= r.rows.y; row++) {
         let columns = columns_of(r, grid.tiles, row);
@@ -51,14 +52,16 @@ fn tiles_of(grid: Grid, e: Ellipse, q: vec3<f32>, tau: f32) -> vec2<u32> {
 // Bound of σ: o ρ exp(−σ) ≥ 1/255.
 fn bound_of(opacity: f32) -> f32 { return log(max(opacity * 255.0, 1e-30)) + TAU_MARGIN; }
 
-fn project_to(g: u32, p: vec3<f32>, s: Symmetric, logit: f32, seen: ptr<function, Seen>) {
+fn project_to(g: u32, p: vec3<f32>, s: Shape, logit: f32, seen: ptr<function, Seen>) {
     let grid = params.grids[g];
     let e = ellipse_of(grid, p, s);
     if (!(e.determinant > 0.0)) { return; }
     let opacity = e.rho / (1.0 + exp(-logit));
     let tau = bound_of(opacity);
     let q = conic_of(e);
-    let tiles = tiles_of(grid, e, q, tau);
+    let determinant = 1.0 / e.determinant;
+    let tiles = tiles_of(grid, e, q, determinant, tau);
+    (*seen).determinant[g] = determinant;
     (*seen).tiles[g] = tiles.x;
     (*seen).rows[g] = tiles.y;
     (*seen).place[g] = vec4(e.mean, opacity, e.inverse_z);
@@ -66,14 +69,16 @@ fn project_to(g: u32, p: vec3<f32>, s: Symmetric, logit: f32, seen: ptr<function
 }
 
 // Both images share the ellipse, and the pairs are those of the more opaque one.
-fn project_both(p: vec3<f32>, s: Symmetric, logits: vec2<f32>, seen: ptr<function, Seen>) {
+fn project_both(p: vec3<f32>, s: Shape, logits: vec2<f32>, seen: ptr<function, Seen>) {
     let grid = params.grids[0];
     let e = ellipse_of(grid, p, s);
     if (!(e.determinant > 0.0)) { return; }
     let opacity = vec2(e.rho) / (1.0 + exp(-logits));
     let tau = bound_of(max(opacity.x, opacity.y));
     let q = conic_of(e);
-    let tiles = tiles_of(grid, e, q, tau);
+    let determinant = 1.0 / e.determinant;
+    let tiles = tiles_of(grid, e, q, determinant, tau);
+    (*seen).determinant = vec2(determinant);
     (*seen).tiles = vec2(tiles.x, 0u);
     (*seen).rows = vec2(tiles.y, 0u);
     (*seen).place[0] = vec4(e.mean, opacity.x, e.inverse_z);
@@ -102,10 +107,10 @@ fn see(i: u32) -> Seen {
         seen.z = p.z;
         seen.direction = direction_of(mean).xyz;
         if (params.fused != 0u) {
-            project_both(p, s.covariance, third.zw, &seen);
+            project_both(p, s, third.zw, &seen);
         } else {
-            if (wanted.x) { project_to(0u, p, s.covariance, third.z, &seen); }
-            if (wanted.y) { project_to(1u, p, s.covariance, third.w, &seen); }
+            if (wanted.x) { project_to(0u, p, s, third.z, &seen); }
+            if (wanted.y) { project_to(1u, p, s, third.w, &seen); }
         }
     }
     return seen;
@@ -114,7 +119,7 @@ fn see(i: u32) -> Seen {
 // By whoever comes last: the frame's counts and what is dispatched by them; those of the projection are left at zero for the next frame.
 fn settle() {
     let visible = atomicExchange(&state[DRAWABLE], 0u);
-    let pairs = atomicExchange(&state[COUNTED], 0u);
+    let pairs = all_pairs();
     let shares = atomicExchange(&state[CUT], 0u);
     atomicStore(&state[FINISHED], 0u);
     atomicMax(&state[NEEDED], pairs);
@@ -146,11 +151,13 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     var seen: Seen;
     if (i < params.gaussians) { seen = see(i); }
     let tiles = seen.tiles.x + seen.tiles.y;
+    // A block's counts are added up in a word: no Gaussian may have more than its share of one.
+    if (tiles > MOST / SCAN) { atomicStore(&state[WRAPPED], 1u); }
     let sums = inclusive_scan(thread, vec4(u32(tiles > 0u), tiles, 0u, 0u));
     if (thread == SCAN - 1u) {
         let parts = (sums.y + SHARE - 1u) / SHARE;
         let place = atomicAdd(&state[DRAWABLE], sums.x);
-        let begin = atomicAdd(&state[COUNTED], sums.y);
+        let begin = take_pairs(sums.y);
         given = vec4(place, begin, atomicAdd(&state[CUT], parts), parts);
         blocks[block] = Block(sums.x, sums.y, place, begin);
     }
@@ -163,7 +170,9 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let place = first.x + sums.x - 1u;
     if (tiles == 0u || place >= params.visible_capacity) { return; }
     gaussian_of[place] = i;
-    drawn[place] = Drawn(first.y + sums.y - tiles, seen.tiles.x, seen.tiles.y, seen.rows.x, seen.rows.y);
+    drawn[place] = Drawn(
+        first.y + sums.y - tiles, seen.tiles.x, seen.tiles.y, seen.rows.x, seen.rows.y, seen.determinant.x, seen.determinant.y,
+    );
     if (seen.tiles.x > 0u) {
         splats[place] = Splat(seen.place[0], seen.conic[0], vec4(color_0(i, seen.direction), seen.z));
     }

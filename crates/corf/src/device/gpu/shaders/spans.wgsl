@@ -25,10 +25,11 @@ fn span(low: f32, high: f32, size: f32, count: u32) -> vec2<i32> {
     return vec2(max(first, 0), min(last, i32(count) - 1));
 }
 
-fn reach_of(tiles: vec2<u32>, mean: vec2<f32>, q: vec3<f32>, tau: f32) -> Reach {
+// The determinant of Q is given: of a thin ellipse it would be lost in the rounding of Q.
+fn reach_of(tiles: vec2<u32>, mean: vec2<f32>, q: vec3<f32>, determinant: f32, tau: f32) -> Reach {
     var r: Reach;
     r.rows = vec2(0, -1);
-    r.determinant = fma(q.x, q.z, -(q.y * q.y));
+    r.determinant = determinant;
     if (!(tau > 0.0 && r.determinant > 0.0)) { return r; }
     r.mean = mean;
     r.q = q;

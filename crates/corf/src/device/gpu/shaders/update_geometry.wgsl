@@ -55,18 +55,18 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let p = to_camera(mean);
     let s = shape_of(vec4(c0.w, c1.xyz), vec3(c1.w, c2.xy));
     let d = direction_of(mean);
-    var dp = vec3(0.0);
-    var dv = Symmetric(vec3(0.0), vec3(0.0));
+    var of_shape: OfShape;
     let seen = vec2(found_0.c.z, found_1.c.z) > vec2(0.0);
     var d_logit = vec2(0.0);
     if (seen.x) {
-        d_logit.x = through(0u, p, s, c2.z, found_0, &dp, &dv);
+        d_logit.x = through(0u, p, s, c2.z, found_0, &of_shape);
     }
     if (seen.y) {
-        d_logit.y = through(1u, p, s, c2.w, found_1, &dp, &dv);
+        d_logit.y = through(1u, p, s, c2.w, found_1, &of_shape);
     }
     NOTE
-    let d_shape = shape_backward(s, dv);
+    let d_shape = shape_backward(s, of_shape);
+    let dp = of_shape.p;
     // dL/dμ = Wᵀ dL/dp, and the way through the viewing direction: dd/dμ = (I − d dᵀ) / distance.
     let r0 = params.camera_from_world[0].xyz;
     let r1 = params.camera_from_world[1].xyz;
@@ -89,14 +89,12 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     );
 }
 
-// Adds what one image says to dL/dp and dL/dV; returns dL/d(opacity logit).
-fn through(
-    g: u32, p: vec3<f32>, s: Shape, logit: f32, f: Found, dp: ptr<function, vec3<f32>>, dv: ptr<function, Symmetric>,
-) -> f32 {
+// Adds what one image says; returns dL/d(opacity logit).
+fn through(g: u32, p: vec3<f32>, s: Shape, logit: f32, f: Found, d: ptr<function, OfShape>) -> f32 {
     let grid = params.grids[g];
-    let e = ellipse_of(grid, p, s.covariance);
+    let e = ellipse_of(grid, p, s);
     let opacity = 1.0 / (1.0 + exp(-logit));
     let gradient = EllipseGradient(f.b.yzw, f.c.xy, f.a.w, f.b.x * opacity);
-    ellipse_backward(grid, e, gradient, dp, dv);
+    ellipse_backward(grid, s, e, gradient, d);
     return f.b.x * e.rho * opacity * (1.0 - opacity);
 }
