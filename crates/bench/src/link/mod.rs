@@ -252,9 +252,7 @@ impl LinkSetup {
         let rx_array = array(&link.receiver, rx_grid, of_scene, &place("receiver"))?;
         let scene = config.load_scene()?;
         config.check_radio(&scene)?;
-        if link.transmission {
-            say::findings(geometry_warnings(&scene));
-        }
+        say::findings(geometry_warnings(&scene, link.transmission));
         let solids = Solids::of(&scene);
         Ok(Self { config, scene, link, transmitters, rx_array, solids })
     }

@@ -17,6 +17,8 @@ pub struct Notes {
     pub db_range: DbRange,
     /// Colour behind the RF field.
     pub rf_background: [f32; 3],
+    /// What the data set took off positions, metres along the z-up world's axes.
+    pub offset_m: Option<[f64; 3]>,
 }
 
 /// Spelling of the axis in a header.
@@ -44,6 +46,9 @@ impl Notes {
             format!("SH degree: {}", appearance.sh_degree),
             format!("corf filter: {h} px^2 added to the diagonal of the projected covariance, opacity {opacity}"),
         ];
+        if let Some([x, y, z]) = self.offset_m {
+            lines.push(format!("corf offset: {x} {y} {z} m along the axes of the z-up world was taken off the original positions"));
+        }
         if radio {
             lines.extend(self.radio(""));
         }

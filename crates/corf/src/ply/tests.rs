@@ -8,6 +8,7 @@ const NOTES: Notes = Notes {
     rf_target: RfTarget::Jet,
     db_range: DbRange { min_db: -130.0, max_db: -60.0 },
     rf_background: [0.0, 0.0, 0.5],
+    offset_m: None,
 };
 
 fn header(path: &Path) -> Vec<String> {

@@ -156,9 +156,7 @@ impl Radio {
         let scene = scene_config.load_scene()?;
         scene_config.check_radio(&scene)?;
         scene_config.check_placement(&scene)?;
-        if config.rf.transmission {
-            say::findings(geometry_warnings(&scene));
-        }
+        say::findings(geometry_warnings(&scene, config.rf.transmission));
         let mut seconds = Stages::default();
         let bvh = timed(&mut seconds.hierarchy, || Bvh::build(&scene));
         let plan = SensorPlan::of(&config, &scene_config)?;
