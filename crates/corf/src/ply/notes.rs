@@ -71,6 +71,17 @@ impl Notes {
     }
 }
 
+/// The direction that a header's comments say is up. `None` where they say nothing.
+pub(super) fn up<'a>(comments: impl Iterator<Item = &'a str>) -> Option<[f32; 3]> {
+    let axis = |c: &str| {
+        let text = c.trim().to_lowercase();
+        let rest = text.strip_prefix(VERTICAL_AXIS.trim_end().to_lowercase().as_str())?.trim().to_owned();
+        let numbers: Vec<f32> = rest.split([' ', ',']).filter(|w| !w.is_empty()).map(str::parse).collect::<Result<_, _>>().ok()?;
+        <[f32; 3]>::try_from(numbers.as_slice()).ok()
+    };
+    comments.filter_map(axis).last()
+}
+
 /// The filter that a header's comments name: whether it is one that compensates opacity. `None` where they say nothing.
 pub(super) fn antialiased<'a>(comments: impl Iterator<Item = &'a str>) -> Option<bool> {
     let mode = |c: &str| match c.trim().to_lowercase().strip_prefix(&RENDER_MODE.to_lowercase()).map(str::trim) {
