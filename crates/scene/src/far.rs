@@ -34,7 +34,9 @@ mod tests {
     fn the_limit_is_where_steps_become_a_millimetre() {
         assert_eq!(step_mm(FAR_M), 1e3 * 2.0_f64.powi(-10));
         assert_eq!(step_mm(FAR_M - 1.0), 0.5e3 * 2.0_f64.powi(-10));
-        let warned = |x: f64| finding("d", "cameras stand", largest_m([DVec3::ONE, DVec3::new(0.0, -x, 1.0)].into_iter()), "move").is_some();
+        let warned = |x: f64| {
+            finding("d", "cameras stand", largest_m([DVec3::ONE, DVec3::new(0.0, -x, 1.0)].into_iter()), "move").is_some()
+        };
         assert!(warned(8192.0) && warned(446_522.0) && !warned(8191.0) && !warned(0.0));
         let text = finding("d", "cameras stand", 446_522.0, "move them").unwrap().to_string();
         assert!(text.contains("446522 m") && text.contains("31.2 mm") && text.contains("move them"), "{text}");

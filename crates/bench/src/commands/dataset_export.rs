@@ -92,7 +92,9 @@ impl Export {
         };
         let _held = claim_fresh(&self.out)?;
         if let Some([x, y, z]) = dataset.header().offset_m() {
-            note!("positions are in the data set's frame: ({x}, {y}, {z}) m was taken off the original ones, and is to be added to come back to them");
+            note!(
+                "positions are in the data set's frame: ({x}, {y}, {z}) m was taken off the original ones, and is to be added to come back to them"
+            );
         }
         if self.to == Form::Rf3dgs && dataset.has_masks() {
             note!("masks are not written, for RF-3DGS knows none: all pixels of the images will count there");

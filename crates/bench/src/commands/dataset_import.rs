@@ -76,7 +76,7 @@ pub struct Import {
     /// What is taken off all positions, X,Y,Z in metres along the data set's axes (behind --up and --scale), or `auto`: the middle of the cameras in whole
     /// 100 m. For captures in coordinates of a map, which single precision holds to centimetres; the data set keeps it as imported.offset_m. Cameras beyond
     /// 1e6 m are moved by `auto` without being asked to.
-    #[arg(long, value_name = "X,Y,Z|auto")]
+    #[arg(long, value_name = "X,Y,Z|auto", allow_hyphen_values = true)]
     offset: Option<OffsetArgument>,
     /// Keyframes that are held out: N for every N-th, or a file with their stems (or their indices from 0), one a line. Default: what the capture lists, or
     /// every 8th.

@@ -107,7 +107,9 @@ impl Export {
         };
         let mut said = vec![];
         if let Some([x, y, z]) = offset_m {
-            said.push(format!("positions are in the data set's frame: ({x}, {y}, {z}) m of the z-up world was taken off the original ones"));
+            said.push(format!(
+                "positions are in the data set's frame: ({x}, {y}, {z}) m of the z-up world was taken off the original ones"
+            ));
         }
         let mut gaussians = SingleModality::of(field.gaussians, modality);
         if gaussians.appearance.channels == 1 {

@@ -32,11 +32,15 @@ pub(super) fn check_columns(table: &Table) -> Result<()> {
             None => name == *begin,
         };
         if let Some((_, what)) = OTHERS.iter().find(is) {
-            return Err(table.invalid(format!("the column `{name}` is of {what}"), "give 3D Gaussians of a scene that stands still"));
+            return Err(
+                table.invalid(format!("the column `{name}` is of {what}"), "give 3D Gaussians of a scene that stands still")
+            );
         }
         let filters = ["filter_3d", "filter3d", "filter"];
         if name != FILTER && filters.contains(&name.to_lowercase().as_str()) {
-            let what = format!("the column `{name}` is no name of a 3D filter that is known: whether it is to be applied cannot be told");
+            let what = format!(
+                "the column `{name}` is no name of a 3D filter that is known: whether it is to be applied cannot be told"
+            );
             return Err(table.invalid(what, "fuse it into scales and opacities, or call it `filter_3D` if it is Mip-Splatting's"));
         }
     }

@@ -47,7 +47,9 @@ impl Notes {
             format!("corf filter: {h} px^2 added to the diagonal of the projected covariance, opacity {opacity}"),
         ];
         if let Some([x, y, z]) = self.offset_m {
-            lines.push(format!("corf offset: {x} {y} {z} m along the axes of the z-up world was taken off the original positions"));
+            lines.push(format!(
+                "corf offset: {x} {y} {z} m along the axes of the z-up world was taken off the original positions"
+            ));
         }
         if radio {
             lines.extend(self.radio(""));
@@ -76,7 +78,8 @@ pub(super) fn up<'a>(comments: impl Iterator<Item = &'a str>) -> Option<[f32; 3]
     let axis = |c: &str| {
         let text = c.trim().to_lowercase();
         let rest = text.strip_prefix(VERTICAL_AXIS.trim_end().to_lowercase().as_str())?.trim().to_owned();
-        let numbers: Vec<f32> = rest.split([' ', ',']).filter(|w| !w.is_empty()).map(str::parse).collect::<Result<_, _>>().ok()?;
+        let numbers: Vec<f32> =
+            rest.split([' ', ',']).filter(|w| !w.is_empty()).map(str::parse).collect::<Result<_, _>>().ok()?;
         <[f32; 3]>::try_from(numbers.as_slice()).ok()
     };
     comments.filter_map(axis).last()

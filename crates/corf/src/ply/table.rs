@@ -388,9 +388,7 @@ impl Table {
         let sh_degree = (0..=3).find(|d| ((d + 1) * (d + 1) - 1) * channels == rest).ok_or_else(|| {
             let what = match (4..=8).find(|d| ((d + 1) * (d + 1) - 1) * channels == rest) {
                 Some(degree) => format!("its harmonics are of degree {degree} ({rest} columns `{prefix}f_rest_*`)"),
-                None => format!(
-                    "{rest} columns `{prefix}f_rest_*` fit no spherical-harmonic degree with {channels} channel(s)"
-                ),
+                None => format!("{rest} columns `{prefix}f_rest_*` fit no spherical-harmonic degree with {channels} channel(s)"),
             };
             self.invalid(what, "degrees 0 to 3 are read, which have 0, 3, 8 or 15 of them per channel")
         })?;
@@ -422,7 +420,11 @@ fn from_binary(body: &[u8], order: Order, elements: &[Element], place: &str) -> 
         let wanted = element.name == "vertex";
         let Some(row_bytes) = element.row_bytes() else {
             for row in 0..element.rows {
-                data.row(element, row, |v| if wanted { values.push(v as f32) })?;
+                data.row(element, row, |v| {
+                    if wanted {
+                        values.push(v as f32)
+                    }
+                })?;
             }
             continue;
         };
@@ -456,7 +458,8 @@ fn single(property: &Property) -> Option<Scalar> {
 
 /// As [`from_binary`], of text: a line a row. `header_lines` are those before the first.
 fn from_text(body: &[u8], header_lines: usize, elements: &[Element], place: &str) -> Result<Vec<f32>> {
-    let body = std::str::from_utf8(body).map_err(|_| Error::invalid(place, "the data is not text, as its format says", DISAGREE))?;
+    let body =
+        std::str::from_utf8(body).map_err(|_| Error::invalid(place, "the data is not text, as its format says", DISAGREE))?;
     let mut lines = body.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let mut values = vec![];
     for element in elements.iter().filter(|e| !e.properties.is_empty()) {
@@ -468,7 +471,8 @@ fn from_text(body: &[u8], header_lines: usize, elements: &[Element], place: &str
             let fault = |what: String| Error::invalid(format!("{place}:{}", header_lines + i + 1), what, DISAGREE);
             let mut words = line.split_whitespace();
             let mut number = || {
-                let word = words.next().ok_or_else(|| fault(format!("the line has too few numbers for a row of `{}`", element.name)))?;
+                let word =
+                    words.next().ok_or_else(|| fault(format!("the line has too few numbers for a row of `{}`", element.name)))?;
                 word.parse::<f64>().map_err(|_| fault(format!("`{word}` is no number")))
             };
             for (_, property) in &element.properties {

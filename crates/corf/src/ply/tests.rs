@@ -243,7 +243,8 @@ impl Hand {
 
     fn file(&self) -> Vec<u8> {
         let Self { format, end, header, body } = self;
-        [format!("ply{end}format {format} 1.0{end}comment by hand{end}obj_info x{end}{header}end_header{end}").as_bytes(), body].concat()
+        [format!("ply{end}format {format} 1.0{end}comment by hand{end}obj_info x{end}{header}end_header{end}").as_bytes(), body]
+            .concat()
     }
 }
 

@@ -12,6 +12,7 @@ use crate::contained::{self, Reach};
 use crate::dataset::ColoredPoint;
 use crate::{Error, Pinhole, Result, Rigid3};
 use glam::{DMat3, DQuat, DVec3};
+use rigs::Rigs;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -182,7 +183,18 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
     if sparse.images.is_empty() {
         return Err(Error::invalid(place, "it has no image", "give a reconstruction with registered images"));
     }
-    let rigs = rigs::read(&folder, ending, &mut notes)?;
+    let rig_files = rigs::files(&folder, ending)?;
+    let rigs = match &rig_files {
+        None => None,
+        Some(files) => {
+            let [rigs, frames] = files;
+            let (rigs, frames) = match ending {
+                "bin" => (binary::rigs(rigs)?, binary::frames(frames)?),
+                _ => (text::rigs(rigs, &mut notes)?, text::frames(frames, &mut notes)?),
+            };
+            Rigs::new(files, rigs, frames)
+        }
+    };
     let poses: Vec<Option<Rigid3>> = match &rigs {
         Some(rigs) => rigs.camera_from_world(&sparse.images, &place, &mut notes)?,
         None => {
@@ -220,7 +232,7 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
     shots.sort_by(|a, b| names::natural(&a.name, &b.name));
     notes.extend(further_models(source, &folder));
     let mut files: Vec<PathBuf> = ["cameras", "images", "points3D"].map(file).into_iter().filter(|f| f.is_file()).collect();
-    files.extend(rigs.iter().flat_map(|rigs| rigs.files().map(Path::to_path_buf)));
+    files.extend(rig_files.into_iter().flatten());
     Ok(Capture { shots, points: sparse.points, lists: None, spectra: None, files, notes })
 }
 

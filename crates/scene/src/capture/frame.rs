@@ -34,13 +34,15 @@ impl WorldFromCapture {
         let too_far = || positions().any(|p| p.abs().max_element() > bounds::MAX_COORDINATE_M);
         let offset_m = match offset {
             Some(Offset::Point(point)) => {
-                point.iter().try_for_each(|v| bounds::number("--offset", *v, &(-LARGEST_OFFSET_M..=LARGEST_OFFSET_M), "metres"))?;
+                point
+                    .iter()
+                    .try_for_each(|v| bounds::number("--offset", *v, &(-LARGEST_OFFSET_M..=LARGEST_OFFSET_M), "metres"))?;
                 DVec3::from(point)
             }
             None if !too_far() => DVec3::ZERO,
             Some(Offset::Cameras) | None => {
-                let (low, high) = positions()
-                    .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+                let (low, high) =
+                    positions().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
                 let middle = 0.5 * (low + high);
                 let steps = (middle / Offset::STEP_M).round() * Offset::STEP_M;
                 // No -0 in files.
@@ -84,7 +86,15 @@ impl WorldFromCapture {
     /// A position that is not finite, or a thousand kilometres from the origin.
     pub fn pose(&self, world_from_camera: &Rigid3, place: &str) -> Result<Rigid3> {
         let translation = self.point(world_from_camera.translation);
-        bounds::position(place, translation)?;
+        if let Err(error) = bounds::position(place, translation) {
+            return Err(match error {
+                Error::Invalid { place, what, .. } if translation.is_finite() => {
+                    let help = "coordinates are in metres, at most 1e6 from the origin: check --scale, or move the origin with --offset auto";
+                    Error::invalid(place, what, help)
+                }
+                other => other,
+            });
+        }
         Ok(Rigid3 { rotation: self.rotation * world_from_camera.rotation, translation })
     }
 }
@@ -136,7 +146,10 @@ mod tests {
             assert!((moved.pose(&shots[0].world_from_camera, "a").unwrap().translation - moved.point(at)).length() == 0.0);
         }
         // A room stays where it is, and what can stand nowhere is moved by itself.
-        assert_eq!(WorldFromCapture::new(None, 1.0, Some(Offset::Cameras), &[shot(DVec3::splat(-3.0))]).unwrap().offset_m, DVec3::ZERO);
+        assert_eq!(
+            WorldFromCapture::new(None, 1.0, Some(Offset::Cameras), &[shot(DVec3::splat(-3.0))]).unwrap().offset_m,
+            DVec3::ZERO
+        );
         let far = [shot(DVec3::new(500_002.0, 4_400_002.0, 121.5))];
         assert_eq!(WorldFromCapture::new(None, 1.0, None, &far).unwrap().offset_m, DVec3::new(500_000.0, 4_400_000.0, 100.0));
         let point = |v| WorldFromCapture::new(None, 1.0, Some(Offset::Point([v, 0.0, 0.0])), &far);

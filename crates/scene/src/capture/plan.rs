@@ -121,7 +121,9 @@ impl Plan {
                 Some(Offset::Cameras) => "the middle of the cameras in steps of 100 m",
                 None => "for coordinates beyond 1e6 m cannot be kept (--offset says otherwise)",
             };
-            notes.push(format!("({x}, {y}, {z}) m was taken off all positions: {why}; add it to come back to the capture's frame"));
+            notes.push(format!(
+                "({x}, {y}, {z}) m was taken off all positions: {why}; add it to come back to the capture's frame"
+            ));
         }
         let imported = Imported {
             offset_m,

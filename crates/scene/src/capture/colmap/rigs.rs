@@ -3,10 +3,10 @@
 //! The pose of an image is `camera_from_world = sensor_from_rig ∘ rig_from_world`: the sensor's place on the rig from `rigs`, that of the rig from
 //! `frames`. A rig's reference sensor is the rig's own frame. Poses in `images` are derived from these and are not used where there are frames.
 
-use super::{Image, Pose, binary, text};
+use super::{Image, Pose};
 use crate::{Error, Result, Rigid3};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Kinds of sensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -46,42 +46,32 @@ pub(super) struct Frame {
 /// Rigs and frames of a model, and the names of their files.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Rigs {
-    pub rigs: Vec<Rig>,
-    pub frames: Vec<Frame>,
+    rigs: Vec<Rig>,
+    frames: Vec<Frame>,
     rigs_file: String,
     frames_file: String,
 }
 
 const EXPORT: &str = "the files do not belong together: export the whole model again (`colmap model_converter`)";
 
-/// Reads `rigs` and `frames` of the form that the model has; `None` of a model without.
+/// Names of the files `rigs` and `frames` of the form that the model has; `None` of a model without.
 ///
 /// # Errors
-/// One without the other, or both in the other form alone; files that are not of the format.
-pub(super) fn read(folder: &Path, ending: &str, notes: &mut Vec<String>) -> Result<Option<Rigs>> {
+/// One without the other, or both in the other form alone.
+pub(super) fn files(folder: &Path, ending: &str) -> Result<Option<[PathBuf; 2]>> {
     let other = if ending == "bin" { "txt" } else { "bin" };
     let path = |name: &str, ending: &str| folder.join(format!("{name}.{ending}"));
     let [rigs, frames] = ["rigs", "frames"].map(|name| path(name, ending));
     let fault = |here: &Path, what: String| Err(Error::invalid(here.display().to_string(), what, EXPORT));
     match (rigs.is_file(), frames.is_file()) {
-        (true, true) => {}
-        (true, false) => return fault(&rigs, format!("it is there without {}", frames.display())),
-        (false, true) => return fault(&frames, format!("it is there without {}", rigs.display())),
-        (false, false) => {
-            let stray = ["frames", "rigs"].map(|name| path(name, other)).into_iter().find(|p| p.is_file());
-            return match stray {
-                Some(stray) => fault(&stray, format!("it is of another form than {}", path("images", ending).display())),
-                None => Ok(None),
-            };
-        }
+        (true, true) => Ok(Some([rigs, frames])),
+        (true, false) => fault(&rigs, format!("it is there without {}", frames.display())),
+        (false, true) => fault(&frames, format!("it is there without {}", rigs.display())),
+        (false, false) => match ["frames", "rigs"].map(|name| path(name, other)).into_iter().find(|p| p.is_file()) {
+            Some(stray) => fault(&stray, format!("it is of another form than {}", path("images", ending).display())),
+            None => Ok(None),
+        },
     }
-    let (rigs_file, frames_file) = (rigs.display().to_string(), frames.display().to_string());
-    let (rigs, frames) = match ending {
-        "bin" => (binary::rigs(&rigs)?, binary::frames(&frames)?),
-        _ => (text::rigs(&rigs, notes)?, text::frames(&frames, notes)?),
-    };
-    // COLMAP, too, takes a model with neither for one of before there were any.
-    Ok((!rigs.is_empty() || !frames.is_empty()).then_some(Rigs { rigs, frames, rigs_file, frames_file }))
 }
 
 /// Differences from the poses in `images` that are rounding: degrees, and a share of the distance from the origin or of one unit.
@@ -89,6 +79,12 @@ const ROUNDING_DEG: f64 = 1e-3;
 const ROUNDING: f64 = 1e-5;
 
 impl Rigs {
+    /// Those of two files; `None` where both are empty, which COLMAP, too, takes for a model of before there were any.
+    pub fn new([rigs_file, frames_file]: &[PathBuf; 2], rigs: Vec<Rig>, frames: Vec<Frame>) -> Option<Self> {
+        let [rigs_file, frames_file] = [rigs_file, frames_file].map(|file| file.display().to_string());
+        (!rigs.is_empty() || !frames.is_empty()).then_some(Self { rigs, frames, rigs_file, frames_file })
+    }
+
     /// camera_from_world of every image; `None` where the rig does not say where its camera is. `images_file` is where the images stand.
     ///
     /// # Errors
@@ -174,11 +170,6 @@ impl Rigs {
             notes.push(format!("{} images are in frames and not in {images_file}, as {id} of {place}", taken.len()));
         }
         Ok(poses)
-    }
-
-    /// Names of its files.
-    pub fn files(&self) -> [&Path; 2] {
-        [Path::new(&self.rigs_file), Path::new(&self.frames_file)]
     }
 }
 

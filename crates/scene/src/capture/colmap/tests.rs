@@ -151,7 +151,8 @@ fn binary_files_that_are_cut_or_lie_about_their_length_are_refused() {
 /// A model with two rigs: one whose reference sensor is not the first camera and which has an inertial unit without a pose, one whose reference sensor is an
 /// inertial unit. Poses in `images.txt` are wrong but for the first.
 const RIG_CAMERAS: &str = "1 PINHOLE 8 6 6 6 4 3\n2 PINHOLE 8 6 6 6 4 3\n5 PINHOLE 8 6 6 6 4 3\n9 EUCM 8 6 1 1 1 1 1 1\n";
-const RIGS: &str = "# Number of rigs: 2\n4 3 CAMERA 2 CAMERA 1 1 0.8 0 0.6 0 0.5 0 -0.25 IMU 1 0\n7 2 IMU 1 CAMERA 5 1 0.6 0 0 0.8 1 2 3\n";
+const RIGS: &str =
+    "# Number of rigs: 2\n4 3 CAMERA 2 CAMERA 1 1 0.8 0 0.6 0 0.5 0 -0.25 IMU 1 0\n7 2 IMU 1 CAMERA 5 1 0.6 0 0 0.8 1 2 3\n";
 const FRAMES: &str = "10 4 1 0 0 0 1 2 3 3 CAMERA 1 31 CAMERA 2 30 IMU 1 99\n11 4 0.5 0.5 -0.5 0.5 0 1.5 -2 2 CAMERA 2 40 CAMERA 1 41\n\
                       12 7 0.8 0 0.6 0 -1 0 4 2 IMU 1 1 CAMERA 5 50\n";
 const RIG_IMAGES: &str = "30 1 0 0 0 1 2 3 2 b/0.png\n\n31 1 0 0 0 9 9 9 1 a/0.png\n\n40 1 0 0 0 0 0 0 2 b/1.png\n\n41 1 0 0 0 0 0 0 1 a/1.png\n\n\
@@ -197,7 +198,10 @@ fn poses_come_from_frames_and_rigs_as_colmap_reads_them() {
         for (shot, (name, place, view)) in capture.shots.iter().zip(BY_PYCOLMAP) {
             assert_eq!(shot.name, name);
             let (at, along) = (shot.world_from_camera.translation, shot.world_from_camera.rotation.z_axis);
-            assert!(at.distance(DVec3::from(place)) < 1e-12 && along.distance(DVec3::from(view)) < 1e-12, "{what} {name}: {at} {along}");
+            assert!(
+                at.distance(DVec3::from(place)) < 1e-12 && along.distance(DVec3::from(view)) < 1e-12,
+                "{what} {name}: {at} {along}"
+            );
         }
         assert!(capture.files.iter().any(|f| f.file_stem().unwrap() == "frames"), "{what}");
         assert!(capture.notes.iter().any(|n| n.contains("differ by up to")), "{what}: {:?}", capture.notes);
@@ -253,7 +257,10 @@ fn frames_and_rigs_that_do_not_fit_are_refused_with_both_files() {
     refused(&[("frames", &frames("12 7 ", "12 8 "))], &["frames.txt", "frame 12", "rigs.txt", "rig 8"]);
     refused(&[("frames", &frames("12 7 ", "11 7 "))], &["frame 11", "two"]);
     refused(&[("frames", &frames("CAMERA 5 50", "CAMERA 5 40"))], &["image 40", "frame 11", "frame 12"]);
-    refused(&[("frames", &frames("CAMERA 2 40 CAMERA 1 41", "CAMERA 1 40 CAMERA 2 41"))], &["b/1.png", "camera is 2", "frame 11"]);
+    refused(
+        &[("frames", &frames("CAMERA 2 40 CAMERA 1 41", "CAMERA 1 40 CAMERA 2 41"))],
+        &["b/1.png", "camera is 2", "frame 11"],
+    );
     refused(&[("frames", &frames("12 7 0.8 0 0.6 0", "12 7 0 0 0 0"))], &["frame 12", "quaternion"]);
     refused(&[("frames", &frames("12 7 0.8", "12 7 nan"))], &["frame 12", "quaternion"]);
     refused(&[("frames", &frames("-2 2 CAMERA", "-2 3 CAMERA"))], &["frames.txt:2", "too soon"]);

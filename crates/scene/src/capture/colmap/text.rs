@@ -167,7 +167,12 @@ pub(super) fn points(path: &Path, notes: &mut Vec<String>) -> Result<Vec<Colored
         // Behind the error stand pairs: an image, and the point's place among its 2-D points.
         let behind = fields.count();
         if behind > 0 && behind % 2 == 0 {
-            return Err(fault(path, line, format!("its track has {} fields, no pairs of IMAGE_ID POINT2D_IDX", behind - 1), EXPORT));
+            return Err(fault(
+                path,
+                line,
+                format!("its track has {} fields, no pairs of IMAGE_ID POINT2D_IDX", behind - 1),
+                EXPORT,
+            ));
         }
         value::<u64>(head[0], path, line)?;
         let position: Vec<f64> = values(&head[1..4], path, line)?;
@@ -234,7 +239,8 @@ impl<'a> Fields<'a> {
 
 /// `rigs.txt`.
 pub(super) fn rigs(path: &Path, notes: &mut Vec<String>) -> Result<Vec<Rig>> {
-    const FORM: &str = "RIG_ID NUM_SENSORS REF_SENSOR_TYPE REF_SENSOR_ID (SENSOR_TYPE SENSOR_ID HAS_POSE [QW QX QY QZ TX TY TZ])...";
+    const FORM: &str =
+        "RIG_ID NUM_SENSORS REF_SENSOR_TYPE REF_SENSOR_ID (SENSOR_TYPE SENSOR_ID HAS_POSE [QW QX QY QZ TX TY TZ])...";
     let mut rigs = Vec::new();
     let content = content(path)?;
     for (line, text) in lines(&content) {

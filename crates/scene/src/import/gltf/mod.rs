@@ -51,7 +51,8 @@ pub(super) fn load(bytes: &[u8], path: &Path, options: &ImportOptions) -> Result
         None => world_from_file,
     };
     let seen = vec![false; document.nodes().len()];
-    let mut reader = Reader { source: &source, scene, report: ImportReport::default(), notes, seen, offset: options.offset_m.is_some() };
+    let mut reader =
+        Reader { source: &source, scene, report: ImportReport::default(), notes, seen, offset: options.offset_m.is_some() };
     // Depth first, in the file's order: object numbers follow the order a person sees in the file.
     let mut stack: Vec<Visit<'_>> = roots.into_iter().rev().map(|n| (n, world_from_file, true)).collect();
     while let Some((node, world_from_parent, shown)) = stack.pop() {
