@@ -138,7 +138,8 @@ fn captures_far_from_the_origin_are_moved_or_told() {
     let shift = reference.poses()[0].world_from_camera.translation - moved.poses()[0].world_from_camera.translation;
     same_but_for(&moved, shift);
     assert!(moved.poses().iter().all(|p| p.world_from_camera.translation.abs().max_element() < 100.0));
-    let refused = ["dataset", "import", text(&utm), "--from", "colmap", "--out", text(&out("no")), "--offset", "0,0,0"];
+    let no = out("no");
+    let refused = ["dataset", "import", text(&utm), "--from", "colmap", "--out", text(&no), "--offset", "0,0,0"];
     corf_refuses(&refused, &["1e6 from the origin", "--offset"]);
     corf_refuses(&[&refused[..7], &["--offset", "1,2"]].concat(), &["three numbers"]);
     corf_refuses(&[&refused[..7], &["--offset", "nan,0,0"]].concat(), &["finite"]);
