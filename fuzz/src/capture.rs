@@ -35,9 +35,13 @@ fn examine(options: &ImportOptions) -> Result<()> {
 fn colmap(bytes: &[u8], folder: &Path, ending: &str) -> Result<()> {
     pictures(folder, "images")?;
     std::fs::create_dir_all(folder.join("sparse/0"))?;
-    let files: [&[u8]; 3] = parts(bytes);
-    for (name, content) in ["cameras", "images", "points3D"].iter().zip(files) {
-        put(folder, &format!("sparse/0/{name}.{ending}"), content)?;
+    let files: [&[u8]; 5] = parts(bytes);
+    for (name, content) in ["cameras", "images", "points3D", "rigs", "frames"].iter().zip(files) {
+        let path = put(folder, &format!("sparse/0/{name}.{ending}"), content)?;
+        // A model of before there were rigs has no such files.
+        if content.is_empty() && ["rigs", "frames"].contains(name) {
+            std::fs::remove_file(path)?;
+        }
     }
     examine(&ImportOptions::new(Format::Colmap, folder))
 }

@@ -85,9 +85,7 @@ pub fn generate_from(
     say::findings(array.check(header.poses.iter().map(|pose| &pose.world_from_camera))?);
     let _held = claim_output(out, resume)?;
     say::findings(placement);
-    if config.rf.transmission {
-        say::findings(geometry_warnings(scene));
-    }
+    say::findings(geometry_warnings(scene, config.rf.transmission));
     let light = LightTracer::new(scene, &bvh);
     let mut camera = camera(config, &light, denoiser)?;
     let exposure_ev = match config.optical.exposure_ev {

@@ -1,6 +1,7 @@
 //! The dataset that numbers come from, and whether it is known to be the one that was generated.
 
 use crate::metrics::lpips::LpipsNetworks;
+use crate::say;
 use anyhow::Result;
 use clap::Args;
 use corf_scene::dataset::Dataset;
@@ -53,6 +54,7 @@ impl Input {
         if verify {
             dataset.verify()?;
         }
+        say::findings(dataset.far_finding());
         Ok(Self { dataset, verified: verify, networks: Arc::default() })
     }
 

@@ -84,6 +84,9 @@ pub struct RunInfo {
     pub dataset: PathBuf,
     /// Hash of the dataset.
     pub dataset_hash: String,
+    /// What the dataset took off positions, metres ([`corf_scene::dataset::DatasetHeader::offset_m`]).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dataset_offset_m: Option<[f64; 3]>,
     /// Whether every file of the dataset was checked against its recorded SHA-256 before it was read.
     #[serde(default)]
     pub dataset_verified: bool,
@@ -156,6 +159,7 @@ impl RunInfo {
             seed,
             dataset: std::path::absolute(dataset.dir())?,
             dataset_hash: dataset.hash().to_owned(),
+            dataset_offset_m: dataset.header().offset_m(),
             dataset_verified: verified,
             device: method.device(),
             provenance: Provenance::here(),

@@ -1,10 +1,11 @@
 //! The scene that a data set was generated from, read again from its file: what re-traces a data set starts here, and refuses any other scene.
 
 use crate::scene_in_use;
+use crate::say;
 use anyhow::Result;
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use corf_scene::dataset::Dataset;
-use corf_scene::{Error, Scene, fingerprint, io};
+use corf_scene::{Error, Scene, fingerprint, io, radio_check};
 use std::path::Path;
 
 /// A data set's scene with both of its configurations.
@@ -45,6 +46,7 @@ impl SceneBehind {
             let what = format!("not the scene that {} was generated from", dataset.dir().display());
             return Err(Error::invalid(path.display().to_string(), what, "give that one, with the mesh as it was").into());
         }
+        say::findings(radio_check::far_finding(&scene));
         Ok(Self { config: config.clone(), scene_config, scene })
     }
 }

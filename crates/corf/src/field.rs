@@ -91,7 +91,7 @@ impl FieldMeta {
     /// What headers say of a field in the world frame that was trained with this filter.
     pub fn notes(&self, antialias: Antialias) -> ply::Notes {
         let rf_background = self.rf_background_color();
-        ply::Notes { antialias, up: [0, 0, 1], rf_target: self.rf_target, db_range: self.db_range, rf_background }
+        ply::Notes { antialias, up: [0, 0, 1], rf_target: self.rf_target, db_range: self.db_range, rf_background, offset_m: None }
     }
 
     /// Renders the Gaussians that `device` holds at a pose, both cameras at once.

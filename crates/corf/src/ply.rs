@@ -5,8 +5,12 @@
 //! `rot_*` (w, x, y, z). `optical.ply` and `rf.ply` hold one modality each, in the same row order; `coupled.ply` is the optical file with the extra
 //! columns `rf_opacity`, `rf_f_dc_*`, `rf_f_rest_*`, none of which begins like a standard one, so tools that match prefixes still read it.
 //!
+//! Files of other programs are read in all forms that PLY has (`table.rs`). A column that changes what a Gaussian is has its effect or is refused
+//! (`foreign.rs`); of others it is said that they were not read.
+//!
 //! Comments in the header say how they are to be drawn ([`Notes`]). Colour is `max(0, 0.5 + Σ sh·Y)`, world frame, metres, z up.
 
+mod foreign;
 mod notes;
 mod table;
 
@@ -49,6 +53,12 @@ pub struct ForeignField {
     pub gaussians: SingleModality,
     /// Whether they were trained with a filter that compensates opacity; `None` where the header does not say.
     pub antialiased: Option<bool>,
+    /// Whether scales and opacities were those before a 3D filter (Mip-Splatting's column `filter_3D`), which was applied.
+    pub filter_3d: bool,
+    /// Direction that the header says is up, where it says so.
+    pub up: Option<[f32; 3]>,
+    /// Columns that were not read.
+    pub unread: Vec<String>,
 }
 
 /// Writes geometry and optical appearance (`optical.ply`).
@@ -91,17 +101,20 @@ pub fn write_single(path: &Path, field: &SingleModality, modality: Modality, not
 /// Reads a file of one modality; further columns are ignored, so a coupled file gives its optical half.
 ///
 /// # Errors
-/// A file that cannot be read, is no binary little-endian PLY, lacks a column, or is truncated; the message says where.
+/// A file that cannot be read, is no PLY, lacks a column, is truncated, or has columns that make its Gaussians something else; the message says where.
 pub fn read_single(path: &Path) -> Result<SingleModality> {
     single(&Table::read(path)?)
 }
 
 fn single(table: &Table) -> Result<SingleModality> {
+    foreign::check_columns(table)?;
     let (position, rotation, log_scale) = table.geometry()?;
-    Ok(SingleModality { position, rotation, log_scale, appearance: table.appearance("")? })
+    let mut field = SingleModality { position, rotation, log_scale, appearance: table.appearance("")? };
+    foreign::apply_filter(table, &mut field)?;
+    Ok(field)
 }
 
-/// Reads Gaussians of light that another program trained: the layouts of INRIA's reference implementation and of gsplat.
+/// Reads Gaussians of light that another program trained: the layouts of INRIA's reference implementation, of gsplat and of Mip-Splatting.
 ///
 /// # Errors
 /// Those of [`read_single`]; also a file without Gaussians, of other than three colour channels, with a rotation that is none, or with a size that no
@@ -125,7 +138,13 @@ pub fn read_foreign(path: &Path) -> Result<ForeignField> {
         let what = format!("vertex {i}: scale_0 to scale_2 are {:?}", gaussians.log_scale[i]);
         return Err(table.invalid(what, "scales are natural logarithms of metres; give them between -40 and 40"));
     }
-    Ok(ForeignField { gaussians, antialiased: notes::antialiased(table.comments()) })
+    Ok(ForeignField {
+        gaussians,
+        antialiased: notes::antialiased(table.comments()),
+        filter_3d: table.has(foreign::FILTER),
+        up: notes::up(table.comments()),
+        unread: foreign::unread(&table),
+    })
 }
 
 /// exp of twice this, a variance, is still a number in single precision, and so is its inverse.

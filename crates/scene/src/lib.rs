@@ -15,6 +15,7 @@ pub mod dataset;
 pub mod draw;
 mod error;
 pub mod export;
+pub mod far;
 pub mod finding;
 pub mod fingerprint;
 mod guard;

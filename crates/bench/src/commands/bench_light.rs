@@ -15,7 +15,7 @@ use corf_raytrace::light::{self, LightFrame, LightSettings, LightTracer};
 use corf_raytrace::sensor::OpticalSensor;
 use corf_scene::config::DatasetConfig;
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Pinhole, Raster, Rigid3, Rng, Scene, io};
+use corf_scene::{Pinhole, Raster, Rigid3, Rng, Scene, io, radio_check};
 use glam::DVec3;
 use serde::Serialize;
 use std::fmt::Write;
@@ -115,6 +115,7 @@ impl Light {
         let scene_config = config.load_scene_config()?;
         let scene = scene_in_use::load(&scene_config)?;
         let denoiser = Oidn::asked_for(&config)?;
+        say::findings(radio_check::far_finding(&scene));
         let _held = self.pictures.as_deref().map(claim_fresh).transpose()?;
         let poses = config.poses(&scene_config)?;
         let bvh = Bvh::build(&scene);

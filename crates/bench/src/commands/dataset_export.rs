@@ -91,6 +91,11 @@ impl Export {
             Form::Nerf2 => return self.nerf2(&dataset, json),
         };
         let _held = claim_fresh(&self.out)?;
+        if let Some([x, y, z]) = dataset.header().offset_m() {
+            note!(
+                "positions are in the data set's frame: ({x}, {y}, {z}) m was taken off the original ones, and is to be added to come back to them"
+            );
+        }
         if self.to == Form::Rf3dgs && dataset.has_masks() {
             note!("masks are not written, for RF-3DGS knows none: all pixels of the images will count there");
         }

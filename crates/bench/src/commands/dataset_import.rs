@@ -6,7 +6,7 @@ use crate::run::claim_fresh;
 use crate::{interrupt, note, say};
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
-use corf_scene::capture::{self, Format, ImportOptions, RfCamera, RfValues, SplitRule, Up};
+use corf_scene::capture::{self, Format, ImportOptions, Offset, RfCamera, RfValues, SplitRule, Up};
 use corf_scene::dataset::{Dataset, Quantity};
 use corf_scene::keyframe::DbRange;
 use corf_scene::lock;
@@ -73,6 +73,11 @@ pub struct Import {
     /// Metres that a unit of length of the capture counts.
     #[arg(long, value_name = "M", default_value_t = 1.0)]
     scale: f64,
+    /// What is taken off all positions, X,Y,Z in metres along the data set's axes (behind --up and --scale), or `auto`: the middle of the cameras in whole
+    /// 100 m. For captures in coordinates of a map, which single precision holds to centimetres; the data set keeps it as imported.offset_m. Cameras beyond
+    /// 1e6 m are moved by `auto` without being asked to.
+    #[arg(long, value_name = "X,Y,Z|auto", allow_hyphen_values = true)]
+    offset: Option<OffsetArgument>,
     /// Keyframes that are held out: N for every N-th, or a file with their stems (or their indices from 0), one a line. Default: what the capture lists, or
     /// every 8th.
     #[arg(long, value_name = "N|FILE")]
@@ -155,6 +160,23 @@ impl FromStr for UpArgument {
     }
 }
 
+#[derive(Clone)]
+struct OffsetArgument(Offset);
+
+impl FromStr for OffsetArgument {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self(Offset::Cameras));
+        }
+        match text.parse::<Numbers>()?.0.as_slice() {
+            &[x, y, z] => Ok(Self(Offset::Point([x, y, z]))),
+            _ => Err("give three numbers in metres, e.g. --offset 446000,5412000,0, or `auto`".to_owned()),
+        }
+    }
+}
+
 impl Import {
     fn options(&self) -> Result<ImportOptions> {
         let format = match self.from {
@@ -208,6 +230,7 @@ impl Import {
             depth_png_m: self.depth_unit,
             up: self.up.as_ref().map(|u| u.0),
             metres_per_unit: self.scale,
+            offset: self.offset.as_ref().map(|o| o.0),
             split,
             ignore_masks: self.ignore_masks,
             ..ImportOptions::new(format, &self.source)
@@ -243,6 +266,7 @@ impl Import {
         report.notes.iter().for_each(|line| note!("{line}"));
         say::findings(report.findings);
         let dataset = Dataset::open(&self.out)?;
+        say::findings(dataset.far_finding());
         let has = dataset.modalities();
         let mut text = format!("{}: {} keyframes", self.out.display(), dataset.len());
         text += if has.light { ", images" } else { ", no images" };

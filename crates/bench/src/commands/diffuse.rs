@@ -126,9 +126,7 @@ impl Diffuse {
         let near =
             |rx: &Point| near_field::finding(&format!("receiver at {}", rx.0), rx.0.distance(tx), config.radio.frequency_hz);
         say::findings(self.rx.iter().filter_map(near));
-        if !self.no_transmission {
-            say::findings(geometry_warnings(&scene));
-        }
+        say::findings(geometry_warnings(&scene, !self.no_transmission));
         let _held = self.arrivals.as_deref().map(claim_shared).transpose()?;
         let replicas = self.replicas;
         let mut sums = vec![Vec::new(); self.rx.len()];

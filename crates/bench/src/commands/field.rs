@@ -98,14 +98,19 @@ impl Export {
     /// # Errors
     /// A folder that is no run of Gaussians, a modality that was not trained, a degree below the field's, a file that cannot be written.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        let (field, antialias) = self.read()?;
-        let mut notes = field.meta.notes(antialias);
+        let (field, antialias, offset_m) = self.read()?;
+        let mut notes = ply::Notes { offset_m, ..field.meta.notes(antialias) };
         let meta = field.meta;
         let modality = match self.field {
             Half::Optical => Modality::Optical,
             Half::Rf => Modality::Rf,
         };
         let mut said = vec![];
+        if let Some([x, y, z]) = offset_m {
+            said.push(format!(
+                "positions are in the data set's frame: ({x}, {y}, {z}) m of the z-up world was taken off the original ones"
+            ));
+        }
         let mut gaussians = SingleModality::of(field.gaussians, modality);
         if gaussians.appearance.channels == 1 {
             gaussians = gaussians.in_three_channels();
@@ -157,14 +162,14 @@ impl Export {
         said.iter().for_each(|s| text += &format!("\n{s}"));
         let value = json!({
             "out": self.out, "format": self.to.name(), "gaussians": count, "sh_degree": sh_degree,
-            "file_from_world": columns, "antialiased": notes.is_antialiased(), "notes": said,
+            "file_from_world": columns, "antialiased": notes.is_antialiased(), "offset_m": offset_m, "notes": said,
         });
         show(json, &value, &text)?;
         Ok(Verdict::Done)
     }
 
-    /// The field, and the filter that it was trained with.
-    fn read(&self) -> Result<(Field, corf::Antialias)> {
+    /// The field, the filter that it was trained with, and what its data set took off positions, metres.
+    fn read(&self) -> Result<(Field, corf::Antialias, Option<[f64; 3]>)> {
         let info = open::read_info(&self.run)?;
         let place = self.run.display();
         let Some(raster) = open::raster_of(&self.run, &info)? else {
@@ -184,7 +189,7 @@ impl Export {
             Half::Rf => field.meta.modalities.radio,
         };
         ensure!(trained, "{place} was trained without this modality\n  help: export the other one with --field");
-        Ok((field, raster.antialias))
+        Ok((field, raster.antialias, info.dataset_offset_m))
     }
 }
 

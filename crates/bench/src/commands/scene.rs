@@ -4,6 +4,7 @@ use super::export_light::{self, LightViews};
 use super::{Verdict, show};
 use crate::run::{claim_fresh, claim_shared};
 use crate::scene_in_use;
+use crate::{note, say};
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand, ValueEnum};
 use corf_scene::config::{SceneConfig, read_toml};
@@ -117,6 +118,14 @@ impl File {
     }
 }
 
+/// Says which frame a scene is written in, where that is not its mesh file's or lies far out.
+fn say_frame(scene: &Model, config: Option<&SceneConfig>) {
+    say::findings(radio_check::far_finding(scene));
+    if let Some([x, y, z]) = config.and_then(|config| config.scene.offset_m) {
+        note!("positions are in the scene file's frame: ({x}, {y}, {z}) m was taken off those of its mesh (offset_m)");
+    }
+}
+
 /// Everything wrong with a scene: its file's values, its mesh, its materials, where antennas stand.
 fn validate(file: &File) -> Result<Vec<Finding>> {
     let path = file.file.as_path();
@@ -188,7 +197,8 @@ impl Scene {
                 Ok(Verdict::Done)
             }
             Self::Info(file) => {
-                let (scene, left_out) = load(&file)?;
+                let (scene, mut left_out) = load(&file)?;
+                left_out.extend(radio_check::far_finding(&scene));
                 let info = SceneInfo::of(&scene);
                 let notes: Vec<String> = left_out.iter().map(ToString::to_string).collect();
                 show(json, &serde_json::json!({ "scene": info, "import": left_out }), &format!("{info}{}", notes.join("\n")))?;
@@ -208,6 +218,7 @@ impl Scene {
                 scene_in_use::say_left_out(&left_out);
                 let config = is_config(&whole.file).then(|| SceneConfig::load(&whole.file)).transpose()?;
                 let views = views.resolve(config.as_ref(), &poses)?;
+                say_frame(&scene, config.as_ref());
                 let _held = claim_fresh(&out)?;
                 export_light::write(&scene, views.as_ref(), &out, json)
             }
@@ -217,6 +228,7 @@ impl Scene {
                 let config = SceneConfig::load(&file)?;
                 let scene = scene_in_use::load(&config)?;
                 let _held = claim_shared(&out)?;
+                say_frame(&scene, Some(&config));
                 let summary = sionna::write(&scene, &config, poses, &out)?;
                 let text = format!(
                     "{}: {} shapes, {} materials, {} triangles, {} vertices, {} poses",

@@ -160,9 +160,7 @@ impl Spectrum {
         let up = if (towards - rx).normalize().cross(DVec3::Z).length() > 1e-6 { DVec3::Z } else { DVec3::X };
         let pose = Rigid3::looking_at(rx, towards, up);
         let grid = self.grid_of(&rf);
-        if rf.transmission {
-            say::findings(geometry_warnings(&scene));
-        }
+        say::findings(geometry_warnings(&scene, rf.transmission));
 
         let bytes = BYTES_A_PIXEL * (grid.width() * grid.height()) as f64;
         let what = format!("spectra of {}x{} pixels", grid.width(), grid.height());

@@ -254,9 +254,7 @@ impl LinkSetup {
         let rx_array = array(&link.receiver, rx_grid, of_scene, &place("receiver"))?;
         let scene = scene_in_use::load(&config)?;
         config.check_radio(&scene)?;
-        if link.transmission {
-            say::findings(geometry_warnings(&scene));
-        }
+        say::findings(geometry_warnings(&scene, link.transmission));
         let solids = Solids::of(&scene);
         Ok(Self { config, scene, link, transmitters, rx_array, solids })
     }

@@ -4,14 +4,14 @@ use super::inbox::{Arrival, Inbox};
 use super::log::{LiveRecord, Log, Trained};
 use super::outcome::WhenBehind;
 use super::recorder::{Entry, Recorder};
-use crate::interrupt;
 use crate::split::{Protocol, Role};
+use crate::{interrupt, note};
 use anyhow::{Result, bail};
 use corf::KeyframeTiming;
-use corf_scene::Keyframe;
 use corf_scene::dataset::{Dataset, FrameData};
 use corf_scene::live::{LiveDescription, LiveFrame};
 use corf_scene::trajectory::TrajectoryPose;
+use corf_scene::{Keyframe, Rigid3, far};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -57,6 +57,8 @@ pub struct Session {
     /// Those accepted whose training has not ended.
     open: BTreeMap<usize, Open>,
     timings: Vec<KeyframeTiming>,
+    /// Whether a keyframe too far from the origin was told.
+    far: bool,
 }
 
 /// A keyframe that was accepted and is not trained yet.
@@ -118,6 +120,7 @@ impl Session {
             recorder: Recorder::start(&run.join(DATASET), header)?,
             inbox: Inbox::open(folder, description, when_behind, collected)?,
             next: 0,
+            far: false,
             open: BTreeMap::new(),
             timings: Vec::new(),
         })
@@ -148,6 +151,7 @@ impl Session {
             let Some(Arrival { stem, frame, arrived }) = self.inbox.take() else { return Ok(None) };
             let index = self.next;
             let LiveFrame { number, time_s, world_from_camera, image, spectrum, depth_m, sources } = frame;
+            self.tell_far(&world_from_camera);
             let pose = TrajectoryPose { index, time_s: time_s.unwrap_or(index as f64), world_from_camera };
             let kept = FrameData {
                 image: Some(image.clone()),
@@ -205,6 +209,16 @@ impl Session {
         match reason.filter(|_| self.strict) {
             Some(reason) => bail!("{reason}\n  help: without --strict a keyframe is refused and the run goes on"),
             None => Ok(()),
+        }
+    }
+
+    /// Warns once of a keyframe that was taken too far from the origin.
+    fn tell_far(&mut self, world_from_camera: &Rigid3) {
+        let largest_m = far::largest_m(std::iter::once(world_from_camera.translation));
+        let help = "let the capture program take a constant off all positions";
+        let finding = far::finding(&self.folder.display().to_string(), "a keyframe was taken", largest_m, help);
+        if let Some(finding) = finding.filter(|_| !std::mem::replace(&mut self.far, true)) {
+            note!("{finding}");
         }
     }
 

@@ -54,6 +54,17 @@ impl Initial {
     pub fn tell(&self, method: &str, sh_degree: usize, antialias: Antialias) {
         let (file, theirs) = (self.file.display(), self.field.gaussians.appearance.sh_degree);
         note!("{method}: begins with {} Gaussians of {file}", self.field.gaussians.position.len());
+        if self.field.filter_3d {
+            note!("{method}: the 3D filter of its column filter_3D was applied to scales and opacities, as Mip-Splatting does");
+        }
+        if let Some([x, y, z]) = self.field.up.filter(|up| up[2] <= up[0].abs().max(up[1].abs())) {
+            note!("{method}: its header says that ({x}, {y}, {z}) is up, and in the data set's frame z is");
+        }
+        if let Some(first) = self.field.unread.first() {
+            let more = self.field.unread.len() - 1;
+            let others = if more > 0 { format!(" and {more} more columns") } else { String::new() };
+            note!("{method}: its column {first}{others} was not read");
+        }
         if theirs > sh_degree {
             note!(
                 "{method}: its harmonics of degree {} to {theirs} are left out, for the field's degree is {sh_degree}{}",

@@ -17,6 +17,8 @@ pub struct Notes {
     pub db_range: DbRange,
     /// Colour behind the RF field.
     pub rf_background: [f32; 3],
+    /// What the data set took off positions, metres along the z-up world's axes.
+    pub offset_m: Option<[f64; 3]>,
 }
 
 /// Spelling of the axis in a header.
@@ -44,6 +46,11 @@ impl Notes {
             format!("SH degree: {}", appearance.sh_degree),
             format!("corf filter: {h} px^2 added to the diagonal of the projected covariance, opacity {opacity}"),
         ];
+        if let Some([x, y, z]) = self.offset_m {
+            lines.push(format!(
+                "corf offset: {x} {y} {z} m along the axes of the z-up world was taken off the original positions"
+            ));
+        }
         if radio {
             lines.extend(self.radio(""));
         }
@@ -64,6 +71,18 @@ impl Notes {
             format!("corf background of {prefix}f_dc: {}", background.join(" ")),
         ]
     }
+}
+
+/// The direction that a header's comments say is up. `None` where they say nothing.
+pub(super) fn up<'a>(comments: impl Iterator<Item = &'a str>) -> Option<[f32; 3]> {
+    let axis = |c: &str| {
+        let text = c.trim().to_lowercase();
+        let rest = text.strip_prefix(VERTICAL_AXIS.trim_end().to_lowercase().as_str())?.trim().to_owned();
+        let numbers: Vec<f32> =
+            rest.split([' ', ',']).filter(|w| !w.is_empty()).map(str::parse).collect::<Result<_, _>>().ok()?;
+        <[f32; 3]>::try_from(numbers.as_slice()).ok()
+    };
+    comments.filter_map(axis).last()
 }
 
 /// The filter that a header's comments name: whether it is one that compensates opacity. `None` where they say nothing.

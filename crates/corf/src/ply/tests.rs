@@ -8,6 +8,7 @@ const NOTES: Notes = Notes {
     rf_target: RfTarget::Jet,
     db_range: DbRange { min_db: -130.0, max_db: -60.0 },
     rf_background: [0.0, 0.0, 0.5],
+    offset_m: None,
 };
 
 fn header(path: &Path) -> Vec<String> {
@@ -110,7 +111,7 @@ fn damaged_files_are_refused_with_what_and_where() {
     let error = refused(&whole[..whole.len() - 3]);
     assert!(error.contains("vertex 4 of 5") && error.contains("truncated") && error.contains("coupled.ply"), "{error}");
     assert!(refused(b"PK\x03\x04").contains("no PLY header"));
-    assert!(refused(b"ply\nformat ascii 1.0\nelement vertex 0\nend_header\n").contains("ascii"));
+    assert!(refused(b"ply\nformat ascii 1.0\nelement vertex 0\nend_header\n").contains("no column `x`"));
     assert!(refused(b"ply\nelement vertex 0\nproperty float x\nend_header\n").contains("does not state its format"));
     assert!(refused(&[&whole[..], b"1234"].concat()).contains("header and the data disagree"));
     let doubled = |line: &str| {
@@ -182,4 +183,216 @@ fn fields_of_other_programs_are_refused_with_what_is_wrong() {
     assert!(refused(&metres).contains("vertex 1: scale_0"));
     write_rf(&path, &random(3, 1, 0, 0), &NOTES).unwrap();
     assert!(read_foreign(&path).unwrap_err().to_string().contains("1 channel"));
+}
+
+/// Columns of a degree-0 field, by name, and a value for each in row `i`.
+const COLUMNS: [&str; 14] =
+    ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"];
+
+fn value(i: usize, k: usize) -> f64 {
+    // Exact in single precision, and of both signs.
+    (i as f64 + 1.0) * 0.25 - k as f64 * 0.125
+}
+
+/// A file's bytes, by hand: header lines and rows as (type, value).
+struct Hand {
+    format: &'static str,
+    end: &'static str,
+    header: String,
+    body: Vec<u8>,
+}
+
+impl Hand {
+    fn new(format: &'static str, end: &'static str) -> Self {
+        Self { format, end, header: String::new(), body: vec![] }
+    }
+
+    fn line(&mut self, line: &str) {
+        self.header += line;
+        self.header += self.end;
+    }
+
+    /// Writes a number of a type that PLY knows by this name.
+    fn put(&mut self, kind: &str, v: f64) {
+        macro_rules! bytes {
+            ($t:ty) => {{
+                let v = v as $t;
+                if self.format == "binary_big_endian" { v.to_be_bytes().to_vec() } else { v.to_le_bytes().to_vec() }
+            }};
+        }
+        let bytes = match kind {
+            _ if self.format == "ascii" => format!("{v} ").into_bytes(),
+            "char" | "int8" => bytes!(i8),
+            "uchar" | "uint8" => bytes!(u8),
+            "short" | "int16" => bytes!(i16),
+            "ushort" | "uint16" => bytes!(u16),
+            "int" | "int32" => bytes!(i32),
+            "uint" | "uint32" => bytes!(u32),
+            "float" | "float32" => bytes!(f32),
+            "double" | "float64" => bytes!(f64),
+            other => panic!("{other}"),
+        };
+        self.body.extend(bytes);
+    }
+
+    fn row(&mut self) {
+        if self.format == "ascii" {
+            self.body.extend(self.end.as_bytes());
+        }
+    }
+
+    fn file(&self) -> Vec<u8> {
+        let Self { format, end, header, body } = self;
+        [format!("ply{end}format {format} 1.0{end}comment by hand{end}obj_info x{end}{header}end_header{end}").as_bytes(), body]
+            .concat()
+    }
+}
+
+#[test]
+fn every_form_of_a_file_gives_the_same_gaussians() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("theirs.ply");
+    let kinds: [[&str; 8]; 2] = [
+        ["char", "uchar", "short", "ushort", "int", "uint", "float", "double"],
+        ["int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"],
+    ];
+    let mut read = vec![];
+    for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
+        for (end, names, own) in [("\n", kinds[0], "float"), ("\r\n", kinds[1], "float64"), ("\n", kinds[1], "double")] {
+            let mut hand = Hand::new(format, end);
+            // An element before the vertices with lists of every length type, and one behind.
+            hand.line("element before 2");
+            hand.line(&format!("property {} a", names[2]));
+            (0..6).for_each(|k| hand.line(&format!("property list {} {} l{k}", names[k], names[7 - k])));
+            for i in 0..2 {
+                hand.put(names[2], -7.0);
+                for k in 0..6 {
+                    hand.put(names[k], (i + k) as f64);
+                    (0..i + k).for_each(|_| hand.put(names[7 - k], 3.0));
+                }
+                hand.row();
+            }
+            hand.line("element vertex 3");
+            // Backwards, with a column of every type between, and a list in one of the forms.
+            let with_list = own == "double";
+            for (k, name) in COLUMNS.iter().enumerate().rev() {
+                hand.line(&format!("property {} extra_{k}", names[k % 8]));
+                hand.line(&format!("property {own} {name}"));
+            }
+            if with_list {
+                hand.line(&format!("property list {} {} neighbours", names[1], names[4]));
+            }
+            for i in 0..3 {
+                for k in (0..COLUMNS.len()).rev() {
+                    hand.put(names[k % 8], 100.0);
+                    hand.put(own, value(i, k));
+                }
+                if with_list {
+                    hand.put(names[1], i as f64);
+                    (0..i).for_each(|_| hand.put(names[4], -1.0));
+                }
+                hand.row();
+            }
+            hand.line("element face 1");
+            hand.line(&format!("property list {} {} vertex_indices", names[1], names[4]));
+            hand.put(names[1], 3.0);
+            (0..3).for_each(|k| hand.put(names[4], f64::from(k)));
+            hand.row();
+            std::fs::write(&path, hand.file()).unwrap();
+            let field = read_foreign(&path).unwrap_or_else(|e| panic!("{format} {own}: {e}"));
+            assert_eq!(field.unread.len(), COLUMNS.len(), "{:?}", field.unread);
+            read.push(field.gaussians);
+            // Cuts are refused, and so is what follows.
+            let whole = hand.file();
+            for cut in (1..whole.len()).step_by(11).chain([whole.len() - 1]) {
+                // The last line's end is no part of a text.
+                if format != "ascii" || !whole[cut..].iter().all(|b| b.is_ascii_whitespace()) {
+                    std::fs::write(&path, &whole[..cut]).unwrap();
+                    // A shorter number may be a number.
+                    assert!(read_foreign(&path).is_err() || format == "ascii" && whole.len() - cut < 3, "{format} {own} {cut}");
+                }
+            }
+            std::fs::write(&path, [&whole[..], b"7 7"].concat()).unwrap();
+            assert!(read_foreign(&path).unwrap_err().to_string().contains("header and the data disagree"), "{format}");
+        }
+    }
+    let first = &read[0];
+    assert_eq!(first.position[2], [0.75, 0.625, 0.5]);
+    assert_eq!(first.rotation[1], [10, 11, 12, 13].map(|k| value(1, k) as f32));
+    assert!(read.len() == 9 && read.iter().all(|field| field == first));
+}
+
+/// A text file of one Gaussian with further columns and values; columns that are to be left out begin with `-`.
+fn text_file(path: &Path, more: &[(&str, &str, f64)]) -> Result<ForeignField> {
+    let left_out = |name: &str| more.iter().any(|(_, other, _)| other.strip_prefix('-') == Some(name));
+    let mut columns: Vec<(&str, &str, f64)> =
+        COLUMNS.iter().enumerate().filter(|(_, name)| !left_out(name)).map(|(k, name)| ("float", *name, value(0, k))).collect();
+    columns.extend(more.iter().filter(|(_, name, _)| !name.starts_with('-')));
+    let header: String = columns.iter().map(|(kind, name, _)| format!("property {kind} {name}\n")).collect();
+    let row: Vec<String> = columns.iter().map(|(_, _, v)| v.to_string()).collect();
+    std::fs::write(path, format!("ply\nformat ascii 1.0\nelement vertex 1\n{header}end_header\n{}\n", row.join(" "))).unwrap();
+    read_foreign(path)
+}
+
+#[test]
+fn columns_that_make_gaussians_something_else_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("theirs.ply");
+    let refused = |more: &[(&str, &str, f64)], words: &[&str]| {
+        let message = text_file(&path, more).unwrap_err().to_string();
+        assert!(words.iter().all(|word| message.contains(word)), "{message}");
+    };
+    refused(&[("float", "-scale_2", 0.0)], &["two scales", "2DGS"]);
+    refused(&[("float", "-rot_0", 0.0)], &["no column `rot_0`"]);
+    refused(&[("float", "rot_4", 0.0)], &["rot_4"]);
+    refused(&[("float", "t", 0.0)], &["`t`", "change with time"]);
+    refused(&[("float", "trbf_center", 0.0)], &["trbf_center", "time"]);
+    refused(&[("float", "f_offset_0", 0.0)], &["Scaffold-GS"]);
+    refused(&[("float", "packed_position", 0.0)], &["compressed", "splat-transform"]);
+    refused(&[("float", "filter_3d", 0.0)], &["filter_3d", "Mip-Splatting"]);
+    refused(&[("float", "filter_3D", -0.5)], &["vertex 0", "-0.5"]);
+    refused(&[("uchar", "filter_3D", 1.0)], &["filter_3D", "uchar"]);
+    refused(&[("float", "-opacity", 0.0), ("uchar", "opacity", 9.0)], &["`opacity`", "uchar"]);
+    refused(&[("float", "f_dc_4", 0.0)], &["f_dc_3"]);
+    refused(&[("float", "f_rest_1", 0.0)], &["f_rest_0"]);
+    let fourth: Vec<String> = (0..72).map(|i| format!("f_rest_{i}")).collect();
+    refused(&fourth.iter().map(|name| ("float", name.as_str(), 0.0)).collect::<Vec<_>>(), &["degree 4"]);
+    refused(&[("double", "-x", 0.0), ("double", "x", 1e300)], &["column `x` is inf"]);
+    let field = text_file(&path, &[("uchar", "red", 200.0), ("float", "nx", 0.0), ("int", "label", -3.0)]).unwrap();
+    assert_eq!((field.unread, field.filter_3d, field.up), (vec!["red".to_owned(), "label".to_owned()], false, None));
+}
+
+#[test]
+fn a_filter_in_three_dimensions_is_applied_as_its_program_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("theirs.ply");
+    let plain = text_file(&path, &[]).unwrap().gaussians;
+    for filter in [0.0, 1e-6, 0.3, 5.0] {
+        let field = text_file(&path, &[("float", "filter_3D", filter)]).unwrap();
+        assert!(field.filter_3d && field.unread.is_empty());
+        let filter = f64::from(filter as f32);
+        let (mut before, mut after) = (1.0, 1.0);
+        for k in 0..3 {
+            let s2 = (2.0 * f64::from(plain.log_scale[0][k])).exp();
+            before *= s2;
+            after *= s2 + filter * filter;
+            let expected = 0.5 * (s2 + filter * filter).ln();
+            assert!((f64::from(field.gaussians.log_scale[0][k]) - expected).abs() < 1e-6, "{filter} {k}");
+        }
+        let opacity = |logit: f32| 1.0 / (1.0 + (-f64::from(logit)).exp());
+        let expected = opacity(plain.appearance.opacity_logit[0]) * (before / after).sqrt();
+        let found = opacity(field.gaussians.appearance.opacity_logit[0]);
+        assert!((found / expected - 1.0).abs() < 1e-6, "{filter}: {found} {expected}");
+        assert_eq!((field.gaussians.position[0], field.gaussians.rotation[0]), (plain.position[0], plain.rotation[0]));
+    }
+}
+
+#[test]
+fn a_header_says_what_is_up_and_what_was_taken_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("field.ply");
+    let notes = Notes { up: [0, -1, 0], offset_m: Some([446_000.0, -3.5, 0.0]), ..NOTES };
+    write_optical(&path, &random(2, 3, 0, 0), &notes).unwrap();
+    assert!(header(&path).iter().any(|l| l.starts_with("comment corf offset: 446000 -3.5 0 m")));
+    assert_eq!(read_foreign(&path).unwrap().up, Some([0.0, -1.0, 0.0]));
 }

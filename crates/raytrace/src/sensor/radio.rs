@@ -32,9 +32,10 @@ pub fn sensor_settings(scene: &SceneConfig) -> RadioSettings {
     RadioSettings { rx_antenna: any_polarization, ..radio_settings(scene) }
 }
 
-/// Warnings of bodies that are open where transmission needs closed ones, and of a scene too far from the origin.
-pub fn geometry_warnings(scene: &Scene) -> Vec<Finding> {
-    let findings = radio_check::body_findings(scene).into_iter().chain(radio_check::far_finding(scene));
+/// Warnings of bodies that are open where transmission (if there is any) needs closed ones, and of a scene too far from the origin.
+pub fn geometry_warnings(scene: &Scene, transmission: bool) -> Vec<Finding> {
+    let bodies = if transmission { radio_check::body_findings(scene) } else { Vec::new() };
+    let findings = bodies.into_iter().chain(radio_check::far_finding(scene));
     findings.filter(|f| f.severity == Severity::Warning).collect()
 }
 

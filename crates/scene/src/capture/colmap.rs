@@ -1,6 +1,9 @@
 //! COLMAP models (<https://colmap.github.io/format.html>): cameras, images with camera_from_world poses, and points, as text or binary.
+//!
+//! Models of COLMAP 3.12 and later have rigs and frames, from which the poses of images follow (`rigs.rs`).
 
 mod binary;
+mod rigs;
 mod text;
 
 use super::lens::Lens;
@@ -9,6 +12,7 @@ use crate::contained::{self, Reach};
 use crate::dataset::ColoredPoint;
 use crate::{Error, Pinhole, Result, Rigid3};
 use glam::{DMat3, DQuat, DVec3};
+use rigs::Rigs;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -24,11 +28,18 @@ pub(super) struct Camera {
 /// An image of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Image {
-    /// w, x, y, z of camera_from_world.
-    quaternion: [f64; 4],
-    translation: [f64; 3],
+    id: u32,
+    camera_from_world: Pose,
     camera: u32,
     name: String,
+}
+
+/// A rigid transform as it is written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Pose {
+    /// w, x, y, z.
+    quaternion: [f64; 4],
+    translation: [f64; 3],
 }
 
 /// Camera models by their numbers in binary files.
@@ -39,7 +50,7 @@ struct Model {
 }
 
 /// All that COLMAP has, at the index that is their number.
-const MODELS: [Model; 12] = [
+const MODELS: [Model; 18] = [
     Model { name: "SIMPLE_PINHOLE", parameters: 3 },
     Model { name: "PINHOLE", parameters: 4 },
     Model { name: "SIMPLE_RADIAL", parameters: 4 },
@@ -52,6 +63,12 @@ const MODELS: [Model; 12] = [
     Model { name: "RADIAL_FISHEYE", parameters: 5 },
     Model { name: "THIN_PRISM_FISHEYE", parameters: 12 },
     Model { name: "RAD_TAN_THIN_PRISM_FISHEYE", parameters: 16 },
+    Model { name: "SIMPLE_DIVISION", parameters: 4 },
+    Model { name: "DIVISION", parameters: 5 },
+    Model { name: "SIMPLE_FISHEYE", parameters: 3 },
+    Model { name: "FISHEYE", parameters: 4 },
+    Model { name: "EUCM", parameters: 6 },
+    Model { name: "EQUIRECTANGULAR", parameters: 2 },
 ];
 
 /// Models whose views are taken.
@@ -93,40 +110,62 @@ impl Camera {
     }
 }
 
-/// The pose of an image, world_from_camera.
-fn pose(image: &Image, place: &str) -> Result<Rigid3> {
-    let [w, x, y, z] = image.quaternion;
-    let q = DQuat::from_xyzw(x, y, z, w);
-    if !q.is_finite() || q.length() < LEAST_QUATERNION {
-        return Err(Error::invalid(
-            place,
-            format!("its quaternion is {w} {x} {y} {z}"),
-            "repair this image, or take it out of the model",
-        ));
+impl Pose {
+    /// Its rotation and translation.
+    ///
+    /// # Errors
+    /// A quaternion that is none, or a number that is not finite.
+    fn rigid(&self, place: &str) -> Result<Rigid3> {
+        let [w, x, y, z] = self.quaternion;
+        let q = DQuat::from_xyzw(x, y, z, w);
+        if !q.is_finite() || q.length() < LEAST_QUATERNION {
+            let help = "repair this pose, or take what has it out of the model";
+            return Err(Error::invalid(place, format!("its quaternion is {w} {x} {y} {z}"), help));
+        }
+        let rigid = Rigid3 { rotation: DMat3::from_quat(q.normalize()), translation: DVec3::from(self.translation) };
+        Rigid3::from_rows(&rigid.to_rows(), place)
     }
-    let camera_from_world = Rigid3 { rotation: DMat3::from_quat(q.normalize()), translation: DVec3::from(image.translation) };
-    let world_from_camera = camera_from_world.inverse();
-    Rigid3::from_rows(&world_from_camera.to_rows(), place)
 }
 
 /// Least length of a quaternion that still says how a camera is turned; COLMAP writes unit ones.
 const LEAST_QUATERNION: f64 = 0.5;
 
+/// Endings of a model's files. COLMAP itself prefers binary ones.
+const ENDINGS: [&str; 2] = ["bin", "txt"];
+
+/// The ending of the model's files in a folder, if there is a model.
+fn ending(folder: &Path) -> Option<&'static str> {
+    let has = |name: &str, ending: &str| folder.join(format!("{name}.{ending}")).is_file();
+    ENDINGS.into_iter().find(|ending| has("cameras", ending) && has("images", ending))
+}
+
 /// The folder of the model: `sparse/0`, `sparse`, or the capture's own.
 fn model_folder(source: &Path) -> Result<(PathBuf, &'static str)> {
-    for folder in [source.join("sparse/0"), source.join("sparse"), source.to_path_buf()] {
-        // COLMAP itself prefers binary files.
-        for ending in ["bin", "txt"] {
-            let has = |name: &str| folder.join(format!("{name}.{ending}")).is_file();
-            if has("cameras") && has("images") {
-                return Ok((folder, ending));
-            }
-        }
-    }
-    Err(Error::invalid(
-        source.display().to_string(),
-        "there are no cameras and images (.bin or .txt) in sparse/0, in sparse, or beside them",
-        "give the folder that holds images/ and sparse/0/ of a COLMAP reconstruction",
+    let folders = [source.join("sparse/0"), source.join("sparse"), source.to_path_buf()];
+    folders.into_iter().find_map(|folder| ending(&folder).map(|ending| (folder, ending))).ok_or_else(|| {
+        Error::invalid(
+            source.display().to_string(),
+            "there are no cameras and images (.bin or .txt) in sparse/0, in sparse, or beside them",
+            "give the folder that holds images/ and sparse/0/ of a COLMAP reconstruction",
+        )
+    })
+}
+
+/// A note of the models in `sparse/` that are not read.
+fn further_models(source: &Path, read: &Path) -> Option<String> {
+    let entries = std::fs::read_dir(source.join("sparse")).ok()?;
+    let mut others: Vec<String> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|folder| folder != read && folder.is_dir() && ending(folder).is_some())
+        .filter_map(|folder| Some(format!("sparse/{}", folder.file_name()?.to_string_lossy())))
+        .collect();
+    others.sort_by(|a, b| names::natural(a, b));
+    let first = others.first()?;
+    let were = if others.len() == 1 { "holds a further model, which was" } else { "hold further models, which were" };
+    let source = source.display();
+    Some(format!(
+        "{} {were} not read: a model is a data set of its own (`corf dataset import {source}/{first} --images {source}/images`)",
+        others.join(", ")
     ))
 }
 
@@ -134,17 +173,41 @@ fn model_folder(source: &Path) -> Result<(PathBuf, &'static str)> {
 ///
 /// # Errors
 /// A file that is missing, cut short or not of the format; a camera model that is not read; a pose that is none; an image that leads out
-/// of its folder.
+/// of its folder; rigs and frames that do not fit the images.
 pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture> {
     let (folder, ending) = model_folder(source)?;
     let file = |name: &str| folder.join(format!("{name}.{ending}"));
-    let sparse = if ending == "bin" { binary::read(&folder)? } else { text::read(&folder)? };
+    let mut notes = Vec::new();
+    let sparse = if ending == "bin" { binary::read(&folder)? } else { text::read(&folder, &mut notes)? };
     let place = file("images").display().to_string();
     if sparse.images.is_empty() {
         return Err(Error::invalid(place, "it has no image", "give a reconstruction with registered images"));
     }
+    let rig_files = rigs::files(&folder, ending)?;
+    let rigs = match &rig_files {
+        None => None,
+        Some(files) => {
+            let [rigs, frames] = files;
+            let (rigs, frames) = match ending {
+                "bin" => (binary::rigs(rigs)?, binary::frames(frames)?),
+                _ => (text::rigs(rigs, &mut notes)?, text::frames(frames, &mut notes)?),
+            };
+            Rigs::new(files, rigs, frames)
+        }
+    };
+    let poses: Vec<Option<Rigid3>> = match &rigs {
+        Some(rigs) => rigs.camera_from_world(&sparse.images, &place, &mut notes)?,
+        None => {
+            let pose = |image: &Image| image.camera_from_world.rigid(&format!("{place}: image {}", image.name)).map(Some);
+            sparse.images.iter().map(pose).collect::<Result<_>>()?
+        }
+    };
+    let posed = || sparse.images.iter().zip(&poses).filter_map(|(image, pose)| Some((image, pose.as_ref()?)));
+    if posed().next().is_none() {
+        return Err(Error::invalid(place, "none of its images has a pose", "give a reconstruction with registered images"));
+    }
     let mut lenses = BTreeMap::new();
-    for image in &sparse.images {
+    for (image, _) in posed() {
         let camera = sparse.cameras.get(&image.camera).ok_or_else(|| {
             let what =
                 format!("image {} names camera {}, which {} does not have", image.name, image.camera, file("cameras").display());
@@ -153,22 +216,24 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
         lenses.insert(image.camera, camera.lens(&format!("{}: camera {}", file("cameras").display(), image.camera))?);
     }
     let mut shots = Vec::with_capacity(sparse.images.len());
-    for image in &sparse.images {
+    for (image, camera_from_world) in posed() {
         let place = format!("{place}: image {}", image.name);
         let path = contained::resolve(images, Path::new(&image.name), Reach::Folder, &place, HELP);
         shots.push(Shot {
             name: image.name.replace('\\', "/"),
             image: if wanted { Some(path?) } else { None },
             lens: lenses[&image.camera],
-            world_from_camera: pose(image, &place)?,
+            world_from_camera: camera_from_world.inverse(),
             depth: None,
             mask: None,
             time_s: None,
         });
     }
     shots.sort_by(|a, b| names::natural(&a.name, &b.name));
-    let files = ["cameras", "images", "points3D"].map(file).into_iter().filter(|f| f.is_file()).collect();
-    Ok(Capture { shots, points: sparse.points, lists: None, spectra: None, files, notes: Vec::new() })
+    notes.extend(further_models(source, &folder));
+    let mut files: Vec<PathBuf> = ["cameras", "images", "points3D"].map(file).into_iter().filter(|f| f.is_file()).collect();
+    files.extend(rig_files.into_iter().flatten());
+    Ok(Capture { shots, points: sparse.points, lists: None, spectra: None, files, notes })
 }
 
 /// The points of a `points3D.txt`, in its order.
@@ -176,7 +241,7 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
 /// # Errors
 /// A file that is missing or not of the format.
 pub fn read_points(path: &Path) -> Result<Vec<ColoredPoint>> {
-    text::points(path)
+    text::points(path, &mut Vec::new())
 }
 
 const HELP: &str = "the images of a capture lie in one folder: give it with --images";

@@ -1,31 +1,62 @@
 //! The frame of a capture: which way is up, and how long its unit of length is.
 
 use super::Shot;
-use super::options::Up;
+use super::options::{Offset, Up};
 use crate::{Error, Result, Rigid3, bounds};
 use glam::{DMat3, DQuat, DVec3};
 
-/// The change from a capture's frame to a world that is z-up and in metres: `x ↦ metres_per_unit · rotation · x`.
+/// The change from a capture's frame to a world that is z-up, in metres and near its origin: `x ↦ metres_per_unit · rotation · x − offset_m`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct WorldFromCapture {
     rotation: DMat3,
     metres_per_unit: f64,
+    /// What is taken off, metres along the world's axes.
+    pub offset_m: DVec3,
     /// Direction in the capture's frame that became +z; none where the frame was kept.
     pub up: Option<[f64; 3]>,
 }
+
+/// The largest offset, metres along an axis: a hundred radii of the Earth, where doubles still hold a ten-thousandth of a millimetre.
+const LARGEST_OFFSET_M: f64 = 1e9;
 
 /// Least length of a mean of unit vectors that still points somewhere.
 const LEAST_MEAN: f64 = 0.1;
 
 impl WorldFromCapture {
-    /// The change that a user asks for; the least rotation that brings the direction to +z.
+    /// The change that a user asks for; the least rotation that brings the direction to +z. Cameras that would stand where no coordinate may be
+    /// ([`bounds::MAX_COORDINATE_M`]) are brought to the origin, for what could not be kept cannot be meant to be.
     ///
     /// # Errors
-    /// A direction without length, cameras that do not agree on one, or a scale that is none.
-    pub fn new(up: Option<Up>, metres_per_unit: f64, shots: &[Shot]) -> Result<Self> {
+    /// A direction without length, cameras that do not agree on one, a scale or an offset that is none.
+    pub fn new(up: Option<Up>, metres_per_unit: f64, offset: Option<Offset>, shots: &[Shot]) -> Result<Self> {
+        let turned = Self::without_offset(up, metres_per_unit, shots)?;
+        let positions = || shots.iter().map(|s| turned.point(s.world_from_camera.translation));
+        let too_far = || positions().any(|p| p.abs().max_element() > bounds::MAX_COORDINATE_M);
+        let offset_m = match offset {
+            Some(Offset::Point(point)) => {
+                point
+                    .iter()
+                    .try_for_each(|v| bounds::number("--offset", *v, &(-LARGEST_OFFSET_M..=LARGEST_OFFSET_M), "metres"))?;
+                DVec3::from(point)
+            }
+            None if !too_far() => DVec3::ZERO,
+            Some(Offset::Cameras) | None => {
+                let (low, high) =
+                    positions().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+                let middle = 0.5 * (low + high);
+                let steps = (middle / Offset::STEP_M).round() * Offset::STEP_M;
+                // No -0 in files.
+                if steps.is_finite() { steps + DVec3::ZERO } else { DVec3::ZERO }
+            }
+        };
+        Ok(Self { offset_m, ..turned })
+    }
+
+    fn without_offset(up: Option<Up>, metres_per_unit: f64, shots: &[Shot]) -> Result<Self> {
+        let offset_m = DVec3::ZERO;
         bounds::number("--scale", metres_per_unit, &(1e-6..=1e6), "metres a unit of the capture")?;
         let direction = match up {
-            None => return Ok(Self { rotation: DMat3::IDENTITY, metres_per_unit, up: None }),
+            None => return Ok(Self { rotation: DMat3::IDENTITY, metres_per_unit, offset_m, up: None }),
             Some(Up::Direction(up)) => DVec3::from(up),
             Some(Up::Cameras) => {
                 // OpenCV cameras have y down.
@@ -41,21 +72,29 @@ impl WorldFromCapture {
         }
         let unit = direction.normalize();
         let rotation = DMat3::from_quat(DQuat::from_rotation_arc(unit, DVec3::Z));
-        Ok(Self { rotation, metres_per_unit, up: Some(unit.to_array()) })
+        Ok(Self { rotation, metres_per_unit, offset_m, up: Some(unit.to_array()) })
     }
 
     /// A point of the capture in the world, metres.
     pub fn point(&self, point: DVec3) -> DVec3 {
-        self.metres_per_unit * (self.rotation * point)
+        self.metres_per_unit * (self.rotation * point) - self.offset_m
     }
 
     /// A pose of the capture in the world.
     ///
     /// # Errors
-    /// A position that is not finite, or a thousand kilometres away.
+    /// A position that is not finite, or a thousand kilometres from the origin.
     pub fn pose(&self, world_from_camera: &Rigid3, place: &str) -> Result<Rigid3> {
         let translation = self.point(world_from_camera.translation);
-        bounds::position(place, translation)?;
+        if let Err(error) = bounds::position(place, translation) {
+            return Err(match error {
+                Error::Invalid { place, what, .. } if translation.is_finite() => {
+                    let help = "coordinates are in metres, at most 1e6 from the origin: check --scale, or move the origin with --offset auto";
+                    Error::invalid(place, what, help)
+                }
+                other => other,
+            });
+        }
         Ok(Rigid3 { rotation: self.rotation * world_from_camera.rotation, translation })
     }
 }
@@ -67,17 +106,55 @@ mod tests {
     #[test]
     fn up_becomes_z_and_lengths_are_scaled() {
         for up in [[0.0, -1.0, 0.0], [0.3, 2.0, -0.4], [0.0, 0.0, -5.0], [0.0, 0.0, 1.0]] {
-            let world = WorldFromCapture::new(Some(Up::Direction(up)), 0.5, &[]).unwrap();
+            let world = WorldFromCapture::new(Some(Up::Direction(up)), 0.5, None, &[]).unwrap();
             let unit = DVec3::from(up).normalize();
             assert!((world.point(unit) - 0.5 * DVec3::Z).length() < 1e-12, "{up:?}");
             assert!((world.rotation.determinant() - 1.0).abs() < 1e-12);
         }
-        let kept = WorldFromCapture::new(None, 2.0, &[]).unwrap();
+        let kept = WorldFromCapture::new(None, 2.0, None, &[]).unwrap();
         assert_eq!((kept.point(DVec3::X), kept.up), (2.0 * DVec3::X, None));
         for (up, scale) in
             [([0.0; 3], 1.0), ([f64::NAN, 0.0, 1.0], 1.0), ([0.0, 0.0, 1.0], 0.0), ([0.0, 0.0, 1.0], f64::INFINITY)]
         {
-            assert!(WorldFromCapture::new(Some(Up::Direction(up)), scale, &[]).is_err(), "{up:?} {scale}");
+            assert!(WorldFromCapture::new(Some(Up::Direction(up)), scale, None, &[]).is_err(), "{up:?} {scale}");
         }
+    }
+
+    fn shot(position: DVec3) -> Shot {
+        let lens = super::super::Lens::plain(crate::Pinhole::from_horizontal_fov(4, 4, 90.0));
+        let world_from_camera = Rigid3 { rotation: DMat3::IDENTITY, translation: position };
+        Shot { name: "a".into(), image: None, lens, world_from_camera, depth: None, mask: None, time_s: None }
+    }
+
+    #[test]
+    fn an_offset_is_taken_off_in_doubles_behind_turn_and_scale() {
+        // y down, millimetres: (x, y, z) becomes (x, z, -y) in metres.
+        let at = DVec3::new(446_522_125.0, -18_500.0, 85_232_000.25);
+        let shots = [shot(at), shot(at + DVec3::X)];
+        let up = Some(Up::Direction([0.0, -1.0, 0.0]));
+        let new = |offset| WorldFromCapture::new(up, 1e-3, offset, &shots).unwrap();
+        let kept = new(None);
+        assert_eq!(kept.offset_m, DVec3::ZERO);
+        let world = kept.point(at);
+        for (offset, expected) in [
+            (Offset::Point([446_000.5, 85_000.0, -3.0]), DVec3::new(446_000.5, 85_000.0, -3.0)),
+            (Offset::Cameras, (world / 100.0).round() * 100.0),
+        ] {
+            let moved = new(Some(offset));
+            assert_eq!(moved.offset_m, expected);
+            assert!((moved.point(at) + moved.offset_m - world).length() < 1e-9);
+            assert!((moved.pose(&shots[0].world_from_camera, "a").unwrap().translation - moved.point(at)).length() == 0.0);
+        }
+        // A room stays where it is, and what can stand nowhere is moved by itself.
+        assert_eq!(
+            WorldFromCapture::new(None, 1.0, Some(Offset::Cameras), &[shot(DVec3::splat(-3.0))]).unwrap().offset_m,
+            DVec3::ZERO
+        );
+        let far = [shot(DVec3::new(500_002.0, 4_400_002.0, 121.5))];
+        assert_eq!(WorldFromCapture::new(None, 1.0, None, &far).unwrap().offset_m, DVec3::new(500_000.0, 4_400_000.0, 100.0));
+        let point = |v| WorldFromCapture::new(None, 1.0, Some(Offset::Point([v, 0.0, 0.0])), &far);
+        assert!(point(f64::NAN).is_err() && point(1e10).is_err());
+        // One that was asked for is not mended.
+        assert!(point(0.0).unwrap().pose(&far[0].world_from_camera, "a").is_err());
     }
 }

@@ -14,6 +14,7 @@ mod colmap;
 mod frame;
 mod import;
 mod json;
+mod left_out;
 mod lens;
 mod names;
 mod nerfstudio;
@@ -26,7 +27,7 @@ mod split;
 
 pub use colmap::read_points;
 pub use import::{ImportReport, examine, import};
-pub use options::{Format, ImportOptions, RfCamera, RfValues, SplitRule, Up};
+pub use options::{Format, ImportOptions, Offset, RfCamera, RfValues, SplitRule, Up};
 
 use crate::Rigid3;
 use crate::dataset::ColoredPoint;

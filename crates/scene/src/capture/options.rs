@@ -42,6 +42,20 @@ pub enum Up {
     Cameras,
 }
 
+/// What is taken off all positions of a capture, so that the data set lies near its origin, where single precision is fine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Offset {
+    /// This point of the world, z up and in metres as `up` and `metres_per_unit` make it, becomes the origin.
+    Point([f64; 3]),
+    /// The middle of the cameras does, in whole steps of [`Offset::STEP_M`].
+    Cameras,
+}
+
+impl Offset {
+    /// Steps of [`Offset::Cameras`], metres: round numbers, which leave a capture of a room where it is.
+    pub const STEP_M: f64 = 100.0;
+}
+
 /// Camera of the spectra, which shares position and axes with that of the images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RfCamera {
@@ -123,6 +137,8 @@ pub struct ImportOptions {
     pub up: Option<Up>,
     /// Metres that a unit of length of the capture counts.
     pub metres_per_unit: f64,
+    /// What is taken off all positions; `None` where they are kept, unless they lie beyond [`crate::bounds::MAX_COORDINATE_M`].
+    pub offset: Option<Offset>,
     /// Which keyframes are held out, where the capture does not say or is not followed.
     pub split: Option<SplitRule>,
     /// Imports images whole that come with masks.
@@ -150,6 +166,7 @@ impl ImportOptions {
             depth_png_m: 1e-3,
             up: None,
             metres_per_unit: 1.0,
+            offset: None,
             split: None,
             ignore_masks: false,
         }

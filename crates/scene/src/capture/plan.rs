@@ -3,13 +3,14 @@
 use super::frame::WorldFromCapture;
 use super::lens::{self, Lens};
 use super::names::Folder;
-use super::options::{Format, ImportOptions, RfValues};
+use super::options::{Format, ImportOptions, Offset, RfValues};
 use super::spectra::{self, Encoding};
-use super::{Capture, Shot, colmap, nerfstudio, plain, rf_3dgs, split};
+use super::{Capture, Shot, colmap, left_out, nerfstudio, plain, rf_3dgs, split};
 use crate::dataset::{ColoredPoint, DatasetHeader, Imported};
 use crate::keyframe::Modalities;
 use crate::trajectory::TrajectoryPose;
 use crate::{Error, Pinhole, Result, bounds, io};
+use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -50,7 +51,7 @@ fn capture(options: &ImportOptions) -> Result<Capture> {
     }
     let images = options.images.clone().unwrap_or_else(|| source.join("images"));
     let wanted = !options.without_images;
-    let capture = match options.format {
+    let mut capture = match options.format {
         Format::Colmap => colmap::read(source, &images, wanted),
         Format::Nerfstudio => nerfstudio::read(source, options.images.as_deref(), wanted),
         Format::Rf3dgs => rf_3dgs::read(source, &images, wanted, options.split.is_none()),
@@ -75,6 +76,7 @@ fn capture(options: &ImportOptions) -> Result<Capture> {
         let help = "restore it, give the folder of the images with --images, take it out of the capture, or say --no-images";
         return Err(Error::invalid(path.display().to_string(), "the image is missing", help));
     }
+    capture.notes.extend(left_out::note(&images, &capture.shots));
     Ok(capture)
 }
 
@@ -102,7 +104,7 @@ impl Plan {
         let masks = masks(options, &shots, light, &mut notes)?;
         let sources = sources(options, &files, &shots, radio.as_ref(), depths.as_deref(), &masks)?;
         let (split, stated_split) = split::of(options.split.as_ref(), lists.as_ref(), &shots)?;
-        let world = WorldFromCapture::new(options.up, options.metres_per_unit, &shots)?;
+        let world = WorldFromCapture::new(options.up, options.metres_per_unit, options.offset, &shots)?;
         for shot in &mut shots {
             shot.world_from_camera = world.pose(&shot.world_from_camera, &format!("image {}", shot.name))?;
         }
@@ -112,7 +114,19 @@ impl Plan {
         if options.metres_per_unit == 1.0 {
             notes.push("the capture's unit of length was taken for a metre (--scale says otherwise)".into());
         }
+        let offset_m = (world.offset_m != DVec3::ZERO).then(|| world.offset_m.to_array());
+        if let Some([x, y, z]) = offset_m {
+            let why = match options.offset {
+                Some(Offset::Point(_)) => "as asked for",
+                Some(Offset::Cameras) => "the middle of the cameras in steps of 100 m",
+                None => "for coordinates beyond 1e6 m cannot be kept (--offset says otherwise)",
+            };
+            notes.push(format!(
+                "({x}, {y}, {z}) m was taken off all positions: {why}; add it to come back to the capture's frame"
+            ));
+        }
         let imported = Imported {
+            offset_m,
             format: options.format.name().into(),
             names: shots.iter().map(|s| s.name.clone()).collect(),
             up: world.up,

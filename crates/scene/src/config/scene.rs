@@ -49,6 +49,10 @@ pub struct SceneFile {
     /// were exported without turning.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub up: Option<UpAxis>,
+    /// Point of the mesh, metres along the world's axes, that becomes the origin: it is taken off every vertex in double precision, for models in
+    /// coordinates of a map. All other positions (transmitters, the way, receivers of commands) are in the moved frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset_m: Option<[f64; 3]>,
     /// Whether the mesh file may name files (textures, buffers, material libraries) outside of its own folder.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub allow_outside: bool,
@@ -102,6 +106,8 @@ impl SceneConfig {
             bounds::number(&place("radio.frequency_hz"), f, &bounds::FREQUENCY_HZ, "hertz")
         };
         let mut checks = vec![frequency, self.transmitter.validate(&place("transmitter"))];
+        let offset = |v: &f64| bounds::number(&place("scene.offset_m"), *v, &(-1e9..=1e9), "metres");
+        checks.extend(self.scene.offset_m.iter().flatten().map(offset));
         checks.extend(self.transmitters.iter().map(|(name, t)| t.validate(&place(&format!("transmitters.{name}")))));
         checks.push(self.receiver.validate(&place("receiver")));
         checks.extend(self.trajectory.iter().map(|t| t.validate(&place("trajectory"))));
@@ -148,7 +154,7 @@ impl SceneConfig {
     /// Options of the mesh file's import, from `[scene]`.
     pub fn import_options(&self) -> ImportOptions {
         let reach = if self.scene.allow_outside { Reach::Anywhere } else { Reach::Folder };
-        ImportOptions { up: self.scene.up, reach }
+        ImportOptions { up: self.scene.up, reach, offset_m: self.scene.offset_m }
     }
 
     /// Gives materials the radio properties of `[radio_materials]`, by exact name.

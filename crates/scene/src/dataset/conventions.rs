@@ -20,9 +20,16 @@ pub(super) fn of(header: &DatasetHeader, range: Option<&DbRange>) -> Conventions
     if let Some(imported) = &header.imported {
         return owned(imported::topics(header, imported, range).into());
     }
-    let Some(range) = range else { return owned(vec![("frames", frames()), ("cameras", cameras(header))]) };
+    let mut frames = frames();
+    if let Some([x, y, z]) = header.offset_m() {
+        let moved = format!(
+            "right-handed, z up, metres; x and y as in the scene file, which takes ({x}, {y}, {z}) m off its mesh (header.scene.scene.offset_m)"
+        );
+        frames.iter_mut().filter(|(question, _)| *question == "world").for_each(|(_, answer)| answer.clone_from(&moved));
+    }
+    let Some(range) = range else { return owned(vec![("frames", frames), ("cameras", cameras(header))]) };
     let topics: [Topic; 10] = [
-        ("frames", frames()),
+        ("frames", frames),
         ("angles", angles()),
         ("cameras", cameras(header)),
         ("optical", optical(header)),

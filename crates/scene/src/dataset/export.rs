@@ -110,11 +110,12 @@ pub(super) fn files(
     poses: &[TrajectoryPose],
     split: &SplitLists,
     points: &[SeenPoint],
+    offset_m: Option<[f64; 3]>,
 ) -> Result<Vec<(&'static str, String)>> {
     let stems = |list: &[usize]| list.iter().map(|i| layout::stem(*i) + "\n").collect::<String>();
     Ok(vec![
         ("sparse/0/cameras.txt", cameras_txt(&modality.camera)),
-        ("sparse/0/images.txt", images_txt(poses, points)),
+        ("sparse/0/images.txt", images_txt(poses, points, offset_m)),
         ("sparse/0/points3D.txt", points_txt(poses.len(), points)),
         // Without it nerfbaselines cannot choose between the model and transforms.json.
         ("nb-info.json", "{\"loader\": \"colmap\"}\n".to_owned()),
@@ -134,7 +135,7 @@ fn cameras_txt(c: &Pinhole) -> String {
 
 /// COLMAP's `images.txt`: `ID qw qx qy qz tx ty tz CAMERA NAME`, camera_from_world, OpenCV axes; then `X Y
 /// POINT3D_ID` of the points that were taken in it, or an empty line.
-fn images_txt(poses: &[TrajectoryPose], points: &[SeenPoint]) -> String {
+fn images_txt(poses: &[TrajectoryPose], points: &[SeenPoint], offset_m: Option<[f64; 3]>) -> String {
     let mut observed = vec![Vec::new(); poses.len()];
     for (i, point) in points.iter().enumerate() {
         if let Some((index, [x, y])) = point.seen {
@@ -142,6 +143,9 @@ fn images_txt(poses: &[TrajectoryPose], points: &[SeenPoint]) -> String {
         }
     }
     let mut text = "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME (camera_from_world), then POINTS2D\n".to_string();
+    if let Some([x, y, z]) = offset_m {
+        let _ = writeln!(text, "# world: ({x}, {y}, {z}) m was taken off the original positions");
+    }
     for p in poses {
         let camera_from_world = p.world_from_camera.inverse();
         let q = DQuat::from_mat3(&camera_from_world.rotation).normalize();
@@ -189,6 +193,8 @@ pub(crate) struct Besides<'a> {
     pub depth: Option<fn(usize) -> String>,
     /// 8-bit mask of a keyframe; none without masks.
     pub mask: Option<fn(usize) -> String>,
+    /// What was taken off the original positions, metres.
+    pub offset_m: Option<[f64; 3]>,
 }
 
 /// transforms.json: world_from_camera in OpenGL axes (y up, z backward: columns 1 and 2 negated); no `camera_model`, whose names no
@@ -232,6 +238,9 @@ pub(crate) fn transforms_json(
     });
     if let Some(besides) = besides {
         file["ply_file_path"] = json!(besides.points);
+        if let Some(offset_m) = besides.offset_m {
+            file["corf_offset_m"] = json!(offset_m);
+        }
     }
     to_json(&file)
 }

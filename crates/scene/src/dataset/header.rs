@@ -103,6 +103,10 @@ pub struct Imported {
     pub up: Option<[f64; 3]>,
     /// Metres that one unit of length of the capture was taken for.
     pub metres_per_unit: f64,
+    /// What was taken off all positions behind turn and scale, metres along the data set's axes; `None` where they were kept. A point of the data
+    /// set and this make `metres_per_unit · R · x` of the capture's point x, where R brings `up` to +z.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset_m: Option<[f64; 3]>,
     /// The decibel range that was stated with the spectra.
     pub db_range: Option<DbRange>,
     /// Changes and assumptions, in words.
@@ -276,6 +280,12 @@ impl DatasetHeader {
             imported: None,
             poses: config.poses(scene_config)?,
         })
+    }
+
+    /// What was taken off all positions of the capture or of the scene's mesh, metres along the data set's axes; `None` where they were kept.
+    pub fn offset_m(&self) -> Option<[f64; 3]> {
+        let of_scene = || self.scene.as_ref()?.scene.offset_m;
+        self.imported.as_ref().map_or_else(of_scene, |imported| imported.offset_m)
     }
 
     /// SHA-256 over header and trajectory as written: two headers with the same hash make the same dataset.

@@ -7,7 +7,7 @@ use super::header::{DATASET_SCHEMA, DatasetHeader, Summary, from_json, read_traj
 use super::{foreign, layout};
 use crate::keyframe::{DbRange, Modalities};
 use crate::trajectory::TrajectoryPose;
-use crate::{Error, Keyframe, Pinhole, Raster, Result, io};
+use crate::{Error, Finding, Keyframe, Pinhole, Raster, Result, far, io};
 use std::path::{Path, PathBuf};
 
 /// A finished dataset on disk. Keyframes are read one at a time.
@@ -128,6 +128,16 @@ impl Dataset {
     /// All poses, in order.
     pub fn poses(&self) -> &[TrajectoryPose] {
         &self.file.header.poses
+    }
+
+    /// A warning where keyframes were taken so far from the origin that single precision does not hold their places.
+    pub fn far_finding(&self) -> Option<Finding> {
+        let largest_m = far::largest_m(self.poses().iter().map(|p| p.world_from_camera.translation));
+        let help = match &self.file.header.imported {
+            Some(_) => "import the capture again with --offset auto",
+            None => "give the scene file an offset_m under [scene] and generate the data set again",
+        };
+        far::finding(&self.dir.display().to_string(), "its keyframes were taken", largest_m, help)
     }
 
     /// Training keyframes of the interleaved split.

@@ -37,6 +37,7 @@ pub fn validate(dir: impl AsRef<Path>) -> Result<Vec<Finding>> {
     let sights: Vec<Sight> = of_frames.iter().filter_map(|(_, sight)| *sight).collect();
     findings.extend(of_frames.into_iter().flat_map(|(of_frame, _)| of_frame));
     findings.extend(darkness::findings(&dataset.dir().display().to_string(), &sights));
+    findings.extend(dataset.far_finding());
     let file = dataset.file();
     if file.conventions != super::conventions::of(&file.header, file.db_range.as_ref()) {
         let place = dataset.dir().join(layout::DATASET_JSON).display().to_string();

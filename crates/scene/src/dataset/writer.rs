@@ -420,7 +420,7 @@ impl DatasetWriter {
         let points = export::sample_points(&self.dir, &self.header, &split.train, &rf_images, known)?;
         for modality in Modality::all(&self.header) {
             let points = &points[usize::from(modality.root != "optical")];
-            for (name, text) in export::files(&modality, &self.header.poses, &split, points)? {
+            for (name, text) in export::files(&modality, &self.header.poses, &split, points, self.header.offset_m())? {
                 put(format!("{}/{name}", modality.root), text.as_bytes())?;
             }
         }

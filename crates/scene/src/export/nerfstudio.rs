@@ -51,6 +51,7 @@ impl<'d> Nerfstudio<'d> {
             points: POINTS,
             depth: dataset.has_depth().then_some(depth_path as fn(usize) -> String),
             mask: dataset.has_masks().then_some(mask_path as fn(usize) -> String),
+            offset_m: dataset.header().offset_m(),
         };
         let split = [dataset.train_indices(), dataset.test_indices()];
         let transforms = transforms_json(&dataset.optical_camera(), dataset.poses(), split, Some(&besides))?;

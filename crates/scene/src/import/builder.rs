@@ -2,7 +2,7 @@
 
 use super::ImportReport;
 use crate::model::{Scene, Triangle};
-use crate::{Error, Result};
+use crate::{Error, Result, far};
 use glam::{DMat3, DMat4, DVec3, Vec3};
 
 /// A triangle whose double area is below this share of its longest edge squared is a line as far as float32 can tell.
@@ -44,6 +44,7 @@ pub(super) fn append(
             "scale the model to metres",
         ));
     }
+    note_coarse(report, p, &linear, &world, place);
     // The scene has colours for all of its vertices or for none: white is what those without have.
     if !p.colors.is_empty() && scene.colors.is_empty() {
         scene.colors = vec![[1.0; 4]; scene.positions.len()];
@@ -101,6 +102,21 @@ pub(super) fn normal_map(linear: &DMat3) -> DMat3 {
     let sign = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
     DMat3::from_cols(linear.y_axis.cross(linear.z_axis), linear.z_axis.cross(linear.x_axis), linear.x_axis.cross(linear.y_axis))
         * sign
+}
+
+/// Notes once that vertices came near the origin whose numbers in the file are far from it: there they are as coarse as single precision is, and no offset
+/// brings back what the file does not hold.
+fn note_coarse(report: &mut ImportReport, p: &Primitive, linear: &DMat3, world: &[Vec3], place: &str) {
+    const WORDS: &str = "no offset brings back";
+    let own_m = far::largest_m(p.positions.iter().map(|v| *linear * Vec3::from_array(*v).as_dvec3()));
+    let world_m = far::largest_m(world.iter().map(|v| v.as_dvec3()));
+    if own_m >= far::FAR_M && world_m < far::FAR_M && !report.notes.iter().any(|note| note.contains(WORDS)) {
+        let step_mm = far::step_mm(own_m);
+        report.notes.push(format!(
+            "{place}: its vertices are single-precision numbers of up to {own_m:.0} m, in steps of {step_mm:.1} mm, which {WORDS}: move the model to the \
+             origin in the program that exports it"
+        ));
+    }
 }
 
 /// Most triangles of a scene: with their vertices, hierarchy and tables more fit no ordinary memory.

@@ -29,10 +29,12 @@ pub enum UpAxis {
 }
 
 /// Options of a mesh file's import.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ImportOptions {
     /// The file's up axis: without one y for glTF, as its standard says, and z for an OBJ.
     pub up: Option<UpAxis>,
+    /// Point of the world that becomes the origin, metres: it is taken off every position, in doubles.
+    pub offset_m: Option<[f64; 3]>,
     /// Files that the mesh file may name: buffers, textures, material libraries.
     pub reach: Reach,
 }

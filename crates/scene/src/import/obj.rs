@@ -17,7 +17,10 @@ pub(super) fn load(path: &Path, import: &ImportOptions) -> Result<(Scene, Import
     let file = path.display().to_string();
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut notes = Notes::default();
-    let obj = obj_text::mend(&io::read(path)?, &file, &mut notes)?;
+    let up = import.up.unwrap_or(UpAxis::Z);
+    // World from file turns (x, y, z) to (x, -z, y) where y is up.
+    let origin = import.offset_m.map(|[x, y, z]| if up == UpAxis::Y { [x, z, -y] } else { [x, y, z] });
+    let obj = obj_text::mend(&io::read(path)?, &file, origin, &mut notes)?;
     let mut scene = Scene { name: scene_name(path), ..Scene::default() };
     let mut report = ImportReport { skipped_primitives: obj.skipped, ..ImportReport::default() };
     let libraries = libraries(&obj, folder, import, &file, &mut notes)?;
@@ -37,7 +40,7 @@ pub(super) fn load(path: &Path, import: &ImportOptions) -> Result<(Scene, Import
         .map_err(refused)?
         .map_err(|e| refused(e.to_string()))?;
 
-    let world_from_file = match import.up.unwrap_or(UpAxis::Z) {
+    let world_from_file = match up {
         UpAxis::Y => DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2),
         UpAxis::Z => DMat4::IDENTITY,
     };

@@ -35,6 +35,28 @@ fn square(head: &str) -> String {
 }
 
 #[test]
+fn an_offset_is_taken_off_vertices_in_doubles() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("room.obj");
+    let face = "vn 0 0 1\nf 1//1 2//1 3//1\n";
+    // Not numbers of single precision, whose steps are 1/32 m there; one with a weight, one with a colour.
+    let vertices =
+        "v 446520.0078125 85230.00390625 12.5\nv 893044.015625 170460.0078125 25 2\nv 446520.0078125 85233.00390625 12.5 1 0 0\n";
+    std::fs::write(&path, format!("{vertices}{face}")).unwrap();
+    let read = |up, offset_m| {
+        load_with_report(&path, &ImportOptions { up, offset_m: Some(offset_m), ..ImportOptions::default() }).unwrap()
+    };
+    let offset = [446_520.007_812_5, 85_230.003_906_25, 12.5];
+    let (scene, report) = read(None, offset);
+    assert_eq!(scene.corners(0), [Vec3::ZERO, Vec3::new(2.0, 0.0, 0.0), Vec3::new(0.0, 3.0, 0.0)]);
+    assert_eq!(scene.colors[2], [1.0, 0.0, 0.0, 1.0]);
+    assert!(report.notes.is_empty(), "{report:?}");
+    // World (x, -z, y) where y is up.
+    let (scene, _) = read(Some(UpAxis::Y), [offset[0], -offset[2], offset[1]]);
+    assert_eq!(scene.corners(0), [Vec3::ZERO, Vec3::new(2.0, 0.0, 0.0), Vec3::new(0.0, 0.0, 3.0)]);
+}
+
+#[test]
 fn obj_with_its_materials_either_way_up() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("room.obj");

@@ -9,6 +9,7 @@ use super::notes::Notes;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
+use std::str::FromStr;
 
 /// Kinds of unknown statements that are reported one by one.
 const MAX_UNKNOWN: usize = 8;
@@ -67,14 +68,27 @@ pub(super) fn without_comment(text: &str) -> &str {
 /// # Errors
 /// A word that is no finite float32.
 pub(super) fn numbers(text: &str, place: &str) -> Result<Vec<f32>> {
-    without_comment(text)
-        .split_whitespace()
-        .map(|word| {
-            word.parse::<f32>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
-                Error::invalid(place, format!("`{word}` is no finite number"), "repair this line, or export the model again")
-            })
-        })
-        .collect()
+    without_comment(text).split_whitespace().map(|word| number(word, place)).collect()
+}
+
+/// A word as a finite number.
+fn number<T: FromStr + Copy + Into<f64>>(word: &str, place: &str) -> Result<T> {
+    let finite = word.parse::<T>().ok().filter(|v| (*v).into().is_finite());
+    finite.ok_or_else(|| {
+        Error::invalid(place, format!("`{word}` is no finite number"), "repair this line, or export the model again")
+    })
+}
+
+/// The numbers of a vertex whose place loses `origin`, in doubles.
+fn moved(text: &str, origin: [f64; 3], place: &str) -> Result<Vec<f32>> {
+    let words = without_comment(text).split_whitespace();
+    let mut numbers: Vec<f64> = words.map(|word| number(word, place)).collect::<Result<_>>()?;
+    // A weight divides the place, and is then done with.
+    if let [x, y, z, w] = numbers.as_mut_slice() {
+        (*x, *y, *z, *w) = (*x / *w, *y / *w, *z / *w, 1.0);
+    }
+    numbers.iter_mut().zip(origin).for_each(|(v, origin)| *v -= origin);
+    Ok(numbers.into_iter().map(|v| v as f32).collect())
 }
 
 /// An OBJ file that the parser can take, and what it cannot hold.
@@ -113,18 +127,21 @@ struct Reader {
     skipped: usize,
 }
 
-/// Reads an OBJ file's bytes; `file` names it in messages.
+/// Reads an OBJ file's bytes; `file` names it in messages, `origin` is the point of the file that becomes its origin.
 ///
 /// # Errors
 /// A vertex or face that cannot be read, an index that leads nowhere; the message names the line.
-pub(super) fn mend(bytes: &[u8], file: &str, notes: &mut Notes) -> Result<ObjText> {
+pub(super) fn mend(bytes: &[u8], file: &str, origin: Option<[f64; 3]>, notes: &mut Notes) -> Result<ObjText> {
     let mut reader = Reader::default();
     let mut unknown = BTreeSet::new();
     for (line, statement) in statements(&decode(bytes)) {
         let (keyword, rest) = split(&statement);
         let place = || format!("{file}:{line}");
         match keyword {
-            "v" => reader.vertex(&numbers(rest, &place())?, &place())?,
+            "v" => match origin {
+                Some(origin) => reader.vertex(&moved(rest, origin, &place())?, &place())?,
+                None => reader.vertex(&numbers(rest, &place())?, &place())?,
+            },
             "vt" => match *numbers(rest, &place())? {
                 [u] => reader.uvs.push([u, 0.0]),
                 [u, v] | [u, v, _] => reader.uvs.push([u, v]),

@@ -157,6 +157,7 @@ impl LiveDescription {
     pub fn header(&self) -> DatasetHeader {
         let notes = vec!["keyframes were taken as they landed in a live folder, numbered in that order".to_owned()];
         let imported = Imported {
+            offset_m: None,
             format: LIVE_SCHEMA.to_owned(),
             names: Vec::new(),
             up: None,

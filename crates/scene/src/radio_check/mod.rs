@@ -36,7 +36,7 @@ pub fn far_finding(scene: &Scene) -> Option<Finding> {
     let far_m = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
     let step_mm = 1e3 * ((far_m as f32).next_up() - far_m as f32);
     let what = format!("its corners lie up to {far_m:.0} m from the origin, where single precision has steps of {step_mm:.2} mm");
-    let help = "paths are that inexact and scattered power comes out too low: move the model to the origin";
+    let help = "paths are that inexact and scattered power comes out too low: give the scene file an offset_m under [scene], or move the model to the origin";
     // What is as large as that is not helped by moving it.
     let size_m = f64::from(bounds.max.distance(bounds.min));
     (far_m > FAR_M && far_m > size_m).then(|| Finding::new(Severity::Warning, scene.name.as_str(), what, help))

@@ -157,9 +157,7 @@ impl Radio {
         let scene = scene_in_use::load(&scene_config)?;
         scene_config.check_radio(&scene)?;
         scene_config.check_placement(&scene)?;
-        if config.rf.transmission {
-            say::findings(geometry_warnings(&scene));
-        }
+        say::findings(geometry_warnings(&scene, config.rf.transmission));
         let mut seconds = Stages::default();
         let bvh = timed(&mut seconds.hierarchy, || Bvh::build(&scene));
         let plan = SensorPlan::of(&config, &scene_config)?;

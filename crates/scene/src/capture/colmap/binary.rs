@@ -1,10 +1,11 @@
 //! COLMAP's binary files: little-endian, without padding.
 
-use super::{Camera, Image, MODELS, READ, Sparse};
+use super::rigs::{Frame, Kind, Rig, Sensor};
+use super::{Camera, Image, MODELS, Pose, READ, Sparse};
 use crate::dataset::ColoredPoint;
 use crate::{Error, Result, io};
 use glam::DVec3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Reads `cameras.bin`, `images.bin` and, where it is there, `points3D.bin`.
@@ -64,6 +65,28 @@ impl Bytes<'_> {
         Ok(values)
     }
 
+    fn pose(&mut self) -> Result<Pose> {
+        Ok(Pose { quaternion: self.f64s()?, translation: self.f64s()? })
+    }
+
+    fn sensor(&mut self) -> Result<Sensor> {
+        let kind = match self.u32()? {
+            0 => Kind::Camera,
+            1 => Kind::Imu,
+            other => return Err(self.fault(format!("there is no kind of sensor {}", other as i32))),
+        };
+        Ok(Sensor { kind, id: self.u32()? })
+    }
+
+    /// A number of 32 bits of records, of which each takes at least so many bytes.
+    fn short_count(&mut self, least_bytes: usize) -> Result<usize> {
+        let count = self.u32()?;
+        match usize::try_from(count) {
+            Ok(n) if n.checked_mul(least_bytes).is_some_and(|bytes| bytes <= self.rest.len()) => Ok(n),
+            _ => Err(self.fault(format!("it declares {count} records, which its bytes cannot hold"))),
+        }
+    }
+
     /// A number of records, of which each takes at least so many bytes.
     fn count(&mut self, least_bytes: usize) -> Result<usize> {
         let count = self.u64()?;
@@ -93,7 +116,9 @@ fn cameras(path: &Path) -> Result<BTreeMap<u32, Camera>> {
             ));
         };
         let parameters = (0..model.parameters).map(|_| bytes.f64()).collect::<Result<_>>()?;
-        cameras.insert(id, Camera { model, width, height, parameters });
+        if cameras.insert(id, Camera { model, width, height, parameters }).is_some() {
+            return Err(bytes.fault(format!("there are two cameras {id}")));
+        }
     }
     bytes.end()?;
     Ok(cameras)
@@ -104,9 +129,13 @@ fn images(path: &Path) -> Result<Vec<Image>> {
     let mut bytes = Bytes { path, rest: &bytes };
     let count = bytes.count(73)?;
     let mut images = Vec::with_capacity(count);
+    let mut ids = BTreeSet::new();
     for _ in 0..count {
-        let _id = bytes.u32()?;
-        let (quaternion, translation) = (bytes.f64s()?, bytes.f64s()?);
+        let id = bytes.u32()?;
+        if !ids.insert(id) {
+            return Err(bytes.fault(format!("there are two images {id}")));
+        }
+        let camera_from_world = bytes.pose()?;
         let camera = bytes.u32()?;
         let Some(length) = bytes.rest.iter().position(|b| *b == 0) else { return Err(bytes.fault("a name does not end")) };
         let name = std::str::from_utf8(bytes.take(length)?).map(str::to_owned);
@@ -115,7 +144,7 @@ fn images(path: &Path) -> Result<Vec<Image>> {
         // Two coordinates and the number of a point each.
         let observed = bytes.count(24)?;
         bytes.take(24 * observed)?;
-        images.push(Image { quaternion, translation, camera, name });
+        images.push(Image { id, camera_from_world, camera, name });
     }
     bytes.end()?;
     Ok(images)
@@ -140,4 +169,45 @@ fn points(path: &Path) -> Result<Vec<ColoredPoint>> {
     }
     bytes.end()?;
     Ok(points)
+}
+
+/// `rigs.bin`.
+pub(super) fn rigs(path: &Path) -> Result<Vec<Rig>> {
+    let bytes = io::read(path)?;
+    let mut bytes = Bytes { path, rest: &bytes };
+    let count = bytes.count(8)?;
+    let mut rigs = Vec::with_capacity(count);
+    for _ in 0..count {
+        let id = bytes.u32()?;
+        let sensors = bytes.short_count(8)?;
+        let reference = if sensors > 0 { Some(bytes.sensor()?) } else { None };
+        let mut others = Vec::new();
+        for _ in 1..sensors {
+            let sensor = bytes.sensor()?;
+            let pose = match bytes.array::<1>()? {
+                [0] => None,
+                [1] => Some(bytes.pose()?),
+                [other] => return Err(bytes.fault(format!("whether {sensor} has a pose is {other}, not 0 or 1"))),
+            };
+            others.push((sensor, pose));
+        }
+        rigs.push(Rig { id, reference, others });
+    }
+    bytes.end()?;
+    Ok(rigs)
+}
+
+/// `frames.bin`.
+pub(super) fn frames(path: &Path) -> Result<Vec<Frame>> {
+    let bytes = io::read(path)?;
+    let mut bytes = Bytes { path, rest: &bytes };
+    let count = bytes.count(68)?;
+    let mut frames = Vec::with_capacity(count);
+    for _ in 0..count {
+        let (id, rig, rig_from_world) = (bytes.u32()?, bytes.u32()?, bytes.pose()?);
+        let data = (0..bytes.short_count(16)?).map(|_| Ok((bytes.sensor()?, bytes.u64()?))).collect::<Result<_>>()?;
+        frames.push(Frame { id, rig, rig_from_world, data });
+    }
+    bytes.end()?;
+    Ok(frames)
 }

@@ -147,3 +147,212 @@ fn binary_files_that_are_cut_or_lie_about_their_length_are_refused() {
         assert!(read(dir.path(), dir.path(), false).unwrap_err().to_string().contains("cannot hold"), "{name}");
     }
 }
+
+/// A model with two rigs: one whose reference sensor is not the first camera and which has an inertial unit without a pose, one whose reference sensor is an
+/// inertial unit. Poses in `images.txt` are wrong but for the first.
+const RIG_CAMERAS: &str = "1 PINHOLE 8 6 6 6 4 3\n2 PINHOLE 8 6 6 6 4 3\n5 PINHOLE 8 6 6 6 4 3\n9 EUCM 8 6 1 1 1 1 1 1\n";
+const RIGS: &str =
+    "# Number of rigs: 2\n4 3 CAMERA 2 CAMERA 1 1 0.8 0 0.6 0 0.5 0 -0.25 IMU 1 0\n7 2 IMU 1 CAMERA 5 1 0.6 0 0 0.8 1 2 3\n";
+const FRAMES: &str = "10 4 1 0 0 0 1 2 3 3 CAMERA 1 31 CAMERA 2 30 IMU 1 99\n11 4 0.5 0.5 -0.5 0.5 0 1.5 -2 2 CAMERA 2 40 CAMERA 1 41\n\
+                      12 7 0.8 0 0.6 0 -1 0 4 2 IMU 1 1 CAMERA 5 50\n";
+const RIG_IMAGES: &str = "30 1 0 0 0 1 2 3 2 b/0.png\n\n31 1 0 0 0 9 9 9 1 a/0.png\n\n40 1 0 0 0 0 0 0 2 b/1.png\n\n41 1 0 0 0 0 0 0 1 a/1.png\n\n\
+                          50 1 0 0 0 0 0 0 5 c/0.png\n\n";
+/// Name, place and direction of view of each, as pycolmap 4.2.1 reads these files.
+const BY_PYCOLMAP: [(&str, [f64; 3], [f64; 3]); 5] = [
+    ("a/0.png", [-1.38, -2.0, -3.41], [-0.96, 0.0, 0.28]),
+    ("a/1.png", [1.59, 0.38, 1.5], [0.28, 0.96, 0.0]),
+    ("b/0.png", [-1.0, -2.0, -3.0], [0.0, 0.0, 1.0]),
+    ("b/1.png", [2.0, 0.0, 1.5], [1.0, 0.0, 0.0]),
+    ("c/0.png", [6.5408, 1.52, -2.5744], [-0.96, 0.0, 0.28]),
+];
+/// `rigs.bin` and `frames.bin` of this model as pycolmap 4.2.1 writes them.
+const RIGS_BIN: &str = "0200000000000000040000000300000000000000020000000000000001000000019a9999999999e93f0000000000000000333333333333e33f0000000000000000\
+    000000000000e03f0000000000000000000000000000d0bf01000000010000000007000000020000000100000001000000000000000500000001333333333333e33f000000000000000000\
+    000000000000009a9999999999e93f000000000000f03f00000000000000400000000000000840";
+const FRAMES_BIN: &str = "03000000000000000a00000004000000000000000000f03f000000000000000000000000000000000000000000000000000000000000f03f00000000000000\
+    4000000000000008400300000000000000010000001f0000000000000000000000020000001e00000000000000010000000100000063000000000000000b00000004000000000000000000e0\
+    3f000000000000e03f000000000000e0bf000000000000e03f0000000000000000000000000000f83f00000000000000c002000000000000000100000029000000000000000000000002000000\
+    28000000000000000c000000070000009a9999999999e93f0000000000000000333333333333e33f0000000000000000000000000000f0bf000000000000000000000000000010400200000000\
+    00000005000000320000000000000001000000010000000100000000000000";
+
+fn rig_model(folder: &Path, changed: &[(&str, &str)]) -> PathBuf {
+    let model = folder.join("sparse/0");
+    let _ = fs::remove_dir_all(&model);
+    fs::create_dir_all(&model).unwrap();
+    for (name, text) in [("cameras", RIG_CAMERAS), ("images", RIG_IMAGES), ("rigs", RIGS), ("frames", FRAMES)] {
+        let text = changed.iter().find(|(other, _)| *other == name).map_or(text, |(_, text)| text);
+        fs::write(model.join(format!("{name}.txt")), text).unwrap();
+    }
+    model
+}
+
+fn bytes_of(hex: &str) -> Vec<u8> {
+    (0..hex.len()).step_by(2).map(|i| u8::from_str_radix(&hex[i..i + 2], 16).unwrap()).collect()
+}
+
+#[test]
+fn poses_come_from_frames_and_rigs_as_colmap_reads_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let check = |capture: &Capture, what: &str| {
+        assert_eq!(capture.shots.len(), BY_PYCOLMAP.len(), "{what}");
+        for (shot, (name, place, view)) in capture.shots.iter().zip(BY_PYCOLMAP) {
+            assert_eq!(shot.name, name);
+            let (at, along) = (shot.world_from_camera.translation, shot.world_from_camera.rotation.z_axis);
+            assert!(
+                at.distance(DVec3::from(place)) < 1e-12 && along.distance(DVec3::from(view)) < 1e-12,
+                "{what} {name}: {at} {along}"
+            );
+        }
+        assert!(capture.files.iter().any(|f| f.file_stem().unwrap() == "frames"), "{what}");
+        assert!(capture.notes.iter().any(|n| n.contains("differ by up to")), "{what}: {:?}", capture.notes);
+    };
+    let model = rig_model(dir.path(), &[]);
+    let capture = read(dir.path(), dir.path(), false).unwrap();
+    check(&capture, "text");
+    assert_eq!(capture.notes.len(), 1, "{:?}", capture.notes);
+    let (crlf, mark) = (FRAMES.replace('\n', "\r\n# said in between\r\n"), format!("\u{feff}{RIGS}"));
+    rig_model(dir.path(), &[("frames", &crlf), ("rigs", &mark)]);
+    check(&read(dir.path(), dir.path(), false).unwrap(), "text as Windows has it");
+    // The same in binary, where COLMAP looks first.
+    let camera = |id: u32| [id.to_le_bytes(), 1_u32.to_le_bytes()].concat();
+    let numbers = |v: &[f64]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    let pinhole = |id| [camera(id), [8_u64, 6].map(u64::to_le_bytes).concat(), numbers(&[6.0, 6.0, 4.0, 3.0])].concat();
+    let mut images = 5_u64.to_le_bytes().to_vec();
+    for line in RIG_IMAGES.lines().filter(|line| !line.is_empty()) {
+        let fields: Vec<&str> = line.split(' ').collect();
+        let pose: Vec<f64> = fields[1..8].iter().map(|f| f.parse().unwrap()).collect();
+        let whole = |i: usize| fields[i].parse::<u32>().unwrap().to_le_bytes();
+        images.extend([&whole(0)[..], &numbers(&pose), &whole(8), fields[9].as_bytes(), &[0; 9]].concat());
+    }
+    fs::write(model.join("cameras.bin"), [3_u64.to_le_bytes().to_vec(), pinhole(1), pinhole(2), pinhole(5)].concat()).unwrap();
+    fs::write(model.join("images.bin"), images).unwrap();
+    let (rigs, frames) = (bytes_of(RIGS_BIN), bytes_of(FRAMES_BIN));
+    let put = |name: &str, bytes: &[u8]| fs::write(model.join(name), bytes).unwrap();
+    put("rigs.bin", &rigs);
+    put("frames.bin", &frames);
+    fs::remove_file(model.join("rigs.txt")).unwrap();
+    fs::remove_file(model.join("frames.txt")).unwrap();
+    check(&read(dir.path(), dir.path(), false).unwrap(), "binary");
+    for (name, whole) in [("rigs.bin", &rigs), ("frames.bin", &frames)] {
+        for bytes in [&whole[..whole.len() - 1], &whole[..12], &whole[..0], &[&whole[..], b"x"].concat()] {
+            put(name, bytes);
+            let message = read(dir.path(), dir.path(), false).unwrap_err().to_string();
+            assert!(message.contains(name), "{message}");
+        }
+        put(name, whole);
+    }
+}
+
+#[test]
+fn frames_and_rigs_that_do_not_fit_are_refused_with_both_files() {
+    let dir = tempfile::tempdir().unwrap();
+    let refused = |changed: &[(&str, &str)], words: &[&str]| {
+        rig_model(dir.path(), changed);
+        let message = read(dir.path(), dir.path(), false).unwrap_err().to_string();
+        assert!(words.iter().all(|w| message.contains(w)), "{words:?}: {message}");
+    };
+    let frames = |from: &str, to: &str| FRAMES.replace(from, to);
+    let rigs = |from: &str, to: &str| RIGS.replace(from, to);
+    refused(&[("frames", &frames("CAMERA 1 31", "CAMERA 1 32"))], &["images.txt", "a/0.png", "31", "frames.txt"]);
+    refused(&[("frames", &frames("12 7 ", "12 8 "))], &["frames.txt", "frame 12", "rigs.txt", "rig 8"]);
+    refused(&[("frames", &frames("12 7 ", "11 7 "))], &["frame 11", "two"]);
+    refused(&[("frames", &frames("CAMERA 5 50", "CAMERA 5 40"))], &["image 40", "frame 11", "frame 12"]);
+    refused(
+        &[("frames", &frames("CAMERA 2 40 CAMERA 1 41", "CAMERA 1 40 CAMERA 2 41"))],
+        &["b/1.png", "camera is 2", "frame 11"],
+    );
+    refused(&[("frames", &frames("12 7 0.8 0 0.6 0", "12 7 0 0 0 0"))], &["frame 12", "quaternion"]);
+    refused(&[("frames", &frames("12 7 0.8", "12 7 nan"))], &["frame 12", "quaternion"]);
+    refused(&[("frames", &frames("-2 2 CAMERA", "-2 3 CAMERA"))], &["frames.txt:2", "too soon"]);
+    refused(&[("frames", &frames("-2 2 CAMERA", "-2 1 CAMERA"))], &["frames.txt:2", "follows"]);
+    refused(&[("frames", &frames("IMU 1 99", "LIDAR 1 99"))], &["frames.txt:1", "LIDAR"]);
+    refused(&[("rigs", &rigs("7 2 IMU", "4 2 IMU"))], &["rigs.txt", "rig 4", "two"]);
+    refused(&[("rigs", &rigs("CAMERA 5 1", "CAMERA 6 1"))], &["frames.txt", "rig 7", "camera 5"]);
+    refused(&[("rigs", &rigs("CAMERA 2 CAMERA 1", "CAMERA 2 CAMERA 2"))], &["rig 4", "camera 2 twice"]);
+    refused(&[("rigs", &rigs("4 3 CAMERA", "4 2 CAMERA"))], &["rigs.txt:2", "follows"]);
+    refused(&[("rigs", &rigs("CAMERA 1 1 0.8", "CAMERA 1 2 0.8"))], &["rigs.txt:2", "HAS_POSE"]);
+    refused(&[("rigs", "# none\n")], &["frame", "has no rig"]);
+    refused(&[("frames", "# none\n")], &["is in no frame"]);
+    // Only one of the two, or both in another form than the images.
+    for gone in ["rigs", "frames"] {
+        let model = rig_model(dir.path(), &[]);
+        fs::remove_file(model.join(format!("{gone}.txt"))).unwrap();
+        let message = read(dir.path(), dir.path(), false).unwrap_err().to_string();
+        assert!(message.contains("rigs.txt") && message.contains("frames.txt") && message.contains("without"), "{message}");
+    }
+    let model = rig_model(dir.path(), &[]);
+    for name in ["rigs", "frames"] {
+        fs::remove_file(model.join(format!("{name}.txt"))).unwrap();
+        fs::write(model.join(format!("{name}.bin")), "").unwrap();
+    }
+    let message = read(dir.path(), dir.path(), false).unwrap_err().to_string();
+    assert!(message.contains("frames.bin") && message.contains("images.txt"), "{message}");
+    // Both empty: a model of before there were any, as COLMAP has it.
+    rig_model(dir.path(), &[("rigs", "# none\n"), ("frames", "")]);
+    let legacy = read(dir.path(), dir.path(), false).unwrap();
+    assert!(legacy.notes.is_empty() && legacy.shots[0].world_from_camera.translation == DVec3::splat(-9.0), "{:?}", legacy.notes);
+}
+
+#[test]
+fn sensors_without_a_place_and_images_that_nobody_has_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = |changed: &[(&str, &str)]| {
+        rig_model(dir.path(), changed);
+        read(dir.path(), dir.path(), false)
+    };
+    let capture = model(&[("rigs", &RIGS.replace("CAMERA 1 1 0.8 0 0.6 0 0.5 0 -0.25", "CAMERA 1 0"))]).unwrap();
+    assert_eq!(capture.shots.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["b/0.png", "b/1.png", "c/0.png"]);
+    assert!(capture.notes.iter().any(|n| n.contains("camera 1") && n.contains("2 images")), "{:?}", capture.notes);
+    let capture = model(&[("frames", &FRAMES.replace("3 CAMERA 1 31", "4 CAMERA 1 77 CAMERA 1 31"))]).unwrap();
+    assert!(capture.notes.iter().any(|n| n.contains("1 images are in frames") && n.contains("77")), "{:?}", capture.notes);
+    let capture = model(&[("rigs", &RIGS.replace("rigs: 2", "rigs: 3"))]).unwrap();
+    assert!(capture.notes.iter().any(|n| n.contains("rigs.txt has 2 rigs") && n.contains("3")), "{:?}", capture.notes);
+}
+
+#[test]
+fn lines_of_points_are_triples_and_none_is_taken_for_an_image() {
+    let dir = tempfile::tempdir().unwrap();
+    let with = |images: &str| {
+        text_model(dir.path());
+        fs::write(dir.path().join("sparse/0/images.txt"), images).unwrap();
+        read(dir.path(), dir.path(), false)
+    };
+    let pose = |id: usize| format!("{id} 1 0 0 0 {id} 0 0 3 {id}.png\n");
+    let count = |images: &str| with(images).unwrap().shots.len();
+    // Comments and empty lines in between; none behind the last; another program's number for no point.
+    assert_eq!(count(&format!("{}# said\n\n\n\n{}1 2 -1\n# more\n{}", pose(1), pose(2), pose(3))), 3);
+    assert_eq!(count(&format!("\u{feff}{}1.5 2.5 18446744073709551615 3 4 7\r\n", pose(1).replace('\n', "\r\n"))), 1);
+    let refused = |images: &str, words: &[&str]| {
+        let message = with(images).unwrap_err().to_string();
+        assert!(words.iter().all(|w| message.contains(w)), "{message}");
+    };
+    refused(&[pose(1), pose(2)].concat(), &["images.txt:2", "X Y POINT3D_ID", "10 fields"]);
+    refused(&[pose(1), "\n".into(), pose(2), pose(3)].concat(), &["images.txt:4"]);
+    refused(&(pose(1) + "# comment\n" + &pose(2) + "\n"), &["images.txt:3"]);
+    refused(&(pose(1) + "1 2\n"), &["images.txt:2", "2 fields"]);
+    refused(&(pose(1) + "1 2 a\n"), &["images.txt:2", "\"a\""]);
+    refused(&(pose(1) + "1 b 3\n"), &["images.txt:2", "\"b\""]);
+    refused(&(pose(1) + "\n" + &pose(1).replace("1.png", "2.png") + "\n"), &["images.txt:3", "image 1 already"]);
+    let notes = with(&format!("# Number of images: 3, mean observations per image: 0\n{}\n", pose(1))).unwrap().notes;
+    assert!(notes.iter().any(|n| n.contains("images.txt has 1 images") && n.contains("3")), "{notes:?}");
+    text_model(dir.path());
+    fs::write(dir.path().join("sparse/0/points3D.txt"), "8 1.5 -2 3 10 20 30 0.5 1 0 2\n").unwrap();
+    assert!(read(dir.path(), dir.path(), false).unwrap_err().to_string().contains("points3D.txt:1"));
+}
+
+#[test]
+fn further_models_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    text_model(dir.path());
+    fs::rename(dir.path().join("sparse"), dir.path().join("kept")).unwrap();
+    for k in ["0", "1", "10", "2"] {
+        let model = dir.path().join("sparse").join(k);
+        fs::create_dir_all(&model).unwrap();
+        for name in ["cameras", "images", "points3D"] {
+            fs::copy(dir.path().join(format!("kept/0/{name}.txt")), model.join(format!("{name}.txt"))).unwrap();
+        }
+    }
+    fs::create_dir(dir.path().join("sparse/empty")).unwrap();
+    let notes = read(dir.path(), dir.path(), false).unwrap().notes;
+    assert!(notes.len() == 1 && notes[0].starts_with("sparse/1, sparse/2, sparse/10 hold"), "{notes:?}");
+}

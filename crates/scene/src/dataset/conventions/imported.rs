@@ -23,9 +23,13 @@ fn world(imported: &Imported) -> Vec<(&'static str, String)> {
         None => "the capture's frame, which was taken to be z-up".into(),
     };
     let scale = format!("one unit of the capture was taken for {} m", imported.metres_per_unit);
+    let moved = match imported.offset_m {
+        Some([x, y, z]) => format!("; ({x}, {y}, {z}) m was taken off all positions then (header.imported.offset_m)"),
+        None => String::new(),
+    };
     let mut list = frames();
     list.retain(|(question, _)| *question != "world");
-    list.insert(0, ("world", format!("right-handed, z up, metres: {turned}; {scale}")));
+    list.insert(0, ("world", format!("right-handed, z up, metres: {turned}; {scale}{moved}")));
     list
 }
 

@@ -48,9 +48,14 @@ pub(super) fn load(bytes: &[u8], path: &Path, options: &ImportOptions) -> Result
         Some(UpAxis::Z) => DMat4::IDENTITY,
         Some(UpAxis::Y) | None => WORLD_FROM_GLTF,
     };
+    let world_from_file = match options.offset_m {
+        Some(offset_m) => DMat4::from_translation(-DVec3::from(offset_m)) * world_from_file,
+        None => world_from_file,
+    };
     let seen = vec![false; document.nodes().len()];
     let skins = skin::Skins::new(&source, world_from_file, parents, &roots);
-    let mut reader = Reader { source: &source, scene, report: ImportReport::default(), notes, seen, skins };
+    let offset = options.offset_m.is_some();
+    let mut reader = Reader { source: &source, scene, report: ImportReport::default(), notes, seen, skins, offset };
     // Depth first, in the file's order: object numbers follow the order a person sees in the file.
     let mut stack: Vec<Visit<'_>> = roots.into_iter().rev().map(|n| (n, world_from_file, true)).collect();
     while let Some((node, world_from_parent, shown)) = stack.pop() {
@@ -78,6 +83,8 @@ struct Reader<'a> {
     /// Per node, whether it has been visited.
     seen: Vec<bool>,
     skins: skin::Skins<'a>,
+    /// Whether a point far away becomes the origin, so that translations are wanted to their last digit.
+    offset: bool,
 }
 
 impl Reader<'_> {
@@ -92,7 +99,11 @@ impl Reader<'_> {
                 "a node tree is a tree; export the model again",
             ));
         }
-        let world_from_node = *world_from_parent * node::parent_from_node(node, &place, &mut self.notes)?;
+        let mut parent_from_node = node::parent_from_node(node, &place, &mut self.notes)?;
+        if self.offset {
+            node::translate_in_doubles(&mut parent_from_node, &self.source.raw["nodes"][node.index()]);
+        }
+        let world_from_node = *world_from_parent * parent_from_node;
         if !world_from_node.is_finite() {
             return Err(Error::invalid(place, "its transform is not finite", "repair the node's matrix"));
         }

@@ -67,6 +67,15 @@ pub(super) fn parent_from_node(node: &gltf::Node<'_>, place: &str, notes: &mut N
     }
 }
 
+/// Gives a node's transform the translation that the file writes, in double precision: the parser rounds it to single.
+pub(super) fn translate_in_doubles(parent_from_node: &mut DMat4, raw_node: &Value) {
+    let numbers = |key: &str| raw_node.get(key)?.as_array()?.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>();
+    let translation = numbers("matrix").and_then(|m| m.get(12..15).map(<[f64]>::to_vec)).or_else(|| numbers("translation"));
+    if let Some(&[x, y, z]) = translation.as_deref() {
+        parent_from_node.w_axis = DVec3::new(x, y, z).extend(1.0);
+    }
+}
+
 fn trs(translation: [f32; 3], rotation: DQuat, scale: [f32; 3]) -> DMat4 {
     let of = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
     DMat4::from_scale_rotation_translation(of(scale), rotation, of(translation))

@@ -458,6 +458,33 @@ fn a_file_that_is_z_up_is_read_as_one_where_it_is_said() {
 }
 
 #[test]
+fn an_offset_is_taken_off_translations_in_doubles() {
+    let mut f = File::new();
+    // World (x, -z, y). Neither number is one of single precision, whose steps are 1/32 m there.
+    f.json["nodes"][0]["translation"] = json!([446_521.007_812_5, 2.0, -85_232.996_093_75]);
+    let options = ImportOptions { offset_m: Some([446_520.007_812_5, 85_235.996_093_75, 0.0]), ..ImportOptions::default() };
+    let near = scene();
+    let same = |scene: &Scene| {
+        assert_eq!(scene.positions, near.positions);
+        assert_eq!(scene.normals, near.normals);
+        assert!((scene.lights[0].position - near.lights[0].position).length() < 1e-6);
+    };
+    let (moved, report) = f.read_by(&options).unwrap();
+    same(&moved);
+    assert!(report.notes.is_empty(), "{report:?}");
+    let translation = f.json["nodes"][0]["translation"].take();
+    let t: Vec<f64> = translation.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    f.json["nodes"][0] = json!({ "children": [1, 2], "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, t[0], t[1], t[2], 1] });
+    same(&f.read_by(&options).unwrap().0);
+    // Vertices that the file itself holds in single precision far out are said to be as coarse as that.
+    let far = f.floats("VEC3", 3, &[446_520.0, 0.0, 0.0, 446_521.0, 0.0, 0.0, 446_520.0, 1.0, 0.0]);
+    f.primitive()["attributes"]["POSITION"] = json!(far);
+    f.json["nodes"][0] = json!({ "children": [1, 2] });
+    let (_, report) = f.read_by(&ImportOptions { offset_m: Some([893_040.0, 0.0, 0.0]), ..ImportOptions::default() }).unwrap();
+    assert!(report.notes.len() == 1 && report.notes[0].contains("893042 m"), "{report:?}");
+}
+
+#[test]
 fn counts_that_no_data_backs_take_no_memory() {
     let mut f = File::new();
     // A sparse accessor of four billion elements; instances of nothing; a cycle; numbers that no address has.
