@@ -53,8 +53,8 @@ pub(super) fn load(bytes: &[u8], path: &Path, options: &ImportOptions) -> Result
         None => world_from_file,
     };
     let seen = vec![false; document.nodes().len()];
-    let skins = skin::Skins::new(&source, world_from_file, parents, &roots);
     let offset = options.offset_m.is_some();
+    let skins = skin::Skins::new(&source, world_from_file, offset, parents, &roots);
     let mut reader = Reader { source: &source, scene, report: ImportReport::default(), notes, seen, skins, offset };
     // Depth first, in the file's order: object numbers follow the order a person sees in the file.
     let mut stack: Vec<Visit<'_>> = roots.into_iter().rev().map(|n| (n, world_from_file, true)).collect();

@@ -19,6 +19,8 @@ const AFFINE: f64 = 1e-3;
 pub(super) struct Skins<'a> {
     source: &'a Source<'a>,
     world_from_file: DMat4,
+    /// Whether a point far away becomes the origin, so that translations are wanted to their last digit.
+    offset: bool,
     /// Per node, its parent.
     parents: Rc<[Option<usize>]>,
     /// Per node, whether it stands in the scene on its own.
@@ -33,13 +35,14 @@ impl<'a> Skins<'a> {
     pub(super) fn new(
         source: &'a Source<'a>,
         world_from_file: DMat4,
+        offset: bool,
         parents: Rc<[Option<usize>]>,
         roots: &[gltf::Node<'_>],
     ) -> Self {
         let mut is_root = vec![false; parents.len()];
         roots.iter().for_each(|root| is_root[root.index()] = true);
         let world_from_node = vec![None; parents.len()];
-        Self { source, world_from_file, parents, is_root, world_from_node, by_skin: HashMap::new() }
+        Self { source, world_from_file, offset, parents, is_root, world_from_node, by_skin: HashMap::new() }
     }
 
     /// `world_from_bind` of every joint: where it stands, after its inverse bind matrix.
@@ -119,7 +122,11 @@ impl<'a> Skins<'a> {
             let Some(node) = node else { continue };
             let place = format!("{}: {}", self.source.name, node::describe(&node));
             // What is to be said of a node's transform is said where the scene comes by it.
-            world.0 *= node::parent_from_node(&node, &place, &mut Notes::default())?;
+            let mut parent_from_node = node::parent_from_node(&node, &place, &mut Notes::default())?;
+            if self.offset {
+                node::translate_in_doubles(&mut parent_from_node, &self.source.raw["nodes"][node.index()]);
+            }
+            world.0 *= parent_from_node;
             if !world.0.is_finite() {
                 return Err(Error::invalid(place, "its transform is not finite", "repair the node's matrix"));
             }
