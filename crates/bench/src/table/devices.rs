@@ -1,7 +1,7 @@
 //! Devices of rows: cells that ran on different ones have rows of their own, and the note says which ran where.
 
 use super::Row;
-use crate::record::{NOT_STATED, PREDICTIONS, Record};
+use crate::record::{NOT_STATED, Outcome, PREDICTIONS, Record};
 
 /// What a device's name has behind it where a network multiplies in half precision, which is a setting and no other device.
 const PRECISION: &str = ", f16 products";
@@ -86,19 +86,22 @@ pub(super) fn groups<'r, 'a>(rows: &[&'r Row<'a>]) -> Vec<(String, Vec<&'r Row<'
         }
     }
     let begun_elsewhere = rows.iter().any(|row| row.place.as_ref().is_some_and(|place| !place.earlier.is_empty()));
-    if told.len() > 1 || begun_elsewhere { groups } else { Vec::new() }
+    let apart = rows.iter().enumerate().any(|(at, row)| rows[..at].iter().any(|other| other.cells_of == row.cells_of));
+    if told.len() > 1 || begun_elsewhere || apart { groups } else { Vec::new() }
 }
 
-/// Whether some records ran on devices that a table tells apart.
+/// Whether finished cells of these records ran on devices that a table tells apart.
 pub(super) fn differ(records: &[Record]) -> bool {
-    let places = records.iter().map(|record| (Place::of(record), record)).filter(|(place, record)| place.is_told(&record.method));
-    let mut places: Vec<Place> = places.map(|(place, _)| place).collect();
-    places.iter_mut().for_each(|place| {
-        if let Some(device) = place.device.strip_suffix(PRECISION) {
-            place.device = device.to_owned();
-        }
-    });
-    places.sort();
-    places.dedup();
-    places.len() > 1 || places.iter().any(|place| !place.earlier.is_empty())
+    let finished = || records.iter().filter(|record| matches!(record.outcome, Outcome::Done(_)));
+    let mut cells: Vec<(&str, Place)> = finished().map(|record| (record.row.as_str(), Place::of(record))).collect();
+    cells.sort();
+    cells.dedup();
+    if cells.windows(2).any(|pair| pair[0].0 == pair[1].0) || cells.iter().any(|(_, place)| !place.earlier.is_empty()) {
+        return true;
+    }
+    let told = finished().map(|record| (Place::of(record), record)).filter(|(place, record)| place.is_told(&record.method));
+    let mut names: Vec<(String, Option<String>)> = told.map(|(place, _)| (place.name(false), place.processor)).collect();
+    names.sort();
+    names.dedup();
+    names.len() > 1
 }

@@ -301,6 +301,10 @@ fn cells_of_different_devices_have_rows_of_their_own_and_the_note_says_which_ran
     );
     let table = markdown(&rows(&records[1..]), &short_columns());
     assert!(table.contains("| full |") && table.contains("Ran on gpu (A), begun on cpu (2 threads): full."), "{table}");
+    // Lookups as well, where cells of one label ran apart.
+    let apart = [lookup("cpu (2 threads)"), Record { seed: 2, ..lookup("gpu (A)") }];
+    let (table, list) = (markdown(&rows(&apart), &short_columns()), csv(&apart));
+    assert!(table.contains("Ran on gpu (A): nearest, on gpu (A).") && list.contains(",device,"), "{table}{list}");
     // Two makes of processor are two devices.
     let mut records = [on("full", 1, "cpu (2 threads)"), on("full", 2, "cpu (2 threads)")];
     records[1].provenance.processor = "another make".to_owned();
