@@ -162,9 +162,8 @@ fn further_models(source: &Path, read: &Path) -> Option<String> {
     others.sort_by(|a, b| names::natural(a, b));
     let first = others.first()?;
     let were = if others.len() == 1 { "holds a further model, which was" } else { "hold further models, which were" };
-    let source = source.display();
     Some(format!(
-        "{} {were} not read: a model is a data set of its own (`corf dataset import {source}/{first} --images {source}/images`)",
+        "{} {were} not read: a model is a data set of its own (`corf dataset import CAPTURE/{first} --images CAPTURE/images`)",
         others.join(", ")
     ))
 }

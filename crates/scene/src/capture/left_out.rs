@@ -28,7 +28,9 @@ pub(super) fn note(images: &Path, shots: &[Shot]) -> Option<String> {
     }
     left_out.retain(|path| !known.contains(&real(path)));
     left_out.sort();
-    let first = left_out.first()?.display();
+    let first = left_out.first()?;
+    // Notes are kept in the data set, whose hash is not to depend on where the capture lies.
+    let first = first.strip_prefix(images).ok().or(first.file_name().map(Path::new))?.display();
     Some(match left_out.len() {
         1 => format!("the picture {first} has no pose and was left out"),
         count => format!("{count} pictures have no pose and were left out, as {first}"),

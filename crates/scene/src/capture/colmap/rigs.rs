@@ -158,16 +158,18 @@ impl Rigs {
             }
             poses.push(Some(camera_from_world));
         }
+        // Notes are kept in the data set, whose hash is not to depend on where the capture lies.
+        let file_name = Path::new(images_file).file_name().unwrap_or_default().to_string_lossy();
         if differs {
             notes.push(format!(
-                "poses are those of frames and rigs, as COLMAP reads them; those in {images_file} differ by up to {worst_deg:.3}° and {worst:.4} units"
+                "poses are those of frames and rigs, as COLMAP reads them; those in {file_name} differ by up to {worst_deg:.3}° and {worst:.4} units"
             ));
         }
         for ((rig, sensor), count) in without {
             notes.push(format!("rig {rig} does not say where its {sensor} is: {count} images have no pose and were left out"));
         }
-        if let Some((id, (_, place, _))) = taken.first_key_value() {
-            notes.push(format!("{} images are in frames and not in {images_file}, as {id} of {place}", taken.len()));
+        if let Some((id, (frame, ..))) = taken.first_key_value() {
+            notes.push(format!("{} images are in frames and not in {file_name}, as {id} of frame {}", taken.len(), frame.id));
         }
         Ok(poses)
     }
