@@ -4,11 +4,12 @@ mod binary;
 mod text;
 
 use super::lens::Lens;
+use super::rounding::Rounding;
 use super::{Capture, Shot, names};
 use crate::contained::{self, Reach};
 use crate::dataset::ColoredPoint;
 use crate::{Error, Pinhole, Result, Rigid3};
-use glam::{DMat3, DQuat, DVec3};
+use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -93,24 +94,11 @@ impl Camera {
     }
 }
 
-/// The pose of an image, world_from_camera.
-fn pose(image: &Image, place: &str) -> Result<Rigid3> {
-    let [w, x, y, z] = image.quaternion;
-    let q = DQuat::from_xyzw(x, y, z, w);
-    if !q.is_finite() || q.length() < LEAST_QUATERNION {
-        return Err(Error::invalid(
-            place,
-            format!("its quaternion is {w} {x} {y} {z}"),
-            "repair this image, or take it out of the model",
-        ));
-    }
-    let camera_from_world = Rigid3 { rotation: DMat3::from_quat(q.normalize()), translation: DVec3::from(image.translation) };
-    let world_from_camera = camera_from_world.inverse();
-    Rigid3::from_rows(&world_from_camera.to_rows(), place)
+/// The pose of an image, world_from_camera, and how far its quaternion is off length 1; COLMAP itself takes any length.
+fn pose(image: &Image, place: &str) -> Result<(Rigid3, f64)> {
+    let (camera_from_world, off) = Rigid3::from_quaternion(image.quaternion, DVec3::from(image.translation), place)?;
+    Ok((camera_from_world.inverse(), off))
 }
-
-/// Least length of a quaternion that still says how a camera is turned; COLMAP writes unit ones.
-const LEAST_QUATERNION: f64 = 0.5;
 
 /// The folder of the model: `sparse/0`, `sparse`, or the capture's own.
 fn model_folder(source: &Path) -> Result<(PathBuf, &'static str)> {
@@ -152,6 +140,7 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
         })?;
         lenses.insert(image.camera, camera.lens(&format!("{}: camera {}", file("cameras").display(), image.camera))?);
     }
+    let mut rounding = Rounding::default();
     let mut shots = Vec::with_capacity(sparse.images.len());
     for image in &sparse.images {
         let place = format!("{place}: image {}", image.name);
@@ -160,7 +149,7 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
             name: image.name.replace('\\', "/"),
             image: if wanted { Some(path?) } else { None },
             lens: lenses[&image.camera],
-            world_from_camera: pose(image, &place)?,
+            world_from_camera: rounding.take(pose(image, &place)?, &image.name),
             depth: None,
             mask: None,
             time_s: None,
@@ -168,7 +157,8 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
     }
     shots.sort_by(|a, b| names::natural(&a.name, &b.name));
     let files = ["cameras", "images", "points3D"].map(file).into_iter().filter(|f| f.is_file()).collect();
-    Ok(Capture { shots, points: sparse.points, lists: None, spectra: None, files, notes: Vec::new() })
+    let notes = rounding.note().into_iter().collect();
+    Ok(Capture { shots, points: sparse.points, lists: None, spectra: None, files, notes })
 }
 
 /// The points of a `points3D.txt`, in its order.

@@ -2,14 +2,14 @@
 
 use super::Shot;
 use super::options::Up;
-use crate::{Error, Result, Rigid3, bounds};
-use glam::{DMat3, DQuat, DVec3};
+use crate::{Error, Result, Rigid3, Similarity3, bounds};
+use glam::DVec3;
 
-/// The change from a capture's frame to a world that is z-up and in metres: `x ↦ metres_per_unit · rotation · x`.
+/// The change from a capture's frame to a world that is z-up and in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct WorldFromCapture {
-    rotation: DMat3,
-    metres_per_unit: f64,
+    /// The whole change, as the data set keeps it and as poses that come later are changed.
+    pub similarity: Similarity3,
     /// Direction in the capture's frame that became +z; none where the frame was kept.
     pub up: Option<[f64; 3]>,
 }
@@ -25,7 +25,7 @@ impl WorldFromCapture {
     pub fn new(up: Option<Up>, metres_per_unit: f64, shots: &[Shot]) -> Result<Self> {
         bounds::number("--scale", metres_per_unit, &(1e-6..=1e6), "metres a unit of the capture")?;
         let direction = match up {
-            None => return Ok(Self { rotation: DMat3::IDENTITY, metres_per_unit, up: None }),
+            None => return Ok(Self { similarity: Similarity3::with_up(None, metres_per_unit), up: None }),
             Some(Up::Direction(up)) => DVec3::from(up),
             Some(Up::Cameras) => {
                 // OpenCV cameras have y down.
@@ -40,13 +40,12 @@ impl WorldFromCapture {
             return Err(Error::invalid("--up", what, "give a direction in the capture's frame, e.g. --up=0,-1,0 for y down"));
         }
         let unit = direction.normalize();
-        let rotation = DMat3::from_quat(DQuat::from_rotation_arc(unit, DVec3::Z));
-        Ok(Self { rotation, metres_per_unit, up: Some(unit.to_array()) })
+        Ok(Self { similarity: Similarity3::with_up(Some(unit), metres_per_unit), up: Some(unit.to_array()) })
     }
 
     /// A point of the capture in the world, metres.
     pub fn point(&self, point: DVec3) -> DVec3 {
-        self.metres_per_unit * (self.rotation * point)
+        self.similarity.transform_point(point)
     }
 
     /// A pose of the capture in the world.
@@ -54,9 +53,9 @@ impl WorldFromCapture {
     /// # Errors
     /// A position that is not finite, or a thousand kilometres away.
     pub fn pose(&self, world_from_camera: &Rigid3, place: &str) -> Result<Rigid3> {
-        let translation = self.point(world_from_camera.translation);
-        bounds::position(place, translation)?;
-        Ok(Rigid3 { rotation: self.rotation * world_from_camera.rotation, translation })
+        let pose = self.similarity.pose(world_from_camera);
+        bounds::position(place, pose.translation)?;
+        Ok(pose)
     }
 }
 
@@ -70,7 +69,7 @@ mod tests {
             let world = WorldFromCapture::new(Some(Up::Direction(up)), 0.5, &[]).unwrap();
             let unit = DVec3::from(up).normalize();
             assert!((world.point(unit) - 0.5 * DVec3::Z).length() < 1e-12, "{up:?}");
-            assert!((world.rotation.determinant() - 1.0).abs() < 1e-12);
+            assert!((world.similarity.rotation.determinant() - 1.0).abs() < 1e-12);
         }
         let kept = WorldFromCapture::new(None, 2.0, &[]).unwrap();
         assert_eq!((kept.point(DVec3::X), kept.up), (2.0 * DVec3::X, None));

@@ -21,6 +21,7 @@ mod options;
 mod plain;
 mod plan;
 mod rf_3dgs;
+mod rounding;
 mod spectra;
 mod split;
 

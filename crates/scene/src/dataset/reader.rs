@@ -205,9 +205,7 @@ impl Dataset {
         let surface = has(&surface)
             .then(|| self.sized(index, &surface, &o, own_file(&self.dir, &surface).and_then(io::read_exr_u32)))
             .transpose()?;
-        let mask = layout::mask(index);
-        let mask =
-            has(&mask).then(|| self.sized(index, &mask, &o, own_file(&self.dir, &mask).and_then(io::read_mask))).transpose()?;
+        let mask = self.mask_of(index)?;
         let world_from_camera = pose.world_from_camera;
         Ok(Keyframe { index, time_s: pose.time_s, world_from_camera, image, spectrum, depth_m, surface, mask })
     }
@@ -219,6 +217,18 @@ impl Dataset {
     pub fn files_of(&self, index: usize) -> Result<[Option<PathBuf>; 3]> {
         let path = |name: String| self.file.files.contains_key(&name).then(|| own_file(&self.dir, &name)).transpose();
         Ok([path(layout::image(index))?, path(layout::spectrum(index))?, path(layout::depth(index))?])
+    }
+
+    /// Which pixels of the image of keyframe `index` count; none where all do.
+    ///
+    /// # Errors
+    /// Those of [`Dataset::keyframe`].
+    pub fn mask_of(&self, index: usize) -> Result<Option<Raster<bool>>> {
+        let name = layout::mask(index);
+        if !self.file.files.contains_key(&name) {
+            return Ok(None);
+        }
+        self.sized(index, &name, &self.optical_camera(), own_file(&self.dir, &name).and_then(io::read_mask)).map(Some)
     }
 
     /// The linear radiance of keyframe `index`, where the dataset keeps it.
