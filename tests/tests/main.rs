@@ -19,6 +19,7 @@ mod docs;
 mod doppler;
 mod exchange;
 mod exports;
+mod faults_captures;
 #[cfg(feature = "slow")]
 mod faults_dataset;
 #[cfg(feature = "slow")]

@@ -17,7 +17,7 @@ pub struct Rigid3 {
 /// numbers of three decimals, each half a unit of the third off, and a little for the sum.
 const ROTATION_TOLERANCE: f64 = 1.51e-3;
 /// Distance from which on whoever reads a capture should say that a rotation was rounded; six decimals and single precision stay below.
-pub(crate) const ROUNDED: f64 = 1.6e-6;
+pub const ROUNDED: f64 = 1.6e-6;
 /// Distance that is the rounding of double precision: such a rotation is kept to the bit.
 const EXACT: f64 = 1e-12;
 /// Lengths of quaternions that are taken for rotations; what lies outside is no quaternion but other numbers.
@@ -165,7 +165,9 @@ fn no_rotation(block: DMat3, place: &str) -> Error {
     } else if square {
         format!("it scales its axes by {a:.4}, {b:.4} and {c:.4}")
     } else {
-        format!("it shears: its axes, {a:.4}, {b:.4} and {c:.4} long, stand at {ab:.2}, {bc:.2} and {ca:.2} degrees to each other")
+        format!(
+            "it shears: its axes, {a:.4}, {b:.4} and {c:.4} long, stand at {ab:.2}, {bc:.2} and {ca:.2} degrees to each other"
+        )
     };
     let near = volume > 0.5 && lengths.iter().all(|l| (0.8..1.25).contains(l));
     let help = if near {
@@ -352,7 +354,9 @@ mod tests {
         let text = serde_json::to_string(&similarity).unwrap();
         assert_eq!(serde_json::from_str::<Similarity3>(&text).unwrap(), similarity);
         assert!(Similarity3::with_up(None, 1.0).is_identity() && !similarity.is_identity());
-        for bad in [text.replace("0.5", "-0.5"), text.replace("scale", "factor"), text.replace("\"rotation\":[[", "\"rotation\":[[9")] {
+        for bad in
+            [text.replace("0.5", "-0.5"), text.replace("scale", "factor"), text.replace("\"rotation\":[[", "\"rotation\":[[9")]
+        {
             assert!(serde_json::from_str::<Similarity3>(&bad).is_err(), "{bad}");
         }
     }

@@ -4,8 +4,8 @@ use super::inbox::{Arrival, Inbox};
 use super::log::{LiveRecord, Log, Trained};
 use super::outcome::WhenBehind;
 use super::recorder::{Entry, Recorder};
-use crate::{interrupt, note};
 use crate::split::{Protocol, Role};
+use crate::{interrupt, note};
 use anyhow::{Result, bail};
 use corf::KeyframeTiming;
 use corf_scene::Keyframe;
@@ -182,7 +182,9 @@ impl Session {
     /// Says of the first keyframe, and of no other, that its pose is rounded or that pixels of its image do not count.
     fn tell_once(&mut self, stem: &str, rounded: Option<f64>, masked: bool) {
         if let Some(off) = rounded.filter(|_| !std::mem::replace(&mut self.said[0], true)) {
-            note!("poses/{stem}.json: its rotation is {off:.1e} off one, as numbers of few decimals are; the nearest is taken, here and in what follows");
+            note!(
+                "poses/{stem}.json: its rotation is {off:.1e} off one, as numbers of few decimals are; the nearest is taken, here and in what follows"
+            );
         }
         if masked && !std::mem::replace(&mut self.said[1], true) {
             note!("images/{stem}: transparent pixels are neither learnt from nor compared, here and in what follows");

@@ -65,7 +65,9 @@ impl LeftOut {
     /// How much it is, where it is anything.
     fn note(&self) -> Option<String> {
         let [masks, pixels, of] = [&self.masks, &self.pixels, &self.of].map(|n| n.load(Ordering::Relaxed));
-        (pixels > 0).then(|| format!("{:.1} % of the pixels of the {masks} images with masks do not count", 100.0 * pixels as f64 / of as f64))
+        (pixels > 0).then(|| {
+            format!("{:.1} % of the pixels of the {masks} images with masks do not count", 100.0 * pixels as f64 / of as f64)
+        })
     }
 
     /// A warning of masks that leave nothing out.
@@ -73,7 +75,12 @@ impl LeftOut {
         let [masks, pixels] = [&self.masks, &self.pixels].map(|n| n.load(Ordering::Relaxed));
         (masks > 0 && pixels == 0).then(|| {
             let what = format!("the masks of {masks} images leave no pixel out");
-            Finding::new(Severity::Warning, "masks", what, "masks are black where a pixel does not count; white ones can be left away")
+            Finding::new(
+                Severity::Warning,
+                "masks",
+                what,
+                "masks are black where a pixel does not count; white ones can be left away",
+            )
         })
     }
 }

@@ -52,9 +52,7 @@ pub(super) fn tails(name: &str) -> impl Iterator<Item = &str> {
 }
 
 /// Two names that mean one file, and the file; `found` are the files of the names.
-pub(super) fn shared_file<'a>(
-    found: impl Iterator<Item = (&'a str, &'a Path)>,
-) -> Option<([&'a str; 2], &'a Path)> {
+pub(super) fn shared_file<'a>(found: impl Iterator<Item = (&'a str, &'a Path)>) -> Option<([&'a str; 2], &'a Path)> {
     let mut names: BTreeMap<PathBuf, &str> = BTreeMap::new();
     found.into_iter().find_map(|(name, path)| {
         // Links and detours lead to the same file; one that is not there is known by its path.
@@ -135,7 +133,7 @@ impl Folder {
 
     /// The file of a name that is written as `own` here: by the whole of it, then without its first folders, as few as can be, where no other name could
     /// mean the file.
-    fn file(&self, own: &str, name: &str, owners: &Owners<'_>) -> Result<Option<PathBuf>> {
+    fn file(&self, own: &str, owners: &Owners<'_>) -> Result<Option<PathBuf>> {
         let Some((tail, path)) = tails(own).find_map(|tail| Some((tail, self.by_stem.get(tail)?))) else { return Ok(None) };
         match owners.get(tail) {
             // Whoever has the whole name owns the file; of a shorter one there may be several owners.
@@ -162,7 +160,7 @@ impl Folder {
     pub fn of(&self, names: &[&str], what: &str) -> Result<Vec<PathBuf>> {
         let owners = owners(names, |name| stem(name).to_owned());
         let find = |name: &&str| {
-            self.file(stem(name), name, &owners)?.ok_or_else(|| {
+            self.file(stem(name), &owners)?.ok_or_else(|| {
                 Error::invalid(
                     self.dir.display().to_string(),
                     format!("image {name} has no {what}: there is no {}.{{{}}}", last(stem(name)), self.endings.join(",")),
@@ -182,16 +180,14 @@ impl Folder {
     /// No name has a file, or a file that two names mean.
     pub fn of_some(&self, names: &[&str], what: &str) -> Result<Vec<Option<PathBuf>>> {
         // The name with its ending comes first: where two images have one stem, it tells them apart.
-        let keys: [&dyn Fn(&str) -> String; 4] = [
-            &|name| name.to_owned(),
-            &|name| format!("{name}_{what}"),
-            &|name| stem(name).to_owned(),
-            &|name| format!("{}_{what}", stem(name)),
-        ];
+        let keys: [&dyn Fn(&str) -> String; 4] =
+            [&|name| name.to_owned(), &|name| format!("{name}_{what}"), &|name| stem(name).to_owned(), &|name| {
+                format!("{}_{what}", stem(name))
+            }];
         let keys = keys.map(|key| (key, owners(names, key)));
         let find = |name: &&str| -> Result<Option<PathBuf>> {
             for (key, owners) in &keys {
-                if let Some(path) = self.file(&key(name), name, owners)? {
+                if let Some(path) = self.file(&key(name), owners)? {
                     return Ok(Some(path));
                 }
             }

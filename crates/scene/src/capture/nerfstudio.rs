@@ -94,8 +94,10 @@ impl Words {
 const SAME_FOCAL: f64 = 1e-3;
 
 const CONTRADICTION: &str = "a focal length and a field of view say different things, and x_fov comes before fl_x before camera_angle_x, as in Instant-NGP";
-const OVERRIDDEN: &str = "frames state other focal lengths than the file; the frames' were taken, where nerfstudio takes the file's";
-const HALF_OVERRIDDEN: &str = "frames state another focal length than the file along one axis alone; along the other the file's was taken";
+const OVERRIDDEN: &str =
+    "frames state other focal lengths than the file; the frames' were taken, where nerfstudio takes the file's";
+const HALF_OVERRIDDEN: &str =
+    "frames state another focal length than the file along one axis alone; along the other the file's was taken";
 
 /// Models that are a pinhole with OpenCV's distortion, in the names of several writers.
 const MODELS: [&str; 6] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE"];
@@ -135,11 +137,17 @@ impl Camera {
                 return Ok(0.5 * side as f64 / (0.5 * angle).tan());
             }
             let what = format!("{name} is {stated} {unit}, which is no pinhole's field of view");
-            Err(Error::invalid(place, what, "give camera_angle_x and camera_angle_y in radians, x_fov and y_fov in degrees, or fl_x and fl_y in pixels"))
+            Err(Error::invalid(
+                place,
+                what,
+                "give camera_angle_x and camera_angle_y in radians, x_fov and y_fov in degrees, or fl_x and fl_y in pixels",
+            ))
         };
         let length = |f: f64| match f.is_finite() && f > 0.0 {
             true => Ok(f),
-            false => Err(Error::invalid(place, format!("{} is {f}, which is no focal length", names[1]), "give pixels, more than 0")),
+            false => {
+                Err(Error::invalid(place, format!("{} is {f}, which is no focal length", names[1]), "give pixels, more than 0"))
+            }
         };
         let stated = [
             fov.map(|v| of_angle(v.to_radians(), names[0], "degrees", v)).transpose()?,
@@ -376,7 +384,8 @@ mod tests {
         // Of 20 x 10 pixels: a full angle of 2 atan(1/2) is 20 pixels along x and 10 along y.
         let angle = 2.0 * 0.5_f64.atan();
         let focal = |file: &str, frame: &str| {
-            let replaced = |text: &str| text.replace("ANGLE", &angle.to_string()).replace("DEGREES", &angle.to_degrees().to_string());
+            let replaced =
+                |text: &str| text.replace("ANGLE", &angle.to_string()).replace("DEGREES", &angle.to_degrees().to_string());
             let json = format!(
                 r#"{{"w":20,"h":10{},"frames":[{{"file_path":"a.png"{},"transform_matrix":{MATRIX}}}]}}"#,
                 replaced(file),
@@ -393,7 +402,12 @@ mod tests {
             (r#","fl_y":17"#, "", [17.0, 17.0], ""),
             (r#","fl_x":15,"camera_angle_y":ANGLE"#, "", [15.0, 10.0], ""),
             (r#","camera_angle_x":ANGLE,"fl_y":17"#, "", [20.0, 17.0], ""),
-            (r#","fl_x":15,"fl_y":16"#, r#","camera_angle_x":ANGLE,"camera_angle_y":ANGLE"#, [20.0, 10.0], "nerfstudio takes the file's"),
+            (
+                r#","fl_x":15,"fl_y":16"#,
+                r#","camera_angle_x":ANGLE,"camera_angle_y":ANGLE"#,
+                [20.0, 10.0],
+                "nerfstudio takes the file's",
+            ),
             (r#","fl_x":15,"fl_y":16"#, r#","fl_x":30"#, [30.0, 16.0], "along one axis alone"),
             (r#","camera_angle_x":ANGLE"#, r#","camera_angle_y":ANGLE"#, [20.0, 10.0], ""),
             ("", r#","fl_x":30"#, [30.0, 30.0], ""),

@@ -281,7 +281,15 @@ fn masks(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<S
             let what = "masks are of images, and none are imported";
             return Err(Error::invalid(folder.display().to_string(), what, "leave --masks out"));
         }
-        Some(folder) => Folder::list(folder, MASKS, "--masks")?.of_some(&names, "mask")?,
+        Some(folder) => {
+            let list = Folder::list(folder, MASKS, "--masks")?;
+            let found = list.of_some(&names, "mask")?;
+            let strange = list.len() - found.iter().flatten().count();
+            if strange > 0 {
+                notes.push(format!("{strange} masks belong to no image and were left out"));
+            }
+            found
+        }
         None => shots.iter().map(|s| s.mask.clone().filter(|_| light)).collect(),
     };
     let count = found.iter().flatten().count();
@@ -293,7 +301,7 @@ fn masks(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<S
         return Ok(vec![None; shots.len()]);
     }
     notes.push(format!(
-        "{count} of {} images have masks: pixels where they are black are neither learnt from nor compared",
+        "{count} of {} images have masks: pixels where they are black, or transparent, are neither learnt from nor compared",
         shots.len()
     ));
     Ok(found)

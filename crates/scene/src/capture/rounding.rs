@@ -52,6 +52,9 @@ mod tests {
             rounding.take((Rigid3::IDENTITY, off), name);
         }
         let note = rounding.note().unwrap();
-        assert!(note.contains("3 of 5 images") && note.contains("that of d is 1.0e-3") && note.contains("0.057 degrees"), "{note}");
+        assert!(
+            note.contains("3 of 5 images") && note.contains("that of d is 1.0e-3") && note.contains("0.057 degrees"),
+            "{note}"
+        );
     }
 }

@@ -3,11 +3,11 @@
 use super::checks::{check_spectrum, own_file};
 use super::conventions::Conventions;
 use super::file::DatasetFile;
-use super::header::{DATASET_SCHEMA, DatasetHeader, Summary, from_json, read_trajectory};
+use super::header::{DATASET_SCHEMA, DatasetHeader, Imported, Summary, from_json, read_trajectory};
 use super::{foreign, layout};
 use crate::keyframe::{DbRange, Modalities};
 use crate::trajectory::TrajectoryPose;
-use crate::{Error, Keyframe, Pinhole, Raster, Result, io};
+use crate::{Error, Keyframe, Pinhole, Raster, Result, Similarity3, io};
 use std::path::{Path, PathBuf};
 
 /// A finished dataset on disk. Keyframes are read one at a time.
@@ -83,6 +83,22 @@ impl Dataset {
     /// The dataset's metadata.
     pub fn header(&self) -> &DatasetHeader {
         &self.file.header
+    }
+
+    /// The change from a capture's frame to this world that an import applied; none where nothing was imported.
+    pub fn world_from_capture(&self) -> Option<Similarity3> {
+        self.file.header.imported.as_ref().map(Imported::similarity)
+    }
+
+    /// Whether a file with this SHA-256 is one of the capture that was imported, and not one of the data set's own.
+    pub fn is_of_capture(&self, sha256: &str) -> bool {
+        let imported = self.file.header.imported.iter().flat_map(|imported| imported.sources.values());
+        imported.into_iter().any(|hash| hash == sha256) && !self.is_own(sha256)
+    }
+
+    /// Whether a file with this SHA-256 is one of the data set's own.
+    pub fn is_own(&self, sha256: &str) -> bool {
+        self.file.files.values().any(|record| record.sha256 == sha256)
     }
 
     /// Number of keyframes.
