@@ -101,7 +101,7 @@ fn are_the_keyframes(pictures: &[Raster<[u8; 3]>], dataset: &Dataset) -> bool {
 
 #[test]
 fn poses_of_the_file_that_was_imported_mean_the_same_places() {
-    for (name, flags) in [("up-and-scale", &["--up=0,-1,0", "--scale", "0.5"][..]), ("up-of-cameras", &["--up", "cameras"])] {
+    for (name, flags) in [("up-and-scale", &["--up=0,-1,0", "--scale", "0.5"][..]), ("up-of-cameras", &["--up", "cameras"][..])] {
         let Some(capture) = fault(&format!("pose-frame/{name}")) else { return };
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
@@ -492,7 +492,7 @@ fn files_of_one_name_in_several_folders_stay_apart_in_every_layout() {
         }
         for (flag, flat) in [("--depth", "flat-depth"), ("--masks", "flat-masks"), ("--rf", "flat-rf")] {
             let flat = text(&at(flat)).to_owned();
-            let more = [&[flag, &flat][..], if flag == "--rf" { &["--rf-camera", "60"] } else { &[] }].concat();
+            let more = [&[flag, &flat][..], if flag == "--rf" { &["--rf-camera", "60"][..] } else { &[][..] }].concat();
             refuses(&at(layout), layout, &more, &["cam0/1", "cam1/1", "would both mean"]);
         }
     }
