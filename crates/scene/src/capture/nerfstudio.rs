@@ -86,7 +86,7 @@ impl Words {
     }
 
     fn notes(self) -> impl Iterator<Item = String> {
-        self.0.into_iter().map(|(what, (count, first))| format!("{what} ({count} frames; {first})"))
+        self.0.into_iter().map(|(what, (count, first))| format!("{what} ({count} frames, the first {first})"))
     }
 }
 
@@ -160,7 +160,14 @@ impl Camera {
     }
 
     /// The camera of a frame, whose own values are `self`, as a pinhole with distortion; `size` tells the picture's size where the file does not.
-    fn lens(&self, all: &Self, place: &str, words: &mut Words, size: impl Fn() -> Result<(usize, usize)>) -> Result<Lens> {
+    /// Words are of the frame `name`, errors of `place`, which names the file as well.
+    fn lens(
+        &self,
+        all: &Self,
+        (name, place): (&str, &str),
+        words: &mut Words,
+        size: impl Fn() -> Result<(usize, usize)>,
+    ) -> Result<Lens> {
         let own = self.over(all);
         let model = own.camera_model.as_deref().unwrap_or("OPENCV");
         let other = [
@@ -194,19 +201,23 @@ impl Camera {
         let mut focal = [None; 2];
         let mut overridden = [false; 2];
         let mut of_file = [false; 2];
+        let mut contradiction = None;
         for (i, (axis, side)) in [(Axis::X, width), (Axis::Y, height)].into_iter().enumerate() {
             let (frame, file) = (self.focal(axis, side, place)?, all.focal(axis, side, place)?);
             of_file[i] = frame.is_none() && file.is_some();
             overridden[i] = matches!((&frame, &file), (Some(a), Some(b)) if differ(a.pixels, b.pixels));
             let Some(stated) = frame.or(file) else { continue };
-            if let Some(other) = stated.contradicts {
-                words.add(CONTRADICTION, || format!("{place}: {} and {other} pixels along {axis:?}", stated.pixels));
+            if let (Some(other), None) = (stated.contradicts, &contradiction) {
+                contradiction = Some(format!("{name}: {:.3} and {other:.3} pixels along {axis:?}", stated.pixels));
             }
             focal[i] = Some(stated.pixels);
         }
+        if let Some(example) = contradiction {
+            words.add(CONTRADICTION, || example);
+        }
         if overridden.contains(&true) {
             let what = if of_file.contains(&true) { HALF_OVERRIDDEN } else { OVERRIDDEN };
-            words.add(what, || place.to_owned());
+            words.add(what, || name.to_owned());
         }
         let (fx, fy) = match focal {
             [Some(x), Some(y)] => (x, y),
@@ -284,6 +295,22 @@ fn image_path(folder: &Path, given: Option<&Path>, name: &str, place: &str) -> R
     Ok(given.join(names::last(name)))
 }
 
+/// A word about masks that lie beside images as Instant-NGP looks for them, and that are not read.
+fn unread_masks(shots: &[Shot]) -> Option<String> {
+    let beside = |shot: &&Shot| {
+        let stem = shot.image.as_ref().and_then(|image| image.file_stem()?.to_str());
+        let mask = stem.map(|stem| format!("dynamic_mask_{stem}.png"));
+        shot.image.as_ref().zip(mask).is_some_and(|(image, mask)| image.with_file_name(mask).is_file())
+    };
+    let count = shots.iter().filter(beside).count();
+    (count > 0).then(|| {
+        format!(
+            "{count} images have a dynamic_mask_*.png beside them, as Instant-NGP reads, which was not read: there white pixels do not count (--masks takes masks \
+             in which black ones do not)"
+        )
+    })
+}
+
 /// Reads `transforms.json` of a folder, or the JSON file itself; images lie in `images` where that is given, and are needed if `wanted`.
 ///
 /// # Errors
@@ -311,7 +338,7 @@ pub(super) fn read(source: &Path, images: Option<&Path>, wanted: bool) -> Result
         };
         let size = || io::image_size(image_path(&folder, images, &name, &place)?);
         shots.push(Shot {
-            lens: frame.camera.lens(&file.camera, &place, &mut words, size)?,
+            lens: frame.camera.lens(&file.camera, (&name, &place), &mut words, size)?,
             image: if wanted { Some(image?) } else { None },
             world_from_camera: rounding.take(pose(&frame.transform_matrix, &place)?, &name),
             depth: below(&frame.depth_file_path)?,
@@ -328,7 +355,7 @@ pub(super) fn read(source: &Path, images: Option<&Path>, wanted: bool) -> Result
         }
         _ => None,
     };
-    let notes = words.notes().chain(rounding.note()).collect();
+    let notes = words.notes().chain(rounding.note()).chain(unread_masks(&shots)).collect();
     Ok(Capture { shots, points: Vec::new(), lists, spectra: None, files: vec![path], notes })
 }
 
