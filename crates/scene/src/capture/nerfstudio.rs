@@ -90,6 +90,9 @@ impl Words {
     }
 }
 
+/// Full fields of view that a pinhole has, degrees.
+const FIELD_OF_VIEW_DEG: std::ops::RangeInclusive<f64> = 0.01..=179.0;
+
 /// Share by which two statements of a focal length differ that is not rounding.
 const SAME_FOCAL: f64 = 1e-3;
 
@@ -133,7 +136,7 @@ impl Camera {
             Axis::Y => (self.y_fov, self.fl_y, self.camera_angle_y, ["y_fov", "fl_y", "camera_angle_y"]),
         };
         let of_angle = |angle: f64, name: &str, unit: &str, stated: f64| {
-            if angle > 0.0 && angle < std::f64::consts::PI {
+            if FIELD_OF_VIEW_DEG.contains(&angle.to_degrees()) {
                 return Ok(0.5 * side as f64 / (0.5 * angle).tan());
             }
             let what = format!("{name} is {stated} {unit}, which is no pinhole's field of view");
@@ -510,6 +513,7 @@ mod tests {
             (r#""fl_y":0"#, ["fl_y is 0", "pixels"]),
             (r#""camera_angle_x":0"#, ["camera_angle_x is 0", "radians"]),
             (r#""camera_angle_y":3.2"#, ["camera_angle_y is 3.2", "radians"]),
+            (r#""camera_angle_x":3.14159265"#, ["camera_angle_x is 3.14159265", "radians"]),
             (r#""fl_x":15,"camera_angle_y":-1"#, ["camera_angle_y is -1", "radians"]),
             (r#""x_fov":180"#, ["x_fov is 180", "degrees"]),
             (r#""fl_x":15,"latlong":true"#, ["latlong", "undistort"]),
