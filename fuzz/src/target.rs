@@ -19,7 +19,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 27] = [
+pub const TARGETS: [Target; 28] = [
     Target { name: "gltf", read: gltf, mend: keep },
     Target { name: "glb", read: gltf, mend: glb_lengths },
     Target { name: "obj", read: obj, mend: keep },
@@ -44,6 +44,7 @@ pub const TARGETS: [Target; 27] = [
     Target { name: "colmap-text", read: capture::colmap_text, mend: keep },
     Target { name: "colmap-binary", read: capture::colmap_binary, mend: keep },
     Target { name: "transforms-json", read: capture::transforms, mend: keep },
+    Target { name: "poses-json", read: poses, mend: keep },
     Target { name: "rf-3dgs-lists", read: capture::rf_3dgs_lists, mend: keep },
     Target { name: "spectrum-npy", read: capture::spectrum_npy, mend: keep },
     Target { name: "spectrum-png", read: capture::spectrum_png, mend: png_checksums },
@@ -139,8 +140,24 @@ fn obj(bytes: &[u8], folder: &Path) -> Result<()> {
     Ok(())
 }
 
-fn image(bytes: &[u8], _: &Path) -> Result<()> {
-    io::decode_rgba(bytes, "input.png")?;
+fn image(bytes: &[u8], folder: &Path) -> Result<()> {
+    let rgba = io::decode_rgba(bytes, "input.png")?;
+    let path = put(folder, "input.png", bytes)?;
+    assert_eq!(io::image_size(&path)?, (rgba.width(), rgba.height()));
+    let transparent = rgba.pixels().iter().any(|p| p[3] != u8::MAX);
+    assert!(io::may_be_transparent(bytes) || !transparent, "transparent pixels that the header does not announce");
+    assert_eq!(io::read_png_and_opacity(&path)?.1.is_some(), transparent);
+    drop((io::read_mask(&path), io::read_png16(&path)));
+    Ok(())
+}
+
+/// Poses that are not rigid are as bad as a panic.
+fn poses(bytes: &[u8], folder: &Path) -> Result<()> {
+    for pose in corf_bench::poses::PoseFile::read(&put(folder, "poses.json", bytes)?)?.as_they_are() {
+        let [x, y, z] = [pose.rotation.x_axis, pose.rotation.y_axis, pose.rotation.z_axis];
+        let off = [x.length() - 1.0, y.length() - 1.0, z.length() - 1.0, x.dot(y), y.dot(z), z.dot(x)];
+        assert!(pose.translation.is_finite() && off.iter().all(|v| v.abs() < 1e-9) && pose.rotation.determinant() > 0.0);
+    }
     Ok(())
 }
 

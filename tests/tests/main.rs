@@ -20,6 +20,7 @@ mod doppler;
 mod exchange;
 mod exports;
 mod faults_colmap;
+mod faults_captures;
 #[cfg(feature = "slow")]
 mod faults_dataset;
 mod faults_device;

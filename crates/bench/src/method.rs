@@ -12,7 +12,7 @@ use corf::{Field, KeyframeTiming};
 use corf_scene::config::{ReceiverConfig, SpectrumKind};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::{DbRange, Modalities};
-use corf_scene::{Keyframe, Pinhole, Raster, Rigid3};
+use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, Similarity3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::cell::{Cell, RefCell};
@@ -77,6 +77,11 @@ impl<'a> TrainingSet<'a> {
         let keyframe = self.dataset.keyframe(index).with_context(|| format!("while reading training keyframe {index}"))?;
         self.loading.set(self.loading.get() + start.elapsed());
         Ok(keyframe)
+    }
+
+    /// The change from the frame of a capture to the world that the data set's import applied; none where nothing was imported.
+    pub fn world_from_capture(&self) -> Option<Similarity3> {
+        self.dataset.world_from_capture()
     }
 
     /// Poses of the training keyframes.

@@ -199,13 +199,59 @@ fn decode_image<T>(bytes: &[u8], path: &Path, convert: fn(image::DynamicImage) -
     decoded.map_err(|e| corrupt(path, "PNG or JPEG", e))?.map_err(|e| corrupt(path, "PNG or JPEG", e))
 }
 
-/// Reads a PNG (or JPEG) as 8-bit RGB; alpha is dropped.
+/// Width and height of a PNG or JPEG, by its header alone.
+///
+/// # Errors
+/// The file cannot be read, is no image, or one of more than [`MAX_PIXELS`].
+pub fn image_size(path: impl AsRef<Path>) -> Result<(usize, usize)> {
+    let (path, bytes) = (path.as_ref(), read(path.as_ref())?);
+    image_header::check_png_or_jpeg(&bytes, path)?;
+    let reader =
+        image::ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(|e| corrupt(path, "PNG or JPEG", e))?;
+    let (width, height) = guarded(|| reader.into_dimensions())
+        .map_err(|e| corrupt(path, "PNG or JPEG", e))?
+        .map_err(|e| corrupt(path, "PNG or JPEG", e))?;
+    Ok((width as usize, height as usize))
+}
+
+/// Reads a PNG (or JPEG) as 8-bit RGB; of transparent pixels the colour below, so that whoever reads pictures of others asks
+/// [`read_png_and_opacity`].
 ///
 /// # Errors
 /// The file cannot be read or is no complete image.
 pub fn read_png(path: impl AsRef<Path>) -> Result<Raster<[u8; 3]>> {
     let bytes = read(path.as_ref())?;
     Ok(decode_rgba(&bytes, path)?.map(|p| [p[0], p[1], p[2]]))
+}
+
+/// Reads a PNG (or JPEG) as 8-bit RGB, and which of its pixels are wholly opaque; none where all are. Alpha may be a channel of 8 or 16 bits, or that of a
+/// palette's or a colour's entry; what rounds to 255 of 255 is opaque.
+///
+/// # Errors
+/// The file cannot be read or is no complete image.
+pub fn read_png_and_opacity(path: impl AsRef<Path>) -> Result<(Raster<[u8; 3]>, Option<Raster<bool>>)> {
+    let rgba = decode_rgba(&read(path.as_ref())?, path)?;
+    let opaque = rgba.pixels().iter().any(|p| p[3] != u8::MAX).then(|| rgba.map(|p| p[3] == u8::MAX));
+    Ok((rgba.map(|p| [p[0], p[1], p[2]]), opaque))
+}
+
+/// Whether the bytes of a PNG or JPEG can have transparent pixels, by their header; [`read_png_and_opacity`] says whether they do.
+pub fn may_be_transparent(bytes: &[u8]) -> bool {
+    image_header::has_alpha(bytes)
+}
+
+/// Encodes 8-bit RGB as PNG with an alpha channel: transparent where `counts` says no.
+///
+/// # Errors
+/// An image without pixels.
+///
+/// # Panics
+/// The two have different sizes.
+pub fn encode_cut_out(image: &Raster<[u8; 3]>, counts: &Raster<bool>) -> Result<Vec<u8>> {
+    assert_eq!((image.width(), image.height()), (counts.width(), counts.height()), "one value a pixel");
+    let pixels = image.pixels().iter().zip(counts.pixels());
+    let samples: Vec<u8> = pixels.flat_map(|([r, g, b], counts)| [*r, *g, *b, if *counts { u8::MAX } else { 0 }]).collect();
+    png_bytes(&samples, image.width(), image.height(), image::ColorType::Rgba8)
 }
 
 /// Encodes a mask as an 8-bit grey PNG: white where a pixel counts, black where it does not.
@@ -216,32 +262,58 @@ pub fn encode_mask(mask: &Raster<bool>) -> Result<Vec<u8>> {
     encode_png8(&mask.map(|counts| if *counts { u8::MAX } else { 0 }))
 }
 
-/// Reads a mask: a pixel counts where it is not black. Alpha is dropped.
+/// Reads a mask: a pixel counts where it is neither black nor wholly transparent.
 ///
 /// # Errors
-/// The file cannot be read or is no complete image, or it is a JPEG, whose black is not quite black.
+/// The file cannot be read or is no complete image; it is a JPEG, whose black is not quite black; or it has transparent pixels and no pixel that counts,
+/// so that nothing says what it means.
 pub fn read_mask(path: impl AsRef<Path>) -> Result<Raster<bool>> {
     let path = path.as_ref();
-    if image::guess_format(&read(path)?).ok() == Some(image::ImageFormat::Jpeg) {
+    let bytes = read(path)?;
+    if image::guess_format(&bytes).ok() == Some(image::ImageFormat::Jpeg) {
         return Err(Error::invalid(
             path.display().to_string(),
             "a mask as a JPEG, whose black is not quite black",
             "write masks as PNG",
         ));
     }
-    Ok(read_png16(path)?.map(|p| *p != [0; 3]))
+    let rgba = decode_image(&bytes, path, image::DynamicImage::into_rgba16)?;
+    let (width, height) = (rgba.width() as usize, rgba.height() as usize);
+    let counts = Raster::from_vec(width, height, rgba.pixels().map(|p| p.0[..3] != [0; 3] && p.0[3] != 0).collect());
+    // Black paint on a transparent sheet leaves out what is painted, or what is not: it does not say.
+    if !counts.pixels().contains(&true) && rgba.pixels().any(|p| p.0[3] != u16::MAX) {
+        return Err(Error::invalid(
+            path.display().to_string(),
+            "every pixel of this mask is black or transparent, so that none counts",
+            "write white where a pixel counts and black where it does not, without transparency",
+        ));
+    }
+    Ok(counts)
 }
 
-/// Reads a PNG of 8 or 16 bits as 16-bit RGB: 8-bit values times 257, which is the same share of full scale; grey is three equal channels,
-/// alpha is dropped.
+/// Reads a PNG of 8 or 16 bits as 16-bit RGB: 8-bit values times 257, which is the same share of full scale; grey is three equal channels.
 ///
 /// # Errors
-/// The file cannot be read or is no complete image.
+/// The file cannot be read or is no complete image, or a pixel is transparent.
 pub fn read_png16(path: impl AsRef<Path>) -> Result<Raster<[u16; 3]>> {
     let path = path.as_ref();
-    let rgb = decode_image(&read(path)?, path, image::DynamicImage::into_rgb16)?;
-    let (width, height) = (rgb.width() as usize, rgb.height() as usize);
-    Ok(Raster::from_vec(width, height, rgb.pixels().map(|p| p.0).collect()))
+    let bytes = read(path)?;
+    let (width, height, pixels) = if may_be_transparent(&bytes) {
+        let rgba = decode_image(&bytes, path, image::DynamicImage::into_rgba16)?;
+        let (width, height) = (rgba.width() as usize, rgba.height() as usize);
+        if let Some(i) = rgba.pixels().position(|p| p.0[3] != u16::MAX) {
+            return Err(Error::invalid(
+                path.display().to_string(),
+                format!("pixel ({}, {}) is transparent, and what it shows is not known", i % width, i / width),
+                "write the picture without an alpha channel",
+            ));
+        }
+        (width, height, rgba.pixels().map(|p| [p.0[0], p.0[1], p.0[2]]).collect())
+    } else {
+        let rgb = decode_image(&bytes, path, image::DynamicImage::into_rgb16)?;
+        (rgb.width() as usize, rgb.height() as usize, rgb.pixels().map(|p| p.0).collect())
+    };
+    Ok(Raster::from_vec(width, height, pixels))
 }
 
 /// Encodes named channels as a losslessly compressed EXR of one layer.
@@ -431,6 +503,87 @@ mod tests {
         let grey = Raster::from_fn(7, 5, |x, y| (9000 * x + y) as u16);
         write_atomic(&path, &encode_png16(&grey).unwrap()).unwrap();
         assert_eq!(read_png16(&path).unwrap(), grey.map(|&v| [v; 3]));
+    }
+
+    /// A PNG of samples in a colour type, 8 or 16 bits.
+    fn png(samples: &[u8], width: usize, color: image::ColorType) -> Vec<u8> {
+        png_bytes(samples, width, samples.len() / width / usize::from(color.bytes_per_pixel()), color).unwrap()
+    }
+
+    #[test]
+    fn transparency_of_every_kind_is_seen() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        let wide = |values: [u16; 4]| values.into_iter().flat_map(u16::to_ne_bytes).collect::<Vec<u8>>();
+        // Two pixels: one opaque, one transparent or half so. The last is a palette of two colours, the second with alpha 0, written by hand:
+        // the encoder at hand writes none.
+        for (samples, color, second) in [
+            (vec![9, 9, 9, 255, 200, 100, 50, 0], image::ColorType::Rgba8, [200, 100, 50]),
+            (vec![9, 9, 9, 255, 200, 100, 50, 128], image::ColorType::Rgba8, [200, 100, 50]),
+            (vec![9, 255, 70, 0], image::ColorType::La8, [70; 3]),
+            (wide([9 * 257, u16::MAX, 70 * 257, 300]), image::ColorType::La16, [70; 3]),
+        ] {
+            std::fs::write(&path, png(&samples, 2, color)).unwrap();
+            let (rgb, opaque) = read_png_and_opacity(&path).unwrap();
+            assert_eq!((rgb.pixels(), opaque.unwrap().pixels()), (&[[9; 3], second][..], &[true, false][..]), "{color:?}");
+            assert!(may_be_transparent(&read(&path).unwrap()));
+            assert_eq!(image_size(&path).unwrap(), (2, 1));
+            assert!(read_png16(&path).unwrap_err().to_string().contains("pixel (1, 0) is transparent"));
+        }
+        // A channel that is opaque everywhere says nothing.
+        std::fs::write(&path, png(&[9, 9, 9, 255], 1, image::ColorType::Rgba8)).unwrap();
+        assert!(read_png_and_opacity(&path).unwrap().1.is_none());
+        assert_eq!(read_png16(&path).unwrap().pixels(), [[9 * 257; 3]]);
+        std::fs::write(&path, png(&[9, 9, 9], 1, image::ColorType::Rgb8)).unwrap();
+        assert!(!may_be_transparent(&read(&path).unwrap()) && read_png_and_opacity(&path).unwrap().1.is_none());
+        let cut = encode_cut_out(&Raster::filled(2, 1, [1, 2, 3]), &Raster::from_fn(2, 1, |x, _| x == 0)).unwrap();
+        std::fs::write(&path, cut).unwrap();
+        assert_eq!(read_png_and_opacity(&path).unwrap().1.unwrap().pixels(), [true, false]);
+    }
+
+    #[test]
+    fn a_palette_with_transparent_entries_is_seen() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("p.png");
+        // Two pixels of 8 bits, of entries 0 and 1, of which the second is transparent.
+        let chunk = |kind: &[u8; 4], data: &[u8]| {
+            let body = [&kind[..], data].concat();
+            let mut crc = flate2::Crc::new();
+            crc.update(&body);
+            [&(data.len() as u32).to_be_bytes()[..], &body, &crc.sum().to_be_bytes()].concat()
+        };
+        let mut rows = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+        rows.write_all(&[0, 0, 1]).unwrap();
+        let bytes = [
+            b"\x89PNG\r\n\x1a\n".to_vec(),
+            chunk(b"IHDR", &[0, 0, 0, 2, 0, 0, 0, 1, 8, 3, 0, 0, 0]),
+            chunk(b"PLTE", &[10, 20, 30, 40, 50, 60]),
+            chunk(b"tRNS", &[255, 0]),
+            chunk(b"IDAT", &rows.finish().unwrap()),
+            chunk(b"IEND", &[]),
+        ];
+        std::fs::write(&path, bytes.concat()).unwrap();
+        let (rgb, opaque) = read_png_and_opacity(&path).unwrap();
+        assert_eq!((rgb.pixels(), opaque.unwrap().pixels()), (&[[10, 20, 30], [40, 50, 60]][..], &[true, false][..]));
+        assert!(may_be_transparent(&read(&path).unwrap()));
+    }
+
+    #[test]
+    fn a_mask_says_so_by_colour_or_by_transparency() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("m.png");
+        let mask = |samples: &[u8], color| {
+            std::fs::write(&path, png(samples, 2, color)).unwrap();
+            read_mask(&path).map(|m| m.pixels().to_vec()).map_err(|e| e.to_string())
+        };
+        let (rgba, la) = (image::ColorType::Rgba8, image::ColorType::La8);
+        assert_eq!(mask(&[0, 1], image::ColorType::L8).unwrap(), [false, true]);
+        assert_eq!(mask(&[255, 255, 255, 0, 255, 255, 255, 255], rgba).unwrap(), [false, true], "white everywhere");
+        assert_eq!(mask(&[255, 1, 0, 255], la).unwrap(), [true, false], "black, and almost transparent");
+        assert_eq!(mask(&[0, 255, 0, 255], la).unwrap(), [false, false], "black and opaque leaves all out");
+        for ambiguous in [[0, 0, 0, 255], [255, 0, 0, 255], [0, 0, 0, 0]] {
+            assert!(mask(&ambiguous, la).unwrap_err().contains("black or transparent"), "{ambiguous:?}");
+        }
     }
 
     #[test]

@@ -47,4 +47,4 @@ pub use keyframe::Keyframe;
 pub use model::Scene;
 pub use raster::Raster;
 pub use rng::Rng;
-pub use transform::Rigid3;
+pub use transform::{Rigid3, Similarity3};

@@ -1,7 +1,7 @@
-//! Rigid transforms, always named `target_from_source`.
+//! Rigid transforms and similarities, always named `target_from_source`.
 
 use crate::{Error, Result};
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DMat3, DMat4, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// A rotation and a translation: `p_target = rotation · p_source + translation` (metres).
@@ -13,8 +13,17 @@ pub struct Rigid3 {
     pub translation: DVec3,
 }
 
-/// Tolerance of `RᵀR` against the identity above which a matrix is refused as a rotation (float32 text files keep ~1e-6).
-const ORTHONORMAL_TOLERANCE: f64 = 1e-4;
+/// Greatest distance of a 3×3 block to the nearest rotation (root of the sum of squares over its elements) at which it is taken for that rotation: nine
+/// numbers of three decimals, each half a unit of the third off, and a little for the sum.
+const ROTATION_TOLERANCE: f64 = 1.51e-3;
+/// Distance from which on whoever reads a capture should say that a rotation was rounded; six decimals and single precision stay below.
+pub const ROUNDED: f64 = 1.6e-6;
+/// Distance that is the rounding of double precision: such a rotation is kept to the bit.
+const EXACT: f64 = 1e-12;
+/// Lengths of quaternions that are taken for rotations; what lies outside is no quaternion but other numbers.
+const QUATERNION_LENGTH: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+/// Newton's steps to the nearest rotation: the distance squares with each, so that these are more than enough.
+const NEWTON_STEPS: usize = 8;
 
 impl Rigid3 {
     /// The transform that changes nothing.
@@ -61,11 +70,21 @@ impl Rigid3 {
         .to_cols_array_2d()
     }
 
-    /// Reads a 4×4 homogeneous matrix given by rows.
+    /// Reads a 4×4 homogeneous matrix given by rows; its rotation is the nearest one ([`Self::nearest`]).
     ///
     /// # Errors
     /// A number that is not finite, a last row other than `0 0 0 1`, or a 3×3 block that is no rotation; `place` says where it came from.
     pub fn from_rows(rows: &[[f64; 4]; 4], place: &str) -> Result<Self> {
+        Self::nearest(rows, place).map(|(pose, _)| pose)
+    }
+
+    /// Reads a 4×4 homogeneous matrix given by rows, and how far its 3×3 block is off the rotation that was taken for it, the nearest one: the root of the
+    /// sum of squares over its elements. A block that is exact in double precision is kept to the bit.
+    ///
+    /// # Errors
+    /// A number that is not finite, a last row other than `0 0 0 1`, or a 3×3 block that is off by more than three decimals account for: it mirrors,
+    /// scales, shears or flattens. `place` says where it came from.
+    pub fn nearest(rows: &[[f64; 4]; 4], place: &str) -> Result<(Self, f64)> {
         if let Some((r, c)) = (0..16).map(|i| (i / 4, i % 4)).find(|&(r, c)| !rows[r][c].is_finite()) {
             return Err(Error::invalid(
                 place,
@@ -76,23 +95,269 @@ impl Rigid3 {
         if rows[3] != [0.0, 0.0, 0.0, 1.0] {
             return Err(Error::invalid(place, "the last row of the pose is not 0 0 0 1", "give a rigid 4x4 matrix by rows"));
         }
-        let rotation = DMat3::from_cols_array_2d(&[
+        let block = DMat3::from_cols_array_2d(&[
             [rows[0][0], rows[1][0], rows[2][0]],
             [rows[0][1], rows[1][1], rows[2][1]],
             [rows[0][2], rows[1][2], rows[2][2]],
         ]);
-        let error =
-            (rotation.transpose() * rotation - DMat3::IDENTITY).to_cols_array().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        if error > ORTHONORMAL_TOLERANCE || rotation.determinant() < 0.0 {
+        let (rotation, off) = nearest_rotation(block).ok_or_else(|| no_rotation(block, place))?;
+        Ok((Self { rotation, translation: DVec3::new(rows[0][3], rows[1][3], rows[2][3]) }, off))
+    }
+
+    /// Reads a rotation as Hamilton's quaternion `[w, x, y, z]`, of whatever length near 1, and how far that length is off 1.
+    ///
+    /// # Errors
+    /// A number that is not finite, or a length that no writer of rotations gives a quaternion; `place` says where it came from.
+    pub fn from_quaternion(quaternion: [f64; 4], translation: DVec3, place: &str) -> Result<(Self, f64)> {
+        let [w, x, y, z] = quaternion;
+        let q = DQuat::from_xyzw(x, y, z, w);
+        let length = q.length();
+        if !QUATERNION_LENGTH.contains(&length) {
             return Err(Error::invalid(
                 place,
-                format!(
-                    "the 3x3 block is not a rotation (R^T R is off the identity by {error:.1e}, determinant {:.3})",
-                    rotation.determinant()
-                ),
-                "poses are rigid, without scale or mirror; OpenCV axes: x right, y down, z forward",
+                format!("its quaternion is {w} {x} {y} {z}, of length {length}"),
+                "give w, x, y, z of a rotation, of length 1, or take this image out",
             ));
         }
-        Ok(Self { rotation, translation: DVec3::new(rows[0][3], rows[1][3], rows[2][3]) })
+        let pose = Self { rotation: DMat3::from_quat(q.normalize()), translation };
+        Ok((Self::from_rows(&pose.to_rows(), place)?, (length - 1.0).abs()))
+    }
+}
+
+/// The rotation that is nearest to a matrix, and how far it is off; none where that is farther than the tolerance.
+fn nearest_rotation(block: DMat3) -> Option<(DMat3, f64)> {
+    // The orthogonal factor of the polar decomposition is the nearest rotation (Higham 1986); beyond twice or half the size nothing is near.
+    let plausible = [block.x_axis, block.y_axis, block.z_axis].iter().all(|c| (0.5..=2.0).contains(&c.length()));
+    if !plausible || block.determinant() < 0.1 {
+        return None;
+    }
+    let mut rotation = block;
+    for _ in 0..NEWTON_STEPS {
+        rotation = 0.5 * (rotation + rotation.inverse().transpose());
+    }
+    let off = (block - rotation).to_cols_array().iter().map(|v| v * v).sum::<f64>().sqrt();
+    if off <= EXACT {
+        return Some((block, off));
+    }
+    (off <= ROTATION_TOLERANCE).then_some((rotation, off))
+}
+
+/// The error that says in which way a matrix is no rotation.
+fn no_rotation(block: DMat3, place: &str) -> Error {
+    // Of size 1, so that no square leaves the range of numbers.
+    let size = block.to_cols_array().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let axes = [block.x_axis, block.y_axis, block.z_axis].map(|axis| axis / size);
+    let lengths = axes.map(DVec3::length);
+    let cosine = |i: usize, j: usize| axes[i].dot(axes[j]) / (lengths[i] * lengths[j]);
+    let angles = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| cosine(i, j).clamp(-1.0, 1.0).acos().to_degrees());
+    let [ab, bc, ca] = angles;
+    let volume = axes[0].cross(axes[1]).dot(axes[2]) / (lengths[0] * lengths[1] * lengths[2]);
+    let lengths = lengths.map(|l| size * l);
+    let [a, b, c] = lengths;
+    let square = angles.iter().all(|angle| (angle - 90.0).abs() < ROTATION_TOLERANCE.to_degrees());
+    let alike = lengths.iter().all(|l| (l / a - 1.0).abs() < ROTATION_TOLERANCE);
+    let what = if !(volume.is_finite() && volume.abs() > 1e-6) {
+        "it flattens space: its axes lie in one plane".to_owned()
+    } else if volume < 0.0 {
+        format!("it mirrors (its determinant is {:.3}): its axes are left-handed", block.determinant())
+    } else if square && alike {
+        format!("it scales by {a:.4}")
+    } else if square {
+        format!("it scales its axes by {a:.4}, {b:.4} and {c:.4}")
+    } else {
+        format!(
+            "it shears: its axes, {a:.4}, {b:.4} and {c:.4} long, stand at {ab:.2}, {bc:.2} and {ca:.2} degrees to each other"
+        )
+    };
+    let near = volume > 0.5 && lengths.iter().all(|l| (0.8..1.25).contains(l));
+    let help = if near {
+        "poses are rigid: write their numbers with at least 3 decimals, and without scale"
+    } else {
+        "poses are rigid, without scale or mirror; OpenCV axes: x right, y down, z forward"
+    };
+    Error::invalid(place, format!("the 3x3 block is not a rotation: {what}"), help)
+}
+
+/// A similarity: `p_target = scale · rotation · p_source + translation`, all in double precision.
+///
+/// In files it is `{"rotation": 3x3 by rows, "scale": s, "translation_m": [x, y, z]}`, the target in metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "SimilarityFile", into = "SimilarityFile")]
+pub struct Similarity3 {
+    /// `rotation_target_from_source`, orthonormal, determinant +1.
+    pub rotation: DMat3,
+    /// Target units, which are metres, a source unit; positive.
+    pub scale: f64,
+    /// The source frame's origin in the target frame, metres.
+    pub translation: DVec3,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SimilarityFile {
+    rotation: [[f64; 3]; 3],
+    scale: f64,
+    translation_m: [f64; 3],
+}
+
+impl Similarity3 {
+    /// The similarity that changes nothing.
+    pub const IDENTITY: Self = Self { rotation: DMat3::IDENTITY, scale: 1.0, translation: DVec3::ZERO };
+
+    /// The least rotation that brings the direction `up` of the source, where there is one, to +z, and a scale.
+    pub fn with_up(up: Option<DVec3>, scale: f64) -> Self {
+        let rotation = up.map_or(DMat3::IDENTITY, |up| DMat3::from_quat(DQuat::from_rotation_arc(up.normalize(), DVec3::Z)));
+        Self { rotation, scale, translation: DVec3::ZERO }
+    }
+
+    /// Maps a point.
+    pub fn transform_point(&self, point: DVec3) -> DVec3 {
+        self.scale * (self.rotation * point) + self.translation
+    }
+
+    /// `target_from_camera` of a camera whose pose is `source_from_camera`: it is turned and moved, and stays rigid.
+    pub fn pose(&self, source_from_camera: &Rigid3) -> Rigid3 {
+        Rigid3 {
+            rotation: self.rotation * source_from_camera.rotation,
+            translation: self.transform_point(source_from_camera.translation),
+        }
+    }
+
+    /// Whether it changes nothing.
+    pub fn is_identity(&self) -> bool {
+        *self == Self::IDENTITY
+    }
+}
+
+impl From<Similarity3> for SimilarityFile {
+    fn from(similarity: Similarity3) -> Self {
+        let rotation = similarity.rotation.transpose().to_cols_array_2d();
+        Self { rotation, scale: similarity.scale, translation_m: similarity.translation.to_array() }
+    }
+}
+
+impl TryFrom<SimilarityFile> for Similarity3 {
+    type Error = String;
+
+    fn try_from(file: SimilarityFile) -> std::result::Result<Self, String> {
+        let [a, b, c] = file.rotation;
+        let [x, y, z] = file.translation_m;
+        let row = |[p, q, r]: [f64; 3], t| [p, q, r, t];
+        let rows = [row(a, x), row(b, y), row(c, z), [0.0, 0.0, 0.0, 1.0]];
+        let rigid = Rigid3::from_rows(&rows, "a similarity").map_err(|e| e.to_string())?;
+        if !(file.scale.is_finite() && file.scale > 0.0) {
+            return Err(format!("a similarity: its scale is {}", file.scale));
+        }
+        Ok(Self { rotation: rigid.rotation, scale: file.scale, translation: rigid.translation })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rotations in all directions.
+    fn rotations() -> impl Iterator<Item = DMat3> {
+        (0..200).map(|i| {
+            let t = f64::from(i);
+            let axis = DVec3::new((1.7 * t).sin(), (2.3 * t + 1.0).cos(), (0.9 * t).sin() + 0.1).normalize();
+            DMat3::from_axis_angle(axis, 0.37 * t)
+        })
+    }
+
+    fn rows(block: DMat3) -> [[f64; 4]; 4] {
+        let [x, y, z] = [block.x_axis, block.y_axis, block.z_axis];
+        [[x.x, y.x, z.x, 1.0], [x.y, y.y, z.y, 2.0], [x.z, y.z, z.z, 3.0], [0.0, 0.0, 0.0, 1.0]]
+    }
+
+    fn rounded(block: DMat3, decimals: i32) -> DMat3 {
+        let unit = 10f64.powi(decimals);
+        DMat3::from_cols_array(&block.to_cols_array().map(|v| (v * unit).round() / unit))
+    }
+
+    fn distance(a: DMat3, b: DMat3) -> f64 {
+        (a - b).to_cols_array().iter().map(|v| v * v).sum::<f64>().sqrt()
+    }
+
+    #[test]
+    fn rotations_of_few_decimals_become_the_nearest_rotation_and_exact_ones_stay() {
+        let mut worst = 0.0_f64;
+        for rotation in rotations() {
+            let (kept, off) = Rigid3::nearest(&rows(rotation), "test").unwrap();
+            assert!(kept.rotation == rotation && off < EXACT, "{off}");
+            for decimals in 3..=8 {
+                let (pose, off) = Rigid3::nearest(&rows(rounded(rotation, decimals)), "test").unwrap();
+                assert!(distance(pose.rotation.transpose() * pose.rotation, DMat3::IDENTITY) < 1e-14);
+                // The nearest one is no farther from what is written than the true one is, and thus no farther from the true one than twice that.
+                let rounding = 1.5 * 10f64.powi(-decimals);
+                assert!(off <= rounding && distance(pose.rotation, rotation) <= 2.0 * rounding, "{decimals}: {off}");
+                assert_eq!(pose.translation, DVec3::new(1.0, 2.0, 3.0));
+                assert!(decimals < 6 || off < ROUNDED, "six decimals need no word");
+                if decimals == 3 {
+                    worst = worst.max(off);
+                }
+            }
+        }
+        // The tolerance is no wider than it must be: some rotation of three decimals uses most of it.
+        assert!(worst > 0.6 * ROTATION_TOLERANCE, "{worst}");
+        let refused = rotations().filter(|r| Rigid3::nearest(&rows(rounded(*r, 2)), "test").is_err()).count();
+        assert!(refused > 150, "two decimals: {refused} of 200");
+    }
+
+    #[test]
+    fn what_is_no_rotation_is_refused_by_what_it_does() {
+        let rotation = rotations().nth(7).unwrap();
+        let shear = DMat3::from_cols(DVec3::X, DVec3::new(0.3, 1.0, 0.0), DVec3::Z);
+        for (block, words) in [
+            (-1.0 * rotation, "mirrors"),
+            (rotation * DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0)), "mirrors"),
+            (2.5 * rotation, "scales by 2.5000"),
+            (1.01 * rotation, "scales by 1.0100"),
+            (rotation * DMat3::from_diagonal(DVec3::new(1.0, 1.0, 1.2)), "scales its axes by 1.0000, 1.0000 and 1.2000"),
+            (rotation * shear, "shears"),
+            (rotation * DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0)), "flattens"),
+            (DMat3::ZERO, "flattens"),
+            (1e200 * rotation, "scales by 1"),
+            (rounded(rotation, 1), "at least 3 decimals"),
+        ] {
+            let message = Rigid3::nearest(&rows(block), "a.json: pose 4").unwrap_err().to_string();
+            assert!(message.contains(words) && message.contains("pose 4"), "{words}: {message}");
+        }
+        assert!(Rigid3::from_rows(&rows(f64::NAN * rotation), "test").unwrap_err().to_string().contains("row 0, column 0"));
+    }
+
+    #[test]
+    fn a_quaternion_turns_the_same_whatever_its_length() {
+        let q = DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.1);
+        for length in [0.6, 0.999, 1.0, 1.9] {
+            let [x, y, z, w] = (q * length).to_array();
+            let (pose, off) = Rigid3::from_quaternion([w, x, y, z], DVec3::X, "test").unwrap();
+            assert!(distance(pose.rotation, DMat3::from_quat(q)) < 1e-14 && (off - (length - 1.0_f64).abs()).abs() < 1e-12);
+        }
+        for bad in [[0.0; 4], [f64::NAN, 0.0, 0.0, 1.0], [3.0, 4.0, 0.0, 0.0], [0.0, 0.1, 0.0, 0.0]] {
+            let message = Rigid3::from_quaternion(bad, DVec3::X, "image 3").unwrap_err().to_string();
+            assert!(message.contains("quaternion") && message.contains("image 3"), "{message}");
+        }
+        assert!(Rigid3::from_quaternion([1.0, 0.0, 0.0, 0.0], DVec3::NAN, "image 3").is_err());
+    }
+
+    #[test]
+    fn a_similarity_turns_scales_and_moves_and_is_read_as_it_was_written() {
+        let up = DVec3::new(0.3, -2.0, 0.4);
+        let similarity = Similarity3 { translation: DVec3::new(5.0, 6.0, 7.0), ..Similarity3::with_up(Some(up), 0.5) };
+        assert!((similarity.transform_point(up.normalize()) - DVec3::new(5.0, 6.0, 7.5)).length() < 1e-15);
+        let pose = Rigid3 { rotation: rotations().nth(3).unwrap(), translation: DVec3::new(1.0, -4.0, 2.0) };
+        let moved = similarity.pose(&pose);
+        // A point a unit ahead of the camera is half a metre ahead of it.
+        let ahead = |p: &Rigid3, distance: f64| p.transform_point(distance * DVec3::Z);
+        assert!((similarity.transform_point(ahead(&pose, 1.0)) - ahead(&moved, 0.5)).length() < 1e-14);
+        let text = serde_json::to_string(&similarity).unwrap();
+        assert_eq!(serde_json::from_str::<Similarity3>(&text).unwrap(), similarity);
+        assert!(Similarity3::with_up(None, 1.0).is_identity() && !similarity.is_identity());
+        for bad in
+            [text.replace("0.5", "-0.5"), text.replace("scale", "factor"), text.replace("\"rotation\":[[", "\"rotation\":[[9")]
+        {
+            assert!(serde_json::from_str::<Similarity3>(&bad).is_err(), "{bad}");
+        }
     }
 }

@@ -29,7 +29,8 @@ pub struct Import {
     /// Name of the data set (default: that of the capture's folder).
     #[arg(long)]
     name: Option<String>,
-    /// Folder of the images, where it is not the layout's own (images/).
+    /// Folder of the images, where it is not the layout's own (images/): it holds them as the capture names them, folders included, or without the first
+    /// folders of their names.
     #[arg(long, value_name = "DIR", conflicts_with = "no_images")]
     images: Option<PathBuf>,
     /// Leave the images out: radio alone.
@@ -63,8 +64,8 @@ pub struct Import {
     /// Metres that a step of a depth PNG counts.
     #[arg(long, value_name = "M", default_value_t = 1e-3)]
     depth_unit: f64,
-    /// Folder of masks, by file stem (or `NAME.jpg.png` for `NAME.jpg`) and of the images' size, for as many images as have one: black pixels are
-    /// neither learnt from nor compared. Without it, the masks that the capture names.
+    /// Folder of masks, by file stem (or `NAME.jpg.png` for `NAME.jpg`) and of the images' size, for as many images as have one: pixels that
+    /// are black or transparent are neither learnt from nor compared. Without it, the masks that the capture names.
     #[arg(long, value_name = "DIR")]
     masks: Option<PathBuf>,
     /// Direction of the capture's frame that is up, X,Y,Z, or `cameras`: the mean upward axis of all cameras. The world is turned so that it is +z.
@@ -82,7 +83,7 @@ pub struct Import {
     /// every 8th.
     #[arg(long, value_name = "N|FILE")]
     split: Option<String>,
-    /// Let all pixels count, also those that a mask of the capture leaves out.
+    /// Let all pixels count, also those that a mask of the capture leaves out, and transparent ones.
     #[arg(long)]
     ignore_masks: bool,
 }

@@ -7,7 +7,7 @@ use crate::{interrupt, note};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use corf_scene::dataset::{Dataset, stem};
-use corf_scene::io::{read, write_atomic};
+use corf_scene::io::{encode_cut_out, read, read_png, write_atomic};
 use corf_scene::live::{DEPTH, DESCRIPTION, END, IMAGES, LiveDescription, POSES, SPECTRA, pose_text};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -58,7 +58,7 @@ impl Play {
         let description = LiveDescription { keyframes: Some(count), ..LiveDescription::of(&dataset, self.depth)? };
         let _held = claim_fresh(&self.to)?;
         if dataset.has_masks() {
-            note!("masks are not played, for a live folder has none: all pixels of the images will count");
+            note!("what masks leave out is played as transparent pixels");
         }
         for folder in [POSES, IMAGES, SPECTRA].into_iter().chain(self.depth.then_some(DEPTH)) {
             let path = self.to.join(folder);
@@ -99,7 +99,11 @@ impl Play {
         for (folder, source, wanted) in [(IMAGES, image, true), (SPECTRA, spectrum, true), (DEPTH, depth, self.depth)] {
             let Some(source) = source.filter(|_| wanted) else { continue };
             let ending = source.extension().and_then(|e| e.to_str()).unwrap_or("");
-            write_atomic(self.to.join(folder).join(format!("{stem}.{ending}")), &read(&source)?)?;
+            let bytes = match dataset.mask_of(index)?.filter(|_| folder == IMAGES) {
+                Some(mask) => encode_cut_out(&read_png(&source)?, &mask)?,
+                None => read(&source)?,
+            };
+            write_atomic(self.to.join(folder).join(format!("{stem}.{ending}")), &bytes)?;
         }
         let pose = &dataset.poses()[index];
         let text = pose_text(&pose.world_from_camera, Some(pose.time_s))?;

@@ -2,7 +2,7 @@
 
 use super::{Verdict, show};
 use crate::note;
-use crate::poses::read_poses;
+use crate::poses::PoseFile;
 use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_scene::config::{DatasetConfig, SceneConfig};
@@ -68,7 +68,7 @@ impl LightViews {
                 let poses = trajectory::generate_between(way, dataset.keyframes, dataset.way)?;
                 ((o.width, o.height, o.horizontal_fov_deg), world_from_camera(poses))
             }
-            Err(_) => (DEFAULT_CAMERA, read_poses(Path::new(poses))?),
+            Err(_) => (DEFAULT_CAMERA, PoseFile::read(Path::new(poses))?.as_they_are()),
         };
         camera = (self.width.unwrap_or(camera.0), self.height.unwrap_or(camera.1), self.fov.unwrap_or(camera.2));
         let (width, height, fov_deg) = camera;

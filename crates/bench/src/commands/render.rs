@@ -4,7 +4,7 @@ use super::{Verdict, show};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::methods::open::{self, OpenRun};
-use crate::poses::{self, read_poses};
+use crate::poses::{self, PoseFile, PoseFrame};
 use crate::progress::Progress;
 use crate::run::claim_output;
 use crate::video::Video;
@@ -24,9 +24,14 @@ pub struct Render {
     /// Run folder of `corf reconstruct`.
     run: PathBuf,
     /// Poses: a `trajectory.json` of a dataset, a `transforms.json` (nerfstudio, Blender, Instant-NGP: OpenGL axes, converted), or a JSON array of 4×4
-    /// `world_from_camera` matrices by rows.
+    /// `world_from_camera` matrices by rows, in the dataset's world (or --poses-in).
     #[arg(long, required_unless_present = "orbit")]
     poses: Option<PathBuf>,
+    /// Frame that --poses is in, where the run's dataset was imported and turned, scaled or moved: that of the capture, whose poses are changed as the import did,
+    /// or the dataset's world. Default: what the file says, which is `capture` for the file that was imported and `world` for files of the dataset; a file of
+    /// which it cannot be known is refused.
+    #[arg(long, value_enum, requires = "poses")]
+    poses_in: Option<PoseFrame>,
     /// N poses on a circle instead: around the middle of the dataset's keyframes, at their mean height, looking inwards; or about --keyframe.
     #[arg(long, value_name = "N", conflicts_with = "poses", value_parser = clap::value_parser!(u64).range(1..=poses::MAX_ORBIT as u64))]
     orbit: Option<u64>,
@@ -74,6 +79,9 @@ struct Source {
     run: String,
     /// SHA-256 of the pose file, or of the poses of a circle.
     poses: String,
+    /// Frame of the pose file, where it is not the dataset's world.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    poses_in: Option<PoseFrame>,
     /// Camera of the images, where it is not the dataset's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     optical_camera: Option<Pinhole>,
@@ -117,7 +125,7 @@ impl Render {
     /// # Errors
     /// Bad poses, a run that cannot be read, an occupied output folder.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        let of_file = self.poses.as_deref().map(read_poses).transpose()?;
+        let of_file = self.poses.as_deref().map(PoseFile::read).transpose()?;
         if let Some(radius) = self.radius.filter(|r| !(1e-3..=1e5).contains(r)) {
             bail!("--radius {radius} is no radius\n  help: give metres, e.g. 2");
         }
@@ -127,9 +135,17 @@ impl Render {
         let pictures = self.video_of.unwrap_or(if has.light { Pictures::Images } else { Pictures::Jet });
         let are_there = if pictures == Pictures::Images { has.light } else { has.radio };
         ensure!(are_there, "--video-of {}: the run has none\n  help: choose the other ones", pictures.folder());
-        let poses = match of_file {
-            Some(poses) => poses,
-            None => self.circle(&mut run)?,
+        let (poses, poses_sha256, frame) = match of_file {
+            Some(file) => {
+                let sha256 = file.sha256().to_owned();
+                let (poses, frame) = file.in_world_of(&run.input.dataset, self.poses_in)?;
+                (poses, sha256, frame)
+            }
+            None => {
+                let poses = self.circle(&mut run)?;
+                let sha256 = sha256_hex(&serde_json::to_vec(&poses.iter().map(Rigid3::to_rows).collect::<Vec<_>>())?);
+                (poses, sha256, PoseFrame::World)
+            }
         };
         let camera = self.camera(&run.input.dataset)?;
         if let Some(camera) = camera {
@@ -137,12 +153,12 @@ impl Render {
             run.predictor.set_optical_camera(camera)?;
         }
         let _held = claim_output(&self.out, self.resume)?;
-        let poses_sha256 = match &self.poses {
-            Some(path) => sha256_hex(&io::read(path)?),
-            None => sha256_hex(&serde_json::to_vec(&poses.iter().map(Rigid3::to_rows).collect::<Vec<_>>())?),
+        let source = Source {
+            run: sha256_hex(&io::read(self.run.join("run.json"))?),
+            poses: poses_sha256,
+            poses_in: Some(frame).filter(|frame| *frame != PoseFrame::World),
+            optical_camera: camera,
         };
-        let source =
-            Source { run: sha256_hex(&io::read(self.run.join("run.json"))?), poses: poses_sha256, optical_camera: camera };
         let source_path = self.out.join("render.json");
         if source_path.exists() {
             let before: Source = json::read_json(&source_path)?;
@@ -190,7 +206,11 @@ impl Render {
             video.encode(&self.out.join(pictures.folder()), poses.len())?;
             text += &format!(", and as a video in {}", file.display());
         }
-        show(json, &serde_json::json!({ "rendered": poses.len(), "out": self.out, "video": self.video }), &text)?;
+        show(
+            json,
+            &serde_json::json!({ "rendered": poses.len(), "out": self.out, "video": self.video, "poses_in": frame }),
+            &text,
+        )?;
         Ok(Verdict::Done)
     }
 

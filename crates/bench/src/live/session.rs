@@ -59,6 +59,8 @@ pub struct Session {
     timings: Vec<KeyframeTiming>,
     /// Whether a keyframe too far from the origin was told.
     far: bool,
+    /// Whether it was said that poses are rounded, and that images have transparent pixels.
+    said: [bool; 2],
 }
 
 /// A keyframe that was accepted and is not trained yet.
@@ -123,6 +125,7 @@ impl Session {
             far: false,
             open: BTreeMap::new(),
             timings: Vec::new(),
+            said: [false; 2],
         })
     }
 
@@ -150,8 +153,9 @@ impl Session {
             self.log.watch(self.inbox.queue())?;
             let Some(Arrival { stem, frame, arrived }) = self.inbox.take() else { return Ok(None) };
             let index = self.next;
-            let LiveFrame { number, time_s, world_from_camera, image, spectrum, depth_m, sources } = frame;
+            let LiveFrame { number, time_s, world_from_camera, rounded, image, mask, spectrum, depth_m, sources } = frame;
             self.tell_far(&world_from_camera);
+            self.tell_once(&stem, rounded, mask.is_some());
             let pose = TrajectoryPose { index, time_s: time_s.unwrap_or(index as f64), world_from_camera };
             let kept = FrameData {
                 image: Some(image.clone()),
@@ -160,7 +164,7 @@ impl Session {
                 normals: None,
                 depth_m: depth_m.clone(),
                 surface: None,
-                mask: None,
+                mask: mask.clone(),
                 spectrum: Some(spectrum.clone()),
                 sphere: None,
                 tutorial: None,
@@ -174,8 +178,20 @@ impl Session {
                 continue;
             }
             let time_s = pose.time_s;
-            let keyframe = Keyframe { index, time_s, world_from_camera, image, spectrum, depth_m, surface: None, mask: None };
+            let keyframe = Keyframe { index, time_s, world_from_camera, image, spectrum, depth_m, surface: None, mask };
             return Ok(Some(Taken { keyframe, arrived, receipt }));
+        }
+    }
+
+    /// Says of the first keyframe, and of no other, that its pose is rounded or that pixels of its image do not count.
+    fn tell_once(&mut self, stem: &str, rounded: Option<f64>, masked: bool) {
+        if let Some(off) = rounded.filter(|_| !std::mem::replace(&mut self.said[0], true)) {
+            note!(
+                "poses/{stem}.json: its rotation is {off:.1e} off one, as numbers of few decimals are; the nearest is taken, here and in what follows"
+            );
+        }
+        if masked && !std::mem::replace(&mut self.said[1], true) {
+            note!("images/{stem}: transparent pixels are neither learnt from nor compared, here and in what follows");
         }
     }
 

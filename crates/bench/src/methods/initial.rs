@@ -6,6 +6,7 @@ use anyhow::{Result, ensure};
 use corf::initial::{RfView, coupled, in_view};
 use corf::ply::{self, ForeignField};
 use corf::{Antialias, Gaussians, RfTarget};
+use glam::DVec3;
 use std::path::{Path, PathBuf};
 
 /// A field of light in a file.
@@ -14,6 +15,8 @@ pub struct Initial {
     field: ForeignField,
 }
 
+/// Share of the Gaussians by which more must be in view in the capture's frame than in the world for a file to be taken for one of the former.
+const MORE_IN_VIEW: f64 = 0.05;
 /// A file of which less than this share is in view of the training cameras deserves a word.
 const LITTLE_IN_VIEW: f64 = 0.2;
 
@@ -29,10 +32,30 @@ impl Initial {
     /// Makes sure that the file can be of this data set.
     ///
     /// # Errors
-    /// Gaussians of which the training keyframes see none.
+    /// Gaussians of which the training keyframes see none, or see more when they are taken to be in the frame of the capture.
     pub fn check(&self, training: &TrainingSet<'_>) -> Result<()> {
         let gaussians = &self.field.gaussians;
-        let (seen, all) = (in_view(gaussians, &training.optical_camera(), &training.poses()), gaussians.position.len());
+        let (camera, poses, all) = (training.optical_camera(), training.poses(), gaussians.position.len());
+        let seen = in_view(gaussians, &camera, &poses);
+        if let Some(change) = training.world_from_capture().filter(|change| !change.is_identity()) {
+            let mut moved = gaussians.clone();
+            for p in &mut moved.position {
+                *p = change.transform_point(DVec3::from(p.map(f64::from))).as_vec3().to_array();
+            }
+            let of_capture = in_view(&moved, &camera, &poses);
+            let [here, there] = [seen, of_capture].map(|n| 100.0 * n as f64 / all.max(1) as f64);
+            ensure!(
+                there < here + 100.0 * MORE_IN_VIEW,
+                "{}: {here:.0} % of its Gaussians lie in the view of a training keyframe, and {there:.0} % if they are in the frame of the capture, before its import \
+                 turned, scaled or moved it\n  help: the file must be in the data set's world (metres, z up): train the other program on the folder optical/, or import \
+                 the capture without --up, --scale and any other change of frame",
+                self.file.display()
+            );
+            note!(
+                "{}: taken to be in the data set's world, which is turned, scaled or moved against the capture's frame",
+                self.file.display()
+            );
+        }
         ensure!(
             seen > 0,
             "{}: none of its {all} Gaussians lies in the view of a training keyframe\n  help: the file must be in the data set's frame (metres, z up): \

@@ -7,11 +7,12 @@ mod rigs;
 mod text;
 
 use super::lens::Lens;
+use super::rounding::Rounding;
 use super::{Capture, Shot, names};
 use crate::contained::{self, Reach};
 use crate::dataset::ColoredPoint;
 use crate::{Error, Pinhole, Result, Rigid3};
-use glam::{DMat3, DQuat, DVec3};
+use glam::DVec3;
 use rigs::Rigs;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -111,24 +112,14 @@ impl Camera {
 }
 
 impl Pose {
-    /// Its rotation and translation.
+    /// Its rotation and translation, and how far its quaternion is off length 1; COLMAP itself takes any length.
     ///
     /// # Errors
     /// A quaternion that is none, or a number that is not finite.
-    fn rigid(&self, place: &str) -> Result<Rigid3> {
-        let [w, x, y, z] = self.quaternion;
-        let q = DQuat::from_xyzw(x, y, z, w);
-        if !q.is_finite() || q.length() < LEAST_QUATERNION {
-            let help = "repair this pose, or take what has it out of the model";
-            return Err(Error::invalid(place, format!("its quaternion is {w} {x} {y} {z}"), help));
-        }
-        let rigid = Rigid3 { rotation: DMat3::from_quat(q.normalize()), translation: DVec3::from(self.translation) };
-        Rigid3::from_rows(&rigid.to_rows(), place)
+    fn rigid(&self, place: &str) -> Result<(Rigid3, f64)> {
+        Rigid3::from_quaternion(self.quaternion, DVec3::from(self.translation), place)
     }
 }
-
-/// Least length of a quaternion that still says how a camera is turned; COLMAP writes unit ones.
-const LEAST_QUATERNION: f64 = 0.5;
 
 /// Endings of a model's files. COLMAP itself prefers binary ones.
 const ENDINGS: [&str; 2] = ["bin", "txt"];
@@ -194,7 +185,7 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
             Rigs::new(files, rigs, frames)
         }
     };
-    let poses: Vec<Option<Rigid3>> = match &rigs {
+    let poses: Vec<Option<(Rigid3, f64)>> = match &rigs {
         Some(rigs) => rigs.camera_from_world(&sparse.images, &place, &mut notes)?,
         None => {
             let pose = |image: &Image| image.camera_from_world.rigid(&format!("{place}: image {}", image.name)).map(Some);
@@ -214,21 +205,23 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
         })?;
         lenses.insert(image.camera, camera.lens(&format!("{}: camera {}", file("cameras").display(), image.camera))?);
     }
+    let mut rounding = Rounding::default();
     let mut shots = Vec::with_capacity(sparse.images.len());
-    for (image, camera_from_world) in posed() {
+    for (image, (camera_from_world, off)) in posed() {
         let place = format!("{place}: image {}", image.name);
         let path = contained::resolve(images, Path::new(&image.name), Reach::Folder, &place, HELP);
         shots.push(Shot {
             name: image.name.replace('\\', "/"),
             image: if wanted { Some(path?) } else { None },
             lens: lenses[&image.camera],
-            world_from_camera: camera_from_world.inverse(),
+            world_from_camera: rounding.take((camera_from_world.inverse(), *off), &image.name),
             depth: None,
             mask: None,
             time_s: None,
         });
     }
     shots.sort_by(|a, b| names::natural(&a.name, &b.name));
+    notes.extend(rounding.note());
     notes.extend(further_models(source, &folder));
     let mut files: Vec<PathBuf> = ["cameras", "images", "points3D"].map(file).into_iter().filter(|f| f.is_file()).collect();
     files.extend(rig_files.into_iter().flatten());

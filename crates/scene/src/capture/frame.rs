@@ -2,16 +2,14 @@
 
 use super::Shot;
 use super::options::{Offset, Up};
-use crate::{Error, Result, Rigid3, bounds};
-use glam::{DMat3, DQuat, DVec3};
+use crate::{Error, Result, Rigid3, Similarity3, bounds};
+use glam::DVec3;
 
-/// The change from a capture's frame to a world that is z-up, in metres and near its origin: `x ↦ metres_per_unit · rotation · x − offset_m`.
+/// The change from a capture's frame to a world that is z-up, in metres and near its origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct WorldFromCapture {
-    rotation: DMat3,
-    metres_per_unit: f64,
-    /// What is taken off, metres along the world's axes.
-    pub offset_m: DVec3,
+    /// The whole change, as the data set keeps it and as poses that come later are changed.
+    pub similarity: Similarity3,
     /// Direction in the capture's frame that became +z; none where the frame was kept.
     pub up: Option<[f64; 3]>,
 }
@@ -49,14 +47,19 @@ impl WorldFromCapture {
                 if steps.is_finite() { steps + DVec3::ZERO } else { DVec3::ZERO }
             }
         };
-        Ok(Self { offset_m, ..turned })
+        let similarity = Similarity3 { translation: DVec3::ZERO - offset_m, ..turned.similarity };
+        Ok(Self { similarity, ..turned })
+    }
+
+    /// What is taken off all positions behind turn and scale, metres along the world's axes.
+    pub fn offset_m(&self) -> DVec3 {
+        DVec3::ZERO - self.similarity.translation
     }
 
     fn without_offset(up: Option<Up>, metres_per_unit: f64, shots: &[Shot]) -> Result<Self> {
-        let offset_m = DVec3::ZERO;
         bounds::number("--scale", metres_per_unit, &(1e-6..=1e6), "metres a unit of the capture")?;
         let direction = match up {
-            None => return Ok(Self { rotation: DMat3::IDENTITY, metres_per_unit, offset_m, up: None }),
+            None => return Ok(Self { similarity: Similarity3::with_up(None, metres_per_unit), up: None }),
             Some(Up::Direction(up)) => DVec3::from(up),
             Some(Up::Cameras) => {
                 // OpenCV cameras have y down.
@@ -71,13 +74,12 @@ impl WorldFromCapture {
             return Err(Error::invalid("--up", what, "give a direction in the capture's frame, e.g. --up=0,-1,0 for y down"));
         }
         let unit = direction.normalize();
-        let rotation = DMat3::from_quat(DQuat::from_rotation_arc(unit, DVec3::Z));
-        Ok(Self { rotation, metres_per_unit, offset_m, up: Some(unit.to_array()) })
+        Ok(Self { similarity: Similarity3::with_up(Some(unit), metres_per_unit), up: Some(unit.to_array()) })
     }
 
     /// A point of the capture in the world, metres.
     pub fn point(&self, point: DVec3) -> DVec3 {
-        self.metres_per_unit * (self.rotation * point) - self.offset_m
+        self.similarity.transform_point(point)
     }
 
     /// A pose of the capture in the world.
@@ -85,17 +87,17 @@ impl WorldFromCapture {
     /// # Errors
     /// A position that is not finite, or a thousand kilometres from the origin.
     pub fn pose(&self, world_from_camera: &Rigid3, place: &str) -> Result<Rigid3> {
-        let translation = self.point(world_from_camera.translation);
-        if let Err(error) = bounds::position(place, translation) {
+        let pose = self.similarity.pose(world_from_camera);
+        if let Err(error) = bounds::position(place, pose.translation) {
             return Err(match error {
-                Error::Invalid { place, what, .. } if translation.is_finite() => {
+                Error::Invalid { place, what, .. } if pose.translation.is_finite() => {
                     let help = "coordinates are in metres, at most 1e6 from the origin: check --scale, or move the origin with --offset auto";
                     Error::invalid(place, what, help)
                 }
                 other => other,
             });
         }
-        Ok(Rigid3 { rotation: self.rotation * world_from_camera.rotation, translation })
+        Ok(pose)
     }
 }
 
@@ -109,7 +111,7 @@ mod tests {
             let world = WorldFromCapture::new(Some(Up::Direction(up)), 0.5, None, &[]).unwrap();
             let unit = DVec3::from(up).normalize();
             assert!((world.point(unit) - 0.5 * DVec3::Z).length() < 1e-12, "{up:?}");
-            assert!((world.rotation.determinant() - 1.0).abs() < 1e-12);
+            assert!((world.similarity.rotation.determinant() - 1.0).abs() < 1e-12);
         }
         let kept = WorldFromCapture::new(None, 2.0, None, &[]).unwrap();
         assert_eq!((kept.point(DVec3::X), kept.up), (2.0 * DVec3::X, None));
@@ -134,24 +136,24 @@ mod tests {
         let up = Some(Up::Direction([0.0, -1.0, 0.0]));
         let new = |offset| WorldFromCapture::new(up, 1e-3, offset, &shots).unwrap();
         let kept = new(None);
-        assert_eq!(kept.offset_m, DVec3::ZERO);
+        assert_eq!(kept.offset_m(), DVec3::ZERO);
         let world = kept.point(at);
         for (offset, expected) in [
             (Offset::Point([446_000.5, 85_000.0, -3.0]), DVec3::new(446_000.5, 85_000.0, -3.0)),
             (Offset::Cameras, (world / 100.0).round() * 100.0),
         ] {
             let moved = new(Some(offset));
-            assert_eq!(moved.offset_m, expected);
-            assert!((moved.point(at) + moved.offset_m - world).length() < 1e-9);
+            assert_eq!(moved.offset_m(), expected);
+            assert!((moved.point(at) + moved.offset_m() - world).length() < 1e-9);
             assert!((moved.pose(&shots[0].world_from_camera, "a").unwrap().translation - moved.point(at)).length() == 0.0);
         }
         // A room stays where it is, and what can stand nowhere is moved by itself.
         assert_eq!(
-            WorldFromCapture::new(None, 1.0, Some(Offset::Cameras), &[shot(DVec3::splat(-3.0))]).unwrap().offset_m,
+            WorldFromCapture::new(None, 1.0, Some(Offset::Cameras), &[shot(DVec3::splat(-3.0))]).unwrap().offset_m(),
             DVec3::ZERO
         );
         let far = [shot(DVec3::new(500_002.0, 4_400_002.0, 121.5))];
-        assert_eq!(WorldFromCapture::new(None, 1.0, None, &far).unwrap().offset_m, DVec3::new(500_000.0, 4_400_000.0, 100.0));
+        assert_eq!(WorldFromCapture::new(None, 1.0, None, &far).unwrap().offset_m(), DVec3::new(500_000.0, 4_400_000.0, 100.0));
         let point = |v| WorldFromCapture::new(None, 1.0, Some(Offset::Point([v, 0.0, 0.0])), &far);
         assert!(point(f64::NAN).is_err() && point(1e10).is_err());
         // One that was asked for is not mended.

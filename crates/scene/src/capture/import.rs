@@ -4,7 +4,7 @@ use super::options::ImportOptions;
 use super::plan::Plan;
 use super::spectra;
 use crate::dataset::{DatasetWriter, FrameData};
-use crate::finding::Finding;
+use crate::finding::{Finding, Severity};
 use crate::{Error, Raster, Result, io};
 use rayon::prelude::*;
 use std::path::Path;
@@ -31,14 +31,58 @@ pub fn import<E: From<Error> + Send>(
 ) -> std::result::Result<ImportReport, E> {
     let plan = Plan::of(options)?;
     let writer = DatasetWriter::create(out, &plan.header, false)?;
-    let (done, all) = (AtomicUsize::new(0), plan.shots.len());
+    let (done, all, left_out) = (AtomicUsize::new(0), plan.shots.len(), LeftOut::default());
     (0..all).into_par_iter().try_for_each(|i| {
-        writer.write_frame(i, &frame(&plan, i, options)?)?;
+        let frame = frame(&plan, i, options)?;
+        left_out.count(frame.mask.as_ref());
+        writer.write_frame(i, &frame)?;
         tell(done.fetch_add(1, Ordering::Relaxed) + 1, all)
     })?;
-    let findings = writer.dark_findings()?;
+    let mut findings = writer.dark_findings()?;
+    findings.extend(left_out.finding());
     writer.finish_with_points(&plan.points)?;
-    Ok(ImportReport { notes: plan.header.imported.map(|i| i.notes).unwrap_or_default(), findings })
+    let mut notes = plan.header.imported.map(|i| i.notes).unwrap_or_default();
+    notes.extend(left_out.note());
+    Ok(ImportReport { notes, findings })
+}
+
+/// What masks leave out, counted by several threads.
+#[derive(Default)]
+struct LeftOut {
+    masks: AtomicUsize,
+    pixels: AtomicUsize,
+    of: AtomicUsize,
+}
+
+impl LeftOut {
+    fn count(&self, mask: Option<&Raster<bool>>) {
+        let Some(mask) = mask else { return };
+        self.masks.fetch_add(1, Ordering::Relaxed);
+        self.of.fetch_add(mask.pixels().len(), Ordering::Relaxed);
+        self.pixels.fetch_add(mask.pixels().iter().filter(|counts| !**counts).count(), Ordering::Relaxed);
+    }
+
+    /// How much it is, where it is anything.
+    fn note(&self) -> Option<String> {
+        let [masks, pixels, of] = [&self.masks, &self.pixels, &self.of].map(|n| n.load(Ordering::Relaxed));
+        (pixels > 0).then(|| {
+            format!("{:.1} % of the pixels of the {masks} images with masks do not count", 100.0 * pixels as f64 / of as f64)
+        })
+    }
+
+    /// A warning of masks that leave nothing out.
+    fn finding(&self) -> Option<Finding> {
+        let [masks, pixels] = [&self.masks, &self.pixels].map(|n| n.load(Ordering::Relaxed));
+        (masks > 0 && pixels == 0).then(|| {
+            let what = format!("the masks of {masks} images leave no pixel out");
+            Finding::new(
+                Severity::Warning,
+                "masks",
+                what,
+                "masks are black where a pixel does not count; white ones can be left away",
+            )
+        })
+    }
 }
 
 /// Reads all of a capture as [`import`] does, and writes nothing; how many keyframes there are.
@@ -55,10 +99,12 @@ pub fn examine(options: &ImportOptions) -> Result<usize> {
 fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<FrameData> {
     let (shot, header) = (&plan.shots[index], &plan.header);
     let own = &shot.lens.pinhole;
+    let mut opaque = None;
     let image = match &shot.image {
         None => None,
         Some(path) => {
-            let image = io::read_png(path)?;
+            let (image, opacity) = io::read_png_and_opacity(path)?;
+            opaque = opacity.filter(|_| !options.ignore_masks);
             check_size(
                 path,
                 &image,
@@ -73,7 +119,7 @@ fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<FrameData
         None => None,
         Some(depths) => Some(depth(&depths[index], plan, index, options)?),
     };
-    let mask = plan.masks[index].as_ref().map(|path| mask(path, plan, index)).transpose()?;
+    let mask = mask(plan, index, opaque)?;
     let spectrum = match (&plan.spectra, plan.encoding) {
         (Some(paths), Some(encoding)) => {
             let path = &paths[index];
@@ -120,13 +166,26 @@ fn depth(path: &Path, plan: &Plan, index: usize, options: &ImportOptions) -> Res
     Ok(lens.resample_nearest(&depth, &plan.header.optical_camera))
 }
 
-/// Which pixels of the data set's image count: those in which no pixel of the capture's image that does not has a part.
-fn mask(path: &Path, plan: &Plan, index: usize) -> Result<Raster<bool>> {
+/// Which pixels of the data set's image count: those in which no pixel of the capture's image has a part that its mask leaves out or that is not opaque; none
+/// where all do.
+fn mask(plan: &Plan, index: usize, opaque: Option<Raster<bool>>) -> Result<Option<Raster<bool>>> {
     let lens = &plan.shots[index].lens;
-    let mask = io::read_mask(path)?;
-    check_size(path, &mask, (lens.pinhole.width, lens.pinhole.height), "the image's camera", "give masks of the images' size")?;
-    let picture = mask.map(|counts| [if *counts { u8::MAX } else { 0 }; 3]);
-    Ok(lens.resample(&picture, &plan.header.optical_camera).map(|p| p[0] == u8::MAX))
+    let stated = match &plan.masks[index] {
+        None => None,
+        Some(path) => {
+            let mask = io::read_mask(path)?;
+            let size = (lens.pinhole.width, lens.pinhole.height);
+            check_size(path, &mask, size, "the image's camera", "give masks of the images' size")?;
+            Some(mask)
+        }
+    };
+    let counts = match (stated, opaque) {
+        (Some(stated), Some(opaque)) => Raster::from_fn(stated.width(), stated.height(), |x, y| stated[(x, y)] && opaque[(x, y)]),
+        (Some(one), None) | (None, Some(one)) => one,
+        (None, None) => return Ok(None),
+    };
+    let picture = counts.map(|counts| [if *counts { u8::MAX } else { 0 }; 3]);
+    Ok(Some(lens.resample(&picture, &plan.header.optical_camera).map(|p| p[0] == u8::MAX)))
 }
 
 fn check_size<T>(path: &Path, raster: &Raster<T>, (width, height): (usize, usize), whose: &str, help: &str) -> Result<()> {

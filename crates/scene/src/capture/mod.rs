@@ -22,6 +22,7 @@ mod options;
 mod plain;
 mod plan;
 mod rf_3dgs;
+mod rounding;
 mod spectra;
 mod split;
 

@@ -2,7 +2,7 @@
 
 use crate::{Error, Result};
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The order of file names in which numbers count by their value: `f2.png` comes before `f10.png`. Names that are padded are in plain order.
@@ -43,9 +43,39 @@ pub(super) fn last(stem: &str) -> &str {
     stem.rsplit('/').next().unwrap_or(stem)
 }
 
-/// Whether the last parts of all stems differ, so that they tell the names apart.
-fn differ_in_last(names: &[&str]) -> bool {
-    names.iter().map(|n| last(stem(n))).collect::<BTreeSet<_>>().len() == names.len()
+/// What a name may be below a folder that was given by itself: the name as it stands, then without its first folders, one more each time. What leads
+/// elsewhere (a root, a drive, `..`) is left out.
+pub(super) fn tails(name: &str) -> impl Iterator<Item = &str> {
+    let starts = std::iter::once(0).chain(name.match_indices('/').map(|(i, _)| i + 1));
+    let stays = |part: &str| !matches!(part, "" | "." | "..") && !part.contains(':');
+    starts.map(|start| &name[start..]).filter(move |tail| tail.split('/').all(stays))
+}
+
+/// Two names that mean one file, and the file; `found` are the files of the names.
+pub(super) fn shared_file<'a>(found: impl Iterator<Item = (&'a str, &'a Path)>) -> Option<([&'a str; 2], &'a Path)> {
+    let mut names: BTreeMap<PathBuf, &str> = BTreeMap::new();
+    found.into_iter().find_map(|(name, path)| {
+        // Links and detours lead to the same file; one that is not there is known by its path.
+        let real = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+        names.insert(real, name).map(|other| ([other, name], path))
+    })
+}
+
+/// Of every tail of some names, one or two names that have it.
+type Owners<'a> = BTreeMap<String, (&'a str, Option<&'a str>)>;
+
+/// The owners of all tails of names that are written as `key` has them.
+fn owners<'a>(names: &[&'a str], key: impl Fn(&str) -> String) -> Owners<'a> {
+    let mut owners = Owners::new();
+    for name in names {
+        for tail in tails(&key(name)) {
+            match owners.get_mut(tail) {
+                Some((_, second)) => *second = second.or(Some(name)),
+                None => drop(owners.insert(tail.to_owned(), (name, None))),
+            }
+        }
+    }
+    owners
 }
 
 /// The files of a folder that have one of some endings, by stem.
@@ -101,43 +131,69 @@ impl Folder {
         Ok(Self { dir: dir.to_path_buf(), by_stem, endings })
     }
 
-    /// The file of every name, by its whole stem, or by the last part of it where all of those differ.
+    /// The file of a name that is written as `own` here: by the whole of it, then without its first folders, as few as can be, where no other name could
+    /// mean the file.
+    fn file(&self, own: &str, owners: &Owners<'_>) -> Result<Option<PathBuf>> {
+        let Some((tail, path)) = tails(own).find_map(|tail| Some((tail, self.by_stem.get(tail)?))) else { return Ok(None) };
+        match owners.get(tail) {
+            // Whoever has the whole name owns the file; of a shorter one there may be several owners.
+            Some(&(a, Some(b))) if tail.len() < own.len() => Err(self.shared([a, b], path)),
+            _ => Ok(Some(path.clone())),
+        }
+    }
+
+    fn shared(&self, [a, b]: [&str; 2], path: &Path) -> Error {
+        let what = format!("images {a} and {b} would both mean {}", path.display());
+        Error::invalid(self.dir.display().to_string(), what, "keep the folders of the images' names, or rename the files")
+    }
+
+    /// Refuses a file that two names mean.
+    fn check_own<'a>(&self, names: &[&'a str], found: impl Iterator<Item = Option<&'a Path>>) -> Result<()> {
+        let found = names.iter().zip(found).filter_map(|(name, path)| Some((*name, path?)));
+        shared_file(found).map_or(Ok(()), |(pair, path)| Err(self.shared(pair, path)))
+    }
+
+    /// The file of every name, by its whole stem, or by the stem without its first folders, as few as can be.
     ///
     /// # Errors
-    /// A name without a file.
+    /// A name without a file, or a file that two names mean.
     pub fn of(&self, names: &[&str], what: &str) -> Result<Vec<PathBuf>> {
-        let whole: Option<Vec<PathBuf>> = names.iter().map(|n| self.by_stem.get(stem(n)).cloned()).collect();
-        if let Some(found) = whole {
-            return Ok(found);
-        }
-        let by_last = differ_in_last(names);
-        let by = |name: &str| if by_last { last(stem(name)).to_owned() } else { stem(name).to_owned() };
+        let owners = owners(names, |name| stem(name).to_owned());
         let find = |name: &&str| {
-            let stem = by(name);
-            self.by_stem.get(&stem).cloned().ok_or_else(|| {
+            self.file(stem(name), &owners)?.ok_or_else(|| {
                 Error::invalid(
                     self.dir.display().to_string(),
-                    format!("image {name} has no {what}: there is no {stem}.{{{}}}", self.endings.join(",")),
+                    format!("image {name} has no {what}: there is no {}.{{{}}}", last(stem(name)), self.endings.join(",")),
                     "files belong together by their stems: rename them, add the missing one, or take the image out of the capture",
                 )
             })
         };
-        names.iter().map(find).collect()
+        let found: Vec<PathBuf> = names.iter().map(find).collect::<Result<_>>()?;
+        self.check_own(names, found.iter().map(|p| Some(p.as_path())))?;
+        Ok(found)
     }
 
     /// The file of every name that has one, as [`Self::of`] finds it, by the whole name with one more ending (`a.jpg.png` for `a.jpg`), or by the stem with
     /// `_WHAT` behind it (`a_mask.png`).
     ///
     /// # Errors
-    /// No name has a file.
+    /// No name has a file, or a file that two names mean.
     pub fn of_some(&self, names: &[&str], what: &str) -> Result<Vec<Option<PathBuf>>> {
-        let by_last = differ_in_last(names);
-        let find = |name: &&str| {
-            let by_parts = if by_last { [last(stem(name)), last(name)] } else { [stem(name), name] };
-            let keys = [stem(name), name].into_iter().chain(by_parts);
-            keys.flat_map(|key| [key.to_owned(), format!("{key}_{what}")]).find_map(|key| self.by_stem.get(&key).cloned())
+        // The name with its ending comes first: where two images have one stem, it tells them apart.
+        let keys: [&dyn Fn(&str) -> String; 4] =
+            [&|name| name.to_owned(), &|name| format!("{name}_{what}"), &|name| stem(name).to_owned(), &|name| {
+                format!("{}_{what}", stem(name))
+            }];
+        let keys = keys.map(|key| (key, owners(names, key)));
+        let find = |name: &&str| -> Result<Option<PathBuf>> {
+            for (key, owners) in &keys {
+                if let Some(path) = self.file(&key(name), owners)? {
+                    return Ok(Some(path));
+                }
+            }
+            Ok(None)
         };
-        let found: Vec<Option<PathBuf>> = names.iter().map(find).collect();
+        let found: Vec<Option<PathBuf>> = names.iter().map(find).collect::<Result<_>>()?;
         if found.iter().all(Option::is_none) {
             return Err(Error::invalid(
                 self.dir.display().to_string(),
@@ -145,6 +201,7 @@ impl Folder {
                 "files belong together by their stems: rename them",
             ));
         }
+        self.check_own(names, found.iter().map(Option::as_deref))?;
         Ok(found)
     }
 
@@ -170,6 +227,51 @@ mod tests {
         assert_eq!(found, [None, path("b.png"), path("c.jpg.png"), path("d_mask.png")]);
         let nothing = folder.of_some(&["x.jpg"], "mask").unwrap_err().to_string();
         assert!(nothing.contains("no image has a mask here"), "{nothing}");
+    }
+
+    #[test]
+    fn a_file_belongs_to_one_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = |files: &[&str]| {
+            let root = dir.path().join(files.join("+").replace('/', "_"));
+            for file in files {
+                std::fs::create_dir_all(root.join(file).parent().unwrap()).unwrap();
+                std::fs::write(root.join(file), "").unwrap();
+            }
+            (Folder::list(&root, &["png", "exr"], "--rf").unwrap(), root)
+        };
+        let two = ["cam0/1.png", "cam1/1.png"];
+        // Flat: one file for both.
+        let (flat, _) = folder(&["1.exr"]);
+        let message = flat.of(&two, "spectrum").unwrap_err().to_string();
+        assert!(message.contains("cam0/1.png and cam1/1.png would both mean") && message.contains("1.exr"), "{message}");
+        assert!(flat.of_some(&two, "mask").is_err());
+        // As many folders as the files keep.
+        let (deep, root) = folder(&["cam0/1.exr", "cam1/1.exr"]);
+        let names = ["photos/cam0/1.jpg", "photos/cam1/1.jpg"];
+        assert_eq!(deep.of(&names, "spectrum").unwrap(), ["cam0/1.exr", "cam1/1.exr"].map(|f| root.join(f)));
+        assert_eq!(deep.of(&two, "spectrum").unwrap(), ["cam0/1.exr", "cam1/1.exr"].map(|f| root.join(f)));
+        // Half of them flat: nothing says whose it is.
+        let (half, _) = folder(&["cam0/1.png", "1.png"]);
+        assert!(half.of(&two, "spectrum").is_err() && half.of_some(&two, "mask").is_err());
+        // Images of one stem share no spectrum, and have masks of their own by their whole names.
+        let (one, _) = folder(&["a.exr", "b.exr"]);
+        assert!(one.of(&["a.jpg", "a.png"], "spectrum").is_err() && one.of_some(&["a.jpg", "a.png", "b.png"], "mask").is_err());
+        let (own, root) = folder(&["a.jpg.png", "a.png.png"]);
+        let masks = ["a.jpg.png", "a.png.png"].map(|f| Some(root.join(f)));
+        assert_eq!(own.of_some(&["a.jpg", "a.png"], "mask").unwrap(), masks);
+    }
+
+    #[test]
+    fn tails_drop_folders_and_lead_nowhere_else() {
+        let of = |name: &'static str| tails(name).collect::<Vec<_>>();
+        assert_eq!(of("a/b/c.png"), ["a/b/c.png", "b/c.png", "c.png"]);
+        assert_eq!(of("c.png"), ["c.png"]);
+        assert_eq!(of("/root/c.png"), ["root/c.png", "c.png"]);
+        assert_eq!(of("../../x/c.png"), ["x/c.png", "c.png"]);
+        assert_eq!(of("C:/x/c.png"), ["x/c.png", "c.png"]);
+        assert_eq!(of("x/../c.png"), ["c.png"]);
+        assert!(of("").is_empty() && of("..").is_empty());
     }
 
     #[test]

@@ -1,13 +1,18 @@
 //! `transforms.json` as nerfstudio, Instant-NGP and NeRF write it: camera-to-world matrices in OpenGL axes (x right, y up, z backward).
 //!
-//! Intrinsics stand at the top or in every frame: `w h fl_x fl_y cx cy`, or `camera_angle_x`; distortion in OpenCV's terms, `k1 k2 k3 p1 p2`.
+//! Intrinsics stand at the top or in every frame: `w h cx cy`, and of each axis a focal length, `fl_x fl_y` in pixels, or a full field of view,
+//! `camera_angle_x camera_angle_y` in radians (NeRF, Instant-NGP) or `x_fov y_fov` in degrees (Instant-NGP); distortion in OpenCV's terms, `k1 k2 k3 p1 p2`.
+//! Each axis goes by its own: what the frame says comes before what the file says, and of each `x_fov` before `fl_x` before `camera_angle_x`, as
+//! Instant-NGP reads them; an axis of which nothing is said has the other's focal length.
 //! `applied_transform` and `orientation_override` say how the file came about and how it is to be shown; matrices are taken as they are.
 
 use super::lens::Lens;
+use super::rounding::Rounding;
 use super::{Capture, Lists, Shot, json, names};
 use crate::contained::{self, Reach};
 use crate::{Error, Pinhole, Result, Rigid3, io};
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// What is read of the file; it has much that is not.
@@ -42,6 +47,9 @@ struct Camera {
     cx: Option<f64>,
     cy: Option<f64>,
     camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
+    x_fov: Option<f64>,
+    y_fov: Option<f64>,
     k1: Option<f64>,
     k2: Option<f64>,
     k3: Option<f64>,
@@ -49,24 +57,64 @@ struct Camera {
     p1: Option<f64>,
     p2: Option<f64>,
     is_fisheye: Option<bool>,
+    // Instant-NGP's names of lenses that are no pinhole's.
+    ftheta_p0: Option<f64>,
+    latlong: Option<bool>,
+    equirectangular: Option<bool>,
 }
+
+/// An axis of the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Axis {
+    X,
+    Y,
+}
+
+/// A focal length that one place of the file states, pixels, and another that the same place states and that is not the same.
+struct Focal {
+    pixels: f64,
+    contradicts: Option<f64>,
+}
+
+/// What was found in the intrinsics of a capture that deserves a word: how many frames each is of, and the first of them.
+#[derive(Default)]
+struct Words(BTreeMap<&'static str, (usize, String)>);
+
+impl Words {
+    fn add(&mut self, what: &'static str, example: impl FnOnce() -> String) {
+        self.0.entry(what).or_insert_with(|| (0, example())).0 += 1;
+    }
+
+    fn notes(self) -> impl Iterator<Item = String> {
+        self.0.into_iter().map(|(what, (count, first))| format!("{what} ({count} frames, the first {first})"))
+    }
+}
+
+/// Full fields of view that a pinhole has, degrees.
+const FIELD_OF_VIEW_DEG: std::ops::RangeInclusive<f64> = 0.01..=179.0;
+
+/// Share by which two statements of a focal length differ that is not rounding.
+const SAME_FOCAL: f64 = 1e-3;
+
+const CONTRADICTION: &str = "a focal length and a field of view say different things, and x_fov comes before fl_x before camera_angle_x, as in Instant-NGP";
+const OVERRIDDEN: &str =
+    "frames state other focal lengths than the file; the frames' were taken, where nerfstudio takes the file's";
+const HALF_OVERRIDDEN: &str =
+    "frames state another focal length than the file along one axis alone; along the other the file's was taken";
 
 /// Models that are a pinhole with OpenCV's distortion, in the names of several writers.
 const MODELS: [&str; 6] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE"];
 const HELP: &str = "files of a capture lie in its folder: copy them in, or give images with --images and depth with --depth";
 
 impl Camera {
-    /// A frame's own values over those of all frames.
+    /// A frame's own values over those of all frames, but for the focal lengths, which go by axis.
     fn over(&self, all: &Self) -> Self {
         Self {
             camera_model: self.camera_model.clone().or_else(|| all.camera_model.clone()),
             w: self.w.or(all.w),
             h: self.h.or(all.h),
-            fl_x: self.fl_x.or(all.fl_x),
-            fl_y: self.fl_y.or(all.fl_y),
             cx: self.cx.or(all.cx),
             cy: self.cy.or(all.cy),
-            camera_angle_x: self.camera_angle_x.or(all.camera_angle_x),
             k1: self.k1.or(all.k1),
             k2: self.k2.or(all.k2),
             k3: self.k3.or(all.k3),
@@ -74,42 +122,116 @@ impl Camera {
             p1: self.p1.or(all.p1),
             p2: self.p2.or(all.p2),
             is_fisheye: self.is_fisheye.or(all.is_fisheye),
+            ftheta_p0: self.ftheta_p0.or(all.ftheta_p0),
+            latlong: self.latlong.or(all.latlong),
+            equirectangular: self.equirectangular.or(all.equirectangular),
+            ..Self::default()
         }
     }
 
-    /// As a pinhole with distortion; `image` tells its size where the file does not.
-    fn lens(&self, place: &str, size: impl Fn() -> Result<(usize, usize)>) -> Result<Lens> {
-        let model = self.camera_model.as_deref().unwrap_or("OPENCV");
-        if self.is_fisheye == Some(true) || !MODELS.contains(&model) {
-            let model = if self.is_fisheye == Some(true) { "fisheye" } else { model };
+    /// The focal length along an axis of `side` pixels that this place states, if any.
+    fn focal(&self, axis: Axis, side: usize, place: &str) -> Result<Option<Focal>> {
+        let (fov, fl, angle, names) = match axis {
+            Axis::X => (self.x_fov, self.fl_x, self.camera_angle_x, ["x_fov", "fl_x", "camera_angle_x"]),
+            Axis::Y => (self.y_fov, self.fl_y, self.camera_angle_y, ["y_fov", "fl_y", "camera_angle_y"]),
+        };
+        let of_angle = |angle: f64, name: &str, unit: &str, stated: f64| {
+            if FIELD_OF_VIEW_DEG.contains(&angle.to_degrees()) {
+                return Ok(0.5 * side as f64 / (0.5 * angle).tan());
+            }
+            let what = format!("{name} is {stated} {unit}, which is no pinhole's field of view");
+            Err(Error::invalid(
+                place,
+                what,
+                "give camera_angle_x and camera_angle_y in radians, x_fov and y_fov in degrees, or fl_x and fl_y in pixels",
+            ))
+        };
+        let length = |f: f64| match f.is_finite() && f > 0.0 {
+            true => Ok(f),
+            false => {
+                Err(Error::invalid(place, format!("{} is {f}, which is no focal length", names[1]), "give pixels, more than 0"))
+            }
+        };
+        let stated = [
+            fov.map(|v| of_angle(v.to_radians(), names[0], "degrees", v)).transpose()?,
+            fl.map(length).transpose()?,
+            angle.map(|v| of_angle(v, names[2], "radians", v)).transpose()?,
+        ];
+        let mut stated = stated.into_iter().flatten();
+        let Some(pixels) = stated.next() else { return Ok(None) };
+        Ok(Some(Focal { pixels, contradicts: stated.find(|other| differ(*other, pixels)) }))
+    }
+
+    /// The camera of a frame, whose own values are `self`, as a pinhole with distortion; `size` tells the picture's size where the file does not.
+    /// Words are of the frame `name`, errors of `place`, which names the file as well.
+    fn lens(
+        &self,
+        all: &Self,
+        (name, place): (&str, &str),
+        words: &mut Words,
+        size: impl Fn() -> Result<(usize, usize)>,
+    ) -> Result<Lens> {
+        let own = self.over(all);
+        let model = own.camera_model.as_deref().unwrap_or("OPENCV");
+        let other = [
+            (own.is_fisheye == Some(true), "fisheye"),
+            (own.ftheta_p0.is_some(), "f-theta"),
+            (own.latlong == Some(true), "latlong"),
+            (own.equirectangular == Some(true), "equirectangular"),
+            (!MODELS.contains(&model), model),
+        ];
+        if let Some((_, model)) = other.iter().find(|(is, _)| *is) {
             let help = format!("these are read: {}; undistort the images first (`colmap image_undistorter`)", MODELS.join(", "));
             return Err(Error::invalid(place, format!("camera model {model} is not read"), help));
         }
-        if self.k4.is_some_and(|k| k != 0.0) {
+        if own.k4.is_some_and(|k| k != 0.0) {
             return Err(Error::invalid(
                 place,
                 "it has a distortion k4",
                 "undistort the images first; k1, k2, k3, p1 and p2 are read",
             ));
         }
-        let (width, height) = match (self.w, self.h) {
-            (Some(w), Some(h)) if w >= 1.0 && h >= 1.0 && w.fract() == 0.0 && h.fract() == 0.0 => (w as usize, h as usize),
-            (None, None) => size()?,
-            (w, h) => {
+        let pixels = |side: Option<f64>, name: &str| match side {
+            None => Ok(None),
+            Some(n) if n >= 1.0 && n.fract() == 0.0 && n <= io::MAX_PIXELS as f64 => Ok(Some(n as usize)),
+            Some(n) => Err(Error::invalid(place, format!("{name} is {n}"), "give whole numbers of pixels as w and h")),
+        };
+        let (width, height) = match (pixels(own.w, "w")?, pixels(own.h, "h")?) {
+            (Some(w), Some(h)) => (w, h),
+            // A side that is not stated is the picture's; one that is must be, which is found where the picture is read.
+            (w, h) => size().map(|(width, height)| (w.unwrap_or(width), h.unwrap_or(height)))?,
+        };
+        let mut focal = [None; 2];
+        let mut overridden = [false; 2];
+        let mut of_file = [false; 2];
+        let mut contradiction = None;
+        for (i, (axis, side)) in [(Axis::X, width), (Axis::Y, height)].into_iter().enumerate() {
+            let (frame, file) = (self.focal(axis, side, place)?, all.focal(axis, side, place)?);
+            of_file[i] = frame.is_none() && file.is_some();
+            overridden[i] = matches!((&frame, &file), (Some(a), Some(b)) if differ(a.pixels, b.pixels));
+            let Some(stated) = frame.or(file) else { continue };
+            if let (Some(other), None) = (stated.contradicts, &contradiction) {
+                contradiction = Some(format!("{name}: {:.3} and {other:.3} pixels along {axis:?}", stated.pixels));
+            }
+            focal[i] = Some(stated.pixels);
+        }
+        if let Some(example) = contradiction {
+            words.add(CONTRADICTION, || example);
+        }
+        if overridden.contains(&true) {
+            let what = if of_file.contains(&true) { HALF_OVERRIDDEN } else { OVERRIDDEN };
+            words.add(what, || name.to_owned());
+        }
+        let (fx, fy) = match focal {
+            [Some(x), Some(y)] => (x, y),
+            [Some(f), None] | [None, Some(f)] => (f, f),
+            [None, None] => {
                 return Err(Error::invalid(
                     place,
-                    format!("its size is {w:?} x {h:?}"),
-                    "give whole numbers of pixels as w and h",
+                    "nothing says its focal length: neither fl_x, fl_y nor camera_angle_x, camera_angle_y",
+                    "give the focal length in pixels as fl_x, and fl_y where it is another",
                 ));
             }
-        };
-        let focal = self.fl_x.or_else(|| self.camera_angle_x.map(|angle| 0.5 * width as f64 / (0.5 * angle).tan()));
-        let Some(fx) = focal else {
-            return Err(Error::invalid(
-                place,
-                "it has neither fl_x nor camera_angle_x",
-                "give the focal length in pixels as fl_x",
-            ));
         };
         let zero = |v: Option<f64>| v.unwrap_or(0.0);
         let lens = Lens {
@@ -117,20 +239,25 @@ impl Camera {
                 width,
                 height,
                 fx,
-                fy: self.fl_y.unwrap_or(fx),
-                cx: self.cx.unwrap_or(0.5 * width as f64),
-                cy: self.cy.unwrap_or(0.5 * height as f64),
+                fy,
+                cx: own.cx.unwrap_or(0.5 * width as f64),
+                cy: own.cy.unwrap_or(0.5 * height as f64),
             },
-            radial: [self.k1, self.k2, self.k3].map(zero),
-            tangential: [self.p1, self.p2].map(zero),
+            radial: [own.k1, own.k2, own.k3].map(zero),
+            tangential: [own.p1, own.p2].map(zero),
         };
         lens.check(place)?;
         Ok(lens)
     }
 }
 
-/// The pose of a matrix in OpenGL axes.
-fn pose(matrix: &[Vec<Option<f64>>], place: &str) -> Result<Rigid3> {
+/// Whether two focal lengths are two.
+fn differ(a: f64, b: f64) -> bool {
+    (a - b).abs() > SAME_FOCAL * a.abs().max(b.abs())
+}
+
+/// The pose of a matrix in OpenGL axes, and how far its rotation is off one.
+fn pose(matrix: &[Vec<Option<f64>>], place: &str) -> Result<(Rigid3, f64)> {
     let row = |r: usize| -> Option<[f64; 4]> {
         let row: [Option<f64>; 4] = matrix.get(r)?.as_slice().try_into().ok()?;
         // JSON has no NaN; some writers put null in its place.
@@ -142,19 +269,49 @@ fn pose(matrix: &[Vec<Option<f64>>], place: &str) -> Result<Rigid3> {
     };
     // OpenGL's y and z axes point against OpenCV's.
     let [a, b, c] = [a, b, c].map(|[x, y, z, t]| [x, -y, -z, t]);
-    Rigid3::from_rows(&[a, b, c, last], place)
+    Rigid3::nearest(&[a, b, c, last], place)
 }
 
-/// The file that `file_path` means: some writers leave its ending out.
-fn image_path(folder: &Path, name: &str, place: &str) -> Result<PathBuf> {
-    let resolve = |name: &str| contained::resolve(folder, Path::new(name), Reach::Folder, place, HELP);
-    for ending in ["", ".png", ".jpg", ".jpeg", ".JPG", ".PNG"] {
-        let path = resolve(&format!("{name}{ending}"))?;
-        if path.is_file() {
+/// The file that `file_path` means below the capture's folder, or below a folder of images that was given by itself: there as it stands, where that is a
+/// file, and otherwise without its first folders, as few as can be. Some writers leave the ending out.
+fn image_path(folder: &Path, given: Option<&Path>, name: &str, place: &str) -> Result<PathBuf> {
+    let file = |folder: &Path, name: &str| -> Result<Option<PathBuf>> {
+        for ending in ["", ".png", ".jpg", ".jpeg", ".JPG", ".PNG"] {
+            let path = contained::resolve(folder, Path::new(&format!("{name}{ending}")), Reach::Folder, place, HELP)?;
+            if path.is_file() {
+                return Ok(Some(path));
+            }
+        }
+        Ok(None)
+    };
+    let Some(given) = given else {
+        return Ok(file(folder, name)?.unwrap_or_else(|| folder.join(name)));
+    };
+    for tail in names::tails(name) {
+        // A folder of that name is no file, and no fault.
+        if !given.join(tail).is_dir()
+            && let Some(path) = file(given, tail)?
+        {
             return Ok(path);
         }
     }
-    resolve(name)
+    Ok(given.join(names::last(name)))
+}
+
+/// A word about masks that lie beside images as Instant-NGP looks for them, and that are not read.
+fn unread_masks(shots: &[Shot]) -> Option<String> {
+    let beside = |shot: &&Shot| {
+        let stem = shot.image.as_ref().and_then(|image| image.file_stem()?.to_str());
+        let mask = stem.map(|stem| format!("dynamic_mask_{stem}.png"));
+        shot.image.as_ref().zip(mask).is_some_and(|(image, mask)| image.with_file_name(mask).is_file())
+    };
+    let count = shots.iter().filter(beside).count();
+    (count > 0).then(|| {
+        format!(
+            "{count} images have a dynamic_mask_*.png beside them, as Instant-NGP reads, which was not read: there white pixels do not count (--masks takes masks \
+             in which black ones do not)"
+        )
+    })
 }
 
 /// Reads `transforms.json` of a folder, or the JSON file itself; images lie in `images` where that is given, and are needed if `wanted`.
@@ -171,31 +328,22 @@ pub(super) fn read(source: &Path, images: Option<&Path>, wanted: bool) -> Result
     if file.frames.is_empty() {
         return Err(Error::invalid(path.display().to_string(), "it has no frame", "give a capture with frames"));
     }
+    let (mut rounding, mut words) = (Rounding::default(), Words::default());
     let mut shots = Vec::with_capacity(file.frames.len());
     for frame in &file.frames {
         let name = frame.file_path.replace('\\', "/");
         let name = name.trim_start_matches("./").to_owned();
         let place = format!("{}: frame {name}", path.display());
-        let image = match images {
-            Some(dir) => image_path(dir, names::last(&name), &place),
-            None => image_path(&folder, &name, &place),
-        };
+        let image = image_path(&folder, images, &name, &place);
         let below = |name: &Option<String>| -> Result<Option<PathBuf>> {
             let resolve = |n: &String| contained::resolve(&folder, Path::new(n), Reach::Folder, &place, HELP);
             name.as_ref().map(resolve).transpose()
         };
-        let size = || {
-            io::read_png(image_path(
-                images.unwrap_or(&folder),
-                if images.is_some() { names::last(&name) } else { &name },
-                &place,
-            )?)
-            .map(|i| (i.width(), i.height()))
-        };
+        let size = || io::image_size(image_path(&folder, images, &name, &place)?);
         shots.push(Shot {
-            lens: frame.camera.over(&file.camera).lens(&place, size)?,
+            lens: frame.camera.lens(&file.camera, (&name, &place), &mut words, size)?,
             image: if wanted { Some(image?) } else { None },
-            world_from_camera: pose(&frame.transform_matrix, &place)?,
+            world_from_camera: rounding.take(pose(&frame.transform_matrix, &place)?, &name),
             depth: below(&frame.depth_file_path)?,
             mask: below(&frame.mask_path)?,
             time_s: None,
@@ -210,7 +358,8 @@ pub(super) fn read(source: &Path, images: Option<&Path>, wanted: bool) -> Result
         }
         _ => None,
     };
-    Ok(Capture { shots, points: Vec::new(), lists, spectra: None, files: vec![path], notes: Vec::new() })
+    let notes = words.notes().chain(rounding.note()).chain(unread_masks(&shots)).collect();
+    Ok(Capture { shots, points: Vec::new(), lists, spectra: None, files: vec![path], notes })
 }
 
 #[cfg(test)]
@@ -261,6 +410,87 @@ mod tests {
     }
 
     #[test]
+    fn every_axis_goes_by_its_own_and_a_frame_comes_before_the_file() {
+        // Of 20 x 10 pixels: a full angle of 2 atan(1/2) is 20 pixels along x and 10 along y.
+        let angle = 2.0 * 0.5_f64.atan();
+        let focal = |file: &str, frame: &str| {
+            let replaced =
+                |text: &str| text.replace("ANGLE", &angle.to_string()).replace("DEGREES", &angle.to_degrees().to_string());
+            let json = format!(
+                r#"{{"w":20,"h":10{},"frames":[{{"file_path":"a.png"{},"transform_matrix":{MATRIX}}}]}}"#,
+                replaced(file),
+                replaced(frame)
+            );
+            let capture = parse(&json, true).unwrap();
+            let p = capture.shots[0].lens.pinhole;
+            ([p.fx, p.fy].map(|f| (1e9 * f).round() / 1e9), capture.notes)
+        };
+        for (file, frame, expected, word) in [
+            (r#","camera_angle_x":ANGLE,"camera_angle_y":ANGLE"#, "", [20.0, 10.0], ""),
+            (r#","camera_angle_y":ANGLE"#, "", [10.0, 10.0], ""),
+            (r#","camera_angle_x":ANGLE"#, "", [20.0, 20.0], ""),
+            (r#","fl_y":17"#, "", [17.0, 17.0], ""),
+            (r#","fl_x":15,"camera_angle_y":ANGLE"#, "", [15.0, 10.0], ""),
+            (r#","camera_angle_x":ANGLE,"fl_y":17"#, "", [20.0, 17.0], ""),
+            (
+                r#","fl_x":15,"fl_y":16"#,
+                r#","camera_angle_x":ANGLE,"camera_angle_y":ANGLE"#,
+                [20.0, 10.0],
+                "nerfstudio takes the file's",
+            ),
+            (r#","fl_x":15,"fl_y":16"#, r#","fl_x":30"#, [30.0, 16.0], "along one axis alone"),
+            (r#","camera_angle_x":ANGLE"#, r#","camera_angle_y":ANGLE"#, [20.0, 10.0], ""),
+            ("", r#","fl_x":30"#, [30.0, 30.0], ""),
+            (r#","fl_x":15,"camera_angle_x":ANGLE"#, "", [15.0, 15.0], "say different things"),
+            (r#","fl_x":20.001,"camera_angle_x":ANGLE"#, "", [20.001, 20.001], ""),
+            (r#","x_fov":DEGREES,"y_fov":DEGREES,"fl_x":15"#, "", [20.0, 10.0], "say different things"),
+        ] {
+            let (found, notes) = focal(file, frame);
+            assert_eq!(found, expected, "{file} {frame}");
+            assert!(if word.is_empty() { notes.is_empty() } else { notes.len() == 1 && notes[0].contains(word) }, "{notes:?}");
+        }
+    }
+
+    #[test]
+    fn sides_that_are_not_stated_are_the_pictures() {
+        for stated in ["", r#""w":20,"#, r#""h":10,"#] {
+            let json = format!(r#"{{{stated}"fl_x":15,"frames":[{{"file_path":"a.png","transform_matrix":{MATRIX}}}]}}"#);
+            let p = parse(&json, true).unwrap().shots[0].lens.pinhole;
+            assert_eq!((p.width, p.height, p.cx, p.cy), (20, 10, 10.0, 5.0), "{stated}");
+        }
+    }
+
+    #[test]
+    fn a_folder_of_images_holds_file_path_as_it_stands_or_without_its_first_folders() {
+        let dir = tempfile::tempdir().unwrap();
+        let (capture, pictures) = (dir.path().join("capture"), dir.path().join("pictures"));
+        let frame = |name: &str| format!(r#"{{"file_path":"{name}","transform_matrix":{MATRIX}}}"#);
+        let png = io::encode_png(&crate::Raster::filled(20, 10, [1; 3])).unwrap();
+        let images = |names: &[&str], files: &[&str]| -> Result<Vec<PathBuf>> {
+            let _ = std::fs::remove_dir_all(&pictures);
+            for file in files {
+                io::write_atomic(pictures.join(file), &png).unwrap();
+            }
+            let frames: Vec<String> = names.iter().map(|n| frame(n)).collect();
+            let text = format!(r#"{{"fl_x":15,"w":20,"h":10,"frames":[{}]}}"#, frames.join(","));
+            io::write_atomic(capture.join("transforms.json"), text.as_bytes()).unwrap();
+            let shots = read(&capture, Some(&pictures), true)?.shots;
+            Ok(shots.into_iter().map(|s| s.image.unwrap().strip_prefix(&pictures).unwrap().to_path_buf()).collect())
+        };
+        let found = |names: &[&str], files: &[&str], expected: &[&str]| {
+            assert_eq!(images(names, files).unwrap(), expected.iter().map(PathBuf::from).collect::<Vec<_>>(), "{names:?}");
+        };
+        // As it stands, although a flat file has the same last name.
+        found(&["cam0/1.png", "cam1/1.png"], &["cam0/1.png", "cam1/1.png", "1.png"], &["cam0/1.png", "cam1/1.png"]);
+        found(&["images/left/1.png"], &["left/1.png", "1.png"], &["left/1.png"]);
+        found(&["images/1"], &["1.jpg", "images/2.jpg"], &["1.jpg"]);
+        // Where the capture was made does not matter.
+        found(&["/home/somebody/left/1.png"], &["left/1.png"], &["left/1.png"]);
+        found(&["../images/1.png"], &["1.png"], &["1.png"]);
+        found(&[r"C:\\shots\\1.png"], &["shots/1.png"], &["shots/1.png"]);
+    }
+
+    #[test]
     fn what_cannot_be_read_is_refused_with_the_frame_that_says_it() {
         let frame = |camera: &str, matrix: &str| {
             format!(r#"{{"w":20,"h":10,"fl_x":15{camera},"frames":[{{"file_path":"a.png","transform_matrix":{matrix}}}]}}"#)
@@ -277,7 +507,19 @@ mod tests {
         refused(&frame("", "[[1,0,0],[0,1,0],[0,0,1]]"), &["4x4"]);
         refused(r#"{"frames":[]}"#, &["no frame"]);
         refused("{", &["transforms.json:1"]);
-        refused(&frame("", MATRIX).replace("\"fl_x\":15", "\"cx\":1"), &["fl_x"]);
+        refused(&frame("", MATRIX).replace("\"fl_x\":15", "\"cx\":1"), &["fl_x", "camera_angle_y"]);
+        for (said, words) in [
+            (r#""fl_x":-15"#, ["fl_x is -15", "pixels"]),
+            (r#""fl_y":0"#, ["fl_y is 0", "pixels"]),
+            (r#""camera_angle_x":0"#, ["camera_angle_x is 0", "radians"]),
+            (r#""camera_angle_y":3.2"#, ["camera_angle_y is 3.2", "radians"]),
+            (r#""camera_angle_x":3.14159265"#, ["camera_angle_x is 3.14159265", "radians"]),
+            (r#""fl_x":15,"camera_angle_y":-1"#, ["camera_angle_y is -1", "radians"]),
+            (r#""x_fov":180"#, ["x_fov is 180", "degrees"]),
+            (r#""fl_x":15,"latlong":true"#, ["latlong", "undistort"]),
+        ] {
+            refused(&frame("", MATRIX).replace(r#""fl_x":15"#, said), &words);
+        }
         refused(&frame("", MATRIX).replace("a.png", "../a.png"), &["leads out"]);
     }
 }

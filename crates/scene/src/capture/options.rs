@@ -109,7 +109,7 @@ pub struct ImportOptions {
     pub source: PathBuf,
     /// Name of the data set; that of the folder if there is none.
     pub name: Option<String>,
-    /// Folder of the images, where it is not the layout's own.
+    /// Folder of the images, where it is not the layout's own: it holds them as the capture names them, or without the first folders of their names.
     pub images: Option<PathBuf>,
     /// Leaves the images out.
     pub without_images: bool,
@@ -141,7 +141,7 @@ pub struct ImportOptions {
     pub offset: Option<Offset>,
     /// Which keyframes are held out, where the capture does not say or is not followed.
     pub split: Option<SplitRule>,
-    /// Imports images whole that come with masks.
+    /// Lets all pixels count, also those that masks leave out or that are transparent.
     pub ignore_masks: bool,
 }
 

@@ -10,6 +10,7 @@
 use super::json::read as json;
 use super::lens::Lens;
 use super::names::{self, Folder};
+use super::rounding::Rounding;
 use super::{Capture, Shot};
 use crate::{Error, Pinhole, Result, Rigid3};
 use serde::Deserialize;
@@ -77,13 +78,14 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
         true => Some(Folder::list(images, &["png", "jpg", "jpeg"], "--images")?.of(&names, "image")?),
         false => None,
     };
+    let mut rounding = Rounding::default();
     let shot = |(i, k): (usize, &Keyframe)| {
         let rows = k.world_from_camera.map(|row| row.map(|v| v.unwrap_or(f64::NAN)));
         Ok(Shot {
             name: k.file.clone(),
             image: found.as_ref().map(|f| f[i].clone()),
             lens,
-            world_from_camera: Rigid3::from_rows(&rows, &format!("{place}: keyframe {}", k.file))?,
+            world_from_camera: rounding.take(Rigid3::nearest(&rows, &format!("{place}: keyframe {}", k.file))?, &k.file),
             depth: None,
             mask: None,
             time_s: k.time_s.filter(|t| t.is_finite()),
@@ -91,5 +93,5 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
     };
     let mut shots: Vec<Shot> = file.keyframes.iter().enumerate().map(shot).collect::<Result<_>>()?;
     shots.sort_by(|a, b| names::natural(&a.name, &b.name));
-    Ok(Capture { shots, points: Vec::new(), lists: None, spectra: None, files, notes: Vec::new() })
+    Ok(Capture { shots, points: Vec::new(), lists: None, spectra: None, files, notes: rounding.note().into_iter().collect() })
 }

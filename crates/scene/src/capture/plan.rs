@@ -5,7 +5,7 @@ use super::lens::{self, Lens};
 use super::names::Folder;
 use super::options::{Format, ImportOptions, Offset, RfValues};
 use super::spectra::{self, Encoding};
-use super::{Capture, Shot, colmap, left_out, nerfstudio, plain, rf_3dgs, split};
+use super::{Capture, Shot, colmap, left_out, names, nerfstudio, plain, rf_3dgs, split};
 use crate::dataset::{ColoredPoint, DatasetHeader, Imported};
 use crate::keyframe::Modalities;
 use crate::trajectory::TrajectoryPose;
@@ -77,7 +77,18 @@ fn capture(options: &ImportOptions) -> Result<Capture> {
         return Err(Error::invalid(path.display().to_string(), "the image is missing", help));
     }
     capture.notes.extend(left_out::note(&images, &capture.shots));
+    one_shot_a_file(&place, "picture", &capture.shots, |shot| shot.image.as_deref())?;
+    one_shot_a_file(&place, "depth map", &capture.shots, |shot| shot.depth.as_deref())?;
     Ok(capture)
+}
+
+/// Refuses a file that two shots mean: no two places look alike. (A mask may be that of all.)
+fn one_shot_a_file(place: &str, what: &str, shots: &[Shot], file: impl Fn(&Shot) -> Option<&Path>) -> Result<()> {
+    let files = shots.iter().filter_map(|shot| Some((shot.name.as_str(), file(shot)?)));
+    let Some(([a, b], path)) = names::shared_file(files) else { return Ok(()) };
+    let what = format!("images {a} and {b} both mean the {what} {}", path.display());
+    let help = "give a folder that holds the files as the capture names them, folders included, or take one of the two out";
+    Err(Error::invalid(place, what, help))
 }
 
 impl Plan {
@@ -102,6 +113,7 @@ impl Plan {
         };
         let depths = depths(options, &shots, light, &mut notes)?;
         let masks = masks(options, &shots, light, &mut notes)?;
+        transparency(options, &shots, &mut notes)?;
         let sources = sources(options, &files, &shots, radio.as_ref(), depths.as_deref(), &masks)?;
         let (split, stated_split) = split::of(options.split.as_ref(), lists.as_ref(), &shots)?;
         let world = WorldFromCapture::new(options.up, options.metres_per_unit, options.offset, &shots)?;
@@ -114,7 +126,7 @@ impl Plan {
         if options.metres_per_unit == 1.0 {
             notes.push("the capture's unit of length was taken for a metre (--scale says otherwise)".into());
         }
-        let offset_m = (world.offset_m != DVec3::ZERO).then(|| world.offset_m.to_array());
+        let offset_m = (world.offset_m() != DVec3::ZERO).then(|| world.offset_m().to_array());
         if let Some([x, y, z]) = offset_m {
             let why = match options.offset {
                 Some(Offset::Point(_)) => "as asked for",
@@ -131,6 +143,7 @@ impl Plan {
             names: shots.iter().map(|s| s.name.clone()).collect(),
             up: world.up,
             metres_per_unit: options.metres_per_unit,
+            world_from_capture: Some(world.similarity),
             db_range: options.rf_db.filter(|_| radio.is_some()),
             notes,
             sources,
@@ -282,7 +295,15 @@ fn masks(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<S
             let what = "masks are of images, and none are imported";
             return Err(Error::invalid(folder.display().to_string(), what, "leave --masks out"));
         }
-        Some(folder) => Folder::list(folder, MASKS, "--masks")?.of_some(&names, "mask")?,
+        Some(folder) => {
+            let list = Folder::list(folder, MASKS, "--masks")?;
+            let found = list.of_some(&names, "mask")?;
+            let strange = list.len() - found.iter().flatten().count();
+            if strange > 0 {
+                notes.push(format!("{strange} masks belong to no image and were left out"));
+            }
+            found
+        }
         None => shots.iter().map(|s| s.mask.clone().filter(|_| light)).collect(),
     };
     let count = found.iter().flatten().count();
@@ -294,10 +315,40 @@ fn masks(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<S
         return Ok(vec![None; shots.len()]);
     }
     notes.push(format!(
-        "{count} of {} images have masks: pixels where they are black are neither learnt from nor compared",
+        "{count} of {} images have masks: pixels where they are black, or transparent, are neither learnt from nor compared",
         shots.len()
     ));
     Ok(found)
+}
+
+/// Looks for images with transparent pixels, which do not count.
+///
+/// # Errors
+/// An image that cannot be read, or of which no pixel counts.
+fn transparency(options: &ImportOptions, shots: &[Shot], notes: &mut Vec<String>) -> Result<()> {
+    let partly = |shot: &Shot| -> Result<bool> {
+        let Some(path) = &shot.image else { return Ok(false) };
+        if !io::may_be_transparent(&io::read(path)?) {
+            return Ok(false);
+        }
+        let Some(opaque) = io::read_png_and_opacity(path)?.1 else { return Ok(false) };
+        if !options.ignore_masks && !opaque.pixels().contains(&true) {
+            let help = "write the image without an alpha channel, take it out of the capture, or let all pixels count with --ignore-masks";
+            return Err(Error::invalid(path.display().to_string(), "none of its pixels is opaque, so that none counts", help));
+        }
+        Ok(true)
+    };
+    let partly: Vec<bool> = shots.par_iter().map(partly).collect::<Result<_>>()?;
+    let count = partly.iter().filter(|partly| **partly).count();
+    if count > 0 {
+        let all = shots.len();
+        notes.push(if options.ignore_masks {
+            format!("the transparency of {count} of {all} images was left out: all pixels count, as the colour below")
+        } else {
+            format!("{count} of {all} images have transparent pixels: those that are not wholly opaque are neither learnt from nor compared")
+        });
+    }
+    Ok(())
 }
 
 /// SHA-256 of all files that are read, by their path below the folder they were given with.

@@ -5,7 +5,8 @@ use crate::keyframe::{DbRange, Modalities};
 use crate::model::Permittivity;
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::TrajectoryPose;
-use crate::{Equirectangular, Error, Pinhole, Result, Rigid3, Scene, fingerprint, io};
+use crate::{Equirectangular, Error, Pinhole, Result, Rigid3, Scene, Similarity3, fingerprint, io};
+use glam::DVec3;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -107,12 +108,24 @@ pub struct Imported {
     /// set and this make `metres_per_unit · R · x` of the capture's point x, where R brings `up` to +z.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset_m: Option<[f64; 3]>,
+    /// The whole change from the capture's frame to the world, as it was applied; none in data sets of earlier versions, and where the
+    /// capture's frame is the world.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub world_from_capture: Option<Similarity3>,
     /// The decibel range that was stated with the spectra.
     pub db_range: Option<DbRange>,
     /// Changes and assumptions, in words.
     pub notes: Vec<String>,
     /// SHA-256 of every file that was read, by its path below the folder it was given with.
     pub sources: BTreeMap<String, String>,
+}
+
+impl Imported {
+    /// The change from the capture's frame to the world that was applied; of data sets of earlier versions, which did not move a capture, that of
+    /// [`Self::up`] and [`Self::metres_per_unit`].
+    pub fn similarity(&self) -> Similarity3 {
+        self.world_from_capture.unwrap_or_else(|| Similarity3::with_up(self.up.map(DVec3::from), self.metres_per_unit))
+    }
 }
 
 /// A radio material as the tracer used it.

@@ -3,11 +3,11 @@
 use super::checks::{check_spectrum, own_file};
 use super::conventions::Conventions;
 use super::file::DatasetFile;
-use super::header::{DATASET_SCHEMA, DatasetHeader, Summary, from_json, read_trajectory};
+use super::header::{DATASET_SCHEMA, DatasetHeader, Imported, Summary, from_json, read_trajectory};
 use super::{foreign, layout};
 use crate::keyframe::{DbRange, Modalities};
 use crate::trajectory::TrajectoryPose;
-use crate::{Error, Finding, Keyframe, Pinhole, Raster, Result, far, io};
+use crate::{Error, Finding, Keyframe, Pinhole, Raster, Result, Similarity3, far, io};
 use std::path::{Path, PathBuf};
 
 /// A finished dataset on disk. Keyframes are read one at a time.
@@ -83,6 +83,22 @@ impl Dataset {
     /// The dataset's metadata.
     pub fn header(&self) -> &DatasetHeader {
         &self.file.header
+    }
+
+    /// The change from a capture's frame to this world that an import applied; none where nothing was imported.
+    pub fn world_from_capture(&self) -> Option<Similarity3> {
+        self.file.header.imported.as_ref().map(Imported::similarity)
+    }
+
+    /// Whether a file with this SHA-256 is one of the capture that was imported, and not one of the data set's own.
+    pub fn is_of_capture(&self, sha256: &str) -> bool {
+        let imported = self.file.header.imported.iter().flat_map(|imported| imported.sources.values());
+        imported.into_iter().any(|hash| hash == sha256) && !self.is_own(sha256)
+    }
+
+    /// Whether a file with this SHA-256 is one of the data set's own.
+    pub fn is_own(&self, sha256: &str) -> bool {
+        self.file.files.values().any(|record| record.sha256 == sha256)
     }
 
     /// Number of keyframes.
@@ -215,9 +231,7 @@ impl Dataset {
         let surface = has(&surface)
             .then(|| self.sized(index, &surface, &o, own_file(&self.dir, &surface).and_then(io::read_exr_u32)))
             .transpose()?;
-        let mask = layout::mask(index);
-        let mask =
-            has(&mask).then(|| self.sized(index, &mask, &o, own_file(&self.dir, &mask).and_then(io::read_mask))).transpose()?;
+        let mask = self.mask_of(index)?;
         let world_from_camera = pose.world_from_camera;
         Ok(Keyframe { index, time_s: pose.time_s, world_from_camera, image, spectrum, depth_m, surface, mask })
     }
@@ -229,6 +243,18 @@ impl Dataset {
     pub fn files_of(&self, index: usize) -> Result<[Option<PathBuf>; 3]> {
         let path = |name: String| self.file.files.contains_key(&name).then(|| own_file(&self.dir, &name)).transpose();
         Ok([path(layout::image(index))?, path(layout::spectrum(index))?, path(layout::depth(index))?])
+    }
+
+    /// Which pixels of the image of keyframe `index` count; none where all do.
+    ///
+    /// # Errors
+    /// Those of [`Dataset::keyframe`].
+    pub fn mask_of(&self, index: usize) -> Result<Option<Raster<bool>>> {
+        let name = layout::mask(index);
+        if !self.file.files.contains_key(&name) {
+            return Ok(None);
+        }
+        self.sized(index, &name, &self.optical_camera(), own_file(&self.dir, &name).and_then(io::read_mask)).map(Some)
     }
 
     /// The linear radiance of keyframe `index`, where the dataset keeps it.

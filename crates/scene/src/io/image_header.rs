@@ -113,6 +113,24 @@ fn check_png(bytes: &[u8], path: &Path) -> Result<()> {
     Err(fault(path, "not a readable PNG: it ends before its pixels"))
 }
 
+/// Whether a PNG or JPEG can have transparent pixels, by the chunks before its pixels: an alpha channel, or a list of transparent colours.
+pub(super) fn has_alpha(bytes: &[u8]) -> bool {
+    if !bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+        return false;
+    }
+    let mut rest = &bytes[8..];
+    while let Some((head, behind)) = rest.split_at_checked(8) {
+        let Some(data) = usize::try_from(big_endian(&head[..4])).ok().and_then(|n| behind.get(..n)) else { return false };
+        match (&head[4..], data) {
+            (b"IHDR", [.., color, _, _, _]) if matches!(color, 4 | 6) => return true,
+            (b"tRNS", _) => return true,
+            (b"IDAT", _) => return false,
+            _ => rest = behind.get(data.len() + 4..).unwrap_or(&[]),
+        }
+    }
+    false
+}
+
 /// The segments up to the first scan: the frame's size; behind it, the mark that ends the image (ITU-T T.81, annex B).
 fn check_jpeg(bytes: &[u8], path: &Path) -> Result<()> {
     let mut at = 2;

@@ -162,6 +162,7 @@ impl LiveDescription {
             names: Vec::new(),
             up: None,
             metres_per_unit: 1.0,
+            world_from_capture: None,
             db_range: Some(self.db_range),
             notes,
             sources: BTreeMap::new(),

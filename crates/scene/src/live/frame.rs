@@ -3,6 +3,7 @@
 use super::description::LiveDescription;
 use super::{DEPTH, IMAGES, POSES, SPECTRA};
 use crate::contained::{self, Reach};
+use crate::transform::ROUNDED;
 use crate::{Error, Pinhole, Raster, Result, Rigid3, bounds, io};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -21,8 +22,12 @@ pub struct LiveFrame {
     pub time_s: Option<f64>,
     /// Pose (OpenCV camera axes).
     pub world_from_camera: Rigid3,
+    /// Distance of the rotation that was written to the nearest one, which was taken; none of a rotation to six decimals or more.
+    pub rounded: Option<f64>,
     /// 8-bit sRGB.
     pub image: Raster<[u8; 3]>,
+    /// Which pixels of the image count, those that are wholly opaque; none where all do.
+    pub mask: Option<Raster<bool>>,
     /// Linear power.
     pub spectrum: Raster<f32>,
     /// z-depth, metres, 0 where there is none.
@@ -72,7 +77,8 @@ impl LiveFrame {
         let text = io::read_text(&path)?;
         let help = "give {\"world_from_camera\": 4x4 by rows, \"time_s\": seconds}, written under another name and renamed";
         let pose: PoseFile = serde_json::from_str(&text).map_err(|e| Error::invalid(&name, format!("is no pose: {e}"), help))?;
-        let world_from_camera = Rigid3::from_rows(&pose.world_from_camera, &name)?;
+        let (world_from_camera, rounded) = Rigid3::nearest(&pose.world_from_camera, &name)?;
+        let rounded = (rounded > ROUNDED).then_some(rounded);
         bounds::position(&name, world_from_camera.translation)?;
         if let Some([low, high]) = description.bounds_m {
             let at = world_from_camera.translation;
@@ -84,8 +90,12 @@ impl LiveFrame {
         files.sources.insert(name, io::sha256_hex(text.as_bytes()));
 
         let (path, name) = files.take(IMAGES, &["png", "jpg", "jpeg"])?.ok_or_else(|| files.missing(IMAGES, "png"))?;
-        let image = io::read_png(path)?;
+        let (image, mask) = io::read_png_and_opacity(path)?;
         sized(&name, &image, &description.optical_camera)?;
+        if mask.as_ref().is_some_and(|opaque| !opaque.pixels().contains(&true)) {
+            let what = "none of its pixels is opaque, so that none counts";
+            return Err(Error::invalid(name, what, "write images without an alpha channel, or opaque where a pixel counts"));
+        }
 
         let (path, name) = files.take(SPECTRA, &["exr", "npy"])?.ok_or_else(|| files.missing(SPECTRA, "exr"))?;
         let spectrum = io::read_map(path)?;
@@ -97,7 +107,7 @@ impl LiveFrame {
             false => None,
         };
         let time_s = pose.time_s.filter(|t| t.is_finite());
-        Ok(Self { number, time_s, world_from_camera, image, spectrum, depth_m, sources: files.sources })
+        Ok(Self { number, time_s, world_from_camera, image, mask, spectrum, depth_m, sources: files.sources, rounded })
     }
 }
 
@@ -223,6 +233,29 @@ mod tests {
         // Depth that was not announced is not looked at.
         let frame = LiveFrame::read(dir.path(), "7", &LiveDescription { depth: false, ..description() }).unwrap();
         assert!(frame.depth_m.is_none() && frame.sources.len() == 3);
+    }
+
+    #[test]
+    fn transparent_pixels_do_not_count_and_rounded_poses_are_the_nearest() {
+        let dir = tempfile::tempdir().unwrap();
+        write(dir.path());
+        let counts = Raster::from_fn(16, 8, |x, _| x > 4);
+        let put = |counts: &Raster<bool>| {
+            let bytes = io::encode_cut_out(&Raster::filled(16, 8, [1, 2, 3]), counts).unwrap();
+            io::write_atomic(dir.path().join("images/7.png"), &bytes).unwrap();
+        };
+        put(&counts);
+        let pose = |c: f64, s: f64| format!("{{\"world_from_camera\": [[{c},-{s},0,0],[{s},{c},0,0],[0,0,1,0],[0,0,0,1]]}}");
+        fs::write(dir.path().join("poses/7.json"), pose(0.878, 0.479)).unwrap();
+        let frame = LiveFrame::read(dir.path(), "7", &description()).unwrap();
+        assert!(frame.mask == Some(counts) && frame.rounded.is_some_and(|off| off < 1e-3));
+        let identity = frame.world_from_camera.rotation.transpose() * frame.world_from_camera.rotation;
+        assert!((identity - glam::DMat3::IDENTITY).to_cols_array().iter().all(|v| v.abs() < 1e-14));
+        fs::write(dir.path().join("poses/7.json"), pose(0.88, 0.50)).unwrap();
+        assert!(LiveFrame::read(dir.path(), "7", &description()).unwrap_err().to_string().contains("3 decimals"));
+        write(dir.path());
+        put(&Raster::filled(16, 8, false));
+        assert!(LiveFrame::read(dir.path(), "7", &description()).unwrap_err().to_string().contains("opaque"));
     }
 
     #[test]

@@ -85,11 +85,11 @@ impl Rigs {
         (!rigs.is_empty() || !frames.is_empty()).then_some(Self { rigs, frames, rigs_file, frames_file })
     }
 
-    /// camera_from_world of every image; `None` where the rig does not say where its camera is. `images_file` is where the images stand.
+    /// camera_from_world of every image, and how far the quaternions it comes from are off length 1; `None` where the rig does not say where its camera is. `images_file` is where the images stand.
     ///
     /// # Errors
     /// Numbers that are there twice or that nobody has, an image in no frame or in two, a pose that is none.
-    pub fn camera_from_world(&self, images: &[Image], images_file: &str, notes: &mut Vec<String>) -> Result<Vec<Option<Rigid3>>> {
+    pub fn camera_from_world(&self, images: &[Image], images_file: &str, notes: &mut Vec<String>) -> Result<Vec<Option<(Rigid3, f64)>>> {
         let mut rigs = BTreeMap::new();
         for rig in &self.rigs {
             let place = || format!("{}: rig {}", self.rigs_file, rig.id);
@@ -132,9 +132,9 @@ impl Rigs {
             let Some(rig) = rigs.get(&frame.rig) else {
                 return Err(Error::invalid(place, format!("{} has no rig {}", self.rigs_file, frame.rig), EXPORT));
             };
-            let rig_from_world = frame.rig_from_world.rigid(&place)?;
+            let (rig_from_world, off) = frame.rig_from_world.rigid(&place)?;
             let camera_from_rig = if rig.reference == Some(sensor) {
-                Some(Rigid3::IDENTITY)
+                Some((Rigid3::IDENTITY, 0.0))
             } else {
                 let Some((_, pose)) = rig.others.iter().find(|(other, _)| *other == sensor) else {
                     return Err(Error::invalid(place, format!("{}: rig {} has no {sensor}", self.rigs_file, rig.id), EXPORT));
@@ -142,21 +142,21 @@ impl Rigs {
                 let place = || format!("{}: rig {}: {sensor}", self.rigs_file, rig.id);
                 pose.map(|pose| pose.rigid(&place())).transpose()?
             };
-            let Some(camera_from_rig) = camera_from_rig else {
+            let Some((camera_from_rig, mounted_off)) = camera_from_rig else {
                 *without.entry((rig.id, sensor)).or_default() += 1;
                 poses.push(None);
                 continue;
             };
             let camera_from_world = camera_from_rig.compose(&rig_from_world);
             // What images say need not be a pose at all.
-            if let Ok(said) = image.camera_from_world.rigid("") {
+            if let Ok((said, _)) = image.camera_from_world.rigid("") {
                 let (ours, theirs) = (camera_from_world.inverse(), said.inverse());
                 let angle_deg = angle_deg(&ours, &theirs);
                 let apart = ours.translation.distance(theirs.translation);
                 differs |= angle_deg > ROUNDING_DEG || apart > ROUNDING * ours.translation.length().max(1.0);
                 (worst_deg, worst) = (worst_deg.max(angle_deg), worst.max(apart));
             }
-            poses.push(Some(camera_from_world));
+            poses.push(Some((camera_from_world, off.max(mounted_off))));
         }
         // Notes are kept in the data set, whose hash is not to depend on where the capture lies.
         let file_name = Path::new(images_file).file_name().unwrap_or_default().to_string_lossy();

@@ -30,6 +30,10 @@ fn world(imported: &Imported) -> Vec<(&'static str, String)> {
     let mut list = frames();
     list.retain(|(question, _)| *question != "world");
     list.insert(0, ("world", format!("right-handed, z up, metres: {turned}; {scale}{moved}")));
+    if imported.world_from_capture.is_some() {
+        let change = "x_world = scale * rotation * x_capture + translation_m, of header.imported.world_from_capture";
+        list.insert(1, ("capture", change.into()));
+    }
     list
 }
 
