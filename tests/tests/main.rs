@@ -21,6 +21,8 @@ mod exchange;
 mod exports;
 #[cfg(feature = "slow")]
 mod faults_dataset;
+#[cfg(unix)]
+mod faults_disk;
 #[cfg(feature = "slow")]
 mod faults_gltf;
 #[cfg(feature = "slow")]
