@@ -24,6 +24,8 @@ mod faults_captures;
 #[cfg(feature = "slow")]
 mod faults_dataset;
 mod faults_device;
+#[cfg(unix)]
+mod faults_disk;
 #[cfg(feature = "slow")]
 mod faults_gltf;
 #[cfg(feature = "slow")]

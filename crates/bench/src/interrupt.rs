@@ -13,6 +13,9 @@ static ENDS_INPUT: AtomicBool = AtomicBool::new(false);
 /// Whether an interrupt has ended the input.
 static INPUT_ENDED: AtomicBool = AtomicBool::new(false);
 
+/// Whether the result is whole, and what is left is to show it.
+static WHOLE: AtomicBool = AtomicBool::new(false);
+
 /// Time that the current unit of work has to end after an interrupt.
 const GRACE: Duration = Duration::from_secs(2);
 
@@ -57,6 +60,10 @@ pub const EXIT_CODE: u8 = 130;
 /// When a handler is installed already.
 pub fn listen() -> Result<()> {
     ctrlc::set_handler(|| {
+        if WHOLE.load(Ordering::SeqCst) {
+            // The process ends by itself, at once, and with the exit code of work that is done.
+            return;
+        }
         if ENDS_INPUT.swap(false, Ordering::SeqCst) {
             INPUT_ENDED.store(true, Ordering::SeqCst);
             note!(
@@ -69,6 +76,9 @@ pub fn listen() -> Result<()> {
         }
         std::thread::spawn(|| {
             std::thread::sleep(GRACE);
+            if WHOLE.load(Ordering::SeqCst) {
+                return;
+            }
             // On a thread of its own: a reader that does not read must not keep the process.
             std::thread::spawn(|| note!("{Interrupted}"));
             std::thread::sleep(LAST_WORDS);
@@ -77,6 +87,18 @@ pub fn listen() -> Result<()> {
         note!("\nstopping after the unit at hand, in two seconds at most (again to stop at once)");
     })?;
     Ok(())
+}
+
+/// Makes a file that outgrows the process's limit (`ulimit -f`) an error of the write, as a full disk is, and not the end of the process. A
+/// handler that does nothing does that, and other than a signal that is ignored it is not handed on to programs that are started.
+pub fn outlive_file_size_limit() {
+    #[cfg(unix)]
+    {
+        extern "C" fn nothing(_: libc::c_int) {}
+        let handler: extern "C" fn(libc::c_int) = nothing;
+        // SAFETY: the handler does nothing, so it may run at any point of any thread.
+        unsafe { libc::signal(libc::SIGXFSZ, handler as libc::sighandler_t) };
+    }
 }
 
 /// Ends the process whatever its threads do: nothing that runs at a usual exit could wait for one of them.
@@ -88,6 +110,19 @@ fn end_now() -> ! {
     }
     #[cfg(not(unix))]
     std::process::exit(i32::from(EXIT_CODE))
+}
+
+/// Says that the result is whole: an interrupt stops nothing any more, and what it had begun to stop is not taken for stopped.
+///
+/// # Errors
+/// [`Interrupted`] where one came before.
+pub fn settle() -> Result<()> {
+    WHOLE.store(true, Ordering::SeqCst);
+    let interrupted = check();
+    if interrupted.is_err() {
+        WHOLE.store(false, Ordering::SeqCst);
+    }
+    interrupted
 }
 
 /// Says whether the next Ctrl-C is to end the input of a command that takes some without end, and not the command.

@@ -1,5 +1,6 @@
 //! The harness and the `corf` command: methods, metrics, plans, cells, tables, report.
 
+pub mod apart;
 mod cell_clock;
 pub mod cells;
 pub mod cluster;
@@ -23,6 +24,7 @@ pub mod metrics;
 pub mod nerf2_set;
 pub mod numbers;
 pub mod oidn;
+pub mod output;
 pub mod paper;
 pub mod plan;
 pub mod poses;

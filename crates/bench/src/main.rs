@@ -23,6 +23,7 @@ fn keep_freed_memory() {
 
 fn main() -> ExitCode {
     keep_freed_memory();
+    interrupt::outlive_file_size_limit();
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(answer) => return tell(&answer),
@@ -71,12 +72,48 @@ fn message(error: &anyhow::Error) -> String {
             text = format!("{text}: {cause}");
         }
     }
+    if let Some(help) = help_with_room(error).filter(|_| !text.contains("\n  help: ")) {
+        text = format!("{text}\n  help: {help}");
+    }
     text
+}
+
+/// What to do where there was no room for a file.
+fn help_with_room(error: &anyhow::Error) -> Option<&'static str> {
+    let kind = error.chain().find_map(|cause| cause.downcast_ref::<std::io::Error>())?.kind();
+    match kind {
+        ErrorKind::StorageFull => {
+            Some("free some space on that disk, or choose a place on another one, and give the command again")
+        }
+        ErrorKind::QuotaExceeded => {
+            Some("your quota is used up: free some of it, or choose another place, and give the command again")
+        }
+        ErrorKind::FileTooLarge => Some(
+            "the file outgrows what this process or that file system allows: raise the limit (`ulimit -f unlimited`), or choose another place",
+        ),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn where_there_is_no_room_it_says_what_to_do() {
+        for (kind, word) in [
+            (ErrorKind::StorageFull, "free some space"),
+            (ErrorKind::QuotaExceeded, "quota"),
+            (ErrorKind::FileTooLarge, "ulimit -f"),
+        ] {
+            let source = std::io::Error::new(kind, "no");
+            let error = anyhow::Error::from(source).context("cannot write a.ply");
+            let text = message(&error);
+            assert!(text.starts_with("cannot write a.ply") && text.contains(word) && text.contains("\n  help: "), "{text}");
+        }
+        let other = anyhow::Error::from(std::io::Error::from(ErrorKind::NotFound)).context("cannot read a.ply");
+        assert!(!message(&other).contains("help"));
+    }
 
     #[test]
     fn the_purge_delay_is_the_option_of_that_number() {

@@ -6,12 +6,14 @@
 //! RUN/*.ply         the field (CORF-GS, RF-3DGS), and the points that RF-3DGS began with
 //! RUN/metrics.json  written by `corf evaluate`, with beam.svg, rate.svg and outage.svg where spectra have beams
 //! RUN/live.jsonl    what became of every keyframe, RUN/dataset the keyframes themselves (`corf reconstruct --follow`)
+//! RUN/unfinished.json  what such a run was begun with, until it is finished: the same command goes on with it
 //! ```
 
 use crate::harness::Reconstruction;
 use crate::json::write_numbers;
 use crate::live::LiveRecord;
 use crate::method::{Method, StageTime};
+use crate::output::{FreshFolder, clear_leftovers, has_unfinished, is_leftover, was_finishing};
 use crate::provenance::Provenance;
 use crate::record::CurvePoint;
 use crate::split::Protocol;
@@ -20,7 +22,7 @@ use corf::depth::DepthQuality;
 use corf::{KeyframeTiming, LatencySummary};
 use corf_scene::dataset::Dataset;
 use corf_scene::io::{self, remove_temporary_files, sha256_hex, write_atomic};
-use corf_scene::lock::{self, FolderLock};
+use corf_scene::lock::FolderLock;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -218,12 +220,21 @@ pub fn claim_output(folder: &Path, resume: bool) -> Result<FolderLock> {
     claim(folder, content, "choose another --out, or pass --resume to go on with what is there")
 }
 
-/// Claims an empty or new folder for output that cannot be resumed; see [`claim_output`].
+/// Claims an empty or new folder for output that cannot be resumed, and is seen once it is whole; see [`claim_output`].
 ///
 /// # Errors
 /// Those of [`claim_output`].
-pub fn claim_fresh(folder: &Path) -> Result<FolderLock> {
-    claim(folder, Content::Refused, "choose another --out")
+pub fn claim_fresh(folder: &Path) -> Result<FreshFolder> {
+    FreshFolder::begin(folder, claim(folder, Content::Refused, "choose another --out")?)
+}
+
+/// Claims a folder for output that the same command goes on with where `unfinished`, a file in it, says that it was begun; see [`claim_output`].
+///
+/// # Errors
+/// Those of [`claim_output`].
+pub fn claim_begun(folder: &Path, unfinished: &str) -> Result<FolderLock> {
+    let content = if folder.join(unfinished).is_file() { Content::Resumed } else { Content::Refused };
+    claim(folder, content, "choose another --out")
 }
 
 /// Claims a folder for output that is written beside or over the files in it; see [`claim_output`].
@@ -250,7 +261,7 @@ fn claim(folder: &Path, content: Content, help: &str) -> Result<FolderLock> {
         bail!("{} is a file\n  help: name a folder with --out", folder.display());
     }
     let refuse_content = || -> Result<()> {
-        let counts = |entry: std::io::Result<std::fs::DirEntry>| entry.is_ok_and(|e| e.file_name() != lock::FILE_NAME);
+        let counts = |entry: std::io::Result<std::fs::DirEntry>| entry.is_ok_and(|e| !is_leftover(&e.file_name()));
         let occupied = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.any(counts));
         if occupied && content == Content::Refused {
             bail!("output folder {} exists and is not empty\n  help: {help}", folder.display());
@@ -258,13 +269,24 @@ fn claim(folder: &Path, content: Content, help: &str) -> Result<FolderLock> {
         Ok(())
     };
     // Before anything of it is touched; and again once nobody else can fill it.
-    refuse_content()?;
+    if !was_finishing(folder) {
+        refuse_content()?;
+    }
     let held = FolderLock::make(folder).with_context(|| {
         format!("cannot create output folder {}\n  help: choose a writable place with --out", folder.display())
     })?;
     // A folder that cannot be written is found now, not after the work.
     tempfile::tempfile_in(folder)
         .with_context(|| format!("cannot write into {}\n  help: choose a writable place with --out", folder.display()))?;
+    // Where nobody can be kept out, nobody can be known to be dead.
+    if !held.keeps_others_out() && has_unfinished(folder) {
+        bail!(
+            "output folder {} holds unfinished work, and its file system has no locks that would say whose\n  help: remove it if no process works \
+             there, or choose another --out",
+            folder.display()
+        );
+    }
+    clear_leftovers(folder)?;
     refuse_content()?;
     if content == Content::Resumed {
         remove_temporary_files(folder)?;

@@ -1,6 +1,7 @@
 //! A video of rendered pictures, by `ffmpeg` where it is on PATH. The pictures stay, so nothing is lost with the video.
 
 use anyhow::{Context, Result, bail, ensure};
+use corf_scene::io::ScratchFolder;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -51,11 +52,7 @@ impl Video {
     pub fn encode(&self, folder: &Path, count: usize) -> Result<()> {
         let file = std::path::absolute(&self.file)?;
         let beside = file.parent().unwrap_or(Path::new("."));
-        let scratch = tempfile::Builder::new()
-            .prefix(".corf-")
-            .suffix(".tmp")
-            .tempdir_in(beside)
-            .with_context(|| format!("cannot write beside {}", file.display()))?;
+        let scratch = ScratchFolder::beside(beside).with_context(|| format!("cannot write beside {}", file.display()))?;
         let temporary = scratch.path().join(if self.kind == Kind::Mp4 { "video.mp4" } else { "video.gif" });
         // From their folder: its name may hold what ffmpeg takes for a pattern.
         let output = Command::new(FFMPEG)

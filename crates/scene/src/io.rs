@@ -1,95 +1,22 @@
-//! Files: whole or not at all. PNG and EXR in and out; every write goes to a temporary name beside the target, onto the disk, and is
-//! renamed then.
+//! Files: whole or not at all. PNG and EXR in and out; every write is on the disk before it has its name (`write.rs`).
 
 #[cfg(test)]
 mod bounds_tests;
 mod image_header;
 mod map;
 mod text;
+mod write;
 
 use crate::guard::guarded;
 use crate::{Error, Raster, Result};
 use exr::prelude as ex;
 pub use image_header::{MAX_EXR_BYTES, MAX_PIXELS};
-pub use map::read_map;
+pub use map::{decode_map, read_map};
 use sha2::{Digest, Sha256};
 use std::io::{Cursor, Write};
 use std::path::Path;
 pub use text::{GzipLines, LineBounds, MAX_GZIP_TEXT_BYTES, read_gzip_text, read_text_within};
-
-/// Prefix and suffix of the names of temporary files.
-const TEMPORARY: [&str; 2] = [".corf-", ".tmp"];
-
-/// Whether a file's name is one that [`write_atomic`] gives while it writes.
-pub fn is_temporary(name: &std::ffi::OsStr) -> bool {
-    name.to_str().is_some_and(|n| n.starts_with(TEMPORARY[0]) && n.ends_with(TEMPORARY[1]))
-}
-
-/// Removes the temporary files that a process which was killed while it wrote left below `dir`; links are not followed.
-///
-/// # Errors
-/// A folder that cannot be read, or a file that cannot be removed.
-pub fn remove_temporary_files(dir: &Path) -> Result<()> {
-    for entry in std::fs::read_dir(dir).map_err(Error::io("read", dir))? {
-        let entry = entry.map_err(Error::io("read", dir))?;
-        let kind = entry.file_type().map_err(Error::io("read", entry.path()))?;
-        if kind.is_dir() {
-            remove_temporary_files(&entry.path())?;
-        } else if kind.is_file() && is_temporary(&entry.file_name()) {
-            std::fs::remove_file(entry.path()).map_err(Error::io("remove", entry.path()))?;
-        }
-    }
-    Ok(())
-}
-
-/// Writes `bytes` to `path` (its folder is created): a reader sees the old file or the whole new one, never a part, even after a power
-/// failure, for the bytes are on the disk before the file has its name.
-///
-/// # Errors
-/// The folder or the file cannot be written.
-pub fn write_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
-    let path = path.as_ref();
-    let dir = match path.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
-    std::fs::create_dir_all(dir).map_err(Error::io("create", dir))?;
-    let mut file = tempfile::Builder::new()
-        .prefix(TEMPORARY[0])
-        .suffix(TEMPORARY[1])
-        .permissions_if_unix()
-        .tempfile_in(dir)
-        .map_err(Error::io("create a file in", dir))?;
-    file.write_all(bytes).and_then(|()| file.as_file().sync_all()).map_err(Error::io("write", path))?;
-    file.persist(path).map_err(|e| Error::io("write", path)(e.error))?;
-    sync_folder(dir);
-    Ok(())
-}
-
-/// Brings a folder's names onto the disk. Not every file system can; the file is there all the same.
-fn sync_folder(dir: &Path) {
-    #[cfg(unix)]
-    let _ = std::fs::File::open(dir).and_then(|folder| folder.sync_all());
-    #[cfg(not(unix))]
-    let _ = dir;
-}
-
-/// Temporary files are private by default; what is published follows the umask like any other file.
-trait PublicPermissions {
-    fn permissions_if_unix(&mut self) -> &mut Self;
-}
-
-impl PublicPermissions for tempfile::Builder<'_, '_> {
-    #[cfg(unix)]
-    fn permissions_if_unix(&mut self) -> &mut Self {
-        use std::os::unix::fs::PermissionsExt;
-        self.permissions(std::fs::Permissions::from_mode(0o666))
-    }
-    #[cfg(not(unix))]
-    fn permissions_if_unix(&mut self) -> &mut Self {
-        self
-    }
-}
+pub use write::{ScratchFolder, is_temporary, remove_abandoned, remove_temporary_files, sync_folder, write_atomic};
 
 /// Reads a whole file.
 ///
@@ -230,7 +157,15 @@ pub fn read_png(path: impl AsRef<Path>) -> Result<Raster<[u8; 3]>> {
 /// # Errors
 /// The file cannot be read or is no complete image.
 pub fn read_png_and_opacity(path: impl AsRef<Path>) -> Result<(Raster<[u8; 3]>, Option<Raster<bool>>)> {
-    let rgba = decode_rgba(&read(path.as_ref())?, path)?;
+    decode_rgb_and_opacity(&read(path.as_ref())?, path)
+}
+
+/// What [`read_png_and_opacity`] reads, of bytes; `place` names them in errors.
+///
+/// # Errors
+/// The bytes are no complete image.
+pub fn decode_rgb_and_opacity(bytes: &[u8], place: impl AsRef<Path>) -> Result<(Raster<[u8; 3]>, Option<Raster<bool>>)> {
+    let rgba = decode_rgba(bytes, place)?;
     let opaque = rgba.pixels().iter().any(|p| p[3] != u8::MAX).then(|| rgba.map(|p| p[3] == u8::MAX));
     Ok((rgba.map(|p| [p[0], p[1], p[2]]), opaque))
 }

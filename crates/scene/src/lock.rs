@@ -12,7 +12,7 @@ pub const FILE_NAME: &str = ".corf-lock";
 #[derive(Debug)]
 #[must_use = "the folder is free again once this is dropped"]
 pub struct FolderLock {
-    _held: Option<File>,
+    held: Option<File>,
     /// A folder that goes again where nothing was written into it.
     made: Option<PathBuf>,
 }
@@ -32,7 +32,7 @@ impl FolderLock {
     /// # Errors
     /// Another run holds it.
     pub fn acquire(folder: &Path) -> Result<Self> {
-        let free = |held| Self { _held: held, made: None };
+        let free = |held| Self { held, made: None };
         let Ok(file) = open(folder) else { return Ok(free(None)) };
         match file.try_lock() {
             Ok(()) => Ok(free(Some(file))),
@@ -43,6 +43,16 @@ impl FolderLock {
             )),
             Err(TryLockError::Error(_)) => Ok(free(None)),
         }
+    }
+
+    /// Whether a folder exists that nobody holds the lock of; false where there are no locks to ask.
+    pub fn is_free(folder: &Path) -> bool {
+        open(folder).is_ok_and(|file| file.try_lock().is_ok())
+    }
+
+    /// Whether it keeps others out: a file system without locks gives one that does not.
+    pub fn keeps_others_out(&self) -> bool {
+        self.held.is_some()
     }
 
     /// Creates the folder where it does not exist, then locks it as [`FolderLock::acquire`] does. A folder that this call created is

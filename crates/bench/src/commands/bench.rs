@@ -2,6 +2,7 @@
 
 use super::bench_cells::{CellCommand, Collect, PlanCommand, Submit};
 use super::{Verdict, print, show};
+use crate::apart::{Reads, keep_apart};
 use crate::cells;
 use crate::device::DeviceChoice;
 use crate::input::Verify;
@@ -164,6 +165,7 @@ impl Run {
     fn run(self, json: bool) -> Result<Verdict> {
         let mut plan = Plan::load(&self.plan)?;
         plan.make_absolute()?;
+        keep_apart("--out", &self.cells.out, &[Reads::Folder(&plan.dataset)])?;
         let networks = self.lpips.read()?;
         let input = self.cells.verify.open(&plan.dataset)?.with_networks(&networks)?;
         let backend = self.cells.device.resolve()?;
@@ -180,6 +182,8 @@ impl Run {
 impl SweepCommand {
     fn run(self, json: bool) -> Result<Verdict> {
         let sweep = Sweep::load(&self.sweep)?;
+        let reads: Vec<Reads<'_>> = sweep.datasets.iter().map(|folder| Reads::Folder(folder)).collect();
+        keep_apart("--out", &self.cells.out, &reads)?;
         let backend = self.cells.device.resolve()?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;
         let (text, records) = sweep.run(&self.cells.out, self.cells.verify, &backend)?;
@@ -212,10 +216,11 @@ impl Pack {
         let parts = [Path::new(""), Path::new(suite::SEGMENT)].into_iter().filter(|part| self.folder.join(part).exists());
         // All of them are read before anything is written.
         let parts: Vec<_> = parts.map(|part| Ok((part, suite::load(&self.folder.join(part))?.1))).collect::<Result<_>>()?;
-        let _held = claim_fresh(&self.out)?;
+        keep_apart("--out", &self.out, &[Reads::Folder(&self.folder)])?;
+        let packed = claim_fresh(&self.out)?;
         let mut all = Vec::new();
         for (part, records) in parts {
-            let (folder, out) = (self.folder.join(part), self.out.join(part));
+            let (folder, out) = (self.folder.join(part), packed.path().join(part));
             std::fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
             write_archive(&out.join(ARCHIVE), &records)?;
             suite::write_tables("", &records, &table::short_columns(), &out)?;
@@ -224,6 +229,7 @@ impl Pack {
             }
             all.extend(records);
         }
+        packed.finish()?;
         let text = format!("{} records in {}", all.len(), self.out.display());
         show(json, &serde_json::json!({ "records": all.len(), "out": self.out }), &text)?;
         Ok(Verdict::Done)

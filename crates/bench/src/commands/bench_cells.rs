@@ -1,6 +1,7 @@
 //! `corf bench plan`, `cell`, `submit` and `collect`: a comparison's cells run apart.
 
 use super::{Verdict, show};
+use crate::apart::{Reads, keep_apart};
 use crate::cells;
 use crate::cluster::{Planned, local, slurm};
 use crate::device::DeviceChoice;
@@ -89,6 +90,7 @@ impl PlanCommand {
     /// Bad plans, unreadable datasets, an occupied folder.
     pub fn run(self, as_json: bool) -> Result<Verdict> {
         let mut plan = Plan::load(&self.plan)?;
+        keep_apart("--out", &self.out, &[Reads::Folder(&plan.dataset)])?;
         let networks = self.lpips.read()?;
         let input = self.verify.open(&plan.dataset)?.with_networks(&networks)?;
         plan.make_absolute()?;

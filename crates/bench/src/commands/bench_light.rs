@@ -5,6 +5,7 @@ use crate::generate;
 use crate::interrupt;
 use crate::metrics::image::psnr;
 use crate::oidn::Oidn;
+use crate::output::FreshFolder;
 use crate::progress::Progress;
 use crate::run::claim_fresh;
 use crate::scene_in_use;
@@ -19,7 +20,7 @@ use corf_scene::{Pinhole, Raster, Rigid3, Rng, Scene, io, radio_check};
 use glam::DVec3;
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// `corf bench light`.
@@ -116,7 +117,7 @@ impl Light {
         let scene = scene_in_use::load(&scene_config)?;
         let denoiser = Oidn::asked_for(&config)?;
         say::findings(radio_check::far_finding(&scene));
-        let _held = self.pictures.as_deref().map(claim_fresh).transpose()?;
+        let pictures = self.pictures.as_deref().map(claim_fresh).transpose()?;
         let poses = config.poses(&scene_config)?;
         let bvh = Bvh::build(&scene);
         let start = Instant::now();
@@ -135,7 +136,8 @@ impl Light {
         for k in 0..count {
             interrupt::check()?;
             let at = (2 * k + 1) * poses.len() / (2 * count);
-            views.push(self.view(&scene, &bvh, &tracer, &sensor, &poses, at)?);
+            let folder = pictures.as_ref().map(FreshFolder::path);
+            views.push(self.view(&scene, &bvh, &tracer, &sensor, &poses, at, folder)?);
             progress.set(k + 1, count);
         }
         progress.finish();
@@ -157,6 +159,7 @@ impl Light {
             seconds_a_view: mean(&|v| v.seconds),
             views,
         };
+        pictures.map_or(Ok(()), FreshFolder::finish)?;
         show(json, &report, &text(&report))?;
         Ok(Verdict::Done)
     }
@@ -169,6 +172,7 @@ impl Light {
         sensor: &OpticalSensor<'_>,
         poses: &[TrajectoryPose],
         at: usize,
+        pictures: Option<&Path>,
     ) -> Result<View> {
         let camera = *sensor.intrinsics();
         let pose = &poses[at];
@@ -192,7 +196,7 @@ impl Light {
         let ev = sensor.exposure_ev();
         let image = light::develop_frame(&frame, ev);
         let compared = Comparison::of(&frame, &image, &pixels, &halves, ev);
-        if let Some(folder) = &self.pictures {
+        if let Some(folder) = pictures {
             save(folder, pose.index, &image, &pixels, &compared.errors)?;
         }
         let two_views_difference = match poses.get(at + 1) {
@@ -271,13 +275,7 @@ impl Comparison {
 }
 
 /// The view, and its errors where the reference was worked out, enlarged: grey where it is right, brighter where it is too bright.
-fn save(
-    folder: &std::path::Path,
-    keyframe: usize,
-    image: &Raster<[u8; 3]>,
-    pixels: &[[usize; 2]],
-    errors: &[[f64; 3]],
-) -> Result<()> {
+fn save(folder: &Path, keyframe: usize, image: &Raster<[u8; 3]>, pixels: &[[usize; 2]], errors: &[[f64; 3]]) -> Result<()> {
     io::write_png(folder.join(format!("{keyframe:05}.png")), image)?;
     // The reference's pixels lie row by row, one in each part of the view.
     let columns = pixels.windows(2).take_while(|w| w[0][0] < w[1][0]).count() + 1;

@@ -1,6 +1,7 @@
 //! `corf bench paper`: the paper's tables from our records.
 
 use super::{Verdict, show};
+use crate::apart::{Reads, is_same, keep_apart};
 use crate::paper;
 use crate::run::claim_shared;
 use crate::suite;
@@ -25,6 +26,10 @@ impl Paper {
     /// Records that are missing or damaged, or a folder that cannot be written.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let records = suite::records(&self.folder)?;
+        // Beside the records they have their place; what lies deeper is of the comparison's cells.
+        if let Some(out) = self.out.as_deref().filter(|out| !is_same(out, &self.folder)) {
+            keep_apart("--out", out, &[Reads::Folder(&self.folder)])?;
+        }
         let out = self.out.unwrap_or(self.folder);
         let _held = claim_shared(&out)?;
         let written = paper::write(&records, &out)?;

@@ -57,7 +57,7 @@ impl Coverage {
         let plane = self.plane_of(&setup)?;
         setup.transmitters.iter().try_for_each(|tx| setup.check_transmitter(tx.position))?;
         // Whatever can be refused is refused before the work.
-        let _held = claim_fresh(&self.out)?;
+        let out = claim_fresh(&self.out)?;
         let sampling = setup.diffuse_settings(DIFFUSE_DIRECTIONS);
         let maps = maps(&setup, &plane, &sampling)?;
         let (gain, association) = strongest(&maps);
@@ -84,7 +84,7 @@ impl Coverage {
         }
         let positions: Vec<DVec3> = setup.transmitters.iter().map(|tx| tx.position).collect();
         let exr = |name: &str, map: &Raster<f32>| -> Result<()> {
-            Ok(io::write_atomic(self.out.join(name), &io::encode_exr_f32(map, "Y")?)?)
+            Ok(io::write_atomic(out.path().join(name), &io::encode_exr_f32(map, "Y")?)?)
         };
         if let [tx] = positions.as_slice() {
             report["tx"] = json!(tx.to_array());
@@ -104,8 +104,9 @@ impl Coverage {
             );
         }
         exr("coverage.exr", &gain)?;
-        io::write_atomic(self.out.join("coverage.png"), &picture.draw(&setup.scene, &positions))?;
-        write_json(&self.out.join("coverage.json"), &report)?;
+        io::write_atomic(out.path().join("coverage.png"), &picture.draw(&setup.scene, &positions))?;
+        write_json(&out.path().join("coverage.json"), &report)?;
+        out.finish()?;
         let rssi = &report["rssi_dbm"];
         let received = match rssi["median"].as_f64() {
             Some(median) => format!("median {median} dBm, 5 % below {} dBm, 5 % above {} dBm", rssi["p5"], rssi["p95"]),

@@ -1,6 +1,7 @@
 //! `corf dataset export`: a data set's keyframes in the layouts of other programs.
 
 use super::{Verdict, show};
+use crate::apart::{Reads, keep_apart};
 use crate::input::{Input, Verify};
 use crate::link::Point;
 use crate::nerf2_set::{Gateway, Nerf2Set};
@@ -83,6 +84,7 @@ impl Export {
         if let Some((flag, _)) = of_nerf2.iter().find(|(_, given)| *given && self.to != Form::Nerf2) {
             return Err(Error::invalid(*flag, "nothing is traced in this form", "leave it out, or say --to nerf2").into());
         }
+        keep_apart("--out", &self.out, &[Reads::Folder(&self.folder)])?;
         let Input { dataset, .. } = self.verify.open(&self.folder)?;
         let export: Box<dyn FolderExport> = match self.to {
             Form::Numpy => Box::new(Archives(&dataset)),
@@ -90,7 +92,7 @@ impl Export {
             Form::Rf3dgs => Box::new(Rf3dgs::new(&dataset)?),
             Form::Nerf2 => return self.nerf2(&dataset, json),
         };
-        let _held = claim_fresh(&self.out)?;
+        let folder = claim_fresh(&self.out)?;
         if let Some([x, y, z]) = dataset.header().offset_m() {
             note!(
                 "positions are in the data set's frame: ({x}, {y}, {z}) m was taken off the original ones, and is to be added to come back to them"
@@ -101,7 +103,7 @@ impl Export {
         }
         let mut progress = Progress::start(format!("export of {}", dataset.header().name), dataset.len(), "keyframes");
         let put = |files: Vec<File>| -> Result<()> {
-            files.into_iter().try_for_each(|(name, bytes)| Ok(write_atomic(self.out.join(name), &bytes)?))
+            files.into_iter().try_for_each(|(name, bytes)| Ok(write_atomic(folder.path().join(name), &bytes)?))
         };
         for index in 0..dataset.len() {
             interrupt::check()?;
@@ -109,6 +111,7 @@ impl Export {
             progress.set(index + 1, dataset.len());
         }
         put(export.whole())?;
+        folder.finish()?;
         progress.finish();
         say::findings(export.findings());
         self.tell(&dataset, json)
@@ -118,10 +121,11 @@ impl Export {
     fn nerf2(&self, dataset: &Dataset, json: bool) -> Result<Verdict> {
         let gateway = Gateway { position: self.gateway.map(|p| p.0), towards: self.gateway_towards.map(|p| p.0) };
         let set = Nerf2Set::new(dataset, self.scene.as_deref(), gateway)?;
-        let _held = claim_fresh(&self.out)?;
+        let folder = claim_fresh(&self.out)?;
         for (name, bytes) in set.trace()? {
-            write_atomic(self.out.join(name), &bytes)?;
+            write_atomic(folder.path().join(name), &bytes)?;
         }
+        folder.finish()?;
         self.tell(dataset, json)
     }
 

@@ -1,16 +1,16 @@
 //! `corf dataset import`: a capture that others' programs made becomes a data set.
 
 use super::{Verdict, show};
+use crate::apart::{Reads, keep_apart};
 use crate::progress::Progress;
 use crate::run::claim_fresh;
 use crate::{interrupt, note, say};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::{Args, ValueEnum};
 use corf_scene::capture::{self, Format, ImportOptions, Offset, RfCamera, RfValues, SplitRule, Up};
 use corf_scene::dataset::{Dataset, Quantity};
 use corf_scene::keyframe::DbRange;
-use corf_scene::lock;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Mutex;
 
@@ -244,7 +244,10 @@ impl Import {
     /// A capture that cannot be read or leaves something open, an occupied output folder, an interrupt; nothing is left then.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let options = self.options()?;
-        let held = claim_fresh(&self.out)?;
+        let read = [Some(&self.source), self.images.as_ref(), self.rf.as_ref(), self.depth.as_ref(), self.masks.as_ref()];
+        let reads: Vec<Reads<'_>> = read.into_iter().flatten().map(|folder| Reads::Folder(folder)).collect();
+        keep_apart("--out", &self.out, &reads)?;
+        let folder = claim_fresh(&self.out)?;
         let progress = Mutex::new(Progress::start(format!("import of {}", self.source.display()), 1, "keyframes"));
         let tell = |done: usize, all: usize| -> Result<()> {
             if let Ok(mut progress) = progress.lock() {
@@ -252,21 +255,15 @@ impl Import {
             }
             interrupt::check()
         };
-        let imported = capture::import(&options, &self.out, &tell);
+        let imported = capture::import(&options, folder.path(), &tell);
         if let Ok(progress) = progress.into_inner() {
             progress.finish();
         }
-        let report = match imported {
-            Ok(report) => report,
-            Err(error) => {
-                clear(&self.out)?;
-                return Err(error);
-            }
-        };
-        drop(held);
+        let report = imported?;
+        let dataset = Dataset::open(folder.path())?;
+        folder.finish()?;
         report.notes.iter().for_each(|line| note!("{line}"));
         say::findings(report.findings);
-        let dataset = Dataset::open(&self.out)?;
         say::findings(dataset.far_finding());
         let has = dataset.modalities();
         let mut text = format!("{}: {} keyframes", self.out.display(), dataset.len());
@@ -284,19 +281,4 @@ impl Import {
         show(json, dataset.header(), &format!("{text}, hash {}", dataset.hash()))?;
         Ok(Verdict::Done)
     }
-}
-
-/// Removes what a failed import wrote into its folder, which was empty; its lock removes the folder itself if it made it.
-fn clear(folder: &Path) -> Result<()> {
-    let context = || format!("cannot remove what was written into {}", folder.display());
-    for entry in std::fs::read_dir(folder).with_context(context)? {
-        let entry = entry.with_context(context)?;
-        if entry.file_name() == lock::FILE_NAME {
-            continue;
-        }
-        let is_dir = entry.file_type().with_context(context)?.is_dir();
-        let path = entry.path();
-        (if is_dir { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) }).with_context(context)?;
-    }
-    Ok(())
 }

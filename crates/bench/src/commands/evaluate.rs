@@ -1,11 +1,13 @@
 //! `corf evaluate`: a run's field, or another program's predictions, against the held-out keyframes.
 
 use super::{Verdict, show};
+use crate::apart::{Reads, keep_apart};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::methods::open;
 use crate::metrics::lpips::LpipsOption;
 use crate::note;
+use crate::output::FreshFolder;
 use crate::prediction_folder::{PredictionFolder, PredictionWriter, stated_of};
 use crate::record::{Numbers, Outcome, Record};
 use crate::report::along::Figures;
@@ -55,9 +57,12 @@ impl Evaluate {
     /// A run, predictions or a dataset that cannot be read.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let columns = table::columns(&self.columns)?;
-        let (folder, (record, dataset)) = match (&self.predictions, &self.run) {
-            (Some(folder), _) => (folder, self.of_predictions(folder)?),
-            (None, Some(run)) => (run, self.of_run(run)?),
+        let (folder, (record, dataset), predictions) = match (&self.predictions, &self.run) {
+            (Some(folder), _) => (folder, self.of_predictions(folder)?, None),
+            (None, Some(run)) => {
+                let (record, dataset, predictions) = self.of_run(run)?;
+                (run, (record, dataset), predictions)
+            }
             (None, None) => anyhow::bail!("nothing to evaluate\n  help: name a run folder, or predictions with --predictions"),
         };
         let _held = claim_shared(folder)?;
@@ -65,6 +70,8 @@ impl Evaluate {
         let figures = Figures::of(&records, &dataset)?;
         records[0].write(&folder.join("metrics.json"))?;
         figures.iter().try_for_each(|figures| figures.write(folder))?;
+        // Last, so that the command works again until all of it is done.
+        predictions.map_or(Ok(()), FreshFolder::finish)?;
         show(json, &records[0], &table::plain(&table::rows(&records), &columns))?;
         Ok(Verdict::Done)
     }
@@ -86,9 +93,12 @@ impl Evaluate {
         Ok((record, input.dataset))
     }
 
-    fn of_run(&self, folder: &Path) -> Result<(Record, Dataset)> {
+    fn of_run(&self, folder: &Path) -> Result<(Record, Dataset, Option<FreshFolder>)> {
         let networks = self.lpips.read()?;
         let mut run = open::open(folder, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
+        if let Some(out) = &self.write_predictions {
+            keep_apart("--write-predictions", out, &[Reads::Folder(folder), Reads::Folder(run.input.dataset.dir())])?;
+        }
         run.input = run.input.with_networks(&networks)?;
         let _held = claim_shared(folder)?;
         let dataset = &run.input.dataset;
@@ -97,9 +107,7 @@ impl Evaluate {
             writer.as_ref().map_or(Ok(()), |writer| writer.write(truth.index, prediction))
         })?;
         let info = &run.info;
-        if let Some(writer) = writer {
-            writer.finish(&stated_of(info, run.method.as_ref(), dataset))?;
-        }
+        let predictions = writer.map(|writer| writer.finish(&stated_of(info, run.method.as_ref(), dataset))).transpose()?;
         let numbers =
             Numbers::of(frames, Some(info.seconds), info.gaussians, info.peak_memory_bytes, info.curve.clone(), info.latency)
                 .with_depth(info.depth);
@@ -110,6 +118,6 @@ impl Evaluate {
         record.config = info.config.clone();
         record.device = info.device.clone();
         record.dataset_verified &= info.dataset_verified;
-        Ok((record, run.input.dataset))
+        Ok((record, run.input.dataset, predictions))
     }
 }

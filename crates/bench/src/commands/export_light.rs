@@ -6,7 +6,7 @@ use crate::poses::PoseFile;
 use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_scene::config::{DatasetConfig, SceneConfig};
-use corf_scene::export::mitsuba::{self, Views};
+use corf_scene::export::mitsuba::{self, Summary, Views};
 use corf_scene::{Pinhole, Rigid3, Scene, trajectory};
 use std::path::Path;
 
@@ -86,13 +86,21 @@ fn world_from_camera(poses: Vec<trajectory::TrajectoryPose>) -> Vec<Rigid3> {
     poses.into_iter().map(|pose| pose.world_from_camera).collect()
 }
 
-/// Writes the folder and says what is in it.
+/// Writes the folder.
 ///
 /// # Errors
 /// As [`mitsuba::write`].
-pub fn write(scene: &Scene, views: Option<&Views>, out: &Path, json: bool) -> Result<Verdict> {
-    let summary = mitsuba::write(scene, views, out)?;
+pub fn write(scene: &Scene, views: Option<&Views>, folder: &Path) -> Result<Summary> {
+    let summary = mitsuba::write(scene, views, folder)?;
     summary.approximated.iter().for_each(|what| note!("note: {what}"));
+    Ok(summary)
+}
+
+/// Says what is in it.
+///
+/// # Errors
+/// Standard output that cannot be written.
+pub fn tell(summary: &Summary, out: &Path, json: bool) -> Result<Verdict> {
     let text = format!(
         "{}: {} shapes, {} materials, {} textures, {} emitters, {} triangles, {} sensors",
         out.display(),
@@ -103,6 +111,6 @@ pub fn write(scene: &Scene, views: Option<&Views>, out: &Path, json: bool) -> Re
         summary.triangles,
         summary.sensors
     );
-    show(json, &summary, &text)?;
+    show(json, summary, &text)?;
     Ok(Verdict::Done)
 }

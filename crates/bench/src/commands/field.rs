@@ -1,6 +1,7 @@
 //! `corf field`: a reconstructed field for other programs.
 
 use super::{Verdict, show};
+use crate::apart::{Reads, keep_apart};
 use crate::methods::open;
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, Subcommand, ValueEnum};
@@ -98,6 +99,7 @@ impl Export {
     /// # Errors
     /// A folder that is no run of Gaussians, a modality that was not trained, a degree below the field's, a file that cannot be written.
     pub fn run(self, json: bool) -> Result<Verdict> {
+        keep_apart("--out", &self.out, &[Reads::Folder(&self.run)])?;
         let (field, antialias, offset_m) = self.read()?;
         let mut notes = ply::Notes { offset_m, ..field.meta.notes(antialias) };
         let meta = field.meta;

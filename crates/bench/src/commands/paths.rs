@@ -1,6 +1,7 @@
 //! `corf paths`: propagation paths between points, what a link makes of them, and their export.
 
 use super::{Verdict, paths_scenario, print};
+use crate::apart::{Reads, keep_apart, keep_from_scene};
 use crate::interrupt;
 pub(super) use crate::link::Point;
 use crate::link::{Grid, LinkArgs, LinkSetup, receivers};
@@ -136,6 +137,12 @@ impl Paths {
             }
             _ => {}
         }
+        if let Some(out) = &self.out {
+            let read = [Some(&self.scene), self.link.config.as_ref(), self.rx_file.as_ref()];
+            let reads: Vec<Reads<'_>> = read.into_iter().flatten().map(|file| Reads::File(file)).collect();
+            keep_apart("--out", out, &reads)?;
+            keep_from_scene("--out", out)?;
+        }
         let mut setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
         setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
         let ports: Vec<usize> = setup.transmitters.iter().map(|tx| tx.array.ports()).collect();
@@ -187,9 +194,11 @@ impl Paths {
         let mut setup = LinkSetup::load(&self.scene, &self.link, self.tx_array, self.rx_array)?;
         setup.place_transmitter(self.tx.iter().map(|p| p.0))?;
         paths_scenario::check(&setup)?;
-        let _held = claim_fresh(out)?;
+        let folder = claim_fresh(out)?;
         let traced = self.trace(&setup, &DiffuseSettings::default())?;
-        paths_scenario::write(&setup, &traced.set, out)?;
+        paths_scenario::write(&setup, &traced.set, folder.path())?;
+        folder.finish()?;
+        paths_scenario::tell(&traced.set, out);
         Ok(Verdict::Done)
     }
 

@@ -56,10 +56,14 @@ pub(super) fn write(setup: &LinkSetup, set: &PathSet<'_>, out: &Path) -> Result<
     for (name, bytes) in deepmimo_scenario(set, &setup.scene, &settings)? {
         io::write_atomic(out.join(name), &bytes)?;
     }
+    Ok(())
+}
+
+/// Says how it is loaded.
+pub(super) fn tell(set: &PathSet<'_>, out: &Path) {
     let (links, paths) = (set.links.len(), set.max_paths());
     note!(
         "{links} links with up to {paths} paths each: deepmimo.config.set(\"scenarios_folder\", PARENT), then deepmimo.load(\"{}\", max_paths={paths})",
         out.file_name().unwrap_or_default().display()
     );
-    Ok(())
 }

@@ -2,6 +2,7 @@
 
 use super::reconstruct_follow::Follow;
 use super::{Verdict, show};
+use crate::apart::{Reads, keep_apart};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::json::{read_numbers, read_text};
@@ -23,7 +24,8 @@ pub struct Reconstruct {
     /// Dataset folder.
     #[arg(required_unless_present = "follow")]
     dataset: Option<PathBuf>,
-    /// Take keyframes from this live folder as they land (docs/live.md), instead of a dataset, until it says `end` or Ctrl-C; corf-gs methods.
+    /// Take keyframes from this live folder as they land (docs/live.md), instead of a dataset, until it says `end` or Ctrl-C; corf-gs methods. The same
+    /// command goes on with a run that did not come to its end.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["dataset", "resume", "checkpoint_every", "no_verify"])]
     follow: Option<PathBuf>,
     /// What happens to keyframes of --follow that come faster than they are taken: all wait, or the latest takes the place of those that wait.
@@ -86,6 +88,7 @@ fn view_port(text: &str) -> Result<u16, String> {
 impl Reconstruct {
     /// Reconstructs from a live folder.
     fn follow(self, folder: &Path, json: bool) -> Result<Verdict> {
+        keep_apart("--out", &self.out, &[Reads::Folder(folder)])?;
         let overrides = self.overrides()?;
         let live = Follow {
             folder,
@@ -150,6 +153,7 @@ impl Reconstruct {
             return self.follow(&folder, json);
         }
         let Some(dataset_folder) = &self.dataset else { bail!("no dataset is named\n  help: name its folder, or --follow DIR") };
+        keep_apart("--out", &self.out, &[Reads::Folder(dataset_folder)])?;
         // A port that cannot be had is known before any work.
         let port = self.view.map(|port| Port::hold(port, "--view")).transpose()?;
         let (protocol, overrides) = (self.protocol.unwrap_or_default(), self.overrides()?);

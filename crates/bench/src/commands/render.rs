@@ -1,6 +1,7 @@
 //! `corf render`: a reconstructed field at any poses.
 
 use super::{Verdict, show};
+use crate::apart::{Reads, keep_apart};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::methods::open::{self, OpenRun};
@@ -131,6 +132,10 @@ impl Render {
         }
         let video = self.video.as_deref().map(|file| Video::plan(file, self.fps)).transpose()?;
         let mut run = open::open(&self.run, self.dataset.as_deref(), self.verify, &self.device.resolve()?)?;
+        let mut reads = vec![Reads::Folder(&self.run), Reads::Folder(run.input.dataset.dir())];
+        keep_apart("--out", &self.out, &reads)?;
+        reads.extend(self.poses.as_deref().map(Reads::File));
+        self.video.as_deref().map_or(Ok(()), |file| keep_apart("--video", file, &reads))?;
         let has = run.input.dataset.modalities();
         let pictures = self.video_of.unwrap_or(if has.light { Pictures::Images } else { Pictures::Jet });
         let are_there = if pictures == Pictures::Images { has.light } else { has.radio };

@@ -219,8 +219,10 @@ impl Scene {
                 let config = is_config(&whole.file).then(|| SceneConfig::load(&whole.file)).transpose()?;
                 let views = views.resolve(config.as_ref(), &poses)?;
                 say_frame(&scene, config.as_ref());
-                let _held = claim_fresh(&out)?;
-                export_light::write(&scene, views.as_ref(), &out, json)
+                let folder = claim_fresh(&out)?;
+                let summary = export_light::write(&scene, views.as_ref(), folder.path())?;
+                folder.finish()?;
+                export_light::tell(&summary, &out, json)
             }
             Self::Export(Export { file, to: Format::Sionna, out, poses, views }) => {
                 views.refuse()?;

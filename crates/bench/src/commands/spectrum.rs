@@ -170,17 +170,18 @@ impl Spectrum {
             .iter()
             .map(|transmitter| self.form(transmitter, &rf, &config, &scene, &bvh, &pose, grid))
             .collect::<Result<_>>()?;
-        let _held = claim_fresh(&self.out)?;
+        let folder = claim_fresh(&self.out)?;
         let mut summaries = Vec::new();
         let mut lines = Vec::new();
         for (number, of_one) in formed.into_iter().enumerate() {
-            let out = if transmitters.len() == 1 { self.out.clone() } else { self.out.join(format!("tx{number}")) };
+            let [shown, out] = [self.out.as_path(), folder.path()]
+                .map(|path| if transmitters.len() == 1 { path.to_path_buf() } else { path.join(format!("tx{number}")) });
             let Formed { mut summary, images, line } = of_one;
             let written: Vec<Value> = images
                 .iter()
                 .map(|(kind, image)| self.write(&out, kind.name(), Quantity::of(*kind), image))
                 .collect::<Result<_>>()?;
-            lines.push(format!("{line}; {} spectra in {}", written.len(), out.display()));
+            lines.push(format!("{line}; {} spectra in {}", written.len(), shown.display()));
             summary["spectra"] = json!(written);
             write_json(&out.join("spectrum.json"), &summary)?;
             summaries.push(summary);
@@ -190,10 +191,11 @@ impl Spectrum {
             (_, last) => {
                 summaries.extend(last);
                 let all = json!({ "schema": "corf-spectra/1", "names": self.transmitter, "transmitters": summaries });
-                write_json(&self.out.join("spectrum.json"), &all)?;
+                write_json(&folder.path().join("spectrum.json"), &all)?;
                 all
             }
         };
+        folder.finish()?;
         show(json, &summary, &lines.join("\n"))?;
         Ok(Verdict::Done)
     }

@@ -1,13 +1,15 @@
 //! `corf view`: a field, or a data set, in a browser.
 
 use super::{Verdict, show};
+use crate::apart::{Reads, is_same, keep_apart};
 use crate::device::DeviceChoice;
 use crate::input::Verify;
 use crate::note;
+use crate::run::KeptModel;
 use crate::view::{self, Subject};
 use anyhow::Result;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// `corf view`.
 #[derive(Args)]
@@ -39,6 +41,7 @@ impl View {
     pub fn run(self, json: bool) -> Result<Verdict> {
         let mut subject = Subject::open(&self.folder, self.dataset.as_deref(), self.verify, self.device)?;
         if let Some(path) = &self.export {
+            self.check_apart(path, subject.dataset_folder())?;
             let bytes = view::export(&mut subject, path)?;
             let text = format!("{} ({:.1} MB): open it in a browser", path.display(), bytes as f64 / 1e6);
             show(json, &serde_json::json!({ "page": path, "bytes": bytes }), &text)?;
@@ -49,5 +52,22 @@ impl View {
         note!("open it in a browser on this machine; Ctrl-C ends it");
         view::serve(&mut subject, port)?;
         Ok(Verdict::Done)
+    }
+
+    /// Refuses a page in the run or the data set that is looked at; a comparison has a place for one.
+    fn check_apart(&self, page: &Path, dataset: &Path) -> Result<()> {
+        if page.is_dir() {
+            // Said by whoever writes it.
+            return Ok(());
+        }
+        let beside = |own: &Path| match (page.parent(), own.parent()) {
+            (Some(a), Some(b)) => is_same(if a.as_os_str().is_empty() { Path::new(".") } else { a }, b),
+            _ => false,
+        };
+        let is_own = |model: KeptModel| model.page.file_name() == page.file_name() && !page.is_symlink() && beside(&model.page);
+        let folder = Reads::Folder(&self.folder);
+        let run = (!KeptModel::all(&self.folder).into_iter().any(is_own)).then_some(folder);
+        let reads: Vec<Reads<'_>> = run.into_iter().chain([Reads::Folder(dataset)]).collect();
+        keep_apart("--export", page, &reads)
     }
 }

@@ -1,8 +1,9 @@
 //! Arrivals: a thread that looks into the live folder, stamps what has landed, and reads it.
 
+use super::earlier::Earlier;
 use super::order::Order;
 use super::outcome::{EndedBy, WhenBehind};
-use corf_scene::live::{END, LiveDescription, LiveFrame, POSES, number_of};
+use corf_scene::live::{DEPTH, END, IMAGES, LiveDescription, LiveFrame, POSES, SPECTRA, number_of};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,6 +15,12 @@ use std::time::{Duration, Instant, SystemTime};
 const POLL: Duration = Duration::from_millis(8);
 /// Pause between looks at pose files that have been seen, which somebody may have written again.
 const REVISIT: Duration = Duration::from_secs(1);
+/// Pause between looks at whether the folders are there.
+const WATCH: Duration = Duration::from_millis(200);
+/// Time that the files of a keyframe which cannot be read have to become whole, after its pose was seen: some are written in their place.
+const SETTLE: Duration = Duration::from_millis(500);
+/// Pause between attempts meanwhile.
+const RETRY: Duration = Duration::from_millis(50);
 /// Keyframes that are read ahead of their turn; more would only take memory.
 const READ_AHEAD: usize = 8;
 
@@ -30,13 +37,17 @@ pub(super) enum Notice {
     Refused { file: String, number: Option<u64>, reason: String, at: Instant },
     /// A later one took its place.
     Dropped { number: u64, arrived: Instant },
+    /// Something keeps keyframes from coming, or no longer does.
+    Trouble { what: String, at: Instant },
 }
 
 /// Counts of what has landed.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Tally {
-    /// Keyframes that were complete, whatever became of them.
+    /// Keyframes that were complete, whatever became of them, in earlier sessions as well.
     pub arrived: usize,
+    /// Those that this session saw.
+    pub seen_now: usize,
     /// The most that waited at once.
     pub longest_queue: usize,
     /// When the first and the latest came.
@@ -90,20 +101,28 @@ pub(super) struct Inbox {
 }
 
 impl Inbox {
-    /// Begins to look into `dir`; `collected` is the number of first keyframes that are never left out.
-    pub fn open(dir: &Path, description: &LiveDescription, policy: WhenBehind, collected: usize) -> std::io::Result<Self> {
+    /// Begins to look into `dir` for what `earlier` sessions have not dealt with; `collected` is the number of first keyframes that are never left
+    /// out.
+    pub fn open(
+        dir: &Path,
+        description: &LiveDescription,
+        policy: WhenBehind,
+        collected: usize,
+        earlier: Earlier,
+    ) -> std::io::Result<Self> {
         let shared = Arc::new(Shared {
             dir: dir.to_owned(),
             description: description.clone(),
             policy,
-            collected,
+            collected: collected.saturating_sub(earlier.taken.len()),
             stop: AtomicBool::new(false),
             abandoned: AtomicBool::new(false),
-            state: Mutex::default(),
+            state: Mutex::new(State { tally: Tally { arrived: earlier.arrived(), ..Tally::default() }, ..State::default() }),
             changed: Condvar::new(),
         });
         let own = shared.clone();
-        let thread = std::thread::Builder::new().name("live folder".to_owned()).spawn(move || Receiver::new(&own).run())?;
+        let thread =
+            std::thread::Builder::new().name("live folder".to_owned()).spawn(move || Receiver::new(&own, earlier).run())?;
         Ok(Self { shared, thread: Some(thread) })
     }
 
@@ -185,16 +204,32 @@ struct Landed {
 /// The thread that looks.
 struct Receiver<'a> {
     shared: &'a Shared,
+    /// What earlier sessions have dealt with.
+    earlier: Earlier,
     /// Length and time of change of every pose file that was seen.
     seen: BTreeMap<String, (u64, Option<SystemTime>)>,
+    /// Folders of the live folder that were there at the last look, and whether one of them is missing now that was.
+    folders: Folders,
+    watched: Option<Instant>,
     revisited: Instant,
     unread: VecDeque<Landed>,
     order: Order,
 }
 
 impl<'a> Receiver<'a> {
-    fn new(shared: &'a Shared) -> Self {
-        Self { shared, seen: BTreeMap::new(), revisited: Instant::now(), unread: VecDeque::new(), order: Order::default() }
+    fn new(shared: &'a Shared, earlier: Earlier) -> Self {
+        let mut order = Order::default();
+        earlier.taken.iter().for_each(|number| order.take(*number));
+        Self {
+            shared,
+            earlier,
+            seen: BTreeMap::new(),
+            folders: Folders::new(&shared.description),
+            watched: None,
+            revisited: Instant::now(),
+            unread: VecDeque::new(),
+            order,
+        }
     }
 
     fn run(mut self) {
@@ -209,6 +244,13 @@ impl<'a> Receiver<'a> {
             } else {
                 None
             };
+            if end.is_none() && self.watched.is_none_or(|last| last.elapsed() >= WATCH) {
+                self.watched = Some(Instant::now());
+                for what in self.folders.watch(&self.shared.dir) {
+                    self.shared.lock().notices.push(Notice::Trouble { what, at: Instant::now() });
+                    self.shared.changed.notify_all();
+                }
+            }
             // And the last look is a thorough one.
             self.look(end.is_some());
             if self.shared.abandoned.load(Ordering::SeqCst) {
@@ -243,8 +285,9 @@ impl<'a> Receiver<'a> {
                 continue;
             }
             let Ok(metadata) = entry.metadata() else { continue };
-            let signature = (metadata.len(), metadata.modified().ok());
-            if self.seen.insert(name.clone(), signature) != Some(signature) {
+            let now = signature(&metadata);
+            let before = self.seen.insert(name.clone(), now);
+            if before != Some(now) && (before.is_some() || !self.earlier.knows(&name, number_of(&name))) {
                 found.push(name);
             }
         }
@@ -266,6 +309,7 @@ impl<'a> Receiver<'a> {
         let mut state = self.shared.lock();
         state.unread = self.unread.len();
         state.tally.arrived += arrived;
+        state.tally.seen_now += arrived;
         if arrived > 0 {
             state.tally.first_and_last = Some((state.tally.first_and_last.map_or(at, |(first, _)| first), at));
         }
@@ -277,8 +321,19 @@ impl<'a> Receiver<'a> {
         let stem = name.strip_suffix(".json").unwrap_or(&name).to_owned();
         let frame = match self.order.fault(number) {
             Some(fault) => Err(fault),
-            None => LiveFrame::read(&self.shared.dir, &stem, &self.shared.description).map_err(|e| e.to_string()),
+            None => match LiveFrame::read(&self.shared.dir, &stem, &self.shared.description) {
+                Err(_) if at.elapsed() < SETTLE => {
+                    self.unread.push_front(Landed { name, number, at });
+                    std::thread::sleep(RETRY);
+                    return;
+                }
+                read => read.map_err(|e| e.to_string()),
+            },
         };
+        // What it has become until now is what was read.
+        if let Ok(metadata) = self.shared.dir.join(POSES).join(&name).symlink_metadata() {
+            self.seen.insert(name.clone(), signature(&metadata));
+        }
         match frame {
             Ok(frame) => {
                 self.order.take(number);
@@ -303,6 +358,71 @@ impl<'a> Receiver<'a> {
     }
 }
 
+/// Length and time of change of a pose file.
+fn signature(metadata: &std::fs::Metadata) -> (u64, Option<SystemTime>) {
+    (metadata.len(), metadata.modified().ok())
+}
+
+/// The folders that keyframes come in.
+struct Folders {
+    /// Name, and what it was at the last look; none before it was there.
+    known: Vec<(&'static str, Option<Presence>)>,
+}
+
+/// What a folder of the live folder is found to be.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Presence {
+    /// A folder that can be read.
+    Readable,
+    /// Nothing.
+    Gone,
+    /// Something else, or a folder that cannot be read.
+    Unusable,
+}
+
+impl Presence {
+    fn of(path: &Path) -> Self {
+        match std::fs::read_dir(path) {
+            Ok(_) => Self::Readable,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Self::Gone,
+            Err(_) => Self::Unusable,
+        }
+    }
+}
+
+impl Folders {
+    fn new(description: &LiveDescription) -> Self {
+        let names = [POSES, IMAGES, SPECTRA].into_iter().chain(description.depth.then_some(DEPTH));
+        Self { known: names.map(|name| (name, None)).collect() }
+    }
+
+    /// Looks at all of them; what is to be said of those that have changed.
+    fn watch(&mut self, dir: &Path) -> Vec<String> {
+        let mut said = Vec::new();
+        for (name, before) in &mut self.known {
+            let path = dir.join(&*name);
+            let now = Presence::of(&path);
+            let shown = path.display();
+            // One that is not there yet is waited for as all of a live folder is.
+            if now == before.unwrap_or(Presence::Gone) {
+                continue;
+            }
+            match (now, *before) {
+                (Presence::Readable, None) => {}
+                (Presence::Readable, Some(_)) => said.push(format!("{shown} is there again")),
+                (Presence::Gone, _) => said.push(format!(
+                    "{shown} IS GONE: no keyframe can come until it is there again; the file `end`, or Ctrl-C, ends the run with those that have come"
+                )),
+                (Presence::Unusable, _) => said.push(format!(
+                    "{shown} is no folder that can be read: no keyframe can come until it is; the file `end`, or Ctrl-C, ends the run with those that have come"
+                )),
+            }
+            *before = Some(now);
+        }
+        said
+    }
+}
+
 /// Leaves out those that wait before the latest, but for the first `collected` of all.
 fn leave_out(state: &mut State, collected: usize) {
     let kept = collected.saturating_sub(state.delivered);
@@ -317,6 +437,29 @@ fn leave_out(state: &mut State, collected: usize) {
 mod tests {
     use super::*;
     use corf_scene::{Raster, Rigid3};
+
+    #[test]
+    fn a_folder_that_goes_is_told_of_once_and_one_that_is_not_there_yet_is_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut folders = Folders { known: vec![(POSES, None), (IMAGES, None)] };
+        assert!(folders.watch(dir.path()).is_empty());
+        let poses = dir.path().join(POSES);
+        std::fs::create_dir(&poses).unwrap();
+        assert!(folders.watch(dir.path()).is_empty());
+        std::fs::remove_dir(&poses).unwrap();
+        let said = folders.watch(dir.path());
+        assert!(said.len() == 1 && said[0].contains("poses IS GONE"), "{said:?}");
+        assert!(folders.watch(dir.path()).is_empty());
+        std::fs::write(&poses, "a file").unwrap();
+        assert!(folders.watch(dir.path())[0].contains("no folder"));
+        std::fs::remove_file(&poses).unwrap();
+        std::fs::create_dir(&poses).unwrap();
+        folders.watch(dir.path());
+        assert!(folders.watch(dir.path()).is_empty());
+        // And one that never was a folder is told of as well.
+        std::fs::write(dir.path().join(IMAGES), "a file").unwrap();
+        assert!(folders.watch(dir.path())[0].contains("images is no folder"));
+    }
 
     fn arrival(number: u64) -> Arrival {
         let frame = LiveFrame {
@@ -347,7 +490,7 @@ mod tests {
             .iter()
             .filter_map(|n| match n {
                 Notice::Dropped { number, .. } => Some(*number),
-                Notice::Refused { .. } => None,
+                Notice::Refused { .. } | Notice::Trouble { .. } => None,
             })
             .collect();
         assert_eq!(dropped, [3, 4]);

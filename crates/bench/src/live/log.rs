@@ -1,5 +1,6 @@
 //! A line for everything that happens to a keyframe, on standard error and in `live.jsonl`, and the record of the whole.
 
+use super::earlier::{Earlier, FILE};
 use super::inbox::{Notice, Tally};
 use super::outcome::{EndedBy, WhenBehind};
 use crate::note;
@@ -12,8 +13,6 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-/// File of the lines, in the run folder.
-const FILE: &str = "live.jsonl";
 /// Waiting keyframes from which on it is said that the device is behind; said again at every doubling.
 const BEHIND: usize = 4;
 
@@ -42,6 +41,9 @@ pub struct LiveRecord {
     pub announced: Option<usize>,
     /// Keyframes that landed, whatever became of them.
     pub arrived: usize,
+    /// Of these, keyframes that an earlier, unfinished session of the run had recorded: they trained again, and no rate or latency counts them.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub resumed: usize,
     /// Keyframes that trained.
     pub trained: usize,
     /// Keyframes that were held out by the protocol.
@@ -95,11 +97,21 @@ impl LiveRecord {
         let DepthSources { files, network, matching } = self.depth;
         text +=
             &format!("\ndepth of {files} keyframes from files, of {network} from a network, of {matching} from matching alone");
+        if self.resumed > 0 {
+            text += &format!(
+                "\n{} of the keyframes came from an earlier session, whose recording they were trained from again",
+                self.resumed
+            );
+        }
         if let Some(missing) = self.announced.and_then(|n| n.checked_sub(self.arrived)).filter(|m| *m > 0) {
             text += &format!("\n{missing} of the announced keyframes did not come");
         }
         text
     }
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Writes the lines and counts.
@@ -108,6 +120,7 @@ pub(super) struct Log {
     path: PathBuf,
     start: Instant,
     announced: Option<usize>,
+    resumed: usize,
     trained: usize,
     held_out: usize,
     dropped: Vec<u64>,
@@ -127,28 +140,39 @@ pub(super) struct Trained<'a> {
     pub gaussians: usize,
     pub queue: usize,
     pub depth: &'static str,
+    /// Whether it came from an earlier session's recording.
+    pub resumed: bool,
 }
 
 impl Log {
-    pub fn create(run: &Path, announced: Option<usize>) -> Result<Self> {
+    /// Opens the file of the lines, behind those of an earlier session.
+    pub fn open(run: &Path, announced: Option<usize>, earlier: &Earlier) -> Result<Self> {
         let path = run.join(FILE);
-        let file = File::create(&path).with_context(|| format!("cannot create {}", path.display()))?;
+        let open = File::options().create(true).append(true).open(&path);
+        let file = open.with_context(|| format!("cannot create {}", path.display()))?;
+        // A line that was being written when the session was killed is none.
+        file.set_len(earlier.whole_bytes).with_context(|| format!("cannot write {}", path.display()))?;
         let mut log = Self {
             file,
             path,
             start: Instant::now(),
             announced,
+            resumed: earlier.taken.len(),
             trained: 0,
             held_out: 0,
-            dropped: Vec::new(),
-            refused: Vec::new(),
+            dropped: earlier.dropped.clone(),
+            refused: earlier.refused.clone(),
             latencies_s: Vec::new(),
             done_s: None,
             depth: DepthSources::default(),
             warned_at: BEHIND,
         };
         let unix_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
-        log.line(&json!({ "event": "begin", "unix_s": unix_s, "announced": announced }))?;
+        let mut begin = json!({ "event": "begin", "unix_s": unix_s, "announced": announced });
+        if log.resumed > 0 {
+            begin["resumed"] = json!(log.resumed);
+        }
+        log.line(&begin)?;
         Ok(log)
     }
 
@@ -164,9 +188,11 @@ impl Log {
         let KeyframeTiming { index, wait_s, prepare_s, expand_s, train_s, late_s } = *t.timing;
         let (arrived_s, latency_s) = (self.since_start(t.arrived), t.timing.total_s());
         self.trained += 1;
-        self.latencies_s.push(latency_s);
         let done_s = arrived_s + latency_s;
-        self.done_s = Some([self.done_s.map_or(done_s, |d| d[0]), done_s]);
+        if !t.resumed {
+            self.latencies_s.push(latency_s);
+            self.done_s = Some([self.done_s.map_or(done_s, |d| d[0]), done_s]);
+        }
         match t.depth {
             "file" => self.depth.files += 1,
             "network" => self.depth.network += 1,
@@ -199,7 +225,15 @@ impl Log {
             "queue": t.queue,
             "gaussians": t.gaussians,
             "depth": t.depth,
+            "resumed": t.resumed,
         }))
+    }
+
+    /// Says that something keeps keyframes from coming, or no longer does.
+    pub fn trouble(&mut self, what: &str, at: Instant) -> Result<()> {
+        let at_s = self.since_start(at);
+        note!("{what}");
+        self.line(&json!({ "event": "trouble", "what": what, "at_s": at_s }))
     }
 
     pub fn held_out(&mut self, number: u64, index: usize, arrived: Instant) -> Result<()> {
@@ -222,6 +256,10 @@ impl Log {
             Notice::Refused { file, number, reason, at } => {
                 self.refused(file, *number, reason, *at)?;
                 Ok(Some(format!("{file}: {reason}")))
+            }
+            Notice::Trouble { what, at } => {
+                self.trouble(what, *at)?;
+                Ok(None)
             }
             Notice::Dropped { number, arrived } => {
                 self.dropped.push(*number);
@@ -256,7 +294,7 @@ impl Log {
         self.line(&json!({ "event": "end", "by": ended_by, "at_s": self.start.elapsed().as_secs_f64() }))?;
         let rate = |(first, last): (Instant, Instant)| {
             let seconds = last.saturating_duration_since(first).as_secs_f64();
-            (seconds > 0.0).then(|| (tally.arrived - 1) as f64 / seconds)
+            (seconds > 0.0).then(|| (tally.seen_now - 1) as f64 / seconds)
         };
         Ok(LiveRecord {
             folder: std::path::absolute(folder)?,
@@ -264,6 +302,7 @@ impl Log {
             ended_by,
             announced: self.announced,
             arrived: tally.arrived,
+            resumed: self.resumed,
             trained: self.trained,
             held_out: self.held_out,
             fell_behind: !self.dropped.is_empty() || tally.longest_queue > collected,
@@ -271,7 +310,7 @@ impl Log {
             refused: self.refused,
             longest_queue: tally.longest_queue,
             arrivals_per_second: tally.first_and_last.and_then(rate),
-            taken_per_second: self.done_s.filter(|d| d[1] > d[0]).map(|d| (self.trained - 1) as f64 / (d[1] - d[0])),
+            taken_per_second: self.done_s.filter(|d| d[1] > d[0]).map(|d| (self.latencies_s.len() - 1) as f64 / (d[1] - d[0])),
             capacity_per_second: LatencySummary::of(timings).map(|l| l.keyframes_per_second),
             latency: Percentiles::of(self.latencies_s.into_iter()),
             depth: self.depth,

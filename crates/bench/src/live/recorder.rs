@@ -19,6 +19,14 @@ pub(super) struct Entry {
     pub frame: FrameData,
 }
 
+/// Keyframes that an earlier session recorded, in order.
+#[derive(Default)]
+pub(super) struct Recording {
+    /// Their names in the live folder.
+    pub names: Vec<String>,
+    pub poses: Vec<TrajectoryPose>,
+}
+
 /// Writes a data set that grows.
 pub(super) struct Recorder {
     dir: PathBuf,
@@ -27,9 +35,10 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Starts a data set in a new folder.
-    pub fn start(dir: &Path, header: DatasetHeader) -> Result<Self> {
+    /// Starts a data set, or goes on with the one that an earlier session of the same run has left.
+    pub fn start(dir: &Path, header: DatasetHeader) -> Result<(Self, Recording)> {
         let mut writer = DatasetWriter::growing(dir, header)?;
+        let recording = Recording { names: writer.names().to_vec(), poses: writer.poses().to_vec() };
         let (entries, queue) = sync_channel::<Entry>(BACKLOG);
         let write = move || {
             for Entry { name, sources, pose, frame } in queue {
@@ -38,7 +47,7 @@ impl Recorder {
             Ok(writer)
         };
         let thread = std::thread::Builder::new().name("recorder".to_owned()).spawn(write)?;
-        Ok(Self { dir: dir.to_owned(), entries: Some(entries), thread: Some(thread) })
+        Ok((Self { dir: dir.to_owned(), entries: Some(entries), thread: Some(thread) }, recording))
     }
 
     /// Hands a keyframe over.

@@ -1,18 +1,19 @@
 //! A live reconstruction's side of the folder: numbers keyframes as a data set does, holds some out, and keeps record.
 
+use super::earlier::Earlier;
 use super::inbox::{Arrival, Inbox};
 use super::log::{LiveRecord, Log, Trained};
 use super::outcome::WhenBehind;
-use super::recorder::{Entry, Recorder};
+use super::recorder::{Entry, Recorder, Recording};
 use crate::split::{Protocol, Role};
 use crate::{interrupt, note};
 use anyhow::{Result, bail};
 use corf::KeyframeTiming;
-use corf_scene::dataset::{Dataset, FrameData};
+use corf_scene::dataset::{Dataset, FrameData, grown_frame};
 use corf_scene::live::{LiveDescription, LiveFrame};
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Keyframe, Rigid3, far};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -52,6 +53,10 @@ pub struct Session {
     inbox: Inbox,
     log: Log,
     recorder: Recorder,
+    /// The data set of what is taken.
+    dataset: PathBuf,
+    /// What an earlier session has recorded and this one has not taken yet: numbers, names and poses.
+    recorded: VecDeque<(u64, String, TrajectoryPose)>,
     /// Index of the next keyframe.
     next: usize,
     /// Those accepted whose training has not ended.
@@ -68,6 +73,7 @@ struct Open {
     number: u64,
     arrived: Instant,
     depth: &'static str,
+    resumed: bool,
 }
 
 /// A keyframe to train with.
@@ -85,6 +91,8 @@ pub struct Receipt {
     number: u64,
     arrived: Instant,
     entry: Entry,
+    /// Whether it is on record already.
+    resumed: bool,
 }
 
 impl Receipt {
@@ -95,22 +103,39 @@ impl Receipt {
 }
 
 impl Session {
-    /// Begins to look into a live folder.
+    /// Says what keeps a session from being opened that is known in advance.
     ///
     /// # Errors
-    /// A protocol that needs the end of the trajectory; a run folder that cannot be written.
-    pub fn open(options: SessionOptions<'_>) -> Result<Self> {
-        let SessionOptions { folder, run, description, protocol, when_behind, strict, collected } = options;
-        let header = description.header();
-        let test_every = header.split.test_every;
-        if protocol.role(0, test_every).is_none() {
+    /// A protocol that needs the end of the trajectory.
+    pub fn check(description: &LiveDescription, protocol: Protocol) -> Result<()> {
+        if protocol.role(0, description.header().split.test_every).is_none() {
             bail!(
                 "the {} protocol holds out what lies in the middle of a trajectory, and the end of a live one is not known\n  help: choose \
                  --protocol test, validation or all",
                 protocol.name()
             );
         }
+        Ok(())
+    }
+
+    /// Begins to look into a live folder. What an earlier, unfinished session of the run has recorded comes first.
+    ///
+    /// # Errors
+    /// Those of [`Session::check`]; a run folder that cannot be read or written.
+    pub fn open(options: SessionOptions<'_>) -> Result<Self> {
+        let SessionOptions { folder, run, description, protocol, when_behind, strict, collected } = options;
+        Self::check(description, protocol)?;
+        let header = description.header();
+        let test_every = header.split.test_every;
+        let dataset = run.join(DATASET);
+        let (recorder, recording) = Recorder::start(&dataset, header)?;
+        let earlier = Earlier::read(run, &recording)?;
+        let log = Log::open(run, description.keyframes, &earlier)?;
+        let Recording { names, poses } = recording;
+        let recorded = earlier.taken.iter().copied().zip(names).zip(poses).map(|((number, name), pose)| (number, name, pose));
         Ok(Self {
+            dataset,
+            recorded: recorded.collect(),
             folder: folder.to_owned(),
             description: description.clone(),
             protocol,
@@ -118,9 +143,9 @@ impl Session {
             when_behind,
             strict,
             collected,
-            log: Log::create(run, description.keyframes)?,
-            recorder: Recorder::start(&run.join(DATASET), header)?,
-            inbox: Inbox::open(folder, description, when_behind, collected)?,
+            log,
+            recorder,
+            inbox: Inbox::open(folder, description, when_behind, collected, earlier)?,
             next: 0,
             far: false,
             open: BTreeMap::new(),
@@ -151,7 +176,8 @@ impl Session {
             }
             self.tell_notices()?;
             self.log.watch(self.inbox.queue())?;
-            let Some(Arrival { stem, frame, arrived }) = self.inbox.take() else { return Ok(None) };
+            let resumed = !self.recorded.is_empty();
+            let Some(Arrival { stem, frame, arrived }) = self.next_arrival()? else { return Ok(None) };
             let index = self.next;
             let LiveFrame { number, time_s, world_from_camera, rounded, image, mask, spectrum, depth_m, sources } = frame;
             self.tell_far(&world_from_camera);
@@ -171,7 +197,7 @@ impl Session {
                 share_in_frame: None,
                 paths_jsonl: None,
             };
-            let receipt = Receipt { number, arrived, entry: Entry { name: stem, sources, pose, frame: kept } };
+            let receipt = Receipt { number, arrived, entry: Entry { name: stem, sources, pose, frame: kept }, resumed };
             if self.protocol.role(index, self.test_every) != Some(Role::Trains) {
                 self.log.held_out(number, index, arrived)?;
                 self.keep(receipt)?;
@@ -195,12 +221,35 @@ impl Session {
         }
     }
 
+    /// The next keyframe on record, or the next that has come.
+    fn next_arrival(&mut self) -> Result<Option<Arrival>> {
+        let Some((number, stem, pose)) = self.recorded.pop_front() else { return Ok(self.inbox.take()) };
+        let arrived = Instant::now();
+        let content = grown_frame(&self.dataset, pose.index)?;
+        let (Some(image), Some(spectrum)) = (content.image, content.spectrum) else {
+            bail!("{}: keyframe {} has no image or no spectrum", self.dataset.display(), pose.index)
+        };
+        let TrajectoryPose { time_s, world_from_camera, .. } = pose;
+        let frame = LiveFrame {
+            number,
+            time_s: Some(time_s),
+            world_from_camera,
+            rounded: None,
+            image,
+            mask: content.mask,
+            spectrum,
+            depth_m: content.depth_m,
+            sources: BTreeMap::new(),
+        };
+        Ok(Some(Arrival { stem, frame, arrived }))
+    }
+
     /// The keyframe was received; `depth` says where its depths come from: `file`, `network` or `matching`.
     ///
     /// # Errors
     /// A file that cannot be written.
     pub fn accept(&mut self, receipt: Receipt, depth: &'static str) -> Result<()> {
-        let open = Open { number: receipt.number, arrived: receipt.arrived, depth };
+        let open = Open { number: receipt.number, arrived: receipt.arrived, depth, resumed: receipt.resumed };
         self.open.insert(self.next, open);
         self.inbox.set_in_hand(self.open.len());
         self.keep(receipt)
@@ -208,7 +257,7 @@ impl Session {
 
     fn keep(&mut self, receipt: Receipt) -> Result<()> {
         self.next += 1;
-        self.recorder.put(receipt.entry)
+        if receipt.resumed { Ok(()) } else { self.recorder.put(receipt.entry) }
     }
 
     /// The keyframe cannot be used after all; its index goes to the next one.
@@ -216,6 +265,12 @@ impl Session {
     /// # Errors
     /// The reason, in a strict session.
     pub fn refuse(&mut self, receipt: &Receipt, reason: &str) -> Result<()> {
+        if receipt.resumed {
+            bail!(
+                "keyframe {} was taken by an earlier session and cannot be now: {reason}\n  help: choose another --out",
+                receipt.number
+            );
+        }
         let file = format!("poses/{}.json", receipt.entry.name);
         self.log.refused(&file, Some(receipt.number), reason, Instant::now())?;
         self.refuse_strictly(Some(format!("{file}: {reason}")))
@@ -257,10 +312,10 @@ impl Session {
     /// A file that cannot be written.
     pub fn trained(&mut self, timing: &KeyframeTiming, gaussians: usize) -> Result<()> {
         self.timings.push(*timing);
-        let Some(Open { number, arrived, depth }) = self.open.remove(&timing.index) else { return Ok(()) };
+        let Some(Open { number, arrived, depth, resumed }) = self.open.remove(&timing.index) else { return Ok(()) };
         self.inbox.set_in_hand(self.open.len());
         let queue = self.inbox.queue();
-        self.log.trained(&Trained { number, arrived, timing, gaussians, queue, depth })
+        self.log.trained(&Trained { number, arrived, timing, gaussians, queue, depth, resumed })
     }
 
     /// Waits for the first keyframe, or for the end.
@@ -268,7 +323,7 @@ impl Session {
     /// # Errors
     /// An interrupt; the thread that looks into the folder is gone.
     pub fn wait_for_first(&mut self) -> Result<()> {
-        while self.inbox.queue() == 0 && !self.is_over() {
+        while self.recorded.is_empty() && self.inbox.queue() == 0 && !self.is_over() {
             interrupt::check()?;
             if interrupt::input_ended() {
                 self.inbox.stop();
@@ -281,7 +336,7 @@ impl Session {
 
     /// Whether nothing comes any more and all that came was taken.
     pub fn is_over(&self) -> bool {
-        self.inbox.ended().is_some()
+        self.recorded.is_empty() && self.inbox.ended().is_some()
     }
 
     /// Waits a moment for a keyframe.

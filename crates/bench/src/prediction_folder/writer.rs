@@ -4,21 +4,20 @@ use super::{STATEMENT, Statement, statement::SCHEMA};
 use crate::json::write_numbers;
 use crate::method::Method;
 use crate::metrics::Prediction;
+use crate::output::FreshFolder;
 use crate::run::{RunInfo, claim_fresh};
 use anyhow::{Context, Result, ensure};
 use corf_scene::color::quantize8;
 use corf_scene::dataset::{Dataset, stem};
 use corf_scene::io;
 use corf_scene::keyframe::{DbRange, Modalities};
-use corf_scene::lock::FolderLock;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A new folder that is being filled: `images/` and `jet/` as 8-bit PNG, which is what their metrics look at, `linear/` as EXR.
 pub struct PredictionWriter {
-    dir: PathBuf,
+    folder: FreshFolder,
     range: DbRange,
     has: Modalities,
-    _held: FolderLock,
 }
 
 impl PredictionWriter {
@@ -27,8 +26,7 @@ impl PredictionWriter {
     /// # Errors
     /// A folder that holds something already, or cannot be written.
     pub fn create(dir: &Path, dataset: &Dataset) -> Result<Self> {
-        let held = claim_fresh(dir)?;
-        let writer = Self { dir: dir.to_path_buf(), range: dataset.db_range(), has: dataset.modalities(), _held: held };
+        let writer = Self { folder: claim_fresh(dir)?, range: dataset.db_range(), has: dataset.modalities() };
         if writer.has.radio {
             writer.make("jet")?;
             writer.make("linear")?;
@@ -38,7 +36,8 @@ impl PredictionWriter {
 
     /// Makes one of the folders, where it is not there.
     fn make(&self, name: &str) -> Result<()> {
-        std::fs::create_dir_all(self.dir.join(name)).with_context(|| format!("cannot create {}/{name}", self.dir.display()))
+        let folder = self.folder.path().join(name);
+        std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))
     }
 
     /// Writes the prediction of a keyframe.
@@ -50,7 +49,7 @@ impl PredictionWriter {
             prediction.is_finite(),
             "keyframe {index}: a pixel of the prediction is not a finite number\n  help: the field has diverged; reconstruct it with smaller rates"
         );
-        let file = |folder: &str, ending: &str| self.dir.join(folder).join(format!("{}.{ending}", stem(index)));
+        let file = |folder: &str, ending: &str| self.folder.path().join(folder).join(format!("{}.{ending}", stem(index)));
         if let Some(image) = &prediction.image {
             self.make("images")?;
             io::write_png(file("images", "png"), &image.map(|c| c.map(quantize8)))?;
@@ -63,12 +62,13 @@ impl PredictionWriter {
         Ok(())
     }
 
-    /// Writes the statement, without which the folder is not finished.
+    /// Writes the statement, with which the folder is whole and may be shown.
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn finish(self, statement: &Statement) -> Result<()> {
-        write_numbers(&self.dir.join(STATEMENT), statement)
+    pub fn finish(self, statement: &Statement) -> Result<FreshFolder> {
+        write_numbers(&self.folder.path().join(STATEMENT), statement)?;
+        Ok(self.folder)
     }
 }
 

@@ -11,6 +11,7 @@ use corf_raytrace::light::LightTracer;
 use corf_raytrace::radio::RadioTracer;
 use corf_raytrace::sensor::{Extent, Outputs, RadioSensor, SensorPlan};
 use corf_scene::config::{DatasetConfig, LightMethod, SceneConfig};
+use corf_scene::io::ScratchFolder;
 use corf_scene::model::Triangle;
 use corf_scene::trajectory::{self, TrajectoryPose};
 use corf_scene::{Scene, bounds};
@@ -102,7 +103,7 @@ impl Tracing {
     /// # Errors
     /// A configuration or scene that cannot be read or traced.
     pub fn open(settings: &TraceSettings) -> Result<Self> {
-        let unpacked = tempfile::tempdir().context("cannot create a temporary folder")?;
+        let unpacked = ScratchFolder::beside(&std::env::temp_dir()).context("cannot create a temporary folder")?;
         let own = |path: &Path| -> Result<PathBuf> {
             lobby::unpack(path)?;
             Ok(path.join(lobby::FULL))

@@ -82,6 +82,11 @@ fn kept_run(folder: &Path) -> Result<PathBuf> {
 }
 
 impl Subject {
+    /// Folder of the data set.
+    pub fn dataset_folder(&self) -> &Path {
+        self.dataset.dir()
+    }
+
     /// Opens a run folder, the folder of a comparison that keeps one run (`corf demo`), or a data set; `dataset` says where a run's data set is now, `device` renders its predictions.
     ///
     /// # Errors

@@ -11,7 +11,7 @@ use super::{identity, layout, leftovers};
 use crate::finding::Finding;
 use crate::keyframe::DbRange;
 use crate::trajectory::TrajectoryPose;
-use crate::{Error, Raster, Result, io};
+use crate::{Error, Raster, Result, Rigid3, io};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -75,6 +75,19 @@ struct FrameRecord {
     black: bool,
     empty: bool,
     files: BTreeMap<String, FileRecord>,
+    /// What a dataset that grows learns with the keyframe.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    appended: Option<Appended>,
+}
+
+/// A keyframe of a dataset that grows, beside its content.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Appended {
+    name: String,
+    sources: BTreeMap<String, String>,
+    time_s: f64,
+    world_from_camera: [[f64; 4]; 4],
 }
 
 /// The header of a dataset in the making.
@@ -93,6 +106,39 @@ pub struct DatasetWriter {
     dir: PathBuf,
     header: DatasetHeader,
     finished: bool,
+    /// Whether keyframes are appended, and the records of them stay until [`forget_progress`].
+    grows: bool,
+}
+
+/// Removes the records of a dataset's making, which one that grew keeps when it is finished: until then it can grow on.
+///
+/// # Errors
+/// They cannot be removed.
+pub fn forget_progress(dir: &Path) -> Result<()> {
+    leftovers::forget_progress(dir)
+}
+
+/// What a keyframe of a dataset that grows was written as; it is read before the dataset is finished.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn grown_frame(dir: &Path, index: usize) -> Result<FrameData> {
+    let depth = dir.join(layout::depth(index));
+    let mask = dir.join(layout::mask(index));
+    Ok(FrameData {
+        image: Some(io::read_png(dir.join(layout::image(index)))?),
+        linear: None,
+        albedo: None,
+        normals: None,
+        depth_m: depth.exists().then(|| io::read_exr_f32(&depth)).transpose()?,
+        surface: None,
+        mask: mask.exists().then(|| io::read_mask(&mask)).transpose()?,
+        spectrum: Some(io::read_exr_f32(dir.join(layout::spectrum(index)))?),
+        sphere: None,
+        tutorial: None,
+        share_in_frame: None,
+        paths_jsonl: None,
+    })
 }
 
 impl DatasetWriter {
@@ -112,7 +158,7 @@ impl DatasetWriter {
         }
         let mut entries = std::fs::read_dir(dir).map_err(Error::io("read", dir))?;
         let occupied = entries.next().transpose().map_err(Error::io("read", dir))?.is_some();
-        let mut writer = Self { dir: dir.to_path_buf(), header: header.clone(), finished: false };
+        let mut writer = Self { dir: dir.to_path_buf(), header: header.clone(), finished: false, grows: false };
         if occupied && !resume {
             return Err(Error::invalid(
                 dir.display().to_string(),
@@ -157,17 +203,48 @@ impl DatasetWriter {
         Ok(writer)
     }
 
-    /// Starts a dataset in an empty or new folder whose keyframes are not known yet: [`Self::append`] adds each as it comes. It cannot be resumed.
+    /// Starts a dataset whose keyframes are not known yet, or goes on with one that was begun so with the same header, finished or not, behind
+    /// its last keyframe that is whole: [`Self::poses`] and [`Self::names`] say which there are, and [`Self::append`] adds each as it comes.
     ///
     /// # Errors
-    /// The folder is not empty, or cannot be made.
+    /// A record that is damaged, or a folder that cannot be read or written.
     pub fn growing(dir: impl AsRef<Path>, header: DatasetHeader) -> Result<Self> {
         let dir = dir.as_ref();
         std::fs::create_dir_all(dir).map_err(Error::io("create", dir))?;
-        if std::fs::read_dir(dir).map_err(Error::io("read", dir))?.next().is_some() {
-            return Err(Error::invalid(dir.display().to_string(), "the folder is not empty", "give a new folder"));
+        leftovers::remove_temporary(dir)?;
+        let whole = dir.join(layout::DATASET_JSON);
+        if whole.exists() {
+            // It tells of fewer keyframes than there may be in the end.
+            std::fs::remove_file(&whole).map_err(Error::io("remove", &whole))?;
         }
-        Ok(Self { dir: dir.to_path_buf(), header, finished: false })
+        let mut writer = Self { dir: dir.to_path_buf(), header, finished: false, grows: true };
+        while dir.join(layout::progress(writer.len())).exists() {
+            let index = writer.len();
+            let record = writer.record(index)?;
+            let Some(appended) = record.appended.clone().filter(|_| writer.present(&record)) else { break };
+            let place = dir.join(layout::progress(index)).display().to_string();
+            let world_from_camera = Rigid3::from_rows(&appended.world_from_camera, &place)?;
+            writer.header.poses.push(TrajectoryPose { index, time_s: appended.time_s, world_from_camera });
+            writer.name_last(appended);
+        }
+        Ok(writer)
+    }
+
+    /// Keyframes so far, or to be.
+    pub fn poses(&self) -> &[TrajectoryPose] {
+        &self.header.poses
+    }
+
+    /// Names of the keyframes in the capture; none in a data set that was not imported.
+    pub fn names(&self) -> &[String] {
+        self.header.imported.as_ref().map_or(&[], |imported| &imported.names)
+    }
+
+    fn name_last(&mut self, appended: Appended) {
+        if let Some(imported) = &mut self.header.imported {
+            imported.names.push(appended.name);
+            imported.sources.extend(appended.sources);
+        }
     }
 
     /// Adds the next keyframe of a dataset that grows: its name in the capture, the hashes of the files it was read from, its pose and its content.
@@ -186,11 +263,13 @@ impl DatasetWriter {
             return Err(Error::invalid(format!("keyframe {}", pose.index), what, "append keyframes in order"));
         }
         self.header.poses.push(pose);
-        self.write_frame(pose.index, frame)?;
-        if let Some(imported) = &mut self.header.imported {
-            imported.names.push(name);
-            imported.sources.extend(sources);
+        let world_from_camera = pose.world_from_camera.to_rows();
+        let appended = Appended { name, sources, time_s: pose.time_s, world_from_camera };
+        if let Err(error) = self.write(pose.index, frame, Some(appended.clone())) {
+            self.header.poses.pop();
+            return Err(error);
         }
+        self.name_last(appended);
         Ok(())
     }
 
@@ -233,6 +312,10 @@ impl DatasetWriter {
     /// # Errors
     /// An index outside the trajectory, an image of the wrong size, a value that is not finite, or a file that cannot be written.
     pub fn write_frame(&self, index: usize, frame: &FrameData) -> Result<()> {
+        self.write(index, frame, None)
+    }
+
+    fn write(&self, index: usize, frame: &FrameData, appended: Option<Appended>) -> Result<()> {
         let place = format!("keyframe {index}");
         if index >= self.len() {
             return Err(Error::invalid(place, format!("the dataset has {} keyframes", self.len()), "indices count from 0"));
@@ -287,6 +370,7 @@ impl DatasetWriter {
             black,
             empty,
             files,
+            appended,
         };
         io::write_atomic(self.dir.join(layout::progress(index)), to_json(&record)?.as_bytes())
     }
@@ -358,7 +442,8 @@ impl DatasetWriter {
         Ok(())
     }
 
-    /// Makes the dataset a whole: the one dB range, RF images, COLMAP and transforms.json files, split lists, and `dataset.json` last.
+    /// Makes the dataset a whole: the one dB range, RF images, COLMAP and transforms.json files, split lists, and `dataset.json` last. One that
+    /// grew can grow on ([`Self::growing`]) until [`forget_progress`].
     ///
     /// # Errors
     /// A keyframe is missing, no keyframe received any power or one more than a stated range has, or a file cannot be read or written.
@@ -438,7 +523,7 @@ impl DatasetWriter {
             files,
         };
         io::write_atomic(self.dir.join(layout::DATASET_JSON), to_json(&file)?.as_bytes())?;
-        leftovers::forget_progress(&self.dir)
+        if self.grows { Ok(()) } else { leftovers::forget_progress(&self.dir) }
     }
 
     /// The one dB range of spectra whose largest value is `peak`, and that value in dB; none without radio.

@@ -11,17 +11,25 @@ use std::path::Path;
 /// # Errors
 /// Another extension; a file that cannot be read, is damaged, larger than [`super::MAX_PIXELS`], or holds more than one number a pixel.
 pub fn read_map(path: impl AsRef<Path>) -> Result<Raster<f32>> {
+    decode_map(&read(path.as_ref())?, path)
+}
+
+/// The map in a file's bytes, as [`read_map`] reads it; `path` says by its extension what they are, and names them in messages.
+///
+/// # Errors
+/// Those of [`read_map`], but for the reading.
+pub fn decode_map(bytes: &[u8], path: impl AsRef<Path>) -> Result<Raster<f32>> {
     let path = path.as_ref();
     match path.extension().and_then(|e| e.to_str()) {
-        Some("exr") => exr(path),
-        Some("npy") => npy(path),
-        Some("png") => png(path),
+        Some("exr") => exr(bytes, path),
+        Some("npy") => npy(bytes, path),
+        Some("png") => png(bytes, path),
         _ => Err(Error::invalid(path.display().to_string(), "not named as a map is", "give an .exr, .npy or .png file")),
     }
 }
 
-fn exr(path: &Path) -> Result<Raster<f32>> {
-    let (width, height, channels) = decode_exr(&read(path)?, path)?;
+fn exr(bytes: &[u8], path: &Path) -> Result<Raster<f32>> {
+    let (width, height, channels) = decode_exr(bytes, path)?;
     let named = |name: &str| channels.iter().find(|(n, _)| n == name);
     let only = || channels.first().filter(|_| channels.len() == 1);
     match named("Z").or_else(|| named("Y")).or_else(only) {
@@ -30,9 +38,9 @@ fn exr(path: &Path) -> Result<Raster<f32>> {
     }
 }
 
-fn npy(path: &Path) -> Result<Raster<f32>> {
+fn npy(bytes: &[u8], path: &Path) -> Result<Raster<f32>> {
     let place = path.display().to_string();
-    let (shape, values) = npz::decode_npy(&read(path)?, &place)?;
+    let (shape, values) = npz::decode_npy(bytes, &place)?;
     let (height, width) = match *shape.as_slice() {
         [height, width] | [height, width, 1] | [1, height, width] => (height, width),
         _ => return Err(Error::invalid(place, format!("its shape is {shape:?}"), "save an array of shape (rows, columns)")),
@@ -43,8 +51,8 @@ fn npy(path: &Path) -> Result<Raster<f32>> {
     Ok(Raster::from_vec(width, height, values.into_iter().map(|v| v as f32).collect()))
 }
 
-fn png(path: &Path) -> Result<Raster<f32>> {
-    match decode_image(&read(path)?, path, |image| image)? {
+fn png(bytes: &[u8], path: &Path) -> Result<Raster<f32>> {
+    match decode_image(bytes, path, |image| image)? {
         DynamicImage::ImageLuma16(grey) => {
             let (width, height) = (grey.width() as usize, grey.height() as usize);
             Ok(Raster::from_vec(width, height, grey.into_raw().into_iter().map(f32::from).collect()))

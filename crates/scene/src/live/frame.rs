@@ -12,6 +12,10 @@ use std::path::{Path, PathBuf};
 
 /// Excess of a spectrum over the stated range that is rounding, dB.
 const TOLERANCE_DB: f64 = 1e-5;
+/// Most bytes of a pose file.
+const MAX_POSE_BYTES: u64 = 1 << 16;
+/// Most bytes of any other file of a keyframe.
+const MAX_FILE_BYTES: u64 = 1 << 30;
 
 /// A keyframe as its files describe it.
 #[derive(Clone, Debug)]
@@ -73,10 +77,11 @@ impl LiveFrame {
         let mut files = Files { dir, stem, sources: BTreeMap::new() };
         let number = number_of(&format!("{stem}.json"))
             .ok_or_else(|| Error::invalid(stem, "its name is no number", "name keyframes by a counter or a time stamp"))?;
-        let (path, name) = files.one(POSES, &["json"])?.ok_or_else(|| files.missing(POSES, "json"))?;
-        let text = io::read_text(&path)?;
+        let Loaded { name, bytes, .. } =
+            files.take(POSES, &["json"], MAX_POSE_BYTES)?.ok_or_else(|| files.missing(POSES, "json"))?;
         let help = "give {\"world_from_camera\": 4x4 by rows, \"time_s\": seconds}, written under another name and renamed";
-        let pose: PoseFile = serde_json::from_str(&text).map_err(|e| Error::invalid(&name, format!("is no pose: {e}"), help))?;
+        let pose: PoseFile =
+            serde_json::from_slice(&bytes).map_err(|e| Error::invalid(&name, format!("is no pose: {e}"), help))?;
         let (world_from_camera, rounded) = Rigid3::nearest(&pose.world_from_camera, &name)?;
         let rounded = (rounded > ROUNDED).then_some(rounded);
         bounds::position(&name, world_from_camera.translation)?;
@@ -87,28 +92,40 @@ impl LiveFrame {
                 return Err(Error::invalid(name, what, "check the unit (metres) and the frame of the poses"));
             }
         }
-        files.sources.insert(name, io::sha256_hex(text.as_bytes()));
 
-        let (path, name) = files.take(IMAGES, &["png", "jpg", "jpeg"])?.ok_or_else(|| files.missing(IMAGES, "png"))?;
-        let (image, mask) = io::read_png_and_opacity(path)?;
+        let Loaded { path, name, bytes } =
+            files.take(IMAGES, &["png", "jpg", "jpeg"], MAX_FILE_BYTES)?.ok_or_else(|| files.missing(IMAGES, "png"))?;
+        let (image, mask) = io::decode_rgb_and_opacity(&bytes, path)?;
         sized(&name, &image, &description.optical_camera)?;
         if mask.as_ref().is_some_and(|opaque| !opaque.pixels().contains(&true)) {
             let what = "none of its pixels is opaque, so that none counts";
             return Err(Error::invalid(name, what, "write images without an alpha channel, or opaque where a pixel counts"));
         }
 
-        let (path, name) = files.take(SPECTRA, &["exr", "npy"])?.ok_or_else(|| files.missing(SPECTRA, "exr"))?;
-        let spectrum = io::read_map(path)?;
+        let Loaded { path, name, bytes } =
+            files.take(SPECTRA, &["exr", "npy"], MAX_FILE_BYTES)?.ok_or_else(|| files.missing(SPECTRA, "exr"))?;
+        let spectrum = io::decode_map(&bytes, path)?;
         sized(&name, &spectrum, &description.rf_camera)?;
         check_power(&name, &spectrum, description)?;
 
         let depth_m = match description.depth {
-            true => files.take(DEPTH, &["exr", "npy"])?.map(|(path, name)| read_depth(&path, &name, description)).transpose()?,
+            true => {
+                let depth = files.take(DEPTH, &["exr", "npy"], MAX_FILE_BYTES)?;
+                depth.map(|loaded| read_depth(&loaded, description)).transpose()?
+            }
             false => None,
         };
         let time_s = pose.time_s.filter(|t| t.is_finite());
         Ok(Self { number, time_s, world_from_camera, image, mask, spectrum, depth_m, sources: files.sources, rounded })
     }
+}
+
+/// A file of a keyframe.
+struct Loaded {
+    path: PathBuf,
+    /// Its path below the live folder.
+    name: String,
+    bytes: Vec<u8>,
 }
 
 /// The files of a keyframe.
@@ -134,13 +151,12 @@ impl Files<'_> {
         }
     }
 
-    /// The same, and its hash among the sources.
-    fn take(&mut self, folder: &str, endings: &[&str]) -> Result<Option<(PathBuf, String)>> {
-        let found = self.one(folder, endings)?;
-        if let Some((path, name)) = &found {
-            self.sources.insert(name.clone(), io::sha256_hex(&io::read(path)?));
-        }
-        Ok(found)
+    /// The same with what is in it, which is read once: its hash among the sources is of what is used, whoever replaces the file.
+    fn take(&mut self, folder: &str, endings: &[&str], most_bytes: u64) -> Result<Option<Loaded>> {
+        let Some((path, name)) = self.one(folder, endings)? else { return Ok(None) };
+        let bytes = contained::read_regular(&path, &name, most_bytes)?;
+        self.sources.insert(name.clone(), io::sha256_hex(&bytes));
+        Ok(Some(Loaded { path, name, bytes }))
     }
 
     fn missing(&self, folder: &str, ending: &str) -> Error {
@@ -173,9 +189,9 @@ fn check_power(name: &str, spectrum: &Raster<f32>, description: &LiveDescription
     Ok(())
 }
 
-fn read_depth(path: &Path, name: &str, description: &LiveDescription) -> Result<Raster<f32>> {
+fn read_depth(Loaded { path, name, bytes }: &Loaded, description: &LiveDescription) -> Result<Raster<f32>> {
     // Sensors write what they did not see as 0, NaN or infinity.
-    let depth = io::read_map(path)?.map(|&d| if d.is_finite() { d } else { 0.0 });
+    let depth = io::decode_map(bytes, path)?.map(|&d| if d.is_finite() { d } else { 0.0 });
     sized(name, &depth, &description.optical_camera)?;
     if let Some(i) = depth.pixels().iter().position(|d| *d < 0.0) {
         let what = format!("pixel ({}, {}) is {} m", i % depth.width(), i / depth.width(), depth.pixels()[i]);
