@@ -2,7 +2,7 @@
 
 use crate::numbers;
 use anyhow::{Context, Result};
-use corf_scene::io::write_atomic;
+use corf_scene::io::{self, write_atomic};
 use serde::{Serialize, de::DeserializeOwned};
 use std::path::Path;
 
@@ -30,7 +30,7 @@ pub fn write_numbers(path: &Path, value: &impl Serialize) -> Result<()> {
 /// # Errors
 /// A missing file, or one that is not what it should be; line and column are named.
 pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let text = io::read_text(path)?;
     serde_json::from_str(&text).with_context(|| format!("{} is not the JSON expected here", path.display()))
 }
 

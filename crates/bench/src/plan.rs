@@ -173,7 +173,7 @@ impl Plan {
     /// # Errors
     /// A file that cannot be read or parsed (line and key are named), no seeds, no rows, a label used twice, an unknown method or key.
     pub fn load(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read plan {}", path.display()))?;
+        let text = corf_scene::io::read_config_text(path).with_context(|| format!("cannot read plan {}", path.display()))?;
         let mut plan = Self::parse(&text).with_context(|| format!("in plan {}", path.display()))?;
         if let Some(folder) = path.parent() {
             plan.dataset = folder.join(&plan.dataset);

@@ -139,7 +139,7 @@ pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
 /// A file that is missing, or that is no plan.
 pub fn load_plan(out: &Path) -> Result<Plan> {
     let path = out.join("plan.toml");
-    let text = std::fs::read_to_string(&path)
+    let text = corf_scene::io::read_config_text(&path)
         .with_context(|| format!("cannot read {}: is this a folder of `corf bench run`?", path.display()))?;
     Plan::parse(&text).with_context(|| format!("in {}", path.display()))
 }

@@ -74,7 +74,7 @@ impl Sweep {
     /// # Errors
     /// A file that cannot be read or parsed, nothing to compare, datasets whose folders have one name, and whatever a plan of its rows answers.
     pub fn load(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read sweep {}", path.display()))?;
+        let text = corf_scene::io::read_config_text(path).with_context(|| format!("cannot read sweep {}", path.display()))?;
         let mut sweep: Self = toml::from_str(&text).with_context(|| format!("in sweep {}", path.display()))?;
         if let Some(folder) = path.parent() {
             sweep.datasets.iter_mut().for_each(|d| *d = folder.join(&*d));

@@ -109,7 +109,7 @@ impl Reconstruct {
         let mut table = match &self.config {
             None => toml::Table::new(),
             Some(path) => {
-                let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+                let text = corf_scene::io::read_config_text(path)?;
                 text.parse().with_context(|| format!("{} is no TOML", path.display()))?
             }
         };

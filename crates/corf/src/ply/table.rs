@@ -16,7 +16,7 @@ pub(super) struct Table {
 impl Table {
     pub fn read(path: &Path) -> Result<Self> {
         let place = path.display().to_string();
-        let bytes = std::fs::read(path).map_err(|source| Error::Io { action: "read", path: path.to_path_buf(), source })?;
+        let bytes = corf_scene::io::read(path)?;
         let help = "give a binary little-endian PLY of Gaussians, as corf and 3DGS write them";
         let invalid = |what: String| Error::invalid(place.clone(), what, help);
         let end = b"end_header\n";

@@ -13,6 +13,7 @@
 mod colmap;
 mod frame;
 mod import;
+mod jet;
 mod json;
 mod lens;
 mod names;
@@ -26,7 +27,8 @@ mod split;
 
 pub use colmap::read_points;
 pub use import::{ImportReport, examine, import};
-pub use options::{Format, ImportOptions, RfCamera, RfValues, SplitRule, Up};
+pub use options::{Format, ImportOptions, RfCamera, SplitRule, Up};
+pub use spectra::RfValues;
 
 use crate::Rigid3;
 use crate::dataset::ColoredPoint;
