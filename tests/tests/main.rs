@@ -27,6 +27,7 @@ mod faults_gltf;
 mod faults_numbers;
 mod faults_obj;
 mod faults_paths;
+mod faults_units;
 mod fields;
 mod growing;
 #[cfg(feature = "slow")]
