@@ -317,7 +317,7 @@ fn a_pipe_or_a_device_in_a_files_place_is_refused_at_once() {
         refused(scene.clone(), &["scene", "info", text(&scene)]);
         refused(scene.clone(), &["bench", "run", text(&scene), "--out", text(&run)]);
         refused(scene.clone(), &["bench", "sweep", text(&scene), "--out", text(&run)]);
-        refused(scene.clone(), &["paths", text(&sample), "--rx", "1,1,1", "--link", text(&scene)]);
+        refused(scene.clone(), &["paths", text(&sample), "--rx", "1,1,1", "--config", text(&scene)]);
         let trajectory = room.join("trajectory.json");
         let kept = fs::read(&trajectory).unwrap();
         fs::remove_file(&trajectory).unwrap();

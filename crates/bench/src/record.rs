@@ -199,7 +199,7 @@ pub fn write_archive(path: &Path, records: &[Record]) -> Result<()> {
 /// # Errors
 /// A missing file, one that holds something else, or a number in it that is none; the line is named.
 pub fn read_archive(path: &Path) -> Result<Vec<Record>> {
-    let file = std::fs::File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let file = corf_scene::io::open(path)?;
     let lines = BufReader::new(GzDecoder::new(file).take(LARGEST_ARCHIVE)).lines();
     let record = |(number, line): (usize, std::io::Result<String>)| {
         let read = || -> Result<Record> {

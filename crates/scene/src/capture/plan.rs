@@ -9,7 +9,8 @@ use super::{Capture, Shot, colmap, nerfstudio, plain, rf_3dgs, split};
 use crate::dataset::{ColoredPoint, DatasetHeader, Imported};
 use crate::keyframe::Modalities;
 use crate::trajectory::TrajectoryPose;
-use crate::{Error, Pinhole, Result, bounds, io};
+use crate::io::{self, Stored};
+use crate::{Error, Pinhole, Result, bounds};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -226,7 +227,20 @@ fn depths(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<
         None if light => shots.iter().map(|s| s.depth.clone()).collect(),
         None => None,
     };
-    if found.is_some() {
+    if let Some(files) = &found {
+        // What is wrong with one is known before anything is written.
+        let look = |path: &PathBuf| {
+            let map = io::read_map(path)?;
+            let stored = map.stored;
+            map.into_depth_m(options.depth_unit_m, &path.display().to_string(), "--depth-unit").map(|_| stored)
+        };
+        let stored: Vec<Stored> = files.par_iter().map(look).collect::<Result<_>>()?;
+        for (kind, words) in [Stored::Half, Stored::Lossy].into_iter().filter_map(|kind| Some((kind, kind.words()?))) {
+            let count = stored.iter().filter(|s| **s == kind).count();
+            if count > 0 {
+                notes.push(format!("{count} of {} depth maps are stored in {words}", files.len()));
+            }
+        }
         notes.push(match options.depth_unit_m {
             Some(unit) => format!("depth was taken for z-depth (along the optical axis), {unit} m a unit; --scale does not change it"),
             None => "depth was taken for z-depth (along the optical axis) in metres, in a PNG in millimetres (--depth-unit says otherwise), as measured; \

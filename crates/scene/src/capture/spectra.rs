@@ -16,6 +16,9 @@ use std::path::{Path, PathBuf};
 /// Endings of files that are read.
 pub(super) const ENDINGS: &[&str] = &["exr", "npy", "png"];
 
+/// Excess of a spectrum over the stated range that is rounding, dB.
+const TOLERANCE_DB: f64 = 1e-5;
+
 /// Unit of the values in EXR and `.npy` spectra.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RfValues {
@@ -131,6 +134,11 @@ impl Reading<'_> {
     fn of_numbers(&self, seen: &[Seen], place: &str) -> Result<Vec<String>> {
         let peak = seen.iter().map(|s| s.peak).fold(0.0, f32::max);
         let min_db = if let Some(range) = self.range {
+            let peak_db = 10.0 * f64::from(peak).log10();
+            if peak_db > range.max_db + TOLERANCE_DB {
+                let what = format!("a spectrum reaches {peak_db:.2} dB, and the stated range ends at {} dB", range.max_db);
+                return Err(Error::invalid("--rf-db", what, "state a range that holds the strongest value"));
+            }
             range.min_db
         } else if peak > 0.0 {
             let max_db = (10.0 * f64::from(peak).log10()).ceil();

@@ -24,7 +24,7 @@ pub enum Stored {
     Float,
     /// Half precision: eleven bits, 6·10⁻⁸ to 65 504.
     Half,
-    /// A lossy compression that goes by way of half precision (DWAA, DWAB) and does not say how far it is off.
+    /// A lossy compression of numbers in half precision (B44, DWAA, DWAB), which does not say how far it is off.
     Lossy,
     /// Whole numbers: what one counts stands outside of the file.
     Whole,
@@ -112,10 +112,10 @@ impl Stored {
     pub fn words_of_power(self) -> Option<String> {
         let (floor, zero) = (self.floor_db()?, 10.0 * (0.5 * HALF_STEP).log10());
         let what = match self {
-            Self::Lossy => "a lossy compression (DWAA or DWAB) by way of half precision, which does not say how far it is off",
-            _ => "half precision, eleven bits",
+            Self::Lossy => "a lossy compression of half precision (B44, DWAA or DWAB), which does not say how far it is off; half precision alone is such that",
+            _ => "half precision, eleven bits:",
         };
-        Some(format!("{what}: levels are right to 0.14 dB down to {floor:.1} dB, and under {zero:.1} dB there is only zero"))
+        Some(format!("{what} levels are right to 0.14 dB down to {floor:.1} dB, and under {zero:.1} dB there is only zero"))
     }
 
     /// What it does not hold of numbers of any other kind, in words; nothing where there is nothing to say.
@@ -123,8 +123,8 @@ impl Stored {
         match self {
             Self::Half => Some("half precision: eleven bits, so that a number is right to a 2048th of itself"),
             Self::Lossy => Some(
-                "a lossy compression (DWAA or DWAB) by way of half precision: a number is right to a 2048th of itself at best, and the file does not \
-                 say how far it is off",
+                "a lossy compression of half precision (B44, DWAA or DWAB): a number is right to a 2048th of itself at best, and the file does not say how \
+                 far it is off",
             ),
             Self::Float | Self::Whole | Self::Picture => None,
         }
@@ -144,12 +144,12 @@ fn exr(path: &Path) -> Result<Map> {
     let Some((name, samples)) = named("Z").or_else(|| named("Y")).or_else(only) else {
         return Err(wrong_channels(path, &channels, "a channel Z or Y, or a single one"));
     };
-    let dwa = matches!(compression, Compression::DWAA(_) | Compression::DWAB(_));
-    let stored = match samples {
-        FlatSamples::U32(_) => Stored::Whole,
-        _ if dwa && cut_by_dwa(name) => Stored::Lossy,
-        FlatSamples::F16(_) => Stored::Half,
-        FlatSamples::F32(_) => Stored::Float,
+    let stored = match (samples, compression) {
+        (FlatSamples::U32(_), _) => Stored::Whole,
+        (_, Compression::DWAA(_) | Compression::DWAB(_)) if cut_by_dwa(name) => Stored::Lossy,
+        (FlatSamples::F16(_), Compression::B44 | Compression::B44A) => Stored::Lossy,
+        (FlatSamples::F16(_), _) => Stored::Half,
+        (FlatSamples::F32(_), _) => Stored::Float,
     };
     Ok(Map { values: Raster::from_vec(width, height, floats(samples)), stored })
 }
@@ -249,6 +249,8 @@ mod tests {
         assert_eq!((map.stored, map.values.pixels()[0]), (Stored::Half, 0.0), "1e-12 is nothing in half precision");
         assert!(map.stored.words_of_power().unwrap().contains("down to -60.2 dB, and under -75.3 dB there is only zero"));
         assert_eq!(write("Y", false, Compression::PIZ).stored, Stored::Float);
+        // B44 packs blocks of half precision, and leaves single precision as it is.
+        assert_eq!((write("Y", true, Compression::B44).stored, write("Y", false, Compression::B44).stored), (Stored::Lossy, Stored::Float));
         // Which channels are cut is a matter of their names: those of light are.
         assert!(["Y", "left.R", "by"].iter().all(|c| cut_by_dwa(c)) && ["Z", "depth.Z", "V", "A"].iter().all(|c| !cut_by_dwa(c)));
     }
