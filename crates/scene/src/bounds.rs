@@ -214,10 +214,23 @@ mod tests {
     fn ranges_and_cameras_that_nothing_has_are_refused() {
         let range = |min_db, max_db| db_range("r", &DbRange { min_db, max_db }).is_ok();
         assert!(range(-110.0, -40.0) && range(0.0, 1.0) && range(-300.0, 0.0));
-        let bad = [(-1e300, 0.0), (-5000.0, -40.0), (f64::NAN, 0.0), (0.0, f64::INFINITY), (-40.0, -110.0), (0.0, 1e-3), (-300.0, 300.0)];
+        let bad = [
+            (-1e300, 0.0),
+            (-5000.0, -40.0),
+            (f64::NAN, 0.0),
+            (0.0, f64::INFINITY),
+            (-40.0, -110.0),
+            (0.0, 1e-3),
+            (-300.0, 300.0),
+        ];
         assert!(bad.iter().all(|(min, max)| !range(*min, *max)));
         let fine = Pinhole::from_horizontal_fov(64, 48, 90.0);
-        for camera in [fine, Pinhole { cx: -100.0, ..fine }, Pinhole::from_horizontal_fov(64, 1, 179.0), Pinhole::from_horizontal_fov(8, 8, 0.01)] {
+        for camera in [
+            fine,
+            Pinhole { cx: -100.0, ..fine },
+            Pinhole::from_horizontal_fov(64, 1, 179.0),
+            Pinhole::from_horizontal_fov(8, 8, 0.01),
+        ] {
             pinhole("c", &camera).unwrap();
         }
         for (camera, word) in [

@@ -164,10 +164,13 @@ impl Measured {
         }
         let other = others.iter().zip(OTHERS).min_by(|a, b| a.0.total_cmp(b.0)).map(|(sum, (name, _))| (sum / count, *name));
         match other {
-            Some((off, name)) if off < 0.5 * own => {
-                Err(format!("its colours look like {name} and are neither grey nor Jet ({:.0} % off Jet on average)", 100.0 * own))
+            Some((off, name)) if off < 0.5 * own => Err(format!(
+                "its colours look like {name} and are neither grey nor Jet ({:.0} % off Jet on average)",
+                100.0 * own
+            )),
+            _ if own > LARGEST_MISS => {
+                Err(format!("its colours are neither grey nor Jet ({:.0} % off Jet on average)", 100.0 * own))
             }
-            _ if own > LARGEST_MISS => Err(format!("its colours are neither grey nor Jet ({:.0} % off Jet on average)", 100.0 * own)),
             _ => Ok(measured),
         }
     }
@@ -192,7 +195,8 @@ impl Measured {
         if fitting.is_empty() {
             let curves = self.curves.map(|fit| off(&fit));
             let most = AS_GOOD * curves[0].min(curves[1]);
-            fitting = curves.into_iter().enumerate().filter(|(_, off)| *off <= most).map(|(k, off)| (k + TABLES.len(), off)).collect();
+            fitting =
+                curves.into_iter().enumerate().filter(|(_, off)| *off <= most).map(|(k, off)| (k + TABLES.len(), off)).collect();
         }
         fitting.sort_by(|a, b| a.1.total_cmp(&b.1));
         let (best, off) = fitting.first().copied().unwrap_or((TABLES.len(), 0.0));
@@ -253,18 +257,57 @@ fn miss(a: Colour, b: Colour) -> f64 {
 
 /// Points along other colour maps, of 255, by which they are known.
 const OTHERS: &[(&str, &[[u8; 3]])] = &[
-    ("viridis", &[[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]]),
+    (
+        "viridis",
+        &[
+            [68, 1, 84],
+            [71, 44, 122],
+            [59, 81, 139],
+            [44, 113, 142],
+            [33, 144, 141],
+            [39, 173, 129],
+            [92, 200, 99],
+            [170, 220, 50],
+            [253, 231, 37],
+        ],
+    ),
     (
         "turbo",
-        &[[48, 18, 59], [67, 78, 186], [69, 132, 249], [40, 187, 235], [26, 228, 182], [85, 250, 118], [164, 252, 59], [216, 227, 53], [249, 186, 56],
-          [251, 128, 34], [229, 70, 10], [185, 30, 1], [122, 4, 2]],
+        &[
+            [48, 18, 59],
+            [67, 78, 186],
+            [69, 132, 249],
+            [40, 187, 235],
+            [26, 228, 182],
+            [85, 250, 118],
+            [164, 252, 59],
+            [216, 227, 53],
+            [249, 186, 56],
+            [251, 128, 34],
+            [229, 70, 10],
+            [185, 30, 1],
+            [122, 4, 2],
+        ],
     ),
     ("plasma", &[[12, 7, 134], [92, 0, 165], [155, 23, 158], [203, 71, 119], [236, 120, 83], [253, 178, 47], [239, 248, 33]]),
     ("inferno", &[[0, 0, 3], [50, 9, 93], [120, 28, 109], [187, 55, 84], [237, 104, 37], [251, 179, 24], [252, 254, 164]]),
     ("magma", &[[0, 0, 3], [43, 17, 94], [113, 31, 129], [182, 54, 121], [240, 96, 93], [254, 174, 118], [251, 252, 191]]),
     ("cividis", &[[0, 34, 77], [67, 78, 107], [124, 123, 120], [186, 172, 108], [253, 231, 55]]),
     ("hot", &[[10, 0, 0], [255, 0, 0], [255, 255, 0], [255, 255, 255]]),
-    ("rainbow", &[[127, 0, 255], [63, 97, 250], [0, 180, 235], [64, 236, 211], [128, 254, 179], [190, 236, 142], [254, 180, 97], [255, 97, 49], [255, 0, 0]]),
+    (
+        "rainbow",
+        &[
+            [127, 0, 255],
+            [63, 97, 250],
+            [0, 180, 235],
+            [64, 236, 211],
+            [128, 254, 179],
+            [190, 236, 142],
+            [254, 180, 97],
+            [255, 97, 49],
+            [255, 0, 0],
+        ],
+    ),
     ("hsv", &[[255, 0, 0], [255, 255, 0], [0, 255, 0], [0, 255, 255], [0, 0, 255], [255, 0, 255], [255, 0, 23]]),
     ("a grey scale with some colour in it", &[[0, 0, 0], [255, 255, 255]]),
 ];
@@ -361,7 +404,12 @@ mod tests {
                 let choice = all.choice();
                 assert_eq!(choice.jet.is_matplotlib(), jet.is_matplotlib());
                 assert!(choice.is_changed() && choice.words(70.0).contains("JPEG"));
-                let squares: f64 = pictures[0].pixels().iter().zip(levels().pixels()).map(|(p, s)| f64::from(choice.jet.level(*p) - s).powi(2)).sum();
+                let squares: f64 = pictures[0]
+                    .pixels()
+                    .iter()
+                    .zip(levels().pixels())
+                    .map(|(p, s)| f64::from(choice.jet.level(*p) - s).powi(2))
+                    .sum();
                 let rms = (squares / levels().pixels().len() as f64).sqrt();
                 assert!(rms <= choice.error() && choice.error() < 12.0 * rms, "{rms} {choice:?}");
             }

@@ -104,14 +104,22 @@ impl Reading<'_> {
                 return Err(Error::invalid(place(i), what, "give all spectra in one form"));
             }
             if other.size != first.size {
-                let what = format!("is {}x{} pixels where {} has {}x{}", other.size.0, other.size.1, place(0), first.size.0, first.size.1);
+                let what = format!(
+                    "is {}x{} pixels where {} has {}x{}",
+                    other.size.0,
+                    other.size.1,
+                    place(0),
+                    first.size.0,
+                    first.size.1
+                );
                 return Err(Error::invalid(place(i), what, "give spectra of one size"));
             }
         }
         let (encoding, notes) = match &first.kind {
-            Kind::Grey => {
-                (Encoding::Grey, vec![format!("spectra were read from grey pictures over {}; black is no power", words(self.range))])
-            }
+            Kind::Grey => (
+                Encoding::Grey,
+                vec![format!("spectra were read from grey pictures over {}; black is no power", words(self.range))],
+            ),
             Kind::Numbers(_) => (Encoding::Numbers, self.of_numbers(&seen, &place(0))?),
             Kind::Colours(_) => {
                 let measured = seen.iter().fold(Measured::default(), |sum, one| match &one.kind {
@@ -156,7 +164,8 @@ impl Reading<'_> {
         };
         for stored in [Stored::Half, Stored::Lossy] {
             let count = seen.iter().filter(|s| kept(s) == stored).count();
-            let (Some(floor_db), Some(of_power), Some(of_any)) = (stored.floor_db(), stored.words_of_power(), stored.words()) else {
+            let (Some(floor_db), Some(of_power), Some(of_any)) = (stored.floor_db(), stored.words_of_power(), stored.words())
+            else {
                 continue;
             };
             match (count, self.values) {
@@ -207,7 +216,9 @@ impl Reading<'_> {
         let linear = match self.values {
             RfValues::Linear => map,
             // Whole decibels are decibels.
-            RfValues::Db => io::Map { values: map.values.map(|&db| 10f64.powf(f64::from(db) / 10.0) as f32), stored: Stored::Float },
+            RfValues::Db => {
+                io::Map { values: map.values.map(|&db| 10f64.powf(f64::from(db) / 10.0) as f32), stored: Stored::Float }
+            }
         };
         let help = "linear power is finite and at least 0; for decibels say --rf-values db";
         Ok((linear.into_power(&path.display().to_string(), help)?, stored))
@@ -224,9 +235,11 @@ impl Reading<'_> {
         match encoding {
             Encoding::Jet(jet) => Ok(picture.map(|&p| power(jet.level(p)))),
             Encoding::Grey if is_grey(&picture) => Ok(picture.map(|p| power(p[0]))),
-            Encoding::Grey | Encoding::Numbers => {
-                Err(Error::invalid(path.display().to_string(), "it was changed while it was imported", "import the capture again"))
-            }
+            Encoding::Grey | Encoding::Numbers => Err(Error::invalid(
+                path.display().to_string(),
+                "it was changed while it was imported",
+                "import the capture again",
+            )),
         }
     }
 }

@@ -112,7 +112,9 @@ impl Stored {
     pub fn words_of_power(self) -> Option<String> {
         let (floor, zero) = (self.floor_db()?, 10.0 * (0.5 * HALF_STEP).log10());
         let what = match self {
-            Self::Lossy => "a lossy compression of half precision (B44, DWAA or DWAB), which does not say how far it is off; half precision alone is such that",
+            Self::Lossy => {
+                "a lossy compression of half precision (B44, DWAA or DWAB), which does not say how far it is off; half precision alone is such that"
+            }
             _ => "half precision, eleven bits:",
         };
         Some(format!("{what} levels are right to 0.14 dB down to {floor:.1} dB, and under {zero:.1} dB there is only zero"))
@@ -250,7 +252,10 @@ mod tests {
         assert!(map.stored.words_of_power().unwrap().contains("down to -60.2 dB, and under -75.3 dB there is only zero"));
         assert_eq!(write("Y", false, Compression::PIZ).stored, Stored::Float);
         // B44 packs blocks of half precision, and leaves single precision as it is.
-        assert_eq!((write("Y", true, Compression::B44).stored, write("Y", false, Compression::B44).stored), (Stored::Lossy, Stored::Float));
+        assert_eq!(
+            (write("Y", true, Compression::B44).stored, write("Y", false, Compression::B44).stored),
+            (Stored::Lossy, Stored::Float)
+        );
         // Which channels are cut is a matter of their names: those of light are.
         assert!(["Y", "left.R", "by"].iter().all(|c| cut_by_dwa(c)) && ["Z", "depth.Z", "V", "A"].iter().all(|c| !cut_by_dwa(c)));
     }
@@ -258,7 +263,8 @@ mod tests {
     #[test]
     fn depths_are_metres_or_whole_numbers_of_a_stated_unit() {
         let map = |value: f32, stored| Map { values: Raster::filled(2, 2, value), stored };
-        let metres = |map: Map, unit| map.into_depth_m(unit, "d", "--depth-unit").map(|d| d.pixels()[0]).map_err(|e| e.to_string());
+        let metres =
+            |map: Map, unit| map.into_depth_m(unit, "d", "--depth-unit").map(|d| d.pixels()[0]).map_err(|e| e.to_string());
         assert_eq!(metres(map(4.0, Stored::Float), None), Ok(4.0));
         assert_eq!(metres(map(4000.0, Stored::Picture), None), Ok(4.0));
         assert_eq!(metres(map(20_000.0, Stored::Picture), Some(1.0 / 5000.0)), Ok(4.0));

@@ -68,7 +68,11 @@ fn up_to(path: &Path, file: File, length: u64) -> Result<Vec<u8>> {
 fn text(path: &Path, bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
-        Error::invalid(path.display().to_string(), format!("is no UTF-8 text (from byte {at})"), "give a text file, saved as UTF-8")
+        Error::invalid(
+            path.display().to_string(),
+            format!("is no UTF-8 text (from byte {at})"),
+            "give a text file, saved as UTF-8",
+        )
     })
 }
 
@@ -86,7 +90,9 @@ mod tests {
         std::fs::write(&path, b"ok \xff").unwrap();
         assert!(read_text(&path).unwrap_err().to_string().contains("from byte 3"));
         assert!(read(dir.path()).unwrap_err().to_string().contains("a folder"));
-        assert!(matches!(read(dir.path().join("gone")), Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound));
+        assert!(
+            matches!(read(dir.path().join("gone")), Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound)
+        );
         // A file with a hole: no byte of it is on the disk.
         let sparse = |bytes: u64| File::create(&path).unwrap().set_len(bytes).unwrap();
         sparse(MAX_CONFIG_BYTES + 1);

@@ -94,7 +94,10 @@ impl LiveFrame {
         let spectrum = power(map, &name, description)?;
 
         let depth_m = match description.depth {
-            true => files.take(DEPTH, &["exr", "npy", "png"])?.map(|(path, name)| read_depth(&path, &name, description)).transpose()?,
+            true => files
+                .take(DEPTH, &["exr", "npy", "png"])?
+                .map(|(path, name)| read_depth(&path, &name, description))
+                .transpose()?,
             false => None,
         };
         let time_s = pose.time_s.filter(|t| t.is_finite());
