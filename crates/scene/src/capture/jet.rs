@@ -397,7 +397,7 @@ mod tests {
                 let noisy = |set: u64| {
                     let mut rng = Rng::keyed(7, 0, set);
                     painted(&levels(), |i| jet.of_table(i), false)
-                        .map(|p| p.map(|v| (v + amplitude * STEP * (rng.uniform() as f32 - 0.5)).clamp(0.0, 1.0)))
+                        .map(|p| p.map(|v| (v + amplitude * STEP * (rng.uniform() - 0.5)).clamp(0.0, 1.0)))
                 };
                 let pictures: Vec<Raster<Colour>> = (0..sets).map(noisy).collect();
                 let all = pictures.iter().fold(Measured::default(), |sum, p| sum.and(&Measured::of(p).unwrap()));
