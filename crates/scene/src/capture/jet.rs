@@ -35,8 +35,8 @@ const STEP: f32 = 1.0 / 255.0;
 const SAMPLES: usize = 4096;
 /// Share of pixels that may be off a table in which a picture is painted: markers, a scale bar.
 const STRAY: f64 = 0.01;
-/// A Jet fits as well as the best if its colours are not further off than this many times.
-const AS_GOOD: f64 = 1.25;
+/// A Jet fits as well as the best if its colours are not further off than this many times: of thousands of pixels, twice that is no chance.
+const AS_GOOD: f64 = 1.02;
 /// Mean distance from a Jet's colours above which a picture is not painted in it, of full scale: eight bits are off by 0.002, other maps by more than 0.1.
 const LARGEST_MISS: f64 = 0.05;
 /// Distance (rms) above which colours were changed after they were painted; eight bits alone are off by less.
@@ -122,8 +122,8 @@ pub(super) struct Measured {
     pixels: usize,
     tables: [Fit; 3],
     curves: [Fit; 2],
-    /// Largest difference between the levels that two Jets give a pixel: tables first.
-    apart: [[f32; 5]; 5],
+    /// Sums of the squared differences between the levels that two Jets give pixels: tables first.
+    apart: [[f64; 5]; 5],
 }
 
 impl Measured {
@@ -149,7 +149,7 @@ impl Measured {
                 misses[k] += miss(own, rgb);
             }
             for (a, b) in (0..5).flat_map(|a| (0..5).map(move |b| (a, b))) {
-                measured.apart[a][b] = measured.apart[a][b].max((levels[a] - levels[b]).abs());
+                measured.apart[a][b] += f64::from(levels[a] - levels[b]).powi(2);
             }
         }
         let count = measured.pixels as f64;
@@ -181,7 +181,7 @@ impl Measured {
         let add = |a: &mut Fit, b: &Fit| *a = Fit { squares: a.squares + b.squares, stray: a.stray + b.stray };
         self.tables.iter_mut().zip(&other.tables).for_each(|(a, b)| add(a, b));
         self.curves.iter_mut().zip(&other.curves).for_each(|(a, b)| add(a, b));
-        self.apart.as_flattened_mut().iter_mut().zip(other.apart.as_flattened()).for_each(|(a, b)| *a = a.max(*b));
+        self.apart.as_flattened_mut().iter_mut().zip(other.apart.as_flattened()).for_each(|(a, b)| *a += b);
         self
     }
 
@@ -201,7 +201,7 @@ impl Measured {
         fitting.sort_by(|a, b| a.1.total_cmp(&b.1));
         let (best, off) = fitting.first().copied().unwrap_or((TABLES.len(), 0.0));
         let jet = TABLES.iter().chain(&CURVES).nth(best).copied().unwrap_or(Jet::Matplotlib);
-        let ambiguity = fitting.iter().map(|(k, _)| f64::from(self.apart[best][*k])).fold(0.0, f64::max);
+        let ambiguity = fitting.iter().map(|(k, _)| (self.apart[best][*k] / count).sqrt()).fold(0.0, f64::max);
         Choice { jet, off, ambiguity }
     }
 }
@@ -213,7 +213,7 @@ pub(super) struct Choice {
     pub jet: Jet,
     /// Distance of the pictures' colours from it, root mean square, of full scale.
     pub off: f64,
-    /// Most by which another Jet that fits as well has another level, of the range.
+    /// Difference to the levels by another Jet that fits as well, root mean square, of the range.
     pub ambiguity: f64,
 }
 

@@ -349,7 +349,7 @@ mod tests {
             bytes.extend(values.iter().flat_map(|v| half::f16::from_f32(*v).to_le_bytes()));
             bytes
         };
-        let half = put("d.npy", npy(&[1e-2, 1e-9]));
+        let half = put("d.npy", npy(&[1e-5, 1e-9]));
         let wide = said(&[&half], &reading);
         assert!(wide.contains("half precision") && wide.contains("begins at -110.0 dB"), "{wide}");
         let narrow = DbRange { min_db: -60.0, max_db: -20.0 };
