@@ -198,7 +198,8 @@ fn imported(capture: &Capture, out: &str, rf: &Path) -> (Raster<f32>, String) {
 #[test]
 fn jets_of_other_programs_are_told_apart_and_their_error_is_stated() {
     let capture = Capture::new();
-    let tables: [(&str, fn(usize) -> [f32; 3]); 3] = [
+    type Table = fn(usize) -> [f32; 3];
+    let tables: [(&str, Table); 3] = [
         ("OpenCV's Jet", |i| color::jet_of_trapezoids(i as f32 / 255.0)),
         ("MATLAB's Jet", |i| color::jet_of_trapezoids((i + 1) as f32 / 256.0)),
         ("matplotlib's Jet of 256", |i| color::jet(i as f32 / 255.0)),
@@ -236,7 +237,7 @@ fn numbers_beyond_all_bounds_are_refused_before_anything_is_written() {
         with(&exr, &[&format!("--frequency-hz={number}")]);
         with(&exr, &[&format!("--dynamic-range-db={number}")]);
         with(&exr, &[&format!("--scale={number}")]);
-        for camera in [format!("{number}"), format!("{number},30,30,20"), format!("30,{number},30,20")] {
+        for camera in [number.to_owned(), format!("{number},30,30,20"), format!("30,{number},30,20")] {
             if camera.parse() != Ok(90.0) {
                 capture.refuses(&["--rf", text(&exr), &format!("--rf-camera={camera}")], &["--rf-camera"]);
             }
@@ -297,7 +298,7 @@ fn a_pipe_or_a_device_in_a_files_place_is_refused_at_once() {
     let [run, live, room, scene] = ["run", "live", "room", "scene"].map(|name| folder.join(name));
     let sample = root().join("scenes/room-tiny.toml");
     for make in special {
-        let mut refused = |path: PathBuf, arguments: &[&str]| {
+        let refused = |path: PathBuf, arguments: &[&str]| {
             make(&path);
             let log = fs::File::create(folder.join("log")).unwrap();
             let child = command(arguments).stdout(Stdio::null()).stderr(log).spawn().unwrap();
