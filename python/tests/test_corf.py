@@ -8,7 +8,10 @@ import sys
 import tempfile
 import textwrap
 import unittest
+import zlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import numpy as np
@@ -136,6 +139,210 @@ class Dataset(Folder):
             corf.Dataset(self.folder)
 
 
+class Malformed(Folder):
+    """Whatever is wrong with a file is a CorfError that names it, and no file outside of the data set is read."""
+
+    def changed(self, name: str, change: Callable[[Any], Any]) -> str:
+        """Writes a sound data set with one JSON file changed, reads all of it and returns the error's text."""
+        write_dataset(self.folder)
+        document = json.loads((self.folder / name).read_text())
+        replaced = change(document)
+        (self.folder / name).write_text(json.dumps(document if replaced is None else replaced))
+        return self.said()
+
+    def said(self) -> str:
+        with self.assertRaises(corf.CorfError) as caught:
+            for keyframe in corf.Dataset(self.folder):
+                keyframe.image, keyframe.depth_m, keyframe.mask, keyframe.surface, keyframe.spectrum_db
+        return str(caught.exception)
+
+    def test_documents_are_checked_key_by_key(self) -> None:
+        def put(path: str, value: Any) -> Callable[[Any], None]:
+            *way, last = path.split(".")
+
+            def change(document: Any) -> None:
+                for key in way:
+                    document = document[int(key) if key.isdigit() else key]
+                document[int(last) if last.isdigit() else last] = value
+
+            return change
+
+        def drop(path: str) -> Callable[[Any], None]:
+            *way, last = path.split(".")
+
+            def change(document: Any) -> None:
+                for key in way:
+                    document = document[int(key) if key.isdigit() else key]
+                del document[last]
+
+            return change
+
+        for change, word in [
+            (lambda d: [], "a list is no table"),
+            (drop("schema"), "schema"),
+            (put("schema", 2), "schema: 2 is no text"),
+            (drop("header"), "header"),
+            (put("header", "x"), "header: 'x' is no table"),
+            (drop("header.quantity"), "header: has no quantity"),
+            (put("header.frequency_hz", -1), "header.frequency_hz: -1 is not above 0"),
+            (put("header.frequency_hz", float("nan")), "header.frequency_hz: nan is not finite"),
+            (put("header.frequency_hz", 10**400), "header.frequency_hz: a number of many digits"),
+            (put("header.transmitter", {"position_m": [1, 2]}), "header.transmitter.position_m: has 2 entries"),
+            (put("header.transmitter", [1, 2, 3]), "header.transmitter"),
+            (put("header.optical_camera.fx", "4"), "header.optical_camera.fx: '4' is no number"),
+            (put("header.optical_camera.fy", 0), "header.optical_camera.fy"),
+            (drop("header.rf_camera.width"), "header.rf_camera: has no width"),
+            (put("header.rf_camera.height", 2.5), "header.rf_camera.height"),
+            (put("header.modalities", {"light": 1, "radio": True}), "header.modalities.light"),
+            (put("header.modalities", {"light": True, "radio": False}), "do not agree"),
+            (put("split.train", [0, 9]), "split.train[1]: 9 is not under 3"),
+            (put("split.train", [1, 1]), "split.train: names a keyframe twice"),
+            (put("split.test", [1]), "trained with and held out"),
+            (put("split", None), "split"),
+            (put("db_range", {"min_db": 0}), "db_range: has no max_db"),
+            (put("db_range.min_db", 0), "db_range: 0.0 to -60.0 dB"),
+            (put("keyframes", 4), "has 3 keyframes"),
+        ]:
+            self.assertIn(word, self.changed("dataset.json", change))
+        inf = [[float("inf"), *POSE[0][1:]], *POSE[1:]]
+        for change, word in [
+            (lambda d: 3, "3 is no table"),
+            (drop("keyframes"), "trajectory.json: has no keyframes"),
+            (put("keyframes", {"0": 1}), "keyframes: a table is no list"),
+            (put("keyframes.1", 7), "keyframes[1]: 7 is no table"),
+            (drop("keyframes.1.index"), "keyframes[1]: has no index"),
+            (put("keyframes.1.index", 0), "keyframes[1]: its index is 0"),
+            (put("keyframes.1.index", "1"), "keyframes[1].index"),
+            (put("keyframes.1.file", "../../x"), "keyframes[1]: its file is '../../x'"),
+            (put("keyframes.1.file", "/etc/passwd"), "keyframes[1]"),
+            (put("keyframes.1.file", "00001"), "keyframes[1]"),
+            (put("keyframes.1.time_s", None), "keyframes[1]: has no time_s"),
+            (put("keyframes.2.world_from_camera", inf), "keyframes[2].world_from_camera[0][0]: inf is not finite"),
+            (put("keyframes.2.world_from_camera", [[1, 0], [0, 1]]), "keyframes[2].world_from_camera: has 2 entries where 4 belong"),
+            (put("keyframes.2.world_from_camera", POSE[:3]), "keyframes[2].world_from_camera: has 3 entries"),
+            (put("keyframes.2.world_from_camera", [POSE[0], POSE[1][:3], *POSE[2:]]), "keyframes[2].world_from_camera[1]"),
+            (put("keyframes.2.world_from_camera.0", [0.0, 0.0, 2.0, 2.0]), "no rotation"),
+            (put("keyframes.2.world_from_camera.0", [0.0, 0.0, -1.0, 2.0]), "no rotation"),
+            (put("keyframes.2.world_from_camera.3", [0, 0, 0, 2]), "last row"),
+        ]:
+            self.assertIn(word, self.changed("trajectory.json", change))
+
+    def test_text_that_is_no_json_is_named(self) -> None:
+        for name in ("dataset.json", "trajectory.json"):
+            for data in (b"", b"{", b"\xff\xfe", b"[" * 100_000, b"1" * 5000):
+                write_dataset(self.folder)
+                (self.folder / name).write_bytes(data)
+                self.assertIn(name, self.said())
+
+    def test_pictures_are_whole_and_of_the_cameras_size(self) -> None:
+        def chunk(kind: bytes, data: bytes) -> bytes:
+            return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+        def png(width: int, height: int, data: bytes) -> bytes:
+            head = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+            return b"\x89PNG\r\n\x1a\n" + head + data
+
+        sound = chunk(b"IDAT", zlib.compress(bytes(39))) + chunk(b"IEND", b"")
+        for name in ("optical/images/00002.png", "optical/masks/00002_mask.png"):
+            for data in (b"", png(4, 3, b""), png(4, 3, chunk(b"IDAT", b"no deflate")), png(4, 3, b"\0\0\0\7IDAT"), png(40_000, 40_000, sound), png(5, 3, sound)):
+                write_dataset(self.folder)
+                (self.folder / name).parent.mkdir(exist_ok=True)
+                (self.folder / name).write_bytes(data)
+                self.assertIn(name, self.said())
+                (self.folder / name).unlink()
+        write_dataset(self.folder)
+        write_png(self.folder / "optical/images/00001.png", np.zeros((3, 5, 3), dtype=np.uint8))
+        self.assertIn("is 5x3 pixels where the camera has 4x3", self.said())
+        for folder, channel, values in [
+            ("rf/spectra", "Y", np.zeros((3, 2), dtype=np.float32)),
+            ("rf/spectra", "Y", np.full((2, 2), np.nan, dtype=np.float32)),
+            ("rf/spectra", "Y", np.full((2, 2), -1, dtype=np.float32)),
+            ("rf/spectra", "Y", np.ones((2, 2), dtype=np.uint32)),
+            ("rf/spectra", "Z", np.ones((2, 2), dtype=np.float32)),
+            ("optical/depth", "Z", np.ones((2, 2), dtype=np.float32)),
+            ("optical/depth", "Z", np.full((3, 4), -1, dtype=np.float32)),
+            ("optical/surfaces", "id", np.ones((3, 4), dtype=np.float32)),
+        ]:
+            write_dataset(self.folder)
+            write_exr(self.folder / folder / "00003.exr", channel, values)
+            self.assertIn(f"{folder}/00003.exr", self.said())
+            (self.folder / folder / "00003.exr").unlink()
+
+    def test_nothing_outside_of_the_folder_and_no_pipe_is_read(self) -> None:
+        with tempfile.TemporaryDirectory() as outside:
+            write_png(Path(outside) / "x.png", np.zeros((3, 4, 3), dtype=np.uint8))
+            for name in ("optical/images/00001.png", "rf/spectra/00001.exr", "optical/depth/00001.exr", "trajectory.json", "dataset.json"):
+                write_dataset(self.folder)
+                path = self.folder / name
+                path.rename(Path(outside) / path.name)
+                path.symlink_to(Path(outside) / path.name)
+                self.assertIn("leads out of its folder", self.said())
+                path.unlink()
+            write_dataset(self.folder)
+            (self.folder / "rf/spectra").rename(Path(outside) / "spectra")
+            (self.folder / "rf/spectra").symlink_to(Path(outside) / "spectra")
+            self.assertIn("leads out of its folder", self.said())
+            (self.folder / "rf/spectra").unlink()
+        for name in ("optical/images/00001.png", "rf/spectra/00001.exr"):
+            write_dataset(self.folder)
+            (self.folder / name).unlink()
+            os.mkfifo(self.folder / name)
+            self.assertIn("pipe, socket or device", self.said())
+            (self.folder / name).unlink()
+        # A link within the data set is its own file.
+        write_dataset(self.folder)
+        (self.folder / "optical/images/00001.png").unlink()
+        (self.folder / "optical/images/00001.png").symlink_to("00002.png")
+        np.testing.assert_array_equal(corf.Dataset(self.folder)[0].image, corf.Dataset(self.folder)[1].image)
+
+    def test_given_inputs(self) -> None:
+        given = Path(os.environ.get("CORF_SHARED", Path(__file__).parents[2] / "../shared")) / "faults3/python"
+        if not given.is_dir():
+            self.skipTest(f"{given} is not there")
+        for case in sorted(given.iterdir()):
+            if case.is_dir():
+                write_dataset(self.folder)
+                for file in case.iterdir():
+                    (self.folder / file.name).write_bytes(file.read_bytes())
+                with self.assertRaises(corf.CorfError, msg=case.name) as caught:
+                    corf.Dataset(self.folder)
+                self.assertIn(".json", str(caught.exception))
+
+    def test_runs_are_checked(self) -> None:
+        for text, word in [("[]", "no table"), ("{}", "has no method"), ('{"method": 3, "dataset": "d"}', "method"), ('{"method": "corf-gs"}', "has no dataset"), ("{", "run.json")]:
+            (self.folder / "run.json").write_text(text)
+            with self.assertRaisesRegex(corf.CorfError, word):
+                corf.Field(self.folder)
+        with self.assertRaises(corf.CorfError):
+            corf.Dataset("a\0b")
+        with self.assertRaises(corf.CorfError):
+            corf.Dataset("x" * 5000)
+        (self.folder / "run.json").write_text('{"method": "corf-gs", "dataset": "d"}')
+        field = corf.Field(self.folder)
+        mirrored = np.array(POSE) * np.array([[-1.0], [1], [1], [1]])
+        for poses in ([POSE, POSE[:3]], "poses", [[POSE, "x"]], mirrored, 2 * np.array(POSE)):
+            self.assertRaises(corf.CorfError, field.render, poses)
+        head = "ply\nformat binary_little_endian 1.0\nelement vertex {}\n{}end_header\n"
+        x = "property float x\n"
+        for data in (
+            head.format("", x),
+            head.format("-1", x),
+            head.format("1e9", x),
+            head.format("9" * 30, x),
+            head.format("0", x),
+            head.format("0", "property float\n"),
+            head.format("0", x + x),
+            "",
+        ):
+            (self.folder / "coupled.ply").write_text(data)
+            with self.assertRaisesRegex(corf.CorfError, "coupled.ply"):
+                field.gaussians()
+        (self.folder / "coupled.ply").unlink()
+        os.mkfifo(self.folder / "coupled.ply")
+        with self.assertRaisesRegex(corf.CorfError, "pipe"):
+            field.gaussians()
+
+
 class Program(Folder):
     """The package with a program that says what a test wants."""
 
@@ -179,7 +386,11 @@ class Program(Folder):
         # A hundredth of a microsecond is 600 periods of 60 GHz, and half a period of 50 MHz.
         np.testing.assert_allclose(found.h(), 1.3 - 0.4j, atol=1e-6)
         np.testing.assert_allclose(found.h(np.array([0.0, 5e7])), [1.3 - 0.4j, 0.7 + 0.4j], atol=1e-6)
-        for bad in (lambda: corf.paths("s", None, (1, 2)), lambda: corf.paths("s", None, (1, 2, 3), format="npz")):
+        self.stand_in('print("{}")')
+        self.assertRaisesRegex(corf.CorfError, "corf paths: has no paths", corf.paths, "s", None, (1, 2, 3))
+        self.stand_in('print("no JSON")')
+        self.assertRaisesRegex(corf.CorfError, "printed no JSON", corf.paths, "s", None, (1, 2, 3))
+        for bad in (lambda: corf.paths("s", None, ("a", 1, 2)), lambda: corf.paths("s", None, (1, 2)), lambda: corf.paths("s", None, (1, 2, 3), format="npz")):
             self.assertRaises(corf.CorfError, bad)
 
     def test_renderings_come_back_by_pose(self) -> None:

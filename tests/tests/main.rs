@@ -35,6 +35,7 @@ mod faults_paths;
 mod faults_server;
 mod faults_scenes;
 mod faults_records;
+mod faults_units;
 mod fields;
 mod growing;
 #[cfg(feature = "slow")]

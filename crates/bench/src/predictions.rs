@@ -133,13 +133,15 @@ pub struct Kept {
 
 /// Reads a kept prediction; `None` where none was kept.
 pub fn load(folder: &Path, index: usize) -> Option<Kept> {
-    let open = |ending| image::open(optical_path(folder, index, ending)).ok();
-    let image = open("jpg").or_else(|| open("png")).map(|image| {
+    // Opening a pipe would wait.
+    let open = |path: PathBuf| path.is_file().then(|| image::open(&path).ok()).flatten();
+    let optical = |ending| open(optical_path(folder, index, ending));
+    let image = optical("jpg").or_else(|| optical("png")).map(|image| {
         let image = image.to_rgb8();
         let pixels = image.pixels().map(|p| p.0).collect();
         shrunk_image(&Raster::from_vec(image.width() as usize, image.height() as usize, pixels), IMAGE_COLUMNS)
     });
-    let scalar = image::open(scalar_path(folder, index)).ok().map(|grey| {
+    let scalar = open(scalar_path(folder, index)).map(|grey| {
         let grey = grey.to_luma8();
         let scalar = grey.pixels().map(|p| f32::from(p.0[0]) / 255.0).collect();
         shrunk_scalar(&Raster::from_vec(grey.width() as usize, grey.height() as usize, scalar), SPECTRUM_COLUMNS)

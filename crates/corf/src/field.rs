@@ -153,7 +153,7 @@ impl Field {
     /// A file that is missing, damaged, or does not fit the other.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("field.json");
-        let text = std::fs::read(&path).map_err(|source| Error::Io { action: "read", path: path.clone(), source })?;
+        let text = corf_scene::io::read(&path)?;
         let meta: FieldMeta = serde_json::from_slice(&text).map_err(|e| {
             Error::invalid(path.display().to_string(), e.to_string(), "this file is written beside coupled.ply; do not edit it")
         })?;

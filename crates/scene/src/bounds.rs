@@ -2,7 +2,8 @@
 //!
 //! A number beyond these is a slip of unit or of a finger; let in, it would come out as infinity, as no number, or not at all.
 
-use crate::{Error, Result};
+use crate::keyframe::DbRange;
+use crate::{Error, Pinhole, Result};
 use glam::DVec3;
 use std::ops::RangeInclusive;
 
@@ -14,6 +15,12 @@ pub const FREQUENCY_HZ: RangeInclusive<f64> = 1e6..=1e13;
 pub const POWER_DBM: RangeInclusive<f64> = -300.0..=300.0;
 /// Gains, dB.
 pub const GAIN_DB: RangeInclusive<f64> = -1000.0..=1000.0;
+/// Levels of spectra, dB of linear power: single precision holds them with all its bits, and nothing that is received is outside.
+pub const LEVEL_DB: RangeInclusive<f64> = -300.0..=300.0;
+/// Widths of the decibel range of spectra, dB.
+pub const DYNAMIC_RANGE_DB: RangeInclusive<f64> = 1.0..=300.0;
+/// Full fields of view of pinholes, degrees.
+pub const FIELD_OF_VIEW_DEG: RangeInclusive<f64> = 0.01..=179.0;
 /// Exposures, EV.
 pub const EXPOSURE_EV: RangeInclusive<f64> = -64.0..=64.0;
 /// Angles of orientations, degrees: a hundred turns.
@@ -26,6 +33,8 @@ pub const MAX_EMISSION: f32 = 1e9;
 pub const MAX_THREADS: u64 = 1024;
 /// Keyframes of a dataset.
 pub const MAX_KEYFRAMES: usize = 100_000;
+/// Pixels of an image: 16 384 × 8 192.
+pub const MAX_PIXELS: usize = 1 << 27;
 /// Links between transmitters and receivers in one run.
 pub const MAX_LINKS: usize = 1_000_000;
 /// Rays or photons.
@@ -77,6 +86,48 @@ pub fn position(place: &str, point: DVec3) -> Result<()> {
     Ok(())
 }
 
+/// Refuses a decibel range whose ends are outside of [`LEVEL_DB`], or that is not as wide as [`DYNAMIC_RANGE_DB`] says.
+///
+/// # Errors
+/// The end or the width, at its place.
+pub fn db_range(place: &str, range: &DbRange) -> Result<()> {
+    number(place, range.min_db, &LEVEL_DB, "dB for the lower end")?;
+    number(place, range.max_db, &LEVEL_DB, "dB for the upper end")?;
+    let DbRange { min_db, max_db } = *range;
+    if DYNAMIC_RANGE_DB.contains(&(max_db - min_db)) {
+        return Ok(());
+    }
+    let (least, most) = (DYNAMIC_RANGE_DB.start(), DYNAMIC_RANGE_DB.end());
+    Err(Error::invalid(
+        place,
+        format!("{min_db:?} to {max_db:?} dB is no range"),
+        format!("give a lower and an upper end, the one {least} to {most} dB under the other"),
+    ))
+}
+
+/// Refuses a pinhole without pixels, with a field of view outside of [`FIELD_OF_VIEW_DEG`], or whose axis is further than ten images from its image.
+///
+/// # Errors
+/// The number that is out of range, at its place.
+pub fn pinhole(place: &str, camera: &Pinhole) -> Result<()> {
+    let pixels = camera.width.checked_mul(camera.height).filter(|n| (1..=MAX_PIXELS).contains(n));
+    if pixels.is_none() {
+        let what = format!("{}x{} pixels: no camera", camera.width, camera.height);
+        return Err(Error::invalid(place, what, format!("give a width and a height, up to {MAX_PIXELS} pixels altogether")));
+    }
+    let axes = [("fx", camera.fx, "cx", camera.cx, camera.width), ("fy", camera.fy, "cy", camera.cy, camera.height)];
+    for (f_name, focal, c_name, centre, side) in axes {
+        let side = side as f64;
+        // The focal length at which an image as wide as this has a field of view.
+        let at = |degrees: f64| 0.5 * side / (0.5 * degrees.to_radians()).tan();
+        let range = at(*FIELD_OF_VIEW_DEG.end())..=at(*FIELD_OF_VIEW_DEG.start());
+        let unit = format!("pixels for {f_name}, fields of view of 179 to 0.01 degrees over the image");
+        number(place, focal, &range, &unit)?;
+        number(place, centre, &(-10.0 * side..=11.0 * side), &format!("pixels for {c_name}, at most ten images from the image"))?;
+    }
+    Ok(())
+}
+
 /// Refuses work that would take more memory than is available; `what` names the work in the message, `reduce` says how to need less.
 ///
 /// # Errors
@@ -96,6 +147,37 @@ fn memory_within(place: &str, what: &str, bytes: f64, limit: f64, reduce: &str) 
 
 /// Available memory assumed on systems that do not report it, bytes.
 const UNKNOWN_BYTES: f64 = 8e9;
+
+/// Depths that a room has in the middle of what a camera sees of it, metres: no camera indoors looks at things that are mostly nearer than a centimetre, or
+/// mostly further than the length of a large hall. Metres that were taken for millimetres are below, millimetres and centimetres that were taken for
+/// metres above: a room of 2 m to 10 m is 200 to 10 000 there.
+pub const MEDIAN_DEPTH_M: RangeInclusive<f32> = 0.01..=100.0;
+/// The largest depth that a room has, metres: no building is longer than a kilometre, and no depth sensor sees as far.
+pub const MAX_DEPTH_M: f32 = 1000.0;
+
+/// Refuses a depth map that no room has: one whose median is outside of [`MEDIAN_DEPTH_M`], or that has a depth above [`MAX_DEPTH_M`]. Depths that are 0 or
+/// not finite are none, and do not count.
+///
+/// # Errors
+/// The median or the largest depth, at its place.
+pub fn room_depth(place: &str, depths_m: impl IntoIterator<Item = f32>, help: &str) -> Result<()> {
+    let mut depths: Vec<f32> = depths_m.into_iter().filter(|d| d.is_finite() && *d > 0.0).collect();
+    if depths.is_empty() {
+        return Ok(());
+    }
+    let middle = depths.len() / 2;
+    let (_, median, further) = depths.select_nth_unstable_by(middle, f32::total_cmp);
+    let (median, largest) = (*median, further.iter().copied().fold(*median, f32::max));
+    let what = if !MEDIAN_DEPTH_M.contains(&median) {
+        let (low, high) = (MEDIAN_DEPTH_M.start(), MEDIAN_DEPTH_M.end());
+        format!("its median depth is {median} m, which no room has ({low} to {high} m)")
+    } else if largest > MAX_DEPTH_M {
+        format!("its largest depth is {largest} m, which no room has (up to {MAX_DEPTH_M} m)")
+    } else {
+        return Ok(());
+    };
+    Err(Error::invalid(place, what, help))
+}
 
 /// The memory that can still be taken, bytes: what Linux calls available, within the limit of the container.
 pub fn available_bytes() -> f64 {
@@ -126,6 +208,59 @@ mod tests {
         assert!(position("rx", DVec3::new(0.0, 1e308, 0.0)).unwrap_err().to_string().contains("1e308"));
         assert!(position("rx", DVec3::new(0.0, f64::NAN, 0.0)).is_err());
         assert!(count("t: n", 5, 4, "rays").unwrap_err().to_string().contains("5 rays"));
+    }
+
+    #[test]
+    fn ranges_and_cameras_that_nothing_has_are_refused() {
+        let range = |min_db, max_db| db_range("r", &DbRange { min_db, max_db }).is_ok();
+        assert!(range(-110.0, -40.0) && range(0.0, 1.0) && range(-300.0, 0.0));
+        let bad = [
+            (-1e300, 0.0),
+            (-5000.0, -40.0),
+            (f64::NAN, 0.0),
+            (0.0, f64::INFINITY),
+            (-40.0, -110.0),
+            (0.0, 1e-3),
+            (-300.0, 300.0),
+        ];
+        assert!(bad.iter().all(|(min, max)| !range(*min, *max)));
+        let fine = Pinhole::from_horizontal_fov(64, 48, 90.0);
+        for camera in [
+            fine,
+            Pinhole { cx: -100.0, ..fine },
+            Pinhole::from_horizontal_fov(64, 1, 179.0),
+            Pinhole::from_horizontal_fov(8, 8, 0.01),
+        ] {
+            pinhole("c", &camera).unwrap();
+        }
+        for (camera, word) in [
+            (Pinhole { width: 0, ..fine }, "0x48 pixels"),
+            (Pinhole { width: 1 << 20, height: 1 << 20, ..fine }, "pixels: no camera"),
+            (Pinhole { fx: 1e300, ..fine }, "1e300 is out of range"),
+            (Pinhole { fy: 1e-300, ..fine }, "1e-300 is out of range"),
+            (Pinhole { fx: -32.0, ..fine }, "for fx"),
+            (Pinhole { cx: f64::NAN, ..fine }, "for cx"),
+            (Pinhole { cy: 1e300, ..fine }, "for cy"),
+        ] {
+            let message = pinhole("c", &camera).unwrap_err().to_string();
+            assert!(message.contains(word), "{message}");
+        }
+    }
+
+    #[test]
+    fn depths_that_no_room_has_are_refused() {
+        let check = |depths: &[f32]| room_depth("d", depths.iter().copied(), "see").map_err(|e| e.to_string());
+        for fine in [[4.0, 0.0, 7.5].as_slice(), &[], &[0.0, f32::NAN, f32::INFINITY], &[0.3, 0.4, 900.0]] {
+            assert_eq!(check(fine), Ok(()));
+        }
+        for (depths, word) in [
+            ([0.0, 4000.0, 4000.0].as_slice(), "median depth is 4000 m"),
+            (&[150.0, 400.0, 300.0, 0.0], "median depth is 300 m"),
+            (&[0.004; 3], "median depth is 0.004 m"),
+            (&[4.0, 4.0, 4000.0], "largest depth is 4000 m"),
+        ] {
+            assert!(check(depths).unwrap_err().contains(word), "{:?}", check(depths));
+        }
     }
 
     #[test]

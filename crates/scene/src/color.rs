@@ -62,13 +62,30 @@ pub fn viridis(scalar: f32) -> [f32; 3] {
     std::array::from_fn(|c| (POINTS[i][c] + t * (POINTS[i + 1][c] - POINTS[i][c])) / 255.0)
 }
 
+/// The Jet colour of a scalar in `[0, 1]` as OpenCV and MATLAB have it: three equal trapezoids a quarter apart, RGB in `[0, 1]`.
+pub fn jet_of_trapezoids(scalar: f32) -> [f32; 3] {
+    let s = 4.0 * scalar.clamp(0.0, 1.0);
+    [3.0, 2.0, 1.0].map(|middle| (1.5 - (s - middle).abs()).clamp(0.0, 1.0))
+}
+
 /// The scalar in `[0, 1]` whose Jet colour is nearest to `rgb` in the Euclidean sense: exact on the curve, the projection off it.
 pub fn scalar_from_jet(rgb: [f32; 3]) -> f32 {
     // Jet is piecewise linear between these scalars, so the nearest point is found segment by segment.
     const KNOTS: [f32; 12] = [0.0, 0.11, 0.125, 0.34, 0.35, 0.375, 0.64, 0.65, 0.66, 0.89, 0.91, 1.0];
+    nearest_on(&KNOTS, jet, rgb)
+}
+
+/// The scalar in `[0, 1]` whose colour by [`jet_of_trapezoids`] is nearest to `rgb`, as [`scalar_from_jet`] has it.
+pub fn scalar_from_jet_of_trapezoids(rgb: [f32; 3]) -> f32 {
+    const KNOTS: [f32; 6] = [0.0, 0.125, 0.375, 0.625, 0.875, 1.0];
+    nearest_on(&KNOTS, jet_of_trapezoids, rgb)
+}
+
+/// The scalar of the point nearest to `rgb` on a curve that is straight between `knots`.
+fn nearest_on(knots: &[f32], curve: fn(f32) -> [f32; 3], rgb: [f32; 3]) -> f32 {
     let mut best = (f32::INFINITY, 0.0);
-    for pair in KNOTS.windows(2) {
-        let (a, b) = (jet(pair[0]), jet(pair[1]));
+    for pair in knots.windows(2) {
+        let (a, b) = (curve(pair[0]), curve(pair[1]));
         let (mut along, mut length2) = (0.0, 0.0);
         for c in 0..3 {
             along += (rgb[c] - a[c]) * (b[c] - a[c]);
@@ -95,6 +112,29 @@ mod tests {
             // Between 0.11 and 0.125 the map is one colour, pure blue: there the scalar is known to that interval only.
             let tolerance = if (0.11..=0.125).contains(&s) { 0.015 + 0.5 / 255.0 } else { 0.5 / 255.0 };
             assert!((scalar_from_jet(c) - s).abs() < tolerance, "{s}");
+        }
+    }
+
+    #[test]
+    fn the_jet_of_trapezoids_is_opencvs() {
+        // OpenCV 5.0, cv2.applyColorMap(COLORMAP_JET), R G B at these levels of 255.
+        for (level, rgb) in [
+            (0u8, [0, 0, 128]),
+            (1, [0, 0, 132]),
+            (31, [0, 0, 252]),
+            (64, [0, 128, 255]),
+            (96, [2, 255, 254]),
+            (127, [126, 255, 130]),
+            (159, [254, 255, 1]),
+            (191, [255, 128, 0]),
+            (224, [252, 0, 0]),
+            (255, [128, 0, 0]),
+        ] {
+            let own = jet_of_trapezoids(f32::from(level) / 255.0);
+            for (own, other) in own.iter().zip(rgb) {
+                assert!((255.0 * own - other as f32).abs() <= 0.501, "{level}: {own}");
+            }
+            assert!((scalar_from_jet_of_trapezoids(own) - f32::from(level) / 255.0).abs() < 1e-5, "{level}");
         }
     }
 

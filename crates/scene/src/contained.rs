@@ -62,8 +62,10 @@ pub fn check_regular(path: &Path, place: &str) -> Result<()> {
     if kind.is_file() {
         return Ok(());
     }
-    let what = if kind.is_dir() { "a folder" } else { "a pipe, socket or device" };
-    Err(Error::invalid(place, format!("{} is {what}", path.display()), "give a regular file"))
+    let what = if kind.is_dir() { "is a folder" } else { "is a pipe, socket or device" };
+    let name = path.display().to_string();
+    let what = if name == place { what.to_owned() } else { format!("{name} {what}") };
+    Err(Error::invalid(place, what, "give a regular file"))
 }
 
 /// Reads a regular file of at most `most_bytes`, whatever takes its place meanwhile: a pipe is not waited for, a device not read without end.

@@ -4,6 +4,7 @@
 mod bounds_tests;
 mod image_header;
 mod map;
+mod regular;
 mod text;
 mod write;
 
@@ -11,28 +12,13 @@ use crate::guard::guarded;
 use crate::{Error, Raster, Result};
 use exr::prelude as ex;
 pub use image_header::{MAX_EXR_BYTES, MAX_PIXELS};
-pub use map::{decode_map, read_map};
+pub use map::{DEPTH_UNIT_M, Map, Stored, decode_map, read_map};
+pub use regular::{MAX_CONFIG_BYTES, open, read, read_config_text, read_text};
 use sha2::{Digest, Sha256};
 use std::io::{Cursor, Write};
 use std::path::Path;
 pub use text::{GzipLines, LineBounds, MAX_GZIP_TEXT_BYTES, read_gzip_text, read_text_within};
 pub use write::{ScratchFolder, is_temporary, remove_abandoned, remove_temporary_files, sync_folder, write_atomic};
-
-/// Reads a whole file.
-///
-/// # Errors
-/// The file cannot be read; the message names it.
-pub fn read(path: impl AsRef<Path>) -> Result<Vec<u8>> {
-    std::fs::read(path.as_ref()).map_err(Error::io("read", path.as_ref()))
-}
-
-/// Reads a whole text file.
-///
-/// # Errors
-/// The file cannot be read, or is no UTF-8.
-pub fn read_text(path: impl AsRef<Path>) -> Result<String> {
-    std::fs::read_to_string(path.as_ref()).map_err(Error::io("read", path.as_ref()))
-}
 
 /// Compresses as gzip; the same bytes give the same bytes.
 ///
@@ -311,8 +297,8 @@ pub fn encode_exr_rgb(image: &Raster<[f32; 3]>) -> Result<Vec<u8>> {
 
 type Channels = Vec<(String, ex::FlatSamples)>;
 
-/// All channels of the first layer of an EXR.
-fn decode_exr(bytes: &[u8], path: &Path) -> Result<(usize, usize, Channels)> {
+/// Compression of an EXR and all channels of its first layer, with its width and height.
+fn decode_exr(bytes: &[u8], path: &Path) -> Result<(ex::Compression, (usize, usize, Channels))> {
     use ex::{ReadChannels as _, ReadLayers as _};
     let pixels = || {
         image_header::check_exr(bytes, path)?;
@@ -333,7 +319,7 @@ fn decode_exr(bytes: &[u8], path: &Path) -> Result<(usize, usize, Channels)> {
     if channels.iter().any(|(_, s)| s.len() != width * height) {
         return Err(corrupt(path, "EXR", "a subsampled channel"));
     }
-    Ok((width, height, channels))
+    Ok((layer.encoding.compression, (width, height, channels)))
 }
 
 fn floats(samples: &ex::FlatSamples) -> Vec<f32> {
@@ -346,7 +332,7 @@ fn floats(samples: &ex::FlatSamples) -> Vec<f32> {
 /// The image is larger than [`MAX_PIXELS`] or [`MAX_EXR_BYTES`], or the file cannot be read, is no complete EXR, or has not exactly one channel.
 pub fn read_exr_f32(path: impl AsRef<Path>) -> Result<Raster<f32>> {
     let path = path.as_ref();
-    let (width, height, channels) = decode_exr(&read(path)?, path)?;
+    let (_, (width, height, channels)) = decode_exr(&read(path)?, path)?;
     match channels.as_slice() {
         [(_, samples)] => Ok(Raster::from_vec(width, height, floats(samples))),
         _ => Err(wrong_channels(path, &channels, "one float channel")),
@@ -359,7 +345,7 @@ pub fn read_exr_f32(path: impl AsRef<Path>) -> Result<Raster<f32>> {
 /// Those of [`read_exr_f32`], or the channel is not of unsigned integers.
 pub fn read_exr_u32(path: impl AsRef<Path>) -> Result<Raster<u32>> {
     let path = path.as_ref();
-    let (width, height, mut channels) = decode_exr(&read(path)?, path)?;
+    let (_, (width, height, mut channels)) = decode_exr(&read(path)?, path)?;
     match (channels.len(), channels.pop()) {
         (1, Some((_, ex::FlatSamples::U32(ids)))) => Ok(Raster::from_vec(width, height, ids)),
         (_, last) => {
@@ -375,7 +361,7 @@ pub fn read_exr_u32(path: impl AsRef<Path>) -> Result<Raster<u32>> {
 /// Those of [`read_exr_f32`], or a channel is missing.
 pub fn read_exr_rgb(path: impl AsRef<Path>) -> Result<Raster<[f32; 3]>> {
     let path = path.as_ref();
-    let (width, height, channels) = decode_exr(&read(path)?, path)?;
+    let (_, (width, height, channels)) = decode_exr(&read(path)?, path)?;
     let find = |name: &str| channels.iter().find(|(n, _)| n == name).map(|(_, s)| floats(s));
     let (Some(r), Some(g), Some(b)) = (find("R"), find("G"), find("B")) else {
         return Err(wrong_channels(path, &channels, "channels R, G and B"));

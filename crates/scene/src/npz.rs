@@ -175,12 +175,58 @@ pub fn encode_npz(arrays: &[Array]) -> Result<Vec<u8>> {
     Ok(file)
 }
 
-/// Decodes a `.npy` file of floats (`<f2`, `<f4` or `<f8`) or 16-bit integers (`<u2`), C order, as its shape and f64 values; `place` names it in
-/// messages.
+/// The numbers of a `.npy` file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Numbers {
+    /// Sizes of its axes; empty for a scalar.
+    pub shape: Vec<usize>,
+    /// Its values, row-major.
+    pub values: Vec<f64>,
+    /// How each is stored.
+    pub stored: Scalar,
+}
+
+/// How a `.npy` file stores a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scalar {
+    /// A float of so many bytes: 2, 4 or 8.
+    Float(usize),
+    /// A whole number, signed or not, of 1, 2, 4 or 8 bytes.
+    Whole,
+}
+
+/// Reads a number of up to eight bytes in little-endian order.
+type Read = fn([u8; 8]) -> f64;
+
+/// The type that a `.npy` header describes: how a number is stored, its bytes, whether they are in big-endian order, and how it is read.
+fn type_of(descr: &str) -> Option<(Scalar, usize, bool, Read)> {
+    let big_endian = match *descr.as_bytes().first()? {
+        b'<' | b'|' => false,
+        b'>' => true,
+        _ => return None,
+    };
+    let (scalar, read): (Scalar, Read) = match descr.get(1..)? {
+        "f2" => (Scalar::Float(2), |[a, b, ..]| half::f16::from_le_bytes([a, b]).to_f64()),
+        "f4" => (Scalar::Float(4), |[a, b, c, d, ..]| f64::from(f32::from_le_bytes([a, b, c, d]))),
+        "f8" => (Scalar::Float(8), f64::from_le_bytes),
+        "i1" => (Scalar::Whole, |[a, ..]| f64::from(a as i8)),
+        "i2" => (Scalar::Whole, |[a, b, ..]| f64::from(i16::from_le_bytes([a, b]))),
+        "i4" => (Scalar::Whole, |[a, b, c, d, ..]| f64::from(i32::from_le_bytes([a, b, c, d]))),
+        "i8" => (Scalar::Whole, |bytes| i64::from_le_bytes(bytes) as f64),
+        // Bytes that are not there are zero.
+        "u1" | "u2" | "u4" | "u8" => (Scalar::Whole, |bytes| u64::from_le_bytes(bytes) as f64),
+        _ => return None,
+    };
+    let width = usize::from(descr.as_bytes()[2] - b'0');
+    // One byte has no order, and more have one.
+    ((width == 1) == descr.starts_with('|')).then_some((scalar, width, big_endian, read))
+}
+
+/// Decodes a `.npy` file of floats or whole numbers, in C order and any byte order; `place` names it in messages.
 ///
 /// # Errors
 /// The bytes are no such file, or end early.
-pub fn decode_npy(bytes: &[u8], place: &str) -> Result<(Vec<usize>, Vec<f64>)> {
+pub fn decode_npy(bytes: &[u8], place: &str) -> Result<Numbers> {
     let fault = |what: String| {
         Error::invalid(
             place,
@@ -198,14 +244,10 @@ pub fn decode_npy(bytes: &[u8], place: &str) -> Result<(Vec<usize>, Vec<f64>)> {
     let header = length.and_then(|n| bytes.get(start..start.checked_add(n)?)).and_then(|h| std::str::from_utf8(h).ok());
     let Some(header) = header else { return Err(fault("its header is cut short".into())) };
     let value = |key: &str| header.split_once(&format!("'{key}':")).map(|(_, rest)| rest.trim_start());
-    let descr = value("descr").map(|v| v.split('\'').nth(1).unwrap_or_default());
-    let width = match descr {
-        Some("<f8") => 8,
-        Some("<f4") => 4,
-        Some("<f2" | "<u2") => 2,
-        other => return Err(fault(format!("its type is {}, not <f2, <f4, <f8 or <u2", other.unwrap_or("not stated")))),
+    let descr = value("descr").and_then(|v| v.strip_prefix('\'')?.split('\'').next());
+    let Some((stored, width, big_endian, read)) = descr.and_then(type_of) else {
+        return Err(fault(format!("its type is {}, neither float nor integer", descr.unwrap_or("not stated"))));
     };
-    let halves = descr == Some("<f2");
     if !value("fortran_order").is_some_and(|v| v.starts_with("False")) {
         return Err(fault("it is in Fortran order".into()));
     }
@@ -218,14 +260,15 @@ pub fn decode_npy(bytes: &[u8], place: &str) -> Result<(Vec<usize>, Vec<f64>)> {
     if count.and_then(|n| n.checked_mul(width)) != Some(data.len()) {
         return Err(fault(format!("{} bytes of data for shape {shape:?}", data.len())));
     }
-    let number = |b: &[u8]| match *b {
-        [a, b] if halves => half::f16::from_le_bytes([a, b]).to_f64(),
-        [a, b] => f64::from(u16::from_le_bytes([a, b])),
-        [a, b, c, d] => f64::from(f32::from_le_bytes([a, b, c, d])),
-        [a, b, c, d, e, f, g, h] => f64::from_le_bytes([a, b, c, d, e, f, g, h]),
-        _ => f64::NAN,
+    let number = |bytes: &[u8]| {
+        let mut little = [0; 8];
+        little[..width].copy_from_slice(bytes);
+        if big_endian {
+            little[..width].reverse();
+        }
+        read(little)
     };
-    Ok((shape, data.chunks_exact(width).map(number).collect()))
+    Ok(Numbers { shape, values: data.chunks_exact(width).map(number).collect(), stored })
 }
 
 #[cfg(test)]
@@ -239,21 +282,50 @@ mod tests {
             let array = Array::new("x", &shape, Values::F64((0..n).map(|i| i as f64 - 0.5).collect()));
             let bytes = array.to_npy();
             assert_eq!((bytes.len() - 8 * n) % 64, 0);
-            let (read, values) = decode_npy(&bytes, "x.npy").unwrap();
-            assert_eq!((read, Values::F64(values)), (shape, array.values));
+            let read = decode_npy(&bytes, "x.npy").unwrap();
+            assert_eq!((read.shape, Values::F64(read.values), read.stored), (shape, array.values, Scalar::Float(8)));
         }
-        let single = Array::new("x", &[2], Values::F32(vec![1.5, -2.0])).to_npy();
-        assert_eq!(decode_npy(&single, "x").unwrap().1, [1.5, -2.0]);
-        // The same header, with two bytes a value: f32 1.5 is 0x3fc00000, whose halves are 0 and 0x3fc0.
-        let pairs = |descr: &str| {
-            let mut bytes = single.clone();
-            let at = bytes.windows(3).position(|w| w == b"<f4").unwrap();
-            bytes[at..at + 3].copy_from_slice(descr.as_bytes());
-            bytes.truncate(bytes.len() - 4);
-            decode_npy(&bytes, "x").unwrap().1
-        };
-        assert_eq!(pairs("<u2"), [0.0, f64::from(0x3fc0)]);
-        assert_eq!(pairs("<f2"), [0.0, 1.9375], "0x3fc0 is 2⁰ (1 + 960/1024)");
+    }
+
+    /// `to_npy`'s bytes of `f32` under another type, with `data` as its values.
+    fn typed(descr: &str, count: usize, data: &[u8]) -> Vec<u8> {
+        let whole = Array::new("x", &[count], Values::F32(vec![0.0; count])).to_npy();
+        let mut bytes = whole[..whole.len() - 4 * count].to_vec();
+        let at = bytes.windows(3).position(|w| w == b"<f4").unwrap();
+        bytes[at..at + 3].copy_from_slice(descr.as_bytes());
+        bytes.extend(data);
+        bytes
+    }
+
+    #[test]
+    fn every_type_of_number_is_read_in_either_byte_order() {
+        // 4000 is 0x0fa0; 0x3fc0 is 2⁰ (1 + 960/1024) in half precision; 1.5 is 0x3fc00000 in single.
+        let little: [(&str, &[u8], f64, Scalar); 8] = [
+            ("|u1", &[200], 200.0, Scalar::Whole),
+            ("|i1", &[200], -56.0, Scalar::Whole),
+            ("<u2", &[0xa0, 0x0f], 4000.0, Scalar::Whole),
+            ("<i2", &[0x60, 0xf0], -4000.0, Scalar::Whole),
+            ("<u4", &[0, 0, 0, 0x80], 2_147_483_648.0, Scalar::Whole),
+            ("<i4", &[0, 0, 0, 0x80], -2_147_483_648.0, Scalar::Whole),
+            ("<f2", &[0xc0, 0x3f], 1.9375, Scalar::Float(2)),
+            ("<f4", &[0, 0, 0xc0, 0x3f], 1.5, Scalar::Float(4)),
+        ];
+        for (descr, bytes, value, stored) in little {
+            let read = decode_npy(&typed(descr, 1, bytes), "x").unwrap();
+            assert_eq!((read.values.as_slice(), read.stored), ([value].as_slice(), stored), "{descr}");
+            if bytes.len() > 1 {
+                let reversed: Vec<u8> = bytes.iter().rev().copied().collect();
+                assert_eq!(decode_npy(&typed(&descr.replace('<', ">"), 1, &reversed), "x").unwrap().values, [value], "{descr}");
+            }
+        }
+        for (descr, bytes) in [("<i8", (-7i64).to_le_bytes()), (">i8", (-7i64).to_be_bytes())] {
+            assert_eq!(decode_npy(&typed(descr, 1, &bytes), "x").unwrap().values, [-7.0]);
+        }
+        assert_eq!(decode_npy(&typed("<u8", 1, &7u64.to_le_bytes()), "x").unwrap().values, [7.0]);
+        for descr in ["<c8", "|b1", "|O8", "<U4", "<f1", "<u3", "|f4", "<u1", "=f4"] {
+            let error = decode_npy(&typed(descr, 1, &[0; 8]), "x").unwrap_err().to_string();
+            assert!(error.contains(&format!("its type is {descr}")), "{error}");
+        }
     }
 
     #[test]
@@ -262,8 +334,8 @@ mod tests {
         for cut in [0, 5, 9, 40, whole.len() - 1] {
             assert!(decode_npy(&whole[..cut], "cut.npy").unwrap_err().to_string().contains("cut.npy"), "{cut}");
         }
-        let integers = Array::new("x", &[1], Values::U32(vec![7])).to_npy();
-        assert!(decode_npy(&integers, "i.npy").unwrap_err().to_string().contains("<u4"));
+        let complex = Array::new("x", &[1], Values::Complex(vec![[7.0, 0.0]])).to_npy();
+        assert!(decode_npy(&complex, "i.npy").unwrap_err().to_string().contains("<c16"));
         let text = String::from_utf8_lossy(&whole).replace("False", "True ");
         assert!(decode_npy(text.replace('\u{fffd}', "").as_bytes(), "f.npy").is_err());
     }

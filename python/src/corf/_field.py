@@ -13,9 +13,10 @@ from typing import Any, overload
 import numpy as np
 import numpy.typing as npt
 
-from ._files import read_exr, read_json, read_png
+from ._files import parsed, read_exr, read_json, read_png, within, within_if_there
 from ._ply import harmonics, read_columns
 from ._program import Argument, CorfError, existing, run
+from ._values import pose_fault
 
 Pose = npt.NDArray[np.float64]
 
@@ -71,19 +72,22 @@ class Field:
     def __init__(self, path: str | os.PathLike[str], dataset: str | os.PathLike[str] | None = None) -> None:
         """Opens a run folder; `dataset` is where its data set is now, if it has moved. Raises CorfError where the run is not finished."""
         self.path: Path = existing(path, "run.json", "give the --out folder of a finished corf reconstruct")
-        self.info: dict[str, Any] = read_json(self.path / "run.json")
+        info = read_json(within(self.path, "run.json"))
+        self.info: dict[str, Any] = info.table()
         """`run.json`: method, configuration, seed, data set, time."""
+        self._method = info.at("method").text()
+        self._own_dataset = info.at("dataset").text()
         self._dataset = dataset
 
     @property
     def method(self) -> str:
         """Method that made it."""
-        return str(self.info["method"])
+        return self._method
 
     @property
     def dataset_path(self) -> Path:
         """Folder of its data set."""
-        return Path(self._dataset if self._dataset is not None else self.info["dataset"])
+        return Path(self._dataset if self._dataset is not None else self._own_dataset)
 
     @overload
     def render(self, poses: Pose, *, device: str = ..., verify: bool = ...) -> Rendering: ...
@@ -96,25 +100,30 @@ class Field:
 
         Raises CorfError for a pose that is no rigid transform, and for what the program refuses.
         """
-        array = np.asarray(poses, dtype=np.float64)
+        try:
+            array = np.asarray(poses, dtype=np.float64)
+        except (ValueError, TypeError, OverflowError) as error:
+            raise CorfError(f"the poses are no numbers of one shape: {error}\n  help: give world_from_camera, one or several") from error
         if array.size == 0:
             return []
         if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):
             raise CorfError(f"a pose has the shape (4, 4), and this has {array.shape}\n  help: give world_from_camera, one or several")
         several = array.reshape(-1, 4, 4)
-        if not np.isfinite(several).all():
-            raise CorfError("a pose has a number that is not finite\n  help: give world_from_camera, rotation and metres")
+        for i, pose in enumerate(several):
+            fault = pose_fault(pose)
+            if fault is not None:
+                raise CorfError(f"pose {i}: {fault}\n  help: give world_from_camera, rotation and metres")
         with tempfile.TemporaryDirectory() as scratch:
             file, out = Path(scratch) / "poses.json", Path(scratch) / "out"
             file.write_text(json.dumps(several.tolist()))
             run("render", self.path, "--poses", file, "--out", out, "--device", device, *self._dataset_flags(verify))
-            made = [_read(out, i, pose) for i, pose in enumerate(several)]
+            made = [_read(out, i, pose.copy()) for i, pose in enumerate(several)]
         return made[0] if array.ndim == 2 else made
 
     def gaussians(self) -> Gaussians:
         """The Gaussians of the field. Raises CorfError where the method has none."""
-        path = self.path / "coupled.ply"
-        if not path.is_file():
+        path = within_if_there(self.path, "coupled.ply")
+        if path is None:
             raise CorfError(f"{self.path}: {self.method} keeps no Gaussians in coupled.ply\n  help: open a run of corf-gs or rf-3dgs")
         columns = read_columns(path)
 
@@ -123,6 +132,11 @@ class Field:
 
         try:
             rotation = stacked("rot_0", "rot_1", "rot_2", "rot_3")
+            faulty = [name for name, column in columns.items() if not np.isfinite(column).all()]
+            if faulty:
+                raise CorfError(f"{path}: property {faulty[0]} has a value that is not finite\n  help: write the field again")
+            if not np.linalg.norm(rotation, axis=1).all():
+                raise CorfError(f"{path}: a rotation (rot_0 to rot_3) is zero\n  help: write the field again")
             return Gaussians(
                 position_m=stacked("x", "y", "z"),
                 scale_m=np.exp(stacked("scale_0", "scale_1", "scale_2")),
@@ -132,19 +146,18 @@ class Field:
                 rf_opacity=_sigmoid(columns["rf_opacity"]),
                 rf_sh=harmonics(columns, "rf_"),
             )
-        except (KeyError, ValueError) as error:
-            raise CorfError(f"{path} is no coupled field: {error}") from error
+        except KeyError as error:
+            raise CorfError(f"{path} is no coupled field: it has no property {error}") from error
 
     def evaluate(self, *, device: str = "auto", verify: bool = False) -> dict[str, Any]:
         """Scores the field on its held-out keyframes; writes `metrics.json` into the run folder and returns it. ``["means"]`` has the metrics."""
-        record: dict[str, Any] = json.loads(run("evaluate", self.path, "--json", "--device", device, *self._dataset_flags(verify)))
-        return record
+        return parsed(run("evaluate", self.path, "--json", "--device", device, *self._dataset_flags(verify)), "corf evaluate").table()
 
     def export(self, out: str | os.PathLike[str], *, to: str, field: str = "optical", pad_sh: int | None = None) -> dict[str, Any]:
         """Writes one modality ("optical", "rf") as "ply", "splat", "spz" or "sog-ready-ply" (`corf field export`); returns what the program says of it."""
         padding: list[Argument] = [] if pad_sh is None else ["--pad-sh", pad_sh]
-        said: dict[str, Any] = json.loads(run("field", "export", self.path, "--to", to, "--field", field, "--out", out, "--json", *padding))
-        return said
+        said = run("field", "export", self.path, "--to", to, "--field", field, "--out", out, "--json", *padding)
+        return parsed(said, "corf field export").table()
 
     def _dataset_flags(self, verify: bool) -> list[Argument]:
         flags: list[Argument] = [] if self._dataset is None else ["--dataset", self._dataset]
@@ -155,7 +168,8 @@ class Field:
 
 
 def _sigmoid(logit: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    return (1 / (1 + np.exp(-logit.astype(np.float64)))).astype(np.float32)
+    with np.errstate(over="ignore"):
+        return (1 / (1 + np.exp(-logit.astype(np.float64)))).astype(np.float32)
 
 
 def _read(out: Path, index: int, pose: Pose) -> Rendering:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +10,9 @@ from typing import Any, Union
 import numpy as np
 import numpy.typing as npt
 
+from ._files import parsed
 from ._program import Argument, CorfError, run
+from ._values import Value
 
 Point = Union[Sequence[float], npt.NDArray[np.float64]]
 
@@ -91,12 +92,16 @@ def links(scene: str | os.PathLike[str], tx: Sequence[Point] | None, rx: Sequenc
             arguments.append(f"{flag}={_point(point)}")
     for name, value in options.items():
         arguments.extend(_flag("--" + name.replace("_", "-"), value))
-    document = json.loads(run(*arguments))
-    return [_link(link) for link in document.get("links", [document])]
+    document = parsed(run(*arguments), "corf paths")
+    several = document.get("links")
+    return [_link(link) for link in ([document] if several is None else several.items())]
 
 
 def _point(point: Point) -> str:
-    values = np.asarray(point, dtype=np.float64)
+    try:
+        values = np.asarray(point, dtype=np.float64)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise CorfError(f"{point!r} is no point\n  help: give x, y, z in metres") from error
     if values.shape != (3,) or not np.isfinite(values).all():
         raise CorfError(f"{point!r} is no point\n  help: give x, y, z in metres")
     return ",".join(repr(float(v)) for v in values)
@@ -111,25 +116,25 @@ def _flag(flag: str, value: Any) -> list[str]:
     return [f"{flag}={v}" for v in (value if isinstance(value, (list, tuple)) else [value])]
 
 
-def _link(link: dict[str, Any]) -> Paths:
-    each = link["paths"]
+def _link(link: Value) -> Paths:
+    each = link.at("paths").items()
 
     def column(key: str) -> npt.NDArray[np.float64]:
-        return np.array([p[key] for p in each], dtype=np.float64)
+        return np.array([p.at(key).number() for p in each], dtype=np.float64)
 
     return Paths(
-        frequency_hz=float(link["frequency_hz"]),
-        tx_m=np.array(link["tx"], dtype=np.float64),
-        rx_m=np.array(link["rx"], dtype=np.float64),
-        a=np.array([complex(*p["a"]) for p in each], dtype=np.complex128),
+        frequency_hz=link.at("frequency_hz").number(above=0),
+        tx_m=link.at("tx").numbers(3),
+        rx_m=link.at("rx").numbers(3),
+        a=np.array([complex(*p.at("a").numbers(2)) for p in each], dtype=np.complex128),
         delay_s=column("tau"),
         length_m=column("length_m"),
         aoa_zenith_rad=column("theta_r"),
         aoa_azimuth_rad=column("phi_r"),
         aod_zenith_rad=column("theta_t"),
         aod_azimuth_rad=column("phi_t"),
-        types=[p["types"] for p in each],
-        objects=[list(p["objects"]) for p in each],
-        vertices_m=[np.array(p["vertices"], dtype=np.float64).reshape(-1, 3) for p in each],
-        document=link,
+        types=[p.at("types").text() for p in each],
+        objects=[[name.text() for name in p.at("objects").items()] for p in each],
+        vertices_m=[p.at("vertices").numbers(-1, 3) for p in each],
+        document=link.table(),
     )

@@ -49,7 +49,7 @@ def run(*arguments: Argument) -> str:
     command = [program(), *(os.fspath(a) if isinstance(a, os.PathLike) else str(a) for a in arguments)]
     try:
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, encoding="utf-8", errors="replace", check=False)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise CorfError(f"{command[0]} cannot be run: {error}\n  help: set CORF_BIN to the corf program") from error
     if done.returncode != 0:
         raise CorfError(_message(done.stderr, done.stdout) or f"{' '.join(command)} ended with code {done.returncode}", done.returncode)
@@ -64,8 +64,11 @@ def _message(stderr: str, stdout: str) -> str:
 
 def existing(path: str | os.PathLike[str], file: str, help_text: str) -> Path:
     """A folder that holds `file`; raises CorfError otherwise."""
-    folder = Path(path)
-    if not (folder / file).is_file():
-        what = "is not there" if not folder.exists() else f"holds no {file}"
-        raise CorfError(f"{folder} {what}\n  help: {help_text}")
-    return folder
+    try:
+        folder = Path(path)
+        if not (folder / file).is_file():
+            what = "is not there" if not folder.exists() else f"holds no {file}"
+            raise CorfError(f"{folder} {what}\n  help: {help_text}")
+        return folder
+    except (OSError, ValueError, TypeError) as error:
+        raise CorfError(f"{path!r} cannot be opened: {error}\n  help: {help_text}") from error

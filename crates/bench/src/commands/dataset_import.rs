@@ -58,12 +58,13 @@ pub struct Import {
     /// Width of the range below the strongest value, dB, where --rf-db does not state one.
     #[arg(long, default_value_t = 70.0)]
     dynamic_range_db: f64,
-    /// Folder of depth maps, one for every image by file stem and of its size: z-depth in metres as EXR or .npy, or 16-bit PNG.
+    /// Folder of depth maps, one for every image by file stem and of its size: z-depth as EXR, .npy or 16-bit PNG.
     #[arg(long, value_name = "DIR")]
     depth: Option<PathBuf>,
-    /// Metres that a step of a depth PNG counts.
-    #[arg(long, value_name = "M", default_value_t = 1e-3)]
-    depth_unit: f64,
+    /// Unit of the depth maps, of whatever kind: m, cm, mm, um, or its size in metres. Without it floats (EXR, .npy) are metres, steps of a PNG are
+    /// millimetres, and a .npy or EXR of whole numbers is refused.
+    #[arg(long, value_name = "UNIT|M")]
+    depth_unit: Option<LengthUnit>,
     /// Folder of masks, by file stem (or `NAME.jpg.png` for `NAME.jpg`) and of the images' size, for as many images as have one: pixels that
     /// are black or transparent are neither learnt from nor compared. Without it, the masks that the capture names.
     #[arg(long, value_name = "DIR")]
@@ -141,6 +142,23 @@ impl FromStr for Numbers {
             _ => Err(format!("\"{part}\" is no finite number")),
         };
         text.split(',').map(number).collect::<Result<_, _>>().map(Self)
+    }
+}
+
+/// A unit of length, metres.
+#[derive(Clone, Copy)]
+struct LengthUnit(f64);
+
+impl FromStr for LengthUnit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let named = [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6)];
+        let metres = named.iter().find(|(name, _)| *name == text).map_or_else(|| text.parse().ok(), |(_, metres)| Some(*metres));
+        metres
+            .filter(|m| corf_scene::io::DEPTH_UNIT_M.contains(m))
+            .map(Self)
+            .ok_or_else(|| "give m, cm, mm, um, or metres from 1e-9 to 1000: 0.0002 where 5000 steps are a metre".to_owned())
     }
 }
 
@@ -228,7 +246,7 @@ impl Import {
             dynamic_range_db: self.dynamic_range_db,
             depth: self.depth.clone(),
             masks: self.masks.clone(),
-            depth_png_m: self.depth_unit,
+            depth_unit_m: self.depth_unit.map(|unit| unit.0),
             up: self.up.as_ref().map(|u| u.0),
             metres_per_unit: self.scale,
             offset: self.offset.as_ref().map(|o| o.0),

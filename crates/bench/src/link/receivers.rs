@@ -35,7 +35,11 @@ pub fn receivers(config: &SceneConfig, points: &[Point], file: Option<&Path>, po
 fn read(path: &Path) -> Result<Vec<DVec3>> {
     let place = path.display().to_string();
     let points = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) {
-        let (shape, values) = npz::decode_npy(&io::read(path)?, &place)?;
+        let npz::Numbers { shape, values, stored } = npz::decode_npy(&io::read(path)?, &place)?;
+        if stored == npz::Scalar::Whole {
+            let what = "holds whole numbers, which may be anything from millimetres up";
+            return Err(Error::invalid(place, what, "save metres as float64").into());
+        }
         if shape.len() != 2 || shape[1] != 3 {
             return Err(
                 Error::invalid(place, format!("its shape is {shape:?}"), "give one row x, y, z a receiver: (N, 3)").into()

@@ -253,16 +253,17 @@ fn read_scalar(path: &Path, camera: &Pinhole) -> Result<Raster<f32>> {
 
 /// Linear power as a scalar on the data set's range.
 fn read_linear(path: &Path, camera: &Pinhole, range: &DbRange, tally: &mut Tally) -> Result<Raster<f32>> {
-    let power = check_size(io::read_map(path)?, path, camera)?;
-    if let Some(at) = power.pixels().iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
-        bail!(
-            "{}: pixel ({}, {}) is {}\n  help: linear power is finite and at least 0; decibels go into scalar/, as grey on the data set's range",
-            path.display(),
-            at % camera.width,
-            at / camera.width,
-            power.pixels()[at]
+    let map = io::read_map(path)?;
+    let place = path.display().to_string();
+    if let (Some(floor_db), Some(words)) = (map.stored.floor_db(), map.stored.words_of_power()) {
+        ensure!(
+            floor_db <= range.min_db,
+            "{place}: is stored in {words}; the data set's range begins at {} dB\n  help: write float32",
+            range.min_db
         );
     }
+    let help = "linear power is finite and at least 0; decibels go into scalar/, as grey on the data set's range";
+    let power = check_size(map.into_power(&place, help)?, path, camera)?;
     let most = 10f64.powf(range.max_db / 10.0);
     let (held, above) = power
         .pixels()

@@ -3,7 +3,8 @@
 use super::dense::Dense;
 use crate::config::{DepthConfig, FolderKind};
 use crate::{Error, Result};
-use corf_scene::{Keyframe, dataset, io};
+use corf_scene::io::{self, Map, Stored};
+use corf_scene::{Keyframe, bounds, dataset};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -17,7 +18,7 @@ const ASPECT_TOLERANCE: f64 = 0.01;
 pub struct FolderPrior {
     folder: PathBuf,
     kind: FolderKind,
-    /// Value of a PNG at one metre, or at 1/m.
+    /// Whole number at one metre, or at 1/m.
     png_scale: f32,
 }
 
@@ -63,7 +64,7 @@ impl FolderPrior {
     /// Those of [`Self::file`]; a file that cannot be read; a map of another shape than the image, or without a value.
     pub fn read(&self, index: usize, image: (usize, usize)) -> Result<Dense> {
         let file = self.file(index)?;
-        let map = io::read_map(&file)?;
+        let Map { values: map, stored } = io::read_map(&file)?;
         let place = || format!("{}, keyframe {index}", file.display());
         let (width, height) = (map.width(), map.height());
         let ratio = (width * image.1) as f64 / (height * image.0) as f64;
@@ -74,9 +75,8 @@ impl FolderPrior {
                 "give a map of the whole image, at any resolution",
             ));
         }
-        let is_png = file.extension().is_some_and(|e| e == "png");
         let is_metric = matches!(self.kind, FolderKind::DepthMetric | FolderKind::InverseMetric);
-        let unit = if is_png && is_metric { self.png_scale } else { 1.0 };
+        let unit = if matches!(stored, Stored::Picture | Stored::Whole) && is_metric { self.png_scale } else { 1.0 };
         let inverse = map.map(|v| {
             let inverse = match self.kind {
                 FolderKind::InverseRelative if *v == 0.0 => f32::NAN,
@@ -91,6 +91,11 @@ impl FolderPrior {
         });
         if !inverse.pixels().iter().any(|v| v.is_finite()) {
             return Err(Error::invalid(place(), "no pixel has a value: all are zero or no number", "make this map again"));
+        }
+        if is_metric {
+            let help = "maps of a metric kind hold metres (or 1/m) as floats, or whole numbers of which depth.png_scale are a metre; other maps are relative \
+                        (depth.folder_kind)";
+            bounds::room_depth(&place(), inverse.pixels().iter().map(|v| 1.0 / v), help)?;
         }
         let dense = Dense::reduced(inverse, image);
         if !dense.grid().pixels()[0].is_finite() {

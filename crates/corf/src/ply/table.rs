@@ -275,10 +275,7 @@ impl<'a> Binary<'a> {
 impl Table {
     pub fn read(path: &Path) -> Result<Self> {
         let place = path.display().to_string();
-        if path.exists() {
-            contained::check_regular(path, &place)?;
-        }
-        let bytes = std::fs::read(path).map_err(|source| Error::Io { action: "read", path: path.to_path_buf(), source })?;
+        let bytes = corf_scene::io::read(path)?;
         Self::of(&bytes, place)
     }
 

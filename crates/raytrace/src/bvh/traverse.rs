@@ -111,8 +111,7 @@ impl Bvh {
             return None;
         }
         let prepared = Prepared::new(ray);
-        // SAFETY (this block and those below): the caller's promise for the kernel; `build` wrote every reference, to a node or packet
-        // that exists, and absent children are never entered.
+        // SAFETY: the caller promised that the processor has what the kernel needs.
         let state = unsafe { K::state(&prepared) };
         let mut best: Option<Hit> = None;
         let mut t_max = ray.t_max;
@@ -122,7 +121,9 @@ impl Bvh {
         let mut current = 0u32;
         loop {
             if current & LEAF == 0 {
+                // SAFETY: `build` wrote every reference, to a node that exists, and absent children are never entered.
                 let node = unsafe { self.nodes.get_unchecked(current as usize) };
+                // SAFETY: the caller promised that the processor has what the kernel needs.
                 let mut mask = unsafe { K::boxes(node, &prepared, &state, t_max, &mut near) };
                 if mask != 0 {
                     let first = mask.trailing_zeros() as usize;
@@ -144,7 +145,9 @@ impl Bvh {
                     continue;
                 }
             } else {
+                // SAFETY: `build` wrote every reference, to a packet that exists, and absent children are never entered.
                 let packet = unsafe { self.packets.get_unchecked((current & !LEAF) as usize) };
+                // SAFETY: the caller promised that the processor has what the kernel needs.
                 let mut mask = unsafe { K::triangles(packet, &prepared, &state, t_max, &mut hits) };
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize & (PACKET - 1);

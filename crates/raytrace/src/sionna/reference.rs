@@ -299,7 +299,7 @@ impl Reference {
     /// # Errors
     /// A file that cannot be read or whose schema is not known.
     pub fn load(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+        let text = corf_scene::io::read_text(path)?;
         let place = path.display().to_string();
         let help = "reference files are JSON of schema corf-sionna-ref/1 or corf-sionna-diffuse-ref/1";
         let unreadable = |e: serde_json::Error| Error::invalid(place.clone(), format!("not a reference file: {e}"), help);

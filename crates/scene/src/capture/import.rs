@@ -2,7 +2,6 @@
 
 use super::options::ImportOptions;
 use super::plan::Plan;
-use super::spectra;
 use crate::dataset::{DatasetWriter, FrameData};
 use crate::finding::{Finding, Severity};
 use crate::{Error, Raster, Result, io};
@@ -123,11 +122,7 @@ fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<FrameData
     let spectrum = match (&plan.spectra, plan.encoding) {
         (Some(paths), Some(encoding)) => {
             let path = &paths[index];
-            let (spectrum, own) = spectra::read(path, options.rf_values, options.rf_db.as_ref())?;
-            if own != encoding {
-                let what = format!("it is read as {own:?} and {} as {encoding:?}", paths[0].display());
-                return Err(Error::invalid(path.display().to_string(), what, "give all spectra in one form"));
-            }
+            let spectrum = options.reading().read(path, encoding)?;
             let camera = &header.rf_camera;
             check_size(path, &spectrum, (camera.width, camera.height), "the first spectrum", "give spectra of one size")?;
             Some(spectrum)
@@ -154,15 +149,9 @@ fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<FrameData
 fn depth(path: &Path, plan: &Plan, index: usize, options: &ImportOptions) -> Result<Raster<f32>> {
     let lens = &plan.shots[index].lens;
     let map = io::read_map(path)?;
-    check_size(path, &map, (lens.pinhole.width, lens.pinhole.height), "the image's camera", "give depth of the images' size")?;
-    let is_picture = path.extension().and_then(|e| e.to_str()).is_some_and(|e| e.eq_ignore_ascii_case("png"));
-    let metres = if is_picture { options.depth_png_m as f32 } else { 1.0 };
-    // Sensors write what they did not see as 0, NaN or infinity.
-    let depth = map.map(|&d| if d.is_finite() { d * metres } else { 0.0 });
-    if let Some(i) = depth.pixels().iter().position(|d| *d < 0.0) {
-        let what = format!("pixel ({}, {}) is {} m", i % depth.width(), i / depth.width(), depth.pixels()[i]);
-        return Err(Error::invalid(path.display().to_string(), what, "depths are metres along the optical axis, at least 0"));
-    }
+    let size = (lens.pinhole.width, lens.pinhole.height);
+    check_size(path, &map.values, size, "the image's camera", "give depth of the images' size")?;
+    let depth = map.into_depth_m(options.depth_unit_m, &path.display().to_string(), "--depth-unit")?;
     Ok(lens.resample_nearest(&depth, &plan.header.optical_camera))
 }
 

@@ -9,8 +9,12 @@
 //!
 //! as in the OpenCV documentation (Camera Calibration and 3D Reconstruction) and COLMAP's camera models.
 
-use crate::{Error, Pinhole, Raster, Result};
+use crate::{Error, Pinhole, Raster, Result, bounds};
 use glam::DVec2;
+use std::ops::RangeInclusive;
+
+/// Coefficients of distortion: those of lenses are below ten.
+const DISTORTION: RangeInclusive<f64> = -1e4..=1e4;
 
 /// A camera with distortion; image coordinates as [`Pinhole`]'s: the centre of the top left pixel is (0.5, 0.5), as in COLMAP and nerfstudio.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,16 +42,11 @@ impl Lens {
     /// Checks that it is a camera; `place` names it.
     ///
     /// # Errors
-    /// No pixels, a focal length that is not positive, or a number that is not finite.
+    /// No pixels, or a number that is not finite or that no camera has ([`bounds::pinhole`]).
     pub fn check(&self, place: &str) -> Result<()> {
-        let p = &self.pinhole;
-        let focal = |f: f64| f.is_finite() && f > 0.0;
-        let numbers = [p.cx, p.cy].into_iter().chain(self.radial).chain(self.tangential);
-        if p.width == 0 || p.height == 0 || !focal(p.fx) || !focal(p.fy) || numbers.into_iter().any(|v| !v.is_finite()) {
-            let what = format!("{}x{} pixels, fx {}, fy {}, cx {}, cy {}: no camera", p.width, p.height, p.fx, p.fy, p.cx, p.cy);
-            return Err(Error::invalid(place, what, "give pixels, positive focal lengths and finite numbers"));
-        }
-        Ok(())
+        bounds::pinhole(place, &self.pinhole)?;
+        let mut coefficients = self.radial.into_iter().chain(self.tangential);
+        coefficients.try_for_each(|k| bounds::number(place, k, &DISTORTION, "for a coefficient of distortion"))
     }
 
     /// Whether it has no distortion.

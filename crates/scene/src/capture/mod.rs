@@ -13,6 +13,7 @@
 mod colmap;
 mod frame;
 mod import;
+mod jet;
 mod json;
 mod left_out;
 mod lens;
@@ -28,7 +29,8 @@ mod split;
 
 pub use colmap::read_points;
 pub use import::{ImportReport, examine, import};
-pub use options::{Format, ImportOptions, Offset, RfCamera, RfValues, SplitRule, Up};
+pub use options::{Format, ImportOptions, Offset, RfCamera, SplitRule, Up};
+pub use spectra::RfValues;
 
 use crate::Rigid3;
 use crate::dataset::ColoredPoint;

@@ -1,8 +1,9 @@
 //! Options of an import.
 
+use super::spectra::{Reading, RfValues};
 use crate::dataset::Quantity;
 use crate::keyframe::DbRange;
-use crate::{Pinhole, Result};
+use crate::{Pinhole, Result, bounds, io};
 use std::path::PathBuf;
 
 /// Layout of a capture.
@@ -73,22 +74,12 @@ impl RfCamera {
     pub(super) fn of(self, width: usize, height: usize) -> Result<Pinhole> {
         match self {
             Self::HorizontalFovDeg(fov) => {
-                crate::bounds::number("--rf-camera", fov, &(0.01..=179.0), "degrees of horizontal field of view")?;
+                bounds::number("--rf-camera", fov, &bounds::FIELD_OF_VIEW_DEG, "degrees of horizontal field of view")?;
                 Ok(Pinhole::from_horizontal_fov(width, height, fov))
             }
             Self::Intrinsics([fx, fy, cx, cy]) => Ok(Pinhole { width, height, fx, fy, cx, cy }),
         }
     }
-}
-
-/// Unit of the values in EXR and `.npy` spectra.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum RfValues {
-    /// Linear power.
-    #[default]
-    Linear,
-    /// Decibels of power: 10·log10.
-    Db,
 }
 
 /// Rule by which keyframes are held out.
@@ -131,8 +122,8 @@ pub struct ImportOptions {
     pub depth: Option<PathBuf>,
     /// Folder of masks, for as many images as have one by their stems: black where a pixel does not count. Without it, those that the capture names.
     pub masks: Option<PathBuf>,
-    /// Metres that a step of a PNG depth map counts.
-    pub depth_png_m: f64,
+    /// Metres that a unit of a depth map counts. Without it floats are metres, steps of a 16-bit PNG millimetres, and other whole numbers refused.
+    pub depth_unit_m: Option<f64>,
     /// What is up.
     pub up: Option<Up>,
     /// Metres that a unit of length of the capture counts.
@@ -163,12 +154,36 @@ impl ImportOptions {
             dynamic_range_db: 70.0,
             depth: None,
             masks: None,
-            depth_png_m: 1e-3,
+            depth_unit_m: None,
             up: None,
             metres_per_unit: 1.0,
             offset: None,
             split: None,
             ignore_masks: false,
         }
+    }
+
+    /// Checks the numbers that hold for whatever is imported; those of cameras need the size of their images.
+    ///
+    /// # Errors
+    /// A number out of range, by its flag.
+    pub(super) fn check(&self) -> Result<()> {
+        bounds::number("--dynamic-range-db", self.dynamic_range_db, &bounds::DYNAMIC_RANGE_DB, "dB")?;
+        bounds::number("--scale", self.metres_per_unit, &(1e-6..=1e6), "metres a unit of the capture")?;
+        if let Some(range) = &self.rf_db {
+            bounds::db_range("--rf-db", range)?;
+        }
+        if let Some(frequency_hz) = self.frequency_hz {
+            bounds::number("--frequency-hz", frequency_hz, &bounds::FREQUENCY_HZ, "Hz; for 60 GHz write 60e9")?;
+        }
+        if let Some(unit) = self.depth_unit_m {
+            bounds::number("--depth-unit", unit, &io::DEPTH_UNIT_M, "metres a unit")?;
+        }
+        Ok(())
+    }
+
+    /// How its spectra are read.
+    pub(super) fn reading(&self) -> Reading<'_> {
+        Reading { values: self.rf_values, range: self.rf_db.as_ref(), dynamic_range_db: self.dynamic_range_db }
     }
 }

@@ -3,13 +3,14 @@
 use super::frame::WorldFromCapture;
 use super::lens::{self, Lens};
 use super::names::Folder;
-use super::options::{Format, ImportOptions, Offset, RfValues};
+use super::options::{Format, ImportOptions, Offset};
 use super::spectra::{self, Encoding};
 use super::{Capture, Shot, colmap, left_out, names, nerfstudio, plain, rf_3dgs, split};
 use crate::dataset::{ColoredPoint, DatasetHeader, Imported};
+use crate::io::{self, Stored};
 use crate::keyframe::Modalities;
 use crate::trajectory::TrajectoryPose;
-use crate::{Error, Pinhole, Result, bounds, io};
+use crate::{Error, Pinhole, Result, bounds};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -97,6 +98,7 @@ impl Plan {
     /// # Errors
     /// Those of [`super::import`].
     pub fn of(options: &ImportOptions) -> Result<Self> {
+        options.check()?;
         let Capture { mut shots, points, lists, spectra, files, mut notes } = capture(options)?;
         let light = shots.iter().all(|s| s.image.is_some());
         let radio = radio(options, spectra, &shots, &mut notes)?;
@@ -214,21 +216,14 @@ fn radio(options: &ImportOptions, own: Option<PathBuf>, shots: &[Shot], notes: &
         }
         return Ok(None);
     };
-    if let Some(r) = options.rf_db.filter(|r| !(r.min_db.is_finite() && r.max_db.is_finite() && r.min_db < r.max_db)) {
-        return Err(Error::invalid(
-            "--rf-db",
-            format!("{} to {} dB is no range", r.min_db, r.max_db),
-            "give MIN,MAX with MIN below MAX",
-        ));
-    }
     let names: Vec<&str> = shots.iter().map(|s| s.name.as_str()).collect();
     let list = Folder::list(&folder, spectra::ENDINGS, "--rf")?;
     let files = list.of(&names, "spectrum")?;
     if list.len() > files.len() {
         notes.push(format!("{} spectra belong to no image and were left out", list.len() - files.len()));
     }
-    let (first, encoding) = spectra::read(&files[0], options.rf_values, options.rf_db.as_ref())?;
-    let (width, height) = (first.width(), first.height());
+    let survey = options.reading().survey(&files)?;
+    let (width, height) = survey.size;
     let camera = match (options.rf_camera, options.format) {
         (Some(camera), _) => camera.of(width, height)?,
         // There the model's camera is that of the spectra.
@@ -243,28 +238,12 @@ fn radio(options: &ImportOptions, own: Option<PathBuf>, shots: &[Shot], notes: &
         }
     };
     Lens::plain(camera).check("--rf-camera")?;
-    notes.push(match (encoding, options.rf_db) {
-        (Encoding::Numbers, _) => {
-            format!("spectra were read as numbers: {}", if options.rf_values == RfValues::Db { "decibels" } else { "linear power" })
-        }
-        (Encoding::Grey, range) => format!("spectra were read from grey pictures over {}; black is no power", words(range)),
-        (Encoding::Jet, range) => format!(
-            "spectra were read from Jet pictures over {}, each pixel as the level of the nearest Jet colour: 8 bits give it to half a 255th of the range, and \
-             to 0.75 % between 11 and 12.5 %, where Jet is one colour",
-            words(range)
-        ),
-    });
-    Ok(Some(Radio { folder, files, encoding, camera }))
-}
-
-/// A range in words.
-fn words(range: Option<crate::keyframe::DbRange>) -> String {
-    range.map_or_else(|| "no stated range".into(), |r| format!("{} to {} dB", r.min_db, r.max_db))
+    notes.extend(survey.notes);
+    Ok(Some(Radio { folder, files, encoding: survey.encoding, camera }))
 }
 
 /// Depth maps of all shots: those that were asked for, or the capture's own.
 fn depths(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<String>) -> Result<Option<Vec<PathBuf>>> {
-    bounds::number("--depth-unit", options.depth_png_m, &(1e-9..=1e3), "metres a step")?;
     let names: Vec<&str> = shots.iter().map(|s| s.name.as_str()).collect();
     let found = match &options.depth {
         Some(folder) if light => Some(Folder::list(folder, DEPTHS, "--depth")?.of(&names, "depth map")?),
@@ -275,10 +254,26 @@ fn depths(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<
         None if light => shots.iter().map(|s| s.depth.clone()).collect(),
         None => None,
     };
-    if found.is_some() {
-        notes.push(
-            "depth was taken for z-depth (along the optical axis) in metres, as measured; --scale does not change it".into(),
-        );
+    if let Some(files) = &found {
+        // What is wrong with one is known before anything is written.
+        let look = |path: &PathBuf| {
+            let map = io::read_map(path)?;
+            let stored = map.stored;
+            map.into_depth_m(options.depth_unit_m, &path.display().to_string(), "--depth-unit").map(|_| stored)
+        };
+        let stored: Vec<Stored> = files.par_iter().map(look).collect::<Result<_>>()?;
+        for (kind, words) in [Stored::Half, Stored::Lossy].into_iter().filter_map(|kind| Some((kind, kind.words()?))) {
+            let count = stored.iter().filter(|s| **s == kind).count();
+            if count > 0 {
+                notes.push(format!("{count} of {} depth maps are stored in {words}", files.len()));
+            }
+        }
+        notes.push(match options.depth_unit_m {
+            Some(unit) => format!("depth was taken for z-depth (along the optical axis), {unit} m a unit; --scale does not change it"),
+            None => "depth was taken for z-depth (along the optical axis) in metres, in a PNG in millimetres (--depth-unit says otherwise), as measured; \
+                     --scale does not change it"
+                .into(),
+        });
     }
     Ok(found)
 }

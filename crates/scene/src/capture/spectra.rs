@@ -4,79 +4,276 @@
 //! |---|---|
 //! | EXR, `.npy` | linear power, or decibels |
 //! | grey PNG, 8 or 16 bit | level in decibels between the stated ends; black is no power |
-//! | Jet PNG | the level whose Jet colour is nearest; between 0.11 and 0.125 of the range Jet is one colour |
+//! | Jet PNG | the level whose colour is nearest in the Jet that all of them together are painted in ([`jet`](super::jet)) |
 
-use super::options::RfValues;
+use super::jet::{Choice, Jet, Measured};
+use crate::io::{self, Stored};
 use crate::keyframe::DbRange;
-use crate::{Error, Raster, Result, color, io};
-use std::path::Path;
+use crate::{Error, Raster, Result, bounds};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
 
 /// Endings of files that are read.
 pub(super) const ENDINGS: &[&str] = &["exr", "npy", "png"];
 
-/// How a file holds its values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Excess of a spectrum over the stated range that is rounding, dB.
+const TOLERANCE_DB: f64 = 1e-5;
+
+/// Unit of the values in EXR and `.npy` spectra.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RfValues {
+    /// Linear power.
+    #[default]
+    Linear,
+    /// Decibels of power: 10·log10.
+    Db,
+}
+
+/// How files hold their values.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Encoding {
     /// Numbers.
     Numbers,
     /// Grey levels.
     Grey,
-    /// Jet colours.
-    Jet,
+    /// Colours of a Jet.
+    Jet(Jet),
 }
 
-/// Mean distance from the curve of Jet's colours above which a picture is not painted in it, of full scale: eight bits are off by 0.002, other maps by
-/// more than 0.2.
-const LARGEST_MISS: f32 = 0.05;
+/// What is known of a set of spectra when all of them have been looked at.
+#[derive(Clone, Debug)]
+pub(super) struct Survey {
+    /// How all of them hold their values.
+    pub encoding: Encoding,
+    /// Columns and rows of all of them.
+    pub size: (usize, usize),
+    /// How they were read, and what that does not hold.
+    pub notes: Vec<String>,
+}
 
-/// Middle of the scalars 0.11 to 0.125, for all of which Jet has pure blue.
-const ONE_COLOUR_MIDDLE: f32 = 0.1175;
+/// What is to be known of spectra to read them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reading<'a> {
+    /// Unit of the values of files that are no pictures.
+    pub values: RfValues,
+    /// Levels of black and white, of blue and red, or the range of the data set.
+    pub range: Option<&'a DbRange>,
+    /// Width of the range below the strongest value where none is stated, dB.
+    pub dynamic_range_db: f64,
+}
 
-/// Reads a spectrum.
-///
-/// # Errors
-/// A file that cannot be read, a picture without a stated range or in other colours, or a value that is no power.
-pub(super) fn read(path: &Path, values: RfValues, range: Option<&DbRange>) -> Result<(Raster<f32>, Encoding)> {
-    let is_picture = path.extension().and_then(|e| e.to_str()).is_some_and(|e| e.eq_ignore_ascii_case("png"));
-    let place = path.display().to_string();
-    if !is_picture {
-        let map = io::read_map(path)?;
-        let linear = match values {
-            RfValues::Linear => map,
-            RfValues::Db => map.map(|&db| 10f64.powf(f64::from(db) / 10.0) as f32),
-        };
-        if let Some(i) = linear.pixels().iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
-            let what =
-                format!("pixel ({}, {}) is {} as linear power", i % linear.width(), i / linear.width(), linear.pixels()[i]);
-            return Err(Error::invalid(place, what, "linear power is finite and at least 0; for decibels say --rf-values db"));
+/// One file, looked at.
+struct Seen {
+    size: (usize, usize),
+    /// Largest value as linear power; pictures are within their range.
+    peak: f32,
+    kind: Kind,
+}
+
+enum Kind {
+    Numbers(Stored),
+    Grey,
+    Colours(Box<Measured>),
+}
+
+impl Kind {
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Numbers(_) => "numbers",
+            Self::Grey => "a grey picture",
+            Self::Colours(_) => "a picture in Jet",
         }
-        return Ok((linear, Encoding::Numbers));
     }
-    let Some(range) = range else {
-        let help = "say which levels its darkest and brightest values are, e.g. --rf-db=-110,-40";
-        return Err(Error::invalid(place, "a picture of a spectrum does not say what its levels are", help));
-    };
-    let picture = io::read_png16(path)?.map(|p| p.map(|v| f32::from(v) / 65535.0));
-    let power = |scalar: f32| if scalar > 0.0 { range.linear(scalar) as f32 } else { 0.0 };
-    if picture.pixels().iter().all(|[r, g, b]| r == g && g == b) {
-        return Ok((picture.map(|p| power(p[0])), Encoding::Grey));
+}
+
+impl Reading<'_> {
+    /// Looks at all files, so that what is wrong with one is known before anything is written, and what they have in common.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is of another size or form than the first; a picture without a stated range or in other colours; a value that is no
+    /// power; numbers that do not hold the range of the data set.
+    pub fn survey(&self, files: &[PathBuf]) -> Result<Survey> {
+        let seen: Vec<Seen> = files.par_iter().map(|path| self.look(path)).collect::<Result<_>>()?;
+        let place = |i: usize| files[i].display().to_string();
+        let Some(first) = seen.first() else {
+            return Err(Error::invalid("spectra", "there is none", "give one for every image"));
+        };
+        for (i, other) in seen.iter().enumerate() {
+            if other.kind.name() != first.kind.name() {
+                let what = format!("it is {} and {} is {}", other.kind.name(), place(0), first.kind.name());
+                return Err(Error::invalid(place(i), what, "give all spectra in one form"));
+            }
+            if other.size != first.size {
+                let what = format!(
+                    "is {}x{} pixels where {} has {}x{}",
+                    other.size.0,
+                    other.size.1,
+                    place(0),
+                    first.size.0,
+                    first.size.1
+                );
+                return Err(Error::invalid(place(i), what, "give spectra of one size"));
+            }
+        }
+        let (encoding, notes) = match &first.kind {
+            Kind::Grey => (
+                Encoding::Grey,
+                vec![format!("spectra were read from grey pictures over {}; black is no power", words(self.range))],
+            ),
+            Kind::Numbers(_) => (Encoding::Numbers, self.of_numbers(&seen, &place(0))?),
+            Kind::Colours(_) => {
+                let measured = seen.iter().fold(Measured::default(), |sum, one| match &one.kind {
+                    Kind::Colours(measured) => sum.and(measured),
+                    _ => sum,
+                });
+                let choice = measured.choice();
+                (Encoding::Jet(choice.jet), vec![self.of_jet(&choice)])
+            }
+        };
+        Ok(Survey { encoding, size: first.size, notes })
     }
-    // All of a part of the range has one colour: its middle is off by the least.
-    let scalar = picture.map(|&p| if p == [0.0, 0.0, 1.0] { ONE_COLOUR_MIDDLE } else { color::scalar_from_jet(p) });
-    let miss = |(p, s): (&[f32; 3], &f32)| color::jet(*s).iter().zip(p).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    let mean = picture.pixels().iter().zip(scalar.pixels()).map(miss).sum::<f32>() / scalar.pixels().len() as f32;
-    if mean > LARGEST_MISS {
-        let what = format!("its colours are neither grey nor Jet ({:.0} % off Jet on average)", 100.0 * mean);
-        return Err(Error::invalid(place, what, "give the values themselves (EXR, .npy), or a grey picture of the levels"));
+
+    fn of_jet(&self, choice: &Choice) -> String {
+        let width_db = self.range.map_or(0.0, |r| r.max_db - r.min_db);
+        format!("spectra were read from Jet pictures over {}: {}", words(self.range), choice.words(width_db))
     }
-    Ok((scalar.map(|&s| power(s)), Encoding::Jet))
+
+    /// What there is to say of numbers; an error where they do not hold the range that the data set is to have.
+    fn of_numbers(&self, seen: &[Seen], place: &str) -> Result<Vec<String>> {
+        let peak = seen.iter().map(|s| s.peak).fold(0.0, f32::max);
+        let min_db = if let Some(range) = self.range {
+            let peak_db = 10.0 * f64::from(peak).log10();
+            if peak_db > range.max_db + TOLERANCE_DB {
+                let what = format!("a spectrum reaches {peak_db:.2} dB, and the stated range ends at {} dB", range.max_db);
+                return Err(Error::invalid("--rf-db", what, "state a range that holds the strongest value"));
+            }
+            range.min_db
+        } else if peak > 0.0 {
+            let max_db = (10.0 * f64::from(peak).log10()).ceil();
+            let range = DbRange { min_db: max_db - self.dynamic_range_db, max_db };
+            bounds::db_range(&format!("{place} and the others"), &range)?;
+            range.min_db
+        } else {
+            0.0
+        };
+        let unit = if self.values == RfValues::Db { "decibels" } else { "linear power" };
+        let mut notes = vec![format!("spectra were read as numbers: {unit}")];
+        let kept = |s: &Seen| match s.kind {
+            Kind::Numbers(stored) => stored,
+            _ => Stored::Float,
+        };
+        for stored in [Stored::Half, Stored::Lossy] {
+            let count = seen.iter().filter(|s| kept(s) == stored).count();
+            let (Some(floor_db), Some(of_power), Some(of_any)) = (stored.floor_db(), stored.words_of_power(), stored.words())
+            else {
+                continue;
+            };
+            match (count, self.values) {
+                (0, _) => {}
+                (_, RfValues::Db) => notes.push(format!("{count} of {} spectra are stored in {of_any}", seen.len())),
+                (_, RfValues::Linear) if min_db >= floor_db => {
+                    notes.push(format!("{count} of {} spectra are stored in {of_power}", seen.len()));
+                }
+                (_, RfValues::Linear) => {
+                    let what = format!(
+                        "{count} of {} spectra are stored in {of_power}; the data set's range begins at {min_db:.1} dB",
+                        seen.len()
+                    );
+                    let help = "save them as float32 without loss, or as decibels (--rf-values db), or state a range that they hold with --rf-db or \
+                                --dynamic-range-db";
+                    return Err(Error::invalid(place, what, help));
+                }
+            }
+        }
+        Ok(notes)
+    }
+
+    fn look(&self, path: &Path) -> Result<Seen> {
+        let place = path.display().to_string();
+        if !is_picture(path) {
+            let (power, stored) = self.numbers(path)?;
+            let peak = power.pixels().iter().copied().fold(0.0, f32::max);
+            return Ok(Seen { size: (power.width(), power.height()), peak, kind: Kind::Numbers(stored) });
+        }
+        if self.range.is_none() {
+            let help = "say which levels its darkest and brightest values are, e.g. --rf-db=-110,-40";
+            return Err(Error::invalid(place, "a picture of a spectrum does not say what its levels are", help));
+        }
+        let picture = colours(path)?;
+        let kind = if is_grey(&picture) {
+            Kind::Grey
+        } else {
+            let help = "give the values themselves (EXR, .npy), or a grey picture of the levels";
+            Kind::Colours(Box::new(Measured::of(&picture).map_err(|what| Error::invalid(place, what, help))?))
+        };
+        Ok(Seen { size: (picture.width(), picture.height()), peak: 0.0, kind })
+    }
+
+    /// Linear power of a file of numbers, and how it holds them.
+    fn numbers(&self, path: &Path) -> Result<(Raster<f32>, Stored)> {
+        let map = io::read_map(path)?;
+        let stored = map.stored;
+        let linear = match self.values {
+            RfValues::Linear => map,
+            // Whole decibels are decibels.
+            RfValues::Db => {
+                io::Map { values: map.values.map(|&db| 10f64.powf(f64::from(db) / 10.0) as f32), stored: Stored::Float }
+            }
+        };
+        let help = "linear power is finite and at least 0; for decibels say --rf-values db";
+        Ok((linear.into_power(&path.display().to_string(), help)?, stored))
+    }
+
+    /// Reads a spectrum in a form that [`Self::survey`] found.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or that is not what it was when it was looked at.
+    pub fn read(&self, path: &Path, encoding: Encoding) -> Result<Raster<f32>> {
+        let (Some(range), true) = (self.range, is_picture(path)) else { return Ok(self.numbers(path)?.0) };
+        let picture = colours(path)?;
+        let power = |scalar: f32| if scalar > 0.0 { range.linear(scalar) as f32 } else { 0.0 };
+        match encoding {
+            Encoding::Jet(jet) => Ok(picture.map(|&p| power(jet.level(p)))),
+            Encoding::Grey if is_grey(&picture) => Ok(picture.map(|p| power(p[0]))),
+            Encoding::Grey | Encoding::Numbers => Err(Error::invalid(
+                path.display().to_string(),
+                "it was changed while it was imported",
+                "import the capture again",
+            )),
+        }
+    }
+}
+
+/// A range in words.
+fn words(range: Option<&DbRange>) -> String {
+    range.map_or_else(|| "no stated range".into(), |r| format!("{} to {} dB", r.min_db, r.max_db))
+}
+
+fn is_picture(path: &Path) -> bool {
+    path.extension().and_then(|e| e.to_str()).is_some_and(|e| e.eq_ignore_ascii_case("png"))
+}
+
+/// A picture's colours, RGB in `[0, 1]`.
+fn colours(path: &Path) -> Result<Raster<[f32; 3]>> {
+    Ok(io::read_png16(path)?.map(|p| p.map(|v| f32::from(v) / 65535.0)))
+}
+
+fn is_grey(picture: &Raster<[f32; 3]>) -> bool {
+    picture.pixels().iter().all(|[r, g, b]| r == g && g == b)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::color;
 
     const RANGE: DbRange = DbRange { min_db: -110.0, max_db: -40.0 };
+
+    fn read(path: &Path, values: RfValues, range: Option<&DbRange>) -> Result<(Raster<f32>, Encoding)> {
+        let reading = Reading { values, range, dynamic_range_db: 70.0 };
+        let encoding = reading.survey(&[path.to_owned()])?.encoding;
+        Ok((reading.read(path, encoding)?, encoding))
+    }
 
     #[test]
     fn pictures_are_levels_of_the_stated_range() {
@@ -98,7 +295,7 @@ mod tests {
         assert!(worst(&read(&path, RfValues::Linear, Some(&RANGE)).unwrap().0) < 0.51 / 255.0);
         io::write_png(&path, &levels.map(|s| color::jet(*s).map(color::quantize8))).unwrap();
         let (linear, encoding) = read(&path, RfValues::Linear, Some(&RANGE)).unwrap();
-        assert_eq!(encoding, Encoding::Jet);
+        assert_eq!(encoding, Encoding::Jet(Jet::Matplotlib));
         assert!(worst(&linear) < 0.5 * (0.125 - 0.11) + 1.0 / 255.0, "{}", worst(&linear));
         let elsewhere = linear.map(|&l| RANGE.scalar(l));
         let changing = elsewhere.pixels().iter().zip(levels.pixels()).filter(|(_, s)| !(0.1..0.135).contains(*s));
@@ -123,5 +320,46 @@ mod tests {
         assert!(message.contains("pixel (0, 0)") && message.contains("--rf-values db"), "{message}");
         put(Raster::filled(4, 3, f32::NAN));
         assert!(read(&path, RfValues::Db, None).is_err());
+    }
+    #[test]
+    fn all_spectra_are_of_one_form_and_hold_the_range() {
+        let dir = tempfile::tempdir().unwrap();
+        let put = |name: &str, bytes: Vec<u8>| {
+            let path = dir.path().join(name);
+            io::write_atomic(&path, &bytes).unwrap();
+            path
+        };
+        let power = Raster::from_fn(4, 3, |x, y| 1e-9 * (1 + x * y) as f32);
+        let float = put("a.exr", io::encode_exr_f32(&power, "Y").unwrap());
+        let other = put("b.exr", io::encode_exr_f32(&Raster::filled(5, 3, 0.1), "Y").unwrap());
+        let grey = put("c.png", io::encode_png(&Raster::filled(4, 3, [7; 3])).unwrap());
+        let reading = Reading { values: RfValues::Linear, range: Some(&RANGE), dynamic_range_db: 70.0 };
+        let said = |files: &[&PathBuf], reading: &Reading<'_>| {
+            let files: Vec<PathBuf> = files.iter().map(|p| (*p).clone()).collect();
+            reading.survey(&files).map(|s| s.notes.join("; ")).unwrap_or_else(|e| e.to_string())
+        };
+        assert!(said(&[&float, &other], &reading).contains("is 5x3 pixels"));
+        assert!(said(&[&float, &grey], &reading).contains("it is a grey picture"));
+        // Half precision begins where a range of 70 dB has long not ended.
+        let npy = |values: &[f32]| {
+            let mut bytes = crate::npz::Array::new("x", &[1, 2], crate::npz::Values::F32(vec![0.0; 2])).to_npy();
+            bytes.truncate(bytes.len() - 8);
+            let at = bytes.windows(3).position(|w| w == b"<f4").unwrap();
+            bytes[at..at + 3].copy_from_slice(b"<f2");
+            bytes.extend(values.iter().flat_map(|v| half::f16::from_f32(*v).to_le_bytes()));
+            bytes
+        };
+        let half = put("d.npy", npy(&[1e-5, 1e-9]));
+        let wide = said(&[&half], &reading);
+        assert!(wide.contains("half precision") && wide.contains("begins at -110.0 dB"), "{wide}");
+        let narrow = DbRange { min_db: -60.0, max_db: -20.0 };
+        let note = said(&[&half], &Reading { range: Some(&narrow), ..reading });
+        assert!(note.starts_with("spectra were read as numbers") && note.contains("-60.2 dB"), "{note}");
+        let decibels = put("e.npy", npy(&[-20.0, -90.0]));
+        let note = said(&[&decibels], &Reading { values: RfValues::Db, range: None, ..reading });
+        assert!(note.contains("right to a 2048th"), "{note}");
+        // Nothing is that strong.
+        let strong = put("f.exr", io::encode_exr_f32(&Raster::filled(4, 3, 1e35), "Y").unwrap());
+        assert!(said(&[&strong], &Reading { range: None, ..reading }).contains("out of range"));
     }
 }

@@ -179,7 +179,7 @@ impl TransmitterConfig {
         DVec3::from_array(self.position_m)
     }
 
-    pub(super) fn validate(&self, place: &str) -> Result<()> {
+    pub(crate) fn validate(&self, place: &str) -> Result<()> {
         bounds::position(&format!("{place}.position_m"), self.position())?;
         self.orientation.validate(&format!("{place}.orientation"))?;
         check_elements(self.rows, self.cols, self.spacing_wavelengths, place)?;
@@ -203,7 +203,7 @@ impl TransmitterConfig {
 }
 
 impl ReceiverConfig {
-    pub(super) fn validate(&self, place: &str) -> Result<()> {
+    pub(crate) fn validate(&self, place: &str) -> Result<()> {
         check_elements(self.rows, self.cols, self.spacing_wavelengths, place)
     }
 }

@@ -1,6 +1,6 @@
 //! Reading a TOML file with complaints a person can act on.
 
-use crate::{Error, Result};
+use crate::{Error, Result, io};
 use serde::de::DeserializeOwned;
 use std::path::Path;
 
@@ -10,11 +10,12 @@ use std::path::Path;
 /// The file cannot be read, is no TOML, or has an unknown, missing or mistyped key; the message names file, line and column.
 pub fn read_toml<T: DeserializeOwned>(path: impl AsRef<Path>) -> Result<T> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
-    let name = path.display().to_string();
     let help = "give a configuration file (.toml); a mesh is named in one, as `file` of its [scene]";
-    let text = String::from_utf8(bytes).map_err(|_| Error::invalid(name.as_str(), "it is not text", help))?;
-    from_toml(&text, &name)
+    let text = io::read_config_text(path).map_err(|e| match e {
+        Error::Invalid { place, what, .. } => Error::invalid(place, what, help),
+        other => other,
+    })?;
+    from_toml(&text, &path.display().to_string())
 }
 
 /// Reads TOML text into `T`; `file` names it in messages.

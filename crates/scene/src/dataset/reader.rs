@@ -7,7 +7,7 @@ use super::header::{DATASET_SCHEMA, DatasetHeader, Imported, Summary, from_json,
 use super::{foreign, layout};
 use crate::keyframe::{DbRange, Modalities};
 use crate::trajectory::TrajectoryPose;
-use crate::{Error, Finding, Keyframe, Pinhole, Raster, Result, Similarity3, far, io};
+use crate::{Error, Finding, Keyframe, Pinhole, Raster, Result, Similarity3, bounds, far, io};
 use std::path::{Path, PathBuf};
 
 /// A finished dataset on disk. Keyframes are read one at a time.
@@ -69,8 +69,15 @@ impl Dataset {
             let what = "db_range and header.modalities do not agree on whether there are spectra, or there is nothing at all";
             return Err(Error::invalid(path.display().to_string(), what, "restore the original or import the capture again"));
         }
-        if file.db_range.is_some_and(|range| range.max_db <= range.min_db) {
-            return Err(Error::invalid(path.display().to_string(), "db_range is empty", "max_db must be above min_db"));
+        let key = |name: &str| format!("{}, key `{name}`", path.display());
+        if let Some(range) = &file.db_range {
+            bounds::db_range(&key("db_range"), range)?;
+        }
+        for (name, camera) in [("optical_camera", &file.header.optical_camera), ("rf_camera", &file.header.rf_camera)] {
+            bounds::pinhole(&key(&format!("header.{name}")), camera)?;
+        }
+        if let Some(frequency_hz) = file.header.frequency_hz {
+            bounds::number(&key("header.frequency_hz"), frequency_hz, &bounds::FREQUENCY_HZ, "Hz")?;
         }
         Ok(Self { dir: dir.to_path_buf(), file, hash })
     }
@@ -228,6 +235,12 @@ impl Dataset {
         let depth_m = has(&depth)
             .then(|| self.sized(index, &depth, &o, own_file(&self.dir, &depth).and_then(io::read_exr_f32)))
             .transpose()?;
+        // What a sensor measured may be in another unit than was thought; what was traced is in metres.
+        if let (Some(depth_m), Some(_)) = (&depth_m, &self.header().imported) {
+            let place = format!("{}: keyframe {index}", self.dir.join(&depth).display());
+            let help = "import the capture again and say the unit of its depth with --depth-unit";
+            bounds::room_depth(&place, depth_m.pixels().iter().copied(), help)?;
+        }
         let surface = has(&surface)
             .then(|| self.sized(index, &surface, &o, own_file(&self.dir, &surface).and_then(io::read_exr_u32)))
             .transpose()?;

@@ -162,7 +162,10 @@ fn a_numpy_archive_holds_the_keyframe_and_says_what_it_is() {
     let dir = tempfile::tempdir().unwrap();
     let dataset = written(dir.path());
     let files = unzipped(&keyframe_npz(&dataset, 4).unwrap());
-    let floats = |name: &str| crate::npz::decode_npy(&files[&format!("{name}.npy")], name).unwrap();
+    let floats = |name: &str| {
+        let read = crate::npz::decode_npy(&files[&format!("{name}.npy")], name).unwrap();
+        (read.shape, read.values)
+    };
     let keyframe = dataset.keyframe(4).unwrap();
     let spectrum: Vec<f64> = keyframe.spectrum.pixels().iter().map(|v| f64::from(*v)).collect();
     assert_eq!(floats("spectrum"), (vec![8, 12], spectrum));

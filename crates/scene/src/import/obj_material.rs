@@ -75,10 +75,10 @@ pub(super) fn library(
     let path = existing(folder.join(&name));
     let name = path.strip_prefix(folder).unwrap_or(Path::new(&name));
     let path = contained::resolve(folder, name, import.reach, place, contained::MESH_HELP)?;
-    let bytes = match std::fs::read(&path) {
+    let bytes = match io::read(&path) {
         Ok(bytes) => bytes,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(e) => return Err(Error::io("read", &path)(e)),
+        Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(e) => return Err(e),
     };
     let file = path.display().to_string();
     let mended = mtl_text::mend(&bytes, &file, notes)?;
@@ -120,7 +120,7 @@ impl<'a> Textures<'a> {
         let inside = path.strip_prefix(self.folder).unwrap_or(Path::new(&name)).to_path_buf();
         let path =
             contained::resolve(self.folder, &inside, self.import.reach, &format!("{place}: {keyword}"), contained::MESH_HELP)?;
-        let bytes = std::fs::read(&path).map_err(|e| {
+        let bytes = io::read(&path).map_err(|e| {
             let help = "put the texture where the .mtl says, or remove the statement";
             Error::invalid(&place, format!("cannot read {keyword} {}: {e}", path.display()), help)
         })?;

@@ -9,7 +9,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 /// Most pixels an image may have: 16 384 × 8 192, half a gigabyte as 8-bit RGBA.
-pub const MAX_PIXELS: u64 = 1 << 27;
+pub const MAX_PIXELS: u64 = crate::bounds::MAX_PIXELS as u64;
 /// Most bytes of samples an EXR may have in all its channels.
 pub const MAX_EXR_BYTES: u64 = 1 << 31;
 /// Deflate's largest ratio (RFC 1951: two bits for a match of 258 bytes).

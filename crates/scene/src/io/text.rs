@@ -1,6 +1,7 @@
 //! Text of files, plain or gzip-compressed, within a bound: what a file holds never takes more memory than its reader allows.
 
 use super::corrupt;
+use super::regular::open;
 use crate::{Error, Result};
 use flate2::bufread::MultiGzDecoder;
 use std::fs::File;
@@ -31,10 +32,6 @@ pub fn read_gzip_text(path: impl AsRef<Path>) -> Result<String> {
 /// The text of up to `most_bytes` in gzip's `bytes`; `path` names them in messages.
 pub(super) fn gunzip_text(bytes: impl BufRead, path: impl AsRef<Path>, most_bytes: u64) -> Result<String> {
     text_within(MultiGzDecoder::new(bytes), path.as_ref(), "gzip text", most_bytes)
-}
-
-fn open(path: &Path) -> Result<File> {
-    File::open(path).map_err(Error::io("read", path))
 }
 
 /// What a reader gives, up to `most_bytes`. Nothing is taken in advance: memory grows with what comes out.

@@ -37,6 +37,9 @@ pub struct LiveDescription {
     /// Whether files in `depth/` belong to keyframes; each keyframe may have one. Default false: none is looked at.
     #[serde(default)]
     pub depth: bool,
+    /// Metres that a unit of those files counts. Default: floats are metres, steps of a 16-bit PNG millimetres, and other whole numbers are refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_unit_m: Option<f64>,
     /// Smallest and largest corner of the space in which the platform moves, metres; a keyframe outside is refused. Default: anywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bounds_m: Option<[[f64; 3]; 2]>,
@@ -67,7 +70,7 @@ impl LiveDescription {
         let path = dir.join(DESCRIPTION);
         let place = path.display().to_string();
         let help = "docs/live.md lists its keys";
-        let text = io::read_text(&path)?;
+        let text = io::read_config_text(&path)?;
         let table: toml::Table = text.parse().map_err(|e| Error::invalid(&place, format!("is no TOML: {e}"), help))?;
         // The schema first: a file of another version should say so, not complain about its keys.
         let schema = table.get("schema").and_then(|s| s.as_str()).unwrap_or("(none)");
@@ -98,6 +101,7 @@ impl LiveDescription {
             spectrum: header.spectrum,
             frequency_hz: header.frequency_hz,
             depth,
+            depth_unit_m: None,
             bounds_m: None,
             optical_camera: dataset.optical_camera(),
             rf_camera: dataset.rf_camera(),
@@ -117,18 +121,12 @@ impl LiveDescription {
     }
 
     fn check(&self, place: &str) -> Result<()> {
-        for (name, c) in [("optical_camera", &self.optical_camera), ("rf_camera", &self.rf_camera)] {
-            let positive = |v: f64| v.is_finite() && v > 0.0;
-            let pixels = c.width.checked_mul(c.height).filter(|n| (1..=io::MAX_PIXELS).contains(&(*n as u64)));
-            if pixels.is_none() || !positive(c.fx) || !positive(c.fy) || !c.cx.is_finite() || !c.cy.is_finite() {
-                let what = format!("{name} is no camera: {c:?}");
-                return Err(Error::invalid(place, what, "give width and height, and fx, fy, cx, cy in pixels"));
-            }
+        for (name, camera) in [("optical_camera", &self.optical_camera), ("rf_camera", &self.rf_camera)] {
+            bounds::pinhole(&format!("{place}, key `{name}`"), camera)?;
         }
-        let DbRange { min_db, max_db } = self.db_range;
-        if !(min_db.is_finite() && max_db.is_finite() && min_db < max_db) {
-            let what = format!("db_range reaches from {min_db} to {max_db} dB");
-            return Err(Error::invalid(place, what, "give min_db and max_db, the latter above the strongest value to come"));
+        bounds::db_range(&format!("{place}, key `db_range`"), &self.db_range)?;
+        if let Some(unit) = self.depth_unit_m {
+            bounds::number(&format!("{place}, key `depth_unit_m`"), unit, &io::DEPTH_UNIT_M, "metres a unit")?;
         }
         if let Some(frequency) = self.frequency_hz {
             bounds::number(&format!("{place}, key `frequency_hz`"), frequency, &bounds::FREQUENCY_HZ, "Hz")?;
@@ -147,8 +145,15 @@ impl LiveDescription {
                 ));
             }
         }
+        if let Some([low, high]) = self.bounds_m {
+            bounds::position(&format!("{place}, key `bounds_m`"), DVec3::from(low))?;
+            bounds::position(&format!("{place}, key `bounds_m`"), DVec3::from(high))?;
+        }
         if let Some(transmitter) = &self.transmitter {
-            bounds::position(&format!("{place}, key `transmitter.position_m`"), DVec3::from(transmitter.position_m))?;
+            transmitter.validate(&format!("{place}, key `transmitter`"))?;
+        }
+        if let Some(receiver) = &self.receiver {
+            receiver.validate(&format!("{place}, key `receiver`"))?;
         }
         Ok(())
     }
@@ -208,6 +213,16 @@ mod tests {
         for (from, to, word) in [
             ("corf-live/1", "corf-live/9", "corf-live/9"),
             ("width = 64", "width = 0", "optical_camera"),
+            ("fx = 32.0", "fx = 1e300", "optical_camera"),
+            ("fy = 16.0", "fy = 1e-300", "rf_camera"),
+            ("cx = 16.0", "cx = 1e300", "rf_camera"),
+            ("min_db = -110.0", "min_db = -1e300", "db_range"),
+            ("max_db = -40.0", "max_db = 1e300", "db_range"),
+            ("name = \"hall\"", "name = \"hall\"\ndepth_unit_m = 0", "depth_unit_m"),
+            ("name = \"hall\"", "name = \"hall\"\nfrequency_hz = -1", "frequency_hz"),
+            ("name = \"hall\"", "name = \"hall\"\nkeyframes = 1000000000", "keyframes"),
+            ("[9, 9, 3]", "[1e300, 9, 3]", "bounds_m"),
+            ("position_m = [1.0, 2.0, 3.0]", "position_m = [1.0, 2.0, 3.0]\nspacing_wavelengths = 1e300", "transmitter"),
             ("fx = 16.0", "fx = nan", "rf_camera"),
             ("max_db = -40.0", "max_db = -140.0", "db_range"),
             ("[9, 9, 3]", "[9, 0, 3]", "bounds_m"),

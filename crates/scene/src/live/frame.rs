@@ -3,8 +3,9 @@
 use super::description::LiveDescription;
 use super::{DEPTH, IMAGES, POSES, SPECTRA};
 use crate::contained::{self, Reach};
+use crate::io::{self, Map};
 use crate::transform::ROUNDED;
-use crate::{Error, Pinhole, Raster, Result, Rigid3, bounds, io};
+use crate::{Error, Pinhole, Raster, Result, Rigid3, bounds};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -104,13 +105,13 @@ impl LiveFrame {
 
         let Loaded { path, name, bytes } =
             files.take(SPECTRA, &["exr", "npy"], MAX_FILE_BYTES)?.ok_or_else(|| files.missing(SPECTRA, "exr"))?;
-        let spectrum = io::decode_map(&bytes, path)?;
-        sized(&name, &spectrum, &description.rf_camera)?;
-        check_power(&name, &spectrum, description)?;
+        let map = io::decode_map(&bytes, path)?;
+        sized(&name, &map.values, &description.rf_camera)?;
+        let spectrum = power(map, &name, description)?;
 
         let depth_m = match description.depth {
             true => {
-                let depth = files.take(DEPTH, &["exr", "npy"], MAX_FILE_BYTES)?;
+                let depth = files.take(DEPTH, &["exr", "npy", "png"], MAX_FILE_BYTES)?;
                 depth.map(|loaded| read_depth(&loaded, description)).transpose()?
             }
             false => None,
@@ -174,30 +175,28 @@ fn sized<T>(name: &str, raster: &Raster<T>, camera: &Pinhole) -> Result<()> {
     Err(Error::invalid(name, what, "all keyframes have the cameras of capture.toml"))
 }
 
-fn check_power(name: &str, spectrum: &Raster<f32>, description: &LiveDescription) -> Result<()> {
-    let at = |i: usize| format!("pixel ({}, {})", i % spectrum.width(), i / spectrum.width());
-    if let Some(i) = spectrum.pixels().iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
-        let what = format!("{} is {}", at(i), spectrum.pixels()[i]);
-        return Err(Error::invalid(name, what, "a spectrum is linear power: finite and at least 0"));
+fn power(map: Map, name: &str, description: &LiveDescription) -> Result<Raster<f32>> {
+    let min_db = description.db_range.min_db;
+    if let (Some(floor_db), Some(words)) = (map.stored.floor_db(), map.stored.words_of_power())
+        && min_db < floor_db
+    {
+        let what = format!("is stored in {words}; db_range begins at {min_db} dB");
+        return Err(Error::invalid(name, what, "write float32, or state a range in capture.toml that the file holds"));
     }
+    let spectrum = map.into_power(name, "a spectrum is linear power: finite and at least 0")?;
     let peak = spectrum.pixels().iter().copied().fold(0.0_f32, f32::max);
     let (peak_db, max_db) = (10.0 * f64::from(peak).log10(), description.db_range.max_db);
     if peak_db > max_db + TOLERANCE_DB {
         let what = format!("it reaches {peak_db:.2} dB, above the {max_db} dB at which db_range ends");
         return Err(Error::invalid(name, what, "state a range in capture.toml that holds the strongest value"));
     }
-    Ok(())
+    Ok(spectrum)
 }
 
 fn read_depth(Loaded { path, name, bytes }: &Loaded, description: &LiveDescription) -> Result<Raster<f32>> {
-    // Sensors write what they did not see as 0, NaN or infinity.
-    let depth = io::decode_map(bytes, path)?.map(|&d| if d.is_finite() { d } else { 0.0 });
-    sized(name, &depth, &description.optical_camera)?;
-    if let Some(i) = depth.pixels().iter().position(|d| *d < 0.0) {
-        let what = format!("pixel ({}, {}) is {} m", i % depth.width(), i / depth.width(), depth.pixels()[i]);
-        return Err(Error::invalid(name, what, "depths are metres along the optical axis, at least 0"));
-    }
-    Ok(depth)
+    let map = io::decode_map(bytes, path)?;
+    sized(name, &map.values, &description.optical_camera)?;
+    map.into_depth_m(description.depth_unit_m, name, "`depth_unit_m` in capture.toml")
 }
 
 #[cfg(test)]
@@ -217,6 +216,7 @@ mod tests {
             spectrum: None,
             frequency_hz: None,
             depth: true,
+            depth_unit_m: None,
             bounds_m: Some([[-1.0; 3], [1.0; 3]]),
             optical_camera: Pinhole::from_horizontal_fov(16, 8, 90.0),
             rf_camera: Pinhole::from_horizontal_fov(8, 4, 90.0),

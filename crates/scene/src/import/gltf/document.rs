@@ -1,7 +1,7 @@
 //! A glTF file's JSON and buffers: checked against the format's rules, and read only from where the file may.
 
 use crate::contained::{self, Reach};
-use crate::{Error, Result};
+use crate::{Error, Result, io};
 use base64::Engine as _;
 use serde_json::Value;
 use std::path::Path;
@@ -152,7 +152,7 @@ impl<'a> Source<'a> {
         }
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let path = contained::resolve(folder, &contained::percent_decoded(uri), self.reach, place, contained::MESH_HELP)?;
-        std::fs::read(&path).map_err(|e| {
+        io::read(&path).map_err(|e| {
             Error::invalid(
                 place,
                 format!("cannot read {}: {e}", path.display()),
