@@ -236,6 +236,7 @@ echo "$n;local"
     fn new() -> Self {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("calls")).unwrap();
         let scancel = "#!/bin/sh\necho \"$@\" >>\"$CALLS/scancel\"\n";
         let scontrol = "#!/bin/sh\necho 'MaxArraySize            = 4'\n";
         for (name, script) in [("sbatch", Self::SBATCH), ("scancel", scancel), ("scontrol", scontrol)] {
@@ -250,12 +251,16 @@ echo "$n;local"
     fn submit(&self, out: &Path, more: &[&str], refused: &str) -> std::process::Output {
         let path = format!("{}:{}", text(self.folder.path()), std::env::var("PATH").unwrap());
         let mut submit = command(&["bench", "submit", "--slurm", "--device", "cpu"]);
-        submit.env("PATH", path).env("CALLS", self.folder.path()).env("REFUSED", refused).env("SBATCH_ARRAY_INX", "0-1");
+        submit
+            .env("PATH", path)
+            .env("CALLS", self.folder.path().join("calls"))
+            .env("REFUSED", refused)
+            .env("SBATCH_ARRAY_INX", "0-1");
         submit.args(more).arg("--").arg(out.file_name().unwrap()).current_dir(out.parent().unwrap()).output().unwrap()
     }
 
     fn said(&self, name: &str) -> String {
-        fs::read_to_string(self.folder.path().join(name)).unwrap_or_default()
+        fs::read_to_string(self.folder.path().join("calls").join(name)).unwrap_or_default()
     }
 }
 
