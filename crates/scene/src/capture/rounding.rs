@@ -28,14 +28,22 @@ impl Rounding {
     /// A word about those that were off; none where all are exact to six decimals.
     pub fn note(&self) -> Option<String> {
         let (off, name) = self.worst.as_ref()?;
-        let turn_deg = off.to_degrees();
+        let (rounded, all) = (self.rounded, self.all);
+        // A quaternion of any length says exactly one rotation; only rounding may turn a camera.
+        let turn = if *off < MOST_ROUNDING {
+            format!(", and rounding by as much turns a camera by about {:.3} degrees", off.to_degrees())
+        } else {
+            String::new()
+        };
         Some(format!(
-            "rotations of {} of {} images are rounded: that of {name} is {off:.1e} off a rotation; the nearest ones were taken, and rounding by as much turns \
-             a camera by about {turn_deg:.3} degrees",
-            self.rounded, self.all
+            "rotations of {rounded} of {all} images are rounded or of another length than 1: that of {name} is {off:.1e} off a rotation; the nearest ones were \
+             taken{turn}"
         ))
     }
 }
+
+/// Distance beyond which it is the length of a quaternion and no rounding.
+const MOST_ROUNDING: f64 = 1e-2;
 
 #[cfg(test)]
 mod tests {
