@@ -5,6 +5,7 @@ use crate::config::DepthPriorKind;
 use crate::depth::{AlignedPrior, DepthPrior, SparseDepth, align};
 use corf_scene::Raster;
 use corf_scene::io::{encode_exr_f32, encode_png16, write_atomic};
+use corf_scene::npz::{Array, Values};
 use std::path::Path;
 
 const SIZE: (usize, usize) = (32, 24);
@@ -79,6 +80,27 @@ fn a_pngs_unit_is_what_the_configuration_says() {
     assert!(dense.is_metric() && (1.0 / dense.at(3, 3) - depth()[(3, 3)]).abs() < 1e-3);
     let inverse = prior(dir.path(), FolderKind::InverseMetric, 5000.0).read(0, SIZE).unwrap();
     assert!((inverse.at(3, 3) - depth()[(3, 3)]).abs() < 1e-3);
+}
+
+#[test]
+fn whole_numbers_of_an_array_are_counted_like_a_pngs_and_no_room_is_kilometres_deep() {
+    let dir = tempfile::tempdir().unwrap();
+    let stored = depth().map(|z| if z.is_finite() { (1000.0 * z).round() as u32 } else { 0 }).into_vec();
+    let array = Array::new("x", &[SIZE.1, SIZE.0], Values::U32(stored)).to_npy();
+    write_atomic(dir.path().join("00001.npy"), &array).unwrap();
+    let read = |kind, scale| prior(dir.path(), kind, scale).read(0, SIZE);
+    let dense = read(FolderKind::DepthMetric, 1000.0).unwrap();
+    assert!((1.0 / dense.at(3, 3) - depth()[(3, 3)]).abs() < 1e-3);
+    let fault = read(FolderKind::DepthMetric, 1.0).unwrap_err().to_string();
+    assert!(fault.contains("no room has") && fault.contains("depth.png_scale"), "{fault}");
+    // Relative maps have no unit.
+    read(FolderKind::DepthRelative, 1.0).unwrap();
+    // Metres as floats, and millimetres that pass for them.
+    std::fs::remove_file(dir.path().join("00001.npy")).unwrap();
+    for (factor, fine) in [(1.0, true), (1000.0, false), (1e-3, false)] {
+        write_atomic(dir.path().join("00001.exr"), &encode_exr_f32(&depth().map(|z| factor * z), "Z").unwrap()).unwrap();
+        assert_eq!(read(FolderKind::DepthMetric, 1000.0).is_ok(), fine, "{factor}");
+    }
 }
 
 #[test]

@@ -227,7 +227,7 @@ impl Choice {
     /// distance amounts to along the curve.
     pub fn error(&self) -> f64 {
         let step = f64::from(STEP) * if self.jet.is_table() { 1.0 } else { 0.5 };
-        step + self.ambiguity + if self.is_changed() { self.off * LEAST_SLOPE } else { 0.0 }
+        step + self.ambiguity + if self.is_changed() { self.off / LEAST_SLOPE } else { 0.0 }
     }
 
     /// What was found, in words; `range_db` is the width of the range.
@@ -411,7 +411,7 @@ mod tests {
                     .map(|(p, s)| f64::from(choice.jet.level(*p) - s).powi(2))
                     .sum();
                 let rms = (squares / levels().pixels().len() as f64).sqrt();
-                assert!(rms <= choice.error() && choice.error() < 12.0 * rms, "{rms} {choice:?}");
+                assert!(rms <= choice.error() && choice.error() < 4.0 * rms, "{rms} {choice:?}");
             }
         }
     }
