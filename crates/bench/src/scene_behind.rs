@@ -1,7 +1,7 @@
 //! The scene that a data set was generated from, read again from its file: what re-traces a data set starts here, and refuses any other scene.
 
-use crate::scene_in_use;
 use crate::say;
+use crate::scene_in_use;
 use anyhow::Result;
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use corf_scene::dataset::Dataset;

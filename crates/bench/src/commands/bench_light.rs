@@ -8,7 +8,7 @@ use crate::oidn::Oidn;
 use crate::output::FreshFolder;
 use crate::progress::Progress;
 use crate::run::claim_fresh;
-use crate::scene_in_use;
+use crate::{say, scene_in_use};
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::{Bvh, Ray};

@@ -1,7 +1,6 @@
 //! The header and the numbers of a PLY file: text or binary in either byte order, elements and columns in any order and of all eight types.
 
 use crate::{Appearance, Error, Result};
-use corf_scene::contained;
 use std::collections::HashMap;
 use std::path::Path;
 

@@ -104,6 +104,7 @@ impl WorldFromCapture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DMat3;
 
     #[test]
     fn up_becomes_z_and_lengths_are_scaled() {

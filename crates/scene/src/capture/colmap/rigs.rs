@@ -89,7 +89,12 @@ impl Rigs {
     ///
     /// # Errors
     /// Numbers that are there twice or that nobody has, an image in no frame or in two, a pose that is none.
-    pub fn camera_from_world(&self, images: &[Image], images_file: &str, notes: &mut Vec<String>) -> Result<Vec<Option<(Rigid3, f64)>>> {
+    pub fn camera_from_world(
+        &self,
+        images: &[Image],
+        images_file: &str,
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<Option<(Rigid3, f64)>>> {
         let mut rigs = BTreeMap::new();
         for rig in &self.rigs {
             let place = || format!("{}: rig {}", self.rigs_file, rig.id);
