@@ -576,7 +576,8 @@ fn quaternions_of_any_length_near_one_turn_the_same() {
     };
     let (exact, said) = import(&model("exact", 1.0, 15), "colmap", &[], &at("exact-ds"));
     assert!(!said.contains("rounded"), "{said}");
-    for (name, length, decimals, tolerance) in [("long", 1.5, 15, 1e-12), ("three", 1.0, 3, 3e-3)] {
+    // Four numbers half a unit of the third decimal off turn a camera by up to 2 mrad, and move one that stands 4 m from the origin by 8 mm.
+    for (name, length, decimals, tolerance) in [("long", 1.5, 15, 1e-12), ("three", 1.0, 3, 1e-2)] {
         let (dataset, said) = import(&model(name, length, decimals), "colmap", &[], &at(&format!("{name}-ds")));
         assert!(said.contains("images are rounded"), "{said}");
         let pairs = exact.poses().iter().zip(dataset.poses());
