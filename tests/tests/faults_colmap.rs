@@ -181,7 +181,7 @@ fn scenes_far_from_the_origin_are_moved_or_told() {
         fs::create_dir(&path).unwrap();
         path
     };
-    let origin = [446_520.0625, 85_230.5, 12.25];
+    let origin = [446_520.062_5, 85_230.5, 12.25];
     let near = room(&place("near"), [0.0; 3], None);
     let far = room(&place("far"), origin, None);
     let moved = room(&place("moved"), origin, Some(origin));

@@ -182,7 +182,8 @@ mod tests {
 
     #[test]
     fn what_may_not_stand_in_one_table_is_named_with_both_places() {
-        let all: [(&str, &dyn Fn(&mut Record), &str); 9] = [
+        type Case = (&'static str, &'static dyn Fn(&mut Record), &'static str);
+        let all: [Case; 9] = [
             ("twice", &|r| r.seed = 1, "\"a\", seed 1 is in line 1 and in line 3: the same record twice"),
             ("changed", &|r| (r.seed, r.device) = (1, "x".into()), "line 1 and in line 3: two records of one cell that differ"),
             (

@@ -350,7 +350,8 @@ fn the_edge_of_sheets_in_one_plane_is_the_border_of_them_all() {
         .into_iter()
         .flat_map(|c| [rectangle([c, 0.0], [1.0, 4.0], 0.0), rectangle([0.0, c], [4.0, 1.0], 0.0)])
         .collect();
-    let cases: Vec<(&str, Vec<Vec<[f64; 2]>>, f64)> = vec![
+    type Case = (&'static str, Vec<Vec<[f64; 2]>>, f64);
+    let cases: Vec<Case> = vec![
         ("one", vec![rectangle([0.0; 2], [3.0, 2.0], 0.3)], 10.0),
         ("twice", vec![rectangle([0.0; 2], [3.0, 2.0], 0.3); 2], 10.0),
         ("inset", vec![rectangle([0.0; 2], [3.0, 2.0], 0.3), rectangle([0.2, 0.1], [1.0, 0.5], 0.7)], 10.0),

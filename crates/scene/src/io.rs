@@ -137,12 +137,15 @@ pub fn read_png(path: impl AsRef<Path>) -> Result<Raster<[u8; 3]>> {
     Ok(decode_rgba(&bytes, path)?.map(|p| [p[0], p[1], p[2]]))
 }
 
+/// An image, and which of its pixels are wholly opaque; none where all are.
+pub type WithOpacity = (Raster<[u8; 3]>, Option<Raster<bool>>);
+
 /// Reads a PNG (or JPEG) as 8-bit RGB, and which of its pixels are wholly opaque; none where all are. Alpha may be a channel of 8 or 16 bits, or that of a
 /// palette's or a colour's entry; what rounds to 255 of 255 is opaque.
 ///
 /// # Errors
 /// The file cannot be read or is no complete image.
-pub fn read_png_and_opacity(path: impl AsRef<Path>) -> Result<(Raster<[u8; 3]>, Option<Raster<bool>>)> {
+pub fn read_png_and_opacity(path: impl AsRef<Path>) -> Result<WithOpacity> {
     decode_rgb_and_opacity(&read(path.as_ref())?, path)
 }
 
@@ -150,7 +153,7 @@ pub fn read_png_and_opacity(path: impl AsRef<Path>) -> Result<(Raster<[u8; 3]>, 
 ///
 /// # Errors
 /// The bytes are no complete image.
-pub fn decode_rgb_and_opacity(bytes: &[u8], place: impl AsRef<Path>) -> Result<(Raster<[u8; 3]>, Option<Raster<bool>>)> {
+pub fn decode_rgb_and_opacity(bytes: &[u8], place: impl AsRef<Path>) -> Result<WithOpacity> {
     let rgba = decode_rgba(bytes, place)?;
     let opaque = rgba.pixels().iter().any(|p| p[3] != u8::MAX).then(|| rgba.map(|p| p[3] == u8::MAX));
     Ok((rgba.map(|p| [p[0], p[1], p[2]]), opaque))

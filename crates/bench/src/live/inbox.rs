@@ -400,7 +400,7 @@ impl Folders {
     fn watch(&mut self, dir: &Path) -> Vec<String> {
         let mut said = Vec::new();
         for (name, before) in &mut self.known {
-            let path = dir.join(&*name);
+            let path = dir.join(*name);
             let now = Presence::of(&path);
             let shown = path.display();
             // One that is not there yet is waited for as all of a live folder is.

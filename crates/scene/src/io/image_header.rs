@@ -122,7 +122,7 @@ pub(super) fn has_alpha(bytes: &[u8]) -> bool {
     while let Some((head, behind)) = rest.split_at_checked(8) {
         let Some(data) = usize::try_from(big_endian(&head[..4])).ok().and_then(|n| behind.get(..n)) else { return false };
         match (&head[4..], data) {
-            (b"IHDR", [.., color, _, _, _]) if matches!(color, 4 | 6) => return true,
+            (b"IHDR", [.., 4 | 6, _, _, _]) => return true,
             (b"tRNS", _) => return true,
             (b"IDAT", _) => return false,
             _ => rest = behind.get(data.len() + 4..).unwrap_or(&[]),
