@@ -8,7 +8,7 @@ fn a_missing_scene_is_named() {
     corf_refuses(&["scene", "info", "no/such/room.glb"], &["no/such/room.glb"]);
     corf_refuses(&["paths", "no/such/room.toml", "--rx", "1,2,3"], &["no/such/room.toml"]);
     let mesh = root().join("scenes/lobby.glb");
-    corf_refuses(&["paths", text(&mesh), "--rx", "1,2,3"], &["lobby.glb", "not text", ".toml"]);
+    corf_refuses(&["paths", text(&mesh), "--rx", "1,2,3"], &["lobby.glb", "no UTF-8 text", ".toml"]);
 }
 
 #[test]

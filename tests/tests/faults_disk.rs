@@ -245,7 +245,8 @@ fn what_is_read_is_not_written_over() {
     for form in ["numpy", "nerfstudio", "rf-3dgs"] {
         refuses(&["dataset", "export", text(&data), "--to", form, "--out"], &data.join(form));
     }
-    refuses(&["dataset", "import", text(&data.join("optical")), "--from", "colmap", "--out"], &data.join("optical/again"));
+    refuses(&["dataset", "import", text(&data.join("optical")), "--from", "colmap", "--out"], &data.join("optical/images/again"));
+    refuses(&["dataset", "import", text(&data.join("optical")), "--from", "colmap", "--out"], &data.join("optical"));
     refuses(&["dataset", "play", text(&data), "--to"], &data.join("live"));
     refuses(&["reconstruct", text(&data), "--resume", "--out"], &data);
     refuses(&["reconstruct", text(&data), "--out"], &data.join("run"));
@@ -256,7 +257,8 @@ fn what_is_read_is_not_written_over() {
         refuses(&["paths", text(&scene), "--rx", "3,3,1.5", "--out"], &at(part));
     }
     let plan = at("plan.toml");
-    fs::write(&plan, format!("name = \"x\"\ndataset = {data:?}\nseeds = [1]\n[[row]]\nmethod = \"corf-gs\"\n")).unwrap();
+    fs::write(&plan, format!("name = \"x\"\ndataset = {data:?}\nseeds = [1]\n[[row]]\nlabel = \"a\"\nmethod = \"corf-gs\"\n"))
+        .unwrap();
     refuses(&["bench", "run", text(&plan), "--out"], &data.join("out"));
     refuses(&["bench", "plan", text(&plan), "--resume", "--out"], &data);
     assert!([content(&run), content(&data)] == before, "{:?} {:?}", tree(&run), tree(&data));

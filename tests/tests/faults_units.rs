@@ -296,7 +296,7 @@ fn a_pipe_or_a_device_in_a_files_place_is_refused_at_once() {
         &|path| fs::create_dir(path).unwrap(),
     ];
     let [run, live, room, scene] = ["run", "live", "room", "scene"].map(|name| folder.join(name));
-    let sample = root().join("scenes/room-tiny.toml");
+    let sample = root().join("scenes/room.toml");
     for make in special {
         let refused = |path: PathBuf, arguments: &[&str]| {
             make(&path);

@@ -126,5 +126,5 @@ fn reconstructions_begin_with_gaussians_of_another_program() {
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
     let flat = String::from_utf8_lossy(&bytes[..end]).replace("scale_2", "scale_9");
     fs::write(&bad, [flat.as_bytes(), &bytes[end..]].concat()).unwrap();
-    refuses(&bad, &[], &["no column `scale_2`"]);
+    refuses(&bad, &[], &["two scales, scale_0 and scale_1"]);
 }

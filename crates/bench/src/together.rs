@@ -184,7 +184,7 @@ mod tests {
     fn what_may_not_stand_in_one_table_is_named_with_both_places() {
         type Case = (&'static str, &'static dyn Fn(&mut Record), &'static str);
         let all: [Case; 9] = [
-            ("twice", &|r| r.seed = 1, "\"a\", seed 1 is in line 1 and in line 3: the same record twice"),
+            ("twice", &|r| *r = done("a", 1), "\"a\", seed 1 is in line 1 and in line 3: the same record twice"),
             ("changed", &|r| (r.seed, r.device) = (1, "x".into()), "line 1 and in line 3: two records of one cell that differ"),
             (
                 "data set",

@@ -21,6 +21,8 @@ pub const LEVEL_DB: RangeInclusive<f64> = -300.0..=300.0;
 pub const DYNAMIC_RANGE_DB: RangeInclusive<f64> = 1.0..=300.0;
 /// Full fields of view of pinholes, degrees.
 pub const FIELD_OF_VIEW_DEG: RangeInclusive<f64> = 0.01..=179.0;
+/// Largest field of view of a side of an image, degrees: that of the long side of one that is a few pixels wide and thousands high.
+pub const MOST_OF_A_SIDE_DEG: f64 = 179.99;
 /// Exposures, EV.
 pub const EXPOSURE_EV: RangeInclusive<f64> = -64.0..=64.0;
 /// Angles of orientations, degrees: a hundred turns.
@@ -105,7 +107,7 @@ pub fn db_range(place: &str, range: &DbRange) -> Result<()> {
     ))
 }
 
-/// Refuses a pinhole without pixels, with a field of view outside of [`FIELD_OF_VIEW_DEG`], or whose axis is further than ten images from its image.
+/// Refuses a pinhole without pixels, with a field of view under the least of [`FIELD_OF_VIEW_DEG`] or over [`MOST_OF_A_SIDE_DEG`], or whose axis is further than ten images from its image.
 ///
 /// # Errors
 /// The number that is out of range, at its place.
@@ -120,8 +122,11 @@ pub fn pinhole(place: &str, camera: &Pinhole) -> Result<()> {
         let side = side as f64;
         // The focal length at which an image as wide as this has a field of view.
         let at = |degrees: f64| 0.5 * side / (0.5 * degrees.to_radians()).tan();
-        let range = at(*FIELD_OF_VIEW_DEG.end())..=at(*FIELD_OF_VIEW_DEG.start());
-        let unit = format!("pixels for {f_name}, fields of view of 179 to 0.01 degrees over the image");
+        let range = at(MOST_OF_A_SIDE_DEG)..=at(*FIELD_OF_VIEW_DEG.start());
+        let unit = format!(
+            "pixels for {f_name}, fields of view of {MOST_OF_A_SIDE_DEG} to {} degrees over the image",
+            FIELD_OF_VIEW_DEG.start()
+        );
         number(place, focal, &range, &unit)?;
         number(place, centre, &(-10.0 * side..=11.0 * side), &format!("pixels for {c_name}, at most ten images from the image"))?;
     }

@@ -1,7 +1,7 @@
 //! `corf dataset import`: a capture that others' programs made becomes a data set.
 
 use super::{Verdict, show};
-use crate::apart::{Reads, keep_apart};
+use crate::apart::{Reads, is_same, keep_apart};
 use crate::progress::Progress;
 use crate::run::claim_fresh;
 use crate::{interrupt, note, say};
@@ -262,8 +262,15 @@ impl Import {
     /// A capture that cannot be read or leaves something open, an occupied output folder, an interrupt; nothing is left then.
     pub fn run(self, json: bool) -> Result<Verdict> {
         let options = self.options()?;
-        let read = [Some(&self.source), self.images.as_ref(), self.rf.as_ref(), self.depth.as_ref(), self.masks.as_ref()];
-        let reads: Vec<Reads<'_>> = read.into_iter().flatten().map(|folder| Reads::Folder(folder)).collect();
+        // A new folder beside a capture's own is no fault; one that is the capture, or lies among its files, is.
+        let own = ["images", "sparse", "depth", "masks"]
+            .map(|name| self.source.join(name))
+            .into_iter()
+            .filter(|folder| folder.is_dir());
+        let given = [&self.images, &self.rf, &self.depth, &self.masks].into_iter().flatten().cloned();
+        let folders: Vec<_> = own.chain(given).filter(|folder| !is_same(folder, &self.source)).collect();
+        let mut reads = vec![Reads::File(&self.source)];
+        reads.extend(folders.iter().map(|folder| Reads::Folder(folder)));
         keep_apart("--out", &self.out, &reads)?;
         let folder = claim_fresh(&self.out)?;
         let progress = Mutex::new(Progress::start(format!("import of {}", self.source.display()), 1, "keyframes"));

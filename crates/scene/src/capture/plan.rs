@@ -261,7 +261,8 @@ fn depths(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<
             let stored = map.stored;
             map.into_depth_m(options.depth_unit_m, &path.display().to_string(), "--depth-unit").map(|_| stored)
         };
-        let stored: Vec<Stored> = files.par_iter().map(look).collect::<Result<_>>()?;
+        // All, so that of several faults the first file's is told whichever is found first.
+        let stored: Vec<Stored> = files.par_iter().map(look).collect::<Vec<_>>().into_iter().collect::<Result<_>>()?;
         for (kind, words) in [Stored::Half, Stored::Lossy].into_iter().filter_map(|kind| Some((kind, kind.words()?))) {
             let count = stored.iter().filter(|s| **s == kind).count();
             if count > 0 {
@@ -333,7 +334,7 @@ fn transparency(options: &ImportOptions, shots: &[Shot], notes: &mut Vec<String>
         }
         Ok(true)
     };
-    let partly: Vec<bool> = shots.par_iter().map(partly).collect::<Result<_>>()?;
+    let partly: Vec<bool> = shots.par_iter().map(partly).collect::<Vec<_>>().into_iter().collect::<Result<_>>()?;
     let count = partly.iter().filter(|partly| **partly).count();
     if count > 0 {
         let all = shots.len();

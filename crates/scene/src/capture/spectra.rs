@@ -93,7 +93,8 @@ impl Reading<'_> {
     /// A file that cannot be read, or is of another size or form than the first; a picture without a stated range or in other colours; a value that is no
     /// power; numbers that do not hold the range of the data set.
     pub fn survey(&self, files: &[PathBuf]) -> Result<Survey> {
-        let seen: Vec<Seen> = files.par_iter().map(|path| self.look(path)).collect::<Result<_>>()?;
+        let seen: Vec<Seen> =
+            files.par_iter().map(|path| self.look(path)).collect::<Vec<_>>().into_iter().collect::<Result<_>>()?;
         let place = |i: usize| files[i].display().to_string();
         let Some(first) = seen.first() else {
             return Err(Error::invalid("spectra", "there is none", "give one for every image"));

@@ -8,7 +8,7 @@ use crate::lock::FolderLock;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -71,8 +71,8 @@ fn write_named(dir: &Path, path: &Path, bytes: &[u8]) -> Result<()> {
     for _ in 0..ATTEMPTS {
         let mut file = temporary().tempfile_in(dir).map_err(Error::io("create a file in", dir))?;
         // A file system without locks has none to be told apart by, and nothing is removed there.
-        let _ = file.as_file().try_lock();
-        if !file.path().exists() {
+        let locked_by_another = matches!(file.as_file().try_lock(), Err(TryLockError::WouldBlock));
+        if locked_by_another || !file.path().exists() {
             // Between its making and its lock somebody else took it for abandoned.
             continue;
         }
