@@ -16,7 +16,7 @@ import cv2
 import matplotlib
 import numpy as np
 
-steps = np.arange(256)
+steps = np.array(range(256))
 opencv = cv2.applyColorMap(steps.astype(np.uint8)[:, None], cv2.COLORMAP_JET)[:, 0, ::-1].astype(int)
 other = np.round(matplotlib.colormaps["jet"](steps)[:, :3] * 255).astype(int)
 difference = np.abs(opencv - other)
