@@ -240,6 +240,8 @@ fn what_is_read_is_not_written_over() {
     for inside in [run.join("views"), data.join("views"), at("link/views"), run.clone(), data.clone()] {
         refuses(&[&render[..], &["--resume", "--out"]].concat(), &inside);
     }
+    // The data set that a run was made from is read with it.
+    refuses(&["field", "export", text(&run), "--to", "ply", "--out"], &tiny_dataset().join("new.ply"));
     let predictions = ["evaluate", text(&run), "--no-verify", "--dataset", text(&data), "--write-predictions"];
     refuses(&predictions, &run.join("predictions"));
     for form in ["numpy", "nerfstudio", "rf-3dgs"] {

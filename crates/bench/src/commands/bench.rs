@@ -213,7 +213,9 @@ impl Table {
 
 impl Pack {
     fn run(self, json: bool) -> Result<Verdict> {
-        let parts = [Path::new(""), Path::new(suite::SEGMENT)].into_iter().filter(|part| self.folder.join(part).exists());
+        // The comparison itself, and that of the contiguous segment where there is one.
+        let parts = [Path::new(""), Path::new(suite::SEGMENT)];
+        let parts = parts.into_iter().filter(|part| part.as_os_str().is_empty() || self.folder.join(part).exists());
         // All of them are read before anything is written.
         let parts: Vec<_> = parts.map(|part| Ok((part, suite::load(&self.folder.join(part))?.1))).collect::<Result<_>>()?;
         keep_apart("--out", &self.out, &[Reads::Folder(&self.folder)])?;

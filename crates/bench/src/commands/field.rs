@@ -99,7 +99,7 @@ impl Export {
     /// # Errors
     /// A folder that is no run of Gaussians, a modality that was not trained, a degree below the field's, a file that cannot be written.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        keep_apart("--out", &self.out, &[Reads::Folder(&self.run)])?;
+        keep_apart("--out", &self.out, &[Reads::Folder(&self.run), Reads::Folder(&open::read_info(&self.run)?.dataset)])?;
         let (field, antialias, offset_m) = self.read()?;
         let mut notes = ply::Notes { offset_m, ..field.meta.notes(antialias) };
         let meta = field.meta;

@@ -31,7 +31,7 @@ impl Rounding {
         let (rounded, all) = (self.rounded, self.all);
         // A quaternion of any length says exactly one rotation; only rounding may turn a camera.
         let turn = if *off < MOST_ROUNDING {
-            format!(", and rounding by as much turns a camera by about {:.3} degrees", off.to_degrees())
+            format!(", and rounding by as much turns a camera by {:.3} degrees and more", off.to_degrees())
         } else {
             String::new()
         };

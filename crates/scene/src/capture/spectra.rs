@@ -148,6 +148,11 @@ impl Reading<'_> {
                 let what = format!("a spectrum reaches {peak_db:.2} dB, and the stated range ends at {} dB", range.max_db);
                 return Err(Error::invalid("--rf-db", what, "state a range that holds the strongest value"));
             }
+            if peak > 0.0 && peak_db < range.min_db {
+                let what =
+                    format!("no spectrum reaches more than {peak_db:.2} dB, and the stated range begins at {} dB", range.min_db);
+                return Err(Error::invalid("--rf-db", what, "state a range that holds the values, or leave it out"));
+            }
             range.min_db
         } else if peak > 0.0 {
             let max_db = (10.0 * f64::from(peak).log10()).ceil();

@@ -55,6 +55,11 @@ pub fn write_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
     };
+    // A pipe or a device in the place of the file would be gone, and whoever reads from it would wait.
+    if std::fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir()) {
+        let what = "is a pipe, socket or device, which a file would replace";
+        return Err(Error::invalid(path.display().to_string(), what, "name a file"));
+    }
     std::fs::create_dir_all(dir).map_err(Error::io("create", dir))?;
     remove_abandoned_once(dir);
     let written = match unnamed::write(dir, path, bytes) {
@@ -262,6 +267,21 @@ mod tests {
         }
         assert_eq!(std::fs::read(at("plain")).unwrap(), b"x");
         assert_eq!(names(dir.path()), ["dangling", "link", "named", "ours", "plain"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_file_is_not_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let socket = dir.path().join("socket");
+        let _listens = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        std::os::unix::fs::symlink(&socket, dir.path().join("link")).unwrap();
+        for name in ["socket", "link"] {
+            let error = write_atomic(dir.path().join(name), b"x").unwrap_err().to_string();
+            assert!(error.contains(name) && error.contains("pipe, socket or device"), "{error}");
+        }
+        assert!(!std::fs::metadata(&socket).unwrap().is_file());
+        assert_eq!(names(dir.path()), ["link", "socket"]);
     }
 
     #[test]
