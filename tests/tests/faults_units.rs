@@ -103,7 +103,7 @@ fn depth_of_whole_numbers_needs_its_unit() {
     }
     // In whatever unit: a room has no such depths.
     capture.refuses(&[&flag[..], &["--depth-unit", "m"]].concat(), &["4000 m", "no room has", "--depth-unit"]);
-    capture.refuses(&[&flag[..], &["--depth-unit", "cm"]].concat(), &["no room has"]);
+    capture.refuses(&[&flag[..], &["--depth-unit", "0.1"]].concat(), &["400 m", "no room has"]);
     for unit in ["0", "-1", "nan", "inf", "1e300", "1e-300", "yard"] {
         capture.refuses(&[&flag[..], &[&format!("--depth-unit={unit}")]].concat(), &["--depth-unit"]);
     }
