@@ -159,7 +159,7 @@ pub(crate) fn print(text: &str) -> Result<()> {
 /// Prints a value as JSON or as text.
 ///
 /// # Errors
-/// As [`print`].
+/// As [`print()`].
 pub(crate) fn show(json: bool, value: &impl Serialize, text: &str) -> Result<()> {
     if json { print(&serde_json::to_string_pretty(value)?) } else { print(text) }
 }
@@ -167,7 +167,7 @@ pub(crate) fn show(json: bool, value: &impl Serialize, text: &str) -> Result<()>
 /// Prints findings; the verdict is that of the gravest.
 ///
 /// # Errors
-/// As [`print`].
+/// As [`print()`].
 pub(crate) fn findings(json: bool, findings: &[corf_scene::Finding]) -> Result<Verdict> {
     let text: Vec<String> = findings.iter().map(ToString::to_string).collect();
     let failed = findings.iter().any(|f| f.severity == Severity::Error);

@@ -103,6 +103,7 @@ pub struct File {
     /// A mesh (.glb, .gltf, .obj), or a scene file (.toml) that names one and maps its radio materials.
     file: PathBuf,
     /// Let a mesh name files outside of its folder (shared textures); a scene file says so itself, `allow_outside` under [scene].
+    #[allow(rustdoc::broken_intra_doc_links)]
     #[arg(long)]
     allow_outside: bool,
 }

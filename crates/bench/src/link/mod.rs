@@ -111,10 +111,10 @@ impl Default for LinkConfig {
 /// Flags of every command that traces links.
 #[derive(Args, Clone, Debug)]
 pub struct LinkArgs {
-    /// Settings of the link (.toml): max_depth, transmission, diffuse, tx_power_dbm, [transmitter], [receiver] …; flags take precedence.
+    /// Settings of the link (.toml): max_depth, transmission, diffuse, tx_power_dbm, `[transmitter]`, `[receiver]` …; flags take precedence.
     #[arg(long, value_name = "RF.toml")]
     pub config: Option<PathBuf>,
-    /// Transmitter of this name in the scene's [transmitters]; may be repeated. Without it [transmitter].
+    /// Transmitter of this name in the scene's `[transmitters]`; may be repeated. Without it `[transmitter]`.
     #[arg(long, value_name = "NAME")]
     pub transmitter: Vec<String>,
     /// Largest number of interactions on a path (default 3).

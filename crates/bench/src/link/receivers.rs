@@ -31,7 +31,7 @@ pub fn receivers(config: &SceneConfig, points: &[Point], file: Option<&Path>, po
     Ok(all)
 }
 
-/// Points of a `.npy` file (N × 3), or of a [table](table) in a text file.
+/// Points of a `.npy` file (N × 3), or of a [`table`] in a text file.
 fn read(path: &Path) -> Result<Vec<DVec3>> {
     let place = path.display().to_string();
     let points = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) {

@@ -7,7 +7,7 @@
 //! | `rf-3dgs` | `colmap.rs` and two lists of stems | as COLMAP's | without distortion |
 //! | `corf-folder` | `plain.rs`, `trajectory.json` and `camera.json` | world_from_camera, OpenCV axes | one, with distortion |
 //!
-//! A reader gives a `Capture` in the capture's own frame; [`import`] turns and scales it, takes the distortion out, matches spectra and depth
+//! A reader gives a `Capture` in the capture's own frame; [`import()`] turns and scales it, takes the distortion out, matches spectra and depth
 //! by file stem, and writes. NeRF² sets are refused: there the transmitter moves and the receiver stands still, which no keyframe can say.
 
 mod colmap;

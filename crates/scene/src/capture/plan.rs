@@ -96,7 +96,7 @@ impl Plan {
     /// Reads a capture and finds, and hashes, all that belongs to it.
     ///
     /// # Errors
-    /// Those of [`super::import`].
+    /// Those of [`super::import()`].
     pub fn of(options: &ImportOptions) -> Result<Self> {
         options.check()?;
         let Capture { mut shots, points, lists, spectra, files, mut notes } = capture(options)?;

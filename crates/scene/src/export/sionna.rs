@@ -120,7 +120,7 @@ pub struct PoseEntry {
     pub world_from_array: [[f64; 3]; 3],
 }
 
-/// Summary of an export by [`write`].
+/// Summary of an export by [`write()`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// The folder.

@@ -43,7 +43,7 @@ pub struct Views {
     pub poses: Vec<Rigid3>,
 }
 
-/// Summary of an export by [`write`].
+/// Summary of an export by [`write()`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// The folder.
