@@ -19,7 +19,7 @@ pub const GAIN_DB: RangeInclusive<f64> = -1000.0..=1000.0;
 pub const LEVEL_DB: RangeInclusive<f64> = -300.0..=300.0;
 /// Widths of the decibel range of spectra, dB.
 pub const DYNAMIC_RANGE_DB: RangeInclusive<f64> = 1.0..=300.0;
-/// Full fields of view of pinholes, degrees.
+/// Full fields of view of pinholes, degrees: nothing narrower is told apart in an image, and nothing wider fits a plane.
 pub const FIELD_OF_VIEW_DEG: RangeInclusive<f64> = 0.01..=179.0;
 /// Largest field of view of a side of an image, degrees: that of the long side of one that is a few pixels wide and thousands high.
 pub const MOST_OF_A_SIDE_DEG: f64 = 179.99;

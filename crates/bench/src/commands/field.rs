@@ -3,6 +3,7 @@
 use super::{Verdict, show};
 use crate::apart::{Reads, keep_apart};
 use crate::methods::open;
+use crate::run::RunInfo;
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, Subcommand, ValueEnum};
 use corf::device::Modality;
@@ -99,8 +100,10 @@ impl Export {
     /// # Errors
     /// A folder that is no run of Gaussians, a modality that was not trained, a degree below the field's, a file that cannot be written.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        keep_apart("--out", &self.out, &[Reads::Folder(&self.run), Reads::Folder(&open::read_info(&self.run)?.dataset)])?;
-        let (field, antialias, offset_m) = self.read()?;
+        let info = open::read_info(&self.run)?;
+        keep_apart("--out", &self.out, &[Reads::Folder(&self.run), Reads::Folder(&info.dataset)])?;
+        let (field, antialias) = self.read(&info)?;
+        let offset_m = info.dataset_offset_m;
         let mut notes = ply::Notes { offset_m, ..field.meta.notes(antialias) };
         let meta = field.meta;
         let modality = match self.field {
@@ -171,10 +174,9 @@ impl Export {
     }
 
     /// The field, the filter that it was trained with, and what its data set took off positions, metres.
-    fn read(&self) -> Result<(Field, corf::Antialias, Option<[f64; 3]>)> {
-        let info = open::read_info(&self.run)?;
+    fn read(&self, info: &RunInfo) -> Result<(Field, corf::Antialias)> {
         let place = self.run.display();
-        let Some(raster) = open::raster_of(&self.run, &info)? else {
+        let Some(raster) = open::raster_of(&self.run, info)? else {
             bail!(
                 "{place}: {} keeps no Gaussians that other programs could read\n  help: export a run of corf-gs or rf-3dgs",
                 info.method
@@ -191,7 +193,7 @@ impl Export {
             Half::Rf => field.meta.modalities.radio,
         };
         ensure!(trained, "{place} was trained without this modality\n  help: export the other one with --field");
-        Ok((field, raster.antialias, info.dataset_offset_m))
+        Ok((field, raster.antialias))
     }
 }
 

@@ -10,7 +10,7 @@ use super::lens::Lens;
 use super::rounding::Rounding;
 use super::{Capture, Lists, Shot, json, names};
 use crate::contained::{self, Reach};
-use crate::{Error, Pinhole, Result, Rigid3, io};
+use crate::{Error, Pinhole, Result, Rigid3, bounds, io};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -90,9 +90,6 @@ impl Words {
     }
 }
 
-/// Full fields of view that a pinhole has, degrees.
-const FIELD_OF_VIEW_DEG: std::ops::RangeInclusive<f64> = 0.01..=179.0;
-
 /// Share by which two statements of a focal length differ that is not rounding.
 const SAME_FOCAL: f64 = 1e-3;
 
@@ -136,7 +133,7 @@ impl Camera {
             Axis::Y => (self.y_fov, self.fl_y, self.camera_angle_y, ["y_fov", "fl_y", "camera_angle_y"]),
         };
         let of_angle = |angle: f64, name: &str, unit: &str, stated: f64| {
-            if FIELD_OF_VIEW_DEG.contains(&angle.to_degrees()) {
+            if bounds::FIELD_OF_VIEW_DEG.contains(&angle.to_degrees()) {
                 return Ok(0.5 * side as f64 / (0.5 * angle).tan());
             }
             let what = format!("{name} is {stated} {unit}, which is no pinhole's field of view");

@@ -350,9 +350,6 @@ fn yes() -> bool {
     true
 }
 
-/// Fields of view, degrees: nothing narrower is told apart in an image, and nothing wider fits a plane.
-const MIN_FOV_DEG: f64 = 0.01;
-const MAX_FOV_DEG: f64 = 179.0;
 /// No image is wider or higher.
 const MAX_IMAGE_SIDE: usize = 16_384;
 
@@ -493,11 +490,12 @@ impl DatasetConfig {
 }
 
 fn check_fov(place: &str, fov_deg: f64) -> Result<()> {
-    if (MIN_FOV_DEG..=MAX_FOV_DEG).contains(&fov_deg) {
+    let (least, most) = (bounds::FIELD_OF_VIEW_DEG.start(), bounds::FIELD_OF_VIEW_DEG.end());
+    if bounds::FIELD_OF_VIEW_DEG.contains(&fov_deg) {
         return Ok(());
     }
     let what = format!("{fov_deg} degrees is no pinhole's field of view");
-    Err(Error::invalid(place, what, format!("give {MIN_FOV_DEG} to {MAX_FOV_DEG} degrees: no plane reaches 180 degrees")))
+    Err(Error::invalid(place, what, format!("give {least} to {most} degrees: no plane reaches 180 degrees")))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Writing: a file is whole and on the disk before it has its name, and a process that is killed leaves none behind for ever.
 //!
 //! On Linux the bytes go into a file without a name, which is gone with the process. Where the system or the file system has none, and where
-//! a file of that name is to be replaced, there is a temporary name for a while: `.corf-XXXXXX.tmp`, locked by its process. One that nobody
+//! a file of that name is to be replaced, there is a temporary name for a while: `.corf-*.tmp`, locked by its process. One that nobody
 //! locks is what a killed process left, and goes with the next write into its folder.
 
 use crate::lock::FolderLock;
