@@ -100,10 +100,14 @@ fn a_skinned_wall_stands_where_its_joints_put_it() {
 }
 
 /// Total power and number of the paths past a sheet's edge.
-fn past_the_edge(scene: &Path, config: &Path) -> (f64, usize) {
-    let link = parsed(&corf_ok(&["paths", text(scene), "--rx", "5,0.5,-0.3", "--config", text(config)]));
+fn past_the_edge(scene: &Path, receiver: [f32; 3], config: &Path) -> (f64, usize) {
+    let rx = format!("--rx={}", receiver.map(|x| x.to_string()).join(","));
+    let link = parsed(&corf_ok(&["paths", text(scene), &rx, "--config", text(config)]));
     (link["total_power_db"].as_f64().unwrap(), link["paths"].as_array().unwrap().len())
 }
+
+/// A receiver past the edge of a sheet, metres.
+const RECEIVER: [f32; 3] = [5.0, 0.5, -0.3];
 
 /// Largest difference of two sheets whose corners are rounded to float32 in different places, dB.
 const SAME_DB: f64 = 1e-6;
@@ -112,11 +116,11 @@ const SAME_DB: f64 = 1e-6;
 fn sheets_in_one_plane_diffract_as_one() {
     let Some(one) = shared("faults/edges/one.toml") else { return };
     let config = one.with_file_name("rf.toml");
-    let (expected_db, count) = past_the_edge(&one, &config);
+    let (expected_db, count) = past_the_edge(&one, RECEIVER, &config);
     assert!((expected_db + 112.07).abs() < 0.005 && count == 4, "{expected_db}");
     for name in ["ovl", "poster"] {
         let Some(scene) = fault(&format!("coplanar/{name}.toml")) else { return };
-        let (found_db, found) = past_the_edge(&scene, &config);
+        let (found_db, found) = past_the_edge(&scene, RECEIVER, &config);
         assert!((found_db - expected_db).abs() < SAME_DB && found == count, "{name}: {found_db} dB, {found} paths");
     }
 }
@@ -154,8 +158,11 @@ fn what_a_list_of_receivers_has_besides_is_said() {
     corf_refuses(&["paths", text(&scene), "--rx-file", text(&file)], &["rx.csv", "finite"]);
 }
 
+/// Where the transmitter of [`walls`] stands unless a test turns it, metres.
+const BEFORE_THE_WALLS: [f32; 3] = [-5.0, 0.0, -0.3];
+
 /// A scene of metal rectangles, each a node of a glTF, by their corners (x, y, z).
-fn walls(folder: &Path, walls: &[[[f32; 3]; 4]]) -> PathBuf {
+fn walls(folder: &Path, walls: &[[[f32; 3]; 4]], transmitter: [f32; 3]) -> PathBuf {
     let (mut bytes, mut views, mut accessors): (Vec<u8>, Vec<Value>, Vec<Value>) = Default::default();
     let (mut meshes, mut nodes) = (Vec::new(), Vec::new());
     for (i, corners) in walls.iter().enumerate() {
@@ -174,8 +181,10 @@ fn walls(folder: &Path, walls: &[[[f32; 3]; 4]]) -> PathBuf {
     });
     fs::write(folder.join("walls.gltf"), gltf.to_string()).unwrap();
     let scene = folder.join("walls.toml");
-    let body = "[scene]\nfile = \"walls.gltf\"\nup = \"z\"\n[transmitter]\nposition_m = [-5, 0, -0.3]\n\
-                [radio_materials.metal]\nrelative_permittivity = 1.0\nconductivity_s_per_m = 1e7\nthickness_m = 0.2\n";
+    let body = format!(
+        "[scene]\nfile = \"walls.gltf\"\nup = \"z\"\n[transmitter]\nposition_m = {transmitter:?}\n\
+         [radio_materials.metal]\nrelative_permittivity = 1.0\nconductivity_s_per_m = 1e7\nthickness_m = 0.2\n"
+    );
     fs::write(&scene, body).unwrap();
     scene
 }
@@ -189,7 +198,7 @@ fn the_edge_past_which_a_wave_goes_is_the_border_of_all_pieces() {
     let piece = |[y0, y1, z0, z1]: [f32; 4]| [[y0, z0], [y1, z0], [y1, z1], [y0, z1]].map(|[y, z]| [0.0, y, z]);
     let past = |pieces: &[[f32; 4]]| {
         let list: Vec<_> = pieces.iter().map(|p| piece(*p)).collect();
-        past_the_edge(&walls(folder.path(), &list), &config)
+        past_the_edge(&walls(folder.path(), &list, BEFORE_THE_WALLS), RECEIVER, &config)
     };
     let (expected_db, count) = past(&[[-20.0, 0.0, -20.0, 20.0]]);
     let cases: [&[[f32; 4]]; 5] = [
@@ -210,4 +219,112 @@ fn the_edge_past_which_a_wave_goes_is_the_border_of_all_pieces() {
     // A slit of ten centimetres is one.
     let (slit_db, slit) = past(&[[-20.0, 0.0, -20.0, -0.35], [-20.0, 0.0, -0.25, 20.0]]);
     assert!((slit_db - expected_db).abs() > 0.1 || slit != count, "{slit_db} dB, {slit} paths");
+}
+
+/// A point turned by `angle_rad` about an axis through the origin.
+fn turned(p: [f32; 3], axis: [f32; 3], angle_rad: f32) -> [f32; 3] {
+    (glam::Quat::from_axis_angle(glam::Vec3::from(axis).normalize(), angle_rad) * glam::Vec3::from(p)).to_array()
+}
+
+/// Orientations in which float32 puts the corners of one plane into planes of their own, micrometres apart.
+const TURNS: [([f32; 3], f32); 4] = [([0.0, 0.0, 1.0], 0.0), ([0.0, 0.0, 1.0], 0.523_598_8), ([0.0, 0.0, 1.0], 0.645_771_8), ([1.0, 2.0, 3.0], 0.7)];
+
+/// Largest difference of two sheets whose planes are rounded to float32, dB: some micrometres of 5 mm of wavelength.
+const ROUNDED_DB: f64 = 0.05;
+
+/// Largest difference of a reflection and the direct path together where the mirror moves by 1e-5 m, which turns their phase by 1.5 degrees.
+const REFLECTED_DB: f64 = 0.5;
+
+#[test]
+fn pieces_of_one_plane_are_one_sheet_however_float32_rounds_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("rf.toml");
+    fs::write(&config, "edge_diffraction = true\ndiffraction = true\nmax_depth = 2\n").unwrap();
+    // Rectangles of the plane x by their ranges of y and z.
+    let piece = |x: f32, [y0, y1, z0, z1]: [f32; 4]| [[y0, z0], [y1, z0], [y1, z1], [y0, z1]].map(|[y, z]| [x, y, z]);
+    let sheet = piece(0.0, [-20.0, 0.0, -20.0, 20.0]);
+    let behind = [5.0, -0.5, -0.3];
+    let mut cases = Vec::new();
+    for x in [1e-9, 1e-7, 1e-6, -1e-6, 1e-5, -1e-5] {
+        cases.push(vec![sheet, piece(x, [-20.0, 0.0, -20.0, 20.0])]);
+        cases.push(vec![sheet, piece(x, [-1.0, 0.0, -0.5, 0.5])]);
+        cases.push(vec![piece(0.0, [-20.0, -0.01, -20.0, 20.0]), piece(x, [-0.02, 0.0, -20.0, 20.0])]);
+    }
+    for (axis, angle_rad) in TURNS {
+        let turn = |p| turned(p, axis, angle_rad);
+        let past = |pieces: &[[[f32; 3]; 4]]| {
+            let list: Vec<_> = pieces.iter().map(|piece| piece.map(turn)).collect();
+            past_the_edge(&walls(folder.path(), &list, turn(BEFORE_THE_WALLS)), turn(behind), &config)
+        };
+        let (expected_db, expected) = past(&[sheet]);
+        for (number, pieces) in cases.iter().enumerate() {
+            let (found_db, found) = past(pieces);
+            assert!(
+                (found_db - expected_db).abs() < ROUNDED_DB && found == expected && found > 0,
+                "{number} turned by {angle_rad}: {found_db}, not {expected_db} dB, {found} paths, not {expected}: {pieces:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn pieces_of_one_plane_reflect_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("rf.toml");
+    fs::write(&config, "max_depth = 3\n").unwrap();
+    let piece = |x: f32, half: f32| [[-half, -half], [half, -half], [half, half], [-half, half]].map(|[y, z]| [x, y, z]);
+    for (axis, angle_rad) in TURNS {
+        let turn = |p| turned(p, axis, angle_rad);
+        let off = |pieces: &[[[f32; 3]; 4]]| {
+            let list: Vec<_> = pieces.iter().map(|piece| piece.map(turn)).collect();
+            past_the_edge(&walls(folder.path(), &list, turn(BEFORE_THE_WALLS)), turn([-4.0, 0.5, 0.3]), &config)
+        };
+        let (expected_db, expected) = off(&[piece(0.0, 2.0)]);
+        assert_eq!(expected, 2, "the direct path and one reflection");
+        for x in [0.0, 1e-9, 1e-7, -1e-7, 1e-6, 1e-5, -1e-5] {
+            for half in [2.0, 3.0] {
+                let (found_db, found) = off(&[piece(0.0, 2.0), piece(x, half)]);
+                assert!(
+                    (found_db - expected_db).abs() < REFLECTED_DB && found == expected,
+                    "{x} m, turned by {angle_rad}: {found_db}, not {expected_db} dB, {found} paths, not {expected}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_box_within_a_box_that_is_flush_with_it_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("rf.toml");
+    fs::write(&config, "diffraction = true\nmax_depth = 2\n").unwrap();
+    let sides = |low: [f32; 3], high: [f32; 3]| -> Vec<[[f32; 3]; 4]> {
+        (0..6)
+            .map(|side| {
+                let (axis, far) = (side / 2, side % 2 == 1);
+                let corners = [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[u, v]| {
+                    let mut p = [if far { high } else { low }[axis]; 3];
+                    for (i, end) in [((axis + 1) % 3, u), ((axis + 2) % 3, v)] {
+                        p[i] = [low, high][end][i];
+                    }
+                    p
+                });
+                if far { corners } else { [corners[0], corners[3], corners[2], corners[1]] }
+            })
+            .collect()
+    };
+    let outer = sides([-1.0; 3], [1.0; 3]);
+    let inner = sides([-1.0, -0.2, -1.0], [0.3, 1.0, 0.4]);
+    let (tx, rx) = ([-3.0, 0.4, -0.3], [0.5, 1.2, 0.3]);
+    for (axis, angle_rad) in TURNS {
+        let turn = |p| turned(p, axis, angle_rad);
+        let mut list: Vec<_> = outer.iter().map(|side| side.map(turn)).collect();
+        let (expected_db, expected) = past_the_edge(&walls(folder.path(), &list, turn(tx)), turn(rx), &config);
+        list.extend(inner.iter().map(|side| side.map(turn)));
+        let (found_db, found) = past_the_edge(&walls(folder.path(), &list, turn(tx)), turn(rx), &config);
+        assert!(
+            (found_db - expected_db).abs() < ROUNDED_DB && found == expected && found > 0,
+            "turned by {angle_rad}: {found_db}, not {expected_db} dB, {found} paths, not {expected}"
+        );
+    }
 }

@@ -6,7 +6,7 @@
 use super::chain::Chain;
 use super::chains;
 use super::diffraction::{Wedge, Wedges, keller_point};
-use super::geometry::Geometry;
+use super::geometry::{Geometry, TOUCHING_M};
 use super::path::Path;
 use super::ray_path::{PathEvent, Propagator, RayPath};
 use super::walk::Walk;
@@ -18,8 +18,6 @@ use std::f64::consts::{PI, TAU};
 
 /// An image closer than this to the plane of a face is neither in front of it nor behind, metres.
 const EDGE_ON_M: f64 = 1e-5;
-/// An edge this close to a mirror's plane lies in it, metres.
-const IN_PLANE_M: f64 = 5e-6;
 /// Largest number of combinations of chains and wedges that are all tried.
 const MOST_COMBINATIONS: usize = 50_000_000;
 
@@ -128,8 +126,8 @@ fn images<'c>(geometry: &Geometry<'_>, wedge: &Wedge, chains: &'c [Chain]) -> Ve
             if let Some(&last) = chain.faces().last() {
                 let mirror = &geometry.faces[last as usize];
                 let side = mirror.distance(chain.image).signum();
-                // Some of the edge is in front of the last mirror, as the image is behind it.
-                if ends.iter().all(|end| mirror.distance(*end) * side > -IN_PLANE_M) {
+                // Some of the edge is in front of the last mirror, as the image is behind it, and not of its sheet.
+                if ends.iter().all(|end| mirror.distance(*end) * side > -TOUCHING_M) {
                     return None;
                 }
             }

@@ -142,7 +142,39 @@ impl<'a> Geometry<'a> {
         self.corners.len()
     }
 
-    /// Every face that the open segment `from → to` crosses, in order, `skip` aside; `None` once there are more than `limit`.
+    /// Whether a point of one face belongs to the sheet of another: both are parallel, and the point is as near to the other's plane as
+    /// surfaces touch.
+    pub(super) fn is_of_sheet(&self, face: u32, point: DVec3, sheet: u32) -> bool {
+        let plane = &self.faces[sheet as usize];
+        face == sheet || (plane.is_parallel(&self.faces[face as usize]) && plane.distance(point).abs() <= TOUCHING_M)
+    }
+
+    /// Whether a point of a face belongs to one of some sheets.
+    fn is_of_one(&self, face: u32, point: DVec3, sheets: &[Option<u32>]) -> bool {
+        sheets.iter().flatten().any(|sheet| self.is_of_sheet(face, point, *sheet))
+    }
+
+    /// Whether another piece of a face's sheet is the mirror at a point of the face for waves on the side of `before`, since it lies ahead.
+    pub(super) fn is_behind_its_sheet(&self, face: u32, at: DVec3, before: DVec3) -> bool {
+        let plane = &self.faces[face as usize];
+        let side = plane.normal * plane.distance(before).signum();
+        let mut behind = false;
+        self.visit_triangles_near(at, TOUCHING_M, |triangle| {
+            let other = self.face_of_triangle[triangle];
+            let piece = &self.faces[other as usize];
+            if behind || other == face || !plane.is_parallel(piece) {
+                return;
+            }
+            let ahead_m = -piece.distance(at) / piece.normal.dot(side);
+            // Of two in one place rounding never leaves out both: what bounces off either is one path.
+            let rounding_m = if other < face { 0.0 } else { MEETING_M };
+            behind = ahead_m > rounding_m && ahead_m <= TOUCHING_M && piece.contains(at + side * ahead_m);
+        });
+        behind
+    }
+
+    /// Every face that the open segment `from → to` crosses, in order, the sheets of `skip` aside, on which its ends lie; `None` once there
+    /// are more than `limit`.
     pub fn crossings<const N: usize>(
         &self,
         from: DVec3,
@@ -163,7 +195,7 @@ impl<'a> Geometry<'a> {
                 return ControlFlow::Continue(());
             }
             let Some(t) = line_meets_triangle(from, direction, &self.corners[triangle]) else { return ControlFlow::Continue(()) };
-            if t <= END_CLEARANCE_M || t >= length - END_CLEARANCE_M {
+            if t <= END_CLEARANCE_M || t >= length - END_CLEARANCE_M || self.is_of_one(face, from + direction * t, &skip) {
                 return ControlFlow::Continue(());
             }
             places += usize::from(!hits.iter().any(|hit| hit.face == face || (hit.distance_m - t).abs() < SAME_CROSSING_M));
@@ -224,14 +256,15 @@ impl<'a> Geometry<'a> {
         found
     }
 
-    /// Hits near a hit's distance of the parallel ray beside it, by [`BESIDE_RAY_M`], `skip` aside: other triangles than the ray's own only
+    /// Hits near a hit's distance of the parallel ray beside it, by [`BESIDE_RAY_M`], the sheets of `skip` aside: other triangles than the ray's own only
     /// at an edge.
     fn hits_beside(&self, from: DVec3, direction: DVec3, distance_m: f64, skip: &[Option<u32>]) -> Vec<TriangleHit> {
         let mut hits = Vec::new();
         self.visit_triangles_near(from + direction * distance_m, TOUCHING_M, |triangle| {
             let face = self.face_of_triangle[triangle];
             let meets = line_meets_triangle(from + BESIDE_RAY_M, direction, &self.corners[triangle]);
-            if meets.is_some_and(|t| (t - distance_m).abs() < TOUCHING_M) && !skip.contains(&Some(face)) {
+            let of_end = |t: f64| self.is_of_one(face, from + BESIDE_RAY_M + direction * t, skip);
+            if meets.is_some_and(|t| (t - distance_m).abs() < TOUCHING_M && !of_end(t)) {
                 hits.push(TriangleHit { distance_m, face });
             }
         });

@@ -83,11 +83,28 @@ impl Propagator<'_, '_> {
             crossed[i] = self.geometry.crossings(from, to, skip, budget)?;
             budget -= crossed[i].len();
         }
-        if !self.edges_are_open(route, &crossed) {
+        if !self.edges_are_open(route, &crossed) || !self.mirrors_are_foremost(route) {
             return None;
         }
         self.pass_joints(route, &mut crossed, budget)?;
         self.assemble(route, &crossed)
+    }
+
+    /// Whether every mirror of a route is the foremost piece of its sheet, and no two in a row are pieces of one: pieces of one plane
+    /// reflect as one sheet, however they lie over one another.
+    fn mirrors_are_foremost(&self, route: &RayPath<'_>) -> bool {
+        let mirror = |i: usize| match route.turns.get(i) {
+            Some(PathEvent::Mirror(face)) => Some(*face),
+            _ => None,
+        };
+        (0..route.turns.len()).filter_map(|i| mirror(i).map(|face| (i, face))).all(|(i, face)| {
+            let again = mirror(i + 1).is_some_and(|next| self.geometry.is_of_sheet(next, route.corners[i + 1], face));
+            // Both legs are on the mirror's side; one may be of no length.
+            let ends = [route.leg(i).0, route.leg(i + 1).1];
+            let off_m = ends.map(|end| self.geometry.faces[face as usize].distance(end).abs());
+            let before = ends[usize::from(off_m[1] > off_m[0])];
+            !again && !self.geometry.is_behind_its_sheet(face, route.corners[i], before)
+        })
     }
 
     /// Whether the legs to points just off the route's wedges cross the same faces: an edge that is flush with another surface is none.
