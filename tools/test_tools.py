@@ -94,7 +94,7 @@ class CheckView(unittest.TestCase):
 
 
 class CheckPage(unittest.TestCase):
-    ASSETS = Path(__file__).parent.parent / "crates/bench/src/view/assets"
+    ASSETS = Path(__file__).parent.parent / "crates/bench/src/viewer/assets"
 
     def test_ways_and_views_are_compared_by_their_greatest_difference(self):
         self.assertEqual(check_page.way((1, 2), (3, -1), 2), [(1, 2), (4, 1), (7, 0)])

@@ -8,11 +8,12 @@
 #![allow(clippy::print_stdout)]
 
 use anyhow::{Context, Result};
-use corf_bench::input::Verify;
-use corf_bench::method::{Advance, Method, Predictor, TrainingSet};
+use corf_bench::methods::interface::{Advance, Method, Predictor, TrainingSet};
 use corf_bench::metrics::Prediction;
+use corf_bench::metrics::input::Verify;
+use corf_bench::run::harness;
 use corf_bench::split::{Protocol, Split};
-use corf_bench::{harness, table};
+use corf_bench::table;
 use corf_scene::Rigid3;
 use std::path::Path;
 

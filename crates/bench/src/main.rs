@@ -2,7 +2,8 @@
 
 use clap::Parser;
 use corf_bench::commands::{Arguments, Verdict};
-use corf_bench::{interrupt, note};
+use corf_bench::note;
+use corf_bench::terminal::interrupt;
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 

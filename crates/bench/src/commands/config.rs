@@ -2,12 +2,12 @@
 
 use super::{Verdict, show};
 use crate::device::Backend;
-use crate::explain::{Key, keys, plain};
+use crate::documents::explain::{Key, keys, plain};
+use crate::experiment::plan::Plan;
 use crate::methods;
 use crate::methods::corf_array::CorfArrayConfig;
 use crate::methods::corf_gs::CorfGsConfig;
 use crate::methods::lookup::LookupConfig;
-use crate::plan::Plan;
 use anyhow::Result;
 use clap::Args;
 use corf::OfflineConfig;

@@ -1,13 +1,13 @@
 //! `corf coverage`: what transmitters reach on a plane: EXR, picture, numbers.
 
 use super::{Verdict, show};
-use crate::coverage_picture::CoveragePicture;
-use crate::interrupt;
-use crate::json::write_json;
-use crate::link::{LinkArgs, LinkSetup, Point};
+use crate::files::json::write_json;
 use crate::note;
-use crate::progress::Progress;
+use crate::radio_link::coverage_picture::CoveragePicture;
+use crate::radio_link::{LinkArgs, LinkSetup, Point};
 use crate::run::claim_fresh;
+use crate::terminal::interrupt;
+use crate::terminal::progress::Progress;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::radio::DiffuseSettings;

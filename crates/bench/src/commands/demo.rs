@@ -1,13 +1,16 @@
 //! `corf demo`: the small lobby end to end.
 
 use super::{Verdict, show};
+use crate::comparison::suite;
 use crate::device::DeviceChoice;
-use crate::generate::Options;
-use crate::input::Input;
-use crate::plan::Plan;
+use crate::experiment::plan::Plan;
+use crate::metrics::input::Input;
 use crate::record::Outcome;
 use crate::run::{KeptModel, claim_output};
-use crate::{generate, interrupt, lobby, suite};
+use crate::scenes::generate;
+use crate::scenes::generate::Options;
+use crate::scenes::lobby;
+use crate::terminal::interrupt;
 use anyhow::Result;
 use clap::Args;
 use corf_scene::config::DatasetConfig;

@@ -2,11 +2,11 @@
 
 use super::paths::Point;
 use super::{Verdict, print};
-use crate::interrupt;
-use crate::progress::Progress;
 use crate::run::claim_shared;
-use crate::say;
-use crate::scene_in_use;
+use crate::scenes::in_use;
+use crate::terminal::interrupt;
+use crate::terminal::messages;
+use crate::terminal::progress::Progress;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::Bvh;
@@ -104,7 +104,7 @@ impl Diffuse {
     /// A scene that cannot be read or traced, settings out of range, files that cannot be written.
     pub fn run(self) -> Result<Verdict> {
         let config = SceneConfig::load(&self.scene)?;
-        let scene = scene_in_use::load(&config)?;
+        let scene = in_use::load(&config)?;
         config.check_radio(&scene)?;
         let tx = self.tx.map_or(config.transmitter.position(), |p| p.0);
         let bvh = Bvh::build(&scene);
@@ -125,8 +125,8 @@ impl Diffuse {
         bounds::count("--replicas", samplings as usize, bounds::MAX_LINKS, "samplings of receivers")?;
         let near =
             |rx: &Point| near_field::finding(&format!("receiver at {}", rx.0), rx.0.distance(tx), config.radio.frequency_hz);
-        say::findings(self.rx.iter().filter_map(near));
-        say::findings(geometry_warnings(&scene, !self.no_transmission));
+        messages::findings(self.rx.iter().filter_map(near));
+        messages::findings(geometry_warnings(&scene, !self.no_transmission));
         let _held = self.arrivals.as_deref().map(claim_shared).transpose()?;
         let replicas = self.replicas;
         let mut sums = vec![Vec::new(); self.rx.len()];

@@ -1,7 +1,7 @@
 //! `corf docs`: writes tables and help into documents, or checks that they are there.
 
 use super::{Command, Verdict, print};
-use crate::splice::spliced;
+use crate::documents::splice::spliced;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use corf_scene::io::{read_text, write_atomic};

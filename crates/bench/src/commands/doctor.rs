@@ -2,9 +2,9 @@
 
 use super::{Verdict, show};
 use crate::metrics::lpips::{LpipsImages, LpipsNetworks, NO_WEIGHTS};
-use crate::oidn::{LIBRARY_VARIABLE, Oidn};
-use crate::provenance::Provenance;
-use crate::video;
+use crate::record::provenance::Provenance;
+use crate::render::video;
+use crate::scenes::oidn::{LIBRARY_VARIABLE, Oidn};
 use anyhow::Result;
 use clap::Args;
 use corf_scene::bounds;

@@ -1,19 +1,20 @@
 //! `corf evaluate`: a run's field, or another program's predictions, against the held-out keyframes.
 
 use super::{Verdict, show};
-use crate::apart::{Reads, keep_apart};
 use crate::device::DeviceChoice;
-use crate::input::Verify;
-use crate::methods::open;
+use crate::files::output::FreshFolder;
+use crate::files::separation::{Reads, keep_apart};
+use crate::metrics::input::Verify;
 use crate::metrics::lpips::LpipsOption;
 use crate::note;
-use crate::output::FreshFolder;
-use crate::prediction_folder::{PredictionFolder, PredictionWriter, stated_of};
+use crate::record::prediction_folder::{PredictionFolder, PredictionWriter, stated_of};
 use crate::record::{Numbers, Outcome, Record};
 use crate::report::along::Figures;
 use crate::run::claim_shared;
+use crate::run::harness;
+use crate::run::open;
 use crate::split::{Protocol, Split};
-use crate::{harness, table};
+use crate::table;
 use anyhow::{Context, Result};
 use clap::Args;
 use corf_scene::dataset::Dataset;

@@ -2,7 +2,7 @@
 
 use super::{Verdict, show};
 use crate::note;
-use crate::poses::PoseFile;
+use crate::render::poses::PoseFile;
 use anyhow::{Result, bail, ensure};
 use clap::Args;
 use corf_scene::config::{DatasetConfig, SceneConfig};

@@ -1,9 +1,9 @@
 //! `corf field`: a reconstructed field for other programs.
 
 use super::{Verdict, show};
-use crate::apart::{Reads, keep_apart};
-use crate::methods::open;
+use crate::files::separation::{Reads, keep_apart};
 use crate::run::RunInfo;
+use crate::run::open;
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, Subcommand, ValueEnum};
 use corf::device::Modality;

@@ -1,22 +1,11 @@
 //! One file a sub-command: arguments in, library calls, a verdict out.
 
 mod bench;
-mod bench_array;
-mod bench_cells;
-mod bench_light;
-mod bench_network;
-mod bench_paper;
-mod bench_radio;
-mod bench_scale;
-mod bench_step;
 mod check;
 mod completions;
 mod config;
 mod coverage;
 mod dataset;
-mod dataset_export;
-mod dataset_import;
-mod dataset_play;
 mod demo;
 mod diffuse;
 mod docs;
@@ -25,16 +14,15 @@ mod evaluate;
 mod export_light;
 mod field;
 mod paths;
-mod paths_scenario;
 mod reconstruct;
-mod reconstruct_follow;
 mod render;
 mod scene;
 mod spectrum;
 mod view;
 
+use crate::bounds;
 use crate::record::{Outcome, Record};
-use crate::{bounds, say};
+use crate::terminal::messages;
 use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
 use corf_scene::Severity;
@@ -153,7 +141,7 @@ impl Command {
 /// # Errors
 /// When standard output cannot be written for another reason.
 pub(crate) fn print(text: &str) -> Result<()> {
-    say::to_stdout(text).context("cannot write to standard output")
+    messages::to_stdout(text).context("cannot write to standard output")
 }
 
 /// Prints a value as JSON or as text.

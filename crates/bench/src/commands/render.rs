@@ -1,15 +1,16 @@
 //! `corf render`: a reconstructed field at any poses.
 
 use super::{Verdict, show};
-use crate::apart::{Reads, keep_apart};
 use crate::device::DeviceChoice;
-use crate::input::Verify;
-use crate::methods::open::{self, OpenRun};
-use crate::poses::{self, PoseFile, PoseFrame};
-use crate::progress::Progress;
+use crate::files::json;
+use crate::files::separation::{Reads, keep_apart};
+use crate::metrics::input::Verify;
+use crate::render::poses::{self, PoseFile, PoseFrame};
+use crate::render::video::Video;
 use crate::run::claim_output;
-use crate::video::Video;
-use crate::{interrupt, json};
+use crate::run::open::{self, OpenRun};
+use crate::terminal::interrupt;
+use crate::terminal::progress::Progress;
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use corf_scene::color::quantize8;

@@ -2,9 +2,10 @@
 
 use super::export_light::{self, LightViews};
 use super::{Verdict, show};
+use crate::note;
 use crate::run::{claim_fresh, claim_shared};
-use crate::scene_in_use;
-use crate::{note, say};
+use crate::scenes::in_use;
+use crate::terminal::messages;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand, ValueEnum};
 use corf_scene::config::{SceneConfig, read_toml};
@@ -121,7 +122,7 @@ impl File {
 
 /// Says which frame a scene is written in, where that is not its mesh file's or lies far out.
 fn say_frame(scene: &Model, config: Option<&SceneConfig>) {
-    say::findings(radio_check::far_finding(scene));
+    messages::findings(radio_check::far_finding(scene));
     if let Some([x, y, z]) = config.and_then(|config| config.scene.offset_m) {
         note!("positions are in the scene file's frame: ({x}, {y}, {z}) m was taken off those of its mesh (offset_m)");
     }
@@ -216,7 +217,7 @@ impl Scene {
             Self::Export(Export { file, to: Format::Mitsuba, out, poses, views }) => {
                 let whole = File { file, allow_outside: false };
                 let (scene, left_out) = load(&whole)?;
-                scene_in_use::say_left_out(&left_out);
+                in_use::say_left_out(&left_out);
                 let config = is_config(&whole.file).then(|| SceneConfig::load(&whole.file)).transpose()?;
                 let views = views.resolve(config.as_ref(), &poses)?;
                 say_frame(&scene, config.as_ref());
@@ -229,7 +230,7 @@ impl Scene {
                 views.refuse()?;
                 let poses = poses.parse().with_context(|| format!("--poses {poses}: for Sionna RT it is a number"))?;
                 let config = SceneConfig::load(&file)?;
-                let scene = scene_in_use::load(&config)?;
+                let scene = in_use::load(&config)?;
                 let _held = claim_shared(&out)?;
                 say_frame(&scene, Some(&config));
                 let summary = sionna::write(&scene, &config, poses, &out)?;

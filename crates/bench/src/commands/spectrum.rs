@@ -1,11 +1,11 @@
 //! `corf spectrum`: angular spectra at one pose, as numbers and as pictures.
 
 use super::{Verdict, show};
-use crate::json::write_json;
-use crate::link::Point;
+use crate::files::json::write_json;
+use crate::radio_link::Point;
 use crate::run::claim_fresh;
-use crate::say;
-use crate::scene_in_use;
+use crate::scenes::in_use;
+use crate::terminal::messages;
 use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use corf_raytrace::bvh::Bvh;
@@ -146,7 +146,7 @@ impl Spectrum {
             [] => vec![config.transmitter_named(None, "--transmitter")?],
             names => names.iter().map(|name| named(name)).collect::<corf_scene::Result<_>>()?,
         };
-        let scene = scene_in_use::load(&config)?;
+        let scene = in_use::load(&config)?;
         config.check_radio(&scene)?;
         let rx = self.rx.0;
         let solids = Solids::of(&scene);
@@ -160,7 +160,7 @@ impl Spectrum {
         let up = if (towards - rx).normalize().cross(DVec3::Z).length() > 1e-6 { DVec3::Z } else { DVec3::X };
         let pose = Rigid3::looking_at(rx, towards, up);
         let grid = self.grid_of(&rf);
-        say::findings(geometry_warnings(&scene, rf.transmission));
+        messages::findings(geometry_warnings(&scene, rf.transmission));
 
         let bytes = BYTES_A_PIXEL * (grid.width() * grid.height()) as f64;
         let what = format!("spectra of {}x{} pixels", grid.width(), grid.height());
@@ -214,7 +214,7 @@ impl Spectrum {
         let plan = SensorPlan::from_parts(rf, self.seed, transmitter, config);
         let tracer = RadioTracer::new(scene, bvh, plan.tracing)?;
         let sensor = RadioSensor::new(&plan, scene, &tracer)?;
-        say::findings(sensor.check([pose])?);
+        messages::findings(sensor.check([pose])?);
         let kinds: Vec<SpectrumKind> = self.kind.iter().map(|kind| SpectrumKind::from(*kind)).collect();
         let received = sensor.receive(pose, Extent::needed(&kinds, grid, config.receiver.rear))?;
         let all = received.port_pairs.concat();

@@ -1,12 +1,12 @@
 //! `corf view`: a field, or a data set, in a browser.
 
 use super::{Verdict, show};
-use crate::apart::{Reads, is_same, keep_apart};
 use crate::device::DeviceChoice;
-use crate::input::Verify;
+use crate::files::separation::{Reads, is_same, keep_apart};
+use crate::metrics::input::Verify;
 use crate::note;
 use crate::run::KeptModel;
-use crate::view::{self, Subject};
+use crate::viewer::{self, Subject};
 use anyhow::Result;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -42,15 +42,15 @@ impl View {
         let mut subject = Subject::open(&self.folder, self.dataset.as_deref(), self.verify, self.device)?;
         if let Some(path) = &self.export {
             self.check_apart(path, subject.dataset_folder())?;
-            let bytes = view::export(&mut subject, path)?;
+            let bytes = viewer::export(&mut subject, path)?;
             let text = format!("{} ({:.1} MB): open it in a browser", path.display(), bytes as f64 / 1e6);
             show(json, &serde_json::json!({ "page": path, "bytes": bytes }), &text)?;
             return Ok(Verdict::Done);
         }
-        let port = view::Port::hold(self.port, "--port")?;
+        let port = viewer::Port::hold(self.port, "--port")?;
         show(json, &serde_json::json!({ "url": port.url() }), &port.url())?;
         note!("open it in a browser on this machine; Ctrl-C ends it");
-        view::serve(&mut subject, port)?;
+        viewer::serve(&mut subject, port)?;
         Ok(Verdict::Done)
     }
 

@@ -4,9 +4,9 @@ mod live;
 mod online;
 
 use crate::device::Backend;
-use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::methods::field::FieldPredictor;
 use crate::methods::initial::Initial;
+use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::note;
 use anyhow::{Context, Result};
 use corf::config::{Coupling, DepthPriorKind, ReconstructionConfig, Sampling};
@@ -343,7 +343,7 @@ mod tests {
             "rf-3dgs.toml",
             "wrf-gs-plus.toml",
         ] {
-            crate::plan::Plan::load(&scenes.join(plan)).unwrap();
+            crate::experiment::plan::Plan::load(&scenes.join(plan)).unwrap();
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A finished field of Gaussians as a predictor: what every method that trains Gaussians ends in.
 
 use crate::device::Backend;
-use crate::method::Predictor;
+use crate::methods::interface::Predictor;
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::Result;
 use corf::device::Planes;

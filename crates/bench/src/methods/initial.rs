@@ -1,6 +1,6 @@
 //! Gaussians of another program that a method begins with.
 
-use crate::method::TrainingSet;
+use crate::methods::interface::TrainingSet;
 use crate::note;
 use anyhow::{Result, ensure};
 use corf::initial::{RfView, coupled, in_view};

@@ -1,7 +1,7 @@
 //! Lookups: what a table must be beaten by to mean anything.
 
-use crate::json::write_json;
-use crate::method::{Advance, Method, Predictor, TrainingSet};
+use crate::files::json::write_json;
+use crate::methods::interface::{Advance, Method, Predictor, TrainingSet};
 use crate::metrics::Prediction;
 use anyhow::{Context, Result};
 use corf_scene::keyframe::Modalities;

@@ -4,15 +4,15 @@ pub mod corf_array;
 pub mod corf_gs;
 pub mod field;
 mod initial;
+pub mod interface;
 pub mod lookup;
 pub mod nerf2;
-pub mod open;
 pub mod rf_3dgs;
 pub mod stepwise;
 pub mod wrf_gs_plus;
 
 use crate::device::Backend;
-use crate::method::Method;
+use crate::methods::interface::Method;
 use anyhow::{Result, bail};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use serde::{Serialize, de::DeserializeOwned};

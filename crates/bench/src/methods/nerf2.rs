@@ -6,10 +6,10 @@
 use crate::device::Backend;
 #[cfg(feature = "gpu")]
 use crate::device::network_options;
-use crate::interrupt;
-use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
+use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::methods::stepwise::say_unless_kept;
 use crate::metrics::Prediction;
+use crate::terminal::interrupt;
 use anyhow::{Context, Result, ensure};
 use corf::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Trainer, TrainingRays};
 use corf_scene::dataset::Dataset;

@@ -2,9 +2,9 @@
 //! with the two defects of the published RF stage mended (docs/baselines.md).
 
 use crate::device::Backend;
-use crate::method::{Advance, Checkpoints, Method, Predictor, StageTime, TrainingSet, shown};
 use crate::methods::field::FieldPredictor;
 use crate::methods::initial::Initial;
+use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, StageTime, TrainingSet, shown};
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::Prediction;
 use anyhow::{Context, Result, ensure};

@@ -1,6 +1,6 @@
 //! Reconstructions that work in steps: portions that follow the clock, progress, checkpoints, interrupts.
 
-use crate::method::{Advance, Checkpoints, FieldReader};
+use crate::methods::interface::{Advance, Checkpoints, FieldReader};
 use crate::note;
 use anyhow::{Context, Result};
 use corf::Field;

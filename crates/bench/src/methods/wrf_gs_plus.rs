@@ -4,8 +4,8 @@
 use crate::device::Backend;
 #[cfg(feature = "gpu")]
 use crate::device::network_options;
-use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::methods::field::jet_of;
+use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Context, Result, ensure};

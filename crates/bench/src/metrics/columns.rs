@@ -2,7 +2,7 @@
 
 use super::outage::percent;
 use super::{FrameMetrics, rate};
-use crate::stats::quantile;
+use crate::metrics::stats::quantile;
 
 /// How a column makes one number of a cell's held-out frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,14 +4,16 @@ pub mod beams;
 mod columns;
 pub mod free_space;
 pub mod image;
+pub mod input;
 pub mod lpips;
 pub mod outage;
 pub mod radio;
 pub mod rate;
+pub mod stats;
 
 pub use columns::{COLUMNS, Column, RADIO, Statistic};
 
-use crate::input::Input;
+use crate::metrics::input::Input;
 use beams::{BeamMetrics, Codebook};
 use corf_scene::dataset::Quantity;
 use corf_scene::keyframe::{DbRange, Modalities};

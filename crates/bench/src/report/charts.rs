@@ -1,6 +1,6 @@
 //! Charts as inline SVG.
 
-use crate::escape;
+use crate::files::escape;
 use crate::record::{Numbers, Outcome, Record};
 use anyhow::{Result, anyhow};
 use plotters::prelude::*;

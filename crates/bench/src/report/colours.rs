@@ -1,6 +1,6 @@
 //! Colours of the pictures: spectra, errors, and the bars that say what the colours mean.
 
-use crate::predictions::{shrunk_image, shrunk_scalar};
+use crate::record::predictions::{shrunk_image, shrunk_scalar};
 use corf_scene::Raster;
 use corf_scene::color::{jet, quantize8};
 use corf_scene::keyframe::DbRange;

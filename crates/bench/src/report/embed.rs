@@ -1,6 +1,6 @@
 //! Pictures as a part of a page.
 
-use crate::predictions::encode_jpeg;
+use crate::record::predictions::encode_jpeg;
 use anyhow::Result;
 use base64::Engine;
 use corf_scene::Raster;

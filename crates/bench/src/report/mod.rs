@@ -7,11 +7,11 @@ pub(crate) mod embed;
 mod pictures;
 mod plan_view;
 
-use crate::escape::html as escape;
+use crate::experiment::plan::{Plan, slug};
+use crate::files::escape::html as escape;
 use crate::metrics::Column;
 use crate::metrics::lpips::NO_WEIGHTS;
-use crate::plan::{Plan, slug};
-use crate::provenance::Provenance;
+use crate::record::provenance::Provenance;
 use crate::record::{Outcome, Record};
 use crate::run::{KeptModel, MODELS};
 use crate::split::Split;

@@ -3,10 +3,10 @@
 use super::colours::{bars, image_error, jet_bar, jet_image, spectrum_error};
 use super::embed::picture_uri;
 use super::{Report, row_folder};
-use crate::escape::html as escape;
+use crate::files::escape::html as escape;
 use crate::metrics::FrameMetrics;
-use crate::predictions::{self, IMAGE_COLUMNS, SPECTRUM_COLUMNS, shrunk_image, shrunk_scalar};
 use crate::record::Outcome;
+use crate::record::predictions::{self, IMAGE_COLUMNS, SPECTRUM_COLUMNS, shrunk_image, shrunk_scalar};
 use anyhow::Result;
 use corf_scene::Raster;
 use std::fmt::Write;

@@ -1,6 +1,6 @@
 //! Marks of the best of a column and of those that cannot be told from it.
 
-use crate::stats::Summary;
+use crate::metrics::stats::Summary;
 
 /// Mark of a cell within its column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -4,6 +4,7 @@ mod devices;
 mod marks;
 mod notations;
 mod note;
+pub mod paper;
 #[cfg(test)]
 mod tests;
 
@@ -11,10 +12,10 @@ pub use marks::Mark;
 pub use notations::{csv, latex, markdown, plain, present};
 pub use note::note;
 
+use crate::metrics::stats::{Summary, summarize};
 use crate::metrics::{COLUMNS, Column, RADIO};
 use crate::record::{Numbers, Outcome, PREDICTIONS, Record};
 use crate::split::Protocol;
-use crate::stats::{Summary, summarize};
 use anyhow::{Result, bail};
 pub use devices::Place;
 use std::borrow::Cow;

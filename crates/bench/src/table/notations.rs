@@ -1,7 +1,7 @@
 //! The notations of a table: Markdown, CSV, LaTeX, and aligned text for a terminal.
 
 use super::{Columns, Row, STATED_MARK, devices, note, short, text};
-use crate::escape;
+use crate::files::escape;
 use crate::metrics::{COLUMNS, Column};
 use crate::record::{Outcome, Record};
 use std::fmt::Write;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::metrics::{FrameMetrics, LightMetrics};
-use crate::provenance::Provenance;
+use crate::record::provenance::Provenance;
 use crate::record::{NOT_STATED, PROTOCOL, SCHEMA};
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! The transmitter's true mirror images, from the scene behind a data set: sources of an oracle, which bounds what knowing them is worth.
 
-use crate::interrupt;
-use crate::scene_behind::SceneBehind;
+use crate::scenes::behind::SceneBehind;
+use crate::terminal::interrupt;
 use anyhow::Result;
 use corf::array::Image;
 use corf_raytrace::bvh::Bvh;

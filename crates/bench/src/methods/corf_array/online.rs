@@ -1,7 +1,7 @@
 //! Keyframe after keyframe through light and radio, with checkpoints on the way.
 
-use crate::method::{Advance, FieldReader, StageTime, TrainingSet, shown};
 use crate::methods::corf_gs::Keeper;
+use crate::methods::interface::{Advance, FieldReader, StageTime, TrainingSet, shown};
 use crate::methods::stepwise::say_unless_kept;
 use anyhow::{Context, Result};
 use corf::array::{ArrayField, ArrayTrainer, Image, Observed};

@@ -2,8 +2,8 @@
 
 use super::CorfArrayConfig;
 use crate::device::Backend;
-use crate::method::Predictor;
 use crate::methods::field::FieldPredictor;
+use crate::methods::interface::Predictor;
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Context, Result, ensure};
 use corf::array::{ArrayField, CpuObserver, Observer};

@@ -1,9 +1,9 @@
 //! Keyframes from a live folder through a reconstructor, each as soon as it is there.
 
 use super::{CorfGs, Relay};
-use crate::interrupt;
 use crate::live::{Receipt, Session, Taken};
-use crate::method::{Advance, FieldReader, Predictor, shown};
+use crate::methods::interface::{Advance, FieldReader, Predictor, shown};
+use crate::terminal::interrupt;
 use anyhow::{Result, bail};
 use corf::Reconstructor;
 use corf::config::DepthPriorKind;

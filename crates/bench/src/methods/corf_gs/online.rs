@@ -1,6 +1,6 @@
 //! Keyframe after keyframe through a reconstructor, with checkpoints on the way.
 
-use crate::method::{Advance, Checkpoints, FieldReader, TrainingSet, shown};
+use crate::methods::interface::{Advance, Checkpoints, FieldReader, TrainingSet, shown};
 use crate::methods::stepwise::say_unless_kept;
 use anyhow::{Context, Result};
 use corf::{Checkpoint, KeyframeTiming, Reconstructor};
@@ -164,7 +164,7 @@ mod tests {
             text.contains("run/checkpoint") && text.contains("8 keyframes") && text.contains("the device was lost"),
             "{text}"
         );
-        let interrupt = keeper.explain(crate::interrupt::Interrupted.into());
+        let interrupt = keeper.explain(crate::terminal::interrupt::Interrupted.into());
         assert!(!format!("{interrupt:#}").contains("run/checkpoint"), "an interrupt is no failure");
     }
 }

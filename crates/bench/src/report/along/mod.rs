@@ -15,7 +15,7 @@ mod outage;
 mod rate;
 
 use super::charts::first_cells;
-use crate::escape;
+use crate::files::escape;
 use crate::metrics::beams::BeamMetrics;
 use crate::metrics::outage::LinkRates;
 use crate::metrics::rate::{TARGET_RATE_BPS_HZ, budget};

@@ -1,0 +1,3 @@
+//! Charts: what several of them share.
+
+pub(crate) mod log_axis;

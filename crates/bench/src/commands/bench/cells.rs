@@ -1,0 +1,199 @@
+//! `corf bench plan`, `cell`, `submit` and `collect`: a comparison's cells run apart.
+
+use super::super::{Verdict, show};
+use crate::comparison::suite;
+use crate::device::DeviceChoice;
+use crate::experiment::cells;
+use crate::experiment::cluster::{Planned, local, slurm};
+use crate::experiment::plan::Plan;
+use crate::files::separation::{Reads, keep_apart};
+use crate::metrics::input::Verify;
+use crate::metrics::lpips::LpipsOption;
+use crate::note;
+use crate::record::{Outcome, Record};
+use crate::run::{claim_output, claim_shared};
+use anyhow::Result;
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// `corf bench plan`.
+#[derive(Args)]
+pub struct PlanCommand {
+    /// Plan file (TOML): dataset, seeds, rows.
+    plan: PathBuf,
+    /// Output folder; every machine that runs cells must see it under this path, and the dataset too.
+    #[arg(long)]
+    out: PathBuf,
+    /// Write the list again beside records that are there: those of cells that are still the same count as finished.
+    #[arg(long)]
+    resume: bool,
+    #[command(flatten)]
+    verify: Verify,
+    #[command(flatten)]
+    lpips: LpipsOption,
+}
+
+/// `corf bench cell`.
+#[derive(Args)]
+pub struct CellCommand {
+    /// Folder of `corf bench plan`.
+    folder: PathBuf,
+    /// Id of the cell.
+    id: String,
+    #[command(flatten)]
+    verify: Verify,
+    /// Device that reconstructs: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    #[arg(long, default_value_t)]
+    device: DeviceChoice,
+}
+
+/// `corf bench submit`.
+#[derive(Args)]
+#[command(group(clap::ArgGroup::new("where").required(true).args(["slurm", "local"])))]
+pub struct Submit {
+    /// Folder of `corf bench plan`.
+    folder: PathBuf,
+    /// Submit Slurm job arrays over the unfinished cells, as long as the cluster takes them, and a job that collects them once all have ended.
+    #[arg(long)]
+    slurm: bool,
+    /// Run the unfinished cells here, N processes at once (one GPU each where there are several), and collect them. Each has its share of the cores, or
+    /// the threads of --threads where these are fewer.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    local: Option<u16>,
+    /// With --slurm: largest number of cells that run at once.
+    #[arg(long, requires = "slurm", value_parser = clap::value_parser!(u32).range(1..))]
+    at_once: Option<u32>,
+    /// With --slurm: an option of sbatch for the arrays, as in --sbatch=--partition=gpu; may be given several times.
+    #[arg(long, requires = "slurm", value_name = "OPTION", allow_hyphen_values = true)]
+    sbatch: Vec<String>,
+    #[command(flatten)]
+    verify: Verify,
+    /// Device that reconstructs: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    #[arg(long, default_value_t)]
+    device: DeviceChoice,
+}
+
+/// `corf bench collect`.
+#[derive(Args)]
+pub struct Collect {
+    /// Folder of `corf bench plan`.
+    folder: PathBuf,
+    #[command(flatten)]
+    verify: Verify,
+}
+
+impl PlanCommand {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// Bad plans, unreadable datasets, an occupied folder.
+    pub fn run(self, as_json: bool) -> Result<Verdict> {
+        let mut plan = Plan::load(&self.plan)?;
+        keep_apart("--out", &self.out, &[Reads::Folder(&plan.dataset)])?;
+        let networks = self.lpips.read()?;
+        let input = self.verify.open(&plan.dataset)?.with_networks(&networks)?;
+        plan.make_absolute()?;
+        cells::check_folders(&plan, &input.dataset)?;
+        let _held = claim_output(&self.out, self.resume)?;
+        let planned = Planned::write(&plan, &input, self.lpips.absolute()?, &self.out)?;
+        let unfinished = planned.unfinished()?.len();
+        let lines: Vec<String> = planned
+            .list
+            .cells
+            .iter()
+            .map(|cell| format!("{}  {}, seed {}, {}", cell.id, cell.row, cell.seed, cell.split.name()))
+            .collect();
+        let text = format!("{}\n{} cells, {unfinished} of them to run", lines.join("\n"), lines.len());
+        show(as_json, &planned.list, &text)?;
+        Ok(Verdict::Done)
+    }
+}
+
+impl CellCommand {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// Those of [`Planned::run`].
+    pub fn run(self, as_json: bool) -> Result<Verdict> {
+        let planned = Planned::read(&self.folder)?;
+        let input = planned.open(self.verify)?;
+        let (record, was_there) = planned.run(&self.id, &input, &self.device.resolve()?)?;
+        let name = format!("{}, seed {}", record.row, record.seed);
+        let text = match &record.outcome {
+            Outcome::Done(_) if was_there => format!("{name}: already there"),
+            Outcome::Done(numbers) => match numbers.seconds {
+                Some(seconds) => format!("{name}: done in {seconds:.1} s"),
+                None => format!("{name}: done"),
+            },
+            Outcome::Failed { error } => format!("{name}: FAILED: {error}"),
+        };
+        show(as_json, &record, &text)?;
+        Ok(Verdict::of(&[record]))
+    }
+}
+
+impl Submit {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A folder without a list of cells, a scheduler that refuses, an interrupt.
+    pub fn run(self, as_json: bool) -> Result<Verdict> {
+        let planned = Planned::read(&self.folder)?;
+        if let Some(at_once) = self.local {
+            let failed = local::run(&planned, at_once.into(), self.device, !self.verify.wanted())?;
+            let collected = Collect { folder: self.folder, verify: self.verify }.run(as_json)?;
+            return Ok(if failed > 0 { Verdict::CheckFailed } else { collected });
+        }
+        let options = slurm::Options {
+            at_once: self.at_once.map(|n| n as usize),
+            device: self.device,
+            no_verify: !self.verify.wanted(),
+            sbatch: &self.sbatch,
+        };
+        match slurm::submit(&planned, &options)? {
+            None => {
+                note!("every cell is finished; nothing was submitted");
+                Collect { folder: self.folder, verify: self.verify }.run(as_json)
+            }
+            Some(jobs) => {
+                let text = format!(
+                    "{} {} of {} cells, and job {} that collects them into {}",
+                    if jobs.arrays.len() == 1 { "job array" } else { "job arrays" },
+                    jobs.arrays.join(", "),
+                    jobs.cells,
+                    jobs.collect,
+                    self.folder.display()
+                );
+                let (arrays, collect) = (&jobs.arrays, &jobs.collect);
+                show(as_json, &json!({ "array": arrays[0], "arrays": arrays, "collect": collect, "cells": jobs.cells }), &text)?;
+                Ok(Verdict::Done)
+            }
+        }
+    }
+}
+
+impl Collect {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A folder without a list of cells, or with a damaged record.
+    pub fn run(self, as_json: bool) -> Result<Verdict> {
+        let planned = Planned::read(&self.folder)?;
+        let input = planned.open(self.verify)?;
+        let _held = claim_shared(&self.folder)?;
+        let mut written: Option<suite::Written> = None;
+        for (part, records) in planned.collect(&input)? {
+            let of_part = suite::write_results(&part.plan, &input.dataset, records, &part.out)?;
+            match &mut written {
+                Some(whole) => whole.segment = of_part.records,
+                None => written = Some(of_part),
+            }
+        }
+        let Some(written) = written else { return Ok(Verdict::Done) };
+        let text = format!("{}\nreport: {}", written.text(), written.report.display());
+        let all: Vec<Record> = [written.records, written.segment].concat();
+        show(as_json, &all, &text)?;
+        Ok(Verdict::of(&all))
+    }
+}

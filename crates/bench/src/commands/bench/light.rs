@@ -1,0 +1,430 @@
+//! `corf bench light`: how far a dataset's images are from the converged ones, and what they cost.
+
+use super::super::{Verdict, show};
+use crate::files::output::FreshFolder;
+use crate::metrics::image::psnr;
+use crate::run::claim_fresh;
+use crate::scenes::generate;
+use crate::scenes::in_use;
+use crate::scenes::oidn::Oidn;
+use crate::terminal::interrupt;
+use crate::terminal::messages;
+use crate::terminal::progress::Progress;
+use anyhow::Result;
+use clap::Args;
+use corf_raytrace::bvh::{Bvh, Ray};
+use corf_raytrace::light::{self, LightFrame, LightSettings, LightTracer};
+use corf_raytrace::sensor::OpticalSensor;
+use corf_scene::config::DatasetConfig;
+use corf_scene::trajectory::TrajectoryPose;
+use corf_scene::{Pinhole, Raster, Rigid3, Rng, Scene, io, radio_check};
+use glam::DVec3;
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// `corf bench light`.
+#[derive(Args)]
+pub struct Light {
+    /// Dataset configuration (TOML), e.g. scenes/lobby-mini.toml.
+    config: PathBuf,
+    /// Views, evenly along the trajectory.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    views: u32,
+    /// Paths a pixel of each half of the reference.
+    #[arg(long, default_value_t = 1024, value_parser = clap::value_parser!(u32).range(2..=65_536))]
+    reference_samples: u32,
+    /// Pixels of a view that the reference is worked out at, drawn evenly over it; a view with no more has them all.
+    #[arg(long, default_value_t = 8192, value_parser = clap::value_parser!(u32).range(16..=100_000_000))]
+    reference_pixels: u32,
+    /// Folder for pictures: each view, and where it is off.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+}
+
+/// Stages of [`Rng::keyed`].
+const STAGE_PIXELS: u64 = 0xbe_0001;
+/// Key of a second rendering.
+const AGAIN: u64 = 1 << 39;
+/// Keys of the two halves of the reference.
+const HALVES: [u64; 2] = [1 << 40, 1 << 41];
+/// Surfaces of at least this roughness, and no metal, count as diffuse where one point is looked at from two keyframes.
+const DIFFUSE_ROUGHNESS: f32 = 0.7;
+/// Reflectance varies by no more than this share around a flat point.
+const FLAT: f32 = 0.01;
+/// A point seen from two places is the same where the depths agree to this share.
+const SAME_DEPTH: f64 = 0.005;
+
+/// Half a mean squared error, dB of PSNR.
+const HALF_DB: f64 = 10.0 * std::f64::consts::LOG10_2;
+/// Errors are shown so many times enlarged.
+const ERROR_GAIN: f64 = 8.0;
+
+/// Report of the command.
+#[derive(Debug, Serialize)]
+struct Report {
+    dataset: String,
+    method: corf_scene::config::LightMethod,
+    width: usize,
+    height: usize,
+    samples_per_pixel: u32,
+    reference_samples: u32,
+    threads: usize,
+    /// Before the first view: emitters, and the solution of cached light.
+    prepare_seconds: f64,
+    exposure_ev: f32,
+    views: Vec<View>,
+    /// Over all views.
+    psnr_db: f64,
+    radiance_ratio: f64,
+    two_views_difference: Option<f64>,
+    seconds_a_view: f64,
+}
+
+/// One view.
+#[derive(Debug, Serialize)]
+struct View {
+    keyframe: usize,
+    seconds: f64,
+    /// Rendered again, with other random numbers: what it takes once the cached light that it needs is there.
+    seconds_again: f64,
+    /// PSNR of the noise of one rendering: half the mean squared difference of the two.
+    noise_psnr_db: f64,
+    /// PSNR of the 8-bit sRGB image against the converged one, the reference's noise cancelled.
+    psnr_db: f64,
+    /// PSNR of the mean of both halves of the reference.
+    reference_psnr_db: f64,
+    /// Mean scattered radiance over the reference's (luminance).
+    radiance_ratio: f64,
+    /// Standard error of that.
+    radiance_ratio_error: f64,
+    /// Median relative difference of the radiance of flat diffuse points from that in the next keyframe.
+    two_views_difference: Option<f64>,
+    camera_rays_a_pixel: f64,
+    rays_a_pixel: f64,
+    #[serde(skip)]
+    squared_error: f64,
+}
+
+impl Light {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A bad configuration or scene, an interrupt.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let config = DatasetConfig::load(&self.config)?;
+        let scene_config = config.load_scene_config()?;
+        let scene = in_use::load(&scene_config)?;
+        let denoiser = Oidn::asked_for(&config)?;
+        messages::findings(radio_check::far_finding(&scene));
+        let pictures = self.pictures.as_deref().map(claim_fresh).transpose()?;
+        let poses = config.poses(&scene_config)?;
+        let bvh = Bvh::build(&scene);
+        let start = Instant::now();
+        let tracer = LightTracer::new(&scene, &bvh);
+        let mut sensor = generate::camera(&config, &tracer, denoiser)?;
+        let prepare_seconds = start.elapsed().as_secs_f64();
+        let exposure_ev = match config.optical.exposure_ev {
+            Some(ev) => ev as f32,
+            None => sensor.meter(&poses)?,
+        };
+        sensor.expose(exposure_ev);
+
+        let count = (self.views as usize).min(poses.len());
+        let mut views = Vec::new();
+        let mut progress = Progress::start(format!("views of {}", config.name), count, "views");
+        for k in 0..count {
+            interrupt::check()?;
+            let at = (2 * k + 1) * poses.len() / (2 * count);
+            let folder = pictures.as_ref().map(FreshFolder::path);
+            views.push(self.view(&scene, &bvh, &tracer, &sensor, &poses, at, folder)?);
+            progress.set(k + 1, count);
+        }
+        progress.finish();
+        let mean = |value: &dyn Fn(&View) -> f64| views.iter().map(value).sum::<f64>() / views.len() as f64;
+        let differences: Vec<f64> = views.iter().filter_map(|v| v.two_views_difference).collect();
+        let report = Report {
+            dataset: config.name.clone(),
+            method: config.optical.method,
+            width: config.optical.width,
+            height: config.optical.height,
+            samples_per_pixel: config.optical.samples(),
+            reference_samples: self.reference_samples,
+            threads: rayon::current_num_threads(),
+            prepare_seconds,
+            exposure_ev,
+            psnr_db: psnr_db(mean(&|v| v.squared_error)),
+            radiance_ratio: mean(&|v| v.radiance_ratio),
+            two_views_difference: (!differences.is_empty()).then(|| median(differences)),
+            seconds_a_view: mean(&|v| v.seconds),
+            views,
+        };
+        pictures.map_or(Ok(()), FreshFolder::finish)?;
+        show(json, &report, &text(&report))?;
+        Ok(Verdict::Done)
+    }
+
+    fn view(
+        &self,
+        scene: &Scene,
+        bvh: &Bvh,
+        tracer: &LightTracer<'_>,
+        sensor: &OpticalSensor<'_>,
+        poses: &[TrajectoryPose],
+        at: usize,
+        pictures: Option<&Path>,
+    ) -> Result<View> {
+        let camera = *sensor.intrinsics();
+        let pose = &poses[at];
+        let start = Instant::now();
+        let frame = sensor.look(&pose.world_from_camera, pose.index as u64)?;
+        let seconds = start.elapsed().as_secs_f64();
+
+        let start = Instant::now();
+        let again = sensor.look(&pose.world_from_camera, AGAIN + pose.index as u64)?;
+        let seconds_again = start.elapsed().as_secs_f64();
+
+        let pixels = spread(camera.width, camera.height, self.reference_pixels as usize, pose.index as u64);
+        let settings = LightSettings {
+            samples_per_pixel: self.reference_samples,
+            max_bounces: 64,
+            roulette_after: 4,
+            ..LightSettings::default()
+        };
+        let halves =
+            HALVES.map(|key| tracer.render_pixels(&camera, &pose.world_from_camera, &settings, key + pose.index as u64, &pixels));
+        let ev = sensor.exposure_ev();
+        let image = light::develop_frame(&frame, ev);
+        let compared = Comparison::of(&frame, &image, &pixels, &halves, ev);
+        if let Some(folder) = pictures {
+            save(folder, pose.index, &image, &pixels, &compared.errors)?;
+        }
+        let two_views_difference = match poses.get(at + 1) {
+            Some(next) => {
+                let other = sensor.look(&next.world_from_camera, next.index as u64)?;
+                two_views(scene, bvh, &camera, [&pose.world_from_camera, &next.world_from_camera], [&frame, &other])
+            }
+            None => None,
+        };
+        let rays = frame.rays;
+        let area = (camera.width * camera.height) as f64;
+        Ok(View {
+            keyframe: pose.index,
+            seconds,
+            seconds_again,
+            noise_psnr_db: psnr(&image, &light::develop_frame(&again, ev), None) + HALF_DB,
+            psnr_db: psnr_db(compared.squared_error),
+            reference_psnr_db: psnr_db(compared.reference_error),
+            radiance_ratio: compared.ratio,
+            radiance_ratio_error: compared.ratio_error,
+            two_views_difference,
+            camera_rays_a_pixel: rays.camera as f64 / area,
+            rays_a_pixel: (rays.camera + rays.bounce + rays.shadow) as f64 / area,
+            squared_error: compared.squared_error,
+        })
+    }
+}
+
+/// A pixel's radiance and lamp, as the tracer gives them.
+type Traced = ([f32; 3], [f32; 4]);
+
+/// A view beside the two halves of its reference, over the reference's pixels.
+struct Comparison {
+    /// Per pixel and channel, of sRGB values from 0 to 1.
+    errors: Vec<[f64; 3]>,
+    /// Mean squared error, the reference's noise cancelled, and that of the reference's mean.
+    squared_error: f64,
+    reference_error: f64,
+    /// Ratio of mean scattered radiance (luminance), and its standard error.
+    ratio: f64,
+    ratio_error: f64,
+}
+
+impl Comparison {
+    fn of(frame: &LightFrame, image: &Raster<[u8; 3]>, pixels: &[[usize; 2]], halves: &[Vec<Traced>; 2], ev: f32) -> Self {
+        let n = pixels.len() as f64;
+        let (mut squared_error, mut reference_error) = (0.0f64, 0.0f64);
+        let mut errors = vec![[0.0f64; 3]; pixels.len()];
+        let mut scattered = Vec::with_capacity(pixels.len());
+        for (i, &[x, y]) in pixels.iter().enumerate() {
+            let [a, b] = [0, 1].map(|h| light::develop_pixel(halves[h][i].0, halves[h][i].1, ev).map(f64::from));
+            let c = image[(x, y)].map(|v| f64::from(v) / 255.0);
+            for k in 0..3 {
+                errors[i][k] = c[k] - 0.5 * (a[k] + b[k]);
+                squared_error += (c[k] - a[k]) * (c[k] - b[k]) / 3.0;
+                reference_error += (a[k] - b[k]) * (a[k] - b[k]) / 12.0;
+            }
+            let of = |(radiance, lamp): Traced| {
+                f64::from(light::luminance(std::array::from_fn::<f32, 3, _>(|k| radiance[k] - lamp[k]).into()))
+            };
+            let found = of((frame.radiance[(x, y)], frame.lamp[(x, y)]));
+            scattered.push((found, 0.5 * (of(halves[0][i]) + of(halves[1][i]))));
+        }
+        let [own, its] = scattered.iter().fold([0.0; 2], |[own, its], (f, r)| [own + f, its + r]);
+        let ratio = own / its;
+        // Of a ratio of means: the spread of found − ratio · reference.
+        let spread = scattered.iter().map(|(f, r)| (f - ratio * r).powi(2)).sum::<f64>() / n;
+        Self {
+            errors,
+            squared_error: squared_error / n,
+            reference_error: reference_error / n,
+            ratio,
+            ratio_error: (spread / n).sqrt() / (its / n),
+        }
+    }
+}
+
+/// The view, and its errors where the reference was worked out, enlarged: grey where it is right, brighter where it is too bright.
+fn save(folder: &Path, keyframe: usize, image: &Raster<[u8; 3]>, pixels: &[[usize; 2]], errors: &[[f64; 3]]) -> Result<()> {
+    io::write_png(folder.join(format!("{keyframe:05}.png")), image)?;
+    // The reference's pixels lie row by row, one in each part of the view.
+    let columns = pixels.windows(2).take_while(|w| w[0][0] < w[1][0]).count() + 1;
+    let of = |e: &[f64; 3]| e.map(|e| (127.5 + ERROR_GAIN * 255.0 * e).clamp(0.0, 255.0) as u8);
+    let error = Raster::from_vec(columns, pixels.len() / columns, errors.iter().map(of).collect());
+    io::write_png(folder.join(format!("{keyframe:05}-error.png")), &error)?;
+    Ok(())
+}
+
+/// `count` pixels of an image, one in each of as many equal parts; all where it has no more.
+fn spread(width: usize, height: usize, count: usize, key: u64) -> Vec<[usize; 2]> {
+    let all = width * height;
+    if count >= all {
+        return (0..all).map(|i| [i % width, i / width]).collect();
+    }
+    // Parts of equal area, about square.
+    let rows = ((count * height) as f64 / width as f64).sqrt().round().max(1.0) as usize;
+    let columns = (count / rows).max(1);
+    let mut rng = Rng::keyed(0, STAGE_PIXELS, key);
+    let mut within = |part: usize, parts: usize, size: usize| {
+        let (low, high) = (part * size / parts, ((part + 1) * size / parts).max(part * size / parts + 1));
+        (low + rng.below(high - low)).min(size - 1)
+    };
+    let mut pixels = Vec::with_capacity(rows * columns);
+    for row in 0..rows {
+        for column in 0..columns {
+            pixels.push([within(column, columns, width), within(row, rows, height)]);
+        }
+    }
+    pixels
+}
+
+/// Median relative difference, in linear radiance, of flat diffuse points that two views see.
+fn two_views(
+    scene: &Scene,
+    bvh: &Bvh,
+    camera: &Pinhole,
+    world_from_camera: [&Rigid3; 2],
+    frames: [&LightFrame; 2],
+) -> Option<f64> {
+    let other_from_world = world_from_camera[1].inverse();
+    let mut differences = Vec::new();
+    for y in 1..camera.height - 1 {
+        for x in 1..camera.width - 1 {
+            if !is_flat(frames[0], x, y) {
+                continue;
+            }
+            let depth = f64::from(frames[0].depth_m[(x, y)]);
+            let world = world_from_camera[0].transform_point(camera.unproject(x as f64 + 0.5, y as f64 + 0.5) * depth);
+            let there = other_from_world.transform_point(world);
+            let Some(pixel) = camera.project(there).filter(|_| there.z > 0.0) else { continue };
+            let (u, v) = (pixel.x - 0.5, pixel.y - 0.5);
+            if !(1.0..(camera.width - 2) as f64).contains(&u) || !(1.0..(camera.height - 2) as f64).contains(&v) {
+                continue;
+            }
+            let (i, j) = (u as usize, v as usize);
+            let same = [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)].iter().all(|&(i, j)| {
+                is_flat(frames[1], i, j)
+                    && (f64::from(frames[1].depth_m[(i, j)]) - there.z).abs() < SAME_DEPTH * there.z.max(1.0)
+                    && frames[1].surface[(i, j)] == frames[0].surface[(x, y)]
+            });
+            if !same || !is_diffuse(scene, bvh, world_from_camera[0].translation, world) {
+                continue;
+            }
+            let at = |x: usize, y: usize| f64::from(light::luminance(frames[1].radiance[(x, y)].into()));
+            let (fx, fy) = (u - i as f64, v - j as f64);
+            let found = (at(i, j) * (1.0 - fx) + at(i + 1, j) * fx) * (1.0 - fy)
+                + (at(i, j + 1) * (1.0 - fx) + at(i + 1, j + 1) * fx) * fy;
+            let here = f64::from(light::luminance(frames[0].radiance[(x, y)].into()));
+            if here + found > 0.0 {
+                differences.push(2.0 * (here - found).abs() / (here + found));
+            }
+        }
+    }
+    (differences.len() > 30).then(|| median(differences))
+}
+
+/// Whether a pixel and its neighbours see one surface of one reflectance, and no lamp.
+fn is_flat(frame: &LightFrame, x: usize, y: usize) -> bool {
+    let albedo = |x: usize, y: usize| light::luminance(frame.albedo[(x, y)].into());
+    let here = albedo(x, y);
+    here > 0.02
+        && (y - 1..y + 2).all(|j| {
+            (x - 1..x + 2).all(|i| {
+                (albedo(i, j) - here).abs() <= FLAT * here
+                    && frame.lamp[(i, j)][3] == 0.0
+                    && frame.surface[(i, j)] == frame.surface[(x, y)]
+            })
+        })
+}
+
+/// Whether the surface at a point is rough and no metal.
+fn is_diffuse(scene: &Scene, bvh: &Bvh, from: DVec3, point: DVec3) -> bool {
+    bvh.intersect(&Ray::new(from.as_vec3(), (point - from).as_vec3())).is_some_and(|hit| {
+        let material = &scene.materials[scene.triangles[hit.triangle as usize].material as usize].optical;
+        material.roughness >= DIFFUSE_ROUGHNESS && material.metallic == 0.0 && material.transmission == 0.0
+    })
+}
+
+fn psnr_db(squared_error: f64) -> f64 {
+    -10.0 * squared_error.max(1e-10).log10()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn text(report: &Report) -> String {
+    let percent = |v: Option<f64>| v.map_or("-".to_string(), |v| format!("{:.2} %", 100.0 * v));
+    let mut out = format!(
+        "{}: {}x{}, {} samples a pixel ({:?}), reference {} + {} unbiased; {} threads\nprepared in {:.1} s, exposure {} EV\n\
+         keyframe   PSNR dB   noise dB   reference dB     radiance ratio   two views   rays/pixel   seconds    again",
+        report.dataset,
+        report.width,
+        report.height,
+        report.samples_per_pixel,
+        report.method,
+        report.reference_samples,
+        report.reference_samples,
+        report.threads,
+        report.prepare_seconds,
+        report.exposure_ev,
+    );
+    for v in &report.views {
+        let _ = write!(
+            out,
+            "\n{:>8} {:>9.2} {:>10.2} {:>14.2} {:>10.4} ±{:.4} {:>11} {:>12.1} {:>9.2} {:>8.2}",
+            v.keyframe,
+            v.psnr_db,
+            v.noise_psnr_db,
+            v.reference_psnr_db,
+            v.radiance_ratio,
+            v.radiance_ratio_error,
+            percent(v.two_views_difference),
+            v.rays_a_pixel,
+            v.seconds,
+            v.seconds_again
+        );
+    }
+    let _ = write!(
+        out,
+        "\n     all {:>9.2} {:>25} {:>10.4} {:>19} {:>22.2}",
+        report.psnr_db,
+        "",
+        report.radiance_ratio,
+        percent(report.two_views_difference),
+        report.seconds_a_view
+    );
+    out
+}

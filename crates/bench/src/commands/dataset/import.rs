@@ -1,0 +1,311 @@
+//! `corf dataset import`: a capture that others' programs made becomes a data set.
+
+use super::super::{Verdict, show};
+use crate::files::separation::{Reads, is_same, keep_apart};
+use crate::note;
+use crate::run::claim_fresh;
+use crate::terminal::interrupt;
+use crate::terminal::messages;
+use crate::terminal::progress::Progress;
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use corf_scene::capture::{self, Format, ImportOptions, Offset, RfCamera, RfValues, SplitRule, Up};
+use corf_scene::dataset::{Dataset, Quantity};
+use corf_scene::keyframe::DbRange;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::Mutex;
+
+/// `corf dataset import`.
+#[derive(Args)]
+#[command(allow_negative_numbers = true)]
+pub struct Import {
+    /// Folder of the capture.
+    source: PathBuf,
+    /// Layout of the capture.
+    #[arg(long, value_enum)]
+    from: Layout,
+    /// Output folder: a new data set.
+    #[arg(long)]
+    out: PathBuf,
+    /// Name of the data set (default: that of the capture's folder).
+    #[arg(long)]
+    name: Option<String>,
+    /// Folder of the images, where it is not the layout's own (images/): it holds them as the capture names them, folders included, or without the first
+    /// folders of their names.
+    #[arg(long, value_name = "DIR", conflicts_with = "no_images")]
+    images: Option<PathBuf>,
+    /// Leave the images out: radio alone.
+    #[arg(long)]
+    no_images: bool,
+    /// Folder of spectra, one for every image by file stem: EXR or .npy of linear power, grey PNG of 8 or 16 bits, or Jet PNG.
+    #[arg(long, value_name = "DIR")]
+    rf: Option<PathBuf>,
+    /// Camera of the spectra, which stands where the images' does and is turned as it: its full horizontal field of view in degrees (square pixels, axis in the
+    /// middle), or FX,FY,CX,CY in pixels. rf-3dgs has one; elsewhere it must be given.
+    #[arg(long, value_name = "HFOV|FX,FY,CX,CY")]
+    rf_camera: Option<Numbers>,
+    /// Levels of the darkest and the brightest value of spectra that are pictures, dB; of others, the range that the data set is to have.
+    #[arg(long, value_name = "MIN,MAX")]
+    rf_db: Option<Numbers>,
+    /// Unit of the values in EXR and .npy spectra.
+    #[arg(long, value_enum, default_value_t)]
+    rf_values: Values,
+    /// Physical quantity of the spectra; of an unknown one no metrics of beams are computed.
+    #[arg(long, value_enum, default_value_t)]
+    rf_quantity: SpectrumQuantity,
+    /// Carrier, Hz.
+    #[arg(long)]
+    frequency_hz: Option<f64>,
+    /// Width of the range below the strongest value, dB, where --rf-db does not state one.
+    #[arg(long, default_value_t = 70.0)]
+    dynamic_range_db: f64,
+    /// Folder of depth maps, one for every image by file stem and of its size: z-depth as EXR, .npy or 16-bit PNG.
+    #[arg(long, value_name = "DIR")]
+    depth: Option<PathBuf>,
+    /// Unit of the depth maps, of whatever kind: m, cm, mm, um, or its size in metres. Without it floats (EXR, .npy) are metres, steps of a PNG are
+    /// millimetres, and a .npy or EXR of whole numbers is refused.
+    #[arg(long, value_name = "UNIT|M")]
+    depth_unit: Option<LengthUnit>,
+    /// Folder of masks, by file stem (or `NAME.jpg.png` for `NAME.jpg`) and of the images' size, for as many images as have one: pixels that
+    /// are black or transparent are neither learnt from nor compared. Without it, the masks that the capture names.
+    #[arg(long, value_name = "DIR")]
+    masks: Option<PathBuf>,
+    /// Direction of the capture's frame that is up, X,Y,Z, or `cameras`: the mean upward axis of all cameras. The world is turned so that it is +z.
+    #[arg(long, value_name = "X,Y,Z|cameras")]
+    up: Option<UpArgument>,
+    /// Metres that a unit of length of the capture counts.
+    #[arg(long, value_name = "M", default_value_t = 1.0)]
+    scale: f64,
+    /// What is taken off all positions, X,Y,Z in metres along the data set's axes (behind --up and --scale), or `auto`: the middle of the cameras in whole
+    /// 100 m. For captures in coordinates of a map, which single precision holds to centimetres; the data set keeps it as imported.offset_m. Cameras beyond
+    /// 1e6 m are moved by `auto` without being asked to.
+    #[arg(long, value_name = "X,Y,Z|auto", allow_hyphen_values = true)]
+    offset: Option<OffsetArgument>,
+    /// Keyframes that are held out: N for every N-th, or a file with their stems (or their indices from 0), one a line. Default: what the capture lists, or
+    /// every 8th.
+    #[arg(long, value_name = "N|FILE")]
+    split: Option<String>,
+    /// Let all pixels count, also those that a mask of the capture leaves out, and transparent ones.
+    #[arg(long)]
+    ignore_masks: bool,
+}
+
+/// Layout of a capture.
+#[derive(Clone, Copy, ValueEnum)]
+enum Layout {
+    /// COLMAP model (text or binary, in sparse/0) and images/.
+    Colmap,
+    /// transforms.json.
+    Nerfstudio,
+    /// COLMAP model, spectra in spectrum/ (or in images/, where there is none), train_index.txt and test_index.txt.
+    #[value(name = "rf-3dgs")]
+    Rf3dgs,
+    /// NeRF²: refused, for its receiver stands still and its transmitter moves.
+    Nerf2,
+    /// trajectory.json, camera.json and images/: for captures of no program (docs/import.md).
+    CorfFolder,
+}
+
+/// Unit of spectra that are no pictures.
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum Values {
+    /// Linear power.
+    #[default]
+    Linear,
+    /// Decibels: 10·log10 of power.
+    Db,
+}
+
+/// Physical quantity of spectra.
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum SpectrumQuantity {
+    /// Power in a unit that is not known.
+    #[default]
+    Unknown,
+    /// Received power per steradian for 1 W transmitted.
+    PowerPerSteradian,
+    /// Output power of a beam steered at the pixel for 1 W transmitted.
+    BeamPower,
+    /// Capon's estimate of the power from the pixel's direction for 1 W transmitted.
+    CaponPower,
+}
+
+/// Numbers with commas between.
+#[derive(Clone)]
+struct Numbers(Vec<f64>);
+
+impl FromStr for Numbers {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |part: &str| match part.trim().parse::<f64>() {
+            Ok(v) if v.is_finite() => Ok(v),
+            _ => Err(format!("\"{part}\" is no finite number")),
+        };
+        text.split(',').map(number).collect::<Result<_, _>>().map(Self)
+    }
+}
+
+/// A unit of length, metres.
+#[derive(Clone, Copy)]
+struct LengthUnit(f64);
+
+impl FromStr for LengthUnit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let named = [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6)];
+        let metres = named.iter().find(|(name, _)| *name == text).map_or_else(|| text.parse().ok(), |(_, metres)| Some(*metres));
+        metres
+            .filter(|m| corf_scene::io::DEPTH_UNIT_M.contains(m))
+            .map(Self)
+            .ok_or_else(|| "give m, cm, mm, um, or metres from 1e-9 to 1000: 0.0002 where 5000 steps are a metre".to_owned())
+    }
+}
+
+#[derive(Clone)]
+struct UpArgument(Up);
+
+impl FromStr for UpArgument {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "cameras" {
+            return Ok(Self(Up::Cameras));
+        }
+        match text.parse::<Numbers>()?.0.as_slice() {
+            &[x, y, z] => Ok(Self(Up::Direction([x, y, z]))),
+            _ => Err("give three numbers, e.g. --up=0,-1,0 for y down, or `cameras`".to_owned()),
+        }
+    }
+}
+
+#[derive(Clone)]
+struct OffsetArgument(Offset);
+
+impl FromStr for OffsetArgument {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self(Offset::Cameras));
+        }
+        match text.parse::<Numbers>()?.0.as_slice() {
+            &[x, y, z] => Ok(Self(Offset::Point([x, y, z]))),
+            _ => Err("give three numbers in metres, e.g. --offset 446000,5412000,0, or `auto`".to_owned()),
+        }
+    }
+}
+
+impl Import {
+    fn options(&self) -> Result<ImportOptions> {
+        let format = match self.from {
+            Layout::Colmap => Format::Colmap,
+            Layout::Nerfstudio => Format::Nerfstudio,
+            Layout::Rf3dgs => Format::Rf3dgs,
+            Layout::Nerf2 => Format::Nerf2,
+            Layout::CorfFolder => Format::CorfFolder,
+        };
+        let rf_camera = match self.rf_camera.as_ref().map(|n| n.0.as_slice()) {
+            None => None,
+            Some(&[hfov]) => Some(RfCamera::HorizontalFovDeg(hfov)),
+            Some(&[fx, fy, cx, cy]) => Some(RfCamera::Intrinsics([fx, fy, cx, cy])),
+            Some(_) => anyhow::bail!("--rf-camera takes one number or four\n  help: HFOV in degrees, or FX,FY,CX,CY in pixels"),
+        };
+        let rf_db = match self.rf_db.as_ref().map(|n| n.0.as_slice()) {
+            None => None,
+            Some(&[min_db, max_db]) if min_db < max_db => Some(DbRange { min_db, max_db }),
+            Some(_) => anyhow::bail!("--rf-db takes two rising numbers\n  help: MIN,MAX in decibels, e.g. --rf-db=-110,-40"),
+        };
+        anyhow::ensure!(
+            self.dynamic_range_db.is_finite() && self.dynamic_range_db >= 1.0,
+            "--dynamic-range-db {} is no range\n  help: give decibels, e.g. 70",
+            self.dynamic_range_db
+        );
+        let split = self.split.as_ref().map(|text| match text.parse() {
+            Ok(every) => SplitRule::Every(every),
+            Err(_) => SplitRule::Listed(PathBuf::from(text)),
+        });
+        Ok(ImportOptions {
+            name: self.name.clone(),
+            images: self.images.clone(),
+            without_images: self.no_images,
+            rf: self.rf.clone(),
+            rf_camera,
+            rf_db,
+            rf_values: match self.rf_values {
+                Values::Linear => RfValues::Linear,
+                Values::Db => RfValues::Db,
+            },
+            quantity: match self.rf_quantity {
+                SpectrumQuantity::Unknown => Quantity::Unknown,
+                SpectrumQuantity::PowerPerSteradian => Quantity::PowerPerSteradian,
+                SpectrumQuantity::BeamPower => Quantity::BeamPower,
+                SpectrumQuantity::CaponPower => Quantity::CaponPower,
+            },
+            frequency_hz: self.frequency_hz,
+            dynamic_range_db: self.dynamic_range_db,
+            depth: self.depth.clone(),
+            masks: self.masks.clone(),
+            depth_unit_m: self.depth_unit.map(|unit| unit.0),
+            up: self.up.as_ref().map(|u| u.0),
+            metres_per_unit: self.scale,
+            offset: self.offset.as_ref().map(|o| o.0),
+            split,
+            ignore_masks: self.ignore_masks,
+            ..ImportOptions::new(format, &self.source)
+        })
+    }
+
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// A capture that cannot be read or leaves something open, an occupied output folder, an interrupt; nothing is left then.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        let options = self.options()?;
+        // A new folder beside a capture's own is no fault; one that is the capture, or lies among its files, is.
+        let own = ["images", "sparse", "depth", "masks"]
+            .map(|name| self.source.join(name))
+            .into_iter()
+            .filter(|folder| folder.is_dir());
+        let given = [&self.images, &self.rf, &self.depth, &self.masks].into_iter().flatten().cloned();
+        let folders: Vec<_> = own.chain(given).filter(|folder| !is_same(folder, &self.source)).collect();
+        let mut reads = vec![Reads::File(&self.source)];
+        reads.extend(folders.iter().map(|folder| Reads::Folder(folder)));
+        keep_apart("--out", &self.out, &reads)?;
+        let folder = claim_fresh(&self.out)?;
+        let progress = Mutex::new(Progress::start(format!("import of {}", self.source.display()), 1, "keyframes"));
+        let tell = |done: usize, all: usize| -> Result<()> {
+            if let Ok(mut progress) = progress.lock() {
+                progress.set(done, all);
+            }
+            interrupt::check()
+        };
+        let imported = capture::import(&options, folder.path(), &tell);
+        if let Ok(progress) = progress.into_inner() {
+            progress.finish();
+        }
+        let report = imported?;
+        let dataset = Dataset::open(folder.path())?;
+        folder.finish()?;
+        report.notes.iter().for_each(|line| note!("{line}"));
+        messages::findings(report.findings);
+        messages::findings(dataset.far_finding());
+        let has = dataset.modalities();
+        let mut text = format!("{}: {} keyframes", self.out.display(), dataset.len());
+        text += if has.light { ", images" } else { ", no images" };
+        text += if dataset.has_depth() {
+            " with depth"
+        } else {
+            ", no depth (reconstruct with --set 'depth.prior=\"none\"' or maps of your own)"
+        };
+        text += if dataset.has_masks() { ", masks" } else { "" };
+        text += &match has.radio {
+            true => format!(", spectra from {} to {} dB", dataset.db_range().min_db, dataset.db_range().max_db),
+            false => ", no spectra".to_owned(),
+        };
+        show(json, dataset.header(), &format!("{text}, hash {}", dataset.hash()))?;
+        Ok(Verdict::Done)
+    }
+}

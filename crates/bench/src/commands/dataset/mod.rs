@@ -1,0 +1,138 @@
+//! `corf dataset`: generate, import, export, play and check keyframe datasets.
+
+mod export;
+mod import;
+mod play;
+
+use self::export::Export;
+use self::import::Import;
+use self::play::Play;
+use super::{Verdict, print, show};
+use crate::scenes::generate::{self, Generated, Options};
+use anyhow::Result;
+use clap::{Args, Subcommand};
+use corf_scene::Severity;
+use corf_scene::config::DatasetConfig;
+use corf_scene::dataset::{self, Dataset};
+use std::path::PathBuf;
+
+/// Generate, import, export, play or check a keyframe dataset.
+#[derive(Subcommand)]
+pub enum DatasetCommand {
+    /// Trace a scene in light and at 60 GHz at every pose of its trajectory.
+    Generate(Generate),
+    /// Import a capture: images, spectra and poses that other programs recorded or made. What its files leave open is asked for by the flag that says it;
+    /// a failed import leaves nothing.
+    Import(Box<Import>),
+    /// Write keyframes for programs that read neither EXR nor COLMAP.
+    Export(Export),
+    /// Play a dataset back into a live folder, keyframe after keyframe, for `corf reconstruct --follow`.
+    Play(Play),
+    /// Check a dataset: hashes, sizes, poses, and the rules of the tools that read it; exit 1 when one is broken.
+    Validate {
+        /// Dataset folder.
+        folder: PathBuf,
+        /// Fail on warnings as well.
+        #[arg(long)]
+        strict: bool,
+    },
+}
+
+/// `corf dataset generate`.
+#[derive(Args)]
+pub struct Generate {
+    /// Dataset configuration (TOML), e.g. scenes/lobby-mini.toml.
+    config: PathBuf,
+    /// Output folder.
+    #[arg(long)]
+    out: PathBuf,
+    /// Number of keyframes, instead of the configuration's.
+    #[arg(long)]
+    keyframes: Option<usize>,
+    /// Seed, instead of the configuration's.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Go on with a folder that holds finished keyframes of the same configuration.
+    #[arg(long)]
+    resume: bool,
+    /// Refuse a transmitter or a trajectory outside of the scene, and exit with 1 where images are black or depth is empty.
+    #[arg(long)]
+    strict: bool,
+}
+
+impl DatasetCommand {
+    /// Runs the sub-command.
+    ///
+    /// # Errors
+    /// Bad configuration or scene, an occupied output folder, an interrupt.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        match self {
+            Self::Generate(c) => c.run(json),
+            Self::Import(c) => c.run(json),
+            Self::Export(c) => c.run(json),
+            Self::Play(c) => c.run(json),
+            Self::Validate { folder, strict } => {
+                let findings = dataset::validate(&folder)?;
+                if !json {
+                    print(&summary(&Dataset::open(&folder)?))?;
+                }
+                let warned = findings.iter().any(|f| f.severity == Severity::Warning);
+                match super::findings(json, &findings)? {
+                    Verdict::Done if strict && warned => Ok(Verdict::CheckFailed),
+                    verdict => Ok(verdict),
+                }
+            }
+        }
+    }
+}
+
+/// Summary of a dataset's content, in a line or two.
+fn summary(dataset: &Dataset) -> String {
+    let header = dataset.header();
+    let spectra = match (header.modalities.radio, header.spectrum) {
+        (false, _) => "no spectra".to_owned(),
+        (true, None) => "imported spectra".to_owned(),
+        (true, Some(kind)) => format!("{} spectra", kind.name()),
+    };
+    let images = if header.modalities.light { "" } else { ", no images" };
+    let masks = if dataset.has_masks() { ", masks" } else { "" };
+    let mut text = format!("{}: {} keyframes, {spectra}{images}{masks}", header.name, dataset.len());
+    if let Some(share) = dataset.share_in_frame_summary() {
+        let [mean, min, max] = [share.mean, share.min, share.max].map(|s| 100.0 * s);
+        text += &format!("\nof the arriving power {mean:.1} % falls into the RF frame ({min:.1} to {max:.1} % a keyframe)");
+    }
+    if let Some(error) = header.sampling_error {
+        text += &format!(
+            "\nstandard error of the diffuse sampling: {:.4} dB of the total, {:.3} dB of the pixels within 30 dB of the peak",
+            error.total_db, error.pixels_db
+        );
+    }
+    text
+}
+
+impl Generate {
+    fn run(self, json: bool) -> Result<Verdict> {
+        let mut config = DatasetConfig::load(&self.config)?;
+        if let Some(keyframes) = self.keyframes {
+            config.keyframes = keyframes;
+            // A segment chosen for another length means nothing here; the default follows the length.
+            config.split.held_out_segment = None;
+        }
+        config.seed = self.seed.unwrap_or(config.seed);
+        config.validate()?;
+        let options = Options { resume: self.resume, strict: self.strict };
+        let Generated { dataset: made, findings } = generate::generate(&config, &self.out, options)?;
+        let range = made.db_range();
+        let text = format!(
+            "{}: {} keyframes, spectra from {:.0} to {:.0} dB, hash {}",
+            self.out.display(),
+            made.len(),
+            range.min_db,
+            range.max_db,
+            made.hash()
+        );
+        show(json, made.header(), &text)?;
+        let failed = self.strict && findings.iter().any(|f| f.severity == Severity::Warning);
+        Ok(if failed { Verdict::CheckFailed } else { Verdict::Done })
+    }
+}

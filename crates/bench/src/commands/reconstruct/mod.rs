@@ -1,0 +1,284 @@
+//! `corf reconstruct`: a dataset's training keyframes to a field on disk.
+
+mod follow;
+
+use self::follow::Follow;
+use super::{Verdict, show};
+use crate::device::DeviceChoice;
+use crate::files::json::{read_numbers, read_text};
+use crate::files::separation::{Reads, keep_apart};
+use crate::live::WhenBehind;
+use crate::methods;
+use crate::methods::interface::{Advance, Checkpoints, TrainingSet};
+use crate::metrics::input::Verify;
+use crate::note;
+use crate::run::harness;
+use crate::run::{RunInfo, claim_output, initial_hash, write_config, write_finished};
+use crate::split::{Protocol, Split};
+use crate::terminal::interrupt;
+use crate::terminal::progress::Progress;
+use crate::viewer::{Port, Watching};
+use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
+use corf::Field;
+use std::path::{Path, PathBuf};
+
+/// `corf reconstruct`.
+#[derive(Args)]
+pub struct Reconstruct {
+    /// Dataset folder.
+    #[arg(required_unless_present = "follow")]
+    dataset: Option<PathBuf>,
+    /// Take keyframes from this live folder as they land (docs/live.md), instead of a dataset, until it says `end` or Ctrl-C; corf-gs methods. The same
+    /// command goes on with a run that did not come to its end.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["dataset", "resume", "checkpoint_every", "no_verify"])]
+    follow: Option<PathBuf>,
+    /// What happens to keyframes of --follow that come faster than they are taken: all wait, or the latest takes the place of those that wait.
+    #[arg(long, value_enum, default_value_t, requires = "follow")]
+    when_behind: WhenBehind,
+    /// End a run of --follow at the first keyframe that cannot be used, with exit code 2, instead of leaving it out.
+    #[arg(long, requires = "follow")]
+    strict: bool,
+    /// Output folder of the run.
+    #[arg(long)]
+    out: PathBuf,
+    /// Method that reconstructs.
+    #[arg(long, default_value = "corf-gs", value_parser = methods::names())]
+    method: String,
+    /// TOML file with keys of the method's configuration.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// One key of the configuration, `key=value` in TOML notation; may be repeated and wins over --config.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    /// Begin with Gaussians of light that another program trained on this data set: a PLY as INRIA's 3DGS, gsplat, nerfstudio or `corf field export`
+    /// write it, in the data set's own frame (metres, z up). corf-gs and its variants go on from them in light and radio; rf-3dgs takes them for its optical
+    /// stage.
+    #[arg(long, value_name = "FILE.ply")]
+    from: Option<PathBuf>,
+    /// Seed of everything drawn at random.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Protocol: the keyframes that train, and those that `corf evaluate` then looks at (default: test; with --follow: all).
+    #[arg(long, value_enum)]
+    protocol: Option<Protocol>,
+    /// Epochs of offline fine-tuning over all training keyframes after the last one.
+    #[arg(long)]
+    fine_tune: Option<usize>,
+    /// Go on with an unfinished run behind its last checkpoint; the result is that of a run without interruption, byte for byte on the
+    /// processor. A finished run of the same command is left as it is.
+    #[arg(long)]
+    resume: bool,
+    /// Keep a checkpoint in the output folder after every N keyframes (rf-3dgs, nerf2, wrf-gs-plus: steps); 0 keeps none. Without it one is kept
+    /// every half a minute, and on an interrupt where the keyframe or steps at hand end within two seconds.
+    #[arg(long, value_name = "N")]
+    checkpoint_every: Option<usize>,
+    /// Show the field in a browser while it grows: serves a page on 127.0.0.1 until the reconstruction ends, at this port or at one that is free.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", value_parser = view_port)]
+    view: Option<u16>,
+    #[command(flatten)]
+    verify: Verify,
+    /// Device that reconstructs: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    #[arg(long, default_value_t)]
+    device: DeviceChoice,
+}
+
+/// The port of `--view`; a word behind it that was meant for something else is told so.
+fn view_port(text: &str) -> Result<u16, String> {
+    text.parse().map_err(|_| {
+        format!("a port is a number from 1 to 65535, or 0 for one that is free; if {text} is the dataset, name it before --view")
+    })
+}
+
+impl Reconstruct {
+    /// Reconstructs from a live folder.
+    fn follow(self, folder: &Path, json: bool) -> Result<Verdict> {
+        keep_apart("--out", &self.out, &[Reads::Folder(folder)])?;
+        let overrides = self.overrides()?;
+        let live = Follow {
+            folder,
+            out: &self.out,
+            method: &self.method,
+            overrides,
+            seed: self.seed,
+            protocol: self.protocol.unwrap_or(Protocol::All),
+            when_behind: self.when_behind,
+            strict: self.strict,
+            backend: self.device.resolve()?,
+        };
+        let info = live.run()?;
+        let text = info.live.as_ref().map_or(String::new(), |live| format!("\n{}", live.summary()));
+        show(json, &info, &(summary(&info) + &text))?;
+        Ok(Verdict::Done)
+    }
+
+    /// The overrides of file and command line as one table.
+    fn overrides(&self) -> Result<toml::Table> {
+        let mut table = match &self.config {
+            None => toml::Table::new(),
+            Some(path) => {
+                let text = read_text(path)?;
+                text.parse().with_context(|| format!("{} is no TOML", path.display()))?
+            }
+        };
+        for line in &self.overrides {
+            let parsed: toml::Table = line.parse().with_context(|| {
+                format!(
+                    "--set {line} is not KEY=VALUE in TOML notation\n  help: strings need quotes, e.g. --set 'rf_target=\"db\"'"
+                )
+            })?;
+            methods::merge(&mut table, parsed);
+        }
+        if let Some(epochs) = self.fine_tune {
+            table.insert("fine_tune_epochs".to_owned(), toml::Value::Integer(i64::try_from(epochs)?));
+        }
+        if let Some(file) = &self.from {
+            ensure!(
+                self.method.starts_with("corf-gs") || self.method.starts_with("rf-3dgs"),
+                "{}: --from gives Gaussians to begin with, which this method has no place for\n  help: choose corf-gs, one of its variants, or rf-3dgs",
+                self.method
+            );
+            let file = std::path::absolute(file)?.display().to_string();
+            table.insert("initial_gaussians".to_owned(), toml::Value::String(file));
+        }
+        Ok(table)
+    }
+
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// Bad input, an occupied output folder, an interrupt.
+    pub fn run(self, json: bool) -> Result<Verdict> {
+        if let Some(folder) = self.follow.clone() {
+            ensure!(
+                self.view.is_none(),
+                "--view shows keyframes that a dataset names in advance, and those of --follow come one by one\n  help: leave --view out, and look \
+                 at the run with `corf view` once it has ended"
+            );
+            return self.follow(&folder, json);
+        }
+        let Some(dataset_folder) = &self.dataset else { bail!("no dataset is named\n  help: name its folder, or --follow DIR") };
+        keep_apart("--out", &self.out, &[Reads::Folder(dataset_folder)])?;
+        // A port that cannot be had is known before any work.
+        let port = self.view.map(|port| Port::hold(port, "--view")).transpose()?;
+        let (protocol, overrides) = (self.protocol.unwrap_or_default(), self.overrides()?);
+        let mut method = methods::create(&self.method, &overrides, &self.device.resolve()?)?;
+        if port.is_some() {
+            Watching::check(method.as_ref())?;
+        }
+        let input = self.verify.open(dataset_folder)?;
+        let dataset = &input.dataset;
+        let split = Split::of(dataset, protocol)?;
+        harness::check_training(method.as_ref(), dataset, &split)?;
+        method.check_files(&TrainingSet::new(dataset, &split))?;
+        let initial = initial_hash(&overrides)?;
+        let _held = claim_output(&self.out, self.resume)?;
+        let info_path = self.out.join("run.json");
+        if self.resume && info_path.exists() {
+            let info: RunInfo = read_numbers(&info_path)?;
+            ensure!(
+                info.method == self.method
+                    && info.seed == self.seed
+                    && info.protocol == protocol
+                    && info.config == method.config()
+                    && info.initial_gaussians_sha256 == initial
+                    && info.dataset_hash == dataset.hash(),
+                "{} holds a finished run of another method, configuration, seed, protocol, dataset or other first Gaussians\n  help: choose another --out",
+                self.out.display()
+            );
+            note!("{} is finished already", self.out.display());
+            show(json, &info, &summary(&info))?;
+            return Ok(Verdict::Done);
+        }
+        let checkpoint = self.out.join(CHECKPOINT);
+        method.keep_checkpoints(Checkpoints {
+            path: checkpoint.clone(),
+            every: self.checkpoint_every,
+            resume: self.resume,
+            tag: format!("{} {} {}{}", dataset.hash(), protocol.name(), method.config(), initial.as_deref().unwrap_or("")),
+            device: method.device(),
+        });
+        interrupt::say_what_is_kept(match self.checkpoint_every {
+            Some(0) => "nothing is kept of it (--checkpoint-every 0): with --resume it begins anew",
+            _ => "nothing is kept of it yet: with --resume it begins anew",
+        });
+        write_config(&self.out, &method.config())?;
+        let watching = port.map(|port| Watching::start(port, method.as_ref(), self.seed, dataset, &split)).transpose()?;
+        let mut progress =
+            Progress::start(format!("{} on {}", self.method, dataset.header().name), split.train.len(), method.unit());
+        let result = harness::reconstruct(method.as_ref(), dataset, &split, self.seed, &mut |advance: Advance<'_>| {
+            progress.set(advance.done, advance.total);
+            if let Some(watching) = &watching {
+                watching.tell(&advance);
+            }
+            interrupt::check()
+        })?;
+        progress.finish();
+        let info = RunInfo {
+            initial_gaussians_sha256: initial,
+            ..RunInfo::of(
+                method.as_ref(),
+                &overrides,
+                self.seed,
+                (dataset, input.verified),
+                (protocol, split.train.len()),
+                &result,
+            )?
+        };
+        write_finished(&self.out, &info, &result)?;
+        interrupt::kept(|| format!("{} is finished", self.out.display()));
+        // What it was kept for is there.
+        let _ = std::fs::remove_file(&checkpoint);
+        show(json, &info, &summary(&info))?;
+        if let Some(watching) = watching {
+            // What is shown at the end is what was written.
+            watching.finish(|| Field::read(&self.out).inspect_err(|error| note!("{error}")).ok());
+        }
+        Ok(Verdict::Done)
+    }
+}
+
+/// The state of an unfinished run, in its folder.
+const CHECKPOINT: &str = "checkpoint";
+
+fn summary(info: &RunInfo) -> String {
+    let gaussians = info.gaussians.map_or(String::new(), |g| format!(", {g} Gaussians"));
+    let mut text = format!("{} in {:.2} s on {}{gaussians}", info.method, info.seconds, info.device);
+    if info.resumed_keyframes > 0 {
+        text += &format!("; {} keyframes came from a checkpoint", info.resumed_keyframes);
+    }
+    if info.resumed_steps > 0 {
+        text += &format!("; {} steps came from a checkpoint", info.resumed_steps);
+    }
+    for stage in &info.stages {
+        text += &format!("\n  {:<10} {:>10.2} s", stage.name, stage.seconds);
+    }
+    if let Some(d) = &info.depth {
+        text += "\nrelative error of new Gaussians' depths    share   median      p90";
+        for (name, e) in
+            [("all", d.all), ("  accurate matches", d.accurate), ("  prior alone", d.prior), ("  corners", d.triangulated)]
+        {
+            text += &format!("\n{name:<38} {:>6.1} % {:>6.2} % {:>6.2} %", 100.0 * e.share, 100.0 * e.median, 100.0 * e.p90);
+        }
+        text += &format!("\n{:.1} % of the sampled pixels found no depth", 100.0 * d.dropped_without_depth);
+    }
+    if let Some(l) = &info.latency {
+        let rate = l.keyframes_per_second;
+        text += &format!(
+            "\nexpansion and training alone: {rate:.2} keyframes/s\n{:<48}   median      p90      p99",
+            "latency of a keyframe, ms"
+        );
+        for (name, p) in [
+            ("arrival to optimised", l.total),
+            ("  wait", l.wait),
+            ("    of it preparation", l.prepare),
+            ("  expand", l.expand),
+            ("  train", l.train),
+            ("  late steps", l.late),
+        ] {
+            let [a, b, c] = [p.median_s, p.p90_s, p.p99_s].map(|s| 1e3 * s);
+            text += &format!("\n{name:<48} {a:>8.1} {b:>8.1} {c:>8.1}");
+        }
+    }
+    text
+}

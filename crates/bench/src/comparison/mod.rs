@@ -1,0 +1,4 @@
+//! What an experiment comes to: its tables and report, and constants chosen on validation keyframes.
+
+pub mod suite;
+pub mod sweep;

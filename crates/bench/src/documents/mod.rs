@@ -1,0 +1,5 @@
+//! Documents that are written from the program: tables, help, keys.
+
+pub mod explain;
+pub mod schema;
+pub mod splice;

@@ -1,0 +1,452 @@
+//! Interface of the compared methods, one per row of a table: training keyframes in, a predictor out. The clock and the metrics are the
+//! harness's.
+
+use crate::metrics::Prediction;
+use crate::note;
+use crate::scenes::behind::SceneBehind;
+use crate::split::Split;
+use crate::terminal::interrupt;
+use anyhow::{Context, Result, bail, ensure};
+use corf::depth::DepthQuality;
+use corf::{Field, KeyframeTiming};
+use corf_scene::config::{ReceiverConfig, SpectrumKind};
+use corf_scene::dataset::Dataset;
+use corf_scene::keyframe::{DbRange, Modalities};
+use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, Similarity3};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::cell::{Cell, RefCell};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// The training keyframes of one cell, in the order of the trajectory, and what of the dataset a method may know besides.
+pub struct TrainingSet<'a> {
+    dataset: &'a Dataset,
+    indices: Vec<usize>,
+    loading: Cell<Duration>,
+    /// Keyframes that have been read and not been asked for.
+    held: RefCell<Vec<Option<Keyframe>>>,
+}
+
+/// Keyframes are read before the clock starts as long as they take no more memory than this, bytes.
+const MOST_HELD: usize = 4 << 30;
+
+impl<'a> TrainingSet<'a> {
+    /// The keyframes a split trains with.
+    pub fn new(dataset: &'a Dataset, split: &Split) -> Self {
+        Self { dataset, indices: split.train.clone(), loading: Cell::default(), held: RefCell::default() }
+    }
+
+    /// Reads keyframes, on all threads, so that [`Self::keyframe`] has them in memory: what is measured then is not disturbed by reading.
+    /// Those beyond 4 GiB, and those that cannot be read, are left to it.
+    pub fn read_ahead(&self) {
+        let pixels = |camera: Pinhole| camera.width * camera.height;
+        // Colour, depth and surface; a spectrum.
+        let bytes = 11 * pixels(self.optical_camera()) + 4 * pixels(self.rf_camera());
+        let some = &self.indices[..self.indices.len().min(MOST_HELD / bytes.max(1))];
+        let read = some.par_iter().map(|index| self.dataset.keyframe(*index).ok()).collect();
+        *self.held.borrow_mut() = read;
+    }
+
+    /// Indices of the training keyframes in the dataset, ascending.
+    pub fn indices(&self) -> &[usize] {
+        &self.indices
+    }
+
+    /// Number of training keyframes.
+    pub fn len(&self) -> usize {
+        self.indices.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.indices.is_empty()
+    }
+
+    /// Training keyframe `k` (0 … len−1), read if it has not been, or has been asked for before. The harness takes the time this needs off
+    /// its clock.
+    ///
+    /// # Errors
+    /// A file that is missing, damaged or of the wrong size.
+    pub fn keyframe(&self, k: usize) -> Result<Keyframe> {
+        if let Some(keyframe) = self.held.borrow_mut().get_mut(k).and_then(Option::take) {
+            return Ok(keyframe);
+        }
+        let start = Instant::now();
+        let index = self.indices[k];
+        let keyframe = self.dataset.keyframe(index).with_context(|| format!("while reading training keyframe {index}"))?;
+        self.loading.set(self.loading.get() + start.elapsed());
+        Ok(keyframe)
+    }
+
+    /// The change from the frame of a capture to the world that the data set's import applied; none where nothing was imported.
+    pub fn world_from_capture(&self) -> Option<Similarity3> {
+        self.dataset.world_from_capture()
+    }
+
+    /// Poses of the training keyframes.
+    pub fn poses(&self) -> Vec<Rigid3> {
+        let all = self.dataset.poses();
+        self.indices.iter().map(|i| all[*i].world_from_camera).collect()
+    }
+
+    /// The spectrum of training keyframe `k`, which stays to be asked for.
+    ///
+    /// # Errors
+    /// Those of [`Self::keyframe`].
+    pub fn spectrum_of(&self, k: usize) -> Result<Raster<f32>> {
+        let held = self.held.borrow().get(k).and_then(|held| Some(held.as_ref()?.spectrum.clone()));
+        held.map_or_else(|| Ok(self.keyframe(k)?.spectrum), Ok)
+    }
+
+    /// Whether there are images, and whether there are spectra; [`Keyframe`] says what stands in the place of a missing one.
+    pub fn modalities(&self) -> Modalities {
+        self.dataset.modalities()
+    }
+
+    /// Whether every keyframe comes with depth.
+    pub fn has_depth(&self) -> bool {
+        self.dataset.has_depth()
+    }
+
+    /// Intrinsics of the optical images.
+    pub fn optical_camera(&self) -> Pinhole {
+        self.dataset.optical_camera()
+    }
+
+    /// Intrinsics of the RF images.
+    pub fn rf_camera(&self) -> Pinhole {
+        self.dataset.rf_camera()
+    }
+
+    /// The dataset's one dB range (its upper end is the peak over all keyframes).
+    pub fn db_range(&self) -> DbRange {
+        self.dataset.db_range()
+    }
+
+    /// Position of the fixed transmitter in the world frame, metres, if it is known.
+    pub fn transmitter_m(&self) -> Option<[f64; 3]> {
+        self.dataset.header().transmitter.map(|t| t.position_m)
+    }
+
+    /// Kind of the spectra, if it is known.
+    pub fn spectrum(&self) -> Option<SpectrumKind> {
+        self.dataset.header().spectrum
+    }
+
+    /// The array of the platform, if it is known.
+    pub fn receiver(&self) -> Option<ReceiverConfig> {
+        self.dataset.header().receiver
+    }
+
+    /// Standard deviation of an `mpc` lobe, degrees, if it is known.
+    pub fn lobe_width_deg(&self) -> Option<f64> {
+        self.dataset.header().config.as_ref().map(|c| c.rf.lobe_width_deg)
+    }
+
+    /// Diagonal loading of `mvdr` spectra, in units of the covariance's mean eigenvalue, if it is known.
+    pub fn mvdr_loading(&self) -> Option<f64> {
+        self.dataset.header().config.as_ref().map(|c| c.rf.mvdr_loading)
+    }
+
+    /// The true scene, from the file that the data set was generated from: of oracles alone, whose [`Method::uses_scene`] says so.
+    ///
+    /// # Errors
+    /// Those of [`SceneBehind::open`].
+    pub fn scene_behind(&self, path: &Path) -> Result<SceneBehind> {
+        SceneBehind::open(self.dataset, path)
+    }
+
+    /// Time spent in [`Self::keyframe`] so far.
+    pub fn loading_time(&self) -> Duration {
+        self.loading.get()
+    }
+}
+
+/// Checkpointing of a method: the file in which it saves its state while it works and on an interrupt, and whether it resumes from it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Checkpoints {
+    /// The file.
+    pub path: PathBuf,
+    /// Written after every so many keyframes (or steps, by methods that work in steps), never if 0; when not given, after one that ends half a
+    /// minute or more after the last.
+    pub every: Option<usize>,
+    /// Whether to go on from the file, if it is there.
+    pub resume: bool,
+    /// Tag that must be the same when it is resumed (the dataset's hash).
+    pub tag: String,
+    /// The device that works, as records name it: a run stays on the device that it began on.
+    pub device: String,
+}
+
+/// What a checkpoint carries, in the words of its file's tag; before there was a device in it, it was the run alone.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Tag {
+    run: String,
+    device: String,
+}
+
+/// What bytes depend on of a device's name for records: of the processor not the number of its threads.
+pub fn same_device(a: &str, b: &str) -> bool {
+    let processor = |name: &str| name == "cpu" || name.starts_with("cpu (");
+    a == b || processor(a) && processor(b)
+}
+
+/// Time between checkpoints that nobody asked for: what is lost without them is no more, and what they cost is next to nothing.
+const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(30);
+
+impl Checkpoints {
+    /// Whether any are written.
+    pub fn are_kept(&self) -> bool {
+        self.every != Some(0)
+    }
+
+    /// Whether one is to be written now, after `done` units of work, where the last was written, or the work begun, at `last`.
+    pub fn is_due(&self, done: usize, last: Instant) -> bool {
+        match self.every {
+            Some(0) => false,
+            Some(every) => done.is_multiple_of(every),
+            None => last.elapsed() >= CHECKPOINT_INTERVAL,
+        }
+    }
+
+    /// The file to go on from, where one is there and is to be.
+    pub fn to_resume(&self) -> Option<&Path> {
+        (self.resume && self.path.exists()).then_some(&self.path)
+    }
+
+    /// The tag that a checkpoint is written with.
+    pub fn written_tag(&self) -> String {
+        serde_json::json!(Tag { run: self.tag.clone(), device: self.device.clone() }).to_string()
+    }
+
+    /// Checks the tag of a checkpoint that was read. Of one that says no device, as older versions wrote them, that is said.
+    ///
+    /// # Errors
+    /// Another tag than this one's, or one of another device.
+    pub fn check_tag(&self, tag: &str) -> Result<()> {
+        let read: Option<Tag> = serde_json::from_str(tag).ok();
+        let (run, device) = read.as_ref().map_or((tag, None), |read| (read.run.as_str(), Some(read.device.as_str())));
+        let (path, now) = (self.path.display(), &self.device);
+        ensure!(
+            run == self.tag,
+            "{path} is of another dataset or configuration\n  help: choose another --out, or resume with the command that was interrupted"
+        );
+        let Some(before) = device else {
+            note!(
+                "{path} does not say on which device it was kept; the run goes on on {now}, whose results another device's differ from by rounding"
+            );
+            return Ok(());
+        };
+        ensure!(
+            same_device(before, now),
+            "{path} was kept on {before}, and this is {now}: devices differ by rounding, and a run that changes them is neither's\n  help: \
+             resume on the device that it began on (--device cpu, or gpu:N; `corf doctor` lists them), or start anew with another --out"
+        );
+        Ok(())
+    }
+
+    /// Takes note that the file holds so many units of work.
+    pub fn holds(&self, done: usize, unit: &str) {
+        let path = self.path.display();
+        interrupt::kept(|| format!("{path} holds {done} {unit}: the same command with --resume goes on from there"));
+    }
+}
+
+/// Progress report of a method at work; the harness adds the time.
+#[derive(Clone, Copy, Debug)]
+pub struct Advance<'a> {
+    /// Units of work done.
+    pub done: usize,
+    /// Units in all.
+    pub total: usize,
+    /// Gaussians now, for methods that have them.
+    pub gaussians: Option<usize>,
+    /// The keyframe that was finished, for methods that work keyframe by keyframe.
+    pub keyframe: Option<&'a KeyframeTiming>,
+    /// Errors of the depths of new Gaussians, at the end.
+    pub depth: Option<DepthQuality>,
+    /// What the stages took, at the end, for methods that have some.
+    pub stages: &'a [StageTime],
+    /// Steps that came from a checkpoint, for methods that work in steps.
+    pub resumed_steps: usize,
+    /// The field as it stands, for whoever wants to look at it, from methods that have one.
+    pub field: Option<FieldReader<'a>>,
+}
+
+/// Reads the Gaussians of a reconstruction at work back from its device: work that is done only where somebody asks for it.
+#[derive(Clone, Copy)]
+pub struct FieldReader<'a>(&'a dyn Fn() -> Option<Field>);
+
+impl<'a> FieldReader<'a> {
+    /// A reader that calls `read`.
+    pub fn new(read: &'a dyn Fn() -> Option<Field>) -> Self {
+        Self(read)
+    }
+
+    /// The field as it stands; none where the method has no Gaussians that a rasteriser could draw.
+    pub fn read(self) -> Option<Field> {
+        (self.0)()
+    }
+}
+
+impl std::fmt::Debug for FieldReader<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("FieldReader")
+    }
+}
+
+/// A field that was read to be looked at, if it could be; where not, that is said, and the reconstruction goes on: what is wrong with its device it
+/// will find itself.
+pub fn shown(read: corf::Result<Field>) -> Option<Field> {
+    read.inspect_err(|error| note!("the field cannot be shown as it stands now: {error}")).ok()
+}
+
+/// What a stage of a method took.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StageTime {
+    /// Its name.
+    pub name: String,
+    /// Seconds, summed over the sessions of a run that was resumed.
+    pub seconds: f64,
+}
+
+impl Advance<'_> {
+    /// Units done of all, and no more to say.
+    pub fn of(done: usize, total: usize) -> Self {
+        Self { done, total, gaussians: None, keyframe: None, depth: None, stages: &[], resumed_steps: 0, field: None }
+    }
+}
+
+/// A way to reconstruct.
+pub trait Method {
+    /// The name on the command line and in records: `corf-gs`.
+    fn id(&self) -> &str;
+
+    /// The resolved configuration, for the record.
+    fn config(&self) -> serde_json::Value;
+
+    /// Whether the method reads ground-truth depth (through the simulated monocular prior).
+    fn uses_ground_truth_depth(&self) -> bool {
+        false
+    }
+
+    /// Whether the method knows the true scene: an oracle, which bounds what a method could gain and is none.
+    fn uses_scene(&self) -> bool {
+        false
+    }
+
+    /// The device it runs on, for the record.
+    fn device(&self) -> String {
+        format!("cpu ({} threads)", rayon::current_num_threads())
+    }
+
+    /// The unit its progress is counted in.
+    fn unit(&self) -> &'static str {
+        "keyframes"
+    }
+
+    /// Fewer training keyframes than this are none to it.
+    fn least_keyframes(&self) -> usize {
+        1
+    }
+
+    /// Whether it needs images, and whether it needs spectra.
+    fn needs(&self) -> Modalities {
+        Modalities::BOTH
+    }
+
+    /// Looks, before anything is begun, for what the method reads beside the keyframes.
+    ///
+    /// # Errors
+    /// A file that is missing or cannot be used.
+    fn check_files(&self, _training: &TrainingSet<'_>) -> Result<()> {
+        Ok(())
+    }
+
+    /// Asks the method to keep its state on disk while it works; methods that finish at once have none.
+    fn keep_checkpoints(&mut self, _checkpoints: Checkpoints) {}
+
+    /// Reconstructs from the training keyframes. The same seed gives the same bytes.
+    ///
+    /// # Errors
+    /// Unreadable keyframes, a device that gives up, or whatever `advance` answers (an interrupt).
+    fn reconstruct(
+        &self,
+        training: &TrainingSet<'_>,
+        seed: u64,
+        advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
+    ) -> Result<Box<dyn Predictor>>;
+}
+
+/// A reconstructed field, to be asked for any pose.
+pub trait Predictor {
+    /// Predicts image and spectrum at a pose, at the dataset's resolutions.
+    ///
+    /// # Errors
+    /// When the device gives up.
+    fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction>;
+
+    /// Gaussians in the field, for methods that have them.
+    fn gaussians(&self) -> Option<usize> {
+        None
+    }
+
+    /// Changes the camera that images are predicted for from now on; spectra keep theirs.
+    ///
+    /// # Errors
+    /// A method that predicts the data set's images alone; a camera without pixels.
+    fn set_optical_camera(&mut self, _camera: Pinhole) -> Result<()> {
+        bail!(
+            "this method predicts images of the data set's camera alone\n  help: leave --size and --fov out, or use a run of corf-gs or rf-3dgs"
+        )
+    }
+
+    /// Writes the field into a run folder, for `corf render` and `corf evaluate`.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    fn save(&self, run: &Path) -> Result<()>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(device: &str) -> Checkpoints {
+        Checkpoints {
+            path: "run/checkpoint".into(),
+            every: None,
+            resume: true,
+            tag: "hash test {}".to_owned(),
+            device: device.to_owned(),
+        }
+    }
+
+    #[test]
+    fn a_checkpoint_is_gone_on_from_on_the_device_that_kept_it() {
+        let (gpu, other) = ("gpu (NVIDIA H200)", "gpu (llvmpipe (LLVM 15.0.6, 256 bits))");
+        for (before, now) in [("cpu (2 threads)", "cpu (16 threads)"), ("cpu (1 thread)", "cpu (1 threads)"), (gpu, gpu)] {
+            of(now).check_tag(&of(before).written_tag()).unwrap();
+        }
+        for (before, now) in
+            [(gpu, "cpu (2 threads)"), ("cpu (2 threads)", gpu), (gpu, other), (gpu, "gpu (NVIDIA H200), f16 products")]
+        {
+            let error = of(now).check_tag(&of(before).written_tag()).unwrap_err().to_string();
+            for part in ["run/checkpoint", before, now, "--device", "--out"] {
+                assert!(error.contains(part), "{part} in {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_older_versions_kept_is_gone_on_from_and_other_runs_are_not() {
+        of("cpu (2 threads)").check_tag("hash test {}").unwrap();
+        let another = Checkpoints { tag: "another test {}".to_owned(), ..of("cpu (2 threads)") };
+        for tag in ["another test {}".to_owned(), another.written_tag(), String::new()] {
+            let error = of("cpu (2 threads)").check_tag(&tag).unwrap_err().to_string();
+            assert!(error.contains("another dataset or configuration"), "{error}");
+        }
+    }
+}

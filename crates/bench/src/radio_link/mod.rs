@@ -1,0 +1,441 @@
+//! What `corf paths` and `corf coverage` share: a scene, how its radio is traced, and between which antennas.
+
+pub mod coverage_picture;
+mod receivers;
+mod table;
+
+pub use receivers::receivers;
+
+use crate::note;
+use crate::scenes::in_use;
+use crate::terminal::messages;
+use anyhow::Result;
+use clap::Args;
+use corf_raytrace::bvh::Bvh;
+use corf_raytrace::radio::{
+    Antenna, AntennaArray, AntennaPattern, DiffuseField, DiffuseSettings, PlanarArray, Polarization, RadioSettings, RadioTracer,
+    Search, Solids, Transmitter,
+};
+use corf_raytrace::sensor::{geometry_warnings, open_edges_note};
+use corf_scene::config::{Orientation, SceneConfig, read_toml};
+use corf_scene::near_field::SPEED_OF_LIGHT;
+use corf_scene::{Error, Scene, bounds, near_field};
+use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// Settings of a link's tracing: the keys of `--config RF.toml`, with the defaults of what it leaves out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LinkConfig {
+    /// Largest number of interactions on a path.
+    pub max_depth: usize,
+    /// Trace the direct ray.
+    pub line_of_sight: bool,
+    /// Trace specular reflections.
+    pub reflection: bool,
+    /// Trace through slabs.
+    pub transmission: bool,
+    /// Trace paths that diffract once at an edge of a mesh.
+    pub diffraction: bool,
+    /// … at open edges of single sheets as well.
+    pub edge_diffraction: bool,
+    /// Rays that look for chains of faces.
+    pub rays: usize,
+    /// Gather the diffuse field as well.
+    pub diffuse: bool,
+    /// Directions of the diffuse field at a receiver; what suits a command without it.
+    pub directions: Option<usize>,
+    /// Paths weaker than this are dropped, dB relative to 1 W transmitted.
+    pub min_gain_db: f64,
+    /// Transmit power, dBm.
+    pub tx_power_dbm: f64,
+    /// Seed of the diffuse field's phases.
+    pub seed: u64,
+    /// The transmit array; the element and the spacing that it leaves out are those of the scene's `[transmitter]`.
+    pub transmitter: ArrayConfig,
+    /// The receive array; the element and the spacing that it leaves out are those of the scene's `[receiver]`.
+    pub receiver: ArrayConfig,
+}
+
+/// `[transmitter]` and `[receiver]` of a link file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ArrayConfig {
+    /// Elements along array −z. Default 1.
+    pub rows: Option<usize>,
+    /// Elements along array y. Default 1.
+    pub cols: Option<usize>,
+    /// Element spacing in wavelengths, `0.5` or `[between columns, between rows]`.
+    pub spacing_wavelengths: Option<Spacing>,
+    /// Element pattern.
+    pub pattern: Option<AntennaPattern>,
+    /// Polarisation.
+    pub polarization: Option<Polarization>,
+    /// Attitude: where its boresight (+x) and zenith (+z) point.
+    pub orientation: Option<Orientation>,
+}
+
+/// Spacing of elements, wavelengths.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Spacing {
+    /// Along both axes.
+    Both(f64),
+    /// Between columns, between rows.
+    Each([f64; 2]),
+}
+
+impl Default for LinkConfig {
+    fn default() -> Self {
+        let radio = RadioSettings::default();
+        Self {
+            max_depth: radio.max_depth,
+            line_of_sight: true,
+            reflection: true,
+            transmission: true,
+            diffraction: false,
+            edge_diffraction: false,
+            rays: 200_000,
+            diffuse: false,
+            directions: None,
+            min_gain_db: radio.min_gain_db,
+            tx_power_dbm: 30.0,
+            seed: 0,
+            transmitter: ArrayConfig::default(),
+            receiver: ArrayConfig::default(),
+        }
+    }
+}
+
+/// Flags of every command that traces links.
+#[derive(Args, Clone, Debug)]
+pub struct LinkArgs {
+    /// Settings of the link (.toml): max_depth, transmission, diffuse, tx_power_dbm, `[transmitter]`, `[receiver]` …; flags take precedence.
+    #[arg(long, value_name = "RF.toml")]
+    pub config: Option<PathBuf>,
+    /// Transmitter of this name in the scene's `[transmitters]`; may be repeated. Without it `[transmitter]`.
+    #[arg(long, value_name = "NAME")]
+    pub transmitter: Vec<String>,
+    /// Largest number of interactions on a path (default 3).
+    #[arg(long)]
+    pub depth: Option<usize>,
+    /// Rays that look for chains of faces where there are too many to try them all (default 200 000).
+    #[arg(long)]
+    pub rays: Option<usize>,
+    /// Leave out transmission through slabs.
+    #[arg(long)]
+    pub no_transmission: bool,
+    /// Trace paths that diffract once at an edge of a body or a corner of walls.
+    #[arg(long)]
+    pub diffraction: bool,
+    /// Trace paths that diffract once at the open edge of a single sheet as well.
+    #[arg(long)]
+    pub edge_diffraction: bool,
+    /// Gather the diffuse field as well.
+    #[arg(long)]
+    pub diffuse: bool,
+    /// Directions in which a receiver gathers the diffuse field.
+    #[arg(long)]
+    pub directions: Option<usize>,
+    /// Transmit power, dBm (default 30).
+    #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
+    pub tx_power_dbm: Option<f64>,
+    /// Seed of the diffuse field's random phases (default 0).
+    #[arg(long)]
+    pub seed: Option<u64>,
+}
+
+/// A point on the command line.
+#[derive(Clone, Copy, Debug)]
+pub struct Point(pub DVec3);
+
+impl FromStr for Point {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Vec<f64> = text.split(',').filter_map(|p| p.trim().parse().ok()).filter(|v: &f64| v.is_finite()).collect();
+        match (numbers.as_slice(), text.matches(',').count()) {
+            ([x, y, z], 2) => {
+                let point = DVec3::new(*x, *y, *z);
+                bounds::position(text, point).map_err(|_| format!("\"{text}\": coordinates are in metres, at most 1e6"))?;
+                Ok(Self(point))
+            }
+            _ => Err(format!("\"{text}\" is not three numbers x,y,z")),
+        }
+    }
+}
+
+/// The size of an array on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub columns: usize,
+}
+
+/// Arrays of more elements than this on a side are more likely a mistake, …
+const MAX_SIDE: usize = 1024;
+/// … and those of more in all.
+const MAX_ELEMENTS: usize = 4096;
+
+impl FromStr for Grid {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let side = |s: &str| s.trim().parse().ok().filter(|n| (1..=MAX_SIDE).contains(n));
+        match text.split_once(['x', 'X', '×']).map(|(r, c)| (side(r), side(c))) {
+            Some((Some(rows), Some(columns))) => Ok(Self { rows, columns }),
+            _ => Err(format!("\"{text}\" is no array: give ROWSxCOLUMNS, e.g. 8x8")),
+        }
+    }
+}
+
+/// A transmitter of a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransmitEnd {
+    /// World position, metres.
+    pub position: DVec3,
+    /// Its array.
+    pub array: AntennaArray,
+}
+
+/// A scene ready to be traced.
+pub struct LinkSetup {
+    /// The scene file.
+    pub config: SceneConfig,
+    /// Its geometry and materials.
+    pub scene: Scene,
+    /// Settings of the tracing.
+    pub link: LinkConfig,
+    /// The transmitters asked for, one at least.
+    pub transmitters: Vec<TransmitEnd>,
+    /// Receive array.
+    pub rx_array: AntennaArray,
+    solids: Solids,
+}
+
+impl LinkSetup {
+    /// Reads the scene and the settings, flags over file over defaults.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a value out of range, a material that cannot be used.
+    pub fn load(scene: &Path, arguments: &LinkArgs, tx_grid: Option<Grid>, rx_grid: Option<Grid>) -> Result<Self> {
+        let config = SceneConfig::load(scene)?;
+        let mut link: LinkConfig = arguments.config.as_ref().map(read_toml).transpose()?.unwrap_or_default();
+        link.max_depth = arguments.depth.unwrap_or(link.max_depth);
+        link.rays = arguments.rays.unwrap_or(link.rays);
+        link.transmission &= !arguments.no_transmission;
+        link.diffraction |= arguments.diffraction;
+        link.edge_diffraction |= arguments.edge_diffraction;
+        link.diffuse |= arguments.diffuse;
+        link.directions = arguments.directions.or(link.directions);
+        link.tx_power_dbm = arguments.tx_power_dbm.unwrap_or(link.tx_power_dbm);
+        link.seed = arguments.seed.unwrap_or(link.seed);
+        bounds::number("tx_power_dbm", link.tx_power_dbm, &bounds::POWER_DBM, "dBm, e.g. 20")?;
+        bounds::number("min_gain_db", link.min_gain_db, &bounds::GAIN_DB, "dB, e.g. -200")?;
+        if link.edge_diffraction && !link.diffraction {
+            let help = "set diffraction = true as well, or leave it out";
+            return Err(Error::invalid("edge_diffraction", "open edges diffract where edges do", help).into());
+        }
+        let place = |end: &str| arguments.config.as_ref().map_or(end.to_owned(), |p| format!("{}: [{end}]", p.display()));
+        let end = |name: Option<&str>| -> Result<TransmitEnd> {
+            let transmitter = config.transmitter_named(name, "--transmitter")?;
+            let of_scene = (Antenna::from(transmitter), transmitter.spacing_wavelengths);
+            let array = array(&link.transmitter, tx_grid, of_scene, &place("transmitter"))?;
+            Ok(TransmitEnd { position: transmitter.position(), array })
+        };
+        let transmitters = match arguments.transmitter.as_slice() {
+            [] => vec![end(None)?],
+            names => names.iter().map(|name| end(Some(name))).collect::<Result<_>>()?,
+        };
+        let of_scene = (Antenna::element_of(&config.receiver, DMat3::IDENTITY), config.receiver.spacing_wavelengths);
+        let rx_array = array(&link.receiver, rx_grid, of_scene, &place("receiver"))?;
+        let scene = in_use::load(&config)?;
+        config.check_radio(&scene)?;
+        messages::findings(geometry_warnings(&scene, link.transmission));
+        let solids = Solids::of(&scene);
+        Ok(Self { config, scene, link, transmitters, rx_array, solids })
+    }
+
+    /// Moves the transmitter to each of these places, if there are any.
+    ///
+    /// # Errors
+    /// Several transmitters: which of them would stand where?
+    pub fn place_transmitter(&mut self, places: impl IntoIterator<Item = DVec3>) -> Result<()> {
+        let array = self.transmitters[0].array;
+        let placed: Vec<TransmitEnd> = places.into_iter().map(|position| TransmitEnd { position, array }).collect();
+        match (placed.is_empty(), self.transmitters.len()) {
+            (true, _) => {}
+            (false, 1) => self.transmitters = placed,
+            _ => {
+                return Err(
+                    Error::invalid("--tx", "several --transmitter have places of their own", "give one or the other").into()
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses arrays of several elements where links are between single ones.
+    ///
+    /// # Errors
+    /// The end that has one.
+    pub fn check_single_elements(&self) -> Result<()> {
+        let transmitters = self.transmitters.iter().map(|tx| ("transmitter", &tx.array));
+        for (end, array) in transmitters.chain([("receiver", &self.rx_array)]) {
+            if array.grid.rows * array.grid.columns > 1 {
+                let what =
+                    format!("an array of {}x{}, where gains are between single elements", array.grid.rows, array.grid.columns);
+                return Err(Error::invalid(format!("[{end}]"), what, "leave rows and cols out, or use `corf paths`").into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether any link has more than one pair of ports.
+    pub fn has_ports(&self) -> bool {
+        self.transmitters.iter().any(|tx| tx.array.ports() * self.rx_array.ports() > 1)
+    }
+
+    /// Tracer settings for a transmit array.
+    pub fn radio_settings(&self, tx_array: &AntennaArray) -> RadioSettings {
+        RadioSettings {
+            frequency_hz: self.config.radio.frequency_hz,
+            max_depth: self.link.max_depth,
+            line_of_sight: self.link.line_of_sight,
+            reflection: self.link.reflection,
+            transmission: self.link.transmission,
+            diffraction: self.link.diffraction,
+            edge_diffraction: self.link.edge_diffraction,
+            search: Search::Auto { rays: self.link.rays },
+            min_gain_db: self.link.min_gain_db,
+            tx_antenna: tx_array.element,
+            rx_antenna: self.rx_array.element,
+            ..RadioSettings::default()
+        }
+    }
+
+    /// Sampling of the diffuse field, in so many directions unless others are asked for; these are asked for from now on.
+    pub fn diffuse_settings(&mut self, directions: usize) -> DiffuseSettings {
+        let directions = *self.link.directions.get_or_insert(directions);
+        DiffuseSettings { directions, ..DiffuseSettings::default() }
+    }
+
+    /// Visits every transmitter, with its number and, where that is asked for, its diffuse field; those with one element in common share a tracer.
+    ///
+    /// # Errors
+    /// A transmitter that cannot be traced, and what `visit` says.
+    pub fn each_transmitter(
+        &self,
+        sampling: &DiffuseSettings,
+        mut visit: impl FnMut(usize, &Transmitter<'_, '_>, Option<&DiffuseField<'_, '_>>) -> Result<()>,
+    ) -> Result<()> {
+        let bvh = Bvh::build(&self.scene);
+        let traced_from = |array: &AntennaArray| RadioTracer::new(&self.scene, &bvh, self.radio_settings(array));
+        let mut tracer = traced_from(&self.transmitters[0].array)?;
+        messages::findings(open_edges_note(&tracer));
+        for (number, &TransmitEnd { position, array }) in self.transmitters.iter().enumerate() {
+            if tracer.settings().tx_antenna != array.element {
+                tracer = traced_from(&array)?;
+            }
+            let transmitter = tracer.transmitter(position)?;
+            let field = self.link.diffuse.then(|| DiffuseField::new(&tracer, position, sampling)).transpose()?;
+            visit(number, &transmitter, field.as_ref())?;
+        }
+        Ok(())
+    }
+
+    /// Warns of receivers within 2λ of a transmitter, element by element, on standard error.
+    ///
+    /// # Errors
+    /// The first that is within λ/2π.
+    pub fn check_distances(&self, receivers: &[DVec3]) -> Result<()> {
+        let frequency_hz = self.config.radio.frequency_hz;
+        let (wavelength_m, doubtful_m) = (SPEED_OF_LIGHT / frequency_hz, near_field::doubtful_under_m(frequency_hz));
+        let mut doubtful = Vec::new();
+        for rx in receivers {
+            for tx in &self.transmitters {
+                let distance_m = self.rx_array.distance_m(*rx, (&tx.array, tx.position), wavelength_m, doubtful_m);
+                near_field::check(&format!("receiver at {rx}"), distance_m, frequency_hz)?;
+                doubtful.extend((distance_m < doubtful_m).then_some(distance_m));
+            }
+        }
+        if !doubtful.is_empty() {
+            note!("{}", near_field::doubtful("receiver", &doubtful, frequency_hz));
+        }
+        Ok(())
+    }
+
+    /// The closed bodies of the scene.
+    pub fn solids(&self) -> &Solids {
+        &self.solids
+    }
+
+    /// Refuses a transmitter in a closed object smaller than the scene.
+    ///
+    /// # Errors
+    /// Where it is, and the object.
+    pub fn check_transmitter(&self, tx: DVec3) -> Result<()> {
+        Ok(self.solids.check_link(&self.scene, tx, tx)?)
+    }
+
+    /// Refuses a link one end of which lies in a closed object.
+    ///
+    /// # Errors
+    /// The end, where it is, and the object.
+    pub fn check_link(&self, tx: DVec3, rx: DVec3) -> Result<()> {
+        Ok(self.solids.check_link(&self.scene, tx, rx)?)
+    }
+}
+
+/// The array asked for, of the scene's elements at the scene's spacing. One element keeps the scene's beam; the ports of several are no beam.
+fn array(given: &ArrayConfig, grid: Option<Grid>, (scene, spacing): (Antenna, [f64; 2]), place: &str) -> Result<AntennaArray> {
+    let rows = grid.map_or(given.rows.unwrap_or(1), |g| g.rows);
+    let columns = grid.map_or(given.cols.unwrap_or(1), |g| g.columns);
+    let spacing_wavelengths = match given.spacing_wavelengths {
+        Some(Spacing::Both(s)) => [s, s],
+        Some(Spacing::Each(pair)) => pair,
+        None => spacing,
+    };
+    let sides = 1..=MAX_SIDE;
+    let spaced = spacing_wavelengths.iter().all(|s| bounds::SPACING_WAVELENGTHS.contains(s));
+    if !(sides.contains(&rows) && sides.contains(&columns) && rows * columns <= MAX_ELEMENTS && spaced) {
+        let what = format!("{rows}x{columns} elements {spacing_wavelengths:?} wavelengths apart is no array");
+        let help = format!("give rows and cols from 1 to {MAX_SIDE}, {MAX_ELEMENTS} elements in all, and spacings above 0");
+        return Err(Error::invalid(place, what, help).into());
+    }
+    let several = rows * columns > 1;
+    if let Some(orientation) = given.orientation {
+        orientation.validate(&format!("{place}.orientation"))?;
+    }
+    let element = Antenna {
+        pattern: given.pattern.unwrap_or(scene.pattern),
+        polarization: given.polarization.unwrap_or(scene.polarization),
+        world_from_antenna: given.orientation.map_or(scene.world_from_antenna, |o| o.world_from_array()),
+        beam: scene.beam.filter(|_| !several),
+    };
+    if !element.world_from_antenna.is_finite() {
+        return Err(Error::invalid(place, "its orientation is not finite", "give yaw_deg, pitch_deg, roll_deg in degrees").into());
+    }
+    Ok(AntennaArray { element, grid: PlanarArray { rows, columns, spacing_wavelengths } })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_and_grids_are_read_or_refused() {
+        assert_eq!("1, -2.5,3".parse::<Point>().map(|p| p.0), Ok(DVec3::new(1.0, -2.5, 3.0)));
+        assert_eq!("4x8".parse(), Ok(Grid { rows: 4, columns: 8 }));
+        for bad in ["1,2", "1,2,nan", "1,2,3,4", "a,b,c"] {
+            assert!(bad.parse::<Point>().is_err(), "{bad}");
+        }
+        for bad in ["4", "0x8", "4x", "-1x3", "4x5000"] {
+            assert!(bad.parse::<Grid>().is_err(), "{bad}");
+        }
+    }
+}

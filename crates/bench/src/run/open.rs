@@ -1,0 +1,105 @@
+//! A run folder back to a predictor.
+
+use crate::device::Backend;
+use crate::files::json::read_numbers;
+use crate::methods::interface::{Method, Predictor, TrainingSet};
+use crate::methods::{
+    corf_array, corf_array::ArrayPredictor, corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs, wrf_gs_plus,
+};
+use crate::metrics::input::{Input, Verify};
+use crate::run::{RunInfo, SCHEMA};
+use crate::split::Split;
+use anyhow::{Context, Result, ensure};
+use corf::RasterConfig;
+use corf_scene::dataset::Dataset;
+use std::path::Path;
+
+/// A run, ready to be asked.
+pub struct OpenRun {
+    /// `run.json`.
+    pub info: RunInfo,
+    /// The dataset it was made from.
+    pub input: Input,
+    /// Its training and held-out split.
+    pub split: Split,
+    /// The method, made again.
+    pub method: Box<dyn Method>,
+    /// The field.
+    pub predictor: Box<dyn Predictor>,
+}
+
+/// `run.json` of a run folder.
+///
+/// # Errors
+/// A folder without it (not a run, or not finished), or one of another schema.
+pub fn read_info(folder: &Path) -> Result<RunInfo> {
+    let info: RunInfo = read_numbers(&folder.join("run.json")).with_context(|| {
+        format!("{} holds no finished run\n  help: run `corf reconstruct` with --out {0} first", folder.display())
+    })?;
+    ensure!(info.schema == SCHEMA, "{}: schema {} is not {SCHEMA}", folder.display(), info.schema);
+    Ok(info)
+}
+
+/// The rasteriser's settings that a run's Gaussians were trained with; none where its method keeps no PLY of Gaussians.
+///
+/// # Errors
+/// A configuration of another version.
+pub fn raster_of(folder: &Path, info: &RunInfo) -> Result<Option<RasterConfig>> {
+    raster_of_method(&info.method, &info.config)
+        .with_context(|| format!("{}: the configuration is not of this version", folder.join("run.json").display()))
+}
+
+/// The rasteriser's settings in a method's resolved configuration; none where it has no Gaussians that a rasteriser could draw.
+///
+/// # Errors
+/// A configuration of another version.
+pub fn raster_of_method(id: &str, config: &serde_json::Value) -> Result<Option<RasterConfig>> {
+    let raster = match id {
+        "corf-array" => Some(corf_array::raster_of(config)),
+        id if id.starts_with("corf-gs") => Some(CorfGsConfig::raster_of(config)),
+        id if id.starts_with("rf-3dgs") => Some(rf_3dgs::raster_of(config)),
+        _ => None,
+    };
+    raster.transpose()
+}
+
+/// Opens a run folder; `dataset` says where the dataset is now, if it has moved, `verify` whether its files are checked, and `backend`
+/// what renders its field.
+///
+/// # Errors
+/// A folder without `run.json` (not a run, or not finished), a changed dataset, a damaged field.
+pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Backend) -> Result<OpenRun> {
+    let info = read_info(folder)?;
+    let place = dataset.unwrap_or(&info.dataset);
+    let dataset = Dataset::open(place).with_context(|| "the run's dataset cannot be opened; name its place with --dataset")?;
+    // Which dataset it is comes first: another one is whole as well.
+    ensure!(
+        dataset.hash() == info.dataset_hash,
+        "{} is not the dataset this run was made from (hash {} instead of {})\n  help: name the right one with --dataset",
+        place.display(),
+        dataset.hash(),
+        info.dataset_hash
+    );
+    let input = Input::of(dataset, verify.wanted())?;
+    let dataset = &input.dataset;
+    let split = Split::of(dataset, info.protocol)?;
+    let method = create(&info.method, &info.overrides, backend)?;
+    ensure!(
+        info.method.starts_with("corf-") || method.config() == info.config,
+        "{}: this version resolves the run's configuration differently\n  help: reconstruct again",
+        folder.display()
+    );
+    let predictor: Box<dyn Predictor> = if info.method == "corf-array" {
+        Box::new(ArrayPredictor::load(folder, &info.config, dataset, backend)?)
+    } else if let Some(raster) = raster_of(folder, &info)? {
+        Box::new(FieldPredictor::load(folder, raster, dataset, backend)?)
+    } else if info.method.starts_with("nerf2") {
+        Box::new(nerf2::Nerf2Field::load(folder, dataset, backend)?)
+    } else if info.method.starts_with("wrf-gs-plus") {
+        Box::new(wrf_gs_plus::WrfGsPlusPredictor::load(folder, dataset, backend)?)
+    } else {
+        // A lookup is its dataset.
+        method.reconstruct(&TrainingSet::new(dataset, &split), info.seed, &mut |_| Ok(()))?
+    };
+    Ok(OpenRun { info, input, split, method, predictor })
+}

@@ -1,0 +1,4 @@
+//! What work costs as it grows, measured.
+
+pub mod scale;
+pub mod workload;

@@ -1,0 +1,5 @@
+//! What people see while a command runs: messages, progress, and how Ctrl-C ends it.
+
+pub mod interrupt;
+pub mod messages;
+pub mod progress;
