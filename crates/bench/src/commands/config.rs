@@ -5,14 +5,8 @@ use crate::device::Backend;
 use crate::documents::explain::{Key, keys, plain};
 use crate::experiment::plan::Plan;
 use crate::methods;
-use crate::methods::corf_array::CorfArrayConfig;
-use crate::methods::corf_gs::CorfGsConfig;
-use crate::methods::lookup::LookupConfig;
 use anyhow::Result;
 use clap::Args;
-use corf::OfflineConfig;
-use corf::nerf2::Nerf2Config;
-use corf::wrf_gs_plus::WrfGsPlusConfig;
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use schemars::{JsonSchema, schema_for};
 use serde_json::Value;
@@ -62,20 +56,9 @@ fn of_method(id: &str) -> Result<Vec<Key>> {
     let method = methods::create(id, &toml::Table::new(), &Backend::Cpu)
         .map_err(|e| anyhow::anyhow!("{e:#}; scene, dataset and plan are files that can be explained as well"))?;
     let values = method.config();
-    let of = |schema: schemars::Schema| keys(&schema.to_value(), &values);
-    // Tables that records have and users do not write: their keys stand at the top level.
-    let (mut list, inlined): (Vec<Key>, &[&str]) = match id {
-        _ if id.starts_with("corf-gs") => (of(schema_for!(CorfGsConfig)), &["reconstruction"]),
-        "corf-array" => (of(schema_for!(CorfArrayConfig)), &["light.reconstruction", "radio"]),
-        _ if id.starts_with("rf-3dgs") => (of(schema_for!(OfflineConfig)), &[]),
-        _ if id.starts_with("nerf2") => (of(schema_for!(Nerf2Config)), &[]),
-        _ if id.starts_with("wrf-gs-plus") => (of(schema_for!(WrfGsPlusConfig)), &[]),
-        "nearest" | "inverse-distance" => (of(schema_for!(LookupConfig)), &[]),
-        _ => anyhow::bail!(
-            "the keys of {id} are not described here\n  help: add its configuration to `of_method` in commands/config.rs"
-        ),
-    };
-    for table in inlined {
+    let (family, _) = methods::find(id)?;
+    let mut list = keys(&(family.schema)().to_value(), &values);
+    for table in family.inlined {
         list.retain(|key| key.key != *table);
         for key in &mut list {
             if let Some(rest) = key.key.strip_prefix(table).and_then(|rest| rest.strip_prefix('.')) {
@@ -111,7 +94,7 @@ mod tests {
 
     #[test]
     fn every_key_of_every_method_is_explained_with_its_value() {
-        for (id, _) in methods::METHODS {
+        for id in methods::registry::all().map(|method| method.id) {
             let list = of_method(id).unwrap();
             assert!(!list.is_empty(), "{id}");
             let method = methods::create(id, &toml::Table::new(), &Backend::Cpu).unwrap();

@@ -2,6 +2,7 @@
 
 use super::{Verdict, show};
 use crate::files::separation::{Reads, keep_apart};
+use crate::methods::abilities;
 use crate::run::RunInfo;
 use crate::run::open;
 use anyhow::{Context, Result, bail, ensure};
@@ -182,7 +183,7 @@ impl Export {
                 info.method
             );
         };
-        if self.field == Half::Rf && info.method == "corf-array" {
+        if self.field == Half::Rf && abilities(&info.method).emitters {
             bail!(
                 "{place}: radio of corf-array is emitters seen through an array, no splats\n  help: export --field optical, or a run of corf-gs"
             );

@@ -3,6 +3,7 @@
 //! ```text
 //! <!-- corf docs: table results/FOLDER KEY,KEY -->    the table of a folder of records, with these columns of metrics
 //! <!-- corf docs: paper results/FOLDER I -->          a table of the paper (I to IV) with a folder's records beside it
+//! <!-- corf docs: methods -->                         every method and what it is
 //! <!-- corf docs: columns -->                         every metric: heading, key, definition
 //! <!-- corf docs: help -->                            the help of every command
 //! <!-- corf docs: keys scene -->                      the keys of a scene file, or of a data-set file (`keys dataset`)
@@ -11,6 +12,7 @@
 
 use crate::comparison::suite;
 use crate::documents::schema;
+use crate::methods::registry;
 use crate::metrics::COLUMNS;
 use crate::table;
 use crate::table::paper;
@@ -52,12 +54,13 @@ fn content(order: &str, folder: &Path, help: &str) -> Result<String> {
         ["help"] => Ok(help.to_owned()),
         ["keys", "scene"] => Ok(schema::tables::<SceneConfig>("Scene file")),
         ["keys", "dataset"] => Ok(schema::tables::<DatasetConfig>("Data-set file")),
+        ["methods"] => Ok(methods()),
         ["columns"] => Ok(columns()),
         ["table", records] => table_of(&folder.join(records), &[]),
         ["table", records, keys] => table_of(&folder.join(records), &keys.split(',').collect::<Vec<_>>()),
         ["paper", records, number] => paper_table(&folder.join(records), number),
         _ => bail!(
-            "neither `table FOLDER`, `table FOLDER KEY,KEY`, `paper FOLDER I`, `columns`, `help`, `keys scene` nor `keys dataset`"
+            "neither `table FOLDER`, `table FOLDER KEY,KEY`, `paper FOLDER I`, `methods`, `columns`, `help`, `keys scene` nor `keys dataset`"
         ),
     }
 }
@@ -73,6 +76,12 @@ fn paper_table(folder: &Path, number: &str) -> Result<String> {
     let tables = paper::tables(&rows);
     let wanted = tables.iter().find(|t| t.table.number == number);
     Ok(paper::markdown_of(wanted.with_context(|| format!("the paper has no table {number}\n  help: I, II, III or IV"))?))
+}
+
+/// Every method that `--method` takes, with its line of help.
+fn methods() -> String {
+    let rows = registry::all().map(|method| format!("| `{}` | {} |\n", method.id, method.help.replace('|', "\\|")));
+    format!("| name | what it is |\n|---|---|\n{}", rows.collect::<String>())
 }
 
 /// Every metric with its key and its definition.

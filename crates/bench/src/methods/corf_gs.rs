@@ -7,9 +7,10 @@ use crate::device::Backend;
 use crate::methods::field::FieldPredictor;
 use crate::methods::initial::Initial;
 use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
+use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::note;
 use anyhow::{Context, Result};
-use corf::config::{Coupling, DepthPriorKind, ReconstructionConfig, Sampling};
+use corf::config::{Coupling, DepthPriorKind, ReconstructionConfig};
 use corf::depth::DepthPrior;
 use corf::optimizer::{OptimizerConfig, RasterConfig};
 use corf::{Device, Reconstructor};
@@ -17,7 +18,7 @@ use corf_scene::keyframe::Modalities;
 pub use live::live_overrides;
 pub(super) use online::Keeper;
 use online::Online;
-use schemars::JsonSchema;
+use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -39,12 +40,12 @@ pub struct CorfGsConfig {
 }
 
 impl CorfGsConfig {
-    pub(super) fn parse(overrides: &toml::Table) -> Result<Self> {
+    pub(super) fn parse(settings: &toml::Table) -> Result<Self> {
         fn take<T: Serialize + DeserializeOwned + Default>(table: &mut toml::Table, key: &str) -> Result<T> {
             let overrides = table.remove(key).map_or_else(|| Ok(toml::Table::new()), toml::Value::try_into);
-            overrides.map_err(Into::into).and_then(super::over_defaults).with_context(|| format!("in key {key}"))
+            overrides.map_err(Into::into).and_then(over_defaults).with_context(|| format!("in key {key}"))
         }
-        let mut rest = overrides.clone();
+        let mut rest = settings.clone();
         let epochs = rest.remove("fine_tune_epochs").map_or_else(|| Ok(0), toml::Value::try_into);
         let initial = rest.remove("initial_gaussians").map_or_else(|| Ok(None), |v| v.try_into().map(Some));
         let config = Self {
@@ -52,7 +53,7 @@ impl CorfGsConfig {
             fine_tune_epochs: epochs.context("in key fine_tune_epochs")?,
             optimizer: take(&mut rest, "optimizer")?,
             raster: take(&mut rest, "raster")?,
-            reconstruction: super::over_defaults(rest)?,
+            reconstruction: over_defaults(rest)?,
         };
         config.reconstruction.validate()?;
         config.optimizer.validate()?;
@@ -92,14 +93,14 @@ impl CorfGsConfig {
     }
 }
 
-/// Overrides of the default configuration in `corf-gs-fast`; a caller's own take precedence. All of a keyframe's steps are taken while the
+/// Settings of `corf-gs-fast`. All of a keyframe's steps are taken while the
 /// next one is expanded. docs/METHODOLOGY.md says what the missing steps cost.
 const FAST: &str = "\
 iterations_per_keyframe = 40
 overlapped_iterations = 40
 ";
 
-/// Overrides of the default configuration in `corf-gs-paper`: the constants that the paper gives, and where it is silent those of
+/// Settings of `corf-gs-paper`: the constants that the paper gives, and where it is silent those of
 /// on-the-fly novel-view synthesis (Meuleman et al. 2025), which it builds on. docs/METHODOLOGY.md lists what each difference is worth.
 const PAPER: &str = "\
 visits_per_level = 5
@@ -114,7 +115,49 @@ depth.min_segment_px = 10.0
 optimizer.rf.sh_rest_divisor = 20.0
 ";
 
-/// `corf-gs`, `corf-gs-paper`, `corf-gs-fast`, `corf-gs-uniform`, `corf-gs-frozen`, `corf-gs-rf-tuned`.
+/// Coupled optimisation, as a method and in its ablations.
+pub const FAMILY: Family = Family {
+    variants: &[
+        Variant {
+            id: "corf-gs",
+            help: "coupled optimisation, optical-guided expansion: the paper's method at its best",
+            preset: "",
+        },
+        Variant { id: "corf-gs-paper", help: "corf-gs with the paper's constants", preset: PAPER },
+        Variant {
+            id: "corf-gs-fast",
+            help: "corf-gs with 40 iterations a keyframe instead of 75, overlapped with the next keyframe's expansion",
+            preset: FAST,
+        },
+        Variant {
+            id: "corf-gs-uniform",
+            help: "ablation: every pixel spawns with probability 0.1 instead of optical-guided expansion",
+            preset: "sampling = \"uniform\"",
+        },
+        Variant {
+            id: "corf-gs-frozen",
+            help: "ablation: two stages, optical geometry frozen in the RF stage",
+            preset: "coupling = \"frozen\"",
+        },
+        Variant {
+            id: "corf-gs-rf-tuned",
+            help: "ablation: two stages, geometry refined by RF in the second",
+            preset: "coupling = \"rf-tuned\"",
+        },
+    ],
+    decided: &["coupling", "sampling"],
+    create: |id, settings, backend| Ok(Box::new(CorfGs::new(id, &settings, backend)?)),
+    open: Open::Saved(|run| {
+        let raster = CorfGsConfig::raster_of(run.config)?;
+        Ok(Box::new(FieldPredictor::load(run.folder, raster, run.dataset, run.backend)?))
+    }),
+    schema: || schema_for!(CorfGsConfig),
+    inlined: &["reconstruction"],
+    raster: Some(CorfGsConfig::raster_of),
+    can: Abilities { online: true, follows: true, begins_with_gaussians: true, emitters: false, on_processor: false },
+};
+
+/// A method of [`FAMILY`].
 pub struct CorfGs {
     id: String,
     config: CorfGsConfig,
@@ -123,33 +166,12 @@ pub struct CorfGs {
 }
 
 impl CorfGs {
-    /// The row of that name; `overrides` are keys of [`ReconstructionConfig`], or `fine_tune_epochs`.
+    /// The method of that name; `settings` are keys of [`ReconstructionConfig`] and the tables and keys beside it.
     ///
     /// # Errors
     /// A key that does not exist, or a value out of range.
-    pub fn new(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Self> {
-        let mut table = toml::Table::new();
-        match id {
-            "corf-gs-fast" => table = FAST.parse().context("the fast preset")?,
-            "corf-gs-paper" => table = PAPER.parse().context("the paper's constants")?,
-            _ => {}
-        }
-        super::merge(&mut table, overrides.clone());
-        let mut config = CorfGsConfig::parse(&table).with_context(|| format!("in the configuration of {id}"))?;
-        let reconstruction = &mut config.reconstruction;
-        for key in ["coupling", "sampling"] {
-            // The ids name these two: a record must not say one thing and do another.
-            anyhow::ensure!(
-                !overrides.contains_key(key),
-                "{id}: the key {key} is set by the method's name\n  help: choose corf-gs, corf-gs-paper, corf-gs-fast, corf-gs-uniform, corf-gs-frozen or corf-gs-rf-tuned"
-            );
-        }
-        match id {
-            "corf-gs-uniform" => reconstruction.sampling = Sampling::Uniform,
-            "corf-gs-frozen" => reconstruction.coupling = Coupling::Frozen,
-            "corf-gs-rf-tuned" => reconstruction.coupling = Coupling::RfTuned,
-            _ => {}
-        }
+    pub fn new(id: &str, settings: &toml::Table, backend: &Backend) -> Result<Self> {
+        let config = CorfGsConfig::parse(settings)?;
         Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None })
     }
 }
@@ -218,7 +240,7 @@ impl Method for CorfGs {
         let resumed = self.checkpoints.as_ref().is_some_and(|c| c.to_resume().is_some());
         if let Some(file) = self.config.initial_gaussians.as_ref().filter(|_| !resumed) {
             let initial = Initial::read(file)?;
-            initial.tell(&self.id, config.optical_sh_degree, self.config.raster.antialias);
+            initial.tell(&self.id, (config.optical_sh_degree, Some("optical_sh_degree")), self.config.raster.antialias);
             reconstructor.begin_with(&initial.coupled(config.empty_field(), config.rf_target, training)?)?;
         }
         let stages = if config.coupling == Coupling::Joint { 1 } else { 2 };
@@ -307,12 +329,15 @@ impl Relay<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::methods::registry::settings;
     use corf::optimizer::AppearanceRates;
     use std::path::Path;
 
     #[test]
     fn the_fast_preset_yields_to_overrides_and_leaves_the_rest_alone() {
-        let make = |id: &str, text: &str| CorfGs::new(id, &text.parse().unwrap(), &Backend::Cpu).unwrap().config.reconstruction;
+        let new =
+            |id: &str, text: &str| CorfGs::new(id, &settings(id, &text.parse().unwrap()).unwrap(), &Backend::Cpu).unwrap().config;
+        let make = |id: &str, text: &str| new(id, text).reconstruction;
         let (plain, fast) = (make("corf-gs", ""), make("corf-gs-fast", "rf_weight = 0.2\ndepth = { corners = 500 }"));
         assert!(fast.iterations_per_keyframe < plain.iterations_per_keyframe);
         assert_eq!((fast.rf_weight, fast.depth.corners, fast.depth.neighbours), (0.2, 500, plain.depth.neighbours));
@@ -322,7 +347,7 @@ mod tests {
         assert!(!paper.depth.correction && paper.finest_share == Some(1.0));
         assert_eq!(make("corf-gs-fast", "iterations_per_keyframe = 70").iterations_per_keyframe, 70);
         // Part of an inner table leaves the rest of it alone, also where its defaults are not those of its type.
-        let rates = |id: &str, text: &str| CorfGs::new(id, &text.parse().unwrap(), &Backend::Cpu).unwrap().config.optimizer.rf;
+        let rates = |id: &str, text: &str| new(id, text).optimizer.rf;
         let usual = OptimizerConfig::default().rf;
         assert!(usual != AppearanceRates::default());
         assert_eq!(rates("corf-gs", "optimizer.rf.sh_dc = 0.01"), AppearanceRates { sh_dc: 0.01, ..usual });

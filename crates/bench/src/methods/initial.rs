@@ -74,7 +74,7 @@ impl Initial {
     }
 
     /// Says how the file differs from what the method works with.
-    pub fn tell(&self, method: &str, sh_degree: usize, antialias: Antialias) {
+    pub fn tell(&self, method: &str, (sh_degree, key): (usize, Option<&str>), antialias: Antialias) {
         let (file, theirs) = (self.file.display(), self.field.gaussians.appearance.sh_degree);
         note!("{method}: begins with {} Gaussians of {file}", self.field.gaussians.position.len());
         if self.field.filter_3d {
@@ -92,11 +92,7 @@ impl Initial {
             note!(
                 "{method}: its harmonics of degree {} to {theirs} are left out, for the field's degree is {sh_degree}{}",
                 sh_degree + 1,
-                if method.starts_with("corf-gs") {
-                    format!("; --set optical_sh_degree={theirs} keeps them")
-                } else {
-                    String::new()
-                }
+                key.map_or(String::new(), |key| format!("; --set {key}={theirs} keeps them"))
             );
         }
         let (ours, says) = (antialias != Antialias::Off, self.field.antialiased);

@@ -2,11 +2,12 @@
 
 use crate::files::json::write_json;
 use crate::methods::interface::{Advance, Method, Predictor, TrainingSet};
+use crate::methods::registry::{Abilities, Family, Open, Variant};
 use crate::metrics::Prediction;
 use anyhow::{Context, Result};
 use corf_scene::keyframe::Modalities;
 use corf_scene::{Keyframe, Raster, Rigid3};
-use schemars::JsonSchema;
+use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -36,7 +37,27 @@ impl Default for LookupConfig {
     }
 }
 
-/// `nearest` and `inverse-distance`.
+/// The nearest keyframe.
+pub const NEAREST: Family = Family {
+    variants: &[Variant { id: "nearest", help: "the nearest training keyframe, as it was observed", preset: "keyframes = 1" }],
+    // One keyframe is the nearest.
+    decided: &["keyframes"],
+    ..INVERSE_DISTANCE
+};
+
+/// Keyframes around.
+pub const INVERSE_DISTANCE: Family = Family {
+    variants: &[Variant { id: "inverse-distance", help: "training keyframes blended by inverse distance", preset: "" }],
+    decided: &[],
+    create: |id, settings, _| Ok(Box::new(Lookup::new(id, settings)?)),
+    open: Open::Again,
+    schema: || schema_for!(LookupConfig),
+    inlined: &[],
+    raster: None,
+    can: Abilities { online: false, follows: false, begins_with_gaussians: false, emitters: false, on_processor: true },
+};
+
+/// A method of [`NEAREST`] or [`INVERSE_DISTANCE`].
 pub struct Lookup {
     id: String,
     config: LookupConfig,
@@ -46,12 +67,9 @@ impl Lookup {
     /// The lookup of that name.
     ///
     /// # Errors
-    /// An override that is no key of [`LookupConfig`].
-    pub fn new(id: &str, overrides: &toml::Table) -> Result<Self> {
-        let mut config: LookupConfig = overrides.clone().try_into().with_context(|| format!("in the configuration of {id}"))?;
-        if id == "nearest" {
-            config.keyframes = 1;
-        }
+    /// A key that is none of [`LookupConfig`].
+    pub fn new(id: &str, settings: toml::Table) -> Result<Self> {
+        let config: LookupConfig = settings.try_into()?;
         Ok(Self { id: id.to_owned(), config })
     }
 }

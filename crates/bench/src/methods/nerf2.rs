@@ -7,6 +7,7 @@ use crate::device::Backend;
 #[cfg(feature = "gpu")]
 use crate::device::network_options;
 use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
+use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::stepwise::say_unless_kept;
 use crate::metrics::Prediction;
 use crate::terminal::interrupt;
@@ -15,6 +16,7 @@ use corf::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Trainer, TrainingRays};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::Modalities;
 use corf_scene::{Pinhole, Rigid3};
+use schemars::schema_for;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -23,7 +25,38 @@ const REPORT_INTERVAL: Duration = Duration::from_secs(2);
 /// File of a run folder with the field.
 const FIELD: &str = "nerf2";
 
-/// `nerf2` and `nerf2-corrected`.
+/// NeRF², as published and corrected.
+pub const FAMILY: Family = Family {
+    variants: &[
+        Variant {
+            id: "nerf2",
+            help: "baseline: NeRF² as published, an implicit field of the spectrum alone; for a GPU",
+            preset: "",
+        },
+        Variant {
+            id: "nerf2-corrected",
+            help: "baseline: NeRF² with its schedule, its sampling and its last sample corrected",
+            preset: CORRECTED,
+        },
+    ],
+    decided: &[],
+    create: |id, settings, backend| Ok(Box::new(Nerf2::new(id, settings, backend)?)),
+    open: Open::Saved(|run| Ok(Box::new(Nerf2Field::load(run.folder, run.dataset, run.backend)?))),
+    schema: || schema_for!(Nerf2Config),
+    inlined: &[],
+    raster: None,
+    can: Abilities { online: false, follows: false, begins_with_gaussians: false, emitters: false, on_processor: false },
+};
+
+/// Settings of `nerf2-corrected`, which correct what is a defect in the published code: the rate falls over the whole budget instead of rising
+/// again, points are drawn anew in each step, so that the field is seen between fixed distances too, and the last point of a ray counts.
+const CORRECTED: &str = "\
+cosine_steps = 0
+jitter = true
+last_sample = true
+";
+
+/// A method of [`FAMILY`].
 pub struct Nerf2 {
     id: String,
     config: Nerf2Config,
@@ -32,19 +65,13 @@ pub struct Nerf2 {
 }
 
 impl Nerf2 {
-    /// The row of that name; `overrides` are keys of [`Nerf2Config`].
+    /// The method of that name; `settings` are keys of [`Nerf2Config`].
     ///
     /// # Errors
     /// A key that does not exist, or a value out of range.
-    pub fn new(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Self> {
-        let published = Nerf2Config::default();
-        let mut table = toml::Table::try_from(if id == "nerf2-corrected" { published.corrected() } else { published })?;
-        super::merge(&mut table, overrides.clone());
-        let parsed = table.try_into().map_err(anyhow::Error::from).and_then(|config: Nerf2Config| {
-            config.validate()?;
-            Ok(config)
-        });
-        let config = parsed.with_context(|| format!("in the configuration of {id}"))?;
+    pub fn new(id: &str, settings: toml::Table, backend: &Backend) -> Result<Self> {
+        let config: Nerf2Config = over_defaults(settings)?;
+        config.validate()?;
         Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None })
     }
 }
@@ -215,16 +242,21 @@ impl Predictor for Nerf2Field {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::methods::registry::{create, settings};
 
     #[test]
     fn the_two_rows_differ_in_what_is_corrected_and_yield_to_overrides() {
-        let config = |id: &str, text: &str| Nerf2::new(id, &text.parse().unwrap(), &Backend::Cpu).unwrap().config;
+        let config =
+            |id: &str, text: &str| Nerf2::new(id, settings(id, &text.parse().unwrap()).unwrap(), &Backend::Cpu).unwrap().config;
         let (published, corrected) = (config("nerf2", ""), config("nerf2-corrected", ""));
-        assert_eq!((published, corrected), (Nerf2Config::default(), Nerf2Config::default().corrected()));
+        assert_eq!(
+            (published, corrected),
+            (Nerf2Config::default(), Nerf2Config { cosine_steps: 0, jitter: true, last_sample: true, ..published })
+        );
         let small = config("nerf2-corrected", "width = 32\niterations = 5");
         assert_eq!(small, Nerf2Config { width: 32, iterations: 5, ..corrected });
         for wrong in ["breadth = 32", "width = 0", "rate = -1.0", "samples = 1"] {
-            let error = Nerf2::new("nerf2", &wrong.parse().unwrap(), &Backend::Cpu).err().unwrap();
+            let error = create("nerf2", &wrong.parse().unwrap(), &Backend::Cpu).err().unwrap();
             assert!(format!("{error:#}").contains("in the configuration of nerf2"), "{error:#}");
         }
     }

@@ -5,18 +5,43 @@ use crate::device::Backend;
 use crate::methods::field::FieldPredictor;
 use crate::methods::initial::Initial;
 use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, StageTime, TrainingSet, shown};
+use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::Prediction;
-use anyhow::{Context, Result, ensure};
-use corf::offline::{OfflineTimes, Point, RfBackground, RfMoments, write_ply};
+use anyhow::Result;
+use corf::offline::{OfflineTimes, Point, write_ply};
 use corf::{Field, OfflineCheckpoint, OfflineConfig, OfflineReconstructor, RasterConfig};
 use corf_scene::Rigid3;
+use schemars::schema_for;
 use std::path::Path;
 
 /// File of a run folder with the points it began with.
 pub const POINTS: &str = "initial_points.ply";
 
-/// `rf-3dgs` and `rf-3dgs-corrected`.
+/// RF-3DGS, as published and with the defects of its RF stage mended.
+pub const FAMILY: Family = Family {
+    variants: &[
+        Variant {
+            id: "rf-3dgs",
+            help: "baseline RF-3DGS: offline 3D Gaussian splatting, then RF on its frozen geometry, as published",
+            preset: "",
+        },
+        Variant {
+            id: "rf-3dgs-corrected",
+            help: "rf-3dgs with a fresh optimiser in the RF stage and the background of a direction without power",
+            preset: "rf_moments = \"zero\"\nrf_background = \"floor\"",
+        },
+    ],
+    decided: &["rf_moments", "rf_background"],
+    create: |id, settings, backend| Ok(Box::new(Rf3dgs::new(id, settings, backend)?)),
+    open: Open::Saved(|run| Ok(Box::new(FieldPredictor::load(run.folder, raster_of(run.config)?, run.dataset, run.backend)?))),
+    schema: || schema_for!(OfflineConfig),
+    inlined: &[],
+    raster: Some(raster_of),
+    can: Abilities { online: false, follows: false, begins_with_gaussians: true, emitters: false, on_processor: false },
+};
+
+/// A method of [`FAMILY`].
 pub struct Rf3dgs {
     id: String,
     config: OfflineConfig,
@@ -28,28 +53,17 @@ pub struct Rf3dgs {
 ///
 /// # Errors
 /// A configuration of another version.
-pub fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
+fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
     Ok(serde_json::from_value::<OfflineConfig>(config.clone())?.raster())
 }
 
 impl Rf3dgs {
-    /// The row of that name; `overrides` are keys of [`OfflineConfig`].
+    /// The method of that name; `settings` are keys of [`OfflineConfig`].
     ///
     /// # Errors
-    /// A key that does not exist or that the name sets, or a value out of range.
-    pub fn new(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Self> {
-        for key in ["rf_moments", "rf_background"] {
-            // A record must not say one thing and do another.
-            ensure!(
-                !overrides.contains_key(key),
-                "{id}: the key {key} is set by the method's name\n  help: choose rf-3dgs or rf-3dgs-corrected"
-            );
-        }
-        let mut config: OfflineConfig =
-            super::over_defaults(overrides.clone()).with_context(|| format!("in the configuration of {id}"))?;
-        if id == "rf-3dgs-corrected" {
-            (config.rf_moments, config.rf_background) = (RfMoments::Zero, RfBackground::Floor);
-        }
+    /// A key that does not exist, or a value out of range.
+    pub fn new(id: &str, settings: toml::Table, backend: &Backend) -> Result<Self> {
+        let config: OfflineConfig = over_defaults(settings)?;
         config.validate()?;
         Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None })
     }
@@ -98,7 +112,7 @@ impl Method for Rf3dgs {
         let mut reconstructor = OfflineReconstructor::new(device, config.clone(), optical, rf, range, seed)?;
         if let Some(file) = &config.initial_gaussians {
             let initial = Initial::read(file)?;
-            initial.tell(&self.id, config.sh_degree, config.raster().antialias);
+            initial.tell(&self.id, (config.sh_degree, None), config.raster().antialias);
             reconstructor.start_from(initial.coupled(config.empty_field(), OfflineConfig::RF_TARGET, training)?);
         }
         for k in 0..training.len() {
@@ -178,9 +192,11 @@ impl Predictor for WithPoints {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::methods::registry::settings;
+    use corf::offline::{RfBackground, RfMoments};
 
     fn make(id: &str, text: &str) -> Result<Rf3dgs> {
-        Rf3dgs::new(id, &text.parse().unwrap(), &Backend::Cpu)
+        Rf3dgs::new(id, settings(id, &text.parse().unwrap())?, &Backend::Cpu)
     }
 
     #[test]

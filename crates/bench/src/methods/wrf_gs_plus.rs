@@ -6,20 +6,45 @@ use crate::device::Backend;
 use crate::device::network_options;
 use crate::methods::field::jet_of;
 use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
+use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::{Prediction, RadioPrediction};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use corf::wrf_gs_plus::{
     CpuTrainer, Model, Trainer, WrfGsPlusCheckpoint, WrfGsPlusConfig, WrfGsPlusField, WrfGsPlusReconstructor,
 };
 use corf_scene::Rigid3;
 use corf_scene::dataset::Dataset;
+use schemars::schema_for;
 use std::path::Path;
 
 /// File of a run folder with the field.
 const FIELD: &str = "wrf-gs-plus";
 
-/// `wrf-gs-plus` and `wrf-gs-plus-corrected`.
+/// WRF-GS+, as published and with its displacements used.
+pub const FAMILY: Family = Family {
+    variants: &[
+        Variant {
+            id: "wrf-gs-plus",
+            help: "baseline: WRF-GS+ as published, Gaussians of the spectrum alone that a network deforms; for a GPU",
+            preset: "",
+        },
+        Variant {
+            id: "wrf-gs-plus-corrected",
+            help: "wrf-gs-plus with the predicted displacements used",
+            preset: "move_positions = true",
+        },
+    ],
+    decided: &["move_positions"],
+    create: |id, settings, backend| Ok(Box::new(WrfGsPlus::new(id, settings, backend)?)),
+    open: Open::Saved(|run| Ok(Box::new(WrfGsPlusPredictor::load(run.folder, run.dataset, run.backend)?))),
+    schema: || schema_for!(WrfGsPlusConfig),
+    inlined: &[],
+    raster: None,
+    can: Abilities { online: false, follows: false, begins_with_gaussians: false, emitters: false, on_processor: false },
+};
+
+/// A method of [`FAMILY`].
 pub struct WrfGsPlus {
     id: String,
     config: WrfGsPlusConfig,
@@ -28,19 +53,12 @@ pub struct WrfGsPlus {
 }
 
 impl WrfGsPlus {
-    /// The row of that name; `overrides` are keys of [`WrfGsPlusConfig`].
+    /// The method of that name; `settings` are keys of [`WrfGsPlusConfig`].
     ///
     /// # Errors
-    /// A key that does not exist or that the name sets, or a value out of range.
-    pub fn new(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Self> {
-        // A record must not say one thing and do another.
-        ensure!(
-            !overrides.contains_key("move_positions"),
-            "{id}: the key move_positions is set by the method's name\n  help: choose wrf-gs-plus or wrf-gs-plus-corrected"
-        );
-        let mut config: WrfGsPlusConfig =
-            super::over_defaults(overrides.clone()).with_context(|| format!("in the configuration of {id}"))?;
-        config.move_positions = id == "wrf-gs-plus-corrected";
+    /// A key that does not exist, or a value out of range.
+    pub fn new(id: &str, settings: toml::Table, backend: &Backend) -> Result<Self> {
+        let config: WrfGsPlusConfig = over_defaults(settings)?;
         config.validate()?;
         Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None })
     }
@@ -193,10 +211,11 @@ impl Predictor for WrfGsPlusPredictor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::methods::registry::settings;
     use corf::target::RfTarget;
 
     fn make(id: &str, text: &str) -> Result<WrfGsPlus> {
-        WrfGsPlus::new(id, &text.parse().unwrap(), &Backend::Cpu)
+        WrfGsPlus::new(id, settings(id, &text.parse().unwrap())?, &Backend::Cpu)
     }
 
     #[test]

@@ -15,6 +15,7 @@ pub mod open;
 use crate::files::json::write_numbers;
 use crate::files::output::{FreshFolder, clear_leftovers, has_unfinished, is_leftover, was_finishing};
 use crate::live::LiveRecord;
+use crate::methods::abilities;
 use crate::methods::interface::{Method, StageTime};
 use crate::record::CurvePoint;
 use crate::record::provenance::Provenance;
@@ -153,7 +154,7 @@ impl RunInfo {
         result: &Reconstruction,
     ) -> Result<Self> {
         // These say what every keyframe of their session took.
-        let online = method.id().starts_with("corf-");
+        let online = abilities(method.id()).online;
         Ok(Self {
             schema: SCHEMA.to_owned(),
             method: method.id().to_owned(),

@@ -2,10 +2,9 @@
 
 use crate::device::Backend;
 use crate::files::json::read_numbers;
-use crate::methods::interface::{Method, Predictor, TrainingSet};
-use crate::methods::{
-    corf_array, corf_array::ArrayPredictor, corf_gs::CorfGsConfig, create, field::FieldPredictor, nerf2, rf_3dgs, wrf_gs_plus,
-};
+use crate::methods::create;
+use crate::methods::interface::{Method, Predictor};
+use crate::methods::registry::{self, SavedRun};
 use crate::metrics::input::{Input, Verify};
 use crate::run::{RunInfo, SCHEMA};
 use crate::split::Split;
@@ -45,22 +44,8 @@ pub fn read_info(folder: &Path) -> Result<RunInfo> {
 /// # Errors
 /// A configuration of another version.
 pub fn raster_of(folder: &Path, info: &RunInfo) -> Result<Option<RasterConfig>> {
-    raster_of_method(&info.method, &info.config)
+    registry::raster_of(&info.method, &info.config)
         .with_context(|| format!("{}: the configuration is not of this version", folder.join("run.json").display()))
-}
-
-/// The rasteriser's settings in a method's resolved configuration; none where it has no Gaussians that a rasteriser could draw.
-///
-/// # Errors
-/// A configuration of another version.
-pub fn raster_of_method(id: &str, config: &serde_json::Value) -> Result<Option<RasterConfig>> {
-    let raster = match id {
-        "corf-array" => Some(corf_array::raster_of(config)),
-        id if id.starts_with("corf-gs") => Some(CorfGsConfig::raster_of(config)),
-        id if id.starts_with("rf-3dgs") => Some(rf_3dgs::raster_of(config)),
-        _ => None,
-    };
-    raster.transpose()
 }
 
 /// Opens a run folder; `dataset` says where the dataset is now, if it has moved, `verify` whether its files are checked, and `backend`
@@ -84,22 +69,7 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
     let dataset = &input.dataset;
     let split = Split::of(dataset, info.protocol)?;
     let method = create(&info.method, &info.overrides, backend)?;
-    ensure!(
-        info.method.starts_with("corf-") || method.config() == info.config,
-        "{}: this version resolves the run's configuration differently\n  help: reconstruct again",
-        folder.display()
-    );
-    let predictor: Box<dyn Predictor> = if info.method == "corf-array" {
-        Box::new(ArrayPredictor::load(folder, &info.config, dataset, backend)?)
-    } else if let Some(raster) = raster_of(folder, &info)? {
-        Box::new(FieldPredictor::load(folder, raster, dataset, backend)?)
-    } else if info.method.starts_with("nerf2") {
-        Box::new(nerf2::Nerf2Field::load(folder, dataset, backend)?)
-    } else if info.method.starts_with("wrf-gs-plus") {
-        Box::new(wrf_gs_plus::WrfGsPlusPredictor::load(folder, dataset, backend)?)
-    } else {
-        // A lookup is its dataset.
-        method.reconstruct(&TrainingSet::new(dataset, &split), info.seed, &mut |_| Ok(()))?
-    };
+    let saved = SavedRun { folder, config: &info.config, dataset, backend };
+    let predictor = registry::open(&saved, method.as_ref(), info.seed, &split)?;
     Ok(OpenRun { info, input, split, method, predictor })
 }

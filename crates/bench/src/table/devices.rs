@@ -1,14 +1,13 @@
 //! Devices of rows: cells that ran on different ones have rows of their own, and the note says which ran where.
 
 use super::Row;
+use crate::methods::abilities;
 use crate::record::{NOT_STATED, Outcome, PREDICTIONS, Record};
 
 /// What a device's name has behind it where a network multiplies in half precision, which is a setting and no other device.
 const PRECISION: &str = ", f16 products";
 /// Beginning of the processor's name as a device.
 const PROCESSOR: &str = "cpu";
-/// Methods that run on the processor wherever others run.
-const LOOKUPS: [&str; 2] = ["nearest", "inverse-distance"];
 
 /// Where a cell ran: its device, of the processor with its make, and those before it where it was gone on with on another.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -31,7 +30,7 @@ impl Place {
 
     /// Whether it is told from others in a table: not where a lookup ran on the processor, and not what nobody knows.
     fn is_told(&self, method: &str) -> bool {
-        self.device != NOT_STATED && !(LOOKUPS.contains(&method) && self.device.starts_with(PROCESSOR))
+        self.device != NOT_STATED && !(abilities(method).on_processor && self.device.starts_with(PROCESSOR))
     }
 
     /// The name by which rows are compared, with the processor's make where devices differ by nothing else.

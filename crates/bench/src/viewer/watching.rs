@@ -6,8 +6,8 @@ use super::routes::Desk;
 use super::server::{Port, Server};
 use super::subject::{Subject, Work};
 use crate::methods::interface::{Advance, Method};
+use crate::methods::registry;
 use crate::note;
-use crate::run::open::raster_of_method;
 use crate::split::Split;
 use anyhow::{Context, Result};
 use corf::Field;
@@ -70,7 +70,7 @@ impl Watching {
 
 /// How a method's Gaussians are drawn: the rasteriser's settings, and whether their RF colours are spectra.
 fn drawing(method: &dyn Method) -> Result<(corf::RasterConfig, bool)> {
-    let raster = raster_of_method(method.id(), &method.config())?.with_context(|| {
+    let raster = registry::raster_of(method.id(), &method.config())?.with_context(|| {
         format!(
             "{} has no Gaussians that could be shown while they grow\n  help: leave --view out, and look at the run with `corf view` once it has ended",
             method.id()

@@ -3,6 +3,7 @@
 use crate::device::Backend;
 use crate::files::json::{read_json, write_json};
 use crate::live::{DATASET, Session, SessionOptions, WhenBehind};
+use crate::methods;
 use crate::methods::corf_gs::{CorfGs, live_overrides};
 use crate::methods::interface::Method as _;
 use crate::note;
@@ -63,17 +64,18 @@ impl Follow<'_> {
     pub fn run(self) -> Result<RunInfo> {
         let Self { folder, out, .. } = self;
         ensure!(
-            self.method.starts_with("corf-gs"),
-            "{} trains on all keyframes at once, and a live folder brings one after the other\n  help: choose corf-gs, or another method whose name \
-             begins so; or follow first and train on RUN/dataset then",
-            self.method
+            methods::abilities(self.method).follows,
+            "{} trains on all keyframes at once, and a live folder brings one after the other\n  help: choose one of {}; or \
+             follow first and train on RUN/dataset then",
+            self.method,
+            methods::registry::that(|can| can.follows)
         );
         ensure!(
             !self.overrides.contains_key("initial_gaussians"),
             "--follow begins with nothing, and --from names Gaussians\n  help: follow first, and reconstruct RUN/dataset with --from then"
         );
         // A key that does not exist, and a folder that is occupied, are known before anybody waits.
-        CorfGs::new(self.method, &self.overrides, &self.backend)?;
+        CorfGs::new(self.method, &methods::registry::settings(self.method, &self.overrides)?, &self.backend)?;
         ensure!(
             !folder.exists() || folder.is_dir(),
             "{} is no folder\n  help: name the live folder, which may be made later",
@@ -89,7 +91,7 @@ impl Follow<'_> {
         };
         Session::check(&description, self.protocol)?;
         let overrides = live_overrides(&self.overrides, &description)?;
-        let method = CorfGs::new(self.method, &overrides, &self.backend)?;
+        let method = CorfGs::new(self.method, &methods::registry::settings(self.method, &overrides)?, &self.backend)?;
         let begun = Begun {
             schema: UNFINISHED_SCHEMA.to_owned(),
             folder: std::path::absolute(folder)?,

@@ -134,9 +134,10 @@ impl Reconstruct {
         }
         if let Some(file) = &self.from {
             ensure!(
-                self.method.starts_with("corf-gs") || self.method.starts_with("rf-3dgs"),
-                "{}: --from gives Gaussians to begin with, which this method has no place for\n  help: choose corf-gs, one of its variants, or rf-3dgs",
-                self.method
+                methods::abilities(&self.method).begins_with_gaussians,
+                "{}: --from gives Gaussians to begin with, which this method has no place for\n  help: choose one of {}",
+                self.method,
+                methods::registry::that(|can| can.begins_with_gaussians)
             );
             let file = std::path::absolute(file)?.display().to_string();
             table.insert("initial_gaussians".to_owned(), toml::Value::String(file));

@@ -10,6 +10,7 @@ use super::corf_gs::{CorfGsConfig, Keeper};
 use super::field::FieldPredictor;
 use crate::device::Backend;
 use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
+use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::note;
 use crate::scenes::behind::SceneBehind;
 use anyhow::{Context, Result, ensure};
@@ -18,7 +19,7 @@ use corf::config::Coupling;
 use corf::{RasterConfig, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
 use online::Online;
-use schemars::JsonSchema;
+use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize, Serializer};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -57,7 +58,7 @@ impl CorfArrayConfig {
         );
         let oracle_scene = rest.remove(ORACLE_SCENE).map_or_else(|| Ok(None), |v| v.try_into().map(Some));
         let oracle_scene: Option<PathBuf> = oracle_scene.with_context(|| format!("in key {ORACLE_SCENE}"))?;
-        let radio: ArrayConfig = super::over_defaults(rest)?;
+        let radio: ArrayConfig = over_defaults(rest)?;
         radio.validate()?;
         ensure!(
             oracle_scene.is_none() || radio.sources,
@@ -71,7 +72,7 @@ impl CorfArrayConfig {
 ///
 /// # Errors
 /// A configuration of another version.
-pub fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
+fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
     Ok(serde_json::from_value::<CorfArrayConfig>(config.clone())?.light.raster)
 }
 
@@ -133,7 +134,23 @@ pub fn on_device(trainer: ArrayTrainer, backend: &Backend) -> Result<ArrayTraine
     }
 }
 
-/// `corf-array`.
+/// Light as in `corf-gs`, radio as emitters.
+pub const FAMILY: Family = Family {
+    variants: &[Variant {
+        id: "corf-array",
+        help: "beyond the paper: light as in corf-gs, radio as emitters seen through the receiver's own array",
+        preset: "",
+    }],
+    decided: &[],
+    create: |_, settings, backend| Ok(Box::new(CorfArray::new(&settings, backend)?)),
+    open: Open::Saved(|run| Ok(Box::new(ArrayPredictor::load(run.folder, run.config, run.dataset, run.backend)?))),
+    schema: || schema_for!(CorfArrayConfig),
+    inlined: &["light.reconstruction", "radio"],
+    raster: Some(raster_of),
+    can: Abilities { online: true, follows: false, begins_with_gaussians: false, emitters: true, on_processor: false },
+};
+
+/// The method of [`FAMILY`].
 pub struct CorfArray {
     config: CorfArrayConfig,
     backend: Backend,
@@ -141,12 +158,12 @@ pub struct CorfArray {
 }
 
 impl CorfArray {
-    /// The method; `overrides` are keys of [`ArrayConfig`], and in the table `light` keys of `corf-gs`.
+    /// The method; `settings` are keys of [`ArrayConfig`], and in the table `light` keys of `corf-gs`.
     ///
     /// # Errors
     /// A key that does not exist, or a value out of range.
-    pub fn new(overrides: &toml::Table, backend: &Backend) -> Result<Self> {
-        let config = CorfArrayConfig::parse(overrides).context("in the configuration of corf-array")?;
+    pub fn new(settings: &toml::Table, backend: &Backend) -> Result<Self> {
+        let config = CorfArrayConfig::parse(settings)?;
         Ok(Self { config, backend: backend.clone(), checkpoints: None })
     }
 

@@ -1,0 +1,238 @@
+//! What the program knows of a method by its name. A family of methods is one entry, in the file of its implementation; dispatch, `--help`,
+//! `corf config --explain` and the documents' tables follow from the list of entries.
+
+use super::interface::{Method, Predictor, TrainingSet};
+use crate::device::Backend;
+use crate::split::Split;
+use anyhow::{Context, Result, bail, ensure};
+use clap::builder::{PossibleValue, PossibleValuesParser};
+use corf::RasterConfig;
+use corf_scene::dataset::Dataset;
+use serde::{Serialize, de::DeserializeOwned};
+use serde_json::Value;
+use std::path::Path;
+
+/// Methods of one implementation.
+pub struct Family {
+    /// The methods, in the order in which lists show them.
+    pub variants: &'static [Variant],
+    /// Keys that a variant's name decides: a record must not say one thing and do another, so a caller may not set them.
+    pub decided: &'static [&'static str],
+    /// Makes the method of that name with these settings, [`settings`] of the caller's.
+    pub create: fn(&str, toml::Table, &Backend) -> Result<Box<dyn Method>>,
+    /// How a finished run becomes a predictor again.
+    pub open: Open,
+    /// Schema of the resolved configuration.
+    pub schema: fn() -> schemars::Schema,
+    /// Tables that resolved configurations have and users do not write: their keys stand at the top level of settings.
+    pub inlined: &'static [&'static str],
+    /// The rasteriser's settings in a resolved configuration; none where no Gaussians are kept that a rasteriser could draw.
+    pub raster: Option<fn(&Value) -> Result<RasterConfig>>,
+    /// What the family can do besides.
+    pub can: Abilities,
+}
+
+/// A method of a family.
+pub struct Variant {
+    /// Its name for `--method`, plans and records.
+    pub id: &'static str,
+    /// A line for `--help` and for documents.
+    pub help: &'static str,
+    /// Its settings where they differ from the family's, as TOML: a caller's own go over them, but for those that the name decides.
+    pub preset: &'static str,
+}
+
+/// How a finished run becomes a predictor again.
+pub enum Open {
+    /// From the files that it saved.
+    Saved(fn(&SavedRun<'_>) -> Result<Box<dyn Predictor>>),
+    /// By reconstructing again: for a lookup, which is its data set.
+    Again,
+}
+
+/// A run folder that is opened.
+pub struct SavedRun<'a> {
+    /// The folder.
+    pub folder: &'a Path,
+    /// Its resolved configuration.
+    pub config: &'a Value,
+    /// The data set that it was made from.
+    pub dataset: &'a Dataset,
+    /// What renders its field.
+    pub backend: &'a Backend,
+}
+
+/// What a family can do that others cannot.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Abilities {
+    /// Keyframes are taken one by one, and the record says what each took. Its runs hold all that they need, so that a later version may resolve
+    /// their configuration otherwise.
+    pub online: bool,
+    /// A live folder can be followed.
+    pub follows: bool,
+    /// Gaussians of another program can be begun with (`initial_gaussians`).
+    pub begins_with_gaussians: bool,
+    /// Radio is emitters seen through an array, and no splats that other programs could draw.
+    pub emitters: bool,
+    /// The processor does the work, whatever the device.
+    pub on_processor: bool,
+}
+
+/// Every family: a new one is a file of its own and a line here.
+const FAMILIES: &[&Family] = &[
+    &super::corf_gs::FAMILY,
+    &super::corf_array::FAMILY,
+    &super::rf_3dgs::FAMILY,
+    &super::nerf2::FAMILY,
+    &super::wrf_gs_plus::FAMILY,
+    &super::lookup::NEAREST,
+    &super::lookup::INVERSE_DISTANCE,
+];
+
+/// All methods, in the order of lists.
+pub fn all() -> impl Iterator<Item = &'static Variant> {
+    FAMILIES.iter().flat_map(|family| family.variants)
+}
+
+/// The names that `--method` takes, with their lines for `--help`.
+pub fn names() -> PossibleValuesParser {
+    PossibleValuesParser::new(all().map(|method| PossibleValue::new(method.id).help(method.help)))
+}
+
+/// The family and the variant of a name.
+///
+/// # Errors
+/// An unknown name.
+pub fn find(id: &str) -> Result<(&'static Family, &'static Variant)> {
+    let of = |family: &&'static Family| family.variants.iter().find(|v| v.id == id).map(|variant| (*family, variant));
+    let known = || all().map(|method| method.id).collect::<Vec<_>>().join(", ");
+    FAMILIES.iter().find_map(of).with_context(|| format!("unknown method \"{id}\"\n  help: the methods are {}", known()))
+}
+
+/// What the method of a name can do; nothing where a record's name is none of this version.
+pub fn abilities(id: &str) -> Abilities {
+    find(id).map(|(family, _)| family.can).unwrap_or_default()
+}
+
+/// The names of the methods that can do something, for messages: `corf-gs, corf-gs-paper`.
+pub fn that(can: impl Fn(&Abilities) -> bool) -> String {
+    let able = FAMILIES.iter().filter(|family| can(&family.can)).flat_map(|family| family.variants);
+    able.map(|method| method.id).collect::<Vec<_>>().join(", ")
+}
+
+/// A caller's settings over the preset of a method.
+///
+/// # Errors
+/// An unknown name, or a key that the name decides.
+pub fn settings(id: &str, overrides: &toml::Table) -> Result<toml::Table> {
+    let (family, variant) = find(id)?;
+    let mut table: toml::Table = variant.preset.parse().with_context(|| format!("the preset of {id}"))?;
+    if let Some(key) = family.decided.iter().find(|key| overrides.contains_key(**key)) {
+        let ids: Vec<&str> = family.variants.iter().map(|v| v.id).collect();
+        let choose = if ids.len() > 1 { format!(", and choose among {}", ids.join(", ")) } else { String::new() };
+        bail!("{id}: the key {key} is set by the method's name\n  help: leave the key out{choose}");
+    }
+    merge(&mut table, overrides.clone());
+    Ok(table)
+}
+
+/// Makes a method; `overrides` are keys of its settings, `backend` is where it runs if it needs a device.
+///
+/// # Errors
+/// An unknown name, a key that does not exist or that the name decides, or a value out of range.
+pub fn create(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Box<dyn Method>> {
+    let (family, _) = find(id)?;
+    (family.create)(id, settings(id, overrides)?, backend).with_context(|| format!("in the configuration of {id}"))
+}
+
+/// Opens a finished run of a method, which was made again from its overrides and seed.
+///
+/// # Errors
+/// A configuration that this version resolves differently, damaged files.
+pub fn open(run: &SavedRun<'_>, method: &dyn Method, seed: u64, split: &Split) -> Result<Box<dyn Predictor>> {
+    let (family, _) = find(method.id())?;
+    ensure!(
+        family.can.online || method.config() == *run.config,
+        "{}: this version resolves the run's configuration differently\n  help: reconstruct again",
+        run.folder.display()
+    );
+    match family.open {
+        Open::Saved(load) => load(run),
+        Open::Again => method.reconstruct(&TrainingSet::new(run.dataset, split), seed, &mut |_| Ok(())),
+    }
+}
+
+/// The rasteriser's settings in a method's resolved configuration; none where it has no Gaussians that a rasteriser could draw.
+///
+/// # Errors
+/// An unknown name, a configuration of another version.
+pub fn raster_of(id: &str, config: &Value) -> Result<Option<RasterConfig>> {
+    find(id)?.0.raster.map(|raster| raster(config)).transpose()
+}
+
+/// Settings over a configuration's defaults, table by table: part of an inner table leaves the rest of it as it is in those defaults.
+///
+/// # Errors
+/// A key that does not exist, or a value of the wrong kind.
+pub(super) fn over_defaults<T: Serialize + DeserializeOwned + Default>(settings: toml::Table) -> Result<T> {
+    let mut table = toml::Table::try_from(T::default())?;
+    merge(&mut table, settings);
+    Ok(table.try_into()?)
+}
+
+/// Puts `from` over `into`, table by table.
+pub fn merge(into: &mut toml::Table, from: toml::Table) {
+    for (key, value) in from {
+        match (into.get_mut(&key), value) {
+            (Some(toml::Value::Table(old)), toml::Value::Table(new)) => merge(old, new),
+            (_, value) => {
+                into.insert(key, value);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_name_is_one_method_which_can_be_made() {
+        let mut known = BTreeSet::new();
+        for variant in all() {
+            assert!(known.insert(variant.id) && !variant.help.is_empty(), "{} is there twice, or has no line", variant.id);
+            let method = create(variant.id, &toml::Table::new(), &Backend::Cpu).unwrap();
+            assert_eq!(method.id(), variant.id);
+            let (family, _) = find(variant.id).unwrap();
+            assert_eq!(raster_of(variant.id, &method.config()).unwrap().is_some(), family.raster.is_some());
+        }
+        let error = format!("{:#}", find("corf").err().unwrap());
+        assert!(error.contains("unknown method \"corf\"") && error.contains("corf-gs, corf-gs-paper"), "{error}");
+        assert!(!abilities("of another version").online && abilities("corf-array").online);
+    }
+
+    #[test]
+    fn what_a_name_decides_is_not_set_beside_it() {
+        for family in FAMILIES {
+            for variant in family.variants {
+                let config = create(variant.id, &toml::Table::new(), &Backend::Cpu).unwrap().config();
+                for key in family.decided {
+                    let values = family.inlined.iter().map(|table| &config[*table][*key]).chain([&config[*key]]);
+                    let value = values.into_iter().find(|v| !v.is_null()).expect("a decided key is one of the configuration");
+                    // Not even to the value that it has.
+                    let overrides = toml::Table::try_from(serde_json::json!({ *key: value })).unwrap();
+                    let error = format!("{:#}", create(variant.id, &overrides, &Backend::Cpu).err().unwrap());
+                    assert!(error.contains(&format!("the key {key} is set by the method's name")), "{error}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn part_of_an_inner_table_leaves_the_rest_of_it() {
+        let mut table: toml::Table = "a = 1\nb = { c = 2, d = 3 }".parse().unwrap();
+        merge(&mut table, "b.c = 4\ne = 5".parse().unwrap());
+        assert_eq!(table, "a = 1\nb = { c = 4, d = 3 }\ne = 5".parse().unwrap());
+    }
+}
