@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 #[cfg(feature = "gpu")]
 use corf::device::gpu::{GpuDevice, GpuOptions};
-use corf::{Antialias, CpuDevice, Device, Gaussians, RasterConfig, device::TrainingView, ply};
+use corf::{Antialias, CpuDevice, Device, Gaussians, RasterConfig, device::TrainingView, files::ply};
 #[cfg(feature = "gpu")]
 use corf_gpu::AdapterOptions;
 use corf_scene::bounds;

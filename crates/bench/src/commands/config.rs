@@ -10,9 +10,9 @@ use crate::methods::lookup::LookupConfig;
 use crate::plan::Plan;
 use anyhow::Result;
 use clap::Args;
-use corf::OfflineConfig;
-use corf::nerf2::Nerf2Config;
-use corf::wrf_gs_plus::WrfGsPlusConfig;
+use corf_baselines::nerf2::Nerf2Config;
+use corf_baselines::rf_3dgs::Rf3dgsConfig;
+use corf_baselines::wrf_gs_plus::WrfGsPlusConfig;
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use schemars::{JsonSchema, schema_for};
 use serde_json::Value;
@@ -67,7 +67,7 @@ fn of_method(id: &str) -> Result<Vec<Key>> {
     let (mut list, inlined): (Vec<Key>, &[&str]) = match id {
         _ if id.starts_with("corf-gs") => (of(schema_for!(CorfGsConfig)), &["reconstruction"]),
         "corf-array" => (of(schema_for!(CorfArrayConfig)), &["light.reconstruction", "radio"]),
-        _ if id.starts_with("rf-3dgs") => (of(schema_for!(OfflineConfig)), &[]),
+        _ if id.starts_with("rf-3dgs") => (of(schema_for!(Rf3dgsConfig)), &[]),
         _ if id.starts_with("nerf2") => (of(schema_for!(Nerf2Config)), &[]),
         _ if id.starts_with("wrf-gs-plus") => (of(schema_for!(WrfGsPlusConfig)), &[]),
         "nearest" | "inverse-distance" => (of(schema_for!(LookupConfig)), &[]),

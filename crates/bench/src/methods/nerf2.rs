@@ -11,7 +11,7 @@ use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::methods::stepwise::say_unless_kept;
 use crate::metrics::Prediction;
 use anyhow::{Context, Result, ensure};
-use corf::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Trainer, TrainingRays};
+use corf_baselines::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Trainer, TrainingRays};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::Modalities;
 use corf_scene::{Pinhole, Rigid3};
@@ -56,7 +56,7 @@ fn trainer(backend: &Backend, field: &Field) -> Result<Box<dyn Trainer>> {
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
             let options = network_options(*number, field.config.half_precision);
-            Ok(Box::new(corf::nerf2::GpuTrainer::new(&options, &field.config, field.transmitter_m, &field.parameters)?))
+            Ok(Box::new(corf_baselines::nerf2::GpuTrainer::new(&options, &field.config, field.transmitter_m, &field.parameters)?))
         }
     }
 }

@@ -8,8 +8,10 @@ use crate::methods::initial::Initial;
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::Prediction;
 use anyhow::{Context, Result, ensure};
-use corf::offline::{OfflineTimes, Point, RfBackground, RfMoments, write_ply};
-use corf::{Field, OfflineCheckpoint, OfflineConfig, OfflineReconstructor, RasterConfig};
+use corf::{Field, RasterConfig};
+use corf_baselines::rf_3dgs::{
+    Point, Rf3dgsCheckpoint, Rf3dgsConfig, Rf3dgsReconstructor, Rf3dgsTimes, RfBackground, RfMoments, write_ply,
+};
 use corf_scene::Rigid3;
 use std::path::Path;
 
@@ -19,7 +21,7 @@ pub const POINTS: &str = "initial_points.ply";
 /// `rf-3dgs` and `rf-3dgs-corrected`.
 pub struct Rf3dgs {
     id: String,
-    config: OfflineConfig,
+    config: Rf3dgsConfig,
     backend: Backend,
     checkpoints: Option<Checkpoints>,
 }
@@ -29,11 +31,11 @@ pub struct Rf3dgs {
 /// # Errors
 /// A configuration of another version.
 pub fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
-    Ok(serde_json::from_value::<OfflineConfig>(config.clone())?.raster())
+    Ok(serde_json::from_value::<Rf3dgsConfig>(config.clone())?.raster())
 }
 
 impl Rf3dgs {
-    /// The row of that name; `overrides` are keys of [`OfflineConfig`].
+    /// The row of that name; `overrides` are keys of [`Rf3dgsConfig`].
     ///
     /// # Errors
     /// A key that does not exist or that the name sets, or a value out of range.
@@ -45,7 +47,7 @@ impl Rf3dgs {
                 "{id}: the key {key} is set by the method's name\n  help: choose rf-3dgs or rf-3dgs-corrected"
             );
         }
-        let mut config: OfflineConfig =
+        let mut config: Rf3dgsConfig =
             super::over_defaults(overrides.clone()).with_context(|| format!("in the configuration of {id}"))?;
         if id == "rf-3dgs-corrected" {
             (config.rf_moments, config.rf_background) = (RfMoments::Zero, RfBackground::Floor);
@@ -95,11 +97,11 @@ impl Method for Rf3dgs {
         let total = config.total_steps();
         let device = self.backend.make(config.optimizer(), config.raster(), &config.empty_field())?;
         let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
-        let mut reconstructor = OfflineReconstructor::new(device, config.clone(), optical, rf, range, seed)?;
+        let mut reconstructor = Rf3dgsReconstructor::new(device, config.clone(), optical, rf, range, seed)?;
         if let Some(file) = &config.initial_gaussians {
             let initial = Initial::read(file)?;
             initial.tell(&self.id, config.sh_degree, config.raster().antialias);
-            reconstructor.start_from(initial.coupled(config.empty_field(), OfflineConfig::RF_TARGET, training)?);
+            reconstructor.start_from(initial.coupled(config.empty_field(), Rf3dgsConfig::RF_TARGET, training)?);
         }
         for k in 0..training.len() {
             reconstructor.receive(training.keyframe(k)?)?;
@@ -115,18 +117,18 @@ impl Method for Rf3dgs {
     }
 }
 
-fn stages(times: OfflineTimes) -> Vec<StageTime> {
+fn stages(times: Rf3dgsTimes) -> Vec<StageTime> {
     let named = [("points", times.points_s), ("optical", times.optical_s), ("rf", times.rf_s)];
     named.map(|(name, seconds)| StageTime { name: name.to_owned(), seconds }).into()
 }
 
-impl Stepwise for OfflineReconstructor {
+impl Stepwise for Rf3dgsReconstructor {
     fn begin(&mut self) -> corf::Result<()> {
         Self::begin(self)
     }
 
     fn resume(&mut self, path: &Path, checkpoints: &Checkpoints) -> Result<()> {
-        let checkpoint = OfflineCheckpoint::read(path)?;
+        let checkpoint = Rf3dgsCheckpoint::read(path)?;
         checkpoints.check_tag(checkpoint.tag())?;
         Ok(self.restore(&checkpoint)?)
     }
@@ -188,11 +190,11 @@ mod tests {
         let (published, corrected) = (make("rf-3dgs", "").unwrap().config, make("rf-3dgs-corrected", "").unwrap().config);
         assert_eq!((published.optical_steps, published.rf_steps), (30_000, 10_000));
         assert_eq!((published.rf_moments, published.rf_background), (RfMoments::Restored, RfBackground::Black));
-        let mended = OfflineConfig { rf_moments: RfMoments::Zero, rf_background: RfBackground::Floor, ..published };
+        let mended = Rf3dgsConfig { rf_moments: RfMoments::Zero, rf_background: RfBackground::Floor, ..published };
         assert_eq!(corrected, mended);
         let short = make("rf-3dgs", "optical_steps = 15000\nrf_steps = 25000\ndensity.gradient = 1e-4").unwrap().config;
         assert_eq!((short.optical_steps, short.rf_steps, short.density.gradient), (15_000, 25_000, 1e-4));
-        assert_eq!((short.density.every, short.rates), (100, OfflineConfig::default().rates));
+        assert_eq!((short.density.every, short.rates), (100, Rf3dgsConfig::default().rates));
         for (text, words) in [
             ("rf_background = \"floor\"", "rf-3dgs-corrected"),
             ("optical_step = 1", "optical_step"),

@@ -9,7 +9,7 @@ use crate::methods::field::jet_of;
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Context, Result, ensure};
-use corf::wrf_gs_plus::{
+use corf_baselines::wrf_gs_plus::{
     CpuTrainer, Model, Trainer, WrfGsPlusCheckpoint, WrfGsPlusConfig, WrfGsPlusField, WrfGsPlusReconstructor,
 };
 use corf_scene::Rigid3;
@@ -53,7 +53,7 @@ pub fn trainer(backend: &Backend, config: &WrfGsPlusConfig, parameters: Vec<f32>
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
             let options = network_options(*number, config.half_precision);
-            Ok(Box::new(corf::wrf_gs_plus::GpuTrainer::new(&options, config, &parameters)?))
+            Ok(Box::new(corf_baselines::wrf_gs_plus::GpuTrainer::new(&options, config, &parameters)?))
         }
     }
 }

@@ -3,7 +3,7 @@
 use crate::interrupt;
 use crate::scene_behind::SceneBehind;
 use anyhow::Result;
-use corf::array::Image;
+use corf::array_field::Image;
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::{InteractionKind, Path, RadioTracer};
 use corf_raytrace::sensor::{SensorPlan, element_at};

@@ -13,7 +13,7 @@ use crate::method::{Advance, Checkpoints, Method, Predictor, TrainingSet};
 use crate::note;
 use crate::scene_behind::SceneBehind;
 use anyhow::{Context, Result, ensure};
-use corf::array::{ArrayConfig, ArrayTrainer, Image, SensorSettings, Surface};
+use corf::array_field::{ArrayConfig, ArrayTrainer, Image, SensorSettings, Surface};
 use corf::config::Coupling;
 use corf::{RasterConfig, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
@@ -118,7 +118,7 @@ pub fn on_device(trainer: ArrayTrainer, backend: &Backend) -> Result<ArrayTraine
     match backend {
         Backend::Cpu => Ok(trainer),
         #[cfg(feature = "gpu")]
-        Backend::Gpu { .. } if !corf::array::gpu::forms(&trainer.field.sensor) => {
+        Backend::Gpu { .. } if !corf::array_field::gpu::forms(&trainer.field.sensor) => {
             note!(
                 "corf-array: mvdr spectra with a loading under a ten-thousandth of the number of elements need double precision: they are learnt and observed \
                  on the processor; light is on the GPU"
@@ -247,7 +247,7 @@ impl Method for CorfArray {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use corf::array::Wave;
+    use corf::array_field::Wave;
     use corf_raytrace::radio::{Arrival, PlanarArray};
     use corf_raytrace::spectrum::SpectrumSettings;
     use corf_scene::model::world_from_array;

@@ -10,7 +10,7 @@
 //! Between adapters, and against the CPU device, results differ by rounding (exp2, sqrt and division are not correctly rounded).
 
 mod capacity;
-pub(crate) mod deformed;
+pub mod deformed;
 mod dense;
 mod density;
 mod frame;

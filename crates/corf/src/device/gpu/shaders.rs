@@ -28,7 +28,7 @@ pub(crate) const CHUNK: u32 = ORDER_THREADS * ENTRIES_A_THREAD;
 pub(crate) const MOST_CHUNKS: u32 = 512;
 
 /// The slots of the state.
-pub(crate) const SLOTS: &str = include_str!("shaders/slots.wgsl");
+pub const SLOTS: &str = include_str!("shaders/slots.wgsl");
 const PARAMS: &str = include_str!("shaders/params.wgsl");
 const GEOMETRY: &str = include_str!("shaders/geometry.wgsl");
 const HARMONICS: &str = include_str!("shaders/harmonics.wgsl");
@@ -43,7 +43,7 @@ const LISTS: &str = include_str!("shaders/lists.wgsl");
 const DRAWN: &str = include_str!("shaders/drawn.wgsl");
 const FOUND: &str = include_str!("shaders/found.wgsl");
 /// Adam of four numbers.
-pub(crate) const ADAM: &str = include_str!("shaders/adam.wgsl");
+pub const ADAM: &str = include_str!("shaders/adam.wgsl");
 const MARK: &str = include_str!("shaders/mark.wgsl");
 const LOSS: &str = include_str!("shaders/loss.wgsl");
 

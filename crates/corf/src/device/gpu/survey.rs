@@ -10,8 +10,8 @@ use super::{
 use crate::{
     Result,
     device::{PruneDecision, Shown, Survey, SurveyRequest},
-    expansion::log,
     gaussians::logit,
+    images::laplacian_of_gaussian,
 };
 use corf_gpu::{Context, Kernel, Scratch};
 use rayon::prelude::*;
@@ -83,7 +83,7 @@ impl GpuDevice {
         let Some(mut params) = self.frame([Some((request.view, [0.0; 3])), None], true) else { return Ok(Survey::default()) };
         let camera = &request.view.camera;
         let (n, pixels, asked) = (self.store.len(), params.pixel_total as usize, request.pixels.len());
-        let weights = request.sigma_px.map(log::kernel).unwrap_or_default();
+        let weights = request.sigma_px.map(laplacian_of_gaussian::kernel).unwrap_or_default();
         self.surveyor.reserve(&self.context, pixels, asked, n, weights.len())?;
         let rule = &request.prune;
         let largest_px = rule.image_fraction * camera.width.max(camera.height) as f32;
