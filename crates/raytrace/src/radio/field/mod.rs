@@ -1,6 +1,14 @@
 //! The polarised field along a ray and what an interaction does to it.
 
-use super::{Complex, antenna, fresnel::SlabResponse};
+pub mod antenna;
+pub(in crate::radio) mod complex;
+pub mod fresnel;
+pub mod materials;
+pub mod scattering;
+pub(in crate::radio) mod tables;
+
+use super::Complex;
+use fresnel::SlabResponse;
 use glam::DVec3;
 
 /// A complex electric field vector in world axes, perpendicular to its ray.

@@ -2,7 +2,7 @@
 //!
 //! θ is the zenith angle from +z, φ = atan2(y, x); θ̂ = (cosθcosφ, cosθsinφ, −sinθ).
 
-use super::Complex;
+use crate::radio::Complex;
 pub use corf_scene::config::{AntennaPattern, Polarization};
 use corf_scene::config::{ReceiverConfig, TransmitterConfig};
 use glam::{DMat3, DVec3};

@@ -1,7 +1,7 @@
 //! Gathering triangles into planar faces, in a time that grows with their number.
 
-use super::face::{COPLANAR_NORMAL, Face};
-use super::planar::PlanarIndex;
+use crate::radio::geometry::face::{COPLANAR_NORMAL, Face};
+use crate::radio::geometry::planar::PlanarIndex;
 use corf_scene::Scene;
 use glam::{DVec3, IVec3};
 use rustc_hash::FxHashMap;

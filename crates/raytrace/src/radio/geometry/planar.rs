@@ -1,6 +1,6 @@
 //! Point location in a planar face: finds the triangle that a point of the plane lies on.
 
-use super::lattice::R2;
+use crate::radio::lattice::R2;
 use glam::{DVec2, DVec3};
 
 /// Faces of more triangles than this get a grid.

@@ -1,6 +1,6 @@
 //! Planar faces: the mirrors of the image method.
 
-use super::planar::{Bounds, PlanarIndex};
+use crate::radio::geometry::planar::{Bounds, PlanarIndex};
 use glam::{DVec2, DVec3};
 
 /// Largest deviation of the normals of two faces of one plane: 1 − cos of 4e-5 rad.
@@ -8,7 +8,7 @@ const SAME_PLANE_NORMAL: f64 = 1e-9;
 /// Largest distance between the planes of two faces that count as one plane, metres.
 const SAME_PLANE_M: f64 = 1e-6;
 /// Largest deviation of two triangles' normals within one face: 1 − cos of the angle between them, 1e-3 rad.
-pub(super) const COPLANAR_NORMAL: f64 = 5e-7;
+pub(in crate::radio) const COPLANAR_NORMAL: f64 = 5e-7;
 /// Rounding of a point that the image method finds, metres.
 const BOUNCE_ROUNDING_M: f64 = 1e-12;
 
@@ -25,7 +25,7 @@ pub struct Face {
     pub object: u32,
     /// Total area, m².
     pub area_m2: f64,
-    pub(super) index: PlanarIndex,
+    pub(in crate::radio) index: PlanarIndex,
 }
 
 impl Face {
@@ -46,7 +46,7 @@ impl Face {
     }
 
     /// Whether both lie in parallel planes, as triangles of one plane do.
-    pub(super) fn is_parallel(&self, other: &Self) -> bool {
+    pub(in crate::radio) fn is_parallel(&self, other: &Self) -> bool {
         self.normal.dot(other.normal).abs() >= 1.0 - COPLANAR_NORMAL
     }
 
@@ -81,7 +81,7 @@ impl Face {
 
     /// Whether a bounce at a point is on the face, to rounding: a bounce in a corner lies on both faces, of whose edges it may be off by
     /// its last digits.
-    pub(super) fn reflects_at(&self, point: DVec3) -> bool {
+    pub(in crate::radio) fn reflects_at(&self, point: DVec3) -> bool {
         self.index.contains(point, BOUNCE_ROUNDING_M)
     }
 }

@@ -5,10 +5,10 @@
 //! on which the face's triangles are laid out, so that the test is a few operations on numbers that are adjacent in memory. It lets pass
 //! points within a hair of the face's bounds; the exact image method decides.
 
-use super::chain::Chain;
-use super::face::Face;
-use super::geometry::Geometry;
-use super::planar::Bounds;
+use crate::radio::candidates::chain::Chain;
+use crate::radio::geometry::Geometry;
+use crate::radio::geometry::face::Face;
+use crate::radio::geometry::planar::Bounds;
 use glam::DVec3;
 use rayon::prelude::*;
 

@@ -1,12 +1,12 @@
 //! Multipath components.
 
-use super::Complex;
-use super::SPEED_OF_LIGHT;
-use super::antenna::{Angles, Antenna, AntennaArray, phi_hat, theta_hat};
+use crate::radio::Complex;
+use crate::radio::SPEED_OF_LIGHT;
+use crate::radio::field::antenna::{Angles, Antenna, AntennaArray, phi_hat, theta_hat};
 use glam::DVec3;
 
 /// Paths whose corners all lie this close are one, metres: it bounces where two faces meet.
-pub(super) const SAME_PATH_M: f64 = 1e-9;
+pub(in crate::radio) const SAME_PATH_M: f64 = 1e-9;
 
 /// The kind of interaction at a vertex of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +77,7 @@ impl Path {
     }
 
     /// Whether both leave and arrive alike and do the same at the same places; what happens at one place may come in another order.
-    pub(super) fn coincides(&self, other: &Self) -> bool {
+    pub(in crate::radio) fn coincides(&self, other: &Self) -> bool {
         let near = |a: DVec3, b: DVec3| a.distance(b) <= SAME_PATH_M;
         let as_often = |what: &Interaction| {
             let count =
@@ -91,7 +91,7 @@ impl Path {
     }
 
     /// Whether all of its numbers are numbers.
-    pub(super) fn is_finite(&self) -> bool {
+    pub(in crate::radio) fn is_finite(&self) -> bool {
         let complex = self.transfer.iter().flatten().chain([&self.a]);
         self.length_m.is_finite()
             && self.delay_s.is_finite()

@@ -1,6 +1,6 @@
 //! Radio materials resolved at the carrier: slabs with a complex permittivity and a scattering lobe.
 
-use super::{Complex, SPEED_OF_LIGHT};
+use crate::radio::{Complex, SPEED_OF_LIGHT};
 use corf_scene::model::{RadioMaterial, Scattering};
 use corf_scene::{Error, Result};
 

@@ -3,14 +3,14 @@
 //! Reflections before the edge are those of chains from the transmitter, reflections after it those of chains from the receiver; the
 //! point on the edge is where the way between the two images is stationary, in closed form.
 
-use super::chain::Chain;
-use super::chains;
-use super::diffraction::{Wedge, Wedges, keller_point};
-use super::geometry::Geometry;
-use super::path::Path;
-use super::ray_path::{PathEvent, Propagator, RayPath};
-use super::walk::Walk;
-use super::{MAX_DEPTH, RadioSettings, Search};
+use crate::radio::candidates::chain::Chain;
+use crate::radio::candidates::chains;
+use crate::radio::candidates::walk::Walk;
+use crate::radio::diffraction::{Wedge, Wedges, keller_point};
+use crate::radio::geometry::Geometry;
+use crate::radio::paths::path::Path;
+use crate::radio::paths::ray_path::{PathEvent, Propagator, RayPath};
+use crate::radio::{MAX_DEPTH, RadioSettings, Search};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::borrow::Cow;

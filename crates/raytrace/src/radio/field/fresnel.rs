@@ -1,6 +1,6 @@
 //! Reflection from and transmission through a uniform slab (ITU-R P.2040-3 §2.2.2.2; Sionna RT technical report).
 
-use super::{Complex, Slab};
+use crate::radio::{Complex, Slab};
 
 /// Amplitude coefficients of a slab for the two polarisations.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 //! Beam tracing: sequences of faces that light can run through. The beam that a mirror reflects meets, in part, the next face.
 
-use super::chain::{Chain, repeats};
-use super::face::Face;
-use super::geometry::Geometry;
+use crate::radio::candidates::chain::{Chain, repeats};
+use crate::radio::geometry::Geometry;
+use crate::radio::geometry::face::Face;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};

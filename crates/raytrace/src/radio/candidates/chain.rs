@@ -1,7 +1,7 @@
 //! A sequence of mirrors, and the image of the transmitter behind its last one.
 
-use super::MAX_DEPTH;
-use super::geometry::Geometry;
+use crate::radio::MAX_DEPTH;
+use crate::radio::geometry::Geometry;
 use glam::DVec3;
 
 /// The faces of a specular path in TX → RX order, with the transmitter's image behind the last one.
@@ -35,7 +35,7 @@ impl Chain {
     }
 
     /// Sorting key, equal for equal chains from one transmitter only: the number of faces, and the faces.
-    pub(super) fn sort_key(&self) -> (u8, [u32; MAX_DEPTH]) {
+    pub(in crate::radio) fn sort_key(&self) -> (u8, [u32; MAX_DEPTH]) {
         (self.length, self.faces)
     }
 

@@ -1,7 +1,10 @@
 //! A slab's coefficients and lobe normalisation tabulated over cosθ_i: the diffuse field asks for them millions of times.
 
-use super::scattering;
-use super::{Complex, Slab, fresnel, fresnel::SlabResponse};
+use crate::radio::field::scattering;
+use crate::radio::{
+    Complex, Slab,
+    field::fresnel::{self, SlabResponse},
+};
 
 /// Intervals of the tables: linear interpolation of fringes that turn by at most some ten radians over cosθ_i is then good to 1e-5.
 const INTERVALS: usize = 2048;

@@ -1,10 +1,10 @@
 //! Candidate chains for specular paths: sequences of faces to bounce off, for the exact image method to check.
 
-use super::beams::{self, Beam};
-use super::chain::{Chain, repeats};
-use super::geometry::Geometry;
-use super::walk::{ChainImages, Findings, Leg, Walk, distinct};
-use super::{RadioSettings, Search};
+use crate::radio::candidates::beams::{self, Beam};
+use crate::radio::candidates::chain::{Chain, repeats};
+use crate::radio::candidates::walk::{ChainImages, Findings, Leg, Walk, distinct};
+use crate::radio::geometry::Geometry;
+use crate::radio::{RadioSettings, Search};
 use glam::DVec3;
 use rayon::prelude::*;
 

@@ -1,10 +1,14 @@
 //! The scene as the image method sees it: f64 triangles gathered into planar faces of one object and one material.
 
-use super::face::Face;
-use super::{Slab, faces};
+pub(in crate::radio) mod face;
+mod faces;
+pub(in crate::radio) mod planar;
+
+use super::Slab;
 use crate::bvh::{Bvh, Ray};
 use corf_scene::solids::Solids;
 use corf_scene::{Error, Result, Scene};
+use face::Face;
 use glam::DVec3;
 use std::ops::ControlFlow;
 

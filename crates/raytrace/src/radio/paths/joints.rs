@@ -3,10 +3,10 @@
 //! No leg of such a path crosses the wall: both end where it begins. Every path beside it does. So the legs before and after a bounce lie on
 //! one side of every other face that touches the point, or that face is in the way: it is passed as a slab, or blocks.
 
-use super::MAX_DEPTH;
-use super::face::Face;
-use super::geometry::{BESIDE_RAY_M, Crossing, END_CLEARANCE_M, Geometry, TOUCHING_M};
-use super::ray_path::{PathEvent, Propagator, RayPath};
+use crate::radio::MAX_DEPTH;
+use crate::radio::geometry::face::Face;
+use crate::radio::geometry::{BESIDE_RAY_M, Crossing, END_CLEARANCE_M, Geometry, TOUCHING_M};
+use crate::radio::paths::ray_path::{PathEvent, Propagator, RayPath};
 use glam::DVec3;
 
 /// Largest distance from a bounce at which another face is looked for, metres: enough to be clear of a gap between surfaces that touch.
@@ -62,7 +62,7 @@ impl Bounce<'_> {
 
 impl Propagator<'_, '_> {
     /// Adds the faces that a route passes where it bounces to those it crosses on the way there; `None` once there are more than `budget`.
-    pub(super) fn pass_joints(
+    pub(in crate::radio) fn pass_joints(
         &self,
         route: &RayPath<'_>,
         crossed: &mut [Vec<Crossing>; MAX_DEPTH + 1],

@@ -1,13 +1,13 @@
 //! One way through the scene: where it turns, whether it is open, and what it does to the field.
 
-use super::antenna::{phi_hat, theta_hat};
-use super::chain::Chain;
-use super::diffraction::{EdgeFace, EdgeRay, Wedge, diffract};
-use super::field::{self, Field};
-use super::fresnel::{self, SlabResponse};
-use super::geometry::{BESIDE_M, Crossing, Geometry};
-use super::path::{Interaction, InteractionKind, Path};
-use super::{Complex, MAX_DEPTH, RadioSettings, SPEED_OF_LIGHT};
+use crate::radio::candidates::chain::Chain;
+use crate::radio::diffraction::{EdgeFace, EdgeRay, Wedge, diffract};
+use crate::radio::field::antenna::{phi_hat, theta_hat};
+use crate::radio::field::fresnel::{self, SlabResponse};
+use crate::radio::field::{self, Field};
+use crate::radio::geometry::{BESIDE_M, Crossing, Geometry};
+use crate::radio::paths::path::{Interaction, InteractionKind, Path};
+use crate::radio::{Complex, MAX_DEPTH, RadioSettings, SPEED_OF_LIGHT};
 use glam::DVec3;
 
 /// Distance from a wedge, metres, at which it is tested whether its edge stands in the open or is flush with another surface.
@@ -18,7 +18,7 @@ const SIDES: usize = 360;
 
 /// A vertex at which a path changes direction.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum PathEvent<'w> {
+pub(in crate::radio) enum PathEvent<'w> {
     /// Bounces off a face.
     Mirror(u32),
     /// Diffracts at an edge, lit on `wedge.faces[lit]`.
@@ -37,7 +37,7 @@ impl PathEvent<'_> {
 
 /// Turns and the points where they happen, TX → RX.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct RayPath<'r> {
+pub(in crate::radio) struct RayPath<'r> {
     pub tx: DVec3,
     pub rx: DVec3,
     pub turns: &'r [PathEvent<'r>],
@@ -46,7 +46,7 @@ pub(super) struct RayPath<'r> {
 
 impl RayPath<'_> {
     /// Leg `i`: from, to, and the faces its ends lie on.
-    pub(super) fn leg(&self, i: usize) -> (DVec3, DVec3, [Option<u32>; 4]) {
+    pub(in crate::radio) fn leg(&self, i: usize) -> (DVec3, DVec3, [Option<u32>; 4]) {
         let from = if i == 0 { self.tx } else { self.corners[i - 1] };
         let to = self.corners.get(i).copied().unwrap_or(self.rx);
         let before = if i == 0 { [None; 2] } else { self.turns[i - 1].faces() };
@@ -57,14 +57,14 @@ impl RayPath<'_> {
 
 /// Carries a field along routes through a scene.
 #[derive(Clone, Copy)]
-pub(super) struct Propagator<'p, 'a> {
+pub(in crate::radio) struct Propagator<'p, 'a> {
     pub geometry: &'p Geometry<'a>,
     pub settings: &'p RadioSettings,
 }
 
 impl Propagator<'_, '_> {
     /// The one path that bounces off a chain of faces, if there is one.
-    pub(super) fn trace(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<Path> {
+    pub(in crate::radio) fn trace(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<Path> {
         let faces = chain.faces();
         let vertices = self.specular_vertices(tx, rx, chain)?;
         let mut turns = [PathEvent::Mirror(u32::MAX); MAX_DEPTH];
@@ -73,7 +73,7 @@ impl Propagator<'_, '_> {
     }
 
     /// The path along a route, slabs crossed on the way included; `None` when something blocks it.
-    pub(super) fn follow(&self, route: &RayPath<'_>) -> Option<Path> {
+    pub(in crate::radio) fn follow(&self, route: &RayPath<'_>) -> Option<Path> {
         // Visibility, leg by leg; transmissions share the budget of interactions.
         let turns = route.turns.len();
         let mut budget = if self.settings.transmission { self.settings.max_depth - turns } else { 0 };
@@ -105,7 +105,7 @@ impl Propagator<'_, '_> {
     }
 
     /// The image method: reflection points from the receiver back to the transmitter, each on its face.
-    pub(super) fn specular_vertices(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<[DVec3; MAX_DEPTH]> {
+    pub(in crate::radio) fn specular_vertices(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<[DVec3; MAX_DEPTH]> {
         let faces = chain.faces();
         let mut vertices = [DVec3::ZERO; MAX_DEPTH];
         let Some((&last, _)) = faces.split_last() else { return Some(vertices) };

@@ -1,8 +1,12 @@
 //! Rays that look for chains of mirrors: through mirrors and slabs from surface to surface.
 
-use super::chain::{Chain, repeats};
-use super::geometry::Geometry;
-use super::{MAX_DEPTH, RadioSettings, Slab, field, fresnel, lattice};
+use crate::radio::candidates::chain::{Chain, repeats};
+use crate::radio::geometry::Geometry;
+use crate::radio::{
+    MAX_DEPTH, RadioSettings, Slab,
+    field::{self, fresnel},
+    lattice,
+};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::HashSet;
