@@ -178,14 +178,14 @@ fn npy(bytes: &[u8], _: &Path) -> Result<()> {
 
 fn ply(bytes: &[u8], folder: &Path) -> Result<()> {
     let path = put(folder, "input.ply", bytes)?;
-    let coupled = corf::ply::read_coupled(&path).map(drop);
+    let coupled = corf::files::ply::read_coupled(&path).map(drop);
     // A field that goes on with a number that is none is as bad as a panic.
-    if let Ok(field) = corf::ply::read_foreign(&path) {
+    if let Ok(field) = corf::files::ply::read_foreign(&path) {
         let g = &field.gaussians;
         let numbers = g.position.iter().flatten().chain(g.log_scale.iter().flatten()).chain(&g.appearance.opacity_logit);
         assert!(numbers.chain(&g.appearance.sh).all(|v| v.is_finite()), "a number is not finite");
     }
-    coupled.or(corf::ply::read_single(&path).map(drop))?;
+    coupled.or(corf::files::ply::read_single(&path).map(drop))?;
     Ok(())
 }
 

@@ -58,7 +58,7 @@ fn both_rows_reconstruct_evaluate_and_render_and_differ_in_rf_alone() {
     for metrics in [&published, &corrected] {
         assert_eq!(metrics["status"], "done");
         assert_eq!(metrics["uses_ground_truth_depth"], false, "points are triangulated");
-        // So short a run is far from good, but it has moved; that the stages learn is tested where they are (`corf::offline`).
+        // So short a run is far from good, but it has moved; that the stages learn is tested where they are (`corf_baselines::rf_3dgs`).
         assert!((psnr(metrics, "psnr_opt") - psnr(&begun, "psnr_opt")).abs() > 0.02, "{}, {}", metrics["means"], begun["means"]);
     }
     assert_eq!(psnr(&published, "psnr_opt"), psnr(&corrected, "psnr_opt"));

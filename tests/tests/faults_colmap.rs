@@ -1,7 +1,7 @@
 //! COLMAP models with rigs or in parts, captures and scenes far from the origin, and PLY files of other programs: the right value, or a message that says where.
 
 use crate::common::*;
-use corf::ply::{self, ForeignField};
+use corf::files::ply::{self, ForeignField};
 use corf_scene::dataset::Dataset;
 use glam::DVec3;
 use serde_json::Value;

@@ -1,7 +1,7 @@
 //! Fields out and in: exports that other programs read, and reconstructions that begin with theirs.
 
 use crate::common::*;
-use corf::ply;
+use corf::files::ply;
 use std::fs;
 use std::path::Path;
 

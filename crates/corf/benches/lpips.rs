@@ -4,7 +4,7 @@
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-use corf::lpips::{Backbone, Input, Lpips};
+use corf::image_networks::lpips::{Backbone, Input, Lpips};
 use corf_scene::Raster;
 use std::path::Path;
 use std::time::Instant;

@@ -3,7 +3,7 @@
 use crate::{
     Antialias, Device, Error, Gaussians, Result,
     device::{Layer, Planes, RenderRequest, View},
-    ply,
+    files::ply,
     sensor::RfSensor,
     target::{RfTarget, linear_from_scalar},
 };

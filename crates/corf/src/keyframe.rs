@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// Refuses a keyframe whose images are not the cameras', whose pose is not finite, or whose spectrum is no power.
-pub(crate) fn check(keyframe: &Keyframe, meta: &FieldMeta) -> Result<()> {
+pub fn check(keyframe: &Keyframe, meta: &FieldMeta) -> Result<()> {
     let place = format!("keyframe {}", keyframe.index);
     check_size(&place, "optical image", size(&keyframe.image), &meta.optical_camera)?;
     check_size(&place, "spectrum", size(&keyframe.spectrum), &meta.rf_camera)?;
@@ -50,7 +50,7 @@ fn check_size(place: &str, what: &str, got: (usize, usize), camera: &Pinhole) ->
 
 /// An 8-bit image as the target in light: 3 channels, sRGB-encoded `[0, 1]`. Where its mask leaves pixels out, it continues with the nearest
 /// that count: what is in their place there leaves no edge around it, where Gaussians would grow, nor contrast in the windows of SSIM.
-pub(crate) fn optical(keyframe: &Keyframe) -> Planes {
+pub fn optical(keyframe: &Keyframe) -> Planes {
     let mut image = Cow::Borrowed(&keyframe.image);
     if let Some(mask) = keyframe.mask.as_ref().filter(|m| m.pixels().contains(&false)) {
         fill(image.to_mut(), &mask.map(|counts| !counts).into_vec());
@@ -60,7 +60,7 @@ pub(crate) fn optical(keyframe: &Keyframe) -> Planes {
 }
 
 /// The training target of a pose.
-pub(crate) fn training_view(
+pub fn training_view(
     world_from_camera: Rigid3,
     optical: Planes,
     rf: Planes,

@@ -3,49 +3,39 @@
 //!
 //! `Reconstructor::push(K_t)` is the paper's update operator U; a [`device::Device`] does the arithmetic.
 
-pub mod array;
-mod checksum;
+pub mod array_field;
 pub mod config;
 pub mod depth;
 pub mod device;
 mod error;
 pub mod expansion;
-pub mod export;
 pub mod field;
+pub mod files;
 pub mod gaussians;
-pub mod initial;
-mod keyframe;
+pub mod image_networks;
+pub mod images;
+pub mod keyframe;
 pub mod loss;
-pub mod lpips;
-mod matrix;
-pub mod nerf2;
-mod network;
-pub mod nn;
-pub mod offline;
+pub mod numeric;
 pub mod optimizer;
-pub mod ply;
-mod real;
 pub mod reconstructor;
 #[cfg(test)]
 #[path = "../../../tests/shared.rs"]
 mod reference_data;
-pub mod schedule;
 pub mod sensor;
-mod sh;
+mod simd;
 pub mod stage;
-mod state_file;
 #[cfg(test)]
+#[path = "../../../tests/synthetic.rs"]
 mod synthetic;
 pub mod target;
-pub mod wrf_gs_plus;
 
 pub use config::{Coupling, ReconstructionConfig, Sampling};
 pub use device::{Device, cpu::CpuDevice};
 pub use error::{Error, Result};
 pub use field::{Field, FieldMeta, Prediction};
 pub use gaussians::{Appearance, Gaussians};
-pub use offline::{OfflineCheckpoint, OfflineConfig, OfflineReconstructor};
+pub use numeric::Real;
 pub use optimizer::{Antialias, AppearanceRates, OptimizerConfig, RasterConfig};
-pub use real::Real;
 pub use reconstructor::{Checkpoint, KeyframeReport, KeyframeTiming, LatencySummary, Percentiles, Reconstructor};
 pub use target::RfTarget;

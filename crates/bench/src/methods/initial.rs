@@ -3,8 +3,8 @@
 use crate::methods::interface::TrainingSet;
 use crate::note;
 use anyhow::{Result, ensure};
-use corf::initial::{RfView, coupled, in_view};
-use corf::ply::{self, ForeignField};
+use corf::expansion::initial::{RfView, coupled, in_view};
+use corf::files::ply::{self, ForeignField};
 use corf::{Antialias, Gaussians, RfTarget};
 use glam::DVec3;
 use std::path::{Path, PathBuf};

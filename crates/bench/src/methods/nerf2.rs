@@ -12,7 +12,7 @@ use crate::methods::stepwise::say_unless_kept;
 use crate::metrics::Prediction;
 use crate::terminal::interrupt;
 use anyhow::{Context, Result, ensure};
-use corf::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Trainer, TrainingRays};
+use corf_baselines::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Trainer, TrainingRays};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::Modalities;
 use corf_scene::{Pinhole, Rigid3};
@@ -83,7 +83,7 @@ fn trainer(backend: &Backend, field: &Field) -> Result<Box<dyn Trainer>> {
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
             let options = network_options(*number, field.config.half_precision);
-            Ok(Box::new(corf::nerf2::GpuTrainer::new(&options, &field.config, field.transmitter_m, &field.parameters)?))
+            Ok(Box::new(corf_baselines::nerf2::GpuTrainer::new(&options, &field.config, field.transmitter_m, &field.parameters)?))
         }
     }
 }

@@ -9,8 +9,8 @@ use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::Prediction;
 use anyhow::Result;
-use corf::offline::{OfflineTimes, Point, write_ply};
-use corf::{Field, OfflineCheckpoint, OfflineConfig, OfflineReconstructor, RasterConfig};
+use corf::{Field, RasterConfig};
+use corf_baselines::rf_3dgs::{Point, Rf3dgsCheckpoint, Rf3dgsConfig, Rf3dgsReconstructor, Rf3dgsTimes, write_ply};
 use corf_scene::Rigid3;
 use schemars::schema_for;
 use std::path::Path;
@@ -35,7 +35,7 @@ pub const FAMILY: Family = Family {
     decided: &["rf_moments", "rf_background"],
     create: |id, settings, backend| Ok(Box::new(Rf3dgs::new(id, settings, backend)?)),
     open: Open::Saved(|run| Ok(Box::new(FieldPredictor::load(run.folder, raster_of(run.config)?, run.dataset, run.backend)?))),
-    schema: || schema_for!(OfflineConfig),
+    schema: || schema_for!(Rf3dgsConfig),
     inlined: &[],
     raster: Some(raster_of),
     can: Abilities { online: false, follows: false, begins_with_gaussians: true, emitters: false, on_processor: false },
@@ -44,7 +44,7 @@ pub const FAMILY: Family = Family {
 /// A method of [`FAMILY`].
 pub struct Rf3dgs {
     id: String,
-    config: OfflineConfig,
+    config: Rf3dgsConfig,
     backend: Backend,
     checkpoints: Option<Checkpoints>,
 }
@@ -54,16 +54,16 @@ pub struct Rf3dgs {
 /// # Errors
 /// A configuration of another version.
 fn raster_of(config: &serde_json::Value) -> Result<RasterConfig> {
-    Ok(serde_json::from_value::<OfflineConfig>(config.clone())?.raster())
+    Ok(serde_json::from_value::<Rf3dgsConfig>(config.clone())?.raster())
 }
 
 impl Rf3dgs {
-    /// The method of that name; `settings` are keys of [`OfflineConfig`].
+    /// The method of that name; `settings` are keys of [`Rf3dgsConfig`].
     ///
     /// # Errors
     /// A key that does not exist, or a value out of range.
     pub fn new(id: &str, settings: toml::Table, backend: &Backend) -> Result<Self> {
-        let config: OfflineConfig = over_defaults(settings)?;
+        let config: Rf3dgsConfig = over_defaults(settings)?;
         config.validate()?;
         Ok(Self { id: id.to_owned(), config, backend: backend.clone(), checkpoints: None })
     }
@@ -109,11 +109,11 @@ impl Method for Rf3dgs {
         let total = config.total_steps();
         let device = self.backend.make(config.optimizer(), config.raster(), &config.empty_field())?;
         let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
-        let mut reconstructor = OfflineReconstructor::new(device, config.clone(), optical, rf, range, seed)?;
+        let mut reconstructor = Rf3dgsReconstructor::new(device, config.clone(), optical, rf, range, seed)?;
         if let Some(file) = &config.initial_gaussians {
             let initial = Initial::read(file)?;
             initial.tell(&self.id, (config.sh_degree, None), config.raster().antialias);
-            reconstructor.start_from(initial.coupled(config.empty_field(), OfflineConfig::RF_TARGET, training)?);
+            reconstructor.start_from(initial.coupled(config.empty_field(), Rf3dgsConfig::RF_TARGET, training)?);
         }
         for k in 0..training.len() {
             reconstructor.receive(training.keyframe(k)?)?;
@@ -129,18 +129,18 @@ impl Method for Rf3dgs {
     }
 }
 
-fn stages(times: OfflineTimes) -> Vec<StageTime> {
+fn stages(times: Rf3dgsTimes) -> Vec<StageTime> {
     let named = [("points", times.points_s), ("optical", times.optical_s), ("rf", times.rf_s)];
     named.map(|(name, seconds)| StageTime { name: name.to_owned(), seconds }).into()
 }
 
-impl Stepwise for OfflineReconstructor {
+impl Stepwise for Rf3dgsReconstructor {
     fn begin(&mut self) -> corf::Result<()> {
         Self::begin(self)
     }
 
     fn resume(&mut self, path: &Path, checkpoints: &Checkpoints) -> Result<()> {
-        let checkpoint = OfflineCheckpoint::read(path)?;
+        let checkpoint = Rf3dgsCheckpoint::read(path)?;
         checkpoints.check_tag(checkpoint.tag())?;
         Ok(self.restore(&checkpoint)?)
     }
@@ -193,7 +193,7 @@ impl Predictor for WithPoints {
 mod tests {
     use super::*;
     use crate::methods::registry::settings;
-    use corf::offline::{RfBackground, RfMoments};
+    use corf_baselines::rf_3dgs::{RfBackground, RfMoments};
 
     fn make(id: &str, text: &str) -> Result<Rf3dgs> {
         Rf3dgs::new(id, settings(id, &text.parse().unwrap())?, &Backend::Cpu)
@@ -204,11 +204,11 @@ mod tests {
         let (published, corrected) = (make("rf-3dgs", "").unwrap().config, make("rf-3dgs-corrected", "").unwrap().config);
         assert_eq!((published.optical_steps, published.rf_steps), (30_000, 10_000));
         assert_eq!((published.rf_moments, published.rf_background), (RfMoments::Restored, RfBackground::Black));
-        let mended = OfflineConfig { rf_moments: RfMoments::Zero, rf_background: RfBackground::Floor, ..published };
+        let mended = Rf3dgsConfig { rf_moments: RfMoments::Zero, rf_background: RfBackground::Floor, ..published };
         assert_eq!(corrected, mended);
         let short = make("rf-3dgs", "optical_steps = 15000\nrf_steps = 25000\ndensity.gradient = 1e-4").unwrap().config;
         assert_eq!((short.optical_steps, short.rf_steps, short.density.gradient), (15_000, 25_000, 1e-4));
-        assert_eq!((short.density.every, short.rates), (100, OfflineConfig::default().rates));
+        assert_eq!((short.density.every, short.rates), (100, Rf3dgsConfig::default().rates));
         for (text, words) in [
             ("rf_background = \"floor\"", "rf-3dgs-corrected"),
             ("optical_step = 1", "optical_step"),

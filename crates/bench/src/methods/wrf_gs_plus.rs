@@ -10,7 +10,7 @@ use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Result, ensure};
-use corf::wrf_gs_plus::{
+use corf_baselines::wrf_gs_plus::{
     CpuTrainer, Model, Trainer, WrfGsPlusCheckpoint, WrfGsPlusConfig, WrfGsPlusField, WrfGsPlusReconstructor,
 };
 use corf_scene::Rigid3;
@@ -71,7 +71,7 @@ pub fn trainer(backend: &Backend, config: &WrfGsPlusConfig, parameters: Vec<f32>
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
             let options = network_options(*number, config.half_precision);
-            Ok(Box::new(corf::wrf_gs_plus::GpuTrainer::new(&options, config, &parameters)?))
+            Ok(Box::new(corf_baselines::wrf_gs_plus::GpuTrainer::new(&options, config, &parameters)?))
         }
     }
 }

@@ -5,7 +5,7 @@
 use crate::note;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use corf::lpips::{Backbone, Input, Lpips};
+use corf::image_networks::lpips::{Backbone, Input, Lpips};
 use corf_scene::Raster;
 use corf_scene::dataset::Dataset;
 use serde::{Deserialize, Serialize};

@@ -4,7 +4,6 @@
 //! works in inverse z-depth (1/m). Neighbours are training keyframes only; the caller passes no others.
 
 pub mod align;
-pub mod anything;
 pub mod correct;
 pub mod dense;
 pub mod folder;

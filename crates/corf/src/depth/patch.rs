@@ -1,6 +1,6 @@
 //! Grey images made for matching, square patches of them, and ZNCC under an affine warp.
 
-use crate::device::cpu::simd::{Isa, Kernel, Lanes};
+use crate::simd::{Isa, Kernel, Lanes};
 use corf_scene::Raster;
 use glam::{Mat2, Vec2};
 use rayon::prelude::*;

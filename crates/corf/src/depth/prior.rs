@@ -1,6 +1,7 @@
 //! Dense, affine-invariant inverse depth: where it comes from.
 
-use super::{anything::Network, dense::Dense, folder::FolderPrior};
+use super::{dense::Dense, folder::FolderPrior};
+use crate::image_networks::depth_anything::Network;
 use crate::{
     Error, Result,
     config::{DepthConfig, DepthPriorKind, PriorPreset},

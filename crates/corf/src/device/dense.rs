@@ -106,7 +106,7 @@ impl DenseStep {
 
     /// The constants of sparse Adam that make its arithmetic a bias-corrected step:
     /// `m̂/(√v̂ + ε) = √(1−β₂ᵗ)/(1−β₁ᵗ) · m/(√v + ε√(1−β₂ᵗ))`.
-    pub(crate) fn constants(&self, config: &OptimizerConfig) -> OptimizerConfig {
+    pub fn constants(&self, config: &OptimizerConfig) -> OptimizerConfig {
         let rest = |beta: f32| 1.0 - f64::from(beta).powi(self.number.min(i32::MAX as u32) as i32);
         let root = rest(config.beta2).sqrt();
         let factor = root / rest(config.beta1);

@@ -7,13 +7,12 @@ mod dense;
 pub mod gpu;
 mod mask;
 mod packed;
-pub(crate) mod planes;
 mod state;
 mod survey;
 
+pub use crate::images::Planes;
 pub use dense::{DenseStep, Duplicate, ScreenGradient};
 pub use packed::{PackedView, Packer};
-pub use planes::Planes;
 pub use state::{DeviceState, Outline};
 #[cfg(test)]
 pub(crate) use survey::judge;

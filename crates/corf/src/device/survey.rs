@@ -1,7 +1,7 @@
 //! Survey of the field before an expansion: rendered values at some pixels, and pruning decisions.
 
 use super::{Outline, Rendering, View};
-use crate::{expansion::log, gaussians::sigmoid};
+use crate::{gaussians::sigmoid, images::laplacian_of_gaussian};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -67,7 +67,7 @@ impl Survey {
         let (Some(layer), Some(main)) = (&rendering.optical, &rendering.main_contributor) else {
             return Self { shown: vec![], judged };
         };
-        let structure = request.sigma_px.map(|sigma| log::probability(&layer.color, sigma));
+        let structure = request.sigma_px.map(|sigma| laplacian_of_gaussian::probability(&layer.color, sigma));
         let shown = |&at: &(usize, usize)| Shown {
             structure: structure.as_ref().map_or(0.0, |s| s[at]),
             inverse_depth: layer.inverse_depth[at],

@@ -5,13 +5,15 @@
 //! dS/dx = E[∂S/∂μ_x] + 2x E[∂S/∂E x²] + y E[∂S/∂E xy]. The target's own moments do not change and are kept.
 
 use super::{C1, C2, RADIUS, WINDOW};
-use crate::device::{
-    Planes,
-    cpu::{
-        blend::AREA,
-        project::{TILE_HEIGHT, TILE_WIDTH},
-        simd::{Isa, Kernel, Lanes},
+use crate::{
+    device::{
+        Planes,
+        cpu::{
+            blend::AREA,
+            project::{TILE_HEIGHT, TILE_WIDTH},
+        },
     },
+    simd::{Isa, Kernel, Lanes},
 };
 use rayon::prelude::*;
 

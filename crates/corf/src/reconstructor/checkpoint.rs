@@ -3,8 +3,8 @@
 
 use super::{Past, Reconstructor};
 use crate::{
-    Error, FieldMeta, Gaussians, ReconstructionConfig, Result, depth::AlignedPrior, device::DeviceState, schedule::ScheduleState,
-    state_file,
+    Error, FieldMeta, Gaussians, ReconstructionConfig, Result, depth::AlignedPrior, device::DeviceState, files::state,
+    reconstructor::schedule::ScheduleState,
 };
 use corf_scene::Keyframe;
 use serde::{Deserialize, Serialize};
@@ -23,7 +23,7 @@ struct Header {
     gaussians: usize,
 }
 
-impl state_file::Header for Header {
+impl state::Header for Header {
     const MAGIC: &'static str = "corf-checkpoint/3\n";
 
     fn gaussians(&self) -> usize {
@@ -63,7 +63,7 @@ impl Checkpoint {
     /// # Errors
     /// When the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        state_file::write(path, &self.header, &self.device, &self.born)
+        state::write(path, &self.header, &self.device, &self.born)
     }
 
     /// Reads one back.
@@ -71,7 +71,7 @@ impl Checkpoint {
     /// # Errors
     /// A file that is missing, damaged, or no checkpoint.
     pub fn read(path: &Path) -> Result<Self> {
-        let (header, device, born) = state_file::read(path)?;
+        let (header, device, born) = state::read(path)?;
         Ok(Self { header, device, born })
     }
 }

@@ -8,8 +8,9 @@ use crate::{
     Coupling, Gaussians, ReconstructionConfig, Result, Sampling,
     depth::{self, PixelDepth, Reliability, SparseDepth},
     device::{PruneDecision, PruneRule, Shown, StepReport, Survey, SurveyRequest, View},
-    expansion::{log, prune, spawn},
+    expansion::{prune, spawn},
     field::over_coverage,
+    images::laplacian_of_gaussian,
     stage,
 };
 use corf_scene::Pinhole;
@@ -75,7 +76,7 @@ impl Reconstructor {
         let (seed, stage) = (self.seed, stage::keyed(stage::SAMPLING, keyframe.index));
         let chance = |keyframe: &Prepared, at: (usize, usize)| acceptance(&self.config, keyframe.probability[at], seen.at(at));
         let width = keyframe.probability.width();
-        let drawn = |at: (usize, usize)| log::accepted(at.1 * width + at.0, chance(keyframe, at), seed, stage);
+        let drawn = |at: (usize, usize)| laplacian_of_gaussian::accepted(at.1 * width + at.0, chance(keyframe, at), seed, stage);
         // On one thread: this takes a few milliseconds, and threads that prepare keyframes would keep others from their share of it.
         let pixels: Vec<(usize, usize)> = keyframe.candidates.iter().copied().filter(|&at| drawn(at)).collect();
 

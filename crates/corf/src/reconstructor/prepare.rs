@@ -7,8 +7,8 @@ use crate::{
     config::ReconstructionConfig,
     depth::{self, AlignedPrior, Correction, Dense, DepthPrior, GreyView, Neighbour, PixelDepth, Reliability, SparseDepth},
     device::{InverseDepth, PackedView, Packer, Planes, Shown, TrainingView},
-    expansion::log,
     field::FieldMeta,
+    images::laplacian_of_gaussian,
     stage,
 };
 use corf_scene::{Keyframe, Pinhole, Raster, Rigid3};
@@ -215,14 +215,14 @@ impl Preparer {
         let least = self.config.least_probability;
         let mut probability = match sampling {
             Sampling::Uniform => Raster::filled(optical.width, optical.height, self.config.uniform_probability),
-            Sampling::Log => log::probability(&optical, self.config.log_sigma_px).map(|p| p.max(least)),
+            Sampling::Log => laplacian_of_gaussian::probability(&optical, self.config.log_sigma_px).map(|p| p.max(least)),
         };
         if let Some(mask) = &keyframe.mask {
             let pixels = probability.pixels_mut().iter_mut().zip(mask.pixels());
             pixels.filter(|(_, counts)| !**counts).for_each(|(p, _)| *p = 0.0);
         }
         let stage = stage::keyed(stage::SAMPLING, keyframe.index);
-        let candidates = log::draw(&probability, |p| acceptance(&self.config, p, None), self.seed, stage);
+        let candidates = laplacian_of_gaussian::draw(&probability, |p| acceptance(&self.config, p, None), self.seed, stage);
         Ok(Extracted {
             view: self.view(keyframe),
             index: keyframe.index,
@@ -323,7 +323,7 @@ pub(super) fn acceptance(config: &ReconstructionConfig, image: f32, shown: Optio
             let (rendering, transmittance) = shown.map_or((0.0, 1.0), |s| (s.structure, s.transmittance));
             let image = if image > config.least_probability { image } else { image * transmittance };
             // Accept where rand < 2·P̄: the distance 1/(2√P) of Eq. (17) then lets neighbours overlap.
-            2.0 * log::final_probability(image, rendering)
+            2.0 * laplacian_of_gaussian::final_probability(image, rendering)
         }
     }
 }

@@ -1,46 +1,34 @@
 //! 60 GHz: materials, paths, the diffuse field.
 //!
+//! A specular path is read as candidates → geometry → field: which faces a wave may bounce off (`candidates`), where it does and what is in its
+//! way (`geometry`), what that makes of its amplitude (`field`). `paths` puts the three together, `tracer` keeps what serves many receivers.
+//!
 //! Conventions: world z up; θ zenith, φ = atan2(y, x); the angle of arrival points from the receiver towards the last interaction;
 //! time convention e^{+jωt}; `a` carries no propagation phase.
 
-pub mod antenna;
-mod beams;
-mod candidate_filter;
-mod chain;
-mod chains;
+mod candidates;
 pub mod channel;
-mod complex;
 pub mod coverage;
 mod diffraction;
 pub mod diffuse;
-mod edges;
 pub mod export;
-mod face;
-mod faces;
 mod field;
-pub mod fresnel;
 mod geometry;
-mod joints;
 pub mod json;
 pub mod lattice;
-pub mod materials;
-mod path;
-mod planar;
-mod ray_path;
-pub mod scattering;
-mod tables;
+mod paths;
 mod tracer;
-mod walk;
 
-pub use antenna::{Angles, Antenna, AntennaArray, AntennaPattern, Beam, PlanarArray, Polarization};
-pub use complex::Complex;
 pub use corf_scene::solids::{Parting, Solids};
 pub use diffraction::{DiffractionModel, Wedge, transition};
 pub use diffuse::{DiffuseField, DiffuseSettings, Extent};
-pub use face::Face;
+pub use field::antenna::{Angles, Antenna, AntennaArray, AntennaPattern, Beam, PlanarArray, Polarization};
+pub use field::complex::Complex;
+pub use field::materials::Slab;
+pub use field::{antenna, fresnel, materials, scattering};
 pub use geometry::Geometry;
-pub use materials::Slab;
-pub use path::{Interaction, InteractionKind, Path};
+pub use geometry::face::Face;
+pub use paths::path::{Interaction, InteractionKind, Path};
 pub use tracer::{RadioTracer, Transmitter};
 
 use corf_scene::{Error, Result, bounds};

@@ -1,16 +1,16 @@
 //! The tracer: a scene made ready once, a transmitter's candidates, and the paths to a receiver.
 
 use super::RadioSettings;
-use super::candidate_filter::CandidateFilter;
-use super::chain::Chain;
-use super::chains;
 use super::diffraction::{Wedge, Wedges};
-use super::edges::{self, EdgeChains};
-use super::face::Face;
 use super::geometry::Geometry;
-use super::path::{Path, SAME_PATH_M};
-use super::ray_path::Propagator;
 use crate::bvh::Bvh;
+use crate::radio::candidates::candidate_filter::CandidateFilter;
+use crate::radio::candidates::chain::Chain;
+use crate::radio::candidates::chains;
+use crate::radio::geometry::face::Face;
+use crate::radio::paths::edges::{self, EdgeChains};
+use crate::radio::paths::path::{Path, SAME_PATH_M};
+use crate::radio::paths::ray_path::Propagator;
 use corf_scene::{Error, Result, Scene, near_field};
 use glam::DVec3;
 use rayon::prelude::*;

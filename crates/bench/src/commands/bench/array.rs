@@ -9,9 +9,9 @@ use crate::record::provenance::Provenance;
 use crate::terminal::interrupt;
 use anyhow::{Result, ensure};
 use clap::{Args, ValueEnum};
-use corf::array::anchors::Anchors;
-use corf::array::cloud::Cloud;
-use corf::array::{ArrayConfig, ArrayField, ArrayTrainer, Observer, SensorSettings};
+use corf::array_field::anchors::Anchors;
+use corf::array_field::cloud::Cloud;
+use corf::array_field::{ArrayConfig, ArrayField, ArrayTrainer, Observer, SensorSettings};
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Pinhole, Rigid3, Rng, bounds};
 use glam::DVec3;
@@ -267,7 +267,7 @@ fn pose(k: usize) -> Rigid3 {
 
 /// Largest difference of observations to the processor's.
 fn difference_db(field: &Arc<ArrayField>, observer: &mut dyn Observer, poses: &[Rigid3]) -> Result<f64> {
-    let exact = corf::array::CpuObserver::new(Arc::clone(field)).observe(poses)?;
+    let exact = corf::array_field::CpuObserver::new(Arc::clone(field)).observe(poses)?;
     let mut largest = 0.0_f64;
     for (ours, exact) in observer.observe(poses)?.iter().zip(&exact) {
         let peak = exact.pixels().iter().copied().fold(0.0, f32::max);

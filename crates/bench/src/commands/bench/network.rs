@@ -10,9 +10,9 @@ use crate::studies::workload;
 use crate::terminal::interrupt;
 use anyhow::Result;
 use clap::Args;
-use corf::nerf2::{CpuTrainer, Model, Nerf2Config, Trainer, TrainingRays};
-use corf::offline::DensityConfig;
-use corf::wrf_gs_plus::{self, WrfGsPlusConfig, WrfGsPlusReconstructor};
+use corf_baselines::nerf2::{CpuTrainer, Model, Nerf2Config, Trainer, TrainingRays};
+use corf_baselines::rf_3dgs::DensityConfig;
+use corf_baselines::wrf_gs_plus::{self, WrfGsPlusConfig, WrfGsPlusReconstructor};
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, bounds};
 use serde::Serialize;
@@ -132,8 +132,8 @@ impl Network {
             #[cfg(feature = "gpu")]
             Backend::Gpu { number, .. } => {
                 anyhow::ensure!(self.rows > 0 && self.width > 0, "--rows and --width: give at least 1");
-                let times = corf::nn::gpu::measure_products(&network_options(*number, half), self.rows, self.width)?;
-                let line = |t: corf::nn::gpu::ProductTime| {
+                let times = corf_baselines::mlp::gpu::measure_products(&network_options(*number, half), self.rows, self.width)?;
+                let line = |t: corf_baselines::mlp::gpu::ProductTime| {
                     let [down, across] = t.tile;
                     let name = format!("{}, {}x{}, tiles {down}x{across}{}", t.name, self.rows, self.width, precision(half));
                     self.measured(name, t.seconds, t.operations)
@@ -155,7 +155,7 @@ impl Network {
             #[cfg(feature = "gpu")]
             Backend::Gpu { number, .. } => {
                 let options = network_options(*number, half);
-                Box::new(corf::nerf2::GpuTrainer::new(&options, &config, [0.0; 3], &network.initial::<f32>(1))?)
+                Box::new(corf_baselines::nerf2::GpuTrainer::new(&options, &config, [0.0; 3], &network.initial::<f32>(1))?)
             }
         };
         let mut run = |steps: std::ops::Range<usize>| -> Result<f64> {

@@ -3,7 +3,7 @@
 use crate::scenes::behind::SceneBehind;
 use crate::terminal::interrupt;
 use anyhow::Result;
-use corf::array::Image;
+use corf::array_field::Image;
 use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::{InteractionKind, Path, RadioTracer};
 use corf_raytrace::sensor::{SensorPlan, element_at};

@@ -14,7 +14,7 @@ use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::note;
 use crate::scenes::behind::SceneBehind;
 use anyhow::{Context, Result, ensure};
-use corf::array::{ArrayConfig, ArrayTrainer, Image, SensorSettings, Surface};
+use corf::array_field::{ArrayConfig, ArrayTrainer, Image, SensorSettings, Surface};
 use corf::config::Coupling;
 use corf::{RasterConfig, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
@@ -119,7 +119,7 @@ pub fn on_device(trainer: ArrayTrainer, backend: &Backend) -> Result<ArrayTraine
     match backend {
         Backend::Cpu => Ok(trainer),
         #[cfg(feature = "gpu")]
-        Backend::Gpu { .. } if !corf::array::gpu::forms(&trainer.field.sensor) => {
+        Backend::Gpu { .. } if !corf::array_field::gpu::forms(&trainer.field.sensor) => {
             note!(
                 "corf-array: mvdr spectra with a loading under a ten-thousandth of the number of elements need double precision: they are learnt and observed \
                  on the processor; light is on the GPU"
@@ -128,8 +128,8 @@ pub fn on_device(trainer: ArrayTrainer, backend: &Backend) -> Result<ArrayTraine
         }
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
-            use corf::device::gpu::GpuOptions;
-            Ok(trainer.on_gpu(&GpuOptions { adapter: *number, software: true, ..GpuOptions::default() })?)
+            use corf_gpu::AdapterOptions;
+            Ok(trainer.on_gpu(&AdapterOptions { number: *number, software: true, ..AdapterOptions::default() })?)
         }
     }
 }
@@ -264,7 +264,7 @@ impl Method for CorfArray {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use corf::array::Wave;
+    use corf::array_field::Wave;
     use corf_raytrace::radio::{Arrival, PlanarArray};
     use corf_raytrace::spectrum::SpectrumSettings;
     use corf_scene::model::world_from_array;

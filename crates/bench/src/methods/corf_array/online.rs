@@ -4,7 +4,7 @@ use crate::methods::corf_gs::Keeper;
 use crate::methods::interface::{Advance, FieldReader, StageTime, TrainingSet, shown};
 use crate::methods::stepwise::say_unless_kept;
 use anyhow::{Context, Result};
-use corf::array::{ArrayField, ArrayTrainer, Image, Observed};
+use corf::array_field::{ArrayField, ArrayTrainer, Image, Observed};
 use corf::{KeyframeTiming, Reconstructor};
 use corf_scene::Keyframe;
 use std::cell::RefCell;

@@ -6,7 +6,7 @@ use crate::methods::field::FieldPredictor;
 use crate::methods::interface::Predictor;
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Context, Result, ensure};
-use corf::array::{ArrayField, CpuObserver, Observer};
+use corf::array_field::{ArrayField, CpuObserver, Observer};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Pinhole, Raster, Rigid3, color};
@@ -34,11 +34,12 @@ pub fn observer(backend: &Backend, field: &Arc<ArrayField>) -> Result<Box<dyn Ob
     match backend {
         Backend::Cpu => Ok(Box::new(CpuObserver::new(Arc::clone(field)))),
         #[cfg(feature = "gpu")]
-        Backend::Gpu { .. } if !corf::array::gpu::forms(&field.sensor) => Ok(Box::new(CpuObserver::new(Arc::clone(field)))),
+        Backend::Gpu { .. } if !corf::array_field::gpu::forms(&field.sensor) => Ok(Box::new(CpuObserver::new(Arc::clone(field)))),
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
-            use corf::{array::gpu::GpuObserver, device::gpu::GpuOptions};
-            let options = GpuOptions { adapter: *number, software: true, ..GpuOptions::default() };
+            use corf::array_field::gpu::GpuObserver;
+            use corf_gpu::AdapterOptions;
+            let options = AdapterOptions { number: *number, software: true, ..AdapterOptions::default() };
             Ok(Box::new(GpuObserver::new(&options, Arc::clone(field))?))
         }
     }

@@ -4,10 +4,8 @@
 //! is shared and nothing is atomic. The gradient walks front to back like the forward pass and recomputes the same weights bit by
 //! bit; what lies behind Gaussian i follows from the finished image.
 
-use super::{
-    project::{Splat, TILE_HEIGHT, TILE_WIDTH},
-    simd::{Kernel, Lanes},
-};
+use super::project::{Splat, TILE_HEIGHT, TILE_WIDTH};
+use crate::simd::{Kernel, Lanes};
 
 /// Pixels per tile.
 pub(crate) const AREA: usize = TILE_WIDTH * TILE_HEIGHT;

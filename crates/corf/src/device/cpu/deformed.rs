@@ -1,11 +1,12 @@
 //! Steps of Gaussians that something else makes of those held: the rasteriser's gradient in them, and dense Adam with a gradient that is given.
 
+pub use super::store::{CORE, Core};
 use super::{
     CpuDevice,
-    simd::{Kernel, Lanes},
-    store::{CORE, Core, LOG_SCALE, OPTICAL_OPACITY, POSITION, RF_OPACITY, ROTATION},
+    store::{LOG_SCALE, OPTICAL_OPACITY, POSITION, RF_OPACITY, ROTATION},
     update::{Mode, adam},
 };
+use crate::simd::{Kernel, Lanes};
 use crate::{
     OptimizerConfig, Result,
     device::{DenseStep, RenderRequest, Rendering, ScreenGradient, StepReport},
@@ -14,7 +15,8 @@ use rayon::prelude::*;
 
 /// Geometry with opacities, and RF harmonics, of all Gaussians, one behind the other; or a gradient in these.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Rows {
+pub struct Rows {
+    /// Position (3), quaternion (4), ln scale (3), opacity logits (light, 60 GHz).
     pub core: Vec<Core>,
     /// `[gaussian][channel][coefficient]`.
     pub rf: Vec<f32>,
@@ -25,7 +27,7 @@ const RUN: usize = 1 << 14;
 
 impl CpuDevice {
     /// The Gaussians held.
-    pub(crate) fn rows(&self) -> Rows {
+    pub fn rows(&self) -> Rows {
         Rows { core: self.store.value.clone(), rf: self.store.harmonics[1].value.clone() }
     }
 
@@ -44,7 +46,7 @@ impl CpuDevice {
     }
 
     /// The gradient of an RF step's loss in `rows`, zero where they are not seen; adds to the gradients on the screen if the step does.
-    pub(crate) fn gradients_in(&mut self, dense: &DenseStep, rows: Rows) -> Result<(StepReport, Rows)> {
+    pub fn gradients_in(&mut self, dense: &DenseStep, rows: Rows) -> Result<(StepReport, Rows)> {
         dense.check()?;
         self.with(rows, |device| {
             let scene = device.scene_of_step(&dense.step)?;
@@ -65,12 +67,12 @@ impl CpuDevice {
     }
 
     /// Renders `rows`.
-    pub(crate) fn render_rows(&mut self, request: &RenderRequest, rows: Rows) -> Result<Rendering> {
+    pub fn render_rows(&mut self, request: &RenderRequest, rows: Rows) -> Result<Rendering> {
         self.with(rows, |device| device.render_request(request)).map(|(rendering, _)| rendering)
     }
 
     /// Takes a dense step of the Gaussians held with a gradient in all of them.
-    pub(crate) fn step_rows(&mut self, dense: &DenseStep, gradient: &Rows) {
+    pub fn step_rows(&mut self, dense: &DenseStep, gradient: &Rows) {
         let config = dense.constants(&self.optimizer);
         let mut rates = [0.0; CORE];
         rates[POSITION..ROTATION].fill(config.position_rate_m);

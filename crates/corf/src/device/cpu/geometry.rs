@@ -2,8 +2,8 @@
 //!
 //! Both modalities look from one pose, so the covariance in camera axes is formed once; each grid adds only its own `J`.
 
-use super::simd::Lanes;
 use crate::Antialias;
+use crate::simd::Lanes;
 use corf_scene::{Pinhole, Rigid3};
 
 /// ρ² is not taken below this.
@@ -422,7 +422,7 @@ pub(crate) fn shape_backward<L: Lanes>(pose: &Pose, s: &Shape<L>, d: &ShapeGradi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::cpu::simd::Portable;
+    use crate::simd::Portable;
     use corf_scene::Rng;
     use glam::{DMat3, DQuat, DVec3};
 

@@ -6,12 +6,11 @@
 //! result do not depend on the number of threads.
 
 pub(crate) mod blend;
-pub(crate) mod deformed;
+pub mod deformed;
 pub(crate) mod geometry;
 pub(crate) mod project;
 pub(crate) mod pyramid;
 mod render;
-pub(crate) mod simd;
 mod step;
 mod store;
 mod tiles;
@@ -21,10 +20,14 @@ use super::{
     DenseStep, Device, DeviceState, Duplicate, Modality, Outline, PackedView, Packer, RenderRequest, Rendering, ScreenGradient,
     Step, StepReport, TrainingView, ViewId,
 };
+use crate::simd::Isa;
 use crate::{Appearance, Gaussians, OptimizerConfig, RasterConfig, Result};
+use pyramid::Pyramid;
+use render::Frame;
 use std::sync::Arc;
+use step::Scratch;
 pub use step::StageTimes;
-use {pyramid::Pyramid, render::Frame, simd::Isa, step::Scratch, store::Store};
+use store::Store;
 
 /// Renders and trains on this machine's processor, with the threads of the rayon pool it is called in.
 pub struct CpuDevice {

@@ -2,10 +2,10 @@
 
 use super::{
     geometry::{Grid, Scene, ellipse, shape, to_camera},
-    simd::{Isa, Kernel, Lanes},
     store::{Core, Harmonics, LOG_SCALE, OPTICAL_OPACITY, POSITION, ROTATION, Store},
 };
-use crate::sh;
+use crate::gaussians::harmonics;
+use crate::simd::{Isa, Kernel, Lanes};
 use rayon::prelude::*;
 
 /// Gaussians per unit of parallel work; fixed, so that results do not depend on the number of threads.
@@ -314,7 +314,7 @@ fn color(h: &Harmonics, id: usize, d: [f32; 3]) -> [f32; 3] {
 
 #[inline(always)]
 fn color_of<const K: usize>(h: &Harmonics, id: usize, d: [f32; 3]) -> [f32; 3] {
-    let y = sh::basis::<K>(d);
+    let y = harmonics::basis::<K>(d);
     let mut out = [0.0; 3];
     let sh = &h.value[id * K * h.channels..(id + 1) * K * h.channels];
     for (channel, sh) in sh.chunks_exact(K).enumerate() {

@@ -1,6 +1,7 @@
 //! Keyframes as training targets: each level averages 2×2 blocks of the one before, odd remainders dropped.
 
-use super::{geometry::Grid, simd::Isa};
+use super::geometry::Grid;
+use crate::simd::Isa;
 use crate::{
     Error, Result,
     device::{

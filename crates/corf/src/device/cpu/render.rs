@@ -5,10 +5,10 @@ use super::{
     blend::{AREA, Forward, MainContributor, Tile},
     geometry::{Grid, Scene},
     project::{CHUNK, Projection, Splat, TILE_HEIGHT, TILE_WIDTH},
-    simd::Isa,
     store::Store,
     tiles::{DepthOrder, TileLists, tile_count},
 };
+use crate::simd::Isa;
 use crate::{
     Error, Result,
     device::{Layer, Planes, RenderRequest, Rendering, View},

@@ -7,10 +7,10 @@ use super::{
     project::Splat,
     pyramid::check_levels,
     render::{Image, tile_at},
-    simd::Isa,
     tiles::tile_count,
     update::{Mode, Update},
 };
+use crate::simd::Isa;
 use crate::{
     Error, Gaussians, OptimizerConfig, Result,
     device::{DenseStep, ScreenGradient, Step, StepReport},

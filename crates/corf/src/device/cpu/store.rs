@@ -16,9 +16,9 @@ pub(crate) const LOG_SCALE: usize = 7;
 pub(crate) const OPTICAL_OPACITY: usize = 10;
 pub(crate) const RF_OPACITY: usize = 11;
 /// Numbers of a [`Core`].
-pub(crate) const CORE: usize = 12;
+pub const CORE: usize = 12;
 /// Position (3), quaternion (4), ln scale (3), opacity logits (optical, RF).
-pub(crate) type Core = [f32; CORE];
+pub type Core = [f32; CORE];
 
 /// One modality's harmonics: `[gaussian][channel][coefficient]`.
 #[derive(Clone, Debug)]

@@ -6,13 +6,13 @@ use super::{
         EllipseGradient, Scene, ShapeGradient, ellipse, ellipse_backward, mean_backward, shape, shape_backward, to_camera,
     },
     project::{CHUNK, Projection, VisibleChunk, direction, gather3, gather4},
-    simd::{Isa, Kernel, Lanes},
     store::{Core, LOG_SCALE, OPTICAL_OPACITY, POSITION, RF_OPACITY, ROTATION, Store},
 };
+use crate::simd::{Isa, Kernel, Lanes};
 use crate::{
     OptimizerConfig,
     device::{DenseStep, ScreenGradient},
-    sh,
+    gaussians::harmonics,
 };
 use rayon::prelude::*;
 
@@ -99,7 +99,7 @@ impl Update<'_> {
 }
 
 /// Most harmonics of one Gaussian in one modality: three channels of sixteen.
-const MAX_STRIDE: usize = 3 * sh::MAX_COEFFICIENTS;
+const MAX_STRIDE: usize = 3 * harmonics::MAX_COEFFICIENTS;
 
 /// Constants of a step's update, from the configuration, per modality.
 struct Constants {
@@ -111,7 +111,7 @@ struct Constants {
 
 impl Default for Constants {
     fn default() -> Self {
-        Self { harmonic_rates: [[0.0; MAX_STRIDE]; 2], learnt: sh::MAX_COEFFICIENTS }
+        Self { harmonic_rates: [[0.0; MAX_STRIDE]; 2], learnt: harmonics::MAX_COEFFICIENTS }
     }
 }
 
@@ -331,9 +331,9 @@ impl UpdateChunk<'_, '_> {
         let h = &mut self.part.harmonics[g];
         let learnt = self.constants.learnt.min(K);
         let (direction, inverse_distance) = d;
-        let y = sh::basis::<K>(direction);
+        let y = harmonics::basis::<K>(direction);
         // Σ_c dL/dc_c sh_c,k: the weights of ∇Y_k.
-        let mut weights = [0.0_f32; sh::MAX_COEFFICIENTS];
+        let mut weights = [0.0_f32; harmonics::MAX_COEFFICIENTS];
         let run = id * K * C..(id + 1) * K * C;
         let value = &mut h.value[run.clone()];
         let mut gradient = [0.0_f32; MAX_STRIDE];
@@ -356,7 +356,7 @@ impl UpdateChunk<'_, '_> {
         if K == 1 {
             return [0.0; 3];
         }
-        let gd = sh::direction_gradient::<K>(direction, &weights);
+        let gd = harmonics::direction_gradient::<K>(direction, &weights);
         // d = (μ − eye)/|μ − eye|: dL/dμ = (I − d dᵀ) dL/dd / distance.
         let along = gd[0] * direction[0] + gd[1] * direction[1] + gd[2] * direction[2];
         [

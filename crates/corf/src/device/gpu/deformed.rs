@@ -1,18 +1,16 @@
 //! Steps and pictures of Gaussians that another makes of those held: they stand in their place in the rasteriser, which writes the gradient in them.
 //! What becomes of the gradient is up to the other as well.
 
-use super::{
-    GpuDevice, context::Context, frame::Leaves, kernel::Kernel, params::Uniforms, scratch::Scratch, shaders::Gradients,
-    store::CORE, train::Batch, training::Destination,
-};
+use super::{GpuDevice, frame::Leaves, params::Uniforms, shaders::Gradients, store::CORE, train::Batch, training::Destination};
 use crate::{
     Error, Result,
     device::{DenseStep, RenderRequest, Rendering, StepReport},
 };
+use corf_gpu::{Context, Kernel, Scratch};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-pub(crate) use super::shaders::{ADAM, GROUPS};
+pub use super::shaders::{ADAM, SLOTS};
 
 /// Gaussians in the place of those held, and the gradient in them.
 pub(super) struct StandIns {
@@ -25,8 +23,8 @@ pub(super) struct StandIns {
 }
 
 /// Buffers that a deformation reads and writes: three vectors of geometry and opacities a Gaussian, and one of RF harmonics, of degree 0.
-pub(crate) struct Buffers<'a> {
-    /// State of the frame; what has failed must change nothing (`FAILED` in `groups.wgsl`).
+pub struct Buffers<'a> {
+    /// State of the frame; what has failed must change nothing (`FAILED` in [`SLOTS`]).
     pub state: &'a wgpu::Buffer,
     /// Those held: geometry and opacities, with Adam's two moments.
     pub core: [&'a wgpu::Buffer; 3],
@@ -41,7 +39,7 @@ pub(crate) struct Buffers<'a> {
 }
 
 /// Makes stand-ins, and steps what they are made of by their gradient.
-pub(crate) trait Deformation {
+pub trait Deformation {
     /// Binds the buffers of the steps, or the picture, to come.
     fn bind(&mut self, context: &Context, buffers: &Buffers<'_>) -> Result<()>;
 
@@ -68,7 +66,7 @@ impl StandIns {
 
 impl GpuDevice {
     /// The context that other work on this device shares.
-    pub(crate) fn context(&self) -> &Arc<Context> {
+    pub fn context(&self) -> &Arc<Context> {
         &self.context
     }
 
@@ -114,7 +112,7 @@ impl GpuDevice {
     }
 
     /// Takes steps of deformed Gaussians in order, however often room has to be made, and reports the last.
-    pub(crate) fn train_deformed(&mut self, steps: &[DenseStep], deformation: &mut dyn Deformation) -> Result<StepReport> {
+    pub fn train_deformed(&mut self, steps: &[DenseStep], deformation: &mut dyn Deformation) -> Result<StepReport> {
         self.ready()?;
         steps.iter().try_for_each(DenseStep::check)?;
         if self.training.noted.is_none() {
@@ -168,11 +166,11 @@ impl GpuDevice {
             }
             context.submit(encoder);
         }
-        context.check("training deformed Gaussians")
+        Ok(context.check("training deformed Gaussians")?)
     }
 
     /// Renders deformed Gaussians.
-    pub(crate) fn render_deformed(&mut self, request: &RenderRequest, deformation: &mut dyn Deformation) -> Result<Rendering> {
+    pub fn render_deformed(&mut self, request: &RenderRequest, deformation: &mut dyn Deformation) -> Result<Rendering> {
         self.ready()?;
         self.reserve_stand_ins()?;
         let Some(s) = &self.stand_ins else { return Ok(Rendering::default()) };

@@ -2,8 +2,9 @@
 //! for the two reflections.
 
 use super::super::field::{self, Field};
-use super::super::{Complex, Slab, fresnel};
+use super::super::{Complex, Slab};
 use super::erfcx::erfcx_diagonal;
+use crate::radio::field::fresnel;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_4, PI, TAU};

@@ -1,9 +1,9 @@
 //! The edges of a mesh that diffract.
 
-use super::super::face::COPLANAR_NORMAL;
 use super::super::geometry::{Geometry, TOUCHING_M};
 use super::cover::open_parts;
 use super::mesh_edges::{MeshEdge, Sheet, mesh_edges};
+use crate::radio::geometry::face::COPLANAR_NORMAL;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};

@@ -1,6 +1,6 @@
 //! Multiple importance sampling (Veach and Guibas 1995): how a point is shared between the receiver's directions and the transmitter's rays.
 
-use crate::radio::face::Face;
+use crate::radio::geometry::face::Face;
 use glam::DVec3;
 
 /// cosθ/r² of a point of a face seen from elsewhere, 1/m², with the sign of the side that is seen.

@@ -8,13 +8,13 @@
 use super::image_receivers::{ImageReceivers, MirrorSequence};
 use super::sampling::Sampling;
 use super::small_faces::{Seen, SmallPoint};
-use crate::radio::antenna::Antenna;
 #[cfg(doc)]
 use crate::radio::diffuse::DiffuseSettings;
 use crate::radio::diffuse::light::illumination::MAX_PORTS;
 use crate::radio::diffuse::{Contribution, DiffuseField};
+use crate::radio::field::antenna::Antenna;
+use crate::radio::field::fresnel::SlabResponse;
 use crate::radio::field::{self, Field};
-use crate::radio::fresnel::SlabResponse;
 use crate::radio::geometry::SurfaceHit;
 use crate::radio::{MAX_DEPTH, lattice};
 use glam::DVec3;

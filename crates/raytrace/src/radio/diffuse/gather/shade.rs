@@ -2,12 +2,12 @@
 
 use super::mis::{density, mis_weight};
 use super::ray::{GatherTracer, Ray};
-use crate::radio::antenna::{phi_hat, theta_hat};
 use crate::radio::diffuse::Contribution;
 use crate::radio::diffuse::light::illumination::{Incident, MAX_PORTS};
+use crate::radio::field::antenna::{phi_hat, theta_hat};
 use crate::radio::field::{self, Field};
 use crate::radio::geometry::SurfaceHit;
-use crate::radio::{Complex, SPEED_OF_LIGHT, scattering};
+use crate::radio::{Complex, SPEED_OF_LIGHT, field::scattering};
 use glam::DVec3;
 
 /// Surfaces are not seen at angles flatter than this: cosθ_s, 0.6°. dΩ/cosθ_s has an integrable pole there that no lattice samples well. Not

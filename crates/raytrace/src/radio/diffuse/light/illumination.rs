@@ -1,8 +1,8 @@
 //! Direct illumination of a point: by the transmitter itself and its mirror images, straight through slabs where they let power pass.
 
+use crate::radio::field::tables::SlabTable;
 use crate::radio::field::{self, Field};
 use crate::radio::geometry::Geometry;
-use crate::radio::tables::SlabTable;
 use crate::radio::{RadioTracer, lattice};
 use glam::DVec3;
 

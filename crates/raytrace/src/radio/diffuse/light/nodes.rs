@@ -161,7 +161,7 @@ pub fn readout(pattern: ScatteringPattern, cos_scatter: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::radio::{lattice, scattering};
+    use crate::radio::{field::scattering, lattice};
     use glam::DVec3;
 
     #[test]

@@ -1,7 +1,7 @@
 //! World-fixed surface patches, on which indirect light is kept.
 
-use crate::radio::face::Face;
 use crate::radio::geometry::Geometry;
+use crate::radio::geometry::face::Face;
 use corf_scene::{Error, Result, bounds};
 use glam::{DVec2, DVec3};
 

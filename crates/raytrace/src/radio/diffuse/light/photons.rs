@@ -9,10 +9,10 @@ use super::cache::{Deposit, RadianceCache};
 use super::emission::Emission;
 use super::illumination::{CLEARANCE_M, Illumination};
 use super::patches::Patches;
-use crate::radio::antenna::{phi_hat, theta_hat};
+use crate::radio::field::antenna::{phi_hat, theta_hat};
+use crate::radio::field::scattering;
 use crate::radio::field::{self, Field};
 use crate::radio::geometry::SurfaceHit;
-use crate::radio::scattering;
 use corf_scene::Rng;
 use glam::{DMat3, DVec3};
 

@@ -5,7 +5,10 @@ mod photons;
 mod quadrature;
 
 use super::*;
-use crate::radio::{Polarization, RadioSettings, SPEED_OF_LIGHT, antenna, fresnel, scattering};
+use crate::radio::{
+    Polarization, RadioSettings, SPEED_OF_LIGHT,
+    field::{antenna, fresnel, scattering},
+};
 use corf_scene::model::{
     Material, Object, OpticalMaterial, Permittivity, RadioMaterial, Scattering, ScatteringPattern, Scene, Triangle,
 };

@@ -1,0 +1,146 @@
+//! An offline reconstruction kept on disk while it runs: all that it depends on beside the keyframes. Behind the device's state the file holds the
+//! positional gradients on the screen (two words a Gaussian) and the points it began with (four words each).
+
+use super::{DensityCounts, Point, Rf3dgsReconstructor, Rf3dgsTimes};
+use crate::rf_3dgs::Rf3dgsConfig;
+use corf::{
+    Error, FieldMeta, Gaussians, Result,
+    device::{DeviceState, ScreenGradient},
+    files::state,
+};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Metadata of a checkpoint, beside the arrays of its Gaussians and points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Header {
+    tag: String,
+    seed: u64,
+    config: Rf3dgsConfig,
+    meta: FieldMeta,
+    keyframes: usize,
+    steps: usize,
+    rf_begun: bool,
+    counts: [usize; 3],
+    times: Rf3dgsTimes,
+    gaussians: usize,
+    points: usize,
+}
+
+impl state::Header for Header {
+    const MAGIC: &'static str = "corf-offline-checkpoint/1\n";
+
+    fn gaussians(&self) -> usize {
+        self.gaussians
+    }
+
+    fn empty_field(&self) -> Gaussians {
+        self.config.empty_field()
+    }
+
+    fn more_words(&self) -> Option<usize> {
+        self.gaussians.checked_mul(2)?.checked_add(self.points.checked_mul(4)?)
+    }
+}
+
+/// The state of an [`Rf3dgsReconstructor`] between two steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rf3dgsCheckpoint {
+    header: Header,
+    device: DeviceState,
+    more: Vec<u32>,
+}
+
+impl Rf3dgsCheckpoint {
+    /// Steps of both stages that it holds.
+    pub fn steps(&self) -> usize {
+        self.header.steps
+    }
+
+    /// The caller's tag.
+    pub fn tag(&self) -> &str {
+        &self.header.tag
+    }
+
+    /// Writes it whole or not at all.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        state::write(path, &self.header, &self.device, &self.more)
+    }
+
+    /// Reads one back.
+    ///
+    /// # Errors
+    /// A file that is missing, damaged, or no checkpoint.
+    pub fn read(path: &Path) -> Result<Self> {
+        let (header, device, more) = state::read(path)?;
+        Ok(Self { header, device, more })
+    }
+}
+
+impl Rf3dgsReconstructor {
+    /// The state between two steps; `tag` is handed back by [`Rf3dgsCheckpoint::tag`].
+    ///
+    /// # Errors
+    /// Before the beginning; the device's errors.
+    pub fn checkpoint(&mut self, tag: &str) -> Result<Rf3dgsCheckpoint> {
+        if self.schedule.is_none() {
+            let help = "take checkpoints after Rf3dgsReconstructor::begin";
+            return Err(Error::invalid("checkpoint", "the reconstruction has not begun", help));
+        }
+        let device = self.device.state()?;
+        let mut more: Vec<u32> = self.device.screen_gradients()?.iter().flat_map(|g| [g.norm_sum.to_bits(), g.steps]).collect();
+        for point in &self.points {
+            more.extend(point.position.map(f32::to_bits));
+            let [r, g, b] = point.color;
+            more.push(u32::from_le_bytes([r, g, b, 0]));
+        }
+        let header = Header {
+            tag: tag.to_owned(),
+            seed: self.seed,
+            config: self.config.clone(),
+            meta: self.meta,
+            keyframes: self.poses.len(),
+            steps: self.done,
+            rf_begun: self.rf_begun,
+            counts: [self.counts.cloned, self.counts.split, self.counts.pruned],
+            times: self.times,
+            gaussians: device.gaussians.len(),
+            points: self.points.len(),
+        };
+        Ok(Rf3dgsCheckpoint { header, device, more })
+    }
+
+    /// Makes a reconstruction that has received its keyframes go on where a checkpoint was taken, in place of [`Self::begin`]. What follows is
+    /// what would have followed without the interruption.
+    ///
+    /// # Errors
+    /// A reconstruction that has begun; another seed, configuration, number of keyframes or other cameras; the device's errors.
+    pub fn restore(&mut self, checkpoint: &Rf3dgsCheckpoint) -> Result<()> {
+        let h = &checkpoint.header;
+        if (h.seed, &h.config, &h.meta, h.keyframes) != (self.seed, &self.config, &self.meta, self.poses.len())
+            || h.steps > self.config.total_steps()
+        {
+            let what = "it is of another seed, configuration, or of other keyframes";
+            return Err(Error::invalid("checkpoint", what, "resume with the command that was interrupted, or start anew"));
+        }
+        self.settle()?;
+        self.views = vec![];
+        self.device.restore(&checkpoint.device)?;
+        let (gradients, points) = checkpoint.more.split_at(2 * h.gaussians);
+        let gradient = |w: &[u32; 2]| ScreenGradient { norm_sum: f32::from_bits(w[0]), steps: w[1] };
+        let gradients: Vec<ScreenGradient> = gradients.as_chunks().0.iter().map(gradient).collect();
+        self.device.set_screen_gradients(&gradients)?;
+        let point = |&[x, y, z, color]: &[u32; 4]| {
+            let [r, g, b, _] = color.to_le_bytes();
+            Point { position: [x, y, z].map(f32::from_bits), color: [r, g, b] }
+        };
+        self.points = points.as_chunks().0.iter().map(point).collect();
+        let [cloned, split, pruned] = h.counts;
+        self.counts = DensityCounts { cloned, split, pruned };
+        (self.done, self.rf_begun, self.times) = (h.steps, h.rf_begun, h.times);
+        Ok(())
+    }
+}

@@ -1,0 +1,34 @@
+//! WRF-GS+ (Wen et al. 2025), the baseline of deformable Gaussians: 3D Gaussian splatting of the spectra alone, of Gaussians that a network
+//! deforms for each receiver. The transmitter is fixed, so that what varies is the receiver's position.
+//!
+//! [`Model`] is the network, [`Rule`] says what its predictions do to a Gaussian, a [`Trainer`] does the arithmetic ([`CpuTrainer`], or
+//! `GpuTrainer` with the feature `gpu`), and a [`WrfGsPlusReconstructor`] decides: views, rates, density control. Gaussians are of degree 0 and live
+//! in the RF half of a [`Device`](corf::Device); light is not used.
+
+mod checkpoint;
+mod config;
+mod cpu;
+mod deformation;
+mod field;
+#[cfg(feature = "gpu")]
+mod gpu;
+#[cfg(all(test, feature = "gpu"))]
+mod gpu_tests;
+mod model;
+mod reconstructor;
+mod rule;
+#[cfg(test)]
+mod tests;
+mod trainer;
+
+pub use checkpoint::WrfGsPlusCheckpoint;
+pub use config::{WrfGsPlusConfig, WrfGsPlusRates};
+pub use cpu::CpuTrainer;
+pub use deformation::Deformation;
+pub use field::WrfGsPlusField;
+#[cfg(feature = "gpu")]
+pub use gpu::GpuTrainer;
+pub use model::Model;
+pub use reconstructor::WrfGsPlusReconstructor;
+pub use rule::{Offsets, Rule, Shape};
+pub use trainer::{DeformedStep, Trainer};
