@@ -89,8 +89,8 @@ impl CorfGs {
         interrupt::let_first_end_input(false);
         anyhow::ensure!(
             live.received >= 2,
-            "{} keyframes to train with came before the end, and at least 2 are needed\n  help: live.jsonl in the run folder says what became of each",
-            live.received
+            "only {} came before the end to train with, and at least 2 are needed\n  help: live.jsonl in the run folder says what became of each",
+            ["no keyframe", "1 keyframe"][live.received]
         );
         // Fewer than are collected at the beginning wait until the end; the rest has ended.
         if live.told < live.received {
