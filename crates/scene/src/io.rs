@@ -13,7 +13,7 @@ use crate::{Error, Raster, Result};
 use exr::prelude as ex;
 pub use image_header::{MAX_EXR_BYTES, MAX_PIXELS};
 pub use map::{DEPTH_UNIT_M, Map, Stored, decode_map, read_map};
-pub use regular::{MAX_CONFIG_BYTES, open, read, read_config_text, read_text};
+pub use regular::{MAX_CONFIG_BYTES, open, read, read_at_most, read_config_text, read_text};
 use sha2::{Digest, Sha256};
 use std::io::{Cursor, Write};
 use std::path::Path;
