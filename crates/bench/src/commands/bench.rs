@@ -169,7 +169,7 @@ impl Run {
         let networks = self.lpips.read()?;
         let input = self.cells.verify.open(&plan.dataset)?.with_networks(&networks)?;
         let backend = self.cells.device.resolve()?;
-        cells::check_folders(&plan, &input.dataset)?;
+        cells::check_rows(&plan, &input.dataset)?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;
         let written = suite::run(&plan, &input, &self.cells.out, &backend)?;
         let text = format!("{}\nreport: {}", written.text(), written.report.display());

@@ -48,6 +48,15 @@ pub fn live_overrides(overrides: &toml::Table, description: &LiveDescription) ->
 }
 
 impl CorfGs {
+    /// Checks that keyframes as a description has them can be reconstructed.
+    ///
+    /// # Errors
+    /// Those of [`Reconstructor::check_cameras`].
+    pub fn check_description(&self, description: &LiveDescription) -> Result<()> {
+        let LiveDescription { optical_camera, rf_camera, .. } = description;
+        Ok(Reconstructor::check_cameras(&self.config.reconstruction, optical_camera, rf_camera)?)
+    }
+
     /// Number of first keyframes that are collected before any is expanded.
     pub fn collected(&self) -> usize {
         self.config.reconstruction.bootstrap_keyframes
