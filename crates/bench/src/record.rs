@@ -442,7 +442,10 @@ pub(crate) mod tests {
             (set("/frames/1/ssim_opt", json!(1.001)), "ssim_opt of keyframe 8 is 1.001, where it can be from -1 to 1"),
             (set("/frames/1/psnr_opt", json!(-3)), "psnr_opt of keyframe 8 is -3, where it can be from 0 to inf"),
             (set("/curve/0/progress", json!(7)), "curve[0].progress is 7, where it can be from 0 to 1"),
-            (|r: &mut Value| r["curve"].as_array_mut().unwrap().push(json!({"seconds": 0.25, "progress": 1.0})), "curve[1].seconds is 0.25, after 0.5"),
+            (
+                set("/curve", json!([{"seconds": 0.5, "progress": 0.5}, {"seconds": 0.25, "progress": 1.0}])),
+                "curve[1].seconds is 0.25, after 0.5",
+            ),
             (set("/means/ssim_opt", json!("0.5")), "invalid type: string"),
             (set("/frames/1/psnr_opt", json!(25.0)), "means.psnr_opt is 21, and the frames give 23"),
             (set("/frames/1/index", json!(0)), "keyframe 0 is there twice"),
