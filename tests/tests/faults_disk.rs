@@ -530,3 +530,26 @@ fn a_live_run_whose_folder_went_with_the_kill_ends_with_what_it_recorded() {
     assert_eq!(live["ended_by"].as_str(), Some("folder-gone"), "{live}");
     assert!(corf_ok(&["dataset", "validate", text(&run.join("dataset"))]).contains("passed"));
 }
+
+#[test]
+fn links_that_lead_nowhere_are_there_and_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = Capture::open(folder.path());
+    let run = folder.path().join("run");
+    let nowhere = folder.path().join("nowhere");
+    symlink(folder.path().join("gone"), &nowhere).unwrap();
+    corf_refuses(&["reconstruct", "--follow", text(&nowhere), "--out", text(&run)], &["leads to none", "help"]);
+    // The mark of the end is there, whatever it is.
+    (1..=2).for_each(|number| capture.keyframe(number));
+    symlink("gone", capture.live.join("end")).unwrap();
+    Follower::start(&capture.live, &run, &[]).end(0);
+    let other = folder.path().join("other");
+    let description = capture.live.join("capture.toml");
+    fs::remove_file(&description).unwrap();
+    symlink("gone", &description).unwrap();
+    corf_refuses(
+        &["reconstruct", "--follow", text(&capture.live), "--out", text(&other)],
+        &["capture.toml", "leads nowhere", "help"],
+    );
+    assert!(!other.exists());
+}

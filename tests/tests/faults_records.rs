@@ -99,10 +99,16 @@ fn records_that_may_not_stand_in_one_table_are_refused_in_folders_and_archives()
     assert_eq!(table, corf_ok(&["bench", "table", text(&out)]));
     // A record that is not there, and one that nobody asks for.
     fs::rename(cell(&out, names[1]), cell(&out, "stray")).unwrap();
-    corf_refuses(&["bench", "table", text(&out)], &["nearest-seed2.json is missing", "\"nearest\", seed 2", "help: ", "--resume"]);
+    corf_refuses(
+        &["bench", "table", text(&out)],
+        &["nearest-seed2.json is missing", "\"nearest\", seed 2", "help: ", "--resume"],
+    );
     fs::copy(cell(&out, "stray"), cell(&out, names[1])).unwrap();
     let tabled = corf(&["bench", "table", text(&out)]);
-    assert!(tabled.status.success() && String::from_utf8_lossy(&tabled.stderr).contains("stray.json is of no cell"), "{tabled:?}");
+    assert!(
+        tabled.status.success() && String::from_utf8_lossy(&tabled.stderr).contains("stray.json is of no cell"),
+        "{tabled:?}"
+    );
     fs::remove_file(cell(&out, "stray")).unwrap();
     // An archive beside cells may be another comparison's.
     archive(&out, &sound);

@@ -103,7 +103,10 @@ impl<'de> Visitor<'de> for Look<'_> {
 
     fn visit_unit<E: Error>(self) -> Result<(), E> {
         if self.checked && !OPTIONAL.contains(&self.key) {
-            return self.refuse(Fault::Number(format!("{} is null, as numbers that are not finite are written, and a value belongs there", self.path)));
+            return self.refuse(Fault::Number(format!(
+                "{} is null, as numbers that are not finite are written, and a value belongs there",
+                self.path
+            )));
         }
         Ok(())
     }

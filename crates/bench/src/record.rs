@@ -281,7 +281,10 @@ impl Numbers {
         let mut before_s = 0.0;
         for (i, point) in self.curve.iter().enumerate() {
             let CurvePoint { seconds, progress, .. } = *point;
-            ensure!((0.0..=1.0).contains(&progress), "curve[{i}].progress is {progress}, where it can be from 0 to 1\n  help: {HELP}");
+            ensure!(
+                (0.0..=1.0).contains(&progress),
+                "curve[{i}].progress is {progress}, where it can be from 0 to 1\n  help: {HELP}"
+            );
             ensure!(seconds >= before_s, "curve[{i}].seconds is {seconds}, after {before_s}\n  help: {HELP}");
             before_s = seconds;
         }
@@ -427,7 +430,7 @@ pub(crate) mod tests {
         let of_old = read(|r| drop(r["means"].as_object_mut().unwrap().remove("psnr_opt"))).unwrap();
         let Outcome::Done(numbers) = &of_old.outcome else { panic!() };
         assert_eq!(numbers.value(&COLUMNS[0]), Some(21.0), "what an older record has no mean of is of its frames");
-    assert_eq!(numbers.value_of("psnr_opt"), Some(21.0));
+        assert_eq!(numbers.value_of("psnr_opt"), Some(21.0));
         let set = |pointer: &'static str, to: Value| move |r: &mut Value| *r.pointer_mut(pointer).unwrap() = to.clone();
         for (change, said) in [
             (set("/schema", json!("corf-x/999")), "schema is \"corf-x/999\", and this version reads \"corf-metrics/1\""),

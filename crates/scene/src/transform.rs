@@ -130,7 +130,10 @@ impl Rigid3 {
             // Four numbers, each half a unit of the last decimal off; what is further from 1 has another length and was not rounded to it.
             off > UNIT_LENGTH && off <= 10f64.powi(-decimals)
         }) {
-            let what = format!("its quaternion {w} {x} {y} {z} is rounded to {decimals} decimal{}", if decimals == 1 { "" } else { "s" });
+            let what = format!(
+                "its quaternion {w} {x} {y} {z} is rounded to {decimals} decimal{}",
+                if decimals == 1 { "" } else { "s" }
+            );
             return Err(Error::invalid(place, what, FEW_DECIMALS));
         }
         let pose = Self { rotation: DMat3::from_quat(q.normalize()), translation };

@@ -152,7 +152,10 @@ impl FromStr for LengthUnit {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let named = [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6)];
-        let metres = named.iter().find(|(name, _)| name.eq_ignore_ascii_case(text)).map_or_else(|| text.parse().ok(), |(_, metres)| Some(*metres));
+        let metres = named
+            .iter()
+            .find(|(name, _)| name.eq_ignore_ascii_case(text))
+            .map_or_else(|| text.parse().ok(), |(_, metres)| Some(*metres));
         metres
             .filter(|m| corf_scene::io::DEPTH_UNIT_M.contains(m))
             .map(Self)

@@ -21,10 +21,7 @@ impl Place {
     /// Where a record's cell ran. The machine that scored another program's predictions is not where they were made.
     pub fn of(record: &Record) -> Self {
         let on_processor = record.device.starts_with(PROCESSOR) && record.method != PREDICTIONS;
-        Self {
-            device: record.device.clone(),
-            processor: on_processor.then(|| record.provenance.processor.clone()),
-        }
+        Self { device: record.device.clone(), processor: on_processor.then(|| record.provenance.processor.clone()) }
     }
 
     /// Whether it is told from others in a table: not where a lookup ran on the processor, and not what nobody knows.

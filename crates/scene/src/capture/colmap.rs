@@ -155,7 +155,8 @@ fn further_models(source: &Path, read: &Path) -> Option<String> {
         .collect();
     others.sort_by(|a, b| names::natural(a, b));
     let Some(first) = others.first() else {
-        let beside = "the model beside sparse/ was not read: move it into a folder of its own, and give that to `corf dataset import`";
+        let beside =
+            "the model beside sparse/ was not read: move it into a folder of its own, and give that to `corf dataset import`";
         return is_further(&source.to_path_buf()).then(|| beside.to_owned());
     };
     let were = if others.len() == 1 { "holds a further model, which was" } else { "hold further models, which were" };

@@ -212,9 +212,11 @@ fn radio(options: &ImportOptions, own: Option<PathBuf>, shots: &[Shot], notes: &
     let Some(folder) = options.rf.clone().or(own) else {
         return match options.given_of_radio() {
             None => Ok(None),
-            Some(flag) => {
-                Err(Error::invalid(flag, "there are no spectra that it could be of", "give their folder with --rf, or leave it out"))
-            }
+            Some(flag) => Err(Error::invalid(
+                flag,
+                "there are no spectra that it could be of",
+                "give their folder with --rf, or leave it out",
+            )),
         };
     };
     let names: Vec<&str> = shots.iter().map(|s| s.name.as_str()).collect();
