@@ -16,13 +16,12 @@ import argparse
 import json
 import math
 import shutil
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 from check_view import BROWSERS, Browser, changed
+from ending import end_with
 
 # Hands are given the page's own objects.
 START = "await new App(await source.json('scene'), source, asked).start();"
@@ -302,8 +301,4 @@ def sort(browser, page, count):
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except (OSError, ValueError, KeyError, subprocess.SubprocessError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+    end_with(main)

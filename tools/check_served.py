@@ -14,11 +14,11 @@ import base64
 import json
 import shutil
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 from check_view import BROWSERS, Browser
+from ending import end_with
 
 # What the browser says of a page that is not as it should be.
 TOLD = ("Log.entryAdded", "Runtime.exceptionThrown")
@@ -129,8 +129,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except (OSError, ValueError, KeyError, subprocess.SubprocessError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+    end_with(main)

@@ -21,11 +21,12 @@ import os
 import shutil
 import struct
 import subprocess
-import sys
 import tempfile
 import time
 import zlib
 from pathlib import Path
+
+from ending import end_with
 
 # A root mean square error of one 8-bit step; the controls lie below 31 dB.
 LEAST_DB = 48.13
@@ -262,8 +263,4 @@ def compare(browser, given, page, views, numbers, folder):
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except (OSError, ValueError, KeyError, subprocess.SubprocessError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+    end_with(main)

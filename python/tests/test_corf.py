@@ -54,7 +54,7 @@ def write_dataset(folder: Path, radio: bool = True, depth: bool = True) -> tuple
     document["db_range"] = {"min_db": -120.0, "max_db": -60.0} if radio else None
     (folder / "dataset.json").write_text(json.dumps(document))
     frames = [{"index": i, "file": f"{i + 1:05}", "time_s": 0.5 * i, "world_from_camera": POSE} for i in range(3)]
-    (folder / "trajectory.json").write_text(json.dumps({"keyframes": frames}))
+    (folder / "trajectory.json").write_text(json.dumps({"schema": "corf-trajectory/1", "keyframes": frames}))
     for i in range(3):
         image = rng.integers(0, 256, (3, 4, 3), dtype=np.uint8)
         z = rng.uniform(1, 9, (3, 4)).astype(np.float32)
@@ -202,12 +202,19 @@ class Malformed(Folder):
             (put("db_range", {"min_db": 0}), "db_range: has no max_db"),
             (put("db_range.min_db", 0), "db_range: 0.0 to -60.0 dB"),
             (put("keyframes", 4), "has 3 keyframes"),
+            (put("header.quantity", "volts"), "header.quantity: 'volts' is none of power_per_steradian"),
+            (put("db_range.min_db", -1e300), "db_range.min_db: -1e+300 dB is no level"),
+            (put("header.imported", {"db_range": {"min_db": 0, "max_db": -3}}), "header.imported.db_range: 0.0 to -3.0 dB"),
+            (put("header.imported", {"db_range": {"min_db": -110, "max_db": -60}}), "header.imported.db_range: is another range"),
         ]:
             self.assertIn(word, self.changed("dataset.json", change))
         inf = [[float("inf"), *POSE[0][1:]], *POSE[1:]]
         for change, word in [
             (lambda d: 3, "3 is no table"),
             (drop("keyframes"), "trajectory.json: has no keyframes"),
+            (drop("schema"), "trajectory.json: has no schema"),
+            (put("schema", "corf-trajectory/9"), "trajectory of version corf-trajectory/9"),
+            (put("keyframes.2.world_from_camera.0", [0.0, 0.0, 1.0, 1e300]), "the position is [1e+300, 3, 1.5]"),
             (put("keyframes", {"0": 1}), "keyframes: a table is no list"),
             (put("keyframes.1", 7), "keyframes[1]: 7 is no table"),
             (drop("keyframes.1.index"), "keyframes[1]: has no index"),
@@ -250,6 +257,16 @@ class Malformed(Folder):
                 (self.folder / name).write_bytes(data)
                 self.assertIn(name, self.said())
                 (self.folder / name).unlink()
+        # Sixteen bits would be clamped, or lose half of themselves.
+        wide = struct.pack(">IIBBBBB", 4, 3, 16, 2, 0, 0, 0)
+        colour = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", wide) + chunk(b"IDAT", zlib.compress(bytes(3 * 25))) + chunk(b"IEND", b"")
+        for data in (np.full((3, 4), 4000, dtype=np.uint16), colour):
+            write_dataset(self.folder)
+            if isinstance(data, bytes):
+                (self.folder / "optical/images/00002.png").write_bytes(data)
+            else:
+                write_png(self.folder / "optical/images/00002.png", data)
+            self.assertIn("00002.png has more than 8 bits", self.said())
         write_dataset(self.folder)
         write_png(self.folder / "optical/images/00001.png", np.zeros((3, 5, 3), dtype=np.uint8))
         self.assertIn("is 5x3 pixels where the camera has 4x3", self.said())
@@ -413,8 +430,13 @@ class Program(Folder):
         several = field.render([np.array(POSE), moved])
         self.assertEqual([tuple(r.image[0, 0]) for r in several], [(2, 0, 0), (7, 1, 0)])
         self.assertEqual(field.render([]), [])
-        for bad in (np.eye(3), np.full((4, 4), np.nan)):
+        far = np.array(POSE)
+        far[0, 3] = 1e300
+        for bad in (np.eye(3), np.full((4, 4), np.nan), far):
             self.assertRaises(corf.CorfError, field.render, bad)
+        for bad in (np.array(POSE) + 1j, [np.array(POSE), np.array(POSE, dtype=complex)]):
+            with self.assertRaisesRegex(corf.CorfError, "no real numbers.*complex"):
+                field.render(bad)
 
 
 class Gaussians(Folder):

@@ -46,6 +46,42 @@ fn an_unknown_key_of_a_method_is_refused_before_any_work() {
 }
 
 #[test]
+fn a_configuration_that_the_keyframes_do_not_suit_leaves_nothing_in_the_way_of_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let dataset = text(tiny_dataset());
+    let levels = ["--set", "pyramid_levels=6"];
+    corf_refuses(&[&["reconstruct", dataset, "--out", text(&out)][..], &levels].concat(), &["below 8 pixels", "help"]);
+    assert!(!out.exists());
+    let live = folder.path().join("live");
+    corf_ok(&["dataset", "play", dataset, "--to", text(&live), "--rate", "10000"]);
+    corf_refuses(&[&["reconstruct", "--follow", text(&live), "--out", text(&out)][..], &levels].concat(), &["below 8 pixels"]);
+    assert!(!out.exists());
+    // What is wrong with any row of a plan is known before the first is run.
+    let plan = folder.path().join("plan.toml");
+    let row = |config: &str| format!("[[row]]\nlabel = \"b\"\nmethod = \"corf-gs\"\n[row.config]\n{config}\n");
+    let write = |config: &str| {
+        let rows = "[[row]]\nlabel = \"a\"\nmethod = \"nearest\"\n".to_owned() + &row(config);
+        std::fs::write(&plan, format!("name = \"x\"\ndataset = {:?}\nseeds = [1]\n{rows}", tiny_dataset())).unwrap();
+    };
+    write("pyramid_levels = 6");
+    corf_refuses(&["bench", "run", text(&plan), "--out", text(&out)], &["row \"b\"", "below 8 pixels"]);
+    assert!(!out.exists());
+    // And a cell that failed does not hold up one with other settings.
+    write("iterations_per_keyframe = 5");
+    let run = ["bench", "run", text(&plan), "--out", text(&out), "--device", "cpu"];
+    corf_ok(&run);
+    let cell = out.join("cells/b-seed1.json");
+    let mut record: serde_json::Value = serde_json::from_slice(&std::fs::read(&cell).unwrap()).unwrap();
+    record["status"] = "failed".into();
+    record["error"] = "out of memory".into();
+    record["config"]["reconstruction"]["iterations_per_keyframe"] = 75.into();
+    std::fs::write(&cell, record.to_string()).unwrap();
+    corf_ok(&[&run[..], &["--resume"]].concat());
+    assert!(std::fs::read_to_string(&cell).unwrap().contains("\"done\""));
+}
+
+#[test]
 fn a_reference_that_cannot_be_sampled_is_refused_before_any_work() {
     let config = root().join("scenes/lobby-mini.toml");
     let bench = |more: &[&'static str]| [&["bench", "radio", text(&config), "--spectrum", "bartlett"], more].concat();
@@ -135,12 +171,19 @@ fn a_nan_in_a_pose_is_located() {
     corf_refuses(&["reconstruct", text(&broken), "--out", text(&folder.path().join("run"))], &["trajectory.json"]);
     fs::write(&path, json.to_string().replace("\"NaN\"", "1e400")).unwrap();
     corf_refuses(&["reconstruct", text(&broken), "--out", text(&folder.path().join("run"))], &["trajectory.json"]);
+    // A number, and no place.
+    fs::write(&path, json.to_string().replace("\"NaN\"", "1e300")).unwrap();
+    let never = folder.path().join("run");
+    let args = ["reconstruct", text(&broken), "--out", text(&never), "--no-verify"];
+    corf_refuses(&args, &["trajectory.json: keyframe 3", "1e300", "1e6"]);
     let poses = folder.path().join("poses.json");
     fs::write(&poses, "[[[1,0,0,0],[0,1,0,0],[0,0,2,0],[0,0,0,1]]]").unwrap();
     let run = folder.path().join("nearest");
     corf_ok(&["reconstruct", text(tiny_dataset()), "--out", text(&run), "--method", "nearest"]);
     let out = folder.path().join("views");
     corf_refuses(&["render", text(&run), "--poses", text(&poses), "--out", text(&out)], &["poses.json: pose 0", "rotation"]);
+    fs::write(&poses, "[[[1,0,0,1e300],[0,1,0,0],[0,0,1,0],[0,0,0,1]]]").unwrap();
+    corf_refuses(&["render", text(&run), "--poses", text(&poses), "--out", text(&out)], &["poses.json: pose 0", "1e300", "1e6"]);
     assert!(!out.exists());
 }
 

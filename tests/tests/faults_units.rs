@@ -257,6 +257,38 @@ fn numbers_beyond_all_bounds_are_refused_before_anything_is_written() {
 }
 
 #[test]
+fn flags_that_would_change_nothing_are_refused_by_name() {
+    let capture = Capture::new();
+    for flag in [
+        "--rf-db=-110,-40",
+        "--rf-camera=90",
+        "--rf-values=linear",
+        "--rf-quantity=unknown",
+        "--frequency-hz=60e9",
+        "--dynamic-range-db=70",
+        "--depth-unit=MM",
+    ] {
+        capture.refuses(&[flag], &[flag.split('=').next().unwrap(), "help", "leave it out"]);
+    }
+    let png = capture.path("png");
+    capture.put_each("png", "png", |_| io::encode_png16(&levels().map(|s| (65535.0 * s) as u16)).unwrap());
+    let pictures = ["--rf", text(&png), "--rf-camera", "90", "--rf-db=-110,-40"];
+    capture.refuses(&[&pictures[..], &["--rf-values", "db"]].concat(), &["--rf-values", "pictures"]);
+    capture.refuses(&[&pictures[..], &["--dynamic-range-db", "70"]].concat(), &["--dynamic-range-db", "--rf-db"]);
+    // Focal lengths of shares of the image, and a word in capitals.
+    capture.refuses(&["--rf", text(&png), "--rf-camera=0.5,0.7,0.5,0.5", "--rf-db=-110,-40"], &["--rf-camera", "multiply fx"]);
+    let (code, said) = capture.import("auto", &["--offset", "AUTO", "--up=1e300,0,0"]);
+    assert_eq!(code, Some(0), "{said}");
+    // Maps without any depth.
+    let depth = capture.path("depth");
+    capture.put_each("depth", "png", |_| io::encode_png16(&Raster::filled(SIZE.0, SIZE.1, 0u16)).unwrap());
+    let (code, said) = capture.import("empty", &["--depth", text(&depth)]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("depth images are empty") && said.contains("--depth") && !said.contains("trajectory"), "{said}");
+    assert!(!said.contains(".corf-unfinished"), "{said}");
+}
+
+#[test]
 fn half_precision_says_what_it_does_not_hold() {
     let capture = Capture::new();
     let rf = capture.path("half");

@@ -133,6 +133,25 @@ pub fn pinhole(place: &str, camera: &Pinhole) -> Result<()> {
     Ok(())
 }
 
+/// Focal lengths below which no image of [`WHOLE_IMAGE_PX`] and more has both, pixels: its field of view would be above 150 degrees either way.
+const LEAST_FOCAL_PX: f64 = 3.0;
+/// Shorter side from which on an image is none of a few pixels, of which everything is small.
+const WHOLE_IMAGE_PX: usize = 24;
+
+/// Refuses intrinsics that are written as shares of the image's size, as some programs do: both focal lengths would be of some pixel.
+///
+/// # Errors
+/// The focal lengths, at their place.
+pub fn in_pixels(place: &str, camera: &Pinhole) -> Result<()> {
+    let Pinhole { width, height, fx, fy, .. } = *camera;
+    if fx.max(fy) >= LEAST_FOCAL_PX || width.min(height) < WHOLE_IMAGE_PX {
+        return Ok(());
+    }
+    let what = format!("its focal lengths are {fx} and {fy} pixels where the image has {width}x{height}, which no camera has");
+    let help = "intrinsics are in pixels: where they are shares of the image's size, multiply fx and cx by the width, fy and cy by the height";
+    Err(Error::invalid(place, what, help))
+}
+
 /// Refuses work that would take more memory than is available; `what` names the work in the message, `reduce` says how to need less.
 ///
 /// # Errors
@@ -249,6 +268,18 @@ mod tests {
         ] {
             let message = pinhole("c", &camera).unwrap_err().to_string();
             assert!(message.contains(word), "{message}");
+        }
+    }
+
+    #[test]
+    fn intrinsics_in_shares_of_the_image_are_refused() {
+        let camera = |fx, fy, width, height| Pinhole { width, height, fx, fy, cx: 0.5, cy: 0.5 };
+        for (fx, fy) in [(0.78, 1.04), (1.2, 1.2), (2.5, 2.9)] {
+            let message = in_pixels("c", &camera(fx, fy, 640, 480)).unwrap_err().to_string();
+            assert!(message.contains("640x480") && message.contains("multiply fx and cx by the width"), "{message}");
+        }
+        for fine in [camera(500.0, 500.0, 640, 480), camera(2.0, 2.0, 4, 4), camera(3.0, 2.0, 24, 24)] {
+            in_pixels("c", &fine).unwrap();
         }
     }
 

@@ -68,30 +68,6 @@ pub fn check_regular(path: &Path, place: &str) -> Result<()> {
     Err(Error::invalid(place, what, "give a regular file"))
 }
 
-/// Reads a regular file of at most `most_bytes`, whatever takes its place meanwhile: a pipe is not waited for, a device not read without end.
-///
-/// # Errors
-/// Those of [`check_regular`]; a file that is larger or cannot be read.
-pub fn read_regular(path: &Path, place: &str, most_bytes: u64) -> Result<Vec<u8>> {
-    use std::io::Read as _;
-    check_regular(path, place)?;
-    let mut options = std::fs::File::options();
-    options.read(true);
-    #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NONBLOCK);
-    let file = options.open(path).map_err(Error::io("read", path))?;
-    if !file.metadata().map_err(Error::io("read", path))?.is_file() {
-        return Err(Error::invalid(place, format!("{} is no regular file any more", path.display()), "give a regular file"));
-    }
-    let mut bytes = Vec::new();
-    file.take(most_bytes + 1).read_to_end(&mut bytes).map_err(Error::io("read", path))?;
-    if bytes.len() as u64 > most_bytes {
-        let what = format!("{} is larger than {most_bytes} bytes", path.display());
-        return Err(Error::invalid(place, what, "no such file is; give the right one"));
-    }
-    Ok(bytes)
-}
-
 /// Help text of the error about a mesh file or material library that names a file outside its folder.
 pub const MESH_HELP: &str = "copy the file into the mesh's folder and name it there; where files outside are meant, say `allow_outside = true` \
                              under [scene] of the scene file, or --allow-outside for a bare mesh";
@@ -148,28 +124,6 @@ mod tests {
         assert!(resolved(&folder, "../secret.png", Reach::Anywhere).is_ok());
         assert!(resolved(&folder, &absolute, Reach::Anywhere).is_ok());
         assert!(resolved(&folder, "../model", Reach::Anywhere).unwrap_err().contains("a folder"));
-    }
-
-    #[test]
-    fn regular_files_are_read_up_to_a_bound_and_nothing_else_is() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a");
-        std::fs::write(&path, "four").unwrap();
-        let text = |path: &Path, most| read_regular(path, "a", most).map_err(|e| e.to_string());
-        assert_eq!(text(&path, 4).unwrap(), b"four");
-        assert!(text(&path, 3).unwrap_err().contains("larger than 3 bytes"));
-        assert!(text(dir.path(), 4).unwrap_err().contains("a folder"));
-        assert!(text(&dir.path().join("gone"), 4).unwrap_err().contains("cannot read"));
-        #[cfg(unix)]
-        {
-            let pipe = dir.path().join("pipe");
-            assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-            assert!(text(&pipe, 4).unwrap_err().contains("pipe"));
-            assert!(text(Path::new("/dev/zero"), 4).unwrap_err().contains("device"));
-            let ring = dir.path().join("ring");
-            std::os::unix::fs::symlink("ring", &ring).unwrap();
-            assert!(text(&ring, 4).unwrap_err().contains("cannot read"));
-        }
     }
 
     #[cfg(unix)]

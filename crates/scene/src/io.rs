@@ -13,7 +13,7 @@ use crate::{Error, Raster, Result};
 use exr::prelude as ex;
 pub use image_header::{MAX_EXR_BYTES, MAX_PIXELS};
 pub use map::{DEPTH_UNIT_M, Map, Stored, decode_map, read_map};
-pub use regular::{MAX_CONFIG_BYTES, open, read, read_config_text, read_text};
+pub use regular::{MAX_CONFIG_BYTES, open, read, read_at_most, read_config_text, read_text};
 use sha2::{Digest, Sha256};
 use std::io::{Cursor, Write};
 use std::path::Path;
@@ -154,9 +154,18 @@ pub fn read_png_and_opacity(path: impl AsRef<Path>) -> Result<WithOpacity> {
 /// # Errors
 /// The bytes are no complete image.
 pub fn decode_rgb_and_opacity(bytes: &[u8], place: impl AsRef<Path>) -> Result<WithOpacity> {
-    let rgba = decode_rgba(bytes, place)?;
-    let opaque = rgba.pixels().iter().any(|p| p[3] != u8::MAX).then(|| rgba.map(|p| p[3] == u8::MAX));
-    Ok((rgba.map(|p| [p[0], p[1], p[2]]), opaque))
+    let (rgb, opaque) = decode_image(bytes, place.as_ref(), |image| {
+        // Before sixteen bits become eight, of which the largest is also what is not quite opaque.
+        let opaque: Vec<bool> = match &image {
+            image::DynamicImage::ImageRgba16(p) => p.pixels().map(|p| p.0[3] == u16::MAX).collect(),
+            image::DynamicImage::ImageLumaA16(p) => p.pixels().map(|p| p.0[1] == u16::MAX).collect(),
+            other => other.to_rgba8().pixels().map(|p| p.0[3] == u8::MAX).collect(),
+        };
+        (image.into_rgb8(), opaque)
+    })?;
+    let (width, height) = (rgb.width() as usize, rgb.height() as usize);
+    let opaque = opaque.contains(&false).then(|| Raster::from_vec(width, height, opaque));
+    Ok((Raster::from_vec(width, height, rgb.pixels().map(|p| p.0).collect()), opaque))
 }
 
 /// Whether the bytes of a PNG or JPEG can have transparent pixels, by their header; [`read_png_and_opacity`] says whether they do.

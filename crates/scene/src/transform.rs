@@ -22,6 +22,10 @@ pub const ROUNDED: f64 = 1.6e-6;
 const EXACT: f64 = 1e-12;
 /// Lengths of quaternions that are taken for rotations; what lies outside is no quaternion but other numbers.
 const QUATERNION_LENGTH: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+/// Distance from 1 of a quaternion's length that is no rounding of whoever wrote it: single precision and six decimals stay below.
+const UNIT_LENGTH: f64 = 1e-5;
+/// Share of the greatest fault of a matrix below which another of its faults goes without saying.
+const MINOR: f64 = 0.1;
 /// Newton's steps to the nearest rotation: the distance squares with each, so that these are more than enough.
 const NEWTON_STEPS: usize = 8;
 
@@ -82,8 +86,8 @@ impl Rigid3 {
     /// sum of squares over its elements. A block that is exact in double precision is kept to the bit.
     ///
     /// # Errors
-    /// A number that is not finite, a last row other than `0 0 0 1`, or a 3×3 block that is off by more than three decimals account for: it mirrors,
-    /// scales, shears or flattens. `place` says where it came from.
+    /// A number that is not finite, a last row other than `0 0 0 1`, or a 3×3 block that is off by more than three decimals account for (it mirrors,
+    /// scales, shears or flattens) or that has been rounded to fewer. `place` says where it came from.
     pub fn nearest(rows: &[[f64; 4]; 4], place: &str) -> Result<(Self, f64)> {
         if let Some((r, c)) = (0..16).map(|i| (i / 4, i % 4)).find(|&(r, c)| !rows[r][c].is_finite()) {
             return Err(Error::invalid(
@@ -104,10 +108,12 @@ impl Rigid3 {
         Ok((Self { rotation, translation: DVec3::new(rows[0][3], rows[1][3], rows[2][3]) }, off))
     }
 
-    /// Reads a rotation as Hamilton's quaternion `[w, x, y, z]`, of whatever length near 1, and how far that length is off 1.
+    /// Reads a rotation as Hamilton's quaternion `[w, x, y, z]`, of whatever length near 1, and how far that length is off 1. The length tells that
+    /// numbers were rounded, not how far the rotation turned by it: three decimals may turn it by a tenth of a degree.
     ///
     /// # Errors
-    /// A number that is not finite, or a length that no writer of rotations gives a quaternion; `place` says where it came from.
+    /// A number that is not finite, a length that no writer of rotations gives a quaternion, or numbers of one or two decimals that have lost their length
+    /// by it, and as much of their direction; `place` says where it came from.
     pub fn from_quaternion(quaternion: [f64; 4], translation: DVec3, place: &str) -> Result<(Self, f64)> {
         let [w, x, y, z] = quaternion;
         let q = DQuat::from_xyzw(x, y, z, w);
@@ -119,9 +125,32 @@ impl Rigid3 {
                 "give w, x, y, z of a rotation, of length 1, or take this image out",
             ));
         }
+        if let Some(decimals) = few_decimals(&quaternion).filter(|decimals| {
+            let off = (length - 1.0).abs();
+            // Four numbers, each half a unit of the last decimal off; what is further from 1 has another length and was not rounded to it.
+            off > UNIT_LENGTH && off <= 10f64.powi(-decimals)
+        }) {
+            let what = format!(
+                "its quaternion {w} {x} {y} {z} is rounded to {decimals} decimal{}",
+                if decimals == 1 { "" } else { "s" }
+            );
+            return Err(Error::invalid(place, what, FEW_DECIMALS));
+        }
         let pose = Self { rotation: DMat3::from_quat(q.normalize()), translation };
         Ok((Self::from_rows(&pose.to_rows(), place)?, (length - 1.0).abs()))
     }
+}
+
+const FEW_DECIMALS: &str = "as few turn a camera by a degree and more: write the numbers of rotations with at least 3 decimals";
+
+/// How many decimals some numbers are rounded to, where these are one or two, or none.
+fn few_decimals(numbers: &[f64]) -> Option<i32> {
+    // Some were written by way of single precision.
+    let are_of = |decimals: &i32| {
+        let unit = 10f64.powi(*decimals);
+        numbers.iter().all(|v| ((v * unit).round() / unit - v).abs() < 1e-7)
+    };
+    (1..=2).find(are_of)
 }
 
 /// The rotation that is nearest to a matrix, and how far it is off; none where that is farther than the tolerance.
@@ -139,7 +168,9 @@ fn nearest_rotation(block: DMat3) -> Option<(DMat3, f64)> {
     if off <= EXACT {
         return Some((block, off));
     }
-    (off <= ROTATION_TOLERANCE).then_some((rotation, off))
+    // A rotation of two decimals may by chance be near another one, which is not the one that was meant.
+    let is_rounded = off > ROUNDED && few_decimals(&block.to_cols_array()).is_some();
+    (off <= ROTATION_TOLERANCE && !is_rounded).then_some((rotation, off))
 }
 
 /// The error that says in which way a matrix is no rotation.
@@ -154,8 +185,11 @@ fn no_rotation(block: DMat3, place: &str) -> Error {
     let volume = axes[0].cross(axes[1]).dot(axes[2]) / (lengths[0] * lengths[1] * lengths[2]);
     let lengths = lengths.map(|l| size * l);
     let [a, b, c] = lengths;
-    let square = angles.iter().all(|angle| (angle - 90.0).abs() < ROTATION_TOLERANCE.to_degrees());
-    let alike = lengths.iter().all(|l| (l / a - 1.0).abs() < ROTATION_TOLERANCE);
+    // Of several faults the greatest is told.
+    let skew = [(0, 1), (1, 2), (2, 0)].iter().fold(0.0_f64, |most, (i, j)| most.max(cosine(*i, *j).abs()));
+    let stretch = lengths.iter().fold(0.0_f64, |most, l| most.max((l - 1.0).abs()));
+    let square = skew < MINOR * stretch;
+    let alike = lengths.iter().all(|l| (l - a).abs() < MINOR * stretch);
     let what = if !(volume.is_finite() && volume.abs() > 1e-6) {
         "it flattens space: its axes lie in one plane".to_owned()
     } else if volume < 0.0 {
@@ -170,7 +204,9 @@ fn no_rotation(block: DMat3, place: &str) -> Error {
         )
     };
     let near = volume > 0.5 && lengths.iter().all(|l| (0.8..1.25).contains(l));
-    let help = if near {
+    let help = if near && few_decimals(&block.to_cols_array()).is_some() {
+        FEW_DECIMALS
+    } else if near {
         "poses are rigid: write their numbers with at least 3 decimals, and without scale"
     } else {
         "poses are rigid, without scale or mirror; OpenCV axes: x right, y down, z forward"
@@ -300,8 +336,17 @@ mod tests {
         }
         // The tolerance is no wider than it must be: some rotation of three decimals uses most of it.
         assert!(worst > 0.6 * ROTATION_TOLERANCE, "{worst}");
-        let refused = rotations().filter(|r| Rigid3::nearest(&rows(rounded(*r, 2)), "test").is_err()).count();
-        assert!(refused > 150, "two decimals: {refused} of 200");
+        for decimals in [1, 2] {
+            // What is taken is a rotation as it stands, as quarter turns are.
+            let taken: Vec<f64> = rotations()
+                .filter_map(|r| Some(Rigid3::nearest(&rows(rounded(r, decimals)), "test").ok()?.1))
+                .inspect(|off| assert!(*off < EXACT, "{decimals} decimals: {off}"))
+                .collect();
+            assert!((1..=20).contains(&taken.len()), "{decimals} decimals: {} of 200", taken.len());
+        }
+        // What has few decimals and is a rotation none the less is one.
+        let exact = DMat3::from_cols(DVec3::new(0.6, 0.8, 0.0), DVec3::new(-0.8, 0.6, 0.0), DVec3::Z);
+        assert_eq!(Rigid3::nearest(&rows(exact), "test").unwrap().0.rotation, exact);
     }
 
     #[test]
@@ -315,6 +360,9 @@ mod tests {
             (1.01 * rotation, "scales by 1.0100"),
             (rotation * DMat3::from_diagonal(DVec3::new(1.0, 1.0, 1.2)), "scales its axes by 1.0000, 1.0000 and 1.2000"),
             (rotation * shear, "shears"),
+            (1.001 * rotation, "scales by 1.0010"),
+            // Neither lengths nor angles alone.
+            (rounded(rotation, 2), "shears"),
             (rotation * DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0)), "flattens"),
             (DMat3::ZERO, "flattens"),
             (1e200 * rotation, "scales by 1"),
@@ -339,6 +387,38 @@ mod tests {
             assert!(message.contains("quaternion") && message.contains("image 3"), "{message}");
         }
         assert!(Rigid3::from_quaternion([1.0, 0.0, 0.0, 0.0], DVec3::NAN, "image 3").is_err());
+    }
+
+    #[test]
+    fn a_quaternion_of_few_decimals_is_refused_where_it_can_be_known() {
+        let written = |q: [f64; 4], decimals: i32| {
+            let unit = 10f64.powi(decimals);
+            q.map(|v| (v * unit).round() / unit)
+        };
+        let (mut refused, mut worst) = ([0; 2], 0.0_f64);
+        for rotation in rotations().skip(1) {
+            let [x, y, z, w] = DQuat::from_mat3(&rotation).to_array();
+            for decimals in 1..=2 {
+                let read = Rigid3::from_quaternion(written([w, x, y, z], decimals), DVec3::X, "image 3");
+                match read {
+                    Ok((_, off)) => assert!(off <= UNIT_LENGTH, "its length tells nothing: {off}"),
+                    Err(error) => {
+                        assert!(error.to_string().contains(&format!("rounded to {decimals} decimal")), "{error}");
+                        refused[decimals as usize - 1] += 1;
+                    }
+                }
+            }
+            let (pose, _) = Rigid3::from_quaternion(written([w, x, y, z], 3), DVec3::X, "image 3").unwrap();
+            let turn = DQuat::from_mat3(&(pose.rotation.transpose() * rotation)).to_axis_angle().1;
+            worst = worst.max(turn.min(std::f64::consts::TAU - turn).to_degrees());
+        }
+        assert!(refused.iter().all(|n| *n >= 175), "{refused:?} of 199");
+        assert!((0.05..0.12).contains(&worst), "three decimals turn by up to {worst} degrees");
+        // A rotation that has few decimals, and one of another length.
+        for (q, off) in [([0.6, 0.0, -0.8, 0.0], 0.0), ([1.0, 1.0, 0.0, 0.0], 2f64.sqrt() - 1.0), ([0.5; 4], 0.0)] {
+            let (_, found) = Rigid3::from_quaternion(q, DVec3::X, "image 3").unwrap();
+            assert!((found - off).abs() < 1e-12, "{q:?}: {found}");
+        }
     }
 
     #[test]

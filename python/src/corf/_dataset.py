@@ -16,6 +16,8 @@ from ._program import CorfError, existing
 from ._values import Value
 
 SCHEMA = "corf-dataset/2"
+TRAJECTORY_SCHEMA = "corf-trajectory/1"
+QUANTITIES = ("power_per_steradian", "beam_power", "capon_power", "unknown")
 
 
 class Dataset(Sequence["Keyframe"]):
@@ -38,7 +40,7 @@ class Dataset(Sequence["Keyframe"]):
         self.conventions: dict[str, Any] = document.at("conventions").table()
         """What every number means, in words: topic, question, answer."""
         self._name = header.at("name").text()
-        self._quantity = header.at("quantity").text()
+        self._quantity = header.at("quantity").text(of=QUANTITIES)
         carrier = header.get("frequency_hz")
         self._frequency_hz = None if carrier is None else carrier.number(above=0)
         modalities = header.get("modalities")
@@ -48,6 +50,9 @@ class Dataset(Sequence["Keyframe"]):
         self._intrinsics, self._size = _camera(header.at("optical_camera"))
         self._rf_intrinsics, self._rf_size = _camera(header.at("rf_camera"))
         trajectory = read_json(within(self.path, "trajectory.json"))
+        schema = trajectory.at("schema").text()
+        if schema != TRAJECTORY_SCHEMA:
+            raise trajectory.fault(f"is a trajectory of version {schema}, and this package reads {TRAJECTORY_SCHEMA}")
         frames = trajectory.at("keyframes").items()
         stated = document.get("keyframes")
         if stated is not None and stated.count() != len(frames):
@@ -66,10 +71,12 @@ class Dataset(Sequence["Keyframe"]):
         self.db_range: tuple[float, float] | None = None
         """Lower and upper end of the decibel range of all spectra, dB; None without spectra."""
         if range_db is not None:
-            low, high = range_db.at("min_db").number(), range_db.at("max_db").number()
-            if not low < high:
-                raise range_db.fault(f"{low} to {high} dB is no range")
-            self.db_range = (low, high)
+            self.db_range = range_db.range_db()
+        # The range that an import was told.
+        imported = header.get("imported")
+        stated = None if imported is None else imported.get("db_range")
+        if stated is not None and stated.range_db() != self.db_range:
+            raise stated.fault("is another range than that of the data set")
         if (self.db_range is not None) != self.has_radio:
             raise document.fault("db_range and header.modalities do not agree on whether there are spectra")
         self._keyframes = [Keyframe(self, frame, i, i in tests) for i, frame in enumerate(frames)]

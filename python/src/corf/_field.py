@@ -16,7 +16,7 @@ import numpy.typing as npt
 from ._files import parsed, read_exr, read_json, read_png, within, within_if_there
 from ._ply import harmonics, read_columns
 from ._program import Argument, CorfError, existing, run
-from ._values import pose_fault
+from ._values import pose_fault, real
 
 Pose = npt.NDArray[np.float64]
 
@@ -100,10 +100,7 @@ class Field:
 
         Raises CorfError for a pose that is no rigid transform, and for what the program refuses.
         """
-        try:
-            array = np.asarray(poses, dtype=np.float64)
-        except (ValueError, TypeError, OverflowError) as error:
-            raise CorfError(f"the poses are no numbers of one shape: {error}\n  help: give world_from_camera, one or several") from error
+        array = real(poses, "the poses are")
         if array.size == 0:
             return []
         if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):

@@ -108,11 +108,24 @@ def read_png(path: Path, size: tuple[int, int] | None = None) -> npt.NDArray[np.
             with Image.open(path) as image:
                 if size is not None:
                     _check_size(path, image.size, size)
+                if _bits(path) > 8 or image.mode not in _MODES:
+                    raise CorfError(f"{path} has more than 8 bits a sample, or colours that are neither grey nor RGB\n  help: write an RGB image of 8 bits")
                 return np.array(image.convert("RGB"), dtype=np.uint8)
     except CorfError:
         raise
     except Exception as error:  # The library raises OSError, SyntaxError, ValueError, DecompressionBombError, struct.error and others.
         raise CorfError(f"{path} cannot be read: {error}") from error
+
+
+# What Pillow calls images of 8 bits that become RGB without a loss but for their transparency.
+_MODES = ("1", "L", "LA", "P", "RGB", "RGBA")
+
+
+def _bits(path: Path) -> int:
+    """Bits of a sample of a PNG, which the library may reduce or clamp without a word; of another file, 8."""
+    with open(path, "rb") as file:
+        head = file.read(25)
+    return head[24] if len(head) == 25 and head.startswith(b"\x89PNG\r\n\x1a\n") else 8
 
 
 def _check_size(path: Path, found: tuple[int, int], wanted: tuple[int, int]) -> None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ._files import parsed
 from ._program import Argument, CorfError, run
-from ._values import Value
+from ._values import Value, real
 
 Point = Union[Sequence[float], npt.NDArray[np.float64]]
 
@@ -98,10 +98,7 @@ def links(scene: str | os.PathLike[str], tx: Sequence[Point] | None, rx: Sequenc
 
 
 def _point(point: Point) -> str:
-    try:
-        values = np.asarray(point, dtype=np.float64)
-    except (ValueError, TypeError, OverflowError) as error:
-        raise CorfError(f"{point!r} is no point\n  help: give x, y, z in metres") from error
+    values = real(point, f"{point!r} is no point: its coordinates are")
     if values.shape != (3,) or not np.isfinite(values).all():
         raise CorfError(f"{point!r} is no point\n  help: give x, y, z in metres")
     return ",".join(repr(float(v)) for v in values)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,9 @@ import numpy.typing as npt
 from ._program import CorfError
 
 _HELP = "restore the file, or let corf write it again"
+
+# Levels of spectra lie within so many dB of 0, as in the program.
+_MOST_LEVEL_DB = 300.0
 
 
 class Value:
@@ -49,10 +53,12 @@ class Value:
             raise self.fault(f"{_short(self.raw)} is no list")
         return [Value(raw, self.place, f"{self.key}[{i}]") for i, raw in enumerate(self.raw)]
 
-    def text(self) -> str:
-        """A text."""
+    def text(self, of: Sequence[str] | None = None) -> str:
+        """A text, one of these."""
         if not isinstance(self.raw, str):
             raise self.fault(f"{_short(self.raw)} is no text")
+        if of is not None and self.raw not in of:
+            raise self.fault(f"{_short(self.raw)} is none of {', '.join(of)}")
         return self.raw
 
     def flag(self) -> bool:
@@ -72,6 +78,17 @@ class Value:
         if not math.isfinite(value) or value <= above:
             raise self.fault(f"{_short(self.raw)} is {'not finite' if not math.isfinite(value) else f'not above {above:g}'}")
         return value
+
+    def range_db(self) -> tuple[float, float]:
+        """Lower and upper end of a range, dB."""
+        ends = self.at("min_db"), self.at("max_db")
+        low, high = (end.number() for end in ends)
+        for end, level in zip(ends, (low, high)):
+            if abs(level) > _MOST_LEVEL_DB:
+                raise end.fault(f"{level:g} dB is no level: they lie within {_MOST_LEVEL_DB:g} dB of 0")
+        if not low < high:
+            raise self.fault(f"{low} to {high} dB is no range")
+        return low, high
 
     def count(self, below: int | None = None) -> int:
         """A whole number from 0, under a bound."""
@@ -101,6 +118,8 @@ class Value:
         return matrix
 
 
+# The farthest that anything stands from the origin along an axis, metres, as in the program.
+_MOST_COORDINATE_M = 1e6
 # Rotations that corf writes are right to all digits of double precision.
 _ROTATION_TOLERANCE = 1e-3
 
@@ -114,7 +133,21 @@ def pose_fault(matrix: npt.NDArray[np.float64]) -> str | None:
     rotation = matrix[:3, :3]
     if np.abs(rotation).max() > 2 or np.abs(rotation.T @ rotation - np.eye(3)).max() > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
         return "the 3x3 block of the pose is no rotation"
+    if np.abs(matrix[:3, 3]).max() > _MOST_COORDINATE_M:
+        x, y, z = matrix[:3, 3]
+        return f"the position is [{x:g}, {y:g}, {z:g}], and coordinates are in metres, at most {_MOST_COORDINATE_M:g} from the origin"
     return None
+
+
+def real(values: Any, what: str) -> npt.NDArray[np.float64]:
+    """Real numbers of any shape; raises CorfError for what is none, complex numbers among them."""
+    try:
+        array = np.asarray(values)
+        if np.iscomplexobj(array):
+            raise TypeError("they are complex")
+        return array.astype(np.float64)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise CorfError(f"{what} no real numbers of one shape: {error}") from error
 
 
 def _short(raw: Any) -> str:

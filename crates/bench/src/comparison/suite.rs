@@ -13,7 +13,8 @@
 
 use crate::device::Backend;
 use crate::experiment::cells::{self, CELLS, Part};
-use crate::experiment::plan::Plan;
+use crate::experiment::plan::{Cell, Plan};
+use crate::files::output::is_leftover;
 use crate::files::escape;
 use crate::files::json::read_text;
 use crate::metrics::Column;
@@ -34,6 +35,8 @@ use corf_scene::io::write_atomic;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+/// The plan in a comparison's folder.
+const PLAN: &str = "plan.toml";
 /// Folder of the contiguous segment's cells, tables and report.
 pub const SEGMENT: &str = "segment";
 
@@ -132,10 +135,40 @@ pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
     let mut plan = load_plan(out)?;
     plan.dataset = out.join(&plan.dataset);
     let paths: Vec<PathBuf> = plan.cells().map(|cell| cells::record_path(out, cell)).collect();
-    let read = |(cell, path): (_, &PathBuf)| cells::read_record(path, cell, plan.protocol);
+    let read = |(cell, path): (Cell<'_>, &PathBuf)| {
+        ensure!(
+            path.exists(),
+            "{} is missing: the plan has the cell {:?}, seed {}\n  help: `corf bench run PLAN.toml --out {} --resume` runs what is missing; or \
+             take the cell out of {}",
+            path.display(),
+            cell.row.label,
+            cell.seed,
+            out.display(),
+            out.join(PLAN).display()
+        );
+        cells::read_record(path, cell, plan.protocol)
+    };
     let records: Vec<Record> = plan.cells().zip(&paths).map(read).collect::<Result<_>>()?;
+    for stray in strays(out, &paths)? {
+        note!("{} is of no cell of {}: it is left out", stray.display(), out.join(PLAN).display());
+    }
     comparability::check(&records, &|at| paths[at].display().to_string(), &Joined::of(out)?)?;
     Ok((plan, records))
+}
+
+/// What is among the records that no cell of the plan has, in order of its name.
+fn strays(out: &Path, paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let cells = out.join(CELLS);
+    let context = || format!("cannot read {}", cells.display());
+    let mut strays = Vec::new();
+    for entry in std::fs::read_dir(&cells).with_context(context)? {
+        let entry = entry.with_context(context)?;
+        if !is_leftover(&entry.file_name()) && !paths.contains(&entry.path()) {
+            strays.push(entry.path());
+        }
+    }
+    strays.sort();
+    Ok(strays)
 }
 
 /// The plan of a suite's folder, as it was run.
@@ -143,7 +176,7 @@ pub fn load(out: &Path) -> Result<(Plan, Vec<Record>)> {
 /// # Errors
 /// A file that is missing, or that is no plan.
 pub fn load_plan(out: &Path) -> Result<Plan> {
-    let path = out.join("plan.toml");
+    let path = out.join(PLAN);
     let text =
         read_text(&path).with_context(|| format!("cannot read {}: is this a folder of `corf bench run`?", path.display()))?;
     Plan::parse(&text).with_context(|| format!("in {}", path.display()))

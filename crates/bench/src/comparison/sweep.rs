@@ -170,7 +170,7 @@ impl Sweep {
             for (_, records) in results {
                 let pairs = pairs(records, label);
                 let of = |key: &str| -> Vec<f64> {
-                    let value = |n: &Numbers| n.means.get(key).copied();
+                    let value = |n: &Numbers| n.value_of(key);
                     let gain = |own, base| Some(value(own)? - if label == BASE { 0.0 } else { value(base)? });
                     pairs.iter().filter_map(|((_, own), (_, base))| gain(own, base)).collect()
                 };

@@ -4,7 +4,7 @@ use crate::device::Backend;
 use crate::experiment::cell_clock::CellClock;
 use crate::experiment::plan::{Cell, Plan, RowKind, slug};
 use crate::methods;
-use crate::methods::interface::{Checkpoints, Method};
+use crate::methods::interface::{Checkpoints, Method, TrainingSet};
 use crate::metrics::input::Input;
 use crate::metrics::{Halves, Prediction};
 use crate::note;
@@ -107,6 +107,10 @@ impl Part {
             return Ok(None);
         }
         let record = read_record(&path, cell, self.plan.protocol)?;
+        // One that failed is tried again, with whatever settings the plan has by now.
+        if matches!(record.outcome, Outcome::Failed { .. }) {
+            return Ok(None);
+        }
         let (method, config) = settings_of(cell, &Split::of(dataset, self.plan.protocol)?, dataset)?;
         let same = record.dataset_hash == dataset.hash()
             && record.method == method
@@ -125,7 +129,7 @@ impl Part {
                 path.display()
             );
         }
-        Ok(matches!(record.outcome, Outcome::Done(_)).then_some(record))
+        Ok(Some(record))
     }
 
     /// Runs a cell; a method that fails gives a record that says so. The predictions of the first seed are kept beside the records, small, and its
@@ -264,14 +268,23 @@ fn folder_of(cell: Cell<'_>, split: &Split, dataset: &Dataset) -> Result<Option<
     Ok(Some(folder))
 }
 
-/// Reads every file of the plan's predictions, so that what is wrong with them is found before anything is run.
+/// Asks every method of a plan whether it takes the data set, and reads every file of the plan's predictions, so that what is wrong is found before
+/// anything is run.
 ///
 /// # Errors
-/// The first that is missing or cannot be used, with its row.
-pub fn check_folders(plan: &Plan, dataset: &Dataset) -> Result<()> {
+/// The first row that cannot run, or whose file is missing or cannot be used.
+pub fn check_rows(plan: &Plan, dataset: &Dataset) -> Result<()> {
     let protocols = [Some(plan.protocol), plan.segment.then_some(Protocol::Segment)];
     for protocol in protocols.into_iter().flatten() {
         let split = Split::of(dataset, protocol)?;
+        for row in plan.rows.iter().filter(|row| row.kind == RowKind::Method) {
+            let check = || {
+                let method = methods::create(&row.method, &row.config, &Backend::Cpu)?;
+                harness::check_training(method.as_ref(), dataset, &split)?;
+                method.check_files(&TrainingSet::new(dataset, &split))
+            };
+            check().with_context(|| format!("row \"{}\"", row.label))?;
+        }
         for cell in plan.cells() {
             let Some(folder) = folder_of(cell, &split, dataset)? else { continue };
             for &index in &split.held_out {

@@ -103,7 +103,10 @@ impl<'de> Visitor<'de> for Look<'_> {
 
     fn visit_unit<E: Error>(self) -> Result<(), E> {
         if self.checked && !OPTIONAL.contains(&self.key) {
-            return self.refuse(Fault::Number(format!("{} is not a finite number", self.path)));
+            return self.refuse(Fault::Number(format!(
+                "{} is null, as numbers that are not finite are written, and a value belongs there",
+                self.path
+            )));
         }
         Ok(())
     }
@@ -167,7 +170,7 @@ mod tests {
         check(&sound).unwrap();
         assert_eq!(check_text(&sound.to_string(), true, 12).unwrap(), 11);
         for (value, said) in [
-            (json!({"means": {"psnr": f64::NAN}}), "means.psnr is not a finite number"),
+            (json!({"means": {"psnr": f64::NAN}}), "means.psnr is null, as numbers that are not finite are written"),
             (json!({"frames": [{"a": 1.0}, {"a": 1.7e308}]}), "frames[1].a is 1.7e308"),
             (json!({"curve": [[0.0, -1e13]]}), "curve[0][1] is -1"),
             (

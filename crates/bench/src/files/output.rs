@@ -9,14 +9,13 @@
 //! folder's lock says that nobody else does) removes what is left, so that the same command works again.
 
 use crate::terminal::interrupt;
+use crate::terminal::messages::UNFINISHED;
 use anyhow::{Context, Result, bail};
 use corf_scene::io::{is_temporary, read, remove_abandoned, sync_folder, write_atomic};
 use corf_scene::lock::{self, FolderLock};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// Folder in an output folder in which files are written.
-const UNFINISHED: &str = ".corf-unfinished";
 /// Folder in an output folder from which they move up.
 const FINISHING: &str = ".corf-finishing";
 /// File in [`FINISHING`] that lists what moves: a JSON array of names.
@@ -24,7 +23,7 @@ const NAMES: &str = ".names";
 
 /// Whether a name in an output folder is one of work that did not end, or of a lock: none of a result.
 pub fn is_leftover(name: &OsStr) -> bool {
-    name == lock::FILE_NAME || name == UNFINISHED || is_temporary(name)
+    name == lock::FILE_NAME || name == UNFINISHED || name == FINISHING || is_temporary(name)
 }
 
 /// Whether something is in a folder that a process is writing, or was when it ended.
@@ -195,6 +194,18 @@ mod tests {
         std::fs::create_dir(out.join(FINISHING)).unwrap();
         clear_leftovers(out).unwrap();
         assert_eq!(names(out), ["a", "notes.txt"]);
+    }
+
+    #[test]
+    fn nothing_of_work_that_did_not_end_occupies_a_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in [UNFINISHED, FINISHING] {
+            std::fs::create_dir(dir.path().join(name)).unwrap();
+            assert!(is_leftover(OsStr::new(name)), "{name}");
+            crate::run::claim_fresh(dir.path()).unwrap().finish().unwrap();
+            assert!(names(dir.path()).is_empty(), "{name}");
+        }
+        assert!(!is_leftover(OsStr::new("finishing")));
     }
 
     #[test]

@@ -237,7 +237,7 @@ impl<'a> Receiver<'a> {
             // First whether there is an end: what landed before it is seen by the look that follows.
             let end = if self.shared.stop.load(Ordering::SeqCst) {
                 Some(EndedBy::Interrupt)
-            } else if self.shared.dir.join(END).exists() {
+            } else if self.shared.dir.join(END).symlink_metadata().is_ok() {
                 Some(EndedBy::Marker)
             } else if !self.shared.dir.is_dir() {
                 Some(EndedBy::FolderGone)
@@ -384,7 +384,8 @@ impl Presence {
     fn of(path: &Path) -> Self {
         match std::fs::read_dir(path) {
             Ok(_) => Self::Readable,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Self::Gone,
+            // A link that leads nowhere is there.
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound && path.symlink_metadata().is_err() => Self::Gone,
             Err(_) => Self::Unusable,
         }
     }
@@ -459,6 +460,12 @@ mod tests {
         // And one that never was a folder is told of as well.
         std::fs::write(dir.path().join(IMAGES), "a file").unwrap();
         assert!(folders.watch(dir.path())[0].contains("images is no folder"));
+        #[cfg(unix)]
+        {
+            let mut folders = Folders { known: vec![(SPECTRA, None)] };
+            std::os::unix::fs::symlink("nowhere", dir.path().join(SPECTRA)).unwrap();
+            assert!(folders.watch(dir.path())[0].contains("spectra is no folder"));
+        }
     }
 
     fn arrival(number: u64) -> Arrival {

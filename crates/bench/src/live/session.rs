@@ -307,7 +307,8 @@ impl Session {
         self.inbox.set_in_hand(self.open.len().saturating_sub(1));
     }
 
-    /// A keyframe's training has ended.
+    /// A keyframe's training has ended. It is told of once it and those before it are on the disk: what is said to be trained is gone on with
+    /// after a kill.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -316,6 +317,7 @@ impl Session {
         let Some(Open { number, arrived, depth, resumed }) = self.open.remove(&timing.index) else { return Ok(()) };
         self.inbox.set_in_hand(self.open.len());
         let queue = self.inbox.queue();
+        self.recorder.wait_for(timing.index + 1)?;
         self.log.trained(&Trained { number, arrived, timing, gaussians, queue, depth, resumed })
     }
 

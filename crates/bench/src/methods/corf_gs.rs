@@ -69,11 +69,13 @@ impl CorfGsConfig {
         Ok(serde_json::from_value::<Self>(config.clone())?.raster)
     }
 
-    /// Looks for what the depth prior reads of a data set and beside it; `table` is that of the overrides in which the keys of `method` stand, with its dot.
+    /// Checks that the keyframes' sizes suit the configuration, and looks for what the depth prior reads of a data set and beside it; `table` is that of
+    /// the overrides in which the keys of `method` stand, with its dot.
     ///
     /// # Errors
-    /// No depth where the prior is made from it; a map that is missing or cannot be used.
-    pub(super) fn check_depth(&self, method: &str, table: &str, training: &TrainingSet<'_>) -> Result<()> {
+    /// Those of [`Reconstructor::check_cameras`]; no depth where the prior is made from it; a map that is missing or cannot be used.
+    pub(super) fn check_keyframes(&self, method: &str, table: &str, training: &TrainingSet<'_>) -> Result<()> {
+        Reconstructor::check_cameras(&self.reconstruction, &training.optical_camera(), &training.rf_camera())?;
         let depth = &self.reconstruction.depth;
         anyhow::ensure!(
             training.has_depth() || !self.reconstruction.consumes_ground_truth_depth() || depth.prior == DepthPriorKind::Measured,
@@ -205,7 +207,7 @@ impl Method for CorfGs {
     }
 
     fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {
-        self.config.check_depth(&self.id, "", training)?;
+        self.config.check_keyframes(&self.id, "", training)?;
         if let Some(file) = &self.config.initial_gaussians {
             Initial::read(file)?.check(training)?;
         }

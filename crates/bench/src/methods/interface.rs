@@ -357,10 +357,10 @@ pub trait Method {
         Modalities::BOTH
     }
 
-    /// Looks, before anything is begun, for what the method reads beside the keyframes.
+    /// Looks, before anything is begun, for what the method reads beside the keyframes, and for whatever else it would refuse them for.
     ///
     /// # Errors
-    /// A file that is missing or cannot be used.
+    /// A file that is missing or cannot be used; keyframes that do not suit the configuration.
     fn check_files(&self, _training: &TrainingSet<'_>) -> Result<()> {
         Ok(())
     }

@@ -30,11 +30,22 @@ pub struct Column {
     text: &'static str,
     /// How frames become one number.
     pub statistic: Statistic,
+    /// Least and largest value that a frame can have.
+    pub range: [f64; 2],
     /// Reads it off a frame; `None` where the frame has none.
     pub of: fn(&FrameMetrics) -> Option<f64>,
 }
 
+/// Excess over a column's range that is rounding.
+const ROUNDING: f64 = 1e-6;
+
 impl Column {
+    /// Whether a frame's number can be one of this column.
+    pub fn can_be(&self, value: f64) -> bool {
+        let [least, most] = self.range;
+        (least - ROUNDING..=most + ROUNDING).contains(&value)
+    }
+
     /// Definition for one frame, with formula, unit and constants.
     pub fn definition_of_frame(&self) -> String {
         self.text.replace("{budget}", &rate::budget()).replace("{target}", &rate::target())
@@ -86,12 +97,17 @@ impl Column {
     }
 
     const fn new(key: &'static str, heading: &'static str, latex: &'static str, digits: usize) -> Self {
-        Self { key, heading, latex, digits, text: "", statistic: Statistic::Mean, of: |_| None }
+        Self { key, heading, latex, digits, text: "", statistic: Statistic::Mean, range: [0.0, f64::INFINITY], of: |_| None }
     }
 
     /// The column with its definition, as a mean over frames.
     const fn is(self, of: fn(&FrameMetrics) -> Option<f64>, text: &'static str) -> Self {
         Self { text, of, ..self }
+    }
+
+    /// The column with the range of its values; by itself they are at least 0.
+    const fn within(self, least: f64, most: f64) -> Self {
+        Self { range: [least, most], ..self }
     }
 
     const fn by(self, statistic: Statistic) -> Self {
@@ -150,17 +166,20 @@ pub const COLUMNS: &[Column] = &[
     Column::new("psnr_opt", "PSNR opt ↑", r"PSNR$_\mathrm{opt}^\uparrow$", 2)
         .is(|m| Some(m.light?.psnr_opt), "peak signal-to-noise ratio of the 8-bit image over pixels and channels, dB"),
     Column::new("ssim_opt", "SSIM opt ↑", r"SSIM$_\mathrm{opt}^\uparrow$", 3)
-        .is(|m| Some(m.light?.ssim_opt), "structural similarity of the 8-bit image: 11×11 Gaussian window of σ = 1.5, zero padding"),
+        .is(|m| Some(m.light?.ssim_opt), "structural similarity of the 8-bit image: 11×11 Gaussian window of σ = 1.5, zero padding")
+        .within(-1.0, 1.0),
     Column::new("psnr_rf_jet", "PSNR rf (Jet) ↑", r"PSNR$_\mathrm{rf}^\uparrow$", 2)
         .is(|m| Some(m.spectrum?.psnr_rf_jet), "peak signal-to-noise ratio of the 8-bit Jet image of the spectrum, dB"),
     Column::new("ssim_rf_jet", "SSIM rf (Jet) ↑", r"SSIM$_\mathrm{rf}^\uparrow$", 3)
-        .is(|m| Some(m.spectrum?.ssim_rf_jet), "structural similarity of the 8-bit Jet image of the spectrum"),
+        .is(|m| Some(m.spectrum?.ssim_rf_jet), "structural similarity of the 8-bit Jet image of the spectrum")
+        .within(-1.0, 1.0),
     Column::new("psnr_rf_scalar", "PSNR rf (dB) ↑", r"PSNR$_\mathrm{rf,dB}^\uparrow$", 2).is(
         |m| Some(m.spectrum?.psnr_rf_scalar),
         "peak signal-to-noise ratio of the spectrum as 8-bit grey on the data set's decibel range, dB",
     ),
     Column::new("ssim_rf_scalar", "SSIM rf (dB) ↑", r"SSIM$_\mathrm{rf,dB}^\uparrow$", 3)
-        .is(|m| Some(m.spectrum?.ssim_rf_scalar), "structural similarity of that grey image"),
+        .is(|m| Some(m.spectrum?.ssim_rf_scalar), "structural similarity of that grey image")
+        .within(-1.0, 1.0),
     Column::new("rmse_db_30", "RMSE within 30 dB, dB ↓", r"RMSE$_{30}^\downarrow$ (dB)", 2).is(
         |m| Some(m.spectrum?.radio.rmse_db_30),
         "root mean square error in dB over the pixels within 30 dB of the observed peak, both on the data set's decibel range",
@@ -170,11 +189,13 @@ pub const COLUMNS: &[Column] = &[
     Column::new("psp_similarity", "PSP similarity ↑", r"PSP$^\uparrow$", 3).is(
         |m| Some(m.spectrum?.radio.psp_similarity),
         "1 − ½ Σ |ŜΩ/ΣŜΩ − SΩ/ΣSΩ|, in [0, 1] (power angular spectrum similarity, 3GPP TS 38.151)",
-    ),
+    )
+        .within(0.0, 1.0),
     Column::new("total_power_error_db", "total power error, dB ↓", r"$|\Delta P|^\downarrow$ (dB)", 2)
         .is(|m| Some(m.spectrum?.radio.total_power_error_db), "|10·log10(ΣŜΩ / ΣSΩ)|, dB: error of the power in the image"),
     Column::new("peak_error_deg", "peak AoA error, ° ↓", r"AoA$^\downarrow$ ($^\circ$)", 1)
-        .is(|m| Some(m.spectrum?.radio.peak_error_deg), PEAK),
+        .is(|m| Some(m.spectrum?.radio.peak_error_deg), PEAK)
+        .within(0.0, 180.0),
     Column::new("beam_loss_db", "beam loss, dB ↓", r"beam loss$^\downarrow$ (dB)", 2).is(
         |m| Some(m.spectrum?.radio.beam_loss_db),
         "10·log10(max S / S(argmax Ŝ)), dB: what a beam as narrow as a pixel, pointed at the predicted peak, loses",
@@ -182,28 +203,34 @@ pub const COLUMNS: &[Column] = &[
     Column::new("energy_capture_1", "energy in best 1 % ↑", r"$E_{1\%}^\uparrow$", 3).is(
         |m| Some(m.spectrum?.radio.energy_capture_1),
         "share of the observed power inside the predicted strongest 1 % of the image's solid angle",
-    ),
+    )
+        .within(0.0, 1.0),
     Column::new("energy_capture_5", "energy in best 5 % ↑", r"$E_{5\%}^\uparrow$", 3)
-        .is(|m| Some(m.spectrum?.radio.energy_capture_5), "the same of the strongest 5 %"),
+        .is(|m| Some(m.spectrum?.radio.energy_capture_5), "the same of the strongest 5 %")
+        .within(0.0, 1.0),
     Column::new("azimuth_spread_error_deg", "azimuth spread error, ° ↓", r"$|\Delta\mathrm{ASA}|^\downarrow$ ($^\circ$)", 2).is(
         |m| Some(m.spectrum?.radio.azimuth_spread_error_deg),
         "|difference| of the circular azimuth spreads √(−2 ln |Σ SΩ e^{jφ} / Σ SΩ|), degrees (3GPP TR 38.901, Annex A; array frame)",
     ),
     Column::new("peak_error_median_deg", "median peak AoA error, ° ↓", r"AoA$_{50}^\downarrow$ ($^\circ$)", 1)
         .is(|m| Some(m.spectrum?.radio.peak_error_deg), PEAK)
-        .by(Statistic::Median),
+        .by(Statistic::Median)
+        .within(0.0, 180.0),
     Column::new("peak_error_p90_deg", "P90 peak AoA error, ° ↓", r"AoA$_{90}^\downarrow$ ($^\circ$)", 1)
         .is(|m| Some(m.spectrum?.radio.peak_error_deg), PEAK)
-        .by(Statistic::P90),
+        .by(Statistic::P90)
+        .within(0.0, 180.0),
     Column::new("codebook_loss_db", "8×8 beam loss, dB ↓", r"$8{\times}8$ beam loss$^\downarrow$ (dB)", 2)
         .is(|m| Some(m.spectrum?.beams?.codebook_loss_db), CODEBOOK),
     Column::new("codebook_loss_p90_db", "P90 8×8 beam loss, dB ↓", r"$8{\times}8$ beam loss$_{90}^\downarrow$ (dB)", 2)
         .is(|m| Some(m.spectrum?.beams?.codebook_loss_db), CODEBOOK)
         .by(Statistic::P90),
     Column::new("beam_top1", "top-1 beam ↑", r"top-1 beam$^\uparrow$", 3)
-        .is(|m| Some(m.spectrum?.beams?.beam_top1), "1 where the beam of the 8×8 codebook that is strongest in the prediction is the best, else 0"),
+        .is(|m| Some(m.spectrum?.beams?.beam_top1), "1 where the beam of the 8×8 codebook that is strongest in the prediction is the best, else 0")
+        .within(0.0, 1.0),
     Column::new("beam_top3", "top-3 beam ↑", r"top-3 beam$^\uparrow$", 3)
-        .is(|m| Some(m.spectrum?.beams?.beam_top3), "1 where the best beam is among the three that are strongest in the prediction, else 0"),
+        .is(|m| Some(m.spectrum?.beams?.beam_top3), "1 where the best beam is among the three that are strongest in the prediction, else 0")
+        .within(0.0, 1.0),
     Column::new("rate_loss_bps_hz", "rate loss, bit/s/Hz ↓", r"rate loss$^\downarrow$ (bit/s/Hz)", 2).is(
         |m| Some(m.spectrum?.beams?.rate_loss_bps_hz),
         "log2(1 + SNR) of the best beam minus that of the beam that is strongest in the prediction, bit/s/Hz; SNR = 64·P_t·P_b / (k·T·B·F) with {budget}",
@@ -211,27 +238,33 @@ pub const COLUMNS: &[Column] = &[
     Column::new("rate_loss_percent", "rate loss, % ↓", r"rate loss$^\downarrow$ (\%)", 1).is(
         |m| Some(m.spectrum?.beams?.rate_loss_percent),
         "that rate loss in per cent of the best beam's rate; {budget}",
-    ),
+    )
+        .within(0.0, 100.0),
     Column::new("outage_best_percent", "outage of the best beam, %", r"outage of the best beam (\%)", 1).is(
         |m| Some(percent(m.spectrum?.link?.outage().best)),
         "100 where log2(1 + SNR) of the best beam as observed is below {target}, else 0: what the place allows, whatever is predicted; {budget}",
-    ),
+    )
+        .within(0.0, 100.0),
     Column::new("outage_blocked_percent", "outage by blockage, %", r"outage by blockage (\%)", 1).is(
         |m| Some(percent(m.spectrum?.link?.outage().blocked?)),
         "100 where the best beam is in outage and one steered at the transmitter through free space would not be, else 0; {target}, {budget}",
-    ),
+    )
+        .within(0.0, 100.0),
     Column::new("outage_percent", "outage, % ↓", r"outage$^\downarrow$ (\%)", 1).is(
         |m| Some(percent(m.spectrum?.link?.outage().chosen)),
         "100 where log2(1 + SNR), as observed, of the beam that is strongest in the prediction is below {target}, else 0; {budget}",
-    ),
+    )
+        .within(0.0, 100.0),
     Column::new("outage_missed_percent", "missed outage, % ↓", r"missed outage$^\downarrow$ (\%)", 1).is(
         |m| Some(percent(m.spectrum?.link?.outage().missed())),
         "100 where the best beam as observed is in outage and the strongest beam of the prediction, as predicted, is not, else 0; {target}, {budget}",
-    ),
+    )
+        .within(0.0, 100.0),
     Column::new("outage_false_percent", "false outage, % ↓", r"false outage$^\downarrow$ (\%)", 1).is(
         |m| Some(percent(m.spectrum?.link?.outage().false_alarm())),
         "100 where the strongest beam of the prediction, as predicted, is in outage and the best beam as observed is not, else 0; {target}, {budget}",
-    ),
+    )
+        .within(0.0, 100.0),
     lpips!("lpips_vgg_opt", "VGG", "[-1,1]", "opt", "opt"),
     lpips!("lpips_vgg_rf_jet", "VGG", "[-1,1]", "rf (Jet)", "rf"),
     lpips!("lpips_vgg_01_opt", "VGG", "[0,1]", "opt", "opt"),

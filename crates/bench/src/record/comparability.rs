@@ -140,13 +140,26 @@ fn other_setting(one: &Record, other: &Record) -> Option<String> {
     if one.method == PREDICTIONS {
         return OF_PREDICTIONS.iter().find_map(|key| difference(&one.config[key], &other.config[key], &Value::Null, key));
     }
+    for (record, with) in [(one, other), (other, one)] {
+        if is_empty(&record.config) {
+            return Some(format!("config is empty for seed {} and is not for seed {}", record.seed, with.seed));
+        }
+    }
     let own = methods::create(&one.method, &toml::Table::new(), &Backend::Cpu).map_or(Value::Null, |method| method.config());
     difference(&one.config, &other.config, &own, "")
+}
+
+/// Whether there are no settings at all, as no version has written of a method that has some.
+fn is_empty(config: &Value) -> bool {
+    config.as_object().is_none_or(serde_json::Map::is_empty)
 }
 
 /// The first path at which two values differ; what one of them lacks is as in `own`, where that has it.
 fn difference(a: &Value, b: &Value, own: &Value, path: &str) -> Option<String> {
     if let (Value::Object(one), Value::Object(other)) = (a, b) {
+        if one.is_empty() != other.is_empty() {
+            return Some(format!("{path} is empty in one of them"));
+        }
         let keys = one.keys().chain(other.keys().filter(|key| !one.contains_key(*key)));
         return keys.into_iter().find_map(|key| {
             let own = &own[key];
@@ -224,6 +237,13 @@ mod tests {
         let optimizer = records[0].config["optimizer"].as_object_mut().unwrap();
         assert!(optimizer.remove("beta1").is_some());
         check_all(&records, &Joined::default()).unwrap();
+        // Nothing at all is no older version's.
+        for empty in ["", "/optimizer"] {
+            let mut records = records.clone();
+            *records[1].config.pointer_mut(empty).unwrap() = json!({});
+            let error = check_all(&records, &Joined::default()).unwrap_err().to_string();
+            assert!(error.contains("another configuration") && error.contains("is empty"), "{error}");
+        }
         records[1].config["optimizer"]["beta1"] = json!(0.25);
         let error = check_all(&records, &Joined::default()).unwrap_err().to_string();
         assert!(error.contains("optimizer.beta1 is 0.25 and "), "{error}");

@@ -74,9 +74,6 @@ pub struct Record {
     pub lpips_weights: BTreeMap<String, String>,
     /// Device the method ran on.
     pub device: String,
-    /// Devices that it ran on before, where it was begun on others and gone on with from a checkpoint.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub earlier_devices: Vec<String>,
     /// Whether the method read the data set's depth, as it is or through the simulated monocular prior: the ray tracer's own, but for `depth_imported`.
     pub uses_ground_truth_depth: bool,
     /// Whether the depth that was read came with an imported capture, and is as true as whatever measured it.
@@ -198,10 +195,12 @@ impl Record {
             self.protocol,
             PROTOCOLS.join(" and ")
         );
+        ensure!(!self.row.trim().is_empty(), "row is empty, and a table's rows have names\n  help: {HELP}");
         let Outcome::Done(numbers) = &self.outcome else { return Ok(()) };
         ensure!(numbers.seconds.is_some() || self.method == PREDICTIONS, "seconds is missing\n  help: {HELP}");
         numbers.check_frames()?;
-        numbers.check_means()
+        numbers.check_means()?;
+        numbers.check_curve()
     }
 
     /// Writes it whole, or not at all.
@@ -282,10 +281,32 @@ impl Numbers {
         Ok(())
     }
 
-    /// Checks that the means are those of the frames; a record that is older than a column has none of it.
+    /// Checks that the curve goes forward in time, and that its shares are shares.
+    fn check_curve(&self) -> Result<()> {
+        let mut before_s = 0.0;
+        for (i, point) in self.curve.iter().enumerate() {
+            let CurvePoint { seconds, progress, .. } = *point;
+            ensure!(
+                (0.0..=1.0).contains(&progress),
+                "curve[{i}].progress is {progress}, where it can be from 0 to 1\n  help: {HELP}"
+            );
+            ensure!(seconds >= before_s, "curve[{i}].seconds is {seconds}, after {before_s}\n  help: {HELP}");
+            before_s = seconds;
+        }
+        Ok(())
+    }
+
+    /// Checks that metrics are what they can be, and that the means are those of the frames; a record that is older than a column has none of it.
     fn check_means(&self) -> Result<()> {
         for column in COLUMNS {
             let key = column.key;
+            for frame in &self.frames {
+                let value = (column.of)(frame).filter(|value| !column.can_be(*value));
+                if let Some(value) = value {
+                    let [least, most] = column.range;
+                    bail!("{key} of keyframe {} is {value}, where it can be from {least} to {most}\n  help: {HELP}", frame.index);
+                }
+            }
             let Some(&mean) = self.means.get(key) else { continue };
             if let Some(frame) = self.frames.iter().find(|f| !column.leaves_out(f) && (column.of)(f).is_none()) {
                 bail!("the frame of keyframe {} lacks what {key} needs\n  help: {HELP}", frame.index);
@@ -339,6 +360,11 @@ impl Numbers {
         self.means.get(column.key).copied().or_else(|| column.over(&self.frames))
     }
 
+    /// The number of the column of a key.
+    pub fn value_of(&self, key: &str) -> Option<f64> {
+        COLUMNS.iter().find(|column| column.key == key).and_then(|column| self.value(column))
+    }
+
     /// Adds the time of processes before this one, which the cell was gone on with from a checkpoint. Points of the curve are those since.
     pub fn add_earlier(&mut self, earlier_s: f64) {
         self.seconds = self.seconds.map(|seconds| seconds + earlier_s);
@@ -384,7 +410,6 @@ pub(crate) mod tests {
             provenance: Provenance::here(),
             lpips_weights: BTreeMap::from([("vgg".to_owned(), "0".repeat(64))]),
             device: "cpu (2 threads)".to_owned(),
-            earlier_devices: Vec::new(),
             uses_ground_truth_depth: false,
             depth_imported: false,
             uses_scene: false,
@@ -410,6 +435,7 @@ pub(crate) mod tests {
         let of_old = read(|r| drop(r["means"].as_object_mut().unwrap().remove("psnr_opt"))).unwrap();
         let Outcome::Done(numbers) = &of_old.outcome else { panic!() };
         assert_eq!(numbers.value(&COLUMNS[0]), Some(21.0), "what an older record has no mean of is of its frames");
+        assert_eq!(numbers.value_of("psnr_opt"), Some(21.0));
         let set = |pointer: &'static str, to: Value| move |r: &mut Value| *r.pointer_mut(pointer).unwrap() = to.clone();
         for (change, said) in [
             (set("/schema", json!("corf-x/999")), "schema is \"corf-x/999\", and this version reads \"corf-metrics/1\""),
@@ -418,7 +444,16 @@ pub(crate) mod tests {
             (set("/seconds", json!(-1)), "seconds is -1, and no time is negative"),
             (set("/curve/0/seconds", json!(-1e-3)), "curve[0].seconds is -0.001"),
             (set("/means/psnr_opt", json!(21.001)), "means.psnr_opt is 21.001, and the frames give 21"),
-            (set("/means/psnr_opt", Value::Null), "means.psnr_opt is not a finite number"),
+            (set("/means/psnr_opt", Value::Null), "means.psnr_opt is null"),
+            (set("/row", json!(" ")), "row is empty"),
+            (set("/row", Value::Null), "row is null"),
+            (set("/frames/1/ssim_opt", json!(1.001)), "ssim_opt of keyframe 8 is 1.001, where it can be from -1 to 1"),
+            (set("/frames/1/psnr_opt", json!(-3)), "psnr_opt of keyframe 8 is -3, where it can be from 0 to inf"),
+            (set("/curve/0/progress", json!(7)), "curve[0].progress is 7, where it can be from 0 to 1"),
+            (
+                set("/curve", json!([{"seconds": 0.5, "progress": 0.5}, {"seconds": 0.25, "progress": 1.0}])),
+                "curve[1].seconds is 0.25, after 0.5",
+            ),
             (set("/means/ssim_opt", json!("0.5")), "invalid type: string"),
             (set("/frames/1/psnr_opt", json!(25.0)), "means.psnr_opt is 21, and the frames give 23"),
             (set("/frames/1/index", json!(0)), "keyframe 0 is there twice"),

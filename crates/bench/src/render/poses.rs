@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::ValueEnum;
 use corf_scene::dataset::Dataset;
 use corf_scene::transform::ROUNDED;
-use corf_scene::{Rigid3, Similarity3, io};
+use corf_scene::{Rigid3, Similarity3, bounds, io};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
@@ -128,8 +128,18 @@ impl PoseFile {
     /// its poses or its form say. Where the data set was imported and its frame changed, what was decided is said.
     ///
     /// # Errors
-    /// A file that may be in either of two frames; poses in the frame of a capture where there was none.
+    /// A file that may be in either of two frames; poses in the frame of a capture where there was none; a position beyond
+    /// [`bounds::MAX_COORDINATE_M`].
     pub fn in_world_of(self, dataset: &Dataset, stated: Option<PoseFrame>) -> Result<(Vec<Rigid3>, PoseFrame)> {
+        let place = self.path.display().to_string();
+        let (poses, frame) = self.changed_to_world_of(dataset, stated)?;
+        for (i, pose) in poses.iter().enumerate() {
+            bounds::position(&format!("{place}: pose {i}"), pose.translation)?;
+        }
+        Ok((poses, frame))
+    }
+
+    fn changed_to_world_of(self, dataset: &Dataset, stated: Option<PoseFrame>) -> Result<(Vec<Rigid3>, PoseFrame)> {
         let Some(change) = dataset.world_from_capture() else {
             ensure!(
                 stated != Some(PoseFrame::Capture),

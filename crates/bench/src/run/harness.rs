@@ -195,7 +195,6 @@ impl Maker {
             provenance: Provenance::here(),
             lpips_weights: input.networks.sha256(),
             device: self.device,
-            earlier_devices: Vec::new(),
             uses_ground_truth_depth: self.uses_ground_truth_depth,
             uses_scene: self.uses_scene,
             depth_imported: self.uses_ground_truth_depth && dataset.header().imported.is_some(),

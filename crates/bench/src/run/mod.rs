@@ -64,6 +64,8 @@ impl KeptModel {
     }
 }
 
+/// File of the resolved configuration in a run folder.
+pub const CONFIG: &str = "config.json";
 /// Version of `run.json`.
 pub const SCHEMA: &str = "corf-run/1";
 
@@ -189,7 +191,7 @@ impl RunInfo {
 /// # Errors
 /// When it cannot be written.
 pub fn write_config(folder: &Path, config: &serde_json::Value) -> Result<()> {
-    Ok(write_atomic(folder.join("config.json"), format!("{config:#}\n").as_bytes())?)
+    Ok(write_atomic(folder.join(CONFIG), format!("{config:#}\n").as_bytes())?)
 }
 
 /// Writes a finished reconstruction into a run folder, `run.json` last.

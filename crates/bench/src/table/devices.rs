@@ -9,23 +9,18 @@ const PRECISION: &str = ", f16 products";
 /// Beginning of the processor's name as a device.
 const PROCESSOR: &str = "cpu";
 
-/// Where a cell ran: its device, of the processor with its make, and those before it where it was gone on with on another.
+/// Where a cell ran: its device, of the processor with its make.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Place {
     device: String,
     processor: Option<String>,
-    earlier: Vec<String>,
 }
 
 impl Place {
     /// Where a record's cell ran. The machine that scored another program's predictions is not where they were made.
     pub fn of(record: &Record) -> Self {
         let on_processor = record.device.starts_with(PROCESSOR) && record.method != PREDICTIONS;
-        Self {
-            device: record.device.clone(),
-            processor: on_processor.then(|| record.provenance.processor.clone()),
-            earlier: record.earlier_devices.clone(),
-        }
+        Self { device: record.device.clone(), processor: on_processor.then(|| record.provenance.processor.clone()) }
     }
 
     /// Whether it is told from others in a table: not where a lookup ran on the processor, and not what nobody knows.
@@ -38,9 +33,6 @@ impl Place {
         let mut name = self.device.strip_suffix(PRECISION).unwrap_or(&self.device).to_owned();
         if let Some(processor) = self.processor.as_ref().filter(|_| with_processor) {
             name += &format!(", {processor}");
-        }
-        if !self.earlier.is_empty() {
-            name += &format!(", begun on {}", self.earlier.join(", then on "));
         }
         name
     }
@@ -84,9 +76,8 @@ pub(super) fn groups<'r, 'a>(rows: &[&'r Row<'a>]) -> Vec<(String, Vec<&'r Row<'
             None => groups.push((name, vec![row])),
         }
     }
-    let begun_elsewhere = rows.iter().any(|row| row.place.as_ref().is_some_and(|place| !place.earlier.is_empty()));
     let apart = rows.iter().enumerate().any(|(at, row)| rows[..at].iter().any(|other| other.cells_of == row.cells_of));
-    if told.len() > 1 || begun_elsewhere || apart { groups } else { Vec::new() }
+    if told.len() > 1 || apart { groups } else { Vec::new() }
 }
 
 /// Whether finished cells of these records ran on devices that a table tells apart.
@@ -95,7 +86,7 @@ pub(super) fn differ(records: &[Record]) -> bool {
     let mut cells: Vec<(&str, Place)> = finished().map(|record| (record.row.as_str(), Place::of(record))).collect();
     cells.sort();
     cells.dedup();
-    if cells.windows(2).any(|pair| pair[0].0 == pair[1].0) || cells.iter().any(|(_, place)| !place.earlier.is_empty()) {
+    if cells.windows(2).any(|pair| pair[0].0 == pair[1].0) {
         return true;
     }
     let told = finished().map(|record| (Place::of(record), record)).filter(|(place, record)| place.is_told(&record.method));

@@ -137,7 +137,7 @@ impl Row<'_> {
 
     /// This row minus `reference` in PSNR_rf, paired by seed.
     pub fn difference(&self, reference: &Row<'_>) -> Option<Summary> {
-        let value = |n: &Numbers| n.means.get(DIFFERENCE_KEY).copied();
+        let value = |n: &Numbers| n.value_of(DIFFERENCE_KEY);
         let pairs: Vec<f64> = self
             .done
             .iter()

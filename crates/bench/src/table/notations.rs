@@ -51,8 +51,7 @@ pub fn csv(records: &[Record]) -> String {
     for r in records {
         let mut facts = if oracles { format!(",{}", r.uses_scene) } else { String::new() };
         if devices {
-            let earlier = r.earlier_devices.iter().map(|device| format!("{device}, then "));
-            let _ = write!(facts, ",{}", escape::csv(&(earlier.collect::<String>() + &r.device)));
+            let _ = write!(facts, ",{}", escape::csv(&r.device));
         }
         let (row, dataset) = (escape::csv(&r.row), escape::csv(&r.dataset));
         let _ = write!(out, "{row},{},{dataset},{},{}", word(&r.method), word(&r.dataset_hash), r.seed);

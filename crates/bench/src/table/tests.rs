@@ -37,7 +37,6 @@ fn record(row: &str, seed: u64, psnr_rf: f64) -> Record {
         provenance: Provenance::here(),
         lpips_weights: BTreeMap::new(),
         device: "cpu (2 threads)".to_owned(),
-        earlier_devices: Vec::new(),
         uses_ground_truth_depth: row == "full",
         depth_imported: false,
         uses_scene: false,
@@ -291,16 +290,6 @@ fn cells_of_different_devices_have_rows_of_their_own_and_the_note_says_which_ran
     records[1].outcome = Outcome::Failed { error: "out of memory".to_owned() };
     let table = markdown(&rows(&records), &short_columns());
     assert!(table.contains("| full (failed cells) |") && !table.contains("Ran on"), "{table}");
-    // One that was gone on with on another device is a row of its own as well, alone or not.
-    records.remove(1);
-    records[1].earlier_devices = vec!["cpu (2 threads)".to_owned()];
-    let table = markdown(&rows(&records), &short_columns());
-    assert!(
-        table.contains("| full, on gpu (A), begun on cpu (2 threads) |") && table.contains("| full, on gpu (A) |"),
-        "{table}"
-    );
-    let table = markdown(&rows(&records[1..]), &short_columns());
-    assert!(table.contains("| full |") && table.contains("Ran on gpu (A), begun on cpu (2 threads): full."), "{table}");
     // Lookups as well, where cells of one label ran apart.
     let apart = [lookup("cpu (2 threads)"), Record { seed: 2, ..lookup("gpu (A)") }];
     let (table, list) = (markdown(&rows(&apart), &short_columns()), csv(&apart));

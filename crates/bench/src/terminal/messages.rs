@@ -7,6 +7,9 @@ use std::fmt::{Arguments, Display, Write as _};
 use std::io::{ErrorKind, Write};
 use std::sync::{Mutex, PoisonError};
 
+/// Folder in an output folder in which files are written out of sight ([`crate::files::output`]); messages name the places that they will have.
+pub const UNFINISHED: &str = ".corf-unfinished";
+
 /// Says a line on standard error, as `eprintln!` would; where that cannot be written, nothing happens.
 #[macro_export]
 macro_rules! note {
@@ -17,10 +20,15 @@ macro_rules! note {
 
 /// Writes a line to standard error, or not.
 pub fn to_stderr(words: Arguments<'_>) {
-    let text = words.to_string();
+    let text = in_sight(&words.to_string());
     let line = format!("{}\n", sanitized(&text));
     // The work goes on where nobody can be told of it.
     let _ = std::io::stderr().write_all(line.as_bytes());
+}
+
+/// A text in which files that are written out of sight are where they will be.
+fn in_sight(text: &str) -> String {
+    text.replace(&format!("{}{UNFINISHED}", std::path::MAIN_SEPARATOR), "")
 }
 
 /// Says findings on standard error, a line each.
@@ -71,6 +79,13 @@ pub fn sanitized(text: &str) -> Cow<'_, str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_written_out_of_sight_is_named_as_it_will_be() {
+        let place = ["out", UNFINISHED, "images", "1.png"].iter().collect::<std::path::PathBuf>();
+        let seen = ["out", "images", "1.png"].iter().collect::<std::path::PathBuf>();
+        assert_eq!(in_sight(&format!("cannot write {}: no", place.display())), format!("cannot write {}: no", seen.display()));
+    }
 
     #[test]
     fn a_name_cannot_steer_the_terminal() {

@@ -123,30 +123,7 @@ impl Reconstructor {
                 "make it with ReconstructionConfig::empty_field",
             ));
         }
-        // The smallest pyramid level that steps look at must still be an image.
-        let of_light = config.pyramid_levels;
-        let (of_rf, rf_key) =
-            config.rf_pyramid_levels.map_or((of_light, "pyramid_levels"), |n| (n.min(of_light), "rf_pyramid_levels"));
-        for (name, key, levels, camera) in
-            [("optical", "pyramid_levels", of_light, &optical_camera), ("RF", rf_key, of_rf, &rf_camera)]
-        {
-            let coarsest = levels - 1;
-            if camera.width >> coarsest < 8 || camera.height >> coarsest < 8 {
-                return Err(Error::invalid(
-                    format!("reconstruction config, key `{key}`"),
-                    format!("level {coarsest} of the {}x{} {name} image is below 8 pixels", camera.width, camera.height),
-                    if name == "RF" {
-                        "use fewer levels (rf_pyramid_levels) or larger spectra"
-                    } else {
-                        "use fewer levels or larger images"
-                    },
-                ));
-            }
-        }
-        if optical_camera.width.saturating_mul(optical_camera.height) > depth::patch::MAX_PIXELS {
-            let what = format!("{}x{} pixels are more than 2^24", optical_camera.width, optical_camera.height);
-            return Err(Error::invalid("the optical camera", what, "reconstruct from smaller images"));
-        }
+        Self::check_cameras(&config, &optical_camera, &rf_camera)?;
         let background = (!device.trains_on_the_host()).then(rayon::current_num_threads);
         // Where steps are taken during an expansion, what it needs can wait for it.
         let eager = background.is_some() && config.overlapped_iterations == 0;
@@ -171,6 +148,39 @@ impl Reconstructor {
             trained: None,
             finished: false,
         })
+    }
+
+    /// Checks that images and spectra of these cameras can be reconstructed with a configuration.
+    ///
+    /// # Errors
+    /// A pyramid whose smallest level is no image any more; images with more pixels than patches can be numbered.
+    pub fn check_cameras(config: &ReconstructionConfig, optical_camera: &Pinhole, rf_camera: &Pinhole) -> Result<()> {
+        // The smallest pyramid level that steps look at must still be an image.
+        let config = config.clone().for_images(optical_camera.width, optical_camera.height);
+        let of_light = config.pyramid_levels;
+        let (of_rf, rf_key) =
+            config.rf_pyramid_levels.map_or((of_light, "pyramid_levels"), |n| (n.min(of_light), "rf_pyramid_levels"));
+        for (name, key, levels, camera) in
+            [("optical", "pyramid_levels", of_light, optical_camera), ("RF", rf_key, of_rf, rf_camera)]
+        {
+            let coarsest = levels - 1;
+            if camera.width >> coarsest < 8 || camera.height >> coarsest < 8 {
+                return Err(Error::invalid(
+                    format!("reconstruction config, key `{key}`"),
+                    format!("level {coarsest} of the {}x{} {name} image is below 8 pixels", camera.width, camera.height),
+                    if name == "RF" {
+                        "use fewer levels (rf_pyramid_levels) or larger spectra"
+                    } else {
+                        "use fewer levels or larger images"
+                    },
+                ));
+            }
+        }
+        if optical_camera.width.saturating_mul(optical_camera.height) > depth::patch::MAX_PIXELS {
+            let what = format!("{}x{} pixels are more than 2^24", optical_camera.width, optical_camera.height);
+            return Err(Error::invalid("the optical camera", what, "reconstruct from smaller images"));
+        }
+        Ok(())
     }
 
     /// Begins with Gaussians that are there already, of the channels and degrees of [`ReconstructionConfig::empty_field`]: the first keyframe adds to

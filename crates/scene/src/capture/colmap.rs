@@ -11,7 +11,7 @@ use super::rounding::Rounding;
 use super::{Capture, Shot, names};
 use crate::contained::{self, Reach};
 use crate::dataset::ColoredPoint;
-use crate::{Error, Pinhole, Result, Rigid3};
+use crate::{Error, Pinhole, Result, Rigid3, bounds};
 use glam::DVec3;
 use rigs::Rigs;
 use std::collections::BTreeMap;
@@ -107,6 +107,7 @@ impl Camera {
             }
         };
         lens.check(place)?;
+        bounds::in_pixels(place, &lens.pinhole)?;
         Ok(lens)
     }
 }
@@ -142,16 +143,22 @@ fn model_folder(source: &Path) -> Result<(PathBuf, &'static str)> {
     })
 }
 
-/// A note of the models in `sparse/` that are not read.
+/// A note of the models in `sparse/`, and beside it, that are not read.
 fn further_models(source: &Path, read: &Path) -> Option<String> {
-    let entries = std::fs::read_dir(source.join("sparse")).ok()?;
-    let mut others: Vec<String> = entries
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|folder| folder != read && folder.is_dir() && ending(folder).is_some())
-        .filter_map(|folder| Some(format!("sparse/{}", folder.file_name()?.to_string_lossy())))
+    let sparse = source.join("sparse");
+    let below = std::fs::read_dir(&sparse).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
+    let is_further = |folder: &PathBuf| folder != read && folder.is_dir() && ending(folder).is_some();
+    let mut others: Vec<String> = std::iter::once(sparse.clone())
+        .chain(below)
+        .filter(is_further)
+        .filter_map(|folder| Some(folder.strip_prefix(source).ok()?.display().to_string()))
         .collect();
     others.sort_by(|a, b| names::natural(a, b));
-    let first = others.first()?;
+    let Some(first) = others.first() else {
+        let beside =
+            "the model beside sparse/ was not read: move it into a folder of its own, and give that to `corf dataset import`";
+        return is_further(&source.to_path_buf()).then(|| beside.to_owned());
+    };
     let were = if others.len() == 1 { "holds a further model, which was" } else { "hold further models, which were" };
     Some(format!(
         "{} {were} not read: a model is a data set of its own (`corf dataset import CAPTURE/{first} --images CAPTURE/images`)",
@@ -209,10 +216,10 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
     let mut shots = Vec::with_capacity(sparse.images.len());
     for (image, (camera_from_world, off)) in posed() {
         let place = format!("{place}: image {}", image.name);
-        let path = contained::resolve(images, Path::new(&image.name), Reach::Folder, &place, HELP);
+        let name = image.name.replace('\\', "/");
         shots.push(Shot {
-            name: image.name.replace('\\', "/"),
-            image: if wanted { Some(path?) } else { None },
+            image: if wanted { Some(picture(images, &image.name, &name, &place)?) } else { None },
+            name,
             lens: lenses[&image.camera],
             world_from_camera: rounding.take((camera_from_world.inverse(), *off), &image.name),
             depth: None,
@@ -226,6 +233,17 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
     let mut files: Vec<PathBuf> = ["cameras", "images", "points3D"].map(file).into_iter().filter(|f| f.is_file()).collect();
     files.extend(rig_files.into_iter().flatten());
     Ok(Capture { shots, points: sparse.points, lists: None, spectra: None, files, notes })
+}
+
+/// The picture of an image in the folder of the images: as the model names it, or without its first folders, as few as can be, where that is a file.
+/// `stated` is its name in the model, `name` the same with this system's folders.
+fn picture(images: &Path, stated: &str, name: &str, place: &str) -> Result<PathBuf> {
+    let resolve = |name: &str| contained::resolve(images, Path::new(name), Reach::Folder, place, HELP);
+    let path = resolve(stated)?;
+    match names::tails(name).find(|tail| images.join(tail).is_file()) {
+        Some(tail) if !path.is_file() => resolve(tail),
+        _ => Ok(path),
+    }
 }
 
 /// The points of a `points3D.txt`, in its order.

@@ -12,6 +12,8 @@ pub(super) struct WorldFromCapture {
     pub similarity: Similarity3,
     /// Direction in the capture's frame that became +z; none where the frame was kept.
     pub up: Option<[f64; 3]>,
+    /// Whether the origin was chosen, by whoever imports or for cameras that would stand too far from it.
+    moved: bool,
 }
 
 /// The largest offset, metres along an axis: a hundred radii of the Earth, where doubles still hold a ten-thousandth of a millimetre.
@@ -42,13 +44,13 @@ impl WorldFromCapture {
                 let (low, high) =
                     positions().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
                 let middle = 0.5 * (low + high);
-                let steps = (middle / Offset::STEP_M).round() * Offset::STEP_M;
+                let steps = (middle / Offset::STEP_M).trunc() * Offset::STEP_M;
                 // No -0 in files.
                 if steps.is_finite() { steps + DVec3::ZERO } else { DVec3::ZERO }
             }
         };
         let similarity = Similarity3 { translation: DVec3::ZERO - offset_m, ..turned.similarity };
-        Ok(Self { similarity, ..turned })
+        Ok(Self { similarity, moved: offset.is_some() || too_far(), ..turned })
     }
 
     /// What is taken off all positions behind turn and scale, metres along the world's axes.
@@ -59,22 +61,28 @@ impl WorldFromCapture {
     fn without_offset(up: Option<Up>, metres_per_unit: f64, shots: &[Shot]) -> Result<Self> {
         bounds::number("--scale", metres_per_unit, &(1e-6..=1e6), "metres a unit of the capture")?;
         let direction = match up {
-            None => return Ok(Self { similarity: Similarity3::with_up(None, metres_per_unit), up: None }),
+            None => return Ok(Self { similarity: Similarity3::with_up(None, metres_per_unit), up: None, moved: false }),
             Some(Up::Direction(up)) => DVec3::from(up),
             Some(Up::Cameras) => {
                 // OpenCV cameras have y down.
                 -shots.iter().map(|s| s.world_from_camera.rotation.y_axis).sum::<DVec3>() / shots.len().max(1) as f64
             }
         };
-        if !(direction.is_finite() && direction.length() >= LEAST_MEAN) {
+        // Of a direction that somebody states the length says nothing, however long or short it is.
+        let largest = direction.abs().max_element();
+        let unit = (direction / largest).normalize();
+        let points = unit.is_finite() && (!matches!(up, Some(Up::Cameras)) || direction.length() >= LEAST_MEAN);
+        if !points {
             let what = match up {
                 Some(Up::Cameras) => format!("the cameras' upward axes cancel out (their mean is {direction})"),
-                _ => format!("{direction} is no direction"),
+                _ => {
+                    let [x, y, z] = direction.to_array();
+                    format!("[{x:?}, {y:?}, {z:?}] is no direction")
+                }
             };
             return Err(Error::invalid("--up", what, "give a direction in the capture's frame, e.g. --up=0,-1,0 for y down"));
         }
-        let unit = direction.normalize();
-        Ok(Self { similarity: Similarity3::with_up(Some(unit), metres_per_unit), up: Some(unit.to_array()) })
+        Ok(Self { similarity: Similarity3::with_up(Some(unit), metres_per_unit), up: Some(unit.to_array()), moved: false })
     }
 
     /// A point of the capture in the world, metres.
@@ -91,7 +99,12 @@ impl WorldFromCapture {
         if let Err(error) = bounds::position(place, pose.translation) {
             return Err(match error {
                 Error::Invalid { place, what, .. } if pose.translation.is_finite() => {
-                    let help = "coordinates are in metres, at most 1e6 from the origin: check --scale, or move the origin with --offset auto";
+                    let help = if self.moved {
+                        "coordinates are in metres, at most 1e6 from the origin that --offset makes: check --scale and this camera's position, and take \
+                         the camera out of the capture if it is no other's neighbour"
+                    } else {
+                        "coordinates are in metres, at most 1e6 from the origin: check --scale, or move the origin with --offset auto"
+                    };
                     Error::invalid(place, what, help)
                 }
                 other => other,
@@ -116,6 +129,11 @@ mod tests {
         }
         let kept = WorldFromCapture::new(None, 2.0, None, &[]).unwrap();
         assert_eq!((kept.point(DVec3::X), kept.up), (2.0 * DVec3::X, None));
+        // However long it is.
+        for length in [1e300, 1e-300, 0.05] {
+            let long = WorldFromCapture::new(Some(Up::Direction([0.0, -length, length])), 1.0, None, &[]).unwrap();
+            assert!((long.point(DVec3::new(0.0, -1.0, 1.0).normalize()) - DVec3::Z).length() < 1e-12, "{length}");
+        }
         for (up, scale) in
             [([0.0; 3], 1.0), ([f64::NAN, 0.0, 1.0], 1.0), ([0.0, 0.0, 1.0], 0.0), ([0.0, 0.0, 1.0], f64::INFINITY)]
         {
@@ -153,6 +171,19 @@ mod tests {
             WorldFromCapture::new(None, 1.0, Some(Offset::Cameras), &[shot(DVec3::splat(-3.0))]).unwrap().offset_m(),
             DVec3::ZERO
         );
+        for x in [60.0, -99.0] {
+            let room = [shot(DVec3::new(x - 4.0, x, 1.5)), shot(DVec3::new(x + 4.0, x, 1.5))];
+            assert_eq!(WorldFromCapture::new(None, 1.0, Some(Offset::Cameras), &room).unwrap().offset_m(), DVec3::ZERO, "{x}");
+        }
+        // A camera by itself far away is not told to do what was done.
+        let outlier = [shot(DVec3::ZERO), shot(DVec3::splat(1e9))];
+        let told = |offset| {
+            let world = WorldFromCapture::new(None, 1.0, offset, &outlier).unwrap();
+            world.pose(&outlier[1].world_from_camera, "a").unwrap_err().to_string()
+        };
+        for offset in [None, Some(Offset::Cameras), Some(Offset::Point([1.0; 3]))] {
+            assert!(!told(offset).contains("--offset auto") && told(offset).contains("out of the capture"), "{}", told(offset));
+        }
         let far = [shot(DVec3::new(500_002.0, 4_400_002.0, 121.5))];
         assert_eq!(WorldFromCapture::new(None, 1.0, None, &far).unwrap().offset_m(), DVec3::new(500_000.0, 4_400_000.0, 100.0));
         let point = |v| WorldFromCapture::new(None, 1.0, Some(Offset::Point([v, 0.0, 0.0])), &far);

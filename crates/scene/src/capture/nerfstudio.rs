@@ -73,6 +73,8 @@ enum Axis {
 /// A focal length that one place of the file states, pixels, and another that the same place states and that is not the same.
 struct Focal {
     pixels: f64,
+    /// Whether it is stated so, and not as a field of view.
+    in_pixels: bool,
     contradicts: Option<f64>,
 }
 
@@ -156,7 +158,8 @@ impl Camera {
         ];
         let mut stated = stated.into_iter().flatten();
         let Some(pixels) = stated.next() else { return Ok(None) };
-        Ok(Some(Focal { pixels, contradicts: stated.find(|other| differ(*other, pixels)) }))
+        let in_pixels = fov.is_none() && fl.is_some();
+        Ok(Some(Focal { pixels, in_pixels, contradicts: stated.find(|other| differ(*other, pixels)) }))
     }
 
     /// The camera of a frame, whose own values are `self`, as a pinhole with distortion; `size` tells the picture's size where the file does not.
@@ -202,6 +205,7 @@ impl Camera {
         let mut overridden = [false; 2];
         let mut of_file = [false; 2];
         let mut contradiction = None;
+        let mut in_pixels = false;
         for (i, (axis, side)) in [(Axis::X, width), (Axis::Y, height)].into_iter().enumerate() {
             let (frame, file) = (self.focal(axis, side, place)?, all.focal(axis, side, place)?);
             of_file[i] = frame.is_none() && file.is_some();
@@ -211,6 +215,7 @@ impl Camera {
                 contradiction = Some(format!("{name}: {:.3} and {other:.3} pixels along {axis:?}", stated.pixels));
             }
             focal[i] = Some(stated.pixels);
+            in_pixels |= stated.in_pixels;
         }
         if let Some(example) = contradiction {
             words.add(CONTRADICTION, || example);
@@ -244,6 +249,9 @@ impl Camera {
             tangential: [own.p1, own.p2].map(zero),
         };
         lens.check(place)?;
+        if in_pixels {
+            bounds::in_pixels(place, &lens.pinhole)?;
+        }
         Ok(lens)
     }
 }

@@ -3,7 +3,7 @@
 use super::spectra::{Reading, RfValues};
 use crate::dataset::Quantity;
 use crate::keyframe::DbRange;
-use crate::{Pinhole, Result, bounds, io};
+use crate::{Error, Pinhole, Result, bounds, io};
 use std::path::PathBuf;
 
 /// Layout of a capture.
@@ -53,7 +53,7 @@ pub enum Offset {
 }
 
 impl Offset {
-    /// Steps of [`Offset::Cameras`], metres: round numbers, which leave a capture of a room where it is.
+    /// Steps of [`Offset::Cameras`], metres: round numbers, towards the origin, which leave a capture where it is that has its middle within one of them.
     pub const STEP_M: f64 = 100.0;
 }
 
@@ -110,14 +110,14 @@ pub struct ImportOptions {
     pub rf_camera: Option<RfCamera>,
     /// Levels of black and white (of blue and red, in Jet), or the range that the data set is to have.
     pub rf_db: Option<DbRange>,
-    /// Unit of the values of spectra that are no pictures.
-    pub rf_values: RfValues,
-    /// Physical quantity of the spectra.
-    pub quantity: Quantity,
+    /// Unit of the values of spectra that are no pictures; linear power if nobody says.
+    pub rf_values: Option<RfValues>,
+    /// Physical quantity of the spectra; unknown if nobody says.
+    pub quantity: Option<Quantity>,
     /// Carrier, Hz.
     pub frequency_hz: Option<f64>,
-    /// Width of the range below the strongest value where none is stated, dB.
-    pub dynamic_range_db: f64,
+    /// Width of the range below the strongest value where `rf_db` states none, dB; [`Self::DYNAMIC_RANGE_DB`] if nobody says.
+    pub dynamic_range_db: Option<f64>,
     /// Folder of depth maps, one for every image by its stem.
     pub depth: Option<PathBuf>,
     /// Folder of masks, for as many images as have one by their stems: black where a pixel does not count. Without it, those that the capture names.
@@ -137,6 +137,9 @@ pub struct ImportOptions {
 }
 
 impl ImportOptions {
+    /// Width of the range of spectra where nothing says another, dB.
+    pub const DYNAMIC_RANGE_DB: f64 = 70.0;
+
     /// Options of a capture that leaves nothing open.
     pub fn new(format: Format, source: impl Into<PathBuf>) -> Self {
         Self {
@@ -148,10 +151,10 @@ impl ImportOptions {
             rf: None,
             rf_camera: None,
             rf_db: None,
-            rf_values: RfValues::Linear,
-            quantity: Quantity::Unknown,
+            rf_values: None,
+            quantity: None,
             frequency_hz: None,
-            dynamic_range_db: 70.0,
+            dynamic_range_db: None,
             depth: None,
             masks: None,
             depth_unit_m: None,
@@ -168,7 +171,13 @@ impl ImportOptions {
     /// # Errors
     /// A number out of range, by its flag.
     pub(super) fn check(&self) -> Result<()> {
-        bounds::number("--dynamic-range-db", self.dynamic_range_db, &bounds::DYNAMIC_RANGE_DB, "dB")?;
+        if let Some(width) = self.dynamic_range_db {
+            bounds::number("--dynamic-range-db", width, &bounds::DYNAMIC_RANGE_DB, "dB")?;
+            if self.rf_db.is_some() {
+                let what = "the range is stated already, by --rf-db";
+                return Err(Error::invalid("--dynamic-range-db", what, "leave one of the two out"));
+            }
+        }
         bounds::number("--scale", self.metres_per_unit, &(1e-6..=1e6), "metres a unit of the capture")?;
         if let Some(range) = &self.rf_db {
             bounds::db_range("--rf-db", range)?;
@@ -184,6 +193,24 @@ impl ImportOptions {
 
     /// How its spectra are read.
     pub(super) fn reading(&self) -> Reading<'_> {
-        Reading { values: self.rf_values, range: self.rf_db.as_ref(), dynamic_range_db: self.dynamic_range_db }
+        Reading {
+            values: self.rf_values.unwrap_or(RfValues::Linear),
+            range: self.rf_db.as_ref(),
+            dynamic_range_db: self.dynamic_range_db.unwrap_or(Self::DYNAMIC_RANGE_DB),
+        }
+    }
+
+    /// The flag of an option that is of spectra alone, where one is given.
+    pub(super) fn given_of_radio(&self) -> Option<&'static str> {
+        [
+            (self.rf_db.is_some(), "--rf-db"),
+            (self.rf_camera.is_some(), "--rf-camera"),
+            (self.rf_values.is_some(), "--rf-values"),
+            (self.quantity.is_some(), "--rf-quantity"),
+            (self.frequency_hz.is_some(), "--frequency-hz"),
+            (self.dynamic_range_db.is_some(), "--dynamic-range-db"),
+        ]
+        .into_iter()
+        .find_map(|(given, flag)| given.then_some(flag))
     }
 }

@@ -12,7 +12,7 @@ use super::lens::Lens;
 use super::names::{self, Folder};
 use super::rounding::Rounding;
 use super::{Capture, Shot};
-use crate::{Error, Pinhole, Result, Rigid3};
+use crate::{Error, Pinhole, Result, Rigid3, bounds};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -68,6 +68,7 @@ pub(super) fn read(source: &Path, images: &Path, wanted: bool) -> Result<Capture
         let lens =
             Lens { pinhole: Pinhole { width, height, fx, fy, cx, cy }, radial: [c.k1, c.k2, c.k3], tangential: [c.p1, c.p2] };
         lens.check(&camera.display().to_string())?;
+        bounds::in_pixels(&camera.display().to_string(), &lens.pinhole)?;
         files.push(camera);
         lens
     } else {

@@ -3,10 +3,10 @@
 use super::frame::WorldFromCapture;
 use super::lens::{self, Lens};
 use super::names::Folder;
-use super::options::{Format, ImportOptions, Offset};
+use super::options::{Format, ImportOptions, Offset, RfCamera};
 use super::spectra::{self, Encoding};
 use super::{Capture, Shot, colmap, left_out, names, nerfstudio, plain, rf_3dgs, split};
-use crate::dataset::{ColoredPoint, DatasetHeader, Imported};
+use crate::dataset::{ColoredPoint, DatasetHeader, Imported, Quantity};
 use crate::io::{self, Stored};
 use crate::keyframe::Modalities;
 use crate::trajectory::TrajectoryPose;
@@ -151,7 +151,8 @@ impl Plan {
             sources,
         };
         let modalities = Modalities { light, radio: radio.is_some() };
-        let levels = (options.quantity, options.rf_db.map_or(options.dynamic_range_db, |r| r.max_db - r.min_db));
+        let quantity = options.quantity.unwrap_or(Quantity::Unknown);
+        let levels = (quantity, options.rf_db.map_or(options.reading().dynamic_range_db, |r| r.max_db - r.min_db));
         let header = DatasetHeader {
             frequency_hz: options.frequency_hz,
             split,
@@ -209,12 +210,14 @@ fn nominal(optical: &Pinhole) -> Pinhole {
 /// The spectra, where there are any, and their camera.
 fn radio(options: &ImportOptions, own: Option<PathBuf>, shots: &[Shot], notes: &mut Vec<String>) -> Result<Option<Radio>> {
     let Some(folder) = options.rf.clone().or(own) else {
-        for (given, flag) in [(options.rf_db.is_some(), "--rf-db"), (options.rf_camera.is_some(), "--rf-camera")] {
-            if given {
-                return Err(Error::invalid(flag, "there are no spectra that it could be of", "give their folder with --rf"));
-            }
-        }
-        return Ok(None);
+        return match options.given_of_radio() {
+            None => Ok(None),
+            Some(flag) => Err(Error::invalid(
+                flag,
+                "there are no spectra that it could be of",
+                "give their folder with --rf, or leave it out",
+            )),
+        };
     };
     let names: Vec<&str> = shots.iter().map(|s| s.name.as_str()).collect();
     let list = Folder::list(&folder, spectra::ENDINGS, "--rf")?;
@@ -238,6 +241,13 @@ fn radio(options: &ImportOptions, own: Option<PathBuf>, shots: &[Shot], notes: &
         }
     };
     Lens::plain(camera).check("--rf-camera")?;
+    if matches!(options.rf_camera, Some(RfCamera::Intrinsics(_))) {
+        bounds::in_pixels("--rf-camera", &camera)?;
+    }
+    if options.rf_values.is_some() && !matches!(survey.encoding, Encoding::Numbers) {
+        let what = "the spectra are pictures, whose values are levels in dB between the two of --rf-db";
+        return Err(Error::invalid("--rf-values", what, "leave it out, or give the values themselves (EXR, .npy)"));
+    }
     notes.extend(survey.notes);
     Ok(Some(Radio { folder, files, encoding: survey.encoding, camera }))
 }
@@ -254,6 +264,10 @@ fn depths(options: &ImportOptions, shots: &[Shot], light: bool, notes: &mut Vec<
         None if light => shots.iter().map(|s| s.depth.clone()).collect(),
         None => None,
     };
+    if found.is_none() && options.depth_unit_m.is_some() {
+        let help = "give their folder with --depth, or leave it out";
+        return Err(Error::invalid("--depth-unit", "there are no depth maps that it could be of", help));
+    }
     if let Some(files) = &found {
         // What is wrong with one is known before anything is written.
         let look = |path: &PathBuf| {

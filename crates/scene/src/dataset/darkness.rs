@@ -25,8 +25,8 @@ impl Sight {
     }
 }
 
-/// A warning where keyframes are black, and one where they see no surface.
-pub(super) fn findings(place: &str, sights: &[Sight]) -> Vec<Finding> {
+/// A warning where keyframes are black, and one where they see no surface; what to do about it depends on whether they were `imported`.
+pub(super) fn findings(place: &str, sights: &[Sight], imported: bool) -> Vec<Finding> {
     let count = |is: fn(&Sight) -> bool| sights.iter().filter(|s| is(s)).count();
     let of_all = |n: usize| if n == sights.len() { format!("all {n}") } else { format!("{n} of {}", sights.len()) };
     let mut found = Vec::new();
@@ -38,12 +38,20 @@ pub(super) fn findings(place: &str, sights: &[Sight]) -> Vec<Finding> {
     warn(
         count(|s| s.black),
         "images are black",
-        "light the scene (an emissive material, a light), open what keeps the light from the platform, or raise optical.exposure_ev",
+        if imported {
+            "nothing is learnt from a black image: take it out of the capture, or give the folder of the pictures that are meant with --images"
+        } else {
+            "light the scene (an emissive material, a light), open what keeps the light from the platform, or raise optical.exposure_ev"
+        },
     );
     warn(
         count(|s| s.empty),
         "depth images are empty: the camera sees no surface",
-        "move the trajectory into the scene; `corf scene validate` says whether it lies outside",
+        if imported {
+            "0 is no depth: give maps that hold some with --depth; or import without them and reconstruct with --set 'depth.prior=\"none\"'"
+        } else {
+            "move the trajectory into the scene; `corf scene validate` says whether it lies outside"
+        },
     );
     found
 }
@@ -61,10 +69,12 @@ mod tests {
         let mut wall = nothing.clone();
         wall[(2, 2)] = 3.5;
         let sights = [Sight::of(Some(&black), Some(&nothing)), Sight::of(Some(&lit), Some(&wall)), Sight::of(Some(&lit), None)];
-        let texts: Vec<String> = findings("d", &sights).iter().map(ToString::to_string).collect();
+        let texts: Vec<String> = findings("d", &sights, false).iter().map(ToString::to_string).collect();
         assert_eq!(texts.len(), 2);
         assert!(texts[0].contains("1 of 3 images are black") && texts[1].contains("1 of 3 depth images are empty"), "{texts:?}");
-        assert!(findings("d", &sights[1..]).is_empty());
-        assert!(findings("d", &sights[..1])[0].to_string().contains("all 1 images are black"));
+        assert!(findings("d", &sights[1..], false).is_empty());
+        assert!(findings("d", &sights[..1], false)[0].to_string().contains("all 1 images are black"));
+        let of_capture: Vec<String> = findings("d", &sights, true).iter().map(ToString::to_string).collect();
+        assert!(of_capture[0].contains("--images") && of_capture[1].contains("--depth"), "{of_capture:?}");
     }
 }

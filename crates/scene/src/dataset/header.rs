@@ -5,7 +5,7 @@ use crate::keyframe::{DbRange, Modalities};
 use crate::model::Permittivity;
 use crate::radio_spec::RadioSpec;
 use crate::trajectory::TrajectoryPose;
-use crate::{Equirectangular, Error, Pinhole, Result, Rigid3, Scene, Similarity3, fingerprint, io};
+use crate::{Equirectangular, Error, Pinhole, Result, Rigid3, Scene, Similarity3, bounds, fingerprint, io};
 use glam::DVec3;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -462,6 +462,7 @@ pub(super) fn read_trajectory(path: &Path) -> Result<Vec<TrajectoryPose>> {
         let Some(time_s) = k.time_s.filter(|t| t.is_finite()) else {
             return Err(Error::invalid(place, "time_s is not a finite number", "give seconds"));
         };
+        bounds::position(&place, world_from_camera.translation)?;
         poses.push(TrajectoryPose { index: i, time_s, world_from_camera });
     }
     Ok(poses)

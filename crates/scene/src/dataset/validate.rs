@@ -36,7 +36,7 @@ pub fn validate(dir: impl AsRef<Path>) -> Result<Vec<Finding>> {
         (0..dataset.len()).into_par_iter().map(|i| check_keyframe(&dataset, i)).collect();
     let sights: Vec<Sight> = of_frames.iter().filter_map(|(_, sight)| *sight).collect();
     findings.extend(of_frames.into_iter().flat_map(|(of_frame, _)| of_frame));
-    findings.extend(darkness::findings(&dataset.dir().display().to_string(), &sights));
+    findings.extend(darkness::findings(&dataset.dir().display().to_string(), &sights, dataset.header().imported.is_some()));
     findings.extend(dataset.far_finding());
     let file = dataset.file();
     if file.conventions != super::conventions::of(&file.header, file.db_range.as_ref()) {

@@ -300,7 +300,7 @@ impl DatasetWriter {
     pub fn dark_findings(&self) -> Result<Vec<Finding>> {
         let sight = |i: usize| self.record(i).map(|FrameRecord { black, empty, .. }| Sight { black, empty });
         let sights: Vec<Sight> = (0..self.len()).map(sight).collect::<Result<_>>()?;
-        Ok(darkness::findings(&self.dir.display().to_string(), &sights))
+        Ok(darkness::findings(&self.dir.display().to_string(), &sights, self.header.imported.is_some()))
     }
 
     fn present(&self, record: &FrameRecord) -> bool {

@@ -17,10 +17,36 @@ pub const MAX_CONFIG_BYTES: u64 = 1 << 24;
 /// The file is not there or cannot be read, or it is a folder, pipe, socket or device; the message names it.
 pub fn open(path: impl AsRef<Path>) -> Result<File> {
     let path = path.as_ref();
-    let place = path.display().to_string();
-    // Before it is opened, for opening a pipe waits for whoever writes into it.
-    contained::check_regular(path, &place)?;
-    File::open(path).map_err(Error::io("read", path))
+    open_as(path, &path.display().to_string())
+}
+
+/// Opens a regular file that `place` names in messages, whatever takes its place meanwhile: no pipe is waited for.
+fn open_as(path: &Path, place: &str) -> Result<File> {
+    // Before it is opened, for some devices do something when they are.
+    contained::check_regular(path, place)?;
+    let mut options = File::options();
+    options.read(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NONBLOCK);
+    let file = options.open(path).map_err(Error::io("read", path))?;
+    if !file.metadata().map_err(Error::io("read", path))?.is_file() {
+        return Err(Error::invalid(place, format!("{} is no regular file any more", path.display()), "give a regular file"));
+    }
+    Ok(file)
+}
+
+/// Reads a whole file of at most `most_bytes` that `place` names in messages.
+///
+/// # Errors
+/// Those of [`open`]; a file that is larger.
+pub fn read_at_most(path: impl AsRef<Path>, place: &str, most_bytes: u64) -> Result<Vec<u8>> {
+    let path = path.as_ref();
+    let bytes = up_to(path, open_as(path, place)?, most_bytes.saturating_add(1))?;
+    if bytes.len() as u64 > most_bytes {
+        let what = format!("{} is larger than {most_bytes} bytes", path.display());
+        return Err(Error::invalid(place, what, "no such file is; give the right one"));
+    }
+    Ok(bytes)
 }
 
 /// Reads a whole file.
@@ -58,10 +84,11 @@ pub fn read_config_text(path: impl AsRef<Path>) -> Result<String> {
     text(path, up_to(path, file, length)?)
 }
 
-/// What a file of `length` bytes holds; one that grows while it is read ends there.
-fn up_to(path: &Path, file: File, length: u64) -> Result<Vec<u8>> {
+/// The first `most_bytes` of a file; one that grows while it is read ends there.
+fn up_to(path: &Path, file: File, most_bytes: u64) -> Result<Vec<u8>> {
+    let length = file.metadata().map_err(Error::io("read", path))?.len().min(most_bytes);
     let mut bytes = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
-    file.take(length).read_to_end(&mut bytes).map_err(Error::io("read", path))?;
+    file.take(most_bytes).read_to_end(&mut bytes).map_err(Error::io("read", path))?;
     Ok(bytes)
 }
 
@@ -100,6 +127,28 @@ mod tests {
         sparse(1 << 42);
         let message = read(&path).unwrap_err().to_string();
         assert!(message.contains("a.toml: the file would take 4398.0 GB"), "{message}");
+    }
+
+    #[test]
+    fn a_bound_holds_for_regular_files_and_nothing_else_is_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a");
+        std::fs::write(&path, "four").unwrap();
+        let text = |path: &Path, most| read_at_most(path, "a", most).map_err(|e| e.to_string());
+        assert_eq!(text(&path, 4).unwrap(), b"four");
+        assert!(text(&path, 3).unwrap_err().contains("larger than 3 bytes"));
+        assert!(text(dir.path(), 4).unwrap_err().contains("a folder"));
+        assert!(text(&dir.path().join("gone"), 4).unwrap_err().contains("cannot read"));
+        #[cfg(unix)]
+        {
+            let pipe = dir.path().join("pipe");
+            assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+            assert!(text(&pipe, 4).unwrap_err().contains("pipe"));
+            assert!(text(Path::new("/dev/zero"), 4).unwrap_err().contains("device"));
+            let ring = dir.path().join("ring");
+            std::os::unix::fs::symlink("ring", &ring).unwrap();
+            assert!(text(&ring, 4).unwrap_err().contains("cannot read"));
+        }
     }
 
     #[cfg(unix)]

@@ -122,7 +122,9 @@ impl LiveDescription {
 
     fn check(&self, place: &str) -> Result<()> {
         for (name, camera) in [("optical_camera", &self.optical_camera), ("rf_camera", &self.rf_camera)] {
-            bounds::pinhole(&format!("{place}, key `{name}`"), camera)?;
+            let key = format!("{place}, key `{name}`");
+            bounds::pinhole(&key, camera)?;
+            bounds::in_pixels(&key, camera)?;
         }
         bounds::db_range(&format!("{place}, key `db_range`"), &self.db_range)?;
         if let Some(unit) = self.depth_unit_m {

@@ -155,7 +155,7 @@ impl Files<'_> {
     /// The same with what is in it, which is read once: its hash among the sources is of what is used, whoever replaces the file.
     fn take(&mut self, folder: &str, endings: &[&str], most_bytes: u64) -> Result<Option<Loaded>> {
         let Some((path, name)) = self.one(folder, endings)? else { return Ok(None) };
-        let bytes = contained::read_regular(&path, &name, most_bytes)?;
+        let bytes = io::read_at_most(&path, &name, most_bytes)?;
         self.sources.insert(name.clone(), io::sha256_hex(&bytes));
         Ok(Some(Loaded { path, name, bytes }))
     }

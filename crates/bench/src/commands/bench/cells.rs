@@ -94,7 +94,7 @@ impl PlanCommand {
         let networks = self.lpips.read()?;
         let input = self.verify.open(&plan.dataset)?.with_networks(&networks)?;
         plan.make_absolute()?;
-        cells::check_folders(&plan, &input.dataset)?;
+        cells::check_rows(&plan, &input.dataset)?;
         let _held = claim_output(&self.out, self.resume)?;
         let planned = Planned::write(&plan, &input, self.lpips.absolute()?, &self.out)?;
         let unfinished = planned.unfinished()?.len();

@@ -14,7 +14,7 @@ use super::{Verdict, print, show};
 use crate::comparison::suite;
 use crate::comparison::sweep::Sweep;
 use crate::device::DeviceChoice;
-use crate::experiment::cells::check_folders;
+use crate::experiment::cells::check_rows;
 use crate::experiment::plan::Plan;
 use crate::files::separation::{Reads, keep_apart};
 use crate::metrics::input::Verify;
@@ -179,7 +179,7 @@ impl Run {
         let networks = self.lpips.read()?;
         let input = self.cells.verify.open(&plan.dataset)?.with_networks(&networks)?;
         let backend = self.cells.device.resolve()?;
-        check_folders(&plan, &input.dataset)?;
+        check_rows(&plan, &input.dataset)?;
         let _held = claim_output(&self.cells.out, self.cells.resume)?;
         let written = suite::run(&plan, &input, &self.cells.out, &backend)?;
         let text = format!("{}\nreport: {}", written.text(), written.report.display());

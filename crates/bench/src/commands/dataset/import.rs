@@ -48,18 +48,18 @@ pub struct Import {
     /// Levels of the darkest and the brightest value of spectra that are pictures, dB; of others, the range that the data set is to have.
     #[arg(long, value_name = "MIN,MAX")]
     rf_db: Option<Numbers>,
-    /// Unit of the values in EXR and .npy spectra.
-    #[arg(long, value_enum, default_value_t)]
-    rf_values: Values,
-    /// Physical quantity of the spectra; of an unknown one no metrics of beams are computed.
-    #[arg(long, value_enum, default_value_t)]
-    rf_quantity: SpectrumQuantity,
+    /// Unit of the values in EXR and .npy spectra (default: linear).
+    #[arg(long, value_enum)]
+    rf_values: Option<Values>,
+    /// Physical quantity of the spectra (default: unknown); of an unknown one no metrics of beams are computed.
+    #[arg(long, value_enum)]
+    rf_quantity: Option<SpectrumQuantity>,
     /// Carrier, Hz.
     #[arg(long)]
     frequency_hz: Option<f64>,
-    /// Width of the range below the strongest value, dB, where --rf-db does not state one.
-    #[arg(long, default_value_t = 70.0)]
-    dynamic_range_db: f64,
+    /// Width of the range below the strongest value, dB, where --rf-db does not state one (default: 70).
+    #[arg(long)]
+    dynamic_range_db: Option<f64>,
     /// Folder of depth maps, one for every image by file stem and of its size: z-depth as EXR, .npy or 16-bit PNG.
     #[arg(long, value_name = "DIR")]
     depth: Option<PathBuf>,
@@ -108,20 +108,18 @@ enum Layout {
 }
 
 /// Unit of spectra that are no pictures.
-#[derive(Clone, Copy, Default, ValueEnum)]
+#[derive(Clone, Copy, ValueEnum)]
 enum Values {
     /// Linear power.
-    #[default]
     Linear,
     /// Decibels: 10·log10 of power.
     Db,
 }
 
 /// Physical quantity of spectra.
-#[derive(Clone, Copy, Default, ValueEnum)]
+#[derive(Clone, Copy, ValueEnum)]
 enum SpectrumQuantity {
     /// Power in a unit that is not known.
-    #[default]
     Unknown,
     /// Received power per steradian for 1 W transmitted.
     PowerPerSteradian,
@@ -156,7 +154,10 @@ impl FromStr for LengthUnit {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let named = [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6)];
-        let metres = named.iter().find(|(name, _)| *name == text).map_or_else(|| text.parse().ok(), |(_, metres)| Some(*metres));
+        let metres = named
+            .iter()
+            .find(|(name, _)| name.eq_ignore_ascii_case(text))
+            .map_or_else(|| text.parse().ok(), |(_, metres)| Some(*metres));
         metres
             .filter(|m| corf_scene::io::DEPTH_UNIT_M.contains(m))
             .map(Self)
@@ -171,7 +172,7 @@ impl FromStr for UpArgument {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if text == "cameras" {
+        if text.eq_ignore_ascii_case("cameras") {
             return Ok(Self(Up::Cameras));
         }
         match text.parse::<Numbers>()?.0.as_slice() {
@@ -188,7 +189,7 @@ impl FromStr for OffsetArgument {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if text == "auto" {
+        if text.eq_ignore_ascii_case("auto") {
             return Ok(Self(Offset::Cameras));
         }
         match text.parse::<Numbers>()?.0.as_slice() {
@@ -218,11 +219,6 @@ impl Import {
             Some(&[min_db, max_db]) if min_db < max_db => Some(DbRange { min_db, max_db }),
             Some(_) => anyhow::bail!("--rf-db takes two rising numbers\n  help: MIN,MAX in decibels, e.g. --rf-db=-110,-40"),
         };
-        anyhow::ensure!(
-            self.dynamic_range_db.is_finite() && self.dynamic_range_db >= 1.0,
-            "--dynamic-range-db {} is no range\n  help: give decibels, e.g. 70",
-            self.dynamic_range_db
-        );
         let split = self.split.as_ref().map(|text| match text.parse() {
             Ok(every) => SplitRule::Every(every),
             Err(_) => SplitRule::Listed(PathBuf::from(text)),
@@ -234,16 +230,16 @@ impl Import {
             rf: self.rf.clone(),
             rf_camera,
             rf_db,
-            rf_values: match self.rf_values {
+            rf_values: self.rf_values.map(|values| match values {
                 Values::Linear => RfValues::Linear,
                 Values::Db => RfValues::Db,
-            },
-            quantity: match self.rf_quantity {
+            }),
+            quantity: self.rf_quantity.map(|quantity| match quantity {
                 SpectrumQuantity::Unknown => Quantity::Unknown,
                 SpectrumQuantity::PowerPerSteradian => Quantity::PowerPerSteradian,
                 SpectrumQuantity::BeamPower => Quantity::BeamPower,
                 SpectrumQuantity::CaponPower => Quantity::CaponPower,
-            },
+            }),
             frequency_hz: self.frequency_hz,
             dynamic_range_db: self.dynamic_range_db,
             depth: self.depth.clone(),

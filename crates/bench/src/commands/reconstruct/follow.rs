@@ -77,8 +77,8 @@ impl Follow<'_> {
         // A key that does not exist, and a folder that is occupied, are known before anybody waits.
         CorfGs::new(self.method, &methods::registry::settings(self.method, &self.overrides)?, &self.backend)?;
         ensure!(
-            !folder.exists() || folder.is_dir(),
-            "{} is no folder\n  help: name the live folder, which may be made later",
+            folder.is_dir() || folder.symlink_metadata().is_err(),
+            "{} is no folder, or a link that leads to none\n  help: name the live folder, which may be made later",
             folder.display()
         );
         let _held = claim_begun(out, UNFINISHED)?;
@@ -86,12 +86,13 @@ impl Follow<'_> {
         let before: Option<Begun> = begun_path.is_file().then(|| read_json(&begun_path)).transpose()?;
         let description = match &before {
             // What was recorded is worth as much where the live folder is gone.
-            Some(before) if !folder.join(DESCRIPTION).exists() => before.description.clone(),
+            Some(before) if folder.join(DESCRIPTION).symlink_metadata().is_err() => before.description.clone(),
             _ => described(folder)?,
         };
         Session::check(&description, self.protocol)?;
         let overrides = live_overrides(&self.overrides, &description)?;
         let method = CorfGs::new(self.method, &methods::registry::settings(self.method, &overrides)?, &self.backend)?;
+        method.check_description(&description)?;
         let begun = Begun {
             schema: UNFINISHED_SCHEMA.to_owned(),
             folder: std::path::absolute(folder)?,
@@ -164,12 +165,19 @@ fn forget_begun(out: &Path) -> Result<()> {
 /// The description of a live folder, waited for if it has not landed.
 fn described(folder: &Path) -> Result<LiveDescription> {
     let path = folder.join(DESCRIPTION);
-    if !path.exists() {
+    // A link that leads nowhere is there, and would be waited for without end.
+    let has_landed = || path.symlink_metadata().is_ok();
+    if !has_landed() {
         note!("waiting for {}", path.display());
     }
-    while !path.exists() {
+    while !has_landed() {
         interrupt::check()?;
         std::thread::sleep(POLL);
     }
+    ensure!(
+        path.exists(),
+        "{} is a symbolic link that leads nowhere\n  help: put the file itself there: write it under another name, and rename it",
+        path.display()
+    );
     Ok(LiveDescription::read(folder)?)
 }

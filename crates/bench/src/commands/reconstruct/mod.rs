@@ -13,7 +13,7 @@ use crate::methods::interface::{Advance, Checkpoints, TrainingSet};
 use crate::metrics::input::Verify;
 use crate::note;
 use crate::run::harness;
-use crate::run::{RunInfo, claim_output, initial_hash, write_config, write_finished};
+use crate::run::{CONFIG, RunInfo, claim_output, initial_hash, write_config, write_finished};
 use crate::split::{Protocol, Split};
 use crate::terminal::interrupt;
 use crate::terminal::progress::Progress;
@@ -203,7 +203,7 @@ impl Reconstruct {
             Some(0) => "nothing is kept of it (--checkpoint-every 0): with --resume it begins anew",
             _ => "nothing is kept of it yet: with --resume it begins anew",
         });
-        write_config(&self.out, &method.config())?;
+        let begun = Begun::write(&self.out, &method.config())?;
         let watching = port.map(|port| Watching::start(port, method.as_ref(), self.seed, dataset, &split)).transpose()?;
         let mut progress =
             Progress::start(format!("{} on {}", self.method, dataset.header().name), split.train.len(), method.unit());
@@ -215,6 +215,7 @@ impl Reconstruct {
             interrupt::check()
         })?;
         progress.finish();
+        begun.keep();
         let info = RunInfo {
             initial_gaussians_sha256: initial,
             ..RunInfo::of(
@@ -241,6 +242,35 @@ impl Reconstruct {
 
 /// The state of an unfinished run, in its folder.
 const CHECKPOINT: &str = "checkpoint";
+
+/// A run folder that tells of a configuration: where the run ends before it has kept anything, it tells of none, and takes another command.
+struct Begun {
+    config: Option<PathBuf>,
+    checkpoint: PathBuf,
+}
+
+impl Begun {
+    fn write(folder: &Path, config: &serde_json::Value) -> Result<Self> {
+        let path = folder.join(CONFIG);
+        let is_new = !path.exists();
+        write_config(folder, config)?;
+        Ok(Self { config: is_new.then_some(path), checkpoint: folder.join(CHECKPOINT) })
+    }
+
+    /// The run has come to its end.
+    fn keep(mut self) {
+        self.config = None;
+    }
+}
+
+impl Drop for Begun {
+    fn drop(&mut self) {
+        if let Some(config) = self.config.as_ref().filter(|_| !self.checkpoint.exists()) {
+            // Without it nothing is wrong but that the folder is not empty.
+            let _ = std::fs::remove_file(config);
+        }
+    }
+}
 
 fn summary(info: &RunInfo) -> String {
     let gaussians = info.gaussians.map_or(String::new(), |g| format!(", {g} Gaussians"));

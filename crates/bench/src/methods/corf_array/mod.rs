@@ -216,7 +216,7 @@ impl Method for CorfArray {
         if let Some(path) = &self.config.oracle_scene {
             training.scene_behind(path).with_context(|| format!("in key {ORACLE_SCENE}"))?;
         }
-        self.config.light.check_depth(self.id(), "light.", training)
+        self.config.light.check_keyframes(self.id(), "light.", training)
     }
 
     fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {

@@ -48,6 +48,15 @@ pub fn live_overrides(overrides: &toml::Table, description: &LiveDescription) ->
 }
 
 impl CorfGs {
+    /// Checks that keyframes as a description has them can be reconstructed.
+    ///
+    /// # Errors
+    /// Those of [`Reconstructor::check_cameras`].
+    pub fn check_description(&self, description: &LiveDescription) -> Result<()> {
+        let LiveDescription { optical_camera, rf_camera, .. } = description;
+        Ok(Reconstructor::check_cameras(&self.config.reconstruction, optical_camera, rf_camera)?)
+    }
+
     /// Number of first keyframes that are collected before any is expanded.
     pub fn collected(&self) -> usize {
         self.config.reconstruction.bootstrap_keyframes
@@ -89,8 +98,8 @@ impl CorfGs {
         interrupt::let_first_end_input(false);
         anyhow::ensure!(
             live.received >= 2,
-            "{} keyframes to train with came before the end, and at least 2 are needed\n  help: live.jsonl in the run folder says what became of each",
-            live.received
+            "only {} came before the end to train with, and at least 2 are needed\n  help: live.jsonl in the run folder says what became of each",
+            ["no keyframe", "1 keyframe"][live.received]
         );
         // Fewer than are collected at the beginning wait until the end; the rest has ended.
         if live.told < live.received {

@@ -108,7 +108,7 @@ pub fn cell(matched: Option<&Matched<'_, '_>>, figure: Figure) -> Ours {
     let summary = match figure {
         Figure::Time => row.seconds(),
         // One key for all seeds: figures of two definitions have no common mean.
-        _ => figure.keys().iter().find_map(|key| row.summary(|n| n.means.get(*key).copied())),
+        _ => figure.keys().iter().find_map(|key| row.summary(|n| n.value_of(key))),
     };
     summary.map_or(Ours::NotComputed, Ours::Value)
 }

@@ -30,7 +30,6 @@ fn record_of(row: &str, method: &str, config: serde_json::Value, seed: u64, psnr
         provenance: crate::record::provenance::Provenance::here(),
         lpips_weights: Default::default(),
         device: "gpu | x".to_owned(),
-        earlier_devices: Vec::new(),
         uses_ground_truth_depth: true,
         depth_imported: false,
         uses_scene: false,

@@ -353,6 +353,47 @@ fn further_models_are_named() {
         }
     }
     fs::create_dir(dir.path().join("sparse/empty")).unwrap();
-    let notes = read(dir.path(), dir.path(), false).unwrap().notes;
-    assert!(notes.len() == 1 && notes[0].starts_with("sparse/1, sparse/2, sparse/10 hold"), "{notes:?}");
+    let notes = || read(dir.path(), dir.path(), false).unwrap().notes;
+    assert!(notes().len() == 1 && notes()[0].starts_with("sparse/1, sparse/2, sparse/10 hold"), "{:?}", notes());
+    // In the folder of the models, and beside it.
+    let copy = |to: &Path| {
+        for name in ["cameras", "images", "points3D"] {
+            fs::copy(dir.path().join(format!("kept/0/{name}.txt")), to.join(format!("{name}.txt"))).unwrap();
+        }
+    };
+    copy(&dir.path().join("sparse"));
+    assert!(notes()[0].starts_with("sparse, sparse/1, sparse/2, sparse/10 hold"), "{:?}", notes());
+    for k in ["1", "10", "2"] {
+        fs::remove_dir_all(dir.path().join("sparse").join(k)).unwrap();
+    }
+    assert!(notes()[0].starts_with("sparse holds a further model") && notes()[0].contains("CAPTURE/sparse "), "{:?}", notes());
+    for name in ["cameras", "images", "points3D"] {
+        fs::remove_file(dir.path().join(format!("sparse/{name}.txt"))).unwrap();
+    }
+    assert!(notes().is_empty(), "{:?}", notes());
+    copy(dir.path());
+    assert!(notes().len() == 1 && notes()[0].starts_with("the model beside sparse/ was not read"), "{:?}", notes());
+}
+
+#[test]
+fn pictures_are_found_without_the_folders_of_their_names_too() {
+    let dir = tempfile::tempdir().unwrap();
+    text_model(dir.path());
+    let images = IMAGES.replace("b 10.png", "left/b 10.png").replace("b 9.png", "rig\\left\\b 9.png");
+    fs::write(dir.path().join("sparse/0/images.txt"), images).unwrap();
+    let pictures = dir.path().join("flat");
+    fs::create_dir_all(pictures.join("left")).unwrap();
+    let found = || -> Vec<PathBuf> {
+        let capture = read(dir.path(), &pictures, true).unwrap();
+        capture.shots.iter().map(|shot| shot.image.as_ref().unwrap().strip_prefix(&pictures).unwrap().to_path_buf()).collect()
+    };
+    // What is not there is missed as the model names it.
+    assert_eq!(found(), [Path::new("left/b 10.png"), Path::new("rig\\left\\b 9.png")]);
+    for name in ["b 10.png", "b 9.png"] {
+        fs::write(pictures.join(name), "").unwrap();
+    }
+    assert_eq!(found(), [Path::new("b 10.png"), Path::new("b 9.png")]);
+    // As few folders as can be are left out.
+    fs::write(pictures.join("left/b 9.png"), "").unwrap();
+    assert_eq!(found(), [Path::new("b 10.png"), Path::new("left/b 9.png")]);
 }
