@@ -14,7 +14,7 @@ pub(crate) const MAX_COEFFICIENTS: usize = 16;
 
 /// The basis functions of `K` = (degree+1)² ∈ {1, 4, 9, 16} coefficients in direction `d`; the rest is zero.
 #[inline(always)]
-pub(crate) fn basis<const K: usize>([x, y, z]: [f32; 3]) -> [f32; MAX_COEFFICIENTS] {
+pub(crate) fn basis_of<const K: usize>([x, y, z]: [f32; 3]) -> [f32; MAX_COEFFICIENTS] {
     let mut out = [0.0; MAX_COEFFICIENTS];
     out[0] = C0;
     if K >= 4 {
@@ -90,7 +90,7 @@ mod tests {
                 let z = (i as f64 + 0.5) / N as f64 * 2.0 - 1.0;
                 let phi = (j as f64 + 0.5) / N as f64 * std::f64::consts::TAU;
                 let r = (1.0 - z * z).sqrt();
-                let y = basis::<16>([(r * phi.cos()) as f32, (r * phi.sin()) as f32, z as f32]);
+                let y = basis_of::<16>([(r * phi.cos()) as f32, (r * phi.sin()) as f32, z as f32]);
                 for a in 0..16 {
                     for b in 0..16 {
                         gram[a][b] += f64::from(y[a]) * f64::from(y[b]) * 4.0 * std::f64::consts::PI / (N * N) as f64;
@@ -115,7 +115,7 @@ mod tests {
             let d = [0; 3].map(|_| rng.uniform() * 2.0 - 1.0);
             let w = [0; 16].map(|_| rng.uniform() * 2.0 - 1.0);
             let gradient = direction_gradient::<16>(d, &w);
-            let value = |d| basis::<16>(d).iter().zip(w).map(|(y, w)| y * w).sum::<f32>();
+            let value = |d| basis_of::<16>(d).iter().zip(w).map(|(y, w)| y * w).sum::<f32>();
             for axis in 0..3 {
                 let h = 1e-2;
                 let (mut a, mut b) = (d, d);

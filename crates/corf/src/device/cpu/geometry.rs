@@ -149,7 +149,7 @@ pub(crate) struct Shape<L> {
 }
 
 #[inline(always)]
-pub(crate) fn shape<L: Lanes>(pose: &Pose, rotation: [L; 4], log_scale: Vec3<L>) -> Shape<L> {
+pub(crate) fn shape_of<L: Lanes>(pose: &Pose, rotation: [L; 4], log_scale: Vec3<L>) -> Shape<L> {
     let one = L::splat(1.0);
     let two = L::splat(2.0);
     let [w, x, y, z] = rotation;
@@ -205,7 +205,7 @@ pub(crate) struct Ellipse<L> {
 }
 
 #[inline(always)]
-pub(crate) fn ellipse<L: Lanes>(grid: &Grid, p: Vec3<L>, s: &Shape<L>) -> Ellipse<L> {
+pub(crate) fn ellipse_of<L: Lanes>(grid: &Grid, p: Vec3<L>, s: &Shape<L>) -> Ellipse<L> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let inverse_z = one / p[2];
     let (xz, yz) = (p[0] * inverse_z, p[1] * inverse_z);
@@ -464,8 +464,8 @@ mod tests {
                 let log_scale = [x, y, z].map(|s: f32| s + 0.5 * rng.uniform());
                 let p = [rng.uniform() - 0.5, 0.5 * (rng.uniform() - 0.5), 1.0 + 3.0 * rng.uniform()];
                 let [bare, whole] = truth(&pose, &camera, DVec3::from_array(p.map(f64::from)), q, log_scale, 0.1_f32.into());
-                let s = shape(&pose, splat(q), splat(log_scale));
-                let e = ellipse(&grid, splat(p), &s);
+                let s = shape_of(&pose, splat(q), splat(log_scale));
+                let e = ellipse_of(&grid, splat(p), &s);
                 let worst = (first(e.bare_determinant) / bare - 1.0).abs().max((first(e.determinant) / whole - 1.0).abs());
                 // Where the long axis points at the camera, its own rounding is what is seen of it.
                 let of_ends = if x > y { 40.0 } else { 1.0 };

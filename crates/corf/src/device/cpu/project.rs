@@ -1,7 +1,7 @@
 //! Projection of the visible Gaussians to ellipses with opacity and colour, and the tiles that each ellipse reaches.
 
 use super::{
-    geometry::{Grid, Scene, ellipse, shape, to_camera},
+    geometry::{Grid, Scene, ellipse_of, shape_of, to_camera},
     store::{Core, Harmonics, LOG_SCALE, OPTICAL_OPACITY, POSITION, ROTATION, Store},
 };
 use crate::gaussians::harmonics;
@@ -231,12 +231,12 @@ impl ProjectChunk<'_> {
     fn project<L: Lanes>(&mut self, ids: &[u32; 16], lanes: usize) {
         let values = &self.store.value;
         let p = to_camera(&self.scene.pose, gather3::<L>(values, ids, POSITION));
-        let s = shape(&self.scene.pose, gather4::<L>(values, ids, ROTATION), gather3(values, ids, LOG_SCALE));
+        let s = shape_of(&self.scene.pose, gather4::<L>(values, ids, ROTATION), gather3(values, ids, LOG_SCALE));
         let one = L::splat(1.0);
         let mut images = [[[0.0_f32; 16]; 13]; 2];
         for (g, grid) in self.scene.grids.iter().enumerate() {
             let Some(grid) = grid else { continue };
-            let e = ellipse(grid, p, &s);
+            let e = ellipse_of(grid, p, &s);
             let inverse = one / e.determinant;
             let (qa, qb, qc) = (e.syy * inverse, -(e.bare[1] * inverse), e.sxx * inverse);
             let opacity = e.rho / (one + (-gather::<L>(values, ids, OPTICAL_OPACITY + g)).exp());
@@ -273,7 +273,7 @@ impl ProjectChunk<'_> {
                             power_yy: -0.5 * LOG2E * qc,
                             opacity: i[5][lane],
                             inverse_z: i[6][lane],
-                            color: color(harmonics, id as usize, direction(core, &self.scene.pose.eye).0),
+                            color: color(harmonics, id as usize, direction_of(core, &self.scene.pose.eye).0),
                             half_height: i[9][lane],
                             least_power: -LOG2E * (i[7][lane] - TAU_MARGIN),
                             padding: [0.0; 4],
@@ -295,7 +295,7 @@ impl ProjectChunk<'_> {
 
 /// The unit vector from the camera to a Gaussian, world axes, and 1 / distance.
 #[inline(always)]
-pub(crate) fn direction(core: &Core, eye: &[f32; 3]) -> ([f32; 3], f32) {
+pub(crate) fn direction_of(core: &Core, eye: &[f32; 3]) -> ([f32; 3], f32) {
     let d = [core[0] - eye[0], core[1] - eye[1], core[2] - eye[2]];
     let inverse = 1.0 / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt().max(1e-12);
     ([d[0] * inverse, d[1] * inverse, d[2] * inverse], inverse)
@@ -314,7 +314,7 @@ fn color(h: &Harmonics, id: usize, d: [f32; 3]) -> [f32; 3] {
 
 #[inline(always)]
 fn color_of<const K: usize>(h: &Harmonics, id: usize, d: [f32; 3]) -> [f32; 3] {
-    let y = harmonics::basis::<K>(d);
+    let y = harmonics::basis_of::<K>(d);
     let mut out = [0.0; 3];
     let sh = &h.value[id * K * h.channels..(id + 1) * K * h.channels];
     for (channel, sh) in sh.chunks_exact(K).enumerate() {

@@ -3,9 +3,9 @@
 use super::{
     blend::{COLOR, FIRST, INVERSE_Z, MOMENTS, OPACITY, Record},
     geometry::{
-        EllipseGradient, Scene, ShapeGradient, ellipse, ellipse_backward, mean_backward, shape, shape_backward, to_camera,
+        EllipseGradient, Scene, ShapeGradient, ellipse_backward, ellipse_of, mean_backward, shape_backward, shape_of, to_camera,
     },
-    project::{CHUNK, Projection, VisibleChunk, direction, gather3, gather4},
+    project::{CHUNK, Projection, VisibleChunk, direction_of, gather3, gather4},
     store::{Core, LOG_SCALE, OPTICAL_OPACITY, POSITION, RF_OPACITY, ROTATION, Store},
 };
 use crate::simd::{Isa, Kernel, Lanes};
@@ -171,7 +171,7 @@ impl UpdateChunk<'_, '_> {
         let zero = L::splat(0.0);
         let mean = gather3::<L>(self.part.value, ids, POSITION);
         let p = to_camera(&scene.pose, mean);
-        let s = shape(&scene.pose, gather4::<L>(self.part.value, ids, ROTATION), gather3(self.part.value, ids, LOG_SCALE));
+        let s = shape_of(&scene.pose, gather4::<L>(self.part.value, ids, ROTATION), gather3(self.part.value, ids, LOG_SCALE));
         let mut d_shape = ShapeGradient::zero();
         let mut d_logit = [[0.0_f32; 16]; 2];
         let mut d_direction = [[0.0_f32; 16]; 3];
@@ -194,7 +194,7 @@ impl UpdateChunk<'_, '_> {
                     sums[k][lane] = sum[k];
                 }
             }
-            let e = ellipse(grid, p, &s);
+            let e = ellipse_of(grid, p, &s);
             let opacity =
                 L::splat(1.0) / (L::splat(1.0) + (-super::project::gather::<L>(self.part.value, ids, OPTICAL_OPACITY + g)).exp());
             let d_opacity = L::load(&sums[OPACITY]);
@@ -229,7 +229,7 @@ impl UpdateChunk<'_, '_> {
                     // The clamp at 0 passes no gradient.
                     d_color[c] = if splat.color[c] > 0.0 { sums[COLOR + c][lane] } else { 0.0 };
                 }
-                let d = direction(&self.part.value[id], &scene.pose.eye);
+                let d = direction_of(&self.part.value[id], &scene.pose.eye);
                 let d_mean = self.harmonics::<L>(g, id, d, d_color);
                 for k in 0..3 {
                     d_direction[k][lane] += d_mean[k];
@@ -331,7 +331,7 @@ impl UpdateChunk<'_, '_> {
         let h = &mut self.part.harmonics[g];
         let learnt = self.constants.learnt.min(K);
         let (direction, inverse_distance) = d;
-        let y = harmonics::basis::<K>(direction);
+        let y = harmonics::basis_of::<K>(direction);
         // Σ_c dL/dc_c sh_c,k: the weights of ∇Y_k.
         let mut weights = [0.0_f32; harmonics::MAX_COEFFICIENTS];
         let run = id * K * C..(id + 1) * K * C;

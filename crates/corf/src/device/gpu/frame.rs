@@ -79,7 +79,7 @@ pub(crate) struct Memory {
     pub gradient: Scratch,
     pub block_losses: Scratch,
     /// Sums of the visible Gaussians' records, and gradients of their directions.
-    pub found: Scratch,
+    pub ellipse_sums: Scratch,
     pub directions: Scratch,
     pub room: BufferCapacity,
 }
@@ -163,7 +163,7 @@ impl Memory {
             derivatives: scratch("similarity derivatives")?,
             gradient: scratch("image gradient")?,
             block_losses: scratch("losses")?,
-            found: scratch("gradients of splats")?,
+            ellipse_sums: scratch("gradients of splats")?,
             directions: scratch("gradients of directions")?,
             room: BufferCapacity::default(),
         })
@@ -206,7 +206,7 @@ impl Memory {
             (trained(extent.pixels), 36, &mut self.derivatives),
             (trained(extent.pixels), 16, &mut self.gradient),
             (trained(3 * extent.blocks), 16, &mut self.block_losses),
-            (trained(visible), 64, &mut self.found),
+            (trained(visible), 64, &mut self.ellipse_sums),
             (trained(visible), 16, &mut self.directions),
         ] {
             // A binding holds one item at least, also where there is nothing.

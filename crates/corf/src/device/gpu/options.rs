@@ -9,7 +9,7 @@ use corf_gpu::AdapterOptions;
 /// images, large ones make fewer pairs to sort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// The adapter. With timestamps there are times of a training step's kernels ([`GpuDevice::stage_times`](super::GpuDevice::stage_times)).
+    /// The adapter. With timestamps there are times of a training step's kernels ([`take_stage_times`](super::GpuDevice::take_stage_times)).
     pub adapter: AdapterOptions,
     /// Pixels across and down a tile. Without, steps choose by their images, and images that nobody trains on have the larger tiles.
     pub tile: Option<[u32; 2]>,

@@ -41,7 +41,7 @@ const ARGS: &str = include_str!("shaders/args.wgsl");
 pub(crate) const COUNTER_OF_PAIRS: &str = include_str!("shaders/counter.wgsl");
 const LISTS: &str = include_str!("shaders/lists.wgsl");
 const DRAWN: &str = include_str!("shaders/drawn.wgsl");
-const FOUND: &str = include_str!("shaders/found.wgsl");
+const RECORD_SUM: &str = include_str!("shaders/record_sum.wgsl");
 /// Adam of four numbers.
 pub const ADAM: &str = include_str!("shaders/adam.wgsl");
 const MARK: &str = include_str!("shaders/mark.wgsl");
@@ -290,7 +290,7 @@ impl Fixed {
     fn update_head(&self, use_of: Gradients) -> String {
         let written = matches!(use_of, Gradients::Written | Gradients::Noted);
         let constants = format!("const WRITE_GRADIENTS = {written};\n");
-        self.head() + &constants + GEOMETRY + FOUND + ADAM
+        self.head() + &constants + GEOMETRY + RECORD_SUM + ADAM
     }
 
     /// Words of four of the basis and its slopes, written out: an array in a loop may end up in memory.
@@ -336,7 +336,7 @@ impl Fixed {
         let (marks, note) = match use_of {
             Gradients::Dense | Gradients::Noted => {
                 let marks = MARK.to_owned() + include_str!("shaders/note.wgsl");
-                (marks, "if (any(seen)) { note(i, p, s, seen.y, found_0.c.xy + found_1.c.xy); }\n")
+                (marks, "if (any(seen)) { note(i, p, s, seen.y, sum_0.first + sum_1.first); }\n")
             }
             Gradients::Sparse | Gradients::Written => (String::new(), ""),
         };

@@ -157,15 +157,15 @@ impl GpuDevice {
                 (dense.map_or(&t.update, |d| &d.update).each_ref(), &s.core.moment1.buffer)
             }
         };
-        let (numbers, found, directions) = (&m.gaussian_of.buffer, &m.found.buffer, &m.directions.buffer);
+        let (numbers, sums, directions) = (&m.gaussian_of.buffer, &m.ellipse_sums.buffer, &m.directions.buffer);
         let (optical, rf) = ([of_light, &s.sh[0].moments.buffer], [of_rf, &s.sh[1].moments.buffer]);
         let read = [uniform, &m.state, numbers, &m.drawn.buffer, records[0], records[1], splats, core];
-        let mut appearance_buffers = [&read[..], &optical[..], &rf[..], &[found, directions]].concat();
+        let mut appearance_buffers = [&read[..], &optical[..], &rf[..], &[sums, directions]].concat();
         if let Destination::Written([_, light, radio]) | Destination::Noted([_, light, radio]) = destination {
             appearance_buffers.extend([light, radio]);
         }
         let (second, rates, marks) = (&s.core.moment2.buffer, &s.position_rate.buffer, &self.marks.buffer);
-        let mut geometry_buffers = vec![uniform, &m.state, numbers, found, directions, core, core_gradient, second, rates];
+        let mut geometry_buffers = vec![uniform, &m.state, numbers, sums, directions, core, core_gradient, second, rates];
         if matches!(destination, Destination::Dense | Destination::Noted(_)) {
             geometry_buffers.push(marks);
         }

@@ -29,7 +29,7 @@ fn covariance(f: &SingleModality, i: usize) -> DMat3 {
 }
 
 fn colour(f: &SingleModality, i: usize, direction: DVec3) -> Vec<f64> {
-    let (a, y) = (&f.appearance, harmonics::basis::<16>(direction.as_vec3().to_array()));
+    let (a, y) = (&f.appearance, harmonics::basis_of::<16>(direction.as_vec3().to_array()));
     let own = &a.sh[i * a.stride()..(i + 1) * a.stride()];
     (0..a.channels).map(|c| (0..a.coefficients()).map(|k| f64::from(own[k * a.channels + c] * y[k])).sum()).collect()
 }

@@ -75,7 +75,7 @@ const DIRECTIONS: usize = 256;
 fn band_rotation(band: usize, rotation: DMat3) -> Vec<f64> {
     let (first, size) = (band * band, 2 * band + 1);
     let at =
-        |d: DVec3| -> [f64; MAX_COEFFICIENTS] { harmonics::basis::<MAX_COEFFICIENTS>(d.as_vec3().to_array()).map(f64::from) };
+        |d: DVec3| -> [f64; MAX_COEFFICIENTS] { harmonics::basis_of::<MAX_COEFFICIENTS>(d.as_vec3().to_array()).map(f64::from) };
     // Normal equations [BᵀB | BᵀA].
     let width = 2 * size;
     let mut system = vec![0.0; size * width];

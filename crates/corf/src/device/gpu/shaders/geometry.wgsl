@@ -10,7 +10,7 @@ fn to_camera(mean: vec3<f32>) -> vec3<f32> {
 // Symmetric matrices: xx, xy, xz and yy, yz, zz.
 struct Symmetric { a: vec3<f32>, b: vec3<f32> }
 
-fn times(s: Symmetric, v: vec3<f32>) -> vec3<f32> {
+fn symmetric_times(s: Symmetric, v: vec3<f32>) -> vec3<f32> {
     return vec3(dot(s.a, v), dot(vec3(s.a.y, s.b.x, s.b.y), v), dot(vec3(s.a.z, s.b.y, s.b.z), v));
 }
 
@@ -109,10 +109,10 @@ fn conic_of(e: Ellipse) -> vec3<f32> {
 struct EllipseGradient { moments: vec3<f32>, first: vec2<f32>, inverse_z: f32, rho: f32 }
 
 // dL/dp (camera axes), dL/dV and dL/d(adj V) (full-matrix convention).
-struct OfShape { p: vec3<f32>, covariance: Symmetric, adjugate: Symmetric }
+struct ShapeGradient { p: vec3<f32>, covariance: Symmetric, adjugate: Symmetric }
 
 // Adds what one image says.
-fn ellipse_backward(grid: Grid, s: Shape, e: Ellipse, g: EllipseGradient, d: ptr<function, OfShape>) {
+fn ellipse_backward(grid: Grid, s: Shape, e: Ellipse, g: EllipseGradient, d: ptr<function, ShapeGradient>) {
     let inverse = 1.0 / e.determinant;
     let b = e.bare.y;
     let q = vec3(e.s.y * inverse, -b * inverse, e.s.x * inverse);
@@ -165,20 +165,20 @@ fn ellipse_backward(grid: Grid, s: Shape, e: Ellipse, g: EllipseGradient, d: ptr
 }
 
 // dL/d(quaternion as stored) and dL/d(ln scale).
-struct ShapeGradient { rotation: vec4<f32>, log_scale: vec3<f32> }
+struct StoredShapeGradient { rotation: vec4<f32>, log_scale: vec3<f32> }
 
-fn shape_backward(s: Shape, d: OfShape) -> ShapeGradient {
-    var out: ShapeGradient;
+fn shape_backward(s: Shape, d: ShapeGradient) -> StoredShapeGradient {
+    var out: StoredShapeGradient;
     // Columns of dR: d(column k of A) = 2 (dV s_k² + d(adj V) s_l² s_m²) a_k, d(column k of R) = Wᵀ of it.
     let r0 = params.camera_from_world[0].xyz;
     let r1 = params.camera_from_world[1].xyz;
     let r2 = params.camera_from_world[2].xyz;
-    let v0 = 2.0 * s.variance.x * times(d.covariance, s.axes[0]);
-    let v1 = 2.0 * s.variance.y * times(d.covariance, s.axes[1]);
-    let v2 = 2.0 * s.variance.z * times(d.covariance, s.axes[2]);
-    let u0 = 2.0 * s.of_pairs.x * times(d.adjugate, s.axes[0]);
-    let u1 = 2.0 * s.of_pairs.y * times(d.adjugate, s.axes[1]);
-    let u2 = 2.0 * s.of_pairs.z * times(d.adjugate, s.axes[2]);
+    let v0 = 2.0 * s.variance.x * symmetric_times(d.covariance, s.axes[0]);
+    let v1 = 2.0 * s.variance.y * symmetric_times(d.covariance, s.axes[1]);
+    let v2 = 2.0 * s.variance.z * symmetric_times(d.covariance, s.axes[2]);
+    let u0 = 2.0 * s.of_pairs.x * symmetric_times(d.adjugate, s.axes[0]);
+    let u1 = 2.0 * s.of_pairs.y * symmetric_times(d.adjugate, s.axes[1]);
+    let u2 = 2.0 * s.of_pairs.z * symmetric_times(d.adjugate, s.axes[2]);
     // A scale is in its own variance, and in the products that the other axes have.
     let by_pairs = vec3(dot(s.axes[0], u0), dot(s.axes[1], u1), dot(s.axes[2], u2));
     out.log_scale = vec3(dot(s.axes[0], v0), dot(s.axes[1], v1), dot(s.axes[2], v2)) + (by_pairs.yzx + by_pairs.zxy);

@@ -10,7 +10,7 @@
 @group(0) @binding(9) var<storage, read_write> moments_0: array<vec4<f32>>;
 @group(0) @binding(10) var<storage, read_write> sh_1: array<vec4<f32>>;
 @group(0) @binding(11) var<storage, read_write> moments_1: array<vec4<f32>>;
-@group(0) @binding(12) var<storage, read_write> found: array<OfEllipse>;
+@group(0) @binding(12) var<storage, read_write> ellipse_sums: array<EllipseSum>;
 @group(0) @binding(13) var<storage, read_write> directions: array<vec4<f32>>;
 GRADIENTS
 // EACH visible Gaussians a workgroup, LANES threads each: they sum its records, then step its harmonics word by word. What is computed once a
@@ -72,21 +72,26 @@ fn total(k: u32, image: u32, word: u32) -> vec4<f32> {
     return sum;
 }
 
-// One image's findings from the records, which are of both images where these share their pairs.
-fn found_of(k: u32, place: u32, image: u32) -> Found {
+// A Gaussian's sums over the records of one image, which are of both images where these share their pairs.
+fn record_sum(k: u32, place: u32, image: u32) -> RecordSum {
     if (params.fused == 0u) {
-        let last = total(k, image, 2u);
-        return Found(total(k, image, 0u), total(k, image, 1u), vec4(last.xy, f32(counts[k][image] > 0u), 0.0));
+        let color = total(k, image, 0u);
+        let ellipse = total(k, image, 1u);
+        let seen = f32(counts[k][image] > 0u);
+        return RecordSum(color.rgb, color.w, ellipse.yzw, ellipse.x, total(k, image, 2u).xy, seen);
     }
     // The pairs are those of the more opaque one; the other is seen if it can be drawn at all.
     let of_light = f32(splats[place].place.z >= MIN_ALPHA);
-    let b = total(k, 0u, 1u);
-    let c = total(k, 0u, 2u);
-    let d = total(k, 0u, 3u);
+    let radio = total(k, 0u, 1u);    // dL/dcolour of radio; dL/d(oρ) of light
+    let ellipse = total(k, 0u, 2u);  // dL/d(oρ) of radio; moments of both
+    let first = total(k, 0u, 3u).xy;
     // What the images say about the ellipse goes through one of them, once.
-    if (image == 0u) { return Found(total(k, 0u, 0u), vec4(b.w, c.yzw), vec4(d.xy, of_light, 0.0)); }
+    if (image == 0u) {
+        let light = total(k, 0u, 0u);
+        return RecordSum(light.rgb, light.w, ellipse.yzw, radio.w, first, of_light);
+    }
     let of_radio = f32(splats[params.visible_capacity + place].place.z >= MIN_ALPHA);
-    return Found(vec4(b.rgb, 0.0), vec4(c.x, c.yzw * (1.0 - of_light)), vec4(d.xy * (1.0 - of_light), of_radio, 0.0));
+    return RecordSum(radio.rgb, 0.0, ellipse.yzw * (1.0 - of_light), ellipse.x, first * (1.0 - of_light), of_radio);
 }
 
 // The gradient of a word of four, and what it says about the direction: dL/dc Y, and dL/dc sh ∂Y/∂d of the old ones.
@@ -185,15 +190,15 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         if (thread < 4u) { partial[2u * (one * LANES + thread) + image] = stripes[thread]; }
         workgroupBarrier();
     }
-    let of_found = thread / 2u;
+    let of_sum = thread / 2u;
     let of_basis = thread - min(thread, THREADS / 2u);
-    if (thread < 2u * EACH && begin + of_found < visible) {
+    if (thread < 2u * EACH && begin + of_sum < visible) {
         let image = thread % 2u;
-        let f = found_of(of_found, begin + of_found, image);
-        found[2u * begin + thread] = of_ellipse(f);
+        let sum = record_sum(of_sum, begin + of_sum, image);
+        ellipse_sums[2u * begin + thread] = ellipse_sum(sum);
         // The clamp at 0 passes no gradient.
-        let color = splats[image * params.visible_capacity + begin + of_found].color.rgb;
-        d_colors[thread] = vec4(select(vec3(0.0), f.a.rgb, color > vec3(0.0)), f.c.z);
+        let color = splats[image * params.visible_capacity + begin + of_sum].color.rgb;
+        d_colors[thread] = vec4(select(vec3(0.0), sum.color, color > vec3(0.0)), sum.seen);
     }
     if (thread >= THREADS / 2u && of_basis < EACH && begin + of_basis < visible) {
         let d = direction_of(core[3u * gaussian_of[begin + of_basis]].xyz).xyz;

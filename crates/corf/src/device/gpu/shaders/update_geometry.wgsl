@@ -1,7 +1,7 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> state: array<u32>;
 @group(0) @binding(2) var<storage, read> gaussian_of: array<u32>;
-@group(0) @binding(3) var<storage, read> found: array<OfEllipse>;
+@group(0) @binding(3) var<storage, read> ellipse_sums: array<EllipseSum>;
 @group(0) @binding(4) var<storage, read> directions: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read_write> core: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> core_m: array<vec4<f32>>;
@@ -43,8 +43,8 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let held_1 = load(3u * i + 1u);
     let held_2 = load(3u * i + 2u);
     let d_direction = directions[at].xyz;
-    let found_0 = found_from(found[2u * at]);
-    let found_1 = found_from(found[2u * at + 1u]);
+    let sum_0 = ellipse_sums[2u * at];
+    let sum_1 = ellipse_sums[2u * at + 1u];
     var rate = position_rates[i];
 
     // Through the projection.
@@ -55,14 +55,14 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let p = to_camera(mean);
     let s = shape_of(vec4(c0.w, c1.xyz), vec3(c1.w, c2.xy));
     let d = direction_of(mean);
-    var of_shape: OfShape;
-    let seen = vec2(found_0.c.z, found_1.c.z) > vec2(0.0);
+    var of_shape: ShapeGradient;
+    let seen = vec2(sum_0.seen, sum_1.seen) > vec2(0.0);
     var d_logit = vec2(0.0);
     if (seen.x) {
-        d_logit.x = through(0u, p, s, c2.z, found_0, &of_shape);
+        d_logit.x = through(0u, p, s, c2.z, sum_0, &of_shape);
     }
     if (seen.y) {
-        d_logit.y = through(1u, p, s, c2.w, found_1, &of_shape);
+        d_logit.y = through(1u, p, s, c2.w, sum_1, &of_shape);
     }
     NOTE
     let d_shape = shape_backward(s, of_shape);
@@ -90,11 +90,11 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
 }
 
 // Adds what one image says; returns dL/d(opacity logit).
-fn through(g: u32, p: vec3<f32>, s: Shape, logit: f32, f: Found, d: ptr<function, OfShape>) -> f32 {
+fn through(g: u32, p: vec3<f32>, s: Shape, logit: f32, sum: EllipseSum, d: ptr<function, ShapeGradient>) -> f32 {
     let grid = params.grids[g];
     let e = ellipse_of(grid, p, s);
     let opacity = 1.0 / (1.0 + exp(-logit));
-    let gradient = EllipseGradient(f.b.yzw, f.c.xy, f.a.w, f.b.x * opacity);
+    let gradient = EllipseGradient(sum.moments, sum.first, sum.inverse_z, sum.opacity * opacity);
     ellipse_backward(grid, s, e, gradient, d);
-    return f.b.x * e.rho * opacity * (1.0 - opacity);
+    return sum.opacity * e.rho * opacity * (1.0 - opacity);
 }
