@@ -3,9 +3,6 @@
 
 pub mod mlp;
 pub mod nerf2;
-#[cfg(test)]
-#[path = "../../../tests/shared.rs"]
-mod reference_data;
 pub mod rf_3dgs;
 mod stage;
 #[cfg(test)]
