@@ -19,6 +19,8 @@
 //! # Ok::<_, corf_scene::Error>(())
 //! ```
 
+#![cfg(feature = "gpu")]
+
 mod adapter;
 mod context;
 mod kernel;

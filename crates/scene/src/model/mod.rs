@@ -1,5 +1,10 @@
 //! A scene in memory: world-space triangles with optical and radio materials. Every importer makes one; both tracers read it.
 
+pub mod fingerprint;
+pub mod info;
+pub mod overlaps;
+pub mod solids;
+
 use crate::{Raster, Rigid3};
 use glam::{Affine2, DVec3, Vec3};
 

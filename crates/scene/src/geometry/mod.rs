@@ -1,0 +1,4 @@
+//! Cameras and rigid transforms.
+
+pub mod camera;
+pub mod transform;
