@@ -17,7 +17,6 @@ use crate::experiment::plan::{Cell, Plan};
 use crate::files::escape;
 use crate::files::json::read_text;
 use crate::files::output::is_leftover;
-use crate::metrics::Column;
 use crate::metrics::input::{Input, Verify};
 use crate::note;
 use crate::record::comparability::{self, Joined};
@@ -26,7 +25,7 @@ use crate::report::along::Figures;
 use crate::report::{self, Report};
 use crate::run::KeptModel;
 use crate::split::{Protocol, Split};
-use crate::table;
+use crate::table::{self, Columns};
 use crate::terminal::interrupt::{self, Interrupted};
 use crate::viewer::{self, Subject};
 use anyhow::{Context, Result, ensure};
@@ -51,7 +50,7 @@ pub struct Written {
     /// Path of `table.md`.
     pub table: PathBuf,
     /// Columns of the tables.
-    pub columns: Vec<&'static Column>,
+    pub columns: Columns,
 }
 
 impl Written {

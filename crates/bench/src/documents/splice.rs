@@ -1,7 +1,8 @@
 //! Tables from records, the help of every command and the keys of configuration files, written into documents between markers.
 //!
 //! ```text
-//! <!-- corf docs: table results/FOLDER KEY,KEY -->    the table of a folder of records, with these columns of metrics
+//! <!-- corf docs: table results/FOLDER KEY,KEY -->    the table of a folder of records, with these columns
+//! <!-- corf docs: table results/FOLDER KEY,KEY rows A; B -->  the same with these rows alone, without its note
 //! <!-- corf docs: paper results/FOLDER I -->          a table of the paper (I to IV) with a folder's records beside it
 //! <!-- corf docs: methods -->                         every method and what it is
 //! <!-- corf docs: columns -->                         every metric: heading, key, definition
@@ -49,6 +50,7 @@ pub fn spliced(text: &str, folder: &Path, help: &str) -> Result<String> {
 }
 
 fn content(order: &str, folder: &Path, help: &str) -> Result<String> {
+    let (order, labels) = order.split_once(" rows ").map_or((order, None), |(order, labels)| (order, Some(labels)));
     let words: Vec<&str> = order.split_whitespace().collect();
     match words[..] {
         ["help"] => Ok(help.to_owned()),
@@ -56,8 +58,8 @@ fn content(order: &str, folder: &Path, help: &str) -> Result<String> {
         ["keys", "dataset"] => Ok(schema::tables::<DatasetConfig>("Data-set file")),
         ["methods"] => Ok(methods()),
         ["columns"] => Ok(columns()),
-        ["table", records] => table_of(&folder.join(records), &[]),
-        ["table", records, keys] => table_of(&folder.join(records), &keys.split(',').collect::<Vec<_>>()),
+        ["table", records] => table_of(&folder.join(records), &[], labels),
+        ["table", records, keys] => table_of(&folder.join(records), &keys.split(',').collect::<Vec<_>>(), labels),
         ["paper", records, number] => paper_table(&folder.join(records), number),
         _ => bail!(
             "neither `table FOLDER`, `table FOLDER KEY,KEY`, `paper FOLDER I`, `methods`, `columns`, `help`, `keys scene` nor `keys dataset`"
@@ -65,8 +67,19 @@ fn content(order: &str, folder: &Path, help: &str) -> Result<String> {
     }
 }
 
-fn table_of(folder: &Path, keys: &[&str]) -> Result<String> {
-    Ok(table::markdown(&table::rows(&suite::records(folder)?), &table::columns(keys)?))
+/// The table of a folder's records; of some rows alone, by their labels between semicolons, without the note, which is of the whole table.
+fn table_of(folder: &Path, keys: &[&str], labels: Option<&str>) -> Result<String> {
+    let records = suite::records(folder)?;
+    let (mut rows, columns) = (table::rows(&records), table::columns(keys)?);
+    let Some(labels) = labels else { return Ok(table::markdown(&rows, &columns)) };
+    let labels: Vec<&str> = labels.split(';').map(str::trim).collect();
+    for label in &labels {
+        ensure!(rows.iter().any(|row| row.label == *label), "{} has no row \"{label}\"", folder.display());
+    }
+    rows.retain(|row| labels.contains(&row.label.as_ref()));
+    rows.sort_by_key(|row| labels.iter().position(|label| row.label == *label));
+    let text = table::markdown(&rows, &columns);
+    Ok(text.split_once("\n\n").map_or(text.as_str(), |(table, _)| table).to_owned())
 }
 
 /// A table of the paper beside a folder's records.

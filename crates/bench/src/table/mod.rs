@@ -20,17 +20,61 @@ use anyhow::{Result, bail};
 pub use devices::Place;
 use std::borrow::Cow;
 
-/// Columns of metrics, in their order.
-pub type Columns = [&'static Column];
+/// Columns of a table: metrics, and behind them what else there is of a row.
+#[derive(Clone, Debug)]
+pub struct Columns {
+    /// Metrics, in their order.
+    pub metrics: Vec<&'static Column>,
+    /// What stands behind them; `None` where nobody asked, and each notation has what it usually has.
+    extras: Option<Vec<Extra>>,
+}
+
+/// A column that is no metric.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Extra {
+    /// Difference to the first row, paired by seed.
+    Difference,
+    Gaussians,
+    /// Time of the reconstruction.
+    Seconds,
+    Seeds,
+}
+
+impl Extra {
+    /// All of them by the words that name them.
+    const ALL: [(&'static str, Self); 4] =
+        [("delta", Self::Difference), ("gaussians", Self::Gaussians), ("time", Self::Seconds), ("seeds", Self::Seeds)];
+
+    fn of(word: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(name, _)| *name == word).map(|(_, extra)| *extra)
+    }
+}
+
+impl Columns {
+    /// What stands behind the metrics in a notation that usually has `usual` there.
+    fn extras(&self, usual: &[Extra]) -> Vec<Extra> {
+        self.extras.clone().unwrap_or_else(|| usual.to_vec())
+    }
+
+    /// The metric that differences are taken of: that of spectra which leads, where there is none the first.
+    fn leading(&self) -> &'static Column {
+        let of_spectra = self.metrics.iter().find(|c| c.key.starts_with("psnr_rf"));
+        let known = || column(DIFFERENCE_KEY).expect("it is one of the columns");
+        of_spectra.or_else(|| self.metrics.first()).copied().unwrap_or_else(known)
+    }
+}
 
 /// The columns of the short table (terminal, README): the paper's, then the physical ones that differ most.
 const SHORT: &[&str] =
     &["psnr_opt", "ssim_opt", "psnr_rf_jet", "ssim_rf_jet", "psnr_rf_scalar", "rmse_db_30", "psp_similarity", "peak_error_deg"];
 
+/// What usually stands behind the metrics; text and LaTeX have no differences unless asked.
+const USUAL: &[Extra] = &[Extra::Difference, Extra::Gaussians, Extra::Seconds];
+
 /// Mark of what the maker of predictions states and nobody here has measured.
 const STATED_MARK: &str = " †";
 
-/// The metric that ablation differences are taken of.
+/// The metric that the paper's differences are taken of.
 const DIFFERENCE_KEY: &str = "psnr_rf_jet";
 
 /// One row: all seeds of one method with one configuration on one device.
@@ -135,9 +179,14 @@ impl Row<'_> {
         if self.stated && cell != "–" { cell + mark } else { cell }
     }
 
-    /// This row minus `reference` in PSNR_rf, paired by seed.
+    /// This row minus `reference` in the paper's PSNR_rf, paired by seed.
     pub fn difference(&self, reference: &Row<'_>) -> Option<Summary> {
-        let value = |n: &Numbers| n.value_of(DIFFERENCE_KEY);
+        self.difference_of(column(DIFFERENCE_KEY)?, reference)
+    }
+
+    /// This row minus `reference` in a metric, paired by seed.
+    fn difference_of(&self, column: &Column, reference: &Row<'_>) -> Option<Summary> {
+        let value = |n: &Numbers| n.value(column);
         let pairs: Vec<f64> = self
             .done
             .iter()
@@ -164,23 +213,52 @@ fn column(key: &str) -> Option<&'static Column> {
 }
 
 /// The columns of the short table.
-pub fn short_columns() -> Vec<&'static Column> {
+pub fn short_columns() -> Columns {
+    Columns { metrics: of_short(), extras: None }
+}
+
+fn of_short() -> Vec<&'static Column> {
     SHORT.iter().filter_map(|key| column(key)).collect()
 }
 
 /// The columns that these words name, each once: keys of metrics, `short` (the columns of a table that asks for none), `radio` (those that
-/// tell how a spectrum serves a radio), `lpips` (those of VGG-16), `all`. No word is `short`.
+/// tell how a spectrum serves a radio), `lpips` (those of VGG-16), `all`; `delta` (the difference to the first row in the leading metric),
+/// `gaussians`, `time` and `seeds`, which stand behind the metrics and are there as usual where none of them is named. A word with a minus before
+/// it leaves its column out. Without a metric those of `short`.
 ///
 /// # Errors
 /// A word that is none of them.
-pub fn columns<S: AsRef<str>>(words: &[S]) -> Result<Vec<&'static Column>> {
-    if words.is_empty() {
-        return Ok(short_columns());
+pub fn columns<S: AsRef<str>>(words: &[S]) -> Result<Columns> {
+    let words: Vec<&str> = words.iter().map(|word| word.as_ref().trim()).collect();
+    let (left_out, wanted): (Vec<&str>, Vec<&str>) = words.iter().partition(|word| word.starts_with('-'));
+    let mut extras: Vec<Extra> = wanted.iter().filter_map(|word| Extra::of(word)).collect();
+    let metrics: Vec<&str> = wanted.into_iter().filter(|word| Extra::of(word).is_none()).collect();
+    let mut metrics = if metrics.is_empty() { of_short() } else { metrics_of(&metrics)? };
+    let mut chosen = !extras.is_empty();
+    for word in left_out.iter().map(|word| &word[1..]) {
+        match Extra::of(word) {
+            Some(extra) => {
+                if !chosen {
+                    extras = USUAL.to_vec();
+                }
+                chosen = true;
+                extras.retain(|other| *other != extra);
+            }
+            None => {
+                let out = metrics_of(&[word])?;
+                metrics.retain(|c| out.iter().all(|other| other.key != c.key));
+            }
+        }
     }
+    Ok(Columns { metrics, extras: chosen.then_some(extras) })
+}
+
+/// The metrics that these words name, each once.
+fn metrics_of(words: &[&str]) -> Result<Vec<&'static Column>> {
     let mut out: Vec<&'static Column> = Vec::new();
     for word in words {
-        let named: Vec<&'static Column> = match word.as_ref().trim() {
-            "short" => short_columns(),
+        let named: Vec<&'static Column> = match *word {
+            "short" => of_short(),
             "radio" => RADIO.iter().filter_map(|key| column(key)).collect(),
             "all" => COLUMNS.iter().collect(),
             "lpips" => COLUMNS.iter().filter(|c| c.backbone() == Some("vgg")).collect(),
@@ -188,7 +266,10 @@ pub fn columns<S: AsRef<str>>(words: &[S]) -> Result<Vec<&'static Column>> {
                 Some(one) => vec![one],
                 None => {
                     let keys: Vec<&str> = COLUMNS.iter().map(|c| c.key).collect();
-                    bail!("no metric is called {key}\n  help: give short, radio, lpips, all, or keys of {}", keys.join(", "))
+                    let others = ["short", "radio", "lpips", "all", "delta", "gaussians", "time", "seeds"];
+                    let meant =
+                        nearest(key, keys.iter().chain(&others)).map_or(String::new(), |near| format!("; did you mean {near}?"));
+                    bail!("no column is called {key}{meant}\n  help: give {}, or keys of {}", others.join(", "), keys.join(", "))
                 }
             },
         };
@@ -201,10 +282,16 @@ pub fn columns<S: AsRef<str>>(words: &[S]) -> Result<Vec<&'static Column>> {
     Ok(out)
 }
 
+/// The word that is most like a misspelt one, where any is.
+fn nearest<'w>(word: &str, known: impl Iterator<Item = &'w &'static str>) -> Option<&'static str> {
+    let alike = known.map(|candidate| (strsim::jaro_winkler(word, candidate), *candidate));
+    alike.filter(|(likeness, _)| *likeness > 0.8).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, candidate)| candidate)
+}
+
 /// A table without a notation: what each has to escape and to mark.
 pub struct Short<'a> {
     /// Headings of all columns.
-    pub headings: Vec<&'static str>,
+    pub headings: Vec<Cow<'static, str>>,
     /// One a row.
     pub lines: Vec<Line<'a>>,
     /// Note on the number of seeds, the protocol and the caveats of the numbers.
@@ -227,27 +314,43 @@ pub struct Line<'a> {
 
 /// The table of these rows with these columns of metrics; differences are to the first row.
 pub fn short<'a>(rows: &'a [Row<'a>], columns: &Columns) -> Short<'a> {
-    let mut headings = vec!["method"];
-    headings.extend(columns.iter().map(|c| c.heading));
-    headings.extend(["Δ PSNR rf to first row", "Gaussians", "time, s"]);
-    let mut marked: Vec<Vec<Mark>> = columns
-        .iter()
-        .map(|c| match c.higher_is_better() {
-            Some(higher) => marks::marks(&rows.iter().map(|r| r.metric(c)).collect::<Vec<_>>(), higher),
-            None => vec![Mark::None; rows.len()],
-        })
-        .collect();
-    // Differences follow a metric, a number of Gaussians is neither good nor bad, and what is only stated is no rival.
-    marked.extend([vec![Mark::None; rows.len()], vec![Mark::None; rows.len()]]);
+    let (extras, leading) = (columns.extras(USUAL), columns.leading());
+    let mut headings = vec![Cow::Borrowed("method")];
+    headings.extend(columns.metrics.iter().map(|c| Cow::Borrowed(c.heading)));
+    headings.extend(extras.iter().map(|extra| match extra {
+        Extra::Difference if leading.key == DIFFERENCE_KEY => Cow::Borrowed("Δ PSNR rf to first row"),
+        Extra::Difference => Cow::Owned(format!("Δ {} to first row", leading.heading.trim_end_matches([' ', '↑', '↓']))),
+        Extra::Gaussians => Cow::Borrowed("Gaussians"),
+        Extra::Seconds => Cow::Borrowed("time, s"),
+        Extra::Seeds => Cow::Borrowed("seeds"),
+    }));
     let measured = |r: &Row<'_>| if r.stated { None } else { r.seconds() };
-    marked.push(marks::marks(&rows.iter().map(measured).collect::<Vec<_>>(), false));
+    let of_metrics = columns.metrics.iter().map(|c| match c.higher_is_better() {
+        Some(higher) => marks::marks(&rows.iter().map(|r| r.metric(c)).collect::<Vec<_>>(), higher),
+        None => vec![Mark::None; rows.len()],
+    });
+    // Differences follow a metric, a number of Gaussians is neither good nor bad, and what is only stated is no rival.
+    let of_extras = extras.iter().map(|extra| match extra {
+        Extra::Seconds => marks::marks(&rows.iter().map(measured).collect::<Vec<_>>(), false),
+        _ => vec![Mark::None; rows.len()],
+    });
+    let marked: Vec<Vec<Mark>> = of_metrics.chain(of_extras).collect();
     let line = |(at, row): (usize, &'a Row<'a>)| {
-        let mut cells: Vec<String> = columns.iter().map(|c| text(row.metric(c), c.digits, "±")).collect();
-        let difference = if at == 0 { None } else { row.difference(&rows[0]) };
-        let bold = difference.is_some_and(|d| d.excludes_zero()).then_some(cells.len());
-        cells.push(text(difference, 2, "±"));
-        cells.push(row.marked(text(row.gaussians(), 0, "±"), STATED_MARK));
-        cells.push(row.marked(text(row.seconds(), 1, "±"), STATED_MARK));
+        let mut cells: Vec<String> = columns.metrics.iter().map(|c| text(row.metric(c), c.digits, "±")).collect();
+        let mut bold = None;
+        for extra in &extras {
+            let cell = match extra {
+                Extra::Difference => {
+                    let difference = if at == 0 { None } else { row.difference_of(leading, &rows[0]) };
+                    bold = difference.is_some_and(|d| d.excludes_zero()).then_some(cells.len());
+                    text(difference, 2, "±")
+                }
+                Extra::Gaussians => row.marked(text(row.gaussians(), 0, "±"), STATED_MARK),
+                Extra::Seconds => row.marked(text(row.seconds(), 1, "±"), STATED_MARK),
+                Extra::Seeds => row.done.len().to_string(),
+            };
+            cells.push(cell);
+        }
         Line { label: &row.label, failed: !row.failed.is_empty(), cells, bold, marks: marked.iter().map(|m| m[at]).collect() }
     };
     let all: Vec<&Row<'_>> = rows.iter().collect();

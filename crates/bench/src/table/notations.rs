@@ -1,6 +1,6 @@
 //! The notations of a table: Markdown, CSV, LaTeX, and aligned text for a terminal.
 
-use super::{Columns, Row, STATED_MARK, devices, note, short, text};
+use super::{Columns, Extra, Row, devices, note, short, text};
 use crate::files::escape;
 use crate::metrics::{COLUMNS, Column};
 use crate::record::{Outcome, Record};
@@ -73,17 +73,41 @@ pub fn csv(records: &[Record]) -> String {
     out
 }
 
+/// What usually stands behind the metrics where there is little room: no differences.
+const NARROW: &[Extra] = &[Extra::Gaussians, Extra::Seconds];
+
 /// The table as a LaTeX tabular.
 pub fn latex(rows: &[Row<'_>], columns: &Columns) -> String {
-    let mut out = format!("\\begin{{tabular}}{{l|{}}}\n  \\toprule\n  Method", "c".repeat(columns.len() + 2));
-    columns.iter().for_each(|c| out.push_str(&format!(" & {}", c.latex)));
-    out.push_str(" & Gaussians & Time (s) \\\\\n  \\midrule\n");
+    let (extras, leading) = (columns.extras(NARROW), columns.leading());
+    let mut out = format!("\\begin{{tabular}}{{l|{}}}\n  \\toprule\n  Method", "c".repeat(columns.metrics.len() + extras.len()));
+    columns.metrics.iter().for_each(|c| out.push_str(&format!(" & {}", c.latex)));
+    for extra in &extras {
+        out.push_str(&match extra {
+            Extra::Difference => format!(" & $\\Delta$ {}", leading.latex),
+            Extra::Gaussians => " & Gaussians".to_owned(),
+            Extra::Seconds => " & Time (s)".to_owned(),
+            Extra::Seeds => " & Seeds".to_owned(),
+        });
+    }
+    out.push_str(" \\\\\n  \\midrule\n");
     for row in rows {
         let _ = write!(out, "  {}", escape::latex(&row.label));
         let cell = |summary, digits| text(summary, digits, r"\pm").replace('–', "-");
-        columns.iter().for_each(|c| out.push_str(&format!(" & ${}$", cell(row.metric(c), c.digits))));
         let stated = |cell: String| if row.stated && cell != "-" { format!("{cell}^\\dagger") } else { cell };
-        let _ = writeln!(out, " & ${}$ & ${}$ \\\\", stated(cell(row.gaussians(), 0)), stated(cell(row.seconds(), 1)));
+        columns.metrics.iter().for_each(|c| out.push_str(&format!(" & ${}$", cell(row.metric(c), c.digits))));
+        for extra in &extras {
+            let text = match extra {
+                Extra::Difference => cell(
+                    rows.first().filter(|first| !std::ptr::eq(*first, row)).and_then(|first| row.difference_of(leading, first)),
+                    2,
+                ),
+                Extra::Gaussians => stated(cell(row.gaussians(), 0)),
+                Extra::Seconds => stated(cell(row.seconds(), 1)),
+                Extra::Seeds => row.done.len().to_string(),
+            };
+            let _ = write!(out, " & ${text}$");
+        }
+        out.push_str(" \\\\\n");
     }
     // A comment ends with its line.
     let all: Vec<&Row<'_>> = rows.iter().collect();
@@ -93,14 +117,12 @@ pub fn latex(rows: &[Row<'_>], columns: &Columns) -> String {
 
 /// The table for a terminal: aligned columns, no markup.
 pub fn plain(rows: &[Row<'_>], columns: &Columns) -> String {
-    let mut lines = vec![vec!["method".to_owned()]];
-    lines[0].extend(columns.iter().map(|c| c.heading.to_owned()));
-    lines[0].extend(["Gaussians".to_owned(), "time, s".to_owned()]);
-    for row in rows {
-        let mut line = vec![format!("{}{}", row.label, if row.failed.is_empty() { "" } else { " (FAILED)" })];
-        line.extend(columns.iter().map(|c| text(row.metric(c), c.digits, "±")));
-        line.extend([(row.gaussians(), 0), (row.seconds(), 1)].map(|(s, digits)| row.marked(text(s, digits, "±"), STATED_MARK)));
-        lines.push(line);
+    let narrow = Columns { extras: Some(columns.extras(NARROW)), ..columns.clone() };
+    let short = short(rows, &narrow);
+    let mut lines: Vec<Vec<String>> = vec![short.headings.iter().map(|heading| heading.to_string()).collect()];
+    for line in short.lines {
+        let failed = if line.failed { " (FAILED)" } else { "" };
+        lines.push(std::iter::once(format!("{}{failed}", line.label)).chain(line.cells).collect());
     }
     let width = |column: usize| lines.iter().map(|l| l[column].chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..lines[0].len()).map(width).collect();
@@ -112,5 +134,5 @@ pub fn plain(rows: &[Row<'_>], columns: &Columns) -> String {
         }
         out.push('\n');
     }
-    out + &note(&rows.iter().collect::<Vec<_>>(), columns) + "\n"
+    out + &short.note + "\n"
 }

@@ -93,7 +93,7 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
             " Held-out images left out of the metrics of images, for a mask covers all of their pixels: {masked_out}."
         );
     }
-    let lpips: Vec<&Column> = columns.iter().copied().filter(|c| c.backbone().is_some()).collect();
+    let lpips: Vec<&Column> = columns.metrics.iter().copied().filter(|c| c.backbone().is_some()).collect();
     let lacks = |row: &Row<'_>, c: &Column| row.done.iter().any(|(_, numbers)| numbers.value(c).is_none());
     let without = |row: &Row<'_>| !lpips.is_empty() && lpips.iter().all(|c| lacks(row, c));
     if let Some(without) = named(rows, without) {
@@ -107,7 +107,7 @@ pub fn note(rows: &[&Row<'_>], columns: &Columns) -> String {
             let _ = write!(note, " FAILED: {}, seed {seed}: {error}.", name(&row.label));
         }
     }
-    for column in columns.iter().filter(|c| !SHORT.contains(&c.key)) {
+    for column in columns.metrics.iter().filter(|c| !SHORT.contains(&c.key)) {
         let _ = write!(note, " {}: {}.", column.heading, column.definition());
     }
     note

@@ -174,7 +174,7 @@ fn a_failed_cell_stays_in_every_table() {
 
 #[test]
 fn columns_are_named_by_key_or_group_and_shown_once() {
-    let keys = |words: &[&str]| columns(words).unwrap().iter().map(|c| c.key).collect::<Vec<_>>();
+    let keys = |words: &[&str]| columns(words).unwrap().metrics.iter().map(|c| c.key).collect::<Vec<_>>();
     assert_eq!(keys(&[]), SHORT);
     assert_eq!(keys(&["rmse_db_30", "radio"]), keys(&["radio"]));
     assert_eq!(keys(&["short", "radio"]).len(), SHORT.len() + RADIO.len() - 1, "rmse_db_30 is in both");
@@ -303,4 +303,30 @@ fn cells_of_different_devices_have_rows_of_their_own_and_the_note_says_which_ran
     records.iter_mut().for_each(|record| record.protocol = "corf-heldout/1".to_owned());
     let table = markdown(&rows(&records), &short_columns());
     assert!(table.contains("Metrics are those of corf-heldout/1; this version's are corf-heldout/2."), "{table}");
+}
+
+#[test]
+fn every_column_can_be_chosen_or_left_out() {
+    let records = [record("ours", 1, 18.0), record("ours", 2, 18.4), record("other", 1, 17.0), record("other", 2, 17.2)];
+    let rows = rows(&records);
+    let headings = |words: &[&str]| {
+        let table = markdown(&rows, &columns(words).unwrap());
+        table.lines().next().unwrap().trim_matches(['|', ' ']).split(" | ").map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(headings(&["psnr_opt", "seeds", "time"]), ["method", "PSNR opt ↑", "seeds", "time, s"]);
+    assert_eq!(headings(&["psnr_opt", "-gaussians"]), ["method", "PSNR opt ↑", "Δ PSNR opt to first row", "time, s"]);
+    assert_eq!(headings(&["psnr_rf_jet", "delta", "-psnr_rf_jet", "psnr_opt"])[1..], ["PSNR opt ↑", "Δ PSNR opt to first row"]);
+    let all = headings(&[]);
+    assert_eq!(headings(&["-time"]), all[..all.len() - 1]);
+    // Every notation has what was asked for, and what it usually has where nothing was.
+    let asked = columns(&["psnr_opt", "delta", "seeds"]).unwrap();
+    assert!(
+        latex(&rows, &asked).contains(r"$\Delta$")
+            && latex(&rows, &asked).contains("Seeds")
+            && !latex(&rows, &asked).contains("Gaussians")
+    );
+    assert!(plain(&rows, &asked).lines().next().unwrap().ends_with("seeds"));
+    assert!(!latex(&rows, &short_columns()).contains("Delta") && latex(&rows, &short_columns()).contains("Gaussians"));
+    let error = columns(&["psnr_op"]).unwrap_err().to_string();
+    assert!(error.contains("did you mean psnr_opt?"), "{error}");
 }
