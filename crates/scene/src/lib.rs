@@ -43,7 +43,7 @@ pub mod transform;
 pub use camera::{Equirectangular, Pinhole};
 pub use error::{Error, Result};
 pub use finding::{Finding, Severity};
-pub use keyframe::Keyframe;
+pub use keyframe::{Keyframe, Light, Radio};
 pub use model::Scene;
 pub use raster::Raster;
 pub use rng::Rng;
