@@ -377,7 +377,10 @@ fn transparency_is_seen_in_every_layout() {
     fs::write(at("masks/9.png"), io::encode_mask(&upper).unwrap()).unwrap();
     let (dataset, said) = import(&at("colmap"), "colmap", &["--masks", text(&at("masks"))], &at("both"));
     let both = Raster::from_fn(SIZE[0], SIZE[1], |x, y| upper[(x, y)] && counts(1)[(x, y)]);
-    assert!(dataset.keyframe(1).unwrap().light.unwrap().mask == Some(both) && dataset.keyframe(2).unwrap().light.unwrap().mask == Some(counts(2)));
+    assert!(
+        dataset.keyframe(1).unwrap().light.unwrap().mask == Some(both)
+            && dataset.keyframe(2).unwrap().light.unwrap().mask == Some(counts(2))
+    );
     assert!(said.contains("1 masks belong to no image"), "{said}");
     // Nothing left, and a mask of which nothing can be known.
     let glass = io::encode_cut_out(&picture(2), &Raster::filled(SIZE[0], SIZE[1], false)).unwrap();

@@ -9,8 +9,8 @@
 
 use anyhow::{Context, Result};
 use corf_bench::methods::interface::{Advance, Method, Predictor, TrainingSet};
-use corf_bench::metrics::{Prediction, RadioPrediction};
 use corf_bench::metrics::input::Verify;
+use corf_bench::metrics::{Prediction, RadioPrediction};
 use corf_bench::run::harness;
 use corf_bench::split::{Protocol, Split};
 use corf_bench::table;

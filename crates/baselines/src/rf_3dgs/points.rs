@@ -175,10 +175,8 @@ mod tests {
     fn triangulated_points_lie_on_what_was_seen() {
         let (camera, rf) = (Pinhole::from_horizontal_fov(160, 120, 80.0), Pinhole::from_horizontal_fov(12, 8, 80.0));
         let keyframes: Vec<_> = (0..6).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64), &camera, &rf, true)).collect();
-        let views: Vec<PointView> = keyframes
-            .iter()
-            .map(|k| PointView::new(k.index, k.world_from_camera, synthetic::light(k).clone(), camera))
-            .collect();
+        let views: Vec<PointView> =
+            keyframes.iter().map(|k| PointView::new(k.index, k.world_from_camera, synthetic::light(k).clone(), camera)).collect();
         let points = triangulated(&views);
         assert!(points.len() > 100, "{} points", points.len());
         // Against the depth that the synthetic keyframes carry, which nothing above has looked at.

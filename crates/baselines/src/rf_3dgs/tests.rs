@@ -83,7 +83,9 @@ fn what_is_under_a_mask_changes_no_byte_of_a_field() {
     let masked = |i: usize| synthetic::seen(&keyframe(i), |light| light.mask = Some(mask(&keyframe(i))));
     let painted = |i: usize| {
         let (k, mut rng) = (masked(i), corf_scene::Rng::keyed(3, i as u64, 0));
-        let mut at = |x: usize, y: usize| if mask(&k)[(x, y)] { synthetic::light(&k).image[(x, y)] } else { [255 * rng.below(2) as u8; 3] };
+        let mut at = |x: usize, y: usize| {
+            if mask(&k)[(x, y)] { synthetic::light(&k).image[(x, y)] } else { [255 * rng.below(2) as u8; 3] }
+        };
         let image = Raster::from_fn(96, 72, &mut at);
         synthetic::seen(&k, |light| light.image = image)
     };

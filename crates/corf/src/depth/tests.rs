@@ -101,7 +101,8 @@ fn what_does_not_count_is_neither_corner_nor_match() {
     let is_sign = |x: usize, y: usize| (70..130).contains(&x) && (30..80).contains(&y);
     let views = |mask: bool| -> Vec<GreyView> {
         let painted = |k: &Keyframe| {
-            let image = Raster::from_fn(192, 108, |x, y| if is_sign(x, y) { sign[(x - 70, y - 30)] } else { light(k).image[(x, y)] });
+            let image =
+                Raster::from_fn(192, 108, |x, y| if is_sign(x, y) { sign[(x - 70, y - 30)] } else { light(k).image[(x, y)] });
             let mask = mask.then(|| Raster::from_fn(192, 108, |x, y| !is_sign(x, y)));
             let seen = Light { image, mask, ..light(k).clone() };
             GreyView::of(k.index, k.world_from_camera, &seen, s.camera)

@@ -42,7 +42,8 @@ fn psnr(r: &mut Reconstructor, k: &Keyframe) -> (f64, f64) {
 }
 
 fn scores(p: &FieldRendering, k: &Keyframe, config: &ReconstructionConfig) -> (f64, f64) {
-    let planes = |pixels: Vec<f32>| Planes { width: light(k).image.width(), height: light(k).image.height(), channels: 3, pixels };
+    let planes =
+        |pixels: Vec<f32>| Planes { width: light(k).image.width(), height: light(k).image.height(), channels: 3, pixels };
     let image = planes(p.image.pixels().iter().flatten().copied().collect());
     let truth = planes(light(k).image.pixels().iter().flatten().map(|&v| f32::from(v) / 255.0).collect());
     (psnr_8bit(&image, &truth), psnr_8bit(&p.rf, &config.rf_target.encode(spectrum(k), &DB_RANGE)))

@@ -403,14 +403,13 @@ fn bad_keyframes_are_refused_with_their_index_and_leave_the_field_alone() {
 fn without_light_growth_is_guided_by_the_spectrum() {
     let depth = DepthConfig { prior: DepthPriorKind::None, ..Default::default() };
     let (_, rf) = cameras();
-    let frames: Vec<Keyframe> =
-        (0..4).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.5), &rf, &rf, true)).collect();
+    let frames: Vec<Keyframe> = (0..4).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.5), &rf, &rf, true)).collect();
     let run = |frames: &[Keyframe]| {
         let config = ReconstructionConfig { depth: depth.clone(), ..Default::default() };
         let log = Arc::new(Mutex::new(Log { main: u32::MAX, inverse_depth: 0.2, ..Log::default() }));
         let device = Recorder { log: log.clone(), field: config.empty_field() };
         let mut r = Reconstructor::new(Box::new(device), config, rf, rf, synthetic::DB_RANGE, 1).unwrap();
-        frames.iter().for_each(|k| drop(r.push(k).unwrap()));
+        frames.iter().for_each(|k| assert!(r.push(k).is_ok()));
         r.finish(&mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
         let views = log.lock().unwrap().views.clone();
         (r.field().unwrap(), views)

@@ -9,9 +9,9 @@ pub use radio::{
     open_edges_note, radio_settings, sensor_settings,
 };
 
-use corf_scene::{Radio, Result};
 use corf_scene::dataset::{Extras, KeyframeContent};
 use corf_scene::trajectory::TrajectoryPose;
+use corf_scene::{Radio, Result};
 
 /// A camera and an array that travel together.
 pub struct Platform<'a> {

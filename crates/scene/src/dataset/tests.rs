@@ -278,7 +278,10 @@ fn frames_that_are_no_measurements_are_refused() {
         assert!(message.contains("keyframe 3") && message.contains(expected), "{message}");
         assert!(!writer.is_complete(3));
     };
-    refused(&|f| f.radio = Some(Radio { spectrum: Raster::filled(13, 8, 0.0) }), "spectrum: is 13x8 pixels where the camera has 12x8");
+    refused(
+        &|f| f.radio = Some(Radio { spectrum: Raster::filled(13, 8, 0.0) }),
+        "spectrum: is 13x8 pixels where the camera has 12x8",
+    );
     refused(&|f| f.light.as_mut().unwrap().image = Raster::filled(9, 16, [0; 3]), "image");
     refused(&|f| f.radio.as_mut().unwrap().spectrum[(2, 3)] = f32::NAN, "pixel (2, 3) is NaN");
     refused(&|f| f.radio.as_mut().unwrap().spectrum[(2, 3)] = -1e-12, "pixel (2, 3)");
@@ -292,8 +295,7 @@ fn frames_that_are_no_measurements_are_refused() {
     let other = tempfile::tempdir().unwrap();
     assert!(text(DatasetWriter::create(other.path(), &bad, false).unwrap_err()).contains("keyframe 4"));
     let silence = Radio { spectrum: Raster::filled(12, 8, 0.0) };
-    (0..COUNT)
-        .for_each(|i| writer.write_frame(i, &KeyframeContent { radio: Some(silence.clone()), ..frame(i) }).unwrap());
+    (0..COUNT).for_each(|i| writer.write_frame(i, &KeyframeContent { radio: Some(silence.clone()), ..frame(i) }).unwrap());
     assert!(text(writer.finish().unwrap_err()).contains("no keyframe received any power"));
 }
 

@@ -67,7 +67,9 @@ impl<'d> Rf3dgs<'d> {
 impl FolderExport for Rf3dgs<'_> {
     fn keyframe(&self, index: usize) -> Result<Vec<File>> {
         let keyframe = self.dataset.keyframe(index)?;
-        let (Some(light), Some(Radio { spectrum })) = (keyframe.light, keyframe.radio) else { return Err(not_both(self.dataset)) };
+        let (Some(light), Some(Radio { spectrum })) = (keyframe.light, keyframe.radio) else {
+            return Err(not_both(self.dataset));
+        };
         let resampled = self.resampled.then(|| resample(&spectrum, &self.dataset.rf_camera(), &self.camera));
         let jet = self.range.jet_image(resampled.as_ref().unwrap_or(&spectrum));
         Ok(vec![
