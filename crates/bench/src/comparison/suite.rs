@@ -14,9 +14,9 @@
 use crate::device::Backend;
 use crate::experiment::cells::{self, CELLS, Part};
 use crate::experiment::plan::{Cell, Plan};
-use crate::files::output::is_leftover;
 use crate::files::escape;
 use crate::files::json::read_text;
+use crate::files::output::is_leftover;
 use crate::metrics::Column;
 use crate::metrics::input::{Input, Verify};
 use crate::note;
