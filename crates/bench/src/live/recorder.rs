@@ -112,8 +112,8 @@ impl Recorder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use corf_scene::live::LiveDescription;
     use corf_scene::dataset::Extras;
+    use corf_scene::live::LiveDescription;
     use corf_scene::{Light, Radio, Raster, Rigid3};
 
     fn entry(index: usize, width: usize) -> Entry {

@@ -218,15 +218,8 @@ impl Session {
             bail!("{}: keyframe {} has no image or no spectrum", self.dataset.display(), pose.index)
         };
         let TrajectoryPose { time_s, world_from_camera, .. } = pose;
-        let frame = LiveFrame {
-            number,
-            time_s: Some(time_s),
-            world_from_camera,
-            rounded: None,
-            light,
-            radio,
-            sources: BTreeMap::new(),
-        };
+        let frame =
+            LiveFrame { number, time_s: Some(time_s), world_from_camera, rounded: None, light, radio, sources: BTreeMap::new() };
         Ok(Some(Arrival { stem, frame, arrived }))
     }
 

@@ -133,7 +133,10 @@ impl<'a> TrainingSet<'a> {
     }
 
     fn no_spectra(&self) -> String {
-        format!("{} has no spectra\n  help: import the capture with them (`corf dataset import`, --rf)", self.dataset.dir().display())
+        format!(
+            "{} has no spectra\n  help: import the capture with them (`corf dataset import`, --rf)",
+            self.dataset.dir().display()
+        )
     }
 
     /// Position of the fixed transmitter in the world frame, metres, if it is known.

@@ -153,8 +153,8 @@ pub fn load(folder: &Path, index: usize) -> Option<Kept> {
 mod tests {
     use super::*;
     use crate::metrics::Spectrum;
-    use corf_scene::{Light, Radio, Rigid3};
     use corf_scene::io::encode_png;
+    use corf_scene::{Light, Radio, Rigid3};
 
     #[test]
     fn a_smaller_raster_has_the_means_of_the_areas() {

@@ -114,7 +114,8 @@ pub fn generate_from(
         let mut done = poses.len() - missing.len();
         // Keyframes are written while the next are traced.
         let mut traced: Vec<(usize, KeyframeContent)> = Vec::new();
-        let write = |traced: &[(usize, KeyframeContent)]| traced.par_iter().try_for_each(|(i, frame)| writer.write_frame(*i, frame));
+        let write =
+            |traced: &[(usize, KeyframeContent)]| traced.par_iter().try_for_each(|(i, frame)| writer.write_frame(*i, frame));
         let trace = |pose: &&TrajectoryPose| Ok((pose.index, platform.keyframe(pose)?));
         for together in missing.chunks(keyframes_at_once()) {
             interrupt::check()?;

@@ -6,10 +6,10 @@ use super::subject::{Role, Run, Subject, Work};
 use crate::report::colours::{ERROR_DB, ERROR_OPTICAL, heat};
 use crate::run::RunInfo;
 use anyhow::Result;
+use corf::FieldMeta;
 use corf_scene::Pinhole;
 use corf_scene::color::{jet, quantize8};
 use corf_scene::dataset::Quantity;
-use corf::FieldMeta;
 use corf_scene::keyframe::{DbRange, Modalities};
 use serde::Serialize;
 
