@@ -1,7 +1,7 @@
 //! A world that tests render themselves: the inside of a textured room with a textured block in it, exact depth, and a radio pattern whose
 //! structure is not light's (a transmitter, its image in a wall, and a smooth glow).
 
-use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, color, keyframe::DbRange};
+use corf_scene::{Keyframe, Light, Pinhole, Radio, Raster, Rigid3, color, keyframe::DbRange};
 use glam::DVec3;
 
 /// Half extents of the room, metres: x, y; the floor is z = 0.
@@ -110,12 +110,38 @@ pub fn keyframe(index: usize, world_from_camera: Rigid3, optical: &Pinhole, rf: 
         index,
         time_s: index as f64 * 0.1,
         world_from_camera,
-        image,
-        spectrum: Raster::from_fn(rf.width, rf.height, |x, y| power(origin, ray(rf, x as f64 + 0.5, y as f64 + 0.5))),
-        depth_m: Some(Raster::from_fn(optical.width, optical.height, |x, y| hit(x, y).t as f32)),
-        surface: Some(Raster::from_fn(optical.width, optical.height, |x, y| hit(x, y).surface)),
-        mask: None,
+        light: Some(Light {
+            image,
+            depth_m: Some(Raster::from_fn(optical.width, optical.height, |x, y| hit(x, y).t as f32)),
+            surface: Some(Raster::from_fn(optical.width, optical.height, |x, y| hit(x, y).surface)),
+            mask: None,
+        }),
+        radio: Some(Radio {
+            spectrum: Raster::from_fn(rf.width, rf.height, |x, y| power(origin, ray(rf, x as f64 + 0.5, y as f64 + 0.5))),
+        }),
     }
+}
+
+/// What the camera of a keyframe that has light saw.
+pub fn light(keyframe: &Keyframe) -> &Light {
+    keyframe.light.as_ref().expect("the keyframe has light")
+}
+
+/// The spectrum of a keyframe that has radio.
+pub fn spectrum(keyframe: &Keyframe) -> &Raster<f32> {
+    &keyframe.radio.as_ref().expect("the keyframe has radio").spectrum
+}
+
+/// The same keyframe, of which something else was seen.
+pub fn seen(keyframe: &Keyframe, change: impl FnOnce(&mut Light)) -> Keyframe {
+    let mut light = light(keyframe).clone();
+    change(&mut light);
+    Keyframe { light: Some(light), ..keyframe.clone() }
+}
+
+/// The same keyframe with another spectrum.
+pub fn with_spectrum(keyframe: &Keyframe, spectrum: Raster<f32>) -> Keyframe {
+    Keyframe { radio: Some(Radio { spectrum }), ..keyframe.clone() }
 }
 
 /// Pose `i` of a walk along the room that looks ahead and slightly sideways, with slow changes of height: baselines of about 0.25 m.

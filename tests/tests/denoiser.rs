@@ -67,7 +67,7 @@ fn guides_and_millimetres_are_what_is_seen() {
         assert!(plaster > 500, "{plaster} pixels of plaster");
         let file = image::open(dataset.dir().join("optical/depth_mm/00002_depth.png")).unwrap();
         let image::DynamicImage::ImageLuma16(millimetres) = file else { panic!("not 16-bit grey") };
-        let depth_m = dataset.keyframe(1).unwrap().depth_m.unwrap();
+        let depth_m = dataset.keyframe(1).unwrap().light.unwrap().depth_m.unwrap();
         assert!(depth_m.pixels().iter().zip(millimetres.as_raw()).all(|(m, mm)| (1e3 * m - f32::from(*mm)).abs() <= 0.501));
     }
 }
@@ -83,7 +83,7 @@ fn the_filter_takes_noise_and_leaves_the_light() {
     let clean = generate(folder.path(), "clean", &path(16, "denoiser = \"oidn\"\n"));
     assert!(clean.header().denoiser.as_ref().unwrap().starts_with("Intel Open Image Denoise 2."));
     assert!(clean.conventions()["optical"]["light"].contains("Intel Open Image Denoise"));
-    let image = |set: &Dataset| set.keyframe(0).unwrap().image;
+    let image = |set: &Dataset| set.keyframe(0).unwrap().light.unwrap().image;
     let (before, after) = (psnr(&image(&noisy), &image(&converged), None), psnr(&image(&clean), &image(&converged), None));
     assert!(after > before + 6.0, "{before:.1} dB became {after:.1} dB");
     let mean = |set: &Dataset| {

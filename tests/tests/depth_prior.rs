@@ -26,7 +26,7 @@ fn folder_options(folder: &Path, kind: &str) -> Vec<String> {
 fn maps(folder: &Path, write: impl Fn(&Path, &str, &corf_scene::Raster<f32>)) -> PathBuf {
     let dataset = Dataset::open(tiny_dataset()).unwrap();
     for index in 0..dataset.len() {
-        let depth = dataset.keyframe(index).unwrap().depth_m.unwrap();
+        let depth = dataset.keyframe(index).unwrap().light.unwrap().depth_m.unwrap();
         write(folder, &format!("{:05}", index + 1), &depth);
     }
     folder.to_owned()

@@ -2,7 +2,7 @@
 
 use crate::common::{copy_folder, corf, corf_ok, corf_refuses, shared, text, tiny_dataset};
 use corf_scene::dataset::{Dataset, stem};
-use corf_scene::{Pinhole, Raster, Rigid3, Similarity3, io};
+use corf_scene::{Light, Pinhole, Raster, Rigid3, Similarity3, io};
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 use std::fs;
@@ -96,7 +96,7 @@ fn render(run: &Path, poses: &Path, more: &[&str]) -> (Vec<Raster<[u8; 3]>>, Str
 /// Whether pictures are those of the training keyframes of a data set.
 fn are_the_keyframes(pictures: &[Raster<[u8; 3]>], dataset: &Dataset) -> bool {
     assert!(dataset.train_indices().len() > 2);
-    dataset.train_indices().iter().all(|i| pictures[*i] == dataset.keyframe(*i).unwrap().image)
+    dataset.train_indices().iter().all(|i| pictures[*i] == dataset.keyframe(*i).unwrap().light.unwrap().image)
 }
 
 #[test]
@@ -308,9 +308,9 @@ fn transparent_pixels_and_those_of_masks_in_alpha_do_not_count() {
     let (dataset, said) = import(&capture, "nerfstudio", &[], &at("cut"));
     assert!(said.contains("4 of 4 images have transparent pixels") && said.contains("do not count"), "{said}");
     for i in 0..dataset.len() {
-        let keyframe = dataset.keyframe(i).unwrap();
+        let light = dataset.keyframe(i).unwrap().light.unwrap();
         // What is below the transparent pixels is painted in a colour of its own.
-        assert_eq!(keyframe.mask.unwrap(), keyframe.image.map(|p| *p != [255, 0, 255]), "{i}");
+        assert_eq!(light.mask.unwrap(), light.image.map(|p| *p != [255, 0, 255]), "{i}");
     }
     assert!(corf_ok(&["dataset", "validate", text(&at("cut"))]).contains("passed"));
     let (dataset, said) = import(&capture, "nerfstudio", &["--ignore-masks"], &at("whole"));
@@ -321,7 +321,7 @@ fn transparent_pixels_and_those_of_masks_in_alpha_do_not_count() {
     let (dataset, said) = import(&capture, "nerfstudio", &["--masks", text(&masks)], &at("masked"));
     assert!(said.contains("30.0 % of the pixels"), "{said}");
     for i in 0..dataset.len() {
-        assert_eq!(columns_left_out(&dataset.keyframe(i).unwrap().mask.unwrap()), 12);
+        assert_eq!(columns_left_out(&dataset.keyframe(i).unwrap().light.unwrap().mask.unwrap()), 12);
     }
 }
 
@@ -368,7 +368,7 @@ fn transparency_is_seen_in_every_layout() {
         (0..5).for_each(|i| cut_out(i, &at(layout).join(format!("images/{i}.png"))));
         let (dataset, said) = import(&at(layout), layout, &[], &at(&format!("{layout}-ds")));
         assert!(said.contains("5 of 5 images have transparent pixels"), "{layout}: {said}");
-        assert!((0..5).all(|i| dataset.keyframe(i).unwrap().mask == Some(counts(i))), "{layout}");
+        assert!((0..5).all(|i| dataset.keyframe(i).unwrap().light.unwrap().mask == Some(counts(i))), "{layout}");
     }
     // A mask and transparency leave out what either does.
     fs::create_dir(at("masks")).unwrap();
@@ -377,7 +377,10 @@ fn transparency_is_seen_in_every_layout() {
     fs::write(at("masks/9.png"), io::encode_mask(&upper).unwrap()).unwrap();
     let (dataset, said) = import(&at("colmap"), "colmap", &["--masks", text(&at("masks"))], &at("both"));
     let both = Raster::from_fn(SIZE[0], SIZE[1], |x, y| upper[(x, y)] && counts(1)[(x, y)]);
-    assert!(dataset.keyframe(1).unwrap().mask == Some(both) && dataset.keyframe(2).unwrap().mask == Some(counts(2)));
+    assert!(
+        dataset.keyframe(1).unwrap().light.unwrap().mask == Some(both)
+            && dataset.keyframe(2).unwrap().light.unwrap().mask == Some(counts(2))
+    );
     assert!(said.contains("1 masks belong to no image"), "{said}");
     // Nothing left, and a mask of which nothing can be known.
     let glass = io::encode_cut_out(&picture(2), &Raster::filled(SIZE[0], SIZE[1], false)).unwrap();
@@ -410,7 +413,7 @@ fn transparency_passes_through_live_folders_and_spectra_have_none() {
     let counts = |i: usize| Raster::from_fn(96, 54, |x, y| x > 5 + i || y > 20);
     let holes = [1, 4];
     for i in holes {
-        let bytes = io::encode_cut_out(&ours.keyframe(i).unwrap().image, &counts(i)).unwrap();
+        let bytes = io::encode_cut_out(&ours.keyframe(i).unwrap().light.unwrap().image, &counts(i)).unwrap();
         fs::write(at("capture").join(format!("images/{}.png", stem(i))), bytes).unwrap();
     }
     let rf = text(&tiny_dataset().join("rf/spectra")).to_owned();
@@ -423,7 +426,7 @@ fn transparency_passes_through_live_folders_and_spectra_have_none() {
     assert!(output.status.success() && said.matches("transparent pixels are neither").count() == 1, "{said}");
     let recorded = Dataset::open(run.join("dataset")).unwrap();
     for i in 0..ours.len() {
-        assert_eq!(recorded.keyframe(i).unwrap().mask, holes.contains(&i).then(|| counts(i)), "{i}");
+        assert_eq!(recorded.keyframe(i).unwrap().light.unwrap().mask, holes.contains(&i).then(|| counts(i)), "{i}");
     }
     assert!(corf_ok(&["dataset", "validate", text(&run.join("dataset"))]).contains("passed"));
     // A spectrum's picture with transparent pixels has values that nobody knows.
@@ -450,7 +453,7 @@ fn one_file_is_the_picture_of_one_frame() {
     let names = &dataset.header().imported.as_ref().unwrap().names;
     assert_eq!(names, &["cam0/00000.png", "cam0/00001.png", "cam1/00000.png", "cam1/00001.png"]);
     for (i, name) in names.iter().enumerate() {
-        assert!(dataset.keyframe(i).unwrap().image == io::read_png(capture.join(name)).unwrap(), "{name}");
+        assert!(dataset.keyframe(i).unwrap().light.unwrap().image == io::read_png(capture.join(name)).unwrap(), "{name}");
     }
 }
 
@@ -488,8 +491,9 @@ fn files_of_one_name_in_several_folders_stay_apart_in_every_layout() {
             import(&at(layout), layout, &[&given[..], &["--images", &images]].concat(), &at(&format!("{layout}-ds")));
         for i in 0..4 {
             let k = dataset.keyframe(i).unwrap();
-            assert!(k.image == picture(i) && k.depth_m == Some(depth(i)) && k.mask == Some(mask(i)), "{layout} {i}");
-            assert_eq!(k.spectrum.pixels()[0], 1e-6 * value(i), "{layout} {i}");
+            let light = Light { image: picture(i), depth_m: Some(depth(i)), surface: None, mask: Some(mask(i)) };
+            assert!(k.light == Some(light), "{layout} {i}");
+            assert_eq!(k.radio.unwrap().spectrum.pixels()[0], 1e-6 * value(i), "{layout} {i}");
         }
         for (flag, flat) in [("--depth", "flat-depth"), ("--masks", "flat-masks"), ("--rf", "flat-rf")] {
             let flat = text(&at(flat)).to_owned();

@@ -98,7 +98,7 @@ fn depth_of_whole_numbers_needs_its_unit() {
         let out = format!("ds{}", descr.replace('<', "l").replace('>', "b"));
         let (code, said) = capture.import(&out, &[&flag[..], &["--depth-unit", "mm"]].concat());
         assert_eq!(code, Some(0), "{descr}: {said}");
-        let depth_m = Dataset::open(capture.path(&out)).unwrap().keyframe(0).unwrap().depth_m.unwrap();
+        let depth_m = Dataset::open(capture.path(&out)).unwrap().keyframe(0).unwrap().light.unwrap().depth_m.unwrap();
         assert!(depth_m.pixels().iter().all(|d| *d == 4.0), "{descr}");
     }
     // In whatever unit: a room has no such depths.
@@ -115,7 +115,7 @@ fn floats_and_pictures_of_depth_are_metres_and_millimetres_unless_said_otherwise
     let floats = |value: f32| Array::new("x", &[SIZE.1, SIZE.0], Values::F32(vec![value; SIZE.0 * SIZE.1])).to_npy();
     let depth = capture.path("depth");
     let flag = ["--depth", text(&depth)];
-    let read = |out: &str| Dataset::open(capture.path(out)).unwrap().keyframe(1).unwrap().depth_m.unwrap()[(0, 0)];
+    let read = |out: &str| Dataset::open(capture.path(out)).unwrap().keyframe(1).unwrap().light.unwrap().depth_m.unwrap()[(0, 0)];
     capture.put_each("depth", "npy", |_| floats(4.0));
     assert_eq!((capture.import("a", &flag).0, read("a")), (Some(0), 4.0));
     capture.put_each("depth", "npy", |_| floats(4000.0));
@@ -169,7 +169,7 @@ fn the_given_depth_in_millimetres_is_read_as_such_or_refused() {
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
     let median = |out: &Path| {
-        let mut depth = Dataset::open(out).unwrap().keyframe(0).unwrap().depth_m.unwrap().into_vec();
+        let mut depth = Dataset::open(out).unwrap().keyframe(0).unwrap().light.unwrap().depth_m.unwrap().into_vec();
         depth.sort_by(f32::total_cmp);
         depth[depth.len() / 2]
     };
@@ -191,7 +191,7 @@ fn levels() -> Raster<f32> {
 fn imported(capture: &Capture, out: &str, rf: &Path) -> (Raster<f32>, String) {
     let (code, said) = capture.import(out, &["--rf", text(rf), "--rf-db=-110,-40", "--rf-camera", "90"]);
     assert_eq!(code, Some(0), "{said}");
-    let spectrum = Dataset::open(capture.path(out)).unwrap().keyframe(0).unwrap().spectrum;
+    let spectrum = Dataset::open(capture.path(out)).unwrap().keyframe(0).unwrap().radio.unwrap().spectrum;
     (spectrum.map(|p| if *p > 0.0 { 10.0 * p.log10() } else { -110.0 }), said)
 }
 

@@ -2,7 +2,7 @@
 
 use crate::common::{copy_folder, corf_ok, corf_refuses, text, tiny_dataset};
 use corf_scene::dataset::{Dataset, stem};
-use corf_scene::{Raster, Rigid3, io};
+use corf_scene::{Light, Raster, Rigid3, io};
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 use std::fs;
@@ -63,8 +63,8 @@ fn a_data_set_exported_as_colmap_comes_back_the_same() {
     for i in 0..a.len() {
         let (a, b) = (a.keyframe(i).unwrap(), b.keyframe(i).unwrap());
         assert!(same_pose(&a.world_from_camera, &b.world_from_camera), "{i}");
-        assert!(a.image == b.image && a.spectrum == b.spectrum && a.depth_m == b.depth_m, "{i}");
-        assert!(b.surface.is_none());
+        let seen = Light { surface: None, ..a.light.unwrap() };
+        assert!(b.light == Some(seen) && a.radio == b.radio, "{i}");
     }
     let imported = b.header().imported.as_ref().unwrap();
     assert_eq!((imported.format.as_str(), imported.names[0].as_str()), ("colmap", "00001.png"));
@@ -104,7 +104,7 @@ fn a_turned_moved_and_scaled_world_comes_back_by_up_and_scale() {
         assert!((pose_b.translation.z - pose_a.translation.z - height).abs() < POSE_TOLERANCE);
         let up = |pose: &Rigid3| pose.inverse().transform_vector(DVec3::Z);
         assert!((up(&pose_a) - up(&pose_b)).length() < POSE_TOLERANCE);
-        assert!(a.keyframe(i).unwrap().image == b.keyframe(i).unwrap().image);
+        assert!(a.keyframe(i).unwrap().light.unwrap().image == b.keyframe(i).unwrap().light.unwrap().image);
     }
     // The cameras agree on it within their pitch.
     let by_cameras = folder.path().join("cameras");
@@ -189,7 +189,7 @@ fn radio_alone_goes_the_whole_way_and_has_no_number_of_light() {
     let out = folder.path().join("out");
     // Our folder of spectra is in RF-3DGS's layout, painted in Jet.
     let rf = tiny_dataset().join("rf");
-    let range = Dataset::open(tiny_dataset()).unwrap().db_range();
+    let range = Dataset::open(tiny_dataset()).unwrap().db_range().unwrap();
     let levels = format!("--rf-db={},{}", range.min_db, range.max_db);
     corf_refuses(&["dataset", "import", text(&rf), "--from", "rf-3dgs", "--out", text(&out)], &["--rf-db", "00001.png"]);
     assert!(!out.exists());
@@ -199,7 +199,7 @@ fn radio_alone_goes_the_whole_way_and_has_no_number_of_light() {
     assert_eq!((a.rf_camera(), a.db_range(), a.test_indices()), (b.rf_camera(), b.db_range(), b.test_indices()));
     assert!(b.header().imported.as_ref().unwrap().notes.iter().any(|n| n.contains("Jet")));
     for i in 0..a.len() {
-        let scalars = [&a, &b].map(|d| d.keyframe(i).unwrap().spectrum.map(|&s| range.scalar(s)));
+        let scalars = [&a, &b].map(|d| d.keyframe(i).unwrap().radio.unwrap().spectrum.map(|&s| range.scalar(s)));
         let off = scalars[0].pixels().iter().zip(scalars[1].pixels()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         // Eight bits of Jet, and the part of it that is one colour.
         assert!(off < 0.012, "{i}: {off}");

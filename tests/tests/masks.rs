@@ -20,7 +20,7 @@ fn capture(of: &Path, folder: &Path, paint: bool) {
     }
     let frame = |index: usize| {
         let keyframe = dataset.keyframe(index).unwrap();
-        let (name, image) = (format!("images/{}.png", stem(index)), keyframe.image);
+        let (name, image) = (format!("images/{}.png", stem(index)), keyframe.light.unwrap().image);
         let painted = Raster::from_fn(image.width(), image.height(), |x, y| match paint && !counts(x, y) {
             true => [255, (97 * (x / 4 + y / 4 + index) % 256) as u8, 0],
             false => image[(x, y)],
@@ -65,7 +65,7 @@ fn what_a_mask_leaves_out_spoils_nothing_and_counts_nowhere() {
     import(&clean, Some(&clean.join("masks")), &truth);
     assert!(corf_ok(&["dataset", "validate", text(&masked)]).contains("passed"));
     let dataset = Dataset::open(&masked).unwrap();
-    let mask = dataset.keyframe(3).unwrap().mask.unwrap();
+    let mask = dataset.keyframe(3).unwrap().light.unwrap().mask.unwrap();
     assert!(dataset.has_masks() && mask == Raster::from_fn(mask.width(), mask.height(), counts));
     assert!(!Dataset::open(&whole).unwrap().has_masks());
     let [masked_db, whole_db, truth_db] =
@@ -94,7 +94,7 @@ fn masks_go_out_to_nerfstudio_and_come_back_by_their_names() {
     import("theirs", "back", &[]);
     let (ours, back) = (Dataset::open(path("ours")).unwrap(), Dataset::open(path("back")).unwrap());
     for i in 0..ours.len() {
-        let (a, b) = (ours.keyframe(i).unwrap(), back.keyframe(i).unwrap());
+        let [a, b] = [&ours, &back].map(|d| d.keyframe(i).unwrap().light.unwrap());
         assert_eq!(a.mask.is_none(), i == 2);
         assert_eq!(a.mask.unwrap_or_else(|| Raster::filled(a.image.width(), a.image.height(), true)), b.mask.unwrap(), "{i}");
     }

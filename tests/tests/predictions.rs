@@ -43,22 +43,23 @@ fn mean(metrics: &Value, key: &str) -> Option<f64> {
 /// What was observed, as somebody else's perfect predictions of the kinds asked for.
 fn observed(folder: &Path, kinds: &[&str]) {
     let dataset = Dataset::open(tiny_dataset()).unwrap();
-    let range = dataset.db_range();
+    let range = dataset.db_range().unwrap();
     for index in HELD_OUT {
         let keyframe = dataset.keyframe(index).unwrap();
-        let scalar = keyframe.spectrum.map(|&s| range.scalar(s));
+        let (image, spectrum) = (keyframe.light.unwrap().image, keyframe.radio.unwrap().spectrum);
+        let scalar = spectrum.map(|&s| range.scalar(s));
         for kind in kinds {
             let (place, bytes) = match *kind {
-                "images" => ("images", corf_scene::io::encode_png(&keyframe.image).unwrap()),
-                "images16" => ("images", png16(&keyframe.image.map(|p| p.map(|v| u16::from(v) * 257)))),
-                "exr" => ("linear", encode_exr_f32(&keyframe.spectrum, "Y").unwrap()),
+                "images" => ("images", corf_scene::io::encode_png(&image).unwrap()),
+                "images16" => ("images", png16(&image.map(|p| p.map(|v| u16::from(v) * 257)))),
+                "exr" => ("linear", encode_exr_f32(&spectrum, "Y").unwrap()),
                 "npy" => {
-                    let s = &keyframe.spectrum;
+                    let s = &spectrum;
                     ("linear", Array::new("s", &[s.height(), s.width()], Values::F32(s.pixels().to_vec())).to_npy())
                 }
                 "scalar16" => ("scalar", encode_png16(&scalar.map(|&s| (s * 65535.0).round() as u16)).unwrap()),
                 "scalar8" => ("scalar", corf_scene::io::encode_png(&scalar.map(|&s| [color::quantize8(s); 3])).unwrap()),
-                "jet" => ("jet", corf_scene::io::encode_png(&range.jet_image(&keyframe.spectrum)).unwrap()),
+                "jet" => ("jet", corf_scene::io::encode_png(&range.jet_image(&spectrum)).unwrap()),
                 other => panic!("{other}"),
             };
             let ending = if ["exr", "npy"].contains(kind) { kind } else { "png" };
@@ -242,10 +243,10 @@ fn names_may_count_from_zero_and_what_is_clipped_or_empty_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let dataset = Dataset::open(tiny_dataset()).unwrap();
-    let range = dataset.db_range();
+    let range = dataset.db_range().unwrap();
     // A spike over the range in one keyframe, nothing at all in the other.
     let over = 10f32.powf((range.max_db as f32 + 3.0) / 10.0);
-    let mut spiked = dataset.keyframe(0).unwrap().spectrum;
+    let mut spiked = dataset.keyframe(0).unwrap().radio.unwrap().spectrum;
     spiked[(3, 4)] = over;
     write_atomic(at("linear/0.exr"), &encode_exr_f32(&spiked, "Y").unwrap()).unwrap();
     write_atomic(at("linear/8.exr"), &encode_exr_f32(&Raster::filled(48, 32, 0.0), "Y").unwrap()).unwrap();

@@ -9,8 +9,8 @@
 
 use anyhow::{Context, Result};
 use corf_bench::methods::interface::{Advance, Method, Predictor, TrainingSet};
-use corf_bench::metrics::Prediction;
 use corf_bench::metrics::input::Verify;
+use corf_bench::metrics::{Prediction, RadioPrediction};
 use corf_bench::run::harness;
 use corf_bench::split::{Protocol, Split};
 use corf_bench::table;
@@ -47,9 +47,10 @@ impl Method for FirstKeyframe {
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
         let (keyframe, range) = (training.keyframe(0)?, training.db_range());
+        let image = keyframe.light.map(|light| light.image.map(|pixel| pixel.map(|v| f32::from(v) / 255.0)));
+        let scalar = keyframe.radio.zip(range).map(|(radio, range)| radio.spectrum.map(|power| range.scalar(*power)));
         advance(Advance::of(1, 1))?;
-        let image = keyframe.image.map(|pixel| pixel.map(|v| f32::from(v) / 255.0));
-        Ok(Box::new(Shown(Prediction::from_scalar(Some(image), keyframe.spectrum.map(|power| range.scalar(*power))))))
+        Ok(Box::new(Shown(Prediction { image, radio: scalar.map(RadioPrediction::from_scalar), depth_m: None })))
     }
 }
 

@@ -16,7 +16,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let dataset = Dataset::open(folder)?;
     let config = ReconstructionConfig { iterations_per_keyframe: 30, ..ReconstructionConfig::default() };
     let device = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &config.empty_field())?;
-    let (optical, rf, range) = (dataset.optical_camera(), dataset.rf_camera(), dataset.db_range());
+    let range = dataset.db_range().ok_or("give a data set with spectra")?;
+    let (optical, rf) = (dataset.optical_camera(), dataset.rf_camera());
     let mut reconstructor = Reconstructor::new(Box::new(device), config, optical, rf, range, 1)?;
 
     let held_out = 8;
@@ -27,8 +28,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     reconstructor.finish(&mut |_, _| ControlFlow::Continue(()))?;
 
     let truth = dataset.keyframe(held_out)?;
+    let image = truth.light.ok_or("give a data set with images")?.image;
     let seen = reconstructor.render(truth.world_from_camera)?;
-    let errors = seen.image.pixels().iter().flatten().zip(truth.image.pixels().iter().flatten());
+    let errors = seen.image.pixels().iter().flatten().zip(image.pixels().iter().flatten());
     let square: f64 = errors.map(|(a, b)| f64::from(a.clamp(0.0, 1.0) - f32::from(*b) / 255.0).powi(2)).sum();
     let psnr_db = -10.0 * (square / (3 * seen.image.pixels().len()) as f64).log10();
     println!("keyframe {held_out}, held out: light {psnr_db:.1} dB");

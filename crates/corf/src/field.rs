@@ -21,7 +21,7 @@ use std::path::Path;
 pub struct FieldMeta {
     /// Encoding of the RF field's colours.
     pub rf_target: RfTarget,
-    /// The dB range of scalar 0 and 1.
+    /// The dB range of scalar 0 and 1; of a field without radio [`Self::RANGE_WITHOUT_RADIO`].
     pub db_range: DbRange,
     /// Intrinsics of the optical images.
     pub optical_camera: Pinhole,
@@ -49,20 +49,23 @@ pub struct Field {
 
 /// Optical image and spectrum rendered at a pose.
 #[derive(Clone, Debug)]
-pub struct Prediction {
+pub struct FieldRendering {
     /// Light: sRGB-encoded `[0, 1]`.
     pub image: Raster<[f32; 3]>,
     /// The RF image as rendered, C_rf channels.
     pub rf: Planes,
     /// Scalar dB level in `[0, 1]`.
     pub scalar: Raster<f32>,
-    /// Linear power per steradian, 1/sr.
+    /// Linear power, in the unit of the spectra that the field was trained on.
     pub spectrum: Raster<f32>,
     /// 1/z of the optical pixels, 1/m: the composited inverse depth over its coverage; 0 where nothing is.
     pub inverse_depth: Raster<f32>,
 }
 
 impl FieldMeta {
+    /// The dB range that a field states which has learnt no radio: of it no number comes, and files have a range.
+    pub const RANGE_WITHOUT_RADIO: DbRange = DbRange { min_db: -100.0, max_db: 0.0 };
+
     /// # Errors
     /// A camera without pixels or focal length, an empty dB range, or a background that is no colour.
     pub fn validate(&self) -> Result<()> {
@@ -98,7 +101,7 @@ impl FieldMeta {
     ///
     /// # Errors
     /// The device's.
-    pub fn render(&self, device: &mut dyn Device, world_from_camera: Rigid3) -> Result<Prediction> {
+    pub fn render(&self, device: &mut dyn Device, world_from_camera: Rigid3) -> Result<FieldRendering> {
         let view = |camera| View { camera, world_from_camera };
         let background = self.rf_background_color();
         let rendering = device.render(&RenderRequest {
@@ -113,7 +116,7 @@ impl FieldMeta {
         let image = optical.color.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
         let rf = self.sensor.observe(rf.color);
         let scalar = self.rf_target.scalar(&rf);
-        Ok(Prediction {
+        Ok(FieldRendering {
             image: Raster::from_vec(optical.color.width, optical.color.height, image),
             spectrum: linear_from_scalar(&scalar, &self.db_range),
             scalar,
@@ -186,7 +189,7 @@ impl Field {
     ///
     /// # Errors
     /// When the device holds another number of Gaussians, or fails.
-    pub fn render(&self, device: &mut dyn Device, world_from_camera: Rigid3) -> Result<Prediction> {
+    pub fn render(&self, device: &mut dyn Device, world_from_camera: Rigid3) -> Result<FieldRendering> {
         if device.len() != self.gaussians.len() {
             return Err(Error::invalid(
                 device.name(),

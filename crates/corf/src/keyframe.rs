@@ -3,34 +3,64 @@
 use crate::depth::fill;
 use crate::device::{InverseDepth, Planes, TrainingView};
 use crate::{Error, FieldMeta, Result};
-use corf_scene::{Keyframe, Pinhole, Raster, Rigid3};
+use corf_scene::{Keyframe, Light, Pinhole, Radio, Raster, Rigid3};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Refuses a keyframe whose images are not the cameras', whose pose is not finite, or whose spectrum is no power.
+/// Refuses a keyframe with neither light nor radio, with a raster that is not its camera's, whose pose is not finite, or whose spectrum is no power.
 pub fn check(keyframe: &Keyframe, meta: &FieldMeta) -> Result<()> {
     let place = format!("keyframe {}", keyframe.index);
-    check_size(&place, "optical image", size(&keyframe.image), &meta.optical_camera)?;
-    check_size(&place, "spectrum", size(&keyframe.spectrum), &meta.rf_camera)?;
-    if let Some(depth) = &keyframe.depth_m {
-        check_size(&place, "depth", size(depth), &meta.optical_camera)?;
+    let Keyframe { light, radio, world_from_camera: pose, .. } = keyframe;
+    if light.is_none() && radio.is_none() {
+        return Err(nothing(keyframe));
     }
-    if let Some(surface) = &keyframe.surface {
-        check_size(&place, "surface index", size(surface), &meta.optical_camera)?;
+    if let Some(Light { image, depth_m, surface, mask }) = light {
+        let rasters = [
+            ("optical image", Some(size(image))),
+            ("depth", depth_m.as_ref().map(size)),
+            ("surface index", surface.as_ref().map(size)),
+            ("mask", mask.as_ref().map(size)),
+        ];
+        for (what, got) in rasters {
+            got.map_or(Ok(()), |got| check_size(&place, what, got, &meta.optical_camera))?;
+        }
     }
-    if let Some(mask) = &keyframe.mask {
-        check_size(&place, "mask", size(mask), &meta.optical_camera)?;
+    if let Some(Radio { spectrum }) = radio {
+        check_size(&place, "spectrum", size(spectrum), &meta.rf_camera)?;
     }
-    let pose = &keyframe.world_from_camera;
     if !pose.translation.is_finite() || !pose.rotation.is_finite() {
         return Err(Error::invalid(place, "the pose is not finite", "remove or repair this keyframe"));
     }
-    if let Some(i) = keyframe.spectrum.pixels().iter().position(|s| !s.is_finite() || *s < 0.0) {
-        let (w, value) = (keyframe.spectrum.width(), keyframe.spectrum.pixels()[i]);
+    if let Some(Radio { spectrum }) = radio
+        && let Some(i) = spectrum.pixels().iter().position(|s| !s.is_finite() || *s < 0.0)
+    {
+        let (w, value) = (spectrum.width(), spectrum.pixels()[i]);
         let what = format!("the spectrum is {value} at row {}, column {}", i / w, i % w);
-        return Err(Error::invalid(place, what, "linear power per steradian is finite and not negative"));
+        return Err(Error::invalid(place, what, "linear power is finite and not negative"));
     }
     Ok(())
+}
+
+/// What growth is guided by and light is trained on: what the camera saw or, in a capture without light, the Jet picture of the spectrum, of which
+/// all pixels count. This is the one place where the one stands for the other; whoever asks for an image elsewhere asks whether there is one.
+///
+/// # Errors
+/// A keyframe with neither; a picture of a spectrum that is not of the optical camera's size.
+pub fn guide<'k>(keyframe: &'k Keyframe, meta: &FieldMeta) -> Result<Cow<'k, Light>> {
+    match (&keyframe.light, &keyframe.radio) {
+        (Some(light), _) => Ok(Cow::Borrowed(light)),
+        (None, Some(Radio { spectrum })) => {
+            let place = format!("keyframe {}", keyframe.index);
+            check_size(&place, "spectrum, which guides growth where there is no image,", size(spectrum), &meta.optical_camera)?;
+            Ok(Cow::Owned(Light::of_image(meta.db_range.jet_image(spectrum))))
+        }
+        (None, None) => Err(nothing(keyframe)),
+    }
+}
+
+fn nothing(keyframe: &Keyframe) -> Error {
+    let what = "it has neither light nor radio";
+    Error::invalid(format!("keyframe {}", keyframe.index), what, "give it an image, a spectrum, or both")
 }
 
 fn size<T>(raster: &Raster<T>) -> (usize, usize) {
@@ -50,13 +80,22 @@ fn check_size(place: &str, what: &str, got: (usize, usize), camera: &Pinhole) ->
 
 /// An 8-bit image as the target in light: 3 channels, sRGB-encoded `[0, 1]`. Where its mask leaves pixels out, it continues with the nearest
 /// that count: what is in their place there leaves no edge around it, where Gaussians would grow, nor contrast in the windows of SSIM.
-pub fn optical(keyframe: &Keyframe) -> Planes {
-    let mut image = Cow::Borrowed(&keyframe.image);
-    if let Some(mask) = keyframe.mask.as_ref().filter(|m| m.pixels().contains(&false)) {
+pub fn optical(light: &Light) -> Planes {
+    let mut image = Cow::Borrowed(&light.image);
+    if let Some(mask) = light.mask.as_ref().filter(|m| m.pixels().contains(&false)) {
         fill(image.to_mut(), &mask.map(|counts| !counts).into_vec());
     }
     let pixels = image.pixels().as_flattened().par_iter().with_min_len(1024).map(|v| f32::from(*v) / 255.0).collect();
     Planes { width: image.width(), height: image.height(), channels: 3, pixels }
+}
+
+/// A spectrum as the target in radio: as many channels as `meta`'s target has. Without radio it is that of no power anywhere, on which nothing is to be
+/// trained: a device's view has both halves.
+pub fn rf(radio: Option<&Radio>, meta: &FieldMeta) -> Planes {
+    match radio {
+        Some(Radio { spectrum }) => meta.rf_target.encode(spectrum, &meta.db_range),
+        None => meta.rf_target.no_power(meta.rf_camera.width, meta.rf_camera.height),
+    }
 }
 
 /// The training target of a pose.

@@ -33,7 +33,7 @@ pub mod target;
 pub use config::{Coupling, ReconstructionConfig, Sampling};
 pub use device::{Device, cpu::CpuDevice};
 pub use error::{Error, Result};
-pub use field::{Field, FieldMeta, Prediction};
+pub use field::{Field, FieldMeta, FieldRendering};
 pub use gaussians::{Appearance, Gaussians};
 pub use numeric::Real;
 pub use optimizer::{Antialias, AppearanceRates, OptimizerConfig, RasterConfig};

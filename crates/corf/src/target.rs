@@ -32,7 +32,7 @@ impl RfTarget {
         }
     }
 
-    /// The training image of a spectrum in linear power per steradian (1/sr).
+    /// The training image of a spectrum in linear power, whose unit is that of `range`.
     pub fn encode(self, spectrum: &Raster<f32>, range: &DbRange) -> Planes {
         let scalar = spectrum.pixels().iter().map(|&s| range.scalar(s));
         let pixels = match self {
@@ -40,6 +40,12 @@ impl RfTarget {
             Self::Db => scalar.collect(),
         };
         Planes { width: spectrum.width(), height: spectrum.height(), channels: self.channels(), pixels }
+    }
+
+    /// The training image of a spectrum without any power.
+    pub fn no_power(self, width: usize, height: usize) -> Planes {
+        let floor = &self.floor_color()[..self.channels()];
+        Planes { width, height, channels: self.channels(), pixels: floor.repeat(width * height) }
     }
 
     /// The scalar dB level in `[0, 1]` of a rendered image; an off-curve Jet colour is read as the nearest one on the curve.
@@ -52,7 +58,7 @@ impl RfTarget {
     }
 }
 
-/// Linear power per steradian (1/sr) of scalar dB levels; a scalar of 0, the floor, is no power at all.
+/// Linear power, in the unit of the spectra that `range` is of, of scalar dB levels; a scalar of 0, the floor, is no power at all.
 pub fn linear_from_scalar(scalar: &Raster<f32>, range: &DbRange) -> Raster<f32> {
     scalar.map(|&s| if s <= 0.0 { 0.0 } else { range.linear(s) as f32 })
 }
@@ -93,6 +99,7 @@ mod tests {
         for target in [RfTarget::Jet, RfTarget::Db] {
             let image = target.encode(&silence, &range);
             assert_eq!(&image.pixels[..target.channels()], &target.floor_color()[..target.channels()]);
+            assert_eq!(image, target.no_power(2, 2));
             assert_eq!(linear_from_scalar(&target.scalar(&image), &range), silence);
         }
     }

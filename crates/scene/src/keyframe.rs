@@ -29,7 +29,37 @@ impl Default for Modalities {
     }
 }
 
-/// One keyframe: an image, an angular power spectrum and the pose they share.
+/// What a camera saw. All rasters are of the camera's size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Light {
+    /// Image `I_t`: 8-bit sRGB.
+    pub image: Raster<[u8; 3]>,
+    /// z-depth in metres from the ray tracer or from a depth sensor, `0` or infinite where nothing was hit; only depth priors that say so and reports
+    /// read it.
+    pub depth_m: Option<Raster<f32>>,
+    /// Object index per pixel, `u32::MAX` where nothing was hit; only the `Simulated` prior reads it.
+    pub surface: Option<Raster<u32>>,
+    /// Whether a pixel of the image counts: `false` where something is in the picture that is not of the room (a passer-by, the platform itself). Such
+    /// pixels are neither learnt from nor compared. `None`: all count.
+    pub mask: Option<Raster<bool>>,
+}
+
+impl Light {
+    /// An image alone: without depth or surfaces, and all its pixels count.
+    pub fn of_image(image: Raster<[u8; 3]>) -> Self {
+        Self { image, depth_m: None, surface: None, mask: None }
+    }
+}
+
+/// What an antenna array received.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Radio {
+    /// Spectrum `S_t`: linear power relative to 1 W transmitted, one value a pixel of the RF camera. What a value is, and so its unit, is the data
+    /// set's `Quantity`: power per steradian (1/sr) of lobes, output power of a beam (1) of an array.
+    pub spectrum: Raster<f32>,
+}
+
+/// One keyframe: what a camera saw, what an array received, and the pose they share.
 #[derive(Clone, Debug)]
 pub struct Keyframe {
     /// Index along the trajectory, from 0.
@@ -38,19 +68,17 @@ pub struct Keyframe {
     pub time_s: f64,
     /// Pose `P_t` (OpenCV camera axes).
     pub world_from_camera: Rigid3,
-    /// Image `I_t`: 8-bit sRGB. In a data set without light its place is taken by the Jet picture of the spectrum, which then guides growth;
-    /// no metric looks at it.
-    pub image: Raster<[u8; 3]>,
-    /// Spectrum `S_t`: linear power per steradian relative to 1 W transmitted (1/sr), one value a pixel of the RF camera. In a data
-    /// set without radio it is 0 everywhere, and nothing is trained on it or compared with it.
-    pub spectrum: Raster<f32>,
-    /// z-depth in metres from the ray tracer or from a depth sensor, `0` or infinite where nothing was hit; only the `Simulated` prior and reports read it.
-    pub depth_m: Option<Raster<f32>>,
-    /// Object index per pixel, `u32::MAX` where nothing was hit; only the `Simulated` prior reads it.
-    pub surface: Option<Raster<u32>>,
-    /// Whether a pixel of the image counts, of the image's size: `false` where something is in the picture that is not of the room (a passer-by, the
-    /// platform itself). Such pixels are neither learnt from nor compared. `None`: all count.
-    pub mask: Option<Raster<bool>>,
+    /// What the camera saw; none in a data set without light.
+    pub light: Option<Light>,
+    /// What the array received; none in a data set without radio.
+    pub radio: Option<Radio>,
+}
+
+impl Keyframe {
+    /// What there is of it.
+    pub fn modalities(&self) -> Modalities {
+        Modalities { light: self.light.is_some(), radio: self.radio.is_some() }
+    }
 }
 
 /// The one dB range of a whole dataset: `scalar = (10·log10(S) − min_db) / (max_db − min_db)`, clamped to `[0, 1]`.
@@ -59,9 +87,9 @@ pub struct Keyframe {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DbRange {
-    /// Level of scalar 0, dB (10·log10 of linear power per steradian).
+    /// Level of scalar 0, dB: 10·log10 of the linear power, in the unit of the spectra.
     pub min_db: f64,
-    /// Level of scalar 1, dB.
+    /// Level of scalar 1, dB, likewise.
     pub max_db: f64,
 }
 

@@ -30,7 +30,7 @@ pub(crate) use files::guard;
 pub use files::{contained, io, lock, npz};
 pub use finding::{Finding, Severity};
 pub use geometry::{camera, transform};
-pub use keyframe::Keyframe;
+pub use keyframe::{Keyframe, Light, Radio};
 pub use limits::{bounds, far, near_field};
 pub use materials::{itu, radio_check, radio_spec};
 pub use model::Scene;

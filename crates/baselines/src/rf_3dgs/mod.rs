@@ -114,21 +114,24 @@ impl Rf3dgsReconstructor {
     /// Takes a training keyframe; its depth is not looked at.
     ///
     /// # Errors
-    /// After the beginning; a keyframe of the wrong size, or whose pose or spectrum is not finite; the device's errors.
+    /// After the beginning; a keyframe without light or radio, of the wrong size, or whose pose or spectrum is not finite; the device's errors.
     pub fn receive(&mut self, keyframe: Keyframe) -> Result<()> {
         if self.schedule.is_some() {
             let place = format!("keyframe {}", keyframe.index);
             return Err(Error::invalid(place, "the reconstruction has begun", "give it all keyframes before"));
         }
         corf::keyframe::check(&keyframe, &self.meta)?;
+        let Keyframe { index, world_from_camera, light: Some(light), radio: Some(radio), .. } = keyframe else {
+            let what = "it has no image or no spectrum";
+            return Err(Error::invalid(format!("keyframe {}", keyframe.index), what, "RF-3DGS learns from both"));
+        };
         let meta = &self.meta;
-        let optical = corf::keyframe::optical(&keyframe);
-        let rf = meta.rf_target.encode(&keyframe.spectrum, &meta.db_range);
-        let view = corf::keyframe::training_view(keyframe.world_from_camera, optical, rf, None, keyframe.mask.clone(), meta);
+        let (optical, rf) = (corf::keyframe::optical(&light), corf::keyframe::rf(Some(&radio), meta));
+        let view = corf::keyframe::training_view(world_from_camera, optical, rf, None, light.mask.clone(), meta);
         self.device.upload(&view, 1)?;
-        self.poses.push(keyframe.world_from_camera);
+        self.poses.push(world_from_camera);
         if self.config.initial_points == InitialPoints::Triangulated && self.given.is_none() {
-            self.views.push(PointView::new(keyframe, self.meta.optical_camera));
+            self.views.push(PointView::new(index, world_from_camera, light, self.meta.optical_camera));
         }
         Ok(())
     }

@@ -9,7 +9,7 @@ use corf::{
     depth::{self, GreyView},
     gaussians::{SH_C0, logit},
 };
-use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, Rng, io::write_atomic};
+use corf_scene::{Light, Pinhole, Raster, Rigid3, Rng, io::write_atomic};
 use glam::DVec3;
 use std::path::Path;
 
@@ -44,9 +44,9 @@ pub struct PointView {
 }
 
 impl PointView {
-    /// Of a training keyframe.
-    pub fn new(keyframe: Keyframe, camera: Pinhole) -> Self {
-        Self { grey: GreyView::of(&keyframe, camera), image: keyframe.image }
+    /// Of a training keyframe: its index, its pose and what its camera saw.
+    pub fn new(index: usize, world_from_camera: Rigid3, light: Light, camera: Pinhole) -> Self {
+        Self { grey: GreyView::of(index, world_from_camera, &light, camera), image: light.image }
     }
 }
 
@@ -175,7 +175,8 @@ mod tests {
     fn triangulated_points_lie_on_what_was_seen() {
         let (camera, rf) = (Pinhole::from_horizontal_fov(160, 120, 80.0), Pinhole::from_horizontal_fov(12, 8, 80.0));
         let keyframes: Vec<_> = (0..6).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64), &camera, &rf, true)).collect();
-        let views: Vec<PointView> = keyframes.iter().map(|k| PointView::new(k.clone(), camera)).collect();
+        let views: Vec<PointView> =
+            keyframes.iter().map(|k| PointView::new(k.index, k.world_from_camera, synthetic::light(k).clone(), camera)).collect();
         let points = triangulated(&views);
         assert!(points.len() > 100, "{} points", points.len());
         // Against the depth that the synthetic keyframes carry, which nothing above has looked at.
@@ -187,7 +188,7 @@ mod tests {
                     .filter_map(|k| {
                         let seen = k.world_from_camera.inverse().transform_point(glam::Vec3::from(p.position).as_dvec3());
                         let u = camera.project(seen)?;
-                        let depth = k.depth_m.as_ref()?;
+                        let depth = synthetic::light(k).depth_m.as_ref()?;
                         let inside = u.x >= 0.0 && u.y >= 0.0 && u.x < depth.width() as f64 && u.y < depth.height() as f64;
                         inside.then(|| (seen.z / f64::from(depth[(u.x as usize, u.y as usize)]) - 1.0).abs())
                     })

@@ -71,8 +71,8 @@ fn quality(r: &mut Rf3dgsReconstructor) -> [f64; 2] {
     let seen = meta.render(r.device.as_mut(), truth.world_from_camera).unwrap();
     let planes = |pixels: Vec<f32>| Planes { width: seen.image.width(), height: seen.image.height(), channels: 3, pixels };
     let image = planes(seen.image.pixels().as_flattened().to_vec());
-    let target = planes(truth.image.pixels().as_flattened().iter().map(|v| f32::from(*v) / 255.0).collect());
-    let jet = meta.rf_target.encode(&truth.spectrum, &meta.db_range);
+    let target = planes(synthetic::light(&truth).image.pixels().as_flattened().iter().map(|v| f32::from(*v) / 255.0).collect());
+    let jet = meta.rf_target.encode(synthetic::spectrum(&truth), &meta.db_range);
     [psnr_8bit(&image, &target), psnr_8bit(&seen.rf, &jet)]
 }
 
@@ -80,11 +80,14 @@ fn quality(r: &mut Rf3dgsReconstructor) -> [f64; 2] {
 fn what_is_under_a_mask_changes_no_byte_of_a_field() {
     let config = Rf3dgsConfig { optical_steps: 40, rf_steps: 5, ..config() };
     let mask = |k: &Keyframe| Raster::from_fn(96, 72, |x, y| !(5 * k.index..5 * k.index + 30).contains(&x) || y < 20);
-    let masked = |i: usize| Keyframe { mask: Some(mask(&keyframe(i))), ..keyframe(i) };
+    let masked = |i: usize| synthetic::seen(&keyframe(i), |light| light.mask = Some(mask(&keyframe(i))));
     let painted = |i: usize| {
         let (k, mut rng) = (masked(i), corf_scene::Rng::keyed(3, i as u64, 0));
-        let mut at = |x: usize, y: usize| if mask(&k)[(x, y)] { k.image[(x, y)] } else { [255 * rng.below(2) as u8; 3] };
-        Keyframe { image: Raster::from_fn(96, 72, &mut at), ..k }
+        let mut at = |x: usize, y: usize| {
+            if mask(&k)[(x, y)] { synthetic::light(&k).image[(x, y)] } else { [255 * rng.below(2) as u8; 3] }
+        };
+        let image = Raster::from_fn(96, 72, &mut at);
+        synthetic::seen(&k, |light| light.image = image)
     };
     let field = |of: &dyn Fn(usize) -> Keyframe| finished(received_from(&config, 1, of), 1000).field().unwrap();
     let clean = field(&masked);
@@ -222,11 +225,13 @@ fn what_cannot_be_a_beginning_is_refused() {
     let mut r = received(&config, 1);
     assert!(r.train(1).unwrap_err().to_string().contains("has not begun"));
     assert!(r.checkpoint("").is_err());
-    let small = Keyframe { image: corf_scene::Raster::filled(5, 5, [0; 3]), ..keyframe(4) };
+    let small = synthetic::seen(&keyframe(4), |light| light.image = Raster::filled(5, 5, [0; 3]));
     assert!(r.receive(small).unwrap_err().to_string().contains("5x5"));
-    let mut broken = keyframe(4);
-    broken.spectrum = broken.spectrum.map(|_| f32::NAN);
+    let broken = synthetic::with_spectrum(&keyframe(4), Raster::filled(48, 36, f32::NAN));
     assert!(r.receive(broken).unwrap_err().to_string().contains("spectrum is NaN"));
+    for half in [Keyframe { light: None, ..keyframe(4) }, Keyframe { radio: None, ..keyframe(4) }] {
+        assert!(r.receive(half).unwrap_err().to_string().contains("no image or no spectrum"));
+    }
     r.begin().unwrap();
     assert!(r.begin().is_err() && r.receive(keyframe(4)).is_err());
     let device = CpuDevice::new(config.optimizer(), config.raster(), &config.empty_field()).unwrap();

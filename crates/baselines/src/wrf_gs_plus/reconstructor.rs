@@ -62,16 +62,20 @@ impl WrfGsPlusReconstructor {
         Ok(Self { trainer, config, meta, seed, poses, epochs, done, counts })
     }
 
-    /// Takes a training keyframe; its image and depth are not looked at.
+    /// Takes a training keyframe; what its camera saw is not looked at.
     ///
     /// # Errors
-    /// After the beginning; a keyframe of the wrong size, or whose pose or spectrum is not finite; the device's errors.
+    /// After the beginning; a keyframe without radio, of the wrong size, or whose pose or spectrum is not finite; the device's errors.
     pub fn receive(&mut self, keyframe: &Keyframe) -> Result<()> {
         if self.epochs.is_some() {
             let place = format!("keyframe {}", keyframe.index);
             return Err(Error::invalid(place, "the reconstruction has begun", "give it all keyframes before"));
         }
         corf::keyframe::check(keyframe, &self.meta)?;
+        let Some(radio) = &keyframe.radio else {
+            let place = format!("keyframe {}", keyframe.index);
+            return Err(Error::invalid(place, "it has no spectrum", "WRF-GS+ learns from spectra alone"));
+        };
         let meta = &self.meta;
         // A device's view has an image in light; this one is never rendered.
         let optical_camera = Pinhole { width: 1, height: 1, ..meta.optical_camera };
@@ -79,7 +83,7 @@ impl WrfGsPlusReconstructor {
             world_from_camera: keyframe.world_from_camera,
             optical: Planes { width: 1, height: 1, channels: 3, pixels: vec![0.0; 3] },
             optical_camera,
-            rf: meta.rf_target.encode(&keyframe.spectrum, &meta.db_range),
+            rf: corf::keyframe::rf(Some(radio), meta),
             rf_camera: meta.rf_camera,
             inverse_depth: None,
             mask: None,

@@ -3,7 +3,7 @@
 use super::*;
 use crate::synthetic;
 use corf::{loss::psnr_8bit, target::RfTarget};
-use corf_scene::{Keyframe, Pinhole, Rng};
+use corf_scene::{Keyframe, Pinhole, Raster, Rng};
 
 /// A network and budget that train in a second or two.
 pub(super) fn small() -> WrfGsPlusConfig {
@@ -41,7 +41,8 @@ pub(super) fn keyframe(i: usize) -> Keyframe {
 pub(super) fn received(trainer: Box<dyn Trainer>, config: &WrfGsPlusConfig, seed: u64) -> WrfGsPlusReconstructor {
     let first = keyframe(0);
     let camera = |w, h| Pinhole::from_horizontal_fov(w, h, 80.0);
-    let (light, rf) = (camera(first.image.width(), first.image.height()), camera(48, 36));
+    let image = &synthetic::light(&first).image;
+    let (light, rf) = (camera(image.width(), image.height()), camera(48, 36));
     let mut r = WrfGsPlusReconstructor::new(trainer, config.clone(), light, rf, synthetic::DB_RANGE, seed).unwrap();
     (0..8).filter(|i| *i != 4).for_each(|i| r.receive(&keyframe(i)).unwrap());
     r
@@ -64,12 +65,12 @@ fn run(config: &WrfGsPlusConfig, seed: u64, portion: usize) -> WrfGsPlusReconstr
 fn quality(r: &mut WrfGsPlusReconstructor) -> f64 {
     let truth = keyframe(4);
     let seen = r.render(&truth.world_from_camera).unwrap();
-    psnr_8bit(&seen, &r.meta.rf_target.encode(&truth.spectrum, &r.meta.db_range))
+    psnr_8bit(&seen, &r.meta.rf_target.encode(synthetic::spectrum(&truth), &r.meta.db_range))
 }
 
 /// PSNR of the mean of the training images at that pose.
 fn quality_of_mean(r: &WrfGsPlusReconstructor) -> f64 {
-    let image = |i| r.meta.rf_target.encode(&keyframe(i).spectrum, &r.meta.db_range);
+    let image = |i| r.meta.rf_target.encode(synthetic::spectrum(&keyframe(i)), &r.meta.db_range);
     let mut mean = image(0);
     mean.pixels.fill(0.0);
     for i in (0..8).filter(|i| *i != 4) {
@@ -258,9 +259,10 @@ fn what_cannot_be_a_beginning_is_refused() {
     let mut r = on_cpu(&config, 1);
     assert!(r.train(1).unwrap_err().to_string().contains("has not begun"));
     assert!(r.checkpoint("").is_err());
-    let mut broken = keyframe(4);
-    broken.spectrum = broken.spectrum.map(|_| f32::NAN);
+    let broken = synthetic::with_spectrum(&keyframe(4), Raster::filled(48, 36, f32::NAN));
     assert!(r.receive(&broken).unwrap_err().to_string().contains("spectrum is NaN"));
+    let deaf = Keyframe { radio: None, ..keyframe(4) };
+    assert!(r.receive(&deaf).unwrap_err().to_string().contains("no spectrum"));
     r.begin().unwrap();
     assert!(r.begin().is_err() && r.receive(&keyframe(4)).is_err());
     assert!(CpuTrainer::new(&config, vec![0.0; 3]).is_err());

@@ -195,7 +195,7 @@ impl Render {
                 if let Some(predicted) = &p.image {
                     io::write_png(&image, &predicted.map(|c| c.map(quantize8)))?;
                 }
-                if let Some(radio) = &p.radio {
+                if let (Some(radio), Some(range)) = (&p.radio, &range) {
                     write_exr(&file("db", "exr"), &radio.scalar.map(|&s| range.db(s) as f32))?;
                     write_exr(
                         &file("linear", "exr"),

@@ -1,7 +1,7 @@
 //! The data set of what was taken, written by a thread beside the reconstruction.
 
 use anyhow::{Context, Result, anyhow};
-use corf_scene::dataset::{Dataset, DatasetHeader, DatasetWriter, FrameData};
+use corf_scene::dataset::{Dataset, DatasetHeader, DatasetWriter, KeyframeContent};
 use corf_scene::trajectory::TrajectoryPose;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ pub(super) struct Entry {
     pub name: String,
     pub sources: BTreeMap<String, String>,
     pub pose: TrajectoryPose,
-    pub frame: FrameData,
+    pub frame: KeyframeContent,
 }
 
 /// Keyframes that an earlier session recorded, in order.
@@ -112,25 +112,14 @@ impl Recorder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use corf_scene::dataset::Extras;
     use corf_scene::live::LiveDescription;
-    use corf_scene::{Raster, Rigid3};
+    use corf_scene::{Light, Radio, Raster, Rigid3};
 
     fn entry(index: usize, width: usize) -> Entry {
         let image = Raster::filled(width, 48, [index as u8; 3]);
-        let frame = FrameData {
-            image: Some(image),
-            linear: None,
-            albedo: None,
-            normals: None,
-            depth_m: None,
-            surface: None,
-            mask: None,
-            spectrum: Some(Raster::filled(64, 48, 1e-6)),
-            sphere: None,
-            tutorial: None,
-            share_in_frame: None,
-            paths_jsonl: None,
-        };
+        let radio = Radio { spectrum: Raster::filled(64, 48, 1e-6) };
+        let frame = KeyframeContent { light: Some(Light::of_image(image)), radio: Some(radio), extras: Extras::default() };
         let pose = TrajectoryPose { index, time_s: index as f64, world_from_camera: Rigid3::IDENTITY };
         Entry { name: format!("{index:05}"), sources: BTreeMap::new(), pose, frame }
     }

@@ -10,7 +10,7 @@ use crate::split::{Protocol, Role};
 use crate::terminal::interrupt;
 use anyhow::{Result, bail};
 use corf::KeyframeTiming;
-use corf_scene::dataset::{Dataset, FrameData, grown_frame};
+use corf_scene::dataset::{Dataset, Extras, KeyframeContent, grown_frame};
 use corf_scene::live::{LiveDescription, LiveFrame};
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Keyframe, Rigid3, far};
@@ -99,7 +99,7 @@ pub struct Receipt {
 impl Receipt {
     /// Whether a depth file came with it.
     pub fn has_depth(&self) -> bool {
-        self.entry.frame.depth_m.is_some()
+        self.entry.frame.light.as_ref().is_some_and(|light| light.depth_m.is_some())
     }
 }
 
@@ -180,24 +180,11 @@ impl Session {
             let resumed = !self.recorded.is_empty();
             let Some(Arrival { stem, frame, arrived }) = self.next_arrival()? else { return Ok(None) };
             let index = self.next;
-            let LiveFrame { number, time_s, world_from_camera, rounded, image, mask, spectrum, depth_m, sources } = frame;
+            let LiveFrame { number, time_s, world_from_camera, rounded, light, radio, sources } = frame;
             self.tell_far(&world_from_camera);
-            self.tell_once(&stem, rounded, mask.is_some());
+            self.tell_once(&stem, rounded, light.mask.is_some());
             let pose = TrajectoryPose { index, time_s: time_s.unwrap_or(index as f64), world_from_camera };
-            let kept = FrameData {
-                image: Some(image.clone()),
-                linear: None,
-                albedo: None,
-                normals: None,
-                depth_m: depth_m.clone(),
-                surface: None,
-                mask: mask.clone(),
-                spectrum: Some(spectrum.clone()),
-                sphere: None,
-                tutorial: None,
-                share_in_frame: None,
-                paths_jsonl: None,
-            };
+            let kept = KeyframeContent { light: Some(light.clone()), radio: Some(radio.clone()), extras: Extras::default() };
             let receipt = Receipt { number, arrived, entry: Entry { name: stem, sources, pose, frame: kept }, resumed };
             if self.protocol.role(index, self.test_every) != Some(Role::Trains) {
                 self.log.held_out(number, index, arrived)?;
@@ -205,7 +192,7 @@ impl Session {
                 continue;
             }
             let time_s = pose.time_s;
-            let keyframe = Keyframe { index, time_s, world_from_camera, image, spectrum, depth_m, surface: None, mask };
+            let keyframe = Keyframe { index, time_s, world_from_camera, light: Some(light), radio: Some(radio) };
             return Ok(Some(Taken { keyframe, arrived, receipt }));
         }
     }
@@ -227,21 +214,12 @@ impl Session {
         let Some((number, stem, pose)) = self.recorded.pop_front() else { return Ok(self.inbox.take()) };
         let arrived = Instant::now();
         let content = grown_frame(&self.dataset, pose.index)?;
-        let (Some(image), Some(spectrum)) = (content.image, content.spectrum) else {
+        let (Some(light), Some(radio)) = (content.light, content.radio) else {
             bail!("{}: keyframe {} has no image or no spectrum", self.dataset.display(), pose.index)
         };
         let TrajectoryPose { time_s, world_from_camera, .. } = pose;
-        let frame = LiveFrame {
-            number,
-            time_s: Some(time_s),
-            world_from_camera,
-            rounded: None,
-            image,
-            mask: content.mask,
-            spectrum,
-            depth_m: content.depth_m,
-            sources: BTreeMap::new(),
-        };
+        let frame =
+            LiveFrame { number, time_s: Some(time_s), world_from_camera, rounded: None, light, radio, sources: BTreeMap::new() };
         Ok(Some(Arrival { stem, frame, arrived }))
     }
 

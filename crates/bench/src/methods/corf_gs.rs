@@ -13,7 +13,7 @@ use anyhow::{Context, Result};
 use corf::config::{Coupling, DepthPriorKind, ReconstructionConfig};
 use corf::depth::DepthPrior;
 use corf::optimizer::{OptimizerConfig, RasterConfig};
-use corf::{Device, Reconstructor};
+use corf::{Device, FieldMeta, Reconstructor};
 use corf_scene::keyframe::Modalities;
 pub use live::live_overrides;
 pub(super) use online::Keeper;
@@ -237,7 +237,8 @@ impl Method for CorfGs {
             );
         }
         let device = self.config.device(&self.backend)?;
-        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
+        let range = training.db_range().unwrap_or(FieldMeta::RANGE_WITHOUT_RADIO);
+        let (optical, rf) = (training.optical_camera(), training.rf_camera());
         let mut reconstructor = Reconstructor::new(device, config.clone(), optical, rf, range, seed)?;
         let resumed = self.checkpoints.as_ref().is_some_and(|c| c.to_resume().is_some());
         if let Some(file) = self.config.initial_gaussians.as_ref().filter(|_| !resumed) {
@@ -250,7 +251,7 @@ impl Method for CorfGs {
         let mut online = Online { reconstructor, training, keeper: Keeper::new(self.checkpoints.clone()), total, told: 0 };
         online.run(advance)?;
         let Online { reconstructor, keeper, told, .. } = online;
-        self.conclude(reconstructor, training.len(), told, has, &|error| keeper.explain(error), advance)
+        self.conclude(reconstructor, training.len(), told, &|error| keeper.explain(error), advance)
     }
 }
 
@@ -262,7 +263,6 @@ impl CorfGs {
         mut reconstructor: Reconstructor,
         keyframes: usize,
         told: usize,
-        has: Modalities,
         explain: &dyn Fn(anyhow::Error) -> anyhow::Error,
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
@@ -295,9 +295,7 @@ impl CorfGs {
             depth,
             ..Advance::of(total, total)
         })?;
-        let mut field = reconstructor.field()?;
-        field.meta.modalities = has;
-        let field = FieldPredictor::learnt(field, self.config.raster, &self.backend)?;
+        let field = FieldPredictor::learnt(reconstructor.field()?, self.config.raster, &self.backend)?;
         Ok(Box::new(field.clearing(reconstructor)))
     }
 }

@@ -112,9 +112,9 @@ impl Initial {
     /// A spectrum that cannot be read.
     pub fn coupled(&self, none: Gaussians, target: RfTarget, training: &TrainingSet<'_>) -> Result<Gaussians> {
         let mut views = vec![];
-        if training.modalities().radio {
+        if let Some(range) = training.db_range() {
             for (k, world_from_camera) in training.poses().into_iter().enumerate() {
-                views.push(RfView { world_from_camera, rf: target.encode(&training.spectrum_of(k)?, &training.db_range()) });
+                views.push(RfView { world_from_camera, rf: target.encode(&training.spectrum_of(k)?, &range) });
             }
         }
         Ok(coupled(&self.field.gaussians, none, &views, &training.rf_camera(), target.floor_color()))

@@ -93,13 +93,13 @@ impl<'a> TrainingSet<'a> {
     /// The spectrum of training keyframe `k`, which stays to be asked for.
     ///
     /// # Errors
-    /// Those of [`Self::keyframe`].
+    /// Those of [`Self::keyframe`]; a dataset without spectra.
     pub fn spectrum_of(&self, k: usize) -> Result<Raster<f32>> {
-        let held = self.held.borrow().get(k).and_then(|held| Some(held.as_ref()?.spectrum.clone()));
-        held.map_or_else(|| Ok(self.keyframe(k)?.spectrum), Ok)
+        let held = self.held.borrow().get(k).and_then(|held| Some(held.as_ref()?.radio.as_ref()?.spectrum.clone()));
+        held.map_or_else(|| Ok(self.keyframe(k)?.radio.with_context(|| self.no_spectra())?.spectrum), Ok)
     }
 
-    /// Whether there are images, and whether there are spectra; [`Keyframe`] says what stands in the place of a missing one.
+    /// Whether there are images, and whether there are spectra.
     pub fn modalities(&self) -> Modalities {
         self.dataset.modalities()
     }
@@ -119,9 +119,24 @@ impl<'a> TrainingSet<'a> {
         self.dataset.rf_camera()
     }
 
-    /// The dataset's one dB range (its upper end is the peak over all keyframes).
-    pub fn db_range(&self) -> DbRange {
+    /// The one dB range of the dataset's spectra (its upper end is the peak over all keyframes); none without spectra.
+    pub fn db_range(&self) -> Option<DbRange> {
         self.dataset.db_range()
+    }
+
+    /// The same, for a method that [needs](Method::needs) spectra.
+    ///
+    /// # Errors
+    /// A dataset without spectra.
+    pub fn required_db_range(&self) -> Result<DbRange> {
+        self.db_range().with_context(|| self.no_spectra())
+    }
+
+    fn no_spectra(&self) -> String {
+        format!(
+            "{} has no spectra\n  help: import the capture with them (`corf dataset import`, --rf)",
+            self.dataset.dir().display()
+        )
     }
 
     /// Position of the fixed transmitter in the world frame, metres, if it is known.

@@ -3,8 +3,8 @@
 use crate::files::json::write_json;
 use crate::methods::interface::{Advance, Method, Predictor, TrainingSet};
 use crate::methods::registry::{Abilities, Family, Open, Variant};
-use crate::metrics::Prediction;
-use anyhow::{Context, Result};
+use crate::metrics::{Prediction, RadioPrediction};
+use anyhow::{Result, ensure};
 use corf_scene::keyframe::Modalities;
 use corf_scene::{Keyframe, Raster, Rigid3};
 use schemars::{JsonSchema, schema_for};
@@ -96,25 +96,26 @@ impl Method for Lookup {
         let range = training.db_range();
         let mut observed = Vec::with_capacity(training.len());
         for k in 0..training.len() {
-            let Keyframe { world_from_camera, image, spectrum, .. } = training.keyframe(k)?;
-            let image = image.map(|p| p.map(|v| f32::from(v) / 255.0));
-            observed.push(Observed { world_from_camera, image, scalar: spectrum.map(|&s| range.scalar(s)) });
+            let Keyframe { world_from_camera, light, radio, .. } = training.keyframe(k)?;
+            let image = light.map(|light| light.image.map(|p| p.map(|v| f32::from(v) / 255.0)));
+            let scalar = radio.zip(range).map(|(radio, range)| radio.spectrum.map(|&s| range.scalar(s)));
+            observed.push(Observed { world_from_camera, image, scalar });
             advance(Advance::of(k + 1, training.len()))?;
         }
-        Ok(Box::new(Table { config: self.config, observed, has: training.modalities() }))
+        Ok(Box::new(Table { config: self.config, observed }))
     }
 }
 
 struct Observed {
     world_from_camera: Rigid3,
-    image: Raster<[f32; 3]>,
-    scalar: Raster<f32>,
+    /// None of a data set without light, nor a spectrum of one without radio.
+    image: Option<Raster<[f32; 3]>>,
+    scalar: Option<Raster<f32>>,
 }
 
 struct Table {
     config: LookupConfig,
     observed: Vec<Observed>,
-    has: Modalities,
 }
 
 impl Table {
@@ -134,17 +135,22 @@ impl Table {
     }
 }
 
+/// A raster of the size of those that are blended; none where there are none.
+fn blended<T>(rasters: &[(f32, &Raster<T>)], at: impl FnMut(usize, usize) -> T) -> Option<Raster<T>> {
+    rasters.first().map(|(_, first)| Raster::from_fn(first.width(), first.height(), at))
+}
+
 impl Predictor for Table {
     fn render(&mut self, world_from_camera: &Rigid3) -> Result<Prediction> {
         let near = self.neighbours(world_from_camera);
-        let first = near.first().context("a lookup needs at least one training keyframe")?.1;
-        let image = Raster::from_fn(first.image.width(), first.image.height(), |x, y| {
-            near.iter().fold([0.0; 3], |sum: [f32; 3], (w, o)| std::array::from_fn(|c| sum[c] + w * o.image[(x, y)][c]))
+        ensure!(!near.is_empty(), "a lookup needs at least one training keyframe");
+        let images: Vec<_> = near.iter().filter_map(|(w, o)| Some((*w, o.image.as_ref()?))).collect();
+        let image = blended(&images, |x, y| {
+            images.iter().fold([0.0; 3], |sum: [f32; 3], (w, o)| std::array::from_fn(|c| sum[c] + w * o[(x, y)][c]))
         });
-        let scalar = Raster::from_fn(first.scalar.width(), first.scalar.height(), |x, y| {
-            near.iter().map(|(w, o)| w * o.scalar[(x, y)]).sum()
-        });
-        Ok(Prediction::from_scalar(Some(image), scalar).within(self.has))
+        let spectra: Vec<_> = near.iter().filter_map(|(w, o)| Some((*w, o.scalar.as_ref()?))).collect();
+        let scalar = blended(&spectra, |x, y| spectra.iter().map(|(w, o)| w * o[(x, y)]).sum());
+        Ok(Prediction { image, radio: scalar.map(RadioPrediction::from_scalar), depth_m: None })
     }
 
     fn save(&self, run: &Path) -> Result<()> {

@@ -15,7 +15,7 @@ use anyhow::{Context, Result, ensure};
 use corf_baselines::nerf2::{CpuTrainer, Field, Model, Nerf2Config, Trainer, TrainingRays};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::Modalities;
-use corf_scene::{Pinhole, Rigid3};
+use corf_scene::{Keyframe, Pinhole, Radio, Rigid3};
 use schemars::schema_for;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -119,11 +119,12 @@ impl Method for Nerf2 {
         seed: u64,
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
-        let (range, camera) = (training.db_range(), training.rf_camera());
+        let (range, camera) = (training.required_db_range()?, training.rf_camera());
         let mut rays = TrainingRays::new(camera, seed);
         for k in 0..training.len() {
-            let keyframe = training.keyframe(k)?;
-            rays.push(keyframe.world_from_camera, &keyframe.spectrum.map(|&s| range.scalar(s)))?;
+            let Keyframe { index, world_from_camera, radio, .. } = training.keyframe(k)?;
+            let Radio { spectrum } = radio.with_context(|| format!("keyframe {index} has no spectrum"))?;
+            rays.push(world_from_camera, &spectrum.map(|&s| range.scalar(s)))?;
         }
         let mut field = Field {
             config: self.config,

@@ -108,7 +108,7 @@ impl Method for Rf3dgs {
         let config = &self.config;
         let total = config.total_steps();
         let device = self.backend.make(config.optimizer(), config.raster(), &config.empty_field())?;
-        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
+        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.required_db_range()?);
         let mut reconstructor = Rf3dgsReconstructor::new(device, config.clone(), optical, rf, range, seed)?;
         if let Some(file) = &config.initial_gaussians {
             let initial = Initial::read(file)?;

@@ -138,7 +138,7 @@ impl Method for WrfGsPlus {
     ) -> Result<Box<dyn Predictor>> {
         let (config, total) = (&self.config, self.config.iterations);
         let trainer = trainer(&self.backend, config, Model::new(config).network.initial(seed))?;
-        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
+        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.required_db_range()?);
         let mut reconstructor = WrfGsPlusReconstructor::new(trainer, config.clone(), optical, rf, range, seed)?;
         for k in 0..training.len() {
             reconstructor.receive(&training.keyframe(k)?)?;

@@ -17,7 +17,7 @@ use crate::metrics::input::Input;
 use beams::{BeamMetrics, Codebook};
 use corf_scene::dataset::Quantity;
 use corf_scene::keyframe::{DbRange, Modalities};
-use corf_scene::{Keyframe, Pinhole, Raster, color};
+use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, color};
 use free_space::FreeSpace;
 use lpips::LpipsNetworks;
 use outage::{BeamGains, LinkRates};
@@ -45,10 +45,17 @@ pub struct RadioPrediction {
     pub scalar: Raster<f32>,
 }
 
+impl RadioPrediction {
+    /// A scalar spectrum, coloured for the paper's metrics.
+    pub fn from_scalar(scalar: Raster<f32>) -> Self {
+        Self { jet: scalar.map(|&s| color::jet(s)), scalar }
+    }
+}
+
 impl Prediction {
     /// A prediction without depth from a scalar spectrum, coloured for the paper's metrics.
     pub fn from_scalar(image: Option<Raster<[f32; 3]>>, rf_scalar: Raster<f32>) -> Self {
-        Self { image, radio: Some(RadioPrediction { jet: rf_scalar.map(|&s| color::jet(s)), scalar: rf_scalar }), depth_m: None }
+        Self { image, radio: Some(RadioPrediction::from_scalar(rf_scalar)), depth_m: None }
     }
 
     /// What of it is of modalities that the dataset has: of the others there is nothing that could be right or wrong.
@@ -141,6 +148,8 @@ pub struct SpectrumMetrics {
 /// A predicted spectrum beside the observed one, in 8 bits.
 struct SpectrumPair<'a> {
     predicted: Spectrum<'a>,
+    /// Linear power.
+    truth: &'a Raster<f32>,
     jet: Raster<[u8; 3]>,
     jet_truth: Raster<[u8; 3]>,
     grey_truth: Raster<[u8; 1]>,
@@ -149,101 +158,116 @@ struct SpectrumPair<'a> {
 /// Compares predictions with the keyframes of one dataset.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
+    /// None of a dataset without spectra.
+    spectra: Option<SpectrumEvaluator>,
+    networks: Arc<LpipsNetworks>,
+}
+
+/// Compares predicted spectra with those of one dataset.
+#[derive(Clone, Debug)]
+struct SpectrumEvaluator {
     rf_camera: Pinhole,
     range: DbRange,
     codebook: Option<Codebook>,
     free_space: Option<FreeSpace>,
-    networks: Arc<LpipsNetworks>,
-    has: Modalities,
 }
 
 impl Evaluator {
     /// An evaluator of a dataset's keyframes, which computes LPIPS with the networks there are.
     pub fn of(input: &Input) -> Self {
         let dataset = &input.dataset;
-        let networks = input.networks.clone();
-        Self {
-            networks,
-            has: dataset.modalities(),
+        let spectra = dataset.db_range().map(|range| SpectrumEvaluator {
             free_space: FreeSpace::of(dataset.header()),
-            ..Self::new(dataset.rf_camera(), dataset.db_range(), dataset.header().quantity)
-        }
+            ..SpectrumEvaluator::new(dataset.rf_camera(), range, dataset.header().quantity)
+        });
+        Self { spectra, networks: input.networks.clone() }
     }
 
     /// `rf_camera` gives direction and solid angle of every spectrum pixel, `range` is the dataset's dB range, and `quantity` says what a
     /// value is, and so what a beam of it is.
     pub fn new(rf_camera: Pinhole, range: DbRange, quantity: Quantity) -> Self {
-        let codebook = Codebook::of(rf_camera, quantity);
-        Self { rf_camera, range, codebook, free_space: None, networks: Arc::default(), has: Modalities::BOTH }
+        Self { spectra: Some(SpectrumEvaluator::new(rf_camera, range, quantity)), networks: Arc::default() }
     }
 
     /// All metrics of what is predicted of a keyframe, as far as it was observed.
     pub fn compare(&self, predicted: Halves<'_>, truth: &Keyframe) -> FrameMetrics {
-        // What stands in the place of a missing modality is no truth.
-        let predicted =
-            Halves { image: predicted.image.filter(|_| self.has.light), spectrum: predicted.spectrum.filter(|_| self.has.radio) };
-        let image = predicted.image.map(|image| image.map(|p| p.map(color::quantize8)));
-        let mask = truth.mask.as_ref();
+        let light = predicted.image.zip(truth.light.as_ref());
+        let mask = light.and_then(|(_, truth)| truth.mask.as_ref());
         // An image none of whose pixels count is not compared. Where a pixel does not count, the observation is shown, so that nothing is found there.
-        let masked_out = image.is_some() && mask.is_some_and(|mask| image::share(mask) == 0.0);
-        let unmasked = |predicted| match mask {
-            Some(mask) => image::unmasked(&predicted, &truth.image, mask),
-            None => predicted,
-        };
-        let image = image.filter(|_| !masked_out).map(unmasked);
-        let spectra = predicted.spectrum.map(|predicted| {
-            let scalar_truth = truth.spectrum.map(|&s| self.range.scalar(s));
-            SpectrumPair {
-                predicted,
-                jet: predicted.jet.map(|p| p.map(color::quantize8)),
-                jet_truth: scalar_truth.map(|&s| color::jet(s).map(color::quantize8)),
-                grey_truth: scalar_truth.map(|&s| [color::quantize8(s)]),
-            }
+        let masked_out = mask.is_some_and(|mask| image::share(mask) == 0.0);
+        let images = light.filter(|_| !masked_out).map(|(predicted, truth)| {
+            let predicted = predicted.map(|p| p.map(color::quantize8));
+            let shown = match mask {
+                Some(mask) => image::unmasked(&predicted, &truth.image, mask),
+                None => predicted,
+            };
+            (shown, &truth.image)
         });
-        let pairs: Vec<_> = (image.iter().map(|image| (lpips::LIGHT, image, &truth.image)))
-            .chain(spectra.iter().map(|pair| (lpips::SPECTRUM, &pair.jet, &pair.jet_truth)))
+        let spectra = match (predicted.spectrum, &truth.radio, &self.spectra) {
+            (Some(predicted), Some(radio), Some(evaluator)) => Some((evaluator, evaluator.pair(predicted, &radio.spectrum))),
+            _ => None,
+        };
+        let pairs: Vec<_> = (images.iter().map(|(image, truth)| (lpips::LIGHT, image, *truth)))
+            .chain(spectra.iter().map(|(_, pair)| (lpips::SPECTRUM, &pair.jet, &pair.jet_truth)))
             .collect();
         FrameMetrics {
             index: truth.index,
             masked_out,
-            light: image.as_ref().map(|image| LightMetrics {
-                psnr_opt: image::psnr(image, &truth.image, mask),
-                ssim_opt: image::ssim(image, &truth.image, mask),
+            light: images.as_ref().map(|(image, truth)| LightMetrics {
+                psnr_opt: image::psnr(image, truth, mask),
+                ssim_opt: image::ssim(image, truth, mask),
             }),
-            spectrum: spectra.as_ref().map(|pair| self.spectrum(pair, truth)),
+            spectrum: spectra.as_ref().map(|(evaluator, pair)| evaluator.compare(pair, &truth.world_from_camera)),
             lpips: self.networks.compare(&pairs),
         }
     }
+}
 
-    fn spectrum(&self, pair: &SpectrumPair<'_>, truth: &Keyframe) -> SpectrumMetrics {
-        let SpectrumPair { predicted, jet, jet_truth, grey_truth } = pair;
+impl SpectrumEvaluator {
+    fn new(rf_camera: Pinhole, range: DbRange, quantity: Quantity) -> Self {
+        Self { rf_camera, range, codebook: Codebook::of(rf_camera, quantity), free_space: None }
+    }
+
+    fn pair<'a>(&self, predicted: Spectrum<'a>, truth: &'a Raster<f32>) -> SpectrumPair<'a> {
+        let scalar_truth = truth.map(|&s| self.range.scalar(s));
+        SpectrumPair {
+            predicted,
+            truth,
+            jet: predicted.jet.map(|p| p.map(color::quantize8)),
+            jet_truth: scalar_truth.map(|&s| color::jet(s).map(color::quantize8)),
+            grey_truth: scalar_truth.map(|&s| [color::quantize8(s)]),
+        }
+    }
+
+    fn compare(&self, pair: &SpectrumPair<'_>, world_from_camera: &Rigid3) -> SpectrumMetrics {
+        let SpectrumPair { predicted, truth, jet, jet_truth, grey_truth } = pair;
         let grey = predicted.scalar.map(|&s| [color::quantize8(s)]);
         let linear = |s: &f32| radio::linear(*s, &self.range);
         let beams = self.codebook.as_ref().map(|codebook| {
-            let observed = codebook.powers(&truth.spectrum.map(|&s| f64::from(s).max(0.0)));
+            let observed = codebook.powers(&truth.map(|&s| f64::from(s).max(0.0)));
             let predicted = codebook.powers(&predicted.scalar.map(linear));
             let limit_db = self.range.max_db - self.range.min_db;
-            (beams::compare(&predicted, &observed, limit_db), self.link(codebook, &predicted, &observed, truth))
+            (beams::compare(&predicted, &observed, limit_db), self.link(codebook, &predicted, &observed, world_from_camera))
         });
         SpectrumMetrics {
             psnr_rf_jet: image::psnr(jet, jet_truth, None),
             ssim_rf_jet: image::ssim(jet, jet_truth, None),
             psnr_rf_scalar: image::psnr(&grey, grey_truth, None),
             ssim_rf_scalar: image::ssim(&grey, grey_truth, None),
-            radio: radio::compare(predicted.scalar, &truth.spectrum, &self.rf_camera, &self.range),
+            radio: radio::compare(predicted.scalar, truth, &self.rf_camera, &self.range),
             beams: beams.map(|b| b.0),
             link: beams.map(|b| b.1),
         }
     }
 
     /// The link behind the beam that a prediction chooses, by the powers of the codebook's beams.
-    fn link(&self, codebook: &Codebook, predicted: &[f64], observed: &[f64], truth: &Keyframe) -> LinkRates {
+    fn link(&self, codebook: &Codebook, predicted: &[f64], observed: &[f64], world_from_camera: &Rigid3) -> LinkRates {
         let [best, chosen] = beams::best_and_chosen(predicted, observed);
         let gains = BeamGains {
             best: observed[best],
             chosen: observed[chosen],
             predicted: predicted[chosen],
-            free_space: self.free_space.and_then(|free| free.gain(&truth.world_from_camera)),
+            free_space: self.free_space.and_then(|free| free.gain(world_from_camera)),
         };
         LinkRates::new([codebook.number(best), codebook.number(chosen)], gains, beams::ELEMENTS)
     }
@@ -252,7 +276,7 @@ impl Evaluator {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use corf_scene::Rigid3;
+    use corf_scene::{Light, Radio};
 
     const RANGE: DbRange = DbRange { min_db: -110.0, max_db: -40.0 };
 
@@ -270,17 +294,22 @@ mod tests {
             index: 8,
             time_s: 0.0,
             world_from_camera: Rigid3::IDENTITY,
-            image,
-            spectrum,
-            depth_m: None,
-            surface: None,
-            mask: None,
+            light: Some(Light::of_image(image)),
+            radio: Some(Radio { spectrum }),
         }
     }
 
+    fn spectrum(truth: &mut Keyframe) -> &mut Raster<f32> {
+        &mut truth.radio.as_mut().unwrap().spectrum
+    }
+
+    fn light(truth: &mut Keyframe) -> &mut Light {
+        truth.light.as_mut().unwrap()
+    }
+
     fn observed(truth: &Keyframe) -> Prediction {
-        let image = truth.image.map(|p| p.map(|v| f32::from(v) / 255.0));
-        Prediction::from_scalar(Some(image), truth.spectrum.map(|&s| RANGE.scalar(s)))
+        let image = truth.light.as_ref().unwrap().image.map(|p| p.map(|v| f32::from(v) / 255.0));
+        Prediction::from_scalar(Some(image), truth.radio.as_ref().unwrap().spectrum.map(|&s| RANGE.scalar(s)))
     }
 
     #[test]
@@ -310,8 +339,9 @@ mod tests {
         let mut out = Vec::new();
         for weaker_db in (0..=60).step_by(4) {
             let mut truth = keyframe();
-            truth.spectrum = truth.spectrum.map(|&s| s * 10f32.powf(-0.1 * weaker_db as f32));
-            let prediction = Prediction::from_scalar(None, truth.spectrum.map(|&s| wide.scalar(s)));
+            let weaker = spectrum(&mut truth).map(|&s| s * 10f32.powf(-0.1 * weaker_db as f32));
+            let prediction = Prediction::from_scalar(None, weaker.map(|&s| wide.scalar(s)));
+            *spectrum(&mut truth) = weaker;
             let evaluator = Evaluator::new(camera, wide, Quantity::PowerPerSteradian);
             let frame = evaluator.compare(prediction.halves(), &truth).spectrum.unwrap();
             let (beams, link) = (frame.beams.unwrap(), frame.link.unwrap());
@@ -338,6 +368,10 @@ mod tests {
             assert_eq!((column.of)(&light).is_some(), optical, "{}", column.key);
             assert_eq!((column.of)(&radio).is_some(), !optical && !beam, "{}: Capon's estimate has no beams", column.key);
         }
+        // What was not observed is neither right nor wrong.
+        let seen = evaluator.compare(whole.halves(), &Keyframe { radio: None, ..truth.clone() });
+        let heard = evaluator.compare(whole.halves(), &Keyframe { light: None, ..truth.clone() });
+        assert_eq!((&seen, &heard), (&light, &radio));
         for frame in [light, radio, evaluator.compare(whole.halves(), &truth)] {
             let json = serde_json::to_value(&frame).unwrap();
             assert!(json.as_object().unwrap().values().all(|v| !v.is_null()), "{json}");
@@ -348,9 +382,8 @@ mod tests {
     #[test]
     fn images_that_a_mask_covers_are_left_out_of_the_columns_of_images_and_counted() {
         let mut truths = [(); 3].map(|()| keyframe());
-        let [w, h] = [truths[0].image.width(), truths[0].image.height()];
-        truths[1].mask = Some(Raster::filled(w, h, false));
-        truths[2].mask = Some(Raster::from_fn(w, h, |x, _| x > 4));
+        light(&mut truths[1]).mask = Some(Raster::filled(24, 16, false));
+        light(&mut truths[2]).mask = Some(Raster::from_fn(24, 16, |x, _| x > 4));
         let evaluator = Evaluator::new(Pinhole::from_horizontal_fov(48, 32, 90.0), RANGE, Quantity::PowerPerSteradian);
         let mut predicted = observed(&truths[0]);
         predicted.image = predicted.image.map(|image| image.map(|p| p.map(|v| 0.9 * v)));
@@ -380,14 +413,14 @@ mod tests {
         let missed = finite(&evaluator.compare(nothing.halves(), &truth));
         let beams = missed.beams.unwrap();
         assert!(beams.beam_top1 == 0.0 && beams.codebook_loss_db > 20.0 && beams.rate_loss_percent > 50.0, "{beams:?}");
-        truth.spectrum = Raster::filled(48, 32, 0.0);
+        *spectrum(&mut truth) = Raster::filled(48, 32, 0.0);
         for prediction in [&nothing, &something] {
             let beams = finite(&evaluator.compare(prediction.halves(), &truth)).beams.unwrap();
             // Where nothing arrives nothing can be lost.
             assert_eq!((beams.codebook_loss_db, beams.rate_loss_bps_hz, beams.rate_loss_percent), (0.0, 0.0, 0.0));
         }
         // Under the dataset's floor there is power still: what was observed is not clipped, a prediction is.
-        truth.spectrum = Raster::filled(48, 32, 1e-12);
+        *spectrum(&mut truth) = Raster::filled(48, 32, 1e-12);
         let faint = finite(&evaluator.compare(nothing.halves(), &truth));
         assert_eq!((faint.radio.rmse_db, faint.radio.total_power_error_db), (0.0, 70.0));
     }

@@ -32,7 +32,7 @@ pub struct RadioMetrics {
     pub azimuth_spread_error_deg: f64,
 }
 
-/// Compares a predicted scalar spectrum (`[0, 1]` on `range`) with the true linear one (1/sr).
+/// Compares a predicted scalar spectrum (`[0, 1]` on `range`) with the true linear one, in whatever unit the data set's `Quantity` has.
 pub fn compare(predicted: &Raster<f32>, truth: &Raster<f32>, camera: &Pinhole, range: &DbRange) -> RadioMetrics {
     let pixels: Vec<Pixel> = (0..camera.width * camera.height)
         .map(|i| {

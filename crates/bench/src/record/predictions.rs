@@ -153,8 +153,8 @@ pub fn load(folder: &Path, index: usize) -> Option<Kept> {
 mod tests {
     use super::*;
     use crate::metrics::Spectrum;
-    use corf_scene::Rigid3;
     use corf_scene::io::encode_png;
+    use corf_scene::{Light, Radio, Rigid3};
 
     #[test]
     fn a_smaller_raster_has_the_means_of_the_areas() {
@@ -178,11 +178,8 @@ mod tests {
             index: 8,
             time_s: 0.0,
             world_from_camera: Rigid3::IDENTITY,
-            image: image.map(|p| p.map(quantize8)),
-            spectrum: scalar.clone(),
-            depth_m: None,
-            surface: None,
-            mask: None,
+            light: Some(Light::of_image(image.map(|p| p.map(quantize8)))),
+            radio: Some(Radio { spectrum: scalar.clone() }),
         };
         let halves = Halves { image: Some(&image), spectrum: Some(Spectrum { jet: &jet, scalar: &scalar }) };
         keep(folder.path(), &truth, halves).unwrap();
@@ -197,7 +194,7 @@ mod tests {
         assert!(near(back[(240, 135)], 0.5, 0.5) && near(back[(470, 10)], 0.98, 0.04), "{:?}", back[(240, 135)]);
         assert!(load(folder.path(), 7).is_none());
         // As earlier versions kept it.
-        std::fs::write(folder.path().join("00001-optical.png"), encode_png(&truth.image).unwrap()).unwrap();
+        std::fs::write(folder.path().join("00001-optical.png"), encode_png(&truth.light.unwrap().image).unwrap()).unwrap();
         let old = load(folder.path(), 0).unwrap();
         assert!(old.scalar.is_none() && old.image.unwrap().width() == IMAGE_COLUMNS);
     }

@@ -8,7 +8,9 @@ use crate::metrics::FrameMetrics;
 use crate::record::Outcome;
 use crate::record::predictions::{self, IMAGE_COLUMNS, SPECTRUM_COLUMNS, shrunk_image, shrunk_scalar};
 use anyhow::Result;
-use corf_scene::Raster;
+use corf::FieldMeta;
+use corf_scene::keyframe::DbRange;
+use corf_scene::{Radio, Raster};
 use std::fmt::Write;
 
 /// Most bytes of the keyframes' pictures in a page; the rest of it has some hundred kilobytes.
@@ -23,9 +25,17 @@ const GALLERY_COLUMNS: usize = 240;
 /// A held-out keyframe, small.
 struct Observed {
     index: usize,
-    image: Raster<[u8; 3]>,
+    /// None without light.
+    image: Option<Raster<[u8; 3]>>,
+    /// None without radio.
+    radio: Option<ObservedRadio>,
+}
+
+/// The spectrum of a held-out keyframe, small.
+struct ObservedRadio {
     /// On the dataset's decibel range, `[0, 1]`.
     scalar: Raster<f32>,
+    range: DbRange,
     /// Sum of the spectrum, linear.
     power: f64,
 }
@@ -42,12 +52,12 @@ impl Observations {
         let range = report.dataset.db_range();
         let read = |&index: &usize| {
             let truth = report.dataset.keyframe(index)?;
-            Ok(Observed {
-                index,
-                image: shrunk_image(&truth.image, IMAGE_COLUMNS),
-                scalar: shrunk_scalar(&truth.spectrum.map(|&s| range.scalar(s)), SPECTRUM_COLUMNS),
-                power: truth.spectrum.pixels().iter().map(|&s| f64::from(s)).sum(),
-            })
+            let radio = truth.radio.zip(range).map(|(Radio { spectrum }, range)| ObservedRadio {
+                scalar: shrunk_scalar(&spectrum.map(|&s| range.scalar(s)), SPECTRUM_COLUMNS),
+                range,
+                power: spectrum.pixels().iter().map(|&s| f64::from(s)).sum(),
+            });
+            Ok(Observed { index, image: truth.light.map(|light| shrunk_image(&light.image, IMAGE_COLUMNS)), radio })
         };
         Ok(Self(report.split.held_out.iter().map(read).collect::<Result<_>>()?))
     }
@@ -118,32 +128,43 @@ fn frames_of<'a>(report: &'a Report<'_>, label: &str) -> &'a [FrameMetrics] {
     }
 }
 
-/// A keyframe with the first `rows` rows' predictions, its pictures `share` hundredths as wide as they are kept.
+/// A keyframe with the first `rows` rows' predictions, its pictures `share` hundredths as wide as they are kept. A half that was not observed is
+/// not shown.
 fn keyframe(report: &Report<'_>, observed: &Observed, rows: usize, share: usize) -> Result<String> {
-    let range = report.dataset.db_range();
-    let [columns_opt, columns_rf] = [observed.image.width(), observed.scalar.width()].map(|w| (w * share / 100).max(1));
-    let [error_opt, error_rf] = [columns_opt, columns_rf].map(|w| (w * ERROR_SHARE / 100).max(1));
-    let mut light = Half::new("image", observed.index, &shrunk_image(&observed.image, columns_opt))?;
-    let mut radio = Half::new("spectrum", observed.index, &jet_image(&shrunk_scalar(&observed.scalar, columns_rf)))?;
-    for (row, label) in report.plan.rows.iter().map(|r| r.label.as_str()).enumerate().take(rows) {
-        let kept = predictions::load(&row_folder(report.predictions, label), observed.index);
-        let frame = frames_of(report, label).iter().find(|f| f.index == observed.index);
-        let (image, scalar) = kept.map_or((None, None), |k| (k.image, k.scalar));
-        let pictures = image.map(|image| {
-            let error = image_error(&observed.image, &image);
-            [shrunk_image(&image, columns_opt), shrunk_image(&error, error_opt)]
-        });
-        light.push(row, label, pictures, frame.and_then(|f| Some(f.light?.psnr_opt)))?;
-        let pictures = scalar.map(|scalar| {
-            let error = spectrum_error(&observed.scalar, &scalar, &range);
-            [jet_image(&shrunk_scalar(&scalar, columns_rf)), shrunk_image(&error, error_rf)]
-        });
-        radio.push(row, label, pictures, frame.and_then(|f| Some(f.spectrum?.psnr_rf_jet)))?;
+    let widths = |width: usize| {
+        let columns = (width * share / 100).max(1);
+        [columns, (columns * ERROR_SHARE / 100).max(1)]
+    };
+    let frame = |label: &str| frames_of(report, label).iter().find(|f| f.index == observed.index);
+    let rows = report.plan.rows.iter().map(|r| r.label.as_str()).enumerate().take(rows);
+    let kept: Vec<_> = rows
+        .map(|(row, label)| (row, label, predictions::load(&row_folder(report.predictions, label), observed.index)))
+        .collect();
+    let ([mut light, mut light_error], [mut radio, mut radio_error]) = <([String; 2], [String; 2])>::default();
+    if let Some(truth) = &observed.image {
+        let [columns, error_columns] = widths(truth.width());
+        let mut half = Half::new("image", observed.index, &shrunk_image(truth, columns))?;
+        for (row, label, kept) in &kept {
+            let pictures = kept.as_ref().and_then(|kept| kept.image.as_ref()).map(|image| {
+                let error = image_error(truth, image);
+                [shrunk_image(image, columns), shrunk_image(&error, error_columns)]
+            });
+            half.push(*row, label, pictures, frame(label).and_then(|f| Some(f.light?.psnr_opt)))?;
+        }
+        [light, light_error] = half.figures();
     }
-    // A half that was not observed is not shown: what stands in its place is no picture of it.
-    let has = report.dataset.modalities();
-    let shown = |half: Half<'_>, there: bool| if there { half.figures() } else { Default::default() };
-    let ([light, light_error], [radio, radio_error]) = (shown(light, has.light), shown(radio, has.radio));
+    if let Some(ObservedRadio { scalar: truth, range, .. }) = &observed.radio {
+        let [columns, error_columns] = widths(truth.width());
+        let mut half = Half::new("spectrum", observed.index, &jet_image(&shrunk_scalar(truth, columns)))?;
+        for (row, label, kept) in &kept {
+            let pictures = kept.as_ref().and_then(|kept| kept.scalar.as_ref()).map(|scalar| {
+                let error = spectrum_error(truth, scalar, range);
+                [jet_image(&shrunk_scalar(scalar, columns)), shrunk_image(&error, error_columns)]
+            });
+            half.push(*row, label, pictures, frame(label).and_then(|f| Some(f.spectrum?.psnr_rf_jet)))?;
+        }
+        [radio, radio_error] = half.figures();
+    }
     let number = observed.index + 1;
     Ok(format!(
         "<article id=\"keyframe-{number}\"><h3>keyframe {number}</h3><div class=\"pictures\">{light}{radio}{light_error}{radio_error}</div></article>"
@@ -190,7 +211,7 @@ pub(super) fn section(report: &Report<'_>, observations: &Observations) -> Resul
             observations.0.len(),
             IMAGE_COLUMNS * share / 100,
             SPECTRUM_COLUMNS * share / 100,
-            bars(&report.dataset.db_range())
+            bars(&report.dataset.db_range().unwrap_or(FieldMeta::RANGE_WITHOUT_RADIO))
         ));
     }
     Ok("<p class=\"note\">The pictures would not fit into one page; the folder predictions holds them.</p>".to_owned())
@@ -201,23 +222,21 @@ pub(super) fn section(report: &Report<'_>, observations: &Observations) -> Resul
 /// # Errors
 /// A picture that cannot be encoded.
 pub(super) fn gallery(report: &Report<'_>, observations: &Observations) -> Result<String> {
-    if !report.dataset.modalities().radio {
-        return Ok(String::new());
-    }
-    let Some(observed) = observations.0.iter().max_by(|a, b| a.power.total_cmp(&b.power)) else { return Ok(String::new()) };
+    let radio = observations.0.iter().filter_map(|o| Some((o, o.radio.as_ref()?)));
+    let Some((observed, radio)) = radio.max_by(|a, b| a.1.power.total_cmp(&b.1.power)) else { return Ok(String::new()) };
     let figure = |scalar: &Raster<f32>, caption: &str| -> Result<String> {
         let picture = img(&jet_image(&shrunk_scalar(scalar, GALLERY_COLUMNS)), "", &format!("spectrum, {caption}"))?;
         Ok(format!("<figure>{picture}<figcaption>{}</figcaption></figure>", escape(caption)))
     };
     let number = observed.index + 1;
     let mut out = format!("<p class=\"note\">Keyframe {number}, the one that receives the most.</p><div class=\"gallery\">");
-    out += &figure(&observed.scalar, "observed")?;
+    out += &figure(&radio.scalar, "observed")?;
     for row in &report.plan.rows {
         let kept = predictions::load(&row_folder(report.predictions, &row.label), observed.index);
         if let Some(scalar) = kept.and_then(|k| k.scalar) {
             out += &figure(&scalar, &row.label)?;
         }
     }
-    write!(out, "</div><div class=\"bars\">{}</div>", jet_bar(&report.dataset.db_range()))?;
+    write!(out, "</div><div class=\"bars\">{}</div>", jet_bar(&radio.range))?;
     Ok(out)
 }

@@ -3,7 +3,7 @@
 use super::Report;
 use super::embed::png_uri;
 use anyhow::Result;
-use corf_scene::Raster;
+use corf_scene::{Light, Raster};
 use glam::DVec3;
 use std::fmt::Write;
 
@@ -30,14 +30,14 @@ fn look_down(report: &Report<'_>) -> Result<Option<Plan>> {
     let mut points: Vec<(DVec3, [u8; 3])> = Vec::new();
     for index in (0..report.dataset.len()).step_by(2) {
         let keyframe = report.dataset.keyframe(index)?;
-        let Some(depth) = &keyframe.depth_m else { continue };
+        let Some(Light { image, depth_m: Some(depth), .. }) = &keyframe.light else { continue };
         let step = (camera.width / 192).max(1);
         for y in (0..camera.height).step_by(step) {
             for x in (0..camera.width).step_by(step) {
                 let z = f64::from(depth[(x, y)]);
                 if z.is_finite() && z > 0.0 {
                     let p = keyframe.world_from_camera.transform_point(camera.unproject(x as f64 + 0.5, y as f64 + 0.5) * z);
-                    points.push((p, keyframe.image[(x, y)]));
+                    points.push((p, image[(x, y)]));
                 }
             }
         }

@@ -137,7 +137,7 @@ pub fn evaluate(
     let mut frames = Vec::new();
     for truth in held_out(&input.dataset, split) {
         let truth = truth?;
-        let prediction = predictor.render(&truth.world_from_camera)?.within(input.dataset.modalities());
+        let prediction = predictor.render(&truth.world_from_camera)?.within(truth.modalities());
         frames.push(evaluator.compare(prediction.halves(), &truth));
         look(&truth, &prediction)?;
     }
@@ -164,7 +164,7 @@ pub fn evaluate_folder(
         frames.push(evaluator.compare(predicted.halves(), &truth));
         look(&truth, predicted.halves())?;
     }
-    Ok((frames, folder.warnings(&tally, &dataset.db_range())))
+    Ok((frames, folder.warnings(&tally, dataset.db_range().as_ref())))
 }
 
 /// The part of a record that its maker has to say: a method, or another program's predictions.

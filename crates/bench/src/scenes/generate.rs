@@ -13,7 +13,7 @@ use corf_raytrace::radio::RadioTracer;
 pub use corf_raytrace::sensor::diffuse_settings;
 use corf_raytrace::sensor::{Denoise, Extent, OpticalSensor, Outputs, Platform, RadioSensor, SensorPlan, geometry_warnings};
 use corf_scene::config::{DatasetConfig, SceneConfig};
-use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, FrameData};
+use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, KeyframeContent};
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Error, Finding, Scene, Severity, bounds, radio_check};
 use rayon::prelude::*;
@@ -113,8 +113,9 @@ pub fn generate_from(
         let mut progress = Progress::start(format!("keyframes of {}", config.name), poses.len(), "keyframes");
         let mut done = poses.len() - missing.len();
         // Keyframes are written while the next are traced.
-        let mut traced: Vec<(usize, FrameData)> = Vec::new();
-        let write = |traced: &[(usize, FrameData)]| traced.par_iter().try_for_each(|(i, frame)| writer.write_frame(*i, frame));
+        let mut traced: Vec<(usize, KeyframeContent)> = Vec::new();
+        let write =
+            |traced: &[(usize, KeyframeContent)]| traced.par_iter().try_for_each(|(i, frame)| writer.write_frame(*i, frame));
         let trace = |pose: &&TrajectoryPose| Ok((pose.index, platform.keyframe(pose)?));
         for together in missing.chunks(keyframes_at_once()) {
             interrupt::check()?;

@@ -68,15 +68,16 @@ impl Subject {
     /// A keyframe that cannot be read, a device that gives up, a field that has diverged.
     pub(super) fn keyframe(&mut self, index: usize) -> Result<KeyframeDocument> {
         let truth = self.dataset.keyframe(index)?;
-        let has = self.dataset.modalities();
-        let (camera, range) = (self.dataset.rf_camera(), self.dataset.db_range());
+        let has = truth.modalities();
         let predicted = self.run.as_mut().map(|run| predict(run, &truth)).transpose()?.map(|p| p.within(has));
         let numbers = match (&self.run, &predicted) {
             (Some(run), Some(predicted)) => numbers(run, predicted, &truth),
             _ => Vec::new(),
         };
-        let image = has.light.then(|| images(&truth, predicted.as_ref())).transpose()?;
-        let spectrum = has.radio.then(|| spectra(&truth, predicted.as_ref(), &camera, &range));
+        let image = truth.light.as_ref().map(|light| images(&light.image, predicted.as_ref())).transpose()?;
+        let radio = truth.radio.as_ref().zip(self.dataset.db_range());
+        let spectrum =
+            radio.map(|(radio, range)| spectra(&radio.spectrum, predicted.as_ref(), &self.dataset.rf_camera(), &range));
         let lacks = |there: bool, half: &str| (self.run.is_some() && !there).then(|| format!("This method predicts no {half}."));
         let lacking = predicted.as_ref().and_then(|p| {
             lacks(p.image.is_some() || !has.light, "image").or_else(|| lacks(p.radio.is_some() || !has.radio, "spectrum"))
@@ -113,16 +114,16 @@ fn numbers(run: &Run, predicted: &Prediction, truth: &Keyframe) -> Vec<Number> {
     SHOWN.iter().filter_map(number).collect()
 }
 
-fn images(truth: &Keyframe, predicted: Option<&Prediction>) -> Result<Images> {
-    let observed = shrunk_image(&truth.image, IMAGE_COLUMNS);
+fn images(truth: &Raster<[u8; 3]>, predicted: Option<&Prediction>) -> Result<Images> {
+    let observed = shrunk_image(truth, IMAGE_COLUMNS);
     let predicted = predicted.and_then(|p| p.image.as_ref()).map(|image| shrunk(image, IMAGE_COLUMNS).map(|p| p.map(quantize8)));
     let error = predicted.as_ref().map(|predicted| image_error(&observed, predicted));
     let uri = |picture: &Option<Raster<[u8; 3]>>| picture.as_ref().map(picture_uri).transpose();
     Ok(Images { observed: picture_uri(&observed)?, predicted: uri(&predicted)?, error: uri(&error)? })
 }
 
-fn spectra(truth: &Keyframe, predicted: Option<&Prediction>, camera: &Pinhole, range: &DbRange) -> Spectra {
-    let observed = truth.spectrum.map(|&s| range.scalar(s));
+fn spectra(truth: &Raster<f32>, predicted: Option<&Prediction>, camera: &Pinhole, range: &DbRange) -> Spectra {
+    let observed = truth.map(|&s| range.scalar(s));
     let predicted = predicted.and_then(|p| p.radio.as_ref()).map(|radio| &radio.scalar);
     let small = shrunk_scalar(&observed, SPECTRUM_COLUMNS);
     Spectra {

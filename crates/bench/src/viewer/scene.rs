@@ -6,6 +6,7 @@ use super::subject::{Role, Run, Subject, Work};
 use crate::report::colours::{ERROR_DB, ERROR_OPTICAL, heat};
 use crate::run::RunInfo;
 use anyhow::Result;
+use corf::FieldMeta;
 use corf_scene::Pinhole;
 use corf_scene::color::{jet, quantize8};
 use corf_scene::dataset::Quantity;
@@ -196,7 +197,7 @@ impl SceneDocument {
             modalities: has,
             optical_camera: dataset.optical_camera(),
             rf_camera: dataset.rf_camera(),
-            db_range: dataset.db_range(),
+            db_range: dataset.db_range().unwrap_or(FieldMeta::RANGE_WITHOUT_RADIO),
             unit,
             unit_short,
             transmitter: header.transmitter.map(|t| t.position_m),

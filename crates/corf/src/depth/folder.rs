@@ -4,7 +4,7 @@ use super::dense::Dense;
 use crate::config::{DepthConfig, FolderKind};
 use crate::{Error, Result};
 use corf_scene::io::{self, Map, Stored};
-use corf_scene::{Keyframe, bounds, dataset};
+use corf_scene::{bounds, dataset};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -108,8 +108,8 @@ impl FolderPrior {
     ///
     /// # Errors
     /// Those of [`Self::file`].
-    pub fn check(&self, keyframe: &Keyframe) -> Result<()> {
-        self.file(keyframe.index).map(|_| ())
+    pub fn check(&self, index: usize) -> Result<()> {
+        self.file(index).map(|_| ())
     }
 
     /// Reads the maps of all these keyframes, and throws them away: whatever is wrong with one is known then.

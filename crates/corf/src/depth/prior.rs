@@ -7,7 +7,7 @@ use crate::{
     config::{DepthConfig, DepthPriorKind, PriorPreset},
     stage,
 };
-use corf_scene::{Keyframe, Raster, Rng};
+use corf_scene::{Light, Raster, Rng};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -54,17 +54,17 @@ impl DepthPrior {
         })
     }
 
-    /// The dense prior of a keyframe; `None` from [`Self::None`], and from [`Self::Measured`] where the keyframe brings no depth.
+    /// The dense prior of keyframe `index`, of what its camera saw; `None` from [`Self::None`], and from [`Self::Measured`] where the keyframe brings no depth.
     ///
     /// # Errors
     /// A keyframe without the depth, the map or the image that the prior needs.
-    pub fn estimate(&self, keyframe: &Keyframe) -> Result<Option<Dense>> {
-        let image = &keyframe.image;
+    pub fn estimate(&self, index: usize, light: &Light) -> Result<Option<Dense>> {
+        let image = &light.image;
         match self {
-            Self::Simulated(prior) => prior.estimate(keyframe).map(Some),
-            Self::Exact => true_depth_of(keyframe).map(|depth| Some(inverse_of(depth))),
-            Self::Measured => Ok(keyframe.depth_m.as_ref().filter(|depth| has_depth(depth)).map(inverse_of)),
-            Self::Folder(prior) => prior.read(keyframe.index, (image.width(), image.height())).map(Some),
+            Self::Simulated(prior) => prior.estimate(index, light).map(Some),
+            Self::Exact => true_depth_of(index, light).map(|depth| Some(inverse_of(depth))),
+            Self::Measured => Ok(light.depth_m.as_ref().filter(|depth| has_depth(depth)).map(inverse_of)),
+            Self::Folder(prior) => prior.read(index, (image.width(), image.height())).map(Some),
             Self::DepthAnything(network) => network.estimate(image).map(Some),
             Self::None => Ok(None),
         }
@@ -79,11 +79,11 @@ impl DepthPrior {
     ///
     /// # Errors
     /// Those of [`Self::estimate`].
-    pub fn check(&self, keyframe: &Keyframe) -> Result<()> {
+    pub fn check(&self, index: usize, light: &Light) -> Result<()> {
         match self {
-            Self::Simulated(_) | Self::Exact => true_depth_of(keyframe).map(|_| ()),
-            Self::Folder(prior) => prior.check(keyframe),
-            Self::DepthAnything(network) => network.input_size((keyframe.image.width(), keyframe.image.height())).map(|_| ()),
+            Self::Simulated(_) | Self::Exact => true_depth_of(index, light).map(|_| ()),
+            Self::Folder(prior) => prior.check(index),
+            Self::DepthAnything(network) => network.input_size((light.image.width(), light.image.height())).map(|_| ()),
             Self::Measured | Self::None => Ok(()),
         }
     }
@@ -154,8 +154,8 @@ impl SimulatedPrior {
     ///
     /// # Errors
     /// A keyframe without depth, or with no finite depth at all.
-    pub fn estimate(&self, keyframe: &Keyframe) -> Result<Dense> {
-        let depth = true_depth_of(keyframe)?;
+    pub fn estimate(&self, index: usize, light: &Light) -> Result<Dense> {
+        let depth = true_depth_of(index, light)?;
         let image = (depth.width(), depth.height());
         let (w, h) = network_size(image);
         let columns: Vec<usize> = (0..w).map(|x| (2 * x + 1) * image.0 / (2 * w)).collect();
@@ -176,22 +176,22 @@ impl SimulatedPrior {
         let middle = hit.len() / 2;
         let median = *hit.select_nth_unstable_by(middle, f64::total_cmp).1;
 
-        let frame = keyframe.index as u64;
+        let frame = index as u64;
         let mut rng = Rng::keyed(self.seed, stage::PRIOR_FRAME, frame);
         let exponent = 1.0 + self.gamma * rng.normal();
         let (scale, offset) = (3.0 * (0.2 * rng.normal()).exp(), 0.3 * rng.normal());
         let bias = |surface: u32| self.kappa * Rng::keyed(self.seed, stage::PRIOR_OBJECT, u64::from(surface)).normal();
         // Neighbours are mostly of one surface.
         let mut biases = BTreeMap::new();
-        for run in keyframe.surface.iter().flat_map(|s| s.pixels().chunk_by(|a, b| a == b)) {
+        for run in light.surface.iter().flat_map(|s| s.pixels().chunk_by(|a, b| a == b)) {
             biases.entry(run[0]).or_insert_with(|| bias(run[0]));
         }
 
-        let field = SmoothField::new(&self.waves(), &self.amplitudes(keyframe.index), w);
+        let field = SmoothField::new(&self.waves(), &self.amplitudes(index), w);
         let mut distorted = vec![0.0; w * h];
         distorted.par_chunks_mut(w).enumerate().for_each(|(y, row)| {
             field.row(y, row);
-            let surfaces = keyframe.surface.as_ref().map(|s| &s.pixels()[row_of(y)..]);
+            let surfaces = light.surface.as_ref().map(|s| &s.pixels()[row_of(y)..]);
             let mut last = (u32::MAX, biases.get(&u32::MAX).copied().unwrap_or(0.0));
             for (x, value) in row.iter_mut().enumerate() {
                 if let Some(surface) = surfaces.map(|s| s[columns[x]]).filter(|s| *s != last.0) {
@@ -202,7 +202,7 @@ impl SimulatedPrior {
             }
         });
         let blurred = blur(&distorted, w, h, BLUR_PX * w.min(h) as f64 / NETWORK_SIDE_PX as f64);
-        let noise_stage = stage::keyed(stage::PRIOR_NOISE, keyframe.index);
+        let noise_stage = stage::keyed(stage::PRIOR_NOISE, index);
         let noisy = |(i, d): (usize, &f64)| {
             let n = NOISE * Rng::keyed(self.seed, noise_stage, i as u64).normal();
             (scale * (d + n) + offset) as f32
@@ -253,10 +253,10 @@ fn inverse_of(depth: &Raster<f32>) -> Dense {
 }
 
 /// The depth of a keyframe that has one.
-fn true_depth_of(keyframe: &Keyframe) -> Result<&Raster<f32>> {
+fn true_depth_of(index: usize, light: &Light) -> Result<&Raster<f32>> {
     let help = "pass --set 'depth.prior=\"none\"', bring maps of your own with depth.prior = \"folder\", or import measured depth with --depth";
-    let place = || format!("keyframe {}, depth prior from ground truth", keyframe.index);
-    let depth = keyframe.depth_m.as_ref().ok_or_else(|| Error::invalid(place(), "the keyframe carries no depth", help))?;
+    let place = || format!("keyframe {index}, depth prior from ground truth");
+    let depth = light.depth_m.as_ref().ok_or_else(|| Error::invalid(place(), "the keyframe carries no depth", help))?;
     if !has_depth(depth) {
         return Err(Error::invalid(place(), "no pixel has a positive, finite depth", help));
     }

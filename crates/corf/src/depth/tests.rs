@@ -4,9 +4,9 @@ use super::*;
 use crate::{
     config::{DepthConfig, PriorPreset},
     depth::prior::SimulatedPrior,
-    synthetic,
+    synthetic::{self, light},
 };
-use corf_scene::{Keyframe, Pinhole, Raster};
+use corf_scene::{Keyframe, Light, Pinhole, Raster};
 
 const SEED: u64 = 5;
 
@@ -16,11 +16,11 @@ fn sequence(camera: &Pinhole, count: usize, textured: bool) -> Vec<Keyframe> {
 }
 
 fn grey(keyframes: &[Keyframe], camera: &Pinhole) -> Vec<GreyView> {
-    keyframes.iter().map(|k| GreyView::of(k, *camera)).collect()
+    keyframes.iter().map(|k| GreyView::of(k.index, k.world_from_camera, light(k), *camera)).collect()
 }
 
 fn truth(k: &Keyframe) -> &Raster<f32> {
-    k.depth_m.as_ref().unwrap()
+    light(k).depth_m.as_ref().unwrap()
 }
 
 /// Relative depth errors |z/z* − 1|, sorted.
@@ -101,9 +101,11 @@ fn what_does_not_count_is_neither_corner_nor_match() {
     let is_sign = |x: usize, y: usize| (70..130).contains(&x) && (30..80).contains(&y);
     let views = |mask: bool| -> Vec<GreyView> {
         let painted = |k: &Keyframe| {
-            let image = Raster::from_fn(192, 108, |x, y| if is_sign(x, y) { sign[(x - 70, y - 30)] } else { k.image[(x, y)] });
+            let image =
+                Raster::from_fn(192, 108, |x, y| if is_sign(x, y) { sign[(x - 70, y - 30)] } else { light(k).image[(x, y)] });
             let mask = mask.then(|| Raster::from_fn(192, 108, |x, y| !is_sign(x, y)));
-            GreyView::of(&Keyframe { image, mask, ..k.clone() }, s.camera)
+            let seen = Light { image, mask, ..light(k).clone() };
+            GreyView::of(k.index, k.world_from_camera, &seen, s.camera)
         };
         s.keyframes.iter().map(painted).collect()
     };
@@ -136,7 +138,7 @@ fn blank_walls_triangulate_nothing_and_match_nothing() {
     let dense = |map| Dense::new(map, (192, 108));
     let prior = AlignedPrior { confidence: dense(exact.map(|_| 1.0)), inverse_depth: dense(exact), scale: 1.0, offset: 0.0 };
     // Pixels whose patch lies within one surface: no texture, no match, whatever the gate says.
-    let surface = s.keyframes[5].surface.as_ref().unwrap();
+    let surface = light(&s.keyframes[5]).surface.as_ref().unwrap();
     let flat: Vec<(usize, usize)> = (8..100)
         .flat_map(|y| (8..184).map(move |x| (x, y)))
         .filter(|&(x, y)| (y - 5..=y + 5).all(|v| (x - 5..=x + 5).all(|u| surface[(u, v)] == surface[(x, y)])))
@@ -163,7 +165,7 @@ fn the_simulated_prior_errs_as_much_as_it_should_after_alignment() {
         for seed in 0..runs {
             let prior = SimulatedPrior::new(preset, seed);
             let k = &s.keyframes[5];
-            let mono = prior.estimate(k).unwrap();
+            let mono = prior.estimate(k.index, light(k)).unwrap();
             let exact = truth(k);
             // Anchors with a tenth of outliers, as real triangulation has.
             let anchors: Vec<SparseDepth> = (0..400)
@@ -187,19 +189,19 @@ fn the_simulated_prior_errs_as_much_as_it_should_after_alignment() {
 #[test]
 fn a_large_image_gets_its_prior_at_the_networks_size() {
     let (w, h) = (1000, 777);
-    let mut k = setup(96, 64, true).keyframes.remove(2);
+    let k = setup(96, 64, true).keyframes.remove(2);
     // A slanted wall with a box before it, between columns 400 and 600.
     let exact = Raster::from_fn(w, h, |x, y| {
         let wall = 1.0 / (0.2 + 0.1 * x as f32 / w as f32 + 0.05 * y as f32 / h as f32);
         if (400..600).contains(&x) { 0.5 * wall } else { wall }
     });
-    (k.depth_m, k.surface) = (Some(exact), None);
+    let k = synthetic::seen(&k, |light| (light.depth_m, light.surface) = (Some(exact), None));
     let exact = truth(&k);
     let anchors: Vec<SparseDepth> = (0..400)
         .map(|i| ((i * 37) % w, (i * 53) % h))
         .map(|(x, y)| SparseDepth { x, y, inverse_depth: 1.0 / exact[(x, y)] })
         .collect();
-    let mono = SimulatedPrior::new(PriorPreset::Mild, SEED).estimate(&k).unwrap();
+    let mono = SimulatedPrior::new(PriorPreset::Mild, SEED).estimate(k.index, light(&k)).unwrap();
     assert_eq!((mono.grid().width(), mono.grid().height()), (667, 518));
     let aligned = align(&mono, &anchors, &DepthConfig::default()).unwrap();
     let all = (0..w * h).map(|i| (i % w, i / w, aligned.inverse_depth.at(i % w, i / w)));
@@ -240,15 +242,14 @@ fn a_slope_is_one_per_image_pixel_whatever_the_cells() {
 fn the_prior_is_affine_invariant_only_and_repeats_itself_by_seed() {
     let s = setup(96, 64, true);
     let k = &s.keyframes[2];
-    let a = SimulatedPrior::new(PriorPreset::Default, 1).estimate(k).unwrap();
-    assert_eq!(a, SimulatedPrior::new(PriorPreset::Default, 1).estimate(k).unwrap());
-    assert_ne!(a, SimulatedPrior::new(PriorPreset::Default, 2).estimate(k).unwrap());
+    let a = SimulatedPrior::new(PriorPreset::Default, 1).estimate(k.index, light(k)).unwrap();
+    assert_eq!(a, SimulatedPrior::new(PriorPreset::Default, 1).estimate(k.index, light(k)).unwrap());
+    assert_ne!(a, SimulatedPrior::new(PriorPreset::Default, 2).estimate(k.index, light(k)).unwrap());
     // It is not metric: without alignment the depth is far off.
     let e = errors((0..96 * 64).map(|i| (i % 96, i / 96, a.at(i % 96, i / 96).max(0.03))), truth(k));
     assert!(mean(&e) > 0.3);
-    let mut blind = k.clone();
-    blind.depth_m = None;
-    let error = SimulatedPrior::new(PriorPreset::Default, 1).estimate(&blind).unwrap_err().to_string();
+    let blind = Light::of_image(light(k).image.clone());
+    let error = SimulatedPrior::new(PriorPreset::Default, 1).estimate(k.index, &blind).unwrap_err().to_string();
     assert!(error.contains("keyframe 2") && error.contains("none"), "{error}");
 }
 
@@ -259,7 +260,7 @@ fn guided_matching_sharpens_the_prior_several_times_over() {
         let (reference, near) = neighbours(&s);
         let config = DepthConfig::default();
         let k = &s.keyframes[5];
-        let mono = SimulatedPrior::new(PriorPreset::Default, SEED).estimate(k).unwrap();
+        let mono = SimulatedPrior::new(PriorPreset::Default, SEED).estimate(k.index, light(k)).unwrap();
         let prior = align(&mono, &triangulate(reference, &near, &config), &config).unwrap();
         let pixels: Vec<(usize, usize)> = (0..2000).map(|i| ((i * 37) % width, (i * 53) % height)).collect();
         let started = std::time::Instant::now();

@@ -1,7 +1,7 @@
 //! A keyframe as matching sees it, and the warp between two of them.
 
 use super::patch::{GreyImage, Warp};
-use corf_scene::{Keyframe, Pinhole, Raster, Rigid3};
+use corf_scene::{Light, Pinhole, Raster, Rigid3};
 use glam::{DVec3, Mat2, Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -28,9 +28,9 @@ pub struct GreyView {
 }
 
 impl GreyView {
-    /// Builds the view of a keyframe. A pixel of the coarse image counts if all of its block do.
-    pub fn of(keyframe: &Keyframe, camera: Pinhole) -> Self {
-        let Keyframe { index, world_from_camera, image, mask, .. } = keyframe;
+    /// Builds the view of a keyframe from its index, its pose and what its camera saw. A pixel of the coarse image counts if all of its block do.
+    pub fn of(index: usize, world_from_camera: Rigid3, light: &Light, camera: Pinhole) -> Self {
+        let Light { image, mask, .. } = light;
         let luma = |c: &[u8; 3]| (0.299 * f32::from(c[0]) + 0.587 * f32::from(c[1]) + 0.114 * f32::from(c[2])) / 255.0;
         let fine = image.pixels().par_iter().with_min_len(1024).map(luma).collect();
         let fine = Raster::from_vec(image.width(), image.height(), fine);
@@ -50,7 +50,6 @@ impl GreyView {
         });
         let fine = GreyImage::new(&fine).masked(mask.as_ref());
         let coarse = GreyImage::new(&coarse).masked(counts.as_ref());
-        let (index, world_from_camera) = (*index, *world_from_camera);
         Self { index, world_from_camera, fine, fine_camera: camera, coarse, coarse_camera, coarse_level }
     }
 }

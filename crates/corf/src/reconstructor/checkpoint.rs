@@ -141,9 +141,10 @@ impl Reconstructor {
             ));
         };
         self.admit(&keyframe)?;
-        let view = self.ahead.preparer().view(&keyframe);
+        let light = &*self.ahead.preparer().guide(&keyframe)?;
+        let view = self.ahead.preparer().view(&keyframe, light);
         self.ahead.with_past(|p| p.meet(&view));
-        let mono = self.ahead.preparer().mono(&keyframe)?;
+        let mono = self.ahead.preparer().mono(&keyframe, light)?;
         let aligned =
             mono.as_ref().zip(past.alignment).map(|(m, [scale, offset])| AlignedPrior::new(m, scale, offset, &self.config.depth));
         let corrected = |a: AlignedPrior| match &past.correction {
@@ -151,7 +152,7 @@ impl Reconstructor {
             None => a,
         };
         let aligned = aligned.map(corrected);
-        let target = self.ahead.preparer().training_view(&keyframe, aligned.as_ref());
+        let target = self.ahead.preparer().training_view(&keyframe, light, aligned.as_ref());
         let view = self.device.upload(&target, self.config.pyramid_levels)?;
         self.schedule.push(view);
         let typical_depth_m = past.typical_depth_m;

@@ -5,7 +5,7 @@ use crate::{
     Antialias, CpuDevice, OptimizerConfig, RasterConfig, ReconstructionConfig, RfTarget,
     device::Planes,
     loss::psnr_8bit,
-    synthetic::{self, DB_RANGE},
+    synthetic::{self, DB_RANGE, light, seen, spectrum},
 };
 use corf_scene::Raster;
 use rayon::prelude::*;
@@ -41,18 +41,19 @@ fn psnr(r: &mut Reconstructor, k: &Keyframe) -> (f64, f64) {
     scores(&p, k, &r.config)
 }
 
-fn scores(p: &Prediction, k: &Keyframe, config: &ReconstructionConfig) -> (f64, f64) {
-    let planes = |pixels: Vec<f32>| Planes { width: k.image.width(), height: k.image.height(), channels: 3, pixels };
+fn scores(p: &FieldRendering, k: &Keyframe, config: &ReconstructionConfig) -> (f64, f64) {
+    let planes =
+        |pixels: Vec<f32>| Planes { width: light(k).image.width(), height: light(k).image.height(), channels: 3, pixels };
     let image = planes(p.image.pixels().iter().flatten().copied().collect());
-    let truth = planes(k.image.pixels().iter().flatten().map(|&v| f32::from(v) / 255.0).collect());
-    (psnr_8bit(&image, &truth), psnr_8bit(&p.rf, &config.rf_target.encode(&k.spectrum, &DB_RANGE)))
+    let truth = planes(light(k).image.pixels().iter().flatten().map(|&v| f32::from(v) / 255.0).collect());
+    (psnr_8bit(&image, &truth), psnr_8bit(&p.rf, &config.rf_target.encode(spectrum(k), &DB_RANGE)))
 }
 
 /// PSNR of light when every pixel is the image's mean grey, dB.
 fn flat_psnr(k: &Keyframe) -> f64 {
-    let pixels: Vec<f32> = k.image.pixels().iter().flatten().map(|&v| f32::from(v) / 255.0).collect();
+    let pixels: Vec<f32> = light(k).image.pixels().iter().flatten().map(|&v| f32::from(v) / 255.0).collect();
     let mean = pixels.iter().sum::<f32>() / pixels.len() as f32;
-    let planes = |pixels| Planes { width: k.image.width(), height: k.image.height(), channels: 3, pixels };
+    let planes = |pixels| Planes { width: light(k).image.width(), height: light(k).image.height(), channels: 3, pixels };
     psnr_8bit(&planes(vec![mean; pixels.len()]), &planes(pixels))
 }
 
@@ -96,30 +97,32 @@ fn coupling_beats_a_frozen_geometry_in_radio_and_keeps_light() {
 
 /// A third of every image painted over with black and white noise, in each elsewhere; the mask says where.
 fn painted(k: &Keyframe) -> Keyframe {
-    let (w, h) = (k.image.width(), k.image.height());
     let left = 23 * k.index % 48;
-    let mask = Raster::from_fn(w, h, |x, _| !(left..left + 24).contains(&x));
     let mut rng = corf_scene::Rng::keyed(1, k.index as u64, 0);
     let mut paint = || [255 * rng.below(2) as u8; 3];
-    let image = Raster::from_fn(w, h, |x, y| if mask[(x, y)] { k.image[(x, y)] } else { paint() });
-    Keyframe { image, mask: Some(mask), ..k.clone() }
+    seen(k, |light| {
+        let (w, h) = (light.image.width(), light.image.height());
+        let mask = Raster::from_fn(w, h, |x, _| !(left..left + 24).contains(&x));
+        light.image = Raster::from_fn(w, h, |x, y| if mask[(x, y)] { light.image[(x, y)] } else { paint() });
+        light.mask = Some(mask);
+    })
 }
 
 #[test]
 fn paint_that_is_masked_does_no_harm_and_paint_that_is_not_does() {
     let frames = keyframes();
     let masked: Vec<Keyframe> = frames.iter().map(painted).collect();
-    let unmasked: Vec<Keyframe> = masked.iter().map(|k| Keyframe { mask: None, ..k.clone() }).collect();
+    let unmasked: Vec<Keyframe> = masked.iter().map(|k| seen(k, |light| light.mask = None)).collect();
     let config = ReconstructionConfig { iterations_per_keyframe: 40, ..Default::default() };
     // PSNR of light over the pixels that count of all images, against the clean ones, dB.
     let quality = |training: &[Keyframe]| {
         let mut r = reconstruct(&config, 1, training);
         let (mut found, mut truth) = (vec![], vec![]);
-        for (k, mask) in frames.iter().zip(masked.iter().flat_map(|k| &k.mask)) {
+        for (k, mask) in frames.iter().zip(masked.iter().flat_map(|k| &light(k).mask)) {
             let p = r.render(k.world_from_camera).unwrap();
             for (i, _) in mask.pixels().iter().enumerate().filter(|(_, counts)| **counts) {
                 found.extend(p.image.pixels()[i]);
-                truth.extend(k.image.pixels()[i].map(|v| f32::from(v) / 255.0));
+                truth.extend(light(k).image.pixels()[i].map(|v| f32::from(v) / 255.0));
             }
         }
         let planes = |pixels: Vec<f32>| Planes { width: pixels.len() / 3, height: 1, channels: 3, pixels };
@@ -138,7 +141,7 @@ fn what_is_under_a_mask_changes_no_byte_of_a_field() {
     let config = ReconstructionConfig { iterations_per_keyframe: 5, ..Default::default() };
     let field = |frames: Vec<Keyframe>| reconstruct(&config, 1, &frames).field().unwrap();
     let masked: Vec<Keyframe> = frames.iter().map(painted).collect();
-    let clean = frames.iter().zip(&masked).map(|(k, m)| Keyframe { mask: m.mask.clone(), ..k.clone() }).collect();
+    let clean = frames.iter().zip(&masked).map(|(k, m)| seen(k, |seen| seen.mask = light(m).mask.clone())).collect();
     let masked = field(masked);
     assert_eq!(masked, field(clean));
     assert_ne!(masked, field(frames));
@@ -147,7 +150,7 @@ fn what_is_under_a_mask_changes_no_byte_of_a_field() {
 #[test]
 fn a_mask_that_leaves_nothing_out_changes_no_byte_of_a_field() {
     let frames = keyframes();
-    let whole: Vec<Keyframe> = frames.iter().map(|k| Keyframe { mask: Some(k.image.map(|_| true)), ..k.clone() }).collect();
+    let whole: Vec<Keyframe> = frames.iter().map(|k| seen(k, |light| light.mask = Some(light.image.map(|_| true)))).collect();
     let config = ReconstructionConfig { iterations_per_keyframe: 5, ..Default::default() };
     assert_eq!(reconstruct(&config, 1, &frames).field().unwrap(), reconstruct(&config, 1, &whole).field().unwrap());
 }
@@ -239,15 +242,15 @@ fn one_field_trained_on_either_device_ends_at_the_same_errors() {
         let mut schedule = Schedule::new(5, config.rf_target.floor_color());
         schedule.set_depth_weight(0.02);
         for k in frames.iter().filter(|k| k.index != HELD_OUT) {
-            let pixels = k.image.pixels().iter().flatten().map(|v| f32::from(*v) / 255.0).collect();
-            let depth = k.depth_m.as_ref().unwrap();
+            let pixels = light(k).image.pixels().iter().flatten().map(|v| f32::from(*v) / 255.0).collect();
+            let depth = light(k).depth_m.as_ref().unwrap();
             let inverse_depth = crate::device::InverseDepth { value: depth.map(|z| 1.0 / z), confidence: depth.map(|_| 0.5) };
             let view = crate::device::TrainingView {
                 world_from_camera: k.world_from_camera,
                 optical_camera,
-                optical: Planes { width: k.image.width(), height: k.image.height(), channels: 3, pixels },
+                optical: Planes { width: light(k).image.width(), height: light(k).image.height(), channels: 3, pixels },
                 rf_camera,
-                rf: config.rf_target.encode(&k.spectrum, &DB_RANGE),
+                rf: config.rf_target.encode(spectrum(k), &DB_RANGE),
                 inverse_depth: Some(inverse_depth),
                 mask: None,
             };

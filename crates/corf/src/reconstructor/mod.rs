@@ -14,7 +14,7 @@ pub use latency::{KeyframeTiming, LatencySummary, Percentiles};
 pub use report::KeyframeReport;
 
 use crate::{
-    Device, Error, Field, FieldMeta, Gaussians, Prediction, Result,
+    Device, Error, Field, FieldMeta, FieldRendering, Gaussians, Result,
     config::{Coupling, ReconstructionConfig, SecondStageOpacity},
     depth::{self, Correction, DepthQuality, DepthTally},
     device::{Step, StepReport},
@@ -74,6 +74,8 @@ pub struct Reconstructor {
     replay: Option<Replay>,
     keyframes_received: usize,
     last_pose: Option<(usize, Rigid3)>,
+    /// What keyframes have, all of them: the first says it.
+    modalities: Option<Modalities>,
     baselines_m: Vec<f64>,
     timings: Vec<KeyframeTiming>,
     depth_tally: DepthTally,
@@ -83,7 +85,9 @@ pub struct Reconstructor {
 }
 
 impl Reconstructor {
-    /// An empty field. The cameras are those of every keyframe to come, `db_range` the whole dataset's.
+    /// An empty field. The cameras are those of every keyframe to come, `db_range` the whole dataset's. In a capture without light
+    /// [growth is guided](crate::keyframe::guide) by spectra, and both cameras are theirs; in one without radio `rf_camera` is any,
+    /// `db_range` is [`FieldMeta::RANGE_WITHOUT_RADIO`], and `rf_weight` 0.
     ///
     /// # Errors
     /// A configuration out of range, a depth prior whose files cannot be used, cameras without pixels, an empty dB range, or a device that already holds
@@ -142,6 +146,7 @@ impl Reconstructor {
             replay: None,
             keyframes_received: 0,
             last_pose: None,
+            modalities: None,
             baselines_m: Vec::new(),
             timings: Vec::new(),
             depth_tally: DepthTally::default(),
@@ -202,7 +207,8 @@ impl Reconstructor {
     /// only collected. A caller that knows the next keyframe already does better with [`Self::receive`] and [`Self::process`].
     ///
     /// # Errors
-    /// A keyframe of the wrong size, out of order, with a pose that is not finite, or without the depth or map the prior needs; the device's errors.
+    /// A keyframe of the wrong size, out of order, with other modalities than those before it, with a pose that is not finite, or without
+    /// the depth or map the prior needs; the device's errors.
     pub fn push(&mut self, keyframe: &Keyframe) -> Result<KeyframeReport> {
         self.receive(keyframe.clone())?;
         let mut report = self.report(keyframe.index);
@@ -216,7 +222,8 @@ impl Reconstructor {
     /// those before it, if it is received by then.
     ///
     /// # Errors
-    /// A keyframe of the wrong size, out of order, with a pose that is not finite, or without the depth or map the prior needs.
+    /// A keyframe of the wrong size, out of order, with other modalities than those before it, with a pose that is not finite, or without
+    /// the depth or map the prior needs.
     pub fn receive(&mut self, keyframe: Keyframe) -> Result<()> {
         self.receive_at(keyframe, Instant::now())
     }
@@ -376,19 +383,20 @@ impl Reconstructor {
         Ok(last)
     }
 
-    /// The field as it stands: reads the Gaussians back.
+    /// The field as it stands, of what its keyframes have: reads the Gaussians back.
     ///
     /// # Errors
     /// The device's.
     pub fn field(&mut self) -> Result<Field> {
-        Ok(Field { gaussians: self.device.gaussians()?, meta: self.meta })
+        let modalities = self.modalities.unwrap_or(self.meta.modalities);
+        Ok(Field { gaussians: self.device.gaussians()?, meta: FieldMeta { modalities, ..self.meta } })
     }
 
     /// Renders the field as it stands at any pose.
     ///
     /// # Errors
     /// The device's.
-    pub fn render(&mut self, world_from_camera: Rigid3) -> Result<Prediction> {
+    pub fn render(&mut self, world_from_camera: Rigid3) -> Result<FieldRendering> {
         self.meta.render(self.device.as_mut(), world_from_camera)
     }
 

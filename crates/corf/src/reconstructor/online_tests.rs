@@ -26,7 +26,7 @@ fn keyframes() -> Vec<Keyframe> {
     let one = |i: usize| {
         let plain = synthetic::keyframe(2 * i, synthetic::pose(i as f64 * 1.5), &optical, &rf, true);
         let mask = Raster::from_fn(optical.width, optical.height, |x, y| x > 9 * i || y < 8);
-        Keyframe { mask: (i % 2 == 1).then_some(mask), ..plain }
+        synthetic::seen(&plain, |light| light.mask = (i % 2 == 1).then_some(mask))
     };
     (0..COUNT).map(one).collect()
 }
@@ -138,7 +138,7 @@ fn ways() -> [ReconstructionConfig; 6] {
 /// A folder prior of the frames' depths, relative and with a hole.
 fn maps_of(frames: &[Keyframe], folder: &Path) -> DepthConfig {
     for frame in frames {
-        let depth = frame.depth_m.as_ref().unwrap();
+        let depth = synthetic::light(frame).depth_m.as_ref().unwrap();
         let mut inverse = depth.map(|z| 2.0 / z + 0.1);
         (20..30).flat_map(|y| (10..25).map(move |x| (x, y))).for_each(|at| inverse[at] = f32::NAN);
         let map = Array::new("x", &[depth.height(), depth.width()], Values::F32(inverse.into_vec())).to_npy();

@@ -11,7 +11,8 @@ use crate::{
     images::laplacian_of_gaussian,
     stage,
 };
-use corf_scene::{Keyframe, Pinhole, Raster, Rigid3};
+use corf_scene::{Keyframe, Light, Pinhole, Raster, Rigid3};
+use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -166,7 +167,7 @@ impl Preparer {
 
     /// Refuses a keyframe that [`Self::extract`] could not look at.
     pub fn check(&self, keyframe: &Keyframe) -> Result<()> {
-        self.prior.check(keyframe)
+        self.prior.check(keyframe.index, &*self.guide(keyframe)?)
     }
 
     /// Whether the prior reads the ray tracer's depth.
@@ -174,25 +175,33 @@ impl Preparer {
         self.prior.consumes_ground_truth_depth()
     }
 
-    /// The keyframe as matching sees it.
-    pub fn view(&self, keyframe: &Keyframe) -> Arc<GreyView> {
-        Arc::new(GreyView::of(keyframe, self.meta.optical_camera))
+    /// What the keyframe's growth is guided by.
+    ///
+    /// # Errors
+    /// Those of [`crate::keyframe::guide`].
+    pub fn guide<'k>(&self, keyframe: &'k Keyframe) -> Result<Cow<'k, Light>> {
+        crate::keyframe::guide(keyframe, &self.meta)
+    }
+
+    /// The keyframe as matching sees it; `light` is its guide, here as below.
+    pub fn view(&self, keyframe: &Keyframe, light: &Light) -> Arc<GreyView> {
+        Arc::new(GreyView::of(keyframe.index, keyframe.world_from_camera, light, self.meta.optical_camera))
     }
 
     /// The keyframe's prior, as it comes, with holes where the keyframe's mask leaves pixels out.
-    pub fn mono(&self, keyframe: &Keyframe) -> Result<Option<Dense>> {
-        let prior = self.prior.estimate(keyframe)?;
-        Ok(match &keyframe.mask {
+    pub fn mono(&self, keyframe: &Keyframe, light: &Light) -> Result<Option<Dense>> {
+        let prior = self.prior.estimate(keyframe.index, light)?;
+        Ok(match &light.mask {
             Some(mask) => prior.map(|p| p.masked(mask)),
             None => prior,
         })
     }
 
     /// The keyframe as a training target.
-    pub fn training_view(&self, keyframe: &Keyframe, prior: Option<&AlignedPrior>) -> TrainingView {
-        let rf = self.config.rf_target.encode(&keyframe.spectrum, &self.meta.db_range);
-        let (pose, mask) = (keyframe.world_from_camera, keyframe.mask.clone());
-        crate::keyframe::training_view(pose, crate::keyframe::optical(keyframe), rf, prior.map(inverse_depth), mask, &self.meta)
+    pub fn training_view(&self, keyframe: &Keyframe, light: &Light, prior: Option<&AlignedPrior>) -> TrainingView {
+        let rf = crate::keyframe::rf(keyframe.radio.as_ref(), &self.meta);
+        let (pose, mask) = (keyframe.world_from_camera, light.mask.clone());
+        crate::keyframe::training_view(pose, crate::keyframe::optical(light), rf, prior.map(inverse_depth), mask, &self.meta)
     }
 
     /// The training view of a keyframe that could not be packed before the field had aligned its prior, on a device that packs.
@@ -210,30 +219,31 @@ impl Preparer {
     /// A keyframe from which the prior cannot be estimated.
     pub fn extract(&self, keyframe: &Keyframe) -> Result<Extracted> {
         let begin = Instant::now();
-        let optical = crate::keyframe::optical(keyframe);
+        let light = &*self.guide(keyframe)?;
+        let optical = crate::keyframe::optical(light);
         let sampling = self.config.sampling;
         let least = self.config.least_probability;
         let mut probability = match sampling {
             Sampling::Uniform => Raster::filled(optical.width, optical.height, self.config.uniform_probability),
             Sampling::Log => laplacian_of_gaussian::probability(&optical, self.config.log_sigma_px).map(|p| p.max(least)),
         };
-        if let Some(mask) = &keyframe.mask {
+        if let Some(mask) = &light.mask {
             let pixels = probability.pixels_mut().iter_mut().zip(mask.pixels());
             pixels.filter(|(_, counts)| !**counts).for_each(|(p, _)| *p = 0.0);
         }
         let stage = stage::keyed(stage::SAMPLING, keyframe.index);
         let candidates = laplacian_of_gaussian::draw(&probability, |p| acceptance(&self.config, p, None), self.seed, stage);
         Ok(Extracted {
-            view: self.view(keyframe),
+            view: self.view(keyframe, light),
             index: keyframe.index,
             world_from_camera: keyframe.world_from_camera,
             optical,
-            rf: self.config.rf_target.encode(&keyframe.spectrum, &self.meta.db_range),
-            mask: keyframe.mask.clone(),
-            mono: self.mono(keyframe)?,
+            rf: crate::keyframe::rf(keyframe.radio.as_ref(), &self.meta),
+            mask: light.mask.clone(),
+            mono: self.mono(keyframe, light)?,
             probability,
             candidates,
-            truth_m: keyframe.depth_m.clone().filter(|_| self.prior.leaves_a_truth()),
+            truth_m: light.depth_m.clone().filter(|_| self.prior.leaves_a_truth()),
             work_s: begin.elapsed().as_secs_f64(),
         })
     }

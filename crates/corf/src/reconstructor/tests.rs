@@ -6,9 +6,9 @@ use crate::{
     config::{DepthConfig, DepthPriorKind},
     device::{Layer, Planes, RenderRequest, Rendering, TrainingView, ViewId},
     gaussians::sigmoid,
-    synthetic,
+    synthetic::{self, light, spectrum},
 };
-use corf_scene::Raster;
+use corf_scene::{Light, Raster};
 use std::sync::{Arc, Mutex};
 
 /// Log of the calls to a recording device, and the answer that it renders.
@@ -227,11 +227,8 @@ fn uniform_sampling_draws_a_tenth_of_the_pixels_and_more_than_structure_does() {
 #[test]
 fn without_a_prior_depths_come_from_matching_alone() {
     let depth = DepthConfig { prior: DepthPriorKind::None, ..Default::default() };
-    let mut frames = keyframes(4);
-    for k in &mut frames {
-        k.depth_m = None;
-        k.surface = None;
-    }
+    let blind = |k: &Keyframe| synthetic::seen(k, |light| (light.depth_m, light.surface) = (None, None));
+    let frames: Vec<Keyframe> = keyframes(4).iter().map(blind).collect();
     let (_, log, reports) = run(ReconstructionConfig { depth, ..Default::default() }, 1, &frames);
     assert!(reports.iter().all(|r| !r.ground_truth_depth_used && !r.prior_aligned));
     assert!(reports[2].spawned > 150 && reports[2].accurate_share == 1.0, "{:?}", reports[2]);
@@ -243,21 +240,23 @@ fn without_a_prior_depths_come_from_matching_alone() {
 }
 
 /// A picture that something white with black dots has walked through, and the mask that says where.
-fn with_a_passer_by(mut k: Keyframe) -> Keyframe {
+fn with_a_passer_by(k: &Keyframe) -> Keyframe {
     let left = 20 + 8 * k.index;
-    let mask = Raster::from_fn(k.image.width(), k.image.height(), |x, y| !((left..left + 30).contains(&x) && y > 10));
     let (white, black) = ([255; 3], [0; 3]);
-    k.image = Raster::from_fn(k.image.width(), k.image.height(), |x, y| match mask[(x, y)] {
-        true => k.image[(x, y)],
-        false => [white, black][usize::from((x - left) % 4 < 2 && y % 4 < 2)],
-    });
-    k.mask = Some(mask);
-    k
+    synthetic::seen(k, |light| {
+        let (w, h) = (light.image.width(), light.image.height());
+        let mask = Raster::from_fn(w, h, |x, y| !((left..left + 30).contains(&x) && y > 10));
+        light.image = Raster::from_fn(w, h, |x, y| match mask[(x, y)] {
+            true => light.image[(x, y)],
+            false => [white, black][usize::from((x - left) % 4 < 2 && y % 4 < 2)],
+        });
+        light.mask = Some(mask);
+    })
 }
 
 #[test]
 fn nothing_is_born_where_pixels_do_not_count_and_no_depth_is_learnt_there() {
-    let frames: Vec<Keyframe> = keyframes(5).into_iter().map(with_a_passer_by).collect();
+    let frames: Vec<Keyframe> = keyframes(5).iter().map(with_a_passer_by).collect();
     for (sampling, prior) in [
         (Sampling::Log, DepthPriorKind::Simulated),
         (Sampling::Uniform, DepthPriorKind::Simulated),
@@ -273,12 +272,12 @@ fn nothing_is_born_where_pixels_do_not_count_and_no_depth_is_learnt_there() {
             let seen = k.world_from_camera.inverse().transform_point(glam::Vec3::from(*p).as_dvec3());
             let at = cameras().0.project(seen).unwrap();
             let pixel = (at.x as usize, at.y as usize);
-            assert!(k.mask.as_ref().unwrap()[pixel], "{sampling:?}, {prior:?}: {pixel:?} of keyframe {born}");
+            assert!(light(k).mask.as_ref().unwrap()[pixel], "{sampling:?}, {prior:?}: {pixel:?} of keyframe {born}");
         }
         for (view, k) in log.lock().unwrap().views.iter().zip(&frames) {
-            assert_eq!(view.mask, k.mask);
+            assert_eq!(view.mask, light(k).mask);
             assert_eq!(view.inverse_depth.is_some(), prior != DepthPriorKind::None);
-            let mask = k.mask.as_ref().unwrap().pixels();
+            let mask = light(k).mask.as_ref().unwrap().pixels();
             let confident = view.inverse_depth.iter().flat_map(|d| d.confidence.pixels().iter().zip(mask));
             assert!(confident.clone().all(|(confidence, counts)| *counts || *confidence == 0.0));
             assert!(prior == DepthPriorKind::None || confident.filter(|c| *c.0 > 0.0).count() > 1000);
@@ -289,22 +288,18 @@ fn nothing_is_born_where_pixels_do_not_count_and_no_depth_is_learnt_there() {
 /// The picture around the passer-by is taken for what is behind it, so that no outline of it draws Gaussians.
 #[test]
 fn a_target_continues_under_its_mask_and_is_the_image_elsewhere() {
-    let k = with_a_passer_by(keyframes(1).remove(0));
-    let plain = crate::keyframe::optical(&Keyframe { mask: None, ..k.clone() });
-    let target = crate::keyframe::optical(&k);
-    let mask = k.mask.as_ref().unwrap();
+    let k = with_a_passer_by(&keyframes(1)[0]);
+    let light = light(&k);
+    let of_mask = |mask| crate::keyframe::optical(&Light { mask, ..light.clone() });
+    let (plain, target) = (of_mask(None), crate::keyframe::optical(light));
+    let mask = light.mask.as_ref().unwrap();
     for (i, (a, b)) in target.pixels.chunks(3).zip(plain.pixels.chunks(3)).enumerate() {
         assert!(!mask.pixels()[i] || a == b);
     }
     // In the passer-by's lower left corner: the pixel beside it.
     assert_eq!(target.pixels[(63 * 96 + 20) * 3..][..3], plain.pixels[(63 * 96 + 19) * 3..][..3]);
-    let whole = Keyframe { mask: Some(mask.map(|_| true)), ..k.clone() };
-    assert_eq!(crate::keyframe::optical(&whole), plain);
-    assert_eq!(
-        crate::keyframe::optical(&Keyframe { mask: Some(mask.map(|_| false)), ..k }),
-        plain,
-        "of nothing nothing is known"
-    );
+    assert_eq!(of_mask(Some(mask.map(|_| true))), plain);
+    assert_eq!(of_mask(Some(mask.map(|_| false))), plain, "of nothing nothing is known");
 }
 
 #[test]
@@ -388,17 +383,69 @@ fn bad_keyframes_are_refused_with_their_index_and_leave_the_field_alone() {
     let mut nan = frames[3].clone();
     nan.world_from_camera.translation.x = f64::NAN;
     refused(&nan, "pose");
-    let mut small = frames[3].clone();
-    small.spectrum = Raster::filled(4, 4, 0.0);
-    refused(&small, "spectrum");
-    let mut bad = frames[3].clone();
-    bad.spectrum[(5, 2)] = f32::NAN;
-    refused(&bad, "row 2, column 5");
+    refused(&synthetic::with_spectrum(&frames[3], Raster::filled(4, 4, 0.0)), "spectrum");
+    let mut bad = spectrum(&frames[3]).clone();
+    bad[(5, 2)] = f32::NAN;
+    refused(&synthetic::with_spectrum(&frames[3], bad), "row 2, column 5");
+    let dark = Keyframe { light: None, ..frames[3].clone() };
+    refused(&dark, "those before it");
+    refused(&Keyframe { radio: None, ..frames[3].clone() }, "those before it");
+    refused(&Keyframe { radio: None, ..dark }, "neither light nor radio");
     assert_eq!(r.field().unwrap().gaussians, before);
     r.push(&frames[3]).unwrap();
     assert!(r.fine_tune(1, &mut |_, _| std::ops::ControlFlow::Continue(())).is_err(), "fine-tuning comes after the end");
     r.finish(&mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
     assert!(r.push(&keyframes(5)[4]).is_err());
+}
+
+/// In a capture without light the Jet picture of the spectrum is what growth looks at; its pose, its spectrum and its camera are all that is read.
+#[test]
+fn without_light_growth_is_guided_by_the_spectrum() {
+    let depth = DepthConfig { prior: DepthPriorKind::None, ..Default::default() };
+    let (_, rf) = cameras();
+    let frames: Vec<Keyframe> = (0..4).map(|i| synthetic::keyframe(i, synthetic::pose(i as f64 * 1.5), &rf, &rf, true)).collect();
+    let run = |frames: &[Keyframe]| {
+        let config = ReconstructionConfig { depth: depth.clone(), ..Default::default() };
+        let log = Arc::new(Mutex::new(Log { main: u32::MAX, inverse_depth: 0.2, ..Log::default() }));
+        let device = Recorder { log: log.clone(), field: config.empty_field() };
+        let mut r = Reconstructor::new(Box::new(device), config, rf, rf, synthetic::DB_RANGE, 1).unwrap();
+        frames.iter().for_each(|k| assert!(r.push(k).is_ok()));
+        r.finish(&mut |_, _| std::ops::ControlFlow::Continue(())).unwrap();
+        let views = log.lock().unwrap().views.clone();
+        (r.field().unwrap(), views)
+    };
+    let dark: Vec<Keyframe> = frames.iter().map(|k| Keyframe { light: None, ..k.clone() }).collect();
+    let (field, views) = run(&dark);
+    assert_eq!(field.meta.modalities, Modalities { light: false, radio: true });
+    let picture = |k: &Keyframe| Light::of_image(synthetic::DB_RANGE.jet_image(spectrum(k)));
+    for (view, k) in views.iter().zip(&frames) {
+        assert_eq!(view.optical, crate::keyframe::optical(&picture(k)));
+    }
+    // As if a camera had seen the picture.
+    let shown: Vec<Keyframe> = frames.iter().map(|k| Keyframe { light: Some(picture(k)), ..k.clone() }).collect();
+    let (of_shown, _) = run(&shown);
+    assert!(field.gaussians.len() > 10 && field.gaussians == of_shown.gaussians, "{}", field.gaussians.len());
+    assert_eq!(of_shown.meta.modalities, Modalities::BOTH);
+    // The spectrum is then to be of the camera that growth looks through.
+    let (mut r, _) = reconstructor(ReconstructionConfig { depth, ..Default::default() }, 1);
+    let error = r.push(&dark[0]).unwrap_err().to_string();
+    assert!(error.contains("48x32") && error.contains("96x64"), "{error}");
+}
+
+/// Without radio no spectrum is trained: whoever asks for it is told, and the target is that of no power.
+#[test]
+fn without_radio_light_alone_is_trained() {
+    let frames: Vec<Keyframe> = keyframes(4).into_iter().map(|k| Keyframe { radio: None, ..k }).collect();
+    let (mut r, _) = reconstructor(ReconstructionConfig::default(), 1);
+    let error = r.push(&frames[0]).unwrap_err().to_string();
+    assert!(error.contains("keyframe 0") && error.contains("rf_weight = 0"), "{error}");
+    let config = ReconstructionConfig { rf_weight: 0.0, ..Default::default() };
+    let (mut r, log, reports) = run(config, 1, &frames);
+    assert!(reports[2].spawned > 150, "{:?}", reports[2]);
+    assert_eq!(r.field().unwrap().meta.modalities, Modalities { light: true, radio: false });
+    let log = log.lock().unwrap();
+    let silence = r.config.rf_target.encode(&Raster::filled(48, 32, 0.0), &synthetic::DB_RANGE);
+    assert!(log.views.iter().all(|v| v.rf == silence) && log.steps.iter().all(|s| s.rf_weight == 0.0));
 }
 
 #[test]

@@ -9,9 +9,9 @@ pub use radio::{
     open_edges_note, radio_settings, sensor_settings,
 };
 
-use corf_scene::Result;
-use corf_scene::dataset::FrameData;
+use corf_scene::dataset::{Extras, KeyframeContent};
 use corf_scene::trajectory::TrajectoryPose;
+use corf_scene::{Radio, Result};
 
 /// A camera and an array that travel together.
 pub struct Platform<'a> {
@@ -28,17 +28,17 @@ impl Platform<'_> {
     ///
     /// # Errors
     /// A receiver at the transmitter; light that is not a finite number.
-    pub fn keyframe(&self, pose: &TrajectoryPose) -> Result<FrameData> {
+    pub fn keyframe(&self, pose: &TrajectoryPose) -> Result<KeyframeContent> {
         let (optical, radio) =
             rayon::join(|| self.camera.see(pose), || self.array.keyframe(&pose.world_from_camera, &self.outputs));
-        let (optical, radio) = (optical?, radio?);
-        Ok(FrameData {
-            spectrum: Some(radio.spectrum),
+        let ((light, floats), radio) = (optical?, radio?);
+        let extras = Extras {
             sphere: radio.sphere,
             tutorial: radio.tutorial,
             share_in_frame: Some(radio.share_in_frame),
             paths_jsonl: radio.paths_jsonl,
-            ..optical
-        })
+            ..floats
+        };
+        Ok(KeyframeContent { light: Some(light), radio: Some(Radio { spectrum: radio.spectrum }), extras })
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::light::{self, CacheSettings, LightCache, LightFrame, LightSettings, LightTracer, ViewSettings};
 use corf_scene::config::{DatasetConfig, LightMethod, OpticalConfig};
-use corf_scene::dataset::FrameData;
+use corf_scene::dataset::Extras;
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Error, Pinhole, Result, Rigid3, bounds};
+use corf_scene::{Error, Light, Pinhole, Result, Rigid3, bounds};
 
 /// Poses along the trajectory at which the exposure is metered, and the size and samples of each.
 const METERED_POSES: usize = 8;
@@ -147,26 +147,20 @@ impl<'a> OpticalSensor<'a> {
         Ok(exposure_ev)
     }
 
-    /// A keyframe without its spectrum.
+    /// What the camera sees at a pose, and the float images that are to be kept with it.
     ///
     /// # Errors
     /// Light that is not a finite number.
-    pub fn see(&self, pose: &TrajectoryPose) -> Result<FrameData> {
+    pub fn see(&self, pose: &TrajectoryPose) -> Result<(Light, Extras)> {
         let frame = self.look(&pose.world_from_camera, frame_key(pose))?;
-        Ok(FrameData {
-            image: Some(light::develop_frame(&frame, self.exposure_ev())),
+        let image = light::develop_frame(&frame, self.exposure_ev());
+        let extras = Extras {
             linear: self.writes.write_linear.then_some(frame.radiance),
             albedo: self.writes.write_albedo.then_some(frame.albedo),
             normals: self.writes.write_normals.then_some(frame.normal),
-            depth_m: Some(frame.depth_m),
-            surface: Some(frame.surface),
-            mask: None,
-            spectrum: None,
-            sphere: None,
-            tutorial: None,
-            share_in_frame: None,
-            paths_jsonl: None,
-        })
+            ..Extras::default()
+        };
+        Ok((Light { image, depth_m: Some(frame.depth_m), surface: Some(frame.surface), mask: None }, extras))
     }
 }
 

@@ -2,9 +2,9 @@
 
 use super::options::ImportOptions;
 use super::plan::Plan;
-use crate::dataset::{DatasetWriter, FrameData};
+use crate::dataset::{DatasetWriter, Extras, KeyframeContent};
 use crate::finding::{Finding, Severity};
-use crate::{Error, Raster, Result, io};
+use crate::{Error, Light, Radio, Raster, Result, io};
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -33,7 +33,7 @@ pub fn import<E: From<Error> + Send>(
     let (done, all, left_out) = (AtomicUsize::new(0), plan.shots.len(), LeftOut::default());
     (0..all).into_par_iter().try_for_each(|i| {
         let frame = frame(&plan, i, options)?;
-        left_out.count(frame.mask.as_ref());
+        left_out.count(frame.light.as_ref().and_then(|light| light.mask.as_ref()));
         writer.write_frame(i, &frame)?;
         tell(done.fetch_add(1, Ordering::Relaxed) + 1, all)
     })?;
@@ -95,54 +95,33 @@ pub fn examine(options: &ImportOptions) -> Result<usize> {
 }
 
 /// Everything of one keyframe.
-fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<FrameData> {
-    let (shot, header) = (&plan.shots[index], &plan.header);
-    let own = &shot.lens.pinhole;
-    let mut opaque = None;
-    let image = match &shot.image {
-        None => None,
-        Some(path) => {
-            let (image, opacity) = io::read_png_and_opacity(path)?;
-            opaque = opacity.filter(|_| !options.ignore_masks);
-            check_size(
-                path,
-                &image,
-                (own.width, own.height),
-                "the capture's camera",
-                "give the images that the cameras were made for",
-            )?;
-            Some(shot.lens.resample(&image, &header.optical_camera))
-        }
-    };
-    let depth_m = match &plan.depths {
-        None => None,
-        Some(depths) => Some(depth(&depths[index], plan, index, options)?),
-    };
-    let mask = mask(plan, index, opaque)?;
-    let spectrum = match (&plan.spectra, plan.encoding) {
+fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<KeyframeContent> {
+    let header = &plan.header;
+    let light = plan.shots[index].image.as_ref().map(|path| light(path, plan, index, options)).transpose()?;
+    let radio = match (&plan.spectra, plan.encoding) {
         (Some(paths), Some(encoding)) => {
             let path = &paths[index];
             let spectrum = options.reading().read(path, encoding)?;
             let camera = &header.rf_camera;
             check_size(path, &spectrum, (camera.width, camera.height), "the first spectrum", "give spectra of one size")?;
-            Some(spectrum)
+            Some(Radio { spectrum })
         }
         _ => None,
     };
-    Ok(FrameData {
-        image,
-        linear: None,
-        albedo: None,
-        normals: None,
-        depth_m,
-        surface: None,
-        mask,
-        spectrum,
-        sphere: None,
-        tutorial: None,
-        share_in_frame: None,
-        paths_jsonl: None,
-    })
+    Ok(KeyframeContent { light, radio, extras: Extras::default() })
+}
+
+/// An image with its depth and its mask, as the data set's camera sees them.
+fn light(path: &Path, plan: &Plan, index: usize, options: &ImportOptions) -> Result<Light> {
+    let lens = &plan.shots[index].lens;
+    let own = &lens.pinhole;
+    let (image, opacity) = io::read_png_and_opacity(path)?;
+    let help = "give the images that the cameras were made for";
+    check_size(path, &image, (own.width, own.height), "the capture's camera", help)?;
+    let image = lens.resample(&image, &plan.header.optical_camera);
+    let depth_m = plan.depths.as_ref().map(|depths| depth(&depths[index], plan, index, options)).transpose()?;
+    let mask = mask(plan, index, opacity.filter(|_| !options.ignore_masks))?;
+    Ok(Light { image, depth_m, surface: None, mask })
 }
 
 /// A depth map in metres, 0 where there is none, as the data set's camera sees it.

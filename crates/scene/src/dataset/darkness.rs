@@ -1,13 +1,13 @@
 //! Keyframes that show nothing: a camera in the dark, or one that looks past the scene.
 
-use crate::Raster;
+use crate::Light;
 use crate::finding::{Finding, Severity};
 
 /// Images without a value above this, of 255, are black.
 const BLACK: u8 = 3;
 
 /// Emptiness of one keyframe's optical image and depth map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Sight {
     /// Whether its image, where there is one, is black.
     pub black: bool,
@@ -16,11 +16,11 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    pub(super) fn of(image: Option<&Raster<[u8; 3]>>, depth_m: Option<&Raster<f32>>) -> Self {
+    pub(super) fn of(light: &Light) -> Self {
         let is_surface = |d: &f32| d.is_finite() && *d > 0.0;
         Self {
-            black: image.is_some_and(|image| image.pixels().iter().flatten().all(|v| *v <= BLACK)),
-            empty: depth_m.is_some_and(|depth| !depth.pixels().iter().any(is_surface)),
+            black: light.image.pixels().iter().flatten().all(|v| *v <= BLACK),
+            empty: light.depth_m.as_ref().is_some_and(|depth| !depth.pixels().iter().any(is_surface)),
         }
     }
 }
@@ -59,6 +59,7 @@ pub(super) fn findings(place: &str, sights: &[Sight], imported: bool) -> Vec<Fin
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Raster;
 
     #[test]
     fn what_shows_nothing_is_counted() {
@@ -68,7 +69,8 @@ mod tests {
         let nothing = Raster::filled(4, 3, 0f32);
         let mut wall = nothing.clone();
         wall[(2, 2)] = 3.5;
-        let sights = [Sight::of(Some(&black), Some(&nothing)), Sight::of(Some(&lit), Some(&wall)), Sight::of(Some(&lit), None)];
+        let light = |image: &Raster<[u8; 3]>, depth_m| Sight::of(&Light { depth_m, ..Light::of_image(image.clone()) });
+        let sights = [light(&black, Some(nothing)), light(&lit, Some(wall)), light(&lit, None)];
         let texts: Vec<String> = findings("d", &sights, false).iter().map(ToString::to_string).collect();
         assert_eq!(texts.len(), 2);
         assert!(texts[0].contains("1 of 3 images are black") && texts[1].contains("1 of 3 depth images are empty"), "{texts:?}");

@@ -40,7 +40,7 @@ pub use numpy::keyframe_npz;
 pub use reader::Dataset;
 pub use validate::validate;
 pub(crate) use writer::millimetres;
-pub use writer::{DatasetWriter, FrameData, forget_progress, grown_frame};
+pub use writer::{DatasetWriter, Extras, KeyframeContent, forget_progress, grown_frame};
 
 #[cfg(test)]
 mod tests;

@@ -18,14 +18,14 @@
 use super::Dataset;
 use super::header::to_json;
 use crate::npz::{Array, Values, encode_npz};
-use crate::{Pinhole, Result};
+use crate::{Light, Pinhole, Radio, Result};
 
 /// The archive of keyframe `index`.
 ///
 /// # Errors
 /// Those of [`Dataset::keyframe`].
 pub fn keyframe_npz(dataset: &Dataset, index: usize) -> Result<Vec<u8>> {
-    let (keyframe, has) = (dataset.keyframe(index)?, dataset.modalities());
+    let keyframe = dataset.keyframe(index)?;
     let text = |name: &str, text: String| Array::new(name, &[], Values::Text(vec![text]));
     let mut arrays = vec![
         Array::new("index", &[], Values::U32(vec![index as u32])),
@@ -34,19 +34,17 @@ pub fn keyframe_npz(dataset: &Dataset, index: usize) -> Result<Vec<u8>> {
         Array::new("is_train", &[], Values::Bool(vec![dataset.train_indices().contains(&index)])),
         Array::new("is_test", &[], Values::Bool(vec![dataset.test_indices().contains(&index)])),
     ];
-    if has.light {
-        let image = &keyframe.image;
+    if let Some(Light { image, depth_m, mask, .. }) = &keyframe.light {
         arrays.push(Array::new("image", &[image.height(), image.width(), 3], Values::U8(image.pixels().concat())));
         arrays.push(intrinsics("optical_intrinsics", &dataset.optical_camera()));
+        if let Some(depth) = depth_m {
+            arrays.push(Array::new("depth_m", &[depth.height(), depth.width()], Values::F32(depth.pixels().to_vec())));
+        }
+        if let Some(mask) = mask {
+            arrays.push(Array::new("mask", &[mask.height(), mask.width()], Values::Bool(mask.pixels().to_vec())));
+        }
     }
-    if let Some(depth) = &keyframe.depth_m {
-        arrays.push(Array::new("depth_m", &[depth.height(), depth.width()], Values::F32(depth.pixels().to_vec())));
-    }
-    if let Some(mask) = &keyframe.mask {
-        arrays.push(Array::new("mask", &[mask.height(), mask.width()], Values::Bool(mask.pixels().to_vec())));
-    }
-    if has.radio {
-        let (spectrum, range) = (&keyframe.spectrum, dataset.db_range());
+    if let (Some(Radio { spectrum }), Some(range)) = (&keyframe.radio, dataset.db_range()) {
         arrays.push(Array::new("spectrum", &[spectrum.height(), spectrum.width()], Values::F32(spectrum.pixels().to_vec())));
         arrays.push(intrinsics("rf_intrinsics", &dataset.rf_camera()));
         arrays.push(text("spectrum_unit", dataset.header().quantity.unit().to_owned()));

@@ -5,7 +5,7 @@ use super::conventions::Conventions;
 use super::file::DatasetFile;
 use super::header::{DATASET_SCHEMA, DatasetHeader, Imported, Summary, from_json, read_trajectory};
 use super::{foreign, layout};
-use crate::keyframe::{DbRange, Modalities};
+use crate::keyframe::{DbRange, Light, Modalities, Radio};
 use crate::trajectory::TrajectoryPose;
 use crate::{Error, Finding, Keyframe, Pinhole, Raster, Result, Similarity3, bounds, far, io};
 use std::path::{Path, PathBuf};
@@ -118,9 +118,9 @@ impl Dataset {
         self.file.keyframes == 0
     }
 
-    /// The one dB range of the dataset; without radio a stand-in of which no number comes.
-    pub fn db_range(&self) -> DbRange {
-        self.file.db_range.unwrap_or(DbRange { min_db: -100.0, max_db: 0.0 })
+    /// The one dB range of the dataset's spectra; none without radio.
+    pub fn db_range(&self) -> Option<DbRange> {
+        self.file.db_range
     }
 
     /// Whether there are images, and whether there are spectra.
@@ -202,7 +202,7 @@ impl Dataset {
         &self.file
     }
 
-    /// Reads keyframe `index`. Where a modality is missing, [`Keyframe`] says what stands in its place.
+    /// Reads keyframe `index`: what the camera saw and what the array received, as far as the dataset has them.
     ///
     /// # Errors
     /// An index outside the dataset; a file that is missing, cut short, of the wrong size, or with values that are no measurements.
@@ -215,22 +215,23 @@ impl Dataset {
                 "indices count from 0",
             ));
         };
+        let has = self.modalities();
+        let radio = has.radio.then(|| self.radio_of(index)).transpose()?;
+        let light = has.light.then(|| self.light_of(index)).transpose()?;
+        Ok(Keyframe { index, time_s: pose.time_s, world_from_camera: pose.world_from_camera, light, radio })
+    }
+
+    fn radio_of(&self, index: usize) -> Result<Radio> {
+        let name = layout::spectrum(index);
+        let spectrum = self.sized(index, &name, &self.rf_camera(), own_file(&self.dir, &name).and_then(io::read_exr_f32))?;
+        check_spectrum(&spectrum, &format!("{}: keyframe {index}", self.dir.join(&name).display()))?;
+        Ok(Radio { spectrum })
+    }
+
+    fn light_of(&self, index: usize) -> Result<Light> {
         let has = |path: &str| self.file.files.contains_key(path);
-        let (o, r) = (self.optical_camera(), self.rf_camera());
-        let modalities = self.modalities();
-        let spectrum = if modalities.radio {
-            let name = layout::spectrum(index);
-            let spectrum = self.sized(index, &name, &r, own_file(&self.dir, &name).and_then(io::read_exr_f32))?;
-            check_spectrum(&spectrum, &format!("{}: keyframe {index}", self.dir.join(&name).display()))?;
-            spectrum
-        } else {
-            Raster::filled(r.width, r.height, 0.0)
-        };
-        let image = if modalities.light {
-            self.sized(index, &layout::image(index), &o, own_file(&self.dir, &layout::image(index)).and_then(io::read_png))?
-        } else {
-            self.db_range().jet_image(&spectrum)
-        };
+        let (o, name) = (self.optical_camera(), layout::image(index));
+        let image = self.sized(index, &name, &o, own_file(&self.dir, &name).and_then(io::read_png))?;
         let (depth, surface) = (layout::depth(index), layout::surface(index));
         let depth_m = has(&depth)
             .then(|| self.sized(index, &depth, &o, own_file(&self.dir, &depth).and_then(io::read_exr_f32)))
@@ -244,9 +245,7 @@ impl Dataset {
         let surface = has(&surface)
             .then(|| self.sized(index, &surface, &o, own_file(&self.dir, &surface).and_then(io::read_exr_u32)))
             .transpose()?;
-        let mask = self.mask_of(index)?;
-        let world_from_camera = pose.world_from_camera;
-        Ok(Keyframe { index, time_s: pose.time_s, world_from_camera, image, spectrum, depth_m, surface, mask })
+        Ok(Light { image, depth_m, surface, mask: self.mask_of(index)? })
     }
 
     /// The files of image, spectrum and depth of keyframe `index`, where it has them; each is its own, in the dataset's folder and regular.

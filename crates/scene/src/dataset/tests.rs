@@ -4,7 +4,7 @@ use super::*;
 use crate::config::{ReceiverConfig, SpectrumKind, SplitConfig};
 use crate::keyframe::{DbRange, Modalities};
 use crate::trajectory::{TrajectoryConfig, TrajectoryPose, generate};
-use crate::{Equirectangular, Error, Pinhole, Raster, Rigid3, Severity, io};
+use crate::{Equirectangular, Error, Light, Pinhole, Radio, Raster, Rigid3, Severity, io};
 use glam::DVec3;
 use std::path::Path;
 
@@ -53,22 +53,25 @@ fn header() -> DatasetHeader {
     }
 }
 
-fn frame(index: usize) -> FrameData {
-    FrameData {
-        image: Some(Raster::from_fn(16, 9, |x, y| [x as u8 * 10, y as u8 * 20, index as u8])),
-        linear: Some(Raster::from_fn(16, 9, |x, y| [x as f32, y as f32, index as f32])),
-        albedo: Some(Raster::from_fn(16, 9, |x, y| [x as f32 / 16.0, y as f32 / 9.0, 0.5])),
-        normals: Some(Raster::filled(16, 9, [0.0, 0.0, 1.0])),
+fn frame(index: usize) -> KeyframeContent {
+    let light = Light {
+        image: Raster::from_fn(16, 9, |x, y| [x as u8 * 10, y as u8 * 20, index as u8]),
         depth_m: Some(Raster::from_fn(16, 9, |x, y| if y == 0 { f32::INFINITY } else { 1.0 + x as f32 / 4.0 })),
         surface: Some(Raster::from_fn(16, 9, |x, y| if y == 0 { u32::MAX } else { (x % 2) as u32 })),
         mask: None,
-        // Peak of the dataset: keyframe 7, 2e-6 = −56.99 dB.
-        spectrum: Some(Raster::from_fn(12, 8, |x, y| if (x, y) == (5, 4) && index == 7 { 2e-6 } else { 1e-9 * (x * y) as f32 })),
+    };
+    // Peak of the dataset: keyframe 7, 2e-6 = −56.99 dB.
+    let spectrum = Raster::from_fn(12, 8, |x, y| if (x, y) == (5, 4) && index == 7 { 2e-6 } else { 1e-9 * (x * y) as f32 });
+    let extras = Extras {
+        linear: Some(Raster::from_fn(16, 9, |x, y| [x as f32, y as f32, index as f32])),
+        albedo: Some(Raster::from_fn(16, 9, |x, y| [x as f32 / 16.0, y as f32 / 9.0, 0.5])),
+        normals: Some(Raster::filled(16, 9, [0.0, 0.0, 1.0])),
         sphere: Some(Raster::from_fn(6, 3, |x, y| 1e-8 * (x + y) as f32)),
         tutorial: Some(Raster::filled(12, 8, [index as u8, 1, 2])),
         share_in_frame: Some(0.25 + 0.05 * index as f64),
         paths_jsonl: (index == 2).then(|| "{\"tau_s\":1e-8}\n".to_string()),
-    }
+    };
+    KeyframeContent { light: Some(light), radio: Some(Radio { spectrum }), extras }
 }
 
 fn written(dir: &Path) -> Dataset {
@@ -88,16 +91,17 @@ fn what_is_written_is_read() {
     let dataset = written(dir.path());
     assert_eq!((dataset.len(), dataset.header()), (COUNT, &header()));
     // 10·log10(2e-6) = −56.99 dB, up to the next decibel.
-    assert_eq!((dataset.db_range().max_db, dataset.db_range().min_db), (-56.0, -106.0));
+    assert_eq!(dataset.db_range(), Some(DbRange { min_db: -106.0, max_db: -56.0 }));
     assert_eq!((dataset.test_indices(), dataset.held_out_segment()), (&[0, 4, 8][..], &[5, 6][..]));
     assert_eq!(dataset.train_indices().len(), 7);
     for i in 0..COUNT {
         let (k, f) = (dataset.keyframe(i).unwrap(), frame(i));
-        assert_eq!((Some(k.image), Some(k.spectrum), k.surface), (f.image, f.spectrum, f.surface));
-        assert_eq!(k.depth_m.unwrap(), f.depth_m.unwrap().map(|d| if d.is_finite() { *d } else { 0.0 }));
+        let mut light = f.light.unwrap();
+        light.depth_m = light.depth_m.map(|depth| depth.map(|d| if d.is_finite() { *d } else { 0.0 }));
+        assert_eq!((k.light, k.radio), (Some(light), f.radio));
         assert_eq!((k.index, k.world_from_camera), (i, poses()[i].world_from_camera));
-        assert_eq!(dataset.linear(i).unwrap(), f.linear);
-        assert_eq!(dataset.guides(i).unwrap(), [f.albedo, f.normals]);
+        assert_eq!(dataset.linear(i).unwrap(), f.extras.linear);
+        assert_eq!(dataset.guides(i).unwrap(), [f.extras.albedo, f.extras.normals]);
     }
     assert!(text(dataset.keyframe(COUNT).unwrap_err()).contains("keyframe 10"));
     let findings = validate(dir.path()).unwrap();
@@ -138,7 +142,7 @@ fn what_a_user_would_have_to_ask_is_answered() {
     assert_eq!(dataset.share_in_frame().len(), COUNT);
     assert!((summary.mean - 0.475).abs() < 1e-12 && (summary.min, summary.max) == (0.25, 0.7));
     // Paths unpack to what they were.
-    assert_eq!(io::read_gzip_text(dir.path().join("rf/paths/00003.jsonl.gz")).unwrap(), frame(2).paths_jsonl.unwrap());
+    assert_eq!(io::read_gzip_text(dir.path().join("rf/paths/00003.jsonl.gz")).unwrap(), frame(2).extras.paths_jsonl.unwrap());
     let json: serde_json::Value = serde_json::from_str(&io::read_text(dir.path().join("dataset.json")).unwrap()).unwrap();
     assert_eq!(json["generator"], format!("corf {}", env!("CARGO_PKG_VERSION")));
     assert!((json["rf_frames"]["peak_db"][7].as_f64().unwrap() + 56.9897).abs() < 1e-3);
@@ -167,7 +171,7 @@ fn a_numpy_archive_holds_the_keyframe_and_says_what_it_is() {
         (read.shape, read.values)
     };
     let keyframe = dataset.keyframe(4).unwrap();
-    let spectrum: Vec<f64> = keyframe.spectrum.pixels().iter().map(|v| f64::from(*v)).collect();
+    let spectrum: Vec<f64> = keyframe.radio.unwrap().spectrum.pixels().iter().map(|v| f64::from(*v)).collect();
     assert_eq!(floats("spectrum"), (vec![8, 12], spectrum));
     assert_eq!(floats("world_from_camera"), (vec![4, 4], keyframe.world_from_camera.to_rows().concat()));
     let camera = dataset.optical_camera();
@@ -177,7 +181,7 @@ fn a_numpy_archive_holds_the_keyframe_and_says_what_it_is() {
     let image = &files["image.npy"];
     let text = String::from_utf8_lossy(image);
     assert!(text.contains("'|u1'") && text.contains("(9, 16, 3)"), "{text}");
-    assert!(image.ends_with(keyframe.image.pixels().as_flattened()), "row by row, channels last");
+    assert!(image.ends_with(keyframe.light.unwrap().image.pixels().as_flattened()), "row by row, channels last");
     // Keyframe 4 is held out; of what is not there, there is no array.
     assert_eq!((files["is_test.npy"].last(), files["is_train.npy"].last()), (Some(&1), Some(&0)));
     assert_eq!(files.len(), 13);
@@ -267,28 +271,31 @@ fn a_folder_of_something_else_is_left_alone() {
 fn frames_that_are_no_measurements_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let writer = DatasetWriter::create(dir.path(), &header(), false).unwrap();
-    let refused = |change: &dyn Fn(&mut FrameData), expected: &str| {
+    let refused = |change: &dyn Fn(&mut KeyframeContent), expected: &str| {
         let mut f = frame(3);
         change(&mut f);
         let message = text(writer.write_frame(3, &f).unwrap_err());
         assert!(message.contains("keyframe 3") && message.contains(expected), "{message}");
         assert!(!writer.is_complete(3));
     };
-    refused(&|f| f.spectrum = Some(Raster::filled(13, 8, 0.0)), "spectrum: is 13x8 pixels where the camera has 12x8");
-    refused(&|f| f.image = Some(Raster::filled(9, 16, [0; 3])), "image");
-    refused(&|f| f.spectrum.as_mut().unwrap()[(2, 3)] = f32::NAN, "pixel (2, 3) is NaN");
-    refused(&|f| f.spectrum.as_mut().unwrap()[(2, 3)] = -1e-12, "pixel (2, 3)");
-    refused(&|f| f.depth_m.as_mut().unwrap()[(1, 1)] = f32::NAN, "pixel (1, 1)");
-    refused(&|f| f.linear.as_mut().unwrap()[(1, 1)][2] = f32::INFINITY, "linear");
-    refused(&|f| f.albedo = Some(Raster::filled(9, 16, [0.0; 3])), "albedo");
-    refused(&|f| f.normals.as_mut().unwrap()[(1, 1)][2] = f32::NAN, "normals");
+    refused(
+        &|f| f.radio = Some(Radio { spectrum: Raster::filled(13, 8, 0.0) }),
+        "spectrum: is 13x8 pixels where the camera has 12x8",
+    );
+    refused(&|f| f.light.as_mut().unwrap().image = Raster::filled(9, 16, [0; 3]), "image");
+    refused(&|f| f.radio.as_mut().unwrap().spectrum[(2, 3)] = f32::NAN, "pixel (2, 3) is NaN");
+    refused(&|f| f.radio.as_mut().unwrap().spectrum[(2, 3)] = -1e-12, "pixel (2, 3)");
+    refused(&|f| f.light.as_mut().unwrap().depth_m.as_mut().unwrap()[(1, 1)] = f32::NAN, "pixel (1, 1)");
+    refused(&|f| f.extras.linear.as_mut().unwrap()[(1, 1)][2] = f32::INFINITY, "linear");
+    refused(&|f| f.extras.albedo = Some(Raster::filled(9, 16, [0.0; 3])), "albedo");
+    refused(&|f| f.extras.normals.as_mut().unwrap()[(1, 1)][2] = f32::NAN, "normals");
     assert!(writer.write_frame(COUNT, &frame(0)).is_err());
     let mut bad = header();
     bad.poses[4].world_from_camera.translation.y = f64::NAN;
     let other = tempfile::tempdir().unwrap();
     assert!(text(DatasetWriter::create(other.path(), &bad, false).unwrap_err()).contains("keyframe 4"));
-    (0..COUNT)
-        .for_each(|i| writer.write_frame(i, &FrameData { spectrum: Some(Raster::filled(12, 8, 0.0)), ..frame(i) }).unwrap());
+    let silence = Radio { spectrum: Raster::filled(12, 8, 0.0) };
+    (0..COUNT).for_each(|i| writer.write_frame(i, &KeyframeContent { radio: Some(silence.clone()), ..frame(i) }).unwrap());
     assert!(text(writer.finish().unwrap_err()).contains("no keyframe received any power"));
 }
 

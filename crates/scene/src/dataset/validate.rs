@@ -157,33 +157,31 @@ fn check_keyframe(dataset: &Dataset, index: usize) -> (Vec<Finding>, Option<Sigh
         Ok(keyframe) => keyframe,
         Err(e) => return (vec![of_error(e)], None),
     };
-    let has = dataset.modalities();
-    let sight = Some(Sight::of(has.light.then_some(&keyframe.image), keyframe.depth_m.as_ref()));
+    let sight = Some(keyframe.light.as_ref().map(Sight::of).unwrap_or_default());
     let mut findings = Vec::new();
     let mut fail = |name: String, what: &str, help: &str| {
         findings.push(Finding::error(dataset.dir().join(name).display().to_string(), what, help));
     };
-    let range = dataset.db_range();
-    if has.radio {
-        let peak = keyframe.spectrum.pixels().iter().copied().fold(0.0, f32::max);
+    if let (Some(radio), Some(range)) = (&keyframe.radio, dataset.db_range()) {
+        let peak = radio.spectrum.pixels().iter().copied().fold(0.0, f32::max);
         if peak > 0.0 && 10.0 * f64::from(peak).log10() > range.max_db + STATED_RANGE_TOLERANCE_DB {
             fail(layout::spectrum(index), "its peak is above the dataset's dB range", "generate the dataset again");
         }
         match io::read_png(dataset.dir().join(layout::rf_image(index))) {
             Err(e) => return (findings.into_iter().chain([of_error(e)]).collect(), sight),
-            Ok(image) if image != range.jet_image(&keyframe.spectrum) => {
+            Ok(image) if image != range.jet_image(&radio.spectrum) => {
                 fail(layout::rf_image(index), "is not the Jet image of the spectrum", "generate the dataset again");
             }
             Ok(_) => {}
         }
     }
     let objects = dataset.header().objects.len();
-    if let Some(surface) = &keyframe.surface
+    if let Some(surface) = keyframe.light.as_ref().and_then(|light| light.surface.as_ref())
         && surface.pixels().iter().any(|s| *s != u32::MAX && *s as usize >= objects)
     {
         fail(layout::surface(index), "names an object that dataset.json does not list", "generate the dataset again");
     }
-    if let Some(depth) = &keyframe.depth_m
+    if let Some(depth) = keyframe.light.as_ref().and_then(|light| light.depth_m.as_ref())
         && depth.pixels().iter().any(|d| d.is_nan() || *d < 0.0)
     {
         fail(layout::depth(index), "has a depth that is negative or no number", "generate the dataset again");

@@ -9,7 +9,7 @@ use super::header::{DATASET_SCHEMA, DatasetHeader, SplitLists, Summary};
 use super::header::{from_json, generator, to_json, trajectory_json};
 use super::{identity, layout, leftovers};
 use crate::finding::Finding;
-use crate::keyframe::DbRange;
+use crate::keyframe::{DbRange, Light, Radio};
 use crate::trajectory::TrajectoryPose;
 use crate::{Error, Raster, Result, Rigid3, io};
 use rayon::prelude::*;
@@ -17,28 +17,29 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Images, spectra and paths of one keyframe, to be added to a dataset.
+/// All that a dataset keeps of a keyframe beside its pose: what was seen and received, and what a configuration asks to be kept with it.
 #[derive(Clone, Debug)]
-pub struct FrameData {
-    /// 8-bit sRGB image of the optical camera; none in a data set without light.
-    pub image: Option<Raster<[u8; 3]>>,
-    /// Linear radiance, if it is to be kept.
+pub struct KeyframeContent {
+    /// What the camera saw, of infinite depth where nothing was hit (0 is written); none in a data set without light.
+    pub light: Option<Light>,
+    /// What the array received; none in a data set without radio.
+    pub radio: Option<Radio>,
+    /// What is kept besides.
+    pub extras: Extras,
+}
+
+/// What may be kept of a keyframe beside what a reconstruction is given.
+#[derive(Clone, Debug, Default)]
+pub struct Extras {
+    /// Linear radiance.
     pub linear: Option<Raster<[f32; 3]>>,
-    /// Mean reflectance of what each pixel sees first, if it is to be kept.
+    /// Mean reflectance of what each pixel sees first.
     pub albedo: Option<Raster<[f32; 3]>>,
-    /// Mean shading normal of what each pixel sees first, world frame, if it is to be kept.
+    /// Mean shading normal of what each pixel sees first, world frame.
     pub normals: Option<Raster<[f32; 3]>>,
-    /// z-depth, metres; 0 or infinite where nothing was hit (0 is written).
-    pub depth_m: Option<Raster<f32>>,
-    /// Object index, `u32::MAX` where nothing was hit.
-    pub surface: Option<Raster<u32>>,
-    /// Whether a pixel of the image counts, as in [`crate::Keyframe::mask`].
-    pub mask: Option<Raster<bool>>,
-    /// Spectrum of the RF camera: linear, finite, at least 0; none in a data set without radio.
-    pub spectrum: Option<Raster<f32>>,
-    /// Spectrum over the whole sphere, if it is to be kept: as `spectrum`.
+    /// Spectrum over the whole sphere, in the unit of the RF camera's: linear, finite, at least 0.
     pub sphere: Option<Raster<f32>>,
-    /// RF image by the recipe of published sets, if it is to be kept.
+    /// RF image by the recipe of published sets.
     pub tutorial: Option<Raster<[u8; 3]>>,
     /// Share of the arriving power from directions inside the RF frame, in `[0, 1]`.
     pub share_in_frame: Option<f64>,
@@ -46,7 +47,7 @@ pub struct FrameData {
     pub paths_jsonl: Option<String>,
 }
 
-impl FrameData {
+impl Extras {
     /// The float images of three channels that are to be kept, with their names.
     fn float_images(&self) -> impl Iterator<Item = (&'static str, &Raster<[f32; 3]>)> {
         let all = [(layout::LINEAR, &self.linear), (layout::ALBEDO, &self.albedo), (layout::NORMALS, &self.normals)];
@@ -122,22 +123,18 @@ pub fn forget_progress(dir: &Path) -> Result<()> {
 ///
 /// # Errors
 /// A file that cannot be read.
-pub fn grown_frame(dir: &Path, index: usize) -> Result<FrameData> {
+pub fn grown_frame(dir: &Path, index: usize) -> Result<KeyframeContent> {
     let depth = dir.join(layout::depth(index));
     let mask = dir.join(layout::mask(index));
-    Ok(FrameData {
-        image: Some(io::read_png(dir.join(layout::image(index)))?),
-        linear: None,
-        albedo: None,
-        normals: None,
-        depth_m: depth.exists().then(|| io::read_exr_f32(&depth)).transpose()?,
-        surface: None,
-        mask: mask.exists().then(|| io::read_mask(&mask)).transpose()?,
-        spectrum: Some(io::read_exr_f32(dir.join(layout::spectrum(index)))?),
-        sphere: None,
-        tutorial: None,
-        share_in_frame: None,
-        paths_jsonl: None,
+    Ok(KeyframeContent {
+        light: Some(Light {
+            image: io::read_png(dir.join(layout::image(index)))?,
+            depth_m: depth.exists().then(|| io::read_exr_f32(&depth)).transpose()?,
+            surface: None,
+            mask: mask.exists().then(|| io::read_mask(&mask)).transpose()?,
+        }),
+        radio: Some(Radio { spectrum: io::read_exr_f32(dir.join(layout::spectrum(index)))? }),
+        extras: Extras::default(),
     })
 }
 
@@ -256,7 +253,7 @@ impl DatasetWriter {
         name: String,
         sources: BTreeMap<String, String>,
         pose: TrajectoryPose,
-        frame: &FrameData,
+        frame: &KeyframeContent,
     ) -> Result<()> {
         if pose.index != self.len() {
             let what = format!("it is to follow {} keyframes", self.len());
@@ -311,11 +308,11 @@ impl DatasetWriter {
     ///
     /// # Errors
     /// An index outside the trajectory, an image of the wrong size, a value that is not finite, or a file that cannot be written.
-    pub fn write_frame(&self, index: usize, frame: &FrameData) -> Result<()> {
+    pub fn write_frame(&self, index: usize, frame: &KeyframeContent) -> Result<()> {
         self.write(index, frame, None)
     }
 
-    fn write(&self, index: usize, frame: &FrameData, appended: Option<Appended>) -> Result<()> {
+    fn write(&self, index: usize, frame: &KeyframeContent, appended: Option<Appended>) -> Result<()> {
         let place = format!("keyframe {index}");
         if index >= self.len() {
             return Err(Error::invalid(place, format!("the dataset has {} keyframes", self.len()), "indices count from 0"));
@@ -326,35 +323,36 @@ impl DatasetWriter {
         self.check(&place, frame)?;
         let unit = self.header.quantity.unit();
         let mut contents: Vec<(String, Encode<'_>)> = Vec::new();
-        if let Some(image) = &frame.image {
-            contents.push((layout::image(index), Box::new(|| io::encode_png(image))));
+        let KeyframeContent { light, radio, extras } = frame;
+        if let Some(light) = light {
+            contents.push((layout::image(index), Box::new(|| io::encode_png(&light.image))));
         }
-        for (name, image) in frame.float_images() {
+        for (name, image) in extras.float_images() {
             contents.push((layout::float_image(name, index), Box::new(|| io::encode_exr_rgb(image))));
         }
-        if let Some(depth) = &frame.depth_m {
+        if let Some(depth) = light.as_ref().and_then(|light| light.depth_m.as_ref()) {
             let seen = || depth.map(|d| if d.is_finite() { *d } else { 0.0 });
             contents.push((layout::depth(index), Box::new(move || io::encode_exr_f32(&seen(), "Z"))));
             if self.header.config.as_ref().is_some_and(|c| c.optical.write_depth_png) {
                 contents.push((layout::depth_png(index), Box::new(|| io::encode_png16(&depth.map(|d| millimetres(*d))))));
             }
         }
-        if let Some(surface) = &frame.surface {
+        if let Some(surface) = light.as_ref().and_then(|light| light.surface.as_ref()) {
             contents.push((layout::surface(index), Box::new(|| io::encode_exr_u32(surface))));
         }
-        if let Some(mask) = &frame.mask {
+        if let Some(mask) = light.as_ref().and_then(|light| light.mask.as_ref()) {
             contents.push((layout::mask(index), Box::new(|| io::encode_mask(mask))));
         }
-        if let Some(spectrum) = &frame.spectrum {
+        if let Some(Radio { spectrum }) = radio {
             contents.push((layout::spectrum(index), Box::new(move || io::encode_exr_f32_in(spectrum, "Y", unit))));
         }
-        if let Some(sphere) = &frame.sphere {
+        if let Some(sphere) = &extras.sphere {
             contents.push((layout::sphere(index), Box::new(move || io::encode_exr_f32_in(sphere, "Y", unit))));
         }
-        if let Some(tutorial) = &frame.tutorial {
+        if let Some(tutorial) = &extras.tutorial {
             contents.push((layout::tutorial_image(index), Box::new(|| io::encode_png(tutorial))));
         }
-        if let Some(paths) = &frame.paths_jsonl {
+        if let Some(paths) = &extras.paths_jsonl {
             contents.push((layout::paths(index), Box::new(|| io::gzip(paths.as_bytes()))));
         }
         let files = contents.into_par_iter().map(|(path, encode)| {
@@ -363,10 +361,10 @@ impl DatasetWriter {
             Ok((path, FileRecord::of(&bytes)))
         });
         let files = files.collect::<Result<BTreeMap<_, _>>>()?;
-        let Sight { black, empty } = Sight::of(frame.image.as_ref(), frame.depth_m.as_ref());
+        let Sight { black, empty } = light.as_ref().map(Sight::of).unwrap_or_default();
         let record = FrameRecord {
-            peak: frame.spectrum.as_ref().map_or(0.0, peak),
-            share_in_frame: frame.share_in_frame,
+            peak: radio.as_ref().map_or(0.0, |radio| peak(&radio.spectrum)),
+            share_in_frame: extras.share_in_frame,
             black,
             empty,
             files,
@@ -375,12 +373,11 @@ impl DatasetWriter {
         io::write_atomic(self.dir.join(layout::progress(index)), to_json(&record)?.as_bytes())
     }
 
-    fn check(&self, place: &str, frame: &FrameData) -> Result<()> {
+    fn check(&self, place: &str, frame: &KeyframeContent) -> Result<()> {
         let (o, r) = (&self.header.optical_camera, &self.header.rf_camera);
         let has = self.header.modalities;
-        for (name, given, wanted) in
-            [("image", frame.image.is_some(), has.light), ("spectrum", frame.spectrum.is_some(), has.radio)]
-        {
+        let KeyframeContent { light, radio, extras } = frame;
+        for (name, given, wanted) in [("image", light.is_some(), has.light), ("spectrum", radio.is_some(), has.radio)] {
             if given != wanted {
                 let (what, help) = match wanted {
                     true => ("is missing", "give one for every keyframe"),
@@ -391,19 +388,21 @@ impl DatasetWriter {
                 return Err(Error::invalid(format!("{place}: {name}"), what, help));
             }
         }
-        let optical = [
-            ("image", frame.image.as_ref().map(|i| (i.width(), i.height()))),
-            ("depth_m", frame.depth_m.as_ref().map(|d| (d.width(), d.height()))),
-            ("surface", frame.surface.as_ref().map(|s| (s.width(), s.height()))),
-            ("mask", frame.mask.as_ref().map(|m| (m.width(), m.height()))),
-        ];
-        let floats = frame.float_images().map(|(name, image)| (name, Some((image.width(), image.height()))));
-        let optical = optical.into_iter().chain(floats).map(|(n, s)| (n, s, (o.width, o.height)));
+        let of_light = light.as_ref().map_or_else(Vec::new, |light| {
+            vec![
+                ("image", Some((light.image.width(), light.image.height()))),
+                ("depth_m", light.depth_m.as_ref().map(|d| (d.width(), d.height()))),
+                ("surface", light.surface.as_ref().map(|s| (s.width(), s.height()))),
+                ("mask", light.mask.as_ref().map(|m| (m.width(), m.height()))),
+            ]
+        });
+        let floats = extras.float_images().map(|(name, image)| (name, Some((image.width(), image.height()))));
+        let optical = of_light.into_iter().chain(floats).map(|(n, s)| (n, s, (o.width, o.height)));
         let sphere = self.header.sphere.map_or((0, 0), |s| (s.width, s.height));
         let rf = [
-            ("spectrum", frame.spectrum.as_ref().map(|s| (s.width(), s.height())), (r.width, r.height)),
-            ("sphere", frame.sphere.as_ref().map(|s| (s.width(), s.height())), sphere),
-            ("tutorial", frame.tutorial.as_ref().map(|t| (t.width(), t.height())), (r.width, r.height)),
+            ("spectrum", radio.as_ref().map(|r| (r.spectrum.width(), r.spectrum.height())), (r.width, r.height)),
+            ("sphere", extras.sphere.as_ref().map(|s| (s.width(), s.height())), sphere),
+            ("tutorial", extras.tutorial.as_ref().map(|t| (t.width(), t.height())), (r.width, r.height)),
         ];
         for (name, size, expected) in optical.chain(rf) {
             if let Some(size) = size.filter(|s| *s != expected) {
@@ -414,16 +413,16 @@ impl DatasetWriter {
                 ));
             }
         }
-        if let Some(spectrum) = &frame.spectrum {
+        if let Some(Radio { spectrum }) = radio {
             check_spectrum(spectrum, &format!("{place}: spectrum"))?;
         }
-        if let Some(sphere) = &frame.sphere {
+        if let Some(sphere) = &extras.sphere {
             check_spectrum(sphere, &format!("{place}: sphere"))?;
         }
-        if let Some(share) = frame.share_in_frame.filter(|s| !(0.0..=1.0).contains(s)) {
+        if let Some(share) = extras.share_in_frame.filter(|s| !(0.0..=1.0).contains(s)) {
             return Err(Error::invalid(format!("{place}: share_in_frame"), format!("{share}"), "a share lies in 0 to 1"));
         }
-        for (name, image) in frame.float_images() {
+        for (name, image) in extras.float_images() {
             if image.pixels().iter().flatten().any(|v| !v.is_finite()) {
                 return Err(Error::invalid(
                     format!("{place}: {name}"),
@@ -432,7 +431,8 @@ impl DatasetWriter {
                 ));
             }
         }
-        if let Some(i) = frame.depth_m.as_ref().and_then(|d| d.pixels().iter().position(|v| v.is_nan() || *v < 0.0)) {
+        let depth_m = light.as_ref().and_then(|light| light.depth_m.as_ref());
+        if let Some(i) = depth_m.and_then(|d| d.pixels().iter().position(|v| v.is_nan() || *v < 0.0)) {
             return Err(Error::invalid(
                 format!("{place}: depth_m"),
                 format!("pixel ({}, {}) is no depth", i % o.width, i / o.width),

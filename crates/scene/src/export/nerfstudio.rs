@@ -43,8 +43,7 @@ impl<'d> Nerfstudio<'d> {
     /// A data set without images; points that cannot be read.
     pub fn new(dataset: &'d Dataset) -> Result<Self> {
         if !dataset.modalities().light {
-            let help = "nerfstudio opens its folder rf/ as it is";
-            return Err(Error::invalid(dataset.dir().display().to_string(), "the data set has no images", help));
+            return Err(no_images(dataset));
         }
         let points = read_points(&dataset.dir().join("optical/sparse/0/points3D.txt"))?;
         let besides = Besides {
@@ -62,16 +61,16 @@ impl<'d> Nerfstudio<'d> {
 
 impl FolderExport for Nerfstudio<'_> {
     fn keyframe(&self, index: usize) -> Result<Vec<File>> {
-        let keyframe = self.dataset.keyframe(index)?;
-        let mut files = vec![(format!("images/{}.png", stem(index)), io::encode_png(&keyframe.image)?)];
+        let Some(light) = self.dataset.keyframe(index)?.light else { return Err(no_images(self.dataset)) };
+        let mut files = vec![(format!("images/{}.png", stem(index)), io::encode_png(&light.image)?)];
         if self.dataset.has_depth()
-            && let Some(depth) = &keyframe.depth_m
+            && let Some(depth) = &light.depth_m
         {
             files.push((depth_path(index), io::encode_png16(&depth.map(|d| millimetres(*d)))?));
         }
         if self.dataset.has_masks() {
-            let all = || Raster::filled(keyframe.image.width(), keyframe.image.height(), true);
-            files.push((mask_path(index), encode_mask(&keyframe.mask.unwrap_or_else(all))?));
+            let all = || Raster::filled(light.image.width(), light.image.height(), true);
+            files.push((mask_path(index), encode_mask(&light.mask.clone().unwrap_or_else(all))?));
         }
         Ok(files)
     }
@@ -79,6 +78,11 @@ impl FolderExport for Nerfstudio<'_> {
     fn whole(&self) -> Vec<File> {
         self.whole.clone()
     }
+}
+
+fn no_images(dataset: &Dataset) -> Error {
+    let help = "nerfstudio opens its folder rf/ as it is";
+    Error::invalid(dataset.dir().display().to_string(), "the data set has no images", help)
 }
 
 /// Coloured points as little-endian binary PLY.

@@ -13,7 +13,8 @@
 
 use super::{File, FolderExport};
 use crate::dataset::{Dataset, stem};
-use crate::{Error, Finding, Pinhole, Raster, Result, Severity, io};
+use crate::keyframe::DbRange;
+use crate::{Error, Finding, Pinhole, Radio, Raster, Result, Severity, io};
 
 /// Difference of two frames, in pixels of the spectrum, that is rounding.
 const SAME_FRAME_PX: f64 = 1e-6;
@@ -22,6 +23,7 @@ const SAME_FRAME_PX: f64 = 1e-6;
 #[derive(Debug)]
 pub struct Rf3dgs<'d> {
     dataset: &'d Dataset,
+    range: DbRange,
     camera: Pinhole,
     resampled: bool,
     whole: Vec<File>,
@@ -34,10 +36,7 @@ impl<'d> Rf3dgs<'d> {
     /// A data set without images or without spectra; images that show more than the spectra; files that cannot be read.
     pub fn new(dataset: &'d Dataset) -> Result<Self> {
         let place = || dataset.dir().display().to_string();
-        if !dataset.modalities().are_both() {
-            let help = "RF-3DGS opens the folder that there is, optical/ or rf/, as it is";
-            return Err(Error::invalid(place(), "the data set has not both images and spectra", help));
-        }
+        let (true, Some(range)) = (dataset.modalities().light, dataset.db_range()) else { return Err(not_both(dataset)) };
         let (optical, rf) = (dataset.optical_camera(), dataset.rf_camera());
         let camera = in_frame_of(&optical, &rf);
         let corners = [(0.0, 0.0), (camera.width as f64, camera.height as f64)];
@@ -61,17 +60,20 @@ impl<'d> Rf3dgs<'d> {
             .into_iter()
             .map(|name| Ok((name.to_owned(), io::read(dataset.dir().join("optical").join(name))?)))
             .collect::<Result<_>>()?;
-        Ok(Self { dataset, camera, resampled, whole })
+        Ok(Self { dataset, range, camera, resampled, whole })
     }
 }
 
 impl FolderExport for Rf3dgs<'_> {
     fn keyframe(&self, index: usize) -> Result<Vec<File>> {
         let keyframe = self.dataset.keyframe(index)?;
-        let resampled = self.resampled.then(|| resample(&keyframe.spectrum, &self.dataset.rf_camera(), &self.camera));
-        let jet = self.dataset.db_range().jet_image(resampled.as_ref().unwrap_or(&keyframe.spectrum));
+        let (Some(light), Some(Radio { spectrum })) = (keyframe.light, keyframe.radio) else {
+            return Err(not_both(self.dataset));
+        };
+        let resampled = self.resampled.then(|| resample(&spectrum, &self.dataset.rf_camera(), &self.camera));
+        let jet = self.range.jet_image(resampled.as_ref().unwrap_or(&spectrum));
         Ok(vec![
-            (format!("images/{}.png", stem(index)), io::encode_png(&keyframe.image)?),
+            (format!("images/{}.png", stem(index)), io::encode_png(&light.image)?),
             (format!("spectrum/{}.png", stem(index)), io::encode_png(&jet)?),
         ])
     }
@@ -87,6 +89,11 @@ impl FolderExport for Rf3dgs<'_> {
         let finding = Finding::new(Severity::Note, "spectrum/", what, help);
         self.resampled.then_some(finding).into_iter().collect()
     }
+}
+
+fn not_both(dataset: &Dataset) -> Error {
+    let help = "RF-3DGS opens the folder that there is, optical/ or rf/, as it is";
+    Error::invalid(dataset.dir().display().to_string(), "the data set has not both images and spectra", help)
 }
 
 /// The camera that shows what `frame` shows, with as many columns as `rf` and pixels about square.

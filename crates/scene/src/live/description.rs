@@ -89,10 +89,10 @@ impl LiveDescription {
     /// A data set without images or without spectra.
     pub fn of(dataset: &Dataset, depth: bool) -> Result<Self> {
         let header = dataset.header();
-        if !header.modalities.are_both() {
+        let (true, Some(db_range)) = (header.modalities.light, dataset.db_range()) else {
             let what = "it has no images or no spectra, and a keyframe of a live folder has both";
             return Err(Error::invalid(dataset.dir().display().to_string(), what, "play a data set of light and radio"));
-        }
+        };
         Ok(Self {
             schema: LIVE_SCHEMA.to_owned(),
             name: header.name.clone(),
@@ -105,7 +105,7 @@ impl LiveDescription {
             bounds_m: None,
             optical_camera: dataset.optical_camera(),
             rf_camera: dataset.rf_camera(),
-            db_range: dataset.db_range(),
+            db_range,
             transmitter: header.transmitter,
             receiver: header.receiver,
         })

@@ -5,7 +5,7 @@ use super::{DEPTH, IMAGES, POSES, SPECTRA};
 use crate::contained::{self, Reach};
 use crate::io::{self, Map};
 use crate::transform::ROUNDED;
-use crate::{Error, Pinhole, Raster, Result, Rigid3, bounds};
+use crate::{Error, Light, Pinhole, Radio, Raster, Result, Rigid3, bounds};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -29,14 +29,10 @@ pub struct LiveFrame {
     pub world_from_camera: Rigid3,
     /// Distance of the rotation that was written to the nearest one, which was taken; none of a rotation to six decimals or more.
     pub rounded: Option<f64>,
-    /// 8-bit sRGB.
-    pub image: Raster<[u8; 3]>,
-    /// Which pixels of the image count, those that are wholly opaque; none where all do.
-    pub mask: Option<Raster<bool>>,
-    /// Linear power.
-    pub spectrum: Raster<f32>,
-    /// z-depth, metres, 0 where there is none.
-    pub depth_m: Option<Raster<f32>>,
+    /// Its image; pixels that are not wholly opaque do not count. Depth is 0 where there is none.
+    pub light: Light,
+    /// Its spectrum.
+    pub radio: Radio,
     /// SHA-256 of every file it was read from, by its path below the live folder.
     pub sources: BTreeMap<String, String>,
 }
@@ -117,7 +113,8 @@ impl LiveFrame {
             false => None,
         };
         let time_s = pose.time_s.filter(|t| t.is_finite());
-        Ok(Self { number, time_s, world_from_camera, image, mask, spectrum, depth_m, sources: files.sources, rounded })
+        let light = Light { image, depth_m, surface: None, mask };
+        Ok(Self { number, time_s, world_from_camera, rounded, light, radio: Radio { spectrum }, sources: files.sources })
     }
 }
 
@@ -243,12 +240,12 @@ mod tests {
         write(dir.path());
         let frame = LiveFrame::read(dir.path(), "7", &description()).unwrap();
         assert_eq!((frame.number, frame.time_s, frame.sources.len()), (7, Some(0.5), 4));
-        assert_eq!((frame.image[(3, 3)], frame.spectrum[(1, 1)]), ([1, 2, 3], 1e-3));
-        let depth = frame.depth_m.unwrap();
+        assert_eq!((frame.light.image[(3, 3)], frame.radio.spectrum[(1, 1)]), ([1, 2, 3], 1e-3));
+        let depth = frame.light.depth_m.unwrap();
         assert_eq!((depth[(0, 0)], depth[(1, 0)]), (0.0, 2.0));
         // Depth that was not announced is not looked at.
         let frame = LiveFrame::read(dir.path(), "7", &LiveDescription { depth: false, ..description() }).unwrap();
-        assert!(frame.depth_m.is_none() && frame.sources.len() == 3);
+        assert!(frame.light.depth_m.is_none() && frame.sources.len() == 3);
     }
 
     #[test]
@@ -264,7 +261,7 @@ mod tests {
         let pose = |c: f64, s: f64| format!("{{\"world_from_camera\": [[{c},-{s},0,0],[{s},{c},0,0],[0,0,1,0],[0,0,0,1]]}}");
         fs::write(dir.path().join("poses/7.json"), pose(0.878, 0.479)).unwrap();
         let frame = LiveFrame::read(dir.path(), "7", &description()).unwrap();
-        assert!(frame.mask == Some(counts) && frame.rounded.is_some_and(|off| off < 1e-3));
+        assert!(frame.light.mask == Some(counts) && frame.rounded.is_some_and(|off| off < 1e-3));
         let identity = frame.world_from_camera.rotation.transpose() * frame.world_from_camera.rotation;
         assert!((identity - glam::DMat3::IDENTITY).to_cols_array().iter().all(|v| v.abs() < 1e-14));
         fs::write(dir.path().join("poses/7.json"), pose(0.88, 0.50)).unwrap();

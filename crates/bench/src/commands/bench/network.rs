@@ -14,7 +14,7 @@ use corf_baselines::nerf2::{CpuTrainer, Model, Nerf2Config, Trainer, TrainingRay
 use corf_baselines::rf_3dgs::DensityConfig;
 use corf_baselines::wrf_gs_plus::{self, WrfGsPlusConfig, WrfGsPlusReconstructor};
 use corf_scene::keyframe::DbRange;
-use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, bounds};
+use corf_scene::{Keyframe, Pinhole, Radio, Raster, Rigid3, bounds};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -201,11 +201,10 @@ impl Network {
                 index,
                 time_s: 0.0,
                 world_from_camera: *pose,
-                image: Raster::filled(1, 1, [0; 3]),
-                spectrum: Raster::from_fn(300, 200, |x, y| 10_f32.powf(-12.0 + 0.1 * ((x + y + index) % 50) as f32)),
-                depth_m: None,
-                surface: None,
-                mask: None,
+                light: None,
+                radio: Some(Radio {
+                    spectrum: Raster::from_fn(300, 200, |x, y| 10_f32.powf(-12.0 + 0.1 * ((x + y + index) % 50) as f32)),
+                }),
             })?;
         }
         reconstructor.begin()?;

@@ -288,18 +288,17 @@ impl Import {
         report.notes.iter().for_each(|line| note!("{line}"));
         messages::findings(report.findings);
         messages::findings(dataset.far_finding());
-        let has = dataset.modalities();
         let mut text = format!("{}: {} keyframes", self.out.display(), dataset.len());
-        text += if has.light { ", images" } else { ", no images" };
+        text += if dataset.modalities().light { ", images" } else { ", no images" };
         text += if dataset.has_depth() {
             " with depth"
         } else {
             ", no depth (reconstruct with --set 'depth.prior=\"none\"' or maps of your own)"
         };
         text += if dataset.has_masks() { ", masks" } else { "" };
-        text += &match has.radio {
-            true => format!(", spectra from {} to {} dB", dataset.db_range().min_db, dataset.db_range().max_db),
-            false => ", no spectra".to_owned(),
+        text += &match dataset.db_range() {
+            Some(range) => format!(", spectra from {} to {} dB", range.min_db, range.max_db),
+            None => ", no spectra".to_owned(),
         };
         show(json, dataset.header(), &format!("{text}, hash {}", dataset.hash()))?;
         Ok(Verdict::Done)

@@ -122,15 +122,9 @@ impl Generate {
         config.validate()?;
         let options = Options { resume: self.resume, strict: self.strict };
         let Generated { dataset: made, findings } = generate::generate(&config, &self.out, options)?;
-        let range = made.db_range();
-        let text = format!(
-            "{}: {} keyframes, spectra from {:.0} to {:.0} dB, hash {}",
-            self.out.display(),
-            made.len(),
-            range.min_db,
-            range.max_db,
-            made.hash()
-        );
+        let spectra =
+            made.db_range().map(|r| format!(", spectra from {:.0} to {:.0} dB", r.min_db, r.max_db)).unwrap_or_default();
+        let text = format!("{}: {} keyframes{spectra}, hash {}", self.out.display(), made.len(), made.hash());
         show(json, made.header(), &text)?;
         let failed = self.strict && findings.iter().any(|f| f.severity == Severity::Warning);
         Ok(if failed { Verdict::CheckFailed } else { Verdict::Done })

@@ -180,7 +180,7 @@ impl CorfArray {
     /// The true images that are seen from each training keyframe. A note says that this is no method.
     fn images(&self, scene: &SceneBehind, training: &TrainingSet<'_>) -> Result<Vec<Vec<Image>>> {
         note!("corf-array: an oracle, no method: sources are the transmitter's true mirror images in {}", scene.scene.name);
-        let least_power = 10f64.powf(0.1 * training.db_range().min_db) / self.sensor(training)?.peak();
+        let least_power = 10f64.powf(0.1 * training.required_db_range()?.min_db) / self.sensor(training)?.peak();
         images::seen(scene, &training.poses(), least_power)
     }
 }
@@ -230,7 +230,7 @@ impl Method for CorfArray {
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
         let CorfArrayConfig { light, oracle_scene, radio } = &self.config;
-        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.db_range());
+        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.required_db_range()?);
         let images = oracle_scene.as_ref().map(|path| self.images(&training.scene_behind(path)?, training)).transpose()?;
         let radio = on_device(ArrayTrainer::new(*radio, self.sensor(training)?, rf, range, seed), &self.backend)?;
         let mut reconstruction = light.reconstruction.clone();

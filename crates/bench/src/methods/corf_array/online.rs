@@ -6,7 +6,7 @@ use crate::methods::stepwise::say_unless_kept;
 use anyhow::{Context, Result};
 use corf::array_field::{ArrayField, ArrayTrainer, Image, Observed};
 use corf::{KeyframeTiming, Reconstructor};
-use corf_scene::Keyframe;
+use corf_scene::{Keyframe, Radio};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -35,7 +35,7 @@ impl Online<'_> {
             let before = self.training.loading_time();
             let keyframe = self.training.keyframe(k)?;
             self.light.discount_wait(self.training.loading_time() - before);
-            let (keyframe, observed) = self.observe(k, keyframe);
+            let (keyframe, observed) = self.observe(k, keyframe)?;
             self.ahead.push_back(observed);
             self.light.receive(keyframe)?;
             while self.light.waiting() >= self.light.worth_receiving() {
@@ -52,13 +52,15 @@ impl Online<'_> {
     }
 
     /// Training keyframe `k` for light, whose spectrum is what splats are to show, and for radio.
-    fn observe(&self, k: usize, mut keyframe: Keyframe) -> (Keyframe, Observed) {
-        let mut observed = self.radio.observe(&keyframe.world_from_camera, &keyframe.spectrum);
+    fn observe(&self, k: usize, mut keyframe: Keyframe) -> Result<(Keyframe, Observed)> {
+        let Keyframe { index, world_from_camera, radio, .. } = &mut keyframe;
+        let Radio { spectrum } = radio.as_mut().with_context(|| format!("keyframe {index} has no spectrum"))?;
+        let mut observed = self.radio.observe(world_from_camera, spectrum);
         observed.images = self.images.as_ref().map(|images| images[k].clone());
         if let Some(peeled) = &observed.peeled {
-            keyframe.spectrum = peeled.remainder.clone();
+            spectrum.clone_from(&peeled.remainder);
         }
-        (keyframe, observed)
+        Ok((keyframe, observed))
     }
 
     /// Restores the checkpoint, if there is one, and replays its keyframes; returns their number.
@@ -69,7 +71,7 @@ impl Online<'_> {
         let path = self.radio_file(count).context("a checkpoint was read, and there is no place for one")?;
         self.radio.restore(ArrayField::read(&path)?, count)?;
         for k in 0..count {
-            let (keyframe, observed) = self.observe(k, self.training.keyframe(k)?);
+            let (keyframe, observed) = self.observe(k, self.training.keyframe(k)?)?;
             self.light.replay(keyframe)?;
             self.radio.replay(&observed);
         }

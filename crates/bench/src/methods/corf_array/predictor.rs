@@ -70,7 +70,8 @@ impl ArrayPredictor {
         let light = FieldPredictor::load(run, config.light.raster, dataset, backend)?;
         let radio = ArrayField::read(&run.join(FIELD))?;
         ensure!(radio.camera == dataset.rf_camera(), "{}: the radio field's camera is not the data set's", run.display());
-        Ok(Self::new(light, radio, dataset.db_range(), backend))
+        let range = dataset.db_range().with_context(|| format!("{}: the data set has no spectra", dataset.dir().display()))?;
+        Ok(Self::new(light, radio, range, backend))
     }
 }
 

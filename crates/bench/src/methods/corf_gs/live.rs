@@ -7,7 +7,6 @@ use crate::terminal::interrupt;
 use anyhow::{Result, bail};
 use corf::Reconstructor;
 use corf::config::DepthPriorKind;
-use corf_scene::keyframe::Modalities;
 use corf_scene::live::LiveDescription;
 use std::cell::RefCell;
 
@@ -109,7 +108,7 @@ impl CorfGs {
             live.tell(session, advance)?;
         }
         let Live { reconstructor, told, received, .. } = live;
-        self.conclude(reconstructor, received, told, Modalities::BOTH, &|error| error, advance)
+        self.conclude(reconstructor, received, told, &|error| error, advance)
     }
 }
 

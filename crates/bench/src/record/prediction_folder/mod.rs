@@ -166,10 +166,10 @@ impl PredictionFolder {
             None => None,
             Some(files) => Some(read_colours(files.path(index)?, &dataset.optical_camera())?),
         };
-        let spectrum = match &self.spectra {
-            None => None,
-            Some((kind, files)) => {
-                let (camera, range) = (dataset.rf_camera(), dataset.db_range());
+        let spectrum = match (&self.spectra, dataset.db_range()) {
+            (None, _) | (_, None) => None,
+            (Some((kind, files)), Some(range)) => {
+                let camera = dataset.rf_camera();
                 let jet = self.jet.as_ref().map(|files| read_jet(files.path(index)?, &camera)).transpose()?;
                 let path = files.path(index)?;
                 let scalar = match (kind, &jet) {
@@ -184,10 +184,16 @@ impl PredictionFolder {
         Ok(Predicted { image, spectrum })
     }
 
-    /// What has to be said of the metrics of a folder that was read.
-    pub fn warnings(&self, tally: &Tally, range: &DbRange) -> Vec<String> {
+    /// What has to be said of the metrics of a folder that was read; `range` is that of the data set's spectra.
+    pub fn warnings(&self, tally: &Tally, range: Option<&DbRange>) -> Vec<String> {
         let mut out = Vec::new();
         let place = self.dir.display();
+        let Some(range) = range else {
+            if self.spectra.is_some() {
+                out.push(format!("{place}: its spectra are left out, for the data set has none to compare them with"));
+            }
+            return out;
+        };
         if self.spectra.as_ref().is_some_and(|(kind, _)| *kind == Kind::Jet) {
             let step_db = (range.max_db - range.min_db) / 255.0;
             out.push(format!(

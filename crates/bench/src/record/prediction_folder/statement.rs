@@ -99,8 +99,8 @@ impl Statement {
                 protocol.name()
             );
         }
-        if let Some(range) = self.db_range {
-            let own = dataset.db_range();
+        // Without spectra there is nothing that a range could be wrong for.
+        if let Some((range, own)) = self.db_range.zip(dataset.db_range()) {
             ensure!(
                 (range.min_db - own.min_db).abs() <= SAME_DB && (range.max_db - own.max_db).abs() <= SAME_DB,
                 "{place}: db_range is {} to {} dB, the data set's {} to {} dB\n  help: map decibels onto the data set's range (db_range in \

@@ -7,17 +7,18 @@ use crate::methods::interface::Method;
 use crate::metrics::Prediction;
 use crate::run::{RunInfo, claim_fresh};
 use anyhow::{Context, Result, ensure};
+use corf::FieldMeta;
 use corf_scene::color::quantize8;
 use corf_scene::dataset::{Dataset, stem};
 use corf_scene::io;
-use corf_scene::keyframe::{DbRange, Modalities};
+use corf_scene::keyframe::DbRange;
 use std::path::Path;
 
 /// A new folder that is being filled: `images/` and `jet/` as 8-bit PNG, which is what their metrics look at, `linear/` as EXR.
 pub struct PredictionWriter {
     folder: FreshFolder,
-    range: DbRange,
-    has: Modalities,
+    /// Of the data set's spectra; none where it has none, and none are written.
+    range: Option<DbRange>,
 }
 
 impl PredictionWriter {
@@ -26,8 +27,8 @@ impl PredictionWriter {
     /// # Errors
     /// A folder that holds something already, or cannot be written.
     pub fn create(dir: &Path, dataset: &Dataset) -> Result<Self> {
-        let writer = Self { folder: claim_fresh(dir)?, range: dataset.db_range(), has: dataset.modalities() };
-        if writer.has.radio {
+        let writer = Self { folder: claim_fresh(dir)?, range: dataset.db_range() };
+        if writer.range.is_some() {
             writer.make("jet")?;
             writer.make("linear")?;
         }
@@ -54,9 +55,9 @@ impl PredictionWriter {
             self.make("images")?;
             io::write_png(file("images", "png"), &image.map(|c| c.map(quantize8)))?;
         }
-        if let Some(radio) = &prediction.radio {
+        if let (Some(radio), Some(range)) = (&prediction.radio, &self.range) {
             io::write_png(file("jet", "png"), &radio.jet.map(|c| c.map(quantize8)))?;
-            let linear = radio.scalar.map(|&s| crate::metrics::radio::linear(s, &self.range) as f32);
+            let linear = radio.scalar.map(|&s| crate::metrics::radio::linear(s, range) as f32);
             io::write_atomic(file("linear", "exr"), &io::encode_exr_f32(&linear, "Y")?)?;
         }
         Ok(())
@@ -86,6 +87,6 @@ pub fn stated_of(info: &RunInfo, method: &dyn Method, dataset: &Dataset) -> Stat
         dataset_hash: Some(dataset.hash().to_owned()),
         protocol: Some(info.protocol),
         names: None,
-        db_range: Some(dataset.db_range()),
+        db_range: Some(dataset.db_range().unwrap_or(FieldMeta::RANGE_WITHOUT_RADIO)),
     }
 }

@@ -5,7 +5,7 @@
 //! sequence sees ever more of one place, as a platform does that stays in a building.
 
 use crate::studies::workload::{FURNITURE_M, ROOM_M};
-use corf_scene::{Keyframe, Pinhole, Raster, Rigid3, color, keyframe::DbRange};
+use corf_scene::{Keyframe, Light, Pinhole, Radio, Raster, Rigid3, color, keyframe::DbRange};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -142,17 +142,23 @@ pub fn keyframe(i: usize, optical: &Pinhole, rf: &Pinhole) -> Keyframe {
         index: i,
         time_s: i as f64 * 0.1,
         world_from_camera,
-        image: Raster::from_vec(width, height, ends.iter().map(|e| e.0).collect()),
-        spectrum: Raster::from_fn(rf.width, rf.height, |x, y| power(eye, ray(x, y))),
-        depth_m: Some(Raster::from_vec(width, height, ends.iter().map(|e| e.1).collect())),
-        surface: Some(Raster::from_vec(width, height, ends.iter().map(|e| e.2).collect())),
-        mask: None,
+        light: Some(Light {
+            image: Raster::from_vec(width, height, ends.iter().map(|e| e.0).collect()),
+            depth_m: Some(Raster::from_vec(width, height, ends.iter().map(|e| e.1).collect())),
+            surface: Some(Raster::from_vec(width, height, ends.iter().map(|e| e.2).collect())),
+            mask: None,
+        }),
+        radio: Some(Radio { spectrum: Raster::from_fn(rf.width, rf.height, |x, y| power(eye, ray(x, y))) }),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn light(keyframe: &Keyframe) -> &Light {
+        keyframe.light.as_ref().unwrap()
+    }
 
     #[test]
     fn the_walk_keeps_clear_of_everything_and_keeps_its_pace() {
@@ -175,7 +181,7 @@ mod tests {
         let (optical, rf) =
             (Pinhole::from_horizontal_fov(64, 36, FIELD_OF_VIEW_DEG), Pinhole::from_horizontal_fov(24, 16, FIELD_OF_VIEW_DEG));
         let (a, b) = (keyframe(40, &optical, &rf), keyframe(41, &optical, &rf));
-        let depth = |k: &Keyframe, x: usize, y: usize| f64::from(k.depth_m.as_ref().unwrap()[(x, y)]);
+        let depth = |k: &Keyframe, x: usize, y: usize| f64::from(light(k).depth_m.as_ref().unwrap()[(x, y)]);
         // What the first sees, the second sees at its place: the surface and, within the texture of a pixel, the colour.
         let (mut met, mut alike) = (0, 0);
         for y in 4..32 {
@@ -188,14 +194,15 @@ mod tests {
                 }
                 met += 1;
                 let (u, v) = (u as usize, v as usize);
-                let same = a.surface.as_ref().unwrap()[(x, y)] == b.surface.as_ref().unwrap()[(u, v)];
+                let same = light(&a).surface.as_ref().unwrap()[(x, y)] == light(&b).surface.as_ref().unwrap()[(u, v)];
                 alike += usize::from(same && (depth(&b, u, v) / there.z - 1.0).abs() < 0.1);
             }
         }
         assert!(met > 1000 && alike * 10 > met * 8, "{alike} of {met}");
-        let peak = a.spectrum.pixels().iter().copied().fold(0.0_f32, f32::max);
-        assert!(peak > 0.0 && DB_RANGE.scalar(peak) <= 1.0 && a.spectrum.pixels().iter().all(|p| *p > 0.0));
-        let levels: std::collections::BTreeSet<[u8; 3]> = a.image.pixels().iter().copied().collect();
+        let spectrum = &a.radio.as_ref().unwrap().spectrum;
+        let peak = spectrum.pixels().iter().copied().fold(0.0_f32, f32::max);
+        assert!(peak > 0.0 && DB_RANGE.scalar(peak) <= 1.0 && spectrum.pixels().iter().all(|p| *p > 0.0));
+        let levels: std::collections::BTreeSet<[u8; 3]> = light(&a).image.pixels().iter().copied().collect();
         assert!(levels.len() > 200, "a plain image teaches nothing");
     }
 }

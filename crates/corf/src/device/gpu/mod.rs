@@ -41,7 +41,7 @@ use deformed::StandIns;
 use frame::{Forward, Memory};
 use pyramid::Packed;
 use shaders::Fixed;
-use shelf::{Keyframe, Shelf};
+use shelf::{Shelf, StoredView};
 use std::sync::Arc;
 use store::Store;
 use survey::Surveyor;
@@ -172,7 +172,7 @@ impl Device for GpuDevice {
         self.ready()?;
         check_channels(view, self.store.harmonics.map(|h| h.channels))?;
         let packed = Packed::new(view, levels, self.raster.antialias)?;
-        Ok(ViewId(self.shelf.push(Keyframe::new(packed, &self.context, &self.shelf.budget)?)))
+        Ok(ViewId(self.shelf.push(StoredView::new(packed, &self.context, &self.shelf.budget)?)))
     }
 
     fn packer(&self) -> Option<Packer> {
@@ -181,7 +181,7 @@ impl Device for GpuDevice {
         Some(Arc::new(move |view, levels| {
             check_channels(view, channels)?;
             // On its way before it is asked for, if there is room: only its number is left to be given.
-            Ok(PackedView::new(Keyframe::new(Packed::new(view, levels, antialias)?, &context, &budget)?))
+            Ok(PackedView::new(StoredView::new(Packed::new(view, levels, antialias)?, &context, &budget)?))
         }))
     }
 

@@ -63,7 +63,7 @@ impl Place {
 }
 
 /// One keyframe: on the device, in main memory, or both.
-pub(crate) struct Keyframe {
+pub(crate) struct StoredView {
     pyramid: Pyramid,
     /// Words of its targets.
     words: usize,
@@ -77,7 +77,7 @@ pub(crate) struct Keyframe {
     submission: u64,
 }
 
-impl Keyframe {
+impl StoredView {
     /// Puts a keyframe on the device if there is room, on any thread; nothing leaves for it.
     pub fn new(packed: Packed, context: &Context, budget: &Arc<Budget>) -> Result<Self> {
         let Packed { pyramid, words } = packed;
@@ -98,7 +98,7 @@ fn bytes(words: usize) -> u64 {
 /// All keyframes of a device.
 pub(crate) struct Shelf {
     pub budget: Arc<Budget>,
-    keyframes: Vec<Keyframe>,
+    keyframes: Vec<StoredView>,
     placings: u64,
     batches: u64,
     submissions: u64,
@@ -112,7 +112,7 @@ impl Shelf {
     }
 
     /// Takes a keyframe in; returns its number.
-    pub fn push(&mut self, mut keyframe: Keyframe) -> usize {
+    pub fn push(&mut self, mut keyframe: StoredView) -> usize {
         self.placings += 1;
         keyframe.placing = self.placings;
         self.keyframes.push(keyframe);
@@ -184,7 +184,7 @@ impl Shelf {
             if let Some(lease) = self.budget.take(bytes) {
                 return Place::new(context, lease).map(Some);
             }
-            let free = |k: &Keyframe| k.place.is_some() && k.submission != self.submissions;
+            let free = |k: &StoredView| k.place.is_some() && k.submission != self.submissions;
             let leaving =
                 (0..self.keyframes.len()).filter(|i| free(&self.keyframes[*i])).min_by_key(|i| self.keyframes[*i].batch);
             match leaving {
