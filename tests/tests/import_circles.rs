@@ -240,7 +240,7 @@ impl Crate {
 #[test]
 fn modules_import_one_way() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-    for name in ["crates/scene", "crates/raytrace", "crates/corf", "crates/bench", "fuzz"] {
+    for name in ["crates/scene", "crates/gpu", "crates/raytrace", "crates/corf", "crates/bench", "fuzz"] {
         let read = Crate::read(&root.join(name).join("src"));
         // That it reads what it should: a crate without arrows would have no circles either.
         assert!(

@@ -69,8 +69,8 @@ impl DeviceChoice {
     #[cfg(feature = "gpu")]
     pub fn resolve(self) -> Result<Backend> {
         use crate::note;
-        use corf::device::gpu::{GpuOptions, adapter_name, adapter_names};
-        let look = |adapter, software| adapter_name(&GpuOptions { adapter, software, ..GpuOptions::default() });
+        use corf_gpu::{AdapterOptions, adapter_name, adapter_names};
+        let look = |number, software| adapter_name(&AdapterOptions { number, software, ..AdapterOptions::default() });
         match self {
             Self::Cpu => Ok(Backend::Cpu),
             Self::Auto => match look(0, false) {
@@ -131,8 +131,8 @@ fn no_adapter(choice: DeviceChoice, there: &[(String, bool)]) -> String {
 pub fn gpu_count() -> usize {
     #[cfg(feature = "gpu")]
     {
-        use corf::device::gpu::{GpuOptions, adapter_name};
-        let is_there = |adapter: &usize| adapter_name(&GpuOptions { adapter: *adapter, ..GpuOptions::default() }).is_some();
+        use corf_gpu::{AdapterOptions, adapter_name};
+        let is_there = |number: &usize| adapter_name(&AdapterOptions { number: *number, ..AdapterOptions::default() }).is_some();
         (0..).take_while(is_there).count()
     }
     #[cfg(not(feature = "gpu"))]
@@ -141,8 +141,8 @@ pub fn gpu_count() -> usize {
 
 /// Options of an adapter that a baseline's network runs on, in half precision if it is to.
 #[cfg(feature = "gpu")]
-pub fn network_options(number: usize, half: bool) -> corf::device::gpu::GpuOptions {
-    corf::device::gpu::GpuOptions { adapter: number, software: true, half, ..Default::default() }
+pub fn network_options(number: usize, half: bool) -> corf_gpu::AdapterOptions {
+    corf_gpu::AdapterOptions { number, software: true, half, ..Default::default() }
 }
 
 impl Backend {
@@ -152,7 +152,7 @@ impl Backend {
         match self {
             Self::Cpu => false,
             #[cfg(feature = "gpu")]
-            Self::Gpu { number, .. } => corf::device::gpu::multiplies_in_half(&network_options(*number, wanted)),
+            Self::Gpu { number, .. } => corf_gpu::multiplies_in_half(&network_options(*number, wanted)),
         }
     }
 
@@ -181,9 +181,9 @@ impl Backend {
             #[cfg(feature = "gpu")]
             Self::Gpu { number, .. } => {
                 use corf::device::gpu::{GpuDevice, GpuOptions};
+                use corf_gpu::AdapterOptions;
                 let options = GpuOptions {
-                    adapter: *number,
-                    software: true,
+                    adapter: AdapterOptions { number: *number, software: true, ..AdapterOptions::default() },
                     tile: raster.tile_px,
                     keyframe_bytes: raster.keyframe_bytes(),
                     ..GpuOptions::default()

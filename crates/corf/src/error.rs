@@ -26,7 +26,7 @@ pub enum Error {
     /// The caller's progress callback asked for the work to end.
     #[error("stopped by the caller")]
     Stopped,
-    /// A keyframe or dataset error.
+    /// A keyframe, data set or GPU error.
     #[error(transparent)]
     Scene(#[from] corf_scene::Error),
 }
@@ -44,7 +44,9 @@ impl Error {
     #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "devices of their own keep errors"))]
     pub(crate) fn repeated(&self) -> Self {
         match self {
-            Self::Invalid { place, what, help } => Self::invalid(place, what, help),
+            Self::Invalid { place, what, help } | Self::Scene(corf_scene::Error::Invalid { place, what, help }) => {
+                Self::invalid(place, what, help)
+            }
             other => Self::invalid("the device", other.to_string(), "start again"),
         }
     }

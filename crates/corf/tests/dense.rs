@@ -45,9 +45,9 @@ fn devices(g: &Gaussians) -> Vec<Box<dyn Trained>> {
     let mut out: Vec<Box<dyn Trained>> = vec![Box::new(CpuDevice::new(optimizer(), raster, g).unwrap())];
     #[cfg(feature = "gpu")]
     {
-        use corf::device::gpu::{GpuDevice, GpuOptions, adapter_name};
-        let options = GpuOptions { software: true, poison: Some(0xffc0_ffee), least_room: 16, ..GpuOptions::default() };
-        if adapter_name(&options).is_some() {
+        use corf::device::gpu::{GpuDevice, GpuOptions};
+        let options = GpuOptions { least_room: 16, ..GpuOptions::on(corf_gpu::testing::OPTIONS) };
+        if corf_gpu::adapter_name(&options.adapter).is_some() {
             out.push(Box::new(GpuDevice::new(&options, optimizer(), raster, g).unwrap()));
         } else {
             assert!(std::env::var_os("CORF_REQUIRE_GPU").is_none_or(|v| v != "1"), "no adapter");

@@ -86,9 +86,9 @@ impl Differentiable for corf::device::gpu::GpuDevice {
 /// A GPU device on any adapter, or none and a line that says so; a failure under `CORF_REQUIRE_GPU=1`.
 #[cfg(feature = "gpu")]
 fn gpu(raster: RasterConfig, gaussians: &Gaussians) -> Option<corf::device::gpu::GpuDevice> {
-    use corf::device::gpu::{GpuDevice, GpuOptions, adapter_name};
-    let options = GpuOptions { software: true, poison: Some(0xffc0_ffee), ..GpuOptions::default() };
-    if adapter_name(&options).is_some() {
+    use corf::device::gpu::{GpuDevice, GpuOptions};
+    let options = GpuOptions::on(corf_gpu::testing::OPTIONS);
+    if corf_gpu::adapter_name(&options.adapter).is_some() {
         return Some(GpuDevice::new(&options, OptimizerConfig::default(), raster, gaussians).unwrap());
     }
     assert!(std::env::var_os("CORF_REQUIRE_GPU").is_none_or(|v| v != "1"), "no adapter");

@@ -218,9 +218,9 @@ fn the_gradient_of_the_whole_loss_is_that_of_finite_differences() {
         scenario.check("cpu", &mut cpu, &truth);
         #[cfg(feature = "gpu")]
         {
-            use corf::device::gpu::{GpuOptions, adapter_name};
-            let options = GpuOptions { software: true, poison: Some(0xffc0_ffee), ..GpuOptions::default() };
-            if adapter_name(&options).is_some() {
+            use corf::device::gpu::GpuOptions;
+            let options = GpuOptions::on(corf_gpu::testing::OPTIONS);
+            if corf_gpu::adapter_name(&options.adapter).is_some() {
                 let mut gpu = corf::wrf_gs_plus::GpuTrainer::new(&options, &scenario.config, &scenario.parameters).unwrap();
                 scenario.check("gpu", &mut gpu, &truth);
             } else {

@@ -10,6 +10,8 @@ use clap::Args;
 #[cfg(feature = "gpu")]
 use corf::device::gpu::{GpuDevice, GpuOptions};
 use corf::{Antialias, CpuDevice, Device, Gaussians, RasterConfig, device::TrainingView, ply};
+#[cfg(feature = "gpu")]
+use corf_gpu::AdapterOptions;
 use corf_scene::bounds;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -339,14 +341,17 @@ impl Run {
         variant: Variant,
     ) -> Result<()> {
         let options = GpuOptions {
-            adapter: wanted.device.adapter(),
-            software: true,
+            adapter: AdapterOptions {
+                number: wanted.device.adapter(),
+                software: true,
+                subgroups: variant.subgroups,
+                timestamps: true,
+                ..AdapterOptions::default()
+            },
             tile: variant.tile.map(|tile| tile.map(|v| v as u32)),
             batch: variant.batch,
             segments: variant.segments,
             fused: variant.fused,
-            subgroups: variant.subgroups,
-            timestamps: true,
             ..GpuOptions::default()
         };
         let (bytes_per_ms, operations_per_ms) = (wanted.bandwidth_gb_s * 1e6, wanted.tflops * 1e9);

@@ -123,7 +123,7 @@ impl Report {
 /// Whether a reconstruction finds a GPU, and every adapter there is.
 #[cfg(feature = "gpu")]
 fn gpu() -> (Found, Vec<serde_json::Value>) {
-    use corf::device::gpu::adapter_reports;
+    use corf_gpu::adapter_reports;
     let reports = adapter_reports();
     let usable = reports.iter().find(|r| r.usable.is_ok() && !r.software);
     let found = match (usable, reports.is_empty()) {

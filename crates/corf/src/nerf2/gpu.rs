@@ -5,12 +5,10 @@
 
 use super::trainer::{Trainer, check_rays};
 use super::{Batch, Model, Nerf2Config, Ray};
-use crate::device::gpu::GpuOptions;
-use crate::device::gpu::context::Context;
-use crate::device::gpu::kernel::{Bound, Kernel};
-use crate::nn::gpu::{CONSTANTS, ENCODING, GpuNetwork, LANES, most_rows, vectors};
+use crate::nn::gpu::{ENCODING, GpuNetwork, LANES, most_rows, vectors};
 use crate::nn::{Adam, Trained};
 use crate::{Error, Result};
+use corf_gpu::{AdapterOptions, Bound, Context, Kernel, SIN_COS, UNIFORM_STRIDE};
 
 /// Most points of a chunk: with the published network their activations and gradients take 1.5 GB.
 const POINTS_A_CHUNK: usize = 1 << 16;
@@ -58,7 +56,7 @@ impl GpuTrainer {
     ///
     /// # Errors
     /// A configuration out of range, parameters of another network, no adapter or one without memory.
-    pub fn new(options: &GpuOptions, config: &Nerf2Config, transmitter_m: [f32; 3], parameters: &[f32]) -> Result<Self> {
+    pub fn new(options: &AdapterOptions, config: &Nerf2Config, transmitter_m: [f32; 3], parameters: &[f32]) -> Result<Self> {
         config.validate()?;
         let context = Context::open(options)?;
         let model = Model::new(config);
@@ -92,7 +90,7 @@ impl GpuTrainer {
         let ray_buffer = context.storage("rays", (4 * RAY * rays) as u64)?;
         let distances = context.storage("distances", (4 * config.samples * rays) as u64)?;
         let amplitudes = context.storage("amplitudes", (4 * rays) as u64)?;
-        let constants = context.buffer("chunks", CONSTANTS * chunks as u64, wgpu::BufferUsages::UNIFORM)?;
+        let constants = context.buffer("chunks", UNIFORM_STRIDE * chunks as u64, wgpu::BufferUsages::UNIFORM)?;
         for chunk in 0..chunks {
             let width = model.encoding.width();
             let [x, y, z] = transmitter_m;
@@ -108,9 +106,9 @@ impl GpuTrainer {
                 padding: 0,
                 transmitter: [x, y, z, 0.0],
             };
-            context.queue.write_buffer(&constants, CONSTANTS * chunk as u64, bytemuck::bytes_of(&values));
+            context.queue.write_buffer(&constants, UNIFORM_STRIDE * chunk as u64, bytemuck::bytes_of(&values));
         }
-        let head = include_str!("shaders/chunk.wgsl").to_owned() + ENCODING;
+        let head = include_str!("shaders/chunk.wgsl").to_owned() + SIN_COS + ENCODING;
         let [points, sums] = Kernel::all(
             &context,
             [
@@ -155,12 +153,12 @@ impl GpuTrainer {
     /// # Errors
     /// The device's.
     pub fn wait(&self) -> Result<()> {
-        self.context.wait("training")
+        Ok(self.context.wait("training")?)
     }
 
     /// From rays to their amplitudes, for one chunk.
     fn forward(&self, pass: &mut wgpu::ComputePass<'_>, chunk: usize) {
-        let at = (CONSTANTS * chunk as u64) as u32;
+        let at = (UNIFORM_STRIDE * chunk as u64) as u32;
         let rows = self.network.rows() as u32;
         let vectors_a_point = self.network.inputs.iter().map(|b| b.size() / 16 / u64::from(rows)).sum::<u64>() as u32;
         self.points.run(pass, at, (rows * vectors_a_point).div_ceil(64));
@@ -209,7 +207,7 @@ impl Trainer for GpuTrainer {
         self.network.begin_step(&self.context, rate);
         self.context.submit(encoder);
         self.targets.clone_from(&batch.targets);
-        self.context.check("training")
+        Ok(self.context.check("training")?)
     }
 
     fn loss(&mut self) -> Result<f64> {

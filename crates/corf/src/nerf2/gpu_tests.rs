@@ -4,7 +4,7 @@
 
 use super::tests::{TRANSMITTER_M, rays, tiny};
 use super::*;
-use crate::device::gpu::testing::{OPTIONS, context};
+use corf_gpu::testing::{OPTIONS, context};
 use corf_scene::{Pinhole, Rigid3};
 
 /// Points of a chunk: six rays of eight samples, so that 40 rays make seven chunks, the last of four.

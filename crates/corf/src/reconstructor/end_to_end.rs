@@ -194,7 +194,7 @@ const SEEDS: u64 = 3;
 #[test]
 fn reconstructions_on_the_gpu_end_where_those_on_the_cpu_do() {
     use crate::device::gpu::{GpuDevice, testing};
-    if testing::context(&testing::OPTIONS).is_none() {
+    if corf_gpu::testing::context(&testing::OPTIONS.adapter).is_none() {
         return;
     }
     let frames = keyframes();
@@ -227,7 +227,7 @@ const TRAINED_TOLERANCE_DB: f64 = 0.08;
 #[test]
 fn one_field_trained_on_either_device_ends_at_the_same_errors() {
     use crate::device::gpu::{GpuDevice, GpuOptions, testing};
-    if testing::context(&testing::OPTIONS).is_none() {
+    if corf_gpu::testing::context(&testing::OPTIONS.adapter).is_none() {
         return;
     }
     let frames = keyframes();
@@ -259,9 +259,9 @@ fn one_field_trained_on_either_device_ends_at_the_same_errors() {
         each.fold((0.0, 0.0), |sum, q| (sum.0 + q.0 / frames.len() as f64, sum.1 + q.1 / frames.len() as f64))
     };
     let cpu = trained(&mut CpuDevice::new(optimizer, raster, &field.gaussians).unwrap());
-    let default = GpuOptions { software: true, ..GpuOptions::default() };
+    let default = GpuOptions::on(corf_gpu::AdapterOptions { software: true, ..Default::default() });
     // Small buckets, and as it is used with and without subgroups.
-    for options in [testing::OPTIONS, default, GpuOptions { subgroups: false, ..default }] {
+    for options in [testing::OPTIONS, default, GpuOptions::on(corf_gpu::AdapterOptions { subgroups: false, ..default.adapter })] {
         let gpu = trained(&mut GpuDevice::new(&options, optimizer, raster, &field.gaussians).unwrap());
         eprintln!("cpu {cpu:.4?} dB, gpu {gpu:.4?} dB");
         assert!((cpu.0 - gpu.0).abs() < TRAINED_TOLERANCE_DB && (cpu.1 - gpu.1).abs() < TRAINED_TOLERANCE_DB, "{cpu:?} {gpu:?}");

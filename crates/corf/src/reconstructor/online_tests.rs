@@ -276,9 +276,9 @@ fn checkpoints_of_something_else_and_damaged_ones_are_refused() {
 #[cfg(feature = "gpu")]
 #[test]
 fn views_that_threads_upload_to_a_gpu_change_nothing() {
-    use crate::device::gpu::{GpuDevice, GpuOptions, adapter_name};
-    let options = GpuOptions { software: true, ..GpuOptions::default() };
-    if adapter_name(&options).is_none() {
+    use crate::device::gpu::{GpuDevice, GpuOptions};
+    let options = GpuOptions::on(corf_gpu::AdapterOptions { software: true, ..Default::default() });
+    if corf_gpu::adapter_name(&options.adapter).is_none() {
         assert!(std::env::var_os("CORF_REQUIRE_GPU").is_none_or(|v| v != "1"), "no adapter");
         println!("skipped: no adapter");
         return;

@@ -5,14 +5,13 @@
 
 use super::trainer::{DeformedStep, NETWORK_ADAM, Trainer};
 use super::{Model, WrfGsPlusConfig};
-use crate::device::gpu::context::Context;
-use crate::device::gpu::deformed::{ADAM, Buffers, Deformation, GROUPS};
-use crate::device::gpu::kernel::{Bound, Kernel};
+use crate::device::gpu::deformed::{ADAM, Buffers, Deformation, SLOTS};
 use crate::device::gpu::{GpuDevice, GpuOptions};
 use crate::device::{DenseStep, Device, Layer, RenderRequest, StepReport, View};
 use crate::nn::Trained;
-use crate::nn::gpu::{CONSTANTS, ENCODING, GpuNetwork, vectors};
+use crate::nn::gpu::{ENCODING, GpuNetwork, vectors};
 use crate::{Error, OptimizerConfig, Result};
+use corf_gpu::{AdapterOptions, Bound, Context, GROUP_NUMBER, Kernel, SIN_COS, UNIFORM_STRIDE};
 
 /// Most Gaussians of a chunk: with the published network their activations and gradients take 5.2 GB.
 const MOST_ROWS: usize = 1 << 18;
@@ -80,8 +79,8 @@ impl GpuTrainer {
     ///
     /// # Errors
     /// A configuration out of range, parameters of another network, no adapter or one without memory.
-    pub fn new(options: &GpuOptions, config: &WrfGsPlusConfig, parameters: &[f32]) -> Result<Self> {
-        Self::in_chunks(options, config, parameters, MOST_ROWS)
+    pub fn new(adapter: &AdapterOptions, config: &WrfGsPlusConfig, parameters: &[f32]) -> Result<Self> {
+        Self::in_chunks(&GpuOptions::on(*adapter), config, parameters, MOST_ROWS)
     }
 
     /// [`Self::new`] with at most so many Gaussians a chunk.
@@ -96,11 +95,11 @@ impl GpuTrainer {
         Trained::new(parameters.to_vec()).check(model.network.parameters())?;
         let device = GpuDevice::new(options, config.optimizer(), config.raster(), &config.empty_field())?;
         let context = device.context();
-        let head = GROUPS.to_owned() + include_str!("shaders/head.wgsl");
+        let head = GROUP_NUMBER.to_owned() + SLOTS + include_str!("shaders/head.wgsl");
         let [encode, deform, pull_back] = Kernel::all(
             context,
             [
-                ("encode Gaussians", head.clone() + ENCODING + include_str!("shaders/encode.wgsl")),
+                ("encode Gaussians", head.clone() + SIN_COS + ENCODING + include_str!("shaders/encode.wgsl")),
                 ("deform Gaussians", head.clone() + include_str!("shaders/deform.wgsl")),
                 ("step deformed Gaussians", head + ADAM + include_str!("shaders/pull_back.wgsl")),
             ],
@@ -160,14 +159,14 @@ impl Deforming {
 
 /// Place of a chunk's constants.
 fn offset(chunk: usize) -> u32 {
-    (CONSTANTS * chunk as u64) as u32
+    (UNIFORM_STRIDE * chunk as u64) as u32
 }
 
 impl Deformation for Deforming {
     fn bind(&mut self, context: &Context, b: &Buffers<'_>) -> Result<()> {
         let chunks = b.gaussians.div_ceil(self.most_rows).max(1);
         self.network.set_rows(context, b.gaussians.div_ceil(chunks).max(1))?;
-        let constants = context.buffer("chunks of Gaussians", CONSTANTS * chunks as u64, wgpu::BufferUsages::UNIFORM)?;
+        let constants = context.buffer("chunks of Gaussians", UNIFORM_STRIDE * chunks as u64, wgpu::BufferUsages::UNIFORM)?;
         let n = &self.network;
         let ([core, core_m, core_v], [rf, rf_moments]) = (b.core, b.rf);
         let [dp, ds, dr, dc] = self.model.heads().map(|h| n.values(h));

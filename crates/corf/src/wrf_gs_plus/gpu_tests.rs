@@ -6,8 +6,19 @@ use super::tests::{keyframe, on_cpu, received, small};
 use super::*;
 use crate::device::ScreenGradient;
 use crate::device::gpu::GpuOptions;
-use crate::device::gpu::testing::{OPTIONS, context};
 use crate::target::RfTarget;
+use corf_gpu::testing;
+
+/// One shape of tiles, hardly any memory at first.
+const OPTIONS: GpuOptions = GpuOptions {
+    adapter: testing::OPTIONS,
+    tile: Some([8, 8]),
+    batch: 16,
+    segments: Some(1),
+    fused: true,
+    least_room: 16,
+    keyframe_bytes: u64::MAX,
+};
 
 fn on_gpu(config: &WrfGsPlusConfig, options: &GpuOptions, most_rows: usize) -> WrfGsPlusReconstructor {
     let parameters: Vec<f32> = Model::new(config).network.initial(1);
@@ -21,7 +32,7 @@ fn largest(a: &[f32], b: &[f32]) -> f32 {
 
 #[test]
 fn a_few_steps_on_both_devices_are_the_same_but_for_rounding() {
-    if context(&OPTIONS).is_none() {
+    if testing::context(&testing::OPTIONS).is_none() {
         return;
     }
     // Colours, displacements; all at once and in chunks with a short last one; room for all pairs, and too little at first.
@@ -76,7 +87,7 @@ fn a_few_steps_on_both_devices_are_the_same_but_for_rounding() {
 
 #[test]
 fn a_restored_reconstruction_goes_on_to_the_same_bytes_on_a_gpu_too() {
-    if context(&OPTIONS).is_none() {
+    if testing::context(&testing::OPTIONS).is_none() {
         return;
     }
     let config = WrfGsPlusConfig { iterations: 40, random_points: 300, ..small() };

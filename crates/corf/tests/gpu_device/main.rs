@@ -12,6 +12,7 @@ use corf::{
     device::{RenderRequest, Step, StepReport, TrainingView, View, ViewId, gpu::GpuOptions},
     gaussians::logit,
 };
+use corf_gpu::AdapterOptions;
 use corf_scene::{Pinhole, Rng};
 use support::{
     OPTIONS, THRESHOLD_SHARE, bits, both, cameras, classes, compare_gradients, compare_renderings, image, metric_rates, noise,
@@ -225,7 +226,12 @@ fn without_subgroups_the_same_bytes() {
     let g = room(5, 1500, 3, [1, 1]);
     // Batches of eight lie within any subgroup of eight and more.
     let run = |subgroups: bool| {
-        let mut d = open(&GpuOptions { subgroups, batch: 8, ..OPTIONS }, metric_rates(), RasterConfig::default(), &g)?;
+        let mut d = open(
+            &GpuOptions { adapter: AdapterOptions { subgroups, ..OPTIONS.adapter }, batch: 8, ..OPTIONS },
+            metric_rates(),
+            RasterConfig::default(),
+            &g,
+        )?;
         d.upload(&training_view(0, 3, false), 1).unwrap();
         d.train(&[step(0, 0); 5]).unwrap();
         Some(bits(&d.gaussians().unwrap()))

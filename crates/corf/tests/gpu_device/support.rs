@@ -4,7 +4,7 @@ use corf::{
     CpuDevice, Gaussians, OptimizerConfig, RasterConfig,
     device::{
         InverseDepth, Planes, RenderRequest, Rendering, Step, TrainingView, View, ViewId,
-        gpu::{GpuDevice, GpuOptions, adapter_name},
+        gpu::{GpuDevice, GpuOptions},
     },
     gaussians::logit,
 };
@@ -12,18 +12,13 @@ use corf_scene::{Pinhole, Raster, Rigid3, Rng};
 use glam::DVec3;
 
 pub const OPTIONS: GpuOptions = GpuOptions {
-    adapter: 0,
-    software: true,
-    subgroups: true,
-    timestamps: false,
+    adapter: corf_gpu::testing::OPTIONS,
     tile: None,
     batch: 16,
     segments: None,
     fused: true,
     least_room: 16,
     keyframe_bytes: u64::MAX,
-    half: false,
-    poison: Some(0xffc0_ffee),
 };
 
 /// Rendered values: a few hundred f32 roundings of numbers near 1, in exp2 and division of some ulp.
@@ -40,13 +35,8 @@ const GRADIENT_TOLERANCE: f64 = 1e-3;
 const UNDRAWN_SHARE: f64 = 0.03;
 
 pub fn open(options: &GpuOptions, optimizer: OptimizerConfig, raster: RasterConfig, g: &Gaussians) -> Option<GpuDevice> {
-    if adapter_name(options).is_some() {
-        return Some(GpuDevice::new(options, optimizer, raster, g).unwrap());
-    }
-    let required = std::env::var_os("CORF_REQUIRE_GPU").is_some_and(|v| v == "1");
-    assert!(!required, "no adapter");
-    println!("skipped: no adapter");
-    None
+    corf_gpu::testing::context(&options.adapter)?;
+    Some(GpuDevice::new(options, optimizer, raster, g).unwrap())
 }
 
 /// Both devices holding the same Gaussians.

@@ -127,8 +127,8 @@ pub fn on_device(trainer: ArrayTrainer, backend: &Backend) -> Result<ArrayTraine
         }
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
-            use corf::device::gpu::GpuOptions;
-            Ok(trainer.on_gpu(&GpuOptions { adapter: *number, software: true, ..GpuOptions::default() })?)
+            use corf_gpu::AdapterOptions;
+            Ok(trainer.on_gpu(&AdapterOptions { number: *number, software: true, ..AdapterOptions::default() })?)
         }
     }
 }

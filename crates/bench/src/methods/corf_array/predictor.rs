@@ -37,8 +37,9 @@ pub fn observer(backend: &Backend, field: &Arc<ArrayField>) -> Result<Box<dyn Ob
         Backend::Gpu { .. } if !corf::array::gpu::forms(&field.sensor) => Ok(Box::new(CpuObserver::new(Arc::clone(field)))),
         #[cfg(feature = "gpu")]
         Backend::Gpu { number, .. } => {
-            use corf::{array::gpu::GpuObserver, device::gpu::GpuOptions};
-            let options = GpuOptions { adapter: *number, software: true, ..GpuOptions::default() };
+            use corf::array::gpu::GpuObserver;
+            use corf_gpu::AdapterOptions;
+            let options = AdapterOptions { number: *number, software: true, ..AdapterOptions::default() };
             Ok(Box::new(GpuObserver::new(&options, Arc::clone(field))?))
         }
     }

@@ -7,9 +7,7 @@ use super::job::Job;
 use super::pixels::Pixels;
 use super::shape::{CHUNK, Shape, TABLES};
 use crate::Result;
-use crate::device::gpu::context::Context;
-use crate::device::gpu::kernel::{Bound, Kernel};
-use crate::nn::gpu::CONSTANTS;
+use corf_gpu::{Bound, Context, Kernel, UNIFORM_STRIDE};
 
 /// Compiled kernels of the way back.
 pub(super) struct BackwardKernels {
@@ -115,7 +113,7 @@ impl Backward {
 
     /// The step of a job whose observation is there.
     pub fn run(&self, pass: &mut wgpu::ComputePass<'_>, job: usize) {
-        let at = (CONSTANTS * job as u64) as u32;
+        let at = (UNIFORM_STRIDE * job as u64) as u32;
         let groups = self.emitters.div_ceil(64) as u32;
         self.residual.run(pass, at, self.pixels.div_ceil(64) as u32);
         if let Some([collect, sum]) = &self.tables {

@@ -3,8 +3,7 @@
 use super::job::Job;
 use super::shape::{Shape, TABLES};
 use crate::Result;
-use crate::device::gpu::context::Context;
-use crate::device::gpu::kernel::{Bound, Kernel};
+use corf_gpu::{Bound, Context, Kernel};
 
 /// Compiled kernels that make tables of forms of the inverse covariance from tables of waves.
 pub(super) struct Inversion {

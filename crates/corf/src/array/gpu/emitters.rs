@@ -2,7 +2,7 @@
 
 use super::super::ArrayField;
 use crate::Result;
-use crate::device::gpu::context::Context;
+use corf_gpu::Context;
 
 /// Buffers of emitters.
 pub(super) struct Emitters {

@@ -6,9 +6,7 @@ use super::job::{Job, Near, ReceiverRow, Receivers};
 use super::pixels::Pixels;
 use super::shape::{CHUNK, Shape};
 use crate::Result;
-use crate::device::gpu::context::Context;
-use crate::device::gpu::kernel::{Bound, Kernel};
-use crate::nn::gpu::CONSTANTS;
+use corf_gpu::{Bound, Context, Kernel, UNIFORM_STRIDE};
 
 /// Compiled kernels of the forward pass.
 pub(super) struct Kernels {
@@ -44,7 +42,7 @@ pub(super) fn bytes_a_pose(shape: Shape, emitters: usize, pixels: usize, anchors
 /// A batch of poses.
 pub(super) struct Forward {
     shape: Shape,
-    /// Constants of the dispatches, [`CONSTANTS`] bytes apart.
+    /// Constants of the dispatches, [`UNIFORM_STRIDE`] bytes apart.
     pub jobs: wgpu::Buffer,
     pub receivers: wgpu::Buffer,
     pub anchors: wgpu::Buffer,
@@ -73,7 +71,7 @@ impl Forward {
         let entries = 16 * shape.entries() as u64;
         let parts = (batch * emitters.count.div_ceil(CHUNK)).max(tables * directions.div_ceil(CHUNK)) as u64;
         let lobes = if shape == Shape::Lobes { 16 * batch as u64 * count } else { 0 };
-        let jobs = context.buffer("jobs of a radio field", CONSTANTS * held as u64, wgpu::BufferUsages::UNIFORM)?;
+        let jobs = context.buffer("jobs of a radio field", UNIFORM_STRIDE * held as u64, wgpu::BufferUsages::UNIFORM)?;
         let receivers = context.storage("receivers", (size_of::<ReceiverRow>() * held) as u64)?;
         let anchors = context.storage("anchors of receivers", (size_of::<Near>() * held * emitters.anchors) as u64)?;
         let waves = context.storage("waves", 16 * batch as u64 * count)?;
@@ -136,13 +134,13 @@ impl Forward {
         context.fill(&self.receivers, 0, &receivers.rows);
         context.fill(&self.anchors, 0, &receivers.anchors);
         for (k, job) in jobs.iter().enumerate() {
-            context.fill(&self.jobs, CONSTANTS * k as u64, &[*job]);
+            context.fill(&self.jobs, UNIFORM_STRIDE * k as u64, &[*job]);
         }
     }
 
     /// Observations at the `receivers` receivers of a job; with emitters.
     pub fn run(&self, pass: &mut wgpu::ComputePass<'_>, job: usize, receivers: usize) {
-        let at = (CONSTANTS * job as u64) as u32;
+        let at = (UNIFORM_STRIDE * job as u64) as u32;
         self.of_waves.run(pass, at, (receivers * self.emitters).div_ceil(64) as u32);
         if let Some([collect, sum]) = &self.of_tables {
             collect.run(pass, at, (receivers * self.emitters.div_ceil(CHUNK)) as u32);

@@ -7,8 +7,7 @@ use super::job::{Job, Receivers};
 use super::pixels::Pixels;
 use super::shape::Shape;
 use crate::Result;
-use crate::device::gpu::GpuOptions;
-use crate::device::gpu::context::Context;
+use corf_gpu::{AdapterOptions, Context};
 use corf_scene::{Raster, Rigid3};
 use std::sync::Arc;
 
@@ -31,7 +30,7 @@ impl GpuObserver {
     ///
     /// # Errors
     /// No adapter, or one without memory for the field.
-    pub fn new(options: &GpuOptions, field: Arc<ArrayField>) -> Result<Self> {
+    pub fn new(options: &AdapterOptions, field: Arc<ArrayField>) -> Result<Self> {
         Self::in_batches(Context::open(options)?, field, MOST_POSES)
     }
 

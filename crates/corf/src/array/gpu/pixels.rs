@@ -3,7 +3,7 @@
 use super::super::{ArrayField, SensorSettings};
 use super::shape::TILE;
 use crate::Result;
-use crate::device::gpu::context::Context;
+use corf_gpu::Context;
 use corf_scene::Pinhole;
 use corf_scene::model::ARRAY_FROM_CAMERA;
 use glam::DVec3;

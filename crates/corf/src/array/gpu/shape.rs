@@ -4,8 +4,8 @@ use super::super::SensorSettings;
 use super::super::cloud::NEAREST_M;
 use super::super::lobes::{REACH, WIDEST};
 use super::super::stepper::MOST_GAIN;
-use crate::nn::gpu::ENCODING;
 use crate::{Error, Result};
+use corf_gpu::{GROUP_NUMBER, SIN_COS};
 
 /// Emitters or pixels that one part of a table sums over.
 pub(super) const CHUNK: usize = 256;
@@ -95,7 +95,7 @@ impl Shape {
             out += &format!("const STRIDE = {stride}u;\nconst SIZE = {size}u;\nconst LOADING = {loading:?};\n");
             out += include_str!("shaders/per.wgsl");
         }
-        out + include_str!("shaders/head.wgsl") + ENCODING
+        out + GROUP_NUMBER + SIN_COS + include_str!("shaders/head.wgsl")
     }
 
     pub fn waves(self) -> String {

@@ -9,8 +9,7 @@ use super::job::{Job, Receivers};
 use super::pixels::Pixels;
 use super::shape::{Shape, TABLES};
 use crate::Result;
-use crate::device::gpu::GpuOptions;
-use crate::device::gpu::context::Context;
+use corf_gpu::{AdapterOptions, Context};
 
 /// Steps that are submitted at once, with the spectra of their keyframes.
 const STEPS_AT_ONCE: usize = 32;
@@ -31,7 +30,7 @@ impl ArrayTrainer {
     ///
     /// # Errors
     /// No adapter, or one without memory.
-    pub fn on_gpu(mut self, options: &GpuOptions) -> Result<Self> {
+    pub fn on_gpu(mut self, options: &AdapterOptions) -> Result<Self> {
         self.stepper = Box::new(GpuStepper::new(Context::open(options)?, self.rule(), &self.field, STEPS_AT_ONCE)?);
         Ok(self)
     }

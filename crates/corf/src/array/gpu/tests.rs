@@ -10,7 +10,7 @@ use crate::array::cloud::Cloud;
 use crate::array::stepper::{CpuStepper, Rule, Stepper, View};
 use crate::array::tests as online;
 use crate::array::{ArrayConfig, ArrayField, ArrayTrainer, CpuObserver, Observer, SensorSettings};
-use crate::device::gpu::testing::{OPTIONS, context};
+use corf_gpu::testing::{OPTIONS, context};
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Pinhole, Rigid3, Rng};
 use glam::DVec3;

@@ -1,18 +1,16 @@
 //! Steps and pictures of Gaussians that another makes of those held: they stand in their place in the rasteriser, which writes the gradient in them.
 //! What becomes of the gradient is up to the other as well.
 
-use super::{
-    GpuDevice, context::Context, frame::Leaves, kernel::Kernel, params::Uniforms, scratch::Scratch, shaders::Gradients,
-    store::CORE, train::Batch, training::Destination,
-};
+use super::{GpuDevice, frame::Leaves, params::Uniforms, shaders::Gradients, store::CORE, train::Batch, training::Destination};
 use crate::{
     Error, Result,
     device::{DenseStep, RenderRequest, Rendering, StepReport},
 };
+use corf_gpu::{Context, Kernel, Scratch};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-pub(crate) use super::shaders::{ADAM, GROUPS};
+pub(crate) use super::shaders::{ADAM, SLOTS};
 
 /// Gaussians in the place of those held, and the gradient in them.
 pub(super) struct StandIns {
@@ -168,7 +166,7 @@ impl GpuDevice {
             }
             context.submit(encoder);
         }
-        context.check("training deformed Gaussians")
+        Ok(context.check("training deformed Gaussians")?)
     }
 
     /// Renders deformed Gaussians.

@@ -2,14 +2,13 @@
 
 use super::{
     GpuDevice,
-    context::Context,
-    kernel::Kernel,
     shaders::{Fixed, Gradients},
 };
 use crate::{
     Result,
     device::{DenseStep, StepReport},
 };
+use corf_gpu::{Context, Kernel};
 
 /// The update of a dense step.
 pub(super) struct DenseUpdate {

@@ -2,7 +2,6 @@
 
 use super::{
     GpuDevice,
-    context::Context,
     store::{CORE, Store},
 };
 use crate::{
@@ -10,6 +9,7 @@ use crate::{
     device::{Duplicate, Modality, ScreenGradient},
     gaussians::logit,
 };
+use corf_gpu::Context;
 
 /// Words of a mark (`shaders/mark.wgsl`).
 const MARK: usize = 3;
@@ -43,7 +43,7 @@ impl GpuDevice {
         let words: Vec<u32> = gradients.iter().flat_map(|g| [g.norm_sum.to_bits(), g.steps, NOBODY]).collect();
         self.context.fill(&self.marks.buffer, 0, &words);
         self.marked = Some(gradients.len());
-        self.context.check("screen-space gradients")
+        Ok(self.context.check("screen-space gradients")?)
     }
 }
 
@@ -79,6 +79,6 @@ impl Store {
             }
             context.fill(&rows.buffer, 0, values);
         }
-        context.check(doing)
+        Ok(context.check(doing)?)
     }
 }

@@ -10,13 +10,11 @@ mod tiled;
 
 use super::{
     capacity::BufferCapacity,
-    context::Context,
-    kernel::{Bound, Kernel},
     params::{self, Params},
-    scratch::Scratch,
     shaders::{Blend, CHUNK, COUNTER, Fixed, SHARE},
 };
 use crate::Result;
+use corf_gpu::{Bound, Context, Kernel, Scratch};
 use rayon::prelude::*;
 use tiled::{BoundTiled, Tiled};
 
@@ -303,7 +301,8 @@ impl Forward {
         let [core, optical, rf] = values;
         let (blocks, shares, splats) = (&m.blocks.buffer, &m.shares.buffer, &m.splats.buffer);
         let (pairs, sizes, lists, entries) = (&m.pairs.buffer, &m.tile_sizes.buffer, &m.lists.buffer, &m.entries.buffer);
-        let bind = |kernel: &Kernel, buffers: &[&wgpu::Buffer]| kernel.bind(context, params::SIZE, buffers);
+        let bind =
+            |kernel: &Kernel, buffers: &[&wgpu::Buffer]| -> Result<Bound> { Ok(kernel.bind(context, params::SIZE, buffers)?) };
         let blended = |kernel: &Kernel| {
             let (image, transmittance) = (&m.image.buffer, &m.transmittance.buffer);
             let (names, visited) = (&m.main_contributor.buffer, &m.visited.buffer);

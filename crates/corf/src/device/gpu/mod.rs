@@ -9,19 +9,16 @@
 //! No floating-point atomics: every sum has a fixed order, and a result has the same bytes each time on the same adapter and driver.
 //! Between adapters, and against the CPU device, results differ by rounding (exp2, sqrt and division are not correctly rounded).
 
-mod adapters;
 mod capacity;
-pub(crate) mod context;
 pub(crate) mod deformed;
 mod dense;
 mod density;
 mod frame;
-pub(crate) mod kernel;
+mod options;
 mod params;
 mod pyramid;
 mod readback;
 mod render;
-mod scratch;
 mod shaders;
 mod shelf;
 mod store;
@@ -39,11 +36,10 @@ use super::{
     Step, StepReport, Survey, SurveyRequest, TrainingView, ViewId, check_channels,
 };
 use crate::{Appearance, Error, Gaussians, OptimizerConfig, RasterConfig, Result};
-use context::{Context, Reading};
+use corf_gpu::{Context, Reading, Scratch};
 use deformed::StandIns;
 use frame::{Forward, Memory};
 use pyramid::Packed;
-use scratch::Scratch;
 use shaders::Fixed;
 use shelf::{Keyframe, Shelf};
 use std::sync::Arc;
@@ -52,8 +48,7 @@ use survey::Surveyor;
 use train::{Batch, Counts};
 use training::Training;
 
-pub use adapters::{AdapterReport, adapter_names, adapter_reports};
-pub use context::{GpuOptions, adapter_name, multiplies_in_half};
+pub use options::GpuOptions;
 pub use train::{GpuStageTimes, STAGES};
 pub use work::StageWork;
 
@@ -101,7 +96,7 @@ impl GpuDevice {
         options.validate()?;
         optimizer.validate()?;
         raster.validate()?;
-        let context = Arc::new(Context::open(options)?);
+        let context = Arc::new(Context::open(&options.adapter)?);
         let mut store = Store::new(&context, initial)?;
         store.append(&context, initial)?;
         let (batch, harmonics) = (options.batch, store.harmonics);

@@ -2,7 +2,6 @@
 
 use super::{
     capacity::BufferCapacity,
-    context::Context,
     shaders::{LOSS_BLOCK, MASK_GROUP},
 };
 use crate::{
@@ -13,6 +12,7 @@ use crate::{
     },
 };
 use bytemuck::{Pod, Zeroable};
+use corf_gpu::Context;
 
 /// Widest σ at which opacity 1 still gives 1/255: sqrt(2 ln 255) standard deviations.
 const MAX_DEVIATIONS: f32 = 3.33;

@@ -1,13 +1,11 @@
 //! Readback of outlines and optimiser state from the store, and restoring of that state.
 
-use super::{
-    context::Context,
-    store::{CORE, Store, joined, parted, transposed},
-};
+use super::store::{CORE, Store, joined, parted, transposed};
 use crate::{
     Gaussians, Result,
     device::{DeviceState, Outline},
 };
+use corf_gpu::Context;
 
 impl Store {
     /// Reads the parameters that pruning depends on: 48 bytes of each Gaussian.
@@ -51,7 +49,7 @@ impl Store {
             context.fill(&self.sh[k].moments.buffer, 0, &joined(&first, &second, shape.words()));
         }
         context.fill(&self.position_rate.buffer, 0, &state.position_rate);
-        context.check("restoring Gaussians")
+        Ok(context.check("restoring Gaussians")?)
     }
 }
 
@@ -75,9 +73,10 @@ mod tests {
         Device, Gaussians, OptimizerConfig, RasterConfig,
         device::{
             Outline, Planes, Step, TrainingView, ViewId,
-            gpu::{GpuDevice, GpuOptions, adapter_name},
+            gpu::{GpuDevice, GpuOptions},
         },
     };
+    use corf_gpu::AdapterOptions;
     use corf_scene::{Pinhole, Rigid3, Rng};
 
     fn some(count: usize) -> Gaussians {
@@ -117,8 +116,8 @@ mod tests {
 
     #[test]
     fn a_restored_device_goes_on_to_the_same_bytes() {
-        let options = GpuOptions { software: true, ..GpuOptions::default() };
-        if adapter_name(&options).is_none() {
+        let options = GpuOptions::on(AdapterOptions { software: true, ..AdapterOptions::default() });
+        if corf_gpu::adapter_name(&options.adapter).is_none() {
             assert!(std::env::var_os("CORF_REQUIRE_GPU").is_none_or(|v| v != "1"), "no adapter");
             println!("skipped: no adapter");
             return;

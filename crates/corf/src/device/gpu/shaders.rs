@@ -3,6 +3,7 @@
 mod loss;
 
 use crate::{Antialias, Appearance};
+use corf_gpu::GROUP_NUMBER;
 use std::fmt::Write;
 
 /// Pixels across and down a block of the loss kernels: with the window's halo nearly 128 columns, a thread each.
@@ -26,8 +27,8 @@ pub(crate) const CHUNK: u32 = ORDER_THREADS * ENTRIES_A_THREAD;
 /// Lists of more chunks are ordered by one workgroup each.
 pub(crate) const MOST_CHUNKS: u32 = 512;
 
-/// Numbers of workgroups, and the slots of the state.
-pub(crate) const GROUPS: &str = include_str!("shaders/groups.wgsl");
+/// The slots of the state.
+pub(crate) const SLOTS: &str = include_str!("shaders/slots.wgsl");
 const PARAMS: &str = include_str!("shaders/params.wgsl");
 const GEOMETRY: &str = include_str!("shaders/geometry.wgsl");
 const HARMONICS: &str = include_str!("shaders/harmonics.wgsl");
@@ -102,7 +103,7 @@ impl Fixed {
             "const TILE_WIDTH = {width}u;\nconst TILE_HEIGHT = {height}u;\nconst AREA = {}u;\nconst DILATION = {:?};\n\
              const ANTIALIAS_OFF = 0u;\nconst ANTIALIAS_ON = 1u;\nconst ANTIALIAS = {antialias}u;\nconst DEGREE = {degree}u;\n\
              const SCAN = 256u;\nconst SHARE = {SHARE}u;\nconst EACH = {EACH}u;\nconst BUCKET = {batch}u;\nconst BUCKETS_A_GROUP = {}u;\n\
-             const COUNTER = {COUNTER}u;\nconst CHUNK = {CHUNK}u;\nconst MOST_CHUNKS = {MOST_CHUNKS}u;\n{GROUPS}{PARAMS}",
+             const COUNTER = {COUNTER}u;\nconst CHUNK = {CHUNK}u;\nconst MOST_CHUNKS = {MOST_CHUNKS}u;\n{GROUP_NUMBER}{SLOTS}{PARAMS}",
             width * height,
             self.antialias.dilation(),
             self.backward_threads() / self.batch,
@@ -385,5 +386,5 @@ pub(crate) struct Blend {
 
 /// Gathering rows of a buffer.
 pub(crate) fn gather() -> String {
-    format!("{GROUPS}{}", include_str!("shaders/gather.wgsl"))
+    format!("{GROUP_NUMBER}{SLOTS}{}", include_str!("shaders/gather.wgsl"))
 }

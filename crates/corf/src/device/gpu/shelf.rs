@@ -3,11 +3,9 @@
 //! A keyframe keeps no copy in main memory until it first leaves the device. The one that leaves is that which no batch has named for longest.
 //! A step reads the same words wherever they have been, so results do not depend on the bound.
 
-use super::{
-    context::Context,
-    pyramid::{Packed, Pyramid},
-};
+use super::pyramid::{Packed, Pyramid};
 use crate::Result;
+use corf_gpu::Context;
 use std::sync::{
     Arc,
     atomic::{AtomicU64, Ordering},

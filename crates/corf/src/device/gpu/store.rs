@@ -3,12 +3,9 @@
 //! A step reads and writes the harmonics of visible Gaussians, here and there among all, with both moments. These lie together, because memory
 //! is faster where more of one place is wanted; values lie apart, so that five million of them can be bound at once.
 
-use super::{
-    context::Context,
-    kernel::Kernel,
-    shaders::{self, HarmonicsShape},
-};
+use super::shaders::{self, HarmonicsShape};
 use crate::{Appearance, Gaussians, Result};
+use corf_gpu::{Context, Kernel};
 use rayon::prelude::*;
 
 /// Position (3), quaternion (4), ln scale (3), opacity logits (optical, RF).
@@ -183,7 +180,7 @@ impl Store {
         }
         context.submit(encoder);
         self.capacity = capacity;
-        context.check("growing")
+        Ok(context.check("growing")?)
     }
 
     pub fn append(&mut self, context: &Context, new: &Gaussians) -> Result<()> {
@@ -226,7 +223,7 @@ impl Store {
         }
         context.submit(encoder);
         self.len += n;
-        context.check("adding Gaussians")
+        Ok(context.check("adding Gaussians")?)
     }
 
     /// Keeps the rows whose flag is true, in order.
@@ -300,7 +297,7 @@ impl Store {
             }
             context.queue.write_buffer(&rows.buffer, 0, bytemuck::cast_slice(values));
         }
-        context.check("starting the second stage")
+        Ok(context.check("starting the second stage")?)
     }
 
     /// The numbers of one of each (geometry, optical and RF harmonics: parameters or their gradients) in the public shape.

@@ -3,11 +3,8 @@
 use super::{
     GpuDevice,
     capacity::BufferCapacity,
-    context::Context,
     frame::{Extent, FAILED, Leaves, STATE_WORDS},
-    kernel::Kernel,
     params::{self, Params, Uniforms},
-    scratch::Scratch,
     shaders::Fixed,
 };
 use crate::{
@@ -16,6 +13,7 @@ use crate::{
     expansion::log,
     gaussians::logit,
 };
+use corf_gpu::{Context, Kernel, Scratch};
 use rayon::prelude::*;
 
 /// Numbers of a question before the weights of its smoothing.
@@ -168,7 +166,7 @@ impl GpuDevice {
             judge.run(&mut pass, 0, groups(n.div_ceil(JUDGED_A_WORD)));
         }
         context.submit(encoder);
-        context.check("looking at the field")
+        Ok(context.check("looking at the field")?)
     }
 }
 
@@ -180,9 +178,10 @@ mod tests {
         Device, Gaussians, OptimizerConfig, RasterConfig,
         device::{
             PruneDecision, PruneRule, RenderRequest, Survey, SurveyRequest, View,
-            gpu::{GpuDevice, GpuOptions, adapter_name},
+            gpu::{GpuDevice, GpuOptions},
         },
     };
+    use corf_gpu::AdapterOptions;
     use corf_scene::{Pinhole, Rigid3, Rng};
 
     /// Sums of a few hundred f32 products of order 1 in another order.
@@ -190,8 +189,8 @@ mod tests {
 
     #[test]
     fn an_answer_is_what_the_rendering_and_the_gaussians_say() {
-        let options = GpuOptions { software: true, poison: Some(0x7fc0_0000), ..GpuOptions::default() };
-        if adapter_name(&options).is_none() {
+        let options = GpuOptions::on(AdapterOptions { software: true, poison: Some(0x7fc0_0000), ..AdapterOptions::default() });
+        if corf_gpu::adapter_name(&options.adapter).is_none() {
             assert!(std::env::var_os("CORF_REQUIRE_GPU").is_none_or(|v| v != "1"), "no adapter");
             println!("skipped: no adapter");
             return;

@@ -28,7 +28,7 @@ fn cloud(n: usize) -> Gaussians {
 
 /// A device with one view of gray, or nothing where there is no adapter.
 fn device(n: usize) -> Option<GpuDevice> {
-    testing::context(&OPTIONS)?;
+    corf_gpu::testing::context(&OPTIONS.adapter)?;
     let mut device = GpuDevice::new(&OPTIONS, OptimizerConfig::default(), RasterConfig::default(), &cloud(n)).unwrap();
     let gray =
         Planes { width: CAMERA.width, height: CAMERA.height, channels: 3, pixels: vec![0.5; 3 * CAMERA.width * CAMERA.height] };
@@ -134,7 +134,7 @@ fn growth_takes_the_room_that_there_is_and_no_more() {
     device.duplicate(&[]).unwrap();
     assert!(device.state().unwrap() == free.state().unwrap());
     let text = device.append(&cloud(1)).unwrap_err().to_string();
-    assert!(text.contains("binds at most") && text.contains("use fewer Gaussians"), "{text}");
+    assert!(text.contains("binds at most") && text.contains("ask for less at once"), "{text}");
     assert_eq!(device.len(), 1100);
     assert!(device.state().unwrap() == free.state().unwrap(), "what is refused changes nothing");
     // Gone on with from a checkpoint, which takes exactly what it has.
@@ -158,7 +158,7 @@ fn growth_does_with_what_memory_there_is() {
     let Some(mut device) = device(1000) else { return };
     let before = device.gaussians().unwrap();
     let allow = |device: &GpuDevice, gaussians: u64| {
-        device.context.most_allocated.store(96 * gaussians, std::sync::atomic::Ordering::Relaxed);
+        device.context.limit_allocations(96 * gaussians);
     };
     allow(&device, 1200);
     device.append(&cloud(100)).unwrap();

@@ -3,7 +3,6 @@
 use super::{
     GpuDevice,
     capacity::BufferCapacity,
-    context::{Context, Reading},
     frame::{Extent, FAILED, Leaves, NEEDED, STATE_WORDS, STEPS, VISIBLE},
     params::{GridParams, Params, Uniforms},
     shaders::HarmonicsShape,
@@ -14,6 +13,7 @@ use crate::{
     Error, Gaussians, OptimizerConfig, Result,
     device::{DenseStep, Step, StepReport, cpu::pyramid::check_levels},
 };
+use corf_gpu::{Context, Reading};
 use std::collections::BTreeMap;
 
 /// Names of a step's kernels, in order.
@@ -198,7 +198,9 @@ impl GpuDevice {
     /// Has the device say how far a batch came that was submitted.
     pub(super) fn begin_report(&self, batch: &Batch) -> Result<Reading<u32>> {
         let losses = 12 * batch.last.blocks_total as usize;
-        self.context.begin_reading("training", &[(&self.memory.state, STATE_WORDS), (&self.memory.block_losses.buffer, losses)])
+        Ok(self
+            .context
+            .begin_reading("training", &[(&self.memory.state, STATE_WORDS), (&self.memory.block_losses.buffer, losses)])?)
     }
 
     /// Waits for what was submitted of a batch; nothing to report where steps are left for lack of room.
@@ -277,7 +279,7 @@ impl GpuDevice {
             done += some.len();
             many = (2 * many).min(STEPS_PER_SUBMISSION);
         }
-        context.check("training")
+        Ok(context.check("training")?)
     }
 
     /// The gradient of a step's loss with respect to every parameter, in the shape of the parameters, without taking the step.
@@ -302,13 +304,13 @@ impl GpuDevice {
     }
 
     /// Whether the stages of the steps that follow are timed, which costs them a little; the device must have been made with
-    /// [`GpuOptions::timestamps`](super::GpuOptions).
+    /// [`corf_gpu::AdapterOptions::timestamps`].
     pub fn time_stages(&mut self, on: bool) {
         self.timing = on && self.context.timestamps;
     }
 
     /// Time on the device since it was made or this was last called; nothing unless it was made with
-    /// [`GpuOptions::timestamps`](super::GpuOptions) and the adapter has them.
+    /// [`corf_gpu::AdapterOptions::timestamps`] and the adapter has them.
     pub fn take_stage_times(&mut self) -> Option<GpuStageTimes> {
         self.context.timestamps.then(|| std::mem::take(&mut self.times))
     }

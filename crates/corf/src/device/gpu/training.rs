@@ -2,15 +2,14 @@
 
 use super::{
     GpuDevice,
-    context::Context,
     dense::DenseUpdate,
     frame::{ARGS_APPEARANCE, ARGS_BUCKETS, ARGS_GEOMETRY, Mark, Memory},
-    kernel::{Bound, Kernel},
     params::{self, Params},
     pyramid::Pyramid,
     shaders::{Fixed, Gradients},
 };
 use crate::{Error, Result, device::ViewId};
+use corf_gpu::{Bound, Context, Kernel};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -34,9 +33,9 @@ pub(crate) struct Training {
 impl Training {
     pub fn new(context: &Context, shapes: &[Fixed]) -> Result<Self> {
         let fixed = &shapes[0];
-        let backward = |fixed: &Fixed| {
+        let backward = |fixed: &Fixed| -> Result<[Kernel; 2]> {
             let kernels = [("blend backwards", fixed.backward(false)), ("blend both backwards", fixed.backward(true))];
-            Kernel::all(context, kernels)
+            Ok(Kernel::all(context, kernels)?)
         };
         let backward = shapes.par_iter().map(backward).collect::<Result<_>>()?;
         let [similarity, gradient, take_target, clear_gradient, appearance, geometry, of_appearance, of_geometry] = Kernel::all(

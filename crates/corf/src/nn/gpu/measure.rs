@@ -1,11 +1,9 @@
 //! Timing of the matrix products.
 
 use super::gemm::{self, Arithmetic, Product, Tile};
-use super::{CONSTANTS, Dispatch, plan, vectors};
+use super::{Dispatch, plan, vectors};
 use crate::Result;
-use crate::device::gpu::GpuOptions;
-use crate::device::gpu::context::Context;
-use crate::device::gpu::kernel::Kernel;
+use corf_gpu::{AdapterOptions, Context, Kernel, UNIFORM_STRIDE};
 use std::time::Instant;
 
 /// Time of one matrix product.
@@ -30,7 +28,7 @@ const RUNS: usize = 5;
 ///
 /// # Errors
 /// No adapter, or one without memory for it.
-pub fn measure_products(options: &GpuOptions, rows: usize, width: usize) -> Result<Vec<ProductTime>> {
+pub fn measure_products(options: &AdapterOptions, rows: usize, width: usize) -> Result<Vec<ProductTime>> {
     let context = Context::open(options)?;
     let array = |label, rows: usize| context.storage(label, (16 * rows * vectors(width)) as u64);
     let numbers: Vec<f32> = (0..4 * vectors(width)).map(|i| (i % 13) as f32 / 13.0 - 0.4).collect();
@@ -53,7 +51,7 @@ pub fn measure_products(options: &GpuOptions, rows: usize, width: usize) -> Resu
     for product in Product::ALL {
         for tile in Tile::large(arithmetic) {
             let shape = plan::alone(product, rows, width);
-            let constants = context.buffer("constants", CONSTANTS, wgpu::BufferUsages::UNIFORM)?;
+            let constants = context.buffer("constants", UNIFORM_STRIDE, wgpu::BufferUsages::UNIFORM)?;
             context.queue.write_buffer(&constants, 0, bytemuck::bytes_of(&shape));
             let result = match product {
                 Product::WeightGradient => context.storage("result", 16 * u64::from(shape.parts()) * u64::from(shape.c_part))?,

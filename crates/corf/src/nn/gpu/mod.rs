@@ -1,6 +1,6 @@
 //! Networks on a GPU: the passes of [`Network`] as WGSL kernels over all rows of a batch at once.
 //!
-//! Products of large matrices are f32, or of f16 numbers where the context was opened for its adapter's matrix units ([`GpuOptions::half`](crate::device::gpu::GpuOptions)).
+//! Products of large matrices are f32, or of f16 numbers where the context was opened for its adapter's matrix units ([`AdapterOptions::half`](corf_gpu::AdapterOptions)).
 //!
 //! Arrays are rows of vectors of four numbers; widths are filled up to multiples of four with zeros, which stay zero. Every dispatch and its
 //! bindings are made once, for a fixed number of rows.
@@ -14,18 +14,15 @@ mod tests;
 
 use super::network::{Activation, Network, Source};
 use super::{Adam, Trained};
-use crate::device::gpu::context::{Context, MATRIX_THREADS};
-use crate::device::gpu::kernel::{Bound, Kernel};
 use crate::{Error, Result};
+use corf_gpu::{Bound, Context, Kernel, MATRIX_THREADS, UNIFORM_STRIDE};
 use gemm::{Product, Tile};
 use layout::Layout;
 use std::collections::HashMap;
 
 pub use measure::{ProductTime, measure_products};
 
-/// Bytes from one kernel's constants to the next.
-pub(crate) const CONSTANTS: u64 = 256;
-/// WGSL of the frequency encoding, and of sines and cosines that are right on every adapter.
+/// WGSL of the frequency encoding, which needs [`corf_gpu::SIN_COS`].
 pub(crate) const ENCODING: &str = include_str!("shaders/encoding.wgsl");
 // What an adapter is asked for is what the largest tile needs.
 const _: () = assert!(Tile::HALF_WIDE.threads() == MATRIX_THREADS);
@@ -139,7 +136,7 @@ impl GpuNetwork {
         let gate = context.storage("gate of a step", 16)?;
         context.fill(&gate, 0, &[0_u32; 4]);
         let adam_kernel = Kernel::new(context, "network adam", include_str!("shaders/adam.wgsl"))?;
-        let adam_constants = context.buffer("adam constants", CONSTANTS, wgpu::BufferUsages::UNIFORM)?;
+        let adam_constants = context.buffer("adam constants", UNIFORM_STRIDE, wgpu::BufferUsages::UNIFORM)?;
         let buffers = [&adam_constants, &gradient, &stored, &moments[0], &moments[1], &gate];
         let bound = adam_kernel.bind(context, size_of::<AdamConstants>() as u64, &buffers)?;
         let adam = Dispatch { bound, constants: 0, groups: layout.len().div_ceil(64) as u32 };
@@ -185,7 +182,9 @@ impl GpuNetwork {
             }
             let more = if self.forward.is_empty() { 0 } else { rows / 8 };
             let capacity = (rows + more).min(most_rows(context, &self.network)).max(rows);
-            let rows_of = |label: &str, width: usize| context.storage(label, (16 * capacity * vectors(width)) as u64);
+            let rows_of = |label: &str, width: usize| -> Result<wgpu::Buffer> {
+                Ok(context.storage(label, (16 * capacity * vectors(width)) as u64)?)
+            };
             let widths = || self.network.layers().iter().map(|l| l.outputs);
             self.inputs = self.network.inputs().iter().map(|w| rows_of("network inputs", *w)).collect::<Result<_>>()?;
             self.values = widths().map(|w| rows_of("layer outputs", w)).collect::<Result<_>>()?;
@@ -297,7 +296,7 @@ impl GpuNetwork {
             context.fill(buffer, 0, &self.layout.padded(array));
         }
         self.steps = state.steps;
-        context.check("holding a network")
+        Ok(context.check("holding a network")?)
     }
 }
 

@@ -3,10 +3,9 @@
 use super::super::network::{Activation, Network, Source};
 use super::gemm::{Arithmetic, Product, ROWS_A_PART, Shape, Tile};
 use super::layout::Layout;
-use super::{CONSTANTS, Dispatch, LANES, Products, activation_number, vectors};
+use super::{Dispatch, LANES, Products, activation_number, vectors};
 use crate::Result;
-use crate::device::gpu::context::Context;
-use crate::device::gpu::kernel::{Bound, Kernel};
+use corf_gpu::{Bound, Context, Kernel, UNIFORM_STRIDE};
 
 /// Buffers that a network's passes read and write.
 pub(super) struct Buffers<'a> {
@@ -97,7 +96,7 @@ impl Planner<'_> {
     fn constants(&mut self, bytes: &[u8]) -> u32 {
         let at = self.used;
         self.context.queue.write_buffer(&self.constants, at, bytes);
-        self.used += CONSTANTS;
+        self.used += UNIFORM_STRIDE;
         at as u32
     }
 
@@ -121,7 +120,7 @@ pub(super) fn bind_product(
     scale: Option<&wgpu::Buffer>,
 ) -> Result<Bound> {
     let buffers: Vec<_> = [constants, a, b, extra, c].into_iter().chain(scale).collect();
-    kernel.bind(context, size_of::<Shape>() as u64, &buffers)
+    Ok(kernel.bind(context, size_of::<Shape>() as u64, &buffers)?)
 }
 
 /// Numbers of a row, filled up to whole vectors.
@@ -141,7 +140,7 @@ pub(super) fn dispatches(
     let edges: usize = network.layers().iter().map(|l| l.sources.len()).sum();
     // A forward product, a data gradient, a weight gradient and its sum for each edge; the largest gradient of each head and of all.
     let most = 4 * edges + network.layers().len() + 1;
-    let constants = context.buffer("network constants", CONSTANTS * most as u64, wgpu::BufferUsages::UNIFORM)?;
+    let constants = context.buffer("network constants", UNIFORM_STRIDE * most as u64, wgpu::BufferUsages::UNIFORM)?;
     let mut planner = Planner { context, kernels, constants, used: 0 };
     let forward = forward(&mut planner, network, layout, rows, buffers)?;
     let mut all_backward = scale(&mut planner, network, rows, buffers)?;

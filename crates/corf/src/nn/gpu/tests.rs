@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used)]
 
 use super::*;
-use crate::device::gpu::GpuOptions;
-use crate::device::gpu::testing::{OPTIONS, context};
+use corf_gpu::AdapterOptions;
+use corf_gpu::testing::{OPTIONS, context};
 use corf_scene::Rng;
 
 /// Parts of weight gradients: five, one more than are added up at once and short.
@@ -105,7 +105,7 @@ fn passes_and_steps_are_those_of_the_processor() {
 
 #[test]
 fn half_precision_is_as_exact_as_its_numbers() {
-    let Some(context) = context(&GpuOptions { half: true, ..OPTIONS }) else { return };
+    let Some(context) = context(&AdapterOptions { half: true, ..OPTIONS }) else { return };
     if !context.matrix_units {
         println!("skipped: no matrix units");
         return;

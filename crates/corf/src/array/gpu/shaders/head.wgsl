@@ -53,8 +53,6 @@ struct Anchor {
 // Power of a wave that is not let in.
 const ABSENT = -1.0;
 
-fn group_number(id: vec3<u32>) -> u32 { return id.y * 32768u + id.x; }
-
 // (cos x, sin x) turned on by (cos y, sin y).
 fn turned(x: vec2<f32>, y: vec2<f32>) -> vec2<f32> {
     return vec2(x.x * y.x - x.y * y.y, x.x * y.y + x.y * y.x);

@@ -9,12 +9,13 @@ use crate::{
         cpu::geometry::{Grid, Pose},
         gpu::{
             params::Uniforms,
-            shaders::{COUNTER_OF_PAIRS, GROUPS, HarmonicsShape, MOST_CHUNKS},
+            shaders::{COUNTER_OF_PAIRS, HarmonicsShape, MOST_CHUNKS, SLOTS},
             store::Store,
-            testing,
         },
     },
 };
+use corf_gpu::GROUP_NUMBER;
+use corf_gpu::testing::{OPTIONS, context};
 use corf_scene::{Pinhole, Rigid3, Rng};
 use std::collections::BTreeMap;
 
@@ -104,7 +105,7 @@ fn check(context: &Context, lengths: &[usize], range: u32, most: u32) {
 
 #[test]
 fn lists_of_any_length_come_out_in_order_of_depth_and_then_of_number() {
-    let Some(context) = testing::context(&testing::OPTIONS) else { return };
+    let Some(context) = context(&OPTIONS) else { return };
     let lengths = [0, 1, 2, 3, 0, 7, 8, 31, 33, 64, 65, 127, 255, 257, 511, 1023, 1024, 1025, 2047, 2048, 2049, 3000, 5001];
     check(&context, &lengths, u32::MAX, MOST_CHUNKS);
     // Depths that are often equal.
@@ -116,7 +117,7 @@ fn lists_of_any_length_come_out_in_order_of_depth_and_then_of_number() {
 /// turns.
 #[test]
 fn lists_of_many_chunks() {
-    let Some(context) = testing::context(&testing::OPTIONS) else { return };
+    let Some(context) = context(&OPTIONS) else { return };
     check(&context, &[40_001, 1, CHUNK as usize * MOST_CHUNKS as usize, 5, 1025], u32::MAX, MOST_CHUNKS);
     check(&context, &[30_001, 5], u32::MAX, 100);
 }
@@ -124,11 +125,11 @@ fn lists_of_many_chunks() {
 /// Pairs of blocks, as they are counted, and what is said of them all: never fewer than there are.
 #[test]
 fn more_pairs_than_a_word_counts_are_the_most_that_it_holds() {
-    let Some(context) = testing::context(&testing::OPTIONS) else { return };
+    let Some(context) = context(&OPTIONS) else { return };
     let source = format!(
         "@group(0) @binding(0) var<storage, read_write> state: array<atomic<u32>>;\n\
          @group(0) @binding(1) var<storage, read> counts: array<u32>;\n\
-         @group(0) @binding(2) var<storage, read_write> said: array<u32>;\n{GROUPS}{COUNTER_OF_PAIRS}\n\
+         @group(0) @binding(2) var<storage, read_write> said: array<u32>;\n{GROUP_NUMBER}{SLOTS}{COUNTER_OF_PAIRS}\n\
          @compute @workgroup_size(256)\nfn main(@builtin(local_invocation_index) thread: u32) {{\n\
              if (thread < arrayLength(&counts)) {{ _ = take_pairs(counts[thread]); }}\n\
              storageBarrier();\n\
@@ -173,7 +174,7 @@ fn more_pairs_than_a_word_counts_are_the_most_that_it_holds() {
 #[test]
 #[ignore = "needs a GPU with 2 GiB"]
 fn sixty_four_million_entries() {
-    let Some(context) = testing::context(&testing::OPTIONS) else { return };
+    let Some(context) = context(&OPTIONS) else { return };
     let mut lengths = vec![1 << 20, 100_003];
     let mut left = (64 << 20) - lengths.iter().sum::<usize>();
     let mut rng = Rng::keyed(64, 0, 0);
@@ -408,7 +409,7 @@ const ROOM: usize = 80_000;
 
 #[test]
 fn shares_of_blocks_emit_every_pair_once() {
-    let Some(context) = testing::context(&testing::OPTIONS) else { return };
+    let Some(context) = context(&OPTIONS) else { return };
     // A block and a part, blocks of which the third has no pairs, none at all.
     for n in [4 * BLOCK + 77, 300, 1] {
         let g = of_all_sizes(n);
@@ -424,7 +425,7 @@ fn shares_of_blocks_emit_every_pair_once() {
 
 #[test]
 fn pairs_that_were_counted_and_are_not_found_have_no_tile() {
-    let Some(context) = testing::context(&testing::OPTIONS) else { return };
+    let Some(context) = context(&OPTIONS) else { return };
     let g = of_all_sizes(1400);
     // Too many, too few; the large ones among them.
     let edit = |i: usize, counts: Counts| match i % 5 {
@@ -446,12 +447,12 @@ fn pairs_that_were_counted_and_are_not_found_have_no_tile() {
 
 #[test]
 fn a_frame_without_room_emits_nothing() {
-    let Some(context) = testing::context(&testing::OPTIONS) else { return };
+    let Some(context) = context(&OPTIONS) else { return };
     let all = emitted(&context, &of_all_sizes(300), [true; 2], true, 4000, None);
     let state = |slots: [usize; 4]| slots.map(|slot| all.state[slot]);
     assert_eq!(state([FAILED, VISIBLE, PAIRS, SHARES]), [1, 0, 0, 0]);
     assert!(all.state[NEEDED] > 4000 && all.state[NEEDED] == all.blocks.iter().map(|b| b[1]).sum::<u32>());
-    let untouched = |words: &[u32]| words.iter().all(|w| Some(*w) == testing::OPTIONS.poison);
+    let untouched = |words: &[u32]| words.iter().all(|w| Some(*w) == OPTIONS.poison);
     let buffers = [&all.pairs, &all.records[0], &all.records[1]];
     assert!(buffers.into_iter().all(|words| untouched(words)), "memory of pairs is as it was");
     assert!(all.sizes.iter().all(|s| *s == 0));

@@ -1,6 +1,3 @@
-// Number of a workgroup in a dispatch that is folded into rows.
-fn group_number(id: vec3<u32>) -> u32 { return id.y * 32768u + id.x; }
-
 // Slots of the state shared by all kernels of a frame.
 const COUNT = 0u;        // Gaussians held
 const VISIBLE = 1u;      // of these, how many reach a tile; none where there is no room

@@ -1,11 +1,12 @@
 //! What the adapters of this machine can do, for whoever looks for the reason why one is not used.
 
-use super::context::{Context, GpuOptions, adapters, is_software};
+use crate::adapter::{AdapterOptions, adapters, is_software};
+use crate::context::Context;
 
 /// An adapter as its driver describes it, and whether it was opened.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterReport {
-    /// Its name; [`GpuOptions::adapter`] is its place in the list.
+    /// Its name; [`AdapterOptions::number`] is its place in the list.
     pub name: String,
     /// Graphics API: `Vulkan`, `Metal`, `Dx12`.
     pub backend: String,
@@ -25,20 +26,13 @@ pub struct AdapterReport {
     pub usable: Result<(), String>,
 }
 
-/// Names of every adapter, those in software included, as [`GpuOptions::adapter`] counts them, and whether each computes on the processor. None is opened.
-pub fn adapter_names() -> Vec<(String, bool)> {
-    let options = GpuOptions { software: true, ..GpuOptions::default() };
-    let named = |adapter: &wgpu::Adapter| (adapter.get_info().name, is_software(&adapter.get_info()));
-    adapters(&options).iter().map(named).collect()
-}
-
 /// Every adapter, those in software included, the best first; each is opened for a moment.
 pub fn adapter_reports() -> Vec<AdapterReport> {
-    let options = GpuOptions { software: true, ..GpuOptions::default() };
+    let options = AdapterOptions { software: true, ..AdapterOptions::default() };
     let describe = |(number, adapter): (usize, &wgpu::Adapter)| {
         let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());
         let stamps = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES;
-        let opened = Context::open(&GpuOptions { adapter: number, ..options });
+        let opened = Context::open(&AdapterOptions { number, ..options });
         AdapterReport {
             software: is_software(&info),
             backend: format!("{:?}", info.backend),

@@ -1,114 +1,17 @@
-//! The adapter, and the smallest runtime over it: buffers, submissions, readback, and errors that say what happened.
+//! A device on an adapter, and the smallest runtime over it: buffers, submissions, readback, and errors that say what happened.
 
-use crate::{Error, RasterConfig, Result};
+use crate::adapter::{AdapterOptions, MATRIX_FEATURES, adapters, has_matrix_units, is_software, ready};
+use corf_scene::{Error, Result};
 use std::{
-    future::Future,
     marker::PhantomData,
-    pin::pin,
-    sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError},
-    task::{Context as TaskContext, Poll, Waker},
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
 };
-
-/// Threads of the largest workgroup that multiplies by matrix units.
-pub(crate) const MATRIX_THREADS: u32 = 512;
 
 /// Bytes that sizes of buffers are multiples of.
 const BUFFER_UNIT: u64 = 16;
-
-/// Options of the GPU device: the adapter, and the features of it to use.
-///
-/// The tile and the batch decide how fast a step is, not what it computes: small tiles follow thin ellipses and fill a GPU with small
-/// images, large ones make fewer pairs to sort.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct GpuOptions {
-    /// Index of the adapter, from 0, where a machine has several: the best kind first, those of one kind as the drivers list them.
-    pub adapter: usize,
-    /// Whether a software adapter will do. A reconstruction is faster on the CPU device than on one; tests run on it.
-    pub software: bool,
-    /// Whether subgroup operations are used where the adapter has them.
-    pub subgroups: bool,
-    /// Whether timestamps are taken between the kernels of a training step ([`GpuDevice::stage_times`](super::GpuDevice::stage_times)).
-    pub timestamps: bool,
-    /// Pixels across and down a tile. Without, steps choose by their images, and images that nobody trains on have the larger tiles.
-    pub tile: Option<[u32; 2]>,
-    /// Splats that the backward pass takes at once.
-    pub batch: u32,
-    /// Threads that share a pixel's list in the forward pass: where images are small there are more threads than pixels. Without a number,
-    /// steps choose by the size of their images, and images that nobody trains on are drawn by one.
-    pub segments: Option<u32>,
-    /// Whether two images with one camera are blended in one pass.
-    pub fused: bool,
-    /// Pairs, and visible Gaussians, there is room for at first, at least; there is always more once a frame has more.
-    pub least_room: usize,
-    /// Most device memory that keyframes take, bytes; the others wait in main memory until a step names them. A step's own keyframe has room
-    /// in any case. What is computed does not depend on it.
-    pub keyframe_bytes: u64,
-    /// Whether networks multiply in half precision where the adapter has matrix units that their kernels are written for; sums are f32 always.
-    pub half: bool,
-    /// Fills new working memory with this pattern, so that a test sees what reads before it writes.
-    pub poison: Option<u32>,
-}
-
-impl Default for GpuOptions {
-    fn default() -> Self {
-        Self {
-            adapter: 0,
-            software: false,
-            subgroups: true,
-            timestamps: false,
-            tile: None,
-            batch: 32,
-            segments: None,
-            fused: true,
-            least_room: 1 << 16,
-            keyframe_bytes: RasterConfig::default().keyframe_bytes(),
-            half: false,
-            poison: None,
-        }
-    }
-}
-
-impl GpuOptions {
-    /// The shapes of tiles, the usual one first.
-    pub(crate) fn tiles(&self) -> Vec<[u32; 2]> {
-        self.tile.map_or_else(|| TILES.to_vec(), |tile| vec![tile])
-    }
-
-    /// # Errors
-    /// A tile or batch that the kernels are not written for.
-    pub fn validate(&self) -> Result<()> {
-        self.tiles().into_iter().try_for_each(|tile| self.validate_tile(tile))
-    }
-
-    fn validate_tile(&self, [width, height]: [u32; 2]) -> Result<()> {
-        let batch = self.batch;
-        let area = width * height;
-        // A thread of the forward pass is a pixel; a batch fits into a tile and a tile's pixels into workgroup memory beside others'.
-        if let Some(segments) = self.segments
-            && (![1, 2, 4].contains(&segments) || segments * area > LARGEST_BLEND)
-        {
-            let what = format!("{segments} threads for each pixel of {width}x{height}");
-            return Err(Error::invalid("gpu options", what, "1, 2 or 4 threads share a pixel, at most 256 a tile"));
-        }
-        let fits = [8, 16].contains(&width) && [4, 8, 16].contains(&height) && [8, 16, 32].contains(&batch);
-        if fits && area % batch == 0 && area <= LARGEST_TILE_IN_BATCHES * batch {
-            return Ok(());
-        }
-        let what = format!("tiles of {width}x{height} with batches of {batch}");
-        Err(Error::invalid(
-            "gpu options",
-            what,
-            "tiles are 8 or 16 wide and 4, 8 or 16 high; a batch is 8, 16 or 32 and at least an eighth of a tile",
-        ))
-    }
-}
-
-/// Tiles that steps choose from.
-const TILES: [[u32; 2]; 2] = [[8, 8], [8, 4]];
-/// Most threads of a workgroup.
-pub(crate) const LARGEST_BLEND: u32 = 256;
-/// Largest tile in batches.
-const LARGEST_TILE_IN_BATCHES: u32 = 8;
 
 /// First error on the device since the last check; later errors are mostly consequences.
 #[derive(Default)]
@@ -132,21 +35,25 @@ impl Drop for LastReference {
 }
 
 /// An open adapter; outlives what is made of it.
-pub(crate) struct Context {
+pub struct Context {
+    /// Its device.
     pub device: wgpu::Device,
+    /// The device's queue.
     pub queue: wgpu::Queue,
+    /// Name, kind and driver.
     pub info: wgpu::AdapterInfo,
+    /// All that the adapter can do.
     pub limits: wgpu::Limits,
     /// Smallest and largest subgroup, where subgroup operations are used.
     pub subgroups: Option<(u32, u32)>,
     /// Whether timestamps may be written inside a pass.
     pub timestamps: bool,
-    /// Whether networks multiply by matrix units.
+    /// Whether matrices are multiplied by matrix units.
     pub matrix_units: bool,
-    pub poison: Option<u32>,
-    /// Bytes beyond which an allocation fails, to try what is done then.
-    #[cfg(test)]
-    pub most_allocated: std::sync::atomic::AtomicU64,
+    /// Pattern that new memory is filled with.
+    poison: Option<u32>,
+    /// Bytes beyond which a buffer finds no memory ([`Self::limit_allocations`]).
+    most_allocated: AtomicU64,
     failure: Arc<Mutex<Failure>>,
     /// Reference that is dropped last.
     _last: LastReference,
@@ -156,95 +63,11 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Native adapters answer at once: their futures are ready when first asked.
-fn ready<T>(future: impl Future<Output = T>) -> T {
-    let mut future = pin!(future);
-    let mut context = TaskContext::from_waker(Waker::noop());
-    loop {
-        if let Poll::Ready(value) = future.as_mut().poll(&mut context) {
-            return value;
-        }
-        std::thread::yield_now();
-    }
-}
-
-/// Adapters in software by name, where drivers and layers between them and us do not say what they are.
-const SOFTWARE: [&str; 5] = ["llvmpipe", "lavapipe", "softpipe", "swiftshader", "microsoft basic render"];
-
-pub(super) fn is_software(info: &wgpu::AdapterInfo) -> bool {
-    let name = info.name.to_lowercase();
-    info.device_type == wgpu::DeviceType::Cpu || SOFTWARE.iter().any(|known| name.contains(known))
-}
-
-/// Better adapters first.
-fn rank(info: &wgpu::AdapterInfo) -> u32 {
-    match info.device_type {
-        _ if is_software(info) => 4,
-        wgpu::DeviceType::DiscreteGpu => 0,
-        wgpu::DeviceType::IntegratedGpu => 1,
-        wgpu::DeviceType::VirtualGpu => 2,
-        wgpu::DeviceType::Other => 3,
-        wgpu::DeviceType::Cpu => 4,
-    }
-}
-
-/// Storage buffers the widest kernel binds.
-const STORAGE_BUFFERS: u32 = 24;
+/// Storage buffers that a kernel can bind at once on every device that is opened.
+pub const STORAGE_BUFFERS: u32 = 24;
 
 /// Bytes written at once.
 const PIECE: usize = 64 << 20;
-
-/// Graphics APIs that adapters are looked for in.
-const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
-
-/// The one way to the drivers of this process: they are loaded once, however many devices come and go.
-fn instance() -> &'static wgpu::Instance {
-    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
-    INSTANCE.get_or_init(|| {
-        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-        descriptor.backends = BACKENDS;
-        // Indirect arguments are written by our own kernels within the limits; checking them costs a pass each.
-        descriptor.flags = wgpu::InstanceFlags::empty();
-        wgpu::Instance::new(descriptor)
-    })
-}
-
-/// The adapters that will do, the best first.
-pub(super) fn adapters(options: &GpuOptions) -> Vec<wgpu::Adapter> {
-    let mut adapters = ready(instance().enumerate_adapters(BACKENDS));
-    adapters.retain(|a| options.software || !is_software(&a.get_info()));
-    adapters.sort_by_key(|a| rank(&a.get_info()));
-    adapters
-}
-
-/// What kernels that multiply by matrix units need.
-const MATRIX_FEATURES: wgpu::Features =
-    wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX.union(wgpu::Features::SHADER_F16).union(wgpu::Features::SUBGROUP);
-
-/// Whether an adapter multiplies matrices of 16 × 16 numbers in f16 with sums in f32, in subgroups of 32 threads always, in workgroups of the size that
-/// the kernels have.
-fn has_matrix_units(adapter: &wgpu::Adapter) -> bool {
-    let info = adapter.get_info();
-    let fits = |p: &wgpu::CooperativeMatrixProperties| {
-        (p.m_size, p.n_size, p.k_size) == (16, 16, 16)
-            && p.ab_type == wgpu::CooperativeScalarType::F16
-            && p.cr_type == wgpu::CooperativeScalarType::F32
-    };
-    adapter.features().contains(MATRIX_FEATURES)
-        && adapter.limits().max_compute_invocations_per_workgroup >= MATRIX_THREADS
-        && (info.subgroup_min_size, info.subgroup_max_size) == (32, 32)
-        && adapter.cooperative_matrix_properties().iter().any(fits)
-}
-
-/// Whether [`GpuOptions::half`] makes a difference on the adapter that these options choose.
-pub fn multiplies_in_half(options: &GpuOptions) -> bool {
-    options.half && adapters(options).get(options.adapter).is_some_and(has_matrix_units)
-}
-
-/// The adapter that these options choose, if there is one.
-pub fn adapter_name(options: &GpuOptions) -> Option<String> {
-    adapters(options).get(options.adapter).map(|a| a.get_info().name)
-}
 
 /// Cooperative matrices are an experiment of wgpu's.
 fn experimental(wanted: bool) -> wgpu::ExperimentalFeatures {
@@ -256,17 +79,21 @@ fn experimental(wanted: bool) -> wgpu::ExperimentalFeatures {
 }
 
 impl Context {
-    pub fn open(options: &GpuOptions) -> Result<Self> {
+    /// Opens the adapter that the options choose.
+    ///
+    /// # Errors
+    /// No such adapter; one that binds fewer than [`STORAGE_BUFFERS`]; the driver's.
+    pub fn open(options: &AdapterOptions) -> Result<Self> {
         let _turn = locked(&COMING_AND_GOING);
         let adapters = adapters(options);
-        let Some(adapter) = adapters.get(options.adapter) else {
+        let Some(adapter) = adapters.get(options.number) else {
             let what = match adapters.len() {
                 0 if options.software => "no adapter was found".to_owned(),
                 0 => "no GPU was found".to_owned(),
                 _ => {
                     let names: Vec<String> =
                         adapters.iter().enumerate().map(|(n, a)| format!("{n}: {}", a.get_info().name)).collect();
-                    format!("number {} was asked for, and there are {}", options.adapter, names.join(", "))
+                    format!("number {} was asked for, and there are {}", options.number, names.join(", "))
                 }
             };
             return Err(Error::invalid(
@@ -320,7 +147,6 @@ impl Context {
             timestamps: features.contains(stamps),
             matrix_units,
             poison: options.poison,
-            #[cfg(test)]
             most_allocated: u64::MAX.into(),
             _last: LastReference(Some(device.clone())),
             device,
@@ -332,19 +158,27 @@ impl Context {
         })
     }
 
+    /// Whether it computes on the processor.
     pub fn is_software(&self) -> bool {
         is_software(&self.info)
     }
 
-    /// Simulates a failed allocation.
-    #[cfg(test)]
+    /// Lets buffers of more bytes find no memory from here on, so that a test sees what is done then.
+    pub fn limit_allocations(&self, most_bytes: u64) {
+        self.most_allocated.store(most_bytes, Ordering::Relaxed);
+    }
+
+    /// Lets the next check find that memory ran out, so that a test sees what is done then.
     pub fn pretend_out_of_memory(&self) {
         let mut failure = locked(&self.failure);
         failure.out_of_memory = true;
         failure.first = Some("not enough memory left".to_owned());
     }
 
-    /// Checks the device for errors since the last check, and returns the first as an error of this crate.
+    /// Checks the device for errors since the last check; `doing` says in the error what was being done.
+    ///
+    /// # Errors
+    /// The first since the last check; that of a device that was lost, every time.
     pub fn check(&self, doing: &str) -> Result<()> {
         if locked(&self.failure).first.is_none() {
             return Ok(());
@@ -365,7 +199,11 @@ impl Context {
         let out_of_memory = failure.out_of_memory;
         *failure = Failure::default();
         if out_of_memory {
-            return Err(Error::invalid(place, "out of memory", "use fewer Gaussians or smaller images, or choose --device cpu"));
+            return Err(Error::invalid(
+                place,
+                "out of memory",
+                "ask for less at once (a smaller field, smaller images), or choose --device cpu",
+            ));
         }
         Err(Error::invalid(place, text, "this is a defect of the device or its driver; --device cpu avoids it"))
     }
@@ -375,20 +213,26 @@ impl Context {
         self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size) / BUFFER_UNIT * BUFFER_UNIT
     }
 
-    /// Memory of at least `bytes`, its contents undefined.
+    /// Memory of at least `bytes`, its contents undefined, that can be copied to and from.
+    ///
+    /// # Errors
+    /// More than [`Self::largest_buffer`]; no memory.
     pub fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
         let size = bytes.max(1).next_multiple_of(BUFFER_UNIT);
         let largest = self.largest_buffer();
         if size > largest {
             let what = format!("{label} needs {} MiB and the adapter binds at most {} MiB at once", size >> 20, largest >> 20);
             let place = format!("gpu ({})", self.info.name);
-            return Err(Error::invalid(place, what, "use fewer Gaussians or smaller images, or choose --device cpu"));
+            return Err(Error::invalid(
+                place,
+                what,
+                "ask for less at once (a smaller field, smaller images), or choose --device cpu",
+            ));
         }
         let usage = usage | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         let buffer =
             self.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false });
-        #[cfg(test)]
-        if size > self.most_allocated.load(std::sync::atomic::Ordering::Relaxed) {
+        if size > self.most_allocated.load(Ordering::Relaxed) {
             self.pretend_out_of_memory();
         }
         self.check(label)?;
@@ -398,7 +242,10 @@ impl Context {
         Ok(buffer)
     }
 
-    /// A storage buffer.
+    /// A storage buffer, as [`Self::buffer`] makes them.
+    ///
+    /// # Errors
+    /// Those of [`Self::buffer`].
     pub fn storage(&self, label: &str, bytes: u64) -> Result<wgpu::Buffer> {
         self.buffer(label, bytes, wgpu::BufferUsages::STORAGE)
     }
@@ -414,15 +261,20 @@ impl Context {
         }
     }
 
+    /// An empty list of commands.
     pub fn encoder(&self) -> wgpu::CommandEncoder {
         self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: None })
     }
 
+    /// Hands commands to the queue.
     pub fn submit(&self, encoder: wgpu::CommandEncoder) {
         self.queue.submit([encoder.finish()]);
     }
 
     /// Waits for everything submitted.
+    ///
+    /// # Errors
+    /// Those of [`Self::check`].
     pub fn wait(&self, doing: &str) -> Result<()> {
         let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
         self.check(doing)?;
@@ -432,11 +284,17 @@ impl Context {
     }
 
     /// Reads the first `count` numbers of several buffers back in one go, after all that was submitted.
+    ///
+    /// # Errors
+    /// Those of [`Self::check`].
     pub fn read<T: bytemuck::Pod>(&self, doing: &'static str, sources: &[(&wgpu::Buffer, usize)]) -> Result<Vec<Vec<T>>> {
         self.begin_reading::<T>(doing, sources)?.finish(self)
     }
 
     /// Has the first `count` numbers of several buffers copied as they are after all that was submitted.
+    ///
+    /// # Errors
+    /// Those of [`Self::check`].
     pub fn begin_reading<T: bytemuck::Pod>(&self, doing: &'static str, sources: &[(&wgpu::Buffer, usize)]) -> Result<Reading<T>> {
         let mut encoder = self.encoder();
         let mut staging = vec![];
@@ -464,7 +322,7 @@ impl Context {
 }
 
 /// Numbers on their way back.
-pub(crate) struct Reading<T> {
+pub struct Reading<T> {
     doing: &'static str,
     /// Each with its bytes.
     staging: Vec<(wgpu::Buffer, u64)>,
@@ -473,6 +331,9 @@ pub(crate) struct Reading<T> {
 
 impl<T: bytemuck::Pod> Reading<T> {
     /// Waits for them.
+    ///
+    /// # Errors
+    /// Those of [`Context::check`].
     pub fn finish(self, context: &Context) -> Result<Vec<Vec<T>>> {
         context.wait(self.doing)?;
         let mut out = vec![];

@@ -1,11 +1,11 @@
 //! A compute kernel: WGSL in, a pipeline and its bindings out.
 
-use super::context::Context;
-use crate::{Error, Result};
+use crate::context::Context;
+use corf_scene::{Error, Result};
 use rayon::prelude::*;
 
 /// One entry point with its bind group layout, read off the shader's own declarations.
-pub(crate) struct Kernel {
+pub struct Kernel {
     label: &'static str,
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
@@ -16,7 +16,7 @@ pub(crate) struct Kernel {
 
 /// A kernel bound to its buffers: pipeline and bind group.
 #[derive(Clone)]
-pub(crate) struct Bound {
+pub struct Bound {
     pipeline: wgpu::ComputePipeline,
     group: wgpu::BindGroup,
     has_uniform: bool,
@@ -36,6 +36,11 @@ fn declared(source: &str) -> Vec<wgpu::BufferBindingType> {
 
 impl Kernel {
     /// Compiles `main` of a shader whose bindings are declared one a line, in order from 0, a uniform only at 0 (with a dynamic offset).
+    ///
+    /// Nothing is checked while it runs: every loop must end, and every index be below the size of what it reads or writes.
+    ///
+    /// # Errors
+    /// The compiler's, which would be a defect of the shader.
     pub fn new(context: &Context, label: &'static str, source: &str) -> Result<Self> {
         let kinds = declared(source);
         let entries: Vec<_> = kinds
@@ -60,8 +65,8 @@ impl Kernel {
             immediate_size: 0,
         });
         let descriptor = wgpu::ShaderModuleDescriptor { label: Some(label), source: wgpu::ShaderSource::Wgsl(source.into()) };
-        // SAFETY: every loop of the shaders ends, and every index is below the size its buffer was made with; the tests run them
-        // at odd sizes on poisoned memory.
+        // SAFETY: this crate's users keep to what the function's documentation asks for; their tests run the kernels at odd sizes on
+        // poisoned memory.
         let module = unsafe { device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) };
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(label),
@@ -80,12 +85,18 @@ impl Kernel {
     }
 
     /// [`Self::new`] of several, at once: drivers take tenths of a second for one.
+    ///
+    /// # Errors
+    /// Those of [`Self::new`].
     pub fn all<const N: usize>(context: &Context, sources: [(&'static str, String); N]) -> Result<[Self; N]> {
         let kernels: Result<Vec<_>> = sources.par_iter().map(|(label, source)| Self::new(context, label, source)).collect();
         kernels?.try_into().map_err(|_| Error::invalid("gpu", "a kernel was lost", "this is a defect of the device"))
     }
 
     /// Binds buffers in the order of the shader's declarations; a uniform is `uniform` bytes long from its dynamic offset.
+    ///
+    /// # Errors
+    /// Another number of buffers than the shader declares.
     pub fn bind(&self, context: &Context, uniform: u64, buffers: &[&wgpu::Buffer]) -> Result<Bound> {
         if buffers.len() != self.bindings {
             let what = format!("{} buffers for the {} bindings of {}", buffers.len(), self.bindings, self.label);
@@ -130,6 +141,67 @@ impl Bound {
 }
 
 /// Workgroups per row of a dispatch.
-pub(crate) const ROW: u32 = 32768;
+pub const ROW: u32 = 32768;
 /// Bytes from one set of indirect arguments to the next.
-pub(crate) const ARGS_STRIDE: u64 = 16;
+pub const ARGS_STRIDE: u64 = 16;
+/// Bytes from one set of constants to the next in a uniform that kernels read at dynamic offsets: a multiple of what any adapter asks for.
+pub const UNIFORM_STRIDE: u64 = 256;
+
+/// WGSL of `group_number(id)`: the number of a workgroup in a dispatch that is folded into rows of [`ROW`].
+pub const GROUP_NUMBER: &str = include_str!("shaders/group_number.wgsl");
+/// WGSL of `sin_cos(x)`: sine and cosine that are right, and equal, on every adapter.
+pub const SIN_COS: &str = include_str!("shaders/sin_cos.wgsl");
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::testing::{OPTIONS, context};
+
+    #[test]
+    fn bindings_are_read_off_a_shaders_declarations() {
+        let source = "@group(0) @binding(0) var<uniform> c: vec4<u32>;\n\
+            @group(0) @binding(1) var<storage> a: array<f32>;\n@group(0) @binding(2) var<storage, read_write> b: array<f32>;\n";
+        let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
+        assert_eq!(declared(source), [wgpu::BufferBindingType::Uniform, storage(true), storage(false)]);
+    }
+
+    /// More workgroups than a row has, each with a number of its own; sines against those of f64; a uniform at its second place.
+    #[test]
+    fn a_kernel_computes_what_its_shader_says() {
+        const GROUPS: u32 = 2 * ROW + 5;
+        /// Numbers of some units in the last place near 1, at arguments that are exact.
+        const TOLERANCE: f64 = 3e-7;
+        let Some(context) = context(&OPTIONS) else { return };
+        let source = format!(
+            "@group(0) @binding(0) var<uniform> scale: vec4<f32>;\n\
+             @group(0) @binding(1) var<storage, read_write> out: array<vec2<f32>>;\n{GROUP_NUMBER}{SIN_COS}\
+             @compute @workgroup_size(1)\nfn main(@builtin(workgroup_id) id: vec3<u32>) {{\n\
+             let i = group_number(id);\nif (i < {GROUPS}u) {{ out[i] = sin_cos(f32(i) * scale.x); }}\n}}\n"
+        );
+        let [kernel] = Kernel::all(&context, [("test", source)]).unwrap();
+        let uniform = context.buffer("constants", 2 * UNIFORM_STRIDE, wgpu::BufferUsages::UNIFORM).unwrap();
+        context.fill(&uniform, UNIFORM_STRIDE, &[1.0_f32 / 64.0, 0.0, 0.0, 0.0]);
+        let out = context.storage("numbers", u64::from(GROUPS) * 8).unwrap();
+        let bound = kernel.bind(&context, 16, &[&uniform, &out]).unwrap();
+        let mut encoder = context.encoder();
+        bound.run(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), UNIFORM_STRIDE as u32, GROUPS);
+        context.submit(encoder);
+        let read = context.read::<f32>("a test", &[(&out, 2 * GROUPS as usize)]).unwrap();
+        for (i, pair) in read[0].chunks_exact(2).enumerate() {
+            let (sin, cos) = (i as f64 / 64.0).sin_cos();
+            let error = (f64::from(pair[0]) - sin).abs().max((f64::from(pair[1]) - cos).abs());
+            assert!(error < TOLERANCE, "{i}: {pair:?} for {sin} {cos}");
+        }
+        assert!(kernel.bind(&context, 16, &[&out]).is_err(), "a buffer is missing");
+    }
+
+    #[test]
+    fn a_shader_that_is_none_is_an_error_and_the_device_works_on() {
+        let Some(context) = context(&OPTIONS) else { return };
+        let text = Kernel::new(&context, "nonsense", "fn main() { return 1; }").err().unwrap().to_string();
+        assert!(text.contains("compiling nonsense"), "{text}");
+        context.check("going on").unwrap();
+    }
+}
