@@ -17,7 +17,10 @@ mod bsdf;
 mod cache;
 mod develop;
 mod emitter;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod path;
+mod renderer;
 mod sampler;
 mod surface;
 mod texture;
@@ -28,6 +31,9 @@ mod tests;
 
 pub use cache::{CacheSettings, LightCache, ViewSettings};
 pub use develop::{develop, develop_frame, develop_pixel};
+#[cfg(feature = "gpu")]
+pub use gpu::GpuLight;
+pub use renderer::{Developed, Processor, Renderer, Sampling, View};
 
 use crate::bvh::{Bvh, Ray};
 use corf_scene::model::Texture;
@@ -135,6 +141,11 @@ impl RayCounts {
 }
 
 impl LightFrame {
+    /// Whether the radiance of every pixel is a finite number.
+    pub fn is_finite(&self) -> bool {
+        self.radiance.pixels().iter().flatten().all(|v| v.is_finite())
+    }
+
     fn of(camera: &Pinhole, world_from_camera: &Rigid3, pixels: &Raster<Pixel>, rays: RayCounts) -> Self {
         Self {
             camera: *camera,

@@ -1,0 +1,23 @@
+//! One function of a kernel by itself, for tests against the processor's.
+
+use super::scene::upload;
+use super::{GROUP, GpuLight, shaders};
+use corf_gpu::Kernel;
+use corf_scene::Result;
+
+impl GpuLight<'_> {
+    /// Runs a WGSL function `item(i)` for every i below `count`: it reads `asked` and writes `found`, of which it has `words` words each.
+    pub fn probe(&self, item: &str, asked: &[u32], count: usize, words: usize) -> Result<Vec<u32>> {
+        let kernel = Kernel::new(&self.context, "probe", &shaders::probe(&self.scene.constants, item))?;
+        let asked = upload(&self.context, "asked", asked)?;
+        let found = self.context.storage("found", 4 * (count * words) as u64)?;
+        let bound = self.bind(&kernel, &[&asked, &found])?;
+        self.pass(&bound, &self.params, count as u32, u32::MAX / GROUP * GROUP);
+        Ok(self.context.read::<u32>("probing", &[(&found, count * words)])?.remove(0))
+    }
+
+    /// Number in the scene of a triangle of the tree's leaves.
+    pub fn number_of(&self, place: u32) -> Option<u32> {
+        self.scene.place_of.iter().position(|p| *p == place && place != u32::MAX).map(|i| i as u32)
+    }
+}
