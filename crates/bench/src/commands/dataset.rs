@@ -4,6 +4,7 @@ use super::dataset_export::Export;
 use super::dataset_import::Import;
 use super::dataset_play::Play;
 use super::{Verdict, print, show};
+use crate::device::DeviceChoice;
 use crate::generate::{self, Generated, Options};
 use anyhow::Result;
 use clap::{Args, Subcommand};
@@ -51,6 +52,9 @@ pub struct Generate {
     /// Go on with a folder that holds finished keyframes of the same configuration.
     #[arg(long)]
     resume: bool,
+    /// Device that traces light: auto, cpu, gpu, or gpu:N for the N-th adapter. Radio is traced by the processor meanwhile.
+    #[arg(long, default_value_t)]
+    device: DeviceChoice,
     /// Refuse a transmitter or a trajectory outside of the scene, and exit with 1 where images are black or depth is empty.
     #[arg(long)]
     strict: bool,
@@ -116,7 +120,7 @@ impl Generate {
         }
         config.seed = self.seed.unwrap_or(config.seed);
         config.validate()?;
-        let options = Options { resume: self.resume, strict: self.strict };
+        let options = Options { resume: self.resume, strict: self.strict, light: self.device.resolve()? };
         let Generated { dataset: made, findings } = generate::generate(&config, &self.out, options)?;
         let range = made.db_range();
         let text = format!(

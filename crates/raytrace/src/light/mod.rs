@@ -25,6 +25,8 @@ mod sampler;
 mod surface;
 mod texture;
 mod triangle;
+#[cfg(feature = "gpu")]
+mod words;
 
 #[cfg(test)]
 mod tests;

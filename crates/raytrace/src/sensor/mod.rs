@@ -3,7 +3,7 @@
 mod optical;
 mod radio;
 
-pub use optical::{Denoise, OpticalSensor};
+pub use optical::{Denoise, LightDevice, OpticalSensor};
 pub use radio::{
     Extent, Outputs, RadioFrame, RadioSensor, Received, SensorPlan, diffuse_settings, element_at, geometry_warnings, noncoherent,
     open_edges_note, radio_settings, sensor_settings,
@@ -31,14 +31,25 @@ impl Platform<'_> {
     pub fn keyframe(&self, pose: &TrajectoryPose) -> Result<FrameData> {
         let (optical, radio) =
             rayon::join(|| self.camera.see(pose), || self.array.keyframe(&pose.world_from_camera, &self.outputs));
-        let (optical, radio) = (optical?, radio?);
-        Ok(FrameData {
-            spectrum: Some(radio.spectrum),
-            sphere: radio.sphere,
-            tutorial: radio.tutorial,
-            share_in_frame: Some(radio.share_in_frame),
-            paths_jsonl: radio.paths_jsonl,
-            ..optical
-        })
+        Ok(joined(optical?, radio?))
+    }
+
+    /// [`Self::keyframe`] of a pose that the camera has seen.
+    ///
+    /// # Errors
+    /// A receiver at the transmitter.
+    pub fn keyframe_of(&self, pose: &TrajectoryPose, optical: FrameData) -> Result<FrameData> {
+        Ok(joined(optical, self.array.keyframe(&pose.world_from_camera, &self.outputs)?))
+    }
+}
+
+fn joined(optical: FrameData, radio: RadioFrame) -> FrameData {
+    FrameData {
+        spectrum: Some(radio.spectrum),
+        sphere: radio.sphere,
+        tutorial: radio.tutorial,
+        share_in_frame: Some(radio.share_in_frame),
+        paths_jsonl: radio.paths_jsonl,
+        ..optical
     }
 }

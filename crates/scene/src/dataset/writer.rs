@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Images, spectra and paths of one keyframe, to be added to a dataset.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct FrameData {
     /// 8-bit sRGB image of the optical camera; none in a data set without light.
     pub image: Option<Raster<[u8; 3]>>,

@@ -19,6 +19,8 @@ mod charts;
 mod direct;
 mod field;
 mod gather;
+#[cfg(feature = "gpu")]
+mod packed;
 mod site;
 mod solve;
 mod view;
@@ -26,6 +28,8 @@ mod walk;
 
 use super::surface::Surface;
 use super::{LightTracer, luminance};
+#[cfg(feature = "gpu")]
+pub(super) use packed::{Job, Packed};
 pub use view::ViewSettings;
 
 use charts::Charts;

@@ -6,19 +6,21 @@
 //!
 //! A thread is a pixel, a dispatch at most [`PATHS_AT_ONCE`] paths, so that the watchdog of a desktop does not bark.
 
+mod lattices;
 mod params;
 #[cfg(test)]
 mod probe;
 mod scene;
 mod shaders;
-mod words;
 
+use super::cache::Packed;
 use super::renderer::no_cache;
 use super::sampler::frame_seed;
-use super::{Developed, LightFrame, LightTracer, RayCounts, Renderer, Sampling, View};
+use super::{Developed, LightCache, LightFrame, LightTracer, RayCounts, Renderer, Sampling, View};
 use corf_gpu::{AdapterOptions, Bound, Context, Kernel};
-use corf_scene::{Pinhole, Raster, Result, Rigid3};
+use corf_scene::{Pinhole, Raster, Result};
 use glam::{Vec2, Vec3};
+use lattices::Lattices;
 use params::{PARAMS_BYTES, Params};
 use scene::SceneBuffers;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -41,12 +43,23 @@ pub struct GpuLight<'a> {
     /// What all passes have in common.
     params: Params,
     kernels: Kernels,
-    /// The one frame that is being rendered.
-    frame: Mutex<Option<Frame>>,
+    state: Mutex<State<'a>>,
+}
+
+/// What rendering changes.
+#[derive(Default)]
+struct State<'a> {
+    /// The one image that is being rendered.
+    frame: Option<Frame>,
+    /// Cached light.
+    lattices: Option<Lattices<'a>>,
 }
 
 struct Kernels {
     render_paths: Kernel,
+    select: Kernel,
+    /// Compiled where there is cached light.
+    render_view: Option<Kernel>,
     centre: Kernel,
     develop: Kernel,
 }
@@ -58,27 +71,36 @@ struct Frame {
     work: wgpu::Buffer,
     picture: wgpu::Buffer,
     render_paths: Bound,
+    select: Bound,
+    /// With how often the pages had moved when it was bound.
+    render_view: Option<(u32, Bound)>,
     centre: Bound,
     develop: Bound,
 }
 
 impl<'a> GpuLight<'a> {
-    /// Brings a scene to the adapter that the options choose.
+    /// Brings a scene to the adapter that the options choose, with the light that was solved for all views, if it is to be rendered from.
     ///
     /// # Errors
     /// No such adapter; a scene that does not fit it.
-    pub fn new(tracer: &'a LightTracer<'a>, options: &AdapterOptions) -> Result<Self> {
+    pub fn new(tracer: &'a LightTracer<'a>, cache: Option<LightCache<'a>>, options: &AdapterOptions) -> Result<Self> {
         let context = Context::open(options)?;
-        let scene = SceneBuffers::new(&context, tracer, |_| 0)?;
+        let packed = cache.map(Packed::new).transpose()?;
+        let scene = SceneBuffers::new(&context, tracer, |triangle| packed.as_ref().map_or(0, |p| p.chart_of(triangle)))?;
         let c = &scene.constants;
-        let [render_paths, centre, develop] = Kernel::all(
+        let [render_paths, select, centre, develop] = Kernel::all(
             &context,
             [
                 ("light: paths", shaders::render_paths(c)),
+                ("light: select", shaders::select(c)),
                 ("light: depth", shaders::centre(c)),
                 ("light: develop", shaders::develop(c)),
             ],
         )?;
+        let view = |_: &Packed<'_>| {
+            Kernel::new(&context, "light: view", &shaders::render_view(c, lattices::page_size(&context)))
+        };
+        let render_view = packed.as_ref().map(view).transpose()?;
         let uniform = context.buffer("settings", PARAMS_BYTES, wgpu::BufferUsages::UNIFORM)?;
         let emitters = &tracer.emitters;
         let params = Params {
@@ -91,8 +113,18 @@ impl<'a> GpuLight<'a> {
             seen_at: scene.seen_at,
             ..Params::default()
         };
-        let kernels = Kernels { render_paths, centre, develop };
-        Ok(Self { tracer, context, scene, uniform, params, kernels, frame: Mutex::new(None) })
+        let params = packed.as_ref().map_or(Ok(params), |packed| Lattices::params(packed, &params))?;
+        let kernels = Kernels { render_paths, select, render_view, centre, develop };
+        let gpu = Self { tracer, context, scene, uniform, params, kernels, state: Mutex::default() };
+        if let Some(packed) = packed {
+            let lattices = Lattices::new(&gpu, packed)?;
+            gpu.state().lattices = Some(lattices);
+        }
+        Ok(gpu)
+    }
+
+    fn state(&self) -> MutexGuard<'_, State<'a>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Binds a kernel to the settings, the scene and some more buffers.
@@ -102,41 +134,35 @@ impl<'a> GpuLight<'a> {
         kernel.bind(&self.context, PARAMS_BYTES, &buffers)
     }
 
-    /// The memory of images of a camera.
-    fn frame(&self, camera: &Pinhole) -> Result<MutexGuard<'_, Option<Frame>>> {
-        let mut held = self.frame.lock().unwrap_or_else(PoisonError::into_inner);
-        let size = [camera.width, camera.height];
-        if held.as_ref().is_none_or(|frame| frame.size != size) {
-            // What is there goes before what is new comes.
-            *held = None;
-            let pixels = (camera.width * camera.height) as u64;
-            let sums = self.context.storage("a view's pixels", 4 * SUMS_WORDS as u64 * pixels)?;
-            let work = self.context.storage("a view's lists", 4 * (u64::from(WORK_HEAD) + 3 * pixels))?;
-            let picture = self.context.storage("a view's image", 12 * pixels)?;
-            *held = Some(Frame {
-                size,
-                render_paths: self.bind(&self.kernels.render_paths, &[&sums, &work])?,
-                centre: self.bind(&self.kernels.centre, &[&sums, &work])?,
-                develop: self.bind(&self.kernels.develop, &[&sums, &work, &picture])?,
-                sums,
-                work,
-                picture,
-            });
-        }
-        Ok(held)
+    /// Memory of images of a camera's size, with `tiles` of cached light.
+    fn make_frame(&self, [width, height]: [usize; 2], tiles: u32) -> Result<Frame> {
+        let pixels = (width * height) as u64;
+        let sums = self.context.storage("a view's pixels", 4 * SUMS_WORDS as u64 * pixels)?;
+        let work = self.context.storage("a view's lists", 4 * (u64::from(WORK_HEAD + tiles) + 3 * pixels))?;
+        let picture = self.context.storage("a view's image", 12 * pixels)?;
+        Ok(Frame {
+            size: [width, height],
+            render_paths: self.bind(&self.kernels.render_paths, &[&sums, &work])?,
+            select: self.bind(&self.kernels.select, &[&sums, &work])?,
+            render_view: None,
+            centre: self.bind(&self.kernels.centre, &[&sums, &work])?,
+            develop: self.bind(&self.kernels.develop, &[&sums, &work, &picture])?,
+            sums,
+            work,
+            picture,
+        })
     }
 
     /// Settings of a view.
-    fn view_params(&self, camera: &Pinhole, view: &View, sampling: &Sampling) -> Params {
-        let Rigid3 { translation, .. } = view.world_from_camera;
+    fn view_params(&self, camera: &Pinhole, view: &View, sampling: &Sampling, tiles: u32) -> Params {
         let axis = |axis: glam::DVec3| view.world_from_camera.transform_vector(axis).as_vec3();
         let common = Params {
             axes: [axis(glam::DVec3::X), axis(glam::DVec3::Y), axis(glam::DVec3::Z)],
-            origin: translation.as_vec3(),
+            origin: view.world_from_camera.translation.as_vec3(),
             size: [camera.width as u32, camera.height as u32],
             focal: Vec2::new(camera.fx as f32, camera.fy as f32),
             centre: Vec2::new(camera.cx as f32, camera.cy as f32),
-            lists_at: WORK_HEAD,
+            lists_at: WORK_HEAD + tiles,
             list_size: (camera.width * camera.height) as u32,
             gain: 1.0,
             ..self.params
@@ -164,21 +190,35 @@ impl<'a> GpuLight<'a> {
         }
     }
 
+    /// Runs a kernel with so many workgroups.
+    fn run(&self, bound: &Bound, params: &Params, groups: u32) {
+        self.context.fill(&self.uniform, 0, &params.words());
+        let mut encoder = self.context.encoder();
+        bound.run(&mut encoder.begin_compute_pass(&Default::default()), 0, groups);
+        self.context.submit(encoder);
+    }
+
     /// Runs a kernel over `count` places with a thread each, at most `at_once` a dispatch.
     fn pass(&self, bound: &Bound, params: &Params, count: u32, at_once: u32) {
         let at_once = (at_once / GROUP).max(1) * GROUP;
         for first in (0..count).step_by(at_once as usize) {
             let part = Params { first, count: at_once.min(count - first), ..*params };
-            self.context.fill(&self.uniform, 0, &part.words());
-            let mut encoder = self.context.encoder();
-            bound.run(&mut encoder.begin_compute_pass(&Default::default()), 0, part.count.div_ceil(GROUP));
-            self.context.submit(encoder);
+            self.run(bound, &part, part.count.div_ceil(GROUP));
         }
     }
 
-    /// Renders a view into a frame.
-    fn view(&self, frame: &Frame, params: &Params, sampling: &Sampling) -> Result<()> {
-        let places = places(frame.size);
+    /// Renders a view into the frame; returns the settings it took.
+    fn view(&self, state: &mut State<'a>, camera: &Pinhole, view: &View, sampling: &Sampling) -> Result<Params> {
+        let size = [camera.width, camera.height];
+        let tiles = state.lattices.as_ref().map_or(0, Lattices::slot_count);
+        let params = self.view_params(camera, view, sampling, tiles);
+        if state.frame.as_ref().is_none_or(|frame| frame.size != size) {
+            // What is there goes before what is new comes.
+            state.frame = None;
+            state.frame = Some(self.make_frame(size, tiles)?);
+        }
+        let State { frame: Some(frame), lattices } = state else { unreachable!("made above") };
+        let places = places(size);
         let mut encoder = self.context.encoder();
         encoder.clear_buffer(&frame.sums, 0, None);
         encoder.clear_buffer(&frame.work, 0, Some(4 * u64::from(WORK_HEAD)));
@@ -189,14 +229,82 @@ impl<'a> GpuLight<'a> {
                 let mut samples = 0;
                 while samples < params.samples {
                     samples = params.samples.min(samples.saturating_add(step));
-                    let part = Params { samples, ..*params };
+                    let part = Params { samples, ..params };
                     self.pass(&frame.render_paths, &part, places, PATHS_AT_ONCE);
                 }
             }
-            Sampling::Cached(_) => return Err(no_cache()),
+            Sampling::Cached(_) => {
+                let Some(lattices) = lattices else { return Err(no_cache()) };
+                self.cached_view(frame, lattices, &params, places)?;
+            }
         }
-        self.pass(&frame.centre, params, places, PATHS_AT_ONCE);
-        self.context.check("rendering light")
+        self.pass(&frame.centre, &params, places, PATHS_AT_ONCE);
+        self.context.check("rendering light")?;
+        Ok(params)
+    }
+
+    /// Paths of every pixel, then more of them where they disagree.
+    fn cached_view(&self, frame: &mut Frame, lattices: &mut Lattices<'a>, params: &Params, places: u32) -> Result<()> {
+        let base = Params { samples: params.base, ..*params };
+        self.until_filled(frame, lattices, &base, 0, places)?;
+        self.pass(&frame.select, &base, places, PATHS_AT_ONCE);
+        let mut samples = params.base;
+        while samples < params.most {
+            samples = samples.saturating_mul(2);
+            let more = Params { samples, ..*params };
+            self.clear_length(frame, 0);
+            self.pass(&frame.select, &more, places, PATHS_AT_ONCE);
+            let count = self.head(frame)?[0];
+            if count == 0 {
+                break;
+            }
+            self.until_filled(frame, lattices, &more, 1, count)?;
+        }
+        Ok(())
+    }
+
+    /// Gives the pixels of a list `params.samples` paths each; those that lack tiles again once these are filled.
+    fn until_filled(
+        &self,
+        frame: &mut Frame,
+        lattices: &mut Lattices<'a>,
+        params: &Params,
+        mut list: u32,
+        mut count: u32,
+    ) -> Result<()> {
+        let at_once = PATHS_AT_ONCE / params.samples.div_ceil(2).max(1);
+        while count > 0 {
+            let other = usize::from(list == 1);
+            self.clear_length(frame, other);
+            if frame.render_view.as_ref().is_none_or(|(moves, _)| *moves != lattices.moves) {
+                let Some(kernel) = &self.kernels.render_view else { return Err(no_cache()) };
+                let buffers = [vec![&frame.sums, &frame.work], lattices.for_renderer()].concat();
+                frame.render_view = Some((lattices.moves, self.bind(kernel, &buffers)?));
+            }
+            let Some((_, render)) = &frame.render_view else { return Err(no_cache()) };
+            self.pass(render, &Params { list, ..*params }, count, at_once);
+            let head = self.head(frame)?;
+            let wanted = head[WANTED] as usize;
+            if wanted > 0 {
+                let words = self.context.read::<u32>("asking for tiles", &[(&frame.work, WORK_HEAD as usize + wanted)])?.remove(0);
+                self.clear_length(frame, WANTED);
+                lattices.fill(self, params, words[WORK_HEAD as usize..].to_vec())?;
+            }
+            (list, count) = (other as u32 + 1, head[other]);
+        }
+        Ok(())
+    }
+
+    /// Sets a word of the head of `work` to zero.
+    fn clear_length(&self, frame: &Frame, word: usize) {
+        let mut encoder = self.context.encoder();
+        encoder.clear_buffer(&frame.work, 4 * word as u64, Some(4));
+        self.context.submit(encoder);
+    }
+
+    /// The head of `work`.
+    fn head(&self, frame: &Frame) -> Result<Vec<u32>> {
+        Ok(self.context.read::<u32>("rendering light", &[(&frame.work, WORK_HEAD as usize)])?.remove(0))
     }
 }
 
@@ -207,37 +315,39 @@ fn places([width, height]: [usize; 2]) -> u32 {
 
 impl Renderer for GpuLight<'_> {
     fn render(&self, camera: &Pinhole, views: &[View], sampling: &Sampling) -> Result<Vec<LightFrame>> {
-        let held = self.frame(camera)?;
-        let Some(frame) = &*held else { return Ok(Vec::new()) };
-        let mut out = Vec::with_capacity(views.len());
-        for view in views {
-            self.view(frame, &self.view_params(camera, view, sampling), sampling)?;
-            let words = self.context.read::<u32>("rendering light", &[(&frame.sums, SUMS_WORDS * camera.width * camera.height)])?;
-            out.push(light_frame(camera, view, &words[0]));
-        }
-        Ok(out)
+        let one = |view: &View| {
+            let words = {
+                let mut state = self.state();
+                self.view(&mut state, camera, view, sampling)?;
+                let Some(frame) = &state.frame else { unreachable!("a view makes its frame") };
+                self.context.read::<u32>("rendering light", &[(&frame.sums, SUMS_WORDS * camera.width * camera.height)])?
+            };
+            Ok(light_frame(camera, view, &words[0]))
+        };
+        views.iter().map(one).collect()
     }
 
     fn develop(&self, camera: &Pinhole, views: &[View], sampling: &Sampling, exposure_ev: f32) -> Result<Vec<Developed>> {
-        let held = self.frame(camera)?;
-        let Some(frame) = &*held else { return Ok(Vec::new()) };
         let pixels = camera.width * camera.height;
-        let mut out = Vec::with_capacity(views.len());
-        for view in views {
-            let params = self.view_params(camera, view, sampling);
-            self.view(frame, &params, sampling)?;
-            self.pass(&frame.develop, &Params { gain: exposure_ev.exp2(), ..params }, pixels as u32, u32::MAX);
-            let read = self.context.read::<u32>("developing", &[(&frame.picture, 3 * pixels), (&frame.work, WORK_HEAD as usize)])?;
+        let one = |view: &View| {
+            // While one view's words become rasters, the next is rendered.
+            let read = {
+                let mut state = self.state();
+                let params = self.view(&mut state, camera, view, sampling)?;
+                let Some(frame) = &state.frame else { unreachable!("a view makes its frame") };
+                self.pass(&frame.develop, &Params { gain: exposure_ev.exp2(), ..params }, pixels as u32, PATHS_AT_ONCE);
+                self.context.read::<u32>("developing", &[(&frame.picture, 3 * pixels), (&frame.work, WORK_HEAD as usize)])?
+            };
             let plane = |k: usize| &read[0][k * pixels..(k + 1) * pixels];
             let raster = |k: usize| Raster::from_vec(camera.width, camera.height, plane(k).to_vec());
-            out.push(Developed {
+            Ok(Developed {
                 image: raster(0).map(|word| [*word as u8, (*word >> 8) as u8, (*word >> 16) as u8]),
                 depth_m: raster(1).map(|word| depth(f32::from_bits(*word))),
                 surface: raster(2),
                 finite: read[1][NOT_FINITE] == 0,
-            });
-        }
-        Ok(out)
+            })
+        };
+        views.iter().map(one).collect()
     }
 
     fn adapter(&self) -> Option<&str> {
@@ -245,7 +355,8 @@ impl Renderer for GpuLight<'_> {
     }
 }
 
-/// Word of `work` that says that a pixel's radiance is no number.
+/// Words of `work`: how many tiles are wanted; whether a pixel's radiance is no number.
+const WANTED: usize = 2;
 const NOT_FINITE: usize = 3;
 
 /// Depth, infinite where the GPU's largest distance says that nothing was hit.

@@ -1,6 +1,6 @@
 //! Settings of a pass: the uniform that `scene.wgsl` declares.
 
-use super::words::Words;
+use super::super::words::Words;
 use glam::{UVec3, Vec2, Vec3};
 
 /// Bytes of the uniform.

@@ -16,6 +16,14 @@ impl GpuLight<'_> {
         Ok(self.context.read::<u32>("probing", &[(&found, count * words)])?.remove(0))
     }
 
+    /// Tiles of a field, filled here and by the processor.
+    pub fn tiles_of_both(&self, field: u32, most: usize) -> Result<Vec<[(Vec<u32>, u64); 2]>> {
+        match &mut self.state().lattices {
+            Some(lattices) => lattices.both(self, &self.params, field, most),
+            None => Ok(Vec::new()),
+        }
+    }
+
     /// Number in the scene of a triangle of the tree's leaves.
     pub fn number_of(&self, place: u32) -> Option<u32> {
         self.scene.place_of.iter().position(|p| *p == place && place != u32::MAX).map(|i| i as u32)

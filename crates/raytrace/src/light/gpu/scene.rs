@@ -5,7 +5,7 @@ use super::super::bsdf::albedo_tables;
 use super::super::emitter::{Emitter, Emitters, Kind};
 use super::super::surface::Cover;
 use super::super::texture::{Encoding, table};
-use super::words::Words;
+use super::super::words::Words;
 use crate::bvh::binary::BinaryTree;
 use corf_gpu::Context;
 use corf_scene::model::{AlphaMode, Filter, OpticalMaterial, PunctualKind, Texture, TextureRef, Wrap};

@@ -34,6 +34,104 @@ const SUMS: Binding<'static> = ("sums", "array<Sums>", true);
 const WORK: Binding<'static> = ("work", "array<atomic<u32>>", true);
 const PICTURE: Binding<'static> = ("picture", "array<u32>", true);
 
+/// Pages of cached light that a kernel binds.
+pub(super) const PAGES: usize = 5;
+/// State of the slot of a tile whose head is word 0 of the pages.
+pub(super) const FILLED: u32 = 2;
+
+/// Size of a page: 2 to the power of `bits` words of four.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PageSize {
+    pub bits: u32,
+}
+
+/// The lattices as renderers bind them; what they write are the slots alone.
+const LATTICES: [Binding<'static>; 3] = [
+    ("charts", "array<Chart>", false),
+    ("lattices", "array<vec4<u32>>", false),
+    ("slots", "array<atomic<u32>>", true),
+];
+/// As what fills tiles binds them.
+const TILES: [Binding<'static>; 7] = [
+    ("charts", "array<Chart>", false),
+    ("lattices", "array<vec4<u32>>", false),
+    ("slots", "array<u32>", true),
+    ("members", "array<u32>", false),
+    ("jobs", "array<Job>", true),
+    ("sites", "array<Site>", true),
+    ("candidates", "array<Candidate>", true),
+];
+const PAGE_NAMES: [&str; PAGES] = ["page_0", "page_1", "page_2", "page_3", "page_4"];
+
+/// Bindings of the pages.
+fn page_bindings(written: bool) -> [Binding<'static>; PAGES] {
+    PAGE_NAMES.map(|name| (name, "array<vec4<u32>>", written))
+}
+
+/// Access to words of pages by one number.
+fn page_access(size: PageSize, written: bool) -> String {
+    let cases = |statement: &dyn Fn(&str) -> String| -> String {
+        let case = |(k, name): (usize, &&str)| {
+            let label = if k + 1 == PAGES { "default".to_owned() } else { format!("case {k}u") };
+            format!("        {label}: {{ {} }}\n", statement(name))
+        };
+        PAGE_NAMES.iter().enumerate().map(case).collect()
+    };
+    let (bits, mask) = (size.bits, (1u32 << size.bits) - 1);
+    let mut text = format!(
+        "fn word(at: u32) -> vec4<u32> {{\n    switch (at >> {bits}u) {{\n{}    }}\n}}\n",
+        cases(&|name| format!("return {name}[at & {mask}u];"))
+    );
+    if written {
+        text += &format!(
+            "fn put(at: u32, value: vec4<u32>) {{\n    switch (at >> {bits}u) {{\n{}    }}\n}}\n",
+            cases(&|name| format!("{name}[at & {mask}u] = value;"))
+        );
+    }
+    text
+}
+
+/// A kernel over tiles.
+fn tiles(constants: &str, size: PageSize, parts: &[&str]) -> String {
+    let bindings = [&TILES[..], &page_bindings(true)].concat();
+    let access = page_access(size, true);
+    kernel(constants, &bindings, &[&[part!("tiles"), part!("lattice"), &access], parts].concat())
+}
+
+/// Where tiles' points lie.
+pub(super) fn sites(constants: &str, size: PageSize) -> String {
+    tiles(constants, size, &[part!("sites")])
+}
+
+/// Which emitters may light tiles.
+pub(super) fn candidates(constants: &str, size: PageSize) -> String {
+    tiles(constants, size, &[part!("patches"), part!("candidates")])
+}
+
+/// Direct light at tiles' points.
+pub(super) fn direct(constants: &str, size: PageSize) -> String {
+    tiles(constants, size, &[part!("patches"), part!("reduce"), part!("direct")])
+}
+
+/// Indirect light at tiles' points.
+pub(super) fn gather(constants: &str, size: PageSize) -> String {
+    tiles(constants, size, &[part!("highlight"), part!("walk"), part!("reduce"), part!("gather")])
+}
+
+/// Which cells of tiles are rough.
+pub(super) fn rough(constants: &str, size: PageSize) -> String {
+    tiles(constants, size, &[part!("rough")])
+}
+
+/// Pixels from cached light.
+pub(super) fn render_view(constants: &str, size: PageSize) -> String {
+    let bindings = [&[SUMS, WORK][..], &LATTICES, &page_bindings(false)].concat();
+    let access = page_access(size, false);
+    let parts =
+        [part!("film"), part!("tone"), &access, part!("lattice"), part!("asking"), part!("highlight"), part!("view"), part!("render")];
+    kernel(constants, &bindings, &parts)
+}
+
 fn declared(bindings: &[Binding<'_>]) -> String {
     let line = |(k, (name, ty, written)): (usize, &Binding<'_>)| {
         let access = if *written { "read_write" } else { "read" };

@@ -12,7 +12,7 @@ fn byte(linear: f32) -> u32 {
 
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let pixel = group_number(id) * 64u + thread;
+    let pixel = params.first + group_number(id) * 64u + thread;
     let pixels = params.width * params.height;
     if (pixel >= pixels) { return; }
     let sum = sums[pixel];

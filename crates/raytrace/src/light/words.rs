@@ -1,4 +1,4 @@
-//! Words of a buffer, written as WGSL lays its structs out.
+//! Words of a buffer of the GPU, written as WGSL lays its structs out.
 
 use glam::{Vec2, Vec3};
 

@@ -1,0 +1,268 @@
+//! Cached light on the GPU: tiles of lattices in pages of memory, filled when paths ask for them.
+//!
+//! The coarse lattice comes solved from the processor. A pass of the renderer marks the slots of tiles that it lacks; they are given memory here, filled
+//! by kernels, and the pixels that lacked them are begun again. A tile depends on its key alone, so it does not matter when and with which
+//! others it is filled.
+
+use super::super::cache::{Job, Packed};
+use super::params::{MOST_FIELDS, Params};
+use super::scene::upload;
+use super::shaders::{self, PAGES, PageSize};
+use super::{GpuLight, GROUP};
+use corf_gpu::{Bound, Context, Kernel};
+use corf_scene::{Error, Result};
+
+/// Points of a tile at most.
+const MOST_POINTS: u32 = 81;
+/// Bytes of a site and of a candidate.
+const SITE_BYTES: u64 = 48;
+const CANDIDATE_BYTES: u64 = 16;
+/// Tiles that are filled together, and bytes of the candidates of all of them at most.
+const TOGETHER: usize = 1024;
+const MOST_CANDIDATE_BYTES: u64 = 64 << 20;
+/// Tiles of one dispatch that traces: three million shadow rays, two million walks.
+const DIRECT_AT_ONCE: u32 = 256;
+const GATHERED_AT_ONCE: u32 = 96;
+/// Bytes of a page at most, and of its first piece.
+const PAGE_BYTES: u64 = 512 << 20;
+const FIRST_PAGE_BYTES: u64 = 4 << 20;
+/// Bytes of a word of a page.
+const WORD_BYTES: u64 = 16;
+
+/// Tiles and where they lie.
+pub(super) struct Lattices<'a> {
+    packed: Packed<'a>,
+    /// Charts, lattices and slots, as renderers bind them.
+    charts: wgpu::Buffer,
+    lattices: wgpu::Buffer,
+    pub slots: wgpu::Buffer,
+    members: wgpu::Buffer,
+    jobs: wgpu::Buffer,
+    sites: wgpu::Buffer,
+    candidates: wgpu::Buffer,
+    pages: Vec<wgpu::Buffer>,
+    /// Stands for pages that are not there yet.
+    no_page: wgpu::Buffer,
+    page: PageSize,
+    /// First free word of the pages.
+    next: u32,
+    /// Number of times that a page moved: what is bound to them has to be bound again.
+    pub moves: u32,
+    together: usize,
+    kernels: [Kernel; 5],
+    bound: Option<(u32, [Bound; 5])>,
+}
+
+/// Size of pages on an adapter.
+pub(super) fn page_size(context: &Context) -> PageSize {
+    PageSize { bits: (context.largest_buffer().min(PAGE_BYTES) / WORD_BYTES).ilog2() }
+}
+
+impl<'a> Lattices<'a> {
+    pub fn new(gpu: &GpuLight<'_>, packed: Packed<'a>) -> Result<Self> {
+        let context = &gpu.context;
+        let page = page_size(context);
+        let c = &gpu.scene.constants;
+        let kernels = Kernel::all(
+            context,
+            [
+                ("light: sites", shaders::sites(c, page)),
+                ("light: candidates", shaders::candidates(c, page)),
+                ("light: direct", shaders::direct(c, page)),
+                ("light: gather", shaders::gather(c, page)),
+                ("light: rough", shaders::rough(c, page)),
+            ],
+        )?;
+        let [charts, members] = packed.chart_words(&gpu.scene.place_of);
+        let emitters = u64::from(gpu.params.emitters.max(1));
+        let together = TOGETHER.min((MOST_CANDIDATE_BYTES / (CANDIDATE_BYTES * emitters)).max(1) as usize);
+        let storage = |label, bytes| context.storage(label, bytes);
+        let mut lattices = Self {
+            charts: upload(context, "charts", &charts)?,
+            members: upload(context, "charts' triangles", &members)?,
+            lattices: upload(context, "lattices", &packed.lattice_words())?,
+            slots: storage("tiles of light", 4 * u64::from(packed.slots().max(1)))?,
+            jobs: storage("tiles to fill", 48 * together as u64)?,
+            sites: storage("sites of tiles", SITE_BYTES * u64::from(MOST_POINTS) * together as u64)?,
+            candidates: storage("candidates of tiles", CANDIDATE_BYTES * emitters * together as u64)?,
+            no_page: storage("no page", 256)?,
+            pages: Vec::new(),
+            page,
+            next: 0,
+            moves: 0,
+            together,
+            kernels,
+            bound: None,
+            packed,
+        };
+        lattices.upload_coarse(context)?;
+        Ok(lattices)
+    }
+
+    /// What all passes have to know of lattices.
+    pub fn params(packed: &Packed<'_>, params: &Params) -> Result<Params> {
+        let [direct_fields, indirect_fields] = packed.levels();
+        let mut spacing_m = [0.0; MOST_FIELDS];
+        let spacings = packed.spacings_m();
+        if spacings.len() > MOST_FIELDS {
+            let what = format!("{} lattices of light, one finer than the other", spacings.len());
+            return Err(Error::invalid("gpu", what, "choose --device cpu"));
+        }
+        spacing_m[..spacings.len()].copy_from_slice(&spacings);
+        Ok(Params { charts: packed.charts(), direct_fields, indirect_fields, spacing_m, dark: packed.dark(), ..*params })
+    }
+
+    /// Number of tiles that there may be.
+    pub fn slot_count(&self) -> u32 {
+        self.packed.slots()
+    }
+
+    fn upload_coarse(&mut self, context: &Context) -> Result<()> {
+        let mut slots = vec![0u32; self.packed.slots().max(1) as usize];
+        // Page by page, so that each is one upload.
+        let mut pending: Vec<(u32, Vec<u32>)> = Vec::new();
+        for (slot, points) in self.packed.coarse().collect::<Vec<_>>() {
+            let head = self.allocate(context, 1 + points.len() as u32 / 4)?;
+            slots[slot as usize] = head + shaders::FILLED;
+            let words = [&[0u32; 4][..], &points].concat();
+            match pending.last_mut() {
+                Some((first, run)) if *first + run.len() as u32 / 4 == head && head >> self.page.bits == *first >> self.page.bits => {
+                    run.extend(words);
+                }
+                _ => pending.push((head, words)),
+            }
+        }
+        for (head, words) in pending {
+            let (page, at) = (head >> self.page.bits, head & ((1 << self.page.bits) - 1));
+            context.fill(&self.pages[page as usize], WORD_BYTES * u64::from(at), &words);
+        }
+        context.fill(&self.slots, 0, &slots);
+        context.check("bringing light to the GPU")
+    }
+
+    /// Memory for so many words, never across pages: its first word.
+    fn allocate(&mut self, context: &Context, words: u32) -> Result<u32> {
+        let size = 1u32 << self.page.bits;
+        let mut at = self.next & (size - 1);
+        if at + words > size || (at == 0 && self.next > 0) {
+            self.next = self.next.next_multiple_of(size);
+            at = 0;
+        }
+        let page = (self.next >> self.page.bits) as usize;
+        if page >= PAGES {
+            let what = format!("cached light takes more than {} MiB", (PAGES as u64 * WORD_BYTES * u64::from(size)) >> 20);
+            let place = format!("gpu ({})", context.info.name);
+            return Err(Error::invalid(place, what, "ask for fewer pixels, or choose --device cpu"));
+        }
+        let needed = WORD_BYTES * u64::from(at + words);
+        let held = self.pages.get(page).map_or(0, wgpu::Buffer::size);
+        if held < needed {
+            let bytes = needed.max(2 * held).max(FIRST_PAGE_BYTES).min(WORD_BYTES << self.page.bits);
+            let larger = context.storage("a page of light", bytes)?;
+            if let Some(old) = self.pages.get(page) {
+                let mut encoder = context.encoder();
+                encoder.copy_buffer_to_buffer(old, 0, &larger, 0, held);
+                context.submit(encoder);
+                self.pages[page] = larger;
+            } else {
+                self.pages.push(larger);
+            }
+            self.moves += 1;
+        }
+        self.next += words;
+        Ok((page as u32) << self.page.bits | at)
+    }
+
+    fn page_buffers(&self) -> impl Iterator<Item = &wgpu::Buffer> {
+        self.pages.iter().chain(std::iter::repeat_n(&self.no_page, PAGES - self.pages.len()))
+    }
+
+    /// What a renderer binds behind its own buffers.
+    pub fn for_renderer(&self) -> Vec<&wgpu::Buffer> {
+        [&self.charts, &self.lattices, &self.slots].into_iter().chain(self.page_buffers()).collect()
+    }
+
+    fn bind(&mut self, gpu: &GpuLight<'_>) -> Result<&[Bound; 5]> {
+        if self.bound.as_ref().is_none_or(|(moves, _)| *moves != self.moves) {
+            let own =
+                [&self.charts, &self.lattices, &self.slots, &self.members, &self.jobs, &self.sites, &self.candidates];
+            let buffers: Vec<&wgpu::Buffer> = own.into_iter().chain(self.page_buffers()).collect();
+            let [a, b, c, d, e] = &self.kernels;
+            let bind = |kernel: &Kernel| gpu.bind(kernel, &buffers);
+            self.bound = Some((self.moves, [bind(a)?, bind(b)?, bind(c)?, bind(d)?, bind(e)?]));
+        }
+        match &self.bound {
+            Some((_, bound)) => Ok(bound),
+            None => unreachable!("bound above"),
+        }
+    }
+
+    /// Fills the tiles of some slots.
+    pub fn fill(&mut self, gpu: &GpuLight<'_>, params: &Params, mut slots: Vec<u32>) -> Result<()> {
+        slots.sort_unstable();
+        let direct_end = 1 + params.direct_fields;
+        let jobs: Vec<Job> = slots.iter().map(|slot| self.packed.job(*slot)).collect();
+        let (direct, indirect): (Vec<Job>, Vec<Job>) = jobs.into_iter().partition(|job| job.field < direct_end);
+        for (jobs, is_direct) in [(direct, true), (indirect, false)] {
+            for jobs in jobs.chunks(self.together) {
+                self.fill_some(gpu, params, jobs, is_direct)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn fill_some(&mut self, gpu: &GpuLight<'_>, params: &Params, jobs: &[Job], is_direct: bool) -> Result<()> {
+        let context = &gpu.context;
+        let mut words = Vec::with_capacity(12 * jobs.len());
+        for job in jobs {
+            let head = self.allocate(context, 1 + 3 * job.points.element_product())?;
+            words.extend([job.field, job.chart, job.side, job.number, job.first.x, job.first.y, job.points.x, job.points.y]);
+            words.extend([head, job.slot, 0, 0]);
+        }
+        context.fill(&self.jobs, 0, &words);
+        let settings = *self.packed.settings();
+        let count = jobs.len() as u32;
+        let rays = if is_direct { settings.direct_rays } else { settings.gather_walks };
+        let params = Params {
+            seed: settings.seed,
+            background: settings.background.into(),
+            count,
+            first: 0,
+            rays: rays.max(1),
+            ..*params
+        };
+        let [sites, candidates, direct, gather, rough] = self.bind(gpu)?;
+        gpu.run(sites, &params, (count * MOST_POINTS).div_ceil(GROUP));
+        let (points, at_once) = if is_direct {
+            gpu.run(candidates, &params, count);
+            (direct, DIRECT_AT_ONCE)
+        } else {
+            (gather, GATHERED_AT_ONCE)
+        };
+        for first in (0..count).step_by(at_once as usize) {
+            gpu.run(points, &Params { first, ..params }, at_once.min(count - first) * MOST_POINTS);
+        }
+        gpu.run(rough, &params, count);
+        context.check("filling tiles of light")
+    }
+}
+
+#[cfg(test)]
+impl Lattices<'_> {
+    /// The first `most` tiles of a field that have some points, filled here and by the processor: their points' words and their rough cells.
+    pub fn both(&mut self, gpu: &GpuLight<'_>, params: &Params, field: u32, most: usize) -> Result<Vec<[(Vec<u32>, u64); 2]>> {
+        let slots: Vec<u32> =
+            (0..self.packed.slots()).filter(|slot| self.packed.job(*slot).field == field).step_by(7).take(most).collect();
+        self.fill(gpu, params, slots.clone())?;
+        let states = gpu.context.read::<u32>("reading tiles", &[(&self.slots, self.packed.slots() as usize)])?.remove(0);
+        let page = gpu.context.read::<u32>("reading tiles", &[(&self.pages[0], self.pages[0].size() as usize / 4)])?.remove(0);
+        let both = |slot: u32| {
+            let job = self.packed.job(slot);
+            let head = 4 * (states[slot as usize] - shaders::FILLED) as usize;
+            let rough = u64::from(page[head]) | u64::from(page[head + 1]) << 32;
+            let words = page[head + 4..head + 4 + 12 * job.points.element_product() as usize].to_vec();
+            [(words, rough), self.packed.filled(&job)]
+        };
+        Ok(slots.into_iter().map(both).collect())
+    }
+}
