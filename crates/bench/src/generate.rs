@@ -94,14 +94,20 @@ pub fn generate_from(
     say::findings(placement);
     say::findings(geometry_warnings(scene, config.rf.transmission));
     let light = LightTracer::new(scene, &bvh);
-    let mut camera = camera(config, &light, &device, denoiser)?;
-    let exposure_ev = match config.optical.exposure_ev {
-        Some(exposure_ev) => exposure_ev,
-        None => f64::from(camera.meter(&header.poses)?),
+    let see = || -> Result<(OpticalSensor<'_>, f64)> {
+        let mut camera = camera(config, &light, &device, denoiser)?;
+        let exposure_ev = match config.optical.exposure_ev {
+            Some(exposure_ev) => exposure_ev,
+            None => f64::from(camera.meter(&header.poses)?),
+        };
+        camera.expose(exposure_ev as f32);
+        Ok((camera, exposure_ev))
     };
+    // Where one of them leaves processors idle, the other goes on.
+    let (seen, sampling_error) = rayon::join(see, || array.sampling_error(&header.rf_camera, &header.poses));
+    let (camera, exposure_ev) = seen?;
+    header.sampling_error = sampling_error?;
     header.exposure_ev = Some(exposure_ev);
-    camera.expose(exposure_ev as f32);
-    header.sampling_error = array.sampling_error(&header.rf_camera, &header.poses)?;
     if config.rf.tutorial_compat {
         header.tutorial_range = array.tutorial_range(&header.poses)?;
     }
@@ -276,4 +282,52 @@ fn check_memory(config: &DatasetConfig, at_once: usize) -> Result<()> {
         bounds::memory(&place, &format!("images of {columns}x{rows} pixels"), bytes, "give fewer pixels")?;
     }
     Ok(())
+}
+
+#[cfg(all(test, feature = "gpu"))]
+mod tests {
+    use super::*;
+    use corf_gpu::adapter_names;
+
+    /// The first adapter, one in software will do; a failure without any under `CORF_REQUIRE_GPU=1`.
+    fn adapter() -> Option<Backend> {
+        let first = adapter_names().into_iter().next().map(|(adapter, _)| Backend::Gpu { adapter, number: 0 });
+        let required = std::env::var_os("CORF_REQUIRE_GPU").is_some_and(|v| v == "1");
+        assert!(first.is_some() || !required, "no adapter");
+        first
+    }
+
+    #[test]
+    fn a_data_set_whose_light_a_gpu_traces_is_the_processors_and_says_so() {
+        let Some(gpu) = adapter() else { return };
+        let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+        let mut config = DatasetConfig::load(scenes.join("room-tiny.toml")).unwrap();
+        (config.keyframes, config.optical.width, config.optical.height) = (3, 40, 24);
+        (config.optical.samples_per_pixel, config.rf.width, config.rf.height) = (Some(1), 12, 8);
+        let folder = tempfile::tempdir().unwrap();
+        let make = |name: &str, light: &Backend, resume: bool| {
+            generate(&config, &folder.path().join(name), Options { resume, strict: false, light: light.clone() })
+        };
+        let [own, other] = [("cpu", Backend::Cpu), ("gpu", gpu.clone())].map(|(name, device)| make(name, &device, false).unwrap().dataset);
+        assert_eq!(own.header().light_adapter, None);
+        assert_eq!(other.header().light_adapter.as_deref(), gpu.adapter());
+        assert_ne!(own.hash(), other.hash());
+        assert!((own.header().exposure_ev.unwrap() - other.header().exposure_ev.unwrap()).abs() < 0.015, "hundredths of a stop");
+        for k in 0..3 {
+            let [a, b] = [&own, &other].map(|dataset| dataset.keyframe(k).unwrap());
+            assert_eq!(a.spectrum, b.spectrum, "radio is the processor's");
+            let pairs = a.image.pixels().iter().flatten().zip(b.image.pixels().iter().flatten());
+            let squares: f64 = pairs.map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
+            let error = (squares / (3 * a.image.pixels().len()) as f64).sqrt();
+            // Of 255 levels: a path or two that rounding sends elsewhere.
+            assert!(error < 3.0, "keyframe {k}: {error} levels");
+        }
+        // The same bytes again, and nothing is begun over on another device.
+        assert_eq!(make("again", &gpu, false).unwrap().dataset.hash(), other.hash());
+        assert_eq!(make("gpu", &gpu, true).unwrap().dataset.hash(), other.hash());
+        for (name, device, help) in [("gpu", &Backend::Cpu, "--device gpu:N"), ("cpu", &gpu, "--device cpu")] {
+            let refusal = make(name, device, true).err().unwrap();
+            assert!(format!("{refusal:#}").contains(help), "{refusal:#}");
+        }
+    }
 }

@@ -70,10 +70,7 @@ impl<'a> OpticalSensor<'a> {
         let exposure_ev = optical.exposure_ev.unwrap_or(0.0) as f32;
         let cache = match optical.method {
             LightMethod::Path => None,
-            LightMethod::Cached => match solve(config, tracer, tell) {
-                Some(cache) => Some(cache),
-                None => return Ok(None),
-            },
+            LightMethod::Cached => Some(cache_settings(config)),
         };
         let sampling = match optical.method {
             LightMethod::Path => Sampling::Path(LightSettings {
@@ -90,11 +87,15 @@ impl<'a> OpticalSensor<'a> {
                 ..ViewSettings::default()
             }),
         };
-        let renderer: Box<dyn Renderer + 'a> = match device {
-            LightDevice::Processor => Box::new(Processor { tracer, cache }),
+        let renderer: Option<Box<dyn Renderer + 'a>> = match device {
+            LightDevice::Processor => processor(tracer, cache.as_ref(), tell),
             #[cfg(feature = "gpu")]
-            LightDevice::Gpu(options) => Box::new(light::GpuLight::new(tracer, cache, options)?),
+            LightDevice::Gpu(options) => {
+                let gpu = light::GpuLight::new(tracer, cache.as_ref(), options, tell)?;
+                gpu.map(|gpu| Box::new(gpu) as Box<dyn Renderer + 'a>)
+            }
         };
+        let Some(renderer) = renderer else { return Ok(None) };
         let intrinsics = config.optical_camera();
         Ok(Some(Self { renderer, intrinsics, sampling, exposure_ev, denoiser, writes: *optical }))
     }
@@ -210,15 +211,24 @@ impl<'a> OpticalSensor<'a> {
     }
 }
 
-/// Solves a scene's light, telling how far it is.
-fn solve<'a>(
-    config: &DatasetConfig,
+/// The processor as a renderer; `None` where `tell` said no.
+fn processor<'a>(
     tracer: &'a LightTracer<'a>,
+    cache: Option<&CacheSettings>,
     tell: &(dyn Fn(usize, usize) -> bool + Sync),
-) -> Option<LightCache<'a>> {
+) -> Option<Box<dyn Renderer + 'a>> {
+    let cache = match cache {
+        Some(settings) => Some(LightCache::new(tracer, settings, tell)?),
+        None => None,
+    };
+    Some(Box::new(Processor { tracer, cache }))
+}
+
+/// Resolution and sampling of a dataset's light cache.
+fn cache_settings(config: &DatasetConfig) -> CacheSettings {
     let is_small = config.optical.width * config.optical.height <= SMALL_IMAGE;
     let fineness = if is_small { CacheSettings::for_small_images() } else { CacheSettings::default() };
-    LightCache::new(tracer, &CacheSettings { seed: config.seed, max_passes: config.optical.max_bounces, ..fineness }, tell)
+    CacheSettings { seed: config.seed, max_passes: config.optical.max_bounces, ..fineness }
 }
 
 fn not_finite(what: &str) -> Error {

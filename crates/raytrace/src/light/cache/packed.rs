@@ -2,10 +2,12 @@
 
 use super::super::words::Words;
 use super::charts::Charts;
-use super::field::{Field, Lattice, Point, TileKey};
-use super::{CacheSettings, DARK, LightCache};
+use super::field::{Field, Lattice, Point, Received, TileKey};
+use super::solve::{Link, Node, pass_on};
+use super::{CacheSettings, DARK, LightCache, LightTracer};
 use corf_scene::{Error, Result};
-use glam::UVec2;
+use glam::{UVec2, Vec3};
+use rayon::prelude::*;
 
 /// A tile that is to be filled.
 #[derive(Clone, Copy, Debug)]
@@ -32,9 +34,17 @@ pub(in crate::light) struct Packed<'a> {
 }
 
 impl<'a> Packed<'a> {
+    /// The cache of a scene, its coarse lattice yet to be solved.
+    ///
     /// # Errors
     /// More tiles than can be numbered.
-    pub fn new(cache: LightCache<'a>) -> Result<Self> {
+    pub fn new(tracer: &'a LightTracer<'a>, settings: &CacheSettings) -> Result<Self> {
+        Self::of(LightCache::unsolved(tracer, settings))
+    }
+
+    /// # Errors
+    /// Those of [`Self::new`].
+    pub fn of(cache: LightCache<'a>) -> Result<Self> {
         let mut bases = vec![0u32];
         let mut total = 0usize;
         for field in fields(&cache) {
@@ -50,6 +60,11 @@ impl<'a> Packed<'a> {
 
     pub fn settings(&self) -> &CacheSettings {
         &self.cache.settings
+    }
+
+    /// Number of the coarse lattice's slots, which are the first.
+    pub fn coarse_slots(&self) -> u32 {
+        self.bases[1]
     }
 
     /// Number of slots.
@@ -116,6 +131,28 @@ impl<'a> Packed<'a> {
             None => unreachable!("a slot below the end is of a field"),
         };
         Job { field: field as u32, chart, side, number, first, points, slot }
+    }
+
+    /// Solves the coarse lattice from what its points receive directly and what their walks found: per point three words of four for direct light
+    /// (as [`Self::coarse`] has them), a link for each walk (point at its end, throughput) and three words for the light met on the way.
+    pub fn solve(&mut self, direct: &[u32], links: &[u32]) {
+        let walks = self.cache.settings.coarse_walks.max(1) as usize;
+        let vec3 = |w: &[u32]| Vec3::new(f32::from_bits(w[0]), f32::from_bits(w[1]), f32::from_bits(w[2]));
+        let received = |w: &[u32]| Received { x: vec3(w), y: vec3(&w[4..]), z: vec3(&w[8..]) };
+        let node = |(direct, record): (&[u32], &[u32])| {
+            let (links, met) = record.split_at(4 * walks);
+            let link = |w: &[u32]| Link { point: w[0], throughput: vec3(&w[1..]).to_array() };
+            Node {
+                direct: Point { received: received(direct), weight: f32::from_bits(direct[3]) },
+                met: received(met),
+                links: links.chunks_exact(4).map(link).collect(),
+            }
+        };
+        let nodes: Vec<Node> =
+            direct.par_chunks_exact(12).zip(links.par_chunks_exact(4 * (walks + 3))).map(node).collect();
+        let settings = self.cache.settings;
+        pass_on(&self.cache.charts, &mut self.cache.coarse, &nodes, &settings);
+        self.cache.settle();
     }
 
     /// The coarse lattice's tiles: slot, and the words of their points.

@@ -1,6 +1,6 @@
 //! Cached light on the GPU: tiles of lattices in pages of memory, filled when paths ask for them.
 //!
-//! The coarse lattice comes solved from the processor. A pass of the renderer marks the slots of tiles that it lacks; they are given memory here, filled
+//! The coarse lattice is solved first. A pass of the renderer marks the slots of tiles that it lacks; they are given memory here, filled
 //! by kernels, and the pixels that lacked them are begun again. A tile depends on its key alone, so it does not matter when and with which
 //! others it is filled.
 
@@ -17,6 +17,8 @@ const MOST_POINTS: u32 = 81;
 /// Bytes of a site and of a candidate.
 const SITE_BYTES: u64 = 48;
 const CANDIDATE_BYTES: u64 = 16;
+/// Points of the coarse lattice that are worked on together: 14 MB of sites.
+const COARSE_POINTS: u32 = 16_384;
 /// Tiles that are filled together, and bytes of the candidates of all of them at most.
 const TOGETHER: usize = 1024;
 const MOST_CANDIDATE_BYTES: u64 = 64 << 20;
@@ -59,7 +61,8 @@ pub(super) fn page_size(context: &Context) -> PageSize {
 }
 
 impl<'a> Lattices<'a> {
-    pub fn new(gpu: &GpuLight<'_>, packed: Packed<'a>) -> Result<Self> {
+    /// Brings a scene's cache to the GPU and solves its coarse lattice; `None` where `tell` said no.
+    pub fn new(gpu: &GpuLight<'_>, packed: Packed<'a>, tell: &dyn Fn(usize, usize) -> bool) -> Result<Option<Self>> {
         let context = &gpu.context;
         let page = page_size(context);
         let c = &gpu.scene.constants;
@@ -95,8 +98,12 @@ impl<'a> Lattices<'a> {
             bound: None,
             packed,
         };
-        lattices.upload_coarse(context)?;
-        Ok(lattices)
+        Ok(lattices.solve(gpu, tell)?.then_some(lattices))
+    }
+
+    /// Light below this counts as this much where cells are judged.
+    pub fn dark(&self) -> f32 {
+        self.packed.dark()
     }
 
     /// What all passes have to know of lattices.
@@ -109,7 +116,7 @@ impl<'a> Lattices<'a> {
             return Err(Error::invalid("gpu", what, "choose --device cpu"));
         }
         spacing_m[..spacings.len()].copy_from_slice(&spacings);
-        Ok(Params { charts: packed.charts(), direct_fields, indirect_fields, spacing_m, dark: packed.dark(), ..*params })
+        Ok(Params { charts: packed.charts(), direct_fields, indirect_fields, spacing_m, ..*params })
     }
 
     /// Number of tiles that there may be.
@@ -117,27 +124,133 @@ impl<'a> Lattices<'a> {
         self.packed.slots()
     }
 
-    fn upload_coarse(&mut self, context: &Context) -> Result<()> {
-        let mut slots = vec![0u32; self.packed.slots().max(1) as usize];
-        // Page by page, so that each is one upload.
-        let mut pending: Vec<(u32, Vec<u32>)> = Vec::new();
-        for (slot, points) in self.packed.coarse().collect::<Vec<_>>() {
-            let head = self.allocate(context, 1 + points.len() as u32 / 4)?;
-            slots[slot as usize] = head + shaders::FILLED;
-            let words = [&[0u32; 4][..], &points].concat();
-            match pending.last_mut() {
-                Some((first, run)) if *first + run.len() as u32 / 4 == head && head >> self.page.bits == *first >> self.page.bits => {
-                    run.extend(words);
+    /// Solves the coarse lattice: direct light and walks here, what they pass on on the processor. `tell` is told how many of how many tiles are done; when it
+    /// answers `false`, the work is given up and so is the answer.
+    fn solve(&mut self, gpu: &GpuLight<'_>, tell: &dyn Fn(usize, usize) -> bool) -> Result<bool> {
+        let context = &gpu.context;
+        let settings = *self.packed.settings();
+        let walks = settings.coarse_walks.max(1);
+        let mut jobs: Vec<(Job, u32)> = (0..self.packed.coarse_slots()).map(|slot| (self.packed.job(slot), 0)).collect();
+        let mut states = vec![0u32; self.packed.slots().max(1) as usize];
+        let mut points = 0;
+        let mut heads = Vec::with_capacity(jobs.len());
+        for (job, first_point) in &mut jobs {
+            let count = job.points.element_product();
+            let head = self.allocate(context, 1 + 3 * count)?;
+            (*first_point, points) = (points, points + count);
+            states[job.slot as usize] = head + shaders::FILLED;
+            heads.push(head);
+        }
+        context.fill(&self.slots, 0, &states);
+        let mut image = vec![0u32; 4 * self.next as usize];
+        for (head, (_, first_point)) in heads.iter().zip(&jobs) {
+            image[4 * *head as usize + 2] = *first_point;
+        }
+        self.upload(context, &image);
+        // As many tiles together as the memory of their sites allows: the largest charts come first.
+        let mut batches: Vec<&[(Job, u32)]> = Vec::new();
+        let mut rest = &jobs[..];
+        while !rest.is_empty() {
+            let mut most = 0;
+            let mut fits = |(k, (job, _)): (usize, &(Job, u32))| {
+                most = most.max(job.points.element_product());
+                k == 0 || k < self.together && (k as u32 + 1) * most <= COARSE_POINTS
+            };
+            let count = rest.iter().enumerate().take_while(|entry| fits(*entry)).count();
+            let (batch, others) = rest.split_at(count);
+            batches.push(batch);
+            rest = others;
+        }
+        let c = &gpu.scene.constants;
+        let kernels = Kernel::all(
+            context,
+            [
+                ("light: around", shaders::around(c, self.page)),
+                ("light: coarse candidates", shaders::coarse_candidates(c, self.page)),
+                ("light: coarse direct", shaders::coarse_direct(c, self.page)),
+                ("light: links", shaders::links(c, self.page)),
+            ],
+        )?;
+        let site_bytes = SITE_BYTES * u64::from(shaders::COARSE_SITES * COARSE_POINTS);
+        let link_bytes = WORD_BYTES * u64::from((walks + 3) * COARSE_POINTS);
+        let scratch =
+            [context.storage("sites of light", site_bytes)?, context.storage("walks of light", link_bytes)?];
+        let bind = |kernel: &Kernel, last: &wgpu::Buffer| {
+            let own = [&self.charts, &self.lattices, &self.slots, &self.members, &self.jobs, &scratch[0], last];
+            gpu.bind(kernel, &own.into_iter().chain(self.page_buffers()).collect::<Vec<_>>())
+        };
+        let [around, candidates, direct, links] = &kernels;
+        let [around, candidates, direct] =
+            [bind(around, &self.candidates)?, bind(candidates, &self.candidates)?, bind(direct, &self.candidates)?];
+        let links = bind(links, &scratch[1])?;
+        let all = 2 * jobs.len();
+        let mut done = 0;
+        let mut found: Vec<u32> = Vec::with_capacity(points as usize * 4 * (walks as usize + 3));
+        for is_direct in [true, false] {
+            for batch in &batches {
+                if !tell(done, all) {
+                    return Ok(false);
                 }
-                _ => pending.push((head, words)),
+                let most = batch.iter().map(|(job, _)| job.points.element_product()).max().unwrap_or(1);
+                let words: Vec<u32> = batch
+                    .iter()
+                    .flat_map(|(job, first_point)| job_words(job, states[job.slot as usize] - shaders::FILLED, *first_point))
+                    .collect();
+                context.fill(&self.jobs, 0, &words);
+                let count = batch.len() as u32;
+                let params = Params {
+                    seed: settings.seed,
+                    background: settings.background.into(),
+                    count,
+                    points: most,
+                    rays: if is_direct { settings.coarse_rays.max(1) } else { walks },
+                    list: u32::from(!is_direct),
+                    ..gpu.params
+                };
+                gpu.run(&around, &params, (count * most).div_ceil(GROUP));
+                if is_direct {
+                    gpu.run(&candidates, &params, count);
+                    gpu.run(&direct, &params, count * most);
+                    context.check("solving light")?;
+                } else {
+                    gpu.run(&links, &params, count * most);
+                    let own: u32 = batch.iter().map(|(job, _)| job.points.element_product()).sum();
+                    let read = context.read::<u32>("solving light", &[(&scratch[1], (own * (walks + 3)) as usize * 4)])?;
+                    found.extend(&read[0]);
+                }
+                done += batch.len();
             }
         }
-        for (head, words) in pending {
-            let (page, at) = (head >> self.page.bits, head & ((1 << self.page.bits) - 1));
-            context.fill(&self.pages[page as usize], WORD_BYTES * u64::from(at), &words);
+        // Direct light lies in the pages, in the order of the points, with a head in front of each tile.
+        let mut pages = Vec::new();
+        for page in &self.pages {
+            pages.push(context.read::<u32>("solving light", &[(page, page.size() as usize / 4)])?.remove(0));
         }
-        context.fill(&self.slots, 0, &slots);
-        context.check("bringing light to the GPU")
+        let mut received = Vec::with_capacity(points as usize * 12);
+        for (head, (job, _)) in heads.iter().zip(&jobs) {
+            let (page, at) = self.place(*head);
+            received.extend(&pages[page][4 * (at + 1)..][..12 * job.points.element_product() as usize]);
+        }
+        drop(pages);
+        self.packed.solve(&received, &found);
+        for (head, (_, words)) in heads.iter().zip(self.packed.coarse()) {
+            image[4 * (*head as usize + 1)..][..words.len()].copy_from_slice(&words);
+        }
+        self.upload(context, &image);
+        context.check("solving light")?;
+        Ok(tell(all, all))
+    }
+
+    /// Page and place in it of a word.
+    fn place(&self, word: u32) -> (usize, usize) {
+        ((word >> self.page.bits) as usize, (word & ((1 << self.page.bits) - 1)) as usize)
+    }
+
+    /// Writes the pages from their first word on.
+    fn upload(&self, context: &Context, image: &[u32]) {
+        for (page, words) in self.pages.iter().zip(image.chunks(4 << self.page.bits)) {
+            context.fill(page, 0, words);
+        }
     }
 
     /// Memory for so many words, never across pages: its first word.
@@ -215,40 +328,53 @@ impl<'a> Lattices<'a> {
         let context = &gpu.context;
         let mut words = Vec::with_capacity(12 * jobs.len());
         for job in jobs {
-            let head = self.allocate(context, 1 + 3 * job.points.element_product())?;
-            words.extend([job.field, job.chart, job.side, job.number, job.first.x, job.first.y, job.points.x, job.points.y]);
-            words.extend([head, job.slot, 0, 0]);
+            words.extend(job_words(job, self.allocate(context, 1 + 3 * job.points.element_product())?, 0));
         }
         context.fill(&self.jobs, 0, &words);
         let settings = *self.packed.settings();
         let count = jobs.len() as u32;
         let rays = if is_direct { settings.direct_rays } else { settings.gather_walks };
+        let points = jobs.iter().map(|job| job.points.element_product()).max().unwrap_or(1);
         let params = Params {
             seed: settings.seed,
             background: settings.background.into(),
+            dark: self.dark(),
+            points,
             count,
             first: 0,
             rays: rays.max(1),
             ..*params
         };
         let [sites, candidates, direct, gather, rough] = self.bind(gpu)?;
-        gpu.run(sites, &params, (count * MOST_POINTS).div_ceil(GROUP));
-        let (points, at_once) = if is_direct {
+        gpu.run(sites, &params, (count * points).div_ceil(GROUP));
+        let (filler, at_once) = if is_direct {
             gpu.run(candidates, &params, count);
             (direct, DIRECT_AT_ONCE)
         } else {
             (gather, GATHERED_AT_ONCE)
         };
         for first in (0..count).step_by(at_once as usize) {
-            gpu.run(points, &Params { first, ..params }, at_once.min(count - first) * MOST_POINTS);
+            gpu.run(filler, &Params { first, ..params }, at_once.min(count - first) * points);
         }
         gpu.run(rough, &params, count);
         context.check("filling tiles of light")
     }
 }
 
+/// A job as kernels read it.
+fn job_words(job: &Job, head: u32, first_point: u32) -> [u32; 12] {
+    let Job { field, chart, side, number, first, points, slot } = *job;
+    [field, chart, side, number, first.x, first.y, points.x, points.y, head, slot, 0, first_point]
+}
+
 #[cfg(test)]
 impl Lattices<'_> {
+    /// What the coarse lattice holds here and what the processor's solution `cache` has: words of points.
+    pub fn both_coarse(&self, cache: super::super::LightCache<'_>) -> Result<[Vec<u32>; 2]> {
+        let flat = |packed: &Packed<'_>| packed.coarse().flat_map(|(_, words)| words).collect::<Vec<u32>>();
+        Ok([flat(&self.packed), flat(&Packed::of(cache)?)])
+    }
+
     /// The first `most` tiles of a field that have some points, filled here and by the processor: their points' words and their rough cells.
     pub fn both(&mut self, gpu: &GpuLight<'_>, params: &Params, field: u32, most: usize) -> Result<Vec<[(Vec<u32>, u64); 2]>> {
         let slots: Vec<u32> =

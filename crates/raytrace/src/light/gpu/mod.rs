@@ -16,7 +16,7 @@ mod shaders;
 use super::cache::Packed;
 use super::renderer::no_cache;
 use super::sampler::frame_seed;
-use super::{Developed, LightCache, LightFrame, LightTracer, RayCounts, Renderer, Sampling, View};
+use super::{CacheSettings, Developed, LightFrame, LightTracer, RayCounts, Renderer, Sampling, View};
 use corf_gpu::{AdapterOptions, Bound, Context, Kernel};
 use corf_scene::{Pinhole, Raster, Result};
 use glam::{Vec2, Vec3};
@@ -79,13 +79,19 @@ struct Frame {
 }
 
 impl<'a> GpuLight<'a> {
-    /// Brings a scene to the adapter that the options choose, with the light that was solved for all views, if it is to be rendered from.
+    /// Brings a scene to the adapter that the options choose. With settings for light that all views share, that is solved; `tell(done, all)` is called now
+    /// and then, and when it answers `false`, the work is given up and the result is `None`.
     ///
     /// # Errors
     /// No such adapter; a scene that does not fit it.
-    pub fn new(tracer: &'a LightTracer<'a>, cache: Option<LightCache<'a>>, options: &AdapterOptions) -> Result<Self> {
+    pub fn new(
+        tracer: &'a LightTracer<'a>,
+        cache: Option<&CacheSettings>,
+        options: &AdapterOptions,
+        tell: &dyn Fn(usize, usize) -> bool,
+    ) -> Result<Option<Self>> {
         let context = Context::open(options)?;
-        let packed = cache.map(Packed::new).transpose()?;
+        let packed = cache.map(|settings| Packed::new(tracer, settings)).transpose()?;
         let scene = SceneBuffers::new(&context, tracer, |triangle| packed.as_ref().map_or(0, |p| p.chart_of(triangle)))?;
         let c = &scene.constants;
         let [render_paths, select, centre, develop] = Kernel::all(
@@ -117,10 +123,10 @@ impl<'a> GpuLight<'a> {
         let kernels = Kernels { render_paths, select, render_view, centre, develop };
         let gpu = Self { tracer, context, scene, uniform, params, kernels, state: Mutex::default() };
         if let Some(packed) = packed {
-            let lattices = Lattices::new(&gpu, packed)?;
+            let Some(lattices) = Lattices::new(&gpu, packed, tell)? else { return Ok(None) };
             gpu.state().lattices = Some(lattices);
         }
-        Ok(gpu)
+        Ok(Some(gpu))
     }
 
     fn state(&self) -> MutexGuard<'_, State<'a>> {
@@ -316,13 +322,15 @@ fn places([width, height]: [usize; 2]) -> u32 {
 impl Renderer for GpuLight<'_> {
     fn render(&self, camera: &Pinhole, views: &[View], sampling: &Sampling) -> Result<Vec<LightFrame>> {
         let one = |view: &View| {
-            let words = {
+            // While one view is read back and unpacked, the next is rendered.
+            let reading = {
                 let mut state = self.state();
                 self.view(&mut state, camera, view, sampling)?;
                 let Some(frame) = &state.frame else { unreachable!("a view makes its frame") };
-                self.context.read::<u32>("rendering light", &[(&frame.sums, SUMS_WORDS * camera.width * camera.height)])?
+                let words = SUMS_WORDS * camera.width * camera.height;
+                self.context.begin_reading::<u32>("rendering light", &[(&frame.sums, words)])?
             };
-            Ok(light_frame(camera, view, &words[0]))
+            Ok(light_frame(camera, view, &reading.finish(&self.context)?[0]))
         };
         views.iter().map(one).collect()
     }
@@ -330,14 +338,15 @@ impl Renderer for GpuLight<'_> {
     fn develop(&self, camera: &Pinhole, views: &[View], sampling: &Sampling, exposure_ev: f32) -> Result<Vec<Developed>> {
         let pixels = camera.width * camera.height;
         let one = |view: &View| {
-            // While one view's words become rasters, the next is rendered.
-            let read = {
+            let reading = {
                 let mut state = self.state();
                 let params = self.view(&mut state, camera, view, sampling)?;
                 let Some(frame) = &state.frame else { unreachable!("a view makes its frame") };
                 self.pass(&frame.develop, &Params { gain: exposure_ev.exp2(), ..params }, pixels as u32, PATHS_AT_ONCE);
-                self.context.read::<u32>("developing", &[(&frame.picture, 3 * pixels), (&frame.work, WORK_HEAD as usize)])?
+                let sources = [(&frame.picture, 3 * pixels), (&frame.work, WORK_HEAD as usize)];
+                self.context.begin_reading::<u32>("developing", &sources)?
             };
+            let read = reading.finish(&self.context)?;
             let plane = |k: usize| &read[0][k * pixels..(k + 1) * pixels];
             let raster = |k: usize| Raster::from_vec(camera.width, camera.height, plane(k).to_vec());
             Ok(Developed {

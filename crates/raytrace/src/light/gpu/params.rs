@@ -4,7 +4,7 @@ use super::super::words::Words;
 use glam::{UVec3, Vec2, Vec3};
 
 /// Bytes of the uniform.
-pub(super) const PARAMS_BYTES: u64 = 4 * 120;
+pub(super) const PARAMS_BYTES: u64 = 4 * 124;
 
 /// Fields that lattices may have.
 pub(super) const MOST_FIELDS: usize = 16;
@@ -45,6 +45,7 @@ pub(super) struct Params {
     pub lists_at: u32,
     pub list_size: u32,
     pub seen_at: u32,
+    pub points: u32,
     pub spacing_m: [f32; MOST_FIELDS],
 }
 
@@ -59,6 +60,7 @@ impl Params {
         w.u(self.cells.x).u(self.cells.y).u(self.cells.z).u(self.textures);
         w.u(self.charts).u(self.direct_fields).u(self.indirect_fields).u(self.rays);
         w.f(self.dark).u(self.lists_at).u(self.list_size).u(self.seen_at);
+        w.u(self.points).u(0).u(0).u(0);
         for spacing in self.spacing_m {
             w.f(spacing).u(0).u(0).u(0);
         }

@@ -1,5 +1,6 @@
 //! One function of a kernel by itself, for tests against the processor's.
 
+use super::super::LightCache;
 use super::scene::upload;
 use super::{GROUP, GpuLight, shaders};
 use corf_gpu::Kernel;
@@ -14,6 +15,14 @@ impl GpuLight<'_> {
         let bound = self.bind(&kernel, &[&asked, &found])?;
         self.pass(&bound, &self.params, count as u32, u32::MAX / GROUP * GROUP);
         Ok(self.context.read::<u32>("probing", &[(&found, count * words)])?.remove(0))
+    }
+
+    /// Words of the coarse lattice's points, solved here and by the processor.
+    pub fn coarse_of_both(&self, cache: LightCache<'_>) -> Result<[Vec<u32>; 2]> {
+        match &self.state().lattices {
+            Some(lattices) => lattices.both_coarse(cache),
+            None => Ok([Vec::new(), Vec::new()]),
+        }
     }
 
     /// Tiles of a field, filled here and by the processor.

@@ -51,16 +51,17 @@ const LATTICES: [Binding<'static>; 3] = [
     ("lattices", "array<vec4<u32>>", false),
     ("slots", "array<atomic<u32>>", true),
 ];
-/// As what fills tiles binds them.
-const TILES: [Binding<'static>; 7] = [
+/// As what fills tiles binds them, with what a kernel works on behind them.
+const TILES: [Binding<'static>; 6] = [
     ("charts", "array<Chart>", false),
     ("lattices", "array<vec4<u32>>", false),
     ("slots", "array<u32>", true),
     ("members", "array<u32>", false),
     ("jobs", "array<Job>", true),
     ("sites", "array<Site>", true),
-    ("candidates", "array<Candidate>", true),
 ];
+const CANDIDATES: Binding<'static> = ("candidates", "array<Candidate>", true);
+const LINKS: Binding<'static> = ("links", "array<vec4<u32>>", true);
 const PAGE_NAMES: [&str; PAGES] = ["page_0", "page_1", "page_2", "page_3", "page_4"];
 
 /// Bindings of the pages.
@@ -91,36 +92,63 @@ fn page_access(size: PageSize, written: bool) -> String {
     text
 }
 
+/// Sites that stand for a point: of the coarse lattice and of the others.
+pub(super) const COARSE_SITES: u32 = 18;
+const LATTICE_SITES: u32 = 1;
+
 /// A kernel over tiles.
-fn tiles(constants: &str, size: PageSize, parts: &[&str]) -> String {
-    let bindings = [&TILES[..], &page_bindings(true)].concat();
+fn tiles(constants: &str, size: PageSize, sites: u32, scratch: Binding<'_>, parts: &[&str]) -> String {
+    let constants = format!("{constants}const SITES = {sites}u;\n");
+    let bindings = [&TILES[..], &[scratch], &page_bindings(true)].concat();
     let access = page_access(size, true);
-    kernel(constants, &bindings, &[&[part!("tiles"), part!("lattice"), &access], parts].concat())
+    kernel(&constants, &bindings, &[&[part!("tiles"), part!("lattice"), &access], parts].concat())
 }
 
 /// Where tiles' points lie.
 pub(super) fn sites(constants: &str, size: PageSize) -> String {
-    tiles(constants, size, &[part!("sites")])
+    tiles(constants, size, LATTICE_SITES, CANDIDATES, &[part!("sites"), part!("lattice_sites")])
 }
 
 /// Which emitters may light tiles.
 pub(super) fn candidates(constants: &str, size: PageSize) -> String {
-    tiles(constants, size, &[part!("patches"), part!("candidates")])
+    tiles(constants, size, LATTICE_SITES, CANDIDATES, &[part!("patches"), part!("candidates")])
 }
 
 /// Direct light at tiles' points.
 pub(super) fn direct(constants: &str, size: PageSize) -> String {
-    tiles(constants, size, &[part!("patches"), part!("reduce"), part!("direct")])
+    tiles(constants, size, LATTICE_SITES, CANDIDATES, &[part!("patches"), part!("asked"), part!("reduce"), part!("direct")])
 }
 
 /// Indirect light at tiles' points.
 pub(super) fn gather(constants: &str, size: PageSize) -> String {
-    tiles(constants, size, &[part!("highlight"), part!("walk"), part!("reduce"), part!("gather")])
+    let parts = [part!("highlight"), part!("walk"), part!("reduce"), part!("gather")];
+    tiles(constants, size, LATTICE_SITES, CANDIDATES, &parts)
 }
 
 /// Which cells of tiles are rough.
 pub(super) fn rough(constants: &str, size: PageSize) -> String {
-    tiles(constants, size, &[part!("rough")])
+    tiles(constants, size, LATTICE_SITES, CANDIDATES, &[part!("rough")])
+}
+
+/// What stands for the surroundings of the coarse lattice's points.
+pub(super) fn around(constants: &str, size: PageSize) -> String {
+    tiles(constants, size, COARSE_SITES, CANDIDATES, &[part!("sites"), part!("around")])
+}
+
+/// Which emitters may light tiles of the coarse lattice.
+pub(super) fn coarse_candidates(constants: &str, size: PageSize) -> String {
+    tiles(constants, size, COARSE_SITES, CANDIDATES, &[part!("patches"), part!("candidates")])
+}
+
+/// Direct light at the coarse lattice's points.
+pub(super) fn coarse_direct(constants: &str, size: PageSize) -> String {
+    let parts = [part!("patches"), part!("asked"), part!("reduce"), part!("coarse_direct")];
+    tiles(constants, size, COARSE_SITES, CANDIDATES, &parts)
+}
+
+/// Walks of the coarse lattice's points.
+pub(super) fn links(constants: &str, size: PageSize) -> String {
+    tiles(constants, size, COARSE_SITES, LINKS, &[part!("highlight"), part!("walk"), part!("reduce"), part!("links")])
 }
 
 /// Pixels from cached light.

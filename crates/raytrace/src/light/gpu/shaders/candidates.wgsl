@@ -9,8 +9,8 @@ const WORTH_A_LOOK = 2e-3;
 const LEAST_WORTH = 0.02;
 const SUSPICION = 0.02;
 
-// The tile's points that are there, and the box of them.
-var<workgroup> there: array<u32, MOST_POINTS>;
+// The sites of the tile's points that are there, and the box of them.
+var<workgroup> there: array<u32, MOST_POINTS * SITES>;
 var<workgroup> there_count: u32;
 var<workgroup> low: vec3<f32>;
 var<workgroup> high: vec3<f32>;
@@ -38,22 +38,22 @@ fn probe(k: u32, n: u32) -> u32 {
     return select(k * n / 4u, n - 1u, k == 4u);
 }
 
-fn worth_of(i: u32, sites_at: u32, n: u32) -> f32 {
+fn worth_of(i: u32, n: u32) -> f32 {
     let probes = select(select(5u, 2u, n < 36u), n, n <= 2u);
     var seen = 0.0;
     for (var k = 0u; k < probes; k++) {
-        let site = sites[sites_at + there[probe(k, n)]];
+        let site = sites[there[probe(k, n)]];
         seen += max(dot(solid_angle_vector(i, site.position, site.normal), site.normal), 0.0);
     }
     return luminance(emitters[i].power) * seen / f32(probes) + LEAST_WORTH * importance_in(i, low, high);
 }
 
 // How many of the pilot rays from the tile to a patch pass.
-fn pilots(i: u32, sites_at: u32, n: u32, state: vec2<u32>) -> f32 {
+fn pilots(i: u32, n: u32, state: vec2<u32>) -> f32 {
     var draws = state;
     var visible = 0.0;
     for (var k = 0u; k < PILOT_RAYS; k++) {
-        let site = sites[sites_at + there[rng_below(&draws, n)]];
+        let site = sites[there[rng_below(&draws, n)]];
         let x = rng_uniform(&draws);
         let on_light = patch_toward(i, site.position, vec2(x, rng_uniform(&draws)));
         if (on_light.solid_angle > 0.0 && max3(transmittance(segment(start_of(site), on_light.position))) > 0.5) { visible += 1.0; }
@@ -65,18 +65,22 @@ fn pilots(i: u32, sites_at: u32, n: u32, state: vec2<u32>) -> f32 {
 fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let tile = min(group_number(id), params.count - 1u);
     let job = jobs[tile];
-    let sites_at = tile * MOST_POINTS;
     let scratch_at = tile * params.emitters;
     if (thread == 0u) {
         var count = 0u;
         var least = vec3(INFINITE);
         var most = vec3(-INFINITE);
-        for (var k = 0u; k < point_count(job); k++) {
-            if (sites[sites_at + k].is_there != 0u) {
-                there[count] = k;
-                count += 1u;
-                least = min(least, sites[sites_at + k].position);
-                most = max(most, sites[sites_at + k].position);
+        // Buried sites say nothing about what lights the others; where all are, they count.
+        for (var pass_number = 0u; pass_number < 2u && count == 0u; pass_number++) {
+            for (var k = 0u; k < point_count(job); k++) {
+                let first = sites_at(tile, k);
+                for (var i = first; i < first + site_count(first); i++) {
+                    if (pass_number == 0u && sites[i].open < SEEN) { continue; }
+                    there[count] = i;
+                    count += 1u;
+                    least = min(least, sites[i].position);
+                    most = max(most, sites[i].position);
+                }
             }
         }
         there_count = count;
@@ -88,7 +92,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let patches = select(0u, params.first_punctual, n > 0u);
     var own = 0.0;
     for (var i = thread; i < patches; i += 64u) {
-        let worth = worth_of(i, sites_at, n);
+        let worth = worth_of(i, n);
         candidates[scratch_at + i].probability = worth;
         own += worth;
     }
@@ -111,13 +115,13 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         var beta = 0.0;
         var variance = 0.25;
         if (looked) {
-            let prior = seen_from(sites[sites_at + there[n / 2u]].position, i);
+            let prior = seen_from(sites[there[n / 2u]].position, i);
             var seen = prior;
             var asked = 1.0;
             beta = prior;
             if (n >= PILOT_POINTS) {
                 let rank = u32(before.y + ranks.y) - 1u;
-                let visible = pilots(i, sites_at, n, rng_ahead(stream, rank * PILOT_RAYS * DRAWS));
+                let visible = pilots(i, n, rng_ahead(stream, rank * PILOT_RAYS * DRAWS));
                 beta = visible / f32(PILOT_RAYS);
                 seen += visible;
                 asked += f32(PILOT_RAYS);

@@ -1,16 +1,15 @@
 // cache/gather.rs: indirect light at a lattice point, gathered from the coarse lattice. A workgroup is a point, its threads share the walks.
 
 const STAGE_GATHER = 0xcac4e100u;
-const FIRST_WALK_PAIR = 2u;
 
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let i = params.first * MOST_POINTS + group_number(id);
-    let tile = min(i / MOST_POINTS, params.count - 1u);
-    let k = i % MOST_POINTS;
+    let i = params.first * params.points + group_number(id);
+    let tile = min(i / params.points, params.count - 1u);
+    let k = i % params.points;
     let job = jobs[tile];
-    let is_point = i / MOST_POINTS < params.count && k < point_count(job);
-    let site = sites[tile * MOST_POINTS + k];
+    let is_point = i / params.points < params.count && k < point_count(job);
+    let site = sites[sites_at(tile, k)];
     let is_there = is_point && site.is_there != 0u;
     let spacing_m = params.spacing_m[job.field].x;
     let bits = bitcast<u32>(spacing_m);

@@ -3,6 +3,8 @@
 var<workgroup> reduced: array<mat3x4<f32>, 64>;
 
 fn reduce(thread: u32, own: Received, beside: f32) -> mat3x4<f32> {
+    // What was reduced before is read by now.
+    workgroupBarrier();
     reduced[thread] = mat3x4(vec4(own.x, beside), vec4(own.y, 0.0), vec4(own.z, 0.0));
     workgroupBarrier();
     for (var step = 32u; step > 0u; step /= 2u) {

@@ -173,6 +173,11 @@ struct Params {
     list_size: u32,
     // Place of the visibilities behind the guides.
     seen_at: u32,
+    // Points of the tile with the most of those that are being filled.
+    points: u32,
+    unused_a: u32,
+    unused_b: u32,
+    unused_c: u32,
     spacing_m: array<vec4<f32>, 16>,
 }
 

@@ -1,6 +1,5 @@
-// cache/site.rs and cache/charts.rs: where the points of tiles lie. A thread is a point.
+// cache/site.rs and cache/charts.rs: where on its surface a place of a chart lies.
 
-const INSET = 0.11;
 const FEW_TRIANGLES = 16u;
 
 struct Nearest {
@@ -108,33 +107,39 @@ fn along(cells: u32, i: u32, size: f32) -> f32 {
     return f32(i) * (size / f32(cells));
 }
 
-fn site_of(job: Job, point: vec2<u32>) -> Site {
-    let none = Site(vec3(0.0), 0u, vec3(0.0), 1.0, 0.0, 0.0, 0u, 0u);
-    let spacing_m = params.spacing_m[job.field].x;
+// Coordinates of a point of a tile on its chart, metres.
+fn coordinates_of(job: Job, point: vec2<u32>) -> vec2<f32> {
     let lattice = lattices[job.field * params.charts + job.chart];
+    let size = charts[job.chart].size;
+    return vec2(along(lattice.y, job.first.x + point.x, size.x), along(lattice.z, job.first.y + point.y, size.y));
+}
+
+fn no_site() -> Site {
+    return Site(vec3(0.0), 0u, vec3(0.0), 1.0, 0.0, 0.0, 0.0, 0u);
+}
+
+// The site nearest to coordinates of a tile's chart, no farther than `reach_m`.
+fn site_near(job: Job, coordinates: vec2<f32>, inset_m: f32, reach_m: f32) -> Site {
     let chart = charts[job.chart];
-    let nominal = chart.origin + chart.x_axis * along(lattice.y, job.first.x + point.x, chart.size.x)
-        + chart.y_axis * along(lattice.z, job.first.y + point.y, chart.size.y);
-    let nearest = nearest_in(job.chart, nominal, 1.01 * spacing_m);
-    if (nearest.triangle == NONE) { return none; }
+    let nominal = chart.origin + chart.x_axis * coordinates.x + chart.y_axis * coordinates.y;
+    let nearest = nearest_in(job.chart, nominal, min(reach_m, 1.01 * params.spacing_m[job.field].x));
+    if (nearest.triangle == NONE || nearest.distance > reach_m) { return no_site(); }
     let t = triangles[nearest.triangle];
-    let w = inset_weights(t.a, t.b, t.c, nearest.weights, INSET * spacing_m);
+    let w = inset_weights(t.a, t.b, t.c, nearest.weights, inset_m);
     let facing = cross(t.b - t.a, t.c - t.a);
-    if (dot(facing, facing) <= 1e-36) { return none; }
+    if (dot(facing, facing) <= 1e-36) { return no_site(); }
     let normal = normalize(facing) * select(1.0, -1.0, job.side == 1u);
     let position = t.a * (1.0 - w.y - w.z) + t.b * w.y + t.c * w.z;
     let hit = Hit(1.0, w.y, w.z, nearest.triangle);
     let surface = surface_at(half_line(position + normal, -normal), hit, true);
     let alpha = max(surface.roughness * surface.roughness, MIN_ALPHA);
     let f0_max = max3(f0_of(surface.base_color, surface.metallic, surface.ior));
-    return Site(surface.position, 1u, normal, alpha, f0_max, diffuse_scale_of(f0_max, alpha), 0u, 0u);
+    return Site(surface.position, 1u, normal, alpha, f0_max, diffuse_scale_of(f0_max, alpha), 1.0, 0u);
 }
 
-@compute @workgroup_size(64)
-fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let i = group_number(id) * 64u + thread;
-    if (i >= params.count * MOST_POINTS) { return; }
-    let job = jobs[i / MOST_POINTS];
-    let k = i % MOST_POINTS;
-    if (k < point_count(job)) { sites[i] = site_of(job, vec2(k % job.points.x, k / job.points.x)); }
+// Lattice points are kept this share of their spacing off the edges of their surface.
+const INSET = 0.11;
+
+fn site_of(job: Job, point: vec2<u32>) -> Site {
+    return site_near(job, coordinates_of(job, point), INSET * params.spacing_m[job.field].x, INFINITE);
 }

@@ -17,20 +17,23 @@ struct Job {
     slot: u32,
     // Emitters that may light it.
     candidates: u32,
-    unused: u32,
+    // Number of its first point in the coarse lattice.
+    first_point: u32,
 }
 
-// A lattice point on its surface (cache/site.rs); of the reflection, what does not depend on the viewer.
+// A lattice point on its surface (cache/site.rs), or one of SITES that stand for its surroundings; of the reflection, what does not depend on the
+// viewer.
 struct Site {
     position: vec3<f32>,
-    // 0 where the chart has no surface nearby.
+    // 0 where the chart has no surface nearby; behind the last of several sites.
     is_there: u32,
     normal: vec3<f32>,
     alpha: f32,
     f0_max: f32,
     diffuse_scale: f32,
-    unused_a: u32,
-    unused_b: u32,
+    // How far it is to be believed, where that was asked.
+    open: f32,
+    unused: u32,
 }
 
 // A patch, as a tile sees it (cache/direct.rs).
@@ -55,6 +58,18 @@ fn site_receives(site: Site, cosine: f32) -> f32 {
     return received_weight(cosine, site.alpha, site.f0_max, site.diffuse_scale);
 }
 
+// Place of the first site of a tile's point.
+fn sites_at(tile: u32, k: u32) -> u32 {
+    return (tile * params.points + k) * SITES;
+}
+
+// Number of a point's sites.
+fn site_count(first: u32) -> u32 {
+    var count = 0u;
+    while (count < SITES && sites[first + count].is_there != 0u) { count += 1u; }
+    return count;
+}
+
 fn point_count(job: Job) -> u32 {
     return job.points.x * job.points.y;
 }
@@ -66,6 +81,8 @@ fn buries(ray: Ray, hit: Hit, near_m: f32) -> bool {
     return hit.t < near_m || (behind && materials[attributes[hit.triangle].material].double_sided == 0u);
 }
 
+// Sites at least this open are seen by others.
+const SEEN = 0.1;
 const OPEN = 0.6;
 const BURIED = 0.9;
 const DOUBTFUL = 1e-3;

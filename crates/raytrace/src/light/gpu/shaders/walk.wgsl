@@ -7,6 +7,8 @@ const PAIR_DIRECTION = 2u;
 const PAIR_FATE = 3u;
 const MAX_EVENTS = 64u;
 const MAX_HIGHLIGHTS = 6u;
+// Those before belong to a walk's start.
+const FIRST_WALK_PAIR = 2u;
 
 struct Walk {
     // Light met on the way.
