@@ -3,7 +3,7 @@
 use super::super::LightCache;
 use super::scene::upload;
 use super::{GROUP, GpuLight, shaders};
-use corf_gpu::Kernel;
+use corf_gpu::{Context, Kernel};
 use corf_scene::Result;
 
 impl GpuLight<'_> {
@@ -15,6 +15,11 @@ impl GpuLight<'_> {
         let bound = self.bind(&kernel, &[&asked, &found])?;
         self.pass(&bound, &self.params, count as u32, u32::MAX / GROUP * GROUP);
         Ok(self.context.read::<u32>("probing", &[(&found, count * words)])?.remove(0))
+    }
+
+    /// The device, to let it fail.
+    pub fn context(&self) -> &Context {
+        &self.context
     }
 
     /// Words of the coarse lattice's points, solved here and by the processor.
