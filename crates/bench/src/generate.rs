@@ -308,7 +308,8 @@ mod tests {
         let make = |name: &str, light: &Backend, resume: bool| {
             generate(&config, &folder.path().join(name), Options { resume, strict: false, light: light.clone() })
         };
-        let [own, other] = [("cpu", Backend::Cpu), ("gpu", gpu.clone())].map(|(name, device)| make(name, &device, false).unwrap().dataset);
+        let [own, other] =
+            [("cpu", Backend::Cpu), ("gpu", gpu.clone())].map(|(name, device)| make(name, &device, false).unwrap().dataset);
         assert_eq!(own.header().light_adapter, None);
         assert_eq!(other.header().light_adapter.as_deref(), gpu.adapter());
         assert_ne!(own.hash(), other.hash());

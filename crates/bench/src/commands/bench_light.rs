@@ -222,7 +222,9 @@ impl Light {
         let seconds_again = start.elapsed().as_secs_f64();
 
         let against_processor = match processor {
-            Some(processor) => Some(Against::of(processor, pose, [&frame, &again], [seconds, seconds_again], sensor.exposure_ev())?),
+            Some(processor) => {
+                Some(Against::of(processor, pose, [&frame, &again], [seconds, seconds_again], sensor.exposure_ev())?)
+            }
             None => None,
         };
 
@@ -316,7 +318,8 @@ impl Against {
 
 /// Mean squared difference of two images, of values from 0 to 1.
 fn mean_square(a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>) -> f64 {
-    let squares = a.pixels().iter().flatten().zip(b.pixels().iter().flatten()).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
+    let squares =
+        a.pixels().iter().flatten().zip(b.pixels().iter().flatten()).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
     squares.sum::<f64>() / (3 * a.pixels().len()) as f64 / (255.0 * 255.0)
 }
 

@@ -66,7 +66,9 @@ impl<'a> OpticalSensor<'a> {
         tell: &(dyn Fn(usize, usize) -> bool + Sync),
     ) -> Result<Option<Self>> {
         let optical = &config.optical;
-        let samples_per_pixel = optical.samples();
+        let effort = optical.effort.unwrap_or(1);
+        // Powers of two are stratified best.
+        let samples_per_pixel = optical.samples().saturating_mul(if effort > 1 { effort.next_power_of_two() } else { 1 });
         let exposure_ev = optical.exposure_ev.unwrap_or(0.0) as f32;
         let cache = match optical.method {
             LightMethod::Path => None,
@@ -83,8 +85,8 @@ impl<'a> OpticalSensor<'a> {
                 seed: config.seed,
                 samples_per_pixel,
                 most_samples: samples_per_pixel.saturating_mul(MOST_EFFORT),
+                error: ViewSettings::default().error / (effort as f32).sqrt(),
                 exposure_ev,
-                ..ViewSettings::default()
             }),
         };
         let renderer: Option<Box<dyn Renderer + 'a>> = match device {
@@ -160,11 +162,9 @@ impl<'a> OpticalSensor<'a> {
         let small = Pinhole::from_horizontal_fov(width, height, fov_deg);
         let sampling = match self.sampling {
             Sampling::Path(path) => Sampling::Path(LightSettings { samples_per_pixel: METERED_SAMPLES, ..path }),
-            Sampling::Cached(view) => Sampling::Cached(ViewSettings {
-                samples_per_pixel: METERED_SAMPLES,
-                most_samples: METERED_SAMPLES,
-                ..view
-            }),
+            Sampling::Cached(view) => {
+                Sampling::Cached(ViewSettings { samples_per_pixel: METERED_SAMPLES, most_samples: METERED_SAMPLES, ..view })
+            }
         };
         let (mut sum, mut n) = (0.0_f64, 0usize);
         for pose in poses.iter().step_by((poses.len() / METERED_POSES).max(1)) {
@@ -190,8 +190,7 @@ impl<'a> OpticalSensor<'a> {
     pub fn see(&self, pose: &TrajectoryPose) -> Result<FrameData> {
         let writes = &self.writes;
         if self.denoiser.is_none() && !(writes.write_linear || writes.write_albedo || writes.write_normals) {
-            let mut developed =
-                self.renderer.develop(&self.intrinsics, &[view_of(pose)], &self.sampling, self.exposure_ev)?;
+            let mut developed = self.renderer.develop(&self.intrinsics, &[view_of(pose)], &self.sampling, self.exposure_ev)?;
             let light::Developed { image, depth_m, surface, finite } = developed.pop().ok_or_else(lost)?;
             if !finite {
                 return Err(not_a_number(pose.index as u64));
@@ -228,7 +227,15 @@ fn processor<'a>(
 fn cache_settings(config: &DatasetConfig) -> CacheSettings {
     let is_small = config.optical.width * config.optical.height <= SMALL_IMAGE;
     let fineness = if is_small { CacheSettings::for_small_images() } else { CacheSettings::default() };
-    CacheSettings { seed: config.seed, max_passes: config.optical.max_bounces, ..fineness }
+    let effort = config.optical.effort.unwrap_or(1);
+    CacheSettings {
+        seed: config.seed,
+        max_passes: config.optical.max_bounces,
+        // The coarse lattice is averaged over all walks of a point.
+        direct_rays: fineness.direct_rays.saturating_mul(effort),
+        gather_walks: fineness.gather_walks.saturating_mul(effort),
+        ..fineness
+    }
 }
 
 fn not_finite(what: &str) -> Error {

@@ -148,8 +148,7 @@ impl<'a> Packed<'a> {
                 links: links.chunks_exact(4).map(link).collect(),
             }
         };
-        let nodes: Vec<Node> =
-            direct.par_chunks_exact(12).zip(links.par_chunks_exact(4 * (walks + 3))).map(node).collect();
+        let nodes: Vec<Node> = direct.par_chunks_exact(12).zip(links.par_chunks_exact(4 * (walks + 3))).map(node).collect();
         let settings = self.cache.settings;
         pass_on(&self.cache.charts, &mut self.cache.coarse, &nodes, &settings);
         self.cache.settle();
@@ -157,7 +156,8 @@ impl<'a> Packed<'a> {
 
     /// The coarse lattice's tiles: slot, and the words of their points.
     pub fn coarse(&self) -> impl Iterator<Item = (u32, Vec<u32>)> {
-        (0..self.bases[1]).map(|slot| (slot, self.cache.coarse.tile(slot as usize).map_or_else(Vec::new, |t| point_words(&t.values))))
+        (0..self.bases[1])
+            .map(|slot| (slot, self.cache.coarse.tile(slot as usize).map_or_else(Vec::new, |t| point_words(&t.values))))
     }
 
     /// What the processor makes of a direct or indirect tile: its points' words, and its rough cells.
@@ -166,7 +166,9 @@ impl<'a> Packed<'a> {
         let direct = self.cache.direct.len();
         let level = job.field as usize - 1;
         let tile = match fields(&self.cache).nth(job.field as usize) {
-            Some(field) if level < direct => self.cache.direct_tile(level, &field.key_of(&self.cache.charts, job.number as usize)),
+            Some(field) if level < direct => {
+                self.cache.direct_tile(level, &field.key_of(&self.cache.charts, job.number as usize))
+            }
             Some(field) => self.cache.indirect_tile(level - direct, &field.key_of(&self.cache.charts, job.number as usize)),
             None => unreachable!("a job is of a field"),
         };

@@ -8,7 +8,7 @@ use super::super::cache::{Job, Packed};
 use super::params::{MOST_FIELDS, Params};
 use super::scene::upload;
 use super::shaders::{self, PAGES, PageSize};
-use super::{GpuLight, GROUP};
+use super::{GROUP, GpuLight};
 use corf_gpu::{Bound, Context, Kernel};
 use corf_scene::{Error, Result};
 
@@ -22,9 +22,9 @@ const COARSE_POINTS: u32 = 16_384;
 /// Tiles that are filled together, and bytes of the candidates of all of them at most.
 const TOGETHER: usize = 1024;
 const MOST_CANDIDATE_BYTES: u64 = 64 << 20;
-/// Tiles of one dispatch that traces: three million shadow rays, two million walks.
-const DIRECT_AT_ONCE: u32 = 256;
-const GATHERED_AT_ONCE: u32 = 96;
+/// Shadow rays and walks of a dispatch.
+const RAYS_AT_ONCE: u32 = 4 << 20;
+const WALKS_AT_ONCE: u32 = 2 << 20;
 /// Bytes of a page at most, and of its first piece.
 const PAGE_BYTES: u64 = 512 << 20;
 const FIRST_PAGE_BYTES: u64 = 4 << 20;
@@ -51,8 +51,47 @@ pub(super) struct Lattices<'a> {
     /// Number of times that a page moved: what is bound to them has to be bound again.
     pub moves: u32,
     together: usize,
-    kernels: [Kernel; 5],
     bound: Option<(u32, [Bound; 5])>,
+}
+
+/// Kernels that fill tiles.
+pub(super) struct TileKernels {
+    /// Sites, candidates, direct, gather, rough.
+    lattices: [Kernel; 5],
+    /// Around, candidates, direct, links.
+    coarse: [Kernel; 4],
+}
+
+impl TileKernels {
+    pub fn new(context: &Context, constants: &str, page: PageSize) -> Result<Self> {
+        let c = constants;
+        let (lattices, coarse) = rayon::join(
+            || {
+                Kernel::all(
+                    context,
+                    [
+                        ("light: sites", shaders::sites(c, page)),
+                        ("light: candidates", shaders::candidates(c, page)),
+                        ("light: direct", shaders::direct(c, page)),
+                        ("light: gather", shaders::gather(c, page)),
+                        ("light: rough", shaders::rough(c, page)),
+                    ],
+                )
+            },
+            || {
+                Kernel::all(
+                    context,
+                    [
+                        ("light: around", shaders::around(c, page)),
+                        ("light: coarse candidates", shaders::coarse_candidates(c, page)),
+                        ("light: coarse direct", shaders::coarse_direct(c, page)),
+                        ("light: links", shaders::links(c, page)),
+                    ],
+                )
+            },
+        );
+        Ok(Self { lattices: lattices?, coarse: coarse? })
+    }
 }
 
 /// Size of pages on an adapter.
@@ -65,17 +104,6 @@ impl<'a> Lattices<'a> {
     pub fn new(gpu: &GpuLight<'_>, packed: Packed<'a>, tell: &dyn Fn(usize, usize) -> bool) -> Result<Option<Self>> {
         let context = &gpu.context;
         let page = page_size(context);
-        let c = &gpu.scene.constants;
-        let kernels = Kernel::all(
-            context,
-            [
-                ("light: sites", shaders::sites(c, page)),
-                ("light: candidates", shaders::candidates(c, page)),
-                ("light: direct", shaders::direct(c, page)),
-                ("light: gather", shaders::gather(c, page)),
-                ("light: rough", shaders::rough(c, page)),
-            ],
-        )?;
         let [charts, members] = packed.chart_words(&gpu.scene.place_of);
         let emitters = u64::from(gpu.params.emitters.max(1));
         let together = TOGETHER.min((MOST_CANDIDATE_BYTES / (CANDIDATE_BYTES * emitters)).max(1) as usize);
@@ -94,7 +122,6 @@ impl<'a> Lattices<'a> {
             next: 0,
             moves: 0,
             together,
-            kernels,
             bound: None,
             packed,
         };
@@ -161,25 +188,14 @@ impl<'a> Lattices<'a> {
             batches.push(batch);
             rest = others;
         }
-        let c = &gpu.scene.constants;
-        let kernels = Kernel::all(
-            context,
-            [
-                ("light: around", shaders::around(c, self.page)),
-                ("light: coarse candidates", shaders::coarse_candidates(c, self.page)),
-                ("light: coarse direct", shaders::coarse_direct(c, self.page)),
-                ("light: links", shaders::links(c, self.page)),
-            ],
-        )?;
         let site_bytes = SITE_BYTES * u64::from(shaders::COARSE_SITES * COARSE_POINTS);
         let link_bytes = WORD_BYTES * u64::from((walks + 3) * COARSE_POINTS);
-        let scratch =
-            [context.storage("sites of light", site_bytes)?, context.storage("walks of light", link_bytes)?];
+        let scratch = [context.storage("sites of light", site_bytes)?, context.storage("walks of light", link_bytes)?];
         let bind = |kernel: &Kernel, last: &wgpu::Buffer| {
             let own = [&self.charts, &self.lattices, &self.slots, &self.members, &self.jobs, &scratch[0], last];
             gpu.bind(kernel, &own.into_iter().chain(self.page_buffers()).collect::<Vec<_>>())
         };
-        let [around, candidates, direct, links] = &kernels;
+        let [around, candidates, direct, links] = &gpu.tile_kernels()?.coarse;
         let [around, candidates, direct] =
             [bind(around, &self.candidates)?, bind(candidates, &self.candidates)?, bind(direct, &self.candidates)?];
         let links = bind(links, &scratch[1])?;
@@ -297,10 +313,9 @@ impl<'a> Lattices<'a> {
 
     fn bind(&mut self, gpu: &GpuLight<'_>) -> Result<&[Bound; 5]> {
         if self.bound.as_ref().is_none_or(|(moves, _)| *moves != self.moves) {
-            let own =
-                [&self.charts, &self.lattices, &self.slots, &self.members, &self.jobs, &self.sites, &self.candidates];
+            let own = [&self.charts, &self.lattices, &self.slots, &self.members, &self.jobs, &self.sites, &self.candidates];
             let buffers: Vec<&wgpu::Buffer> = own.into_iter().chain(self.page_buffers()).collect();
-            let [a, b, c, d, e] = &self.kernels;
+            let [a, b, c, d, e] = &gpu.tile_kernels()?.lattices;
             let bind = |kernel: &Kernel| gpu.bind(kernel, &buffers);
             self.bound = Some((self.moves, [bind(a)?, bind(b)?, bind(c)?, bind(d)?, bind(e)?]));
         }
@@ -349,10 +364,11 @@ impl<'a> Lattices<'a> {
         gpu.run(sites, &params, (count * points).div_ceil(GROUP));
         let (filler, at_once) = if is_direct {
             gpu.run(candidates, &params, count);
-            (direct, DIRECT_AT_ONCE)
+            (direct, RAYS_AT_ONCE)
         } else {
-            (gather, GATHERED_AT_ONCE)
+            (gather, WALKS_AT_ONCE)
         };
+        let at_once = (at_once / points.saturating_mul(params.rays)).max(1);
         for first in (0..count).step_by(at_once as usize) {
             gpu.run(filler, &Params { first, ..params }, at_once.min(count - first) * points);
         }

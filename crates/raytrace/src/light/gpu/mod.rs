@@ -20,7 +20,7 @@ use super::{CacheSettings, Developed, LightFrame, LightTracer, RayCounts, Render
 use corf_gpu::{AdapterOptions, Bound, Context, Kernel};
 use corf_scene::{Pinhole, Raster, Result};
 use glam::{Vec2, Vec3};
-use lattices::Lattices;
+use lattices::{Lattices, TileKernels};
 use params::{PARAMS_BYTES, Params};
 use scene::SceneBuffers;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -58,10 +58,46 @@ struct State<'a> {
 struct Kernels {
     render_paths: Kernel,
     select: Kernel,
-    /// Compiled where there is cached light.
-    render_view: Option<Kernel>,
     centre: Kernel,
     develop: Kernel,
+    /// Where there is cached light.
+    cached: Option<CachedKernels>,
+}
+
+/// Kernels of cached light.
+struct CachedKernels {
+    render_view: Kernel,
+    tiles: TileKernels,
+}
+
+impl Kernels {
+    /// Compiles all kernels at once, for drivers take seconds for one.
+    fn new(context: &Context, constants: &str, is_cached: bool) -> Result<Self> {
+        let page = lattices::page_size(context);
+        let (plain, cached) = rayon::join(
+            || {
+                Kernel::all(
+                    context,
+                    [
+                        ("light: paths", shaders::render_paths(constants)),
+                        ("light: select", shaders::select(constants)),
+                        ("light: depth", shaders::centre(constants)),
+                        ("light: develop", shaders::develop(constants)),
+                    ],
+                )
+            },
+            || -> Result<Option<CachedKernels>> {
+                if !is_cached {
+                    return Ok(None);
+                }
+                let view = || Kernel::new(context, "light: view", &shaders::render_view(constants, page));
+                let (render_view, tiles) = rayon::join(view, || TileKernels::new(context, constants, page));
+                Ok(Some(CachedKernels { render_view: render_view?, tiles: tiles? }))
+            },
+        );
+        let ([render_paths, select, centre, develop], cached) = (plain?, cached?);
+        Ok(Self { render_paths, select, centre, develop, cached })
+    }
 }
 
 /// Memory of an image that is being rendered, and the kernels bound to it.
@@ -91,22 +127,14 @@ impl<'a> GpuLight<'a> {
         tell: &dyn Fn(usize, usize) -> bool,
     ) -> Result<Option<Self>> {
         let context = Context::open(options)?;
-        let packed = cache.map(|settings| Packed::new(tracer, settings)).transpose()?;
-        let scene = SceneBuffers::new(&context, tracer, |triangle| packed.as_ref().map_or(0, |p| p.chart_of(triangle)))?;
-        let c = &scene.constants;
-        let [render_paths, select, centre, develop] = Kernel::all(
-            &context,
-            [
-                ("light: paths", shaders::render_paths(c)),
-                ("light: select", shaders::select(c)),
-                ("light: depth", shaders::centre(c)),
-                ("light: develop", shaders::develop(c)),
-            ],
-        )?;
-        let view = |_: &Packed<'_>| {
-            Kernel::new(&context, "light: view", &shaders::render_view(c, lattices::page_size(&context)))
-        };
-        let render_view = packed.as_ref().map(view).transpose()?;
+        let tree = scene::tree(tracer);
+        let constants = scene::constants(tracer, &tree);
+        let (kernels, packed) = rayon::join(
+            || Kernels::new(&context, &constants, cache.is_some()),
+            || cache.map(|settings| Packed::new(tracer, settings)).transpose(),
+        );
+        let (kernels, packed) = (kernels?, packed?);
+        let scene = SceneBuffers::new(&context, tracer, &tree, |triangle| packed.as_ref().map_or(0, |p| p.chart_of(triangle)))?;
         let uniform = context.buffer("settings", PARAMS_BYTES, wgpu::BufferUsages::UNIFORM)?;
         let emitters = &tracer.emitters;
         let params = Params {
@@ -120,13 +148,17 @@ impl<'a> GpuLight<'a> {
             ..Params::default()
         };
         let params = packed.as_ref().map_or(Ok(params), |packed| Lattices::params(packed, &params))?;
-        let kernels = Kernels { render_paths, select, render_view, centre, develop };
         let gpu = Self { tracer, context, scene, uniform, params, kernels, state: Mutex::default() };
         if let Some(packed) = packed {
             let Some(lattices) = Lattices::new(&gpu, packed, tell)? else { return Ok(None) };
             gpu.state().lattices = Some(lattices);
         }
         Ok(Some(gpu))
+    }
+
+    /// The kernels that fill tiles.
+    fn tile_kernels(&self) -> Result<&TileKernels> {
+        self.kernels.cached.as_ref().map(|cached| &cached.tiles).ok_or_else(no_cache)
     }
 
     fn state(&self) -> MutexGuard<'_, State<'a>> {
@@ -283,7 +315,7 @@ impl<'a> GpuLight<'a> {
             let other = usize::from(list == 1);
             self.clear_length(frame, other);
             if frame.render_view.as_ref().is_none_or(|(moves, _)| *moves != lattices.moves) {
-                let Some(kernel) = &self.kernels.render_view else { return Err(no_cache()) };
+                let Some(CachedKernels { render_view: kernel, .. }) = &self.kernels.cached else { return Err(no_cache()) };
                 let buffers = [vec![&frame.sums, &frame.work], lattices.for_renderer()].concat();
                 frame.render_view = Some((lattices.moves, self.bind(kernel, &buffers)?));
             }
@@ -292,7 +324,8 @@ impl<'a> GpuLight<'a> {
             let head = self.head(frame)?;
             let wanted = head[WANTED] as usize;
             if wanted > 0 {
-                let words = self.context.read::<u32>("asking for tiles", &[(&frame.work, WORK_HEAD as usize + wanted)])?.remove(0);
+                let words =
+                    self.context.read::<u32>("asking for tiles", &[(&frame.work, WORK_HEAD as usize + wanted)])?.remove(0);
                 self.clear_length(frame, WANTED);
                 lattices.fill(self, params, words[WORK_HEAD as usize..].to_vec())?;
             }

@@ -1,7 +1,7 @@
 //! One function of a kernel by itself, for tests against the processor's.
 
 use super::super::LightCache;
-use super::scene::upload;
+use super::scene::{constants, tree, upload};
 use super::{GROUP, GpuLight, shaders};
 use corf_gpu::{Context, Kernel};
 use corf_scene::Result;
@@ -9,7 +9,7 @@ use corf_scene::Result;
 impl GpuLight<'_> {
     /// Runs a WGSL function `item(i)` for every i below `count`: it reads `asked` and writes `found`, of which it has `words` words each.
     pub fn probe(&self, item: &str, asked: &[u32], count: usize, words: usize) -> Result<Vec<u32>> {
-        let kernel = Kernel::new(&self.context, "probe", &shaders::probe(&self.scene.constants, item))?;
+        let kernel = Kernel::new(&self.context, "probe", &shaders::probe(&constants(self.tracer, &tree(self.tracer)), item))?;
         let asked = upload(&self.context, "asked", asked)?;
         let found = self.context.storage("found", 4 * (count * words) as u64)?;
         let bound = self.bind(&kernel, &[&asked, &found])?;

@@ -20,8 +20,6 @@ pub(super) struct SceneBuffers {
     pub buffers: [wgpu::Buffer; 11],
     /// Place in the tree's leaves of every triangle of the scene; [`NONE`] of those that cannot be hit.
     pub place_of: Vec<u32>,
-    /// What kernels are compiled for: constants in WGSL.
-    pub constants: String,
     /// Word of the guides' buffer at which visibilities begin.
     pub seen_at: u32,
 }
@@ -31,10 +29,8 @@ impl SceneBuffers {
     ///
     /// # Errors
     /// A scene that does not fit the adapter.
-    pub fn new(context: &Context, tracer: &LightTracer<'_>, chart_of: impl Fn(u32) -> u32) -> Result<Self> {
+    pub fn new(context: &Context, tracer: &LightTracer<'_>, tree: &BinaryTree, chart_of: impl Fn(u32) -> u32) -> Result<Self> {
         let scene = tracer.scene;
-        let corners: Vec<[Vec3; 3]> = (0..scene.triangles.len()).map(|i| scene.corners(i)).collect();
-        let tree = BinaryTree::build(&corners);
         let mut place_of = vec![NONE; scene.triangles.len()];
         for (place, &triangle) in (0u32..).zip(&tree.order) {
             if let Some(slot) = place_of.get_mut(triangle as usize) {
@@ -44,10 +40,10 @@ impl SceneBuffers {
         let (texel_words, textures) = textures(scene, &tracer.coarse)?;
         let (guides, seen_at) = guides(&tracer.emitters);
         let all = [
-            ("nodes", nodes(&tree)),
-            ("triangles", triangles(scene, &tracer.covers, &tree)),
-            ("attributes", attributes(scene, &tracer.emitters, &tree, chart_of)),
-            ("vertex colours", colors(scene, &tree)),
+            ("nodes", nodes(tree)),
+            ("triangles", triangles(scene, &tracer.covers, tree)),
+            ("attributes", attributes(scene, &tracer.emitters, tree, chart_of)),
+            ("vertex colours", colors(scene, tree)),
             ("materials", materials(scene)),
             ("textures", textures),
             ("texels", texel_words),
@@ -60,15 +56,25 @@ impl SceneBuffers {
         for (label, words) in all {
             buffers.push(upload(context, label, &words)?);
         }
-        let constants = format!(
-            "const STACK = {}u;\nconst ALL_OPAQUE = {};\nconst COLORS = {};\n",
-            tree.depth + 1,
-            tracer.all_opaque,
-            !scene.colors.is_empty(),
-        );
         let lost = |_| Error::invalid("gpu", "a buffer of the scene was lost", "this is a defect of the device");
-        Ok(Self { buffers: buffers.try_into().map_err(lost)?, place_of, constants, seen_at })
+        Ok(Self { buffers: buffers.try_into().map_err(lost)?, place_of, seen_at })
     }
+}
+
+/// The tree over a scene's triangles.
+pub(super) fn tree(tracer: &LightTracer<'_>) -> BinaryTree {
+    let corners: Vec<[Vec3; 3]> = (0..tracer.scene.triangles.len()).map(|i| tracer.scene.corners(i)).collect();
+    BinaryTree::build(&corners)
+}
+
+/// What kernels are compiled for: constants in WGSL.
+pub(super) fn constants(tracer: &LightTracer<'_>, tree: &BinaryTree) -> String {
+    format!(
+        "const STACK = {}u;\nconst ALL_OPAQUE = {};\nconst COLORS = {};\n",
+        tree.depth + 1,
+        tracer.all_opaque,
+        !tracer.scene.colors.is_empty(),
+    )
 }
 
 /// A storage buffer that holds some words.

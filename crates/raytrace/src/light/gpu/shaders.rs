@@ -46,11 +46,8 @@ pub(super) struct PageSize {
 }
 
 /// The lattices as renderers bind them; what they write are the slots alone.
-const LATTICES: [Binding<'static>; 3] = [
-    ("charts", "array<Chart>", false),
-    ("lattices", "array<vec4<u32>>", false),
-    ("slots", "array<atomic<u32>>", true),
-];
+const LATTICES: [Binding<'static>; 3] =
+    [("charts", "array<Chart>", false), ("lattices", "array<vec4<u32>>", false), ("slots", "array<atomic<u32>>", true)];
 /// As what fills tiles binds them, with what a kernel works on behind them.
 const TILES: [Binding<'static>; 6] = [
     ("charts", "array<Chart>", false),
@@ -155,8 +152,16 @@ pub(super) fn links(constants: &str, size: PageSize) -> String {
 pub(super) fn render_view(constants: &str, size: PageSize) -> String {
     let bindings = [&[SUMS, WORK][..], &LATTICES, &page_bindings(false)].concat();
     let access = page_access(size, false);
-    let parts =
-        [part!("film"), part!("tone"), &access, part!("lattice"), part!("asking"), part!("highlight"), part!("view"), part!("render")];
+    let parts = [
+        part!("film"),
+        part!("tone"),
+        &access,
+        part!("lattice"),
+        part!("asking"),
+        part!("highlight"),
+        part!("view"),
+        part!("render"),
+    ];
     kernel(constants, &bindings, &parts)
 }
 

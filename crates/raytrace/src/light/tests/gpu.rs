@@ -58,8 +58,7 @@ fn everything() -> Scene {
     let steel = OpticalMaterial { base_color: [0.7; 3], metallic: 1.0, roughness: 0.2, ..OpticalMaterial::default() };
     let steel = material(&mut scene, steel);
     sphere(&mut scene, Vec3::new(2.0, 2.2, 1.0), 0.5, steel);
-    let glass =
-        OpticalMaterial { base_color: [0.8, 0.9, 1.0], transmission: 0.8, roughness: 0.0, ..OpticalMaterial::default() };
+    let glass = OpticalMaterial { base_color: [0.8, 0.9, 1.0], transmission: 0.8, roughness: 0.0, ..OpticalMaterial::default() };
     let glass = material(&mut scene, glass);
     quad(&mut scene, Vec3::new(3.5, 0.2, 0.1), Vec3::Y * 3.5, Vec3::Z * 2.5, glass);
     let holes = OpticalMaterial {
@@ -69,7 +68,8 @@ fn everything() -> Scene {
     };
     let holes = material(&mut scene, holes);
     quad(&mut scene, Vec3::new(1.0, 0.4, 0.3), Vec3::X * 2.0, Vec3::new(0.1, 0.2, 1.2), holes);
-    let veil = OpticalMaterial { base_color_texture: Some(t2), alpha_mode: AlphaMode::Blend, alpha: 0.7, ..OpticalMaterial::default() };
+    let veil =
+        OpticalMaterial { base_color_texture: Some(t2), alpha_mode: AlphaMode::Blend, alpha: 0.7, ..OpticalMaterial::default() };
     let veil = material(&mut scene, veil);
     quad(&mut scene, Vec3::new(0.4, 3.0, 0.3), Vec3::X * 2.5, Vec3::new(0.0, 0.3, 1.6), veil);
     let lamp = OpticalMaterial {
@@ -123,7 +123,8 @@ fn rays(count: usize, seed: u64) -> Vec<Ray> {
 }
 
 fn packed(rays: &[Ray]) -> Vec<u32> {
-    let of = |r: &Ray| [r.origin.x, r.origin.y, r.origin.z, r.t_min, r.direction.x, r.direction.y, r.direction.z, r.t_max.min(3e38)];
+    let of =
+        |r: &Ray| [r.origin.x, r.origin.y, r.origin.z, r.t_min, r.direction.x, r.direction.y, r.direction.z, r.t_max.min(3e38)];
     floats(rays.iter().flat_map(of))
 }
 
@@ -353,7 +354,8 @@ fn item(i: u32) {{
 /// Shares of two images' pixels that differ, and the ratio of their mean luminances.
 fn compared(a: &LightFrame, b: &LightFrame) -> (f64, f64) {
     let mean = |f: &LightFrame| f.radiance.pixels().iter().map(|p| f64::from(luminance(Vec3::from(*p)))).sum::<f64>();
-    let differ = a.radiance.pixels().iter().zip(b.radiance.pixels()).filter(|(a, b)| !close(Vec3::from(**a), Vec3::from(**b), 1e-2));
+    let differ =
+        a.radiance.pixels().iter().zip(b.radiance.pixels()).filter(|(a, b)| !close(Vec3::from(**a), Vec3::from(**b), 1e-2));
     (differ.count() as f64 / a.radiance.pixels().len() as f64, mean(a) / mean(b))
 }
 
@@ -367,7 +369,16 @@ fn images_of_the_path_method_are_the_processors() {
         return;
     }
     for (scene, settings) in [
-        (everything(), LightSettings { samples_per_pixel: 16, max_bounces: 12, seed: 3, background: [0.1, 0.2, 0.3], ..LightSettings::default() }),
+        (
+            everything(),
+            LightSettings {
+                samples_per_pixel: 16,
+                max_bounces: 12,
+                seed: 3,
+                background: [0.1, 0.2, 0.3],
+                ..LightSettings::default()
+            },
+        ),
         (opaque(), LightSettings { samples_per_pixel: 8, max_bounces: 3, seed: 4, ..LightSettings::default() }),
         (opaque(), LightSettings { samples_per_pixel: 4, next_event_estimation: false, ..LightSettings::default() }),
     ] {
@@ -389,7 +400,11 @@ fn images_of_the_path_method_are_the_processors() {
         assert!(share(&|k| near(&found.albedo.pixels()[k], &expected.albedo.pixels()[k])) > 1.0 - STRAY_PIXELS);
         assert!(share(&|k| near(&found.normal.pixels()[k], &expected.normal.pixels()[k])) > 1.0 - STRAY_PIXELS);
         assert!(share(&|k| found.lamp.pixels()[k][3] == expected.lamp.pixels()[k][3]) > 1.0 - STRAY_PIXELS);
-        for (a, b) in [(found.rays.camera, expected.rays.camera), (found.rays.bounce, expected.rays.bounce), (found.rays.shadow, expected.rays.shadow)] {
+        for (a, b) in [
+            (found.rays.camera, expected.rays.camera),
+            (found.rays.bounce, expected.rays.bounce),
+            (found.rays.shadow, expected.rays.shadow),
+        ] {
             assert!(a.abs_diff(b) as f64 <= 2e-3 * b as f64, "{:?} {:?}", found.rays, expected.rays);
         }
         // Developed on the GPU as on the processor, but for what lies at a level's edge.
@@ -487,7 +502,8 @@ fn images_from_cached_light_are_the_processors() {
         let tracer = LightTracer::new(&scene, &bvh);
         let solve = || LightCache::new(&tracer, &CACHE, &|_, _| true);
         let gpu = open(&tracer, Some(&CACHE));
-        let settings = ViewSettings { seed: 2, samples_per_pixel: 2, most_samples: 16, exposure_ev: -0.5, ..ViewSettings::default() };
+        let settings =
+            ViewSettings { seed: 2, samples_per_pixel: 2, most_samples: 16, exposure_ev: -0.5, ..ViewSettings::default() };
         let (camera, world_from_camera) = view(36, 27, 90.0, DVec3::new(0.4, 0.5, 1.6), DVec3::new(4.0, 3.0, 1.0));
         let (other_camera, other) = view(12, 15, 70.0, DVec3::new(4.5, 3.5, 1.9), DVec3::new(1.0, 1.0, 0.5));
         let views = [View { world_from_camera, key: 5 }];
@@ -498,7 +514,12 @@ fn images_from_cached_light_are_the_processors() {
         assert!(differ < STRAY_PIXELS && (ratio - 1.0).abs() < ENERGY, "{differ} of the pixels differ, light {ratio}");
         let share = |same: &dyn Fn(usize) -> bool| (0..36 * 27).filter(|k| same(*k)).count() as f64 / (36.0 * 27.0);
         assert!(share(&|k| found.lamp.pixels()[k][3] == expected.lamp.pixels()[k][3]) > 1.0 - STRAY_PIXELS);
-        assert!(found.rays.camera.abs_diff(expected.rays.camera) < expected.rays.camera / 100, "{:?} {:?}", found.rays, expected.rays);
+        assert!(
+            found.rays.camera.abs_diff(expected.rays.camera) < expected.rays.camera / 100,
+            "{:?} {:?}",
+            found.rays,
+            expected.rays
+        );
         // Whatever was rendered before, and in which order: bytes depend on neither.
         if !scene.colors.is_empty() {
             continue;
