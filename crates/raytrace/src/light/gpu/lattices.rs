@@ -17,10 +17,10 @@ const MOST_POINTS: u32 = 81;
 /// Bytes of a site and of a candidate.
 const SITE_BYTES: u64 = 48;
 const CANDIDATE_BYTES: u64 = 16;
-/// Points of the coarse lattice that are worked on together: 14 MB of sites.
-const COARSE_POINTS: u32 = 16_384;
+/// Points of the coarse lattice that are worked on together, enough to fill a large GPU: 57 MB of sites.
+const COARSE_POINTS: u32 = 65_536;
 /// Tiles that are filled together, and bytes of the candidates of all of them at most.
-const TOGETHER: usize = 1024;
+const TOGETHER: usize = 4096;
 const MOST_CANDIDATE_BYTES: u64 = 64 << 20;
 /// Shadow rays and walks of a dispatch.
 const RAYS_AT_ONCE: u32 = 4 << 20;
