@@ -143,7 +143,8 @@ impl<'a> Lattices<'a> {
             return Err(Error::invalid("gpu", what, "choose --device cpu"));
         }
         spacing_m[..spacings.len()].copy_from_slice(&spacings);
-        Ok(Params { charts: packed.charts(), direct_fields, indirect_fields, spacing_m, ..*params })
+        let background = packed.settings().background.into();
+        Ok(Params { charts: packed.charts(), direct_fields, indirect_fields, spacing_m, background, ..*params })
     }
 
     /// Number of tiles that there may be.

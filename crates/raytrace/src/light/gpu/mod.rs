@@ -18,7 +18,7 @@ use super::renderer::no_cache;
 use super::sampler::frame_seed;
 use super::{CacheSettings, Developed, LightFrame, LightTracer, RayCounts, Renderer, Sampling, View};
 use corf_gpu::{AdapterOptions, Bound, Context, Kernel};
-use corf_scene::{Pinhole, Raster, Result};
+use corf_scene::{Error, Pinhole, Raster, Result};
 use glam::{Vec2, Vec3};
 use lattices::{Lattices, TileKernels};
 use params::{PARAMS_BYTES, Params};
@@ -323,6 +323,10 @@ impl<'a> GpuLight<'a> {
             self.pass(render, &Params { list, ..*params }, count, at_once);
             let head = self.head(frame)?;
             let wanted = head[WANTED] as usize;
+            if wanted == 0 && head[other] > 0 {
+                let what = format!("{} pixels wait for cached light that is not filled", head[other]);
+                return Err(Error::invalid(format!("gpu ({})", self.context.info.name), what, "choose --device cpu"));
+            }
             if wanted > 0 {
                 let words =
                     self.context.read::<u32>("asking for tiles", &[(&frame.work, WORK_HEAD as usize + wanted)])?.remove(0);

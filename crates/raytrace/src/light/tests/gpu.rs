@@ -94,9 +94,11 @@ fn everything() -> Scene {
     scene
 }
 
-/// [`everything`] without what lets light through, and with vertex colours.
+/// [`everything`] without what lets light through and without a wall, and with vertex colours.
 fn opaque() -> Scene {
     let mut scene = everything();
+    // The two triangles of the wall at x = 5, through which the background is seen.
+    scene.triangles.drain(10..12);
     for m in &mut scene.materials {
         (m.optical.alpha_mode, m.optical.transmission) = (AlphaMode::Opaque, 0.0);
     }
