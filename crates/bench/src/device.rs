@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use corf::{CpuDevice, Device, Gaussians, OptimizerConfig, RasterConfig};
+use corf_raytrace::sensor::LightDevice;
 use std::fmt;
 use std::str::FromStr;
 
@@ -42,9 +43,10 @@ impl fmt::Display for DeviceChoice {
 }
 
 /// A device that was found.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
     /// The processor.
+    #[default]
     Cpu,
     /// An adapter, by its name.
     #[cfg(feature = "gpu")]
@@ -160,6 +162,26 @@ impl Backend {
     pub fn name_with_precision(&self, half: bool) -> String {
         let precision = if self.multiplies_in_half(half) { ", f16 products" } else { "" };
         format!("{}{precision}", self.name())
+    }
+
+    /// The device as light is traced on it.
+    pub fn for_light(&self) -> LightDevice {
+        match self {
+            Self::Cpu => LightDevice::Processor,
+            #[cfg(feature = "gpu")]
+            Self::Gpu { number, .. } => {
+                LightDevice::Gpu(corf_gpu::AdapterOptions { number: *number, software: true, ..Default::default() })
+            }
+        }
+    }
+
+    /// The adapter's name; `None` where it is the processor.
+    pub fn adapter(&self) -> Option<&str> {
+        match self {
+            Self::Cpu => None,
+            #[cfg(feature = "gpu")]
+            Self::Gpu { adapter, .. } => Some(adapter),
+        }
     }
 
     /// The device's name for records.

@@ -28,7 +28,7 @@ pub struct Demo {
     /// Go on in a folder that an earlier demo has begun.
     #[arg(long)]
     resume: bool,
-    /// Device that reconstructs: auto, cpu, gpu, or gpu:N for the N-th adapter.
+    /// Device that traces light and reconstructs: auto, cpu, gpu, or gpu:N for the N-th adapter.
     #[arg(long, default_value_t)]
     device: DeviceChoice,
 }
@@ -46,7 +46,8 @@ impl Demo {
         lobby::unpack(&scene)?;
         interrupt::check()?;
         let config = DatasetConfig::load(scene.join(lobby::MINI))?;
-        let dataset = generate::generate(&config, &self.out.join("dataset"), Options { resume: true, strict: false })?.dataset;
+        let options = Options { resume: true, strict: false, light: backend.clone() };
+        let dataset = generate::generate(&config, &self.out.join("dataset"), options)?.dataset;
         let input = Input::of(dataset, true)?;
         let plan = Plan::parse(PLAN_TOML)?;
         let written = suite::run(&plan, &input, &self.out, &backend)?;

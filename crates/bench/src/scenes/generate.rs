@@ -1,5 +1,6 @@
 //! `lobby.glb + lobby.toml → raytrace at each pose → keyframes`: the world seen by both sensors, frame by frame.
 
+use crate::device::Backend;
 use crate::run::claim_output;
 use crate::scenes::in_use;
 use crate::scenes::oidn::Oidn;
@@ -13,12 +14,14 @@ use corf_raytrace::radio::RadioTracer;
 pub use corf_raytrace::sensor::diffuse_settings;
 use corf_raytrace::sensor::{Denoise, Extent, OpticalSensor, Outputs, Platform, RadioSensor, SensorPlan, geometry_warnings};
 use corf_scene::config::{DatasetConfig, SceneConfig};
-use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, KeyframeContent};
+use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, Extras, KeyframeContent};
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Error, Finding, Scene, Severity, bounds, radio_check};
+use corf_scene::{Error, Finding, Light, Scene, Severity, bounds, radio_check};
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Mutex;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::time::Duration;
 
 /// A dataset, and what is to be said of it.
 pub struct Generated {
@@ -29,12 +32,14 @@ pub struct Generated {
 }
 
 /// Options of the generation of a dataset.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Go on in a folder that holds some of it.
     pub resume: bool,
     /// Refuse what would otherwise be a warning about where transmitter and platform stand.
     pub strict: bool,
+    /// Device that traces light.
+    pub light: Backend,
 }
 
 /// Generates a dataset, or what is missing of one.
@@ -56,7 +61,7 @@ pub fn generate_from(
     scene_config: &SceneConfig,
     scene: &Scene,
     out: &Path,
-    Options { resume, strict }: Options,
+    Options { resume, strict, light: device }: Options,
 ) -> Result<Generated> {
     scene_config.check_radio(scene)?;
     let placement = radio_check::placement_findings(scene_config, scene);
@@ -64,11 +69,13 @@ pub fn generate_from(
     if let Some(Finding { place, what, help, .. }) = placement.iter().find(unwanted) {
         return Err(Error::invalid(place, what, help).into());
     }
-    check_memory(config)?;
+    let at_once = keyframes_at_once(&device);
+    check_memory(config, at_once)?;
     let plan = SensorPlan::of(config, scene_config)?;
     let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;
     let denoiser = Oidn::asked_for(config)?;
     header.denoiser = denoiser.as_ref().map(Oidn::name);
+    header.light_adapter = device.adapter().map(str::to_owned);
     if out.join("dataset.json").exists() {
         let _held = claim_output(out, resume)?;
         dataset::check_finished(out, &header)?;
@@ -87,14 +94,20 @@ pub fn generate_from(
     messages::findings(placement);
     messages::findings(geometry_warnings(scene, config.rf.transmission));
     let light = LightTracer::new(scene, &bvh);
-    let mut camera = camera(config, &light, denoiser)?;
-    let exposure_ev = match config.optical.exposure_ev {
-        Some(exposure_ev) => exposure_ev,
-        None => f64::from(camera.meter(&header.poses)?),
+    let see = || -> Result<(OpticalSensor<'_>, f64)> {
+        let mut camera = camera(config, &light, &device, denoiser)?;
+        let exposure_ev = match config.optical.exposure_ev {
+            Some(exposure_ev) => exposure_ev,
+            None => f64::from(camera.meter(&header.poses)?),
+        };
+        camera.expose(exposure_ev as f32);
+        Ok((camera, exposure_ev))
     };
+    // Where one of them leaves processors idle, the other goes on.
+    let (seen, sampling_error) = rayon::join(see, || array.sampling_error(&header.rf_camera, &header.poses));
+    let (camera, exposure_ev) = seen?;
+    header.sampling_error = sampling_error?;
     header.exposure_ev = Some(exposure_ev);
-    camera.expose(exposure_ev as f32);
-    header.sampling_error = array.sampling_error(&header.rf_camera, &header.poses)?;
     if config.rf.tutorial_compat {
         header.tutorial_range = array.tutorial_range(&header.poses)?;
     }
@@ -114,18 +127,35 @@ pub fn generate_from(
         let mut done = poses.len() - missing.len();
         // Keyframes are written while the next are traced.
         let mut traced: Vec<(usize, KeyframeContent)> = Vec::new();
-        let write =
-            |traced: &[(usize, KeyframeContent)]| traced.par_iter().try_for_each(|(i, frame)| writer.write_frame(*i, frame));
-        let trace = |pose: &&TrajectoryPose| Ok((pose.index, platform.keyframe(pose)?));
-        for together in missing.chunks(keyframes_at_once()) {
-            interrupt::check()?;
-            let (written, frames) =
-                rayon::join(|| write(&traced), || together.par_iter().map(trace).collect::<corf_scene::Result<Vec<_>>>());
-            written?;
-            done += traced.len();
-            traced = frames?;
-            progress.set(done, poses.len());
-        }
+        let write = |traced: &[(usize, KeyframeContent)]| traced.par_iter().try_for_each(|(i, frame)| writer.write_frame(*i, frame));
+        // What the GPU sees, it sees ahead of radio and files.
+        let ahead = platform.camera.adapter().is_some();
+        std::thread::scope(|scope| -> Result<()> {
+            let mut seen = ahead.then(|| Ahead::start(scope, &platform, &missing));
+            for together in missing.chunks(at_once) {
+                interrupt::check()?;
+                let optical = match &mut seen {
+                    Some(seen) => together.iter().map(|_| seen.next().map(Some)).collect::<Result<Vec<_>>>()?,
+                    None => vec![None; together.len()],
+                };
+                let trace = |(pose, optical): (&&TrajectoryPose, Option<(Light, Extras)>)| {
+                    let frame = match optical {
+                        Some(optical) => platform.keyframe_of(pose, optical)?,
+                        None => platform.keyframe(pose)?,
+                    };
+                    Ok((pose.index, frame))
+                };
+                let (written, frames) = rayon::join(
+                    || write(&traced),
+                    || together.par_iter().zip(optical).map(trace).collect::<corf_scene::Result<Vec<_>>>(),
+                );
+                written?;
+                done += traced.len();
+                traced = frames?;
+                progress.set(done, poses.len());
+            }
+            Ok(())
+        })?;
         write(&traced)?;
         progress.set(poses.len(), poses.len());
         progress.finish();
@@ -139,7 +169,12 @@ pub fn generate_from(
 ///
 /// # Errors
 /// An interrupt.
-pub fn camera<'a>(config: &DatasetConfig, tracer: &'a LightTracer<'a>, denoiser: Option<Oidn>) -> Result<OpticalSensor<'a>> {
+pub fn camera<'a>(
+    config: &DatasetConfig,
+    tracer: &'a LightTracer<'a>,
+    device: &Backend,
+    denoiser: Option<Oidn>,
+) -> Result<OpticalSensor<'a>> {
     let progress = Mutex::new(Progress::start(format!("light of {}", config.name), 1, "tiles"));
     let tell = |done: usize, all: usize| {
         if let Ok(mut progress) = progress.lock() {
@@ -148,7 +183,7 @@ pub fn camera<'a>(config: &DatasetConfig, tracer: &'a LightTracer<'a>, denoiser:
         interrupt::check().is_ok()
     };
     let denoiser = denoiser.map(|filter| Box::new(filter) as Box<dyn Denoise>);
-    let Some(camera) = OpticalSensor::new(config, tracer, denoiser, &tell) else {
+    let Some(camera) = OpticalSensor::new(config, tracer, &device.for_light(), denoiser, &tell)? else {
         interrupt::check()?;
         bail!("the light of {} was not solved", config.name);
     };
@@ -158,10 +193,66 @@ pub fn camera<'a>(config: &DatasetConfig, tracer: &'a LightTracer<'a>, denoiser:
     Ok(camera)
 }
 
-/// Keyframes traced together: what one of them leaves of many processors idle is used by the others, and few take little memory.
-fn keyframes_at_once() -> usize {
-    (rayon::current_num_threads() / THREADS_A_KEYFRAME).clamp(1, MOST_AT_ONCE)
+/// Keyframes seen by the GPU while others are heard and written, in their order: two threads take turns at it, so that one's pictures are unpacked
+/// while the other's are rendered.
+struct Ahead {
+    seen: [Receiver<corf_scene::Result<(Light, Extras)>>; 2],
+    next: usize,
 }
+
+/// Keyframes that each of the two threads is ahead at most.
+const MOST_AHEAD: usize = 2;
+
+impl Ahead {
+    fn start<'scope, 'env>(
+        scope: &'scope std::thread::Scope<'scope, 'env>,
+        platform: &'env Platform<'_>,
+        poses: &'env [&TrajectoryPose],
+    ) -> Self {
+        let seen = [0, 1].map(|first| {
+            let (sender, receiver) = sync_channel(MOST_AHEAD);
+            scope.spawn(move || {
+                for pose in poses.iter().skip(first).step_by(2) {
+                    let frame = platform.camera.see(pose);
+                    let failed = frame.is_err();
+                    // Nobody waits for it where the work was given up.
+                    if sender.send(frame).is_err() || failed {
+                        return;
+                    }
+                }
+            });
+            receiver
+        });
+        Self { seen, next: 0 }
+    }
+
+    /// The next keyframe's images.
+    ///
+    /// # Errors
+    /// The device's; an interrupt.
+    fn next(&mut self) -> Result<(Light, Extras)> {
+        let receiver = &self.seen[self.next % 2];
+        self.next += 1;
+        loop {
+            interrupt::check()?;
+            match receiver.recv_timeout(Duration::from_millis(100)) {
+                Ok(frame) => return Ok(frame?),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => bail!("light: a thread ended before its time"),
+            }
+        }
+    }
+}
+
+/// Keyframes traced together: what one of them leaves of many processors idle is used by the others, and few take little memory. Beside a GPU,
+/// radio and files of one keeps few threads busy.
+fn keyframes_at_once(device: &Backend) -> usize {
+    let threads = if device.adapter().is_some() { THREADS_BESIDE_A_GPU } else { THREADS_A_KEYFRAME };
+    (rayon::current_num_threads() / threads).clamp(1, MOST_AT_ONCE)
+}
+
+/// Threads that radio and files of a keyframe keep busy.
+const THREADS_BESIDE_A_GPU: usize = 2;
 
 /// Threads that a single keyframe keeps busy.
 const THREADS_A_KEYFRAME: usize = 8;
@@ -179,7 +270,7 @@ const OPTICAL_BYTES_A_PIXEL: f64 = 300.0;
 const RF_BYTES_A_PIXEL: f64 = 120.0;
 
 /// Refuses images that do not fit the memory.
-fn check_memory(config: &DatasetConfig) -> Result<()> {
+fn check_memory(config: &DatasetConfig, at_once: usize) -> Result<()> {
     let [sphere_columns, sphere_rows] = config.rf.sphere.unwrap_or([0, 0]);
     for (key, columns, rows, bytes_a_pixel) in [
         ("optical", config.optical.width, config.optical.height, OPTICAL_BYTES_A_PIXEL),
@@ -187,8 +278,57 @@ fn check_memory(config: &DatasetConfig) -> Result<()> {
         ("rf.sphere", sphere_columns, sphere_rows, RF_BYTES_A_PIXEL),
     ] {
         let place = format!("{}: {key}", config.source.display());
-        let bytes = keyframes_at_once() as f64 * bytes_a_pixel * columns as f64 * rows as f64;
+        let bytes = at_once as f64 * bytes_a_pixel * columns as f64 * rows as f64;
         bounds::memory(&place, &format!("images of {columns}x{rows} pixels"), bytes, "give fewer pixels")?;
     }
     Ok(())
+}
+
+#[cfg(all(test, feature = "gpu"))]
+mod tests {
+    use super::*;
+    use corf_gpu::adapter_names;
+
+    /// The first adapter, one in software will do; a failure without any under `CORF_REQUIRE_GPU=1`.
+    fn adapter() -> Option<Backend> {
+        let first = adapter_names().into_iter().next().map(|(adapter, _)| Backend::Gpu { adapter, number: 0 });
+        let required = std::env::var_os("CORF_REQUIRE_GPU").is_some_and(|v| v == "1");
+        assert!(first.is_some() || !required, "no adapter");
+        first
+    }
+
+    #[test]
+    fn a_data_set_whose_light_a_gpu_traces_is_the_processors_and_says_so() {
+        let Some(gpu) = adapter() else { return };
+        let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+        let mut config = DatasetConfig::load(scenes.join("room-tiny.toml")).unwrap();
+        (config.keyframes, config.optical.width, config.optical.height) = (3, 40, 24);
+        (config.optical.samples_per_pixel, config.rf.width, config.rf.height) = (Some(1), 12, 8);
+        let folder = tempfile::tempdir().unwrap();
+        let make = |name: &str, light: &Backend, resume: bool| {
+            generate(&config, &folder.path().join(name), Options { resume, strict: false, light: light.clone() })
+        };
+        let [own, other] =
+            [("cpu", Backend::Cpu), ("gpu", gpu.clone())].map(|(name, device)| make(name, &device, false).unwrap().dataset);
+        assert_eq!(own.header().light_adapter, None);
+        assert_eq!(other.header().light_adapter.as_deref(), gpu.adapter());
+        assert_ne!(own.hash(), other.hash());
+        assert!((own.header().exposure_ev.unwrap() - other.header().exposure_ev.unwrap()).abs() < 0.015, "hundredths of a stop");
+        for k in 0..3 {
+            let [a, b] = [&own, &other].map(|dataset| dataset.keyframe(k).unwrap());
+            assert_eq!(a.spectrum, b.spectrum, "radio is the processor's");
+            let pairs = a.image.pixels().iter().flatten().zip(b.image.pixels().iter().flatten());
+            let squares: f64 = pairs.map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
+            let error = (squares / (3 * a.image.pixels().len()) as f64).sqrt();
+            // Of 255 levels: a path or two that rounding sends elsewhere.
+            assert!(error < 3.0, "keyframe {k}: {error} levels");
+        }
+        // The same bytes again, and nothing is begun over on another device.
+        assert_eq!(make("again", &gpu, false).unwrap().dataset.hash(), other.hash());
+        assert_eq!(make("gpu", &gpu, true).unwrap().dataset.hash(), other.hash());
+        for (name, device, help) in [("gpu", &Backend::Cpu, "--device gpu:N"), ("cpu", &gpu, "--device cpu")] {
+            let refusal = make(name, device, true).err().unwrap();
+            assert!(format!("{refusal:#}").contains(help), "{refusal:#}");
+        }
+    }
 }

@@ -23,7 +23,26 @@ pub(super) fn build(triangles: impl Iterator<Item = [Vec3; 3]>) -> Bvh {
     if finite.is_empty() {
         return Bvh { nodes: Vec::new(), packets: Vec::new(), kernel };
     }
-    let boxes: Vec<Aabb> = finite.iter().map(|&i| Aabb::from_points(&triangles[i as usize].map(Vec3A::from))).collect();
+    let (binary, padding) = binary(&triangles, &finite);
+    let mut collapse = Collapse {
+        binary: &binary,
+        plan: Plan::new(&binary, |slot| {
+            let [a, b, c] = triangles[finite[slot as usize] as usize];
+            0.5 * (b - a).cross(c - a).length()
+        }),
+        triangles: &triangles,
+        original: &finite,
+        padding,
+        nodes: Vec::new(),
+        packets: Vec::new(),
+    };
+    collapse.run();
+    Bvh { nodes: collapse.nodes, packets: collapse.packets, kernel }
+}
+
+/// The binary tree over some of the triangles, and by how much its boxes grow on every side.
+pub(super) fn binary(triangles: &[[Vec3; 3]], chosen: &[u32]) -> (Bvh2, f32) {
+    let boxes: Vec<Aabb> = chosen.iter().map(|&i| Aabb::from_points(&triangles[i as usize].map(Vec3A::from))).collect();
     let extent = boxes.iter().fold(0.0f32, |m, b| m.max(b.min.abs().max_element()).max(b.max.abs().max_element()));
 
     let preset = BvhBuildParams::slow_build();
@@ -35,21 +54,7 @@ pub(super) fn build(triangles: impl Iterator<Item = [Vec3; 3]>) -> Bvh {
         preset.search_depth_threshold,
     );
     ReinsertionOptimizer::default().run(&mut binary, preset.reinsertion_batch_ratio, None);
-
-    let mut collapse = Collapse {
-        binary: &binary,
-        plan: Plan::new(&binary, |slot| {
-            let [a, b, c] = triangles[finite[slot as usize] as usize];
-            0.5 * (b - a).cross(c - a).length()
-        }),
-        triangles: &triangles,
-        original: &finite,
-        padding: BOX_PADDING * extent,
-        nodes: Vec::new(),
-        packets: Vec::new(),
-    };
-    collapse.run();
-    Bvh { nodes: collapse.nodes, packets: collapse.packets, kernel }
+    (binary, BOX_PADDING * extent)
 }
 
 struct Collapse<'a> {

@@ -24,6 +24,8 @@
 //! assert_eq!((hit.t, hit.triangle), (2.0, 0));
 //! ```
 
+#[cfg(feature = "gpu")]
+pub(crate) mod binary;
 mod build;
 mod collapse;
 mod kernel;

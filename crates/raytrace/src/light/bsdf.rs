@@ -238,6 +238,13 @@ const TABLE_ROUGHNESSES: usize = 32;
 /// this many points resolve to about 1e-3.
 const TABLE_POINTS: u32 = 2048;
 
+/// Tables of the specular lobe's albedo (scale, bias): over cosines row by row of roughness, and the means of the rows.
+#[cfg(feature = "gpu")]
+pub(super) fn albedo_tables() -> [&'static [(f32, f32)]; 2] {
+    let table = albedo_table();
+    [&table.entries, &table.means]
+}
+
 /// Filled on first use, by one thread: parallel work under a lock could wait for itself.
 fn albedo_table() -> &'static AlbedoTable {
     static TABLE: OnceLock<AlbedoTable> = OnceLock::new();

@@ -33,7 +33,7 @@ const UNSEEN_SHARE: f32 = 0.04;
 const STAGE_VISIBILITY: u64 = 0xce11;
 
 #[derive(Clone, Copy, Debug)]
-enum Kind {
+pub(super) enum Kind {
     /// A triangle or a patch of one; `weights` are the corners' barycentric coordinates in the whole.
     Patch {
         corners: [Vec3; 3],
@@ -46,13 +46,14 @@ enum Kind {
     Punctual(PunctualLight),
 }
 
+/// An emitting patch, or a light without extent.
 #[derive(Clone, Copy, Debug)]
-struct Emitter {
-    kind: Kind,
+pub(super) struct Emitter {
+    pub kind: Kind,
     /// Mean radiance (triangle), intensity (point, spot) or irradiance (directional), luminance.
-    luminance: f32,
+    pub luminance: f32,
     /// Likewise, in colour.
-    power: Vec3,
+    pub power: Vec3,
 }
 
 /// Light arriving from a sampled point of an emitter.
@@ -70,20 +71,20 @@ pub(super) struct LightSample {
 #[derive(Debug)]
 pub(super) struct Emitters {
     /// Patches, then lights without extent.
-    list: Vec<Emitter>,
+    pub list: Vec<Emitter>,
     /// Where in `list` the lights without extent begin.
-    first_punctual: usize,
+    pub first_punctual: usize,
     /// Per triangle of the scene: its first patch, or `u32::MAX`, and into how many parts its edges are divided.
-    of_triangle: Vec<(u32, u32)>,
-    grid_min: Vec3,
-    cells_per_metre: Vec3,
-    cells: UVec3,
+    pub of_triangle: Vec<(u32, u32)>,
+    pub grid_min: Vec3,
+    pub cells_per_metre: Vec3,
+    pub cells: UVec3,
     /// `cells × list.len()` cumulative probabilities, the last of every cell 1.
-    cumulative: Vec<f32>,
+    pub cumulative: Vec<f32>,
     /// `cells × list.len()`: the share of each emitter that the cell's visibility rays saw, in 255ths; 0 where none were spent.
-    seen: Vec<u8>,
+    pub seen: Vec<u8>,
     /// Per cell, where the search for a random number in each of [`BUCKETS`] equal intervals begins, and where the last one ends.
-    guides: Vec<[u32; BUCKETS + 1]>,
+    pub guides: Vec<[u32; BUCKETS + 1]>,
 }
 
 /// Intervals of a cell's guide: with the end, one cache line.

@@ -17,17 +17,25 @@ mod bsdf;
 mod cache;
 mod develop;
 mod emitter;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod path;
+mod renderer;
 mod sampler;
 mod surface;
 mod texture;
 mod triangle;
+#[cfg(feature = "gpu")]
+mod words;
 
 #[cfg(test)]
 mod tests;
 
 pub use cache::{CacheSettings, LightCache, ViewSettings};
 pub use develop::{develop, develop_frame, develop_pixel};
+#[cfg(feature = "gpu")]
+pub use gpu::GpuLight;
+pub use renderer::{Developed, Processor, Renderer, Sampling, View};
 
 use crate::bvh::{Bvh, Ray};
 use corf_scene::model::Texture;
@@ -135,6 +143,11 @@ impl RayCounts {
 }
 
 impl LightFrame {
+    /// Whether the radiance of every pixel is a finite number.
+    pub fn is_finite(&self) -> bool {
+        self.radiance.pixels().iter().flatten().all(|v| v.is_finite())
+    }
+
     fn of(camera: &Pinhole, world_from_camera: &Rigid3, pixels: &Raster<Pixel>, rays: RayCounts) -> Self {
         Self {
             camera: *camera,

@@ -16,11 +16,20 @@ pub(super) struct Sampler {
 /// The stage of [`Rng::keyed`] that seeds pixels.
 const STAGE_PIXEL: u64 = 0x11617;
 
+/// Seed of all pixels of a frame.
+pub(super) fn frame_seed(seed: u64, frame_key: u64) -> u64 {
+    Rng::keyed(seed, STAGE_PIXEL, frame_key).next_u64()
+}
+
 impl Sampler {
     /// The sampler of pixel number `pixel` of a frame.
     pub fn new(seed: u64, frame_key: u64, pixel: u64) -> Self {
-        let frame = Rng::keyed(seed, STAGE_PIXEL, frame_key).next_u64();
-        Self { seed: Rng::keyed(frame, STAGE_PIXEL, pixel).next_u64(), index: 0 }
+        Self::of_item(frame_seed(seed, frame_key), pixel)
+    }
+
+    /// The sampler of an item under a frame's seed.
+    pub fn of_item(frame_seed: u64, item: u64) -> Self {
+        Self { seed: Rng::keyed(frame_seed, STAGE_PIXEL, item).next_u64(), index: 0 }
     }
 
     /// Begins sample `index`.

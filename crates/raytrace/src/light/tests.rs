@@ -2,6 +2,8 @@
 
 mod alpha;
 mod cache;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod materials;
 
 use super::*;

@@ -16,7 +16,8 @@ pub(super) enum Encoding {
     Linear,
 }
 
-fn table(encoding: Encoding) -> &'static [f32; 256] {
+/// Decoded values of a byte.
+pub(super) fn table(encoding: Encoding) -> &'static [f32; 256] {
     static TABLES: OnceLock<[[f32; 256]; 2]> = OnceLock::new();
     let tables = TABLES.get_or_init(|| {
         let of = |f: &dyn Fn(f32) -> f32| std::array::from_fn(|i| f(i as f32 / 255.0));

@@ -3,7 +3,7 @@
 mod optical;
 mod radio;
 
-pub use optical::{Denoise, OpticalSensor};
+pub use optical::{Denoise, LightDevice, OpticalSensor};
 pub use radio::{
     Extent, Outputs, RadioFrame, RadioSensor, Received, SensorPlan, diffuse_settings, element_at, geometry_warnings, noncoherent,
     open_edges_note, radio_settings, sensor_settings,
@@ -11,7 +11,7 @@ pub use radio::{
 
 use corf_scene::dataset::{Extras, KeyframeContent};
 use corf_scene::trajectory::TrajectoryPose;
-use corf_scene::{Radio, Result};
+use corf_scene::{Light, Radio, Result};
 
 /// A camera and an array that travel together.
 pub struct Platform<'a> {
@@ -31,14 +31,25 @@ impl Platform<'_> {
     pub fn keyframe(&self, pose: &TrajectoryPose) -> Result<KeyframeContent> {
         let (optical, radio) =
             rayon::join(|| self.camera.see(pose), || self.array.keyframe(&pose.world_from_camera, &self.outputs));
-        let ((light, floats), radio) = (optical?, radio?);
-        let extras = Extras {
-            sphere: radio.sphere,
-            tutorial: radio.tutorial,
-            share_in_frame: Some(radio.share_in_frame),
-            paths_jsonl: radio.paths_jsonl,
-            ..floats
-        };
-        Ok(KeyframeContent { light: Some(light), radio: Some(Radio { spectrum: radio.spectrum }), extras })
+        Ok(joined(optical?, radio?))
     }
+
+    /// [`Self::keyframe`] of a pose that the camera has seen.
+    ///
+    /// # Errors
+    /// A receiver at the transmitter.
+    pub fn keyframe_of(&self, pose: &TrajectoryPose, seen: (Light, Extras)) -> Result<KeyframeContent> {
+        Ok(joined(seen, self.array.keyframe(&pose.world_from_camera, &self.outputs)?))
+    }
+}
+
+fn joined((light, floats): (Light, Extras), radio: RadioFrame) -> KeyframeContent {
+    let extras = Extras {
+        sphere: radio.sphere,
+        tutorial: radio.tutorial,
+        share_in_frame: Some(radio.share_in_frame),
+        paths_jsonl: radio.paths_jsonl,
+        ..floats
+    };
+    KeyframeContent { light: Some(light), radio: Some(Radio { spectrum: radio.spectrum }), extras }
 }

@@ -1,6 +1,8 @@
 //! The optical half of a keyframe: light at a pose, developed.
 
-use crate::light::{self, CacheSettings, LightCache, LightFrame, LightSettings, LightTracer, ViewSettings};
+use crate::light::{
+    self, CacheSettings, LightCache, LightFrame, LightSettings, LightTracer, Processor, Renderer, Sampling, View, ViewSettings,
+};
 use corf_scene::config::{DatasetConfig, LightMethod, OpticalConfig};
 use corf_scene::dataset::Extras;
 use corf_scene::trajectory::TrajectoryPose;
@@ -29,48 +31,80 @@ pub trait Denoise: Send + Sync {
     fn denoise(&self, frame: &mut LightFrame) -> Result<()>;
 }
 
+/// Where light is traced.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightDevice {
+    /// On the processor.
+    #[default]
+    Processor,
+    /// On a GPU.
+    #[cfg(feature = "gpu")]
+    Gpu(corf_gpu::AdapterOptions),
+}
+
 /// The camera of a dataset in its scene.
 pub struct OpticalSensor<'a> {
-    tracer: &'a LightTracer<'a>,
-    /// Light worked out for all views, where the dataset asks for it.
-    cache: Option<LightCache<'a>>,
+    renderer: Box<dyn Renderer + 'a>,
     intrinsics: Pinhole,
-    path: LightSettings,
-    view: ViewSettings,
+    sampling: Sampling,
+    exposure_ev: f32,
     denoiser: Option<Box<dyn Denoise>>,
     writes: OpticalConfig,
 }
 
 impl<'a> OpticalSensor<'a> {
-    /// Makes a dataset's camera ready: with cached light this solves the scene's. `tell` is told how many of how many tiles are done and
+    /// Makes a dataset's camera ready on a device: with cached light this solves the scene's. `tell` is told how many of how many tiles are done and
     /// answers whether to go on; `None` where it said no.
+    ///
+    /// # Errors
+    /// The device's.
     pub fn new(
         config: &DatasetConfig,
         tracer: &'a LightTracer<'a>,
+        device: &LightDevice,
         denoiser: Option<Box<dyn Denoise>>,
         tell: &(dyn Fn(usize, usize) -> bool + Sync),
-    ) -> Option<Self> {
+    ) -> Result<Option<Self>> {
         let optical = &config.optical;
-        let path = LightSettings {
-            samples_per_pixel: optical.samples(),
-            max_bounces: optical.max_bounces,
-            seed: config.seed,
-            ..LightSettings::default()
-        };
+        let effort = optical.effort.unwrap_or(1);
+        // Powers of two are stratified best.
+        let samples_per_pixel = optical.samples().saturating_mul(if effort > 1 { effort.next_power_of_two() } else { 1 });
+        let exposure_ev = optical.exposure_ev.unwrap_or(0.0) as f32;
         let cache = match optical.method {
             LightMethod::Path => None,
-            LightMethod::Cached => Some(solve(config, tracer, tell)?),
+            LightMethod::Cached => Some(cache_settings(config)),
         };
-        let exposure_ev = optical.exposure_ev.unwrap_or(0.0) as f32;
-        let samples_per_pixel = optical.samples();
-        let view = ViewSettings {
-            seed: config.seed,
-            samples_per_pixel,
-            most_samples: samples_per_pixel.saturating_mul(MOST_EFFORT),
-            exposure_ev,
-            ..ViewSettings::default()
+        let sampling = match optical.method {
+            LightMethod::Path => Sampling::Path(LightSettings {
+                samples_per_pixel,
+                max_bounces: optical.max_bounces,
+                seed: config.seed,
+                ..LightSettings::default()
+            }),
+            LightMethod::Cached => Sampling::Cached(ViewSettings {
+                seed: config.seed,
+                samples_per_pixel,
+                most_samples: samples_per_pixel.saturating_mul(MOST_EFFORT),
+                error: ViewSettings::default().error / (effort as f32).sqrt(),
+                exposure_ev,
+            }),
         };
-        Some(Self { tracer, cache, intrinsics: config.optical_camera(), path, view, denoiser, writes: *optical })
+        let renderer: Option<Box<dyn Renderer + 'a>> = match device {
+            LightDevice::Processor => processor(tracer, cache.as_ref(), tell),
+            #[cfg(feature = "gpu")]
+            LightDevice::Gpu(options) => {
+                let gpu = light::GpuLight::new(tracer, cache.as_ref(), options, tell)?;
+                gpu.map(|gpu| Box::new(gpu) as Box<dyn Renderer + 'a>)
+            }
+        };
+        let Some(renderer) = renderer else { return Ok(None) };
+        let intrinsics = config.optical_camera();
+        Ok(Some(Self { renderer, intrinsics, sampling, exposure_ev, denoiser, writes: *optical }))
+    }
+
+    /// The adapter that traces; `None` where the processor does.
+    pub fn adapter(&self) -> Option<&str> {
+        self.renderer.adapter()
     }
 
     /// The camera's image size and focal lengths.
@@ -80,33 +114,35 @@ impl<'a> OpticalSensor<'a> {
 
     /// The exposure in force, EV.
     pub fn exposure_ev(&self) -> f32 {
-        self.view.exposure_ev
+        self.exposure_ev
     }
 
     /// Sets the exposure, EV.
     pub fn expose(&mut self, exposure_ev: f32) {
-        self.view.exposure_ev = exposure_ev;
+        self.exposure_ev = exposure_ev;
+        if let Sampling::Cached(view) = &mut self.sampling {
+            view.exposure_ev = exposure_ev;
+        }
     }
 
     /// Radiance, depth and the rest at a pose, as a dataset's settings say. `key` (the keyframe's index) makes frames independent.
     ///
     /// # Errors
-    /// Light that is not a finite number; a denoiser without memory.
+    /// Light that is not a finite number; a denoiser without memory; the device's.
     pub fn look(&self, world_from_camera: &Rigid3, key: u64) -> Result<LightFrame> {
-        let mut frame = match &self.cache {
-            Some(cache) => cache.render(&self.intrinsics, world_from_camera, &self.view, key),
-            None => self.tracer.render(&self.intrinsics, world_from_camera, &self.path, key),
-        };
-        let finite = |frame: &LightFrame| match frame.radiance.pixels().iter().flatten().all(|v| v.is_finite()) {
-            true => Ok(()),
-            false => Err(not_finite(&format!("keyframe {key}: the radiance of a pixel"))),
-        };
+        let mut frame = self.render(&self.intrinsics, View { world_from_camera: *world_from_camera, key }, &self.sampling)?;
+        let finite = |frame: &LightFrame| if frame.is_finite() { Ok(()) } else { Err(not_a_number(key)) };
         finite(&frame)?;
         if let Some(denoiser) = &self.denoiser {
             denoiser.denoise(&mut frame)?;
             finite(&frame)?;
         }
         Ok(frame)
+    }
+
+    /// One view.
+    fn render(&self, camera: &Pinhole, view: View, sampling: &Sampling) -> Result<LightFrame> {
+        self.renderer.render(camera, &[view], sampling)?.pop().ok_or_else(lost)
     }
 
     /// One exposure for the whole trajectory, EV: brings the geometric mean of what the platform sees to middle grey.
@@ -124,15 +160,15 @@ impl<'a> OpticalSensor<'a> {
         };
         let fov_deg = 2.0 * (0.5 * self.intrinsics.width as f64 / self.intrinsics.fx).atan().to_degrees();
         let small = Pinhole::from_horizontal_fov(width, height, fov_deg);
-        let path = LightSettings { samples_per_pixel: METERED_SAMPLES, ..self.path };
-        let view = ViewSettings { samples_per_pixel: METERED_SAMPLES, most_samples: METERED_SAMPLES, ..self.view };
+        let sampling = match self.sampling {
+            Sampling::Path(path) => Sampling::Path(LightSettings { samples_per_pixel: METERED_SAMPLES, ..path }),
+            Sampling::Cached(view) => {
+                Sampling::Cached(ViewSettings { samples_per_pixel: METERED_SAMPLES, most_samples: METERED_SAMPLES, ..view })
+            }
+        };
         let (mut sum, mut n) = (0.0_f64, 0usize);
         for pose in poses.iter().step_by((poses.len() / METERED_POSES).max(1)) {
-            let key = frame_key(pose);
-            let frame = match &self.cache {
-                Some(cache) => cache.render(&small, &pose.world_from_camera, &view, key),
-                None => self.tracer.render(&small, &pose.world_from_camera, &path, key),
-            };
+            let frame = self.render(&small, view_of(pose), &sampling)?;
             for &rgb in frame.radiance.pixels() {
                 sum += f64::from(light::luminance(rgb.into()).max(1e-4).ln());
                 n += 1;
@@ -152,33 +188,69 @@ impl<'a> OpticalSensor<'a> {
     /// # Errors
     /// Light that is not a finite number.
     pub fn see(&self, pose: &TrajectoryPose) -> Result<(Light, Extras)> {
-        let frame = self.look(&pose.world_from_camera, frame_key(pose))?;
+        let writes = &self.writes;
+        let seen = |image, depth_m, surface| Light { image, depth_m: Some(depth_m), surface: Some(surface), mask: None };
+        if self.denoiser.is_none() && !(writes.write_linear || writes.write_albedo || writes.write_normals) {
+            let mut developed = self.renderer.develop(&self.intrinsics, &[view_of(pose)], &self.sampling, self.exposure_ev)?;
+            let light::Developed { image, depth_m, surface, finite } = developed.pop().ok_or_else(lost)?;
+            if !finite {
+                return Err(not_a_number(pose.index as u64));
+            }
+            return Ok((seen(image, depth_m, surface), Extras::default()));
+        }
+        let frame = self.look(&pose.world_from_camera, pose.index as u64)?;
         let image = light::develop_frame(&frame, self.exposure_ev());
         let extras = Extras {
-            linear: self.writes.write_linear.then_some(frame.radiance),
-            albedo: self.writes.write_albedo.then_some(frame.albedo),
-            normals: self.writes.write_normals.then_some(frame.normal),
+            linear: writes.write_linear.then_some(frame.radiance),
+            albedo: writes.write_albedo.then_some(frame.albedo),
+            normals: writes.write_normals.then_some(frame.normal),
             ..Extras::default()
         };
-        Ok((Light { image, depth_m: Some(frame.depth_m), surface: Some(frame.surface), mask: None }, extras))
+        Ok((seen(image, frame.depth_m, frame.surface), extras))
     }
 }
 
-/// Solves a scene's light, telling how far it is.
-fn solve<'a>(
-    config: &DatasetConfig,
+/// The processor as a renderer; `None` where `tell` said no.
+fn processor<'a>(
     tracer: &'a LightTracer<'a>,
+    cache: Option<&CacheSettings>,
     tell: &(dyn Fn(usize, usize) -> bool + Sync),
-) -> Option<LightCache<'a>> {
+) -> Option<Box<dyn Renderer + 'a>> {
+    let cache = match cache {
+        Some(settings) => Some(LightCache::new(tracer, settings, tell)?),
+        None => None,
+    };
+    Some(Box::new(Processor { tracer, cache }))
+}
+
+/// Resolution and sampling of a dataset's light cache.
+fn cache_settings(config: &DatasetConfig) -> CacheSettings {
     let is_small = config.optical.width * config.optical.height <= SMALL_IMAGE;
     let fineness = if is_small { CacheSettings::for_small_images() } else { CacheSettings::default() };
-    LightCache::new(tracer, &CacheSettings { seed: config.seed, max_passes: config.optical.max_bounces, ..fineness }, tell)
+    let effort = config.optical.effort.unwrap_or(1);
+    CacheSettings {
+        seed: config.seed,
+        max_passes: config.optical.max_bounces,
+        // The coarse lattice is averaged over all walks of a point.
+        direct_rays: fineness.direct_rays.saturating_mul(effort),
+        gather_walks: fineness.gather_walks.saturating_mul(effort),
+        ..fineness
+    }
 }
 
 fn not_finite(what: &str) -> Error {
     Error::invalid("light", format!("{what} is not a finite number"), "check what the scene's materials and lights emit")
 }
 
-fn frame_key(pose: &TrajectoryPose) -> u64 {
-    pose.index as u64
+fn not_a_number(key: u64) -> Error {
+    not_finite(&format!("keyframe {key}: the radiance of a pixel"))
+}
+
+/// That a device answered with fewer views than it was asked for.
+fn lost() -> Error {
+    Error::invalid("light", "a view was lost", "this is a defect of the device")
+}
+
+fn view_of(pose: &TrajectoryPose) -> View {
+    View { world_from_camera: pose.world_from_camera, key: pose.index as u64 }
 }

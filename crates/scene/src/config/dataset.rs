@@ -38,6 +38,9 @@ pub struct DatasetConfig {
     pub source: PathBuf,
 }
 
+/// Largest effort of cached light.
+const MAX_EFFORT: u32 = 64;
+
 /// `[optical]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -55,6 +58,9 @@ pub struct OpticalConfig {
     /// Camera paths a pixel; with `cached`, sixteen times as many where they disagree. Default 4 with `cached`, 256 with `path`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples_per_pixel: Option<u32>,
+    /// Effort of cached light: the rays and walks of its lattices' points, and the camera paths, this many times. The error falls about as its root. Default 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effort: Option<u32>,
     /// Longest light path, in bounces; with `cached`, between diffuse surfaces. Default 64: paths end by themselves before.
     #[serde(default = "bounces")]
     pub max_bounces: u32,
@@ -453,6 +459,15 @@ impl DatasetConfig {
         if samples > bounds::MAX_SAMPLES_PER_PIXEL || bounces > bounds::MAX_BOUNCES {
             let help = format!("give at most {} and {}", bounds::MAX_SAMPLES_PER_PIXEL, bounds::MAX_BOUNCES);
             return fail("optical", format!("{samples} samples_per_pixel and {bounces} max_bounces"), &help);
+        }
+        if let Some(effort) = self.optical.effort {
+            if !(1..=MAX_EFFORT).contains(&effort) {
+                return fail("optical.effort", format!("is {effort}"), "give 1 to 64");
+            }
+            if self.optical.method != LightMethod::Cached {
+                let help = "leave it out and give samples_per_pixel, or set method = \"cached\"";
+                return fail("optical.effort", "is that of cached light".into(), help);
+            }
         }
         if self.optical.denoise {
             return fail(

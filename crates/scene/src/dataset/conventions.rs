@@ -104,13 +104,17 @@ fn optical(header: &DatasetHeader) -> Vec<(&'static str, String)> {
         Some(LightMethod::Path) => "path: unbiased path tracing of every pixel by itself; what is off is noise",
         None => "unknown",
     };
+    let light = match &header.light_adapter {
+        Some(adapter) => format!("{light}; traced on the GPU {adapter}, which rounds otherwise than the processor does"),
+        None => light.to_owned(),
+    };
     let light = match &header.denoiser {
         Some(name) => {
             format!(
                 "{light}, taken out by {name} with albedo and normals: biased, and on processors of another kind by other roundings"
             )
         }
-        None => light.to_string(),
+        None => light,
     };
     vec![
         ("light", light),

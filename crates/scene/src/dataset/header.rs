@@ -39,6 +39,9 @@ pub struct DatasetHeader {
     /// The filter that took noise out of the images, with its version, where one did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub denoiser: Option<String>,
+    /// The adapter of the GPU that traced light, where one did; the processor gives other bytes, and so does another adapter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_adapter: Option<String>,
     /// Carrier, Hz, if known.
     pub frequency_hz: Option<f64>,
     /// The fixed transmitter, if known.
@@ -236,6 +239,7 @@ impl DatasetHeader {
             sphere: None,
             exposure_ev: None,
             denoiser: None,
+            light_adapter: None,
             frequency_hz: None,
             transmitter: None,
             receiver: None,
@@ -274,6 +278,7 @@ impl DatasetHeader {
             sphere: config.rf.sphere.map(|[width, height]| Equirectangular { width, height }),
             exposure_ev: Some(config.optical.exposure_ev.unwrap_or(exposure_ev)),
             denoiser: None,
+            light_adapter: None,
             frequency_hz: Some(scene_config.radio.frequency_hz),
             transmitter: Some(*config.transmitter_of(scene_config)?),
             receiver: Some(scene_config.receiver),

@@ -40,11 +40,16 @@ pub(super) fn another(dir: &Path, by: &str, there: &DatasetHeader, wanted: &Data
     } else {
         format!("another configuration:{}", differences(there, wanted))
     };
-    Error::invalid(
-        dir.display().to_string(),
-        format!("the dataset there was made with {what}"),
-        "give a new folder, or the configuration and version it was made with",
-    )
+    let help = match &there.light_adapter {
+        _ if there.light_adapter == wanted.light_adapter => {
+            "give a new folder, or the configuration and version it was made with".to_owned()
+        }
+        Some(adapter) => {
+            format!("its light was traced on {adapter}: choose that by --device gpu:N (corf doctor lists them), or a new folder")
+        }
+        None => "its light was traced on the processor: choose --device cpu, or a new folder".to_owned(),
+    };
+    Error::invalid(dir.display().to_string(), format!("the dataset there was made with {what}"), help)
 }
 
 /// One line for every value that differs: its key, what is there, what is wanted.

@@ -32,6 +32,7 @@ fn header() -> DatasetHeader {
         sphere: Some(Equirectangular { width: 6, height: 3 }),
         exposure_ev: Some(0.5),
         denoiser: None,
+        light_adapter: None,
         frequency_hz: Some(60e9),
         transmitter: None,
         receiver: Some(ReceiverConfig::default()),

@@ -1,6 +1,7 @@
 //! `corf bench light`: how far a dataset's images are from the converged ones, and what they cost.
 
 use super::super::{Verdict, show};
+use crate::device::{Backend, DeviceChoice};
 use crate::files::output::FreshFolder;
 use crate::metrics::image::psnr;
 use crate::run::claim_fresh;
@@ -38,6 +39,12 @@ pub struct Light {
     /// Pixels of a view that the reference is worked out at, drawn evenly over it; a view with no more has them all.
     #[arg(long, default_value_t = 8192, value_parser = clap::value_parser!(u32).range(16..=100_000_000))]
     reference_pixels: u32,
+    /// Device that traces: auto, cpu, gpu, or gpu:N for the N-th adapter. The reference is the processor's.
+    #[arg(long, default_value = "cpu")]
+    device: DeviceChoice,
+    /// Do not render the views on the processor as well, to compare a GPU with it.
+    #[arg(long)]
+    alone: bool,
     /// Folder for pictures: each view, and where it is off.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
@@ -71,6 +78,7 @@ struct Report {
     samples_per_pixel: u32,
     reference_samples: u32,
     threads: usize,
+    device: String,
     /// Before the first view: emitters, and the solution of cached light.
     prepare_seconds: f64,
     exposure_ev: f32,
@@ -80,6 +88,24 @@ struct Report {
     radiance_ratio: f64,
     two_views_difference: Option<f64>,
     seconds_a_view: f64,
+    /// A GPU against the processor, over all views.
+    against_processor: Option<Against>,
+}
+
+/// A view on a GPU against the same view on the processor, which draws the same random numbers.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Against {
+    /// PSNR of one 8-bit image against the other.
+    psnr_db: f64,
+    /// Mean radiance (luminance) over the processor's.
+    radiance_ratio: f64,
+    /// The processor's seconds, and those of a second rendering.
+    seconds: f64,
+    seconds_again: f64,
+    /// The processor's seconds over the GPU's, both of a second rendering: once the cached light that a view needs is there.
+    times_faster: f64,
+    #[serde(skip)]
+    squared_error: f64,
 }
 
 /// One view.
@@ -103,6 +129,7 @@ struct View {
     two_views_difference: Option<f64>,
     camera_rays_a_pixel: f64,
     rays_a_pixel: f64,
+    against_processor: Option<Against>,
     #[serde(skip)]
     squared_error: f64,
 }
@@ -113,6 +140,7 @@ impl Light {
     /// # Errors
     /// A bad configuration or scene, an interrupt.
     pub fn run(self, json: bool) -> Result<Verdict> {
+        let device = self.device.resolve()?;
         let config = DatasetConfig::load(&self.config)?;
         let scene_config = config.load_scene_config()?;
         let scene = in_use::load(&scene_config)?;
@@ -123,13 +151,19 @@ impl Light {
         let bvh = Bvh::build(&scene);
         let start = Instant::now();
         let tracer = LightTracer::new(&scene, &bvh);
-        let mut sensor = generate::camera(&config, &tracer, denoiser)?;
+        let mut sensor = generate::camera(&config, &tracer, &device, denoiser)?;
         let prepare_seconds = start.elapsed().as_secs_f64();
+        let mut processor = if device == Backend::Cpu || self.alone {
+            None
+        } else {
+            Some(generate::camera(&config, &tracer, &Backend::Cpu, Oidn::asked_for(&config)?)?)
+        };
         let exposure_ev = match config.optical.exposure_ev {
             Some(ev) => ev as f32,
             None => sensor.meter(&poses)?,
         };
         sensor.expose(exposure_ev);
+        processor.iter_mut().for_each(|sensor| sensor.expose(exposure_ev));
 
         let count = (self.views as usize).min(poses.len());
         let mut views = Vec::new();
@@ -138,7 +172,7 @@ impl Light {
             interrupt::check()?;
             let at = (2 * k + 1) * poses.len() / (2 * count);
             let folder = pictures.as_ref().map(FreshFolder::path);
-            views.push(self.view(&scene, &bvh, &tracer, &sensor, &poses, at, folder)?);
+            views.push(self.view(&scene, &bvh, &tracer, &sensor, processor.as_ref(), &poses, at, folder)?);
             progress.set(k + 1, count);
         }
         progress.finish();
@@ -152,12 +186,14 @@ impl Light {
             samples_per_pixel: config.optical.samples(),
             reference_samples: self.reference_samples,
             threads: rayon::current_num_threads(),
+            device: device.name(),
             prepare_seconds,
             exposure_ev,
             psnr_db: psnr_db(mean(&|v| v.squared_error)),
             radiance_ratio: mean(&|v| v.radiance_ratio),
             two_views_difference: (!differences.is_empty()).then(|| median(differences)),
             seconds_a_view: mean(&|v| v.seconds),
+            against_processor: Against::mean(&views),
             views,
         };
         pictures.map_or(Ok(()), FreshFolder::finish)?;
@@ -171,6 +207,7 @@ impl Light {
         bvh: &Bvh,
         tracer: &LightTracer<'_>,
         sensor: &OpticalSensor<'_>,
+        processor: Option<&OpticalSensor<'_>>,
         poses: &[TrajectoryPose],
         at: usize,
         pictures: Option<&Path>,
@@ -184,6 +221,13 @@ impl Light {
         let start = Instant::now();
         let again = sensor.look(&pose.world_from_camera, AGAIN + pose.index as u64)?;
         let seconds_again = start.elapsed().as_secs_f64();
+
+        let against_processor = match processor {
+            Some(processor) => {
+                Some(Against::of(processor, pose, [&frame, &again], [seconds, seconds_again], sensor.exposure_ev())?)
+            }
+            None => None,
+        };
 
         let pixels = spread(camera.width, camera.height, self.reference_pixels as usize, pose.index as u64);
         let settings = LightSettings {
@@ -221,9 +265,63 @@ impl Light {
             two_views_difference,
             camera_rays_a_pixel: rays.camera as f64 / area,
             rays_a_pixel: (rays.camera + rays.bounce + rays.shadow) as f64 / area,
+            against_processor,
             squared_error: compared.squared_error,
         })
     }
+}
+
+impl Against {
+    /// Renders a view that a GPU has rendered, and again, on the processor.
+    fn of(
+        processor: &OpticalSensor<'_>,
+        pose: &TrajectoryPose,
+        frames: [&LightFrame; 2],
+        gpu_seconds: [f64; 2],
+        ev: f32,
+    ) -> Result<Self> {
+        let (mut squared_error, mut light, mut seconds) = (0.0, [0.0f64; 2], [0.0; 2]);
+        for (k, frame) in frames.into_iter().enumerate() {
+            interrupt::check()?;
+            let start = Instant::now();
+            let own = processor.look(&pose.world_from_camera, [0, AGAIN][k] + pose.index as u64)?;
+            seconds[k] = start.elapsed().as_secs_f64();
+            squared_error += 0.5 * mean_square(&light::develop_frame(frame, ev), &light::develop_frame(&own, ev));
+            for (sum, frame) in light.iter_mut().zip([frame, &own]) {
+                *sum += frame.radiance.pixels().iter().map(|p| f64::from(light::luminance((*p).into()))).sum::<f64>();
+            }
+        }
+        Ok(Self {
+            psnr_db: psnr_db(squared_error),
+            radiance_ratio: light[0] / light[1],
+            seconds: seconds[0],
+            seconds_again: seconds[1],
+            times_faster: seconds[1] / gpu_seconds[1],
+            squared_error,
+        })
+    }
+
+    /// Over all views: ratios of sums of seconds, means of the rest.
+    fn mean(views: &[View]) -> Option<Self> {
+        let all: Vec<(&View, Self)> = views.iter().filter_map(|v| Some((v, v.against_processor?))).collect();
+        let mean = |value: &dyn Fn(&Self) -> f64| all.iter().map(|(_, a)| value(a)).sum::<f64>() / all.len() as f64;
+        let squared_error = mean(&|a| a.squared_error);
+        (!all.is_empty()).then(|| Self {
+            psnr_db: psnr_db(squared_error),
+            radiance_ratio: mean(&|a| a.radiance_ratio),
+            seconds: mean(&|a| a.seconds),
+            seconds_again: mean(&|a| a.seconds_again),
+            times_faster: mean(&|a| a.seconds_again) * all.len() as f64 / all.iter().map(|(v, _)| v.seconds_again).sum::<f64>(),
+            squared_error,
+        })
+    }
+}
+
+/// Mean squared difference of two images, of values from 0 to 1.
+fn mean_square(a: &Raster<[u8; 3]>, b: &Raster<[u8; 3]>) -> f64 {
+    let squares =
+        a.pixels().iter().flatten().zip(b.pixels().iter().flatten()).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
+    squares.sum::<f64>() / (3 * a.pixels().len()) as f64 / (255.0 * 255.0)
 }
 
 /// A pixel's radiance and lamp, as the tracer gives them.
@@ -388,13 +486,14 @@ fn median(mut values: Vec<f64>) -> f64 {
 fn text(report: &Report) -> String {
     let percent = |v: Option<f64>| v.map_or("-".to_string(), |v| format!("{:.2} %", 100.0 * v));
     let mut out = format!(
-        "{}: {}x{}, {} samples a pixel ({:?}), reference {} + {} unbiased; {} threads\nprepared in {:.1} s, exposure {} EV\n\
+        "{}: {}x{}, {} samples a pixel ({:?}) on {}, reference {} + {} unbiased; {} threads\nprepared in {:.1} s, exposure {} EV\n\
          keyframe   PSNR dB   noise dB   reference dB     radiance ratio   two views   rays/pixel   seconds    again",
         report.dataset,
         report.width,
         report.height,
         report.samples_per_pixel,
         report.method,
+        report.device,
         report.reference_samples,
         report.reference_samples,
         report.threads,
@@ -426,5 +525,16 @@ fn text(report: &Report) -> String {
         percent(report.two_views_difference),
         report.seconds_a_view
     );
+    if let Some(all) = &report.against_processor {
+        let _ = write!(out, "\nagainst the processor: PSNR dB    light    seconds    again   times faster");
+        let named = report.views.iter().filter_map(|v| Some((v.keyframe.to_string(), v.against_processor.as_ref()?)));
+        for (name, a) in named.chain([("all".to_owned(), all)]) {
+            let _ = write!(
+                out,
+                "\n{name:>22} {:>8.2} {:>8.5} {:>10.2} {:>8.2} {:>14.1}",
+                a.psnr_db, a.radiance_ratio, a.seconds, a.seconds_again, a.times_faster
+            );
+        }
+    }
     out
 }

@@ -8,6 +8,7 @@ use self::export::Export;
 use self::import::Import;
 use self::play::Play;
 use super::{Verdict, print, show};
+use crate::device::DeviceChoice;
 use crate::scenes::generate::{self, Generated, Options};
 use anyhow::Result;
 use clap::{Args, Subcommand};
@@ -55,6 +56,9 @@ pub struct Generate {
     /// Go on with a folder that holds finished keyframes of the same configuration.
     #[arg(long)]
     resume: bool,
+    /// Device that traces light: auto, cpu, gpu, or gpu:N for the N-th adapter. Radio is traced by the processor meanwhile.
+    #[arg(long, default_value_t)]
+    device: DeviceChoice,
     /// Refuse a transmitter or a trajectory outside of the scene, and exit with 1 where images are black or depth is empty.
     #[arg(long)]
     strict: bool,
@@ -120,7 +124,7 @@ impl Generate {
         }
         config.seed = self.seed.unwrap_or(config.seed);
         config.validate()?;
-        let options = Options { resume: self.resume, strict: self.strict };
+        let options = Options { resume: self.resume, strict: self.strict, light: self.device.resolve()? };
         let Generated { dataset: made, findings } = generate::generate(&config, &self.out, options)?;
         let spectra =
             made.db_range().map(|r| format!(", spectra from {:.0} to {:.0} dB", r.min_db, r.max_db)).unwrap_or_default();

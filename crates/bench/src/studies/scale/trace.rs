@@ -1,6 +1,7 @@
 //! Tracing: a keyframe's light and radio against triangles, radio against receivers.
 
 use super::{Measured, memory};
+use crate::device::Backend;
 use crate::record::provenance::reset_peak_memory;
 use crate::scenes::generate::camera;
 use crate::scenes::in_use;
@@ -187,7 +188,7 @@ impl Tracing {
         let plan = SensorPlan::of(&self.config, &self.scene_config)?;
         let (hierarchy_s, bvh) = timed(|| Ok(Bvh::build(&scene)))?;
         let tracer = LightTracer::new(&scene, &bvh);
-        let (prepare_light_s, eye) = timed(|| camera(&self.config, &tracer, None))?;
+        let (prepare_light_s, eye) = timed(|| camera(&self.config, &tracer, &Backend::Cpu, None))?;
         let mut sum = [0.0; 2];
         for pose in &poses {
             interrupt::check()?;

@@ -156,6 +156,12 @@ impl Field {
         self.spacing_m
     }
 
+    /// The first tile of a chart, on its front.
+    #[cfg(feature = "gpu")]
+    pub fn first_tile(&self, chart: u32) -> u32 {
+        self.offsets[chart as usize]
+    }
+
     /// Number of tiles.
     pub fn len(&self) -> usize {
         self.tiles.len()

@@ -19,6 +19,8 @@ mod charts;
 mod direct;
 mod field;
 mod gather;
+#[cfg(feature = "gpu")]
+mod packed;
 mod site;
 mod solve;
 mod view;
@@ -26,6 +28,8 @@ mod walk;
 
 use super::surface::Surface;
 use super::{LightTracer, luminance};
+#[cfg(feature = "gpu")]
+pub(super) use packed::{Job, Packed};
 pub use view::ViewSettings;
 
 use charts::Charts;
@@ -127,6 +131,14 @@ impl<'a> LightCache<'a> {
         settings: &CacheSettings,
         tell: &(dyn Fn(usize, usize) -> bool + Sync),
     ) -> Option<Self> {
+        let mut cache = Self::unsolved(tracer, settings);
+        cache.coarse = solve::solve(tracer, &cache.charts, cache.coarse.spacing_m(), settings, tell)?;
+        cache.settle();
+        Some(cache)
+    }
+
+    /// Charts and empty lattices.
+    pub(super) fn unsolved(tracer: &'a LightTracer<'a>, settings: &CacheSettings) -> Self {
         let charts = Charts::new(tracer.scene);
         let area: f64 = (0..tracer.scene.triangles.len())
             .map(|i| {
@@ -136,7 +148,6 @@ impl<'a> LightCache<'a> {
             .filter(|a| a.is_finite())
             .sum();
         let coarse_m = ((area / settings.coarse_points.max(1) as f64).sqrt() as f32).clamp(1e-4, 0.5);
-        let coarse = solve::solve(tracer, &charts, coarse_m, settings, tell)?;
         let mut direct = Vec::new();
         let mut spacing_m = coarse_m;
         while direct.len() <= DIRECT_START || spacing_m > settings.finest_m * 0.99 {
@@ -144,8 +155,13 @@ impl<'a> LightCache<'a> {
             spacing_m *= 0.5;
         }
         let indirect = (0..INDIRECT_LEVELS).map(|k| Field::new(&charts, coarse_m * 0.5f32.powi(k as i32))).collect();
-        let mean_light = coarse.mean(&charts, |received, n| luminance(received.at(n)));
-        Some(Self { tracer, charts, coarse, direct, indirect, mean_light, settings: *settings })
+        let coarse = Field::new(&charts, coarse_m);
+        Self { tracer, charts, coarse, direct, indirect, mean_light: 0.0, settings: *settings }
+    }
+
+    /// Takes the coarse lattice's light for solved.
+    fn settle(&mut self) {
+        self.mean_light = self.coarse.mean(&self.charts, |received, n| luminance(received.at(n)));
     }
 
     /// Light that a surface receives, seen by a ray with a footprint of so many metres; without lights that have no extent unless the

@@ -17,6 +17,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Sites that stand for the surroundings of a point of the coarse lattice.
 const PARTS: u32 = 6;
+/// Tiles that a thread takes at once: the largest charts come first, and would all be one thread's.
+const AT_ONCE: usize = 16;
 /// The solution stands when no pass moves its mean by more than this share.
 const CONVERGED: f32 = 2e-4;
 /// Tangential parts of received light divide by the elevation's cosine, no less than this.
@@ -24,19 +26,19 @@ const LEAST_COS: f32 = 0.1;
 
 /// Transport from the end of a random walk to the lattice point where it began: the point at the end, and the throughput between them.
 #[derive(Clone, Copy)]
-struct Link {
+pub(super) struct Link {
     /// Number of the point in the coarse lattice; `u32::MAX` where the walk found no diffuse surface.
-    point: u32,
+    pub point: u32,
     /// Times the weight with which the beginning receives it.
-    throughput: [f32; 3],
+    pub throughput: [f32; 3],
 }
 
 /// A point of the coarse lattice.
-struct Node {
-    direct: Point,
+pub(super) struct Node {
+    pub direct: Point,
     /// Light its walks met on the way, mean.
-    met: Received,
-    links: Vec<Link>,
+    pub met: Received,
+    pub links: Vec<Link>,
 }
 
 /// Direct and indirect light at every point of a coarse lattice. `tell(done, all)` is told of the progress.
@@ -68,13 +70,14 @@ pub(super) fn solve(
         !stopped.load(Ordering::Relaxed)
     };
     let tiles: Vec<Option<Tile>> =
-        keys.par_iter().map(|key| step().then(|| direct::fill(tracer, charts, key, &direct))).collect();
+        keys.par_iter().with_max_len(AT_ONCE).map(|key| step().then(|| direct::fill(tracer, charts, key, &direct))).collect();
     let tiles: Vec<Tile> = tiles.into_iter().collect::<Option<_>>()?;
     for (number, tile) in tiles.into_iter().enumerate() {
         field.replace(number, tile);
     }
     let nodes: Vec<Option<Vec<Node>>> = keys
         .par_iter()
+        .with_max_len(AT_ONCE)
         .enumerate()
         .map(|(number, key)| {
             step().then(|| {
@@ -91,21 +94,29 @@ pub(super) fn solve(
         })
         .collect();
     let nodes: Vec<Node> = nodes.into_iter().collect::<Option<Vec<_>>>()?.into_iter().flatten().collect();
+    pass_on(charts, &mut field, &nodes, settings);
+    Some(field)
+}
+
+/// Passes light on between the points of the coarse lattice, tile by tile, and puts all of it into the field.
+pub(super) fn pass_on(charts: &Charts, field: &mut Field, nodes: &[Node], settings: &CacheSettings) {
+    let keys: Vec<TileKey> = (0..field.len()).map(|i| field.key_of(charts, i)).collect();
     let normals: Vec<Vec3> = keys
         .iter()
         .flat_map(|key| std::iter::repeat_n(charts.normal(key.chart, key.side), key.points.element_product() as usize))
         .collect();
-    let passed_on = iterate(&nodes, &normals, settings.max_passes);
+    let passed_on = iterate(nodes, &normals, settings.max_passes);
     let totals: Vec<Point> = nodes
         .par_iter()
         .enumerate()
         .map(|(point, node)| total_at(node, normals[point], point as u32, &passed_on, settings))
         .collect();
+    let mut rest = &totals[..];
     for (number, key) in keys.iter().enumerate() {
-        let range = first[number] as usize..(first[number] + key.points.element_product()) as usize;
-        field.replace(number, Tile { values: totals[range].to_vec(), rough: 0 });
+        let (values, others) = rest.split_at(key.points.element_product() as usize);
+        field.replace(number, Tile { values: values.to_vec(), rough: 0 });
+        rest = others;
     }
-    Some(field)
 }
 
 /// The direction of walk `k` of a point whose surface has a normal, and the sampler of the rest of it.
