@@ -1,4 +1,5 @@
-//! The GPU against the processor, function by function, then image by image. Needs an adapter, a software one will do; without any the tests say
+//! The GPU against the processor, function by function, then image by image. Needs an adapter, a software one will do; without
+//! any the tests say
 //! so and pass, unless `CORF_REQUIRE_GPU=1`.
 
 use super::*;
@@ -31,7 +32,8 @@ fn texture(scene: &mut Scene, seed: u64, alpha: bool, wrap: [Wrap; 2], filter: F
     TextureRef { texture: scene.textures.len() as u32 - 1, uv_from_uv }
 }
 
-/// A room with everything that light meets: lamps, lights without extent, textures, normal maps, a polished and a metal surface, panes, holes, veils.
+/// A room with everything that light meets: lamps, lights without extent, textures, normal maps, a polished and a metal surface,
+/// panes, holes, veils.
 fn everything() -> Scene {
     let mut scene = Scene::default();
     let [t0, t1, t2, t3] = [
@@ -133,7 +135,8 @@ fn packed(rays: &[Ray]) -> Vec<u32> {
 const RAY: &str = "
 fn f(i: u32) -> f32 { return bitcast<f32>(asked[i]); }
 fn ray_of(i: u32) -> Ray {
-    return Ray(vec3(f(8u * i), f(8u * i + 1u), f(8u * i + 2u)), f(8u * i + 3u), vec3(f(8u * i + 4u), f(8u * i + 5u), f(8u * i + 6u)), f(8u * i + 7u));
+    let origin = vec3(f(8u * i), f(8u * i + 1u), f(8u * i + 2u));
+    return Ray(origin, f(8u * i + 3u), vec3(f(8u * i + 4u), f(8u * i + 5u), f(8u * i + 6u)), f(8u * i + 7u));
 }
 fn give(i: u32, v: vec3<f32>) {
     found[i] = bitcast<u32>(v.x);
