@@ -14,8 +14,7 @@ const METERED_WIDTH: usize = 64;
 const MAX_METERED_HEIGHT: usize = 512;
 const METERED_SAMPLES: u32 = 16;
 /// Exposure target: share of full scale to which the geometric mean of the metered radiance is mapped. Photography's middle grey,
-/// a little
-/// up for a room whose walls are light.
+/// a little up for a room whose walls are light.
 const MIDDLE_GREY: f32 = 0.24;
 /// Pixels whose paths disagree get this many times the paths of the others, at most.
 const MOST_EFFORT: u32 = 16;

@@ -1,10 +1,8 @@
 //! Cached light on the GPU: tiles of lattices in pages of memory, filled when paths ask for them.
 //!
 //! The coarse lattice is solved first. A pass of the renderer marks the slots of tiles that it lacks; they are given memory here,
-//! filled
-//! by kernels, and the pixels that lacked them are begun again. A tile depends on its key alone, so it does not matter when and
-//! with which
-//! others it is filled.
+//! filled by kernels, and the pixels that lacked them are begun again. A tile depends on its key alone, so it does not matter
+//! when and with which others it is filled.
 
 use super::super::cache::{Job, Packed};
 use super::params::{MOST_FIELDS, Params};

@@ -57,8 +57,8 @@ fn pilots(i: u32, n: u32, state: vec2<u32>) -> f32 {
         let site = sites[there[rng_below(&draws, n)]];
         let x = rng_uniform(&draws);
         let on_light = patch_toward(i, site.position, vec2(x, rng_uniform(&draws)));
-        if (on_light.solid_angle <= 0.0) { continue; }
-        if (max3(transmittance(segment(start_of(site), on_light.position))) > 0.5) { visible += 1.0; }
+        if (on_light.solid_angle > 0.0
+            && max3(transmittance(segment(start_of(site), on_light.position))) > 0.5) { visible += 1.0; }
     }
     return visible;
 }
