@@ -193,8 +193,8 @@ pub fn camera<'a>(
     Ok(camera)
 }
 
-/// Keyframes seen by the GPU while others are heard and written, in their order: two threads take turns at it, so that one's pictures are unpacked
-/// while the other's are rendered.
+/// Keyframes seen by the GPU while others are heard and written, in their order: two threads take turns at it, so that one's
+/// pictures are unpacked while the other's are rendered.
 struct Ahead {
     seen: [Receiver<corf_scene::Result<(Light, Extras)>>; 2],
     next: usize,
@@ -244,8 +244,8 @@ impl Ahead {
     }
 }
 
-/// Keyframes traced together: what one of them leaves of many processors idle is used by the others, and few take little memory. Beside a GPU,
-/// radio and files of one keeps few threads busy.
+/// Keyframes traced together: what one of them leaves of many processors idle is used by the others, and few take little memory.
+/// Beside a GPU, radio and files of one keeps few threads busy.
 fn keyframes_at_once(device: &Backend) -> usize {
     let threads = if device.adapter().is_some() { THREADS_BESIDE_A_GPU } else { THREADS_A_KEYFRAME };
     (rayon::current_num_threads() / threads).clamp(1, MOST_AT_ONCE)

@@ -6,7 +6,8 @@ use obvhs::bvh2::Bvh2;
 
 /// Triangles of a leaf at most.
 const MOST: u32 = 4;
-/// The bit of a child reference that says "triangles": first of them in [`BinaryTree::order`] times 8, plus their number less one.
+/// The bit of a child reference that says "triangles": first of them in [`BinaryTree::order`] times 8, plus their number less
+/// one.
 pub(crate) const LEAF: u32 = 1 << 31;
 
 /// A node: boxes and references of its two children.
@@ -60,7 +61,8 @@ impl BinaryTree {
     }
 }
 
-/// Per node: triangles under it, whether it becomes a leaf, and the expected cost of a ray in it, a node's step and a triangle's test alike.
+/// Per node: triangles under it, whether it becomes a leaf, and the expected cost of a ray in it, a node's step and a triangle's
+/// test alike.
 fn costs(binary: &Bvh2) -> Vec<(u32, bool, f32)> {
     let mut costs = vec![(0, true, 0.0); binary.nodes.len()];
     let mut order = vec![0u32];

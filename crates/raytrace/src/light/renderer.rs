@@ -21,7 +21,8 @@ pub enum Sampling {
     Cached(ViewSettings),
 }
 
-/// A view as a dataset keeps it: 8-bit sRGB, z-depth in metres (infinite where nothing was hit), object index (`u32::MAX` likewise).
+/// A view as a dataset keeps it: 8-bit sRGB, z-depth in metres (infinite where nothing was hit), object index (`u32::MAX`
+/// likewise).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Developed {
     /// Image.
@@ -34,7 +35,8 @@ pub struct Developed {
     pub finite: bool,
 }
 
-/// A device that renders views of one scene. The same device, scene, settings and key give the same bytes, whatever was rendered before.
+/// A device that renders views of one scene. The same device, scene, settings and key give the same bytes, whatever was rendered
+/// before.
 pub trait Renderer: Send + Sync {
     /// Renders views one after the other.
     ///

@@ -13,8 +13,8 @@ const METERED_POSES: usize = 8;
 const METERED_WIDTH: usize = 64;
 const MAX_METERED_HEIGHT: usize = 512;
 const METERED_SAMPLES: u32 = 16;
-/// Exposure target: share of full scale to which the geometric mean of the metered radiance is mapped. Photography's middle grey, a little
-/// up for a room whose walls are light.
+/// Exposure target: share of full scale to which the geometric mean of the metered radiance is mapped. Photography's middle grey,
+/// a little up for a room whose walls are light.
 const MIDDLE_GREY: f32 = 0.24;
 /// Pixels whose paths disagree get this many times the paths of the others, at most.
 const MOST_EFFORT: u32 = 16;
@@ -53,7 +53,8 @@ pub struct OpticalSensor<'a> {
 }
 
 impl<'a> OpticalSensor<'a> {
-    /// Makes a dataset's camera ready on a device: with cached light this solves the scene's. `tell` is told how many of how many tiles are done and
+    /// Makes a dataset's camera ready on a device: with cached light this solves the scene's. `tell` is told how many of how many
+    /// tiles are done and
     /// answers whether to go on; `None` where it said no.
     ///
     /// # Errors
@@ -125,7 +126,8 @@ impl<'a> OpticalSensor<'a> {
         }
     }
 
-    /// Radiance, depth and the rest at a pose, as a dataset's settings say. `key` (the keyframe's index) makes frames independent.
+    /// Radiance, depth and the rest at a pose, as a dataset's settings say. `key` (the keyframe's index) makes frames
+    /// independent.
     ///
     /// # Errors
     /// Light that is not a finite number; a denoiser without memory; the device's.

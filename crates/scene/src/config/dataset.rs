@@ -58,7 +58,8 @@ pub struct OpticalConfig {
     /// Camera paths a pixel; with `cached`, sixteen times as many where they disagree. Default 4 with `cached`, 256 with `path`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples_per_pixel: Option<u32>,
-    /// Effort of cached light: the rays and walks of its lattices' points, and the camera paths, this many times. The error falls about as its root. Default 1.
+    /// Effort of cached light: the rays and walks of its lattices' points, and the camera paths, this many times. The error falls about
+    /// as its root. Default 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort: Option<u32>,
     /// Longest light path, in bounces; with `cached`, between diffuse surfaces. Default 64: paths end by themselves before.

@@ -373,7 +373,8 @@ impl Comparison {
     }
 }
 
-/// The view, and its errors where the reference was worked out, enlarged: grey where it is right, brighter where it is too bright.
+/// The view, and its errors where the reference was worked out, enlarged: grey where it is right, brighter where it is too
+/// bright.
 fn save(folder: &Path, keyframe: usize, image: &Raster<[u8; 3]>, pixels: &[[usize; 2]], errors: &[[f64; 3]]) -> Result<()> {
     io::write_png(folder.join(format!("{keyframe:05}.png")), image)?;
     // The reference's pixels lie row by row, one in each part of the view.

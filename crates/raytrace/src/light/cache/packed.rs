@@ -133,8 +133,9 @@ impl<'a> Packed<'a> {
         Job { field: field as u32, chart, side, number, first, points, slot }
     }
 
-    /// Solves the coarse lattice from what its points receive directly and what their walks found: per point three words of four for direct light
-    /// (as [`Self::coarse`] has them), a link for each walk (point at its end, throughput) and three words for the light met on the way.
+    /// Solves the coarse lattice from what its points receive directly and what their walks found: per point three words of four
+    /// for direct light (as [`Self::coarse`] has them), a link for each walk (point at its end, throughput) and three words for
+    /// the light met on the way.
     pub fn solve(&mut self, direct: &[u32], links: &[u32]) {
         let walks = self.cache.settings.coarse_walks.max(1) as usize;
         let vec3 = |w: &[u32]| Vec3::new(f32::from_bits(w[0]), f32::from_bits(w[1]), f32::from_bits(w[2]));

@@ -1,8 +1,8 @@
 //! Cached light on the GPU: tiles of lattices in pages of memory, filled when paths ask for them.
 //!
-//! The coarse lattice is solved first. A pass of the renderer marks the slots of tiles that it lacks; they are given memory here, filled
-//! by kernels, and the pixels that lacked them are begun again. A tile depends on its key alone, so it does not matter when and with which
-//! others it is filled.
+//! The coarse lattice is solved first. A pass of the renderer marks the slots of tiles that it lacks; they are given memory here,
+//! filled by kernels, and the pixels that lacked them are begun again. A tile depends on its key alone, so it does not matter
+//! when and with which others it is filled.
 
 use super::super::cache::{Job, Packed};
 use super::params::{MOST_FIELDS, Params};
@@ -152,7 +152,8 @@ impl<'a> Lattices<'a> {
         self.packed.slots()
     }
 
-    /// Solves the coarse lattice: direct light and walks here, what they pass on on the processor. `tell` is told how many of how many tiles are done; when it
+    /// Solves the coarse lattice: direct light and walks here, what they pass on on the processor. `tell` is told how many of how
+    /// many tiles are done; when it
     /// answers `false`, the work is given up and so is the answer.
     fn solve(&mut self, gpu: &GpuLight<'_>, tell: &dyn Fn(usize, usize) -> bool) -> Result<bool> {
         let context = &gpu.context;
@@ -392,7 +393,8 @@ impl Lattices<'_> {
         Ok([flat(&self.packed), flat(&Packed::of(cache)?)])
     }
 
-    /// The first `most` tiles of a field that have some points, filled here and by the processor: their points' words and their rough cells.
+    /// The first `most` tiles of a field that have some points, filled here and by the processor: their points' words and their
+    /// rough cells.
     pub fn both(&mut self, gpu: &GpuLight<'_>, params: &Params, field: u32, most: usize) -> Result<Vec<[(Vec<u32>, u64); 2]>> {
         let slots: Vec<u32> =
             (0..self.packed.slots()).filter(|slot| self.packed.job(*slot).field == field).step_by(7).take(most).collect();

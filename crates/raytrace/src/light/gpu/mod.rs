@@ -1,8 +1,8 @@
 //! Light on a GPU: the processor's functions, kernel by kernel, in WGSL.
 //!
-//! A kernel's parts are named as what they are on the processor (`shaders/surface.wgsl` is `surface.rs`), and random numbers are the same bit for
-//! bit: images of the two devices differ by rounding, and where rounding sends a path elsewhere. A pixel depends on its number, a tile of
-//! cached light on its key; every sum has an order: one adapter and driver give the same bytes.
+//! A kernel's parts are named as what they are on the processor (`shaders/surface.wgsl` is `surface.rs`), and random numbers are
+//! the same bit for bit: images of the two devices differ by rounding, and where rounding sends a path elsewhere. A pixel depends
+//! on its number, a tile of cached light on its key; every sum has an order: one adapter and driver give the same bytes.
 //!
 //! A thread is a pixel, a dispatch at most [`PATHS_AT_ONCE`] paths, so that the watchdog of a desktop does not bark.
 
@@ -115,7 +115,8 @@ struct Frame {
 }
 
 impl<'a> GpuLight<'a> {
-    /// Brings a scene to the adapter that the options choose. With settings for light that all views share, that is solved; `tell(done, all)` is called now
+    /// Brings a scene to the adapter that the options choose. With settings for light that all views share, that is solved;
+    /// `tell(done, all)` is called now
     /// and then, and when it answers `false`, the work is given up and the result is `None`.
     ///
     /// # Errors

@@ -7,7 +7,8 @@ use corf_gpu::{Context, Kernel};
 use corf_scene::Result;
 
 impl GpuLight<'_> {
-    /// Runs a WGSL function `item(i)` for every i below `count`: it reads `asked` and writes `found`, of which it has `words` words each.
+    /// Runs a WGSL function `item(i)` for every i below `count`: it reads `asked` and writes `found`, of which it has `words`
+    /// words each.
     pub fn probe(&self, item: &str, asked: &[u32], count: usize, words: usize) -> Result<Vec<u32>> {
         let kernel = Kernel::new(&self.context, "probe", &shaders::probe(&constants(self.tracer, &tree(self.tracer)), item))?;
         let asked = upload(&self.context, "asked", asked)?;

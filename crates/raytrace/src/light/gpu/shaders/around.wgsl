@@ -1,4 +1,5 @@
-// cache/site.rs: sites spread over the surroundings that a point of the coarse lattice stands for. A thread is a point. `list` is 0 for direct light,
+// cache/site.rs: sites spread over the surroundings that a point of the coarse lattice stands for. A thread is a point. `list` is
+// 0 for direct light,
 // 1 for walks: each has sites of its own.
 
 const PARTS = 6u;

@@ -1,4 +1,5 @@
-// cache/direct.rs: light straight from patches at a site. The threads of a workgroup share the patches' closed forms and the rays.
+// cache/direct.rs: light straight from patches at a site. The threads of a workgroup share the patches' closed forms and the
+// rays.
 
 const STAGE_DIRECT = 0xd10002u;
 

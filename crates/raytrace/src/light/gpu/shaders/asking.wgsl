@@ -1,4 +1,5 @@
-// cache/mod.rs: light that a surface receives, at the fineness that a ray's footprint asks for. A tile that is not there is wanted from now on, and the
+// cache/mod.rs: light that a surface receives, at the fineness that a ray's footprint asks for. A tile that is not there is
+// wanted from now on, and the
 // path that asked for it counts for nothing.
 
 fn slot_state(slot: u32) -> u32 {

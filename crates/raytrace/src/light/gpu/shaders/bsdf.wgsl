@@ -1,5 +1,5 @@
-// bsdf.rs: GGX over an energy-conserving Lambertian base. Behind the 256 entries of decoded bytes, `tables` holds the specular lobe's albedo
-// (scale, bias) over cosine and roughness, then its means.
+// bsdf.rs: GGX over an energy-conserving Lambertian base. Behind the 256 entries of decoded bytes, `tables` holds the specular
+// lobe's albedo (scale, bias) over cosine and roughness, then its means.
 
 const TABLE_AT = 256u;
 const COSINES = 64u;

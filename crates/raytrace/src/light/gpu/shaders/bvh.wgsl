@@ -1,7 +1,7 @@
 // Rays against the tree (bvh/): closest hit and what passes along a shadow ray. Two boxes a step, the nearer child first.
 //
-// Watertight: an edge's function is dot(cross(e, p + q), d), exactly opposite in the two triangles that share it whether or not the driver
-// fuses products.
+// Watertight: an edge's function is dot(cross(e, p + q), d), exactly opposite in the two triangles that share it whether or not
+// the driver fuses products.
 
 struct Ray {
     origin: vec3<f32>,

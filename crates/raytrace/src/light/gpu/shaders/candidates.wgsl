@@ -1,4 +1,5 @@
-// cache/direct.rs: the patches that may light a tile, with how often and how to ask them. A workgroup is a tile, a thread one of 64 emitters.
+// cache/direct.rs: the patches that may light a tile, with how often and how to ask them. A workgroup is a tile, a thread one of
+// 64 emitters.
 
 const STAGE_PILOT = 0xd10001u;
 const PILOT_POINTS = 16u;
@@ -56,7 +57,8 @@ fn pilots(i: u32, n: u32, state: vec2<u32>) -> f32 {
         let site = sites[there[rng_below(&draws, n)]];
         let x = rng_uniform(&draws);
         let on_light = patch_toward(i, site.position, vec2(x, rng_uniform(&draws)));
-        if (on_light.solid_angle > 0.0 && max3(transmittance(segment(start_of(site), on_light.position))) > 0.5) { visible += 1.0; }
+        if (on_light.solid_angle > 0.0
+            && max3(transmittance(segment(start_of(site), on_light.position))) > 0.5) { visible += 1.0; }
     }
     return visible;
 }
@@ -100,7 +102,9 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let total = scanned[63].x;
     workgroupBarrier();
     let stream = rng_keyed(
-        vec2(params.seed.x ^ job.number, params.seed.y), vec2(STAGE_PILOT, 0u), vec2(bitcast<u32>(params.spacing_m[job.field].x), 0u),
+        vec2(params.seed.x ^ job.number, params.seed.y),
+        vec2(STAGE_PILOT, 0u),
+        vec2(bitcast<u32>(params.spacing_m[job.field].x), 0u),
     );
     // Candidates, pilots and probabilities so far.
     var before = vec3(0.0);

@@ -1,4 +1,5 @@
-// Direct light at points of the coarse lattice, lights without extent included: the mean over their sites. A workgroup is a point.
+// Direct light at points of the coarse lattice, lights without extent included: the mean over their sites. A workgroup is a
+// point.
 
 // Numbers that a point draws for its sites, and each of them for its light.
 const SITE_DRAWS = 2u;

@@ -26,8 +26,8 @@ struct Sums {
     object: u32,
 }
 
-// Slots of `work`: lengths of both lists, tiles that are wanted, whether a pixel's radiance is no number; then the numbers of those tiles; at
-// `lists_at` the lists of pixels and the number of paths that each wants.
+// Slots of `work`: lengths of both lists, tiles that are wanted, whether a pixel's radiance is no number; then the numbers of
+// those tiles; at `lists_at` the lists of pixels and the number of paths that each wants.
 const LENGTHS = 0u;
 const WANTED = 2u;
 const NOT_FINITE = 3u;

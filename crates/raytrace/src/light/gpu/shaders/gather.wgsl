@@ -1,4 +1,5 @@
-// cache/gather.rs: indirect light at a lattice point, gathered from the coarse lattice. A workgroup is a point, its threads share the walks.
+// cache/gather.rs: indirect light at a lattice point, gathered from the coarse lattice. A workgroup is a point, its threads share
+// the walks.
 
 const STAGE_GATHER = 0xcac4e100u;
 

@@ -1,6 +1,6 @@
-// cache/field.rs: light kept at the points of lattices. A slot says what is of a tile: 0 nothing, 1 it is wanted, else 2 more than the place of its
-// head in the pages. A head has the bits of the tile's rough cells, and is followed by its points, three words of four each: what is received along
-// x, y, z per colour channel; the first of them ends with the point's weight.
+// cache/field.rs: light kept at the points of lattices. A slot says what is of a tile: 0 nothing, 1 it is wanted, else 2 more
+// than the place of its head in the pages. A head has the bits of the tile's rough cells, and is followed by its points, three
+// words of four each: what is received along x, y, z per colour channel; the first of them ends with the point's weight.
 
 const TILE_CELLS = 8u;
 const LEAST_SHARE = 1e-4;

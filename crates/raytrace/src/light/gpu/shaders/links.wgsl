@@ -1,4 +1,5 @@
-// cache/solve.rs: the walks of the coarse lattice's points. A workgroup is a point. Of each point `links` gets a word of four a walk: the point at its
+// cache/solve.rs: the walks of the coarse lattice's points. A workgroup is a point. Of each point `links` gets a word of four a
+// walk: the point at its
 // end (NONE without one) and the throughput between them; then three with the light that its walks met on the way.
 
 const STAGE_SOLVE = 0xcac4e001u;

@@ -69,8 +69,8 @@ fn dihedral(p: vec3<f32>, q: vec3<f32>) -> f32 {
     return angle(length(cross(p, q)), dot(p, q));
 }
 
-// A direction drawn evenly over the triangle that three corners span as seen from the origin (Arvo 1995), and its solid angle (van Oosterom and
-// Strackee 1983), 0 where it has none.
+// A direction drawn evenly over the triangle that three corners span as seen from the origin (Arvo 1995), and its solid angle
+// (van Oosterom and Strackee 1983), 0 where it has none.
 fn spherical_triangle(p: vec3<f32>, q: vec3<f32>, r: vec3<f32>, u: vec2<f32>) -> vec4<f32> {
     let a = normalize(p);
     let b = normalize(q);

@@ -1,4 +1,5 @@
-// Camera paths of pixels until each has `samples` of them. A thread is a pixel; whose path ends begins the next at once. A pixel that lacked a tile
+// Camera paths of pixels until each has `samples` of them. A thread is a pixel; whose path ends begins the next at once. A pixel
+// that lacked a tile
 // is left as it was and put on the other list.
 
 fn add_path(sum: ptr<function, Sums>, path: Path) {

@@ -1,4 +1,5 @@
-// cache/field.rs: the cells of a tile within which interpolation is likely to be poor; then the tile is there. A workgroup is a tile, a thread a cell.
+// cache/field.rs: the cells of a tile within which interpolation is likely to be poor; then the tile is there. A workgroup is a
+// tile, a thread a cell.
 
 const TOLERANCE = 0.01;
 const CONTRAST = 0.3;

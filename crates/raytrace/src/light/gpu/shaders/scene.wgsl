@@ -142,7 +142,8 @@ struct Params {
     // Key of the frame's random numbers, and the seed.
     frame: vec2<u32>,
     seed: vec2<u32>,
-    // Paths a pixel has when this pass is through; those of every pixel; the most; the variance of a developed pixel that is sought.
+    // Paths a pixel has when this pass is through; those of every pixel; the most; the variance of a developed pixel that is
+    // sought.
     samples: u32,
     base: u32,
     most: u32,

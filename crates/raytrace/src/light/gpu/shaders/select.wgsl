@@ -1,5 +1,5 @@
-// Adaptive sampling. In the first pass (`samples` = `base`): how many paths each pixel wants, by how much its own and its neighbours' disagree. In
-// the others: the list of the pixels that want `samples`.
+// Adaptive sampling. In the first pass (`samples` = `base`): how many paths each pixel wants, by how much its own and its
+// neighbours' disagree. In the others: the list of the pixels that want `samples`.
 
 fn variance_of(pixel: u32) -> f32 {
     let n = sums[pixel].n;

@@ -40,7 +40,8 @@ fn texel(texture: Texture, x: i32, y: i32, is_color: bool) -> vec4<f32> {
     return vec4(select(vec3(r.y, g.y, b.y), vec3(r.x, g.x, b.x), is_color), f32(bits >> 24u) * (1.0 / 255.0));
 }
 
-// The value at a mesh's texture coordinate: colour decoded, alpha linear; white without a texture. `ahead` is the number of textures to look ahead:
+// The value at a mesh's texture coordinate: colour decoded, alpha linear; white without a texture. `ahead` is the number of
+// textures to look ahead:
 // that of all of them for coarse ones.
 fn sample_map(map: Map, uv_mesh: vec2<f32>, is_color: bool, ahead: u32) -> vec4<f32> {
     if (map.texture == NONE) { return vec4(1.0); }

@@ -21,7 +21,8 @@ struct Job {
     first_point: u32,
 }
 
-// A lattice point on its surface (cache/site.rs), or one of SITES that stand for its surroundings; of the reflection, what does not depend on the
+// A lattice point on its surface (cache/site.rs), or one of SITES that stand for its surroundings; of the reflection, what does
+// not depend on the
 // viewer.
 struct Site {
     position: vec3<f32>,
