@@ -127,7 +127,6 @@ mod tests {
             mask: None,
             spectrum: Some(Raster::filled(64, 48, 1e-6)),
             sphere: None,
-            tutorial: None,
             share_in_frame: None,
             paths_jsonl: None,
         };

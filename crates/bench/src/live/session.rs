@@ -194,7 +194,6 @@ impl Session {
                 mask: mask.clone(),
                 spectrum: Some(spectrum.clone()),
                 sphere: None,
-                tutorial: None,
                 share_in_frame: None,
                 paths_jsonl: None,
             };

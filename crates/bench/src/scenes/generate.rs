@@ -95,14 +95,10 @@ pub fn generate_from(
     header.exposure_ev = Some(exposure_ev);
     camera.expose(exposure_ev as f32);
     header.sampling_error = array.sampling_error(&header.rf_camera, &header.poses)?;
-    if config.rf.tutorial_compat {
-        header.tutorial_range = array.tutorial_range(&header.poses)?;
-    }
     let outputs = Outputs {
         extent: Extent::of_keyframe(&config.rf, &plan.receiver),
         camera: header.rf_camera,
         sphere: header.sphere,
-        tutorial: header.tutorial_range,
         paths: config.rf.write_paths,
     };
     let platform = Platform { camera, array, outputs };

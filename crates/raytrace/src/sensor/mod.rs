@@ -35,7 +35,6 @@ impl Platform<'_> {
         Ok(FrameData {
             spectrum: Some(radio.spectrum),
             sphere: radio.sphere,
-            tutorial: radio.tutorial,
             share_in_frame: Some(radio.share_in_frame),
             paths_jsonl: radio.paths_jsonl,
             ..optical

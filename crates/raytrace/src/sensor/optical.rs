@@ -163,7 +163,6 @@ impl<'a> OpticalSensor<'a> {
             mask: None,
             spectrum: None,
             sphere: None,
-            tutorial: None,
             share_in_frame: None,
             paths_jsonl: None,
         })

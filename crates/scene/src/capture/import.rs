@@ -139,7 +139,6 @@ fn frame(plan: &Plan, index: usize, options: &ImportOptions) -> Result<FrameData
         mask,
         spectrum,
         sphere: None,
-        tutorial: None,
         share_in_frame: None,
         paths_jsonl: None,
     })

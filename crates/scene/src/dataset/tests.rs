@@ -65,7 +65,6 @@ fn frame(index: usize) -> FrameData {
         // Peak of the dataset: keyframe 7, 2e-6 = −56.99 dB.
         spectrum: Some(Raster::from_fn(12, 8, |x, y| if (x, y) == (5, 4) && index == 7 { 2e-6 } else { 1e-9 * (x * y) as f32 })),
         sphere: Some(Raster::from_fn(6, 3, |x, y| 1e-8 * (x + y) as f32)),
-        tutorial: Some(Raster::filled(12, 8, [index as u8, 1, 2])),
         share_in_frame: Some(0.25 + 0.05 * index as f64),
         paths_jsonl: (index == 2).then(|| "{\"tau_s\":1e-8}\n".to_string()),
     }

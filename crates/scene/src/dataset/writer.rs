@@ -38,8 +38,6 @@ pub struct FrameData {
     pub spectrum: Option<Raster<f32>>,
     /// Spectrum over the whole sphere, if it is to be kept: as `spectrum`.
     pub sphere: Option<Raster<f32>>,
-    /// RF image by the recipe of published sets, if it is to be kept.
-    pub tutorial: Option<Raster<[u8; 3]>>,
     /// Share of the arriving power from directions inside the RF frame, in `[0, 1]`.
     pub share_in_frame: Option<f64>,
     /// Propagation paths, one JSON object a line.
@@ -135,7 +133,6 @@ pub fn grown_frame(dir: &Path, index: usize) -> Result<FrameData> {
         mask: mask.exists().then(|| io::read_mask(&mask)).transpose()?,
         spectrum: Some(io::read_exr_f32(dir.join(layout::spectrum(index)))?),
         sphere: None,
-        tutorial: None,
         share_in_frame: None,
         paths_jsonl: None,
     })
@@ -351,9 +348,6 @@ impl DatasetWriter {
         if let Some(sphere) = &frame.sphere {
             contents.push((layout::sphere(index), Box::new(move || io::encode_exr_f32_in(sphere, "Y", unit))));
         }
-        if let Some(tutorial) = &frame.tutorial {
-            contents.push((layout::tutorial_image(index), Box::new(|| io::encode_png(tutorial))));
-        }
         if let Some(paths) = &frame.paths_jsonl {
             contents.push((layout::paths(index), Box::new(|| io::gzip(paths.as_bytes()))));
         }
@@ -403,7 +397,6 @@ impl DatasetWriter {
         let rf = [
             ("spectrum", frame.spectrum.as_ref().map(|s| (s.width(), s.height())), (r.width, r.height)),
             ("sphere", frame.sphere.as_ref().map(|s| (s.width(), s.height())), sphere),
-            ("tutorial", frame.tutorial.as_ref().map(|t| (t.width(), t.height())), (r.width, r.height)),
         ];
         for (name, size, expected) in optical.chain(rf) {
             if let Some(size) = size.filter(|s| *s != expected) {
