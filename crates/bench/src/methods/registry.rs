@@ -288,6 +288,44 @@ mod tests {
     }
 
     #[test]
+    fn what_has_no_effect_is_refused_where_it_is_given_and_read_where_it_was() {
+        let cases = [
+            ("corf-gs", "optimizer.position_rate_m = 1.0", "position_rate, the rate"),
+            ("corf-gs", "second_stage_opacity = \"optical\"", "corf-gs-frozen"),
+            ("corf-gs", "uniform_probability = 0.2", "sampling = \"uniform\""),
+            ("corf-gs-uniform", "log_sigma_px = 1.0", "sampling = \"log\""),
+            ("corf-gs", "depth.folder_kind = \"inverse-relative\"", "depth.prior = \"folder\""),
+            ("corf-gs", "depth = { prior = \"folder\", folder = \"maps\", png_scale = 10.0 }", "a metric depth.folder_kind"),
+            ("corf-gs", "depth.input_px = 392", "depth-anything"),
+            ("corf-gs", "depth.imagenet_normalisation = false", "depth-anything"),
+            ("corf-gs-paper", "depth.corrected_range = 0.1", "depth.correction = true"),
+            ("corf-array", "light.optimizer.position_rate_m = 1.0", "position_rate, the rate"),
+            ("corf-array", "sources = false\nvotes = 3.0", "sources = true"),
+            ("rf-3dgs", "random_points = 50", "initial_points = \"random\""),
+            ("rf-3dgs", "initial_gaussians = \"a.ply\"\ndensity.every = 7", "optical stage"),
+        ];
+        for (id, text, said) in cases {
+            let overrides: toml::Table = text.parse().unwrap();
+            let error = format!("{:#}", create(id, &overrides, &Backend::Cpu).err().unwrap_or_else(|| panic!("{id}: {text}")));
+            assert!(error.contains("has no effect") && error.contains(said) && error.contains("help: "), "{error}");
+            // A run or a record of an earlier version may hold it; the configuration that it resolves to is the one without.
+            let again = create_again(id, &overrides, &Backend::Cpu).unwrap();
+            assert_eq!(without_retired(&again.config()), again.config());
+        }
+        for (id, text) in [
+            ("corf-gs-uniform", "uniform_probability = 0.2"),
+            ("corf-gs-frozen", "second_stage_opacity = \"initial\""),
+            ("corf-gs", "depth = { prior = \"folder\", folder = \"maps\", folder_kind = \"depth-metric\", png_scale = 10.0 }"),
+            ("corf-gs", "depth.prior = \"none\""),
+            ("rf-3dgs", "initial_points = \"random\"\nrandom_points = 50"),
+        ] {
+            create(id, &text.parse().unwrap(), &Backend::Cpu).unwrap();
+        }
+        let old = serde_json::json!({ "optimizer": { "position_rate_m": 5e-5, "beta1": 0.5 }, "reconstruction": 1 });
+        assert_eq!(without_retired(&old), serde_json::json!({ "optimizer": { "beta1": 0.5 }, "reconstruction": 1 }));
+    }
+
+    #[test]
     fn part_of_an_inner_table_leaves_the_rest_of_it() {
         let mut table: toml::Table = "a = 1\nb = { c = 2, d = 3 }".parse().unwrap();
         merge(&mut table, "b.c = 4\ne = 5".parse().unwrap());

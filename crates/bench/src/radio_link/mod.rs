@@ -130,11 +130,13 @@ pub struct LinkArgs {
     /// Transmitter of this name in the scene's `[transmitters]`; may be repeated. Without it `[transmitter]`.
     #[arg(long, value_name = "NAME")]
     pub transmitter: Vec<String>,
+    /// How paths are found.
     #[command(flatten)]
     pub paths: PathArgs,
     /// Gather the diffuse field as well.
     #[arg(long)]
     pub diffuse: bool,
+    /// How scattered power is sampled.
     #[command(flatten)]
     pub scattering: ScatteringArgs,
     /// Transmit power, dBm (default 30).
@@ -424,6 +426,15 @@ fn array(given: &LinkArray, grid: Option<Grid>, (scene, spacing): (Antenna, [f64
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn files_of_earlier_versions_name_the_limit_otherwise() {
+        let of = |text: &str| corf_scene::config::from_toml::<LinkConfig>(text, "RF.toml");
+        for name in ["max_interactions", "max_depth", "max_reflections"] {
+            assert_eq!(of(&format!("{name} = 2")).unwrap(), LinkConfig { max_interactions: 2, ..LinkConfig::default() });
+        }
+        assert!(of("max_interactions = 2\nmax_depth = 3").unwrap_err().to_string().contains("max_depth"));
+    }
 
     #[test]
     fn points_and_grids_are_read_or_refused() {

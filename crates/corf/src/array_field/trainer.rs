@@ -3,7 +3,7 @@
 use super::anchors::Anchors;
 use super::births::{Sighting, meeting};
 use super::cloud::Cloud;
-use super::config::{ArrayConfig, Surface};
+use super::config::ArrayConfig;
 use super::field::ArrayField;
 use super::peaks::{Ray, rays};
 use super::peel::{Peeled, peel};

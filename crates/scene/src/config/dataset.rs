@@ -557,6 +557,22 @@ height = 64
     }
 
     #[test]
+    fn keys_of_earlier_versions_are_read_and_written_as_they_were() {
+        let rf = |keys: &str| from_toml::<RfConfig>(&format!("width = 8\nheight = 6\n{keys}"), "d.toml");
+        let own = RfConfig { width: 8, height: 6, max_interactions: 2, ..RfConfig::default() };
+        for name in ["max_interactions", "max_reflections", "max_depth"] {
+            assert_eq!(rf(&format!("{name} = 2")).unwrap(), own);
+        }
+        // A header's hash is that of its text, by which `--resume` knows what was begun, and records what they are of.
+        let text = serde_json::to_string(&own).unwrap();
+        let begin = "{\"width\":8,\"height\":6,\"horizontal_fov_deg\":90.0,\"max_reflections\":2,\"transmission\":true,\"diffraction\":false,\"diffuse\":true,";
+        assert!(text.starts_with(begin) && text.ends_with(",\"write_db\":false,\"tutorial_compat\":false}"), "{text}");
+        assert_eq!(serde_json::from_str::<RfConfig>(&text).unwrap(), own);
+        let old = rf("tutorial_compat = true").unwrap();
+        assert!(old.validate("d.toml").unwrap_err().to_string().contains("rf.tutorial_compat"));
+    }
+
+    #[test]
     fn the_committed_configurations_load() {
         let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
         for (name, keyframes, optical, rf) in [
