@@ -94,7 +94,8 @@ const VALUES: &[(&str, &str)] = &[
 const GAUSSIANS: &str = "iterations_per_keyframe = 6\noptimizer.position_decay = 0.3\n";
 const RF_3DGS: &str = "optical_steps = 60\nrf_steps = 8\ndegree_interval = 10\nrates.position_steps = 50\n\
                        density = { from = 5, until = 50, every = 10, reset_every = 20, gradient = 1e-7 }\n";
-const NERF2: &str = "iterations = 4\nrays = 16\nsamples = 4\nlayers = 3\nwidth = 8\nskip = 1\nfrequencies = 2\ncosine_steps = 6\n";
+const NERF2: &str =
+    "iterations = 4\nrays = 16\nsamples = 4\nlayers = 3\nwidth = 8\nskip = 1\nfrequencies = 2\ncosine_steps = 6\n";
 const WRF: &str = "iterations = 16\nrandom_points = 120\nlayers = 3\nwidth = 8\nskip = 1\nposition_frequencies = 2\nreceiver_frequencies = 2\n\
                    receiver_width = 8\nreceiver_features = 4\n\
                    density = { from = 3, until = 14, every = 4, reset_every = 8, gradient = 1e-9 }\n";
@@ -175,7 +176,8 @@ fn other_value(key: &Value, context: &Context, special: &[(String, String)]) -> 
     let known = VALUES.iter().map(|(k, v)| (*k, *v)).chain(special.iter().map(|(k, v)| (k.as_str(), v.as_str())));
     // Keys of one name may be a number in one method and a list in another.
     let matches = |k: &str, v: &str| {
-        (name == k || name.strip_suffix(k).is_some_and(|outer| outer.ends_with('.'))) && (now.is_null() || now.is_array() == v.starts_with('['))
+        (name == k || name.strip_suffix(k).is_some_and(|outer| outer.ends_with('.')))
+            && (now.is_null() || now.is_array() == v.starts_with('['))
     };
     if let Some((_, value)) = known.filter(|(k, v)| matches(k, v)).max_by_key(|(k, _)| k.len()) {
         return value.to_owned();
@@ -227,13 +229,20 @@ fn contexts(depth_maps: &Path) -> Vec<Vec<Context>> {
             of("corf-gs", &maps, LOBES),
         ],
         vec![of("corf-gs-paper", GAUSSIANS, LOBES)],
-        vec![of("corf-gs-fast", "optimizer.position_decay = 0.3\niterations_per_keyframe = 6\noverlapped_iterations = 6\n", LOBES)],
+        vec![of(
+            "corf-gs-fast",
+            "optimizer.position_decay = 0.3\niterations_per_keyframe = 6\noverlapped_iterations = 6\n",
+            LOBES,
+        )],
         vec![of("corf-gs-uniform", GAUSSIANS, LOBES)],
         vec![of("corf-gs-frozen", GAUSSIANS, LOBES)],
         vec![of("corf-gs-rf-tuned", GAUSSIANS, LOBES)],
         vec![of("corf-array", light, BEAMS), of("corf-array", light, LOBES)],
         vec![of("corf-array", light, LOBES)],
-        vec![of("rf-3dgs", RF_3DGS, LOBES), of("rf-3dgs", &format!("{RF_3DGS}initial_points = \"random\"\nrandom_points = 200\n"), LOBES)],
+        vec![
+            of("rf-3dgs", RF_3DGS, LOBES),
+            of("rf-3dgs", &format!("{RF_3DGS}initial_points = \"random\"\nrandom_points = 200\n"), LOBES),
+        ],
         vec![of("rf-3dgs-corrected", RF_3DGS, LOBES)],
         vec![of("nerf2", NERF2, LOBES)],
         vec![of("nerf2-corrected", NERF2, LOBES)],

@@ -237,7 +237,8 @@ impl DepthConfig {
     /// Keys that mean nothing beside the others: those of other priors, and of what is left out.
     fn idle_keys(&self) -> Vec<IdleKey> {
         use DepthPriorKind as Prior;
-        const ALIGNED: &str = "it counts with a prior that is aligned alone: depth.prior = \"simulated\", \"folder\" or \"depth-anything\"";
+        const ALIGNED: &str =
+            "it counts with a prior that is aligned alone: depth.prior = \"simulated\", \"folder\" or \"depth-anything\"";
         const NETWORK: &str = "it counts with depth.prior = \"depth-anything\" alone";
         const METRIC: &str = "it counts with depth.prior = \"folder\" and a metric depth.folder_kind alone";
         let is_aligned = matches!(self.prior, Prior::Simulated | Prior::Folder | Prior::DepthAnything);

@@ -135,7 +135,11 @@ impl OptimizerConfig {
     /// Keys of earlier versions that never had an effect in a reconstruction.
     pub fn idle_keys(&self) -> Vec<IdleKey> {
         let why = "the reconstructor sets this rate from the cameras' baselines";
-        vec![IdleKey { key: "position_rate_m".to_owned(), why, help: "give position_rate, the rate where the mean baseline is 0.1" }]
+        vec![IdleKey {
+            key: "position_rate_m".to_owned(),
+            why,
+            help: "give position_rate, the rate where the mean baseline is 0.1",
+        }]
     }
 
     /// # Errors

@@ -2,7 +2,9 @@
 //! the optical stage, and of RF-3DGS (Zhang et al. 2026) for the RF stage.
 
 use super::density::DensityConfig;
-use corf::{Antialias, Appearance, AppearanceRates, Error, Gaussians, IdleKey, OptimizerConfig, RasterConfig, Result, target::RfTarget};
+use corf::{
+    Antialias, Appearance, AppearanceRates, Error, Gaussians, IdleKey, OptimizerConfig, RasterConfig, Result, target::RfTarget,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;

@@ -169,7 +169,8 @@ fn nothing_is_seen_that_no_end_beside_sees() {
             continue;
         }
         let bvh = Bvh::build(&scene);
-        let tracer = RadioTracer::new(&scene, &bvh, RadioSettings { max_interactions: 3, ..settings(Search::Exhaustive) }).unwrap();
+        let tracer =
+            RadioTracer::new(&scene, &bvh, RadioSettings { max_interactions: 3, ..settings(Search::Exhaustive) }).unwrap();
         let exactly = signatures(&tracer.paths(tx, rx).unwrap());
         let mut shift = Rng::keyed(59, 1, seed);
         let around: Vec<Vec<String>> =
