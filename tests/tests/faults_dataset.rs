@@ -31,7 +31,7 @@ impl Room {
         let config = format!(
             "name = \"room\"\nscene = \"room.toml\"\nkeyframes = 4\n{top}\
              [optical]\nwidth = 32\nheight = 18\nsamples_per_pixel = 2\nmax_bounces = 2\n\
-             [rf]\nwidth = 24\nheight = 16\nmax_reflections = 2\n{rf}\n[split]\ntest_every = 2\n"
+             [rf]\nwidth = 24\nheight = 16\nmax_interactions = 2\n{rf}\n[split]\ntest_every = 2\n"
         );
         fs::write(folder.path().join("data.toml"), config).unwrap();
         Self { folder }

@@ -163,7 +163,7 @@ fn room(folder: &Path, material: &str, emission: &str, scale: f64, dataset: &str
     );
     fs::write(&scene, text).unwrap();
     let config = folder.join("d.toml");
-    let defaults = "name = \"d\"\nscene = \"room.toml\"\nkeyframes = 2\n[optical]\nwidth = 8\nheight = 6\nsamples_per_pixel = 1\nmax_bounces = 2\n[rf]\nwidth = 8\nheight = 6\npatch_size_m = 0.5\ndirections = 100000\nphotons = 1000\nrays = 1000\nmax_reflections = 2\n";
+    let defaults = "name = \"d\"\nscene = \"room.toml\"\nkeyframes = 2\n[optical]\nwidth = 8\nheight = 6\nsamples_per_pixel = 1\nmax_bounces = 2\n[rf]\nwidth = 8\nheight = 6\npatch_size_m = 0.5\ndirections = 100000\nphotons = 1000\nrays = 1000\nmax_interactions = 2\n";
     let (from, to) = dataset.split_once('|').unwrap_or_default();
     let text = defaults.replace(from, to);
     assert!(from.is_empty() || text != defaults, "{from}");

@@ -38,7 +38,7 @@ fn every_command_says_once_what_the_import_left_out() {
     let set = folder.path().join("set.toml");
     let body = format!(
         "name = \"tiny\"\nscene = {scene:?}\nkeyframes = 2\n[optical]\nwidth = 32\nheight = 18\nmethod = \"path\"\nsamples_per_pixel = 2\n\
-         max_bounces = 2\n[rf]\nwidth = 16\nheight = 12\nmax_reflections = 1\nphotons = 10000\ndirections = 100000\npatch_size_m = 0.5\nlobe_width_deg = 1.0\n"
+         max_bounces = 2\n[rf]\nwidth = 16\nheight = 12\nmax_interactions = 1\nphotons = 10000\ndirections = 100000\npatch_size_m = 0.5\nlobe_width_deg = 1.0\n"
     );
     fs::write(&set, body).unwrap();
     let out = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
@@ -194,7 +194,7 @@ fn walls(folder: &Path, walls: &[[[f32; 3]; 4]], transmitter: [f32; 3]) -> PathB
 fn the_edge_past_which_a_wave_goes_is_the_border_of_all_pieces() {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("rf.toml");
-    fs::write(&config, "edge_diffraction = true\ndiffraction = true\nmax_depth = 2\n").unwrap();
+    fs::write(&config, "edge_diffraction = true\ndiffraction = true\nmax_interactions = 2\n").unwrap();
     let piece = |[y0, y1, z0, z1]: [f32; 4]| [[y0, z0], [y1, z0], [y1, z1], [y0, z1]].map(|[y, z]| [0.0, y, z]);
     let past = |pieces: &[[f32; 4]]| {
         let list: Vec<_> = pieces.iter().map(|p| piece(*p)).collect();
@@ -240,7 +240,7 @@ const REFLECTED_DB: f64 = 0.5;
 fn pieces_of_one_plane_are_one_sheet_however_float32_rounds_them() {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("rf.toml");
-    fs::write(&config, "edge_diffraction = true\ndiffraction = true\nmax_depth = 2\n").unwrap();
+    fs::write(&config, "edge_diffraction = true\ndiffraction = true\nmax_interactions = 2\n").unwrap();
     // Rectangles of the plane x by their ranges of y and z.
     let piece = |x: f32, [y0, y1, z0, z1]: [f32; 4]| [[y0, z0], [y1, z0], [y1, z1], [y0, z1]].map(|[y, z]| [x, y, z]);
     let sheet = piece(0.0, [-20.0, 0.0, -20.0, 20.0]);
@@ -298,7 +298,7 @@ fn pieces_of_one_plane_reflect_once() {
 fn a_box_within_a_box_that_is_flush_with_it_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("rf.toml");
-    fs::write(&config, "diffraction = true\nmax_depth = 2\n").unwrap();
+    fs::write(&config, "diffraction = true\nmax_interactions = 2\n").unwrap();
     let sides = |low: [f32; 3], high: [f32; 3]| -> Vec<[[f32; 3]; 4]> {
         (0..6)
             .map(|side| {

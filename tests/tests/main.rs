@@ -62,6 +62,8 @@ mod questions;
 mod report;
 #[cfg(feature = "slow")]
 mod scale;
+#[cfg(feature = "slow")]
+mod settings;
 mod spectra;
 mod view;
 #[cfg(feature = "slow")]

@@ -16,7 +16,7 @@ UNBIASED = 'method = "path"'
 LITTLE_RADIO = """[rf]
 width = 8
 height = 8
-max_reflections = 1
+max_interactions = 1
 transmission = false
 diffuse = false
 directions = 100

@@ -18,7 +18,7 @@ SAME_PLACE_M = 1e-5
 def spectra(depth, directions):
     """`[rf]` of `bartlett` spectra."""
     return (
-        f'width = {WIDTH}\nheight = {HEIGHT}\nspectrum = "bartlett"\nmax_reflections = {depth}\ndirections = {directions}\nphotons = 3000000\n'
+        f'width = {WIDTH}\nheight = {HEIGHT}\nspectrum = "bartlett"\nmax_interactions = {depth}\ndirections = {directions}\nphotons = 3000000\n'
     )
 
 

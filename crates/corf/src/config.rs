@@ -1,6 +1,6 @@
 //! The configuration of a reconstruction. Defaults are those of `corf-gs`; the paper's own values are in parentheses where they differ.
 
-use crate::{Appearance, Error, Gaussians, Result, target::RfTarget};
+use crate::{Appearance, Error, Gaussians, IdleKey, Result, target::RfTarget};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -234,6 +234,27 @@ impl Default for DepthConfig {
 }
 
 impl DepthConfig {
+    /// Keys that mean nothing beside the others: those of other priors, and of what is left out.
+    fn idle_keys(&self) -> Vec<IdleKey> {
+        use DepthPriorKind as Prior;
+        const ALIGNED: &str =
+            "it counts with a prior that is aligned alone: depth.prior = \"simulated\", \"folder\" or \"depth-anything\"";
+        const NETWORK: &str = "it counts with depth.prior = \"depth-anything\" alone";
+        const METRIC: &str = "it counts with depth.prior = \"folder\" and a metric depth.folder_kind alone";
+        let is_aligned = matches!(self.prior, Prior::Simulated | Prior::Folder | Prior::DepthAnything);
+        let is_metric = matches!(self.folder_kind, FolderKind::DepthMetric | FolderKind::InverseMetric);
+        let is_corrected = is_aligned && self.correction;
+        IdleKey::all([
+            ("preset", self.prior == Prior::Simulated, "it counts with depth.prior = \"simulated\" alone"),
+            ("folder_kind", self.prior == Prior::Folder, "it counts with depth.prior = \"folder\" alone"),
+            ("png_scale", self.prior == Prior::Folder && is_metric, METRIC),
+            ("input_px", self.prior == Prior::DepthAnything, NETWORK),
+            ("imagenet_normalisation", self.prior == Prior::DepthAnything, NETWORK),
+            ("correction", is_aligned, ALIGNED),
+            ("corrected_range", is_corrected, if is_aligned { "it counts with depth.correction = true alone" } else { ALIGNED }),
+        ])
+    }
+
     /// Checks what the priors made elsewhere need: their files are named when the prior asks for them, and only then.
     fn check_prior(&self) -> Result<()> {
         let files = [
@@ -374,6 +395,24 @@ impl ReconstructionConfig {
                 format!("give {range}"),
             )),
         }
+    }
+
+    /// Keys that mean nothing beside the others of this configuration.
+    pub fn idle_keys(&self) -> Vec<IdleKey> {
+        const UNIFORM: &str = "it counts with sampling = \"uniform\" alone (the method corf-gs-uniform)";
+        const LOG: &str = "it counts with sampling = \"log\" alone (all methods but corf-gs-uniform)";
+        const STAGED: &str = "it counts in two stages alone (the methods corf-gs-frozen and corf-gs-rf-tuned)";
+        let uniform = self.sampling == Sampling::Uniform;
+        let mut idle = IdleKey::all([
+            ("second_stage_opacity", self.coupling != Coupling::Joint, STAGED),
+            ("uniform_probability", uniform, UNIFORM),
+            ("least_probability", !uniform, LOG),
+            ("log_sigma_px", !uniform, LOG),
+            ("depth_weight_decay", self.depth_weight > 0.0, "it counts with a depth_weight above 0 alone"),
+            ("visits_per_level", self.pyramid_levels > 1, "it counts with pyramid_levels of 2 and more alone"),
+        ]);
+        idle.extend(self.depth.idle_keys().into_iter().map(|key| key.within("depth")));
+        idle
     }
 
     /// The configuration for images of this size: with the default of `finest_share` resolved and `log_sigma_px` scaled to their pixels.

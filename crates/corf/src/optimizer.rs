@@ -1,6 +1,6 @@
 //! The constants of rasterisation and optimisation; every device honours the same ones.
 
-use crate::{Error, Result};
+use crate::{Error, IdleKey, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -79,9 +79,11 @@ impl Default for AppearanceRates {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OptimizerConfig {
-    /// Position rate in metres per step. The published 5e-5 holds in a world where the mean of the first five camera baselines is 0.1:
-    /// in metres it is 5e-5 · baseline_m / 0.1, which the reconstructor sets once it knows the baselines
-    /// ([`Device::set_position_rate_m`](crate::Device::set_position_rate_m)).
+    /// Position rate in metres per step with which a device begins. The published 5e-5 holds in a world where the mean of the first five
+    /// camera baselines is 0.1: in metres it is 5e-5 · baseline_m / 0.1, which the reconstructor sets once it knows the baselines
+    /// ([`Device::set_position_rate_m`](crate::Device::set_position_rate_m)). So it is no key of a method; records of earlier versions have it.
+    #[serde(skip_serializing)]
+    #[schemars(skip)]
     pub position_rate_m: f32,
     /// Decay of a Gaussian's position learning rate: the fraction lost at each step in which it is visible.
     pub position_decay: f32,
@@ -130,6 +132,16 @@ const MAX_RATE: f32 = 10.0;
 const MIN_EPSILON: f32 = 1e-30;
 
 impl OptimizerConfig {
+    /// Keys of earlier versions that never had an effect in a reconstruction.
+    pub fn idle_keys(&self) -> Vec<IdleKey> {
+        let why = "the reconstructor sets this rate from the cameras' baselines";
+        vec![IdleKey {
+            key: "position_rate_m".to_owned(),
+            why,
+            help: "give position_rate, the rate where the mean baseline is 0.1",
+        }]
+    }
+
     /// # Errors
     /// A rate that is negative or not finite, a β outside `[0, 1)`, a weight outside `[0, 1]`; the error names the key.
     pub fn validate(&self) -> Result<()> {

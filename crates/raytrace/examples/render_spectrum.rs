@@ -125,7 +125,7 @@ fn main() -> Result<()> {
     let lobe_deg = o.lobe_deg.unwrap_or(config.rf.lobe_width_deg);
     let settings = RadioSettings {
         frequency_hz: scene_config.radio.frequency_hz,
-        max_depth: config.rf.max_reflections,
+        max_interactions: config.rf.max_interactions,
         transmission: config.rf.transmission,
         min_face_area_m2: o.min_face_m2.unwrap_or(RadioSettings::default().min_face_area_m2),
         tx_antenna: Antenna::from(&scene_config.transmitter),

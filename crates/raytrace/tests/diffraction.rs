@@ -71,7 +71,7 @@ fn half_plane(material: Material) -> Scene {
 
 fn settings() -> RadioSettings {
     RadioSettings {
-        max_depth: 1,
+        max_interactions: 1,
         transmission: false,
         diffraction: true,
         edge_diffraction: true,
@@ -474,7 +474,7 @@ fn edges_flush_with_the_floor_do_not_diffract() {
 fn the_lattice_finds_the_diffracted_paths_of_the_exhaustive_search() {
     let scene = furnished(slab("wood", 1.99, 0.378));
     let bvh = Bvh::build(&scene);
-    let deep = RadioSettings { max_depth: 3, transmission: true, edge_diffraction: false, ..settings() };
+    let deep = RadioSettings { max_interactions: 3, transmission: true, edge_diffraction: false, ..settings() };
     let oracle = RadioTracer::without_bvh(&scene, deep).unwrap();
     let lattice = RadioSettings { search: Search::Lattice { rays: 200_000 }, ..deep };
     let lattice = RadioTracer::new(&scene, &bvh, lattice).unwrap();

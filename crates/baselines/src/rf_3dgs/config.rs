@@ -2,7 +2,9 @@
 //! the optical stage, and of RF-3DGS (Zhang et al. 2026) for the RF stage.
 
 use super::density::DensityConfig;
-use corf::{Antialias, Appearance, AppearanceRates, Error, Gaussians, OptimizerConfig, RasterConfig, Result, target::RfTarget};
+use corf::{
+    Antialias, Appearance, AppearanceRates, Error, Gaussians, IdleKey, OptimizerConfig, RasterConfig, Result, target::RfTarget,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -165,6 +167,27 @@ impl Rf3dgsConfig {
         self.density.validate()?;
         self.raster().validate()?;
         self.optimizer().validate()
+    }
+
+    /// Keys that mean nothing beside the others of this configuration.
+    pub fn idle_keys(&self) -> Vec<IdleKey> {
+        const RANDOM: &str = "it counts with initial_points = \"random\" alone";
+        const OPTICAL: &str = "it is of the optical stage, which initial_gaussians take the place of";
+        if self.initial_gaussians.is_some() {
+            let of_optical_stage = [
+                "degree_interval",
+                "initial_points",
+                "random_points",
+                "random_extent",
+                "initial_opacity",
+                "rates.position",
+                "rates.position_steps",
+                "density",
+            ];
+            return IdleKey::all(of_optical_stage.map(|key| (key, false, OPTICAL)));
+        }
+        let is_random = self.initial_points == InitialPoints::Random;
+        IdleKey::all([("random_points", is_random, RANDOM), ("random_extent", is_random, RANDOM)])
     }
 
     /// The rasteriser's settings: stock 3DGS filters without antialiasing.

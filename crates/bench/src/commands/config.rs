@@ -2,9 +2,11 @@
 
 use super::{Verdict, show};
 use crate::device::Backend;
+use crate::comparison::sweep::Sweep;
 use crate::documents::explain::{Key, keys, plain};
 use crate::experiment::plan::Plan;
 use crate::methods;
+use crate::radio_link::LinkConfig;
 use anyhow::Result;
 use clap::Args;
 use corf_scene::config::{DatasetConfig, SceneConfig};
@@ -14,9 +16,9 @@ use serde_json::Value;
 /// `corf config`.
 #[derive(Args)]
 pub struct Config {
-    /// Every key of: scene (scene files), dataset (configurations of `corf dataset generate`), plan (of `corf bench run`), or a method (what --set,
-    /// --config and a plan's `config` take), with type, default, unit and meaning.
-    #[arg(long, value_name = "scene|dataset|plan|METHOD")]
+    /// Every key of: scene (scene files), dataset (configurations of `corf dataset generate`), paths or coverage (their --config), plan (of `corf bench
+    /// run`), sweep (of `corf bench sweep`), or a method (what --set, --config and a plan's `config` take), with type, default, unit and meaning.
+    #[arg(long, value_name = "scene|dataset|paths|coverage|plan|sweep|METHOD")]
     explain: String,
     /// Only keys that contain this.
     #[arg(long, value_name = "WORD")]
@@ -29,11 +31,9 @@ impl Config {
     /// # Errors
     /// Neither a kind of file nor a method, or no key with that word.
     pub fn run(self, json: bool) -> Result<Verdict> {
-        let mut list = match self.explain.as_str() {
-            "scene" => of_type::<SceneConfig>(),
-            "dataset" => of_type::<DatasetConfig>(),
-            "plan" => of_type::<Plan>(),
-            method => of_method(method)?,
+        let mut list = match of_file(&self.explain) {
+            Some(list) => list,
+            None => of_method(&self.explain)?,
         };
         if let Some(word) = &self.key {
             list.retain(|key| key.key.contains(word));
@@ -42,6 +42,21 @@ impl Config {
         show(json, &list, &plain(&list))?;
         Ok(Verdict::Done)
     }
+}
+
+/// Kinds of files that are no methods' settings.
+const FILES: [&str; 6] = ["scene", "dataset", "paths", "coverage", "plan", "sweep"];
+
+/// The keys of a kind of file; none where the name is none of [`FILES`].
+fn of_file(name: &str) -> Option<Vec<Key>> {
+    Some(match name {
+        "scene" => of_type::<SceneConfig>(),
+        "dataset" => of_type::<DatasetConfig>(),
+        "paths" | "coverage" => of_type::<LinkConfig>(),
+        "plan" => of_type::<Plan>(),
+        "sweep" => of_type::<Sweep>(),
+        _ => return None,
+    })
 }
 
 fn of_type<T: JsonSchema>() -> Vec<Key> {
@@ -54,7 +69,7 @@ fn of_type<T: JsonSchema>() -> Vec<Key> {
 /// A name that is no method's.
 fn of_method(id: &str) -> Result<Vec<Key>> {
     let method = methods::create(id, &toml::Table::new(), &Backend::Cpu)
-        .map_err(|e| anyhow::anyhow!("{e:#}; scene, dataset and plan are files that can be explained as well"))?;
+        .map_err(|e| anyhow::anyhow!("{e:#}; of files {} can be explained as well", FILES.join(", ")))?;
     let values = method.config();
     let (family, _) = methods::find(id)?;
     let mut list = keys(&(family.schema)().to_value(), &values);
@@ -67,19 +82,13 @@ fn of_method(id: &str) -> Result<Vec<Key>> {
             }
         }
     }
-    list.retain(|key| is_settable(id, key));
+    // What the name decides cannot be set, even to the value that it has.
+    list.retain(|key| !family.decided.contains(&key.key.as_str()));
     for key in &mut list {
         // All of a method's keys have defaults.
         key.required = false;
     }
     Ok(list)
-}
-
-/// Whether a key can be set: what cannot, even to the value that it has, is decided by the method's name.
-fn is_settable(id: &str, key: &Key) -> bool {
-    let Some(default) = &key.default else { return true };
-    let table = format!("{} = {default}", key.key).parse::<toml::Table>();
-    table.is_ok_and(|table| methods::create(id, &table, &Backend::Cpu).is_ok())
 }
 
 #[cfg(test)]
@@ -125,7 +134,7 @@ mod tests {
 
     #[test]
     fn every_key_of_every_file_is_explained() {
-        for list in [of_type::<SceneConfig>(), of_type::<DatasetConfig>(), of_type::<Plan>()] {
+        for list in FILES.map(|name| of_file(name).unwrap()) {
             let unexplained: Vec<&str> = list.iter().filter(|k| k.meaning.is_empty()).map(|k| k.key.as_str()).collect();
             assert!(unexplained.is_empty() && list.len() > 5, "{unexplained:?}");
         }

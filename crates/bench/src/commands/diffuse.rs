@@ -1,7 +1,7 @@
 //! `corf diffuse`: what surfaces scatter towards receivers, and which of them.
 
-use super::paths::Point;
 use super::{Verdict, print};
+use crate::radio_link::{InteractionArgs, Point, ScatteringArgs};
 use crate::run::claim_shared;
 use crate::scenes::in_use;
 use crate::terminal::interrupt;
@@ -32,18 +32,10 @@ pub struct Diffuse {
     /// Receiver, world metres `x,y,z`; any number of times.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, required = true)]
     rx: Vec<Point>,
-    /// Largest number of interactions on a path, the scattering among them.
-    #[arg(long, default_value_t = 3)]
-    depth: usize,
-    /// Directions in which a receiver gathers.
-    #[arg(long, default_value_t = 250_000)]
-    directions: usize,
-    /// Photons that bring indirect light.
-    #[arg(long, default_value_t = 1_000_000)]
-    photons: usize,
-    /// Side of the patches on which they are kept, metres.
-    #[arg(long, default_value_t = DiffuseSettings::default().patch_size_m)]
-    patch_size: f64,
+    #[command(flatten)]
+    interactions: InteractionArgs,
+    #[command(flatten)]
+    scattering: ScatteringArgs,
     /// Mirrors that fill this much of the transmitter's view light surfaces by their exact image, steradians; by default none.
     #[arg(long, default_value_t = NO_MIRRORS_SR)]
     mirror_sr: f64,
@@ -53,9 +45,6 @@ pub struct Diffuse {
     /// Leave out specular reflection.
     #[arg(long)]
     no_reflection: bool,
-    /// Leave out transmission through slabs.
-    #[arg(long)]
-    no_transmission: bool,
     /// Folder for the arrivals, one `RRRRR-SS.npy` for each receiver and sampling: float64 rows of direction x, y, z (world, from the
     /// receiver), power (linear, relative to 1 W transmitted), mean delay (s) and the number of interactions behind the scattering.
     #[arg(long, value_name = "DIR")]
@@ -108,12 +97,10 @@ impl Diffuse {
         config.check_radio(&scene)?;
         let tx = self.tx.map_or(config.transmitter.position(), |p| p.0);
         let bvh = Bvh::build(&scene);
-        let settings = RadioSettings {
-            max_depth: self.depth,
-            reflection: !self.no_reflection,
-            transmission: !self.no_transmission,
-            ..radio_settings(&config)
-        };
+        let mut settings = RadioSettings { reflection: !self.no_reflection, ..radio_settings(&config) };
+        self.interactions.over(&mut settings.max_interactions, &mut settings.transmission);
+        let mut sampling = DiffuseSettings { min_mirror_sr: self.mirror_sr, ..DiffuseSettings::default() };
+        self.scattering.over(&mut sampling.directions, &mut sampling.photons, &mut sampling.patch_size_m);
         let tracer = RadioTracer::new(&scene, &bvh, settings)?;
         let solids = Solids::of(&scene);
         for rx in &self.rx {
@@ -126,24 +113,13 @@ impl Diffuse {
         let near =
             |rx: &Point| near_field::finding(&format!("receiver at {}", rx.0), rx.0.distance(tx), config.radio.frequency_hz);
         messages::findings(self.rx.iter().filter_map(near));
-        messages::findings(geometry_warnings(&scene, !self.no_transmission));
+        messages::findings(geometry_warnings(&scene, settings.transmission));
         let _held = self.arrivals.as_deref().map(claim_shared).transpose()?;
         let replicas = self.replicas;
         let mut sums = vec![Vec::new(); self.rx.len()];
         let mut progress = Progress::start("diffuse", self.rx.len() * replicas as usize, "receivers/s");
         for phase in 0..replicas {
-            let field = DiffuseField::new(
-                &tracer,
-                tx,
-                &DiffuseSettings {
-                    patch_size_m: self.patch_size,
-                    directions: self.directions,
-                    photons: self.photons,
-                    min_mirror_sr: self.mirror_sr,
-                    phase,
-                    ..DiffuseSettings::default()
-                },
-            )?;
+            let field = DiffuseField::new(&tracer, tx, &DiffuseSettings { phase, ..sampling })?;
             for (i, rx) in self.rx.iter().enumerate() {
                 interrupt::check()?;
                 let contributions = field.contributions(rx.0)?;
@@ -160,8 +136,8 @@ impl Diffuse {
             "schema": "corf-diffuse/1",
             "scene": scene.name,
             "frequency_hz": config.radio.frequency_hz,
-            "depth": self.depth,
-            "directions": self.directions,
+            "depth": settings.max_interactions,
+            "directions": sampling.directions,
             "replicas": replicas,
             "tx": tx.to_array(),
             "receivers": receivers,

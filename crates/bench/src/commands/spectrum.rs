@@ -2,7 +2,7 @@
 
 use super::{Verdict, show};
 use crate::files::json::write_json;
-use crate::radio_link::Point;
+use crate::radio_link::{PathArgs, Point, ScatteringArgs, path_args_over};
 use crate::run::claim_fresh;
 use crate::scenes::in_use;
 use crate::terminal::messages;
@@ -12,7 +12,7 @@ use corf_raytrace::bvh::Bvh;
 use corf_raytrace::radio::{RadioTracer, Solids};
 use corf_raytrace::sensor::{Extent, RadioSensor, SensorPlan, geometry_warnings};
 use corf_raytrace::spectrum::{Grid, SpectrumSettings, share_in_frame};
-use corf_scene::config::{RfConfig, SceneConfig, SpectrumKind, TransmitterConfig, from_toml};
+use corf_scene::config::{RfConfig, SceneConfig, SpectrumKind, TransmitterConfig};
 use corf_scene::dataset::{EQUIRECTANGULAR_AXES, Quantity};
 use corf_scene::keyframe::DbRange;
 use corf_scene::{Equirectangular, Error, Pinhole, Raster, Rigid3, Scene, bounds, io};
@@ -53,24 +53,13 @@ pub struct Spectrum {
     /// one pose, for which --towards is needed.
     #[arg(long, value_name = "NAME")]
     transmitter: Vec<String>,
-    /// Largest number of interactions on a path.
-    #[arg(long, default_value_t = 3)]
-    depth: usize,
-    /// Leave out transmission through slabs.
-    #[arg(long)]
-    no_transmission: bool,
-    /// Trace paths that diffract once at an edge of a body or a corner of walls.
-    #[arg(long)]
-    diffraction: bool,
-    /// Trace paths that diffract once at the open edge of a single sheet as well.
-    #[arg(long)]
-    edge_diffraction: bool,
+    #[command(flatten)]
+    paths: PathArgs,
     /// Leave out diffuse scattering.
     #[arg(long)]
     no_diffuse: bool,
-    /// Directions over the sphere in which diffuse power is gathered.
-    #[arg(long, default_value_t = 250_000)]
-    directions: usize,
+    #[command(flatten)]
+    scattering: ScatteringArgs,
     /// Standard deviation of an mpc lobe, degrees per axis.
     #[arg(long, default_value_t = 1.0, allow_hyphen_values = true)]
     lobe_deg: f64,
@@ -256,24 +245,22 @@ impl Spectrum {
 
     /// The options as a dataset's `[rf]` would have them.
     fn rf(&self) -> Result<RfConfig> {
-        let (width, height) = self.size.unwrap_or((300, 200));
         // The one that tells most apart says how finely is looked.
         let finest = self.kind.iter().find(|kind| **kind == Kind::Mpc).or(self.kind.first());
-        let rf = RfConfig {
+        let mut rf = RfConfig {
             spectrum: finest.map_or_else(SpectrumKind::default, |kind| SpectrumKind::from(*kind)),
             horizontal_fov_deg: self.fov_deg,
-            max_reflections: self.depth,
-            transmission: !self.no_transmission,
-            diffraction: self.diffraction,
-            edge_diffraction: self.edge_diffraction,
             diffuse: !self.no_diffuse,
-            directions: self.directions,
             lobe_width_deg: self.lobe_deg,
             bandwidth_hz: self.bandwidth,
             mvdr_loading: self.loading,
             dynamic_range_db: self.range_db,
-            ..from_toml(&format!("width = {width}\nheight = {height}"), "--size")?
+            ..RfConfig::default()
         };
+        (rf.width, rf.height) = self.size.unwrap_or((rf.width, rf.height));
+        path_args_over!(self.paths, rf);
+        self.scattering.check_unused(rf.diffuse, "leave --no-diffuse out, or the flag")?;
+        self.scattering.over(&mut rf.directions, &mut rf.photons, &mut rf.patch_size_m);
         rf.validate("corf spectrum")?;
         Ok(rf)
     }

@@ -18,6 +18,7 @@ use crate::split::Protocol;
 use crate::table::Place;
 use anyhow::{Context, Result, bail};
 use corf_scene::io::write_atomic;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -26,7 +27,7 @@ use std::path::{Path, PathBuf};
 const BASE: &str = "base";
 
 /// A sweep file.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sweep {
     /// Name of the sweep.
@@ -39,6 +40,7 @@ pub struct Sweep {
     pub method: String,
     /// Overrides of the method's configuration in every row.
     #[serde(default)]
+    #[schemars(with = "serde_json::Map<String, serde_json::Value>")]
     pub base: toml::Table,
     /// One key, one row a value.
     #[serde(default)]
@@ -49,22 +51,24 @@ pub struct Sweep {
 }
 
 /// `[[vary]]`.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Vary {
     /// Key of the configuration; dots lead into tables.
     pub key: String,
     /// Its values.
+    #[schemars(with = "Vec<serde_json::Value>")]
     pub values: Vec<toml::Value>,
 }
 
 /// `[[change]]`.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Change {
     /// Label of the row.
     pub label: String,
     /// Overrides on top of the base's.
+    #[schemars(with = "serde_json::Map<String, serde_json::Value>")]
     pub config: toml::Table,
     /// Another method than the sweep's.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -7,14 +7,17 @@
 //! <!-- corf docs: methods -->                         every method and what it is
 //! <!-- corf docs: columns -->                         every metric: heading, key, definition
 //! <!-- corf docs: help -->                            the help of every command
-//! <!-- corf docs: keys scene -->                      the keys of a scene file, or of a data-set file (`keys dataset`)
+//! <!-- corf docs: keys scene -->                      the keys of a scene file, a data-set file (`keys dataset`), the settings of `corf paths` and
+//!                                                     `corf coverage` (`keys paths`), a sweep (`keys sweep`)
 //! <!-- corf docs: end -->
 //! ```
 
 use crate::comparison::suite;
+use crate::comparison::sweep::Sweep;
 use crate::documents::schema;
 use crate::methods::registry;
 use crate::metrics::COLUMNS;
+use crate::radio_link::LinkConfig;
 use crate::table;
 use crate::table::paper;
 use anyhow::{Context, Result, bail, ensure};
@@ -56,13 +59,15 @@ fn content(order: &str, folder: &Path, help: &str) -> Result<String> {
         ["help"] => Ok(help.to_owned()),
         ["keys", "scene"] => Ok(schema::tables::<SceneConfig>("Scene file")),
         ["keys", "dataset"] => Ok(schema::tables::<DatasetConfig>("Data-set file")),
+        ["keys", "paths"] => Ok(schema::tables::<LinkConfig>("Settings of links")),
+        ["keys", "sweep"] => Ok(schema::tables::<Sweep>("Sweep file")),
         ["methods"] => Ok(methods()),
         ["columns"] => Ok(columns()),
         ["table", records] => table_of(&folder.join(records), &[], labels),
         ["table", records, keys] => table_of(&folder.join(records), &keys.split(',').collect::<Vec<_>>(), labels),
         ["paper", records, number] => paper_table(&folder.join(records), number),
         _ => bail!(
-            "neither `table FOLDER`, `table FOLDER KEY,KEY`, `paper FOLDER I`, `methods`, `columns`, `help`, `keys scene` nor `keys dataset`"
+            "neither `table FOLDER`, `table FOLDER KEY,KEY`, `paper FOLDER I`, `methods`, `columns`, `help`, `keys scene`, `keys dataset`, `keys paths` nor `keys sweep`"
         ),
     }
 }

@@ -5,6 +5,7 @@ use crate::experiment::cell_clock::CellClock;
 use crate::experiment::plan::{Cell, Plan, RowKind, slug};
 use crate::methods;
 use crate::methods::interface::{Checkpoints, Method, TrainingSet};
+use crate::methods::registry;
 use crate::metrics::input::Input;
 use crate::metrics::{Halves, Prediction};
 use crate::note;
@@ -114,7 +115,7 @@ impl Part {
         let (method, config) = settings_of(cell, &Split::of(dataset, self.plan.protocol)?, dataset)?;
         let same = record.dataset_hash == dataset.hash()
             && record.method == method
-            && record.config == config
+            && methods::without_retired(&record.config) == config
             && record.protocol == PROTOCOL;
         if !same {
             bail!(
@@ -281,7 +282,7 @@ pub fn check_rows(plan: &Plan, dataset: &Dataset) -> Result<()> {
             let check = || {
                 let method = methods::create(&row.method, &row.config, &Backend::Cpu)?;
                 harness::check_training(method.as_ref(), dataset, &split)?;
-                method.check_files(&TrainingSet::new(dataset, &split))
+                registry::check_data_set(method.as_ref(), &row.config, &TrainingSet::new(dataset, &split))
             };
             check().with_context(|| format!("row \"{}\"", row.label))?;
         }

@@ -13,7 +13,7 @@ use anyhow::{Context, Result};
 use corf::config::{Coupling, DepthPriorKind, ReconstructionConfig};
 use corf::depth::DepthPrior;
 use corf::optimizer::{OptimizerConfig, RasterConfig};
-use corf::{Device, FieldMeta, Reconstructor};
+use corf::{Device, FieldMeta, IdleKey, Reconstructor};
 use corf_scene::keyframe::Modalities;
 pub use live::live_overrides;
 pub(super) use online::Keeper;
@@ -59,6 +59,12 @@ impl CorfGsConfig {
         config.optimizer.validate()?;
         config.raster.validate()?;
         Ok(config)
+    }
+
+    /// Keys of the overrides that mean nothing beside the others.
+    pub(super) fn idle_keys(&self) -> Vec<IdleKey> {
+        let of_optimizer = self.optimizer.idle_keys().into_iter().map(|key| key.within("optimizer"));
+        self.reconstruction.idle_keys().into_iter().chain(of_optimizer).collect()
     }
 
     /// The rasteriser's settings in a run's resolved configuration.
@@ -204,6 +210,10 @@ impl Method for CorfGs {
     fn needs(&self) -> Modalities {
         let staged = self.config.reconstruction.coupling != Coupling::Joint;
         Modalities { light: staged, radio: staged }
+    }
+
+    fn idle_keys(&self, _training: Option<&TrainingSet<'_>>) -> Result<Vec<IdleKey>> {
+        Ok(self.config.idle_keys())
     }
 
     fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {

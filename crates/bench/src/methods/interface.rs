@@ -8,7 +8,7 @@ use crate::split::Split;
 use crate::terminal::interrupt;
 use anyhow::{Context, Result, bail, ensure};
 use corf::depth::DepthQuality;
-use corf::{Field, KeyframeTiming};
+use corf::{Field, IdleKey, KeyframeTiming};
 use corf_scene::config::{ReceiverConfig, SpectrumKind};
 use corf_scene::dataset::Dataset;
 use corf_scene::keyframe::{DbRange, Modalities};
@@ -370,6 +370,14 @@ pub trait Method {
     /// Whether it needs images, and whether it needs spectra.
     fn needs(&self) -> Modalities {
         Modalities::BOTH
+    }
+
+    /// Keys of its settings that mean nothing beside the others; `training` says what they are used on, where that is known yet.
+    ///
+    /// # Errors
+    /// A data set that the method does not know how to take.
+    fn idle_keys(&self, _training: Option<&TrainingSet<'_>>) -> Result<Vec<IdleKey>> {
+        Ok(Vec::new())
     }
 
     /// Looks, before anything is begun, for what the method reads beside the keyframes, and for whatever else it would refuse them for.

@@ -12,4 +12,4 @@ pub mod rf_3dgs;
 pub mod stepwise;
 pub mod wrf_gs_plus;
 
-pub use registry::{abilities, create, find, merge, names};
+pub use registry::{abilities, create, find, merge, names, without_retired};

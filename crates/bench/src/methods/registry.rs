@@ -6,7 +6,7 @@ use crate::device::Backend;
 use crate::split::Split;
 use anyhow::{Context, Result, bail, ensure};
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use corf::RasterConfig;
+use corf::{IdleKey, RasterConfig};
 use corf_scene::dataset::Dataset;
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value;
@@ -139,10 +139,68 @@ pub fn settings(id: &str, overrides: &toml::Table) -> Result<toml::Table> {
 /// Makes a method; `overrides` are keys of its settings, `backend` is where it runs if it needs a device.
 ///
 /// # Errors
-/// An unknown name, a key that does not exist or that the name decides, or a value out of range.
+/// An unknown name, a key that does not exist, that the name decides or that has no effect, or a value out of range.
 pub fn create(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Box<dyn Method>> {
+    let method = create_again(id, overrides, backend)?;
+    check_given(method.as_ref(), overrides, None)?;
+    Ok(method)
+}
+
+/// Makes the method of a run or of a record again, whose overrides an earlier version may have taken although some had no effect.
+///
+/// # Errors
+/// Those of [`create`] but for keys without effect.
+pub fn create_again(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Box<dyn Method>> {
     let (family, _) = find(id)?;
     (family.create)(id, settings(id, overrides)?, backend).with_context(|| format!("in the configuration of {id}"))
+}
+
+/// Refuses keys that a caller gave and that have no effect beside the rest, so that two rows that differ in one cannot seem to be two; defaults
+/// and presets are not given. With `training`, keys that have none on this data set as well.
+///
+/// # Errors
+/// The first such key, with why and what to do; a data set that the method does not take.
+pub fn check_given(method: &dyn Method, overrides: &toml::Table, training: Option<&TrainingSet<'_>>) -> Result<()> {
+    let idle = method.idle_keys(training)?;
+    for given in dotted(overrides) {
+        if let Some(IdleKey { why, help, .. }) = idle.iter().find(|key| key.is(&given)) {
+            bail!("{}: the key {given} has no effect: {why}\n  help: {help}", method.id());
+        }
+    }
+    Ok(())
+}
+
+/// Whether a method takes a data set, and whether all that its caller gave has an effect there: before anything is begun.
+///
+/// # Errors
+/// Those of [`Method::check_files`] and [`check_given`].
+pub fn check_data_set(method: &dyn Method, overrides: &toml::Table, training: &TrainingSet<'_>) -> Result<()> {
+    method.check_files(training)?;
+    check_given(method, overrides, Some(training))
+}
+
+/// The keys of a table with those of the tables in it: `depth.prior`.
+fn dotted(table: &toml::Table) -> Vec<String> {
+    let mut keys = Vec::new();
+    for (key, value) in table {
+        match value {
+            toml::Value::Table(inner) => keys.extend(dotted(inner).into_iter().map(|rest| format!("{key}.{rest}"))),
+            _ => keys.push(key.clone()),
+        }
+    }
+    keys
+}
+
+/// Keys that configurations of earlier versions have and that never had an effect.
+const RETIRED: &[(&str, &str)] = &[("/optimizer", "position_rate_m"), ("/light/optimizer", "position_rate_m")];
+
+/// A resolved configuration without the keys of earlier versions that never had an effect: two that differ in them alone are one.
+pub fn without_retired(config: &Value) -> Value {
+    let mut config = config.clone();
+    for (table, key) in RETIRED {
+        config.pointer_mut(table).and_then(Value::as_object_mut).map(|table| table.remove(*key));
+    }
+    config
 }
 
 /// Opens a finished run of a method, which was made again from its overrides and seed.
@@ -152,7 +210,7 @@ pub fn create(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Bo
 pub fn open(run: &SavedRun<'_>, method: &dyn Method, seed: u64, split: &Split) -> Result<Box<dyn Predictor>> {
     let (family, _) = find(method.id())?;
     ensure!(
-        family.can.online || method.config() == *run.config,
+        family.can.online || method.config() == without_retired(run.config),
         "{}: this version resolves the run's configuration differently\n  help: reconstruct again",
         run.folder.display()
     );
@@ -227,6 +285,44 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn what_has_no_effect_is_refused_where_it_is_given_and_read_where_it_was() {
+        let cases = [
+            ("corf-gs", "optimizer.position_rate_m = 1.0", "position_rate, the rate"),
+            ("corf-gs", "second_stage_opacity = \"optical\"", "corf-gs-frozen"),
+            ("corf-gs", "uniform_probability = 0.2", "sampling = \"uniform\""),
+            ("corf-gs-uniform", "log_sigma_px = 1.0", "sampling = \"log\""),
+            ("corf-gs", "depth.folder_kind = \"inverse-relative\"", "depth.prior = \"folder\""),
+            ("corf-gs", "depth = { prior = \"folder\", folder = \"maps\", png_scale = 10.0 }", "a metric depth.folder_kind"),
+            ("corf-gs", "depth.input_px = 392", "depth-anything"),
+            ("corf-gs", "depth.imagenet_normalisation = false", "depth-anything"),
+            ("corf-gs-paper", "depth.corrected_range = 0.1", "depth.correction = true"),
+            ("corf-array", "light.optimizer.position_rate_m = 1.0", "position_rate, the rate"),
+            ("corf-array", "sources = false\nvotes = 3.0", "sources = true"),
+            ("rf-3dgs", "random_points = 50", "initial_points = \"random\""),
+            ("rf-3dgs", "initial_gaussians = \"a.ply\"\ndensity.every = 7", "optical stage"),
+        ];
+        for (id, text, said) in cases {
+            let overrides: toml::Table = text.parse().unwrap();
+            let error = format!("{:#}", create(id, &overrides, &Backend::Cpu).err().unwrap_or_else(|| panic!("{id}: {text}")));
+            assert!(error.contains("has no effect") && error.contains(said) && error.contains("help: "), "{error}");
+            // A run or a record of an earlier version may hold it; the configuration that it resolves to is the one without.
+            let again = create_again(id, &overrides, &Backend::Cpu).unwrap();
+            assert_eq!(without_retired(&again.config()), again.config());
+        }
+        for (id, text) in [
+            ("corf-gs-uniform", "uniform_probability = 0.2"),
+            ("corf-gs-frozen", "second_stage_opacity = \"initial\""),
+            ("corf-gs", "depth = { prior = \"folder\", folder = \"maps\", folder_kind = \"depth-metric\", png_scale = 10.0 }"),
+            ("corf-gs", "depth.prior = \"none\""),
+            ("rf-3dgs", "initial_points = \"random\"\nrandom_points = 50"),
+        ] {
+            create(id, &text.parse().unwrap(), &Backend::Cpu).unwrap();
+        }
+        let old = serde_json::json!({ "optimizer": { "position_rate_m": 5e-5, "beta1": 0.5 }, "reconstruction": 1 });
+        assert_eq!(without_retired(&old), serde_json::json!({ "optimizer": { "beta1": 0.5 }, "reconstruction": 1 }));
     }
 
     #[test]

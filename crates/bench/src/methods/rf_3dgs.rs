@@ -9,7 +9,7 @@ use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::Prediction;
 use anyhow::Result;
-use corf::{Field, RasterConfig};
+use corf::{Field, IdleKey, RasterConfig};
 use corf_baselines::rf_3dgs::{Point, Rf3dgsCheckpoint, Rf3dgsConfig, Rf3dgsReconstructor, Rf3dgsTimes, write_ply};
 use corf_scene::Rigid3;
 use schemars::schema_for;
@@ -93,6 +93,10 @@ impl Method for Rf3dgs {
 
     fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {
         self.checkpoints = Some(checkpoints);
+    }
+
+    fn idle_keys(&self, _training: Option<&TrainingSet<'_>>) -> Result<Vec<IdleKey>> {
+        Ok(self.config.idle_keys())
     }
 
     fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {

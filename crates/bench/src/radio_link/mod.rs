@@ -1,9 +1,12 @@
 //! What `corf paths` and `corf coverage` share: a scene, how its radio is traced, and between which antennas.
 
 pub mod coverage_picture;
+mod flags;
 mod receivers;
 mod table;
 
+pub(crate) use flags::path_args_over;
+pub use flags::{InteractionArgs, PathArgs, PathValues, ScatteringArgs};
 pub use receivers::receivers;
 
 use crate::note;
@@ -17,36 +20,43 @@ use corf_raytrace::radio::{
     Search, Solids, Transmitter,
 };
 use corf_raytrace::sensor::{geometry_warnings, open_edges_note};
-use corf_scene::config::{Orientation, SceneConfig, read_toml};
+use corf_scene::config::{Orientation, RfConfig, SceneConfig, read_toml};
 use corf_scene::near_field::SPEED_OF_LIGHT;
 use corf_scene::{Error, Scene, bounds, near_field};
 use glam::{DMat3, DVec3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// Settings of a link's tracing: the keys of `--config RF.toml`, with the defaults of what it leaves out.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LinkConfig {
-    /// Largest number of interactions on a path.
-    pub max_depth: usize,
-    /// Trace the direct ray.
+    /// Interactions on a path at most: reflections, transmissions and scatterings together, 0 to 5. Files of earlier versions call it `max_depth`.
+    #[serde(alias = "max_depth", alias = "max_reflections")]
+    pub max_interactions: usize,
+    /// Whether the direct ray is traced. Without it what comes straight through slabs stays: that is transmission's.
     pub line_of_sight: bool,
-    /// Trace specular reflections.
+    /// Whether specular reflections are traced.
     pub reflection: bool,
-    /// Trace through slabs.
+    /// Whether paths go through slabs.
     pub transmission: bool,
-    /// Trace paths that diffract once at an edge of a mesh.
+    /// Whether paths that diffract once at an edge of a mesh are traced.
     pub diffraction: bool,
-    /// … at open edges of single sheets as well.
+    /// Whether they are at open edges of single sheets as well.
     pub edge_diffraction: bool,
-    /// Rays that look for chains of faces.
+    /// Rays that look for chains of faces where there are too many to try them all.
     pub rays: usize,
-    /// Gather the diffuse field as well.
+    /// Whether the diffuse field is gathered as well.
     pub diffuse: bool,
-    /// Directions of the diffuse field at a receiver; what suits a command without it.
+    /// Directions over the sphere in which a receiver gathers the diffuse field. Default 120 000; 10 000 in `corf coverage`, where a cell's
+    /// total alone counts, which needs far fewer than a spectrum.
     pub directions: Option<usize>,
+    /// Photons that bring the diffuse field's indirect light, once for all receivers.
+    pub photons: usize,
+    /// Side of the patches on which they are kept, metres.
+    pub patch_size_m: f64,
     /// Paths weaker than this are dropped, dB relative to 1 W transmitted.
     pub min_gain_db: f64,
     /// Transmit power, dBm.
@@ -54,15 +64,15 @@ pub struct LinkConfig {
     /// Seed of the diffuse field's phases.
     pub seed: u64,
     /// The transmit array; the element and the spacing that it leaves out are those of the scene's `[transmitter]`.
-    pub transmitter: ArrayConfig,
+    pub transmitter: LinkArray,
     /// The receive array; the element and the spacing that it leaves out are those of the scene's `[receiver]`.
-    pub receiver: ArrayConfig,
+    pub receiver: LinkArray,
 }
 
 /// `[transmitter]` and `[receiver]` of a link file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct ArrayConfig {
+pub struct LinkArray {
     /// Elements along array −z. Default 1.
     pub rows: Option<usize>,
     /// Elements along array y. Default 1.
@@ -78,7 +88,7 @@ pub struct ArrayConfig {
 }
 
 /// Spacing of elements, wavelengths.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Spacing {
     /// Along both axes.
@@ -89,22 +99,24 @@ pub enum Spacing {
 
 impl Default for LinkConfig {
     fn default() -> Self {
-        let radio = RadioSettings::default();
+        let (radio, rf) = (RadioSettings::default(), RfConfig::default());
         Self {
-            max_depth: radio.max_depth,
+            max_interactions: rf.max_interactions,
             line_of_sight: true,
             reflection: true,
             transmission: true,
             diffraction: false,
             edge_diffraction: false,
-            rays: 200_000,
+            rays: rf.rays,
             diffuse: false,
             directions: None,
+            photons: rf.photons,
+            patch_size_m: rf.patch_size_m,
             min_gain_db: radio.min_gain_db,
             tx_power_dbm: 30.0,
             seed: 0,
-            transmitter: ArrayConfig::default(),
-            receiver: ArrayConfig::default(),
+            transmitter: LinkArray::default(),
+            receiver: LinkArray::default(),
         }
     }
 }
@@ -112,33 +124,21 @@ impl Default for LinkConfig {
 /// Flags of every command that traces links.
 #[derive(Args, Clone, Debug)]
 pub struct LinkArgs {
-    /// Settings of the link (.toml): max_depth, transmission, diffuse, tx_power_dbm, `[transmitter]`, `[receiver]` …; flags take precedence.
+    /// Settings of the link (.toml), whose keys `corf config --explain paths` lists; flags take precedence.
     #[arg(long, value_name = "RF.toml")]
     pub config: Option<PathBuf>,
     /// Transmitter of this name in the scene's `[transmitters]`; may be repeated. Without it `[transmitter]`.
     #[arg(long, value_name = "NAME")]
     pub transmitter: Vec<String>,
-    /// Largest number of interactions on a path (default 3).
-    #[arg(long)]
-    pub depth: Option<usize>,
-    /// Rays that look for chains of faces where there are too many to try them all (default 200 000).
-    #[arg(long)]
-    pub rays: Option<usize>,
-    /// Leave out transmission through slabs.
-    #[arg(long)]
-    pub no_transmission: bool,
-    /// Trace paths that diffract once at an edge of a body or a corner of walls.
-    #[arg(long)]
-    pub diffraction: bool,
-    /// Trace paths that diffract once at the open edge of a single sheet as well.
-    #[arg(long)]
-    pub edge_diffraction: bool,
+    /// How paths are found.
+    #[command(flatten)]
+    pub paths: PathArgs,
     /// Gather the diffuse field as well.
     #[arg(long)]
     pub diffuse: bool,
-    /// Directions in which a receiver gathers the diffuse field.
-    #[arg(long)]
-    pub directions: Option<usize>,
+    /// How scattered power is sampled.
+    #[command(flatten)]
+    pub scattering: ScatteringArgs,
     /// Transmit power, dBm (default 30).
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
     pub tx_power_dbm: Option<f64>,
@@ -225,13 +225,12 @@ impl LinkSetup {
     pub fn load(scene: &Path, arguments: &LinkArgs, tx_grid: Option<Grid>, rx_grid: Option<Grid>) -> Result<Self> {
         let config = SceneConfig::load(scene)?;
         let mut link: LinkConfig = arguments.config.as_ref().map(read_toml).transpose()?.unwrap_or_default();
-        link.max_depth = arguments.depth.unwrap_or(link.max_depth);
-        link.rays = arguments.rays.unwrap_or(link.rays);
-        link.transmission &= !arguments.no_transmission;
-        link.diffraction |= arguments.diffraction;
-        link.edge_diffraction |= arguments.edge_diffraction;
+        path_args_over!(arguments.paths, link);
         link.diffuse |= arguments.diffuse;
-        link.directions = arguments.directions.or(link.directions);
+        arguments.scattering.check_unused(link.diffuse, "add --diffuse (diffuse = true), or leave it out")?;
+        link.directions = arguments.scattering.directions.or(link.directions);
+        link.photons = arguments.scattering.photons.unwrap_or(link.photons);
+        link.patch_size_m = arguments.scattering.patch_size.unwrap_or(link.patch_size_m);
         link.tx_power_dbm = arguments.tx_power_dbm.unwrap_or(link.tx_power_dbm);
         link.seed = arguments.seed.unwrap_or(link.seed);
         bounds::number("tx_power_dbm", link.tx_power_dbm, &bounds::POWER_DBM, "dBm, e.g. 20")?;
@@ -304,7 +303,7 @@ impl LinkSetup {
     pub fn radio_settings(&self, tx_array: &AntennaArray) -> RadioSettings {
         RadioSettings {
             frequency_hz: self.config.radio.frequency_hz,
-            max_depth: self.link.max_depth,
+            max_interactions: self.link.max_interactions,
             line_of_sight: self.link.line_of_sight,
             reflection: self.link.reflection,
             transmission: self.link.transmission,
@@ -321,7 +320,8 @@ impl LinkSetup {
     /// Sampling of the diffuse field, in so many directions unless others are asked for; these are asked for from now on.
     pub fn diffuse_settings(&mut self, directions: usize) -> DiffuseSettings {
         let directions = *self.link.directions.get_or_insert(directions);
-        DiffuseSettings { directions, ..DiffuseSettings::default() }
+        let (photons, patch_size_m) = (self.link.photons, self.link.patch_size_m);
+        DiffuseSettings { directions, photons, patch_size_m, ..DiffuseSettings::default() }
     }
 
     /// Visits every transmitter, with its number and, where that is asked for, its diffuse field; those with one element in common share a tracer.
@@ -392,7 +392,7 @@ impl LinkSetup {
 }
 
 /// The array asked for, of the scene's elements at the scene's spacing. One element keeps the scene's beam; the ports of several are no beam.
-fn array(given: &ArrayConfig, grid: Option<Grid>, (scene, spacing): (Antenna, [f64; 2]), place: &str) -> Result<AntennaArray> {
+fn array(given: &LinkArray, grid: Option<Grid>, (scene, spacing): (Antenna, [f64; 2]), place: &str) -> Result<AntennaArray> {
     let rows = grid.map_or(given.rows.unwrap_or(1), |g| g.rows);
     let columns = grid.map_or(given.cols.unwrap_or(1), |g| g.columns);
     let spacing_wavelengths = match given.spacing_wavelengths {
@@ -426,6 +426,15 @@ fn array(given: &ArrayConfig, grid: Option<Grid>, (scene, spacing): (Antenna, [f
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn files_of_earlier_versions_name_the_limit_otherwise() {
+        let of = |text: &str| corf_scene::config::from_toml::<LinkConfig>(text, "RF.toml");
+        for name in ["max_interactions", "max_depth", "max_reflections"] {
+            assert_eq!(of(&format!("{name} = 2")).unwrap(), LinkConfig { max_interactions: 2, ..LinkConfig::default() });
+        }
+        assert!(of("max_interactions = 2\nmax_depth = 3").unwrap_err().to_string().contains("max_depth"));
+    }
 
     #[test]
     fn points_and_grids_are_read_or_refused() {

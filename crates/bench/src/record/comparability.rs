@@ -134,7 +134,8 @@ const OF_PREDICTIONS: [&str; 3] = ["images", "spectra", "jet"];
 /// A setting in which two records of one method differ, with both values. What one of them lacks, for it is of a version that did
 /// not have it yet, is as it is by itself in this one.
 fn other_setting(one: &Record, other: &Record) -> Option<String> {
-    if one.config == other.config {
+    let (mine, others) = (methods::without_retired(&one.config), methods::without_retired(&other.config));
+    if mine == others {
         return None;
     }
     if one.method == PREDICTIONS {
@@ -146,7 +147,7 @@ fn other_setting(one: &Record, other: &Record) -> Option<String> {
         }
     }
     let own = methods::create(&one.method, &toml::Table::new(), &Backend::Cpu).map_or(Value::Null, |method| method.config());
-    difference(&one.config, &other.config, &own, "")
+    difference(&mine, &others, &own, "")
 }
 
 /// Whether there are no settings at all, as no version has written of a method that has some.

@@ -2,7 +2,6 @@
 
 use crate::device::Backend;
 use crate::files::json::read_numbers;
-use crate::methods::create;
 use crate::methods::interface::{Method, Predictor};
 use crate::methods::registry::{self, SavedRun};
 use crate::metrics::input::{Input, Verify};
@@ -68,7 +67,7 @@ pub fn open(folder: &Path, dataset: Option<&Path>, verify: Verify, backend: &Bac
     let input = Input::of(dataset, verify.wanted())?;
     let dataset = &input.dataset;
     let split = Split::of(dataset, info.protocol)?;
-    let method = create(&info.method, &info.overrides, backend)?;
+    let method = registry::create_again(&info.method, &info.overrides, backend)?;
     let saved = SavedRun { folder, config: &info.config, dataset, backend };
     let predictor = registry::open(&saved, method.as_ref(), info.seed, &split)?;
     Ok(OpenRun { info, input, split, method, predictor })

@@ -108,14 +108,10 @@ pub fn generate_from(
     let (camera, exposure_ev) = seen?;
     header.sampling_error = sampling_error?;
     header.exposure_ev = Some(exposure_ev);
-    if config.rf.tutorial_compat {
-        header.tutorial_range = array.tutorial_range(&header.poses)?;
-    }
     let outputs = Outputs {
         extent: Extent::of_keyframe(&config.rf, &plan.receiver),
         camera: header.rf_camera,
         sphere: header.sphere,
-        tutorial: header.tutorial_range,
         paths: config.rf.write_paths,
     };
     let platform = Platform { camera, array, outputs };

@@ -1,6 +1,7 @@
 //! Settings of the radio field.
 
-use crate::{Error, Result};
+use super::SensorSettings;
+use crate::{Error, IdleKey, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -42,7 +43,7 @@ pub struct ArrayConfig {
     pub point_spacing_m: f64,
     /// Standard deviation of a surface point's extent per axis, in units of that side.
     pub point_extent: f64,
-    /// Whether spectra are formed by the array's own response; else by a Gaussian lobe as wide as its beam. Without effect on `mpc`.
+    /// Whether spectra are formed by the array's own response; else by a Gaussian lobe as wide as its beam. Of beams and mvdr alone.
     pub array_response: bool,
     /// Whether emitters outside the frame count, all over the half-space before the array.
     pub half_space: bool,
@@ -88,6 +89,35 @@ impl Default for ArrayConfig {
 }
 
 impl ArrayConfig {
+    /// Whether surfaces are the Gaussians that light shares, for spectra of this sensor.
+    pub fn is_over_splats(&self, sensor: &SensorSettings) -> bool {
+        let by_kind = if matches!(sensor, SensorSettings::Lobes { .. }) { Surface::Splats } else { Surface::Points };
+        self.surface.unwrap_or(by_kind) == Surface::Splats
+    }
+
+    /// Keys that mean nothing beside the others of this configuration; `sensor` is that of the data set, where it is known yet.
+    pub fn idle_keys(&self, sensor: Option<&SensorSettings>) -> Vec<IdleKey> {
+        const SOURCES: &str = "it counts with sources = true alone";
+        const PEELED: &str = "of mpc spectra whose surfaces are splats all lobes are sources' rays";
+        const POINTS: &str = "it counts where surfaces are points alone: mpc spectra have splats, unless surface = \"points\"";
+        const ARRAY: &str = "it counts where spectra are an array's alone, and those of this data set are lobes (mpc)";
+        let is_over_splats = sensor.is_some_and(|sensor| self.is_over_splats(sensor));
+        let is_of_lobes = matches!(sensor, Some(SensorSettings::Lobes { .. }));
+        let of_strongest = if self.sources { PEELED } else { SOURCES };
+        IdleKey::all([
+            ("array_response", !is_of_lobes, ARRAY),
+            ("point_spacing_m", !is_over_splats, POINTS),
+            ("point_extent", !is_over_splats, POINTS),
+            ("rays", self.sources && !is_over_splats, of_strongest),
+            ("ray_range_db", self.sources && !is_over_splats, of_strongest),
+            ("votes", self.sources, SOURCES),
+            ("ray_width_deg", self.sources, SOURCES),
+            ("refine_sources", self.sources, SOURCES),
+            ("anchor_spacing_m", self.visibility > 0.0, "it counts with a visibility above 0 alone"),
+            ("anchor_width_m", self.visibility > 0.0, "it counts with a visibility above 0 alone"),
+        ])
+    }
+
     /// Checks every number against the range in which it means something.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 use super::anchors::Anchors;
 use super::births::{Sighting, meeting};
 use super::cloud::Cloud;
-use super::config::{ArrayConfig, Surface};
+use super::config::ArrayConfig;
 use super::field::ArrayField;
 use super::peaks::{Ray, rays};
 use super::peel::{Peeled, peel};
@@ -64,8 +64,7 @@ impl ArrayTrainer {
     /// An empty field.
     pub fn new(config: ArrayConfig, settings: SensorSettings, camera: Pinhole, range: DbRange, seed: u64) -> Self {
         let lobes = matches!(settings, SensorSettings::Lobes { .. });
-        let by_kind = if lobes { Surface::Splats } else { Surface::Points };
-        let over_splats = config.surface.unwrap_or(by_kind) == Surface::Splats;
+        let over_splats = config.is_over_splats(&settings);
         let settings = if config.array_response { settings } else { settings.without_side_lobes() };
         let field = ArrayField {
             sensor: settings,

@@ -31,6 +31,7 @@ pub use geometry::face::Face;
 pub use paths::path::{Interaction, InteractionKind, Path};
 pub use tracer::{RadioTracer, Transmitter};
 
+use corf_scene::config::RfConfig;
 use corf_scene::{Error, Result, bounds};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -38,7 +39,7 @@ use serde::{Deserialize, Serialize};
 pub use corf_scene::near_field::SPEED_OF_LIGHT;
 
 /// The largest number of interactions the tracer supports.
-pub const MAX_DEPTH: usize = 5;
+pub const MAX_INTERACTIONS: usize = 5;
 
 /// Method of finding candidate chains of faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -74,8 +75,9 @@ impl Search {
 pub struct RadioSettings {
     /// Carrier, Hz.
     pub frequency_hz: f64,
-    /// Interactions per path, reflections and transmissions together; at most [`MAX_DEPTH`].
-    pub max_depth: usize,
+    /// Interactions per path, reflections, transmissions and scatterings together; at most [`MAX_INTERACTIONS`].
+    #[serde(alias = "max_depth", alias = "max_reflections")]
+    pub max_interactions: usize,
     /// Keep the line of sight. Off, what comes straight through slabs stays, as in Sionna RT: that is transmission's.
     pub line_of_sight: bool,
     /// Trace specular reflections.
@@ -107,7 +109,7 @@ impl Default for RadioSettings {
     fn default() -> Self {
         Self {
             frequency_hz: 60e9,
-            max_depth: 3,
+            max_interactions: RfConfig::default().max_interactions,
             line_of_sight: true,
             reflection: true,
             transmission: true,
@@ -115,7 +117,7 @@ impl Default for RadioSettings {
             edge_diffraction: false,
             diffraction_lit_region: true,
             diffraction_model: DiffractionModel::default(),
-            search: Search::Auto { rays: 200_000 },
+            search: Search::Auto { rays: RfConfig::default().rays },
             min_face_area_m2: 0.0,
             min_gain_db: -300.0,
             tx_antenna: Antenna::default(),
@@ -142,8 +144,8 @@ impl RadioSettings {
         if self.search.rays() > bounds::MAX_RAYS {
             return fault("rays", format!("{}", self.search.rays()), "give at most 100 000 000");
         }
-        if self.max_depth > MAX_DEPTH {
-            return fault("max_depth", format!("{}", self.max_depth), "at most 5 interactions are supported");
+        if self.max_interactions > MAX_INTERACTIONS {
+            return fault("max_interactions", format!("{}", self.max_interactions), "at most 5 interactions are supported");
         }
         if self.min_gain_db.is_nan() {
             return fault("min_gain_db", "it is no number".into(), "give decibels, e.g. -200");

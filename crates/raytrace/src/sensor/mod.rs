@@ -46,7 +46,6 @@ impl Platform<'_> {
 fn joined((light, floats): (Light, Extras), radio: RadioFrame) -> KeyframeContent {
     let extras = Extras {
         sphere: radio.sphere,
-        tutorial: radio.tutorial,
         share_in_frame: Some(radio.share_in_frame),
         paths_jsonl: radio.paths_jsonl,
         ..floats

@@ -4,10 +4,9 @@ use crate::radio::{
     Antenna, AntennaArray, Arrival, DiffuseField, DiffuseSettings, Path as RadioPath, PlanarArray, Polarization, RadioSettings,
     RadioTracer, Search, Transmitter, diffuse, json,
 };
-use crate::spectrum::{self, Grid, SpectrumSettings, TutorialSphere};
+use crate::spectrum::{self, Grid, SpectrumSettings};
 use corf_scene::config::{DatasetConfig, RearHalfSpace, ReceiverConfig, RfConfig, SceneConfig, SpectrumKind, TransmitterConfig};
 use corf_scene::dataset::SamplingError;
-use corf_scene::keyframe::DbRange;
 use corf_scene::model::world_from_array;
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Equirectangular, Finding, Pinhole, Raster, Result, Rigid3, Scene, Severity, near_field, radio_check};
@@ -101,7 +100,7 @@ impl SensorPlan {
             transmitter: *transmitter,
             receiver: scene.receiver,
             tracing: RadioSettings {
-                max_depth: rf.max_reflections,
+                max_interactions: rf.max_interactions,
                 search: Search::Auto { rays: rf.rays },
                 transmission: rf.transmission,
                 diffraction: rf.diffraction,
@@ -159,9 +158,6 @@ impl Extent {
 
     /// The extent that all outputs of a dataset's keyframe need together.
     pub fn of_keyframe(rf: &RfConfig, receiver: &ReceiverConfig) -> Self {
-        if rf.tutorial_compat {
-            return Self::Sphere;
-        }
         let widest = match rf.sphere {
             Some([width, height]) => Grid::Sphere(Equirectangular { width, height }),
             None => Grid::Pinhole(Pinhole::from_horizontal_fov(rf.width, rf.height, rf.horizontal_fov_deg)),
@@ -301,21 +297,6 @@ impl<'a> RadioSensor<'a> {
         Ok(Some(SamplingError { keyframes: probes.len(), total_db: standard_error(&totals), pixels_db: standard_error(&pixels) }))
     }
 
-    /// The range of published recipes: what two probed keyframes show.
-    ///
-    /// # Errors
-    /// A receiver at the transmitter.
-    pub fn tutorial_range(&self, poses: &[TrajectoryPose]) -> Result<Option<DbRange>> {
-        let spheres = probes(poses)
-            .into_iter()
-            .map(|pose| {
-                let received = self.receive(&pose.world_from_camera, Extent::Sphere)?;
-                Ok(TutorialSphere::new(&received.port_pairs.concat(), &pose.world_from_camera))
-            })
-            .collect::<Result<Vec<_>>>()?;
-        Ok(TutorialSphere::range(&spheres))
-    }
-
     /// Radio data of a dataset at a pose.
     ///
     /// # Errors
@@ -327,7 +308,6 @@ impl<'a> RadioSensor<'a> {
         Ok(RadioFrame {
             spectrum: form(Grid::Pinhole(outputs.camera)),
             sphere: outputs.sphere.map(|sphere| form(Grid::Sphere(sphere))),
-            tutorial: outputs.tutorial.map(|range| TutorialSphere::new(&all, pose).image(&range, &outputs.camera)),
             share_in_frame: spectrum::share_in_frame(&all, &outputs.camera, pose),
             paths_jsonl: outputs.paths.then(|| self.json_lines(&received, pose)),
         })
@@ -343,8 +323,6 @@ pub struct Outputs {
     pub camera: Pinhole,
     /// Image of the whole sphere, if it is wanted.
     pub sphere: Option<Equirectangular>,
-    /// Range of the tutorial images, if they are wanted.
-    pub tutorial: Option<DbRange>,
     /// Whether paths are wanted.
     pub paths: bool,
 }
@@ -355,8 +333,6 @@ pub struct RadioFrame {
     pub spectrum: Raster<f32>,
     /// Spectrum over the whole sphere.
     pub sphere: Option<Raster<f32>>,
-    /// Image by the recipe of published sets.
-    pub tutorial: Option<Raster<[u8; 3]>>,
     /// Share of the arriving power inside the frame.
     pub share_in_frame: f64,
     /// Paths, one JSON object a line.

@@ -44,7 +44,7 @@ pub(super) fn check(reference: &DiffuseReference) -> Result<CheckReport> {
         let scene = reference.scene(case)?;
         let settings = RadioSettings {
             frequency_hz: reference.frequency_hz,
-            max_depth: case.args.max_depth,
+            max_interactions: case.args.max_depth,
             transmission: case.args.refraction,
             search: Search::Auto { rays: 1_000_000 },
             ..RadioSettings::default()

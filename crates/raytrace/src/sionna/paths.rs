@@ -33,7 +33,7 @@ pub(super) fn check(reference: &SpecularReference) -> Result<CheckReport> {
     for config in &reference.configs {
         let settings = RadioSettings {
             frequency_hz: reference.frequency_hz,
-            max_depth: config.args.max_depth,
+            max_interactions: config.args.max_depth,
             line_of_sight: config.args.los,
             reflection: config.args.specular_reflection,
             transmission: config.args.refraction,

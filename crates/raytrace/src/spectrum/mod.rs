@@ -23,14 +23,12 @@ mod port_pairs;
 mod snapshots;
 #[cfg(test)]
 mod tests;
-mod tutorial;
 
 pub use bartlett::{Bartlett, RearHalfSpace};
 pub use form::SpectrumSettings;
 pub use grid::Grid;
 pub use mpc::mpc;
 pub use port_pairs::port_pairs;
-pub use tutorial::TutorialSphere;
 
 use crate::radio::Arrival;
 use corf_scene::{Pinhole, Rigid3};

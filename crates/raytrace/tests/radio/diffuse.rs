@@ -52,7 +52,7 @@ fn a_metal_floor_mirrors_the_scattering_wall() {
     let (tx, rx) = (DVec3::new(-0.6, -0.5, 1.3), DVec3::new(0.9, 0.2, 0.8));
     let mirrored = |p: DVec3| DVec3::new(p.x, p.y, -p.z);
     let scene = wall_over_floor(ScatteringPattern::Lambertian);
-    let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_depth: 2, ..RadioSettings::default() }).unwrap();
+    let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_interactions: 2, ..RadioSettings::default() }).unwrap();
     let sampling = DiffuseSettings { directions: 400_000, min_mirror_sr: 0.0, ..DiffuseSettings::default() };
     let found = DiffuseField::new(&tracer, tx, &sampling).unwrap().contributions(rx).unwrap();
     let found = |before: bool, after: usize| -> f64 {
@@ -110,7 +110,7 @@ fn cross_polarisation_takes_its_share_of_the_vertical_power() {
         if let Some(radio) = &mut scene.materials[0].radio {
             radio.scattering.xpd = xpd;
         }
-        let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_depth: 1, ..RadioSettings::default() }).unwrap();
+        let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_interactions: 1, ..RadioSettings::default() }).unwrap();
         let sampling = DiffuseSettings { directions: 20_000, ..DiffuseSettings::default() };
         let field = DiffuseField::new(&tracer, DVec3::new(-0.6, -0.5, 1.3), &sampling).unwrap();
         field.gather(DVec3::new(0.9, 0.2, 0.8), field.antenna(), &Extent::Sphere).unwrap().iter().map(|a| a.power).sum()
@@ -134,7 +134,7 @@ fn lobby_mini_is_converged_with_its_own_settings() {
     let scene_config = config.load_scene_config().unwrap();
     let (scene, _) = scene_config.load_scene().unwrap();
     let bvh = Bvh::build(&scene);
-    let setup = RadioSettings { max_depth: config.rf.max_reflections, ..settings(Search::Auto { rays: config.rf.rays }) };
+    let setup = RadioSettings { max_interactions: config.rf.max_interactions, ..settings(Search::Auto { rays: config.rf.rays }) };
     let tracer = RadioTracer::new(&scene, &bvh, setup).unwrap();
     let (tx, camera) = (scene_config.transmitter.position(), config.rf_camera());
     let transmitter = tracer.transmitter(tx).unwrap();
@@ -211,7 +211,7 @@ fn refining_hardly_changes_an_expectation() {
         walls.scattering.coefficient = 0.05;
     }
     let bvh = Bvh::build(&scene);
-    let setup = RadioSettings { max_depth: 1, ..RadioSettings::default() };
+    let setup = RadioSettings { max_interactions: 1, ..RadioSettings::default() };
     let tracer = RadioTracer::new(&scene, &bvh, setup).unwrap();
     let rx = DVec3::new(5.3, 3.1, 1.6);
     let powers = |resolution_deg: f64, directions: usize, samplings: u64| -> Vec<f64> {

@@ -110,7 +110,7 @@ fn ends_in_line_with_joints_see_what_ends_beside_them_see() {
     for seed in 0..400 {
         let kind = Kind { partition: (seed % 2) as u32, merged: seed % 3 == 0, through: seed % 4 == 1, tiled: seed % 5 == 2 };
         let scene = partitioned(seed, kind);
-        let traced = RadioSettings { max_depth: 3, ..settings(Search::Exhaustive) };
+        let traced = RadioSettings { max_interactions: 3, ..settings(Search::Exhaustive) };
         let bvh = Bvh::build(&scene);
         let tracer = RadioTracer::new(&scene, &bvh, traced).unwrap();
         let mut rng = Rng::keyed(43, 9, seed);
@@ -169,7 +169,8 @@ fn nothing_is_seen_that_no_end_beside_sees() {
             continue;
         }
         let bvh = Bvh::build(&scene);
-        let tracer = RadioTracer::new(&scene, &bvh, RadioSettings { max_depth: 3, ..settings(Search::Exhaustive) }).unwrap();
+        let tracer =
+            RadioTracer::new(&scene, &bvh, RadioSettings { max_interactions: 3, ..settings(Search::Exhaustive) }).unwrap();
         let exactly = signatures(&tracer.paths(tx, rx).unwrap());
         let mut shift = Rng::keyed(59, 1, seed);
         let around: Vec<Vec<String>> =
@@ -241,7 +242,7 @@ fn cutting_faces_up_into_objects_changes_no_gain() {
         let whole = crate::rooms::random_room(seed, 2);
         let cut = cut_up(&whole);
         let (tx, rx) = (DVec3::new(0.4, 0.6, 2.2), DVec3::new(5.2, 4.3, 0.9));
-        let traced = RadioSettings { max_depth: 2, diffraction: true, ..settings(Search::Auto { rays: 200_000 }) };
+        let traced = RadioSettings { max_interactions: 2, diffraction: true, ..settings(Search::Auto { rays: 200_000 }) };
         let [whole, cut] = [whole, cut].map(|scene| {
             let bvh = Bvh::build(&scene);
             let tracer = RadioTracer::new(&scene, &bvh, traced).unwrap();

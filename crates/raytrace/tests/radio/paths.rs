@@ -85,7 +85,7 @@ const PLANE_WAVE_PHASE_RAD: f64 = 2e-3;
 fn array_elements_see_the_phase_of_their_own_way() {
     // Against paths traced to the elements' own positions: h_rt = a·exp(−j2π(L_rt − L)/λ).
     let scene = room();
-    let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_depth: 1, ..settings(Search::Exhaustive) }).unwrap();
+    let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_interactions: 1, ..settings(Search::Exhaustive) }).unwrap();
     let wavelength_m = tracer.settings().wavelength_m();
     let turned = |yaw: f64, pitch: f64| Antenna {
         polarization: Polarization::VH,
@@ -124,7 +124,7 @@ fn array_elements_see_the_phase_of_their_own_way() {
 fn the_transfer_of_a_path_is_the_transpose_of_its_reverse() {
     // θ̂ and φ̂ of an end are those of one direction, whether the path leaves there or arrives.
     let scene = random_room(5, 2);
-    let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_depth: 3, ..settings(Search::Exhaustive) }).unwrap();
+    let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_interactions: 3, ..settings(Search::Exhaustive) }).unwrap();
     let (a, b) = (DVec3::new(0.4, 0.6, 2.2), DVec3::new(5.2, 4.3, 0.9));
     let (there, back) = (tracer.paths(a, b).unwrap(), tracer.paths(b, a).unwrap());
     assert_eq!(there.len(), back.len());
@@ -247,7 +247,7 @@ fn a_joint_of_panels_is_one_slab() {
             let triangle = |t: [u32; 3]| Triangle { vertices: t.map(|v| first + v), material: i as u32, object: i as u32 };
             scene.triangles.extend([[0, 1, 2], [0, 2, 3]].map(triangle));
         }
-        let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_depth: 2, ..RadioSettings::default() }).unwrap();
+        let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_interactions: 2, ..RadioSettings::default() }).unwrap();
         [0.0, -0.1].map(|y| tracer.paths(DVec3::new(-1.0, y, 1.0), DVec3::new(1.0, y, 1.0)).unwrap().remove(0))
     };
     let [joint, beside] = panels([0.0, 2.0]);
@@ -281,7 +281,7 @@ fn more_than_64_triangles_take_the_hierarchy_and_change_nothing() {
         add_box(&mut scene, &format!("crate{i}"), 1, at, at + Vec3::new(0.4, 0.4, 0.7));
     }
     let bvh = Bvh::build(&scene);
-    let setup = RadioSettings { max_depth: 2, ..settings(Search::Exhaustive) };
+    let setup = RadioSettings { max_interactions: 2, ..settings(Search::Exhaustive) };
     let (brute, fast) = (RadioTracer::without_bvh(&scene, setup).unwrap(), RadioTracer::new(&scene, &bvh, setup).unwrap());
     let (tx, rx) = (DVec3::new(1.0, 1.5, 2.0), DVec3::new(4.7, 3.9, 1.1));
     assert_eq!(brute.paths(tx, rx).unwrap(), fast.paths(tx, rx).unwrap());
@@ -321,6 +321,6 @@ fn errors_say_what_is_wrong() {
     scene.materials[1].radio = None;
     let message = RadioTracer::without_bvh(&scene, RadioSettings::default()).err().unwrap().to_string();
     assert!(message.contains("box") && message.contains("radio_materials"), "{message}");
-    let deep = RadioSettings { max_depth: 6, ..RadioSettings::default() };
-    assert!(RadioTracer::without_bvh(&empty(), deep).err().unwrap().to_string().contains("max_depth"));
+    let deep = RadioSettings { max_interactions: 6, ..RadioSettings::default() };
+    assert!(RadioTracer::without_bvh(&empty(), deep).err().unwrap().to_string().contains("max_interactions"));
 }

@@ -102,10 +102,10 @@ fn what_two_large_mirrors_show_of_a_small_one_is_found() {
 #[test]
 fn beams_lose_no_chain_and_the_hierarchy_no_path() {
     // The oracle tries every sequence of faces and every triangle.
-    for (seed, boxes, max_depth) in [(0, 1, 4), (1, 1, 4), (2, 2, 4), (3, 0, 5), (4, 1, 5)] {
+    for (seed, boxes, max_interactions) in [(0, 1, 4), (1, 1, 4), (2, 2, 4), (3, 0, 5), (4, 1, 5)] {
         let scene = random_room(seed, boxes);
         let bvh = Bvh::build(&scene);
-        let setup = |search| RadioSettings { max_depth, ..settings(search) };
+        let setup = |search| RadioSettings { max_interactions, ..settings(search) };
         let oracle = RadioTracer::without_bvh(&scene, setup(Search::Exhaustive)).unwrap();
         let fast = RadioTracer::new(&scene, &bvh, setup(Search::Auto { rays: 0 })).unwrap();
         let mut rng = Rng::keyed(78, 0, seed);
@@ -117,7 +117,7 @@ fn beams_lose_no_chain_and_the_hierarchy_no_path() {
         for _ in 0..2 {
             let rx = place();
             let (all, found) = (oracle.paths(rx).unwrap(), fast.paths(rx).unwrap());
-            assert!(all.iter().any(|p| p.interactions.len() == max_depth));
+            assert!(all.iter().any(|p| p.interactions.len() == max_interactions));
             assert_eq!(all, found, "room {seed}, {tx} to {rx}");
         }
     }

@@ -71,8 +71,9 @@ pub struct OpticalConfig {
     /// Denoiser of images of the method `path`. Default: none, and they are unbiased.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub denoiser: Option<Denoiser>,
-    /// Datasets of earlier versions say `true` where a filter went over their images; it can be read of, not asked for. Default false.
+    /// Data sets of earlier versions say `true` where a filter went over their images; it can be read of, not asked for.
     #[serde(default, skip_serializing_if = "is_false")]
+    #[schemars(skip)]
     pub denoise: bool,
     /// Also write linear radiance as EXR. Default false.
     #[serde(default)]
@@ -122,73 +123,88 @@ fn is_false(value: &bool) -> bool {
     !value
 }
 
-/// `[rf]`.
+/// `[rf]`: how radio is traced, and the spectra that are formed of it. Its defaults are those of every command that traces radio.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct RfConfig {
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Full horizontal field of view, degrees. Default 90.
-    #[serde(default = "ninety")]
+    /// Full horizontal field of view, degrees.
     pub horizontal_fov_deg: f64,
-    /// Interactions on a path, reflections, transmissions and scatterings together. Default 3.
-    #[serde(default = "three")]
-    pub max_reflections: usize,
-    /// Straight-through transmission. Default true.
-    #[serde(default = "yes")]
+    /// Interactions on a path at most: reflections, transmissions and scatterings together, 0 to 5. Files of earlier versions call it
+    /// `max_reflections`.
+    // Data sets say so still: their hashes, and with them `--resume` and published records, hang on every byte of the header.
+    #[serde(rename(serialize = "max_reflections"), alias = "max_reflections", alias = "max_depth")]
+    pub max_interactions: usize,
+    /// Straight-through transmission.
     pub transmission: bool,
-    /// Paths that diffract once at an edge of a body or a corner of walls. Default false.
-    #[serde(default)]
+    /// Paths that diffract once at an edge of a body or a corner of walls.
     pub diffraction: bool,
-    /// Paths that diffract once at the open edge of a single sheet as well. Default false.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    /// Paths that diffract once at the open edge of a single sheet as well.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub edge_diffraction: bool,
-    /// Diffuse scattering. Default true.
-    #[serde(default = "yes")]
+    /// Diffuse scattering.
     pub diffuse: bool,
-    /// Side of the world-fixed surface patches on which indirect light is kept, metres. Default 0.16.
-    #[serde(default = "patch")]
+    /// Side of the world-fixed surface patches on which indirect light is kept, metres.
     pub patch_size_m: f64,
-    /// Directions over the whole sphere in which the diffuse field is gathered. Default 120 000: 0.6° apart, for a lobe of 1°.
-    #[serde(default = "directions")]
+    /// Directions over the whole sphere in which the diffuse field is gathered; 120 000 are 0.6° apart, for a lobe of 1°.
     pub directions: usize,
-    /// Photons that bring the diffuse field's indirect light, once for all positions. Default 1 000 000.
-    #[serde(default = "million")]
+    /// Photons that bring the diffuse field's indirect light, once for all positions.
     pub photons: usize,
-    /// Rays from the transmitter that find chains of mirrors. Default 200 000.
-    #[serde(default = "rays")]
+    /// Rays from the transmitter that find chains of mirrors.
     pub rays: usize,
-    /// Kind of spectrum that is formed from the paths. Default `mpc`.
-    #[serde(default)]
+    /// Kind of spectrum that is formed from the paths.
     pub spectrum: SpectrumKind,
-    /// Standard deviation of an `mpc` lobe along each axis, degrees. Default 1.
-    #[serde(default = "one")]
+    /// Standard deviation of an `mpc` lobe along each axis, degrees.
     pub lobe_width_deg: f64,
-    /// Delays are told apart to its inverse by `bartlett-coherent` and `mvdr`, Hz. Default 1e9: taps of 1 ns.
-    #[serde(default = "one_gigahertz")]
+    /// Delays are told apart to its inverse by `bartlett-coherent` and `mvdr`, Hz; 1e9 are taps of 1 ns.
     pub bandwidth_hz: f64,
     /// Diagonal loading of `mvdr` in units of the covariance's mean eigenvalue: noise that far under the mean power of an element. A lone
     /// path's peak on an 8×8 array is 0.31° from centre to half power at 0.1 and shrinks with its square root; pixels should not be
-    /// coarser. Default 0.1.
-    #[serde(default = "loading")]
+    /// coarser.
     pub mvdr_loading: f64,
-    /// Width of the one dB range below the dataset's peak, dB. Default 70.
-    #[serde(default = "seventy")]
+    /// Width of the one dB range below the dataset's peak, dB.
     pub dynamic_range_db: f64,
-    /// Also write the propagation paths of every keyframe. Default false.
-    #[serde(default)]
+    /// Also write the propagation paths of every keyframe.
     pub write_paths: bool,
-    /// Also write every spectrum in dB as EXR. Default false: it is 10 log10 of the linear one.
-    #[serde(default)]
+    /// Also write every spectrum in dB as EXR: it is 10 log10 of the linear one.
     pub write_db: bool,
     /// `[columns, rows]`: also write the spectrum over the whole sphere, equirectangular. Default: not.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub sphere: Option<[usize; 2]>,
-    /// Also write RF images by the recipe of published sets into `rf-tutorial/`, which loses what the others keep. Default false.
-    #[serde(default)]
+    /// Data sets of earlier versions say `true` where they hold images by the recipe of published sets; all say it, for hashes hang on it.
+    #[schemars(skip)]
     pub tutorial_compat: bool,
+}
+
+impl Default for RfConfig {
+    fn default() -> Self {
+        Self {
+            width: 300,
+            height: 200,
+            horizontal_fov_deg: 90.0,
+            max_interactions: 3,
+            transmission: true,
+            diffraction: false,
+            edge_diffraction: false,
+            diffuse: true,
+            patch_size_m: 0.16,
+            directions: 120_000,
+            photons: 1_000_000,
+            rays: 200_000,
+            spectrum: SpectrumKind::Mpc,
+            lobe_width_deg: 1.0,
+            bandwidth_hz: 1e9,
+            mvdr_loading: 0.1,
+            dynamic_range_db: 70.0,
+            write_paths: false,
+            write_db: false,
+            sphere: None,
+            tutorial_compat: false,
+        }
+    }
 }
 
 impl RfConfig {
@@ -248,8 +264,12 @@ impl RfConfig {
                 "lobes are traced down to 80 dB: give 1 to 80",
             );
         }
-        if rf.max_reflections > 5 {
-            return fail("rf.max_reflections", format!("{} is above 5", rf.max_reflections), "give 0 to 5");
+        if rf.max_interactions > 5 {
+            return fail("rf.max_interactions", format!("{} is above 5", rf.max_interactions), "give 0 to 5");
+        }
+        if rf.tutorial_compat {
+            let help = "leave it out: rf/images holds every spectrum in the colours of one range";
+            return fail("rf.tutorial_compat", "images by the recipe of published sets are no longer made".into(), help);
         }
         Ok(())
     }
@@ -323,38 +343,8 @@ fn once_around() -> [f64; 2] {
 fn ninety() -> f64 {
     90.0
 }
-fn seventy() -> f64 {
-    70.0
-}
-fn one() -> f64 {
-    1.0
-}
-fn patch() -> f64 {
-    0.16
-}
-fn million() -> usize {
-    1_000_000
-}
-fn rays() -> usize {
-    200_000
-}
-fn directions() -> usize {
-    120_000
-}
-fn one_gigahertz() -> f64 {
-    1e9
-}
-fn loading() -> f64 {
-    0.1
-}
-fn three() -> usize {
-    3
-}
 fn bounces() -> u32 {
     64
-}
-fn yes() -> bool {
-    true
 }
 
 /// No image is wider or higher.
@@ -580,6 +570,22 @@ height = 64
         assert_eq!(of("east").transmitter_of(&scene).unwrap().position_m, [3.0, 0.0, 2.0]);
         let message = of("eest").transmitter_of(&scene).unwrap_err().to_string();
         assert!(message.contains("did you mean \"east\""), "{message}");
+    }
+
+    #[test]
+    fn keys_of_earlier_versions_are_read_and_written_as_they_were() {
+        let rf = |keys: &str| from_toml::<RfConfig>(&format!("width = 8\nheight = 6\n{keys}"), "d.toml");
+        let own = RfConfig { width: 8, height: 6, max_interactions: 2, ..RfConfig::default() };
+        for name in ["max_interactions", "max_reflections", "max_depth"] {
+            assert_eq!(rf(&format!("{name} = 2")).unwrap(), own);
+        }
+        // A header's hash is that of its text, by which `--resume` knows what was begun, and records what they are of.
+        let text = serde_json::to_string(&own).unwrap();
+        let begin = "{\"width\":8,\"height\":6,\"horizontal_fov_deg\":90.0,\"max_reflections\":2,\"transmission\":true,\"diffraction\":false,\"diffuse\":true,";
+        assert!(text.starts_with(begin) && text.ends_with(",\"write_db\":false,\"tutorial_compat\":false}"), "{text}");
+        assert_eq!(serde_json::from_str::<RfConfig>(&text).unwrap(), own);
+        let old = rf("tutorial_compat = true").unwrap();
+        assert!(old.validate("d.toml").unwrap_err().to_string().contains("rf.tutorial_compat"));
     }
 
     #[test]

@@ -329,7 +329,7 @@ fn propagation(header: &DatasetHeader) -> Vec<(&'static str, String)> {
                 on(rf.transmission),
                 if rf.diffraction { "at most one a path" } else { "no" },
                 on(rf.diffuse),
-                rf.max_reflections
+                rf.max_interactions
             ),
         ));
     }

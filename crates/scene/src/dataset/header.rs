@@ -54,7 +54,7 @@ pub struct DatasetHeader {
     pub quantity: Quantity,
     /// Width of the one dB range below the dataset's peak, dB.
     pub dynamic_range_db: f64,
-    /// The range that the images of `rf-tutorial/` are clipped to, where they are written.
+    /// The range that the images of `rf-tutorial/` are clipped to, in data sets of earlier versions that have them.
     pub tutorial_range: Option<DbRange>,
     /// Radio materials in use.
     pub materials: Vec<MaterialRecord>,

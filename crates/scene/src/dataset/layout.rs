@@ -51,9 +51,6 @@ pub(super) fn db(index: usize) -> String {
 pub(super) fn sphere(index: usize) -> String {
     format!("rf/sphere/{}.exr", stem(index))
 }
-pub(super) fn tutorial_image(index: usize) -> String {
-    format!("{TUTORIAL_ROOT}/images/{}.png", stem(index))
-}
 pub(super) fn paths(index: usize) -> String {
     format!("rf/paths/{}.jsonl.gz", stem(index))
 }

@@ -68,7 +68,6 @@ fn frame(index: usize) -> KeyframeContent {
         albedo: Some(Raster::from_fn(16, 9, |x, y| [x as f32 / 16.0, y as f32 / 9.0, 0.5])),
         normals: Some(Raster::filled(16, 9, [0.0, 0.0, 1.0])),
         sphere: Some(Raster::from_fn(6, 3, |x, y| 1e-8 * (x + y) as f32)),
-        tutorial: Some(Raster::filled(12, 8, [index as u8, 1, 2])),
         share_in_frame: Some(0.25 + 0.05 * index as f64),
         paths_jsonl: (index == 2).then(|| "{\"tau_s\":1e-8}\n".to_string()),
     };

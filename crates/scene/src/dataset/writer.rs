@@ -39,8 +39,6 @@ pub struct Extras {
     pub normals: Option<Raster<[f32; 3]>>,
     /// Spectrum over the whole sphere, in the unit of the RF camera's: linear, finite, at least 0.
     pub sphere: Option<Raster<f32>>,
-    /// RF image by the recipe of published sets.
-    pub tutorial: Option<Raster<[u8; 3]>>,
     /// Share of the arriving power from directions inside the RF frame, in `[0, 1]`.
     pub share_in_frame: Option<f64>,
     /// Propagation paths, one JSON object a line.
@@ -349,9 +347,6 @@ impl DatasetWriter {
         if let Some(sphere) = &extras.sphere {
             contents.push((layout::sphere(index), Box::new(move || io::encode_exr_f32_in(sphere, "Y", unit))));
         }
-        if let Some(tutorial) = &extras.tutorial {
-            contents.push((layout::tutorial_image(index), Box::new(|| io::encode_png(tutorial))));
-        }
         if let Some(paths) = &extras.paths_jsonl {
             contents.push((layout::paths(index), Box::new(|| io::gzip(paths.as_bytes()))));
         }
@@ -402,7 +397,6 @@ impl DatasetWriter {
         let rf = [
             ("spectrum", radio.as_ref().map(|r| (r.spectrum.width(), r.spectrum.height())), (r.width, r.height)),
             ("sphere", extras.sphere.as_ref().map(|s| (s.width(), s.height())), sphere),
-            ("tutorial", extras.tutorial.as_ref().map(|t| (t.width(), t.height())), (r.width, r.height)),
         ];
         for (name, size, expected) in optical.chain(rf) {
             if let Some(size) = size.filter(|s| *s != expected) {

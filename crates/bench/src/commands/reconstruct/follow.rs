@@ -75,7 +75,7 @@ impl Follow<'_> {
             "--follow begins with nothing, and --from names Gaussians\n  help: follow first, and reconstruct RUN/dataset with --from then"
         );
         // A key that does not exist, and a folder that is occupied, are known before anybody waits.
-        CorfGs::new(self.method, &methods::registry::settings(self.method, &self.overrides)?, &self.backend)?;
+        methods::create(self.method, &self.overrides, &self.backend)?;
         ensure!(
             folder.is_dir() || folder.symlink_metadata().is_err(),
             "{} is no folder, or a link that leads to none\n  help: name the live folder, which may be made later",
@@ -92,6 +92,7 @@ impl Follow<'_> {
         Session::check(&description, self.protocol)?;
         let overrides = live_overrides(&self.overrides, &description)?;
         let method = CorfGs::new(self.method, &methods::registry::settings(self.method, &overrides)?, &self.backend)?;
+        methods::registry::check_given(&method, &self.overrides, None)?;
         method.check_description(&description)?;
         let begun = Begun {
             schema: UNFINISHED_SCHEMA.to_owned(),

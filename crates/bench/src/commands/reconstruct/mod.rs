@@ -171,7 +171,7 @@ impl Reconstruct {
         let dataset = &input.dataset;
         let split = Split::of(dataset, protocol)?;
         harness::check_training(method.as_ref(), dataset, &split)?;
-        method.check_files(&TrainingSet::new(dataset, &split))?;
+        methods::registry::check_data_set(method.as_ref(), &overrides, &TrainingSet::new(dataset, &split))?;
         let initial = initial_hash(&overrides)?;
         let _held = claim_output(&self.out, self.resume)?;
         let info_path = self.out.join("run.json");
@@ -181,7 +181,7 @@ impl Reconstruct {
                 info.method == self.method
                     && info.seed == self.seed
                     && info.protocol == protocol
-                    && info.config == method.config()
+                    && methods::without_retired(&info.config) == method.config()
                     && info.initial_gaussians_sha256 == initial
                     && info.dataset_hash == dataset.hash(),
                 "{} holds a finished run of another method, configuration, seed, protocol, dataset or other first Gaussians\n  help: choose another --out",

@@ -16,7 +16,7 @@ use crate::scenes::behind::SceneBehind;
 use anyhow::{Context, Result, ensure};
 use corf::array_field::{ArrayConfig, ArrayTrainer, Image, SensorSettings, Surface};
 use corf::config::Coupling;
-use corf::{RasterConfig, Reconstructor};
+use corf::{IdleKey, RasterConfig, Reconstructor};
 use corf_scene::config::{AntennaPattern, RearHalfSpace, SpectrumKind};
 use online::Online;
 use schemars::{JsonSchema, schema_for};
@@ -30,7 +30,7 @@ pub const ORACLE_SCENE: &str = "oracle_scene";
 /// Configuration of `corf-array`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CorfArrayConfig {
-    /// Light: keys of `corf-gs`, table `light` of the overrides. Its `rf_weight` is of splatted spectra, and without effect where surfaces are points.
+    /// Light: keys of `corf-gs`, table `light` of the overrides. Its `rf_weight` is of splatted spectra, and refused where surfaces are points.
     pub light: CorfGsConfig,
     /// An oracle, no method: the scene file that the data set was generated from. Virtual sources are then the transmitter's true mirror images, traced
     /// in that scene, and rows say so. A path in a plan is relative to the plan's file.
@@ -209,6 +209,24 @@ impl Method for CorfArray {
     /// Depth comes from views of one thing from several places.
     fn least_keyframes(&self) -> usize {
         2
+    }
+
+    fn idle_keys(&self, training: Option<&TrainingSet<'_>>) -> Result<Vec<IdleKey>> {
+        const POINTS: &str = "radio has a field of its own where surfaces are points, and light's Gaussians do not learn it";
+        const ORACLE: &str = "with oracle_scene sources are the true images, and none are found";
+        let CorfArrayConfig { light, oracle_scene, radio } = &self.config;
+        let sensor = training.map(|training| self.sensor(training)).transpose()?;
+        let mut idle: Vec<IdleKey> = light.idle_keys();
+        if sensor.is_some_and(|sensor| !radio.is_over_splats(&sensor)) {
+            idle.extend(IdleKey::all([("rf_weight", false, POINTS), ("optimizer.rf", false, POINTS)]));
+        }
+        idle = idle.into_iter().map(|key| key.within("light")).collect();
+        idle.extend(radio.idle_keys(sensor.as_ref()));
+        if oracle_scene.is_some() {
+            let of_births = ["rays", "ray_range_db", "votes", "ray_width_deg", "refine_sources"];
+            idle.extend(IdleKey::all(of_births.map(|key| (key, false, ORACLE))));
+        }
+        Ok(idle)
     }
 
     fn check_files(&self, training: &TrainingSet<'_>) -> Result<()> {

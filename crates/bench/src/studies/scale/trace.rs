@@ -118,11 +118,10 @@ impl Tracing {
             (config.optical.method, config.optical.samples_per_pixel) = (LightMethod::Path, Some(2));
             (config.rf.width, config.rf.height) = (48, 32);
             // As few directions as lobes of a degree allow, beyond which no diffuse power is gathered around the frame.
-            (config.rf.max_reflections, config.rf.directions, config.rf.photons) = (1, 100_000, 10_000);
+            (config.rf.max_interactions, config.rf.directions, config.rf.photons) = (1, 100_000, 10_000);
             (config.rf.patch_size_m, config.rf.lobe_width_deg) = (0.5, 1.0);
         }
         config.rf.sphere = None;
-        config.rf.tutorial_compat = false;
         config.validate()?;
         let scene_config = config.load_scene_config()?;
         ensure!(
@@ -150,7 +149,7 @@ impl Tracing {
             light: optical.method,
             samples_per_pixel: optical.samples(),
             rf: [rf.width, rf.height],
-            depth: rf.max_reflections,
+            depth: rf.max_interactions,
             directions: if rf.diffuse { rf.directions } else { 0 },
             photons: if rf.diffuse { rf.photons } else { 0 },
             patch_size_m: rf.patch_size_m,
@@ -169,7 +168,6 @@ impl Tracing {
             extent: Extent::of_keyframe(&self.config.rf, &plan.receiver),
             camera: self.config.rf_camera(),
             sphere: None,
-            tutorial: None,
             paths: false,
         }
     }

@@ -64,13 +64,13 @@ impl Beam {
     }
 }
 
-/// All sequences of up to `max_depth` of the `allowed` faces that light from `tx` can run through, as far as beams tell; `None` where
+/// All sequences of up to `max_interactions` of the `allowed` faces that light from `tx` can run through, as far as beams tell; `None` where
 /// that would be too much work, or more than `wanted` are found.
-pub fn chains(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: usize, wanted: usize) -> Option<Vec<Chain>> {
+pub fn chains(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_interactions: usize, wanted: usize) -> Option<Vec<Chain>> {
     let most = MOST_WORK.min(wanted.saturating_mul(CHAIN_WORK + allowed.len()));
     let search = Search {
         geometry,
-        max_depth,
+        max_interactions,
         direct: Chain::line_of_sight(tx),
         hulls: allowed.iter().map(|&face| (face, geometry.faces[face as usize].hull())).collect(),
     };
@@ -88,7 +88,7 @@ pub fn chains(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: us
 
 struct Search<'s, 'a> {
     geometry: &'s Geometry<'a>,
-    max_depth: usize,
+    max_interactions: usize,
     direct: Chain,
     hulls: Vec<(u32, [DVec3; 4])>,
 }
@@ -106,7 +106,7 @@ impl Search<'_, '_> {
         let mut stack = vec![(chain, Beam::new(chain.image, hull))];
         while let Some((chain, beam)) = stack.pop() {
             chains.push(chain);
-            let ends = chain.faces().len() == self.max_depth;
+            let ends = chain.faces().len() == self.max_interactions;
             let cost = CHAIN_WORK + if ends { 0 } else { self.hulls.len() };
             if work.fetch_add(cost, Ordering::Relaxed) + cost > most {
                 return None;

@@ -135,7 +135,7 @@ mod tests {
             scene.positions.extend([corner, corner + point(2.0), corner + point(2.0) - Vec3::splat(1.0)]);
             scene.triangles.push(Triangle { vertices: [0, 1, 2].map(|k| 3 * i + k), material: 0, object: i });
         }
-        let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_depth: 2, ..RadioSettings::default() }).unwrap();
+        let tracer = RadioTracer::without_bvh(&scene, RadioSettings { max_interactions: 2, ..RadioSettings::default() }).unwrap();
         let geometry = tracer.geometry();
         let tx = point(4.0).as_dvec3();
         let sight = Chain::line_of_sight(tx);

@@ -111,13 +111,13 @@ pub fn candidates(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings) 
 /// Every chain that light can run through; `None` where the search is by a lattice of rays, or where there are more than `wanted` chains
 /// and the search is not exhaustive.
 pub fn all(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, wanted: usize) -> Option<Vec<Chain>> {
-    if !settings.reflection || settings.max_depth == 0 {
+    if !settings.reflection || settings.max_interactions == 0 {
         return Some(Vec::new());
     }
     let allowed = mirrors(geometry, settings);
     match settings.search {
-        Search::Exhaustive => Some(exhaustive(geometry, tx, &allowed, settings.max_depth)),
-        Search::Auto { .. } => beams::chains(geometry, tx, &allowed, settings.max_depth, wanted),
+        Search::Exhaustive => Some(exhaustive(geometry, tx, &allowed, settings.max_interactions)),
+        Search::Auto { .. } => beams::chains(geometry, tx, &allowed, settings.max_interactions, wanted),
         Search::Lattice { .. } => None,
     }
 }
@@ -135,7 +135,7 @@ fn by_rays(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: u
     let mut chains = exhaustive(geometry, tx, allowed, 1);
     chains.extend(walk.lattice(tx, rays, |found, chain, triangle| found.extend(walk.mirrored(chain, triangle))));
     distinct(&mut chains);
-    for length in 1..settings.max_depth {
+    for length in 1..settings.max_interactions {
         let (large, density) = if length == 1 { (BY_ONE, FROM_FIRST) } else { (BY_SEVERAL, FROM_LATER) };
         let of_length = |c: &&Chain| c.faces().len() == length;
         let all: Vec<Chain> = chains.iter().filter(of_length).copied().collect();
@@ -150,11 +150,11 @@ fn by_rays(geometry: &Geometry<'_>, tx: DVec3, settings: &RadioSettings, rays: u
     chains
 }
 
-/// All sequences up to `max_depth` of faces in different planes, one to the next: the oracle.
-fn exhaustive(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_depth: usize) -> Vec<Chain> {
+/// All sequences up to `max_interactions` of faces in different planes, one to the next: the oracle.
+fn exhaustive(geometry: &Geometry<'_>, tx: DVec3, allowed: &[u32], max_interactions: usize) -> Vec<Chain> {
     let mut chains = Vec::new();
     let mut frontier = vec![Chain::line_of_sight(tx)];
-    for _ in 0..max_depth {
+    for _ in 0..max_interactions {
         let mut next = Vec::with_capacity(frontier.len() * allowed.len());
         for chain in &frontier {
             for &face in allowed {

@@ -3,7 +3,7 @@
 use crate::radio::candidates::chain::{Chain, repeats};
 use crate::radio::geometry::Geometry;
 use crate::radio::{
-    MAX_DEPTH, RadioSettings, Slab,
+    MAX_INTERACTIONS, RadioSettings, Slab,
     field::{self, fresnel},
     lattice,
 };
@@ -28,7 +28,7 @@ pub trait Finding: Copy + Send {
 }
 
 impl Finding for Chain {
-    type Key = (u8, [u32; MAX_DEPTH]);
+    type Key = (u8, [u32; MAX_INTERACTIONS]);
 
     fn key(&self) -> Self::Key {
         self.sort_key()
@@ -82,7 +82,7 @@ impl<T: Finding> Findings<T> {
 /// A chain with the transmitter's images before each of its faces.
 pub struct ChainImages<'c> {
     chain: &'c Chain,
-    images: [DVec3; MAX_DEPTH],
+    images: [DVec3; MAX_INTERACTIONS],
 }
 
 impl<'c> ChainImages<'c> {
@@ -173,7 +173,7 @@ impl<'w, 'a> Walk<'w, 'a> {
             let Some((t, triangle)) = self.geometry.closest(origin, direction, CLEARANCE_M) else { continue };
             visit(&chain, triangle);
             let interactions = interactions + 1;
-            if interactions >= self.settings.max_depth {
+            if interactions >= self.settings.max_interactions {
                 continue;
             }
             let face = &self.geometry.faces[self.geometry.face_of_triangle(triangle) as usize];

@@ -1,6 +1,7 @@
 //! Sampling settings of the diffuse field, and the numbers that follow from them.
 
-use crate::radio::MAX_DEPTH;
+use crate::radio::MAX_INTERACTIONS;
+use corf_scene::config::RfConfig;
 use corf_scene::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -40,12 +41,13 @@ pub struct DiffuseSettings {
 
 impl Default for DiffuseSettings {
     fn default() -> Self {
+        let rf = RfConfig::default();
         Self {
-            patch_size_m: 0.16,
-            directions: 120_000,
-            after: MAX_DEPTH,
+            patch_size_m: rf.patch_size_m,
+            directions: rf.directions,
+            after: MAX_INTERACTIONS,
             min_mirror_sr: NO_MIRRORS_SR,
-            photons: 200_000,
+            photons: rf.photons,
             resolution_deg: 1.0,
             even_arrivals: false,
             outlier_share: 0.1,

@@ -218,12 +218,12 @@ fn materials(scene: &Scene, frequency_hz: f64) -> Result<(Map<String, Value>, BT
 
 /// `rt_params`: what was traced.
 fn rt_params(settings: &RadioSettings) -> Value {
-    let up_to = |on: bool| if on { settings.max_depth } else { 0 };
+    let up_to = |on: bool| if on { settings.max_interactions } else { 0 };
     json!({
         "raytracer_name": "corf",
         "raytracer_version": env!("CARGO_PKG_VERSION"),
         "frequency": settings.frequency_hz,
-        "max_path_depth": settings.max_depth,
+        "max_path_depth": settings.max_interactions,
         "max_reflections": up_to(settings.reflection),
         "max_diffractions": usize::from(settings.diffraction),
         "max_scattering": 0,

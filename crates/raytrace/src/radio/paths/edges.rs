@@ -10,7 +10,7 @@ use crate::radio::diffraction::{Wedge, Wedges, keller_point};
 use crate::radio::geometry::{Geometry, TOUCHING_M};
 use crate::radio::paths::path::Path;
 use crate::radio::paths::ray_path::{PathEvent, Propagator, RayPath};
-use crate::radio::{MAX_DEPTH, RadioSettings, Search};
+use crate::radio::{MAX_INTERACTIONS, RadioSettings, Search};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -35,10 +35,10 @@ impl EdgeChains {
     /// The chains from a transmitter or a receiver.
     pub fn from_point(propagator: &Propagator<'_, '_>, wedges: &Wedges, point: DVec3) -> Self {
         let (settings, count) = (propagator.settings, wedges.wedges.len());
-        if settings.max_depth == 0 || count == 0 {
+        if settings.max_interactions == 0 || count == 0 {
             return Self::Off;
         }
-        let before = RadioSettings { max_depth: settings.max_depth - 1, ..*settings };
+        let before = RadioSettings { max_interactions: settings.max_interactions - 1, ..*settings };
         let few = |chains: &Vec<Chain>| {
             settings.search == Search::Exhaustive || combinations(chains, &before, count) <= MOST_COMBINATIONS
         };
@@ -69,10 +69,10 @@ impl EdgeChains {
 /// Number of pairs of chains before an edge and after it to try, if the other endpoint has as many chains: wedges × Σ n_i·n_j, i + j faces
 /// together within the depth.
 fn combinations(chains: &[Chain], before: &RadioSettings, wedges: usize) -> usize {
-    let mut counts = [0usize; MAX_DEPTH + 1];
+    let mut counts = [0usize; MAX_INTERACTIONS + 1];
     counts[0] = 1;
     chains.iter().for_each(|chain| counts[chain.faces().len()] += 1);
-    let pairs = (0..=before.max_depth).flat_map(|i| (0..=before.max_depth - i).map(move |j| (i, j)));
+    let pairs = (0..=before.max_interactions).flat_map(|i| (0..=before.max_interactions - i).map(move |j| (i, j)));
     pairs.fold(0usize, |sum, (i, j)| sum.saturating_add(counts[i].saturating_mul(counts[j]))).saturating_mul(wedges)
 }
 
@@ -104,7 +104,7 @@ pub fn paths(propagator: &Propagator<'_, '_>, wedges: &Wedges, tx: DVec3, from_t
             let mut paths = Vec::new();
             for source in &sources {
                 for target in &targets {
-                    if source.chain.faces().len() + target.chain.faces().len() < propagator.settings.max_depth {
+                    if source.chain.faces().len() + target.chain.faces().len() < propagator.settings.max_interactions {
                         paths.extend(at_edge(propagator, tx, rx, wedge, source, target));
                     }
                 }
@@ -155,8 +155,8 @@ fn at_edge(
     let (before, after) = (source.chain.faces(), target.chain.faces());
     let to_edge = propagator.specular_vertices(tx, point, source.chain)?;
     let from_edge = propagator.specular_vertices(rx, point, target.chain)?;
-    let mut turns = [PathEvent::Edge { wedge, lit: source.lit }; MAX_DEPTH];
-    let mut corners = [point; MAX_DEPTH];
+    let mut turns = [PathEvent::Edge { wedge, lit: source.lit }; MAX_INTERACTIONS];
+    let mut corners = [point; MAX_INTERACTIONS];
     for (i, face) in before.iter().enumerate() {
         (turns[i], corners[i]) = (PathEvent::Mirror(*face), to_edge[i]);
     }

@@ -3,7 +3,7 @@
 //! No leg of such a path crosses the wall: both end where it begins. Every path beside it does. So the legs before and after a bounce lie on
 //! one side of every other face that touches the point, or that face is in the way: it is passed as a slab, or blocks.
 
-use crate::radio::MAX_DEPTH;
+use crate::radio::MAX_INTERACTIONS;
 use crate::radio::geometry::face::Face;
 use crate::radio::geometry::{BESIDE_RAY_M, Crossing, END_CLEARANCE_M, Geometry, TOUCHING_M};
 use crate::radio::paths::ray_path::{PathEvent, Propagator, RayPath};
@@ -65,7 +65,7 @@ impl Propagator<'_, '_> {
     pub(in crate::radio) fn pass_joints(
         &self,
         route: &RayPath<'_>,
-        crossed: &mut [Vec<Crossing>; MAX_DEPTH + 1],
+        crossed: &mut [Vec<Crossing>; MAX_INTERACTIONS + 1],
         mut budget: usize,
     ) -> Option<()> {
         let mut first = 0;

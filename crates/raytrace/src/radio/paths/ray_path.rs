@@ -7,7 +7,7 @@ use crate::radio::field::fresnel::{self, SlabResponse};
 use crate::radio::field::{self, Field};
 use crate::radio::geometry::{BESIDE_M, Crossing, Geometry};
 use crate::radio::paths::path::{Interaction, InteractionKind, Path};
-use crate::radio::{Complex, MAX_DEPTH, RadioSettings, SPEED_OF_LIGHT};
+use crate::radio::{Complex, MAX_INTERACTIONS, RadioSettings, SPEED_OF_LIGHT};
 use glam::DVec3;
 
 /// Distance from a wedge, metres, at which it is tested whether its edge stands in the open or is flush with another surface.
@@ -67,7 +67,7 @@ impl Propagator<'_, '_> {
     pub(in crate::radio) fn trace(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<Path> {
         let faces = chain.faces();
         let vertices = self.specular_vertices(tx, rx, chain)?;
-        let mut turns = [PathEvent::Mirror(u32::MAX); MAX_DEPTH];
+        let mut turns = [PathEvent::Mirror(u32::MAX); MAX_INTERACTIONS];
         turns.iter_mut().zip(faces).for_each(|(turn, face)| *turn = PathEvent::Mirror(*face));
         self.follow(&RayPath { tx, rx, turns: &turns[..faces.len()], corners: &vertices[..faces.len()] })
     }
@@ -76,8 +76,8 @@ impl Propagator<'_, '_> {
     pub(in crate::radio) fn follow(&self, route: &RayPath<'_>) -> Option<Path> {
         // Visibility, leg by leg; transmissions share the budget of interactions.
         let turns = route.turns.len();
-        let mut budget = if self.settings.transmission { self.settings.max_depth - turns } else { 0 };
-        let mut crossed: [Vec<Crossing>; MAX_DEPTH + 1] = Default::default();
+        let mut budget = if self.settings.transmission { self.settings.max_interactions - turns } else { 0 };
+        let mut crossed: [Vec<Crossing>; MAX_INTERACTIONS + 1] = Default::default();
         for i in 0..=turns {
             let (from, to, skip) = route.leg(i);
             crossed[i] = self.geometry.crossings(from, to, skip, budget)?;
@@ -108,7 +108,7 @@ impl Propagator<'_, '_> {
     }
 
     /// Whether the legs to points just off the route's wedges cross the same faces: an edge that is flush with another surface is none.
-    fn edges_are_open(&self, route: &RayPath<'_>, crossed: &[Vec<Crossing>; MAX_DEPTH + 1]) -> bool {
+    fn edges_are_open(&self, route: &RayPath<'_>, crossed: &[Vec<Crossing>; MAX_INTERACTIONS + 1]) -> bool {
         route.turns.iter().enumerate().all(|(i, turn)| {
             let PathEvent::Edge { wedge, .. } = turn else { return true };
             let off = wedge.outward() * EDGE_CLEARANCE_M;
@@ -122,9 +122,9 @@ impl Propagator<'_, '_> {
     }
 
     /// The image method: reflection points from the receiver back to the transmitter, each on its face.
-    pub(in crate::radio) fn specular_vertices(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<[DVec3; MAX_DEPTH]> {
+    pub(in crate::radio) fn specular_vertices(&self, tx: DVec3, rx: DVec3, chain: &Chain) -> Option<[DVec3; MAX_INTERACTIONS]> {
         let faces = chain.faces();
-        let mut vertices = [DVec3::ZERO; MAX_DEPTH];
+        let mut vertices = [DVec3::ZERO; MAX_INTERACTIONS];
         let Some((&last, _)) = faces.split_last() else { return Some(vertices) };
         // Most candidates end here, at the last face, before the other images are needed.
         vertices[faces.len() - 1] = self.geometry.bounce(last, rx, chain.image)?;
@@ -170,7 +170,7 @@ impl Propagator<'_, '_> {
     }
 
     /// Carries the field along the route.
-    fn assemble(&self, route: &RayPath<'_>, crossed: &[Vec<Crossing>; MAX_DEPTH + 1]) -> Option<Path> {
+    fn assemble(&self, route: &RayPath<'_>, crossed: &[Vec<Crossing>; MAX_INTERACTIONS + 1]) -> Option<Path> {
         let RayPath { tx, rx, turns, corners } = *route;
         let mut interactions = Vec::new();
         let length_m: f64 = (0..=turns.len()).map(|i| route.leg(i)).map(|(from, to, _)| from.distance(to)).sum();

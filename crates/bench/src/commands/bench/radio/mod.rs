@@ -7,6 +7,7 @@ mod errors;
 
 use super::super::spectrum::Kind;
 use super::super::{Verdict, show};
+use crate::radio_link::{PathArgs, ScatteringArgs, path_args_over};
 use crate::scenes::in_use;
 use crate::terminal::interrupt;
 use crate::terminal::messages;
@@ -27,7 +28,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// `corf bench radio`.
+/// `corf bench radio`: the flags of tracing go over the dataset's own settings, which are the defaults here.
 #[derive(Args)]
 pub struct Radio {
     /// Dataset file (TOML).
@@ -35,18 +36,10 @@ pub struct Radio {
     /// Positions along the trajectory; without it all keyframes of the dataset.
     #[arg(long)]
     positions: Option<usize>,
-    /// Interactions on a path instead of the dataset's.
-    #[arg(long)]
-    depth: Option<usize>,
-    /// Gathering directions instead of the dataset's.
-    #[arg(long)]
-    directions: Option<usize>,
-    /// Photons instead of the dataset's.
-    #[arg(long)]
-    photons: Option<usize>,
-    /// Patch side instead of the dataset's, metres.
-    #[arg(long)]
-    patch_size: Option<f64>,
+    #[command(flatten)]
+    paths: PathArgs,
+    #[command(flatten)]
+    scattering: ScatteringArgs,
     /// Smallest mirror that is evaluated exactly, steradians.
     #[arg(long)]
     mirror_sr: Option<f64>,
@@ -147,7 +140,7 @@ impl Radio {
     pub fn run(self, json: bool) -> Result<Verdict> {
         let mut config = DatasetConfig::load(&self.config)?;
         config.rf.spectrum = self.spectrum.map_or(config.rf.spectrum, SpectrumKind::from);
-        config.rf.max_reflections = self.depth.unwrap_or(config.rf.max_reflections);
+        path_args_over!(self.paths, config.rf);
         config.validate()?;
         let scene_config = config.load_scene_config()?;
         let Some(way) = scene_config.trajectory.as_ref() else {
@@ -224,11 +217,11 @@ impl Radio {
             threads: rayon::current_num_threads(),
             triangles: scene.triangles.len(),
             positions: poses.len(),
-            depth: plan.tracing.max_depth,
+            depth: plan.tracing.max_interactions,
             transmission: plan.tracing.transmission,
             diffraction: plan.tracing.diffraction,
             transmitter_m: plan.transmitter.position_m,
-            after: sampling.map(|s| s.after.min(plan.tracing.max_depth.saturating_sub(1))),
+            after: sampling.map(|s| s.after.min(plan.tracing.max_interactions.saturating_sub(1))),
             powers: self.powers,
             spectrum: form.kind,
             directions: sampling.map(|s| s.directions),
@@ -249,22 +242,19 @@ impl Radio {
     /// The dataset's sampling of the diffuse field with what was asked for instead; `None` where the dataset has none.
     fn sampling(&self, plan: &SensorPlan) -> Result<Option<DiffuseSettings>> {
         let Some(mut sampling) = plan.sampling else {
+            let help = "set `diffuse = true` in the dataset's [rf], or leave it out";
+            self.scattering.check_unused(false, help)?;
             let asked = [
-                ("--directions", self.directions.is_some()),
-                ("--photons", self.photons.is_some()),
-                ("--patch-size", self.patch_size.is_some()),
                 ("--mirror-sr", self.mirror_sr.is_some()),
                 ("--after", self.after.is_some()),
                 ("--reference-directions", self.reference_directions.is_some()),
             ];
             if let Some((option, _)) = asked.iter().find(|(_, given)| *given) {
-                bail!("{option}: the dataset has no scattered power to sample\n  help: set `diffuse = true` in its [rf]");
+                bail!("{option}: no scattered power is traced that it could sample\n  help: {help}");
             }
             return Ok(None);
         };
-        sampling.directions = self.directions.unwrap_or(sampling.directions);
-        sampling.photons = self.photons.unwrap_or(sampling.photons);
-        sampling.patch_size_m = self.patch_size.unwrap_or(sampling.patch_size_m);
+        self.scattering.over(&mut sampling.directions, &mut sampling.photons, &mut sampling.patch_size_m);
         sampling.min_mirror_sr = self.mirror_sr.unwrap_or(sampling.min_mirror_sr);
         sampling.after = self.after.unwrap_or(sampling.after);
         if self.powers {

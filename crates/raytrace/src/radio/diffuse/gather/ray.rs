@@ -16,7 +16,7 @@ use crate::radio::field::antenna::Antenna;
 use crate::radio::field::fresnel::SlabResponse;
 use crate::radio::field::{self, Field};
 use crate::radio::geometry::SurfaceHit;
-use crate::radio::{MAX_DEPTH, lattice};
+use crate::radio::{MAX_INTERACTIONS, lattice};
 use glam::DVec3;
 
 /// Clearance of a gathering ray from the face it leaves, metres.
@@ -127,7 +127,7 @@ impl RussianRoulette {
 
 impl<'f, 't, 'a> GatherTracer<'f, 't, 'a> {
     pub fn new(field: &'f DiffuseField<'t, 'a>, rx: DVec3, antenna: &Antenna, lattice: Lattice<'f>) -> Self {
-        let deepest = field.settings.after.min(field.tracer.settings.max_depth.saturating_sub(1)).min(MAX_DEPTH);
+        let deepest = field.settings.after.min(field.tracer.settings.max_interactions.saturating_sub(1)).min(MAX_INTERACTIONS);
         Self { field, antenna: *antenna, rx, lattice, deepest, stack: Vec::new(), beyond: 0.0 }
     }
 

@@ -72,11 +72,11 @@ impl<'t, 'a> Illumination<'t, 'a> {
         let geometry = &tracer.geometry;
         let tables = geometry.slabs.iter().map(|slab| slab.as_ref().map(SlabTable::new)).collect();
         let mut sources = Vec::new();
-        if tracer.settings.max_depth >= 1 {
+        if tracer.settings.max_interactions >= 1 {
             sources.push(Source::transmitter(tx));
         }
         // One interaction before the scattering and the scattering itself.
-        if tracer.settings.reflection && tracer.settings.max_depth >= 2 && min_mirror_sr < 4.0 * std::f64::consts::PI {
+        if tracer.settings.reflection && tracer.settings.max_interactions >= 2 && min_mirror_sr < 4.0 * std::f64::consts::PI {
             let mut seen = vec![0usize; geometry.faces.len()];
             for i in 0..MIRROR_RAYS {
                 if let Some((_, triangle)) = geometry.closest(tx, lattice::fibonacci(i, MIRROR_RAYS), 0.0) {
@@ -109,7 +109,7 @@ impl<'t, 'a> Illumination<'t, 'a> {
     /// Interactions a source's legs may still spend on slabs, after its mirror, the scattering itself and `after` more behind it.
     pub fn slab_budget(&self, source: Source, after: usize) -> Option<usize> {
         let spent = 1 + after + usize::from(source.mirror.is_some());
-        let left = self.tracer.settings.max_depth.checked_sub(spent)?;
+        let left = self.tracer.settings.max_interactions.checked_sub(spent)?;
         Some(if self.tracer.settings.transmission { left } else { 0 })
     }
 

@@ -154,7 +154,7 @@ impl Photons<'_, '_, '_> {
             trail.deposits.push(Deposit {
                 slot,
                 subcell,
-                left: (settings.max_depth - interactions) as u32,
+                left: (settings.max_interactions - interactions) as u32,
                 coherency: coherency.map(|c| (c * inverse) as f32),
                 normal: normal.as_vec3(),
                 specular: field::mirrored(k, normal).as_vec3(),
@@ -164,7 +164,7 @@ impl Photons<'_, '_, '_> {
             });
         }
         // Whatever comes next has to be scattered once more.
-        if interactions + 1 > settings.max_depth {
+        if interactions + 1 > settings.max_interactions {
             return;
         }
         let next = match self.only.map(|chain| chain[interactions - 1..].split_first()) {

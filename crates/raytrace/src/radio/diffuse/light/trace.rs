@@ -21,11 +21,11 @@ impl Photons<'_, '_, '_> {
     /// Traces them all; `None` where no chain could leave anything.
     pub fn trace(&self, patch_m: f64) -> Option<RadianceCache> {
         let settings = &self.illumination.tracer.settings;
-        if self.count == 0 || settings.max_depth < 2 {
+        if self.count == 0 || settings.max_interactions < 2 {
             return None;
         }
         // A deposit is at least a second interaction.
-        let mut cache = RadianceCache::new(self.illumination, self.patches, patch_m, settings.max_depth - 1);
+        let mut cache = RadianceCache::new(self.illumination, self.patches, patch_m, settings.max_interactions - 1);
         for pass in self.passes(self.disturbances(&cache)) {
             let count = pass.emission.len();
             let tasks = count.div_ceil(PHOTONS_PER_TASK);

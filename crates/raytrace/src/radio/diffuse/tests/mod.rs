@@ -50,8 +50,8 @@ fn room(material: Material, size: Vec3) -> Scene {
     scene
 }
 
-fn settings(max_depth: usize) -> RadioSettings {
-    RadioSettings { max_depth, ..RadioSettings::default() }
+fn settings(max_interactions: usize) -> RadioSettings {
+    RadioSettings { max_interactions, ..RadioSettings::default() }
 }
 
 fn sampling() -> DiffuseSettings {
