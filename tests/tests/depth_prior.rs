@@ -104,6 +104,7 @@ fn a_folder_of_maps_serves_as_well_as_the_depth_it_was_made_of() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn weights_serve_as_a_prior_and_others_are_refused() {
     let Some(weights) = shared("weights/depth_anything_tiny/model.safetensors") else { return };
     let weights = weights.canonicalize().unwrap();

@@ -100,6 +100,7 @@ fn are_the_keyframes(pictures: &[Raster<[u8; 3]>], dataset: &Dataset) -> bool {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn poses_of_the_file_that_was_imported_mean_the_same_places() {
     for (name, flags) in [("up-and-scale", &["--up=0,-1,0", "--scale", "0.5"][..]), ("up-of-cameras", &["--up", "cameras"][..])] {
         let Some(capture) = fault(&format!("pose-frame/{name}")) else { return };
@@ -242,6 +243,7 @@ fn gaussians_in_the_frame_of_the_capture_are_refused() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn each_axis_has_the_field_of_view_that_the_file_gives_it() {
     for (name, focal) in [("both-angles", [30.0, 42.0]), ("no-size-both-angles", [30.0, 24.0]), ("angle-y-alone", [30.0, 30.0])] {
         let Some(capture) = fault(&format!("intrinsics-by-angle/{name}")) else { return };
@@ -301,6 +303,7 @@ fn columns_left_out(mask: &Raster<bool>) -> usize {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn transparent_pixels_and_those_of_masks_in_alpha_do_not_count() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
@@ -439,6 +442,7 @@ fn transparency_passes_through_live_folders_and_spectra_have_none() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn one_file_is_the_picture_of_one_frame() {
     let Some(capture) = fault("images-flat/two-folders") else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -527,6 +531,7 @@ fn worst_turn_deg(dataset: &Dataset) -> f64 {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn rotations_of_few_decimals_become_the_nearest_and_the_data_set_is_valid() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

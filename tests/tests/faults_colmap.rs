@@ -30,6 +30,7 @@ fn said(arguments: &[&str]) -> String {
 const FAR: &str = "from the origin";
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn rigs_give_the_poses_that_colmap_reads() {
     // Place and direction of view, as pycolmap 4.2.1 reads these files.
     let by_pycolmap: [([f64; 3], [f64; 3]); 6] = [
@@ -57,6 +58,7 @@ fn rigs_give_the_poses_that_colmap_reads() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn no_image_of_a_model_is_lost_without_a_word() {
     let Some(source) = fault("colmap-part/no-empty-lines") else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -79,6 +81,7 @@ fn no_image_of_a_model_is_lost_without_a_word() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn captures_far_from_the_origin_are_moved_or_told() {
     let Some(at_origin) = fault("far-from-origin/at-origin") else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -243,6 +246,7 @@ fn scenes_far_from_the_origin_are_moved_or_told() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn ply_files_of_other_programs_are_read_in_every_form_or_refused() {
     let Some(plain) = fault("ply-of-others/plain.ply") else { return };
     let read = |name: &str| -> ForeignField { ply::read_foreign(&plain.with_file_name(name)).unwrap() };
@@ -281,6 +285,7 @@ fn ply_files_of_other_programs_are_read_in_every_form_or_refused() {
 /// The command says what was made of a file's columns, and a fused field is what comes of one that was not.
 #[cfg(feature = "slow")]
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn a_reconstruction_begins_with_the_filtered_gaussians() {
     let Some(capture) = fault("ply-of-others/capture") else { return };
     let folder = tempfile::tempdir().unwrap();

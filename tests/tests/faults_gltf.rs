@@ -36,6 +36,7 @@ fn near(a: Vec3, b: [f32; 3]) -> bool {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn dark_glass_of_a_fifth_lets_four_fifths_through() {
     let Some(path) = fault("gltf/blend.gltf") else { return };
     let scene = import::load(path).unwrap();
@@ -52,6 +53,7 @@ fn dark_glass_of_a_fifth_lets_four_fifths_through() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn vertex_colours_morphs_and_instances_are_where_they_belong() {
     let Some(path) = fault("gltf/vertex-colour-morph-instancing.gltf") else { return };
     let scene = import::load(&path).unwrap();
@@ -71,6 +73,7 @@ fn vertex_colours_morphs_and_instances_are_where_they_belong() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn other_encodings_give_the_panel_that_is_meant() {
     for name in ["gltf/d-quant-req.gltf", "gltf/f-draco-opt.gltf", "gltf/e-specgloss.gltf"] {
         let Some(path) = fault(name) else { return };
@@ -88,6 +91,7 @@ fn other_encodings_give_the_panel_that_is_meant() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn hidden_nodes_are_left_out_and_told() {
     let Some(path) = fault("gltf/h-hidden.gltf") else { return };
     let scene = import::load(&path).unwrap();
@@ -98,6 +102,7 @@ fn hidden_nodes_are_left_out_and_told() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn what_has_no_fallback_is_refused_by_name() {
     let Some(path) = fault("gltf/c-webp-req.gltf") else { return };
     for command in ["info", "validate"] {
@@ -106,6 +111,7 @@ fn what_has_no_fallback_is_refused_by_name() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn a_wild_quaternion_turns_and_does_not_scale() {
     let Some(path) = fault("fuzz/quat.gltf") else { return };
     let output = corf_ok(&["scene", "info", "--json", text(&path)]);

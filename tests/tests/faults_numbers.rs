@@ -38,6 +38,7 @@ fn integral_db(path: &Path, grid: Grid) -> f64 {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn a_lobe_narrower_than_a_pixel_keeps_its_power() {
     let folder = tempfile::tempdir().unwrap();
     let scene = shared("faults/lobes/s.toml").unwrap_or_else(|| free_space(folder.path(), ""));
@@ -281,6 +282,7 @@ fn an_image_one_pixel_wide_is_metered_in_no_time() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn a_way_or_a_ray_beyond_all_numbers_ends() {
     let Some(tiny) = shared("faults/fuzz/bvh/tiny.toml") else { return };
     let folder = tempfile::tempdir().unwrap();

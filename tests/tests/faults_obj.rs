@@ -53,6 +53,7 @@ fn near(a: [f64; 3], b: [f64; 3], tolerance: f64) {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn transparency_as_tr_and_as_d_are_one_and_cover_what_is_behind() {
     let Some(path) = shared("faults/obj/tr.toml") else { return };
     let scene = load(&path);
@@ -76,6 +77,7 @@ fn transparency_as_tr_and_as_d_are_one_and_cover_what_is_behind() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn a_map_of_holes_shows_the_wall_behind() {
     let Some(path) = shared("faults/obj/mapd.toml") else { return };
     let scene = load(&path);
@@ -88,6 +90,7 @@ fn a_map_of_holes_shows_the_wall_behind() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn continued_lines_options_of_maps_and_missing_libraries() {
     let faces = |scene: &Scene| (scene.triangles.len(), scene.bounds().unwrap().max.to_array());
     if let Some(path) = shared("faults/obj/cont.toml") {
@@ -118,6 +121,7 @@ fn continued_lines_options_of_maps_and_missing_libraries() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn damaged_files_are_refused_and_odd_ones_read() {
     if let Some(path) = shared("faults/fuzz/kd.obj") {
         assert_eq!(import::load(path).unwrap().materials[0].optical.base_color, [0.5; 3]);

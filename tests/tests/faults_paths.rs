@@ -9,6 +9,7 @@ fn power_db(arguments: &[&str]) -> Option<f64> {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn nothing_passes_a_metal_wall_where_it_stands_on_the_floor() {
     let Some(scene) = shared("faults/joint/stand.toml") else { return };
     for rx in ["3,0,1.5", "3.0000001,0,1.5", "2.9999999,0,1.5"] {
@@ -18,6 +19,7 @@ fn nothing_passes_a_metal_wall_where_it_stands_on_the_floor() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn a_room_behind_metal_is_dark() {
     let Some(scene) = shared("faults/joint/dark.toml") else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -35,6 +37,7 @@ const P526_DB: f64 = -112.45;
 const P526_ERROR_DB: f64 = 0.5;
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn panels_diffract_as_the_sheet_they_make() {
     let gain_db = |name: &str| {
         let scene = shared(&format!("faults/edges/{name}.toml"))?;
@@ -51,6 +54,7 @@ fn panels_diffract_as_the_sheet_they_make() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn open_edges_are_offered_and_told() {
     let Some(scene) = shared("faults/edges/one.toml") else { return };
     let arguments = ["paths", text(&scene), "--rx", "5,0.5,-0.3", "--depth", "2", "--diffraction"];

@@ -190,6 +190,7 @@ fn rows_of_several_devices_are_not_averaged_and_every_notation_names_them() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn archives_that_were_put_together_wrongly_are_refused() {
     let said = [
         ("gz-multimember", None, "nearest keyframe"),

@@ -82,6 +82,7 @@ fn every_command_says_once_what_the_import_left_out() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn what_stands_nowhere_is_said_where_paths_are_traced() {
     for (scene, word) in [("wall-free-form.toml", "free-form curves"), ("wall-second-scene.toml", "in no scene that is read")] {
         let Some(scene) = fault(&format!("left-out-in-silence/{scene}")) else { return };
@@ -91,6 +92,7 @@ fn what_stands_nowhere_is_said_where_paths_are_traced() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn a_skinned_wall_stands_where_its_joints_put_it() {
     let Some(scene) = fault("left-out-in-silence/wall-skinned-node-moved.toml") else { return };
     let link = parsed(&corf_ok(&["paths", text(&scene), "--rx=3.2,4,1.4", "--depth", "1", "--no-transmission"]));
@@ -113,6 +115,7 @@ const RECEIVER: [f32; 3] = [5.0, 0.5, -0.3];
 const SAME_DB: f64 = 1e-6;
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn sheets_in_one_plane_diffract_as_one() {
     let Some(one) = shared("faults/edges/one.toml") else { return };
     let config = one.with_file_name("rf.toml");
@@ -133,6 +136,7 @@ fn receivers(scene: &Path, file: &Path) -> Vec<[f64; 3]> {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn receivers_are_read_by_the_names_of_their_columns() {
     let Some(folder) = fault("receiver-csv") else { return };
     let scene = folder.join("room.toml");

@@ -158,6 +158,7 @@ fn a_data_set_whose_depth_no_room_has_fails_its_validation() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn the_given_depth_in_millimetres_is_read_as_such_or_refused() {
     let Some(given) = shared("faults3/depth-in-millimetres") else { return };
     let folder = tempfile::tempdir().unwrap();

@@ -17,6 +17,7 @@ fn plan(folder: &Path, columns: &str) -> std::path::PathBuf {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn weights_add_columns_and_the_record_says_which() {
     let Some(weights) = shared("weights/lpips") else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -81,6 +82,7 @@ fn without_weights_it_is_said_and_nothing_else_changes() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn folders_without_weights_are_refused_before_any_work() {
     let folder = tempfile::tempdir().unwrap();
     let (plan, out) = (plan(folder.path(), ""), folder.path().join("out"));

@@ -23,6 +23,7 @@ fn load(name: &str) -> Option<Planes> {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn published_definitions_give_the_same_numbers() {
     let Some(path) = shared("goldens/metrics.json") else { return };
     let goldens: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();

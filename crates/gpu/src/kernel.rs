@@ -169,6 +169,7 @@ mod tests {
 
     /// More workgroups than a row has, each with a number of its own; sines against those of f64; a uniform at its second place.
     #[test]
+    #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
     fn a_kernel_computes_what_its_shader_says() {
         const GROUPS: u32 = 2 * ROW + 5;
         /// Numbers of some units in the last place near 1, at arguments that are exact.
@@ -198,6 +199,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
     fn a_shader_that_is_none_is_an_error_and_the_device_works_on() {
         let Some(context) = context(&OPTIONS) else { return };
         let text = Kernel::new(&context, "nonsense", "fn main() { return 1; }").err().unwrap().to_string();

@@ -17,6 +17,7 @@ fn specular(name: &str) -> Option<SpecularReference> {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn every_reference_path_is_found_and_nothing_else() {
     for (name, comparisons) in [("box_room", 3), ("metal_obstacles", 3), ("glass_partition", 6)] {
         let Some(path) = shared(&format!("sionna/{name}.json")) else { continue };
@@ -37,6 +38,7 @@ fn a_room_of_tilted_faces_agrees() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn two_percent_more_permittivity_in_the_glass_fails() {
     for name in ["box_room", "metal_obstacles", "glass_partition"] {
         let Some(mut reference) = specular(name) else { continue };
@@ -46,6 +48,7 @@ fn two_percent_more_permittivity_in_the_glass_fails() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn a_path_too_few_or_too_many_fails() {
     let Some(reference) = specular("box_room") else { return };
     let mut fewer = reference.clone();
@@ -61,6 +64,7 @@ fn a_path_too_few_or_too_many_fails() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn what_cannot_be_compared_is_said() {
     let Some(reference) = specular("metal_obstacles") else { return };
     let mut without_angles = reference.clone();
@@ -79,6 +83,7 @@ fn what_cannot_be_compared_is_said() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn without_a_line_of_sight_slabs_are_still_seen_through() {
     let Some(mut reference) = specular("glass_partition") else { return };
     let with_slabs = reference.configs.iter().position(|c| c.args.refraction).unwrap();
@@ -93,6 +98,7 @@ fn without_a_line_of_sight_slabs_are_still_seen_through() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn the_antennas_are_the_files() {
     let Some(path) = shared("sionna/box_room.json") else { return };
     let with = |pattern: &str, polarization: &str| {
@@ -110,6 +116,7 @@ fn the_antennas_are_the_files() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn diffraction_is_traced_where_the_reference_asks_for_it() {
     // The cabinet's vertical edges and those of its top diffract, as one body and as loose quads alike; sionna-rt was asked for none.
     let Some(mut reference) = specular("metal_obstacles") else { return };
@@ -128,6 +135,7 @@ fn diffraction_is_traced_where_the_reference_asks_for_it() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn diffuse_power_and_the_bartlett_map_agree() {
     let Some(path) = shared("sionna/box_room_diffuse.json") else { return };
     let report = sionna::check(&path).unwrap();
@@ -137,6 +145,7 @@ fn diffuse_power_and_the_bartlett_map_agree() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn one_percent_more_scattering_fails() {
     let Some(path) = shared("sionna/box_room_diffuse.json") else { return };
     let Reference::Diffuse(mut reference) = Reference::load(&path).unwrap() else { panic!("not a diffuse reference") };

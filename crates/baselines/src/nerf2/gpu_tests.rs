@@ -19,6 +19,7 @@ fn parameters(config: &Nerf2Config) -> Vec<f32> {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn loss_and_gradient_are_those_of_the_processor() {
     // The second has the published encoding and ray, whose sines have arguments of thousands.
     let far = Nerf2Config { frequencies: 10, far_m: 20.0, skip: 3, ..tiny() }.corrected();
@@ -49,6 +50,7 @@ fn train(trainer: &mut dyn Trainer, config: &Nerf2Config, steps: std::ops::Range
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn training_ends_where_the_processors_does_and_goes_on_from_its_state() {
     let config = Nerf2Config { iterations: 30, ..tiny() }.corrected();
     let parameters = Model::new(&config).network.initial(2);
@@ -70,6 +72,7 @@ fn training_ends_where_the_processors_does_and_goes_on_from_its_state() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn spectra_are_those_of_the_processor() {
     let config = tiny();
     let parameters = parameters(&config);

@@ -31,6 +31,7 @@ fn largest(a: &[f32], b: &[f32]) -> f32 {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn a_few_steps_on_both_devices_are_the_same_but_for_rounding() {
     if testing::context(&testing::OPTIONS).is_none() {
         return;
@@ -86,6 +87,7 @@ fn a_few_steps_on_both_devices_are_the_same_but_for_rounding() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn a_restored_reconstruction_goes_on_to_the_same_bytes_on_a_gpu_too() {
     if testing::context(&testing::OPTIONS).is_none() {
         return;

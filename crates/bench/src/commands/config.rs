@@ -1,8 +1,8 @@
 //! `corf config`: what can be configured.
 
 use super::{Verdict, show};
-use crate::device::Backend;
 use crate::comparison::sweep::Sweep;
+use crate::device::Backend;
 use crate::documents::explain::{Key, keys, plain};
 use crate::experiment::plan::Plan;
 use crate::methods;

@@ -159,8 +159,7 @@ mod tests {
 
     #[test]
     fn what_is_given_goes_over_what_a_file_says_and_the_rest_stays() {
-        let flags =
-            |text: &str| Flags::try_parse_from(["corf"].into_iter().chain(text.split_whitespace())).unwrap();
+        let flags = |text: &str| Flags::try_parse_from(["corf"].into_iter().chain(text.split_whitespace())).unwrap();
         let over = |text: &str| {
             let mut rf = RfConfig { diffraction: true, rays: 7, ..RfConfig::default() };
             let given = flags(text);

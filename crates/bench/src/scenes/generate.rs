@@ -123,7 +123,8 @@ pub fn generate_from(
         let mut done = poses.len() - missing.len();
         // Keyframes are written while the next are traced.
         let mut traced: Vec<(usize, KeyframeContent)> = Vec::new();
-        let write = |traced: &[(usize, KeyframeContent)]| traced.par_iter().try_for_each(|(i, frame)| writer.write_frame(*i, frame));
+        let write =
+            |traced: &[(usize, KeyframeContent)]| traced.par_iter().try_for_each(|(i, frame)| writer.write_frame(*i, frame));
         // What the GPU sees, it sees ahead of radio and files.
         let ahead = platform.camera.adapter().is_some();
         std::thread::scope(|scope| -> Result<()> {

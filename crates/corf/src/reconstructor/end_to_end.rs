@@ -195,6 +195,7 @@ const SEEDS: u64 = 3;
 
 #[cfg(feature = "gpu")]
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn reconstructions_on_the_gpu_end_where_those_on_the_cpu_do() {
     use crate::device::gpu::{GpuDevice, testing};
     if corf_gpu::testing::context(&testing::OPTIONS.adapter).is_none() {
@@ -228,6 +229,7 @@ const TRAINED_TOLERANCE_DB: f64 = 0.08;
 
 #[cfg(feature = "gpu")]
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn one_field_trained_on_either_device_ends_at_the_same_errors() {
     use crate::device::gpu::{GpuDevice, GpuOptions, testing};
     if corf_gpu::testing::context(&testing::OPTIONS.adapter).is_none() {

@@ -20,6 +20,7 @@ use support::{
 };
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn pictures_agree() {
     for (rf_channels, degrees, antialias) in
         [(3, [1, 3], Antialias::On), (1, [2, 0], Antialias::Off), (3, [0, 2], Antialias::Detached), (1, [3, 1], Antialias::On)]
@@ -44,6 +45,7 @@ fn pictures_agree() {
 
 /// Lists in which pixels end early, drawn by one, two and four threads a pixel.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn threads_that_share_a_pixel_draw_what_one_draws() {
     let mut g = room(9, 3000, 3, [1, 1]);
     for i in 0..g.len() {
@@ -66,6 +68,7 @@ fn threads_that_share_a_pixel_draw_what_one_draws() {
 
 /// A few Gaussians that fill images, and thin ones that cross them, among small ones: blocks with a few pairs and with thousands.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn gaussians_of_very_different_sizes_agree() {
     let mut g = room(13, 1500, 3, [1, 1]);
     for i in (0..g.len()).step_by(60) {
@@ -87,6 +90,7 @@ fn gaussians_of_very_different_sizes_agree() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn gradients_agree() {
     for (rf_channels, degrees, antialias, depth) in
         [(3, [1, 3], Antialias::On, true), (1, [2, 0], Antialias::Off, false), (1, [3, 1], Antialias::Detached, true)]
@@ -109,6 +113,7 @@ fn gradients_agree() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn both_images_at_once_give_what_each_gives_alone() {
     for (rf_channels, antialias, tile, batch, segments) in [
         (3, Antialias::On, Some([8, 8]), 8, Some(1)),
@@ -152,6 +157,7 @@ fn schedule(count: usize) -> Vec<Step> {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn training_follows_the_cpu_and_ends_at_the_same_losses() {
     let g = room(3, 2000, 3, [1, 2]);
     let Some((mut cpu, mut gpu)) = pair(metric_rates(), RasterConfig::default(), &g) else { return };
@@ -177,6 +183,7 @@ fn training_follows_the_cpu_and_ends_at_the_same_losses() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn the_same_bytes_every_time_however_steps_are_batched() {
     let g = room(4, 1500, 1, [1, 1]);
     let run = |batch: usize| {
@@ -198,6 +205,7 @@ fn the_same_bytes_every_time_however_steps_are_batched() {
 
 /// Steps that are drawn with tiles of other shapes follow one another in a batch.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn large_and_small_images_take_turns() {
     let mut rng = Rng::keyed(79, 0, 0);
     let g = room(14, 400, 1, [1, 1]);
@@ -222,6 +230,7 @@ fn large_and_small_images_take_turns() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn without_subgroups_the_same_bytes() {
     let g = room(5, 1500, 3, [1, 1]);
     // Batches of eight lie within any subgroup of eight and more.
@@ -241,6 +250,7 @@ fn without_subgroups_the_same_bytes() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn results_do_not_depend_on_the_memory_for_keyframes() {
     let g = room(15, 400, 3, [0, 0]);
     // Batches of steps over nine keyframes, with and without depths, at levels of each form.
@@ -278,6 +288,7 @@ fn results_do_not_depend_on_the_memory_for_keyframes() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn steps_that_find_no_room_are_run_again() {
     // 3000 Gaussians of half a metre and more reach over a hundred thousand tiles between them, more than there is room for at first.
     let mut g = room(6, 3000, 3, [0, 0]);
@@ -301,6 +312,7 @@ fn steps_that_find_no_room_are_run_again() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn gaussians_come_go_and_keep_their_moments() {
     let g = room(7, 900, 1, [2, 1]);
     let more = room(8, 333, 1, [2, 1]);
@@ -359,6 +371,7 @@ fn gaussians_come_go_and_keep_their_moments() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn a_device_that_begins_with_nothing_draws_backgrounds_and_trains() {
     let g = room(14, 0, 3, [1, 1]);
     let Some(mut d) = open(&OPTIONS, OptimizerConfig::default(), RasterConfig::default(), &g) else { return };
@@ -373,6 +386,7 @@ fn a_device_that_begins_with_nothing_draws_backgrounds_and_trains() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn numbers_that_are_none_hurt_no_other_gaussian() {
     let g = room(10, 600, 3, [1, 1]);
     let mut hurt = g.clone();
@@ -399,6 +413,7 @@ fn numbers_that_are_none_hurt_no_other_gaussian() {
 
 /// A spectrum of few pixels beside an image of many levels: it has those that it has, on both devices.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn a_spectrum_has_fewer_levels_than_the_image() {
     let g = room(23, 500, 3, [1, 1]);
     let Some((mut cpu, mut gpu)) = pair(metric_rates(), RasterConfig::default(), &g) else { return };
@@ -420,6 +435,7 @@ fn a_spectrum_has_fewer_levels_than_the_image() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn bad_requests_are_refused() {
     let g = room(11, 10, 3, [0, 0]);
     let Some(mut d) = open(&OPTIONS, OptimizerConfig::default(), RasterConfig::default(), &g) else { return };

@@ -15,6 +15,7 @@ fn masked(view: TrainingView) -> TrainingView {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn gradients_agree_where_pixels_do_not_count() {
     for (rf_channels, antialias) in [(3, Antialias::On), (1, Antialias::Detached)] {
         let raster = RasterConfig { antialias, ..RasterConfig::default() };
@@ -38,6 +39,7 @@ fn gradients_agree_where_pixels_do_not_count() {
 
 /// Keyframes with and without masks take turns in a batch, and leave the device in between.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn masks_travel_with_their_keyframes() {
     let g = room(17, 400, 3, [0, 0]);
     let views: Vec<TrainingView> =
@@ -58,6 +60,7 @@ fn masks_travel_with_their_keyframes() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn a_mask_that_leaves_nothing_out_changes_no_byte() {
     let g = room(18, 400, 3, [0, 0]);
     let trained = |mask: Option<Raster<bool>>| {

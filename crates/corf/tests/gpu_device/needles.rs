@@ -28,6 +28,7 @@ fn compare(what: &str, a: &Layer, b: &Layer) {
 
 /// Axes of `long` and `short`, ln metres: needles, and discs where two are long.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn needles_and_discs_are_the_same_on_both_devices() {
     let camera = Pinhole::from_horizontal_fov(96, 54, 90.0);
     for (long, short, discs) in
@@ -61,6 +62,7 @@ fn needles_and_discs_are_the_same_on_both_devices() {
 /// Twenty times as long as wide. What a pixel says of a needle's place along itself is a difference of large numbers in either device, and of much
 /// longer ones nothing of it is left to compare; what their opacity says, `gradients.rs` holds against doubles.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn gradients_of_needles_agree() {
     for antialias in [Antialias::On, Antialias::Detached] {
         let mut g = room(22, 1200, 3, [1, 1]);

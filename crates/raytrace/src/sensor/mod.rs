@@ -44,11 +44,7 @@ impl Platform<'_> {
 }
 
 fn joined((light, floats): (Light, Extras), radio: RadioFrame) -> KeyframeContent {
-    let extras = Extras {
-        sphere: radio.sphere,
-        share_in_frame: Some(radio.share_in_frame),
-        paths_jsonl: radio.paths_jsonl,
-        ..floats
-    };
+    let extras =
+        Extras { sphere: radio.sphere, share_in_frame: Some(radio.share_in_frame), paths_jsonl: radio.paths_jsonl, ..floats };
     KeyframeContent { light: Some(light), radio: Some(Radio { spectrum: radio.spectrum }), extras }
 }

@@ -97,6 +97,7 @@ fn on_gpu(
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn passes_and_steps_are_those_of_the_processor() {
     let Some(context) = context(&OPTIONS) else { return };
     // A number is a sum of at most some 4000 products whose roundings (6e-8) mostly cancel.
@@ -104,6 +105,7 @@ fn passes_and_steps_are_those_of_the_processor() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn half_precision_is_as_exact_as_its_numbers() {
     let Some(context) = context(&AdapterOptions { half: true, ..OPTIONS }) else { return };
     if !context.matrix_units {
@@ -175,6 +177,7 @@ fn kernels_in_half_precision_are_valid() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn a_restored_network_is_the_one_that_was_read() {
     let Some(context) = context(&OPTIONS) else { return };
     let (network, _) = network();

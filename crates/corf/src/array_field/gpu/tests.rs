@@ -116,6 +116,7 @@ fn fields() -> Vec<ArrayField> {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn observations_are_those_of_the_processor() {
     let poses = poses(5);
     for field in fields().into_iter().map(Arc::new) {
@@ -157,6 +158,7 @@ fn a_loading_that_needs_double_precision_is_refused() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn capon_sees_nothing_where_no_wave_arrives() {
     // The only source stands where the second receiver does, before the first.
     let mut field = field(capon([4, 3], 0.1), 1, 0, camera());
@@ -172,6 +174,7 @@ fn capon_sees_nothing_where_no_wave_arrives() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn bytes_do_not_depend_on_the_batch_or_on_the_run() {
     let poses = poses(5);
     for field in fields().into_iter().map(Arc::new) {
@@ -212,6 +215,7 @@ fn learnt(field: &ArrayField) -> Vec<f32> {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn steps_are_those_of_the_processor() {
     for (i, field) in fields().into_iter().enumerate() {
         let views = views(&field, 12, i % 2 == 1);
@@ -246,6 +250,7 @@ fn steps_are_those_of_the_processor() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn a_field_that_is_learnt_online_is_the_processors() {
     let poses = online::poses(12);
     let range = DbRange { min_db: -60.0, max_db: 10.0 };

@@ -115,6 +115,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
     fn a_restored_device_goes_on_to_the_same_bytes() {
         let options = GpuOptions::on(AdapterOptions { software: true, ..AdapterOptions::default() });
         if corf_gpu::adapter_name(&options.adapter).is_none() {

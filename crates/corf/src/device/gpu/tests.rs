@@ -64,6 +64,7 @@ fn request() -> RenderRequest {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn what_an_adapter_does_not_bind_is_named_and_the_device_works_on() {
     let Some(mut device) = device(2000) else { return };
     let before = device.gaussians().unwrap();
@@ -79,6 +80,7 @@ fn what_an_adapter_does_not_bind_is_named_and_the_device_works_on() {
 
 /// Checkpoints take most of a step's memory: 144 bytes a pair here, 80 of them in their heads; records take 64, half of them in their heads.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn checkpoints_may_be_larger_than_what_an_adapter_binds_at_once() {
     let Some(mut free) = device(2000) else { return };
     free.train(&[step(); 2]).unwrap();
@@ -101,6 +103,7 @@ fn checkpoints_may_be_larger_than_what_an_adapter_binds_at_once() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn rows_are_the_same_gathered_in_pieces_or_at_once() {
     let (Some(mut whole), Some(mut pieces)) = (device(1500), device(1500)) else { return };
     let keep: Vec<bool> = (0..1500).map(|i| i % 7 != 3 && i > 20).collect();
@@ -121,6 +124,7 @@ fn limit_to(device: &mut GpuDevice, gaussians: u64) {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn growth_takes_the_room_that_there_is_and_no_more() {
     let (Some(mut device), Some(mut free)) = (device(1000), device(1000)) else { return };
     device.train(&[step(); 2]).unwrap();
@@ -154,6 +158,7 @@ fn growth_takes_the_room_that_there_is_and_no_more() {
 
 /// Memory for half as much again may not be there where memory for what is needed is.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn growth_does_with_what_memory_there_is() {
     let Some(mut device) = device(1000) else { return };
     let before = device.gaussians().unwrap();
@@ -175,6 +180,7 @@ fn growth_does_with_what_memory_there_is() {
 
 /// What is guessed at first is no reason to refuse what fits.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn a_guess_of_what_a_frame_needs_is_within_what_an_adapter_binds() {
     let Some(mut free) = device(300) else { return };
     free.train(&[step()]).unwrap();
@@ -192,6 +198,7 @@ fn a_guess_of_what_a_frame_needs_is_within_what_an_adapter_binds() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn a_device_out_of_memory_says_so_and_works_on() {
     let Some(mut device) = device(100) else { return };
     device.context.pretend_out_of_memory();
@@ -201,6 +208,7 @@ fn a_device_out_of_memory_says_so_and_works_on() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn a_lost_device_says_so_whatever_is_asked_of_it() {
     let Some(mut device) = device(100) else { return };
     device.train(&[step()]).unwrap();
@@ -219,6 +227,7 @@ fn a_lost_device_says_so_whatever_is_asked_of_it() {
 
 /// A field that cannot be read back is no empty field, and the device that could not holds it still.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn gaussians_that_cannot_be_read_back_are_an_error() {
     let Some(mut device) = device(100) else { return };
     let before = device.gaussians().unwrap();
@@ -230,6 +239,7 @@ fn gaussians_that_cannot_be_read_back_are_an_error() {
 
 /// Steps that were begun and came to nothing are nothing that a later call can go on from, whoever asks first.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn steps_that_were_begun_in_vain_are_told_to_everybody() {
     let Some(mut device) = device(100) else { return };
     device.begin_training(&[step(); 3]).unwrap();

@@ -20,6 +20,7 @@ fn golden_input(golden: &Tensors, name: &str) -> Map {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn both_kinds_of_names_give_what_the_official_code_gives() {
     let Some(folder) = shared(FOLDER) else { return };
     let golden = Tensors::read(&folder.join("golden.safetensors"), "").unwrap();
@@ -39,6 +40,7 @@ fn both_kinds_of_names_give_what_the_official_code_gives() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn the_same_bytes_come_of_any_number_of_threads() {
     let Some(folder) = shared(FOLDER) else { return };
     let network = network(&folder.join("model.safetensors")).unwrap();
@@ -56,6 +58,7 @@ fn the_same_bytes_come_of_any_number_of_threads() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn images_are_seen_at_the_published_size_or_the_one_asked_for() {
     let Some(folder) = shared(FOLDER) else { return };
     let network = |input_px: usize, imagenet_normalisation: bool| {
@@ -76,6 +79,7 @@ fn images_are_seen_at_the_published_size_or_the_one_asked_for() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn a_file_that_cannot_be_used_is_told_what_it_lacks() {
     let Some(folder) = shared(FOLDER) else { return };
     let own = tempfile::tempdir().unwrap();

@@ -18,6 +18,7 @@ fn image(name: &str) -> Option<Raster<[u8; 3]>> {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn distances_are_the_official_programs() {
     let Some(file) = shared("goldens/metrics.json") else { return };
     let goldens: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
@@ -42,6 +43,7 @@ fn distances_are_the_official_programs() {
 /// VGG-16, whose weights are fetched. The official program gives 0.569 and 0.422 for the first two pairs (quoted in lpips-tensorflow's example); all digits
 /// are of an implementation of its own in f64 (numpy), which meets the official values of the other backbones to 1e-6.
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn distances_by_vgg_are_known() {
     let Some(folder) = std::env::var_os(WEIGHTS_VARIABLE) else {
         eprintln!("skipped: {WEIGHTS_VARIABLE} names no folder of tools/fetch_weights.py");
@@ -228,6 +230,7 @@ fn the_same_bytes_come_of_any_number_of_threads() {
 }
 
 #[test]
+#[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn files_that_are_not_the_weights_are_refused() {
     let Some(path) = shared("weights/lpips/lpips_alex.safetensors") else { return };
     let whole = std::fs::read(path).unwrap();

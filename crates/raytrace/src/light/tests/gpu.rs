@@ -154,6 +154,7 @@ fn close(a: Vec3, b: Vec3, tolerance: f32) -> bool {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn random_numbers_are_the_processors_bit_for_bit() {
     if !adapter_is_there() {
         return;
@@ -192,6 +193,7 @@ fn item(i: u32) {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn own_trigonometry_is_exact_to_a_few_roundings() {
     if !adapter_is_there() {
         return;
@@ -222,6 +224,7 @@ fn item(i: u32) {
 const STRAY_RAYS: f64 = 3e-4;
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn rays_meet_what_they_meet_on_the_processor() {
     if !adapter_is_there() {
         return;
@@ -268,6 +271,7 @@ fn item(i: u32) {{
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn surfaces_and_their_reflection_are_the_processors() {
     if !adapter_is_there() {
         return;
@@ -374,6 +378,7 @@ const STRAY_PIXELS: f64 = 0.05;
 const ENERGY: f64 = 1e-3;
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn images_of_the_path_method_are_the_processors() {
     if !adapter_is_there() {
         return;
@@ -427,6 +432,7 @@ fn images_of_the_path_method_are_the_processors() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn a_view_without_memory_is_an_error_and_the_next_one_is_rendered() {
     if !adapter_is_there() {
         return;
@@ -462,6 +468,7 @@ const CACHE: CacheSettings = CacheSettings {
 };
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn tiles_of_cached_light_are_the_processors() {
     if !adapter_is_there() {
         return;
@@ -503,6 +510,7 @@ fn assert_same_points(what: &str, found: &[u32], expected: &[u32]) {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn images_from_cached_light_are_the_processors() {
     if !adapter_is_there() {
         return;

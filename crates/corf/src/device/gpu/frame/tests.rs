@@ -104,6 +104,7 @@ fn check(context: &Context, lengths: &[usize], range: u32, most: u32) {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn lists_of_any_length_come_out_in_order_of_depth_and_then_of_number() {
     let Some(context) = context(&OPTIONS) else { return };
     let lengths = [0, 1, 2, 3, 0, 7, 8, 31, 33, 64, 65, 127, 255, 257, 511, 1023, 1024, 1025, 2047, 2048, 2049, 3000, 5001];
@@ -116,6 +117,7 @@ fn lists_of_any_length_come_out_in_order_of_depth_and_then_of_number() {
 /// Chunks joined all at once, and by a single workgroup. A much longer list is for a real GPU: Mesa's llvmpipe ends every loop after 65536
 /// turns.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn lists_of_many_chunks() {
     let Some(context) = context(&OPTIONS) else { return };
     check(&context, &[40_001, 1, CHUNK as usize * MOST_CHUNKS as usize, 5, 1025], u32::MAX, MOST_CHUNKS);
@@ -124,6 +126,7 @@ fn lists_of_many_chunks() {
 
 /// Pairs of blocks, as they are counted, and what is said of them all: never fewer than there are.
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn more_pairs_than_a_word_counts_are_the_most_that_it_holds() {
     let Some(context) = context(&OPTIONS) else { return };
     let source = format!(
@@ -173,6 +176,7 @@ fn more_pairs_than_a_word_counts_are_the_most_that_it_holds() {
 /// 64 Mi entries need 1.6 GiB and an adapter that binds 1 GiB: run with `--ignored` on a GPU.
 #[test]
 #[ignore = "needs a GPU with 2 GiB"]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn sixty_four_million_entries() {
     let Some(context) = context(&OPTIONS) else { return };
     let mut lengths = vec![1 << 20, 100_003];
@@ -408,6 +412,7 @@ const FRAMES: [([bool; 2], bool); 4] =
 const ROOM: usize = 80_000;
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn shares_of_blocks_emit_every_pair_once() {
     let Some(context) = context(&OPTIONS) else { return };
     // A block and a part, blocks of which the third has no pairs, none at all.
@@ -424,6 +429,7 @@ fn shares_of_blocks_emit_every_pair_once() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn pairs_that_were_counted_and_are_not_found_have_no_tile() {
     let Some(context) = context(&OPTIONS) else { return };
     let g = of_all_sizes(1400);
@@ -446,6 +452,7 @@ fn pairs_that_were_counted_and_are_not_found_have_no_tile() {
 }
 
 #[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn a_frame_without_room_emits_nothing() {
     let Some(context) = context(&OPTIONS) else { return };
     let all = emitted(&context, &of_all_sizes(300), [true; 2], true, 4000, None);
