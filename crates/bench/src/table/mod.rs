@@ -51,6 +51,11 @@ impl Extra {
 }
 
 impl Columns {
+    /// No column of metrics.
+    fn none() -> Self {
+        Self { metrics: Vec::new(), extras: None }
+    }
+
     /// What stands behind the metrics in a notation that usually has `usual` there.
     fn extras(&self, usual: &[Extra]) -> Vec<Extra> {
         self.extras.clone().unwrap_or_else(|| usual.to_vec())

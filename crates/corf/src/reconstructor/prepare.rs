@@ -167,7 +167,7 @@ impl Preparer {
 
     /// Refuses a keyframe that [`Self::extract`] could not look at.
     pub fn check(&self, keyframe: &Keyframe) -> Result<()> {
-        self.prior.check(keyframe.index, &self.guide(keyframe)?)
+        self.prior.check(keyframe.index, &*self.guide(keyframe)?)
     }
 
     /// Whether the prior reads the ray tracer's depth.

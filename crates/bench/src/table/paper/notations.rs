@@ -6,7 +6,7 @@ use crate::files::escape;
 use crate::metrics::stats::Summary;
 use crate::record::Record;
 use crate::split::Protocol;
-use crate::table::{Row, note, text};
+use crate::table::{Columns, Row, note, text};
 use std::fmt::Write;
 
 /// Text of what can be compared, for these records.
@@ -89,7 +89,7 @@ fn notes(tables: &[Beside<'_, '_>]) -> Vec<String> {
         }
     }
     if !taken.is_empty() {
-        out.insert(0, note(&taken, &[]));
+        out.insert(0, note(&taken, &Columns::none()));
     }
     out
 }
