@@ -153,7 +153,7 @@ fn image(bytes: &[u8], folder: &Path) -> Result<()> {
 
 /// Poses that are not rigid are as bad as a panic.
 fn poses(bytes: &[u8], folder: &Path) -> Result<()> {
-    for pose in corf_bench::poses::PoseFile::read(&put(folder, "poses.json", bytes)?)?.as_they_are() {
+    for pose in corf_bench::render::poses::PoseFile::read(&put(folder, "poses.json", bytes)?)?.as_they_are() {
         let [x, y, z] = [pose.rotation.x_axis, pose.rotation.y_axis, pose.rotation.z_axis];
         let off = [x.length() - 1.0, y.length() - 1.0, z.length() - 1.0, x.dot(y), y.dot(z), z.dot(x)];
         assert!(pose.translation.is_finite() && off.iter().all(|v| v.abs() < 1e-9) && pose.rotation.determinant() > 0.0);
@@ -208,7 +208,7 @@ fn dataset_toml(bytes: &[u8], _: &Path) -> Result<()> {
 }
 
 fn plan(bytes: &[u8], _: &Path) -> Result<()> {
-    let plan = corf_bench::plan::Plan::parse(utf8(bytes)?)?;
+    let plan = corf_bench::experiment::plan::Plan::parse(utf8(bytes)?)?;
     plan.cells().take(1000).for_each(|cell| drop(cell.stem()));
     Ok(())
 }
@@ -277,12 +277,12 @@ fn archive(bytes: &[u8], folder: &Path) -> Result<()> {
         }
     }
     put(folder, corf_bench::record::ARCHIVE, &packed)?;
-    tables(&corf_bench::suite::records(folder)?)
+    tables(&corf_bench::comparison::suite::records(folder)?)
 }
 
 /// A folder of predictions: what its maker states, an image and a spectrum, of a data set of two keyframes of which the first is held out.
 fn predictions(bytes: &[u8], folder: &Path) -> Result<()> {
-    use corf_bench::prediction_folder::{PredictionFolder, Tally};
+    use corf_bench::record::prediction_folder::{PredictionFolder, Tally};
     use corf_bench::split::{Protocol, Split};
     let [header, trajectory, statement, image, spectrum] = parts(bytes);
     let (data, predicted) = (folder.join("data"), folder.join("predicted"));
@@ -316,7 +316,7 @@ fn field(bytes: &[u8], folder: &Path) -> Result<()> {
 fn receivers(bytes: &[u8], folder: &Path) -> Result<()> {
     let config: SceneConfig = from_toml("[scene]\nfile = \"room.glb\"\n[transmitter]\nposition_m = [0, 0, 0]\n", "scene.toml")?;
     let text = put(folder, "receivers.csv", bytes)?;
-    corf_bench::link::receivers(&config, &[], Some(&text), None)?;
+    corf_bench::radio_link::receivers(&config, &[], Some(&text), None)?;
     Ok(())
 }
 
@@ -326,7 +326,7 @@ const TOKEN: [u8; 16] = *b"of the corpus...";
 /// A request as the viewer's server sees it: method and target in the first line, then headers. What passes must know the token
 /// and name the server.
 fn view_request(bytes: &[u8], _: &Path) -> Result<()> {
-    use corf_bench::view::guard::{Asked, Guard, Token};
+    use corf_bench::viewer::guard::{Asked, Guard, Token};
     let mut lines = bytes.split(|byte| *byte == b'\n').map(|line| line.strip_suffix(b"\r").unwrap_or(line));
     let mut first = utf8(lines.next().unwrap_or_default())?.split(' ');
     let (method, target) = (first.next().unwrap_or_default(), first.next().unwrap_or_default());
@@ -339,7 +339,7 @@ fn view_request(bytes: &[u8], _: &Path) -> Result<()> {
     let guard = Guard::new(8000, Token::of(TOKEN));
     let asked = Asked { method, target, headers: &headers };
     let passed = guard.check(&asked);
-    let leads = corf_bench::view::leads_somewhere(target, 40);
+    let leads = corf_bench::viewer::leads_somewhere(target, 40);
     assert!(
         !leads || target == "/" || target.starts_with("/?") || target.starts_with("/data/"),
         "a target of no route leads somewhere"

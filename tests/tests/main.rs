@@ -63,7 +63,6 @@ mod report;
 #[cfg(feature = "slow")]
 mod scale;
 #[cfg(feature = "slow")]
-mod settings;
 mod spectra;
 mod view;
 #[cfg(feature = "slow")]

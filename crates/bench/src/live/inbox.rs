@@ -437,7 +437,7 @@ fn leave_out(state: &mut State, collected: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use corf_scene::{Raster, Rigid3};
+    use corf_scene::{Light, Radio, Raster, Rigid3};
 
     #[test]
     fn a_folder_that_goes_is_told_of_once_and_one_that_is_not_there_yet_is_not() {
@@ -474,10 +474,8 @@ mod tests {
             time_s: None,
             world_from_camera: Rigid3::IDENTITY,
             rounded: None,
-            image: Raster::filled(1, 1, [0; 3]),
-            mask: None,
-            spectrum: Raster::filled(1, 1, 0.0),
-            depth_m: None,
+            light: Light::of_image(Raster::filled(1, 1, [0; 3])),
+            radio: Radio { spectrum: Raster::filled(1, 1, 0.0) },
             sources: BTreeMap::new(),
         };
         Arrival { stem: number.to_string(), frame, arrived: Instant::now() }
