@@ -47,7 +47,8 @@ fn what_everybody_reads_is_short() {
     // A reader counts words, and a terminal columns; marks that the program writes tables at are read by nobody.
     let text = std::fs::read_to_string(root().join("README.md")).unwrap();
     let read: Vec<&str> = text.lines().filter(|line| !line.starts_with("<!-- corf docs")).collect();
-    let words: usize = read.iter().map(|line| line.split_whitespace().count()).sum();
+    let is_word = |word: &&str| word.contains(char::is_alphanumeric);
+    let words: usize = read.iter().map(|line| line.split_whitespace().filter(is_word).count()).sum();
     assert!(words <= 1_000, "README.md has {words} words");
     let longest = read.iter().max_by_key(|line| line.chars().count()).unwrap();
     assert!(longest.chars().count() <= 160, "{longest}");

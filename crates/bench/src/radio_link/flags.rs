@@ -145,7 +145,8 @@ mod tests {
             let parts: Vec<&str> = digits.as_bytes().rchunks(3).rev().map(|part| std::str::from_utf8(part).unwrap()).collect();
             parts.join(" ")
         };
-        let help = Flags::command().render_long_help().to_string();
+        // However its lines are broken.
+        let help = Flags::command().render_long_help().to_string().split_whitespace().collect::<Vec<_>>().join(" ");
         for default in [
             rf.max_interactions.to_string(),
             grouped(rf.rays),

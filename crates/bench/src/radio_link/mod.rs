@@ -433,7 +433,7 @@ mod tests {
         for name in ["max_interactions", "max_depth", "max_reflections"] {
             assert_eq!(of(&format!("{name} = 2")).unwrap(), LinkConfig { max_interactions: 2, ..LinkConfig::default() });
         }
-        assert!(of("max_interactions = 2\nmax_depth = 3").unwrap_err().to_string().contains("max_depth"));
+        assert!(of("max_interactions = 2\nmax_depth = 3").unwrap_err().to_string().contains("duplicate field"));
     }
 
     #[test]

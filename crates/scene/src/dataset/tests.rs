@@ -39,7 +39,7 @@ fn header() -> DatasetHeader {
         spectrum: Some(SpectrumKind::Mpc),
         quantity: Quantity::PowerPerSteradian,
         dynamic_range_db: 50.0,
-        tutorial_range: Some(DbRange { min_db: -90.0, max_db: -40.0 }),
+        tutorial_range: None,
         materials: vec![],
         sampling_error: None,
         split: SplitConfig { test_every: 4, held_out_segment: Some([5, 2]) },
@@ -120,7 +120,7 @@ fn what_a_user_would_have_to_ask_is_answered() {
         ("cameras", &["projection", "intrinsics", "sphere"]),
         ("optical", &["image", "exposure", "depth", "depth_empty", "surface"]),
         ("spectrum", &["value", "unit", "formed", "phases", "evaluated", "empty_bin", "rear_half_space", "share_in_frame"]),
-        ("rf_image", &["scalar", "range", "colormap", "image", "tutorial"]),
+        ("rf_image", &["scalar", "range", "colormap", "image"]),
         ("antennas", &["receiver_array", "steering", "receiver_element", "transmit_power"]),
         ("propagation", &["carrier", "time", "coefficient", "materials"]),
         ("sampling", &["positions", "seeds", "specular", "split"]),
@@ -363,7 +363,7 @@ fn the_validator_finds_tampering_and_what_would_mislead_other_readers() {
     };
     let replace = |from: &'static str, to: &'static str| move |t: &str| t.replacen(from, to, 1);
     tampered("rf/paths/00003.jsonl.gz", &|t| t.to_string() + " ", "SHA-256");
-    tampered("rf-tutorial/test_index.txt", &replace("00001\n", ""), "is not the split");
+    tampered("rf/test_index.txt", &replace("00001\n", ""), "is not the split");
     tampered("dataset.json", &replace("isotropic elements", "patch elements"), "conventions are not those of its header");
     tampered("optical/sparse/0/cameras.txt", &replace("PINHOLE", "SIMPLE_PINHOLE"), "PINHOLE camera");
     tampered("rf/sparse/0/images.txt", &replace("00001.png\n\n", "00001.png\n"), "two each");
@@ -437,7 +437,7 @@ fn points_lie_on_what_the_training_keyframes_see() {
     let dataset = written(dir.path());
     let train: Vec<Rigid3> = dataset.train_indices().iter().map(|i| dataset.poses()[*i].world_from_camera.inverse()).collect();
     let camera = dataset.optical_camera();
-    for root in ["optical", "rf", "rf-tutorial"] {
+    for root in ["optical", "rf"] {
         let text = io::read_text(dir.path().join(root).join("sparse/0/points3D.txt")).unwrap();
         let points: Vec<Vec<f64>> = text
             .lines()
