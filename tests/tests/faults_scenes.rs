@@ -231,8 +231,12 @@ fn turned(p: [f32; 3], axis: [f32; 3], angle_rad: f32) -> [f32; 3] {
 }
 
 /// Orientations in which float32 puts the corners of one plane into planes of their own, micrometres apart.
-const TURNS: [([f32; 3], f32); 4] =
-    [([0.0, 0.0, 1.0], 0.0), ([0.0, 0.0, 1.0], std::f32::consts::FRAC_PI_6), ([0.0, 0.0, 1.0], 0.645_771_8), ([1.0, 2.0, 3.0], 0.7)];
+const TURNS: [([f32; 3], f32); 4] = [
+    ([0.0, 0.0, 1.0], 0.0),
+    ([0.0, 0.0, 1.0], std::f32::consts::FRAC_PI_6),
+    ([0.0, 0.0, 1.0], 0.645_771_8),
+    ([1.0, 2.0, 3.0], 0.7),
+];
 
 /// Largest difference of two sheets whose planes are rounded to float32, dB: some micrometres of 5 mm of wavelength.
 const ROUNDED_DB: f64 = 0.05;

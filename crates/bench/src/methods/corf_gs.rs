@@ -4,10 +4,10 @@ mod live;
 mod online;
 
 use crate::device::Backend;
+use crate::methods::family::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::field::FieldPredictor;
 use crate::methods::initial::Initial;
 use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
-use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::note;
 use anyhow::{Context, Result};
 use corf::config::{Coupling, DepthPriorKind, ReconstructionConfig};

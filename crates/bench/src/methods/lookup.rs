@@ -1,8 +1,8 @@
 //! Lookups: what a table must be beaten by to mean anything.
 
 use crate::files::json::write_json;
+use crate::methods::family::{Abilities, Family, Open, Variant};
 use crate::methods::interface::{Advance, Method, Predictor, TrainingSet};
-use crate::methods::registry::{Abilities, Family, Open, Variant};
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Result, ensure};
 use corf_scene::keyframe::Modalities;

@@ -2,6 +2,7 @@
 
 pub mod corf_array;
 pub mod corf_gs;
+pub mod family;
 pub mod field;
 mod initial;
 pub mod interface;
@@ -12,4 +13,5 @@ pub mod rf_3dgs;
 pub mod stepwise;
 pub mod wrf_gs_plus;
 
-pub use registry::{abilities, create, find, merge, names, without_retired};
+pub use family::merge;
+pub use registry::{abilities, create, find, names, without_retired};

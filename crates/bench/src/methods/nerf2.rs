@@ -6,8 +6,8 @@
 use crate::device::Backend;
 #[cfg(feature = "gpu")]
 use crate::device::network_options;
+use crate::methods::family::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
-use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::stepwise::say_unless_kept;
 use crate::metrics::Prediction;
 use crate::terminal::interrupt;

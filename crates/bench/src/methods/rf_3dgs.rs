@@ -2,10 +2,10 @@
 //! with the two defects of the published RF stage mended (docs/baselines.md).
 
 use crate::device::Backend;
+use crate::methods::family::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::field::FieldPredictor;
 use crate::methods::initial::Initial;
 use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, StageTime, TrainingSet, shown};
-use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::Prediction;
 use anyhow::Result;

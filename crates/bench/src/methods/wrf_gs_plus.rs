@@ -4,9 +4,9 @@
 use crate::device::Backend;
 #[cfg(feature = "gpu")]
 use crate::device::network_options;
+use crate::methods::family::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::field::jet_of;
 use crate::methods::interface::{Advance, Checkpoints, Method, Predictor, TrainingSet};
-use crate::methods::registry::{Abilities, Family, Open, Variant, over_defaults};
 use crate::methods::stepwise::{self, Stepwise};
 use crate::metrics::{Prediction, RadioPrediction};
 use anyhow::{Result, ensure};

@@ -2,8 +2,9 @@
 
 use crate::device::Backend;
 use crate::files::json::read_numbers;
+use crate::methods::family::SavedRun;
 use crate::methods::interface::{Method, Predictor};
-use crate::methods::registry::{self, SavedRun};
+use crate::methods::registry;
 use crate::metrics::input::{Input, Verify};
 use crate::run::{RunInfo, SCHEMA};
 use crate::split::Split;

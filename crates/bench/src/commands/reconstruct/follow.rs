@@ -65,7 +65,7 @@ impl Follow<'_> {
         let Self { folder, out, .. } = self;
         ensure!(
             methods::abilities(self.method).follows,
-            "{} trains on all keyframes at once, and a live folder brings one after the other\n  help: choose one of {}; or \
+            "{} trains on all keyframes at once, and a live folder brings one after the other\n  help: choose {}; or \
              follow first and train on RUN/dataset then",
             self.method,
             methods::registry::that(|can| can.follows)

@@ -135,7 +135,7 @@ impl Reconstruct {
         if let Some(file) = &self.from {
             ensure!(
                 methods::abilities(&self.method).begins_with_gaussians,
-                "{}: --from gives Gaussians to begin with, which this method has no place for\n  help: choose one of {}",
+                "{}: --from gives Gaussians to begin with, which this method has no place for\n  help: choose {}",
                 self.method,
                 methods::registry::that(|can| can.begins_with_gaussians)
             );
