@@ -12,6 +12,10 @@ use super::{GROUP, GpuLight};
 use corf_gpu::{Bound, Context, Kernel};
 use corf_scene::{Error, Result};
 
+/// A tile of a lattice as one of the devices fills it, for tests: the words of its points, and its rough cells.
+#[cfg(test)]
+pub type Tile = (Vec<u32>, u64);
+
 /// Points of a tile at most.
 const MOST_POINTS: u32 = 81;
 /// Bytes of a site and of a candidate.
@@ -395,7 +399,7 @@ impl Lattices<'_> {
 
     /// The first `most` tiles of a field that have some points, filled here and by the processor: their points' words and their
     /// rough cells.
-    pub fn both(&mut self, gpu: &GpuLight<'_>, params: &Params, field: u32, most: usize) -> Result<Vec<[(Vec<u32>, u64); 2]>> {
+    pub fn both(&mut self, gpu: &GpuLight<'_>, params: &Params, field: u32, most: usize) -> Result<Vec<[Tile; 2]>> {
         let slots: Vec<u32> =
             (0..self.packed.slots()).filter(|slot| self.packed.job(*slot).field == field).step_by(7).take(most).collect();
         self.fill(gpu, params, slots.clone())?;

@@ -1,6 +1,7 @@
 //! One function of a kernel by itself, for tests against the processor's.
 
 use super::super::LightCache;
+use super::lattices::Tile;
 use super::scene::{constants, tree, upload};
 use super::{GROUP, GpuLight, shaders};
 use corf_gpu::{Context, Kernel};
@@ -32,7 +33,7 @@ impl GpuLight<'_> {
     }
 
     /// Tiles of a field, filled here and by the processor.
-    pub fn tiles_of_both(&self, field: u32, most: usize) -> Result<Vec<[(Vec<u32>, u64); 2]>> {
+    pub fn tiles_of_both(&self, field: u32, most: usize) -> Result<Vec<[Tile; 2]>> {
         match &mut self.state().lattices {
             Some(lattices) => lattices.both(self, &self.params, field, most),
             None => Ok(Vec::new()),

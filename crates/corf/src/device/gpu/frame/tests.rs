@@ -176,7 +176,6 @@ fn more_pairs_than_a_word_counts_are_the_most_that_it_holds() {
 /// 64 Mi entries need 1.6 GiB and an adapter that binds 1 GiB: run with `--ignored` on a GPU.
 #[test]
 #[ignore = "needs a GPU with 2 GiB"]
-#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
 fn sixty_four_million_entries() {
     let Some(context) = context(&OPTIONS) else { return };
     let mut lengths = vec![1 << 20, 100_003];
