@@ -1,7 +1,8 @@
 //! The way to a GPU (Vulkan, Metal, DirectX 12) for whoever computes there: which adapter, a device with errors that say what happened, kernels in
 //! WGSL, memory that grows, numbers back. What is computed is its users' affair.
 //!
-//! ```no_run
+#![cfg_attr(feature = "gpu", doc = "```no_run")]
+#![cfg_attr(not(feature = "gpu"), doc = "```ignore")]
 //! use corf_gpu::{AdapterOptions, Context, Kernel};
 //!
 //! let context = Context::open(&AdapterOptions::default())?;

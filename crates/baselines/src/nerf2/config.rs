@@ -74,6 +74,7 @@ const MOST_WEIGHTS: usize = 1 << 24;
 impl Nerf2Config {
     /// The same with what is a defect in the published code corrected: the rate falls over the whole budget instead of rising again, points are
     /// drawn anew in each step, so that the field is seen between fixed distances too, and the last point of a ray counts.
+    #[cfg(test)]
     pub fn corrected(self) -> Self {
         Self { cosine_steps: 0, jitter: true, last_sample: true, ..self }
     }
