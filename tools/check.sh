@@ -9,11 +9,17 @@ cd "$(dirname "$0")/.."
 fmt() { cargo fmt --all --check; }
 clippy() {
     cargo clippy --release --locked --workspace --all-targets --features corf-tests/slow -- -D warnings
-    cargo clippy --release --locked -p corf-gpu -p corf -p corf-baselines -p corf-bench --features corf-bench/gpu --all-targets -- -D warnings
+    cargo clippy --release --locked -p corf-gpu -p corf -p corf-raytrace -p corf-baselines -p corf-bench --features corf-bench/gpu --all-targets -- -D warnings
 }
 doc() { RUSTDOCFLAGS="-D warnings -A rustdoc::private-intra-doc-links" cargo doc --release --locked --no-deps --workspace --document-private-items; }
 test() { cargo test --release --locked --workspace; }
-gpu() { CORF_REQUIRE_GPU=1 cargo test --release --locked -p corf-gpu -p corf -p corf-baselines --features corf-baselines/gpu --lib --test gpu_device; }
+gpu() {
+    local -x CORF_REQUIRE_GPU=1
+    cargo test --release --locked -p corf-gpu -p corf -p corf-baselines --features corf-baselines/gpu \
+        --lib --test gpu_device --test gradients --test dense --test wrf_gs_plus
+    cargo test --release --locked -p corf-raytrace --features gpu --lib gpu
+    cargo test --release --locked -p corf-bench --features gpu --lib generate
+}
 tools() { python3 -m unittest discover --start-directory tools --pattern 'test_*.py'; }
 
 [ $# -gt 0 ] || set -- fmt tools clippy doc test

@@ -1,4 +1,19 @@
 //! The harness and the `corf` command: methods, metrics, plans, cells, tables, report.
+//!
+//! ```no_run
+//! use corf_bench::split::{Protocol, Split};
+//! use corf_bench::{device::Backend, methods, metrics::input::Verify, run::harness, table};
+//!
+//! let input = Verify::default().open("data/mini".as_ref())?; // of `corf dataset generate` or `corf dataset import`
+//! let split = Split::of(&input.dataset, Protocol::Test)?;
+//! let mut records = vec![];
+//! for id in ["corf-gs", "nearest"] {
+//!     let method = methods::create(id, &toml::Table::new(), &Backend::Cpu)?;
+//!     records.push(harness::run_cell(id, method.as_ref(), &input, &split, 1, &mut |_| Ok(()), |_, _| Ok(()), |_| Ok(()))?);
+//! }
+//! let compared = table::plain(&table::rows(&records), &table::short_columns());
+//! # Ok::<_, anyhow::Error>(())
+//! ```
 
 pub mod charts;
 pub mod commands;

@@ -2,6 +2,22 @@
 //! geometry between light and radio and keep their own opacity and colour.
 //!
 //! `Reconstructor::push(K_t)` is the paper's update operator U; a [`device::Device`] does the arithmetic.
+//!
+//! ```no_run
+//! use corf::{CpuDevice, OptimizerConfig, RasterConfig, ReconstructionConfig, Reconstructor};
+//! use corf_scene::dataset::Dataset;
+//!
+//! let dataset = Dataset::open("data/mini")?; // of `corf dataset generate` or `corf dataset import`
+//! let config = ReconstructionConfig::default();
+//! let device = CpuDevice::new(OptimizerConfig::default(), RasterConfig::default(), &config.empty_field())?;
+//! let (optical, rf, range) = (dataset.optical_camera(), dataset.rf_camera(), dataset.db_range().ok_or("no spectra")?);
+//! let mut reconstructor = Reconstructor::new(Box::new(device), config, optical, rf, range, 1)?;
+//! for index in 0..dataset.len() {
+//!     reconstructor.push(&dataset.keyframe(index)?)?;
+//! }
+//! let seen = reconstructor.render(dataset.keyframe(0)?.world_from_camera)?; // image and spectrum at any pose
+//! # Ok::<_, Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod array_field;
 pub mod config;

@@ -16,6 +16,8 @@ pub const SAMPLING: u64 = 7;
 pub const STEPS: u64 = 8;
 /// Order of the keyframes in an epoch of fine-tuning.
 pub const EPOCHS: u64 = 9;
+/// Keyframe of each training step of a field that knows its array.
+pub const VISITS: u64 = 0x6172_7261_795f_7669;
 /// A stage's key for one trajectory frame, or step.
 pub fn keyed(stage: u64, frame: usize) -> u64 {
     stage | (frame as u64 + 1) << 8

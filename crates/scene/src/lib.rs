@@ -3,6 +3,20 @@
 //!
 //! World frame: right-handed, z up, metres. Camera frame: OpenCV axes (x right, y down, z forward).
 //! Transforms are named `target_from_source`.
+//!
+//! ```
+//! use corf_scene::{config::SceneConfig, trajectory};
+//!
+//! let config = SceneConfig::load("../../scenes/room.toml")?; // from this crate's folder
+//! let (scene, _findings) = config.load_scene()?;
+//! assert!(scene.materials_without_radio().is_empty());
+//! let room = scene.bounds().expect("the scene has triangles");
+//! for pose in trajectory::generate(config.trajectory.as_ref().expect("the file has a trajectory"), 4)? {
+//!     let camera = pose.world_from_camera.translation.as_vec3();
+//!     assert!(camera.cmpge(room.min).all() && camera.cmple(room.max).all(), "{camera} m is outside of the room");
+//! }
+//! # Ok::<_, corf_scene::Error>(())
+//! ```
 
 pub mod capture;
 pub mod color;

@@ -116,7 +116,7 @@ impl<T: Real> ArrayBeam<T> {
         self.pixels.len() / (2 * (self.columns + self.rows))
     }
 
-    /// Columns and rows.
+    /// Numbers of antenna elements: columns (along y), then rows (along z).
     pub(super) fn elements(&self) -> [usize; 2] {
         [self.columns, self.rows]
     }

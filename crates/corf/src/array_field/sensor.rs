@@ -48,7 +48,7 @@ impl<T: Real> ArraySensor<T> {
 pub enum SensorSettings {
     /// Beams of an array: `bartlett`, and the mean of `bartlett-coherent` over the arrivals' phases.
     Beam {
-        /// Columns and rows.
+        /// Numbers of antenna elements: columns (along y), then rows (along z).
         elements: [usize; 2],
         /// Distances of columns and of rows, wavelengths.
         spacing_wavelengths: [f64; 2],
@@ -57,7 +57,7 @@ pub enum SensorSettings {
     },
     /// Capon's beamformer on an array: the mean of `mvdr` over the arrivals' phases goes into its covariance.
     Capon {
-        /// Columns and rows.
+        /// Numbers of antenna elements: columns (along y), then rows (along z).
         elements: [usize; 2],
         /// Distances of columns and of rows, wavelengths.
         spacing_wavelengths: [f64; 2],

@@ -10,13 +10,10 @@ use super::peel::{Peeled, peel};
 use super::refine::{prune, refine};
 use super::sensor::{ArraySensor, SensorSettings};
 use super::stepper::{CpuStepper, Rule, Stepper, View};
-use crate::{Error, Result};
+use crate::{Error, Result, stage};
 use corf_scene::{Pinhole, Raster, Rigid3, Rng, keyframe::DbRange};
 use glam::DVec3;
 use std::collections::HashSet;
-
-/// Stream of the keyframes that are visited.
-const STAGE_VISIT: u64 = 0x6172_7261_795f_7669;
 
 /// What a keyframe brings.
 #[derive(Clone, Debug)]
@@ -260,7 +257,7 @@ impl ArrayTrainer {
     /// The device's.
     pub fn train(&mut self) -> Result<f32> {
         let visit = |step: u64| {
-            let mut rng = Rng::keyed(self.seed, STAGE_VISIT, step);
+            let mut rng = Rng::keyed(self.seed, stage::VISITS, step);
             let latest = rng.uniform() < self.config.latest_probability;
             &self.views[if latest { self.views.len() - 1 } else { rng.below(self.views.len()) }]
         };

@@ -14,7 +14,7 @@ use std::path::Path;
 pub struct ColoredPoint {
     /// World position, metres.
     pub position: DVec3,
-    /// sRGB.
+    /// Red, green and blue, encoded as in sRGB.
     pub color: [u8; 3],
 }
 

@@ -107,7 +107,7 @@ macro_rules! materials {
         pub enum Mat { $($variant),* }
 
         impl Mat {
-            /// Its properties.
+            /// What light and radio see of it, its thickness and its name.
             pub fn spec(self) -> MaterialSpec {
                 match self {
                     $(Mat::$variant => MaterialSpec {
