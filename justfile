@@ -20,6 +20,10 @@ check *steps:
 test-slow:
     cargo test --release -p corf-tests --features slow
 
+# The documents as a site, target/book/index.html (`cargo install mdbook --version 0.5.4 --locked`)
+book:
+    mdbook build
+
 # Digests of what the program computes, before and after code is moved
 digests: build
     python3 tools/digests.py

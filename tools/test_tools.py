@@ -16,6 +16,7 @@ import unittest
 import zlib
 from pathlib import Path
 
+import book
 import check_page
 import check_view
 import compare_devices
@@ -251,6 +252,52 @@ class FetchWeights(unittest.TestCase):
         self.assertNotIn("classifier.1.weight", found)
         with self.assertRaises(KeyError):
             fetch_weights.squeeze_tensors({}, heads)
+
+
+class Links(unittest.TestCase):
+    """Of the book, in a repository of four files."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.root = Path(folder.name)
+        files = {"README.md": "# Read", "docs/a.md": "# A", "scenes/room.toml": "[scene]", "results/day/README.md": "# Day\n[A](../../docs/a.md#part)"}
+        for name, text in files.items():
+            (self.root / name).parent.mkdir(parents=True, exist_ok=True)
+            (self.root / name).write_text(text)
+        self.book = book.Book(self.root, "docs")
+
+    def page(self, text):
+        chapters = [{"source_path": place, "content": "", "sub_items": []} for place in ("../README.md", "a.md")]
+        chapters[1]["content"] = text
+        self.book.list([{"Chapter": chapter} for chapter in chapters])
+        for file, chapter in self.book.pages.items():
+            self.book.link(file, chapter)
+        return chapters[1]["content"]
+
+    def test_a_link_leads_to_the_page_of_its_file(self):
+        self.assertEqual(self.page("[read](../README.md#part)"), "[read](index.md#part)")
+        self.assertEqual(self.page("[room](../scenes/room.toml)"), "[room](scenes/room.toml.md)")
+        self.assertEqual(self.page("[day](../results/day)"), "[day](results/day/index.md)")
+        self.assertEqual(list(self.book.added), [book.PurePosixPath("scenes/room.toml"), book.PurePosixPath("results/day/README.md")])
+        day = self.book.added[book.PurePosixPath("results/day/README.md")]
+        self.book.link(book.PurePosixPath("results/day/README.md"), day)
+        self.assertEqual((day["name"], day["content"]), ("Day (day)", "# Day\n[A](../../a.md#part)"))
+
+    def test_what_is_no_link_of_the_repository_stays(self):
+        for text in ("`[a](../b.md)`", "```\n[a](../b.md)\n```", "[a](https://example.org/b.md)", "[a](#part)"):
+            self.assertEqual(self.page(text), text)
+
+    def test_a_folder_without_a_page_is_named_and_what_is_not_there_is_refused(self):
+        self.assertEqual(self.page("[all](../results)"), "all (`results`)")
+        with self.assertRaises(SystemExit):
+            self.page("[gone](gone.md)")
+
+    def test_every_page_is_listed(self):
+        summary = (REPOSITORY / "docs/SUMMARY.md").read_text()
+        pages = [str(p.relative_to(REPOSITORY / "docs")) for p in (REPOSITORY / "docs").rglob("*.md") if p.name != "SUMMARY.md"]
+        self.assertGreater(len(pages), 30)
+        self.assertEqual([page for page in pages if f"({page})" not in summary], [])
 
 
 if __name__ == "__main__":
