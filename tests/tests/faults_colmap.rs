@@ -1,4 +1,5 @@
-//! COLMAP models with rigs or in parts, captures and scenes far from the origin, and PLY files of other programs: the right value, or a message that says where.
+//! COLMAP models with rigs or in parts, captures and scenes far from the origin, and PLY files of other programs: the right value, or a message that
+//! says where.
 
 use crate::common::*;
 use corf::files::ply::{self, ForeignField};

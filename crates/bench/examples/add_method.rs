@@ -1,4 +1,5 @@
-//! A method of one's own beside those that are there, on the same clock and with the same metrics: here the first training keyframe, whatever is asked.
+//! A method of one's own beside those that are there, on the same clock and with the same metrics: here the first training keyframe, whatever is
+//! asked.
 //!
 //! ```text
 //! cargo run --release -- dataset generate scenes/room-tiny.toml --out data/tiny

@@ -1,7 +1,8 @@
 //! One coupled training step on the CPU, whole and stage by stage: `cargo bench -p corf --bench step`.
 //!
 //! The scene is a room of 14 × 15 × 3.5 m whose surfaces are covered with 15 000 Gaussians, seen from the middle with a horizontal field
-//! of view of 90°: 4 171 of them reach a tile, and a tile's list holds 97 on average (not all reach each of its pixels). Images are those of lobby-mini: 192×108 in light, 96×64 at 60 GHz.
+//! of view of 90°: 4 171 of them reach a tile, and a tile's list holds 97 on average (not all reach each of its pixels). Images are those of
+//! lobby-mini: 192×108 in light, 96×64 at 60 GHz.
 
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 

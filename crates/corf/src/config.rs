@@ -169,8 +169,8 @@ pub struct DepthConfig {
     pub folder: Option<PathBuf>,
     /// Quantity in those maps. Default `inverse-relative`.
     pub folder_kind: FolderKind,
-    /// Value of whole-number maps (16-bit PNG, `.npy` of integers) at one metre (or at 1/m, for `inverse-metric`); floats are metres, relative maps have no
-    /// unit. Default 1000: millimetres.
+    /// Value of whole-number maps (16-bit PNG, `.npy` of integers) at one metre (or at 1/m, for `inverse-metric`); floats are metres, relative maps
+    /// have no unit. Default 1000: millimetres.
     pub png_scale: f64,
     /// Weights of the `depth-anything` prior, a safetensors file, from the current directory; a `config.json` beside it is read. Given with
     /// that prior and no other.

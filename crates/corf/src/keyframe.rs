@@ -89,8 +89,8 @@ pub fn optical(light: &Light) -> Planes {
     Planes { width: image.width(), height: image.height(), channels: 3, pixels }
 }
 
-/// A spectrum as the target in radio: as many channels as `meta`'s target has. Without radio it is that of no power anywhere, on which nothing is to be
-/// trained: a device's view has both halves.
+/// A spectrum as the target in radio: as many channels as `meta`'s target has. Without radio it is that of no power anywhere, on which nothing is to
+/// be trained: a device's view has both halves.
 pub fn rf(radio: Option<&Radio>, meta: &FieldMeta) -> Planes {
     match radio {
         Some(Radio { spectrum }) => meta.rf_target.encode(spectrum, &meta.db_range),

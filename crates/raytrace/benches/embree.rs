@@ -2,8 +2,8 @@
 //!
 //! Embree comes from Debian (`apt-get install libembree-dev`): `cargo bench -p corf-raytrace --features embree --bench embree [SCENE]`
 //! (`scenes/lobby.glb` unless a glb file is named). Each repeat times every contender once, in turn, over all rays of a kind, so that
-//! what else the machine does falls on all alike, and counts the time that the thread ran; rates are medians over the repeats and ratios medians of the repeats' ratios. Embree
-//! runs twice, as it comes and with `RTC_SCENE_FLAG_ROBUST`, which is its watertight mode and the fair comparison.
+//! what else the machine does falls on all alike, and counts the time that the thread ran; rates are medians over the repeats and ratios medians of
+//! the repeats' ratios. Embree runs twice, as it comes and with `RTC_SCENE_FLAG_ROBUST`, which is its watertight mode and the fair comparison.
 
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 

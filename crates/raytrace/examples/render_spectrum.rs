@@ -3,8 +3,8 @@
 //! ```text
 //! cargo run --release -p corf-raytrace --example render_spectrum -- scenes/lobby-mini.toml --out spectra --every 4
 //! ```
-//! `--kind mpc|bartlett|bartlett-coherent|mvdr`, `--directions N`, `--patch M`, `--lobe DEG`, `--range DB`, `--min-face M2`, `--mirror SR`, `--after 0|1`, `--size WxH`;
-//! `--converge` gathers everything a second time on other patches and directions and prints the scalar PSNR between the two.
+//! `--kind mpc|bartlett|bartlett-coherent|mvdr`, `--directions N`, `--patch M`, `--lobe DEG`, `--range DB`, `--min-face M2`, `--mirror SR`, `--after
+//! 0|1`, `--size WxH`; `--converge` gathers everything a second time on other patches and directions and prints the scalar PSNR between the two.
 
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 

@@ -123,7 +123,8 @@ fn sommerfeld(wavenumber: f64, rho: f64, phi: f64, phi_in: f64, hard: bool) -> C
     wave(phi - phi_in) + if hard { reflected } else { -reflected }
 }
 
-/// A source at 1e7 m is plane to a phase of kρ²/2s′ = 6e-5 at 1 m, twice with the reflected wave; the conductor, Simpson's rule and f64 delays leave less.
+/// A source at 1e7 m is plane to a phase of kρ²/2s′ = 6e-5 at 1 m, twice with the reflected wave; the conductor, Simpson's rule and f64 delays leave
+/// less.
 const PLANE_WAVE: f64 = 2e-4;
 
 #[test]

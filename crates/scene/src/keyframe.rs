@@ -39,8 +39,8 @@ pub struct Light {
     pub depth_m: Option<Raster<f32>>,
     /// Object index per pixel, `u32::MAX` where nothing was hit; only the `Simulated` prior reads it.
     pub surface: Option<Raster<u32>>,
-    /// Whether a pixel of the image counts: `false` where something is in the picture that is not of the room (a passer-by, the platform itself). Such
-    /// pixels are neither learnt from nor compared. `None`: all count.
+    /// Whether a pixel of the image counts: `false` where something is in the picture that is not of the room (a passer-by, the platform itself).
+    /// Such pixels are neither learnt from nor compared. `None`: all count.
     pub mask: Option<Raster<bool>>,
 }
 

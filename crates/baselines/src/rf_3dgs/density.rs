@@ -129,8 +129,8 @@ pub struct DensityCounts {
     pub pruned: usize,
 }
 
-/// Decides on every Gaussian after step `step` of a scene of this extent, by its opacity in the modality that is trained. Copies are judged as their sources are, and none is made that would be
-/// pruned at once.
+/// Decides on every Gaussian after step `step` of a scene of this extent, by its opacity in the modality that is trained. Copies are judged as their
+/// sources are, and none is made that would be pruned at once.
 pub fn decide(
     config: &DensityConfig,
     gradients: &[ScreenGradient],

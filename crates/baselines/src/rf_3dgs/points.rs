@@ -85,8 +85,8 @@ pub fn random(poses: &[Rigid3], count: usize, half_side_m: f64, seed: u64) -> Ve
     (0..count).map(point).collect()
 }
 
-/// The Gaussians that points become, of the channels and degrees of `none`: round, as wide as the mean (by squares) distance to the three nearest others, of the point's colour in
-/// light and grey in RF.
+/// The Gaussians that points become, of the channels and degrees of `none`: round, as wide as the mean (by squares) distance to the three nearest
+/// others, of the point's colour in light and grey in RF.
 ///
 /// # Errors
 /// Fewer than [`LEAST_POINTS`].

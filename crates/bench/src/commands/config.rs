@@ -16,8 +16,9 @@ use serde_json::Value;
 /// `corf config`.
 #[derive(Args)]
 pub struct Config {
-    /// Every key of: scene (scene files), dataset (configurations of `corf dataset generate`), paths or coverage (their --config), plan (of `corf bench
-    /// run`), sweep (of `corf bench sweep`), or a method (what --set, --config and a plan's `config` take), with type, default, unit and meaning.
+    /// Every key of: scene (scene files), dataset (configurations of `corf dataset generate`), paths or coverage (their --config), plan (of `corf
+    /// bench run`), sweep (of `corf bench sweep`), or a method (what --set, --config and a plan's `config` take), with type, default, unit and
+    /// meaning.
     #[arg(long, value_name = "scene|dataset|paths|coverage|plan|sweep|METHOD")]
     explain: String,
     /// Only keys that contain this.

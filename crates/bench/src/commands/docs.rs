@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 /// `corf docs`.
 #[derive(Args)]
 pub struct Docs {
-    /// Markdown files with marked places: `<!-- corf docs: table FOLDER -->`, `<!-- corf docs: paper FOLDER I -->`, `<!-- corf docs: help -->` …, to `<!-- corf docs: end -->`.
+    /// Markdown files with marked places: `<!-- corf docs: table FOLDER -->`, `<!-- corf docs: paper FOLDER I -->`, `<!-- corf docs: help -->` …, to
+    /// `<!-- corf docs: end -->`.
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Change nothing; exit 1 if a file would change.

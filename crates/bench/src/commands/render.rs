@@ -25,13 +25,13 @@ use std::path::{Path, PathBuf};
 pub struct Render {
     /// Run folder of `corf reconstruct`.
     run: PathBuf,
-    /// Poses: a `trajectory.json` of a dataset, a `transforms.json` (nerfstudio, Blender, Instant-NGP: OpenGL axes, converted), or a JSON array of 4×4
-    /// `world_from_camera` matrices by rows, in the dataset's world (or --poses-in).
+    /// Poses: a `trajectory.json` of a dataset, a `transforms.json` (nerfstudio, Blender, Instant-NGP: OpenGL axes, converted), or a JSON array of
+    /// 4×4 `world_from_camera` matrices by rows, in the dataset's world (or --poses-in).
     #[arg(long, required_unless_present = "orbit")]
     poses: Option<PathBuf>,
-    /// Frame that --poses is in, where the run's dataset was imported and turned, scaled or moved: that of the capture, whose poses are changed as the import did,
-    /// or the dataset's world. Default: what the file says, which is `capture` for the file that was imported and `world` for files of the dataset; a file of
-    /// which it cannot be known is refused.
+    /// Frame that --poses is in, where the run's dataset was imported and turned, scaled or moved: that of the capture, whose poses are changed as
+    /// the import did, or the dataset's world. Default: what the file says, which is `capture` for the file that was imported and `world` for files
+    /// of the dataset; a file of which it cannot be known is refused.
     #[arg(long, value_enum, requires = "poses")]
     poses_in: Option<PoseFrame>,
     /// N poses on a circle instead: around the middle of the dataset's keyframes, at their mean height, looking inwards; or about --keyframe.

@@ -49,8 +49,8 @@ pub struct Spectrum {
     /// Full horizontal field of view of the pinhole camera, degrees.
     #[arg(long, default_value_t = 90.0, allow_hyphen_values = true)]
     fov_deg: f64,
-    /// One of the scene's `[transmitters]`, instead of its `[transmitter]`; may be repeated: the files of each then go into OUT/tx0, OUT/tx1 … in this order, all at
-    /// one pose, for which --towards is needed.
+    /// One of the scene's `[transmitters]`, instead of its `[transmitter]`; may be repeated: the files of each then go into OUT/tx0, OUT/tx1 … in
+    /// this order, all at one pose, for which --towards is needed.
     #[arg(long, value_name = "NAME")]
     transmitter: Vec<String>,
     #[command(flatten)]

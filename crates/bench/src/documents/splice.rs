@@ -27,7 +27,8 @@ use std::path::Path;
 const BEGIN: &str = "<!-- corf docs: ";
 const END: &str = "<!-- corf docs: end -->";
 
-/// A document whose marked places are written anew. Folders of records are relative to `folder`, the document's own; `help` is the text of all commands.
+/// A document whose marked places are written anew. Folders of records are relative to `folder`, the document's own; `help` is the text of all
+/// commands.
 ///
 /// # Errors
 /// A marker that is not understood or has no end, by its line; records that cannot be read; a column that does not exist.

@@ -60,7 +60,8 @@ pub struct LiveRecord {
     /// Keyframes per second of expansion and training alone. Preparation (decoding, depth) runs beside them, and may be slower.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub capacity_per_second: Option<f64>,
-    /// Keyframes whose training ended per second between the first and the last: what was taken in fact. Where the device kept up, it could have taken more.
+    /// Keyframes whose training ended per second between the first and the last: what was taken in fact. Where the device kept up, it could have
+    /// taken more.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub taken_per_second: Option<f64>,
     /// Time from arrival to the end of a keyframe's training.

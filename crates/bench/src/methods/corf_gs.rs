@@ -75,8 +75,8 @@ impl CorfGsConfig {
         Ok(serde_json::from_value::<Self>(config.clone())?.raster)
     }
 
-    /// Checks that the keyframes' sizes suit the configuration, and looks for what the depth prior reads of a data set and beside it; `table` is that of
-    /// the overrides in which the keys of `method` stand, with its dot.
+    /// Checks that the keyframes' sizes suit the configuration, and looks for what the depth prior reads of a data set and beside it; `table` is that
+    /// of the overrides in which the keys of `method` stand, with its dot.
     ///
     /// # Errors
     /// Those of [`Reconstructor::check_cameras`]; no depth where the prior is made from it; a map that is missing or cannot be used.

@@ -71,8 +71,8 @@ fn axis_gain(d: f64) -> f64 {
 }
 
 impl Codebook {
-    /// The codebook over the pixels of `camera`; `None` where a value of the spectrum is no power of beams ([`Quantity::CaponPower`], [`Quantity::Unknown`]), or the
-    /// image shows no beam.
+    /// The codebook over the pixels of `camera`; `None` where a value of the spectrum is no power of beams ([`Quantity::CaponPower`],
+    /// [`Quantity::Unknown`]), or the image shows no beam.
     pub fn of(camera: Pinhole, quantity: Quantity) -> Option<Self> {
         match quantity {
             Quantity::PowerPerSteradian => Some(Self::Integrated(camera)),

@@ -7,8 +7,8 @@ use corf_scene::Raster;
 /// 1600×900 image is 114 dB; differences that small are not what PSNR is read for.
 pub const PSNR_OF_EQUAL_DB: f64 = 100.0;
 
-/// Peak signal-to-noise ratio of two 8-bit images over channels and the pixels that count, all without a mask, dB, at most [`PSNR_OF_EQUAL_DB`]. Images
-/// with a mask agree where no pixel counts, as [`unmasked`] makes them.
+/// Peak signal-to-noise ratio of two 8-bit images over channels and the pixels that count, all without a mask, dB, at most [`PSNR_OF_EQUAL_DB`].
+/// Images with a mask agree where no pixel counts, as [`unmasked`] makes them.
 pub fn psnr<const C: usize>(a: &Raster<[u8; C]>, b: &Raster<[u8; C]>, mask: Option<&Raster<bool>>) -> f64 {
     (corf::loss::psnr_8bit(&unit(a), &unit(b)) + 10.0 * mask.map_or(1.0, share).log10()).min(PSNR_OF_EQUAL_DB)
 }

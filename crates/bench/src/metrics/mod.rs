@@ -193,7 +193,8 @@ impl Evaluator {
     pub fn compare(&self, predicted: Halves<'_>, truth: &Keyframe) -> FrameMetrics {
         let light = predicted.image.zip(truth.light.as_ref());
         let mask = light.and_then(|(_, truth)| truth.mask.as_ref());
-        // An image none of whose pixels count is not compared. Where a pixel does not count, the observation is shown, so that nothing is found there.
+        // An image none of whose pixels count is not compared. Where a pixel does not count, the observation is shown, so that nothing is found
+        // there.
         let masked_out = mask.is_some_and(|mask| image::share(mask) == 0.0);
         let images = light.filter(|_| !masked_out).map(|(predicted, truth)| {
             let predicted = predicted.map(|p| p.map(color::quantize8));

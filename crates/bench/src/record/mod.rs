@@ -74,7 +74,8 @@ pub struct Record {
     pub lpips_weights: BTreeMap<String, String>,
     /// Device the method ran on.
     pub device: String,
-    /// Whether the method read the data set's depth, as it is or through the simulated monocular prior: the ray tracer's own, but for `depth_imported`.
+    /// Whether the method read the data set's depth, as it is or through the simulated monocular prior: the ray tracer's own, but for
+    /// `depth_imported`.
     pub uses_ground_truth_depth: bool,
     /// Whether the depth that was read came with an imported capture, and is as true as whatever measured it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

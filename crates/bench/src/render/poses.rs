@@ -62,7 +62,8 @@ pub struct PoseFile {
 }
 
 impl PoseFile {
-    /// Reads a file and says where its rotations are rounded. The frames of a `transforms.json` have OpenGL axes (x right, y up, z backward) and are turned.
+    /// Reads a file and says where its rotations are rounded. The frames of a `transforms.json` have OpenGL axes (x right, y up, z backward) and are
+    /// turned.
     ///
     /// # Errors
     /// A file of another shape, that names no pose, or one that is no rigid transform.
@@ -124,8 +125,8 @@ impl PoseFile {
         self.poses
     }
 
-    /// The `world_from_camera` of every pose in the world of a data set, and the frame that the file is in: that which is `stated`, or what the file's bytes,
-    /// its poses or its form say. Where the data set was imported and its frame changed, what was decided is said.
+    /// The `world_from_camera` of every pose in the world of a data set, and the frame that the file is in: that which is `stated`, or what the
+    /// file's bytes, its poses or its form say. Where the data set was imported and its frame changed, what was decided is said.
     ///
     /// # Errors
     /// A file that may be in either of two frames; poses in the frame of a capture where there was none; a position beyond
@@ -199,8 +200,8 @@ impl PoseFile {
     }
 }
 
-/// A circle around the middle of some keyframes, as high as they are on average and as far from it as half of them are, looking inwards: `count` poses, the first in the
-/// direction of +x. `radius_m` takes the place of that distance.
+/// A circle around the middle of some keyframes, as high as they are on average and as far from it as half of them are, looking inwards: `count`
+/// poses, the first in the direction of +x. `radius_m` takes the place of that distance.
 pub fn around_keyframes(keyframes: &[Rigid3], count: usize, radius_m: Option<f64>) -> Vec<Rigid3> {
     let positions = || keyframes.iter().map(|k| k.translation);
     let low = positions().fold(DVec3::INFINITY, DVec3::min);
@@ -220,7 +221,8 @@ pub fn around_keyframes(keyframes: &[Rigid3], count: usize, radius_m: Option<f64
     (0..count).map(pose).collect()
 }
 
-/// A circle about a keyframe in its own image plane, `radius_m` wide, looking at the point `distance_m` in front of it: `count` poses, the first to the right.
+/// A circle about a keyframe in its own image plane, `radius_m` wide, looking at the point `distance_m` in front of it: `count` poses, the first to
+/// the right.
 pub fn about_keyframe(keyframe: &Rigid3, count: usize, radius_m: f64, distance_m: f64) -> Vec<Rigid3> {
     let [right, down, ahead] = [keyframe.rotation.x_axis, keyframe.rotation.y_axis, keyframe.rotation.z_axis];
     let target = keyframe.translation + distance_m * ahead;

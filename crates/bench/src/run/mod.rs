@@ -143,7 +143,8 @@ pub fn initial_hash(overrides: &toml::Table) -> Result<Option<String>> {
 }
 
 impl RunInfo {
-    /// What there is to say of a finished reconstruction by a method that was made with `overrides`, on a data set whose files were `verified` or not, from `trained` keyframes.
+    /// What there is to say of a finished reconstruction by a method that was made with `overrides`, on a data set whose files were `verified` or
+    /// not, from `trained` keyframes.
     ///
     /// # Errors
     /// When there is no working directory to make the data set's path absolute with.

@@ -87,7 +87,8 @@ impl Subject {
         self.dataset.dir()
     }
 
-    /// Opens a run folder, the folder of a comparison that keeps one run (`corf demo`), or a data set; `dataset` says where a run's data set is now, `device` renders its predictions.
+    /// Opens a run folder, the folder of a comparison that keeps one run (`corf demo`), or a data set; `dataset` says where a run's data set is now,
+    /// `device` renders its predictions.
     ///
     /// # Errors
     /// A folder that is not there or is none of the three, a run or data set that is not finished, damaged or elsewhere, or no such device.

@@ -1,10 +1,10 @@
 //! Capon's (minimum variance) spectra of a planar array over the pixels of a pinhole camera, and their gradients.
 //!
-//! The spectrum of waves of the powers p_j is P(u) = 1 / (v(u)ᴴR⁻¹v(u)) with R = Σ_j p_j·v_j v_jᴴ + ε·Σ_j p_j·I: what `mvdr` means where no two arrivals
-//! are coherent. R is the same for elements that lie point-symmetrically as for the real steering vectors b = cas φ = cos φ + sin φ of
-//! the phases φ relative to the array's centre, which are those of v turned by a unitary matrix (so that R becomes real, as Lee 1980 has it):
-//! b_m b_n = cos(φ_m − φ_n) + sin(φ_m + φ_n), where both angles are lags on the grid of elements. Covariances and quadratic forms are
-//! therefore tables of [`ArrayBeam`], and a wave costs what it costs there; what is added is the inverse of an N×N matrix.
+//! The spectrum of waves of the powers p_j is P(u) = 1 / (v(u)ᴴR⁻¹v(u)) with R = Σ_j p_j·v_j v_jᴴ + ε·Σ_j p_j·I: what `mvdr` means where no two
+//! arrivals are coherent. R is the same for elements that lie point-symmetrically as for the real steering vectors b = cas φ = cos φ + sin φ of the
+//! phases φ relative to the array's centre, which are those of v turned by a unitary matrix (so that R becomes real, as Lee 1980 has it): b_m b_n =
+//! cos(φ_m − φ_n) + sin(φ_m + φ_n), where both angles are lags on the grid of elements. Covariances and quadratic forms are therefore tables of
+//! [`ArrayBeam`], and a wave costs what it costs there; what is added is the inverse of an N×N matrix.
 //!
 //! P is homogeneous of degree one in the powers, so that Σ_j p_j·∂P/∂p_j = P: what a wave accounts for in a pixel is its power times the derivative.
 //! Everything is in double precision: forms of R⁻¹ cancel to ε/N of its entries.

@@ -57,7 +57,8 @@ pub struct ArrayConfig {
     pub votes: f64,
     /// Standard deviation of a ray's direction, degrees.
     pub ray_width_deg: f64,
-    /// Whether sources move, with every keyframe, to where the rays that see them meet; when not given, where spectra are lobes, whose rays are narrow enough.
+    /// Whether sources move, with every keyframe, to where the rays that see them meet; when not given, where spectra are lobes, whose rays are
+    /// narrow enough.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refine_sources: Option<bool>,
 }

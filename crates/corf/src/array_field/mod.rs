@@ -5,7 +5,8 @@
 //! knows, and virtual sources anywhere. [`ArraySensor`] forms the observation of their waves, and [`ArrayTrainer`] learns them online.
 //!
 //! An emitter's power depends on where it is seen from: its log gain is interpolated between [`anchors`] at places of the receiver. Training takes
-//! residuals in decibels off in proportion to the part that an emitter has in each pixel (a multiplicative update in the manner of Richardson and Lucy).
+//! residuals in decibels off in proportion to the part that an emitter has in each pixel (a multiplicative update in the manner of Richardson and
+//! Lucy).
 
 pub mod anchors;
 mod beam;

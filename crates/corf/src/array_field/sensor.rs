@@ -116,7 +116,8 @@ impl SensorSettings {
     /// Checks that a camera can look at it.
     ///
     /// # Errors
-    /// An array without elements or with too many, a loading beyond what double precision holds, a spacing or a width that is no number, lobes that fall between the camera's pixels.
+    /// An array without elements or with too many, a loading beyond what double precision holds, a spacing or a width that is no number, lobes that
+    /// fall between the camera's pixels.
     pub fn check(&self, camera: &Pinhole) -> Result<()> {
         let refuse = |what: String, help: &str| Err(Error::invalid("the radio sensor", what, help));
         if let Self::Capon { loading, .. } = *self

@@ -17,7 +17,8 @@ const OF_A_LOBES_PIXEL: f64 = 28.0;
 
 impl ArrayField {
     /// The least work of an observation at a pose. An array costs two operations an entry of its table for each wave and each pixel, Capon's
-    /// beamformer the inverse of a real matrix on top, and a lobe its pixels; an emitter is read with its gain and the corrections of the anchors that are near, a pixel's direction is read and its power written.
+    /// beamformer the inverse of a real matrix on top, and a lobe its pixels; an emitter is read with its gain and the corrections of the anchors
+    /// that are near, a pixel's direction is read and its power written.
     pub fn work_of(&self, pose: &Rigid3) -> Work {
         let receiver = self.receiver::<f64>(pose);
         let seen = [&self.sources, &self.points].map(|cloud| cloud.waves(&receiver, 0.0).len() as f64);

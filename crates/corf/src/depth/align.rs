@@ -10,8 +10,8 @@ use rayon::prelude::*;
 pub struct AlignedPrior {
     /// 1/z, 1/m, at least 1/far.
     pub inverse_depth: Dense,
-    /// `exp(−|Sobel|²/0.2)` of the median/MAD-normalised map, its slopes those per image pixel; 0 where that is 0.5 or less (a depth edge), the aligned
-    /// value was beyond far, or the prior has a hole.
+    /// `exp(−|Sobel|²/0.2)` of the median/MAD-normalised map, its slopes those per image pixel; 0 where that is 0.5 or less (a depth edge), the
+    /// aligned value was beyond far, or the prior has a hole.
     pub confidence: Dense,
     /// `aligned = scale · mono + offset`.
     pub scale: f32,
@@ -22,8 +22,8 @@ pub struct AlignedPrior {
 /// Fewest triangulated depths that define an alignment.
 pub const LEAST_ANCHORS: usize = 12;
 
-/// Aligns a prior to triangulated depths. Where there are fewer than [`LEAST_ANCHORS`] or they do not define a positive scale, a metric prior is taken as it
-/// is, and of any other there is `None`.
+/// Aligns a prior to triangulated depths. Where there are fewer than [`LEAST_ANCHORS`] or they do not define a positive scale, a metric prior is
+/// taken as it is, and of any other there is `None`.
 pub fn align(mono: &Dense, anchors: &[SparseDepth], config: &DepthConfig) -> Option<AlignedPrior> {
     let known = anchors.iter().filter(|a| mono.is_known(a.x, a.y));
     let pairs: Vec<(f64, f64)> =

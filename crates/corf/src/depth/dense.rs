@@ -25,9 +25,9 @@ impl Dense {
         Self { grid, image, holes: None, is_metric: false }
     }
 
-    /// A map of an image of `image` pixels at any resolution. One that is finer than the image is averaged over its pixels. What is not finite is a hole:
-    /// it takes the value of what is known next to it, so that nothing that is interpolated there is spoilt, and is no longer [known](Self::is_known). A
-    /// map without a finite value stays as it is.
+    /// A map of an image of `image` pixels at any resolution. One that is finer than the image is averaged over its pixels. What is not finite is a
+    /// hole: it takes the value of what is known next to it, so that nothing that is interpolated there is spoilt, and is no longer
+    /// [known](Self::is_known). A map without a finite value stays as it is.
     pub fn reduced(map: Raster<f32>, image: (usize, usize)) -> Self {
         let mut grid = reduce(map, image);
         let holes = fill_holes(&mut grid).map(Arc::from);
@@ -188,8 +188,8 @@ fn reduce(map: Raster<f32>, image: (usize, usize)) -> Raster<f32> {
     Raster::from_vec(width, height, pixels)
 }
 
-/// Gives every cell that is not finite the value of the nearest one that is, counted in steps along the axes, and says which they were; `None` where all
-/// are finite, or none is.
+/// Gives every cell that is not finite the value of the nearest one that is, counted in steps along the axes, and says which they were; `None` where
+/// all are finite, or none is.
 fn fill_holes(grid: &mut Raster<f32>) -> Option<Vec<bool>> {
     let holes: Vec<bool> = grid.pixels().iter().map(|v| !v.is_finite()).collect();
     fill(grid, &holes).then_some(holes)

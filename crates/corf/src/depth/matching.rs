@@ -120,8 +120,8 @@ fn match_pixel(
     let lands = |n: &Neighbour<'_>, warp: &Warp| patch.lands_inside(&n.view.fine, warp);
     let lands_throughout =
         |n: &Neighbour<'_>| (0..count).all(|k| at(n, low + step * k as f32).is_some_and(|warp| lands(n, &warp)));
-    // A neighbour takes part where both ends of the range land inside it, far enough apart, and all between them, which only a mask leaves out: it would
-    // lower the scores of the candidates that it cannot tell of.
+    // A neighbour takes part where both ends of the range land inside it, far enough apart, and all between them, which only a mask leaves out: it
+    // would lower the scores of the candidates that it cannot tell of.
     let useful: Vec<&Neighbour<'_>> = neighbours
         .iter()
         .filter(|n| {

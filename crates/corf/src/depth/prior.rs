@@ -54,7 +54,8 @@ impl DepthPrior {
         })
     }
 
-    /// The dense prior of keyframe `index`, of what its camera saw; `None` from [`Self::None`], and from [`Self::Measured`] where the keyframe brings no depth.
+    /// The dense prior of keyframe `index`, of what its camera saw; `None` from [`Self::None`], and from [`Self::Measured`] where the keyframe brings
+    /// no depth.
     ///
     /// # Errors
     /// A keyframe without the depth, the map or the image that the prior needs.

@@ -21,9 +21,9 @@ pub fn in_view(field: &SingleModality, camera: &Pinhole, poses: &[Rigid3]) -> us
     field.position.par_iter().filter(|p| seen(p)).count()
 }
 
-/// The field with RF attributes as Gaussians are born with: the opacity that light has, and the colour of an RF image in the direction of the Gaussian, that of
-/// the nearest view whose RF image it lies in; `floor` where there is none. Channels and degrees are those of `none`: harmonics of light beyond its degree
-/// are left out, those that `field` has not are zero.
+/// The field with RF attributes as Gaussians are born with: the opacity that light has, and the colour of an RF image in the direction of the
+/// Gaussian, that of the nearest view whose RF image it lies in; `floor` where there is none. Channels and degrees are those of `none`: harmonics of
+/// light beyond its degree are left out, those that `field` has not are zero.
 pub fn coupled(field: &SingleModality, none: Gaussians, views: &[RfView], rf_camera: &Pinhole, floor: [f32; 3]) -> Gaussians {
     let mut out = none;
     let n = field.position.len();

@@ -5,8 +5,8 @@ use crate::device::Planes;
 use corf_scene::Raster;
 use rayon::prelude::*;
 
-/// Mean structural similarity of two images with values in `[0, 1]` (Wang et al. 2004, zero padding; see the module's head) over the pixels that count,
-/// all without a mask; NaN where none counts. Windows take in the other pixels as well.
+/// Mean structural similarity of two images with values in `[0, 1]` (Wang et al. 2004, zero padding; see the module's head) over the pixels that
+/// count, all without a mask; NaN where none counts. Windows take in the other pixels as well.
 ///
 /// # Panics
 /// If the images differ in width, height or channels, or the mask in width or height.

@@ -90,8 +90,8 @@ impl Reconstructor {
     /// `db_range` is [`FieldMeta::RANGE_WITHOUT_RADIO`], and `rf_weight` 0.
     ///
     /// # Errors
-    /// A configuration out of range, a depth prior whose files cannot be used, cameras without pixels, an empty dB range, or a device that already holds
-    /// Gaussians or was not made with [`ReconstructionConfig::empty_field`].
+    /// A configuration out of range, a depth prior whose files cannot be used, cameras without pixels, an empty dB range, or a device that already
+    /// holds Gaussians or was not made with [`ReconstructionConfig::empty_field`].
     pub fn new(
         mut device: Box<dyn Device>,
         mut config: ReconstructionConfig,

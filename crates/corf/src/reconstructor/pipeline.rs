@@ -22,8 +22,8 @@ const LANE: usize = 4;
 
 /// Threads that prepare keyframes.
 struct Threads {
-    /// Pools that take keyframes in turn: in one pool for all, a thread that waits for a part of its keyframe begins with another in between, and some keyframes take
-    /// three times as long as most.
+    /// Pools that take keyframes in turn: in one pool for all, a thread that waits for a part of its keyframe begins with another in between, and
+    /// some keyframes take three times as long as most.
     lanes: Vec<ThreadPool>,
     /// One after the other, what all later ones wait for.
     in_order: ThreadPool,

@@ -25,8 +25,8 @@ pub(super) struct Avx2(__m256);
 #[derive(Clone, Copy)]
 pub(super) struct Avx512(__m512);
 
-// Every intrinsic below needs a CPU that has it. These types are named only by `run_avx2` and `run_avx512`, whose callers checked the CPU: that is meant
-// by "as above".
+// Every intrinsic below needs a CPU that has it. These types are named only by `run_avx2` and `run_avx512`, whose callers checked the CPU: that is
+// meant by "as above".
 macro_rules! operators {
     ($type:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $zero:ident) => {
         impl Add for $type {

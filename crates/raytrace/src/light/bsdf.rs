@@ -139,8 +139,8 @@ impl Bsdf {
         self.alpha >= WIDE_ALPHA && self.specular_share() < WEAK_SHARE
     }
 
-    /// Dominant direction of a lobe as wide and weak as [`Bsdf::is_nearly_diffuse`] asks and wider still: the direction (shading frame) about which it
-    /// gathers, taken for a cosine lobe (the dominant direction of Lagarde and de Rousiers 2014, *Moving Frostbite to PBR*), and its albedo.
+    /// Dominant direction of a lobe as wide and weak as [`Bsdf::is_nearly_diffuse`] asks and wider still: the direction (shading frame) about which
+    /// it gathers, taken for a cosine lobe (the dominant direction of Lagarde and de Rousiers 2014, *Moving Frostbite to PBR*), and its albedo.
     pub fn wide_highlight(&self) -> Option<(Vec3, Vec3)> {
         (self.alpha >= VERY_WIDE_ALPHA && self.specular_share() < WEAK_SHARE).then(|| {
             let mirrored = Vec3::new(-self.v.x, -self.v.y, self.v.z);

@@ -134,8 +134,8 @@ fn depth(path: &Path, plan: &Plan, index: usize, options: &ImportOptions) -> Res
     Ok(lens.resample_nearest(&depth, &plan.header.optical_camera))
 }
 
-/// Which pixels of the data set's image count: those in which no pixel of the capture's image has a part that its mask leaves out or that is not opaque; none
-/// where all do.
+/// Which pixels of the data set's image count: those in which no pixel of the capture's image has a part that its mask leaves out or that is not
+/// opaque; none where all do.
 fn mask(plan: &Plan, index: usize, opaque: Option<Raster<bool>>) -> Result<Option<Raster<bool>>> {
     let lens = &plan.shots[index].lens;
     let stated = match &plan.masks[index] {

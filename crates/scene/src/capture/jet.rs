@@ -1,8 +1,8 @@
 //! Which Jet a set of pictures is painted in, and how far its levels can be trusted.
 //!
-//! There are two Jets: matplotlib's, and three equal trapezoids in OpenCV and MATLAB. Read as the other, a level is off by up to 3.5 % of the range. Most
-//! programs paint from a table of 256 colours of the curve, whose steps give a picture away even where both curves have the same colours; this program
-//! paints from matplotlib's curve without one. What fits is measured over all pictures, and so is what is left over.
+//! There are two Jets: matplotlib's, and three equal trapezoids in OpenCV and MATLAB. Read as the other, a level is off by up to 3.5 % of the range.
+//! Most programs paint from a table of 256 colours of the curve, whose steps give a picture away even where both curves have the same colours; this
+//! program paints from matplotlib's curve without one. What fits is measured over all pictures, and so is what is left over.
 
 use crate::{Raster, color};
 use std::sync::LazyLock;
@@ -37,7 +37,8 @@ const SAMPLES: usize = 4096;
 const STRAY: f64 = 0.01;
 /// A Jet fits as well as the best if its colours are not further off than this many times: of thousands of pixels, twice that is no chance.
 const AS_GOOD: f64 = 1.02;
-/// Mean distance from a Jet's colours above which a picture is not painted in it, of full scale: eight bits are off by 0.002, other maps by more than 0.1.
+/// Mean distance from a Jet's colours above which a picture is not painted in it, of full scale: eight bits are off by 0.002, other maps by more than
+/// 0.1.
 const LARGEST_MISS: f64 = 0.05;
 /// Distance (rms) above which colours were changed after they were painted; eight bits alone are off by less.
 const CHANGED: f64 = 1.0 / 255.0;
@@ -223,8 +224,8 @@ impl Choice {
         self.off > CHANGED
     }
 
-    /// How far levels may be off, of the range: the step of the table or half of that of eight bits, what another Jet would have it, and what the measured
-    /// distance amounts to along the curve.
+    /// How far levels may be off, of the range: the step of the table or half of that of eight bits, what another Jet would have it, and what the
+    /// measured distance amounts to along the curve.
     pub fn error(&self) -> f64 {
         let step = f64::from(STEP) * if self.jet.is_table() { 1.0 } else { 0.5 };
         step + self.ambiguity + if self.is_changed() { self.off / LEAST_SLOPE } else { 0.0 }

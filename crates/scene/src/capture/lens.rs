@@ -131,8 +131,8 @@ impl Lens {
 /// Overhang of a pixel's centre over the source that is rounding, pixels.
 const EDGE: f64 = 1e-6;
 
-/// The one pinhole that all images of a capture are resampled to, and whether any is changed by it. It has the size of the images and the first camera's axis,
-/// and the widest view in which no camera leaves a pixel blank.
+/// The one pinhole that all images of a capture are resampled to, and whether any is changed by it. It has the size of the images and the first
+/// camera's axis, and the widest view in which no camera leaves a pixel blank.
 ///
 /// # Errors
 /// Images of different sizes, or distortion so strong that no such view is found.

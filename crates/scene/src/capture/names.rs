@@ -131,8 +131,8 @@ impl Folder {
         Ok(Self { dir: dir.to_path_buf(), by_stem, endings })
     }
 
-    /// The file of a name that is written as `own` here: by the whole of it, then without its first folders, as few as can be, where no other name could
-    /// mean the file.
+    /// The file of a name that is written as `own` here: by the whole of it, then without its first folders, as few as can be, where no other name
+    /// could mean the file.
     fn file(&self, own: &str, owners: &Owners<'_>) -> Result<Option<PathBuf>> {
         let Some((tail, path)) = tails(own).find_map(|tail| Some((tail, self.by_stem.get(tail)?))) else { return Ok(None) };
         match owners.get(tail) {
@@ -173,8 +173,8 @@ impl Folder {
         Ok(found)
     }
 
-    /// The file of every name that has one, as [`Self::of`] finds it, by the whole name with one more ending (`a.jpg.png` for `a.jpg`), or by the stem with
-    /// `_WHAT` behind it (`a_mask.png`).
+    /// The file of every name that has one, as [`Self::of`] finds it, by the whole name with one more ending (`a.jpg.png` for `a.jpg`), or by the
+    /// stem with `_WHAT` behind it (`a_mask.png`).
     ///
     /// # Errors
     /// No name has a file, or a file that two names mean.

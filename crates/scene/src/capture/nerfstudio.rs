@@ -1,10 +1,10 @@
 //! `transforms.json` as nerfstudio, Instant-NGP and NeRF write it: camera-to-world matrices in OpenGL axes (x right, y up, z backward).
 //!
 //! Intrinsics stand at the top or in every frame: `w h cx cy`, and of each axis a focal length, `fl_x fl_y` in pixels, or a full field of view,
-//! `camera_angle_x camera_angle_y` in radians (NeRF, Instant-NGP) or `x_fov y_fov` in degrees (Instant-NGP); distortion in OpenCV's terms, `k1 k2 k3 p1 p2`.
-//! Each axis goes by its own: what the frame says comes before what the file says, and of each `x_fov` before `fl_x` before `camera_angle_x`, as
-//! Instant-NGP reads them; an axis of which nothing is said has the other's focal length.
-//! `applied_transform` and `orientation_override` say how the file came about and how it is to be shown; matrices are taken as they are.
+//! `camera_angle_x camera_angle_y` in radians (NeRF, Instant-NGP) or `x_fov y_fov` in degrees (Instant-NGP); distortion in OpenCV's terms, `k1 k2 k3
+//! p1 p2`. Each axis goes by its own: what the frame says comes before what the file says, and of each `x_fov` before `fl_x` before `camera_angle_x`,
+//! as Instant-NGP reads them; an axis of which nothing is said has the other's focal length. `applied_transform` and `orientation_override` say how
+//! the file came about and how it is to be shown; matrices are taken as they are.
 
 use super::lens::Lens;
 use super::rounding::Rounding;
@@ -277,8 +277,8 @@ fn pose(matrix: &[Vec<Option<f64>>], place: &str) -> Result<(Rigid3, f64)> {
     Rigid3::nearest(&[a, b, c, last], place)
 }
 
-/// The file that `file_path` means below the capture's folder, or below a folder of images that was given by itself: there as it stands, where that is a
-/// file, and otherwise without its first folders, as few as can be. Some writers leave the ending out.
+/// The file that `file_path` means below the capture's folder, or below a folder of images that was given by itself: there as it stands, where that
+/// is a file, and otherwise without its first folders, as few as can be. Some writers leave the ending out.
 fn image_path(folder: &Path, given: Option<&Path>, name: &str, place: &str) -> Result<PathBuf> {
     let file = |folder: &Path, name: &str| -> Result<Option<PathBuf>> {
         for ending in ["", ".png", ".jpg", ".jpeg", ".JPG", ".PNG"] {

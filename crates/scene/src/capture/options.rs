@@ -53,7 +53,8 @@ pub enum Offset {
 }
 
 impl Offset {
-    /// Steps of [`Offset::Cameras`], metres: round numbers, towards the origin, which leave a capture where it is that has its middle within one of them.
+    /// Steps of [`Offset::Cameras`], metres: round numbers, towards the origin, which leave a capture where it is that has its middle within one of
+    /// them.
     pub const STEP_M: f64 = 100.0;
 }
 

@@ -90,8 +90,8 @@ impl Reading<'_> {
     /// Looks at all files, so that what is wrong with one is known before anything is written, and what they have in common.
     ///
     /// # Errors
-    /// A file that cannot be read, or is of another size or form than the first; a picture without a stated range or in other colours; a value that is no
-    /// power; numbers that do not hold the range of the data set.
+    /// A file that cannot be read, or is of another size or form than the first; a picture without a stated range or in other colours; a value that
+    /// is no power; numbers that do not hold the range of the data set.
     pub fn survey(&self, files: &[PathBuf]) -> Result<Survey> {
         let seen: Vec<Seen> =
             files.par_iter().map(|path| self.look(path)).collect::<Vec<_>>().into_iter().collect::<Result<_>>()?;

@@ -210,7 +210,8 @@ impl Modality<'_> {
         own.iter().flatten().zip(pose.to_rows().iter().flatten()).all(|(a, b)| (a - b).abs() <= POSE_TOLERANCE)
     }
 
-    /// COLMAP text: one PINHOLE camera; two lines an image, the second `X Y POINT3D_ID` triples, as many as the points' tracks name; at least one point.
+    /// COLMAP text: one PINHOLE camera; two lines an image, the second `X Y POINT3D_ID` triples, as many as the points' tracks name; at least one
+    /// point.
     fn colmap(&self, findings: &mut Vec<Finding>) -> Result<()> {
         let read = |name: &str| io::read_text(self.root.join(name));
         let lines = |text: &str| text.lines().filter(|l| !l.starts_with('#')).map(str::to_string).collect::<Vec<_>>();

@@ -6,10 +6,10 @@
 //! sparse/0/{cameras,images,points3D}.txt, train_index.txt, test_index.txt
 //! ```
 //!
-//! RF-3DGS trains first on `images/`, then with `--images spectrum` on the spectra. It has one camera for both, that of the model, and takes from it the
-//! field of view alone: pictures may have any number of pixels, but they must show one frame. Spectra of a data set often show more above and below
-//! than its images; they are then resampled to the images' frame, bilinearly in linear power, at their own number of columns. Nothing else may be lost:
-//! where the images show more than the spectra, the export is refused, and RF-3DGS is to be given the folders `optical/` and `rf/`.
+//! RF-3DGS trains first on `images/`, then with `--images spectrum` on the spectra. It has one camera for both, that of the model, and takes from it
+//! the field of view alone: pictures may have any number of pixels, but they must show one frame. Spectra of a data set often show more above and
+//! below than its images; they are then resampled to the images' frame, bilinearly in linear power, at their own number of columns. Nothing else may
+//! be lost: where the images show more than the spectra, the export is refused, and RF-3DGS is to be given the folders `optical/` and `rf/`.
 
 use super::{File, FolderExport};
 use crate::dataset::{Dataset, stem};

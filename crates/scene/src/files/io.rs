@@ -140,8 +140,8 @@ pub fn read_png(path: impl AsRef<Path>) -> Result<Raster<[u8; 3]>> {
 /// An image, and which of its pixels are wholly opaque; none where all are.
 pub type WithOpacity = (Raster<[u8; 3]>, Option<Raster<bool>>);
 
-/// Reads a PNG (or JPEG) as 8-bit RGB, and which of its pixels are wholly opaque; none where all are. Alpha may be a channel of 8 or 16 bits, or that of a
-/// palette's or a colour's entry; what rounds to 255 of 255 is opaque.
+/// Reads a PNG (or JPEG) as 8-bit RGB, and which of its pixels are wholly opaque; none where all are. Alpha may be a channel of 8 or 16 bits, or that
+/// of a palette's or a colour's entry; what rounds to 255 of 255 is opaque.
 ///
 /// # Errors
 /// The file cannot be read or is no complete image.
@@ -198,8 +198,8 @@ pub fn encode_mask(mask: &Raster<bool>) -> Result<Vec<u8>> {
 /// Reads a mask: a pixel counts where it is neither black nor wholly transparent.
 ///
 /// # Errors
-/// The file cannot be read or is no complete image; it is a JPEG, whose black is not quite black; or it has transparent pixels and no pixel that counts,
-/// so that nothing says what it means.
+/// The file cannot be read or is no complete image; it is a JPEG, whose black is not quite black; or it has transparent pixels and no pixel that
+/// counts, so that nothing says what it means.
 pub fn read_mask(path: impl AsRef<Path>) -> Result<Raster<bool>> {
     let path = path.as_ref();
     let bytes = read(path)?;

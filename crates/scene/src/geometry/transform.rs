@@ -13,8 +13,8 @@ pub struct Rigid3 {
     pub translation: DVec3,
 }
 
-/// Greatest distance of a 3×3 block to the nearest rotation (root of the sum of squares over its elements) at which it is taken for that rotation: nine
-/// numbers of three decimals, each half a unit of the third off, and a little for the sum.
+/// Greatest distance of a 3×3 block to the nearest rotation (root of the sum of squares over its elements) at which it is taken for that rotation:
+/// nine numbers of three decimals, each half a unit of the third off, and a little for the sum.
 const ROTATION_TOLERANCE: f64 = 1.51e-3;
 /// Distance from which on whoever reads a capture should say that a rotation was rounded; six decimals and single precision stay below.
 pub const ROUNDED: f64 = 1.6e-6;
@@ -82,8 +82,8 @@ impl Rigid3 {
         Self::nearest(rows, place).map(|(pose, _)| pose)
     }
 
-    /// Reads a 4×4 homogeneous matrix given by rows, and how far its 3×3 block is off the rotation that was taken for it, the nearest one: the root of the
-    /// sum of squares over its elements. A block that is exact in double precision is kept to the bit.
+    /// Reads a 4×4 homogeneous matrix given by rows, and how far its 3×3 block is off the rotation that was taken for it, the nearest one: the root
+    /// of the sum of squares over its elements. A block that is exact in double precision is kept to the bit.
     ///
     /// # Errors
     /// A number that is not finite, a last row other than `0 0 0 1`, or a 3×3 block that is off by more than three decimals account for (it mirrors,
@@ -112,8 +112,8 @@ impl Rigid3 {
     /// numbers were rounded, not how far the rotation turned by it: three decimals may turn it by a tenth of a degree.
     ///
     /// # Errors
-    /// A number that is not finite, a length that no writer of rotations gives a quaternion, or numbers of one or two decimals that have lost their length
-    /// by it, and as much of their direction; `place` says where it came from.
+    /// A number that is not finite, a length that no writer of rotations gives a quaternion, or numbers of one or two decimals that have lost their
+    /// length by it, and as much of their direction; `place` says where it came from.
     pub fn from_quaternion(quaternion: [f64; 4], translation: DVec3, place: &str) -> Result<(Self, f64)> {
         let [w, x, y, z] = quaternion;
         let q = DQuat::from_xyzw(x, y, z, w);

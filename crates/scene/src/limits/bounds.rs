@@ -107,7 +107,8 @@ pub fn db_range(place: &str, range: &DbRange) -> Result<()> {
     ))
 }
 
-/// Refuses a pinhole without pixels, with a field of view under the least of [`FIELD_OF_VIEW_DEG`] or over [`MOST_OF_A_SIDE_DEG`], or whose axis is further than ten images from its image.
+/// Refuses a pinhole without pixels, with a field of view under the least of [`FIELD_OF_VIEW_DEG`] or over [`MOST_OF_A_SIDE_DEG`], or whose axis is
+/// further than ten images from its image.
 ///
 /// # Errors
 /// The number that is out of range, at its place.
@@ -172,15 +173,15 @@ fn memory_within(place: &str, what: &str, bytes: f64, limit: f64, reduce: &str) 
 /// Available memory assumed on systems that do not report it, bytes.
 const UNKNOWN_BYTES: f64 = 8e9;
 
-/// Depths that a room has in the middle of what a camera sees of it, metres: no camera indoors looks at things that are mostly nearer than a centimetre, or
-/// mostly further than the length of a large hall. Metres that were taken for millimetres are below, millimetres and centimetres that were taken for
-/// metres above: a room of 2 m to 10 m is 200 to 10 000 there.
+/// Depths that a room has in the middle of what a camera sees of it, metres: no camera indoors looks at things that are mostly nearer than a
+/// centimetre, or mostly further than the length of a large hall. Metres that were taken for millimetres are below, millimetres and centimetres that
+/// were taken for metres above: a room of 2 m to 10 m is 200 to 10 000 there.
 pub const MEDIAN_DEPTH_M: RangeInclusive<f32> = 0.01..=100.0;
 /// The largest depth that a room has, metres: no building is longer than a kilometre, and no depth sensor sees as far.
 pub const MAX_DEPTH_M: f32 = 1000.0;
 
-/// Refuses a depth map that no room has: one whose median is outside of [`MEDIAN_DEPTH_M`], or that has a depth above [`MAX_DEPTH_M`]. Depths that are 0 or
-/// not finite are none, and do not count.
+/// Refuses a depth map that no room has: one whose median is outside of [`MEDIAN_DEPTH_M`], or that has a depth above [`MAX_DEPTH_M`]. Depths that
+/// are 0 or not finite are none, and do not count.
 ///
 /// # Errors
 /// The median or the largest depth, at its place.

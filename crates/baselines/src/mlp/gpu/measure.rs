@@ -23,8 +23,8 @@ pub struct ProductTime {
 const DISPATCHES: u32 = 8;
 const RUNS: usize = 5;
 
-/// Times the three products of a square layer of `width` on `rows` rows, with each tile for large matrices; in half precision where the options ask for
-/// it and the adapter has it.
+/// Times the three products of a square layer of `width` on `rows` rows, with each tile for large matrices; in half precision where the options ask
+/// for it and the adapter has it.
 ///
 /// # Errors
 /// No adapter, or one without memory for it.

@@ -1,6 +1,7 @@
 //! Networks on a GPU: the passes of [`Network`] as WGSL kernels over all rows of a batch at once.
 //!
-//! Products of large matrices are f32, or of f16 numbers where the context was opened for its adapter's matrix units ([`AdapterOptions::half`](corf_gpu::AdapterOptions)).
+//! Products of large matrices are f32, or of f16 numbers where the context was opened for its adapter's matrix units
+//! ([`AdapterOptions::half`](corf_gpu::AdapterOptions)).
 //!
 //! Arrays are rows of vectors of four numbers; widths are filled up to multiples of four with zeros, which stay zero. Every dispatch and its
 //! bindings are made once, for a fixed number of rows.

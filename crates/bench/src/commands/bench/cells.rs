@@ -57,8 +57,8 @@ pub struct Submit {
     /// Submit Slurm job arrays over the unfinished cells, as long as the cluster takes them, and a job that collects them once all have ended.
     #[arg(long)]
     slurm: bool,
-    /// Run the unfinished cells here, N processes at once (one GPU each where there are several), and collect them. Each has its share of the cores, or
-    /// the threads of --threads where these are fewer.
+    /// Run the unfinished cells here, N processes at once (one GPU each where there are several), and collect them. Each has its share of the cores,
+    /// or the threads of --threads where these are fewer.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     local: Option<u16>,
     /// With --slurm: largest number of cells that run at once.

@@ -129,8 +129,8 @@ enum Notation {
 pub struct Pack {
     /// Folder of `corf bench run` or `corf demo`.
     folder: PathBuf,
-    /// Output folder: records.jsonl.gz, table.md, table.csv, table.tex, and the figures beam.svg, rate.svg and outage.svg where the comparison has them;
-    /// the same in segment/ where there is one.
+    /// Output folder: records.jsonl.gz, table.md, table.csv, table.tex, and the figures beam.svg, rate.svg and outage.svg where the comparison has
+    /// them; the same in segment/ where there is one.
     #[arg(long)]
     out: PathBuf,
 }

@@ -47,15 +47,16 @@ pub struct Export {
 /// Form of exported keyframes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Form {
-    /// One NumPy archive a keyframe, 00001.npz and so on, with images, spectrum, depth, pose, intrinsics and all conventions (docs/dataset-format.md).
+    /// One NumPy archive a keyframe, 00001.npz and so on, with images, spectrum, depth, pose, intrinsics and all conventions
+    /// (docs/dataset-format.md).
     Numpy,
     /// Images, 16-bit depth and a point cloud under a transforms.json that names all of them, for nerfstudio.
     Nerfstudio,
     /// Images and Jet spectra over one COLMAP model, for RF-3DGS; spectra are resampled to the frame of the images where they show more.
     #[value(name = "rf-3dgs")]
     Rf3dgs,
-    /// Spectra at an array that stands still, by places of the transmitter, for NeRF² and WRF-GS: traced anew in the data set's scene with its settings,
-    /// the transmitter where the platform was.
+    /// Spectra at an array that stands still, by places of the transmitter, for NeRF² and WRF-GS: traced anew in the data set's scene with its
+    /// settings, the transmitter where the platform was.
     Nerf2,
 }
 

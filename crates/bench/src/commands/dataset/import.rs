@@ -31,8 +31,8 @@ pub struct Import {
     /// Name of the data set (default: that of the capture's folder).
     #[arg(long)]
     name: Option<String>,
-    /// Folder of the images, where it is not the layout's own (images/): it holds them as the capture names them, folders included, or without the first
-    /// folders of their names.
+    /// Folder of the images, where it is not the layout's own (images/): it holds them as the capture names them, folders included, or without the
+    /// first folders of their names.
     #[arg(long, value_name = "DIR", conflicts_with = "no_images")]
     images: Option<PathBuf>,
     /// Leave the images out: radio alone.
@@ -41,8 +41,8 @@ pub struct Import {
     /// Folder of spectra, one for every image by file stem: EXR or .npy of linear power, grey PNG of 8 or 16 bits, or Jet PNG.
     #[arg(long, value_name = "DIR")]
     rf: Option<PathBuf>,
-    /// Camera of the spectra, which stands where the images' does and is turned as it: its full horizontal field of view in degrees (square pixels, axis in the
-    /// middle), or FX,FY,CX,CY in pixels. rf-3dgs has one; elsewhere it must be given.
+    /// Camera of the spectra, which stands where the images' does and is turned as it: its full horizontal field of view in degrees (square pixels,
+    /// axis in the middle), or FX,FY,CX,CY in pixels. rf-3dgs has one; elsewhere it must be given.
     #[arg(long, value_name = "HFOV|FX,FY,CX,CY")]
     rf_camera: Option<Numbers>,
     /// Levels of the darkest and the brightest value of spectra that are pictures, dB; of others, the range that the data set is to have.
@@ -77,13 +77,13 @@ pub struct Import {
     /// Metres that a unit of length of the capture counts.
     #[arg(long, value_name = "M", default_value_t = 1.0)]
     scale: f64,
-    /// What is taken off all positions, X,Y,Z in metres along the data set's axes (behind --up and --scale), or `auto`: the middle of the cameras in whole
-    /// 100 m. For captures in coordinates of a map, which single precision holds to centimetres; the data set keeps it as imported.offset_m. Cameras beyond
-    /// 1e6 m are moved by `auto` without being asked to.
+    /// What is taken off all positions, X,Y,Z in metres along the data set's axes (behind --up and --scale), or `auto`: the middle of the cameras in
+    /// whole 100 m. For captures in coordinates of a map, which single precision holds to centimetres; the data set keeps it as imported.offset_m.
+    /// Cameras beyond 1e6 m are moved by `auto` without being asked to.
     #[arg(long, value_name = "X,Y,Z|auto", allow_hyphen_values = true)]
     offset: Option<OffsetArgument>,
-    /// Keyframes that are held out: N for every N-th, or a file with their stems (or their indices from 0), one a line. Default: what the capture lists, or
-    /// every 8th.
+    /// Keyframes that are held out: N for every N-th, or a file with their stems (or their indices from 0), one a line. Default: what the capture
+    /// lists, or every 8th.
     #[arg(long, value_name = "N|FILE")]
     split: Option<String>,
     /// Let all pixels count, also those that a mask of the capture leaves out, and transparent ones.

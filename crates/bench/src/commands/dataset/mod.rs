@@ -22,8 +22,8 @@ use std::path::PathBuf;
 pub enum DatasetCommand {
     /// Trace a scene in light and at 60 GHz at every pose of its trajectory.
     Generate(Generate),
-    /// Import a capture: images, spectra and poses that other programs recorded or made. What its files leave open is asked for by the flag that says it;
-    /// a failed import leaves nothing.
+    /// Import a capture: images, spectra and poses that other programs recorded or made. What its files leave open is asked for by the flag that says
+    /// it; a failed import leaves nothing.
     Import(Box<Import>),
     /// Write keyframes for programs that read neither EXR nor COLMAP.
     Export(Export),

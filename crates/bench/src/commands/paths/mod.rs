@@ -58,8 +58,8 @@ pub struct Paths {
     /// Elements of the receive array (default 1x1).
     #[arg(long, value_name = "ROWSxCOLS")]
     rx_array: Option<Grid>,
-    /// Velocity of the receivers, m/s in world axes: every path then has its Doppler shift, `doppler_hz`, which is positive where the path becomes shorter (json and
-    /// sionna).
+    /// Velocity of the receivers, m/s in world axes: every path then has its Doppler shift, `doppler_hz`, which is positive where the path becomes
+    /// shorter (json and sionna).
     #[arg(long, value_name = "VX,VY,VZ", allow_hyphen_values = true)]
     velocity: Option<Velocity>,
     /// Velocity of the transmitters, m/s in world axes: as --velocity.

@@ -29,8 +29,8 @@ pub struct Reconstruct {
     /// Dataset folder.
     #[arg(required_unless_present = "follow")]
     dataset: Option<PathBuf>,
-    /// Take keyframes from this live folder as they land (docs/live.md), instead of a dataset, until it says `end` or Ctrl-C; corf-gs methods. The same
-    /// command goes on with a run that did not come to its end.
+    /// Take keyframes from this live folder as they land (docs/live.md), instead of a dataset, until it says `end` or Ctrl-C; corf-gs methods. The
+    /// same command goes on with a run that did not come to its end.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["dataset", "resume", "checkpoint_every", "no_verify"])]
     follow: Option<PathBuf>,
     /// What happens to keyframes of --follow that come faster than they are taken: all wait, or the latest takes the place of those that wait.
@@ -52,8 +52,8 @@ pub struct Reconstruct {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
     /// Begin with Gaussians of light that another program trained on this data set: a PLY as INRIA's 3DGS, gsplat, nerfstudio or `corf field export`
-    /// write it, in the data set's own frame (metres, z up). corf-gs and its variants go on from them in light and radio; rf-3dgs takes them for its optical
-    /// stage.
+    /// write it, in the data set's own frame (metres, z up). corf-gs and its variants go on from them in light and radio; rf-3dgs takes them for its
+    /// optical stage.
     #[arg(long, value_name = "FILE.ply")]
     from: Option<PathBuf>,
     /// Seed of everything drawn at random.

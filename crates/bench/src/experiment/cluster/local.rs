@@ -29,8 +29,8 @@ fn device_of(device: DeviceChoice, worker: usize, gpus: usize) -> DeviceChoice {
     }
 }
 
-/// Runs every unfinished cell, `at_once` processes at a time, each with the threads that were asked for, but no more than its share of the cores; their
-/// messages go to `OUT/logs/ID.log`. Returns how many ended badly.
+/// Runs every unfinished cell, `at_once` processes at a time, each with the threads that were asked for, but no more than its share of the cores;
+/// their messages go to `OUT/logs/ID.log`. Returns how many ended badly.
 ///
 /// # Errors
 /// A process that cannot be started, or an interrupt, after which all processes have ended and finished cells stay.

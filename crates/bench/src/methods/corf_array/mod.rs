@@ -32,8 +32,8 @@ pub const ORACLE_SCENE: &str = "oracle_scene";
 pub struct CorfArrayConfig {
     /// Light: keys of `corf-gs`, table `light` of the overrides. Its `rf_weight` is of splatted spectra, and refused where surfaces are points.
     pub light: CorfGsConfig,
-    /// An oracle, no method: the scene file that the data set was generated from. Virtual sources are then the transmitter's true mirror images, traced
-    /// in that scene, and rows say so. A path in a plan is relative to the plan's file.
+    /// An oracle, no method: the scene file that the data set was generated from. Virtual sources are then the transmitter's true mirror images,
+    /// traced in that scene, and rows say so. A path in a plan is relative to the plan's file.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "file_name")]
     pub oracle_scene: Option<PathBuf>,
     /// Radio: everything else, at the top level of the overrides.

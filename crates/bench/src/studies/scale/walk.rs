@@ -1,8 +1,8 @@
 //! A walk of any length through a drawn room: keyframes made in memory, cheaply, with all that a reconstruction reads of them.
 //!
-//! The room is that of [`crate::studies::workload`]. Its surfaces carry band-limited noise of three sizes; the spectrum has a transmitter, its images in
-//! the four walls, and a glow of the surfaces. The walk goes round and round at changing distances, heights and views, so that a long
-//! sequence sees ever more of one place, as a platform does that stays in a building.
+//! The room is that of [`crate::studies::workload`]. Its surfaces carry band-limited noise of three sizes; the spectrum has a transmitter, its images
+//! in the four walls, and a glow of the surfaces. The walk goes round and round at changing distances, heights and views, so that a long sequence
+//! sees ever more of one place, as a platform does that stays in a building.
 
 use crate::studies::workload::{FURNITURE_M, ROOM_M};
 use corf_scene::{Keyframe, Light, Pinhole, Radio, Raster, Rigid3, color, keyframe::DbRange};

@@ -21,8 +21,8 @@ const FEWEST_THREADS: usize = 64;
 /// A sum over a workgroup.
 const REDUCE: &str = include_str!("shaders/reduce.wgsl");
 
-/// Most elements of Capon's array over its diagonal loading, which bounds the condition of a covariance: forms of its inverse cancel to as little, and f32 then
-/// leaves a pixel of a lone wave, the worst there is, within 2e-3 (0.01 dB). Tests hold it there at this bound.
+/// Most elements of Capon's array over its diagonal loading, which bounds the condition of a covariance: forms of its inverse cancel to as little,
+/// and f32 then leaves a pixel of a lone wave, the worst there is, within 2e-3 (0.01 dB). Tests hold it there at this bound.
 const MOST_CONDITION: f64 = 1e4;
 
 /// A sensor as kernels know it.

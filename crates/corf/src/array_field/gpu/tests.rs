@@ -16,8 +16,8 @@ use corf_scene::{Pinhole, Rigid3, Rng};
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Largest error of a pixel of beams, relative: the exponent of a power, some 20 nepers, is rounded; and as a share of the power of all waves: sums of
-/// harmonics whose roundings (6e-8) mostly cancel.
+/// Largest error of a pixel of beams, relative: the exponent of a power, some 20 nepers, is rounded; and as a share of the power of all waves: sums
+/// of harmonics whose roundings (6e-8) mostly cancel.
 const OF_BEAMS: [f64; 2] = [5e-6, 1e-6];
 /// Largest error of a pixel of lobes, relative; and as a share of the strongest lobe's peak, where one ends a hair's breadth from a pixel.
 const OF_LOBES: [f64; 2] = [2e-4, 1.2e-4];

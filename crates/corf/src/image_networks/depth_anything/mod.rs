@@ -1,7 +1,7 @@
 //! Depth-Anything-V2 (Yang et al. 2024): a transformer and a dense prediction head that give the inverse depth of one image up to scale and offset.
 //!
-//! The weights are the user's; nothing is downloaded. What follows the official code where it and the transformers library differ is the stretch of the
-//! positional embedding. The same image and weights give the same bytes on any number of threads of one kind of processor.
+//! The weights are the user's; nothing is downloaded. What follows the official code where it and the transformers library differ is the stretch of
+//! the positional embedding. The same image and weights give the same bytes on any number of threads of one kind of processor.
 
 mod dpt;
 mod ops;
@@ -42,8 +42,8 @@ impl fmt::Debug for Network {
 }
 
 impl Network {
-    /// Reads the weights at `path` (float32, float16 or bfloat16; tensor names of the official code or of the transformers library); Small, Base or Large
-    /// is told by their shapes.
+    /// Reads the weights at `path` (float32, float16 or bfloat16; tensor names of the official code or of the transformers library); Small, Base or
+    /// Large is told by their shapes.
     ///
     /// # Errors
     /// A file that cannot be read, is damaged, or lacks a tensor; a network for metric depth.

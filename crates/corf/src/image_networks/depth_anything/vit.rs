@@ -167,8 +167,8 @@ impl Transformer {
         std::array::from_fn(|_| maps.next().unwrap_or_else(|| Map::zero(height, width, self.width)))
     }
 
-    /// The positional embedding of a grid of another shape, as the official code has it: stretched by (patches + 0.1)/side, which is not quite the ratio
-    /// of the sizes.
+    /// The positional embedding of a grid of another shape, as the official code has it: stretched by (patches + 0.1)/side, which is not quite the
+    /// ratio of the sizes.
     fn places_of(&self, height: usize, width: usize) -> Map {
         let side = self.places.height;
         if (height, width) == (side, side) {

@@ -1,12 +1,12 @@
-//! LPIPS v0.1 (Zhang et al. 2018, "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric"): how far apart two images are to a network
-//! that was trained on photographs.
+//! LPIPS v0.1 (Zhang et al. 2018, "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric"): how far apart two images are to a
+//! network that was trained on photographs.
 //!
 //! An input x becomes `(x − shift)/scale` per colour and goes through the backbone. Behind five (SqueezeNet: seven) of its rectifiers features f are
 //! compared: with `f̂ = f/(√Σ_c f_c² + 1e-10)` and the learned weights w of the channels,
 //! `LPIPS = Σ_l mean over pixels of Σ_c w_lc (f̂ᵃ_lc − f̂ᵇ_lc)²`.
 //!
-//! The weights are the user's; nothing is downloaded. The same images and weights give the same bytes on any number of threads of one kind of processor.
-//! Maps are held whole: with VGG-16 at most three of 64 values a pixel at once, 1.1 GB for images of 1600×900.
+//! The weights are the user's; nothing is downloaded. The same images and weights give the same bytes on any number of threads of one kind of
+//! processor. Maps are held whole: with VGG-16 at most three of 64 values a pixel at once, 1.1 GB for images of 1600×900.
 
 #[cfg(test)]
 mod tests;
@@ -54,8 +54,8 @@ impl Backbone {
         format!("lpips_{}.safetensors", self.name())
     }
 
-    /// Its distance of [`known_pair`] with [`Input::Signed`], from an implementation of its own in f64 (numpy) that agrees with the official program's
-    /// values for its example images.
+    /// Its distance of [`known_pair`] with [`Input::Signed`], from an implementation of its own in f64 (numpy) that agrees with the official
+    /// program's values for its example images.
     fn known_distance(self) -> f64 {
         match self {
             Self::Vgg => 0.546_372,
@@ -70,7 +70,8 @@ impl Backbone {
 pub enum Input {
     /// x = 2v − 1, between −1 and 1: LPIPS as its authors define it.
     Signed,
-    /// x = v, between 0 and 1: the step to [−1, 1] left out, as the literature on Gaussian splatting does. Not LPIPS, but what it reports by that name.
+    /// x = v, between 0 and 1: the step to [−1, 1] left out, as the literature on Gaussian splatting does. Not LPIPS, but what it reports by that
+    /// name.
     Unit,
 }
 
@@ -91,7 +92,8 @@ impl Lpips {
     /// Reads the weights at `path`: a safetensors file with torchvision's names of tensors (`features.N.weight`) and `lin0.weight` and so on.
     ///
     /// # Errors
-    /// A file that cannot be read, is damaged or lacks a tensor; weights that are not those of LPIPS v0.1, told by a pair of images whose distance is known.
+    /// A file that cannot be read, is damaged or lacks a tensor; weights that are not those of LPIPS v0.1, told by a pair of images whose distance is
+    /// known.
     pub fn read(path: &Path, backbone: Backbone) -> Result<Self> {
         let tensors = Tensors::read(path, HELP)?;
         let lpips = Self { backbone, steps: trunk::read(backbone, &tensors)?, sha256: tensors.sha256() };
@@ -166,7 +168,8 @@ fn shown(image: &Raster<[u8; 3]>, input: Input) -> Map {
     Map { height: image.height(), width: image.width(), channels: 3, values }
 }
 
-/// Two images that tell by their distance whether weights are LPIPS's; not symmetric in any way that a mistake in the order of weights could hide behind.
+/// Two images that tell by their distance whether weights are LPIPS's; not symmetric in any way that a mistake in the order of weights could hide
+/// behind.
 fn known_pair() -> [Raster<[u8; 3]>; 2] {
     const SIDE: usize = 48;
     let byte = |v: usize| (v % 256) as u8;

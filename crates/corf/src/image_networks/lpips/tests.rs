@@ -40,8 +40,8 @@ fn distances_are_the_official_programs() {
     }
 }
 
-/// VGG-16, whose weights are fetched. The official program gives 0.569 and 0.422 for the first two pairs (quoted in lpips-tensorflow's example); all digits
-/// are of an implementation of its own in f64 (numpy), which meets the official values of the other backbones to 1e-6.
+/// VGG-16, whose weights are fetched. The official program gives 0.569 and 0.422 for the first two pairs (quoted in lpips-tensorflow's example); all
+/// digits are of an implementation of its own in f64 (numpy), which meets the official values of the other backbones to 1e-6.
 #[test]
 #[cfg_attr(not(reference_data), ignore = "needs reference files: CORF_SHARED")]
 fn distances_by_vgg_are_known() {

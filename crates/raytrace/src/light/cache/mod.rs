@@ -90,8 +90,8 @@ impl Default for CacheSettings {
 }
 
 impl CacheSettings {
-    /// Density for images of few pixels, which are noisier themselves: half the rays and coarse points, and direct lattices of 2 cm at the finest. With
-    /// 4 cm there, the lobby loses 0.5 % of its light; with a quarter of the rays, walls are blotched.
+    /// Density for images of few pixels, which are noisier themselves: half the rays and coarse points, and direct lattices of 2 cm at the finest.
+    /// With 4 cm there, the lobby loses 0.5 % of its light; with a quarter of the rays, walls are blotched.
     pub fn for_small_images() -> Self {
         Self {
             coarse_points: 20_000,

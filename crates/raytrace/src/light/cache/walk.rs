@@ -8,7 +8,8 @@ use super::super::{LightTracer, RayCounts};
 use crate::bvh::{Hit, Ray};
 use glam::{Mat3, Vec3};
 
-/// Highlights of at least this `roughness²` are looked for by asking emitters too; narrower ones by chance alone, which finds all but lights without extent.
+/// Highlights of at least this `roughness²` are looked for by asking emitters too; narrower ones by chance alone, which finds all but lights without
+/// extent.
 const ROUGH_ALPHA: f32 = 0.02;
 /// Walks of indirect light change from highlight to highlight at most so often.
 const MAX_HIGHLIGHTS: u32 = 6;

@@ -260,8 +260,8 @@ impl<'a> Geometry<'a> {
         found
     }
 
-    /// Hits near a hit's distance of the parallel ray beside it, by [`BESIDE_RAY_M`], the sheets of `skip` aside: other triangles than the ray's own only
-    /// at an edge.
+    /// Hits near a hit's distance of the parallel ray beside it, by [`BESIDE_RAY_M`], the sheets of `skip` aside: other triangles than the ray's own
+    /// only at an edge.
     fn hits_beside(&self, from: DVec3, direction: DVec3, distance_m: f64, skip: &[Option<u32>]) -> Vec<TriangleHit> {
         let mut hits = Vec::new();
         self.visit_triangles_near(from + direction * distance_m, TOUCHING_M, |triangle| {

@@ -141,8 +141,8 @@ impl Path {
     }
 
     /// Doppler shift of the path, Hz, where the transmitter moves with `v_tx` and the receiver with `v_rx` (m/s, world) and nothing else moves:
-    /// f_D = f/c·(k̂_0·v_tx − k̂_n·v_rx), with k̂_0 the direction of propagation at departure and k̂_n that at arrival. It is −f·dτ/dt: positive where
-    /// the path becomes shorter. The sign is that of Sionna RT's `doppler`.
+    /// f_D = f/c·(k̂_0·v_tx − k̂_n·v_rx), with k̂_0 the direction of propagation at departure and k̂_n that at arrival. It is −f·dτ/dt: positive
+    /// where the path becomes shorter. The sign is that of Sionna RT's `doppler`.
     pub fn doppler_hz(&self, frequency_hz: f64, v_tx: DVec3, v_rx: DVec3) -> f64 {
         // `arrival` points against propagation.
         frequency_hz / SPEED_OF_LIGHT * (self.departure.dot(v_tx) + self.arrival.dot(v_rx))

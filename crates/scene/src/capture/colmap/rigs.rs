@@ -85,7 +85,8 @@ impl Rigs {
         (!rigs.is_empty() || !frames.is_empty()).then_some(Self { rigs, frames, rigs_file, frames_file })
     }
 
-    /// camera_from_world of every image, and how far the quaternions it comes from are off length 1; `None` where the rig does not say where its camera is. `images_file` is where the images stand.
+    /// camera_from_world of every image, and how far the quaternions it comes from are off length 1; `None` where the rig does not say where its
+    /// camera is. `images_file` is where the images stand.
     ///
     /// # Errors
     /// Numbers that are there twice or that nobody has, an image in no frame or in two, a pose that is none.

@@ -148,8 +148,8 @@ fn binary_files_that_are_cut_or_lie_about_their_length_are_refused() {
     }
 }
 
-/// A model with two rigs: one whose reference sensor is not the first camera and which has an inertial unit without a pose, one whose reference sensor is an
-/// inertial unit. Poses in `images.txt` are wrong but for the first.
+/// A model with two rigs: one whose reference sensor is not the first camera and which has an inertial unit without a pose, one whose reference
+/// sensor is an inertial unit. Poses in `images.txt` are wrong but for the first.
 const RIG_CAMERAS: &str = "1 PINHOLE 8 6 6 6 4 3\n2 PINHOLE 8 6 6 6 4 3\n5 PINHOLE 8 6 6 6 4 3\n9 EUCM 8 6 1 1 1 1 1 1\n";
 const RIGS: &str =
     "# Number of rigs: 2\n4 3 CAMERA 2 CAMERA 1 1 0.8 0 0.6 0 0.5 0 -0.25 IMU 1 0\n7 2 IMU 1 CAMERA 5 1 0.6 0 0 0.8 1 2 3\n";

@@ -129,8 +129,8 @@ fn image(line: &str, path: &Path, number: usize) -> Result<Image> {
     })
 }
 
-/// Makes sure that a line is the list of an image's 2-D points. They are not needed; but a file in which these lines are missing has every other image in
-/// their place, which would be lost without a word.
+/// Makes sure that a line is the list of an image's 2-D points. They are not needed; but a file in which these lines are missing has every other
+/// image in their place, which would be lost without a word.
 fn observations(line: &str, path: &Path, number: usize) -> Result<()> {
     let no_list = |what: String| {
         let help = "two lines an image: its pose and name, then its 2-D points, or an empty line where it has none; export the model again \

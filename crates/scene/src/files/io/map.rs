@@ -41,8 +41,8 @@ pub struct Map {
     pub stored: Stored,
 }
 
-/// Reads a map of one number a pixel, as it is in the file: an EXR's channel `Z` or `Y` or its only one; a 16-bit grey PNG; or a `.npy` of floats or whole
-/// numbers in C order with two axes (rows, columns) or a third of length 1 at either end. The file's extension says which.
+/// Reads a map of one number a pixel, as it is in the file: an EXR's channel `Z` or `Y` or its only one; a 16-bit grey PNG; or a `.npy` of floats or
+/// whole numbers in C order with two axes (rows, columns) or a third of length 1 at either end. The file's extension says which.
 ///
 /// # Errors
 /// Another extension; a file that cannot be read, is damaged, larger than [`super::MAX_PIXELS`], or holds more than one number a pixel.
@@ -65,9 +65,9 @@ pub fn decode_map(bytes: &[u8], path: impl AsRef<Path>) -> Result<Map> {
 }
 
 impl Map {
-    /// The map as z-depth in metres, 0 where there is none: sensors write what they did not see as 0, NaN or infinity. `unit_m` is how many metres a unit
-    /// counts; without it that is one where the file has floats, and [`PICTURE_DEPTH_UNIT_M`] in a picture. `place` names the file, `flag` what gives the
-    /// unit.
+    /// The map as z-depth in metres, 0 where there is none: sensors write what they did not see as 0, NaN or infinity. `unit_m` is how many metres a
+    /// unit counts; without it that is one where the file has floats, and [`PICTURE_DEPTH_UNIT_M`] in a picture. `place` names the file, `flag` what
+    /// gives the unit.
     ///
     /// # Errors
     /// Whole numbers without a unit, which are millimetres as often as not; a depth that is negative, or that no room has ([`bounds::room_depth`]).
@@ -141,7 +141,8 @@ impl Stored {
     }
 }
 
-/// Whether DWA cuts a channel: by the last part of its name (the technical introduction to OpenEXR, section on DWAA and DWAB). Others are kept as they are.
+/// Whether DWA cuts a channel: by the last part of its name (the technical introduction to OpenEXR, section on DWAA and DWAB). Others are kept as
+/// they are.
 fn cut_by_dwa(channel: &str) -> bool {
     let last = channel.rsplit('.').next().unwrap_or(channel).to_ascii_uppercase();
     matches!(last.as_str(), "R" | "G" | "B" | "Y" | "RY" | "BY")

@@ -1,7 +1,7 @@
 //! Files that are read whole: regular ones alone, and no more of them than memory holds.
 //!
-//! A pipe would be waited for and a device read without end. Whatever a user names by a flag, a key or another file is opened here, so that it is refused
-//! at once.
+//! A pipe would be waited for and a device read without end. Whatever a user names by a flag, a key or another file is opened here, so that it is
+//! refused at once.
 
 use crate::{Error, Result, bounds, contained};
 use std::fs::File;

@@ -158,8 +158,8 @@ impl Shape {
     }
 }
 
-/// Functions that fetch a panel, and keep it in workgroup memory, in 4 × 4 blocks, each four vectors along the array's fast index. `kept` is what becomes
-/// of a vector as it is kept.
+/// Functions that fetch a panel, and keep it in workgroup memory, in 4 × 4 blocks, each four vectors along the array's fast index. `kept` is what
+/// becomes of a vector as it is kept.
 fn fetch(out: &mut String, tile: Tile, panel: char, extent: u32, bound: &str, along_inner: bool, kept: &str) {
     let (blocks, steps) = (extent / 4, tile.inner() / 4);
     // Threads beside each other read beside each other, and write to different banks.

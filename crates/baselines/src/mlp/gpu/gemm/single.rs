@@ -1,5 +1,5 @@
-//! Panels multiplied in f32: a thread holds a fragment of the tile in named vectors and multiplies it up from as many vectors of either panel. What is
-//! written out here a compiler need not unroll.
+//! Panels multiplied in f32: a thread holds a fragment of the tile in named vectors and multiplies it up from as many vectors of either panel. What
+//! is written out here a compiler need not unroll.
 
 use super::Tile;
 use std::fmt::Write;

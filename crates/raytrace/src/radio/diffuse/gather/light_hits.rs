@@ -21,7 +21,8 @@ pub struct LightHits {
     pub tree: LightHitTree,
 }
 
-/// Follows rays that leave the transmitter evenly, along the directions of a receiver, through slabs as far as interactions allow, to all that scatters.
+/// Follows rays that leave the transmitter evenly, along the directions of a receiver, through slabs as far as interactions allow, to all that
+/// scatters.
 pub fn trace(illumination: &Illumination<'_, '_>, directions: &Directions) -> LightHits {
     let all = all(illumination, directions);
     let tree = LightHitTree::new(illumination.geometry(), &all);
