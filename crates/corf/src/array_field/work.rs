@@ -8,7 +8,7 @@ use corf_scene::Rigid3;
 pub struct Work {
     /// Floating-point operations.
     pub operations: f64,
-    /// Bytes.
+    /// Bytes that are read or written.
     pub bytes: f64,
 }
 

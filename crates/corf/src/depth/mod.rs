@@ -39,9 +39,9 @@ pub enum Reliability {
 /// The depth of one optical pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelDepth {
-    /// Column.
+    /// Column of the pixel, from 0 at the left.
     pub x: usize,
-    /// Row.
+    /// Row of the pixel, from 0 at the top.
     pub y: usize,
     /// 1/z, 1/m.
     pub inverse_depth: f32,

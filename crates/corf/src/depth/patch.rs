@@ -76,12 +76,12 @@ impl GreyImage {
         self.left_out.is_empty() || before(x1 + 1, y1 + 1) + before(x0, y0) == before(x0, y1 + 1) + before(x1 + 1, y0)
     }
 
-    /// Columns.
+    /// Pixels in a row.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Number of rows.
     pub fn height(&self) -> usize {
         self.height
     }

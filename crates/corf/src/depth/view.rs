@@ -13,7 +13,7 @@ const COARSE_WIDTH: usize = 320;
 pub struct GreyView {
     /// Trajectory index of the keyframe.
     pub index: usize,
-    /// Pose.
+    /// Pose of the camera (OpenCV axes), metres.
     pub world_from_camera: Rigid3,
     /// Luma, sRGB-encoded.
     pub fine: GreyImage,

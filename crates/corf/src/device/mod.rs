@@ -62,9 +62,9 @@ pub struct InverseDepth {
 /// One of a field's two modalities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Modality {
-    /// Light.
+    /// What a camera sees: RGB.
     Optical,
-    /// 60 GHz.
+    /// What an array receives at 60 GHz: Jet colours or one number a direction.
     Rf,
 }
 
@@ -88,7 +88,7 @@ pub struct ViewId(pub usize);
 /// A modality of weight 0 is not rendered, and its opacity and colour are not touched.
 #[derive(Clone, Copy, Debug)]
 pub struct Step {
-    /// The keyframe.
+    /// The keyframe that is rendered and compared.
     pub view: ViewId,
     /// Pyramid levels of the optical and the RF target: averaged over 2^level blocks.
     pub levels: [u32; 2],
@@ -144,9 +144,9 @@ pub struct Layer {
 /// The answer to a [`RenderRequest`].
 #[derive(Clone, Debug, Default)]
 pub struct Rendering {
-    /// Light.
+    /// The image over the pixels of its view, if it was asked for.
     pub optical: Option<Layer>,
-    /// Radio.
+    /// The radio field over the pixels of its view, if it was asked for.
     pub rf: Option<Layer>,
     /// Index of the Gaussian of the largest α·T per optical pixel; `u32::MAX` where none contributes.
     pub main_contributor: Option<Raster<u32>>,

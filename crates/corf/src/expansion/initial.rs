@@ -8,7 +8,7 @@ use rayon::prelude::*;
 /// A training keyframe's RF image and where it was taken.
 #[derive(Clone, Debug)]
 pub struct RfView {
-    /// Pose.
+    /// Pose of the RF camera (OpenCV axes), metres.
     pub world_from_camera: Rigid3,
     /// The RF image in the channels of the field to be.
     pub rf: Planes,

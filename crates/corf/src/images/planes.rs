@@ -3,11 +3,11 @@
 /// A `height × width × channels` f32 image, row-major, channels innermost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Planes {
-    /// Columns.
+    /// Pixels in a row.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// Channels.
+    /// Numbers of a pixel.
     pub channels: usize,
     /// `pixels[(y·width + x)·channels + c]`.
     pub pixels: Vec<f32>,

@@ -10,12 +10,12 @@ pub struct KeyframeTiming {
     pub index: usize,
     /// Time from a keyframe's arrival to its turn, seconds: it was being prepared, or the keyframes before it were being worked on.
     pub wait_s: f64,
-    /// The steps of its preparation, part of the wait where that happens ahead.
+    /// Time of the steps of its preparation, seconds; part of the wait where that happens ahead.
     #[serde(default)]
     pub prepare_s: f64,
-    /// Expansion.
+    /// Time of its expansion (depths, new Gaussians, pruning), seconds.
     pub expand_s: f64,
-    /// Its optimisation steps, without those of `late_s`.
+    /// Time of its optimisation steps, seconds, without those of `late_s`.
     pub train_s: f64,
     /// Time from then to the end of those of its steps, seconds, that are taken while the next keyframe is expanded
     /// ([`overlapped_iterations`](crate::ReconstructionConfig)): it includes waiting for that keyframe, and is a part of its `expand_s`.
@@ -61,16 +61,16 @@ pub struct LatencySummary {
     pub keyframes: usize,
     /// Keyframes through expansion and training per second of both together.
     pub keyframes_per_second: f64,
-    /// Time from arrival to the end of optimisation.
+    /// Time from arrival to the end of optimisation, seconds.
     pub total: Percentiles,
-    /// Waiting for its turn.
+    /// Time from arrival to its turn, seconds.
     pub wait: Percentiles,
     /// Preparation, within the wait.
     #[serde(default)]
     pub prepare: Percentiles,
-    /// Expansion.
+    /// Time of the expansion, seconds.
     pub expand: Percentiles,
-    /// Training.
+    /// Time of the optimisation steps, seconds.
     pub train: Percentiles,
     /// The end of it, where that is within the next keyframe's expansion.
     #[serde(default)]

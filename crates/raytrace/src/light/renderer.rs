@@ -25,7 +25,7 @@ pub enum Sampling {
 /// likewise).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Developed {
-    /// Image.
+    /// Image after exposure and tone curve.
     pub image: Raster<[u8; 3]>,
     /// Depth at pixel centres.
     pub depth_m: Raster<f32>,

@@ -287,9 +287,9 @@ pub struct ReferencePath {
 /// Zenith and azimuth, radians.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct ReferenceAngles {
-    /// Zenith.
+    /// Zenith angle, from +z.
     pub theta: f64,
-    /// Azimuth.
+    /// Azimuth, from +x towards +y.
     pub phi: f64,
 }
 

@@ -32,7 +32,7 @@ impl From<&Grid> for Grid {
 }
 
 impl Grid {
-    /// Columns.
+    /// Pixels in a row.
     pub fn width(&self) -> usize {
         match self {
             Self::Pinhole(camera) => camera.width,
@@ -40,7 +40,7 @@ impl Grid {
         }
     }
 
-    /// Rows.
+    /// Number of rows.
     pub fn height(&self) -> usize {
         match self {
             Self::Pinhole(camera) => camera.height,

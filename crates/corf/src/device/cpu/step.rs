@@ -28,7 +28,7 @@ pub struct StageTimes {
     pub project_s: f64,
     /// Depth order and tile lists.
     pub sort_s: f64,
-    /// Blending.
+    /// Blending of both images.
     pub forward_s: f64,
     /// Image and depth losses with their gradients.
     pub loss_s: f64,

@@ -10,9 +10,9 @@ use std::ops::Range;
 /// Equally spaced frequencies around the carrier: Δf_k = (k − ⌊n/2⌋)·spacing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Subcarriers {
-    /// n.
+    /// Their number n.
     pub count: usize,
-    /// Hz.
+    /// Distance of one from the next, Hz.
     pub spacing_hz: f64,
 }
 

@@ -28,7 +28,7 @@ pub struct Bounds {
     drop: usize,
     /// Least coordinates along the two, metres.
     pub min: DVec2,
-    /// Greatest.
+    /// Greatest coordinates along the two, metres.
     pub max: DVec2,
 }
 
