@@ -96,7 +96,7 @@ def main():
         sys.exit(0 if sys.argv[2:] == ["html"] else 1)
     context, content = json.load(sys.stdin)
     book = Book(context["root"], context["config"]["book"]["src"])
-    items = content["items"] if "items" in content else content["sections"]
+    items = content["items"]
     book.list(items)
     for file, chapter in book.pages.items():
         book.link(file, chapter)
