@@ -16,7 +16,7 @@
 //! let sight = paths.iter().find(|path| path.interactions.is_empty()).expect("nothing stands between them");
 //! let friis = (settings.wavelength_m() / (4.0 * std::f64::consts::PI * sight.length_m)).powi(2);
 //! assert!((sight.power() / friis - 1.0).abs() < 1e-9);
-//! assert!(paths.iter().any(|path| path.types() == "R"), "walls mirror the transmitter");
+//! assert!(paths.iter().any(|path| path.types() == "S"), "walls mirror the transmitter"); // S: one specular reflection
 //! # Ok::<_, corf_scene::Error>(())
 //! ```
 
