@@ -231,7 +231,7 @@ fn gaussians_in_the_frame_of_the_capture_are_refused() {
     gaussians(&at("capture.ply"), &of_capture);
     gaussians(&at("world.ply"), &of_capture.iter().map(|p| change.transform_point(*p)).collect::<Vec<_>>());
     let (ds, run) = (at("ds"), at("run"));
-    let base = ["reconstruct", text(&ds), "--out", text(&run), "--set", "depth.prior=\"none\"", "--set", "pyramid_levels=1"];
+    let base = ["reconstruct", text(&ds), "--out", text(&run), "--set", "depth.prior=none", "--set", "pyramid_levels=1"];
     corf_refuses(
         &[&base[..], &["--from", text(&at("capture.ply"))]].concat(),
         &["capture.ply", "in the frame of the capture", "optical/"],

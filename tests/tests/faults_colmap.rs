@@ -107,7 +107,7 @@ fn captures_far_from_the_origin_are_moved_or_told() {
     fs::create_dir(out("full")).unwrap();
     fs::write(out("full").join("a"), "").unwrap();
     for command in [
-        &["reconstruct", text(&kept_at), "--out", text(&out("full")), "--set", "depth.prior=\"none\""][..],
+        &["reconstruct", text(&kept_at), "--out", text(&out("full")), "--set", "depth.prior=none"][..],
         &["dataset", "export", text(&kept_at), "--to", "nerfstudio", "--out", text(&out("full"))],
     ] {
         assert!(said(command).contains(FAR), "{command:?}");
@@ -300,7 +300,7 @@ fn a_reconstruction_begins_with_the_filtered_gaussians() {
             "--out",
             text(&out),
             "--set",
-            "depth.prior=\"none\"",
+            "depth.prior=none",
             "--set",
             "iterations_per_keyframe=1",
             "--from",

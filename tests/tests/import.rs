@@ -144,7 +144,7 @@ fn light_alone_goes_the_whole_way_and_has_no_number_of_radio() {
         corf_refuses(&arguments.iter().map(String::as_str).collect::<Vec<_>>(), words);
         assert!(!run.exists());
     };
-    refused("corf-gs", &["depth.prior=\"none\"", "depth.folder", "--depth"]);
+    refused("corf-gs", &["depth.prior=none", "depth.folder", "--depth"]);
     refused("nerf2", &["nerf2 needs spectra", "--rf"]);
     refused("corf-gs-frozen", &["needs spectra"]);
     let without = folder.path().join("without");
@@ -154,7 +154,7 @@ fn light_alone_goes_the_whole_way_and_has_no_number_of_radio() {
         "--out",
         text(&without),
         "--set",
-        "depth.prior=\"none\"",
+        "depth.prior=none",
         "--set",
         "iterations_per_keyframe=5",
     ]);
@@ -204,7 +204,7 @@ fn radio_alone_goes_the_whole_way_and_has_no_number_of_light() {
         // Eight bits of Jet, and the part of it that is one colour.
         assert!(off < 0.012, "{i}: {off}");
     }
-    let (record, _, views) = the_whole_way(&out, folder.path(), &["--set", "depth.prior=\"none\""]);
+    let (record, _, views) = the_whole_way(&out, folder.path(), &["--set", "depth.prior=none"]);
     let numbers = numbers(&record);
     assert!(numbers.contains(&"psnr_rf_jet") && !numbers.iter().any(|k| k.ends_with("_opt")), "{numbers:?}");
     assert!(record["means"]["psnr_rf_jet"].as_f64().unwrap() > 8.0, "{record}");

@@ -111,7 +111,7 @@ fn pauses_do_not_matter_and_the_run_is_one_like_any_other() {
     assert!(corf_ok(&["dataset", "validate", text(&dataset)]).contains("passed"));
     let alone = at("offline");
     let offline = ["reconstruct", text(&dataset), "--out", text(&alone), "--protocol", "all", "--seed", "3", "--device", "cpu"];
-    corf_ok(&[&offline[..], &["--set", FEW, "--set", "depth.prior=\"none\""]].concat());
+    corf_ok(&[&offline[..], &["--set", FEW, "--set", "depth.prior=none"]].concat());
     assert!(field(&at("offline")) == field(&at("slow-run")), "nothing is known in advance, so nothing may differ");
     corf_ok(&["render", text(&at("slow-run")), "--poses", text(&dataset.join("trajectory.json")), "--out", text(&at("views"))]);
     assert!(at("views").join("jet/00010.png").exists());

@@ -85,8 +85,8 @@ impl CorfGsConfig {
         let depth = &self.reconstruction.depth;
         anyhow::ensure!(
             training.has_depth() || !self.reconstruction.consumes_ground_truth_depth() || depth.prior == DepthPriorKind::Measured,
-            "{method}: its depth prior is made from the depth of the keyframes, and the data set has none\n  help: pass --set '{table}depth.prior=\"none\"', \
-             or bring maps of your own with --set '{table}depth.prior=\"folder\"' --set '{table}depth.folder=\"DIR\"', or measured depth with `corf dataset \
+            "{method}: its depth prior is made from the depth of the keyframes, and the data set has none\n  help: pass --set {table}depth.prior=none, \
+             or bring maps of your own with --set {table}depth.prior=folder --set {table}depth.folder=DIR, or measured depth with `corf dataset \
              import --depth` (docs/reconstruction.md)"
         );
         let camera = training.optical_camera();

@@ -293,7 +293,7 @@ impl Import {
         text += if dataset.has_depth() {
             " with depth"
         } else {
-            ", no depth (reconstruct with --set 'depth.prior=\"none\"' or maps of your own)"
+            ", no depth (reconstruct with --set depth.prior=none or maps of your own)"
         };
         text += if dataset.has_masks() { ", masks" } else { "" };
         text += &match dataset.db_range() {

@@ -122,11 +122,7 @@ impl Reconstruct {
             }
         };
         for line in &self.overrides {
-            let parsed: toml::Table = line.parse().with_context(|| {
-                format!(
-                    "--set {line} is not KEY=VALUE in TOML notation\n  help: strings need quotes, e.g. --set 'rf_target=\"db\"'"
-                )
-            })?;
+            let parsed = assignment(line)?;
             methods::merge(&mut table, parsed);
         }
         if let Some(epochs) = self.fine_tune {
@@ -312,4 +308,39 @@ fn summary(info: &RunInfo) -> String {
         }
     }
     text
+}
+
+/// `KEY=VALUE` of `--set`: TOML, or a word without quotes, which is a string.
+fn assignment(line: &str) -> Result<toml::Table> {
+    let refused = |error: toml::de::Error| {
+        anyhow::Error::new(error).context(format!(
+            "--set {line} is not KEY=VALUE\n  help: e.g. --set iterations_per_keyframe=50 or --set rf_target=db"
+        ))
+    };
+    line.parse().or_else(|error| match line.split_once('=') {
+        Some((key, word)) if !word.trim().is_empty() && !word.contains(['"', '\'', '[', '{', '=', '#']) => {
+            format!("{key} = {}", toml::Value::String(word.trim().to_owned())).parse().map_err(refused)
+        }
+        _ => Err(refused(error)),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_need_no_quotes_and_numbers_stay_numbers() {
+        let is = |line: &str, toml: &str| assert_eq!(assignment(line).unwrap(), toml.parse().unwrap(), "{line}");
+        is("depth.prior=none", "depth.prior = \"none\"");
+        is("depth.prior=none", "depth.prior = \"none\"");
+        is("depth.folder=../my maps/a-1", "depth.folder = \"../my maps/a-1\"");
+        is("depth.folder = C:\\maps", r"depth.folder = 'C:\maps'");
+        is("sh=[1, 2]", "sh = [1, 2]");
+        is("rate=1e-3", "rate = 1e-3");
+        for line in ["depth.prior", "depth.prior=", "sh=[1", "a b=none", "text=\"half", "=none"] {
+            let refusal = format!("{:#}", assignment(line).unwrap_err());
+            assert!(refusal.contains("KEY=VALUE") && refusal.contains("help"), "{line}: {refusal}");
+        }
+    }
 }

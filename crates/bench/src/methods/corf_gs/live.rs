@@ -19,7 +19,7 @@ use std::cell::RefCell;
 pub fn live_overrides(overrides: &toml::Table, description: &LiveDescription) -> Result<toml::Table> {
     let mut table = overrides.clone();
     let depth = table.entry("depth").or_insert_with(|| toml::Value::Table(toml::Table::new()));
-    let Some(depth) = depth.as_table_mut() else { bail!("the key depth is a table, e.g. --set 'depth.prior=\"none\"'") };
+    let Some(depth) = depth.as_table_mut() else { bail!("the key depth is a table, e.g. --set depth.prior=none") };
     let prior = depth.get("prior").and_then(|p| p.as_str()).map(str::to_owned);
     match prior.as_deref() {
         None if !depth.contains_key("prior") => {
