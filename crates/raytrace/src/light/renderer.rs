@@ -35,6 +35,17 @@ pub struct Developed {
     pub finite: bool,
 }
 
+/// Time that a stage of the work took, of all the times that it was done.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spent {
+    /// The stage; `gpu: …` where the device itself says so, else by the wall.
+    pub what: &'static str,
+    /// Seconds.
+    pub seconds: f64,
+    /// How often.
+    pub times: u64,
+}
+
 /// A device that renders views of one scene. The same device, scene, settings and key give the same bytes, whatever was rendered
 /// before.
 pub trait Renderer: Send + Sync {
@@ -56,6 +67,16 @@ pub trait Renderer: Send + Sync {
             surface: frame.surface,
         };
         Ok(self.render(camera, views, sampling)?.into_iter().map(developed).collect())
+    }
+
+    /// Views of a camera that are best handed over at once.
+    fn together(&self, _camera: &Pinhole) -> usize {
+        1
+    }
+
+    /// Where the time went so far.
+    fn spent(&self) -> Vec<Spent> {
+        Vec::new()
     }
 
     /// The adapter's name; `None` where the processor computes.
