@@ -91,10 +91,8 @@ impl Kernel {
     pub fn all<const N: usize>(context: &Context, sources: [(&'static str, String); N]) -> Result<[Self; N]> {
         let lost = || Error::invalid("gpu", "a kernel was lost", "this is a defect of the device");
         let kernels: Result<Vec<Self>> = std::thread::scope(|scope| {
-            let threads: Vec<_> = sources
-                .iter()
-                .map(|(label, source)| scope.spawn(move || Self::new(context, label, source)))
-                .collect();
+            let threads: Vec<_> =
+                sources.iter().map(|(label, source)| scope.spawn(move || Self::new(context, label, source))).collect();
             threads.into_iter().map(|thread| thread.join().map_err(|_| lost())?).collect()
         });
         kernels?.try_into().map_err(|_| lost())

@@ -2,6 +2,7 @@
 
 use super::{LightCache, LightFrame, LightSettings, LightTracer, ViewSettings, develop_frame};
 use corf_scene::{Pinhole, Raster, Result, Rigid3};
+use serde::Serialize;
 
 /// A place to look from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +37,7 @@ pub struct Developed {
 }
 
 /// Time that a stage of the work took, of all the times that it was done.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spent {
     /// The stage; `gpu: …` where the device itself says so, else by the wall.
     pub what: &'static str,
@@ -72,6 +73,14 @@ pub trait Renderer: Send + Sync {
     /// Views of a camera that are best handed over at once.
     fn together(&self, _camera: &Pinhole) -> usize {
         1
+    }
+
+    /// Takes the memory of a camera's views, so that whoever writes files knows before the first whether there is enough.
+    ///
+    /// # Errors
+    /// The device's: there is not even enough for one.
+    fn reserve(&self, _camera: &Pinhole) -> Result<()> {
+        Ok(())
     }
 
     /// Where the time went so far.

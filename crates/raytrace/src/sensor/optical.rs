@@ -114,6 +114,14 @@ impl<'a> OpticalSensor<'a> {
         if self.keeps_frames() { 1 } else { self.renderer.together(&self.intrinsics) }
     }
 
+    /// Takes the memory of views beforehand.
+    ///
+    /// # Errors
+    /// The device's: there is not enough.
+    pub fn reserve(&self) -> Result<()> {
+        self.renderer.reserve(&self.intrinsics)
+    }
+
     /// Where a GPU's time went so far; empty where the processor traces.
     pub fn spent(&self) -> Vec<Spent> {
         self.renderer.spent()

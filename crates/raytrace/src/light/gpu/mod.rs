@@ -29,6 +29,7 @@ use lattices::{Lattices, TileKernels};
 use params::{PARAMS_BYTES, Params};
 use rayon::prelude::*;
 use scene::SceneBuffers;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use views::{Frame, Pace};
@@ -48,6 +49,8 @@ pub struct GpuLight<'a> {
     params: Params,
     kernels: Kernels,
     clock: Clock,
+    /// Views that there was memory for together when it was last reserved.
+    most_views: AtomicUsize,
     state: Mutex<State<'a>>,
 }
 
@@ -151,7 +154,17 @@ impl<'a> GpuLight<'a> {
             ..Params::default()
         };
         let params = packed.as_ref().map_or(Ok(params), |packed| Lattices::params(packed, &params))?;
-        let gpu = Self { tracer, context, scene, uniform, params, kernels, clock, state: Mutex::default() };
+        let gpu = Self {
+            tracer,
+            context,
+            scene,
+            uniform,
+            params,
+            kernels,
+            clock,
+            most_views: AtomicUsize::new(usize::MAX),
+            state: Mutex::default(),
+        };
         if let Some(packed) = packed {
             let start = Instant::now();
             let Some(lattices) = Lattices::new(&gpu, packed, tell)? else { return Ok(None) };
@@ -220,7 +233,8 @@ impl Renderer for GpuLight<'_> {
             let mut read = self.clock.wall("reading back", || reading.finish(&self.context))?;
             let not_finite = read.pop().map_or(0, |head| head[views::NOT_FINITE]);
             let developed = |(view, words): (usize, &Vec<u32>)| {
-                let raster = |k: usize| Raster::from_vec(camera.width, camera.height, words[k * pixels..(k + 1) * pixels].to_vec());
+                let raster =
+                    |k: usize| Raster::from_vec(camera.width, camera.height, words[k * pixels..(k + 1) * pixels].to_vec());
                 Developed {
                     image: raster(0).map(|word| [*word as u8, (*word >> 8) as u8, (*word >> 16) as u8]),
                     depth_m: raster(1).map(|word| depth(f32::from_bits(*word))),
@@ -234,7 +248,13 @@ impl Renderer for GpuLight<'_> {
     }
 
     fn together(&self, camera: &Pinhole) -> usize {
-        views::together(&self.context, camera)
+        views::together(&self.context, camera).min(self.most_views.load(Ordering::Relaxed))
+    }
+
+    fn reserve(&self, camera: &Pinhole) -> Result<()> {
+        let views = self.reserve_frame(&mut self.state(), camera)?;
+        self.most_views.store(views, Ordering::Relaxed);
+        Ok(())
     }
 
     fn adapter(&self) -> Option<&str> {

@@ -4,7 +4,7 @@ use super::super::words::Words;
 use glam::{UVec3, Vec2, Vec3};
 
 /// Bytes of the uniform.
-pub(super) const PARAMS_BYTES: u64 = 4 * (104 + 16 * MOST_VIEWS as u64);
+pub(super) const PARAMS_BYTES: u64 = 4 * (112 + 16 * MOST_VIEWS as u64);
 
 /// Views that are rendered together at most.
 pub(super) const MOST_VIEWS: usize = 8;

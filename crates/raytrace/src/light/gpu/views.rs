@@ -116,6 +116,24 @@ impl<'a> GpuLight<'a> {
         })
     }
 
+    /// Makes memory for as many images of a camera together as there is any for; how many that is.
+    pub(super) fn reserve_frame(&self, state: &mut State<'a>, camera: &Pinhole) -> Result<usize> {
+        let tiles = state.lattices.as_ref().map_or(0, Lattices::slot_count);
+        let mut views = together(&self.context, camera);
+        loop {
+            // What is there goes before what is new comes.
+            state.frame = None;
+            match self.make_frame([camera.width, camera.height], views, tiles) {
+                Ok(frame) => {
+                    state.frame = Some(frame);
+                    return Ok(views);
+                }
+                Err(error) if views == 1 => return Err(error),
+                Err(_) => views /= 2,
+            }
+        }
+    }
+
     /// Settings of some views.
     fn view_params(&self, camera: &Pinhole, views: &[View], sampling: &Sampling, tiles: u32) -> Params {
         let mut common = Params {

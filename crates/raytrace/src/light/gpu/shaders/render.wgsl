@@ -32,8 +32,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let pixel = item % area();
     var goal = params.samples;
     if (goal == 0u) { goal = atomicLoad(&work[wish_of(item)]); }
-    var sum = sums[item];
-    var begun = sum.n;
+    var begun = sums[item].n;
     var draws = draws_of(frame_of_view(view), vec2(pixel, 0u));
     var path = begin(half_line(params.viewpoints[view].origin, params.viewpoints[view].z_axis));
     bounces = 0u;
@@ -49,9 +48,12 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         }
         on_its_way = advance(&path, draws);
         if (!on_its_way && !lacking) {
+            // Kept in memory, for a kernel with fewer registers hides more waits.
+            var sum = sums[item];
             add_path(&sum, path);
             sum.bounces += bounces;
             sum.shadows += shadows;
+            sums[item] = sum;
             bounces = 0u;
             shadows = 0u;
         }
@@ -61,5 +63,4 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
         let at = atomicAdd(&work[LENGTHS + other], 1u);
         atomicStore(&work[params.lists_at + other * params.list_size + at], item);
     }
-    sums[item] = sum;
 }
