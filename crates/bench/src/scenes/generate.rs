@@ -377,6 +377,7 @@ fn check_memory(config: &DatasetConfig, at_once: usize) -> Result<()> {
 mod tests {
     use super::*;
     use corf_gpu::adapter_names;
+    use corf_scene::config::LightMethod;
 
     /// The first adapter, one in software will do; a failure without any under `CORF_REQUIRE_GPU=1`.
     fn adapter() -> Option<Backend> {
@@ -421,6 +422,7 @@ mod tests {
         let largest = corf_gpu::adapter_reports().into_iter().next().map_or(0, |report| report.largest_buffer_bytes);
         if largest <= 256 << 20 {
             let mut config = config.clone();
+            (config.optical.method, config.optical.exposure_ev) = (LightMethod::Path, Some(0.0));
             (config.optical.width, config.optical.height) = (2400, (largest / 80 / 2400 + 8) as usize);
             let out = folder.path().join("large");
             let options = Options { light: gpu.clone(), ..Options::default() };
