@@ -170,7 +170,9 @@ impl Backend {
             Self::Cpu => LightDevice::Processor,
             #[cfg(feature = "gpu")]
             Self::Gpu { number, .. } => {
-                LightDevice::Gpu(corf_gpu::AdapterOptions { number: *number, software: true, ..Default::default() })
+                let options =
+                    corf_gpu::AdapterOptions { number: *number, software: true, timestamps: true, ..Default::default() };
+                LightDevice::Gpu(options)
             }
         }
     }

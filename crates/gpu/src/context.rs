@@ -54,6 +54,8 @@ pub struct Context {
     poison: Option<u32>,
     /// Bytes beyond which a buffer finds no memory ([`Self::limit_allocations`]).
     most_allocated: AtomicU64,
+    /// Memory that readings came through and that others may take.
+    staging: Mutex<Vec<wgpu::Buffer>>,
     failure: Arc<Mutex<Failure>>,
     /// Reference that is dropped last.
     _last: LastReference,
@@ -148,6 +150,7 @@ impl Context {
             matrix_units,
             poison: options.poison,
             most_allocated: u64::MAX.into(),
+            staging: Mutex::default(),
             _last: LastReference(Some(device.clone())),
             device,
             queue,
@@ -296,53 +299,90 @@ impl Context {
     /// # Errors
     /// Those of [`Self::check`].
     pub fn begin_reading<T: bytemuck::Pod>(&self, doing: &'static str, sources: &[(&wgpu::Buffer, usize)]) -> Result<Reading<T>> {
+        let whole: Vec<_> = sources.iter().map(|&(buffer, count)| (buffer, 0, count)).collect();
+        self.begin_reading_parts(doing, &whole)
+    }
+
+    /// [`Self::begin_reading`] of parts of buffers: of each the first number and how many there are, both of whole words of four bytes.
+    ///
+    /// # Errors
+    /// Those of [`Self::check`].
+    pub fn begin_reading_parts<T: bytemuck::Pod>(
+        &self,
+        doing: &'static str,
+        sources: &[(&wgpu::Buffer, usize, usize)],
+    ) -> Result<Reading<T>> {
         let mut encoder = self.encoder();
         let mut staging = vec![];
-        for &(buffer, count) in sources {
+        for &(buffer, first, count) in sources {
             let bytes = (count * size_of::<T>()) as u64;
             let size = bytes.max(4).next_multiple_of(4);
-            let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-            let target = self.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("readback"),
-                size,
-                usage,
-                mapped_at_creation: false,
-            });
-            encoder.copy_buffer_to_buffer(buffer, 0, &target, 0, size);
+            let target = self.staging(size);
+            encoder.copy_buffer_to_buffer(buffer, (first * size_of::<T>()) as u64, &target, 0, size);
             staging.push((target, bytes));
         }
         self.check(doing)?;
-        self.submit(encoder);
+        let submission = self.queue.submit([encoder.finish()]);
         for (target, _) in &staging {
             // A mapping that fails is found again when the range is asked for.
             target.map_async(wgpu::MapMode::Read, .., |_| {});
         }
-        Ok(Reading { doing, staging, numbers: PhantomData })
+        Ok(Reading { doing, staging, submission, numbers: PhantomData })
+    }
+
+    /// Memory that can be read here: new memory takes the driver milliseconds, so what has been used is used again.
+    fn staging(&self, size: u64) -> wgpu::Buffer {
+        let fits = |buffer: &wgpu::Buffer| (size..=STAGING_SLACK.max(2 * size)).contains(&buffer.size());
+        let mut idle = locked(&self.staging);
+        if let Some(at) = idle.iter().position(fits) {
+            return idle.swap_remove(at);
+        }
+        drop(idle);
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        self.device.create_buffer(&wgpu::BufferDescriptor { label: Some("readback"), size, usage, mapped_at_creation: false })
     }
 }
+
+/// Idle memory of readings that is kept: so many buffers, of so many bytes each at most; and the size below which any will do.
+const STAGING_KEPT: usize = 8;
+const STAGING_BYTES: u64 = 32 << 20;
+const STAGING_SLACK: u64 = 1 << 20;
 
 /// Numbers on their way back.
 pub struct Reading<T> {
     doing: &'static str,
     /// Each with its bytes.
     staging: Vec<(wgpu::Buffer, u64)>,
+    /// What they are copied by.
+    submission: wgpu::SubmissionIndex,
     numbers: PhantomData<T>,
 }
 
 impl<T: bytemuck::Pod> Reading<T> {
-    /// Waits for them.
+    /// Waits for them, and for nothing that was submitted later.
     ///
     /// # Errors
     /// Those of [`Context::check`].
     pub fn finish(self, context: &Context) -> Result<Vec<Vec<T>>> {
-        context.wait(self.doing)?;
+        let until = wgpu::PollType::Wait { submission_index: Some(self.submission), timeout: None };
+        let waited = context.device.poll(until);
+        context.check(self.doing)?;
+        let failed = |text: String| {
+            let place = format!("gpu ({}), {}", context.info.name, self.doing);
+            Error::invalid(place, text, "start again, or choose --device cpu")
+        };
+        waited.map_err(|e| failed(e.to_string()))?;
         let mut out = vec![];
-        for (target, bytes) in &self.staging {
-            let range = target.get_mapped_range(..*bytes.max(&4)).map_err(|e| {
-                let place = format!("gpu ({}), {}", context.info.name, self.doing);
-                Error::invalid(place, e.to_string(), "start again, or choose --device cpu")
-            })?;
-            out.push(bytemuck::pod_collect_to_vec(&range[..*bytes as usize]));
+        for (target, bytes) in self.staging {
+            {
+                let range = target.get_mapped_range(..bytes.max(4)).map_err(|e| failed(e.to_string()))?;
+                out.push(bytemuck::pod_collect_to_vec(&range[..bytes as usize]));
+            }
+            target.unmap();
+            let mut idle = locked(&context.staging);
+            if target.size() <= STAGING_BYTES && idle.len() < STAGING_KEPT {
+                idle.push(target);
+            }
         }
         Ok(out)
     }

@@ -2,7 +2,6 @@
 
 use crate::context::Context;
 use corf_scene::{Error, Result};
-use rayon::prelude::*;
 
 /// One entry point with its bind group layout, read off the shader's own declarations.
 pub struct Kernel {
@@ -84,13 +83,19 @@ impl Kernel {
         Ok(Self { label, pipeline, layout, has_uniform, bindings: kinds.len() })
     }
 
-    /// [`Self::new`] of several, at once: drivers take tenths of a second for one.
+    /// [`Self::new`] of several, each on a thread of its own, for drivers take tenths of a second for one. The threads are not those of the pool, which
+    /// may be busy with other work meanwhile.
     ///
     /// # Errors
     /// Those of [`Self::new`].
     pub fn all<const N: usize>(context: &Context, sources: [(&'static str, String); N]) -> Result<[Self; N]> {
-        let kernels: Result<Vec<_>> = sources.par_iter().map(|(label, source)| Self::new(context, label, source)).collect();
-        kernels?.try_into().map_err(|_| Error::invalid("gpu", "a kernel was lost", "this is a defect of the device"))
+        let lost = || Error::invalid("gpu", "a kernel was lost", "this is a defect of the device");
+        let kernels: Result<Vec<Self>> = std::thread::scope(|scope| {
+            let threads: Vec<_> =
+                sources.iter().map(|(label, source)| scope.spawn(move || Self::new(context, label, source))).collect();
+            threads.into_iter().map(|thread| thread.join().map_err(|_| lost())?).collect()
+        });
+        kernels?.try_into().map_err(|_| lost())
     }
 
     /// Binds buffers in the order of the shader's declarations; a uniform is `uniform` bytes long from its dynamic offset.

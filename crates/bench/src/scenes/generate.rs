@@ -1,6 +1,7 @@
 //! `lobby.glb + lobby.toml → raytrace at each pose → keyframes`: the world seen by both sensors, frame by frame.
 
 use crate::device::Backend;
+use crate::note;
 use crate::run::claim_output;
 use crate::scenes::in_use;
 use crate::scenes::oidn::Oidn;
@@ -9,19 +10,24 @@ use crate::terminal::messages;
 use crate::terminal::progress::Progress;
 use anyhow::{Result, bail};
 use corf_raytrace::bvh::Bvh;
-use corf_raytrace::light::LightTracer;
+use corf_raytrace::light::{LightTracer, Spent};
 use corf_raytrace::radio::RadioTracer;
 pub use corf_raytrace::sensor::diffuse_settings;
-use corf_raytrace::sensor::{Denoise, Extent, OpticalSensor, Outputs, Platform, RadioSensor, SensorPlan, geometry_warnings};
+use corf_raytrace::sensor::{
+    Denoise, Extent, OpticalSensor, Outputs, Platform, RadioSensor, SensorPlan, geometry_warnings, joined,
+};
 use corf_scene::config::{DatasetConfig, SceneConfig};
 use corf_scene::dataset::{self, Dataset, DatasetHeader, DatasetWriter, Extras, KeyframeContent};
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Error, Finding, Light, Scene, Severity, bounds, radio_check};
 use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::fmt::{Display, Formatter};
 use std::path::Path;
-use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
-use std::time::Duration;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// A dataset, and what is to be said of it.
 pub struct Generated {
@@ -85,28 +91,39 @@ pub fn generate_from(
         }
         return tell(Generated { dataset: Dataset::open(out)?, findings });
     }
-    // Whatever can be refused is refused before the first file.
+    // Whatever can be refused is refused before the first file. Where one half of the set-up leaves processors idle, the other goes on.
     let bvh = Bvh::build(scene);
-    let tracer = RadioTracer::new(scene, &bvh, plan.tracing)?;
-    let array = RadioSensor::new(&plan, scene, &tracer)?;
-    messages::findings(array.check(header.poses.iter().map(|pose| &pose.world_from_camera))?);
-    let _held = claim_output(out, resume)?;
-    messages::findings(placement);
-    messages::findings(geometry_warnings(scene, config.rf.transmission));
-    let light = LightTracer::new(scene, &bvh);
+    let (tracer, light) = rayon::join(|| RadioTracer::new(scene, &bvh, plan.tracing), || LightTracer::new(scene, &bvh));
+    let tracer = tracer?;
+    let refused = AtomicBool::new(false);
     let see = || -> Result<(OpticalSensor<'_>, f64)> {
-        let mut camera = camera(config, &light, &device, denoiser)?;
+        let mut camera = camera_unless(config, &light, &device, denoiser, &refused)?;
         let exposure_ev = match config.optical.exposure_ev {
             Some(exposure_ev) => exposure_ev,
             None => f64::from(camera.meter(&header.poses)?),
         };
         camera.expose(exposure_ev as f32);
+        camera.reserve()?;
         Ok((camera, exposure_ev))
     };
-    // Where one of them leaves processors idle, the other goes on.
-    let (seen, sampling_error) = rayon::join(see, || array.sampling_error(&header.rf_camera, &header.poses));
+    let hear = || -> Result<_> {
+        let array = RadioSensor::new(&plan, scene, &tracer)?;
+        messages::findings(array.check(header.poses.iter().map(|pose| &pose.world_from_camera))?);
+        let held = claim_output(out, resume)?;
+        messages::findings(placement);
+        messages::findings(geometry_warnings(scene, config.rf.transmission));
+        let sampling_error = array.sampling_error(&header.rf_camera, &header.poses)?;
+        Ok((array, held, sampling_error))
+    };
+    let hear = || {
+        let heard = hear();
+        refused.store(heard.is_err(), Ordering::Relaxed);
+        heard
+    };
+    let (seen, heard) = rayon::join(see, hear);
+    let (array, _held, sampling_error) = heard?;
     let (camera, exposure_ev) = seen?;
-    header.sampling_error = sampling_error?;
+    header.sampling_error = sampling_error;
     header.exposure_ev = Some(exposure_ev);
     let outputs = Outputs {
         extent: Extent::of_keyframe(&config.rf, &plan.receiver),
@@ -121,34 +138,39 @@ pub fn generate_from(
     if !missing.is_empty() {
         let mut progress = Progress::start(format!("keyframes of {}", config.name), poses.len(), "keyframes");
         let mut done = poses.len() - missing.len();
+        let times = Times::default();
         // Keyframes are written while the next are traced.
         let mut traced: Vec<(usize, KeyframeContent)> = Vec::new();
-        let write =
-            |traced: &[(usize, KeyframeContent)]| traced.par_iter().try_for_each(|(i, frame)| writer.write_frame(*i, frame));
+        let write = |traced: &[(usize, KeyframeContent)]| {
+            traced.par_iter().try_for_each(|(i, frame)| times.of("files", || writer.write_frame(*i, frame)))
+        };
         // What the GPU sees, it sees ahead of radio and files.
         let ahead = platform.camera.adapter().is_some();
         std::thread::scope(|scope| -> Result<()> {
             let mut seen = ahead.then(|| Ahead::start(scope, &platform, &missing));
             for together in missing.chunks(at_once) {
                 interrupt::check()?;
-                let optical = match &mut seen {
-                    Some(seen) => together.iter().map(|_| seen.next().map(Some)).collect::<Result<Vec<_>>>()?,
-                    None => vec![None; together.len()],
+                traced = match &mut seen {
+                    Some(seen) => {
+                        let hear = |pose: &&TrajectoryPose| times.of("radio", || platform.hear(pose));
+                        let hear = || together.par_iter().map(hear).collect::<corf_scene::Result<Vec<_>>>();
+                        let (written, heard) = rayon::join(|| write(&traced), hear);
+                        written?;
+                        done += traced.len();
+                        let keyframe = |(pose, radio): (&&TrajectoryPose, _)| {
+                            Ok((pose.index, joined(times.of("waiting for light", || seen.next())?, radio)))
+                        };
+                        together.iter().zip(heard?).map(keyframe).collect::<Result<Vec<_>>>()?
+                    }
+                    None => {
+                        let trace = |pose: &&TrajectoryPose| Ok((pose.index, platform.keyframe(pose)?));
+                        let trace = || together.par_iter().map(trace).collect::<corf_scene::Result<Vec<_>>>();
+                        let (written, frames) = rayon::join(|| write(&traced), trace);
+                        written?;
+                        done += traced.len();
+                        frames?
+                    }
                 };
-                let trace = |(pose, optical): (&&TrajectoryPose, Option<(Light, Extras)>)| {
-                    let frame = match optical {
-                        Some(optical) => platform.keyframe_of(pose, optical)?,
-                        None => platform.keyframe(pose)?,
-                    };
-                    Ok((pose.index, frame))
-                };
-                let (written, frames) = rayon::join(
-                    || write(&traced),
-                    || together.par_iter().zip(optical).map(trace).collect::<corf_scene::Result<Vec<_>>>(),
-                );
-                written?;
-                done += traced.len();
-                traced = frames?;
                 progress.set(done, poses.len());
             }
             Ok(())
@@ -156,6 +178,10 @@ pub fn generate_from(
         write(&traced)?;
         progress.set(poses.len(), poses.len());
         progress.finish();
+        if ahead {
+            note!("  in seconds of threads: {times}");
+            note!("  light, in seconds: {}", spent_text(&platform.camera.spent()));
+        }
     }
     let findings = writer.dark_findings()?;
     writer.finish()?;
@@ -172,12 +198,23 @@ pub fn camera<'a>(
     device: &Backend,
     denoiser: Option<Oidn>,
 ) -> Result<OpticalSensor<'a>> {
+    camera_unless(config, tracer, device, denoiser, &AtomicBool::new(false))
+}
+
+/// [`camera`], given up where something else is `refused` meanwhile.
+fn camera_unless<'a>(
+    config: &DatasetConfig,
+    tracer: &'a LightTracer<'a>,
+    device: &Backend,
+    denoiser: Option<Oidn>,
+    refused: &AtomicBool,
+) -> Result<OpticalSensor<'a>> {
     let progress = Mutex::new(Progress::start(format!("light of {}", config.name), 1, "tiles"));
     let tell = |done: usize, all: usize| {
         if let Ok(mut progress) = progress.lock() {
             progress.set(done, all);
         }
-        interrupt::check().is_ok()
+        interrupt::check().is_ok() && !refused.load(Ordering::Relaxed)
     };
     let denoiser = denoiser.map(|filter| Box::new(filter) as Box<dyn Denoise>);
     let Some(camera) = OpticalSensor::new(config, tracer, &device.for_light(), denoiser, &tell)? else {
@@ -190,14 +227,53 @@ pub fn camera<'a>(
     Ok(camera)
 }
 
+/// Where a GPU's time went, in one line.
+pub fn spent_text(spent: &[Spent]) -> String {
+    let one = |s: &Spent| format!("{} {:.2} ({})", s.what, s.seconds, s.times);
+    spent.iter().map(one).collect::<Vec<_>>().join(", ")
+}
+
+/// Seconds that threads spend on parts of the work.
+#[derive(Default)]
+struct Times(Mutex<Vec<(&'static str, f64)>>);
+
+impl Times {
+    /// Does something and adds the time that it takes to a part's.
+    fn of<T>(&self, part: &'static str, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let done = work();
+        let seconds = start.elapsed().as_secs_f64();
+        let mut times = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match times.iter_mut().find(|(name, _)| *name == part) {
+            Some((_, sum)) => *sum += seconds,
+            None => times.push((part, seconds)),
+        }
+        done
+    }
+}
+
+impl Display for Times {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let times = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let parts: Vec<String> = times.iter().map(|(part, seconds)| format!("{part} {seconds:.1}")).collect();
+        f.write_str(&parts.join(", "))
+    }
+}
+
+/// What the GPU has seen of some keyframes.
+type Seen = corf_scene::Result<Vec<(Light, Extras)>>;
+
 /// Keyframes seen by the GPU while others are heard and written, in their order: two threads take turns at it, so that one's
 /// pictures are unpacked while the other's are rendered.
 struct Ahead {
-    seen: [Receiver<corf_scene::Result<(Light, Extras)>>; 2],
-    next: usize,
+    seen: [Receiver<Seen>; 2],
+    /// Handovers so far.
+    count: usize,
+    /// Handed over and not yet taken.
+    ready: VecDeque<(Light, Extras)>,
 }
 
-/// Keyframes that each of the two threads is ahead at most.
+/// Keyframes that each of the two threads is ahead at most, besides those that it works on.
 const MOST_AHEAD: usize = 2;
 
 impl Ahead {
@@ -206,21 +282,22 @@ impl Ahead {
         platform: &'env Platform<'_>,
         poses: &'env [&TrajectoryPose],
     ) -> Self {
+        let most = platform.camera.together();
         let seen = [0, 1].map(|first| {
-            let (sender, receiver) = sync_channel(MOST_AHEAD);
+            let (sender, receiver) = sync_channel(MOST_AHEAD / most);
             scope.spawn(move || {
-                for pose in poses.iter().skip(first).step_by(2) {
-                    let frame = platform.camera.see(pose);
-                    let failed = frame.is_err();
+                for together in handovers(poses, most).into_iter().skip(first).step_by(2) {
+                    let frames = platform.camera.see_all(together);
+                    let failed = frames.is_err();
                     // Nobody waits for it where the work was given up.
-                    if sender.send(frame).is_err() || failed {
+                    if sender.send(frames).is_err() || failed {
                         return;
                     }
                 }
             });
             receiver
         });
-        Self { seen, next: 0 }
+        Self { seen, count: 0, ready: VecDeque::new() }
     }
 
     /// The next keyframe's images.
@@ -228,17 +305,32 @@ impl Ahead {
     /// # Errors
     /// The device's; an interrupt.
     fn next(&mut self) -> Result<(Light, Extras)> {
-        let receiver = &self.seen[self.next % 2];
-        self.next += 1;
         loop {
+            if let Some(frame) = self.ready.pop_front() {
+                return Ok(frame);
+            }
             interrupt::check()?;
-            match receiver.recv_timeout(Duration::from_millis(100)) {
-                Ok(frame) => return Ok(frame?),
+            match self.seen[self.count % 2].recv_timeout(Duration::from_millis(100)) {
+                Ok(frames) => {
+                    self.count += 1;
+                    self.ready = frames?.into();
+                }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => bail!("light: a thread ended before its time"),
             }
         }
     }
+}
+
+/// Poses in handovers of `most`; the first are smaller, so that there is soon something to go on with.
+fn handovers<'p, 'q>(mut poses: &'p [&'q TrajectoryPose], most: usize) -> Vec<&'p [&'q TrajectoryPose]> {
+    let (mut parts, mut size) = (Vec::new(), 1);
+    while !poses.is_empty() {
+        let (part, rest) = poses.split_at(size.min(most).min(poses.len()));
+        parts.push(part);
+        (poses, size) = (rest, 2 * size);
+    }
+    parts
 }
 
 /// Keyframes traced together: what one of them leaves of many processors idle is used by the others, and few take little memory.
@@ -285,6 +377,7 @@ fn check_memory(config: &DatasetConfig, at_once: usize) -> Result<()> {
 mod tests {
     use super::*;
     use corf_gpu::adapter_names;
+    use corf_scene::config::LightMethod;
 
     /// The first adapter, one in software will do; a failure without any under `CORF_REQUIRE_GPU=1`.
     fn adapter() -> Option<Backend> {
@@ -325,6 +418,19 @@ mod tests {
         // The same bytes again, and nothing is begun over on another device.
         assert_eq!(make("again", &gpu, false).unwrap().dataset.hash(), other.hash());
         assert_eq!(make("gpu", &gpu, true).unwrap().dataset.hash(), other.hash());
+        // Images that a binding cannot hold are refused before the first file.
+        let largest = corf_gpu::adapter_reports().into_iter().next().map_or(0, |report| report.largest_buffer_bytes);
+        if largest <= 256 << 20 {
+            let mut config = config.clone();
+            (config.optical.method, config.optical.exposure_ev) = (LightMethod::Path, Some(0.0));
+            (config.optical.width, config.optical.height) = (2400, (largest / 80 / 2400 + 8) as usize);
+            let out = folder.path().join("large");
+            let options = Options { light: gpu.clone(), ..Options::default() };
+            let refusal = generate(&config, &out, options).err().unwrap();
+            assert!(format!("{refusal:#}").contains("choose --device cpu"), "{refusal:#}");
+            let left = std::fs::read_dir(&out).map_or(0, Iterator::count);
+            assert_eq!(left, 0, "files in {}", out.display());
+        }
         for (name, device, help) in [("gpu", &Backend::Cpu, "--device gpu:N"), ("cpu", &gpu, "--device cpu")] {
             let refusal = make(name, device, true).err().unwrap();
             assert!(format!("{refusal:#}").contains(help), "{refusal:#}");

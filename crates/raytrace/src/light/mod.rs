@@ -35,7 +35,7 @@ pub use cache::{CacheSettings, LightCache, ViewSettings};
 pub use develop::{develop, develop_frame, develop_pixel};
 #[cfg(feature = "gpu")]
 pub use gpu::GpuLight;
-pub use renderer::{Developed, Processor, Renderer, Sampling, View};
+pub use renderer::{Developed, Processor, Renderer, Sampling, Spent, View};
 
 use crate::bvh::{Bvh, Ray};
 use corf_scene::model::Texture;

@@ -2,6 +2,7 @@
 
 use super::{LightCache, LightFrame, LightSettings, LightTracer, ViewSettings, develop_frame};
 use corf_scene::{Pinhole, Raster, Result, Rigid3};
+use serde::Serialize;
 
 /// A place to look from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +36,17 @@ pub struct Developed {
     pub finite: bool,
 }
 
+/// Time that a stage of the work took, of all the times that it was done.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spent {
+    /// The stage; `gpu: …` where the device itself says so, else by the wall.
+    pub what: &'static str,
+    /// Seconds.
+    pub seconds: f64,
+    /// How often.
+    pub times: u64,
+}
+
 /// A device that renders views of one scene. The same device, scene, settings and key give the same bytes, whatever was rendered
 /// before.
 pub trait Renderer: Send + Sync {
@@ -56,6 +68,24 @@ pub trait Renderer: Send + Sync {
             surface: frame.surface,
         };
         Ok(self.render(camera, views, sampling)?.into_iter().map(developed).collect())
+    }
+
+    /// Views of a camera that are best handed over at once.
+    fn together(&self, _camera: &Pinhole) -> usize {
+        1
+    }
+
+    /// Takes the memory of a camera's views, so that whoever writes files knows before the first whether there is enough.
+    ///
+    /// # Errors
+    /// The device's: there is not even enough for one.
+    fn reserve(&self, _camera: &Pinhole) -> Result<()> {
+        Ok(())
+    }
+
+    /// Where the time went so far.
+    fn spent(&self) -> Vec<Spent> {
+        Vec::new()
     }
 
     /// The adapter's name; `None` where the processor computes.

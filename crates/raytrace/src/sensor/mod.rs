@@ -29,21 +29,21 @@ impl Platform<'_> {
     /// # Errors
     /// A receiver at the transmitter; light that is not a finite number.
     pub fn keyframe(&self, pose: &TrajectoryPose) -> Result<KeyframeContent> {
-        let (optical, radio) =
-            rayon::join(|| self.camera.see(pose), || self.array.keyframe(&pose.world_from_camera, &self.outputs));
+        let (optical, radio) = rayon::join(|| self.camera.see(pose), || self.hear(pose));
         Ok(joined(optical?, radio?))
     }
 
-    /// [`Self::keyframe`] of a pose that the camera has seen.
+    /// What the array hears at a pose.
     ///
     /// # Errors
     /// A receiver at the transmitter.
-    pub fn keyframe_of(&self, pose: &TrajectoryPose, seen: (Light, Extras)) -> Result<KeyframeContent> {
-        Ok(joined(seen, self.array.keyframe(&pose.world_from_camera, &self.outputs)?))
+    pub fn hear(&self, pose: &TrajectoryPose) -> Result<RadioFrame> {
+        self.array.keyframe(&pose.world_from_camera, &self.outputs)
     }
 }
 
-fn joined((light, floats): (Light, Extras), radio: RadioFrame) -> KeyframeContent {
+/// Everything that a dataset keeps of a pose, of what was seen and heard there.
+pub fn joined((light, floats): (Light, Extras), radio: RadioFrame) -> KeyframeContent {
     let extras =
         Extras { sphere: radio.sphere, share_in_frame: Some(radio.share_in_frame), paths_jsonl: radio.paths_jsonl, ..floats };
     KeyframeContent { light: Some(light), radio: Some(Radio { spectrum: radio.spectrum }), extras }

@@ -1,7 +1,8 @@
 //! The optical half of a keyframe: light at a pose, developed.
 
 use crate::light::{
-    self, CacheSettings, LightCache, LightFrame, LightSettings, LightTracer, Processor, Renderer, Sampling, View, ViewSettings,
+    self, CacheSettings, LightCache, LightFrame, LightSettings, LightTracer, Processor, Renderer, Sampling, Spent, View,
+    ViewSettings,
 };
 use corf_scene::config::{DatasetConfig, LightMethod, OpticalConfig};
 use corf_scene::dataset::Extras;
@@ -108,6 +109,30 @@ impl<'a> OpticalSensor<'a> {
         self.renderer.adapter()
     }
 
+    /// Poses that [`Self::see_all`] is best given at once.
+    pub fn together(&self) -> usize {
+        if self.keeps_frames() { 1 } else { self.renderer.together(&self.intrinsics) }
+    }
+
+    /// Takes the memory of views beforehand.
+    ///
+    /// # Errors
+    /// The device's: there is not enough.
+    pub fn reserve(&self) -> Result<()> {
+        self.renderer.reserve(&self.intrinsics)
+    }
+
+    /// Where a GPU's time went so far; empty where the processor traces.
+    pub fn spent(&self) -> Vec<Spent> {
+        self.renderer.spent()
+    }
+
+    /// Whether more of a view is wanted than its developed image.
+    fn keeps_frames(&self) -> bool {
+        let writes = &self.writes;
+        self.denoiser.is_some() || writes.write_linear || writes.write_albedo || writes.write_normals
+    }
+
     /// The camera's image size and focal lengths.
     pub fn intrinsics(&self) -> &Pinhole {
         &self.intrinsics
@@ -169,8 +194,8 @@ impl<'a> OpticalSensor<'a> {
             }
         };
         let (mut sum, mut n) = (0.0_f64, 0usize);
-        for pose in poses.iter().step_by((poses.len() / METERED_POSES).max(1)) {
-            let frame = self.render(&small, view_of(pose), &sampling)?;
+        let views: Vec<View> = poses.iter().step_by((poses.len() / METERED_POSES).max(1)).map(view_of).collect();
+        for frame in self.renderer.render(&small, &views, &sampling)? {
             for &rgb in frame.radiance.pixels() {
                 sum += f64::from(light::luminance(rgb.into()).max(1e-4).ln());
                 n += 1;
@@ -188,27 +213,41 @@ impl<'a> OpticalSensor<'a> {
     /// What the camera sees at a pose, and the float images that are to be kept with it.
     ///
     /// # Errors
-    /// Light that is not a finite number.
+    /// Light that is not a finite number; the device's.
     pub fn see(&self, pose: &TrajectoryPose) -> Result<(Light, Extras)> {
-        let writes = &self.writes;
+        self.see_all(&[pose])?.pop().ok_or_else(lost)
+    }
+
+    /// [`Self::see`] at several poses, which a GPU renders faster together.
+    ///
+    /// # Errors
+    /// Those of [`Self::see`].
+    pub fn see_all(&self, poses: &[&TrajectoryPose]) -> Result<Vec<(Light, Extras)>> {
         let seen = |image, depth_m, surface| Light { image, depth_m: Some(depth_m), surface: Some(surface), mask: None };
-        if self.denoiser.is_none() && !(writes.write_linear || writes.write_albedo || writes.write_normals) {
-            let mut developed = self.renderer.develop(&self.intrinsics, &[view_of(pose)], &self.sampling, self.exposure_ev)?;
-            let light::Developed { image, depth_m, surface, finite } = developed.pop().ok_or_else(lost)?;
-            if !finite {
-                return Err(not_a_number(pose.index as u64));
+        if !self.keeps_frames() {
+            let views: Vec<View> = poses.iter().map(|pose| view_of(pose)).collect();
+            let developed = self.renderer.develop(&self.intrinsics, &views, &self.sampling, self.exposure_ev)?;
+            if developed.len() != views.len() {
+                return Err(lost());
             }
-            return Ok((seen(image, depth_m, surface), Extras::default()));
+            let checked = |(light::Developed { image, depth_m, surface, finite }, view): (light::Developed, &View)| {
+                if finite { Ok((seen(image, depth_m, surface), Extras::default())) } else { Err(not_a_number(view.key)) }
+            };
+            return developed.into_iter().zip(&views).map(checked).collect();
         }
-        let frame = self.look(&pose.world_from_camera, pose.index as u64)?;
-        let image = light::develop_frame(&frame, self.exposure_ev());
-        let extras = Extras {
-            linear: writes.write_linear.then_some(frame.radiance),
-            albedo: writes.write_albedo.then_some(frame.albedo),
-            normals: writes.write_normals.then_some(frame.normal),
-            ..Extras::default()
+        let writes = &self.writes;
+        let one = |pose: &&TrajectoryPose| {
+            let frame = self.look(&pose.world_from_camera, pose.index as u64)?;
+            let image = light::develop_frame(&frame, self.exposure_ev());
+            let extras = Extras {
+                linear: writes.write_linear.then_some(frame.radiance),
+                albedo: writes.write_albedo.then_some(frame.albedo),
+                normals: writes.write_normals.then_some(frame.normal),
+                ..Extras::default()
+            };
+            Ok((seen(image, frame.depth_m, frame.surface), extras))
         };
-        Ok((seen(image, frame.depth_m, frame.surface), extras))
+        poses.iter().map(one).collect()
     }
 }
 

@@ -8,6 +8,7 @@ use super::super::cache::{Job, Packed};
 use super::params::{MOST_FIELDS, Params};
 use super::scene::upload;
 use super::shaders::{self, PAGES, PageSize};
+use super::views::Pace;
 use super::{GROUP, GpuLight};
 use corf_gpu::{Bound, Context, Kernel};
 use corf_scene::{Error, Result};
@@ -26,7 +27,7 @@ const COARSE_POINTS: u32 = 65_536;
 /// Tiles that are filled together, and bytes of the candidates of all of them at most.
 const TOGETHER: usize = 4096;
 const MOST_CANDIDATE_BYTES: u64 = 64 << 20;
-/// Shadow rays and walks of a dispatch.
+/// Shadow rays and walks of a dispatch, at first.
 const RAYS_AT_ONCE: u32 = 4 << 20;
 const WALKS_AT_ONCE: u32 = 2 << 20;
 /// Bytes of a page at most, and of its first piece.
@@ -69,32 +70,22 @@ pub(super) struct TileKernels {
 impl TileKernels {
     pub fn new(context: &Context, constants: &str, page: PageSize) -> Result<Self> {
         let c = constants;
-        let (lattices, coarse) = rayon::join(
-            || {
-                Kernel::all(
-                    context,
-                    [
-                        ("light: sites", shaders::sites(c, page)),
-                        ("light: candidates", shaders::candidates(c, page)),
-                        ("light: direct", shaders::direct(c, page)),
-                        ("light: gather", shaders::gather(c, page)),
-                        ("light: rough", shaders::rough(c, page)),
-                    ],
-                )
-            },
-            || {
-                Kernel::all(
-                    context,
-                    [
-                        ("light: around", shaders::around(c, page)),
-                        ("light: coarse candidates", shaders::coarse_candidates(c, page)),
-                        ("light: coarse direct", shaders::coarse_direct(c, page)),
-                        ("light: links", shaders::links(c, page)),
-                    ],
-                )
-            },
-        );
-        Ok(Self { lattices: lattices?, coarse: coarse? })
+        let [sites, candidates, direct, gather, rough, around, coarse_candidates, coarse_direct, links] = Kernel::all(
+            context,
+            [
+                ("light: sites", shaders::sites(c, page)),
+                ("light: candidates", shaders::candidates(c, page)),
+                ("light: direct", shaders::direct(c, page)),
+                ("light: gather", shaders::gather(c, page)),
+                ("light: rough", shaders::rough(c, page)),
+                ("light: around", shaders::around(c, page)),
+                ("light: coarse candidates", shaders::coarse_candidates(c, page)),
+                ("light: coarse direct", shaders::coarse_direct(c, page)),
+                ("light: links", shaders::links(c, page)),
+            ],
+        )?;
+        let lattices = [sites, candidates, direct, gather, rough];
+        Ok(Self { lattices, coarse: [around, coarse_candidates, coarse_direct, links] })
     }
 }
 
@@ -229,13 +220,16 @@ impl<'a> Lattices<'a> {
                     list: u32::from(!is_direct),
                     ..gpu.params
                 };
-                gpu.run(&around, &params, (count * most).div_ceil(GROUP));
+                let mut commands = gpu.commands("gpu: coarse solution");
+                commands.run(&around, &params, (count * most).div_ceil(GROUP));
                 if is_direct {
-                    gpu.run(&candidates, &params, count);
-                    gpu.run(&direct, &params, count * most);
+                    commands.run(&candidates, &params, count);
+                    commands.run(&direct, &params, count * most);
+                    commands.submit();
                     context.check("solving light")?;
                 } else {
-                    gpu.run(&links, &params, count * most);
+                    commands.run(&links, &params, count * most);
+                    commands.submit();
                     let own: u32 = batch.iter().map(|(job, _)| job.points.element_product()).sum();
                     let read = context.read::<u32>("solving light", &[(&scratch[1], (own * (walks + 3)) as usize * 4)])?;
                     found.extend(&read[0]);
@@ -332,20 +326,20 @@ impl<'a> Lattices<'a> {
     }
 
     /// Fills the tiles of some slots.
-    pub fn fill(&mut self, gpu: &GpuLight<'_>, params: &Params, mut slots: Vec<u32>) -> Result<()> {
+    pub fn fill(&mut self, gpu: &GpuLight<'_>, pace: &Pace, params: &Params, mut slots: Vec<u32>) -> Result<()> {
         slots.sort_unstable();
         let direct_end = 1 + params.direct_fields;
         let jobs: Vec<Job> = slots.iter().map(|slot| self.packed.job(*slot)).collect();
         let (direct, indirect): (Vec<Job>, Vec<Job>) = jobs.into_iter().partition(|job| job.field < direct_end);
         for (jobs, is_direct) in [(direct, true), (indirect, false)] {
             for jobs in jobs.chunks(self.together) {
-                self.fill_some(gpu, params, jobs, is_direct)?;
+                self.fill_some(gpu, pace, params, jobs, is_direct)?;
             }
         }
         Ok(())
     }
 
-    fn fill_some(&mut self, gpu: &GpuLight<'_>, params: &Params, jobs: &[Job], is_direct: bool) -> Result<()> {
+    fn fill_some(&mut self, gpu: &GpuLight<'_>, pace: &Pace, params: &Params, jobs: &[Job], is_direct: bool) -> Result<()> {
         let context = &gpu.context;
         let mut words = Vec::with_capacity(12 * jobs.len());
         for job in jobs {
@@ -367,18 +361,23 @@ impl<'a> Lattices<'a> {
             ..*params
         };
         let [sites, candidates, direct, gather, rough] = self.bind(gpu)?;
-        gpu.run(sites, &params, (count * points).div_ceil(GROUP));
+        let mut commands = gpu.commands(if is_direct { "gpu: direct tiles" } else { "gpu: indirect tiles" });
+        commands.run(sites, &params, (count * points).div_ceil(GROUP));
         let (filler, at_once) = if is_direct {
-            gpu.run(candidates, &params, count);
+            commands.run(candidates, &params, count);
             (direct, RAYS_AT_ONCE)
         } else {
             (gather, WALKS_AT_ONCE)
         };
-        let at_once = (at_once / points.saturating_mul(params.rays)).max(1);
+        let at_once = (pace.scaled(at_once) / points.saturating_mul(params.rays)).max(1);
         for first in (0..count).step_by(at_once as usize) {
-            gpu.run(filler, &Params { first, ..params }, at_once.min(count - first) * points);
+            commands.run(filler, &Params { first, ..params }, at_once.min(count - first) * points);
+            if first + at_once < count {
+                commands.submit();
+            }
         }
-        gpu.run(rough, &params, count);
+        commands.run(rough, &params, count);
+        commands.submit();
         context.check("filling tiles of light")
     }
 }
@@ -402,7 +401,7 @@ impl Lattices<'_> {
     pub fn both(&mut self, gpu: &GpuLight<'_>, params: &Params, field: u32, most: usize) -> Result<Vec<[Tile; 2]>> {
         let slots: Vec<u32> =
             (0..self.packed.slots()).filter(|slot| self.packed.job(*slot).field == field).step_by(7).take(most).collect();
-        self.fill(gpu, params, slots.clone())?;
+        self.fill(gpu, &Pace::default(), params, slots.clone())?;
         let states = gpu.context.read::<u32>("reading tiles", &[(&self.slots, self.packed.slots() as usize)])?.remove(0);
         let page = gpu.context.read::<u32>("reading tiles", &[(&self.pages[0], self.pages[0].size() as usize / 4)])?.remove(0);
         let both = |slot: u32| {

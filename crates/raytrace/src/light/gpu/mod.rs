@@ -4,35 +4,40 @@
 //! the same bit for bit: images of the two devices differ by rounding, and where rounding sends a path elsewhere. A pixel depends
 //! on its number, a tile of cached light on its key; every sum has an order: one adapter and driver give the same bytes.
 //!
-//! A thread is a pixel, a dispatch at most [`PATHS_AT_ONCE`] paths, so that the watchdog of a desktop does not bark.
+//! A thread is a pixel. Several views are rendered together, so that few passes and few waits serve all of them; a dispatch is as
+//! long as [`Pace`] allows, so that the watchdog of a desktop does not bark.
 
+mod clock;
+mod commands;
 mod lattices;
 mod params;
 #[cfg(test)]
 mod probe;
 mod scene;
 mod shaders;
+mod views;
 
 use super::cache::Packed;
 use super::renderer::no_cache;
-use super::sampler::frame_seed;
-use super::{CacheSettings, Developed, LightFrame, LightTracer, RayCounts, Renderer, Sampling, View};
+use super::{CacheSettings, Developed, LightFrame, LightTracer, RayCounts, Renderer, Sampling, Spent, View};
+use clock::Clock;
+use commands::Commands;
 use corf_gpu::{AdapterOptions, Bound, Context, Kernel};
 use corf_scene::{Error, Pinhole, Raster, Result};
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use lattices::{Lattices, TileKernels};
 use params::{PARAMS_BYTES, Params};
+use rayon::prelude::*;
 use scene::SceneBuffers;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+use views::{Frame, Pace};
 
-/// Most paths of a dispatch: 6 ms on a large GPU, a second on one two hundred times slower.
-const PATHS_AT_ONCE: u32 = 4 << 20;
 /// Threads of a workgroup.
 const GROUP: u32 = 64;
 /// Words of a pixel's sums.
 const SUMS_WORDS: usize = 20;
-/// Words of `work` in front of everything else.
-const WORK_HEAD: u32 = 16;
 
 /// A GPU that renders views of one scene.
 pub struct GpuLight<'a> {
@@ -43,14 +48,19 @@ pub struct GpuLight<'a> {
     /// What all passes have in common.
     params: Params,
     kernels: Kernels,
+    clock: Clock,
+    /// Views that there was memory for together when it was last reserved.
+    most_views: AtomicUsize,
     state: Mutex<State<'a>>,
 }
 
 /// What rendering changes.
 #[derive(Default)]
 struct State<'a> {
-    /// The one image that is being rendered.
+    /// The images that are being rendered together.
     frame: Option<Frame>,
+    /// How long dispatches may be.
+    pace: Pace,
     /// Cached light.
     lattices: Option<Lattices<'a>>,
 }
@@ -74,44 +84,31 @@ impl Kernels {
     /// Compiles all kernels at once, for drivers take seconds for one.
     fn new(context: &Context, constants: &str, is_cached: bool) -> Result<Self> {
         let page = lattices::page_size(context);
-        let (plain, cached) = rayon::join(
-            || {
-                Kernel::all(
-                    context,
-                    [
-                        ("light: paths", shaders::render_paths(constants)),
-                        ("light: select", shaders::select(constants)),
-                        ("light: depth", shaders::centre(constants)),
-                        ("light: develop", shaders::develop(constants)),
-                    ],
-                )
-            },
-            || -> Result<Option<CachedKernels>> {
-                if !is_cached {
-                    return Ok(None);
-                }
-                let view = || Kernel::new(context, "light: view", &shaders::render_view(constants, page));
-                let (render_view, tiles) = rayon::join(view, || TileKernels::new(context, constants, page));
-                Ok(Some(CachedKernels { render_view: render_view?, tiles: tiles? }))
-            },
-        );
-        let ([render_paths, select, centre, develop], cached) = (plain?, cached?);
-        Ok(Self { render_paths, select, centre, develop, cached })
+        let plain = || {
+            Kernel::all(
+                context,
+                [
+                    ("light: paths", shaders::render_paths(constants)),
+                    ("light: select", shaders::select(constants)),
+                    ("light: depth", shaders::centre(constants)),
+                    ("light: develop", shaders::develop(constants)),
+                ],
+            )
+        };
+        if !is_cached {
+            let [render_paths, select, centre, develop] = plain()?;
+            return Ok(Self { render_paths, select, centre, develop, cached: None });
+        }
+        let (plain, view, tiles) = std::thread::scope(|scope| {
+            let view = scope.spawn(|| Kernel::new(context, "light: view", &shaders::render_view(constants, page)));
+            let tiles = scope.spawn(|| TileKernels::new(context, constants, page));
+            (plain(), view.join(), tiles.join())
+        });
+        let lost = |_| Error::invalid("gpu", "a kernel was lost", "this is a defect of the device");
+        let [render_paths, select, centre, develop] = plain?;
+        let cached = CachedKernels { render_view: view.map_err(lost)??, tiles: tiles.map_err(lost)?? };
+        Ok(Self { render_paths, select, centre, develop, cached: Some(cached) })
     }
-}
-
-/// Memory of an image that is being rendered, and the kernels bound to it.
-struct Frame {
-    size: [usize; 2],
-    sums: wgpu::Buffer,
-    work: wgpu::Buffer,
-    picture: wgpu::Buffer,
-    render_paths: Bound,
-    select: Bound,
-    /// With how often the pages had moved when it was bound.
-    render_view: Option<(u32, Bound)>,
-    centre: Bound,
-    develop: Bound,
 }
 
 impl<'a> GpuLight<'a> {
@@ -127,16 +124,24 @@ impl<'a> GpuLight<'a> {
         options: &AdapterOptions,
         tell: &dyn Fn(usize, usize) -> bool,
     ) -> Result<Option<Self>> {
+        let start = Instant::now();
         let context = Context::open(options)?;
-        let tree = scene::tree(tracer);
+        let clock = Clock::new(&context)?;
+        clock.add("adapter", start.elapsed().as_secs_f64());
+        let tree = clock.wall("tree", || scene::tree(tracer));
         let constants = scene::constants(tracer, &tree);
-        let (kernels, packed) = rayon::join(
-            || Kernels::new(&context, &constants, cache.is_some()),
-            || cache.map(|settings| Packed::new(tracer, settings)).transpose(),
+        // Drivers take seconds to compile; meanwhile charts are cut and the scene is brought over.
+        let (kernels, rest) = rayon::join(
+            || clock.wall("kernels", || Kernels::new(&context, &constants, cache.is_some())),
+            || -> Result<_> {
+                let packed = clock.wall("charts", || cache.map(|settings| Packed::new(tracer, settings)).transpose())?;
+                let chart_of = |triangle| packed.as_ref().map_or(0, |p| p.chart_of(triangle));
+                let scene = clock.wall("scene", || SceneBuffers::new(&context, tracer, &tree, chart_of))?;
+                Ok((packed, scene))
+            },
         );
-        let (kernels, packed) = (kernels?, packed?);
-        let scene = SceneBuffers::new(&context, tracer, &tree, |triangle| packed.as_ref().map_or(0, |p| p.chart_of(triangle)))?;
-        let uniform = context.buffer("settings", PARAMS_BYTES, wgpu::BufferUsages::UNIFORM)?;
+        let (kernels, (packed, scene)) = (kernels?, rest?);
+        let uniform = context.buffer("settings", commands::UNIFORM_BYTES, wgpu::BufferUsages::UNIFORM)?;
         let emitters = &tracer.emitters;
         let params = Params {
             grid_min: emitters.grid_min,
@@ -149,9 +154,21 @@ impl<'a> GpuLight<'a> {
             ..Params::default()
         };
         let params = packed.as_ref().map_or(Ok(params), |packed| Lattices::params(packed, &params))?;
-        let gpu = Self { tracer, context, scene, uniform, params, kernels, state: Mutex::default() };
+        let gpu = Self {
+            tracer,
+            context,
+            scene,
+            uniform,
+            params,
+            kernels,
+            clock,
+            most_views: AtomicUsize::new(usize::MAX),
+            state: Mutex::default(),
+        };
         if let Some(packed) = packed {
+            let start = Instant::now();
             let Some(lattices) = Lattices::new(&gpu, packed, tell)? else { return Ok(None) };
+            gpu.clock.add("coarse solution", start.elapsed().as_secs_f64());
             gpu.state().lattices = Some(lattices);
         }
         Ok(Some(gpu))
@@ -173,238 +190,84 @@ impl<'a> GpuLight<'a> {
         kernel.bind(&self.context, PARAMS_BYTES, &buffers)
     }
 
-    /// Memory of images of a camera's size, with `tiles` of cached light.
-    fn make_frame(&self, [width, height]: [usize; 2], tiles: u32) -> Result<Frame> {
-        let pixels = (width * height) as u64;
-        let sums = self.context.storage("a view's pixels", 4 * SUMS_WORDS as u64 * pixels)?;
-        let work = self.context.storage("a view's lists", 4 * (u64::from(WORK_HEAD + tiles) + 3 * pixels))?;
-        let picture = self.context.storage("a view's image", 12 * pixels)?;
-        Ok(Frame {
-            size: [width, height],
-            render_paths: self.bind(&self.kernels.render_paths, &[&sums, &work])?,
-            select: self.bind(&self.kernels.select, &[&sums, &work])?,
-            render_view: None,
-            centre: self.bind(&self.kernels.centre, &[&sums, &work])?,
-            develop: self.bind(&self.kernels.develop, &[&sums, &work, &picture])?,
-            sums,
-            work,
-            picture,
-        })
+    /// Passes whose time on the device counts as `what`'s.
+    fn commands(&self, what: &'static str) -> Commands<'_, 'a> {
+        Commands::new(self, what)
     }
-
-    /// Settings of a view.
-    fn view_params(&self, camera: &Pinhole, view: &View, sampling: &Sampling, tiles: u32) -> Params {
-        let axis = |axis: glam::DVec3| view.world_from_camera.transform_vector(axis).as_vec3();
-        let common = Params {
-            axes: [axis(glam::DVec3::X), axis(glam::DVec3::Y), axis(glam::DVec3::Z)],
-            origin: view.world_from_camera.translation.as_vec3(),
-            size: [camera.width as u32, camera.height as u32],
-            focal: Vec2::new(camera.fx as f32, camera.fy as f32),
-            centre: Vec2::new(camera.cx as f32, camera.cy as f32),
-            lists_at: WORK_HEAD + tiles,
-            list_size: (camera.width * camera.height) as u32,
-            gain: 1.0,
-            ..self.params
-        };
-        match sampling {
-            Sampling::Path(s) => Params {
-                frame: frame_seed(s.seed, view.key),
-                seed: s.seed,
-                background: s.background.into(),
-                samples: s.samples_per_pixel.max(1),
-                max_bounces: s.max_bounces,
-                roulette_after: s.roulette_after,
-                next_event: s.next_event_estimation && !self.tracer.emitters.is_empty(),
-                ..common
-            },
-            Sampling::Cached(s) => Params {
-                frame: frame_seed(s.seed, view.key),
-                seed: s.seed,
-                gain: s.exposure_ev.exp2(),
-                base: s.samples_per_pixel.max(1),
-                most: s.most_samples,
-                variance: s.error * s.error,
-                ..common
-            },
-        }
-    }
-
-    /// Runs a kernel with so many workgroups.
-    fn run(&self, bound: &Bound, params: &Params, groups: u32) {
-        self.context.fill(&self.uniform, 0, &params.words());
-        let mut encoder = self.context.encoder();
-        bound.run(&mut encoder.begin_compute_pass(&Default::default()), 0, groups);
-        self.context.submit(encoder);
-    }
-
-    /// Runs a kernel over `count` places with a thread each, at most `at_once` a dispatch.
-    fn pass(&self, bound: &Bound, params: &Params, count: u32, at_once: u32) {
-        let at_once = (at_once / GROUP).max(1) * GROUP;
-        for first in (0..count).step_by(at_once as usize) {
-            let part = Params { first, count: at_once.min(count - first), ..*params };
-            self.run(bound, &part, part.count.div_ceil(GROUP));
-        }
-    }
-
-    /// Renders a view into the frame; returns the settings it took.
-    fn view(&self, state: &mut State<'a>, camera: &Pinhole, view: &View, sampling: &Sampling) -> Result<Params> {
-        let size = [camera.width, camera.height];
-        let tiles = state.lattices.as_ref().map_or(0, Lattices::slot_count);
-        let params = self.view_params(camera, view, sampling, tiles);
-        if state.frame.as_ref().is_none_or(|frame| frame.size != size) {
-            // What is there goes before what is new comes.
-            state.frame = None;
-            state.frame = Some(self.make_frame(size, tiles)?);
-        }
-        let State { frame: Some(frame), lattices } = state else { unreachable!("made above") };
-        let places = places(size);
-        let mut encoder = self.context.encoder();
-        encoder.clear_buffer(&frame.sums, 0, None);
-        encoder.clear_buffer(&frame.work, 0, Some(4 * u64::from(WORK_HEAD)));
-        self.context.submit(encoder);
-        match sampling {
-            Sampling::Path(_) => {
-                let step = (PATHS_AT_ONCE / places).max(1);
-                let mut samples = 0;
-                while samples < params.samples {
-                    samples = params.samples.min(samples.saturating_add(step));
-                    let part = Params { samples, ..params };
-                    self.pass(&frame.render_paths, &part, places, PATHS_AT_ONCE);
-                }
-            }
-            Sampling::Cached(_) => {
-                let Some(lattices) = lattices else { return Err(no_cache()) };
-                self.cached_view(frame, lattices, &params, places)?;
-            }
-        }
-        self.pass(&frame.centre, &params, places, PATHS_AT_ONCE);
-        self.context.check("rendering light")?;
-        Ok(params)
-    }
-
-    /// Paths of every pixel, then more of them where they disagree.
-    fn cached_view(&self, frame: &mut Frame, lattices: &mut Lattices<'a>, params: &Params, places: u32) -> Result<()> {
-        let base = Params { samples: params.base, ..*params };
-        self.until_filled(frame, lattices, &base, 0, places)?;
-        self.pass(&frame.select, &base, places, PATHS_AT_ONCE);
-        let mut samples = params.base;
-        while samples < params.most {
-            samples = samples.saturating_mul(2);
-            let more = Params { samples, ..*params };
-            self.clear_length(frame, 0);
-            self.pass(&frame.select, &more, places, PATHS_AT_ONCE);
-            let count = self.head(frame)?[0];
-            if count == 0 {
-                break;
-            }
-            self.until_filled(frame, lattices, &more, 1, count)?;
-        }
-        Ok(())
-    }
-
-    /// Gives the pixels of a list `params.samples` paths each; those that lack tiles again once these are filled.
-    fn until_filled(
-        &self,
-        frame: &mut Frame,
-        lattices: &mut Lattices<'a>,
-        params: &Params,
-        mut list: u32,
-        mut count: u32,
-    ) -> Result<()> {
-        let at_once = PATHS_AT_ONCE / params.samples.div_ceil(2).max(1);
-        while count > 0 {
-            let other = usize::from(list == 1);
-            self.clear_length(frame, other);
-            if frame.render_view.as_ref().is_none_or(|(moves, _)| *moves != lattices.moves) {
-                let Some(CachedKernels { render_view: kernel, .. }) = &self.kernels.cached else { return Err(no_cache()) };
-                let buffers = [vec![&frame.sums, &frame.work], lattices.for_renderer()].concat();
-                frame.render_view = Some((lattices.moves, self.bind(kernel, &buffers)?));
-            }
-            let Some((_, render)) = &frame.render_view else { return Err(no_cache()) };
-            self.pass(render, &Params { list, ..*params }, count, at_once);
-            let head = self.head(frame)?;
-            let wanted = head[WANTED] as usize;
-            if wanted == 0 && head[other] > 0 {
-                let what = format!("{} pixels wait for cached light that is not filled", head[other]);
-                return Err(Error::invalid(format!("gpu ({})", self.context.info.name), what, "choose --device cpu"));
-            }
-            if wanted > 0 {
-                let words =
-                    self.context.read::<u32>("asking for tiles", &[(&frame.work, WORK_HEAD as usize + wanted)])?.remove(0);
-                self.clear_length(frame, WANTED);
-                lattices.fill(self, params, words[WORK_HEAD as usize..].to_vec())?;
-            }
-            (list, count) = (other as u32 + 1, head[other]);
-        }
-        Ok(())
-    }
-
-    /// Sets a word of the head of `work` to zero.
-    fn clear_length(&self, frame: &Frame, word: usize) {
-        let mut encoder = self.context.encoder();
-        encoder.clear_buffer(&frame.work, 4 * word as u64, Some(4));
-        self.context.submit(encoder);
-    }
-
-    /// The head of `work`.
-    fn head(&self, frame: &Frame) -> Result<Vec<u32>> {
-        Ok(self.context.read::<u32>("rendering light", &[(&frame.work, WORK_HEAD as usize)])?.remove(0))
-    }
-}
-
-/// Pixels in whole blocks of 8×8.
-fn places([width, height]: [usize; 2]) -> u32 {
-    (width.div_ceil(8) * height.div_ceil(8)) as u32 * GROUP
 }
 
 impl Renderer for GpuLight<'_> {
     fn render(&self, camera: &Pinhole, views: &[View], sampling: &Sampling) -> Result<Vec<LightFrame>> {
-        let one = |view: &View| {
-            // While one view is read back and unpacked, the next is rendered.
+        let mut frames = Vec::with_capacity(views.len());
+        let words = SUMS_WORDS * camera.width * camera.height;
+        for together in views.chunks(self.together(camera)) {
+            // While some views are read back and unpacked, the next are rendered.
             let reading = {
                 let mut state = self.state();
-                self.view(&mut state, camera, view, sampling)?;
-                let Some(frame) = &state.frame else { unreachable!("a view makes its frame") };
-                let words = SUMS_WORDS * camera.width * camera.height;
-                self.context.begin_reading::<u32>("rendering light", &[(&frame.sums, words)])?
+                let (frame, _) = self.views(&mut state, camera, together, sampling)?;
+                let parts: Vec<_> = (0..together.len()).map(|k| (&frame.sums, k * words, words)).collect();
+                self.context.begin_reading_parts::<u32>("rendering light", &parts)?
             };
-            Ok(light_frame(camera, view, &reading.finish(&self.context)?[0]))
-        };
-        views.iter().map(one).collect()
+            let read = self.clock.wall("reading back", || reading.finish(&self.context))?;
+            let unpack = || together.iter().zip(&read).map(|(view, words)| light_frame(camera, view, words)).collect::<Vec<_>>();
+            frames.extend(self.clock.wall("unpacking", unpack));
+        }
+        Ok(frames)
     }
 
     fn develop(&self, camera: &Pinhole, views: &[View], sampling: &Sampling, exposure_ev: f32) -> Result<Vec<Developed>> {
         let pixels = camera.width * camera.height;
-        let one = |view: &View| {
+        let mut images = Vec::with_capacity(views.len());
+        for together in views.chunks(self.together(camera)) {
             let reading = {
                 let mut state = self.state();
-                let params = self.view(&mut state, camera, view, sampling)?;
-                let Some(frame) = &state.frame else { unreachable!("a view makes its frame") };
-                self.pass(&frame.develop, &Params { gain: exposure_ev.exp2(), ..params }, pixels as u32, PATHS_AT_ONCE);
-                let sources = [(&frame.picture, 3 * pixels), (&frame.work, WORK_HEAD as usize)];
-                self.context.begin_reading::<u32>("developing", &sources)?
+                let (frame, params) = self.views(&mut state, camera, together, sampling)?;
+                let params = Params { gain: exposure_ev.exp2(), ..params };
+                let mut commands = self.commands("gpu: developing");
+                commands.over(&frame.develop, &params, (pixels * together.len()) as u32);
+                commands.submit();
+                let planes = (0..together.len()).map(|k| (&frame.picture, 3 * k * pixels, 3 * pixels));
+                let sources: Vec<_> = planes.chain([(&frame.work, 0, views::WORK_HEAD as usize)]).collect();
+                self.context.begin_reading_parts::<u32>("developing", &sources)?
             };
-            let read = reading.finish(&self.context)?;
-            let plane = |k: usize| &read[0][k * pixels..(k + 1) * pixels];
-            let raster = |k: usize| Raster::from_vec(camera.width, camera.height, plane(k).to_vec());
-            Ok(Developed {
-                image: raster(0).map(|word| [*word as u8, (*word >> 8) as u8, (*word >> 16) as u8]),
-                depth_m: raster(1).map(|word| depth(f32::from_bits(*word))),
-                surface: raster(2),
-                finite: read[1][NOT_FINITE] == 0,
-            })
-        };
-        views.iter().map(one).collect()
+            let mut read = self.clock.wall("reading back", || reading.finish(&self.context))?;
+            let not_finite = read.pop().map_or(0, |head| head[views::NOT_FINITE]);
+            let developed = |(view, words): (usize, &Vec<u32>)| {
+                let raster =
+                    |k: usize| Raster::from_vec(camera.width, camera.height, words[k * pixels..(k + 1) * pixels].to_vec());
+                Developed {
+                    image: raster(0).map(|word| [*word as u8, (*word >> 8) as u8, (*word >> 16) as u8]),
+                    depth_m: raster(1).map(|word| depth(f32::from_bits(*word))),
+                    surface: raster(2),
+                    finite: not_finite >> view & 1 == 0,
+                }
+            };
+            images.extend(self.clock.wall("unpacking", || read.iter().enumerate().map(developed).collect::<Vec<_>>()));
+        }
+        Ok(images)
+    }
+
+    fn together(&self, camera: &Pinhole) -> usize {
+        views::together(&self.context, camera).min(self.most_views.load(Ordering::Relaxed))
+    }
+
+    fn reserve(&self, camera: &Pinhole) -> Result<()> {
+        let views = self.reserve_frame(&mut self.state(), camera)?;
+        self.most_views.store(views, Ordering::Relaxed);
+        Ok(())
     }
 
     fn adapter(&self) -> Option<&str> {
         Some(&self.context.info.name)
     }
-}
 
-/// Words of `work`: how many tiles are wanted; whether a pixel's radiance is no number.
-const WANTED: usize = 2;
-const NOT_FINITE: usize = 3;
+    fn spent(&self) -> Vec<Spent> {
+        // Stamps that cannot be read are of a device that is lost, which whoever renders is told.
+        let _held = self.state();
+        let _ = self.clock.collect(&self.context, 0);
+        self.clock.spent()
+    }
+}
 
 /// Depth, infinite where the GPU's largest distance says that nothing was hit.
 fn depth(t: f32) -> f32 {
@@ -419,7 +282,7 @@ fn light_frame(camera: &Pinhole, view: &View, words: &[u32]) -> LightFrame {
     let share = |k: usize| 1.0 / sums(k)[3].max(1) as f32;
     let raster = |at: usize| {
         let mean = |k: usize| (Vec3::new(float(k, at), float(k, at + 1), float(k, at + 2)) * share(k)).to_array();
-        Raster::from_vec(camera.width, camera.height, (0..pixels).map(mean).collect())
+        Raster::from_vec(camera.width, camera.height, (0..pixels).into_par_iter().map(mean).collect())
     };
     let lamp = |k: usize| {
         let [r, g, b] = [4, 5, 6].map(|at| float(k, at) * share(k));
@@ -430,7 +293,7 @@ fn light_frame(camera: &Pinhole, view: &View, words: &[u32]) -> LightFrame {
         camera: *camera,
         world_from_camera: view.world_from_camera,
         radiance: raster(0),
-        lamp: Raster::from_vec(camera.width, camera.height, (0..pixels).map(lamp).collect()),
+        lamp: Raster::from_vec(camera.width, camera.height, (0..pixels).into_par_iter().map(lamp).collect()),
         albedo: raster(8),
         normal: raster(12),
         depth_m: Raster::from_vec(camera.width, camera.height, (0..pixels).map(|k| depth(float(k, 18))).collect()),

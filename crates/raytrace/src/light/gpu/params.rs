@@ -4,25 +4,35 @@ use super::super::words::Words;
 use glam::{UVec3, Vec2, Vec3};
 
 /// Bytes of the uniform.
-pub(super) const PARAMS_BYTES: u64 = 4 * 124;
+pub(super) const PARAMS_BYTES: u64 = 4 * (112 + 16 * MOST_VIEWS as u64);
+
+/// Views that are rendered together at most.
+pub(super) const MOST_VIEWS: usize = 8;
 
 /// Fields that lattices may have.
 pub(super) const MOST_FIELDS: usize = 16;
 
+/// `Viewpoint` of `scene.wgsl`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Viewpoint {
+    pub axes: [Vec3; 3],
+    pub origin: Vec3,
+    pub frame: u64,
+}
+
 /// `Params` of `scene.wgsl`, where each is explained.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Params {
-    pub axes: [Vec3; 3],
-    pub origin: Vec3,
     pub size: [u32; 2],
-    pub focal: Vec2,
-    pub centre: Vec2,
     pub first: u32,
     pub count: u32,
+    pub focal: Vec2,
+    pub centre: Vec2,
     pub background: Vec3,
     pub gain: f32,
-    pub frame: u64,
     pub seed: u64,
+    pub views: u32,
+    pub levels: u32,
     pub samples: u32,
     pub base: u32,
     pub most: u32,
@@ -47,14 +57,15 @@ pub(super) struct Params {
     pub seen_at: u32,
     pub points: u32,
     pub spacing_m: [f32; MOST_FIELDS],
+    pub viewpoints: [Viewpoint; MOST_VIEWS],
 }
 
 impl Params {
     pub fn words(&self) -> Vec<u32> {
         let mut w = Words::default();
-        w.v3(self.axes[0]).u(self.size[0]).v3(self.axes[1]).u(self.size[1]).v3(self.axes[2]).u(self.first);
-        w.v3(self.origin).u(self.count).v2(self.focal).v2(self.centre).v3(self.background).f(self.gain);
-        w.u64(self.frame).u64(self.seed).u(self.samples).u(self.base).u(self.most).f(self.variance);
+        w.u(self.size[0]).u(self.size[1]).u(self.first).u(self.count);
+        w.v2(self.focal).v2(self.centre).v3(self.background).f(self.gain);
+        w.u64(self.seed).u(self.views).u(self.levels).u(self.samples).u(self.base).u(self.most).f(self.variance);
         w.u(self.max_bounces).u(self.roulette_after).u(u32::from(self.next_event)).u(self.list);
         w.v3(self.grid_min).u(self.emitters).v3(self.cells_per_metre).u(self.first_punctual);
         w.u(self.cells.x).u(self.cells.y).u(self.cells.z).u(self.textures);
@@ -63,6 +74,9 @@ impl Params {
         w.u(self.points).u(0).u(0).u(0);
         for spacing in self.spacing_m {
             w.f(spacing).u(0).u(0).u(0);
+        }
+        for Viewpoint { axes, origin, frame } in self.viewpoints {
+            w.v3(axes[0]).u(frame as u32).v3(axes[1]).u((frame >> 32) as u32).v3(axes[2]).u(0).v3(origin).u(0);
         }
         w.0
     }

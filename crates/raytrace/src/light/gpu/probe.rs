@@ -3,7 +3,7 @@
 use super::super::LightCache;
 use super::lattices::Tile;
 use super::scene::{constants, tree, upload};
-use super::{GROUP, GpuLight, shaders};
+use super::{GpuLight, shaders};
 use corf_gpu::{Context, Kernel};
 use corf_scene::Result;
 
@@ -15,7 +15,9 @@ impl GpuLight<'_> {
         let asked = upload(&self.context, "asked", asked)?;
         let found = self.context.storage("found", 4 * (count * words) as u64)?;
         let bound = self.bind(&kernel, &[&asked, &found])?;
-        self.pass(&bound, &self.params, count as u32, u32::MAX / GROUP * GROUP);
+        let mut commands = self.commands("probing");
+        commands.over(&bound, &self.params, count as u32);
+        commands.submit();
         Ok(self.context.read::<u32>("probing", &[(&found, count * words)])?.remove(0))
     }
 

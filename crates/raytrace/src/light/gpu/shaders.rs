@@ -66,7 +66,7 @@ fn page_bindings(written: bool) -> [Binding<'static>; PAGES] {
     PAGE_NAMES.map(|name| (name, "array<vec4<u32>>", written))
 }
 
-/// Access to words of pages by one number.
+/// Access to words of pages by one number, and to four points at once: which page it is, is asked once for all of them.
 fn page_access(size: PageSize, written: bool) -> String {
     let cases = |statement: &dyn Fn(&str) -> String| -> String {
         let case = |(k, name): (usize, &&str)| {
@@ -79,6 +79,13 @@ fn page_access(size: PageSize, written: bool) -> String {
     let mut text = format!(
         "fn word(at: u32) -> vec4<u32> {{\n    switch (at >> {bits}u) {{\n{}    }}\n}}\n",
         cases(&|name| format!("return {name}[at & {mask}u];"))
+    );
+    for name in PAGE_NAMES {
+        text += &part!("page").replace("PAGE", name);
+    }
+    text += &format!(
+        "fn blended(head: u32, numbers: vec4<u32>, shares: vec4<f32>) -> Blend {{\n    switch (head >> {bits}u) {{\n{}    }}\n}}\n",
+        cases(&|name| format!("return blend_{name}(head & {mask}u, numbers, shares);"))
     );
     if written {
         text += &format!(

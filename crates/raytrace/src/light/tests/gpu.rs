@@ -7,7 +7,7 @@ use crate::light::bsdf::Bsdf;
 use crate::light::sampler::Sampler;
 use crate::light::surface::Surface;
 use crate::light::{CacheSettings, GpuLight, LightCache, Renderer, Sampling, View, ViewSettings};
-use corf_gpu::testing;
+use corf_gpu::{AdapterOptions, testing};
 use corf_scene::Rng;
 use corf_scene::model::{AlphaMode, Filter, PunctualKind, PunctualLight, TextureRef, Wrap};
 use glam::{Affine2, Vec2};
@@ -549,5 +549,56 @@ fn images_from_cached_light_are_the_processors() {
         let first = elsewhere(&again);
         assert!(found == again.render(&camera, &views, &Sampling::Cached(settings)).unwrap().remove(0), "the same bytes");
         assert!(first == elsewhere(&gpu), "the same bytes");
+    }
+}
+
+#[test]
+#[cfg_attr(not(gpu_tests), ignore = "needs an adapter: CORF_REQUIRE_GPU=1")]
+fn views_rendered_together_are_those_rendered_alone() {
+    if !adapter_is_there() {
+        return;
+    }
+    let scene = opaque();
+    let bvh = Bvh::build(&scene);
+    let tracer = LightTracer::new(&scene, &bvh);
+    let stamped = AdapterOptions { timestamps: true, ..testing::OPTIONS };
+    let gpu = GpuLight::new(&tracer, Some(&CACHE), &stamped, &|_, _| true).unwrap().unwrap();
+    let settings = ViewSettings { seed: 2, samples_per_pixel: 2, most_samples: 16, ..ViewSettings::default() };
+    let (camera, _) = view(20, 13, 90.0, DVec3::ZERO, DVec3::X);
+    let of = |key: u64| {
+        let (_, world_from_camera) = view(20, 13, 90.0, DVec3::new(0.4 + 0.3 * key as f64, 0.5, 1.6), DVec3::new(4.0, 3.0, 1.0));
+        View { world_from_camera, key }
+    };
+    let views: Vec<View> = (0..11).map(of).collect();
+    for sampling in
+        [Sampling::Cached(settings), Sampling::Path(LightSettings { samples_per_pixel: 2, ..LightSettings::default() })]
+    {
+        let together = gpu.render(&camera, &views, &sampling).unwrap();
+        let developed = gpu.develop(&camera, &views, &sampling, 0.3).unwrap();
+        // With room for two at a time.
+        gpu.context().limit_allocations(80_000);
+        gpu.reserve(&camera).unwrap();
+        gpu.context().limit_allocations(u64::MAX);
+        assert_eq!(gpu.together(&camera), 2);
+        assert!(gpu.develop(&camera, &views, &sampling, 0.3).unwrap() == developed, "the same bytes");
+        gpu.reserve(&camera).unwrap();
+        assert_eq!(gpu.together(&camera), 8);
+        for (k, view) in views.iter().enumerate() {
+            assert!(gpu.render(&camera, &[*view], &sampling).unwrap()[0] == together[k], "{k}: the same bytes");
+            assert!(gpu.develop(&camera, &[*view], &sampling, 0.3).unwrap()[0] == developed[k], "{k}: the same bytes");
+        }
+    }
+    gpu.context().limit_allocations(64);
+    let error = gpu.reserve(&camera).unwrap_err().to_string();
+    assert!(error.contains("out of memory") && error.contains("--device cpu"), "{error}");
+    gpu.context().limit_allocations(u64::MAX);
+    let spent = gpu.spent();
+    let seconds = |what: &str| spent.iter().find(|s| s.what == what).map(|s| s.seconds);
+    assert!(["kernels", "coarse solution", "rendering", "waiting"].iter().all(|what| seconds(what) > Some(0.0)), "{spent:?}");
+    if gpu.context().timestamps {
+        assert!(
+            ["gpu: first paths", "gpu: direct tiles", "gpu: paths"].iter().all(|what| seconds(what) > Some(0.0)),
+            "{spent:?}"
+        );
     }
 }

@@ -70,11 +70,13 @@ fn meet(ray: Ray, number: u32, t_max: f32) -> Hit {
     return Hit(t, u, v, select(NONE, number, t > ray.t_min && t < t_max));
 }
 
+// Of the ray on its way; a variable of the functions would be set to zero for every ray.
+var<private> stack: array<u32, STACK>;
+
 // The closest hit of whose surface more than `least` is there, panes left out if they are to be.
 fn closest_where(ray: Ray, least: f32, with_panes: bool) -> Hit {
     let inverse = reciprocal(ray.direction);
     var best = Hit(ray.t_max, 0.0, 0.0, NONE);
-    var stack: array<u32, STACK>;
     var top = 0u;
     var at = 0u;
     loop {
@@ -119,7 +121,6 @@ fn closest(ray: Ray) -> Hit {
 fn transmittance(ray: Ray) -> vec3<f32> {
     let inverse = reciprocal(ray.direction);
     var share = vec3(1.0);
-    var stack: array<u32, STACK>;
     var top = 0u;
     var at = 0u;
     loop {

@@ -1,4 +1,4 @@
-// develop.rs: what a pixel gathered, as 8-bit sRGB, depth and object: three planes of words. Says where radiance is no number.
+// develop.rs: what a pixel gathered, as 8-bit sRGB, depth and object: three planes of words an image. Says where radiance is no number.
 
 fn exposed(radiance: vec3<f32>, share: f32) -> vec3<f32> {
     if (share <= 0.0) { return vec3(0.0); }
@@ -12,17 +12,18 @@ fn byte(linear: f32) -> u32 {
 
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let pixel = params.first + group_number(id) * 64u + thread;
-    let pixels = params.width * params.height;
-    if (pixel >= pixels) { return; }
-    let sum = sums[pixel];
+    let item = params.first + group_number(id) * 64u + thread;
+    if (item >= area() * params.views) { return; }
+    let view = item / area();
+    let sum = sums[item];
     let share = 1.0 / f32(max(sum.n, 1u));
     let radiance = sum.radiance * share;
-    if (!all_finite(radiance)) { atomicStore(&work[NOT_FINITE], 1u); }
+    if (!all_finite(radiance)) { atomicOr(&work[NOT_FINITE], 1u << view); }
     let lamp = sum.lamp * share;
     let lamps = f32(sum.lamps) * share;
     let color = exposed(lamp, lamps) + exposed(radiance - lamp, 1.0 - lamps);
-    picture[pixel] = byte(color.x) | (byte(color.y) << 8u) | (byte(color.z) << 16u);
-    picture[pixels + pixel] = bitcast<u32>(sum.depth_m);
-    picture[2u * pixels + pixel] = sum.object;
+    let at = item + 2u * view * area();
+    picture[at] = byte(color.x) | (byte(color.y) << 8u) | (byte(color.z) << 16u);
+    picture[at + area()] = bitcast<u32>(sum.depth_m);
+    picture[at + 2u * area()] = sum.object;
 }

@@ -26,12 +26,15 @@ struct Sums {
     object: u32,
 }
 
-// Slots of `work`: lengths of both lists, tiles that are wanted, whether a pixel's radiance is no number; then the numbers of
-// those tiles; at `lists_at` the lists of pixels and the number of paths that each wants.
+// Slots of `work`: lengths of both lists, tiles that are wanted, whether an image's radiance is no number (a bit each); how many
+// pixels want `base` paths doubled so often, and how many of those are in the list; then the numbers of the tiles; at `lists_at`
+// the lists of items and the number of paths that each wants.
 const LENGTHS = 0u;
 const WANTED = 2u;
 const NOT_FINITE = 3u;
-const WANTED_AT = 16u;
+const COUNTS = 16u;
+const CURSORS = 48u;
+const WANTED_AT = 80u;
 
 // One path from the camera.
 struct Path {
@@ -65,17 +68,36 @@ fn begin(ray: Ray) -> Path {
     return Path(ray, vec3(1.0), -1.0, none, 0u, none, 0u, none, true, false, false, 0.0, 1.0 / params.focal.x);
 }
 
-fn camera_ray(pixel: u32, within: vec2<f32>) -> Ray {
-    let corner = vec2(f32(pixel % params.width), f32(pixel / params.width)) - params.centre;
-    let toward = normalize(vec3((corner + within) / params.focal, 1.0));
-    return half_line(params.origin, params.x_axis * toward.x + params.y_axis * toward.y + params.z_axis * toward.z);
+fn area() -> u32 {
+    return params.width * params.height;
 }
 
-// The pixel at a place of the list of all pixels, in blocks of 8×8; NONE beyond the edge.
-fn pixel_at(place: u32) -> u32 {
+// Key of a view's random numbers.
+fn frame_of_view(view: u32) -> vec2<u32> {
+    return vec2(params.viewpoints[view].frame_low, params.viewpoints[view].frame_high);
+}
+
+fn camera_ray(view: u32, pixel: u32, within: vec2<f32>) -> Ray {
+    let corner = vec2(f32(pixel % params.width), f32(pixel / params.width)) - params.centre;
+    let toward = normalize(vec3((corner + within) / params.focal, 1.0));
+    let from_view = params.viewpoints[view];
+    return half_line(from_view.origin, from_view.x_axis * toward.x + from_view.y_axis * toward.y + from_view.z_axis * toward.z);
+}
+
+// The item at a place of the list of all pixels, in blocks of 8×8; NONE beyond an edge.
+fn item_at(place: u32) -> u32 {
     let blocks = (params.width + 7u) / 8u;
-    let block = place / 64u;
-    let x = (block % blocks) * 8u + place % 8u;
-    let y = (block / blocks) * 8u + (place % 64u) / 8u;
-    return select(NONE, y * params.width + x, x < params.width && y < params.height);
+    let places = blocks * ((params.height + 7u) / 8u) * 64u;
+    let view = place / places;
+    let within = place % places;
+    let block = within / 64u;
+    let x = (block % blocks) * 8u + within % 8u;
+    let y = (block / blocks) * 8u + (within % 64u) / 8u;
+    let item = view * area() + y * params.width + x;
+    return select(NONE, item, x < params.width && y < params.height && view < params.views);
+}
+
+// Place in `work` of how many paths an item wants.
+fn wish_of(item: u32) -> u32 {
+    return params.lists_at + 2u * params.list_size + item;
 }

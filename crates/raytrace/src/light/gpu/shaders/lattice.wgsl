@@ -42,6 +42,13 @@ struct Reading {
     found: bool,
 }
 
+// Four points of a tile, weighted: their sum, the sum of the weights, and the bits of the tile's rough cells.
+struct Blend {
+    sum: Received,
+    total: f32,
+    bits: vec2<u32>,
+}
+
 fn none_received() -> Received {
     return Received(vec3(0.0), vec3(0.0), vec3(0.0));
 }
@@ -102,20 +109,11 @@ fn read_field(field: u32, spot: Spot) -> Reading {
     let corners = corners_of(field, spot);
     let state = slot_state(corners.slot);
     if (state < FILLED) { return Reading(none_received(), false, false); }
-    let head = state - FILLED;
-    var sum = none_received();
-    var total = 0.0;
-    for (var k = 0u; k < 4u; k++) {
-        let p = point_at(head, corners.numbers[k]);
-        let weight = corners.shares[k] * p.weight;
-        sum = with_scaled(sum, p.received, weight);
-        total += weight;
-    }
-    let bits = word(head);
+    let blend = blended(state - FILLED, corners.numbers, corners.shares);
     let cell = corners.cell.x + corners.cell.y * TILE_CELLS;
-    let rough = ((select(bits.x, bits.y, cell >= 32u) >> (cell & 31u)) & 1u) == 1u;
-    if (total > 0.0) { sum = with_scaled(none_received(), sum, 1.0 / total); }
-    return Reading(sum, rough, true);
+    let rough = ((select(blend.bits.x, blend.bits.y, cell >= 32u) >> (cell & 31u)) & 1u) == 1u;
+    if (blend.total > 0.0) { return Reading(with_scaled(none_received(), blend.sum, 1.0 / blend.total), rough, true); }
+    return Reading(blend.sum, rough, true);
 }
 
 // All light of the coarse lattice, which is full.

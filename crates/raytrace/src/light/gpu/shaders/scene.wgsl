@@ -124,26 +124,37 @@ struct Chart {
     unused_d: u32,
 }
 
-struct Params {
-    // Camera: columns of the rotation into the world, position, intrinsics in pixels.
+// A camera: columns of the rotation into the world, position, key of its random numbers.
+struct Viewpoint {
     x_axis: vec3<f32>,
-    width: u32,
+    frame_low: u32,
     y_axis: vec3<f32>,
-    height: u32,
+    frame_high: u32,
     z_axis: vec3<f32>,
+    unused_a: u32,
+    origin: vec3<f32>,
+    unused_b: u32,
+}
+
+struct Params {
+    // Of one image, pixels.
+    width: u32,
+    height: u32,
     // This dispatch takes places `first` to `first + count` of its list.
     first: u32,
-    origin: vec3<f32>,
     count: u32,
+    // Intrinsics, pixels.
     focal: vec2<f32>,
     centre: vec2<f32>,
     background: vec3<f32>,
     gain: f32,
-    // Key of the frame's random numbers, and the seed.
-    frame: vec2<u32>,
     seed: vec2<u32>,
-    // Paths a pixel has when this pass is through; those of every pixel; the most; the variance of a developed pixel that is
-    // sought.
+    // Images that are rendered together. A pixel's item is its number in its image, behind all pixels of the images before.
+    views: u32,
+    // Doublings that lead from `base` to at least `most`.
+    levels: u32,
+    // Paths a pixel has when this pass is through, 0 where that is its own wish; those of every pixel; the most; the variance of a
+    // developed pixel that is sought.
     samples: u32,
     base: u32,
     most: u32,
@@ -180,6 +191,7 @@ struct Params {
     unused_b: u32,
     unused_c: u32,
     spacing_m: array<vec4<f32>, 16>,
+    viewpoints: array<Viewpoint, 8>,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

@@ -1,5 +1,7 @@
 //! `corf bench light`: how far a dataset's images are from the converged ones, and what they cost.
 
+mod text;
+
 use super::super::{Verdict, show};
 use crate::device::{Backend, DeviceChoice};
 use crate::files::output::FreshFolder;
@@ -14,14 +16,13 @@ use crate::terminal::progress::Progress;
 use anyhow::Result;
 use clap::Args;
 use corf_raytrace::bvh::{Bvh, Ray};
-use corf_raytrace::light::{self, LightFrame, LightSettings, LightTracer};
+use corf_raytrace::light::{self, LightFrame, LightSettings, LightTracer, Spent};
 use corf_raytrace::sensor::OpticalSensor;
 use corf_scene::config::DatasetConfig;
 use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Pinhole, Raster, Rigid3, Rng, Scene, io, radio_check};
 use glam::DVec3;
 use serde::Serialize;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -85,11 +86,26 @@ struct Report {
     views: Vec<View>,
     /// Over all views.
     psnr_db: f64,
+    /// Standard error of that: of how many pixels the reference has, and of its own noise.
+    psnr_error_db: f64,
     radiance_ratio: f64,
     two_views_difference: Option<f64>,
     seconds_a_view: f64,
+    /// Views handed over to a GPU at once and developed there, as for a data set.
+    together: Option<Together>,
+    /// Where a GPU's time went, all of the command's.
+    spent: Vec<Spent>,
     /// A GPU against the processor, over all views.
     against_processor: Option<Against>,
+}
+
+/// Views that a GPU renders together.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Together {
+    views: usize,
+    /// Seconds of each, and of each when all are rendered again.
+    seconds_a_view: f64,
+    seconds_a_view_again: f64,
 }
 
 /// A view on a GPU against the same view on the processor, which draws the same random numbers.
@@ -117,8 +133,9 @@ struct View {
     seconds_again: f64,
     /// PSNR of the noise of one rendering: half the mean squared difference of the two.
     noise_psnr_db: f64,
-    /// PSNR of the 8-bit sRGB image against the converged one, the reference's noise cancelled.
+    /// PSNR of the 8-bit sRGB image against the converged one, the reference's noise cancelled, and the standard error of that.
     psnr_db: f64,
+    psnr_error_db: f64,
     /// PSNR of the mean of both halves of the reference.
     reference_psnr_db: f64,
     /// Mean scattered radiance over the reference's (luminance).
@@ -132,6 +149,9 @@ struct View {
     against_processor: Option<Against>,
     #[serde(skip)]
     squared_error: f64,
+    /// Standard error of that.
+    #[serde(skip)]
+    squared_error_error: f64,
 }
 
 impl Light {
@@ -176,7 +196,9 @@ impl Light {
             progress.set(k + 1, count);
         }
         progress.finish();
+        let together = Together::of(&sensor, &poses)?;
         let mean = |value: &dyn Fn(&View) -> f64| views.iter().map(value).sum::<f64>() / views.len() as f64;
+        let squared_error_error = (mean(&|v| v.squared_error_error.powi(2)) / views.len() as f64).sqrt();
         let differences: Vec<f64> = views.iter().filter_map(|v| v.two_views_difference).collect();
         let report = Report {
             dataset: config.name.clone(),
@@ -190,14 +212,17 @@ impl Light {
             prepare_seconds,
             exposure_ev,
             psnr_db: psnr_db(mean(&|v| v.squared_error)),
+            psnr_error_db: in_db(squared_error_error, mean(&|v| v.squared_error)),
             radiance_ratio: mean(&|v| v.radiance_ratio),
             two_views_difference: (!differences.is_empty()).then(|| median(differences)),
             seconds_a_view: mean(&|v| v.seconds),
+            together,
+            spent: sensor.spent(),
             against_processor: Against::mean(&views),
             views,
         };
         pictures.map_or(Ok(()), FreshFolder::finish)?;
-        show(json, &report, &text(&report))?;
+        show(json, &report, &text::text(&report))?;
         Ok(Verdict::Done)
     }
 
@@ -259,6 +284,7 @@ impl Light {
             seconds_again,
             noise_psnr_db: psnr(&image, &light::develop_frame(&again, ev), None) + HALF_DB,
             psnr_db: psnr_db(compared.squared_error),
+            psnr_error_db: in_db(compared.squared_error_error, compared.squared_error),
             reference_psnr_db: psnr_db(compared.reference_error),
             radiance_ratio: compared.ratio,
             radiance_ratio_error: compared.ratio_error,
@@ -267,7 +293,27 @@ impl Light {
             rays_a_pixel: (rays.camera + rays.bounce + rays.shadow) as f64 / area,
             against_processor,
             squared_error: compared.squared_error,
+            squared_error_error: compared.squared_error_error,
         })
+    }
+}
+
+impl Together {
+    /// Renders and develops as many poses along a trajectory as a GPU is best given at once, twice; nothing where the processor traces.
+    fn of(sensor: &OpticalSensor<'_>, poses: &[TrajectoryPose]) -> Result<Option<Self>> {
+        if sensor.adapter().is_none() {
+            return Ok(None);
+        }
+        let views = sensor.together().min(poses.len());
+        let chosen: Vec<&TrajectoryPose> =
+            (0..views).filter_map(|k| poses.get((2 * k + 1) * poses.len() / (2 * views))).collect();
+        let seconds = || -> Result<f64> {
+            interrupt::check()?;
+            let start = Instant::now();
+            sensor.see_all(&chosen)?;
+            Ok(start.elapsed().as_secs_f64() / views as f64)
+        };
+        Ok(Some(Self { views, seconds_a_view: seconds()?, seconds_a_view_again: seconds()? }))
     }
 }
 
@@ -334,6 +380,8 @@ struct Comparison {
     /// Mean squared error, the reference's noise cancelled, and that of the reference's mean.
     squared_error: f64,
     reference_error: f64,
+    /// Standard error of the first.
+    squared_error_error: f64,
     /// Ratio of mean scattered radiance (luminance), and its standard error.
     ratio: f64,
     ratio_error: f64,
@@ -342,15 +390,17 @@ struct Comparison {
 impl Comparison {
     fn of(frame: &LightFrame, image: &Raster<[u8; 3]>, pixels: &[[usize; 2]], halves: &[Vec<Traced>; 2], ev: f32) -> Self {
         let n = pixels.len() as f64;
-        let (mut squared_error, mut reference_error) = (0.0f64, 0.0f64);
+        let (mut squared_error, mut reference_error, mut squares) = (0.0f64, 0.0f64, 0.0f64);
         let mut errors = vec![[0.0f64; 3]; pixels.len()];
         let mut scattered = Vec::with_capacity(pixels.len());
         for (i, &[x, y]) in pixels.iter().enumerate() {
             let [a, b] = [0, 1].map(|h| light::develop_pixel(halves[h][i].0, halves[h][i].1, ev).map(f64::from));
             let c = image[(x, y)].map(|v| f64::from(v) / 255.0);
+            let of_pixel = (0..3).map(|k| (c[k] - a[k]) * (c[k] - b[k]) / 3.0).sum::<f64>();
+            squared_error += of_pixel;
+            squares += of_pixel * of_pixel;
             for k in 0..3 {
                 errors[i][k] = c[k] - 0.5 * (a[k] + b[k]);
-                squared_error += (c[k] - a[k]) * (c[k] - b[k]) / 3.0;
                 reference_error += (a[k] - b[k]) * (a[k] - b[k]) / 12.0;
             }
             let of = |(radiance, lamp): Traced| {
@@ -366,6 +416,7 @@ impl Comparison {
         Self {
             errors,
             squared_error: squared_error / n,
+            squared_error_error: ((squares / n - (squared_error / n).powi(2)).max(0.0) / n).sqrt(),
             reference_error: reference_error / n,
             ratio,
             ratio_error: (spread / n).sqrt() / (its / n),
@@ -479,63 +530,12 @@ fn psnr_db(squared_error: f64) -> f64 {
     -10.0 * squared_error.max(1e-10).log10()
 }
 
+/// An error of a squared error, in dB of its PSNR.
+fn in_db(error: f64, squared_error: f64) -> f64 {
+    10.0 * std::f64::consts::LOG10_E * error / squared_error.max(1e-10)
+}
+
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
-}
-
-fn text(report: &Report) -> String {
-    let percent = |v: Option<f64>| v.map_or("-".to_string(), |v| format!("{:.2} %", 100.0 * v));
-    let mut out = format!(
-        "{}: {}x{}, {} samples a pixel ({:?}) on {}, reference {} + {} unbiased; {} threads\nprepared in {:.1} s, exposure {} EV\n\
-         keyframe   PSNR dB   noise dB   reference dB     radiance ratio   two views   rays/pixel   seconds    again",
-        report.dataset,
-        report.width,
-        report.height,
-        report.samples_per_pixel,
-        report.method,
-        report.device,
-        report.reference_samples,
-        report.reference_samples,
-        report.threads,
-        report.prepare_seconds,
-        report.exposure_ev,
-    );
-    for v in &report.views {
-        let _ = write!(
-            out,
-            "\n{:>8} {:>9.2} {:>10.2} {:>14.2} {:>10.4} ±{:.4} {:>11} {:>12.1} {:>9.2} {:>8.2}",
-            v.keyframe,
-            v.psnr_db,
-            v.noise_psnr_db,
-            v.reference_psnr_db,
-            v.radiance_ratio,
-            v.radiance_ratio_error,
-            percent(v.two_views_difference),
-            v.rays_a_pixel,
-            v.seconds,
-            v.seconds_again
-        );
-    }
-    let _ = write!(
-        out,
-        "\n     all {:>9.2} {:>25} {:>10.4} {:>19} {:>22.2}",
-        report.psnr_db,
-        "",
-        report.radiance_ratio,
-        percent(report.two_views_difference),
-        report.seconds_a_view
-    );
-    if let Some(all) = &report.against_processor {
-        let _ = write!(out, "\nagainst the processor: PSNR dB    light    seconds    again   times faster");
-        let named = report.views.iter().filter_map(|v| Some((v.keyframe.to_string(), v.against_processor.as_ref()?)));
-        for (name, a) in named.chain([("all".to_owned(), all)]) {
-            let _ = write!(
-                out,
-                "\n{name:>22} {:>8.2} {:>8.5} {:>10.2} {:>8.2} {:>14.1}",
-                a.psnr_db, a.radiance_ratio, a.seconds, a.seconds_again, a.times_faster
-            );
-        }
-    }
-    out
 }
