@@ -7,7 +7,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 /// Passes that are timed before their stamps are read.
-const PASSES: u32 = 256;
+const PASSES: u32 = 2048;
 
 /// Sums of times.
 pub(super) struct Clock {
@@ -75,19 +75,21 @@ impl Clock {
         })
     }
 
-    /// Reads the timestamps that were taken, where that is worth a wait. All that were handed out are of passes that were submitted.
+    /// Number of passes whose timestamps are yet to be read.
+    pub fn passes(&self) -> usize {
+        self.stamps.as_ref().map_or(0, |stamps| locked(&stamps.passes).len())
+    }
+
+    /// Reads the timestamps that were taken. All that were handed out are of passes that were submitted.
     ///
     /// # Errors
     /// The device's.
-    pub fn collect(&self, context: &Context, at_least: u32) -> Result<()> {
+    pub fn collect(&self, context: &Context) -> Result<()> {
         let Some(Stamps { queries, resolved, passes }) = &self.stamps else { return Ok(()) };
-        let passes = {
-            let mut passes = locked(passes);
-            if passes.is_empty() || (passes.len() as u32) < at_least {
-                return Ok(());
-            }
-            std::mem::take(&mut *passes)
-        };
+        let passes = std::mem::take(&mut *locked(passes));
+        if passes.is_empty() {
+            return Ok(());
+        }
         let count = 2 * passes.len() as u32;
         let mut encoder = context.encoder();
         encoder.resolve_query_set(queries, 0..count, resolved, 0);
@@ -106,5 +108,5 @@ impl Clock {
     }
 }
 
-/// Passes that are worth reading their timestamps in between.
-pub(super) const WORTH_READING: u32 = PASSES / 2;
+/// So many passes are worth a wait for their timestamps.
+pub(super) const WORTH_READING: usize = PASSES as usize / 4;

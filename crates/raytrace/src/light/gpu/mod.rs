@@ -104,9 +104,8 @@ impl Kernels {
             let tiles = scope.spawn(|| TileKernels::new(context, constants, page));
             (plain(), view.join(), tiles.join())
         });
-        let lost = |_| Error::invalid("gpu", "a kernel was lost", "this is a defect of the device");
         let [render_paths, select, centre, develop] = plain?;
-        let cached = CachedKernels { render_view: view.map_err(lost)??, tiles: tiles.map_err(lost)?? };
+        let cached = CachedKernels { render_view: view.map_err(|_| lost())??, tiles: tiles.map_err(|_| lost())?? };
         Ok(Self { render_paths, select, centre, develop, cached: Some(cached) })
     }
 }
@@ -130,17 +129,20 @@ impl<'a> GpuLight<'a> {
         clock.add("adapter", start.elapsed().as_secs_f64());
         let tree = clock.wall("tree", || scene::tree(tracer));
         let constants = scene::constants(tracer, &tree);
-        // Drivers take seconds to compile; meanwhile charts are cut and the scene is brought over.
-        let (kernels, rest) = rayon::join(
-            || clock.wall("kernels", || Kernels::new(&context, &constants, cache.is_some())),
-            || -> Result<_> {
+        // Drivers take seconds to compile; meanwhile charts are cut and the scene is brought over. The pool may be busy with other work.
+        let compile = || clock.wall("kernels", || Kernels::new(&context, &constants, cache.is_some()));
+        let (kernels, rest) = std::thread::scope(|scope| {
+            let kernels = scope.spawn(compile);
+            let rest = || -> Result<_> {
                 let packed = clock.wall("charts", || cache.map(|settings| Packed::new(tracer, settings)).transpose())?;
                 let chart_of = |triangle| packed.as_ref().map_or(0, |p| p.chart_of(triangle));
                 let scene = clock.wall("scene", || SceneBuffers::new(&context, tracer, &tree, chart_of))?;
                 Ok((packed, scene))
-            },
-        );
-        let (kernels, (packed, scene)) = (kernels?, rest?);
+            };
+            let rest = rest();
+            (kernels.join().map_err(|_| lost()), rest)
+        });
+        let (kernels, (packed, scene)) = (kernels??, rest?);
         let uniform = context.buffer("settings", commands::UNIFORM_BYTES, wgpu::BufferUsages::UNIFORM)?;
         let emitters = &tracer.emitters;
         let params = Params {
@@ -264,9 +266,14 @@ impl Renderer for GpuLight<'_> {
     fn spent(&self) -> Vec<Spent> {
         // Stamps that cannot be read are of a device that is lost, which whoever renders is told.
         let _held = self.state();
-        let _ = self.clock.collect(&self.context, 0);
+        let _ = self.clock.collect(&self.context);
         self.clock.spent()
     }
+}
+
+/// That a thread that compiled kernels ended before its time.
+fn lost() -> Error {
+    Error::invalid("gpu", "a kernel was lost", "this is a defect of the device")
 }
 
 /// Depth, infinite where the GPU's largest distance says that nothing was hit.

@@ -227,7 +227,7 @@ impl<'a> GpuLight<'a> {
         commands.over(&frame.centre, &params, places);
         commands.submit();
         self.context.check("rendering light")?;
-        self.clock.collect(&self.context, super::clock::WORTH_READING)?;
+        self.read_stamps()?;
         self.clock.add("rendering", start.elapsed().as_secs_f64());
         Ok((frame, params))
     }
@@ -335,10 +335,16 @@ impl<'a> GpuLight<'a> {
                 lattices.fill(self, pace, params, wanted)?;
                 self.clock.add("asking for tiles", start.elapsed().as_secs_f64());
             }
-            self.clock.collect(&self.context, super::clock::WORTH_READING)?;
+            self.read_stamps()?;
             items = Items { list: other as u32 + 1, count: head[other], parts: vec![(head[other], most)] };
         }
         Ok(())
+    }
+
+    /// Reads the device's timestamps where that is worth a wait.
+    fn read_stamps(&self) -> Result<()> {
+        let is_due = self.clock.passes() >= super::clock::WORTH_READING;
+        if is_due { self.clock.wall("waiting", || self.clock.collect(&self.context)) } else { Ok(()) }
     }
 
     /// Sets a word of the head of `work` to zero.
