@@ -29,6 +29,9 @@ Of a run: plyfile reads the models, whose columns are INRIA's, with as many rows
 formats of fields). nerfstudio's and nerfbaselines' own loaders are asked
 where they are installed, and are named as skipped where they are not.
 
+`--arrays FILE...`: safetensors opens the files of trained networks and fields (`nerf2`, `wrf-gs-plus`, `array` of a run) and checkpoints; their numbers are finite, and the checksum
+that the metadata states is theirs.
+
 `--nerfstudio`, `--rf-3dgs`, `--nerf2`: see check_exports.py; nerfstudio's dataparser is asked as well where it is installed. `--deepmimo`: deepmimo loads the scenario and computes
 channels, which are those of the paths: see check_channels.py. Scenes have checks of their own, each with the program that reads them: check_sionna.py (Sionna RT),
 check_light.py (Mitsuba 3); models on gsplat's rasteriser: compare_gsplat.py.
@@ -40,6 +43,7 @@ import argparse
 import importlib.util
 import json
 import sys
+import zlib
 from pathlib import Path
 
 from check_channels import check_deepmimo, controls, links
@@ -62,6 +66,7 @@ def arguments():
     parser.add_argument("--nerfstudio", type=Path, help="folder of corf dataset export --to nerfstudio")
     parser.add_argument("--rf-3dgs", type=Path, help="folder of corf dataset export --to rf-3dgs; needs --numpy")
     parser.add_argument("--nerf2", type=Path, help="folder of corf dataset export --to nerf2")
+    parser.add_argument("--arrays", type=Path, nargs="+", default=[], help="files of trained networks and fields, and checkpoints")
     parser.add_argument("--deepmimo", type=Path, help="folder of corf paths --format deepmimo; needs --links")
     parser.add_argument("--links", type=Path, help="the same links of corf paths --format json")
     parser.add_argument("--controls", action="store_true", help="also make sure that shifted cameras and channels fail")
@@ -321,6 +326,34 @@ def check_folders(args, header, poses):
     return results
 
 
+def checksum(text, arrays):
+    """CRC-32 of what the metadata says before its checksum, and of the arrays in the order of their names."""
+    value = zlib.crc32(text[: text.rindex(',"crc32":')].encode())
+    for name in sorted(arrays):
+        value = zlib.crc32(arrays[name].tobytes(), value)
+    return value
+
+
+def check_arrays(path, controls):
+    import numpy as np
+    from safetensors import safe_open
+
+    with safe_open(path, framework="numpy") as file:
+        text = file.metadata()["corf"]
+        arrays = {name: file.get_tensor(name) for name in file.keys()}
+    about = json.loads(text)
+    insist(about["format"].startswith("corf-") and isinstance(about["header"], dict), f"metadata of format {about['format']}")
+    insist(sum(array.size for array in arrays.values()) > 0, "no numbers")
+    insist(all(np.isfinite(array).all() for array in arrays.values()), "a number is not finite")
+    insist(checksum(text, arrays) == about["crc32"], "the checksum is not that of the arrays")
+    if controls:
+        first = min(name for name, array in arrays.items() if array.size)
+        changed = arrays[first].copy()
+        changed.flat[0] = changed.flat[0] == 0
+        insist(checksum(text, {**arrays, first: changed}) != about["crc32"], "another number has the same checksum")
+    print(f"        {about['format']}: " + ", ".join(f"{name} {list(arrays[name].shape)}" for name in sorted(arrays)))
+
+
 def main():
     args = arguments()
     header, poses = truth(args.dataset)
@@ -359,6 +392,8 @@ def main():
         results.append(check("NumPy archives", lambda: check_numpy(args.numpy, args.dataset, header, poses)))
     if args.run:
         results.append(check("models by plyfile", lambda: check_models(args.run)))
+    for path in args.arrays:
+        results.append(check(f"{path.name} by safetensors", lambda path=path: check_arrays(path, args.controls)))
     results += check_folders(args, header, poses)
     return 0 if all(results) else 1
 

@@ -2,7 +2,7 @@
 //!
 //! A [`Network`] says which layer reads what; its parameters are one array of numbers. [`Network::forward`] and [`Network::backward`] are the
 //! processor's, generic over `f32` and `f64`; `gpu` has the same in WGSL. [`FrequencyEncoding`] is what coordinates go through before a
-//! network sees them, [`Adam`] and [`Cosine`] are how it is trained; [`corf::files::numbers`] keeps it on disk.
+//! network sees them, [`Adam`] and [`Cosine`] are how it is trained; [`corf::files::tensors`] keeps it on disk.
 
 mod adam;
 mod encoding;

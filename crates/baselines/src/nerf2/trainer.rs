@@ -3,10 +3,10 @@
 use super::rays::{distances, view_rays};
 use super::{Batch, Model, Nerf2Config, Ray};
 use crate::mlp::Trained;
-use corf::files::numbers;
+use corf::files::tensors::{self, Kind, Tensor, Tensors};
 use corf::{Error, Result};
 use corf_scene::{Pinhole, Raster, Rigid3};
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Trains and evaluates one field.
@@ -53,14 +53,27 @@ pub struct Field {
     pub parameters: Vec<f32>,
 }
 
-/// Header of a field on disk, with what goes before it in the header of a field in training.
+/// Header of a field on disk.
 #[derive(Serialize, Deserialize)]
-struct Header<T> {
-    tag: T,
+struct Header {
+    config: Nerf2Config,
+    transmitter_m: [f32; 3],
+}
+
+/// Header of a field in training.
+#[derive(Serialize, Deserialize)]
+struct StateHeader {
+    tag: String,
     config: Nerf2Config,
     transmitter_m: [f32; 3],
     steps: u64,
 }
+
+const HELP: &str = "make it again with the command that made it";
+const FIELD: Kind = Kind { name: "network", format: "corf-nerf2/2", help: HELP, finite: true };
+const STATE: Kind = Kind { name: "checkpoint", format: "corf-nerf2-checkpoint/2", help: HELP, finite: true };
+/// Names of the network's parameters and of their moments.
+const NETWORK: [&str; 3] = ["network.parameters", "network.first_moment", "network.second_moment"];
 
 impl Field {
     /// Amplitudes over the pixels of a camera at a pose, by a trainer that holds this field.
@@ -79,7 +92,8 @@ impl Field {
     /// Parameters that are not finite, a file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let Self { config, transmitter_m, .. } = *self;
-        numbers::write(path, &Header { tag: (), config, transmitter_m, steps: 0 }, &[&self.parameters])
+        let parameters = Tensor::new(NETWORK[0], &[self.parameters.len()], &self.parameters[..]);
+        tensors::write(path, &FIELD, &Header { config, transmitter_m }, vec![parameters])
     }
 
     /// Reads what [`Self::write`] wrote.
@@ -87,9 +101,10 @@ impl Field {
     /// # Errors
     /// A file that is missing, damaged or something else.
     pub fn read(path: &Path) -> Result<Self> {
-        let (header, mut arrays) = read_header::<()>(path, 1)?;
-        let parameters = arrays.pop().unwrap_or_default();
-        Ok(Self { config: header.config, transmitter_m: header.transmitter_m, parameters })
+        let (file, Header { config, transmitter_m }) = Tensors::read_kind(path, &FIELD)?;
+        config.validate()?;
+        let parameters = file.values(NETWORK[0], &[Model::new(&config).network.parameters()])?;
+        Ok(Self { config, transmitter_m, parameters })
     }
 
     /// Writes a training state with the caller's tag; the field's own parameters are left out.
@@ -99,8 +114,9 @@ impl Field {
     pub fn write_state(&self, path: &Path, tag: &str, state: &Trained<f32>) -> Result<()> {
         let Self { config, transmitter_m, .. } = *self;
         let [first, second] = &state.moments;
-        let header = Header { tag, config, transmitter_m, steps: state.steps };
-        numbers::write(path, &header, &[&state.parameters, first, second])
+        let header = StateHeader { tag: tag.to_owned(), config, transmitter_m, steps: state.steps };
+        let arrays = NETWORK.into_iter().zip([&state.parameters, first, second]);
+        tensors::write(path, &STATE, &header, arrays.map(|(name, v)| Tensor::new(name, &[v.len()], &v[..])).collect())
     }
 
     /// Reads what [`Self::write_state`] wrote: the tag, which the caller checks, and the state.
@@ -108,18 +124,12 @@ impl Field {
     /// # Errors
     /// A file that is missing, damaged or something else.
     pub fn read_state(path: &Path) -> Result<(String, Trained<f32>)> {
-        let (header, arrays) = read_header::<String>(path, 3)?;
-        let Ok([parameters, first, second]) = <[Vec<f32>; 3]>::try_from(arrays) else { unreachable!("three were read") };
-        Ok((header.tag, Trained { parameters, moments: [first, second], steps: header.steps }))
-    }
-}
-
-/// A header, and `count` arrays of the size of its network's parameters.
-fn read_header<T: DeserializeOwned>(path: &Path, count: usize) -> Result<(Header<T>, Vec<Vec<f32>>)> {
-    numbers::read(path, |header: &Header<T>| {
+        let (file, header) = Tensors::read_kind::<StateHeader>(path, &STATE)?;
         header.config.validate()?;
-        Ok(vec![Model::new(&header.config).network.parameters(); count])
-    })
+        let count = Model::new(&header.config).network.parameters();
+        let [parameters, first, second] = NETWORK.map(|name| file.values(name, &[count]));
+        Ok((header.tag, Trained { parameters: parameters?, moments: [first?, second?], steps: header.steps }))
+    }
 }
 
 /// Refuses rays whose samples or values are not as many as they should be.

@@ -1,12 +1,16 @@
-//! An offline reconstruction kept on disk while it runs: all that it depends on beside the keyframes. Behind the device's state the file holds the
-//! positional gradients on the screen (two words a Gaussian) and the points it began with (four words each).
+//! An offline reconstruction kept on disk while it runs: all that it depends on beside the keyframes. Beside the device's state the file holds the
+//! positional gradients on the screen (`screen_gradients`: the bits of a sum and a number of steps) and the points it began with (`points`: the bits
+//! of a place, and a colour).
 
 use super::{DensityCounts, Point, Rf3dgsReconstructor, Rf3dgsTimes};
 use crate::rf_3dgs::Rf3dgsConfig;
 use corf::{
-    Error, FieldMeta, Gaussians, Result,
+    Error, FieldMeta, Result,
     device::{DeviceState, ScreenGradient},
-    files::state,
+    files::{
+        state,
+        tensors::{self, Kind, Tensor, Tensors},
+    },
 };
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -27,28 +31,22 @@ struct Header {
     points: usize,
 }
 
-impl state::Header for Header {
-    const MAGIC: &'static str = "corf-offline-checkpoint/1\n";
-
-    fn gaussians(&self) -> usize {
-        self.gaussians
-    }
-
-    fn empty_field(&self) -> Gaussians {
-        self.config.empty_field()
-    }
-
-    fn more_words(&self) -> Option<usize> {
-        self.gaussians.checked_mul(2)?.checked_add(self.points.checked_mul(4)?)
-    }
-}
+const KIND: Kind = Kind {
+    name: "checkpoint",
+    format: "corf-offline-checkpoint/2",
+    help: "remove the file and start the reconstruction anew",
+    finite: false,
+};
 
 /// The state of an [`Rf3dgsReconstructor`] between two steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rf3dgsCheckpoint {
     header: Header,
     device: DeviceState,
-    more: Vec<u32>,
+    /// Two words a Gaussian.
+    gradients: Vec<u32>,
+    /// Four words a point.
+    points: Vec<u32>,
 }
 
 impl Rf3dgsCheckpoint {
@@ -67,7 +65,10 @@ impl Rf3dgsCheckpoint {
     /// # Errors
     /// When the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        state::write(path, &self.header, &self.device, &self.more)
+        let mut all = state::tensors(&self.device);
+        all.push(Tensor::words("screen_gradients", &[self.header.gaussians, 2], &self.gradients[..]));
+        all.push(Tensor::words("points", &[self.header.points, 4], &self.points[..]));
+        tensors::write(path, &KIND, &self.header, all)
     }
 
     /// Reads one back.
@@ -75,8 +76,11 @@ impl Rf3dgsCheckpoint {
     /// # Errors
     /// A file that is missing, damaged, or no checkpoint.
     pub fn read(path: &Path) -> Result<Self> {
-        let (header, device, more) = state::read(path)?;
-        Ok(Self { header, device, more })
+        let (file, header) = Tensors::read_kind::<Header>(path, &KIND)?;
+        let device = state::read(&file, header.gaussians, &header.config.empty_field())?;
+        let gradients = file.words("screen_gradients", &[header.gaussians, 2])?;
+        let points = file.words("points", &[header.points, 4])?;
+        Ok(Self { header, device, gradients, points })
     }
 }
 
@@ -91,12 +95,12 @@ impl Rf3dgsReconstructor {
             return Err(Error::invalid("checkpoint", "the reconstruction has not begun", help));
         }
         let device = self.device.state()?;
-        let mut more: Vec<u32> = self.device.screen_gradients()?.iter().flat_map(|g| [g.norm_sum.to_bits(), g.steps]).collect();
-        for point in &self.points {
-            more.extend(point.position.map(f32::to_bits));
-            let [r, g, b] = point.color;
-            more.push(u32::from_le_bytes([r, g, b, 0]));
-        }
+        let gradients = self.device.screen_gradients()?.iter().flat_map(|g| [g.norm_sum.to_bits(), g.steps]).collect();
+        let point = |point: &Point| {
+            let ([x, y, z], [r, g, b]) = (point.position.map(f32::to_bits), point.color);
+            [x, y, z, u32::from_le_bytes([r, g, b, 0])]
+        };
+        let points = self.points.iter().flat_map(point).collect();
         let header = Header {
             tag: tag.to_owned(),
             seed: self.seed,
@@ -110,7 +114,7 @@ impl Rf3dgsReconstructor {
             gaussians: device.gaussians.len(),
             points: self.points.len(),
         };
-        Ok(Rf3dgsCheckpoint { header, device, more })
+        Ok(Rf3dgsCheckpoint { header, device, gradients, points })
     }
 
     /// Makes a reconstruction that has received its keyframes go on where a checkpoint was taken, in place of [`Self::begin`]. What follows is
@@ -129,15 +133,14 @@ impl Rf3dgsReconstructor {
         self.settle()?;
         self.views = vec![];
         self.device.restore(&checkpoint.device)?;
-        let (gradients, points) = checkpoint.more.split_at(2 * h.gaussians);
         let gradient = |w: &[u32; 2]| ScreenGradient { norm_sum: f32::from_bits(w[0]), steps: w[1] };
-        let gradients: Vec<ScreenGradient> = gradients.as_chunks().0.iter().map(gradient).collect();
+        let gradients: Vec<ScreenGradient> = checkpoint.gradients.as_chunks().0.iter().map(gradient).collect();
         self.device.set_screen_gradients(&gradients)?;
         let point = |&[x, y, z, color]: &[u32; 4]| {
             let [r, g, b, _] = color.to_le_bytes();
             Point { position: [x, y, z].map(f32::from_bits), color: [r, g, b] }
         };
-        self.points = points.as_chunks().0.iter().map(point).collect();
+        self.points = checkpoint.points.as_chunks().0.iter().map(point).collect();
         let [cloned, split, pruned] = h.counts;
         self.counts = DensityCounts { cloned, split, pruned };
         (self.done, self.rf_begun, self.times) = (h.steps, h.rf_begun, h.times);

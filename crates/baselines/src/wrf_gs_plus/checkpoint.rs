@@ -1,15 +1,14 @@
 //! A WRF-GS+ reconstruction kept on disk while it runs: all that it depends on beside the keyframes.
 //!
-//! The arrays behind the header are, for the Gaussians and Adam's two moments, position, rotation, ln scale, opacity and colour at 60 GHz; the
-//! network's parameters and two moments; sums of the gradients on the screen, and the numbers of steps in them (whole numbers, exact in f32 up to
-//! 2²⁴, which no sum between two changes comes to).
+//! Its arrays are, for the Gaussians and Adam's two moments, position, rotation, ln scale, opacity and colour at 60 GHz; the network's parameters and
+//! two moments; sums of the gradients on the screen, and the numbers of steps in them.
 
-use super::field::{ARRAYS, arrays, gaussians, sizes};
+use super::field::{HELP, gaussians, tensors};
 use super::{Model, WrfGsPlusConfig, WrfGsPlusReconstructor};
 use crate::mlp::Trained;
 use crate::rf_3dgs::DensityCounts;
 use corf::device::{DeviceState, ScreenGradient};
-use corf::files::numbers;
+use corf::files::tensors::{self, Kind, Tensor, Tensors};
 use corf::{Error, FieldMeta, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -26,6 +25,13 @@ struct Header {
     counts: [usize; 3],
     gaussians: usize,
 }
+
+const KIND: Kind = Kind { name: "checkpoint", format: "corf-wrf-gs-plus-checkpoint/2", help: HELP, finite: true };
+
+/// Names of the Gaussians and of their moments.
+const PARTS: [&str; 3] = ["gaussians", "first_moment", "second_moment"];
+/// Names of the network's parameters and of their moments.
+const NETWORK: [&str; 3] = ["network.parameters", "network.first_moment", "network.second_moment"];
 
 /// The state of a [`WrfGsPlusReconstructor`] between two steps.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,16 +58,17 @@ impl WrfGsPlusCheckpoint {
     /// # Errors
     /// A number that is not finite, a file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let norms: Vec<f32> = self.screen.iter().map(|g| g.norm_sum).collect();
-        let steps: Vec<f32> = self.screen.iter().map(|g| g.steps as f32).collect();
-        let state = &self.device;
-        let mut all = vec![];
-        for part in [&state.gaussians, &state.moments[0], &state.moments[1]] {
-            all.extend(arrays(part));
+        let (state, network) = (&self.device, &self.network);
+        let ([first, second], n) = (&state.moments, self.screen.len());
+        let mut all: Vec<Tensor<'_>> =
+            PARTS.into_iter().zip([&state.gaussians, first, second]).flat_map(|(of, part)| tensors(of, part)).collect();
+        let [first, second] = &network.moments;
+        for (name, values) in NETWORK.into_iter().zip([&network.parameters, first, second]) {
+            all.push(Tensor::new(name, &[values.len()], &values[..]));
         }
-        let [first, second] = &self.network.moments;
-        all.extend([&self.network.parameters[..], first, second, &norms, &steps]);
-        numbers::write(path, &self.header, &all)
+        all.push(Tensor::new("screen.norm_sum", &[n], self.screen.iter().map(|g| g.norm_sum).collect::<Vec<f32>>()));
+        all.push(Tensor::words("screen.steps", &[n], self.screen.iter().map(|g| g.steps).collect::<Vec<u32>>()));
+        tensors::write(path, &KIND, &self.header, all)
     }
 
     /// Reads one back.
@@ -69,20 +76,16 @@ impl WrfGsPlusCheckpoint {
     /// # Errors
     /// A file that is missing, damaged, or no checkpoint.
     pub fn read(path: &Path) -> Result<Self> {
-        let (header, all) = numbers::read(path, |h: &Header| {
-            h.config.validate()?;
-            let network = Model::new(&h.config).network.parameters();
-            let n = h.gaussians;
-            Ok([&sizes(&h.config, n).repeat(3)[..], &[network, network, network, n, n]].concat())
-        })?;
-        let (of_gaussians, others) = all.split_at(3 * ARRAYS);
-        let mut parts = of_gaussians.chunks_exact(ARRAYS).map(|a| gaussians(&header.config, a));
-        let mut next = || parts.next().unwrap_or_else(|| header.config.empty_field());
-        let (held, moments) = (next(), [next(), next()]);
-        let [parameters, first, second, norms, steps] = others else { unreachable!("five were read") };
-        let screen = norms.iter().zip(steps).map(|(n, s)| ScreenGradient { norm_sum: *n, steps: *s as u32 }).collect();
-        let moments_of_network = [first.clone(), second.clone()];
-        let network = Trained { parameters: parameters.clone(), moments: moments_of_network, steps: header.steps as u64 };
+        let (file, header) = Tensors::read_kind::<Header>(path, &KIND)?;
+        header.config.validate()?;
+        let n = header.gaussians;
+        let [held, first, second] = PARTS.map(|of| gaussians(&header.config, &file, of, n));
+        let (held, moments) = (held?, [first?, second?]);
+        let parameters = Model::new(&header.config).network.parameters();
+        let [own, first, second] = NETWORK.map(|name| file.values(name, &[parameters]));
+        let network = Trained { parameters: own?, moments: [first?, second?], steps: header.steps as u64 };
+        let sums = file.values("screen.norm_sum", &[n])?.into_iter().zip(file.words("screen.steps", &[n])?);
+        let screen = sums.map(|(norm_sum, steps)| ScreenGradient { norm_sum, steps }).collect();
         let device = DeviceState { position_rate: vec![1.0; held.len()], gaussians: held, moments };
         Ok(Self { header, device, network, screen })
     }

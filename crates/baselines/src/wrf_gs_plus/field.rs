@@ -3,7 +3,7 @@
 use super::{Model, Trainer, WrfGsPlusConfig};
 use crate::mlp::Trained;
 use corf::device::{Planes, View};
-use corf::files::numbers;
+use corf::files::tensors::{self, Kind, Tensor, Tensors};
 use corf::{Appearance, FieldMeta, Gaussians, Result};
 use corf_scene::Rigid3;
 use serde::{Deserialize, Serialize};
@@ -30,29 +30,37 @@ struct Header {
     gaussians: usize,
 }
 
-/// Number of arrays that some Gaussians are written as.
-pub(super) const ARRAYS: usize = 5;
+/// Advice to who gave a file that cannot be used.
+pub(super) const HELP: &str = "make it again with the command that made it";
 
-/// The arrays that some Gaussians are written as: position, rotation, ln scale, opacity and colour at 60 GHz.
-pub(super) fn arrays(g: &Gaussians) -> [&[f32]; ARRAYS] {
-    [g.position.as_flattened(), g.rotation.as_flattened(), g.log_scale.as_flattened(), &g.rf.opacity_logit, &g.rf.sh]
+const KIND: Kind = Kind { name: "network", format: "corf-wrf-gs-plus/2", help: HELP, finite: true };
+
+/// The arrays that some Gaussians are written as, under names that begin with `of`: position, rotation, ln scale, opacity and colour at 60 GHz.
+pub(super) fn tensors<'a>(of: &str, g: &'a Gaussians) -> Vec<Tensor<'a>> {
+    let n = g.len();
+    vec![
+        Tensor::new(format!("{of}.position"), &[n, 3], g.position.as_flattened()),
+        Tensor::new(format!("{of}.rotation"), &[n, 4], g.rotation.as_flattened()),
+        Tensor::new(format!("{of}.log_scale"), &[n, 3], g.log_scale.as_flattened()),
+        Tensor::new(format!("{of}.rf.opacity_logit"), &[n], &g.rf.opacity_logit[..]),
+        Tensor::new(format!("{of}.rf.color"), &[n, g.rf.stride()], &g.rf.sh[..]),
+    ]
 }
 
-/// Sizes of these arrays for `n` Gaussians; nothing for more than there can be.
-pub(super) fn sizes(config: &WrfGsPlusConfig, n: usize) -> [usize; ARRAYS] {
-    [3, 4, 3, 1, config.rf_target.channels()].map(|numbers| n.saturating_mul(numbers))
-}
-
-/// Gaussians of such arrays, without light.
-pub(super) fn gaussians(config: &WrfGsPlusConfig, arrays: &[Vec<f32>]) -> Gaussians {
+/// `n` Gaussians of such arrays, without light.
+///
+/// # Errors
+/// Arrays that are missing or of other sizes, a number that is not finite.
+pub(super) fn gaussians(config: &WrfGsPlusConfig, file: &Tensors, of: &str, n: usize) -> Result<Gaussians> {
+    let values = |name: &str, shape: &[usize]| file.values(&format!("{of}.{name}"), shape);
     let mut out = config.empty_field();
-    out.position = arrays[0].as_chunks().0.to_vec();
-    out.rotation = arrays[1].as_chunks().0.to_vec();
-    out.log_scale = arrays[2].as_chunks().0.to_vec();
-    (out.rf.opacity_logit, out.rf.sh) = (arrays[3].clone(), arrays[4].clone());
-    let n = out.len();
+    out.position = values("position", &[n, 3])?.as_chunks().0.to_vec();
+    out.rotation = values("rotation", &[n, 4])?.as_chunks().0.to_vec();
+    out.log_scale = values("log_scale", &[n, 3])?.as_chunks().0.to_vec();
+    out.rf.opacity_logit = values("rf.opacity_logit", &[n])?;
+    out.rf.sh = values("rf.color", &[n, out.rf.stride()])?;
     out.optical = Appearance { opacity_logit: vec![0.0; n], sh: vec![0.0; n * out.optical.stride()], ..out.optical };
-    out
+    Ok(out)
 }
 
 impl WrfGsPlusField {
@@ -79,8 +87,9 @@ impl WrfGsPlusField {
     /// A parameter that is not finite, a file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let header = Header { config: self.config.clone(), meta: self.meta, gaussians: self.gaussians.len() };
-        let all = [&arrays(&self.gaussians)[..], &[&self.parameters]].concat();
-        numbers::write(path, &header, &all)
+        let mut all = tensors("gaussians", &self.gaussians);
+        all.push(Tensor::new("network.parameters", &[self.parameters.len()], &self.parameters[..]));
+        tensors::write(path, &KIND, &header, all)
     }
 
     /// Reads what [`Self::write`] wrote.
@@ -88,14 +97,11 @@ impl WrfGsPlusField {
     /// # Errors
     /// A file that is missing, damaged or something else.
     pub fn read(path: &Path) -> Result<Self> {
-        let (header, arrays) = numbers::read(path, |header: &Header| {
-            header.config.validate()?;
-            header.meta.validate()?;
-            let network = Model::new(&header.config).network.parameters();
-            Ok([&sizes(&header.config, header.gaussians)[..], &[network]].concat())
-        })?;
-        let gaussians = gaussians(&header.config, &arrays);
-        let parameters = arrays.into_iter().next_back().unwrap_or_default();
+        let (file, header) = Tensors::read_kind::<Header>(path, &KIND)?;
+        header.config.validate()?;
+        header.meta.validate()?;
+        let gaussians = gaussians(&header.config, &file, "gaussians", header.gaussians)?;
+        let parameters = file.values("network.parameters", &[Model::new(&header.config).network.parameters()])?;
         Ok(Self { config: header.config, meta: header.meta, gaussians, parameters })
     }
 }

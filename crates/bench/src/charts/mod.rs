@@ -1,3 +1,44 @@
-//! Charts: what several of them share.
+//! Charts: one canvas, one kind of axes, and what is drawn over them. Every figure is made of these.
+//!
+//! ```text
+//! svg.rs      shapes, text and embedded pictures in pixels
+//! scale.rs    linear and logarithmic axes: places and ticks
+//! plot.rs     a frame between two axes: lines, points, intervals, bars, a picture, a legend, a colour bar
+//! ```
+//!
+//! A figure is an [`Svg`]; [`Plot::new`] lays axes into a part of it, and as many of them as there are panels.
 
-pub(crate) mod log_axis;
+mod plot;
+mod scale;
+mod svg;
+
+pub use plot::{Corner, Frame, Mark, Plot};
+pub use scale::{Scale, extent};
+pub use svg::{Anchor, Colour, Stroke, Svg, text_width, without_size};
+
+/// Text and axes.
+pub const INK: Colour = [27, 35, 48];
+/// What stands back behind the rest: ticks, explanations.
+pub const DIM: Colour = [93, 106, 124];
+/// Lines of a grid.
+pub const GRID: Colour = [228, 232, 237];
+/// The ground.
+pub const WHITE: Colour = [255; 3];
+
+/// Colours of rows, in the plan's order.
+pub const PALETTE: [Colour; 14] = [
+    [10, 90, 208],
+    [232, 89, 12],
+    [43, 138, 62],
+    [194, 37, 92],
+    [103, 65, 217],
+    [90, 100, 115],
+    [12, 133, 153],
+    [150, 110, 20],
+    [224, 49, 170],
+    [116, 184, 22],
+    [77, 171, 247],
+    [134, 46, 20],
+    [250, 176, 5],
+    [20, 20, 20],
+];

@@ -194,7 +194,7 @@ pub struct Checkpoints {
     pub device: String,
 }
 
-/// What a checkpoint carries, in the words of its file's tag; before there was a device in it, it was the run alone.
+/// What a checkpoint carries, in the words of its file's tag.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Tag {
@@ -236,26 +236,20 @@ impl Checkpoints {
         serde_json::json!(Tag { run: self.tag.clone(), device: self.device.clone() }).to_string()
     }
 
-    /// Checks the tag of a checkpoint that was read. Of one that says no device, as older versions wrote them, that is said.
+    /// Checks the tag of a checkpoint that was read.
     ///
     /// # Errors
     /// Another tag than this one's, or one of another device.
     pub fn check_tag(&self, tag: &str) -> Result<()> {
         let read: Option<Tag> = serde_json::from_str(tag).ok();
-        let (run, device) = read.as_ref().map_or((tag, None), |read| (read.run.as_str(), Some(read.device.as_str())));
         let (path, now) = (self.path.display(), &self.device);
-        ensure!(
-            run == self.tag,
-            "{path} is of another dataset or configuration\n  help: choose another --out, or resume with the command that was interrupted"
-        );
-        let Some(before) = device else {
-            note!(
-                "{path} does not say on which device it was kept; the run goes on on {now}, whose results another device's differ from by rounding"
+        let Some(Tag { device: before, .. }) = read.filter(|read| read.run == self.tag) else {
+            bail!(
+                "{path} is of another dataset or configuration\n  help: choose another --out, or resume with the command that was interrupted"
             );
-            return Ok(());
         };
         ensure!(
-            same_device(before, now),
+            same_device(&before, now),
             "{path} was kept on {before}, and this is {now}: devices differ by rounding, and a run that changes them is neither's\n  help: \
              resume on the device that it began on (--device cpu, or gpu:N; `corf doctor` lists them), or start anew with another --out"
         );
@@ -464,8 +458,7 @@ mod tests {
     }
 
     #[test]
-    fn what_older_versions_kept_is_gone_on_from_and_other_runs_are_not() {
-        of("cpu (2 threads)").check_tag("hash test {}").unwrap();
+    fn checkpoints_of_other_runs_are_refused() {
         let another = Checkpoints { tag: "another test {}".to_owned(), ..of("cpu (2 threads)") };
         for tag in ["another test {}".to_owned(), another.written_tag(), String::new()] {
             let error = of("cpu (2 threads)").check_tag(&tag).unwrap_err().to_string();

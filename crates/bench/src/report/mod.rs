@@ -70,11 +70,11 @@ fn html(report: &Report<'_>) -> Result<String> {
     write!(out, "<h2>Where it was</h2>{}", plan_view::figure(report)?)?;
     let observations = pictures::Observations::read(report)?;
     write!(out, "<h2>All methods on one held-out keyframe</h2>{}", pictures::gallery(report, &observations)?)?;
-    write!(out, "<h2>Frame by frame</h2>{}", charts::per_frame(report.records)?)?;
+    write!(out, "<h2>Frame by frame</h2>{}", charts::per_frame(report.records))?;
     if let Some(figures) = &report.figures {
         write!(out, "<h2>Along the way</h2>{}", figures.html())?;
     }
-    write!(out, "<h2>Time and Gaussians</h2>{}", charts::growth(report.records)?)?;
+    write!(out, "<h2>Time and Gaussians</h2>{}", charts::growth(report.records))?;
     write!(out, "<h2>What was there, what was predicted</h2>{}", pictures::section(report, &observations)?)?;
     write!(out, "<h2>All metrics</h2>{}", all_metrics(report.records))?;
     writeln!(out, "<h2>Provenance</h2>{}</main><script>{SCRIPT}</script></body></html>", provenance(report))?;

@@ -4,7 +4,8 @@
 //! b + Σ_k φ_k(r)·w_k: a gain of its own and a correction for where it is seen from, interpolated between [`Anchors`](super::anchors::Anchors).
 
 use super::wave::{WAVES_PER_TASK, Wave, dot};
-use crate::Real;
+use crate::files::tensors::{Tensor, Tensors};
+use crate::{Real, Result};
 use corf_scene::model::world_from_array;
 use corf_scene::{Pinhole, Rigid3};
 use rayon::prelude::*;
@@ -133,20 +134,25 @@ fn in_precision<T: Real, U: Real>(value: T) -> U {
 }
 
 impl Cloud<f32> {
-    /// Its numbers for a file: positions, gains, and the corrections of each anchor.
-    pub(super) fn arrays(&self) -> Vec<&[f32]> {
-        let own = [self.position.as_flattened(), self.gain.as_slice()];
-        own.into_iter().chain(self.seen_from.iter().map(Vec::as_slice)).collect()
+    /// Its arrays for a file: position (n × 3), gain (n), and the corrections of each anchor (anchors × n).
+    pub(super) fn tensors(&self, of: &str) -> Vec<Tensor<'_>> {
+        let n = self.len();
+        vec![
+            Tensor::new(format!("{of}.position"), &[n, 3], self.position.as_flattened()),
+            Tensor::new(format!("{of}.gain"), &[n], &self.gain[..]),
+            Tensor::new(format!("{of}.seen_from"), &[self.seen_from.len(), n], self.seen_from.concat()),
+        ]
     }
 
-    /// The cloud of such numbers.
-    pub(super) fn of_arrays(arrays: &[Vec<f32>]) -> Self {
-        let array = |i: usize| arrays.get(i).cloned().unwrap_or_default();
-        Self {
-            position: array(0).as_chunks().0.to_vec(),
-            gain: array(1),
-            seen_from: arrays.get(2..).unwrap_or_default().to_vec(),
-        }
+    /// The cloud of such arrays in a file, of `n` emitters.
+    pub(super) fn read(file: &Tensors, of: &str, n: usize, anchors: usize) -> Result<Self> {
+        let place = file.values(&format!("{of}.position"), &[n, 3])?;
+        let seen_from = file.values(&format!("{of}.seen_from"), &[anchors, n])?;
+        Ok(Self {
+            position: place.as_chunks().0.to_vec(),
+            gain: file.values(&format!("{of}.gain"), &[n])?,
+            seen_from: (0..anchors).map(|k| seen_from[k * n..(k + 1) * n].to_vec()).collect(),
+        })
     }
 
     /// Adds an emitter that is seen alike from everywhere.

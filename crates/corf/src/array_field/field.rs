@@ -4,8 +4,8 @@ use super::anchors::Anchors;
 use super::cloud::{Cloud, Receiver};
 use super::sensor::{ArraySensor, SensorSettings};
 use super::wave::Wave;
-use crate::files::numbers;
-use crate::{Error, Real, Result};
+use crate::files::tensors::{self, Kind, Tensors};
+use crate::{Real, Result};
 use corf_scene::{Pinhole, Raster, Rigid3};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -57,7 +57,6 @@ impl ArrayField {
 /// Header of a field on disk: all but the numbers of emitters.
 #[derive(Serialize, Deserialize)]
 struct Header {
-    schema: String,
     sensor: SensorSettings,
     camera: Pinhole,
     half_space: bool,
@@ -70,8 +69,8 @@ struct Header {
     points: usize,
 }
 
-/// Version of a field on disk.
-const SCHEMA: &str = "corf-array/1";
+const KIND: Kind =
+    Kind { name: "radio field", format: "corf-array/2", help: "make it again with the command that made it", finite: true };
 
 impl ArrayField {
     /// Writes it whole or not at all.
@@ -80,7 +79,6 @@ impl ArrayField {
     /// Numbers that are not finite, a file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let header = Header {
-            schema: SCHEMA.to_owned(),
             sensor: self.sensor,
             camera: self.camera,
             half_space: self.half_space,
@@ -91,8 +89,8 @@ impl ArrayField {
             sources: self.sources.len(),
             points: self.points.len(),
         };
-        let arrays = [&self.sources, &self.points].map(Cloud::arrays).concat();
-        numbers::write(path, &header, &arrays)
+        let clouds = [self.sources.tensors("sources"), self.points.tensors("points")];
+        tensors::write(path, &KIND, &header, clouds.into_iter().flatten().collect())
     }
 
     /// Reads what [`Self::write`] wrote.
@@ -100,21 +98,11 @@ impl ArrayField {
     /// # Errors
     /// A file that is missing, damaged or of another version.
     pub fn read(path: &Path) -> Result<Self> {
-        let refuse = |what: &str| Error::invalid(path.display().to_string(), what, "make it again with the command that made it");
-        let (header, arrays) = numbers::read(path, |header: &Header| {
-            if header.schema != SCHEMA {
-                return Err(refuse("this is no radio field of this version"));
-            }
-            header.sensor.check(&header.camera)?;
-            let sizes = |count: usize| {
-                let place = count.checked_mul(3).ok_or_else(|| refuse("this is no number of emitters"))?;
-                Ok::<_, Error>([vec![place], vec![count; 1 + header.anchors.positions_m.len()]].concat())
-            };
-            Ok([sizes(header.sources)?, sizes(header.points)?].concat())
-        })?;
-        let Header { sensor, camera, half_space, over_splats, most_power, extent_m, anchors, .. } = header;
-        let (sources, points) = arrays.split_at(arrays.len() / 2);
-        let (sources, points) = (Cloud::of_arrays(sources), Cloud::of_arrays(points));
+        let (file, header) = Tensors::read_kind::<Header>(path, &KIND)?;
+        header.sensor.check(&header.camera)?;
+        let Header { sensor, camera, half_space, over_splats, most_power, extent_m, anchors, sources, points } = header;
+        let read = |of, count| Cloud::read(&file, of, count, anchors.positions_m.len());
+        let (sources, points) = (read("sources", sources)?, read("points", points)?);
         Ok(Self { sensor, camera, half_space, over_splats, most_power, extent_m, anchors, sources, points })
     }
 }

@@ -1,7 +1,7 @@
-//! What is read and written: fields as PLY ([`ply`]) and in the formats of splat viewers ([`export`]), the states of devices, trained numbers.
+//! What is read and written: fields as PLY ([`ply`]) and in the formats of splat viewers ([`export`]), named arrays of numbers ([`tensors`]), and
+//! devices' states as such ([`state`]).
 
-mod checksum;
 pub mod export;
-pub mod numbers;
 pub mod ply;
 pub mod state;
+pub mod tensors;

@@ -3,6 +3,8 @@
 //! Work is cut into blocks of a fixed number of rows, so that every sum is taken in the same order whatever the number of threads. Maps have
 //! their channels innermost: a map's pixels and a transformer's tokens are both rows of a matrix.
 
+use crate::Result;
+use crate::files::tensors::Tensors;
 use crate::numeric::{Matrix, multiply};
 use rayon::prelude::*;
 
@@ -72,6 +74,22 @@ pub(crate) struct Layer {
     /// Outputs × inputs.
     pub weights: Vec<f32>,
     pub bias: Vec<f32>,
+}
+
+impl Tensors {
+    /// A convolution of `side × side` pixels, its inputs in the order (row, column, channel); without a bias where none is named.
+    ///
+    /// # Errors
+    /// Those of [`Self::values`].
+    pub(crate) fn convolution(&self, weight: &str, bias: Option<&str>, [inputs, outputs, side]: [usize; 3]) -> Result<Layer> {
+        let values = self.values(weight, &[outputs, inputs, side, side])?;
+        let mut weights = Vec::with_capacity(values.len());
+        for kernel in values.chunks_exact(inputs * side * side) {
+            weights.extend((0..side * side).flat_map(|k| (0..inputs).map(move |c| kernel[c * side * side + k])));
+        }
+        let bias = bias.map_or_else(|| Ok(vec![0.0; outputs]), |name| self.values(name, &[outputs]))?;
+        Ok(Layer { inputs: inputs * side * side, outputs, weights, bias })
+    }
 }
 
 impl Layer {

@@ -1,10 +1,7 @@
-//! Networks that look at images, on the processor, by others' weights: LPIPS, Depth-Anything-V2, and what both are made of: tensors out of a file,
-//! maps, and layers.
+//! Networks that look at images, on the processor, by others' weights: LPIPS, Depth-Anything-V2, and what both are made of: maps and layers.
 
 pub mod depth_anything;
 mod layer;
 pub mod lpips;
-mod safetensors;
 
 pub(crate) use layer::{Layer, Map, MaxPool, Window};
-pub(crate) use safetensors::Tensors;

@@ -3,7 +3,13 @@
 
 use super::{Past, Reconstructor};
 use crate::{
-    Error, FieldMeta, Gaussians, ReconstructionConfig, Result, depth::AlignedPrior, device::DeviceState, files::state,
+    Error, FieldMeta, ReconstructionConfig, Result,
+    depth::AlignedPrior,
+    device::DeviceState,
+    files::{
+        state,
+        tensors::{self, Kind, Tensor, Tensors},
+    },
     reconstructor::schedule::ScheduleState,
 };
 use corf_scene::Keyframe;
@@ -23,21 +29,12 @@ struct Header {
     gaussians: usize,
 }
 
-impl state::Header for Header {
-    const MAGIC: &'static str = "corf-checkpoint/3\n";
-
-    fn gaussians(&self) -> usize {
-        self.gaussians
-    }
-
-    fn empty_field(&self) -> Gaussians {
-        self.config.empty_field()
-    }
-
-    fn more_words(&self) -> Option<usize> {
-        Some(self.gaussians)
-    }
-}
+const KIND: Kind = Kind {
+    name: "checkpoint",
+    format: "corf-checkpoint/4",
+    help: "remove the file and start the reconstruction anew",
+    finite: false,
+};
 
 /// The state of a [`Reconstructor`] between two keyframes.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,7 +60,9 @@ impl Checkpoint {
     /// # Errors
     /// When the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        state::write(path, &self.header, &self.device, &self.born)
+        let mut all = state::tensors(&self.device);
+        all.push(Tensor::words("born", &[self.born.len()], &self.born[..]));
+        tensors::write(path, &KIND, &self.header, all)
     }
 
     /// Reads one back.
@@ -71,7 +70,9 @@ impl Checkpoint {
     /// # Errors
     /// A file that is missing, damaged, or no checkpoint.
     pub fn read(path: &Path) -> Result<Self> {
-        let (header, device, born) = state::read(path)?;
+        let (file, header) = Tensors::read_kind::<Header>(path, &KIND)?;
+        let device = state::read(&file, header.gaussians, &header.config.empty_field())?;
+        let born = file.words("born", &[header.gaussians])?;
         Ok(Self { header, device, born })
     }
 }

@@ -1,31 +1,33 @@
-//! The text of MTL files as the parser takes it, and what stands in the arguments of their maps.
+//! MTL files: statements to the numbers and maps of materials.
 
 use super::notes::Notes;
 use super::obj_text::{decode, numbers, split, statements, without_comment};
 use crate::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 
 /// Kinds of unknown statements that are reported one by one.
 const MAX_UNKNOWN: usize = 8;
 
-/// An MTL file that the parser can take, and where its statements stand.
-#[derive(Debug, Default)]
-pub(super) struct MtlText {
-    /// The text. What the parser does not know (`Tr`, `map_Ke`, `Pr`, `Pm`) it keeps as it stands here.
-    pub text: String,
-    /// Line of a statement: the material's number in the file and the keyword (`newmtl` for the material itself).
-    pub lines: BTreeMap<(usize, &'static str), usize>,
-    /// Number of materials.
-    pub materials: usize,
+/// A material of an MTL file: what its statements say, by keyword.
+#[derive(Clone, Debug, Default)]
+pub(super) struct MtlMaterial {
+    pub name: String,
+    /// `Kd`, `Ks`, `Ke`: linear RGB.
+    pub colors: BTreeMap<&'static str, [f32; 3]>,
+    /// `Ns`, `Ni`, `d`, `Tr`, `Pr`, `Pm`, `illum`.
+    pub scalars: BTreeMap<&'static str, f32>,
+    /// `map_Kd`, `map_Ke`, `map_d`.
+    pub maps: BTreeMap<&'static str, MapArguments>,
+    /// Lines of the statements; `newmtl` is that of the material itself.
+    pub lines: BTreeMap<&'static str, usize>,
 }
 
 /// Reads an MTL file's bytes; `file` names it in messages.
 ///
 /// # Errors
 /// A statement that cannot be read; the message names its line.
-pub(super) fn mend(bytes: &[u8], file: &str, notes: &mut Notes) -> Result<MtlText> {
-    let mut out = MtlText::default();
+pub(super) fn read(bytes: &[u8], file: &str, notes: &mut Notes) -> Result<Vec<MtlMaterial>> {
+    let mut materials: Vec<MtlMaterial> = Vec::new();
     let mut unknown = BTreeSet::new();
     for (line, statement) in statements(&decode(bytes)) {
         let (keyword, rest) = split(&statement);
@@ -35,40 +37,40 @@ pub(super) fn mend(bytes: &[u8], file: &str, notes: &mut Notes) -> Result<MtlTex
             if rest.is_empty() {
                 return Err(Error::invalid(place, "`newmtl` without a name", "name the material, as the OBJ's usemtl does"));
             }
-            out.materials += 1;
-            out.add(line, "newmtl", rest);
+            let lines = BTreeMap::from([("newmtl", line)]);
+            materials.push(MtlMaterial { name: rest.to_string(), lines, ..MtlMaterial::default() });
             continue;
         }
-        if out.materials == 0 {
+        let Some(material) = materials.last_mut() else {
             notes.note("statements before the first newmtl are of no material", place);
             continue;
-        }
+        };
         match lower.as_str() {
-            "kd" => out.color(line, "Kd", rest, &place, 1.0, notes)?,
-            "ks" => out.color(line, "Ks", rest, &place, 1.0, notes)?,
-            "ke" => out.color(line, "Ke", rest, &place, f32::MAX, notes)?,
-            "ns" => out.scalar(line, "Ns", rest, &place)?,
-            "ni" => out.scalar(line, "Ni", rest, &place)?,
+            "kd" => material.color(line, "Kd", rest, &place, 1.0, notes)?,
+            "ks" => material.color(line, "Ks", rest, &place, 1.0, notes)?,
+            "ke" => material.color(line, "Ke", rest, &place, f32::MAX, notes)?,
+            "ns" => material.scalar(line, "Ns", number(rest, &place)?),
+            "ni" => material.scalar(line, "Ni", number(rest, &place)?),
             "d" => {
                 let halo = rest.strip_prefix("-halo");
                 if halo.is_some() {
                     notes.note("`d -halo` is taken as `d`: the same from all sides", &place);
                 }
-                out.scalar(line, "d", halo.unwrap_or(rest), &place)?;
+                material.scalar(line, "d", number(halo.unwrap_or(rest), &place)?);
             }
-            "tr" => out.scalar(line, "Tr", rest, &place)?,
-            "pr" => out.scalar(line, "Pr", rest, &place)?,
-            "pm" => out.scalar(line, "Pm", rest, &place)?,
+            "tr" => material.scalar(line, "Tr", number(rest, &place)?),
+            "pr" => material.scalar(line, "Pr", number(rest, &place)?),
+            "pm" => material.scalar(line, "Pm", number(rest, &place)?),
             "illum" => {
                 let model = number(rest, &place)?;
                 if !(0.0..=255.0).contains(&model) {
                     return Err(Error::invalid(place, format!("illum {model} is no illumination model"), "they go from 0 to 10"));
                 }
-                out.add(line, "illum", &format!("{}", model.round()));
+                material.scalar(line, "illum", model.round());
             }
-            "map_kd" => out.map(line, "map_Kd", rest, &place)?,
-            "map_ke" => out.map(line, "map_Ke", rest, &place)?,
-            "map_d" => out.map(line, "map_d", rest, &place)?,
+            "map_kd" => material.map(line, "map_Kd", rest, &place)?,
+            "map_ke" => material.map(line, "map_Ke", rest, &place)?,
+            "map_d" => material.map(line, "map_d", rest, &place)?,
             // Ambient light is an approximation that tracing light needs no more.
             "ka" | "map_ka" | "sharpness" | "map_aat" => {}
             "map_ks" | "map_ns" | "map_bump" | "bump" | "map_norm" | "norm" | "disp" | "map_disp" | "decal" | "refl"
@@ -92,7 +94,7 @@ pub(super) fn mend(bytes: &[u8], file: &str, notes: &mut Notes) -> Result<MtlTex
             }
         }
     }
-    Ok(out)
+    Ok(materials)
 }
 
 /// The one number of a statement; what stands behind it does not count.
@@ -104,17 +106,10 @@ fn number(rest: &str, place: &str) -> Result<f32> {
         .ok_or_else(|| Error::invalid(place, "a statement without its number", "repair this line, or export the model again"))
 }
 
-impl MtlText {
-    fn add(&mut self, line: usize, keyword: &'static str, rest: &str) {
-        // Writing to a String cannot fail.
-        let _ = writeln!(self.text, "{keyword} {rest}");
-        self.lines.insert((self.materials - 1, keyword), line);
-    }
-
-    fn scalar(&mut self, line: usize, keyword: &'static str, rest: &str, place: &str) -> Result<()> {
-        let value = number(rest, place)?;
-        self.add(line, keyword, &value.to_string());
-        Ok(())
+impl MtlMaterial {
+    fn scalar(&mut self, line: usize, keyword: &'static str, value: f32) {
+        self.scalars.insert(keyword, value);
+        self.lines.insert(keyword, line);
     }
 
     /// Three numbers, or one for all three; `most` is the largest that means something.
@@ -135,13 +130,14 @@ impl MtlText {
                 ));
             }
         };
-        let [r, g, b] = [r, g, b].map(|v| {
+        let color = [r, g, b].map(|v| {
             if !(0.0..=most).contains(&v) {
                 notes.warn(format!("`{keyword}` is taken to the range of 0 to {most}"), place);
             }
             v.clamp(0.0, most)
         });
-        self.add(line, keyword, &format!("{r} {g} {b}"));
+        self.colors.insert(keyword, color);
+        self.lines.insert(keyword, line);
         Ok(())
     }
 
@@ -150,10 +146,11 @@ impl MtlText {
         if rest.is_empty() {
             return Ok(());
         }
-        MapArguments::parse(rest).map_err(|what| {
+        let map = MapArguments::parse(rest).map_err(|what| {
             Error::invalid(place, format!("`{keyword}` {what}"), "repair this line, or export the model again")
         })?;
-        self.add(line, keyword, rest);
+        self.maps.insert(keyword, map);
+        self.lines.insert(keyword, line);
         Ok(())
     }
 }

@@ -3,14 +3,16 @@
 use super::builder::{Primitive, append, check_size};
 use super::notes::Notes;
 use super::obj_material::{self, Entry, Textures};
-use super::obj_text::{self, NO_MATERIAL, ObjText};
+use super::obj_text::{self, Mesh, Obj};
 use super::{ImportOptions, ImportReport, UpAxis, polygon, scene_name};
-use crate::guard::guarded;
 use crate::model::{Material, Object, OpticalMaterial, Scene};
 use crate::{Error, Result, io};
 use glam::DMat4;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
+
+/// The material of faces that ask for none.
+const NO_MATERIAL: &str = "(no material)";
 
 /// Reads an OBJ file and the MTL files and textures it names.
 pub(super) fn load(path: &Path, import: &ImportOptions) -> Result<(Scene, ImportReport)> {
@@ -20,25 +22,11 @@ pub(super) fn load(path: &Path, import: &ImportOptions) -> Result<(Scene, Import
     let up = import.up.unwrap_or(UpAxis::Z);
     // World from file turns (x, y, z) to (x, -z, y) where y is up.
     let origin = import.offset_m.map(|[x, y, z]| if up == UpAxis::Y { [x, z, -y] } else { [x, y, z] });
-    let obj = obj_text::mend(&io::read(path)?, &file, origin, &mut notes)?;
+    let obj = obj_text::read(&io::read(path)?, &file, origin, &mut notes)?;
     let mut scene = Scene { name: scene_name(path), ..Scene::default() };
     let mut report = ImportReport { skipped_primitives: obj.skipped, ..ImportReport::default() };
     let libraries = libraries(&obj, folder, import, &file, &mut notes)?;
     scene.materials = materials(&obj, &libraries, &mut Textures::new(folder, import), &mut scene.textures, &file, &mut notes)?;
-
-    let options = tobj::LoadOptions { triangulate: false, single_index: true, ignore_points: true, ignore_lines: true };
-    let known = || {
-        let materials: Vec<_> =
-            scene.materials.iter().map(|m| tobj::Material { name: m.name.clone(), ..Default::default() }).collect();
-        let numbers = materials.iter().enumerate().map(|(i, m)| (m.name.clone(), i)).collect();
-        Ok((materials, numbers))
-    };
-    let refused = |e: String| {
-        Error::invalid(&file, format!("not readable as OBJ: {e}"), "the file is damaged or cut short; export it again")
-    };
-    let (models, _) = guarded(|| tobj::load_obj_buf(&mut obj.text.as_bytes(), &options, |_| known()))
-        .map_err(refused)?
-        .map_err(|e| refused(e.to_string()))?;
 
     let world_from_file = match up {
         UpAxis::Y => DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2),
@@ -46,33 +34,24 @@ pub(super) fn load(path: &Path, import: &ImportOptions) -> Result<(Scene, Import
     };
     // A quarter turn has entries of 0 and ±1: rounding makes them exact.
     let world_from_file = DMat4::from_cols_array(&world_from_file.to_cols_array().map(f64::round));
-    let (mut objects, mut faces) = (HashMap::new(), 0);
-    for (i, model) in models.iter().enumerate() {
-        let place = format!("{file}: object {i} \"{}\"", model.name);
-        let mesh = &model.mesh;
-        let object = *objects.entry(model.name.as_str()).or_insert_with(|| {
-            scene.objects.push(Object { name: model.name.clone() });
+    // Of several materials of one name the last counts.
+    let materials: HashMap<_, _> = scene.materials.iter().enumerate().map(|(i, m)| (m.name.clone(), i as u32)).collect();
+    let mut objects = HashMap::new();
+    for (i, mesh) in obj.meshes.into_iter().enumerate() {
+        let place = format!("{file}: object {i} \"{}\"", mesh.name);
+        let triangles =
+            polygon::triangles(&mesh.corners, &mesh.arities, &mesh.positions, |face| format!("{file}:{}", mesh.lines[face]))?;
+        check_size(scene.triangles.len(), triangles.len(), 1, &place)?;
+        let material = match mesh.material.as_ref().and_then(|name| materials.get(name)) {
+            Some(material) => *material,
+            None => without_material(&mut scene, obj.colored.contains(&None)),
+        };
+        let object = *objects.entry(mesh.name).or_insert_with_key(|name| {
+            scene.objects.push(Object { name: name.clone() });
             scene.objects.len() as u32 - 1
         });
-        let material = match mesh.material_id {
-            Some(id) if id < scene.materials.len() => id as u32,
-            _ => without_material(&mut scene, obj.colored.contains(&None)),
-        };
-        let positions: Vec<[f32; 3]> = mesh.positions.as_chunks().0.to_vec();
-        let line = |face: usize| obj.face_lines.get(faces + face).map_or(place.clone(), |line| format!("{file}:{line}"));
-        let triangles = polygon::triangles(&mesh.indices, &mesh.face_arities, &positions, line)?;
-        faces += if mesh.face_arities.is_empty() { mesh.indices.len() / 3 } else { mesh.face_arities.len() };
-        check_size(scene.triangles.len(), triangles.len(), 1, &place)?;
-        let data = Primitive {
-            positions,
-            normals: mesh.normals.as_chunks().0.to_vec(),
-            // OBJ counts v from the bottom.
-            uvs: mesh.texcoords.as_chunks().0.iter().map(|[u, v]| [*u, 1.0 - v]).collect(),
-            colors: mesh.vertex_color.as_chunks().0.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect(),
-            triangles,
-            material,
-            object,
-        };
+        let Mesh { positions, normals, uvs, colors, .. } = mesh;
+        let data = Primitive { positions, normals, uvs, colors, triangles, material, object };
         append(&mut scene, &mut report, &data, &world_from_file, &place)?;
     }
     if scene.triangles.is_empty() {
@@ -83,7 +62,7 @@ pub(super) fn load(path: &Path, import: &ImportOptions) -> Result<(Scene, Import
 }
 
 /// The materials of all libraries that are there. One line may name several, or one with spaces in its name.
-fn libraries(obj: &ObjText, folder: &Path, import: &ImportOptions, file: &str, notes: &mut Notes) -> Result<Vec<Entry>> {
+fn libraries(obj: &Obj, folder: &Path, import: &ImportOptions, file: &str, notes: &mut Notes) -> Result<Vec<Entry>> {
     let (mut all, mut read) = (Vec::new(), BTreeSet::new());
     for (line, names) in &obj.libraries {
         let place = format!("{file}:{line}: mtllib");
@@ -116,7 +95,7 @@ fn libraries(obj: &ObjText, folder: &Path, import: &ImportOptions, file: &str, n
 
 /// All materials: those of the libraries in their order, then those that faces use and no library defines, whose names a scene file can map.
 fn materials(
-    obj: &ObjText,
+    obj: &Obj,
     libraries: &[Entry],
     textures: &mut Textures<'_>,
     scene_textures: &mut Vec<crate::model::Texture>,

@@ -1,9 +1,8 @@
 //! Materials of MTL files in terms of metallic-roughness, and their textures.
 
 use super::ImportOptions;
-use super::mtl_text::{self, MapArguments};
+use super::mtl_text::{self, MapArguments, MtlMaterial};
 use super::notes::Notes;
-use crate::guard::guarded;
 use crate::model::{AlphaMode, Filter, OpticalMaterial, Texture, TextureRef, Wrap};
 use crate::{Error, Raster, Result, contained, io};
 use glam::{Affine2, Mat2, Vec2};
@@ -16,28 +15,24 @@ const COVERS: f32 = 1.0 - 1e-6;
 /// A material of a library, and where it stands.
 #[derive(Clone, Debug)]
 pub(super) struct Entry {
-    /// The material as the OBJ parser read it.
-    pub material: tobj::Material,
+    /// What the library says of it.
+    pub material: MtlMaterial,
     /// The library's path, for messages.
     file: String,
     /// The library's folder.
     folder: PathBuf,
-    /// Lines of its statements.
-    lines: BTreeMap<&'static str, usize>,
 }
 
 impl Entry {
     /// The material without its textures.
     pub(super) fn without_maps(&self) -> Self {
         let mut entry = self.clone();
-        entry.material.diffuse_texture = None;
-        entry.material.dissolve_texture = None;
-        entry.material.unknown_param.remove("map_Ke");
+        entry.material.maps.clear();
         entry
     }
 
     fn place(&self, keyword: &str) -> String {
-        match self.lines.get(keyword) {
+        match self.material.lines.get(keyword) {
             Some(line) => format!("{}:{line}: material \"{}\"", self.file, self.material.name),
             None => format!("{}: material \"{}\"", self.file, self.material.name),
         }
@@ -81,18 +76,10 @@ pub(super) fn library(
         Err(e) => return Err(e),
     };
     let file = path.display().to_string();
-    let mended = mtl_text::mend(&bytes, &file, notes)?;
-    let refused = |e: String| Error::invalid(&file, format!("not readable as MTL: {e}"), "the file is damaged; export it again");
-    let (materials, _) =
-        guarded(|| tobj::load_mtl_buf(&mut mended.text.as_bytes())).map_err(refused)?.map_err(|e| refused(e.to_string()))?;
+    let materials = mtl_text::read(&bytes, &file, notes)?;
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-    let entry = |(i, material): (usize, tobj::Material)| Entry {
-        material,
-        file: file.clone(),
-        folder: folder.clone(),
-        lines: mended.lines.range((i, "")..(i + 1, "")).map(|((_, keyword), line)| (*keyword, *line)).collect(),
-    };
-    Ok(Some(materials.into_iter().enumerate().map(entry).collect()))
+    let entry = |material| Entry { material, file: file.clone(), folder: folder.clone() };
+    Ok(Some(materials.into_iter().map(entry).collect()))
 }
 
 /// The textures of a scene, each file once for every use that differs.
@@ -209,37 +196,33 @@ fn joined(color: &Raster<[u8; 4]>, alpha: &Raster<u8>) -> Option<Raster<[u8; 4]>
     }))
 }
 
-/// The arguments of a map, checked when the text was read.
-fn arguments(entry: &Entry, keyword: &'static str, text: Option<&String>, notes: &mut Notes) -> Result<Option<MapArguments>> {
-    let Some(text) = text else { return Ok(None) };
-    let parsed = MapArguments::parse(text)
-        .map_err(|what| Error::invalid(entry.place(keyword), format!("`{keyword}` {what}"), "repair this line"))?;
-    for option in &parsed.unread {
+/// The arguments of a map, once what is not carried out of them is noted.
+fn arguments<'e>(entry: &'e Entry, keyword: &'static str, notes: &mut Notes) -> Option<&'e MapArguments> {
+    let map = entry.material.maps.get(keyword)?;
+    for option in &map.unread {
         notes.warn(format!("`{option}` of {keyword} is not carried out"), entry.place(keyword));
     }
-    Ok(Some(parsed))
+    Some(map)
 }
 
 /// MTL in terms of metallic-roughness: Kd (taken as linear) is the base colour, with Ks where `illum` says that the surface mirrors; Ns a Blinn–Phong exponent,
 /// Ke emission, d (or 1 − Tr) times map_d coverage, Ni the index of refraction. `colored` says that its vertices have colours, which Kd multiplies.
 pub(super) fn optical(entry: &Entry, colored: bool, textures: &mut Textures<'_>, notes: &mut Notes) -> Result<OpticalMaterial> {
     let material = &entry.material;
-    let other = |key: &str| material.unknown_param.get(key);
-    let parameter = |key: &str| other(key).and_then(|v| v.trim().parse::<f32>().ok());
-    let map_kd = arguments(entry, "map_Kd", material.diffuse_texture.as_ref(), notes)?;
-    let map_ke = arguments(entry, "map_Ke", other("map_Ke"), notes)?;
-    let map_d = arguments(entry, "map_d", material.dissolve_texture.as_ref(), notes)?;
-    if let (Some(color), Some(alpha)) = (&map_kd, &map_d)
+    let color = |keyword: &str| material.colors.get(keyword).copied();
+    let scalar = |keyword: &str| material.scalars.get(keyword).copied();
+    let [map_kd, map_ke, map_d] = ["map_Kd", "map_Ke", "map_d"].map(|keyword| arguments(entry, keyword, notes));
+    if let (Some(color), Some(alpha)) = (map_kd, map_d)
         && (color.scale, color.offset, color.clamp) != (alpha.scale, alpha.offset, alpha.clamp)
     {
         notes.warn("map_d is laid as map_Kd is; its own options are not carried out", entry.place("map_d"));
     }
-    let base_color_texture = match (&map_kd, &map_d) {
-        (color, Some(alpha)) => Some(textures.covered(entry, color.as_ref(), alpha)?),
+    let base_color_texture = match (map_kd, map_d) {
+        (color, Some(alpha)) => Some(textures.covered(entry, color, alpha)?),
         (Some(color), None) => Some(textures.color(entry, "map_Kd", color)?),
         (None, None) => None,
     };
-    let emissive_texture = map_ke.as_ref().map(|map| textures.color(entry, "map_Ke", map)).transpose()?;
+    let emissive_texture = map_ke.map(|map| textures.color(entry, "map_Ke", map)).transpose()?;
     let default = OpticalMaterial::default();
     let textured = map_kd.is_some() || colored;
     // A textured material's Kd multiplies the texture; many exporters leave it black and mean the texture alone.
@@ -248,15 +231,16 @@ pub(super) fn optical(entry: &Entry, colored: bool, textures: &mut Textures<'_>,
         Some(factor) => factor,
         None => otherwise,
     };
-    let kd = or_white(material.diffuse, textured, default.base_color);
+    let kd = or_white(color("Kd"), textured, default.base_color);
     // Models 3, 5 and 8 reflect: of base·(1 − metallic) diffuse and base·metallic mirrored, the first is Kd and the second Ks for greys.
-    let mirrors = matches!(material.illumination_model, Some(3 | 5 | 8));
-    let ks = if mirrors { material.specular.unwrap_or([0.0; 3]) } else { [0.0; 3] };
+    let model = scalar("illum").map(|v| v as u8);
+    let mirrors = matches!(model, Some(3 | 5 | 8));
+    let ks = if mirrors { color("Ks").unwrap_or([0.0; 3]) } else { [0.0; 3] };
     let largest = |c: [f32; 3]| c.into_iter().fold(0.0, f32::max);
-    let kd = if mirrors && material.diffuse == Some([0.0; 3]) && !textured { [0.0; 3] } else { kd };
+    let kd = if mirrors && color("Kd") == Some([0.0; 3]) && !textured { [0.0; 3] } else { kd };
     let mirrored = if largest(ks) > 0.0 { largest(ks) / (largest(ks) + largest(kd)) } else { 0.0 };
-    let glass = matches!(material.illumination_model, Some(6 | 7 | 9));
-    let alpha = match (material.dissolve, parameter("Tr")) {
+    let glass = matches!(model, Some(6 | 7 | 9));
+    let alpha = match (scalar("d"), scalar("Tr")) {
         (Some(d), Some(tr)) if (d + tr - 1.0).abs() > 1e-3 => {
             notes.warn(format!("d {d} and Tr {tr} contradict each other; d is taken"), entry.place("Tr"));
             d
@@ -276,17 +260,17 @@ pub(super) fn optical(entry: &Entry, colored: bool, textures: &mut Textures<'_>,
     let alpha = alpha.clamp(0.0, 1.0);
     // Blinn–Phong exponent n ↔ microfacet width α: α² = 2/(n + 2); roughness = √α. A mirror without an exponent is a sharp one.
     let without_exponent = if mirrored > 0.0 { 0.0 } else { default.roughness };
-    let roughness = material.shininess.map_or(without_exponent, |n| (2.0 / (n.max(0.0) + 2.0)).sqrt().sqrt());
+    let roughness = scalar("Ns").map_or(without_exponent, |n| (2.0 / (n.max(0.0) + 2.0)).sqrt().sqrt());
     let optical = OpticalMaterial {
         base_color: std::array::from_fn(|c| if mirrored > 0.0 { (kd[c] + ks[c]).min(1.0) } else { kd[c] }),
         base_color_texture,
         alpha,
         alpha_mode: if alpha < COVERS || map_d.is_some() { AlphaMode::Blend } else { AlphaMode::Opaque },
-        metallic: parameter("Pm").map_or(mirrored, |m| m.clamp(0.0, 1.0)),
-        roughness: parameter("Pr").map_or(roughness, |r| r.clamp(0.0, 1.0)),
-        emissive: or_white(material.emissive, map_ke.is_some(), [0.0; 3]),
+        metallic: scalar("Pm").map_or(mirrored, |m| m.clamp(0.0, 1.0)),
+        roughness: scalar("Pr").map_or(roughness, |r| r.clamp(0.0, 1.0)),
+        emissive: or_white(color("Ke"), map_ke.is_some(), [0.0; 3]),
         emissive_texture,
-        ior: material.optical_density.filter(|n| *n >= 1.0).unwrap_or(default.ior),
+        ior: scalar("Ni").filter(|n| *n >= 1.0).unwrap_or(default.ior),
         ..default
     };
     let numbers = [optical.roughness, optical.metallic, optical.ior];

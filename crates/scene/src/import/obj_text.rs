@@ -1,14 +1,12 @@
-//! The text of OBJ files as the parser takes it.
+//! OBJ files: statements to meshes.
 //!
-//! The parser knows plain files: one statement a line, every corner of a mesh with the same attributes, every number there. What other
-//! programs write is brought to that here, and what cannot be is refused with its line: byte order marks, Latin-1 and UTF-16, lone carriage returns,
-//! lines continued with `\`, comments behind statements, colours and weights of vertices, indices that count backwards, corners with and
+//! Files are read as other programs write them, and what cannot be read is refused with its line: byte order marks, Latin-1 and UTF-16, lone carriage
+//! returns, lines continued with `\`, comments behind statements, colours and weights of vertices, indices that count backwards, corners with and
 //! without texture coordinates or normals side by side, materials of libraries that are not there.
 
 use super::notes::Notes;
 use crate::{Error, Result};
-use std::collections::BTreeSet;
-use std::fmt::Write as _;
+use std::collections::{BTreeSet, HashMap};
 use std::str::FromStr;
 
 /// Kinds of unknown statements that are reported one by one.
@@ -91,21 +89,40 @@ fn moved(text: &str, origin: [f64; 3], place: &str) -> Result<Vec<f32>> {
     Ok(numbers.into_iter().map(|v| v as f32).collect())
 }
 
-/// An OBJ file that the parser can take, and what it cannot hold.
-#[derive(Debug)]
-pub(super) struct ObjText {
-    /// The text; its one `mtllib` stands for all materials there are.
-    pub text: String,
+/// What an OBJ file holds.
+#[derive(Debug, Default)]
+pub(super) struct Obj {
+    /// One a group and material, in the file's order; none is without faces.
+    pub meshes: Vec<Mesh>,
     /// Lines and names of the material libraries it asked for; a line may name several, or one with spaces.
     pub libraries: Vec<(usize, String)>,
     /// Materials that faces use, each with the line that first asks for it, by first use.
     pub materials: Vec<(String, usize)>,
     /// Those of them with faces whose vertices have colours; `None` stands for faces without material.
     pub colored: BTreeSet<Option<String>>,
-    /// The line of every face in the text.
-    pub face_lines: Vec<usize>,
     /// Points, lines and faces of fewer than three corners, which were left out.
     pub skipped: usize,
+}
+
+/// Faces of one group and material. Corners that agree in all attributes share a vertex.
+#[derive(Debug, Default)]
+pub(super) struct Mesh {
+    pub name: String,
+    pub material: Option<String>,
+    /// Metres, one a vertex, as are the others; those are empty where the whole file has none.
+    pub positions: Vec<[f32; 3]>,
+    /// Zero: none.
+    pub normals: Vec<[f32; 3]>,
+    /// v counts from the top.
+    pub uvs: Vec<[f32; 2]>,
+    /// Linear RGBA.
+    pub colors: Vec<[f32; 4]>,
+    /// Vertices of the faces' corners, face by face.
+    pub corners: Vec<u32>,
+    /// Number of corners of every face.
+    pub arities: Vec<u32>,
+    /// Line of every face in the file.
+    pub lines: Vec<usize>,
 }
 
 enum Statement {
@@ -131,7 +148,7 @@ struct Reader {
 ///
 /// # Errors
 /// A vertex or face that cannot be read, an index that leads nowhere; the message names the line.
-pub(super) fn mend(bytes: &[u8], file: &str, origin: Option<[f64; 3]>, notes: &mut Notes) -> Result<ObjText> {
+pub(super) fn read(bytes: &[u8], file: &str, origin: Option<[f64; 3]>, notes: &mut Notes) -> Result<Obj> {
     let mut reader = Reader::default();
     let mut unknown = BTreeSet::new();
     for (line, statement) in statements(&decode(bytes)) {
@@ -243,92 +260,77 @@ impl Reader {
         Ok(())
     }
 
-    /// The text, once all is known: which attributes there are, and how large colours grow.
-    fn finish(self, file: &str, notes: &mut Notes) -> Result<ObjText> {
-        let (uvs, normals) = (self.uvs.len() as u32, self.normals.len() as u32);
-        // An attribute that some corners lack has one more value, which means none: texture coordinate (0, 0) with v down, no normal.
-        let lacks = |k: usize| self.corners.iter().any(|c| c[k] == NONE);
-        let (lacking_uv, lacking_normal) = (uvs > 0 && lacks(1), normals > 0 && lacks(2));
+    /// The meshes, once all is known: which attributes there are, and how large colours grow.
+    fn finish(mut self, file: &str, notes: &mut Notes) -> Result<Obj> {
         let largest = self.colors.iter().flatten().flatten().fold(0.0_f32, |m, c| m.max(*c));
         if largest > 1.0 {
             notes.warn("colours of vertices go beyond 1 and are taken as of 255", file);
         }
         let white = if largest > 1.0 { 255.0 } else { 1.0 };
         let any_color = self.colors.iter().any(Option::is_some);
-        let mut text = String::from("mtllib all\n");
-        // Writing to a String cannot fail.
-        for ([x, y, z], color) in self.positions.iter().zip(&self.colors) {
-            let _ = match (any_color, color.map_or([1.0; 3], |c| c.map(|v| v / white))) {
-                (true, [r, g, b]) => writeln!(text, "v {x} {y} {z} {r} {g} {b}"),
-                (false, _) => writeln!(text, "v {x} {y} {z}"),
-            };
-        }
-        for [u, v] in self.uvs.iter().chain(lacking_uv.then_some(&[0.0, 1.0])) {
-            let _ = writeln!(text, "vt {u} {v}");
-        }
-        for [x, y, z] in self.normals.iter().chain(lacking_normal.then_some(&[0.0; 3])) {
-            let _ = writeln!(text, "vn {x} {y} {z}");
-        }
-        let mut out = ObjText {
-            text,
-            libraries: self.libraries,
-            skipped: self.skipped,
-            materials: Vec::new(),
-            colored: BTreeSet::new(),
-            face_lines: Vec::new(),
-        };
+        let there = [self.positions.len(), self.uvs.len(), self.normals.len()];
+        let mut out = Obj { libraries: self.libraries, skipped: self.skipped, ..Obj::default() };
         let mut used = BTreeSet::new();
-        // The material of the faces that follow, the line that asked for it, and whether one of its faces has been seen, plain or coloured.
-        let (mut material, mut asked, mut seen) = (None, 0, [false; 2]);
+        let (mut name, mut material, mut asked) = (UNNAMED.to_string(), None, 0);
+        // Whether the next face begins a mesh, and the vertices of the mesh so far.
+        let (mut begins, mut vertex_of) = (true, HashMap::new());
         for statement in self.statements {
-            match statement {
-                Statement::Group(name) => out.text.push_str(&format!("o {name}\n")),
-                Statement::Material(line, name) => {
-                    // An empty name takes faces back to none; the parser would refuse it, and knows no material of this one.
-                    out.text.push_str(&format!("usemtl {}\n", name.as_deref().unwrap_or(NO_MATERIAL)));
-                    (material, asked, seen) = (name, line, [false; 2]);
+            let (line, start, count) = match statement {
+                Statement::Group(group) => {
+                    name = if group.is_empty() { UNNAMED.to_string() } else { group };
+                    begins = true;
+                    continue;
                 }
-                Statement::Face { line, start, count } => {
-                    let corners = &self.corners[start..start + count];
-                    let there = [self.positions.len(), self.uvs.len(), self.normals.len()];
-                    for (k, (what, there)) in ATTRIBUTES.into_iter().zip(there).enumerate() {
-                        // Where a file has none of an attribute, indices of it mean nothing.
-                        let bad =
-                            corners.iter().map(|c| c[k]).find(|i| *i != NONE && *i as usize >= there && (k == 0 || there > 0));
-                        if let Some(index) = bad {
-                            return Err(nowhere(
-                                &format!("{file}:{line}"),
-                                what,
-                                u64::from(index) + 1,
-                                &format!("and there are {there}"),
-                            ));
-                        }
-                    }
-                    if !std::mem::replace(&mut seen[0], true)
-                        && let Some(name) = &material
-                        && used.insert(name.clone())
-                    {
-                        out.materials.push((name.clone(), asked));
-                    }
-                    if any_color && !seen[1] && corners.iter().any(|c| self.colors[c[0] as usize].is_some()) {
-                        seen[1] = true;
-                        out.colored.insert(material.clone());
-                    }
-                    out.face_lines.push(line);
-                    out.text.push('f');
-                    let or_last = |index: u32, last: u32| if index == NONE { last + 1 } else { index + 1 };
-                    for [v, vt, vn] in corners {
-                        let _ = write!(out.text, " {}/", v + 1);
-                        if uvs > 0 {
-                            let _ = write!(out.text, "{}", or_last(*vt, uvs));
-                        }
-                        if normals > 0 {
-                            let _ = write!(out.text, "/{}", or_last(*vn, normals));
-                        }
-                    }
-                    out.text.push('\n');
+                Statement::Material(line, asked_for) => {
+                    begins |= asked_for != material;
+                    (material, asked) = (asked_for, line);
+                    continue;
+                }
+                Statement::Face { line, start, count } => (line, start, count),
+            };
+            if std::mem::take(&mut begins) {
+                out.meshes.push(Mesh { name: name.clone(), material: material.clone(), ..Mesh::default() });
+                vertex_of.clear();
+                if let Some(material) = material.as_ref().filter(|m| used.insert((*m).clone())) {
+                    out.materials.push((material.clone(), asked));
                 }
             }
+            let Some(mesh) = out.meshes.last_mut() else { continue };
+            let corners = &mut self.corners[start..start + count];
+            for (k, (what, there)) in ATTRIBUTES.into_iter().zip(there).enumerate() {
+                // Where a file has none of an attribute, indices of it mean nothing.
+                if there == 0 && k > 0 {
+                    corners.iter_mut().for_each(|c| c[k] = NONE);
+                } else if let Some(index) = corners.iter().map(|c| c[k]).find(|i| *i != NONE && *i as usize >= there) {
+                    let place = format!("{file}:{line}");
+                    return Err(nowhere(&place, what, u64::from(index) + 1, &format!("and there are {there}")));
+                }
+            }
+            if any_color && !out.colored.contains(&material) && corners.iter().any(|c| self.colors[c[0] as usize].is_some()) {
+                out.colored.insert(material.clone());
+            }
+            for corner in &*corners {
+                let next = mesh.positions.len() as u32;
+                mesh.corners.push(*vertex_of.entry(*corner).or_insert(next));
+                if mesh.corners.last() != Some(&next) {
+                    continue;
+                }
+                let [v, vt, vn] = corner.map(|i| i as usize);
+                mesh.positions.push(self.positions[v]);
+                if any_color {
+                    let [r, g, b] = self.colors[v].map_or([1.0; 3], |c| c.map(|v| v / white));
+                    mesh.colors.push([r, g, b, 1.0]);
+                }
+                if there[1] > 0 {
+                    // OBJ counts v from the bottom.
+                    mesh.uvs.push(self.uvs.get(vt).map_or([0.0; 2], |[u, v]| [*u, 1.0 - v]));
+                }
+                if there[2] > 0 {
+                    mesh.normals.push(self.normals.get(vn).copied().unwrap_or_default());
+                }
+            }
+            mesh.arities.push(count as u32);
+            mesh.lines.push(line);
         }
         Ok(out)
     }
@@ -337,8 +339,8 @@ impl Reader {
 /// Names of the vertex attributes that a face corner's indices refer to, in their order.
 const ATTRIBUTES: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
-/// The material of faces that ask for none.
-pub(super) const NO_MATERIAL: &str = "(no material)";
+/// The group of faces before any, and of those whose group has no name.
+const UNNAMED: &str = "unnamed_object";
 
 /// A corner's index, counted from 0; one that counts backwards is from the `there` values so far, others may lead to later ones.
 fn resolve(word: &str, what: &str, there: usize, place: &str) -> Result<u32> {

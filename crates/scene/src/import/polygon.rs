@@ -6,17 +6,14 @@ use glam::{DVec2, DVec3};
 /// Areas this close, relative: rounding of single precision.
 const SAME_AREA: f64 = 1e-4;
 
-/// The triangles of faces of any number of corners: `arities` says how many each has, and is empty where all have three; points and lines are
-/// left out. Convex faces become fans around their first corner, others are cut by their ears. `place` says where a face of a number stands.
+/// The triangles of faces of any number of corners: `arities` says how many each has; points and lines are left out. Convex faces become fans
+/// around their first corner, others are cut by their ears. `place` says where a face of a number stands.
 pub(super) fn triangles(
     corners: &[u32],
     arities: &[u32],
     positions: &[[f32; 3]],
     place: impl Fn(usize) -> String,
 ) -> Result<Vec<[u32; 3]>> {
-    if arities.is_empty() {
-        return Ok(corners.as_chunks().0.to_vec());
-    }
     let (mut rest, mut all) = (corners, Vec::with_capacity(arities.len()));
     for (number, arity) in arities.iter().enumerate() {
         let (face, behind) = rest.split_at(*arity as usize);

@@ -1,243 +1,168 @@
 //! What figures along the way are drawn with: one width, a column of names at the left, charts over one axis at the right.
 
 use super::{Track, Way};
-use crate::report::charts::PALETTE;
-use anyhow::{Result, anyhow};
-use plotters::coord::Shift;
-use plotters::coord::types::RangedCoordf64;
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use crate::charts::{Anchor, Colour, DIM, Frame, INK, PALETTE, Plot, Scale, Stroke, Svg, text_width};
+use anyhow::{Context, Result};
 use std::ops::Range;
 
 /// Width of a figure, pixels.
-const WIDTH: u32 = 1000;
+const WIDTH: f64 = 1000.0;
 /// Width of the column of names.
-const NAMES: u32 = 268;
+const NAMES: f64 = 300.0;
 /// Space at the right.
-const RIGHT: u32 = 16;
+const RIGHT: f64 = 16.0;
 /// Height of a title with its line of explanation.
-pub(super) const HEAD: i32 = 58;
+pub(super) const HEAD: f64 = 58.0;
 /// Height of a chart's axis.
-pub(super) const AXIS: i32 = 40;
+pub(super) const AXIS: f64 = 40.0;
 /// Height of a row of a strip, or of a name.
-pub(super) const ROW: i32 = 22;
+pub(super) const ROW: f64 = 22.0;
 /// Longest name that has room, characters.
-const LONGEST_NAME: usize = 36;
+const LONGEST_NAME: usize = 30;
 /// Size of labels.
-const LABEL: i32 = 14;
-/// Width of a character of a label, about.
-const CHARACTER: f64 = 6.3;
+const LABEL: f64 = 13.0;
+/// Size of numbers in cells and over them.
+const NUMBER: f64 = 12.0;
 /// Narrowest mark that a number of up to three characters has room in, pixels.
 const NARROWEST_NUMBERED: f64 = 21.0;
-/// Axes longer than this have no ticks to be read.
-const LARGEST: f64 = 1e9;
+const SHADE: Colour = [226, 228, 233];
 
-pub(super) const INK: RGBColor = RGBColor(27, 35, 48);
-pub(super) const DIM: RGBColor = RGBColor(93, 106, 124);
-const GRID: RGBColor = RGBColor(228, 232, 237);
-const SHADE: RGBColor = RGBColor(226, 228, 233);
-
-pub(super) const GOOD: RGBColor = RGBColor(178, 222, 190);
-pub(super) const FAIR: RGBColor = RGBColor(250, 196, 70);
-pub(super) const BAD: RGBColor = RGBColor(200, 40, 60);
-pub(super) const OUT: RGBColor = RGBColor(62, 72, 90);
-
-/// A figure, or a part of it.
-pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-/// A chart in it.
-pub(super) type Chart<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
-
-pub(super) fn wrong(error: impl std::fmt::Display) -> anyhow::Error {
-    anyhow!("cannot draw the figures along the way: {error}")
-}
+pub(super) const GOOD: Colour = [178, 222, 190];
+pub(super) const FAIR: Colour = [250, 196, 70];
+pub(super) const BAD: Colour = [200, 40, 60];
+pub(super) const OUT: Colour = [62, 72, 90];
 
 /// A figure of a height, with a title and a line of explanation.
-pub(super) fn figure(height: i32, title: &str, line: &str, draw: impl FnOnce(&Area<'_>) -> Result<()>) -> Result<String> {
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, (WIDTH, height as u32)).into_drawing_area();
-        root.fill(&WHITE).map_err(wrong)?;
-        write(&root, title, (14, 22), 20, INK, HPos::Left)?;
-        write(&root, line, (14, 45), 14, DIM, HPos::Left)?;
-        draw(&root)?;
-        root.present().map_err(wrong)?;
-    }
-    Ok(svg)
+pub(super) fn figure(height: f64, title: &str, line: &str, draw: impl FnOnce(&mut Svg) -> Result<()>) -> Result<String> {
+    let mut svg = Svg::new(WIDTH as u32, height as u32);
+    svg.text((14.0, 22.0), title, 20.0, INK, Anchor::Start);
+    svg.text((14.0, 45.0), line, LABEL, DIM, Anchor::Start);
+    draw(&mut svg).context("cannot draw the figures along the way")?;
+    Ok(svg.finish())
 }
 
-/// An SVG that takes the width it is given.
-pub(super) fn without_size(svg: &str) -> String {
-    let end = svg.find('>').unwrap_or(0);
-    let (head, rest) = svg.split_at(end);
-    let kept = |word: &&str| !word.starts_with("width=") && !word.starts_with("height=");
-    // The viewBox has blanks between its numbers and stays whole.
-    head.split(' ').filter(kept).collect::<Vec<_>>().join(" ") + rest
-}
-
-/// Text whose middle is at the height of `at`.
-pub(super) fn write(area: &Area<'_>, text: &str, at: (i32, i32), size: i32, colour: RGBColor, from: HPos) -> Result<()> {
-    let style = TextStyle::from(("sans-serif", size).into_font()).color(&colour).pos(Pos::new(from, VPos::Center));
-    area.draw(&Text::new(text.to_owned(), at, style)).map_err(wrong)
-}
-
-/// The part of a figure between two heights.
-pub(super) fn part<'a>(root: &Area<'a>, top: i32, height: i32) -> Area<'a> {
-    root.clone().shrink((0, top), (WIDTH, height as u32))
-}
-
-/// A chart over an axis in a part of a figure; without a name the axis has no ticks.
-pub(super) fn chart<'a, 'b>(
-    area: &'b Area<'a>,
+/// A chart over an axis in a part of a figure, from `top` on and of a height that the x axis is a part of.
+pub(super) fn chart<'s>(
+    svg: &'s mut Svg,
+    (top, height): (f64, f64),
     x: Range<f64>,
     y: Range<f64>,
-    name: Option<&str>,
-    ticks: bool,
-) -> Result<Chart<'a, 'b>> {
-    if !(x.end - x.start).is_finite() || x.end.abs().max(y.end.abs()) > LARGEST {
-        return Err(wrong(format!("values up to {:.3e} are beyond an axis", x.end.abs().max(y.end.abs()))));
-    }
-    let mut chart = ChartBuilder::on(area)
-        .margin_right(RIGHT)
-        .set_label_area_size(LabelAreaPosition::Left, NAMES)
-        .set_label_area_size(LabelAreaPosition::Bottom, if name.is_some() { AXIS } else { 0 })
-        .build_cartesian_2d(x, y)
-        .map_err(wrong)?;
-    let mut mesh = chart.configure_mesh();
-    mesh.disable_x_mesh().light_line_style(TRANSPARENT).bold_line_style(GRID).axis_style(DIM).label_style(("sans-serif", LABEL));
-    mesh.x_label_formatter(&tick).y_label_formatter(&tick);
-    match name {
-        Some(name) => mesh.x_desc(name).axis_desc_style(("sans-serif", LABEL)),
-        None => mesh.x_labels(0),
-    };
-    if !ticks {
-        mesh.disable_y_mesh().disable_y_axis().y_labels(0);
-    }
-    mesh.draw().map_err(wrong)?;
-    Ok(chart)
-}
-
-/// A tick's number without the digits of its rounding.
-fn tick(value: &f64) -> String {
-    let text = format!("{value:.6}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    name: &str,
+) -> Result<Plot<'s>> {
+    let frame = Frame { left: NAMES, top, right: WIDTH - RIGHT, bottom: top + height - AXIS };
+    let mut plot = Plot::new(svg, frame, Scale::linear(x.start, x.end)?, Scale::linear(y.start, y.end)?);
+    plot.y_axis("", true);
+    plot.x_axis(name, false);
+    Ok(plot)
 }
 
 /// Shades the places at which the best beam is in outage.
-pub(super) fn shade(chart: &mut Chart<'_, '_>, way: &Way, y: &Range<f64>) -> Result<()> {
+pub(super) fn shade(plot: &mut Plot<'_>, way: &Way, y: &Range<f64>) {
     let half = way.axis.half_width;
-    let bars = way.out_of_service().map(|at| Rectangle::new([(at - half, y.start), (at + half, y.end)], SHADE.filled()));
-    chart.draw_series(bars).map_err(wrong)?;
-    Ok(())
+    way.out_of_service().for_each(|at| plot.bar([(at - half, y.start), (at + half, y.end)], SHADE));
 }
 
 /// A line through a row's values, with its points.
-pub(super) fn line(
-    chart: &mut Chart<'_, '_>,
-    way: &Way,
-    values: impl Iterator<Item = f64>,
-    colour: RGBColor,
-    width: u32,
-) -> Result<()> {
+pub(super) fn line(plot: &mut Plot<'_>, way: &Way, values: impl Iterator<Item = f64>, colour: Colour, width: f64) {
     let points: Vec<(f64, f64)> = way.axis.stops.iter().copied().zip(values).collect();
-    chart.draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(width))).map_err(wrong)?;
-    chart.draw_series(points.iter().map(|p| Circle::new(*p, width + 1, colour.filled()))).map_err(wrong)?;
-    Ok(())
+    plot.line(points.iter().copied(), Stroke::of(colour, width));
+    plot.points(points, width + 1.0, colour, true);
+}
+
+/// Width of a row's line: the first row's is the widest.
+pub(super) fn width(track: &Track) -> f64 {
+    if track.row == 0 { 3.0 } else { 2.0 }
 }
 
 /// A row's colour.
-pub(super) fn colour(track: &Track) -> RGBColor {
+pub(super) fn colour(track: &Track) -> Colour {
     PALETTE[track.row % PALETTE.len()]
 }
 
 /// What stands before a name.
 #[derive(Clone, Copy)]
 pub(super) enum Sample {
-    /// A line of a row's colour.
-    Line(RGBColor),
-    /// A line in strokes of a length.
-    Dashed(i32, RGBColor),
+    /// A line.
+    Line(Stroke),
     /// The shade of [`shade`].
     Shade,
 }
 
 /// A name in the column at the left, behind a sample of what it names.
-pub(super) fn name(root: &Area<'_>, y: i32, text: &str, sample: Sample) -> Result<()> {
-    const FROM: i32 = 14;
-    const TO: i32 = 34;
-    let bar = |from: i32, to: i32, half: i32, colour: RGBColor| {
-        root.draw(&Rectangle::new([(from, y - half), (to, y + half)], colour.filled())).map_err(wrong)
-    };
+pub(super) fn name(svg: &mut Svg, y: f64, text: &str, sample: Sample) {
+    const FROM: f64 = 14.0;
+    const TO: f64 = 34.0;
     match sample {
-        Sample::Line(colour) => bar(FROM, TO, 2, colour)?,
-        Sample::Dashed(stroke, colour) => {
-            let strokes = (FROM..TO).step_by(2 * stroke as usize);
-            strokes.into_iter().try_for_each(|from| bar(from, (from + stroke).min(TO), 1, colour))?;
-        }
-        Sample::Shade => bar(FROM, TO, 8, SHADE)?,
+        Sample::Line(stroke) => svg.line([(FROM, y), (TO, y)], stroke),
+        Sample::Shade => svg.rectangle([(FROM, y - 8.0), (TO, y + 8.0)], SHADE, 1.0),
     }
     let long = text.chars().count() > LONGEST_NAME;
     let text = if long { text.chars().take(LONGEST_NAME - 1).chain(['…']).collect() } else { text.to_owned() };
-    write(root, &text, (TO + 8, y), LABEL, INK, HPos::Left)
+    svg.text((TO + 8.0, y), &text, LABEL, INK, Anchor::Start);
+}
+
+/// Names of rows, each behind a line of its colour, from a height on.
+pub(super) fn names(svg: &mut Svg, way: &Way, top: f64) {
+    for (i, track) in way.tracks.iter().enumerate() {
+        name(svg, top + ROW * (i as f64 + 0.5), &track.label, Sample::Line(Stroke::of(colour(track), 4.0)));
+    }
 }
 
 /// A cell of a strip.
 pub(super) struct Cell {
-    pub colour: RGBColor,
+    pub colour: Colour,
     /// A word in it, if there is room, in its own colour.
-    pub word: Option<(String, RGBColor)>,
+    pub word: Option<(String, Colour)>,
 }
 
-/// Rows of cells, one a held-out keyframe, under the keyframes' numbers; returns the height at which it ends.
-pub(super) fn strips(root: &Area<'_>, way: &Way, top: i32, rows: &[Vec<Cell>], axis_name: Option<&str>) -> Result<i32> {
-    let count = rows.len() as f64;
-    let height = ROW * rows.len() as i32 + if axis_name.is_some() { AXIS } else { 0 };
-    let area = part(root, top + ROW, height);
-    let mut chart = chart(&area, way.axis.range.clone(), 0.0..count, axis_name, false)?;
-    let half = way.axis.half_width;
+/// Rows of cells, one a held-out keyframe, under the keyframes' numbers and over their axis if it has a name; returns the height at which it ends.
+///
+/// # Errors
+/// Places that no axis holds.
+pub(super) fn strips(svg: &mut Svg, way: &Way, top: f64, rows: &[Vec<Cell>], axis_name: Option<&str>) -> Result<f64> {
+    let axis = &way.axis;
+    let x = Scale::linear(axis.range.start, axis.range.end)?;
+    let place = |at: f64| NAMES + x.share(at) * (WIDTH - RIGHT - NAMES);
+    let numbered = axis.mark_share() * (WIDTH - RIGHT - NAMES) >= NARROWEST_NUMBERED;
     for (row, cells) in rows.iter().enumerate() {
-        let (high, low) = (count - row as f64 - 0.08, count - row as f64 - 0.92);
-        let boxes = way
-            .axis
-            .stops
-            .iter()
-            .zip(cells)
-            .map(|(at, cell)| Rectangle::new([(at - half, low), (at + half, high)], cell.colour.filled()));
-        chart.draw_series(boxes).map_err(wrong)?;
-    }
-    let plot = f64::from(WIDTH - NAMES - RIGHT);
-    let x = |at: f64| {
-        NAMES as i32 + ((at - way.axis.range.start) / (way.axis.range.end - way.axis.range.start) * plot).round() as i32
-    };
-    if way.axis.mark_share() * plot >= NARROWEST_NUMBERED {
-        for (i, at) in way.axis.stops.iter().enumerate() {
-            write(root, &way.axis.numbers[i].to_string(), (x(*at), top + ROW / 2 + 2), 12, DIM, HPos::Center)?;
-            for (row, cells) in rows.iter().enumerate() {
-                if let Some((word, colour)) = cells.get(i).and_then(|cell| cell.word.as_ref()) {
-                    write(root, word, (x(*at), top + ROW + row as i32 * ROW + ROW / 2), 12, *colour, HPos::Center)?;
-                }
+        let (high, low) = (top + ROW * (row as f64 + 1.08), top + ROW * (row as f64 + 1.92));
+        for (at, cell) in axis.stops.iter().zip(cells) {
+            let corners = [(place(at - axis.half_width), high), (place(at + axis.half_width), low)];
+            svg.rectangle(corners, cell.colour, 1.0);
+            if let Some((word, colour)) = cell.word.as_ref().filter(|_| numbered) {
+                svg.text((place(*at), 0.5 * (high + low)), word, NUMBER, *colour, Anchor::Middle);
             }
         }
-        write(root, "keyframe", (NAMES as i32 - 8, top + ROW / 2 + 2), 12, DIM, HPos::Right)?;
     }
-    Ok(top + ROW + height)
+    if numbered {
+        for (at, number) in axis.stops.iter().zip(&axis.numbers) {
+            svg.text((place(*at), top + 0.6 * ROW), &number.to_string(), NUMBER, DIM, Anchor::Middle);
+        }
+        svg.text((NAMES - 8.0, top + 0.6 * ROW), "keyframe", NUMBER, DIM, Anchor::End);
+    }
+    let end = top + ROW * (rows.len() as f64 + 1.0);
+    let Some(name) = axis_name else { return Ok(end) };
+    let frame = Frame { left: NAMES, top, right: WIDTH - RIGHT, bottom: end };
+    Plot::new(svg, frame, x, Scale::linear(0.0, 1.0)?).x_axis(name, false);
+    Ok(end + AXIS)
 }
 
 /// What the colours of a strip mean, in lines as wide as there is room; returns the height at which it ends.
-pub(super) fn key(root: &Area<'_>, top: i32, entries: &[(RGBColor, &str)]) -> Result<i32> {
-    let (mut x, mut y) = (NAMES as i32, top + ROW / 2);
+pub(super) fn key(svg: &mut Svg, top: f64, entries: &[(Colour, &str)]) -> f64 {
+    let (mut x, mut y) = (NAMES, top + 0.5 * ROW);
     for (colour, text) in entries {
-        let width = 34 + (CHARACTER * text.chars().count() as f64) as i32;
-        if x + width > WIDTH as i32 && x > NAMES as i32 {
-            (x, y) = (NAMES as i32, y + ROW);
+        let width = 34.0 + text_width(text, LABEL);
+        if x + width > WIDTH && x > NAMES {
+            (x, y) = (NAMES, y + ROW);
         }
-        root.draw(&Rectangle::new([(x, y - 6), (x + 14, y + 6)], colour.filled())).map_err(wrong)?;
-        write(root, text, (x + 20, y), LABEL, INK, HPos::Left)?;
+        svg.rectangle([(x, y - 6.0), (x + 14.0, y + 6.0)], *colour, 1.0);
+        svg.text((x + 20.0, y), text, LABEL, INK, Anchor::Start);
         x += width;
     }
-    Ok(y + ROW / 2)
+    y + 0.5 * ROW
 }
 
 /// The heading of a chart, over its axis.
-pub(super) fn heading(root: &Area<'_>, top: i32, text: &str) -> Result<()> {
-    write(root, text, (NAMES as i32, top + ROW / 2), LABEL, INK, HPos::Left)
+pub(super) fn heading(svg: &mut Svg, top: f64, text: &str) {
+    svg.text((NAMES, top + 0.5 * ROW), text, LABEL, INK, Anchor::Start);
 }

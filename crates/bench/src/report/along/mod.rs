@@ -15,6 +15,7 @@ mod outage;
 mod rate;
 
 use super::charts::first_cells;
+use crate::charts::without_size;
 use crate::files::escape;
 use crate::metrics::beams::BeamMetrics;
 use crate::metrics::outage::LinkRates;
@@ -77,7 +78,7 @@ impl Figures {
 
     /// The figures as a part of a page.
     pub(super) fn html(&self) -> String {
-        let figure = |svg: &String| format!("<figure>{}</figure>", canvas::without_size(svg));
+        let figure = |svg: &String| format!("<figure>{}</figure>", without_size(svg));
         format!(
             "<div class=\"along\">{}</div><p class=\"note\">{}</p>",
             self.svg.iter().map(figure).collect::<String>(),

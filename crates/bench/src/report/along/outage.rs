@@ -1,16 +1,16 @@
 //! Outage along the way: where the best beam is in outage, who says so, and how large the share is for any target.
 
 use super::Way;
-use super::canvas::{self, BAD, Cell, FAIR, GOOD, HEAD, INK, OUT, Sample, wrong};
+use super::canvas::{self, BAD, Cell, FAIR, GOOD, HEAD, OUT, Sample};
+use crate::charts::{Colour, INK, Stroke, Svg, WHITE};
 use crate::metrics::outage::LinkRates;
 use crate::metrics::rate::TARGET_RATE_BPS_HZ;
 use anyhow::Result;
-use plotters::prelude::*;
 
 /// Height of the chart of shares.
-const CHART: i32 = 280;
+const CHART: f64 = 280.0;
 /// Outage that free space would not mend.
-const FAR: RGBColor = RGBColor(150, 158, 172);
+const FAR: Colour = [150, 158, 172];
 
 /// What the place allows.
 fn place(link: &LinkRates) -> Cell {
@@ -40,20 +40,18 @@ fn said(link: &LinkRates) -> Cell {
 /// # Errors
 /// Rates that no axis holds.
 pub(super) fn svg(way: &Way) -> Result<String> {
-    let rows = way.tracks.len() as i32 + 1;
-    let height = HEAD + canvas::ROW * (rows + 6) + canvas::AXIS + CHART + 20;
+    let rows = way.tracks.len() as f64 + 1.0;
+    let height = HEAD + canvas::ROW * (rows + 6.0) + canvas::AXIS + CHART + 20.0;
     let line = format!(
         "In outage: a rate below {TARGET_RATE_BPS_HZ} bit/s/Hz. First row: the best beam as observed; others: what the prediction says of the beam it chooses."
     );
-    canvas::figure(height, "Outage at held-out keyframes", &line, |root| {
+    canvas::figure(height, "Outage at held-out keyframes", &line, |svg| {
         let mut cells: Vec<Vec<Cell>> = vec![way.truth.iter().map(place).collect()];
         cells.extend(way.tracks.iter().map(|t| t.stops.iter().map(|stop| said(&stop.1)).collect()));
-        let y = |row: i32| HEAD + canvas::ROW * (row + 1) + canvas::ROW / 2;
-        canvas::name(root, y(0), "best beam, as observed", Sample::Line(INK))?;
-        for (i, track) in way.tracks.iter().enumerate() {
-            canvas::name(root, y(i as i32 + 1), &track.label, Sample::Line(canvas::colour(track)))?;
-        }
-        let end = canvas::strips(root, way, HEAD, &cells, Some(way.axis.name))?;
+        let observed = Sample::Line(Stroke::of(INK, 4.0));
+        canvas::name(svg, HEAD + 1.5 * canvas::ROW, "best beam, as observed", observed);
+        canvas::names(svg, way, HEAD + 2.0 * canvas::ROW);
+        let end = canvas::strips(svg, way, HEAD, &cells, Some(way.axis.name))?;
         let far = way.truth.iter().any(|link| link.outage().best && link.outage().blocked == Some(false));
         let mut entries = vec![
             (GOOD, "no outage, none predicted"),
@@ -65,9 +63,9 @@ pub(super) fn svg(way: &Way) -> Result<String> {
         if far {
             entries.insert(2, (FAR, "outage in free space as well"));
         }
-        let end = canvas::key(root, end + 2, &entries)?;
-        canvas::heading(root, end + 10, "share of keyframes at which the chosen beam is in outage, %, by target rate")?;
-        shares(way, &canvas::part(root, end + 10 + canvas::ROW, CHART))
+        let end = canvas::key(svg, end + 2.0, &entries);
+        canvas::heading(svg, end + 10.0, "share of keyframes at which the chosen beam is in outage, %, by target rate");
+        shares(way, svg, end + 10.0 + canvas::ROW)
     })
 }
 
@@ -79,17 +77,16 @@ fn steps(mut rates: Vec<f64>, most: f64) -> Vec<(f64, f64)> {
     std::iter::once((0.0, 0.0)).chain(corners).chain([(most, 100.0)]).collect()
 }
 
-fn shares(way: &Way, area: &canvas::Area<'_>) -> Result<()> {
+fn shares(way: &Way, svg: &mut Svg, top: f64) -> Result<()> {
     let best: Vec<f64> = way.truth.iter().map(|l| l.best_rate_bps_hz).collect();
     let most = 1.03 * best.iter().copied().fold(TARGET_RATE_BPS_HZ, f64::max);
-    let mut chart = canvas::chart(area, 0.0..most, 0.0..103.0, Some("target rate, bit/s/Hz"), true)?;
-    let target = [(TARGET_RATE_BPS_HZ, 0.0), (TARGET_RATE_BPS_HZ, 103.0)];
-    chart.draw_series(DashedLineSeries::new(target, 2, 4, INK.stroke_width(1))).map_err(wrong)?;
-    chart.draw_series(LineSeries::new(steps(best, most), INK.stroke_width(5))).map_err(wrong)?;
+    let mut plot = canvas::chart(svg, (top, CHART), 0.0..most, 0.0..103.0, "target rate, bit/s/Hz")?;
+    let target = Stroke { colour: INK, width: 1.0, dash: Some(3.0) };
+    plot.line([(TARGET_RATE_BPS_HZ, 0.0), (TARGET_RATE_BPS_HZ, 103.0)], target);
+    plot.line(steps(best, most), Stroke::of(INK, 5.0));
     for track in way.tracks.iter().rev() {
         let rates = track.stops.iter().map(|stop| stop.1.chosen_rate_bps_hz).collect();
-        let style = canvas::colour(track).stroke_width(if track.row == 0 { 3 } else { 2 });
-        chart.draw_series(LineSeries::new(steps(rates, most), style)).map_err(wrong)?;
+        plot.line(steps(rates, most), Stroke::of(canvas::colour(track), canvas::width(track)));
     }
     Ok(())
 }

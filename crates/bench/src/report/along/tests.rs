@@ -70,7 +70,7 @@ fn figures_are_sound_whatever_the_rows_are_called() {
         for svg in [beam::svg(&way).unwrap(), rate::svg(&way).unwrap(), outage::svg(&way).unwrap()] {
             assert!(!svg.contains("<b>") && !svg.contains('\u{1b}') && !svg.contains("NaN") && !svg.contains("inf"), "{svg}");
             assert!(svg.contains("&lt;b&gt;surface") && svg.contains('…'), "a long name is cut");
-            let inline = canvas::without_size(&svg);
+            let inline = without_size(&svg);
             let head = &inline[..inline.find('>').unwrap()];
             assert!(
                 head.starts_with("<svg ")

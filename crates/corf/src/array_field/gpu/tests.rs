@@ -211,7 +211,8 @@ fn views(field: &ArrayField, count: usize, has_background: bool) -> Vec<View> {
 
 /// Log gains and corrections.
 fn learnt(field: &ArrayField) -> Vec<f32> {
-    [&field.sources, &field.points].iter().flat_map(|c| c.arrays().split_off(1).concat()).collect()
+    let of = |c: &Cloud<f32>| [&c.gain[..], &c.seen_from.concat()].concat();
+    [&field.sources, &field.points].into_iter().flat_map(of).collect()
 }
 
 #[test]

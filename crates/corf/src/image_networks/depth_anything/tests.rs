@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::config::DepthPriorKind;
-use crate::image_networks::Tensors;
+use crate::files::tensors::Tensors;
 use crate::reference_data::shared;
 
 const FOLDER: &str = "weights/depth_anything_tiny";

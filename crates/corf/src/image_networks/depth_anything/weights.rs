@@ -1,6 +1,7 @@
 //! The user's weights: a safetensors file, with the tensor names of the official code or of the transformers library.
 
-use crate::image_networks::{Layer, Tensors};
+use crate::files::tensors::Tensors;
+use crate::image_networks::Layer;
 use crate::{Error, Result};
 use corf_scene::io;
 use serde::Deserialize;

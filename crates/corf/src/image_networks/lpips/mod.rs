@@ -13,7 +13,8 @@ mod tests;
 mod trunk;
 
 use crate::Result;
-use crate::image_networks::{Map, Tensors};
+use crate::files::tensors::Tensors;
+use crate::image_networks::Map;
 use corf_scene::Raster;
 use std::fmt;
 use std::path::Path;

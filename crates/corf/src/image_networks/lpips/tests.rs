@@ -258,7 +258,8 @@ fn files_that_are_not_the_weights_are_refused() {
         bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
         bytes
     };
-    refused(&changed("[64,3,11,11]", "[64,3,11,12]"), Backbone::Alex, "has shape [64, 3, 11, 12]");
+    refused(&changed("[64,3,11,11]", "[64,11,3,11]"), Backbone::Alex, "has shape [64, 11, 3, 11]");
+    refused(&changed("[64,3,11,11]", "[64,3,11,12]"), Backbone::Alex, "invalid shape");
     refused(&changed("lin4.weight", "lin5.weight"), Backbone::Alex, "`lin4.weight` is missing");
     let last_is = |value: f32| {
         let mut bytes = whole.clone();

@@ -2,7 +2,8 @@
 
 use super::Backbone;
 use crate::Result;
-use crate::image_networks::{Layer, Map, MaxPool, Tensors, Window};
+use crate::files::tensors::Tensors;
+use crate::image_networks::{Layer, Map, MaxPool, Window};
 use rayon::prelude::*;
 
 /// Added to the length of a pixel's features before they are divided by it.
