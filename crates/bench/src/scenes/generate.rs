@@ -26,7 +26,7 @@ use std::fmt::{Display, Formatter};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// A dataset, and what is to be said of it.
@@ -76,7 +76,8 @@ pub fn generate_from(
         return Err(Error::invalid(place, what, help).into());
     }
     let at_once = keyframes_at_once(&device);
-    check_memory(config, at_once)?;
+    let waiting = if device.adapter().is_some() { keyframes_waiting(config) } else { 0 };
+    check_memory(config, at_once, waiting)?;
     let plan = SensorPlan::of(config, scene_config)?;
     let mut header = DatasetHeader::from_configs(config, scene_config, scene, 0.0)?;
     let denoiser = Oidn::asked_for(config)?;
@@ -96,11 +97,12 @@ pub fn generate_from(
     let (tracer, light) = rayon::join(|| RadioTracer::new(scene, &bvh, plan.tracing), || LightTracer::new(scene, &bvh));
     let tracer = tracer?;
     let refused = AtomicBool::new(false);
+    let (poses, rf_camera) = (header.poses.clone(), header.rf_camera);
     let see = || -> Result<(OpticalSensor<'_>, f64)> {
         let mut camera = camera_unless(config, &light, &device, denoiser, &refused)?;
         let exposure_ev = match config.optical.exposure_ev {
             Some(exposure_ev) => exposure_ev,
-            None => f64::from(camera.meter(&header.poses)?),
+            None => f64::from(camera.meter(&poses)?),
         };
         camera.expose(exposure_ev as f32);
         camera.reserve()?;
@@ -108,11 +110,11 @@ pub fn generate_from(
     };
     let hear = || -> Result<_> {
         let array = RadioSensor::new(&plan, scene, &tracer)?;
-        messages::findings(array.check(header.poses.iter().map(|pose| &pose.world_from_camera))?);
+        messages::findings(array.check(poses.iter().map(|pose| &pose.world_from_camera))?);
         let held = claim_output(out, resume)?;
         messages::findings(placement);
         messages::findings(geometry_warnings(scene, config.rf.transmission));
-        let sampling_error = array.sampling_error(&header.rf_camera, &header.poses)?;
+        let sampling_error = array.sampling_error(&rf_camera, &poses)?;
         Ok((array, held, sampling_error))
     };
     let hear = || {
@@ -120,72 +122,92 @@ pub fn generate_from(
         refused.store(heard.is_err(), Ordering::Relaxed);
         heard
     };
-    let (seen, heard) = rayon::join(see, hear);
-    let (array, _held, sampling_error) = heard?;
-    let (camera, exposure_ev) = seen?;
-    header.sampling_error = sampling_error;
-    header.exposure_ev = Some(exposure_ev);
-    let outputs = Outputs {
-        extent: Extent::of_keyframe(&config.rf, &plan.receiver),
-        camera: header.rf_camera,
-        sphere: header.sphere,
-        paths: config.rf.write_paths,
-    };
-    let platform = Platform { camera, array, outputs };
-    let writer = DatasetWriter::create(out, &header, resume)?;
-    let poses = &header.poses;
-    let missing: Vec<&TrajectoryPose> = poses.iter().filter(|p| !writer.is_complete(p.index)).collect();
-    if !missing.is_empty() {
-        let mut progress = Progress::start(format!("keyframes of {}", config.name), poses.len(), "keyframes");
-        let mut done = poses.len() - missing.len();
-        let times = Times::default();
-        // Keyframes are written while the next are traced.
-        let mut traced: Vec<(usize, KeyframeContent)> = Vec::new();
-        let write = |traced: &[(usize, KeyframeContent)]| {
-            traced.par_iter().try_for_each(|(i, frame)| times.of("files", || writer.write_frame(*i, frame)))
+    std::thread::scope(|scope| -> Result<Generated> {
+        let hearing = scope.spawn(hear);
+        let heard = || hearing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        let (camera, exposure_ev) = match see() {
+            Ok(seen) => seen,
+            Err(error) => return heard().and(Err(error)),
         };
-        // What the GPU sees, it sees ahead of radio and files.
-        let ahead = platform.camera.adapter().is_some();
-        std::thread::scope(|scope| -> Result<()> {
-            let mut seen = ahead.then(|| Ahead::start(scope, &platform, &missing));
-            for together in missing.chunks(at_once) {
-                interrupt::check()?;
-                traced = match &mut seen {
-                    Some(seen) => {
-                        let hear = |pose: &&TrajectoryPose| times.of("radio", || platform.hear(pose));
-                        let hear = || together.par_iter().map(hear).collect::<corf_scene::Result<Vec<_>>>();
-                        let (written, heard) = rayon::join(|| write(&traced), hear);
-                        written?;
-                        done += traced.len();
-                        let keyframe = |(pose, radio): (&&TrajectoryPose, _)| {
-                            Ok((pose.index, joined(times.of("waiting for light", || seen.next())?, radio)))
-                        };
-                        together.iter().zip(heard?).map(keyframe).collect::<Result<Vec<_>>>()?
-                    }
-                    None => {
-                        let trace = |pose: &&TrajectoryPose| Ok((pose.index, platform.keyframe(pose)?));
-                        let trace = || together.par_iter().map(trace).collect::<corf_scene::Result<Vec<_>>>();
-                        let (written, frames) = rayon::join(|| write(&traced), trace);
-                        written?;
-                        done += traced.len();
-                        frames?
-                    }
-                };
-                progress.set(done, poses.len());
-            }
-            Ok(())
-        })?;
-        write(&traced)?;
-        progress.set(poses.len(), poses.len());
-        progress.finish();
-        if ahead {
-            note!("  in seconds of threads: {times}");
-            note!("  light, in seconds: {}", spent_text(&platform.camera.spent()));
-        }
+        std::thread::scope(|scope| -> Result<Generated> {
+            // What a GPU sees, it sees ahead of radio and files; where nothing is there yet, of radio's set-up as well.
+            let ahead = camera.adapter().is_some();
+            let start = |poses| Ahead::start(scope, &camera, poses, waiting);
+            let early = (ahead && !resume).then(|| start(poses.iter().collect()));
+            let (array, _held, sampling_error) = heard()?;
+            header.sampling_error = sampling_error;
+            header.exposure_ev = Some(exposure_ev);
+            let outputs = Outputs {
+                extent: Extent::of_keyframe(&config.rf, &plan.receiver),
+                camera: header.rf_camera,
+                sphere: header.sphere,
+                paths: config.rf.write_paths,
+            };
+            let platform = Platform { camera: &camera, array, outputs };
+            let writer = DatasetWriter::create(out, &header, resume)?;
+            let missing: Vec<&TrajectoryPose> = poses.iter().filter(|p| !writer.is_complete(p.index)).collect();
+            let seen = early.or_else(|| (ahead && !missing.is_empty()).then(|| start(missing.clone())));
+            trace_and_write(&platform, &writer, &missing, seen, at_once, (&config.name, poses.len()))?;
+            let findings = writer.dark_findings()?;
+            writer.finish()?;
+            tell(Generated { dataset: Dataset::open(out)?, findings })
+        })
+    })
+}
+
+/// Traces and writes what is missing of a data set of this name and number of keyframes, so many keyframes at once; keyframes are written
+/// while the next are traced. Images come from what a GPU has `seen`, or are traced beside the radio.
+fn trace_and_write(
+    platform: &Platform<'_, '_>,
+    writer: &DatasetWriter,
+    missing: &[&TrajectoryPose],
+    mut seen: Option<Ahead>,
+    at_once: usize,
+    (name, all): (&str, usize),
+) -> Result<()> {
+    if missing.is_empty() {
+        return Ok(());
     }
-    let findings = writer.dark_findings()?;
-    writer.finish()?;
-    tell(Generated { dataset: Dataset::open(out)?, findings })
+    let mut progress = Progress::start(format!("keyframes of {name}"), all, "keyframes");
+    let mut done = all - missing.len();
+    let times = Times::default();
+    let mut traced: Vec<(usize, KeyframeContent)> = Vec::new();
+    let write = |traced: &[(usize, KeyframeContent)]| {
+        traced.par_iter().try_for_each(|(i, frame)| times.of("files", || writer.write_frame(*i, frame)))
+    };
+    for together in missing.chunks(at_once) {
+        interrupt::check()?;
+        traced = match &mut seen {
+            Some(seen) => {
+                let hear = |pose: &&TrajectoryPose| times.of("radio", || platform.hear(pose));
+                let hear = || together.par_iter().map(hear).collect::<corf_scene::Result<Vec<_>>>();
+                let (written, heard) = rayon::join(|| write(&traced), hear);
+                written?;
+                done += traced.len();
+                let keyframe = |(pose, radio): (&&TrajectoryPose, _)| {
+                    Ok((pose.index, joined(times.of("waiting for light", || seen.next())?, radio)))
+                };
+                together.iter().zip(heard?).map(keyframe).collect::<Result<Vec<_>>>()?
+            }
+            None => {
+                let trace = |pose: &&TrajectoryPose| Ok((pose.index, platform.keyframe(pose)?));
+                let trace = || together.par_iter().map(trace).collect::<corf_scene::Result<Vec<_>>>();
+                let (written, frames) = rayon::join(|| write(&traced), trace);
+                written?;
+                done += traced.len();
+                frames?
+            }
+        };
+        progress.set(done, all);
+    }
+    write(&traced)?;
+    progress.set(all, all);
+    progress.finish();
+    if seen.is_some() {
+        note!("  in seconds of threads: {times}");
+        note!("  light, in seconds: {}", spent_text(&platform.camera.spent()));
+    }
+    Ok(())
 }
 
 /// A dataset's camera, ready: with cached light the scene's is solved, under a progress bar.
@@ -273,21 +295,22 @@ struct Ahead {
     ready: VecDeque<(Light, Extras)>,
 }
 
-/// Keyframes that each of the two threads is ahead at most, besides those that it works on.
-const MOST_AHEAD: usize = 2;
-
 impl Ahead {
+    /// Begins to see these poses in their order; about so many finished keyframes may wait to be taken.
     fn start<'scope, 'env>(
         scope: &'scope std::thread::Scope<'scope, 'env>,
-        platform: &'env Platform<'_>,
-        poses: &'env [&TrajectoryPose],
+        camera: &'env OpticalSensor<'_>,
+        poses: Vec<&'env TrajectoryPose>,
+        waiting: usize,
     ) -> Self {
-        let most = platform.camera.together();
+        let most = camera.together();
+        let poses = Arc::new(poses);
         let seen = [0, 1].map(|first| {
-            let (sender, receiver) = sync_channel(MOST_AHEAD / most);
+            let (sender, receiver) = sync_channel(waiting / (2 * most));
+            let poses = poses.clone();
             scope.spawn(move || {
-                for together in handovers(poses, most).into_iter().skip(first).step_by(2) {
-                    let frames = platform.camera.see_all(together);
+                for together in handovers(&poses, most).into_iter().skip(first).step_by(2) {
+                    let frames = camera.see_all(together);
                     let failed = frames.is_err();
                     // Nobody waits for it where the work was given up.
                     if sender.send(frames).is_err() || failed {
@@ -333,6 +356,18 @@ fn handovers<'p, 'q>(mut poses: &'p [&'q TrajectoryPose], most: usize) -> Vec<&'
     parts
 }
 
+/// Finished images that may wait for radio: as many as [`MOST_WAITING_BYTES`] hold.
+fn keyframes_waiting(config: &DatasetConfig) -> usize {
+    (MOST_WAITING_BYTES / (WAITING_BYTES_A_PIXEL * config.optical.width * config.optical.height).max(1)).min(MOST_WAITING)
+}
+
+/// Most keyframes whose images wait: what a GPU sees while the radio of a large room is made ready on few threads.
+const MOST_WAITING: usize = 64;
+/// Their memory at most, bytes.
+const MOST_WAITING_BYTES: usize = 2 << 30;
+/// Memory of a finished keyframe's images (colours, depth, surface, albedo and normals), bytes a pixel.
+const WAITING_BYTES_A_PIXEL: usize = 24;
+
 /// Keyframes traced together: what one of them leaves of many processors idle is used by the others, and few take little memory.
 /// Beside a GPU, radio and files of one keeps few threads busy.
 fn keyframes_at_once(device: &Backend) -> usize {
@@ -359,15 +394,17 @@ const OPTICAL_BYTES_A_PIXEL: f64 = 300.0;
 const RF_BYTES_A_PIXEL: f64 = 120.0;
 
 /// Refuses images that do not fit the memory.
-fn check_memory(config: &DatasetConfig, at_once: usize) -> Result<()> {
+fn check_memory(config: &DatasetConfig, at_once: usize, waiting: usize) -> Result<()> {
     let [sphere_columns, sphere_rows] = config.rf.sphere.unwrap_or([0, 0]);
+    let at_once = at_once as f64;
+    let optical = at_once * OPTICAL_BYTES_A_PIXEL + (waiting * WAITING_BYTES_A_PIXEL) as f64;
     for (key, columns, rows, bytes_a_pixel) in [
-        ("optical", config.optical.width, config.optical.height, OPTICAL_BYTES_A_PIXEL),
-        ("rf", config.rf.width, config.rf.height, RF_BYTES_A_PIXEL),
-        ("rf.sphere", sphere_columns, sphere_rows, RF_BYTES_A_PIXEL),
+        ("optical", config.optical.width, config.optical.height, optical),
+        ("rf", config.rf.width, config.rf.height, at_once * RF_BYTES_A_PIXEL),
+        ("rf.sphere", sphere_columns, sphere_rows, at_once * RF_BYTES_A_PIXEL),
     ] {
         let place = format!("{}: {key}", config.source.display());
-        let bytes = at_once as f64 * bytes_a_pixel * columns as f64 * rows as f64;
+        let bytes = bytes_a_pixel * columns as f64 * rows as f64;
         bounds::memory(&place, &format!("images of {columns}x{rows} pixels"), bytes, "give fewer pixels")?;
     }
     Ok(())

@@ -14,16 +14,16 @@ use corf_scene::trajectory::TrajectoryPose;
 use corf_scene::{Light, Radio, Result};
 
 /// A camera and an array that travel together.
-pub struct Platform<'a> {
-    /// The camera.
-    pub camera: OpticalSensor<'a>,
+pub struct Platform<'p, 'a> {
+    /// The camera, which may be seeing other poses meanwhile.
+    pub camera: &'p OpticalSensor<'a>,
     /// The array.
     pub array: RadioSensor<'a>,
     /// Radio outputs of every pose.
     pub outputs: Outputs,
 }
 
-impl Platform<'_> {
+impl Platform<'_, '_> {
     /// Everything that a dataset keeps of a pose. Light and radio are traced side by side: where one of them leaves a core idle, the other goes on.
     ///
     /// # Errors
