@@ -65,7 +65,6 @@ pub(crate) struct Params {
     rates: [RateParams; 2],
     position_rate: f32,
     position_decay: f32,
-    position_floor: f32,
     log_scale_rate: f32,
     rotation_rate: f32,
     beta1: f32,
@@ -85,6 +84,7 @@ pub(crate) struct Params {
     /// Of a dense step: what it marks the Gaussians it sees with, and whether it sums their gradients on the screen.
     pub marker: u32,
     pub screen_gradients: u32,
+    padding: u32,
 }
 
 impl GridParams {
@@ -146,7 +146,6 @@ impl Params {
         }
         p.position_rate = optimizer.position_rate_m;
         p.position_decay = optimizer.position_decay;
-        p.position_floor = optimizer.position_rate_floor;
         p.log_scale_rate = optimizer.log_scale_rate;
         p.rotation_rate = optimizer.rotation_rate;
         (p.beta1, p.beta2, p.epsilon) = (optimizer.beta1, optimizer.beta2, optimizer.epsilon);

@@ -49,7 +49,6 @@ struct Params {
     rates: array<Rates, 2>,
     position_rate: f32,
     position_decay: f32,
-    position_floor: f32,
     log_scale_rate: f32,
     rotation_rate: f32,
     beta1: f32,
