@@ -63,6 +63,8 @@ mod report;
 #[cfg(feature = "slow")]
 mod scale;
 #[cfg(feature = "slow")]
+mod settings;
+#[cfg(feature = "slow")]
 mod spectra;
 mod view;
 #[cfg(feature = "slow")]

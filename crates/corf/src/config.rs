@@ -240,11 +240,22 @@ impl DepthConfig {
         const ALIGNED: &str =
             "it counts with a prior that is aligned alone: depth.prior = \"simulated\", \"folder\" or \"depth-anything\"";
         const NETWORK: &str = "it counts with depth.prior = \"depth-anything\" alone";
+        const MATCHED: &str = "exact depths are neither triangulated nor matched: it counts with other values of depth.prior";
         const METRIC: &str = "it counts with depth.prior = \"folder\" and a metric depth.folder_kind alone";
         let is_aligned = matches!(self.prior, Prior::Simulated | Prior::Folder | Prior::DepthAnything);
         let is_metric = matches!(self.folder_kind, FolderKind::DepthMetric | FolderKind::InverseMetric);
         let is_corrected = is_aligned && self.correction;
+        // A keyframe that brings no measured depth is matched.
+        let is_matched = self.prior != Prior::Exact;
         IdleKey::all([
+            ("neighbours", is_matched, MATCHED),
+            ("corners", is_matched, MATCHED),
+            ("sweep_candidates", is_matched, MATCHED),
+            ("match_candidates", is_matched, MATCHED),
+            ("match_range", is_matched, MATCHED),
+            ("min_segment_px", is_matched, MATCHED),
+            ("cost_ratio", is_matched, MATCHED),
+            ("min_zncc", is_matched, MATCHED),
             ("preset", self.prior == Prior::Simulated, "it counts with depth.prior = \"simulated\" alone"),
             ("folder_kind", self.prior == Prior::Folder, "it counts with depth.prior = \"folder\" alone"),
             ("png_scale", self.prior == Prior::Folder && is_metric, METRIC),
@@ -401,10 +412,12 @@ impl ReconstructionConfig {
     pub fn idle_keys(&self) -> Vec<IdleKey> {
         const UNIFORM: &str = "it counts with sampling = \"uniform\" alone (the method corf-gs-uniform)";
         const LOG: &str = "it counts with sampling = \"log\" alone (all methods but corf-gs-uniform)";
+        const JOINT: &str = "in two stages each modality is learnt by itself, and nothing is weighed against it";
         const STAGED: &str = "it counts in two stages alone (the methods corf-gs-frozen and corf-gs-rf-tuned)";
         let uniform = self.sampling == Sampling::Uniform;
         let mut idle = IdleKey::all([
             ("second_stage_opacity", self.coupling != Coupling::Joint, STAGED),
+            ("rf_weight", self.coupling == Coupling::Joint, JOINT),
             ("uniform_probability", uniform, UNIFORM),
             ("least_probability", !uniform, LOG),
             ("log_sigma_px", !uniform, LOG),

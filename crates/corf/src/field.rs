@@ -4,7 +4,6 @@ use crate::{
     Antialias, Device, Error, Gaussians, Result,
     device::{Layer, Planes, RenderRequest, View},
     files::ply,
-    sensor::RfSensor,
     target::{RfTarget, linear_from_scalar},
 };
 use corf_scene::{
@@ -12,12 +11,13 @@ use corf_scene::{
     io::write_atomic,
     keyframe::{DbRange, Modalities},
 };
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
+use serde_json::{Map, Value};
 use std::path::Path;
 
 /// Everything beside the Gaussians that a field needs to be rendered; saved beside them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, remote = "Self")]
 pub struct FieldMeta {
     /// Encoding of the RF field's colours.
     pub rf_target: RfTarget,
@@ -27,9 +27,6 @@ pub struct FieldMeta {
     pub optical_camera: Pinhole,
     /// Intrinsics of the RF images.
     pub rf_camera: Pinhole,
-    /// Measurement model of the RF receiver.
-    #[serde(default)]
-    pub sensor: RfSensor,
     /// Colour behind the RF field, where it is not that of a direction without power.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rf_background: Option<[f32; 3]>,
@@ -60,6 +57,23 @@ pub struct FieldRendering {
     pub spectrum: Raster<f32>,
     /// 1/z of the optical pixels, 1/m: the composited inverse depth over its coverage; 0 where nothing is.
     pub inverse_depth: Raster<f32>,
+}
+
+impl Serialize for FieldMeta {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for FieldMeta {
+    /// Earlier versions wrote `"sensor": "identity"`, the only one that there was.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        let mut keys: Map<String, Value> = Map::deserialize(deserializer)?;
+        if keys.get("sensor").is_some_and(|sensor| sensor == "identity") {
+            keys.remove("sensor");
+        }
+        Self::deserialize(Value::Object(keys)).map_err(D::Error::custom)
+    }
 }
 
 impl FieldMeta {
@@ -106,7 +120,7 @@ impl FieldMeta {
         let background = self.rf_background_color();
         let rendering = device.render(&RenderRequest {
             optical: Some((view(self.optical_camera), [0.0; 3])),
-            rf: Some((view(self.sensor.field_camera(&self.rf_camera)), background)),
+            rf: Some((view(self.rf_camera), background)),
             main_contributor: false,
         })?;
         let missing = || {
@@ -114,13 +128,12 @@ impl FieldMeta {
         };
         let (optical, rf) = (rendering.optical.ok_or_else(missing)?, rendering.rf.ok_or_else(missing)?);
         let image = optical.color.pixels.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|v| v.clamp(0.0, 1.0))).collect();
-        let rf = self.sensor.observe(rf.color);
-        let scalar = self.rf_target.scalar(&rf);
+        let scalar = self.rf_target.scalar(&rf.color);
         Ok(FieldRendering {
             image: Raster::from_vec(optical.color.width, optical.color.height, image),
             spectrum: linear_from_scalar(&scalar, &self.db_range),
             scalar,
-            rf,
+            rf: rf.color,
             inverse_depth: normalised_inverse_depth(&optical),
         })
     }
@@ -211,4 +224,33 @@ fn normalised_inverse_depth(layer: &Layer) -> Raster<f32> {
     let pixels =
         layer.inverse_depth.pixels().iter().zip(layer.transmittance.pixels()).map(|(i, t)| over_coverage(*i, *t)).collect();
     Raster::from_vec(layer.inverse_depth.width(), layer.inverse_depth.height(), pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sensor_that_earlier_versions_named_is_read_over_and_written_no_more() {
+        let camera = Pinhole::from_horizontal_fov(8, 6, 90.0);
+        let meta = FieldMeta {
+            rf_target: RfTarget::Jet,
+            db_range: FieldMeta::RANGE_WITHOUT_RADIO,
+            optical_camera: camera,
+            rf_camera: camera,
+            rf_background: Some([0.1, 0.2, 0.3]),
+            modalities: Modalities::BOTH,
+        };
+        let mut written = serde_json::to_value(meta).unwrap();
+        assert!(written.get("sensor").is_none());
+        assert_eq!(serde_json::from_value::<FieldMeta>(written.clone()).unwrap(), meta);
+        written["sensor"] = "identity".into();
+        assert_eq!(serde_json::from_str::<FieldMeta>(&written.to_string()).unwrap(), meta);
+        for (key, value) in [("sensor", "array"), ("senser", "identity")] {
+            let mut other = serde_json::to_value(meta).unwrap();
+            other[key] = value.into();
+            let error = serde_json::from_value::<FieldMeta>(other).unwrap_err().to_string();
+            assert!(error.contains(&format!("unknown field `{key}`")), "{error}");
+        }
+    }
 }

@@ -39,7 +39,6 @@ pub mod reconstructor;
 #[cfg(test)]
 #[path = "../../../tests/shared.rs"]
 mod reference_data;
-pub mod sensor;
 mod simd;
 pub mod stage;
 #[cfg(test)]

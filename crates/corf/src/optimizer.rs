@@ -1,6 +1,6 @@
 //! The constants of rasterisation and optimisation; every device honours the same ones.
 
-use crate::{Error, IdleKey, Result};
+use crate::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -81,14 +81,12 @@ impl Default for AppearanceRates {
 pub struct OptimizerConfig {
     /// Position rate in metres per step with which a device begins. The published 5e-5 holds in a world where the mean of the first five
     /// camera baselines is 0.1: in metres it is 5e-5 · baseline_m / 0.1, which the reconstructor sets once it knows the baselines
-    /// ([`Device::set_position_rate_m`](crate::Device::set_position_rate_m)). So it is no key of a method; records of earlier versions have it.
-    #[serde(skip_serializing)]
+    /// ([`Device::set_position_rate_m`](crate::Device::set_position_rate_m)). So it is no key of a method.
+    #[serde(skip)]
     #[schemars(skip)]
     pub position_rate_m: f32,
     /// Decay of a Gaussian's position learning rate: the fraction lost at each step in which it is visible.
     pub position_decay: f32,
-    /// Floor of the decayed position learning rate, as a fraction of the full rate.
-    pub position_rate_floor: f32,
     /// ln-scale, per step.
     pub log_scale_rate: f32,
     /// Quaternion components, per step.
@@ -113,7 +111,6 @@ impl Default for OptimizerConfig {
         Self {
             position_rate_m: 5e-5,
             position_decay: 2e-5,
-            position_rate_floor: 0.1,
             log_scale_rate: 0.01,
             rotation_rate: 0.002,
             optical: AppearanceRates::default(),
@@ -132,16 +129,6 @@ const MAX_RATE: f32 = 10.0;
 const MIN_EPSILON: f32 = 1e-30;
 
 impl OptimizerConfig {
-    /// Keys of earlier versions that never had an effect in a reconstruction.
-    pub fn idle_keys(&self) -> Vec<IdleKey> {
-        let why = "the reconstructor sets this rate from the cameras' baselines";
-        vec![IdleKey {
-            key: "position_rate_m".to_owned(),
-            why,
-            help: "give position_rate, the rate where the mean baseline is 0.1",
-        }]
-    }
-
     /// # Errors
     /// A rate that is negative or not finite, a β outside `[0, 1)`, a weight outside `[0, 1]`; the error names the key.
     pub fn validate(&self) -> Result<()> {
@@ -183,7 +170,6 @@ impl OptimizerConfig {
             }
         }
         unit("position_decay", self.position_decay, true)?;
-        unit("position_rate_floor", self.position_rate_floor, false)?;
         unit("beta1", self.beta1, true)?;
         unit("beta2", self.beta2, true)?;
         unit("ssim_weight", self.ssim_weight, false)

@@ -8,7 +8,7 @@ use super::{Batch, Model, Nerf2Config, Ray};
 use crate::mlp::gpu::{ENCODING, GpuNetwork, LANES, most_rows, vectors};
 use crate::mlp::{Adam, Trained};
 use corf::{Error, Result};
-use corf_gpu::{AdapterOptions, Bound, Context, Kernel, SIN_COS, UNIFORM_STRIDE};
+use corf_gpu::{AdapterOptions, Bound, Context, Kernel, SIN_COS, UNIFORM_STRIDE, record};
 
 /// Most points of a chunk: with the published network their activations and gradients take 1.5 GB.
 const POINTS_A_CHUNK: usize = 1 << 16;
@@ -34,21 +34,21 @@ pub struct GpuTrainer {
     context: Context,
 }
 
-/// Constants of `points.wgsl` and `sums.wgsl`, of one chunk.
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Chunk {
-    first_ray: u32,
-    rays: u32,
-    samples: u32,
-    frequencies: u32,
-    /// Vectors of an encoded position, and of an encoded direction and transmitter.
-    position_stride: u32,
-    outside_stride: u32,
-    /// 0.025 over the end of the ray, or 0.
-    last_loss: f32,
-    padding: u32,
-    transmitter: [f32; 4],
+record! {
+    /// Constants of `points.wgsl` and `sums.wgsl`, of one chunk.
+    struct Chunk {
+        first_ray: u32,
+        rays: u32,
+        samples: u32,
+        frequencies: u32,
+        /// Vectors of an encoded position, and of an encoded direction and transmitter.
+        position_stride: u32,
+        outside_stride: u32,
+        /// 0.025 over the end of the ray, or 0.
+        last_loss: f32,
+        padding: u32,
+        transmitter: [f32; 4],
+    }
 }
 
 impl GpuTrainer {
@@ -108,7 +108,7 @@ impl GpuTrainer {
             };
             context.queue.write_buffer(&constants, UNIFORM_STRIDE * chunk as u64, bytemuck::bytes_of(&values));
         }
-        let head = include_str!("shaders/chunk.wgsl").to_owned() + SIN_COS + ENCODING;
+        let head = Chunk::declaration() + include_str!("shaders/chunk.wgsl") + SIN_COS + ENCODING;
         let [points, sums] = Kernel::all(
             &context,
             [

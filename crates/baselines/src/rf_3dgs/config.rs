@@ -182,6 +182,8 @@ impl Rf3dgsConfig {
                 "initial_opacity",
                 "rates.position",
                 "rates.position_steps",
+                "rates.log_scale",
+                "rates.rotation",
                 "density",
             ];
             return IdleKey::all(of_optical_stage.map(|key| (key, false, OPTICAL)));
@@ -202,7 +204,6 @@ impl Rf3dgsConfig {
         OptimizerConfig {
             position_rate_m: 0.0,
             position_decay: 0.0,
-            position_rate_floor: 1.0,
             log_scale_rate: r.log_scale,
             rotation_rate: r.rotation,
             optical: appearance,

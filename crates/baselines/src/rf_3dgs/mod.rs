@@ -21,7 +21,6 @@ pub(crate) use schedule::{Epochs, log_linear};
 use corf::{
     Device, Error, Field, FieldMeta, Gaussians, Result,
     device::{Modality, StepReport},
-    sensor::RfSensor,
 };
 use corf_scene::{Keyframe, Pinhole, Rigid3, keyframe::DbRange};
 use points::PointView;
@@ -79,15 +78,7 @@ impl Rf3dgsReconstructor {
     ) -> Result<Self> {
         config.validate()?;
         let (rf_target, rf_background) = (Rf3dgsConfig::RF_TARGET, Some(config.rf_background_color()));
-        let meta = FieldMeta {
-            rf_target,
-            db_range,
-            optical_camera,
-            rf_camera,
-            sensor: RfSensor::Identity,
-            rf_background,
-            modalities: Default::default(),
-        };
+        let meta = FieldMeta { rf_target, db_range, optical_camera, rf_camera, rf_background, modalities: Default::default() };
         meta.validate()?;
         if device.gaussians()? != config.empty_field() {
             let what = "the device holds Gaussians, or was made for other channels or harmonic degrees than the configuration's";

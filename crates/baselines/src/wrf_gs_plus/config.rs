@@ -165,7 +165,6 @@ impl WrfGsPlusConfig {
         OptimizerConfig {
             position_rate_m: 0.0,
             position_decay: 0.0,
-            position_rate_floor: 1.0,
             log_scale_rate: r.log_scale,
             rotation_rate: r.rotation,
             optical: appearance,

@@ -11,7 +11,7 @@ use corf::device::gpu::deformed::{ADAM, Buffers, Deformation, SLOTS};
 use corf::device::gpu::{GpuDevice, GpuOptions};
 use corf::device::{DenseStep, Device, Layer, RenderRequest, StepReport, View};
 use corf::{Error, OptimizerConfig, Result};
-use corf_gpu::{AdapterOptions, Bound, Context, GROUP_NUMBER, Kernel, SIN_COS, UNIFORM_STRIDE};
+use corf_gpu::{AdapterOptions, Bound, Context, GROUP_NUMBER, Kernel, SIN_COS, UNIFORM_STRIDE, record};
 
 /// Most Gaussians of a chunk: with the published network their activations and gradients take 5.2 GB.
 const MOST_ROWS: usize = 1 << 18;
@@ -51,27 +51,33 @@ struct BoundDeforming {
     chunks: usize,
 }
 
-/// Constants of `shaders/head.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Chunk {
-    receiver: [f32; 4],
-    first: u32,
-    rows: u32,
-    gaussians: u32,
-    move_positions: u32,
-    position_frequencies: u32,
-    receiver_frequencies: u32,
-    position_stride: u32,
-    receiver_stride: u32,
-    position_rate: f32,
-    rotation_rate: f32,
-    log_scale_rate: f32,
-    opacity_rate: f32,
-    signal_rate: f32,
-    beta1: f32,
-    beta2: f32,
-    epsilon: f32,
+record! {
+    /// Constants of a step for the Gaussians of one chunk.
+    struct Chunk {
+        /// Position, metres.
+        receiver: [f32; 4],
+        /// The first Gaussian.
+        first: u32,
+        /// Of the network's inputs.
+        rows: u32,
+        /// In all.
+        gaussians: u32,
+        move_positions: u32,
+        position_frequencies: u32,
+        receiver_frequencies: u32,
+        /// Vectors of an encoded position, and of an encoded receiver.
+        position_stride: u32,
+        receiver_stride: u32,
+        /// Of dense Adam.
+        position_rate: f32,
+        rotation_rate: f32,
+        log_scale_rate: f32,
+        opacity_rate: f32,
+        signal_rate: f32,
+        beta1: f32,
+        beta2: f32,
+        epsilon: f32,
+    }
 }
 
 impl GpuTrainer {
@@ -95,7 +101,7 @@ impl GpuTrainer {
         Trained::new(parameters.to_vec()).check(model.network.parameters())?;
         let device = GpuDevice::new(options, config.optimizer(), config.raster(), &config.empty_field())?;
         let context = device.context();
-        let head = GROUP_NUMBER.to_owned() + SLOTS + include_str!("shaders/head.wgsl");
+        let head = GROUP_NUMBER.to_owned() + SLOTS + &Chunk::declaration() + include_str!("shaders/head.wgsl");
         let [encode, deform, pull_back] = Kernel::all(
             context,
             [

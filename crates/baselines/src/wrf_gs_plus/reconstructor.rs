@@ -7,7 +7,6 @@ use super::field::{self, WrfGsPlusField};
 use super::{DeformedStep, Trainer, WrfGsPlusConfig};
 use crate::rf_3dgs::{DensityCounts, Epochs, control_density, log_linear, points};
 use corf::device::{DenseStep, Modality, Planes, Step, StepReport, TrainingView};
-use corf::sensor::RfSensor;
 use corf::{Error, FieldMeta, Result};
 use corf_scene::{Keyframe, Pinhole, Rigid3, keyframe::DbRange};
 
@@ -43,15 +42,8 @@ impl WrfGsPlusReconstructor {
     ) -> Result<Self> {
         config.validate()?;
         let rf_target = config.rf_target;
-        let meta = FieldMeta {
-            rf_target,
-            db_range,
-            optical_camera,
-            rf_camera,
-            sensor: RfSensor::Identity,
-            rf_background: None,
-            modalities: Default::default(),
-        };
+        let meta =
+            FieldMeta { rf_target, db_range, optical_camera, rf_camera, rf_background: None, modalities: Default::default() };
         meta.validate()?;
         let device = trainer.device();
         if device.gaussians()? != config.empty_field() {

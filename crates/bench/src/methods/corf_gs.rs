@@ -63,8 +63,7 @@ impl CorfGsConfig {
 
     /// Keys of the overrides that mean nothing beside the others.
     pub(super) fn idle_keys(&self) -> Vec<IdleKey> {
-        let of_optimizer = self.optimizer.idle_keys().into_iter().map(|key| key.within("optimizer"));
-        self.reconstruction.idle_keys().into_iter().chain(of_optimizer).collect()
+        self.reconstruction.idle_keys()
     }
 
     /// The rasteriser's settings in a run's resolved configuration.

@@ -73,6 +73,11 @@ pub fn settings(id: &str, overrides: &toml::Table) -> Result<toml::Table> {
 /// # Errors
 /// An unknown name, a key that does not exist, that the name decides or that has no effect, or a value out of range.
 pub fn create(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Box<dyn Method>> {
+    for given in dotted(overrides) {
+        if let Some(Retired { why, help, .. }) = RETIRED.iter().find(|retired| retired.key == given) {
+            bail!("{id}: the key {given} has no effect: {why}\n  help: {help}");
+        }
+    }
     let method = create_again(id, overrides, backend)?;
     check_given(method.as_ref(), overrides, None)?;
     Ok(method)
@@ -84,7 +89,9 @@ pub fn create(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Bo
 /// Those of [`create`] but for keys without effect.
 pub fn create_again(id: &str, overrides: &toml::Table, backend: &Backend) -> Result<Box<dyn Method>> {
     let (family, _) = find(id)?;
-    (family.create)(id, settings(id, overrides)?, backend).with_context(|| format!("in the configuration of {id}"))
+    let mut settings = settings(id, overrides)?;
+    RETIRED.iter().for_each(|retired| retired.leave_out_of(&mut settings));
+    (family.create)(id, settings, backend).with_context(|| format!("in the configuration of {id}"))
 }
 
 /// Refuses keys that a caller gave and that have no effect beside the rest, so that two rows that differ in one cannot seem to be two; defaults
@@ -123,14 +130,40 @@ fn dotted(table: &toml::Table) -> Vec<String> {
     keys
 }
 
-/// Keys that configurations of earlier versions have and that never had an effect.
-const RETIRED: &[(&str, &str)] = &[("/optimizer", "position_rate_m"), ("/light/optimizer", "position_rate_m")];
+/// A key that configurations of earlier versions have, and that none of them was changed by.
+struct Retired {
+    key: &'static str,
+    why: &'static str,
+    help: &'static str,
+}
 
-/// A resolved configuration without the keys of earlier versions that never had an effect: two that differ in them alone are one.
+const RETIRED: &[Retired] = &[
+    Retired { key: "optimizer.position_rate_m", why: BY_BASELINES, help: POSITION_RATE },
+    Retired { key: "light.optimizer.position_rate_m", why: BY_BASELINES, help: POSITION_RATE },
+    Retired { key: "optimizer.position_rate_floor", why: NO_FLOOR, help: POSITION_DECAY },
+    Retired { key: "light.optimizer.position_rate_floor", why: NO_FLOOR, help: POSITION_DECAY },
+];
+const BY_BASELINES: &str = "the reconstructor sets this rate from the cameras' baselines";
+const POSITION_RATE: &str = "give position_rate, the rate where the mean baseline is 0.1";
+const NO_FLOOR: &str = "rates of positions fall without a floor; the published one is met after 115 000 visits of a Gaussian";
+const POSITION_DECAY: &str = "leave it out; position_decay says how fast they fall";
+
+impl Retired {
+    fn leave_out_of(&self, settings: &mut toml::Table) {
+        let mut names: Vec<&str> = self.key.split('.').collect();
+        let last = names.pop().unwrap_or_default();
+        let table = names.iter().try_fold(settings, |table, name| table.get_mut(*name)?.as_table_mut());
+        table.map(|table| table.remove(last));
+    }
+}
+
+/// A resolved configuration without the keys of earlier versions that changed nothing: two that differ in them alone are one.
 pub fn without_retired(config: &Value) -> Value {
     let mut config = config.clone();
-    for (table, key) in RETIRED {
-        config.pointer_mut(table).and_then(Value::as_object_mut).map(|table| table.remove(*key));
+    for Retired { key, .. } in RETIRED {
+        if let Some((table, last)) = format!("/{}", key.replace('.', "/")).rsplit_once('/') {
+            config.pointer_mut(table).and_then(Value::as_object_mut).map(|table| table.remove(last));
+        }
     }
     config
 }
@@ -141,13 +174,14 @@ pub fn without_retired(config: &Value) -> Value {
 /// A configuration that this version resolves differently, damaged files.
 pub fn open(run: &SavedRun<'_>, method: &dyn Method, seed: u64, split: &Split) -> Result<Box<dyn Predictor>> {
     let (family, _) = find(method.id())?;
+    let config = &without_retired(run.config);
     ensure!(
-        family.can.online || method.config() == without_retired(run.config),
+        family.can.online || method.config() == *config,
         "{}: this version resolves the run's configuration differently\n  help: reconstruct again",
         run.folder.display()
     );
     match family.open {
-        Open::Saved(load) => load(run),
+        Open::Saved(load) => load(&SavedRun { config, ..*run }),
         Open::Again => method.reconstruct(&TrainingSet::new(run.dataset, split), seed, &mut |_| Ok(())),
     }
 }
@@ -157,7 +191,7 @@ pub fn open(run: &SavedRun<'_>, method: &dyn Method, seed: u64, split: &Split) -
 /// # Errors
 /// An unknown name, a configuration of another version.
 pub fn raster_of(id: &str, config: &Value) -> Result<Option<RasterConfig>> {
-    find(id)?.0.raster.map(|raster| raster(config)).transpose()
+    find(id)?.0.raster.map(|raster| raster(&without_retired(config))).transpose()
 }
 
 #[cfg(test)]
@@ -201,6 +235,7 @@ mod tests {
     fn what_has_no_effect_is_refused_where_it_is_given_and_read_where_it_was() {
         let cases = [
             ("corf-gs", "optimizer.position_rate_m = 1.0", "position_rate, the rate"),
+            ("corf-gs", "optimizer = { position_rate_floor = 0.5, beta1 = 0.6 }", "position_decay says"),
             ("corf-gs", "second_stage_opacity = \"optical\"", "corf-gs-frozen"),
             ("corf-gs", "uniform_probability = 0.2", "sampling = \"uniform\""),
             ("corf-gs-uniform", "log_sigma_px = 1.0", "sampling = \"log\""),
@@ -210,6 +245,9 @@ mod tests {
             ("corf-gs", "depth.imagenet_normalisation = false", "depth-anything"),
             ("corf-gs-paper", "depth.corrected_range = 0.1", "depth.correction = true"),
             ("corf-array", "light.optimizer.position_rate_m = 1.0", "position_rate, the rate"),
+            ("corf-array", "light.optimizer.position_rate_floor = 0.5", "position_decay says"),
+            ("corf-gs-frozen", "rf_weight = 0.2", "by itself"),
+            ("corf-gs", "depth = { prior = \"exact\", min_zncc = 0.8 }", "other values of depth.prior"),
             ("corf-array", "sources = false\nvotes = 3.0", "sources = true"),
             ("rf-3dgs", "random_points = 50", "initial_points = \"random\""),
             ("rf-3dgs", "initial_gaussians = \"a.ply\"\ndensity.every = 7", "optical stage"),
@@ -231,8 +269,14 @@ mod tests {
         ] {
             create(id, &text.parse().unwrap(), &Backend::Cpu).unwrap();
         }
-        let old = serde_json::json!({ "optimizer": { "position_rate_m": 5e-5, "beta1": 0.5 }, "reconstruction": 1 });
+        let old = serde_json::json!({ "optimizer": { "position_rate_m": 5e-5, "position_rate_floor": 0.1, "beta1": 0.5 }, "reconstruction": 1 });
         assert_eq!(without_retired(&old), serde_json::json!({ "optimizer": { "beta1": 0.5 }, "reconstruction": 1 }));
+        // The configuration of a run of an earlier version has them.
+        for (id, table) in [("corf-gs", "/optimizer"), ("corf-array", "/light/optimizer")] {
+            let mut config = create(id, &toml::Table::new(), &Backend::Cpu).unwrap().config();
+            config.pointer_mut(table).unwrap()["position_rate_floor"] = 0.1.into();
+            assert!(raster_of(id, &config).unwrap().is_some());
+        }
     }
 
     #[test]

@@ -114,7 +114,6 @@ pub(super) mod tests {
             db_range: DbRange { min_db: -100.0, max_db: -40.0 },
             optical_camera: camera,
             rf_camera: camera,
-            sensor: Default::default(),
             rf_background: None,
             modalities: Modalities::BOTH,
         };

@@ -102,13 +102,16 @@ impl ArrayConfig {
         const PEELED: &str = "of mpc spectra whose surfaces are splats all lobes are sources' rays";
         const POINTS: &str = "it counts where surfaces are points alone: mpc spectra have splats, unless surface = \"points\"";
         const ARRAY: &str = "it counts where spectra are an array's alone, and those of this data set are lobes (mpc)";
+        const EXTENT: &str =
+            "an array's own response does not tell a wide emitter from a narrow one: it counts with array_response = false";
         let is_over_splats = sensor.is_some_and(|sensor| self.is_over_splats(sensor));
         let is_of_lobes = matches!(sensor, Some(SensorSettings::Lobes { .. }));
+        let has_lobes = sensor.is_none() || is_of_lobes || !self.array_response;
         let of_strongest = if self.sources { PEELED } else { SOURCES };
         IdleKey::all([
             ("array_response", !is_of_lobes, ARRAY),
             ("point_spacing_m", !is_over_splats, POINTS),
-            ("point_extent", !is_over_splats, POINTS),
+            ("point_extent", !is_over_splats && has_lobes, if is_over_splats { POINTS } else { EXTENT }),
             ("rays", self.sources && !is_over_splats, of_strongest),
             ("ray_range_db", self.sources && !is_over_splats, of_strongest),
             ("votes", self.sources, SOURCES),

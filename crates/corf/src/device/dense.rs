@@ -113,7 +113,7 @@ impl DenseStep {
         let scaled = |rate: f32| (f64::from(rate) * factor) as f32;
         let mut out = *config;
         out.position_rate_m = scaled(self.position_rate_m);
-        (out.position_decay, out.position_rate_floor) = (0.0, 0.0);
+        out.position_decay = 0.0;
         (out.log_scale_rate, out.rotation_rate) = (scaled(config.log_scale_rate), scaled(config.rotation_rate));
         for rates in [&mut out.optical, &mut out.rf] {
             (rates.sh_dc, rates.opacity) = (scaled(rates.sh_dc), scaled(rates.opacity));

@@ -19,7 +19,6 @@ use crate::{
     depth::{self, Correction, DepthQuality, DepthTally},
     device::{Step, StepReport},
     reconstructor::schedule::{Schedule, StageWeights},
-    sensor::RfSensor,
 };
 use checkpoint::Replay;
 use corf_scene::{
@@ -102,16 +101,9 @@ impl Reconstructor {
     ) -> Result<Self> {
         config.validate()?;
         config = config.for_images(optical_camera.width, optical_camera.height);
-        let (rf_target, sensor) = (config.rf_target, RfSensor::Identity);
-        let meta = FieldMeta {
-            rf_target,
-            db_range,
-            optical_camera,
-            rf_camera,
-            sensor,
-            rf_background: None,
-            modalities: Modalities::BOTH,
-        };
+        let rf_target = config.rf_target;
+        let meta =
+            FieldMeta { rf_target, db_range, optical_camera, rf_camera, rf_background: None, modalities: Modalities::BOTH };
         meta.validate()?;
         if !device.is_empty() {
             return Err(Error::invalid(

@@ -16,7 +16,7 @@ mod tests;
 use super::network::{Activation, Network, Source};
 use super::{Adam, Trained};
 use corf::{Error, Result};
-use corf_gpu::{Bound, Context, Kernel, MATRIX_THREADS, UNIFORM_STRIDE};
+use corf_gpu::{Bound, Context, Kernel, MATRIX_THREADS, UNIFORM_STRIDE, record};
 use gemm::{Product, Tile};
 use layout::Layout;
 use std::collections::HashMap;
@@ -94,20 +94,24 @@ pub(crate) struct GpuNetwork {
     steps: u64,
 }
 
-/// Constants of `adam.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct AdamConstants {
-    count: u32,
-    rate: f32,
-    root: f32,
-    beta1: f32,
-    beta2: f32,
-    gain1: f32,
-    gain2: f32,
-    epsilon: f32,
-    decay: f32,
-    padding: [u32; 3],
+record! {
+    /// Constants of `adam.wgsl`.
+    struct AdamConstants {
+        count: u32,
+        /// Over 1 − β₁ᵗ.
+        rate: f32,
+        /// 1/√(1 − β₂ᵗ).
+        root: f32,
+        beta1: f32,
+        beta2: f32,
+        /// 1 − β₁, 1 − β₂.
+        gain1: f32,
+        gain2: f32,
+        epsilon: f32,
+        decay: f32,
+        padding: u32,
+        more_padding: [u32; 2],
+    }
 }
 
 /// Vectors of a row of so many numbers.
@@ -136,7 +140,8 @@ impl GpuNetwork {
         let moments = [array("first moments")?, array("second moments")?];
         let gate = context.storage("gate of a step", 16)?;
         context.fill(&gate, 0, &[0_u32; 4]);
-        let adam_kernel = Kernel::new(context, "network adam", include_str!("shaders/adam.wgsl"))?;
+        let adam_kernel =
+            Kernel::new(context, "network adam", &(AdamConstants::declaration() + include_str!("shaders/adam.wgsl")))?;
         let adam_constants = context.buffer("adam constants", UNIFORM_STRIDE, wgpu::BufferUsages::UNIFORM)?;
         let buffers = [&adam_constants, &gradient, &stored, &moments[0], &moments[1], &gate];
         let bound = adam_kernel.bind(context, size_of::<AdamConstants>() as u64, &buffers)?;
@@ -266,7 +271,8 @@ impl GpuNetwork {
             gain2: gain2 as f32,
             epsilon: epsilon as f32,
             decay: weight_decay as f32,
-            padding: [0; 3],
+            padding: 0,
+            more_padding: [0; 2],
         };
         context.queue.write_buffer(&self.adam_constants, 0, bytemuck::bytes_of(&constants));
     }

@@ -5,7 +5,7 @@ use super::gemm::{Arithmetic, Product, ROWS_A_PART, Shape, Tile};
 use super::layout::Layout;
 use super::{Dispatch, LANES, Products, activation_number, vectors};
 use corf::Result;
-use corf_gpu::{Bound, Context, Kernel, UNIFORM_STRIDE};
+use corf_gpu::{Bound, Context, Kernel, UNIFORM_STRIDE, record};
 
 /// Buffers that a network's passes read and write.
 pub(super) struct Buffers<'a> {
@@ -25,18 +25,19 @@ impl<'a> Buffers<'a> {
     }
 }
 
-/// Constants of `reduce.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Sum {
-    rows: u32,
-    columns: u32,
-    parts: u32,
-    part_stride: u32,
-    weights_first: u32,
-    weights_stride: u32,
-    with_bias: u32,
-    bias_first: u32,
+record! {
+    /// Constants of `reduce.wgsl`.
+    struct Sum {
+        rows: u32,
+        columns: u32,
+        parts: u32,
+        part_stride: u32,
+        weights_first: u32,
+        weights_stride: u32,
+        /// 0: the biases have had their turn.
+        with_bias: u32,
+        bias_first: u32,
+    }
 }
 
 /// Parts in which the largest number of a head's gradient is looked for.
@@ -73,7 +74,8 @@ pub(super) struct Kernels {
 impl Kernels {
     /// For the arithmetic that the context was opened for.
     pub fn new(context: &Context) -> Result<Self> {
-        let reduce = Kernel::new(context, "sum of weight gradients", include_str!("shaders/reduce.wgsl"))?;
+        let reduce =
+            Kernel::new(context, "sum of weight gradients", &(Sum::declaration() + include_str!("shaders/reduce.wgsl")))?;
         let scaling = context.matrix_units.then(|| Scaling::new(context)).transpose()?;
         Ok(Self { products: Products::default(), reduce, scaling })
     }

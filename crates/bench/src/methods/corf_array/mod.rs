@@ -30,7 +30,7 @@ pub const ORACLE_SCENE: &str = "oracle_scene";
 /// Configuration of `corf-array`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CorfArrayConfig {
-    /// Light: keys of `corf-gs`, table `light` of the overrides. Its `rf_weight` is of splatted spectra, and refused where surfaces are points.
+    /// Light: keys of `corf-gs`, table `light` of the overrides. Those of radio are of splatted spectra, and refused where surfaces are points.
     pub light: CorfGsConfig,
     /// An oracle, no method: the scene file that the data set was generated from. Virtual sources are then the transmitter's true mirror images,
     /// traced in that scene, and rows say so. A path in a plan is relative to the plan's file.
@@ -177,6 +177,16 @@ impl CorfArray {
         Ok(sensor)
     }
 
+    /// The settings of light on a data set: where radio has a field of its own, the Gaussians need not show it.
+    fn light(&self, training: &TrainingSet<'_>) -> Result<CorfGsConfig> {
+        let mut light = self.config.light.clone();
+        if !self.config.radio.is_over_splats(&self.sensor(training)?) {
+            light.reconstruction.rf_weight = 0.0;
+            light.reconstruction.rf_pyramid_levels = Some(1);
+        }
+        Ok(light)
+    }
+
     /// The true images that are seen from each training keyframe. A note says that this is no method.
     fn images(&self, scene: &SceneBehind, training: &TrainingSet<'_>) -> Result<Vec<Vec<Image>>> {
         note!("corf-array: an oracle, no method: sources are the transmitter's true mirror images in {}", scene.scene.name);
@@ -218,7 +228,8 @@ impl Method for CorfArray {
         let sensor = training.map(|training| self.sensor(training)).transpose()?;
         let mut idle: Vec<IdleKey> = light.idle_keys();
         if sensor.is_some_and(|sensor| !radio.is_over_splats(&sensor)) {
-            idle.extend(IdleKey::all([("rf_weight", false, POINTS), ("optimizer.rf", false, POINTS)]));
+            let of_radio = ["rf_weight", "rf_target", "rf_pyramid_levels", "rf_sh_degree", "optimizer.rf"];
+            idle.extend(IdleKey::all(of_radio.map(|key| (key, false, POINTS))));
         }
         idle = idle.into_iter().map(|key| key.within("light")).collect();
         idle.extend(radio.idle_keys(sensor.as_ref()));
@@ -234,7 +245,7 @@ impl Method for CorfArray {
         if let Some(path) = &self.config.oracle_scene {
             training.scene_behind(path).with_context(|| format!("in key {ORACLE_SCENE}"))?;
         }
-        self.config.light.check_keyframes(self.id(), "light.", training)
+        self.light(training)?.check_keyframes(self.id(), "light.", training)
     }
 
     fn keep_checkpoints(&mut self, checkpoints: Checkpoints) {
@@ -251,11 +262,7 @@ impl Method for CorfArray {
         let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.required_db_range()?);
         let images = oracle_scene.as_ref().map(|path| self.images(&training.scene_behind(path)?, training)).transpose()?;
         let radio = on_device(ArrayTrainer::new(*radio, self.sensor(training)?, rf, range, seed), &self.backend)?;
-        let mut reconstruction = light.reconstruction.clone();
-        if !radio.field.over_splats {
-            // Radio has a field of its own, and the Gaussians need not show it.
-            reconstruction.rf_weight = 0.0;
-        }
+        let reconstruction = self.light(training)?.reconstruction;
         let device = light.device(&self.backend)?;
         let online = Online {
             light: Reconstructor::new(device, reconstruction, optical, rf, range, seed)?,

@@ -2,55 +2,72 @@
 
 use super::super::cloud::Receiver;
 use super::super::{ArrayField, SensorSettings};
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Zeroable;
+use corf_gpu::record;
 use corf_scene::Rigid3;
 
-/// Constants of every kernel; `Job` of `head.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub(super) struct Job {
-    /// First receiver of a dispatch.
-    pub first: u32,
-    /// Receivers of a dispatch.
-    pub receivers: u32,
-    pub emitters: u32,
-    pub pixels: u32,
-    pub width: u32,
-    pub height: u32,
-    pub let_in: u32,
-    pub has_background: u32,
-    pub frame: [f32; 4],
-    pub steps: [f32; 2],
-    pub variance: f32,
-    pub most_power: f32,
-    pub floor: f32,
-    pub rate: f32,
-    pub damping: f32,
-    pub clip: f32,
-    pub share: f32,
-    pub padding: [f32; 3],
+record! {
+    /// Constants of every kernel.
+    pub(super) struct Job {
+        /// First receiver of a dispatch.
+        pub first: u32,
+        /// Receivers of a dispatch.
+        pub receivers: u32,
+        pub emitters: u32,
+        /// Of an image.
+        pub pixels: u32,
+        pub width: u32,
+        pub height: u32,
+        /// Directions that are let in: 0 all, 1 those before the array, 2 those of the frame.
+        pub let_in: u32,
+        /// Whether targets have a background.
+        pub has_background: u32,
+        /// Least and greatest tangents to the left, then upwards, of the frame.
+        pub frame: [f32; 4],
+        /// 2π times the spacing of columns and of rows, wavelengths.
+        pub steps: [f32; 2],
+        /// Of a lobe that nothing widens, rad².
+        pub variance: f32,
+        pub most_power: f32,
+        /// Of a training step, as those that follow.
+        pub floor: f32,
+        pub rate: f32,
+        pub damping: f32,
+        pub clip: f32,
+        /// Share of a correction that goes to where an emitter is seen from.
+        pub share: f32,
+        pub padding: f32,
+        pub more_padding: [f32; 2],
+    }
 }
 
-/// A receiver; `Receiver` of `head.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub(super) struct ReceiverRow {
-    place: [f32; 3],
-    first: u32,
-    forward: [f32; 3],
-    anchors: u32,
-    left: [f32; 3],
-    norm: f32,
-    up: [f32; 3],
-    padding: u32,
+record! {
+    /// A receiver, with the rows of the rotation from the world into the array's frame.
+    pub(super) struct ReceiverRow {
+        place: [f32; 3],
+        /// Of its anchors in the list of all.
+        first: u32,
+        forward: [f32; 3],
+        anchors: u32,
+        left: [f32; 3],
+        /// Σ of its weights' squares.
+        norm: f32,
+        up: [f32; 3],
+        padding: u32,
+    }
 }
 
-/// An anchor that a receiver is near.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub(super) struct Near {
-    number: u32,
-    weight: f32,
+record! {
+    /// An anchor that a receiver is near.
+    pub(super) struct Near {
+        number: u32,
+        weight: f32,
+    }
+}
+
+/// The records in WGSL.
+pub(super) fn declarations() -> String {
+    Job::declaration() + &ReceiverRow::declaration() + &Near::declaration()
 }
 
 /// Receivers, and the anchors of all of them.

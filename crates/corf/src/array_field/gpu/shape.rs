@@ -4,6 +4,7 @@ use super::super::SensorSettings;
 use super::super::cloud::NEAREST_M;
 use super::super::lobes::{REACH, WIDEST};
 use super::super::stepper::MOST_GAIN;
+use super::job::declarations;
 use crate::{Error, Result};
 use corf_gpu::{GROUP_NUMBER, SIN_COS};
 
@@ -95,7 +96,7 @@ impl Shape {
             out += &format!("const STRIDE = {stride}u;\nconst SIZE = {size}u;\nconst LOADING = {loading:?};\n");
             out += include_str!("shaders/per.wgsl");
         }
-        out + GROUP_NUMBER + SIN_COS + include_str!("shaders/head.wgsl")
+        out + GROUP_NUMBER + SIN_COS + &declarations() + include_str!("shaders/head.wgsl")
     }
 
     pub fn waves(self) -> String {

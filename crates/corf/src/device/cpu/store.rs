@@ -36,7 +36,7 @@ pub(crate) struct Store {
     pub value: Vec<Core>,
     pub moment1: Vec<Core>,
     pub moment2: Vec<Core>,
-    /// Decay factor of each Gaussian's position learning rate, in `[floor, 1]`.
+    /// Decay factor of each Gaussian's position learning rate, in `[0, 1]`.
     pub position_rate: Vec<f32>,
     /// Sums of positional gradients on the screen; empty where none have been asked for.
     pub screen: Vec<ScreenGradient>,

@@ -287,7 +287,7 @@ impl UpdateChunk<'_, '_> {
             rates[POSITION..ROTATION].fill(config.position_rate_m * *rate);
             rates[ROTATION..LOG_SCALE].fill(config.rotation_rate);
             rates[LOG_SCALE..OPTICAL_OPACITY].fill(config.log_scale_rate);
-            *rate = (*rate * (1.0 - config.position_decay)).max(config.position_rate_floor);
+            *rate *= 1.0 - config.position_decay;
         }
         rates[OPTICAL_OPACITY] = config.optical.opacity;
         rates[RF_OPACITY] = config.rf.opacity;

@@ -1,9 +1,6 @@
-//! The constants of one frame as the shaders read them (`shaders/params.wgsl`).
+//! The constants of one frame, as the host writes and the shaders read them.
 
-use super::{
-    capacity::BufferCapacity,
-    shaders::{LOSS_BLOCK, MASK_GROUP},
-};
+use super::capacity::BufferCapacity;
 use crate::{
     OptimizerConfig, Result,
     device::{
@@ -11,80 +8,107 @@ use crate::{
         cpu::geometry::{Grid, Pose},
     },
 };
-use bytemuck::{Pod, Zeroable};
-use corf_gpu::Context;
+use bytemuck::Zeroable;
+use corf_gpu::{Context, record};
 
+/// Pixels across and down a block of the loss kernels: with the window's halo nearly 128 columns, a thread each.
+pub(crate) const LOSS_BLOCK: [u32; 2] = [112, 8];
+/// Pixels of a workgroup of the kernels that leave out what a mask does.
+pub(crate) const MASK_GROUP: u32 = 256;
 /// Widest σ at which opacity 1 still gives 1/255: sqrt(2 ln 255) standard deviations.
 const MAX_DEVIATIONS: f32 = 3.33;
 /// Place of the mask of an image of which all pixels count.
 const NO_MASK: u32 = u32::MAX;
 
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C)]
-pub(crate) struct GridParams {
-    focal: [f32; 2],
-    centre: [f32; 2],
-    x_limits: [f32; 2],
-    y_limits: [f32; 2],
-    reach: [f32; 2],
-    pub size: [u32; 2],
-    tiles: [u32; 2],
-    first_tile: u32,
-    pub first_pixel: u32,
-    background: [f32; 4],
-    pub target_at: u32,
-    pub channels: u32,
-    pub first_block: u32,
-    blocks: u32,
-    pub scale: f32,
-    pub depth_scale: f32,
-    pub depth_at: u32,
-    pub target_shift: u32,
-    pub target_unit: f32,
-    /// First word of the mask; [`NO_MASK`] without one.
-    pub mask_at: u32,
-    padding: [u32; 2],
+record! {
+    /// One image of a frame.
+    pub(crate) struct GridParams {
+        focal: [f32; 2],
+        centre: [f32; 2],
+        /// Bounds of x/z and y/z inside J.
+        x_limits: [f32; 2],
+        y_limits: [f32; 2],
+        /// Half extent in pixels per (standard deviation / z), for culling.
+        reach: [f32; 2],
+        /// Pixels; 0 where the modality is not rendered.
+        pub size: [u32; 2],
+        /// Tiles across and down.
+        tiles: [u32; 2],
+        first_tile: u32,
+        pub first_pixel: u32,
+        background: [f32; 4],
+        /// First word of the target.
+        pub target_at: u32,
+        pub channels: u32,
+        pub first_block: u32,
+        /// Loss blocks across.
+        blocks: u32,
+        /// Weight of the loss over its number of values.
+        pub scale: f32,
+        /// dL/d(inverse depth) per unit of confidence; 0 without a depth target.
+        pub depth_scale: f32,
+        /// First word of the inverse depths and their confidences.
+        pub depth_at: u32,
+        /// Numbers of a word of the target, as a power of two: 4 bytes, 2 sums of bytes, 1 float.
+        pub target_shift: u32,
+        /// Value of a byte's or a sum's unit.
+        pub target_unit: f32,
+        /// First word of the mask, one bit a pixel, 1 where it counts; [`NO_MASK`] without one.
+        pub mask_at: u32,
+        padding: [u32; 2],
+    }
 }
 
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C)]
-struct RateParams {
-    sh_dc: f32,
-    sh_rest: f32,
-    opacity: f32,
-    /// Coefficients of a channel that have a gradient; read by dense steps alone.
-    learnt: u32,
+record! {
+    /// Learning rates of one modality's appearance.
+    pub(crate) struct RateParams {
+        sh_dc: f32,
+        sh_rest: f32,
+        opacity: f32,
+        /// Coefficients of a channel that have a gradient; read by dense steps alone.
+        learnt: u32,
+    }
 }
 
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C)]
-pub(crate) struct Params {
-    camera_from_world: [[f32; 4]; 3],
-    eye: [f32; 4],
-    pub grids: [GridParams; 2],
-    rates: [RateParams; 2],
-    position_rate: f32,
-    position_decay: f32,
-    position_floor: f32,
-    log_scale_rate: f32,
-    rotation_rate: f32,
-    beta1: f32,
-    beta2: f32,
-    epsilon: f32,
-    ssim_weight: f32,
-    pub train_geometry: u32,
-    gaussians: u32,
-    pair_capacity: u32,
-    pub tile_total: u32,
-    pub pixel_total: u32,
-    pub blocks_total: u32,
-    pub fused: u32,
-    pub visible_capacity: u32,
-    /// Index of the tile shape; used by the host alone.
-    pub shape: u32,
-    /// Of a dense step: what it marks the Gaussians it sees with, and whether it sums their gradients on the screen.
-    pub marker: u32,
-    pub screen_gradients: u32,
+record! {
+    /// One frame: where it is taken from, what is rendered, how it is trained.
+    pub(crate) struct Params {
+        /// Rows of R, with t.
+        camera_from_world: [[f32; 4]; 3],
+        /// The camera's centre in the world; w: the near plane.
+        eye: [f32; 4],
+        pub grids: [GridParams; 2],
+        rates: [RateParams; 2],
+        position_rate: f32,
+        position_decay: f32,
+        log_scale_rate: f32,
+        rotation_rate: f32,
+        beta1: f32,
+        beta2: f32,
+        epsilon: f32,
+        ssim_weight: f32,
+        pub train_geometry: u32,
+        gaussians: u32,
+        pair_capacity: u32,
+        pub tile_total: u32,
+        pub pixel_total: u32,
+        pub blocks_total: u32,
+        /// 1: both images have one camera and share one list of pairs.
+        pub fused: u32,
+        pub visible_capacity: u32,
+        /// Index of the tile shape; used by the host alone.
+        pub shape: u32,
+        /// Of a dense step: what it marks the Gaussians it sees with.
+        pub marker: u32,
+        /// Of a dense step: whether it sums their gradients on the screen.
+        pub screen_gradients: u32,
+        padding: u32,
+    }
+}
+
+/// The constants in WGSL.
+pub(super) fn declarations() -> String {
+    GridParams::declaration() + &RateParams::declaration() + &Params::declaration()
 }
 
 impl GridParams {
@@ -146,7 +170,6 @@ impl Params {
         }
         p.position_rate = optimizer.position_rate_m;
         p.position_decay = optimizer.position_decay;
-        p.position_floor = optimizer.position_rate_floor;
         p.log_scale_rate = optimizer.log_scale_rate;
         p.rotation_rate = optimizer.rotation_rate;
         (p.beta1, p.beta2, p.epsilon) = (optimizer.beta1, optimizer.beta2, optimizer.epsilon);

@@ -2,14 +2,11 @@
 
 mod loss;
 
+use super::params::{self, LOSS_BLOCK, MASK_GROUP};
 use crate::{Antialias, Appearance};
 use corf_gpu::GROUP_NUMBER;
 use std::fmt::Write;
 
-/// Pixels across and down a block of the loss kernels: with the window's halo nearly 128 columns, a thread each.
-pub(crate) const LOSS_BLOCK: [u32; 2] = [112, 8];
-/// Pixels of a workgroup of the kernels that leave out what a mask does.
-pub(crate) const MASK_GROUP: u32 = 256;
 /// Visible Gaussians per workgroup of the update of appearances.
 const EACH: u32 = 8;
 /// Pairs that one workgroup emits: blocks of Gaussians with more are cut into shares, so that no workgroup has much more to do than others.
@@ -29,7 +26,6 @@ pub(crate) const MOST_CHUNKS: u32 = 512;
 
 /// The slots of the state.
 pub const SLOTS: &str = include_str!("shaders/slots.wgsl");
-const PARAMS: &str = include_str!("shaders/params.wgsl");
 const GEOMETRY: &str = include_str!("shaders/geometry.wgsl");
 const HARMONICS: &str = include_str!("shaders/harmonics.wgsl");
 const SPANS: &str = include_str!("shaders/spans.wgsl");
@@ -103,10 +99,11 @@ impl Fixed {
             "const TILE_WIDTH = {width}u;\nconst TILE_HEIGHT = {height}u;\nconst AREA = {}u;\nconst DILATION = {:?};\n\
              const ANTIALIAS_OFF = 0u;\nconst ANTIALIAS_ON = 1u;\nconst ANTIALIAS = {antialias}u;\nconst DEGREE = {degree}u;\n\
              const SCAN = 256u;\nconst SHARE = {SHARE}u;\nconst EACH = {EACH}u;\nconst BUCKET = {batch}u;\nconst BUCKETS_A_GROUP = {}u;\n\
-             const COUNTER = {COUNTER}u;\nconst CHUNK = {CHUNK}u;\nconst MOST_CHUNKS = {MOST_CHUNKS}u;\n{GROUP_NUMBER}{SLOTS}{PARAMS}",
+             const COUNTER = {COUNTER}u;\nconst CHUNK = {CHUNK}u;\nconst MOST_CHUNKS = {MOST_CHUNKS}u;\n{GROUP_NUMBER}{SLOTS}{}",
             width * height,
             self.antialias.dilation(),
             self.backward_threads() / self.batch,
+            params::declarations(),
         )
     }
 

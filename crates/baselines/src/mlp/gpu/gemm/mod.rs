@@ -11,6 +11,7 @@
 mod half;
 mod single;
 
+use corf_gpu::record;
 use std::fmt::Write;
 
 /// Rows of a batch that one part of a weight gradient sums over.
@@ -123,32 +124,32 @@ impl Tile {
     }
 }
 
-/// One product, as the shader's uniform has it. Places and strides count vectors of four numbers; rows and columns are the result's.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-pub(super) struct Shape {
-    pub rows: u32,
-    pub columns: u32,
-    pub inner: u32,
-    /// Length of a part of the inner dimension; all of it but in weight gradients.
-    pub part: u32,
-    pub a_first: u32,
-    pub a_stride: u32,
-    pub b_first: u32,
-    pub b_stride: u32,
-    pub c_stride: u32,
-    /// From one part's result to the next.
-    pub c_part: u32,
-    /// Of the biases, or of the values whose activation's slope is taken.
-    pub extra_first: u32,
-    pub extra_stride: u32,
-    /// Number of the activation, as [`super::activation_number`] has it.
-    pub activation: u32,
-    /// 1: the result is added to what is there.
-    pub accumulate: u32,
-    /// 1: this is the last of the products that are added up, after which the activation (or its slope) is applied.
-    pub finish: u32,
-    pub padding: u32,
+record! {
+    /// One product, as the shader's uniform has it. Places and strides count vectors of four numbers; rows and columns are the result's.
+    pub(super) struct Shape {
+        pub rows: u32,
+        pub columns: u32,
+        pub inner: u32,
+        /// Length of a part of the inner dimension; all of it but in weight gradients.
+        pub part: u32,
+        pub a_first: u32,
+        pub a_stride: u32,
+        pub b_first: u32,
+        pub b_stride: u32,
+        pub c_stride: u32,
+        /// From one part's result to the next.
+        pub c_part: u32,
+        /// Of the biases, or of the values whose activation's slope is taken.
+        pub extra_first: u32,
+        pub extra_stride: u32,
+        /// Number of the activation, as [`super::activation_number`] has it.
+        pub activation: u32,
+        /// 1: the result is added to what is there.
+        pub accumulate: u32,
+        /// 1: this is the last of the products that are added up, after which the activation (or its slope) is applied.
+        pub finish: u32,
+        pub padding: u32,
+    }
 }
 
 impl Shape {
@@ -235,9 +236,10 @@ fn head(out: &mut String, product: Product, tile: Tile) {
     let _ = write!(
         out,
         "{room}const ROWS = {rows}u;\nconst COLUMNS = {columns}u;\nconst INNER = {inner}u;\n\
-         const A_BLOCKS = {a_blocks}u;\nconst BLOCKS = {}u;\nconst a_STRIDE = {a_stride}u;\nconst b_STRIDE = {b_stride}u;\n{}{}\
+         const A_BLOCKS = {a_blocks}u;\nconst BLOCKS = {}u;\nconst a_STRIDE = {a_stride}u;\nconst b_STRIDE = {b_stride}u;\n{}{}{}\
          var<workgroup> a_panel: array<vec4<{number}>, {}>;\nvar<workgroup> b_panel: array<vec4<{number}>, {}>;\n",
         a_blocks + b_blocks,
+        Shape::declaration(),
         include_str!("../shaders/product.wgsl"),
         include_str!("../shaders/activation.wgsl"),
         a_len,

@@ -1,22 +1,5 @@
 // A step of Adam with weight decay.
-struct Adam {
-    count: u32,
-    // The rate over 1 − β₁ᵗ, and 1/√(1 − β₂ᵗ).
-    rate: f32,
-    root: f32,
-    beta1: f32,
-    beta2: f32,
-    // 1 − β₁, 1 − β₂.
-    gain1: f32,
-    gain2: f32,
-    epsilon: f32,
-    decay: f32,
-    padding_a: u32,
-    padding_b: u32,
-    padding_c: u32,
-}
-
-@group(0) @binding(0) var<uniform> adam: Adam;
+@group(0) @binding(0) var<uniform> adam: AdamConstants;
 @group(0) @binding(1) var<storage, read> gradient: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> parameters: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> first: array<vec4<f32>>;

@@ -1,16 +1,4 @@
 // Adds the parts of a weight gradient and of its biases to the gradient, in order.
-struct Sum {
-    rows: u32,
-    columns: u32,
-    parts: u32,
-    part_stride: u32,
-    weights_first: u32,
-    weights_stride: u32,
-    // 0: the biases have had their turn.
-    with_bias: u32,
-    bias_first: u32,
-}
-
 @group(0) @binding(0) var<uniform> sum: Sum;
 @group(0) @binding(1) var<storage, read> parts: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> gradient: array<vec4<f32>>;

@@ -1,6 +1,6 @@
 // The step: residuals are taken off each emitter in proportion to its part in them. One thread an emitter.
-@group(0) @binding(1) var<storage, read> receivers: array<Receiver>;
-@group(0) @binding(2) var<storage, read> anchors: array<Anchor>;
+@group(0) @binding(1) var<storage, read> receivers: array<ReceiverRow>;
+@group(0) @binding(2) var<storage, read> anchors: array<Near>;
 @group(0) @binding(3) var<storage, read> waves: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> pulls: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read> accounts: array<vec2<f32>>;

@@ -2,8 +2,8 @@
 @group(0) @binding(1) var<storage, read> emitters: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> gains: array<f32>;
 @group(0) @binding(3) var<storage, read> seen_from: array<f32>;
-@group(0) @binding(4) var<storage, read> receivers: array<Receiver>;
-@group(0) @binding(5) var<storage, read> anchors: array<Anchor>;
+@group(0) @binding(4) var<storage, read> receivers: array<ReceiverRow>;
+@group(0) @binding(5) var<storage, read> anchors: array<Near>;
 @group(0) @binding(6) var<storage, read_write> waves: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> lobes: array<vec4<f32>>;
 

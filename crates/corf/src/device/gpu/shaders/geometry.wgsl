@@ -68,7 +68,7 @@ struct Ellipse {
     rho: f32,
 }
 
-fn ellipse_of(grid: Grid, p: vec3<f32>, shape: Shape) -> Ellipse {
+fn ellipse_of(grid: GridParams, p: vec3<f32>, shape: Shape) -> Ellipse {
     var e: Ellipse;
     e.inverse_z = 1.0 / p.z;
     e.slope = p.xy * e.inverse_z;
@@ -112,7 +112,7 @@ struct EllipseGradient { moments: vec3<f32>, first: vec2<f32>, inverse_z: f32, r
 struct ShapeGradient { p: vec3<f32>, covariance: Symmetric, adjugate: Symmetric }
 
 // Adds what one image says.
-fn ellipse_backward(grid: Grid, s: Shape, e: Ellipse, g: EllipseGradient, d: ptr<function, ShapeGradient>) {
+fn ellipse_backward(grid: GridParams, s: Shape, e: Ellipse, g: EllipseGradient, d: ptr<function, ShapeGradient>) {
     let inverse = 1.0 / e.determinant;
     let b = e.bare.y;
     let q = vec3(e.s.y * inverse, -b * inverse, e.s.x * inverse);

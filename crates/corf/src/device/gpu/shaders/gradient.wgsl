@@ -10,7 +10,7 @@ var<workgroup> shared_rows: array<f32, 3u * BLOCK_HEIGHT * PITCH>;
 var<workgroup> reduce: array<f32, THREADS>;
 
 // dL/d(inverse depth) at a pixel, and what it adds to the loss.
-fn of_depth(grid: Grid, own: u32) -> vec2<f32> {
+fn of_depth(grid: GridParams, own: u32) -> vec2<f32> {
     // Inverse depth, confidence.
     let truth = unpack2x16float(goal[grid.depth_at + own]);
     let difference = image[3u * params.pixel_total + grid.first_pixel + own] - truth.x;

@@ -1,6 +1,6 @@
 //! The unrolled parts of the loss kernels: every tap a constant, everything of a thread in registers.
 
-use super::LOSS_BLOCK;
+use super::super::params::LOSS_BLOCK;
 use std::fmt::Write;
 
 /// Taps to each side of the window's centre.

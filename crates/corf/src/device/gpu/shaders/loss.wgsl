@@ -40,7 +40,7 @@ fn row_of(b: Block, thread: u32, row: i32) -> Row {
 }
 
 // Number `element` of an image's target, channel after channel.
-fn target_value(grid: Grid, element: u32) -> f32 {
+fn target_value(grid: GridParams, element: u32) -> f32 {
     let word = goal[grid.target_at + (element >> grid.target_shift)];
     let mask = 0xffffffffu >> (32u - (32u >> grid.target_shift));
     let number = (word >> ((element << (5u - grid.target_shift)) & 31u)) & mask;

@@ -18,8 +18,10 @@ const TAU_MARGIN = 1e-3;
 // Widest σ at which opacity 1 still gives 1/255: sqrt(2 ln 255) standard deviations.
 const MAX_DEVIATIONS = 3.33;
 
+fn is_finite(x: f32) -> bool { return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u; }
+
 // A cheap, generous test against the borders of an image; the exact one follows.
-fn may_be_seen(grid: Grid, p: vec3<f32>, largest: f32) -> bool {
+fn may_be_seen(grid: GridParams, p: vec3<f32>, largest: f32) -> bool {
     let inverse_z = 1.0 / p.z;
     let r = fma(grid.reach, vec2(largest * inverse_z), vec2(MAX_DEVIATIONS * sqrt(DILATION)));
     let mean = fma(grid.focal, p.xy * inverse_z, grid.centre);
@@ -38,7 +40,7 @@ struct Seen {
 }
 
 // Tiles and the rows of tiles they are in.
-fn tiles_of(grid: Grid, e: Ellipse, q: vec3<f32>, determinant: f32, tau: f32) -> vec2<u32> {
+fn tiles_of(grid: GridParams, e: Ellipse, q: vec3<f32>, determinant: f32, tau: f32) -> vec2<u32> {
     let r = reach_of(grid.tiles, e.mean, q, determinant, tau);
     var count = 0u;
     for (var row = r.rows.x; row <= r.rows.y; row++) {

@@ -74,7 +74,7 @@ fn main(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) t
     let d_mean = r0 * dp.x + r1 * dp.y + r2 * dp.z + (d_direction - d.xyz * dot(d.xyz, d_direction)) * d.w;
 
     let geometry = params.train_geometry != 0u;
-    if (geometry && !WRITE_GRADIENTS) { position_rates[i] = max(rate * (1.0 - params.position_decay), params.position_floor); }
+    if (geometry && !WRITE_GRADIENTS) { position_rates[i] = rate * (1.0 - params.position_decay); }
     rate *= params.position_rate;
     let q = params.rotation_rate;
     let l = params.log_scale_rate;
