@@ -117,8 +117,7 @@ impl Rf3dgsReconstructor {
             return Err(Error::invalid(format!("keyframe {}", keyframe.index), what, "RF-3DGS learns from both"));
         };
         let meta = &self.meta;
-        let (optical, rf) = (corf::keyframe::optical(&light), corf::keyframe::rf(Some(&radio), meta));
-        let view = corf::keyframe::training_view(world_from_camera, optical, rf, None, light.mask.clone(), meta);
+                let view = corf::keyframe::training_view(world_from_camera, corf::keyframe::optical(&light), corf::keyframe::rf(Some(&radio), meta), None, light.mask.clone(), meta);
         self.device.upload(&view, 1)?;
         self.poses.push(world_from_camera);
         if self.config.initial_points == InitialPoints::Triangulated && self.given.is_none() {

@@ -365,9 +365,9 @@ mod tests {
         let radio = evaluator.compare(Halves { image: None, ..whole.halves() }, &truth);
         for column in computed() {
             let beam = ["codebook", "beam_top", "rate", "outage"].iter().any(|start| column.key.starts_with(start));
-            let optical = column.is_of_image();
-            assert_eq!((column.of)(&light).is_some(), optical, "{}", column.key);
-            assert_eq!((column.of)(&radio).is_some(), !optical && !beam, "{}: Capon's estimate has no beams", column.key);
+            let of_image = column.is_of_image();
+            assert_eq!((column.of)(&light).is_some(), of_image, "{}", column.key);
+            assert_eq!((column.of)(&radio).is_some(), !of_image && !beam, "{}: Capon's estimate has no beams", column.key);
         }
         // What was not observed is neither right nor wrong.
         let seen = evaluator.compare(whole.halves(), &Keyframe { radio: None, ..truth.clone() });

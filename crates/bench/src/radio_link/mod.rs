@@ -99,7 +99,7 @@ pub enum Spacing {
 
 impl Default for LinkConfig {
     fn default() -> Self {
-        let (radio, rf) = (RadioSettings::default(), RfConfig::default());
+        let (paths, rf) = (RadioSettings::default(), RfConfig::default());
         Self {
             max_interactions: rf.max_interactions,
             line_of_sight: true,
@@ -112,7 +112,7 @@ impl Default for LinkConfig {
             directions: None,
             photons: rf.photons,
             patch_size_m: rf.patch_size_m,
-            min_gain_db: radio.min_gain_db,
+            min_gain_db: paths.min_gain_db,
             tx_power_dbm: 30.0,
             seed: 0,
             transmitter: LinkArray::default(),

@@ -219,31 +219,31 @@ impl Preparer {
     /// A keyframe from which the prior cannot be estimated.
     pub fn extract(&self, keyframe: &Keyframe) -> Result<Extracted> {
         let begin = Instant::now();
-        let light = &*self.guide(keyframe)?;
-        let optical = crate::keyframe::optical(light);
+        let guide = &*self.guide(keyframe)?;
+        let optical = crate::keyframe::optical(guide);
         let sampling = self.config.sampling;
         let least = self.config.least_probability;
         let mut probability = match sampling {
             Sampling::Uniform => Raster::filled(optical.width, optical.height, self.config.uniform_probability),
             Sampling::Log => laplacian_of_gaussian::probability(&optical, self.config.log_sigma_px).map(|p| p.max(least)),
         };
-        if let Some(mask) = &light.mask {
+        if let Some(mask) = &guide.mask {
             let pixels = probability.pixels_mut().iter_mut().zip(mask.pixels());
             pixels.filter(|(_, counts)| !**counts).for_each(|(p, _)| *p = 0.0);
         }
         let stage = stage::keyed(stage::SAMPLING, keyframe.index);
         let candidates = laplacian_of_gaussian::draw(&probability, |p| acceptance(&self.config, p, None), self.seed, stage);
         Ok(Extracted {
-            view: self.view(keyframe, light),
+            view: self.view(keyframe, guide),
             index: keyframe.index,
             world_from_camera: keyframe.world_from_camera,
             optical,
             rf: crate::keyframe::rf(keyframe.radio.as_ref(), &self.meta),
-            mask: light.mask.clone(),
-            mono: self.mono(keyframe, light)?,
+            mask: guide.mask.clone(),
+            mono: self.mono(keyframe, guide)?,
             probability,
             candidates,
-            truth_m: light.depth_m.clone().filter(|_| self.prior.leaves_a_truth()),
+            truth_m: guide.depth_m.clone().filter(|_| self.prior.leaves_a_truth()),
             work_s: begin.elapsed().as_secs_f64(),
         })
     }

@@ -392,13 +392,13 @@ impl DatasetWriter {
             ]
         });
         let floats = extras.float_images().map(|(name, image)| (name, Some((image.width(), image.height()))));
-        let optical = of_light.into_iter().chain(floats).map(|(n, s)| (n, s, (o.width, o.height)));
+        let seen = of_light.into_iter().chain(floats).map(|(n, s)| (n, s, (o.width, o.height)));
         let sphere = self.header.sphere.map_or((0, 0), |s| (s.width, s.height));
-        let rf = [
+        let heard = [
             ("spectrum", radio.as_ref().map(|r| (r.spectrum.width(), r.spectrum.height())), (r.width, r.height)),
             ("sphere", extras.sphere.as_ref().map(|s| (s.width(), s.height())), sphere),
         ];
-        for (name, size, expected) in optical.chain(rf) {
+        for (name, size, expected) in seen.chain(heard) {
             if let Some(size) = size.filter(|s| *s != expected) {
                 return Err(Error::invalid(
                     format!("{place}: {name}"),

@@ -21,18 +21,18 @@ pub(super) fn check(scene: &Scene, path: &Path) -> Result<()> {
     let emitted = |values: [f32; 3]| values.iter().all(|v| (0.0..=bounds::MAX_EMISSION).contains(v));
     let help = format!("give 0 to {:e} W/(m² sr), or candela of a light", bounds::MAX_EMISSION);
     for material in &scene.materials {
-        let optical = &material.optical;
-        if !emitted(optical.emissive) {
-            let what = format!("it emits {:?}", optical.emissive);
+        let surface = &material.optical;
+        if !emitted(surface.emissive) {
+            let what = format!("it emits {:?}", surface.emissive);
             return Err(Error::invalid(format!("{file}: material \"{}\"", material.name), what, help));
         }
-        let shares = optical.base_color.iter().chain([&optical.metallic, &optical.roughness, &optical.transmission]);
+        let shares = surface.base_color.iter().chain([&surface.metallic, &surface.roughness, &surface.transmission]);
         if let Some(value) = shares.copied().find(|v| !(0.0..=MAX_SHARE).contains(v)) {
             let what = format!("a colour or share of {value:?}");
             return Err(Error::invalid(format!("{file}: material \"{}\"", material.name), what, "give numbers from 0 to 1"));
         }
-        if !(1.0..=MAX_IOR).contains(&optical.ior) && optical.ior != 0.0 || !optical.normal_scale.is_finite() {
-            let what = format!("an index of refraction of {:?} and a normal scale of {:?}", optical.ior, optical.normal_scale);
+        if !(1.0..=MAX_IOR).contains(&surface.ior) && surface.ior != 0.0 || !surface.normal_scale.is_finite() {
+            let what = format!("an index of refraction of {:?} and a normal scale of {:?}", surface.ior, surface.normal_scale);
             let help = format!("give an index of 1 to {MAX_IOR} (or 0) and a finite scale");
             return Err(Error::invalid(format!("{file}: material \"{}\"", material.name), what, help));
         }

@@ -272,13 +272,13 @@ impl Import {
         keep_apart("--out", &self.out, &reads)?;
         let folder = claim_fresh(&self.out)?;
         let progress = Mutex::new(Progress::start(format!("import of {}", self.source.display()), 1, "keyframes"));
-        let tell = |done: usize, all: usize| -> Result<()> {
+        let on_progress = |done: usize, all: usize| -> Result<()> {
             if let Ok(mut progress) = progress.lock() {
                 progress.set(done, all);
             }
             interrupt::check()
         };
-        let imported = capture::import(&options, folder.path(), &tell);
+        let imported = capture::import(&options, folder.path(), &on_progress);
         if let Ok(progress) = progress.into_inner() {
             progress.finish();
         }

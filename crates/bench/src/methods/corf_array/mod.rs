@@ -259,13 +259,13 @@ impl Method for CorfArray {
         advance: &mut dyn FnMut(Advance<'_>) -> Result<()>,
     ) -> Result<Box<dyn Predictor>> {
         let CorfArrayConfig { light, oracle_scene, radio } = &self.config;
-        let (optical, rf, range) = (training.optical_camera(), training.rf_camera(), training.required_db_range()?);
+        let (optical_camera, rf_camera, range) = (training.optical_camera(), training.rf_camera(), training.required_db_range()?);
         let images = oracle_scene.as_ref().map(|path| self.images(&training.scene_behind(path)?, training)).transpose()?;
-        let radio = on_device(ArrayTrainer::new(*radio, self.sensor(training)?, rf, range, seed), &self.backend)?;
+        let radio = on_device(ArrayTrainer::new(*radio, self.sensor(training)?, rf_camera, range, seed), &self.backend)?;
         let reconstruction = self.light(training)?.reconstruction;
         let device = light.device(&self.backend)?;
         let online = Online {
-            light: Reconstructor::new(device, reconstruction, optical, rf, range, seed)?,
+            light: Reconstructor::new(device, reconstruction, optical_camera, rf_camera, range, seed)?,
             radio,
             training,
             images,

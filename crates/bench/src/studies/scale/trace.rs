@@ -51,7 +51,8 @@ pub struct Tracing {
 struct Fixed<'a> {
     data_set: &'a str,
     optical: [usize; 2],
-    light: LightMethod,
+    #[serde(rename = "light")]
+    method: LightMethod,
     samples_per_pixel: u32,
     rf: [usize; 2],
     depth: usize,
@@ -146,7 +147,7 @@ impl Tracing {
         serde_json::json!(Fixed {
             data_set: &self.config.name,
             optical: [optical.width, optical.height],
-            light: optical.method,
+            method: optical.method,
             samples_per_pixel: optical.samples(),
             rf: [rf.width, rf.height],
             depth: rf.max_interactions,

@@ -156,7 +156,7 @@ pub fn keyframe(i: usize, optical: &Pinhole, rf: &Pinhole) -> Keyframe {
 mod tests {
     use super::*;
 
-    fn light(keyframe: &Keyframe) -> &Light {
+    fn light_of(keyframe: &Keyframe) -> &Light {
         keyframe.light.as_ref().unwrap()
     }
 
@@ -181,7 +181,7 @@ mod tests {
         let (optical, rf) =
             (Pinhole::from_horizontal_fov(64, 36, FIELD_OF_VIEW_DEG), Pinhole::from_horizontal_fov(24, 16, FIELD_OF_VIEW_DEG));
         let (a, b) = (keyframe(40, &optical, &rf), keyframe(41, &optical, &rf));
-        let depth = |k: &Keyframe, x: usize, y: usize| f64::from(light(k).depth_m.as_ref().unwrap()[(x, y)]);
+        let depth = |k: &Keyframe, x: usize, y: usize| f64::from(light_of(k).depth_m.as_ref().unwrap()[(x, y)]);
         // What the first sees, the second sees at its place: the surface and, within the texture of a pixel, the colour.
         let (mut met, mut alike) = (0, 0);
         for y in 4..32 {
@@ -194,7 +194,7 @@ mod tests {
                 }
                 met += 1;
                 let (u, v) = (u as usize, v as usize);
-                let same = light(&a).surface.as_ref().unwrap()[(x, y)] == light(&b).surface.as_ref().unwrap()[(u, v)];
+                let same = light_of(&a).surface.as_ref().unwrap()[(x, y)] == light_of(&b).surface.as_ref().unwrap()[(u, v)];
                 alike += usize::from(same && (depth(&b, u, v) / there.z - 1.0).abs() < 0.1);
             }
         }
@@ -202,7 +202,7 @@ mod tests {
         let spectrum = &a.radio.as_ref().unwrap().spectrum;
         let peak = spectrum.pixels().iter().copied().fold(0.0_f32, f32::max);
         assert!(peak > 0.0 && DB_RANGE.scalar(peak) <= 1.0 && spectrum.pixels().iter().all(|p| *p > 0.0));
-        let levels: std::collections::BTreeSet<[u8; 3]> = light(&a).image.pixels().iter().copied().collect();
+        let levels: std::collections::BTreeSet<[u8; 3]> = light_of(&a).image.pixels().iter().copied().collect();
         assert!(levels.len() > 200, "a plain image teaches nothing");
     }
 }

@@ -43,7 +43,7 @@ fn everything() -> Scene {
         (4, false, [Wrap::Clamp, Wrap::Repeat], Filter::Linear),
     ]
     .map(|(seed, alpha, wrap, filter)| texture(&mut scene, seed, alpha, wrap, filter));
-    let of = |optical| optical;
+    let of = |material| material;
     let wall = material(&mut scene, of(OpticalMaterial { base_color_texture: Some(t0), ..OpticalMaterial::default() }));
     room(&mut scene, Vec3::ZERO, Vec3::new(5.0, 4.0, 3.0), wall);
     let polished = OpticalMaterial {
